@@ -114,17 +114,21 @@ struct gr_mesh {
     int64_t n_paired;
 };
 
-/* Old cell and place of a point that left its cell. */
+/* A point that left its cell: the old cell, the place in it, and the new cell (or enum gr_destination). */
 struct gr_migrant {
-    int64_t cell, slot;
+    int64_t cell, slot, to;
 };
 
-/* The points that leave the cells of a thread in a step, in the order of cells and places. They are listed first, then
- * packed. */
+/* The points that leave a run of cells in a step, in the order of cells and places. They are listed first, then packed
+ * and their new cells found. */
 struct gr_migrants {
     struct gr_migrant *from;
     double *record; /* count x n_components; capacity for one more */
     int64_t *id, count;
+    int64_t lowest, highest; /* of the new cells */
+    int64_t invalid;         /* number of points that are not finite or moved too far */
+    int64_t outside;         /* number of points that left the domain */
+    int64_t homeless;        /* number of points whose new cell is not active */
 };
 
 struct gr_engine {
@@ -271,7 +275,7 @@ int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t ma
 int gr_p2g(struct gr_engine *e, const struct gr_kernels *kernels);
 int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels);
 int gr_g2p(struct gr_engine *e, const struct gr_kernels *kernels);
-double gr_stable_dt(const struct gr_engine *e);
+double gr_stable_dt(const struct gr_engine *e, struct gr_team *team);
 
 /* The longest time step that the engine takes, s. */
 static inline double gr_longest_dt(const struct gr_config *c) { return c->dt > 0 ? c->dt : c->cfl * c->dx / c->wave_speed; }

@@ -2,6 +2,7 @@
 #include "mpm/migrate.h"
 
 #include <math.h>
+#include <string.h>
 
 #include "core/memory.h"
 #include "mpm/walls.h"
@@ -91,17 +92,6 @@ static void close_hole(struct gr_engine *e, struct gr_cell *cell, int64_t slot, 
     gr_clear_place(e, cell, last);
 }
 
-void gr_pack_migrants(struct gr_engine *e, struct gr_migrants *out, int64_t first)
-{
-    double *scratch = out->record + out->count * e->n_components;
-    for (int64_t k = first; k < out->count; k++) {
-        pack(e, out->from[k].slot, out->record + k * e->n_components);
-        out->id[k] = e->id[out->from[k].slot];
-    }
-    for (int64_t k = out->count - 1; k >= first; k--)
-        close_hole(e, &e->mesh.cell[out->from[k].cell], out->from[k].slot, scratch);
-}
-
 int gr_component_of(const struct gr_engine *e, int field)
 {
     int component = 0;
@@ -109,89 +99,198 @@ int gr_component_of(const struct gr_engine *e, int field)
     return component;
 }
 
-/* Check a point that left its cell: it must be finite, and in a neighbour of the cell. */
-static int check_migrant(struct gr_engine *e, const struct gr_cell *cell, const double *record, int64_t id)
+/* Code of the error of a packed point, GR_OK if it is finite and in a neighbour of its old cell, `from`. */
+static int check(const struct gr_engine *e, const struct gr_cell *from, const double *record)
 {
     for (int c = 0; c < e->n_components; c++)
-        if (!isfinite(record[c])) return fail(e, GR_ERR_NOT_FINITE, record, id);
+        if (!isfinite(record[c])) return GR_ERR_NOT_FINITE;
     for (int d = 0; d < e->config.dim; d++) {
         const int64_t at = gr_locate(&e->axis[d], e->inv_dx, record[d]);
-        if (at > cell->at[d] + 1 || at < cell->at[d] - 1) return fail(e, GR_ERR_RUNAWAY, record, id);
+        if (at > from->at[d] + 1 || at < from->at[d] - 1) return GR_ERR_RUNAWAY;
     }
     return GR_OK;
 }
 
-/* Put all migrants back into their old cells, which still have the places for them. */
-static void put_back(struct gr_engine *e, const struct gr_migrants *list, int lists)
+/* Find the new cell of a packed point from its indices. */
+static int64_t find_cell(const struct gr_engine *e, const int64_t at[3], const double *record)
 {
+    int32_t to[3];
+    double x[3] = {0};
+    for (int d = 0; d < e->config.dim; d++) {
+        if (at[d] < 0 || at[d] >= e->axis[d].n_cells) return GR_TO_OUTSIDE;
+        to[d] = (int32_t)at[d];
+        x[d] = record[d];
+    }
+    const int64_t index = (int64_t)gr_table_get(&e->mesh.cell_of, gr_cell_id(e, to)) - 1;
+    if (index < 0) return GR_TO_NO_CELL;
+    if (!e->n_thin || e->mesh.cell[index].side != 1) return index;
+    return index + (gr_point_side(e, x, (int)record[gr_component_of(e, GR_FIELD_side)]) < 0);
+}
+
+/* Check point k of a list, find its new cell, and count it. */
+static void address(const struct gr_engine *e, struct gr_migrants *out, int64_t k)
+{
+    struct gr_migrant *migrant = &out->from[k];
+    const double *record = out->record + k * e->n_components;
+    int64_t at[3];
+    for (int d = 0; d < e->config.dim; d++) at[d] = gr_locate(&e->axis[d], e->inv_dx, record[d]);
+    migrant->to = find_cell(e, at, record);
+    out->invalid += check(e, &e->mesh.cell[migrant->cell], record) != GR_OK;
+    out->outside += migrant->to == GR_TO_OUTSIDE;
+    out->homeless += migrant->to == GR_TO_NO_CELL;
+    if (migrant->to < 0) return;
+    if (migrant->to < out->lowest) out->lowest = migrant->to;
+    if (migrant->to > out->highest) out->highest = migrant->to;
+}
+
+void gr_pack_migrants(struct gr_engine *e, struct gr_migrants *out, int64_t first)
+{
+    double *scratch = out->record + out->count * e->n_components;
+    for (int64_t k = first; k < out->count; k++) {
+        pack(e, out->from[k].slot, out->record + k * e->n_components);
+        out->id[k] = e->id[out->from[k].slot];
+        address(e, out, k);
+    }
+    for (int64_t k = out->count - 1; k >= first; k--)
+        close_hole(e, &e->mesh.cell[out->from[k].cell], out->from[k].slot, scratch);
+}
+
+/* Put all migrants back into their old cells, which still have the places for them, and report the first that is
+ * invalid. */
+static int refuse(struct gr_engine *e, const struct gr_migrants *list, int lists)
+{
+    int error = GR_OK;
     for (int t = 0; t < lists; t++)
         for (int64_t k = 0; k < list[t].count; k++) {
             struct gr_cell *cell = &e->mesh.cell[list[t].from[k].cell];
-            unpack(e, cell->offset + cell->count++, list[t].record + k * e->n_components, list[t].id[k]);
+            const double *record = list[t].record + k * e->n_components;
+            if (!error && (error = check(e, cell, record))) (void)fail(e, error, record, list[t].id[k]);
+            unpack(e, cell->offset + cell->count++, record, list[t].id[k]);
         }
+    return error;
 }
 
-/* Insert a point into a cell; into the pending points if the cell is full or index is -1, for a cell that is not
- * active. */
+/* Put a point into an active cell; `dirty` lists the cells that gain points.
+ * Returned: 0 if the cell is full. */
+static int put(struct gr_engine *e, int64_t index, double *record, int64_t id, int64_t *dirty, int64_t *n_dirty)
+{
+    struct gr_cell *cell = &e->mesh.cell[index];
+    if (e->n_thin) record[gr_component_of(e, GR_FIELD_side)] = GR_IS_DOUBLE(cell) ? cell->side : 0;
+    if (cell->count == cell->capacity) return 0;
+    unpack(e, cell->offset + cell->count++, record, id);
+    if (!cell->dirty) dirty[(*n_dirty)++] = index;
+    cell->dirty = 1;
+    return 1;
+}
+
+/* Let a point wait for a place. */
+static void wait(struct gr_engine *e, const double *record, int64_t id)
+{ /* pending records never pass the one read now: nothing is overwritten */
+    memmove(e->pending + e->n_pending * e->n_components, record, sizeof(double) * (size_t)e->n_components);
+    e->pending_id[e->n_pending++] = id;
+}
+
+/* Bring a point that left the domain back, or drop it.
+ * Returned: its new cell, or that it is gone. */
+static int64_t bring_back(struct gr_engine *e, const struct gr_cell *from, double *record)
+{
+    int64_t at[3];
+    for (int d = 0; d < e->config.dim; d++) at[d] = gr_locate(&e->axis[d], e->inv_dx, record[d]);
+    if (gr_confine(e, record, at, from->at)) return find_cell(e, at, record);
+    e->dropped++;
+    e->dropped_mass += record[gr_component_of(e, GR_FIELD_mass)];
+    e->n_points--;
+    return GR_TO_NOWHERE;
+}
+
+/* The points that arrive in a step, to be inserted by a team, each chunk into cells of its own. */
+struct arrivals {
+    struct gr_engine *e;
+    struct gr_migrants *list;
+    int lists;
+    int64_t chunks, n_dirty[GR_MAX_CHUNKS];
+    int full[GR_MAX_CHUNKS]; /* whether a cell was */
+};
+
+enum { WAITS = -1 }; /* the place of a packed point whose new cell is full */
+
+static void insert_chunk(void *context, int64_t chunk, int t)
+{
+    struct arrivals *a = context;
+    struct gr_engine *e = a->e;
+    int64_t first, last, n = 0;
+    (void)t;
+    gr_share(e->mesh.n_cells, chunk, a->chunks, &first, &last);
+    a->full[chunk] = 0;
+    for (int l = 0; l < a->lists; l++) {
+        const struct gr_migrants *list = &a->list[l];
+        for (int64_t k = 0; k < list->count && list->highest >= first && list->lowest < last; k++) {
+            struct gr_migrant *migrant = &list->from[k];
+            if (migrant->to < first || migrant->to >= last) continue;
+            if (put(e, migrant->to, list->record + k * e->n_components, list->id[k], e->dirty + first, &n)) continue;
+            migrant->slot = WAITS; /* not `to`, which other threads read */
+            a->full[chunk] = 1;
+        }
+    }
+    a->n_dirty[chunk] = n;
+}
+
+/* Find the cells of the points that left the domain and came back.
+ * Returned: the number of points that have no cell. */
+static int64_t bring_back_all(struct gr_engine *e, struct gr_migrants *list, int lists)
+{
+    int64_t homeless = 0;
+    for (int l = 0; l < lists; l++) {
+        for (int64_t k = 0; list[l].outside && k < list[l].count; k++) {
+            struct gr_migrant *migrant = &list[l].from[k];
+            if (migrant->to != GR_TO_OUTSIDE) continue;
+            const int64_t to = migrant->to =
+                bring_back(e, &e->mesh.cell[migrant->cell], list[l].record + k * e->n_components);
+            homeless += to == GR_TO_NO_CELL;
+            if (to < 0) continue;
+            if (to < list[l].lowest) list[l].lowest = to;
+            if (to > list[l].highest) list[l].highest = to;
+        }
+        homeless += list[l].homeless;
+    }
+    return homeless;
+}
+
+int gr_migrate(struct gr_engine *e, struct gr_migrants *list, int lists, struct gr_team *team)
+{
+    enum { FEW = 256 }; /* an estimate: fewer points are inserted sooner than a team is called */
+    int64_t invalid = 0, count = 0;
+    e->n_dirty = 0;
+    for (int l = 0; l < lists; l++) invalid += list[l].invalid, count += list[l].count;
+    if (invalid) return refuse(e, list, lists); /* the state before migration */
+    int64_t waiting = bring_back_all(e, list, lists);
+    struct arrivals a = {.e = e, .list = list, .lists = lists, .chunks = count > FEW ? gr_chunks(team, e->mesh.n_cells) : 1};
+    gr_team_run(a.chunks > 1 ? team : NULL, insert_chunk, &a, a.chunks);
+    for (int64_t chunk = 0; chunk < a.chunks; chunk++) {
+        int64_t first, last;
+        gr_share(e->mesh.n_cells, chunk, a.chunks, &first, &last);
+        memmove(e->dirty + e->n_dirty, e->dirty + first, sizeof(int64_t) * (size_t)a.n_dirty[chunk]);
+        e->n_dirty += a.n_dirty[chunk];
+        waiting += a.full[chunk];
+    }
+    for (int l = 0; waiting && l < lists; l++)
+        for (int64_t k = 0; k < list[l].count; k++)
+            if (list[l].from[k].to == GR_TO_NO_CELL || list[l].from[k].slot == WAITS)
+                wait(e, list[l].record + k * e->n_components, list[l].id[k]);
+    return GR_OK;
+}
+
+/* Insert a single point into a cell; it waits if there is none or it is full. */
 static void insert(struct gr_engine *e, int64_t index, double *record, int64_t id)
 {
-    struct gr_cell *cell = index >= 0 ? &e->mesh.cell[index] : 0;
-    if (cell && cell->count < cell->capacity) {
-        unpack(e, cell->offset + cell->count++, record, id);
-        if (!cell->dirty) e->dirty[e->n_dirty++] = index;
-        cell->dirty = 1;
-    } else { /* pending records never pass the one read now: nothing is overwritten */
-        memmove(e->pending + e->n_pending * e->n_components, record, sizeof(double) * (size_t)e->n_components);
-        e->pending_id[e->n_pending++] = id;
-    }
+    if (index == GR_TO_NO_CELL || !put(e, index, record, id, e->dirty, &e->n_dirty)) wait(e, record, id);
 }
 
-/* Set the side of a point that enters a cell, in its record.
- * Returned: 1 for the back of a double cell, else 0. */
-static int find_side(const struct gr_engine *e, const struct gr_cell *cell, double *record)
+/* Note that a cell has lost a point. */
+static void mark_dirty(struct gr_engine *e, int64_t index)
 {
-    double *side = record + gr_component_of(e, GR_FIELD_side), x[3] = {0};
-    for (int d = 0; d < e->config.dim; d++) x[d] = record[d];
-    *side = cell->side == 1 ? gr_point_side(e, x, (int)*side) : 0;
-    return *side < 0;
-}
-
-/* Insert a migrant into its new cell. It is dropped if it has left the domain, and becomes pending without a free
- * place. */
-static void insert_migrant(struct gr_engine *e, const struct gr_cell *from, double *record, int64_t id)
-{
-    const int dim = e->config.dim;
-    int64_t at[3];
-    int32_t to[3];
-    for (int d = 0; d < dim; d++) at[d] = gr_locate(&e->axis[d], e->inv_dx, record[d]);
-    if (!gr_confine(e, record, at, from->at)) {
-        e->dropped++;
-        e->dropped_mass += record[gr_component_of(e, GR_FIELD_mass)];
-        e->n_points--;
-        return;
-    }
-    for (int d = 0; d < dim; d++) to[d] = (int32_t)at[d];
-    int64_t index = (int64_t)gr_table_get(&e->mesh.cell_of, gr_cell_id(e, to)) - 1;
-    if (e->n_thin && index >= 0) index += find_side(e, &e->mesh.cell[index], record);
-    insert(e, index, record, id);
-}
-
-int gr_migrate(struct gr_engine *e, struct gr_migrants *list, int lists)
-{
-    int error = GR_OK;
-    e->n_dirty = 0;
-    for (int t = 0; t < lists; t++)
-        for (int64_t k = 0; !error && k < list[t].count; k++)
-            error =
-                check_migrant(e, &e->mesh.cell[list[t].from[k].cell], list[t].record + k * e->n_components, list[t].id[k]);
-    if (error) { /* restore the state before migration */
-        put_back(e, list, lists);
-        return error;
-    }
-    for (int t = 0; t < lists; t++)
-        for (int64_t k = 0; k < list[t].count; k++)
-            insert_migrant(e, &e->mesh.cell[list[t].from[k].cell], list[t].record + k * e->n_components, list[t].id[k]);
-    return GR_OK;
+    if (!e->mesh.cell[index].dirty) e->dirty[e->n_dirty++] = index;
+    e->mesh.cell[index].dirty = 1;
 }
 
 void gr_change_sides(struct gr_engine *e)
@@ -207,9 +306,7 @@ void gr_change_sides(struct gr_engine *e)
             const int64_t id = e->id[slot];
             pack(e, slot, record);
             close_hole(e, cell, slot--, record + e->n_components);
-            if (!cell->dirty) e->dirty[e->n_dirty++] = index;
-            cell->dirty = 1;
-            record[gr_component_of(e, GR_FIELD_side)] = -cell->side;
+            mark_dirty(e, index);
             insert(e, index + cell->side, record, id);
         }
     }
@@ -221,8 +318,7 @@ int gr_replace_point(struct gr_engine *e, int64_t index, int64_t slot, const dou
     double *record = e->pending + e->n_pending * e->n_components;
     const int64_t id = e->id[slot];
     int same = 1;
-    if (!cell->dirty) e->dirty[e->n_dirty++] = index;
-    cell->dirty = 1;
+    mark_dirty(e, index);
     for (int d = 0; d < e->config.dim; d++) {
         e->field[GR_FIELD_x][d * e->capacity + slot] = x[d];
         same &= gr_locate(&e->axis[d], e->inv_dx, x[d]) == cell->at[d];
@@ -230,6 +326,7 @@ int gr_replace_point(struct gr_engine *e, int64_t index, int64_t slot, const dou
     if (same) return 0;
     pack(e, slot, record);
     close_hole(e, cell, slot, record + e->n_components);
-    insert_migrant(e, cell, record, id);
+    const int64_t to = bring_back(e, cell, record);
+    if (to != GR_TO_NOWHERE) insert(e, to, record, id);
     return 1;
 }

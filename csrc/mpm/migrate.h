@@ -1,6 +1,7 @@
 /* Migration of points between cells, and the places of cells. */
 #pragma once
 
+#include "core/team.h"
 #include "mpm/engine.h"
 
 static inline int64_t gr_cell_id(const struct gr_engine *e, const int32_t at[3])
@@ -42,13 +43,25 @@ static inline void gr_clear_place(struct gr_engine *e, const struct gr_cell *cel
     e->id[slot] = -1;
 }
 
-/* Pack the listed points from number `first` on: copy them out of their cells, and close the gaps that they leave. */
+/* Where a point goes that no active cell takes. */
+enum gr_destination { GR_TO_NO_CELL = -1, GR_TO_OUTSIDE = -2, GR_TO_NOWHERE = -3 };
+
+/* Empty a list. */
+static inline void gr_clear_migrants(struct gr_migrants *list)
+{
+    list->count = list->invalid = list->outside = list->homeless = 0;
+    list->lowest = INT64_MAX;
+    list->highest = INT64_MIN;
+}
+
+/* Pack the listed points from number `first` on: copy them out of their cells, close the gaps that they leave, and find
+ * their new cells. */
 void gr_pack_migrants(struct gr_engine *e, struct gr_migrants *out, int64_t first);
 
-/* Insert the packed points, given as lists in the order of cells and places, into their new cells. Points that leave
- * through an open side are dropped; points without a free place become pending. Cells that gain points are listed in
- * `dirty`. */
-int gr_migrate(struct gr_engine *e, struct gr_migrants *list, int lists);
+/* Insert the packed points into their new cells, in the order of the lists, which is that of cells and places. Points that
+ * leave through an open side are dropped; points without a free place become pending. Cells that gain points are listed
+ * in `dirty`. */
+int gr_migrate(struct gr_engine *e, struct gr_migrants *list, int lists, struct gr_team *team);
 
 /* Move points of double cells to the other side if they have crossed over where they do not face the thin body. */
 void gr_change_sides(struct gr_engine *e);

@@ -32,19 +32,40 @@ struct run {
     struct gr_migrants migrants[GR_MAX_CHUNKS];
 };
 
-double gr_stable_dt(const struct gr_engine *e)
+/* The largest speed of the points, squared, by chunks of cells. */
+struct fastest {
+    const struct gr_engine *e;
+    int64_t chunks;
+    double square[GR_MAX_CHUNKS];
+};
+
+static void find_fastest(void *context, int64_t chunk, int t)
 {
-    double fastest = 0;
+    struct fastest *fastest = context;
+    const struct gr_engine *e = fastest->e;
     const double *v = e->field[GR_FIELD_v];
-    for (int64_t c = 0; c < e->mesh.n_cells; c++) {
+    int64_t first, last;
+    double largest = 0;
+    (void)t;
+    gr_share(e->mesh.n_cells, chunk, fastest->chunks, &first, &last);
+    for (int64_t c = first; c < last; c++) {
         const struct gr_cell *cell = &e->mesh.cell[c];
         for (int64_t s = cell->offset; s < cell->offset + cell->count; s++) {
             double square = 0;
             for (int d = 0; d < e->config.dim; d++) square += v[d * e->capacity + s] * v[d * e->capacity + s];
-            if (square > fastest) fastest = square;
+            if (square > largest) largest = square;
         }
     }
-    double speed = fmax(sqrt(fastest), gr_bodies_speed(e));
+    fastest->square[chunk] = largest;
+}
+
+double gr_stable_dt(const struct gr_engine *e, struct gr_team *team)
+{
+    struct fastest fastest = {.e = e, .chunks = gr_chunks(team, e->mesh.n_cells)};
+    double square = 0;
+    gr_team_run(team, find_fastest, &fastest, fastest.chunks);
+    for (int64_t c = 0; c < fastest.chunks; c++) square = fmax(square, fastest.square[c]);
+    double speed = fmax(sqrt(square), gr_bodies_speed(e));
     for (int k = 0; k < e->config.n_walls; k++) {
         const double *wall = e->config.walls[k].velocity;
         speed = fmax(speed, sqrt(wall[0] * wall[0] + wall[1] * wall[1] + wall[2] * wall[2]));
@@ -90,8 +111,8 @@ static int share_out(struct run *run)
     if (reserve_substeps(e) || gr_reserve_pending(e, points + chunks)) return GR_ERR_MEMORY;
     for (k = 0; k < chunks; k++) {
         const int64_t begin = first[k] + k; /* one record more than points for each chunk */
-        run->migrants[k] =
-            (struct gr_migrants){e->migrant + begin, e->pending + begin * e->n_components, e->pending_id + begin, 0};
+        run->migrants[k] = (struct gr_migrants){
+            .from = e->migrant + begin, .record = e->pending + begin * e->n_components, .id = e->pending_id + begin};
     }
     return GR_OK;
 }
@@ -104,7 +125,9 @@ static int prepare(struct run *run)
     const struct gr_config *config = &e->config;
     if (!(run->left > 0 && e->time < run->until)) return 0;
     run->left--;
-    const double dt = config->dt > 0 ? config->dt : e->step % DT_INTERVAL == 0 || !(e->dt > 0) ? gr_stable_dt(e) : e->dt;
+    const double dt = config->dt > 0                               ? config->dt
+                      : e->step % DT_INTERVAL == 0 || !(e->dt > 0) ? gr_stable_dt(e, run->team)
+                                                                   : e->dt;
     /* The sums contain the momentum of the shift as a force for dt; with another dt they are computed again. */
     run->again = e->sums_correct_shift && e->step > 0 && dt != e->shift_dt;
     if (dt != e->dt) {
@@ -131,7 +154,7 @@ static int prepare(struct run *run)
 static void finish(struct run *run)
 {
     struct gr_engine *e = run->e;
-    e->error = gr_migrate(e, run->migrants, run->n_chunks);
+    e->error = gr_migrate(e, run->migrants, run->n_chunks, run->team);
     e->sums_valid = e->sums_valid && !e->error;
     if (e->error) return;
     if (e->watch) gr_add_wall_impulses(e);

@@ -23,7 +23,7 @@ GR_INLINE void sweep_cells(const int dim, const int basis, const int affine, con
     const int averages = gr_averages(e, e->step);
     int64_t queued = 0, packed = 0, queue[QUEUE];
     batch.n = 0;
-    out->count = 0;
+    gr_clear_migrants(out);
     for (int q = 0; q < MODE_STRIDE(GR_NODE_FIELDS(3, 1)); q++) batch.scale[q] = q < dim ? e->dt * e->inv_dx : 1.0;
     for (int64_t index = first; index < last; index++) {
         struct gr_cell *cell = &e->mesh.cell[index];

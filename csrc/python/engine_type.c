@@ -272,7 +272,7 @@ static PyObject *engine_refresh(struct gr_object *self, PyObject *Py_UNUSED(unus
 static PyObject *engine_stable_dt(struct gr_object *self, PyObject *Py_UNUSED(unused))
 {
     const struct gr_engine *e = gr_ready(self, 1);
-    return e ? PyFloat_FromDouble(gr_stable_dt(e)) : NULL;
+    return e ? PyFloat_FromDouble(gr_stable_dt(e, NULL)) : NULL;
 }
 
 static PyObject *engine_fluidity(struct gr_object *self, PyObject *Py_UNUSED(unused))

@@ -105,9 +105,11 @@ enum { LIST = 400 };
 /* A list with the capacity for LIST points of the scene. */
 static struct gr_migrants list_new(const struct scene *s)
 {
-    return (struct gr_migrants){malloc(sizeof(struct gr_migrant) * LIST),
-                                malloc(sizeof(double) * (size_t)((LIST + 1) * s->engine->n_components)),
-                                malloc(sizeof(int64_t) * (LIST + 1)), 0};
+    struct gr_migrants list = {.from = malloc(sizeof(struct gr_migrant) * LIST),
+                               .record = malloc(sizeof(double) * (size_t)((LIST + 1) * s->engine->n_components)),
+                               .id = malloc(sizeof(int64_t) * (LIST + 1))};
+    gr_clear_migrants(&list);
+    return list;
 }
 
 static void list_free(struct gr_migrants *list)
@@ -142,11 +144,11 @@ TEST(moves_between_cells)
             *scene_at(&before, GR_FIELD_x, 1, scene_find(&before, s.id[k])) = *y;
             if (*y >= 2.6) gone++, mass += *scene_at(&s, GR_FIELD_mass, 0, k), before.id[scene_find(&before, s.id[k])] = -1;
             const int t = c >= e->mesh.n_cells / 2;
-            list[t].from[list[t].count++] = (struct gr_migrant){c, k};
+            list[t].from[list[t].count++] = (struct gr_migrant){.cell = c, .slot = k};
         }
     CHECK(gone > 0);
     for (int t = 0; t < 2; t++) gr_pack_migrants(e, &list[t], 0);
-    CHECK(gr_migrate(e, list, 2) == GR_OK);
+    CHECK(gr_migrate(e, list, 2, NULL) == GR_OK);
     CHECK(e->dropped == gone && e->n_points == 300 - gone);
     CHECK_NEAR(e->dropped_mass, mass, 1e-12);
     if (e->n_pending) CHECK(gr_regroup(e) == GR_OK);
@@ -177,13 +179,13 @@ TEST(refuses_bad_points)
         const int64_t victim = 7;
         *scene_at(&s, GR_FIELD_x, 1, scene_find(&s, victim)) += bad[k];
         for (int again = 0; again < 40; again++) {
-            list.count = 0;
+            gr_clear_migrants(&list);
             for (int64_t c = 0; c < s.engine->mesh.n_cells; c++)
                 for (int32_t i = 0; i < s.engine->mesh.cell[c].count; i++)
-                    list.from[list.count++] = (struct gr_migrant){c, s.engine->mesh.cell[c].offset + i};
+                    list.from[list.count++] = (struct gr_migrant){.cell = c, .slot = s.engine->mesh.cell[c].offset + i};
             CHECK(list.count == 20);
             gr_pack_migrants(s.engine, &list, 0);
-            CHECK(gr_migrate(s.engine, &list, 1) == (k < 2 ? GR_ERR_NOT_FINITE : GR_ERR_RUNAWAY));
+            CHECK(gr_migrate(s.engine, &list, 1, NULL) == (k < 2 ? GR_ERR_NOT_FINITE : GR_ERR_RUNAWAY));
             CHECK(s.engine->error_id == victim);
         }
         CHECK(s.engine->n_pending == 0 && s.engine->n_points == 20);
