@@ -27,8 +27,9 @@ static const struct gr_law *const laws[] = {
 #include "mpm/p2g.inl"
 #include "mpm/xpic.inl"
 #include "mpm/cell_averaged.inl"
-#include "mpm/cell_view.inl"
 #include "mpm/fluidity_coupling.inl"
+#include "mpm/cell_view.inl"
+#include "mpm/substeps.inl"
 #include "mpm/g2p.inl"
 #include "mpm/sweep.inl"
 #include "sph/sums.inl"
@@ -55,14 +56,14 @@ static const struct gr_law *const laws[] = {
 #define GR_VARIANTS(X) GR_VARIANTS_OF(X, 2) GR_VARIANTS_OF(X, 3)
 
 #define GR_X(d, b, a, q, u)                                                                                       \
-    static __attribute__((noinline)) void p2g_##d##b##a##q##u(struct gr_engine *e, int64_t index)                 \
+    static __attribute__((noinline)) void p2g_##d##b##a##q##u(struct gr_engine *e, int64_t tile, int more)        \
     {                                                                                                             \
-        p2g_points(d, b, a > 0, q, u, e, index);                                                                  \
+        p2g_tile(d, b, a > 0, q, u, e, tile, more);                                                               \
     }                                                                                                             \
     static __attribute__((noinline)) void sweep_##d##b##a##q##u(struct gr_engine *e, int64_t first, int64_t last, \
                                                                 struct gr_migrants *out, int fused)               \
     {                                                                                                             \
-        sweep_cells(d, b, a, q, u, e, first, last, out, fused, laws[e->config.law]->update[d - 2]);               \
+        sweep_tiles(d, b, a, q, u, e, first, last, out, fused, laws[e->config.law]->update[d - 2]);               \
     }
 GR_VARIANTS(GR_X)
 #undef GR_X
@@ -71,14 +72,20 @@ GR_VARIANTS(GR_X)
     ((e)->config.dim == d && (e)->config.basis == b && (e)->config.affine == a && (e)->config.smoothed == q && \
      (e)->config.cell_averaged == u)
 
-static void p2g(struct gr_engine *e, int64_t first, int64_t last)
+static void p2g_of_tile(struct gr_engine *e, int64_t tile, int more)
 {
-#define GR_X(d, b, a, q, u)      \
-    if (GR_IS(e, d, b, a, q, u)) \
-        for (int64_t i = first; i < last; i++) p2g_##d##b##a##q##u(e, i);
+#define GR_X(d, b, a, q, u) \
+    if (GR_IS(e, d, b, a, q, u)) p2g_##d##b##a##q##u(e, tile, more);
     GR_VARIANTS(GR_X)
 #undef GR_X
 }
+
+static void p2g(struct gr_engine *e, int64_t first, int64_t last)
+{
+    for (int64_t tile = first; tile < last; tile++) p2g_of_tile(e, tile, 0);
+}
+
+static void p2g_arrivals(struct gr_engine *e, int64_t tile) { p2g_of_tile(e, tile, 1); }
 
 static void sweep(struct gr_engine *e, int64_t first, int64_t last, struct gr_migrants *out, int fused)
 {
@@ -90,18 +97,18 @@ static void sweep(struct gr_engine *e, int64_t first, int64_t last, struct gr_mi
 
 static void cell_forces(struct gr_engine *e, int64_t first, int64_t last)
 {
-    for (int64_t i = first; i < last; i++)
+    for (int64_t i = first * GR_LANES; i < last * GR_LANES; i += GR_W)
         if (e->config.dim == 2)
-            apply_cell_forces(2, e, i);
+            apply_forces_of_cells(2, e, i);
         else
-            apply_cell_forces(3, e, i);
+            apply_forces_of_cells(3, e, i);
 }
 
 static void smooth(struct gr_engine *e, int64_t first, int64_t last)
 {
 #define GR_SMOOTH(d, b)                             \
     if (e->config.dim == d && e->config.basis == b) \
-        for (int64_t i = first; i < last; i++) smooth_cell(d, b, e, i);
+        for (int64_t i = first * GR_LANES; i < last * GR_LANES; i += GR_W) smooth_cells(d, b, e, i);
     GR_2D_AND_3D(GR_SMOOTH, GR_LINEAR)
     GR_2D_AND_3D(GR_SMOOTH, GR_UGIMP)
     GR_2D_AND_3D(GR_SMOOTH, GR_QUADRATIC)
@@ -113,9 +120,9 @@ static void mean_pairs(struct gr_engine *e, int64_t first, int64_t last)
 {
     for (int64_t k = first; k < last; k++) {
         const struct gr_cell *front = &e->mesh.cell[e->mesh.paired[k]];
-        mean_of_cell(e, front);
+        mean_of_double_cell(e, front);
         if (gr_cells_of_fluidity(e, front) == 1)
-            mean_of_cell(e, front + 1);
+            mean_of_double_cell(e, front + 1);
         else
             e->fluidity->dense[gr_fluidity_place(e->fluidity, gr_cell_id(e, front->at), 1)] = 0;
     }
@@ -125,7 +132,7 @@ static void begin_substeps(struct gr_engine *e, int64_t first, int64_t last)
 {
 #define GR_BEGIN_SUBSTEPS(d, b, u)                                                  \
     if (e->config.dim == d && e->config.basis == b && e->config.cell_averaged == u) \
-        begin_substeps_of_cells(d, b, u, e, first, last, laws[e->config.law]->update[d - 2]);
+        begin_substeps_of_tiles(d, b, u, e, first, last, laws[e->config.law]->update[d - 2]);
     GR_2D_AND_3D(GR_BEGIN_SUBSTEPS, GR_LINEAR, 0)
     GR_2D_AND_3D(GR_BEGIN_SUBSTEPS, GR_LINEAR, 1)
     GR_2D_AND_3D(GR_BEGIN_SUBSTEPS, GR_QUADRATIC, 0)
@@ -136,9 +143,9 @@ static void substep(struct gr_engine *e, int64_t first, int64_t last)
 {
     const struct gr_law *law = laws[e->config.law];
     if (law->reaction == GR_NGF)
-        substep_cells(0, e, first, last, e->config.parameter + law->fluidity);
+        substep_tiles(0, e, first, last, e->config.parameter + law->fluidity);
     else if (law->reaction == GR_LINEAR_NGF)
-        substep_cells(1, e, first, last, e->config.parameter + law->fluidity);
+        substep_tiles(1, e, first, last, e->config.parameter + law->fluidity);
 }
 
 static void update_hencky(int flow, int dim, const struct gr_hencky_call *call)
@@ -162,6 +169,7 @@ const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {
     .isa = GR_STRING(GR_ISA),
     .lanes = GR_W,
     .p2g = p2g,
+    .p2g_arrivals = p2g_arrivals,
     .sweep = sweep,
     .apply_cell_forces = cell_forces,
     .smooth = smooth,

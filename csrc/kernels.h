@@ -12,7 +12,9 @@ struct gr_migrants;
 struct gr_kernels {
     const char *isa;
     int lanes;
+    /* of the tiles [first, last) */
     void (*p2g)(struct gr_engine *, int64_t first, int64_t last);
+    void (*p2g_arrivals)(struct gr_engine *, int64_t tile); /* of a tile that has gained points */
     void (*sweep)(struct gr_engine *, int64_t first, int64_t last, struct gr_migrants *out, int fused);
     void (*apply_cell_forces)(struct gr_engine *, int64_t first, int64_t last);
     void (*smooth)(struct gr_engine *, int64_t first, int64_t last);

@@ -14,7 +14,7 @@
  * and what it works on stays in registers. */
 #define GR_UNROLLED _Pragma("GCC unroll 27")
 
-#define GR_LANES 8 /* every cell owns a multiple of this many places in the point arrays */
+#define GR_LANES 8 /* cells of a tile; rows of points are this long in all instruction sets */
 
 #if defined(__AVX512F__)
 #include <immintrin.h>
@@ -125,7 +125,7 @@ typedef double vd_in_memory __attribute__((vector_size(8 * GR_W), aligned(8)));
 static inline vd v_load(const double *p) { return (vd) * (const vd_in_memory *)p; }
 static inline void v_store(double *p, vd a) { *(vd_in_memory *)p = (vd_in_memory)a; }
 
-#define GR_BLOCKS(count) (((count) + GR_W - 1) / GR_W) /* number of blocks of lanes that `count` points fill */
+#define GR_VECTORS (GR_LANES / GR_W) /* vectors of a row of a tile */
 #define GR_ALL_LANES ((1u << GR_W) - 1u)
 
 typedef int64_t vi __attribute__((vector_size(8 * GR_W)));

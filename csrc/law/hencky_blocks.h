@@ -104,7 +104,7 @@ GR_INLINE void hencky_blocks_of(const int dim, const int flow, struct gr_hencky_
         const struct gr_hencky_block block = hencky_block_of(dim, call, k);
         const vd hardened = call->plastic_strain ? v_load(call->plastic_strain + at) : v_zero();
         if (n->hardening) n->mu_s = gr_hardened_friction(n->hardening, hardened);
-        const vd g_star = v_set(call->g_star ? call->g_star[k] : 0);
+        const vd g_star = call->g_star ? v_load(call->g_star + k * GR_W) : v_zero();
         const vd rate = call->shear_rate ? v_load(call->shear_rate + at) : v_zero();
         const struct gr_hencky_point point =
             call->substeps ? hencky_substep(dim, flow, n, call, &block, at, g_star, rate)

@@ -69,7 +69,7 @@ GR_INLINE void begin_blocks(const int dim, const struct gr_law_call *call, const
     }
     for (int64_t k = 0; k < call->n_blocks; k++) {
         const int64_t at = call->slot[k];
-        const vd start = gr_fluidity_start(&n->point, v_set(call->g_star[k]));
+        const vd start = gr_fluidity_start(&n->point, v_load(call->g_star + k * GR_W));
         v_store(call->g + at, gr_substep(0, 0, &n->point, v_set(call->fraction), call->substeps, at, start, v_zero(),
                                          call->shear_rate + at));
     }
@@ -101,7 +101,7 @@ GR_INLINE void update_block(const struct gr_law_call *call, int64_t k, const str
     const int64_t at = call->slot[k];
     const vd zero = v_zero();
     const vm disconnected = v_ge(zero, block->p);
-    const vd g_star = v_set(call->g_star[k]), rate = v_load(call->shear_rate + at);
+    const vd g_star = v_load(call->g_star + k * GR_W), rate = v_load(call->shear_rate + at);
     const struct gr_fluidity_point point =
         gr_fluidity_update(0, n, block->m, block->inverse, gr_fluidity_start(n, g_star), rate);
     block->scale = point.scale;

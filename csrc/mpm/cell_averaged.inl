@@ -30,105 +30,123 @@
  * full cell alone has 8 in 2D and 12 in 3D. */
 #define STIFFEST 16.0
 
-/* The lesser and the greater of two numbers, b if a is a NaN; fmin and fmax of the library are calls. */
-GR_INLINE double lesser(double a, double b) { return a < b ? a : b; }
-GR_INLINE double greater(double a, double b) { return a > b ? a : b; }
-
 /* Rise from 0 at `low` to 1 at `high`. */
-GR_INLINE double between(double low, double high, double x)
+GR_INLINE vd between(double low, double high, vd x)
 {
-    const double share = (x - low) * (1 / (high - low));
-    return share > 0 ? (share < 1 ? share : 1) : 0;
+    return v_clamp((x - v_set(low)) * v_set(1 / (high - low)), 0.0, 1.0);
 }
 
-GR_INLINE struct gr_cell_average *cell_average_of(const int dim, const struct gr_engine *e, int64_t index)
+/* Number `which` of the state of the cells from `first` on. */
+GR_INLINE double *average_of(const struct gr_engine *e, int which, int64_t first)
 {
-    return (struct gr_cell_average *)(void *)(e->sums + index * e->sum_stride + GR_SUM_DAMPED(dim) * (1 << dim));
+    return e->average + which * e->mesh.cell_capacity + first;
+}
+
+/* Number i of an array with an entry per node, at local node i of the cells from `first` on. */
+GR_INLINE vd at_nodes(const struct gr_engine *e, const double *array, int64_t first, int i)
+{
+    double value[GR_W];
+    for (int l = 0; l < GR_W; l++) value[l] = array[gr_cell_node(e, first + l, i)];
+    return v_load(value);
+}
+
+/* Cells that have points. */
+GR_INLINE vm occupied(const struct gr_engine *e, int64_t first)
+{
+    double count[GR_W];
+    for (int l = 0; l < GR_W; l++) count[l] = e->mesh.cell[first + l].count;
+    return v_gt(v_load(count), v_zero());
 }
 
 /* B_i dx along axis d for the quadrature point xi, in local coordinates. */
-GR_INLINE double slope_at(const int dim, const double xi[3], int i, int d)
+GR_INLINE vd slope_at(const int dim, const vd xi[3], int i, int d)
 {
-    double slope = i >> d & 1 ? 1.0 : -1.0;
+    vd slope = v_set(i >> d & 1 ? 1.0 : -1.0);
     for (int j = 0; j < dim; j++)
-        if (j != d) slope *= i >> j & 1 ? xi[j] : 1 - xi[j];
+        if (j != d) slope = i >> j & 1 ? v_mul(slope, xi[j]) : v_mul(slope, v_set(1.0) - xi[j]);
     return slope;
 }
 
-/* P2G of one cell: m and p of its nodes, and its own sums, sum m c and sum m sigma. */
-GR_INLINE void p2g_averaged_cell(const int dim, const int affine, struct gr_engine *e, int64_t index)
+/* P2G of the cells from `first` on: m and p of their nodes, and their own sums, sum m c and sum m sigma; for all their
+ * points or for those that arrived (`more`). */
+GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_engine *e, int64_t first, int more)
 {
-    enum { MOST = 4 * 8 + 8 + GR_SUMS };
-    const struct gr_cell *cell = &e->mesh.cell[index];
-    const int K = 1 << dim, rows = 1 + dim, stresses = dim == 2 ? 3 : 6, n_sums = K * rows + 2 + stresses;
-    const int blocks = GR_BLOCKS(cell->count);
+    const int K = 1 << dim, rows = GR_SUM_DAMPED(dim), stresses = dim == 2 ? 3 : 6;
+    const struct summed summed = points_to_sum(e, first, more);
+    double *out = e->sums + gr_sums_of_cell(e, first), *own = out + K * rows * GR_LANES;
     struct gr_frame frame;
-    gr_frame_of(dim, e, cell, &frame);
-    double sum[MOST] = {0}, *out = e->sums + index * e->sum_stride;
     struct contribution contribution[CHUNK];
-    vd acc[MOST];
-    for (int done = 0; done < blocks; done += CHUNK) {
-        const int n = blocks - done < CHUNK ? blocks - done : CHUNK;
-        vd *const own = acc + K * rows;
-        for (int q = 0; q <= stresses + 1; q++) own[q] = v_zero();
+    vd of_cell[GR_CELL_STRESS + 6];
+    int fresh = !more;
+    if (more && summed.begin == summed.end) return;
+    for (int i = 0; !summed.end && i < e->sum_stride; i += GR_LANES) v_store(out + i, v_zero());
+    gr_frame_of(dim, GR_LINEAR, affine, e, first, &frame);
+    for (int q = GR_CELL_MC; q < GR_CELL_STRESS + stresses; q++) of_cell[q] = more ? v_load(own + q * GR_LANES) : v_zero();
+    for (int done = summed.begin; done < summed.end; done += CHUNK, fresh = 0) {
+        const int n = summed.end - done < CHUNK ? summed.end - done : CHUNK;
         for (int i = 0; i < n; i++) {
-            const int64_t at = cell->offset + (done + i) * GR_W;
-            prepare_momentum(dim, GR_LINEAR, affine, e, &frame, at, &contribution[i]);
-            own[0] = v_fma(contribution[i].m, component(e, GR_FIELD_log_density, 0, at), own[0]);
+            const int64_t at = gr_slot(&e->mesh.cell[first], done + i);
+            const vm counted = v_ge(v_set(done + i), summed.first);
+            prepare_momentum(dim, GR_LINEAR, affine, e, &frame, at, counted, &contribution[i]);
+            const vd m = contribution[i].m;
+            of_cell[GR_CELL_MC] = v_fma(m, component(e, GR_FIELD_log_density, 0, at), of_cell[GR_CELL_MC]);
             for (int q = 0; q < stresses; q++) {
                 const int c = dim == 2 && q == 2 ? 3 : q; /* zz makes no force in 2D */
-                own[1 + q] = v_fma(contribution[i].m, component(e, GR_FIELD_stress, c, at), own[1 + q]);
+                of_cell[GR_CELL_STRESS + q] = v_fma(m, component(e, GR_FIELD_stress, c, at), of_cell[GR_CELL_STRESS + q]);
             }
             if (e->config.damping_rate > 0)
-                own[1 + stresses] = v_fma(contribution[i].m, component(e, GR_FIELD_shear_rate, 0, at), own[1 + stresses]);
+                of_cell[GR_CELL_M_RATE] = v_fma(m, component(e, GR_FIELD_shear_rate, 0, at), of_cell[GR_CELL_M_RATE]);
         }
-        add_rows(dim, GR_LINEAR, affine, 0, MOMENTUM, contribution, n, rows, 0, acc);
-        store_sums(sum, acc, n_sums, done);
+        add_rows(dim, GR_LINEAR, affine, 0, MOMENTUM, contribution, n, rows, 0, fresh, out);
     }
-    for (int i = 0; i < K; i++)
-        for (int q = 0; q < rows; q++) out[i * GR_SUM_DAMPED(dim) + q] = sum[i * rows + q];
-    struct gr_cell_average *own = cell_average_of(dim, e, index);
-    own->mc = sum[K * rows];
-    for (int q = 0; q < stresses; q++) own->stress[q] = sum[K * rows + 1 + q];
-    own->m_rate = sum[K * rows + 1 + stresses];
+    for (int q = GR_CELL_MC; q < GR_CELL_STRESS + stresses; q++) v_store(own + q * GR_LANES, of_cell[q]);
 }
 
-/* State of a cell before its forces, from its sums and the masses of its nodes: w (`inside`), ln phi (as 2 (phi -
- * 1)/(phi + 1)), c, its quadrature point, the over-compression sum max(0, m_i/rho_c - V_i) B_i dx, and the excess of
- * its mass; and its damping, from the mean of the plastic shear rate. */
-GR_INLINE void cell_state(const int dim, const struct gr_engine *e, int64_t index, struct gr_cell_average *own)
+/* State of the cells from `first` on before their forces, from their sums and the masses of their nodes: w (`inside`), ln
+ * phi (as 2 (phi - 1)/(phi + 1)), c, the quadrature point, the over-compression sum max(0, m_i/rho_c - V_i) B_i dx, and
+ * the excess of mass; and the damping, from the mean of the plastic shear rate. Only cells with points have a state; for
+ * their neighbours the others count as disconnected. */
+GR_INLINE void store_state(const int dim, struct gr_engine *e, int64_t first, vm has)
 {
     const int K = 1 << dim, rows = GR_SUM_DAMPED(dim);
-    const double *sum = e->sums + index * e->sum_stride, per_cell = e->mass_scale;
-    double M = 0, mass = 0, volume = 0, high[3] = {0}, over[8];
-    int light = 0;
+    double *sum = e->sums + gr_sums_of_cell(e, first), *own = sum + K * rows * GR_LANES;
+    const vd per_cell = v_set(e->mass_scale), one = v_set(1.0);
+    vd M = v_zero(), mass = v_zero(), volume = v_zero(), high[3] = {v_zero(), v_zero(), v_zero()}, over[8], at[3];
+    vd lightest = one;
     for (int i = 0; i < K; i++) {
-        const int64_t node = e->mesh.cell_node[index * K + i];
-        const double m = e->node_mass[node] * per_cell, V = e->mesh.node_volume[node];
-        M += sum[i * rows];
-        mass += m;
-        volume += V;
-        light |= m < LIGHT_UNTIL * V;
-        over[i] = greater(m - V, 0);
-        for (int d = 0; d < dim; d++) high[d] += i >> d & 1 ? sum[i * rows] : 0;
+        const vd m = at_nodes(e, e->node_mass, first, i) * per_cell, V = at_nodes(e, e->mesh.node_volume, first, i);
+        const vd part = v_load(sum + i * rows * GR_LANES);
+        M = M + part;
+        mass = mass + m;
+        volume = volume + V;
+        lightest = v_min(m / V, lightest); /* the latter if V = 0 */
+        over[i] = v_max(m - V, v_zero());
+        for (int d = 0; d < dim; d++)
+            if (i >> d & 1) high[d] = high[d] + part;
     }
-    const double inverse = 1 / M;
-    own->inside = between(SURFACE_BELOW, INSIDE_FROM, mass / volume);
-    for (int i = 0; __builtin_expect(light, 0) && i < K; i++) {
-        const int64_t node = e->mesh.cell_node[index * K + i];
-        const double phi = e->node_mass[node] * per_cell / e->mesh.node_volume[node];
-        own->inside = lesser(between(LIGHT_BELOW, LIGHT_UNTIL, phi), own->inside);
-    }
-    own->log_phi = 2 * (mass - volume) / (mass + volume) - e->servo_strain;
-    own->c = own->mc * inverse;
-    for (int d = 0; d < dim; d++) own->at[d] = own->inside * 0.5 + (1 - own->inside) * high[d] * inverse;
+    const vd inverse = one / v_select(has, M, one), filled = M * per_cell;
+    const vd inside = v_min(between(LIGHT_BELOW, LIGHT_UNTIL, lightest), between(SURFACE_BELOW, INSIDE_FROM, mass / volume));
+    const vd c = v_load(own + GR_CELL_MC * GR_LANES) * inverse;
+    v_store(average_of(e, GR_AVERAGE_INSIDE, first), inside);
+    v_store(average_of(e, GR_AVERAGE_LOG_PHI, first),
+            v_set(2.0) * (mass - volume) / (mass + volume) - v_set(e->servo_strain));
+    v_store(average_of(e, GR_AVERAGE_C, first), v_select(has, c, v_set(EMPTY)));
+    v_store(average_of(e, GR_AVERAGE_FILLED, first), filled);
+    v_store(average_of(e, GR_AVERAGE_EXCESS, first),
+            v_keep(has, (filled - one) * v_select(v_gt(one, filled), inside, one)));
     for (int d = 0; d < dim; d++) {
-        own->over_compression[d] = 0;
-        for (int i = 0; i < K; i++) own->over_compression[d] += over[i] * slope_at(dim, own->at, i, d);
+        at[d] = v_fma(one - inside, high[d] * inverse, inside * v_set(0.5));
+        v_store(average_of(e, GR_AVERAGE_AT + d, first), at[d]);
     }
-    own->damped = e->config.damping_rate > 0 ? damped_share(e, v_set(own->m_rate * inverse), v_set(own->c))[0] : 0;
-    own->filled = M * per_cell;
-    own->excess = (own->filled - 1) * (own->filled < 1 ? own->inside : 1);
+    for (int d = 0; d < dim; d++) {
+        vd gradient = v_zero();
+        for (int i = 0; i < K; i++) gradient = v_fma(over[i], slope_at(dim, at, i, d), gradient);
+        v_store(average_of(e, GR_AVERAGE_OVER_COMPRESSION(dim) + d, first), gradient);
+    }
+    vd damped = v_zero();
+    if (e->config.damping_rate > 0)
+        damped = v_keep(has, damped_share(e, v_load(own + GR_CELL_M_RATE * GR_LANES) * inverse, c));
+    v_store(own + GR_CELL_DAMPED * GR_LANES, damped);
 }
 
 /* Volume that a cell represents, over dx^dim, if the node masses bear it, else as much as they bear:
@@ -138,71 +156,57 @@ GR_INLINE void cell_state(const int dim, const struct gr_engine *e, int64_t inde
  * with m_i the part of the mass of node i that the cell brings, or its share of the volume inside the material, over
  * rho_c dx^dim. The square of the frequency of all cells together is not above the largest of the cells one by one
  * (Irons & Treharne 1971). Inside the material all nodes are heavy enough. */
-GR_INLINE double represented_volume(const int dim, const struct gr_engine *e, int64_t index,
-                                    const struct gr_cell_average *own)
+GR_INLINE vd represented_volume(const int dim, const struct gr_engine *e, int64_t first, const vd at[3])
 {
     const int K = 1 << dim, rows = GR_SUM_DAMPED(dim);
-    const double *sum = e->sums + index * e->sum_stride, per_cell = e->mass_scale, w = own->inside;
-    const double volume = w + (1 - w) * lesser(1, own->filled);
-    double stiffness = 0;
-    if (!(w < 1)) return volume;
+    const double *sum = e->sums + gr_sums_of_cell(e, first);
+    const vd one = v_set(1.0), w = v_load(average_of(e, GR_AVERAGE_INSIDE, first));
+    const vd volume = v_fma(one - w, v_min(one, v_load(average_of(e, GR_AVERAGE_FILLED, first))), w);
+    const vm at_surface = v_gt(one, w);
+    vd stiffness = v_zero();
+    if (!m_bits(at_surface)) return volume;
     for (int i = 0; i < K; i++) {
-        const int64_t node = e->mesh.cell_node[index * K + i];
-        const double shared = w * e->node_mass[node] / (K * e->mesh.node_volume[node]);
-        double square = 0;
-        for (int d = 0; d < dim; d++) square += slope_at(dim, own->at, i, d) * slope_at(dim, own->at, i, d);
-        stiffness += square / (per_cell * greater(shared, sum[i * rows]) + 1e-300);
+        const vd V = at_nodes(e, e->mesh.node_volume, first, i);
+        const vd shared = w * at_nodes(e, e->node_mass, first, i) / (v_set(K) * V);
+        vd square = v_zero();
+        for (int d = 0; d < dim; d++) square = v_fma(slope_at(dim, at, i, d), slope_at(dim, at, i, d), square);
+        stiffness = stiffness + square / v_fma(v_set(e->mass_scale), v_max(shared, v_load(sum + i * rows * GR_LANES)),
+                                               v_set(1e-300));
     }
-    return volume * stiffness > STIFFEST ? STIFFEST / stiffness : volume;
+    const vm too_stiff = m_and(at_surface, v_gt(volume * stiffness, v_set(STIFFEST)));
+    return v_select(too_stiff, v_set(STIFFEST) / stiffness, volume);
 }
 
-/* Forces of a cell on its nodes; they conserve momentum and angular momentum:
+/* State of the cells from `first` on, and their forces on their nodes, which conserve momentum and angular momentum:
  *
  *   f_i = -A sigma B_i,   A: represented_volume. */
-GR_INLINE void apply_cell_forces(const int dim, struct gr_engine *e, int64_t index)
+GR_INLINE void apply_forces_of_cells(const int dim, struct gr_engine *e, int64_t first)
 {
     static const int place[2][3][3] = {{{0, 2, 5}, {2, 1, 4}, {5, 4, 3}}, {{0, 3, 5}, {3, 1, 4}, {5, 4, 2}}};
-    const int K = 1 << dim, rows = GR_SUM_DAMPED(dim);
-    struct gr_cell_average *own = cell_average_of(dim, e, index);
-    double *sum = e->sums + index * e->sum_stride;
-    if (!e->mesh.cell[index].count) {                  /* without points: all sums are zero */
-        own->c = EMPTY, own->excess = own->damped = 0; /* for neighbours; counts change during a sweep */
-        for (int i = 0; i < K * rows; i++) sum[i] = 0;
+    const int K = 1 << dim, rows = GR_SUM_DAMPED(dim), stresses = dim == 2 ? 3 : 6;
+    double *sum = e->sums + gr_sums_of_cell(e, first), *own = sum + K * rows * GR_LANES;
+    const vm has = occupied(e, first);
+    vd at[3], stress[6];
+    if (!m_bits(has)) { /* without points all sums are zero */
+        v_store(average_of(e, GR_AVERAGE_C, first), v_set(EMPTY));
+        v_store(average_of(e, GR_AVERAGE_EXCESS, first), v_zero());
         return;
     }
-    cell_state(dim, e, index, own);
+    store_state(dim, e, first, has);
+    for (int d = 0; d < dim; d++) at[d] = v_load(average_of(e, GR_AVERAGE_AT + d, first));
     /* A/(dx M), by mass_scale = 1/(rho_c dx^dim) and force_scale = -1/(rho_c dx) */
-    const double area = represented_volume(dim, e, index, own) * e->force_scale / own->filled;
+    const vd filled = v_select(has, v_load(average_of(e, GR_AVERAGE_FILLED, first)), v_set(1.0));
+    const vd area = v_keep(has, represented_volume(dim, e, first, at) * v_set(e->force_scale) / filled);
+    for (int q = 0; q < stresses; q++) stress[q] = v_keep(has, v_load(own + (GR_CELL_STRESS + q) * GR_LANES));
     for (int i = 0; i < K; i++)
         for (int d = 0; d < dim; d++) {
-            double force = 0;
-            for (int j = 0; j < dim; j++) force += own->stress[place[dim - 2][d][j]] * slope_at(dim, own->at, i, j);
-            sum[i * rows + GR_SUM_FORCE(dim) + d] = area * force;
+            vd force = v_zero();
+            for (int j = 0; j < dim; j++) force = v_fma(stress[place[dim - 2][d][j]], slope_at(dim, at, i, j), force);
+            v_store(sum + (i * rows + GR_SUM_FORCE(dim) + d) * GR_LANES, v_keep(has, area * force));
         }
 }
 
-enum {
-    NO_POINTS = -1,
-    CLOSED = -2
-}; /* neighbours that are not there: a cell outside the active part; beyond a wall or an end */
-
-/* Index of the neighbour of a cell along axis d, low or high. `id` is the index of the cell in the whole grid, and
- * `stride` the difference of the indices of neighbours along d. */
-GR_INLINE int64_t cell_beside(const struct gr_engine *e, const struct gr_cell *cell, int64_t id, int64_t stride, int d,
-                              int high)
-{
-    const struct gr_axis *axis = &e->axis[d];
-    if (cell->flags / GR_CELL_WALL >> (2 * d + high) & 1) return CLOSED;
-    id += high ? stride : -stride;
-    if (cell->at[d] == (high ? axis->n_cells - 1 : 0)) {
-        if (!axis->periodic) return CLOSED;
-        id += (high ? -stride : stride) * axis->n_cells;
-    }
-    const int64_t index = (int64_t)gr_table_get(&e->mesh.cell_of, id) - 1;
-    return index < 0 ? NO_POINTS : index;
-}
-
-/* Differences of a cell to its neighbours across its faces.
+/* Differences of cells to their neighbours across their faces.
  *
  * Returned: the second difference of the density, (c- - 2 c + c+)/4, as a mean over the axes, and for each face the
  * difference of the excess, of its low side less its high side.
@@ -211,30 +215,34 @@ GR_INLINE int64_t cell_beside(const struct gr_engine *e, const struct gr_cell *c
  * them, so that neither their masses nor the forces on them change with it. The second difference vanishes for a linear
  * field; disconnected cells take no part in it. Cells hold whole points: differences of the excess up to one point are
  * left. */
-GR_INLINE double across_faces(const int dim, const struct gr_engine *e, int64_t index, double drop[3][2])
+GR_INLINE vd across_faces(const int dim, const struct gr_engine *e, int64_t first, vd drop[3][2])
 {
-    const struct gr_cell *cell = &e->mesh.cell[index];
-    const struct gr_cell_average *own = cell_average_of(dim, e, index);
-    const double reach = -e->config.density.separation_strain, point = own->filled / cell->count;
-    const int64_t id = gr_cell_id(e, cell->at);
-    int64_t stride = 1;
-    double sum = 0;
-    for (int d = 0; d < dim; stride *= e->axis[d++].n_cells) {
-        double c[2];
+    const double *const c_of = average_of(e, GR_AVERAGE_C, 0), *const excess_of = average_of(e, GR_AVERAGE_EXCESS, 0);
+    const vd reach = v_set(-e->config.density.separation_strain), own_c = v_load(c_of + first);
+    double count[GR_W];
+    vd sum = v_zero();
+    for (int l = 0; l < GR_W; l++) count[l] = e->mesh.cell[first + l].count;
+    const vd point = v_load(average_of(e, GR_AVERAGE_FILLED, first)) / v_max(v_load(count), v_set(1.0));
+    for (int d = 0; d < dim; d++) {
+        vd c[2];
         for (int high = 0; high < 2; high++) {
-            const int64_t beside = cell_beside(e, cell, id, stride, d, high);
-            const struct gr_cell_average *other = beside < 0 ? 0 : cell_average_of(dim, e, beside);
-            c[high] = other ? other->c : EMPTY;
-            const double rise = beside == CLOSED ? 0 : (other ? other->excess : 0) - own->excess;
-            const double much = greater(fabs(rise) - point, 0);
-            drop[d][high] = (rise > 0) == high ? -much : much;
+            double near_c[GR_W], rise[GR_W];
+            for (int l = 0; l < GR_W; l++) {
+                const int64_t beside = e->mesh.beside[(first + l) * 2 * dim + 2 * d + high];
+                near_c[l] = beside < 0 ? EMPTY : c_of[beside];
+                rise[l] = beside == GR_BESIDE_CLOSED ? 0 : (beside < 0 ? 0 : excess_of[beside]) - excess_of[first + l];
+            }
+            c[high] = v_load(near_c);
+            const vd up = v_load(rise), much = v_max(v_abs(up) - point, v_zero());
+            drop[d][high] = v_select(v_gt(up, v_zero()), much, -much) * v_set(high ? 1.0 : -1.0);
         }
-        if (own->c >= reach && c[0] >= reach && c[1] >= reach) sum += c[0] - 2 * own->c + c[1];
+        const vm all = m_and(v_ge(own_c, reach), m_and(v_ge(c[0], reach), v_ge(c[1], reach)));
+        sum = sum + v_keep(all, c[0] - v_set(2.0) * own_c + c[1]);
     }
-    return sum / (4 * dim);
+    return sum * v_set(1.0 / (4 * dim));
 }
 
-/* Shift of the points of a cell along each axis at its low and high face, m; linear between them.
+/* Shift of the points of cells along each axis at their low and high faces, m; linear between them.
  *
  *   delta = -beta gdot dt dx over_compression,             |delta| <= min(limit dx, gdot dt dx/2),
  *         + beta r dt dx (excess_low - excess_high),       r = 2 |L_dd|; of a face; |delta| <= min(limit dx, r dt dx).
@@ -242,52 +250,62 @@ GR_INLINE double across_faces(const int dim, const struct gr_engine *e, int64_t 
  * The first is seen by the nodes, without the noise of single cells; the second carries points out of cells that have
  * too many into neighbours that have too few. It is stretching along an axis that makes cells uneven along it, r = gdot
  * in a plane flow; layers in simple shear are left alone. Nothing goes through a wall. */
-GR_INLINE void shift_of_cell(const int dim, const struct gr_engine *e, int64_t index, const vd *L, double rate,
-                             double drop[3][2], vd shift[3][2])
+GR_INLINE void shift_of_cells(const int dim, const struct gr_engine *e, int64_t first, const struct gr_wall_cells *walls,
+                              const vd *L, vd rate, vd drop[3][2], vd shift[3][2])
 {
     const struct gr_density_numbers *q = &e->config.density;
-    const struct gr_cell_average *own = cell_average_of(dim, e, index);
-    const int flags = e->mesh.cell[index].flags;
-    const double dx = e->config.dx, limit = flags & GR_CELL_NO_SHIFTING ? 0 : q->shifting_limit;
-    const double most = lesser(limit, 0.5 * rate);
-    double length = 0, scale = q->shifting * rate;
-    for (int d = 0; d < dim; d++) length += own->over_compression[d] * own->over_compression[d];
-    if (scale * scale * length > most * most) scale = most / sqrt(length);
+    const vd dx = v_set(e->config.dx), limit = v_keep(walls->shifts, v_set(q->shifting_limit)), zero = v_zero();
+    const vd most = v_min(limit, v_set(0.5) * rate);
+    vd over[3], length = zero, scale = v_set(q->shifting) * rate;
     for (int d = 0; d < dim; d++) {
-        const double along = 2 * fabs(L[d * dim + d][0]), most_of_face = lesser(limit, along);
+        over[d] = v_load(average_of(e, GR_AVERAGE_OVER_COMPRESSION(dim) + d, first));
+        length = v_fma(over[d], over[d], length);
+    }
+    const vm far = v_gt(scale * scale * length, most * most);
+    if (m_bits(far)) scale = v_select(far, most / v_sqrt(v_max(length, v_set(1e-300))), scale);
+    for (int d = 0; d < dim; d++) {
+        const vd along = v_set(2.0) * v_abs(L[d * dim + d]), most_of_face = v_min(limit, along);
         for (int high = 0; high < 2; high++) {
-            const double all = -scale * own->over_compression[d], flux = q->shifting * along * drop[d][high];
-            const int into_wall = flags / GR_CELL_WALL >> (2 * d + high) & 1 && (all > 0) == high;
-            shift[d][high] = v_set(dx * ((into_wall ? 0 : all) + lesser(greater(flux, -most_of_face), most_of_face)));
+            const vd flux = v_set(q->shifting) * along * drop[d][high];
+            vd all = -scale * over[d];
+            if (walls->any) {
+                const vm wall = walls->wall[d][high];
+                all = high ? v_select(wall, v_min(all, zero), all) : v_select(wall, v_max(all, zero), all);
+            }
+            shift[d][high] = dx * (all + v_min(v_max(flux, -most_of_face), most_of_face));
         }
     }
 }
 
-/* Update of a cell in a step, the same for all its points: L dt, the log-density after the step, the shift, m.
+/* Update of the cells from `first` on in a step, the same for all points of a cell: L dt, the log-density after the step,
+ * the shift, m.
  *
  *   c <- c - dt tr L + eta (second difference of c),   eta: averaged_share;
  *   c += relaxation to ln phi, see relax_to_nodal_density. If it lowers c, only the share w of it, and nothing if the
- *        cell is disconnected already. */
-GR_INLINE vd flow_of_cell(const int dim, const struct gr_engine *e, int64_t index, vd *L, vd shift[3][2])
+ *        cell is disconnected already.
+ * Given: dt v/dx at the nodes, component by component. */
+GR_INLINE vd flow_of_cells(const int dim, const struct gr_engine *e, int64_t first, const struct gr_wall_cells *walls,
+                           const vd *v, vd *L, vd shift[3][2])
 {
     const struct gr_density_numbers *q = &e->config.density;
-    const struct gr_cell_average *own = cell_average_of(dim, e, index);
-    double G[9] = {0}, drop[3][2], trace = 0;
-    for (int i = 0; i < 1 << dim; i++) {
-        const double *v = e->node_data + (int64_t)e->mesh.cell_node[(index << dim) + i] * e->node_stride;
+    const int K = 1 << dim;
+    const vd own = v_load(average_of(e, GR_AVERAGE_C, first)), zero = v_zero();
+    vd at[3], drop[3][2], trace = zero;
+    for (int d = 0; d < dim; d++) at[d] = v_load(average_of(e, GR_AVERAGE_AT + d, first));
+    for (int k = 0; k < dim * dim; k++) L[k] = zero;
+    for (int i = 0; i < K; i++)
         for (int j = 0; j < dim; j++) {
-            const double slope = slope_at(dim, own->at, i, j);
-            for (int d = 0; d < dim; d++) G[d * dim + j] += v[d] * slope;
+            const vd slope = slope_at(dim, at, i, j);
+            for (int d = 0; d < dim; d++) L[d * dim + j] = v_fma(v[d * K + i], slope, L[d * dim + j]);
         }
-    }
-    for (int k = 0; k < dim * dim; k++) L[k] = v_set(e->dt * e->inv_dx * G[k]);
-    for (int d = 0; d < dim; d++) trace += L[d * dim + d][0];
-    const double rate = kinematic_rate(dim, L)[0];
-    const double eta = averaged_share(e, e->dt, v_set(rate), v_set(own->c))[0];
-    double c = own->c - trace + eta * across_faces(dim, e, index, drop);
-    if (own->c >= -q->separation_strain) c += e->servo_shift;
-    const double gap = own->log_phi - c, relaxed = relax_to_nodal_density(q, e->dt, v_set(rate), v_set(gap))[0];
-    if (gap > 0 || c >= 0) c += gap < 0 ? own->inside * relaxed : relaxed;
-    shift_of_cell(dim, e, index, L, rate, drop, shift);
-    return v_set(c);
+    for (int d = 0; d < dim; d++) trace = trace + L[d * dim + d];
+    const vd rate = kinematic_rate(dim, L), eta = averaged_share(e, e->dt, rate, own);
+    vd c = v_fma(eta, across_faces(dim, e, first, drop), own - trace);
+    c = c + v_keep(v_ge(own, v_set(-q->separation_strain)), v_set(e->servo_shift));
+    const vd gap = v_load(average_of(e, GR_AVERAGE_LOG_PHI, first)) - c;
+    const vd relaxed = relax_to_nodal_density(q, e->dt, rate, gap);
+    const vd raised = c + relaxed, lowered = v_fma(v_load(average_of(e, GR_AVERAGE_INSIDE, first)), relaxed, c);
+    c = v_select(v_gt(zero, gap), v_select(v_ge(c, zero), lowered, c), v_select(v_gt(gap, zero), raised, c));
+    shift_of_cells(dim, e, first, walls, L, rate, drop, shift);
+    return v_keep(occupied(e, first), c); /* spare places have finite numbers */
 }

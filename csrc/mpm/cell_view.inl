@@ -1,7 +1,6 @@
-/* What G2P collects: of a cell, its nodal fields as its points see them; of several, the points for a call of the law. */
-#include "mpm/shape.h"
-
-#define MODE_STRIDE(fields) (((fields) + GR_W - 1) / GR_W * GR_W) /* rounded up to whole vectors */
+/* What G2P collects: of GR_W cells of a tile, the nodal fields as their points see them; of several tiles, the points for
+ * a call of the law. */
+#include "mpm/density_correction.h"
 
 enum { BATCH = 256 / GR_W }; /* blocks per call: their data stay in the first-level cache */
 
@@ -9,9 +8,7 @@ enum { BATCH = 256 / GR_W }; /* blocks per call: their data stay in the first-le
 struct batch {
     int64_t n;
     int64_t slot[BATCH];
-    double g_star[BATCH];
-    double scale[MODE_STRIDE(GR_NODE_FIELDS(3, 1))]; /* of the nodal fields: converts velocity to displacement in cells
-                                                        per step */
+    _Alignas(64) double g_star[BATCH * GR_W];
     _Alignas(64) double gradient[BATCH * 9 * GR_W];
 };
 
@@ -42,50 +39,78 @@ static void run_law(const struct gr_engine *e, gr_law_update *update, struct bat
 
 enum { ALONE = 2 }; /* a cell with at most this many points is nearly empty */
 
-/* Data common to the points of a cell. */
+/* Data common to the points of GR_W cells. */
 struct view {
     struct gr_frame frame;
-    vd begin[3], end[3];     /* bounds of the cell, m */
-    int has_sponge;          /* bit d: the sponge layer may damp points that rise along axis d */
-    vd disconnected;         /* log-density below which a point is given no affine field */
+    vd begin[3], end[3]; /* bounds of the cells, m */
+    int points;          /* largest number of points of a cell */
+    int has_sponge;      /* bit d: the sponge layer may damp points that rise along axis d */
+    vd disconnected;     /* log-density below which a point is given no affine field */
+    vd g_star;           /* fluidity of the cells after its diffusion, 1/s */
     vd L[9], shift[3][2], c; /* with a cell-averaged density: L dt; shift along each axis at the low and high face, m;
                                 log-density */
+    struct gr_wall_cells walls;
     struct damping damping;
-    double mode[MODE_STRIDE(GR_NODE_FIELDS(3, 1)) * GR_MAX_NODES];
+    vd mode[GR_NODE_FIELDS(3, 1) * GR_MAX_NODES]; /* field by field */
 };
 
-/* Modes of the nodal fields of a cell: displacement in cells per step, w, and what an averaging of the density needs. */
-GR_INLINE void cell_modes(const int dim, const int basis, const int nodal, const int averages, const int stride,
-                          const struct gr_engine *e, int64_t index, const struct gr_frame *frame, const double *scale,
-                          double *mode)
+/* The nodal values of fields [begin, end) times `scale` at the nodes of the cells from `first` on. */
+GR_INLINE void load_nodes(const int K, const struct gr_engine *e, int64_t first, int begin, int end, double scale, vd *value)
 {
-    const int K = gr_power(gr_nodes_1d(basis), dim), fields = GR_NODE_FIELDS(dim, averages);
-    for (int i = 0; i < K; i++) {
-        const double *node = e->node_data + (int64_t)e->mesh.cell_node[index * K + i] * e->node_stride;
-        for (int q = 0; q < fields; q += GR_W) v_store(mode + i * stride + q, v_load(node + q) * v_load(scale + q));
+    const int64_t tile = first / GR_LANES;
+    const int32_t *node = e->mesh.cell_node + tile * K * GR_LANES + first % GR_LANES;
+    for (int i = 0; i < K; i++, node += GR_LANES) {
+        const double *field = gr_node_field(e, begin);
+        if (__builtin_expect(e->mesh.tile_in_row[tile] >> i & 1, 1)) {
+            for (int q = begin; q < end; q++, field += e->node_places)
+                value[(q - begin) * K + i] = v_set(scale) * v_load(field + *node);
+            continue;
+        }
+        for (int q = begin; q < end; q++, field += e->node_places) {
+            double each[GR_W];
+            for (int l = 0; l < GR_W; l++) each[l] = field[node[l]];
+            value[(q - begin) * K + i] = v_set(scale) * v_load(each);
+        }
     }
-    gr_modes(dim, basis, nodal, fields, stride, frame, mode);
 }
 
-GR_INLINE void look_at_cell(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
-                            int averages, const struct gr_engine *e, int64_t index, const double *scale, struct view *view)
+/* Look at the cells from `first` on.
+ * Given: what the variant needs of the nodes; `averages`, with the fields of an averaging of the density. */
+GR_INLINE void look_at_cells(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
+                             const int averages, const struct gr_engine *e, int64_t first, struct view *view)
 {
-    const struct gr_cell *cell = &e->mesh.cell[index];
-    const int fields = MODE_STRIDE(GR_NODE_FIELDS(dim, smoothed)), nodal = basis == GR_UGIMP || affine == GR_AFFINE_MOMENT;
-    const int carried = !smoothed && !cell_averaged && !(cell->flags >= GR_CELL_WALL && cell->count <= ALONE);
-    gr_frame_of(dim, e, cell, &view->frame);
-    view->disconnected = v_set(carried ? -NO_DENSITY : -e->config.density.separation_strain);
-    view->has_sponge = e->config.has_sponge;
-    view->damping.of = NO_NODES;
-    if ((smoothed || cell_averaged) && e->config.damping_rate > 0) damping_of_cell(dim, basis, e, index, &view->damping);
-    for (int d = 0; d < dim; d++) {
-        view->begin[d] = v_set(view->frame.axis[d]->begin);
-        view->end[d] = v_set(view->frame.axis[d]->end);
-        if (e->config.above[d] >= view->frame.axis[d]->end) view->has_sponge &= ~(1 << d);
+    const int nodal = basis == GR_UGIMP || affine == GR_AFFINE_MOMENT, K = gr_power(gr_nodes_1d(basis), dim);
+    const int damps = (smoothed || cell_averaged) && e->config.damping_rate > 0;
+    const int fields = GR_NODE_FIELDS(dim, averages);
+    const struct gr_cell *cell = &e->mesh.cell[first];
+    double disconnected[GR_W], g_star[GR_W];
+    view->points = 0;
+    for (int l = 0; l < GR_W; l++) {
+        const int carried = !smoothed && !cell_averaged && !(cell[l].flags >= GR_CELL_WALL && cell[l].count <= ALONE);
+        disconnected[l] = carried ? -NO_DENSITY : -e->config.density.separation_strain;
+        if (cell[l].count > view->points) view->points = cell[l].count;
+        if (e->diffuses) g_star[l] = first + l < e->mesh.n_cells ? fluidity_of_cell(e, gr_place_of_cell(e, cell + l)) : 0;
     }
-    if (smoothed && averages)
-        cell_modes(dim, basis, nodal, 1, fields, e, index, &view->frame, scale, view->mode);
-    else
-        cell_modes(dim, basis, nodal, 0, fields, e, index, &view->frame, scale, view->mode);
-    if (cell_averaged) view->c = flow_of_cell(dim, e, index, view->L, view->shift);
+    if (!view->points) return;
+    gr_frame_of(dim, basis, damps || affine == GR_AFFINE_MOMENT, e, first, &view->frame);
+    view->disconnected = v_load(disconnected);
+    if (e->diffuses) view->g_star = v_load(g_star);
+    view->has_sponge = e->config.has_sponge;
+    if (cell_averaged || averages) gr_wall_cells_of(dim, e, first, &view->walls);
+    for (int d = 0; d < dim; d++) {
+        view->begin[d] = GR_OF_CELLS(e, first, d, begin);
+        view->end[d] = GR_OF_CELLS(e, first, d, end);
+        if (!m_bits(v_gt(view->end[d], v_set(e->config.above[d])))) view->has_sponge &= ~(1 << d);
+    }
+    view->damping.any = 0;
+    if (damps) {
+        load_nodes(K, e, first, GR_NODE_DAMPING(dim), GR_NODE_DAMPING(dim) + 1, 1.0, view->damping.share);
+        damping_of_cells(K, &view->damping);
+    }
+    load_nodes(K, e, first, 0, dim, e->dt * e->inv_dx, view->mode); /* displacement in cells per step */
+    load_nodes(K, e, first, dim, 2 * dim, 1.0, view->mode + dim * K);
+    if (averages) load_nodes(K, e, first, GR_NODE_DENSITY(dim), fields, 1.0, view->mode + GR_NODE_DENSITY(dim) * K);
+    if (cell_averaged) view->c = flow_of_cells(dim, e, first, &view->walls, view->mode, view->L, view->shift);
+    for (int q = 0; q < fields; q++)
+        if (q != GR_NODE_DAMPING(dim)) gr_modes(dim, basis, nodal, &view->frame, view->mode + q * K);
 }

@@ -123,10 +123,9 @@ static void store(struct gr_engine *e)
         const int joined = e->n_thin && e->mesh.duplicate[node->n] >= 0 && !e->mesh.separated[node->n];
         for (int copy = 0; copy <= joined; copy++) {
             const int64_t n = copy ? e->mesh.duplicate[node->n] : node->n;
-            double *out = e->node_data + n * e->node_stride;
             for (int d = 0; d < dim; d++) {
-                out[GR_NODE_VELOCITY + d] = node->v[d];
-                out[GR_NODE_UPDATE(dim) + d] += node->v[d] - node->before[d];
+                gr_node_field(e, GR_NODE_VELOCITY + d)[n] = node->v[d];
+                gr_node_field(e, GR_NODE_UPDATE(dim) + d)[n] += node->v[d] - node->before[d];
             }
         }
     }

@@ -4,9 +4,9 @@
 
 #include "mpm/shape.h"
 
-enum { CHUNK = 32 / GR_W }; /* number of blocks prepared together */
+enum { CHUNK = 4 }; /* rows of points prepared together */
 
-/* Contributions of a block of points. Only the members that a variant needs are set. */
+/* Contributions of the points in a row of a tile, or a part of it. Only the members that a variant needs are set. */
 struct contribution {
     vd w[3][3], g[3][3], r[3][3];       /* shape functions, see gr_shape */
     vd m, v[3], affine[3][3];           /* mass, kg; velocity, m/s; C dx, m/s */
@@ -15,7 +15,7 @@ struct contribution {
     vd weight;                          /* quadrature weight q = 1 + u */
 };
 
-/* Component c of a field for the block of points at place `at`. */
+/* Component c of a field for the points at the places from `at` on. */
 GR_INLINE vd component(const struct gr_engine *e, int field, int c, int64_t at)
 {
     return v_load(e->field[field] + c * e->capacity + at);

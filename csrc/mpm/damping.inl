@@ -18,48 +18,49 @@ GR_INLINE vd damped_share(const struct gr_engine *e, vd flow, vd c)
     return v_keep(damped, part * elastic / (elastic + flow));
 }
 
-enum { NO_NODES, SOME_NODES, ALL_NODES_ALIKE };
-
-/* Damping of the points of a cell: shares b_i of the difference to the velocity of a node that they lose. */
+/* Damping of the points of GR_W cells: shares b_i of the difference to the velocity of a node that they lose. */
 struct damping {
-    int of;
-    double share[GR_MAX_NODES];
+    int any;  /* in some cell */
+    vm alike; /* cells in which all are the same */
+    int all_alike;
+    vd share[GR_MAX_NODES];
 };
 
-GR_INLINE void damping_of_cell(const int dim, const int basis, const struct gr_engine *e, int64_t index,
-                               struct damping *damping)
+/* The same for the shares that are set. */
+GR_INLINE void damping_of_cells(const int K, struct damping *damping)
 {
-    const int K = gr_power(gr_nodes_1d(basis), dim);
-    int alike = 1;
-    for (int i = 0; i < K; i++) {
-        damping->share[i] = e->node_data[e->mesh.cell_node[index * K + i] * (int64_t)e->node_stride + GR_NODE_DAMPING(dim)];
-        alike &= damping->share[i] == damping->share[0];
+    vd least = damping->share[0], most = least;
+    for (int i = 1; i < K; i++) {
+        least = v_min(least, damping->share[i]);
+        most = v_max(most, damping->share[i]);
     }
-    damping->of = !alike ? SOME_NODES : damping->share[0] > 0 ? ALL_NODES_ALIKE : NO_NODES;
+    damping->any = m_bits(v_gt(most, v_zero())) != 0;
+    damping->alike = v_ge(least, most);
+    damping->all_alike = m_bits(damping->alike) == GR_ALL_LANES;
 }
 
-/* Damp a block of points by the shares b_i of its nodes, all at once so that momentum is conserved:
+/* Damp the points at the places from `at` on by the shares b_i of the nodes, all at once so that momentum is conserved:
  *
  *   v <- v - sum S_i b_i (v + C (x_i - x)),   v and C those that were carried to the grid.
  *
  * The update w has the velocities v_i^n of the nodes that take their place (grid.c). For linear fields the two are
- * equal. */
+ * equal. Where all b_i are alike, sum S_i (x_i - x) = 0. */
 GR_INLINE void damp(const int dim, const int basis, const struct gr_engine *e, const struct gr_frame *frame,
                     const struct gr_shape *s, const struct damping *damping, int64_t at, vd *v)
 {
-    vd moment[3][3], first[3];
-    if (damping->of == ALL_NODES_ALIKE) { /* sum S_i (x_i - x) = 0 */
-        for (int d = 0; d < dim; d++) v[d] = v_fnma(v_set(damping->share[0]), component(e, GR_FIELD_v, d, at), v[d]);
-        return;
+    vd moment[3][3], first[3], b = damping->share[0];
+    if (!damping->all_alike) {
+        for (int d = 0; d < dim; d++)
+            for (int a = 0; a < gr_nodes_1d(basis); a++)
+                moment[d][a] = s->w[d][a] * (frame->position[d][a] - s->xi[d]);
+        b = v_select(damping->alike, b, gr_interpolate(dim, basis, 1, damping->share, s, (const vd(*)[3])moment, first));
     }
-    for (int d = 0; d < dim; d++)
-        for (int a = 0; a < gr_nodes_1d(basis); a++)
-            moment[d][a] = s->w[d][a] * (v_set(frame->axis[d]->position[a]) - s->xi[d]);
-    const vd b = gr_interpolate(dim, basis, 1, damping->share, 1, s, (const vd(*)[3])moment, first);
     for (int d = 0; d < dim; d++) {
         vd lost = b * component(e, GR_FIELD_v, d, at);
-        for (int j = 0; j < dim; j++)
-            lost = v_fma(v_set(e->config.dx) * component(e, GR_FIELD_affine, d * dim + j, at), first[j], lost);
+        for (int j = 0; !damping->all_alike && j < dim; j++) {
+            const vd more = v_fma(v_set(e->config.dx) * component(e, GR_FIELD_affine, d * dim + j, at), first[j], lost);
+            lost = v_select(damping->alike, lost, more);
+        }
         v[d] = v[d] - lost;
     }
 }

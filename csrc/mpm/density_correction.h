@@ -52,13 +52,33 @@ GR_INLINE vd relax_to_nodal_density(const struct gr_density_numbers *q, double d
     return v_fma(share, excess, v_max(v_min(closed, limit), -limit));
 }
 
+/* Flags of GR_W cells that concern the shift of their points. */
+struct gr_wall_cells {
+    vm shifts;            /* their points may shift */
+    vm wall[3][2];        /* a wall stands at the low or the high face */
+    int any;              /* at some face of some cell */
+};
+
+GR_INLINE void gr_wall_cells_of(const int dim, const struct gr_engine *e, int64_t first, struct gr_wall_cells *walls)
+{
+    double shifts[GR_W], wall[3][2][GR_W];
+    walls->any = 0;
+    for (int l = 0; l < GR_W; l++) {
+        const int flags = e->mesh.cell[first + l].flags;
+        shifts[l] = !(flags & GR_CELL_NO_SHIFTING);
+        walls->any |= flags >= GR_CELL_WALL;
+        for (int k = 0; k < 2 * dim; k++) wall[k / 2][k % 2][l] = flags / GR_CELL_WALL >> k & 1;
+    }
+    walls->shifts = v_gt(v_load(shifts), v_zero());
+    for (int k = 0; walls->any && k < 2 * dim; k++) walls->wall[k / 2][k % 2] = v_gt(v_load(wall[k / 2][k % 2]), v_zero());
+}
+
 /* In a cell at a wall, reduce a shift towards the wall linearly to zero on the wall, as the flow does. A wall inside
  * the grid stops points only by the velocity of its nodes; an unreduced shift would carry them through. */
-GR_INLINE void hold_at_walls(const int dim, const struct gr_cell *cell, const vd xi[3], vd delta[3])
+GR_INLINE void hold_at_walls(const int dim, const struct gr_wall_cells *walls, const vd xi[3], vd delta[3])
 {
     for (int d = 0; d < dim; d++) {
-        const int walls = cell->flags / GR_CELL_WALL >> 2 * d & 3;
-        if (walls & 1) delta[d] = v_max(delta[d], delta[d] * xi[d]);
-        if (walls & 2) delta[d] = v_min(delta[d], delta[d] * (v_set(1.0) - xi[d]));
+        delta[d] = v_select(walls->wall[d][0], v_max(delta[d], delta[d] * xi[d]), delta[d]);
+        delta[d] = v_select(walls->wall[d][1], v_min(delta[d], delta[d] * (v_set(1.0) - xi[d])), delta[d]);
     }
 }

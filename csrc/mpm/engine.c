@@ -197,13 +197,12 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     if (error) goto shallow;
     const int k = gr_basis_nodes_1d(config->basis);
     e->K = config->dim == 2 ? k * k : k * k * k;
-    /* whole cache lines, with capacity for the whole groups in which lane sums are written */
-    e->sum_stride = GR_SUM_DAMPED(config->dim) * e->K + 2 * config->smoothed; /* of two the damping is made */
-    if (config->cell_averaged) e->sum_stride += (int)(sizeof(struct gr_cell_average) / sizeof(double));
-    e->density_sums = e->sum_stride = (e->sum_stride + GR_LANES - 1) / GR_LANES * GR_LANES;
-    if (config->smoothed) e->sum_stride += (GR_DENSITY_SUMS(config->dim) * e->K + GR_LANES - 1) / GR_LANES * GR_LANES;
-    const int last = config->cell_averaged ? GR_NODE_DENSITY(config->dim) : GR_NODE_FIELDS(config->dim, config->smoothed);
-    e->node_stride = (last + 3) / 4 * 4;
+    e->sum_stride = GR_SUM_DAMPED(config->dim) * e->K;
+    if (config->smoothed) e->sum_stride += GR_CELL_SMOOTHED_SUMS;
+    if (config->cell_averaged) e->sum_stride += GR_CELL_AVERAGED_SUMS(config->dim);
+    e->density_sums = e->sum_stride *= GR_LANES;
+    if (config->smoothed) e->sum_stride += GR_DENSITY_SUMS(config->dim) * e->K * GR_LANES;
+    e->node_fields = config->cell_averaged ? GR_NODE_DENSITY(config->dim) : GR_NODE_FIELDS(config->dim, config->smoothed);
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         if (gr_engine_uses(&e->config, f)) e->n_components += gr_field_components(f, config->dim);
     error = copy_config(e);
@@ -256,6 +255,12 @@ void gr_engine_free(struct gr_engine *e)
                            e->mesh.node_volume,
                            e->mesh.node_id,
                            e->sums,
+                           e->average,
+                           e->substep_mass,
+                           e->substep_flow,
+                           e->mesh.tile_state,
+                           e->mesh.tile_in_row,
+                           e->mesh.beside,
                            e->node_data,
                            e->node_mass,
                            e->node_v,

@@ -7,6 +7,7 @@
 #include "body/body.h"
 #include "mpm/thin_bodies.h"
 #include "core/axis.h"
+#include "core/simd.h"
 #include "core/team.h"
 #include "core/error.h"
 #include "core/field.h"
@@ -83,25 +84,37 @@ enum gr_cell_flag { GR_CELL_FLAGS(GR_X) };
 #undef GR_X
 
 struct gr_cell {
-    int64_t offset; /* first place in the point arrays */
+    int64_t offset; /* first place in the point arrays; the next ones follow at distances of GR_LANES */
     int32_t count, capacity;
-    int32_t at[3]; /* indices along the axes */
-    int8_t dirty;  /* its sums must be computed again */
+    int32_t summed; /* number of its first points that are in its sums */
+    int32_t at[3];  /* indices along the axes */
     int8_t side;   /* of a thin body: 1 (front) or -1 (back) of a double cell, the front listed first; else 2 or -2; 0
                       without thin bodies */
     int16_t flags;
 };
 
+/* Place of point k of a cell. */
+static inline int64_t gr_slot(const struct gr_cell *cell, int64_t k) { return cell->offset + k * GR_LANES; }
+
 #define GR_IS_DOUBLE(cell) ((cell)->side == 1 || (cell)->side == -1)
 
-/* The active part of the grid: the cells and nodes that material may touch before the next regrouping. */
+/* What is to be done with the sums of a tile after the points have moved. */
+enum gr_tile_state { GR_TILE_SUMMED, GR_TILE_GAINED, GR_TILE_CHANGED };
+
+/* The active part of the grid: the cells and nodes that material may touch before the next regrouping. GR_LANES cells
+ * that follow each other are a tile. The kernels work on a tile at a time: a lane of a vector is a cell, and row k of a tile
+ * has the k-th point of each of its cells, so that no sum is over the lanes. The last tile is filled up with cells that
+ * have no nodes of their own, nor points. */
 struct gr_mesh {
-    int64_t n_cells, n_nodes, cell_capacity, node_capacity;
-    struct gr_cell *cell;
-    int32_t *cell_node;   /* n_cells x K */
-    int32_t *place;       /* of its cells on the fluidity grid; NULL without one */
-    int64_t *node_source; /* n_nodes x K: entry i: where its sums over the cell begin in which it is local node
-                             K - 1 - i; in the zero block where there is no such cell */
+    int64_t n_cells, n_tiles, n_nodes, cell_capacity, node_capacity;
+    struct gr_cell *cell;   /* of all tiles */
+    uint8_t *tile_state;    /* enum gr_tile_state */
+    uint32_t *tile_in_row;  /* bit i: local nodes number i of its cells follow each other */
+    int32_t *cell_node;     /* n_tiles x K x GR_LANES */
+    int32_t *beside;        /* n_cells x 2 dim: neighbours across the faces (enum gr_beside); NULL unless cell_averaged */
+    int32_t *place;         /* of its cells on the fluidity grid; NULL without one */
+    int64_t *node_source;   /* n_nodes x K: entry i: where its sums over the cell begin in which it is local node
+                               K - 1 - i; in the zero tile where there is no such cell */
     uint8_t *node_code;
     double *node_volume;              /* fraction of dx^dim that the node stands for */
     int64_t *node_id;                 /* its index in the whole grid */
@@ -142,12 +155,14 @@ struct gr_engine {
     int n_components;                 /* of all fields in use together */
     /* grid */
     struct gr_mesh mesh;
-    double *sums;      /* n_cells + 1 blocks of sum_stride numbers; the last block is zero */
-    double *node_data; /* n_nodes x node_stride, see GR_NODE_FIELDS; capacity for whole vectors behind the last */
+    double *sums;      /* n_tiles + 1 blocks of sum_stride numbers; the last block is zero */
+    double *average;   /* GR_AVERAGES(dim) x cell_capacity, see enum gr_average; NULL unless cell_averaged */
+    double *node_data; /* node_fields x node_places, see GR_NODE_FIELDS */
     double *node_mass; /* n_nodes, kg */
     double *node_v;    /* n_nodes x dim, m/s: velocity before the forces, filtered by XPIC */
     struct gr_node_cells *node_cells[3]; /* per node of an axis; NULL without solid cells, and along unused axes */
-    int sum_stride, density_sums, node_stride;
+    int sum_stride, density_sums, node_fields;
+    int64_t node_places; /* capacity for the nodes, and for whole vectors behind the last */
     /* bodies; NULL without any */
     struct gr_body_state *body, *body_next; /* now, and after the current step */
     struct gr_feet *feet;                   /* where the material touches them (mpm/feet.h) */
@@ -162,7 +177,7 @@ struct gr_engine {
     int64_t n_pending, pending_capacity, needed_capacity;
     double *pending; /* n_pending x n_components */
     int64_t *pending_id;
-    int64_t *dirty, n_dirty;
+    int64_t *dirty, n_dirty; /* tiles whose sums lack something */
     /* clock and counters */
     double time, dt, time_anchor;                    /* time = time_anchor + (step - step_anchor) dt */
     double shift_dt;                                 /* dt of the step that computed shift_velocity */
@@ -178,6 +193,7 @@ struct gr_engine {
     struct gr_fluidity *fluidity;
     double *substeps; /* state of the points between substeps (law/substep.h); NULL without substeps */
     int64_t substep_capacity;
+    double *substep_mass, *substep_flow; /* per cell: mass with pressure, and sum m g after a substep */
     int diffuses; /* 1 if the local phase of the law is over */
     int64_t cg_iterations, clamped_cells;
     /* failure */
@@ -212,9 +228,14 @@ static inline void gr_plan_sums(struct gr_engine *e, int64_t step)
  * of the points, over the largest (damping.inl); and in a step that averages, from GR_SUM_DENSITY on, the mass of connected
  * points, the same with quadrature weights, their log-density with these weights, and the residual force.
  *
- * In the block of a cell the first GR_SUM_DAMPED sums of its nodes come first, then the damping, which is the same for all
- * nodes, and at density_sums those of the density, which are left as they are in other steps. */
+ * The block of a tile is an array of vectors, with a lane for each of its cells. The first GR_SUM_DAMPED sums of the nodes
+ * come first, then enum gr_cell_sum, which are the same for all nodes, and at density_sums those of the density, which are
+ * left as they are in other steps. Each sum is over the points in their order, so that points that arrive are added to
+ * it, with the same bits as in a sum over all. */
 enum gr_node_sum { GR_SUM_MASS, GR_SUM_MOMENTUM };
+enum gr_cell_sum { GR_CELL_DAMPED, GR_CELL_M_DAMPING, GR_CELL_M, GR_CELL_SMOOTHED_SUMS }; /* sum m b/sum m; the two */
+enum gr_averaged_sum { GR_CELL_MC = 1, GR_CELL_M_RATE, GR_CELL_STRESS };                    /* with cell_averaged */
+#define GR_CELL_AVERAGED_SUMS(dim) (GR_CELL_STRESS + ((dim) == 2 ? 3 : 6))
 #define GR_SUM_FORCE(dim) (GR_SUM_MOMENTUM + (dim))
 #define GR_SUM_DAMPED(dim) (GR_SUM_FORCE(dim) + (dim))
 #define GR_SUM_DENSITY(dim) (GR_SUM_DAMPED(dim) + 1)
@@ -222,19 +243,16 @@ enum gr_density_sum { GR_SUM_CONNECTED, GR_SUM_WEIGHTED, GR_SUM_LOG_DENSITY, GR_
 #define GR_DENSITY_SUMS(dim) (GR_SUM_RESIDUAL + (dim))
 #define GR_NODE_SUMS(dim) (GR_SUM_DENSITY(dim) + GR_DENSITY_SUMS(dim))
 
-/* State of a cell with a cell-averaged density (mpm/cell_averaged.inl), stored behind the sums of its nodes; all
- * doubles. */
-struct gr_cell_average {
-    double damped;                     /* damping of its points, over the largest; at the place that gr_grid_nodes reads */
-    double m_rate;                     /* sum m gdot, of plastic flow */
-    double mc, stress[6];              /* sum m c; sum m sigma (xx, yy, zz, xy, yz, xz; in 2D xx, yy, xy) */
-    double c, log_phi, inside;         /* log-density of its points; logarithm of its filling fraction; from 0 at a
-                                          surface to 1 inside the material */
-    double at[3], over_compression[3]; /* local coordinates of its quadrature point; gradient of the over-compression of
-                                          its nodes, against which its points shift */
-    double filled, excess;             /* its mass over that of a full cell; what it has beyond that, or too little inside
-                                          the material, which points exchange with neighbours */
-};
+/* Neighbours that are not there: a cell outside the active part; beyond a wall or an end. */
+enum gr_beside { GR_BESIDE_NO_POINTS = -1, GR_BESIDE_CLOSED = -2 };
+
+/* State of a cell with a cell-averaged density (mpm/cell_averaged.inl): the log-density of its points; the logarithm of its
+ * filling fraction; from 0 at a surface to 1 inside the material; its mass over that of a full cell; what it has beyond
+ * that, or too little inside the material, which points exchange with neighbours; then the local coordinates of its
+ * quadrature point, and the gradient of the over-compression of its nodes, against which its points shift. */
+enum gr_average { GR_AVERAGE_C, GR_AVERAGE_LOG_PHI, GR_AVERAGE_INSIDE, GR_AVERAGE_FILLED, GR_AVERAGE_EXCESS, GR_AVERAGE_AT };
+#define GR_AVERAGE_OVER_COMPRESSION(dim) (GR_AVERAGE_AT + (dim))
+#define GR_AVERAGES(dim) (GR_AVERAGE_AT + 2 * (dim))
 
 /* Fields of a node in node_data: v^{n+1} and the update w. If the density is smoothed also: the share of the difference to
  * its velocity that points lose in this step; and in a step that averages, from GR_NODE_DENSITY on, the gap ln phi - c
@@ -253,6 +271,21 @@ enum gr_density_field {
     GR_NODE_RESIDUAL
 };
 #define GR_NODE_FIELDS(dim, averages) ((averages) ? GR_NODE_DENSITY(dim) + GR_NODE_RESIDUAL + (dim) : GR_NODE_DAMPING(dim))
+
+/* Component `field` of node_data. */
+static inline double *gr_node_field(const struct gr_engine *e, int field) { return e->node_data + field * e->node_places; }
+
+/* Local node i of a cell. */
+static inline int32_t gr_cell_node(const struct gr_engine *e, int64_t index, int i)
+{
+    return e->mesh.cell_node[(index / GR_LANES * e->K + i) * GR_LANES + index % GR_LANES];
+}
+
+/* Where the sums of a cell begin. */
+static inline int64_t gr_sums_of_cell(const struct gr_engine *e, int64_t index)
+{
+    return index / GR_LANES * e->sum_stride + index % GR_LANES;
+}
 
 struct gr_kernels; /* kernels.h */
 

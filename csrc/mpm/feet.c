@@ -212,8 +212,10 @@ static int shapes_at(const struct gr_engine *e, const double x[3], double weight
         }
         cell[d] = &axis->cell[at];
         vd value[3], slope[3];
-        gr_shape_1d(basis, cell[d], e->config.lambda, v_set((axis->origin + place - cell[d]->edge) * e->inv_dx), value,
-                    slope);
+        const double xi = (axis->origin + place - cell[d]->edge) * e->inv_dx;
+        const struct gr_knots knots = {v_set(cell[d]->coefficient[0][2]), v_set(cell[d]->coefficient[2][2]),
+                                       v_set(cell[d]->clip)};
+        gr_shape_1d(basis, &knots, e->config.lambda, v_set(xi), value, slope);
         for (int a = 0; a < k; a++) w[d][a] = value[a][0];
     }
     for (int i = 0; i < e->K; i++) {
@@ -238,7 +240,7 @@ static int32_t number_of(struct gr_engine *e, int64_t n)
     memset(node, 0, sizeof *node);
     node->n = n;
     for (int d = 0; d < dim; d++) {
-        node->before[d] = node->v[d] = e->node_data[n * e->node_stride + GR_NODE_VELOCITY + d];
+        node->before[d] = node->v[d] = gr_node_field(e, GR_NODE_VELOCITY + d)[n];
         node->mobility[d] = fixed >> d & 1 ? 0 : mobility;
     }
     return (feet->number[n] = (int32_t)++feet->n_nodes) - 1;
@@ -343,7 +345,7 @@ void gr_feet_keep(struct gr_engine *e)
         double *force = e->field[GR_FIELD_contact_force] + d * e->capacity;
         for (int64_t k = 0; k < feet->n_near; k++) {
             const struct gr_cell *cell = &e->mesh.cell[feet->near[k]];
-            memset(force + cell->offset, 0, sizeof(double) * (size_t)cell->count);
+            for (int32_t s = 0; s < cell->count; s++) force[gr_slot(cell, s)] = 0;
         }
         for (int64_t k = 0; k < feet->n; k++) force[feet->foot[k].place] += e->inv_dt * feet->foot[k].impulse[d];
     }
@@ -361,10 +363,10 @@ void gr_feet_find(struct gr_engine *e, const double g[3])
     feet->n = feet->n_nodes = 0;
     for (int64_t k = 0; k < feet->n_near; k++) {
         const struct gr_cell *cell = &e->mesh.cell[feet->near[k]];
-        for (int64_t s = cell->offset; s < cell->offset + cell->count; s++) {
+        for (int32_t s = 0; s < cell->count; s++) {
             int n = 0;
             for (int b = 0; b < e->config.n_bodies; b++)
-                if (feet->bodies[k] >> b & 1) n += find_foot(e, cell, s, b, &pose[b], fall, &feet->foot[feet->n + n]);
+                if (feet->bodies[k] >> b & 1) n += find_foot(e, cell, gr_slot(cell, s), b, &pose[b], fall, &feet->foot[feet->n + n]);
             if (n) start_from_force(e, n, &feet->foot[feet->n]);
             feet->n += n;
         }
@@ -380,15 +382,15 @@ void gr_feet_move_out(struct gr_engine *e)
     for (int b = 0; b < e->config.n_bodies; b++) gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &pose[b]);
     for (int64_t k = 0; k < feet->n_near; k++) {
         const struct gr_cell *cell = &e->mesh.cell[feet->near[k]];
-        for (int64_t s = cell->offset; s < cell->offset + cell->count; s++)
+        for (int32_t s = 0; s < cell->count; s++)
             for (int b = 0; b < e->config.n_bodies; b++) {
                 double x[3] = {0}, arm[3], normal[3];
                 if (!(feet->bodies[k] >> b & 1)) continue;
-                for (int d = 0; d < e->config.dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + s];
+                for (int d = 0; d < e->config.dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + gr_slot(cell, s)];
                 const double deep = -distance_on_side(e, cell, b, &pose[b], x, arm, normal) - DEEPEST * dx;
                 if (!(deep > 1e-9 * dx) || deep > (LOST - DEEPEST) * dx) continue;
                 for (int d = 0; d < e->config.dim; d++) x[d] += fmin(deep, OUT * dx) * normal[d];
-                if (!gr_replace_point(e, feet->near[k], s, x)) continue;
+                if (!gr_replace_point(e, feet->near[k], gr_slot(cell, s), x)) continue;
                 s--; /* another point has taken its place */
                 break;
             }

@@ -55,7 +55,8 @@ static void middle_of_points(const struct gr_engine *e, const struct gr_cell *ce
 {
     double mass = 0, moment[3] = {0};
     GR_EACH_OF_FLUIDITY(e, cell, side)
-    for (int64_t s = side->offset; s < side->offset + side->count; s++) {
+    for (int32_t k = 0; k < side->count; k++) {
+        const int64_t s = gr_slot(side, k);
         const double m = e->field[GR_FIELD_mass][s];
         mass += m;
         for (int d = 0; d < e->config.dim; d++) moment[d] += m * e->field[GR_FIELD_x][d * e->capacity + s];
@@ -103,7 +104,7 @@ void gr_bodies_mark(struct gr_engine *e, int64_t first, int64_t last)
     struct gr_fluidity *f = e->fluidity;
     struct rough_bodies rough;
     list_rough(e, &rough);
-    for (int64_t c = first; c < last; c++) {
+    for (int64_t c = first; c < last && c < e->mesh.n_cells; c++) {
         const struct gr_cell *cell = &e->mesh.cell[c];
         struct gr_facing side = {0};
         double x[3];

@@ -1,6 +1,4 @@
-/* Coupling of the fluidity of the cells with the points: means over the points of a cell before the diffusion, and the
- * substeps of the nonlocal law between one diffusion and the next. */
-#include "law/substep.h"
+/* Coupling of the fluidity of the cells with the points: means over the points of a cell before the diffusion. */
 #include "mpm/contribution.h"
 #include "mpm/migrate.h"
 
@@ -31,29 +29,53 @@ GR_INLINE void store_fluidity(struct gr_engine *e, int64_t place, double g, doub
     store_gain(e, place, g, e->fluidity->dense[place] ? g - g_star : 0);
 }
 
-/* Mean fluidity of a cell, or of both sides of a double cell that are not separated. */
-GR_INLINE void mean_of_cell(struct gr_engine *e, const struct gr_cell *cell)
+/* Sums over the points with pressure of GR_W cells, a lane each: of m, m g and m times the gain. */
+GR_INLINE void sum_fluidity(const struct gr_engine *e, int64_t first, double sum[3][GR_W])
 {
-    enum { SUMS = GR_SUMS > 3 ? GR_SUMS : 4 };
-    const int64_t place = gr_place_of_cell(e, cell);
-    const int balanced = gr_is_balanced(e);
-    double sum[SUMS];
-    vd acc[SUMS];
-    for (int i = 0; i < SUMS; i++) acc[i] = v_zero();
-    GR_EACH_OF_FLUIDITY(e, cell, side)
-    for (int n = 0; n < GR_BLOCKS(side->count); n++) {
-        const int64_t at = side->offset + n * GR_W;
+    vd acc[3] = {v_zero(), v_zero(), v_zero()};
+    int points = 0;
+    for (int l = 0; l < GR_W; l++) points = points > e->mesh.cell[first + l].count ? points : e->mesh.cell[first + l].count;
+    for (int n = 0; n < points; n++) { /* spare places have no mass */
+        const int64_t at = gr_slot(&e->mesh.cell[first], n);
         vd tension = component(e, GR_FIELD_stress, 0, at);
         for (int c = 1; c < 3; c++) tension = tension + component(e, GR_FIELD_stress, c, at);
         const vd m = v_keep(v_gt(v_zero(), tension), component(e, GR_FIELD_mass, 0, at));
         acc[0] = acc[0] + m;
         acc[1] = v_fma(m, component(e, GR_FIELD_g, 0, at), acc[1]);
-        if (balanced) acc[2] = v_fma(m, component(e, GR_FIELD_g_gain, 0, at), acc[2]);
+        if (gr_is_balanced(e)) acc[2] = v_fma(m, component(e, GR_FIELD_g_gain, 0, at), acc[2]);
     }
-    for (int i = 0; i < 3; i += GR_SUMS) v_sums(sum + i, acc + i);
-    const double inverse = sum[0] > 0 ? 1 / sum[0] : 0;
-    e->fluidity->dense[place] = sum[0] > 0;
-    store_gain(e, place, inverse * sum[1], inverse * sum[2]);
+    for (int q = 0; q < 3; q++) v_store(sum[q], acc[q]);
+}
+
+GR_INLINE void store_mean(struct gr_engine *e, int64_t place, double m, double g, double gain)
+{
+    const double inverse = m > 0 ? 1 / m : 0;
+    e->fluidity->dense[place] = m > 0;
+    store_gain(e, place, inverse * g, inverse * gain);
+}
+
+/* Mean fluidity of the cells from `first` on that are not double. */
+GR_INLINE void means_of_cells(struct gr_engine *e, int64_t first)
+{
+    double sum[3][GR_W];
+    sum_fluidity(e, first, sum);
+    for (int l = 0; l < GR_W && first + l < e->mesh.n_cells; l++) {
+        const struct gr_cell *cell = &e->mesh.cell[first + l];
+        if (!GR_IS_DOUBLE(cell)) store_mean(e, gr_place_of_cell(e, cell), sum[0][l], sum[1][l], sum[2][l]);
+    }
+}
+
+/* Mean fluidity of a side of a double cell, or of both sides if they are not separated. */
+GR_INLINE void mean_of_double_cell(struct gr_engine *e, const struct gr_cell *cell)
+{
+    double all[3] = {0}, sum[3][GR_W];
+    GR_EACH_OF_FLUIDITY(e, cell, side)
+    {
+        const int64_t index = side - e->mesh.cell, first = index / GR_W * GR_W;
+        sum_fluidity(e, first, sum);
+        for (int q = 0; q < 3; q++) all[q] += sum[q][index - first];
+    }
+    store_mean(e, gr_place_of_cell(e, cell), all[0], all[1], all[2]);
 }
 
 /* The fluidity of a cell after the diffusion, from which the law starts (store_gain). */
@@ -64,31 +86,6 @@ GR_INLINE double fluidity_of_cell(const struct gr_engine *e, int64_t place)
     return g < e->config.nonlocal.floor ? e->config.nonlocal.floor : g; /* NaN is kept */
 }
 
-/* L dt of the points of a cell at their present positions. Whenever the batch is full, the first substep of its points
- * is made. */
-GR_INLINE void strain_cell(const int dim, const int basis, const int cell_averaged, const struct gr_engine *e, int64_t index,
-                           struct batch *batch, gr_law_update *law)
-{
-    const struct gr_cell *cell = &e->mesh.cell[index];
-    const int stride = MODE_STRIDE(GR_NODE_FIELDS(dim, 0)), blocks = GR_BLOCKS(cell->count);
-    const double g_star = fluidity_of_cell(e, gr_place_of_cell(e, cell));
-    struct view view;
-    look_at_cell(dim, basis, GR_AFFINE_NONE, 0, cell_averaged, 0, e, index, batch->scale, &view);
-    for (int n = 0; n < blocks; n++) {
-        struct gr_shape s;
-        const int64_t at = cell->offset + n * GR_W;
-        vd L[9];
-        if (batch->n == BATCH) run_law(e, law, batch, 1);
-        double *gradient = batch->gradient + batch->n * dim * dim * GR_W;
-        gr_shapes(dim, basis, e, &view.frame, at, 0, &s);
-        for (int d = 0; d < dim; d++)
-            (void)gr_interpolate(dim, basis, 0, view.mode + d, stride, &s, (const vd(*)[3])s.g, L + d * dim);
-        for (int c = 0; c < dim * dim; c++) v_store(gradient + c * GR_W, cell_averaged ? view.L[c] : L[c]);
-        batch->g_star[batch->n] = g_star;
-        batch->slot[batch->n++] = at;
-    }
-}
-
 /* True if a cell represents a fluidity, as any cell but the back of a double one without its own, and it has points. */
 static inline int represents_fluidity(const struct gr_engine *e, const struct gr_cell *cell)
 {
@@ -97,78 +94,3 @@ static inline int represents_fluidity(const struct gr_engine *e, const struct gr
     return points > 0;
 }
 
-/* Weights of the points in the fluidity of their cell, by mass, for those with pressure; and the fluidity of the cell
- * after the first substep. */
-GR_INLINE void weigh_substeps(struct gr_engine *e, const struct gr_cell *cell)
-{
-    const int64_t place = gr_place_of_cell(e, cell);
-    vd mass = v_zero(), flow = mass;
-    for (int pass = 0; pass < 2; pass++) {
-        const double sum = v_sum(mass);
-        const vd inverse = v_set(sum > 0 ? 1 / sum : 0);
-        GR_EACH_OF_FLUIDITY(e, cell, side)
-        for (int n = 0; n < GR_BLOCKS(side->count); n++) {
-            const int64_t at = side->offset + n * GR_W;
-            const vm dense = v_gt(v_load(gr_substep_at(e->substeps, at, GR_SUBSTEP_p)), v_zero());
-            const vd m = v_keep(dense, component(e, GR_FIELD_mass, 0, at));
-            if (!pass) {
-                mass = mass + m;
-                flow = v_fma(m, v_keep(dense, component(e, GR_FIELD_g, 0, at)), flow);
-            } else {
-                v_store(gr_substep_at(e->substeps, at, GR_SUBSTEP_weight), inverse * m);
-            }
-        }
-        e->fluidity->dense[place] = sum > 0;
-        if (pass) store_fluidity(e, place, v_sum(inverse * flow), fluidity_of_cell(e, place));
-    }
-}
-
-/* The first of many substeps, before the points move: for cells [first, last), the state of their points and the
- * fluidity. */
-GR_INLINE void begin_substeps_of_cells(const int dim, const int basis, const int cell_averaged, struct gr_engine *e,
-                                       int64_t first, int64_t last, gr_law_update *law)
-{
-    struct batch batch;
-    batch.n = 0;
-    for (int q = 0; q < MODE_STRIDE(GR_NODE_FIELDS(3, 1)); q++) batch.scale[q] = q < dim ? e->dt * e->inv_dx : 1.0;
-    for (int64_t index = first; index < last; index++) {
-        if (e->mesh.cell[index].count) strain_cell(dim, basis, cell_averaged, e, index, &batch, law);
-        if (index + 1 < last && batch.n + GR_BLOCKS(e->mesh.cell[index + 1].count) <= BATCH) continue;
-        if (batch.n) run_law(e, law, &batch, 1);
-    }
-    for (int64_t index = first; index < last; index++)
-        if (represents_fluidity(e, &e->mesh.cell[index])) weigh_substeps(e, &e->mesh.cell[index]);
-}
-
-/* One substep of the points, and the new fluidity of the cells [first, last). */
-GR_INLINE void substep_cells(const int linear, struct gr_engine *e, int64_t first, int64_t last, const double *fluidity)
-{
-    enum { TOGETHER = GR_SUMS > 4 ? GR_SUMS : 4 };
-    const vd fraction = v_set(1.0 / e->config.nonlocal.substeps);
-    const struct gr_fluidity_numbers numbers = gr_fluidity_numbers_of(fluidity, e->dt / e->config.nonlocal.substeps);
-    double *const rate = e->field[GR_FIELD_shear_rate], sum[TOGETHER], g_star[TOGETHER];
-    int64_t place[TOGETHER];
-    vd acc[TOGETHER];
-    int found = 0;
-    for (int k = 0; k < TOGETHER; k++) acc[k] = v_zero();
-    for (int64_t index = first; index < last; index++) {
-        const struct gr_cell *cell = &e->mesh.cell[index];
-        if (represents_fluidity(e, cell)) {
-            place[found] = gr_place_of_cell(e, cell);
-            g_star[found] = fluidity_of_cell(e, place[found]);
-            const vd start = gr_fluidity_start(&numbers, v_set(g_star[found]));
-            vd flow = v_zero();
-            GR_EACH_OF_FLUIDITY(e, cell, side)
-            for (int n = 0; n < GR_BLOCKS(side->count); n++) {
-                const int64_t at = side->offset + n * GR_W;
-                const vd g = gr_substep(linear, 0, &numbers, fraction, e->substeps, at, start, v_zero(), rate + at);
-                flow = v_fma(v_load(gr_substep_at(e->substeps, at, GR_SUBSTEP_weight)), g, flow);
-            }
-            acc[found++] = flow;
-        }
-        if (found < TOGETHER && index + 1 < last) continue;
-        for (int k = 0; k < TOGETHER; k += GR_SUMS) v_sums(sum + k, acc + k);
-        for (int k = 0; k < found; k++) store_fluidity(e, place[k], sum[k], g_star[k]);
-        found = 0;
-    }
-}

@@ -9,21 +9,19 @@
 #include "mpm/contribution.h"
 #include "mpm/density_correction.h"
 
-/* List the points of a block that are outside the cell. Spare places outside it go back to its centre. */
-static __attribute__((noinline)) int64_t list_migrants(struct gr_engine *e, int64_t index, int block, unsigned inside,
+/* List the points of a row of the cells from `first` on that are not `inside`. Spare places that are not go back to the
+ * centre of their cell. */
+static __attribute__((noinline)) int64_t list_migrants(struct gr_engine *e, int64_t first, int row, unsigned inside,
                                                        struct gr_migrant *migrant)
 {
-    struct gr_cell *cell = &e->mesh.cell[index];
     int64_t found = 0;
     for (int lane = 0; lane < GR_W; lane++) {
-        const int place = block * GR_W + lane;
+        struct gr_cell *cell = &e->mesh.cell[first + lane];
         if (inside >> lane & 1u) continue;
-        if (place < cell->count) {
-            migrant[found].cell = index;
-            migrant[found++].slot = cell->offset + place;
-        } else {
-            gr_clear_place(e, cell, cell->offset + place);
-        }
+        if (row < cell->count)
+            migrant[found++] = (struct gr_migrant){.cell = first + lane, .slot = gr_slot(cell, row)};
+        else
+            gr_clear_place(e, cell, gr_slot(cell, row));
     }
     return found;
 }
@@ -43,29 +41,29 @@ GR_INLINE void moment_weights(const int dim, const int basis, const struct gr_sh
  * disconnected point that is nearly alone in a cell at a wall gets none: its gradient would grow as it approaches the
  * wall, and it would strike the wall with that velocity. If the density is averaged, no disconnected point gets one. */
 GR_INLINE void store_affine(const int dim, const int basis, const int affine, struct gr_engine *e, int64_t at,
-                            const struct gr_shape *s, const double *mode, const int stride, vm carries, const vd *L)
+                            const struct gr_shape *s, const vd *mode, vm carries, const vd *L)
 {
+    const int K = gr_power(gr_nodes_1d(basis), dim);
     vd moment[3][3], C[9];
     for (int c = 0; c < dim * dim; c++) C[c] = L[c];
     if (affine == GR_AFFINE_MOMENT) {
         moment_weights(dim, basis, s, moment);
         for (int d = 0; d < dim; d++)
-            (void)gr_interpolate(dim, basis, 1, mode + d, stride, s, (const vd(*)[3])moment, C + d * dim);
+            (void)gr_interpolate(dim, basis, 1, mode + d * K, s, (const vd(*)[3])moment, C + d * dim);
     }
     for (int c = 0; c < dim * dim; c++)
         v_store(e->field[GR_FIELD_affine] + c * e->capacity + at, v_keep(carries, C[c] * v_set(e->inv_dt)));
 }
 
-/* Move the block of points at place `at`. L dt is stored in `gradient` for the law.
- * Returned: a bit for each lane that is still in the cell. */
-GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
-                              int averages, struct gr_engine *e, const struct gr_cell *cell, const struct view *view,
-                              int64_t at, double *gradient)
+/* Move the points at the places from `at` on, a row of the viewed cells. L dt is stored in `gradient` for the law.
+ * Returned: a bit for each lane that is still in its cell. */
+GR_INLINE unsigned move_row(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
+                            const int averages, struct gr_engine *e, const struct view *view, int64_t at, double *gradient)
 {
-    const int fields = MODE_STRIDE(GR_NODE_FIELDS(dim, smoothed)), nodal = basis == GR_UGIMP || affine == GR_AFFINE_MOMENT;
+    const int nodal = basis == GR_UGIMP || affine == GR_AFFINE_MOMENT, K = gr_power(gr_nodes_1d(basis), dim);
     const int all_new = affine == GR_AFFINE_MOMENT; /* APIC: no share of the old velocity survives, and w = v */
     const int64_t stride = e->capacity;
-    const double *const mode = view->mode;
+    const vd *const mode = view->mode;
     const vd dx = v_set(e->config.dx), keep = v_set(e->keep_velocity), speed = v_set(e->config.dx * e->inv_dt);
     double *const x = e->field[GR_FIELD_x] + at, *const v = e->field[GR_FIELD_v] + at,
                   *const log_density = e->field[GR_FIELD_log_density] + at;
@@ -73,23 +71,22 @@ GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, 
     vd L[9], move[3], v_new[3], slope[3], delta[3], shift_velocity[3], trace = v_zero();
     gr_shapes(dim, basis, e, &view->frame, at, affine == GR_AFFINE_MOMENT, &s);
     for (int d = 0; d < dim; d++) {
-        move[d] =
-            gr_interpolate(dim, basis, nodal, mode + GR_NODE_VELOCITY + d, fields, &s, (const vd(*)[3])s.g, L + d * dim);
+        move[d] = gr_interpolate(dim, basis, nodal, mode + (GR_NODE_VELOCITY + d) * K, &s, (const vd(*)[3])s.g, L + d * dim);
         for (int j = 0; j < dim; j++) {
             if (cell_averaged) L[d * dim + j] = view->L[d * dim + j];
             v_store(gradient + (d * dim + j) * GR_W, L[d * dim + j]);
         }
         trace = d ? v_add(trace, L[d * dim + d]) : L[0];
-        const vd w = all_new ? v_mul(speed, move[d])
-                             : gr_interpolate(dim, basis, nodal, mode + GR_NODE_UPDATE(dim) + d, fields, &s,
-                                              (const vd(*)[3])s.g, slope);
+        const vd w =
+            all_new ? v_mul(speed, move[d])
+                    : gr_interpolate(dim, basis, nodal, mode + (GR_NODE_UPDATE(dim) + d) * K, &s, (const vd(*)[3])s.g, slope);
         v_new[d] = all_new ? w : v_fma(keep, v_load(v + d * stride), w);
     }
     vd c = cell_averaged ? view->c : v_sub(v_load(log_density), trace);
-    if ((smoothed || cell_averaged) && view->damping.of != NO_NODES)
-        damp(dim, basis, e, &view->frame, &s, &view->damping, at, v_new);
-    if (smoothed && averages) {
-        c = relax_density(dim, basis, e, cell, &s, mode + GR_NODE_DENSITY(dim), fields, L, trace, at, delta, shift_velocity);
+    if ((smoothed || cell_averaged) && view->damping.any) damp(dim, basis, e, &view->frame, &s, &view->damping, at, v_new);
+    if (averages) {
+        c = relax_density(dim, basis, e, &view->walls, &s, mode + GR_NODE_DENSITY(dim) * K, L, trace, at, delta,
+                          shift_velocity);
         for (int d = 0; d < dim; d++) v_new[d] = v_new[d] + shift_velocity[d];
     }
     for (int d = 0; cell_averaged && d < dim; d++)
@@ -100,11 +97,11 @@ GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, 
         v_new[d] = v_select(slowed, v_set(e->sponge_factor[d]) * v_new[d], v_new[d]);
     }
     v_store(log_density, c);
-    if (affine) store_affine(dim, basis, affine, e, at, &s, mode, fields, v_ge(c, view->disconnected), L);
+    if (affine) store_affine(dim, basis, affine, e, at, &s, mode, v_ge(c, view->disconnected), L);
     vm stays = v_ge(v_set(NO_DENSITY), v_abs(c)); /* a NaN counts as outside */
     for (int d = 0; d < dim; d++) {
         vd y = v_fma(dx, move[d], v_load(x + d * stride));
-        if (cell_averaged || (smoothed && averages)) y = y + delta[d];
+        if (cell_averaged || averages) y = y + delta[d];
         v_store(v + d * stride, v_new[d]);
         v_store(x + d * stride, y);
         stays = m_and(stays, m_and(v_ge(y, view->begin[d]), v_gt(view->end[d], y)));
@@ -112,32 +109,31 @@ GR_INLINE unsigned move_block(const int dim, const int basis, const int affine, 
     return m_bits(stays);
 }
 
-/* G2P of one cell. Its blocks are added to the batch of the law.
+/* G2P of the cells of a tile, row by row. Their points are added to the batch of the law.
  * Returned: the number of points that left. */
-GR_INLINE int64_t g2p_cell(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
-                           int averages, struct gr_engine *e, int64_t index, struct batch *batch, gr_law_update *law,
+GR_INLINE int64_t g2p_tile(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
+                           const int averages, struct gr_engine *e, int64_t tile, struct batch *batch, gr_law_update *law,
                            struct gr_migrant *migrant)
 {
-    const struct gr_cell *cell = &e->mesh.cell[index];
-    const int blocks = GR_BLOCKS(cell->count);
-    struct view view;
-    int64_t found = 0, filled = batch->n;
-    const double g_star = e->diffuses ? fluidity_of_cell(e, gr_place_of_cell(e, cell)) : 0;
-    look_at_cell(dim, basis, affine, smoothed, cell_averaged, averages, e, index, batch->scale, &view);
-    for (int n = 0; n < blocks; n++) {
-        const int64_t at = cell->offset + n * GR_W;
-        if (__builtin_expect(filled == BATCH, 0)) {
-            batch->n = filled;
-            run_law(e, law, batch, 0);
-            filled = 0;
-        }
-        double *gradient = batch->gradient + filled * dim * dim * GR_W;
-        const unsigned inside =
-            move_block(dim, basis, affine, smoothed, cell_averaged, averages, e, cell, &view, at, gradient);
-        batch->g_star[filled] = g_star;
-        batch->slot[filled++] = at;
-        if (__builtin_expect(inside != GR_ALL_LANES, 0)) found += list_migrants(e, index, n, inside, migrant + found);
+    struct view view[GR_VECTORS];
+    int64_t found = 0, first = tile * GR_LANES;
+    int rows = 0;
+    for (int part = 0; part < GR_VECTORS; part++) {
+        look_at_cells(dim, basis, affine, smoothed, cell_averaged, averages, e, first + part * GR_W, &view[part]);
+        if (view[part].points > rows) rows = view[part].points;
     }
-    batch->n = filled;
+    for (int row = 0; row < rows; row++)
+        for (int part = 0; part < GR_VECTORS; part++) {
+            const int64_t at = gr_slot(&e->mesh.cell[first + part * GR_W], row);
+            if (row >= view[part].points) continue;
+            if (__builtin_expect(batch->n == BATCH, 0)) run_law(e, law, batch, 0);
+            double *gradient = batch->gradient + batch->n * dim * dim * GR_W;
+            const unsigned inside =
+                move_row(dim, basis, affine, smoothed, cell_averaged, averages, e, &view[part], at, gradient);
+            if (e->diffuses) v_store(batch->g_star + batch->n * GR_W, view[part].g_star);
+            batch->slot[batch->n++] = at;
+            if (__builtin_expect(inside != GR_ALL_LANES, 0))
+                found += list_migrants(e, first + part * GR_W, row, inside, migrant + found);
+        }
     return found;
 }

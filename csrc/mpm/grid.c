@@ -24,18 +24,16 @@ GR_INLINE int rows_of(const int dim, const int smoothed)
 GR_INLINE void sum_over_cells(const int dim, const int K, const int smoothed, const struct gr_engine *e, int64_t n,
                               double *sum)
 {
-    enum { AHEAD = 4 };
     const int rows = GR_SUM_DAMPED(dim), of_density = GR_DENSITY_SUMS(dim), all = rows_of(dim, smoothed);
-    const int64_t *source = e->mesh.node_source + n * K, ahead = n + AHEAD < e->mesh.n_nodes ? AHEAD * K : 0;
+    const int64_t *source = e->mesh.node_source + n * K;
     for (int q = 0; q < all; q++) sum[q] = 0;
     for (int i = 0; i < K; i++) {
-        const double *part = e->sums + source[i], *later = e->sums + source[ahead + i];
-        __builtin_prefetch(later), __builtin_prefetch(later + rows - 1);
-        for (int q = 0; q < rows; q++) sum[q] += part[q];
-        if (smoothed) sum[GR_SUM_DAMPED(dim)] += part[(i + 1) * rows] * part[GR_SUM_MASS]; /* for node a = K - 1 - i */
+        const double *part = e->sums + source[i];
+        for (int q = 0; q < rows; q++) sum[q] += part[q * GR_LANES];
+        if (smoothed) sum[GR_SUM_DAMPED(dim)] += part[(i + 1) * rows * GR_LANES] * part[0]; /* for node a = K - 1 - i */
         if (smoothed < AVERAGED) continue;
-        part += e->density_sums + (K - 1 - i) * (of_density - rows);
-        for (int q = 0; q < of_density; q++) sum[GR_SUM_DENSITY(dim) + q] += part[q];
+        part += e->density_sums + (K - 1 - i) * (of_density - rows) * GR_LANES;
+        for (int q = 0; q < of_density; q++) sum[GR_SUM_DENSITY(dim) + q] += part[q * GR_LANES];
     }
 }
 
@@ -66,7 +64,7 @@ static __attribute__((noinline)) void note_impulse(struct gr_engine *e, int64_t 
     const double m = e->node_mass[n]; /* its own, that of a duplicate not included */
     const double kept =
         e->keep_velocity -
-        (e->config.smoothed || e->config.cell_averaged ? e->node_data[n * e->node_stride + GR_NODE_DAMPING(dim)] : 0);
+        (e->config.smoothed || e->config.cell_averaged ? gr_node_field(e, GR_NODE_DAMPING(dim))[n] : 0);
     double *impulse = e->watch->node + n * dim, before[3], free[3];
     memset(impulse, 0, sizeof(double) * (size_t)dim);
     if (!v || !e->mesh.node_code[n]) return;
@@ -94,25 +92,25 @@ GR_INLINE int is_closed(const struct gr_engine *e, int64_t n)
 GR_INLINE void grid_nodes(const int dim, const int K, const int smoothed, struct gr_engine *e, int64_t first, int64_t last,
                           const double g[3])
 {
-    const int averages = smoothed == AVERAGED;
+    const int averages = smoothed == AVERAGED, fields = GR_NODE_FIELDS(dim, averages) + (smoothed == 1);
     const double dt = e->dt, cutoff = e->config.mass_cutoff, keep = e->keep_velocity;
     const double cell_mass = e->config.rho_c * pow(e->config.dx, dim);
     for (int64_t n = first; n < last; n++) {
-        double sum[GR_NODE_SUMS(3)], v[3], next[3];
-        double *out = e->node_data + n * e->node_stride;
+        double sum[GR_NODE_SUMS(3)], v[3], next[3], out[GR_NODE_FIELDS(3, 1)];
         sum_over_cells(dim, K, smoothed, e, n, sum);
         e->node_mass[n] = sum[GR_SUM_MASS];
         if (e->n_thin) join_duplicate(dim, K, smoothed, e, n, sum);
         const double m = sum[GR_SUM_MASS];
         if (!(m > cutoff) && m == m) { /* a NaN passes, and is found at the points */
-            for (int q = 0; q < GR_NODE_FIELDS(dim, averages); q++) out[q] = 0;
-            if (smoothed) out[GR_NODE_DAMPING(dim)] = 0;
+            for (int q = 0; q < fields; q++) out[q] = 0;
             if (averages) out[GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP] = is_closed(e, n) ? GR_CLOSED_GAP : GR_EMPTY_GAP;
             for (int d = 0; d < dim; d++) e->node_v[n * dim + d] = 0;
             if (e->watch) note_impulse(e, n, 0, 0);
+            for (int q = 0; q < fields; q++) gr_node_field(e, q)[n] = out[q];
             continue;
         }
-        const double kept = smoothed ? keep - (out[GR_NODE_DAMPING(dim)] = damping_of_node(dim, e, sum, m)) : keep;
+        const double damping = smoothed ? damping_of_node(dim, e, sum, m) : 0, kept = keep - damping;
+        if (smoothed) gr_node_field(e, GR_NODE_DAMPING(dim))[n] = out[GR_NODE_DAMPING(dim)] = damping;
         for (int d = 0; d < dim; d++) {
             v[d] = sum[GR_SUM_MOMENTUM + d] / m;
             next[d] = v[d] + dt * (sum[GR_SUM_FORCE(dim) + d] / m + g[d]);
@@ -128,12 +126,12 @@ GR_INLINE void grid_nodes(const int dim, const int K, const int smoothed, struct
         }
         if (e->config.xpic_order > 0) /* XPIC, pass r = 1: the increment plus order times v */
             for (int d = 0; d < dim; d++) out[GR_NODE_UPDATE(dim) + d] = next[d] - v[d] + e->config.xpic_order * v[d];
-        if (!averages) continue;
-        gr_describe_density(dim, sum, m, cell_mass, e->mesh.node_volume[n], e->servo_strain, out);
-        if (is_closed(e, n)) {
+        if (averages) gr_describe_density(dim, sum, m, cell_mass, e->mesh.node_volume[n], e->servo_strain, out);
+        if (averages && is_closed(e, n)) {
             out[GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP] = GR_CLOSED_GAP;
             out[GR_NODE_DENSITY(dim) + GR_NODE_EXCESS] = 0;
         }
+        for (int q = 0; q < fields; q++) gr_node_field(e, q)[n] = out[q];
     }
 }
 
@@ -166,7 +164,7 @@ void gr_grid_smooth(struct gr_engine *e, int64_t first, int64_t last, int pass)
         double sum[3] = {0};
         for (int i = 0; i < K; i++) {
             const double *part = e->sums + e->mesh.node_source[n * K + i];
-            for (int d = 0; d < dim; d++) sum[d] += part[GR_SUM_MOMENTUM + d];
+            for (int d = 0; d < dim; d++) sum[d] += part[(GR_SUM_MOMENTUM + d) * GR_LANES];
         }
         const double m = e->node_mass[n];
         const struct gr_wall *wall = gr_wall_now(e, e->mesh.node_code[n]);
@@ -174,7 +172,7 @@ void gr_grid_smooth(struct gr_engine *e, int64_t first, int64_t last, int pass)
             const double v = m > e->config.mass_cutoff && !(wall->fixed >> d & 1) ? sum[d] / m : 0;
             e->node_v[n * dim + d] = v;
             if (e->watch && wall->fixed >> d & 1) e->watch->node[n * dim + d] += rest * sum[d];
-            if (m > e->config.mass_cutoff) e->node_data[n * e->node_stride + GR_NODE_UPDATE(dim) + d] += share * v;
+            if (m > e->config.mass_cutoff) gr_node_field(e, GR_NODE_UPDATE(dim) + d)[n] += share * v;
         }
     }
 }

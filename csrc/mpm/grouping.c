@@ -1,5 +1,6 @@
-/* Grouping of the points by cell. Every cell that holds points, and each of its neighbours, owns a run of places in the
- * point arrays. Only these active cells and their nodes exist for the kernels, so that memory grows with the material. */
+/* Grouping of the points by cell. Every cell that holds points, and each of its neighbours, owns a lane of a tile, with the
+ * same number of places for each cell of the tile. Only these active cells and their nodes exist for the kernels, so that
+ * memory grows with the material. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -7,14 +8,15 @@
 #include "mpm/migrate.h"
 #include "mpm/wall_impulse.h"
 
-/* Capacity of a cell: whole vectors, with some spare places beyond its present and the usual number of points. Neither
- * a cell that gains many points nor a front that enters empty cells then requires a regrouping in every step. An empty
- * cell has a single vector: a front fills it slowly, and soon needs the cells beyond it, for which all are regrouped. */
-static int32_t places(int32_t count, int32_t usual)
+/* Number of rows of a tile whose fullest cell has `most` points: some more than it has or a cell usually has. Neither a cell
+ * that gains many points nor a front that enters empty cells then requires a regrouping in every step. An empty tile has
+ * few: a front fills it slowly, and soon needs the cells beyond it, for which all are regrouped. */
+static int32_t rows_of_tile(int32_t most, int32_t usual)
 {
-    if (!count) return GR_LANES;
-    const int32_t many = count > usual ? count : usual, spare = many / 8 + 2;
-    return (many + spare + GR_LANES - 1) / GR_LANES * GR_LANES;
+    enum { EMPTY_ROWS = 4 };
+    if (!most) return EMPTY_ROWS;
+    const int32_t many = most > usual ? most : usual;
+    return many + many / 8 + 2;
 }
 
 /* Buffers that are too small become larger than needed by one part in this number, as material that spreads soon needs
@@ -29,7 +31,7 @@ static int compare_ids(const void *a, const void *b)
 
 /* Work space of a regrouping, between the old order of the points and the new. */
 struct regroup {
-    int64_t n, n_cells, total;
+    int64_t n, n_cells, n_tiles, total;
     int32_t usual;    /* mean number of points of an occupied cell */
     int64_t *source;  /* per point: its old place, or -1 - k for pending point k */
     int64_t *cell_id; /* per point: index of its cell in the grid; then number of its new cell; then its new place */
@@ -78,11 +80,11 @@ static int list_points(struct gr_engine *e, struct regroup *r)
 {
     int error = GR_OK;
     double x[3] = {0};
-    const int64_t groups = e->mesh.n_cells ? e->mesh.n_cells : 1;
-    for (int64_t g = 0; g < groups; g++) {
-        const int64_t first = e->mesh.n_cells ? e->mesh.cell[g].offset : 0;
-        const int64_t count = e->mesh.n_cells ? e->mesh.cell[g].count : e->n_points;
-        for (int64_t slot = first; !error && slot < first + count; slot++) {
+    const int grouped = e->mesh.n_cells > 0;
+    for (int64_t g = 0; g < (grouped ? e->mesh.n_cells : 1); g++) {
+        const struct gr_cell *cell = grouped ? &e->mesh.cell[g] : 0;
+        for (int64_t k = 0; !error && k < (cell ? cell->count : e->n_points); k++) {
+            const int64_t slot = cell ? gr_slot(cell, k) : k;
             for (int d = 0; d < e->config.dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + slot];
             error = add_point(e, r, slot, x, e->id[slot]);
         }
@@ -150,6 +152,14 @@ static void number_cells(struct gr_engine *e, struct regroup *r)
     }
 }
 
+/* Number of rows of the tile that begins with a cell. */
+static int32_t rows_from(const struct regroup *r, int64_t first)
+{
+    int32_t most = 0;
+    for (int64_t c = first; c < first + GR_LANES && c < r->n_cells; c++) most = r->counts[c] > most ? r->counts[c] : most;
+    return rows_of_tile(most, r->usual);
+}
+
 /* List the occupied cells and their neighbours, and count the points of each. next_of, set here, becomes cell_of. */
 static int list_cells(struct gr_engine *e, struct regroup *r)
 {
@@ -185,7 +195,7 @@ static int list_cells(struct gr_engine *e, struct regroup *r)
     number_cells(e, r);
     for (int64_t p = 0; p < r->n; p++) r->counts[r->cell_id[p]]++;
     r->usual = occupied ? (int32_t)(r->n / occupied) : 0;
-    for (int64_t c = 0; c < r->n_cells; c++) r->total += places(r->counts[c], r->usual);
+    for (int64_t c = 0; c < r->n_cells; c += GR_LANES) r->total += GR_LANES * rows_from(r, c);
     return GR_OK;
 }
 
@@ -193,14 +203,24 @@ static int reserve_mesh(struct gr_engine *e, int64_t n_cells)
 {
     struct gr_mesh *mesh = &e->mesh;
     if (n_cells <= mesh->cell_capacity && e->sums) return GR_OK;
-    const int64_t capacity = n_cells + n_cells / 2 + 8;
+    const int64_t tiles = (n_cells + n_cells / 2) / GR_LANES + 2, capacity = tiles * GR_LANES;
     mesh->cell_capacity = 0;
     GR_RESIZE(mesh->cell, capacity);
     GR_RESIZE(mesh->cell_node, capacity * e->K);
+    GR_RESIZE(mesh->tile_state, tiles);
+    GR_RESIZE(mesh->tile_in_row, tiles);
     if (e->fluidity) GR_RESIZE(mesh->place, capacity);
     if (e->n_thin) GR_RESIZE(mesh->paired, capacity);
-    GR_RESIZE(e->dirty, 2 * capacity);
-    GR_RESIZE(e->sums, (capacity + 1) * e->sum_stride);
+    if (e->config.cell_averaged) {
+        GR_RESIZE(mesh->beside, capacity * 2 * e->config.dim);
+        GR_RESIZE(e->average, capacity * GR_AVERAGES(e->config.dim));
+    }
+    if (e->fluidity && e->config.nonlocal.substeps > 1) {
+        GR_RESIZE(e->substep_mass, capacity);
+        GR_RESIZE(e->substep_flow, capacity);
+    }
+    GR_RESIZE(e->dirty, tiles);
+    GR_RESIZE(e->sums, (tiles + 1) * e->sum_stride);
     mesh->cell_capacity = capacity;
     return GR_OK;
 }
@@ -215,7 +235,8 @@ static int reserve_nodes(struct gr_engine *e, int64_t n)
     GR_RESIZE(mesh->node_code, capacity);
     GR_RESIZE(mesh->node_volume, capacity);
     GR_RESIZE(mesh->node_id, capacity);
-    GR_RESIZE(e->node_data, capacity * e->node_stride + 2 * GR_LANES);
+    e->node_places = capacity + GR_LANES;
+    GR_RESIZE(e->node_data, e->node_fields * e->node_places);
     GR_RESIZE(e->node_mass, capacity);
     GR_RESIZE(e->node_v, capacity * e->config.dim);
     if (e->watch) GR_RESIZE(e->watch->node, capacity * e->config.dim);
@@ -255,26 +276,34 @@ static void move_points(struct gr_engine *e, struct regroup *r)
 static void place_cells(struct gr_engine *e, struct regroup *r)
 {
     int64_t offset = 0;
+    int32_t rows = 0;
     const struct gr_table old = e->mesh.cell_of;
     e->mesh.cell_of = e->mesh.next_of;
     e->mesh.next_of = old;
     e->mesh.n_paired = 0;
     for (int64_t c = 0; c < r->n_cells; c++) {
         struct gr_cell *cell = &e->mesh.cell[c];
-        cell->offset = offset;
-        cell->count = 0;
-        cell->capacity = places(r->counts[c], r->usual);
-        cell->dirty = 0;
+        if (c % GR_LANES == 0) rows = rows_from(r, c);
+        cell->offset = offset + c % GR_LANES;
+        cell->count = cell->summed = 0;
+        cell->capacity = rows;
         cell->side = r->sides ? r->sides[c] : 0;
         if (cell->side == 1) e->mesh.paired[e->mesh.n_paired++] = c;
         decode(e, r->cells[c], cell->at);
         cell->flags = gr_map_get(&e->config.cell_flags, cell->at);
-        offset += cell->capacity;
+        if ((c + 1) % GR_LANES == 0) offset += GR_LANES * rows;
     }
     e->mesh.n_cells = r->n_cells;
+    e->mesh.n_tiles = (r->n_cells + GR_LANES - 1) / GR_LANES;
+    for (int64_t c = r->n_cells; c < e->mesh.n_tiles * GR_LANES; c++) { /* fill up the last tile */
+        e->mesh.cell[c] = e->mesh.cell[c - 1];
+        e->mesh.cell[c].offset++;
+        e->mesh.cell[c].side = 0;
+    }
+    memset(e->mesh.tile_state, GR_TILE_SUMMED, (size_t)e->mesh.n_tiles);
     for (int64_t p = 0; p < r->n; p++) {
         struct gr_cell *cell = &e->mesh.cell[r->cell_id[p]];
-        r->cell_id[p] = cell->offset + cell->count++;
+        r->cell_id[p] = gr_slot(cell, cell->count++);
     }
 }
 
@@ -322,7 +351,8 @@ static void describe_node(struct gr_engine *e, int64_t n)
     }
     mesh->node_code[n] = gr_map_get(&e->config.node_codes, at);
     for (int i = 0; i < e->K; i++)
-        mesh->node_source[n * e->K + i] = mesh->n_cells * e->sum_stride + (e->K - 1 - i) * GR_SUM_DAMPED(e->config.dim);
+        mesh->node_source[n * e->K + i] =
+            mesh->n_tiles * e->sum_stride + (e->K - 1 - i) * GR_SUM_DAMPED(e->config.dim) * GR_LANES;
 }
 
 /* Clear the nodal fields, which belong to the old nodes: G2P before the next grid stage then finds all nodes at rest. */
@@ -330,7 +360,7 @@ static void clear_nodes(struct gr_engine *e)
 {
     const size_t n = (size_t)e->mesh.n_nodes * sizeof(double);
     if (!n) return;
-    memset(e->node_data, 0, n * (size_t)e->node_stride + 2 * GR_LANES * sizeof(double));
+    memset(e->node_data, 0, sizeof(double) * (size_t)(e->node_fields * e->node_places));
     memset(e->node_mass, 0, n);
     memset(e->node_v, 0, n * (size_t)e->config.dim);
 }
@@ -373,6 +403,43 @@ static void number_nodes(struct gr_engine *e, const int64_t *ids, int64_t n_ids)
     }
 }
 
+/* Find out which local nodes of the cells of a tile follow each other. */
+static void find_rows(struct gr_engine *e)
+{
+    for (int64_t tile = 0; tile < e->mesh.n_tiles; tile++) {
+        const int32_t *node = e->mesh.cell_node + tile * e->K * GR_LANES;
+        e->mesh.tile_in_row[tile] = 0;
+        for (int i = 0; i < e->K; i++, node += GR_LANES) {
+            int in_row = 1;
+            for (int l = 1; l < GR_LANES; l++) in_row &= node[l] == node[0] + l;
+            e->mesh.tile_in_row[tile] |= (uint32_t)in_row << i;
+        }
+    }
+}
+
+/* Index of the neighbour of a cell along axis d, low or high; see enum gr_beside. */
+static int64_t cell_beside(const struct gr_engine *e, const struct gr_cell *cell, int d, int high)
+{
+    int32_t at[3];
+    memcpy(at, cell->at, sizeof at);
+    if (cell->flags / GR_CELL_WALL >> (2 * d + high) & 1) return GR_BESIDE_CLOSED;
+    at[d] += high ? 1 : -1;
+    if (at[d] < 0 || at[d] >= e->axis[d].n_cells) {
+        if (!e->axis[d].periodic) return GR_BESIDE_CLOSED;
+        at[d] = high ? 0 : e->axis[d].n_cells - 1;
+    }
+    const int64_t index = (int64_t)gr_table_get(&e->mesh.cell_of, gr_cell_id(e, at)) - 1;
+    return index < 0 ? GR_BESIDE_NO_POINTS : index;
+}
+
+static void find_neighbours(struct gr_engine *e)
+{
+    const int sides = 2 * e->config.dim;
+    for (int64_t c = 0; c < e->mesh.n_tiles * GR_LANES; c++)
+        for (int k = 0; k < sides; k++)
+            e->mesh.beside[c * sides + k] = (int32_t)cell_beside(e, &e->mesh.cell[c], k / 2, k % 2);
+}
+
 /* Connect the nodes and the active cells: for each cell its nodes, and for each node where its sums over each of its
  * cells are, in the order of cells. */
 static int connect_nodes(struct gr_engine *e)
@@ -387,14 +454,16 @@ static int connect_nodes(struct gr_engine *e)
     mesh->n_nodes = n_nodes;
     clear_nodes(e);
     number_nodes(e, ids, n_ids);
-    for (int64_t c = 0; c < mesh->n_cells; c++)
+    for (int64_t c = 0; c < mesh->n_tiles * GR_LANES; c++)
         for (int a = 0; a < K; a++) {
             int32_t n = gr_table_get(&mesh->node_of, node_id_of(e, &mesh->cell[c], a)) - 1;
             if (e->n_thin && mesh->duplicate[n] >= 0) n += mesh->cell[c].side < 0;
-            mesh->cell_node[c * K + a] = n;
-            if (is_beyond(e, &mesh->cell[c], a)) continue;
-            mesh->node_source[(int64_t)n * K + K - 1 - a] = c * e->sum_stride + a * GR_SUM_DAMPED(e->config.dim);
+            mesh->cell_node[(c / GR_LANES * K + a) * GR_LANES + c % GR_LANES] = n;
+            if (c >= mesh->n_cells || is_beyond(e, &mesh->cell[c], a)) continue;
+            mesh->node_source[(int64_t)n * K + K - 1 - a] =
+                gr_sums_of_cell(e, c) + a * GR_SUM_DAMPED(e->config.dim) * GR_LANES;
         }
+    find_rows(e);
     error = GR_OK;
 out:
     if (error) gr_table_clear(&mesh->node_of);
@@ -436,13 +505,14 @@ int gr_regroup(struct gr_engine *e)
     e->n_pending = 0;
     e->sums_valid = 0;
     e->n_dirty = 0;
-    for (int64_t c = 0; c < e->mesh.n_cells; c++)
-        for (int32_t i = e->mesh.cell[c].count; i < e->mesh.cell[c].capacity; i++)
-            gr_clear_place(e, &e->mesh.cell[c], e->mesh.cell[c].offset + i);
+    for (int64_t c = 0; c < e->mesh.n_tiles * GR_LANES; c++)
+        for (int32_t k = e->mesh.cell[c].count; k < e->mesh.cell[c].capacity; k++)
+            gr_clear_place(e, &e->mesh.cell[c], gr_slot(&e->mesh.cell[c], k));
+    if (e->config.cell_averaged) find_neighbours(e);
     error = connect_nodes(e);
     if (!error && e->fluidity) error = cover_cells(e, &r);
     e->disconnected = error != GR_OK; /* the points are grouped, but the mesh must be made again */
-    memset(e->sums, 0, sizeof(double) * (size_t)((e->mesh.n_cells + 1) * e->sum_stride));
+    memset(e->sums, 0, sizeof(double) * (size_t)((e->mesh.n_tiles + 1) * e->sum_stride));
 out:
     free(r.source);
     free(r.cell_id);

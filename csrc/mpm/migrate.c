@@ -84,7 +84,7 @@ int gr_reserve_pending(struct gr_engine *e, int64_t n)
 /* Fill the gap of a removed point with the last point of its cell. */
 static void close_hole(struct gr_engine *e, struct gr_cell *cell, int64_t slot, double *record)
 {
-    const int64_t last = cell->offset + --cell->count;
+    const int64_t last = gr_slot(cell, --cell->count);
     if (slot != last) {
         pack(e, last, record);
         unpack(e, slot, record, e->id[last]);
@@ -165,21 +165,28 @@ static int refuse(struct gr_engine *e, const struct gr_migrants *list, int lists
             struct gr_cell *cell = &e->mesh.cell[list[t].from[k].cell];
             const double *record = list[t].record + k * e->n_components;
             if (!error && (error = check(e, cell, record))) (void)fail(e, error, record, list[t].id[k]);
-            unpack(e, cell->offset + cell->count++, record, list[t].id[k]);
+            unpack(e, gr_slot(cell, cell->count++), record, list[t].id[k]);
         }
     return error;
 }
 
-/* Put a point into an active cell; `dirty` lists the cells that gain points.
+/* Note that the sums of a tile lack something, and list the tile unless it is listed already. */
+static void mark(struct gr_engine *e, int64_t index, enum gr_tile_state state, int64_t *dirty, int64_t *n_dirty)
+{
+    uint8_t *now = &e->mesh.tile_state[index / GR_LANES];
+    if (*now == GR_TILE_SUMMED) dirty[(*n_dirty)++] = index / GR_LANES;
+    if (*now < state) *now = (uint8_t)state;
+}
+
+/* Put a point into an active cell; `dirty` lists the tiles that gain points.
  * Returned: 0 if the cell is full. */
 static int put(struct gr_engine *e, int64_t index, double *record, int64_t id, int64_t *dirty, int64_t *n_dirty)
 {
     struct gr_cell *cell = &e->mesh.cell[index];
     if (e->n_thin) record[gr_component_of(e, GR_FIELD_side)] = GR_IS_DOUBLE(cell) ? cell->side : 0;
     if (cell->count == cell->capacity) return 0;
-    unpack(e, cell->offset + cell->count++, record, id);
-    if (!cell->dirty) dirty[(*n_dirty)++] = index;
-    cell->dirty = 1;
+    unpack(e, gr_slot(cell, cell->count++), record, id);
+    mark(e, index, GR_TILE_GAINED, dirty, n_dirty);
     return 1;
 }
 
@@ -203,7 +210,7 @@ static int64_t bring_back(struct gr_engine *e, const struct gr_cell *from, doubl
     return GR_TO_NOWHERE;
 }
 
-/* The points that arrive in a step, to be inserted by a team, each chunk into cells of its own. */
+/* The points that arrive in a step, to be inserted by a team, each chunk into tiles of its own. */
 struct arrivals {
     struct gr_engine *e;
     struct gr_migrants *list;
@@ -220,14 +227,16 @@ static void insert_chunk(void *context, int64_t chunk, int t)
     struct gr_engine *e = a->e;
     int64_t first, last, n = 0;
     (void)t;
-    gr_share(e->mesh.n_cells, chunk, a->chunks, &first, &last);
+    gr_share(e->mesh.n_tiles, chunk, a->chunks, &first, &last);
+    int64_t *const dirty = e->dirty + first;
+    first *= GR_LANES, last *= GR_LANES;
     a->full[chunk] = 0;
     for (int l = 0; l < a->lists; l++) {
         const struct gr_migrants *list = &a->list[l];
         for (int64_t k = 0; k < list->count && list->highest >= first && list->lowest < last; k++) {
             struct gr_migrant *migrant = &list->from[k];
             if (migrant->to < first || migrant->to >= last) continue;
-            if (put(e, migrant->to, list->record + k * e->n_components, list->id[k], e->dirty + first, &n)) continue;
+            if (put(e, migrant->to, list->record + k * e->n_components, list->id[k], dirty, &n)) continue;
             migrant->slot = WAITS; /* not `to`, which other threads read */
             a->full[chunk] = 1;
         }
@@ -264,11 +273,11 @@ int gr_migrate(struct gr_engine *e, struct gr_migrants *list, int lists, struct 
     for (int l = 0; l < lists; l++) invalid += list[l].invalid, count += list[l].count;
     if (invalid) return refuse(e, list, lists); /* the state before migration */
     int64_t waiting = bring_back_all(e, list, lists);
-    struct arrivals a = {.e = e, .list = list, .lists = lists, .chunks = count > FEW ? gr_chunks(team, e->mesh.n_cells) : 1};
+    struct arrivals a = {.e = e, .list = list, .lists = lists, .chunks = count > FEW ? gr_chunks(team, e->mesh.n_tiles) : 1};
     gr_team_run(a.chunks > 1 ? team : NULL, insert_chunk, &a, a.chunks);
     for (int64_t chunk = 0; chunk < a.chunks; chunk++) {
         int64_t first, last;
-        gr_share(e->mesh.n_cells, chunk, a.chunks, &first, &last);
+        gr_share(e->mesh.n_tiles, chunk, a.chunks, &first, &last);
         memmove(e->dirty + e->n_dirty, e->dirty + first, sizeof(int64_t) * (size_t)a.n_dirty[chunk]);
         e->n_dirty += a.n_dirty[chunk];
         waiting += a.full[chunk];
@@ -286,12 +295,8 @@ static void insert(struct gr_engine *e, int64_t index, double *record, int64_t i
     if (index == GR_TO_NO_CELL || !put(e, index, record, id, e->dirty, &e->n_dirty)) wait(e, record, id);
 }
 
-/* Note that a cell has lost a point. */
-static void mark_dirty(struct gr_engine *e, int64_t index)
-{
-    if (!e->mesh.cell[index].dirty) e->dirty[e->n_dirty++] = index;
-    e->mesh.cell[index].dirty = 1;
-}
+/* Note that the points of a cell have changed. */
+static void mark_changed(struct gr_engine *e, int64_t index) { mark(e, index, GR_TILE_CHANGED, e->dirty, &e->n_dirty); }
 
 void gr_change_sides(struct gr_engine *e)
 {
@@ -299,14 +304,15 @@ void gr_change_sides(struct gr_engine *e)
         const int64_t index = e->mesh.paired[k / 2] + k % 2;
         struct gr_cell *cell = &e->mesh.cell[index];
         if (!cell->count || gr_cell_faces_thin(e, cell->at)) continue;
-        for (int64_t slot = cell->offset; slot < cell->offset + cell->count; slot++) {
+        for (int32_t s = 0; s < cell->count; s++) {
+            const int64_t slot = gr_slot(cell, s);
             double *record = e->pending + e->n_pending * e->n_components, x[3] = {0};
             for (int d = 0; d < e->config.dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + slot];
             if (gr_point_side(e, x, cell->side) == cell->side) continue;
             const int64_t id = e->id[slot];
             pack(e, slot, record);
-            close_hole(e, cell, slot--, record + e->n_components);
-            mark_dirty(e, index);
+            close_hole(e, cell, slot, record + e->n_components), s--;
+            mark_changed(e, index);
             insert(e, index + cell->side, record, id);
         }
     }
@@ -318,7 +324,7 @@ int gr_replace_point(struct gr_engine *e, int64_t index, int64_t slot, const dou
     double *record = e->pending + e->n_pending * e->n_components;
     const int64_t id = e->id[slot];
     int same = 1;
-    mark_dirty(e, index);
+    mark_changed(e, index);
     for (int d = 0; d < e->config.dim; d++) {
         e->field[GR_FIELD_x][d * e->capacity + slot] = x[d];
         same &= gr_locate(&e->axis[d], e->inv_dx, x[d]) == cell->at[d];

@@ -8,11 +8,11 @@
  * weight. Particle shifting adds -m shift_velocity/dt to the force, which takes back the momentum that the shift gave.
  * Where the density is averaged, further sums follow (smoothed_density.inl).
  *
- * Each cell writes a block of sums of its own. The grid stage then sums over the cells of a node in a fixed order
- * (grid.c), so that the result does not depend on the number of threads.
+ * Each cell has sums of its own, in the order of its points. The grid stage then sums over the cells of a node in a fixed
+ * order (grid.c), so that the result depends neither on the number of threads nor on the cells of a tile.
  *
- * A cell is processed a few blocks of points at a time. First the contributions of these blocks are prepared. Then they
- * are added to one row of nodes after the other, because the running sums of a row fit the registers. */
+ * A lane is a cell. A few rows of points are worked on at a time: first their contributions are prepared, and then they are
+ * added to one row of nodes after the other, because the running sums of a row fit the registers. */
 #include "mpm/contribution.h"
 
 /* exp(-c), for V = m exp(-c)/rho_c. It matters only in the lanes that `carry` stress; in others the result is finite
@@ -31,9 +31,9 @@ GR_INLINE vd inverse_density(vd c, vm carry)
     return v_select(large, v_exp(-v_clamp(c, -600.0, 600.0)), e);
 }
 
-/* Prepare w, grad w, x_i - x, m, v and C dx of the block at place `at`. */
+/* Prepare w, grad w, x_i - x, m, v and C dx of the points at the places from `at` on, which count where `counted`. */
 GR_INLINE void prepare_momentum(const int dim, const int basis, const int affine, const struct gr_engine *e,
-                                const struct gr_frame *frame, int64_t at, struct contribution *contribution)
+                                const struct gr_frame *frame, int64_t at, vm counted, struct contribution *contribution)
 {
     const int k = gr_nodes_1d(basis);
     struct gr_shape s;
@@ -48,7 +48,7 @@ GR_INLINE void prepare_momentum(const int dim, const int basis, const int affine
         for (int j = 0; affine && j < dim; j++)
             contribution->affine[d][j] = v_set(e->config.dx) * component(e, GR_FIELD_affine, d * dim + j, at);
     }
-    contribution->m = component(e, GR_FIELD_mass, 0, at);
+    contribution->m = v_keep(counted, component(e, GR_FIELD_mass, 0, at));
 }
 
 /* Prepare -V sigma/dx and the force that takes back the momentum of the shift. */
@@ -124,10 +124,11 @@ GR_INLINE void add_force(const int dim, const int basis, const int smoothed, con
 /* Sums of a pass over the rows: m and p, f, or those of the density. */
 enum { MOMENTUM = 1, FORCE = 2, DENSITY = 4 };
 
-/* Contributions of n blocks, row by row: acc[node * rows + first...] = the sums `what` of each node, which has `rows`
- * sums in all. */
+/* Add the contributions of n rows of points to the sums `what`, row of nodes by row: sums first... of each node, which has
+ * `rows` sums in all. The sums begin at zero if `fresh`. */
 GR_INLINE void add_rows(const int dim, const int basis, const int affine, const int smoothed, const int what,
-                        const struct contribution *contribution, int n, const int rows, const int first, vd *acc)
+                        const struct contribution *contribution, int n, const int rows, const int first, int fresh,
+                        double *out)
 {
     const int k = gr_nodes_1d(basis), K = gr_power(k, dim);
     const int width =
@@ -136,6 +137,8 @@ GR_INLINE void add_rows(const int dim, const int basis, const int affine, const 
         const struct row row = {bc % k, bc / k};
         vd sum[3][7];
         for (int i = 0; i < k * width; i++) sum[i / width][i % width] = v_zero();
+        for (int i = 0; !fresh && i < k * width; i++)
+            sum[i / width][i % width] = v_load(out + ((bc * k + i / width) * rows + first + i % width) * GR_LANES);
         GR_ROLLED
         for (int i = 0; i < n; i++) {
             if (what & MOMENTUM) add_momentum(dim, basis, affine, contribution + i, row, sum);
@@ -143,41 +146,55 @@ GR_INLINE void add_rows(const int dim, const int basis, const int affine, const 
             if (what & DENSITY) add_density(dim, basis, contribution + i, row, sum);
         }
         for (int a = 0; a < k; a++)
-            for (int q = 0; q < width; q++) acc[(bc * k + a) * rows + first + q] = sum[a][q];
+            for (int q = 0; q < width; q++) v_store(out + ((bc * k + a) * rows + first + q) * GR_LANES, sum[a][q]);
     }
 }
 
-/* Sum the lanes of n vectors, and add the results to `out` or store them there. Whole groups of GR_SUMS are written;
- * out has the capacity for them. */
-GR_INLINE void store_sums(double *out, vd *acc, const int n, int add)
+/* The points of GR_W cells of a tile that P2G adds to their sums: rows [begin, end), in a lane from its first row on. */
+struct summed {
+    int begin, end;
+    vd first;
+};
+
+/* All points of the cells from `first` on, or those that are not in their sums yet. */
+GR_INLINE struct summed points_to_sum(struct gr_engine *e, int64_t first, int more)
 {
-    for (int i = n; i % GR_SUMS; i++) acc[i] = v_zero();
-    for (int i = 0; i < n; i += GR_SUMS) {
-        double sum[GR_SUMS];
-        v_sums(sum, acc + i);
-        for (int j = 0; j < GR_SUMS; j++) out[i + j] = add ? out[i + j] + sum[j] : sum[j];
+    struct summed found = {more ? INT32_MAX : 0, 0, v_zero()};
+    double done[GR_W];
+    for (int l = 0; l < GR_W; l++) {
+        struct gr_cell *cell = &e->mesh.cell[first + l];
+        done[l] = more ? cell->summed : 0;
+        if (more && cell->count > cell->summed && cell->summed < found.begin) found.begin = cell->summed;
+        if (cell->count > found.end) found.end = cell->count;
+        cell->summed = cell->count;
     }
+    if (found.begin > found.end) found.begin = found.end;
+    found.first = v_load(done);
+    return found;
 }
 
-/* P2G of one cell. */
-GR_INLINE void p2g_cell(const int dim, const int basis, const int affine, const int smoothed, struct gr_engine *e,
-                        int64_t index)
+/* P2G of the cells from `first` on, for all their points or for those that arrived (`more`). */
+GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const int smoothed, struct gr_engine *e,
+                         int64_t first, int more)
 {
-    const struct gr_cell *cell = &e->mesh.cell[index];
-    const int K = gr_power(gr_nodes_1d(basis), dim), rows = GR_SUM_DAMPED(dim), blocks = GR_BLOCKS(cell->count);
+    const int K = gr_power(gr_nodes_1d(basis), dim), rows = GR_SUM_DAMPED(dim);
+    const struct summed summed = points_to_sum(e, first, more);
+    double *out = e->sums + gr_sums_of_cell(e, first), *own = out + K * rows * GR_LANES;
     struct gr_frame frame;
-    gr_frame_of(dim, e, cell, &frame);
-    double *out = e->sums + index * e->sum_stride;
     struct contribution contribution[CHUNK];
-    vd acc[GR_SUM_DAMPED(3) * GR_MAX_NODES + 2 + GR_SUMS];
     const int averages = smoothed && e->sums_average;
-    for (int i = 0; !blocks && i < e->sum_stride; i++) out[i] = 0; /* all: empty cells are not visited in each step */
-    for (int done = 0; done < blocks; done += CHUNK) {
-        const int n = blocks - done < CHUNK ? blocks - done : CHUNK;
-        vd damped = v_zero(), mass = v_zero();
+    int fresh = !more;
+    if (more && summed.begin == summed.end) return;
+    for (int i = 0; !summed.end && i < e->sum_stride; i += GR_LANES) v_store(out + i, v_zero());
+    gr_frame_of(dim, basis, affine || averages, e, first, &frame);
+    for (int done = summed.begin; done < summed.end; done += CHUNK, fresh = 0) {
+        const int n = summed.end - done < CHUNK ? summed.end - done : CHUNK;
+        vd damped = fresh ? v_zero() : v_load(own + GR_CELL_M_DAMPING * GR_LANES);
+        vd mass = fresh ? v_zero() : v_load(own + GR_CELL_M * GR_LANES);
         for (int i = 0; i < n; i++) {
-            const int64_t at = cell->offset + (done + i) * GR_W;
-            prepare_momentum(dim, basis, affine, e, &frame, at, &contribution[i]);
+            const int64_t at = gr_slot(&e->mesh.cell[first], done + i);
+            const vm counted = v_ge(v_set(done + i), summed.first);
+            prepare_momentum(dim, basis, affine, e, &frame, at, counted, &contribution[i]);
             prepare_force(dim, smoothed, e, at, &contribution[i]);
             if (averages) prepare_density(dim, e, at, &contribution[i]);
             if (!smoothed || !(e->config.damping_rate > 0)) continue;
@@ -185,16 +202,17 @@ GR_INLINE void p2g_cell(const int dim, const int basis, const int affine, const 
             damped = v_fma(contribution[i].m, component(e, GR_FIELD_damping, 0, at), damped);
         }
         if (K <= 4) { /* all sums of a row fit the registers */
-            add_rows(dim, basis, affine, smoothed, MOMENTUM | FORCE, contribution, n, rows, 0, acc);
+            add_rows(dim, basis, affine, smoothed, MOMENTUM | FORCE, contribution, n, rows, 0, fresh, out);
         } else {
-            add_rows(dim, basis, affine, smoothed, MOMENTUM, contribution, n, rows, 0, acc);
-            add_rows(dim, basis, affine, smoothed, FORCE, contribution, n, rows, GR_SUM_FORCE(dim), acc);
+            add_rows(dim, basis, affine, smoothed, MOMENTUM, contribution, n, rows, 0, fresh, out);
+            add_rows(dim, basis, affine, smoothed, FORCE, contribution, n, rows, GR_SUM_FORCE(dim), fresh, out);
         }
-        if (smoothed) acc[K * rows] = damped, acc[K * rows + 1] = mass;
-        store_sums(out, acc, K * rows + 2 * smoothed, done);
-        if (!averages) continue;
-        add_rows(dim, basis, affine, smoothed, DENSITY, contribution, n, GR_DENSITY_SUMS(dim), 0, acc);
-        store_sums(out + e->density_sums, acc, K * GR_DENSITY_SUMS(dim), done);
+        if (averages)
+            add_rows(dim, basis, affine, smoothed, DENSITY, contribution, n, GR_DENSITY_SUMS(dim), 0, fresh,
+                     out + e->density_sums);
+        if (!smoothed) continue;
+        v_store(own + GR_CELL_DAMPED * GR_LANES, v_keep(v_gt(damped, v_zero()), damped / v_max(mass, v_set(1e-300))));
+        v_store(own + GR_CELL_M_DAMPING * GR_LANES, damped);
+        v_store(own + GR_CELL_M * GR_LANES, mass);
     }
-    if (smoothed && blocks) out[K * rows] = out[K * rows] > 0 ? out[K * rows] / out[K * rows + 1] : 0;
 }

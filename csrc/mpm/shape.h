@@ -14,104 +14,125 @@ struct gr_shape {
     vd r[3][3]; /* position of the node relative to the point, in cells */
 };
 
-/* Position of a cell, common to its points. */
+/* What shape functions depend on along an axis, in the cells of a vector. */
+struct gr_knots {
+    vd low, high; /* quadratic: coefficients of (1 - xi)^2 and xi^2 */
+    vd clipped;   /* ugimp: 1 where the boxes of points end at the node of the cell, else 0 */
+};
+
+/* The cells of a vector, one a lane: cells `first` to first + GR_W - 1 of a tile. */
 struct gr_frame {
-    const struct gr_axis_cell *axis[3];
     vd edge[3], inv_dx;
+    struct gr_knots knots[3];
+    vd position[3][3]; /* of the nodes, in cells from the edge; only if asked for */
     double lambda;
 };
 
 GR_INLINE int gr_power(int k, int dim) { return dim == 2 ? k * k : k * k * k; }
 GR_INLINE int gr_nodes_1d(const int basis) { return basis == GR_LINEAR ? 2 : 3; }
 
-/* Look up the frame of a cell. Beyond the dimension nothing is set, and nothing is used. */
-GR_INLINE void gr_frame_of(const int dim, const struct gr_engine *e, const struct gr_cell *cell, struct gr_frame *frame)
+/* Numbers of the GR_W cells from `first` on, along axis d: member(cell) of each. Most tiles are a part of a row of cells:
+ * along the other axes they have the same place. */
+#define GR_OF_CELLS(e, first, d, member)                                                                  \
+    ({                                                                                                    \
+        const struct gr_cell *const of_cell = (e)->mesh.cell + (first);                                   \
+        const struct gr_axis_cell *const of_axis = (e)->axis[d].cell;                                     \
+        vd of_lanes = v_set(of_axis[of_cell->at[d]].member);                                              \
+        if (!(d) || of_cell->at[d] != of_cell[GR_W - 1].at[d]) {                                          \
+            double of_each[GR_W];                                                                         \
+            for (int of_l = 0; of_l < GR_W; of_l++) of_each[of_l] = of_axis[of_cell[of_l].at[d]].member;  \
+            of_lanes = v_load(of_each);                                                                   \
+        }                                                                                                 \
+        of_lanes;                                                                                         \
+    })
+
+/* Look up the frame of the cells from `first` on. Beyond the dimension nothing is set, and nothing is used. */
+GR_INLINE void gr_frame_of(const int dim, const int basis, const int positions, const struct gr_engine *e, int64_t first,
+                           struct gr_frame *frame)
 {
     frame->inv_dx = v_set(e->inv_dx);
     frame->lambda = e->config.lambda;
     for (int d = 0; d < dim; d++) {
-        frame->axis[d] = &e->axis[d].cell[cell->at[d]];
-        frame->edge[d] = v_set(frame->axis[d]->edge);
+        frame->edge[d] = GR_OF_CELLS(e, first, d, edge);
+        if (basis == GR_QUADRATIC) {
+            frame->knots[d].low = GR_OF_CELLS(e, first, d, coefficient[0][2]);
+            frame->knots[d].high = GR_OF_CELLS(e, first, d, coefficient[2][2]);
+        }
+        if (basis == GR_UGIMP) frame->knots[d].clipped = GR_OF_CELLS(e, first, d, clip);
+        for (int a = 0; positions && a < gr_nodes_1d(basis); a++)
+            frame->position[d][a] = GR_OF_CELLS(e, first, d, position[a]);
     }
 }
 
 /* Whatever its knots, a quadratic B-spline on a cell is low (1 - xi)^2, 1 - low (1 - xi)^2 - high xi^2, or high xi^2. */
-GR_INLINE double gr_low(const struct gr_axis_cell *cell) { return cell->coefficient[0][2]; }
-GR_INLINE double gr_high(const struct gr_axis_cell *cell) { return cell->coefficient[2][2]; }
-
-GR_INLINE void gr_shape_1d(const int basis, const struct gr_axis_cell *cell, double lambda, vd xi, vd w[3], vd g[3])
+GR_INLINE void gr_shape_1d(const int basis, const struct gr_knots *knots, double lambda, vd xi, vd w[3], vd g[3])
 {
     if (basis == GR_LINEAR) {
         w[0] = v_set(1.0) - xi, w[1] = xi;
         g[0] = v_set(-1.0), g[1] = v_set(1.0);
     } else if (basis == GR_QUADRATIC) {
         const vd one = v_set(1.0), rest = one - xi; /* for any knots: low (1 - xi)^2 and high xi^2 */
-        const vd low = v_set(gr_low(cell)) * rest, high = v_set(gr_high(cell)) * xi;
+        const vd low = knots->low * rest, high = knots->high * xi;
         w[0] = low * rest, w[2] = high * xi, w[1] = (one - w[0]) - w[2];
         g[0] = v_set(-2.0) * low, g[2] = high + high, g[1] = -g[2] - g[0];
     } else { /* ugimp: h(r) is the linear shape function of a neighbour, averaged over [r - lambda, r + lambda] */
         const vd r = xi - v_set(0.5), zero = v_zero(), one = v_set(1.0);
-        vd h[2], d[2];
+        const vm clipped = v_gt(knots->clipped, zero);
+        vd h[2], slope[2];
         for (int side = 0; side < 2; side++) {
-            const vd q = side ? r : -r;
-            if (cell->clip) { /* the box of a point ends at the node */
-                const vm inside = v_ge(q, zero);
-                h[side] = v_keep(inside, v_max(q, v_set(0.5) * (q + v_set(lambda))));
-                d[side] = v_keep(inside, one);
-            } else {
-                const vd t = v_clamp(q + v_set(lambda), 0.0, 2.0 * lambda);
-                h[side] = v_fma(t * t, v_set(0.25 / lambda), v_max(q - v_set(lambda), zero));
-                d[side] = t * v_set(0.5 / lambda);
-            }
+            const vd q = side ? r : -r, t = v_clamp(q + v_set(lambda), 0.0, 2.0 * lambda);
+            h[side] = v_fma(t * t, v_set(0.25 / lambda), v_max(q - v_set(lambda), zero));
+            slope[side] = t * v_set(0.5 / lambda);
+            if (!m_bits(clipped)) continue;
+            const vm inside = v_ge(q, zero); /* the box of a point ends at the node */
+            h[side] = v_select(clipped, v_keep(inside, v_max(q, v_set(0.5) * (q + v_set(lambda)))), h[side]);
+            slope[side] = v_select(clipped, v_keep(inside, one), slope[side]);
         }
         w[0] = h[0], w[2] = h[1], w[1] = (one - h[0]) - h[1];
-        g[0] = -d[0], g[2] = d[1], g[1] = d[0] - d[1];
+        g[0] = -slope[0], g[2] = slope[1], g[1] = slope[0] - slope[1];
     }
 }
 
-/* All shape functions of the block of points at place `at`. */
+/* All shape functions of the points at the places from `at` on. */
 GR_INLINE void gr_shapes(const int dim, const int basis, const struct gr_engine *e, const struct gr_frame *frame, int64_t at,
                          const int positions, struct gr_shape *s)
 {
     for (int d = 0; d < dim; d++) {
         s->xi[d] = (v_load(e->field[GR_FIELD_x] + d * e->capacity + at) - frame->edge[d]) * frame->inv_dx;
-        gr_shape_1d(basis, frame->axis[d], frame->lambda, s->xi[d], s->w[d], s->g[d]);
-        for (int a = 0; positions && a < gr_nodes_1d(basis); a++) s->r[d][a] = v_set(frame->axis[d]->position[a]) - s->xi[d];
+        gr_shape_1d(basis, &frame->knots[d], frame->lambda, s->xi[d], s->w[d], s->g[d]);
+        for (int a = 0; positions && a < gr_nodes_1d(basis); a++) s->r[d][a] = frame->position[d][a] - s->xi[d];
     }
 }
 
-/* Convert the nodal values of fields on a cell to modes. If the shape functions are polynomials in xi, the modes are
- * the coefficients of the powers of xi along each axis, and a value is a short Horner scheme. If `nodal`, the modes are
- * the nodal values themselves.
- * Changed: mode[node * stride + q] of n_fields fields, from values to modes, in whole vectors of fields. */
-GR_INLINE void gr_modes(const int dim, const int basis, const int nodal, const int n_fields, const int stride,
-                        const struct gr_frame *frame, double *mode)
+/* Convert the nodal values of a field to modes. If the shape functions are polynomials in xi, the modes are the
+ * coefficients of the powers of xi along each axis, and a value is a short Horner scheme. If `nodal`, the modes are the
+ * nodal values themselves. */
+GR_INLINE void gr_modes(const int dim, const int basis, const int nodal, const struct gr_frame *frame, vd *mode)
 {
     const int k = gr_nodes_1d(basis), K = gr_power(k, dim);
-    for (int q = 0; !nodal && q < n_fields; q += GR_W) {
-        vd m[GR_MAX_NODES];
+    vd m[GR_MAX_NODES];
+    if (nodal) return;
+    GR_UNROLLED
+    for (int i = 0; i < K; i++) m[i] = mode[i];
+    GR_UNROLLED
+    for (int d = 0; d < dim; d++) {
+        const int step = d == 0 ? 1 : d == 1 ? k : k * k;
         GR_UNROLLED
-        for (int i = 0; i < K; i++) m[i] = v_load(mode + i * stride + q);
-        GR_UNROLLED
-        for (int d = 0; d < dim; d++) {
-            const int step = d == 0 ? 1 : d == 1 ? k : k * k;
-            GR_UNROLLED
-            for (int i = 0; i < K; i++) {
-                if (i / step % k) continue; /* not the first node of a line along d */
-                const vd n0 = m[i], n1 = m[i + step], n2 = k == 3 ? m[i + 2 * step] : n1;
-                if (basis == GR_LINEAR) {
-                    m[i + step] = n1 - n0;
-                    continue;
-                }
-                const vd low = v_set(gr_low(frame->axis[d])) * (n0 - n1);
-                m[i] = n1 + low;
-                m[i + step] = v_set(-2.0) * low;
-                m[i + 2 * step] = v_fma(v_set(gr_high(frame->axis[d])), n2 - n1, low);
+        for (int i = 0; i < K; i++) {
+            if (i / step % k) continue; /* not the first node of a line along d */
+            const vd n0 = m[i], n1 = m[i + step], n2 = k == 3 ? m[i + 2 * step] : n1;
+            if (basis == GR_LINEAR) {
+                m[i + step] = n1 - n0;
+                continue;
             }
+            const vd low = frame->knots[d].low * (n0 - n1);
+            m[i] = n1 + low;
+            m[i + step] = v_set(-2.0) * low;
+            m[i + 2 * step] = v_fma(frame->knots[d].high, n2 - n1, low);
         }
-        GR_UNROLLED
-        for (int i = 0; i < K; i++) v_store(mode + i * stride + q, m[i]);
     }
+    GR_UNROLLED
+    for (int i = 0; i < K; i++) mode[i] = m[i];
 }
 
 /* Value and derivative along axis d, from the modes m. */
@@ -132,10 +153,10 @@ GR_INLINE void gr_along(const int basis, const int nodal, const struct gr_shape 
     }
 }
 
-/* Value at the points of the field with the modes mode[0], mode[stride], ..., and its gradient per cell. If `nodal`, g
- * are the weights of the derivatives. The compiler omits what a caller does not use. */
-GR_INLINE vd gr_interpolate(const int dim, const int basis, const int nodal, const double *mode, const int stride,
-                            const struct gr_shape *s, const vd g[3][3], vd gradient[3])
+/* Value at the points of the field with these modes, and its gradient per cell. If `nodal`, g are the weights of the
+ * derivatives. The compiler omits what a caller does not use. */
+GR_INLINE vd gr_interpolate(const int dim, const int basis, const int nodal, const vd *mode, const struct gr_shape *s,
+                            const vd g[3][3], vd gradient[3])
 {
     const int k = gr_nodes_1d(basis);
     vd value[3], slope_x[3], slope_y[3], unused;
@@ -143,7 +164,7 @@ GR_INLINE vd gr_interpolate(const int dim, const int basis, const int nodal, con
         vd line[3], line_x[3];
         for (int b = 0; b < k; b++) {
             vd m[3];
-            for (int a = 0; a < k; a++) m[a] = v_set(mode[(a + k * (b + k * c)) * stride]);
+            for (int a = 0; a < k; a++) m[a] = mode[a + k * (b + k * c)];
             gr_along(basis, nodal, s, g, 0, m, &line[b], &line_x[b]);
         }
         gr_along(basis, nodal, s, g, 1, line, &value[c], &slope_y[c]);

@@ -40,11 +40,17 @@ static int around(const struct gr_engine *e, int64_t id, int64_t step[3][3], int
     return ends;
 }
 
+/* A field of the nodes that belongs to an averaging of the density. */
+static double *density_field(const struct gr_engine *e, int field)
+{
+    return gr_node_field(e, GR_NODE_DENSITY(e->config.dim) + field);
+}
+
 /* Gap of the node with this index in the whole grid; -INFINITY if it is not active. */
 static double gap_of(const struct gr_engine *e, int64_t id)
 {
     const int64_t n = (int64_t)gr_table_get(&e->mesh.node_of, id) - 1;
-    return n < 0 ? -INFINITY : e->node_data[n * e->node_stride + GR_NODE_DENSITY(e->config.dim) + GR_NODE_OWN_GAP];
+    return n < 0 ? -INFINITY : density_field(e, GR_NODE_OWN_GAP)[n];
 }
 
 static double volume_of(const struct gr_engine *e, int64_t id)
@@ -93,9 +99,9 @@ static double excess_about(const struct gr_engine *e, int64_t id, const int64_t 
             for (int a = 0; a < 3; a++) {
                 const int64_t at = id + step[0][a] + step[1][b] + (dim == 3 ? step[2][c] : 0);
                 const int64_t n = (int64_t)gr_table_get(&e->mesh.node_of, at) - 1;
-                const double *field = e->node_data + n * e->node_stride + GR_NODE_DENSITY(dim);
-                if (n < 0 || !(field[GR_NODE_OWN_GAP] > LEAST_GAP && field[GR_NODE_OWN_GAP] < GR_CLOSED_GAP)) continue;
-                sum += field[GR_NODE_EXCESS], count++;
+                const double gap = n < 0 ? -INFINITY : density_field(e, GR_NODE_OWN_GAP)[n];
+                if (!(gap > LEAST_GAP && gap < GR_CLOSED_GAP)) continue;
+                sum += density_field(e, GR_NODE_EXCESS)[n], count++;
             }
     return count > 0 ? sum / count : 0;
 }
@@ -104,23 +110,22 @@ void gr_grid_surroundings(struct gr_engine *e, int64_t first, int64_t last)
 {
     const int dim = e->config.dim;
     for (int64_t n = first; n < last; n++) {
-        double *field = e->node_data + n * e->node_stride + GR_NODE_DENSITY(dim);
         const int64_t id = e->mesh.node_id[n];
         int64_t step[3][3];
         int lines;
         const int ends = around(e, id, step, &lines), inside = is_inside(e, id, step);
         const int held = ends | gr_wall_now(e, e->mesh.node_code[n])->fixed;
         const int64_t cut = gr_open_place(e->open, id);
-        const int closed = !(field[GR_NODE_OWN_GAP] < GR_CLOSED_GAP);
-        if (closed && e->open) field[GR_NODE_EXCESS] = excess_about(e, id, step);
-        field[GR_NODE_GAP] = inside && !closed ? mean_gap(e, id, step) : 0;
+        const int closed = !(density_field(e, GR_NODE_OWN_GAP)[n] < GR_CLOSED_GAP);
+        if (closed && e->open) density_field(e, GR_NODE_EXCESS)[n] = excess_about(e, id, step);
+        density_field(e, GR_NODE_GAP)[n] = inside && !closed ? mean_gap(e, id, step) : 0;
         if (inside && !closed) /* subtract the mean weight with which volumes m/rho fill the volume of the node */
-            field[GR_NODE_WEIGHT] += 1 - exp(-(field[GR_NODE_OWN_GAP] + e->servo_strain));
+            density_field(e, GR_NODE_WEIGHT)[n] += 1 - exp(-(density_field(e, GR_NODE_OWN_GAP)[n] + e->servo_strain));
         const int kept = inside && (cut < 0 || e->mesh.node_volume[n] > LEAST_BALANCED);
         for (int d = 0; d < dim; d++) {
-            if (cut >= 0) field[GR_NODE_RESIDUAL + d] += e->open->slope[cut * dim + d];
-            if (!kept || held >> d & 1) field[GR_NODE_RESIDUAL + d] = 0;
-            if (lines >> d & 1) field[GR_NODE_RESIDUAL + d] *= LINE_SHARE;
+            if (cut >= 0) density_field(e, GR_NODE_RESIDUAL + d)[n] += e->open->slope[cut * dim + d];
+            if (!kept || held >> d & 1) density_field(e, GR_NODE_RESIDUAL + d)[n] = 0;
+            if (lines >> d & 1) density_field(e, GR_NODE_RESIDUAL + d)[n] *= LINE_SHARE;
         }
     }
 }

@@ -2,7 +2,7 @@
 #include "mpm/contribution.h"
 #include "mpm/density_correction.h"
 
-/* Log-density of the block at place `at`, its gradient, and its mass where it is connected, else 0. */
+/* Log-density of the points at the places from `at` on, its gradient, and its mass where it is connected, else 0. */
 GR_INLINE void prepare_density(const int dim, const struct gr_engine *e, int64_t at, struct contribution *contribution)
 {
     contribution->c = component(e, GR_FIELD_log_density, 0, at);
@@ -41,22 +41,23 @@ GR_INLINE void add_density(const int dim, const int basis, const struct contribu
  * exp(cbar_i)/phi_i.
  * Given: the modes of x and E. */
 GR_INLINE void correct_weights(const int dim, const int basis, struct gr_engine *e, const struct gr_shape *s,
-                               const double *mode, const int stride, int64_t at)
+                               const vd *mode, int64_t at)
 {
+    const int K = gr_power(gr_nodes_1d(basis), dim);
     const struct gr_density_numbers *q = &e->config.density;
     double *place = e->field[GR_FIELD_weight_correction] + at;
     vd u = v_load(place), divergence = v_zero(), slope[3];
     for (int d = 0; d < dim; d++) {
-        (void)gr_interpolate(dim, basis, 0, mode + GR_NODE_RESIDUAL + d, stride, s, (const vd(*)[3])s->g, slope);
+        (void)gr_interpolate(dim, basis, 0, mode + (GR_NODE_RESIDUAL + d) * K, s, (const vd(*)[3])s->g, slope);
         divergence = divergence + slope[d];
     }
-    const vd excess = gr_interpolate(dim, basis, 0, mode + GR_NODE_WEIGHT, stride, s, (const vd(*)[3])s->g, slope) *
+    const vd excess = gr_interpolate(dim, basis, 0, mode + GR_NODE_WEIGHT * K, s, (const vd(*)[3])s->g, slope) *
                       v_set(q->weight_correction > 0);
     u = v_fnma(v_set(q->weight_correction), divergence, v_fnma(v_set(q->weight_correction_decay), u, u) - excess);
     v_store(place, v_clamp(u, -q->weight_correction_limit, q->weight_correction_limit));
 }
 
-/* Density correction of a block of points: averaging, relaxation to the nodal density, particle shifting.
+/* Density correction of the points at the places from `at` on: averaging, relaxation to the nodal density, particle shifting.
  *
  *   c += eta (cbar - c) + relaxation(gap),   eta: averaged_share, relaxation: relax_to_nodal_density,
  *   delta = -beta gdot dt dx^2 sum max(0, phi_i - 1) grad S_i,   |delta| <= min(limit dx, gdot dt dx/2).
@@ -65,10 +66,11 @@ GR_INLINE void correct_weights(const int dim, const int basis, struct gr_engine 
  * stress, and the shear rate of the flow for stress-free points.
  * Given: L dt and dt tr L of this step, and the modes of the gap, cbar, max(0, phi - 1), x and E.
  * Returned: the new log-density; delta, m; and L delta, m/s, the change of velocity. */
-GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, const struct gr_cell *cell,
-                           const struct gr_shape *s, const double *mode, const int stride, const vd *L, vd trace, int64_t at,
-                           vd delta[3], vd shift_velocity[3])
+GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, const struct gr_wall_cells *walls,
+                           const struct gr_shape *s, const vd *mode, const vd *L, vd trace, int64_t at, vd delta[3],
+                           vd shift_velocity[3])
 {
+    const int K = gr_power(gr_nodes_1d(basis), dim);
     const struct gr_density_numbers *q = &e->config.density;
     const double dx = e->config.dx, inv_dx = e->inv_dx;
     const vd(*g)[3] = (const vd(*)[3])s->g;
@@ -79,9 +81,9 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
     const vm stressed = v_ge(old, v_set(q->separation_strain < NO_DENSITY ? 0.0 : -q->separation_strain));
     const vm connected = v_ge(old, v_set(-q->separation_strain));
     const vd strain = v_set(interval) * v_select(stressed, v_set(e->dt) * flow, kinematic_rate(dim, L));
-    const vd gap = gr_interpolate(dim, basis, 0, mode + GR_NODE_GAP, stride, s, g, slope);
-    const vd near = gr_interpolate(dim, basis, 0, mode + GR_NODE_LOG_DENSITY, stride, s, g, gradient);
-    (void)gr_interpolate(dim, basis, 0, mode + GR_NODE_EXCESS, stride, s, g, slope);
+    const vd gap = gr_interpolate(dim, basis, 0, mode + GR_NODE_GAP * K, s, g, slope);
+    const vd near = gr_interpolate(dim, basis, 0, mode + GR_NODE_LOG_DENSITY * K, s, g, gradient);
+    (void)gr_interpolate(dim, basis, 0, mode + GR_NODE_EXCESS * K, s, g, slope);
     vd c = v_fma(v_keep(connected, averaged_share(e, interval * e->dt, strain, old)), near - old, old - trace);
     for (int d = 0; d < dim; d++)
         v_store(e->field[GR_FIELD_density_gradient] + d * e->capacity + at, v_keep(connected, gradient[d] * v_set(inv_dx)));
@@ -94,14 +96,14 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
         length = v_fma(delta[d], delta[d], length);
     }
     const vd most =
-        cell->flags & GR_CELL_NO_SHIFTING ? v_zero() : v_min(v_set(q->shifting_limit * dx), v_set(0.5 * dx) * strain);
+        v_keep(walls->shifts, v_min(v_set(q->shifting_limit * dx), v_set(0.5 * dx) * strain));
     const vm far = v_gt(length, most * most);
     if (m_bits(far)) {
         const vd scale = v_select(far, most / v_sqrt(v_max(length, v_set(1e-300))), v_set(1.0));
         for (int d = 0; d < dim; d++) delta[d] = delta[d] * scale;
     }
-    if (cell->flags >= GR_CELL_WALL) hold_at_walls(dim, cell, s->xi, delta);
-    correct_weights(dim, basis, e, s, mode, stride, at);
+    if (walls->any) hold_at_walls(dim, walls, s->xi, delta);
+    correct_weights(dim, basis, e, s, mode, at);
     for (int d = 0; d < dim; d++) {
         shift_velocity[d] = v_zero();
         for (int j = 0; j < dim; j++) shift_velocity[d] = v_fma(L[d * dim + j], delta[j], shift_velocity[d]);

@@ -27,7 +27,7 @@ struct run {
     int again, pass;
     int64_t left; /* steps left */
     double until, gravity[3];
-    int n_chunks; /* of cells */
+    int n_chunks; /* of tiles */
     int64_t cut[GR_MAX_CHUNKS + 1];
     struct gr_migrants migrants[GR_MAX_CHUNKS];
 };
@@ -50,9 +50,10 @@ static void find_fastest(void *context, int64_t chunk, int t)
     gr_share(e->mesh.n_cells, chunk, fastest->chunks, &first, &last);
     for (int64_t c = first; c < last; c++) {
         const struct gr_cell *cell = &e->mesh.cell[c];
-        for (int64_t s = cell->offset; s < cell->offset + cell->count; s++) {
+        for (int32_t k = 0; k < cell->count; k++) {
+            const double *at = v + gr_slot(cell, k);
             double square = 0;
-            for (int d = 0; d < e->config.dim; d++) square += v[d * e->capacity + s] * v[d * e->capacity + s];
+            for (int d = 0; d < e->config.dim; d++) square += at[d * e->capacity] * at[d * e->capacity];
             if (square > largest) largest = square;
         }
     }
@@ -84,7 +85,7 @@ static int reserve_substeps(struct gr_engine *e)
     return e->substeps ? GR_OK : GR_ERR_MEMORY;
 }
 
-/* Divide the cells so that each chunk has about the same number of points. Give each chunk capacity for migrants: all
+/* Divide the tiles so that each chunk has about the same number of points. Give each chunk capacity for migrants: all
  * its points may leave their cells at once. */
 static int share_out(struct run *run)
 {
@@ -93,21 +94,22 @@ static int share_out(struct run *run)
         e->feet->listed = 0; /* the mesh may be another */
         if (gr_feet_list(e) || (e->open && gr_open_volumes(e, 0))) return GR_ERR_MEMORY;
     }
-    const int64_t n_cells = e->mesh.n_cells, all = n_cells ? e->mesh.cell[n_cells - 1].offset : 0;
+    const int64_t n_tiles = e->mesh.n_tiles, all = e->used;
     const int chunks = (int)gr_chunks(run->team, GR_MAX_CHUNKS);
     int64_t points = 0, first[GR_MAX_CHUNKS + 1] = {0};
     int k = 1;
     run->n_chunks = chunks;
     run->cut[0] = 0;
-    for (int64_t c = 0; c < n_cells; c++) {
-        points += e->mesh.cell[c].capacity;
-        if (e->mesh.cell[c].side == 1) continue; /* its back must be in the same chunk */
+    for (int64_t tile = 0; tile < n_tiles; tile++) {
+        const struct gr_cell *cell = &e->mesh.cell[tile * GR_LANES];
+        points += GR_LANES * cell->capacity;
+        if (cell[GR_LANES - 1].side == 1) continue; /* its back must be in the same chunk */
         while (k < chunks && points * chunks >= all * k) {
             first[k] = points;
-            run->cut[k++] = c + 1;
+            run->cut[k++] = tile + 1;
         }
     }
-    for (; k <= chunks; k++) run->cut[k] = n_cells, first[k] = points;
+    for (; k <= chunks; k++) run->cut[k] = n_tiles, first[k] = points;
     if (reserve_substeps(e) || gr_reserve_pending(e, points + chunks)) return GR_ERR_MEMORY;
     for (k = 0; k < chunks; k++) {
         const int64_t begin = first[k] + k; /* one record more than points for each chunk */
@@ -179,13 +181,19 @@ static void grid_nodes(struct run *run, int64_t first, int64_t last)
 
 static void p2g_listed(struct run *run, int64_t first, int64_t last)
 {
-    for (int64_t k = first; k < last; k++) run->kernels->p2g(run->e, run->e->dirty[k], run->e->dirty[k] + 1);
+    for (int64_t k = first; k < last; k++) {
+        const int64_t tile = run->e->dirty[k];
+        if (run->e->mesh.tile_state[tile] == GR_TILE_GAINED)
+            run->kernels->p2g_arrivals(run->e, tile);
+        else
+            run->kernels->p2g(run->e, tile, tile + 1);
+    }
 }
 
 /* ---- Chunks of the stages ---- */
 
-/* Define chunk(): call a kernel for the cells of a chunk. */
-#define GR_CHUNK_OF_CELLS(chunk, ...)                              \
+/* Define chunk(): call a kernel for the tiles of a chunk. */
+#define GR_CHUNK_OF_TILES(chunk, ...)                              \
     static void chunk(void *context, int64_t c, int t)             \
     {                                                              \
         struct run *run = context;                                 \
@@ -193,13 +201,13 @@ static void p2g_listed(struct run *run, int64_t first, int64_t last)
         (void)t, __VA_ARGS__;                                      \
     }
 
-GR_CHUNK_OF_CELLS(p2g, run->kernels->p2g(run->e, first, last))
-GR_CHUNK_OF_CELLS(cell_forces, run->kernels->apply_cell_forces(run->e, first, last))
-GR_CHUNK_OF_CELLS(smooth, run->kernels->smooth(run->e, first, last))
-GR_CHUNK_OF_CELLS(mark, gr_bodies_mark(run->e, first, last))
-GR_CHUNK_OF_CELLS(begin_substeps, run->kernels->begin_substeps(run->e, first, last))
-GR_CHUNK_OF_CELLS(substep, run->kernels->substep(run->e, first, last))
-GR_CHUNK_OF_CELLS(sweep, run->kernels->sweep(run->e, first, last, &run->migrants[c], 1))
+GR_CHUNK_OF_TILES(p2g, run->kernels->p2g(run->e, first, last))
+GR_CHUNK_OF_TILES(cell_forces, run->kernels->apply_cell_forces(run->e, first, last))
+GR_CHUNK_OF_TILES(smooth, run->kernels->smooth(run->e, first, last))
+GR_CHUNK_OF_TILES(mark, gr_bodies_mark(run->e, first * GR_LANES, last * GR_LANES))
+GR_CHUNK_OF_TILES(begin_substeps, run->kernels->begin_substeps(run->e, first, last))
+GR_CHUNK_OF_TILES(substep, run->kernels->substep(run->e, first, last))
+GR_CHUNK_OF_TILES(sweep, run->kernels->sweep(run->e, first, last, &run->migrants[c], 1))
 
 /* Define chunk(): the same for chunks of n nodes or other items. */
 #define GR_CHUNK_OF(n, chunk, ...)                              \
@@ -218,7 +226,7 @@ GR_CHUNK_OF(run->e->mesh.n_nodes, surroundings, gr_grid_surroundings(run->e, fir
 GR_CHUNK_OF(run->e->mesh.n_nodes, smooth_nodes, gr_grid_smooth(run->e, first, last, run->pass))
 GR_CHUNK_OF(run->e->mesh.n_nodes, nodes, grid_nodes(run, first, last))
 
-static void all_cells(struct run *run, gr_chunk_work *chunk) { gr_team_run(run->team, chunk, run, run->n_chunks); }
+static void all_tiles(struct run *run, gr_chunk_work *chunk) { gr_team_run(run->team, chunk, run, run->n_chunks); }
 
 static void all_of(struct run *run, gr_chunk_work *chunk, int64_t n)
 {
@@ -235,17 +243,17 @@ static void stage_grid(struct run *run)
     e->shift_scale = -1.0 / e->dt;
     e->inv_dt = 1.0 / e->dt;
     e->servo_strain = gr_servo_strain(e);
-    if (run->again) all_cells(run, p2g);
+    if (run->again) all_tiles(run, p2g);
     gr_plan_sums(e, e->step + 1);
     if (e->config.cell_averaged) {
         all_of(run, masses, n_nodes);
-        all_cells(run, cell_forces);
+        all_tiles(run, cell_forces);
     }
     all_of(run, nodes, n_nodes);
     if (e->config.n_bodies) gr_bodies_touch(e, run->gravity);
     if (gr_averages(e, e->step)) all_of(run, surroundings, n_nodes);
     for (run->pass = 2; run->pass <= e->config.xpic_order; run->pass++) {
-        all_cells(run, smooth);
+        all_tiles(run, smooth);
         all_of(run, smooth_nodes, n_nodes);
     }
     if (e->watch) gr_sum_wall_impulses(e);
@@ -274,10 +282,10 @@ static int stage_fluidity(struct run *run)
     struct gr_engine *e = run->e;
     const struct gr_nonlocal *nonlocal = &e->config.nonlocal;
     if (!e->diffuses) return GR_OK;
-    if (e->fluidity->has_inside) all_cells(run, mark);
+    if (e->fluidity->has_inside) all_tiles(run, mark);
     const struct gr_diffusion_call call = {nonlocal->method, 1.0 / nonlocal->substeps * e->dt, 1};
     for (int made = 0; made < nonlocal->substeps; made++) {
-        if (made) all_cells(run, made == 1 ? begin_substeps : substep);
+        if (made) all_tiles(run, made == 1 ? begin_substeps : substep);
         if (!made && e->mesh.n_paired) all_of(run, mean_pairs, e->mesh.n_paired);
         e->error = run->kernels->diffuse(e->fluidity, &call, run->team);
         if (e->error) {
@@ -298,12 +306,12 @@ static void make_steps(void *context, struct gr_team *team)
     run->team = team;
     e->error = share_out(run);
     while (!e->error) {
-        if (!e->sums_valid) all_cells(run, p2g);
+        if (!e->sums_valid) all_tiles(run, p2g);
         e->sums_valid = 1;
         if (!prepare(run)) return;
         stage_grid(run);
         if (stage_fluidity(run)) return;
-        all_cells(run, sweep);
+        all_tiles(run, sweep);
         finish(run);
         if (!e->error && e->sums_valid) all_of(run, p2g_dirty, e->n_dirty);
     }
@@ -332,10 +340,10 @@ int gr_p2g(struct gr_engine *e, const struct gr_kernels *kernels)
     e->error = ready(e);
     if (e->error) return e->error;
     gr_plan_sums(e, e->step);
-    kernels->p2g(e, 0, e->mesh.n_cells);
+    kernels->p2g(e, 0, e->mesh.n_tiles);
     if (e->config.cell_averaged) {
         gr_grid_masses(e, 0, e->mesh.n_nodes);
-        kernels->apply_cell_forces(e, 0, e->mesh.n_cells);
+        kernels->apply_cell_forces(e, 0, e->mesh.n_tiles);
     }
     e->sums_valid = 1;
     return GR_OK;
@@ -361,7 +369,7 @@ int gr_g2p(struct gr_engine *e, const struct gr_kernels *kernels)
     e->error = e->mesh.n_cells && e->dt > 0 && !e->n_pending && !e->disconnected && known ? share_out(&run) : GR_ERR_CONFIG;
     if (e->error) return e->error;
     e->record_rates = 1;
-    kernels->sweep(e, 0, e->mesh.n_cells, &run.migrants[0], 0);
+    kernels->sweep(e, 0, e->mesh.n_tiles, &run.migrants[0], 0);
     finish(&run);
     e->sums_valid = 0;
     return e->error;

@@ -1,30 +1,33 @@
-/* One pass of XPIC for one cell: the nodal velocity field is interpolated to the points, and P2G sums its momentum for
- * gr_grid_smooth. */
+/* One pass of XPIC: the nodal velocity field is interpolated to the points, and P2G sums its momentum for gr_grid_smooth. */
 #include "mpm/contribution.h"
 
-GR_INLINE void smooth_cell(const int dim, const int basis, struct gr_engine *e, int64_t index)
+/* The same for the cells from `first` on. */
+GR_INLINE void smooth_cells(const int dim, const int basis, struct gr_engine *e, int64_t first)
 {
-    const struct gr_cell *cell = &e->mesh.cell[index];
-    const int K = gr_power(gr_nodes_1d(basis), dim), blocks = GR_BLOCKS(cell->count), nodal = basis == GR_UGIMP;
-    const int rows = GR_SUM_DAMPED(dim);
+    const int K = gr_power(gr_nodes_1d(basis), dim), nodal = basis == GR_UGIMP, rows = GR_SUM_DAMPED(dim);
+    double *out = e->sums + gr_sums_of_cell(e, first);
     struct gr_frame frame;
-    gr_frame_of(dim, e, cell, &frame);
-    double mode[GR_LANES * GR_MAX_NODES], *out = e->sums + index * e->sum_stride;
-    vd acc[GR_SUM_DAMPED(3) * GR_MAX_NODES + GR_SUMS], unused[3];
-    for (int i = 0; i < K; i++)
-        for (int d = 0; d < dim; d++)
-            mode[i * GR_LANES + d] = e->node_v[(int64_t)e->mesh.cell_node[index * K + i] * dim + d];
-    gr_modes(dim, basis, nodal, dim, GR_LANES, &frame, mode);
-    for (int i = 0; i < K * rows; i++) acc[i] = v_zero(); /* no forces */
-    for (int n = 0; n < blocks; n++) {
+    vd mode[3][GR_MAX_NODES], unused[3];
+    int points = 0;
+    gr_frame_of(dim, basis, 0, e, first, &frame);
+    for (int l = 0; l < GR_W; l++) points = points > e->mesh.cell[first + l].count ? points : e->mesh.cell[first + l].count;
+    for (int d = 0; d < dim; d++) {
+        for (int i = 0; i < K; i++) {
+            double v[GR_W];
+            for (int l = 0; l < GR_W; l++) v[l] = e->node_v[(int64_t)gr_cell_node(e, first + l, i) * dim + d];
+            mode[d][i] = v_load(v);
+        }
+        gr_modes(dim, basis, nodal, &frame, mode[d]);
+    }
+    for (int i = 0; i < K * rows; i++) v_store(out + i * GR_LANES, v_zero()); /* no forces */
+    for (int n = 0; n < points; n++) {
         struct gr_shape s;
         struct contribution contribution;
-        const int64_t at = cell->offset + n * GR_W;
+        const int64_t at = gr_slot(&e->mesh.cell[first], n);
         gr_shapes(dim, basis, e, &frame, at, 0, &s);
-        prepare_momentum(dim, basis, 0, e, &frame, at, &contribution);
+        prepare_momentum(dim, basis, 0, e, &frame, at, v_ge(v_zero(), v_zero()), &contribution);
         for (int d = 0; d < dim; d++)
-            contribution.v[d] = gr_interpolate(dim, basis, nodal, mode + d, GR_LANES, &s, (const vd(*)[3])s.g, unused);
-        add_rows(dim, basis, 0, 0, MOMENTUM, &contribution, 1, rows, 0, acc);
-        store_sums(out, acc, K * rows, n);
+            contribution.v[d] = gr_interpolate(dim, basis, nodal, mode[d], &s, (const vd(*)[3])s.g, unused);
+        add_rows(dim, basis, 0, 0, MOMENTUM, &contribution, 1, rows, 0, 0, out);
     }
 }

@@ -137,11 +137,10 @@ static PyObject *engine_nodes(struct gr_object *self, PyObject *Py_UNUSED(unused
     }
     for (npy_intp i = 0; out && i < n; i++) {
         int64_t id = e->mesh.node_id[i];
-        const double *node = e->node_data + i * e->node_stride;
         double sum[7] = {0};
         for (int k = 0; k < e->K; k++) {
             const double *part = e->sums + e->mesh.node_source[i * e->K + k];
-            for (int q = 0; q < 1 + 2 * dim; q++) sum[q] += part[q];
+            for (int q = 0; q < 1 + 2 * dim; q++) sum[q] += part[q * GR_LANES];
         }
         data[MASS][i] = sum[GR_SUM_MASS];
         for (npy_intp d = 0, at = i * dim; d < dim; d++, at++) {
@@ -150,8 +149,8 @@ static PyObject *engine_nodes(struct gr_object *self, PyObject *Py_UNUSED(unused
             id /= axis->n_nodes;
             data[MOMENTUM][at] = sum[GR_SUM_MOMENTUM + d];
             data[FORCE][at] = sum[GR_SUM_FORCE(dim) + d];
-            data[V][at] = node[GR_NODE_VELOCITY + d];
-            data[W][at] = node[GR_NODE_UPDATE(dim) + d];
+            data[V][at] = gr_node_field(e, GR_NODE_VELOCITY + (int)d)[i];
+            data[W][at] = gr_node_field(e, GR_NODE_UPDATE((int)dim) + (int)d)[i];
         }
     }
     return out;
@@ -299,7 +298,7 @@ static PyMethodDef methods[] = {
     {"nodes", (PyCFunction)engine_nodes, METH_NOARGS,
      "nodes()\n--\n\nCopies of the nodal arrays: x, mass, momentum, force, v, w."},
     {"cells", (PyCFunction)engine_cells, METH_NOARGS,
-     "cells()\n--\n\n(offset, count) of the active cells: rows [offset, offset + count) of the buffers hold points."},
+     "cells()\n--\n\n(offset, count) of the active cells: the rows offset + LANES k, k < count, of the buffers hold points."},
     {"scalars", (PyCFunction)engine_scalars, METH_NOARGS, "scalars()\n--\n\nThe numbers that a restart needs."},
     {"restore", (PyCFunction)engine_restore, METH_O, "restore(scalars)\n--\n\nSet the numbers of a restart."},
     {"bodies", (PyCFunction)engine_bodies, METH_NOARGS,

@@ -49,7 +49,7 @@ static PyMethodDef functions[] = {
      "law_update(law, dim, parameters, dt, pressure_from_density, gradient, log_density, stress, shear_rate, isa,"
      " g_star=None, g=None, plastic_strain=None)\n--\n\n"
      "One stress update of many points, in place: gradient (blocks, dim*dim, lanes) is L dt, stress (4|6, n).\n"
-     "g_star (blocks,): fluidity after its diffusion, for a nonlocal law; without it the law is in its local phase.\n"
+     "g_star (blocks*lanes,): fluidity after its diffusion, for a nonlocal law; without it the law is in its local phase.\n"
      "g (n,): fluidity after the step."},
     {"fluidity_update", gr_python_fluidity_update, METH_VARARGS,
      "fluidity_update(parameters, dt, mu_trial, p, g_star, shear_rate, mu, g, isa)\n--\n\n"

@@ -31,7 +31,7 @@ PyObject *gr_python_law_update(PyObject *Py_UNUSED(module), PyObject *args)
     const npy_intp n = PyArray_DIM(arrays[GRADIENT], 0), places = n * kernels->lanes,
                    of_stress[2] = {dim == 2 ? 4 : 6, places};
     for (int k = LOG_DENSITY; k < ARRAYS; k++) {
-        const npy_intp *shape = k == STRESS ? of_stress : k == G_STAR ? &n : &places;
+        const npy_intp *shape = k == STRESS ? of_stress : &places;
         if (k >= G && objects[k] == Py_None) continue;
         arrays[k] = gr_array(objects[k], names[k], NPY_DOUBLE, k == STRESS ? 2 : 1, shape, k >= STRESS && k != G_STAR);
         if (!arrays[k]) return NULL;

@@ -206,7 +206,8 @@ class Simulation(simulation.Simulation, scenes=Scene):
     def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
         offset, count = self._engine.cells()
         before = np.cumsum(count) - count
-        places = np.arange(count.sum()) + np.repeat(offset - before, count)
+        place = np.arange(count.sum()) - np.repeat(before, count)  # of a point in its cell
+        places = np.repeat(offset, count) + _core.LANES * place
         arrays = {name: array.take(places, axis=-1) for name, array in self._buffers.items()}
         scalars = self._engine.scalars() | {"mean_mass": self._mean_mass}
         if self.scene.bodies:

@@ -1,0 +1,100 @@
+/* Substeps of the nonlocal law: between one diffusion of the fluidity and the next, for the points of all cells. */
+#include "law/substep.h"
+#include "mpm/migrate.h"
+
+/* L dt of the points of a tile at their present positions. Whenever the batch is full, the first substep of its points
+ * is made. */
+GR_INLINE void strain_tile(const int dim, const int basis, const int cell_averaged, const struct gr_engine *e, int64_t tile,
+                           struct batch *batch, gr_law_update *law)
+{
+    const int K = gr_power(gr_nodes_1d(basis), dim);
+    for (int64_t first = tile * GR_LANES; first < (tile + 1) * GR_LANES; first += GR_W) {
+        struct view view;
+        look_at_cells(dim, basis, GR_AFFINE_NONE, 0, cell_averaged, 0, e, first, &view);
+        for (int row = 0; row < view.points; row++) {
+            struct gr_shape s;
+            const int64_t at = gr_slot(&e->mesh.cell[first], row);
+            vd L[9];
+            if (batch->n == BATCH) run_law(e, law, batch, 1);
+            double *gradient = batch->gradient + batch->n * dim * dim * GR_W;
+            gr_shapes(dim, basis, e, &view.frame, at, 0, &s);
+            for (int d = 0; d < dim; d++)
+                (void)gr_interpolate(dim, basis, 0, view.mode + d * K, &s, (const vd(*)[3])s.g, L + d * dim);
+            for (int c = 0; c < dim * dim; c++) v_store(gradient + c * GR_W, cell_averaged ? view.L[c] : L[c]);
+            v_store(batch->g_star + batch->n * GR_W, view.g_star);
+            batch->slot[batch->n++] = at;
+        }
+    }
+}
+
+/* Masses with pressure of the cells from `first` on, and the flow in them, sum m g. */
+GR_INLINE void weigh_cells(struct gr_engine *e, int64_t first, double mass[GR_W], double flow[GR_W])
+{
+    vd m_sum = v_zero(), mg_sum = v_zero();
+    int points = 0;
+    for (int l = 0; l < GR_W; l++) points = points > e->mesh.cell[first + l].count ? points : e->mesh.cell[first + l].count;
+    for (int n = 0; n < points; n++) {
+        const int64_t at = gr_slot(&e->mesh.cell[first], n);
+        const vm dense = v_gt(v_load(gr_substep_at(e->substeps, at, GR_SUBSTEP_p)), v_zero());
+        const vd m = v_keep(dense, component(e, GR_FIELD_mass, 0, at));
+        v_store(gr_substep_at(e->substeps, at, GR_SUBSTEP_weight), m);
+        m_sum = m_sum + m;
+        mg_sum = v_fma(m, v_keep(dense, component(e, GR_FIELD_g, 0, at)), mg_sum);
+    }
+    v_store(mass, m_sum);
+    v_store(flow, mg_sum);
+}
+
+/* A step of the cells that share one fluidity: its weighted sum over the sides, and the start of the next substep. */
+GR_INLINE void store_substep(struct gr_engine *e, int64_t index, const double *mass, const double *flow)
+{
+    const struct gr_cell *cell = &e->mesh.cell[index];
+    double m = 0, g = 0;
+    if (!represents_fluidity(e, cell)) return;
+    const int64_t place = gr_place_of_cell(e, cell);
+    GR_EACH_OF_FLUIDITY(e, cell, side) m += mass[side - e->mesh.cell], g += flow[side - e->mesh.cell];
+    e->fluidity->dense[place] = m > 0;
+    store_fluidity(e, place, m > 0 ? g / m : 0, fluidity_of_cell(e, place));
+}
+
+/* The first of many substeps, before the points move: for tiles [first, last), the state of their points and the
+ * fluidity. */
+GR_INLINE void begin_substeps_of_tiles(const int dim, const int basis, const int cell_averaged, struct gr_engine *e,
+                                       int64_t first, int64_t last, gr_law_update *law)
+{
+    struct batch batch;
+    const int64_t begin = first * GR_LANES, end = last * GR_LANES;
+    batch.n = 0;
+    for (int64_t tile = first; tile < last; tile++) strain_tile(dim, basis, cell_averaged, e, tile, &batch, law);
+    if (batch.n) run_law(e, law, &batch, 1);
+    for (int64_t c = begin; c < end; c += GR_W) weigh_cells(e, c, e->substep_mass + c, e->substep_flow + c);
+    for (int64_t c = begin; c < end && c < e->mesh.n_cells; c++) store_substep(e, c, e->substep_mass, e->substep_flow);
+}
+
+/* One substep of the points, and the new fluidity of the tiles [first, last). */
+GR_INLINE void substep_tiles(const int linear, struct gr_engine *e, int64_t first, int64_t last, const double *fluidity)
+{
+    const vd fraction = v_set(1.0 / e->config.nonlocal.substeps);
+    const struct gr_fluidity_numbers numbers = gr_fluidity_numbers_of(fluidity, e->dt / e->config.nonlocal.substeps);
+    double *const rate = e->field[GR_FIELD_shear_rate];
+    const int64_t begin = first * GR_LANES, end = last * GR_LANES;
+    for (int64_t c = begin; c < end; c += GR_W) {
+        double g_star[GR_W];
+        int points = 0;
+        for (int l = 0; l < GR_W; l++) {
+            const struct gr_cell *cell = &e->mesh.cell[c + l];
+            g_star[l] = c + l < e->mesh.n_cells ? fluidity_of_cell(e, gr_place_of_cell(e, cell)) : 0;
+            if (cell->count > points) points = cell->count;
+        }
+        const vd start = gr_fluidity_start(&numbers, v_load(g_star));
+        vd flow = v_zero();
+        for (int n = 0; n < points; n++) {
+            const int64_t at = gr_slot(&e->mesh.cell[c], n);
+            const vd g = gr_substep(linear, 0, &numbers, fraction, e->substeps, at, start, v_zero(), rate + at);
+            const vd weight = v_load(gr_substep_at(e->substeps, at, GR_SUBSTEP_weight));
+            flow = v_fma(weight, v_keep(v_gt(weight, v_zero()), g), flow);
+        }
+        v_store(e->substep_flow + c, flow);
+    }
+    for (int64_t c = begin; c < end && c < e->mesh.n_cells; c++) store_substep(e, c, e->substep_mass, e->substep_flow);
+}
