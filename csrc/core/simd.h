@@ -51,17 +51,6 @@ static inline vd v_rsqrt(vd a)
         _mm512_fmadd_pd(_mm512_fmadd_pd(_mm512_set1_pd(0.3125), r, _mm512_set1_pd(0.375)), r, _mm512_set1_pd(0.5));
     return _mm512_fmadd_pd(y * r, series, y);
 }
-/* out[k] = the sum of the lanes of a[k], for 8 vectors at once: each level of the tree halves the number of vectors. */
-static inline void v_sums(double *out, const vd *a)
-{
-    vd b[4], c[2];
-    for (int k = 0; k < 4; k++)
-        b[k] = _mm512_unpacklo_pd(a[2 * k], a[2 * k + 1]) + _mm512_unpackhi_pd(a[2 * k], a[2 * k + 1]);
-    for (int k = 0; k < 2; k++)
-        c[k] = _mm512_shuffle_f64x2(b[2 * k], b[2 * k + 1], 0x88) + _mm512_shuffle_f64x2(b[2 * k], b[2 * k + 1], 0xdd);
-    _mm512_storeu_pd(out, _mm512_shuffle_f64x2(c[0], c[1], 0x88) + _mm512_shuffle_f64x2(c[0], c[1], 0xdd));
-}
-#define GR_SUMS 8
 static inline double v_sum(vd a) { return _mm512_reduce_add_pd(a); }
 #elif defined(__AVX2__) && defined(__FMA__)
 #include <immintrin.h>
@@ -82,13 +71,6 @@ static inline vd v_select(vm m, vd a, vd b) { return _mm256_blendv_pd(b, a, m); 
 static inline vd v_keep(vm m, vd a) { return _mm256_and_pd(m, a); }
 static inline vd v_sqrt_fast(vd a) { return _mm256_sqrt_pd(a); }
 static inline vd v_rsqrt(vd a) { return v_set(1.0) / v_sqrt(a); }
-static inline void v_sums(double *out, const vd *a)
-{
-    const __m256d ab = _mm256_unpacklo_pd(a[0], a[1]) + _mm256_unpackhi_pd(a[0], a[1]);
-    const __m256d cd = _mm256_unpacklo_pd(a[2], a[3]) + _mm256_unpackhi_pd(a[2], a[3]);
-    _mm256_storeu_pd(out, _mm256_blend_pd(ab, cd, 0xc) + _mm256_permute2f128_pd(ab, cd, 0x21));
-}
-#define GR_SUMS 4
 static inline double v_sum(vd a)
 {
     const __m128d b = _mm256_castpd256_pd128(a) + _mm256_extractf128_pd(a, 1);
@@ -114,8 +96,6 @@ static inline vd v_max(vd a, vd b) { return v_select(v_gt(a, b), a, b); }
 static inline vd v_sqrt(vd a) { return (vd){sqrt(a[0]), sqrt(a[1])}; }
 static inline vd v_sqrt_fast(vd a) { return v_sqrt(a); }
 static inline vd v_rsqrt(vd a) { return v_set(1.0) / v_sqrt(a); }
-static inline void v_sums(double *out, const vd *a) { out[0] = a[0][0] + a[0][1], out[1] = a[1][0] + a[1][1]; }
-#define GR_SUMS 2
 static inline double v_sum(vd a) { return a[0] + a[1]; }
 #endif
 

@@ -234,7 +234,7 @@ GR_INLINE vd across_faces(const int dim, const struct gr_engine *e, int64_t firs
             }
             c[high] = v_load(near_c);
             const vd up = v_load(rise), much = v_max(v_abs(up) - point, v_zero());
-            drop[d][high] = v_select(v_gt(up, v_zero()), much, -much) * v_set(high ? 1.0 : -1.0);
+            drop[d][high] = v_select(v_gt(up, v_zero()), much, -much) * v_set(high ? -1.0 : 1.0);
         }
         const vm all = m_and(v_ge(own_c, reach), m_and(v_ge(c[0], reach), v_ge(c[1], reach)));
         sum = sum + v_keep(all, c[0] - v_set(2.0) * own_c + c[1]);

@@ -213,8 +213,7 @@ static int shapes_at(const struct gr_engine *e, const double x[3], double weight
         cell[d] = &axis->cell[at];
         vd value[3], slope[3];
         const double xi = (axis->origin + place - cell[d]->edge) * e->inv_dx;
-        const struct gr_knots knots = {v_set(cell[d]->coefficient[0][2]), v_set(cell[d]->coefficient[2][2]),
-                                       v_set(cell[d]->clip)};
+        const struct gr_knots knots = gr_knots_of(cell[d]);
         gr_shape_1d(basis, &knots, e->config.lambda, v_set(xi), value, slope);
         for (int a = 0; a < k; a++) w[d][a] = value[a][0];
     }

@@ -20,6 +20,12 @@ struct gr_knots {
     vd clipped;   /* ugimp: 1 where the boxes of points end at the node of the cell, else 0 */
 };
 
+/* Those of one cell. */
+GR_INLINE struct gr_knots gr_knots_of(const struct gr_axis_cell *cell)
+{
+    return (struct gr_knots){v_set(cell->coefficient[0][2]), v_set(cell->coefficient[2][2]), v_set(cell->clip)};
+}
+
 /* The cells of a vector, one a lane: cells `first` to first + GR_W - 1 of a tile. */
 struct gr_frame {
     vd edge[3], inv_dx;

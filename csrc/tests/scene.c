@@ -177,7 +177,8 @@ double scene_sum(const struct scene *s, int64_t node, int q)
     const int dim = e->config.dim, first = GR_SUM_DAMPED(dim), later = GR_DENSITY_SUMS(dim);
     for (int i = 0; i < e->K; i++) {
         const double *part = e->sums + e->mesh.node_source[node * e->K + i];
-        sum += q < first ? part[q] : part[e->density_sums + (e->K - 1 - i) * (later - first) + q - GR_SUM_DENSITY(dim)];
+        const int at = (e->K - 1 - i) * (later - first) + q - GR_SUM_DENSITY(dim);
+        sum += q < first ? part[q * GR_LANES] : part[e->density_sums + at * GR_LANES];
     }
     return sum;
 }

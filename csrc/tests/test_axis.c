@@ -160,7 +160,8 @@ TEST(ugimp_averages_hats)
         CHECK_NEAR(cell->end - cell->edge, c == N ? 0.5 : 1, 0);
         for (double xi = cell->begin - cell->edge + 1.0 / 128; xi < cell->end - cell->edge; xi += 1.0 / 64) {
             vd w[3], g[3];
-            gr_shape_1d(GR_UGIMP, cell, lambda, v_set(xi), w, g);
+            const struct gr_knots knots = gr_knots_of(cell);
+            gr_shape_1d(GR_UGIMP, &knots, lambda, v_set(xi), w, g);
             const double r = xi - 0.5;
             const double right = cell->clip && r < 0 ? 0 : averaged(r, lambda, cell->clip);
             const double left = cell->clip && r > 0 ? 0 : averaged(-r, lambda, cell->clip);
@@ -186,7 +187,8 @@ TEST(blocks_agree)
         for (int c = 0; c < N; c++)
             for (double xi = 0; xi < 1; xi += 1.0 / 32) {
                 vd w[3], g[3];
-                gr_shape_1d(basis, &axis.cell[c], 0.25, v_set(xi), w, g);
+                const struct gr_knots knots = gr_knots_of(&axis.cell[c]);
+                gr_shape_1d(basis, &knots, 0.25, v_set(xi), w, g);
                 for (int a = 0; a < gr_basis_nodes_1d(basis); a++) {
                     CHECK_NEAR(w[a][0], value(&axis.cell[c], a, xi), 1e-15);
                     CHECK_NEAR(g[a][GR_W - 1], slope(&axis.cell[c], a, xi), 1e-15);

@@ -30,8 +30,8 @@ static void with_linear_field(struct scene *s, int dim, int basis, int affine, d
         double x[3] = {0};
         for (int d = 0; d < dim; d++) x[d] = scene_node_x(s, n, d);
         for (int d = 0; d < dim; d++) {
-            s->engine->node_data[n * s->engine->node_stride + d] = linear_field(x, dim, d);
-            s->engine->node_data[n * s->engine->node_stride + dim + d] = share * linear_field(x, dim, d);
+            gr_node_field(s->engine, d)[n] = linear_field(x, dim, d);
+            gr_node_field(s->engine, dim + d)[n] = share * linear_field(x, dim, d);
         }
     }
     s->engine->keep_velocity = keep;
@@ -101,7 +101,7 @@ TEST(translation_is_free)
         CHECK(gr_grid(one->engine, gr_kernels_select("baseline")) == GR_OK);
     }
     for (int64_t n = 0; n < s.engine->mesh.n_nodes; n++)
-        for (int d = 0; d < 2; d++) s.engine->node_data[n * s.engine->node_stride + d] = 40;
+        for (int d = 0; d < 2; d++) gr_node_field(s.engine, d)[n] = 40;
     CHECK(gr_g2p(s.engine, gr_kernels_select("baseline")) == GR_OK);
     for (int64_t k = 0; k < s.capacity; k++) {
         if (s.id[k] < 0) {
@@ -146,7 +146,7 @@ TEST(before_the_grid_all_is_at_rest)
             const struct gr_engine *e = s.engine;
             for (int64_t n = 0; n < e->mesh.n_nodes; n++) {
                 CHECK(e->node_mass[n] == 0);
-                for (int q = 0; q < e->node_stride; q++) CHECK(e->node_data[n * e->node_stride + q] == 0);
+                for (int q = 0; q < e->node_fields; q++) CHECK(gr_node_field(e, q)[n] == 0);
                 for (int d = 0; d < 2; d++) CHECK(e->node_v[n * 2 + d] == 0);
             }
             remember(&s, &b);

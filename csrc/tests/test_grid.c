@@ -39,7 +39,7 @@ static void prepare(struct scene *s, int dim, struct gr_wall wall, int walled)
     CHECK(gr_grid(s->engine, gr_kernels_select("baseline")) == GR_OK);
 }
 
-static double out(const struct scene *s, int64_t n, int q) { return s->engine->node_data[n * s->engine->node_stride + q]; }
+static double out(const struct scene *s, int64_t n, int q) { return gr_node_field(s->engine, q)[n]; }
 
 static int is_floor(const struct scene *s, int64_t n) { return s->engine->mesh.node_code[n] == 1; }
 

@@ -6,7 +6,7 @@
 #include "tests/check.h"
 #include "tests/scene.h"
 
-/* Every point occurs once, in a place of its own cell; cells have whole vectors; spare places are clear; the tables are
+/* Every point occurs once, in a place of its own cell; cells of a tile have as many places; spare places are clear; the tables are
  * inverse to each other. */
 static void check_mesh(const struct scene *s)
 {
@@ -16,20 +16,27 @@ static void check_mesh(const struct scene *s)
     int64_t points = 0, end = 0;
     for (int64_t c = 0; c < mesh->n_cells; c++) {
         const struct gr_cell *cell = &mesh->cell[c];
-        CHECK(cell->offset == end && cell->capacity % GR_LANES == 0 && cell->count <= cell->capacity);
-        CHECK(cell->capacity > 0);
+        CHECK(cell->offset == end + c % GR_LANES && cell->count <= cell->capacity);
+        CHECK(cell->capacity > 0 && cell->capacity == cell[-(c % GR_LANES)].capacity);
         CHECK(gr_table_get(&mesh->cell_of, gr_cell_id(e, cell->at)) == c + 1);
         if (c) CHECK(gr_cell_id(e, mesh->cell[c - 1].at) < gr_cell_id(e, cell->at));
-        end += cell->capacity;
+        if ((c + 1) % GR_LANES == 0) end += GR_LANES * cell->capacity;
         points += cell->count;
-        for (int64_t k = cell->offset; k < cell->offset + cell->capacity; k++) {
-            const int spare = k >= cell->offset + cell->count;
+        for (int32_t place = 0; place < cell->capacity; place++) {
+            const int64_t k = gr_slot(cell, place);
+            const int spare = place >= cell->count;
             CHECK((s->id[k] < 0) == spare);
             for (int d = 0; d < dim; d++)
                 CHECK(gr_locate(&e->axis[d], 1 / e->config.dx, *scene_at(s, GR_FIELD_x, d, k)) == cell->at[d]);
             for (int f = GR_FIELD_x + 1; spare && f < GR_FIELD_COUNT; f++)
                 for (int q = 0; s->field[f] && q < gr_field_components(f, dim); q++) CHECK(*scene_at(s, f, q, k) == 0);
         }
+    }
+    for (int64_t c = mesh->n_cells; c < mesh->n_tiles * GR_LANES; c++) {
+        const struct gr_cell *cell = &mesh->cell[c]; /* fills up the last tile */
+        CHECK(cell->count == 0 && cell->offset == end + c % GR_LANES);
+        for (int32_t place = 0; place < cell->capacity; place++) CHECK(s->id[gr_slot(cell, place)] < 0);
+        if ((c + 1) % GR_LANES == 0) end += GR_LANES * cell->capacity;
     }
     CHECK(points == e->n_points && end == e->used && end <= s->capacity);
     for (int64_t k = end; k < s->capacity; k++) CHECK(s->id[k] < 0);
@@ -39,9 +46,10 @@ static void check_mesh(const struct scene *s)
     for (int64_t n = 0; n < mesh->n_nodes; n++)
         for (int i = 0; i < e->K; i++) {
             const int64_t source = mesh->node_source[n * e->K + i];
-            const int64_t cell = source / e->sum_stride, place = source % e->sum_stride;
-            if (cell >= mesh->n_cells) continue;
-            CHECK(place % sums == 0 && mesh->cell_node[cell * e->K + place / sums] == n);
+            const int64_t tile = source / e->sum_stride, place = source % e->sum_stride / GR_LANES;
+            if (tile >= mesh->n_tiles) continue;
+            const int64_t cell = tile * GR_LANES + source % GR_LANES;
+            CHECK(place % sums == 0 && cell < mesh->n_cells && gr_cell_node(e, cell, (int)(place / sums)) == n);
             CHECK(place / sums == e->K - 1 - i);
             linked++;
         }
@@ -49,7 +57,7 @@ static void check_mesh(const struct scene *s)
     for (int64_t c = 0; c < mesh->n_cells; c++)
         for (int a = 0; a < e->K; a++) {
             int repeats = 0;
-            for (int b = 0; b < a; b++) repeats |= mesh->cell_node[c * e->K + b] == mesh->cell_node[c * e->K + a];
+            for (int b = 0; b < a; b++) repeats |= gr_cell_node(e, c, b) == gr_cell_node(e, c, a);
             different += !repeats;
         }
     CHECK(linked == different);
@@ -108,7 +116,7 @@ TEST(moves_whole_points)
     CHECK(!scene_differs(&s, &before));
     for (int64_t c = 0; c < s.engine->mesh.n_cells; c++)
         for (int32_t i = 1; i < s.engine->mesh.cell[c].count; i++)
-            CHECK(s.id[s.engine->mesh.cell[c].offset + i] > s.id[s.engine->mesh.cell[c].offset + i - 1]);
+            CHECK(s.id[gr_slot(&s.engine->mesh.cell[c], i)] > s.id[gr_slot(&s.engine->mesh.cell[c], i - 1)]);
     scene_free(&s);
     scene_free(&before);
 }

@@ -98,18 +98,6 @@ TEST(exponential)
     CHECK_NEAR(v_exp(v_zero())[0], 1, 0);
 }
 
-TEST(lane_sums)
-{
-    double a[GR_SUMS][GR_W], sum[GR_SUMS], expected[GR_SUMS] = {0};
-    vd lanes[GR_SUMS];
-    for (int k = 0; k < GR_SUMS; k++) {
-        for (int lane = 0; lane < GR_W; lane++) expected[k] += a[k][lane] = 1 + 10 * k + lane;
-        lanes[k] = v_load(a[k]);
-    }
-    v_sums(sum, lanes);
-    for (int k = 0; k < GR_SUMS; k++) CHECK(sum[k] == expected[k]);
-}
-
 TEST(comparisons)
 {
     const vd one = v_set(1), two = v_set(2), nan = v_set(NAN);

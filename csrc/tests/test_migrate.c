@@ -137,7 +137,8 @@ TEST(moves_between_cells)
     struct gr_engine *e = s.engine;
     CHECK(gr_reserve_pending(e, 2 * (LIST + 1)) == GR_OK);
     for (int64_t c = 0; c < e->mesh.n_cells; c++)
-        for (int64_t k = e->mesh.cell[c].offset; k < e->mesh.cell[c].offset + e->mesh.cell[c].count; k++) {
+        for (int32_t place = 0; place < e->mesh.cell[c].count; place++) {
+            const int64_t k = gr_slot(&e->mesh.cell[c], place);
             if (s.id[k] % 3) continue;
             double *y = scene_at(&s, GR_FIELD_x, 1, k);
             *y += s.config.dx;
@@ -155,8 +156,9 @@ TEST(moves_between_cells)
     before.engine->n_points = 300 - gone;
     CHECK(!scene_differs(&before, &s));
     for (int64_t c = 0; c < e->mesh.n_cells; c++)
-        for (int64_t k = e->mesh.cell[c].offset; k < e->mesh.cell[c].offset + e->mesh.cell[c].capacity; k++) {
-            CHECK((s.id[k] < 0) == (k >= e->mesh.cell[c].offset + e->mesh.cell[c].count));
+        for (int32_t place = 0; place < e->mesh.cell[c].capacity; place++) {
+            const int64_t k = gr_slot(&e->mesh.cell[c], place);
+            CHECK((s.id[k] < 0) == (place >= e->mesh.cell[c].count));
             for (int d = 0; d < 2; d++)
                 CHECK(gr_locate(&e->axis[d], 1 / s.config.dx, *scene_at(&s, GR_FIELD_x, d, k)) == e->mesh.cell[c].at[d]);
         }
@@ -182,7 +184,7 @@ TEST(refuses_bad_points)
             gr_clear_migrants(&list);
             for (int64_t c = 0; c < s.engine->mesh.n_cells; c++)
                 for (int32_t i = 0; i < s.engine->mesh.cell[c].count; i++)
-                    list.from[list.count++] = (struct gr_migrant){.cell = c, .slot = s.engine->mesh.cell[c].offset + i};
+                    list.from[list.count++] = (struct gr_migrant){.cell = c, .slot = gr_slot(&s.engine->mesh.cell[c], i)};
             CHECK(list.count == 20);
             gr_pack_migrants(s.engine, &list, 0);
             CHECK(gr_migrate(s.engine, &list, 1, NULL) == (k < 2 ? GR_ERR_NOT_FINITE : GR_ERR_RUNAWAY));

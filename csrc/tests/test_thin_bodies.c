@@ -140,8 +140,8 @@ TEST(mesh_has_two_sides)
             doubles += is_double;
             if (!is_double) CHECK(side == cell->side);
             if (cell->side == -1) CHECK(cell[-1].side == 1 && gr_cell_id(e, cell->at) == gr_cell_id(e, cell[-1].at));
-            for (int64_t s = cell->offset; s < cell->offset + cell->count; s++)
-                CHECK(*scene_at(&t.scene, GR_FIELD_side, 0, s) == (is_double ? cell->side : 0));
+            for (int32_t k = 0; k < cell->count; k++)
+                CHECK(*scene_at(&t.scene, GR_FIELD_side, 0, gr_slot(cell, k)) == (is_double ? cell->side : 0));
         }
         CHECK(points == 600 && doubles == 2 * e->mesh.n_paired && doubles > 0);
         gr_split_nodes(e, 0, e->mesh.n_nodes);

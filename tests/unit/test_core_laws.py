@@ -65,7 +65,7 @@ def full_update(
     density, rate, g = np.zeros((3, padded))
     density[:n], rate[:n] = log_density, shear_rate
     if g_star is not None:
-        g_star = np.broadcast_to(g_star, n)[::lanes].copy()
+        g_star = np.resize(np.broadcast_to(g_star, n), padded)
     new = np.zeros((stress.shape[1], padded))
     new[:, :n] = stress.T
     parameters = {name: numbers(law)[name] for name, *_ in _core.laws()[law][1]}
