@@ -32,6 +32,7 @@ static const struct gr_law *const laws[] = {
 #include "mpm/substeps.inl"
 #include "mpm/g2p.inl"
 #include "mpm/sweep.inl"
+#include "mpm/node_sums.inl"
 #include "sph/sums.inl"
 #include "sph/stress.inl"
 #include "sph/gas_sums.inl"
@@ -104,6 +105,23 @@ static void cell_forces(struct gr_engine *e, int64_t first, int64_t last)
             apply_forces_of_cells(3, e, i);
 }
 
+static void sum_nodes(const struct gr_engine *e, int64_t group, int damped, int averages, double *sums)
+{
+#define GR_X(d, k, q, a) \
+    if (e->config.dim == d && e->K == k && damped == q && averages == a) sum_group(d, k, q, a, e, group, sums);
+    GR_X(2, 4, 0, 0)
+    GR_X(2, 4, 1, 0)
+    GR_X(2, 9, 0, 0)
+    GR_X(2, 9, 1, 0)
+    GR_X(2, 9, 1, 1)
+    GR_X(3, 8, 0, 0)
+    GR_X(3, 8, 1, 0)
+    GR_X(3, 27, 0, 0)
+    GR_X(3, 27, 1, 0)
+    GR_X(3, 27, 1, 1)
+#undef GR_X
+}
+
 static void smooth(struct gr_engine *e, int64_t first, int64_t last)
 {
 #define GR_SMOOTH(d, b)                             \
@@ -170,6 +188,7 @@ const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {
     .lanes = GR_W,
     .p2g = p2g,
     .p2g_arrivals = p2g_arrivals,
+    .sum_nodes = sum_nodes,
     .sweep = sweep,
     .apply_cell_forces = cell_forces,
     .smooth = smooth,

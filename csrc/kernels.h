@@ -17,6 +17,8 @@ struct gr_kernels {
     void (*p2g_arrivals)(struct gr_engine *, int64_t tile); /* of a tile that has gained points */
     void (*sweep)(struct gr_engine *, int64_t first, int64_t last, struct gr_migrants *out, int fused);
     void (*apply_cell_forces)(struct gr_engine *, int64_t first, int64_t last);
+    /* sums of the nodes of a group of GR_LANES; see enum gr_node_sum. damped: with that of the damping */
+    void (*sum_nodes)(const struct gr_engine *, int64_t group, int damped, int averages, double *sums);
     void (*smooth)(struct gr_engine *, int64_t first, int64_t last);
     void (*mean_pairs)(struct gr_engine *, int64_t first, int64_t last);
     void (*begin_substeps)(struct gr_engine *, int64_t first, int64_t last);

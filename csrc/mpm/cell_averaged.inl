@@ -75,15 +75,15 @@ GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_eng
     const struct summed summed = points_to_sum(e, first, more);
     double *out = e->sums + gr_sums_of_cell(e, first), *own = out + K * rows * GR_LANES;
     struct gr_frame frame;
-    struct contribution contribution[CHUNK];
+    struct contribution contribution[MOST_PREPARED];
     vd of_cell[GR_CELL_STRESS + 6];
     int fresh = !more;
     if (more && summed.begin == summed.end) return;
     for (int i = 0; !summed.end && i < e->sum_stride; i += GR_LANES) v_store(out + i, v_zero());
     gr_frame_of(dim, GR_LINEAR, affine, e, first, &frame);
     for (int q = GR_CELL_MC; q < GR_CELL_STRESS + stresses; q++) of_cell[q] = more ? v_load(own + q * GR_LANES) : v_zero();
-    for (int done = summed.begin; done < summed.end; done += CHUNK, fresh = 0) {
-        const int n = summed.end - done < CHUNK ? summed.end - done : CHUNK;
+    for (int done = summed.begin; done < summed.end; done += gr_prepared(dim), fresh = 0) {
+        const int left = summed.end - done, n = left < gr_prepared(dim) ? left : gr_prepared(dim);
         for (int i = 0; i < n; i++) {
             const int64_t at = gr_slot(&e->mesh.cell[first], done + i);
             const vm counted = v_ge(v_set(done + i), summed.first);

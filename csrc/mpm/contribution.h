@@ -4,7 +4,9 @@
 
 #include "mpm/shape.h"
 
-enum { CHUNK = 4 }; /* rows of points prepared together */
+/* Rows of points prepared together: as many as fit the first-level cache. */
+enum { MOST_PREPARED = 8 };
+GR_INLINE int gr_prepared(const int dim) { return dim == 2 ? MOST_PREPARED : MOST_PREPARED / 2; }
 
 /* Contributions of the points in a row of a tile, or a part of it. Only the members that a variant needs are set. */
 struct contribution {

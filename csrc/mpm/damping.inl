@@ -21,7 +21,7 @@ GR_INLINE vd damped_share(const struct gr_engine *e, vd flow, vd c)
 /* Damping of the points of GR_W cells: shares b_i of the difference to the velocity of a node that they lose. */
 struct damping {
     int any;  /* in some cell */
-    vm alike; /* cells in which all are the same */
+    vm damped, alike; /* cells in which some are not zero; in which all are the same */
     int all_alike;
     vd share[GR_MAX_NODES];
 };
@@ -34,7 +34,8 @@ GR_INLINE void damping_of_cells(const int K, struct damping *damping)
         least = v_min(least, damping->share[i]);
         most = v_max(most, damping->share[i]);
     }
-    damping->any = m_bits(v_gt(most, v_zero())) != 0;
+    damping->damped = v_gt(most, v_zero());
+    damping->any = m_bits(damping->damped) != 0;
     damping->alike = v_ge(least, most);
     damping->all_alike = m_bits(damping->alike) == GR_ALL_LANES;
 }
@@ -61,6 +62,6 @@ GR_INLINE void damp(const int dim, const int basis, const struct gr_engine *e, c
             const vd more = v_fma(v_set(e->config.dx) * component(e, GR_FIELD_affine, d * dim + j, at), first[j], lost);
             lost = v_select(damping->alike, lost, more);
         }
-        v[d] = v[d] - lost;
+        v[d] = v_select(damping->damped, v[d] - lost, v[d]);
     }
 }

@@ -251,6 +251,7 @@ void gr_engine_free(struct gr_engine *e)
                            e->mesh.cell_node,
                            e->mesh.place,
                            e->mesh.node_source,
+                           e->mesh.node_run,
                            e->mesh.node_code,
                            e->mesh.node_volume,
                            e->mesh.node_id,

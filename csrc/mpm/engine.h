@@ -98,6 +98,14 @@ static inline int64_t gr_slot(const struct gr_cell *cell, int64_t k) { return ce
 
 #define GR_IS_DOUBLE(cell) ((cell)->side == 1 || (cell)->side == -1)
 
+/* Where the sums of GR_LANES nodes that follow each other begin: those of node l at first + l if l < split, else at
+ * second + l; GR_RUN_BROKEN if there are more pieces. */
+enum { GR_RUN_BROKEN = -1 };
+struct gr_node_run {
+    int64_t first, second;
+    int32_t split;
+};
+
 /* What is to be done with the sums of a tile after the points have moved. */
 enum gr_tile_state { GR_TILE_SUMMED, GR_TILE_GAINED, GR_TILE_CHANGED };
 
@@ -115,6 +123,7 @@ struct gr_mesh {
     int32_t *place;         /* of its cells on the fluidity grid; NULL without one */
     int64_t *node_source;   /* n_nodes x K: entry i: where its sums over the cell begin in which it is local node
                                K - 1 - i; in the zero tile where there is no such cell */
+    struct gr_node_run *node_run; /* (n_nodes/GR_LANES, rounded up) x K: the same for GR_LANES nodes together */
     uint8_t *node_code;
     double *node_volume;              /* fraction of dx^dim that the node stands for */
     int64_t *node_id;                 /* its index in the whole grid */

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "core/simd.h"
+#include "kernels.h"
 #include "mpm/smoothed_density.h"
 #include "mpm/wall_impulse.h"
 #include "mpm/walls.h"
@@ -18,9 +19,7 @@ GR_INLINE int rows_of(const int dim, const int smoothed)
     return smoothed == AVERAGED ? GR_NODE_SUMS(dim) : GR_SUM_DAMPED(dim) + smoothed;
 }
 
-/* Sum over the cells of node n, in the order of node_source. The sums of the cells lie far apart in memory. Those of a later
- * node are therefore prefetched: in 3D, where they do not fit a cache, the processor waited for them a fifth of the
- * step. */
+/* Sum over the cells of node n, in the order of node_source, as kernels->sum_nodes does for many. */
 GR_INLINE void sum_over_cells(const int dim, const int K, const int smoothed, const struct gr_engine *e, int64_t n,
                               double *sum)
 {
@@ -89,15 +88,17 @@ GR_INLINE int is_closed(const struct gr_engine *e, int64_t n)
 }
 
 /* The grid stage for some nodes. */
-GR_INLINE void grid_nodes(const int dim, const int K, const int smoothed, struct gr_engine *e, int64_t first, int64_t last,
-                          const double g[3])
+GR_INLINE void grid_nodes(const int dim, const int K, const int smoothed, struct gr_engine *e,
+                          const struct gr_kernels *kernels, int64_t first, int64_t last, const double g[3])
 {
     const int averages = smoothed == AVERAGED, fields = GR_NODE_FIELDS(dim, averages) + (smoothed == 1);
     const double dt = e->dt, cutoff = e->config.mass_cutoff, keep = e->keep_velocity;
     const double cell_mass = e->config.rho_c * pow(e->config.dx, dim);
+    double sums[GR_NODE_SUMS(3) * GR_LANES];
     for (int64_t n = first; n < last; n++) {
         double sum[GR_NODE_SUMS(3)], v[3], next[3], out[GR_NODE_FIELDS(3, 1)];
-        sum_over_cells(dim, K, smoothed, e, n, sum);
+        if (n == first || n % GR_LANES == 0) kernels->sum_nodes(e, n / GR_LANES, smoothed > 0, averages, sums);
+        for (int q = 0; q < rows_of(dim, smoothed); q++) sum[q] = sums[q * GR_LANES + n % GR_LANES];
         e->node_mass[n] = sum[GR_SUM_MASS];
         if (e->n_thin) join_duplicate(dim, K, smoothed, e, n, sum);
         const double m = sum[GR_SUM_MASS];
@@ -135,11 +136,11 @@ GR_INLINE void grid_nodes(const int dim, const int K, const int smoothed, struct
     }
 }
 
-void gr_grid_nodes(struct gr_engine *e, int64_t first, int64_t last, const double g[3])
+void gr_grid_nodes(struct gr_engine *e, const struct gr_kernels *kernels, int64_t first, int64_t last, const double g[3])
 {
     const int smoothed = (e->config.smoothed || e->config.cell_averaged) + gr_averages(e, e->step);
 #define GR_GRID(d, k, q) \
-    if (e->config.dim == d && e->K == k && smoothed == q) grid_nodes(d, k, q, e, first, last, g);
+    if (e->config.dim == d && e->K == k && smoothed == q) grid_nodes(d, k, q, e, kernels, first, last, g);
     GR_GRID(2, 4, 0)
     GR_GRID(2, 4, 1)
     GR_GRID(2, 9, 0)

@@ -12,7 +12,7 @@ void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last);
  *
  * In w, f is the share of the old velocity that a point keeps. v', w and what the averaging of the density needs go to
  * node_data, m to node_mass and v to node_v. */
-void gr_grid_nodes(struct gr_engine *e, int64_t first, int64_t last, const double g[3]);
+void gr_grid_nodes(struct gr_engine *e, const struct gr_kernels *kernels, int64_t first, int64_t last, const double g[3]);
 
 /* XPIC: add pass r of order m to w, from the sums of kernels->smooth:
  *

@@ -220,7 +220,7 @@ static int reserve_mesh(struct gr_engine *e, int64_t n_cells)
         GR_RESIZE(e->substep_flow, capacity);
     }
     GR_RESIZE(e->dirty, tiles);
-    GR_RESIZE(e->sums, (tiles + 1) * e->sum_stride);
+    GR_RESIZE(e->sums, (tiles + 1) * e->sum_stride + GR_LANES); /* loads of node_sums.inl end beyond the last */
     mesh->cell_capacity = capacity;
     return GR_OK;
 }
@@ -232,6 +232,7 @@ static int reserve_nodes(struct gr_engine *e, int64_t n)
     const int64_t capacity = n + n / 2;
     mesh->node_capacity = 0;
     GR_RESIZE(mesh->node_source, capacity * e->K);
+    GR_RESIZE(mesh->node_run, (capacity / GR_LANES + 1) * e->K);
     GR_RESIZE(mesh->node_code, capacity);
     GR_RESIZE(mesh->node_volume, capacity);
     GR_RESIZE(mesh->node_id, capacity);
@@ -351,8 +352,8 @@ static void describe_node(struct gr_engine *e, int64_t n)
     }
     mesh->node_code[n] = gr_map_get(&e->config.node_codes, at);
     for (int i = 0; i < e->K; i++)
-        mesh->node_source[n * e->K + i] =
-            mesh->n_tiles * e->sum_stride + (e->K - 1 - i) * GR_SUM_DAMPED(e->config.dim) * GR_LANES;
+        mesh->node_source[n * e->K + i] = gr_sums_of_cell(e, mesh->n_tiles * GR_LANES + n % GR_LANES) +
+                                          (e->K - 1 - i) * GR_SUM_DAMPED(e->config.dim) * GR_LANES;
 }
 
 /* Clear the nodal fields, which belong to the old nodes: G2P before the next grid stage then finds all nodes at rest. */
@@ -417,6 +418,29 @@ static void find_rows(struct gr_engine *e)
     }
 }
 
+/* Find the pieces in which the sums of GR_LANES nodes lie. Nodes beyond the last continue its piece. */
+static void find_runs(struct gr_engine *e)
+{
+    const struct gr_mesh *mesh = &e->mesh;
+    for (int64_t group = 0; group * GR_LANES < mesh->n_nodes; group++)
+        for (int i = 0; i < e->K; i++) {
+            const int64_t *source = mesh->node_source + group * GR_LANES * e->K + i;
+            const int64_t left = mesh->n_nodes - group * GR_LANES, n = left < GR_LANES ? left : GR_LANES;
+            struct gr_node_run run = {source[0], source[0], GR_LANES};
+            for (int l = 1; l < n; l++) {
+                const int64_t at = source[l * e->K] - l;
+                if (at == (run.split < GR_LANES ? run.second : run.first)) continue;
+                if (run.split < GR_LANES || at < 0) {
+                    run.split = GR_RUN_BROKEN;
+                    break;
+                }
+                run.split = l;
+                run.second = at;
+            }
+            mesh->node_run[group * e->K + i] = run;
+        }
+}
+
 /* Index of the neighbour of a cell along axis d, low or high; see enum gr_beside. */
 static int64_t cell_beside(const struct gr_engine *e, const struct gr_cell *cell, int d, int high)
 {
@@ -464,6 +488,7 @@ static int connect_nodes(struct gr_engine *e)
                 gr_sums_of_cell(e, c) + a * GR_SUM_DAMPED(e->config.dim) * GR_LANES;
         }
     find_rows(e);
+    find_runs(e);
     error = GR_OK;
 out:
     if (error) gr_table_clear(&mesh->node_of);
@@ -512,7 +537,7 @@ int gr_regroup(struct gr_engine *e)
     error = connect_nodes(e);
     if (!error && e->fluidity) error = cover_cells(e, &r);
     e->disconnected = error != GR_OK; /* the points are grouped, but the mesh must be made again */
-    memset(e->sums, 0, sizeof(double) * (size_t)((e->mesh.n_tiles + 1) * e->sum_stride));
+    memset(e->sums, 0, sizeof(double) * (size_t)((e->mesh.n_tiles + 1) * e->sum_stride + GR_LANES));
 out:
     free(r.source);
     free(r.cell_id);

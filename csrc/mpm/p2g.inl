@@ -181,14 +181,14 @@ GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const
     const struct summed summed = points_to_sum(e, first, more);
     double *out = e->sums + gr_sums_of_cell(e, first), *own = out + K * rows * GR_LANES;
     struct gr_frame frame;
-    struct contribution contribution[CHUNK];
+    struct contribution contribution[MOST_PREPARED];
     const int averages = smoothed && e->sums_average;
     int fresh = !more;
     if (more && summed.begin == summed.end) return;
     for (int i = 0; !summed.end && i < e->sum_stride; i += GR_LANES) v_store(out + i, v_zero());
     gr_frame_of(dim, basis, affine || averages, e, first, &frame);
-    for (int done = summed.begin; done < summed.end; done += CHUNK, fresh = 0) {
-        const int n = summed.end - done < CHUNK ? summed.end - done : CHUNK;
+    for (int done = summed.begin; done < summed.end; done += gr_prepared(dim), fresh = 0) {
+        const int left = summed.end - done, n = left < gr_prepared(dim) ? left : gr_prepared(dim);
         vd damped = fresh ? v_zero() : v_load(own + GR_CELL_M_DAMPING * GR_LANES);
         vd mass = fresh ? v_zero() : v_load(own + GR_CELL_M * GR_LANES);
         for (int i = 0; i < n; i++) {

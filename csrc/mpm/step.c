@@ -176,7 +176,7 @@ static void finish(struct run *run)
 static void grid_nodes(struct run *run, int64_t first, int64_t last)
 {
     if (run->e->n_thin) gr_split_nodes(run->e, first, last);
-    gr_grid_nodes(run->e, first, last, run->gravity);
+    gr_grid_nodes(run->e, run->kernels, first, last, run->gravity);
 }
 
 static void p2g_listed(struct run *run, int64_t first, int64_t last)
