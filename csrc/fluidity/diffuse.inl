@@ -35,11 +35,25 @@ struct passes {
 #define GR_EACH_BLOCK(f, c, i) \
     for (int64_t i = (f)->chunk_first[c] * GR_PAGE, end_##i = (f)->chunk_first[(c) + 1] * GR_PAGE; i < end_##i; i += GR_W)
 
-static inline double lane_sum(vd a)
+/* Sums over the cells of a chunk, one for each place in a page, so that they do not depend on the length of a vector. */
+struct page_sum {
+    vd of[GR_VECTORS];
+};
+
+#define GR_PART(i) ((i) % GR_PAGE / GR_W) /* which of the vectors of a page begins at place i */
+
+static inline struct page_sum no_sum(void)
 {
-    double sum = 0;
-    for (int lane = 0; lane < GR_W; lane++) sum += a[lane];
+    struct page_sum sum;
+    for (int k = 0; k < GR_VECTORS; k++) sum.of[k] = v_zero();
     return sum;
+}
+
+static inline double total_of_page(const struct page_sum *sum)
+{
+    double total = 0;
+    for (int k = 0; k < GR_PAGE; k++) total += sum->of[k / GR_W][k % GR_W];
+    return total;
 }
 
 static double total(const struct gr_fluidity *f, const double *partial)
@@ -171,16 +185,17 @@ static inline void first_residual_chunk(const int links, const struct diffusion 
     const struct gr_fluidity *f = w->f;
     const vd k = v_set(-w->k);
     double *r = w->work[0], *p = w->work[1];
-    vd rr = v_zero(), gg = v_zero();
+    struct page_sum rr = no_sum(), gg = no_sum();
     GR_EACH_BLOCK(f, c, i) v_store(r + i, k * outflow(links, f, i, w->g));
     add_wraps(f, c, -w->k, w->g, r);
     GR_EACH_BLOCK(f, c, i)
     {
         const vd rest = v_load(r + i), g = v_load(w->g + i);
         v_store(p + i, rest);
-        rr = v_fma(rest, rest, rr), gg = v_fma(g, g, gg);
+        rr.of[GR_PART(i)] = v_fma(rest, rest, rr.of[GR_PART(i)]);
+        gg.of[GR_PART(i)] = v_fma(g, g, gg.of[GR_PART(i)]);
     }
-    f->partial[1][c] = lane_sum(rr), f->partial[2][c] = lane_sum(gg);
+    f->partial[1][c] = total_of_page(&rr), f->partial[2][c] = total_of_page(&gg);
 }
 
 /* q = (1 + k L) p; p.q goes to partial[0]. */
@@ -189,14 +204,14 @@ static inline void multiply_chunk(const int links, const struct diffusion *w, in
     const vd k = v_set(w->k);
     const double *p = w->work[1];
     double *q = w->work[2];
-    vd sum = v_zero();
+    struct page_sum sum = no_sum();
     GR_EACH_BLOCK(w->f, c, i)
     {
         const vd here = v_load(p + i), value = v_fma(k, outflow(links, w->f, i, p), here);
         v_store(q + i, value);
-        sum = v_fma(here, value, sum);
+        sum.of[GR_PART(i)] = v_fma(here, value, sum.of[GR_PART(i)]);
     }
-    w->f->partial[0][c] = lane_sum(sum) + add_wraps(w->f, c, w->k, p, q);
+    w->f->partial[0][c] = total_of_page(&sum) + add_wraps(w->f, c, w->k, p, q);
 }
 
 /* g += alpha p, r -= alpha q with alpha = scale; r.r goes to partial[1]. */
@@ -205,16 +220,16 @@ static void descend(void *context, int64_t c, int t)
     const struct diffusion *w = context;
     const vd alpha = v_set(w->scale);
     double *r = w->work[0], *p = w->work[1], *q = w->work[2];
-    vd sum = v_zero();
+    struct page_sum sum = no_sum();
     (void)t;
     GR_EACH_BLOCK(w->f, c, i)
     {
         const vd rest = v_fnma(alpha, v_load(q + i), v_load(r + i));
         v_store(w->g + i, v_fma(alpha, v_load(p + i), v_load(w->g + i)));
         v_store(r + i, rest);
-        sum = v_fma(rest, rest, sum);
+        sum.of[GR_PART(i)] = v_fma(rest, rest, sum.of[GR_PART(i)]);
     }
-    w->f->partial[1][c] = lane_sum(sum);
+    w->f->partial[1][c] = total_of_page(&sum);
 }
 
 /* p = r + beta p with beta = scale */

@@ -28,7 +28,8 @@ def nonlocal_arguments(n=3, dim=2):
     )  # fmt: skip
     given[6][:] = 1e-3
     given[7][:3] = -1000.0
-    return [*given, np.ones(n), np.zeros(n * _core.build_info()["lanes"])]
+    places = n * _core.build_info()["lanes"]
+    return [*given, np.ones(places), np.zeros(places)]
 
 
 def fluidity_arguments(n=11):
