@@ -96,7 +96,7 @@ def make_movie(
     path = Path(path)
     bar = tqdm(range(count), desc=path.name, unit="frame", disable=not progress)
     shots = (shot(i) for i in bar)
-    with _replacing(path) as target:
+    with replacing(path) as target:
         if path.suffix.lower() == ".gif":
             _write_gif(target, [shot(i) for i in sampled(count)], shots, fps)
         else:
@@ -192,7 +192,7 @@ def _write_mp4(target: Path, shots: Iterator[NDArray[np.uint8]], fps: float) -> 
 
 
 @contextmanager
-def _replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary path that replaces `path` on success and is deleted on failure."""
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=path.suffix, dir=path.parent)
     os.close(handle)
