@@ -63,7 +63,7 @@ RUN = "_ = sim.run(until=0.02, every=0.005, progress=True, hooks=[gr.plot.Live('
 
 
 def outputs(*code):
-    """What a notebook shows below the last of its cells."""
+    """Outputs of the last of some cells."""
     for name in ("nbclient", "ipykernel", "ipywidgets", "trame_pyvista"):
         pytest.importorskip(name, reason="needs the extra: notebook")
     from nbformat import v4
