@@ -8,6 +8,7 @@ import pytest
 from PIL import Image
 
 import granular as gr
+from granular.plot import view_3d
 from granular.plot.fields import Brush
 from granular.plot.volume import filled_volume
 
@@ -162,6 +163,14 @@ def test_runs_and_records_have_the_view(sim, tmp_path, monkeypatch):
             sim.view()
     monkeypatch.setattr(pyvista, "OFF_SCREEN", True)
     assert sim.view(window=(160, 120)) is None
+
+
+def test_a_notebook_without_trame_names_the_extra(sim, monkeypatch):
+    pytest.importorskip("pyvista")
+    monkeypatch.setattr(view_3d, "in_notebook", lambda: True)
+    monkeypatch.setattr(view_3d, "find_spec", lambda name: None)
+    with pytest.raises(ModuleNotFoundError, match=r"pip install 'granular\[notebook\]'"):
+        sim.view()
 
 
 def test_2d_is_refused(tmp_path):
