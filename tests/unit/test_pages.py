@@ -5,6 +5,7 @@ import importlib
 import inspect
 import math
 import re
+import shlex
 import subprocess
 import sys
 import types
@@ -19,6 +20,7 @@ from paraview_reader import as_array, paraview
 from PIL import Image
 
 import granular as gr
+from granular.cli import command_parser
 from granular.plot.bodies import STYLE
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -182,6 +184,24 @@ def share_of_bodies(movie):
         pixels = np.asarray(picture.convert("RGB"), float)
     colour = 255 * np.array(to_rgb(STYLE["facecolor"]))
     return (np.abs(pixels - colour).max(axis=2) < 8).mean()
+
+
+SHELL = re.compile(r"^```sh\n(.*?)^```$", re.M | re.S)
+README = DOCS.parent / "README.md"
+
+
+def test_commands_of_the_pages_are_understood():
+    """Each line of a page that calls `granular` has a command and options that exist."""
+    lines = [
+        line.partition("granular ")[2].partition(">")[0]
+        for page in (README, *PROSE)
+        for line in "\n".join(SHELL.findall(page.read_text())).replace("&&", "\n").splitlines()
+        if re.match(r"\s*(\S*/)?granular ", line)
+    ]
+    assert len(lines) >= 10
+    for line in lines:
+        words = shlex.split(line)
+        assert command_parser(words).parse_args(words).command, line
 
 
 # ---- prose ----
