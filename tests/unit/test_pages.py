@@ -134,14 +134,21 @@ FIRST_HOUR = (
 """Pages in the order of someone who begins and wants to empty a hopper."""
 
 
+SLOW = ("how-to/sweep_on_a_cluster",)
+"""Pages whose code takes long: processes of a cluster have to start."""
+
+
 @pytest.mark.parametrize(
-    "page",
-    [p for p in GUIDES if blocks(p) and str(p.relative_to(DOCS).with_suffix("")) not in FIRST_HOUR],
-    ids=lambda p: p.stem,
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow if name in SLOW else ())
+        for name, page in ((str(p.relative_to(DOCS).with_suffix("")), p) for p in GUIDES)
+        if blocks(page) and name not in FIRST_HOUR
+    ],
 )
-def test_code_of_guides_runs(page, run_page):
+def test_code_of_guides_runs(name, run_page):
     """The blocks of a page run one after the other, and issue no warning."""
-    run_page(page)
+    run_page(DOCS / f"{name}.md")
 
 
 def test_a_first_hour(run_page, tmp_path):
