@@ -23,6 +23,7 @@ extensions = [
     "numpydoc",
     "sphinx_copybutton",
     "sphinx_design",
+    "sphinx-mathjax-offline",  # a copy of MathJax in the site: formulas show without a network
     "docstrings",
     "generated_tables",
     "lessons",
