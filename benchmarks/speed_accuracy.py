@@ -23,7 +23,7 @@ from shared import parser_of, rounded
 import granular as gr
 
 RESULTS = Path(__file__).parent / "results"
-PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
+FIGURES = Path(__file__).parents[1] / "docs" / "pictures"
 PICTURES = {
     "accuracy_inclines": ("incline", "incline_2d"),
     "accuracy_scenes": ("collapse", "runout", "silo"),
@@ -96,7 +96,7 @@ def main(argv: list[str] | None = None) -> None:
     parser = parser_of(__doc__, "a few coarse cases, to see it runs")
     parser.set_defaults(out=RESULTS / "speed_accuracy.json")
     parser.add_argument("--limit", type=float, default=LIMIT, help="core-seconds of a case")
-    parser.add_argument("--figures", type=Path, default=PICTURES, help="folder of the pictures")
+    parser.add_argument("--figures", type=Path, default=FIGURES, help="folder of the pictures")
     parser.add_argument("--only", help="run the cases of this scene, solver or scheme, draw all")
     chosen = parser.parse_args(argv)
     table = Table(chosen.out)

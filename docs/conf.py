@@ -17,14 +17,16 @@ author = "The granular developers"
 release = version = granular.__version__
 
 extensions = [
-    "myst_parser",
+    "myst_nb",
     "sphinx.ext.autodoc",
     "sphinx.ext.autosummary",
     "numpydoc",
     "sphinx_copybutton",
     "sphinx_design",
+    "sphinx-mathjax-offline",  # a copy of MathJax in the site: formulas show without a network
     "docstrings",
     "generated_tables",
+    "lessons",
     "linked_names",
 ]
 exclude_patterns = ["_build", "_ext", "paper"]
@@ -34,6 +36,7 @@ html_css_files = ["granular.css"]
 
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
+nb_execution_mode = "off"  # lessons are shown with the outputs that they are stored with
 default_role = "py:obj"  # `Scene` in a docstring is a link where there is such a thing
 
 autosummary_generate = True

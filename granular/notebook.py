@@ -1,17 +1,25 @@
-"""HTML tables and pictures that represent objects in a notebook."""
+"""Notebooks: whether one runs, and the HTML that represents objects in it."""
 
 from __future__ import annotations
 
 import base64
 import html
 import io
+import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["embedded", "image", "table"]
+__all__ = ["embedded", "image", "in_notebook", "table"]
+
+
+def in_notebook() -> bool:
+    """True if the code runs in a kernel of Jupyter, which shows objects below the code."""
+    ipython = sys.modules.get("IPython")
+    shell = ipython.get_ipython() if ipython else None
+    return getattr(shell, "kernel", None) is not None
 
 
 def embedded(content: bytes, kind: str) -> str:

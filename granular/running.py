@@ -1,21 +1,44 @@
-"""Times of frames, progress bar and Ctrl-C of a run, for all methods."""
+"""Threads, calls of the core, times of frames, progress bar and Ctrl-C of a run."""
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
+import time as clock
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from granular import _core
 from granular.checks import positive
 
 if TYPE_CHECKING:
     from granular.simulation import Simulation
 
-__all__ = ["EVERY", "check_interval", "interruptible", "next_frame", "progress_bar"]
+__all__ = [
+    "EVERY",
+    "Chunks",
+    "check_interval",
+    "default_threads",
+    "interruptible",
+    "next_frame",
+    "progress_bar",
+]
+
+SMALL = 4000
+"""Number of points up to which one thread is the default.
+
+An estimate: with fewer points handing out chunks costs more than the threads gain.
+"""
+CHUNK_SECONDS = 0.05
+"""Wall time [s] between two returns from the core.
+
+Signals, progress and hooks wait no longer than this.
+"""
+MAX_CHUNK = 1 << 20
 
 EVERY = 1 / 60
 """Default time between frames [s]; played at 60 frames per second they show real time."""
@@ -25,6 +48,33 @@ LEAST_STEP = 1e-3
 Each step is a frame anyway if they are closer than steps. The margin is for steps that become
 shorter in the run; what is far below is a slip, and its multiples cannot be told apart.
 """
+
+
+def default_threads(n_points: int) -> int:
+    """Threads for a number of points: one for few, else all processors of this process."""
+    if n_points <= SMALL:
+        return 1
+    own = getattr(os, "sched_getaffinity", None)  # Linux
+    return min(len(own(0)) if own else os.cpu_count() or 1, _core.MAX_THREADS)
+
+
+class Chunks:
+    """Steps made in calls of the core that take about CHUNK_SECONDS each.
+
+    How they are divided does not affect the result.
+    """
+
+    def __init__(self) -> None:
+        self._steps = 1  # of the next call
+
+    def advance(self, sim: Simulation, until: float) -> Iterator[None]:
+        """Advance a simulation to the time `until` [s]; yield after each call."""
+        while sim.time < until:
+            begin, first = clock.perf_counter(), sim.steps
+            sim._advance(self._steps, until)
+            seconds = max(clock.perf_counter() - begin, 1e-6) / max(sim.steps - first, 1)
+            self._steps = int(min(max(CHUNK_SECONDS / seconds, 1), MAX_CHUNK, 4 * self._steps + 1))
+            yield
 
 
 def check_interval(every: object, dt: float, end: float) -> float:

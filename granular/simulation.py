@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-import time as clock
 import warnings
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection
 from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, cast, overload
@@ -22,7 +21,15 @@ from granular.record import Checkpoint, TrajectoryWriter
 from granular.record.session import Session
 from granular.record.settings import fields_to_store
 from granular.resuming import resumed
-from granular.running import EVERY, check_interval, interruptible, next_frame, progress_bar
+from granular.running import (
+    EVERY,
+    Chunks,
+    check_interval,
+    default_threads,
+    interruptible,
+    next_frame,
+    progress_bar,
+)
 from granular.state import State
 
 if TYPE_CHECKING:
@@ -38,19 +45,8 @@ SimulationError = _core.SimulationError
 
 Hook = Callable[["Simulation"], Any]
 
-CHUNK_SECONDS = 0.05
-"""Wall time [s] between two returns from the core.
-
-Signals, progress and hooks wait no longer than this.
-"""
-MAX_CHUNK = 1 << 20
 MOST_STEPS = 2**63 - 1
 """Number of steps that the core can count."""
-SMALL = 4000
-"""Number of points up to which one thread is the default.
-
-An estimate: with fewer points handing out chunks costs more than the threads gain.
-"""
 
 _METHODS: dict[type, type[Simulation]] = {}
 """Class of the simulation for each class of scenes."""
@@ -148,7 +144,7 @@ class Simulation:
         if threads is not None:
             threads = integer("threads", threads, 1, _core.MAX_THREADS)
         self._threads = threads
-        self._chunk = 1
+        self._chunks = Chunks()
         self._session = Session()
         self._every = EVERY
         self._stored: tuple[str, ...] = ()  # derived fields of frames
@@ -208,12 +204,7 @@ class Simulation:
     @property
     def threads(self) -> int:
         """Threads that the core uses."""
-        if self._threads is not None:
-            return self._threads
-        if self.n_points <= SMALL:
-            return 1
-        own = getattr(os, "sched_getaffinity", None)  # Linux: the processors of this process
-        return min(len(own(0)) if own else os.cpu_count() or 1, _core.MAX_THREADS)
+        return default_threads(self.n_points) if self._threads is None else self._threads
 
     @property
     def time(self) -> float:
@@ -259,6 +250,13 @@ class Simulation:
         time, step, dt = scalars["time"], int(scalars["step"]), scalars["dt"]
         return State(scene=self.scene, time=time, step=step, dt=dt, fields=fields, **extra)
 
+    def view(self, path: str | os.PathLike[str] | None = None, **options: Any) -> Any:
+        """Show the present state in 3D, or draw it to a file; see `granular.plot.view`."""
+        # Imported here: a simulation needs no pictures.
+        from granular.plot import view
+
+        return view(self, path, **options)
+
     # ---- stepping ----
 
     def step(self, n: int = 1) -> None:
@@ -269,15 +267,6 @@ class Simulation:
 
     def _advance(self, max_steps: int, until: float) -> None:
         self._make_steps(max_steps, until)
-
-    def _chunks(self, until: float) -> Iterator[None]:
-        """Advance to `until` in calls of about CHUNK_SECONDS, which do not affect the result."""
-        while self.time < until:
-            begin, first = clock.perf_counter(), self.steps
-            self._advance(self._chunk, until)
-            seconds = max(clock.perf_counter() - begin, 1e-6) / max(self.steps - first, 1)
-            self._chunk = int(min(max(CHUNK_SECONDS / seconds, 1), MAX_CHUNK, 4 * self._chunk + 1))
-            yield
 
     def run(
         self,
@@ -321,9 +310,11 @@ class Simulation:
         overwrite : bool
             Whether an existing record may be replaced.
         progress : bool
-            Show a progress bar.
+            Show a progress bar; in a notebook a widget, if ipywidgets is installed
+            (``pip install 'granular[notebook]'``).
         hooks : sequence of callables
             Called with the simulation at each frame; an exception that one raises ends the run.
+            `granular.plot.Live` is one that shows the run.
         monitor : bool
             Take samples of frames for the indicators of failure, see `health`; the record keeps
             them. They are so far apart that they take less than a fiftieth of the run.
@@ -373,7 +364,7 @@ class Simulation:
                     self._frame(writer, hooks, monitor, gas)
                 while self.time < until and not interrupted:
                     frame = min(next_frame(self.time, every), until)
-                    for _ in self._chunks(frame):
+                    for _ in self._chunks.advance(self, frame):
                         bar.update(min(self.time, until) - bar.n)
                         if writer and self.time < frame:  # the frame is stored with the rest
                             writer.store(may_wait=True)

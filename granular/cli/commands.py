@@ -50,7 +50,8 @@ def run(arguments: argparse.Namespace) -> int:
         from granular.plot.fields import values
 
         values(simulation.state, arguments.color)  # refuses an unknown field before the run
-    code = _simulate(simulation, arguments, save=arguments.output, overwrite=arguments.overwrite)
+    options = {"save": arguments.output, "overwrite": arguments.overwrite}
+    code = _simulate(simulation, arguments, fields=arguments.fields, **options)
     if code in (0, SUSPECT):
         _draw(arguments.output, arguments.picture, -1, arguments)
     return code

@@ -15,6 +15,7 @@ from granular.cli.words import (
     Keyword,
     keywords_of,
     material_keywords,
+    names,
     number,
     shown,
     summary,
@@ -103,6 +104,8 @@ def _add_recording(scene: Any) -> None:
     _add_run_options(scene, "default 1/60")
     text = "HDF5 record, for ParaView ending in .vtkhdf"
     scene.add_argument("-o", "--output", metavar="FILE", required=True, help=text)
+    text = "quantities that frames hold too, as ParaView shows them: pressure,speed,..."
+    scene.add_argument("--fields", type=names, metavar="F,F", help=text)
     text = "change a number of the scene, such as scheme.cfl=0.3 or bodies.0.friction=0.4"
     scene.add_argument("--set", action="append", default=[], metavar="PLACE=VALUE", help=text)
     text = "run even if the estimated memory exceeds that of the machine"

@@ -42,6 +42,10 @@ def numbers(text: str) -> tuple[float, ...]:
     return tuple(number(part) for part in text.split(","))
 
 
+def names(text: str) -> tuple[str, ...]:
+    return tuple(text.split(","))
+
+
 def truth(text: str) -> bool:
     try:
         return {"yes": True, "no": False}[text]

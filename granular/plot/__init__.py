@@ -21,6 +21,7 @@ from granular.plot.friction import friction_by_law as friction_by_law
 from granular.plot.friction import friction_shares as friction_shares
 from granular.plot.friction import scaling_of_dilation as scaling_of_dilation
 from granular.plot.friction import scaling_of_dissipation as scaling_of_dissipation
+from granular.plot.live import Live as Live
 from granular.plot.movie import movie as movie
 from granular.plot.scene import scene as scene
 from granular.plot.view_3d import view as view

@@ -6,7 +6,7 @@ import os
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from tqdm.auto import tqdm
 
 from granular.checks import in_range
 from granular.notebook import embedded
+from granular.running import bar
 
 SCANNED = 16
 """Number of frames to which the colour scale, the extent and the palette are fitted."""
@@ -94,9 +94,11 @@ def make_movie(
             make_movie(target, count, shot, fps=fps, overwrite=False, progress=progress)
             return Movie(None, target.suffix, target.read_bytes())
     path = Path(path)
-    bar = tqdm(range(count), desc=path.name, unit="frame", disable=not progress)
-    shots = (shot(i) for i in bar)
-    with _replacing(path) as target:
+    frames: Iterable[int] = range(count)
+    if progress:
+        frames = bar(iterable=frames, desc=path.name, unit="frame")
+    shots = (shot(i) for i in frames)
+    with replacing(path) as target:
         if path.suffix.lower() == ".gif":
             _write_gif(target, [shot(i) for i in sampled(count)], shots, fps)
         else:
@@ -192,7 +194,7 @@ def _write_mp4(target: Path, shots: Iterator[NDArray[np.uint8]], fps: float) -> 
 
 
 @contextmanager
-def _replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary path that replaces `path` on success and is deleted on failure."""
     handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=path.suffix, dir=path.parent)
     os.close(handle)

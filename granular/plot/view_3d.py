@@ -1,8 +1,10 @@
-"""Pictures and movies of 3D states and their bodies, drawn off-screen by pyvista."""
+"""Views, pictures and movies of 3D states and their bodies, drawn by pyvista."""
 
 import math
 import os
+import sys
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ from matplotlib.colors import LogNorm
 from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import in_range, integer, one_of
+from granular.notebook import in_notebook
 from granular.plot.encoding import Movie, check_movie, make_movie, sampled
 from granular.plot.fields import MISSING, Brush
 from granular.plot.volume import filled_volume, inside_slab
@@ -35,7 +38,7 @@ Slab = tuple[str, float, float]
 
 def view(
     source: State | Simulation | Trajectory,
-    path: str | os.PathLike[str],
+    path: str | os.PathLike[str] | None = None,
     color: str | ArrayLike = "shear_rate",
     *,
     frame: int = -1,
@@ -47,14 +50,17 @@ def view(
     cmap: str | None = None,
     opacity: float = 1.0,
     window: tuple[int, int] = (960, 720),
-) -> Path:
-    """Draw a 3D state and its bodies to a file, without opening a window.
+) -> Any:
+    """Show a 3D state and its bodies, to be turned with the mouse, or draw them to a file.
+
+    In a notebook the view is part of the page; from a script it is a window, and the script goes on
+    when it is closed. With a path a picture is drawn to a file instead, and no window is opened.
 
     Parameters
     ----------
     source : State, Simulation or Trajectory
         State to draw, with its bodies where they are.
-    path : path
+    path : path, optional
         PNG file to write.
     color, limits, log, cmap
         See `granular.plot.frame`.
@@ -76,20 +82,31 @@ def view(
 
     Returns
     -------
-    Path
+    Path or object
+        The path of the file. Without one, in a notebook, the widget of PyVista, which shows itself;
+        in a script None.
 
     Raises
     ------
     ModuleNotFoundError
-        If pyvista is not installed: ``pip install 'granular[pictures3d]'``.
+        If pyvista is not installed: ``pip install 'granular[pictures3d]'``; or in a notebook
+        trame: ``pip install 'granular[notebook]'``.
+    RuntimeError
+        If no path is given and there is no display for a window.
     TypeError, ValueError
         Naming argument, value and allowed range.
     """
     state = _state_of(source, frame)
+    pyvista = _pyvista()
+    if path is None:
+        _check_display(pyvista)
     brush = Brush.fitted([state], color, limits=limits, log=log, cmap=cmap)
-    stage = _Stage([state], brush, style, slab, camera, opacity, window)
+    shown = path is None
+    stage = _Stage([state], brush, style, slab, camera, opacity, window, shown=shown)
+    stage.show(state)
+    if path is None:
+        return stage.plotter.show(return_viewer=True)
     try:
-        stage.show(state)
         stage.plotter.screenshot(str(path))
     finally:
         stage.plotter.close()
@@ -165,6 +182,8 @@ class _Stage:
         camera: str | tuple[float, float, float],
         opacity: float,
         window: tuple[int, int],
+        *,
+        shown: bool = False,
     ) -> None:
         self._pyvista = _pyvista()
         self._brush, self._slab = brush, _checked(slab)
@@ -173,7 +192,9 @@ class _Stage:
         self._size = tuple(integer(f"window[{k}]", n, 16) for k, n in enumerate(window))
         self._surfaces = _surfaces(self._pyvista, states[0])
         direction = _direction(camera)
-        self.plotter = self._pyvista.Plotter(off_screen=True, window_size=self._size)
+        # pyvista itself decides on a window or a part of a notebook if it is not told.
+        off_screen = None if shown else True
+        self.plotter = self._pyvista.Plotter(off_screen=off_screen, window_size=self._size)
         self.plotter.set_background("white")
         low, high = self._bounds(states)
         self._aim(camera, direction)
@@ -272,6 +293,23 @@ def _pyvista() -> Any:
             f"{error}: 3D pictures need pyvista: pip install 'granular[pictures3d]'"
         ) from error
     return pyvista
+
+
+def _check_display(pyvista: Any) -> None:
+    """Refuse a view that cannot be shown, before the work is done."""
+    if in_notebook():
+        static = pyvista.global_theme.jupyter_backend in ("static", "none")
+        if not static and find_spec("trame_pyvista") is None:
+            raise ModuleNotFoundError(
+                "views in a notebook need trame: pip install 'granular[notebook]', "
+                "or give a path for a picture"
+            )
+    elif (
+        sys.platform.startswith("linux")
+        and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+        and not pyvista.OFF_SCREEN
+    ):
+        raise RuntimeError("path = None opens a window and there is no display: give a path")
 
 
 def _state_of(source: State | Simulation | Trajectory, frame: int) -> State:

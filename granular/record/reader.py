@@ -131,6 +131,15 @@ class Trajectory:
 
         return movie(self, path, **options)
 
+    def view(
+        self, frame: int = -1, path: str | os.PathLike[str] | None = None, **options: Any
+    ) -> Any:
+        """Show a frame in 3D, or draw it to a file; see `granular.plot.view`."""
+        # Imported here: reading a record needs no pictures.
+        from granular.plot import view
+
+        return view(self, path, frame=frame, **options)
+
     def to_xarray(self, fields: Collection[str] = STANDARD) -> Any:
         """Return a `xarray.Dataset` of these frames, all in memory.
 

@@ -34,6 +34,7 @@ SECTIONS = ("scene", "arguments", "material", "scheme", "run")
 RUN = {
     "until": "Time at which the run stops [s]; by default the duration of the scene.",
     "every": "Time between frames [s].",
+    "fields": 'Quantities that frames hold too, as ParaView shows them: ["pressure", "speed"].',
     "threads": "Number of threads; by default as many as are worth it.",
 }
 """Keys of the section "run", and what they mean."""
@@ -53,7 +54,7 @@ class SceneFile:
     ----------
     scene : Scene or SphScene
     run : dict
-        Values of `until`, `every` and `threads`, as far as the file has them.
+        Values of `until`, `every`, `fields` and `threads`, as far as the file has them.
     """
 
     scene: AnyScene

@@ -43,6 +43,7 @@ QUICK = ["--cell", "0.05", "--E", "1e5", "--until", "0.02", "--quiet"]
         (["run", "silo", "--every", "0", "-o", "a.h5"], "every = 0"),
         (["run", "silo", "--threads", "0", "-o", "a.h5"], "threads = 0"),
         (["run", "silo", "--scheme", "best", "-o", "a.h5"], "best"),
+        (["run", "silo", "--fields", "presure", "-o", "a.h5"], "fields: 'presure' must be one of"),
         (["run", "silo", "-o", "missing/a.h5"], "missing"),
         (["run", "silo", "-o", "a.h5", "--gif", "a.avi"], "a.avi"),
         (["run", "silo", "-o", "a.h5", "--picture", "a.txt"], "a.txt"),

@@ -9,6 +9,7 @@ import textwrap
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 import records
 from records import SCENE, close_interrupted, content, make_checkpoint, make_record, make_state
@@ -170,6 +171,44 @@ def test_a_reader_goes_on_when_the_record_is_closed_and_resumed(tmp_path):
             writer.append(make_state(4), make_checkpoint(4))
             same_frames(record, range(3))
         same_frames(record, range(3))
+
+
+RUN = textwrap.dedent("""
+    import sys
+    import granular as gr
+
+    def wait(sim):
+        if 0.015 < sim.time < 0.025:
+            print("third frame", flush=True)
+            sys.stdin.readline()
+
+    scene = gr.scenes.column_collapse(aspect=1.0, E=1e5, cell=0.05, points_per_cell=4)
+    sim = gr.Simulation(scene, threads=1)
+    sim.run(until=0.05, save=sys.argv[1], every=0.01, hooks=[wait], fields=["pressure"])
+""")
+
+
+def test_a_record_is_read_while_another_process_writes_it(tmp_path):
+    path = tmp_path / "a.vtkhdf"
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    with subprocess.Popen([sys.executable, "-c", RUN, str(path)], **pipes) as run:
+        assert run.stdout.readline() == "third frame\n"
+        assert not path.exists()  # other programs see the whole file or none
+        deadline = time.monotonic() + 10  # a frame is stored within a second
+        while len(early := open_trajectory(path)) < 2 and time.monotonic() < deadline:
+            early.close()
+            time.sleep(0.05)
+        assert not early.finished and early.damage() == []
+        before = [state.pressure for state in early]
+        tell(run, "")
+        assert run.wait(60) == 0
+    with early, open_trajectory(path) as whole:
+        assert whole.finished and len(whole) == 6 > len(early) >= 2
+        assert early.damage() == [] and early.finished
+        for state, again, pressure in zip(whole, early, before, strict=False):
+            assert state.time == again.time
+            assert np.array_equal(state.fields["pressure"], pressure)
+            assert np.array_equal(again.pressure, pressure)
 
 
 def test_a_reader_is_not_misled_by_a_new_segment_of_the_same_name(tmp_path):

@@ -116,7 +116,7 @@ def test_a_hook_that_raises_ends_the_run_and_keeps_the_record(small_scene, tmp_p
 
 def test_a_finished_frame_does_not_wait_for_the_next(small_scene, tmp_path, monkeypatch):
     """During a slow run the writer is also asked between two frames whether it is time to store."""
-    monkeypatch.setattr("granular.simulation.CHUNK_SECONDS", 1e-5)
+    monkeypatch.setattr("granular.running.CHUNK_SECONDS", 1e-5)
     asked, real = [], TrajectoryWriter.store
 
     def store(writer, *, may_wait=False):

@@ -23,6 +23,11 @@ PICTURES = {
     ],
     "inference_static": ["inference_static", "inference_statistics"],
     "inference_dynamic": ["inference_histories", "inference_impact", "inference_pareto"],
+    "explanations": [
+        f"explain_{page}"
+        for page in ("bodies", "core", "density_correction", "determinism", "fluidity", "laws")
+    ]
+    + ["explain_transfers"],
     "inference_bed": ["inference_bed_1", "inference_distances", "inference_intruder"],
 }
 FAST = ("figure_11", "figure_13")
@@ -30,7 +35,8 @@ FAST = ("figure_11", "figure_13")
 
 
 def test_every_script_is_known():
-    found = {p.stem for name in ("figure", "inference_") for p in FOLDER.glob(f"*{name}*.py")}
+    names = ("figure", "inference_", "explanations")
+    found = {p.stem for name in names for p in FOLDER.glob(f"*{name}*.py")}
     assert found == {*PICTURES, "inference_common"}
 
 
@@ -48,6 +54,13 @@ def test_a_quick_figure_is_written(module, name, tmp_path):
     for stem in written:
         with Image.open(tmp_path / "new" / f"{stem}.png") as picture:
             assert min(picture.size) >= 500
+
+
+@pytest.mark.slow
+def test_the_moving_picture_is_written(module, tmp_path):
+    module("moving_hourglass").main(["--quick", "--out", str(tmp_path)])
+    with Image.open(tmp_path / "hourglass.gif") as picture:
+        assert picture.n_frames >= 5
 
 
 def test_every_layer_of_the_nonlocal_figure_was_on_its_side(module):

@@ -3,7 +3,9 @@
 import ast
 import importlib
 import inspect
+import math
 import re
+import shlex
 import subprocess
 import sys
 import types
@@ -11,9 +13,15 @@ import warnings
 from pathlib import Path
 
 import matplotlib
+import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
+from paraview_reader import as_array, paraview
+from PIL import Image
 
 import granular as gr
+from granular.cli import command_parser
+from granular.plot.bodies import STYLE
 
 DOCS = Path(__file__).parents[2] / "docs"
 GUIDES = sorted([*DOCS.glob("tutorials/*.md"), *DOCS.glob("how-to/*.md"), DOCS / "index.md"])
@@ -94,21 +102,113 @@ def blocks(page):
     return [code for left_out, code in CODE.findall(page.read_text()) if not left_out]
 
 
-@pytest.mark.parametrize("page", [page for page in GUIDES if blocks(page)], ids=lambda p: p.stem)
-def test_code_of_guides_runs(page, tmp_path, monkeypatch):
-    """The blocks of a page run one after the other, like a script, and issue no warning."""
+@pytest.fixture
+def run_page(tmp_path, monkeypatch):
+    """Function that runs the blocks of a page like a script and returns its names.
+
+    The folder is the same for all pages of a test. Each page must import what it uses.
+    """
     monkeypatch.chdir(tmp_path)
-    code = "\n".join(blocks(page))
-    if "__main__" in code:  # processes import it as a script
-        script = tmp_path / "script.py"
-        script.write_text(code)
-        command = [sys.executable, "-W", "error", str(script)]
-        run = subprocess.run(command, capture_output=True, text=True, timeout=300)
-        assert run.returncode == 0, run.stderr
-        return
-    matplotlib.use("Agg")
-    warnings.simplefilter("error")  # those of stability, too; pytest restores the filters
-    exec(compile(code, str(page), "exec"), {"__name__": "__main__"})
+
+    def run(page):
+        code, names = "\n".join(blocks(page)), {"__name__": "__main__"}
+        if "__main__" in code:  # processes import it as a script
+            script = tmp_path / "script.py"
+            script.write_text(code)
+            command = [sys.executable, "-W", "error", str(script)]
+            done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+            assert done.returncode == 0, done.stderr
+            return names
+        matplotlib.use("Agg")
+        warnings.simplefilter("error")  # those of stability, too; pytest restores the filters
+        exec(compile(code, str(page), "exec"), names)
+        return names
+
+    return run
+
+
+FIRST_HOUR = (
+    *("index", "tutorials/install", "tutorials/first_collapse", "tutorials/own_scene"),
+    *("tutorials/a_sweep", "how-to/hopper", "how-to/pictures_and_paraview"),
+)
+"""Pages in the order of someone who begins and wants to empty a hopper."""
+
+
+SLOW = ("how-to/sweep_on_a_cluster",)
+"""Pages whose code takes long: processes of a cluster have to start."""
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow if name in SLOW else ())
+        for name, page in ((str(p.relative_to(DOCS).with_suffix("")), p) for p in GUIDES)
+        if blocks(page) and name not in FIRST_HOUR
+    ],
+)
+def test_code_of_guides_runs(name, run_page):
+    """The blocks of a page run one after the other, and issue no warning."""
+    run_page(DOCS / f"{name}.md")
+
+
+def test_a_first_hour(run_page, tmp_path):
+    """Code of the first pages, in one folder, makes a hopper that can be watched and measured."""
+    names = {page: run_page(DOCS / f"{page}.md") for page in FIRST_HOUR}
+    hopper = names["how-to/hopper"]
+    (x0, y0), _, _, (x1, y1) = hopper["scene"].bodies[0].shape.profile
+    assert math.degrees(math.atan2(x1 - x0, y1 - y0)) == pytest.approx(30.0)
+
+    history, discharge = hopper["history"], hopper["rate"]
+    flowing = (history.mass < 330.0) & (history.mass > 220.0)
+    slope = np.polyfit(history.times[flowing], history.mass[flowing], 1)[0]
+    assert discharge.rate == pytest.approx(-slope, rel=0.02)
+    assert discharge.rate == pytest.approx(gr.theory.beverloo_rate(0.16, 1500.0), rel=0.15)
+
+    without = hopper["scene"].replace(bodies=())
+    bare = [
+        gr.State(scene=without, time=s.time, step=s.step, dt=s.dt, fields=s.fields)
+        for s in (hopper["record"][0], hopper["record"][-1])
+    ]
+    gr.plot.movie(bare, "bare.gif", color="speed", dpi=60)
+    assert share_of_bodies("hopper.gif") > 0.07
+    assert share_of_bodies("bare.gif") < 1e-3
+
+    seen = list(paraview(tmp_path / "hopper.vtkhdf"))
+    assert [time for time, _ in seen] == list(history.times)
+    points, last = seen[-1][1].GetPointData(), hopper["record"][-1]
+    assert np.array_equal(as_array(points.GetArray("pressure")), last.pressure)
+    assert np.array_equal(as_array(points.GetArray("speed")), last.speed)
+    _, walls = next(paraview(tmp_path / "intruder_bodies.vtkhdf"))
+    assert walls.GetNumberOfPolys() > 0
+    header = (tmp_path / "last.csv").read_text().partition("\n")[0].split(",")
+    assert {"id", "x", "y", "v_x", "pressure", "speed"} <= set(header)
+
+
+def share_of_bodies(movie):
+    """Share of the pixels of the last frame of a GIF that have the colour of bodies."""
+    with Image.open(movie) as picture:
+        picture.seek(picture.n_frames - 1)
+        pixels = np.asarray(picture.convert("RGB"), float)
+    colour = 255 * np.array(to_rgb(STYLE["facecolor"]))
+    return (np.abs(pixels - colour).max(axis=2) < 8).mean()
+
+
+SHELL = re.compile(r"^```sh\n(.*?)^```$", re.M | re.S)
+README = DOCS.parent / "README.md"
+
+
+def test_commands_of_the_pages_are_understood():
+    """Each line of a page that calls `granular` has a command and options that exist."""
+    lines = [
+        line.partition("granular ")[2].partition(">")[0]
+        for page in (README, *PROSE)
+        for line in "\n".join(SHELL.findall(page.read_text())).replace("&&", "\n").splitlines()
+        if re.match(r"\s*(\S*/)?granular ", line)
+    ]
+    assert len(lines) >= 10
+    for line in lines:
+        words = shlex.split(line)
+        assert command_parser(words).parse_args(words).command, line
 
 
 # ---- prose ----

@@ -8,6 +8,7 @@ import pytest
 from PIL import Image
 
 import granular as gr
+from granular.plot import view_3d
 from granular.plot.fields import Brush
 from granular.plot.volume import filled_volume
 
@@ -140,6 +141,36 @@ def test_bad_arguments_are_named(sim, tmp_path, options, error, message):
     pytest.importorskip("pyvista")
     with pytest.raises(error, match=message):
         gr.plot.view(sim, tmp_path / "x.png", **options)
+
+
+def test_runs_and_records_have_the_view(sim, tmp_path, monkeypatch):
+    pyvista = pytest.importorskip("pyvista")
+    options = {"color": "pressure", "window": (160, 120)}
+    expected = pixels(gr.plot.view(sim, tmp_path / "a.png", **options))
+    assert np.array_equal(pixels(sim.view(tmp_path / "b.png", **options)), expected)
+    copy = gr.Simulation(sim.scene, threads=1).run(
+        until=sim.dt, save=tmp_path / "r.h5", every=sim.dt, monitor=False
+    )
+    record, first = gr.open(copy.record), gr.Simulation(sim.scene, threads=1)
+    for frame, source in ((0, first), (-1, copy)):
+        shown = pixels(record.view(frame, tmp_path / "c.png", **options))
+        assert np.array_equal(shown, pixels(source.view(tmp_path / "d.png", **options)))
+    monkeypatch.setattr(pyvista, "OFF_SCREEN", False)
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    if sys.platform.startswith("linux"):
+        with pytest.raises(RuntimeError, match="no display: give a path"):
+            sim.view()
+    monkeypatch.setattr(pyvista, "OFF_SCREEN", True)
+    assert sim.view(window=(160, 120)) is None
+
+
+def test_a_notebook_without_trame_names_the_extra(sim, monkeypatch):
+    pytest.importorskip("pyvista")
+    monkeypatch.setattr(view_3d, "in_notebook", lambda: True)
+    monkeypatch.setattr(view_3d, "find_spec", lambda name: None)
+    with pytest.raises(ModuleNotFoundError, match=r"pip install 'granular\[notebook\]'"):
+        sim.view()
 
 
 def test_2d_is_refused(tmp_path):

@@ -10,7 +10,7 @@ from operator import attrgetter
 import h5py
 import numpy as np
 import pytest
-from paraview_reader import paraview
+from paraview_reader import as_array, paraview
 
 import granular as gr
 from granular import _core, sph
@@ -172,13 +172,16 @@ def test_foreign_gas_is_refused(tmp_path):
         _ = record[0]
 
 
-def test_paraview_reads_the_gas_by_a_link(tmp_path):
+def test_paraview_reads_the_grains_and_by_a_link_the_gas(dim, tmp_path):
     path, link = tmp_path / "a.h5", tmp_path / "gas.vtkhdf"
-    simulation = gr.Simulation(blown()).run(0.001, save=path, every=1e-3)
+    simulation = gr.Simulation(blown(dim)).run(0.001, save=path, every=1e-3, fields=["speed"])
     with h5py.File(link, "w") as file:
         file["VTKHDF"] = h5py.ExternalLink(path.name, "/granular/gas/VTKHDF")
-    *_, (_, data) = paraview(link)
-    assert data.GetNumberOfPoints() == simulation.gas.n
+    state = simulation.state
+    for file, seen, name in ((path, state, "speed"), (link, state.gas, "pressure")):
+        *_, (_, data) = paraview(file)
+        assert np.array_equal(as_array(data.GetPoints().GetData())[:, :dim], seen.x)
+        assert np.array_equal(as_array(data.GetPointData().GetArray(name)), getattr(seen, name))
 
 
 def test_gate_moves_on_time_and_goes():

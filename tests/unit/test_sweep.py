@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import simulation, sweeping
+from granular import running, sweeping
 
 ROOT = Path(__file__).parents[2]
 PLAIN = ("linear", "flip", "particle")
@@ -47,7 +47,7 @@ def scenes(small_scene):
 @pytest.fixture
 def processors(monkeypatch):
     """A machine on which a single simulation would use three threads."""
-    monkeypatch.setattr(simulation, "SMALL", 0)
+    monkeypatch.setattr(running, "SMALL", 0)
     monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0, 1, 2}, raising=False)
 
 
