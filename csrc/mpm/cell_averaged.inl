@@ -8,11 +8,12 @@
  *
  * with B_i the gradient of S_i at one quadrature point and V_i the volume of a node. The filling fraction phi ties c to
  * the volume that the points really have. It also tells whether the cell is inside the material or at a surface. A cell
- * inside represents its whole volume, and its quadrature point is its centre. A cell at a surface represents the volume
+ * inside represents its whole volume outside of bodies, and its quadrature point is the centre of that. A cell at a surface represents the volume
  * of its points at rho_c, and its quadrature point is their centre of mass: a node that they hardly reach then feels
  * hardly any force. So does a cell with a light node, for example a corner that its few points are far from. */
 #include "mpm/contribution.h"
 #include "mpm/density_correction.h"
+#include "mpm/open_volume.h"
 
 #define EMPTY -INFINITY /* log-density of a cell without points: below any separation strain */
 
@@ -100,6 +101,7 @@ GR_INLINE void cell_state(const int dim, const struct gr_engine *e, int64_t inde
 {
     const int K = 1 << dim, rows = GR_SUM_DAMPED(dim);
     const double *sum = e->sums + index * e->sum_stride, per_cell = e->mass_scale;
+    const struct gr_open_part *part = gr_open_part(e->open, e->open ? gr_cell_id(e, e->mesh.cell[index].at) : 0);
     double M = 0, mass = 0, volume = 0, high[3] = {0}, over[8];
     int light = 0;
     for (int i = 0; i < K; i++) {
@@ -121,34 +123,41 @@ GR_INLINE void cell_state(const int dim, const struct gr_engine *e, int64_t inde
     }
     own->log_phi = 2 * (mass - volume) / (mass + volume) - e->servo_strain;
     own->c = own->mc * inverse;
-    for (int d = 0; d < dim; d++) own->at[d] = own->inside * 0.5 + (1 - own->inside) * high[d] * inverse;
+    for (int d = 0; d < dim; d++) {
+        const double centre = part ? part->centre[d] : 0.5;
+        own->at[d] = own->inside * centre + (1 - own->inside) * high[d] * inverse;
+    }
     for (int d = 0; d < dim; d++) {
         own->over_compression[d] = 0;
         for (int i = 0; i < K; i++) own->over_compression[d] += over[i] * slope_at(dim, own->at, i, d);
     }
     own->damped = e->config.damping_rate > 0 ? damped_share(e, v_set(own->m_rate * inverse), v_set(own->c))[0] : 0;
     own->filled = M * per_cell;
-    own->excess = (own->filled - 1) * (own->filled < 1 ? own->inside : 1);
+    own->open = part ? part->volume : 1;
+    own->excess = (own->filled - own->open) * (own->filled < own->open ? own->inside : 1);
 }
 
 /* Volume that a cell represents, over dx^dim, if the node masses bear it, else as much as they bear:
  *
- *   A = w + (1 - w) min(1, M/(rho_c dx^dim)),   A sum |B_i dx|^2/m_i <= STIFFEST,
+ *   A = w V + (1 - w) min(V, M/(rho_c dx^dim)),   A sum |B_i dx|^2/m_i <= STIFFEST,
  *
- * with m_i the part of the mass of node i that the cell brings, or its share of the volume inside the material, over
- * rho_c dx^dim. The square of the frequency of all cells together is not above the largest of the cells one by one
- * (Irons & Treharne 1971). Inside the material all nodes are heavy enough. */
+ * with V the volume of the cell outside of bodies, over dx^dim, and m_i the part of the mass of node i that the cell
+ * brings, or its share of the volume inside the material, over rho_c dx^dim. The square of the frequency of all cells
+ * together is not above the largest of the cells one by one (Irons & Treharne 1971). Inside the material all nodes are
+ * heavy enough, but for those of cells that the surface of a body cuts: a node within it may be full and yet have next
+ * to no mass. */
 GR_INLINE double represented_volume(const int dim, const struct gr_engine *e, int64_t index,
                                     const struct gr_cell_average *own)
 {
     const int K = 1 << dim, rows = GR_SUM_DAMPED(dim);
     const double *sum = e->sums + index * e->sum_stride, per_cell = e->mass_scale, w = own->inside;
-    const double volume = w + (1 - w) * lesser(1, own->filled);
+    const double volume = w * own->open + (1 - w) * lesser(own->open, own->filled);
     double stiffness = 0;
-    if (!(w < 1)) return volume;
+    if (!(w < 1) && !(own->open < 1)) return volume;
     for (int i = 0; i < K; i++) {
         const int64_t node = e->mesh.cell_node[index * K + i];
-        const double shared = w * e->node_mass[node] / (K * e->mesh.node_volume[node]);
+        const double free_volume = e->open ? gr_node_volume(e, e->mesh.node_id[node]) : e->mesh.node_volume[node];
+        const double shared = w * e->node_mass[node] / (K * free_volume);
         double square = 0;
         for (int d = 0; d < dim; d++) square += slope_at(dim, own->at, i, d) * slope_at(dim, own->at, i, d);
         stiffness += square / (per_cell * greater(shared, sum[i * rows]) + 1e-300);

@@ -2,7 +2,9 @@
 #include "mpm/contact.h"
 
 #include "mpm/feet.h"
+#include "mpm/grid.h"
 #include "mpm/pose.h"
+#include "mpm/wall_impulse.h"
 #include "mpm/walls.h"
 
 /* Sweeps end when the largest change of a velocity at a foot in a sweep is this part of the largest that contact makes in
@@ -114,7 +116,59 @@ static double correct(struct gr_engine *e, struct gr_foot *foot, struct moving *
     return foot->mobility * sqrt(changed);
 }
 
-/* Store the velocities of the nodes after contact. */
+/* Undo the friction of the Coulomb walls of the nodes, which is found anew with contact: it acts against the sliding that
+ * is left after it. Friction found before would take up what presses on a body beside the wall, or act backwards where a
+ * body moves material against a pressure. */
+static void undo_friction(struct gr_engine *e, const double g[3])
+{
+    for (int64_t k = 0; k < e->feet->n_nodes; k++) {
+        struct gr_foot_node *node = &e->feet->node[k];
+        const struct gr_wall *wall = gr_wall_now(e, e->mesh.node_code[node->n]);
+        double next[3];
+        if (wall->normal < 0 || !(wall->friction > 0)) continue;
+        gr_grid_without_walls(e, node->n, g, next);
+        node->most_friction = fmax(wall->friction * gr_into_wall(wall, next), 0);
+        for (int d = 0; d < e->config.dim; d++)
+            if (node->mobility[d] > 0) node->v[d] = next[d];
+    }
+}
+
+/* Change the friction of the wall of a node so that it fulfils the condition of Coulomb by itself.
+ * Returned: the velocity that its change gives the node, m/s. */
+static double rub(struct gr_foot_node *node)
+{
+    double wanted[3] = {0}, square = 0, changed = 0;
+    for (int d = 0; d < 3; d++) {
+        if (node->mobility[d] > 0) wanted[d] = node->friction[d] + node->v[d];
+        square += wanted[d] * wanted[d];
+    }
+    const double most = node->most_friction, keep = square > most * most ? most / sqrt(square) : 1;
+    for (int d = 0; d < 3; d++) {
+        const double change = keep * wanted[d] - node->friction[d];
+        node->friction[d] += change;
+        node->v[d] -= change;
+        changed += change * change;
+    }
+    return sqrt(changed);
+}
+
+/* One sweep over all feet and all Coulomb walls of their nodes, the feet in the opposite order if `back`.
+ * Changed: largest, at least the velocity that the impulse of any foot gives it.
+ * Returned: the largest change of a velocity, m/s. */
+static double sweep(struct gr_engine *e, int back, struct moving *body, double *largest)
+{
+    struct gr_feet *feet = e->feet;
+    double changed = 0;
+    for (int64_t k = 0; k < feet->n; k++) {
+        struct gr_foot *foot = &feet->foot[back ? feet->n - 1 - k : k];
+        changed = fmax(changed, correct(e, foot, &body[foot->body], largest));
+    }
+    for (int64_t k = 0; k < feet->n_nodes; k++)
+        if (feet->node[k].most_friction > 0) changed = fmax(changed, rub(&feet->node[k]));
+    return changed;
+}
+
+/* Store the velocities of the nodes after contact, and the friction of their walls. */
 static void store(struct gr_engine *e)
 {
     const int dim = e->config.dim;
@@ -127,6 +181,8 @@ static void store(struct gr_engine *e)
             for (int d = 0; d < dim; d++) {
                 out[GR_NODE_VELOCITY + d] = node->v[d];
                 out[GR_NODE_UPDATE(dim) + d] += node->v[d] - node->before[d];
+                if (e->watch && node->most_friction > 0 && node->mobility[d] > 0)
+                    e->watch->node[n * dim + d] = e->node_mass[n] * node->friction[d];
             }
         }
     }
@@ -186,16 +242,12 @@ void gr_bodies_touch(struct gr_engine *e, const double g[3])
     memcpy(gravity, g, sizeof(double) * (size_t)e->config.dim);
     for (int b = 0; b < e->config.n_bodies; b++) begin(e, b, gravity, &body[b]);
     gr_feet_find(e, gravity);
+    undo_friction(e, gravity);
     for (int64_t k = 0; k < e->feet->n; k++)
         push(e, &e->feet->foot[k], e->feet->foot[k].impulse, &body[e->feet->foot[k].body]);
     double changed = INFINITY, largest = 0;
-    for (int sweep = 0; sweep < MOST_SWEEPS && (sweep < LEAST_SWEEPS || changed > TOLERANCE * largest); sweep++) {
-        changed = 0;
-        for (int64_t k = 0; k < e->feet->n; k++) {
-            struct gr_foot *foot = &e->feet->foot[sweep % 2 ? e->feet->n - 1 - k : k];
-            changed = fmax(changed, correct(e, foot, &body[foot->body], &largest));
-        }
-    }
+    for (int made = 0; made < MOST_SWEEPS && (made < LEAST_SWEEPS || changed > TOLERANCE * largest); made++)
+        changed = sweep(e, made % 2, body, &largest);
     store(e);
     gr_feet_keep(e);
     for (int b = 0; b < e->config.n_bodies; b++) e->body_next[b] = e->body[b];

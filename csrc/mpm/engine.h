@@ -228,8 +228,9 @@ struct gr_cell_average {
                                           surface to 1 inside the material */
     double at[3], over_compression[3]; /* local coordinates of its quadrature point; gradient of the over-compression of
                                           its nodes, against which its points shift */
-    double filled, excess;             /* its mass over that of a full cell; what it has beyond that, or too little inside
-                                          the material, which points exchange with neighbours */
+    double open;                       /* its volume outside of bodies, over dx^dim */
+    double filled, excess;             /* its mass over that of a full cell; what it has beyond its open volume, or too
+                                          little inside the material, which points exchange with neighbours */
 };
 
 /* Fields of a node in node_data: v^{n+1} and the update w. If the density is smoothed also: the share of the difference to

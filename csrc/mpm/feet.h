@@ -30,9 +30,10 @@ struct gr_foot {
     double impulse[3], pressing;      /* on the material, N s; its part along the normal */
 };
 
-/* A node that feet act on: velocity and inverse mass, 0 where a wall holds the component, and its place in the mesh. */
+/* A node that feet act on: velocity and inverse mass, 0 where a wall holds the component, and its place in the mesh. A
+ * Coulomb wall takes the velocity `friction` from it, of which the size is at most `most_friction`, m/s. */
 struct gr_foot_node {
-    double v[4], mobility[4], before[4];
+    double v[4], mobility[4], before[4], friction[3], most_friction;
     int64_t n;
 };
 
