@@ -12,6 +12,9 @@
 #define TOLERANCE 1e-2
 enum { LEAST_SWEEPS = 2, MOST_SWEEPS = 20 };
 
+/* Half of a vector of a node, which has a fourth component to be read as a whole. */
+typedef double half __attribute__((vector_size(16), aligned(8)));
+
 /* A body during a step, with the velocities of the step. */
 struct moving {
     struct gr_pose pose;
@@ -59,17 +62,26 @@ double gr_bodies_speed(const struct gr_engine *e)
     return fastest;
 }
 
-/* Velocity of the material at a foot relative to the surface. */
-static void slip(const struct gr_engine *e, const struct gr_foot *foot, const struct moving *m, double u[3])
+/* Velocity of the material at a foot; v[3] = 0. */
+static inline void velocity_at(const struct gr_engine *e, const struct gr_foot *foot, double v[4])
+{
+    half low = {0}, high = {0};
+    for (int i = 0; i < foot->n_nodes; i++) {
+        const half *node = (const half *)e->feet->node[foot->node[i]].v;
+        low += foot->weight[i] * node[0];
+        high += foot->weight[i] * node[1];
+    }
+    ((half *)v)[0] = low, ((half *)v)[1] = high;
+}
+
+/* The same relative to the surface. */
+static inline void slip(const struct gr_engine *e, const struct gr_foot *foot, const struct moving *m, double u[3])
 {
     const double *r = foot->arm, *w = m->omega;
     const double surface[3] = {m->v[0] + w[1] * r[2] - w[2] * r[1], m->v[1] + w[2] * r[0] - w[0] * r[2],
                                m->v[2] + w[0] * r[1] - w[1] * r[0]};
-    double v[4] = {0};
-    for (int i = 0; i < foot->n_nodes; i++) {
-        const struct gr_foot_node *node = &e->feet->node[foot->node[i]];
-        for (int d = 0; d < 4; d++) v[d] += foot->weight[i] * node->v[d];
-    }
+    double v[4];
+    velocity_at(e, foot, v);
     for (int d = 0; d < 3; d++) u[d] = v[d] - surface[d];
 }
 
@@ -77,12 +89,14 @@ static void slip(const struct gr_engine *e, const struct gr_foot *foot, const st
 static void push(struct gr_engine *e, const struct gr_foot *foot, const double impulse[3], struct moving *m)
 {
     const struct gr_body *body = m->pose.body;
-    double change[4] = {impulse[0], impulse[1], impulse[2], 0};
+    const half low = {impulse[0], impulse[1]}, high = {impulse[2], 0};
     for (int d = 0; d < 3; d++)
         if (body->free >> d & 1) m->v[d] -= impulse[d] / body->mass;
     for (int i = 0; i < foot->n_nodes; i++) {
         struct gr_foot_node *node = &e->feet->node[foot->node[i]];
-        for (int d = 0; d < 4; d++) node->v[d] += foot->weight[i] * node->mobility[d] * change[d];
+        const half *mobility = (const half *)node->mobility;
+        ((half *)node->v)[0] += foot->weight[i] * mobility[0] * low;
+        ((half *)node->v)[1] += foot->weight[i] * mobility[1] * high;
     }
 }
 
@@ -191,16 +205,11 @@ static void store(struct gr_engine *e)
 /* Add the reaction of a foot to its body: what the nodes received, without components that walls hold. */
 static void react(const struct gr_engine *e, const struct gr_foot *foot, struct gr_body_state *next)
 {
-    double given[3] = {0}, u[3] = {0};
     const double *r = foot->arm;
-    for (int i = 0; i < foot->n_nodes; i++) {
-        const struct gr_foot_node *node = &e->feet->node[foot->node[i]];
-        for (int d = 0; d < e->config.dim; d++) {
-            if (node->mobility[d] > 0) given[d] += foot->weight[i] * foot->impulse[d];
-            u[d] += foot->weight[i] * node->v[d];
-        }
-    }
+    double given[3], u[4];
+    velocity_at(e, foot, u);
     for (int d = 0; d < 3; d++) {
+        given[d] = foot->unheld[d] * foot->impulse[d];
         next->impulse[d] -= given[d];
         next->work += given[d] * u[d]; /* points are moved and strained by the velocity after contact */
     }

@@ -25,6 +25,7 @@ struct gr_foot {
     double weight[GR_MAX_NODES];
     double arm[3], normal[3];         /* from the position of the body, m; out of the body */
     double normal_mobility, mobility; /* of the material and of the body along the normal, and at most; 1/kg */
+    double unheld[3];                 /* share of each component of an impulse that walls do not hold */
     double bound;                     /* of the velocity along the normal, m/s: <= 0 */
     double most;                      /* impulse, N s */
     double impulse[3], pressing;      /* on the material, N s; its part along the normal */
@@ -44,8 +45,9 @@ struct gr_feet {
     int64_t n_nodes, node_capacity;
     int32_t *number; /* per node of the mesh: its number + 1 among those of the feet, 0 for none */
     int64_t number_capacity;
-    int64_t *near;    /* cells near a body, ascending */
-    uint64_t *bodies; /* of these: bit b: body b */
+    int64_t *near;     /* cells near a body, ascending */
+    uint64_t *bodies;  /* of these: bit b: body b */
+    double *clearance; /* distance of their centres from the nearest of these, m */
     int64_t n_near, near_capacity;
     struct gr_split_pose *pose; /* of the bodies, when these cells were listed */
     int listed;

@@ -162,8 +162,7 @@ void gr_grid_without_walls(const struct gr_engine *e, int64_t n, const double g[
     sum_over_cells(dim, e->K, 0, e, n, sum);
     if (e->n_thin) join_duplicate(dim, e->K, 0, e, n, sum);
     const double m = sum[GR_SUM_MASS];
-    for (int d = 0; d < dim; d++)
-        next[d] = sum[GR_SUM_MOMENTUM + d] / m + e->dt * (sum[GR_SUM_FORCE(dim) + d] / m + g[d]);
+    for (int d = 0; d < dim; d++) next[d] = sum[GR_SUM_MOMENTUM + d] / m + e->dt * (sum[GR_SUM_FORCE(dim) + d] / m + g[d]);
 }
 
 void gr_grid_smooth(struct gr_engine *e, int64_t first, int64_t last, int pass)

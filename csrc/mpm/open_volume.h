@@ -26,7 +26,7 @@ struct gr_open_volume {
     struct gr_table part_of;  /* of a cell of the grid: the place of its part + 1, 0 if it is open */
     struct gr_open_part *part;
     int64_t n_parts, part_capacity;
-    int known;                /* the integrals are those of the poses `split` */
+    int known; /* the integrals are those of the poses `split` */
 };
 
 int gr_open_volume_new(struct gr_engine *e, int64_t n_cells, int64_t n_nodes);
