@@ -294,6 +294,8 @@ static int32_t number_of(struct gr_engine *e, int64_t n)
         node->before[d] = node->v[d] = e->node_data[n * e->node_stride + GR_NODE_VELOCITY + d];
         node->mobility[d] = fixed >> d & 1 ? 0 : mobility;
     }
+    node->inverse_mass = mobility;
+    node->held = fixed;
     return (feet->number[n] = (int32_t)++feet->n_nodes) - 1;
 }
 
@@ -320,21 +322,24 @@ static int support(struct gr_engine *e, const double x[3], int side, double leas
         of_node[used] = of_node[i], node[used] = node[i], foot->weight[used++] = weight;
     }
     if (!(sum > LEAST_SUM) || !(mass * e->mass_scale > least_filling)) return 0;
+    const double per_sum = 1 / sum;
+    double whole = 0, share = 0; /* of the nodes that no wall holds */
     foot->n_nodes = used;
     memset(foot->unheld, 0, sizeof foot->unheld);
     for (int i = 0; i < used; i++) {
-        foot->weight[i] /= sum;
+        const double weight = foot->weight[i] *= per_sum;
         foot->node[i] = number_of(e, node[i]);
-        unheld += foot->weight[i] * foot->weight[i] / of_node[i];
-        for (int d = 0; d < dim; d++) {
-            const double mobility = e->feet->node[foot->node[i]].mobility[d];
-            along[d] += foot->weight[i] * foot->weight[i] * mobility;
-            foot->unheld[d] += mobility > 0 ? foot->weight[i] : 0;
-        }
+        const struct gr_foot_node *of = &e->feet->node[foot->node[i]];
+        const double mobility = weight * weight * of->inverse_mass;
+        unheld += mobility;
+        if (!of->held) whole += mobility, share += weight;
+        for (int d = 0; of->held && d < dim; d++)
+            if (!(of->held >> d & 1)) along[d] += mobility, foot->unheld[d] += weight;
     }
     foot->normal_mobility = foot->mobility = 0;
     for (int d = 0; d < dim; d++) {
-        const double all = along[d] + (body->free >> d & 1 ? 1 / body->mass : 0);
+        const double all = whole + along[d] + (body->free >> d & 1 ? 1 / body->mass : 0);
+        foot->unheld[d] += share;
         foot->normal_mobility += foot->normal[d] * foot->normal[d] * all;
         foot->mobility = fmax(foot->mobility, all);
     }

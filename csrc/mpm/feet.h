@@ -35,7 +35,9 @@ struct gr_foot {
  * Coulomb wall takes the velocity `friction` from it, of which the size is at most `most_friction`, m/s. */
 struct gr_foot_node {
     double v[4], mobility[4], before[4], friction[3], most_friction;
+    double inverse_mass; /* 1/kg, of held components, too */
     int64_t n;
+    int held; /* bit d: a wall holds component d */
 };
 
 struct gr_feet {
