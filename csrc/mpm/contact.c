@@ -137,11 +137,12 @@ static void undo_friction(struct gr_engine *e, const double g[3])
 {
     for (int64_t k = 0; k < e->feet->n_nodes; k++) {
         struct gr_foot_node *node = &e->feet->node[k];
-        const struct gr_wall *wall = gr_wall_now(e, e->mesh.node_code[node->n]);
+        struct gr_foot_origin *origin = &e->feet->origin[k];
+        const struct gr_wall *wall = gr_wall_now(e, e->mesh.node_code[origin->n]);
         double next[3];
         if (wall->normal < 0 || !(wall->friction > 0)) continue;
-        gr_grid_without_walls(e, node->n, g, next);
-        node->most_friction = fmax(wall->friction * gr_into_wall(wall, next), 0);
+        gr_grid_without_walls(e, origin->n, g, next);
+        origin->most_friction = fmax(wall->friction * gr_into_wall(wall, next), 0);
         for (int d = 0; d < e->config.dim; d++)
             if (node->mobility[d] > 0) node->v[d] = next[d];
     }
@@ -149,17 +150,17 @@ static void undo_friction(struct gr_engine *e, const double g[3])
 
 /* Change the friction of the wall of a node so that it fulfils the condition of Coulomb by itself.
  * Returned: the velocity that its change gives the node, m/s. */
-static double rub(struct gr_foot_node *node)
+static double rub(struct gr_foot_node *node, struct gr_foot_origin *origin)
 {
     double wanted[3] = {0}, square = 0, changed = 0;
     for (int d = 0; d < 3; d++) {
-        if (node->mobility[d] > 0) wanted[d] = node->friction[d] + node->v[d];
+        if (node->mobility[d] > 0) wanted[d] = origin->friction[d] + node->v[d];
         square += wanted[d] * wanted[d];
     }
-    const double most = node->most_friction, keep = square > most * most ? most / sqrt(square) : 1;
+    const double most = origin->most_friction, keep = square > most * most ? most / sqrt(square) : 1;
     for (int d = 0; d < 3; d++) {
-        const double change = keep * wanted[d] - node->friction[d];
-        node->friction[d] += change;
+        const double change = keep * wanted[d] - origin->friction[d];
+        origin->friction[d] += change;
         node->v[d] -= change;
         changed += change * change;
     }
@@ -178,7 +179,7 @@ static double sweep(struct gr_engine *e, int back, struct moving *body, double *
         changed = fmax(changed, correct(e, foot, &body[foot->body], largest));
     }
     for (int64_t k = 0; k < feet->n_nodes; k++)
-        if (feet->node[k].most_friction > 0) changed = fmax(changed, rub(&feet->node[k]));
+        if (feet->origin[k].most_friction > 0) changed = fmax(changed, rub(&feet->node[k], &feet->origin[k]));
     return changed;
 }
 
@@ -188,15 +189,16 @@ static void store(struct gr_engine *e)
     const int dim = e->config.dim;
     for (int64_t k = 0; k < e->feet->n_nodes; k++) {
         const struct gr_foot_node *node = &e->feet->node[k];
-        const int joined = e->n_thin && e->mesh.duplicate[node->n] >= 0 && !e->mesh.separated[node->n];
+        const struct gr_foot_origin *origin = &e->feet->origin[k];
+        const int joined = e->n_thin && e->mesh.duplicate[origin->n] >= 0 && !e->mesh.separated[origin->n];
         for (int copy = 0; copy <= joined; copy++) {
-            const int64_t n = copy ? e->mesh.duplicate[node->n] : node->n;
+            const int64_t n = copy ? e->mesh.duplicate[origin->n] : origin->n;
             double *out = e->node_data + n * e->node_stride;
             for (int d = 0; d < dim; d++) {
                 out[GR_NODE_VELOCITY + d] = node->v[d];
-                out[GR_NODE_UPDATE(dim) + d] += node->v[d] - node->before[d];
-                if (e->watch && node->most_friction > 0 && node->mobility[d] > 0)
-                    e->watch->node[n * dim + d] = e->node_mass[n] * node->friction[d];
+                out[GR_NODE_UPDATE(dim) + d] += node->v[d] - origin->before[d];
+                if (e->watch && origin->most_friction > 0 && node->mobility[d] > 0)
+                    e->watch->node[n * dim + d] = e->node_mass[n] * origin->friction[d];
             }
         }
     }

@@ -66,6 +66,7 @@ void gr_feet_free(struct gr_feet *feet)
     if (!feet) return;
     free(feet->foot);
     free(feet->node);
+    free(feet->origin);
     free(feet->number);
     free(feet->near);
     free(feet->bodies);
@@ -114,6 +115,7 @@ static int reserve(struct gr_engine *e)
         const int64_t n = e->mesh.node_capacity;
         feet->node_capacity = 0;
         GR_RESIZE(feet->node, n);
+        GR_RESIZE(feet->origin, n);
         GR_RESIZE(feet->number, n);
         memset(feet->number, 0, sizeof *feet->number * (size_t)n);
         feet->node_capacity = n;
@@ -286,16 +288,15 @@ static int32_t number_of(struct gr_engine *e, int64_t n)
     struct gr_feet *feet = e->feet;
     if (feet->number[n]) return feet->number[n] - 1;
     const int dim = e->config.dim, fixed = gr_wall_now(e, e->mesh.node_code[n])->fixed;
-    struct gr_foot_node *node = &feet->node[feet->n_nodes];
     const double mobility = 1 / mass_of(e, n);
-    memset(node, 0, sizeof *node);
-    node->n = n;
+    struct gr_foot_node *node = &feet->node[feet->n_nodes];
+    struct gr_foot_origin *origin = &feet->origin[feet->n_nodes];
+    *node = (struct gr_foot_node){0};
+    *origin = (struct gr_foot_origin){.inverse_mass = mobility, .n = n, .held = fixed};
     for (int d = 0; d < dim; d++) {
-        node->before[d] = node->v[d] = e->node_data[n * e->node_stride + GR_NODE_VELOCITY + d];
+        origin->before[d] = node->v[d] = e->node_data[n * e->node_stride + GR_NODE_VELOCITY + d];
         node->mobility[d] = fixed >> d & 1 ? 0 : mobility;
     }
-    node->inverse_mass = mobility;
-    node->held = fixed;
     return (feet->number[n] = (int32_t)++feet->n_nodes) - 1;
 }
 
@@ -329,7 +330,7 @@ static int support(struct gr_engine *e, const double x[3], int side, double leas
     for (int i = 0; i < used; i++) {
         const double weight = foot->weight[i] *= per_sum;
         foot->node[i] = number_of(e, node[i]);
-        const struct gr_foot_node *of = &e->feet->node[foot->node[i]];
+        const struct gr_foot_origin *of = &e->feet->origin[foot->node[i]];
         const double mobility = weight * weight * of->inverse_mass;
         unheld += mobility;
         if (!of->held) whole += mobility, share += weight;
@@ -437,7 +438,7 @@ void gr_feet_find(struct gr_engine *e, const double g[3])
     for (int d = 0; d < e->config.dim; d++) fall += g[d] * g[d];
     fall = 2 * e->dt * sqrt(fall);
     for (int b = 0; b < e->config.n_bodies; b++) gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &pose[b]);
-    for (int64_t k = 0; k < feet->n_nodes; k++) feet->number[feet->node[k].n] = 0;
+    for (int64_t k = 0; k < feet->n_nodes; k++) feet->number[feet->origin[k].n] = 0;
     feet->n = feet->n_nodes = 0;
     for (int64_t k = 0; k < feet->n_near; k++) {
         const struct gr_cell *cell = &e->mesh.cell[feet->near[k]];

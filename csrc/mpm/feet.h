@@ -31,11 +31,16 @@ struct gr_foot {
     double impulse[3], pressing;      /* on the material, N s; its part along the normal */
 };
 
-/* A node that feet act on: velocity and inverse mass, 0 where a wall holds the component, and its place in the mesh. A
- * Coulomb wall takes the velocity `friction` from it, of which the size is at most `most_friction`, m/s. */
+/* A node that feet act on: velocity and inverse mass, 0 where a wall holds the component; what the sweeps read, and
+ * nothing else. */
 struct gr_foot_node {
-    double v[4], mobility[4], before[4], friction[3], most_friction;
-    double inverse_mass; /* 1/kg, of held components, too */
+    double v[4], mobility[4];
+};
+
+/* The same node: velocity before contact, inverse mass, 1/kg, also of held components, and its place in the mesh. A Coulomb
+ * wall takes the velocity `friction` from it, of which the size is at most `most_friction`, m/s. */
+struct gr_foot_origin {
+    double before[3], inverse_mass, friction[3], most_friction;
     int64_t n;
     int held; /* bit d: a wall holds component d */
 };
@@ -44,6 +49,7 @@ struct gr_feet {
     struct gr_foot *foot;
     int64_t n, capacity;
     struct gr_foot_node *node;
+    struct gr_foot_origin *origin; /* of the nodes */
     int64_t n_nodes, node_capacity;
     int32_t *number; /* per node of the mesh: its number + 1 among those of the feet, 0 for none */
     int64_t number_capacity;
