@@ -48,7 +48,7 @@ READY = {
     "landslide": {"cell": 0.04},
     "obstacle": {"cell": 0.05},
     "penetration": {"cell": 0.04},
-    "conveyor": {"cell": 0.05},
+    "conveyor": {"cell": 0.025},
 }
 """Ready-made MPM scenes, coarse."""
 

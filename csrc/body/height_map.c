@@ -10,9 +10,12 @@
 /* Levels of ranges at most, and boxes that wait: three for each level. */
 enum { MOST_LEVELS = 48, WAITING = 3 * MOST_LEVELS };
 
-/* Angle [rad] by which the surface bends down at an edge. A ball of the radius of a cell, whose surface is smooth, bends by
- * 0.25 in a quarter of a cell. */
-#define EDGE_BEND 0.35
+/* Tangent of the angle, 0.35, by which the surface bends down at an edge. A ball of the radius of a cell, whose surface is
+ * smooth, bends by 0.25 in a quarter of a cell. */
+#define EDGE_BEND 0.36502849483824646
+
+/* Cells within the distance of the surface above or below a place that are tried without a search. */
+enum { MOST_TRIED = 64 };
 
 /* Steps from post to post that judge the bend, in the distance within which an edge is near: a quarter of 0.35 cells. */
 #define STEPS_NEAR 1.4
@@ -26,6 +29,10 @@ int64_t gr_height_map_ranges(const int64_t n[2])
     }
     return sum;
 }
+
+/* fmin and fmax of the library are calls. */
+static inline double lesser(double a, double b) { return a < b ? a : b; }
+static inline double greater(double a, double b) { return a > b ? a : b; }
 
 static double height(const struct gr_height_map *map, int64_t i, int64_t j)
 {
@@ -82,12 +89,12 @@ static void try_cell(const struct gr_height_map *map, int64_t i, int64_t j, cons
 
 static int64_t cell_of(const struct gr_height_map *map, int axis, double place)
 {
-    return (int64_t)fmax(0, fmin(floor((place - map->low[axis]) / map->spacing[axis]), (double)(map->n[axis] - 2)));
+    return (int64_t)greater(lesser((place - map->low[axis]) / map->spacing[axis], (double)(map->n[axis] - 2)), 0);
 }
 
 static double square_off(double low, double high, double x)
 {
-    const double off = fmax(fmax(low - x, x - high), 0);
+    const double off = greater(greater(low - x, x - high), 0);
     return off * off;
 }
 
@@ -102,24 +109,41 @@ static double from_cells(const struct gr_height_map *map, const int64_t from[2],
     return square;
 }
 
-/* Try the cells of a tile that are not farther than the best. */
-static void try_tile(const struct gr_height_map *map, const int64_t tile[2], const double x[3], struct nearest *best)
+/* The cells, low to high, in which something nearer than the best may lie, by their place.
+ * Returned: their number. */
+static int64_t cells_within(const struct gr_height_map *map, const double x[3], const struct nearest *best, int64_t low[2],
+                            int64_t high[2])
 {
-    int64_t low[2], high[2];
     const double reach = sqrt(best->square);
-    for (int d = 0; d < 2; d++) {
-        const int64_t first = cell_of(map, d, x[d] - reach), last = cell_of(map, d, x[d] + reach);
-        low[d] = first > GR_TILE * tile[d] ? first : GR_TILE * tile[d];
-        high[d] = last < GR_TILE * tile[d] + GR_TILE - 1 ? last : GR_TILE * tile[d] + GR_TILE - 1;
-    }
+    for (int d = 0; d < 2; d++) low[d] = cell_of(map, d, x[d] - reach), high[d] = cell_of(map, d, x[d] + reach);
+    return (high[0] - low[0] + 1) * (high[1] - low[1] + 1);
+}
+
+/* Try those of the cells low to high that are not farther than the best. */
+static void try_cells(const struct gr_height_map *map, const int64_t low[2], const int64_t high[2], const double x[3],
+                      struct nearest *best)
+{
     for (int64_t j = low[1]; j <= high[1]; j++)
         for (int64_t i = low[0]; i <= high[0]; i++) {
             const double a = height(map, i, j), b = height(map, i + 1, j), c = height(map, i, j + 1),
                          d = height(map, i + 1, j + 1);
-            const double range[2] = {fmin(fmin(a, b), fmin(c, d)), fmax(fmax(a, b), fmax(c, d))};
+            const double range[2] = {lesser(lesser(a, b), lesser(c, d)), greater(greater(a, b), greater(c, d))};
             const int64_t from[2] = {i, j}, to[2] = {i + 1, j + 1};
             if (from_cells(map, from, to, range, x) < best->square) try_cell(map, i, j, x, best);
         }
+}
+
+/* The same for the cells of a tile. */
+static void try_tile(const struct gr_height_map *map, const int64_t tile[2], const double x[3], struct nearest *best)
+{
+    int64_t low[2], high[2];
+    cells_within(map, x, best, low, high);
+    for (int d = 0; d < 2; d++) {
+        const int64_t first = GR_TILE * tile[d], last = first + GR_TILE - 1;
+        if (low[d] < first) low[d] = first;
+        if (high[d] > last) high[d] = last;
+    }
+    try_cells(map, low, high, x, best);
 }
 
 struct box {
@@ -201,12 +225,15 @@ double gr_height_map_distance(const struct gr_height_map *map, const double x[3]
 {
     struct nearest best = {.square = INFINITY};
     double place[3] = {0, 0, x[2]}, n[3];
-    int64_t cell[2];
+    int64_t cell[2], low[2], high[2];
     for (int d = 0; d < 2; d++)
-        place[d] = fmax(map->low[d], fmin(x[d], map->low[d] + map->spacing[d] * (double)(map->n[d] - 1)));
+        place[d] = greater(map->low[d], lesser(x[d], map->low[d] + map->spacing[d] * (double)(map->n[d] - 1)));
     const double sign = place[2] < height_at(map, place, cell, n) ? -1 : 1;
     try_cell(map, cell[0], cell[1], place, &best);
-    search(map, place, &best);
+    if (cells_within(map, place, &best, low, high) <= MOST_TRIED)
+        try_cells(map, low, high, place, &best);
+    else
+        search(map, place, &best);
     const double distance = sqrt(best.square);
     double along = 0;
     for (int k = 0; k < 3; k++) along += best.normal[k] * (place[k] - best.at[k]);
@@ -218,15 +245,18 @@ double gr_height_map_distance(const struct gr_height_map *map, const double x[3]
     return sign * distance;
 }
 
-/* Angle by which the surface bends down at a post along an axis, over `step` posts on either side. */
-static double bend_down(const struct gr_height_map *map, const int64_t at[2], int axis, int64_t step)
+/* Edges at a post: whether the surface bends by more than an edge does along an axis, over `step` posts on either side. */
+static int bends(const struct gr_height_map *map, const int64_t at[2], int axis, int64_t step)
 {
     int64_t before[2] = {at[0], at[1]}, after[2] = {at[0], at[1]};
     before[axis] -= step, after[axis] += step;
     if (before[axis] < 0 || after[axis] >= map->n[axis]) return 0;
     const double here = height(map, at[0], at[1]), length = (double)step * map->spacing[axis];
-    const double rise = here - height(map, before[0], before[1]), fall = here - height(map, after[0], after[1]);
-    return atan2(rise, length) + atan2(fall, length);
+    const double rise = (here - height(map, before[0], before[1])) / length;
+    const double fall = (here - height(map, after[0], after[1])) / length;
+    /* the tangent of the sum of two angles; where rise fall > 1 the sum is beyond a right angle, on the side of both */
+    const double sum = rise + fall, least = EDGE_BEND * (1 - rise * fall);
+    return sum > 0 && sum > least ? 1 : sum < 0 && -sum > least ? 2 : 0;
 }
 
 int gr_height_map_edges(const struct gr_height_map *map, const double x[3], double near)
@@ -234,15 +264,12 @@ int gr_height_map_edges(const struct gr_height_map *map, const double x[3], doub
     int64_t low[2], high[2], step[2], at[2];
     int edges = 0;
     for (int d = 0; d < 2; d++) {
-        step[d] = (int64_t)fmax(1, fmin(rint(near / (STEPS_NEAR * map->spacing[d])), (double)map->n[d]));
+        step[d] = (int64_t)greater(1, lesser(rint(near / (STEPS_NEAR * map->spacing[d])), (double)map->n[d]));
         low[d] = cell_of(map, d, x[d] - near);
         high[d] = cell_of(map, d, x[d] + near) + 1;
     }
     for (at[1] = low[1]; at[1] <= high[1]; at[1] += step[1])
         for (at[0] = low[0]; at[0] <= high[0]; at[0] += step[0])
-            for (int d = 0; d < 2; d++)
-                edges |= bend_down(map, at, d, step[d]) > EDGE_BEND    ? 1
-                         : bend_down(map, at, d, step[d]) < -EDGE_BEND ? 2
-                                                                       : 0;
+            for (int d = 0; d < 2; d++) edges |= bends(map, at, d, step[d]);
     return edges;
 }

@@ -8,11 +8,12 @@
  *
  * with B_i the gradient of S_i at one quadrature point and V_i the volume of a node. The filling fraction phi ties c to
  * the volume that the points really have. It also tells whether the cell is inside the material or at a surface. A cell
- * inside represents its whole volume, and its quadrature point is its centre. A cell at a surface represents the volume
- * of its points at rho_c, and its quadrature point is their centre of mass: a node that they hardly reach then feels
+ * inside represents its whole volume outside of bodies, and its quadrature point is the centre of that. A cell at a
+ * surface represents the volume of its points at rho_c, and its quadrature point is their centre of mass: a node that they hardly reach then feels
  * hardly any force. So does a cell with a light node, for example a corner that its few points are far from. */
 #include "mpm/contribution.h"
 #include "mpm/density_correction.h"
+#include "mpm/open_volume.h"
 
 #define EMPTY -INFINITY /* log-density of a cell without points: below any separation strain */
 
@@ -56,6 +57,31 @@ GR_INLINE vm occupied(const struct gr_engine *e, int64_t first)
     double count[GR_W];
     for (int l = 0; l < GR_W; l++) count[l] = e->mesh.cell[first + l].count;
     return v_gt(v_load(count), v_zero());
+}
+
+/* The parts of the cells from `first` on that are outside of bodies: their volume over that of the cell, and the centroid in
+ * local coordinates. */
+GR_INLINE vd open_parts(const int dim, const struct gr_engine *e, int64_t first, vd centre[3])
+{
+    double volume[GR_W], at[3][GR_W];
+    for (int d = 0; d < dim; d++) centre[d] = v_set(0.5);
+    if (!e->open) return v_set(1.0);
+    for (int l = 0; l < GR_W; l++) {
+        const struct gr_open_part *part = gr_open_part(e->open, gr_cell_id(e, e->mesh.cell[first + l].at));
+        volume[l] = part ? part->volume : 1;
+        for (int d = 0; d < dim; d++) at[d][l] = part ? part->centre[d] : 0.5;
+    }
+    for (int d = 0; d < dim; d++) centre[d] = v_load(at[d]);
+    return v_load(volume);
+}
+
+/* Volumes of local node i of the cells from `first` on, without what bodies take of them. */
+GR_INLINE vd free_volumes(const struct gr_engine *e, int64_t first, int i)
+{
+    double volume[GR_W];
+    if (!e->open) return at_nodes(e, e->mesh.node_volume, first, i);
+    for (int l = 0; l < GR_W; l++) volume[l] = gr_node_volume(e, e->mesh.node_id[gr_cell_node(e, first + l, i)]);
+    return v_load(volume);
 }
 
 /* B_i dx along axis d for the quadrature point xi, in local coordinates. */
@@ -112,7 +138,8 @@ GR_INLINE void store_state(const int dim, struct gr_engine *e, int64_t first, vm
     double *sum = e->sums + gr_sums_of_cell(e, first), *own = sum + K * rows * GR_LANES;
     const vd per_cell = v_set(e->mass_scale), one = v_set(1.0);
     vd M = v_zero(), mass = v_zero(), volume = v_zero(), high[3] = {v_zero(), v_zero(), v_zero()}, over[8], at[3];
-    vd lightest = one;
+    vd lightest = one, centre[3];
+    const vd open = open_parts(dim, e, first, centre);
     for (int i = 0; i < K; i++) {
         const vd m = at_nodes(e, e->node_mass, first, i) * per_cell, V = at_nodes(e, e->mesh.node_volume, first, i);
         const vd part = v_load(sum + i * rows * GR_LANES);
@@ -133,9 +160,10 @@ GR_INLINE void store_state(const int dim, struct gr_engine *e, int64_t first, vm
     v_store(average_of(e, GR_AVERAGE_C, first), v_select(has, c, v_set(EMPTY)));
     v_store(average_of(e, GR_AVERAGE_FILLED, first), filled);
     v_store(average_of(e, GR_AVERAGE_EXCESS, first),
-            v_keep(has, (filled - one) * v_select(v_gt(one, filled), inside, one)));
+            v_keep(has, (filled - open) * v_select(v_gt(open, filled), inside, one)));
+    v_store(average_of(e, GR_AVERAGE_OPEN, first), open);
     for (int d = 0; d < dim; d++) {
-        at[d] = v_fma(one - inside, high[d] * inverse, inside * v_set(0.5));
+        at[d] = v_fma(one - inside, high[d] * inverse, inside * centre[d]);
         v_store(average_of(e, GR_AVERAGE_AT + d, first), at[d]);
     }
     for (int d = 0; d < dim; d++) {
@@ -151,23 +179,25 @@ GR_INLINE void store_state(const int dim, struct gr_engine *e, int64_t first, vm
 
 /* Volume that a cell represents, over dx^dim, if the node masses bear it, else as much as they bear:
  *
- *   A = w + (1 - w) min(1, M/(rho_c dx^dim)),   A sum |B_i dx|^2/m_i <= STIFFEST,
+ *   A = w V + (1 - w) min(V, M/(rho_c dx^dim)),   A sum |B_i dx|^2/m_i <= STIFFEST,
  *
- * with m_i the part of the mass of node i that the cell brings, or its share of the volume inside the material, over
- * rho_c dx^dim. The square of the frequency of all cells together is not above the largest of the cells one by one
- * (Irons & Treharne 1971). Inside the material all nodes are heavy enough. */
+ * with V the volume of the cell outside of bodies, over dx^dim, and m_i the part of the mass of node i that the cell
+ * brings, or its share of the volume inside the material, over rho_c dx^dim. The square of the frequency of all cells
+ * together is not above the largest of the cells one by one (Irons & Treharne 1971). Inside the material all nodes are
+ * heavy enough, but for those of cells that the surface of a body cuts: a node within it may be full and yet have next
+ * to no mass. */
 GR_INLINE vd represented_volume(const int dim, const struct gr_engine *e, int64_t first, const vd at[3])
 {
     const int K = 1 << dim, rows = GR_SUM_DAMPED(dim);
     const double *sum = e->sums + gr_sums_of_cell(e, first);
     const vd one = v_set(1.0), w = v_load(average_of(e, GR_AVERAGE_INSIDE, first));
-    const vd volume = v_fma(one - w, v_min(one, v_load(average_of(e, GR_AVERAGE_FILLED, first))), w);
-    const vm at_surface = v_gt(one, w);
+    const vd open = v_load(average_of(e, GR_AVERAGE_OPEN, first));
+    const vd volume = v_fma(one - w, v_min(open, v_load(average_of(e, GR_AVERAGE_FILLED, first))), w * open);
+    const vm at_surface = v_gt(one, v_min(w, open));
     vd stiffness = v_zero();
     if (!m_bits(at_surface)) return volume;
     for (int i = 0; i < K; i++) {
-        const vd V = at_nodes(e, e->mesh.node_volume, first, i);
-        const vd shared = w * at_nodes(e, e->node_mass, first, i) / (v_set(K) * V);
+        const vd shared = w * at_nodes(e, e->node_mass, first, i) / (v_set(K) * free_volumes(e, first, i));
         vd square = v_zero();
         for (int d = 0; d < dim; d++) square = v_fma(slope_at(dim, at, i, d), slope_at(dim, at, i, d), square);
         stiffness = stiffness + square / v_fma(v_set(e->mass_scale), v_max(shared, v_load(sum + i * rows * GR_LANES)),

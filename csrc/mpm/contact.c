@@ -2,13 +2,18 @@
 #include "mpm/contact.h"
 
 #include "mpm/feet.h"
+#include "mpm/grid.h"
 #include "mpm/pose.h"
+#include "mpm/wall_impulse.h"
 #include "mpm/walls.h"
 
 /* Sweeps end when the largest change of a velocity at a foot in a sweep is this part of the largest that contact makes in
  * the step. As impulses start from those of the last step, that are few; more do not change the forces by 0.1 %. */
 #define TOLERANCE 1e-2
 enum { LEAST_SWEEPS = 2, MOST_SWEEPS = 20 };
+
+/* Half of a vector of a node, which has a fourth component to be read as a whole. */
+typedef double half __attribute__((vector_size(16), aligned(8)));
 
 /* A body during a step, with the velocities of the step. */
 struct moving {
@@ -57,17 +62,26 @@ double gr_bodies_speed(const struct gr_engine *e)
     return fastest;
 }
 
-/* Velocity of the material at a foot relative to the surface. */
-static void slip(const struct gr_engine *e, const struct gr_foot *foot, const struct moving *m, double u[3])
+/* Velocity of the material at a foot; v[3] = 0. */
+static inline void velocity_at(const struct gr_engine *e, const struct gr_foot *foot, double v[4])
+{
+    half low = {0}, high = {0};
+    for (int i = 0; i < foot->n_nodes; i++) {
+        const half *node = (const half *)e->feet->node[foot->node[i]].v;
+        low += foot->weight[i] * node[0];
+        high += foot->weight[i] * node[1];
+    }
+    ((half *)v)[0] = low, ((half *)v)[1] = high;
+}
+
+/* The same relative to the surface. */
+static inline void slip(const struct gr_engine *e, const struct gr_foot *foot, const struct moving *m, double u[3])
 {
     const double *r = foot->arm, *w = m->omega;
     const double surface[3] = {m->v[0] + w[1] * r[2] - w[2] * r[1], m->v[1] + w[2] * r[0] - w[0] * r[2],
                                m->v[2] + w[0] * r[1] - w[1] * r[0]};
-    double v[4] = {0};
-    for (int i = 0; i < foot->n_nodes; i++) {
-        const struct gr_foot_node *node = &e->feet->node[foot->node[i]];
-        for (int d = 0; d < 4; d++) v[d] += foot->weight[i] * node->v[d];
-    }
+    double v[4];
+    velocity_at(e, foot, v);
     for (int d = 0; d < 3; d++) u[d] = v[d] - surface[d];
 }
 
@@ -75,12 +89,14 @@ static void slip(const struct gr_engine *e, const struct gr_foot *foot, const st
 static void push(struct gr_engine *e, const struct gr_foot *foot, const double impulse[3], struct moving *m)
 {
     const struct gr_body *body = m->pose.body;
-    double change[4] = {impulse[0], impulse[1], impulse[2], 0};
+    const half low = {impulse[0], impulse[1]}, high = {impulse[2], 0};
     for (int d = 0; d < 3; d++)
         if (body->free >> d & 1) m->v[d] -= impulse[d] / body->mass;
     for (int i = 0; i < foot->n_nodes; i++) {
         struct gr_foot_node *node = &e->feet->node[foot->node[i]];
-        for (int d = 0; d < 4; d++) node->v[d] += foot->weight[i] * node->mobility[d] * change[d];
+        const half *mobility = (const half *)node->mobility;
+        ((half *)node->v)[0] += foot->weight[i] * mobility[0] * low;
+        ((half *)node->v)[1] += foot->weight[i] * mobility[1] * high;
     }
 }
 
@@ -114,18 +130,74 @@ static double correct(struct gr_engine *e, struct gr_foot *foot, struct moving *
     return foot->mobility * sqrt(changed);
 }
 
-/* Store the velocities of the nodes after contact. */
+/* Undo the friction of the Coulomb walls of the nodes, which is found anew with contact: it acts against the sliding that
+ * is left after it. Friction found before would take up what presses on a body beside the wall, or act backwards where a
+ * body moves material against a pressure. */
+static void undo_friction(struct gr_engine *e, const double g[3])
+{
+    for (int64_t k = 0; k < e->feet->n_nodes; k++) {
+        struct gr_foot_node *node = &e->feet->node[k];
+        struct gr_foot_origin *origin = &e->feet->origin[k];
+        const struct gr_wall *wall = gr_wall_now(e, e->mesh.node_code[origin->n]);
+        double next[3];
+        if (wall->normal < 0 || !(wall->friction > 0)) continue;
+        gr_grid_without_walls(e, origin->n, g, next);
+        origin->most_friction = fmax(wall->friction * gr_into_wall(wall, next), 0);
+        for (int d = 0; d < e->config.dim; d++)
+            if (node->mobility[d] > 0) node->v[d] = next[d];
+    }
+}
+
+/* Change the friction of the wall of a node so that it fulfils the condition of Coulomb by itself.
+ * Returned: the velocity that its change gives the node, m/s. */
+static double rub(struct gr_foot_node *node, struct gr_foot_origin *origin)
+{
+    double wanted[3] = {0}, square = 0, changed = 0;
+    for (int d = 0; d < 3; d++) {
+        if (node->mobility[d] > 0) wanted[d] = origin->friction[d] + node->v[d];
+        square += wanted[d] * wanted[d];
+    }
+    const double most = origin->most_friction, keep = square > most * most ? most / sqrt(square) : 1;
+    for (int d = 0; d < 3; d++) {
+        const double change = keep * wanted[d] - origin->friction[d];
+        origin->friction[d] += change;
+        node->v[d] -= change;
+        changed += change * change;
+    }
+    return sqrt(changed);
+}
+
+/* One sweep over all feet and all Coulomb walls of their nodes, the feet in the opposite order if `back`.
+ * Changed: largest, at least the velocity that the impulse of any foot gives it.
+ * Returned: the largest change of a velocity, m/s. */
+static double sweep(struct gr_engine *e, int back, struct moving *body, double *largest)
+{
+    struct gr_feet *feet = e->feet;
+    double changed = 0;
+    for (int64_t k = 0; k < feet->n; k++) {
+        struct gr_foot *foot = &feet->foot[back ? feet->n - 1 - k : k];
+        changed = fmax(changed, correct(e, foot, &body[foot->body], largest));
+    }
+    for (int64_t k = 0; k < feet->n_nodes; k++)
+        if (feet->origin[k].most_friction > 0) changed = fmax(changed, rub(&feet->node[k], &feet->origin[k]));
+    return changed;
+}
+
+/* Store the velocities of the nodes after contact, and the friction of their walls. */
 static void store(struct gr_engine *e)
 {
     const int dim = e->config.dim;
     for (int64_t k = 0; k < e->feet->n_nodes; k++) {
         const struct gr_foot_node *node = &e->feet->node[k];
-        const int joined = e->n_thin && e->mesh.duplicate[node->n] >= 0 && !e->mesh.separated[node->n];
+        const struct gr_foot_origin *origin = &e->feet->origin[k];
+        const int joined = e->n_thin && e->mesh.duplicate[origin->n] >= 0 && !e->mesh.separated[origin->n];
         for (int copy = 0; copy <= joined; copy++) {
-            const int64_t n = copy ? e->mesh.duplicate[node->n] : node->n;
+            const int64_t n = copy ? e->mesh.duplicate[origin->n] : origin->n;
             for (int d = 0; d < dim; d++) {
                 gr_node_field(e, GR_NODE_VELOCITY + d)[n] = node->v[d];
-                gr_node_field(e, GR_NODE_UPDATE(dim) + d)[n] += node->v[d] - node->before[d];
+                gr_node_field(e, GR_NODE_UPDATE(dim) + d)[n] += node->v[d] - origin->before[d];
+                if (e->watch && origin->most_friction > 0 && node->mobility[d] > 0)
+                    e->watch->node[n * dim + d] = e->node_mass[n] * origin->friction[d];
             }
         }
     }
@@ -134,16 +206,11 @@ static void store(struct gr_engine *e)
 /* Add the reaction of a foot to its body: what the nodes received, without components that walls hold. */
 static void react(const struct gr_engine *e, const struct gr_foot *foot, struct gr_body_state *next)
 {
-    double given[3] = {0}, u[3] = {0};
     const double *r = foot->arm;
-    for (int i = 0; i < foot->n_nodes; i++) {
-        const struct gr_foot_node *node = &e->feet->node[foot->node[i]];
-        for (int d = 0; d < e->config.dim; d++) {
-            if (node->mobility[d] > 0) given[d] += foot->weight[i] * foot->impulse[d];
-            u[d] += foot->weight[i] * node->v[d];
-        }
-    }
+    double given[3], u[4];
+    velocity_at(e, foot, u);
     for (int d = 0; d < 3; d++) {
+        given[d] = foot->unheld[d] * foot->impulse[d];
         next->impulse[d] -= given[d];
         next->work += given[d] * u[d]; /* points are moved and strained by the velocity after contact */
     }
@@ -185,16 +252,12 @@ void gr_bodies_touch(struct gr_engine *e, const double g[3])
     memcpy(gravity, g, sizeof(double) * (size_t)e->config.dim);
     for (int b = 0; b < e->config.n_bodies; b++) begin(e, b, gravity, &body[b]);
     gr_feet_find(e, gravity);
+    undo_friction(e, gravity);
     for (int64_t k = 0; k < e->feet->n; k++)
         push(e, &e->feet->foot[k], e->feet->foot[k].impulse, &body[e->feet->foot[k].body]);
     double changed = INFINITY, largest = 0;
-    for (int sweep = 0; sweep < MOST_SWEEPS && (sweep < LEAST_SWEEPS || changed > TOLERANCE * largest); sweep++) {
-        changed = 0;
-        for (int64_t k = 0; k < e->feet->n; k++) {
-            struct gr_foot *foot = &e->feet->foot[sweep % 2 ? e->feet->n - 1 - k : k];
-            changed = fmax(changed, correct(e, foot, &body[foot->body], &largest));
-        }
-    }
+    for (int made = 0; made < MOST_SWEEPS && (made < LEAST_SWEEPS || changed > TOLERANCE * largest); made++)
+        changed = sweep(e, made % 2, body, &largest);
     store(e);
     gr_feet_keep(e);
     for (int b = 0; b < e->config.n_bodies; b++) e->body_next[b] = e->body[b];

@@ -163,7 +163,7 @@ static int build_fluidity(struct gr_engine *e)
     return GR_OK;
 }
 
-static int build_bodies(struct gr_engine *e, int64_t n_nodes)
+static int build_bodies(struct gr_engine *e, int64_t n_cells, int64_t n_nodes)
 {
     e->body = calloc((size_t)e->config.n_bodies, sizeof *e->body);
     e->body_next = calloc((size_t)e->config.n_bodies, sizeof *e->body_next);
@@ -174,7 +174,7 @@ static int build_bodies(struct gr_engine *e, int64_t n_nodes)
     (void)gr_list_thin(&e->config, e->thin);
     gr_bodies_start(e);
     const int uses_volume = e->config.smoothed || e->config.cell_averaged;
-    return gr_feet_new(e) || (uses_volume && gr_open_volume_new(e, n_nodes)) ? GR_ERR_MEMORY : GR_OK;
+    return gr_feet_new(e) || (uses_volume && gr_open_volume_new(e, n_cells, n_nodes)) ? GR_ERR_MEMORY : GR_OK;
 }
 
 int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
@@ -211,7 +211,7 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     if (gr_table_new(&e->mesh.cell_of, n_cells) || gr_table_new(&e->mesh.next_of, n_cells)) goto out;
     if (gr_table_new(&e->mesh.node_of, n_nodes)) goto out;
     error = list_solids(e);
-    if (!error && config->n_bodies) error = build_bodies(e, n_nodes);
+    if (!error && config->n_bodies) error = build_bodies(e, n_cells, n_nodes);
     e->dt = config->dt;
     e->shift_dt = 1; /* until the first shift */
     e->shift_scale = -1;

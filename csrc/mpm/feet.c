@@ -4,6 +4,7 @@
 #include <stdlib.h>
 
 #include "core/memory.h"
+#include "mpm/contact.h"
 #include "mpm/migrate.h"
 #include "mpm/pose.h"
 #include "mpm/shape.h"
@@ -13,6 +14,10 @@
  * the cells near them are listed again. */
 #define REACH 1.5
 #define FOLLOW 0.5
+
+/* Distances between samples are linear, so that they may change by a little more than the place does: by less than this, in
+ * cells, in half of a cell. */
+#define ROUNDED 0.1
 
 /* Points deeper in a body than this, in cells, were there from the beginning: the surface does not act on them. */
 #define DEEP 0.5
@@ -61,9 +66,11 @@ void gr_feet_free(struct gr_feet *feet)
     if (!feet) return;
     free(feet->foot);
     free(feet->node);
+    free(feet->origin);
     free(feet->number);
     free(feet->near);
     free(feet->bodies);
+    free(feet->clearance);
     free(feet->pose);
     free(feet);
 }
@@ -108,6 +115,7 @@ static int reserve(struct gr_engine *e)
         const int64_t n = e->mesh.node_capacity;
         feet->node_capacity = 0;
         GR_RESIZE(feet->node, n);
+        GR_RESIZE(feet->origin, n);
         GR_RESIZE(feet->number, n);
         memset(feet->number, 0, sizeof *feet->number * (size_t)n);
         feet->node_capacity = n;
@@ -127,6 +135,7 @@ int gr_feet_list(struct gr_engine *e)
         feet->near_capacity = 0;
         GR_RESIZE(feet->near, e->mesh.cell_capacity);
         GR_RESIZE(feet->bodies, e->mesh.cell_capacity);
+        GR_RESIZE(feet->clearance, e->mesh.cell_capacity);
         feet->near_capacity = e->mesh.cell_capacity;
     }
     for (int b = 0; b < e->config.n_bodies; b++) {
@@ -137,16 +146,52 @@ int gr_feet_list(struct gr_engine *e)
     feet->n_near = 0;
     for (int64_t c = 0; c < e->mesh.n_cells; c++) {
         uint64_t bodies = 0;
-        double x[3], arm[3], normal[3];
+        double x[3], arm[3], normal[3], least = INFINITY;
         gr_cell_position(e, e->mesh.cell[c].at, x);
-        for (int b = 0; b < e->config.n_bodies; b++)
-            if (distance(e, &pose[b], x, arm, normal) < near) bodies |= (uint64_t)1 << b;
+        for (int b = 0; b < e->config.n_bodies; b++) {
+            const double phi = distance(e, &pose[b], x, arm, normal);
+            if (phi < near) bodies |= (uint64_t)1 << b;
+            least = fmin(least, phi);
+        }
         if (!bodies) continue;
         feet->near[feet->n_near] = c;
+        feet->clearance[feet->n_near] = least;
         feet->bodies[feet->n_near++] = bodies;
     }
     feet->listed = 1;
     return reserve(e);
+}
+
+/* Distance by which the surface of a body has moved at most since the cells were listed. */
+static double moved_since(const struct gr_engine *e)
+{
+    double moved = 0;
+    for (int b = 0; b < e->config.n_bodies; b++) moved = fmax(moved, gr_body_moved(e, b, &e->feet->pose[b]));
+    return moved;
+}
+
+/* What the centre of a cell tells of the distance of its points from the bodies. */
+struct about {
+    double centre[3], distance;
+};
+
+/* Look about the cell number k of the list, when the bodies have moved. */
+static struct about look_about(const struct gr_engine *e, int64_t k, double moved)
+{
+    const struct gr_cell *cell = &e->mesh.cell[e->feet->near[k]];
+    struct about about = {.distance = e->feet->clearance[k] - moved - ROUNDED * e->config.dx};
+    if (e->n_thin && GR_IS_DOUBLE(cell)) about.distance = -INFINITY; /* distances are those from the faces of sides */
+    gr_cell_position(e, cell->at, about.centre);
+    return about;
+}
+
+/* True if x is farther than `reach` from the bodies. As it saves the distance itself where there is no contact, it does not
+ * bear on the results. */
+static int is_far(const struct about *about, const double x[3], double reach)
+{
+    double square = 0;
+    for (int d = 0; d < 3; d++) square += (x[d] - about->centre[d]) * (x[d] - about->centre[d]);
+    return about->distance > reach && square < (about->distance - reach) * (about->distance - reach);
 }
 
 /* True if the surface recedes from the tangent plane of a foot nearby: a convex edge or a vertex. */
@@ -188,19 +233,33 @@ static int64_t node_on_side(const struct gr_engine *e, int64_t id, int side)
     return n + (side < 0 && e->mesh.separated[n]);
 }
 
+/* The nodes of the mesh about a place in the cell `at`, -1 for those that are not active. */
+static void nodes_of(const struct gr_engine *e, const int32_t at[3], int side, int64_t node[GR_MAX_NODES])
+{
+    const int k = gr_nodes_1d(e->config.basis);
+    const int64_t c = e->n_thin ? -1 : (int64_t)gr_table_get(&e->mesh.cell_of, gr_cell_id(e, at)) - 1;
+    for (int i = 0; c >= 0 && i < e->K; i++) node[i] = gr_cell_node(e, c, i);
+    if (c >= 0) return;
+    for (int i = 0; i < e->K; i++) {
+        const int part[3] = {i % k, i / k % k, i / (k * k)};
+        int64_t id = 0;
+        for (int d = e->config.dim - 1; d >= 0; d--) id = id * e->axis[d].n_nodes + e->axis[d].cell[at[d]].node[part[d]];
+        node[i] = node_on_side(e, id, side);
+    }
+}
+
 static double mass_of(const struct gr_engine *e, int64_t n)
 {
     const int joined = e->n_thin && e->mesh.duplicate[n] >= 0 && !e->mesh.separated[n];
     return e->node_mass[n] + (joined ? e->node_mass[e->mesh.duplicate[n]] : 0);
 }
 
-/* Shape functions at x, and the indices of their nodes in the whole grid.
+/* Shape functions at x, and the indices of its cell.
  * Returned: their number; 0 if x lies outside of the domain. */
-static int shapes_at(const struct gr_engine *e, const double x[3], double weight[GR_MAX_NODES], int64_t id[GR_MAX_NODES])
+static int shapes_at(const struct gr_engine *e, const double x[3], double weight[GR_MAX_NODES], int32_t in[3])
 {
     const int dim = e->config.dim, basis = e->config.basis, k = gr_nodes_1d(basis);
-    double w[3][3];
-    const struct gr_axis_cell *cell[3];
+    double w[3][3] = {{0}, {0}, {1}};
     for (int d = 0; d < dim; d++) {
         const struct gr_axis *axis = &e->axis[d];
         double place = x[d] - axis->origin;
@@ -210,21 +269,18 @@ static int shapes_at(const struct gr_engine *e, const double x[3], double weight
             if (!axis->periodic && fabs(place - 0.5 * axis->length) > 0.5 * axis->length + 1e-9 * e->config.dx) return 0;
             at = at < 0 ? 0 : axis->n_cells - 1;
         }
-        cell[d] = &axis->cell[at];
+        const struct gr_axis_cell *cell = &axis->cell[at];
         vd value[3], slope[3];
-        const double xi = (axis->origin + place - cell[d]->edge) * e->inv_dx;
-        const struct gr_knots knots = gr_knots_of(cell[d]);
-        gr_shape_1d(basis, &knots, e->config.lambda, v_set(xi), value, slope);
+        in[d] = (int32_t)at;
+        const struct gr_knots knots = gr_knots_of(cell);
+        const vd xi = v_set((axis->origin + place - cell->edge) * e->inv_dx);
+        gr_shape_1d(basis, &knots, e->config.lambda, xi, value, slope);
         for (int a = 0; a < k; a++) w[d][a] = value[a][0];
     }
-    for (int i = 0; i < e->K; i++) {
-        const int part[3] = {i % k, i / k % k, i / (k * k)};
-        weight[i] = 1, id[i] = 0;
-        for (int d = dim - 1; d >= 0; d--) {
-            weight[i] *= w[d][part[d]];
-            id[i] = id[i] * e->axis[d].n_nodes + cell[d]->node[part[d]];
-        }
-    }
+    double *out = weight;
+    for (int c = 0; c < (dim == 3 ? k : 1); c++)
+        for (int b = 0; b < k; b++)
+            for (int a = 0; a < k; a++) *out++ = w[2][c] * w[1][b] * w[0][a];
     return e->K;
 }
 
@@ -234,12 +290,13 @@ static int32_t number_of(struct gr_engine *e, int64_t n)
     struct gr_feet *feet = e->feet;
     if (feet->number[n]) return feet->number[n] - 1;
     const int dim = e->config.dim, fixed = gr_wall_now(e, e->mesh.node_code[n])->fixed;
-    struct gr_foot_node *node = &feet->node[feet->n_nodes];
     const double mobility = 1 / mass_of(e, n);
-    memset(node, 0, sizeof *node);
-    node->n = n;
+    struct gr_foot_node *node = &feet->node[feet->n_nodes];
+    struct gr_foot_origin *origin = &feet->origin[feet->n_nodes];
+    *node = (struct gr_foot_node){0};
+    *origin = (struct gr_foot_origin){.inverse_mass = mobility, .n = n, .held = fixed};
     for (int d = 0; d < dim; d++) {
-        node->before[d] = node->v[d] = gr_node_field(e, GR_NODE_VELOCITY + d)[n];
+        origin->before[d] = node->v[d] = gr_node_field(e, GR_NODE_VELOCITY + d)[n];
         node->mobility[d] = fixed >> d & 1 ? 0 : mobility;
     }
     return (feet->number[n] = (int32_t)++feet->n_nodes) - 1;
@@ -249,46 +306,72 @@ static int32_t number_of(struct gr_engine *e, int64_t n)
  * Returned: whether it can act there. */
 static int support(struct gr_engine *e, const double x[3], int side, double least_filling, struct gr_foot *foot)
 {
-    int64_t id[GR_MAX_NODES];
-    const int dim = e->config.dim, n = shapes_at(e, x, foot->weight, id);
+    int32_t in[3] = {0};
+    const int dim = e->config.dim, n = shapes_at(e, x, foot->weight, in);
     const struct gr_body *body = &e->config.bodies[foot->body];
-    double sum = 0, mass = 0, along[3] = {0}, unheld = 0;
+    double sum = 0, mass = 0, along[3] = {0}, unheld = 0, of_node[GR_MAX_NODES];
     int64_t node[GR_MAX_NODES];
     int used = 0;
+    if (n) nodes_of(e, in, side, node);
     for (int i = 0; i < n; i++) {
-        node[i] = foot->weight[i] > 0 ? node_on_side(e, id[i], side) : -1;
-        if (node[i] < 0) continue;
-        mass += foot->weight[i] * mass_of(e, node[i]);
+        of_node[i] = foot->weight[i] > 0 && node[i] >= 0 ? mass_of(e, node[i]) : 0;
+        mass += foot->weight[i] * of_node[i];
     }
     const double least = fmax(LEAST_SHARE * mass, e->config.mass_cutoff);
     for (int i = 0; i < n; i++) {
         const double weight = foot->weight[i];
-        if (node[i] < 0 || !(mass_of(e, node[i]) > least * weight)) continue;
+        if (!(of_node[i] > least * weight)) continue;
         sum += weight;
-        node[used] = node[i], foot->weight[used++] = weight;
+        of_node[used] = of_node[i], node[used] = node[i], foot->weight[used++] = weight;
     }
     if (!(sum > LEAST_SUM) || !(mass * e->mass_scale > least_filling)) return 0;
+    const double per_sum = 1 / sum;
+    double whole = 0, share = 0; /* of the nodes that no wall holds */
     foot->n_nodes = used;
+    memset(foot->unheld, 0, sizeof foot->unheld);
     for (int i = 0; i < used; i++) {
-        foot->weight[i] /= sum;
+        const double weight = foot->weight[i] *= per_sum;
         foot->node[i] = number_of(e, node[i]);
-        unheld += foot->weight[i] * foot->weight[i] / mass_of(e, node[i]);
-        for (int d = 0; d < dim; d++)
-            along[d] += foot->weight[i] * foot->weight[i] * e->feet->node[foot->node[i]].mobility[d];
+        const struct gr_foot_origin *of = &e->feet->origin[foot->node[i]];
+        const double mobility = weight * weight * of->inverse_mass;
+        unheld += mobility;
+        if (!of->held) whole += mobility, share += weight;
+        for (int d = 0; of->held && d < dim; d++)
+            if (!(of->held >> d & 1)) along[d] += mobility, foot->unheld[d] += weight;
     }
     foot->normal_mobility = foot->mobility = 0;
     for (int d = 0; d < dim; d++) {
-        const double all = along[d] + (body->free >> d & 1 ? 1 / body->mass : 0);
+        const double all = whole + along[d] + (body->free >> d & 1 ? 1 / body->mass : 0);
+        foot->unheld[d] += share;
         foot->normal_mobility += foot->normal[d] * foot->normal[d] * all;
         foot->mobility = fmax(foot->mobility, all);
     }
     return foot->normal_mobility > LEAST_MOBILE * unheld;
 }
 
-/* Find the foot of the point at `place` on a body.
+/* Half the spacing of points of a mass, m. */
+static double half_spacing(const struct gr_engine *e, double mass)
+{
+    const double filling = mass * e->mass_scale;
+    return 0.5 * e->config.dx * (e->config.dim == 2 ? sqrt(filling) : cbrt(filling));
+}
+
+/* Distance within which bodies may act on the point at `place` with half the spacing r, if they are not faster than `speed`
+ * and gravity gives no more than `fall`, m/s, in two steps. */
+static double reach_of(const struct gr_engine *e, int64_t place, double r, double speed, double fall)
+{
+    double square = 0;
+    for (int d = 0; d < e->config.dim; d++) {
+        const double v = e->field[GR_FIELD_v][d * e->capacity + place];
+        square += v * v;
+    }
+    return HOLD * r + 2 * e->dt * (sqrt(square) + speed + fall);
+}
+
+/* Find the foot of the point at `place`, with half the spacing r, on a body.
  * Returned: whether it has one. */
 static int find_foot(struct gr_engine *e, const struct gr_cell *cell, int64_t place, int b, const struct gr_pose *pose,
-                     double fall, struct gr_foot *foot)
+                     double r, double fall, struct gr_foot *foot)
 {
     const int dim = e->config.dim;
     const int separating = pose->body->contact == GR_CONTACT_SEPARATING;
@@ -297,8 +380,6 @@ static int find_foot(struct gr_engine *e, const struct gr_cell *cell, int64_t pl
     const double phi = distance_on_side(e, cell, b, pose, x, foot->arm, foot->normal);
     if (phi > REACH * e->config.dx) return 0;
     if (phi < -DEEP * e->config.dx) return 0;
-    const double filling = e->field[GR_FIELD_mass][place] * e->mass_scale;
-    const double r = 0.5 * e->config.dx * (dim == 2 ? sqrt(filling) : cbrt(filling));
     if (separating && !(phi < r)) {
         const double *w = e->body[b].omega, *arm = foot->arm;
         for (int d = 0; d < dim; d++) {
@@ -354,18 +435,25 @@ void gr_feet_find(struct gr_engine *e, const double g[3])
 {
     struct gr_feet *feet = e->feet;
     struct gr_pose pose[GR_MAX_BODIES];
-    double fall = 0;
+    const double moved = moved_since(e), speed = gr_bodies_speed(e);
+    double fall = 0, mass = 0, r = 0;
     for (int d = 0; d < e->config.dim; d++) fall += g[d] * g[d];
     fall = 2 * e->dt * sqrt(fall);
     for (int b = 0; b < e->config.n_bodies; b++) gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &pose[b]);
-    for (int64_t k = 0; k < feet->n_nodes; k++) feet->number[feet->node[k].n] = 0;
+    for (int64_t k = 0; k < feet->n_nodes; k++) feet->number[feet->origin[k].n] = 0;
     feet->n = feet->n_nodes = 0;
     for (int64_t k = 0; k < feet->n_near; k++) {
         const struct gr_cell *cell = &e->mesh.cell[feet->near[k]];
-        for (int32_t s = 0; s < cell->count; s++) {
+        const struct about about = look_about(e, k, moved);
+        for (int32_t place = 0; place < cell->count; place++) {
+            const int64_t s = gr_slot(cell, place);
+            double x[3] = {0};
             int n = 0;
+            for (int d = 0; d < e->config.dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + s];
+            if (e->field[GR_FIELD_mass][s] != mass) mass = e->field[GR_FIELD_mass][s], r = half_spacing(e, mass);
+            if (is_far(&about, x, reach_of(e, s, r, speed, fall))) continue;
             for (int b = 0; b < e->config.n_bodies; b++)
-                if (feet->bodies[k] >> b & 1) n += find_foot(e, cell, gr_slot(cell, s), b, &pose[b], fall, &feet->foot[feet->n + n]);
+                if (feet->bodies[k] >> b & 1) n += find_foot(e, cell, s, b, &pose[b], r, fall, &feet->foot[feet->n + n]);
             if (n) start_from_force(e, n, &feet->foot[feet->n]);
             feet->n += n;
         }
@@ -378,19 +466,23 @@ void gr_feet_move_out(struct gr_engine *e)
     const double dx = e->config.dx;
     struct gr_pose pose[GR_MAX_BODIES];
     if (e->step % OUT_INTERVAL) return;
+    const double moved = moved_since(e);
     for (int b = 0; b < e->config.n_bodies; b++) gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &pose[b]);
     for (int64_t k = 0; k < feet->n_near; k++) {
         const struct gr_cell *cell = &e->mesh.cell[feet->near[k]];
-        for (int32_t s = 0; s < cell->count; s++)
+        const struct about about = look_about(e, k, moved);
+        for (int32_t place = 0; place < cell->count; place++)
             for (int b = 0; b < e->config.n_bodies; b++) {
+                const int64_t s = gr_slot(cell, place);
                 double x[3] = {0}, arm[3], normal[3];
                 if (!(feet->bodies[k] >> b & 1)) continue;
-                for (int d = 0; d < e->config.dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + gr_slot(cell, s)];
+                for (int d = 0; d < e->config.dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + s];
+                if (is_far(&about, x, 0)) break;
                 const double deep = -distance_on_side(e, cell, b, &pose[b], x, arm, normal) - DEEPEST * dx;
                 if (!(deep > 1e-9 * dx) || deep > (LOST - DEEPEST) * dx) continue;
                 for (int d = 0; d < e->config.dim; d++) x[d] += fmin(deep, OUT * dx) * normal[d];
-                if (!gr_replace_point(e, feet->near[k], gr_slot(cell, s), x)) continue;
-                s--; /* another point has taken its place */
+                if (!gr_replace_point(e, feet->near[k], s, x)) continue;
+                place--; /* another point has taken its place */
                 break;
             }
     }

@@ -25,26 +25,37 @@ struct gr_foot {
     double weight[GR_MAX_NODES];
     double arm[3], normal[3];         /* from the position of the body, m; out of the body */
     double normal_mobility, mobility; /* of the material and of the body along the normal, and at most; 1/kg */
+    double unheld[3];                 /* share of each component of an impulse that walls do not hold */
     double bound;                     /* of the velocity along the normal, m/s: <= 0 */
     double most;                      /* impulse, N s */
     double impulse[3], pressing;      /* on the material, N s; its part along the normal */
 };
 
-/* A node that feet act on: velocity and inverse mass, 0 where a wall holds the component, and its place in the mesh. */
+/* A node that feet act on: velocity and inverse mass, 0 where a wall holds the component; what the sweeps read, and
+ * nothing else. */
 struct gr_foot_node {
-    double v[4], mobility[4], before[4];
+    double v[4], mobility[4];
+};
+
+/* The same node: velocity before contact, inverse mass, 1/kg, also of held components, and its place in the mesh. A Coulomb
+ * wall takes the velocity `friction` from it, of which the size is at most `most_friction`, m/s. */
+struct gr_foot_origin {
+    double before[3], inverse_mass, friction[3], most_friction;
     int64_t n;
+    int held; /* bit d: a wall holds component d */
 };
 
 struct gr_feet {
     struct gr_foot *foot;
     int64_t n, capacity;
     struct gr_foot_node *node;
+    struct gr_foot_origin *origin; /* of the nodes */
     int64_t n_nodes, node_capacity;
     int32_t *number; /* per node of the mesh: its number + 1 among those of the feet, 0 for none */
     int64_t number_capacity;
-    int64_t *near;    /* cells near a body, ascending */
-    uint64_t *bodies; /* of these: bit b: body b */
+    int64_t *near;     /* cells near a body, ascending */
+    uint64_t *bodies;  /* of these: bit b: body b */
+    double *clearance; /* distance of their centres from the nearest of these, m */
     int64_t n_near, near_capacity;
     struct gr_split_pose *pose; /* of the bodies, when these cells were listed */
     int listed;

@@ -154,6 +154,16 @@ void gr_grid_nodes(struct gr_engine *e, const struct gr_kernels *kernels, int64_
 #undef GR_GRID
 }
 
+void gr_grid_without_walls(const struct gr_engine *e, int64_t n, const double g[3], double next[3])
+{
+    const int dim = e->config.dim;
+    double sum[GR_NODE_SUMS(3)];
+    sum_over_cells(dim, e->K, 0, e, n, sum);
+    if (e->n_thin) join_duplicate(dim, e->K, 0, e, n, sum);
+    const double m = sum[GR_SUM_MASS];
+    for (int d = 0; d < dim; d++) next[d] = sum[GR_SUM_MOMENTUM + d] / m + e->dt * (sum[GR_SUM_FORCE(dim) + d] / m + g[d]);
+}
+
 void gr_grid_smooth(struct gr_engine *e, int64_t first, int64_t last, int pass)
 {
     const int dim = e->config.dim, K = e->K, order = e->config.xpic_order;

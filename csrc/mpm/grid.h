@@ -14,6 +14,9 @@ void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last);
  * node_data, m to node_mass and v to node_v. */
 void gr_grid_nodes(struct gr_engine *e, const struct gr_kernels *kernels, int64_t first, int64_t last, const double g[3]);
 
+/* Velocity v' of a node with mass as it would be without walls, from the same sums. */
+void gr_grid_without_walls(const struct gr_engine *e, int64_t n, const double g[3], double next[3]);
+
 /* XPIC: add pass r of order m to w, from the sums of kernels->smooth:
  *
  *   w = v' - v + sum_r (-1)^(r+1) binomial(m, r) (S+ S)^(r-1) v   (Hammerquist & Nairn 2017). */

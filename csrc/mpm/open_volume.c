@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "core/memory.h"
+#include "mpm/migrate.h"
 #include "mpm/pose.h"
 
 /* Cells deeper in a body than this, in cells, have no node that material reaches: it is never deeper than a quarter. */
@@ -13,17 +14,19 @@
 /* Subdivisions of a cut cell along each axis. */
 enum { PARTS_2D = 8, PARTS_3D = 4, MOST_PARTS = 8 };
 
-int gr_open_volume_new(struct gr_engine *e, int64_t n_nodes)
+int gr_open_volume_new(struct gr_engine *e, int64_t n_cells, int64_t n_nodes)
 {
     e->open = calloc(1, sizeof *e->open);
     if (!e->open) return GR_ERR_MEMORY;
-    return gr_table_new(&e->open->place, n_nodes);
+    return gr_table_new(&e->open->place, n_nodes) || gr_table_new(&e->open->part_of, n_cells) ? GR_ERR_MEMORY : GR_OK;
 }
 
 void gr_open_volume_free(struct gr_open_volume *open)
 {
     if (!open) return;
     gr_table_free(&open->place);
+    gr_table_free(&open->part_of);
+    free(open->part);
     free(open->solid);
     free(open->slope);
     free(open->id);
@@ -88,6 +91,26 @@ static void solid_parts(const struct gr_engine *e, const struct gr_pose *pose, c
             }
 }
 
+/* Keep the open part of a cell, from the solid shares of n equal parts of it. */
+static int keep_open_part(struct gr_engine *e, const int32_t at[3], int n, const double *share)
+{
+    struct gr_open_volume *open = e->open;
+    struct gr_open_part sum = {0};
+    if (open->n_parts == open->part_capacity) {
+        GR_RESIZE(open->part, 2 * open->part_capacity + 64);
+        open->part_capacity = 2 * open->part_capacity + 64;
+    }
+    for (int p = 0; p < (e->config.dim == 2 ? n * n : n * n * n); p++) {
+        const int of[3] = {p % n, p / n % n, p / (n * n)};
+        sum.volume += 1 - share[p];
+        for (int d = 0; d < 3; d++) sum.centre[d] += (1 - share[p]) * (of[d] + 0.5) / n;
+    }
+    for (int d = 0; d < 3; d++) sum.centre[d] = sum.volume > 0 ? sum.centre[d] / sum.volume : 0.5;
+    sum.volume /= pow(n, e->config.dim);
+    open->part[open->n_parts++] = sum;
+    return gr_table_set(&open->part_of, gr_cell_id(e, at), (int32_t)open->n_parts);
+}
+
 /* Integrals over a part of a cell of the shape functions of one axis, and of their derivatives. */
 static void integrate_1d(const struct gr_axis_cell *cell, int nodes, double from, double to, double value[3],
                          double slope[3])
@@ -107,6 +130,7 @@ static int add_cell(struct gr_engine *e, const struct gr_pose *pose, const int32
     double share[MOST_PARTS * MOST_PARTS], value[3][MOST_PARTS][3], slope[3][MOST_PARTS][3]; /* 8^2 = 4^3 */
     double solid[GR_MAX_NODES] = {0}, gradient[GR_MAX_NODES][3] = {{0}};
     solid_parts(e, pose, at, parts, share);
+    if (e->config.cell_averaged && keep_open_part(e, at, parts, share)) return GR_ERR_MEMORY;
     for (int d = 0; d < dim; d++)
         for (int p = 0; p < parts; p++)
             integrate_1d(&e->axis[d].cell[at[d]], k, (double)p / parts, (p + 1.0) / parts, value[d][p], slope[d][p]);
@@ -178,7 +202,8 @@ int gr_open_volumes(struct gr_engine *e, int follow)
     }
     if (!open->known) {
         gr_table_clear(&open->place);
-        open->n = 0;
+        gr_table_clear(&open->part_of);
+        open->n = open->n_parts = 0;
         for (int d = 0; d < e->config.dim; d++) all[d] = e->axis[d].n_cells;
         if (add_box(e, pose, first, all)) return GR_ERR_MEMORY;
         open->known = 1;

@@ -13,15 +13,23 @@
 /* Nodes with less open volume than this, over dx^dim, say nothing about the density. */
 #define GR_LEAST_OPEN 0.1
 
-/* Integrals over the bodies for the nodes near their surfaces. */
+/* The open part of a cell: its volume over that of the cell, and its centroid in local coordinates. */
+struct gr_open_part {
+    double volume, centre[3];
+};
+
+/* Integrals over the bodies for the nodes near their surfaces; with a cell-averaged density for the cells, too. */
 struct gr_open_volume {
     struct gr_table place;    /* of a node of the grid: its place + 1, 0 for none */
     double *solid, *slope;    /* s_i; G_i, dim numbers */
     int64_t *id, n, capacity; /* the nodes */
-    int known;                /* the integrals are those of the poses `split` */
+    struct gr_table part_of;  /* of a cell of the grid: the place of its part + 1, 0 if it is open */
+    struct gr_open_part *part;
+    int64_t n_parts, part_capacity;
+    int known; /* the integrals are those of the poses `split` */
 };
 
-int gr_open_volume_new(struct gr_engine *e, int64_t n_nodes);
+int gr_open_volume_new(struct gr_engine *e, int64_t n_cells, int64_t n_nodes);
 void gr_open_volume_free(struct gr_open_volume *open);
 
 /* Compute the integrals for the poses `split`, unless they are known, and the volumes of the nodes. If `follow`, the poses
@@ -34,4 +42,11 @@ int gr_open_volumes(struct gr_engine *e, int follow);
 static inline int64_t gr_open_place(const struct gr_open_volume *open, int64_t id)
 {
     return open ? (int64_t)gr_table_get(&open->place, id) - 1 : -1;
+}
+
+/* Open part of a cell of the grid, NULL if all of it is. */
+static inline const struct gr_open_part *gr_open_part(const struct gr_open_volume *open, int64_t id)
+{
+    const int64_t place = open ? (int64_t)gr_table_get(&open->part_of, id) - 1 : -1;
+    return place < 0 ? 0 : &open->part[place];
 }

@@ -13,6 +13,12 @@ static inline const struct gr_wall *gr_wall_now(const struct gr_engine *e, uint8
     return wall;
 }
 
+/* Normal velocity into a Coulomb wall, which the wall removes of `next`. */
+static inline double gr_into_wall(const struct gr_wall *wall, const double *next)
+{
+    return wall->side ? next[wall->normal] * -wall->side : fabs(next[wall->normal]);
+}
+
 /* Apply a wall to the velocity `next` that a node would have. The impulse on a fixed component does not enter the
  * increment that points receive: v is set together with `next`, so that the wall neither pushes nor drags them.
  * Coulomb friction is a force and does enter it. Inline: the loop over nodes is compiled for each dimension. */
@@ -20,8 +26,7 @@ static inline void gr_apply_wall(const struct gr_wall *wall, int dim, double *v,
 {
     double friction = 0;
     if (wall->normal >= 0) {
-        const double into = next[wall->normal] * -wall->side; /* normal velocity that the wall removes */
-        const double taken = wall->side ? into : fabs(next[wall->normal]);
+        const double taken = gr_into_wall(wall, next);
         double sliding = 0;
         for (int d = 0; d < dim; d++)
             if (d != wall->normal) sliding += next[d] * next[d];
