@@ -293,7 +293,7 @@ def bodies(quick: bool) -> Picture:
 def core(quick: bool) -> Picture:
     """Cells that exist for the kernels, and the places of some of them in memory."""
     made = Picture(figsize=(9.0, 4.2), layout="constrained")
-    top, bottom = made.subplots(2, 1, height_ratios=(4.0, 1.0))
+    top, bottom = made.subplots(2, 1, height_ratios=(3.0, 2.0))
     scene = gr.scenes.column_collapse(aspect=1.0, E=1e6, cell=0.04, points_per_cell=4)
     sim = gr.Simulation(scene, threads=1)
     sim.run(until=0.3)
@@ -316,14 +316,17 @@ def core(quick: bool) -> Picture:
     top.tick_params(length=0)
     top.set(xlim=(0, columns), ylim=(0, rows), aspect="equal")
     top.set_title("Cells with points, their neighbours, and cells that do not exist")
-    ids = sim.buffers["id"][:64]
-    for k, point in enumerate(ids):
-        face = GREY if point < 0 else BLUE
-        bottom.add_patch(Rectangle((k, 0), 0.9, 0.9, facecolor=face, alpha=0.3 if point < 0 else 1))
-    for k in range(0, 65, 8):
-        bottom.plot([k - 0.05] * 2, [-0.3, 1.2], color="black", lw=1)
-    bottom.set(xlim=(-1, 65), ylim=(-0.5, 1.4), xticks=[], yticks=[], aspect="equal")
-    bottom.set_title("Places in memory, in lanes of 8: points (blue) and spare places (grey)")
+    held_rows = sim.buffers["id"].reshape(-1, 8) >= 0
+    first = int(np.argmax(held_rows.sum(axis=1)))  # of the first tile that is nearly full
+    tile = held_rows[first : first + 8]
+    for row, lanes in enumerate(tile):
+        for lane, used in enumerate(lanes):
+            face, alpha = (BLUE, 1.0) if used else (GREY, 0.3)
+            place = (lane, -row)
+            bottom.add_patch(Rectangle(place, 0.9, 0.9, facecolor=face, alpha=alpha))
+    bottom.set(xlim=(-0.5, 8.5), ylim=(0.5 - len(tile), 1.5), xticks=[], yticks=[], aspect="equal")
+    bottom.set(xlabel="cells of the tile", ylabel="rows")
+    bottom.set_title("Places of a tile: points (blue) and spare places (grey)")
     for side in bottom.spines.values():
         side.set_visible(False)
     return made

@@ -91,10 +91,7 @@ typedef uint64_t vu __attribute__((vector_size(8 * GR_W)));
 
 /* Estimate of 1/sqrt(a) to 4 %, for a > 0: half the exponent with its sign changed, by an integer subtraction. Estimates of
  * the processor differ from one to another; with this one all that have fused multiply-adds give the same bits. */
-static inline vd v_rsqrt_estimate(vd a)
-{
-    return (vd)(0x5fe6eb50c7b537a9u - ((vu)a >> 1));
-}
+static inline vd v_rsqrt_estimate(vd a) { return (vd)(0x5fe6eb50c7b537a9u - ((vu)a >> 1)); }
 
 /* With r = 1 - a y^2, 1/sqrt(a) = y (1 + r/2 + 3 r^2/8 + 5 r^3/16 + ...): the sum in brackets less one, over r. */
 static inline vd v_rsqrt_series(vd r) { return v_fma(v_fma(v_set(0.3125), r, v_set(0.375)), r, v_set(0.5)); }

@@ -32,10 +32,7 @@
 #define STIFFEST 16.0
 
 /* Rise from 0 at `low` to 1 at `high`. */
-GR_INLINE vd between(double low, double high, vd x)
-{
-    return v_clamp((x - v_set(low)) * v_set(1 / (high - low)), 0.0, 1.0);
-}
+GR_INLINE vd between(double low, double high, vd x) { return v_clamp((x - v_set(low)) * v_set(1 / (high - low)), 0.0, 1.0); }
 
 /* Number `which` of the state of the cells from `first` on. */
 GR_INLINE double *average_of(const struct gr_engine *e, int which, int64_t first)
@@ -200,8 +197,8 @@ GR_INLINE vd represented_volume(const int dim, const struct gr_engine *e, int64_
         const vd shared = w * at_nodes(e, e->node_mass, first, i) / (v_set(K) * free_volumes(e, first, i));
         vd square = v_zero();
         for (int d = 0; d < dim; d++) square = v_fma(slope_at(dim, at, i, d), slope_at(dim, at, i, d), square);
-        stiffness = stiffness + square / v_fma(v_set(e->mass_scale), v_max(shared, v_load(sum + i * rows * GR_LANES)),
-                                               v_set(1e-300));
+        stiffness = stiffness +
+                    square / v_fma(v_set(e->mass_scale), v_max(shared, v_load(sum + i * rows * GR_LANES)), v_set(1e-300));
     }
     const vm too_stiff = m_and(at_surface, v_gt(volume * stiffness, v_set(STIFFEST)));
     return v_select(too_stiff, v_set(STIFFEST) / stiffness, volume);

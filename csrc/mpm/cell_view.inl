@@ -42,11 +42,11 @@ enum { ALONE = 2 }; /* a cell with at most this many points is nearly empty */
 /* Data common to the points of GR_W cells. */
 struct view {
     struct gr_frame frame;
-    vd begin[3], end[3]; /* bounds of the cells, m */
-    int points;          /* largest number of points of a cell */
-    int has_sponge;      /* bit d: the sponge layer may damp points that rise along axis d */
-    vd disconnected;     /* log-density below which a point is given no affine field */
-    vd g_star;           /* fluidity of the cells after its diffusion, 1/s */
+    vd begin[3], end[3];     /* bounds of the cells, m */
+    int points;              /* largest number of points of a cell */
+    int has_sponge;          /* bit d: the sponge layer may damp points that rise along axis d */
+    vd disconnected;         /* log-density below which a point is given no affine field */
+    vd g_star;               /* fluidity of the cells after its diffusion, 1/s */
     vd L[9], shift[3][2], c; /* with a cell-averaged density: L dt; shift along each axis at the low and high face, m;
                                 log-density */
     struct gr_wall_cells walls;

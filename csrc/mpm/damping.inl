@@ -20,7 +20,7 @@ GR_INLINE vd damped_share(const struct gr_engine *e, vd flow, vd c)
 
 /* Damping of the points of GR_W cells: shares b_i of the difference to the velocity of a node that they lose. */
 struct damping {
-    int any;  /* in some cell */
+    int any;          /* in some cell */
     vm damped, alike; /* cells in which some are not zero; in which all are the same */
     int all_alike;
     vd share[GR_MAX_NODES];
@@ -52,8 +52,7 @@ GR_INLINE void damp(const int dim, const int basis, const struct gr_engine *e, c
     vd moment[3][3], first[3], b = damping->share[0];
     if (!damping->all_alike) {
         for (int d = 0; d < dim; d++)
-            for (int a = 0; a < gr_nodes_1d(basis); a++)
-                moment[d][a] = s->w[d][a] * (frame->position[d][a] - s->xi[d]);
+            for (int a = 0; a < gr_nodes_1d(basis); a++) moment[d][a] = s->w[d][a] * (frame->position[d][a] - s->xi[d]);
         b = v_select(damping->alike, b, gr_interpolate(dim, basis, 1, damping->share, s, (const vd(*)[3])moment, first));
     }
     for (int d = 0; d < dim; d++) {

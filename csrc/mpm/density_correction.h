@@ -54,9 +54,9 @@ GR_INLINE vd relax_to_nodal_density(const struct gr_density_numbers *q, double d
 
 /* Flags of GR_W cells that concern the shift of their points. */
 struct gr_wall_cells {
-    vm shifts;            /* their points may shift */
-    vm wall[3][2];        /* a wall stands at the low or the high face */
-    int any;              /* at some face of some cell */
+    vm shifts;     /* their points may shift */
+    vm wall[3][2]; /* a wall stands at the low or the high face */
+    int any;       /* at some face of some cell */
 };
 
 GR_INLINE void gr_wall_cells_of(const int dim, const struct gr_engine *e, int64_t first, struct gr_wall_cells *walls)

@@ -88,7 +88,7 @@ struct gr_cell {
     int32_t count, capacity;
     int32_t summed; /* number of its first points that are in its sums */
     int32_t at[3];  /* indices along the axes */
-    int8_t side;   /* of a thin body: 1 (front) or -1 (back) of a double cell, the front listed first; else 2 or -2; 0
+    int8_t side;    /* of a thin body: 1 (front) or -1 (back) of a double cell, the front listed first; else 2 or -2; 0
                       without thin bodies */
     int16_t flags;
 };
@@ -115,13 +115,13 @@ enum gr_tile_state { GR_TILE_SUMMED, GR_TILE_GAINED, GR_TILE_CHANGED };
  * have no nodes of their own, nor points. */
 struct gr_mesh {
     int64_t n_cells, n_tiles, n_nodes, cell_capacity, node_capacity;
-    struct gr_cell *cell;   /* of all tiles */
-    uint8_t *tile_state;    /* enum gr_tile_state */
-    uint32_t *tile_in_row;  /* bit i: local nodes number i of its cells follow each other */
-    int32_t *cell_node;     /* n_tiles x K x GR_LANES */
-    int32_t *beside;        /* n_cells x 2 dim: neighbours across the faces (enum gr_beside); NULL unless cell_averaged */
-    int32_t *place;         /* of its cells on the fluidity grid; NULL without one */
-    int64_t *node_source;   /* n_nodes x K: entry i: where its sums over the cell begin in which it is local node
+    struct gr_cell *cell;  /* of all tiles */
+    uint8_t *tile_state;   /* enum gr_tile_state */
+    uint32_t *tile_in_row; /* bit i: local nodes number i of its cells follow each other */
+    int32_t *cell_node;    /* n_tiles x K x GR_LANES */
+    int32_t *beside;       /* n_cells x 2 dim: neighbours across the faces (enum gr_beside); NULL unless cell_averaged */
+    int32_t *place;        /* of its cells on the fluidity grid; NULL without one */
+    int64_t *node_source;  /* n_nodes x K: entry i: where its sums over the cell begin in which it is local node
                                K - 1 - i; in the zero tile where there is no such cell */
     struct gr_node_run *node_run; /* (n_nodes/GR_LANES, rounded up) x K: the same for GR_LANES nodes together */
     uint8_t *node_code;
@@ -203,7 +203,7 @@ struct gr_engine {
     double *substeps; /* state of the points between substeps (law/substep.h); NULL without substeps */
     int64_t substep_capacity;
     double *substep_mass, *substep_flow; /* per cell: mass with pressure, and sum m g after a substep */
-    int diffuses; /* 1 if the local phase of the law is over */
+    int diffuses;                        /* 1 if the local phase of the law is over */
     int64_t cg_iterations, clamped_cells;
     /* failure */
     int error;
@@ -243,7 +243,7 @@ static inline void gr_plan_sums(struct gr_engine *e, int64_t step)
  * it, with the same bits as in a sum over all. */
 enum gr_node_sum { GR_SUM_MASS, GR_SUM_MOMENTUM };
 enum gr_cell_sum { GR_CELL_DAMPED, GR_CELL_M_DAMPING, GR_CELL_M, GR_CELL_SMOOTHED_SUMS }; /* sum m b/sum m; the two */
-enum gr_averaged_sum { GR_CELL_MC = 1, GR_CELL_M_RATE, GR_CELL_STRESS };                    /* with cell_averaged */
+enum gr_averaged_sum { GR_CELL_MC = 1, GR_CELL_M_RATE, GR_CELL_STRESS };                  /* with cell_averaged */
 #define GR_CELL_AVERAGED_SUMS(dim) (GR_CELL_STRESS + ((dim) == 2 ? 3 : 6))
 #define GR_SUM_FORCE(dim) (GR_SUM_MOMENTUM + (dim))
 #define GR_SUM_DAMPED(dim) (GR_SUM_FORCE(dim) + (dim))
@@ -260,7 +260,15 @@ enum gr_beside { GR_BESIDE_NO_POINTS = -1, GR_BESIDE_CLOSED = -2 };
  * that of a full cell; what it has beyond its open volume, or too little inside the material, which points exchange with
  * neighbours; then the local coordinates of its
  * quadrature point, and the gradient of the over-compression of its nodes, against which its points shift. */
-enum gr_average { GR_AVERAGE_C, GR_AVERAGE_LOG_PHI, GR_AVERAGE_INSIDE, GR_AVERAGE_OPEN, GR_AVERAGE_FILLED, GR_AVERAGE_EXCESS, GR_AVERAGE_AT };
+enum gr_average {
+    GR_AVERAGE_C,
+    GR_AVERAGE_LOG_PHI,
+    GR_AVERAGE_INSIDE,
+    GR_AVERAGE_OPEN,
+    GR_AVERAGE_FILLED,
+    GR_AVERAGE_EXCESS,
+    GR_AVERAGE_AT
+};
 #define GR_AVERAGE_OVER_COMPRESSION(dim) (GR_AVERAGE_AT + (dim))
 #define GR_AVERAGES(dim) (GR_AVERAGE_AT + 2 * (dim))
 
@@ -309,6 +317,11 @@ void gr_engine_bind(struct gr_engine *e, double *const field[GR_FIELD_COUNT], in
 /* grouping.c: group the points by cell, and keep their order within each. After GR_ERR_CAPACITY needed_capacity is the
  * capacity that is required. */
 int gr_regroup(struct gr_engine *e);
+int gr_compare_ids(const void *a, const void *b); /* for qsort: int64_t, ascending */
+
+/* connect.c: list the nodes of the active cells, and connect nodes and cells: for each cell its nodes and its neighbours,
+ * and for each node where its sums over each of its cells are, in the order of cells. */
+int gr_connect(struct gr_engine *e);
 
 /* Volume of a node of the grid over dx^dim, without what solid cells take of it. */
 double gr_node_volume(const struct gr_engine *e, int64_t id);

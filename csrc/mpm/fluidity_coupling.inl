@@ -93,4 +93,3 @@ static inline int represents_fluidity(const struct gr_engine *e, const struct gr
     GR_EACH_OF_FLUIDITY(e, cell, side) points += side->count;
     return points > 0;
 }
-

@@ -77,9 +77,9 @@ GR_INLINE unsigned move_row(const int dim, const int basis, const int affine, co
             v_store(gradient + (d * dim + j) * GR_W, L[d * dim + j]);
         }
         trace = d ? v_add(trace, L[d * dim + d]) : L[0];
-        const vd w =
-            all_new ? v_mul(speed, move[d])
-                    : gr_interpolate(dim, basis, nodal, mode + (GR_NODE_UPDATE(dim) + d) * K, &s, (const vd(*)[3])s.g, slope);
+        const vd w = all_new ? v_mul(speed, move[d])
+                             : gr_interpolate(dim, basis, nodal, mode + (GR_NODE_UPDATE(dim) + d) * K, &s,
+                                              (const vd(*)[3])s.g, slope);
         v_new[d] = all_new ? w : v_fma(keep, v_load(v + d * stride), w);
     }
     vd c = cell_averaged ? view->c : v_sub(v_load(log_density), trace);

@@ -62,8 +62,7 @@ static __attribute__((noinline)) void note_impulse(struct gr_engine *e, int64_t 
     const int dim = e->config.dim;
     const double m = e->node_mass[n]; /* its own, that of a duplicate not included */
     const double kept =
-        e->keep_velocity -
-        (e->config.smoothed || e->config.cell_averaged ? gr_node_field(e, GR_NODE_DAMPING(dim))[n] : 0);
+        e->keep_velocity - (e->config.smoothed || e->config.cell_averaged ? gr_node_field(e, GR_NODE_DAMPING(dim))[n] : 0);
     double *impulse = e->watch->node + n * dim, before[3], free[3];
     memset(impulse, 0, sizeof(double) * (size_t)dim);
     if (!v || !e->mesh.node_code[n]) return;

@@ -40,8 +40,8 @@ GR_INLINE void add_density(const int dim, const int basis, const struct contribu
  * second makes a point forget where it has been. The third removes x_i, the excess of the mean weight at a node over
  * exp(cbar_i)/phi_i.
  * Given: the modes of x and E. */
-GR_INLINE void correct_weights(const int dim, const int basis, struct gr_engine *e, const struct gr_shape *s,
-                               const vd *mode, int64_t at)
+GR_INLINE void correct_weights(const int dim, const int basis, struct gr_engine *e, const struct gr_shape *s, const vd *mode,
+                               int64_t at)
 {
     const int K = gr_power(gr_nodes_1d(basis), dim);
     const struct gr_density_numbers *q = &e->config.density;
@@ -95,8 +95,7 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
         delta[d] = v_set(-q->shifting * dx) * strain * slope[d];
         length = v_fma(delta[d], delta[d], length);
     }
-    const vd most =
-        v_keep(walls->shifts, v_min(v_set(q->shifting_limit * dx), v_set(0.5 * dx) * strain));
+    const vd most = v_keep(walls->shifts, v_min(v_set(q->shifting_limit * dx), v_set(0.5 * dx) * strain));
     const vm far = v_gt(length, most * most);
     if (m_bits(far)) {
         const vd scale = v_select(far, most / v_sqrt(v_max(length, v_set(1e-300))), v_set(1.0));

@@ -38,16 +38,17 @@ GR_INLINE void sweep_tiles(const int dim, const int basis, const int affine, con
         e->mesh.tile_state[tile] = GR_TILE_SUMMED;
         if (points_of_tile(e, tile)) {
             struct gr_migrant *migrant = out->from + out->count;
-            out->count += averages
-                              ? g2p_tile(dim, basis, affine, smoothed, cell_averaged, smoothed, e, tile, &batch, law, migrant)
-                              : g2p_tile(dim, basis, affine, smoothed, cell_averaged, 0, e, tile, &batch, law, migrant);
+            out->count +=
+                averages ? g2p_tile(dim, basis, affine, smoothed, cell_averaged, smoothed, e, tile, &batch, law, migrant)
+                         : g2p_tile(dim, basis, affine, smoothed, cell_averaged, 0, e, tile, &batch, law, migrant);
             queue[queued++] = tile;
         }
         if (queued < QUEUE && tile + 1 < last && batch.n < BATCH) continue;
         if (batch.n) run_law(e, law, &batch, 0);
         if (out->count > packed) gr_pack_migrants(e, out, packed);
         packed = out->count;
-        for (int64_t k = 0; fused && k < queued; k++) p2g_tile(dim, basis, affine > 0, smoothed, cell_averaged, e, queue[k], 0);
+        for (int64_t k = 0; fused && k < queued; k++)
+            p2g_tile(dim, basis, affine > 0, smoothed, cell_averaged, e, queue[k], 0);
         queued = 0;
     }
 }

@@ -93,7 +93,8 @@ TEST(points_share)
     CHECK(first.count > 2 && now->count > 1);
     int64_t like = 0;
     for (int32_t k = 0; k < now->count; k++)
-        like += *scene_at(&s, GR_FIELD_log_density, 0, gr_slot(now, k)) == *scene_at(&s, GR_FIELD_log_density, 0, now->offset);
+        like +=
+            *scene_at(&s, GR_FIELD_log_density, 0, gr_slot(now, k)) == *scene_at(&s, GR_FIELD_log_density, 0, now->offset);
     CHECK(like >= now->count - 1); /* except for one that may have come from another cell */
     scene_free(&s);
 }

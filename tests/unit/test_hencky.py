@@ -271,7 +271,7 @@ def test_the_law_is_the_kernel_with_cauchy_stress(law, dim, isa, local):
     rows = oracle.components(kirchhoff * np.exp(before)[:, None, None], dim)
     gradient = oracle.gradients(step, dim).reshape(dim * dim, blocks, lanes).swapaxes(0, 1)
     found, shear = np.full(n, 7.0), rate.copy()
-    extra = (None if local or not nonlocal_law else g_star, found)
+    extra = (None if local or not nonlocal_law else spread, found)
     gradient = np.ascontiguousarray(gradient)
     _core.law_update(law, dim, parameters(law), dt, 1, gradient, c, rows, shear, isa, *extra)
     cauchy = oracle.components(expected * np.exp(c)[:, None, None], dim)
