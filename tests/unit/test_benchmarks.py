@@ -13,6 +13,7 @@ from granular import verify
 from granular.verify.rows import Check, at_most
 
 RESULTS = Path(__file__).parents[2] / "benchmarks" / "results"
+REPORTS = Path(__file__).parents[2] / "docs" / "reports"
 PAGE = "before\n<!-- table: begin -->\nold\n<!-- table: end -->\nafter\n"
 
 
@@ -223,7 +224,7 @@ def test_what_the_committed_table_says_follows_from_its_rows(module, tmp_path):
     assert {tuple(case.row().values()) for case in cases} <= found
     stored = json.loads((RESULTS / "speed_accuracy_summary.json").read_text())
     assert script.rounded(script.summary(table["rows"])) == stored
-    page, again = RESULTS.parents[1] / "docs" / "reports" / "accuracy.md", tmp_path / "page.md"
+    page, again = REPORTS / "accuracy.md", tmp_path / "page.md"
     again.write_text(page.read_text())
     script.write_page(again, table["rows"])
     assert again.read_text() == page.read_text()
@@ -440,6 +441,13 @@ def test_unknown_cases_are_refused(runs, capsys):
     assert "must be among" in capsys.readouterr().err
     runs.main([])
     assert capsys.readouterr().out.split() == list(runs.CASES)
+
+
+def test_tables_of_the_page_are_those_of_the_file(module, tmp_path):
+    page, again = REPORTS / "three_d.md", tmp_path / "page.md"
+    again.write_text(page.read_text())
+    module("three_d").main(["--page", str(again)])
+    assert again.read_text() == page.read_text()
 
 
 def test_all_cases_are_scenes(module):
