@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from shared import machine, parser_of, rounded, write
+from shared import machine, parser_of, rounded, write, write_tables
 from surfaces import flow, moving, openings, rest
 from surfaces.rows import Line, Numbers, Row
 
@@ -24,8 +24,6 @@ ROWS: dict[str, Row] = {**rest.ROWS, **flow.ROWS, **openings.ROWS, **moving.ROWS
 
 LEAK = 0.25
 """Depth in a body, in cells, from which on a point counts as leaked (`in_bodies` of the health)."""
-
-BEGIN, END = "<!-- table: begin -->", "<!-- table: end -->"
 
 
 def measure(name: str, table: dict[str, Any], again: bool, quick: bool, out: Path) -> None:
@@ -68,13 +66,6 @@ def _row(line: Line) -> str:
     return f"| {line.quantity} | {line.asked} | {line.measured} | {met} |"
 
 
-def write_page(page: Path, rows: dict[str, dict[str, Numbers]]) -> None:
-    """Insert the table between the marks of a page."""
-    before, rest_of_page = page.read_text().split(BEGIN)
-    after = rest_of_page.split(END)[1]
-    page.write_text(before + "\n".join([BEGIN, "", *lines(rows), "", END]) + after)
-
-
 def main(arguments: list[str] | None = None) -> None:
     parser = parser_of(__doc__, quick="one short case of each row, to see that it runs")
     parser.set_defaults(out=RESULTS)
@@ -87,7 +78,7 @@ def main(arguments: list[str] | None = None) -> None:
     for name in given.only:
         measure(name, table, given.again, given.quick, given.out)
     if given.page:
-        write_page(given.page, table["rows"])
+        write_tables(given.page, {"": lines(table["rows"])})
 
 
 if __name__ == "__main__":

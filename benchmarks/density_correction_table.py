@@ -19,7 +19,7 @@ import subprocess
 import time
 from pathlib import Path
 
-from shared import write
+from shared import write, write_tables
 
 import granular as gr
 from granular import verify
@@ -36,8 +36,6 @@ SCHEMES = {
 }
 
 CHECKS = tuple(name for name in verify.checks if name.startswith("density_correction_"))
-
-BEGIN, END = "<!-- table: begin -->", "<!-- table: end -->"
 
 
 def commit() -> str:
@@ -88,13 +86,6 @@ def lines(results: list[dict]) -> list[str]:
     return found
 
 
-def write_page(page: Path, results: list[dict]) -> None:
-    """Insert the table between the marks of a page."""
-    before, rest = page.read_text().split(BEGIN)
-    after = rest.split(END)[1]
-    page.write_text(before + "\n".join([BEGIN, "", *lines(results), "", END]) + after)
-
-
 def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--checks", nargs="*", choices=CHECKS, default=CHECKS)
@@ -109,7 +100,7 @@ def main(arguments: list[str] | None = None) -> None:
             results = [r for r in results if (r["check"], r["scheme"]) != (check, scheme)] + [new]
             write(given.out, results)
     if given.page:
-        write_page(given.page, results)
+        write_tables(given.page, {"": lines(results)})
 
 
 if __name__ == "__main__":

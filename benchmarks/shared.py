@@ -6,7 +6,7 @@ import argparse
 import json
 import platform
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -54,3 +54,25 @@ def rounded(value: Any, digits: int = 6) -> Any:
     if isinstance(value, (list, tuple)):
         return [rounded(v, digits) for v in value]
     return float(f"{value:.{digits}g}") if isinstance(value, float) else value
+
+
+def markdown(header: Sequence[object], rows: Iterable[Sequence[object]]) -> list[str]:
+    """Table in Markdown, line by line."""
+    head, *body = ("| " + " | ".join(map(str, row)) + " |" for row in (header, *rows))
+    return [head, "|---" * len(header) + "|", *body]
+
+
+def write_tables(page: Path, tables: Mapping[str, Sequence[str]]) -> None:
+    """Replace the lines between the two marks of each table of a page.
+
+    The marks of a table are `<!-- table NAME: begin -->` and `<!-- table NAME: end -->`. The only
+    table of a page may have the name "", and no space for it in its marks.
+    """
+    text = page.read_text()
+    for name, lines in tables.items():
+        word = f"table {name}".rstrip()
+        begin, end = f"<!-- {word}: begin -->", f"<!-- {word}: end -->"
+        before, rest = text.split(begin)
+        _, after = rest.split(end)
+        text = before + "\n".join([begin, "", *lines, "", end]) + after
+    page.write_text(text)

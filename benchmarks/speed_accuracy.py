@@ -1,24 +1,28 @@
 """Error against core-seconds for the schemes of this package and for its peers.
 
     python benchmarks/speed_accuracy.py [--quick] [--limit 200] [--out FILE] [--figures FOLDER]
+                                        [--page FILE] [--draw]
 
 Runs every case of `accuracy/cases.py` that the table does not hold yet, one after the other with
 one thread, and appends it, so that a benchmark that was stopped continues where it was. A case that
 would take longer than the limit is left out, and its estimated cost stored. A peer that is not
 installed (`pip install 'granular[peers]'`) is left out with a message. Then the errors and the
-slopes of the bias are computed and the pictures drawn. docs/reports/accuracy.md explains them.
+slopes of the bias are computed and the pictures drawn. docs/reports/accuracy.md explains them;
+`--page` writes the tables into it, between the lines that mark their places. `--draw` runs nothing,
+and works on any machine.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from accuracy import cases, chart, errors, peers, runs, slopes
+from accuracy import cases, chart, errors, peers, runs, slopes, tables
 from accuracy.results import Table
-from shared import parser_of, rounded
+from shared import parser_of, rounded, write_tables
 
 import granular as gr
 
@@ -92,13 +96,14 @@ def write(rows: Sequence[errors.Row], out: Path, figures: Path) -> None:
             picture.savefig(figures / f"{name}.png", dpi=DPI)
 
 
-def main(argv: list[str] | None = None) -> None:
-    parser = parser_of(__doc__, "a few coarse cases, to see it runs")
-    parser.set_defaults(out=RESULTS / "speed_accuracy.json")
-    parser.add_argument("--limit", type=float, default=LIMIT, help="core-seconds of a case")
-    parser.add_argument("--figures", type=Path, default=FIGURES, help="folder of the pictures")
-    parser.add_argument("--only", help="run the cases of this scene, solver or scheme, draw all")
-    chosen = parser.parse_args(argv)
+def write_page(page: Path, rows: Sequence[errors.Row]) -> None:
+    """Renew the tables of the page."""
+    found = errors.references(rows)
+    write_tables(page, tables.tables(rows, found, slopes.table(rows, found)))
+
+
+def run_all(chosen: argparse.Namespace) -> Sequence[errors.Row]:
+    """Run the cases that the table does not hold yet; all rows."""
     table = Table(chosen.out)
     for case in cases.quick() if chosen.quick else cases.full():
         asked = chosen.only in (None, case.scene, case.solver, case.scheme)
@@ -106,7 +111,24 @@ def main(argv: list[str] | None = None) -> None:
             continue
         table.add(run(case, chosen.limit))
         print(report(table.rows[-1]), flush=True)
-    write(table.rows, chosen.out, chosen.figures)
+    return table.rows
+
+
+def main(argv: list[str] | None = None) -> None:
+    parser = parser_of(__doc__, "a few coarse cases, to see it runs")
+    parser.set_defaults(out=RESULTS / "speed_accuracy.json")
+    parser.add_argument("--limit", type=float, default=LIMIT, help="core-seconds of a case")
+    parser.add_argument("--figures", type=Path, default=FIGURES, help="folder of the pictures")
+    parser.add_argument(
+        "--draw", action="store_true", help="draw and write the tables of the rows that exist"
+    )
+    parser.add_argument("--page", type=Path, help="page whose tables are to be renewed")
+    parser.add_argument("--only", help="run the cases of this scene, solver or scheme, draw all")
+    chosen = parser.parse_args(argv)
+    rows = json.loads(chosen.out.read_text())["rows"] if chosen.draw else run_all(chosen)
+    write(rows, chosen.out, chosen.figures)
+    if chosen.page:
+        write_page(chosen.page, rows)
 
 
 if __name__ == "__main__":

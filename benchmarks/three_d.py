@@ -1,8 +1,10 @@
 """Tools in soil at affordable sizes: runs, records and the numbers of docs/reports/three_d.md.
 
     python benchmarks/three_d.py wheel_20 excavation_5 --records build/three_d
+    python benchmarks/three_d.py --page docs/reports/three_d.md
 
-Without names it lists the cases. Numbers go to benchmarks/results/three_d.json, case by case.
+Without names it lists the cases. Numbers go to benchmarks/results/three_d.json, case by case;
+`--page` writes the tables of the page from it.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from shared import markdown, write_tables
 
 import granular as gr
 
@@ -57,6 +60,10 @@ def excavation(depth: float, **changes: object) -> gr.Scene:
     return scene.replace(duration=scene.parameters["settle"] + down + forward)
 
 
+WIDTH = 0.305
+"""Width of the blade [m]; forces between walls 0.05 m apart are scaled to it."""
+ARRIVED = 0.5
+"""Time at depth over which forces with different cells are compared [s]."""
 LONG = ("course", "profile")
 """Entries that are not printed."""
 CASES: dict[str, Callable[[], gr.Scene]] = {
@@ -214,11 +221,114 @@ def run(name: str, records: Path) -> dict:
     }
 
 
+def scale(name: str) -> float:
+    """Factor from the force on a blade between walls to that on the whole width."""
+    return WIDTH / 0.05 if name.startswith(("thin", "narrow")) else 1.0
+
+
+def arrival(row: dict) -> tuple[float, float]:
+    """Mean forward and vertical force just after the blade has reached its depth [N]."""
+    times, height, forward, vertical, *_ = np.array(row["course"])
+    level = height < 0.99 * height.min()
+    early = level & (times < times[level][0] + ARRIVED)
+    return float(forward[early].mean()), float(vertical[early].mean())
+
+
+BLADES = {
+    "0.305 m wide in a bin of 0.70 m, 6 mm thick": {
+        "excavation_2": "2 cm deep",
+        "excavation_5": "5 cm deep",
+        "excavation_5_fine": "5 cm, cells of 8.33 mm, 2 cm of way, bin of 0.60 x 0.50 m",
+        "excavation_5_whole": "5 cm, cells of 25 mm, whole width, irregular points",
+    },
+    "between walls, 6 mm thick": {
+        "thin_2": "2 cm deep",
+        "thin_5": "5 cm deep",
+        "thin_5_local": "5 cm, A = 0",
+        "thin_5_coarse": "5 cm, cells of 25 mm",
+        "thin_5_fine": "5 cm, cells of 8.33 mm",
+        "thin_5_one": "5 cm, one point per cell",
+        "thin_5_stiff": "5 cm, E = 1.5 MPa",
+    },
+    "between walls, 25 mm thick": {
+        "narrow_2": "2 cm deep",
+        "narrow_5": "5 cm deep",
+        "narrow_5_local": "5 cm, A = 0",
+        "narrow_5_drucker_prager": "5 cm, Drucker-Prager, mu = mu_s",
+        "narrow_5_coarse_grains": "5 cm, d = 10 mm",
+        "narrow_5_substeps": "5 cm, 8 substeps of the fluidity",
+        "narrow_5_stiff": "5 cm, E = 1.5 MPa",
+        "narrow_5_fine": "5 cm, cells of 8.33 mm",
+        "narrow_5_local_fine": "5 cm, cells of 8.33 mm, A = 0",
+        "narrow_5_thick": "5 cm, 50 mm thick",
+    },
+}
+FLOWS = {
+    "couette_shallow_8": "24 mm high, cells of 8 mm = 2 d",
+    "couette_shallow_6": "24 mm high, cells of 6 mm",
+    "couette_shallow": "24 mm high, cells of 4 mm = d, the paper's",
+    "couette": "100 mm high as in the paper, cells of 4 mm, 0.1 rad/s",
+}
+
+
+def marked(table: dict, name: str, words: str) -> str:
+    """Words with an asterisk if the row is older than contact at the surfaces of bodies."""
+    return words if "in_bodies" in table[name]["health"] else f"{words} *"
+
+
+def tables(table: dict) -> dict[str, list[str]]:
+    """Tables of the page by the names of their places."""
+    blades: list[tuple[str, ...]] = []
+    for group, cases in BLADES.items():
+        blades.append((f"**{group}**", "", "", "", ""))
+        for name, words in cases.items():
+            if name not in table:
+                continue
+            row, factor = table[name], scale(name)
+            early = [f"{factor * force:.1f}" for force in arrival(row)]
+            forward = f"{factor * row['forward']:.1f} ± {factor * row['deviation']:.1f}"
+            vertical = f"{factor * row['vertical']:.1f}"
+            blades.append((marked(table, name, words), forward, early[0], vertical, early[1]))
+    wheels = [
+        (
+            marked(table, name, f"{slip} %"),
+            *(f"{table[name][key]:.3f}" for key in ("pull_over_load",)),
+            *(f"{table[name][key]:.2f}" for key in ("load", "torque")),
+            f"{1e3 * table[name]['sinkage']:.1f}",
+        )
+        for slip in (20, 40, 70)
+        if (name := f"wheel_{slip}") in table
+    ]
+    flows = [
+        (
+            marked(table, name, words),
+            *(f"{table[name][key]:.3f}" for key in ("error", "mean_error", "error_at_rate")),
+        )
+        for name, words in FLOWS.items()
+        if name in table
+    ]
+    forces = (
+        "forward [N]",
+        "forward as it arrives [N]",
+        "vertical [N]",
+        "vertical as it arrives [N]",
+    )
+    against = ("largest error", "mean error", "largest error against `couette_flow`")
+    return {
+        "blades": markdown(("blade", *forces), blades),
+        "wheels": markdown(
+            ("slip", "drawbar pull/load", "load [N]", "torque [N m]", "sinkage [mm]"), wheels
+        ),
+        "flows": markdown(("cell between cylinders", *against), flows),
+    }
+
+
 def main(argv: list[str] | None = None) -> None:
     """Run the requested cases."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("names", nargs="*", metavar="CASE")
     parser.add_argument("--records", type=Path, default=RECORDS)
+    parser.add_argument("--page", type=Path, help="page whose tables are to be renewed")
     chosen = parser.parse_args(argv)
     unknown = [name for name in chosen.names if name not in CASES]
     if unknown:
@@ -228,7 +338,9 @@ def main(argv: list[str] | None = None) -> None:
         known = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
         RESULTS.write_text(json.dumps(known | {name: row}, indent=1) + "\n")
         print(name, {key: value for key, value in row.items() if key not in LONG}, flush=True)
-    if not chosen.names:
+    if chosen.page:
+        write_tables(chosen.page, tables(json.loads(RESULTS.read_text())))
+    elif not chosen.names:
         print("\n".join(CASES))
 
 

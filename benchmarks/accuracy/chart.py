@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
+from matplotlib.patheffects import withStroke
 
 from accuracy.cases import HYDRODYNAMICS, PEERS, SCHEMES
 from accuracy.errors import Reference, Row, front, of_panel
@@ -41,10 +41,28 @@ LINES = {
     "linear flip": {"linestyle": "--", "marker": "o"},
     "cell_averaged": {"linestyle": ":", "marker": "h"},
 }
+SCENES = {
+    "incline": "incline, one column",
+    "incline_2d": "incline, 8 columns",
+    "collapse": "collapse (top: run-out, else profile)",
+    "silo": "silo",
+}
+LOST = {("incline_2d", "linear flip")}
+"""Scenes and schemes of which nothing can be said, as the flow is lost at every setting."""
+COARSE = {"collapse": 0.025, "silo": 0.02}
+"""Coarser one of the cells with which E was varied [m]."""
+INCLINES, OTHER_SCENES = ("incline", "incline_2d"), ("collapse", "silo")
+TREND_PANELS = (
+    ("E", INCLINES),
+    ("E", ("collapse",)),
+    ("E", ("silo",)),
+    ("cell", INCLINES),
+    ("cell", OTHER_SCENES),
+    ("points", (*INCLINES, *OTHER_SCENES)),
+)
+"""Varied parameter and scenes of each panel of the trends."""
 SCALES = {"cell": 1e3, "points": 1}
 """Factor for cells, which are drawn in millimetres."""
-WIDE, HIGH = 0.5, 0.12
-"""Least distance between two labels [decades]."""
 CEILING = 3.0
 """Larger errors are drawn at this value, as the results are useless anyway."""
 
@@ -55,12 +73,6 @@ def style(scheme: str) -> dict[str, Any]:
         return OWN[scheme]
     basis, transfer = scheme.split()
     return {"marker": BASES[basis], "color": TRANSFERS[transfer]}
-
-
-def label(row: Row) -> str:
-    """Label of a point on the front: modulus, cell, points per cell."""
-    modulus = f"{row['E']:.0e}".replace("e+0", "e")
-    return f"{modulus}, {row['cell'] * 1e3:.3g} mm, {row['points']}"
 
 
 def _moduli(ax: Axes, points: Sequence[tuple[Row, float]]) -> None:
@@ -74,16 +86,21 @@ def _moduli(ax: Axes, points: Sequence[tuple[Row, float]]) -> None:
         ax.plot(cost, e, color=style(key[1])["color"], linewidth=0.7, alpha=0.6, zorder=1)
 
 
-def apart(points: Sequence[tuple[Row, float]]) -> list[tuple[Row, float]]:
-    """Points far enough from the previous one to be labelled."""
-    kept: list[tuple[Row, float]] = []
-    for row, e in points:
-        if kept:
-            wide = np.log10(row["core_seconds"] / kept[-1][0]["core_seconds"])
-            if wide < WIDE and np.log10(kept[-1][1] / e) < HIGH:
-                continue
-        kept.append((row, e))
-    return kept
+def _numbers(ax: Axes, best: Sequence[tuple[Row, float]]) -> None:
+    """Number the points of the front, beside the corner of its steps where nothing else is."""
+    for i, (row, e) in enumerate(best, 1):
+        ax.annotate(
+            str(i),
+            (row["core_seconds"], e),
+            textcoords="offset points",
+            xytext=(-5, -5),
+            ha="right",
+            va="top",
+            fontsize=9,
+            fontweight="bold",
+            zorder=4,
+            path_effects=[withStroke(linewidth=2.0, foreground="white")],
+        )
 
 
 def panel(ax: Axes, name: str, points: Sequence[tuple[Row, float]], reference: Reference) -> None:
@@ -111,16 +128,7 @@ def panel(ax: Axes, name: str, points: Sequence[tuple[Row, float]], reference: R
         linewidth=1.0,
         zorder=1.5,
     )
-    for row, e in apart(best):
-        ax.annotate(
-            label(row),
-            (row["core_seconds"], e),
-            textcoords="offset points",
-            xytext=(-4, -4),
-            ha="right",
-            va="top",
-            fontsize=6.5,
-        )
+    _numbers(ax, best)
     if reference.uncertainty > 0:
         ax.axhspan(1e-9, reference.uncertainty, color="0.88", zorder=0)
     low = min(e for _, e in points)
@@ -142,16 +150,16 @@ def _legend(fig: Picture, schemes: Sequence[str]) -> None:
         handle.set(marker=look["marker"], markerfacecolor=look["color"])
         handle.set_markersize(11 if scheme == "published" else 7)
     handles.append(
-        Line2D([], [], color="black", linewidth=1.0, label="front: E [Pa], cell, per cell")
+        Line2D([], [], color="black", linewidth=1.0, label="front, numbers of the table")
     )
-    handles.append(Line2D([], [], color="0.85", linewidth=8, label="reference is no surer"))
+    handles.append(Line2D([], [], color="0.85", linewidth=8, label="uncertainty of the reference"))
     fig.legend(handles=handles, loc="outside lower center", ncols=5, fontsize=8, frameon=False)
 
 
 def chart(
     rows: Sequence[Row], references: Mapping[str, Reference | None], panels: Sequence[str]
 ) -> Picture | None:
-    """Panels of error against core-seconds, side by side; None where nothing was run."""
+    """Panels of error against core-seconds, two in a row; None where nothing was run."""
     shown = []
     for name in panels:
         reference = references[name]
@@ -160,11 +168,15 @@ def chart(
             shown.append((name, points, reference))
     if not shown:
         return None
-    fig = Picture(figsize=(5.6 * len(shown), 5.4), layout="constrained")
-    axes = np.atleast_1d(fig.subplots(1, len(shown)))
-    for ax, (name, points, reference) in zip(axes, shown, strict=True):
+    down, across = -(-len(shown) // 2), min(len(shown), 2)
+    fig = Picture(figsize=(5.6 * across, 4.3 * down + 1.1), layout="constrained")
+    axes = fig.subplots(down, across, squeeze=False)
+    for ax, (name, points, reference) in zip(axes.ravel(), shown, strict=False):
         panel(ax, name, points, reference)
-    axes[0].set_ylabel("relative error")
+    for ax in axes.ravel()[len(shown) :]:
+        ax.set_axis_off()
+    for ax in axes[:, 0]:
+        ax.set_ylabel("relative error")
     present = {row["scheme"] for _, points, _ in shown for row, _ in points}
     _legend(fig, [s for s in (*SCHEMES, HYDRODYNAMICS, *PEERS) if s in present])
     return fig
@@ -173,39 +185,73 @@ def chart(
 def _trend(ax: Axes, entry: Mapping[str, Any]) -> None:
     """One series of the table of slopes."""
     found, soft = entry["measured"], entry["parameter"] == "E"
-    steep = entry["angle_deg"] not in (None, 25.0)
+    other = entry["angle_deg"] not in (None, 25.0)
+    coarse = soft and entry["cell"] == COARSE.get(entry["scene"])
+    look = LINES[entry["scheme"]] | ({"markerfacecolor": "white"} if coarse else {})
     ax.plot(
         [
             m["p_over_K"] if soft else SCALES[entry["parameter"]] * m[entry["parameter"]]
             for m in found
         ],
         [abs(m["step" if soft else "error"]) for m in found],
-        **LINES[entry["scheme"]],
+        **look,
         color=SHADES[entry["scene"]],
-        linewidth=0.7 if steep else 1.5,
-        markersize=3 if steep else 5,
+        linewidth=0.7 if other else 1.5,
+        markersize=3 if other else 5,
     )
 
 
+def _theory(ax: Axes, entries: Sequence[Mapping[str, Any]]) -> None:
+    """Bias of the depth average of a steady flow at 25 degrees, which is linear in p/K."""
+    series = [e for e in entries if e["scene"] == "incline" and e["angle_deg"] == 25.0]
+    if series:
+        found = max((e["measured"] for e in series), key=len)
+        values = [m["predicted_step"] for m in found]
+        ax.plot([m["p_over_K"] for m in found], values, color="black", linewidth=1.0)
+
+
+def _draw_trends(axes: Sequence[Axes], entries: Sequence[Mapping[str, Any]]) -> None:
+    """Fill the panels: E for three groups of scenes, cells for two, points per cell for all."""
+    for ax, (parameter, scenes) in zip(axes, TREND_PANELS, strict=True):
+        shown = [e for e in entries if e["parameter"] == parameter and e["scene"] in scenes]
+        for entry in shown:
+            _trend(ax, entry)
+        if parameter == "E":
+            _theory(ax, shown)
+            ax.set(xscale="log", xlabel="p/K at the deepest point")
+            ax.set_ylabel("change by a ten times stiffer E")
+        else:
+            ticks = {"cell": (5, 10, 20, 40), "points": (4, 9, 16)}[parameter]
+            ax.set(xscale="log", ylabel="relative error")
+            ax.set_xticks(ticks, labels=[str(t) for t in ticks])
+            ax.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
+            ax.set_xlabel({"cell": "cell [mm]", "points": "points per cell"}[parameter])
+        names = {"incline": "inclines", "collapse": "collapse", "silo": "silo"}
+        title = ", ".join(names[s] for s in scenes if s in names)
+        ax.set(yscale="log", title=title)
+        ax.grid(True, which="major", linewidth=0.4, color="0.85")
+
+
 def trends(slopes: Sequence[Mapping[str, Any]]) -> Picture | None:
-    """Change due to a softer material against p/K, and error against cell size and points."""
-    entries = [entry for entry in slopes if entry["scheme"] in LINES]
+    """Change due to a softer material against p/K, and error against cell size and points.
+
+    Schemes that lose the flow of the layer of eight columns are left out of that scene.
+    """
+    entries = [
+        entry
+        for entry in slopes
+        if entry["scheme"] in LINES and (entry["scene"], entry["scheme"]) not in LOST
+    ]
     if not entries:
         return None
-    fig = Picture(figsize=(13.0, 5.0), layout="constrained")
-    axes = dict(zip(("E", "cell", "points"), fig.subplots(1, 3), strict=True))
-    for entry in entries:
-        _trend(axes[entry["parameter"]], entry)
-    for ax in axes.values():
-        ax.set(xscale="log", yscale="log", ylabel="relative error")
-        ax.grid(True, which="major", linewidth=0.4, color="0.85")
-    axes["E"].set(xlabel="p/K at the deepest point", ylabel="change by a ten times stiffer E")
-    for name, ticks in (("cell", (5, 10, 20, 40)), ("points", (4, 9, 16))):
-        axes[name].set_xticks(ticks, labels=[str(t) for t in ticks])
-        axes[name].tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
-        axes[name].set_xlabel({"cell": "cell [mm]", "points": "points per cell"}[name])
-    handles = [Line2D([], [], color=c, linewidth=3, label=TITLES[s]) for s, c in SHADES.items()]
+    fig = Picture(figsize=(11.0, 7.4), layout="constrained")
+    _draw_trends(fig.subplots(2, 3).ravel(), entries)
+    handles = [Line2D([], [], color=c, linewidth=3, label=SCENES[s]) for s, c in SHADES.items()]
     handles += [Line2D([], [], color="0.3", label=s, **look) for s, look in LINES.items()]
-    handles.append(Line2D([], [], color="0.3", linewidth=0.7, label="incline of 23, 28, 31 deg"))
-    fig.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
+    handles += [
+        Line2D([], [], color="0.3", linewidth=0.7, label="inclines of 23, 28, 31 deg"),
+        Line2D([], [], color="black", linewidth=1.0, label="theory, 25 deg"),
+        Line2D([], [], color="0.3", marker="o", mfc="white", ls="", label="coarser cells, top row"),
+    ]
+    fig.legend(handles=handles, loc="outside lower center", ncols=5, fontsize=8, frameon=False)
     return fig

@@ -23,26 +23,30 @@ from common import OUT, save
 import granular as gr
 from granular import plot
 
+sys.path.append(str(Path(__file__).parents[1]))
+from three_d import arrival, scale
+
 RESULTS = Path(__file__).parents[1] / "results" / "three_d.json"
 LAWS = {
     "thin_5": "6 mm, two sides; nonlocal, d = 0.3 mm",
     "thin_5_local": "6 mm, two sides; local (A = 0)",
-    "narrow_5": "25 mm, nodes within; nonlocal, d = 0.3 mm",
-    "narrow_5_drucker_prager": "25 mm, nodes within; Drucker-Prager",
+    "narrow_5": "25 mm; nonlocal, d = 0.3 mm",
+    "narrow_5_drucker_prager": "25 mm; Drucker-Prager",
+    "narrow_5_fine": "25 mm, cells of 8.3 mm; nonlocal, d = 0.3 mm",
+    "narrow_5_local_fine": "25 mm, cells of 8.3 mm; local (A = 0)",
 }
 FORCES = {
-    "excavation_5": "5 cm",
-    "excavation_5_fine": "5 cm, cells of 8.3 mm",
-    "thin_5": "5 cm, between walls",
-    "thin_5_fine": "5 cm, between walls, cells of 8.3 mm",
-    "excavation_2": "2 cm",
-    "thin_2": "2 cm, between walls",
-    "narrow_5": "5 cm, between walls, held by nodes within",
+    "excavation_5": ("5 cm", "C0-"),
+    "excavation_5_fine": ("5 cm, cells of 8.3 mm", "C1-"),
+    "excavation_2": ("2 cm", "C2-"),
+    "thin_5": ("5 cm, between walls", "C0--"),
+    "thin_5_fine": ("5 cm, between walls, cells of 8.3 mm", "C1--"),
+    "thin_2": ("2 cm, between walls", "C2--"),
+    "narrow_5": ("5 cm, between walls, 25 mm thick", "C3:"),
 }
+"""Labels and styles of the forces: dashed between walls, dotted for a thick blade."""
 WHOLE = "excavation_5_whole"
 """Run of the whole width; its lateral force should vanish, so that it shows the scatter."""
-WIDTH = 0.305
-"""Width of the blade [m]; forces between walls 0.05 m apart are scaled to it."""
 GRAINS, BEADS = 3e-4, 4e-3
 """Grain diameters for the axis of figure 8 [m]."""
 SHALLOW = ("couette_shallow_8", "couette_shallow_6", "couette_shallow")
@@ -52,8 +56,6 @@ LABELS = {
     "thin_5": "blade, against cells of 8.33 mm",
     "thin_5_one": "the same, one point a cell",
 }
-ARRIVED = 0.5
-"""Time at depth over which forces with different cells are compared [s]."""
 STATES = (0.5, 2.5, 4.5, 6.5)
 """Times at which the excavator is drawn [s]."""
 WHEELS = (20, 40, 70)
@@ -64,36 +66,24 @@ FLOWS = {
 }
 
 
-def scale(name: str) -> float:
-    """Factor from the force on a blade between walls to that on the whole width."""
-    return WIDTH / 0.05 if name.startswith(("thin", "narrow")) else 1.0
-
-
 def forces(table: dict, names: list[str]) -> plot.Picture:
     """Forward, vertical and lateral force over time (figure 13)."""
     picture = plot.Picture(figsize=(12, 4.3), layout="constrained")
     axes = picture.subplots(1, 3, sharex=True)
     for name in names:
         times, _, forward, vertical, *_ = np.array(table[name]["course"])
+        label, style = FORCES[name]
         for ax, force in zip(axes, (forward, vertical), strict=False):
-            ax.plot(times, force * scale(name), label=FORCES[name])
+            ax.plot(times, force * scale(name), style, label=label)
     if WHOLE in table:
         times, *_, lateral = np.array(table[WHOLE]["course"])
-        axes[2].plot(times, lateral, color="black", label="5 cm, no half, cells of 25 mm")
-        axes[2].legend(fontsize="small")
+        axes[2].plot(times, lateral, color="black")
+        axes[2].set_title("whole width, cells of 25 mm", fontsize="medium")
     for ax, text in zip(axes, ("forward", "vertical", "lateral"), strict=True):
         ax.set(xlabel="t [s]", ylabel=f"{text} force [N]")
     lines = axes[0].get_legend_handles_labels()
     picture.legend(*lines, fontsize="small", loc="outside lower center", ncols=4)
     return picture
-
-
-def arrival(row: dict) -> float:
-    """Mean forward force just after the blade has reached its depth [N]."""
-    times, height, forward, *_ = np.array(row["course"])
-    level = height < 0.99 * height.min()
-    begin = times[level][0]
-    return float(forward[level & (times < begin + ARRIVED)].mean())
 
 
 def convergence(table: dict) -> plot.Picture:
@@ -105,10 +95,10 @@ def convergence(table: dict) -> plot.Picture:
     size = [row["cell"] / (BEADS * 8) for row in flows]
     ax.loglog(size, [100 * row["mean_error"] for row in flows], "s", label="between cylinders")
     if FINEST in table:
-        finest = arrival(table[FINEST])
+        finest = arrival(table[FINEST])[0]
         for name, (marker, ppc) in BLADES.items():
             if name in table:
-                error = 100 * abs(arrival(table[name]) / finest - 1)
+                error = 100 * abs(arrival(table[name])[0] / finest - 1)
                 x = table[name]["cell"] / (GRAINS * ppc)
                 ax.loglog(x, error, marker, color="C1", label=LABELS.get(name))
     ax.set(xlabel="dx/(d ppc)", ylabel="mean error [%]")

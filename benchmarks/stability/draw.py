@@ -84,8 +84,8 @@ def panel(axes: Axes, found: Map) -> None:
         table[i][j] = order.index(cell.verdict)
         axes.text(j, i, number(cell.value), ha="center", va="center", fontsize=7)
     axes.imshow(table, cmap=ListedColormap(COLOURS.values()), vmin=-0.5, vmax=2.5, aspect="auto")
-    tilted = max(map(len, columns)) > 7 and len(columns) > 3
-    axes.set_xticks(range(len(columns)), columns, fontsize=7, rotation=25 if tilted else 0)
+    heads = [name.replace(": ", " deg\nI/I0 = ") for name in columns]  # of slopes
+    axes.set_xticks(range(len(columns)), heads, fontsize=7)
     axes.set_yticks(range(len(rows)), rows, fontsize=7)
     axes.set_xticks([j + 0.5 for j in range(len(columns) - 1)], minor=True)
     axes.set_yticks([i + 0.5 for i in range(len(rows) - 1)], minor=True)

@@ -13,6 +13,8 @@ from granular import verify
 from granular.verify.rows import Check, at_most
 
 RESULTS = Path(__file__).parents[2] / "benchmarks" / "results"
+REPORTS = Path(__file__).parents[2] / "docs" / "reports"
+PAGE = "before\n<!-- table: begin -->\nold\n<!-- table: end -->\nafter\n"
 
 
 def run(module, tmp_path, *options):
@@ -68,7 +70,7 @@ def test_a_quick_table_of_bodies_is_written(module, tmp_path, capsys):
     script, out, page = module("bodies"), tmp_path / "table.json", tmp_path / "page.md"
     script.main(["--quick", "--only", "bed", "box", "plate", "--out", str(out)])
     assert len(capsys.readouterr().out.splitlines()) == 3
-    page.write_text(f"before\n{script.BEGIN}\nold\n{script.END}\nafter\n")
+    page.write_text(PAGE)
     script.main(["--quick", "--only", "bed", "--out", str(out), "--page", str(page)])
     assert capsys.readouterr().out == ""
     table, text = json.loads(out.read_text()), page.read_text()
@@ -211,14 +213,21 @@ def test_the_slope_of_a_bias_is_found(module):
         assert measured["step_per_p_over_K"] == pytest.approx(3.0, rel=0.02)
 
 
-def test_what_the_committed_table_says_follows_from_its_rows(module):
-    """The table has every case of the full list, with its results or the reason for absence."""
+def test_what_the_committed_table_says_follows_from_its_rows(module, tmp_path):
+    """The table has every case of the full list, with its results or the reason for absence.
+
+    The tables of the page are those of the rows.
+    """
     table = json.loads((RESULTS / "speed_accuracy.json").read_text())
     script, cases = module("speed_accuracy"), module("accuracy.cases").full()
     found = {tuple(row[name] for name in cases[0].row()) for row in table["rows"]}
     assert {tuple(case.row().values()) for case in cases} <= found
     stored = json.loads((RESULTS / "speed_accuracy_summary.json").read_text())
     assert script.rounded(script.summary(table["rows"])) == stored
+    page, again = REPORTS / "accuracy.md", tmp_path / "page.md"
+    again.write_text(page.read_text())
+    script.write_page(again, table["rows"])
+    assert again.read_text() == page.read_text()
 
 
 def test_the_laws_are_timed(module, tmp_path, capsys):
@@ -340,8 +349,6 @@ def test_a_quick_table_of_clogging_is_written_and_goes_on(module, tmp_path, caps
 
 # ---- the density correction ----
 
-PAGE = "before\n<!-- table: begin -->\nold\n<!-- table: end -->\nafter\n"
-
 
 @pytest.fixture
 def correction(monkeypatch, module):
@@ -372,7 +379,7 @@ def test_rows_are_kept_and_written_into_a_page(correction, tmp_path):
     assert text.startswith("before\n") and text.endswith("after\n") and "old" not in text
     assert "| nodes \\| along an axis | <= 2.5 | 3 **!** | 2 | 3 **!** |" in text
     assert "| quantity | asked | default | published | quadratic APIC |" in text
-    correction.write_page(page, results)
+    correction.write_tables(page, {"": correction.lines(results)})
     assert page.read_text() == text
 
 
@@ -434,6 +441,13 @@ def test_unknown_cases_are_refused(runs, capsys):
     assert "must be among" in capsys.readouterr().err
     runs.main([])
     assert capsys.readouterr().out.split() == list(runs.CASES)
+
+
+def test_tables_of_the_page_are_those_of_the_file(module, tmp_path):
+    page, again = REPORTS / "three_d.md", tmp_path / "page.md"
+    again.write_text(page.read_text())
+    module("three_d").main(["--page", str(again)])
+    assert again.read_text() == page.read_text()
 
 
 def test_all_cases_are_scenes(module):

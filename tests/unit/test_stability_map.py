@@ -116,11 +116,14 @@ def test_locking_begins_at_the_limits(script):
 
 
 def test_what_the_page_says_of_refinement_is_on_the_map(script):
-    """One column does not change under refinement; several columns get worse at every angle."""
+    """Errors fall with the cell, but not those of several columns near the angle of repose."""
     cells = script.read(script.RESULTS)["incline_refinement"].cells
     values = {(cell.row, cell.column): cell.value for cell in cells}
     for angle in {column for _, column in values}:
         one = [values[row, angle] for row in ("1, 10", "1, 20", "1, 40")]
         many = [values[row, angle] for row in ("4, 10", "8, 20", "16, 40")]
-        assert max(one) < 2 * min(one)
-        assert many == sorted(many) and many[-1] > 1.4 * many[0] and many[0] > max(one)
+        assert one == sorted(one, reverse=True) and many[0] > one[0]
+        if angle.startswith("22"):
+            assert many[-1] > many[1]
+        else:
+            assert many == sorted(many, reverse=True) and many[-1] < 0.6 * many[0]
