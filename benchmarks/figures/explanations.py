@@ -316,9 +316,8 @@ def core(quick: bool) -> Picture:
     top.tick_params(length=0)
     top.set(xlim=(0, columns), ylim=(0, rows), aspect="equal")
     top.set_title("Cells with points, their neighbours, and cells that do not exist")
-    held_rows = sim.buffers["id"].reshape(-1, 8) >= 0
-    first = int(np.argmax(held_rows.sum(axis=1)))  # of the first tile that is nearly full
-    tile = held_rows[first : first + 8]
+    offset, _ = sim._engine.cells()
+    tile = sim.buffers["id"][offset[0] : offset[8]].reshape(-1, 8) >= 0  # the first one
     for row, lanes in enumerate(tile):
         for lane, used in enumerate(lanes):
             face, alpha = (BLUE, 1.0) if used else (GREY, 0.3)

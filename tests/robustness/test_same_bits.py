@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from oracle_fluidity import available
 from schemes_by_name import scheme_of
 
 import granular as gr
@@ -47,6 +48,26 @@ def test_threads_give_the_same_bits(small_scene, combination, dim, kind):
         assert one.time > 0.05
     for threads in (2, 3, 4):
         assert bits(run(scene, threads, 120)) == expected, threads
+
+
+@pytest.mark.skipif("avx512" not in available(), reason="needs a processor with AVX-512")
+@pytest.mark.parametrize("law", ["mu_I", "ngf"])
+def test_avx2_and_avx512_give_the_same_bits(small_scene, combination, dim, law):
+    """No sum depends on the number of lanes, and no root on the estimates of a processor."""
+    if law == "ngf" and combination[0] == "ugimp":
+        pytest.skip("the nonlocal law has no ugimp")
+    scene = small_scene("walls", dim, combination, E=1e5)
+    if law == "ngf":
+        grains = scene.material
+        scene = scene.replace(
+            material=gr.materials.NGF(E=grains.E, rho_c=grains.rho_c, A=0.5, d=2e-3)
+        )
+    found = []
+    for isa in ("avx2", "avx512"):
+        sim = gr.Simulation(scene, threads=1, isa=isa)
+        sim.step(120)
+        found.append(bits(sim))
+    assert found[0] == found[1]
 
 
 @pytest.mark.parametrize(
