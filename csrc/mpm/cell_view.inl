@@ -89,12 +89,12 @@ GR_INLINE void look_at_cells(const int dim, const int basis, const int affine, c
         const int carried = !smoothed && !cell_averaged && !(cell[l].flags >= GR_CELL_WALL && cell[l].count <= ALONE);
         disconnected[l] = carried ? -NO_DENSITY : -e->config.density.separation_strain;
         if (cell[l].count > view->points) view->points = cell[l].count;
-        if (e->diffuses) g_star[l] = first + l < e->mesh.n_cells ? fluidity_of_cell(e, gr_place_of_cell(e, cell + l)) : 0;
+        g_star[l] = e->diffuses && first + l < e->mesh.n_cells ? fluidity_of_cell(e, gr_place_of_cell(e, cell + l)) : 0;
     }
+    view->g_star = v_load(g_star);
     if (!view->points) return;
     gr_frame_of(dim, basis, damps || affine == GR_AFFINE_MOMENT, e, first, &view->frame);
     view->disconnected = v_load(disconnected);
-    if (e->diffuses) view->g_star = v_load(g_star);
     view->has_sponge = e->config.has_sponge;
     if (cell_averaged || averages) gr_wall_cells_of(dim, e, first, &view->walls);
     for (int d = 0; d < dim; d++) {

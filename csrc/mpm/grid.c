@@ -126,7 +126,10 @@ GR_INLINE void grid_nodes(const int dim, const int K, const int smoothed, struct
         }
         if (e->config.xpic_order > 0) /* XPIC, pass r = 1: the increment plus order times v */
             for (int d = 0; d < dim; d++) out[GR_NODE_UPDATE(dim) + d] = next[d] - v[d] + e->config.xpic_order * v[d];
-        if (averages) gr_describe_density(dim, sum, m, cell_mass, e->mesh.node_volume[n], e->servo_strain, out);
+        if (averages) {
+            out[GR_NODE_DENSITY(dim) + GR_NODE_GAP] = 0; /* until gr_grid_surroundings */
+            gr_describe_density(dim, sum, m, cell_mass, e->mesh.node_volume[n], e->servo_strain, out);
+        }
         if (averages && is_closed(e, n)) {
             out[GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP] = GR_CLOSED_GAP;
             out[GR_NODE_DENSITY(dim) + GR_NODE_EXCESS] = 0;
