@@ -59,9 +59,7 @@ def excavation(
     backwards. The blade begins at `start` with its edge at the surface and travels as far as the
     paper's 20 s allow. The default scheme uses the particle density, with which a blade thinner
     than two cells separates the material on its two sides. With other densities the blade is made
-    two cells thick, backwards from its front, and only the nodes within it move with it: soil then
-    passes through it and the force is half as large (see the documentation, page "Three
-    dimensions").
+    two cells thick, backwards from its front.
 
     The surface of the bed is z = 0. Forces: `granular.measure.soil_tools.tool_force`, which doubles
     those of half a bed.
