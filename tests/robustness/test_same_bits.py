@@ -50,6 +50,35 @@ def test_threads_give_the_same_bits(small_scene, combination, dim, kind):
         assert bits(run(scene, threads, 120)) == expected, threads
 
 
+@pytest.mark.parametrize("dim", [2, 3])
+def test_thousands_of_points_change_cells_in_a_step(dim):
+    """Two clouds fly through each other: where many points arrive, all threads insert them."""
+    cell, n = 0.05, 40 if dim == 2 else 16
+    middle, size = 0.5 * n * cell, (8 if dim == 2 else 4) * cell
+    boxes = [
+        gr.Box((middle,) * dim, (middle + size,) * dim),
+        gr.Box((middle - size,) * dim, (middle,) * dim),
+    ]
+    scene = gr.Scene(
+        name="clouds",
+        grid=gr.Grid((0.0,) * dim, cell, (n,) * dim, periodic=(True,) + (False,) * (dim - 1)),
+        fills=tuple(
+            gr.Fill(box, 12**2 if dim == 2 else 6**3, jitter=1.0, density=3e3, velocity=velocity)
+            for box, velocity in zip(boxes, ((9.0,) * dim, (-6.0,) * dim), strict=True)
+        ),
+        material=gr.MuI(E=1e5),
+        gravity=gr.Gravity((0.0,), ((0.0,) * dim,)),
+        duration=1.0,
+    )
+    one = run(scene, 1, 40)
+    before = np.floor(one.state.x / cell)
+    expected = bits(one)
+    one.step(1)
+    assert (np.floor(one.state.x / cell) != before).any(axis=1).sum() > 1000
+    for threads in (2, 3):
+        assert bits(run(scene, threads, 40)) == expected
+
+
 @pytest.mark.skipif("avx512" not in available(), reason="needs a processor with AVX-512")
 @pytest.mark.parametrize("law", ["mu_I", "ngf"])
 def test_avx2_and_avx512_give_the_same_bits(small_scene, combination, dim, law):
