@@ -1,8 +1,8 @@
 /* Vectors of GR_W doubles (SIMD lanes), with one definition for each instruction set.
  *
  * `vd` has the ordinary operators + - * /; the functions below add what C has no operator for. `vm` is a lane mask. The
- * width GR_W depends on how a kernel is compiled, never on the data: point arrays are always divided into runs of
- * GR_LANES places. */
+ * width GR_W depends on how a kernel is compiled, never on the data: rows of points always have
+ * GR_LANES places, which shorter vectors take in parts. */
 #pragma once
 
 #include <math.h>

@@ -4,7 +4,7 @@
 
 enum { BATCH = 256 / GR_W }; /* blocks per call: their data stay in the first-level cache */
 
-/* Batch of blocks of points, collected from several cells, that a law updates in one call. */
+/* Batch of blocks of points, collected from several tiles, that a law updates in one call. */
 struct batch {
     int64_t n;
     int64_t slot[BATCH];

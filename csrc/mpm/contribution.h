@@ -1,4 +1,4 @@
-/* Contributions of a block of points to the sums of the nodes of their cell. A row of nodes along the first axis is
+/* Contributions of points to the sums of the nodes of their cells, a lane for each cell. A row of nodes along the first axis is
  * served at a time. */
 #pragma once
 

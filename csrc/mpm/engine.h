@@ -258,8 +258,8 @@ enum gr_beside { GR_BESIDE_NO_POINTS = -1, GR_BESIDE_CLOSED = -2 };
 /* State of a cell with a cell-averaged density (mpm/cell_averaged.inl): the log-density of its points; the logarithm of its
  * filling fraction; from 0 at a surface to 1 inside the material; its volume outside of bodies, over dx^dim; its mass over
  * that of a full cell; what it has beyond its open volume, or too little inside the material, which points exchange with
- * neighbours; then the local coordinates of its
- * quadrature point, and the gradient of the over-compression of its nodes, against which its points shift. */
+ * neighbours; then the local coordinates of its quadrature point, and the gradient of the over-compression of its nodes,
+ * against which its points shift. */
 enum gr_average {
     GR_AVERAGE_C,
     GR_AVERAGE_LOG_PHI,

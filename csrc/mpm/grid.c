@@ -19,31 +19,20 @@ GR_INLINE int rows_of(const int dim, const int smoothed)
     return smoothed == AVERAGED ? GR_NODE_SUMS(dim) : GR_SUM_DAMPED(dim) + smoothed;
 }
 
-/* Sum over the cells of node n, in the order of node_source, as kernels->sum_nodes does for many. */
-GR_INLINE void sum_over_cells(const int dim, const int K, const int smoothed, const struct gr_engine *e, int64_t n,
-                              double *sum)
+/* The node that moves as one with node n, as its duplicate for the other side of a thin body from which it is not
+ * separated; -1 if there is none. */
+GR_INLINE int64_t joined_with(const struct gr_engine *e, int64_t n)
 {
-    const int rows = GR_SUM_DAMPED(dim), of_density = GR_DENSITY_SUMS(dim), all = rows_of(dim, smoothed);
-    const int64_t *source = e->mesh.node_source + n * K;
-    for (int q = 0; q < all; q++) sum[q] = 0;
-    for (int i = 0; i < K; i++) {
-        const double *part = e->sums + source[i];
-        for (int q = 0; q < rows; q++) sum[q] += part[q * GR_LANES];
-        if (smoothed) sum[GR_SUM_DAMPED(dim)] += part[(i + 1) * rows * GR_LANES] * part[0]; /* for node a = K - 1 - i */
-        if (smoothed < AVERAGED) continue;
-        part += e->density_sums + (K - 1 - i) * (of_density - rows) * GR_LANES;
-        for (int q = 0; q < of_density; q++) sum[GR_SUM_DENSITY(dim) + q] += part[q * GR_LANES];
-    }
+    return e->n_thin && e->mesh.duplicate[n] >= 0 && !e->mesh.separated[n] ? e->mesh.duplicate[n] : -1;
 }
 
-/* A node and its duplicate for the other side of a thin body that are not separated move as one: add the sums of both. */
-GR_INLINE void join_duplicate(const int dim, const int K, const int smoothed, const struct gr_engine *e, int64_t n,
-                              double *sum)
+/* Add the sums of another node. */
+GR_INLINE void add_node(const int dim, const int smoothed, const struct gr_engine *e, const struct gr_kernels *kernels,
+                        int64_t n, double *sum)
 {
-    double other[GR_NODE_SUMS(3)];
-    if (e->mesh.duplicate[n] < 0 || e->mesh.separated[n]) return;
-    sum_over_cells(dim, K, smoothed, e, e->mesh.duplicate[n], other);
-    for (int q = 0; q < rows_of(dim, smoothed); q++) sum[q] += other[q];
+    double sums[GR_NODE_SUMS(3) * GR_LANES];
+    kernels->sum_nodes(e, n / GR_LANES, smoothed > 0, smoothed == AVERAGED, sums);
+    for (int q = 0; q < rows_of(dim, smoothed); q++) sum[q] += sums[q * GR_LANES + n % GR_LANES];
 }
 
 void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last)
@@ -87,8 +76,8 @@ GR_INLINE int is_closed(const struct gr_engine *e, int64_t n)
 }
 
 /* The grid stage for some nodes. */
-GR_INLINE void grid_nodes(const int dim, const int K, const int smoothed, struct gr_engine *e,
-                          const struct gr_kernels *kernels, int64_t first, int64_t last, const double g[3])
+GR_INLINE void grid_nodes(const int dim, const int smoothed, struct gr_engine *e, const struct gr_kernels *kernels,
+                          int64_t first, int64_t last, const double g[3])
 {
     const int averages = smoothed == AVERAGED, fields = GR_NODE_FIELDS(dim, averages) + (smoothed == 1);
     const double dt = e->dt, cutoff = e->config.mass_cutoff, keep = e->keep_velocity;
@@ -99,7 +88,7 @@ GR_INLINE void grid_nodes(const int dim, const int K, const int smoothed, struct
         if (n == first || n % GR_LANES == 0) kernels->sum_nodes(e, n / GR_LANES, smoothed > 0, averages, sums);
         for (int q = 0; q < rows_of(dim, smoothed); q++) sum[q] = sums[q * GR_LANES + n % GR_LANES];
         e->node_mass[n] = sum[GR_SUM_MASS];
-        if (e->n_thin) join_duplicate(dim, K, smoothed, e, n, sum);
+        if (joined_with(e, n) >= 0) add_node(dim, smoothed, e, kernels, joined_with(e, n), sum);
         const double m = sum[GR_SUM_MASS];
         if (!(m > cutoff) && m == m) { /* a NaN passes, and is found at the points */
             for (int q = 0; q < fields; q++) out[q] = 0;
@@ -141,27 +130,26 @@ GR_INLINE void grid_nodes(const int dim, const int K, const int smoothed, struct
 void gr_grid_nodes(struct gr_engine *e, const struct gr_kernels *kernels, int64_t first, int64_t last, const double g[3])
 {
     const int smoothed = (e->config.smoothed || e->config.cell_averaged) + gr_averages(e, e->step);
-#define GR_GRID(d, k, q) \
-    if (e->config.dim == d && e->K == k && smoothed == q) grid_nodes(d, k, q, e, kernels, first, last, g);
-    GR_GRID(2, 4, 0)
-    GR_GRID(2, 4, 1)
-    GR_GRID(2, 9, 0)
-    GR_GRID(2, 9, 1)
-    GR_GRID(2, 9, AVERAGED)
-    GR_GRID(3, 8, 0)
-    GR_GRID(3, 8, 1)
-    GR_GRID(3, 27, 0)
-    GR_GRID(3, 27, 1)
-    GR_GRID(3, 27, AVERAGED)
+#define GR_GRID(d, q) \
+    if (e->config.dim == d && smoothed == q) grid_nodes(d, q, e, kernels, first, last, g);
+    GR_GRID(2, 0)
+    GR_GRID(2, 1)
+    GR_GRID(2, AVERAGED)
+    GR_GRID(3, 0)
+    GR_GRID(3, 1)
+    GR_GRID(3, AVERAGED)
 #undef GR_GRID
 }
 
 void gr_grid_without_walls(const struct gr_engine *e, int64_t n, const double g[3], double next[3])
 {
     const int dim = e->config.dim;
-    double sum[GR_NODE_SUMS(3)];
-    sum_over_cells(dim, e->K, 0, e, n, sum);
-    if (e->n_thin) join_duplicate(dim, e->K, 0, e, n, sum);
+    const int64_t nodes[2] = {n, joined_with(e, n)};
+    double sum[GR_SUM_DAMPED(3)] = {0};
+    for (int k = 0; k < 2 && nodes[k] >= 0; k++)
+        for (int i = 0; i < e->K; i++)
+            for (int q = 0; q < GR_SUM_DAMPED(dim); q++)
+                sum[q] += e->sums[e->mesh.node_source[nodes[k] * e->K + i] + q * GR_LANES];
     const double m = sum[GR_SUM_MASS];
     for (int d = 0; d < dim; d++) next[d] = sum[GR_SUM_MOMENTUM + d] / m + e->dt * (sum[GR_SUM_FORCE(dim) + d] / m + g[d]);
 }

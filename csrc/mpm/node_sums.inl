@@ -6,7 +6,7 @@
 struct places {
     const double *first, *second; /* the latter of lanes from `split` on */
     vm in_first;
-    int pieces; /* 1, 2, or GR_W: all apart */
+    int pieces; /* 1 or 2; more: all apart, in `each` */
     const double *each[GR_W];
 };
 

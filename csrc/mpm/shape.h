@@ -1,4 +1,4 @@
-/* Shape functions of a block of points in a cell, and interpolation of nodal fields to the points. */
+/* Shape functions of points, one of each of GR_W cells, and interpolation of nodal fields to the points. */
 #pragma once
 
 #include "core/simd.h"
