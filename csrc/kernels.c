@@ -22,6 +22,7 @@ static const struct gr_law *const laws[] = {
 
 #include "fluidity/diffuse.inl"
 #include "mpm/migrate.h"
+#include "mpm/sleep.h"
 #include "mpm/damping.inl"
 #include "mpm/smoothed_density.inl"
 #include "mpm/p2g.inl"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,6 +42,9 @@ def resumed(
             every, recorded, stored = settings_of(record.path, record.provenance)
             if isa is None:
                 isa = usable_isa(recorded, record.path)
+            if scene is not None:  # material that rested may move under changed numbers
+                arrays = {k: a for k, a in checkpoint.arrays.items() if k != "calm"}
+                checkpoint = replace(checkpoint, arrays=arrays)
             sim: Simulation = method._restored(scene or record.scene, checkpoint, threads, isa)
             if scene is None:
                 past = record.series["step"] <= sim.steps

@@ -9,6 +9,7 @@
 #include "mpm/contact.h"
 #include "mpm/feet.h"
 #include "mpm/open_volume.h"
+#include "mpm/sleep.h"
 #include "mpm/wall_impulse.h"
 
 int gr_engine_uses(const struct gr_config *config, int field)
@@ -114,6 +115,9 @@ static int config_is_valid(const struct gr_config *c)
     if (c->xpic_order < 0 || c->xpic_order > 10 || (c->xpic_order && c->affine)) return 0;
     if (!(c->dx > 0) || !(c->rho_c > 0) || !(c->wave_speed > 0) || !(c->mass_cutoff >= 0)) return 0;
     if (gr_law_at(c->law)->reaction && (c->basis == GR_UGIMP || !c->nonlocal.face || c->nonlocal.substeps < 1)) return 0;
+    if (!(c->scheme.sleep_speed >= 0)) return 0;
+    /* material at rest creeps with its fluidity; the passes of XPIC overwrite the sums */
+    if (c->scheme.sleep_speed > 0 && (gr_law_at(c->law)->reaction || c->xpic_order)) return 0;
     if (!(c->cfl > 0) || !(c->dt >= 0) || !isfinite(c->dt) || c->n_gravity < 1 || c->n_walls < 1) return 0;
     for (int k = 0; k < c->n_walls; k++) {
         const struct gr_wall *w = &c->walls[k];
@@ -211,6 +215,7 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     if (gr_table_new(&e->mesh.cell_of, n_cells) || gr_table_new(&e->mesh.next_of, n_cells)) goto out;
     if (gr_table_new(&e->mesh.node_of, n_nodes)) goto out;
     error = list_solids(e);
+    if (!error) error = gr_sleep_new(e);
     if (!error && config->n_bodies) error = build_bodies(e, n_cells, n_nodes);
     e->dt = config->dt;
     e->shift_dt = 1; /* until the first shift */
@@ -241,6 +246,7 @@ void gr_engine_free(struct gr_engine *e)
     gr_watch_free(e->watch);
     gr_feet_free(e->feet);
     gr_open_volume_free(e->open);
+    gr_sleep_free(e->sleep);
     for (int b = 0; e->config.bodies && b < e->config.n_bodies; b++) free((void *)e->config.bodies[b].motion);
     const void *owned[] = {e->config.gravity_times,
                            e->config.gravity_vectors,

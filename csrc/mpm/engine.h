@@ -87,6 +87,7 @@ struct gr_cell {
     int64_t offset; /* first place in the point arrays; the next ones follow at distances of GR_LANES */
     int32_t count, capacity;
     int32_t summed; /* number of its first points that are in its sums */
+    int32_t calm;   /* looks in a row at which its points were slow, or GR_ASLEEP (mpm/sleep.h) */
     int32_t at[3];  /* indices along the axes */
     int8_t side;    /* of a thin body: 1 (front) or -1 (back) of a double cell, the front listed first; else 2 or -2; 0
                       without thin bodies */
@@ -179,6 +180,7 @@ struct gr_engine {
     int n_thin;
     struct gr_thin_part *thin;
     struct gr_split_pose *split;      /* per body */
+    struct gr_sleep *sleep;           /* material that rests (mpm/sleep.h); NULL unless asked for */
     struct gr_wall_watch *watch;      /* impulses on the walls (mpm/wall_impulse.h); NULL unless asked for */
     double servo_strain, servo_shift; /* mpm/servo.h: of the domain before this step; of the log-densities in it */
     /* migrants of a step, by thread; the same memory then holds the pending points, which wait for a place */

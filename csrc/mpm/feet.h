@@ -69,6 +69,10 @@ void gr_feet_free(struct gr_feet *feet);
  * Returned: 0 or GR_ERR_MEMORY. */
 int gr_feet_list(struct gr_engine *e);
 
+/* Keep the cells awake that a moving body may touch (mpm/sleep.h); note that the nodes near bodies are used. */
+void gr_feet_disturb(struct gr_engine *e);
+void gr_feet_use_nodes(const struct gr_engine *e);
+
 /* Find the feet of this step. Call it after the grid stage. The impulses start from those of the last step, which the
  * points have kept as forces: of a point with several feet, each has the part of the force along its normal. */
 void gr_feet_find(struct gr_engine *e, const double g[3]);

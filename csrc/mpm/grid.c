@@ -7,6 +7,7 @@
 
 #include "core/simd.h"
 #include "kernels.h"
+#include "mpm/sleep.h"
 #include "mpm/smoothed_density.h"
 #include "mpm/wall_impulse.h"
 #include "mpm/walls.h"
@@ -38,6 +39,7 @@ GR_INLINE void add_node(const int dim, const int smoothed, const struct gr_engin
 void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last)
 {
     for (int64_t n = first; n < last; n++) {
+        if (gr_group_rests(e, n - n % GR_LANES)) continue;
         double m = 0;
         for (int i = 0; i < e->K; i++) m += e->sums[e->mesh.node_source[n * e->K + i]];
         e->node_mass[n] = m;
@@ -85,6 +87,10 @@ GR_INLINE void grid_nodes(const int dim, const int smoothed, struct gr_engine *e
     double sums[GR_NODE_SUMS(3) * GR_LANES];
     for (int64_t n = first; n < last; n++) {
         double sum[GR_NODE_SUMS(3)], v[3], next[3], out[GR_NODE_FIELDS(3, 1)];
+        if (gr_group_rests(e, n - n % GR_LANES)) {
+            n += GR_LANES - 1 - n % GR_LANES;
+            continue;
+        }
         if (n == first || n % GR_LANES == 0) kernels->sum_nodes(e, n / GR_LANES, smoothed > 0, averages, sums);
         for (int q = 0; q < rows_of(dim, smoothed); q++) sum[q] = sums[q * GR_LANES + n % GR_LANES];
         e->node_mass[n] = sum[GR_SUM_MASS];

@@ -6,6 +6,7 @@
 
 #include "core/memory.h"
 #include "mpm/migrate.h"
+#include "mpm/sleep.h"
 
 /* Number of rows of a tile whose fullest cell has `most` points: some more than it has or a cell usually has. Neither a cell
  * that gains many points nor a front that enters empty cells then requires a regrouping in every step. An empty tile has
@@ -37,6 +38,7 @@ struct regroup {
     int64_t *cells;   /* indices of the active cells in the grid, ascending; double cells twice */
     int8_t *sides;    /* side of each cell; NULL without thin parts */
     int32_t *counts;
+    int32_t *calm; /* of the cells that had points before; NULL without sleep */
     double *scratch;
 };
 
@@ -248,6 +250,21 @@ static void move_points(struct gr_engine *e, struct regroup *r)
     e->used = r->total;
 }
 
+/* Calm of the new cells (mpm/sleep.h): what it was, but an asleep cell wakes if points have come to it. */
+static int keep_calm(struct gr_engine *e, struct regroup *r)
+{
+    if (!e->sleep) return GR_OK;
+    r->calm = calloc((size_t)r->n_cells + 1, sizeof *r->calm);
+    if (!r->calm) return GR_ERR_MEMORY;
+    for (int64_t c = 0; c < r->n_cells; c++) {
+        if (r->sides && r->sides[c]) continue;
+        const int64_t before = (int64_t)gr_table_get(&e->mesh.cell_of, r->cells[c]) - 1;
+        const struct gr_cell *cell = before < 0 ? 0 : &e->mesh.cell[before];
+        if (cell && cell->count && (cell->calm != GR_ASLEEP || cell->count == r->counts[c])) r->calm[c] = cell->calm;
+    }
+    return GR_OK;
+}
+
 /* Set up the new cells, and for each point its new place in r->cell_id. */
 static void place_cells(struct gr_engine *e, struct regroup *r)
 {
@@ -262,6 +279,7 @@ static void place_cells(struct gr_engine *e, struct regroup *r)
         if (c % GR_LANES == 0) rows = rows_from(r, c);
         cell->offset = offset + c % GR_LANES;
         cell->count = cell->summed = 0;
+        cell->calm = r->calm ? r->calm[c] : 0;
         cell->capacity = rows;
         cell->side = r->sides ? r->sides[c] : 0;
         if (cell->side == 1) e->mesh.paired[e->mesh.n_paired++] = c;
@@ -274,6 +292,7 @@ static void place_cells(struct gr_engine *e, struct regroup *r)
     for (int64_t c = r->n_cells; c < e->mesh.n_tiles * GR_LANES; c++) { /* fill up the last tile */
         e->mesh.cell[c] = e->mesh.cell[c - 1];
         e->mesh.cell[c].offset++;
+        e->mesh.cell[c].calm = 0;
         e->mesh.cell[c].side = 0;
     }
     memset(e->mesh.tile_state, GR_TILE_SUMMED, (size_t)e->mesh.n_tiles);
@@ -310,6 +329,7 @@ int gr_regroup(struct gr_engine *e)
         e->needed_capacity = r.total + r.total / GROWTH;
         error = GR_ERR_CAPACITY;
     }
+    if (!error) error = keep_calm(e, &r);
     if (!error) error = reserve_mesh(e, r.n_cells);
     if (error) goto out; /* the old cells are kept */
     place_cells(e, &r);
@@ -329,6 +349,7 @@ out:
     free(r.cell_id);
     free(r.cells);
     free(r.counts);
+    free(r.calm);
     free(r.sides);
     free(r.scratch);
     return error;

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "core/memory.h"
+#include "mpm/sleep.h"
 #include "mpm/walls.h"
 
 /* True if all nodes are walls along axis d on the face with which the domain ends at cell `from`. */
@@ -185,6 +186,7 @@ static int put(struct gr_engine *e, int64_t index, double *record, int64_t id, i
     struct gr_cell *cell = &e->mesh.cell[index];
     if (e->n_thin) record[gr_component_of(e, GR_FIELD_side)] = GR_IS_DOUBLE(cell) ? cell->side : 0;
     if (cell->count == cell->capacity) return 0;
+    gr_wake_for_arrival(e, cell);
     unpack(e, gr_slot(cell, cell->count++), record, id);
     mark(e, index, GR_TILE_GAINED, dirty, n_dirty);
     return 1;
@@ -296,7 +298,11 @@ static void insert(struct gr_engine *e, int64_t index, double *record, int64_t i
 }
 
 /* Note that the points of a cell have changed. */
-static void mark_changed(struct gr_engine *e, int64_t index) { mark(e, index, GR_TILE_CHANGED, e->dirty, &e->n_dirty); }
+static void mark_changed(struct gr_engine *e, int64_t index)
+{
+    gr_wake(e, &e->mesh.cell[index]);
+    mark(e, index, GR_TILE_CHANGED, e->dirty, &e->n_dirty);
+}
 
 void gr_change_sides(struct gr_engine *e)
 {

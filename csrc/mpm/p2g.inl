@@ -182,7 +182,8 @@ GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const
     double *out = e->sums + gr_sums_of_cell(e, first), *own = out + K * rows * GR_LANES;
     struct gr_frame frame;
     struct contribution contribution[MOST_PREPARED];
-    const int averages = smoothed && e->sums_average;
+    /* with those of the density beside cells that are asleep, too: they are not made again when they are needed */
+    const int averages = smoothed && (e->sums_average || (e->sleep && gr_lanes_asleep(e, first / GR_LANES)));
     int fresh = !more;
     if (more && summed.begin == summed.end) return;
     for (int i = 0; !summed.end && i < e->sum_stride; i += GR_LANES) v_store(out + i, v_zero());

@@ -29,7 +29,10 @@
     X(dt, GR_NONE, "(0, inf)", "s", "Fixed time step; None for the one that cfl gives.")                                \
     X(mass_cutoff, 1e-14, "[0, 0.01]", "1",                                                                             \
       "Nodes with less than this share of the mean mass of a point are left out. A cutoff is for round-off only: a "    \
-      "tenth of a point changes a run-out by a fifth.")
+      "tenth of a point changes a run-out by a fifth.")                                                                 \
+    X(sleep_speed, 0, "[0, inf)", "m/s",                                                                                \
+      "Cells in which no point has been faster for 512 steps are not computed until one of their nodes would move "     \
+      "faster. 0 to compute all. Not for nonlocal laws, xpic and walls that keep a pressure.")
 
 /* Parameters of the diffusion of the fluidity of a nonlocal law. */
 #define GR_FLUIDITY_SCHEME(X)                                                                                           \

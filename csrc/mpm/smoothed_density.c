@@ -2,6 +2,7 @@
 #include "mpm/smoothed_density.h"
 
 #include "mpm/open_volume.h"
+#include "mpm/sleep.h"
 #include "mpm/walls.h"
 
 /* Smallest gap of a node inside the material: that at the filling fraction 0.6. */
@@ -110,6 +111,7 @@ void gr_grid_surroundings(struct gr_engine *e, int64_t first, int64_t last)
 {
     const int dim = e->config.dim;
     for (int64_t n = first; n < last; n++) {
+        if (gr_group_rests(e, n - n % GR_LANES)) continue;
         const int64_t id = e->mesh.node_id[n];
         int64_t step[3][3];
         int lines;

@@ -14,10 +14,11 @@
 #include "kernels.h"
 #include "mpm/grid.h"
 #include "mpm/migrate.h"
+#include "mpm/sleep.h"
 #include "mpm/smoothed_density.h"
 #include "mpm/wall_impulse.h"
 
-enum { DT_INTERVAL = 16 }; /* steps between two updates of the largest speed */
+enum { DT_INTERVAL = GR_SLEEP_INTERVAL }; /* steps between two updates of the largest speed */
 
 /* A call for steps. */
 struct run {
@@ -50,7 +51,7 @@ static void find_fastest(void *context, int64_t chunk, int t)
     gr_share(e->mesh.n_cells, chunk, fastest->chunks, &first, &last);
     for (int64_t c = first; c < last; c++) {
         const struct gr_cell *cell = &e->mesh.cell[c];
-        for (int32_t k = 0; k < cell->count; k++) {
+        for (int32_t k = 0; cell->calm != GR_ASLEEP && k < cell->count; k++) { /* asleep: v = 0 */
             const double *at = v + gr_slot(cell, k);
             double square = 0;
             for (int d = 0; d < e->config.dim; d++) square += at[d * e->capacity] * at[d * e->capacity];
@@ -110,6 +111,7 @@ static int share_out(struct run *run)
         }
     }
     for (; k <= chunks; k++) run->cut[k] = n_tiles, first[k] = points;
+    if (e->sleep && gr_sleep_begin(e)) return GR_ERR_MEMORY;
     if (reserve_substeps(e) || gr_reserve_pending(e, points + chunks)) return GR_ERR_MEMORY;
     for (k = 0; k < chunks; k++) {
         const int64_t begin = first[k] + k; /* one record more than points for each chunk */
@@ -119,64 +121,20 @@ static int share_out(struct run *run)
     return GR_OK;
 }
 
-/* Decide whether there is another step, and set its dt and gravity.
- * Returned: whether there is one. */
-static int prepare(struct run *run)
-{
-    struct gr_engine *e = run->e;
-    const struct gr_config *config = &e->config;
-    if (!(run->left > 0 && e->time < run->until)) return 0;
-    run->left--;
-    const double dt = config->dt > 0                               ? config->dt
-                      : e->step % DT_INTERVAL == 0 || !(e->dt > 0) ? gr_stable_dt(e, run->team)
-                                                                   : e->dt;
-    /* The sums contain the momentum of the shift as a force for dt; with another dt they are computed again. */
-    run->again = e->sums_correct_shift && e->step > 0 && dt != e->shift_dt;
-    if (dt != e->dt) {
-        e->dt = dt;
-        e->time_anchor = e->time;
-        e->step_anchor = e->step;
-    }
-    const double next = e->time_anchor + (double)(e->step + 1 - e->step_anchor) * e->dt;
-    /* Shear rates are recorded in the last step, where they are seen, and in the step before an averaging, which uses
-     * them. */
-    e->record_rates = run->left == 0 || next >= run->until || gr_averages(e, e->step + 1) ||
-                      (config->cell_averaged && config->damping_rate > 0) || e->fluidity;
-    e->diffuses = e->fluidity && !(e->time < config->nonlocal.begins_at);
-    const double rate = config->keep_velocity_rate;
-    e->keep_velocity = config->xpic_order || rate < 0 ? 0 : rate > 0 ? exp(-rate * dt) : 1;
-    for (int d = 0; d < config->dim; d++)
-        e->sponge_factor[d] = config->has_sponge >> d & 1 ? exp(-config->sponge_damping[d] * dt) : 1;
-    gr_piecewise(config->dim, config->n_gravity, config->gravity_times, 1, config->gravity_vectors, config->dim, e->time,
-                 run->gravity);
-    return 1;
-}
-
-/* Finish the step: move the points that left their cells, and the bodies. */
-static void finish(struct run *run)
-{
-    struct gr_engine *e = run->e;
-    e->error = gr_migrate(e, run->migrants, run->n_chunks, run->team);
-    e->sums_valid = e->sums_valid && !e->error;
-    if (e->error) return;
-    if (e->watch) gr_add_wall_impulses(e);
-    for (int b = 0; b < e->config.n_bodies; b++) e->body[b] = e->body_next[b];
-    if (e->n_thin) gr_change_sides(e);
-    if (e->feet) gr_feet_move_out(e);
-    e->step++;
-    e->time = e->time_anchor + (double)(e->step - e->step_anchor) * e->dt;
-    if (e->n_thin && gr_follow_bodies(e)) e->disconnected = 1; /* until the mesh is made for the new poses */
-    if (e->feet && gr_feet_list(e)) e->error = GR_ERR_MEMORY;
-    if (e->open && (e->config.cell_averaged || gr_averages(e, e->step)) && gr_open_volumes(e, 1)) e->error = GR_ERR_MEMORY;
-    if (e->error || (!e->n_pending && !e->disconnected)) return;
-    e->error = gr_regroup(e);
-    if (!e->error) e->error = share_out(run);
-}
-
 static void grid_nodes(struct run *run, int64_t first, int64_t last)
 {
     if (run->e->n_thin) gr_split_nodes(run->e, first, last);
     gr_grid_nodes(run->e, run->kernels, first, last, run->gravity);
+}
+
+static void forces_of_cells(struct run *run, int64_t first, int64_t last)
+{
+    if (!run->e->sleep) {
+        run->kernels->apply_cell_forces(run->e, first, last);
+        return;
+    }
+    for (int64_t tile = first; tile < last; tile++)
+        if (!gr_tile_rests(run->e, tile)) run->kernels->apply_cell_forces(run->e, tile, tile + 1);
 }
 
 static void p2g_listed(struct run *run, int64_t first, int64_t last)
@@ -202,7 +160,7 @@ static void p2g_listed(struct run *run, int64_t first, int64_t last)
     }
 
 GR_CHUNK_OF_TILES(p2g, run->kernels->p2g(run->e, first, last))
-GR_CHUNK_OF_TILES(cell_forces, run->kernels->apply_cell_forces(run->e, first, last))
+GR_CHUNK_OF_TILES(cell_forces, forces_of_cells(run, first, last))
 GR_CHUNK_OF_TILES(smooth, run->kernels->smooth(run->e, first, last))
 GR_CHUNK_OF_TILES(mark, gr_bodies_mark(run->e, first *GR_LANES, last *GR_LANES))
 GR_CHUNK_OF_TILES(begin_substeps, run->kernels->begin_substeps(run->e, first, last))
@@ -231,6 +189,87 @@ static void all_tiles(struct run *run, gr_chunk_work *chunk) { gr_team_run(run->
 static void all_of(struct run *run, gr_chunk_work *chunk, int64_t n)
 {
     gr_team_run(run->team, chunk, run, gr_chunks(run->team, n));
+}
+
+/* Let material that has been slow fall asleep, and sum over what is left of it. */
+static void look_for_calm(struct run *run)
+{
+    struct gr_engine *e = run->e;
+    gr_sleep_look(e, run->team);
+    all_of(run, p2g_dirty, e->n_dirty);
+}
+
+/* Whether gravity or a wall is another one at the time `next`. */
+static int load_changes(const struct gr_engine *e, double next)
+{
+    const struct gr_config *config = &e->config;
+    double now[3] = {0}, then[3] = {0};
+    gr_piecewise(config->dim, config->n_gravity, config->gravity_times, 1, config->gravity_vectors, config->dim, e->time,
+                 now);
+    gr_piecewise(config->dim, config->n_gravity, config->gravity_times, 1, config->gravity_vectors, config->dim, next, then);
+    int changes = 0;
+    for (int d = 0; d < config->dim; d++) changes |= now[d] != then[d];
+    for (int k = 0; k < config->n_walls; k++)
+        changes |= e->time < config->walls[k].opens_at && config->walls[k].opens_at <= next;
+    return changes;
+}
+
+/* Decide whether there is another step, and set its dt and gravity.
+ * Returned: whether there is one. */
+static int prepare(struct run *run)
+{
+    struct gr_engine *e = run->e;
+    const struct gr_config *config = &e->config;
+    if (!(run->left > 0 && e->time < run->until)) return 0;
+    run->left--;
+    if (e->sleep && e->step % GR_SLEEP_INTERVAL == 0) look_for_calm(run);
+    const double dt = config->dt > 0                               ? config->dt
+                      : e->step % DT_INTERVAL == 0 || !(e->dt > 0) ? gr_stable_dt(e, run->team)
+                                                                   : e->dt;
+    /* The sums contain the momentum of the shift as a force for dt; with another dt they are computed again. */
+    run->again = e->sums_correct_shift && e->step > 0 && dt != e->shift_dt;
+    if (dt != e->dt) {
+        e->dt = dt;
+        e->time_anchor = e->time;
+        e->step_anchor = e->step;
+        if (e->sleep) e->sleep->all_nodes = 1;
+    }
+    const double next = e->time_anchor + (double)(e->step + 1 - e->step_anchor) * e->dt;
+    /* Shear rates are recorded in the last step, where they are seen, and in the step before an averaging, which uses
+     * them. */
+    e->record_rates = run->left == 0 || next >= run->until || gr_averages(e, e->step + 1) ||
+                      (config->cell_averaged && config->damping_rate > 0) || e->fluidity;
+    e->diffuses = e->fluidity && !(e->time < config->nonlocal.begins_at);
+    const double rate = config->keep_velocity_rate;
+    e->keep_velocity = config->xpic_order || rate < 0 ? 0 : rate > 0 ? exp(-rate * dt) : 1;
+    for (int d = 0; d < config->dim; d++)
+        e->sponge_factor[d] = config->has_sponge >> d & 1 ? exp(-config->sponge_damping[d] * dt) : 1;
+    gr_piecewise(config->dim, config->n_gravity, config->gravity_times, 1, config->gravity_vectors, config->dim, e->time,
+                 run->gravity);
+    if (e->sleep && e->sleep->asleep && load_changes(e, next)) gr_sleep_wake_all(e);
+    if (e->sleep) gr_sleep_find_uses(e, run->team);
+    return 1;
+}
+
+/* Finish the step: move the points that left their cells, and the bodies. */
+static void finish(struct run *run)
+{
+    struct gr_engine *e = run->e;
+    e->error = gr_migrate(e, run->migrants, run->n_chunks, run->team);
+    e->sums_valid = e->sums_valid && !e->error;
+    if (e->error) return;
+    if (e->watch) gr_add_wall_impulses(e);
+    for (int b = 0; b < e->config.n_bodies; b++) e->body[b] = e->body_next[b];
+    if (e->n_thin) gr_change_sides(e);
+    if (e->feet) gr_feet_move_out(e);
+    e->step++;
+    e->time = e->time_anchor + (double)(e->step - e->step_anchor) * e->dt;
+    if (e->n_thin && gr_follow_bodies(e)) e->disconnected = 1; /* until the mesh is made for the new poses */
+    if (e->feet && gr_feet_list(e)) e->error = GR_ERR_MEMORY;
+    if (e->open && (e->config.cell_averaged || gr_averages(e, e->step)) && gr_open_volumes(e, 1)) e->error = GR_ERR_MEMORY;
+    if (e->error || (!e->n_pending && !e->disconnected)) return;
+    e->error = gr_regroup(e);
+    if (!e->error) e->error = share_out(run);
 }
 
 /* ---- Stages ---- */
@@ -306,12 +345,15 @@ static void make_steps(void *context, struct gr_team *team)
     run->team = team;
     e->error = share_out(run);
     while (!e->error) {
-        if (!e->sums_valid) all_tiles(run, p2g);
+        if (!e->sums_valid) {
+            all_tiles(run, p2g);
+        }
         e->sums_valid = 1;
         if (!prepare(run)) return;
         stage_grid(run);
         if (stage_fluidity(run)) return;
         all_tiles(run, sweep);
+        if (e->sleep && (!e->config.smoothed || gr_averages(e, e->step))) e->sleep->all_nodes = 0;
         finish(run);
         if (!e->error && e->sums_valid) all_of(run, p2g_dirty, e->n_dirty);
     }

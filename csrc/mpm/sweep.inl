@@ -16,39 +16,128 @@ GR_INLINE void p2g_tile(const int dim, const int basis, const int affine, const 
     }
 }
 
-static inline int64_t points_of_tile(const struct gr_engine *e, int64_t tile)
+/* Number of points of a tile that are not asleep. */
+static inline int64_t awake_points(const struct gr_engine *e, int64_t tile, unsigned asleep)
 {
     int64_t points = 0;
-    for (int l = 0; l < GR_LANES; l++) points += e->mesh.cell[tile * GR_LANES + l].count;
+    for (int l = 0; l < GR_LANES; l++)
+        if (!(asleep >> l & 1u)) points += e->mesh.cell[tile * GR_LANES + l].count;
     return points;
 }
 
-/* Sweep the tiles [first, last). Points that left their cell are packed into `out`. P2G follows if `fused`. */
+/* The lanes of a tile that are asleep, after those have woken of which a node moves too fast. */
+GR_INLINE unsigned wake_lanes(const int dim, const int basis, struct gr_engine *e, int64_t tile)
+{
+    const int K = gr_power(gr_nodes_1d(basis), dim);
+    const vd most = v_set(e->config.scheme.sleep_speed * e->config.scheme.sleep_speed);
+    if (!gr_lanes_asleep(e, tile) || gr_tile_rests(e, tile)) return gr_lanes_asleep(e, tile);
+    for (int part = 0; part < GR_VECTORS; part++) {
+        const int64_t first = tile * GR_LANES + part * GR_W;
+        vd v[3 * GR_MAX_NODES], fastest = v_zero();
+        load_nodes(K, e, first, GR_NODE_VELOCITY, GR_NODE_VELOCITY + dim, 1.0, v);
+        for (int i = 0; i < K; i++) {
+            vd square = v_zero();
+            for (int d = 0; d < dim; d++) square = v_fma(v[d * K + i], v[d * K + i], square);
+            fastest = v_max(square, fastest);
+        }
+        const unsigned pushed = m_bits(v_gt(fastest, most));
+        for (int l = 0; pushed && l < GR_W; l++)
+            if (pushed >> l & 1u) gr_wake(e, &e->mesh.cell[first + l]);
+    }
+    return gr_lanes_asleep(e, tile);
+}
+
+/* Copy the points of a tile to a buffer, or what the lanes `asleep` had there back to it. */
+static void keep_points(struct gr_engine *e, int64_t tile, unsigned asleep, double *buffer, int back)
+{
+    const struct gr_cell *cell = &e->mesh.cell[tile * GR_LANES];
+    const int64_t places = (int64_t)GR_LANES * cell->capacity;
+    for (int f = 0; f < GR_FIELD_COUNT; f++)
+        for (int c = 0; e->field[f] && c < gr_field_components(f, e->config.dim); c++, buffer += places) {
+            double *values = e->field[f] + c * e->capacity + cell->offset;
+            for (int64_t k = 0; k < places; k++) {
+                if (!back)
+                    buffer[k] = values[k];
+                else if (asleep >> k % GR_LANES & 1u)
+                    values[k] = buffer[k];
+            }
+        }
+}
+
+/* Remove the points of cells that are asleep from a list of those that left.
+ * Returned: the length of the list. */
+static int64_t drop_asleep(const struct gr_engine *e, struct gr_migrant *migrant, int64_t n)
+{
+    int64_t kept = 0;
+    for (int64_t k = 0; k < n; k++)
+        if (e->mesh.cell[migrant[k].cell].calm != GR_ASLEEP) migrant[kept++] = migrant[k];
+    return kept;
+}
+
+enum { MOVED = 8 };
+
+/* Sort the points that left a tile by cell and place. They are found row by row: in that order it would matter to the cells
+ * that they enter which cells are a tile, so that the bits would depend on when the points were grouped. */
+static void sort_by_cell(struct gr_migrant *migrant, int64_t n)
+{
+    for (int64_t k = 1; k < n; k++) {
+        const struct gr_migrant next = migrant[k];
+        int64_t at = k;
+        for (; at && migrant[at - 1].cell > next.cell; at--) migrant[at] = migrant[at - 1];
+        migrant[at] = next;
+    }
+}
+
+/* Tiles of which the points have moved, until the law is called for all of them and their sums follow. */
+struct moved {
+    int64_t n, packed, tile[MOVED];
+    struct batch batch;
+};
+
+/* Call the law for the tiles that have moved, pack the points that left them and sum over the others. */
+GR_INLINE void end_tiles(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
+                         struct gr_engine *e, struct moved *moved, struct gr_migrants *out, int fused, gr_law_update *law)
+{
+    if (moved->batch.n) run_law(e, law, &moved->batch, 0);
+    if (out->count > moved->packed) gr_pack_migrants(e, out, moved->packed);
+    moved->packed = out->count;
+    for (int64_t k = 0; fused && k < moved->n; k++)
+        p2g_tile(dim, basis, affine > 0, smoothed, cell_averaged, e, moved->tile[k], 0);
+    moved->n = 0;
+}
+
+/* Sweep the tiles [first, last). Points that left their cell are packed into `out`. P2G follows if `fused`. A tile of which
+ * all cells are asleep is left alone; one with some is computed, and these get their points back. */
 GR_INLINE void sweep_tiles(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
                            struct gr_engine *e, int64_t first, int64_t last, struct gr_migrants *out, int fused,
                            gr_law_update *law)
 {
-    enum { QUEUE = 8 };
-    struct batch batch;
+    struct moved moved;
     const int averages = smoothed && gr_averages(e, e->step);
-    int64_t queued = 0, packed = 0, queue[QUEUE];
-    batch.n = 0;
+    moved.n = moved.packed = moved.batch.n = 0;
     gr_clear_migrants(out);
     for (int64_t tile = first; tile < last; tile++) {
+        const unsigned asleep = e->sleep ? wake_lanes(dim, basis, e, tile) : 0;
         e->mesh.tile_state[tile] = GR_TILE_SUMMED;
-        if (points_of_tile(e, tile)) {
-            struct gr_migrant *migrant = out->from + out->count;
-            out->count +=
-                averages ? g2p_tile(dim, basis, affine, smoothed, cell_averaged, smoothed, e, tile, &batch, law, migrant)
-                         : g2p_tile(dim, basis, affine, smoothed, cell_averaged, 0, e, tile, &batch, law, migrant);
-            queue[queued++] = tile;
+        if (!awake_points(e, tile, asleep)) continue;
+        if (asleep) { /* alone, so that the rest of the records is free for a copy of its points */
+            end_tiles(dim, basis, affine, smoothed, cell_averaged, e, &moved, out, fused, law);
+            keep_points(e, tile, asleep, out->record + out->count * e->n_components, 0);
         }
-        if (queued < QUEUE && tile + 1 < last && batch.n < BATCH) continue;
-        if (batch.n) run_law(e, law, &batch, 0);
-        if (out->count > packed) gr_pack_migrants(e, out, packed);
-        packed = out->count;
-        for (int64_t k = 0; fused && k < queued; k++)
-            p2g_tile(dim, basis, affine > 0, smoothed, cell_averaged, e, queue[k], 0);
-        queued = 0;
+        struct gr_migrant *migrant = out->from + out->count;
+        int64_t left =
+            averages ? g2p_tile(dim, basis, affine, smoothed, cell_averaged, smoothed, e, tile, &moved.batch, law, migrant)
+                     : g2p_tile(dim, basis, affine, smoothed, cell_averaged, 0, e, tile, &moved.batch, law, migrant);
+        if (asleep) {
+            if (moved.batch.n) run_law(e, law, &moved.batch, 0);
+            keep_points(e, tile, asleep, out->record + out->count * e->n_components, 1);
+            left = drop_asleep(e, migrant, left);
+        }
+        sort_by_cell(migrant, left);
+        out->count += left;
+        moved.tile[moved.n++] = tile;
+        if (asleep || moved.n == MOVED || moved.batch.n == BATCH)
+            end_tiles(dim, basis, affine, smoothed, cell_averaged, e, &moved, out, fused, law);
     }
+    end_tiles(dim, basis, affine, smoothed, cell_averaged, e, &moved, out, fused, law);
 }

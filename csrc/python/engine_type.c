@@ -1,6 +1,7 @@
 /* The Python type `Engine`, of the material point method (MPM); what its methods do is said in their table below. */
 #include <math.h>
 
+#include "mpm/sleep.h"
 #include "python/engine_common.h"
 
 _Static_assert(GR_FIELD_COUNT <= GR_MAX_FIELDS, "every field has its place in struct gr_object");
@@ -260,6 +261,30 @@ static PyObject *engine_restore_walls(struct gr_object *self, PyObject *array)
     return e ? gr_python_restore_walls(e, array) : NULL;
 }
 
+/* The calm of cells by their indices in the grid (mpm/sleep.h). */
+static PyObject *engine_calm(struct gr_object *self, PyObject *Py_UNUSED(unused))
+{
+    const struct gr_engine *e = gr_ready(self, 1);
+    if (!e) return NULL;
+    const npy_intp shape[2] = {2, e->sleep ? gr_sleep_list(e, NULL) : 0};
+    PyObject *array = PyArray_SimpleNew(2, shape, NPY_INT64);
+    int64_t *data = array ? PyArray_DATA((PyArrayObject *)array) : NULL;
+    if (array && e->sleep) (void)gr_sleep_list(e, (int64_t *[2]){data, data + shape[1]});
+    return array;
+}
+
+static PyObject *engine_restore_calm(struct gr_object *self, PyObject *object)
+{
+    static const npy_intp shape[2] = {2, -1};
+    PyArrayObject *array = gr_array(object, "calm", NPY_INT64, 2, shape, 0);
+    struct gr_engine *e = array ? gr_ready(self, 1) : NULL;
+    if (!e) return NULL;
+    const int64_t *data = PyArray_DATA(array), n = PyArray_DIM(array, 1);
+    if (!e->sleep || !gr_sleep_restore(e, n, data, data + n)) Py_RETURN_NONE;
+    return PyErr_Format(PyExc_ValueError, "calm must have the indices of cells of the grid, and numbers from 0 to %d or %d",
+                        GR_CALM_CHECKS, GR_ASLEEP);
+}
+
 static PyObject *engine_refresh(struct gr_object *self, PyObject *Py_UNUSED(unused))
 {
     struct gr_engine *e = gr_ready(self, 0);
@@ -322,6 +347,9 @@ static PyMethodDef methods[] = {
      "walls()\n--\n\nImpulse and angular impulse about the origin of the material on each wall, its displacement and\nwork, and its excess of pressure, (n, 9)."},
     {"restore_walls", (PyCFunction)engine_restore_walls, METH_O,
      "restore_walls(impulses)\n--\n\nSet the impulses, as walls() gave them."},
+    {"calm", (PyCFunction)engine_calm, METH_NOARGS,
+     "calm()\n--\n\nCells that are calm or asleep: their indices in the grid and for how many looks, int64 (2, n)."},
+    {"restore_calm", (PyCFunction)engine_restore_calm, METH_O, "restore_calm(calm)\n--\n\nSet this, as calm() gave it."},
     {"refresh", (PyCFunction)engine_refresh, METH_NOARGS,
      "refresh()\n--\n\nMake the sums of the cells anew: the buffers may have been written to."},
     {"stable_dt", (PyCFunction)engine_stable_dt, METH_NOARGS, "stable_dt()\n--\n\ncfl dx/(c + |v|max), s."},

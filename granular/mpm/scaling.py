@@ -51,7 +51,7 @@ POWERS = {
 _PLANE = ("volume", "mass", "force", "impulse", "torque", "angular_impulse", "energy", "power")
 """Quantities that are per metre of depth in 2D, where their power is less by one."""
 
-_UNITS = {"1/s": "rate", "s": "time"}
+_UNITS = {"1/s": "rate", "s": "time", "m/s": "velocity"}
 
 
 def _of_units(kind: type[Density | Scheme]) -> dict[str, str]:

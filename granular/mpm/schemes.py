@@ -276,6 +276,8 @@ class Scheme(_Scheme):
                 f'transfer = "tpic", not {self.basis!r} and {self.transfer!r}; choose '
                 "ParticleDensity()"
             )
+        if self.transfer == "xpic" and self.sleep_speed:
+            raise ValueError(f'sleep_speed = {self.sleep_speed} must be 0 with transfer = "xpic"')
         if self.transfer != "flip" and self.flip_decay:
             raise ValueError(
                 f"flip_decay = {self.flip_decay} must be 0 with transfer = {self.transfer!r}"

@@ -214,6 +214,8 @@ class Simulation(simulation.Simulation, scenes=Scene):
             arrays |= {"bodies": self._engine.bodies(), "split": self._engine.split()}
         if self._watches_walls:
             arrays |= {"walls": self._engine.walls()}
+        if self.scene.scheme.sleep_speed:
+            arrays |= {"calm": self._engine.calm()}
         return scalars, arrays
 
     @classmethod
@@ -241,6 +243,8 @@ class Simulation(simulation.Simulation, scenes=Scene):
             if "split" in checkpoint.arrays:
                 self._engine.restore_split(checkpoint.arrays["split"])
         self._bind(n)
+        if "calm" in checkpoint.arrays:
+            self._engine.restore_calm(checkpoint.arrays["calm"])
         self._engine.restore(scalars)
         return self
 

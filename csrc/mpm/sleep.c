@@ -1,0 +1,219 @@
+/* Which cells are asleep, and which nodes are needed (sleep.h). */
+#include "mpm/sleep.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/memory.h"
+#include "mpm/feet.h"
+#include "mpm/migrate.h"
+
+int gr_sleep_new(struct gr_engine *e)
+{
+    if (!(e->config.scheme.sleep_speed > 0)) return GR_OK;
+    e->sleep = calloc(1, sizeof *e->sleep);
+    return e->sleep ? GR_OK : GR_ERR_MEMORY;
+}
+
+void gr_sleep_free(struct gr_sleep *sleep)
+{
+    if (!sleep) return;
+    free(sleep->use);
+    free(sleep->restless);
+    free(sleep);
+}
+
+int gr_sleep_begin(struct gr_engine *e)
+{
+    struct gr_sleep *sleep = e->sleep;
+    if (e->node_places > sleep->capacity) {
+        sleep->capacity = 0;
+        GR_RESIZE(sleep->use, e->node_places);
+        GR_RESIZE(sleep->restless, e->node_places);
+        sleep->capacity = e->node_places;
+    }
+    sleep->asleep = 0;
+    for (int64_t c = 0; c < e->mesh.n_cells; c++) sleep->asleep += e->mesh.cell[c].calm == GR_ASLEEP;
+    sleep->changed = sleep->all_nodes = 1;
+    return GR_OK;
+}
+
+void gr_sleep_wake_all(struct gr_engine *e)
+{
+    if (!e->sleep->asleep) return;
+    for (int64_t c = 0; c < e->mesh.n_cells; c++) gr_wake(e, &e->mesh.cell[c]);
+    e->sleep->asleep = 0;
+}
+
+/* Chunks of tiles. */
+struct look {
+    struct gr_engine *e;
+    int64_t chunks, calm[GR_MAX_CHUNKS], fell[GR_MAX_CHUNKS];
+};
+
+/* Set a byte that other threads may set, too. */
+static void set(uint8_t *byte, uint8_t value) { __atomic_store_n(byte, value, __ATOMIC_RELAXED); }
+
+static uint8_t get(const uint8_t *byte) { return __atomic_load_n(byte, __ATOMIC_RELAXED); }
+
+static int is_slow(const struct gr_engine *e, const struct gr_cell *cell)
+{
+    const double most = e->config.scheme.sleep_speed * e->config.scheme.sleep_speed;
+    for (int32_t k = 0; k < cell->count; k++) {
+        const double *at = e->field[GR_FIELD_v] + gr_slot(cell, k);
+        double square = 0;
+        for (int d = 0; d < e->config.dim; d++) square += at[d * e->capacity] * at[d * e->capacity];
+        if (!(square < most)) return 0;
+    }
+    return 1;
+}
+
+/* Count for how many looks each cell has been calm. */
+static void count_looks(void *context, int64_t chunk, int t)
+{
+    struct look *look = context;
+    struct gr_mesh *mesh = &look->e->mesh;
+    int64_t first, last, calm = 0;
+    (void)t;
+    gr_share(mesh->n_cells, chunk, look->chunks, &first, &last);
+    for (struct gr_cell *cell = mesh->cell + first; cell < mesh->cell + last; cell++) {
+        if (cell->calm == GR_ASLEEP) continue;
+        const int slow = cell->count && !cell->side && is_slow(look->e, cell);
+        cell->calm = !slow ? 0 : cell->calm < GR_CALM_CHECKS ? cell->calm + 1 : GR_CALM_CHECKS;
+        calm += cell->calm == GR_CALM_CHECKS;
+    }
+    look->calm[chunk] = calm;
+}
+
+/* Note the nodes of the cells that are not calm. */
+static void note_restless(void *context, int64_t chunk, int t)
+{
+    struct look *look = context;
+    const struct gr_engine *e = look->e;
+    int64_t first, last;
+    (void)t;
+    gr_share(e->mesh.n_cells, chunk, look->chunks, &first, &last);
+    for (int64_t c = first; c < last; c++)
+        for (int i = 0; e->mesh.cell[c].count && e->mesh.cell[c].calm < GR_CALM_CHECKS && i < e->K; i++)
+            set(&e->sleep->restless[gr_cell_node(e, c, i)], 1);
+}
+
+/* Take the motion from the points of a cell that falls asleep. */
+static void stop(struct gr_engine *e, const struct gr_cell *cell)
+{
+    static const int fields[] = {GR_FIELD_v, GR_FIELD_affine, GR_FIELD_shift_velocity, GR_FIELD_shear_rate};
+    for (size_t f = 0; f < sizeof fields / sizeof *fields; f++)
+        for (int c = 0; e->field[fields[f]] && c < gr_field_components(fields[f], e->config.dim); c++)
+            for (int32_t k = 0; k < cell->count; k++) e->field[fields[f]][c * e->capacity + gr_slot(cell, k)] = 0;
+}
+
+/* Let calm cells fall asleep that have no restless node. */
+static void fall_asleep(void *context, int64_t chunk, int t)
+{
+    struct look *look = context;
+    struct gr_engine *e = look->e;
+    int64_t first, last;
+    (void)t;
+    gr_share(e->mesh.n_cells, chunk, look->chunks, &first, &last);
+    look->fell[chunk] = 0;
+    for (int64_t c = first; c < last; c++) {
+        struct gr_cell *cell = &e->mesh.cell[c];
+        int restless = cell->calm != GR_CALM_CHECKS;
+        for (int i = 0; i < e->K && !restless; i++) restless = e->sleep->restless[gr_cell_node(e, c, i)];
+        if (restless) continue;
+        cell->calm = GR_ASLEEP;
+        stop(e, cell);
+        look->fell[chunk]++;
+        set(&e->mesh.tile_state[c / GR_LANES], GR_TILE_CHANGED);
+    }
+}
+
+void gr_sleep_look(struct gr_engine *e, struct gr_team *team)
+{
+    struct look look = {.e = e, .chunks = gr_chunks(team, e->mesh.n_cells)};
+    int64_t calm = 0, fell = 0;
+    e->n_dirty = 0;
+    gr_team_run(team, count_looks, &look, look.chunks);
+    if (e->feet) gr_feet_disturb(e);
+    for (int64_t c = 0; c < look.chunks; c++) calm += look.calm[c];
+    if (!calm) return;
+    memset(e->sleep->restless, 0, (size_t)e->mesh.n_nodes);
+    gr_team_run(team, note_restless, &look, look.chunks);
+    memset(e->mesh.tile_state, GR_TILE_SUMMED, (size_t)e->mesh.n_tiles);
+    gr_team_run(team, fall_asleep, &look, look.chunks);
+    for (int64_t c = 0; c < look.chunks; c++) fell += look.fell[c];
+    if (!fell) return;
+    e->sleep->asleep += fell;
+    e->sleep->changed = e->sleep->all_nodes = 1;
+    for (int64_t tile = 0; tile < e->mesh.n_tiles; tile++)
+        if (e->mesh.tile_state[tile] == GR_TILE_CHANGED) e->dirty[e->n_dirty++] = tile;
+}
+
+static void use_nodes(void *context, int64_t chunk, int t)
+{
+    struct look *look = context;
+    const struct gr_engine *e = look->e;
+    int64_t first, last;
+    (void)t;
+    gr_share(e->mesh.n_cells, chunk, look->chunks, &first, &last);
+    for (int64_t c = first; c < last; c++)
+        for (int i = 0; e->mesh.cell[c].calm != GR_ASLEEP && i < e->K; i++)
+            set(&e->sleep->use[gr_cell_node(e, c, i)], GR_NODE_OF_AWAKE);
+}
+
+static void watch_nodes(void *context, int64_t chunk, int t)
+{
+    struct look *look = context;
+    const struct gr_engine *e = look->e;
+    int64_t first, last;
+    (void)t;
+    gr_share(e->mesh.n_cells, chunk, look->chunks, &first, &last);
+    for (int64_t c = first; c < last; c++) {
+        int watched = 0;
+        if (e->mesh.cell[c].calm != GR_ASLEEP) continue;
+        for (int i = 0; i < e->K && !watched; i++) watched = get(&e->sleep->use[gr_cell_node(e, c, i)]) == GR_NODE_OF_AWAKE;
+        for (int i = 0; watched && i < e->K; i++) {
+            uint8_t *use = &e->sleep->use[gr_cell_node(e, c, i)];
+            if (get(use) == GR_NODE_UNUSED) set(use, GR_NODE_OF_WATCHED);
+        }
+    }
+}
+
+void gr_sleep_find_uses(struct gr_engine *e, struct gr_team *team)
+{
+    struct look look = {.e = e, .chunks = gr_chunks(team, e->mesh.n_cells)};
+    if (!e->sleep->changed) return;
+    e->sleep->changed = 0;
+    e->sleep->asleep = 0;
+    memset(e->sleep->use, GR_NODE_UNUSED, (size_t)e->sleep->capacity);
+    gr_team_run(team, use_nodes, &look, look.chunks);
+    if (e->feet) gr_feet_use_nodes(e);
+    gr_team_run(team, watch_nodes, &look, look.chunks);
+    for (int64_t c = 0; c < e->mesh.n_cells; c++) e->sleep->asleep += e->mesh.cell[c].calm == GR_ASLEEP;
+}
+
+int64_t gr_sleep_list(const struct gr_engine *e, int64_t *const out[2])
+{
+    int64_t n = 0;
+    for (int64_t c = 0; c < e->mesh.n_cells; c++) {
+        const struct gr_cell *cell = &e->mesh.cell[c];
+        if (!cell->count || !cell->calm) continue;
+        if (out) out[0][n] = gr_cell_id(e, cell->at), out[1][n] = cell->calm;
+        n++;
+    }
+    return n;
+}
+
+int gr_sleep_restore(struct gr_engine *e, int64_t n, const int64_t *cells, const int64_t *calm)
+{
+    const int64_t all = e->mesh.cell_of.n;
+    for (int64_t k = 0; k < n; k++)
+        if (calm[k] < 0 || (calm[k] > GR_CALM_CHECKS && calm[k] != GR_ASLEEP) || cells[k] < 0 || cells[k] >= all)
+            return GR_ERR_CONFIG;
+    for (int64_t k = 0; k < n; k++) {
+        const int64_t c = (int64_t)gr_table_get(&e->mesh.cell_of, cells[k]) - 1;
+        if (c >= 0 && e->mesh.cell[c].count && !e->mesh.cell[c].side) e->mesh.cell[c].calm = (int32_t)calm[k];
+    }
+    return GR_OK;
+}

@@ -1,0 +1,100 @@
+/* Sleep: material that has come to rest is not computed until something moves it.
+ *
+ * Cells fall asleep if no point in them, nor in a cell with which they have a node in common, has been faster than
+ * sleep_speed in GR_CALM_CHECKS looks, one every GR_SLEEP_INTERVAL steps. Their points lose their velocity and its gradient,
+ * and keep position, stress and density. Their sums then remain what they are, and so do nodes that have no other cells: both
+ * are kept and not computed. A cell wakes if one of its nodes would move faster than sleep_speed, if a point arrives, before
+ * gravity changes or a wall opens, and while a body moves near it.
+ *
+ * Whether a cell is asleep is a matter of that cell and its nodes alone. What is skipped, tiles of which all cells are
+ * asleep and groups of nodes, saves time and does not bear on the results: these depend neither on the number of threads
+ * nor on when the points were grouped. */
+#pragma once
+
+#include "core/team.h"
+#include "mpm/engine.h"
+
+/* The interval is that of dt. The looks take so long that waves cross 150 cells at the usual time steps: what swings
+ * slowly is seen to move. */
+enum { GR_SLEEP_INTERVAL = 16, GR_CALM_CHECKS = 32, GR_ASLEEP = INT32_MAX };
+
+/* Who needs the values of a node in each step: nobody; a cell that is awake; one that it may wake. */
+/* Cells without points count as awake: whether a node has mass matters to those around it. */
+enum gr_node_use { GR_NODE_UNUSED, GR_NODE_OF_AWAKE, GR_NODE_OF_WATCHED };
+
+struct gr_sleep {
+    uint8_t *use;      /* enum gr_node_use of the nodes; the last group of GR_LANES is filled up with unused ones */
+    uint8_t *restless; /* of the nodes: whether points about them were too fast, while cells fall asleep */
+    int64_t capacity;
+    int changed;    /* whether a cell has woken or fallen asleep since the uses were found */
+    int all_nodes;  /* whether the values of all nodes are to be computed in this step */
+    int64_t asleep; /* number of cells that are asleep */
+};
+
+int gr_sleep_new(struct gr_engine *e);
+void gr_sleep_free(struct gr_sleep *sleep);
+
+/* Prepare for a new mesh, or for another call of steps: the values of all nodes are computed once more. */
+int gr_sleep_begin(struct gr_engine *e);
+
+/* Look whether the points are slow, and let cells fall asleep. Their tiles are listed in `dirty`: their sums are to be made
+ * again, with those of the density. */
+void gr_sleep_look(struct gr_engine *e, struct gr_team *team);
+
+/* Find the uses of the nodes if they have changed. */
+void gr_sleep_find_uses(struct gr_engine *e, struct gr_team *team);
+
+/* The calm of the cells that are calm, for a restart: out[0] has their indices in the whole grid and out[1] their calm; NULL
+ * to count them.
+ * Returned: their number. */
+int64_t gr_sleep_list(const struct gr_engine *e, int64_t *const out[2]);
+
+/* Set it again, once the points are grouped. Cells without points are passed over.
+ * Returned: 0, or GR_ERR_CONFIG for a calm that no cell can have, and nothing is set. */
+int gr_sleep_restore(struct gr_engine *e, int64_t n, const int64_t *cells, const int64_t *calm);
+
+/* Wake all cells. */
+void gr_sleep_wake_all(struct gr_engine *e);
+
+/* Wake a cell. Several threads may do so at once, for different cells. */
+static inline void gr_wake(struct gr_engine *e, struct gr_cell *cell)
+{
+    if (!e->sleep || cell->calm != GR_ASLEEP) return;
+    cell->calm = 0;
+    __atomic_store_n(&e->sleep->changed, 1, __ATOMIC_RELAXED);
+}
+
+/* The same for one to which a point comes. An empty one is as one that has just become active. */
+static inline void gr_wake_for_arrival(struct gr_engine *e, struct gr_cell *cell)
+{
+    if (!cell->count) cell->calm = 0;
+    gr_wake(e, cell);
+}
+
+/* True if the values of the group of nodes that begins with `first`, a multiple of GR_LANES, are those of the last step. */
+static inline int gr_group_rests(const struct gr_engine *e, int64_t first)
+{
+    uint64_t uses;
+    if (!e->sleep || e->sleep->all_nodes) return 0;
+    _Static_assert(sizeof uses == GR_LANES, "a byte for each node of a group");
+    memcpy(&uses, e->sleep->use + first, sizeof uses);
+    return !uses;
+}
+
+/* The same for all nodes of a tile. */
+static inline int gr_tile_rests(const struct gr_engine *e, int64_t tile)
+{
+    const int32_t *node = e->mesh.cell_node + tile * e->K * GR_LANES;
+    if (!e->sleep || e->sleep->all_nodes) return 0;
+    for (int i = 0; i < e->K * GR_LANES; i++)
+        if (e->sleep->use[node[i]]) return 0;
+    return 1;
+}
+
+/* Bit l: lane l of a tile is a cell that is asleep. */
+static inline unsigned gr_lanes_asleep(const struct gr_engine *e, int64_t tile)
+{
+    unsigned lanes = 0;
+    for (unsigned l = 0; l < GR_LANES; l++) lanes |= (unsigned)(e->mesh.cell[tile * GR_LANES + l].calm == GR_ASLEEP) << l;
+    return lanes;
+}
