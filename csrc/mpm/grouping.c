@@ -257,7 +257,7 @@ static int keep_calm(struct gr_engine *e, struct regroup *r)
     r->calm = calloc((size_t)r->n_cells + 1, sizeof *r->calm);
     if (!r->calm) return GR_ERR_MEMORY;
     for (int64_t c = 0; c < r->n_cells; c++) {
-        if (r->sides && r->sides[c]) continue;
+        if (r->sides && abs(r->sides[c]) == 1) continue; /* double cells do not sleep */
         const int64_t before = (int64_t)gr_table_get(&e->mesh.cell_of, r->cells[c]) - 1;
         const struct gr_cell *cell = before < 0 ? 0 : &e->mesh.cell[before];
         if (cell && cell->count && (cell->calm != GR_ASLEEP || cell->count == r->counts[c])) r->calm[c] = cell->calm;

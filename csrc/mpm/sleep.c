@@ -79,7 +79,7 @@ static void count_looks(void *context, int64_t chunk, int t)
     gr_share(mesh->n_cells, chunk, look->chunks, &first, &last);
     for (struct gr_cell *cell = mesh->cell + first; cell < mesh->cell + last; cell++) {
         if (cell->calm == GR_ASLEEP) continue;
-        const int slow = cell->count && !cell->side && is_slow(look->e, cell);
+        const int slow = cell->count && !GR_IS_DOUBLE(cell) && is_slow(look->e, cell);
         cell->calm = !slow ? 0 : cell->calm < GR_CALM_CHECKS ? cell->calm + 1 : GR_CALM_CHECKS;
         calm += cell->calm == GR_CALM_CHECKS;
     }
@@ -213,7 +213,7 @@ int gr_sleep_restore(struct gr_engine *e, int64_t n, const int64_t *cells, const
             return GR_ERR_CONFIG;
     for (int64_t k = 0; k < n; k++) {
         const int64_t c = (int64_t)gr_table_get(&e->mesh.cell_of, cells[k]) - 1;
-        if (c >= 0 && e->mesh.cell[c].count && !e->mesh.cell[c].side) e->mesh.cell[c].calm = (int32_t)calm[k];
+        if (c >= 0 && e->mesh.cell[c].count && !GR_IS_DOUBLE(&e->mesh.cell[c])) e->mesh.cell[c].calm = (int32_t)calm[k];
     }
     return GR_OK;
 }

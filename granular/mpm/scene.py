@@ -123,8 +123,8 @@ class Scene(BaseScene):
             raise ValueError('transfer = "xpic" must be another one where walls have a velocity')
         if self.scheme.sleep_speed and (self.material.has_fluidity or self.servos):
             raise ValueError(
-                f"sleep_speed = {self.scheme.sleep_speed} must be 0 for a nonlocal law, and where a "
-                "wall keeps a pressure"
+                f"sleep_speed = {self.scheme.sleep_speed} must be 0 for a nonlocal law, and where "
+                "a wall keeps a pressure"
             )
         for axis, (n, periodic) in enumerate(zip(self.grid.shape, self.grid.periodic, strict=True)):
             lines = c0_lines(self.grid, self.walls, axis)

@@ -1,0 +1,164 @@
+"""What `sleep_speed` saves, and what it changes: processor time and state beside a run without it.
+
+Cases: a column that collapses and lies; a silo that empties by half until its outlet is closed; a
+plate that is drawn through the end of a long bed; a bed at rest. One thread. Times of the last part
+of each case are given beside those of the whole, since material sleeps only once it rests. With
+``--page`` the table of docs/reports/speed.md is written anew.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from shared import machine, markdown, parser_of, rounded, write, write_tables
+
+import granular as gr
+
+RESULTS = Path(__file__).parent / "results" / "sleep.json"
+PAGE = Path(__file__).parents[1] / "docs" / "reports" / "speed.md"
+SPEED = 1e-3
+SCHEMES = {"default": gr.schemes.default, "cell averaged": gr.schemes.cell_averaged}
+GRAINS = gr.materials.glass_beads.replace(E=1e7)
+
+
+def column(scheme: gr.Scheme) -> gr.Scene:
+    """Return a column of aspect 2 that falls within 1 s, and lies for another."""
+    return gr.scenes.column_collapse(E=1e7, scheme=scheme)
+
+
+def silo(scheme: gr.Scheme) -> gr.Scene:
+    """Return a bin of which the outlet is closed when it is about half empty."""
+    cell, width, gate = 0.0125, 0.5, 0.1
+    low, high = round((width - gate) / 2 / cell) * cell, round((width + gate) / 2 / cell) * cell
+    floor = [
+        gr.Wall(1, 0.25, kind="no_slip", span=((0.0, low),)),
+        gr.Wall(1, 0.25, kind="no_slip", span=((high, width),)),
+    ]
+    return gr.Scene(
+        name="silo",
+        grid=gr.Grid((0.0, 0.0), cell, (40, 80), open_sides=frozenset({"y-"})),
+        fills=[gr.Fill(gr.Box((0.0, 0.25), (width, 0.85)), points_per_cell=16, lithostatic=True)],
+        walls=[*floor, *(gr.Wall(0, at, kind="no_slip") for at in (0.0, width))],
+        gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
+        material=GRAINS,
+        scheme=scheme,
+        duration=3.0,
+    )
+
+
+def plate(scheme: gr.Scheme) -> gr.Scene:
+    """Return a long bed, through one end of which a plate is drawn."""
+    cell = 0.0125
+    moving = gr.Motion(times=(0.3, 0.4), velocity=((0.0, 0.0), (0.25, 0.0)))
+    body = gr.Body(gr.bodies.Box((0.05, 0.2)), position=(0.3, 0.2), motion=moving, friction=0.3)
+    return gr.Scene(
+        name="plate",
+        grid=gr.Grid((0.0, 0.0), cell, (200, 28)),
+        fills=[gr.Fill(gr.Box((0.0, 0.0), (2.5, 0.2)), points_per_cell=4, lithostatic=True)],
+        walls=[
+            gr.Wall(1, 0.0, kind="no_slip"),
+            *(gr.Wall(0, at, kind="free_slip") for at in (0.0, 2.5)),
+        ],
+        bodies=[body],
+        gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
+        material=GRAINS,
+        scheme=scheme,
+        duration=1.5,
+    )
+
+
+def bed(scheme: gr.Scheme) -> gr.Scene:
+    """Return the same bed without the plate."""
+    return plate(scheme).replace(name="bed", bodies=(), duration=0.6)
+
+
+CASES = {"column": column, "silo": silo, "plate": plate, "bed": bed}
+LATE = 0.2
+"""Last part of a case of which the time is given apart."""
+
+
+def timed(scene: gr.Scene) -> tuple[gr.Simulation, float, float]:
+    """Run a scene: its end, and processor time of the whole and of the last part [s per s]."""
+    sim, start = gr.Simulation(scene, threads=1), time.process_time()
+    sim.run(until=(1 - LATE) * scene.duration)
+    middle = time.process_time()
+    sim.run(until=scene.duration)
+    end = time.process_time()
+    return sim, (end - start) / scene.duration, (end - middle) / (LATE * scene.duration)
+
+
+def compare(name: str, scheme: gr.Scheme) -> dict[str, Any]:
+    """Run a case without sleep and with it."""
+    build = CASES[name]
+    whole, plain, plain_late = timed(build(scheme))
+    slept, quick, quick_late = timed(build(scheme.replace(sleep_speed=SPEED)))
+    a, b = whole.state, slept.state
+    common = np.isin(a.id, b.id), np.isin(b.id, a.id)
+    moved = np.linalg.norm(a.x[common[0]] - b.x[common[1]], axis=1) / whole.scene.grid.cell
+    found = {
+        "points": whole.n_points,
+        "asleep": float((b.v == 0).all(axis=1).mean()),
+        "time": plain,
+        "time_late": plain_late,
+        "share": quick / plain,
+        "share_late": quick_late / plain_late,
+        "moved_mean": float(moved.mean()),
+        "moved_most": float(moved.max()),
+        "points_changed": (slept.n_points - whole.n_points) / whole.n_points,
+    }
+    if whole.bodies:
+        force = [float(sim.bodies[0].impulse[0]) for sim in (whole, slept)]
+        found["impulse_changed"] = force[1] / force[0] - 1
+    return found
+
+
+def table(results: dict[str, Any]) -> list[str]:
+    """Return the lines of the table of the page."""
+    head = (
+        "case",
+        "scheme",
+        "asleep at the end",
+        "time over that without sleep",
+        f"the last {LATE:.0%}",
+        "points moved otherwise, mean, cells",
+    )
+    return markdown(
+        head,
+        [
+            (
+                case,
+                scheme,
+                f"{q['asleep']:.0%}",
+                f"{q['share']:.2f}",
+                f"{q['share_late']:.3f}",
+                f"{q['moved_mean']:.4f}",
+            )
+            for case, of_case in results["cases"].items()
+            for scheme, q in of_case.items()
+        ],
+    )
+
+
+def main() -> None:
+    """Run what the command line asks for."""
+    parser = parser_of(__doc__)
+    parser.add_argument("cases", nargs="*", default=list(CASES))
+    parser.add_argument("--page", action="store_true", help="write the table from the results")
+    args = parser.parse_args()
+    if not args.page:
+        names = args.cases[-1:] if args.quick else args.cases
+        cases = {
+            case: {name: compare(case, scheme) for name, scheme in SCHEMES.items()}
+            for case in names
+        }
+        write(args.out, rounded({"machine": machine(), "sleep_speed": SPEED, "cases": cases}, 4))
+        return
+    write_tables(PAGE, {"sleep": table(json.loads(RESULTS.read_text()))})
+
+
+if __name__ == "__main__":
+    main()
