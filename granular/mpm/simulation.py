@@ -172,10 +172,10 @@ class Simulation(simulation.Simulation, scenes=Scene):
         for name, rows, _, _ in self._engine.fields():
             if name in without:
                 continue
-            values = np.empty((len(places), rows))
-            for column, row in zip(values.T, self._buffers[name], strict=True):
-                column[:] = row.take(places)
-            fields[name] = values if rows > 1 else values[:, 0]
+            columns = np.empty((rows, len(places)))
+            for column, row in zip(columns, self._buffers[name], strict=True):
+                row.take(places, out=column, mode="clip")  # which is not buffered, as "raise" is
+            fields[name] = columns.T if rows > 1 else columns[0]
         fields["x"] = self._wrapped(fields["x"])
         return fields
 

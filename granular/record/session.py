@@ -42,8 +42,7 @@ class Session:
     ) -> Iterator[TrajectoryWriter | None]:
         """Yield the writer of a run: of a new record if `save` is given, else of the present one.
 
-        It is None without a record. A writer that an earlier run could not close goes on, and first
-        stores what that run could not store.
+        It is None without a record. A writer that an earlier run could not close goes on.
         """
         path = self.path if save is None else Path(save)
         if path is None:
@@ -53,7 +52,6 @@ class Session:
         self.path, self._unclosed = path, writer
         try:
             with writer:
-                writer.store()  # at once what an earlier run could not store
                 try:
                     yield writer
                 except _core.SimulationError as error:
@@ -75,5 +73,5 @@ class Session:
             writer = TrajectoryWriter(path, scene, overwrite=overwrite, provenance=provenance)
         if unclosed is not None:
             with suppress(OSError, RecordError):  # it can be resumed in any case
-                unclosed.leave()
+                unclosed.close()
         return writer
