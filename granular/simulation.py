@@ -17,6 +17,7 @@ from granular.diagnostics import Health, Monitor, StabilityWarning, health
 from granular.measure.derived import with_derived
 from granular.notebook import table
 from granular.record import Checkpoint, TrajectoryWriter
+from granular.record.fresh import Streamed
 from granular.record.session import Session
 from granular.record.settings import DOUBLE, fields_to_store, precision_to_store
 from granular.resuming import resumed
@@ -164,6 +165,10 @@ class Simulation:
     def _fields(self, kept: bool) -> dict[str, NDArray]:
         """Return the fields of a state, ordered by id; `kept`: only those that a record keeps."""
         raise NotImplementedError
+
+    def _streamed(self) -> State | Streamed:
+        """Return what a record keeps of the present state, in memory only column by column."""
+        return self._snapshot(kept=True)
 
     def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
         """Return the numbers and arrays of a checkpoint."""
@@ -322,7 +327,7 @@ class Simulation:
         checkpoints : int, optional
             Keep the checkpoint of each so many frames (1: of all), so that `resume` can begin with
             them, in the folder ``<save>.checkpoints``; by default only the newest is kept, in the
-            record. Each takes a few times as much space as a frame.
+            record. Each takes about twice as much space as a frame.
         overwrite : bool
             Whether an existing record may be replaced.
         progress : bool
@@ -401,17 +406,18 @@ class Simulation:
     ) -> None:
         self._due = self.steps
         sampled = monitor and self._monitor.due(self.steps, self.n_points)
-        if writer or sampled:
+        state, samples = None, {}
+        if sampled or (writer and self._stored):
             state = self._snapshot(kept=True)
-            samples = {}
-            if sampled:
-                samples = self._monitor.sample(state, self._indicators(state), self._work())
+        if state and sampled:
+            samples = self._monitor.sample(state, self._indicators(state), self._work())
         if writer:
-            state.fields.update(with_derived(state, self._stored))
-            gas_fields = state.gas.fields if gas and hasattr(state, "gas") else None
+            if state:
+                state.fields.update(with_derived(state, self._stored))
+            frame = state or self._streamed()
             index = writer.append(
-                state,
-                gas=gas_fields,
+                frame,
+                gas=frame.gas.fields if gas and hasattr(frame, "gas") else None,
                 samples=samples,
                 bodies=self._body_rows(),
                 walls=self._wall_rows(),

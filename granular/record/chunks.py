@@ -8,6 +8,7 @@ compressed. HDF5 readers decompress it automatically.
 
 import zlib
 from collections.abc import Mapping, Sequence
+from typing import Protocol
 
 import h5py
 import numpy as np
@@ -24,7 +25,11 @@ from granular.record.storage import Sink
 
 LEVEL = 1
 SAMPLE = 64
-WORTHWHILE = 0.6
+WORTHWHILE = 0.3
+"""Size of a packed sample, in that of the sample, up to which a column is compressed.
+
+To compress a column takes as long as to store four that are not.
+"""
 VECTORS = ("Points", "v")
 """Datasets stored with three columns, as ParaView requires."""
 NO_SHUFFLE, NO_DEFLATE = 0b01, 0b10
@@ -124,28 +129,26 @@ def check_chunks(columns: int, chunk: int, n: int, count: int) -> None:
         raise ValueError(f"{count} chunks of {chunk} rows cannot be {n} rows")
 
 
-class Fresh:
-    """A field of a frame that is not stored yet; its chunks are packed as they are asked for."""
+class Field(Protocol):
+    """A field of a frame."""
 
-    def __init__(self, array: np.ndarray, chunk: int, packer: Packer, name: str) -> None:
-        self.dtype, self.chunk = array.dtype.str, chunk
-        self.columns = array.shape[1] if array.ndim == 2 else 0
-        self._array, self._packer, self._name = array, packer, name
+    @property
+    def dtype(self) -> str:
+        """Type of the numbers."""
+
+    @property
+    def columns(self) -> int:
+        """Number of columns, 0 for an array of shape (n,)."""
+
+    @property
+    def chunk(self) -> int:
+        """Rows per chunk."""
 
     def raw(self, corner: tuple[int, ...]) -> tuple[int, Raw]:
         """Return filter mask and bytes of the chunk that begins at (row,) or (row, column)."""
-        row, *rest = corner
-        column = self._array[:, rest[0]] if rest else self._array
-        part = np.ascontiguousarray(column[row : row + self.chunk])
-        if len(part) < self.chunk:
-            whole = np.zeros(self.chunk, dtype=part.dtype)
-            whole[: len(part)] = part
-            part = whole
-        return self._packer.pack((self._name, *corner), part)
 
     def read(self, row: int, n: int) -> np.ndarray:
-        """Return ``n`` rows from ``row``."""
-        return self._array[row : row + n]
+        """Return ``n`` unpacked rows from ``row``."""
 
 
 class Packed:
@@ -159,7 +162,7 @@ class Packed:
         self._chunks = dict(zip(corners(n, chunk, columns), chunks, strict=True))
 
     def raw(self, corner: tuple[int, ...]) -> tuple[int, Raw]:
-        """Return filter mask and bytes of a chunk, as `Fresh.raw`."""
+        """Return filter mask and bytes of a chunk, as `Field.raw`."""
         return self._chunks[corner]
 
     def read(self, row: int, n: int) -> np.ndarray:
@@ -188,7 +191,7 @@ class Stored:
         self._filtered = data.id.get_create_plist().get_nfilters() > 0
 
     def raw(self, corner: tuple[int, ...]) -> tuple[int, Raw]:
-        """Return filter mask and bytes of a chunk, as `Fresh.raw`.
+        """Return filter mask and bytes of a chunk, as `Field.raw`.
 
         ValueError if it is larger than a chunk can be.
         """
@@ -219,9 +222,6 @@ class Stored:
         return rows
 
 
-Field = Fresh | Packed | Stored
-
-
 def layout(fields: Mapping[str, Field]) -> dict[str, tuple[str, int, int]]:
     """Type, number of columns and rows per chunk of each field, equal in all frames of a record."""
     return {name: (field.dtype, field.columns, field.chunk) for name, field in fields.items()}
@@ -248,11 +248,11 @@ def create(group: h5py.Group, name: str, rows: int, like: Field) -> h5py.Dataset
 
 
 def corners(n: int, chunk: int, columns: int) -> list[tuple[int, ...]]:
-    """First row (and column, if the field has columns) of each chunk of a frame of ``n`` rows."""
+    """First row (and column, if the field has columns) of each chunk, column by column."""
     rows = range(0, n, chunk)
     if not columns:
         return [(row,) for row in rows]
-    return [(row, column) for row in rows for column in range(columns)]
+    return [(row, column) for column in range(columns) for row in rows]
 
 
 def copy(

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from granular.record.chunks import Field
-from granular.record.layout import RecordError, frame_digest, reading, seal
+from granular.record.layout import RecordError, checksums, frame_digest, reading, seal
 
 
 class Source(Protocol):
@@ -54,6 +54,10 @@ class Frame:
         """Digest of all that is stored for this time."""
         return self.digest + (self.gas.digest if self.gas else b"")
 
+    def digest_of(self, fields: Mapping[str, bytes]) -> bytes:
+        """Digest of a frame with these scalars, and with fields of these `checksums`."""
+        return frame_digest(self.time, self.step, self.dt, self.mass, fields)
+
     def read(self) -> dict[str, np.ndarray]:
         """Read and verify all fields.
 
@@ -64,7 +68,7 @@ class Frame:
         """
         with reading(self.source.path), self.source.fields() as stored:
             fields = {name: field.read(self.row, self.n) for name, field in stored.items()}
-        if self.digest != frame_digest(self.time, self.step, self.dt, self.mass, fields):
+        if self.digest != self.digest_of({k: checksums(a.T) for k, a in fields.items()}):
             raise RecordError(
                 f"{self.source.path}: the frame of step {self.step} does not match its digest"
             )

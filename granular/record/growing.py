@@ -23,6 +23,7 @@ import numpy as np
 from granular.record import chunks
 from granular.record.checkpoint import Checkpoint, write_checkpoint
 from granular.record.frame import SCALARS, Frame, Head, Table, samples_of
+from granular.record.fresh import told
 from granular.record.layout import (
     DIGEST_SIZE,
     FORMAT,
@@ -73,8 +74,10 @@ class _Points:
                     target.resize(end, axis=0)
                 places = chunks.copy(field, frame.row, target, self._rows, frame.n, self._sink)
                 placed[name] = (*layout[name], places)
+            digest = frame.digest or frame.digest_of(told(fields))
         self._sink.check()
-        return replace(frame, row=0, source=Stretch(self._path, frame.n, placed))
+        source = Stretch(self._path, frame.n, placed)
+        return replace(frame, digest=digest, row=0, source=source)
 
     def advance(self, n: int) -> None:
         """Leave the place that the last frame, of ``n`` points, has taken."""
@@ -201,7 +204,10 @@ class Growing:
             self._gas.advance(placed.gas.n)
 
     def append(self, frame: Frame) -> None:
-        """Add a frame; OSError if it could not be written, all is then as before."""
+        """Add a frame, whose digest may be missing.
+
+        OSError if it could not be written; all is then as before.
+        """
         placed = self._put(frame)
         entry = frame_entry(placed)
         os.ftruncate(self._log_fd, self._end)  # a part of an entry after an error

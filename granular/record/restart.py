@@ -3,7 +3,6 @@
 import math
 import os
 import struct
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -48,7 +47,7 @@ def read_restart(path: Path) -> Checkpoint:
             raise ValueError(f"it has {size} bytes, not those that its header says")
         time, step, dt = CLOCK.unpack(bytes.fromhex(header["clock"]))
         scalars = {
-            name: _array(dtype, (), bytes.fromhex(raw)).item()
+            name: np.frombuffer(bytes.fromhex(raw), dtype=_known(dtype)).reshape(()).item()
             for name, (dtype, raw) in header["scalars"].items()
         }
         arrays = {}
@@ -56,14 +55,16 @@ def read_restart(path: Path) -> Checkpoint:
             length = 8 * math.prod(map(whole, shape))
             if length > header["size"]:
                 raise ValueError(f"array {name} has shape {shape}, more than the file can hold")
-            arrays[name] = _array(dtype, shape, file.read(length))
+            arrays[name] = np.empty(shape, dtype=_known(dtype))
+            if file.readinto(arrays[name].reshape(-1).view(np.uint8).data) != length:
+                raise ValueError(f"array {name} is not whole")
         checkpoint = Checkpoint(time=time, step=step, dt=dt, scalars=scalars, arrays=arrays)
         if checkpoint.digest != bytes.fromhex(header["digest"]):
             raise ValueError("the checkpoint does not match its digest")
     return checkpoint
 
 
-def _array(dtype: str, shape: Sequence[int], raw: bytes) -> np.ndarray:
+def _known(dtype: str) -> str:
     if dtype not in DTYPES:
         raise ValueError(f"type {dtype!r} must be one of {DTYPES}")
-    return np.frombuffer(raw, dtype=dtype).reshape(shape).copy()
+    return dtype

@@ -15,8 +15,9 @@ import numpy as np
 from granular.record import kept
 from granular.record import provenance as origin
 from granular.record.checkpoint import Checkpoint
-from granular.record.chunks import Fresh, Packer
+from granular.record.chunks import Field, Packer
 from granular.record.frame import BODY, WALL, Frame, Head, Texts, names_of
+from granular.record.fresh import Columns, Fresh, New, Streamed, told
 from granular.record.growing import Growing, remove_all
 from granular.record.index import Contents, load, parts_folder, unfinished
 from granular.record.layout import (
@@ -25,7 +26,6 @@ from granular.record.layout import (
     RecordError,
     check_type,
     chunk_rows,
-    frame_digest,
     reading,
 )
 from granular.record.lock import Lock
@@ -36,49 +36,41 @@ if TYPE_CHECKING:
     from granular.typing import AnyScene
 
 
-def _check_fields(given: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the fields of points, if they can be stored without loss."""
-    fields: dict[str, np.ndarray] = {}
-    for name, array in given.items():
+Given = Mapping[str, np.ndarray | Columns]
+
+
+def _check_fields(fields: Given) -> None:
+    """Refuse fields that are not those of points, or cannot be stored without loss."""
+    for name, array in fields.items():
         if not name.isidentifier() or not name.isascii():
             raise ValueError(f"field name {name!r} must be an ASCII identifier")
         check_type(f"field {name}", array, FIELD_DTYPES)
-        if array.ndim not in (1, 2) or (array.ndim == 2 and not 1 <= array.shape[1] <= MAX_COLUMNS):
+        wide = array.shape[1:]
+        if len(array.shape) not in (1, 2) or (wide and not 1 <= wide[0] <= MAX_COLUMNS):
             raise ValueError(
                 f"field {name} has shape {array.shape}, must be (n,) or (n, 1..{MAX_COLUMNS})"
             )
-        fields[name] = array
     for name in ("x", "mass"):
         if name not in fields:
             raise ValueError(f"fields = {sorted(fields)} must have {name}")
     x = fields["x"]
-    if x.dtype.kind != "f" or x.ndim != 2 or x.shape[1] not in (2, 3):
+    if x.dtype.kind != "f" or len(x.shape) != 2 or x.shape[1] not in (2, 3):
         raise ValueError(f"field x has shape {x.shape}, must be of floats, (n, 2) or (n, 3)")
     for name, array in fields.items():
-        if len(array) != len(x):
-            raise ValueError(f"field {name} has {len(array)} rows, x has {len(x)}")
-    return fields
+        if array.shape[0] != x.shape[0]:
+            raise ValueError(f"field {name} has {array.shape[0]} rows, x has {x.shape[0]}")
 
 
-def _rounded(array: np.ndarray) -> np.ndarray:
-    """Return an array of floats in single precision, any other one as it is."""
-    if array.dtype.kind != "f":
-        return array
-    with np.errstate(over="ignore"):  # infinity then
-        return array.astype("<f4", order="K")
+def _spec(fields: Mapping[str, Field]) -> dict[str, tuple[str, int]]:
+    """Types and columns of fields."""
+    return {name: (field.dtype, field.columns) for name, field in fields.items()}
 
 
-@dataclass(frozen=True)
-class _New:
-    """Fields of a frame that is not stored yet (a `Source`)."""
-
-    path: Path
-    given: Mapping[str, Fresh]
-
-    @contextmanager
-    def fields(self) -> Iterator[Mapping[str, Fresh]]:
-        """Return the fields by name, as `Source.fields`."""
-        yield self.given
+def _with_digest(frame: Frame) -> Frame:
+    """Return a frame that is not stored yet with its digest, for which all columns are made."""
+    assert isinstance(frame.source, New)
+    gas = frame.gas and _with_digest(frame.gas)
+    return replace(frame, digest=frame.digest_of(told(frame.source.given)), gas=gas)
 
 
 @dataclass
@@ -95,41 +87,35 @@ class _Layout:
         if frame is None:
             return cls()
         with frame.source.fields() as stored:
-            spec = {name: (field.dtype, field.columns) for name, field in stored.items()}
-            return cls(spec, stored["x"].chunk)
+            return cls(_spec(stored), stored["x"].chunk)
 
-    def frame(
-        self, path: Path, state: "State", given: Mapping[str, np.ndarray], single: bool
-    ) -> Frame:
-        """Return a frame of these fields, which is not stored yet.
+    def frame(self, path: Path, state: "State | Streamed", given: Given, single: bool) -> Frame:
+        """Return a frame of these fields, which is not stored yet and has no digest.
 
         ValueError if they are not those of the frames before.
         """
-        fields = _check_fields(given)
-        mass = float(np.sum(fields["mass"], dtype=float))
-        if single:
-            fields = {name: _rounded(array) for name, array in fields.items()}
-        spec = {name: (a.dtype.str, a.shape[1] if a.ndim == 2 else 0) for name, a in fields.items()}
+        _check_fields(given)
+        n = given["x"].shape[0]
+        chunk = self.chunk or chunk_rows(n)
+        new = {name: Fresh(a, chunk, self.packer, name, single) for name, a in given.items()}
+        spec = _spec(new)
         if self.spec is not None and spec != self.spec:
             raise ValueError(f"fields = {spec} must be those of frame 0: {self.spec}")
-        n = len(fields["x"])
-        chunk = self.chunk or chunk_rows(n)
-        new = {name: Fresh(a, chunk, self.packer, name) for name, a in fields.items()}
-        scalars: dict[str, Any] = {
-            "time": float(state.time),
-            "step": int(state.step),
-            "dt": float(state.dt),
-            "mass": mass,
-        }
-        digest = frame_digest(**scalars, fields=fields)
-        return Frame(**scalars, n=n, digest=digest, row=0, source=_New(path, new))
+        return Frame(
+            time=float(state.time),
+            step=int(state.step),
+            dt=float(state.dt),
+            mass=new["mass"].total(),
+            n=n,
+            digest=b"",
+            row=0,
+            source=New(path, new),
+        )
 
     def fix(self, frame: Frame) -> None:
         """Let all further frames be as this one."""
-        assert isinstance(frame.source, _New)
-        given = frame.source.given
-        self.spec = {name: (new.dtype, new.columns) for name, new in given.items()}
-        self.chunk = given["x"].chunk
+        assert isinstance(frame.source, New)
+        self.spec, self.chunk = _spec(frame.source.given), frame.source.given["x"].chunk
 
 
 class TrajectoryWriter:
@@ -323,7 +309,7 @@ class TrajectoryWriter:
 
     def append(
         self,
-        state: "State",
+        state: "State | Streamed",
         *,
         gas: Mapping[str, np.ndarray] | None = None,
         samples: Mapping[str, float] | None = None,
@@ -337,7 +323,7 @@ class TrajectoryWriter:
 
         Parameters
         ----------
-        state : State
+        state : State or Streamed
         gas : mapping, optional
             Fields of the gas particles.
         samples : mapping, optional
@@ -372,7 +358,9 @@ class TrajectoryWriter:
         frame = replace(frame, samples=told)
         index = bisect_left(self._frames, frame.step, key=lambda old: old.step)
         known = self._frames[index] if index < len(self._frames) else None
-        if known and (known.step, known.mark) == (frame.step, frame.mark):
+        if known and known.step == frame.step:
+            frame = _with_digest(frame)
+        if known and frame.digest and known.mark == frame.mark:
             self._cursor = max(self._cursor, index + 1)
             return index
         if index < self._cursor:

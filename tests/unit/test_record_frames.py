@@ -12,7 +12,8 @@ import pytest
 from paraview_reader import as_array, paraview
 
 from granular.record import Checkpoint, RecordError, TrajectoryWriter, info, open_trajectory
-from granular.record.chunks import Fresh, Packed, Packer, corners
+from granular.record.chunks import Packed, Packer, corners
+from granular.record.fresh import Fresh
 
 
 @dataclass(frozen=True)
@@ -94,8 +95,8 @@ def assert_holds(path, states):
     return record
 
 
-# points leave, arrive and vanish; 40000 exceeds the largest chunk
-COUNTS = ([50, 50, 47, 1, 0, 60, 200], [0, 3], [40000, 33000, 12])
+# points leave, arrive and vanish; 70000 exceeds the largest chunk
+COUNTS = ([50, 50, 47, 1, 0, 60, 200], [0, 3], [70000, 60000, 12])
 
 
 @pytest.mark.parametrize("counts", COUNTS)
@@ -241,7 +242,7 @@ def test_columns_that_change_their_nature_come_back_as_they_were():
     noise = [rng.random(n) for _ in range(Packer.PATIENCE + 2)]
     same, zero = np.full(n, 0.1), np.where(np.arange(n) == 7, -0.0, 0.0)
     for column in (same, same, zero, -zero, *noise, *[same] * (Packer.PATIENCE + 1), zero):
-        fresh = Fresh(column, 256, packer, "v")
+        fresh = Fresh(column, 256, packer, "v", False)
         chunks = [fresh.raw(corner) for corner in corners(n, 256, 0)]
         packed = Packed(fresh.dtype, 0, 256, n, [(mask, bytes(raw)) for mask, raw in chunks])
         assert packed.read(0, n).tobytes() == column.tobytes()
