@@ -34,7 +34,7 @@ class Columns(Protocol):
 
 @dataclass(frozen=True)
 class Streamed:
-    """What a frame takes of a state, with fields that are made column by column."""
+    """The part of a state that a frame stores, with fields that are made column by column."""
 
     time: float
     step: int
@@ -91,7 +91,7 @@ class Fresh:
         return float(np.sum(self._source.column(0, np.empty(self.n)), dtype=float))
 
     def told(self) -> bytes:
-        """What `granular.record.layout.checksums` tells of the field."""
+        """Return the `granular.record.layout.checksums` of the field."""
         count, out = max(self.columns, 1), np.empty(self.n)
         for k in range(count):
             if k not in self._sums:

@@ -165,6 +165,7 @@ class Growing:
             self._gas: _Points | None = None
             if checkpoint:
                 write_restart(self.restart, checkpoint)
+            fsync_folder(path.parent)  # which holds the folder
             with replacing(self._log, self._log.with_suffix(".tmp"), mode) as fd:
                 write_all(fd, head_entry(head))
                 for frame in frames:

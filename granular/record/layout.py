@@ -134,7 +134,7 @@ def check_format(path: Path, version: int) -> int:
 
 
 def described(dtype: str, shape: tuple[int, ...], sums: bytes) -> bytes:
-    """What `checksums` tells of an array of this type and shape with these checksums."""
+    """Return the bytes of `checksums` for an array of this type and shape."""
     return f"{dtype}{shape}".encode() + sums
 
 

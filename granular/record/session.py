@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from granular import _core
-from granular.record.layout import RecordError
 from granular.record.writer import TrajectoryWriter
 
 if TYPE_CHECKING:
@@ -68,10 +67,5 @@ class Session:
         if unclosed is not None and unclosed.writes(path):
             return unclosed
         if resumed:
-            writer = TrajectoryWriter.resume(path, provenance=provenance)
-        else:
-            writer = TrajectoryWriter(path, scene, overwrite=overwrite, provenance=provenance)
-        if unclosed is not None:
-            with suppress(OSError, RecordError):  # it can be resumed in any case
-                unclosed.close()
-        return writer
+            return TrajectoryWriter.resume(path, provenance=provenance)
+        return TrajectoryWriter(path, scene, overwrite=overwrite, provenance=provenance)

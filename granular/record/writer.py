@@ -287,7 +287,7 @@ class TrajectoryWriter:
         return self._growing
 
     def _take_up(self) -> None:
-        if not self._filled and identity(self.path) == self._replaces:
+        if not self._filled and identity(self.path) == self._replaces and not unfinished(self.path):
             self._begin(self._texts)
             return
         with self._stored() as contents:

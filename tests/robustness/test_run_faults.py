@@ -165,6 +165,8 @@ def test_a_killed_run_goes_on_to_the_last_bit(small_scene, tmp_path):
         assert record.checkpoint().digest == other.checkpoint().digest
         assert [shown(state) for state in record] == [shown(state) for state in other]
         assert record.finished and record[-1].step == sim.steps
+        for name, array in record[-1].fields.items():
+            assert np.array_equal(array, sim.state.fields[name]), name
 
 
 @pytest.mark.usefixtures("ctrl_c")
