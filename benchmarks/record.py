@@ -85,7 +85,7 @@ def table(account: Account, frames: int, steps: int) -> str:
     total = sum(account.spent.values())
     lines = [f"{'ms in all':26s}{'wall':>9s}{'processor':>11s}"]
     for part, spent in (*account.spent.items(), ("sum", total)):
-        lines.append(f"{part:26s}{1e3 * spent[0]:9.1f}{1e3 * spent[1]:11.1f}")
+        lines.append(f"{part:26s}{1e3 * spent[0]:9.2f}{1e3 * spent[1]:11.2f}")
     share = account.spent[KERNELS] / total
     lines.append(f"{'share of the kernels':26s}{share[0]:9.1%}{share[1]:11.1%}")
     frame = account.spent[FRAMES] / frames / (account.spent[KERNELS] / steps)

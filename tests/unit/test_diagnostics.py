@@ -213,7 +213,7 @@ def test_an_unfinished_record_has_samples(scene, often, tmp_path):
             assert not record.finished
             found.append(np.isfinite(record.samples.get("courant", [])).sum() - len(record))
 
-    gr.Simulation(scene, threads=1).run(until=0.05, every=0.02, save=path, hooks=(look,))
+    gr.Simulation(scene, threads=1).run(until=0.06, every=0.02, save=path, hooks=(look,))
     assert found == [-1] * 4
 
 
