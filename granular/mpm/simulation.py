@@ -195,7 +195,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         if (end := int(ids.max(initial=-1)) + 1) <= SPARSE * len(ids):
             ordered = np.full(end, -1)
             ordered[ids[living]] = living  # by id, with gaps for points that have left
-            return ordered[ordered >= 0]
+            return ordered if len(living) == end else ordered[ordered >= 0]
         return living[np.argsort(ids[living], kind="stable")]
 
     def _gathered(self, kept: bool) -> dict[str, _Gathered]:

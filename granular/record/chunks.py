@@ -88,6 +88,13 @@ class Packer:
     def __init__(self) -> None:
         self._shrunk: dict[tuple, tuple[np.ndarray, tuple[int, Raw]]] = {}
         self._noise: dict[tuple, int] = {}  # number of frames left until the next trial
+        self._space = np.empty((2, 0))
+
+    def space(self, n: int) -> np.ndarray:
+        """Return room for two columns of ``n`` numbers of 8 bytes, the same for all frames."""
+        if self._space.shape[1] < n:
+            self._space = np.empty((2, n))
+        return self._space[:, :n]
 
     def pack(self, place: tuple, column: np.ndarray) -> tuple[int, Raw]:
         """Do as `pack` for the column at a place in a frame."""

@@ -88,11 +88,15 @@ class Fresh:
 
     def total(self) -> float:
         """Sum of the first column as it was given, in double precision."""
-        return float(np.sum(self._source.column(0, np.empty(self.n)), dtype=float))
+        return float(np.sum(self._source.column(0, self.space()[0]), dtype=float))
+
+    def space(self) -> np.ndarray:
+        """Return room for two columns, which all frames use again."""
+        return self._packer.space(self.n)
 
     def told(self) -> bytes:
         """Return the `granular.record.layout.checksums` of the field."""
-        count, out = max(self.columns, 1), np.empty(self.n)
+        count, out = max(self.columns, 1), self.space()[0]
         for k in range(count):
             if k not in self._sums:
                 self.make(k, out)
@@ -104,9 +108,7 @@ class Fresh:
         """Return filter mask and bytes of the chunk that begins at (row,) or (row, column)."""
         row, k = (*corner, 0)[:2]
         if k != self._at:
-            self._column = (
-                self.make(k, np.empty(self.n)) if self.ahead is None else next(self.ahead)
-            )
+            self._column = self.make(k, self.space()[0]) if self.ahead is None else next(self.ahead)
             self._at = k
         part = self._column[row : row + self.chunk]
         if len(part) < self.chunk:
@@ -131,12 +133,11 @@ class New:
     def fields(self) -> Iterator[Mapping[str, Fresh]]:
         """Return the fields by name, of which the columns are to be used in their order."""
         fields = self.given.values()
-        n = max(field.n for field in fields)
-        if n < AHEAD:
+        if max(field.n for field in fields) < AHEAD:
             yield self.given
             return
         with ThreadPoolExecutor(1) as pool:
-            columns = _made_ahead(fields, n, pool)
+            columns = _made_ahead(fields, pool)
             for field in fields:
                 field.ahead = columns
             try:
@@ -151,14 +152,13 @@ def told(fields: Mapping[str, Field]) -> dict[str, bytes]:
     return {name: field.told() for name, field in fields.items() if isinstance(field, Fresh)}
 
 
-def _made_ahead(fields: Iterable[Fresh], n: int, pool: ThreadPoolExecutor) -> Iterator[np.ndarray]:
+def _made_ahead(fields: Iterable[Fresh], pool: ThreadPoolExecutor) -> Iterator[np.ndarray]:
     """Columns of all fields, one after the other; each is made while the one before is used."""
-    buffers = np.empty((2, n))
     pending: Future[np.ndarray] | None = None
     turn = 0
     for field in fields:
         for k in range(max(field.columns, 1)):
-            following = pool.submit(field.make, k, buffers[turn])
+            following = pool.submit(field.make, k, field.space()[turn])
             turn = 1 - turn
             if pending is not None:
                 yield pending.result()

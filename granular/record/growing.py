@@ -13,7 +13,7 @@ log tells where they are, to readers as well as to the writer that goes on after
 
 import os
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,7 +23,7 @@ import numpy as np
 from granular.record import chunks
 from granular.record.checkpoint import Checkpoint, write_checkpoint
 from granular.record.frame import SCALARS, Frame, Head, Table, samples_of
-from granular.record.fresh import told
+from granular.record.fresh import New, told
 from granular.record.layout import (
     DIGEST_SIZE,
     FORMAT,
@@ -57,7 +57,11 @@ class _Points:
 
         The next one takes the same place unless `advance` is called.
         """
-        with reading(frame.source.path), frame.source.fields() as fields:
+        copied = not isinstance(frame.source, New)
+        with (
+            reading(frame.source.path) if copied else nullcontext(),
+            frame.source.fields() as fields,
+        ):
             layout = chunks.layout(fields)
             if not self._targets:
                 self._layout, self._chunk = layout, fields["x"].chunk

@@ -37,9 +37,14 @@ class Stretch:
         """Return the fields by name, as `Source.fields`."""
         packed = {}
         with reading(self.path), open(self.path, "rb") as file:
-            total = sum(size for *_, chunks in self.layout.values() for *_, size in chunks)
-            if total > os.fstat(file.fileno()).st_size:
-                raise ValueError(f"a frame of {total} bytes is more than the file can hold")
+            ends = [
+                (at + size, size) for *_, chunks in self.layout.values() for _, at, size in chunks
+            ]
+            end, total = max((end for end, _ in ends), default=0), sum(size for _, size in ends)
+            if max(end, total) > os.fstat(file.fileno()).st_size:
+                raise ValueError(
+                    f"a frame of {total} bytes up to {end} is more than the file holds"
+                )
             for name, (dtype, columns, chunk, chunks) in self.layout.items():
                 raw = []
                 for mask, place, size in chunks:
