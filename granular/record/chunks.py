@@ -91,7 +91,7 @@ class Packer:
         self._space = np.empty((2, 0))
 
     def space(self, n: int) -> np.ndarray:
-        """Return room for two columns of ``n`` numbers of 8 bytes, the same for all frames."""
+        """Return memory for two columns of ``n`` numbers of 8 bytes, the same for all frames."""
         if self._space.shape[1] < n:
             self._space = np.empty((2, n))
         return self._space[:, :n]

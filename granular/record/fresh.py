@@ -91,7 +91,7 @@ class Fresh:
         return float(np.sum(self._source.column(0, self.space()[0]), dtype=float))
 
     def space(self) -> np.ndarray:
-        """Return room for two columns, which all frames use again."""
+        """Return memory for two columns, which all frames use again."""
         return self._packer.space(self.n)
 
     def told(self) -> bytes:
