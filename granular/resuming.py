@@ -39,7 +39,7 @@ def resumed(
             check_alike(record.scene, scene)
         method, checkpoint = cls._of(record.scene), record.checkpoint(frame)
         with reading(record.path, "the run cannot be resumed"):
-            every, recorded, stored = settings_of(record.path, record.provenance)
+            every, recorded, stored, precision = settings_of(record.path, record.provenance)
             if isa is None:
                 isa = usable_isa(recorded, record.path)
             if scene is not None:  # material that rested may move under changed numbers
@@ -49,6 +49,6 @@ def resumed(
             if scene is None:
                 past = record.series["step"] <= sim.steps
                 sim._monitor.recall({name: v[past] for name, v in record.samples.items()})
-    sim._every, sim._stored = every, stored
+    sim._every, sim._stored, sim._precision = every, stored, precision
     sim._session.path = None if scene is not None else Path(path)
     return sim

@@ -7,8 +7,8 @@ import signal
 import threading
 import time as clock
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
-from typing import TYPE_CHECKING, Any
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -16,11 +16,14 @@ from granular import _core
 from granular.checks import positive
 
 if TYPE_CHECKING:
+    from granular.record import TrajectoryWriter
     from granular.simulation import Simulation
 
 __all__ = [
+    "CHECKPOINT_MINUTES",
     "EVERY",
     "Chunks",
+    "Saver",
     "check_interval",
     "default_threads",
     "interruptible",
@@ -42,6 +45,11 @@ MAX_CHUNK = 1 << 20
 
 EVERY = 1 / 60
 """Default time between frames [s]; played at 60 frames per second they show real time."""
+CHECKPOINT_MINUTES = 10.0
+"""Default wall-clock time between two checkpoints [min]: what a run that is killed has to repeat.
+
+A checkpoint takes about as long as twenty steps.
+"""
 LEAST_STEP = 1e-3
 """Least time between frames, in time steps.
 
@@ -75,6 +83,39 @@ class Chunks:
             seconds = max(clock.perf_counter() - begin, 1e-6) / max(sim.steps - first, 1)
             self._steps = int(min(max(CHUNK_SECONDS / seconds, 1), MAX_CHUNK, 4 * self._steps + 1))
             yield
+
+
+class Saver:
+    """Stores checkpoints of a run in its record: at intervals, and in the end however it ends.
+
+    None is stored after a `SimulationError`, whose state is of no use, nor if a frame could not be
+    stored that was due, because a run that goes on from there would not make it.
+    """
+
+    def __init__(self, sim: Simulation, writer: TrajectoryWriter | None, seconds: float) -> None:
+        self._sim, self._writer, self._seconds = sim, writer, seconds
+        self._last = clock.monotonic()
+
+    def save(self) -> None:
+        """Store a checkpoint if the run is recorded."""
+        if self._writer:
+            self._writer.checkpoint(self._sim.checkpoint())
+            self._last = clock.monotonic()
+
+    def save_if_due(self) -> None:
+        """Store a checkpoint if the last one was long ago."""
+        if clock.monotonic() - self._last >= self._seconds:
+            self.save()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if kind is None:
+            self.save()
+        elif self._sim.frame_is_stored and not issubclass(kind, _core.SimulationError):
+            with suppress(OSError):  # the first error is to be told
+                self.save()
 
 
 def check_interval(every: object, dt: float, end: float) -> float:

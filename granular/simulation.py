@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable, Collection
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, cast, overload
 
@@ -18,12 +17,15 @@ from granular.diagnostics import Health, Monitor, StabilityWarning, health
 from granular.measure.derived import with_derived
 from granular.notebook import table
 from granular.record import Checkpoint, TrajectoryWriter
+from granular.record.fresh import Streamed
 from granular.record.session import Session
-from granular.record.settings import fields_to_store
+from granular.record.settings import DOUBLE, fields_to_store, precision_to_store
 from granular.resuming import resumed
 from granular.running import (
+    CHECKPOINT_MINUTES,
     EVERY,
     Chunks,
+    Saver,
     check_interval,
     default_threads,
     interruptible,
@@ -148,6 +150,7 @@ class Simulation:
         self._session = Session()
         self._every = EVERY
         self._stored: tuple[str, ...] = ()  # derived fields of frames
+        self._precision = DOUBLE  # of frames
         self._keeps = 0  # frames from one checkpoint that is kept to the next; 0 for none
         self._due: int | None = None  # step of a frame that could not be taken or stored
         self._monitor = Monitor(scene)
@@ -162,6 +165,10 @@ class Simulation:
     def _fields(self, kept: bool) -> dict[str, NDArray]:
         """Return the fields of a state, ordered by id; `kept`: only those that a record keeps."""
         raise NotImplementedError
+
+    def _streamed(self) -> State | Streamed:
+        """Return what a record keeps of the present state, in memory only column by column."""
+        return self._snapshot(kept=True)
 
     def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
         """Return the numbers and arrays of a checkpoint."""
@@ -232,6 +239,11 @@ class Simulation:
         return self._session.path
 
     @property
+    def frame_is_stored(self) -> bool:
+        """False if the frame of the present step could not be stored; the next run stores it."""
+        return self._due is None
+
+    @property
     def isa(self) -> str:
         """Instruction set of the kernels."""
         return self._engine.isa
@@ -275,6 +287,8 @@ class Simulation:
         save: str | os.PathLike | None = None,
         every: float | None = None,
         fields: Collection[str] | None = None,
+        precision: str | None = None,
+        checkpoint_minutes: float = CHECKPOINT_MINUTES,
         checkpoints: int | None = None,
         overwrite: bool = False,
         progress: bool = False,
@@ -303,10 +317,17 @@ class Simulation:
             at once: "pressure", "speed", "density", "shear_stress", "mu", "inertial_number",
             "volume", "nodal_density", ..., see `granular.measure.derived`. Each makes frames larger
             by a number per point. By default those of the previous run; none in the first run.
+        precision : {"double", "single"}, optional
+            Precision of the frames of the record. In single precision they take half of the space;
+            checkpoints, and with them the results of runs that go on, are as exact as ever. By
+            default that of the previous run; double in the first run.
+        checkpoint_minutes : float
+            Wall-clock time between two checkpoints of the record [min]. One is also stored at the
+            beginning and at the end of a run, and when it is interrupted or an error ends it.
         checkpoints : int, optional
             Keep the checkpoint of each so many frames (1: of all), so that `resume` can begin with
             them, in the folder ``<save>.checkpoints``; by default only the newest is kept, in the
-            record. Each takes a few times as much space as a frame.
+            record. Each takes about twice as much space as a frame.
         overwrite : bool
             Whether an existing record may be replaced.
         progress : bool
@@ -329,11 +350,11 @@ class Simulation:
         BlockingIOError
             If another run is writing the record.
         OSError
-            If the record cannot be written; an existing record is intact. Frames that could not be
-            stored are kept: the next run of this object goes on with the record and stores them.
+            If the record cannot be written; an existing record is intact. The next run of this
+            object goes on with the record, and stores the frame that could not be stored.
         SimulationError
             If a point is not finite or ran away. The attributes `point` and `step` name it; the
-            record holds the last good frame and checkpoint.
+            record holds the frames before, and the last checkpoint.
         RuntimeError
             With several threads in a process that was forked after a run with threads.
         KeyboardInterrupt
@@ -347,34 +368,34 @@ class Simulation:
         """
         until = self.scene.duration if until is None else positive("until", until)
         self._keeps = 0 if checkpoints is None else integer("checkpoints", checkpoints, 1)
+        minutes = positive("checkpoint_minutes", checkpoint_minutes, allow_inf=True)
         every = self._every if every is None else every
         self._every = every = check_interval(every, self.dt, max(until, self.time))
         goes_on = save is None and self.record is not None
         self._stored = fields_to_store(
             fields, self._stored, goes_on=goes_on, state=lambda: self.state
         )
+        self._precision = precision_to_store(precision, self._precision, goes_on=goes_on)
         provenance = {"threads": self.threads, "isa": self.isa, "every": self._every}
-        provenance["fields"] = self._stored
+        provenance |= {"fields": self._stored, "precision": self._precision}
         recorded = self._session.writer(
             save, self.scene, overwrite=overwrite, provenance=provenance
         )
         with recorded as writer, progress_bar(self, until, progress) as bar:
-            with interruptible() as interrupted:
+            with interruptible() as interrupted, Saver(self, writer, 60 * minutes) as saver:
                 if self.steps in (0, self._due):
                     self._frame(writer, hooks, monitor, gas)
+                saver.save()
                 while self.time < until and not interrupted:
                     frame = min(next_frame(self.time, every), until)
                     for _ in self._chunks.advance(self, frame):
                         bar.update(min(self.time, until) - bar.n)
-                        if writer and self.time < frame:  # the frame is stored with the rest
-                            writer.store(may_wait=True)
+                        saver.save_if_due()
                         if interrupted and self.time < frame:  # a frame that is due is kept
                             break
                     else:
                         self._frame(writer, hooks, monitor, gas)
-                if interrupted and writer:
-                    writer.checkpoint(self.checkpoint())
-            if interrupted:  # within the writer, so that it does not merge the record
+            if interrupted:
                 raise KeyboardInterrupt
         if monitor:
             self._warn_of_health()
@@ -385,29 +406,28 @@ class Simulation:
     ) -> None:
         self._due = self.steps
         sampled = monitor and self._monitor.due(self.steps, self.n_points)
-        if writer or sampled:
+        state, samples = None, {}
+        if sampled or (writer and self._stored):
             state = self._snapshot(kept=True)
-            samples = {}
-            if sampled:
-                samples = self._monitor.sample(state, self._indicators(state), self._work())
+        if state and sampled:
+            samples = self._monitor.sample(state, self._indicators(state), self._work())
         if writer:
-            state.fields.update(with_derived(state, self._stored))
-            writer.append(
-                state,
-                self.checkpoint(),
-                gas=state.gas.fields if gas and hasattr(state, "gas") else None,
+            if state:
+                state.fields.update(with_derived(state, self._stored))
+            frame = state or self._streamed()
+            index = writer.append(
+                frame,
+                gas=frame.gas.fields if gas and hasattr(frame, "gas") else None,
                 samples=samples,
                 bodies=self._body_rows(),
                 walls=self._wall_rows(),
-                keep_each=self._keeps,
-                may_wait=True,
+                single=self._precision == "single",
             )
+            if self._keeps and index % self._keeps == 0:
+                writer.keep(index, self.checkpoint())
         self._due = None
-        if hooks:
-            # A hook may take long; a frame that waits for others is stored in time all the same.
-            with writer.storing() if writer else nullcontext():
-                for hook in hooks:
-                    hook(self)
+        for hook in hooks:
+            hook(self)
 
     def health(self) -> Health:
         """Indicators of failure from the samples so far and a sample of the present state.

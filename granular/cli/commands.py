@@ -51,7 +51,8 @@ def run(arguments: argparse.Namespace) -> int:
 
         values(simulation.state, arguments.color)  # refuses an unknown field before the run
     options = {"save": arguments.output, "overwrite": arguments.overwrite}
-    code = _simulate(simulation, arguments, fields=arguments.fields, **options)
+    options |= {"fields": arguments.fields, "precision": arguments.precision}
+    code = _simulate(simulation, arguments, **options)
     if code in (0, SUSPECT):
         _draw(arguments.output, arguments.picture, -1, arguments)
     return code

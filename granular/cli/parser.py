@@ -106,6 +106,8 @@ def _add_recording(scene: Any) -> None:
     scene.add_argument("-o", "--output", metavar="FILE", required=True, help=text)
     text = "quantities that frames hold too, as ParaView shows them: pressure,speed,..."
     scene.add_argument("--fields", type=names, metavar="F,F", help=text)
+    text = "precision of the numbers in frames; checkpoints are always exact"
+    scene.add_argument("--precision", choices=("double", "single"), help=text)
     text = "change a number of the scene, such as scheme.cfl=0.3 or bodies.0.friction=0.4"
     scene.add_argument("--set", action="append", default=[], metavar="PLACE=VALUE", help=text)
     text = "run even if the estimated memory exceeds that of the machine"

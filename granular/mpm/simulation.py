@@ -18,6 +18,7 @@ from granular.mpm.scene import Scene
 from granular.mpm.wall_owners import wall_owners
 from granular.mpm.walls import Solid, WallState, split_impulses
 from granular.record import Checkpoint
+from granular.record.fresh import Streamed
 from granular.seeding import DEEPEST
 from granular.state import State
 
@@ -38,6 +39,35 @@ SPARSE = 16
 
 The table is faster than sorting, but its size is that of the largest id: 128 bytes per place.
 """
+
+
+class _Gathered:
+    """A field of the points in the order of their ids; see `granular.record.fresh.Columns`."""
+
+    def __init__(self, rows: NDArray, places: NDArray[np.int64]) -> None:
+        self._rows, self._places = np.atleast_2d(rows), places
+        self.dtype = rows.dtype
+        wide = (len(rows),) if rows.ndim == 2 and len(rows) > 1 else ()
+        self.shape = (len(places), *wide)
+        self.wrap: dict[
+            int, tuple[float, float]
+        ] = {}  # columns with lower end and length of a period
+
+    def column(self, k: int, out: NDArray) -> NDArray:
+        """Put a column into an array of numbers of 8 bytes."""
+        column = out.view(self.dtype)
+        self._rows[k].take(self._places, out=column, mode="clip")  # "raise" would buffer it
+        if k in self.wrap:
+            lower, length = self.wrap[k]
+            column[column < lower] += length
+        return column
+
+    def whole(self) -> NDArray:
+        """Return the field as an array of its shape, of which each column is contiguous."""
+        columns = np.empty((len(self._rows), len(self._places)), dtype=self.dtype)
+        for k, out in enumerate(columns):
+            self.column(k, out)
+        return columns[0] if len(self.shape) == 1 else columns.T
 
 
 class Simulation(simulation.Simulation, scenes=Scene):
@@ -158,34 +188,36 @@ class Simulation(simulation.Simulation, scenes=Scene):
         self._engine.refresh()
         return dict(self._buffers)
 
-    def _fields(self, kept: bool) -> dict[str, NDArray]:
-        without = CARRIED if kept else frozenset()
+    def _places(self) -> NDArray[np.int64]:
+        """Return the places of the points in the buffers, in the order of their ids."""
         ids = self._buffers["id"]
         living = np.flatnonzero(ids >= 0)
         if (end := int(ids.max(initial=-1)) + 1) <= SPARSE * len(ids):
             ordered = np.full(end, -1)
             ordered[ids[living]] = living  # by id, with gaps for points that have left
-            places = ordered[ordered >= 0]
-        else:
-            places = living[np.argsort(ids[living], kind="stable")]
-        fields = {"id": ids[places]}
-        for name, rows, _, _ in self._engine.fields():
-            if name in without:
-                continue
-            values = np.empty((len(places), rows))
-            for column, row in zip(values.T, self._buffers[name], strict=True):
-                column[:] = row.take(places)
-            fields[name] = values if rows > 1 else values[:, 0]
-        fields["x"] = self._wrapped(fields["x"])
-        return fields
+            return ordered if len(living) == end else ordered[ordered >= 0]
+        return living[np.argsort(ids[living], kind="stable")]
 
-    def _wrapped(self, x: NDArray) -> NDArray:
-        """Wrap positions into the domain along periodic axes (ugimp groups by shifted cells)."""
+    def _gathered(self, kept: bool) -> dict[str, _Gathered]:
+        """Return the fields of a state, to be made column by column."""
+        places, without = self._places(), CARRIED if kept else frozenset()
+        names = [name for name, *_ in self._engine.fields() if name not in without]
+        found = {name: _Gathered(self._buffers[name], places) for name in ("id", *names)}
         grid = self.scene.grid
-        for d in np.flatnonzero(grid.periodic):
-            length = grid.shape[d] * grid.cell
-            x[x[:, d] < grid.lower[d], d] += length
-        return x
+        # Positions are wrapped into the domain along periodic axes: ugimp groups by shifted cells.
+        found["x"].wrap = {
+            int(d): (grid.lower[d], grid.shape[d] * grid.cell)
+            for d in np.flatnonzero(grid.periodic)
+        }
+        return found
+
+    def _fields(self, kept: bool) -> dict[str, NDArray]:
+        return {name: field.whole() for name, field in self._gathered(kept).items()}
+
+    def _streamed(self) -> Streamed:
+        scalars = self._engine.scalars()
+        time, step, dt = scalars["time"], int(scalars["step"]), scalars["dt"]
+        return Streamed(time, step, dt, self._gathered(kept=True))
 
     def _indicators(self, state: State) -> dict[str, float]:
         found: dict[str, float] = {}

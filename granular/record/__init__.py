@@ -1,8 +1,8 @@
 """HDF5 record of a run: append, read, resume, provenance; readable by ParaView.
 
-A record is one file per run. While the run is going on, its frames are small files beside it, each
-written completely or not at all. A full disk therefore loses no frame that was stored, and killing
-the run loses only frames of about the last second.
+A record is one file per run. While the run is going on, its frames go into the file in the making,
+and a log tells where they are. A frame is there completely or not at all, and killing the run loses
+none.
 """
 
 from granular.record.checkpoint import Checkpoint as Checkpoint

@@ -8,16 +8,28 @@ compressed. HDF5 readers decompress it automatically.
 
 import zlib
 from collections.abc import Mapping, Sequence
-from typing import Self
+from typing import Protocol
 
 import h5py
 import numpy as np
 
-from granular.record.layout import DTYPES, MAX_CHUNK_ROWS, MAX_COLUMNS, attribute, checked, rows_of
+from granular.record.layout import (
+    FIELD_DTYPES,
+    MAX_CHUNK_ROWS,
+    MAX_COLUMNS,
+    attribute,
+    checked,
+    rows_of,
+)
+from granular.record.storage import Sink
 
 LEVEL = 1
 SAMPLE = 64
-WORTHWHILE = 0.6
+WORTHWHILE = 0.3
+"""Size of a packed sample, in that of the sample, up to which a column is compressed.
+
+To compress a column takes as long as to store four that are not.
+"""
 VECTORS = ("Points", "v")
 """Datasets stored with three columns, as ParaView requires."""
 NO_SHUFFLE, NO_DEFLATE = 0b01, 0b10
@@ -26,19 +38,40 @@ RAW = NO_SHUFFLE | NO_DEFLATE
 """Filter mask of a chunk to which neither shuffle nor deflate was applied."""
 
 
+Raw = bytes | memoryview
+
+
+def size_of(dtype: str, rows: int) -> int:
+    """Size of a column before it is packed [bytes]."""
+    return np.dtype(dtype).itemsize * rows
+
+
+def most_of(dtype: str, rows: int) -> int:
+    """Largest size of a packed column [bytes]; HDF5 keeps what deflate makes a little larger."""
+    size = size_of(dtype, rows)
+    return size + size // 1000 + 13
+
+
 def _shuffled(column: np.ndarray) -> bytes:
     """Bytes of a column in the order of HDF5's shuffle filter: all first bytes, all second, ..."""
     return column.view(np.uint8).reshape(-1, column.itemsize).T.tobytes()
 
 
-def pack(column: np.ndarray) -> tuple[int, bytes]:
-    """Return filter mask and bytes of a contiguous column, compressed if a sample of it shrinks."""
+def _raw(column: np.ndarray) -> tuple[int, Raw]:
+    return RAW, column.view(np.uint8).data
+
+
+def pack(column: np.ndarray) -> tuple[int, Raw]:
+    """Return filter mask and bytes of a contiguous column, compressed if a sample of it shrinks.
+
+    What is not compressed is not copied.
+    """
     sample = np.ascontiguousarray(column[:: max(1, len(column) // SAMPLE)][:SAMPLE])
     if len(zlib.compress(_shuffled(sample), LEVEL)) < WORTHWHILE * sample.nbytes:
         packed = zlib.compress(_shuffled(column), LEVEL)
         if len(packed) < column.nbytes:
             return 0, packed
-    return RAW, column.tobytes()
+    return _raw(column)
 
 
 class Packer:
@@ -53,29 +86,34 @@ class Packer:
     """Number of frames for which an incompressible column is not tried again."""
 
     def __init__(self) -> None:
-        self._shrunk: dict[tuple, tuple[np.ndarray, tuple[int, bytes]]] = {}
+        self._shrunk: dict[tuple, tuple[np.ndarray, tuple[int, Raw]]] = {}
         self._noise: dict[tuple, int] = {}  # number of frames left until the next trial
+        self._space = np.empty((2, 0))
 
-    def pack(self, place: tuple, column: np.ndarray) -> tuple[int, bytes]:
-        """Do as `pack` for the column at a place in a frame.
+    def space(self, n: int) -> np.ndarray:
+        """Return memory for two columns of ``n`` numbers of 8 bytes, the same for all frames."""
+        if self._space.shape[1] < n:
+            self._space = np.empty((2, n))
+        return self._space[:, :n]
 
-        The column is kept and must not be changed afterwards.
-        """
+    def pack(self, place: tuple, column: np.ndarray) -> tuple[int, Raw]:
+        """Do as `pack` for the column at a place in a frame."""
         last, packed = self._shrunk.get(place, (None, (RAW, b"")))
-        if last is not None and np.array_equal(last.view(np.int64), column.view(np.int64)):
+        if last is not None and np.array_equal(last, column.view(last.dtype)):
             return packed
         left = self._noise.get(place, 0)
-        packed = (RAW, column.tobytes()) if left else pack(column)
+        packed = _raw(column) if left else pack(column)
         if packed[0] == RAW:
             self._noise[place] = left - 1 if left else self.PATIENCE
         else:
-            self._shrunk[place] = column, packed
+            # As integers, by which -0.0 is not 0.0, and nan equals itself.
+            self._shrunk[place] = column.view(f"i{column.itemsize}").copy(), packed
         return packed
 
 
-def unpack(mask: int, raw: bytes, dtype: str, chunk: int) -> np.ndarray:
+def unpack(mask: int, raw: Raw, dtype: str, chunk: int) -> np.ndarray:
     """Restore a column of ``chunk`` rows from the result of `pack`; ValueError if it cannot be."""
-    size = 8 * chunk
+    size = size_of(dtype, chunk)
     if not mask & NO_DEFLATE:
         stream = zlib.decompressobj()
         try:
@@ -86,7 +124,8 @@ def unpack(mask: int, raw: bytes, dtype: str, chunk: int) -> np.ndarray:
         raise ValueError(f"a column has {len(raw)} bytes, not {size}")
     if mask & NO_SHUFFLE:
         return np.frombuffer(raw, dtype=dtype)
-    return np.frombuffer(raw, dtype=np.uint8).reshape(8, -1).T.copy().view(dtype)[:, 0]
+    planes = np.frombuffer(raw, dtype=np.uint8).reshape(np.dtype(dtype).itemsize, -1)
+    return planes.T.copy().view(dtype)[:, 0]
 
 
 def check_chunks(columns: int, chunk: int, n: int, count: int) -> None:
@@ -97,36 +136,40 @@ def check_chunks(columns: int, chunk: int, n: int, count: int) -> None:
         raise ValueError(f"{count} chunks of {chunk} rows cannot be {n} rows")
 
 
+class Field(Protocol):
+    """A field of a frame."""
+
+    @property
+    def dtype(self) -> str:
+        """Type of the numbers."""
+
+    @property
+    def columns(self) -> int:
+        """Number of columns, 0 for an array of shape (n,)."""
+
+    @property
+    def chunk(self) -> int:
+        """Rows per chunk."""
+
+    def raw(self, corner: tuple[int, ...]) -> tuple[int, Raw]:
+        """Return filter mask and bytes of the chunk that begins at (row,) or (row, column)."""
+
+    def read(self, row: int, n: int) -> np.ndarray:
+        """Return ``n`` unpacked rows from ``row``."""
+
+
 class Packed:
     """A field of one frame in memory, packed chunk by chunk as it is stored in a file."""
 
     def __init__(
-        self, dtype: str, columns: int, chunk: int, n: int, chunks: Sequence[tuple[int, bytes]]
+        self, dtype: str, columns: int, chunk: int, n: int, chunks: Sequence[tuple[int, Raw]]
     ) -> None:
         check_chunks(columns, chunk, n, len(chunks))
         self.dtype, self.columns, self.chunk = dtype, columns, chunk
-        self.corners = corners(n, chunk, columns)
-        self._chunks = dict(zip(self.corners, chunks, strict=True))
+        self._chunks = dict(zip(corners(n, chunk, columns), chunks, strict=True))
 
-    @classmethod
-    def of(cls, array: np.ndarray, chunk: int, packer: Packer, name: str) -> Self:
-        """Pack the field called `name`, an array of shape (n,) or (n, columns)."""
-        n, columns = len(array), array.shape[1] if array.ndim == 2 else 0
-        chunks = []
-        for row, *rest in corners(n, chunk, columns):
-            column = np.zeros(chunk, dtype=array.dtype)
-            part = array[row : row + chunk, rest[0]] if rest else array[row : row + chunk]
-            column[: len(part)] = part
-            chunks.append(packer.pack((name, row, *rest), column))
-        return cls(array.dtype.str, columns, chunk, n, chunks)
-
-    @property
-    def nbytes(self) -> int:
-        """Size of the packed chunks [bytes]."""
-        return sum(len(raw) for _, raw in self._chunks.values())
-
-    def raw(self, corner: tuple[int, ...]) -> tuple[int, bytes]:
-        """Return filter mask and bytes of the chunk that begins at (row,) or (row, column)."""
+    def raw(self, corner: tuple[int, ...]) -> tuple[int, Raw]:
+        """Return filter mask and bytes of a chunk, as `Field.raw`."""
         return self._chunks[corner]
 
     def read(self, row: int, n: int) -> np.ndarray:
@@ -135,7 +178,7 @@ class Packed:
         for corner, (mask, raw) in self._chunks.items():
             first, column = (*corner, 0)[:2]
             whole[column, first : first + self.chunk] = unpack(mask, raw, self.dtype, self.chunk)
-        rows = np.ascontiguousarray(whole[:, row : row + n].T)
+        rows = whole[:, row : row + n].T
         return rows if self.columns else rows[:, 0]
 
 
@@ -143,7 +186,7 @@ class Stored:
     """A field of all frames in a file."""
 
     def __init__(self, group: h5py.Group, name: str) -> None:
-        self.data = data = checked(group, name, DTYPES, 1, 2, packed=True)
+        self.data = data = checked(group, name, FIELD_DTYPES, 1, 2, packed=True)
         if data.chunks is None or data.chunks[1:] != (1,) * (data.ndim - 1):
             raise ValueError(f"{data.name} is not chunked by columns")
         self.dtype, self.chunk = data.dtype.str, data.chunks[0]
@@ -154,12 +197,14 @@ class Stored:
         check_chunks(self.columns, self.chunk, 0, 0)
         self._filtered = data.id.get_create_plist().get_nfilters() > 0
 
-    def raw(self, corner: tuple[int, ...]) -> tuple[int, bytes]:
-        """Return filter mask and bytes of a chunk, as `Packed.raw`.
+    def raw(self, corner: tuple[int, ...]) -> tuple[int, Raw]:
+        """Return filter mask and bytes of a chunk, as `Field.raw`.
 
         ValueError if it is larger than a chunk can be.
         """
-        size = 8 * self.chunk  # HDF5 keeps what deflate makes larger, by 0.1 % and 12 bytes
+        size = size_of(
+            self.dtype, self.chunk
+        )  # HDF5 keeps what deflate makes larger, by 0.1 % and 12 bytes
         buffer = np.empty(size + size // 1000 + 13, dtype=np.uint8)
         try:
             mask, raw = self.data.id.read_direct_chunk(corner, out=buffer)
@@ -175,16 +220,13 @@ class Stored:
         """
         if row < 0 or n < 0 or row + n > self.data.shape[0] or row % self.chunk:
             raise ValueError(f"rows {row}+{n} of {self.data.name} are not in the file")
-        rows = np.empty((n, self.columns) if self.columns else n, dtype=self.dtype)
+        rows = np.empty((self.columns, n) if self.columns else n, dtype=self.dtype).T
         for shift, *rest in corners(n, self.chunk, self.columns):
             mask, raw = self.raw((row + shift, *rest))
             column = rows[:, rest[0]] if rest else rows
             part = column[shift : shift + self.chunk]
             part[:] = unpack(mask, raw, self.dtype, self.chunk)[: len(part)]
         return rows
-
-
-Field = Packed | Stored
 
 
 def layout(fields: Mapping[str, Field]) -> dict[str, tuple[str, int, int]]:
@@ -213,15 +255,28 @@ def create(group: h5py.Group, name: str, rows: int, like: Field) -> h5py.Dataset
 
 
 def corners(n: int, chunk: int, columns: int) -> list[tuple[int, ...]]:
-    """First row (and column, if the field has columns) of each chunk of a frame of ``n`` rows."""
+    """First row (and column, if the field has columns) of each chunk, column by column."""
     rows = range(0, n, chunk)
     if not columns:
         return [(row,) for row in rows]
-    return [(row, column) for row in rows for column in range(columns)]
+    return [(row, column) for column in range(columns) for row in rows]
 
 
-def copy(source: Field, first: int, target: h5py.Dataset, row: int, n: int) -> None:
-    """Copy ``n`` rows from ``first`` to ``row``, both on chunk boundaries, without unpacking."""
+def copy(
+    source: Field, first: int, target: h5py.Dataset, row: int, n: int, sink: Sink
+) -> list[tuple[int, int, int]]:
+    """Copy ``n`` rows from ``first`` to ``row``, both on chunk boundaries, without unpacking.
+
+    ``sink`` is that of the file of the target.
+
+    Returns
+    -------
+    list
+        Filter mask, place in the file and size [bytes] of each chunk.
+    """
+    placed = []
     for shift, *rest in corners(n, source.chunk, source.columns):
         mask, raw = source.raw((first + shift, *rest))
         target.id.write_direct_chunk((row + shift, *rest), raw, mask)
+        placed.append((mask, sink.place, len(raw)))
+    return placed

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from granular.record.chunks import Field
-from granular.record.layout import RecordError, frame_digest, reading, seal
+from granular.record.layout import RecordError, checksums, frame_digest, reading, seal
 
 
 class Source(Protocol):
@@ -20,10 +20,6 @@ class Source(Protocol):
     @property
     def path(self) -> Path:
         """Path of the file."""
-
-    @property
-    def offset(self) -> int:
-        """Place in the file [bytes] of what is not found by its name."""
 
     def fields(self) -> AbstractContextManager[Mapping[str, Field]]:
         """Return the fields by name."""
@@ -58,6 +54,10 @@ class Frame:
         """Digest of all that is stored for this time."""
         return self.digest + (self.gas.digest if self.gas else b"")
 
+    def digest_of(self, fields: Mapping[str, bytes]) -> bytes:
+        """Digest of a frame with these scalars, and with fields of these `checksums`."""
+        return frame_digest(self.time, self.step, self.dt, self.mass, fields)
+
     def read(self) -> dict[str, np.ndarray]:
         """Read and verify all fields.
 
@@ -68,7 +68,7 @@ class Frame:
         """
         with reading(self.source.path), self.source.fields() as stored:
             fields = {name: field.read(self.row, self.n) for name, field in stored.items()}
-        if self.digest != frame_digest(self.time, self.step, self.dt, self.mass, fields):
+        if self.digest != self.digest_of({k: checksums(a.T) for k, a in fields.items()}):
             raise RecordError(
                 f"{self.source.path}: the frame of step {self.step} does not match its digest"
             )
@@ -94,15 +94,14 @@ class Texts:
 
 @dataclass(frozen=True)
 class Head:
-    """Head of an unfinished record, with what was at its path when it was begun.
+    """Head of an unfinished record.
 
-    ``continues`` is the seal of the finished file that the record continues; empty if it is a new
-    record. ``replaces`` is the `identity` of the file that a new record may replace; None if there
-    was none.
+    ``name`` is that of the files that belong to it. ``replaces`` is the `identity` of the file that
+    it replaces when it is finished; None if there was none when it was begun.
     """
 
     texts: Texts
-    continues: bytes = b""
+    name: str
     replaces: tuple[int, int] | None = None
 
 
@@ -129,12 +128,12 @@ class Table:
         """All columns except the samples."""
         return (self.time, self.n, self.row, self.step, self.dt, self.mass, self.digest)
 
-    def seal(self, version: int, texts: Texts, checkpoint: bytes, gas: "Table | None") -> bytes:
+    def seal(self, texts: Texts, checkpoint: bytes, gas: "Table | None") -> bytes:
         """Digest of everything in the file that no other digest covers."""
         texts_of = (texts.record, texts.scene, texts.provenance)
         samples = [part for name in sorted(self.samples) for part in (name, self.samples[name])]
         more = gas.columns if gas else ()
-        return seal(str(version), *texts_of, checkpoint, *self.columns, *samples, *more)
+        return seal(*texts_of, checkpoint, *self.columns, *samples, *more)
 
 
 BODY, WALL = "body", "wall"

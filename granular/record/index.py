@@ -1,4 +1,4 @@
-"""Contents of a record, finished or not: the one file, and the parts that a writer has left."""
+"""Contents of a record, finished or not: the one file, or the files of its writer."""
 
 import os
 from collections.abc import Callable, Iterator, Mapping
@@ -13,7 +13,8 @@ import numpy as np
 
 from granular.record.checkpoint import Checkpoint, read_checkpoint
 from granular.record.chunks import Stored
-from granular.record.frame import SCALARS, Frame, Head, Table, Texts
+from granular.record.frame import SCALARS, Frame, Table, Texts
+from granular.record.growing import DATA, LOG, RESTART
 from granular.record.layout import (
     RecordError,
     attribute,
@@ -24,12 +25,13 @@ from granular.record.layout import (
     read_text,
     reading,
 )
-from granular.record.segment import read_frames, read_head, read_restart
+from granular.record.log import read_log
+from granular.record.restart import read_restart
 from granular.record.storage import followed, identity, open_hdf5
 
 
 def _samples(own: h5py.Group) -> dict[str, np.ndarray]:
-    """Values that monitors measured, one column per name; none in records of earlier versions."""
+    """Values that monitors measured, one column per name; the gas has none."""
     if not has(own, "samples"):
         return {}
     group = hard(own, "samples", h5py.Group)
@@ -41,8 +43,6 @@ class Points:
 
     ``vtk`` is the group that ParaView reads, ``own`` the group with all other data.
     """
-
-    offset = 0
 
     def __init__(self, path: Path, vtk: h5py.Group, own: h5py.Group) -> None:
         self.path, self._vtk = path, vtk
@@ -106,8 +106,8 @@ class Main:
 
     def _load(self) -> None:
         own = hard(self.file, "granular", h5py.Group)
-        version = check_format(self.path, int(attribute(own, "format", "i")))
-        texts = Texts(*(read_text(own, name) for name in ("record", "scene", "provenance")))
+        check_format(self.path, int(attribute(own, "format", "i")))
+        self.texts = Texts(*(read_text(own, name) for name in ("record", "scene", "provenance")))
         points = Points(self.path, hard(self.file, "VTKHDF", h5py.Group), own)
         gas = None
         if has(own, "gas"):
@@ -117,10 +117,9 @@ class Main:
         checkpoint = b""
         if self.has_checkpoint:
             checkpoint = attribute(hard(own, "checkpoint", h5py.Group), "digest", "u")
-        expected = points.table.seal(version, texts, checkpoint, gas.table if gas else None)
+        expected = points.table.seal(self.texts, checkpoint, gas.table if gas else None)
         if attribute(own, "seal", "u") != expected:
             raise ValueError("the table of contents does not match its digest")
-        self.head = Head(texts, continues=expected)
         below = {frame.step: frame for frame in gas.frames({})} if gas else {}
         self.frames = points.frames(below)
 
@@ -135,29 +134,22 @@ class Main:
 class Contents:
     """All contents of a record; call `close` when done.
 
-    ``main`` is the finished file, if it belongs to the record, and ``folder`` the folder of parts,
-    if there is one. ``frames`` are in order of time; segments replace all frames of ``main`` from
-    the first frame of the segments on. ``restart`` reads the newest restart state. If a writer
-    merges the parts later, `read` and `checkpoint` find what they ask for where it is then.
+    ``frames`` are in order of time. ``main`` is the finished file; it is None if the record is not
+    finished. ``restart`` reads the newest restart state. If a writer changes the record later,
+    `read` and `checkpoint` find what they ask for where it is then.
     """
 
     path: Path
-    head: Head
+    texts: Texts
     frames: list[Frame]
     main: Main | None = None
-    folder: Path | None = None
     restart: Callable[[], Checkpoint] | None = None
     _now: "Contents | None" = None
 
     @property
-    def texts(self) -> Texts:
-        """The texts in the header of the record."""
-        return self.head.texts
-
-    @property
     def finished(self) -> bool:
         """True if the record was one closed file when it was last looked at."""
-        return (self._now or self).folder is None
+        return (self._now or self).main is not None
 
     @property
     def has_checkpoint(self) -> bool:
@@ -226,11 +218,10 @@ class Contents:
     def _renew(self) -> bool:
         """Load the record again; False if it is as it was."""
         known = self._now or self
-        if known.folder is None:  # all is in the file that is held open
+        if known.main:  # all is in the file that is held open
             return False
         newer = load(self.path)
-        if newer.folder == known.folder and newer._places() == known._places():
-            newer.close()
+        if not newer.main and newer._places() == known._places():
             return False
         if self._now:
             self._now.close()
@@ -238,75 +229,16 @@ class Contents:
         return True
 
     def _places(self) -> list[tuple]:
-        return [(f.digest, f.row, f.source.path, f.source.offset) for f in self.each()]
+        return [(f.digest, f.source.path) for f in self.each()]
 
 
-def parts_folder(path: Path) -> Path:
-    """Folder of the segments of an unfinished record."""
-    return path.with_name(path.name + ".parts")
-
-
-HEAD, CHECKPOINT = "head.part", "checkpoint.part"
-MERGED = "merged.part"
-"""Name of the head from the moment on at which the finished file holds all parts."""
 ATTEMPTS = 10
 """Number of times that a record is looked at again while a writer changes it."""
 
 
-def frame_parts(folder: Path) -> list[Path]:
-    """Segments of frames in a folder, in order of time."""
-    return sorted(folder.glob("frames-*.part"))
-
-
-def holds_parts(folder: Path) -> bool:
-    """True if a folder holds frames or a restart state that no finished file holds."""
-    if (folder / MERGED).exists() and not (folder / HEAD).exists():
-        return False  # the removal of the parts was interrupted
-    return (folder / CHECKPOINT).exists() or bool(frame_parts(folder))
-
-
-@dataclass(frozen=True)
-class _Parts:
-    folder: Path
-    head: Head
-    segments: dict[int, list[Frame]]
-    checkpoint: Path | None
-
-    @property
-    def has_content(self) -> bool:
-        return bool(self.segments or self.checkpoint)
-
-
-def _load_parts(folder: Path) -> _Parts | None:
-    if not (folder / HEAD).exists():
-        if holds_parts(folder):
-            raise RecordError(f"{folder / HEAD} is missing, without which the parts are of no use")
-        return None
-    head = read_head(folder / HEAD)
-    segments = {}
-    for path in frame_parts(folder):
-        with reading(path):
-            index = int(path.stem.removeprefix("frames-"))
-        segments[index] = read_frames(path, head.texts.record)
-    checkpoint = folder / CHECKPOINT
-    return _Parts(folder, head, segments, checkpoint if checkpoint.exists() else None)
-
-
-def _combine(path: Path, parts: _Parts, main: Main | None) -> Contents:
-    first = min(parts.segments, default=None)
-    if main is None and parts.head.continues and first != 0:
-        raise RecordError(f"{path} is missing, which the parts in {parts.folder} continue")
-    frames = main.frames[:first] if main else []
-    for index, segment in sorted(parts.segments.items()):
-        if len(frames) != index:
-            if main:
-                main.close()
-            raise RecordError(f"{parts.folder}: a segment is missing before frame {index}")
-        frames = frames + segment
-    restart = main.checkpoint if main and main.has_checkpoint else None
-    if parts.checkpoint:
-        restart = partial(read_restart, parts.checkpoint)
-    return Contents(path, parts.head, frames, main, parts.folder, restart)
+def parts_folder(path: Path) -> Path:
+    """Folder of the files of an unfinished record."""
+    return path.with_name(path.name + ".parts")
 
 
 def load(path: Path) -> Contents:
@@ -315,9 +247,9 @@ def load(path: Path) -> Contents:
     Raises
     ------
     FileNotFoundError
-        If neither the file nor segments of it exist.
+        If there is neither the file nor an unfinished record.
     FileExistsError
-        If there are both a file and segments that do not belong to it.
+        If there is an unfinished record, and a file that it must not replace.
     RecordError
         If the record is malformed, damaged, of another program or of a newer version.
     """
@@ -337,7 +269,7 @@ def _stamp(path: Path) -> list[tuple[int, int] | None]:
     """Return what changes whenever a writer makes, replaces or removes a file of a record."""
     folder = parts_folder(path)
     stamp: list[tuple[int, int] | None] = []
-    for watched in (path, folder, folder / HEAD):
+    for watched in (path, folder, folder / LOG):
         try:
             found = os.stat(watched)
             stamp.append((found.st_ino, found.st_mtime_ns))
@@ -346,37 +278,43 @@ def _stamp(path: Path) -> list[tuple[int, int] | None]:
     return stamp
 
 
-def _load_once(path: Path) -> Contents:
+def unfinished(path: Path) -> Contents | None:
+    """Return an unfinished record if there is one that holds anything.
+
+    Once its file has been renamed to that of the record, the record is finished.
+
+    Raises
+    ------
+    RecordError
+        If it is damaged.
+    FileExistsError
+        If there is a file that it must not replace.
+    """
     folder = parts_folder(path)
-    parts = _load_parts(folder) if folder.is_dir() else None
-    if parts is None:
-        return _finished(Main(path))
-    head, now = parts.head, identity(path)
-    if now is None:
-        return _combine(path, parts, None)
-    if not head.continues and not parts.has_content:  # nothing is stored yet in place of the file
-        return _finished(Main(path))
-    if now == head.replaces:
-        return _combine(path, parts, None)
-    try:
-        main = Main(path)
-    except RecordError as error:
-        if head.continues:
-            raise
-        raise _foreign(path, f"is {error}") from error
-    if main.head.texts == head.texts or main.head.continues == head.continues:
-        return _combine(path, parts, main)
-    main.close()
-    raise _foreign(path, "is of another run, or has changed since")
+    if not (folder / LOG).exists():
+        return None
+    head, frames = read_log(folder / LOG, DATA)
+    data, restart = folder / (head.name + DATA), folder / (head.name + RESTART)
+    has_restart, now = restart.exists(), identity(path)
+    if not data.exists():
+        if now is None:
+            raise RecordError(f"{data} is missing, without which the log beside it is of no use")
+        return None
+    if not (frames or has_restart):
+        return None
+    if now not in (None, head.replaces):
+        raise FileExistsError(
+            f"{path} is not the file that was there when the unfinished run in {folder} began: it"
+            " is of another run, or has changed since; move one of the two elsewhere"
+        )
+    read = partial(read_restart, restart) if has_restart else None
+    return Contents(path, head.texts, frames, restart=read)
 
 
-def _foreign(path: Path, what: str) -> FileExistsError:
-    return FileExistsError(
-        f"{path} is not the file that was there when the unfinished run in {parts_folder(path)}"
-        f" began: it {what}; move one of the two elsewhere"
-    )
-
-
-def _finished(main: Main) -> Contents:
+def _load_once(path: Path) -> Contents:
+    found = unfinished(path)
+    if found:
+        return found
+    main = Main(path)
     restart = main.checkpoint if main.has_checkpoint else None
-    return Contents(main.path, main.head, main.frames, main=main, restart=restart)
+    return Contents(path, main.texts, main.frames, main, restart)

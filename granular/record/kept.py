@@ -11,7 +11,7 @@ from pathlib import Path
 
 from granular.record.checkpoint import Checkpoint
 from granular.record.frame import Frame
-from granular.record.segment import read_restart, write_restart
+from granular.record.restart import read_restart, write_restart
 
 __all__ = ["folder_of", "forget", "keep", "kept", "read_kept"]
 
@@ -25,21 +25,10 @@ def _file(path: Path, step: int, mark: bytes) -> Path:
     return folder_of(path) / f"{step:012d}-{mark[:8].hex()}.part"
 
 
-def keep(path: Path, record: str, mark: bytes, checkpoint: Checkpoint) -> None:
-    """Store a checkpoint beside a record, completely or not at all.
-
-    Parameters
-    ----------
-    path : Path
-        Of the record.
-    record : str
-        Its identity.
-    mark : bytes
-        Digest of the frame of the same step.
-    checkpoint : Checkpoint
-    """
+def keep(path: Path, frame: Frame, checkpoint: Checkpoint) -> None:
+    """Store the checkpoint of a frame beside a record, completely or not at all."""
     folder_of(path).mkdir(exist_ok=True)
-    write_restart(_file(path, checkpoint.step, mark), record, checkpoint)
+    write_restart(_file(path, frame.step, frame.mark), checkpoint)
 
 
 def kept(path: Path, frames: Iterable[Frame]) -> list[int]:

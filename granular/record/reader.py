@@ -14,7 +14,7 @@ from granular.record.checkpoint import Checkpoint
 from granular.record.frame import BODY, SCALARS, WALL, Frame, names_of, samples_of
 from granular.record.index import Contents, load
 from granular.record.kept import kept, read_kept
-from granular.record.layout import RecordError, format_of, reading
+from granular.record.layout import FORMAT, RecordError, reading
 from granular.state import STANDARD
 
 if TYPE_CHECKING:
@@ -195,7 +195,7 @@ class Trajectory:
             raise IndexError(f"frame {index} must be in [{-len(self)}, {len(self) - 1}]") from None
         from granular.state import State
 
-        scene, fields = self.scene, self._contents.read(frame)
+        scene, fields = self.scene, self._fields(frame)
         extra: dict[str, Any] = {"gas": self._gas(frame.gas)} if frame.gas else {}
         if getattr(scene, "bodies", ()):
             extra["bodies"] = self._body_states(frame)
@@ -203,6 +203,13 @@ class Trajectory:
             return State(
                 scene=scene, time=frame.time, step=frame.step, dt=frame.dt, fields=fields, **extra
             )
+
+    def _fields(self, frame: Frame) -> dict[str, np.ndarray]:
+        """Read the fields of a frame, in double precision however they are stored."""
+        return {
+            name: array.astype(float) if array.dtype.kind == "f" else array
+            for name, array in self._contents.read(frame).items()
+        }
 
     def _body_states(self, frame: Frame) -> "list[BodyState]":
         # Imported here: a record need not have bodies.
@@ -217,7 +224,7 @@ class Trajectory:
         # Imported here: only records with gas need it.
         from granular.sph.gas import GasState
 
-        fields = self._contents.read(frame)
+        fields = self._fields(frame)
         with reading(self.path):
             return GasState(time=frame.time, **fields)
 
@@ -336,7 +343,7 @@ def info(path: str | os.PathLike[str]) -> dict[str, Any]:
             step = None
         return {
             "path": str(record.path),
-            "format": format_of(record.has_gas),
+            "format": FORMAT,
             "scene": record.scene.name,
             "frames": len(record),
             "times": ends("time"),

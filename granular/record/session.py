@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from granular import _core
-from granular.record.layout import RecordError
 from granular.record.writer import TrajectoryWriter
 
 if TYPE_CHECKING:
@@ -42,8 +41,7 @@ class Session:
     ) -> Iterator[TrajectoryWriter | None]:
         """Yield the writer of a run: of a new record if `save` is given, else of the present one.
 
-        It is None without a record. A writer that an earlier run could not close goes on, and first
-        stores what that run could not store.
+        It is None without a record. A writer that an earlier run could not close goes on.
         """
         path = self.path if save is None else Path(save)
         if path is None:
@@ -53,7 +51,6 @@ class Session:
         self.path, self._unclosed = path, writer
         try:
             with writer:
-                writer.store()  # at once what an earlier run could not store
                 try:
                     yield writer
                 except _core.SimulationError as error:
@@ -70,10 +67,5 @@ class Session:
         if unclosed is not None and unclosed.writes(path):
             return unclosed
         if resumed:
-            writer = TrajectoryWriter.resume(path, provenance=provenance)
-        else:
-            writer = TrajectoryWriter(path, scene, overwrite=overwrite, provenance=provenance)
-        if unclosed is not None:
-            with suppress(OSError, RecordError):  # it can be resumed in any case
-                unclosed.leave()
-        return writer
+            return TrajectoryWriter.resume(path, provenance=provenance)
+        return TrajectoryWriter(path, scene, overwrite=overwrite, provenance=provenance)

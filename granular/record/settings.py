@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from granular import _core
 from granular.buffers import default_isa
-from granular.checks import positive
+from granular.checks import one_of, positive
 from granular.measure.derived import check_derived, derived
 from granular.mpm.scene import Scene as MpmScene
 from granular.record.layout import RecordError
@@ -19,7 +19,19 @@ from granular.state import State
 if TYPE_CHECKING:
     from granular.typing import AnyScene
 
-__all__ = ["check_alike", "fields_to_store", "settings_of", "usable_isa"]
+__all__ = [
+    "DOUBLE",
+    "PRECISIONS",
+    "check_alike",
+    "fields_to_store",
+    "precision_to_store",
+    "settings_of",
+    "usable_isa",
+]
+
+DOUBLE = "double"
+PRECISIONS = (DOUBLE, "single")
+"""Precisions in which frames are stored."""
 
 
 def _kind(scene: AnyScene) -> dict[str, object]:
@@ -50,8 +62,8 @@ def check_alike(before: AnyScene, scene: AnyScene) -> None:
             raise ValueError(f"scene: {name} = {now[name]} must be {part}, as in the record")
 
 
-def settings_of(path: Path, provenance: object) -> tuple[float, str | None, tuple[str, ...]]:
-    """Time between frames [s], instruction set and derived fields of a record."""
+def settings_of(path: Path, provenance: object) -> tuple[float, str | None, tuple[str, ...], str]:
+    """Time between frames [s], instruction set, derived fields and precision of a record."""
     if not isinstance(provenance, dict):
         raise RecordError(f"{path}: damaged record: its provenance must be an object of JSON")
     isa = provenance.get("isa")
@@ -60,9 +72,10 @@ def settings_of(path: Path, provenance: object) -> tuple[float, str | None, tupl
         if isa is not None and not isinstance(isa, str):
             raise TypeError(f"isa = {isa!r} must be a string")
         fields = check_derived("fields", provenance.get("fields", ()))
+        precision = one_of("precision", provenance.get("precision", DOUBLE), PRECISIONS)
     except (TypeError, ValueError) as error:
         raise RecordError(f"{path}: damaged record: {error}") from None
-    return every, isa, fields
+    return every, isa, fields, precision
 
 
 def fields_to_store(
@@ -91,6 +104,22 @@ def fields_to_store(
                     f"fields: {name!r} needs more than the scene has: {error}"
                 ) from None
     return names
+
+
+def precision_to_store(given: str | None, before: str, *, goes_on: bool) -> str:
+    """Precision of the frames of a run: that `given`, or that of the run before it.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If there is no such precision, or the run goes on with a record that has another one.
+    """
+    if given is None:
+        return before
+    precision = one_of("precision", given, PRECISIONS)
+    if goes_on and precision != before:
+        raise ValueError(f"precision = {given!r} must be None or that of the record, {before!r}")
+    return precision
 
 
 def usable_isa(isa: str | None, path: Path) -> str | None:

@@ -53,14 +53,14 @@ def permissions(path: Path) -> int | None:
     return None
 
 
-def _create(temporary: Path, mode: int | None) -> int:
+def create(temporary: Path, mode: int | None) -> int:
     """Open a new file that is never more public than these permissions."""
     flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
     try:
         fd = os.open(temporary, flags, 0o666 if mode is None else mode & 0o777)
     except FileExistsError:  # of a run that was killed
         os.unlink(temporary)
-        return _create(temporary, mode)
+        return create(temporary, mode)
     if mode is not None:
         with suppress(OSError):  # a file system without permissions
             os.fchmod(fd, mode)  # the umask does not count for a file that has permissions
@@ -68,10 +68,10 @@ def _create(temporary: Path, mode: int | None) -> int:
 
 
 @contextmanager
-def replacing(path: Path, temporary: Path) -> Iterator[int]:
+def replacing(path: Path, temporary: Path, mode: int | None = None) -> Iterator[int]:
     """Yield the descriptor of a temporary file that is renamed to ``path`` on success only.
 
-    It gets the permissions of the file that it replaces.
+    It gets the permissions of the file that it replaces, or those given if there is none.
 
     Raises
     ------
@@ -79,7 +79,8 @@ def replacing(path: Path, temporary: Path) -> Iterator[int]:
         If the write, the fsync or the rename fails; ``path`` is then as before, and the temporary
         file is removed.
     """
-    fd = _create(temporary, permissions(path))
+    before = permissions(path)
+    fd = create(temporary, mode if before is None else before)
     try:
         try:
             yield fd
@@ -98,15 +99,21 @@ class Sink:
     """File object for HDF5 that keeps the first error, which HDF5 would lose.
 
     HDF5 ignores errors that occur while it closes a file. After a failure this sink therefore
-    accepts all further writes without effect, HDF5 closes normally, and `check` raises the error.
+    accepts all further writes without effect, HDF5 goes on normally, and `check` raises the error.
+    In a process forked from the one that made it, no write has an effect.
+
+    Attributes
+    ----------
+    place : int
+        Where the last write began [bytes].
     """
 
     def __init__(self, fd: int) -> None:
-        self.fd = fd
+        self.fd, self.place, self._process = fd, 0, os.getpid()
         self.error: BaseException | None = None
 
     def _guard(self, action: Callable[[], None]) -> None:
-        if self.error is None:
+        if self.error is None and os.getpid() == self._process:
             try:
                 action()
             except BaseException as error:  # a KeyboardInterrupt must not be lost either
@@ -135,6 +142,7 @@ class Sink:
 
     def write(self, data: memoryview) -> int:
         """Write all of ``data``, or keep the error."""
+        self.place = self.tell()
         self._guard(lambda: write_all(self.fd, data))
         return memoryview(data).nbytes
 
@@ -147,9 +155,10 @@ class Sink:
         """Do nothing, as nothing is buffered here."""
 
     def check(self) -> None:
-        """Raise the first error that was kept."""
-        if self.error is not None:
-            raise self.error
+        """Raise the error that was kept; writes have an effect again."""
+        error, self.error = self.error, None
+        if error is not None:
+            raise error
 
 
 def open_hdf5(path: Path) -> h5py.File:

@@ -16,7 +16,6 @@ from granular.mpm.body_operations import OPERATIONS, Union
 from granular.mpm.body_shapes import PARTS, Shape
 from granular.mpm.height_map import HeightMap
 from granular.record.layout import LIBVER, TOPOLOGIES
-from granular.record.merge import begin_poly_data, write_steps
 from granular.record.outlines import (
     SIDES,
     SKIN,
@@ -26,6 +25,7 @@ from granular.record.outlines import (
     revolved,
     thickened,
 )
+from granular.record.polydata import begin_poly_data, write_steps
 from granular.record.reader import Trajectory
 
 Array = NDArray[np.float64]

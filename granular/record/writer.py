@@ -1,10 +1,7 @@
 """Writing of a record such that completed frames are not lost."""
 
 import json
-import math
 import os
-import threading
-import time
 import uuid
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping
@@ -18,50 +15,62 @@ import numpy as np
 from granular.record import kept
 from granular.record import provenance as origin
 from granular.record.checkpoint import Checkpoint
-from granular.record.chunks import Packed, Packer
+from granular.record.chunks import Field, Packer
 from granular.record.frame import BODY, WALL, Frame, Head, Texts, names_of
-from granular.record.index import CHECKPOINT, HEAD, Contents, holds_parts, load, parts_folder
-from granular.record.layout import MAX_COLUMNS, check_type, chunk_rows, frame_digest, reading
+from granular.record.fresh import Columns, Fresh, New, Streamed, told
+from granular.record.growing import Growing, remove_all
+from granular.record.index import Contents, load, parts_folder, unfinished
+from granular.record.layout import (
+    FIELD_DTYPES,
+    MAX_COLUMNS,
+    RecordError,
+    check_type,
+    chunk_rows,
+    reading,
+)
 from granular.record.lock import Lock
-from granular.record.merge import clear_parts, merge, remove_parts
-from granular.record.segment import Memory, read_head, write_frames, write_head, write_restart
-from granular.record.storage import followed, fsync_folder, identity, permissions, replacing
+from granular.record.storage import followed, fsync_folder, identity, permissions
 
 if TYPE_CHECKING:
     from granular.state import State
     from granular.typing import AnyScene
 
-WAITING_SECONDS = 1.0
-"""Wall time that may be lost if the run is killed [s].
 
-Frames that follow the last segment sooner than this may wait for more frames.
-"""
-WAITING_BYTES = 1 << 24
-"""Largest amount that may wait in memory [bytes]; it is quickly written if Ctrl-C is pressed."""
+Given = Mapping[str, np.ndarray | Columns]
 
 
-def _check_fields(given: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the fields of points as contiguous arrays that can be stored without loss."""
-    fields: dict[str, np.ndarray] = {}
-    for name, array in given.items():
+def _check_fields(fields: Given) -> None:
+    """Refuse fields that are not those of points, or cannot be stored without loss."""
+    for name, array in fields.items():
         if not name.isidentifier() or not name.isascii():
             raise ValueError(f"field name {name!r} must be an ASCII identifier")
-        check_type(f"field {name}", array)
-        if array.ndim not in (1, 2) or (array.ndim == 2 and not 1 <= array.shape[1] <= MAX_COLUMNS):
+        check_type(f"field {name}", array, FIELD_DTYPES)
+        wide = array.shape[1:]
+        if len(array.shape) not in (1, 2) or (wide and not 1 <= wide[0] <= MAX_COLUMNS):
             raise ValueError(
                 f"field {name} has shape {array.shape}, must be (n,) or (n, 1..{MAX_COLUMNS})"
             )
-        fields[name] = np.ascontiguousarray(array)
     for name in ("x", "mass"):
         if name not in fields:
             raise ValueError(f"fields = {sorted(fields)} must have {name}")
     x = fields["x"]
-    if x.dtype != np.float64 or x.ndim != 2 or x.shape[1] not in (2, 3):
-        raise ValueError(f"field x has shape {x.shape}, must be float64 (n, 2) or (n, 3)")
+    if x.dtype.kind != "f" or len(x.shape) != 2 or x.shape[1] not in (2, 3):
+        raise ValueError(f"field x has shape {x.shape}, must be of floats, (n, 2) or (n, 3)")
     for name, array in fields.items():
-        if len(array) != len(x):
-            raise ValueError(f"field {name} has {len(array)} rows, x has {len(x)}")
-    return fields
+        if array.shape[0] != x.shape[0]:
+            raise ValueError(f"field {name} has {array.shape[0]} rows, x has {x.shape[0]}")
+
+
+def _spec(fields: Mapping[str, Field]) -> dict[str, tuple[str, int]]:
+    """Types and columns of fields."""
+    return {name: (field.dtype, field.columns) for name, field in fields.items()}
+
+
+def _with_digest(frame: Frame) -> Frame:
+    """Return a frame that is not stored yet with its digest, for which all columns are made."""
+    assert isinstance(frame.source, New)
+    gas = frame.gas and _with_digest(frame.gas)
+    return replace(frame, digest=frame.digest_of(told(frame.source.given)), gas=gas)
 
 
 @dataclass
@@ -78,45 +87,44 @@ class _Layout:
         if frame is None:
             return cls()
         with frame.source.fields() as stored:
-            spec = {name: (field.dtype, field.columns) for name, field in stored.items()}
-            return cls(spec, stored["x"].chunk)
+            return cls(_spec(stored), stored["x"].chunk)
 
-    def check(self, fields: Mapping[str, np.ndarray]) -> dict[str, tuple[str, int]]:
-        """Return types and columns of fields; ValueError if other ones were stored before."""
-        spec = {name: (a.dtype.str, a.shape[1] if a.ndim == 2 else 0) for name, a in fields.items()}
+    def frame(self, path: Path, state: "State | Streamed", given: Given, single: bool) -> Frame:
+        """Return a frame of these fields, which is not stored yet and has no digest.
+
+        ValueError if they are not those of the frames before.
+        """
+        _check_fields(given)
+        n = given["x"].shape[0]
+        chunk = self.chunk or chunk_rows(n)
+        new = {name: Fresh(a, chunk, self.packer, name, single) for name, a in given.items()}
+        spec = _spec(new)
         if self.spec is not None and spec != self.spec:
             raise ValueError(f"fields = {spec} must be those of frame 0: {self.spec}")
-        return spec
+        return Frame(
+            time=float(state.time),
+            step=int(state.step),
+            dt=float(state.dt),
+            mass=new["mass"].total(),
+            n=n,
+            digest=b"",
+            row=0,
+            source=New(path, new),
+        )
 
-    def packed(
-        self, path: Path, head: Mapping[str, Any], fields: Mapping[str, np.ndarray], **more: Any
-    ) -> Frame:
-        """Make a frame that waits in memory."""
-        self.chunk = self.chunk or chunk_rows(head["n"])
-        packed = {
-            name: Packed.of(array, self.chunk, self.packer, name) for name, array in fields.items()
-        }
-        return Frame(**head, row=0, source=Memory(path, packed), **more)
-
-
-def _head(state: "State", fields: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    """Scalars and digest of a frame."""
-    scalars: dict[str, Any] = {
-        "time": float(state.time),
-        "step": int(state.step),
-        "dt": float(state.dt),
-        "mass": float(np.sum(fields["mass"])),
-    }
-    digest = frame_digest(**scalars, fields=fields)
-    return scalars | {"n": len(fields["x"]), "digest": digest}
+    def fix(self, frame: Frame) -> None:
+        """Let all further frames be as this one."""
+        assert isinstance(frame.source, New)
+        self.spec, self.chunk = _spec(frame.source.given), frame.source.given["x"].chunk
 
 
 class TrajectoryWriter:
-    """Writer of one record: frames are soon durable, and finally merged into one file.
+    """Writer of one record: frames go into the file as they come, and `close` completes it.
 
-    Frames are first written to the folder ``<path>.parts`` as segments of one or more frames, each
-    completely or not at all. `close` merges them into the one file. If a run is killed, the
-    segments remain: `open_trajectory` reads them, and `resume` or the next `close` merges them.
+    Until then the file lies in the folder ``<path>.parts`` with a log of its frames. A frame is
+    complete there or does not count. If the process is killed, `open_trajectory` reads what there
+    is, and `resume` goes on with it. After a loss of power the frames since the last checkpoint may
+    be missing; a run that goes on computes them again.
 
     Parameters
     ----------
@@ -152,23 +160,17 @@ class TrajectoryWriter:
             raise IsADirectoryError(f"{path} is a folder")
         text = json.dumps(origin.collect(provenance), sort_keys=True)
         texts = Texts(uuid.uuid4().hex, scene.to_json(), text)
-        self._open(path)
-        with self._beginning():
-            unfinished = holds_parts(self._folder)
-            if not overwrite and (path.exists() or unfinished):
-                raise FileExistsError(
-                    f"{path} exists already"
-                    + (" (unfinished: resume it)" if unfinished else "")
-                    + "; overwrite=True replaces it"
-                )
-            self._begin(Head(texts, replaces=identity(path)))
+        with self._opening(path):
+            if not overwrite:
+                self._refuse_existing()
+            self._begin(texts)
             kept.forget(path)
 
     @classmethod
     def resume(
         cls, path: str | os.PathLike[str], *, provenance: Mapping[str, Any] | None = None
     ) -> Self:
-        """Continue a record, finished or not; existing parts are merged first.
+        """Continue a record, finished or not; its frames are copied into the file in the making.
 
         A resumed run computes the frames after its checkpoint again. Frames equal to the recorded
         ones are recognised and not stored again. From the first different frame on, the old record
@@ -188,24 +190,36 @@ class TrajectoryWriter:
             If it is damaged.
         """
         writer = cls.__new__(cls)
-        writer._open(followed(path))
-        with writer._beginning():
-            merge(writer.path)
-            writer._continue(provenance)
+        with writer._opening(followed(path)), writer._stored() as contents:
+            frames = _sound(contents)
+            parent = frames[-1].digest.hex() if frames else None
+            if contents.has_checkpoint:
+                parent = contents.checkpoint().digest.hex()
+            before = json.loads(contents.texts.provenance)
+            earlier = [*before.pop("earlier", []), before]
+            now = origin.collect(provenance, parent=parent) | {"earlier": earlier}
+            texts = replace(contents.texts, provenance=json.dumps(now, sort_keys=True))
+            writer._begin(texts, contents, frames)
+            writer._cursor = 0
         return writer
 
-    def _open(self, path: Path) -> None:
-        """Take the lock of a record, of which nothing is known or changed yet."""
+    @contextmanager
+    def _opening(self, path: Path) -> Iterator[None]:
+        """Take the lock of a record; leave nothing behind, not even the lock, if the body fails."""
         self.path, self._folder = path, parts_folder(path)
-        self._layout, self._gas_layout = _Layout(), _Layout()
-        self._recorded: list[tuple[int, bytes]] = []  # step and mark of each frame
-        self._cursor = 0
-        self._frames: list[Frame] = []  # waiting frames, the last of those recorded
-        self._bytes = 0  # size of the waiting frames
-        self._checkpoint: Checkpoint | None = None  # waiting checkpoint
-        self._stored = -math.inf  # time.monotonic() of the last write
-        self._lock: Lock | None = self._locked()
+        self._growing: Growing | None = None
+        self._filled = False  # what was let go of holds something
+        self._cursor = 0  # number of the frames that this run has made or recognised
         self.closed = False
+        self._lock: Lock | None = self._locked()
+        try:
+            yield
+        except BaseException:
+            with suppress(OSError, RecordError):
+                if not unfinished(path):
+                    remove_all(self._folder)
+            self._let_go()
+            raise
 
     def _locked(self) -> Lock:
         mode = permissions(self.path)
@@ -214,89 +228,80 @@ class TrajectoryWriter:
         # Who may read the file may search the folder, and nobody else.
         return Lock(self._folder, mode | (mode & 0o444) >> 2 | 0o700)
 
-    def _release(self) -> None:
+    def _let_go(self) -> None:
+        """Release the files and the lock."""
+        if self._growing is not None:
+            self._growing.discard()
+            self._growing = None
         if self._lock is not None:
             self._lock.release()
             self._lock = None
 
-    @contextmanager
-    def _beginning(self) -> Iterator[None]:
-        """Leave nothing behind, not even the lock, if the body fails."""
-        try:
-            yield
-        except BaseException:
-            with suppress(OSError):
-                if self._folder.is_dir() and not holds_parts(self._folder):
-                    remove_parts(self._folder)
-            self._release()
-            raise
+    def _refuse_existing(self) -> None:
+        left = unfinished(self.path)
+        if left or self.path.exists():
+            raise FileExistsError(
+                f"{self.path} exists already"
+                + (" (unfinished: resume it)" if left else "")
+                + "; overwrite=True replaces it"
+            )
 
-    def _continue(self, extra: Mapping[str, Any] | None) -> None:
-        """Begin as the continuation of a finished file."""
+    @contextmanager
+    def _stored(self) -> Iterator[Contents]:
+        """Yield what is stored at the path."""
         contents = load(self.path)
         try:
-            with reading(self.path):
-                self._recall(contents)
-            last = contents.frames[-1] if contents.frames else None
-            parent = last.digest.hex() if last else None
-            if contents.has_checkpoint:
-                parent = contents.checkpoint().digest.hex()
+            yield contents
         finally:
             contents.close()
-        before = json.loads(contents.texts.provenance)
-        earlier = [*before.pop("earlier", []), before]
-        now = origin.collect(extra, parent=parent) | {"earlier": earlier}
-        texts = replace(contents.texts, provenance=json.dumps(now, sort_keys=True))
-        self._begin(replace(contents.head, texts=texts))
 
-    def _recall(self, contents: Contents) -> None:
-        """Take over the frames and the layout of what is stored."""
-        self._recorded = [(frame.step, frame.mark) for frame in contents.frames]
-        self._cursor = 0
-        self._layout = _Layout.of(contents.frames[-1] if contents.frames else None)
-        gases = (frame.gas for frame in reversed(contents.frames) if frame.gas)
-        self._gas_layout = _Layout.of(next(gases, None))
+    def _begin(
+        self, texts: Texts, contents: Contents | None = None, frames: list[Frame] | None = None
+    ) -> None:
+        """Begin the file anew, with these frames and the checkpoint of what is stored."""
+        frames, checkpoint = frames or [], None
+        if contents and contents.has_checkpoint:
+            checkpoint = contents.checkpoint()
+        with reading(self.path):
+            gases = (frame.gas for frame in reversed(frames) if frame.gas)
+            self._layout = _Layout.of(frames[-1] if frames else None)
+            self._gas_layout = _Layout.of(next(gases, None))
+        before, head = self._growing, Head(texts, uuid.uuid4().hex, identity(self.path))
+        self._growing = Growing(self.path, self._folder, head, frames, checkpoint)
+        self._texts, self._replaces, self._frames = texts, head.replaces, self._growing.frames
+        if before:
+            before.discard()
 
-    def _begin(self, head: Head) -> None:
-        """Write the head of a folder of parts; old contents are removed once it is written."""
-        self._head = head
-        with replacing(self._folder / HEAD, self._folder / "head.tmp") as fd:
-            write_head(fd, head)
-            os.fsync(fd)
-            clear_parts(self._folder)
-        fsync_folder(self.path.parent)
+    def _grown(self) -> Growing:
+        """Return the files in the making; take up what is stored after `close` has failed."""
+        if self.closed:
+            raise ValueError(f"{self.path}: the record is closed")
+        if self._growing is None:
+            self._lock = self._locked()
+            try:
+                self._take_up()
+            except BaseException:
+                self._let_go()
+                raise
+        assert self._growing is not None
+        return self._growing
 
-    def _hold(self) -> None:
-        """Take the lock again after `close` has failed, if the record is as it was left."""
-        if self._lock is not None:
+    def _take_up(self) -> None:
+        if not self._filled and identity(self.path) == self._replaces and not unfinished(self.path):
+            self._begin(self._texts)
             return
-        lock = self._locked()
-        try:
-            path = self._folder / HEAD
-            if path.exists() and read_head(path) != self._head:
+        with self._stored() as contents:
+            if contents.texts != self._texts:
                 raise FileExistsError(
                     f"{self.path} has been written by another run since this one could not close"
                     " it; resume it, or record under another name"
                 )
-        except BaseException:
-            lock.release()
-            raise
-        self._lock = lock
-
-    def _begin_again(self) -> None:
-        """Go on after a `close` that failed when all was in the file already."""
-        contents = load(self.path)
-        try:
-            if contents.texts != self._head.texts:
-                raise FileExistsError(f"{self.path} has been written by another run since")
-            self._begin(contents.head)
-        finally:
-            contents.close()
+            self._begin(self._texts, contents, contents.frames)
 
     @property
     def frames(self) -> int:
         """Number of frames recorded (no ``__len__``: an empty writer must not be false)."""
-        return len(self._recorded)
+        return len(self._frames)
 
     def writes(self, path: str | os.PathLike[str]) -> bool:
         """True if this is the path of the record, or a symbolic link to it."""
@@ -304,199 +309,152 @@ class TrajectoryWriter:
 
     def append(
         self,
-        state: "State",
-        checkpoint: Checkpoint | None = None,
+        state: "State | Streamed",
         *,
         gas: Mapping[str, np.ndarray] | None = None,
         samples: Mapping[str, float] | None = None,
         bodies: np.ndarray | None = None,
         walls: np.ndarray | None = None,
-        keep_each: int = 0,
-        may_wait: bool = False,
-    ) -> None:
-        """Add a frame, and the restart state at its time.
+        single: bool = False,
+    ) -> int:
+        """Add a frame; it outlives the process when this method returns.
 
-        Both are on the disk when this method returns, unless they `may_wait` (see `store`). `gas`
-        are the fields of the gas particles, `samples` the values that monitors measured at the
-        frame; `bodies`, shape (count, numbers), is the state of its rigid bodies, and `walls`, also
-        (count, numbers), the impulses on its walls. The restart states of frames whose index is a
-        multiple of `keep_each` are not replaced by later ones: they are stored at once, in files
-        beside the record. A frame equal to the recorded one of the same step is not stored again.
+        A frame equal to the recorded one of the same step is not stored again.
+
+        Parameters
+        ----------
+        state : State or Streamed
+        gas : mapping, optional
+            Fields of the gas particles.
+        samples : mapping, optional
+            Values that monitors measured.
+        bodies, walls : ndarray, optional
+            States of the rigid bodies and impulses on the walls, shape (count, numbers).
+        single : bool
+            Store the fields in single precision.
+
+        Returns
+        -------
+        int
+            Index of the frame.
 
         Raises
         ------
         ValueError
             If the step is not past the last one, or the fields differ from those of frame 0.
         TypeError
-            If a field is neither float64 nor int64.
+            If a field has a type that cannot be stored.
         OSError
-            If it could not be written: the disk is as before, and the rest waits for the next
-            attempt.
+            If it could not be written: the record is as before.
         """
-        self._check_open()
-        fields = _check_fields(state.fields)
-        spec = self._layout.check(fields)
+        growing = self._grown()
+        frame = self._layout.frame(self.path, state, state.fields, single)
         if gas is not None:
-            gas = _check_fields(gas)
-            gas_spec = self._gas_layout.check(gas)
+            frame = replace(frame, gas=self._gas_layout.frame(self.path, state, gas, single))
         told = dict(samples or {})
         for prefix, rows in ((BODY, bodies), (WALL, walls)):
             if rows is not None:
                 told |= zip(names_of(prefix, *rows.shape), rows.ravel().tolist(), strict=True)
-        self._add(state, fields, gas, told)
-        self._layout.spec = spec
-        if gas is not None:
-            self._gas_layout.spec = gas_spec
-        self._checkpoint = checkpoint or self._checkpoint
-        self.store(may_wait=may_wait)
-        index = self._cursor - 1
-        if keep_each and index % keep_each == 0 and checkpoint is not None:
-            _, mark = self._recorded[index]
-            kept.keep(self.path, self._head.texts.record, mark, checkpoint)
-
-    def _add(
-        self,
-        state: "State",
-        fields: Mapping[str, np.ndarray],
-        gas: Mapping[str, np.ndarray] | None,
-        samples: Mapping[str, float],
-    ) -> None:
-        """Put a frame among those that wait, if it is not recorded already."""
-        head, below = _head(state, fields), None if gas is None else _head(state, gas)
-        step, mark = head["step"], head["digest"] + (below["digest"] if below else b"")
-        index = bisect_left(self._recorded, step, key=lambda old: old[0])
-        if self._recorded[index : index + 1] == [(step, mark)]:
+        frame = replace(frame, samples=told)
+        index = bisect_left(self._frames, frame.step, key=lambda old: old.step)
+        known = self._frames[index] if index < len(self._frames) else None
+        if known and known.step == frame.step:
+            frame = _with_digest(frame)
+        if known and frame.digest and known.mark == frame.mark:
             self._cursor = max(self._cursor, index + 1)
-            return
+            return index
         if index < self._cursor:
-            last = self._recorded[self._cursor - 1][0]
-            raise ValueError(f"step = {step} must exceed the last recorded step {last}")
-        inside = (
-            None if gas is None or below is None else self._gas_layout.packed(self.path, below, gas)
-        )
-        frame = self._layout.packed(self.path, head, fields, samples=samples, gas=inside)
-        self._frames.append(frame)
-        waiting = [part.source for part in (frame, inside) if part]
-        self._bytes += sum(part.nbytes for part in waiting if isinstance(part, Memory))
-        self._recorded[index:] = [(step, mark)]
+            last = self._frames[self._cursor - 1].step
+            raise ValueError(f"step = {frame.step} must exceed the last recorded step {last}")
+        if known:  # from here on the record is another one
+            with self._stored() as contents:
+                layouts = self._layout, self._gas_layout
+                self._begin(self._texts, contents, contents.frames[:index])
+                self._layout, self._gas_layout = layouts
+            growing = self._grown()
+        growing.append(frame)
+        for layout, part in ((self._layout, frame), (self._gas_layout, frame.gas)):
+            if part:
+                layout.fix(part)
         self._cursor = index + 1
+        return index
 
     def checkpoint(self, checkpoint: Checkpoint) -> None:
-        """Store the frames that wait, then a restart state in place of the previous one.
+        """Store a restart state in place of the previous one, and make all frames durable.
 
         Raises
         ------
         OSError
             As `append`.
         """
-        self._check_open()
-        self._checkpoint = checkpoint
-        self.store()
+        self._grown().keep(checkpoint)
 
-    def store(self, *, may_wait: bool = False) -> None:
-        """Write the frames and the restart state that wait to the disk.
-
-        If they `may_wait`, they are written only if `WAITING_SECONDS` have passed since the last
-        write or `WAITING_BYTES` have accumulated. Many frames then form one segment, and only the
-        last of their restart states is stored.
-
-        Raises
-        ------
-        OSError
-            As `append`.
-        """
-        due = time.monotonic() - self._stored >= WAITING_SECONDS
-        if may_wait and not due and self._bytes < WAITING_BYTES:
-            return
-        if not self._frames and not self._checkpoint:
-            return
-        self._hold()
-        if not (self._folder / HEAD).exists():
-            self._begin_again()
-        if self._frames:
-            first = len(self._recorded) - len(self._frames)
-            path = self._folder / f"frames-{first:08d}.part"
-            write_frames(path, self._head.texts.record, self._frames)
-            self._frames, self._bytes = [], 0
-            self._stored = time.monotonic()
-        if self._checkpoint:
-            path = self._folder / CHECKPOINT
-            write_restart(path, self._head.texts.record, self._checkpoint)
-            self._checkpoint, self._stored = None, time.monotonic()
-
-    @contextmanager
-    def storing(self) -> Iterator[None]:
-        """Store what waits as soon as it is due, while the body of the caller is busy elsewhere.
-
-        The body must not use the writer. An error is not raised here: what could not be stored
-        waits for the next attempt, which raises it.
-        """
-        if not self._frames and not self._checkpoint:
-            yield
-            return
-        timer = threading.Timer(self._stored + WAITING_SECONDS - time.monotonic(), self._try_store)
-        timer.daemon = True
-        timer.start()
-        try:
-            yield
-        finally:
-            timer.cancel()
-            timer.join()  # a segment that is being written
-
-    def _try_store(self) -> None:
-        with suppress(Exception):
-            self.store()
-
-    def _check_open(self) -> None:
-        if self.closed:
-            raise ValueError(f"{self.path}: the record is closed")
+    def keep(self, index: int, checkpoint: Checkpoint) -> None:
+        """Store the restart state of a frame beside the record, where no later one replaces it."""
+        kept.keep(self.path, self._frames[index], checkpoint)
 
     def close(self) -> None:
-        """Merge everything into the one file; a second call does nothing.
+        """Complete the file and give it its name; a second call does nothing.
+
+        The frames are not copied.
 
         Raises
         ------
         OSError
-            If the file could not be written. It is then as before, the parts remain, and the lock
-            is released: the record may be opened and resumed, or this writer may go on and `close`
-            again, as long as no other has written.
+            If the file could not be written. What is stored remains, and the lock is released: the
+            record may be opened and resumed, or this writer may go on and `close` again, as long as
+            no other has written.
         FileExistsError
             If there is a file at the path that was not there at the beginning. Both are kept.
         """
         if self.closed:
             return
-        with self._leaving():
-            self.store()
-            if self._recorded or (self._folder / CHECKPOINT).exists():
-                merge(self.path)
-            else:
-                remove_parts(self._folder)
-
-    def leave(self) -> None:
-        """Stop writing without merging; the parts are a valid record that can be read and resumed.
-
-        This takes no longer for a long record than for a short one, whereas `close` copies all
-        frames. If it fails, `leave` or `close` may be called again.
-        """
-        if not self.closed:
-            with self._leaving():
-                self.store()
-
-    @contextmanager
-    def _leaving(self) -> Iterator[None]:
-        """Release the lock, and close the record if the body succeeds."""
-        self._hold()
+        growing = self._grown()
+        self._filled = growing.has_content
         try:
-            yield
+            if self._filled:
+                self._replace(growing)
+            remove_all(self._folder)
             self.closed = True
         finally:
-            self._release()
+            self._let_go()
+
+    def _replace(self, growing: Growing) -> None:
+        growing.finish()
+        if identity(self.path) != growing.head.replaces:
+            raise FileExistsError(
+                f"{self.path} has changed while the frames in {self._folder} were written; move it"
+                " elsewhere"
+            )
+        os.replace(growing.data, self.path)
+        fsync_folder(self.path.parent)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        if kind is not None and issubclass(kind, KeyboardInterrupt):
-            self.leave()  # Ctrl-C must not wait for the merge
-        else:
+        if self._growing is None:
+            return
+        if kind is None or self._growing.has_content:
             self.close()
+        else:
+            self._let_go()  # it may go on once the error is mended
+
+
+def _sound(contents: Contents) -> list[Frame]:
+    """Frames of a record, without those that a loss of power has spoilt after the checkpoint.
+
+    The run makes these again.
+    """
+    frames = contents.frames
+    if contents.main or not contents.has_checkpoint:
+        return frames
+    last = contents.checkpoint().step
+    for i, frame in enumerate(frames):
+        if frame.step > last:
+            try:
+                for part in filter(None, (frame, frame.gas)):
+                    contents.read(part)
+            except RecordError:
+                return frames[:i]
+    return frames

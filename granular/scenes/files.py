@@ -35,6 +35,7 @@ RUN = {
     "until": "Time at which the run stops [s]; by default the duration of the scene.",
     "every": "Time between frames [s].",
     "fields": 'Quantities that frames hold too, as ParaView shows them: ["pressure", "speed"].',
+    "precision": 'Precision of frames, "double" or "single", which takes half of the space.',
     "threads": "Number of threads; by default as many as are worth it.",
 }
 """Keys of the section "run", and what they mean."""
@@ -54,7 +55,7 @@ class SceneFile:
     ----------
     scene : Scene or SphScene
     run : dict
-        Values of `until`, `every`, `fields` and `threads`, as far as the file has them.
+        Values of `until`, `every`, `fields`, `precision` and `threads` that the file has.
     """
 
     scene: AnyScene

@@ -66,7 +66,7 @@ def test_a_spoilt_point_stops_the_run(small_scene, combination, tmp_path, name, 
     with gr.open(path) as record:
         assert len(record) == 3
         point = record.checkpoint()
-        assert point.step == frames[2] == record[-1].step
+        assert point.step == 0 and record[-1].step == frames[2]
         assert all(np.isfinite(a).all() for a in point.arrays.values())
         assert all(np.isfinite(a).all() for s in record for a in s.fields.values())
     healthy = gr.Simulation.resume(path, threads=1)
@@ -114,20 +114,59 @@ def test_a_hook_that_raises_ends_the_run_and_keeps_the_record(small_scene, tmp_p
     assert shown(sim.state) == shown(resumed.state)
 
 
-def test_a_finished_frame_does_not_wait_for_the_next(small_scene, tmp_path, monkeypatch):
-    """During a slow run the writer is also asked between two frames whether it is time to store."""
+def test_checkpoints_are_stored_at_intervals(small_scene, tmp_path, monkeypatch):
+    """At both ends of a run, and in between as often as asked; also between two frames."""
     monkeypatch.setattr("granular.running.CHUNK_SECONDS", 1e-5)
-    asked, real = [], TrajectoryWriter.store
+    scene, stored, real = small_scene("walls", 2, PLAIN), [], TrajectoryWriter.checkpoint
 
-    def store(writer, *, may_wait=False):
-        asked.append((sim.steps, may_wait))
-        real(writer, may_wait=may_wait)
+    def checkpoint(writer, point):
+        stored.append(point.step)
+        real(writer, point)
 
-    monkeypatch.setattr(TrajectoryWriter, "store", store)
-    sim = gr.Simulation(small_scene("walls", 2, PLAIN), threads=1)
-    sim.run(until=0.1, save=tmp_path / "run.h5", every=0.1)
-    between = {step for step, may_wait in asked if may_wait and 0 < step < sim.steps}
-    assert len(between) > 5
+    monkeypatch.setattr(TrajectoryWriter, "checkpoint", checkpoint)
+    for minutes in (10, 1e-9):
+        stored.clear()
+        sim = gr.Simulation(scene, threads=1)
+        sim.run(0.1, save=tmp_path / f"{minutes}.h5", every=0.02, checkpoint_minutes=minutes)
+        assert stored[0] == 0 and stored[-1] == sim.steps
+        assert len(stored) == 2 if minutes == 10 else len(set(stored)) > 20
+    with pytest.raises(ValueError, match="checkpoint_minutes = 0"):
+        sim.run(0.2, checkpoint_minutes=0)
+
+
+KILLED = textwrap.dedent(
+    """
+    import os, signal, sys
+    sys.path.insert(0, {tests!r})
+    from conftest import make_scene
+    import granular as gr
+    scene = make_scene("walls", 2, ("quadratic", "tpic", "smoothed"), E=1e5)
+    def end(sim):
+        if sim.time > 0.1:
+            os.kill(os.getpid(), signal.SIGKILL)
+    gr.Simulation(scene, threads=1).run(1.0, save={path!r}, every=0.02, hooks=(end,))
+    """
+)
+
+
+def test_a_killed_run_goes_on_to_the_last_bit(small_scene, tmp_path):
+    """From the checkpoint at its beginning; the frames since then are recognised."""
+    path, whole = tmp_path / "run.h5", tmp_path / "whole.h5"
+    code = KILLED.format(tests=str(ROOT / "tests"), path=str(path))
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    child = subprocess.run([sys.executable, "-c", code], env=environment, timeout=60)
+    assert child.returncode == -signal.SIGKILL
+    scene = small_scene("walls", 2, ("quadratic", "tpic", "smoothed"), E=1e5)
+    gr.Simulation(scene, threads=1).run(0.2, save=whole, every=0.02)
+    with gr.open(path) as record:
+        assert record.checkpoint().step == 0 and len(record) == 6 and not record.finished
+    sim = gr.Simulation.resume(path, threads=1).run(0.2)
+    with gr.open(path) as record, gr.open(whole) as other:
+        assert record.checkpoint().digest == other.checkpoint().digest
+        assert [shown(state) for state in record] == [shown(state) for state in other]
+        assert record.finished and record[-1].step == sim.steps
+        for name, array in record[-1].fields.items():
+            assert np.array_equal(array, sim.state.fields[name]), name
 
 
 @pytest.mark.usefixtures("ctrl_c")

@@ -47,8 +47,19 @@ def content(path):
     return frames, checkpoint
 
 
+def put(writer, i):
+    """Add a frame and its checkpoint."""
+    writer.append(make_state(i))
+    writer.checkpoint(make_checkpoint(i))
+
+
+def abandon(writer):
+    """Let go of a record as the end of the process does, which leaves it unfinished."""
+    writer._let_go()
+
+
 def close_interrupted(path, survivors, monkeypatch):
-    """Close a record of four frames; the removal of its parts is interrupted after `survivors`."""
+    """Close a record of four frames; the removal of what is left is cut off after `survivors`."""
     writer = TrajectoryWriter(path, SCENE)
     for i in range(4):
         writer.append(make_state(i))
@@ -69,4 +80,8 @@ def close_interrupted(path, survivors, monkeypatch):
             writer.close()
         except KeyboardInterrupt:
             interrupted = True
-    assert interrupted == (survivors < 6)  # four frames, checkpoint, head
+    assert interrupted == (survivors < REMOVED)
+
+
+REMOVED = 2
+"""Number of files that remain to be removed once the file has its name: log and checkpoint."""

@@ -152,10 +152,13 @@ def test_a_quick_account_of_a_record(module, capsys):
     script.main(["--quick", "--threads", "1"])
     head, _, *lines = capsys.readouterr().out.splitlines()
     assert head.startswith("512 points") and " 7 frames" in head
-    parts = {line[:26].strip(): float(line[26:].split()[1]) for line in lines[:-1]}
+    parts = {line[:26].strip(): float(line[26:].split()[1]) for line in lines[:-2]}
     assert parts.keys() == {part for *_, part in script.PARTS} | {"all else", "sum"}
     assert parts.pop("sum") == pytest.approx(sum(parts.values()), abs=0.05)
     assert parts["kernels"] > 0.1
+    steps = int(head.split()[2])
+    in_steps = parts["frames"] / 7 / (parts["kernels"] / steps)
+    assert float(lines[-1][26:].split()[1]) == pytest.approx(in_steps, rel=0.02)
     assert gr.Simulation._advance is advance
 
 

@@ -12,7 +12,8 @@ import pytest
 from paraview_reader import as_array, paraview
 
 from granular.record import Checkpoint, RecordError, TrajectoryWriter, info, open_trajectory
-from granular.record.chunks import Packed, Packer
+from granular.record.chunks import Packed, Packer, corners
+from granular.record.fresh import Fresh
 
 
 @dataclass(frozen=True)
@@ -94,8 +95,8 @@ def assert_holds(path, states):
     return record
 
 
-# points leave, arrive and vanish; 40000 exceeds the largest chunk
-COUNTS = ([50, 50, 47, 1, 0, 60, 200], [0, 3], [40000, 33000, 12])
+# points leave, arrive and vanish; 70000 exceeds the largest chunk
+COUNTS = ([50, 50, 47, 1, 0, 60, 200], [0, 3], [70000, 60000, 12])
 
 
 @pytest.mark.parametrize("counts", COUNTS)
@@ -181,81 +182,58 @@ def test_the_last_checkpoint_comes_back_bitwise(tmp_path):
         assert_same_checkpoint(record.checkpoint(), make_checkpoint(2))
 
 
-@pytest.mark.parametrize("leave", [False, True])
-def test_what_may_wait_is_stored_in_the_end(tmp_path, leave):
-    path = tmp_path / "a.h5"
-    writer = TrajectoryWriter(path, SceneDouble())
-    states = [make_state(i, 5) for i in range(4)]
-    for i, state in enumerate(states):  # the first is stored at once
-        writer.append(state, make_checkpoint(i), may_wait=True)
-    assert writer.frames == 4
-    with open_trajectory(path) as record:
-        assert record.series["step"].tolist() == [0]
-        assert_same_checkpoint(record.checkpoint(), make_checkpoint(0))
-    writer.leave() if leave else writer.close()
-    assert_holds(path, states)
-    with open_trajectory(path) as record:
-        assert record.finished is not leave
-        assert_same_checkpoint(record.checkpoint(), make_checkpoint(3))
-
-
-def test_nothing_waits_for_long(tmp_path, monkeypatch):
-    now = 100.0
-    monkeypatch.setattr("granular.record.writer.time.monotonic", lambda: now)
-
-    def stored():
-        with open_trajectory(tmp_path / "a.h5") as record:
-            return len(record)
-
+def test_what_is_stored_does_not_change_with_the_state(tmp_path):
+    """Also not by way of a column that is not packed again because it has not changed."""
+    state = make_state(1, 5, shear_rate=np.zeros(5))
     with TrajectoryWriter(tmp_path / "a.h5", SceneDouble()) as writer:
-        writer.append(make_state(0, 5), may_wait=True)
-        for i in (1, 2):
-            writer.append(make_state(i, 5), make_checkpoint(i), may_wait=True)
-        now += 0.9
-        writer.store(may_wait=True)
-        assert stored() == 1
-        now += 0.2
-        writer.store(may_wait=True)  # a run also asks between two frames
-        assert stored() == 3
-        with open_trajectory(tmp_path / "a.h5") as record:
-            assert_same_checkpoint(record.checkpoint(), make_checkpoint(2))
-        writer.append(make_state(3, 5), may_wait=True)
-        assert stored() == 3
-        now += 1.1
-        writer.append(make_state(4, 5), may_wait=True)
-        assert stored() == 5
-        now += 1.1
-        writer.append(make_state(5, 5), may_wait=True)
-        assert stored() == 6
-
-
-def test_no_more_waits_than_memory_is_meant_for(tmp_path, monkeypatch):
-    monkeypatch.setattr("granular.record.writer.time.monotonic", lambda: 100.0)
-    frame = 9000  # at least these bytes: 100 points with 10 columns of noise, and zeros and masses
-    monkeypatch.setattr("granular.record.writer.WAITING_BYTES", 5 * frame)
-    most = 0
-    with TrajectoryWriter(tmp_path / "a.h5", SceneDouble()) as writer:
-        for i in range(30):
-            writer.append(make_state(i, 100), may_wait=True)
-            waiting = sum(f.nbytes for s in writer._frames for f in s.source.packed.values())
-            assert waiting < 5 * frame
-            most = max(most, waiting)
-        assert most > 3 * frame
-        segments = list((tmp_path / "a.h5.parts").glob("frames-*.part"))
-        assert 5 <= len(segments) <= 10
+        writer.append(state)
+        for name in ("v", "shear_rate"):
+            state.fields[name][:] = 7.0
+        later = StateDouble(**(state.__dict__ | {"step": 20}))
+        writer.append(later)
     with open_trajectory(tmp_path / "a.h5") as record:
-        assert record.series["step"].tolist() == [10 * i for i in range(30)]
-        assert record.damage() == []
+        assert_same(record[0], make_state(1, 5))
+        assert_same(record[1], later)
 
 
-def test_what_waits_is_a_copy(tmp_path):
-    state = make_state(1, 5)
-    with TrajectoryWriter(tmp_path / "a.h5", SceneDouble()) as writer:
-        writer.append(make_state(0, 5), may_wait=True)
-        writer.append(state, may_wait=True)
-        state.fields["v"][:] = 7.0
-    with open_trajectory(tmp_path / "a.h5") as record:
-        assert_same(record[1], make_state(1, 5))
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_frames_in_single_precision(tmp_path, order):
+    """They take half of the space, and read as double precision; checkpoints are exact."""
+    sizes, counts = {}, (40000, 33000, 12)
+    for single in (False, True):
+        path = tmp_path / f"{single}.h5"
+        with TrajectoryWriter(path, SceneDouble()) as writer:
+            for i, n in enumerate(counts):
+                state = make_state(i, n)
+                for name, array in state.fields.items():
+                    state.fields[name] = array.copy(order=order)
+                state.fields["mass"][:1] = 1e300
+                writer.append(state, single=single)
+            writer.checkpoint(make_checkpoint())
+        sizes[single] = path.stat().st_size
+    assert sizes[True] < 0.6 * sizes[False]
+    with TrajectoryWriter.resume(path) as writer:
+        writer.append(state, single=True)  # recognised
+        assert writer.frames == 3
+        with pytest.raises(ValueError, match="must be those of frame 0"):
+            writer.append(make_state(4, 5))
+    with open_trajectory(tmp_path / "False.h5") as exact, open_trajectory(path) as record:
+        assert record.damage() == [] and len(record) == 3
+        assert_same_checkpoint(record.checkpoint(), make_checkpoint())
+        for state, wanted in zip(record, exact, strict=True):
+            for name, array in wanted.fields.items():
+                with np.errstate(over="ignore"):
+                    rounded = array.astype("<f4") if array.dtype.kind == "f" else array
+                found = state.fields[name]
+                assert found.dtype == array.dtype
+                assert np.array_equal(found, rounded.astype(array.dtype), equal_nan=True)
+    with h5py.File(path) as file:
+        assert file["VTKHDF/Points"].dtype == file["VTKHDF/PointData/v"].dtype == "<f4"
+        assert file["VTKHDF/PointData/id"].dtype == "<i8"
+    *_, (time, data) = paraview(path)
+    assert time == make_state(2, 1).time
+    points = as_array(data.GetPoints().GetData())
+    assert np.array_equal(points[:, :2], make_state(2, 12).fields["x"].astype("<f4"))
 
 
 def test_columns_that_change_their_nature_come_back_as_they_were():
@@ -264,20 +242,23 @@ def test_columns_that_change_their_nature_come_back_as_they_were():
     noise = [rng.random(n) for _ in range(Packer.PATIENCE + 2)]
     same, zero = np.full(n, 0.1), np.where(np.arange(n) == 7, -0.0, 0.0)
     for column in (same, same, zero, -zero, *noise, *[same] * (Packer.PATIENCE + 1), zero):
-        packed = Packed.of(column, 256, packer, "v")
+        fresh = Fresh(column, 256, packer, "v", False)
+        chunks = [fresh.raw(corner) for corner in corners(n, 256, 0)]
+        packed = Packed(fresh.dtype, 0, 256, n, [(mask, bytes(raw)) for mask, raw in chunks])
         assert packed.read(0, n).tobytes() == column.tobytes()
-    assert packed.nbytes < 100  # compressed again in the end
+    assert sum(len(raw) for _, raw in chunks) < 100  # compressed again in the end
 
 
 @pytest.mark.parametrize("value", [np.nan, -np.nan, -0.0, np.inf])
-def test_strange_numbers_survive_a_segment(tmp_path, value):
-    """JSON, in which the headers of segments are written, would lose the sign of a NaN."""
+def test_strange_numbers_survive_the_log(tmp_path, value):
+    """JSON, in which the entries of the log are written, would lose the sign of a NaN."""
     scalars = {"strange": float(value)}
     point = Checkpoint(time=1.0, step=10, dt=1e-3, scalars=scalars, arrays={})
     state = make_state(1, 5, mass=np.full(5, value))
     writer = TrajectoryWriter(tmp_path / "a.h5", SceneDouble())
-    writer.append(state, point)
-    for _ in range(2):  # from a segment, then from the file
+    writer.append(state)
+    writer.checkpoint(point)
+    for _ in range(2):  # by the log, then from the file
         with open_trajectory(tmp_path / "a.h5") as record:
             assert_same(record[0], state)
             assert_same_checkpoint(record.checkpoint(), point)
@@ -326,8 +307,8 @@ def test_frames_must_advance_and_agree(tmp_path):
                 writer.append(late)
         with pytest.raises(ValueError, match="must be those of frame 0"):
             writer.append(make_state(2, 5, extra=np.zeros(5)))
-        with pytest.raises(TypeError, match="mass has type float32"):
-            writer.append(make_state(2, 5, mass=np.zeros(5, np.float32)))
+        with pytest.raises(TypeError, match="mass has type float16"):
+            writer.append(make_state(2, 5, mass=np.zeros(5, np.float16)))
         with pytest.raises(ValueError, match="mass has 4 rows, x has 5"):
             writer.append(make_state(2, 5, mass=np.zeros(4)))
         writer.append(make_state(2, 4))

@@ -129,14 +129,16 @@ def test_the_command_makes_runs_and_compares(tmp_path, capsys, monkeypatch):
         ("# cell = ...", "cell = 0.05"),
         ("# until = ...", "until = 0.02"),
         ("# fields = ...", 'fields = ["pressure"]'),
+        ("# precision = ...", 'precision = "single"'),
     ):
         assert old in text
         text = text.replace(old, new)
     (tmp_path / "a.toml").write_text(text.replace("E = 1000000000.0", "E = 1e5"))
     run = ["run", "a.toml", "--quiet", "--threads", "1"]
+    other = ["--fields", "speed,mu", "--precision", "double"]
     assert cli.main([*run, "-o", "a.h5"]) == 0
     assert cli.main([*run, "-o", "b.h5"]) == 0
-    assert cli.main([*run, "-o", "c.h5", "--set", "scheme.cfl=0.25", "--fields", "speed,mu"]) == 0
+    assert cli.main([*run, "-o", "c.h5", "--set", "scheme.cfl=0.25", *other]) == 0
     capsys.readouterr()
     assert cli.main(["compare", "a.h5", "b.h5"]) == 0
     assert "all frames are equal to the last bit" in capsys.readouterr().out
@@ -150,10 +152,13 @@ def test_the_command_makes_runs_and_compares(tmp_path, capsys, monkeypatch):
     assert rows["mean pressure [Pa]"][0] == pytest.approx(rows["mean pressure [Pa]"][1], rel=0.3)
     with gr.open("a.h5") as record:
         assert found.time == record.times[-1]
-        assert np.array_equal(record[-1].fields["pressure"], record[-1].pressure)
+        pressure = record[-1].fields["pressure"]
+        assert np.array_equal(pressure, pressure.astype("f4"))
+        assert pressure == pytest.approx(record[-1].pressure, rel=1e-5, abs=0.1)
         assert json.loads(record.scene.to_json())["scene"]["material"]["E"] == 1e5
     with gr.open("c.h5") as record:  # the command line goes before the file
         assert {"speed", "mu"} < set(record[-1].fields) and "pressure" not in record[-1].fields
+        assert np.array_equal(record[-1].fields["speed"], record[-1].speed)
 
 
 def test_completion_knows_scenes_and_files(capsys):
