@@ -66,7 +66,7 @@ def test_dilation_shortens_a_collapse_and_taller_columns_run_farther(width):
         for dilation in (0.0, 0.5):
             grains = sph.grit.replace(dilation=dilation)
             scene = gr.scenes.column_collapse_sph(
-                aspect=aspect, material=grains, width=width, duration=1.2
+                aspect=aspect, material=grains, width=width, duration=0.9
             )
             found[aspect, dilation] = reach(gr.Simulation(scene).run())
     assert found[1.8, 0.5] < found[1.8, 0.0] and found[3.2, 0.5] < found[3.2, 0.0]

@@ -44,10 +44,13 @@ def block(turned_deg, offset, friction, dim, slope_deg=20.0):
     )
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.2])
 @pytest.mark.parametrize(
-    ("dim", "turned_deg", "offset"),
-    [(2, 0.0, 0.25), (2, 17.0, 0.0), (2, 40.0, 0.5), (3, 17.0, 0.25)],
+    ("dim", "turned_deg", "offset", "friction"),
+    [
+        *((2, *at, mu) for at in ((0.0, 0.25), (17.0, 0.0), (40.0, 0.5)) for mu in (0.0, 0.2)),
+        (3, 17.0, 0.25, 0.2),
+        pytest.param(3, 17.0, 0.25, 0.0, marks=pytest.mark.slow),
+    ],
 )
 def test_block_slides_down_a_slope(dim, turned_deg, offset, friction):
     """Its acceleration is that of the forces measured, and g (sin - mu cos) on the mean."""
