@@ -193,9 +193,9 @@ def whole_and_parts(scene, steps, cuts):
 
 @pytest.mark.parametrize("kind", ["walls", "periodic", "outlet"])
 def test_restart_from_memory(small_scene, combination, dim, kind):
-    """Restart at three steps, one of them between two evaluations of the adaptive time step."""
+    """Restart after the first step, and between two evaluations of the adaptive time step."""
     scene = small_scene(kind, dim, combination, E=1e5)
-    for whole, second in whole_and_parts(scene, 90, (1, 40, 77)):
+    for whole, second in whole_and_parts(scene, 90, (1, 77)):
         assert bits(whole) == bits(second)
         assert shown(whole.state) == shown(second.state)
 
