@@ -34,7 +34,7 @@ NAMES = ("linear flip", "cell averaged", "default")
 
 def cases(quick: bool) -> dict[str, float]:
     """Time of a particle-step of each case, over that of an operation at the peak rate."""
-    cell, fall, batches, order = (0.025, 0.02, 2, 64) if quick else (0.0125, 0.4, 12, 512)
+    cell, fall, batches, order = (0.025, 0.02, 1, 64) if quick else (0.0125, 0.4, 12, 512)
     ratios = {}
     for name in NAMES:
         before = peak(order)

@@ -271,11 +271,6 @@ FLOWS = {
 }
 
 
-def marked(table: dict, name: str, words: str) -> str:
-    """Words with an asterisk if the row is older than contact at the surfaces of bodies."""
-    return words if "in_bodies" in table[name]["health"] else f"{words} *"
-
-
 def tables(table: dict) -> dict[str, list[str]]:
     """Tables of the page by the names of their places."""
     blades: list[tuple[str, ...]] = []
@@ -288,10 +283,10 @@ def tables(table: dict) -> dict[str, list[str]]:
             early = [f"{factor * force:.1f}" for force in arrival(row)]
             forward = f"{factor * row['forward']:.1f} ± {factor * row['deviation']:.1f}"
             vertical = f"{factor * row['vertical']:.1f}"
-            blades.append((marked(table, name, words), forward, early[0], vertical, early[1]))
+            blades.append((words, forward, early[0], vertical, early[1]))
     wheels = [
         (
-            marked(table, name, f"{slip} %"),
+            f"{slip} %",
             *(f"{table[name][key]:.3f}" for key in ("pull_over_load",)),
             *(f"{table[name][key]:.2f}" for key in ("load", "torque")),
             f"{1e3 * table[name]['sinkage']:.1f}",
@@ -301,7 +296,7 @@ def tables(table: dict) -> dict[str, list[str]]:
     ]
     flows = [
         (
-            marked(table, name, words),
+            words,
             *(f"{table[name][key]:.3f}" for key in ("error", "mean_error", "error_at_rate")),
         )
         for name, words in FLOWS.items()

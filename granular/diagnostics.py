@@ -240,6 +240,14 @@ class Indicator:
             return "reported"
         return "ok" if self.value <= self.limit else "suspect"
 
+    @property
+    def row(self) -> str:
+        """Value, limit and verdict, as in a table."""
+        limit = f" (limit {self.limit:g})" if self.limit is not None else ""
+        if np.isnan(self.value):
+            return f"-{limit}: does not apply, or not known yet"
+        return f"{self.value:.3g}{limit}: {self.verdict}"
+
     def __str__(self) -> str:
         if self.limit is None:
             return f"{self.name} = {self.value:.3g}"
@@ -274,12 +282,15 @@ class Health:
     def verdict(self) -> str:
         """Verdict in words, with what to do if it is "suspect".
 
-        The first line is "ok", "suspect" or "unknown" (no indicator with a limit has a value yet)
-        with the indicators that have a limit; further lines explain those beyond it.
+        The first line is "ok" or "suspect" with the indicators that have a value and a limit, or
+        "unknown" if there is none; further lines explain those beyond their limits.
         """
         judged = [found for found in self.indicators if found.verdict in ("ok", "suspect")]
         if not judged:
-            return "verdict: unknown, no indicator has a value yet"
+            return (
+                "verdict: unknown, as no step has been made or no point is left; "
+                "judge the run after some steps (`sim.run` or `granular resume` goes on)"
+            )
         head = f"verdict: {'ok' if self.ok else 'suspect'}, {', '.join(map(str, judged))}"
         return "\n".join([head, *self.warnings()])
 
@@ -298,12 +309,7 @@ class Health:
 
     def rows(self) -> dict[str, str]:
         """Table of the indicators: name -> "value (limit): verdict"."""
-        return {
-            indicator.name: f"{indicator.value:.3g}"
-            + (f" (limit {indicator.limit:g})" if indicator.limit is not None else "")
-            + f": {indicator.verdict}"
-            for indicator in self.indicators
-        }
+        return {indicator.name: indicator.row for indicator in self.indicators}
 
     def __str__(self) -> str:
         return "\n".join(f"{name:>16}  {text}" for name, text in self.rows().items())
@@ -396,6 +402,17 @@ def health(scene: AnyScene, samples: Mapping[str, NDArray[np.float64]]) -> Healt
     text = "energy created over the sum of all work and the energy at the beginning"
     add("energy_created", created, ENERGY_LIMIT, text)
     return Health(max((len(column) for column in samples.values()), default=0), tuple(indicators))
+
+
+def health_of_frame(state: State) -> Health:
+    """Compute the indicators of failure from one frame, for a run without samples.
+
+    Those that need more than a frame have no value: the energy created and those that the method
+    of the scene adds.
+    """
+    monitor = Monitor(state.scene)
+    last = monitor.peek(state, work=np.nan) if state.step else None
+    return health(state.scene, monitor.columns(last))
 
 
 def _created(

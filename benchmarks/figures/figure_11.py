@@ -15,7 +15,7 @@ def main(argv: list[str] | None = None) -> None:
     scene = gr.scenes.slug(
         center=(0.45, 0.25),
         wall_at=1.0,
-        cell=0.0166 if chosen.quick else 0.0083,
+        cell=0.025 if chosen.quick else 0.0083,
         **chosen.settings,
     )
     flight, impact = (0.0, 0.1, 0.2, 0.3), (0.34, 0.36, 0.38, 0.40, 0.42, 0.48)

@@ -137,6 +137,16 @@ def _flow(angle: float, depth: float, grains: MuI, g: float, ramp: float, end: f
     return float(transient(angle, depth, grains, [end], g, ramp, cells=100).mean[-1])
 
 
+@lru_cache(maxsize=64)
+def _weakened(grains: MuI, weaker: float) -> MuI:
+    """Grains whose friction is reduced by the fraction `weaker`.
+
+    E has no effect on a rigid layer: with a fixed value `_flow` solves once for all E.
+    """
+    mu_s, mu_2 = (mu * (1 - weaker) for mu in (grains.mu_s, grains.mu_2))
+    return grains.replace(mu_s=mu_s, mu_2=mu_2, E=1e9)
+
+
 def one_column(scene: Scene) -> bool:
     """True if the incline is one column of cells in 2D."""
     return scene.parameters["columns"] == 1 and scene.dim == 2
@@ -147,13 +157,11 @@ def incline_flow(scene: Scene, *, weaker: float = 0.0) -> float:
 
     The friction is reduced by the fraction `weaker`.
     """
-    grains = cast(MuI, scene.material)
-    weak = grains.replace(mu_s=grains.mu_s * (1 - weaker), mu_2=grains.mu_2 * (1 - weaker))
     called = scene.parameters
     return _flow(
         float(called["angle_deg"]),
         float(called["height"]),
-        weak.replace(E=1e9),  # E has no effect here; a fixed value means one cache entry for all
+        _weakened(cast(MuI, scene.material), weaker),
         float(called["gravity"]),
         float(called["ramp"]),
         scene.duration,

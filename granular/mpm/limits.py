@@ -334,9 +334,8 @@ def _blades(scene: Scene) -> str | None:
     The limits were measured with layers thrown at 0.8 m/s against a thin body and against discs.
     Without duplicate nodes, material behind a thin body of 2, 2.2 and 2.5 cells gets 9, 4 and 1.3 %
     of that speed under the default scheme; it gets none from 2.8 cells on, and with other bases
-    than splines none from 2 cells on. The impulse on a disc that is driven 3 cm into a bed in cells
-    of 1 cm depends on its position in the grid: it is 0.88 to 1.07 of its mean with a diameter of
-    1.5 cells, 0.93 to 1.04 with 2, 0.95 to 1.04 with 2.5, 0.97 to 1.04 with 3, 0.98 to 1.02 with 4.
+    than splines none from 2 cells on. The impulse on a disc depends on its position in the grid and
+    on the seeding, see `benchmarks/stability_tables.py`.
     """
     reach = THIN + 1 if scene.scheme.basis == "quadratic" else THIN
     for i, body in enumerate(scene.bodies):

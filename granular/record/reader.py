@@ -168,11 +168,18 @@ class Trajectory:
         return self[i].to_pyvista(fields)
 
     def health(self) -> "Health":
-        """Judge the run by the samples of the monitors at these frames."""
-        # Imported here: reading a record does not need the whole package.
-        from granular.diagnostics import health
+        """Judge the run by the samples of the monitors at these frames.
 
-        return health(self.scene, self.samples)
+        A run without samples, because it is short or was not monitored, is judged by its last
+        frame. The indicators that need more than a frame have no value then.
+        """
+        # Imported here: reading a record does not need the whole package.
+        from granular.diagnostics import health, health_of_frame
+
+        samples = self.samples
+        if len(self) and not any(np.isfinite(column).any() for column in samples.values()):
+            return health_of_frame(self[-1])
+        return health(self.scene, samples)
 
     @property
     def times(self) -> np.ndarray:

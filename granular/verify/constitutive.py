@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from decimal import Decimal, localcontext
+from functools import lru_cache
 from typing import Any, cast
 
 import numpy as np
@@ -26,6 +27,7 @@ SEPARATION = 500.0
 """The disconnected start is stress-free, at rho = rho_c exp(-SEPARATION/K) [Pa]."""
 
 
+@lru_cache(maxsize=8)  # as `constitutive_path` asks for them at each step
 def law_parameters(material: Material) -> dict[str, float]:
     """Parameters of the material by the names of the C core."""
     known = {**material.arguments(), "K": material.K, "G": material.G}

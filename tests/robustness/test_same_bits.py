@@ -63,7 +63,7 @@ def test_thousands_of_points_change_cells_in_a_step(dim):
         name="clouds",
         grid=gr.Grid((0.0,) * dim, cell, (n,) * dim, periodic=(True,) + (False,) * (dim - 1)),
         fills=tuple(
-            gr.Fill(box, 12**2 if dim == 2 else 6**3, jitter=1.0, density=3e3, velocity=velocity)
+            gr.Fill(box, 12**2 if dim == 2 else 5**3, jitter=1.0, density=3e3, velocity=velocity)
             for box, velocity in zip(boxes, ((9.0,) * dim, (-6.0,) * dim), strict=True)
         ),
         material=gr.MuI(E=1e5),
@@ -193,9 +193,9 @@ def whole_and_parts(scene, steps, cuts):
 
 @pytest.mark.parametrize("kind", ["walls", "periodic", "outlet"])
 def test_restart_from_memory(small_scene, combination, dim, kind):
-    """Restart at three steps, one of them between two evaluations of the adaptive time step."""
+    """Restart after the first step, and between two evaluations of the adaptive time step."""
     scene = small_scene(kind, dim, combination, E=1e5)
-    for whole, second in whole_and_parts(scene, 90, (1, 40, 77)):
+    for whole, second in whole_and_parts(scene, 90, (1, 77)):
         assert bits(whole) == bits(second)
         assert shown(whole.state) == shown(second.state)
 
@@ -261,6 +261,17 @@ def test_frames_leave_out_what_only_a_restart_needs(small_scene, tmp_path):
     assert carried < set(sim.checkpoint().arrays)
 
 
+@pytest.mark.parametrize(
+    "combination",
+    [
+        ("linear", "flip", "particle"),
+        ("ugimp", "apic", "particle"),
+        ("quadratic", "xpic", "particle"),
+        ("quadratic", "tpic", "smoothed"),
+        ("linear", "tpic", "cell_averaged"),
+    ],
+    ids="-".join,
+)
 def test_restart_by_a_record(small_scene, combination, tmp_path):
     """Restart from the file between two outputs, and append to the same record."""
     scene = small_scene("outlet", 2, combination, E=1e5)

@@ -350,9 +350,9 @@ def admissible(case, mu):
 
 
 @cache
-def pressed_discs():
-    """Ten oedometric tests of section 2.4: 58 discs, with other radii in each."""
-    seeds = [0, 1, 2, 3, 5, 6, 7, 8, 9, 10]  # seed 4 settles slowly
+def pressed_discs(count=10):
+    """Ten oedometric tests of section 2.4, or fewer: 58 discs, with other radii in each."""
+    seeds = [0, 1, 2, 3, 5, 6, 7, 8, 9, 10][:count]  # seed 4 settles slowly
     return settled(oedometers(seeds), range(len(seeds)))
 
 

@@ -105,7 +105,7 @@ class Feet:
         seen &= (self.distance > -0.5 * grid.cell) & (self.distance < 1.5 * grid.cell)
         shapes = Shapes(sim.scene, foot[seen])
         places = np.full((int(np.prod(shapes.counts)), body.dim), np.inf)
-        places[shapes.node] = foot[seen][0] + shapes.r[0]
+        places[shapes.node] = shapes.at
         number = np.full(len(places), -1)  # of each node of the grid among the active ones
         number[cKDTree(places).query(nodes["x"])[1]] = np.arange(len(nodes["x"]))
         number = number[shapes.node]

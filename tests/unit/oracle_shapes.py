@@ -1,6 +1,7 @@
 """Plain reference for shape functions: NumPy written from their definitions."""
 
 import math
+from functools import cached_property
 
 import numpy as np
 
@@ -88,39 +89,57 @@ def axis_nodes(scene, d):
     return positions
 
 
+def _product(factors):
+    """Products (points, images) of one factor (points, images along it) of each axis."""
+    out = factors[0]
+    for factor in factors[1:]:
+        out = (out[:, :, None] * factor[:, None, :]).reshape(len(out), -1)
+    return out
+
+
 class Shapes:
     """Shape functions of all nodes at all points.
 
     `w` (points, images) are the values, `g` (points, images, dim) [1/m] the gradients, `r` (points,
-    images, dim) [m] the vectors from point to node, `node` (images,) the number of the node, x
-    fastest.
+    images, dim) [m] the vectors from point to node, `at` (images, dim) [m] the places of the nodes,
+    `node` (images,) the number of the node, x fastest. Gradients and vectors are made when they are
+    first asked for, as they are large.
     """
 
     def __init__(self, scene, x):
         grid, scheme = scene.grid, scene.scheme
         half = 0.5 / round(scene.fills[0].points_per_cell ** (1 / grid.dim))
-        parts = []
+        self._values, self._slopes, self._vectors, places, nodes = [], [], [], [], []
         for d in range(grid.dim):
             lines = c0_lines(grid, scene.walls, d)
             at = (x[:, d] - grid.lower[d]) / grid.cell
             w, g, position, node = axis_functions(
                 scheme.basis, grid.shape[d], grid.periodic[d], lines, half, at
             )
-            parts.append((w, g / grid.cell, (position - at[:, None]) * grid.cell, node))
-        self.counts = [int(p[3].max()) + 1 for p in parts]
-        picks = np.meshgrid(*[np.arange(len(p[3])) for p in parts], indexing="ij")
-        picks = [k.ravel() for k in picks]
+            self._values.append(w)
+            self._slopes.append(g / grid.cell)
+            self._vectors.append((position - at[:, None]) * grid.cell)
+            places.append(grid.lower[d] + position * grid.cell)
+            nodes.append(node)
+        self.counts = [int(node.max()) + 1 for node in nodes]
         stride = np.cumprod([1, *self.counts[:-1]])
-        self.node = sum(s * p[3][k] for s, p, k in zip(stride, parts, picks, strict=True))
-        self.w1 = [p[0][:, k] for p, k in zip(parts, picks, strict=True)]
-        self.w = math.prod(self.w1)
-        self.r = np.stack([p[2][:, k] for p, k in zip(parts, picks, strict=True)], axis=-1)
-        slopes = [p[1][:, k] for p, k in zip(parts, picks, strict=True)]
-        self.g = np.stack([self._times(slopes, d) for d in range(grid.dim)], axis=-1)
+        steps = [s * node for s, node in zip(stride, nodes, strict=True)]
+        self.node = sum(np.meshgrid(*steps, indexing="ij")).ravel()
+        self.at = np.stack([p.ravel() for p in np.meshgrid(*places, indexing="ij")], axis=1)
+        self.w = _product(self._values)
 
-    def _times(self, factors, d):
-        """Product of the values along all axes but d and of `factor` along d."""
-        return math.prod(factors[j] if j == d else w for j, w in enumerate(self.w1))
+    @cached_property
+    def g(self):
+        factors = [list(self._values) for _ in self._slopes]
+        for d, slopes in enumerate(self._slopes):
+            factors[d][d] = slopes
+        return np.stack([_product(f) for f in factors], axis=-1)
+
+    @cached_property
+    def r(self):
+        ones = [np.ones_like(vectors) for vectors in self._vectors]
+        parts = [[*ones[:d], r, *ones[d + 1 :]] for d, r in enumerate(self._vectors)]
+        return np.stack([_product(part) for part in parts], axis=-1)
 
     def to_nodes(self, values):
         """Sum of values (points, images, ...) over points and images, shape (nodes, ...)."""

@@ -446,11 +446,27 @@ def test_unknown_cases_are_refused(runs, capsys):
     assert capsys.readouterr().out.split() == list(runs.CASES)
 
 
-def test_tables_of_the_page_are_those_of_the_file(module, tmp_path):
-    page, again = REPORTS / "three_d.md", tmp_path / "page.md"
+@pytest.mark.parametrize(
+    ("script", "page", "options"),
+    [("three_d", "three_d", []), ("stability_tables", "stability", ["--only"])],
+)
+def test_tables_of_the_page_are_those_of_the_file(module, tmp_path, script, page, options):
+    page, again = REPORTS / f"{page}.md", tmp_path / "page.md"
     again.write_text(page.read_text())
-    module("three_d").main(["--page", str(again)])
+    module(script).main([*options, "--page", str(again)])
     assert again.read_text() == page.read_text()
+
+
+def test_quick_tables_of_limits_are_written(module, tmp_path):
+    """Behind a thin body speeds fall with the distance from its edge, to nothing."""
+    out = tmp_path / "tables.json"
+    module("stability_tables").main(["--quick", "--out", str(out)])
+    rows = json.loads(out.read_text())["rows"]
+    assert all(rows[name] for name in ("resting", "closed", "edges", "discs"))
+    for row in rows["edges"]:
+        near, *_, far = row["shares"]
+        assert 0.3 > near > 0.05 and far == 0.0
+        assert row["shares"] == sorted(row["shares"], reverse=True)
 
 
 def test_all_cases_are_scenes(module):

@@ -148,7 +148,7 @@ def test_every_indicator_with_a_limit_has_a_remedy(scene):
     sph = gr.scenes.incline_sph(height=0.05)
     for indicator in (*health(scene, {}), *health(sph, {})):
         assert bool(indicator.remedy) == (indicator.limit is not None)
-    assert health(scene, {}).verdict == "verdict: unknown, no indicator has a value yet"
+    assert health(scene, {}).verdict.startswith("verdict: unknown, as no step has been made or ")
 
 
 def test_a_step_alone_needs_no_run(scene):
@@ -228,7 +228,12 @@ def test_a_resumed_run_remembers_its_samples(scene, often, tmp_path):
     unwatched.run(until=0.04, every=0.02, save=tmp_path / "b.h5", monitor=False)
     with gr.open(tmp_path / "b.h5") as record:
         assert record.samples == {}
-        assert record.health().samples == 0
+        judged, expected = record.health(), unwatched.health()
+        assert judged["density_drift"] == expected["density_drift"]
+        assert judged["courant"] == expected["courant"]
+        assert judged.samples == 1 and judged.verdict.startswith("verdict: ok, density_drift = ")
+        assert judged.rows()["in_solids"] == "- (limit 0): does not apply, or not known yet"
+        assert record[:1].health().verdict.startswith("verdict: unknown, ")
 
 
 # ---- blocks ----

@@ -137,7 +137,7 @@ def test_a_subset_keeps_contacts_in_order_and_names_the_rest():
 
 def test_boundary_force_by_scaling():
     """Stresses wrong by a factor are corrected exactly by the load, with each way of scaling."""
-    case = pressed_discs()[0]
+    case = pressed_discs(1)[0]
     stiff = replace(case.packing, stresses=1.3 * case.packing.stresses)
     value = -case.forces[case.packing.bodies[:, 1] == -4, 1].sum()
     known = BoundaryForce(body=-4, direction=(0, -2), value=value, opposite=-3)
@@ -163,7 +163,7 @@ def test_a_boundary_force_that_no_lambda_meets_is_flagged():
 
 def test_without_clarabel_2d_is_solved_and_3d_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "clarabel", None)
-    case = pressed_discs()[1]
+    case = pressed_discs(1)[0]
     noise = np.random.default_rng(0).normal(1, 0.3, (case.packing.n, 1, 1))
     rough = replace(case.packing, stresses=case.packing.stresses * noise)
     assert inference.infer_static(rough, mu=0.45).solver == "nnls"

@@ -69,15 +69,40 @@ def test_lesson_is_complete(path):
     assert path.stat().st_size < LARGEST
 
 
-@pytest.mark.parametrize(
-    "path",
-    [pytest.param(p, marks=[pytest.mark.slow] * (p.stem not in QUICK), id=p.stem) for p in LESSONS],
-)
-def test_lesson_runs_and_tells_what_is_stored(path):
-    stored, fresh = read(path), read(path)
-    for cell in code(fresh):
-        cell.outputs = []
-    execute(fresh)
+def run_together(paths):
+    """Notebooks that were run one after the other by one kernel, with names of their own each."""
+    notebooks, whole = [read(path) for path in paths], nbformat.v4.new_notebook()
+    for notebook in notebooks:
+        for cell in code(notebook):
+            cell.outputs = []
+        whole.cells += [*notebook.cells, nbformat.v4.new_code_cell("%reset -f")]
+    execute(whole)
+    return dict(zip(paths, notebooks, strict=True))
+
+
+@pytest.fixture(scope="module")
+def quick():
+    """The quick lessons, run by one kernel, as it takes longer to start than some of them."""
+    return run_together([path for path in LESSONS if path.stem in QUICK])
+
+
+def check_run(path, fresh):
+    stored = read(path)
     left_out = "are left out" in " ".join(told(fresh))  # parts that need an extra
     assert left_out or told(fresh) == told(stored)
     assert left_out or pictures(fresh) == pictures(stored)
+
+
+@pytest.mark.parametrize(
+    "path", [p for p in LESSONS if p.stem in QUICK], ids=lambda path: path.stem
+)
+def test_quick_lesson_runs_and_tells_what_is_stored(path, quick):
+    check_run(path, quick[path])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "path", [p for p in LESSONS if p.stem not in QUICK], ids=lambda path: path.stem
+)
+def test_long_lesson_runs_and_tells_what_is_stored(path):
+    check_run(path, run_together([path])[path])

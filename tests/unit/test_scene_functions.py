@@ -40,7 +40,7 @@ def fixed_along_y(scene, y, time=0.0):
     return xs, np.array(held)
 
 
-COARSE = {"couette": {"cell": 0.02}, "excavation": {"cell": 0.025}}
+COARSE = {"couette": {"cell": 0.02, "height": 0.06}, "excavation": {"cell": 0.025}}
 """Coarse cells for scenes that have very many by default."""
 
 MPM = (

@@ -31,7 +31,10 @@ def slope_deg(state):
 
 
 @pytest.mark.parametrize("width", WIDTHS)
-@pytest.mark.parametrize(("phi", "dilation"), [(20.0, 0.0), (20.0, 0.5), (30.0, 0.0)])
+@pytest.mark.parametrize(
+    ("phi", "dilation"),
+    [pytest.param(20.0, 0.0, marks=pytest.mark.slow), (20.0, 0.5), (30.0, 0.0)],
+)
 def test_a_slope_stands_near_its_friction(phi, dilation, width):
     """A small box, so that it empties soon; without dilation the slope angle is below phi."""
     scene = gr.scenes.slump_sph(
@@ -59,14 +62,13 @@ def test_a_slope_stands_near_its_friction(phi, dilation, width):
 @pytest.mark.parametrize("width", WIDTHS)
 def test_dilation_shortens_a_collapse_and_taller_columns_run_farther(width):
     found = {}
-    for aspect in (1.8, 3.2):
-        for dilation in (0.0, 0.5):
-            grains = sph.grit.replace(dilation=dilation)
-            scene = gr.scenes.column_collapse_sph(
-                aspect=aspect, material=grains, width=width, duration=1.2
-            )
-            found[aspect, dilation] = reach(gr.Simulation(scene).run())
-    assert found[1.8, 0.5] < found[1.8, 0.0] and found[3.2, 0.5] < found[3.2, 0.0]
+    for aspect, dilation in ((1.8, 0.0), (3.2, 0.0), (3.2, 0.5)):
+        grains = sph.grit.replace(dilation=dilation)
+        scene = gr.scenes.column_collapse_sph(
+            aspect=aspect, material=grains, width=width, duration=0.9
+        )
+        found[aspect, dilation] = reach(gr.Simulation(scene).run())
+    assert found[3.2, 0.5] < found[3.2, 0.0]
     assert found[3.2, 0.0] > 1.2 * found[1.8, 0.0]
 
 

@@ -37,7 +37,7 @@ def wedge(scene):
 
 
 def test_silo_drains_to_the_friction_angle():
-    sim, left = drained(5.0, cell=0.0125, width=0.025)
+    sim, left = drained(4.0, cell=0.0125, width=0.025)
     assert slope(sim) == pytest.approx(FRICTION_ANGLE, abs=2.0)
     assert wedge(sim.scene) < left < 1.25 * wedge(sim.scene)
     assert np.abs(sim.state.v).max() < 0.5
@@ -127,7 +127,7 @@ def test_no_slip_cylinders_hold_the_fluidity():
 
 
 def test_local_flow_between_cylinders_has_no_tail():
-    profile, _ = turning(0.3, beads(d=0.004, A=0.0), **PLANE)
+    profile, _ = turning(0.15, beads(d=0.004, A=0.0), **PLANE)
     flow = couette_flow(0.1, 0.15, beads(d=0.004), rate=1.0, pressure=5e3, walls="smooth")
     far = profile.r > 0.112
     assert np.abs(profile.omega[far]).max() < 0.01
@@ -187,6 +187,6 @@ def test_top_of_the_papers_taylor_couette_cell(height, omega, begin, until):
     )
     assert error(profile, omega, profile_at).max() < 0.03
     moment = 2 * np.pi * PAPER["inner"] ** 2 * moment_at.mu_wall * weight / 2 * height
-    # 5 % less in cells of d; in finer cells, above, within 3 %
+    # 5 % less in cells of d; in finer cells, above, within 4 %
     assert -torque[0][2] == pytest.approx(moment, rel=0.08)
     assert torque[1][2] == pytest.approx(-torque[0][2], rel=0.05)

@@ -42,18 +42,19 @@ def test_neighbouring_columns_of_a_heap_hold_the_same(jitter, bound):
     assert abs(np.diff(filled)).max() < bound
 
 
-def test_points_in_simple_shear_are_left_where_they_are():
+@pytest.mark.parametrize("seeds", [1, pytest.param(3, marks=pytest.mark.slow)])
+def test_points_in_simple_shear_are_left_where_they_are(seeds):
     """A layer in 3D neither rises nor oscillates as a whole.
 
     An exchange across all faces lifts it by 1 % and makes errors of the pressure of 0.1. Here that
-    error scatters between runs, 0.041 +- 0.014 in fourteen of them, so that the mean of three has a
+    error scatters between runs, 0.041 +- 0.014 in fourteen of them, so that the mean of some has a
     bound three of its deviations above.
     """
     flows = layers.several(
-        5.0, (0, 1, 2), steady=True, height=0.1, columns=4, across=4, points=8, scheme=SCHEME
+        5.0, range(seeds), steady=True, height=0.1, columns=4, across=4, points=8, scheme=SCHEME
     )
     assert all(abs(flow.height - 1) < 0.003 and flow.error < 0.01 for flow in flows)
-    assert np.mean([flow.pressure for flow in flows]) < 0.041 + 3 * 0.014 / np.sqrt(3)
+    assert np.mean([flow.pressure for flow in flows]) < 0.041 + 3 * 0.014 / np.sqrt(seeds)
 
 
 def hollow(dim, node, far):
@@ -115,7 +116,7 @@ def test_run_out_hardly_depends_on_the_stiffness(seeds, bound):
             gr.scenes.column_collapse(aspect=1.0, scheme=SCHEME, E=E, jitter=0.5, seed=seed)
             for seed in range(seeds)
         ]
-        states = [gr.Simulation(scene, threads=1).run().state for scene in scenes]
+        states = [gr.Simulation(scene, threads=1).run(until=1.0).state for scene in scenes]
         reach.append(np.mean([gr.measure.runout(state).toe for state in states]))
     assert np.ptp(reach) < bound * np.mean(reach)
 

@@ -18,7 +18,7 @@ SCENES = {
         settle=0.1, ramp=0.05, cell=0.05, soil=0.1, width=0.2, scheme=PARTICLE_DENSITY
     ),
     "couette": lambda: gr.scenes.couette(
-        inner=0.1, outer=0.14, height=0.02, cell=0.01, omega=1.0, scheme=PARTICLE_DENSITY
+        inner=0.04, outer=0.082, height=0.02, cell=0.01, omega=2.5, scheme=PARTICLE_DENSITY
     ),
     "silo_3d": lambda: gr.scenes.silo_3d(cell=0.0125, width=0.025, scheme=PARTICLE_DENSITY),
 }  # fmt: skip

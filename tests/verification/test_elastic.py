@@ -181,7 +181,10 @@ def gyration(state):
     return m @ ((state.x - m @ state.x) ** 2).sum(axis=1)
 
 
-@pytest.mark.parametrize(("rate", "material"), [(0.1, SOLID), (2.0, SOLID), (2.0, HENCKY)])
+@pytest.mark.parametrize(
+    ("rate", "material"),
+    [pytest.param(0.1, SOLID, marks=pytest.mark.slow), (2.0, SOLID), (2.0, HENCKY)],
+)
 def test_ten_turns_of_a_free_block(rate, material):
     """APIC keeps the angular momentum; its loss of energy is due to the step, not to the grid.
 

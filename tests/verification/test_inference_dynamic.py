@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from grains import DISC, impact, jittered_grid, noisy_record, pressed_spheres
+from grains import DISC, impact, jittered_grid, noisy_record
 
 from granular.grain_scale import inference
 
@@ -248,26 +248,3 @@ def test_a_disc_on_a_slope_by_hand():
         found = inference.infer_dynamic(packing, mu=MU, weight=1.0, solver=solver)
         assert found.forces[0] == pytest.approx(force, rel=1e-9)
         assert found.trusted
-
-
-def test_spheres_in_flight_together():
-    """(3.19): the compressed spheres under a common acceleration that gravity compensates.
-
-    Exact forces for any weight; with noise the cones hold.
-    """
-    pytest.importorskip("clarabel")
-    case, rng = pressed_spheres(), np.random.default_rng(0)
-    n, push = case.packing.n, np.array([1.0, -2.0, 3.0])
-    moving = replace(
-        case.packing, masses=np.full(n, 2.0), accelerations=np.tile(push, (n, 1)), gravity=push
-    )
-    for weight in (0.1, 10.0):
-        found = inference.infer_dynamic(moving, mu=0.5, weight=weight)
-        assert found.forces == pytest.approx(case.forces, abs=1e-9 * abs(case.forces).max())
-    rough = replace(moving, accelerations=moving.accelerations + rng.normal(0, 0.3, (n, 3)))
-    noise = np.triu(rng.normal(1, 0.1, moving.stresses.shape))
-    rough = replace(rough, stresses=moving.stresses * (noise + np.triu(noise, 1).swapaxes(1, 2)))
-    found = inference.infer_dynamic(rough, mu=0.5)
-    assert found.solver == "clarabel"
-    assert (found.slips <= 0.5 * found.pushes + 1e-7 * found.pushes.mean()).all()
-    assert np.linalg.norm(found.forces - case.forces) < 0.3 * np.linalg.norm(case.forces)

@@ -247,11 +247,8 @@ def test_order_and_error_of_the_transient():
     for flow, now in zip(flows[:2], v[:2], strict=True):
         true = np.max(np.abs(now - v[-1])) / np.max(v[-1])
         assert 0.2 < true / flow.error < 0.5
-    coarse, fine = (
-        chute_transient(27.0, height, MATERIAL, times, 0.05, cells=40, rtol=rtol).v
-        for rtol in (1e-5, 1e-10)
-    )
-    assert np.max(np.abs(coarse - fine)) < 1e-5 * np.max(fine)
+    coarse = chute_transient(27.0, height, MATERIAL, times, 0.05, cells=40, rtol=1e-5).v
+    assert np.max(np.abs(coarse - flows[0].v)) < 1e-5 * np.max(coarse)
 
 
 def test_starts_that_stay():

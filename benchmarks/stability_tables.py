@@ -1,0 +1,271 @@
+"""Tables of docs/reports/stability.md: layers below their angle of repose, closed domains, bodies.
+
+    python benchmarks/stability_tables.py [--only NAME ...] [--quick] [--out FILE] [--page FILE]
+
+Each table is measured anew and stored in the JSON file; `--page` writes all tables of that file
+into the page. The longest, of layers, takes some minutes.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from shared import machine, markdown, parser_of, rounded, write, write_tables
+
+import granular as gr
+
+RESULTS = Path(__file__).parent / "results" / "stability_tables.json"
+CELL = 0.01
+"""Size of the cells [m] of all scenes."""
+RESTS = 0.01 * CELL
+"""Way [m] in the second half of a run up to which a layer is at rest."""
+SCHEMES = {"default": gr.schemes.default, "`cell_averaged`": gr.schemes.cell_averaged}
+Numbers = list[dict[str, Any]]
+
+
+def slides(angle_deg: float, E: float, columns: int, seed: int, until: float, **own: Any) -> float:
+    """Mean way [m] down the slope of a layer of 20 cells in the second half of the time.
+
+    Not the speed: the elastic waves of the start go on in a layer that does not yield.
+    """
+    scene = gr.scenes.incline(
+        angle_deg=angle_deg,
+        cell=CELL,
+        columns=columns,
+        jitter=0.6,
+        duration=until,
+        material=gr.materials.glass_beads.replace(E=E),
+        seed=seed,
+        **own,
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", gr.StabilityWarning)
+        sim = gr.Simulation(scene, threads=1)
+    before = sim.run(until=until / 2, monitor=False).state
+    after = sim.run(monitor=False).state
+    way = (after.x[np.argsort(after.id)] - before.x[np.argsort(before.id)])[:, 0]
+    length = columns * CELL
+    return float(np.mean(way - length * np.round(way / length)))
+
+
+def resting(quick: bool) -> Numbers:
+    """Layers of 20 cells at 20 degrees, of several seeds."""
+    until = {1e6: 2.0, 1e7: 0.6}
+    cases = [("default", 10, columns, E) for E in until for columns in (16, 32)]
+    cases += [("`cell_averaged`", 3, 16, E) for E in until]
+    if quick:
+        cases, until = [("default", 1, 4, 1e6)], {1e6: 0.2}
+    rows = []
+    for name, seeds, columns, E in cases:
+        ways = [
+            abs(slides(20.0, E, columns, seed, until[E], scheme=SCHEMES[name]))
+            for seed in range(seeds)
+        ]
+        speeds = [2 * way / until[E] for way in ways if way >= RESTS]
+        rows.append({"scheme": name, "columns": columns, "E": E, "seeds": seeds, "moving": speeds})
+        print(rows[-1], flush=True)
+    return rows
+
+
+def closed(quick: bool) -> Numbers:
+    """Pressure of plane shear between walls of a fixed distance, which begins at 1000 Pa."""
+    columns, layers, start, material = 4, 20, 1000.0, gr.MuI(E=1e6)
+    top, rate = layers * CELL, 0.4 * material.xi * math.sqrt(start)  # I/I0 = 0.4
+    density = material.rho_c * math.exp(start / material.K)
+    rows = []
+    for name, scheme in SCHEMES.items():
+        scene = gr.Scene(
+            name="closed",
+            grid=gr.Grid((0.0, 0.0), CELL, (columns, layers), periodic=(True, False)),
+            fills=(
+                gr.Fill(gr.Box((0.0, 0.0), (columns * CELL, top)), 4, density=density, jitter=0.6),
+            ),
+            material=material,
+            scheme=scheme,
+            walls=(gr.Wall(1, 0.0), gr.Wall(1, top, velocity=(rate * top, 0.0))),
+            gravity=gr.Gravity((0.0,), ((0.0, 0.0),)),
+            duration=8.0,
+        )
+        sim = quiet(scene)
+        sim.buffers["v"][0] = rate * sim.buffers["x"][1]
+        for time in (0.1,) if quick else (0.1, 0.5, 2.0, 8.0):
+            state = sim.run(until=time, monitor=False).state
+            mean = np.average(state.pressure, weights=state.mass / state.density)
+            rows.append({"scheme": name, "time": time, "pressure": float(mean)})
+            print(rows[-1], flush=True)
+    return rows
+
+
+REACHES = ("up to 0.5", "0.5 to 1", "1 to 1.5", "more")
+"""Distances from an edge [cells] by which points are counted."""
+
+
+def reached(offset: float) -> list[float]:
+    """Largest speeds behind a thin body after the first step, over that of what hits its front.
+
+    The edge of the body is `offset` cells beyond a grid line. One speed for each of `REACHES`.
+    """
+    n, thrown = 20, (0.6, -0.5)
+    edge, middle, top = (n / 2 + offset) * CELL, 6 * CELL, 12 * CELL
+    body = gr.Body(gr.bodies.Box((n * CELL, 0.2 * CELL)), (edge - n * CELL / 2, middle))
+    scene = gr.Scene(
+        name="edge",
+        grid=gr.Grid((0.0, 0.0), CELL, (n, 16)),
+        fills=(
+            gr.Fill(gr.Box((0.0, CELL), (n * CELL, middle)), 4, jitter=0.5),
+            gr.Fill(gr.Box((0.0, middle), (n * CELL, top)), 4, velocity=thrown, jitter=0.5),
+        ),
+        material=gr.MuI(E=1e6),
+        scheme=gr.Scheme(transfer="apic", density=gr.ParticleDensity()),
+        gravity=gr.Gravity((0.0,), ((0.0, 0.0),)),
+        bodies=(body,),
+        duration=1.0,
+        seed=2,
+    )
+    sim = quiet(scene)
+    before = sim.state
+    sim.step(1)
+    behind = (before.x[:, 1] < middle) & (before.x[:, 0] < edge)
+    away = (edge - before.x[behind, 0]) / CELL
+    speed = np.linalg.norm(sim.state.v[behind], axis=1) / np.linalg.norm(thrown)
+    which = np.minimum((2 * away).astype(int), len(REACHES) - 1)
+    return [float(speed[which == k].max()) for k in range(len(REACHES))]
+
+
+def edges(quick: bool) -> Numbers:
+    """Speeds behind a thin body whose edge is anywhere, or on a grid line."""
+    offsets = np.arange(2 if quick else 10) / 10
+    found = np.array([reached(offset) for offset in offsets])
+    return [
+        {"edge": "anywhere", "shares": found.max(axis=0).tolist()},
+        {"edge": "on a grid line", "shares": found[0].tolist()},
+    ]
+
+
+def impulse(diameter: float, offset: float, seed: int) -> float:
+    """Impulse [N s/m] on a disc of so many cells that is driven 3 cm into a bed.
+
+    The axis of the disc is `offset` cells beyond a grid line.
+    """
+    nx, ny, top, radius, speed = 40, 28, 20 * CELL, 0.5 * diameter * CELL, 0.3
+    disc = gr.Body(
+        gr.bodies.Cylinder(radius, center=(0.0, 0.0)),
+        ((nx / 2 + offset) * CELL, top + radius),
+        motion=gr.bodies.Motion(velocity=((0.0, -speed),)),
+        friction=0.3,
+    )
+    scene = gr.Scene(
+        name="disc",
+        grid=gr.Grid((0.0, 0.0), CELL, (nx, ny)),
+        fills=(gr.Fill(gr.Box((0.0, 0.0), (nx * CELL, top)), 4, jitter=0.5, lithostatic=True),),
+        material=gr.materials.glass_beads.replace(E=1e6),
+        walls=(
+            gr.Wall(1, 0.0),
+            *(gr.Wall(0, at, kind="free_slip") for at in (0.0, nx * CELL)),
+        ),
+        gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
+        bodies=(disc,),
+        duration=0.03 / speed,
+        seed=seed,
+    )
+    return float(quiet(scene).run(monitor=False).bodies[0].impulse[1])
+
+
+def discs(quick: bool) -> Numbers:
+    """Least and largest impulse on a disc over its mean, of eight places in a cell.
+
+    That of each place is a mean over seedings, which scatter as much.
+    """
+    rows, places, seeds = [], 1 if quick else 8, 1 if quick else 5
+    for diameter in (2.0,) if quick else (1.5, 2.0, 3.0, 4.0):
+        found = np.array(
+            [[impulse(diameter, k / places, seed) for seed in range(seeds)] for k in range(places)]
+        )
+        found, scatter = found.mean(axis=1) / found.mean(), found.std(axis=1) / found.mean()
+        rows.append(
+            {
+                "diameter": diameter,
+                "least": float(found.min()),
+                "most": float(found.max()),
+                "scatter": float(scatter.mean()),
+            }
+        )
+        print(rows[-1], flush=True)
+    return rows
+
+
+def quiet(scene: gr.Scene) -> gr.Simulation:
+    """Simulation of a scene that is known to be at a limit."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", gr.StabilityWarning)
+        return gr.Simulation(scene, threads=1)
+
+
+TABLES: dict[str, Callable[[bool], Numbers]] = {
+    "resting": resting,
+    "closed": closed,
+    "edges": edges,
+    "discs": discs,
+}
+
+
+def lines(rows: dict[str, Numbers]) -> dict[str, list[str]]:
+    """Tables of the page."""
+    found = {}
+    if layers := rows.get("resting"):
+        head = ("scheme", "columns", "E [Pa]", "layers that rest", "speed of the others [m/s]")
+        found["resting"] = markdown(head, map(_resting_line, layers))
+    if pressures := rows.get("closed"):
+        times = sorted({row["time"] for row in pressures})
+        values = {(row["scheme"], row["time"]): row["pressure"] for row in pressures}
+        found["closed"] = markdown(
+            ("scheme", *(f"{time:g} s" for time in times)),
+            [(name, *(f"{values[name, time]:.0f} Pa" for time in times)) for name in SCHEMES],
+        )
+    if shares := rows.get("edges"):
+        found["edges"] = markdown(
+            ("edge", *(f"{reach} cells" for reach in REACHES[:-1]), REACHES[-1]),
+            [(row["edge"], *(f"{100 * share:.2g} %" for share in row["shares"])) for row in shares],
+        )
+    if sizes := rows.get("discs"):
+        found["discs"] = markdown(
+            ("diameter [cells]", *(f"{row['diameter']:g}" for row in sizes)),
+            [
+                ("impulse over its mean", *(f"{r['least']:.2f} to {r['most']:.2f}" for r in sizes)),
+                ("scatter between seedings", *(f"{r['scatter']:.2f}" for r in sizes)),
+            ],
+        )
+    return found
+
+
+def _resting_line(row: dict[str, Any]) -> tuple[object, ...]:
+    moving = row["moving"]
+    ends = (min(moving), max(moving)) if moving else ()
+    speeds = " to ".join(dict.fromkeys(f"{v:.3f}" for v in ends))
+    rest = f"{row['seeds'] - len(moving)} of {row['seeds']}"
+    return row["scheme"], row["columns"], f"{row['E']:.0e}".replace("e+0", "e"), rest, speeds
+
+
+def main(arguments: list[str] | None = None) -> None:
+    parser = parser_of(__doc__, quick="one short case of each table, to see that it runs")
+    parser.set_defaults(out=RESULTS)
+    parser.add_argument("--only", nargs="*", choices=TABLES, default=list(TABLES), metavar="NAME")
+    parser.add_argument("--page", type=Path, help="page whose tables are to be renewed")
+    given = parser.parse_args(arguments)
+    table = json.loads(given.out.read_text()) if given.out.exists() else {"rows": {}}
+    for name in given.only:
+        table["head"] = machine()
+        table["rows"][name] = rounded(TABLES[name](given.quick), 4)
+        write(given.out, table)
+    if given.page:
+        write_tables(given.page, lines(table["rows"]))
+
+
+if __name__ == "__main__":
+    main()
