@@ -87,7 +87,7 @@ struct gr_cell {
     int64_t offset; /* first place in the point arrays; the next ones follow at distances of GR_LANES */
     int32_t count, capacity;
     int32_t summed; /* number of its first points that are in its sums */
-    int32_t calm;   /* looks in a row at which its points were slow, or GR_ASLEEP (mpm/sleep.h) */
+    int32_t calm;   /* checks in a row at which its points were slow, or GR_ASLEEP (mpm/sleep.h) */
     int32_t at[3];  /* indices along the axes */
     int8_t side;    /* of a thin body: 1 (front) or -1 (back) of a double cell, the front listed first; else 2 or -2; 0
                       without thin bodies */

@@ -69,8 +69,8 @@ static int is_slow(const struct gr_engine *e, const struct gr_cell *cell)
     return 1;
 }
 
-/* Count for how many looks each cell has been calm. */
-static void count_looks(void *context, int64_t chunk, int t)
+/* Count for how many checks each cell has been calm. */
+static void count_checks(void *context, int64_t chunk, int t)
 {
     struct look *look = context;
     struct gr_mesh *mesh = &look->e->mesh;
@@ -134,7 +134,7 @@ void gr_sleep_look(struct gr_engine *e, struct gr_team *team)
     struct look look = {.e = e, .chunks = gr_chunks(team, e->mesh.n_cells)};
     int64_t calm = 0, fell = 0;
     e->n_dirty = 0;
-    gr_team_run(team, count_looks, &look, look.chunks);
+    gr_team_run(team, count_checks, &look, look.chunks);
     if (e->feet) gr_feet_disturb(e);
     for (int64_t c = 0; c < look.chunks; c++) calm += look.calm[c];
     if (!calm) return;

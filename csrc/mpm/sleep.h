@@ -1,7 +1,7 @@
 /* Sleep: material that has come to rest is not computed until something moves it.
  *
  * Cells fall asleep if no point in them, nor in a cell with which they have a node in common, has been faster than
- * sleep_speed in GR_CALM_CHECKS looks, one every GR_SLEEP_INTERVAL steps. Their points lose their velocity and its gradient,
+ * sleep_speed in GR_CALM_CHECKS checks, one every GR_SLEEP_INTERVAL steps. Their points lose their velocity and its gradient,
  * and keep position, stress and density. Their sums then remain what they are, and so do nodes that have no other cells: both
  * are kept and not computed. A cell wakes if one of its nodes would move faster than sleep_speed, if a point arrives, before
  * gravity changes or a wall opens, and while a body moves near it.
@@ -14,7 +14,7 @@
 #include "core/team.h"
 #include "mpm/engine.h"
 
-/* The interval is that of dt. The looks take so long that waves cross 150 cells at the usual time steps: what swings
+/* The interval is that of dt. The checks take so long that waves cross 150 cells at the usual time steps: what swings
  * slowly is seen to move. */
 enum { GR_SLEEP_INTERVAL = 16, GR_CALM_CHECKS = 32, GR_ASLEEP = INT32_MAX };
 

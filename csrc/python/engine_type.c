@@ -348,7 +348,7 @@ static PyMethodDef methods[] = {
     {"restore_walls", (PyCFunction)engine_restore_walls, METH_O,
      "restore_walls(impulses)\n--\n\nSet the impulses, as walls() gave them."},
     {"calm", (PyCFunction)engine_calm, METH_NOARGS,
-     "calm()\n--\n\nCells that are calm or asleep: their indices in the grid and for how many looks, int64 (2, n)."},
+     "calm()\n--\n\nCells that are calm or asleep: their indices in the grid and for how many checks, int64 (2, n)."},
     {"restore_calm", (PyCFunction)engine_restore_calm, METH_O, "restore_calm(calm)\n--\n\nSet this, as calm() gave it."},
     {"refresh", (PyCFunction)engine_refresh, METH_NOARGS,
      "refresh()\n--\n\nMake the sums of the cells anew: the buffers may have been written to."},
