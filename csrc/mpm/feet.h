@@ -12,7 +12,7 @@
  * pinched between surfaces that approach each other no impulse fulfils all conditions, and this alone bounds it.
  *
  * Where the nodes about a foot have hardly any mass, a point acts at its own place instead: there is its own mass at
- * least. At convex edges the normal is not that of a face, and feet act on the faces beside the edge alone. */
+ * least. At convex edges the impulse is bounded by the stress of the point (edges.h). */
 #pragma once
 
 #include "mpm/engine.h"
