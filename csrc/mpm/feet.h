@@ -19,7 +19,7 @@
 
 /* A foot. Nodes are numbered in gr_feet; the shape functions of those with mass are normalised to the sum 1. */
 struct gr_foot {
-    int body, n_nodes, at_edge;
+    int body, n_nodes, at_edge; /* at_edge: the stress of the point bounds its impulse */
     int64_t place; /* of the point in its arrays */
     int32_t node[GR_MAX_NODES];
     double weight[GR_MAX_NODES];
