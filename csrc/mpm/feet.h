@@ -12,14 +12,14 @@
  * pinched between surfaces that approach each other no impulse fulfils all conditions, and this alone bounds it.
  *
  * Where the nodes about a foot have hardly any mass, a point acts at its own place instead: there is its own mass at
- * least. At convex edges the normal is not that of a face, and feet act on the faces beside the edge alone. */
+ * least. At convex edges the impulse is bounded by the stress of the point (edges.h). */
 #pragma once
 
 #include "mpm/engine.h"
 
 /* A foot. Nodes are numbered in gr_feet; the shape functions of those with mass are normalised to the sum 1. */
 struct gr_foot {
-    int body, n_nodes;
+    int body, n_nodes, at_edge; /* at_edge: the stress of the point bounds its impulse */
     int64_t place; /* of the point in its arrays */
     int32_t node[GR_MAX_NODES];
     double weight[GR_MAX_NODES];

@@ -38,13 +38,11 @@ static double distance(const struct gr_engine *e, const struct gr_pose *pose, co
 {
     double nearest = INFINITY;
     for (int b = 0; b < e->config.n_bodies; b++) {
-        double arm[3] = {0}, local[3], n[3];
-        for (int d = 0; d < e->config.dim; d++) arm[d] = gr_pose_arm(&pose[b], x[d], d);
-        gr_pose_in_body(&pose[b], arm, local);
-        const double phi = gr_union_distance(pose[b].parts, pose[b].body->n_parts, local, n);
+        double arm[3], n[3];
+        const double phi = gr_pose_distance(e, &pose[b], x, arm, n);
         if (!(phi < nearest)) continue;
         nearest = phi;
-        gr_pose_in_space(&pose[b], n, normal);
+        memcpy(normal, n, sizeof n);
     }
     return nearest;
 }

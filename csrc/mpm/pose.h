@@ -46,6 +46,19 @@ static inline void gr_pose_in_space(const struct gr_pose *pose, const double loc
     for (int d = 0; d < 3; d++) r[d] = q[3 * d] * local[0] + q[3 * d + 1] * local[1] + q[3 * d + 2] * local[2];
 }
 
+/* Signed distance of x from a body, and the normal in axes of the scene.
+ * Set: arm, from the position of the body to x. */
+static inline double gr_pose_distance(const struct gr_engine *e, const struct gr_pose *pose, const double x[3],
+                                      double arm[3], double normal[3])
+{
+    double local[3], at[3];
+    for (int d = 0; d < 3; d++) arm[d] = d < e->config.dim ? gr_pose_arm(pose, x[d], d) : 0;
+    gr_pose_in_body(pose, arm, at);
+    const double phi = gr_union_distance(pose->parts, pose->body->n_parts, at, local);
+    gr_pose_in_space(pose, local, normal);
+    return phi;
+}
+
 /* Position of a node; 0 along unused axes. */
 static inline void gr_node_position(const struct gr_engine *e, int64_t node, double x[3])
 {

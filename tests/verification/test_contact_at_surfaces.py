@@ -174,6 +174,41 @@ def test_buoyancy_of_a_disc(cells, offset):
     assert abs(force[0]) < 0.02 * weight
 
 
+@pytest.mark.parametrize("overlapping", [False, True])
+def test_sharp_edges_bear_the_pressure_of_a_fluid(overlapping):
+    """Nothing gets into the edges, and the buoyancy is that of the weight displaced.
+
+    Without feet at the edges points get 0.1 cells deep, and 0.4 later on. Two boxes that overlap
+    act as one.
+    """
+    cell, center, turned = 0.02, np.array([0.16, 0.16]), 40.0
+    slippery = gr.materials.glass_beads.replace(E=1e6, rho_c=RHO, mu_s=0.01, mu_2=0.02)
+    sides = (1, -1) if overlapping else (0,)
+    length = 3 * cell if overlapping else 4 * cell
+    shapes = [Box((0.16, length), center=(0.0, side * cell / 2)) for side in sides]
+    walls = [gr.Wall(axis, at, kind="free_slip") for axis, at in ((0, 0.0), (0, 0.32), (1, 0.0))]
+    scene = gr.Scene(
+        name="box in a fluid",
+        grid=gr.Grid((0.0, 0.0), cell, (16, 20)),
+        fills=(gr.Fill(gr.Box((0.0, 0.0), (0.32, 0.32)), 4, lithostatic=True),),
+        material=slippery,
+        gravity=gr.Gravity((0.0,), ((0.0, -G),)),
+        walls=walls,
+        bodies=tuple(Body(shape, tuple(center), rotation_deg=turned) for shape in shapes),
+        duration=1.0,
+    )
+    sim = gr.Simulation(scene, threads=1)
+    depths = []
+
+    def look(sim):
+        depths.append(-min(body.distance(sim.state.x)[0].min() for body in scene.bodies))
+
+    sim.run(until=0.1, every=0.01, monitor=False, hooks=(look,))
+    up = sum(body.impulse[1] for body in sim.bodies) / sim.time
+    assert max(depths) < 0.08 * cell
+    assert up == pytest.approx(RHO * G * 0.16 * 4 * cell, rel=0.05)
+
+
 @pytest.mark.parametrize("rows", [5, 10])
 def test_coulomb_wall_beside_a_body(rows):
     """A bed at rest presses on a body beside it: the wall below takes up nothing of its force."""
