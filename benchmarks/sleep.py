@@ -1,7 +1,7 @@
 """Time that `sleep_speed` saves, and the change of the state that it makes.
 
-Cases: a column that collapses and lies; a silo that discharges between corners at rest; a plate that
-is drawn through the end of a long bed; a bed at rest. One thread. Times of the last part
+Cases: a column that collapses and lies; a silo that discharges between corners at rest; a plate
+that is drawn through the end of a long bed; a bed at rest. One thread. Times of the last part
 of each case are given beside those of the whole, since material sleeps only once it rests. With
 ``--page`` the table of docs/reports/speed.md is written anew.
 """

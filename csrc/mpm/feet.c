@@ -153,37 +153,6 @@ int gr_feet_list(struct gr_engine *e)
     return reserve(e);
 }
 
-static int moves(const struct gr_body_state *body)
-{
-    int any = 0;
-    for (int d = 0; d < 3; d++) any |= body->v[d] != 0 || body->omega[d] != 0;
-    return any;
-}
-
-void gr_feet_disturb(struct gr_engine *e)
-{
-    const struct gr_feet *feet = e->feet;
-    for (int b = 0; b < e->config.n_bodies; b++) {
-        struct gr_pose pose;
-        if (!moves(&e->body[b])) continue;
-        gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &pose);
-        for (int64_t k = 0; k < feet->n_near; k++) { /* cells of which the centre is nearer than REACH are listed */
-            struct gr_cell *cell = &e->mesh.cell[feet->near[k]];
-            double x[3], arm[3], normal[3];
-            gr_cell_position(e, cell->at, x);
-            if (!(distance(e, &pose, x, arm, normal) < REACH * e->config.dx)) continue;
-            gr_wake(e, cell);
-            cell->calm = 0;
-        }
-    }
-}
-
-void gr_feet_use_nodes(const struct gr_engine *e)
-{
-    for (int64_t k = 0; k < e->feet->n_near; k++)
-        for (int i = 0; i < e->K; i++) e->sleep->use[gr_cell_node(e, e->feet->near[k], i)] = GR_NODE_OF_AWAKE;
-}
-
 /* Distance by which the surface of a body has moved at most since the cells were listed. */
 static double moved_since(const struct gr_engine *e)
 {

@@ -20,7 +20,7 @@
 /* A foot. Nodes are numbered in gr_feet; the shape functions of those with mass are normalised to the sum 1. */
 struct gr_foot {
     int body, n_nodes, at_edge; /* at_edge: the stress of the point bounds its impulse */
-    int64_t place; /* of the point in its arrays */
+    int64_t place;              /* of the point in its arrays */
     int32_t node[GR_MAX_NODES];
     double weight[GR_MAX_NODES];
     double arm[3], normal[3];         /* from the position of the body, m; out of the body */
@@ -68,10 +68,6 @@ void gr_feet_free(struct gr_feet *feet);
  * bear on the results.
  * Returned: 0 or GR_ERR_MEMORY. */
 int gr_feet_list(struct gr_engine *e);
-
-/* Keep the cells awake that a moving body may touch (mpm/sleep.h); note that the nodes near bodies are used. */
-void gr_feet_disturb(struct gr_engine *e);
-void gr_feet_use_nodes(const struct gr_engine *e);
 
 /* Find the feet of this step. Call it after the grid stage. The impulses start from those of the last step, which the
  * points have kept as forces: of a point with several feet, each has the part of the force along its normal. */

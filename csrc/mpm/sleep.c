@@ -8,6 +8,7 @@
 #include "core/memory.h"
 #include "mpm/feet.h"
 #include "mpm/migrate.h"
+#include "mpm/pose.h"
 
 int gr_sleep_new(struct gr_engine *e)
 {
@@ -129,13 +130,39 @@ static void fall_asleep(void *context, int64_t chunk, int t)
     }
 }
 
+static int moves(const struct gr_body_state *body)
+{
+    int any = 0;
+    for (int d = 0; d < 3; d++) any |= body->v[d] != 0 || body->omega[d] != 0;
+    return any;
+}
+
+/* Keep the cells awake that a moving body may touch in the next steps. All whose centres are so near are listed (feet.h). */
+static void wake_near_bodies(struct gr_engine *e)
+{
+    const double near = 1.5 * e->config.dx;
+    for (int b = 0; b < e->config.n_bodies; b++) {
+        struct gr_pose pose;
+        if (!moves(&e->body[b])) continue;
+        gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &pose);
+        for (int64_t k = 0; k < e->feet->n_near; k++) {
+            struct gr_cell *cell = &e->mesh.cell[e->feet->near[k]];
+            double x[3], arm[3], normal[3];
+            gr_cell_position(e, cell->at, x);
+            if (!(gr_pose_distance(e, &pose, x, arm, normal) < near)) continue;
+            gr_wake(e, cell);
+            cell->calm = 0;
+        }
+    }
+}
+
 void gr_sleep_look(struct gr_engine *e, struct gr_team *team)
 {
     struct look look = {.e = e, .chunks = gr_chunks(team, e->mesh.n_cells)};
     int64_t calm = 0, fell = 0;
     e->n_dirty = 0;
     gr_team_run(team, count_checks, &look, look.chunks);
-    if (e->feet) gr_feet_disturb(e);
+    if (e->feet) wake_near_bodies(e);
     for (int64_t c = 0; c < look.chunks; c++) calm += look.calm[c];
     if (!calm) return;
     memset(e->sleep->restless, 0, (size_t)e->mesh.n_nodes);
@@ -188,7 +215,8 @@ void gr_sleep_find_uses(struct gr_engine *e, struct gr_team *team)
     e->sleep->asleep = 0;
     memset(e->sleep->use, GR_NODE_UNUSED, (size_t)e->sleep->capacity);
     gr_team_run(team, use_nodes, &look, look.chunks);
-    if (e->feet) gr_feet_use_nodes(e);
+    for (int64_t k = 0; e->feet && k < e->feet->n_near; k++) /* contact changes the nodes near bodies in place */
+        for (int i = 0; i < e->K; i++) e->sleep->use[gr_cell_node(e, e->feet->near[k], i)] = GR_NODE_OF_AWAKE;
     gr_team_run(team, watch_nodes, &look, look.chunks);
     for (int64_t c = 0; c < e->mesh.n_cells; c++) e->sleep->asleep += e->mesh.cell[c].calm == GR_ASLEEP;
 }
