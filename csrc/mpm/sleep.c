@@ -22,6 +22,7 @@ void gr_sleep_free(struct gr_sleep *sleep)
     if (!sleep) return;
     free(sleep->use);
     free(sleep->restless);
+    free(sleep->tile_rests);
     free(sleep);
 }
 
@@ -33,6 +34,11 @@ int gr_sleep_begin(struct gr_engine *e)
         GR_RESIZE(sleep->use, e->node_places);
         GR_RESIZE(sleep->restless, e->node_places);
         sleep->capacity = e->node_places;
+    }
+    if (e->mesh.n_tiles > sleep->tile_capacity) {
+        sleep->tile_capacity = 0;
+        GR_RESIZE(sleep->tile_rests, e->mesh.cell_capacity / GR_LANES);
+        sleep->tile_capacity = e->mesh.cell_capacity / GR_LANES;
     }
     sleep->asleep = 0;
     for (int64_t c = 0; c < e->mesh.n_cells; c++) sleep->asleep += e->mesh.cell[c].calm == GR_ASLEEP;
@@ -207,6 +213,22 @@ static void watch_nodes(void *context, int64_t chunk, int t)
     }
 }
 
+/* Find the tiles that are left alone. */
+static void find_resting(void *context, int64_t chunk, int t)
+{
+    struct look *look = context;
+    const struct gr_engine *e = look->e;
+    int64_t first, last;
+    (void)t;
+    gr_share(e->mesh.n_tiles, chunk, look->chunks, &first, &last);
+    for (int64_t tile = first; tile < last; tile++) {
+        const int32_t *node = e->mesh.cell_node + tile * e->K * GR_LANES;
+        int used = 0;
+        for (int i = 0; i < e->K * GR_LANES && !used; i++) used = e->sleep->use[node[i]];
+        e->sleep->tile_rests[tile] = !used;
+    }
+}
+
 void gr_sleep_find_uses(struct gr_engine *e, struct gr_team *team)
 {
     struct look look = {.e = e, .chunks = gr_chunks(team, e->mesh.n_cells)};
@@ -218,6 +240,7 @@ void gr_sleep_find_uses(struct gr_engine *e, struct gr_team *team)
     for (int64_t k = 0; e->feet && k < e->feet->n_near; k++) /* contact changes the nodes near bodies in place */
         for (int i = 0; i < e->K; i++) e->sleep->use[gr_cell_node(e, e->feet->near[k], i)] = GR_NODE_OF_AWAKE;
     gr_team_run(team, watch_nodes, &look, look.chunks);
+    gr_team_run(team, find_resting, &look, look.chunks);
     for (int64_t c = 0; c < e->mesh.n_cells; c++) e->sleep->asleep += e->mesh.cell[c].calm == GR_ASLEEP;
 }
 

@@ -23,9 +23,10 @@ enum { GR_SLEEP_INTERVAL = 16, GR_CALM_CHECKS = 32, GR_ASLEEP = INT32_MAX };
 enum gr_node_use { GR_NODE_UNUSED, GR_NODE_OF_AWAKE, GR_NODE_OF_WATCHED };
 
 struct gr_sleep {
-    uint8_t *use;      /* enum gr_node_use of the nodes; the last group of GR_LANES is filled up with unused ones */
-    uint8_t *restless; /* of the nodes: whether points about them were too fast, while cells fall asleep */
-    int64_t capacity;
+    uint8_t *use;        /* enum gr_node_use of the nodes; the last group of GR_LANES is filled up with unused ones */
+    uint8_t *restless;   /* of the nodes: whether points about them were too fast, while cells fall asleep */
+    uint8_t *tile_rests; /* of the tiles: whether all their nodes are unused, so that all their cells are asleep */
+    int64_t capacity, tile_capacity;
     int changed;    /* whether a cell has woken or fallen asleep since the uses were found */
     int all_nodes;  /* whether the values of all nodes are to be computed in this step */
     int64_t asleep; /* number of cells that are asleep */
@@ -75,7 +76,7 @@ static inline void gr_wake_for_arrival(struct gr_engine *e, struct gr_cell *cell
 static inline int gr_group_rests(const struct gr_engine *e, int64_t first)
 {
     uint64_t uses;
-    if (!e->sleep || e->sleep->all_nodes) return 0;
+    if (!e->sleep || !e->sleep->asleep || e->sleep->all_nodes) return 0;
     _Static_assert(sizeof uses == GR_LANES, "a byte for each node of a group");
     memcpy(&uses, e->sleep->use + first, sizeof uses);
     return !uses;
@@ -84,11 +85,7 @@ static inline int gr_group_rests(const struct gr_engine *e, int64_t first)
 /* The same for all nodes of a tile. */
 static inline int gr_tile_rests(const struct gr_engine *e, int64_t tile)
 {
-    const int32_t *node = e->mesh.cell_node + tile * e->K * GR_LANES;
-    if (!e->sleep || e->sleep->all_nodes) return 0;
-    for (int i = 0; i < e->K * GR_LANES; i++)
-        if (e->sleep->use[node[i]]) return 0;
-    return 1;
+    return e->sleep && e->sleep->asleep && !e->sleep->all_nodes && e->sleep->tile_rests[tile];
 }
 
 /* Bit l: lane l of a tile is a cell that is asleep. */

@@ -129,7 +129,7 @@ static void grid_nodes(struct run *run, int64_t first, int64_t last)
 
 static void forces_of_cells(struct run *run, int64_t first, int64_t last)
 {
-    if (!run->e->sleep) {
+    if (!run->e->sleep || !run->e->sleep->asleep) {
         run->kernels->apply_cell_forces(run->e, first, last);
         return;
     }

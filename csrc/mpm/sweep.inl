@@ -30,7 +30,7 @@ GR_INLINE unsigned wake_lanes(const int dim, const int basis, struct gr_engine *
 {
     const int K = gr_power(gr_nodes_1d(basis), dim);
     const vd most = v_set(e->config.scheme.sleep_speed * e->config.scheme.sleep_speed);
-    if (!gr_lanes_asleep(e, tile) || gr_tile_rests(e, tile)) return gr_lanes_asleep(e, tile);
+    if (!gr_lanes_asleep(e, tile)) return 0;
     for (int part = 0; part < GR_VECTORS; part++) {
         const int64_t first = tile * GR_LANES + part * GR_W;
         vd v[3 * GR_MAX_NODES], fastest = v_zero();
@@ -117,8 +117,9 @@ GR_INLINE void sweep_tiles(const int dim, const int basis, const int affine, con
     moved.n = moved.packed = moved.batch.n = 0;
     gr_clear_migrants(out);
     for (int64_t tile = first; tile < last; tile++) {
-        const unsigned asleep = e->sleep ? wake_lanes(dim, basis, e, tile) : 0;
         e->mesh.tile_state[tile] = GR_TILE_SUMMED;
+        if (gr_tile_rests(e, tile)) continue;
+        const unsigned asleep = e->sleep && e->sleep->asleep ? wake_lanes(dim, basis, e, tile) : 0;
         if (!awake_points(e, tile, asleep)) continue;
         if (asleep) { /* alone, so that the rest of the records is free for a copy of its points */
             end_tiles(dim, basis, affine, smoothed, cell_averaged, e, &moved, out, fused, law);
