@@ -72,8 +72,8 @@ def test_forces_in_finer_cells(tmp_path):
 
 def rolled(slip, path, **changes):
     """A wheel in coarse cells that rotates faster than that of the paper."""
-    size = {"cell": 0.025, "soil": 0.1, "width": 0.125, "length": 0.45, "headroom": 0.1}
-    motion = {"start": 0.2, "omega": 0.4, "settle": 0.4, "duration": 1.8, "slip": slip}
+    size = {"cell": 0.025, "soil": 0.1, "width": 0.15, "length": 0.5, "headroom": 0.1, "start": 0.2}
+    motion = {"omega": 0.4, "settle": 0.4, "duration": 1.8, "slip": slip}
     with recorded(gr.scenes.wheel(**(size | motion | changes)), path) as record:
         history = gr.measure.soil_tools.wheel_history(record)
         late = history.times > 1.2
