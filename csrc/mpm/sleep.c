@@ -59,6 +59,19 @@ struct look {
     int64_t chunks, calm[GR_MAX_CHUNKS], fell[GR_MAX_CHUNKS];
 };
 
+/* Define a pass over the items of a chunk: a function for number c of them, in chunk `chunk`. */
+#define GR_PASS(pass, items)                                                                  \
+    static void pass##_one(struct look *look, struct gr_engine *e, int64_t chunk, int64_t c); \
+    static void pass(void *context, int64_t chunk, int t)                                     \
+    {                                                                                         \
+        struct look *look = context;                                                          \
+        int64_t first, last;                                                                  \
+        (void)t;                                                                              \
+        gr_share(look->e->mesh.items, chunk, look->chunks, &first, &last);                    \
+        for (int64_t c = first; c < last; c++) pass##_one(look, look->e, chunk, c);           \
+    }                                                                                         \
+    static void pass##_one(struct look *look, struct gr_engine *e, int64_t chunk, int64_t c)
+
 /* Set a byte that other threads may set, too. */
 static void set(uint8_t *byte, uint8_t value) { __atomic_store_n(byte, value, __ATOMIC_RELAXED); }
 
@@ -77,33 +90,21 @@ static int is_slow(const struct gr_engine *e, const struct gr_cell *cell)
 }
 
 /* Count for how many checks each cell has been calm. */
-static void count_checks(void *context, int64_t chunk, int t)
+GR_PASS(count_checks, n_cells)
 {
-    struct look *look = context;
-    struct gr_mesh *mesh = &look->e->mesh;
-    int64_t first, last, calm = 0;
-    (void)t;
-    gr_share(mesh->n_cells, chunk, look->chunks, &first, &last);
-    for (struct gr_cell *cell = mesh->cell + first; cell < mesh->cell + last; cell++) {
-        if (cell->calm == GR_ASLEEP) continue;
-        const int slow = cell->count && !GR_IS_DOUBLE(cell) && is_slow(look->e, cell);
-        cell->calm = !slow ? 0 : cell->calm < GR_CALM_CHECKS ? cell->calm + 1 : GR_CALM_CHECKS;
-        calm += cell->calm == GR_CALM_CHECKS;
-    }
-    look->calm[chunk] = calm;
+    struct gr_cell *cell = &e->mesh.cell[c];
+    if (cell->calm == GR_ASLEEP) return;
+    const int slow = cell->count && !GR_IS_DOUBLE(cell) && is_slow(e, cell);
+    cell->calm = !slow ? 0 : cell->calm < GR_CALM_CHECKS ? cell->calm + 1 : GR_CALM_CHECKS;
+    look->calm[chunk] += cell->calm == GR_CALM_CHECKS;
 }
 
 /* Note the nodes of the cells that are not calm. */
-static void note_restless(void *context, int64_t chunk, int t)
+GR_PASS(note_restless, n_cells)
 {
-    struct look *look = context;
-    const struct gr_engine *e = look->e;
-    int64_t first, last;
-    (void)t;
-    gr_share(e->mesh.n_cells, chunk, look->chunks, &first, &last);
-    for (int64_t c = first; c < last; c++)
-        for (int i = 0; e->mesh.cell[c].count && e->mesh.cell[c].calm < GR_CALM_CHECKS && i < e->K; i++)
-            set(&e->sleep->restless[gr_cell_node(e, c, i)], 1);
+    (void)look, (void)chunk;
+    for (int i = 0; e->mesh.cell[c].count && e->mesh.cell[c].calm < GR_CALM_CHECKS && i < e->K; i++)
+        set(&e->sleep->restless[gr_cell_node(e, c, i)], 1);
 }
 
 /* Take the motion from the points of a cell that falls asleep. */
@@ -116,24 +117,16 @@ static void stop(struct gr_engine *e, const struct gr_cell *cell)
 }
 
 /* Let calm cells fall asleep that have no restless node. */
-static void fall_asleep(void *context, int64_t chunk, int t)
+GR_PASS(fall_asleep, n_cells)
 {
-    struct look *look = context;
-    struct gr_engine *e = look->e;
-    int64_t first, last;
-    (void)t;
-    gr_share(e->mesh.n_cells, chunk, look->chunks, &first, &last);
-    look->fell[chunk] = 0;
-    for (int64_t c = first; c < last; c++) {
-        struct gr_cell *cell = &e->mesh.cell[c];
-        int restless = cell->calm != GR_CALM_CHECKS;
-        for (int i = 0; i < e->K && !restless; i++) restless = e->sleep->restless[gr_cell_node(e, c, i)];
-        if (restless) continue;
-        cell->calm = GR_ASLEEP;
-        stop(e, cell);
-        look->fell[chunk]++;
-        set(&e->mesh.tile_state[c / GR_LANES], GR_TILE_CHANGED);
-    }
+    struct gr_cell *cell = &e->mesh.cell[c];
+    int restless = cell->calm != GR_CALM_CHECKS;
+    for (int i = 0; i < e->K && !restless; i++) restless = e->sleep->restless[gr_cell_node(e, c, i)];
+    if (restless) return;
+    cell->calm = GR_ASLEEP;
+    stop(e, cell);
+    look->fell[chunk]++;
+    set(&e->mesh.tile_state[c / GR_LANES], GR_TILE_CHANGED);
 }
 
 static int moves(const struct gr_body_state *body)
@@ -183,50 +176,35 @@ void gr_sleep_look(struct gr_engine *e, struct gr_team *team)
         if (e->mesh.tile_state[tile] == GR_TILE_CHANGED) e->dirty[e->n_dirty++] = tile;
 }
 
-static void use_nodes(void *context, int64_t chunk, int t)
+/* Note the nodes of cells that are awake. */
+GR_PASS(use_nodes, n_cells)
 {
-    struct look *look = context;
-    const struct gr_engine *e = look->e;
-    int64_t first, last;
-    (void)t;
-    gr_share(e->mesh.n_cells, chunk, look->chunks, &first, &last);
-    for (int64_t c = first; c < last; c++)
-        for (int i = 0; e->mesh.cell[c].calm != GR_ASLEEP && i < e->K; i++)
-            set(&e->sleep->use[gr_cell_node(e, c, i)], GR_NODE_OF_AWAKE);
+    (void)look, (void)chunk;
+    for (int i = 0; e->mesh.cell[c].calm != GR_ASLEEP && i < e->K; i++)
+        set(&e->sleep->use[gr_cell_node(e, c, i)], GR_NODE_OF_AWAKE);
 }
 
-static void watch_nodes(void *context, int64_t chunk, int t)
+/* Note the other nodes of cells that these may wake. */
+GR_PASS(watch_nodes, n_cells)
 {
-    struct look *look = context;
-    const struct gr_engine *e = look->e;
-    int64_t first, last;
-    (void)t;
-    gr_share(e->mesh.n_cells, chunk, look->chunks, &first, &last);
-    for (int64_t c = first; c < last; c++) {
-        int watched = 0;
-        if (e->mesh.cell[c].calm != GR_ASLEEP) continue;
-        for (int i = 0; i < e->K && !watched; i++) watched = get(&e->sleep->use[gr_cell_node(e, c, i)]) == GR_NODE_OF_AWAKE;
-        for (int i = 0; watched && i < e->K; i++) {
-            uint8_t *use = &e->sleep->use[gr_cell_node(e, c, i)];
-            if (get(use) == GR_NODE_UNUSED) set(use, GR_NODE_OF_WATCHED);
-        }
+    int watched = 0;
+    (void)look, (void)chunk;
+    if (e->mesh.cell[c].calm != GR_ASLEEP) return;
+    for (int i = 0; i < e->K && !watched; i++) watched = get(&e->sleep->use[gr_cell_node(e, c, i)]) == GR_NODE_OF_AWAKE;
+    for (int i = 0; watched && i < e->K; i++) {
+        uint8_t *use = &e->sleep->use[gr_cell_node(e, c, i)];
+        if (get(use) == GR_NODE_UNUSED) set(use, GR_NODE_OF_WATCHED);
     }
 }
 
-/* Find the tiles that are left alone. */
-static void find_resting(void *context, int64_t chunk, int t)
+/* Find out which tiles are left alone. */
+GR_PASS(find_resting, n_tiles)
 {
-    struct look *look = context;
-    const struct gr_engine *e = look->e;
-    int64_t first, last;
-    (void)t;
-    gr_share(e->mesh.n_tiles, chunk, look->chunks, &first, &last);
-    for (int64_t tile = first; tile < last; tile++) {
-        const int32_t *node = e->mesh.cell_node + tile * e->K * GR_LANES;
-        int used = 0;
-        for (int i = 0; i < e->K * GR_LANES && !used; i++) used = e->sleep->use[node[i]];
-        e->sleep->tile_rests[tile] = !used;
-    }
+    const int32_t *node = e->mesh.cell_node + c * e->K * GR_LANES;
+    int used = 0;
+    (void)look, (void)chunk;
+    for (int i = 0; i < e->K * GR_LANES && !used; i++) used = e->sleep->use[node[i]];
+    e->sleep->tile_rests[c] = !used;
 }
 
 void gr_sleep_find_uses(struct gr_engine *e, struct gr_team *team)

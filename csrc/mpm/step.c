@@ -199,16 +199,15 @@ static void look_for_calm(struct run *run)
     all_of(run, p2g_dirty, e->n_dirty);
 }
 
-/* Whether gravity or a wall is another one at the time `next`. */
-static int load_changes(const struct gr_engine *e, double next)
+/* Whether gravity or a wall is another one at the time `next` than in this step. */
+static int load_changes(const struct run *run, double next)
 {
+    const struct gr_engine *e = run->e;
     const struct gr_config *config = &e->config;
-    double now[3] = {0}, then[3] = {0};
-    gr_piecewise(config->dim, config->n_gravity, config->gravity_times, 1, config->gravity_vectors, config->dim, e->time,
-                 now);
-    gr_piecewise(config->dim, config->n_gravity, config->gravity_times, 1, config->gravity_vectors, config->dim, next, then);
+    double then[3] = {0};
     int changes = 0;
-    for (int d = 0; d < config->dim; d++) changes |= now[d] != then[d];
+    gr_piecewise(config->dim, config->n_gravity, config->gravity_times, 1, config->gravity_vectors, config->dim, next, then);
+    for (int d = 0; d < config->dim; d++) changes |= run->gravity[d] != then[d];
     for (int k = 0; k < config->n_walls; k++)
         changes |= e->time < config->walls[k].opens_at && config->walls[k].opens_at <= next;
     return changes;
@@ -246,7 +245,7 @@ static int prepare(struct run *run)
         e->sponge_factor[d] = config->has_sponge >> d & 1 ? exp(-config->sponge_damping[d] * dt) : 1;
     gr_piecewise(config->dim, config->n_gravity, config->gravity_times, 1, config->gravity_vectors, config->dim, e->time,
                  run->gravity);
-    if (e->sleep && e->sleep->asleep && load_changes(e, next)) gr_sleep_wake_all(e);
+    if (e->sleep && e->sleep->asleep && load_changes(run, next)) gr_sleep_wake_all(e);
     if (e->sleep) gr_sleep_find_uses(e, run->team);
     return 1;
 }

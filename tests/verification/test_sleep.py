@@ -79,8 +79,9 @@ def test_threads_and_restarts_give_the_same_bits(combination, dim):
 def test_the_heap_is_that_without_sleep(combination):
     """A block falls on the bed; both runs end with the same heap, of which one sleeps.
 
-    Material that sleeps misses motion that is slower than the limit, 3 mm in 1.5 s at most. The
-    mean height of the points differs by 0.002 and 0.08 mm (measured), the highest point by 1 mm.
+    Material that sleeps misses motion that is slower than the limit, 3 mm in 1.5 s at most. Measured
+    with the default and cell-averaged schemes: the mean height of the points differs by 0.006 and
+    0.08 mm, the highest point by 0.005 and 1.4 mm, the sum of the pressures by 0.4 and 2.3 %.
     """
     ends = []
     for speed in (SPEED, 0.0):
@@ -111,7 +112,7 @@ def test_gravity_that_turns_wakes_a_bed():
         sim.run(until=0.9)
         moved[speed] = sim.state.x[:, 0].mean() - start
     assert moved[0.0] > 0.5 * CELL
-    assert moved[SPEED] == pytest.approx(moved[0.0], rel=0.02)
+    assert moved[SPEED] == pytest.approx(moved[0.0], rel=1e-4)  # 2e-6 measured
 
 
 def test_a_wall_that_opens_wakes_a_bed():
@@ -141,7 +142,7 @@ def test_a_plate_that_is_pushed_into_a_bed_wakes_it():
         sim.run(until=0.9)
         impulses.append(sim.bodies[0].impulse[1])
     assert impulses[1] > 0
-    assert impulses[0] == pytest.approx(impulses[1], rel=0.05)
+    assert impulses[0] == pytest.approx(impulses[1], rel=0.01)  # 0.2 % measured
 
 
 def test_a_changed_scene_wakes_all(tmp_path):
