@@ -79,9 +79,9 @@ def test_threads_and_restarts_give_the_same_bits(combination, dim):
 def test_the_heap_is_that_without_sleep(combination):
     """A block falls on the bed; both runs end with the same heap, of which one sleeps.
 
-    Material that sleeps misses motion that is slower than the limit, 3 mm in 1.5 s at most. Measured
-    with the default and cell-averaged schemes: the mean height of the points differs by 0.006 and
-    0.08 mm, the highest point by 0.005 and 1.4 mm, the sum of the pressures by 0.4 and 2.3 %.
+    Material that sleeps misses motion that is slower than the limit, 3 mm in 1.5 s at most.
+    Measured with the default and cell-averaged schemes: the mean height of the points differs by
+    0.006 and 0.08 mm, the highest point by 0.005 and 1.4 mm, the sum of pressures by 0.4 and 2.3 %.
     """
     ends = []
     for speed in (SPEED, 0.0):
