@@ -12,9 +12,10 @@ struct batch {
     _Alignas(64) double gradient[BATCH * 9 * GR_W];
 };
 
-/* Call the law for a batch: for the whole step, or for the first (`begins`) or last of its substeps. */
-static void run_law(const struct gr_engine *e, gr_law_update *update, struct batch *batch, int begins)
+/* Call the law of material k for a batch: for the whole step, or for the first (`begins`) or last of its substeps. */
+static void call_law(const struct gr_engine *e, int k, const struct batch *batch, int begins)
 {
+    const struct gr_material *material = &e->config.material[k];
     const int many = e->diffuses && e->config.nonlocal.substeps > 1;
     const double fraction = many ? 1.0 / e->config.nonlocal.substeps : 1;
     struct gr_law_call call = {.n_blocks = batch->n,
@@ -25,7 +26,7 @@ static void run_law(const struct gr_engine *e, gr_law_update *update, struct bat
                                .substeps = many ? e->substeps : 0,
                                .begins = begins,
                                .pressure_from_density = e->config.pressure_from_density,
-                               .parameter = e->config.parameter,
+                               .parameter = material->parameter,
                                .log_density = e->field[GR_FIELD_log_density],
                                .g_star = e->diffuses ? batch->g_star : 0,
                                .shear_rate = e->record_rates ? e->field[GR_FIELD_shear_rate] : 0,
@@ -33,7 +34,89 @@ static void run_law(const struct gr_engine *e, gr_law_update *update, struct bat
                                .gain = e->field[GR_FIELD_g_gain],
                                .plastic_strain = e->field[GR_FIELD_plastic_strain]};
     for (int c = 0; c < (e->config.dim == 2 ? 4 : 6); c++) call.stress[c] = e->field[GR_FIELD_stress] + c * e->capacity;
-    update(&call);
+    laws[material->law]->update[e->config.dim - 2](&call);
+}
+
+/* Fields of a point that laws change. */
+static const enum gr_field changed_by_laws[] = {GR_FIELD_stress, GR_FIELD_shear_rate, GR_FIELD_g, GR_FIELD_g_gain,
+                                                GR_FIELD_plastic_strain};
+enum { MOST_CHANGED = 10 };
+
+/* Copy what laws change of a block of points to a buffer, or from it to the lanes whose points are not of material k. */
+static void keep_others(const struct gr_engine *e, int64_t at, int k, double *buffer, int back)
+{
+    for (size_t f = 0; f < sizeof changed_by_laws / sizeof *changed_by_laws; f++)
+        for (int c = 0; e->field[changed_by_laws[f]] && c < gr_field_components(changed_by_laws[f], e->config.dim);
+             c++, buffer += GR_W) {
+            double *values = e->field[changed_by_laws[f]] + c * e->capacity + at;
+            for (int l = 0; l < GR_W; l++) {
+                if (!back)
+                    buffer[l] = values[l];
+                else if (gr_material_at(e, at + l) != k)
+                    values[l] = buffer[l];
+            }
+        }
+}
+
+/* The material of all points of a block; MIXED if there are several. */
+enum { MIXED = -1 };
+static int material_of_block(const struct gr_engine *e, int64_t at)
+{
+    int found = MIXED;
+    for (int l = 0; l < GR_W; l++) {
+        if (e->id[at + l] < 0) continue; /* a spare place */
+        const int k = gr_material_at(e, at + l);
+        if (found != MIXED && found != k) return MIXED;
+        found = k;
+    }
+    return found;
+}
+
+/* Call the law of material k for some blocks of a batch: for those with `own` = k, and for the mixed ones, where the points of
+ * other materials get back what they had. */
+static void call_law_for(const struct gr_engine *e, int k, const int own[BATCH], const struct batch *batch, int begins)
+{
+    const int size = e->config.dim * e->config.dim * GR_W;
+    struct batch part;
+    double kept[BATCH][MOST_CHANGED * GR_W];
+    part.n = 0;
+    for (int64_t b = 0; b < batch->n; b++) {
+        if (own[b] != k && own[b] != MIXED) continue;
+        if (own[b] == MIXED) keep_others(e, batch->slot[b], k, kept[part.n], 0);
+        memcpy(part.gradient + part.n * size, batch->gradient + b * size, sizeof(double) * (size_t)size);
+        if (e->diffuses) memcpy(part.g_star + part.n * GR_W, batch->g_star + b * GR_W, sizeof(double) * GR_W);
+        part.slot[part.n++] = batch->slot[b];
+    }
+    if (part.n) call_law(e, k, &part, begins);
+    part.n = 0;
+    for (int64_t b = 0; b < batch->n; b++) {
+        if (own[b] == MIXED) keep_others(e, batch->slot[b], k, kept[part.n], 1);
+        part.n += own[b] == k || own[b] == MIXED;
+    }
+}
+
+/* The same for all materials, one after the other. */
+static __attribute__((noinline)) void call_laws(const struct gr_engine *e, const struct batch *batch, int begins)
+{
+    int own[BATCH], alike = 1;
+    for (int64_t b = 0; b < batch->n; b++) {
+        own[b] = material_of_block(e, batch->slot[b]);
+        alike &= own[b] == own[0] && own[b] != MIXED;
+    }
+    if (alike) {
+        call_law(e, own[0], batch, begins);
+        return;
+    }
+    for (int k = 0; k < e->config.n_materials; k++) call_law_for(e, k, own, batch, begins);
+}
+
+/* Call the laws for a batch. */
+static void run_law(const struct gr_engine *e, struct batch *batch, int begins)
+{
+    if (__builtin_expect(e->config.n_materials == 1, 1))
+        call_law(e, 0, batch, begins);
+    else
+        call_laws(e, batch, begins);
     batch->n = 0;
 }
 
@@ -45,7 +128,7 @@ struct view {
     vd begin[3], end[3];     /* bounds of the cells, m */
     int points;              /* largest number of points of a cell */
     int has_sponge;          /* bit d: the sponge layer may damp points that rise along axis d */
-    vd disconnected;         /* log-density below which a point is given no affine field */
+    vd disconnected;         /* log-density below which a point of the first material is given no affine field */
     vd g_star;               /* fluidity of the cells after its diffusion, 1/s */
     vd L[9], shift[3][2], c; /* with a cell-averaged density: L dt; shift along each axis at the low and high face, m;
                                 log-density */
@@ -87,7 +170,7 @@ GR_INLINE void look_at_cells(const int dim, const int basis, const int affine, c
     view->points = 0;
     for (int l = 0; l < GR_W; l++) {
         const int carried = !smoothed && !cell_averaged && !(cell[l].flags >= GR_CELL_WALL && cell[l].count <= ALONE);
-        disconnected[l] = carried ? -NO_DENSITY : -e->config.density.separation_strain;
+        disconnected[l] = carried ? -NO_DENSITY : e->material_number[GR_MATERIAL_SEPARATION][0];
         if (cell[l].count > view->points) view->points = cell[l].count;
         g_star[l] = e->diffuses && first + l < e->mesh.n_cells ? fluidity_of_cell(e, gr_place_of_cell(e, cell + l)) : 0;
     }
