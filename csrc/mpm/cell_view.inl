@@ -12,15 +12,16 @@ struct batch {
     _Alignas(64) double gradient[BATCH * 9 * GR_W];
 };
 
-/* Call the law of material k for a batch: for the whole step, or for the first (`begins`) or last of its substeps. */
-static void call_law(const struct gr_engine *e, int k, const struct batch *batch, int begins)
+/* Call the law of material k for n blocks of a batch from block b on: for the whole step, or for the first (`begins`) or last
+ * of its substeps. */
+static void call_law(const struct gr_engine *e, int k, const struct batch *batch, int64_t b, int64_t n, int begins)
 {
     const struct gr_material *material = &e->config.material[k];
     const int many = e->diffuses && e->config.nonlocal.substeps > 1;
     const double fraction = many ? 1.0 / e->config.nonlocal.substeps : 1;
-    struct gr_law_call call = {.n_blocks = batch->n,
-                               .slot = batch->slot,
-                               .gradient = batch->gradient,
+    struct gr_law_call call = {.n_blocks = n,
+                               .slot = batch->slot + b,
+                               .gradient = batch->gradient + b * e->config.dim * e->config.dim * GR_W,
                                .dt = fraction * e->dt,
                                .fraction = fraction,
                                .substeps = many ? e->substeps : 0,
@@ -28,7 +29,7 @@ static void call_law(const struct gr_engine *e, int k, const struct batch *batch
                                .pressure_from_density = e->config.pressure_from_density,
                                .parameter = material->parameter,
                                .log_density = e->field[GR_FIELD_log_density],
-                               .g_star = e->diffuses ? batch->g_star : 0,
+                               .g_star = e->diffuses ? batch->g_star + b * GR_W : 0,
                                .shear_rate = e->record_rates ? e->field[GR_FIELD_shear_rate] : 0,
                                .g = e->field[GR_FIELD_g],
                                .gain = e->field[GR_FIELD_g_gain],
@@ -63,6 +64,9 @@ enum { MIXED = -1 };
 static int material_of_block(const struct gr_engine *e, int64_t at)
 {
     int found = MIXED;
+    const double *own = e->field[GR_FIELD_material] + at;
+    const vd all = v_load(own), first = v_set(own[0]);
+    if (m_bits(m_and(v_ge(all, first), v_ge(first, all))) == GR_ALL_LANES) return gr_material_at(e, at);
     for (int l = 0; l < GR_W; l++) {
         if (e->id[at + l] < 0) continue; /* a spare place */
         const int k = gr_material_at(e, at + l);
@@ -72,49 +76,32 @@ static int material_of_block(const struct gr_engine *e, int64_t at)
     return found;
 }
 
-/* Call the law of material k for some blocks of a batch: for those with `own` = k, and for the mixed ones, where the points of
- * other materials get back what they had. */
-static void call_law_for(const struct gr_engine *e, int k, const int own[BATCH], const struct batch *batch, int begins)
-{
-    const int size = e->config.dim * e->config.dim * GR_W;
-    struct batch part;
-    double kept[BATCH][MOST_CHANGED * GR_W];
-    part.n = 0;
-    for (int64_t b = 0; b < batch->n; b++) {
-        if (own[b] != k && own[b] != MIXED) continue;
-        if (own[b] == MIXED) keep_others(e, batch->slot[b], k, kept[part.n], 0);
-        memcpy(part.gradient + part.n * size, batch->gradient + b * size, sizeof(double) * (size_t)size);
-        if (e->diffuses) memcpy(part.g_star + part.n * GR_W, batch->g_star + b * GR_W, sizeof(double) * GR_W);
-        part.slot[part.n++] = batch->slot[b];
-    }
-    if (part.n) call_law(e, k, &part, begins);
-    part.n = 0;
-    for (int64_t b = 0; b < batch->n; b++) {
-        if (own[b] == MIXED) keep_others(e, batch->slot[b], k, kept[part.n], 1);
-        part.n += own[b] == k || own[b] == MIXED;
-    }
-}
-
-/* The same for all materials, one after the other. */
+/* Call the laws of several materials: for runs of blocks of one material, and for a mixed block one after the other, where
+ * the points of other materials get back what they had. */
 static __attribute__((noinline)) void call_laws(const struct gr_engine *e, const struct batch *batch, int begins)
 {
-    int own[BATCH], alike = 1;
-    for (int64_t b = 0; b < batch->n; b++) {
-        own[b] = material_of_block(e, batch->slot[b]);
-        alike &= own[b] == own[0] && own[b] != MIXED;
+    double kept[MOST_CHANGED * GR_W];
+    for (int64_t b = 0, n; b < batch->n; b += n) {
+        const int own = material_of_block(e, batch->slot[b]);
+        n = 1;
+        if (own != MIXED) {
+            while (b + n < batch->n && material_of_block(e, batch->slot[b + n]) == own) n++;
+            call_law(e, own, batch, b, n, begins);
+            continue;
+        }
+        for (int k = 0; k < e->config.n_materials; k++) {
+            keep_others(e, batch->slot[b], k, kept, 0);
+            call_law(e, k, batch, b, 1, begins);
+            keep_others(e, batch->slot[b], k, kept, 1);
+        }
     }
-    if (alike) {
-        call_law(e, own[0], batch, begins);
-        return;
-    }
-    for (int k = 0; k < e->config.n_materials; k++) call_law_for(e, k, own, batch, begins);
 }
 
 /* Call the laws for a batch. */
 static void run_law(const struct gr_engine *e, struct batch *batch, int begins)
 {
     if (__builtin_expect(e->config.n_materials == 1, 1))
-        call_law(e, 0, batch, begins);
+        call_law(e, 0, batch, 0, batch->n, begins);
     else
         call_laws(e, batch, begins);
     batch->n = 0;
