@@ -46,6 +46,7 @@ READY = {
     "wheel": {},
     "excavator": {"cell": 0.025},
     "landslide": {"cell": 0.04},
+    "flexible_barrier": {"cell": 0.025},
     "obstacle": {"cell": 0.05},
     "penetration": {"cell": 0.04},
     "conveyor": {"cell": 0.025},

@@ -65,7 +65,7 @@ static const struct gr_law *const laws[] = {
     static __attribute__((noinline)) void sweep_##d##b##a##q##u(struct gr_engine *e, int64_t first, int64_t last, \
                                                                 struct gr_migrants *out, int fused)               \
     {                                                                                                             \
-        sweep_tiles(d, b, a, q, u, e, first, last, out, fused, laws[e->config.law]->update[d - 2]);               \
+        sweep_tiles(d, b, a, q, u, e, first, last, out, fused);                                                   \
     }
 GR_VARIANTS(GR_X)
 #undef GR_X
@@ -104,6 +104,15 @@ static void cell_forces(struct gr_engine *e, int64_t first, int64_t last)
             apply_forces_of_cells(2, e, i);
         else
             apply_forces_of_cells(3, e, i);
+}
+
+/* The further sums of a group of nodes with several materials, in rows of GR_LANES (enum gr_volume_sum). */
+static void sum_volumes(const struct gr_engine *e, int64_t group, double *sums)
+{
+    if (e->config.dim == 2)
+        sum_volumes_of_group(9, e, group, sums);
+    else
+        sum_volumes_of_group(27, e, group, sums);
 }
 
 static void sum_nodes(const struct gr_engine *e, int64_t group, int damped, int averages, double *sums)
@@ -151,7 +160,7 @@ static void begin_substeps(struct gr_engine *e, int64_t first, int64_t last)
 {
 #define GR_BEGIN_SUBSTEPS(d, b, u)                                                  \
     if (e->config.dim == d && e->config.basis == b && e->config.cell_averaged == u) \
-        begin_substeps_of_tiles(d, b, u, e, first, last, laws[e->config.law]->update[d - 2]);
+        begin_substeps_of_tiles(d, b, u, e, first, last);
     GR_2D_AND_3D(GR_BEGIN_SUBSTEPS, GR_LINEAR, 0)
     GR_2D_AND_3D(GR_BEGIN_SUBSTEPS, GR_LINEAR, 1)
     GR_2D_AND_3D(GR_BEGIN_SUBSTEPS, GR_QUADRATIC, 0)
@@ -160,11 +169,12 @@ static void begin_substeps(struct gr_engine *e, int64_t first, int64_t last)
 
 static void substep(struct gr_engine *e, int64_t first, int64_t last)
 {
-    const struct gr_law *law = laws[e->config.law];
+    const struct gr_material *material = &e->config.material[0]; /* the only one where there are substeps */
+    const struct gr_law *law = laws[material->law];
     if (law->reaction == GR_NGF)
-        substep_tiles(0, e, first, last, e->config.parameter + law->fluidity);
+        substep_tiles(0, e, first, last, material->parameter + law->fluidity);
     else if (law->reaction == GR_LINEAR_NGF)
-        substep_tiles(1, e, first, last, e->config.parameter + law->fluidity);
+        substep_tiles(1, e, first, last, material->parameter + law->fluidity);
 }
 
 static void update_hencky(int flow, int dim, const struct gr_hencky_call *call)
@@ -190,6 +200,7 @@ const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {
     .p2g = p2g,
     .p2g_arrivals = p2g_arrivals,
     .sum_nodes = sum_nodes,
+    .sum_volumes = sum_volumes,
     .sweep = sweep,
     .apply_cell_forces = cell_forces,
     .smooth = smooth,

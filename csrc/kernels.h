@@ -19,6 +19,7 @@ struct gr_kernels {
     void (*apply_cell_forces)(struct gr_engine *, int64_t first, int64_t last);
     /* sums of the nodes of a group of GR_LANES; see enum gr_node_sum. damped: with that of the damping */
     void (*sum_nodes)(const struct gr_engine *, int64_t group, int damped, int averages, double *sums);
+    void (*sum_volumes)(const struct gr_engine *, int64_t group, double *sums); /* of a smoothed density */
     void (*smooth)(struct gr_engine *, int64_t first, int64_t last);
     void (*mean_pairs)(struct gr_engine *, int64_t first, int64_t last);
     void (*begin_substeps)(struct gr_engine *, int64_t first, int64_t last);

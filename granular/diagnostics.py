@@ -138,17 +138,18 @@ class Monitor:
         if not state.n:
             return np.full(len(self.names), np.nan)
         bulk = Bulk(state, packed=PACKED)
-        material = state.scene.material
+        materials = state.scene.materials
+        granular = all(material.granular for material in materials)
         account = (np.nan, np.nan, np.nan)
         if self._before is not None and not np.isnan(work):
             before, work_before = self._before
             account = _account(before, state, work - work_before)
         row = {
             "disconnected": bulk.disconnected() if _bears(state) else np.nan,
-            "density_drift": bulk.drift() if material.granular else np.nan,
-            "ill_posed": ill_posed_fraction(state) if hasattr(material, "xi") else np.nan,
+            "density_drift": bulk.drift() if granular else np.nan,
+            "ill_posed": ill_posed_fraction(state) if _knows_inertia(state) else np.nan,
             "courant": _courant(state),
-            "gaps": np.nan if material.granular else gaps(bulk),
+            "gaps": np.nan if granular else gaps(bulk),
             **dict(zip(("held_before", "work", "created"), account, strict=True)),
             **own,
         }
@@ -166,6 +167,11 @@ class Monitor:
         self.rows = list(np.array([samples.get(name, unknown) for name in self.names]).T)
 
 
+def _knows_inertia(state: State) -> bool:
+    """True if a material has a mu(I) law."""
+    return any(hasattr(material, "xi") for material in state.scene.materials)
+
+
 def _bears(state: State) -> bool:
     """True for grains that could bear stress by now: waves have crossed them up and down.
 
@@ -176,13 +182,15 @@ def _bears(state: State) -> bool:
     height = max(high[-1] for high in highs) - min(low[-1] for low in lows)
     pull = np.linalg.norm(scene.gravity.vectors, axis=1)
     begin = scene.gravity.times[int(pull.argmax())]
-    return scene.material.granular and state.time > begin + 2 * height / scene.material.wave_speed
+    slowest = min(material.wave_speed for material in scene.materials)
+    bears = any(material.granular for material in scene.materials)
+    return bears and state.time > begin + 2 * height / slowest
 
 
 def _courant(state: State) -> float:
     """Courant number (c + max speed) dt/dx of the last step."""
     scene, fastest = state.scene, float(np.sqrt(np.max(np.sum(state.v**2, axis=1))))
-    return (scene.material.wave_speed + fastest) * state.dt / scene.grid.cell
+    return (scene.wave_speed + fastest) * state.dt / scene.grid.cell
 
 
 def _account(before: State, after: State, others: float) -> tuple[float, float, float]:

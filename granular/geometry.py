@@ -21,6 +21,7 @@ from granular.checks import (
     truth,
     vector,
 )
+from granular.materials import Material
 
 __all__ = [
     "AXES",
@@ -203,6 +204,29 @@ class Region(ABC):
         _, first, of = np.unique(digits, axis=0, return_index=True, return_inverse=True)
         down = self._first_inside(tops[first], -up, step, float(np.linalg.norm(upper - lower)))
         return np.maximum(length - down[of.reshape(-1)], 0.0)
+
+    def ahead(
+        self, x: NDArray[np.float64], along: NDArray[np.float64], step: float
+    ) -> NDArray[np.float64]:
+        """Distance at which rays from places outside enter the region [m]; inf if they do not.
+
+        Parameters are those of `depth`.
+        """
+        low, high = np.array(self._box)
+        x, found = np.asarray(x), np.full(len(x), np.inf)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ends = np.sort([(low - x) / along, (high - x) / along], axis=0)
+        ends[:, :, along == 0] = np.array([-np.inf, np.inf])[:, None, None]
+        begin, end = np.maximum(ends[0].max(axis=1), 0.0), ends[1].min(axis=1)
+        inside = (x >= low) & (x <= high)
+        hits = (begin <= end) & inside[:, along == 0].all(axis=1)
+        if hits.any():
+            longest = float((end - begin)[hits].max()) + step
+            start = np.maximum(begin[hits] - 1e-6 * step, 0.0)
+            found[hits] = start + self._first_inside(
+                x[hits] + start[:, None] * along, along, step, longest
+            )
+        return found
 
     def _first_inside(
         self, x: NDArray[np.float64], along: NDArray[np.float64], step: float, longest: float
@@ -458,8 +482,11 @@ class Fill:
     lithostatic : bool
         If True, the material bears its weight from the start: each point has the
         pressure of the depth below the top of the region above it, against gravity, and the density
-        that goes with this pressure. This is an equilibrium where the top is level. If False, the
-        material is stress-free.
+        that goes with this pressure. This is an equilibrium where the top is level. The weight of
+        other lithostatic fills above it is added. If False, the material is stress-free.
+    material : Material or None
+        Material of this fill; None for that of the scene. Several materials share one velocity
+        field, so that they stick to each other where they meet.
 
     Raises
     ------
@@ -473,9 +500,12 @@ class Fill:
     velocity: Vector | None = None
     jitter: float = 0.0
     lithostatic: bool = False
+    material: Material | None = None
 
     def __post_init__(self) -> None:
         kinds_of(self, region=Region)
+        if self.material is not None:
+            kinds_of(self, material=Material)
         count = integer("points_per_cell", self.points_per_cell, 1, 10**6)
         if self.points_per_axis**self.region.dim != count:
             kind = "square" if self.region.dim == 2 else "cube"

@@ -58,6 +58,16 @@ class BaseScene(Serializable):
         """Dimension, 2 or 3."""
         return self.grid.dim
 
+    @property
+    def materials(self) -> tuple[Any, ...]:
+        """The different materials: that of the scene, and others in the order of the fills."""
+        return (self.material,)
+
+    @property
+    def wave_speed(self) -> float:
+        """Largest speed of compression waves [m/s]."""
+        return max(material.wave_speed for material in self.materials)
+
     @cached_property
     def n_points(self) -> int:
         """Number of points of the material at the start."""
@@ -98,7 +108,7 @@ class BaseScene(Serializable):
             "duration [s]": self.duration,
             "gravity [m/s2]": self.gravity.vectors[-1],
             "walls": self._walls_in_words(),
-            "material": type(self.material).__name__,
+            "material": ", ".join(type(material).__name__ for material in self.materials),
             "method": self._method_in_words(),
         }
         return table(f"Scene {self.name}", rows | dict(self.parameters)) + image(

@@ -32,6 +32,10 @@ class Points:
     depth : ndarray, shape (n,)
         Depth below the top of a lithostatic fill [m], which determines its pressure; 0 in others.
         It is measured against gravity, up to the top of the region above the point.
+    overburden : ndarray, shape (n,)
+        Mass per area of the other lithostatic fills above a point of a lithostatic fill [kg/m2].
+    fill : ndarray, shape (n,)
+        Number of the fill of the point.
     """
 
     x: NDArray[np.float64]
@@ -39,6 +43,8 @@ class Points:
     volume: NDArray[np.float64]
     density: NDArray[np.float64]
     depth: NDArray[np.float64]
+    overburden: NDArray[np.float64]
+    fill: NDArray[np.int64]
 
     def __post_init__(self) -> None:
         for array in vars(self).values():
@@ -184,6 +190,26 @@ def _carried(fill: Fill, rho_c: float) -> tuple[ArrayLike, ArrayLike]:
     return np.zeros(fill.region.dim) if v is None else v, rho_c if density is None else density
 
 
+def _overburden(
+    fills: Sequence[Fill],
+    own: int,
+    x: NDArray[np.float64],
+    above: NDArray[np.float64],
+    rho_c: Sequence[float],
+    step: float,
+) -> NDArray[np.float64]:
+    """Mass per area [kg/m2] of the other lithostatic fills above places in a fill."""
+    found = np.zeros(len(x))
+    for fill, rho in zip(fills, rho_c, strict=True):
+        if fill is fills[own] or not fill.lithostatic:
+            continue
+        ahead = fill.region.ahead(x, above, step)
+        below = np.isfinite(ahead)
+        entered = x[below] + ahead[below, None] * above
+        found[below] += rho * fill.region.depth(entered, above, step)
+    return found
+
+
 def seed_points(
     grid: Grid,
     fills: Sequence[Fill],
@@ -203,7 +229,7 @@ def seed_points(
     seed : int
         Seed of the random jitter, >= 0; the same seed gives the same points.
     rho_c : float
-        Density [kg/m3] of the fills whose `density` is None.
+        Density [kg/m3] of the fills whose `density` and `material` are None.
     distance : callable, optional
         Signed distance from bodies at places, shape (n,) [m], and normals, shape (n, dim). Squares
         (cubes) of the seeding lattice that bodies cut get a point at the centroid of their open
@@ -227,6 +253,7 @@ def seed_points(
     rho_c = positive("rho_c", rho_c)
     above = np.eye(grid.dim)[-1] if up is None else np.array(up, dtype=float)
     _check(grid, fills, distance)
+    densities = [fill.material.rho_c if fill.material else rho_c for fill in fills]
     parts = []
     for i, fill in enumerate(fills):
         x, volume = _seeded(grid, fill, distance, even)
@@ -235,8 +262,11 @@ def seed_points(
         if fill.jitter:
             x = _jittered(rng, grid, fill, x, distance)
         step = 0.25 * grid.cell / fill.points_per_axis
-        depth = fill.region.depth(x, above, step) if fill.lithostatic else np.zeros(len(x))
-        v, density = _carried(fill, rho_c)
+        depth = load = np.zeros(len(x))
+        if fill.lithostatic:
+            depth = fill.region.depth(x, above, step)
+            load = _overburden(fills, i, x, above, densities, step)
+        v, density = _carried(fill, densities[i])
         v, density = np.broadcast_to(v, x.shape), np.broadcast_to(density, volume.shape)
-        parts.append((x, v, volume, density, depth))
+        parts.append((x, v, volume, density, depth, load, np.full(len(x), i)))
     return Points(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))

@@ -99,10 +99,34 @@ class State:
         """Dimension, 2 or 3."""
         return self.fields["x"].shape[1]
 
+    def of_material(self, name: str, missing: float = np.nan) -> Array:
+        """Attribute of the material of every point, such as "rho_c" or "mu_s", shape (n,).
+
+        Parameters
+        ----------
+        name : str
+            Name of a number of materials.
+        missing : float
+            Value where the material of a point does not have it, or it is None.
+        """
+        given = [getattr(material, name, None) for material in self.scene.materials]
+        values = np.array([missing if value is None else value for value in given])
+        if len(values) == 1:
+            return np.full(self.n, values[0])
+        return values[self.material.astype(int)]
+
     @cached_property
     def density(self) -> Array:
         """Density of the points [kg/m3], shape (n,)."""
-        return self.scene.material.rho_c * np.exp(self.log_density)
+        return self.of_material("rho_c") * np.exp(self.log_density)
+
+    @cached_property
+    def rest_volume(self) -> Array:
+        """Volume of the points at the density rho_c of their material, shape (n,).
+
+        In m3, per metre of depth in 2D.
+        """
+        return self.mass / self.of_material("rho_c")
 
     @cached_property
     def volume(self) -> Array:

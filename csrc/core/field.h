@@ -16,6 +16,7 @@ enum gr_need {
     GR_SIDED,
     GR_TOUCHED,
     GR_HARDENING,
+    GR_SEVERAL,
     GR_ELASTIC
 };
 
@@ -36,7 +37,8 @@ enum gr_need {
     X(g_gain, GR_SCALAR, GR_BALANCED, "1/s", "increment of the fluidity by the law in the last substep")          \
     X(side, GR_SCALAR, GR_SIDED, "1", "side of a thin body, 1 or -1; 0 away from thin bodies")                    \
     X(contact_force, GR_VECTOR, GR_TOUCHED, "N", "force of the bodies in the last step; 0 away from them")        \
-    X(plastic_strain, GR_SCALAR, GR_HARDENING, "1", "norm of the plastic strain, summed over the steps")
+    X(plastic_strain, GR_SCALAR, GR_HARDENING, "1", "norm of the plastic strain, summed over the steps")          \
+    X(material, GR_SCALAR, GR_SEVERAL, "1", "number of the material in `scene.materials`")
 
 #define GR_X(name, kind, need, unit, doc) GR_FIELD_##name,
 enum gr_field { GR_FIELDS(GR_X) GR_FIELD_COUNT };

@@ -170,7 +170,7 @@ GR_INLINE void store_state(const int dim, struct gr_engine *e, int64_t first, vm
     }
     vd damped = v_zero();
     if (e->config.damping_rate > 0)
-        damped = v_keep(has, damped_share(e, v_load(own + GR_CELL_M_RATE * GR_LANES) * inverse, c));
+        damped = v_keep(has, damped_share(e, v_load(own + GR_CELL_M_RATE * GR_LANES) * inverse, c, first));
     v_store(own + GR_CELL_DAMPED * GR_LANES, damped);
 }
 
@@ -221,9 +221,10 @@ GR_INLINE void apply_forces_of_cells(const int dim, struct gr_engine *e, int64_t
     }
     store_state(dim, e, first, has);
     for (int d = 0; d < dim; d++) at[d] = v_load(average_of(e, GR_AVERAGE_AT + d, first));
-    /* A/(dx M), by mass_scale = 1/(rho_c dx^dim) and force_scale = -1/(rho_c dx) */
+    /* A/(dx M), by mass_scale = 1/(rho_c dx^dim) and -1/(rho_c dx) */
     const vd filled = v_select(has, v_load(average_of(e, GR_AVERAGE_FILLED, first)), v_set(1.0));
-    const vd area = v_keep(has, represented_volume(dim, e, first, at) * v_set(e->force_scale) / filled);
+    const vd area =
+        v_keep(has, represented_volume(dim, e, first, at) * v_set(e->material_number[GR_MATERIAL_FORCE_SCALE][0]) / filled);
     for (int q = 0; q < stresses; q++) stress[q] = v_keep(has, v_load(own + (GR_CELL_STRESS + q) * GR_LANES));
     for (int i = 0; i < K; i++)
         for (int d = 0; d < dim; d++) {
@@ -245,7 +246,7 @@ GR_INLINE void apply_forces_of_cells(const int dim, struct gr_engine *e, int64_t
 GR_INLINE vd across_faces(const int dim, const struct gr_engine *e, int64_t first, vd drop[3][2])
 {
     const double *const c_of = average_of(e, GR_AVERAGE_C, 0), *const excess_of = average_of(e, GR_AVERAGE_EXCESS, 0);
-    const vd reach = v_set(-e->config.density.separation_strain), own_c = v_load(c_of + first);
+    const vd reach = v_set(e->material_number[GR_MATERIAL_SEPARATION][0]), own_c = v_load(c_of + first);
     double count[GR_W];
     vd sum = v_zero();
     for (int l = 0; l < GR_W; l++) count[l] = e->mesh.cell[first + l].count;
@@ -328,7 +329,7 @@ GR_INLINE vd flow_of_cells(const int dim, const struct gr_engine *e, int64_t fir
     for (int d = 0; d < dim; d++) trace = trace + L[d * dim + d];
     const vd rate = kinematic_rate(dim, L), eta = averaged_share(e, e->dt, rate, own);
     vd c = v_fma(eta, across_faces(dim, e, first, drop), own - trace);
-    c = c + v_keep(v_ge(own, v_set(-q->separation_strain)), v_set(e->servo_shift));
+    c = c + v_keep(v_ge(own, v_set(e->material_number[GR_MATERIAL_SEPARATION][0])), v_set(e->servo_shift));
     const vd gap = v_load(average_of(e, GR_AVERAGE_LOG_PHI, first)) - c;
     const vd relaxed = relax_to_nodal_density(q, e->dt, rate, gap);
     const vd raised = c + relaxed, lowered = v_fma(v_load(average_of(e, GR_AVERAGE_INSIDE, first)), relaxed, c);

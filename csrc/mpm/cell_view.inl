@@ -12,28 +12,98 @@ struct batch {
     _Alignas(64) double gradient[BATCH * 9 * GR_W];
 };
 
-/* Call the law for a batch: for the whole step, or for the first (`begins`) or last of its substeps. */
-static void run_law(const struct gr_engine *e, gr_law_update *update, struct batch *batch, int begins)
+/* Call the law of material k for n blocks of a batch from block b on: for the whole step, or for the first (`begins`) or last
+ * of its substeps. */
+static void call_law(const struct gr_engine *e, int k, const struct batch *batch, int64_t b, int64_t n, int begins)
 {
+    const struct gr_material *material = &e->config.material[k];
     const int many = e->diffuses && e->config.nonlocal.substeps > 1;
     const double fraction = many ? 1.0 / e->config.nonlocal.substeps : 1;
-    struct gr_law_call call = {.n_blocks = batch->n,
-                               .slot = batch->slot,
-                               .gradient = batch->gradient,
+    struct gr_law_call call = {.n_blocks = n,
+                               .slot = batch->slot + b,
+                               .gradient = batch->gradient + b * e->config.dim * e->config.dim * GR_W,
                                .dt = fraction * e->dt,
                                .fraction = fraction,
                                .substeps = many ? e->substeps : 0,
                                .begins = begins,
                                .pressure_from_density = e->config.pressure_from_density,
-                               .parameter = e->config.parameter,
+                               .parameter = material->parameter,
                                .log_density = e->field[GR_FIELD_log_density],
-                               .g_star = e->diffuses ? batch->g_star : 0,
+                               .g_star = e->diffuses ? batch->g_star + b * GR_W : 0,
                                .shear_rate = e->record_rates ? e->field[GR_FIELD_shear_rate] : 0,
                                .g = e->field[GR_FIELD_g],
                                .gain = e->field[GR_FIELD_g_gain],
                                .plastic_strain = e->field[GR_FIELD_plastic_strain]};
     for (int c = 0; c < (e->config.dim == 2 ? 4 : 6); c++) call.stress[c] = e->field[GR_FIELD_stress] + c * e->capacity;
-    update(&call);
+    laws[material->law]->update[e->config.dim - 2](&call);
+}
+
+/* Fields of a point that laws change. */
+static const enum gr_field changed_by_laws[] = {GR_FIELD_stress, GR_FIELD_shear_rate, GR_FIELD_g, GR_FIELD_g_gain,
+                                                GR_FIELD_plastic_strain};
+enum { MOST_CHANGED = 10 };
+
+/* Copy what laws change of a block of points to a buffer, or from it to the lanes whose points are not of material k. */
+static void keep_others(const struct gr_engine *e, int64_t at, int k, double *buffer, int back)
+{
+    for (size_t f = 0; f < sizeof changed_by_laws / sizeof *changed_by_laws; f++)
+        for (int c = 0; e->field[changed_by_laws[f]] && c < gr_field_components(changed_by_laws[f], e->config.dim);
+             c++, buffer += GR_W) {
+            double *values = e->field[changed_by_laws[f]] + c * e->capacity + at;
+            for (int l = 0; l < GR_W; l++) {
+                if (!back)
+                    buffer[l] = values[l];
+                else if (gr_material_at(e, at + l) != k)
+                    values[l] = buffer[l];
+            }
+        }
+}
+
+/* The material of all points of a block; MIXED if there are several. */
+enum { MIXED = -1 };
+static int material_of_block(const struct gr_engine *e, int64_t at)
+{
+    int found = MIXED;
+    const double *own = e->field[GR_FIELD_material] + at;
+    const vd all = v_load(own), first = v_set(own[0]);
+    if (m_bits(m_and(v_ge(all, first), v_ge(first, all))) == GR_ALL_LANES) return gr_material_at(e, at);
+    for (int l = 0; l < GR_W; l++) {
+        if (e->id[at + l] < 0) continue; /* a spare place */
+        const int k = gr_material_at(e, at + l);
+        if (found != MIXED && found != k) return MIXED;
+        found = k;
+    }
+    return found;
+}
+
+/* Call the laws of several materials: for runs of blocks of one material, and for a mixed block one after the other, where
+ * the points of other materials get back what they had. */
+static __attribute__((noinline)) void call_laws(const struct gr_engine *e, const struct batch *batch, int begins)
+{
+    double kept[MOST_CHANGED * GR_W];
+    for (int64_t b = 0, n; b < batch->n; b += n) {
+        const int own = material_of_block(e, batch->slot[b]);
+        n = 1;
+        if (own != MIXED) {
+            while (b + n < batch->n && material_of_block(e, batch->slot[b + n]) == own) n++;
+            call_law(e, own, batch, b, n, begins);
+            continue;
+        }
+        for (int k = 0; k < e->config.n_materials; k++) {
+            keep_others(e, batch->slot[b], k, kept, 0);
+            call_law(e, k, batch, b, 1, begins);
+            keep_others(e, batch->slot[b], k, kept, 1);
+        }
+    }
+}
+
+/* Call the laws for a batch. */
+static void run_law(const struct gr_engine *e, struct batch *batch, int begins)
+{
+    if (__builtin_expect(e->config.n_materials == 1, 1))
+        call_law(e, 0, batch, 0, batch->n, begins);
+    else
+        call_laws(e, batch, begins);
     batch->n = 0;
 }
 
@@ -45,7 +115,7 @@ struct view {
     vd begin[3], end[3];     /* bounds of the cells, m */
     int points;              /* largest number of points of a cell */
     int has_sponge;          /* bit d: the sponge layer may damp points that rise along axis d */
-    vd disconnected;         /* log-density below which a point is given no affine field */
+    vd disconnected;         /* log-density below which a point of the first material is given no affine field */
     vd g_star;               /* fluidity of the cells after its diffusion, 1/s */
     vd L[9], shift[3][2], c; /* with a cell-averaged density: L dt; shift along each axis at the low and high face, m;
                                 log-density */
@@ -87,7 +157,7 @@ GR_INLINE void look_at_cells(const int dim, const int basis, const int affine, c
     view->points = 0;
     for (int l = 0; l < GR_W; l++) {
         const int carried = !smoothed && !cell_averaged && !(cell[l].flags >= GR_CELL_WALL && cell[l].count <= ALONE);
-        disconnected[l] = carried ? -NO_DENSITY : -e->config.density.separation_strain;
+        disconnected[l] = carried ? -NO_DENSITY : e->material_number[GR_MATERIAL_SEPARATION][0];
         if (cell[l].count > view->points) view->points = cell[l].count;
         g_star[l] = e->diffuses && first + l < e->mesh.n_cells ? fluidity_of_cell(e, gr_place_of_cell(e, cell + l)) : 0;
     }

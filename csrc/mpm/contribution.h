@@ -2,6 +2,7 @@
  * served at a time. */
 #pragma once
 
+#include "mpm/of_material.h"
 #include "mpm/shape.h"
 
 /* Rows of points prepared together: as many as fit the first-level cache. */
@@ -13,8 +14,10 @@ struct contribution {
     vd w[3][3], g[3][3], r[3][3];       /* shape functions, see gr_shape */
     vd m, v[3], affine[3][3];           /* mass, kg; velocity, m/s; C dx, m/s */
     vd stress[3][3], shift_momentum[3]; /* -V sigma/dx, N; force that takes back the momentum given by the shift, N */
-    vd joined, c, slope[3];             /* mass of connected points, else 0; log-density, and its gradient per cell */
     vd weight;                          /* quadrature weight q = 1 + u */
+    vd filled, joined;                  /* volume as a mass (engine.h), kg; the same of connected points, else 0 */
+    vd c, slope[3];                     /* log-density, and its gradient per cell */
+    vd pressed, pressure_slope[3];      /* pressure over K of the first material, and its gradient per cell */
 };
 
 /* Component c of a field for the points at the places from `at` on. */

@@ -2,20 +2,24 @@
  * that of the grid. */
 #include "mpm/contribution.h"
 
-/* Share of the largest damping for points with the plastic shear rate `flow` and the log-density c. Short waves of plastic
+/* Share of the largest damping for points with the plastic shear rate `flow` and the log-density c, at the places from `at`
+ * on. Short waves of plastic
  * flow are damped where the law is ill posed:
  *
  *   (1 - gdot/(r sqrt(c))) q c/(q c + gdot),   c = p/K,
  *
  * gdot = r sqrt(c) where the law becomes well posed, and gdot = q c where waves of viscous flow grow as fast as those of
  * elastic material (granular/mpm/damping.py). */
-GR_INLINE vd damped_share(const struct gr_engine *e, vd flow, vd c)
+GR_INLINE vd damped_share(const struct gr_engine *e, vd flow, vd c, int64_t at)
 {
-    const vd most = v_set(e->config.ill_posed_rate * e->config.ill_posed_rate) * c; /* of its square */
+    const vd most = gr_of_material(e, GR_MATERIAL_ILL_POSED, at) * c; /* of its square */
     const vm damped = m_and(v_gt(flow, v_zero()), v_gt(most, flow * flow));
     if (!m_bits(damped)) return v_zero();
-    const vd part = v_set(1.0) - flow / v_sqrt(v_max(most, v_set(1e-300))), elastic = v_set(e->config.crossover_rate) * c;
-    return v_keep(damped, part * elastic / (elastic + flow));
+    const vd part = v_set(1.0) - flow / v_sqrt(v_max(most, v_set(1e-300)));
+    const vd elastic = gr_of_material(e, GR_MATERIAL_CROSSOVER, at) * c;
+    vd share = part * elastic / (elastic + flow);
+    if (__builtin_expect(e->config.n_materials > 1, 0)) share = share * gr_of_material(e, GR_MATERIAL_DAMPED, at);
+    return v_keep(damped, share);
 }
 
 /* Damping of the points of GR_W cells: shares b_i of the difference to the velocity of a node that they lose. */

@@ -12,18 +12,28 @@
 #include "mpm/sleep.h"
 #include "mpm/wall_impulse.h"
 
+int gr_nonlocal_material(const struct gr_config *config)
+{
+    for (int k = 0; k < config->n_materials; k++)
+        if (gr_law_at(config->material[k].law)->reaction) return k;
+    return -1;
+}
+
 int gr_engine_uses(const struct gr_config *config, int field)
 {
-    const struct gr_law *law = gr_law_at(config->law);
+    int hardens = 0;
+    const int nonlocal = gr_nonlocal_material(config) >= 0;
+    for (int k = 0; k < config->n_materials; k++) hardens |= gr_law_at(config->material[k].law)->hardens;
     const int needed[] = {[GR_ALWAYS] = 1,
                           [GR_AFFINE] = config->affine != GR_AFFINE_NONE,
                           [GR_SMOOTHED] = config->smoothed,
                           [GR_DAMPED] = config->smoothed && config->damping_rate > 0,
-                          [GR_NONLOCAL] = law->reaction != GR_LOCAL,
-                          [GR_BALANCED] = law->reaction && config->nonlocal.method == GR_DIFFUSION_implicit,
+                          [GR_NONLOCAL] = nonlocal,
+                          [GR_BALANCED] = nonlocal && config->nonlocal.method == GR_DIFFUSION_implicit,
                           [GR_SIDED] = gr_list_thin(config, 0) > 0,
                           [GR_TOUCHED] = config->n_bodies > 0,
-                          [GR_HARDENING] = law->hardens};
+                          [GR_HARDENING] = hardens,
+                          [GR_SEVERAL] = config->n_materials > 1};
     return needed[gr_field_table[field].need];
 }
 
@@ -105,19 +115,35 @@ static int law_exists(int law)
     return law >= 0 && law < n;
 }
 
+/* What is not for several materials: two with a fluidity, substeps of it, cells with one density, and walls that keep a
+ * pressure (servo.h), which the scene refuses. */
+static int materials_are_valid(const struct gr_config *c)
+{
+    int nonlocal = 0;
+    if (c->n_materials < 1 || c->n_materials > GR_MAX_MATERIALS) return 0;
+    for (int k = 0; k < c->n_materials; k++) {
+        const struct gr_material *m = &c->material[k];
+        if (!law_exists(m->law) || !(m->rho_c > 0) || !(m->K > 0) || !(m->separation_strain >= 0)) return 0;
+        nonlocal += gr_law_at(m->law)->reaction != GR_LOCAL;
+    }
+    if (c->n_materials == 1) return 1;
+    return nonlocal < 2 && !c->cell_averaged && !(nonlocal && c->nonlocal.substeps > 1);
+}
+
 static int config_is_valid(const struct gr_config *c)
 {
     if (c->dim < 2 || c->dim > 3 || c->basis < 0 || c->basis >= GR_BASIS_COUNT) return 0;
-    if (c->affine < 0 || c->affine >= GR_AFFINE_COUNT || !law_exists(c->law)) return 0;
+    if (c->affine < 0 || c->affine >= GR_AFFINE_COUNT || !materials_are_valid(c)) return 0;
+    const int nonlocal = gr_nonlocal_material(c) >= 0;
     if (c->smoothed && (c->basis != GR_QUADRATIC || c->affine != GR_AFFINE_GRADIENT)) return 0;
     if (c->smoothed && c->averaging_interval < 1) return 0;
     if (c->cell_averaged && (c->basis != GR_LINEAR || c->affine != GR_AFFINE_GRADIENT)) return 0;
     if (c->xpic_order < 0 || c->xpic_order > 10 || (c->xpic_order && c->affine)) return 0;
-    if (!(c->dx > 0) || !(c->rho_c > 0) || !(c->wave_speed > 0) || !(c->mass_cutoff >= 0)) return 0;
-    if (gr_law_at(c->law)->reaction && (c->basis == GR_UGIMP || !c->nonlocal.face || c->nonlocal.substeps < 1)) return 0;
+    if (!(c->dx > 0) || !(c->wave_speed > 0) || !(c->mass_cutoff >= 0)) return 0;
+    if (nonlocal && (c->basis == GR_UGIMP || !c->nonlocal.face || c->nonlocal.substeps < 1)) return 0;
     if (!(c->scheme.sleep_speed >= 0)) return 0;
     /* material at rest creeps with its fluidity; the passes of XPIC overwrite the sums */
-    if (c->scheme.sleep_speed > 0 && (gr_law_at(c->law)->reaction || c->xpic_order)) return 0;
+    if (c->scheme.sleep_speed > 0 && (nonlocal || c->xpic_order)) return 0;
     if (!(c->cfl > 0) || !(c->dt >= 0) || !isfinite(c->dt) || c->n_gravity < 1 || c->n_walls < 1) return 0;
     for (int k = 0; k < c->n_walls; k++) {
         const struct gr_wall *w = &c->walls[k];
@@ -131,25 +157,50 @@ static int config_is_valid(const struct gr_config *c)
     return bodies_are_valid(c);
 }
 
-static double parameter_of(const struct gr_config *config, const char *name)
+static double parameter_of(const struct gr_material *material, const char *name)
 {
-    const struct gr_law *law = gr_law_at(config->law);
+    const struct gr_law *law = gr_law_at(material->law);
     for (int k = 0; k < gr_law_parameters(law); k++)
-        if (!strcmp(law->parameter[k].name, name)) return config->parameter[k];
+        if (!strcmp(law->parameter[k].name, name)) return material->parameter[k];
     return 0;
+}
+
+/* Prepare the numbers of the materials that the kernels look up. */
+static void prepare_materials(struct gr_engine *e)
+{
+    const struct gr_material *first = e->config.material;
+    e->cell_mass = first->rho_c * pow(e->config.dx, e->config.dim);
+    e->mass_scale = 1.0 / e->cell_mass;
+    for (int k = 0; k < e->config.n_materials; k++) {
+        const struct gr_material *m = &first[k];
+        const int bears_tension = m->separation_strain >= NO_SEPARATION;
+        const double number[] = {
+            [GR_MATERIAL_FORCE_SCALE] = -1.0 / (m->rho_c * e->config.dx),
+            [GR_MATERIAL_FILLING] = first->rho_c / m->rho_c,
+            [GR_MATERIAL_STIFFNESS] = m->K / first->K,
+            [GR_MATERIAL_SOFTNESS] = first->K / m->K,
+            [GR_MATERIAL_SEPARATION] = -m->separation_strain,
+            [GR_MATERIAL_STRESSED] = bears_tension ? -m->separation_strain : 0,
+            [GR_MATERIAL_ILL_POSED] = m->ill_posed_rate * m->ill_posed_rate,
+            [GR_MATERIAL_CROSSOVER] = m->crossover_rate,
+            [GR_MATERIAL_DAMPED] = e->config.damping_rate > 0 ? m->damping_rate / e->config.damping_rate : 1,
+        };
+        for (int q = 0; q < GR_MATERIAL_NUMBER_COUNT; q++) e->material_number[q][k] = number[q];
+    }
 }
 
 /* Make the fluidity grid; its cells are those of the MPM grid. */
 static int build_fluidity(struct gr_engine *e)
 {
     enum { MAX_ITERATIONS = 10000 };
+    const struct gr_material *material = &e->config.material[gr_nonlocal_material(&e->config)];
     struct gr_nonlocal *nonlocal = &e->config.nonlocal;
     struct gr_fluidity_config config = {.dim = e->config.dim,
                                         .stencil = nonlocal->stencil,
                                         .dx = e->config.dx,
-                                        .A = parameter_of(&e->config, "A"),
-                                        .d = parameter_of(&e->config, "d"),
-                                        .t0 = parameter_of(&e->config, "t0"),
+                                        .A = parameter_of(material, "A"),
+                                        .d = parameter_of(material, "d"),
+                                        .t0 = parameter_of(material, "t0"),
                                         .tolerance = nonlocal->tolerance,
                                         .max_iterations = MAX_ITERATIONS,
                                         .two_sided = gr_list_thin(&e->config, 0) > 0,
@@ -197,7 +248,7 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
         n_cells *= e->axis[d].n_cells;
         n_nodes *= e->axis[d].n_nodes;
     }
-    if (gr_law_at(config->law)->reaction) error = build_fluidity(e);
+    if (gr_nonlocal_material(config) >= 0) error = build_fluidity(e);
     if (error) goto shallow;
     const int k = gr_basis_nodes_1d(config->basis);
     e->K = config->dim == 2 ? k * k : k * k * k;
@@ -206,6 +257,8 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     if (config->cell_averaged) e->sum_stride += GR_CELL_AVERAGED_SUMS(config->dim);
     e->density_sums = e->sum_stride *= GR_LANES;
     if (config->smoothed) e->sum_stride += GR_DENSITY_SUMS(config->dim) * e->K * GR_LANES;
+    e->volume_sums = e->sum_stride;
+    if (config->smoothed && config->n_materials > 1) e->sum_stride += GR_VOLUME_SUMS * e->K * GR_LANES;
     e->node_fields = config->cell_averaged ? GR_NODE_DENSITY(config->dim) : GR_NODE_FIELDS(config->dim, config->smoothed);
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         if (gr_engine_uses(&e->config, f)) e->n_components += gr_field_components(f, config->dim);
@@ -221,8 +274,7 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     e->shift_dt = 1; /* until the first shift */
     e->shift_scale = -1;
     e->inv_dx = 1.0 / config->dx;
-    e->force_scale = -1.0 / (config->rho_c * config->dx);
-    e->mass_scale = 1.0 / (config->rho_c * pow(config->dx, config->dim));
+    prepare_materials(e);
     *out = e;
     e = 0;
     goto out;

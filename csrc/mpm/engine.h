@@ -14,7 +14,7 @@
 #include "core/map.h"
 #include "core/table.h"
 #include "fluidity/fluidity.h"
-#include "law/law.h"
+#include "mpm/materials.h"
 #include "mpm/scheme.h"
 
 #define GR_MAX_NODES 27
@@ -45,18 +45,17 @@ struct gr_nonlocal {
 };
 
 struct gr_config {
-    int dim, basis, affine, smoothed, cell_averaged, xpic_order, law;
+    int dim, basis, affine, smoothed, cell_averaged, xpic_order;
     int shape[3], periodic[3], open_low[3], open_high[3];
     double lower[3], dx, lambda;
     int n_c0_lines[3];
     const int32_t *c0_lines[3];
     struct gr_scheme_numbers scheme; /* as given; what follows is made of them and of the scene */
     double keep_velocity_rate;       /* 1/s: FLIP keeps the share f = exp(-rate dt) in a step; < 0: f = 0 (PIC, APIC) */
-    double rho_c, wave_speed, mass_cutoff, cfl, dt; /* kg/m^3, m/s, kg, 1, s; dt > 0: fixed */
-    double ill_posed_rate; /* shear rate over sqrt(ln(rho/rho_c)) below which plastic flow is ill posed, 1/s */
-    double damping_rate;   /* of the short waves in such a flow if it is slow, 1/s */
-    double crossover_rate; /* shear rate over ln(rho/rho_c) at which their growth is no longer elastic, 1/s */
-    double parameter[GR_LAW_MAX_PARAMETERS];
+    double wave_speed, mass_cutoff, cfl, dt; /* m/s, the largest; kg; 1; s; dt > 0: fixed */
+    double damping_rate;                     /* the largest of the materials, 1/s */
+    int n_materials;
+    struct gr_material material[GR_MAX_MATERIALS];
     struct gr_density_numbers density;
     int averaging_interval; /* steps between two averagings of the density, each of which stands for that many steps */
     struct gr_nonlocal nonlocal;
@@ -171,7 +170,7 @@ struct gr_engine {
     double *node_mass; /* n_nodes, kg */
     double *node_v;    /* n_nodes x dim, m/s: velocity before the forces, filtered by XPIC */
     struct gr_node_cells *node_cells[3]; /* per node of an axis; NULL without solid cells, and along unused axes */
-    int sum_stride, density_sums, node_fields;
+    int sum_stride, density_sums, volume_sums, node_fields;
     int64_t node_places; /* capacity for the nodes, and for whole vectors behind the last */
     /* bodies; NULL without any */
     struct gr_body_state *body, *body_next; /* now, and after the current step */
@@ -190,10 +189,11 @@ struct gr_engine {
     int64_t *pending_id;
     int64_t *dirty, n_dirty; /* tiles whose sums lack something */
     /* clock and counters */
-    double time, dt, time_anchor;                    /* time = time_anchor + (step - step_anchor) dt */
-    double shift_dt;                                 /* dt of the step that computed shift_velocity */
-    double inv_dx, inv_dt, force_scale, shift_scale; /* 1/dx, 1/dt, -1/(rho_c dx), -1/shift_dt: kernels do not divide */
-    double mass_scale;                               /* 1/(rho_c dx^dim) */
+    double time, dt, time_anchor;       /* time = time_anchor + (step - step_anchor) dt */
+    double shift_dt;                    /* dt of the step that computed shift_velocity */
+    double inv_dx, inv_dt, shift_scale; /* 1/dx, 1/dt, -1/shift_dt: kernels do not divide */
+    double cell_mass, mass_scale;       /* of a full cell of the first material, rho_c dx^dim, kg; its inverse */
+    double material_number[GR_MATERIAL_NUMBER_COUNT][GR_MAX_MATERIALS];
     double sponge_factor[3]; /* factor by which the sponge layer multiplies a rising velocity in this step */
     double keep_velocity;    /* share f of the old velocity kept in this step */
     int64_t step, step_anchor, dropped, clamped;
@@ -239,6 +239,10 @@ static inline void gr_plan_sums(struct gr_engine *e, int64_t step)
  * of the points, over the largest (damping.inl); and in a step that averages, from GR_SUM_DENSITY on, the mass of connected
  * points, the same with quadrature weights, their log-density with these weights, and the residual force.
  *
+ * In the sums of the density a point counts by its volume at rho_c, as the mass of as much of the first material. With several
+ * materials two more sums follow, at volume_sums: that mass of all points, and with quadrature weights their pressure over K
+ * of the first material, which is what neighbours of different materials have in common.
+ *
  * The block of a tile is an array of vectors, with a lane for each of its cells. The first GR_SUM_DAMPED sums of the nodes
  * come first, then enum gr_cell_sum, which are the same for all nodes, and at density_sums those of the density, which are
  * left as they are in other steps. Each sum is over the points in their order, so that points that arrive are added to
@@ -252,6 +256,7 @@ enum gr_averaged_sum { GR_CELL_MC = 1, GR_CELL_M_RATE, GR_CELL_STRESS };        
 #define GR_SUM_DENSITY(dim) (GR_SUM_DAMPED(dim) + 1)
 enum gr_density_sum { GR_SUM_CONNECTED, GR_SUM_WEIGHTED, GR_SUM_LOG_DENSITY, GR_SUM_RESIDUAL };
 #define GR_DENSITY_SUMS(dim) (GR_SUM_RESIDUAL + (dim))
+enum gr_volume_sum { GR_SUM_VOLUME, GR_SUM_PRESSURE, GR_VOLUME_SUMS };
 #define GR_NODE_SUMS(dim) (GR_SUM_DENSITY(dim) + GR_DENSITY_SUMS(dim))
 
 /* Neighbours that are not there: a cell outside the active part; beyond a wall or an end. */
@@ -313,6 +318,7 @@ struct gr_kernels; /* kernels.h */
 int gr_engine_new(struct gr_engine **out, const struct gr_config *config);
 void gr_engine_free(struct gr_engine *e);
 int gr_engine_uses(const struct gr_config *config, int field); /* 1 if the scene carries the field */
+int gr_nonlocal_material(const struct gr_config *config);      /* number of the material with a fluidity, or -1 */
 /* Set the borrowed buffers of the points. On the first call rows [0, n_points) hold the points, in any order. */
 void gr_engine_bind(struct gr_engine *e, double *const field[GR_FIELD_COUNT], int64_t *id, int64_t capacity);
 

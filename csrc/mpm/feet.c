@@ -7,6 +7,7 @@
 #include "mpm/contact.h"
 #include "mpm/edges.h"
 #include "mpm/migrate.h"
+#include "mpm/of_material.h"
 #include "mpm/pose.h"
 #include "mpm/shape.h"
 #include "mpm/sleep.h"
@@ -310,10 +311,10 @@ static int support(struct gr_engine *e, const double x[3], int side, double leas
     return foot->normal_mobility > LEAST_MOBILE * unheld;
 }
 
-/* Half the spacing of points of a mass, m. */
-static double half_spacing(const struct gr_engine *e, double mass)
+/* Half the spacing of points of a volume, given as the mass of as much of the first material, m. */
+static double half_spacing(const struct gr_engine *e, double filled)
 {
-    const double filling = mass * e->mass_scale;
+    const double filling = filled * e->mass_scale;
     return 0.5 * e->config.dx * (e->config.dim == 2 ? sqrt(filling) : cbrt(filling));
 }
 
@@ -432,7 +433,7 @@ void gr_feet_find(struct gr_engine *e, const double g[3])
     struct gr_feet *feet = e->feet;
     struct gr_pose pose[GR_MAX_BODIES];
     const double moved = moved_since(e), speed = gr_bodies_speed(e);
-    double fall = 0, mass = 0, r = 0;
+    double fall = 0, filled = 0, r = 0;
     for (int d = 0; d < e->config.dim; d++) fall += g[d] * g[d];
     fall = 2 * e->dt * sqrt(fall);
     for (int b = 0; b < e->config.n_bodies; b++) gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &pose[b]);
@@ -446,7 +447,8 @@ void gr_feet_find(struct gr_engine *e, const double g[3])
             double x[3] = {0};
             int n = 0;
             for (int d = 0; d < e->config.dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + s];
-            if (e->field[GR_FIELD_mass][s] != mass) mass = e->field[GR_FIELD_mass][s], r = half_spacing(e, mass);
+            const double volume = gr_volume_as_mass(e, s);
+            if (volume != filled) filled = volume, r = half_spacing(e, filled);
             if (is_far(&about, x, reach_of(e, s, r, speed, fall))) continue;
             for (int b = 0; b < e->config.n_bodies; b++)
                 if (feet->bodies[k] >> b & 1) n += find_foot(e, cell, s, b, pose, r, fall, &feet->foot[feet->n + n]);

@@ -29,6 +29,16 @@ GR_INLINE void store_fluidity(struct gr_engine *e, int64_t place, double g, doub
     store_gain(e, place, g, e->fluidity->dense[place] ? g - g_star : 0);
 }
 
+/* Points of the material that has a fluidity, at the places from `at` on. To the fluidity others are what empty cells are:
+ * nothing flows into them, as with the law itself for A = 0. */
+GR_INLINE vm is_nonlocal(const struct gr_engine *e, int64_t at)
+{
+    const int k = gr_nonlocal_material(&e->config);
+    double own[GR_W];
+    for (int l = 0; l < GR_W; l++) own[l] = gr_material_at(e, at + l) == k;
+    return v_gt(v_load(own), v_zero());
+}
+
 /* Sums over the points with pressure of GR_W cells, a lane each: of m, m g and m times the gain. */
 GR_INLINE void sum_fluidity(const struct gr_engine *e, int64_t first, double sum[3][GR_W])
 {
@@ -39,7 +49,8 @@ GR_INLINE void sum_fluidity(const struct gr_engine *e, int64_t first, double sum
         const int64_t at = gr_slot(&e->mesh.cell[first], n);
         vd tension = component(e, GR_FIELD_stress, 0, at);
         for (int c = 1; c < 3; c++) tension = tension + component(e, GR_FIELD_stress, c, at);
-        const vd m = v_keep(v_gt(v_zero(), tension), component(e, GR_FIELD_mass, 0, at));
+        vd m = v_keep(v_gt(v_zero(), tension), component(e, GR_FIELD_mass, 0, at));
+        if (__builtin_expect(e->config.n_materials > 1, 0)) m = v_keep(is_nonlocal(e, at), m);
         acc[0] = acc[0] + m;
         acc[1] = v_fma(m, component(e, GR_FIELD_g, 0, at), acc[1]);
         if (gr_is_balanced(e)) acc[2] = v_fma(m, component(e, GR_FIELD_g_gain, 0, at), acc[2]);

@@ -55,6 +55,14 @@ GR_INLINE void store_affine(const int dim, const int basis, const int affine, st
         v_store(e->field[GR_FIELD_affine] + c * e->capacity + at, v_keep(carries, C[c] * v_set(e->inv_dt)));
 }
 
+/* Log-density from which the points at the places from `at` on are given an affine field. */
+GR_INLINE vd affine_from(const struct gr_engine *e, const struct view *view, int64_t at)
+{
+    if (__builtin_expect(e->config.n_materials == 1, 1)) return view->disconnected;
+    return v_select(v_gt(view->disconnected, v_set(-NO_DENSITY)), gr_of_material(e, GR_MATERIAL_SEPARATION, at),
+                    view->disconnected);
+}
+
 /* Move the points at the places from `at` on, a row of the viewed cells. L dt is stored in `gradient` for the law.
  * Returned: a bit for each lane that is still in its cell. */
 GR_INLINE unsigned move_row(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
@@ -97,7 +105,7 @@ GR_INLINE unsigned move_row(const int dim, const int basis, const int affine, co
         v_new[d] = v_select(slowed, v_set(e->sponge_factor[d]) * v_new[d], v_new[d]);
     }
     v_store(log_density, c);
-    if (affine) store_affine(dim, basis, affine, e, at, &s, mode, v_ge(c, view->disconnected), L);
+    if (affine) store_affine(dim, basis, affine, e, at, &s, mode, v_ge(c, affine_from(e, view, at)), L);
     vm stays = v_ge(v_set(NO_DENSITY), v_abs(c)); /* a NaN counts as outside */
     for (int d = 0; d < dim; d++) {
         vd y = v_fma(dx, move[d], v_load(x + d * stride));
@@ -112,7 +120,7 @@ GR_INLINE unsigned move_row(const int dim, const int basis, const int affine, co
 /* G2P of the cells of a tile, row by row. Their points are added to the batch of the law.
  * Returned: the number of points that left. */
 GR_INLINE int64_t g2p_tile(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
-                           const int averages, struct gr_engine *e, int64_t tile, struct batch *batch, gr_law_update *law,
+                           const int averages, struct gr_engine *e, int64_t tile, struct batch *batch,
                            struct gr_migrant *migrant)
 {
     struct view view[GR_VECTORS];
@@ -126,7 +134,7 @@ GR_INLINE int64_t g2p_tile(const int dim, const int basis, const int affine, con
         for (int part = 0; part < GR_VECTORS; part++) {
             const int64_t at = gr_slot(&e->mesh.cell[first + part * GR_W], row);
             if (row >= view[part].points) continue;
-            if (__builtin_expect(batch->n == BATCH, 0)) run_law(e, law, batch, 0);
+            if (__builtin_expect(batch->n == BATCH, 0)) run_law(e, batch, 0);
             double *gradient = batch->gradient + batch->n * dim * dim * GR_W;
             const unsigned inside =
                 move_row(dim, basis, affine, smoothed, cell_averaged, averages, e, &view[part], at, gradient);

@@ -77,13 +77,36 @@ GR_INLINE int is_closed(const struct gr_engine *e, int64_t n)
     return e->open && e->mesh.node_volume[n] < GR_LEAST_OPEN && gr_open_place(e->open, e->mesh.node_id[n]) >= 0;
 }
 
+/* Part of the volume of a node that must be of material that is averaged, for a residual force that its weights are to balance:
+ * beside an elastic body it is that of a surface. */
+#define LEAST_AVERAGED 0.99
+
+/* The fields of an averaging at node n with several materials (engine.h, enum gr_volume_sum): neighbours have the pressure in
+ * common, and the volume is that of all points. */
+static __attribute__((noinline)) void describe_mixture(const int dim, const struct gr_engine *e,
+                                                       const struct gr_kernels *kernels, int64_t n, const double *sum,
+                                                       double *out)
+{
+    double sums[GR_VOLUME_SUMS * GR_LANES], filled = 0, pressure = 0, *field = out + GR_NODE_DENSITY(dim);
+    const int64_t nodes[2] = {n, joined_with(e, n)};
+    for (int k = 0; k < 2 && nodes[k] >= 0; k++) {
+        kernels->sum_volumes(e, nodes[k] / GR_LANES, sums);
+        filled += sums[GR_SUM_VOLUME * GR_LANES + nodes[k] % GR_LANES];
+        pressure += sums[GR_SUM_PRESSURE * GR_LANES + nodes[k] % GR_LANES];
+    }
+    gr_describe_density(dim, sum, filled, e->cell_mass, e->mesh.node_volume[n], e->servo_strain, out);
+    const double *of_density = sum + GR_SUM_DENSITY(dim);
+    field[GR_NODE_LOG_DENSITY] = of_density[GR_SUM_WEIGHTED] > 0 ? pressure / of_density[GR_SUM_WEIGHTED] : 0;
+    for (int d = 0; d < dim; d++)
+        if (of_density[GR_SUM_CONNECTED] < LEAST_AVERAGED * filled) field[GR_NODE_RESIDUAL + d] = 0;
+}
+
 /* The grid stage for some nodes. */
 GR_INLINE void grid_nodes(const int dim, const int smoothed, struct gr_engine *e, const struct gr_kernels *kernels,
                           int64_t first, int64_t last, const double g[3])
 {
     const int averages = smoothed == AVERAGED, fields = GR_NODE_FIELDS(dim, averages) + (smoothed == 1);
     const double dt = e->dt, cutoff = e->config.mass_cutoff, keep = e->keep_velocity;
-    const double cell_mass = e->config.rho_c * pow(e->config.dx, dim);
     double sums[GR_NODE_SUMS(3) * GR_LANES];
     for (int64_t n = first; n < last; n++) {
         double sum[GR_NODE_SUMS(3)], v[3], next[3], out[GR_NODE_FIELDS(3, 1)];
@@ -123,7 +146,10 @@ GR_INLINE void grid_nodes(const int dim, const int smoothed, struct gr_engine *e
             for (int d = 0; d < dim; d++) out[GR_NODE_UPDATE(dim) + d] = next[d] - v[d] + e->config.xpic_order * v[d];
         if (averages) {
             out[GR_NODE_DENSITY(dim) + GR_NODE_GAP] = 0; /* until gr_grid_surroundings */
-            gr_describe_density(dim, sum, m, cell_mass, e->mesh.node_volume[n], e->servo_strain, out);
+            if (e->config.n_materials > 1)
+                describe_mixture(dim, e, kernels, n, sum, out);
+            else
+                gr_describe_density(dim, sum, m, e->cell_mass, e->mesh.node_volume[n], e->servo_strain, out);
         }
         if (averages && is_closed(e, n)) {
             out[GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP] = GR_CLOSED_GAP;

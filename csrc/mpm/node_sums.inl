@@ -62,3 +62,18 @@ GR_INLINE void sum_group(const int dim, const int K, const int damps, const int 
         for (int q = 0; q < before + averages * of_density; q++) v_store(out + q * GR_LANES + lane, sum[q]);
     }
 }
+
+/* Sums of the nodes of a group that several materials add to those of an averaging. */
+GR_INLINE void sum_volumes_of_group(const int K, const struct gr_engine *e, int64_t group, double *out)
+{
+    const int rows = GR_SUM_DAMPED(K == 9 ? 2 : 3);
+    for (int lane = 0; lane < GR_LANES; lane += GR_W) {
+        vd sum[GR_VOLUME_SUMS] = {v_zero(), v_zero()};
+        for (int i = 0; i < K; i++) { /* local node K - 1 - i, as in sum_group */
+            const struct places places = places_of(K, e, group, i, lane);
+            const int64_t own = e->volume_sums + (K - 1 - i) * (GR_VOLUME_SUMS - rows) * GR_LANES;
+            for (int q = 0; q < GR_VOLUME_SUMS; q++) sum[q] = sum[q] + sum_at(&places, own + q * GR_LANES);
+        }
+        for (int q = 0; q < GR_VOLUME_SUMS; q++) v_store(out + q * GR_LANES + lane, sum[q]);
+    }
+}

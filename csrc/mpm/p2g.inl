@@ -63,7 +63,7 @@ GR_INLINE void prepare_force(const int dim, const int smoothed, const struct gr_
             largest = v_max(v_abs(contribution->stress[d][j]), largest);
         }
     const vd c = component(e, GR_FIELD_log_density, 0, at);
-    vd V = contribution->m * v_set(e->force_scale) * inverse_density(c, v_gt(largest, v_zero()));
+    vd V = contribution->m * gr_of_material(e, GR_MATERIAL_FORCE_SCALE, at) * inverse_density(c, v_gt(largest, v_zero()));
     if (smoothed) {
         contribution->weight = v_set(1.0) + component(e, GR_FIELD_weight_correction, 0, at);
         V = V * contribution->weight;
@@ -121,8 +121,8 @@ GR_INLINE void add_force(const int dim, const int basis, const int smoothed, con
     }
 }
 
-/* Sums of a pass over the rows: m and p, f, or those of the density. */
-enum { MOMENTUM = 1, FORCE = 2, DENSITY = 4 };
+/* Sums of a pass over the rows: m and p, f, those of the density, or those of the density with several materials. */
+enum { MOMENTUM = 1, FORCE = 2, DENSITY = 4, VOLUME = 8 };
 
 /* Add the contributions of n rows of points to the sums `what`, row of nodes by row: sums first... of each node, which has
  * `rows` sums in all. The sums begin at zero if `fresh`. */
@@ -131,8 +131,8 @@ GR_INLINE void add_rows(const int dim, const int basis, const int affine, const 
                         double *out)
 {
     const int k = gr_nodes_1d(basis), K = gr_power(k, dim);
-    const int width =
-        (what & MOMENTUM ? 1 + dim : 0) + (what & FORCE ? dim : 0) + (what & DENSITY ? GR_DENSITY_SUMS(dim) : 0);
+    const int width = (what & MOMENTUM ? 1 + dim : 0) + (what & FORCE ? dim : 0) +
+                      (what & DENSITY ? GR_DENSITY_SUMS(dim) : 0) + (what & VOLUME ? GR_VOLUME_SUMS : 0);
     for (int bc = 0; bc < K / k; bc++) {
         const struct row row = {bc % k, bc / k};
         vd sum[3][7];
@@ -144,6 +144,7 @@ GR_INLINE void add_rows(const int dim, const int basis, const int affine, const 
             if (what & MOMENTUM) add_momentum(dim, basis, affine, contribution + i, row, sum);
             if (what & FORCE) add_force(dim, basis, smoothed, contribution + i, row, what & MOMENTUM ? 1 + dim : 0, sum);
             if (what & DENSITY) add_density(dim, basis, contribution + i, row, sum);
+            if (what & VOLUME) add_volume(dim, basis, contribution + i, row, sum);
         }
         for (int a = 0; a < k; a++)
             for (int q = 0; q < width; q++) v_store(out + ((bc * k + a) * rows + first + q) * GR_LANES, sum[a][q]);
@@ -211,6 +212,8 @@ GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const
         if (averages)
             add_rows(dim, basis, affine, smoothed, DENSITY, contribution, n, GR_DENSITY_SUMS(dim), 0, fresh,
                      out + e->density_sums);
+        if (averages && e->config.n_materials > 1)
+            add_rows(dim, basis, affine, smoothed, VOLUME, contribution, n, GR_VOLUME_SUMS, 0, fresh, out + e->volume_sums);
         if (!smoothed) continue;
         v_store(own + GR_CELL_DAMPED * GR_LANES, v_keep(v_gt(damped, v_zero()), damped / v_max(mass, v_set(1e-300))));
         v_store(own + GR_CELL_M_DAMPING * GR_LANES, damped);

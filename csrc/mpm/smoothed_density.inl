@@ -2,13 +2,27 @@
 #include "mpm/contribution.h"
 #include "mpm/density_correction.h"
 
-/* Log-density of the points at the places from `at` on, its gradient, and its mass where it is connected, else 0. */
+/* Log-density of the points at the places from `at` on, its gradient, and their volume. With several materials the stored
+ * gradient is that of the pressure over K of the first. */
 GR_INLINE void prepare_density(const int dim, const struct gr_engine *e, int64_t at, struct contribution *contribution)
 {
     contribution->c = component(e, GR_FIELD_log_density, 0, at);
-    contribution->joined = v_keep(v_ge(contribution->c, v_set(-e->config.density.separation_strain)), contribution->m);
+    const vd separation = gr_of_material(e, GR_MATERIAL_SEPARATION, at);
+    contribution->filled = contribution->m;
     for (int j = 0; j < dim; j++)
         contribution->slope[j] = v_set(e->config.dx) * component(e, GR_FIELD_density_gradient, j, at);
+    if (__builtin_expect(e->config.n_materials > 1, 0)) {
+        const vd softness = gr_of_material(e, GR_MATERIAL_SOFTNESS, at);
+        contribution->filled = contribution->m * gr_of_material(e, GR_MATERIAL_FILLING, at);
+        contribution->pressed = contribution->c * gr_of_material(e, GR_MATERIAL_STIFFNESS, at);
+        for (int j = 0; j < dim; j++) {
+            contribution->pressure_slope[j] = contribution->slope[j];
+            contribution->slope[j] = contribution->slope[j] * softness;
+        }
+    }
+    contribution->joined = v_keep(v_ge(contribution->c, separation), contribution->filled);
+    if (__builtin_expect(e->config.n_materials > 1, 0)) /* an elastic body is no part of the averaging */
+        contribution->joined = v_keep(v_gt(separation, v_set(-NO_SEPARATION)), contribution->joined);
 }
 
 /* For the nodes of a row: mass, mass with quadrature weights, log-density, and residual force,
@@ -27,6 +41,19 @@ GR_INLINE void add_density(const int dim, const int basis, const struct contribu
         sum[a][GR_SUM_LOG_DENSITY] = v_fma(wqm, v_fma(p->slope[0], p->r[0][a], c), sum[a][GR_SUM_LOG_DENSITY]);
         sum[a][GR_SUM_RESIDUAL] = v_fma(qm_yz[0], p->g[0][a], sum[a][GR_SUM_RESIDUAL]);
         for (int d = 1; d < dim; d++) sum[a][GR_SUM_RESIDUAL + d] = v_fma(qm_yz[d], p->w[0][a], sum[a][GR_SUM_RESIDUAL + d]);
+    }
+}
+
+/* With several materials, for the nodes of a row: volume of all points, and pressure of those that are averaged,
+ *
+ *   sum w m,  sum w q m (p + grad p (x_i - x)). */
+GR_INLINE void add_volume(const int dim, const int basis, const struct contribution *p, const struct row row, vd sum[3][7])
+{
+    const vd w_yz = weight_yz(dim, basis, p, row, 0), pressed = linear_yz(dim, p, row, p->pressed, p->pressure_slope);
+    for (int a = 0; a < gr_nodes_1d(basis); a++) {
+        const vd w = w_yz * p->w[0][a], wqm = w * p->joined * p->weight;
+        sum[a][GR_SUM_VOLUME] = v_fma(w, p->filled, sum[a][GR_SUM_VOLUME]);
+        sum[a][GR_SUM_PRESSURE] = v_fma(wqm, v_fma(p->pressure_slope[0], p->r[0][a], pressed), sum[a][GR_SUM_PRESSURE]);
     }
 }
 
@@ -53,8 +80,12 @@ GR_INLINE void correct_weights(const int dim, const int basis, struct gr_engine 
     }
     const vd excess = gr_interpolate(dim, basis, 0, mode + GR_NODE_WEIGHT * K, s, (const vd(*)[3])s->g, slope) *
                       v_set(q->weight_correction > 0);
+    const vd old = u;
     u = v_fnma(v_set(q->weight_correction), divergence, v_fnma(v_set(q->weight_correction_decay), u, u) - excess);
-    v_store(place, v_clamp(u, -q->weight_correction_limit, q->weight_correction_limit));
+    u = v_clamp(u, -q->weight_correction_limit, q->weight_correction_limit);
+    if (__builtin_expect(e->config.n_materials > 1, 0)) /* an elastic body beside grains keeps its weights */
+        u = v_select(v_gt(gr_of_material(e, GR_MATERIAL_SEPARATION, at), v_set(-NO_SEPARATION)), u, old);
+    v_store(place, u);
 }
 
 /* Density correction of the points at the places from `at` on: averaging, relaxation to the nodal density, particle shifting.
@@ -77,19 +108,19 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
     vd slope[3], gradient[3];
     const double interval = e->config.averaging_interval;
     const vd old = v_load(e->field[GR_FIELD_log_density] + at), flow = v_load(e->field[GR_FIELD_shear_rate] + at);
-    /* an unlimited separation strain: points have stress in tension, too */
-    const vm stressed = v_ge(old, v_set(q->separation_strain < NO_DENSITY ? 0.0 : -q->separation_strain));
-    const vm connected = v_ge(old, v_set(-q->separation_strain));
+    const vm stressed = v_ge(old, gr_of_material(e, GR_MATERIAL_STRESSED, at));
+    const vm connected = v_ge(old, gr_of_material(e, GR_MATERIAL_SEPARATION, at));
     const vd strain = v_set(interval) * v_select(stressed, v_set(e->dt) * flow, kinematic_rate(dim, L));
     const vd gap = gr_interpolate(dim, basis, 0, mode + GR_NODE_GAP * K, s, g, slope);
-    const vd near = gr_interpolate(dim, basis, 0, mode + GR_NODE_LOG_DENSITY * K, s, g, gradient);
+    vd near = gr_interpolate(dim, basis, 0, mode + GR_NODE_LOG_DENSITY * K, s, g, gradient);
+    if (__builtin_expect(e->config.n_materials > 1, 0)) near = near * gr_of_material(e, GR_MATERIAL_SOFTNESS, at);
     (void)gr_interpolate(dim, basis, 0, mode + GR_NODE_EXCESS * K, s, g, slope);
     vd c = v_fma(v_keep(connected, averaged_share(e, interval * e->dt, strain, old)), near - old, old - trace);
     for (int d = 0; d < dim; d++)
         v_store(e->field[GR_FIELD_density_gradient] + d * e->capacity + at, v_keep(connected, gradient[d] * v_set(inv_dx)));
     c = c + v_keep(connected, v_set(e->servo_shift));
     c = c + v_keep(v_ge(c, v_zero()), relax_to_nodal_density(q, interval * e->dt, strain, gap));
-    if (e->config.damping_rate > 0) v_store(e->field[GR_FIELD_damping] + at, damped_share(e, flow, old));
+    if (e->config.damping_rate > 0) v_store(e->field[GR_FIELD_damping] + at, damped_share(e, flow, old, at));
     vd length = v_zero();
     for (int d = 0; d < dim; d++) {
         delta[d] = v_set(-q->shifting * dx) * strain * slope[d];

@@ -5,7 +5,7 @@
 /* L dt of the points of a tile at their present positions. Whenever the batch is full, the first substep of its points
  * is made. */
 GR_INLINE void strain_tile(const int dim, const int basis, const int cell_averaged, const struct gr_engine *e, int64_t tile,
-                           struct batch *batch, gr_law_update *law)
+                           struct batch *batch)
 {
     const int K = gr_power(gr_nodes_1d(basis), dim);
     for (int64_t first = tile * GR_LANES; first < (tile + 1) * GR_LANES; first += GR_W) {
@@ -15,7 +15,7 @@ GR_INLINE void strain_tile(const int dim, const int basis, const int cell_averag
             struct gr_shape s;
             const int64_t at = gr_slot(&e->mesh.cell[first], row);
             vd L[9];
-            if (batch->n == BATCH) run_law(e, law, batch, 1);
+            if (batch->n == BATCH) run_law(e, batch, 1);
             double *gradient = batch->gradient + batch->n * dim * dim * GR_W;
             gr_shapes(dim, basis, e, &view.frame, at, 0, &s);
             for (int d = 0; d < dim; d++)
@@ -60,13 +60,13 @@ GR_INLINE void store_substep(struct gr_engine *e, int64_t index, const double *m
 /* The first of many substeps, before the points move: for tiles [first, last), the state of their points and the
  * fluidity. */
 GR_INLINE void begin_substeps_of_tiles(const int dim, const int basis, const int cell_averaged, struct gr_engine *e,
-                                       int64_t first, int64_t last, gr_law_update *law)
+                                       int64_t first, int64_t last)
 {
     struct batch batch;
     const int64_t begin = first * GR_LANES, end = last * GR_LANES;
     batch.n = 0;
-    for (int64_t tile = first; tile < last; tile++) strain_tile(dim, basis, cell_averaged, e, tile, &batch, law);
-    if (batch.n) run_law(e, law, &batch, 1);
+    for (int64_t tile = first; tile < last; tile++) strain_tile(dim, basis, cell_averaged, e, tile, &batch);
+    if (batch.n) run_law(e, &batch, 1);
     for (int64_t c = begin; c < end; c += GR_W) weigh_cells(e, c, e->substep_mass + c, e->substep_flow + c);
     for (int64_t c = begin; c < end && c < e->mesh.n_cells; c++) store_substep(e, c, e->substep_mass, e->substep_flow);
 }

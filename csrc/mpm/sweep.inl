@@ -96,9 +96,9 @@ struct moved {
 
 /* Call the law for the tiles that have moved, pack the points that left them and sum over the others. */
 GR_INLINE void end_tiles(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
-                         struct gr_engine *e, struct moved *moved, struct gr_migrants *out, int fused, gr_law_update *law)
+                         struct gr_engine *e, struct moved *moved, struct gr_migrants *out, int fused)
 {
-    if (moved->batch.n) run_law(e, law, &moved->batch, 0);
+    if (moved->batch.n) run_law(e, &moved->batch, 0);
     if (out->count > moved->packed) gr_pack_migrants(e, out, moved->packed);
     moved->packed = out->count;
     for (int64_t k = 0; fused && k < moved->n; k++)
@@ -109,8 +109,7 @@ GR_INLINE void end_tiles(const int dim, const int basis, const int affine, const
 /* Sweep the tiles [first, last). Points that left their cell are packed into `out`. P2G follows if `fused`. A tile of which
  * all cells are asleep is left alone; one with some is computed, and these get their points back. */
 GR_INLINE void sweep_tiles(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
-                           struct gr_engine *e, int64_t first, int64_t last, struct gr_migrants *out, int fused,
-                           gr_law_update *law)
+                           struct gr_engine *e, int64_t first, int64_t last, struct gr_migrants *out, int fused)
 {
     struct moved moved;
     const int averages = smoothed && gr_averages(e, e->step);
@@ -122,15 +121,15 @@ GR_INLINE void sweep_tiles(const int dim, const int basis, const int affine, con
         const unsigned asleep = e->sleep && e->sleep->asleep ? wake_lanes(dim, basis, e, tile) : 0;
         if (!awake_points(e, tile, asleep)) continue;
         if (asleep) { /* alone, so that the rest of the records is free for a copy of its points */
-            end_tiles(dim, basis, affine, smoothed, cell_averaged, e, &moved, out, fused, law);
+            end_tiles(dim, basis, affine, smoothed, cell_averaged, e, &moved, out, fused);
             keep_points(e, tile, asleep, out->record + out->count * e->n_components, 0);
         }
         struct gr_migrant *migrant = out->from + out->count;
-        int64_t left =
-            averages ? g2p_tile(dim, basis, affine, smoothed, cell_averaged, smoothed, e, tile, &moved.batch, law, migrant)
-                     : g2p_tile(dim, basis, affine, smoothed, cell_averaged, 0, e, tile, &moved.batch, law, migrant);
+        int64_t left = averages
+                           ? g2p_tile(dim, basis, affine, smoothed, cell_averaged, smoothed, e, tile, &moved.batch, migrant)
+                           : g2p_tile(dim, basis, affine, smoothed, cell_averaged, 0, e, tile, &moved.batch, migrant);
         if (asleep) {
-            if (moved.batch.n) run_law(e, law, &moved.batch, 0);
+            if (moved.batch.n) run_law(e, &moved.batch, 0);
             keep_points(e, tile, asleep, out->record + out->count * e->n_components, 1);
             left = drop_asleep(e, migrant, left);
         }
@@ -138,7 +137,7 @@ GR_INLINE void sweep_tiles(const int dim, const int basis, const int affine, con
         out->count += left;
         moved.tile[moved.n++] = tile;
         if (asleep || moved.n == MOVED || moved.batch.n == BATCH)
-            end_tiles(dim, basis, affine, smoothed, cell_averaged, e, &moved, out, fused, law);
+            end_tiles(dim, basis, affine, smoothed, cell_averaged, e, &moved, out, fused);
     }
-    end_tiles(dim, basis, affine, smoothed, cell_averaged, e, &moved, out, fused, law);
+    end_tiles(dim, basis, affine, smoothed, cell_averaged, e, &moved, out, fused);
 }

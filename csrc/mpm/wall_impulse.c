@@ -50,7 +50,7 @@ static double mass_at_end(const struct gr_engine *e, const struct gr_servo *serv
 {
     const struct gr_axis *axis = &e->axis[servo->axis];
     const double share = axis->node_integral[servo->side < 0 ? 0 : axis->n_nodes - 1];
-    return e->config.rho_c * e->config.dx * share * servo->area;
+    return e->config.material[0].rho_c * e->config.dx * share * servo->area;
 }
 
 int gr_watch_servo(struct gr_engine *e, const struct gr_servo *servo)

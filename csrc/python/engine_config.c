@@ -100,7 +100,7 @@ static int take_nonlocal(struct gr_config *c, PyObject *faces, const char *metho
     c->nonlocal.method = gr_take_index("fluidity_method", method, methods, GR_DIFFUSION_COUNT + 1);
     c->nonlocal.stencil = gr_take_index("fluidity_stencil", stencil, gr_stencil_names, GR_STENCIL_COUNT);
     if (c->nonlocal.method < 0 || c->nonlocal.stencil < 0) return -1;
-    if (!gr_law_at(c->law)->reaction) return 0;
+    if (gr_nonlocal_material(c) < 0) return 0;
     if (c->basis == GR_UGIMP || c->nonlocal.substeps < 1 || c->nonlocal.substeps > 100000)
         return gr_refuse("a nonlocal law needs basis 0 or 2 and 1 to 100000 substeps");
     PyArrayObject *array = gr_array(faces, "fluidity_faces", NPY_UINT8, c->dim + 1, shape, 0);
@@ -169,22 +169,45 @@ static int take_scheme(struct gr_config *c, PyObject *dict, int transfer, double
     return 0;
 }
 
-static int take_all_numbers(struct gr_config *c, PyObject *numbers, PyObject *parameters, PyObject *fluidity)
+static int take_all_numbers(struct gr_config *c, PyObject *numbers, PyObject *fluidity)
 {
     double substeps;
     if (take_number(numbers, "dx", &c->dx) || take_number(numbers, "half_extent", &c->lambda) ||
-        take_number(numbers, "rho_c", &c->rho_c) || take_number(numbers, "wave_speed", &c->wave_speed) ||
-        take_number(numbers, "ill_posed_rate", &c->ill_posed_rate) ||
-        take_number(numbers, "damping_rate", &c->damping_rate) ||
-        take_number(numbers, "crossover_rate", &c->crossover_rate) ||
-        take_number(fluidity, "begins_at", &c->nonlocal.begins_at) ||
+        take_number(numbers, "wave_speed", &c->wave_speed) || take_number(fluidity, "begins_at", &c->nonlocal.begins_at) ||
         take_number(fluidity, "tolerance", &c->nonlocal.tolerance) || take_number(fluidity, "floor", &c->nonlocal.floor) ||
         take_number(fluidity, "substeps", &substeps))
         return -1;
     c->nonlocal.substeps = (int)fmin(fmax(substeps, -1), 1e9);
-    const struct gr_law *law = gr_law_at(c->law);
-    for (int k = 0; k < gr_law_parameters(law); k++)
-        if (take_number(parameters, law->parameter[k].name, &c->parameter[k])) return -1;
+    return 0;
+}
+
+/* The materials, a list of tuples (law, numbers, parameters of the law). */
+static int take_materials(struct gr_config *c, PyObject *list)
+{
+    if (!PyList_Check(list) || PyList_GET_SIZE(list) < 1 || PyList_GET_SIZE(list) > GR_MAX_MATERIALS)
+        return gr_refuse("materials must be a list of 1 to %d tuples", GR_MAX_MATERIALS);
+    c->n_materials = (int)PyList_GET_SIZE(list);
+    for (int k = 0; k < c->n_materials; k++) {
+        struct gr_material *m = &c->material[k];
+        PyObject *numbers, *parameters;
+        const char *name;
+        if (!PyTuple_Check(PyList_GET_ITEM(list, k)))
+            return gr_refuse("materials[%d] must be a tuple (law, numbers, parameters)", k);
+        if (!PyArg_ParseTuple(PyList_GET_ITEM(list, k), "sO!O!", &name, &PyDict_Type, &numbers, &PyDict_Type, &parameters))
+            return -1;
+        m->law = gr_law_index(name);
+        if (m->law < 0) return gr_refuse("there is no law \"%s\"", name);
+        if (take_number(numbers, "rho_c", &m->rho_c) || take_number(numbers, "K", &m->K) ||
+            take_number(numbers, "separation_strain", &m->separation_strain) ||
+            take_number(numbers, "ill_posed_rate", &m->ill_posed_rate) ||
+            take_number(numbers, "damping_rate", &m->damping_rate) ||
+            take_number(numbers, "crossover_rate", &m->crossover_rate))
+            return -1;
+        const struct gr_law *law = gr_law_at(m->law);
+        for (int q = 0; q < gr_law_parameters(law); q++)
+            if (take_number(parameters, law->parameter[q].name, &m->parameter[q])) return -1;
+        c->damping_rate = fmax(c->damping_rate, m->damping_rate);
+    }
     return 0;
 }
 
@@ -196,7 +219,7 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
                             "density",
                             "averaging_interval",
                             "pressure_from_density",
-                            "law",
+                            "materials",
                             "isa",
                             "axes",
                             "walls",
@@ -208,7 +231,6 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
                             "scheme_numbers",
                             "density_numbers",
                             "fluidity_numbers",
-                            "parameters",
                             "fluidity_method",
                             "fluidity_stencil",
                             "fluidity_faces",
@@ -217,25 +239,23 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
     struct gr_config c = {0};
     int transfer, density;
     double mean_mass;
-    const char *law, *method, *stencil;
-    PyObject *axes, *walls, *codes, *flags, *times, *vectors;
-    PyObject *numbers, *of_scheme, *of_density, *of_fluidity, *parameters, *faces, *bodies;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiissOOOOOOO!O!O!O!O!ssOO", names, &c.dim, &c.basis, &transfer,
-                                     &density, &c.averaging_interval, &c.pressure_from_density, &law, isa, &axes, &walls,
-                                     &codes, &flags, &times, &vectors, &PyDict_Type, &numbers, &PyDict_Type, &of_scheme,
-                                     &PyDict_Type, &of_density, &PyDict_Type, &of_fluidity, &PyDict_Type, &parameters,
-                                     &method, &stencil, &faces, &bodies))
+    const char *method, *stencil;
+    PyObject *materials, *axes, *walls, *codes, *flags, *times, *vectors;
+    PyObject *numbers, *of_scheme, *of_density, *of_fluidity, *faces, *bodies;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiiOsOOOOOOO!O!O!O!ssOO", names, &c.dim, &c.basis, &transfer,
+                                     &density, &c.averaging_interval, &c.pressure_from_density, &materials, isa, &axes,
+                                     &walls, &codes, &flags, &times, &vectors, &PyDict_Type, &numbers, &PyDict_Type,
+                                     &of_scheme, &PyDict_Type, &of_density, &PyDict_Type, &of_fluidity, &method, &stencil,
+                                     &faces, &bodies))
         return -1;
     if (c.dim < 2 || c.dim > 3 || c.basis < 0 || c.basis >= GR_BASIS_COUNT || transfer < 0 ||
         transfer >= GR_TRANSFER_COUNT || density < 0 || density >= GR_DENSITY_COUNT)
         return gr_refuse("dim must be 2 or 3, basis and density 0 to 2, transfer 0 to 3");
     c.smoothed = density == GR_DENSITY_smoothed, c.cell_averaged = density == GR_DENSITY_cell_averaged;
-    c.law = gr_law_index(law);
-    if (c.law < 0) return gr_refuse("there is no law \"%s\"", law);
-    if (take_axes(&c, axes) || take_walls(&c, walls, tables->wall) || take_map(&c, codes, "node_codes", 1, &c.node_codes) ||
-        take_map(&c, flags, "cell_flags", 0, &c.cell_flags) ||
+    if (take_materials(&c, materials) || take_axes(&c, axes) || take_walls(&c, walls, tables->wall) ||
+        take_map(&c, codes, "node_codes", 1, &c.node_codes) || take_map(&c, flags, "cell_flags", 0, &c.cell_flags) ||
         gr_take_gravity(c.dim, times, vectors, &c.n_gravity, &c.gravity_times, &c.gravity_vectors) ||
-        take_all_numbers(&c, numbers, parameters, of_fluidity) || take_number(numbers, "mean_mass", &mean_mass) ||
+        take_all_numbers(&c, numbers, of_fluidity) || take_number(numbers, "mean_mass", &mean_mass) ||
         take_scheme(&c, of_scheme, transfer, mean_mass) || take_density(of_density, density, &c.density) ||
         take_nonlocal(&c, faces, method, stencil) || gr_take_bodies(&c, bodies, tables))
         return -1;

@@ -19,16 +19,19 @@ void scene_default(struct scene *s, int dim, int basis, int affine, int smoothed
 {
     memset(s, 0, sizeof *s);
     struct gr_config *c = &s->config;
-    c->dim = dim, c->basis = basis, c->affine = affine, c->smoothed = smoothed, c->law = gr_law_index("mu_I");
+    c->dim = dim, c->basis = basis, c->affine = affine, c->smoothed = smoothed;
     c->pressure_from_density = smoothed;
     for (int d = 0; d < dim; d++) c->shape[d] = 6;
     c->lower[0] = -1, c->lower[1] = 2, c->lower[2] = 0.5;
     c->dx = 0.1, c->lambda = 0.25;
     c->keep_velocity_rate = affine == GR_AFFINE_MOMENT ? -1 : affine == GR_AFFINE_GRADIENT ? 5 : 0;
-    c->rho_c = 1500, c->cfl = 0.4;
+    c->cfl = 0.4;
     const double parameter[] = {1e6 / 1.2, 1e6 / 2.6, 0.38, 0.64, 1.12};
-    memcpy(c->parameter, parameter, sizeof parameter);
-    c->wave_speed = sqrt((parameter[0] + 4 * parameter[1] / 3) / c->rho_c);
+    c->n_materials = 1;
+    c->material[0] =
+        (struct gr_material){.law = gr_law_index("mu_I"), .rho_c = 1500, .K = parameter[0], .separation_strain = 0.02};
+    memcpy(c->material[0].parameter, parameter, sizeof parameter);
+    c->wave_speed = sqrt((parameter[0] + 4 * parameter[1] / 3) / c->material[0].rho_c);
     c->density = (struct gr_density_numbers){.diffusion = 0.1,
                                              .strain_diffusion = 10,
                                              .relaxation = 0.7,
@@ -51,8 +54,8 @@ void scene_nonlocal(struct scene *s)
 {
     static const uint8_t face[4 * 36]; /* all linked */
     const double G = 1e6 / 2.6, parameter[] = {1e6 / 1.2, 0.5, G, 0.38, 0.64, 0.279, 2450, 0.01, 1e-2, 10};
-    memcpy(s->config.parameter, parameter, sizeof parameter);
-    s->config.law = gr_law_index("ngf");
+    memcpy(s->config.material[0].parameter, parameter, sizeof parameter);
+    s->config.material[0].law = gr_law_index("ngf");
     s->config.nonlocal =
         (struct gr_nonlocal){.method = GR_DIFFUSION_implicit, .substeps = 3, .tolerance = 1e-8, .floor = 1e-6, .face = face};
 }
@@ -98,8 +101,8 @@ static void fill(struct scene *s, int64_t n, double low, double high)
         for (int q = 0; q < gr_field_components(GR_FIELD_stress, c->dim); q++)
             *scene_at(s, GR_FIELD_stress, q, k) = (q < 3 ? -p : 0) + 0.2 * p * scene_random(-1, 1);
         for (int q = 0; c->affine && q < c->dim * c->dim; q++) *scene_at(s, GR_FIELD_affine, q, k) = scene_random(-2, 2);
-        *scene_at(s, GR_FIELD_log_density, 0, k) = k % 7 ? p / c->parameter[0] : scene_random(-0.5, 0);
-        *scene_at(s, GR_FIELD_mass, 0, k) = c->rho_c * pow(c->dx, c->dim) / 9 * scene_random(0.8, 1.2);
+        *scene_at(s, GR_FIELD_log_density, 0, k) = k % 7 ? p / c->material[0].K : scene_random(-0.5, 0);
+        *scene_at(s, GR_FIELD_mass, 0, k) = c->material[0].rho_c * pow(c->dx, c->dim) / 9 * scene_random(0.8, 1.2);
         s->id[k] = k;
     }
 }

@@ -61,8 +61,11 @@ TEST(refuses_kinds)
     REFUSED(s.config.basis = -1);
     REFUSED(s.config.basis = GR_BASIS_COUNT);
     REFUSED(s.config.affine = GR_AFFINE_COUNT);
-    REFUSED(s.config.law = -1);
-    REFUSED(s.config.law = 1000);
+    REFUSED(s.config.material[0].law = -1);
+    REFUSED(s.config.material[0].law = 1000);
+    REFUSED(s.config.n_materials = 0);
+    REFUSED(s.config.n_materials = GR_MAX_MATERIALS + 1);
+    REFUSED(s.config.n_materials = 2); /* the second one is not set */
     REFUSED(s.config.smoothed = 1); /* requires splines and the gradient */
     REFUSED(s.config.xpic_order = -1);
     REFUSED((s.config.smoothed = 1, s.config.basis = GR_QUADRATIC, s.config.affine = GR_AFFINE_GRADIENT,
@@ -75,7 +78,8 @@ TEST(refuses_numbers)
 {
     REFUSED(s.config.dx = 0);
     REFUSED(s.config.dx = NAN);
-    REFUSED(s.config.rho_c = -1);
+    REFUSED(s.config.material[0].rho_c = -1);
+    REFUSED(s.config.material[0].K = 0);
     REFUSED(s.config.wave_speed = 0);
     REFUSED(s.config.mass_cutoff = -1e-9);
     REFUSED(s.config.mass_cutoff = NAN);

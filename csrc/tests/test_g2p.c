@@ -22,7 +22,7 @@ static void with_linear_field(struct scene *s, int dim, int basis, int affine, d
     scene_seed(31);
     scene_default(s, dim, basis, affine, 0);
     s->config.dt = 1e-4;
-    s->config.law = gr_law_index("elastic");
+    s->config.material[0].law = gr_law_index("elastic");
     CHECK(scene_build(s, POINTS, 0.15, 0.85) == GR_OK);
     for (int64_t k = 0; k < POINTS; k++) *scene_at(s, GR_FIELD_log_density, 0, k) = k % STRIDE ? 1e-3 : -0.1;
     CHECK(gr_grid(s->engine, gr_kernels_select("baseline")) == GR_OK);
@@ -96,7 +96,7 @@ TEST(translation_is_free)
         scene_seed(37);
         scene_default(one, 2, GR_QUADRATIC, GR_AFFINE_NONE, 0);
         one->config.dt = 1e-3;
-        one->config.law = gr_law_index("elastic");
+        one->config.material[0].law = gr_law_index("elastic");
         CHECK(scene_build(one, POINTS, 0.2, 0.8) == GR_OK);
         CHECK(gr_grid(one->engine, gr_kernels_select("baseline")) == GR_OK);
     }

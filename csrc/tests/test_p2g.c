@@ -71,7 +71,7 @@ static void check_force(struct scene *s, int clipped)
             double expected = 0;
             for (int64_t k = 0; k < s->capacity; k++)
                 if (s->id[k] >= 0)
-                    expected -= *scene_at(s, GR_FIELD_mass, 0, k) / s->config.rho_c *
+                    expected -= *scene_at(s, GR_FIELD_mass, 0, k) / s->config.material[0].rho_c *
                                 exp(-*scene_at(s, GR_FIELD_log_density, 0, k)) *
                                 *scene_at(s, GR_FIELD_stress, place[d][j], k);
             CHECK_NEAR(scene_total(s, 1 + dim + d, j), expected, 1e-12 * scale);

@@ -147,7 +147,7 @@ TEST(nan_stops_the_run)
             struct scene s;
             scene_seed(71);
             scene_default(&s, 2, basis, GR_AFFINE_NONE, 0);
-            s.config.law = gr_law_index("elastic");
+            s.config.material[0].law = gr_law_index("elastic");
             CHECK(scene_build(&s, 300, 0.1, 0.9) == GR_OK);
             CHECK(go(&s, 5, INFINITY, 1) == GR_OK);
             *scene_at(&s, fields[k], 0, scene_find(&s, 120)) = NAN;

@@ -208,7 +208,7 @@ def stiffness_error(scene: Scene, name: str, material: Material) -> float:
     float
         nan where nothing was measured, such as all laws but mu(I); inf beyond the measured range.
     """
-    if not isinstance(material, MuI):
+    if not isinstance(material, MuI) or len(scene.materials) > 1:
         return math.nan
     if name == "incline":
         return incline_error(scene, material)

@@ -158,7 +158,7 @@ def time_step(scene: AnyScene) -> float:
     scheme = scene.scheme
     if scheme.dt is not None:
         return scheme.dt
-    return scheme.cfl * scene.grid.cell / scene.material.wave_speed
+    return scheme.cfl * scene.grid.cell / scene.wave_speed
 
 
 def nanoseconds(scheme: Scheme, dim: int) -> float:
@@ -217,7 +217,7 @@ def _memory(scene: Scene, counts: Sequence[int]) -> float:
     memory = float(_BASE_MEMORY)
     for fill, count in zip(scene.fills, counts, strict=True):
         memory += count * (_POINT_MEMORY + _CELL_MEMORY[scene.dim] / fill.points_per_cell)
-    if scene.material.has_fluidity:
+    if scene.nonlocal_material is not None:
         memory += _FACE_MEMORY * 2 * scene.dim * math.prod(scene.grid.shape)
     return memory
 

@@ -239,7 +239,7 @@ def _time_step(asked: _Asked) -> _Advice:
     if scheme.cfl > limit:
         reason = f"Kept: the adaptive step would be beyond its limit, cfl = {scheme.cfl} > {limit}."
         return _Advice(reason)
-    adaptive = scheme.cfl * scene.grid.cell / scene.material.wave_speed
+    adaptive = scheme.cfl * scene.grid.cell / scene.wave_speed
     if adaptive <= scheme.dt:
         reason = f"{scheme.dt:.2g} s is no less than the adaptive step of {adaptive:.2g} s."
         return _Advice(reason)

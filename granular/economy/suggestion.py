@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from types import MappingProxyType
 from typing import Any, overload
 
@@ -190,7 +190,15 @@ def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
         scene = mirror_half(scene)
     material, scheme = scene.material, scene.scheme
     if "E" in rest:
+        ratio = rest["E"] / material.E
         material = material.replace(E=rest.pop("E"))
+        scene = scene.replace(
+            fills=[
+                replace(fill, material=own and own.replace(E=ratio * own.E))
+                for fill in scene.fills
+                for own in (fill.material,)
+            ]
+        )
     own = {f.name for f in fields(scheme)}
     scheme = scheme.replace(**{name: rest.pop(name) for name in tuple(rest) if name in own})
     if rest:

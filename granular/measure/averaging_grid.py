@@ -6,6 +6,7 @@ because a measurement must not depend on the scheme.
 
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,6 +32,21 @@ def require_points(state: State) -> None:
     """
     if len(state.mass) == 0:
         raise ValueError(f"state at time = {state.time} has 0 points, at least 1 is needed")
+
+
+def only_material(state: State) -> Any:
+    """Return the material of a state.
+
+    Raises
+    ------
+    ValueError
+        If the scene has several: the measure is defined for one.
+    """
+    materials = state.scene.materials
+    if len(materials) > 1:
+        names = ", ".join(type(material).__name__ for material in materials)
+        raise ValueError(f"the scene has {len(materials)} materials, {names}, must have one here")
+    return materials[0]
 
 
 def values(state: State, field: str | ArrayLike) -> Array:
@@ -123,11 +139,16 @@ def mean_of(moment: Array, total: Array) -> Array:
     return np.divide(moment, total, out=np.full_like(moment, np.nan), where=total > 0)
 
 
-def cell_mass(state: State) -> Array:
-    """Mass [kg] in every cell, an array of the grid's shape."""
+def cell_sum(state: State, values: ArrayLike) -> Array:
+    """Sum of a point field over every cell, an array of the grid's shape."""
     shape = tuple(state.scene.grid.shape)
     flat = np.ravel_multi_index(tuple(cells_of(state).T), shape)
-    return sums_of(flat, state.mass, int(np.prod(shape))).reshape(shape)
+    return sums_of(flat, values, int(np.prod(shape))).reshape(shape)
+
+
+def cell_mass(state: State) -> Array:
+    """Mass [kg] in every cell, an array of the grid's shape."""
+    return cell_sum(state, state.mass)
 
 
 def node_shape(grid: Grid) -> tuple[int, ...]:

@@ -29,7 +29,7 @@ class Bulk:
 
     The bulk consists of the points more than `depth_cells` cells below the surface of their
     column. The surface is the upper edge of the run of filled cells that leads up from the point's
-    own cell without a gap. A cell is filled if it has at least half the mass that fits at rho_c, so
+    own cell without a gap. A cell is filled at half or more if its points are taken at rho_c, so
     that neither spray above a heap nor free fall below an orifice counts as bulk.
 
     Arrays of cells are those of the box around the points, not of the whole grid.
@@ -62,13 +62,13 @@ class Bulk:
         self.cell_volume = grid.cell ** len(self.shape)
         self.own = np.ravel_multi_index(tuple((cells - first).T), self.shape)
         self.mass = self.sum(state.mass)
-        full = state.scene.material.rho_c * self.cell_volume
-        filled = self.mass >= FILLED * full
+        solid = self.sum(state.rest_volume)
+        filled = solid >= FILLED * self.cell_volume
         top = uppermost(filled)
         up = (np.asarray(state.x, dtype=float)[:, -1] - grid.lower[-1]) / grid.cell
         deep = filled.ravel()[self.own] & (top.ravel()[self.own] + first[-1] + 1 - up > depth_cells)
         if packed:
-            deep &= (self.around(self.mass) >= packed * full).ravel()[self.own]
+            deep &= (self.around(solid) >= packed * self.cell_volume).ravel()[self.own]
         self.points: NDArray[np.bool_] = deep
 
     def sum(self, values: ArrayLike) -> Array:
@@ -81,8 +81,9 @@ class Bulk:
         return _pooled(cells) / np.maximum(_pooled(occupied), 1.0)
 
     def disconnected(self) -> float:
-        """Share, by mass, of the stress-free points in the bulk; nan without a bulk."""
-        return self._mean((np.asarray(self.state.pressure) <= 0).astype(float))
+        """Share, by mass, of the stress-free points of grains in the bulk; nan without a bulk."""
+        free = (np.asarray(self.state.pressure) <= 0) & (self.state.of_material("granular") > 0)
+        return self._mean(free.astype(float))
 
     def drift(self) -> float:
         """Mass-weighted mean over the bulk of particle volume over cell volume, minus one.
@@ -204,17 +205,21 @@ def ill_posed_fraction(state: State) -> float:
     if not flowing.any():
         return float("nan")
     mass = np.asarray(state.mass)[flowing]
-    return float(
-        mass @ (ill_posedness(scaled[flowing], cast(MuI, state.scene.material)) > 0) / mass.sum()
-    )
+    number = np.asarray(getattr(state, "material", np.zeros(state.n)))[flowing]
+    ill = np.zeros(len(mass), dtype=bool)
+    for k, material in enumerate(state.scene.materials):
+        own = number == k
+        if hasattr(material, "xi"):
+            ill[own] = ill_posedness(scaled[flowing][own], cast(MuI, material)) > 0
+    return float(mass @ ill / mass.sum())
 
 
 def gap_fraction(state: State) -> float:
     """Number of empty cells between cells with stressed points, over the number of the latter.
 
-    This concerns bodies under tension. Once their points are a cell apart, cells between them are
-    empty and the grid no longer connects them: the body is torn by the discretisation, not by its
-    constitutive law.
+    This concerns bodies under tension; beside such bodies grains do not count. Once their points
+    are a cell apart, cells between them are empty and the grid no longer connects them: the body is
+    torn by the discretisation, not by its constitutive law.
 
     Parameters
     ----------
@@ -236,7 +241,9 @@ def gap_fraction(state: State) -> float:
 def gaps(bulk: Bulk) -> float:
     """`gap_fraction` of the state of a `Bulk`."""
     state = bulk.state
-    stressed = bulk.sum(np.asarray(state.stress).any(axis=1)) > 0
+    solid_points = state.of_material("granular") == 0
+    held = np.asarray(state.stress).any(axis=1)
+    stressed = bulk.sum(held & solid_points if solid_points.any() else held) > 0
     empty = bulk.mass == 0
     solid = solid_cells(state.scene.grid, state.scene.walls).dense(bulk.box)
     empty &= ~solid.transpose()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from granular.checks import in_range, integer, positive
-from granular.measure.averaging_grid import Array, mean_of, require_points, sums_of
+from granular.measure.averaging_grid import Array, mean_of, only_material, require_points, sums_of
 from granular.measure.opening import each_state
 from granular.state import State
 from granular.typing import States
@@ -171,7 +171,7 @@ def _slope(state: State, radius: float) -> float:
     ends = np.linspace(-radius / 2, radius / 2, count + 1)
     # The mean elevation of the wall in a column, from the area of the segment below a chord.
     areas = 0.5 * (ends * np.sqrt(radius**2 - ends**2) + radius**2 * np.arcsin(ends / radius))
-    level = mass / (state.scene.material.rho_c * width * depth) - np.diff(areas) / width
+    level = mass / (only_material(state).rho_c * width * depth) - np.diff(areas) / width
     middles = 0.5 * (ends[1:] + ends[:-1])
     return math.atan(float(np.polyfit(middles, level, 1)[0]))
 

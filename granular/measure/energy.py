@@ -102,15 +102,15 @@ def elastic_of(state: State) -> Array:
     if hasattr(material, "stored_energy"):  # by an equation of state
         return np.asarray(state.mass) * material.stored_energy(np.asarray(state.density))
     stress = np.asarray(state.stress, dtype=float)
-    density = deviator_squared(stress) / (4 * material.G) + pressure(stress) ** 2 / (2 * material.K)
+    K, G = state.of_material("K"), state.of_material("G")
+    density = deviator_squared(stress) / (4 * G) + pressure(stress) ** 2 / (2 * K)
     return np.asarray(state.quadrature_volume) * density
 
 
 def plastic_power(state: State) -> float:
     """``sum V tau gdot`` [W] over the points (eq. 2.15); 0 for a law without a yield criterion."""
-    if not state.scene.material.granular:
-        return 0.0
-    return float(np.sum(state.quadrature_volume * state.shear_stress * state.shear_rate))
+    yields = state.of_material("granular") > 0
+    return float(np.sum((state.quadrature_volume * state.shear_stress * state.shear_rate)[yields]))
 
 
 def energy_budget(trajectory: Iterable[State]) -> EnergyBudget:

@@ -13,6 +13,7 @@ from granular.measure.averaging_grid import (
     cells_of,
     filled_neighbours,
     mean_of,
+    only_material,
     point_weights,
     stencil,
     sums_of,
@@ -134,7 +135,7 @@ def phase(state: State, *, tolerance: float = 1e-9) -> NDArray[np.bool_]:
         If the state is empty, a point is off the grid, or the tolerance is negative.
     """
     non_negative("tolerance", tolerance)
-    return nodal_density(state) >= state.scene.material.rho_c * (1 - tolerance)
+    return nodal_density(state) >= only_material(state).rho_c * (1 - tolerance)
 
 
 @dataclass(frozen=True)
@@ -237,7 +238,7 @@ def cell_density_percentile(state: State, *, q: float = 99.0) -> float:
         If the state is empty, a point is off the grid, or q is outside 0 to 100.
     """
     in_range("q", q, 0.0, 100.0)
-    return float(np.percentile(cell_density(state).value, q) / state.scene.material.rho_c)
+    return float(np.percentile(cell_density(state).value, q) / only_material(state).rho_c)
 
 
 def _centres(state: State, cells: Indices) -> Array:

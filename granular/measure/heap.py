@@ -289,18 +289,18 @@ def _selected(
 def _columns(
     state: State, abscissa: Array, keep: np.ndarray, *, low: float, base: float, measure: Array
 ) -> Surface:
-    width, rho_c = state.scene.grid.cell, state.scene.material.rho_c
+    width = state.scene.grid.cell
     count = len(measure)
-    mass = np.asarray(state.mass, dtype=float)[keep]
+    solid = np.asarray(state.rest_volume, dtype=float)[keep]
     along, up = abscissa[keep], np.asarray(state.x, dtype=float)[keep, -1]
     column = np.clip(np.floor((along - low) / width).astype(np.int64), 0, count - 1)
     # The spacing at rho_c: the volume of a disconnected point does not tell where its mass is.
-    spacing = (mass / rho_c) ** (1 / len(state.scene.grid.shape))
+    spacing = solid ** (1 / len(state.scene.grid.shape))
     order = np.argsort(up, kind="stable")
     top, top_x = np.full(count, np.nan), np.full(count, np.nan)
     top[column[order]] = (up + spacing / 2)[order]
     top_x[column[order]] = along[order]
-    height = np.bincount(column, weights=mass, minlength=count) / (rho_c * measure)
+    height = np.bincount(column, weights=solid, minlength=count) / measure
     return Surface(
         low + width * (np.arange(count, dtype=float) + 0.5), top, top_x, height, base, width
     )

@@ -18,6 +18,7 @@ from granular.measure.averaging_grid import (
     cell_mass,
     filled_neighbours,
     node_shape,
+    only_material,
     require_points,
     values,
 )
@@ -51,7 +52,7 @@ def packing_fraction(state: State, *, restitution: float, d: float | None = None
 
     number = inertial_number(state, d=d)
     pressed = np.isfinite(number)
-    phi = np.asarray(state.density, dtype=float) / cast(MuI, state.scene.material).rho_s
+    phi = np.asarray(state.density, dtype=float) / cast(MuI, only_material(state)).rho_s
     steady = packing_fraction_of_inertial_number(np.where(pressed, number, 0.0), restitution)
     return np.where(pressed, steady, phi)
 
@@ -127,7 +128,7 @@ def stress_free_error(
 
     require_points(state)
     in_range("margin", margin, 0.0, JAMMED, open_low=True, open_high=True)
-    material = cast(MuI, state.scene.material)
+    material = cast(MuI, only_material(state))
     size = grain_diameter(state, d)
     if rate is None:
         rate = float(np.linalg.norm(state.v, axis=1).max()) / size
@@ -208,7 +209,7 @@ def mass_balance_error(
         if restitution is None:
             raise ValueError("restitution = None: give it, or a density to be examined")
         phi = packing_fraction(state, restitution=restitution, d=d)
-        density = cast(MuI, state.scene.material).rho_s * phi
+        density = cast(MuI, only_material(state)).rho_s * phi
     rho = nodal(state, values(state, density))
     velocity = nodal(state, "v")
     cells, corners = _surrounded(state)

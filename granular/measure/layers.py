@@ -3,7 +3,7 @@
 import numpy as np
 
 from granular.checks import finite, in_range, integer, non_negative, one_of
-from granular.measure.averaging_grid import Array, cell_mass, require_points
+from granular.measure.averaging_grid import Array, cell_mass, cell_sum, require_points
 from granular.measure.bulk import FILLED, uppermost
 from granular.measure.fields import cell_average
 from granular.state import State
@@ -51,9 +51,9 @@ def occupied_area(state: State, *, filled: float = 0.0) -> float:
         If the state is empty, a point is off the grid, or `filled` is negative.
     """
     non_negative("filled", filled)
-    mass = cell_mass(state)
-    volume = state.scene.grid.cell**mass.ndim
-    return float(np.count_nonzero(mass > filled * state.scene.material.rho_c * volume) * volume)
+    solid = cell_sum(state, state.rest_volume)
+    volume = state.scene.grid.cell**solid.ndim
+    return float(np.count_nonzero(solid > filled * volume) * volume)
 
 
 def layer_height(state: State, *, base: float | None = None) -> float:
@@ -116,8 +116,7 @@ def mean_pressure_error(
     integer("depth_cells", depth_cells, 0)
     weight = _overburden(state, per_column)
     grid = state.scene.grid
-    full = grid.cell**weight.ndim * state.scene.material.rho_c
-    filled = cell_mass(state) >= FILLED * full
+    filled = cell_sum(state, state.rest_volume) >= FILLED * grid.cell**weight.ndim
     top = uppermost(filled)
     axis = weight.ndim - 1
     field = -np.asarray(state.stress)[:, axis] if of == "normal" else state.pressure

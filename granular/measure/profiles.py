@@ -4,13 +4,11 @@ Heights are along the last axis, so that a scene with tilted gravity is measured
 """
 
 from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from granular.checks import integer, positive
-from granular.materials import MuI
 from granular.measure.averaging_grid import (
     Array,
     mean_of,
@@ -194,7 +192,10 @@ def grain_diameter(state: State, d: float | None = None) -> float:
     ValueError
         If neither is known.
     """
-    given = getattr(state.scene.material, "d", None) if d is None else d
+    known = {getattr(material, "d", None) for material in state.scene.materials}
+    if d is None and len(known) > 1:
+        raise ValueError(f"d = None must be given: the materials have the diameters {known} [m]")
+    given = next(iter(known)) if d is None else d
     if given is None:
         raise ValueError(
             "d = None: the material is given by xi alone and knows no grain diameter; "
@@ -226,7 +227,7 @@ def inertial_number(state: State, *, d: float | None = None) -> Array:
         `scaled_inertial_number` can be computed.
     """
     require_points(state)
-    factor = grain_diameter(state, d) * np.sqrt(cast(MuI, state.scene.material).rho_s)
+    factor = grain_diameter(state, d) * np.sqrt(state.of_material("rho_s"))
     return factor * _rate_over_root_pressure(state)
 
 
@@ -252,10 +253,10 @@ def scaled_inertial_number(state: State) -> Array:
         If the state is empty, or the material has no xi because it has no mu(I) law.
     """
     require_points(state)
-    material = state.scene.material
-    xi = getattr(material, "xi", None)
-    if xi is None:
-        raise ValueError(f"material {type(material).__name__} has no xi: I/I0 needs a mu(I) law")
+    xi = state.of_material("xi")
+    if not any(getattr(material, "xi", None) for material in state.scene.materials):
+        name = type(state.scene.material).__name__
+        raise ValueError(f"material {name} has no xi: I/I0 needs a mu(I) law")
     return _rate_over_root_pressure(state) / xi
 
 

@@ -123,9 +123,9 @@ def deposit(state: State) -> Deposit:
     levels = range(grid.dim - 1)
     edges = [grid.lower[k] + grid.cell * np.arange(grid.shape[k] + 1) for k in levels]
     x = np.asarray(state.x)[:, : grid.dim - 1]
-    mass, _ = np.histogramdd(x, bins=edges, weights=np.asarray(state.mass))
+    solid, _ = np.histogramdd(x, bins=edges, weights=np.asarray(state.rest_volume))
     column = grid.cell ** (grid.dim - 1)
-    thickness = mass / (state.scene.material.rho_c * column)
+    thickness = solid / column
     return Deposit(
         axes=tuple(0.5 * (edge[:-1] + edge[1:]) for edge in edges),
         thickness=thickness,

@@ -7,7 +7,7 @@ import numpy as np
 
 from granular.checks import finite, in_range, positive
 from granular.materials import Material
-from granular.measure.averaging_grid import Array, require_points
+from granular.measure.averaging_grid import Array, only_material, require_points
 from granular.measure.body import BodyMotion, body_force, body_motion
 from granular.measure.opening import each_state
 from granular.record.reader import Trajectory
@@ -267,7 +267,7 @@ def strain_history(states: States) -> StrainHistory:
     """
     rows = []
     for state in each_state(states):
-        material = cast(Material, state.scene.material)
+        material = cast(Material, only_material(state))
         if material.elasticity != "hencky":
             raise ValueError(f'elasticity = {material.elasticity!r} must be "hencky"')
         dense = state.dense

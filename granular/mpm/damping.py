@@ -59,18 +59,18 @@ def kept_by_transfer(cells: float) -> float:
     return spline**2 / (1 + 2 * half * spline * slope)
 
 
-def damping(scene: Scene) -> dict[str, float]:
-    """Rates [1/s] of the damping of points by their names in the core; all 0 without one.
+def damping(scene: Scene, material: Material) -> dict[str, float]:
+    """Rates [1/s] of the damping of the points of a material by their names in the core.
 
-    ``damping_rate`` is the largest rate s, ``ill_posed_rate`` the shear rate over sqrt(p/K) from
-    which nothing is damped, and ``crossover_rate`` the shear rate over p/K at which the viscous and
-    the elastic growth rates are equal.
+    All are 0 without one. ``damping_rate`` is the largest rate s, ``ill_posed_rate`` the shear rate
+    over sqrt(p/K) from which nothing is damped, and ``crossover_rate`` the shear rate over p/K at
+    which the viscous and the elastic growth rates are equal.
     """
-    density, material = scene.scheme.density, scene.material
+    density = scene.scheme.density
     if isinstance(density, CellAveragedDensity):
-        found = _of_cells(density, scene)
+        found = _of_cells(density, scene, material)
     elif isinstance(density, SmoothedDensity) and density.damped_waves:
-        found = _of_waves(density, scene)
+        found = _of_waves(density, scene, material)
     else:
         found = (0.0, 0.0, 0.0)
     rate, limit, crossover = found
@@ -81,9 +81,11 @@ def damping(scene: Scene) -> dict[str, float]:
     }
 
 
-def _of_waves(density: SmoothedDensity, scene: Scene) -> tuple[float, float, float]:
+def _of_waves(
+    density: SmoothedDensity, scene: Scene, material: Material
+) -> tuple[float, float, float]:
     """Rate s, limit of the shear rate over sqrt(p), and crossover rate of damped waves."""
-    material, c_w = scene.material, scene.material.wave_speed
+    c_w = material.wave_speed
     friction, xi = _flow(material)
     if not friction or material.has_fluidity:  # a fluidity has a length scale: it is well posed
         return 0.0, 0.0, 0.0
@@ -96,12 +98,14 @@ def _of_waves(density: SmoothedDensity, scene: Scene) -> tuple[float, float, flo
     return elastic / (1 - kept_by_transfer(cells)), limit, viscous / elastic
 
 
-def _of_cells(density: CellAveragedDensity, scene: Scene) -> tuple[float, float, float]:
+def _of_cells(
+    density: CellAveragedDensity, scene: Scene, material: Material
+) -> tuple[float, float, float]:
     """Rate, limit of the shear rate over sqrt(p), and no crossover, of slow flow in cells."""
-    friction, xi = _flow(scene.material)
+    friction, xi = _flow(material)
     if not friction:
         return 0.0, 0.0, 0.0
-    rate = density.slow_decay * scene.material.wave_speed / scene.grid.cell
+    rate = density.slow_decay * material.wave_speed / scene.grid.cell
     return rate, density.slow_inertial_number * xi, UNBOUNDED
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from granular import _core
 from granular.buffers import allocate
-from granular.materials import NGF
+from granular.materials import NGF, Material
 from granular.mpm.cell_codes import cell_flags, fluidity_faces
 from granular.mpm.damping import damping
 from granular.mpm.limits import check_blades, check_time_step
@@ -30,24 +30,23 @@ LOCAL_PHASE = 10.0
 
 
 def _density_numbers(scene: Scene) -> dict[str, float]:
-    """Numbers of the density; two of them are converted to what the core needs."""
+    """Numbers of the density; one of them is converted to what the core needs."""
     numbers = scene.scheme.density.numbers()
     if "relaxation_limit" in numbers:
         numbers["relaxation_limit"] = _relaxation_limit(scene)
-    if not scene.material.granular:  # material that bears tension is never disconnected
-        numbers["separation_strain"] = UNBOUNDED
     return numbers
 
 
 def _local_phase(scene: Scene) -> float:
     """Time [s] at which the diffusion of the fluidity of a nonlocal law begins."""
-    given = scene.scheme.fluidity.initial is not None
-    return 0.0 if given or not isinstance(scene.material, NGF) else LOCAL_PHASE * scene.material.t0
+    if scene.scheme.fluidity.initial is not None:
+        return 0.0
+    material = scene.nonlocal_material
+    return LOCAL_PHASE * material.t0 if isinstance(material, NGF) else 0.0
 
 
-def _parameters(scene: Scene) -> dict[str, float]:
-    """Parameters of the law by their names in the core, and other numbers of the material."""
-    material = scene.material
+def _parameters(scene: Scene, material: Material) -> dict[str, float]:
+    """Parameters of a law by their names in the core, and other numbers of the material."""
     numbers = material.arguments() | {"K": material.K, "G": material.G}
     if hasattr(material, "xi"):
         numbers["xi"] = material.xi
@@ -63,6 +62,21 @@ def _parameters(scene: Scene) -> dict[str, float]:
         numbers["p_averaging"] = averaging * layer
         numbers["reconnect_fluidity"] = float(scene.scheme.fluidity.reconnect_fluidity)
     return numbers
+
+
+def _material_row(
+    scene: Scene, material: Material
+) -> tuple[str, dict[str, float], dict[str, float]]:
+    """Law of a material, its numbers, and the parameters of its law, as the core needs them."""
+    separation = scene.scheme.density.numbers()["separation_strain"]
+    numbers = {
+        "rho_c": material.rho_c,
+        "K": material.K,
+        # material that bears tension is never disconnected
+        "separation_strain": separation if material.granular else UNBOUNDED,
+        **damping(scene, material),
+    }
+    return material.law, numbers, _parameters(scene, material)
 
 
 def largest_gravity(scene: Scene) -> float:
@@ -82,7 +96,7 @@ def averaging_interval(scene: Scene) -> int:
     scheme = scene.scheme
     if scheme.density.name != "smoothed":
         return 1
-    crossing = scene.grid.cell / scene.material.wave_speed
+    crossing = scene.grid.cell / scene.wave_speed
     dt = scheme.dt or scheme.cfl * crossing
     return max(round(scheme.density.averaging_time * crossing / dt), 1)
 
@@ -90,7 +104,7 @@ def averaging_interval(scene: Scene) -> int:
 def _relaxation_limit(scene: Scene) -> float:
     """Largest rate [1/s] of the relaxation of the log-density: eps g/c_w, g the largest gravity."""
     g = largest_gravity(scene)
-    return scene.scheme.density.relaxation_limit * g / scene.material.wave_speed if g else UNBOUNDED
+    return scene.scheme.density.relaxation_limit * g / scene.wave_speed if g else UNBOUNDED
 
 
 def _axes(scene: Scene) -> tuple[_core.AxisRow, ...]:
@@ -130,7 +144,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         density=CORE["density"][scheme.density.name],
         averaging_interval=averaging_interval(scene),
         pressure_from_density=int(scheme.density.name != "particle"),
-        law=scene.material.law,
+        materials=[_material_row(scene, material) for material in scene.materials],
         isa=isa,
         axes=_axes(scene),
         walls=[WallRow(), *rows],
@@ -143,9 +157,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         numbers={
             "dx": grid.cell,
             "half_extent": 0.5 / scene.fills[0].points_per_axis,
-            "rho_c": scene.material.rho_c,
-            "wave_speed": scene.material.wave_speed,
-            **damping(scene),
+            "wave_speed": scene.wave_speed,
             "mean_mass": mean_mass,
         },
         scheme_numbers=scheme.numbers() | {"dt": scheme.dt or 0.0},
@@ -156,10 +168,9 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
             "floor": scheme.fluidity.floor,
             "substeps": float(scheme.fluidity.substeps),
         },
-        parameters=_parameters(scene),
         fluidity_method=scheme.fluidity.method,
         fluidity_stencil=scheme.fluidity.stencil,
-        fluidity_faces=fluidity_faces(scene) if scene.material.has_fluidity else None,
+        fluidity_faces=fluidity_faces(scene) if scene.nonlocal_material is not None else None,
         bodies=[body.row() for body in scene.bodies],
     )
 
@@ -191,26 +202,41 @@ def initial_points(scene: Scene) -> dict[str, NDArray]:
     """Return the fields of the points at the start, in the order of their ids.
 
     Points are stress-free, except in lithostatic fills, which are in equilibrium: the pressure
-    grows with the depth against gravity as dp/dz = rho g with rho = rho_c exp(p/K).
+    grows with the depth against gravity as dp/dz = rho g with rho = rho_c exp(p/K). Below other
+    lithostatic fills this is exact for the same K, else to the order of p/K.
     """
-    material = scene.material
     points = scene.points()
-    weight = material.rho_c * math.hypot(*scene.gravity.at(0.0)) * points.depth
-    if weight.max() >= material.K:
-        raise ValueError(f"K = {material.K} must exceed rho_c g depth = {weight.max()}")
-    log_density = np.log(points.density / material.rho_c) - np.log1p(-weight / material.K)
+    number = _numbers_of_materials(scene)[points.fill]
+    rho_c, K = (
+        np.array([getattr(material, name) for material in scene.materials])[number]
+        for name in ("rho_c", "K")
+    )
+    weight = math.hypot(*scene.gravity.at(0.0)) * (rho_c * points.depth + points.overburden)
+    if (weight >= K).any():
+        worst = int(np.argmax(weight / K))
+        raise ValueError(f"K = {K[worst]} must exceed rho_c g depth = {weight[worst]}")
+    log_density = np.log(points.density / rho_c) - np.log1p(-weight / K)
     fields = {
         "x": points.x,
         "v": points.v,
         "log_density": log_density,
-        "mass": points.density * points.volume / (1.0 - weight / material.K),
+        "mass": points.density * points.volume / (1.0 - weight / K),
     }
+    if len(scene.materials) > 1:
+        fields["material"] = number.astype(np.float64)
     if weight.any():
         fields["stress"] = np.zeros((len(weight), 4 if scene.dim == 2 else 6))
-        fields["stress"][:, :3] = -material.K * np.where(points.depth > 0, log_density, 0)[:, None]
-    if scene.scheme.fluidity.initial is not None and material.has_fluidity:
-        fields["g"] = np.full(len(weight), scene.scheme.fluidity.initial)
+        fields["stress"][:, :3] = -(K * np.where(points.depth > 0, log_density, 0))[:, None]
+    flows = np.array([material.has_fluidity for material in scene.materials])
+    if scene.scheme.fluidity.initial is not None and flows.any():
+        fields["g"] = np.where(flows[number], scene.scheme.fluidity.initial, 0.0)
     return fields
+
+
+def _numbers_of_materials(scene: Scene) -> NDArray[np.int64]:
+    """Number of the material of each fill, in `scene.materials`."""
+    materials = scene.materials
+    return np.array([materials.index(fill.material or scene.material) for fill in scene.fills])
 
 
 def initial_buffers(engine: _core.Engine, points: Mapping[str, NDArray]) -> dict[str, NDArray]:

@@ -112,7 +112,7 @@ def courant_limit(scene: Scene) -> float:
 
 def dt_limit(scene: Scene) -> float:
     """Largest stable time step at rest [s]: courant_limit dx/c with c = sqrt((K + 4G/3)/rho_c)."""
-    return courant_limit(scene) * scene.grid.cell / scene.material.wave_speed
+    return courant_limit(scene) * scene.grid.cell / scene.wave_speed
 
 
 def check_time_step(scene: Scene) -> None:
@@ -125,7 +125,7 @@ def check_time_step(scene: Scene) -> None:
                 f"in {scene.dim} dimensions"
             )
         return
-    wave, speed = scene.material.wave_speed, _fastest(scene)
+    wave, speed = scene.wave_speed, _fastest(scene)
     largest = limit * scene.grid.cell / (wave + speed)
     if scheme.dt > largest:
         raise ValueError(
@@ -278,7 +278,8 @@ def _layer(scene: Scene) -> str | None:
 
 def _locking(scene: Scene) -> str | None:
     """Volumetric locking of nearly incompressible material."""
-    nu, limit = scene.material.nu, LOCKING[scene.scheme.basis]
+    nu = max(material.nu for material in scene.materials)
+    limit = LOCKING[scene.scheme.basis]
     if nu <= limit:
         return None
     return (
@@ -290,7 +291,9 @@ def _locking(scene: Scene) -> str | None:
 def _slope(scene: Scene) -> str | None:
     """Endless layer on a slope outside of the range where the mu(I) law is well posed."""
     material, grid = scene.material, scene.grid
-    if not isinstance(material, MuI) or not _many_columns(scene) or not all(grid.periodic[:-1]):
+    if not isinstance(material, MuI) or len(scene.materials) > 1:
+        return None
+    if not _many_columns(scene) or not all(grid.periodic[:-1]):
         return None
     *along, across = scene.gravity.vectors[-1]
     if not across < 0:
@@ -310,8 +313,10 @@ def _slope(scene: Scene) -> str | None:
 
 def _grains(scene: Scene) -> str | None:
     """Cells smaller than the grains of a local law; a nonlocal law contains the grain size."""
-    d = getattr(scene.material, "d", None)
-    if d is None or scene.grid.cell >= d or scene.material.has_fluidity:
+    local = [material for material in scene.materials if not material.has_fluidity]
+    sizes = [size for material in local if (size := getattr(material, "d", None)) is not None]
+    d = max(sizes, default=0.0)
+    if scene.grid.cell >= d:
         return None
     return f"cell = {scene.grid.cell} is smaller than the grains, d = {d}: there is no continuum"
 
@@ -320,7 +325,7 @@ def _fluidity(scene: Scene) -> str | None:
     """Initial fluidity of points that are stress-free at the start."""
     initial = scene.scheme.fluidity.initial
     lithostatic = all(fill.lithostatic for fill in scene.fills)
-    if not initial or lithostatic or not scene.material.has_fluidity:
+    if not initial or lithostatic or scene.nonlocal_material is None:
         return None
     return (
         f"fluidity.initial = {initial}: points that are stress-free at the start lose their "
@@ -440,7 +445,7 @@ def height(scene: Scene) -> float:
 
 
 def _granular(scene: Scene) -> bool:
-    return scene.material.granular
+    return any(material.granular for material in scene.materials)
 
 
 def _many_columns(scene: Scene) -> bool:

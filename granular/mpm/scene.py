@@ -28,6 +28,10 @@ from granular.serializable import Parameters, register
 __all__ = ["Parameters", "Scene", "Servo"]
 
 
+MOST_MATERIALS = 8
+"""Largest number of materials of a scene, that of csrc/mpm/materials.h."""
+
+
 class Servo(NamedTuple):
     """A wall that keeps a pressure: its index, axis and coordinate [m], and the pressure [Pa]."""
 
@@ -50,6 +54,7 @@ class Scene(BaseScene):
     fills : sequence of Fill
         Material at the start, at least one.
     material : Material
+        Material of the fills that have none of their own.
     scheme : Scheme
     walls : sequence of Wall and Solid
         Walls and blocks. A side of the grid that is neither open nor has a wall only keeps points
@@ -107,9 +112,11 @@ class Scene(BaseScene):
             raise ValueError(
                 f"sponge_layers = {self.sponge_layers} must be one along an axis at most"
             )
-        if self.material.has_fluidity and self.scheme.basis == "ugimp":
+        fluid = self.nonlocal_material
+        if fluid is not None and self.scheme.basis == "ugimp":
             raise ValueError('basis = "ugimp" must be "linear" or "quadratic" for a nonlocal law')
-        if self.scheme.fluidity.reconnect_fluidity and self.material.elasticity != "hencky":
+        reconnects = fluid or self.material
+        if self.scheme.fluidity.reconnect_fluidity and reconnects.elasticity != "hencky":
             raise ValueError('reconnect_fluidity = True must go with elasticity = "hencky"')
         if any(fill.lithostatic for fill in self.fills):
             along = self.gravity.at(0.0)[np.array(self.grid.periodic)]
@@ -119,9 +126,10 @@ class Scene(BaseScene):
                     "t = 0 for lithostatic fills"
                 )
         self._check_servos()
+        self._check_materials()
         if self.scheme.transfer == "xpic" and any(getattr(w, "velocity", None) for w in self.walls):
             raise ValueError('transfer = "xpic" must be another one where walls have a velocity')
-        if self.scheme.sleep_speed and (self.material.has_fluidity or self.servos):
+        if self.scheme.sleep_speed and (fluid is not None or self.servos):
             raise ValueError(
                 f"sleep_speed = {self.scheme.sleep_speed} must be 0 for a nonlocal law, and where "
                 "a wall keeps a pressure"
@@ -129,6 +137,46 @@ class Scene(BaseScene):
         for axis, (n, periodic) in enumerate(zip(self.grid.shape, self.grid.periodic, strict=True)):
             lines = c0_lines(self.grid, self.walls, axis)
             check_c0_lines(self.scheme.basis, n, periodic, lines)
+
+    @property
+    def materials(self) -> tuple[Material, ...]:
+        """The different materials: that of the scene, and others in the order of the fills.
+
+        The field `material` of a state numbers them, if there are several.
+        """
+        of_fills = [fill.material for fill in self.fills if fill.material is not None]
+        return tuple(dict.fromkeys([self.material, *of_fills]))
+
+    @property
+    def nonlocal_material(self) -> Material | None:
+        """The material with a fluidity, one at most; None without one."""
+        return next((material for material in self.materials if material.has_fluidity), None)
+
+    def _check_materials(self) -> None:
+        """Refuse combinations of materials that the method does not have."""
+        count = len(self.materials)
+        if count == 1:
+            return
+        names = [type(material).__name__ for material in self.materials]
+        if count > MOST_MATERIALS:
+            raise ValueError(f"{count} materials, {names}, must be {MOST_MATERIALS} at most")
+        if sum(material.has_fluidity for material in self.materials) > 1:
+            raise ValueError(f"materials {names} must have at most one with a nonlocal law")
+        if self.scheme.density.name == "cell_averaged":
+            raise ValueError(
+                "density = CellAveragedDensity() must be SmoothedDensity() or ParticleDensity() "
+                f"with several materials, {names}: the points of a cell would share one density"
+            )
+        if self.nonlocal_material is not None and self.scheme.fluidity.substeps > 1:
+            raise ValueError(
+                f"substeps = {self.scheme.fluidity.substeps} of the fluidity must be 1 with "
+                f"several materials, {names}"
+            )
+        for servo in self.servos:
+            raise ValueError(
+                f"walls[{servo.wall}].pressure = {servo.pressure} must be None with several "
+                f"materials, {names}"
+            )
 
     def _seeding(self) -> dict[str, Any]:
         gravity = self.gravity.at(0.0)

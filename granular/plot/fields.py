@@ -71,6 +71,7 @@ QUANTITIES: dict[str, Quantity] = {
     "scaled_inertial_number": Quantity("I/I0", log=True, cmap="plasma"),
     "dense": Quantity("phase by stress borne", two=True),
     "phase": Quantity("phase by nodal density", two=True),
+    "material": Quantity("number of the material", cmap="cividis"),
     "mass": Quantity("mass", "kg"),
     "volume": Quantity("volume", "m³"),
     "id": Quantity("id"),

@@ -17,6 +17,7 @@ from granular.scenes.conveyor import conveyor
 from granular.scenes.couette import couette
 from granular.scenes.excavation import excavation, excavator
 from granular.scenes.files import SceneFile, changed, read_scene, template
+from granular.scenes.flexible_barrier import flexible_barrier
 from granular.scenes.hopper import hopper
 from granular.scenes.hourglass import hourglass
 from granular.scenes.incline import chute_ngf, incline
@@ -45,6 +46,7 @@ __all__ = [
     "cylinder_collapse",
     "excavation",
     "excavator",
+    "flexible_barrier",
     "fluidised_bed",
     "hopper",
     "hourglass",

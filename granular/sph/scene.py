@@ -123,6 +123,8 @@ class Scene(BaseScene):
                 raise ValueError(f"fills[{i}].points_per_cell = {fill.points_per_cell} must be 1")
             if isinstance(fill.region, Cloud):
                 raise ValueError(f"fills[{i}].region must not be a Cloud: particles have one mass")
+            if fill.material is not None:
+                raise ValueError(f"fills[{i}].material must be None: SPH has one material")
             if fill.density is not None or fill.lithostatic:
                 raise ValueError(
                     f"fills[{i}] must have the density of the material and no weight on it"

@@ -17,7 +17,7 @@ NOT_ABOVE_ZERO = {
     *("cylinder_collapse.ramp", "hourglass.ramp", "incline.ramp", "silo.ramp", "chute_ngf.ramp"),
     *("hopper.ramp", "rotating_drum.width"),
     *("conveyor.speed", "conveyor.width", "gate_friction", "obstacle_friction"),
-    *("obstacle.speed", "obstacle.gap", "obstacle.width"),
+    *("obstacle.speed", "obstacle.gap", "obstacle.width", "flexible_barrier.speed", "plate_nu"),
 }
 """Numbers that may be 0 or less in all scenes, or in one."""
 CASES = [

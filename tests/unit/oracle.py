@@ -116,7 +116,9 @@ def grid(scene, points, nodes, dt, time):
         neighbour_corrections(scene, nodes, fixed)
     nodes.v, nodes.before = after, v
     if hasattr(nodes, "damped"):
-        share = damping(scene)["damping_rate"] * dt * _ratio(nodes.damped, nodes.mass)
+        share = (
+            damping(scene, scene.material)["damping_rate"] * dt * _ratio(nodes.damped, nodes.mass)
+        )
         nodes.damping = keep * np.minimum(share, 1.0)[:, None]
         keep = keep - nodes.damping
     nodes.w = keep * (after - v) + (1 - keep) * after

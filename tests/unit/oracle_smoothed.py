@@ -111,7 +111,7 @@ def mean_of_cells(scene, x, mass, value):
 
 def damped_share(scene, rate, c):
     """Damping of ill-posed plastic flow, over its largest rate."""
-    numbers = damping(scene)
+    numbers = damping(scene, scene.material)
     end = numbers["ill_posed_rate"] * np.sqrt(np.maximum(c, 0.0))
     damped = (rate > 0) & (rate < end)
     elastic = numbers["crossover_rate"] * np.maximum(c, 0.0)

@@ -16,7 +16,7 @@ def material(**changes):
     E, nu = 1e7, 0.3
     numbers = dict(
         E=E, nu=nu, K=E / (3 * (1 - 2 * nu)), G=E / (2 * (1 + nu)), mu_s=0.3819, mu_2=0.6435,
-        rho_s=RHO_S, rho_c=RHO_C, xi=XI, I0=None, d=None,
+        rho_s=RHO_S, rho_c=RHO_C, xi=XI, I0=None, d=None, granular=True,
     )  # fmt: skip
     return SimpleNamespace(**(numbers | changes))
 
@@ -24,6 +24,7 @@ def material(**changes):
 def scene(shape, cell, *, lower=None, periodic=None, gravity=None, parameters=None, grains=None):
     """Grid, material and constant gravity of a scene."""
     dim = len(shape)
+    grains = grains or material()
     down = (0.0,) * (dim - 1) + (-9.8,) if gravity is None else gravity
     return SimpleNamespace(
         name="synthetic",
@@ -34,7 +35,8 @@ def scene(shape, cell, *, lower=None, periodic=None, gravity=None, parameters=No
             periodic=(False,) * dim if periodic is None else periodic,
             dim=dim,
         ),
-        material=grains or material(),
+        material=grains,
+        materials=(grains,),
         gravity=Gravity((0.0,), (down,)),
         duration=1.0,
         parameters=parameters or {},
@@ -60,8 +62,14 @@ def state(scene, x, *, mass=None, rho=RHO_C, per_cell=4, time=0.0, ids=None, **f
     rho = np.broadcast_to(np.asarray(rho, dtype=float), n)
     p = -stress[:, :3].sum(axis=1) / 3
     rate = np.broadcast_to(np.asarray(fields.get("shear_rate", 0.0), dtype=float), n)
+
+    def of_material(name, missing=np.nan):
+        value = getattr(scene.material, name, None)
+        return np.full(n, missing if value is None else value)
+
     return SimpleNamespace(
         scene=scene, time=time, n=n, dim=dim, x=x, v=v, stress=stress, mass=mass, density=rho,
+        of_material=of_material, rest_volume=mass / getattr(scene.material, "rho_c", RHO_C),
         volume=mass / rho, quadrature_volume=mass / rho, pressure=p, dense=p > 0, shear_rate=rate,
         id=np.arange(n) if ids is None else np.asarray(ids),
     )  # fmt: skip

@@ -45,8 +45,9 @@ COARSE = {"couette": {"cell": 0.02, "height": 0.06}, "excavation": {"cell": 0.02
 
 MPM = (
     *("chute_ngf", "clogging_silo", "column_collapse", "conveyor", "couette"),
-    *("cylinder_collapse", "excavation", "excavator", "hopper", "hourglass", "incline"),
-    *("landslide", "obstacle", "penetration", "rotating_drum", "silo", "silo_3d", "slug", "wheel"),
+    *("cylinder_collapse", "excavation", "excavator", "flexible_barrier", "hopper", "hourglass"),
+    *("incline", "landslide", "obstacle", "penetration", "rotating_drum", "silo", "silo_3d"),
+    *("slug", "wheel"),
 )
 SPH = (
     *("column_collapse", "column_collapse_sph", "fluidised_bed", "incline_sph"),
@@ -150,7 +151,10 @@ def test_keywords_of_the_scene_come_before_those_of_its_material():
 
 
 NONLOCAL = ("chute_ngf", "clogging_silo", "silo_3d", "couette", "excavation", "wheel", "excavator")
-SOFT = ("conveyor", "hopper", "landslide", "obstacle", "penetration", "rotating_drum")
+SOFT = (
+    *("conveyor", "flexible_barrier", "hopper", "landslide", "obstacle", "penetration"),
+    "rotating_drum",
+)
 """Scenes of `glass_beads` with another E."""
 
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from granular.measure.averaging_grid import Array, require_points
+from granular.measure.averaging_grid import Array, only_material, require_points
 from granular.measure.opening import Opening, each_state, opening_of
 from granular.state import State
 from granular.typing import States
@@ -88,7 +88,7 @@ def arch_outline(states: States, *, opening: Opening | None = None) -> Arch:
 def _outline(state: State, where: Opening) -> Array:
     """The outline of one state, one row (x, y) for each column of squares."""
     mass = np.asarray(state.mass, dtype=float)
-    spacing = np.sqrt(mass / state.scene.material.rho_c)
+    spacing = np.sqrt(mass / only_material(state).rho_c)
     side = 2 * float(np.median(spacing))
     places = where.places(state)
     keep = np.asarray(state.dense, dtype=bool) & (places[:, 1] > 0)

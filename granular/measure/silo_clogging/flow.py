@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.checks import in_range, positive
-from granular.measure.averaging_grid import Array
+from granular.measure.averaging_grid import Array, only_material
 from granular.measure.opening import Opening, each_state, opening_of
 from granular.state import State
 
@@ -144,7 +144,7 @@ def silo_history(trajectory: Iterable[State], *, opening: Opening | None = None)
     rows = []
     for state in each_state(trajectory):
         where = opening_of(state, opening)
-        material, scene = state.scene.material, state.scene
+        material, scene = only_material(state), state.scene
         x, y = where.places(state).T
         mass = np.asarray(state.mass, dtype=float)
         dense = np.asarray(state.dense, dtype=bool) & (y > 0)

@@ -1,0 +1,38 @@
+/* Materials of a scene, by the number that a point carries in the field `material` where there are several. The
+ * velocity field is one, so that materials stick to each other. */
+#pragma once
+
+#include "law/law.h"
+
+enum { GR_MAX_MATERIALS = 8 };
+
+/* A material as given. */
+struct gr_material {
+    int law;
+    double rho_c, K;          /* kg/m^3; bulk modulus, Pa */
+    double separation_strain; /* points with a log-density below minus this are disconnected; NO_SEPARATION of one that
+                                 bears tension */
+    double ill_posed_rate;    /* shear rate over sqrt(ln(rho/rho_c)) below which plastic flow is ill posed, 1/s */
+    double damping_rate;      /* of the short waves in such a flow if it is slow, 1/s */
+    double crossover_rate;    /* shear rate over ln(rho/rho_c) at which their growth is no longer elastic, 1/s */
+    double parameter[GR_LAW_MAX_PARAMETERS];
+};
+
+/* Separation strains from this one on are of materials that bear tension. */
+#define NO_SEPARATION 1e3
+
+/* Numbers of the materials that kernels look up, prepared by gr_prepare_materials. X(name, description) */
+#define GR_MATERIAL_NUMBERS(X)                                                \
+    X(FORCE_SCALE, "-1/(rho_c dx)")                                           \
+    X(FILLING, "rho_c of the first material over its own: volumes as masses") \
+    X(STIFFNESS, "its K over that of the first: log-densities as pressures")  \
+    X(SOFTNESS, "the inverse")                                                \
+    X(SEPARATION, "minus the separation strain")                              \
+    X(STRESSED, "log-density from which points have stress")                  \
+    X(ILL_POSED, "square of the ill-posed rate")                              \
+    X(CROSSOVER, "crossover rate")                                            \
+    X(DAMPED, "its damping rate over the largest one; 1 if nothing is damped")
+
+#define GR_X(name, doc) GR_MATERIAL_##name,
+enum gr_material_number { GR_MATERIAL_NUMBERS(GR_X) GR_MATERIAL_NUMBER_COUNT };
+#undef GR_X

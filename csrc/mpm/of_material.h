@@ -1,0 +1,30 @@
+/* Numbers of the material of a point. */
+#pragma once
+
+#include "mpm/engine.h"
+
+/* The number of the material of the point at a place. Arrays may hold anything: what names no material is the first. */
+static inline int gr_material_at(const struct gr_engine *e, int64_t place)
+{
+    if (e->config.n_materials == 1) return 0;
+    const double k = e->field[GR_FIELD_material][place];
+    return k > 0 && k < e->config.n_materials ? (int)k : 0;
+}
+
+/* Number `which` (GR_MATERIAL_NUMBERS) of the materials of the points at the places from `at` on. */
+GR_INLINE vd gr_of_material(const struct gr_engine *e, int which, int64_t at)
+{
+    const double *number = e->material_number[which];
+    double value[GR_W];
+    if (__builtin_expect(e->config.n_materials == 1, 1)) return v_set(number[0]);
+    const vd own = v_load(e->field[GR_FIELD_material] + at), first = v_set(e->field[GR_FIELD_material][at]);
+    if (m_bits(m_and(v_ge(own, first), v_ge(first, own))) == GR_ALL_LANES) return v_set(number[gr_material_at(e, at)]);
+    for (int l = 0; l < GR_W; l++) value[l] = number[gr_material_at(e, at + l)];
+    return v_load(value);
+}
+
+/* The mass of the point at a place if it were of the first material, kg: a measure of its volume. */
+static inline double gr_volume_as_mass(const struct gr_engine *e, int64_t place)
+{
+    return e->field[GR_FIELD_mass][place] * e->material_number[GR_MATERIAL_FILLING][gr_material_at(e, place)];
+}
