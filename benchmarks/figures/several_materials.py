@@ -61,7 +61,7 @@ def main() -> None:
     times = np.linspace(0.0, 1.5, 76)
     states, moved = deflection(cell, times)
     shown = states[30]
-    plot.frame(shown, "speed", ax=middle, title=f"a flow against a plate, t = {shown.time:.2f} s")
+    plot.frame(shown, "speed", ax=middle, title=f"a flow against an elastic plate (grey), t = {shown.time:.2f} s")
     plate = shown.x[shown.material == 1]
     middle.plot(*plate.T, "s", color="0.7", markersize=2.0, markeredgewidth=0)
     below.plot(times, 1e3 * moved)
