@@ -136,6 +136,10 @@ mass"""
 AxisRow = tuple[int, float, bool, bool, bool, NDArray[np.int32], float, float]
 """cells, lower (m), periodic, open_low, open_high, C0 lines, sponge: above (m), damping (1/s)"""
 
+MaterialRow = tuple[
+    str, dict[str, float], dict[str, float], tuple[object, tuple[float, ...], bool] | None
+]
+
 @final
 class Engine:
     def __init__(
@@ -147,7 +151,7 @@ class Engine:
         density: int,
         averaging_interval: int,
         pressure_from_density: int,
-        materials: list[tuple[str, dict[str, float], dict[str, float]]],
+        materials: list[MaterialRow],
         isa: str,
         axes: tuple[AxisRow, ...],
         walls: list[tuple[int, float, int, int, float, int, tuple[float, float, float]]],

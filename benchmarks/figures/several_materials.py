@@ -36,7 +36,7 @@ def layered(cell: float) -> gr.Scene:
 
 
 def deflection(cell: float, times: np.ndarray) -> tuple[list[gr.State], np.ndarray]:
-    """States of a flow against an elastic plate (grey), and the displacement of its top [m]."""
+    """States of a flow against a plate, and the displacement of its top [m]."""
     sim = gr.Simulation(gr.scenes.flexible_barrier(cell=cell, duration=float(times[-1])))
     ids = sim.state.id[(sim.state.material == 1) & (sim.state.x[:, 1] > TOP - cell)]
     states, places = [], []
@@ -61,7 +61,12 @@ def main() -> None:
     times = np.linspace(0.0, 1.5, 76)
     states, moved = deflection(cell, times)
     shown = states[30]
-    plot.frame(shown, "speed", ax=middle, title=f"a flow against an elastic plate (grey), t = {shown.time:.2f} s")
+    plot.frame(
+        shown,
+        "speed",
+        ax=middle,
+        title=f"a flow against an elastic plate (grey), t = {shown.time:.2f} s",
+    )
     plate = shown.x[shown.material == 1]
     middle.plot(*plate.T, "s", color="0.7", markersize=2.0, markeredgewidth=0)
     below.plot(times, 1e3 * moved)

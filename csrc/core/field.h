@@ -5,7 +5,7 @@
  * xz in 3D; the components of a gradient are in row-major order. */
 #pragma once
 
-enum gr_kind { GR_SCALAR, GR_VECTOR, GR_TENSOR, GR_STRESS };
+enum gr_kind { GR_SCALAR, GR_VECTOR, GR_TENSOR, GR_STRESS, GR_FOUR };
 enum gr_need {
     GR_ALWAYS,
     GR_AFFINE,
@@ -17,6 +17,7 @@ enum gr_need {
     GR_TOUCHED,
     GR_HARDENING,
     GR_SEVERAL,
+    GR_REMEMBERS,
     GR_ELASTIC
 };
 
@@ -38,7 +39,8 @@ enum gr_need {
     X(side, GR_SCALAR, GR_SIDED, "1", "side of a thin body, 1 or -1; 0 away from thin bodies")                    \
     X(contact_force, GR_VECTOR, GR_TOUCHED, "N", "force of the bodies in the last step; 0 away from them")        \
     X(plastic_strain, GR_SCALAR, GR_HARDENING, "1", "norm of the plastic strain, summed over the steps")          \
-    X(material, GR_SCALAR, GR_SEVERAL, "1", "number of the material in `scene.materials`")
+    X(material, GR_SCALAR, GR_SEVERAL, "1", "number of the material in `scene.materials`")                        \
+    X(history, GR_FOUR, GR_REMEMBERS, "1", "variables of a law of one's own, in the order of its `history`")
 
 #define GR_X(name, kind, need, unit, doc) GR_FIELD_##name,
 enum gr_field { GR_FIELDS(GR_X) GR_FIELD_COUNT };
@@ -54,7 +56,11 @@ extern const struct gr_field_info gr_field_table[GR_FIELD_COUNT];
 
 static inline int gr_kind_components(enum gr_kind kind, int dim)
 {
-    return kind == GR_VECTOR ? dim : kind == GR_TENSOR ? dim * dim : kind == GR_STRESS ? (dim == 2 ? 4 : 6) : 1;
+    return kind == GR_VECTOR   ? dim
+           : kind == GR_TENSOR ? dim * dim
+           : kind == GR_STRESS ? (dim == 2 ? 4 : 6)
+           : kind == GR_FOUR   ? 4
+                               : 1;
 }
 
 static inline int gr_field_components(int field, int dim) { return gr_kind_components(gr_field_table[field].kind, dim); }

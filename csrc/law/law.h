@@ -54,6 +54,17 @@ int gr_law_index(const char *name);
         "xi", "sqrt(m/kg)", "rate constant I0/(d sqrt(rho_s))"                                                           \
     }
 
+/* Variables of the history of a point that a law of the user's own may keep, and numbers that it may have. */
+enum { GR_HISTORY_COUNT = 4, GR_OWN_PARAMETERS = 32 };
+
+/* Update of n points by a law of the user's own, in arrays of n numbers, one component after the other.
+ * Given: dim, 2 or 3; dt, s; the parameters: K and G, Pa, then the user's; gradient (dim*dim), L dt, row-major;
+ * log_density at the end of the step; in `stress` (4 or 6: xx, yy, zz, xy, yz, xz) the trial stress, Pa.
+ * Updated: stress at the end of the step; history (GR_HISTORY_COUNT). Returned: shear_rate, 1/s, 0 before.
+ * Spare places are among the points: their numbers are finite, and what becomes of them does not matter. */
+typedef void gr_own_update(int64_t n, int64_t dim, double dt, const double *parameters, const double *gradient,
+                           const double *log_density, double *stress, double *shear_rate, double *history);
+
 /* One call of a law for `n_blocks` blocks of GR_W points.
  *
  * Given: slot[k], the first place of block k in the point arrays; gradient[k*dim*dim*GR_W...], the increment L dt of
@@ -82,6 +93,10 @@ struct gr_law_call {
     int begins;
     double *stress[6];
     double *shear_rate, *g, *gain, *plastic_strain;
+    gr_own_update *own; /* of a law of the user's own, with its numbers; `history` with `capacity` places per component */
+    const double *own_parameter;
+    double *history;
+    int64_t capacity;
 };
 
 /* State of a block of points between the substeps of a step, in runs of GR_W (law/substep.h). X(name, description) */

@@ -33,15 +33,19 @@ static void call_law(const struct gr_engine *e, int k, const struct batch *batch
                                .shear_rate = e->record_rates ? e->field[GR_FIELD_shear_rate] : 0,
                                .g = e->field[GR_FIELD_g],
                                .gain = e->field[GR_FIELD_g_gain],
-                               .plastic_strain = e->field[GR_FIELD_plastic_strain]};
+                               .plastic_strain = e->field[GR_FIELD_plastic_strain],
+                               .own = material->own,
+                               .own_parameter = material->own_parameter,
+                               .history = material->remembers ? e->field[GR_FIELD_history] : 0,
+                               .capacity = e->capacity};
     for (int c = 0; c < (e->config.dim == 2 ? 4 : 6); c++) call.stress[c] = e->field[GR_FIELD_stress] + c * e->capacity;
     laws[material->law]->update[e->config.dim - 2](&call);
 }
 
 /* Fields of a point that laws change. */
-static const enum gr_field changed_by_laws[] = {GR_FIELD_stress, GR_FIELD_shear_rate, GR_FIELD_g, GR_FIELD_g_gain,
-                                                GR_FIELD_plastic_strain};
-enum { MOST_CHANGED = 10 };
+static const enum gr_field changed_by_laws[] = {GR_FIELD_stress, GR_FIELD_shear_rate,     GR_FIELD_g,
+                                                GR_FIELD_g_gain, GR_FIELD_plastic_strain, GR_FIELD_history};
+enum { MOST_CHANGED = 14 };
 
 /* Copy what laws change of a block of points to a buffer, or from it to the lanes whose points are not of material k. */
 static void keep_others(const struct gr_engine *e, int64_t at, int k, double *buffer, int back)

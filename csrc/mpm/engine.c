@@ -21,9 +21,12 @@ int gr_nonlocal_material(const struct gr_config *config)
 
 int gr_engine_uses(const struct gr_config *config, int field)
 {
-    int hardens = 0;
+    int hardens = 0, remembers = 0;
     const int nonlocal = gr_nonlocal_material(config) >= 0;
-    for (int k = 0; k < config->n_materials; k++) hardens |= gr_law_at(config->material[k].law)->hardens;
+    for (int k = 0; k < config->n_materials; k++) {
+        hardens |= gr_law_at(config->material[k].law)->hardens;
+        remembers |= config->material[k].remembers;
+    }
     const int needed[] = {[GR_ALWAYS] = 1,
                           [GR_AFFINE] = config->affine != GR_AFFINE_NONE,
                           [GR_SMOOTHED] = config->smoothed,
@@ -33,7 +36,8 @@ int gr_engine_uses(const struct gr_config *config, int field)
                           [GR_SIDED] = gr_list_thin(config, 0) > 0,
                           [GR_TOUCHED] = config->n_bodies > 0,
                           [GR_HARDENING] = hardens,
-                          [GR_SEVERAL] = config->n_materials > 1};
+                          [GR_SEVERAL] = config->n_materials > 1,
+                          [GR_REMEMBERS] = remembers};
     return needed[gr_field_table[field].need];
 }
 

@@ -16,6 +16,9 @@ struct gr_material {
     double damping_rate;      /* of the short waves in such a flow if it is slow, 1/s */
     double crossover_rate;    /* shear rate over ln(rho/rho_c) at which their growth is no longer elastic, 1/s */
     double parameter[GR_LAW_MAX_PARAMETERS];
+    gr_own_update *own; /* of a law of the user's own */
+    double own_parameter[GR_OWN_PARAMETERS];
+    int remembers; /* 1 if that law has a history */
 };
 
 /* Separation strains from this one on are of materials that bear tension. */

@@ -181,7 +181,24 @@ static int take_all_numbers(struct gr_config *c, PyObject *numbers, PyObject *fl
     return 0;
 }
 
-/* The materials, a list of tuples (law, numbers, parameters of the law). */
+/* A law of the user's own, None or a tuple (capsule of a gr_own_update, its numbers, 1 if it has a history). */
+static int take_own(struct gr_material *m, PyObject *own)
+{
+    PyObject *capsule, *numbers;
+    if (own == Py_None) return 0;
+    if (!PyTuple_Check(own)) return gr_refuse("the function of a law must be a tuple (capsule, numbers, remembers) or None");
+    if (!PyArg_ParseTuple(own, "OO!p", &capsule, &PyTuple_Type, &numbers, &m->remembers)) return -1;
+    if (!PyCapsule_IsValid(capsule, "granular.own_law"))
+        return gr_refuse("the function of a law must be a capsule named granular.own_law");
+    if (PyTuple_GET_SIZE(numbers) > GR_OWN_PARAMETERS)
+        return gr_refuse("a law has %zd numbers, must have %d at most", PyTuple_GET_SIZE(numbers), GR_OWN_PARAMETERS);
+    for (Py_ssize_t k = 0; k < PyTuple_GET_SIZE(numbers); k++)
+        m->own_parameter[k] = PyFloat_AsDouble(PyTuple_GET_ITEM(numbers, k));
+    m->own = (gr_own_update *)PyCapsule_GetPointer(capsule, "granular.own_law");
+    return PyErr_Occurred() ? -1 : 0;
+}
+
+/* The materials, a list of tuples (law, numbers, parameters of the law, function of a law of the user's own). */
 static int take_materials(struct gr_config *c, PyObject *list)
 {
     if (!PyList_Check(list) || PyList_GET_SIZE(list) < 1 || PyList_GET_SIZE(list) > GR_MAX_MATERIALS)
@@ -189,11 +206,12 @@ static int take_materials(struct gr_config *c, PyObject *list)
     c->n_materials = (int)PyList_GET_SIZE(list);
     for (int k = 0; k < c->n_materials; k++) {
         struct gr_material *m = &c->material[k];
-        PyObject *numbers, *parameters;
+        PyObject *numbers, *parameters, *own;
         const char *name;
         if (!PyTuple_Check(PyList_GET_ITEM(list, k)))
-            return gr_refuse("materials[%d] must be a tuple (law, numbers, parameters)", k);
-        if (!PyArg_ParseTuple(PyList_GET_ITEM(list, k), "sO!O!", &name, &PyDict_Type, &numbers, &PyDict_Type, &parameters))
+            return gr_refuse("materials[%d] must be a tuple (law, numbers, parameters, own)", k);
+        if (!PyArg_ParseTuple(PyList_GET_ITEM(list, k), "sO!O!O", &name, &PyDict_Type, &numbers, &PyDict_Type, &parameters,
+                              &own))
             return -1;
         m->law = gr_law_index(name);
         if (m->law < 0) return gr_refuse("there is no law \"%s\"", name);
@@ -203,6 +221,7 @@ static int take_materials(struct gr_config *c, PyObject *list)
             take_number(numbers, "damping_rate", &m->damping_rate) ||
             take_number(numbers, "crossover_rate", &m->crossover_rate))
             return -1;
+        if (take_own(m, own)) return -1;
         const struct gr_law *law = gr_law_at(m->law);
         for (int q = 0; q < gr_law_parameters(law); q++)
             if (take_number(parameters, law->parameter[q].name, &m->parameter[q])) return -1;

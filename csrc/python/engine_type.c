@@ -34,7 +34,9 @@ static int engine_init(struct gr_object *self, PyObject *args, PyObject *kwargs)
     struct gr_engine *e;
     const char *isa;
     if (gr_parse_config(args, kwargs, &config, &tables, &isa) || gr_begin_object(self, isa)) return -1;
-    Py_XSETREF(self->borrowed, PyList_AsTuple(PyDict_GetItemString(kwargs, "bodies"))); /* the tables of their shapes */
+    /* the tables of the shapes of bodies, and the functions of laws */
+    Py_XSETREF(self->borrowed, Py_BuildValue("(NN)", PyList_AsTuple(PyDict_GetItemString(kwargs, "bodies")),
+                                             PyList_AsTuple(PyDict_GetItemString(kwargs, "materials"))));
     if (!self->borrowed) return -1;
     const int error = gr_engine_new(&e, &config);
     if (error) gr_raise(error, NULL);

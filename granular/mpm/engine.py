@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from granular import _core
 from granular.buffers import allocate
 from granular.materials import NGF, Material
+from granular.materials.own import MOST_HISTORY, OwnLaw
 from granular.mpm.cell_codes import cell_flags, fluidity_faces
 from granular.mpm.damping import damping
 from granular.mpm.limits import check_blades, check_time_step
@@ -64,9 +65,7 @@ def _parameters(scene: Scene, material: Material) -> dict[str, float]:
     return numbers
 
 
-def _material_row(
-    scene: Scene, material: Material
-) -> tuple[str, dict[str, float], dict[str, float]]:
+def _material_row(scene: Scene, material: Material) -> _core.MaterialRow:
     """Law of a material, its numbers, and the parameters of its law, as the core needs them."""
     separation = scene.scheme.density.numbers()["separation_strain"]
     numbers = {
@@ -76,7 +75,10 @@ def _material_row(
         "separation_strain": separation if material.granular else UNBOUNDED,
         **damping(scene, material),
     }
-    return material.law, numbers, _parameters(scene, material)
+    own = None
+    if isinstance(material, OwnLaw):
+        own = material.function().capsule, material.numbers(), bool(material.history)
+    return material.law, numbers, _parameters(scene, material), own
 
 
 def largest_gravity(scene: Scene) -> float:
@@ -224,6 +226,12 @@ def initial_points(scene: Scene) -> dict[str, NDArray]:
     }
     if len(scene.materials) > 1:
         fields["material"] = number.astype(np.float64)
+    begins = [
+        np.array([*getattr(material, "history", {}).values(), *[0.0] * MOST_HISTORY])
+        for material in scene.materials
+    ]
+    if any(getattr(material, "history", None) for material in scene.materials):
+        fields["history"] = np.array([values[:MOST_HISTORY] for values in begins])[number]
     if weight.any():
         fields["stress"] = np.zeros((len(weight), 4 if scene.dim == 2 else 6))
         fields["stress"][:, :3] = -(K * np.where(points.depth > 0, log_density, 0))[:, None]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from granular import _core, diagnostics, simulation
 from granular.buffers import allocate, default_isa, fill
 from granular.checks import truth
+from granular.materials.own import OwnLaw
 from granular.mpm import bodies as rigid
 from granular.mpm import engine as core
 from granular.mpm.blocks import deep_within
@@ -137,7 +138,21 @@ class Simulation(simulation.Simulation, scenes=Scene):
         return grown
 
     def _make_steps(self, max_steps: int, until: float) -> None:
-        self._grow(self._engine.advance(max_steps, until, self.threads))
+        try:
+            needed = self._engine.advance(max_steps, until, self.threads)
+        except _core.SimulationError:
+            self._raise_of_laws()
+            raise
+        self._grow(needed)
+
+    def _raise_of_laws(self) -> None:
+        """Raise what a law of the user's own raised: the core saw only its nan."""
+        for material in self.scene.materials:
+            if isinstance(material, OwnLaw):
+                function = material.function()
+                failure, function.failure = function.failure, None
+                if failure is not None:
+                    raise failure
 
     @property
     def cell_counts(self) -> NDArray[np.int64]:

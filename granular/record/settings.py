@@ -44,6 +44,8 @@ def _kind(scene: AnyScene) -> dict[str, object]:
     if isinstance(scene, MpmScene):
         found |= {
             "material.elasticity": scene.material.elasticity,
+            "material.digest": getattr(scene.material, "digest", None),
+            "materials": len(scene.materials),
             "scheme.basis": scene.scheme.basis,
             "scheme.transfer": scene.scheme.transfer,
             "scheme.density": type(scene.scheme.density).__name__,

@@ -1,0 +1,54 @@
+"""A cohesive Bingham fluid beside glass beads, for docs/how-to/own_law.md.
+
+    python benchmarks/figures/own_law.py [--quick] [--out docs/pictures]
+
+The function is that of the page. The whole takes some seconds.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+from common import parser_of, save
+
+import granular as gr
+from granular import plot
+
+PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "own_law.md"
+
+
+def material_of_page() -> gr.materials.OwnLaw:
+    """Return the material that the first block of the page makes."""
+    found = re.search(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    assert found is not None
+    block = found[1].split("scene = ")[0]
+    module = Path(__file__).with_name("_own_law_of_page.py")
+    module.write_text(block)
+    try:
+        names: dict[str, Any] = {}
+        exec(compile(block, str(module), "exec"), names)
+        return names["mud"]
+    finally:
+        module.unlink()
+
+
+def main() -> None:
+    """Draw the picture."""
+    chosen = parser_of(__doc__).parse_args()
+    cell = 0.04 if chosen.quick else 0.01
+    beads = gr.materials.glass_beads.replace(E=1e6)
+    picture = plot.Picture(figsize=(7.5, 3.6), layout="constrained")
+    panels = picture.subplots(2, 1)
+    for ax, material, title in zip(
+        panels, (material_of_page(), beads), ("cohesive Bingham fluid", "glass beads"), strict=True
+    ):
+        scene = gr.scenes.column_collapse(aspect=1.0, cell=cell, duration=1.5, material=material)
+        state = gr.Simulation(scene).run().state
+        plot.frame(state, "pressure", ax=ax, title=title)
+    save(picture, chosen, "own_law")
+
+
+if __name__ == "__main__":
+    main()

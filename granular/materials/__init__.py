@@ -1,0 +1,36 @@
+"""Materials: constitutive laws with their parameters, ready materials, and laws of one's own."""
+
+from granular.materials.laws import (
+    NGF,
+    DruckerPrager,
+    Elastic,
+    HardeningDruckerPrager,
+    Material,
+    MuI,
+)
+from granular.materials.own import OwnLaw, from_function
+from granular.materials.presets import (
+    couette_beads,
+    glass_beads,
+    glass_beads_5mm,
+    grc_1,
+    grc_1_hardening,
+    silo_grains,
+)
+
+__all__ = [
+    "NGF",
+    "DruckerPrager",
+    "Elastic",
+    "HardeningDruckerPrager",
+    "Material",
+    "MuI",
+    "OwnLaw",
+    "couette_beads",
+    "from_function",
+    "glass_beads",
+    "glass_beads_5mm",
+    "grc_1",
+    "grc_1_hardening",
+    "silo_grains",
+]
