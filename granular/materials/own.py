@@ -48,7 +48,7 @@ FLAGS = (
 class _Function:
     """A function that the core can call, with all that it needs to live."""
 
-    def __init__(self, address: int, *kept: object) -> None:
+    def __init__(self, address: int, *references: object) -> None:
         new = ctypes.pythonapi.PyCapsule_New
         new.restype, new.argtypes = (
             ctypes.py_object,
@@ -56,7 +56,7 @@ class _Function:
         )
         self.capsule: object = new(address, CAPSULE, None)
         self.failure: BaseException | None = None
-        self._kept = kept
+        self._references = references
 
 
 _FUNCTIONS: dict[str, _Function] = {}
