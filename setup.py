@@ -9,11 +9,13 @@ import os
 import sysconfig
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 from pathlib import Path
 
 import numpy
 from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
+from setuptools.modified import newer_group
 
 ROOT = Path(__file__).parent
 SOURCES = [
@@ -33,6 +35,7 @@ KERNELS = {"baseline": []}
 X86 = sysconfig.get_platform().rsplit("-", 1)[-1] in ("x86_64", "i686")
 if X86:
     KERNELS |= {"avx2": AVX2, "avx512": AVX512}
+EMPTY = "int main(void) { return 0; }\n"
 
 
 class BuildCore(build_ext):
@@ -67,33 +70,52 @@ class BuildCore(build_ext):
             raise SystemExit("GRANULAR_OPENMP=1, but the compiler has no OpenMP")
         return found
 
-    def build_extension(self, ext: Extension) -> None:
-        flags = FLAGS + os.environ.get("GRANULAR_CFLAGS", "").split()
-        if self.has_openmp():
-            flags.append("-fopenmp")
-            ext.extra_link_args.append("-fopenmp")
-        if X86:
-            ext.define_macros.append(("GR_X86", None))
-        ext.define_macros.append(("GR_FLAGS", '"' + " ".join(flags) + '"'))
-        ext.extra_compile_args += flags
+    def compile_all(self, ext: Extension, flags: list[str]) -> list[str]:
+        """Object files of the kernels and of the other sources, several compilers at a time."""
+        kernel_flags = flags + [flag for flag in KERNEL_FLAGS if self.accepts([flag], EMPTY)]
+        # The kernels first, widest vectors before: they take longest.
+        jobs = [
+            ("csrc/kernels.c", Path(self.build_temp, isa), [("GR_ISA", isa)], kernel_flags + wide)
+            for isa, wide in reversed(KERNELS.items())
+        ]
+        jobs += [(source, Path(self.build_temp), [], flags) for source in ext.sources]
 
-        empty = "int main(void) { return 0; }\n"
-        kernel_flags = flags + [flag for flag in KERNEL_FLAGS if self.accepts([flag], empty)]
-
-        def compile_kernels(isa: str) -> list[str]:
+        def compile_one(job: tuple) -> list[str]:
+            source, folder, macros, options = job
             return self.compiler.compile(
-                ["csrc/kernels.c"],
-                output_dir=str(Path(self.build_temp, isa)),
-                macros=[("GR_ISA", isa), *ext.define_macros],
+                [source],
+                output_dir=str(folder),
+                macros=[*macros, *ext.define_macros],
                 include_dirs=ext.include_dirs,
-                extra_postargs=kernel_flags + KERNELS[isa],
-                depends=ext.depends,
+                extra_postargs=options,
             )
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            for objects in pool.map(compile_kernels, KERNELS):
-                ext.extra_objects += objects
-        super().build_extension(ext)
+            return [name for objects in pool.map(compile_one, jobs) for name in objects]
+
+    def build_extension(self, ext: Extension) -> None:
+        flags = FLAGS + os.environ.get("GRANULAR_CFLAGS", "").split()
+        openmp = ["-fopenmp"] if self.has_openmp() else []
+        flags += openmp
+        if X86:
+            ext.define_macros.append(("GR_X86", None))
+        ext.define_macros.append(("GR_FLAGS", '"' + " ".join(flags) + '"'))
+
+        # A core of the same sources, made in the same way, stays: `pip install .` again is quick.
+        core = self.get_ext_fullpath(ext.name)
+        compilers = [*self.compiler.compiler_so, *self.compiler.linker_so]
+        made = " ".join([core, *compilers, *flags, "numpy", numpy.__version__])
+        record = Path(self.build_temp, "made.txt")
+        same = record.exists() and record.read_text() == made
+        if same and not self.force and not newer_group(ext.depends, core):
+            return
+        record.unlink(missing_ok=True)
+        linked = copy(ext)
+        linked.extra_objects = self.compile_all(ext, flags)
+        linked.sources, linked.extra_link_args = [], openmp
+        self.force = True
+        super().build_extension(linked)
+        record.write_text(made)
 
 
 setup(
@@ -103,7 +125,10 @@ setup(
             sources=SOURCES,
             libraries=["m"],
             include_dirs=["csrc", numpy.get_include()],
-            depends=[str(p.relative_to(ROOT)) for p in sorted((ROOT / "csrc").rglob("*.[chi]*"))],
+            depends=[
+                "setup.py",
+                *(str(p.relative_to(ROOT)) for p in sorted((ROOT / "csrc").rglob("*.[chi]*"))),
+            ],
         )
     ],
     cmdclass={"build_ext": BuildCore},

@@ -41,7 +41,8 @@ WORDS = (
     (r"\bgifts?\b|\blook_around\b", "contribution, cell_state", ANY),
     (r"\bsets?_out\b|\bsets? out\b", "begin substeps", ANY),
     (r"\bleavers?\b", "migrants", ANY),
-    (r"\bplates?\b|\bplates?_|_plates?\b", "thin body", CORE),
+    (r"\bplates?(\b|_)", "thin body", CORE),
+    (r"_plates?\b", "thin body", CORE),
     (r"\btwins?\b", "duplicate node", ANY),
     (r"\bkindl\w+", "reconnect_fluidity", ANY),
     (r"\bfrictionless\b", "free-slip", OUTSIDE_GRAIN_SCALE),
@@ -56,10 +57,18 @@ WORDS = (
     (r"(?<![Ss]moothed )[Pp]article hydrodynamics", "SPH", ANY),
     (r"(?<![Ss]eeding )\b[Ll]attices?\b", "grid, seeding lattice, averaging grid", ANY),
     (r"\bschemes\.published\b", "schemes.dunatunga_kamrin_2015", ANY),
-    (r"\b(mu_i|local_saturating|hencky_mu_i)\b|[\"']saturating[\"']", "mu_I", ANY),
+    (r"\b(mu_i|local_saturating|hencky_mu_i)\b", "mu_I", ANY),
+    (r"[\"']saturating[\"']", "mu_I", ANY),
     (r"\"\"\"(What|Whether|How)\b", "a noun or a verb", ANY),
     (r"(?<!:[+-])(?<=[\s(=<>~+-])\.\d", "a zero before the point", ANY),
 )
+
+
+def any_of(words):
+    """One expression for all: those that begin with a boundary are tried there alone."""
+    first = [word.removeprefix(r"\b") for word in words if word.startswith(r"\b")]
+    rest = [word for word in words if not word.startswith(r"\b")]
+    return re.compile("|".join([rf"\b({'|'.join(first)})", *rest]))
 
 
 def files(paths):
@@ -73,14 +82,18 @@ def files(paths):
 
 def hits(paths):
     """File, line, word and what stands for it now."""
+    present = any_of([word for word, _, _ in WORDS])
     for name in files(paths):
         if name == "tests/unit/test_words.py":
             continue
-        patterns = [(re.compile(w), now) for w, now, where in WORDS if name.startswith(where)]
-        for number, line in enumerate((ROOT / name).read_text().splitlines(), start=1):
-            for pattern, now in patterns:
-                if found := pattern.search(line):
-                    yield f"{name}:{number}: {found.group()!r}: {now}: {line.strip()[:90]}"
+        text = (ROOT / name).read_text()
+        if not present.search(text):  # of most files; one by one the words take ten times as long
+            continue
+        for word, now in [(word, now) for word, now, where in WORDS if name.startswith(where)]:
+            for found in re.finditer(word, text):
+                before = text[: found.start()].split("\n")
+                line = (before[-1] + text[found.start() :].partition("\n")[0]).strip()
+                yield f"{name}:{len(before)}: {found.group()!r}: {now}: {line[:90]}"
 
 
 def test_words_that_are_gone():
