@@ -66,7 +66,7 @@ TEST(refuses_kinds)
     REFUSED(s.config.n_materials = 0);
     REFUSED(s.config.n_materials = GR_MAX_MATERIALS + 1);
     REFUSED(s.config.n_materials = 2); /* the second one is not set */
-    REFUSED(s.config.smoothed = 1); /* requires splines and the gradient */
+    REFUSED(s.config.smoothed = 1);    /* requires splines and the gradient */
     REFUSED(s.config.xpic_order = -1);
     REFUSED((s.config.smoothed = 1, s.config.basis = GR_QUADRATIC, s.config.affine = GR_AFFINE_GRADIENT,
              s.config.averaging_interval = 0));
