@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from granular import geometry, materials, regions, surfaces
 from granular.checks import check_fields, one_of, positive
 from granular.gravity import Gravity
+from granular.materials.own import OwnLaw
 from granular.mpm import bodies as rigid
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import DENSITIES, Density, Fluidity, Scheme
@@ -76,7 +77,8 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     regions.Polygon: {"vertices": "length", "span": "length"},
     regions.Mask: {"lower": "length", "spacing": "length"},
     regions.Cloud: {"x": "length", "volume": "volume", "velocity": "velocity"},
-    **{law: _MATERIAL for law in materials.Material.__subclasses__()},
+    # numbers of a law of the user's own may be of any unit: such a scene is refused
+    **{law: _MATERIAL for law in materials.Material.__subclasses__() if law is not OwnLaw},
     **{kind: _of_units(kind) for kind in (Fluidity, Scheme, *DENSITIES.values())},
     Wall: {"at": "length", "span": "length", "opens_at": "time", **_MOVING},
     Solid: {"lower": "length", "upper": "length"},
@@ -168,7 +170,8 @@ class Froude:
         Raises
         ------
         TypeError
-            If a part of the scene has a class that is not in `_QUANTITIES`.
+            If the units of the numbers of a part of the scene are not known, as those of a law of
+            one's own.
         """
         if not isinstance(scene, Scene):
             raise TypeError(f"scene = {scene!r} must be a Scene")
@@ -184,7 +187,7 @@ class Froude:
             return part
         kind: Any = type(part)
         if kind not in _QUANTITIES:
-            raise TypeError(f"{part!r} cannot be scaled: its class is not known")
+            raise TypeError(f"{part!r} cannot be scaled: the units of its numbers are not known")
         values = arguments_of(part)
         if values.get("xi") is not None:
             values["xi"] /= self.length  # I0/(d sqrt(rho_s))

@@ -161,3 +161,10 @@ def test_bad_ratios_and_quantities():
 
     with pytest.raises(TypeError, match="cannot be scaled"):
         Froude(0.25).scene(scene_2d().replace(material=Odd()))
+    own = gr.materials.from_function(own_law, parameters={"cohesion": 100.0})
+    with pytest.raises(TypeError, match="the units of its numbers are not known"):
+        Froude(0.25).scene(scene_2d().replace(material=own))
+
+
+def own_law(dt, numbers, gradient, log_density, stress, shear_rate, history):
+    """Leave the stress of the elastic predictor."""
