@@ -9,6 +9,7 @@ from schemes_by_name import scheme_of
 import granular as gr
 
 CELL = 0.02
+ACROSS = 0.06  # width of the bed in 3D [m]
 SPEED = 2e-3
 COMBINATIONS = [
     ("quadratic", "tpic", "smoothed"),
@@ -21,7 +22,7 @@ COMBINATIONS = [
 def scene_of(combination, sleep_speed=SPEED, *, dim=2, height=0.3, top=0.5, **more):
     """A bed in equilibrium between smooth sides, and a block that falls on it; height 0: none."""
     width, depth = 0.48, 0.12
-    across = () if dim == 2 else (0.1,)
+    across = () if dim == 2 else (ACROSS,)
     fills = [
         gr.Fill(
             gr.Box((0.0,) * dim, (width, *across, depth)),
@@ -33,7 +34,7 @@ def scene_of(combination, sleep_speed=SPEED, *, dim=2, height=0.3, top=0.5, **mo
         block = gr.Box((0.2, *[0.0] * (dim - 2), height), (0.28, *across, height + 0.08))
         fills.append(gr.Fill(block, points_per_cell=4 if dim == 2 else 8))
     sides = [gr.Wall(0, at, kind="free_slip") for at in (0.0, width)]
-    sides += [gr.Wall(1, at, kind="free_slip") for at in ((0.0, 0.1) if dim == 3 else ())]
+    sides += [gr.Wall(1, at, kind="free_slip") for at in ((0.0, ACROSS) if dim == 3 else ())]
     return gr.Scene(
         grid=gr.Grid((0.0,) * dim, CELL, tuple(round(a / CELL) for a in (width, *across, top))),
         fills=fills,
