@@ -4,6 +4,8 @@
 
 #include <stdint.h>
 
+#include "core/team.h"
+
 enum { GR_BLOCK = 32 };
 
 struct gr_table {
@@ -17,6 +19,11 @@ struct gr_table {
  * Returned: 0 or GR_ERR_MEMORY; the same holds for the next function. */
 int gr_table_new(struct gr_table *t, int64_t n);
 int gr_table_set(struct gr_table *t, int64_t i, int32_t value);
+
+/* Set the entries index[k] to k + 1, of equal ones to the least, and all others to 0. The indices ascend. The work is
+ * divided into chunks for a team.
+ * Returned: 0, or GR_ERR_MEMORY, and all entries are 0. */
+int gr_table_fill(struct gr_table *t, const int64_t *index, int64_t n, struct gr_team *team, int64_t chunks);
 
 /* Set all entries to zero. The memory of the blocks is kept, so that setting entries where some were set before cannot
  * fail. */

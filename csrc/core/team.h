@@ -8,7 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define GR_MAX_THREADS 64
+#define GR_MAX_THREADS 1024
 
 struct gr_team;
 
@@ -43,3 +43,18 @@ static inline void gr_share(int64_t n, int64_t c, int64_t chunks, int64_t *first
     *first = n * c / chunks;
     *last = n * (c + 1) / chunks;
 }
+
+/* Define pass(w): a stage of w->chunks chunks by w->team, in which each chunk has its share [first, last) of n items. What
+ * follows is the body, in which `chunk` is the number of the chunk; n may use w. */
+#define GR_SHARED(pass, type, n, w)                                                 \
+    static void pass##_share(type *w, int64_t first, int64_t last, int64_t chunk);  \
+    static void pass##_chunk(void *context, int64_t chunk, int t)                   \
+    {                                                                               \
+        type *w = context;                                                          \
+        int64_t first, last;                                                        \
+        (void)t;                                                                    \
+        gr_share(n, chunk, w->chunks, &first, &last);                               \
+        pass##_share(w, first, last, chunk);                                        \
+    }                                                                               \
+    static void pass(type *w) { gr_team_run(w->team, pass##_chunk, w, w->chunks); } \
+    static void pass##_share(type *w, int64_t first, int64_t last, int64_t chunk)

@@ -4,6 +4,7 @@
 
 #include "core/memory.h"
 #include "mpm/migrate.h"
+#include "mpm/spread.h"
 #include "mpm/wall_impulse.h"
 
 static int reserve_nodes(struct gr_engine *e, int64_t n)
@@ -78,73 +79,95 @@ static void describe_node(struct gr_engine *e, int64_t n)
                                           (e->K - 1 - i) * GR_SUM_DAMPED(e->config.dim) * GR_LANES;
 }
 
+/* The nodes that are to be connected. A node of double cells is listed twice, its copy for the front first. */
+struct connect {
+    struct gr_engine *e;
+    struct gr_team *team;
+    int64_t chunks, n_nodes, *ids;
+};
+
 /* Clear the nodal fields, which belong to the old nodes: G2P before the next grid stage then finds all nodes at rest. */
-static void clear_nodes(struct gr_engine *e)
+GR_SHARED(clear_nodes, struct connect, q->e->node_places, q)
 {
-    const size_t n = (size_t)e->mesh.n_nodes * sizeof(double);
-    if (!n) return;
-    memset(e->node_data, 0, sizeof(double) * (size_t)(e->node_fields * e->node_places));
-    memset(e->node_mass, 0, n);
-    memset(e->node_v, 0, n * (size_t)e->config.dim);
+    struct gr_engine *e = q->e;
+    const size_t size = sizeof(double) * (size_t)(last - first);
+    (void)chunk;
+    for (int f = 0; f < e->node_fields; f++) memset(gr_node_field(e, f) + first, 0, size);
+    if (last > q->n_nodes) last = q->n_nodes;
+    if (first >= last) return;
+    memset(e->node_mass + first, 0, sizeof(double) * (size_t)(last - first));
+    memset(e->node_v + first * e->config.dim, 0, sizeof(double) * (size_t)((last - first) * e->config.dim));
 }
 
-/* List the nodes of the active cells. node_of counts the copies of each: 2 if a double cell has it, else 1. */
-static int list_nodes(struct gr_engine *e, int64_t *ids, int64_t *n_ids, int64_t *n_nodes)
+/* List the second copies of nodes, too. */
+static int list_copies(struct connect *q)
 {
-    struct gr_table *map = &e->mesh.node_of;
-    *n_ids = *n_nodes = 0;
-    gr_table_clear(map);
-    for (int64_t c = 0; c < e->mesh.n_cells; c++) {
-        const struct gr_cell *cell = &e->mesh.cell[c];
-        const int copies = cell->side == 1 ? 2 : 1;
+    const struct gr_engine *e = q->e;
+    int64_t n = q->n_nodes, all = n;
+    int64_t *ids = realloc(q->ids, sizeof *ids * (size_t)(2 * n + 1));
+    if (!ids) return GR_ERR_MEMORY;
+    q->ids = ids;
+    uint8_t *doubled = calloc((size_t)n + 1, 1);
+    if (!doubled) return GR_ERR_MEMORY;
+    for (int64_t k = 0; k < e->mesh.n_paired; k++)
         for (int a = 0; a < e->K; a++) {
-            const int64_t id = node_id_of(e, cell, a);
-            const int32_t had = gr_table_get(map, id);
-            if (!had) ids[(*n_ids)++] = id;
-            if (had >= copies) continue;
-            *n_nodes += copies - had;
-            if (gr_table_set(map, id, copies)) return GR_ERR_MEMORY;
+            uint8_t *copy = &doubled[gr_table_get(&e->mesh.node_of, node_id_of(e, &e->mesh.cell[e->mesh.paired[k]], a)) - 1];
+            all += !*copy;
+            *copy = 1;
         }
+    q->n_nodes = all;
+    while (n-- > 0) { /* backwards, so that no entry is overwritten that is still needed */
+        ids[--all] = ids[n];
+        if (doubled[n]) ids[--all] = ids[n];
     }
-    qsort(ids, (size_t)*n_ids, sizeof(int64_t), gr_compare_ids);
+    free(doubled);
     return GR_OK;
 }
 
-/* Number the nodes; the two copies of a node follow each other. */
-static void number_nodes(struct gr_engine *e, const int64_t *ids, int64_t n_ids)
+/* List the nodes of the active cells; node_of gives their numbers. */
+static int list_nodes(struct connect *q, const int64_t *cells)
 {
-    struct gr_mesh *mesh = &e->mesh;
-    int64_t n = 0;
-    for (int64_t k = 0; k < n_ids; k++) {
-        const int copies = gr_table_get(&mesh->node_of, ids[k]);
-        (void)gr_table_set(&mesh->node_of, ids[k], (int32_t)(n + 1)); /* cannot fail */
-        for (int copy = 0; copy < copies; copy++, n++) {
-            mesh->node_id[n] = ids[k];
-            if (e->n_thin) mesh->duplicate[n] = copies == 1 ? -1 : (int32_t)(copy ? n - 1 : n + 1);
-            describe_node(e, n);
+    struct gr_table *const numbers = &q->e->mesh.node_of;
+    if (gr_spread(q->e, GR_SPREAD_NODES, cells, q->e->mesh.n_cells, q->team, q->chunks, &q->ids, &q->n_nodes) ||
+        gr_table_fill(numbers, q->ids, q->n_nodes, q->team, q->chunks))
+        return GR_ERR_MEMORY;
+    if (!q->e->mesh.n_paired) return GR_OK;
+    return list_copies(q) || gr_table_fill(numbers, q->ids, q->n_nodes, q->team, q->chunks) ? GR_ERR_MEMORY : GR_OK;
+}
+
+GR_SHARED(describe_nodes, struct connect, q->n_nodes, q)
+{
+    struct gr_mesh *mesh = &q->e->mesh;
+    (void)chunk;
+    for (int64_t n = first; n < last; n++) {
+        mesh->node_id[n] = q->ids[n];
+        if (q->e->n_thin) {
+            const int is_front = n + 1 < q->n_nodes && q->ids[n + 1] == q->ids[n], is_back = n && q->ids[n - 1] == q->ids[n];
+            mesh->duplicate[n] = is_front ? (int32_t)(n + 1) : is_back ? (int32_t)(n - 1) : -1;
         }
+        describe_node(q->e, n);
     }
 }
 
 /* Find out which local nodes of the cells of a tile follow each other. */
-static void find_rows(struct gr_engine *e)
+static void find_rows(struct gr_engine *e, int64_t tile)
 {
-    for (int64_t tile = 0; tile < e->mesh.n_tiles; tile++) {
-        const int32_t *node = e->mesh.cell_node + tile * e->K * GR_LANES;
-        e->mesh.tile_in_row[tile] = 0;
-        for (int i = 0; i < e->K; i++, node += GR_LANES) {
-            int in_row = 1;
-            for (int l = 1; l < GR_LANES; l++) in_row &= node[l] == node[0] + l;
-            e->mesh.tile_in_row[tile] |= (uint32_t)in_row << i;
-        }
+    const int32_t *node = e->mesh.cell_node + tile * e->K * GR_LANES;
+    e->mesh.tile_in_row[tile] = 0;
+    for (int i = 0; i < e->K; i++, node += GR_LANES) {
+        int in_row = 1;
+        for (int l = 1; l < GR_LANES; l++) in_row &= node[l] == node[0] + l;
+        e->mesh.tile_in_row[tile] |= (uint32_t)in_row << i;
     }
 }
 
 /* Find the pieces in which the sums of GR_LANES nodes lie. Nodes beyond the last continue its piece. */
-static void find_runs(struct gr_engine *e)
+GR_SHARED(find_runs, struct connect, (q->n_nodes + GR_LANES - 1) / GR_LANES, q)
 {
+    const struct gr_engine *e = q->e;
     const struct gr_mesh *mesh = &e->mesh;
-    for (int64_t group = 0; group * GR_LANES < mesh->n_nodes; group++)
+    (void)chunk;
+    for (int64_t group = first; group < last; group++)
         for (int i = 0; i < e->K; i++) {
             const int64_t *source = mesh->node_source + group * GR_LANES * e->K + i;
             const int64_t left = mesh->n_nodes - group * GR_LANES, n = left < GR_LANES ? left : GR_LANES;
@@ -178,27 +201,20 @@ static int64_t cell_beside(const struct gr_engine *e, const struct gr_cell *cell
     return index < 0 ? GR_BESIDE_NO_POINTS : index;
 }
 
-static void find_neighbours(struct gr_engine *e)
+static void find_neighbours(struct gr_engine *e, int64_t c)
 {
     const int sides = 2 * e->config.dim;
-    for (int64_t c = 0; c < e->mesh.n_tiles * GR_LANES; c++)
-        for (int k = 0; k < sides; k++)
-            e->mesh.beside[c * sides + k] = (int32_t)cell_beside(e, &e->mesh.cell[c], k / 2, k % 2);
+    for (int k = 0; k < sides; k++) e->mesh.beside[c * sides + k] = (int32_t)cell_beside(e, &e->mesh.cell[c], k / 2, k % 2);
 }
 
-int gr_connect(struct gr_engine *e)
+/* Find the nodes and the neighbours of the cells of tiles. Each source of a node is that of one cell. */
+GR_SHARED(connect_tiles, struct connect, q->e->mesh.n_tiles, q)
 {
+    struct gr_engine *e = q->e;
     struct gr_mesh *mesh = &e->mesh;
     const int K = e->K;
-    int64_t n_ids, n_nodes;
-    int64_t *ids = malloc(sizeof(int64_t) * (size_t)(mesh->n_cells * K + 1));
-    int error = GR_ERR_MEMORY;
-    mesh->n_nodes = 0;
-    if (!ids || list_nodes(e, ids, &n_ids, &n_nodes) || reserve_nodes(e, n_nodes)) goto out;
-    mesh->n_nodes = n_nodes;
-    clear_nodes(e);
-    number_nodes(e, ids, n_ids);
-    for (int64_t c = 0; c < mesh->n_tiles * GR_LANES; c++)
+    (void)chunk;
+    for (int64_t c = first * GR_LANES; c < last * GR_LANES; c++) {
         for (int a = 0; a < K; a++) {
             int32_t n = gr_table_get(&mesh->node_of, node_id_of(e, &mesh->cell[c], a)) - 1;
             if (e->n_thin && mesh->duplicate[n] >= 0) n += mesh->cell[c].side < 0;
@@ -207,12 +223,25 @@ int gr_connect(struct gr_engine *e)
             mesh->node_source[(int64_t)n * K + K - 1 - a] =
                 gr_sums_of_cell(e, c) + a * GR_SUM_DAMPED(e->config.dim) * GR_LANES;
         }
-    find_rows(e);
-    find_runs(e);
-    if (e->config.cell_averaged) find_neighbours(e);
-    error = GR_OK;
-out:
-    if (error) gr_table_clear(&mesh->node_of);
-    free(ids);
+        if (e->config.cell_averaged) find_neighbours(e, c);
+    }
+    for (int64_t tile = first; tile < last; tile++) find_rows(e, tile);
+}
+
+int gr_connect(struct gr_engine *e, const int64_t *cells, struct gr_team *team, int64_t chunks)
+{
+    struct connect q = {.e = e, .team = team, .chunks = chunks};
+    e->mesh.n_nodes = 0;
+    const int error = list_nodes(&q, cells) || reserve_nodes(e, q.n_nodes) ? GR_ERR_MEMORY : GR_OK;
+    if (!error) {
+        e->mesh.n_nodes = q.n_nodes;
+        clear_nodes(&q);
+        describe_nodes(&q);
+        connect_tiles(&q);
+        find_runs(&q);
+    } else {
+        gr_table_clear(&e->mesh.node_of);
+    }
+    free(q.ids);
     return error;
 }

@@ -339,6 +339,8 @@ void gr_engine_free(struct gr_engine *e)
                            e->mesh.separated,
                            e->mesh.paired,
                            e->migrant,
+                           e->migrants,
+                           e->cut,
                            e->pending,
                            e->pending_id,
                            e->dirty};

@@ -211,6 +211,9 @@ struct gr_engine {
     int error;
     int64_t error_id, error_step;
     double error_x[3];
+    /* chunks of tiles of the steps (step.c): where they begin, and the points that leave them */
+    int64_t *cut, chunk_capacity;
+    struct gr_migrants *migrants;
 };
 
 /* Part of the volume of a node, in cells, that lies in solid cells; the node is given by its indices. It is worked out
@@ -324,12 +327,13 @@ void gr_engine_bind(struct gr_engine *e, double *const field[GR_FIELD_COUNT], in
 
 /* grouping.c: group the points by cell, and keep their order within each. After GR_ERR_CAPACITY needed_capacity is the
  * capacity that is required. */
-int gr_regroup(struct gr_engine *e);
+int gr_regroup(struct gr_engine *e, struct gr_team *team);
 int gr_compare_ids(const void *a, const void *b); /* for qsort: int64_t, ascending */
 
 /* connect.c: list the nodes of the active cells, and connect nodes and cells: for each cell its nodes and its neighbours,
- * and for each node where its sums over each of its cells are, in the order of cells. */
-int gr_connect(struct gr_engine *e);
+ * and for each node where its sums over each of its cells are, in the order of cells. `cells` are the indices of the active
+ * cells in the whole grid, in their order. */
+int gr_connect(struct gr_engine *e, const int64_t *cells, struct gr_team *team, int64_t chunks);
 
 /* Volume of a node of the grid over dx^dim, without what solid cells take of it. */
 double gr_node_volume(const struct gr_engine *e, int64_t id);

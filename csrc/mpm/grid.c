@@ -39,7 +39,10 @@ GR_INLINE void add_node(const int dim, const int smoothed, const struct gr_engin
 void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last)
 {
     for (int64_t n = first; n < last; n++) {
-        if (gr_group_rests(e, n - n % GR_LANES)) continue;
+        if (gr_group_rests(e, n - n % GR_LANES)) {
+            n += GR_LANES - 1 - n % GR_LANES;
+            continue;
+        }
         double m = 0;
         for (int i = 0; i < e->K; i++) m += e->sums[e->mesh.node_source[n * e->K + i]];
         e->node_mass[n] = m;

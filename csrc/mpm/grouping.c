@@ -1,12 +1,16 @@
 /* Grouping of the points by cell. Every cell that holds points, and each of its neighbours, owns a lane of a tile, with the
  * same number of places for each cell of the tile. Only these active cells and their nodes exist for the kernels, so that
- * memory grows with the material. */
+ * memory grows with the material.
+ *
+ * A team does the work in passes. Each chunk of a pass has cells, tiles, points or places of its own, and no order depends on
+ * their number: the points of a new cell are in the order in which all are listed. */
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/memory.h"
 #include "mpm/migrate.h"
 #include "mpm/sleep.h"
+#include "mpm/spread.h"
 
 /* Number of rows of a tile whose fullest cell has `most` points: some more than it has or a cell usually has. Neither a cell
  * that gains many points nor a front that enters empty cells then requires a regrouping in every step. An empty tile has
@@ -29,18 +33,45 @@ int gr_compare_ids(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
+/* Points that are listed together: those of a share of the old cells, or the pending ones. */
+struct list {
+    int64_t first, n;        /* numbers of its points */
+    int64_t n_cells;         /* length of its list of their cells */
+    int64_t lowest, highest; /* of their new cells */
+    int64_t outside;         /* id of the first point outside the domain, and its position; `failed` if there is one */
+    double outside_x[3];
+    int failed;
+};
+
 /* Work space of a regrouping, between the old order of the points and the new. */
 struct regroup {
-    int64_t n, n_cells, n_tiles, total;
-    int32_t usual;    /* mean number of points of an occupied cell */
-    int64_t *source;  /* per point: its old place, or -1 - k for pending point k */
-    int64_t *cell_id; /* per point: index of its cell in the grid; then number of its new cell; then its new place */
-    int64_t *cells;   /* indices of the active cells in the grid, ascending; double cells twice */
-    int8_t *sides;    /* side of each cell; NULL without thin parts */
-    int32_t *counts;
-    int32_t *calm; /* of the cells that had points before; NULL without sleep */
-    double *scratch;
+    struct gr_engine *e;
+    struct gr_team *team;
+    int64_t chunks, n, n_cells, total, used; /* points; new cells; their places; places in use before or then */
+    int32_t usual;                           /* mean number of points of an occupied cell */
+    struct list *list;                       /* chunks + 1; the last is that of the pending points */
+    int64_t *source;                         /* per point: its old place, or -1 - k for pending point k */
+    int64_t *place;    /* per point: index of its cell in the grid; then its number in the new cell; then its new place */
+    int32_t *cell;     /* per point: number of its new cell */
+    int64_t *listed;   /* indices of the cells of the points in the grid; of each list only where they change */
+    int64_t *cells;    /* indices of the active cells in the grid, ascending; double cells twice */
+    int8_t *sides;     /* side of each cell; NULL without thin parts */
+    int32_t *counts;   /* points of each cell */
+    int32_t *calm;     /* of the new cells; NULL without sleep */
+    int64_t *offset;   /* of the new tiles; number of tiles + 1 */
+    int64_t *from;     /* per new place: the source of its point, or SPARE */
+    uint64_t *scratch; /* two columns of the points */
+    int64_t column;    /* the one to be moved */
+    struct column {
+        void *to;
+        const void *pending; /* of pending point k at k x stride */
+        int64_t stride;
+        uint64_t spare; /* value of a spare place */
+    } * columns;
 };
+
+enum { FEW_POINTS = 2048 }; /* an estimate: fewer are grouped sooner than a team is called */
+#define SPARE INT64_MIN
 
 static void decode(const struct gr_engine *e, int64_t id, int32_t at[3])
 {
@@ -51,8 +82,12 @@ static void decode(const struct gr_engine *e, int64_t id, int32_t at[3])
     }
 }
 
-static int add_point(struct gr_engine *e, struct regroup *r, int64_t source, const double x[3], int64_t error_id)
+/* ---- The points and their cells ---- */
+
+/* List a point. Returned: 0 if it is outside of the domain. */
+static int add_point(struct regroup *r, struct list *list, int64_t source, const double x[3], int64_t id)
 {
+    struct gr_engine *e = r->e;
     int64_t at[3];
     int32_t cell[3] = {0, 0, 0};
     double y[3] = {x[0], x[1], e->config.dim == 3 ? x[2] : 0};
@@ -65,48 +100,102 @@ static int add_point(struct gr_engine *e, struct regroup *r, int64_t source, con
         cell[d] = (int32_t)at[d];
     }
     if (!inside) {
-        e->error_id = error_id;
-        memcpy(e->error_x, y, sizeof y);
-        return e->error = GR_ERR_OUTSIDE;
+        list->failed = 1;
+        list->outside = id;
+        memcpy(list->outside_x, y, sizeof y);
+        return 0;
     }
     if (source >= 0)
         for (int d = 0; d < e->config.dim; d++) e->field[GR_FIELD_x][d * e->capacity + source] = y[d];
-    r->source[r->n] = source;
-    r->cell_id[r->n++] = gr_cell_id(e, cell);
-    return GR_OK;
+    int64_t *listed = r->listed + list->first;
+    const int64_t index = gr_cell_id(e, cell);
+    if (!list->n_cells || listed[list->n_cells - 1] != index) listed[list->n_cells++] = index;
+    r->source[list->first + list->n] = source;
+    r->place[list->first + list->n++] = index;
+    return 1;
+}
+
+/* Count the points of the old cells. Without cells there are only points. */
+GR_SHARED(count_old, struct regroup, r->e->mesh.n_cells, r)
+{
+    struct list *list = &r->list[chunk];
+    for (int64_t c = first; c < last; c++) list->n += r->e->mesh.cell[c].count;
+    if (!r->e->mesh.n_cells) {
+        gr_share(r->e->n_points, chunk, r->chunks, &first, &last);
+        list->n = last - first;
+    }
+}
+
+GR_SHARED(list_old, struct regroup, r->e->mesh.n_cells, r)
+{
+    struct gr_engine *e = r->e;
+    struct list *list = &r->list[chunk];
+    double x[3] = {0};
+    const int64_t n = list->n;
+    int64_t c = first - 1, k = 0;
+    const struct gr_cell *cell = 0;
+    (void)last;
+    list->n = 0;
+    for (int64_t p = 0; p < n && !list->failed; p++, k++) {
+        while (e->mesh.n_cells && (!cell || k == cell->count)) cell = &e->mesh.cell[++c], k = 0;
+        const int64_t slot = cell ? gr_slot(cell, k) : list->first + k;
+        for (int d = 0; d < e->config.dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + slot];
+        (void)add_point(r, list, slot, x, e->id[slot]);
+    }
 }
 
 /* List all points: those in cells, in their order, then the pending ones. */
-static int list_points(struct gr_engine *e, struct regroup *r)
+static int list_points(struct regroup *r)
 {
-    int error = GR_OK;
-    double x[3] = {0};
-    const int grouped = e->mesh.n_cells > 0;
-    for (int64_t g = 0; g < (grouped ? e->mesh.n_cells : 1); g++) {
-        const struct gr_cell *cell = grouped ? &e->mesh.cell[g] : 0;
-        for (int64_t k = 0; !error && k < (cell ? cell->count : e->n_points); k++) {
-            const int64_t slot = cell ? gr_slot(cell, k) : k;
-            for (int d = 0; d < e->config.dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + slot];
-            error = add_point(e, r, slot, x, e->id[slot]);
-        }
+    struct gr_engine *e = r->e;
+    struct list *pending = &r->list[r->chunks];
+    count_old(r);
+    for (int64_t c = 0; c < r->chunks; c++) r->list[c + 1].first = r->list[c].first + r->list[c].n;
+    list_old(r);
+    for (int64_t k = 0; k < e->n_pending; k++)
+        if (!add_point(r, pending, -1 - k, e->pending + k * e->n_components, e->pending_id[k])) break;
+    r->n = pending->first + pending->n;
+    for (int64_t c = 0; c <= r->chunks; c++) {
+        if (!r->list[c].failed) continue;
+        e->error_id = r->list[c].outside;
+        memcpy(e->error_x, r->list[c].outside_x, sizeof e->error_x);
+        return e->error = GR_ERR_OUTSIDE;
     }
-    for (int64_t k = 0; !error && k < e->n_pending; k++)
-        error = add_point(e, r, -1 - k, e->pending + k * e->n_components, e->pending_id[k]);
-    return error;
+    return GR_OK;
 }
 
-/* List a cell, unless it is listed already. */
-static int list_cell(struct gr_engine *e, struct regroup *r, int64_t id)
+/* Merge the cells of the lists into one ascending list without repetitions, at `listed`. Those of the points in cells ascend
+ * already, unless these have been given anew.
+ * Returned: its length. */
+static int64_t merge_listed(struct regroup *r)
 {
-    if (gr_table_get(&e->mesh.next_of, id)) return GR_OK;
-    r->cells[r->n_cells++] = id;
-    return gr_table_set(&e->mesh.next_of, id, 1);
+    int64_t n = 0, sorted = 1, kept = 0;
+    for (int64_t c = 0; c < r->chunks; c++) {
+        memmove(r->listed + n, r->listed + r->list[c].first, sizeof *r->listed * (size_t)r->list[c].n_cells);
+        n += r->list[c].n_cells;
+    }
+    for (int64_t k = 1; k < n && sorted; k++) sorted = r->listed[k - 1] <= r->listed[k];
+    if (!sorted) qsort(r->listed, (size_t)n, sizeof *r->listed, gr_compare_ids);
+    /* n + n_pending <= number of points: behind the pending cells is space for all of them once more */
+    struct list *pending = &r->list[r->chunks];
+    int64_t *late = r->listed + pending->first, left = pending->n_cells;
+    qsort(late, (size_t)left, sizeof *late, gr_compare_ids);
+    for (int64_t k = 0, at = 0; k < n || at < left;) { /* to `merged`, behind them */
+        const int64_t next = at == left || (k < n && r->listed[k] <= late[at]) ? r->listed[k++] : late[at++];
+        int64_t *merged = r->listed + r->n;
+        if (!kept || merged[kept - 1] != next) merged[kept++] = next;
+    }
+    memmove(r->listed, r->listed + r->n, sizeof *r->listed * (size_t)kept);
+    return kept;
 }
+
+/* ---- The new cells ---- */
 
 /* Position of a listed point; it is read from its old place or from its record.
  * Returned: a pointer to its side. */
-static double *look_up(struct gr_engine *e, const struct regroup *r, int64_t p, double x[3])
+static double *look_up(const struct regroup *r, int64_t p, double x[3])
 {
+    const struct gr_engine *e = r->e;
     const int64_t place = r->source[p];
     double *record = place < 0 ? e->pending + (-1 - place) * e->n_components : 0;
     x[2] = 0;
@@ -115,7 +204,7 @@ static double *look_up(struct gr_engine *e, const struct regroup *r, int64_t p, 
 }
 
 /* Make the cells near thin parts double. */
-static int split_cells(struct gr_engine *e, struct regroup *r)
+static int split_cells(struct regroup *r)
 {
     const int64_t n = r->n_cells;
     int64_t last = n, *cells = realloc(r->cells, sizeof(int64_t) * (size_t)(2 * n + 1));
@@ -125,8 +214,8 @@ static int split_cells(struct gr_engine *e, struct regroup *r)
     if (!r->sides) return GR_ERR_MEMORY;
     for (int64_t c = 0; c < n; c++) {
         int32_t at[3];
-        decode(e, cells[c], at);
-        r->sides[c] = (int8_t)gr_cell_side(e, at);
+        decode(r->e, cells[c], at);
+        r->sides[c] = (int8_t)gr_cell_side(r->e, at);
         last += abs(r->sides[c]) == 1;
     }
     r->n_cells = last;
@@ -134,69 +223,85 @@ static int split_cells(struct gr_engine *e, struct regroup *r)
         const int8_t side = r->sides[c], is_double = abs(side) == 1;
         if (is_double) cells[--last] = cells[c], r->sides[last] = -1;
         cells[--last] = cells[c], r->sides[last] = is_double ? 1 : side;
-        (void)gr_table_set(&e->mesh.next_of, cells[last], (int32_t)(last + 1)); /* cannot fail */
     }
     return GR_OK;
 }
 
-/* Replace the cell of each point by the number of the active cell, of the back of a double cell if the point is there. */
-static void number_cells(struct gr_engine *e, struct regroup *r)
+/* Define pass(r): a stage with a chunk for each list of points. */
+#define GR_LISTED(pass)                                                                                               \
+    static void pass##_list(struct regroup *r, struct list *list);                                                    \
+    static void pass##_chunk(void *context, int64_t chunk, int t)                                                     \
+    {                                                                                                                 \
+        struct regroup *r = context;                                                                                  \
+        (void)t;                                                                                                      \
+        pass##_list(r, &r->list[chunk]);                                                                              \
+    }                                                                                                                 \
+    static void pass(struct regroup *r) { gr_team_run(r->chunks > 1 ? r->team : 0, pass##_chunk, r, r->chunks + 1); } \
+    static void pass##_list(struct regroup *r, struct list *list)
+
+/* Find the number of the active cell of each point, of the back of a double cell if the point is there. */
+GR_LISTED(number_cells)
 {
-    for (int64_t p = 0; p < r->n; p++) {
-        int64_t c = (int64_t)gr_table_get(&e->mesh.next_of, r->cell_id[p]) - 1;
+    list->lowest = INT64_MAX, list->highest = -1;
+    for (int64_t p = list->first; p < list->first + list->n; p++) {
+        int64_t c = (int64_t)gr_table_get(&r->e->mesh.next_of, r->place[p]) - 1;
         if (r->sides) {
-            double x[3], *side = look_up(e, r, p, x);
-            *side = r->sides[c] == 1 ? gr_point_side(e, x, (int)*side) : 0;
+            double x[3], *side = look_up(r, p, x);
+            *side = r->sides[c] == 1 ? gr_point_side(r->e, x, (int)*side) : 0;
             c += *side < 0;
         }
-        r->cell_id[p] = c;
+        r->cell[p] = (int32_t)c;
+        if (c < list->lowest) list->lowest = c;
+        if (c > list->highest) list->highest = c;
     }
 }
 
-/* Number of rows of the tile that begins with a cell. */
-static int32_t rows_from(const struct regroup *r, int64_t first)
+/* Count the points of each new cell, and number them. */
+GR_SHARED(count_new, struct regroup, r->n_cells, r)
 {
-    int32_t most = 0;
-    for (int64_t c = first; c < first + GR_LANES && c < r->n_cells; c++) most = r->counts[c] > most ? r->counts[c] : most;
-    return rows_of_tile(most, r->usual);
+    (void)chunk;
+    for (const struct list *list = r->list; list <= r->list + r->chunks; list++) {
+        if (list->lowest >= last || list->highest < first) continue;
+        for (int64_t p = list->first; p < list->first + list->n; p++)
+            if (r->cell[p] >= first && r->cell[p] < last) r->place[p] = r->counts[r->cell[p]]++;
+    }
+}
+
+static int64_t tiles_of(const struct regroup *r) { return (r->n_cells + GR_LANES - 1) / GR_LANES; }
+
+/* Find the number of places of each tile. */
+GR_SHARED(size_tiles, struct regroup, tiles_of(r), r)
+{
+    (void)chunk;
+    for (int64_t tile = first; tile < last; tile++) {
+        int32_t most = 0;
+        for (int64_t c = tile * GR_LANES; c < (tile + 1) * GR_LANES && c < r->n_cells; c++)
+            most = r->counts[c] > most ? r->counts[c] : most;
+        r->offset[tile] = GR_LANES * rows_of_tile(most, r->usual);
+    }
 }
 
 /* List the occupied cells and their neighbours, and count the points of each. next_of, set here, becomes cell_of. */
-static int list_cells(struct gr_engine *e, struct regroup *r)
+static int list_cells(struct regroup *r)
 {
-    const int dim = e->config.dim, around = dim == 2 ? 9 : 27;
-    struct gr_table *map = &e->mesh.next_of;
-    gr_table_clear(map);
-    for (int64_t p = 0; p < r->n; p++)
-        if (list_cell(e, r, r->cell_id[p])) return GR_ERR_MEMORY;
-    const int64_t occupied = r->n_cells;
-    int64_t *cells = realloc(r->cells, sizeof(int64_t) * (size_t)(occupied * around + 1));
-    if (!cells) return GR_ERR_MEMORY;
-    r->cells = cells;
-    for (int64_t c = 0; c < occupied; c++) {
-        int32_t at[3];
-        decode(e, cells[c], at);
-        for (int k = 0; k < around; k++) {
-            int32_t next[3] = {at[0] + k % 3 - 1, at[1] + k / 3 % 3 - 1, dim == 3 ? at[2] + k / 9 - 1 : 0};
-            int inside = 1;
-            for (int d = 0; d < dim; d++) {
-                const int m = e->axis[d].n_cells;
-                if (e->axis[d].periodic) next[d] = (next[d] + m) % m;
-                if (next[d] < 0 || next[d] >= m) inside = 0;
-            }
-            if (inside && list_cell(e, r, gr_cell_id(e, next))) return GR_ERR_MEMORY;
-        }
-    }
-    qsort(cells, (size_t)r->n_cells, sizeof(int64_t), gr_compare_ids);
-    /* cannot fail: these entries were set before */
-    for (int64_t c = 0; c < r->n_cells; c++) (void)gr_table_set(map, cells[c], (int32_t)(c + 1));
-    if (e->n_thin && split_cells(e, r)) return GR_ERR_MEMORY;
-    r->counts = calloc((size_t)r->n_cells + 1, sizeof(int32_t));
-    if (!r->counts) return GR_ERR_MEMORY;
-    number_cells(e, r);
-    for (int64_t p = 0; p < r->n; p++) r->counts[r->cell_id[p]]++;
+    struct gr_engine *e = r->e;
+    const int64_t occupied = merge_listed(r);
+    if (gr_spread(e, GR_SPREAD_CELLS, r->listed, occupied, r->team, r->chunks, &r->cells, &r->n_cells)) return GR_ERR_MEMORY;
+    if (e->n_thin && split_cells(r)) return GR_ERR_MEMORY;
+    if (gr_table_fill(&e->mesh.next_of, r->cells, r->n_cells, r->team, r->chunks)) return GR_ERR_MEMORY;
+    r->counts = calloc((size_t)r->n_cells + 1, sizeof *r->counts);
+    r->offset = malloc(sizeof *r->offset * (size_t)(tiles_of(r) + 1));
+    if (!r->counts || !r->offset) return GR_ERR_MEMORY;
+    number_cells(r);
+    count_new(r);
     r->usual = occupied ? (int32_t)(r->n / occupied) : 0;
-    for (int64_t c = 0; c < r->n_cells; c += GR_LANES) r->total += GR_LANES * rows_from(r, c);
+    size_tiles(r);
+    for (int64_t tile = 0; tile <= tiles_of(r); tile++) {
+        const int64_t places = r->offset[tile];
+        r->offset[tile] = r->total;
+        if (tile < tiles_of(r)) r->total += places;
+    }
+    r->used = r->total > e->used ? r->total : e->used;
     return GR_OK;
 }
 
@@ -226,131 +331,180 @@ static int reserve_mesh(struct gr_engine *e, int64_t n_cells)
     return GR_OK;
 }
 
-/* Move one component of all points to their new places. */
-static void move_component(double *array, const struct regroup *r, const double *pending, int stride, int64_t used)
+/* Calm of the new cells (mpm/sleep.h): what it was, but an asleep cell wakes if points have come to it. */
+GR_SHARED(keep_calm, struct regroup, r->n_cells, r)
 {
-    memset(r->scratch, 0, sizeof(double) * (size_t)used);
-    for (int64_t p = 0; p < r->n; p++)
-        r->scratch[r->cell_id[p]] = r->source[p] >= 0 ? array[r->source[p]] : pending[(-1 - r->source[p]) * stride];
-    memcpy(array, r->scratch, sizeof(double) * (size_t)used);
+    (void)chunk;
+    for (int64_t c = first; c < last; c++) {
+        r->calm[c] = 0;
+        if (r->sides && abs(r->sides[c]) == 1) continue; /* double cells do not sleep */
+        const int64_t before = (int64_t)gr_table_get(&r->e->mesh.cell_of, r->cells[c]) - 1;
+        const struct gr_cell *cell = before < 0 ? 0 : &r->e->mesh.cell[before];
+        const int kept = cell && (cell->count == r->counts[c] || (cell->count && cell->calm != GR_ASLEEP));
+        if (kept) r->calm[c] = cell->calm;
+    }
 }
 
-static void move_points(struct gr_engine *e, struct regroup *r)
+/* Set up the cells of the new tiles and clear their sums. The last tile is filled up with cells at the place of its last. */
+GR_SHARED(place_tiles, struct regroup, tiles_of(r), r)
 {
-    int component = 0;
-    const int64_t used = r->total > e->used ? r->total : e->used;
+    struct gr_engine *e = r->e;
+    (void)chunk;
+    for (int64_t c = first * GR_LANES; c < last * GR_LANES; c++) {
+        struct gr_cell *cell = &e->mesh.cell[c];
+        const int64_t tile = c / GR_LANES, own = c < r->n_cells ? c : r->n_cells - 1;
+        cell->offset = r->offset[tile] + c % GR_LANES;
+        cell->count = own == c ? r->counts[c] : 0;
+        cell->summed = 0;
+        cell->calm = r->calm && own == c ? r->calm[c] : 0;
+        cell->capacity = (int32_t)((r->offset[tile + 1] - r->offset[tile]) / GR_LANES);
+        cell->side = r->sides && own == c ? r->sides[c] : 0;
+        decode(e, r->cells[own], cell->at);
+        cell->flags = gr_map_get(&e->config.cell_flags, cell->at);
+    }
+    memset(e->mesh.tile_state + first, GR_TILE_SUMMED, (size_t)(last - first));
+    memset(e->sums + first * e->sum_stride, 0, sizeof(double) * (size_t)((last - first) * e->sum_stride));
+}
+
+/* Set up the mesh of the new cells. */
+static void place_cells(struct regroup *r)
+{
+    struct gr_mesh *mesh = &r->e->mesh;
+    const struct gr_table old = mesh->cell_of;
+    mesh->cell_of = mesh->next_of;
+    mesh->next_of = old;
+    mesh->n_cells = r->n_cells;
+    mesh->n_tiles = tiles_of(r);
+    place_tiles(r);
+    /* the tile of zeros, and what loads behind it read */
+    memset(r->e->sums + mesh->n_tiles * r->e->sum_stride, 0, sizeof(double) * (size_t)(r->e->sum_stride + GR_LANES));
+    mesh->n_paired = 0;
+    for (int64_t c = 0; r->sides && c < r->n_cells; c++)
+        if (r->sides[c] == 1) mesh->paired[mesh->n_paired++] = c;
+}
+
+/* ---- The points in their new places ---- */
+
+GR_SHARED(clear_from, struct regroup, r->used, r)
+{
+    (void)chunk;
+    for (int64_t s = first; s < last; s++) r->from[s] = SPARE;
+}
+
+GR_LISTED(find_places)
+{
+    for (int64_t p = list->first; p < list->first + list->n; p++)
+        r->from[gr_slot(&r->e->mesh.cell[r->cell[p]], r->place[p])] = r->source[p];
+}
+
+/* Move a column of the points to the new places: first to a copy, which replaces it while the next column is moved. */
+GR_SHARED(move_column, struct regroup, r->used, r)
+{
+    const int64_t k = r->column, columns = r->e->n_components + 1;
+    const size_t size = sizeof *r->scratch;
+    uint64_t *const copy = r->scratch + k % 2 * r->used, *const before = r->scratch + (k + 1) % 2 * r->used;
+    (void)chunk;
+    if (k > 0) memcpy((char *)r->columns[k - 1].to + (size_t)first * size, before + first, size * (size_t)(last - first));
+    if (k == columns) return;
+    const struct column *column = &r->columns[k];
+    const char *const old = column->to, *const pending = column->pending;
+    for (int64_t s = first; s < last; s++) {
+        const int64_t from = r->from[s];
+        if (from >= 0)
+            memcpy(copy + s, old + (size_t)from * size, size);
+        else if (from == SPARE)
+            copy[s] = column->spare;
+        else
+            memcpy(copy + s, pending + (size_t)((-1 - from) * column->stride) * size, size);
+    }
+}
+
+/* Put spare places into the middle of their cells; all else is 0 there already. */
+GR_SHARED(center_spare, struct regroup, r->e->mesh.n_tiles *GR_LANES, r)
+{
+    (void)chunk;
+    for (const struct gr_cell *cell = r->e->mesh.cell + first; cell < r->e->mesh.cell + last; cell++)
+        for (int32_t k = cell->count; k < cell->capacity; k++) gr_center_place(r->e, cell, gr_slot(cell, k));
+}
+
+static void move_points(struct regroup *r)
+{
+    struct gr_engine *e = r->e;
+    int64_t n = 0;
     for (int f = 0; f < GR_FIELD_COUNT; f++)
-        for (int c = 0; e->field[f] && c < gr_field_components(f, e->config.dim); c++, component++)
-            move_component(e->field[f] + c * e->capacity, r, e->pending + component, e->n_components, used);
-    int64_t *ids = (int64_t *)(void *)r->scratch;
-    for (int64_t s = 0; s < used; s++) ids[s] = -1;
-    for (int64_t p = 0; p < r->n; p++)
-        ids[r->cell_id[p]] = r->source[p] >= 0 ? e->id[r->source[p]] : e->pending_id[-1 - r->source[p]];
-    memcpy(e->id, ids, sizeof(int64_t) * (size_t)used);
+        for (int c = 0; e->field[f] && c < gr_field_components(f, e->config.dim); c++, n++)
+            r->columns[n] = (struct column){e->field[f] + c * e->capacity, e->pending + n, e->n_components, 0};
+    r->columns[n++] = (struct column){e->id, e->pending_id, 1, (uint64_t)-1};
+    clear_from(r);
+    find_places(r);
+    for (r->column = 0; r->column <= n; r->column++) move_column(r);
+    center_spare(r);
     e->used = r->total;
 }
 
-/* Calm of the new cells (mpm/sleep.h): what it was, but an asleep cell wakes if points have come to it. */
-static int keep_calm(struct gr_engine *e, struct regroup *r)
+/* Find the places of the active cells on the fluidity grid. */
+GR_SHARED(find_fluidity, struct regroup, r->n_cells, r)
 {
-    if (!e->sleep) return GR_OK;
-    r->calm = calloc((size_t)r->n_cells + 1, sizeof *r->calm);
+    const struct gr_engine *e = r->e;
+    (void)chunk;
+    for (int64_t c = first; c < last; c++)
+        e->mesh.place[c] = (int32_t)gr_fluidity_place(e->fluidity, r->cells[c], e->mesh.cell[c].side == -1);
+}
+
+static int reserve_points(struct regroup *r)
+{
+    const size_t n = (size_t)r->e->n_points + 1;
+    r->list = calloc((size_t)r->chunks + 1, sizeof *r->list);
+    r->source = malloc(sizeof *r->source * n);
+    r->place = malloc(sizeof *r->place * n);
+    r->cell = malloc(sizeof *r->cell * n);
+    r->listed = malloc(sizeof *r->listed * 2 * n);
+    return r->list && r->source && r->place && r->cell && r->listed ? GR_OK : GR_ERR_MEMORY;
+}
+
+static int reserve_places(struct regroup *r)
+{
+    r->from = malloc(sizeof *r->from * ((size_t)r->used + 1));
+    r->scratch = malloc(sizeof *r->scratch * (2 * (size_t)r->used + 1));
+    r->columns = malloc(sizeof *r->columns * ((size_t)r->e->n_components + 1));
+    if (!r->from || !r->scratch || !r->columns) return GR_ERR_MEMORY;
+    if (!r->e->sleep) return GR_OK;
+    r->calm = malloc(sizeof *r->calm * ((size_t)r->n_cells + 1));
     if (!r->calm) return GR_ERR_MEMORY;
-    for (int64_t c = 0; c < r->n_cells; c++) {
-        if (r->sides && abs(r->sides[c]) == 1) continue; /* double cells do not sleep */
-        const int64_t before = (int64_t)gr_table_get(&e->mesh.cell_of, r->cells[c]) - 1;
-        const struct gr_cell *cell = before < 0 ? 0 : &e->mesh.cell[before];
-        if (cell && cell->count && (cell->calm != GR_ASLEEP || cell->count == r->counts[c])) r->calm[c] = cell->calm;
-    }
+    keep_calm(r);
     return GR_OK;
 }
 
-/* Set up the new cells, and for each point its new place in r->cell_id. */
-static void place_cells(struct gr_engine *e, struct regroup *r)
+static void free_regroup(struct regroup *r)
 {
-    int64_t offset = 0;
-    int32_t rows = 0;
-    const struct gr_table old = e->mesh.cell_of;
-    e->mesh.cell_of = e->mesh.next_of;
-    e->mesh.next_of = old;
-    e->mesh.n_paired = 0;
-    for (int64_t c = 0; c < r->n_cells; c++) {
-        struct gr_cell *cell = &e->mesh.cell[c];
-        if (c % GR_LANES == 0) rows = rows_from(r, c);
-        cell->offset = offset + c % GR_LANES;
-        cell->count = cell->summed = 0;
-        cell->calm = r->calm ? r->calm[c] : 0;
-        cell->capacity = rows;
-        cell->side = r->sides ? r->sides[c] : 0;
-        if (cell->side == 1) e->mesh.paired[e->mesh.n_paired++] = c;
-        decode(e, r->cells[c], cell->at);
-        cell->flags = gr_map_get(&e->config.cell_flags, cell->at);
-        if ((c + 1) % GR_LANES == 0) offset += GR_LANES * rows;
-    }
-    e->mesh.n_cells = r->n_cells;
-    e->mesh.n_tiles = (r->n_cells + GR_LANES - 1) / GR_LANES;
-    for (int64_t c = r->n_cells; c < e->mesh.n_tiles * GR_LANES; c++) { /* fill up the last tile */
-        e->mesh.cell[c] = e->mesh.cell[c - 1];
-        e->mesh.cell[c].offset++;
-        e->mesh.cell[c].calm = 0;
-        e->mesh.cell[c].side = 0;
-    }
-    memset(e->mesh.tile_state, GR_TILE_SUMMED, (size_t)e->mesh.n_tiles);
-    for (int64_t p = 0; p < r->n; p++) {
-        struct gr_cell *cell = &e->mesh.cell[r->cell_id[p]];
-        r->cell_id[p] = gr_slot(cell, cell->count++);
-    }
+    void *const owned[] = {r->list,   r->source, r->place, r->cell,    r->listed,  r->cells, r->sides,
+                           r->counts, r->offset, r->from,  r->scratch, r->columns, r->calm};
+    for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
 }
 
-/* Give the active cells their places on the fluidity grid. */
-static int cover_cells(struct gr_engine *e, const struct regroup *r)
+int gr_regroup(struct gr_engine *e, struct gr_team *team)
 {
-    const int error = gr_fluidity_cover(e->fluidity, r->cells, r->sides, r->n_cells);
-    for (int64_t c = 0; c < e->mesh.n_cells && !error; c++) {
-        const struct gr_cell *cell = &e->mesh.cell[c];
-        e->mesh.place[c] = (int32_t)gr_fluidity_place(e->fluidity, gr_cell_id(e, cell->at), cell->side == -1);
-    }
-    return error;
-}
-
-int gr_regroup(struct gr_engine *e)
-{
-    struct regroup r = {0};
-    const int64_t n = e->n_points;
-    int error = GR_ERR_MEMORY;
-    r.source = malloc(sizeof(int64_t) * (size_t)(n + 1));
-    r.cell_id = malloc(sizeof(int64_t) * (size_t)(n + 1));
-    r.cells = malloc(sizeof(int64_t) * (size_t)(n + 1));
-    r.scratch = malloc(sizeof(double) * (size_t)(e->capacity + 1));
-    if (!r.source || !r.cell_id || !r.cells || !r.scratch) goto out;
-    error = list_points(e, &r);
-    if (!error) error = list_cells(e, &r);
+    struct regroup r = {.e = e, .team = team, .chunks = e->n_points > FEW_POINTS ? gr_chunks(team, GR_MAX_CHUNKS) : 1};
+    int error = reserve_points(&r);
+    if (!error) error = list_points(&r);
+    if (!error) error = list_cells(&r);
     if (!error && r.total > e->capacity) {
         e->needed_capacity = r.total + r.total / GROWTH;
         error = GR_ERR_CAPACITY;
     }
-    if (!error) error = keep_calm(e, &r);
+    if (!error) error = reserve_places(&r);
     if (!error) error = reserve_mesh(e, r.n_cells);
     if (error) goto out; /* the old cells are kept */
-    place_cells(e, &r);
-    move_points(e, &r);
+    place_cells(&r);
+    move_points(&r);
     e->n_pending = 0;
     e->sums_valid = 0;
     e->n_dirty = 0;
-    for (int64_t c = 0; c < e->mesh.n_tiles * GR_LANES; c++)
-        for (int32_t k = e->mesh.cell[c].count; k < e->mesh.cell[c].capacity; k++)
-            gr_clear_place(e, &e->mesh.cell[c], gr_slot(&e->mesh.cell[c], k));
-    error = gr_connect(e);
-    if (!error && e->fluidity) error = cover_cells(e, &r);
+    error = gr_connect(e, r.cells, team, r.chunks);
+    if (!error && e->fluidity) error = gr_fluidity_cover(e->fluidity, r.cells, r.sides, r.n_cells);
+    if (!error && e->fluidity) find_fluidity(&r);
     e->disconnected = error != GR_OK; /* the points are grouped, but the mesh must be made again */
-    memset(e->sums, 0, sizeof(double) * (size_t)((e->mesh.n_tiles + 1) * e->sum_stride + GR_LANES));
 out:
-    free(r.source);
-    free(r.cell_id);
-    free(r.cells);
-    free(r.counts);
-    free(r.calm);
-    free(r.sides);
-    free(r.scratch);
+    free_regroup(&r);
     return error;
 }

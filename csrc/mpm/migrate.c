@@ -275,7 +275,9 @@ int gr_migrate(struct gr_engine *e, struct gr_migrants *list, int lists, struct 
     for (int l = 0; l < lists; l++) invalid += list[l].invalid, count += list[l].count;
     if (invalid) return refuse(e, list, lists); /* the state before migration */
     int64_t waiting = bring_back_all(e, list, lists);
-    struct arrivals a = {.e = e, .list = list, .lists = lists, .chunks = count > FEW ? gr_chunks(team, e->mesh.n_tiles) : 1};
+    struct arrivals a; /* not cleared, as its arrays are long */
+    a.e = e, a.list = list, a.lists = lists;
+    a.chunks = count > FEW ? gr_chunks(team, e->mesh.n_tiles) : 1;
     gr_team_run(a.chunks > 1 ? team : NULL, insert_chunk, &a, a.chunks);
     for (int64_t chunk = 0; chunk < a.chunks; chunk++) {
         int64_t first, last;

@@ -30,16 +30,22 @@ static inline int gr_cells_of_fluidity(const struct gr_engine *e, const struct g
 #define GR_EACH_OF_FLUIDITY(e, cell, name) \
     for (const struct gr_cell *name = (cell), *end_##name = name + gr_cells_of_fluidity(e, cell); name < end_##name; name++)
 
+/* Put a place into the middle of its cell. */
+static inline void gr_center_place(struct gr_engine *e, const struct gr_cell *cell, int64_t slot)
+{
+    for (int d = 0; d < e->config.dim; d++) {
+        const struct gr_axis_cell *ac = &e->axis[d].cell[cell->at[d]];
+        e->field[GR_FIELD_x][d * e->capacity + slot] = 0.5 * (ac->begin + ac->end);
+    }
+}
+
 /* Make a place spare: it has no mass and no id, and all its values are finite, with x at the centre of its cell. */
 static inline void gr_clear_place(struct gr_engine *e, const struct gr_cell *cell, int64_t slot)
 {
     const int dim = e->config.dim;
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         for (int c = 0; e->field[f] && c < gr_field_components(f, dim); c++) e->field[f][c * e->capacity + slot] = 0;
-    for (int d = 0; d < dim; d++) {
-        const struct gr_axis_cell *ac = &e->axis[d].cell[cell->at[d]];
-        e->field[GR_FIELD_x][d * e->capacity + slot] = 0.5 * (ac->begin + ac->end);
-    }
+    gr_center_place(e, cell, slot);
     e->id[slot] = -1;
 }
 

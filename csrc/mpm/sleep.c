@@ -77,6 +77,7 @@ static void set(uint8_t *byte, uint8_t value) { __atomic_store_n(byte, value, __
 
 static uint8_t get(const uint8_t *byte) { return __atomic_load_n(byte, __ATOMIC_RELAXED); }
 
+/* True if no point of a cell is fast; also if it has none. */
 static int is_slow(const struct gr_engine *e, const struct gr_cell *cell)
 {
     const double most = e->config.scheme.sleep_speed * e->config.scheme.sleep_speed;
@@ -94,7 +95,7 @@ GR_PASS(count_checks, n_cells)
 {
     struct gr_cell *cell = &e->mesh.cell[c];
     if (cell->calm == GR_ASLEEP) return;
-    const int slow = cell->count && !GR_IS_DOUBLE(cell) && is_slow(e, cell);
+    const int slow = !GR_IS_DOUBLE(cell) && is_slow(e, cell);
     cell->calm = !slow ? 0 : cell->calm < GR_CALM_CHECKS ? cell->calm + 1 : GR_CALM_CHECKS;
     look->calm[chunk] += cell->calm == GR_CALM_CHECKS;
 }
@@ -124,8 +125,9 @@ GR_PASS(fall_asleep, n_cells)
     for (int i = 0; i < e->K && !restless; i++) restless = e->sleep->restless[gr_cell_node(e, c, i)];
     if (restless) return;
     cell->calm = GR_ASLEEP;
-    stop(e, cell);
     look->fell[chunk]++;
+    if (!cell->count) return;
+    stop(e, cell);
     set(&e->mesh.tile_state[c / GR_LANES], GR_TILE_CHANGED);
 }
 
@@ -209,8 +211,8 @@ GR_PASS(find_resting, n_tiles)
 
 void gr_sleep_find_uses(struct gr_engine *e, struct gr_team *team)
 {
-    struct look look = {.e = e, .chunks = gr_chunks(team, e->mesh.n_cells)};
     if (!e->sleep->changed) return;
+    struct look look = {.e = e, .chunks = gr_chunks(team, e->mesh.n_cells)};
     e->sleep->changed = 0;
     e->sleep->asleep = 0;
     memset(e->sleep->use, GR_NODE_UNUSED, (size_t)e->sleep->capacity);

@@ -3,7 +3,8 @@
  * Cells fall asleep if no point in them, nor in a cell with which they have a node in common, has been faster than
  * sleep_speed in GR_CALM_CHECKS checks, one every GR_SLEEP_INTERVAL steps. Their points lose their velocity and its gradient,
  * and keep position, stress and density. Their sums then remain what they are, and so do nodes that have no other cells: both
- * are kept and not computed. A cell wakes if one of its nodes would move faster than sleep_speed, if a point arrives, before
+ * are kept and not computed. Cells without points fall asleep by the same rule, so that the surface of material at rest costs
+ * nothing. A cell wakes if one of its nodes would move faster than sleep_speed, if a point arrives, before
  * gravity changes or a wall opens, and while a body moves near it.
  *
  * Whether a cell is asleep is a matter of that cell and its nodes alone. What is skipped, tiles of which all cells are
@@ -19,7 +20,6 @@
 enum { GR_SLEEP_INTERVAL = 16, GR_CALM_CHECKS = 32, GR_ASLEEP = INT32_MAX };
 
 /* Who needs the values of a node in each step: nobody; a cell that is awake; one that it may wake. */
-/* Cells without points count as awake: whether a node has mass matters to those around it. */
 enum gr_node_use { GR_NODE_UNUSED, GR_NODE_OF_AWAKE, GR_NODE_OF_WATCHED };
 
 struct gr_sleep {
@@ -68,8 +68,8 @@ static inline void gr_wake(struct gr_engine *e, struct gr_cell *cell)
 /* The same for one to which a point comes. An empty one is as one that has just become active. */
 static inline void gr_wake_for_arrival(struct gr_engine *e, struct gr_cell *cell)
 {
-    if (!cell->count) cell->calm = 0;
     gr_wake(e, cell);
+    if (!cell->count) cell->calm = 0;
 }
 
 /* True if the values of the group of nodes that begins with `first`, a multiple of GR_LANES, are those of the last step. */

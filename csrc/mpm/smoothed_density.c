@@ -111,7 +111,10 @@ void gr_grid_surroundings(struct gr_engine *e, int64_t first, int64_t last)
 {
     const int dim = e->config.dim;
     for (int64_t n = first; n < last; n++) {
-        if (gr_group_rests(e, n - n % GR_LANES)) continue;
+        if (gr_group_rests(e, n - n % GR_LANES)) {
+            n += GR_LANES - 1 - n % GR_LANES;
+            continue;
+        }
         const int64_t id = e->mesh.node_id[n];
         int64_t step[3][3];
         int lines;

@@ -9,6 +9,7 @@
 #include "mpm/feet.h"
 #include "mpm/fluidity_bodies.h"
 #include "mpm/open_volume.h"
+#include "core/memory.h"
 #include "core/piecewise.h"
 #include "core/team.h"
 #include "kernels.h"
@@ -29,8 +30,6 @@ struct run {
     int64_t left; /* steps left */
     double until, gravity[3];
     int n_chunks; /* of tiles */
-    int64_t cut[GR_MAX_CHUNKS + 1];
-    struct gr_migrants migrants[GR_MAX_CHUNKS];
 };
 
 /* The largest speed of the points, squared, by chunks of cells. */
@@ -86,6 +85,16 @@ static int reserve_substeps(struct gr_engine *e)
     return e->substeps ? GR_OK : GR_ERR_MEMORY;
 }
 
+static int reserve_chunks(struct gr_engine *e, int64_t n)
+{
+    if (n <= e->chunk_capacity) return GR_OK;
+    e->chunk_capacity = 0;
+    GR_RESIZE(e->cut, n + 1);
+    GR_RESIZE(e->migrants, n);
+    e->chunk_capacity = n;
+    return GR_OK;
+}
+
 /* Divide the tiles so that each chunk has about the same number of points. Give each chunk capacity for migrants: all
  * its points may leave their cells at once. */
 static int share_out(struct run *run)
@@ -97,25 +106,23 @@ static int share_out(struct run *run)
     }
     const int64_t n_tiles = e->mesh.n_tiles, all = e->used;
     const int chunks = (int)gr_chunks(run->team, GR_MAX_CHUNKS);
-    int64_t points = 0, first[GR_MAX_CHUNKS + 1] = {0};
     int k = 1;
+    if (reserve_chunks(e, chunks)) return GR_ERR_MEMORY;
     run->n_chunks = chunks;
-    run->cut[0] = 0;
+    e->cut[0] = 0;
     for (int64_t tile = 0; tile < n_tiles; tile++) {
         const struct gr_cell *cell = &e->mesh.cell[tile * GR_LANES];
-        points += GR_LANES * cell->capacity;
+        const int64_t places = cell->offset + (int64_t)GR_LANES * cell->capacity;
         if (cell[GR_LANES - 1].side == 1) continue; /* its back must be in the same chunk */
-        while (k < chunks && points * chunks >= all * k) {
-            first[k] = points;
-            run->cut[k++] = tile + 1;
-        }
+        while (k < chunks && places * chunks >= all * k) e->cut[k++] = tile + 1;
     }
-    for (; k <= chunks; k++) run->cut[k] = n_tiles, first[k] = points;
+    while (k <= chunks) e->cut[k++] = n_tiles;
     if (e->sleep && gr_sleep_begin(e)) return GR_ERR_MEMORY;
-    if (reserve_substeps(e) || gr_reserve_pending(e, points + chunks)) return GR_ERR_MEMORY;
+    if (reserve_substeps(e) || gr_reserve_pending(e, all + chunks)) return GR_ERR_MEMORY;
     for (k = 0; k < chunks; k++) {
-        const int64_t begin = first[k] + k; /* one record more than points for each chunk */
-        run->migrants[k] = (struct gr_migrants){
+        const int64_t first = e->cut[k] < n_tiles ? e->mesh.cell[e->cut[k] * GR_LANES].offset : all;
+        const int64_t begin = first + k; /* one record more than points for each chunk */
+        e->migrants[k] = (struct gr_migrants){
             .from = e->migrant + begin, .record = e->pending + begin * e->n_components, .id = e->pending_id + begin};
     }
     return GR_OK;
@@ -151,12 +158,12 @@ static void p2g_listed(struct run *run, int64_t first, int64_t last)
 /* ---- Chunks of the stages ---- */
 
 /* Define chunk(): call a kernel for the tiles of a chunk. */
-#define GR_CHUNK_OF_TILES(chunk, ...)                              \
-    static void chunk(void *context, int64_t c, int t)             \
-    {                                                              \
-        struct run *run = context;                                 \
-        const int64_t first = run->cut[c], last = run->cut[c + 1]; \
-        (void)t, __VA_ARGS__;                                      \
+#define GR_CHUNK_OF_TILES(chunk, ...)                                    \
+    static void chunk(void *context, int64_t c, int t)                   \
+    {                                                                    \
+        struct run *run = context;                                       \
+        const int64_t first = run->e->cut[c], last = run->e->cut[c + 1]; \
+        (void)t, __VA_ARGS__;                                            \
     }
 
 GR_CHUNK_OF_TILES(p2g, run->kernels->p2g(run->e, first, last))
@@ -165,7 +172,7 @@ GR_CHUNK_OF_TILES(smooth, run->kernels->smooth(run->e, first, last))
 GR_CHUNK_OF_TILES(mark, gr_bodies_mark(run->e, first *GR_LANES, last *GR_LANES))
 GR_CHUNK_OF_TILES(begin_substeps, run->kernels->begin_substeps(run->e, first, last))
 GR_CHUNK_OF_TILES(substep, run->kernels->substep(run->e, first, last))
-GR_CHUNK_OF_TILES(sweep, run->kernels->sweep(run->e, first, last, &run->migrants[c], 1))
+GR_CHUNK_OF_TILES(sweep, run->kernels->sweep(run->e, first, last, &run->e->migrants[c], 1))
 
 /* Define chunk(): the same for chunks of n nodes or other items. */
 #define GR_CHUNK_OF(n, chunk, ...)                              \
@@ -254,7 +261,7 @@ static int prepare(struct run *run)
 static void finish(struct run *run)
 {
     struct gr_engine *e = run->e;
-    e->error = gr_migrate(e, run->migrants, run->n_chunks, run->team);
+    e->error = gr_migrate(e, e->migrants, run->n_chunks, run->team);
     e->sums_valid = e->sums_valid && !e->error;
     if (e->error) return;
     if (e->watch) gr_add_wall_impulses(e);
@@ -267,7 +274,7 @@ static void finish(struct run *run)
     if (e->feet && gr_feet_list(e)) e->error = GR_ERR_MEMORY;
     if (e->open && (e->config.cell_averaged || gr_averages(e, e->step)) && gr_open_volumes(e, 1)) e->error = GR_ERR_MEMORY;
     if (e->error || (!e->n_pending && !e->disconnected)) return;
-    e->error = gr_regroup(e);
+    e->error = gr_regroup(e, run->team);
     if (!e->error) e->error = share_out(run);
 }
 
@@ -337,12 +344,21 @@ static int stage_fluidity(struct run *run)
     return e->error;
 }
 
+/* Regroup unless the points are grouped, none is pending and the mesh is complete. Without points there are no cells,
+ * and only the clock runs on, fast. */
+static int ready(struct gr_engine *e, struct gr_team *team)
+{
+    return e->n_points && e->mesh.n_cells && !e->n_pending && !e->disconnected ? GR_OK : gr_regroup(e, team);
+}
+
 static void make_steps(void *context, struct gr_team *team)
 {
     struct run *run = context;
     struct gr_engine *e = run->e;
     run->team = team;
-    e->error = share_out(run);
+    e->error = ready(e, team);
+    if (!e->error) e->error = share_out(run);
+    gr_plan_sums(e, e->step);
     while (!e->error) {
         if (!e->sums_valid) {
             all_tiles(run, p2g);
@@ -358,27 +374,17 @@ static void make_steps(void *context, struct gr_team *team)
     }
 }
 
-/* Regroup unless the points are grouped, none is pending and the mesh is complete. Without points there are no cells,
- * and only the clock runs on, fast. */
-static int ready(struct gr_engine *e)
-{
-    return e->n_points && e->mesh.n_cells && !e->n_pending && !e->disconnected ? GR_OK : gr_regroup(e);
-}
-
 int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t max_steps, double until, int threads)
 {
     struct run run = {.e = e, .kernels = kernels, .left = max_steps, .until = until};
-    e->error = ready(e);
-    if (e->error) return e->error;
-    gr_plan_sums(e, e->step);
-    gr_team_lead(e->mesh.n_cells ? threads : 1, make_steps, &run);
+    gr_team_lead(e->n_points ? threads : 1, make_steps, &run);
     return e->error;
 }
 
 /* The stages one by one, in one thread: the same as a step of gr_advance, to the last bit. */
 int gr_p2g(struct gr_engine *e, const struct gr_kernels *kernels)
 {
-    e->error = ready(e);
+    e->error = ready(e, NULL);
     if (e->error) return e->error;
     gr_plan_sums(e, e->step);
     kernels->p2g(e, 0, e->mesh.n_tiles);
@@ -410,7 +416,7 @@ int gr_g2p(struct gr_engine *e, const struct gr_kernels *kernels)
     e->error = e->mesh.n_cells && e->dt > 0 && !e->n_pending && !e->disconnected && known ? share_out(&run) : GR_ERR_CONFIG;
     if (e->error) return e->error;
     e->record_rates = 1;
-    kernels->sweep(e, 0, e->mesh.n_tiles, &run.migrants[0], 0);
+    kernels->sweep(e, 0, e->mesh.n_tiles, &e->migrants[0], 0);
     finish(&run);
     e->sums_valid = 0;
     return e->error;

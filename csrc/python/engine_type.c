@@ -92,7 +92,7 @@ static PyObject *engine_regroup(struct gr_object *self, PyObject *Py_UNUSED(unus
 {
     struct gr_engine *e = gr_ready(self, 1);
     if (!e) return NULL;
-    const int error = gr_regroup(e);
+    const int error = gr_regroup(e, NULL);
     if (!error) e->error = GR_OK;
     return needed_capacity(e, error);
 }

@@ -111,7 +111,7 @@ TEST(asks_for_sums)
     for (int64_t c = 0; c < s.engine->mesh.n_cells; c++)
         if (!s.engine->mesh.cell[c].count) empty += density_of(&s, c) < -1e299;
     CHECK(empty > 0);
-    CHECK(gr_regroup(s.engine) == GR_OK);
+    CHECK(gr_regroup(s.engine, NULL) == GR_OK);
     CHECK(gr_g2p(s.engine, kernels) == GR_ERR_CONFIG);
     CHECK(gr_advance(s.engine, kernels, 3, INFINITY, 2) == GR_OK);
     scene_free(&s);

@@ -124,7 +124,7 @@ TEST(needs_points_and_a_step)
     scene_default(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
     CHECK(scene_build(&s, 10, 0.2, 0.8) == GR_OK);
     CHECK(gr_g2p(s.engine, gr_kernels_select("baseline")) == GR_ERR_CONFIG); /* not grouped */
-    CHECK(gr_regroup(s.engine) == GR_OK);
+    CHECK(gr_regroup(s.engine, NULL) == GR_OK);
     CHECK(gr_g2p(s.engine, gr_kernels_select("baseline")) == GR_ERR_CONFIG); /* no dt yet */
     scene_free(&s);
 }
@@ -142,7 +142,7 @@ TEST(before_the_grid_all_is_at_rest)
             s.config.dt = 1e-4;
             CHECK(scene_build(&s, POINTS, 0.3, 0.7) == GR_OK);
             if (stepped) CHECK(gr_advance(s.engine, kernels, 5, INFINITY, 1) == GR_OK);
-            CHECK(gr_regroup(s.engine) == GR_OK);
+            CHECK(gr_regroup(s.engine, NULL) == GR_OK);
             const struct gr_engine *e = s.engine;
             for (int64_t n = 0; n < e->mesh.n_nodes; n++) {
                 CHECK(e->node_mass[n] == 0);

@@ -92,10 +92,10 @@ TEST(groups_points)
                 scene_default(&s, dim, basis, GR_AFFINE_MOMENT, 0);
                 s.config.periodic[0] = periodic;
                 CHECK(scene_build(&s, 300, 0.05, 0.6) == GR_OK);
-                CHECK(gr_regroup(s.engine) == GR_OK);
+                CHECK(gr_regroup(s.engine, NULL) == GR_OK);
                 check_mesh(&s);
                 check_halo(&s);
-                CHECK(gr_regroup(s.engine) == GR_OK); /* nothing to do, so nothing changes */
+                CHECK(gr_regroup(s.engine, NULL) == GR_OK); /* nothing to do, so nothing changes */
                 check_mesh(&s);
                 for (int64_t id = 0; id < 300; id++) CHECK(scene_find(&s, id) >= 0);
                 scene_free(&s);
@@ -112,7 +112,7 @@ TEST(moves_whole_points)
         scene_default(one, 2, GR_QUADRATIC, GR_AFFINE_GRADIENT, 1);
         CHECK(scene_build(one, 200, 0.1, 0.9) == GR_OK);
     }
-    CHECK(gr_regroup(s.engine) == GR_OK);
+    CHECK(gr_regroup(s.engine, NULL) == GR_OK);
     CHECK(!scene_differs(&s, &before));
     for (int64_t c = 0; c < s.engine->mesh.n_cells; c++)
         for (int32_t i = 1; i < s.engine->mesh.cell[c].count; i++)
@@ -128,7 +128,7 @@ TEST(nodes_fill_the_domain)
         struct scene s;
         scene_default(&s, 2, basis, GR_AFFINE_NONE, 0);
         CHECK(scene_build(&s, 2000, 0.001, 0.999) == GR_OK);
-        CHECK(gr_regroup(s.engine) == GR_OK);
+        CHECK(gr_regroup(s.engine, NULL) == GR_OK);
         CHECK(s.engine->mesh.n_nodes == scene_grid_nodes(&s));
         double sum = 0;
         for (int64_t n = 0; n < s.engine->mesh.n_nodes; n++) sum += s.engine->mesh.node_volume[n];
@@ -147,10 +147,10 @@ TEST(asks_for_capacity)
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         for (int c = 1; s.field[f] && c < gr_field_components(f, 2); c++)
             memmove(s.field[f] + c * 320, s.field[f] + c * (4 * 300 + 64 * 40), sizeof(double) * 320);
-    CHECK(gr_regroup(s.engine) == GR_ERR_CAPACITY);
+    CHECK(gr_regroup(s.engine, NULL) == GR_ERR_CAPACITY);
     CHECK(s.engine->needed_capacity > 320 && s.engine->n_points == 300);
     CHECK(scene_grow(&s) == 0);
-    CHECK(gr_regroup(s.engine) == GR_OK);
+    CHECK(gr_regroup(s.engine, NULL) == GR_OK);
     check_mesh(&s);
     scene_free(&s);
 }
@@ -164,10 +164,10 @@ TEST(refuses_points_outside)
         CHECK(scene_build(&s, 20, 0.1, 0.9) == GR_OK);
         const double good = *scene_at(&s, GR_FIELD_x, 0, 7);
         *scene_at(&s, GR_FIELD_x, 0, 7) = bad[k];
-        CHECK(gr_regroup(s.engine) == GR_ERR_OUTSIDE);
+        CHECK(gr_regroup(s.engine, NULL) == GR_ERR_OUTSIDE);
         CHECK(s.engine->error_id == 7);
         *scene_at(&s, GR_FIELD_x, 0, 7) = good;
-        CHECK(gr_regroup(s.engine) == GR_OK);
+        CHECK(gr_regroup(s.engine, NULL) == GR_OK);
         check_mesh(&s);
         scene_free(&s);
     }
@@ -178,7 +178,7 @@ TEST(groups_nothing)
     struct scene s;
     scene_default(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
     CHECK(scene_build(&s, 0, 0.1, 0.9) == GR_OK);
-    CHECK(gr_regroup(s.engine) == GR_OK);
+    CHECK(gr_regroup(s.engine, NULL) == GR_OK);
     CHECK(s.engine->mesh.n_cells == 0);
     scene_free(&s);
 }

@@ -97,7 +97,7 @@ TEST(regroup_fails)
             config(&good, GR_QUADRATIC, kind);
             CHECK(scene_build(&good, 300, 0.3, 0.5) == GR_OK);
             if (moved) CHECK(gr_advance(good.engine, kernels, 20, INFINITY, 1) == GR_OK);
-            CHECK(gr_regroup(good.engine) == GR_OK);
+            CHECK(gr_regroup(good.engine, NULL) == GR_OK);
             CHECK(gr_advance(good.engine, kernels, 30, INFINITY, 1) == GR_OK);
             do {
                 struct scene s;
@@ -105,11 +105,11 @@ TEST(regroup_fails)
                 CHECK(scene_build(&s, 300, 0.3, 0.5) == GR_OK);
                 if (moved) CHECK(gr_advance(s.engine, kernels, 20, INFINITY, 1) == GR_OK);
                 faults_at(++n);
-                error = gr_regroup(s.engine);
+                error = gr_regroup(s.engine, NULL);
                 const int hit = faults_end();
                 CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK));
                 CHECK(s.engine->n_points == 300);
-                CHECK(gr_regroup(s.engine) == GR_OK);
+                CHECK(gr_regroup(s.engine, NULL) == GR_OK);
                 CHECK(gr_advance(s.engine, kernels, 30, INFINITY, 1) == GR_OK);
                 CHECK(!scene_differs(&good, &s));
                 scene_free(&s);
@@ -191,7 +191,7 @@ TEST(no_step_allocates)
                 CHECK(faults_calls() == 0);
                 count_cells(&s, after);
                 CHECK(memcmp(before, after, sizeof before) != 0);
-                CHECK(gr_regroup(s.engine) == GR_OK);
+                CHECK(gr_regroup(s.engine, NULL) == GR_OK);
                 CHECK(faults_calls() > 0); /* allocations are counted */
                 scene_free(&s);
             }

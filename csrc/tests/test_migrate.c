@@ -129,7 +129,7 @@ TEST(moves_between_cells)
         scene_default(one, 2, GR_QUADRATIC, GR_AFFINE_GRADIENT, 1);
         one->config.open_high[1] = 1;
         CHECK(scene_build(one, 300, 0.05, 0.95) == GR_OK);
-        CHECK(gr_regroup(one->engine) == GR_OK);
+        CHECK(gr_regroup(one->engine, NULL) == GR_OK);
     }
     struct gr_migrants list[2] = {list_new(&s), list_new(&s)};
     int64_t gone = 0;
@@ -152,7 +152,7 @@ TEST(moves_between_cells)
     CHECK(gr_migrate(e, list, 2, NULL) == GR_OK);
     CHECK(e->dropped == gone && e->n_points == 300 - gone);
     CHECK_NEAR(e->dropped_mass, mass, 1e-12);
-    if (e->n_pending) CHECK(gr_regroup(e) == GR_OK);
+    if (e->n_pending) CHECK(gr_regroup(e, NULL) == GR_OK);
     before.engine->n_points = 300 - gone;
     CHECK(!scene_differs(&before, &s));
     for (int64_t c = 0; c < e->mesh.n_cells; c++)
@@ -176,7 +176,7 @@ TEST(refuses_bad_points)
         scene_seed(3);
         scene_default(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
         CHECK(scene_build(&s, 20, 0.3, 0.5) == GR_OK);
-        CHECK(gr_regroup(s.engine) == GR_OK);
+        CHECK(gr_regroup(s.engine, NULL) == GR_OK);
         struct gr_migrants list = list_new(&s);
         const int64_t victim = 7;
         *scene_at(&s, GR_FIELD_x, 1, scene_find(&s, victim)) += bad[k];

@@ -44,7 +44,7 @@ static void go(struct scene *s, int64_t steps, int threads)
         const int error = gr_advance(s->engine, gr_kernels_select(""), left, INFINITY, threads);
         CHECK(error == GR_OK || error == GR_ERR_CAPACITY);
         if (error == GR_ERR_CAPACITY && scene_grow(s)) return;
-        if (error == GR_ERR_CAPACITY && gr_regroup(s->engine)) return;
+        if (error == GR_ERR_CAPACITY && gr_regroup(s->engine, NULL)) return;
         if (error && error != GR_ERR_CAPACITY) return;
     }
 }

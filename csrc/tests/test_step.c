@@ -14,7 +14,7 @@ static int go(struct scene *s, int64_t steps, double until, int threads)
     do {
         error = gr_advance(s->engine, gr_kernels_select(""), target - s->engine->step, until, threads);
         if (error == GR_ERR_CAPACITY && scene_grow(s)) return GR_ERR_MEMORY;
-        if (error == GR_ERR_CAPACITY && gr_regroup(s->engine)) return GR_ERR_MEMORY;
+        if (error == GR_ERR_CAPACITY && gr_regroup(s->engine, NULL)) return GR_ERR_MEMORY;
     } while (error == GR_ERR_CAPACITY);
     return error;
 }
@@ -104,7 +104,7 @@ TEST(stable_dt_follows_the_fastest)
 {
     struct scene s;
     falling(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
-    CHECK(gr_regroup(s.engine) == GR_OK);
+    CHECK(gr_regroup(s.engine, NULL) == GR_OK);
     double fastest = 0;
     for (int64_t k = 0; k < s.capacity; k++)
         if (s.id[k] >= 0) fastest = fmax(fastest, hypot(*scene_at(&s, GR_FIELD_v, 0, k), *scene_at(&s, GR_FIELD_v, 1, k)));
@@ -231,7 +231,7 @@ TEST(capacity_may_be_refused)
         for (int d = 0; d < 2; d++)
             *scene_at(&s, GR_FIELD_v, d, k) = -14 * (*scene_at(&s, GR_FIELD_x, d, k) - (d ? 2.3 : -0.7));
     }
-    CHECK(gr_regroup(s.engine) == GR_OK);
+    CHECK(gr_regroup(s.engine, NULL) == GR_OK);
     const int64_t stride = s.capacity, used = s.engine->used;
     for (int f = 0; f < GR_FIELD_COUNT; f++) /* move the components together: no place beyond those in use */
         for (int c = 1; s.field[f] && c < gr_field_components(f, 2); c++)
@@ -246,7 +246,7 @@ TEST(capacity_may_be_refused)
     }
     CHECK(asked > 1);
     if (asked) CHECK(scene_grow(&s) == 0);
-    CHECK(gr_regroup(s.engine) == GR_OK);
+    CHECK(gr_regroup(s.engine, NULL) == GR_OK);
     for (int64_t id = 0; id < 300; id++) CHECK(scene_find(&s, id) >= 0);
     scene_free(&s);
 }

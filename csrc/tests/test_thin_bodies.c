@@ -130,7 +130,7 @@ TEST(mesh_has_two_sides)
         int64_t doubles = 0, points = 0;
         begin(&t, dim, GR_QUADRATIC, 1);
         t.part[0].size[1] = 0.1;
-        CHECK(scene_build(&t.scene, 600, 0.01, 0.99) == GR_OK && gr_regroup(t.scene.engine) == GR_OK);
+        CHECK(scene_build(&t.scene, 600, 0.01, 0.99) == GR_OK && gr_regroup(t.scene.engine, NULL) == GR_OK);
         struct gr_engine *e = t.scene.engine;
         for (int64_t c = 0; c < e->mesh.n_cells; c++) {
             const struct gr_cell *cell = &e->mesh.cell[c];
@@ -190,7 +190,7 @@ TEST(fluidity_has_two_sides)
     scene_nonlocal(&t.scene);
     t.part[0].size[1] = 0.1;
     t.body.position[0] = -0.71, t.body.rough = 1;
-    CHECK(scene_build(&t.scene, 600, 0.01, 0.99) == GR_OK && gr_regroup(t.scene.engine) == GR_OK);
+    CHECK(scene_build(&t.scene, 600, 0.01, 0.99) == GR_OK && gr_regroup(t.scene.engine, NULL) == GR_OK);
     struct gr_engine *e = t.scene.engine;
     gr_bodies_mark(e, 0, e->mesh.n_cells);
     for (int64_t c = 0; c < e->mesh.n_cells; c++) {
@@ -219,7 +219,7 @@ TEST(bodies_in_empty_space)
     t.part[0].size[0] = 0.2;
     t.motion[1] = 1;
     CHECK(scene_build(&t.scene, 0, 0.1, 0.9) == GR_OK);
-    CHECK(gr_regroup(t.scene.engine) == GR_OK && t.scene.engine->mesh.n_nodes == 0);
+    CHECK(gr_regroup(t.scene.engine, NULL) == GR_OK && t.scene.engine->mesh.n_nodes == 0);
     t.scene.engine->config.dt = t.scene.engine->dt = 0.01;
     CHECK(gr_advance(t.scene.engine, gr_kernels_select(""), 10, INFINITY, 1) == GR_OK);
     CHECK_NEAR(t.scene.engine->body[0].x[0], -0.6, 1e-12);

@@ -58,7 +58,7 @@ static int go(struct scene *s, int64_t steps)
     const int64_t target = s->engine->step + steps;
     do {
         error = gr_advance(s->engine, gr_kernels_select(""), target - s->engine->step, INFINITY, 2);
-        if (error == GR_ERR_CAPACITY && (scene_grow(s) || gr_regroup(s->engine))) return GR_ERR_MEMORY;
+        if (error == GR_ERR_CAPACITY && (scene_grow(s) || gr_regroup(s->engine, NULL))) return GR_ERR_MEMORY;
     } while (error == GR_ERR_CAPACITY);
     return error;
 }
