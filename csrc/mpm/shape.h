@@ -38,18 +38,19 @@ GR_INLINE int gr_power(int k, int dim) { return dim == 2 ? k * k : k * k * k; }
 GR_INLINE int gr_nodes_1d(const int basis) { return basis == GR_LINEAR ? 2 : 3; }
 
 /* Numbers of the GR_W cells from `first` on, along axis d: member(cell) of each. Most tiles are a part of a row of cells:
- * along the other axes they have the same place. */
-#define GR_OF_CELLS(e, first, d, member)                                                                 \
-    ({                                                                                                   \
-        const struct gr_cell *const of_cell = (e)->mesh.cell + (first);                                  \
-        const struct gr_axis_cell *const of_axis = (e)->axis[d].cell;                                    \
-        vd of_lanes = v_set(of_axis[of_cell->at[d]].member);                                             \
-        if (!(d) || of_cell->at[d] != of_cell[GR_W - 1].at[d]) {                                         \
-            double of_each[GR_W];                                                                        \
-            for (int of_l = 0; of_l < GR_W; of_l++) of_each[of_l] = of_axis[of_cell[of_l].at[d]].member; \
-            of_lanes = v_load(of_each);                                                                  \
-        }                                                                                                \
-        of_lanes;                                                                                        \
+ * along the other axes they have the same place. Cells follow each other along the first axis, then the second, then the
+ * third, so that those between two of one row are of that row; with two of different layers, rows lie between. */
+#define GR_OF_CELLS(e, first, d, member)                                                                      \
+    ({                                                                                                        \
+        const struct gr_cell *const of_cell = (e)->mesh.cell + (first);                                       \
+        const struct gr_axis_cell *const of_axis = (e)->axis[d].cell;                                         \
+        vd of_lanes = v_set(of_axis[of_cell->at[d]].member);                                                  \
+        if (!(d) || of_cell->at[d] != of_cell[GR_W - 1].at[d] || of_cell->at[2] != of_cell[GR_W - 1].at[2]) { \
+            double of_each[GR_W];                                                                             \
+            for (int of_l = 0; of_l < GR_W; of_l++) of_each[of_l] = of_axis[of_cell[of_l].at[d]].member;      \
+            of_lanes = v_load(of_each);                                                                       \
+        }                                                                                                     \
+        of_lanes;                                                                                             \
     })
 
 /* Look up the frame of the cells from `first` on. Beyond the dimension nothing is set, and nothing is used. */

@@ -167,3 +167,24 @@ def test_strain_residual_falls_with_the_step():
 def test_every_line_of_the_budget_is_a_finite_number(small_scene):
     sim = gr.Simulation(small_scene("walls", 3, ("quadratic", "tpic", "smoothed")), threads=1)
     assert all(math.isfinite(v) for v in dataclasses.astuple(gr.measure.step_budget(sim)))
+
+
+@pytest.mark.parametrize("wide", [(1, 1), (2, 1)])
+def test_a_narrow_column_falls_as_a_whole(wide):
+    """With 9 active cells in a layer, a vector of 8 begins and ends in rows of two layers."""
+    cell, high, speed, g = 0.02, 6, -0.5, 9.81
+    lower = (2 * cell, 2 * cell, 0.5)
+    upper = (*(low + n * cell for low, n in zip(lower, wide, strict=False)), 0.5 + high * cell)
+    scene = gr.Scene(
+        name="column",
+        grid=Grid((0.0, 0.0, 0.0), cell, (10, 10, 40)),
+        fills=(Fill(Box(lower, upper), 8, jitter=0.2, velocity=(0.0, 0.0, speed)),),
+        material=MuI(E=1e6),
+        gravity=Gravity((0.0,), ((0.0, 0.0, -g),)),
+        duration=1.0,
+    )
+    sim = gr.Simulation(scene, threads=1)
+    sim.step(40)
+    expected = np.array([0.0, 0.0, speed - g * sim.time])
+    assert abs(sim.state.v - expected).max() < 1e-12
+    assert abs(sim.state.stress).max() < 1e-6  # round-off of the density
