@@ -6,13 +6,13 @@ import os
 import warnings
 from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self, cast, overload
+from typing import TYPE_CHECKING, Any, Literal, Self, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.checks import integer, positive, truth
+from granular.checks import integer, one_of, positive, truth
 from granular.diagnostics import Health, Monitor, StabilityWarning, health
 from granular.measure.derived import with_derived
 from granular.notebook import table
@@ -49,6 +49,17 @@ Hook = Callable[["Simulation"], Any]
 
 MOST_STEPS = 2**63 - 1
 """Number of steps that the core can count."""
+
+
+def _frames_to_a_checkpoint(checkpoints: object) -> int:
+    """Frames from one checkpoint that is kept to the next; 0 for none."""
+    if checkpoints is None:
+        return 0
+    if isinstance(checkpoints, str):
+        one_of("checkpoints", checkpoints, ("all",))
+        return 1
+    return integer("checkpoints", checkpoints, 1)
+
 
 _METHODS: dict[type, type[Simulation]] = {}
 """Class of the simulation for each class of scenes."""
@@ -289,7 +300,7 @@ class Simulation:
         fields: Collection[str] | None = None,
         precision: str | None = None,
         checkpoint_minutes: float = CHECKPOINT_MINUTES,
-        checkpoints: int | None = None,
+        checkpoints: int | Literal["all"] | None = None,
         overwrite: bool = False,
         progress: bool = False,
         hooks: tuple[Hook, ...] = (),
@@ -306,8 +317,9 @@ class Simulation:
             Time to stop at [s]; by default the duration of the scene. The last step is the first
             one at or past it.
         save : path, optional
-            HDF5 record to write; ParaView opens it if its name ends in ".vtkhdf". A simulation
-            that was resumed continues its own record.
+            HDF5 record to write; ParaView opens it if its name ends in ".vtkhdf", and then the
+            surfaces of bodies are written beside it when the run ends, to
+            ``<name>_bodies.vtkhdf``. A simulation that was resumed continues its own record.
         every : float, optional
             Time between frames [s]; a frame is the first step at or past its time. By default the
             interval of the previous run, which is also stored in a record, and 1/60 s in the first
@@ -324,8 +336,8 @@ class Simulation:
         checkpoint_minutes : float
             Wall-clock time between two checkpoints of the record [min]. One is also stored at the
             beginning and at the end of a run, and when it is interrupted or an error ends it.
-        checkpoints : int, optional
-            Keep the checkpoint of each so many frames (1: of all), so that `resume` can begin with
+        checkpoints : int or "all", optional
+            Keep the checkpoints of all frames, or of each so many, so that `resume` can begin with
             them, in the folder ``<save>.checkpoints``; by default only the newest is kept, in the
             record. Each takes about twice as much space as a frame.
         overwrite : bool
@@ -346,7 +358,7 @@ class Simulation:
         Raises
         ------
         FileExistsError
-            If the record exists and `overwrite` is not set.
+            If the record, or the file of its bodies, exists and `overwrite` is not set.
         BlockingIOError
             If another run is writing the record.
         OSError
@@ -367,7 +379,7 @@ class Simulation:
             do; see `health`. Once for each indicator, if the run is continued.
         """
         until = self.scene.duration if until is None else positive("until", until)
-        self._keeps = 0 if checkpoints is None else integer("checkpoints", checkpoints, 1)
+        self._keeps = _frames_to_a_checkpoint(checkpoints)
         minutes = positive("checkpoint_minutes", checkpoint_minutes, allow_inf=True)
         every = self._every if every is None else every
         self._every = every = check_interval(every, self.dt, max(until, self.time))

@@ -16,7 +16,7 @@ from _thread import interrupt_main
 from collections.abc import Callable, Generator, Hashable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from functools import partial
 from multiprocessing import get_context, parent_process
 from numbers import Real
@@ -92,8 +92,72 @@ class Sweep(Sequence):
             return self._values[index]
         return open_trajectory(self.paths[index])
 
+    def table(self, names: Sequence[str] | None = None) -> Any:
+        """Return the results as a table of pandas, with a row for each case.
+
+        Its method ``to_xarray`` makes a data set of it, with a dimension for each part of the keys.
+
+        Parameters
+        ----------
+        names : sequence of str, optional
+            Names of the parts of the keys, one if the keys are no tuples. By default "case", or
+            "key_0", "key_1" and so on for tuples.
+
+        Returns
+        -------
+        pandas.DataFrame
+            The keys are its index. A result that is a mapping or a dataclass has a column for each
+            of its entries; other results are the column "result". Cases that failed have nan, and
+            their errors are the column "error", which is there if a case failed.
+
+        Raises
+        ------
+        ModuleNotFoundError
+            Without pandas: ``pip install 'granular[tables]'``.
+        ValueError
+            If the sweep was made without a `measure`, or `names` do not fit the keys.
+        """
+        # Imported here: a sweep needs no tables.
+        from granular.record.export import needed
+
+        pandas = needed("pandas", "tables")
+        if not self._measured:
+            raise ValueError("measure = None: a table needs a sweep with a measure")
+        parts = {len(key) if isinstance(key, tuple) else 0 for key in self.keys}
+        if len(parts) > 1:
+            raise ValueError(f"keys = {self.keys} must be tuples of one length for a table")
+        (count,) = parts
+        usual = [f"key_{k}" for k in range(count)] if count else ["case"]
+        told = usual if names is None else list(names)
+        if len(told) != len(usual):
+            raise ValueError(f"names = {told} must name {len(usual)} parts of the keys")
+        index = (
+            pandas.MultiIndex.from_tuples(self.keys, names=told)
+            if count
+            else pandas.Index(self.keys, name=told[0])
+        )
+        rows = [_row(value) for value in self._values]
+        found = pandas.DataFrame(rows, index=index)
+        if self.errors:
+            found["error"] = [
+                None if error is None else f"{type(error).__name__}: {error}"
+                for error in map(self.errors.get, self.keys)
+            ]
+        return found
+
     def __repr__(self) -> str:
         return f"<Sweep of {len(self)} cases, {len(self.errors)} failed>"
+
+
+def _row(value: Any) -> dict[str, Any]:
+    """Columns of a result; none for that of a case that failed."""
+    if value is None:
+        return {}
+    if isinstance(value, Mapping):
+        return {str(name): part for name, part in value.items()}
+    if is_dataclass(value) and not isinstance(value, type):
+        return {part.name: getattr(value, part.name) for part in fields(value)}
+    return {"result": value}
 
 
 def sweep(

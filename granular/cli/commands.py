@@ -37,8 +37,10 @@ def run(arguments: argparse.Namespace) -> int:
     from granular.economy import cost
 
     scene = _scene(arguments)
+    if arguments.output is None:
+        arguments.output = f"{arguments.scene}.vtkhdf"
     if not arguments.quiet:
-        print(f"{scene.name}: {cost(scene)}")
+        print(f"{scene.name}: {cost(_to_the_end(scene, arguments.until))}")
     _check_output(arguments.output, arguments.overwrite)
     _check_pictures(arguments.picture, arguments.gif, arguments.overwrite)
     with warnings.catch_warnings():
@@ -58,25 +60,33 @@ def run(arguments: argparse.Namespace) -> int:
     return code
 
 
+def _to_the_end(scene: AnyScene, until: float | None) -> AnyScene:
+    """Scene whose duration is the time at which the run stops."""
+    from granular.checks import positive
+
+    return scene if until is None else scene.replace(duration=positive("until", until))
+
+
 def _scene(arguments: argparse.Namespace) -> AnyScene:
     """Make the scene of a run; the options of a file are added to the arguments."""
     from granular.mpm import schemes
+    from granular.scenes import registry
     from granular.scenes.files import changed, read_scene
 
-    if arguments.file is not None:
-        found = read_scene(arguments.file)
-        for name, value in found.run.items():
-            if getattr(arguments, name) is None:
-                setattr(arguments, name, value)
-        return changed(found.scene, arguments.set)
     given = {
         name.removeprefix("scene_"): value
         for name, value in vars(arguments).items()
         if name.startswith("scene_") and value is not None
     }
+    if arguments.file is not None:
+        found = read_scene(arguments.file, **given)
+        for name, value in found.run.items():
+            if getattr(arguments, name) is None:
+                setattr(arguments, name, value)
+        return changed(found.scene, arguments.set)
     if arguments.scheme not in (None, "default"):
         given["scheme"] = getattr(schemes, arguments.scheme)
-    return changed(arguments.scene(**given), arguments.set)
+    return changed(registry[arguments.scene](**given), arguments.set)
 
 
 def new(arguments: argparse.Namespace) -> int:

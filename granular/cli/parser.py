@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -12,7 +13,6 @@ from granular.cli.words import (
     BY_SCENE,
     METAVARS,
     UNSET,
-    Keyword,
     keywords_of,
     material_keywords,
     names,
@@ -33,8 +33,29 @@ class _Parser(argparse.ArgumentParser):
         self.exit(do.REFUSED, f"{self.prog}: error: {' '.join(message.split())}\n")
 
 
+class _Place(argparse.Action):
+    """An option named like a place in the scene, such as --material.mu_s 0.5."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: Any,
+        option_string: str | None = None,
+    ) -> None:
+        place = str(option_string).removeprefix("--")
+        namespace.set = [*namespace.set, f"{place}={values}"]
+
+
+PLACE = re.compile(r"(--[A-Za-z_]\w*(?:\.\w+)+)(?:=.*)?", re.S)
+"""A word that is such an option; the first group is its name."""
+
+
 def command_parser(words: Sequence[str] = ()) -> argparse.ArgumentParser:
-    """Parser of the command; a file of a scene among the words is one of its scenes."""
+    """Parser of the command.
+
+    A file of a scene among the words is one of its scenes, and places in a scene are options.
+    """
     from granular import __version__
 
     parser = _Parser(prog="granular", description="Dense granular flow as a continuum.")
@@ -76,55 +97,64 @@ def command_parser(words: Sequence[str] = ()) -> argparse.ArgumentParser:
 
 def _add_run(commands: Any, words: Sequence[str]) -> None:
     from granular.scenes import registry
-    from granular.scenes.files import SUFFIXES
+    from granular.scenes.files import SUFFIXES, function_of
 
     text = "simulate a scene, or that of a file (.toml, .json), and record it"
     command = commands.add_parser("run", help=text)
     scenes = command.add_subparsers(required=True, metavar="SCENE|FILE")
+    places = dict.fromkeys(found[1] for word in words if (found := PLACE.fullmatch(word)))
     for name in words[1:2]:
         if Path(name).suffix in SUFFIXES:
             scene = scenes.add_parser(name)
-            _add_recording(scene)
-            scene.set_defaults(file=name)
+            function = function_of(name)
+            if function is not None:
+                _add_numbers(scene, function, by_file=True)
+            _add_recording(scene, places)
+            scene.set_defaults(scene=Path(name).stem, file=name)
     for name, function in registry.items():
         scene = scenes.add_parser(name, help=summary(function))
-        group = scene.add_argument_group("keywords of the scene")
-        _add_keywords(group, keywords_of(function), BY_SCENE)
-        group = scene.add_argument_group("material")
-        _add_keywords(group, material_keywords(function), UNSET)
+        _add_numbers(scene, function)
         if "mpm" in function.methods:
             choices = ("default", "cell_averaged", "dunatunga_kamrin_2015")
             scene.add_argument("--scheme", choices=choices, help="default that of the scene")
-        _add_recording(scene)
-        scene.set_defaults(scene=function, scheme=None, file=None)
+        _add_recording(scene, places)
+        scene.set_defaults(scene=name, scheme=None, file=None)
 
 
-def _add_recording(scene: Any) -> None:
-    """Add the options of a run of any scene."""
+def _add_numbers(scene: Any, function: Callable[..., Any], *, by_file: bool = False) -> None:
+    """Add the keywords of a scene function and those of its material."""
+    for title, keywords, none in (
+        ("keywords of the scene", keywords_of(function), BY_SCENE),
+        ("material", material_keywords(function), UNSET),
+    ):
+        group = scene.add_argument_group(title)
+        for name, kind, default in keywords:
+            # Each may be spelled with hyphens too.
+            spelled = dict.fromkeys((f"--{name}", f"--{name.replace('_', '-')}"))
+            text = "default that of the file" if by_file else f"default {shown(default, none)}"
+            group.add_argument(
+                *spelled, dest=f"scene_{name}", type=kind, metavar=METAVARS[kind], help=text
+            )
+
+
+def _add_recording(scene: Any, places: Iterable[str]) -> None:
+    """Add the options of a run of any scene, and these places in it."""
     _add_run_options(scene, "default 1/60")
-    text = "HDF5 record, for ParaView ending in .vtkhdf"
-    scene.add_argument("-o", "--output", metavar="FILE", required=True, help=text)
+    text = "HDF5 record; default the name of the scene or file, ending in .vtkhdf as for ParaView"
+    scene.add_argument("-o", "--output", metavar="FILE", help=text)
     text = "quantities that frames hold too, as ParaView shows them: pressure,speed,..."
     scene.add_argument("--fields", type=names, metavar="F,F", help=text)
     text = "precision of the numbers in frames; checkpoints are always exact"
     scene.add_argument("--precision", choices=("double", "single"), help=text)
-    text = "change a number of the scene, such as scheme.cfl=0.3 or bodies.0.friction=0.4"
+    text = "change a number of the scene; --material.E 1e6 is short for --set material.E=1e6"
     scene.add_argument("--set", action="append", default=[], metavar="PLACE=VALUE", help=text)
+    for place in places:
+        scene.add_argument(place, action=_Place, metavar="VALUE", help="number of the scene")
     text = "run even if the estimated memory exceeds that of the machine"
     scene.add_argument("--force", action="store_true", help=text)
     scene.add_argument("--picture", metavar="PNG", help="picture of the last state")
     _add_picture_options(scene)
     scene.set_defaults(command=do.run)
-
-
-def _add_keywords(group: Any, keywords: Sequence[Keyword], none: str) -> None:
-    """Add an option for each keyword, which may be spelled with hyphens too."""
-    for name, kind, default in keywords:
-        spelled = dict.fromkeys((f"--{name}", f"--{name.replace('_', '-')}"))
-        text = f"default {shown(default, none)}"
-        group.add_argument(
-            *spelled, dest=f"scene_{name}", type=kind, metavar=METAVARS[kind], help=text
-        )
 
 
 def _add_file_command(

@@ -25,7 +25,7 @@ UNITS = {
 } | {name: unit for name, (_, unit) in DERIVED.items()}  # fmt: skip
 
 
-def _needed(package: str, extra: str) -> Any:
+def needed(package: str, extra: str) -> Any:
     """Import a package that an extra brings."""
     try:
         return import_module(package)
@@ -46,7 +46,7 @@ def columns_of(name: str, count: int, dim: int) -> list[str]:
 
 def dataframe(state: State, fields: Collection[str]) -> Any:
     """Table of the points of a state; see `State.to_dataframe`."""
-    pandas = _needed("pandas", "tables")
+    pandas = needed("pandas", "tables")
     columns: dict[str, NDArray[Any]] = {}
     for name, array in with_derived(state, check_derived("fields", fields)).items():
         if array.ndim == 1:
@@ -61,7 +61,7 @@ def dataframe(state: State, fields: Collection[str]) -> Any:
 
 def blocks(state: State, fields: Collection[str]) -> Any:
     """Material, gas and bodies of a state as meshes; see `State.to_pyvista`."""
-    pyvista = _needed("pyvista", "pictures3d")
+    pyvista = needed("pyvista", "pictures3d")
     # Imported here: only these meshes need the surfaces.
     from granular.record.surfaces import placed_surface
 
@@ -95,7 +95,7 @@ def _in_space(array: NDArray[Any]) -> NDArray[Any]:
 
 def dataset(record: Trajectory, fields: Collection[str]) -> Any:
     """Points, gas, bodies and samples of a record; see `Trajectory.to_xarray`."""
-    xarray = _needed("xarray", "tables")
+    xarray = needed("xarray", "tables")
     if not len(record):
         raise ValueError(f"record = {record!r} must have frames")
     names = check_derived("fields", fields)

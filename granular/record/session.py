@@ -14,7 +14,29 @@ from granular.record.writer import TrajectoryWriter
 if TYPE_CHECKING:
     from granular.typing import AnyScene
 
-__all__ = ["Session"]
+__all__ = ["Session", "bodies_file"]
+
+FOR_PARAVIEW = ".vtkhdf"
+"""End of the names of records that ParaView opens by themselves."""
+
+
+def bodies_file(path: Path) -> Path:
+    """Path of the file beside a record that holds the surfaces of its bodies."""
+    return path.with_name(f"{path.stem}_bodies{FOR_PARAVIEW}")
+
+
+def _shows_bodies(path: Path, scene: AnyScene) -> bool:
+    return path.suffix == FOR_PARAVIEW and bool(getattr(scene, "bodies", ()))
+
+
+def _write_bodies(path: Path) -> None:
+    """Write the surfaces of the bodies of a record beside it, in place of what was there."""
+    # Imported here: only scenes with bodies need them.
+    from granular.record.reader import open_trajectory
+
+    with open_trajectory(path) as record:
+        if len(record):
+            record.write_bodies(bodies_file(path), overwrite=True)
 
 
 class Session:
@@ -41,7 +63,8 @@ class Session:
     ) -> Iterator[TrajectoryWriter | None]:
         """Yield the writer of a run: of a new record if `save` is given, else of the present one.
 
-        It is None without a record. A writer that an earlier run could not close goes on.
+        It is None without a record. A writer that an earlier run could not close goes on. When a
+        record for ParaView is closed, the surfaces of its bodies are written beside it.
         """
         path = self.path if save is None else Path(save)
         if path is None:
@@ -59,6 +82,8 @@ class Session:
         finally:
             if writer.closed:
                 self._unclosed = None
+                if _shows_bodies(path, scene):
+                    _write_bodies(path)
 
     def _opened(
         self, path: Path, resumed: bool, scene: AnyScene, overwrite: bool, provenance: dict
@@ -68,4 +93,6 @@ class Session:
             return unclosed
         if resumed:
             return TrajectoryWriter.resume(path, provenance=provenance)
+        if not overwrite and _shows_bodies(path, scene) and bodies_file(path).exists():
+            raise FileExistsError(f"{bodies_file(path)} exists already; overwrite=True replaces it")
         return TrajectoryWriter(path, scene, overwrite=overwrite, provenance=provenance)

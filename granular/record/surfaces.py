@@ -30,6 +30,8 @@ from granular.record.reader import Trajectory
 
 Array = NDArray[np.float64]
 
+POSE = ("position", "quaternion")
+"""Numbers of a body that say where it is."""
 MOST_POSTS = 500
 """Posts of a height map that are drawn along an axis at most."""
 _FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
@@ -41,10 +43,11 @@ def write_bodies(
     """Write the surfaces of all bodies at all frames, as VTKHDF PolyData.
 
     The times are those of the record. ParaView reads the points from the record and the bodies from
-    this file: open both. The cell data "body" is the index of the body. What is round has 64
-    sides; what operations make is drawn by its signed distance on a grid of 64 intervals, which
-    cuts off edges and leaves out walls thinner than that. Unbounded shapes end at a distance of one
-    size of the grid. In 2D the surfaces are flat.
+    this file: open both. A run whose record ends in ".vtkhdf" writes the file by itself. The cell
+    data "body" is the index of the body. If no body moves, the surfaces are stored once for all
+    frames. What is round has 64 sides; what operations make is drawn by its signed distance on a
+    grid of 64 intervals, which cuts off edges and leaves out walls thinner than that. Unbounded
+    shapes end at a distance of one size of the grid. In 2D the surfaces are flat.
 
     Parameters
     ----------
@@ -72,14 +75,26 @@ def write_bodies(
     size = float(np.linalg.norm(np.subtract(grid.upper, grid.lower)))
     meshes = [surface(body.shape, grid.dim, size) for body in scene.bodies]
     poses = [split(record.bodies[:, k], 3) for k in range(len(meshes))]
+    moving = any(np.ptp(pose[name], axis=0).any() for pose in poses for name in POSE)
     points = np.concatenate(
-        [_placed(mesh[0], pose) for mesh, pose in zip(meshes, poses, strict=True)], axis=1
+        [
+            _placed(mesh[0], {name: pose[name][: None if moving else 1] for name in POSE})
+            for mesh, pose in zip(meshes, poses, strict=True)
+        ],
+        axis=1,
     )
     polygons = _joined(meshes)[1]
     owner = np.repeat(np.arange(len(meshes)), [len(mesh[1]) for mesh in meshes])
     path = Path(path)
-    with h5py.File(path, "w" if overwrite else "x", libver=LIBVER) as file:
-        _write(file.create_group("VTKHDF"), record.times, points, polygons, owner)
+    if path.exists() and not overwrite:
+        raise FileExistsError(f"{path} exists already; overwrite=True replaces it")
+    making = path.with_name(f"{path.name}.{os.getpid()}")  # the file appears as a whole
+    try:
+        with h5py.File(making, "w", libver=LIBVER) as file:
+            _write(file.create_group("VTKHDF"), record.times, points, polygons, owner)
+        making.replace(path)
+    finally:
+        making.unlink(missing_ok=True)
     return path
 
 
@@ -232,7 +247,8 @@ def _write(
     polygons: list[tuple[int, ...]],
     owner: NDArray[np.intp],
 ) -> None:
-    frames, count = points.shape[:2]
+    placed, count = points.shape[:2]
+    frames = len(times)
     begin_poly_data(vtk)
     vtk["NumberOfPoints"] = np.full(frames, count, dtype="<i8")
     vtk["Points"] = points.reshape(-1, 3)
@@ -244,5 +260,6 @@ def _write(
         group["Connectivity"] = np.concatenate(polygons if filled else [()]).astype("<i8")
         group["Offsets"] = np.cumsum([0, *(corners if filled else ())], dtype="<i8")
     vtk.create_group("CellData")["body"] = owner.astype("<i8")
-    steps = write_steps(vtk, times, count * np.arange(frames, dtype="<i8"))
+    first = np.arange(frames, dtype="<i8") if placed == frames else np.zeros(frames, dtype="<i8")
+    steps = write_steps(vtk, times, count * first)
     steps.create_group("CellDataOffsets")["body"] = np.zeros(frames, dtype="<i8")

@@ -7,7 +7,7 @@ import json
 import math
 import textwrap
 import tomllib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, cast
@@ -25,7 +25,7 @@ from granular.scenes.incline import incline
 from granular.sph.gas import Gas
 from granular.typing import AnyScene
 
-__all__ = ["SUFFIXES", "SceneFile", "changed", "read_scene", "template"]
+__all__ = ["SUFFIXES", "SceneFile", "changed", "function_of", "read_scene", "template"]
 
 SUFFIXES = (".toml", ".json")
 """Ends of the names of files of scenes."""
@@ -62,7 +62,7 @@ class SceneFile:
     run: Mapping[str, Any] = field(default_factory=dict)
 
 
-def read_scene(path: str | Path) -> SceneFile:
+def read_scene(path: str | Path, **numbers: Any) -> SceneFile:
     """Read a scene from a file.
 
     A TOML file names a scene function and gives its arguments (`granular new` writes one with all
@@ -72,6 +72,9 @@ def read_scene(path: str | Path) -> SceneFile:
     ----------
     path : path
         Its name ends in ".toml" or ".json".
+    **numbers
+        Arguments of the scene function and numbers of its material that replace those of a TOML
+        file.
 
     Raises
     ------
@@ -86,16 +89,26 @@ def read_scene(path: str | Path) -> SceneFile:
     text = path.read_text(encoding="utf-8")
     try:
         if path.suffix == ".json":
+            if numbers:
+                raise TypeError(f"{', '.join(numbers)} must be given in a TOML file")
             return SceneFile(cast("AnyScene", BaseScene.from_json(text)))
-        return _from_tables(tomllib.loads(text))
+        return _from_tables(tomllib.loads(text), numbers)
     except TypeError as error:
         raise TypeError(f"{path}: {error}") from error
     except ValueError as error:  # among them that the text is no TOML
         raise ValueError(f"{path}: {error}") from error
 
 
-def _from_tables(tables: Mapping[str, Any]) -> SceneFile:
-    """Make the scene that a TOML file describes."""
+def function_of(path: str | Path) -> Callable[..., AnyScene] | None:
+    """Scene function that a TOML file names; None if there is none, which `read_scene` reports."""
+    try:
+        return functions.get(tomllib.loads(Path(path).read_text(encoding="utf-8"))["scene"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _from_tables(tables: Mapping[str, Any], numbers: Mapping[str, Any]) -> SceneFile:
+    """Make the scene that a TOML file describes, with some other numbers."""
     _known("the file", tables, SECTIONS)
     if "scene" not in tables:
         raise ValueError('scene = "..." must name a scene, see `granular list`')
@@ -106,6 +119,9 @@ def _from_tables(tables: Mapping[str, Any]) -> SceneFile:
             raise TypeError(f"{name} = {section!r} must be a table, [{name}]")
     _known("[run]", sections["run"], tuple(RUN))
     own = own_keywords(inspect.signature(function))
+    for name, value in numbers.items():
+        place = "arguments" if name in own else "material"
+        sections[place] = sections[place] | {name: value}
     _known("[arguments]", sections["arguments"], [name for name in own if name not in PARTS])
     given = {name: _plain(value) for name, value in sections["arguments"].items()}
     given |= _material(own["material"], sections["material"])
@@ -206,11 +222,14 @@ def _key(place: str, part: Any, name: str) -> str | int:
 
 
 def _value(text: str) -> Any:
-    """Value of an assignment; what is no TOML is a word."""
+    """Value of an assignment; what is no TOML is a number as Python has it (.5), or a word."""
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
-        return text
+        try:
+            value = float(text)
+        except ValueError:
+            return text
     if isinstance(value, float) and math.isinf(value):
         return {"type": "float", "value": str(value)}
     return value
@@ -235,7 +254,7 @@ def template(name: str) -> str:
     function = functions[one_of("name", name, tuple(functions))]
     summary = (inspect.getdoc(function) or "").partition("\n\n")[0]
     own = own_keywords(inspect.signature(function))
-    lines = [*_comment(summary), "#", f"# granular run {name}.toml -o {name}.h5", ""]
+    lines = [*_comment(summary), "#", f"# granular run {name}.toml", ""]
     lines += [f'scene = "{name}"', "", "[arguments]"]
     arguments = {key: value for key, value in own.items() if key not in PARTS}
     lines += _entries(arguments, described(function, *EXPLAINED))
@@ -287,10 +306,17 @@ def _own_numbers(part: Any) -> dict[str, Any]:
 def _entries(
     values: Mapping[str, Any], texts: Mapping[str, str], *, shown: bool = True
 ) -> Iterator[str]:
-    """Lines of a section; what has no default, or is not `shown`, is commented out."""
+    """Lines of a section; what has no default, or is not `shown`, is commented out.
+
+    Entries that share a text stand together below it.
+    """
+    before = None
     for name, value in values.items():
-        yield ""
-        yield from _comment(texts.get(name, ""))
+        text = texts.get(name, "")
+        if not text or text != before:
+            yield ""
+            yield from _comment(text)
+        before = text
         written = _written(value)
         mark = "" if shown and written else "# "
         yield f"{mark}{name} = {written or '...'}"

@@ -40,7 +40,7 @@ def test_other_frames_follow_a_change(record):
     tilted = scene.replace(gravity=gr.Gravity((0.0,), ((3.0, -9.0),)))
     sim = gr.Simulation.resume(record, frame=-3, scene=tilted, threads=1)
     branch = record.with_name("b.h5")
-    sim.run(until=0.12, save=branch, checkpoints=1)
+    sim.run(until=0.12, save=branch, checkpoints="all")
     with gr.open(branch) as states, gr.open(record) as before:
         assert states.kept == list(range(len(states)))
         assert before.times[8] < states.times[0] < before.times[9] + 0.01 and len(before) == 11
@@ -53,6 +53,8 @@ def test_without_a_checkpoint_a_frame_is_refused(record):
         assert named in str(error.value)
     with pytest.raises(ValueError, match="checkpoints = 0"):
         gr.Simulation.resume(record).run(until=0.2, checkpoints=0)
+    with pytest.raises(ValueError, match="checkpoints = 'some' must be one of 'all'"):
+        gr.Simulation.resume(record).run(until=0.2, checkpoints="some")
 
 
 def test_damage_is_found_and_a_new_record_forgets(record):

@@ -1,5 +1,6 @@
 """Bodies of a record in the reader of ParaView: where the signed distance is zero."""
 
+import h5py
 import numpy as np
 import pytest
 from oracle_body_shapes import SOLIDS
@@ -124,6 +125,45 @@ def test_a_mesh_is_drawn_as_it_is():
     assert vertices.tolist() == [list(place) for place in corner] and polygons == list(faces)
     vertices, polygons = surface(Union((Box((1.0, 1.0, 1.0)), mesh)), 3, 1.0)
     assert len(vertices) == 12 and polygons[6:] == [tuple(8 + i for i in face) for face in faces]
+
+
+def test_a_run_for_paraview_writes_its_bodies_beside_the_record(tmp_path, monkeypatch):
+    """They are there when the run ends, also after Ctrl-C and for a run that goes on."""
+    monkeypatch.chdir(tmp_path)
+    scene = gr.scenes.penetration(cell=0.04, duration=0.06, headroom=0.2)
+    with pytest.raises(KeyboardInterrupt):
+        gr.Simulation(scene).run(save="a.vtkhdf", every=0.02, hooks=[interrupt_after(0.03)])
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.vtkhdf", "a_bodies.vtkhdf"]
+    assert len(list(paraview("a_bodies.vtkhdf"))) == 3
+    gr.Simulation.resume("a.vtkhdf").run(0.06)
+    heights = [data.GetBounds()[2] for _, data in paraview("a_bodies.vtkhdf")]
+    with gr.open("a.vtkhdf") as record:
+        assert len(heights) == len(record) == 4
+        assert np.ptp(heights - record.bodies[:, 0, 1]) < 1e-12 < np.ptp(heights)
+    with pytest.raises(FileExistsError, match=r"a_bodies\.vtkhdf exists already"):
+        (tmp_path / "a.vtkhdf").unlink()
+        gr.Simulation(scene).run(until=0.01, save="a.vtkhdf")
+    gr.Simulation(scene).run(until=0.01, save="a.h5")
+    gr.Simulation(scene.replace(bodies=())).run(until=0.01, save="b.vtkhdf")
+    assert not list(tmp_path.glob("b_*"))
+
+
+def interrupt_after(time):
+    def hook(sim):
+        if sim.time > time:
+            raise KeyboardInterrupt
+
+    return hook
+
+
+def test_bodies_that_stand_still_are_stored_once(recorded, tmp_path):
+    with recorded(2, (bodies_of(2)[2],)) as record:
+        path = record.write_bodies(tmp_path / "b.vtkhdf")
+        assert len(list(paraview(path))) == len(record) == 4
+    shown = {tuple(data.GetBounds()) for _, data in paraview(path)}
+    assert len(shown) == 1
+    with h5py.File(path) as file:
+        assert len(file["VTKHDF/Points"]) == 4
 
 
 def test_what_is_refused(recorded, tmp_path):

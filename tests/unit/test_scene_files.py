@@ -1,5 +1,6 @@
 """Scenes as files, and two records beside each other."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -27,13 +28,16 @@ def file(tmp_path):
 def test_the_template_of_a_scene_is_that_scene(name, file):
     text = template(name)
     assert read_scene(file(text)).scene == scenes.registry[name]()
-    # What is commented out is the default as well, and each number says what it means.
+    # What is commented out is the default as well, and each number, or a few together, says what it
+    # means.
     lines = text.splitlines()
+    blocks = [block.splitlines() for block in text.split("\n\n")]
+    assert all(block[0].startswith(("# ", "[", "scene = ")) for block in blocks)
     for k, line in enumerate(lines):
         words = line.removeprefix("# ").split(" = ")
         if len(words) == 2 and words[0].isidentifier() and not words[1].endswith("..."):
             lines[k] = line.removeprefix("# ")
-            assert words[0] == "scene" or lines[k - 1].startswith("# "), line
+            assert words[0] == "scene" or lines[k - 1], line
     assert read_scene(file("\n".join(lines))).scene == scenes.registry[name]()
 
 
@@ -159,6 +163,36 @@ def test_the_command_makes_runs_and_compares(tmp_path, capsys, monkeypatch):
     with gr.open("c.h5") as record:  # the command line goes before the file
         assert {"speed", "mu"} < set(record[-1].fields) and "pressure" not in record[-1].fields
         assert np.array_equal(record[-1].fields["speed"], record[-1].speed)
+
+
+def test_numbers_of_a_file_are_options(tmp_path, capsys, monkeypatch):
+    """Keywords of its scene, numbers of its material and places in the scene, and a usual name."""
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["new", "hopper"]) == 0
+    (tmp_path / "bin.toml").write_text(capsys.readouterr().out)
+    run = ["run", "bin.toml", "--cell", "0.025", "--until", "0.005", "--threads", "1"]
+    more = ["--mu-s", "0.4", "--material.nu", ".2", "--scheme.cfl=0.3", "--bodies.0.friction", "0"]
+    assert cli.main([*run, *more]) == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        *("bin.toml", "bin.vtkhdf", "bin_bodies.vtkhdf")
+    ]
+    with gr.open("bin.vtkhdf") as record:
+        found = record.scene
+        wanted = scenes.hopper(cell=0.025, mu_s=0.4)
+        wanted = wanted.replace(
+            material=wanted.material.replace(nu=0.2),
+            scheme=wanted.scheme.replace(cfl=0.3),
+            bodies=(dataclasses.replace(wanted.bodies[0], friction=0.0), *wanted.bodies[1:]),
+        )
+        assert found.replace(parameters=wanted.parameters) == wanted
+        assert found.parameters["cell"] == 0.025
+        (tmp_path / "whole.json").write_text(found.to_json())
+    steps = int(capsys.readouterr().out.split(" points, ")[1].split(" steps")[0].replace(",", ""))
+    assert 20 < steps < 400  # the estimate is for the time that was asked for
+    assert cli.main([*run, *more]) == 2
+    assert "bin.vtkhdf exists already" in capsys.readouterr().err
+    assert cli.main(["run", "whole.json", "--until", "0.005", "--quiet", "--threads", "1"]) == 0
+    assert cli.main(["compare", "bin.vtkhdf", "whole.vtkhdf"]) == 0
 
 
 def test_completion_knows_scenes_and_files(capsys):

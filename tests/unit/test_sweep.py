@@ -100,6 +100,30 @@ def test_a_measure_makes_the_results(scenes, tmp_path):
     assert len(set(found)) == 3
 
 
+def height_and_time(record):
+    if record.scene.material.E > 2e5:
+        raise RuntimeError("too stiff")
+    return {"height": final_height(record), "time": float(record.times[-1])}
+
+
+def test_results_are_a_table(scenes):
+    pytest.importorskip("pandas")
+    cases = dict(zip([("a", 1.0), ("a", 2.0), ("b", 3.0)], scenes, strict=True))
+    with pytest.warns(RuntimeWarning, match="too stiff"):
+        found = quiet(cases, AtOnce(), measure=height_and_time)
+    table = found.table(["name", "E"])
+    assert table.index.names == ["name", "E"] and list(table) == ["height", "time", "error"]
+    assert table.loc[("a", 2.0), "height"] == found[1]["height"]
+    assert np.isnan(table.loc[("b", 3.0), "time"])
+    assert list(table["error"].dropna()) == ["RuntimeError: too stiff"]
+    with pytest.raises(ValueError, match="must name 2 parts of the keys"):
+        found.table(["E"])
+    plain = quiet(scenes[:2], AtOnce(), measure=final_height)
+    assert plain.table().index.name == "case" and list(plain.table()["result"]) == list(plain)
+    with pytest.raises(ValueError, match="measure = None"):
+        quiet(scenes[:1], AtOnce()).table()
+
+
 def test_keys_name_the_records(scenes, tmp_path):
     cases = dict(zip([("W", 1.5, np.float64(0.1)), "A-1", -2], scenes, strict=True))
     results = quiet(cases, AtOnce(), folder=tmp_path)
