@@ -92,6 +92,7 @@ GR_SHARED(clear_nodes, struct connect, q->e->node_places, q)
     struct gr_engine *e = q->e;
     const size_t size = sizeof(double) * (size_t)(last - first);
     (void)chunk;
+    if (first >= last) return;
     for (int f = 0; f < e->node_fields; f++) memset(gr_node_field(e, f) + first, 0, size);
     if (last > q->n_nodes) last = q->n_nodes;
     if (first >= last) return;

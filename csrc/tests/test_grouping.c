@@ -173,6 +173,62 @@ TEST(refuses_points_outside)
     }
 }
 
+static void regroup(void *context, struct gr_team *team)
+{
+    struct scene *s = context;
+    CHECK(gr_regroup(s->engine, team) == GR_OK);
+}
+
+/* Let points wait that have left the fullest cells, so that they are in no order of cells. */
+static void take_out(struct scene *s)
+{
+    struct gr_engine *e = s->engine;
+    CHECK(gr_reserve_pending(e, e->capacity) == GR_OK);
+    for (int64_t c = e->mesh.n_cells - 1; c >= 0; c -= 3) {
+        struct gr_cell *cell = &e->mesh.cell[c];
+        for (int k = 0; k < 2 && cell->count > 1; k++) {
+            const int64_t slot = gr_slot(cell, --cell->count);
+            double *record = e->pending + e->n_pending * e->n_components;
+            for (int f = 0; f < GR_FIELD_COUNT; f++)
+                for (int q = 0; s->field[f] && q < gr_field_components(f, e->config.dim); q++)
+                    *record++ = *scene_at(s, f, q, slot);
+            e->pending_id[e->n_pending++] = s->id[slot];
+            gr_clear_place(e, cell, slot);
+        }
+    }
+}
+
+/* A team puts all points into the same places as one thread, and makes the same mesh. */
+TEST(by_a_team)
+{
+    for (int dim = 2; dim <= 3; dim++) {
+        struct scene s[2];
+        for (int copy = 0; copy < 2; copy++) {
+            scene_seed(17);
+            scene_default(&s[copy], dim, GR_QUADRATIC, GR_AFFINE_NONE, 0);
+            s[copy].config.periodic[1] = 1;
+            CHECK(scene_build(&s[copy], 5000, 0.1, 0.7) == GR_OK);
+        }
+        for (int round = 0; round < 3; round++) { /* points in any order; in cells; in cells and waiting */
+            for (int copy = 0; copy < 2; copy++) {
+                if (round == 2) take_out(&s[copy]);
+                gr_team_lead(copy ? 4 : 1, regroup, &s[copy]);
+                check_mesh(&s[copy]);
+            }
+            const struct gr_engine *a = s[0].engine, *b = s[1].engine;
+            const size_t places = (size_t)a->used, nodes = (size_t)(a->mesh.n_nodes * a->K);
+            CHECK(a->used == b->used && a->mesh.n_nodes == b->mesh.n_nodes && !a->n_pending && !b->n_pending);
+            CHECK(!memcmp(a->id, b->id, sizeof *a->id * places));
+            for (int d = 0; d < dim; d++)
+                CHECK(
+                    !memcmp(scene_at(&s[0], GR_FIELD_v, d, 0), scene_at(&s[1], GR_FIELD_v, d, 0), sizeof(double) * places));
+            CHECK(!memcmp(a->mesh.node_source, b->mesh.node_source, sizeof *a->mesh.node_source * nodes));
+            CHECK(!scene_differs(&s[0], &s[1]));
+        }
+        for (int copy = 0; copy < 2; copy++) scene_free(&s[copy]);
+    }
+}
+
 TEST(groups_nothing)
 {
     struct scene s;

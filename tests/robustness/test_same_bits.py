@@ -79,6 +79,23 @@ def test_thousands_of_points_change_cells_in_a_step(dim):
         assert bits(run(scene, threads, 40)) == expected
 
 
+@pytest.mark.parametrize("threads", [100, gr._core.MAX_THREADS])
+def test_many_more_threads_than_cores(threads):
+    """A column that flies apart is grouped anew by them, again and again."""
+    cell = 0.05
+    scene = gr.Scene(
+        name="column",
+        grid=gr.Grid((0.0, 0.0), cell, (60, 20)),
+        fills=(gr.Fill(gr.Box((1.0, 0.0), (1.8, 0.7)), 16, jitter=1.0, velocity=(3.0, 0.0)),),
+        walls=(gr.Wall(1, 0.0, kind="no_slip"),),
+        material=gr.MuI(E=1e5),
+        gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
+        duration=1.0,
+    )
+    expected = bits(run(scene, 1, 60))
+    assert bits(run(scene, threads, 60)) == expected
+
+
 @pytest.mark.skipif("avx512" not in available(), reason="needs a processor with AVX-512")
 def test_avx2_and_avx512_give_the_same_bits(small_scene, combination, dim):
     """No sum depends on the number of lanes, and no root on the estimates of a processor."""
