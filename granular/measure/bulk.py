@@ -210,7 +210,8 @@ def ill_posed_fraction(state: State) -> float:
     for k, material in enumerate(state.scene.materials):
         own = number == k
         if hasattr(material, "xi"):
-            ill[own] = ill_posedness(scaled[flowing][own], cast(MuI, material)) > 0
+            p = state.pressure[flowing][own]
+            ill[own] = ill_posedness(scaled[flowing][own], cast(MuI, material), p) > 0
     return float(mass @ ill / mass.sum())
 
 

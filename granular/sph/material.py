@@ -117,6 +117,8 @@ class Viscoplastic:
         """
         if not isinstance(material, MuI):
             raise TypeError(f"material = {material!r} must be a MuI")
+        if material.cohesion:
+            raise ValueError(f"cohesion = {material.cohesion} must be 0: SPH has none")
         given = {
             "rho0": material.rho_c,
             "mu_l": material.mu_s,
