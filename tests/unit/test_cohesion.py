@@ -171,8 +171,10 @@ def test_scenes_with_cohesion():
 
 
 def test_what_is_for_grains_without_cohesion_says_so():
-    with pytest.raises(ValueError, match=r"cohesion = 400\.0 must be 0: SPH"):
+    with pytest.raises(ValueError, match=r"tensile_strength = 1000 must be 0: material of SPH"):
         sph.Viscoplastic.matching(BEADS, 100.0)
+    torn = BEADS.replace(tensile_strength=0.0)
+    assert sph.Viscoplastic.matching(torn, 100.0).cohesion == 400.0
     for call in (
         lambda: theory.bagnold_mean(25.0, 0.1, BEADS),
         lambda: theory.plastic_shear_rate(1.0, 0.5, BEADS),
