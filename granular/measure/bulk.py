@@ -82,7 +82,7 @@ class Bulk:
 
     def disconnected(self) -> float:
         """Share, by mass, of the stress-free points of grains in the bulk; nan without a bulk."""
-        free = (np.asarray(self.state.pressure) <= 0) & (self.state.of_material("granular") > 0)
+        free = (np.asarray(self.state.pressure) == 0) & (self.state.of_material("granular") > 0)
         return self._mean(free.astype(float))
 
     def drift(self) -> float:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import theory
+from granular import measure, theory
 
 MU, COHESION, DENSITY = 0.3819, 400.0, 1500.0
 SOIL = gr.DruckerPrager(E=1e6, mu=MU, cohesion=COHESION, rho_c=DENSITY)
@@ -108,6 +108,9 @@ def test_hanging_bar_breaks_at_its_tensile_strength():
         if sim.state.separated.any():
             broken = gravity
             break
+        # what is in tension is neither free of stress nor under pressure
+        assert measure.disconnected_fraction(sim.state) == 0
+        assert sim.state.pressure.max() < strength / 10
     assert broken == pytest.approx(expected, rel=0.06)
     assert sim.state.x[sim.state.separated > 0, 1].min() > 0.6 - 3 * cell
     sim.run()
