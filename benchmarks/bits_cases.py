@@ -47,6 +47,7 @@ READY = {
     "excavator": {"cell": 0.025},
     "landslide": {"cell": 0.04},
     "flexible_barrier": {"cell": 0.025},
+    "cohesive_cliff": {"cell": 0.05},
     "obstacle": {"cell": 0.05},
     "penetration": {"cell": 0.04},
     "conveyor": {"cell": 0.025},

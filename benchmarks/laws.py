@@ -22,7 +22,7 @@ from granular import _core
 PARAMETERS = {
     "K": 1e6, "G": 5e5, "mu_s": 0.38, "mu_2": 0.64, "I0": 0.28, "rho_s": 2500.0, "d": 4e-3,
     "t0": 1e-3, "p_averaging": 0.0, "reconnect_fluidity": 1.0,
-    "xi": 0.28 / (4e-3 * 50.0),
+    "xi": 0.28 / (4e-3 * 50.0), "cohesion": 0.0, "tensile_strength": 0.0,
 }  # fmt: skip
 FLOWS = ("drucker_prager", "mu_I", "linear_ngf", "ngf")
 POINTS, DT = 4096, 1e-4

@@ -63,6 +63,7 @@ def law_update(
     g_star: NDArray[np.float64] | None = None,
     g: NDArray[np.float64] | None = None,
     plastic_strain: NDArray[np.float64] | None = None,
+    separated: NDArray[np.float64] | None = None,
     /,
 ) -> None: ...
 def fluidity_update(

@@ -224,7 +224,7 @@ class State:
             "step": self.step,
             "points": self.n,
             "mass [kg]": float(self.mass.sum()),
-            "stress-free": float(1 - self.dense.mean()) if self.n else 0.0,
+            "stress-free": float((self.pressure == 0).mean()) if self.n else 0.0,
             "fields": ", ".join(self.fields),
         }
         return table(f"State of {self.scene.name}", rows)

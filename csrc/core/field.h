@@ -16,6 +16,7 @@ enum gr_need {
     GR_SIDED,
     GR_TOUCHED,
     GR_HARDENING,
+    GR_COHESIVE,
     GR_SEVERAL,
     GR_REMEMBERS,
     GR_ELASTIC
@@ -39,6 +40,7 @@ enum gr_need {
     X(side, GR_SCALAR, GR_SIDED, "1", "side of a thin body, 1 or -1; 0 away from thin bodies")                    \
     X(contact_force, GR_VECTOR, GR_TOUCHED, "N", "force of the bodies in the last step; 0 away from them")        \
     X(plastic_strain, GR_SCALAR, GR_HARDENING, "1", "norm of the plastic strain, summed over the steps")          \
+    X(separated, GR_SCALAR, GR_COHESIVE, "1", "1 where cohesive material came apart and has not touched since")   \
     X(material, GR_SCALAR, GR_SEVERAL, "1", "number of the material in `scene.materials`")                        \
     X(history, GR_FOUR, GR_REMEMBERS, "1", "variables of a law of one's own, in the order of its `history`")
 

@@ -1,18 +1,63 @@
 /* The hypoelastic frictional laws: elastic below yield. Above it mu(I) flows (flow_rules.h), while Drucker-Prager
- * returns to tau = min(tau_trial, mu p). Disconnected material is stress-free. */
+ * returns to tau = min(tau_trial, mu p). Disconnected material is stress-free.
+ *
+ * With cohesion c (Drucker & Prager 1952; with mu(I) as in Gans et al. 2023, J. Fluid Mech. 959, A41)
+ *
+ *   tau <= c + mu p,   in flow tau = c + mu(I) p for p > 0.
+ *
+ * I has no meaning in tension. The part of mu(I) that depends on the rate vanishes with p, and for p <= 0 the friction is
+ * mu_s at every rate: tau = c + mu_s p. The cone ends at p = -c/mu_s, and the tensile strength p_t <= c/mu_s cuts it off.
+ *
+ * Material separates where p <= -p_t or ln(rho/rho_c) < -p_t/K. It then is stress-free until its density is rho_c again:
+ * its grains touch, and it coheres as before. With c = p_t = 0 this is the rule without cohesion. */
 #pragma once
 
 #include "law/flow_rules.h"
 #include "law/trial.h"
 
-/* Update of both laws: rate = 1 for mu(I), 0 for Drucker-Prager. Parameters: K, G, mu_s (or mu) and, for mu(I), mu_2,
- * xi. */
-static inline void gr_frictional(const int dim, const int rate, const struct gr_law_call *call)
+struct gr_cohesion {
+    vd cohesion, tensile_strength, loosest; /* Pa; Pa; log-density at which material separates */
+};
+
+/* The yield stress of a block, in parts: what does not depend on the rate, and the friction of p > 0. */
+struct gr_yield {
+    vd base, friction; /* Pa */
+    vd pressed;        /* max(0, p) */
+};
+
+GR_INLINE struct gr_yield gr_yield_of(const int cohesive, const struct gr_cohesion *n, vd mu_s, vd p)
 {
-    const double *q = call->parameter;
+    const vd zero = v_zero();
+    if (!cohesive) return (struct gr_yield){.base = zero, .friction = mu_s * p, .pressed = p};
+    const vd pressed = v_max(zero, p);
+    return (struct gr_yield){
+        .base = v_max(zero, v_fma(mu_s, v_min(zero, p), n->cohesion)), .friction = mu_s * pressed, .pressed = pressed};
+}
+
+/* Points of a block that bear stress, at the pressure p and the log-density c. With cohesion, `separated` is updated. */
+GR_INLINE vm gr_bears_stress(const int cohesive, const struct gr_cohesion *n, vd c, vd p, double *separated)
+{
+    const vd zero = v_zero();
+    if (!cohesive) return m_and(v_ge(c, zero), v_gt(p, zero));
+    const vd one = v_set(1.0), before = separated ? v_load(separated) : zero;
+    const vd apart = v_select(v_ge(c, zero), zero, before);
+    const vm holds = m_and(v_ge(c, n->loosest), v_gt(p + n->tensile_strength, zero));
+    const vd after = v_select(holds, apart, one);
+    if (separated) v_store(separated, after);
+    return v_ge(zero, after);
+}
+
+/* Update of both laws: rate = 1 for mu(I), 0 for Drucker-Prager. Parameters: K, G, mu_s (or mu), for mu(I) mu_2 and xi;
+ * with `cohesive` then the cohesion and the tensile strength. */
+GR_INLINE void frictional_blocks(const int dim, const int rate, const int cohesive, const struct gr_law_call *call)
+{
+    const double *q = call->parameter, *of_cohesion = q + (rate ? 5 : 3);
     const vd K = v_set(q[0]), G = v_set(q[1]), mu_s = v_set(q[2]), zero = v_zero(), one = v_set(1.0);
     const struct gr_flow_numbers flow =
         rate ? gr_flow_numbers_of(q[2], q[3], q[4] * q[1] * call->dt) : (struct gr_flow_numbers){0};
+    struct gr_cohesion cohesion = {zero, zero, zero};
+    if (cohesive)
+        cohesion = (struct gr_cohesion){v_set(of_cohesion[0]), v_set(of_cohesion[1]), v_set(-of_cohesion[1] / q[0])};
     const vd to_rate = v_set(1.0 / (q[1] * call->dt));
     for (int64_t k = 0; k < call->n_blocks; k++) {
         const int64_t at = call->slot[k];
@@ -20,18 +65,23 @@ static inline void gr_frictional(const int dim, const int rate, const struct gr_
         const vd c = v_load(call->log_density + at);
         vd p = gr_split(&t), gamma = zero, fluidity = zero;
         if (call->pressure_from_density) p = K * c;
-        const vm dense = m_and(v_ge(c, zero), v_gt(p, zero));
+        const vm dense = gr_bears_stress(cohesive, &cohesion, c, p, call->separated ? call->separated + at : 0);
         if (!m_bits(dense)) {
             for (int i = 0; i < GR_STRESSES(dim); i++) v_store(call->stress[i] + at, zero);
         } else {
             p = v_keep(dense, p);
-            const vd tau2 = gr_tau_squared(dim, &t), S0 = mu_s * p;
+            const struct gr_yield yield = gr_yield_of(cohesive, &cohesion, mu_s, p);
+            const vd tau2 = gr_tau_squared(dim, &t);
+            vd S0 = yield.friction;
+            if (cohesive) S0 = S0 + yield.base;
             const vm flows = m_and(dense, v_gt(tau2, S0 * S0));
             vd scale = v_keep(dense, one);
             if (m_bits(flows)) {
                 const vd trial = v_sqrt_fast(tau2);
-                vd share = S0 / trial;
-                if (rate) share = gr_flow_mu_I(&flow, trial, p, S0);
+                vd over = trial, share = S0 / trial;
+                if (cohesive) over = over - yield.base;
+                if (rate) share = gr_flow_mu_I(&flow, over, yield.pressed, yield.friction);
+                if (rate && cohesive) share = v_fma(share, over, yield.base) / trial;
                 scale = v_select(flows, share, scale);
                 gamma = v_keep(flows, v_fnma(scale, trial, trial) * to_rate);
                 if (call->g) fluidity = v_keep(flows, gamma * p / (scale * trial)); /* g = gdot/mu */
@@ -42,4 +92,13 @@ static inline void gr_frictional(const int dim, const int rate, const struct gr_
         if (call->shear_rate) v_store(call->shear_rate + at, gamma);
         if (call->g) v_store(call->g + at, fluidity);
     }
+}
+
+/* A material without cohesion does not pay for it. */
+static inline void gr_frictional(const int dim, const int rate, const struct gr_law_call *call, double cohesion)
+{
+    if (cohesion > 0)
+        frictional_blocks(dim, rate, 1, call);
+    else
+        frictional_blocks(dim, rate, 0, call);
 }

@@ -53,6 +53,11 @@ int gr_law_index(const char *name);
     {                                                                                                                    \
         "xi", "sqrt(m/kg)", "rate constant I0/(d sqrt(rho_s))"                                                           \
     }
+#define GR_COHESION_PARAMETERS                                                 \
+    {"cohesion", "Pa", "shear stress at yield without pressure"},              \
+    {                                                                          \
+        "tensile_strength", "Pa", "tension -p at which the material separates" \
+    }
 
 /* Variables of the history of a point that a law of the user's own may keep, and numbers that it may have. */
 enum { GR_HISTORY_COUNT = 4, GR_OWN_PARAMETERS = 32 };
@@ -72,7 +77,7 @@ typedef void gr_own_update(int64_t n, int64_t dim, double dt, const double *para
  * step, or with `begins` before it; the parameters in the order of the law; g_star[k], the fluidity of block k after
  * its diffusion, 1/s, NULL in the local phase of a nonlocal law.
  * Updated: stress[c], component arrays, Pa; shear_rate, 1/s, where the pointer is not NULL; plastic_strain, 1, of a law
- * with hardening, where the pointer is not NULL: it counts as 0 otherwise.
+ * with hardening, and `separated`, 0 or 1, of a cohesive law, where the pointer is not NULL: they count as 0 otherwise.
  * Returned: the fluidity g, 1/s, and gain = g - g_star, 1/s, where the pointers are not NULL. Nonlocal laws need both
  * shear_rate and g.
  *
@@ -92,7 +97,7 @@ struct gr_law_call {
     double *substeps;
     int begins;
     double *stress[6];
-    double *shear_rate, *g, *gain, *plastic_strain;
+    double *shear_rate, *g, *gain, *plastic_strain, *separated;
     gr_own_update *own; /* of a law of the user's own, with its numbers; `history` with `capacity` places per component */
     const double *own_parameter;
     double *history;

@@ -34,6 +34,7 @@ static void call_law(const struct gr_engine *e, int k, const struct batch *batch
                                .g = e->field[GR_FIELD_g],
                                .gain = e->field[GR_FIELD_g_gain],
                                .plastic_strain = e->field[GR_FIELD_plastic_strain],
+                               .separated = e->field[GR_FIELD_separated],
                                .own = material->own,
                                .own_parameter = material->own_parameter,
                                .history = material->remembers ? e->field[GR_FIELD_history] : 0,
@@ -44,8 +45,9 @@ static void call_law(const struct gr_engine *e, int k, const struct batch *batch
 
 /* Fields of a point that laws change. */
 static const enum gr_field changed_by_laws[] = {GR_FIELD_stress, GR_FIELD_shear_rate,     GR_FIELD_g,
-                                                GR_FIELD_g_gain, GR_FIELD_plastic_strain, GR_FIELD_history};
-enum { MOST_CHANGED = 14 };
+                                                GR_FIELD_g_gain, GR_FIELD_plastic_strain, GR_FIELD_separated,
+                                                GR_FIELD_history};
+enum { MOST_CHANGED = 15 };
 
 /* Copy what laws change of a block of points to a buffer, or from it to the lanes whose points are not of material k. */
 static void keep_others(const struct gr_engine *e, int64_t at, int k, double *buffer, int back)

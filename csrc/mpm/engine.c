@@ -19,13 +19,22 @@ int gr_nonlocal_material(const struct gr_config *config)
     return -1;
 }
 
+static double parameter_of(const struct gr_material *material, const char *name)
+{
+    const struct gr_law *law = gr_law_at(material->law);
+    for (int k = 0; k < gr_law_parameters(law); k++)
+        if (!strcmp(law->parameter[k].name, name)) return material->parameter[k];
+    return 0;
+}
+
 int gr_engine_uses(const struct gr_config *config, int field)
 {
-    int hardens = 0, remembers = 0;
+    int hardens = 0, remembers = 0, coheres = 0;
     const int nonlocal = gr_nonlocal_material(config) >= 0;
     for (int k = 0; k < config->n_materials; k++) {
         hardens |= gr_law_at(config->material[k].law)->hardens;
         remembers |= config->material[k].remembers;
+        coheres |= parameter_of(&config->material[k], "cohesion") > 0;
     }
     const int needed[] = {[GR_ALWAYS] = 1,
                           [GR_AFFINE] = config->affine != GR_AFFINE_NONE,
@@ -36,6 +45,7 @@ int gr_engine_uses(const struct gr_config *config, int field)
                           [GR_SIDED] = gr_list_thin(config, 0) > 0,
                           [GR_TOUCHED] = config->n_bodies > 0,
                           [GR_HARDENING] = hardens,
+                          [GR_COHESIVE] = coheres,
                           [GR_SEVERAL] = config->n_materials > 1,
                           [GR_REMEMBERS] = remembers};
     return needed[gr_field_table[field].need];
@@ -161,14 +171,6 @@ static int config_is_valid(const struct gr_config *c)
     return bodies_are_valid(c);
 }
 
-static double parameter_of(const struct gr_material *material, const char *name)
-{
-    const struct gr_law *law = gr_law_at(material->law);
-    for (int k = 0; k < gr_law_parameters(law); k++)
-        if (!strcmp(law->parameter[k].name, name)) return material->parameter[k];
-    return 0;
-}
-
 /* Prepare the numbers of the materials that the kernels look up. */
 static void prepare_materials(struct gr_engine *e)
 {
@@ -184,7 +186,7 @@ static void prepare_materials(struct gr_engine *e)
             [GR_MATERIAL_STIFFNESS] = m->K / first->K,
             [GR_MATERIAL_SOFTNESS] = first->K / m->K,
             [GR_MATERIAL_SEPARATION] = -m->separation_strain,
-            [GR_MATERIAL_STRESSED] = bears_tension ? -m->separation_strain : 0,
+            [GR_MATERIAL_STRESSED] = bears_tension ? -m->separation_strain : -parameter_of(m, "tensile_strength") / m->K,
             [GR_MATERIAL_ILL_POSED] = m->ill_posed_rate * m->ill_posed_rate,
             [GR_MATERIAL_CROSSOVER] = m->crossover_rate,
             [GR_MATERIAL_DAMPED] = e->config.damping_rate > 0 ? m->damping_rate / e->config.damping_rate : 1,

@@ -7,16 +7,16 @@
 
 PyObject *gr_python_law_update(PyObject *Py_UNUSED(module), PyObject *args)
 {
-    enum { GRADIENT, LOG_DENSITY, STRESS, SHEAR_RATE, G, G_STAR, PLASTIC_STRAIN, ARRAYS };
-    static const char *const names[ARRAYS] = {"gradient", "log_density", "stress",        "shear_rate",
-                                              "g",        "g_star",      "plastic_strain"};
+    enum { GRADIENT, LOG_DENSITY, STRESS, SHEAR_RATE, G, G_STAR, PLASTIC_STRAIN, SEPARATED, ARRAYS };
+    static const char *const names[ARRAYS] = {"gradient", "log_density", "stress",         "shear_rate",
+                                              "g",        "g_star",      "plastic_strain", "separated"};
     const char *name, *isa;
     int dim, eos;
     double dt, parameter[GR_LAW_MAX_PARAMETERS] = {0};
-    PyObject *parameters, *objects[ARRAYS] = {0, 0, 0, 0, Py_None, Py_None, Py_None};
-    if (!PyArg_ParseTuple(args, "siO!diOOOOs|OOO", &name, &dim, &PyDict_Type, &parameters, &dt, &eos, &objects[0],
+    PyObject *parameters, *objects[ARRAYS] = {0, 0, 0, 0, Py_None, Py_None, Py_None, Py_None};
+    if (!PyArg_ParseTuple(args, "siO!diOOOOs|OOOO", &name, &dim, &PyDict_Type, &parameters, &dt, &eos, &objects[0],
                           &objects[1], &objects[2], &objects[3], &isa, &objects[G_STAR], &objects[G],
-                          &objects[PLASTIC_STRAIN]))
+                          &objects[PLASTIC_STRAIN], &objects[SEPARATED]))
         return NULL;
     const int law = gr_law_index(name);
     const struct gr_kernels *kernels = gr_kernels_select(isa);
@@ -52,7 +52,8 @@ PyObject *gr_python_law_update(PyObject *Py_UNUSED(module), PyObject *args)
                                .shear_rate = PyArray_DATA(arrays[SHEAR_RATE]),
                                .g = arrays[G] ? PyArray_DATA(arrays[G]) : NULL,
                                .g_star = arrays[G_STAR] ? PyArray_DATA(arrays[G_STAR]) : NULL,
-                               .plastic_strain = arrays[PLASTIC_STRAIN] ? PyArray_DATA(arrays[PLASTIC_STRAIN]) : NULL};
+                               .plastic_strain = arrays[PLASTIC_STRAIN] ? PyArray_DATA(arrays[PLASTIC_STRAIN]) : NULL,
+                               .separated = arrays[SEPARATED] ? PyArray_DATA(arrays[SEPARATED]) : NULL};
     for (int c = 0; c < of_stress[0]; c++) call.stress[c] = (double *)PyArray_DATA(arrays[STRESS]) + c * places;
     kernels->laws[law]->update[dim - 2](&call);
     PyMem_Free(slot);

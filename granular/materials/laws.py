@@ -116,6 +116,39 @@ def _check_grain_density(material: MuI | NGF | DruckerPrager | HardeningDruckerP
         raise ValueError(f"rho_c = {material.rho_c} must not exceed rho_s = {material.rho_s}")
 
 
+def _check_cohesion(material: MuI | DruckerPrager, mu: float) -> None:
+    """Check the cohesion, and make the tensile strength that of the apex of the cone if not given.
+
+    The field `_own_strength` keeps whether it was given.
+    """
+    check_fields(material, non_negative, "cohesion")
+    if material.cohesion and material.elasticity == "hencky":
+        raise ValueError(
+            f'cohesion = {material.cohesion} must be 0 with elasticity = "hencky": only '
+            '"hypoelastic" has it'
+        )
+    apex = material.cohesion / mu
+    set_fields(material, _own_strength=material.tensile_strength is not None)
+    if material.tensile_strength is None:
+        set_fields(material, tensile_strength=apex)
+        return
+    check_fields(material, non_negative, "tensile_strength")
+    if material.tensile_strength > apex:
+        raise ValueError(
+            f"tensile_strength = {material.tensile_strength} must not exceed that of the yield "
+            f"cone, cohesion/mu = {apex:.6g}"
+        )
+
+
+def _without_derived_strength(
+    material: MuI | DruckerPrager, arguments: dict[str, Any]
+) -> dict[str, Any]:
+    """Return the arguments without a tensile strength that follows from the cohesion."""
+    if not material.__dict__["_own_strength"]:
+        del arguments["tensile_strength"]
+    return arguments
+
+
 def _check_friction(material: MuI | NGF, *, allow_inf: bool) -> None:
     """Check the coefficients of a friction that rises with the rate, and the grain density."""
     check_fields(material, positive, "mu_s")
@@ -131,6 +164,9 @@ class MuI(Material):
 
     mu = mu_s + (mu_2 - mu_s)/(I0/I + 1) with I = shear_rate d sqrt(rho_s/p). Only the group
     xi = I0/(d sqrt(rho_s)) enters the law. Give either `xi`, or both `I0` and `d`.
+
+    With a cohesion, tau = cohesion + mu(I) p in flow (Gans et al. 2023, J. Fluid Mech. 959, A41).
+    In tension, where there is no inertial number, tau = cohesion + mu_s p at every rate.
 
     Parameters
     ----------
@@ -149,6 +185,14 @@ class MuI(Material):
     d : float, optional
         Grain diameter [m], > 0; stays None if `xi` is given. Quantities that depend on the size
         of the grains (the inertial number itself, packing fractions) are then undefined.
+    cohesion : float
+        Shear stress at yield without pressure [Pa], >= 0; more than 0 for hypoelasticity alone. In
+        plane strain it is c cos(phi) of the cohesion c and the angle sin(phi) = mu of Mohr and
+        Coulomb (`granular.theory.cliff_height`).
+    tensile_strength : float, optional
+        Tension -p at which the material separates [Pa], 0 to cohesion/mu_s, where the yield stress
+        is 0. The latter if not given. What has separated is stress-free until its density is rho_c
+        again; then it coheres as before.
 
     Raises
     ------
@@ -164,12 +208,15 @@ class MuI(Material):
     xi: float = None  # type: ignore[assignment]  # a float once made
     I0: float | None = None
     d: float | None = None
+    cohesion: float = 0.0
+    tensile_strength: float = None  # type: ignore[assignment]  # a float once made
 
     flow = "mu_I"
 
     def __post_init__(self) -> None:
         super().__post_init__()
         _check_friction(self, allow_inf=False)
+        _check_cohesion(self, self.mu_s)
         if self.I0 is None and self.d is None:
             set_fields(self, xi=1.1233 if self.xi is None else positive("xi", self.xi))
             return
@@ -184,7 +231,8 @@ class MuI(Material):
     def arguments(self) -> dict[str, Any]:
         """Arguments that make an equal material: `xi`, or `I0` and `d`, as they were given."""
         derived = ("I0", "d") if self.I0 is None else ("xi",)
-        return {name: v for name, v in super().arguments().items() if name not in derived}
+        given = {name: v for name, v in super().arguments().items() if name not in derived}
+        return _without_derived_strength(self, given)
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some arguments changed; `xi` replaces `I0` and `d`, and vice versa."""
@@ -320,7 +368,9 @@ LARGEST_MU_2 = 1e6
 
 @dataclass(frozen=True, kw_only=True)
 class DruckerPrager(Material):
-    """Rate-independent friction: tau <= mu p, stress-free when disconnected.
+    """Rate-independent friction and cohesion: tau <= cohesion + mu p (Drucker & Prager 1952).
+
+    Disconnected material is stress-free.
 
     Parameters
     ----------
@@ -330,17 +380,32 @@ class DruckerPrager(Material):
         Friction coefficient, > 0.
     rho_s : float
         Density of the grains themselves [kg/m3], >= rho_c.
+    cohesion : float
+        Shear stress at yield without pressure [Pa], >= 0; more than 0 for hypoelasticity alone. In
+        plane strain it is c cos(phi) of the cohesion c and the angle sin(phi) = mu of Mohr and
+        Coulomb (`granular.theory.cliff_height`).
+    tensile_strength : float, optional
+        Tension -p at which the material separates [Pa], 0 to cohesion/mu, where the yield stress
+        is 0. The latter if not given. What has separated is stress-free until its density is rho_c
+        again; then it coheres as before.
     """
 
     mu: float = 0.3819
     rho_s: float = 2450.0
+    cohesion: float = 0.0
+    tensile_strength: float = None  # type: ignore[assignment]  # a float once made
 
     flow = "drucker_prager"
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_fields(self, positive, "mu")
+        _check_cohesion(self, self.mu)
         _check_grain_density(self)
+
+    def arguments(self) -> dict[str, Any]:
+        """Arguments that make an equal material; a tensile strength only if it was given."""
+        return _without_derived_strength(self, super().arguments())
 
 
 @dataclass(frozen=True, kw_only=True)

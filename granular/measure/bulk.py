@@ -82,7 +82,7 @@ class Bulk:
 
     def disconnected(self) -> float:
         """Share, by mass, of the stress-free points of grains in the bulk; nan without a bulk."""
-        free = (np.asarray(self.state.pressure) <= 0) & (self.state.of_material("granular") > 0)
+        free = (np.asarray(self.state.pressure) == 0) & (self.state.of_material("granular") > 0)
         return self._mean(free.astype(float))
 
     def drift(self) -> float:
@@ -210,7 +210,8 @@ def ill_posed_fraction(state: State) -> float:
     for k, material in enumerate(state.scene.materials):
         own = number == k
         if hasattr(material, "xi"):
-            ill[own] = ill_posedness(scaled[flowing][own], cast(MuI, material)) > 0
+            p = state.pressure[flowing][own]
+            ill[own] = ill_posedness(scaled[flowing][own], cast(MuI, material), p) > 0
     return float(mass @ ill / mass.sum())
 
 

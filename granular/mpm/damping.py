@@ -124,9 +124,11 @@ def _flow(material: Material) -> tuple[float, float]:
 
 
 def _local(material: Material) -> MuI:
-    """Local law of a material with mu(I)."""
+    """Local law of a material with mu(I), without its cohesion."""
     if isinstance(material, MuI):
-        return material
+        return (
+            material.replace(cohesion=0.0, tensile_strength=None) if material.cohesion else material
+        )
     assert isinstance(material, NGF)
     friction = material.core_friction()
     return MuI(mu_s=material.mu_s, mu_2=friction["mu_2"], xi=friction["xi"])

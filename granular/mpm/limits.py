@@ -291,7 +291,7 @@ def _locking(scene: Scene) -> str | None:
 def _slope(scene: Scene) -> str | None:
     """Endless layer on a slope outside of the range where the mu(I) law is well posed."""
     material, grid = scene.material, scene.grid
-    if not isinstance(material, MuI) or len(scene.materials) > 1:
+    if not isinstance(material, MuI) or material.cohesion or len(scene.materials) > 1:
         return None
     if not _many_columns(scene) or not all(grid.periodic[:-1]):
         return None

@@ -60,7 +60,13 @@ def _of_units(kind: type[Density | Scheme]) -> dict[str, str]:
     return {name: _UNITS[unit] for name, unit in kind.units.items() if unit != "1"}
 
 
-_MATERIAL = {"E": "stress", "d": "length", "t0": "time"}
+_MATERIAL = {
+    "E": "stress",
+    "d": "length",
+    "t0": "time",
+    "cohesion": "stress",
+    "tensile_strength": "stress",
+}
 _SECTION = {"center": "length", "thickness": "length"}
 _MOVING = {"velocity": "velocity", "pressure": "stress"}
 _QUANTITIES: dict[type, dict[str, str]] = {

@@ -154,6 +154,14 @@ class Scene(BaseScene):
 
     def _check_materials(self) -> None:
         """Refuse combinations of materials that the method does not have."""
+        least = self.scheme.density.numbers()["separation_strain"]
+        for material in self.materials:
+            strength = getattr(material, "tensile_strength", 0.0)
+            if strength and not strength < least * material.K:
+                raise ValueError(
+                    f"tensile_strength = {strength:.6g} must be below separation_strain K = "
+                    f"{least * material.K:.6g}: take a larger E = {material.E}"
+                )
         count = len(self.materials)
         if count == 1:
             return

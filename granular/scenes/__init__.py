@@ -12,6 +12,7 @@ from typing import Any
 
 from granular.checks import one_of
 from granular.scenes._registry import METHODS, SceneFunction, functions
+from granular.scenes.cohesive_cliff import cohesive_cliff
 from granular.scenes.column_collapse import column_collapse, cylinder_collapse
 from granular.scenes.conveyor import conveyor
 from granular.scenes.couette import couette
@@ -39,6 +40,7 @@ __all__ = [
     "changed",
     "chute_ngf",
     "clogging_silo",
+    "cohesive_cliff",
     "column_collapse",
     "column_collapse_sph",
     "conveyor",

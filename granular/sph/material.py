@@ -98,9 +98,9 @@ class Viscoplastic:
         """Make the material that matches a mu(I) law at one pressure.
 
         The friction of the mu(I) law depends on the rate and the pressure, that of this material on
-        the rate only. Density, frictions, bulk modulus (K = 1.5 kappa at rho0) and Poisson's ratio
-        are the same. D_star is the rate at which I = I0 under the given pressure, xi sqrt(p), so
-        that the laws agree at this pressure only.
+        the rate only. Density, frictions, cohesion, bulk modulus (K = 1.5 kappa at rho0) and
+        Poisson's ratio are the same. D_star is the rate at which I = I0 under the given pressure,
+        xi sqrt(p), so that the laws agree at this pressure only.
 
         Parameters
         ----------
@@ -117,11 +117,17 @@ class Viscoplastic:
         """
         if not isinstance(material, MuI):
             raise TypeError(f"material = {material!r} must be a MuI")
+        if material.tensile_strength:
+            raise ValueError(
+                f"tensile_strength = {material.tensile_strength:.6g} must be 0: material of SPH "
+                "bears no tension"
+            )
         given = {
             "rho0": material.rho_c,
             "mu_l": material.mu_s,
             "mu_h": material.mu_2,
             "D_star": material.xi * math.sqrt(positive("pressure", pressure)),
+            "cohesion": material.cohesion,
             "kappa": material.K / 1.5,
             "nu": material.nu,
         }

@@ -4,6 +4,8 @@ from granular.theory.beverloo import beverloo_rate as beverloo_rate
 from granular.theory.chute import ChuteFlow as ChuteFlow
 from granular.theory.chute import chute_profile as chute_profile
 from granular.theory.chute import chute_transient as chute_transient
+from granular.theory.cohesion import CliffHeight as CliffHeight
+from granular.theory.cohesion import cliff_height as cliff_height
 from granular.theory.constitutive import APPENDIX_B_BREAKPOINTS as APPENDIX_B_BREAKPOINTS
 from granular.theory.constitutive import ConstitutiveReference as ConstitutiveReference
 from granular.theory.constitutive import Event as Event

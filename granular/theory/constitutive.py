@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import finite, non_negative, one_of, positive
 from granular.materials import MuI
-from granular.theory.incline import check_saturates
+from granular.theory.incline import check_mu_I
 
 Array = NDArray[np.float64]
 VelocityGradient = Callable[[float], ArrayLike]
@@ -103,6 +103,7 @@ def plastic_shear_rate(p: ArrayLike, tau: ArrayLike, material: MuI) -> Array:
     p, tau : array_like
         Pressure and equivalent shear stress [Pa], broadcast together.
     """
+    check_mu_I(material)
     p, tau = np.broadcast_arrays(np.asarray(p, dtype=float), np.asarray(tau, dtype=float))
     pressed = np.maximum(p, 0.0)
     over = np.maximum(tau - material.mu_s * pressed, 0.0)
@@ -207,7 +208,7 @@ def reference(
     RuntimeError
         If the integrator fails.
     """
-    check_saturates(material)
+    check_mu_I(material)
     times, ends = _time_arrays(times, breakpoints)
     one_of("solver", solver, ("auto", "RK45", "Radau"))
     positive("rtol", rtol)

@@ -112,7 +112,7 @@ def bagnold_mean(angle_deg: float, height: float, material: MuI, gravity: float 
 
 def _steady_scale(angle_deg: float, material: MuI, gravity: float) -> float:
     """xi A sqrt(rho g cos t): the shear rate at unit depth [1/(s sqrt(m))]."""
-    check_saturates(material)
+    check_mu_I(material)
     angle = _angle(angle_deg)
     positive("gravity", gravity)
     slope = math.tan(angle)
@@ -128,10 +128,12 @@ def _steady_scale(angle_deg: float, material: MuI, gravity: float) -> float:
     return material.xi * ratio * math.sqrt(material.rho_c * gravity * math.cos(angle))
 
 
-def check_saturates(material: Any) -> None:
-    """Refuse a material whose friction has no limit: these solutions are of the mu(I) law."""
+def check_mu_I(material: Any) -> None:
+    """Refuse a material of another law: these solutions are of mu(I) without cohesion."""
     if getattr(material, "rheology", "mu_I") == "linear_mu_I":
         raise ValueError('rheology = "linear_mu_I" must be "mu_I": this is a solution of mu(I)')
+    if cohesion := getattr(material, "cohesion", 0.0):
+        raise ValueError(f"cohesion = {cohesion} must be 0: this is a solution without cohesion")
 
 
 def _angle(angle_deg: float) -> float:
@@ -269,7 +271,7 @@ class _Layer:
         ramp: float,
         cells: int,
     ) -> None:
-        check_saturates(material)
+        check_mu_I(material)
         self.cells, self.ramp = cells, ramp
         self.dy = height / cells
         self.depth = height - self.dy * (np.arange(cells, dtype=float) + 0.5)

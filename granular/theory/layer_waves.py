@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from granular.checks import integer, positive
 from granular.materials import MuI
 from granular.theory.constitutive import Array, stress_rate
-from granular.theory.incline import check_saturates
+from granular.theory.incline import check_mu_I
 
 _XX, _YY, _XY = 0, 1, 3
 _STEP = 1e-6
@@ -77,7 +77,7 @@ def layer_waves(
     ValueError
         If there is no steady flow, or a length is not positive.
     """
-    check_saturates(material)
+    check_mu_I(material)
     height, wavelength = positive("height", height), positive("wavelength", wavelength)
     cells, slope = integer("cells", cells, 4, 1000), math.tan(math.radians(angle_deg))
     if not material.mu_s < slope < material.mu_2:

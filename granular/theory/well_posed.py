@@ -15,6 +15,9 @@ a^2 + b^2 = 1 and q = mu (1 - r/2). This rate grows without bound as the wave ge
     C = q^2 - 4 r (1 - r) = 4 r^2 - 4 r + mu^2 (1 - r/2)^2.
 
 The material enters only by mu_s and mu_2, and the flow only by I/I0.
+
+With a cohesion c the shear stress is c + mu(I) p. The same steps lead to the same C with q as it
+is, d tau/dp, and with d ln tau/d ln I = r mu p/(c + mu p) for r: then the pressure counts, too.
 """
 
 import math
@@ -37,10 +40,12 @@ Otherwise they are smaller in the ratio mu_s/(mu_2 - mu_s): for I << I0 the law 
 
 
 @overload
-def ill_posedness(scaled: float, material: MuI) -> float: ...
+def ill_posedness(scaled: float, material: MuI, pressure: float | None = None) -> float: ...
 @overload
-def ill_posedness(scaled: Array, material: MuI) -> Array: ...
-def ill_posedness(scaled: float | Array, material: MuI) -> float | Array:
+def ill_posedness(scaled: Array, material: MuI, pressure: Array | None = None) -> Array: ...
+def ill_posedness(
+    scaled: float | Array, material: MuI, pressure: float | Array | None = None
+) -> float | Array:
     """Discriminant C of Barker et al. 2015: the law is ill posed where it is positive.
 
     Parameters
@@ -48,16 +53,30 @@ def ill_posedness(scaled: float | Array, material: MuI) -> float | Array:
     scaled : float or ndarray
         I/I0, >= 0 (`granular.measure.scaled_inertial_number` of points); nan gives nan.
     material : MuI
+    pressure : float or ndarray, optional
+        Pressure [Pa], > 0; needed if the material has a cohesion.
 
     Returns
     -------
     float or ndarray
         C, without unit.
+
+    Raises
+    ------
+    ValueError
+        For a material with cohesion without a pressure.
     """
     x, gain = scaled, material.mu_2 - material.mu_s
     mu = material.mu_s + gain * x / (1 + x)
     r = gain * x / ((1 + x) ** 2 * mu)
-    return 4 * r**2 - 4 * r + mu**2 * (1 - r / 2) ** 2
+    q, cohesion = mu * (1 - r / 2), getattr(material, "cohesion", 0.0)
+    if cohesion:
+        if pressure is None:
+            raise ValueError(
+                f"pressure = None must be given for a material with the cohesion {cohesion}"
+            )
+        r = r * mu * pressure / (cohesion + mu * pressure)
+    return q**2 - 4 * r * (1 - r)
 
 
 def well_posed_range(material: MuI) -> tuple[float, float] | None:

@@ -31,8 +31,9 @@ SEPARATION = 500.0
 def law_parameters(material: Material) -> dict[str, float]:
     """Parameters of the material by the names of the C core."""
     known = {**material.arguments(), "K": material.K, "G": material.G}
-    if isinstance(material, MuI):
-        known["xi"] = material.xi
+    for derived in ("xi", "tensile_strength"):
+        if hasattr(material, derived):
+            known[derived] = getattr(material, derived)
     names = [name for name, _, _ in _core.laws()[material.law][1]]
     return {name: known[name] for name in names}
 

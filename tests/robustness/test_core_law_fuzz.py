@@ -11,8 +11,12 @@ from granular import _core
 
 def law_arguments(n=3, dim=2):
     lanes = _core.build_info()["lanes"]
+    parameters = {
+        "K": 1e6, "G": 1e6, "mu_s": 0.38, "mu_2": 0.64, "xi": 1.1,
+        "cohesion": 0.0, "tensile_strength": 0.0,
+    }  # fmt: skip
     return [
-        "mu_I", dim, {"K": 1e6, "G": 1e6, "mu_s": 0.38, "mu_2": 0.64, "xi": 1.1}, 1e-4, 0,
+        "mu_I", dim, parameters, 1e-4, 0,
         np.zeros((n, dim * dim, lanes)), np.zeros(n * lanes),
         np.zeros((4 if dim == 2 else 6, n * lanes)), np.zeros(n * lanes), "",
     ]  # fmt: skip

@@ -15,7 +15,7 @@ NOT_ABOVE_ZERO = {
     *("angle_deg", "jitter", "A", "omega", "rake_deg", "friction"),
     *("settle", "slope_deg", "opens_at", "slip", "slug.headroom", "column_collapse.ramp"),
     *("cylinder_collapse.ramp", "hourglass.ramp", "incline.ramp", "silo.ramp", "chute_ngf.ramp"),
-    *("hopper.ramp", "rotating_drum.width"),
+    *("hopper.ramp", "rotating_drum.width", "cohesive_cliff.ramp"),
     *("conveyor.speed", "conveyor.width", "gate_friction", "obstacle_friction"),
     *("obstacle.speed", "obstacle.gap", "obstacle.width", "flexible_barrier.speed", "plate_nu"),
 }

@@ -32,7 +32,8 @@ def law(name, q, stress, L, log_density, dt, equation_of_state=False):
         return deviator - p[:, None, None] * identity, np.zeros(len(stress))
     if equation_of_state:
         p = q["K"] * log_density
-    dense = (log_density >= 0) & (p > 0)
+    strength = q.get("tensile_strength", 0.0)
+    dense = (log_density >= -strength / q["K"]) & (p > -strength)
     p = np.where(dense, p, 0.0)
     tau_trial = np.sqrt(np.einsum("pij,pij->p", deviator, deviator) / 2)
     tau = np.array(
@@ -61,11 +62,13 @@ def returned(name, q, trial, p, dt):
 
     Bisection on tau_trial - tau = G dt gamma(tau) (2.13-2.15).
     """
-    static = (q["mu_s"] if name == "mu_I" else q["mu"]) * p
-    if trial <= static:
+    slow = q["mu_s"] if name == "mu_I" else q["mu"]
+    cohesion = q.get("cohesion", 0.0)
+    if trial <= cohesion + slow * p:
         return trial
-    if name == "drucker_prager":
-        return static
+    if name == "drucker_prager" or p <= 0:
+        return max(0.0, cohesion + slow * p)
+    trial, static = trial - cohesion, slow * p
     # gamma = xi sqrt(p) (mu - mu_s)/(mu_2 - mu), times its denominator: a quadratic in tau
     upper = q["mu_2"] * p
     alpha = q["xi"] * q["G"] * dt * math.sqrt(p)
@@ -79,4 +82,4 @@ def returned(name, q, trial, p, dt):
         if middle in (low, high):
             break
         low, high = (middle, high) if excess(middle) > 0 else (low, middle)
-    return (low + high) / 2
+    return cohesion + (low + high) / 2

@@ -20,6 +20,8 @@ MATERIALS = {
     "drucker_prager": DruckerPrager(E=1e7),
     "mu_I": MuI(E=1e7, I0=0.279, d=0.005),
     "ngf": NGF(E=1e7, I0=0.279, d=0.005),
+    "cohesive drucker_prager": DruckerPrager(E=1e7, cohesion=30.0, tensile_strength=50.0),
+    "cohesive mu_I": MuI(E=1e7, I0=0.279, d=0.005, cohesion=30.0),
 }
 
 LAWS = sorted(MATERIALS)
@@ -30,6 +32,8 @@ def numbers(law):
     """Parameters of the law, with the elastic moduli."""
     material = MATERIALS[law]
     more = {"K": material.K, "G": material.G, "xi": getattr(material, "xi", None)}
+    if hasattr(material, "tensile_strength"):
+        more["tensile_strength"] = material.tensile_strength
     return vars(material) | more | {"p_averaging": 40.0}
 
 
@@ -56,6 +60,7 @@ def full_update(
 
     Returns new stresses, plastic shear rates and fluidities.
     """
+    core = MATERIALS[law].law
     lanes = {"baseline": 2, "avx2": 4, "avx512": 8}[isa or _core.build_info()["isa"]]
     n = len(stress)
     padded = -(-n // lanes) * lanes
@@ -68,9 +73,9 @@ def full_update(
         g_star = np.resize(np.broadcast_to(g_star, n), padded)
     new = np.zeros((stress.shape[1], padded))
     new[:, :n] = stress.T
-    parameters = {name: numbers(law)[name] for name, *_ in _core.laws()[law][1]}
+    parameters = {name: numbers(law)[name] for name, *_ in _core.laws()[core][1]}
     _core.law_update(
-        law, dim, parameters, dt, int(equation_of_state), gradient, density, new, rate, isa,
+        core, dim, parameters, dt, int(equation_of_state), gradient, density, new, rate, isa,
         g_star, g,
     )  # fmt: skip
     return new[:, :n].T.copy(), rate[:n].copy(), g[:n].copy()
@@ -118,9 +123,10 @@ def law_in_decimals(law, dim, stress, Ldt, dt):
     if law == "elastic":
         return deviator - p[:, None, None] * identity, size, np.ones(len(stress), dtype=bool)
     tau_trial = root((deviator**2).sum(axis=(1, 2)) / 2)
-    dense = np.array([a > 0 for a in p])
+    strength, cohesion = q.get("tensile_strength", Decimal(0)), q.get("cohesion", Decimal(0))
+    dense = np.array([a > -strength for a in p])
     safe = np.where(dense, p, Decimal(1))
-    static = q["mu" if law == "drucker_prager" else "mu_s"] * safe
+    static = q["mu" if law.endswith("drucker_prager") else "mu_s"] * safe
     tau = static
     if law == "ngf":
         friction = [
@@ -128,10 +134,12 @@ def law_in_decimals(law, dim, stress, Ldt, dt):
             for state in zip(tau_trial / safe, p, *before(len(p)), strict=True)
         ]
         tau = np.array(friction) * safe
-    if law == "mu_I":
-        S2, alpha = q["mu_2"] * safe, q["xi"] * q["G"] * step * root(safe)
-        B, H = S2 + tau_trial + alpha, S2 * tau_trial + static * alpha
-        tau = (B - root(B * B - 4 * H)) / 2
+    if law.endswith("mu_I"):
+        pressed, over = np.maximum(safe, Decimal(0)), tau_trial - cohesion
+        S2, alpha = q["mu_2"] * pressed, q["xi"] * q["G"] * step * root(pressed)
+        B, H = S2 + over + alpha, S2 * over + static * alpha
+        tau = np.where(pressed > 0, (B - root(abs(B * B - 4 * H))) / 2, static)
+    tau, static = tau + cohesion, static + cohesion
     yields = np.array([a > b for a, b in zip(tau_trial, static, strict=True)])
     yields |= law == "ngf"
     factor = np.where(yields, tau / np.where(yields, tau_trial, Decimal(1)), Decimal(1))
@@ -140,6 +148,7 @@ def law_in_decimals(law, dim, stress, Ldt, dt):
     gap = abs((tau_trial - static).astype(float))
     # Near p = 0 the root of p depends on the last bit of the trial, and near yield the branch does.
     clear = (abs(p.astype(float)) > 1e-3 * size) & (gap > 1e-6 * size)
+    clear &= abs((p + strength).astype(float)) > 1e-3 * size
     return new, size, clear
 
 
@@ -180,7 +189,9 @@ def test_stress_update_against_the_oracle(law, dim, equation_of_state, isa):
             numbers(law), s, L, c, dt, *start, equation_of_state
         )
     else:
-        expected, rate = oracle.law(law, numbers(law), s, L, c, dt, equation_of_state)
+        expected, rate = oracle.law(
+            MATERIALS[law].law, numbers(law), s, L, c, dt, equation_of_state
+        )
     found, found_rate = update(
         law, dim, stress, Ldt, c, dt, equation_of_state=equation_of_state, isa=isa
     )
@@ -192,7 +203,9 @@ def test_stress_update_against_the_oracle(law, dim, equation_of_state, isa):
     if law != "elastic":
         free = ~found.any(axis=1)
         assert 0.1 < free.mean() < 0.7
-        assert (free[c < 0]).all()
+        loosest = -numbers(law).get("tensile_strength", 0.0) / numbers(law)["K"]
+        assert (free[c < loosest]).all()
+        assert free[c < 0].all() == (loosest == 0)
         assert 0.05 < (found_rate > 0).mean() < 0.95
 
 
@@ -371,8 +384,11 @@ def test_flow_dissipates_and_friction_is_bounded(law, dim):
     found, rate = update(law, dim, stress, Ldt, c, dt)
     p, tau = pressure(found), shear(found)
     limit = numbers(law).get("mu_2", numbers(law).get("mu"))
-    assert (p >= 0).all()
-    assert (tau <= limit * p * (1 + 1e-12)).all()
+    slow, bears = numbers(law).get("mu_s", numbers(law).get("mu")), found.any(axis=1)
+    cohesion, strength = (numbers(law).get(name, 0.0) for name in ("cohesion", "tensile_strength"))
+    assert (p > -strength * (1 + 1e-12) - 1e-300).all()
+    bound = np.where(p > 0, limit, slow) * p + cohesion * bears
+    assert (tau <= bound + 1e-12 * (tau + cohesion)).all()
     assert (rate >= 0).all()
     assert (rate > 0).mean() > 0.2
     # power of the plastic strain rate: sigma_new : D_p >= 0, D_p = D - C^-1 (change of stress)
@@ -409,7 +425,8 @@ def test_every_registered_law_is_tested():
     """
     finite = {law for law in _core.laws() if law.startswith("hencky_")}
     assert finite == set(FLOW_OF) | {"hencky_hardening_drucker_prager"}
-    assert set(MATERIALS) == set(_core.laws()) - finite - {"own"}
-    for law, material in MATERIALS.items():
+    plain = {law: m for law, m in MATERIALS.items() if not law.startswith("cohesive")}
+    assert set(plain) == set(_core.laws()) - finite - {"own"}
+    for law, material in plain.items():
         assert material.law == law
         assert material.replace(elasticity="hencky").law == f"hencky_{law}" in finite

@@ -44,7 +44,7 @@ COARSE = {"couette": {"cell": 0.02, "height": 0.06}, "excavation": {"cell": 0.02
 """Coarse cells for scenes that have very many by default."""
 
 MPM = (
-    *("chute_ngf", "clogging_silo", "column_collapse", "conveyor", "couette"),
+    *("chute_ngf", "clogging_silo", "cohesive_cliff", "column_collapse", "conveyor", "couette"),
     *("cylinder_collapse", "excavation", "excavator", "flexible_barrier", "hopper", "hourglass"),
     *("incline", "landslide", "obstacle", "penetration", "rotating_drum", "silo", "silo_3d"),
     *("slug", "wheel"),
@@ -153,9 +153,9 @@ def test_keywords_of_the_scene_come_before_those_of_its_material():
 NONLOCAL = ("chute_ngf", "clogging_silo", "silo_3d", "couette", "excavation", "wheel", "excavator")
 SOFT = (
     *("conveyor", "flexible_barrier", "hopper", "landslide", "obstacle", "penetration"),
-    "rotating_drum",
+    *("rotating_drum", "cohesive_cliff"),
 )
-"""Scenes of `glass_beads` with another E."""
+"""Scenes of `glass_beads` with another E, or of another material."""
 
 
 @pytest.mark.parametrize("basis", ["linear", "ugimp", "quadratic"])
