@@ -84,7 +84,7 @@ static int list_points(struct gr_engine *e, struct regroup *r)
     const int grouped = e->mesh.n_cells > 0;
     for (int64_t g = 0; g < (grouped ? e->mesh.n_cells : 1); g++) {
         const struct gr_cell *cell = grouped ? &e->mesh.cell[g] : 0;
-        for (int64_t k = 0; !error && k < (cell ? cell->count : e->n_points); k++) {
+        for (int64_t k = 0; !error && k < (cell ? cell->count : e->n_points - e->n_pending); k++) {
             const int64_t slot = cell ? gr_slot(cell, k) : k;
             for (int d = 0; d < e->config.dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + slot];
             error = add_point(e, r, slot, x, e->id[slot]);

@@ -13,6 +13,7 @@
 #include "core/team.h"
 #include "kernels.h"
 #include "mpm/grid.h"
+#include "mpm/inflow.h"
 #include "mpm/migrate.h"
 #include "mpm/sleep.h"
 #include "mpm/smoothed_density.h"
@@ -67,7 +68,7 @@ double gr_stable_dt(const struct gr_engine *e, struct gr_team *team)
     double square = 0;
     gr_team_run(team, find_fastest, &fastest, fastest.chunks);
     for (int64_t c = 0; c < fastest.chunks; c++) square = fmax(square, fastest.square[c]);
-    double speed = fmax(sqrt(square), gr_bodies_speed(e));
+    double speed = fmax(sqrt(square), fmax(gr_bodies_speed(e), gr_inflow_speed(e)));
     for (int k = 0; k < e->config.n_walls; k++) {
         const double *wall = e->config.walls[k].velocity;
         speed = fmax(speed, sqrt(wall[0] * wall[0] + wall[1] * wall[1] + wall[2] * wall[2]));
@@ -112,7 +113,7 @@ static int share_out(struct run *run)
     }
     for (; k <= chunks; k++) run->cut[k] = n_tiles, first[k] = points;
     if (e->sleep && gr_sleep_begin(e)) return GR_ERR_MEMORY;
-    if (reserve_substeps(e) || gr_reserve_pending(e, points + chunks)) return GR_ERR_MEMORY;
+    if (reserve_substeps(e) || gr_reserve_pending(e, points + chunks + gr_inflow_most(e))) return GR_ERR_MEMORY;
     for (k = 0; k < chunks; k++) {
         const int64_t begin = first[k] + k; /* one record more than points for each chunk */
         run->migrants[k] = (struct gr_migrants){
@@ -263,6 +264,7 @@ static void finish(struct run *run)
     if (e->feet) gr_feet_move_out(e);
     e->step++;
     e->time = e->time_anchor + (double)(e->step - e->step_anchor) * e->dt;
+    if (e->inflow) gr_inflow_enter(e);
     if (e->n_thin && gr_follow_bodies(e)) e->disconnected = 1; /* until the mesh is made for the new poses */
     if (e->feet && gr_feet_list(e)) e->error = GR_ERR_MEMORY;
     if (e->open && (e->config.cell_averaged || gr_averages(e, e->step)) && gr_open_volumes(e, 1)) e->error = GR_ERR_MEMORY;
