@@ -21,6 +21,7 @@ from granular.gravity import Gravity
 from granular.materials import NGF, DruckerPrager, Elastic, HardeningDruckerPrager, MuI
 from granular.mpm import bodies, scaling, schemes
 from granular.mpm.bodies import Body, Motion
+from granular.mpm.inflow import Inflow
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import (
     CellAveragedDensity,
@@ -76,6 +77,7 @@ __all__ = [
     "Grid",
     "HardeningDruckerPrager",
     "Heights",
+    "Inflow",
     "Intersection",
     "Layer",
     "Mask",

@@ -178,7 +178,7 @@ def _bears(state: State) -> bool:
     Points are stress-free at the start, and gravity may be switched on slowly.
     """
     scene = state.scene
-    lows, highs = zip(*(fill.region.bounds for fill in scene.fills), strict=True)
+    lows, highs = zip(*(source.region.bounds for source in scene.sources), strict=True)
     height = max(high[-1] for high in highs) - min(low[-1] for low in lows)
     pull = np.linalg.norm(scene.gravity.vectors, axis=1)
     begin = scene.gravity.times[int(pull.argmax())]
@@ -208,9 +208,26 @@ def _account(before: State, after: State, others: float) -> tuple[float, float, 
     """
     held, now = (float((kinetic_of(s) + elastic_of(s)).sum()) for s in (before, after))
     by_gravity, outflow = between(before, after)
-    work = by_gravity + others
+    work = by_gravity + others + _work_on_entered(before, after)
     plastic = min(plastic_power(before), plastic_power(after)) * (after.time - before.time)
     return held, work, now - held + outflow + plastic - work
+
+
+def _work_on_entered(before: State, after: State) -> float:
+    """Work of gravity on the points that entered between two states [J], from the lower corner on.
+
+    The work of the inflows contains that from the inlet to the corner (`InflowState`); nan while
+    gravity changes. Of points that have also left in the meantime the work is not known, so that
+    the energy created comes out too small.
+    """
+    scene = after.scene
+    if not getattr(scene, "inflows", ()):
+        return 0.0
+    if before.time < scene.gravity.times[-1]:
+        return np.nan
+    new = ~np.isin(after.id, before.id, assume_unique=True)
+    fallen = (after.x[new] - np.array(scene.grid.lower)) @ scene.gravity.at(after.time)
+    return float(after.mass[new] @ fallen)
 
 
 # ---- indicators from the samples ----

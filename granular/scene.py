@@ -44,7 +44,7 @@ class BaseScene(Serializable):
         check_fields(self, positive, "duration")
         check_fields(self, integer, "seed", low=0, high=2**63 - 1)
         set_fields(self, parameters=Parameters(self.parameters))
-        if not self.fills:
+        if not self.fills and not self.sources:
             raise ValueError("fills = () must hold at least one Fill")
         for i, fill in enumerate(self.fills):
             geometry.check_inside(f"fills[{i}]", self.grid, fill.region)
@@ -57,6 +57,11 @@ class BaseScene(Serializable):
     def dim(self) -> int:
         """Dimension, 2 or 3."""
         return self.grid.dim
+
+    @property
+    def sources(self) -> tuple[Any, ...]:
+        """Fills, and inflows of a method that has them: where material comes from."""
+        return self.fills
 
     @property
     def materials(self) -> tuple[Any, ...]:

@@ -15,7 +15,15 @@ from granular.geometry import MAX_COUNT, Fill, Grid, check_inside, combined
 from granular.open_parts import LEAST_SHARE, REACH, Distance, nowhere, open_parts
 from granular.regions import Cloud
 
-__all__ = ["DEEPEST", "Points", "estimated_points", "most_points", "seed_points"]
+__all__ = [
+    "DEEPEST",
+    "Points",
+    "estimated_points",
+    "joined",
+    "most_points",
+    "nothing",
+    "seed_points",
+]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +57,18 @@ class Points:
     def __post_init__(self) -> None:
         for array in vars(self).values():
             array.setflags(write=False)
+
+
+def nothing(dim: int) -> Points:
+    """Make the points of no fill."""
+    place, number = np.empty((0, dim)), np.empty(0)
+    return Points(place, place, number, number, number, number, np.empty(0, dtype=np.int64))
+
+
+def joined(parts: Sequence[Points]) -> Points:
+    """Join points, one part after the other."""
+    columns = zip(*(vars(part).values() for part in parts), strict=True)
+    return Points(*(np.concatenate(arrays) for arrays in columns))
 
 
 def _lattice(grid: Grid, fill: Fill) -> NDArray[np.float64]:

@@ -8,6 +8,7 @@
 #include "core/memory.h"
 #include "mpm/contact.h"
 #include "mpm/feet.h"
+#include "mpm/inflow.h"
 #include "mpm/open_volume.h"
 #include "mpm/sleep.h"
 #include "mpm/wall_impulse.h"
@@ -302,6 +303,7 @@ void gr_engine_free(struct gr_engine *e)
     for (int d = 0; d < 3; d++) gr_axis_free(&e->axis[d]);
     gr_fluidity_free(e->fluidity);
     gr_watch_free(e->watch);
+    gr_inflow_free(e->inflow);
     gr_feet_free(e->feet);
     gr_open_volume_free(e->open);
     gr_sleep_free(e->sleep);

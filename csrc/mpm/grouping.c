@@ -115,13 +115,13 @@ static int add_point(struct regroup *r, struct list *list, int64_t source, const
     return 1;
 }
 
-/* Count the points of the old cells. Without cells there are only points. */
+/* Count the points of the old cells. Without cells there are only points, and those that wait to enter. */
 GR_SHARED(count_old, struct regroup, r->e->mesh.n_cells, r)
 {
     struct list *list = &r->list[chunk];
     for (int64_t c = first; c < last; c++) list->n += r->e->mesh.cell[c].count;
     if (!r->e->mesh.n_cells) {
-        gr_share(r->e->n_points, chunk, r->chunks, &first, &last);
+        gr_share(r->e->n_points - r->e->n_pending, chunk, r->chunks, &first, &last);
         list->n = last - first;
     }
 }

@@ -299,6 +299,23 @@ static void insert(struct gr_engine *e, int64_t index, double *record, int64_t i
     if (index == GR_TO_NO_CELL || !put(e, index, record, id, e->dirty, &e->n_dirty)) wait(e, record, id);
 }
 
+void gr_insert_new(struct gr_engine *e, double *record, int64_t id)
+{
+    int64_t at[3] = {0}, inside[3] = {0};
+    int32_t from[3] = {0};
+    e->n_points++;
+    for (int d = 0; d < e->config.dim; d++) {
+        at[d] = gr_locate(&e->axis[d], e->inv_dx, record[d]);
+        inside[d] = at[d] < 0 ? 0 : at[d] < e->axis[d].n_cells ? at[d] : e->axis[d].n_cells - 1;
+        from[d] = (int32_t)inside[d];
+    }
+    struct gr_cell nearest = {0};
+    memcpy(nearest.at, from, sizeof from);
+    int64_t to = find_cell(e, at, record);
+    if (to == GR_TO_OUTSIDE) to = bring_back(e, &nearest, record);
+    if (to != GR_TO_NOWHERE) insert(e, to, record, id);
+}
+
 /* Note that the points of a cell have changed. */
 static void mark_changed(struct gr_engine *e, int64_t index)
 {

@@ -72,6 +72,10 @@ int gr_migrate(struct gr_engine *e, struct gr_migrants *list, int lists, struct 
 /* Move points of double cells to the other side if they have crossed over where they do not face the thin body. */
 void gr_change_sides(struct gr_engine *e);
 
+/* Put a new point, packed at the next place of `pending`, into its cell; it waits there if it has none or the cell is full. One
+ * outside of the domain is brought back, or dropped. */
+void gr_insert_new(struct gr_engine *e, double *record, int64_t id);
+
 /* Index of the first component of a field in a packed record. */
 int gr_component_of(const struct gr_engine *e, int field);
 

@@ -14,6 +14,7 @@
 #include "core/team.h"
 #include "kernels.h"
 #include "mpm/grid.h"
+#include "mpm/inflow.h"
 #include "mpm/migrate.h"
 #include "mpm/sleep.h"
 #include "mpm/smoothed_density.h"
@@ -66,7 +67,7 @@ double gr_stable_dt(const struct gr_engine *e, struct gr_team *team)
     double square = 0;
     gr_team_run(team, find_fastest, &fastest, fastest.chunks);
     for (int64_t c = 0; c < fastest.chunks; c++) square = fmax(square, fastest.square[c]);
-    double speed = fmax(sqrt(square), gr_bodies_speed(e));
+    double speed = fmax(sqrt(square), fmax(gr_bodies_speed(e), gr_inflow_speed(e)));
     for (int k = 0; k < e->config.n_walls; k++) {
         const double *wall = e->config.walls[k].velocity;
         speed = fmax(speed, sqrt(wall[0] * wall[0] + wall[1] * wall[1] + wall[2] * wall[2]));
@@ -118,7 +119,7 @@ static int share_out(struct run *run)
     }
     while (k <= chunks) e->cut[k++] = n_tiles;
     if (e->sleep && gr_sleep_begin(e)) return GR_ERR_MEMORY;
-    if (reserve_substeps(e) || gr_reserve_pending(e, all + chunks)) return GR_ERR_MEMORY;
+    if (reserve_substeps(e) || gr_reserve_pending(e, all + chunks + gr_inflow_most(e))) return GR_ERR_MEMORY;
     for (k = 0; k < chunks; k++) {
         const int64_t first = e->cut[k] < n_tiles ? e->mesh.cell[e->cut[k] * GR_LANES].offset : all;
         const int64_t begin = first + k; /* one record more than points for each chunk */
@@ -270,6 +271,7 @@ static void finish(struct run *run)
     if (e->feet) gr_feet_move_out(e);
     e->step++;
     e->time = e->time_anchor + (double)(e->step - e->step_anchor) * e->dt;
+    if (e->inflow) gr_inflow_enter(e);
     if (e->n_thin && gr_follow_bodies(e)) e->disconnected = 1; /* until the mesh is made for the new poses */
     if (e->feet && gr_feet_list(e)) e->error = GR_ERR_MEMORY;
     if (e->open && (e->config.cell_averaged || gr_averages(e, e->step)) && gr_open_volumes(e, 1)) e->error = GR_ERR_MEMORY;

@@ -105,6 +105,11 @@ PyObject *gr_python_watch_walls(struct gr_engine *e, int n_walls, PyObject *code
 PyObject *gr_python_wall_impulses(const struct gr_engine *e);
 PyObject *gr_python_restore_walls(struct gr_engine *e, PyObject *array);
 
+/* inlets.c */
+PyObject *gr_python_add_inlet(struct gr_engine *e, PyObject *args);
+PyObject *gr_python_inflow(const struct gr_engine *e);
+PyObject *gr_python_restore_inflow(struct gr_engine *e, PyObject *array);
+
 /* testing.c: functions of the module. */
 PyObject *gr_python_law_update(PyObject *module, PyObject *args);
 PyObject *gr_python_fluidity_update(PyObject *module, PyObject *args);

@@ -263,6 +263,24 @@ static PyObject *engine_restore_walls(struct gr_object *self, PyObject *array)
     return e ? gr_python_restore_walls(e, array) : NULL;
 }
 
+static PyObject *engine_add_inlet(struct gr_object *self, PyObject *args)
+{
+    struct gr_engine *e = gr_ready(self, 0);
+    return e ? gr_python_add_inlet(e, args) : NULL;
+}
+
+static PyObject *engine_inflow(struct gr_object *self, PyObject *Py_UNUSED(unused))
+{
+    const struct gr_engine *e = gr_ready(self, 0);
+    return e ? gr_python_inflow(e) : NULL;
+}
+
+static PyObject *engine_restore_inflow(struct gr_object *self, PyObject *array)
+{
+    struct gr_engine *e = gr_ready(self, 0);
+    return e ? gr_python_restore_inflow(e, array) : NULL;
+}
+
 /* The calm of cells by their indices in the grid (mpm/sleep.h). */
 static PyObject *engine_calm(struct gr_object *self, PyObject *Py_UNUSED(unused))
 {
@@ -349,6 +367,16 @@ static PyMethodDef methods[] = {
      "walls()\n--\n\nImpulse and angular impulse about the origin of the material on each wall, its displacement and\nwork, and its excess of pressure, (n, 9)."},
     {"restore_walls", (PyCFunction)engine_restore_walls, METH_O,
      "restore_walls(impulses)\n--\n\nSet the impulses, as walls() gave them."},
+    {"add_inlet", (PyCFunction)engine_add_inlet, METH_VARARGS,
+     "add_inlet(records, axis, velocity, spacing, begin, end, yields)\n--\n\nLet points enter, from before the points are "
+     "bound. records: float64 (sites, components), what\nenters at each site, all fields in the order of fields(); velocity: "
+     "3 numbers, m/s; spacing of the\npoints along the axis, m; times at which they begin and end, s; yields: whether a point "
+     "waits while its\nplace is taken."},
+    {"inflow", (PyCFunction)engine_inflow, METH_NOARGS,
+     "inflow()\n--\n\nState of the inlets, int64: the next id; for each inlet the points that were due and missed, and of "
+     "each\nsite those that have entered, and whether one waits."},
+    {"restore_inflow", (PyCFunction)engine_restore_inflow, METH_O,
+     "restore_inflow(state)\n--\n\nSet the state of the inlets, as inflow() gave it."},
     {"calm", (PyCFunction)engine_calm, METH_NOARGS,
      "calm()\n--\n\nCells that are calm or asleep: their indices in the grid and for how many checks, int64 (2, n)."},
     {"restore_calm", (PyCFunction)engine_restore_calm, METH_O, "restore_calm(calm)\n--\n\nSet this, as calm() gave it."},

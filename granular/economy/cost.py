@@ -12,6 +12,7 @@ import numpy as np
 from granular.economy import bias, machine
 from granular.economy.suggestion import scene_function
 from granular.mpm.body_distances import distance_from_bodies
+from granular.mpm.inflow import points_between, standing_points
 from granular.mpm.limits import check_time_step
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
@@ -89,14 +90,15 @@ class Cost:
     Attributes
     ----------
     points : int
-        Number of points at the start; beyond 200,000 an estimate.
+        Number of points at the end, when those of inflows have entered; beyond 200,000 at the start
+        an estimate.
     steps : int
         Number of steps.
     seconds : float
         Time on one core [s], within a factor of about two; with 4 points per cell in 2D it is
         about twice as long.
     memory : float
-        Memory at the start [bytes], within about a third.
+        Memory with these points [bytes], within about a third.
     peak_memory : float
         Memory [bytes] while the buffers of the points grow, the old and the new ones being there at
         the same time. That happens only to material that spreads over many more cells: a
@@ -109,6 +111,8 @@ class Cost:
     error : float
         Error of the quantity of interest with it; nan if `enough_E` is that of the pressure strain
         `STRAIN`, with which the error was not measured.
+    unborn : float
+        Mean number over the run of the points that are still to enter.
     """
 
     points: int
@@ -119,11 +123,12 @@ class Cost:
     E: float = math.nan
     enough_E: float = math.nan
     error: float = math.nan
+    unborn: float = 0.0
 
     @property
     def point_steps(self) -> int:
-        """Number of points times number of steps."""
-        return self.points * self.steps
+        """Number of points times number of steps; points that enter count from then on."""
+        return round(self.steps * (self.points - self.unborn))
 
     def __str__(self) -> str:
         text = (
@@ -187,9 +192,29 @@ def cost(scene: AnyScene) -> Cost:
         return Cost(points, steps, steps * points * each * 1e-9, memory, memory)
     check_time_step(scene)
     steps = _steps(scene)
-    seconds = steps * points * nanoseconds(scene.scheme, scene.dim) * 1e-9
+    unborn = _unborn(scene)
+    seconds = steps * (points - unborn) * nanoseconds(scene.scheme, scene.dim) * 1e-9
     peak = memory + points * _GROWTH_MEMORY[scene.dim]
-    return Cost(points, steps, seconds, memory, peak, scene.material.E, *_enough(scene))
+    return Cost(points, steps, seconds, memory, peak, scene.material.E, *_enough(scene), unborn)
+
+
+def _unborn(scene: Scene) -> float:
+    """Mean number over the run of the points that are still to enter."""
+    mean = 0.0
+    for i, inflow in enumerate(scene.inflows):
+        begin, end = (min(time, scene.duration) for time in inflow.times)
+        share = 0.5 * (begin + end) / scene.duration  # of the run, for the mean point
+        mean += share * points_between(scene, i, 0.0, scene.duration)
+    return mean
+
+
+def _entering(scene: Scene) -> list[int]:
+    """Numbers of points that inflows bring, at the start and in the run."""
+    return [
+        points_between(scene, i, 0.0, scene.duration)
+        + (len(standing_points(scene, i).x) if inflow.driven else 0)
+        for i, inflow in enumerate(scene.inflows)
+    ]
 
 
 def _steps(scene: AnyScene) -> int:
@@ -202,21 +227,22 @@ def _steps(scene: AnyScene) -> int:
 
 
 def _size(scene: AnyScene) -> tuple[int, float]:
-    """Number of points at the start, and the memory that they need [bytes]."""
+    """Number of points at the end, and the memory that they need [bytes]."""
     if not isinstance(scene, Scene):
         points = _sph_particles(scene)
         particles = points + _wall_particles(scene)
         return points, _BASE_MEMORY + particles * _SPH_MEMORY[scene.dim]
     distance = distance_from_bodies(scene)
     counts = [estimated_points(scene.grid, fill, distance) for fill in scene.fills]
+    counts += _entering(scene)
     return sum(counts), _memory(scene, counts)
 
 
 def _memory(scene: Scene, counts: Sequence[int]) -> float:
-    """Memory of a scene with so many points in its fills [bytes]."""
+    """Memory of a scene with so many points from its sources [bytes]."""
     memory = float(_BASE_MEMORY)
-    for fill, count in zip(scene.fills, counts, strict=True):
-        memory += count * (_POINT_MEMORY + _CELL_MEMORY[scene.dim] / fill.points_per_cell)
+    for source, count in zip(scene.sources, counts, strict=True):
+        memory += count * (_POINT_MEMORY + _CELL_MEMORY[scene.dim] / source.points_per_cell)
     if scene.nonlocal_material is not None:
         memory += _FACE_MEMORY * 2 * scene.dim * math.prod(scene.grid.shape)
     return memory
@@ -268,7 +294,7 @@ def check_memory(scene: AnyScene, force: bool = False) -> None:
         return
     if isinstance(scene, Scene):
         # If there is memory for all squares of the seeding lattices, the open ones need no count.
-        counts = [most_points(scene.grid, fill) for fill in scene.fills]
+        counts = [most_points(scene.grid, fill) for fill in scene.fills] + _entering(scene)
         if _memory(scene, counts) <= available:
             return
     points, memory = _size(scene)

@@ -133,13 +133,18 @@ def energy_budget(trajectory: Iterable[State]) -> EnergyBudget:
     Raises
     ------
     ValueError
-        If there are fewer than two frames, or the first frame is empty.
+        If there are fewer than two frames, or the first frame is empty, or the scene has inflows,
+        whose energy frames do not hold (`Simulation.inflows` does).
     """
     frames = iter(trajectory)
     before = next(frames, None)
     if before is None:
         raise ValueError("trajectory has 0 frames, a budget needs at least 2")
     require_points(before)
+    if getattr(before.scene, "inflows", ()):
+        raise ValueError(
+            f"scene {before.scene.name!r} must have no inflows: their energy is unknown"
+        )
     rows = [(before.time, kinetic_of(before).sum(), elastic_of(before).sum(), 0.0, 0.0)]
     for state in frames:
         work, lost = between(before, state)

@@ -14,14 +14,20 @@ from granular.materials import NGF, Material
 from granular.materials.own import MOST_HISTORY, OwnLaw
 from granular.mpm.cell_codes import cell_flags, fluidity_faces
 from granular.mpm.damping import damping
+from granular.mpm.inflow import inlet_points
 from granular.mpm.limits import check_blades, check_time_step
 from granular.mpm.node_codes import WallRow, c0_lines, node_codes
 from granular.mpm.scene import Scene, Servo
+from granular.seeding import Points
 
 __all__ = [
+    "add_inlets",
     "build",
+    "entering_masses",
+    "fields_of",
     "initial_buffers",
     "initial_points",
+    "stored_inflow",
 ]
 
 CORE = _core.enumerations()
@@ -55,7 +61,7 @@ def _parameters(scene: Scene, material: Material) -> dict[str, float]:
     if isinstance(material, NGF):
         averaging = scene.scheme.fluidity.pressure_averaging
         if averaging is None:
-            layers = 1 if scene.scheme.basis == "linear" else scene.fills[0].points_per_axis
+            layers = 1 if scene.scheme.basis == "linear" else scene.sources[0].points_per_axis
             averaging = 0.5 / layers
         numbers |= material.core_friction()
         # The largest component: a layer on a slope is loaded by gravity across the layer.
@@ -159,7 +165,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         gravity_vectors=np.array(scene.gravity.vectors, dtype=float).reshape(-1, grid.dim),
         numbers={
             "dx": grid.cell,
-            "half_extent": 0.5 / scene.fills[0].points_per_axis,
+            "half_extent": 0.5 / scene.sources[0].points_per_axis,
             "wave_speed": scene.wave_speed,
             "mean_mass": mean_mass,
         },
@@ -208,7 +214,11 @@ def initial_points(scene: Scene) -> dict[str, NDArray]:
     grows with the depth against gravity as dp/dz = rho g with rho = rho_c exp(p/K). Below other
     lithostatic fills this is exact for the same K, else to the order of p/K.
     """
-    points = scene.points()
+    return fields_of(scene, scene.points())
+
+
+def fields_of(scene: Scene, points: Points) -> dict[str, NDArray]:
+    """Return the fields of points of the sources of a scene that are not zero."""
     number = _numbers_of_materials(scene)[points.fill]
     rho_c, K = (
         np.array([getattr(material, name) for material in scene.materials])[number]
@@ -243,9 +253,53 @@ def initial_points(scene: Scene) -> dict[str, NDArray]:
 
 
 def _numbers_of_materials(scene: Scene) -> NDArray[np.int64]:
-    """Number of the material of each fill, in `scene.materials`."""
+    """Number of the material of each source, in `scene.materials`."""
     materials = scene.materials
-    return np.array([materials.index(fill.material or scene.material) for fill in scene.fills])
+    return np.array([materials.index(part.material or scene.material) for part in scene.sources])
+
+
+def _rows(engine: _core.Engine, fields: Mapping[str, NDArray], n: int) -> NDArray[np.float64]:
+    """Fields of n points as one row for each, as the core packs them; zero for those not given."""
+    parts = [
+        np.asarray(fields[name], dtype=float).reshape(n, count)
+        if name in fields
+        else np.zeros((n, count))
+        for name, count, *_ in engine.fields()
+    ]
+    return np.ascontiguousarray(np.concatenate(parts, axis=1))
+
+
+def stored_inflow(arrays: Mapping[str, NDArray], ids: NDArray[np.int64]) -> NDArray[np.int64]:
+    """State of the inflows of a checkpoint, with points of these ids."""
+    state = arrays.get("inflow")
+    if state is None:
+        raise ValueError("the checkpoint does not hold the inflow of the scene")
+    if len(state) and state[0] <= ids.max(initial=-1):
+        raise ValueError(
+            f"inflow[0] = {state[0]} of the checkpoint must exceed the ids of all points"
+        )
+    return state
+
+
+def entering_masses(scene: Scene) -> NDArray[np.float64]:
+    """Masses of the points of the sites of all inflows [kg]."""
+    sites = (fields_of(scene, inlet_points(scene, i)) for i in range(len(scene.inflows)))
+    return np.concatenate([fields["mass"] for fields in sites])
+
+
+def add_inlets(engine: _core.Engine, scene: Scene) -> list[dict[str, NDArray]]:
+    """Let the inflows of a scene enter, and return the fields of the points of their sites."""
+    found = []
+    for i, inflow in enumerate(scene.inflows):
+        points = inlet_points(scene, i)
+        fields = fields_of(scene, points)
+        vx, vy, vz = (*inflow.velocity, 0.0)[:3]
+        spacing = scene.grid.cell / inflow.points_per_axis
+        rows = _rows(engine, fields, len(points.x))
+        yields = not inflow.driven
+        engine.add_inlet(rows, inflow.axis, (vx, vy, vz), spacing, *inflow.times, yields)
+        found.append(fields)
+    return found
 
 
 def initial_buffers(engine: _core.Engine, points: Mapping[str, NDArray]) -> dict[str, NDArray]:
@@ -253,6 +307,6 @@ def initial_buffers(engine: _core.Engine, points: Mapping[str, NDArray]) -> dict
     n = len(points["mass"])
     buffers = allocate(engine, n)
     for name, values in points.items():
-        buffers[name][:, :n] = values.reshape(n, -1).T
+        buffers[name][:, :n] = np.atleast_2d(values.T)
     buffers["id"][:n] = np.arange(n)
     return buffers

@@ -19,6 +19,7 @@ from granular.seeding import DEEPEST
 from granular.theory.well_posed import well_posed_slopes
 
 if TYPE_CHECKING:
+    from granular.mpm.inflow import Inflow
     from granular.mpm.scene import Scene
     from granular.mpm.schemes import Scheme
 
@@ -164,12 +165,12 @@ def _fastest(scene: Scene) -> float:
     """Largest speed [m/s] of the material at the start, of the bodies and of the walls."""
     moving = (wall.velocity for wall in scene.walls if isinstance(wall, Wall))
     walls = (math.hypot(*velocity) for velocity in moving if velocity)
-    points = (_speed(fill) for fill in scene.fills)
+    points = (_speed(source) for source in scene.sources)
     return max(*points, *walls, *(body.largest_speed(scene.grid) for body in scene.bodies), 0.0)
 
 
-def _speed(fill: Fill) -> float:
-    """Largest speed [m/s] of the points of a fill at the start."""
+def _speed(fill: Fill | Inflow) -> float:
+    """Largest speed [m/s] of the points of a fill or inflow at first."""
     if (
         fill.velocity is None
         and isinstance(fill.region, Cloud)
@@ -260,7 +261,7 @@ def _damping(scene: Scene) -> str | None:
 
 def _seeding(scene: Scene) -> str | None:
     """Too few points per cell."""
-    fewest = min(fill.points_per_cell for fill in scene.fills)
+    fewest = min(source.points_per_cell for source in scene.sources)
     if not _granular(scene) or fewest >= POINTS_PER_CELL or not _many_columns(scene):
         return None
     return f"points_per_cell = {fewest} is too few for a flow: take {POINTS_PER_CELL} or more"
@@ -268,7 +269,7 @@ def _seeding(scene: Scene) -> str | None:
 
 def _layer(scene: Scene) -> str | None:
     """Too few cells over the height of the material."""
-    if not _granular(scene):
+    if not _granular(scene) or scene.inflows:  # the height is not known
         return None
     cells = height(scene) / scene.grid.cell
     if cells >= LAYER_CELLS * (1 - 1e-9):
@@ -324,7 +325,7 @@ def _grains(scene: Scene) -> str | None:
 def _fluidity(scene: Scene) -> str | None:
     """Initial fluidity of points that are stress-free at the start."""
     initial = scene.scheme.fluidity.initial
-    lithostatic = all(fill.lithostatic for fill in scene.fills)
+    lithostatic = all(source.lithostatic for source in scene.sources)
     if not initial or lithostatic or scene.nonlocal_material is None:
         return None
     return (
@@ -439,9 +440,10 @@ def _middles(
 
 
 def height(scene: Scene) -> float:
-    """Height of the material at the start [m]."""
-    lows, highs = zip(*(fill.region.bounds for fill in scene.fills), strict=True)
-    return max(high[-1] for high in highs) - min(low[-1] for low in lows)
+    """Height of the material at the start [m]; with inflows up to the highest from the ground."""
+    lows, highs = zip(*(source.region.bounds for source in scene.sources), strict=True)
+    lowest = scene.grid.lower[-1] if scene.inflows else min(low[-1] for low in lows)
+    return max(high[-1] for high in highs) - lowest
 
 
 def _granular(scene: Scene) -> bool:

@@ -21,9 +21,18 @@ from granular.mpm.grid_map import GridMap, Ranges
 from granular.mpm.walls import Solid, Span, Wall
 
 if TYPE_CHECKING:
+    from granular.mpm.inflow import Inflow
     from granular.mpm.scene import Scene
 
-__all__ = ["WallNodes", "WallRow", "c0_lines", "collected", "node_codes", "node_positions"]
+__all__ = [
+    "WallNodes",
+    "WallRow",
+    "c0_lines",
+    "collected",
+    "driven",
+    "node_codes",
+    "node_positions",
+]
 
 CORE_BASES = _core.enumerations()["basis"]
 MAX_ROWS = 255
@@ -163,12 +172,30 @@ class _Axes:
             return self._between(wall.extent(self.grid, axis) for axis in range(self.grid.dim))
         return self._between(zip(wall.lower, wall.upper, strict=True))
 
+    def driven(self, inflow: Inflow, basis: str) -> Ranges:
+        """Nodes that points of a driven inflow touch, but for those downstream of its region."""
+        ranges, reach = [], REACH[basis] - LINE_TOLERANCE * 10
+        for axis, ends in enumerate(zip(*inflow.region.bounds, strict=True)):
+            low, high = (self.cells(axis, end) for end in ends)
+            sign = inflow.velocity[axis] if axis == inflow.axis else 0.0
+            ranges.append(self.within(axis, low - reach * (sign >= 0), high + reach * (sign <= 0)))
+        return tuple(ranges)
+
     def _between(self, extents: Iterable[Span]) -> Ranges:
         """Nodes within lower and upper ends [m] along each axis."""
         return tuple(
             self.within(axis, *(self.cells(axis, end) for end in ends))
             for axis, ends in enumerate(extents)
         )
+
+
+REACH = {"linear": 1.0, "ugimp": 1.5, "quadratic": 1.5}
+"""Largest distance of a node from the points that it touches [cells]."""
+
+
+def driven(scene: Scene) -> list[Inflow]:
+    """List the driven inflows of a scene."""
+    return [inflow for inflow in scene.inflows if inflow.driven]
 
 
 def _wall_hold(wall: Wall, grid: Grid) -> WallRow:
@@ -196,6 +223,8 @@ class WallNodes:
         Zero for each class.
     where : list
         Index into its values for each wall and block of the scene.
+    driven : list
+        The same for each driven inflow.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -207,11 +236,13 @@ class WallNodes:
             for along in zip(axes.positions, self._solid.classes, scene.grid.periodic, strict=True)
         ]
         ranges = [axes.of(wall) for wall in scene.walls]
+        moved = [axes.driven(inflow, scene.scheme.basis) for inflow in driven(scene)]
         cuts = None
         if any(map(_slips, scene.walls)):
             cuts = [np.flatnonzero(np.diff(seen).any(axis=0)) + 1 for seen in self._outlooks]
-        self.zeros = GridMap.zeros([len(x) for x in axes.positions], ranges, cuts)
+        self.zeros = GridMap.zeros([len(x) for x in axes.positions], [*ranges, *moved], cuts)
         self.where: list[Where] = [self.zeros.of(nodes) for nodes in ranges]
+        self.driven: list[Where] = [self.zeros.of(nodes) for nodes in moved]
 
     def block_holds(self) -> Iterator[tuple[Where, WallRow]]:
         """Yield what blocks hold; faces are those of the union of all blocks."""
@@ -285,6 +316,15 @@ class _Rows:
         row = row._replace(opens_at=opens_at, after=after)
         return self.codes.setdefault(row, len(self.codes) + 1)
 
+    def driven_code(self, inflow: Inflow, holds: frozenset[WallRow]) -> int:
+        """Code of a node of a driven inflow, at which other constraints count when it has ended."""
+        end, after = inflow.times[1], 0
+        if end < math.inf:
+            after = self.code(frozenset(hold for hold in holds if hold.opens_at > end))
+        vx, vy, vz = (*inflow.velocity, 0.0)[:3]
+        row = WallRow(self.everything, opens_at=end, after=after, velocity=(vx, vy, vz))
+        return self.codes.setdefault(row, len(self.codes) + 1)
+
 
 def _common_velocity(holds: frozenset[WallRow]) -> tuple[float, float, float]:
     """Velocity of a node that several walls hold: 0 in components in which they do not agree."""
@@ -301,8 +341,9 @@ def node_codes(scene: Scene) -> tuple[GridMap, tuple[WallRow, ...]]:
 
     A wall acts on the nodes on its line and within its span, ends included. Constraints on one node
     add up; of several Coulomb walls the one with the highest friction counts, and where walls of
-    different velocities meet, nodes rest. When a wall opens,
-    the node changes to the code `after`, the row of which has the remaining constraints.
+    different velocities meet, nodes rest. At a driven inflow its velocity alone counts. When a wall
+    opens, or such an inflow ends, the node changes to the code `after`, the row of which has the
+    remaining constraints.
 
     Returns
     -------
@@ -328,6 +369,10 @@ def node_codes(scene: Scene) -> tuple[GridMap, tuple[WallRow, ...]]:
     code_of = np.zeros(len(sets), dtype=np.int64)
     for i in np.unique(state):
         code_of[i] = rows.code(sets[i])
+    values = code_of[state]
+    for inflow, where in zip(driven(scene), nodes.driven, strict=True):
+        own = {i: rows.driven_code(inflow, sets[i]) for i in np.unique(state[where])}
+        values[where] = np.vectorize(own.__getitem__, otypes=[np.int64])(state[where])
     if len(rows.codes) > MAX_ROWS:
         raise ValueError(f"walls make {len(rows.codes)} kinds of nodes, must be <= {MAX_ROWS}")
-    return codes._replace(values=code_of.astype(np.uint8)[state]), tuple(rows.codes)
+    return codes._replace(values=values.astype(np.uint8)), tuple(rows.codes)

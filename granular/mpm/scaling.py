@@ -22,6 +22,7 @@ from granular.checks import check_fields, one_of, positive
 from granular.gravity import Gravity
 from granular.materials.own import OwnLaw
 from granular.mpm import bodies as rigid
+from granular.mpm.inflow import Inflow
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import DENSITIES, Density, Fluidity, Scheme
 from granular.mpm.walls import Solid, SpongeLayer, Wall
@@ -40,6 +41,7 @@ POWERS = {
     "stress": 1.0,
     "volume": 3.0,
     "mass": 3.0,
+    "mass_rate": 2.5,
     "force": 3.0,
     "impulse": 3.5,
     "torque": 4.0,
@@ -49,7 +51,10 @@ POWERS = {
     "none": 0.0,
 }
 """Power of the ratio of lengths with which a quantity scales in 3D."""
-_PLANE = ("volume", "mass", "force", "impulse", "torque", "angular_impulse", "energy", "power")
+_PLANE = (
+    *("volume", "mass", "mass_rate", "force", "impulse", "torque", "angular_impulse"),
+    *("energy", "power"),
+)
 """Quantities that are per metre of depth in 2D, where their power is less by one."""
 
 _UNITS = {"1/s": "rate", "s": "time", "m/s": "velocity"}
@@ -72,6 +77,7 @@ _MOVING = {"velocity": "velocity", "pressure": "stress"}
 _QUANTITIES: dict[type, dict[str, str]] = {
     geometry.Grid: {"lower": "length", "cell": "length"},
     geometry.Fill: {"velocity": "velocity"},
+    Inflow: {"velocity": "velocity", "rate": "mass_rate", "times": "time"},
     geometry.Box: {"lower": "length", "upper": "length"},
     geometry.Disc: {"center": "length", "radius": "length"},
     geometry.Cylinder: {"center": "length", "radius": "length", "height": "length"},

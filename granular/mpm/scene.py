@@ -19,10 +19,12 @@ from granular.mpm import limits
 from granular.mpm.bodies import Body
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.body_shapes import shape_kinds
+from granular.mpm.inflow import Inflow, check_inflows, standing_points
 from granular.mpm.node_codes import c0_lines, check_c0_lines
 from granular.mpm.schemes import DENSITIES, Fluidity, Scheme, default
 from granular.mpm.walls import Solid, SpongeLayer, Wall
 from granular.scene import BaseScene
+from granular.seeding import Points, joined, nothing
 from granular.serializable import Parameters, register
 
 __all__ = ["Parameters", "Scene", "Servo"]
@@ -52,7 +54,7 @@ class Scene(BaseScene):
     grid : Grid
         Domain and cells; the last axis is up.
     fills : sequence of Fill
-        Material at the start, at least one.
+        Material at the start, at least one unless there are inflows.
     material : Material
         Material of the fills that have none of their own.
     scheme : Scheme
@@ -66,6 +68,8 @@ class Scene(BaseScene):
     bodies : sequence of Body
         Rigid bodies. Fills leave out their volume: points begin outside of them and follow their
         surfaces, see `granular.Fill`.
+    inflows : sequence of Inflow
+        Material that enters during the run.
     seed : int
         Seed of the jitter of the points, >= 0.
     parameters : mapping
@@ -91,6 +95,7 @@ class Scene(BaseScene):
     duration: float
     sponge_layers: tuple[SpongeLayer, ...] = ()
     bodies: tuple[Body, ...] = ()
+    inflows: tuple[Inflow, ...] = ()
     seed: int = 0
     parameters: Mapping[str, Any] = field(default_factory=Parameters)
 
@@ -98,6 +103,7 @@ class Scene(BaseScene):
         check_fields(self, tuple_of, "walls", kinds=(Wall, Solid))
         check_fields(self, tuple_of, "sponge_layers", kinds=(SpongeLayer,))
         check_fields(self, tuple_of, "bodies", kinds=(Body,))
+        check_fields(self, tuple_of, "inflows", kinds=(Inflow,))
         self._check_common(material=Material, scheme=Scheme)
         self._check_fit()
 
@@ -127,6 +133,7 @@ class Scene(BaseScene):
                 )
         self._check_servos()
         self._check_materials()
+        check_inflows(self)
         if self.scheme.transfer == "xpic" and any(getattr(w, "velocity", None) for w in self.walls):
             raise ValueError('transfer = "xpic" must be another one where walls have a velocity')
         if self.scheme.sleep_speed and (fluid is not None or self.servos):
@@ -140,12 +147,12 @@ class Scene(BaseScene):
 
     @property
     def materials(self) -> tuple[Material, ...]:
-        """The different materials: that of the scene, and others in the order of the fills.
+        """The different materials: that of the scene, and others in the order of the sources.
 
         The field `material` of a state numbers them, if there are several.
         """
-        of_fills = [fill.material for fill in self.fills if fill.material is not None]
-        return tuple(dict.fromkeys([self.material, *of_fills]))
+        of_sources = [source.material for source in self.sources if source.material is not None]
+        return tuple(dict.fromkeys([self.material, *of_sources]))
 
     @property
     def nonlocal_material(self) -> Material | None:
@@ -186,6 +193,21 @@ class Scene(BaseScene):
                 f"materials, {names}"
             )
 
+    @property
+    def sources(self) -> tuple[Fill | Inflow, ...]:
+        """Fills and inflows, where the material comes from."""
+        return (*self.fills, *self.inflows)
+
+    def points(self) -> Points:
+        """Make the points of the material at the start.
+
+        They are those of the fills (`granular.seeding.seed_points`), then those that fill the
+        regions of driven inflows; their number of the fill is that in `sources`.
+        """
+        parts = [super().points()] if self.fills else [nothing(self.dim)]
+        parts += [standing_points(self, i) for i, inlet in enumerate(self.inflows) if inlet.driven]
+        return joined(parts) if len(parts) > 1 else parts[0]
+
     def _seeding(self) -> dict[str, Any]:
         gravity = self.gravity.at(0.0)
         size = math.hypot(*gravity)
@@ -203,8 +225,9 @@ class Scene(BaseScene):
 
     @property
     def moves_walls(self) -> bool:
-        """True if a wall has a velocity or keeps a pressure, so that it does work."""
-        return bool(self.servos) or any(getattr(wall, "velocity", None) for wall in self.walls)
+        """True if a wall moves or keeps a pressure, or an inflow is driven: those do work."""
+        moving = any(getattr(wall, "velocity", None) for wall in self.walls)
+        return bool(self.servos) or moving or any(inflow.driven for inflow in self.inflows)
 
     def _check_servos(self) -> None:
         """Refuse a second wall with a pressure, and one that the material cannot follow."""
@@ -223,7 +246,8 @@ class Scene(BaseScene):
 
     def _walls_in_words(self) -> str:
         kept = (f", walls[{s.wall}] keeps {s.pressure:g} Pa" for s in self.servos)
-        return f"{len(self.walls)}" + "".join(kept)
+        entering = f", {len(self.inflows)} inflows" if self.inflows else ""
+        return f"{len(self.walls)}" + "".join(kept) + entering
 
     def _method_in_words(self) -> str:
         scheme = self.scheme
@@ -254,6 +278,7 @@ register(
     SpongeLayer,
     Gravity,
     Body,
+    Inflow,
     rigid.Motion,
 )
 register(*shape_kinds(), prefix="bodies.")

@@ -15,6 +15,7 @@ from granular.mpm import bodies as rigid
 from granular.mpm import engine as core
 from granular.mpm.blocks import deep_within
 from granular.mpm.body_distances import distance_from_bodies
+from granular.mpm.inflow_state import InflowState, account
 from granular.mpm.scene import Scene
 from granular.mpm.wall_owners import wall_owners
 from granular.mpm.walls import Solid, WallState, split_impulses
@@ -100,9 +101,14 @@ class Simulation(simulation.Simulation, scenes=Scene):
         self._check_memory(scene, force)
         diagnostics.warn(scene)
         points = core.initial_points(scene)
-        self._build(scene, float(points["mass"].mean()), threads, isa, wall_forces)
+        mass = points["mass"] if len(points["mass"]) else core.entering_masses(scene)
+        self._build(scene, float(mass.mean()), threads, isa, wall_forces)
         self._buffers = core.initial_buffers(self._engine, points)
         self._bind(len(points["mass"]))
+        if scene.inflows:
+            state = self._engine.inflow()
+            state[0] = len(points["mass"])  # the id of the first point that enters
+            self._engine.restore_inflow(state)
 
     def _build(
         self,
@@ -116,9 +122,11 @@ class Simulation(simulation.Simulation, scenes=Scene):
         self._start(scene, engine, threads)
         self._watches_walls = scene.moves_walls or (wall_forces and bool(scene.walls))
         if self._watches_walls:
-            engine.watch_walls(len(scene.walls), *wall_owners(scene))
+            pistons = sum(inflow.driven for inflow in scene.inflows)
+            engine.watch_walls(len(scene.walls) + pistons, *wall_owners(scene))
         for servo in scene.servos:
             engine.hold_pressure(*core.servo_arguments(scene, servo))
+        self._inlets = core.add_inlets(engine, scene)
         self._mean_mass = mean_mass
 
     def _bind(self, n_points: int) -> None:
@@ -193,6 +201,19 @@ class Simulation(simulation.Simulation, scenes=Scene):
         return tuple(WallState(**split_impulses(row, self.scene.dim)) for row in rows)
 
     @property
+    def inflows(self) -> tuple[InflowState, ...]:
+        """Account of each inflow of the scene, in their order: what has entered, and was missed."""
+        rows = iter(self._engine.walls()[len(self.scene.walls) :] if self._watches_walls else ())
+        states, at = self._engine.inflow()[1:], 0
+        found = []
+        for inflow, fields in zip(self.scene.inflows, self._inlets, strict=True):
+            size = 2 + 2 * len(fields["mass"])
+            row = next(rows) if inflow.driven else np.zeros(9)
+            found.append(account(self.scene, fields, states[at : at + size], row))
+            at += size
+        return tuple(found)
+
+    @property
     def buffers(self) -> dict[str, NDArray]:
         """Arrays of the core, not copied: {field: (component, capacity)} and "id".
 
@@ -261,6 +282,8 @@ class Simulation(simulation.Simulation, scenes=Scene):
             arrays |= {"bodies": self._engine.bodies(), "split": self._engine.split()}
         if self._watches_walls:
             arrays |= {"walls": self._engine.walls()}
+        if self.scene.inflows:
+            arrays |= {"inflow": self._engine.inflow()}
         if self.scene.scheme.sleep_speed:
             arrays |= {"calm": self._engine.calm()}
         return scalars, arrays
@@ -290,6 +313,8 @@ class Simulation(simulation.Simulation, scenes=Scene):
             if "split" in checkpoint.arrays:
                 self._engine.restore_split(checkpoint.arrays["split"])
         self._bind(n)
+        if scene.inflows:
+            self._engine.restore_inflow(core.stored_inflow(checkpoint.arrays, ids))
         if "calm" in checkpoint.arrays:
             self._engine.restore_calm(checkpoint.arrays["calm"])
         self._engine.restore(scalars)
@@ -302,8 +327,11 @@ class Simulation(simulation.Simulation, scenes=Scene):
         return {"bodies": self.bodies}
 
     def _wall_rows(self) -> NDArray:
-        return self._engine.walls() if self._watches_walls else np.empty((0, 9))
+        if not self._watches_walls:
+            return np.empty((0, 9))
+        return self._engine.walls()[: len(self.scene.walls)]
 
     def _work(self) -> float:
         on_walls = sum(float(wall.work) for wall in self.walls) if self._watches_walls else 0.0
-        return float(sum(body.work for body in self.bodies)) + on_walls
+        entered = sum(inflow.work + inflow.energy + inflow.height_energy for inflow in self.inflows)
+        return float(sum(body.work for body in self.bodies)) + on_walls + entered

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.mpm.node_codes import WallNodes, collected
+from granular.mpm.node_codes import WallNodes, collected, driven
 from granular.mpm.walls import Solid, Wall
 
 if TYPE_CHECKING:
@@ -26,7 +26,8 @@ class WallOwners(NamedTuple):
         Row of each class of nodes, the classes being those of `node_codes`; row 0 is for nodes
         without a wall.
     owners : ndarray of int32, shape (rows, 3)
-        Index into the walls of the scene for each component, -1 for none.
+        Index into the walls of the scene for each component, and beyond them into its driven
+        inflows; -1 for none.
     opens_at : ndarray, shape (rows,)
         Time [s] from which the row `after` holds; inf for never.
     after : ndarray of int32, shape (rows,)
@@ -43,12 +44,13 @@ def wall_owners(scene: Scene) -> WallOwners:
 
     Where several walls and blocks meet, a component counts for the first of these: a wall to which
     it is normal; a no-slip wall; a no-slip block; the Coulomb wall with the highest friction; a
-    block. Of several of one kind the first one of the scene counts.
+    block. Of several of one kind the first one of the scene counts. A driven inflow comes before
+    all of them.
     """
     nodes = WallNodes(scene)
-    state, sets = collected(
-        nodes.zeros.values.shape, ((where, i) for i, where in enumerate(nodes.where))
-    )
+    places = enumerate([*nodes.where, *nodes.driven])
+    state, sets = collected(nodes.zeros.values.shape, ((where, i) for i, where in places))
+    ends = [*map(_opens_at, scene.walls), *(inflow.times[1] for inflow in driven(scene))]
     rows: list[tuple[list[int], float, frozenset[int]]] = []
     numbers: dict[frozenset[int], int] = {}
     waiting = list(sets)
@@ -57,8 +59,8 @@ def wall_owners(scene: Scene) -> WallOwners:
         if walls in numbers:
             continue
         numbers[walls] = len(rows)
-        opens_at = min((_opens_at(scene.walls[i]) for i in walls), default=math.inf)
-        left = frozenset(i for i in walls if _opens_at(scene.walls[i]) > opens_at)
+        opens_at = min((ends[i] for i in walls), default=math.inf)
+        left = frozenset(i for i in walls if ends[i] > opens_at)
         rows.append(([_owner(scene, walls, d) for d in range(3)], opens_at, left))
         if opens_at < math.inf:
             waiting.append(left)
@@ -78,6 +80,8 @@ def _owner(scene: Scene, walls: frozenset[int], axis: int) -> int:
     """Index of the wall that a component counts for, -1 for none."""
 
     def rank(i: int) -> tuple[float, ...]:
+        if i >= len(scene.walls):
+            return (-1.0, 0.0, i)
         wall = scene.walls[i]
         if isinstance(wall, Solid):
             return (2.0 if wall.kind == "no_slip" else 4.0, 0.0, i)

@@ -13,6 +13,7 @@ from matplotlib.patches import Patch, Rectangle
 from numpy.typing import NDArray
 
 from granular.geometry import AXES, Fill
+from granular.mpm.inflow import Inflow
 from granular.mpm.walls import Solid, Wall
 from granular.plot.bodies import STYLE, Bodies, boxes_of_bodies
 from granular.plot.canvas import Extent, Picture, View, checked_extent, figure_of, is_symmetry
@@ -37,6 +38,7 @@ FILLS = ("#d8b26e", "#c98f5a", "#a7a35c", "#b98f8f", "#8f7f6a", "#e3cf9f")
 GAS = "#cfe3f2"
 MOVING = {**STYLE, "facecolor": "#b9c8de"}
 SPONGE = {"facecolor": "none", "edgecolor": "#7a6fae", "hatch": "....", "linewidth": 0.0}
+INLET = {"facecolor": "none", "edgecolor": "#b35900", "hatch": "\\\\", "linewidth": 1.2}
 PERIODIC_STYLE = {"color": "#2d5d8f", "linewidth": 1.5, "linestyle": (0, (6, 2, 1, 2))}
 OPEN_STYLE = {"color": "#1a8f3c", "linewidth": 1.5, "linestyle": (0, (4, 2))}
 SIDE_STYLE = {"color": "0.75", "linewidth": 0.8}
@@ -98,6 +100,7 @@ def scene(
     margins = ax.get_xlim(), ax.get_ylim()
     keys = [
         *_draw_fills(ax, scene, seen, box),
+        *_draw_inflows(ax, scene, seen, box),
         *_draw_bodies(ax, scene, seen, box),
         *_draw_sponges(ax, scene, seen),
         *_draw_walls(ax, scene, seen),
@@ -142,6 +145,22 @@ def _draw_fills(ax: Axes, scene: AnyScene, view: View, extent: Extent) -> Iterab
         if fill.velocity is not None and any(fill.velocity):
             text += f", {math.hypot(*fill.velocity):.3g} m/s"
         yield text, Patch(facecolor=colour)
+
+
+def _draw_inflows(ax: Axes, scene: AnyScene, view: View, extent: Extent) -> Iterable[Key]:
+    inflows: tuple[Inflow, ...] = getattr(scene, "inflows", ())
+    for i, inflow in enumerate(inflows):
+        rho_c = (inflow.material or scene.material).rho_c
+        lower, upper = (np.array(corner) for corner in inflow.region.bounds)
+        x, y = lower[view.across], lower[view.up]
+        size = upper[view.across] - x, upper[view.up] - y
+        ax.add_patch(Rectangle((x, y), *size, zorder=3.0, **cast(Any, INLET)))
+        middle = 0.5 * (lower + upper)
+        _arrow(ax, middle, np.array(inflow.velocity), view, extent, str(INLET["edgecolor"]))
+        kind = "driven inflow" if inflow.driven else "inflow"
+        speed = math.hypot(*inflow.velocity)
+        text = f"{kind}, {inflow.rate_in(scene.grid, rho_c):.3g} kg/s at {speed:.3g} m/s"
+        yield text if len(inflows) == 1 else f"{text} [{i}]", Patch(**cast(Any, INLET))
 
 
 def _draw_fill(
