@@ -35,6 +35,9 @@ WIDTH = 0.08
 THICK = 0.03
 """Thickness of the plates [m]."""
 
+LEAST = 6
+"""Cells in an opening from which on its width is extrapolated."""
+
 BEADS = gr.materials.glass_beads.replace(E=1e6, rho_c=RHO)
 
 
@@ -99,27 +102,27 @@ def slot_cases(quick: bool) -> Cases:
     if quick:
         return {"6 cells, 17 deg, 0": partial(slot, 17.0, 0.0, 6)}
     cases: Cases = {}
-    for cells in (8, 16):
+    for cells in (6, 8, 10, 12, 16):
         for turned in TURNS:
-            for offset in OFFSETS if cells == 8 else (0.25,):
+            for offset in OFFSETS:
                 name = f"{cells} cells, {name_of(turned, offset)}"
                 cases[name] = partial(slot, turned, offset, cells)
     return cases
 
 
 def hole(offset: float, cells: int, turned_deg: float = 0.0) -> Numbers:
-    """Discharge of a bin 0.2 m square and 0.18 m high through a round hole in its floor [kg/s].
+    """Discharge of a bin 0.16 m square and 0.12 m high through a round hole in its floor [kg/s].
 
     A quarter of it between smooth walls, unless it is turned about y.
     """
-    cell, half, height, radius = WIDTH / cells, 0.10, 0.18, WIDTH / 2
+    cell, half, height, radius = WIDTH / cells, 0.08, 0.12, WIDTH / 2
     level, quarter = offset * cell, turned_deg == 0.0
     (t, n), y = axes(turned_deg, 3), np.eye(3)[1]
     floor = Difference(
         Box((1.0, 1.0, THICK), center=(0.0, 0.0, -THICK / 2)),
         Cylinder(radius, center=(0.0, 0.0, 0.0), axis=(0.0, 0.0, 1.0)),
     )
-    across, low = round(half / cell), -round(0.06 / cell)
+    across, low = round(half / cell), -round(0.05 / cell)
     spacing = cell / 2
     start = 0 if quarter else -half
     a = start + spacing * (np.arange(round((half - start) / spacing)) + 0.5)
@@ -164,56 +167,58 @@ def hole(offset: float, cells: int, turned_deg: float = 0.0) -> Numbers:
         walls=walls,
         bodies=tuple(bodies),
     )
-    found = _rate(Run(scene), lambda x: (x - base) @ n > -THICK, 0.12, 0.32)
+    found = _rate(Run(scene), lambda x: (x - base) @ n > -THICK, 0.1, 0.2)
     return {**found, "rate": found["rate"] * (4 if quarter else 1)}
 
 
 def hole_cases(quick: bool) -> Cases:
     if quick:
         return {"6 cells, 0 deg, 0": partial(hole, 0.0, 6)}
-    cases: Cases = {f"8 cells, {name_of(0.0, a)}": partial(hole, a, 8) for a in OFFSETS}
+    cases: Cases = {
+        f"{cells} cells, {name_of(0.0, offset)}": partial(hole, offset, cells)
+        for cells in (4, 6, 8, 12, 16, 24)
+        for offset in (OFFSETS if cells < 24 else (0.25,))
+    }
     cases[f"8 cells, {name_of(17.0, 0.25)}"] = partial(hole, 0.25, 8, 17.0)
-    cases |= {f"{k} cells, {name_of(0.0, 0.25)}": partial(hole, 0.25, k) for k in (12, 16)}
     return cases
 
 
-def width_lines(found: dict[str, Numbers], exponent: float, what: str, limit: str) -> list[Line]:
+def width_lines(found: dict[str, Numbers], exponent: float, what: str) -> list[Line]:
     """Lines on the width as which an opening acts.
 
-    The rate goes with a power of the width, so that an opening acts as W (Q/Q_0)^(1/exponent). Q_0
-    is the rate in the finest cells if `limit` is "finest"; if it is "line", that without end in
-    fineness, by a line over dx through the widths of openings in several sizes of cells.
+    The rate goes with a power of the width, so that an opening acts as W (Q/Q_0)^(1/exponent), with
+    Q_0 for cells without end in fineness: the width is extrapolated to them, at first order.
     """
-    sizes = {name: int(name.split(" cells")[0]) for name in found}
-    wide = {name: v["rate"] ** (1 / exponent) for name, v in found.items()}
-    places = [name.split(", ", 1)[1] for name in found]
-    trend = [name for name in found if places.count(name.split(", ", 1)[1]) > 1]
-    if not trend:
+    sizes = np.array([int(name.split(" cells")[0]) for name in found])
+    wide = np.array([numbers["rate"] for numbers in found.values()]) ** (1 / exponent)
+    fine = sizes >= LEAST
+    if len(np.unique(sizes[fine])) < 3:
         return []
-    if limit == "line":
-        inverse = [1 / sizes[name] for name in trend]
-        exact = float(np.polyfit(inverse, [wide[name] for name in trend], 1)[1])
-    else:
-        exact = float(np.mean([wide[k] for k in found if sizes[k] == max(sizes.values())]))
+    limit = gr.measure.richardson(1 / sizes[fine], wide[fine], order=1.0)
     lines = []
-    for cells in sorted(set(sizes.values())):
-        if limit == "line" or cells < max(sizes.values()):
-            off = [cells * (wide[name] / exact - 1) for name in found if sizes[name] == cells]
-            text = f"{min(off):+.2f} to {max(off):+.2f} cells"
-            met = max(map(abs, off)) <= 0.1
-            lines.append(Line(f"{what} of {cells} cells acts wider by", "0.1 cells", text, met))
-    return lines
+    for cells in np.unique(sizes):
+        off = cells * (wide[sizes == cells] / limit.limit - 1)
+        name = f"{what} of {cells} cells acts wider by"
+        text = f"{off.min():+.2f} to {off.max():+.2f} cells"
+        if len(off) == 1:
+            text = f"{off[0]:+.2f} cells"
+        lines.append(Line(name, "0.1 cells", text, bool(abs(off).max() <= 0.1)))
+        if len(off) > 1:
+            lines.append(Line("the same, mean of all", "", f"{off.mean():+.2f} cells", None))
+    error = 8 * limit.uncertainty / limit.limit
+    name = f"width extrapolated at first order, uncertainty (95 %) in cells of which {what} has 8"
+    return [*lines, Line(name, "0.1 cells", f"{error:.3f} cells", error <= 0.1)]
 
 
 ROWS = {
     "slot": Row(
         "Slot between two plates, 2D",
         slot_cases,
-        partial(width_lines, exponent=1.5, what="slot", limit="finest"),
+        partial(width_lines, exponent=1.5, what="slot"),
     ),
     "hole": Row(
         "Round hole in a plate, 3D",
         hole_cases,
-        partial(width_lines, exponent=2.5, what="hole", limit="line"),
+        partial(width_lines, exponent=2.5, what="hole"),
     ),
 }

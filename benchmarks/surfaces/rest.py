@@ -251,7 +251,11 @@ WHEN = {"early": "0 to 0.1 s", "late": "0.1 to 0.4 s"}
 
 
 def in_a_bed(
-    bodies: tuple[Body, ...], size: tuple[float, ...], cell: float, material: Any = slippery
+    bodies: tuple[Body, ...],
+    size: tuple[float, ...],
+    cell: float,
+    material: Any = slippery,
+    scheme: gr.Scheme = gr.schemes.default,
 ) -> gr.Scene:
     """Nearly a fluid at rest in a box between smooth walls, with bodies in it."""
     dim, level = len(size), size[-1]
@@ -262,6 +266,7 @@ def in_a_bed(
         grid=gr.Grid((0.0,) * dim, cell, (*shape, round(level / cell) + 4)),
         fills=(gr.Fill(gr.Box((0.0,) * dim, size), 2**dim, lithostatic=True),),
         material=material,
+        scheme=scheme,
         gravity=gr.Gravity((0.0,), ((0.0,) * (dim - 1) + (-G,),)),
         walls=(*walls, gr.Wall(dim - 1, 0.0, kind="free_slip")),
         bodies=bodies,
@@ -344,14 +349,20 @@ def plate_lines(found: dict[str, Numbers]) -> list[Line]:
     return lines
 
 
-def buoyancy(dim: int, cells: int, offset: float, until: float) -> Numbers:
+BY_ITSELF = "disc, `ParticleDensity`"
+"""Disc in a bed of which each point integrates its own density."""
+
+
+def buoyancy(
+    dim: int, cells: int, offset: float, until: float, scheme: gr.Scheme = gr.schemes.default
+) -> Numbers:
     """Upward force on a disc or a sphere over the weight of the fluid it displaces."""
     radius = 0.04
     cell = radius / cells
     size = (0.32, 0.24) if dim == 2 else (0.16, 0.16, 0.16)
     center = np.array(size) / 2 + cell * offset * np.array((1.0, 0.6, 0.4)[:dim])
     shape = Cylinder(radius, center=(0.0,) * 2) if dim == 2 else Sphere(radius, center=(0.0,) * 3)
-    run = Run(in_a_bed((Body(shape, tuple(center)),), size, cell))
+    run = Run(in_a_bed((Body(shape, tuple(center)),), size, cell, scheme=scheme))
     volume = math.pi * radius**2 if dim == 2 else 4 / 3 * math.pi * radius**3
     weight = displaced(volume, size[-1] - center[-1])
     numbers: Numbers = {}
@@ -369,12 +380,22 @@ def buoyancy_cases(quick: bool) -> Cases:
         for dim, kind, sizes in ((2, "disc", (4, 8)), (3, "sphere", (4,)))
         for cells in sizes
         for offset in OFFSETS
-    } | {"sphere, 6 cells, 0.25": partial(buoyancy, 3, 6, 0.25, 0.4)}
+    } | {
+        "sphere, 6 cells, 0.25": partial(buoyancy, 3, 6, 0.25, 0.4),
+        **{
+            f"{BY_ITSELF}, {cells} cells, {offset:g}": partial(
+                buoyancy, 2, cells, offset, 0.4, gr.Scheme(density=gr.ParticleDensity())
+            )
+            for cells in (4, 8)
+            for offset in OFFSETS
+        },
+    }
 
 
 def buoyancy_lines(found: dict[str, Numbers]) -> list[Line]:
     lines = []
-    for kind in ("disc, 4", "disc, 8", "sphere, 4", "sphere, 6"):
+    sizes = [f"{BY_ITSELF}, {cells}" for cells in (4, 8)]
+    for kind in ("disc, 4", "disc, 8", *sizes, "sphere, 4", "sphere, 6"):
         some = [v for name, v in found.items() if name.startswith(f"{kind} cells")]
         for when, span in WHEN.items():
             if some:
