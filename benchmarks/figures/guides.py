@@ -285,7 +285,7 @@ def read_the_verdict(quick: bool) -> Picture:
 
 
 def watch_a_run(quick: bool) -> Picture:
-    """What a hook notes of a column that collapses: the speed, and when it is at rest."""
+    """Speed of a column that collapses, as a hook notes it, and when the hook ends the run."""
     made, ((ax,),) = panels(1, 1, 2.8)
     scene = gr.scenes.column_collapse(aspect=1.2, E=1e6, cell=0.04, points_per_cell=9)
     found: list[tuple[float, float]] = []
