@@ -231,7 +231,7 @@ def shear_cell(quick: bool) -> Picture:
 
 def own_scene(quick: bool) -> Picture:
     """The block and the wedge of the tutorial: the scene, and the flow at two times."""
-    made, axes = panels(1, 3, 2.3, sharey=True)
+    made, axes = panels(1, 3, 2.6, sharey=True)
     cell = 0.05 if quick else 0.02
     wedge = gr.bodies.Polygon([(0.45, 0.0), (0.75, 0.0), (0.75, 0.15)])
     scene = gr.Scene(
