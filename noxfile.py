@@ -37,3 +37,10 @@ def docs(session: nox.Session) -> None:
     """Build the pages, as the head of docs/conf.py says."""
     session.install(".[docs]")
     session.run("sphinx-build", "-W", "docs", "docs/_build")
+
+
+@nox.session
+def links(session: nox.Session) -> None:
+    """Ask for every address that the pages link to; tests and `docs` look at links among pages."""
+    session.install(".[docs]")
+    session.run("sphinx-build", "-b", "linkcheck", "docs", "docs/_build/links")

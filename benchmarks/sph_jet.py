@@ -19,21 +19,28 @@ EVERY = 0.0075
 """Time between frames [s]; every third frame is drawn, from the second on."""
 
 
+SIZE = 14
+"""Area of a marker [points^2], about that of a particle."""
+
+
 def picture(record: gr.record.Trajectory, ambient: float = 1e5) -> Figure:
     """Speed of the material particles, and pressure of the gas relative to the initial one."""
     frames = record[1::3]
-    figure = Figure(figsize=(8.0, 2.4 * len(frames)), layout="constrained")
+    figure = Figure(figsize=(8.0, 2.3 * len(frames)), layout="compressed")
     axes = figure.subplots(len(frames), 2, sharex=True, sharey=True)
     for (left, right), grains in zip(axes, frames, strict=True):
         gas, speed = grains.gas, np.linalg.norm(grains.v, axis=1)
         above = (gas.pressure - ambient) / 1e3
-        one = left.scatter(*grains.x.T, c=speed, s=4, vmin=0, vmax=2)
-        two = right.scatter(*gas.x.T, c=above, s=4, vmin=-10, vmax=10, cmap="coolwarm")
-        left.set_title(f"{1e3 * grains.time:.1f} ms")
-        figure.colorbar(one, ax=left, label="grains, m/s")
-        figure.colorbar(two, ax=right, label="gas, kPa")
+        one = left.scatter(*grains.x.T, c=speed, s=SIZE, vmin=0, vmax=2)
+        two = right.scatter(*gas.x.T, c=above, s=SIZE, vmin=-10, vmax=10, cmap="coolwarm")
+        left.set(title=f"grains, t = {1e3 * grains.time:.1f} ms", ylabel="y [m]")
+        right.set_title("gas")
+        figure.colorbar(one, ax=left, label="speed [m/s]")
+        figure.colorbar(two, ax=right, label="pressure [kPa]")
         for axis in (left, right):
             axis.set_aspect("equal")
+    for axis in axes[-1]:
+        axis.set_xlabel("x [m]")
     return figure
 
 
@@ -48,7 +55,7 @@ def main() -> None:
         scene = gr.scenes.jet_on_bed(spacing=given.spacing)
         gr.Simulation(scene).run(save=given.record, every=EVERY)
     with gr.open(given.record) as record:
-        picture(record).savefig(given.to, dpi=70)
+        picture(record).savefig(given.to, dpi=130)
 
 
 if __name__ == "__main__":

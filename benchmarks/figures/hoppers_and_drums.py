@@ -49,13 +49,13 @@ def emptied(angle: float, friction: float, cell: float) -> tuple[gr.State, float
 def hoppers(cell: float) -> plot.Picture:
     """Speed in two hoppers; index of mass flow and rate against the half angle."""
     found = {(a, f): emptied(a, f, cell) for f in FRICTIONS for a in ANGLES}
-    picture = plot.Picture(figsize=(12, 4), layout="constrained")
+    picture = plot.Picture(figsize=(12.5, 4), layout="constrained")
     axes = picture.subplots(1, 4, width_ratios=(0.7, 0.7, 1.3, 1.3))
     for ax, angle in zip(axes, (15.0, 40.0), strict=False):
         extent = ((0.0, 0.22), (-0.04, 0.55))
         title = f"{angle:g} deg, friction 0.5"
         state = found[angle, 0.5][0]
-        plot.frame(state, "speed", ax=ax, limits=(0.0, 1.0), extent=extent, title=title, bar=False)
+        plot.frame(state, "speed", ax=ax, limits=(0.0, 1.0), extent=extent, title=title)
     effective = gr.theory.earth_pressure(0.5).coaxial_deg
     flat = gr.theory.rose_tanaka_factor(ANGLES, 45.0)
     for k, friction in enumerate(FRICTIONS):
@@ -63,16 +63,19 @@ def hoppers(cell: float) -> plot.Picture:
         indices, rates = ([found[a, friction][i] for a in ANGLES] for i in (2, 1))
         axes[2].plot(ANGLES, indices, "o-", color=colour, label=f"friction {friction:g}")
         limit = gr.theory.mass_flow_limit(math.degrees(math.atan(friction)), effective)
-        axes[2].axvline(limit, color=colour, linestyle=":")
+        axes[2].axvline(limit, color=colour, linestyle=":", label=f"limit of theory, {friction:g}")
         scaled = np.array(rates) / (1500.0 * math.sqrt(9.8) * ORIFICE**1.5)
         axes[3].plot(ANGLES, scaled, "o-", color=colour)
         print(friction, "limit", round(limit, 1), np.round(indices, 3), np.round(scaled, 3))
     level = np.exp(np.mean(np.log(scaled / flat)))  # the reference says how it falls, not how much
     axes[3].plot(ANGLES, level * flat, "k--", label="Rose & Tanaka, 45 deg")
     axes[2].axhline(0.3, color="0.6", linewidth=0.8)
+    axes[2].text(10.0, 0.31, "mass flow above", color="0.4", fontsize=9)
     axes[2].set(xlabel="half angle [deg]", ylabel="least index of mass flow", ylim=(0, 1))
-    axes[3].set(xlabel="half angle [deg]", ylabel="rate / (rho sqrt(g) D^1.5)", ylim=(0, None))
-    axes[2].legend()
+    axes[3].set(
+        xlabel="half angle [deg]", ylabel=r"rate / ($\rho\, \sqrt{g}\, D^{1.5}$)", ylim=(0, None)
+    )
+    axes[2].legend(fontsize=8)
     axes[3].legend()
     return picture
 
@@ -112,11 +115,14 @@ def drums(cell: float) -> plot.Picture:
         print(omega, f"Fr {froude[-1]:.3g} slope {slopes[-1]:.2f} +- {flow.slope_spread_deg:.2f}")
         print(f"  flux/balance {ratio.mean():.3f} +- {ratio.std():.3f} d {thick:.4f} u {speed:.4f}")
     axes[1].semilogx(froude, slopes, "o-")
-    for mu, text in ((scene.material.mu_s, "atan mu_s"), (scene.material.mu_2, "atan mu_2")):
+    for mu, text in (
+        (scene.material.mu_s, r"$\arctan\ \mu_s$"),
+        (scene.material.mu_2, r"$\arctan\ \mu_2$"),
+    ):
         axes[1].axhline(math.degrees(math.atan(mu)), color="k", linestyle=":")
         axes[1].text(froude[0], math.degrees(math.atan(mu)) + 0.2, text)
-    axes[1].set(xlabel="Froude number omega^2 R/g", ylabel="slope of the surface [deg]")
-    axes[2].set(xlabel="s [m]", ylabel="flux [m2/s]")
+    axes[1].set(xlabel=r"Froude number $\omega^2 R/g$", ylabel="slope of the surface [deg]")
+    axes[2].set(xlabel="place along the surface [m]", ylabel="flux [m$^2$/s]")
     axes[2].locator_params(axis="x", nbins=5)
     axes[2].legend()
     return picture

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 
+import matplotlib
 from common import parser_of
 
 import granular as gr
@@ -46,7 +47,9 @@ def main(argv: list[str] | None = None) -> None:
     simulation.run(every=every, hooks=(lambda running: states.append(running.state),))
     chosen.out.mkdir(parents=True, exist_ok=True)
     path = chosen.out / "hourglass.gif"
-    gr.plot.movie(states, path, color="speed", limits=(0.0, 2.0), fps=25, dpi=60, overwrite=True)
+    with matplotlib.rc_context({"font.size": 15}):  # first pages show it small
+        options = {"color": "speed", "limits": (0.0, 2.0), "fps": 25, "dpi": 60}
+        gr.plot.movie(states, path, overwrite=True, **options)
     print(path)
 
 

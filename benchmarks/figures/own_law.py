@@ -39,14 +39,15 @@ def main() -> None:
     chosen = parser_of(__doc__).parse_args()
     cell = 0.04 if chosen.quick else 0.01
     beads = gr.materials.glass_beads.replace(E=1e6)
-    picture = plot.Picture(figsize=(7.5, 3.6), layout="constrained")
+    picture = plot.Picture(figsize=(7.5, 4.4), layout="constrained")
     panels = picture.subplots(2, 1)
     for ax, material, title in zip(
         panels, (material_of_page(), beads), ("cohesive Bingham fluid", "glass beads"), strict=True
     ):
         scene = gr.scenes.column_collapse(aspect=1.0, cell=cell, duration=1.5, material=material)
         state = gr.Simulation(scene).run().state
-        plot.frame(state, "pressure", ax=ax, title=title)
+        extent = ((0.0, 0.72), (-0.005, 0.16))
+        plot.frame(state, "pressure", ax=ax, title=title, extent=extent, limits=(0.0, 1800.0))
     save(picture, chosen, "own_law")
 
 

@@ -89,9 +89,9 @@ def landslide(cell: float) -> plot.Picture:
     ax.fill_between(on, *ends, color="0.8", label="cap, active to hydrostatic")
     ax.plot(on, start + low.centre * math.cos(ANGLE), "k--", label="block")
     stops = theory.block_runout(angle_deg=35.0, bend=0.3, mu=0.3, distance=-start)
-    ax.axhline(stops, color="black", lw=0.6)
-    ax.set(xlabel="t [s]", ylabel="x [m]")
-    ax.legend(fontsize="small", loc="upper left")
+    ax.axhline(stops, color="black", lw=0.6, label="where a block stops")
+    ax.set(ylim=(-1.1, 2.6), xlabel="time [s]", ylabel="x [m]")
+    ax.legend(fontsize="small", loc="upper left", ncols=2)
     error = 100 * (found.centre[-1, 0] / stops - 1)
     print(
         f"landslide {cell}: stops at {found.centre[-1, 0]:.4f}, block {stops:.4f} ({error:.2f} %)"
@@ -120,9 +120,9 @@ def obstacle(cell: float) -> plot.Picture:
         axes[2].axhline(K * weight, color="black", lw=0.6)
         axes[2].text(0.02, K * weight, text, va="bottom", fontsize="small")
     axes[3].plot(0.5 * (hit[1:] + hit[:-1]), impact[:, 0], label="4 m/s, smooth level bed")
-    axes[3].axhline(RHO * 0.1 * 16.0, color="black", lw=0.6, label="rho h v$^2$")
+    axes[3].axhline(RHO * 0.1 * 16.0, color="black", lw=0.6, label=r"$\rho\, h\, v^2$")
     for ax in axes[2:]:
-        ax.set(xlabel="t [s]", ylabel="F [N/m]")
+        ax.set(xlabel="time [s]", ylabel="force [N/m]")
         ax.legend(fontsize="small")
     mean = impact[5:, 0].mean() / (RHO * 0.1 * 16.0)
     print(f"obstacle {cell}: at rest {force[-1, 0] / weight:.3f} of rho g h^2/2, flux {mean:.3f}")
@@ -149,9 +149,9 @@ def penetration(cell: float) -> plot.Picture:
             mean, spread = (force[:, 1] / of)[deep].mean(), np.ptp((force[:, 1] / of)[deep])
             print(f"penetration {text} {size}: {mean:.3f}, range {spread:.3f}")
         if power == 1:
-            draw(axes[0], states[-1], "speed", (0.0, 0.1), ((0.1, 0.54), (-0.25, 0.1)))
-    axes[1].set(ylabel="F/(rho g z D)", ylim=(0, 12))
-    axes[2].set(xlabel="depth z [mm]", ylabel="F/(rho g z$^2$)", ylim=(0, 50))
+            draw(axes[0], states[-1], "speed", (0.0, 0.1), ((0.0, 0.64), (-0.2, 0.05)))
+    axes[1].set(xlabel="depth z [mm]", ylabel=r"$F/(\rho g z D)$", ylim=(0, 12))
+    axes[2].set(xlabel="depth z [mm]", ylabel=r"$F/(\rho g z^2)$", ylim=(0, 50))
     for ax in axes[1:]:
         ax.legend(fontsize="small")
     return picture
@@ -168,8 +168,8 @@ def conveyor(cell: float) -> plot.Picture:
         draw(ax, states[k], "v_x", (0.0, 0.6), ((-0.4, 0.8), (-0.03, 0.33)))
     ax = axes[2]
     ax.plot(0.5 * (times[1:] + times[:-1]), -np.diff(held) / np.diff(times), label="x = 0.4 m")
-    ax.axhline(RHO * 0.1 * 0.5, color="black", lw=0.6, label="rho v opening")
-    ax.set(xlabel="t [s]", ylabel="kg/(s m)")
+    ax.axhline(RHO * 0.1 * 0.5, color="black", lw=0.6, label=r"$\rho\, v$ times the opening")
+    ax.set(xlabel="time [s]", ylabel="mass flow [kg/(s m)]")
     ax.legend(fontsize="small")
     last = states[-1]
     rides = (last.x[:, 0] > line) & (last.x[:, 0] < line + 0.2)

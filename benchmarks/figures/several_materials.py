@@ -58,9 +58,12 @@ def main() -> None:
     above, middle, below = picture.subplots(3, 1, height_ratios=(1, 1, 0.8))
     state = gr.Simulation(layered(cell)).run().state
     plot.frame(state, "material", ax=above, bar=False, title="sand over gravel after 1 s")
+    for text, place in (("sand", (0.02, 0.12)), ("gravel", (0.02, 0.05))):
+        colour = {"sand": "white", "gravel": "black"}[text]
+        above.text(*place, text, color=colour, fontsize=12)
     times = np.linspace(0.0, 1.5, 76)
     states, moved = deflection(cell, times)
-    shown = states[30]
+    shown = states[20]
     plot.frame(
         shown,
         "speed",

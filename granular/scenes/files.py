@@ -222,7 +222,7 @@ def _key(place: str, part: Any, name: str) -> str | int:
 
 
 def _value(text: str) -> Any:
-    """Value of an assignment; what is no TOML is a number as Python has it (.5), or a word."""
+    """Value of an assignment; what is no TOML is a number as Python writes it, or a word."""
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:

@@ -28,6 +28,14 @@ PICTURES = {
         for page in ("bodies", "core", "density_correction", "determinism", "fluidity", "laws")
     ]
     + ["explain_transfers"],
+    "guides": [
+        f"guide_{page}"
+        for page in (
+            *("calibrate_friction", "choose_a_scheme", "choose_a_stiffness", "fill_regions"),
+            *("own_material", "own_scene", "paraview", "read_the_verdict", "restart"),
+            *("scale_a_model", "scene_files", "shear_cell", "sweep", "walls", "watch_a_run"),
+        )
+    ],
     "inference_bed": ["inference_bed_1", "inference_distances", "inference_intruder"],
 }
 FAST = ("figure_11", "figure_13")
@@ -35,7 +43,7 @@ FAST = ("figure_11", "figure_13")
 
 
 def test_every_script_is_known():
-    names = ("figure", "inference_", "explanations")
+    names = ("figure", "inference_", "explanations", "guides")
     found = {p.stem for name in names for p in FOLDER.glob(f"*{name}*.py")}
     assert found == {*PICTURES, "inference_common"}
 

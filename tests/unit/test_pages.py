@@ -197,8 +197,10 @@ SHELL = re.compile(r"^```sh\n(.*?)^```$", re.M | re.S)
 README = DOCS.parent / "README.md"
 
 
-def test_commands_of_the_pages_are_understood():
+def test_commands_of_the_pages_are_understood(tmp_path, monkeypatch):
     """Each line of a page that calls `granular` has a command and options that exist."""
+    monkeypatch.chdir(tmp_path)  # with the file that a page has made before it is run
+    Path("hopper.toml").write_text(gr.scenes.template("hopper"))
     lines = [
         line.partition("granular ")[2].partition(">")[0]
         for page in (README, *PROSE)
@@ -209,6 +211,42 @@ def test_commands_of_the_pages_are_understood():
     for line in lines:
         words = shlex.split(line)
         assert command_parser(words).parse_args(words).command, line
+
+
+# ---- links and pictures ----
+
+LINK = re.compile(r"\]\(([^)\s#]+)(?:#[^)]*)?\)")
+SITE = re.compile(r"[a-z]+:")
+
+
+def test_links_within_the_repository_lead_somewhere():
+    """Files and pictures that the pages and the README link to exist; Sphinx checks the anchors."""
+    pages = [README, DOCS.parent / "CHANGELOG.md", *DOCS.rglob("*.md")]
+    links = [
+        (page, target)
+        for page in pages
+        for target in LINK.findall(re.sub(r"^```.*?^```$", "", page.read_text(), flags=re.M | re.S))
+        if not SITE.match(target)
+    ]
+    assert len(links) > 200
+    notebooks = DOCS.parent / "notebooks"  # the build copies them to docs/lessons
+    dead = [
+        f"{page.relative_to(DOCS.parent)}: {target}"
+        for page, target in links
+        if not (page.parent / target).exists() and not (notebooks / Path(target).name).exists()
+    ]
+    assert not dead
+
+
+def test_every_guide_has_a_picture_and_every_picture_a_page():
+    shown = {
+        page: set(re.findall(r"pictures/([\w.]+)", page.read_text()))
+        for page in [README, *DOCS.rglob("*.md")]
+    }
+    guides = set(DOCS.glob("how-to/*.md")) - {DOCS / "how-to" / "index.md"}
+    bare = {page.stem for page in guides if not shown[page]}
+    assert bare == {"forces_between_grains"}  # its lesson has them
+    assert set().union(*shown.values()) == {path.name for path in DOCS.glob("pictures/*")}
 
 
 # ---- prose ----
