@@ -6,12 +6,16 @@ A block of grains is thrown over a rough floor: 100,000 points in 2D and a milli
 default scheme. The steps are run with one thread under `perf record` (Linux, package linux-perf).
 Every sample of the clock has the functions that were active: those within `make_steps` are of a
 step, and of these the ones within `gr_team_run` are of work that a team divides. The rest is
-serial. With s the serial share, n threads are at most 1/(s + (1 - s)/n) times as fast as one.
+serial. perf cannot follow the frames of kernels, whose samples break off: they are of divided work,
+too, unless they are of `gr_migrate`. With s the serial share, n threads are at most
+1/(s + (1 - s)/n) times as fast as one.
+With --page the table of docs/reports/speed.md is written from the results.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import subprocess
 import sys
 import tempfile
@@ -19,10 +23,12 @@ import warnings
 from collections import Counter
 from pathlib import Path
 
-from shared import machine, parser_of, rounded, write
+from shared import machine, markdown, parser_of, rounded, write, write_tables
 
 import granular as gr
 
+RESULTS = Path(__file__).parent / "results" / "serial_share.json"
+PAGE = Path(__file__).parents[1] / "docs" / "reports" / "speed.md"
 CELL, SPEED = 0.01, 1.0
 FREQUENCY = 199
 STACK = 65528
@@ -70,12 +76,14 @@ def count(samples: str) -> tuple[Counter[str], int]:
     all_samples = 0
     for sample in samples.split("\n\n"):
         functions = [line.split()[1].split("+")[0] for line in sample.splitlines() if line]
-        if "make_steps" not in functions:
+        whole = "make_steps" in functions
+        if not whole and functions[-1:] != ["[unknown]"]:
             continue
         all_samples += 1
-        if "gr_team_run" not in functions:
-            inner = functions[: functions.index("make_steps")]
-            serial[inner[-1] if inner else "make_steps"] += 1
+        if "gr_team_run" in functions or not (whole or "gr_migrate" in functions):
+            continue
+        stages = functions[: functions.index("make_steps" if whole else "gr_migrate") + 1]
+        serial[stages[-2] if whole and len(stages) > 1 else stages[-1]] += 1
     return serial, all_samples
 
 
@@ -100,16 +108,27 @@ def measure(dim: int, case: tuple[int, ...]) -> dict[str, object]:
         "samples": found,
         "serial_share": share,
         "serial": {name: n / found for name, n in serial.most_common(8)},
-        f"gain_of_{THREADS}_threads": 1 / (share + (1 - share) / THREADS),
+        "most": 1 / (share + (1 - share) / THREADS),
     }
 
 
 def main(argv: list[str] | None = None) -> None:
     parser = parser_of(__doc__)
+    parser.add_argument("--page", action="store_true", help="write the table from the results")
     parser.add_argument("--case", nargs=6, help=argparse.SUPPRESS)
     arguments = parser.parse_args(argv)
     if arguments.case:
         run(*map(int, arguments.case[:-1]), Path(arguments.case[-1]))
+        return
+    if arguments.page:
+        rows = json.loads(RESULTS.read_text())["rows"]
+        head = ("", "points", "samples", "serial share", f"{THREADS} threads over one, at most")
+        lines = [
+            (f"{q['dim']}D", f"{q['points']:,}", q["samples"], f"{q['serial_share']:.2%}",
+             f"{q['most']:.1f}")
+            for q in rows
+        ]  # fmt: skip
+        write_tables(PAGE, {"serial": markdown(head, lines)})
         return
     rows = []
     for dim, case in CASES.items():

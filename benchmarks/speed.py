@@ -8,7 +8,8 @@ thread is timed by the processor time of the process, two by the wall clock. The
 batches counts; only the ratios within one run can be compared. Beside each scheme stands its error
 on the periodic incline of 25 degrees, with one column of cells and with eight, against the
 one-dimensional equation: a fast scheme that is wrong is no bargain. The last lines are those of a
-quarter of a cylinder in 3D, 8 points per cell, one thread.
+quarter of a cylinder in 3D, 8 points per cell, one thread. With --page the tables of
+docs/reports/speed.md are written from the results.
 
 `granular.economy.cost` contains the times of one thread (small state, mean of seeded and fallen;
 3D). Update its constants after a new results/speed.json; a test compares them.
@@ -16,13 +17,18 @@ quarter of a cylinder in 3D, 8 points per cell, one thread.
 
 from __future__ import annotations
 
+import json
 import time
+from pathlib import Path
+from typing import Any
 
-from shared import least_time, machine, parser_of, write
+from shared import least_time, machine, markdown, parser_of, write, write_tables
 from stability.flows import error_of_profile
 
 import granular as gr
 
+RESULTS = Path(__file__).parent / "results" / "speed.json"
+PAGE = Path(__file__).parents[1] / "docs" / "reports" / "speed.md"
 SCHEMES = {
     "linear flip": gr.Scheme(basis="linear"),
     "ugimp flip": gr.Scheme(basis="ugimp"),
@@ -74,8 +80,38 @@ def incline_error(scheme: gr.Scheme, columns: int, until: float) -> float:
     return error_of_profile(gr.Simulation(scene, threads=1).run(until=until).state)
 
 
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Return the lines of the tables of the page."""
+    times: dict[str, dict[tuple[int, str], list[float]]] = {}
+    errors = {}
+    for row in results["rows"]:
+        state = "seeded" if row["state"] == "seeded" else "fallen"
+        times.setdefault(row["scheme"], {}).setdefault((row["points"], state), []).append(row["ns"])
+        errors[row["scheme"]] = [row["incline_error"][columns] for columns in ("1", "8")]
+    kinds = list(next(iter(times.values())))
+    head = ["scheme", *(f"{n:,} points, {state}" for n, state in kinds), "1 column", "8 columns"]
+    plane = [
+        [
+            scheme,
+            *(f"{one:.1f} / {two:.1f}" for one, two in times[scheme].values()),
+            *(f"{error:.2g}" for error in errors[scheme]),
+        ]
+        for scheme in times
+    ]
+    space = [[row["scheme"], f"{row['ns']:.0f}"] for row in results["space"]]
+    return {
+        "speed": markdown(head, plane),
+        "speed 3D": markdown(("scheme", f"{results['space'][0]['points']:,} points"), space),
+    }
+
+
 def main(argv: list[str] | None = None) -> None:
-    arguments = parser_of(__doc__).parse_args(argv)
+    parser = parser_of(__doc__)
+    parser.add_argument("--page", action="store_true", help="write the tables from the results")
+    arguments = parser.parse_args(argv)
+    if arguments.page:
+        write_tables(PAGE, tables(json.loads(RESULTS.read_text())))
+        return
     sizes = [(0.025, 0.02)] if arguments.quick else [(0.0125, 0.4), (0.0025, 0.15)]
     batches, until = (2, 0.05) if arguments.quick else (12, 4.0)
     head = machine() | {"incline_seconds": until}

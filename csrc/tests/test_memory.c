@@ -7,7 +7,7 @@
 #include "tests/faults.h"
 #include "tests/scene.h"
 
-enum { MOST = 500 };
+enum { MOST = 300 };
 
 /* Kinds of scenes that allocate differently. */
 enum { PLAIN, NONLOCAL, BODIES, NONLOCAL_BODIES, KINDS };
@@ -130,7 +130,7 @@ static void throw_all(struct scene *s)
 TEST(advance_fails)
 {
     for (int kind = 0; kind < KINDS; kind++) {
-        enum { STEPS = 80 };
+        enum { STEPS = 30 };
         long n = 0;
         int error, hit, within = 0;
         struct scene good;

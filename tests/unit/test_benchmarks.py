@@ -104,6 +104,22 @@ def test_a_quick_table_in_3d_is_written(module, tmp_path, capsys):
     assert len(capsys.readouterr().out.splitlines()) == 1 + len(rows)
 
 
+def test_serial_samples_are_those_outside_of_the_team(module):
+    """Five samples of steps, two of them of work that is divided; one of no step."""
+    chains = (
+        ("gr_locate", "add_point", "gr_team_run", "gr_regroup", "finish", "make_steps", "main"),
+        ("memcpy", "gr_regroup", "finish", "make_steps", "main"),
+        ("make_steps", "[unknown]"),
+        ("gr_locate", "sweep_2", "[unknown]"),
+        ("memcpy", "gr_migrate", "[unknown]"),
+        ("gr_regroup", "main"),
+    )
+    text = "\n\n".join("\n".join(f"  7f0a {name}+0x1f" for name in chain) for chain in chains)
+    serial, samples = module("serial_share").count(text + "\n\n")
+    assert samples == 5
+    assert serial == {"finish": 1, "make_steps": 1, "gr_migrate": 1}
+
+
 def test_a_quick_table_of_threads_beside_others_is_written(module, tmp_path, capsys):
     out = tmp_path / "threads.json"
     module("threads_beside_others").main(["--quick", "--out", str(out)])
