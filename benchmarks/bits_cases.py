@@ -51,6 +51,9 @@ READY = {
     "obstacle": {"cell": 0.05},
     "penetration": {"cell": 0.04},
     "conveyor": {"cell": 0.025},
+    "conveyor_heap": {"cell": 0.02, "duration": 0.5},
+    "chute_fed": {"cell": 0.02, "duration": 0.5},
+    "silo_fed": {"cell": 0.02, "duration": 0.3},
 }
 """Ready-made MPM scenes, coarse."""
 

@@ -17,6 +17,7 @@ from granular.scenes.column_collapse import column_collapse, cylinder_collapse
 from granular.scenes.conveyor import conveyor
 from granular.scenes.couette import couette
 from granular.scenes.excavation import excavation, excavator
+from granular.scenes.fed import chute_fed, conveyor_heap, silo_fed
 from granular.scenes.files import SceneFile, changed, read_scene, template
 from granular.scenes.flexible_barrier import flexible_barrier
 from granular.scenes.hopper import hopper
@@ -38,12 +39,14 @@ __all__ = [
     "SceneFile",
     "SceneFunction",
     "changed",
+    "chute_fed",
     "chute_ngf",
     "clogging_silo",
     "cohesive_cliff",
     "column_collapse",
     "column_collapse_sph",
     "conveyor",
+    "conveyor_heap",
     "couette",
     "cylinder_collapse",
     "excavation",
@@ -65,6 +68,7 @@ __all__ = [
     "rotating_drum",
     "silo",
     "silo_3d",
+    "silo_fed",
     "slug",
     "slump_sph",
     "template",

@@ -17,6 +17,7 @@ NOT_ABOVE_ZERO = {
     *("cylinder_collapse.ramp", "hourglass.ramp", "incline.ramp", "silo.ramp", "chute_ngf.ramp"),
     *("hopper.ramp", "rotating_drum.width", "cohesive_cliff.ramp"),
     *("conveyor.speed", "conveyor.width", "gate_friction", "obstacle_friction"),
+    "belt_speed",
     *("obstacle.speed", "obstacle.gap", "obstacle.width", "flexible_barrier.speed", "plate_nu"),
 }
 """Numbers that may be 0 or less in all scenes, or in one."""
@@ -58,6 +59,8 @@ def test_numbers(name, argument):
     ],
 )
 def test_arguments_of_all_scenes(name, arguments, error, message):
+    if not arguments.keys() <= {*inspect.signature(scenes.registry[name]).parameters, "nonsense"}:
+        error, message = TypeError, "jitter"  # a scene without a fill
     with pytest.raises(error, match=message):
         scenes.registry[name](**arguments)
 
@@ -140,6 +143,10 @@ def test_arguments_of_all_scenes(name, arguments, error, message):
         ("penetration", {"duration": 9.0}, ValueError, "duration = 9.0 must be so short"),
         ("penetration", {"diameter": 0.8}, ValueError, "diameter = 0.8 must be less than width"),
         ("conveyor", {"opening": 0.3}, ValueError, r"opening = 0.3 must be in \(0.0, 0.3\)"),
+        ("conveyor_heap", {"rate": 99.0}, ValueError, "rate = 99.0 must be <= 30"),
+        ("conveyor_heap", {"spout": 1.0}, ValueError, "spout = 1.0 must be less than length"),
+        ("chute_fed", {"feeder": 2.0}, ValueError, "feeder = 2.0 must be less than length"),
+        ("silo_fed", {"orifice": 0.6}, ValueError, "orifice = 0.6 must be less than width"),
         ("conveyor", {"gate": 0.8}, ValueError, "gate = 0.8 must be less than run = 0.8"),
         ("couette", {"outer": 0.11}, ValueError, "outer = 0.11 must exceed inner = 0.0999 by 4"),
         ("couette", {"omega": math.inf}, ValueError, "omega = inf"),

@@ -44,11 +44,15 @@ COARSE = {"couette": {"cell": 0.02, "height": 0.06}, "excavation": {"cell": 0.02
 """Coarse cells for scenes that have very many by default."""
 
 MPM = (
-    *("chute_ngf", "clogging_silo", "cohesive_cliff", "column_collapse", "conveyor", "couette"),
+    *("chute_fed", "chute_ngf", "clogging_silo", "cohesive_cliff", "column_collapse", "conveyor"),
+    *("conveyor_heap", "couette"),
     *("cylinder_collapse", "excavation", "excavator", "flexible_barrier", "hopper", "hourglass"),
     *("incline", "landslide", "obstacle", "penetration", "rotating_drum", "silo", "silo_3d"),
-    *("slug", "wheel"),
+    *("silo_fed", "slug", "wheel"),
 )
+FED = ("chute_fed", "conveyor_heap")
+"""Scenes without a fill that could have jitter."""
+
 SPH = (
     *("column_collapse", "column_collapse_sph", "fluidised_bed", "incline_sph"),
     *("inclined_collapse", "jet_on_bed", "slump_sph"),
@@ -65,7 +69,8 @@ def test_registry_holds_keyword_only_functions_of_both_methods():
         assert all(p.kind is p.KEYWORD_ONLY and p.default is not p.empty for p in own)
         assert numbers.kind is numbers.VAR_KEYWORD and "material" in {p.name for p in own}
         if "mpm" in function.methods:
-            assert {"scheme", "seed", "jitter"} <= {p.name for p in own}
+            wanted = {"scheme", "seed"} if name in FED else {"scheme", "seed", "jitter"}
+            assert wanted <= {p.name for p in own}
     with pytest.raises(ValueError, match="method = 'dem' must be one of 'mpm', 'sph'"):
         scenes.names("dem")
 
@@ -79,6 +84,7 @@ DERIVED = {
     "hourglass": {"width": 1.0, "half": True},
     "rotating_drum": {"froude": pytest.approx(0.1 / 5.0)},
     "silo": {"half": True},
+    "silo_fed": {"half": True},
     "slug": {"wall_at": pytest.approx(91 * 0.0083)},
     "column_collapse_sph": {
         **{"half_width": pytest.approx(0.09), "half": True, "reach": pytest.approx(0.91)},
@@ -153,7 +159,7 @@ def test_keywords_of_the_scene_come_before_those_of_its_material():
 NONLOCAL = ("chute_ngf", "clogging_silo", "silo_3d", "couette", "excavation", "wheel", "excavator")
 SOFT = (
     *("conveyor", "flexible_barrier", "hopper", "landslide", "obstacle", "penetration"),
-    *("rotating_drum", "cohesive_cliff"),
+    *("rotating_drum", "chute_fed", "cohesive_cliff", "conveyor_heap", "silo_fed"),
 )
 """Scenes of `glass_beads` with another E, or of another material."""
 
@@ -167,7 +173,9 @@ def test_every_scene_is_whole(name, basis):
             make(scheme=schemes.Scheme(basis=basis))
         return
     coarse = COARSE.get(name, {})
-    scene = make(scheme=schemes.Scheme(basis=basis), jitter=0.5, seed=7, **coarse)
+    if "jitter" in inspect.signature(make).parameters:
+        coarse = coarse | {"jitter": 0.5}
+    scene = make(scheme=schemes.Scheme(basis=basis), seed=7, **coarse)
     assert Scene.from_json(scene.to_json()) == scene
     grains = inspect.signature(make).parameters["material"].default
     assert (grains is materials.glass_beads) == (name not in (*NONLOCAL, *SOFT))
