@@ -517,9 +517,9 @@ class Simulation:
             A changed scene with which the run goes on, such as
             ``gr.open(path).scene.replace(gravity=...)``: other gravity, numbers of the material or
             the scheme, walls, motions of bodies. The grid, the laws, and how many walls and bodies
-            there are must be as before. The stress of a hypoelastic material stays what it is, that
-            of a Hencky material follows from its strain. The record of the run is left as it is:
-            name another one in `run`.
+            there are must be as before, and inflows may not change. The stress of a hypoelastic
+            material stays what it is, that of a Hencky material follows from its strain. The record
+            of the run is left as it is: name another one in `run`.
         frame : int, optional
             Index of the frame to begin with, one whose checkpoint was kept (`Trajectory.kept`), by
             default the newest checkpoint. Frames that then come out as they are recorded are not

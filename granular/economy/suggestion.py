@@ -197,7 +197,12 @@ def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
                 replace(fill, material=own and own.replace(E=ratio * own.E))
                 for fill in scene.fills
                 for own in (fill.material,)
-            ]
+            ],
+            inflows=[
+                replace(inflow, material=own and own.replace(E=ratio * own.E))
+                for inflow in scene.inflows
+                for own in (inflow.material,)
+            ],
         )
     own = {f.name for f in fields(scheme)}
     scheme = scheme.replace(**{name: rest.pop(name) for name in tuple(rest) if name in own})

@@ -93,6 +93,8 @@ def obstacle(scene: Scene) -> str:
     grid, mirror = scene.grid, _Mirror(scene)
     if scene.bodies:
         return "what its bodies do is not looked at"
+    if scene.inflows:
+        return "its inflows are not looked at"
     if grid.periodic[0]:
         return "the domain is periodic along x"
     if grid.shape[0] % 2:

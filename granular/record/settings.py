@@ -50,6 +50,7 @@ def _kind(scene: AnyScene) -> dict[str, object]:
             "scheme.transfer": scene.scheme.transfer,
             "scheme.density": type(scene.scheme.density).__name__,
             "bodies": len(scene.bodies),
+            "inflows": scene.inflows,  # what has entered is that of their rates
         }
     return found
 

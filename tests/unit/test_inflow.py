@@ -218,3 +218,19 @@ def test_the_core_refuses_inlets_and_states_that_cannot_be():
     core.restore_inflow(np.array([9, 4, 1, 1, 1, 1, 0]))
     assert core.inflow()[0] == 9
     assert isinstance(core, _core.Engine)
+
+
+def test_cheaper_scenes_and_resumed_ones_know_the_inflows(tmp_path):
+    soft = SAND.replace(E=2e6)
+    scene = stream(inflow={"material": soft}, duration=0.05)
+    suggested = gr.economy.suggestion.changed(scene, {"E": 5e5})
+    assert (suggested.material.E, suggested.inflows[0].material.E) == (5e5, 1e6)
+    with pytest.raises(ValueError, match="inflows are not looked at"):
+        gr.economy.mirror_half(scene)
+    path = tmp_path / "run.h5"
+    gr.Simulation(scene, threads=1).run(save=path)
+    faster = stream(inflow={"material": soft, "velocity": (0.0, -2.0)}, duration=0.05)
+    with pytest.raises(ValueError, match=r"inflows = .* must be"):
+        gr.Simulation.resume(path, scene=faster)
+    on = gr.Simulation.resume(path, scene=scene.replace(gravity=gr.Gravity((0.0,), ((1.0, 0.0),))))
+    assert on.run(until=0.06).inflows[0].points > 100 / 0.1 * 0.05
