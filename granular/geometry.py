@@ -473,7 +473,8 @@ class Fill:
     points_per_cell : int
         Points in a full cell: q^2 in 2D, q^3 in 3D.
     density : float or None
-        Initial density [kg/m3]; None for the material's `rho_c`.
+        Initial density [kg/m3]; None for the material's `rho_c`. Grains have the pressure that
+        goes with it, K ln(rho/rho_c) if that is positive.
     velocity : tuple of float, length dim, or None
         Initial velocity [m/s]; None for rest.
     jitter : float
@@ -483,7 +484,8 @@ class Fill:
         If True, the material bears its weight from the start: each point has the
         pressure of the depth below the top of the region above it, against gravity, and the density
         that goes with this pressure. This is an equilibrium where the top is level. The weight of
-        other lithostatic fills above it is added. If False, the material is stress-free.
+        other lithostatic fills above it is added. If False, an elastic material is stress-free, and
+        grains have the pressure of their density.
     material : Material or None
         Material of this fill; None for that of the scene. Several materials share one velocity
         field, so that they stick to each other where they meet.

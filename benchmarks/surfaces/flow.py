@@ -261,10 +261,10 @@ RING = {"inner": 0.1, "outer": 0.15, "height": 0.08, "pressure": 5e3}
 BEADS = gr.materials.couette_beads.replace(E=1.4e5, nu=0.3, mu_2=math.inf, b=0.941, d=0.004)
 
 
-def couette(fineness: float, omega: float, until: float) -> Numbers:
+def couette(fineness: float, omega: float, until: float, stiffness: float = 1.0) -> Numbers:
     """Pressure of rings a cell wide over their mean, and the torque over that of the theory."""
-    cell = BEADS.d / fineness
-    run = Run(gr.scenes.couette(**RING, cell=cell, omega=omega, material=BEADS))
+    cell, beads = BEADS.d / fineness, BEADS.replace(E=BEADS.E * stiffness)
+    run = Run(gr.scenes.couette(**RING, cell=cell, omega=omega, material=beads))
     edges = np.linspace(
         RING["inner"], RING["outer"], round((RING["outer"] - RING["inner"]) / cell) + 1
     )
@@ -284,7 +284,7 @@ def couette(fineness: float, omega: float, until: float) -> Numbers:
     pressure = float(np.average(rings, weights=edges[1:] ** 2 - edges[:-1] ** 2))
     (span, inside, outside), found = np.diff(begin, axis=0)[0], {}
     if omega:
-        flow = couette_flow(0.1, 0.15, BEADS, rate=omega, pressure=pressure, walls="smooth")
+        flow = couette_flow(0.1, 0.15, beads, rate=omega, pressure=pressure, walls="smooth")
         wanted = 2 * math.pi * 0.1**2 * flow.mu_wall * pressure
         found = {"inner": -inside / span / wanted, "outer": outside / span / wanted}
     return {
@@ -303,25 +303,30 @@ def couette_cases(quick: bool) -> Cases:
         return {"sheared, d": partial(couette, 1.0, 1.0, 0.02)}
     cases = {f"at rest, d/{k}": partial(couette, k, 0.0, 0.2) for k in (1, 2)}
     cases |= {f"sheared, d/{k}": partial(couette, k, 1.0, 0.2) for k in (1, 2, 3)}
+    for stiffness in (4, 16):
+        for k in (1, 2):
+            name = f"sheared, {stiffness} E, d/{k}"
+            cases[name] = partial(couette, k, 1.0, 0.2, stiffness=stiffness)
     return cases
 
 
 def couette_lines(found: dict[str, Numbers]) -> list[Line]:
+    """Lines of beads as soft as in `RING`, and of stiffer ones, which the theory is for."""
     lines = []
     for name, v in found.items():
         text = f"pressure of rings over their mean, {name}"
-        lines.append(spread(text, (v["least"], v["largest"]), 1.0, 0.03))
+        line = spread(text, (v["least"], v["largest"]), 1.0, 0.03)
+        lines.append(Line(text, "", line.measured, None) if " E, " in name else line)
     for name, v in found.items():
         if "inner" in v:
-            limit = 0.02 if name.endswith(("/2", "/3")) else math.inf
             values = [v["inner"], v["outer"]]
-            line = spread(f"torque over the theory, {name}", values, 1.0, limit)
-            if math.isinf(limit):
+            line = spread(f"torque over the theory, {name}", values, 1.0, 0.02)
+            if not (" E, " in name and name.endswith("/2")):
                 line = Line(line.quantity, "converges", line.measured, None)
             lines.append(line)
     own = [v["inner"] / v["first"] for v in found.values() if "inner" in v]
     if own:
-        what = "torque on the inner one with the pressure of the ring there, d/1, d/2, d/3"
+        what = "torque on the inner one with the pressure of the ring there, in the same order"
         lines.append(Line(what, "", ", ".join(f"{value:.3f}" for value in own), None))
     return lines
 

@@ -83,18 +83,19 @@ def box(turned_deg: float, offset: float, speed: float, crossed: float) -> Numbe
         bodies=bodies,
     )
     run = Run(scene)
-    lowest = [above < CELL / 2, above < CELL]
-    weights = [RHO * G * float(height - above[some].mean()) for some in lowest]
+    weight, lowest = RHO * G * (height - above), [above < CELL / 2, above < CELL]
     pressures: list[list[float]] = []
 
     def look(sim: Any) -> None:
-        p = [float(sim.state.pressure[some].mean()) for some in lowest]
-        pressures.append([a / b for a, b in zip(p, weights, strict=True)])
+        p = sim.state.pressure
+        ratios = [float(p[some].mean() / weight[some].mean()) for some in lowest]
+        smooth, wanted = gr.measure.smooth(sim.state, np.stack([p, weight], axis=1))[lowest[0]].T
+        pressures.append([*ratios, float(smooth.mean() / wanted.mean())])
 
     run.to(until, CELL / speed / WINDOWS, look)
     since = 2 * CELL / speed
     forces = -run.forces(since)[:, 0] @ n / (G * float(run.sim.state.mass.sum()))
-    first, cell = np.array(pressures[2 * WINDOWS :]).T
+    first, cell, nodes = np.array(pressures[2 * WINDOWS :]).T
     moved = (run.sim.state.x - x) - run.sim.time * way
     return {
         "force": float(forces.mean()),
@@ -103,6 +104,8 @@ def box(turned_deg: float, offset: float, speed: float, crossed: float) -> Numbe
         **_spikes("pressure", first),
         "pressure_cell": float(cell.mean()),
         **_spikes("pressure_cell", cell),
+        "pressure_nodes": float(nodes.mean()),
+        **_spikes("pressure_nodes", nodes),
         "moved": float(np.linalg.norm(moved, axis=1).max()) / CELL,
         "deepest": run.deepest,
     }
@@ -212,6 +215,7 @@ QUANTITIES = {
     "force": "force",
     "pressure": "pressure of the first row",
     "pressure_cell": "pressure of the first two rows",
+    "pressure_nodes": "pressure of the first row through nodes",
 }
 
 

@@ -210,9 +210,10 @@ def servo_arguments(
 def initial_points(scene: Scene) -> dict[str, NDArray]:
     """Return the fields of the points at the start, in the order of their ids.
 
-    Points are stress-free, except in lithostatic fills, which are in equilibrium: the pressure
-    grows with the depth against gravity as dp/dz = rho g with rho = rho_c exp(p/K). Below other
-    lithostatic fills this is exact for the same K, else to the order of p/K.
+    Lithostatic fills are in equilibrium: the pressure grows with the depth against gravity as
+    dp/dz = rho g with rho = rho_c exp(p/K). Below other lithostatic fills this is exact for the
+    same K, else to the order of p/K. Grains of a given density above rho_c have its pressure. All
+    other points are stress-free.
     """
     return fields_of(scene, scene.points())
 
@@ -220,9 +221,9 @@ def initial_points(scene: Scene) -> dict[str, NDArray]:
 def fields_of(scene: Scene, points: Points) -> dict[str, NDArray]:
     """Return the fields of points of the sources of a scene that are not zero."""
     number = _numbers_of_materials(scene)[points.fill]
-    rho_c, K = (
+    rho_c, K, granular = (
         np.array([getattr(material, name) for material in scene.materials])[number]
-        for name in ("rho_c", "K")
+        for name in ("rho_c", "K", "granular")
     )
     weight = math.hypot(*scene.gravity.at(0.0)) * (rho_c * points.depth + points.overburden)
     if (weight >= K).any():
@@ -243,9 +244,10 @@ def fields_of(scene: Scene, points: Points) -> dict[str, NDArray]:
     ]
     if any(getattr(material, "history", None) for material in scene.materials):
         fields["history"] = np.array([values[:MOST_HISTORY] for values in begins])[number]
-    if weight.any():
+    pressed = (log_density > 0) & (granular | (points.depth > 0))
+    if pressed.any():
         fields["stress"] = np.zeros((len(weight), 4 if scene.dim == 2 else 6))
-        fields["stress"][:, :3] = -(K * np.where(points.depth > 0, log_density, 0))[:, None]
+        fields["stress"][:, :3] = -(K * np.where(pressed, log_density, 0))[:, None]
     flows = np.array([material.has_fluidity for material in scene.materials])
     if scene.scheme.fluidity.initial is not None and flows.any():
         fields["g"] = np.where(flows[number], scene.scheme.fluidity.initial, 0.0)

@@ -111,14 +111,30 @@ class Feet:
         number = number[shapes.node]
         mass = np.where(number >= 0, nodes["mass"][number], 0.0)
         mean = shapes.w @ mass
-        used = shapes.w * (mass > 0.1 * mean[:, None] * shapes.w)  # light nodes are left out
+        # Light nodes count less, and where there are some, weights are moved to the surface.
+        used = np.minimum(shapes.w, mass / (0.15 * np.maximum(mean, 1e-300))[:, None])
         total = used.sum(axis=1)
+        away = shapes.at - foot[seen][:, None]
+        height = np.einsum("nkd,nd->nk", away, self.normal[seen, : body.dim]) / grid.cell
+        light = (used < shapes.w).any(axis=1) & (total > 0)
+        used[light] = total[light, None] * _on_surface(used[light], height[light])
         enough = (total > 0.2) & (mean > 0.1 * sim.scene.material.rho_c * grid.cell**grid.dim)
         v = used @ np.pad(nodes["v"][number], ((0, 0), (0, 3 - body.dim)))
         v /= np.where(enough, total, 1.0)[:, None]
         surface = velocity + np.cross(omega, self.x[seen] - _space(body.position))
         out[seen] = np.where(enough[:, None], v - surface, np.nan)
         return out
+
+
+def _on_surface(weight, height):
+    """Weights (n, nodes) of the sum 1 that act at the surface, changed by a half at most."""
+    weight = weight / weight.sum(axis=1)[:, None]
+    mean = np.einsum("nk,nk->n", weight, height)[:, None]
+    off = height - mean
+    variance = np.einsum("nk,nk->n", weight, off**2)[:, None]
+    farthest = np.where(weight > 0, abs(off), 0.0).max(axis=1)[:, None]
+    slope = mean / np.maximum(np.maximum(variance, 2 * abs(mean) * farthest), 1e-300)
+    return weight * np.where(variance > 1e-9, 1 - slope * off, 1.0)
 
 
 def _tangents(normal):
