@@ -72,11 +72,12 @@ def test_block_slides_down_a_slope(dim, turned_deg, offset, friction):
     assert gained @ t == pytest.approx(wanted, abs=0.01 * G)
 
 
-def layer(turned_deg, offset, rows=12, width=8):
+def layer(turned_deg, offset, rows=12, width=16):
     """A layer that flows along the periodic y down 25 degrees, on a plane that is turned about y.
 
-    It starts with the steady profile of the law. Returned: the scene, a point of the base, the
-    normal, and the largest speed.
+    It starts with the steady profile of the law. In a channel of half the width the smooth sides
+    change the mean speed by as much as 6 %. Returned: the scene, a point of the base, the normal,
+    and the largest speed.
     """
     (t, n), slope, h = axes(turned_deg, 3), math.radians(25.0), CELL / 2
     height, long = rows * CELL, width * CELL
@@ -112,17 +113,11 @@ def layer(turned_deg, offset, rows=12, width=8):
     return scene, base, n, profile.max()
 
 
-ACROSS = pytest.mark.xfail(
-    reason="a base inclined across the flow: 2 % fast near it, and the row at the surface by 3.5 %",
-    strict=True,
-)
-
-
 @pytest.mark.parametrize(
     ("turned_deg", "offset", "wall"),
     [
         (0.0, 0.0, True),
-        pytest.param(45.0, 0.25, False, marks=ACROSS),
+        (45.0, 0.25, False),
         *(
             pytest.param(*case, False, marks=pytest.mark.slow)
             for case in ((0.0, 0.0), (10.0, 0.25), (17.0, 0.0), (30.0, 0.5))
@@ -145,8 +140,10 @@ def test_layer_on_a_base_through_the_grid(turned_deg, offset, wall):
         flux = np.bincount(row, state.mass * state.v[:, 1], 12)
         speeds.append(flux / np.bincount(row, state.mass, 12) / fastest)
     ratio = (sim.state.mass @ sim.state.v[:, 1]) / (before.mass @ before.v[:, 1])
-    assert ratio == pytest.approx(1, abs=0.03)  # 0.999 on the wall, 1.008 at 17 deg, 1.026 at 45
-    assert np.abs(speeds[1] - speeds[0]).max() < 0.03
+    # measured: 1.001 along the grid, 1.004 at 10 deg, 1.007 at 30, 1.008 at 17, 1.009 at 45; and
+    # 0.015 of the largest speed, in the row at the surface
+    assert ratio == pytest.approx(1, abs=0.012)
+    assert np.abs(speeds[1] - speeds[0]).max() < 0.02
 
 
 @pytest.mark.parametrize("offset", [(0.0, 0.0), (0.25, 0.25), (0.5, 0.1)])
