@@ -64,6 +64,7 @@ def _parameters(scene: Scene, material: Material) -> dict[str, float]:
             layers = 1 if scene.scheme.basis == "linear" else scene.sources[0].points_per_axis
             averaging = 0.5 / layers
         numbers |= material.core_friction()
+        numbers |= {"cohesion": 0.0, "tensile_strength": 0.0}  # of the local law, if A is 0
         # The largest component: a layer on a slope is loaded by gravity across the layer.
         across = float(np.abs(scene.gravity.vectors).max())
         layer = material.rho_c * across * scene.grid.cell

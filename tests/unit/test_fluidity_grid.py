@@ -257,7 +257,7 @@ def test_iterations_that_do_not_suffice_are_an_error_that_leaves_the_field():
         ({"max_iterations": 0}, "max_iterations = 0 must be at least 1"),
         ({"steps": -1}, "steps = -1 must not be negative"),
         ({"threads": 0}, "threads = 0 must be 1 to"),
-        ({"threads": 1000}, "threads = 1000 must be 1 to"),
+        ({"threads": 2000}, "threads = 2000 must be 1 to 1024"),
         ({"method": "euler"}, 'no method "euler"'),
         ({"isa": "sse9"}, "not available"),
         ({"periodic": (True,)}, "periodic must be a tuple of 2"),

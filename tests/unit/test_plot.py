@@ -140,7 +140,8 @@ def test_points_are_discs_of_a_given_size(state):
         plot.frame(state, size=0.0)
 
 
-def test_frame_into_given_axes_leaves_pyplot_alone(state):
+def test_frame_into_given_axes_leaves_pyplot_alone(state, monkeypatch):
+    monkeypatch.delitem(sys.modules, "matplotlib.pyplot", raising=False)  # another test may need it
     ax = Figure().add_subplot()
     assert plot.frame(state, ax=ax, bar=False, title="here") is ax.figure
     assert ax.get_title() == "here"

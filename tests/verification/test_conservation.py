@@ -38,8 +38,11 @@ def test_momentum_of_a_closed_system(combination, dt):
     sim = gr.Simulation(closed_box(combination, dt=dt), threads=1)
     before = momentum(sim.state)
     scale = np.sum(sim.state.mass * np.linalg.norm(sim.state.v, axis=1))
-    sim.step(100)
-    assert sim.state.stress.any()  # the streams have met
+    bears = []
+    for _ in range(10):
+        sim.step(10)
+        bears.append(sim.state.stress.any())
+    assert any(bears)  # the streams have met
     for steps in (9_900, 1):
         sim.step(steps)
         assert sim.n_points == len(sim.state.mass)
