@@ -113,6 +113,7 @@ def small() -> Iterator[tuple[str, gr.Scene, int]]:
     grains = {
         "elastic": materials.Elastic(E=1e5),
         "drucker-prager": materials.DruckerPrager(E=1e5),
+        "regularised mu(I)": materials.RegularisedMuI(E=1e5),
         "hencky elastic": materials.Elastic(E=1e5, elasticity="hencky"),
         "hencky drucker-prager": materials.DruckerPrager(E=1e5, elasticity="hencky"),
         "hencky mu(I)": materials.MuI(E=1e5, elasticity="hencky"),

@@ -1,5 +1,6 @@
 /* The hypoelastic frictional laws: elastic below yield. Above it mu(I) flows (flow_rules.h), while Drucker-Prager
- * returns to tau = min(tau_trial, mu p). Disconnected material is stress-free.
+ * returns to tau = min(tau_trial, mu p), and the regularised mu(I) flows at any shear stress (regularised_flow.h).
+ * Disconnected material is stress-free.
  *
  * With cohesion c (Drucker & Prager 1952; with mu(I) as in Gans et al. 2023, J. Fluid Mech. 959, A41)
  *
@@ -13,7 +14,10 @@
 #pragma once
 
 #include "law/flow_rules.h"
+#include "law/regularised_flow.h"
 #include "law/trial.h"
+
+enum gr_rate { GR_RATE_INDEPENDENT, GR_MU_I, GR_REGULARISED }; /* how friction depends on the rate */
 
 struct gr_cohesion {
     vd cohesion, tensile_strength, loosest; /* Pa; Pa; log-density at which material separates */
@@ -47,14 +51,20 @@ GR_INLINE vm gr_bears_stress(const int cohesive, const struct gr_cohesion *n, vd
     return v_ge(zero, after);
 }
 
-/* Update of both laws: rate = 1 for mu(I), 0 for Drucker-Prager. Parameters: K, G, mu_s (or mu), for mu(I) mu_2 and xi;
- * with `cohesive` then the cohesion and the tensile strength. */
+/* Update of these laws; `rate` is an enum gr_rate. Parameters: K, G, mu_s (or mu), for mu(I) mu_2 and xi, if regularised
+ * then I0, mu_inf, alpha and I1; with `cohesive`, which the regularised law has not, then the cohesion and the tensile
+ * strength. */
 GR_INLINE void frictional_blocks(const int dim, const int rate, const int cohesive, const struct gr_law_call *call)
 {
     const double *q = call->parameter, *of_cohesion = q + (rate ? 5 : 3);
-    const vd K = v_set(q[0]), G = v_set(q[1]), mu_s = v_set(q[2]), zero = v_zero(), one = v_set(1.0);
+    const vd K = v_set(q[0]), G = v_set(q[1]), mu_s = v_set(rate == GR_REGULARISED ? 0.0 : q[2]), zero = v_zero(),
+             one = v_set(1.0);
     const struct gr_flow_numbers flow =
-        rate ? gr_flow_numbers_of(q[2], q[3], q[4] * q[1] * call->dt) : (struct gr_flow_numbers){0};
+        rate == GR_MU_I ? gr_flow_numbers_of(q[2], q[3], q[4] * q[1] * call->dt) : (struct gr_flow_numbers){0};
+    const struct gr_regularised_numbers regularised =
+        rate == GR_REGULARISED
+            ? gr_regularised_numbers_of(q[2], q[3], q[4] * q[1] * call->dt, q[6] * q[5], q[7], q[8] / q[5])
+            : (struct gr_regularised_numbers){0};
     struct gr_cohesion cohesion = {zero, zero, zero};
     if (cohesive)
         cohesion = (struct gr_cohesion){v_set(of_cohesion[0]), v_set(of_cohesion[1]), v_set(-of_cohesion[1] / q[0])};
@@ -80,8 +90,9 @@ GR_INLINE void frictional_blocks(const int dim, const int rate, const int cohesi
                 const vd trial = v_sqrt_fast(tau2);
                 vd over = trial, share = S0 / trial;
                 if (cohesive) over = over - yield.base;
-                if (rate) share = gr_flow_mu_I(&flow, over, yield.pressed, yield.friction);
-                if (rate && cohesive) share = v_fma(share, over, yield.base) / trial;
+                if (rate == GR_REGULARISED) share = gr_flow_regularised(&regularised, trial, p, flows);
+                if (rate == GR_MU_I) share = gr_flow_mu_I(&flow, over, yield.pressed, yield.friction);
+                if (rate == GR_MU_I && cohesive) share = v_fma(share, over, yield.base) / trial;
                 scale = v_select(flows, share, scale);
                 gamma = v_keep(flows, v_fnma(scale, trial, trial) * to_rate);
                 if (call->g) fluidity = v_keep(flows, gamma * p / (scale * trial)); /* g = gdot/mu */

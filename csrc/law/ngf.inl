@@ -20,7 +20,7 @@ static inline void local_phase(const int dim, const struct gr_law_call *call)
     const double local[] = {q[NGF_K], point[GR_FLUIDITY_G], point[GR_FLUIDITY_mu_s], point[GR_FLUIDITY_mu_2], xi};
     struct gr_law_call mu_I = *call;
     mu_I.parameter = local;
-    gr_frictional(dim, 1, &mu_I, 0);
+    gr_frictional(dim, GR_MU_I, &mu_I, 0);
 }
 
 /* Intermediate results that the stages hand on for a few blocks. Each stage is a chain of dependent operations. A

@@ -5,6 +5,7 @@
 #include "law/mu_I.inl"
 #include "law/ngf.inl"
 #include "law/own.inl"
+#include "law/regularised_mu_I.inl"
 #include "law/hencky_elastic.inl"
 #include "law/hencky_drucker_prager.inl"
 #include "law/hencky_hardening_drucker_prager.inl"

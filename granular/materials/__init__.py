@@ -17,6 +17,7 @@ from granular.materials.presets import (
     grc_1_hardening,
     silo_grains,
 )
+from granular.materials.regularised import RegularisedMuI
 
 __all__ = [
     "NGF",
@@ -26,6 +27,7 @@ __all__ = [
     "Material",
     "MuI",
     "OwnLaw",
+    "RegularisedMuI",
     "couette_beads",
     "from_function",
     "glass_beads",

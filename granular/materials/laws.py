@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from granular.checks import (
     check_fields,
@@ -20,6 +20,9 @@ from granular.checks import (
     set_fields,
 )
 from granular.notebook import table
+
+if TYPE_CHECKING:
+    from granular.materials.regularised import RegularisedMuI
 
 __all__ = [
     "NGF",
@@ -65,8 +68,8 @@ class Material:
     def __post_init__(self) -> None:
         if type(self) is Material:
             raise TypeError(
-                "Material is abstract: use MuI, NGF, DruckerPrager, HardeningDruckerPrager or "
-                "Elastic"
+                "Material is abstract: use MuI, RegularisedMuI, NGF, DruckerPrager, "
+                "HardeningDruckerPrager or Elastic"
             )
         check_fields(self, positive, "E", "rho_c")
         check_fields(self, in_range, "nu", low=0.0, high=0.5, open_high=True)
@@ -110,7 +113,9 @@ class Material:
         return table(f"{type(self).__name__} ({self.law})", rows)
 
 
-def _check_grain_density(material: MuI | NGF | DruckerPrager | HardeningDruckerPrager) -> None:
+def _check_grain_density(
+    material: MuI | RegularisedMuI | NGF | DruckerPrager | HardeningDruckerPrager,
+) -> None:
     check_fields(material, positive, "rho_s")
     if material.rho_s < material.rho_c:
         raise ValueError(f"rho_c = {material.rho_c} must not exceed rho_s = {material.rho_s}")
@@ -149,7 +154,7 @@ def _without_derived_strength(
     return arguments
 
 
-def _check_friction(material: MuI | NGF, *, allow_inf: bool) -> None:
+def check_friction(material: MuI | RegularisedMuI | NGF, *, allow_inf: bool) -> None:
     """Check the coefficients of a friction that rises with the rate, and the grain density."""
     check_fields(material, positive, "mu_s")
     check_fields(material, positive, "mu_2", allow_inf=allow_inf)
@@ -215,7 +220,7 @@ class MuI(Material):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check_friction(self, allow_inf=False)
+        check_friction(self, allow_inf=False)
         _check_cohesion(self, self.mu_s)
         if self.I0 is None and self.d is None:
             set_fields(self, xi=1.1233 if self.xi is None else positive("xi", self.xi))
@@ -307,7 +312,7 @@ class NGF(Material):
             raise ValueError('rheology = "linear_mu_I" must go with elasticity = "hencky"')
         check_fields(self, non_negative, "A")
         check_fields(self, positive, "d", "t0")
-        _check_friction(self, allow_inf=True)
+        check_friction(self, allow_inf=True)
         if self.I0 is not None and self.b is not None:
             raise ValueError(f"I0 = {self.I0} must not be given together with b = {self.b}")
         set_fields(self, _by_b=self.b is not None)

@@ -25,7 +25,14 @@ from __future__ import annotations
 
 import math
 
-from granular.materials import NGF, DruckerPrager, HardeningDruckerPrager, Material, MuI
+from granular.materials import (
+    NGF,
+    DruckerPrager,
+    HardeningDruckerPrager,
+    Material,
+    MuI,
+    RegularisedMuI,
+)
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import CellAveragedDensity, SmoothedDensity
 from granular.theory.well_posed import short_wave_growth, viscous_growth, well_posed_range
@@ -87,7 +94,8 @@ def _of_waves(
     """Rate s, limit of the shear rate over sqrt(p), and crossover rate of damped waves."""
     c_w = material.wave_speed
     friction, xi = _flow(material)
-    if not friction or material.has_fluidity:  # a fluidity has a length scale: it is well posed
+    well_posed = material.has_fluidity or isinstance(material, RegularisedMuI)
+    if not friction or well_posed:  # a fluidity has a length scale
         return 0.0, 0.0, 0.0
     ends = None if xi == math.inf else well_posed_range(_local(material))
     limit = math.inf if ends is None else ends[0] * xi
@@ -118,6 +126,8 @@ def _flow(material: Material) -> tuple[float, float]:
         return material.mu, math.inf
     if isinstance(material, HardeningDruckerPrager):
         return material.limiting_friction, math.inf
+    if isinstance(material, RegularisedMuI):
+        return material.mu_s, material.xi
     if isinstance(material, MuI | NGF):
         return material.mu_s, _local(material).xi
     return 0.0, 0.0

@@ -55,7 +55,7 @@ def _local_phase(scene: Scene) -> float:
 def _parameters(scene: Scene, material: Material) -> dict[str, float]:
     """Parameters of a law by their names in the core, and other numbers of the material."""
     numbers = material.arguments() | {"K": material.K, "G": material.G}
-    for derived in ("xi", "tensile_strength"):
+    for derived in ("xi", "I1", "tensile_strength"):
         if hasattr(material, derived):
             numbers[derived] = getattr(material, derived)
     if isinstance(material, NGF):

@@ -97,8 +97,8 @@ def chute_profile(
         If the iteration does not converge.
     """
     fine, half = _layers(angle_deg, height, material, gravity, cells)
-    m = material
-    if height <= stopping_height(angle_deg, m.A, m.d, m.mu_s, limiting_friction(m)):
+    m, limit = material, limiting_friction(material)
+    if height <= stopping_height(angle_deg, m.A, m.d, m.mu_s, limit):
         return fine.flow(np.zeros(cells), 0.0)
     u = fine.steady()
     return fine.flow(u, _change(fine.velocity(u), half.velocity(half.steady())))

@@ -88,8 +88,8 @@ def couette_decay_length(mu: ArrayLike, material: NGF) -> Array:
     mu = np.asarray(mu, dtype=float)
     if not np.all(mu >= 0):
         raise ValueError(f"mu = {mu} must be >= 0")
-    reach = positive("A", material.A) * positive("d", material.d)
     decay = -fluidity_growth(mu, material.mu_s, limiting_friction(material))
+    reach = positive("A", material.A) * positive("d", material.d)
     return np.where(decay > 0, reach / np.sqrt(np.where(decay > 0, decay, 1.0)), np.inf)[()]
 
 
@@ -201,8 +201,8 @@ class _Gap:
         self.x, self.step = np.linspace(0.0, math.log(outer / inner), points, retstep=True)
         self.r = inner * np.exp(self.x)
         self.share = np.exp(-2 * self.x)  # mu/mu_wall
-        self.reach = positive("A", m.A) * positive("d", m.d)
         self.limit = limiting_friction(m)
+        self.reach = positive("A", m.A) * positive("d", m.d)
         fluidity_growth(0.0, m.mu_s, self.limit)  # checks both
 
     def growth(self, mu: Array) -> Array:

@@ -14,7 +14,7 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import in_range, integer, non_negative, positive
-from granular.materials import MuI
+from granular.materials import MuI, RegularisedMuI
 
 Array = NDArray[np.float64]
 
@@ -130,10 +130,17 @@ def _steady_scale(angle_deg: float, material: MuI, gravity: float) -> float:
 
 def check_mu_I(material: Any) -> None:
     """Refuse a material of another law: these solutions are of mu(I) without cohesion."""
+    check_not_regularised(material)
     if getattr(material, "rheology", "mu_I") == "linear_mu_I":
         raise ValueError('rheology = "linear_mu_I" must be "mu_I": this is a solution of mu(I)')
     if cohesion := getattr(material, "cohesion", 0.0):
         raise ValueError(f"cohesion = {cohesion} must be 0: this is a solution without cohesion")
+
+
+def check_not_regularised(material: Any) -> None:
+    """Refuse the regularised mu(I): it has no yield stress, and its mu_s is not that of mu(I)."""
+    if isinstance(material, RegularisedMuI):
+        raise TypeError(f"material = {material!r} must be of a law with a yield stress")
 
 
 def _angle(angle_deg: float) -> float:

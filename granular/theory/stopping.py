@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular.checks import non_negative, positive
-from granular.theory.incline import Array, relative_depth
+from granular.theory.incline import Array, check_not_regularised, relative_depth
 
 
 def stopping_height(angle_deg: ArrayLike, A: float, d: float, mu_s: float, mu_2: float) -> Array:
@@ -121,6 +121,7 @@ def stopping_shape(y: ArrayLike, height: float) -> Array:
 
 def limiting_friction(material: Any) -> float:
     """Friction that a law never exceeds: `NGF.limiting_friction` if it says so, else `mu_2`."""
+    check_not_regularised(material)
     return getattr(material, "limiting_friction", material.mu_2)
 
 

@@ -18,17 +18,21 @@ The material enters only by mu_s and mu_2, and the flow only by I/I0.
 
 With a cohesion c the shear stress is c + mu(I) p. The same steps lead to the same C with q as it
 is, d tau/dp, and with d ln tau/d ln I = r mu p/(c + mu p) for r: then the pressure counts, too.
+
+The regularised law of Barker & Gray 2017 (`granular.materials.RegularisedMuI`) has its own mu and
+r. Below I1 r = mu^2/(2 alpha), with which C is not positive from rest on.
 """
 
 import math
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from granular.checks import in_range, positive
-from granular.materials import MuI
+from granular.materials import MuI, RegularisedMuI
+from granular.theory.incline import check_not_regularised
 
 Array = NDArray[np.float64]
 
@@ -40,11 +44,15 @@ Otherwise they are smaller in the ratio mu_s/(mu_2 - mu_s): for I << I0 the law 
 
 
 @overload
-def ill_posedness(scaled: float, material: MuI, pressure: float | None = None) -> float: ...
-@overload
-def ill_posedness(scaled: Array, material: MuI, pressure: Array | None = None) -> Array: ...
 def ill_posedness(
-    scaled: float | Array, material: MuI, pressure: float | Array | None = None
+    scaled: float, material: MuI | RegularisedMuI, pressure: float | None = None
+) -> float: ...
+@overload
+def ill_posedness(
+    scaled: Array, material: MuI | RegularisedMuI, pressure: Array | None = None
+) -> Array: ...
+def ill_posedness(
+    scaled: float | Array, material: MuI | RegularisedMuI, pressure: float | Array | None = None
 ) -> float | Array:
     """Discriminant C of Barker et al. 2015: the law is ill posed where it is positive.
 
@@ -52,7 +60,7 @@ def ill_posedness(
     ----------
     scaled : float or ndarray
         I/I0, >= 0 (`granular.measure.scaled_inertial_number` of points); nan gives nan.
-    material : MuI
+    material : MuI or RegularisedMuI
     pressure : float or ndarray, optional
         Pressure [Pa], > 0; needed if the material has a cohesion.
 
@@ -66,9 +74,7 @@ def ill_posedness(
     ValueError
         For a material with cohesion without a pressure.
     """
-    x, gain = scaled, material.mu_2 - material.mu_s
-    mu = material.mu_s + gain * x / (1 + x)
-    r = gain * x / ((1 + x) ** 2 * mu)
+    mu, r = _friction(scaled, material)
     q, cohesion = mu * (1 - r / 2), getattr(material, "cohesion", 0.0)
     if cohesion:
         if pressure is None:
@@ -79,8 +85,25 @@ def ill_posedness(
     return q**2 - 4 * r * (1 - r)
 
 
-def well_posed_range(material: MuI) -> tuple[float, float] | None:
-    """Range of I/I0 in which the law is well posed.
+def _friction(x: float | Array, material: MuI | RegularisedMuI) -> tuple[Any, Any]:
+    """Friction mu at x = I/I0, and r = d ln mu/d ln I."""
+    gain = material.mu_2 - material.mu_s
+    if not isinstance(material, RegularisedMuI):
+        mu = material.mu_s + gain * x / (1 + x)
+        return mu, gain * x / ((1 + x) ** 2 * mu)
+    mu, k = material.friction(x * material.I0), material.mu_inf * material.I0
+    fast = (gain + k * x * (2 + x)) * x / (1 + x) ** 2
+    creeps = x * material.I0 <= material.I1
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return mu, np.where(creeps, mu**2 / (2 * material.alpha), fast / mu)[()]
+
+
+def well_posed_range(material: MuI | RegularisedMuI) -> tuple[float, float] | None:
+    """Range of I/I0 in which the law is well posed; of the regularised law it begins at 0.
+
+    Parameters
+    ----------
+    material : MuI or RegularisedMuI
 
     Returns
     -------
@@ -92,6 +115,7 @@ def well_posed_range(material: MuI) -> tuple[float, float] | None:
     inside = np.flatnonzero(sign < 0)
     if not len(inside):
         return None
+    regularised = isinstance(material, RegularisedMuI)
     first, last = inside[0], inside[-1]
 
     def root(i: int) -> float:
@@ -99,7 +123,7 @@ def well_posed_range(material: MuI) -> tuple[float, float] | None:
             scipy.optimize.brentq(ill_posedness, *searched[i : i + 2], args=(material,), rtol=1e-12)
         )
 
-    return root(first - 1), root(last)
+    return 0.0 if regularised else root(first - 1), root(last)
 
 
 def well_posed_slopes(material: MuI) -> tuple[float, float] | None:
@@ -112,6 +136,7 @@ def well_posed_slopes(material: MuI) -> tuple[float, float] | None:
     tuple of float, or None
         Ends of the range; None as in `well_posed_range`.
     """
+    check_not_regularised(material)
     ends = well_posed_range(material)
     if ends is None:
         return None
@@ -133,6 +158,7 @@ def scaled_inertial_number_of_slope(angle_deg: float, material: MuI) -> float:
     TypeError, ValueError
         If the angle is not in [0, 90).
     """
+    check_not_regularised(material)
     slope = math.tan(math.radians(in_range("angle_deg", angle_deg, 0.0, 90.0, open_high=True)))
     if slope >= material.mu_2:
         return math.inf

@@ -102,7 +102,8 @@ def test_avx2_and_avx512_give_the_same_bits(small_scene, combination, dim):
     local = small_scene("walls", dim, combination, E=1e5)
     grains = local.material
     nonlocal_law = gr.materials.NGF(E=grains.E, rho_c=grains.rho_c, A=0.5, d=2e-3)
-    for material in (grains, nonlocal_law):
+    creeping = gr.materials.RegularisedMuI(E=grains.E, rho_c=grains.rho_c)
+    for material in (grains, nonlocal_law, creeping):
         if combination[0] == "ugimp" and material is nonlocal_law:
             continue  # which has no uGIMP
         sims = [
@@ -131,6 +132,23 @@ def test_cuts_between_calls_give_the_same_bits(small_scene, combination):
     expected = bits(run(scene, 2, 90))
     for cut in (1, 16, 47):
         assert bits(run(scene, 2, 90, cut)) == expected
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_regularised_law_has_the_same_bits(small_scene, tmp_path, dim):
+    """Its iterations end in each lane by themselves, whatever points are beside it."""
+    scene = small_scene("walls", dim, ("quadratic", "tpic", "smoothed"), E=1e5)
+    creeping = gr.materials.RegularisedMuI(E=1e5, rho_c=scene.material.rho_c)
+    scene = scene.replace(material=creeping)
+    one = run(scene, 1, 120)
+    assert (one.state.shear_rate > 0).any()
+    for threads in (2, 3):
+        assert bits(run(scene, threads, 120)) == bits(one), threads
+    cut = run(scene, 2, 50)
+    cut.run(until=cut.time, save=tmp_path / "creep.h5")
+    resumed = gr.Simulation.resume(tmp_path / "creep.h5", threads=3)
+    resumed.step(70)
+    assert bits(resumed) == bits(one)
 
 
 @pytest.mark.parametrize("density", ["particle", "smoothed", "cell_averaged", "of one layer"])

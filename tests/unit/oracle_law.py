@@ -58,10 +58,12 @@ def split_trial(q, stress, L, dt):
 
 
 def returned(name, q, trial, p, dt):
-    """Shear stress after the return to yield.
+    """Shear stress after the return to yield, or after the flow of the regularised mu(I).
 
     Bisection on tau_trial - tau = G dt gamma(tau) (2.13-2.15).
     """
+    if name == "regularised_mu_I":
+        return regularised(q, trial, p, dt)
     slow = q["mu_s"] if name == "mu_I" else q["mu"]
     cohesion = q.get("cohesion", 0.0)
     if trial <= cohesion + slow * p:
@@ -83,3 +85,32 @@ def returned(name, q, trial, p, dt):
             break
         low, high = (middle, high) if excess(middle) > 0 else (low, middle)
     return cohesion + (low + high) / 2
+
+
+def regularised(q, trial, p, dt):
+    """Shear stress of the regularised mu(I) after a step: the root of tau_trial - tau = G dt gdot.
+
+    Bisection on ln I, with the law as Barker & Gray (2017) write it.
+    """
+    if trial == 0 or p == 0:
+        return 0.0
+    I0, I1, alpha = q["I0"], q["I1"], q["alpha"]
+
+    def fast(inertial):
+        return (q["mu_s"] * I0 + (q["mu_2"] + q["mu_inf"] * inertial) * inertial) / (I0 + inertial)
+
+    ln_A = math.log(I1) + alpha / fast(I1) ** 2
+    rate = q["xi"] / I0 * math.sqrt(p)  # per unit of I
+
+    def friction(ln_I):
+        inertial = math.exp(ln_I)
+        return fast(inertial) if inertial > I1 else math.sqrt(alpha / (ln_A - ln_I))
+
+    low, high = -700.0, 600.0
+    for _ in range(200):
+        middle = (low + high) / 2
+        if middle in (low, high):
+            break
+        over = friction(middle) * p + q["G"] * dt * rate * math.exp(middle) > trial
+        low, high = (low, middle) if over else (middle, high)
+    return min(trial, friction(low) * p) if low > -700.0 else trial

@@ -6,7 +6,7 @@ import pickle
 import pytest
 
 from granular import materials, scenes
-from granular.materials import NGF, DruckerPrager, Elastic, Material, MuI
+from granular.materials import NGF, DruckerPrager, Elastic, Material, MuI, RegularisedMuI
 
 
 def test_moduli_of_isotropic_elasticity():
@@ -41,7 +41,7 @@ def test_replace_keeps_the_form_of_the_rate_constant():
 def test_arguments_make_an_equal_material():
     nonlocal_ones = (NGF(), NGF(I0=0.3, A=0.0), NGF(b=1.0, mu_2=math.inf), materials.silo_grains)
     local_ones = (materials.glass_beads, materials.glass_beads_5mm, DruckerPrager(), Elastic(E=1.0))
-    for m in (*local_ones, *nonlocal_ones):
+    for m in (*local_ones, *nonlocal_ones, RegularisedMuI(alpha=1.8, d=0.002)):
         assert type(m)(**m.arguments()) == m
         assert pickle.loads(pickle.dumps(m)) == m
         assert hash(m) == hash(m.replace())
@@ -119,6 +119,18 @@ def test_names_of_laws_and_of_their_parameters():
         (DruckerPrager, {"mu": -0.1}, ValueError, "mu = -0.1"),
         (DruckerPrager, {"rho_s": 1000.0}, ValueError, "rho_c = 1500.0 must not exceed"),
         (Elastic, {"rho_c": 0.0}, ValueError, "rho_c = 0.0"),
+        (RegularisedMuI, {"mu_s": -0.1}, ValueError, "mu_s = -0.1"),
+        (RegularisedMuI, {"mu_2": 0.3}, ValueError, "mu_2 = 0.3 must exceed mu_s"),
+        (RegularisedMuI, {"mu_2": 0.39}, ValueError, "mu_2 = 0.39 must be larger with mu_s"),
+        (RegularisedMuI, {"mu_2": math.inf}, ValueError, "mu_2 = inf"),
+        (RegularisedMuI, {"d": 0.0}, ValueError, "d = 0.0"),
+        (RegularisedMuI, {"I0": math.nan}, ValueError, "I0 = nan"),
+        (RegularisedMuI, {"alpha": 0.0}, ValueError, r"alpha = 0.0 must be in \(0.0, 2.0\]"),
+        (RegularisedMuI, {"alpha": 2.1}, ValueError, r"alpha = 2.1 must be in \(0.0, 2.0\]"),
+        (RegularisedMuI, {"alpha": 0.1}, ValueError, "alpha = 0.1 must be such that the creep"),
+        (RegularisedMuI, {"mu_inf": -0.1}, ValueError, "mu_inf = -0.1"),
+        (RegularisedMuI, {"elasticity": "hencky"}, ValueError, 'must be "hypoelastic"'),
+        (RegularisedMuI, {"I0": 1e200, "d": 1e-200}, ValueError, "I0/.d sqrt.rho_s.. = inf"),
         (Material, {}, TypeError, "abstract"),
     ],
 )

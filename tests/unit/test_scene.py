@@ -70,7 +70,12 @@ def test_json_keeps_random_floats_to_the_last_bit():
         value = float(np.int64(bits).view(np.float64))
         scene = Scene(**PARTS | {"parameters": {"q": value}})
         assert Scene.from_json(scene.to_json()).parameters["q"] == value
-    kinds = (materials.DruckerPrager, materials.Elastic, materials.HardeningDruckerPrager)
+    kinds = (
+        materials.DruckerPrager,
+        materials.Elastic,
+        materials.HardeningDruckerPrager,
+        materials.RegularisedMuI,
+    )
     for material in (kind(E=1e6 / 3) for kind in kinds):
         scene = Scene(**PARTS | {"material": material})
         assert Scene.from_json(scene.to_json()) == scene
