@@ -10,7 +10,8 @@
  * time alone.
  *
  * Where points are not to be pushed into others, a point whose place is taken waits, at most one at each site: it enters in
- * the first step in which no other point of its column is nearer than h (or a little less, if it is in time). A point that is due while one waits is missed. */
+ * the first step in which no other point of its column is nearer than h (or a little less, if it is in time). A point that
+ * is due while one waits is missed. */
 #pragma once
 
 #include "mpm/engine.h"
