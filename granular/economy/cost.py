@@ -24,28 +24,28 @@ if TYPE_CHECKING:
 
 _NANOSECONDS = {
     2: {
-        ("linear", "flip"): 7.3,
-        ("ugimp", "flip"): 13.9,
-        ("quadratic", "flip"): 11.8,
-        ("quadratic", "apic"): 13.4,
-        ("quadratic", "tpic"): 17.5,
+        ("linear", "flip"): 11.8,
+        ("ugimp", "flip"): 20.8,
+        ("quadratic", "flip"): 18.2,
+        ("quadratic", "apic"): 24.8,
+        ("quadratic", "tpic"): 29.8,
     },
     3: {
-        ("linear", "flip"): 17.6,
-        ("ugimp", "flip"): 52.6,
-        ("quadratic", "flip"): 55.9,
-        ("quadratic", "apic"): 51.5,
-        ("quadratic", "tpic"): 93.8,
+        ("linear", "flip"): 26.5,
+        ("ugimp", "flip"): 75.9,
+        ("quadratic", "flip"): 66.7,
+        ("quadratic", "apic"): 98.6,
+        ("quadratic", "tpic"): 146.0,
     },
 }
 """Time per point and step on one core [ns], by dimension; 16 points per cell in 2D and 8 in 3D. The
 numbers are those of benchmarks/results/speed.json and must be updated with it. They hold for a
-machine with AVX-512; one with AVX2 only, two generations older, took twice as long."""
+server processor of 2022 with AVX-512 (Zen 4); others were from 0.6 to 2 times as fast."""
 
-_SHARED = {2: 10.2, 3: 34.3}
+_SHARED = {2: 16.6, 3: 42.3}
 """Time per point and step of a scheme with the cell-averaged density [ns], likewise."""
 
-_CARRIED = 1.15
+_CARRIED = 1.36
 """Time of a transfer that is not in the table, relative to "flip". This is the ratio of quadratic
 "apic" in 2D; in other measurements it was 1.1 to 2.2."""
 
