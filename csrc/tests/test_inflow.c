@@ -16,10 +16,9 @@ static void give_records(const struct gr_engine *e, double *record)
 {
     memset(record, 0, sizeof *record * (size_t)(SITES * e->n_components));
     for (int i = 0; i < SITES; i++, record += e->n_components) {
-        const int mass = e->n_components - 1; /* of the fields of this scene it is the last */
         record[0] = -1, record[1] = 2.2 + 0.05 * (i + 0.5);
-        record[2] = SPEED;
-        record[mass] = MASS;
+        record[gr_component_of(e, GR_FIELD_v)] = SPEED;
+        record[gr_component_of(e, GR_FIELD_mass)] = MASS;
     }
 }
 
@@ -161,7 +160,7 @@ TEST(inlets_that_cannot_be_are_refused)
     struct scene s;
     double record[SITES * 16];
     empty(&s, 64, 0);
-    const int mass = s.engine->n_components - 1;
+    const int mass = gr_component_of(s.engine, GR_FIELD_mass);
 #define REFUSED(change)                                          \
     do {                                                         \
         give_records(s.engine, record);                          \
@@ -188,11 +187,18 @@ TEST(inlets_that_cannot_be_are_refused)
     REFUSED(record[1] = NAN);
     REFUSED(record[mass] = 0);
 #undef REFUSED
-    CHECK(gr_regroup(s.engine, NULL) == GR_OK); /* too late: the points are grouped */
+    scene_free(&s);
+}
+
+TEST(a_run_takes_no_more_inlets)
+{
+    struct scene s;
+    double record[SITES * 16];
+    empty(&s, 2560, 1);
+    advance_to(&s, 50);
     give_records(s.engine, record);
     const struct gr_inlet inlet = default_inlet(record);
-    advance_to(&s, 1);
-    if (s.engine->mesh.node_capacity) CHECK(gr_inflow_add(s.engine, &inlet) == GR_ERR_CONFIG);
+    CHECK(gr_inflow_add(s.engine, &inlet) == GR_ERR_CONFIG && s.engine->inflow->n_inlets == 1);
     scene_free(&s);
 }
 
