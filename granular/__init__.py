@@ -18,7 +18,14 @@ from granular.buffers import show_config
 from granular.diagnostics import StabilityWarning, scene_warnings
 from granular.geometry import Box, Cylinder, Difference, Disc, Fill, Grid, Intersection, Union
 from granular.gravity import Gravity
-from granular.materials import NGF, DruckerPrager, Elastic, HardeningDruckerPrager, MuI
+from granular.materials import (
+    NGF,
+    DruckerPrager,
+    Elastic,
+    HardeningDruckerPrager,
+    MuI,
+    RegularisedMuI,
+)
 from granular.mpm import bodies, scaling, schemes
 from granular.mpm.bodies import Body, Motion
 from granular.mpm.inflow import Inflow
@@ -85,6 +92,7 @@ __all__ = [
     "MuI",
     "ParticleDensity",
     "Polygon",
+    "RegularisedMuI",
     "Scene",
     "Scheme",
     "Simulation",

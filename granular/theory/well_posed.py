@@ -19,7 +19,7 @@ The material enters only by mu_s and mu_2, and the flow only by I/I0.
 With a cohesion c the shear stress is c + mu(I) p. The same steps lead to the same C with q as it
 is, d tau/dp, and with d ln tau/d ln I = r mu p/(c + mu p) for r: then the pressure counts, too.
 
-The regularised law of Barker & Gray 2017 (`granular.materials.RegularisedMuI`) has its own mu and
+The regularised law of Barker & Gray 2017 (`granular.RegularisedMuI`) has its own mu and
 r. Below I1 r = mu^2/(2 alpha), with which C is not positive from rest on.
 """
 
