@@ -63,7 +63,7 @@ def bagnold(quick: bool) -> Outcome:
         surface, mean, d = (float(data[c][k]) for c in ("u_surface", "u_mean", "d_over_h"))
         # A layer relaxes in some multiples of speed over driving acceleration.
         drive = math.sin(angle) - MU_S * math.cos(angle)
-        until = 6.0 * surface / drive * (MU_2 - math.tan(angle)) / (MU_2 - MU_S)
+        until = 8.0 * surface / drive
         with outcome.timed():
             y, v = speeds(math.degrees(angle), d, 10 if quick else 20, until)
         miss = v - surface * bagnold_shape(y, 1.0)
