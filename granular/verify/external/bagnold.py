@@ -26,9 +26,7 @@ STIFFNESS = 1e5
 
 def speeds(angle_deg: float, d: float, cells: int, until: float) -> tuple[np.ndarray, np.ndarray]:
     """y/h and v/sqrt(g h) of the points of one periodic column, at a time in sqrt(h/g)."""
-    material = MuI(
-        E=STIFFNESS * RHO, mu_s=MU_S, mu_2=MU_2, I0=I0, d=d, rho_s=RHO, rho_c=RHO
-    )
+    material = MuI(E=STIFFNESS * RHO, mu_s=MU_S, mu_2=MU_2, I0=I0, d=d, rho_s=RHO, rho_c=RHO)
     scene = scenes.incline(
         angle_deg=angle_deg, height=1.0, cell=1.0 / cells, gravity=1.0, ramp=1.0,
         duration=until, material=material,
@@ -67,8 +65,12 @@ def bagnold(quick: bool) -> Outcome:
         with outcome.timed():
             y, v = speeds(math.degrees(angle), d, 10 if quick else 20, until)
         miss = v - surface * bagnold_shape(y, 1.0)
-        outcome.rows.append(near(f"mean speed over sqrt(g h), {angle} rad", float(v.mean()), mean, 0.01))
+        outcome.rows.append(
+            near(f"mean speed over sqrt(g h), {angle} rad", float(v.mean()), mean, 0.01)
+        )
         error = float(np.sqrt(np.mean(miss**2))) / mean
-        outcome.rows.append(below(f"rms error of the profile over the mean, {angle} rad", error, 0.01))
+        outcome.rows.append(
+            below(f"rms error of the profile over the mean, {angle} rad", error, 0.01)
+        )
         outcome.curves[str(angle)] = {"y": y.tolist(), "v": v.tolist(), "surface": surface}
     return outcome

@@ -81,7 +81,9 @@ class Comparison:
     passed: bool | None = None
 
 
-def near(quantity: str, ours: float, reference: float, share: float, gate: bool = True) -> Comparison:
+def near(
+    quantity: str, ours: float, reference: float, share: float, gate: bool = True
+) -> Comparison:
     """Row for a relative difference of at most `share`; without `gate` it is only reported."""
     passed = bool(abs(ours - reference) <= share * abs(reference))
     return Comparison(quantity, ours, reference, f"{share:.0%}", passed if gate else None)
