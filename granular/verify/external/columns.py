@@ -145,7 +145,7 @@ def failure_line(start: Array, end: Array, x: Array, width: float) -> Array:
 
 @case(_draw_bars)
 def bars(quick: bool) -> Outcome:
-    """Aluminium bars of Bui et al. 2008: final surface, toe, failure line; phi by sin and by tan."""
+    """Aluminium bars of Bui et al. 2008: surface, toe, failure line; phi by sin and by tan."""
     surface, line, outcome = load("bui2008_surface"), load("bui2008_failure"), Outcome()
     cell = 0.01 if quick else 0.004
     curves: dict[str, Any] = {"experiment": [surface["x_m"].tolist(), surface["y_m"].tolist()]}
