@@ -118,13 +118,16 @@ def contact_dynamics(quick: bool) -> Outcome:
     outcome = Outcome()
     for aspect in (1.42,) if quick else (0.5, 1.42, 6.26):
         names = ("default",) if quick else tuple(SCHEMES)
-        contact_dynamics_rows(outcome, aspect, 8 if quick else 16, names)
+        contact_dynamics_rows(outcome, aspect, CELLS, names)
     return outcome
 
 
 def _draw_bars(outcome: Outcome) -> Figure:
     return _panels(outcome, "x [m]", "y [m]")
 
+
+CELLS = 8
+"""Cells along the lesser of height and half-width of a column."""
 
 PHI = math.radians(19.8)
 MOVED = 1e-3
@@ -162,12 +165,16 @@ def bars(quick: bool) -> Outcome:
         h = height_at(end, surface["x_m"])
         rms = float(np.sqrt(np.mean((h - surface["y_m"]) ** 2)))
         toe = float(np.quantile(end.x[:, 0], 0.999))
+        connected = 0.2 * (1.0 + measure.runout(end).contiguous)
         y = failure_line(start, _in_order(end), line["x_m"], cell)
         off = float(np.sqrt(np.mean((y - line["y_m"]) ** 2)))
         tag = f"mu = {name} phi"
         outcome.rows += [
             below(f"rms of the surface [m], {tag}", rms, 3e-3),
             near(f"toe [m], {tag}", toe, float(surface["x_m"].max()), 0.05),
+            near(
+                f"toe by connected columns [m], {tag}", connected, surface["x_m"].max(), 0.05, False
+            ),
             below(f"rms of the failure line [m], {tag}", off, 6e-3),
         ]
         curves[tag] = [surface["x_m"].tolist(), h.tolist()]
