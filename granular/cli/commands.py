@@ -258,6 +258,10 @@ def _draw(record: str, picture: str | None, frame: int, arguments: argparse.Name
 def verify(arguments: argparse.Namespace) -> int:
     from granular import verify
 
+    if arguments.external is not None:
+        from granular.verify import external
+
+        return external.main(arguments.external)
     return verify.main(slow=arguments.slow)
 
 

@@ -85,7 +85,10 @@ def command_parser(words: Sequence[str] = ()) -> argparse.ArgumentParser:
     command.add_argument("second", metavar="FILE")
     command.set_defaults(command=do.compare)
     command = commands.add_parser("verify", help="check the package against theory")
-    command.add_argument("--slow", action="store_true", help="the long checks too")
+    kind = command.add_mutually_exclusive_group()
+    kind.add_argument("--slow", action="store_true", help="the long checks too")
+    text = "compare with data of other authors instead; all cases, or those named"
+    kind.add_argument("--external", nargs="*", metavar="CASE", help=text)
     command.set_defaults(command=do.verify)
     command = commands.add_parser("list", help="the scenes and their keywords")
     command.set_defaults(command=do.list_scenes)

@@ -1,0 +1,59 @@
+"""Data of other authors: the files are read and shipped, and coarse runs stay near them."""
+
+import io
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from granular.cli import main as command
+from granular.verify import external
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_every_file_says_where_it_comes_from():
+    files = sorted((ROOT / "granular" / "verify" / "data").glob("*.csv"))
+    assert len(files) > 10
+    for file in files:
+        data = external.load(file.stem)
+        assert "source" in data.notes[0]
+        assert all(len(column) > 1 for column in data.columns.values())
+
+
+def test_the_wheel_includes_the_files():
+    setup = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
+    assert "verify/data/*.csv" in setup["package-data"]["granular"]
+
+
+def test_unknown_names_are_refused():
+    with pytest.raises(ValueError, match="no_such"):
+        external.load("no_such")
+    with pytest.raises(ValueError, match="no_such"):
+        external.main(["no_such"], out=io.StringIO())
+
+
+def test_rows_are_met_reported_or_not():
+    assert external.near("q", 1.04, 1.0, 0.05).passed
+    assert external.near("q", 1.06, 1.0, 0.05).passed is False
+    assert external.near("q", 1.06, 1.0, 0.05, gate=False).passed is None
+    assert external.below("q", np.nan, 1.0).passed is False
+
+
+def test_coarse_contact_dynamics():
+    """The asked tolerances hold with 8 cells per half-width, for the default scheme."""
+    rows = external.cases["contact_dynamics"].outcome(quick=True).rows
+    assert [row.quantity for row in rows if row.passed is False] == []
+    assert sum(row.passed is True for row in rows) == 3
+
+
+def test_coarse_bars():
+    """With tan phi the surface is within what is asked, in cells of 0.01 m."""
+    rows = {row.quantity: row for row in external.cases["bars"].outcome(quick=True).rows}
+    assert rows["rms of the surface [m], mu = tan phi"].passed
+
+
+def test_the_command_names_a_case_it_does_not_have(capsys):
+    assert command(["verify", "--external", "no_such"]) != 0
+    assert "no_such" in capsys.readouterr().err
