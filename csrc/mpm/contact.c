@@ -245,13 +245,13 @@ static void end(struct gr_engine *e, int b, const struct moving *m)
     gr_turn(now->orientation, m->omega, e->dt, next->orientation);
 }
 
-void gr_bodies_touch(struct gr_engine *e, const double g[3])
+void gr_bodies_touch(struct gr_engine *e, const double g[3], struct gr_team *team)
 {
     struct moving body[GR_MAX_BODIES];
     double gravity[3] = {0};
     memcpy(gravity, g, sizeof(double) * (size_t)e->config.dim);
     for (int b = 0; b < e->config.n_bodies; b++) begin(e, b, gravity, &body[b]);
-    gr_feet_find(e, gravity);
+    gr_feet_find(e, gravity, team);
     undo_friction(e, gravity);
     for (int64_t k = 0; k < e->feet->n; k++)
         push(e, &e->feet->foot[k], e->feet->foot[k].impulse, &body[e->feet->foot[k].body]);

@@ -6,10 +6,10 @@
 #include "core/memory.h"
 #include "mpm/contact.h"
 #include "mpm/edges.h"
+#include "mpm/foot_support.h"
 #include "mpm/migrate.h"
 #include "mpm/of_material.h"
 #include "mpm/pose.h"
-#include "mpm/shape.h"
 #include "mpm/sleep.h"
 #include "mpm/walls.h"
 
@@ -36,22 +36,8 @@ enum { OUT_INTERVAL = 8 };
  * must not decide. */
 #define HOLD 1.5
 
-/* A foot acts if the mean mass of the nodes about it, over that of a full cell, is more than this; of their shape functions
- * at least this part has mass. */
+/* A foot acts if the mean mass of the nodes about it, over that of a full cell, is more than this. */
 #define LEAST_FILLING 0.1
-#define LEAST_SUM 0.2
-
-/* The weight of a node at a foot is its shape function, or m_i/(LIGHT M) if that is less, with the mean mass M = sum N_i m_i
- * at the foot: a light node would take up the impulse alone. As the weight goes to zero with the mass, nothing jumps when
- * rows of points leave a node. Measured with beds at rest and boxes that carry one (benchmarks/bodies.py): with less, the
- * force on a moving box along the grid has larger spikes, with more, the first row of a bed at rest has more pressure. */
-#define LIGHT 0.15
-
-/* Variance of the distances of nodes from the surface, in cells^2, below which they are the same but for round-off. */
-#define ONE_DISTANCE 1e-9
-
-/* Where walls hold more than the rest of the mobility of a foot, they act there, and not the body. */
-#define LEAST_MOBILE 0.1
 
 /* At a convex edge a foot gives at most this many times the normal stress of its point times the area of a point on the
  * surface. This bears what presses on the edge. The weight of the material that falls past it, which the shape functions
@@ -78,6 +64,7 @@ void gr_feet_free(struct gr_feet *feet)
     free(feet->near);
     free(feet->bodies);
     free(feet->clearance);
+    free(feet->begin);
     free(feet->pose);
     free(feet);
 }
@@ -100,8 +87,10 @@ static int reserve(struct gr_engine *e)
 {
     struct gr_feet *feet = e->feet;
     int64_t most = 0;
-    for (int64_t k = 0; k < feet->n_near; k++)
+    for (int64_t k = 0; k < feet->n_near; k++) {
+        feet->begin[k] = most;
         most += (int64_t)e->mesh.cell[feet->near[k]].capacity * __builtin_popcountll(feet->bodies[k]);
+    }
     if (most > feet->capacity) {
         feet->capacity = 0;
         GR_RESIZE(feet->foot, most + most / 2);
@@ -132,6 +121,7 @@ int gr_feet_list(struct gr_engine *e)
         GR_RESIZE(feet->near, e->mesh.cell_capacity);
         GR_RESIZE(feet->bodies, e->mesh.cell_capacity);
         GR_RESIZE(feet->clearance, e->mesh.cell_capacity);
+        GR_RESIZE(feet->begin, e->mesh.cell_capacity);
         feet->near_capacity = e->mesh.cell_capacity;
     }
     for (int b = 0; b < e->config.n_bodies; b++) {
@@ -191,153 +181,6 @@ static int is_far(const struct about *about, const double x[3], double reach)
     return about->distance > reach && square < (about->distance - reach) * (about->distance - reach);
 }
 
-/* The node of the mesh with this index in the whole grid on a side of thin bodies, -1 if it is not active. Of two
- * duplicates that are not separated the first. */
-static int64_t node_on_side(const struct gr_engine *e, int64_t id, int side)
-{
-    const int64_t n = (int64_t)gr_table_get(&e->mesh.node_of, id) - 1;
-    if (n < 0 || !e->n_thin || e->mesh.duplicate[n] < 0) return n;
-    return n + (side < 0 && e->mesh.separated[n]);
-}
-
-/* The nodes of the mesh about a place in the cell `at`, -1 for those that are not active. */
-static void nodes_of(const struct gr_engine *e, const int32_t at[3], int side, int64_t node[GR_MAX_NODES])
-{
-    const int k = gr_nodes_1d(e->config.basis);
-    const int64_t c = e->n_thin ? -1 : (int64_t)gr_table_get(&e->mesh.cell_of, gr_cell_id(e, at)) - 1;
-    for (int i = 0; c >= 0 && i < e->K; i++) node[i] = gr_cell_node(e, c, i);
-    if (c >= 0) return;
-    for (int i = 0; i < e->K; i++) {
-        const int part[3] = {i % k, i / k % k, i / (k * k)};
-        int64_t id = 0;
-        for (int d = e->config.dim - 1; d >= 0; d--) id = id * e->axis[d].n_nodes + e->axis[d].cell[at[d]].node[part[d]];
-        node[i] = node_on_side(e, id, side);
-    }
-}
-
-static double mass_of(const struct gr_engine *e, int64_t n)
-{
-    const int joined = e->n_thin && e->mesh.duplicate[n] >= 0 && !e->mesh.separated[n];
-    return e->node_mass[n] + (joined ? e->node_mass[e->mesh.duplicate[n]] : 0);
-}
-
-/* Shape functions at x, the indices of its cell, and the distances of the nodes from x along the normal, in cells.
- * Returned: their number; 0 if x lies outside of the domain. */
-static int shapes_at(const struct gr_engine *e, const double x[3], const double normal[3], double weight[GR_MAX_NODES],
-                     double above[GR_MAX_NODES], int32_t in[3])
-{
-    const int dim = e->config.dim, basis = e->config.basis, k = gr_nodes_1d(basis);
-    double w[3][3] = {{0}, {0}, {1}}, up[3][3] = {{0}};
-    for (int d = 0; d < dim; d++) {
-        const struct gr_axis *axis = &e->axis[d];
-        double place = x[d] - axis->origin;
-        if (axis->periodic) place -= axis->length * floor(place / axis->length);
-        int64_t at = gr_locate(axis, e->inv_dx, axis->origin + place);
-        if (at < 0 || at >= axis->n_cells) {
-            if (!axis->periodic && fabs(place - 0.5 * axis->length) > 0.5 * axis->length + 1e-9 * e->config.dx) return 0;
-            at = at < 0 ? 0 : axis->n_cells - 1;
-        }
-        const struct gr_axis_cell *cell = &axis->cell[at];
-        vd value[3], slope[3];
-        in[d] = (int32_t)at;
-        const struct gr_knots knots = gr_knots_of(cell);
-        const double xi = (axis->origin + place - cell->edge) * e->inv_dx;
-        gr_shape_1d(basis, &knots, e->config.lambda, v_set(xi), value, slope);
-        for (int a = 0; a < k; a++) w[d][a] = value[a][0], up[d][a] = (cell->position[a] - xi) * normal[d];
-    }
-    for (int i = 0; i < e->K; i++) {
-        const int a = i % k, b = i / k % k, c = i / (k * k);
-        weight[i] = w[2][c] * w[1][b] * w[0][a];
-        above[i] = up[2][c] + up[1][b] + up[0][a];
-    }
-    return e->K;
-}
-
-/* The number of a node among those of the feet. */
-static int32_t number_of(struct gr_engine *e, int64_t n)
-{
-    struct gr_feet *feet = e->feet;
-    if (feet->number[n]) return feet->number[n] - 1;
-    const int dim = e->config.dim, fixed = gr_wall_now(e, e->mesh.node_code[n])->fixed;
-    const double mobility = 1 / mass_of(e, n);
-    struct gr_foot_node *node = &feet->node[feet->n_nodes];
-    struct gr_foot_origin *origin = &feet->origin[feet->n_nodes];
-    *node = (struct gr_foot_node){0};
-    *origin = (struct gr_foot_origin){.inverse_mass = mobility, .n = n, .held = fixed};
-    for (int d = 0; d < dim; d++) {
-        origin->before[d] = node->v[d] = gr_node_field(e, GR_NODE_VELOCITY + d)[n];
-        node->mobility[d] = fixed >> d & 1 ? 0 : mobility;
-    }
-    return (feet->number[n] = (int32_t)++feet->n_nodes) - 1;
-}
-
-/* Change the weights of n nodes, of the sum 1, so that they act at the surface: as nodes within the body are lighter, they
- * would act above it, and a flow that sticks to an inclined base would be 1 % slow. A weight w becomes w (1 - q (z - zbar))
- * with the distance z of its node above the surface, so that sum w = 1 and sum w z = 0, or as near 0 as changes by a half
- * at most allow. Nodes at one distance, as linear functions may leave, cannot act elsewhere. */
-static void put_on_surface(int n, double *weight, const double *above)
-{
-    double mean = 0, variance = 0, farthest = 0;
-    for (int i = 0; i < n; i++) mean += weight[i] * above[i];
-    for (int i = 0; i < n; i++) {
-        variance += weight[i] * (above[i] - mean) * (above[i] - mean);
-        farthest = fmax(farthest, fabs(above[i] - mean));
-    }
-    if (!(variance > ONE_DISTANCE)) return;
-    const double slope = mean / fmax(variance, 2 * fabs(mean) * farthest);
-    for (int i = 0; i < n; i++) weight[i] *= 1 - slope * (above[i] - mean);
-}
-
-/* Set nodes, weights and mobilities of a foot that acts at x.
- * Returned: whether it can act there. */
-static int support(struct gr_engine *e, const double x[3], int side, double least_filling, struct gr_foot *foot)
-{
-    int32_t in[3] = {0};
-    double sum = 0, mass = 0, along[3] = {0}, unheld = 0, of_node[GR_MAX_NODES], above[GR_MAX_NODES];
-    const int dim = e->config.dim, n = shapes_at(e, x, foot->normal, foot->weight, above, in);
-    const struct gr_body *body = &e->config.bodies[foot->body];
-    int64_t node[GR_MAX_NODES];
-    int used = 0, reduced = 0;
-    if (n) nodes_of(e, in, side, node);
-    for (int i = 0; i < n; i++) {
-        of_node[i] = foot->weight[i] > 0 && node[i] >= 0 ? mass_of(e, node[i]) : 0;
-        mass += foot->weight[i] * of_node[i];
-    }
-    for (int i = 0; i < n; i++) {
-        if (!(of_node[i] > e->config.mass_cutoff)) of_node[i] = 0;
-        const double most = of_node[i] / (LIGHT * mass), weight = fmin(foot->weight[i], most);
-        reduced |= weight < foot->weight[i];
-        if (!(weight > 0)) continue;
-        sum += weight;
-        above[used] = above[i], node[used] = node[i], foot->weight[used++] = weight;
-    }
-    if (!(sum > LEAST_SUM) || !(mass * e->mass_scale > least_filling)) return 0;
-    const double per_sum = 1 / sum;
-    double whole = 0, share = 0; /* of the nodes that no wall holds */
-    foot->n_nodes = used;
-    for (int i = 0; i < used; i++) foot->weight[i] *= per_sum;
-    if (reduced) put_on_surface(used, foot->weight, above);
-    memset(foot->unheld, 0, sizeof foot->unheld);
-    for (int i = 0; i < used; i++) {
-        const double weight = foot->weight[i];
-        foot->node[i] = number_of(e, node[i]);
-        const struct gr_foot_origin *of = &e->feet->origin[foot->node[i]];
-        const double mobility = weight * weight * of->inverse_mass;
-        unheld += mobility;
-        if (!of->held) whole += mobility, share += weight;
-        for (int d = 0; of->held && d < dim; d++)
-            if (!(of->held >> d & 1)) along[d] += mobility, foot->unheld[d] += weight;
-    }
-    foot->normal_mobility = foot->mobility = 0;
-    for (int d = 0; d < dim; d++) {
-        const double all = whole + along[d] + (body->free >> d & 1 ? 1 / body->mass : 0);
-        foot->unheld[d] += share;
-        foot->normal_mobility += foot->normal[d] * foot->normal[d] * all;
-        foot->mobility = fmax(foot->mobility, all);
-    }
-    return foot->normal_mobility > LEAST_MOBILE * unheld;
-}
-
 /* Half the spacing of points of a volume, given as the mass of as much of the first material, m. */
 static double half_spacing(const struct gr_engine *e, double filled)
 {
@@ -370,7 +213,7 @@ static double most_at_edge(const struct gr_engine *e, int64_t place, double r, c
 
 /* Find the foot of the point at `place`, with half the spacing r, on a body.
  * All: the poses of the bodies. Returned: whether it has one. */
-static int find_foot(struct gr_engine *e, const struct gr_cell *cell, int64_t place, int b, const struct gr_pose *all,
+static int find_foot(const struct gr_engine *e, const struct gr_cell *cell, int64_t place, int b, const struct gr_pose *all,
                      double r, double fall, struct gr_foot *foot)
 {
     const struct gr_pose *pose = &all[b];
@@ -401,11 +244,11 @@ static int find_foot(struct gr_engine *e, const struct gr_cell *cell, int64_t pl
         if (!(foot->most > 0)) return 0;
         foot->at_edge = 1;
     }
-    if (support(e, at, cell->side, LEAST_FILLING, foot)) {
+    if (gr_foot_support(e, at, cell->side, LEAST_FILLING, foot)) {
         for (int d = 0; d < 3; d++) foot->arm[d] -= phi * foot->normal[d];
         return 1;
     }
-    return support(e, x, cell->side, 0, foot);
+    return gr_foot_support(e, x, cell->side, 0, foot);
 }
 
 /* Let the feet of a point at edges share the stress that bounds them: bodies may have an edge in common. */
@@ -455,20 +298,26 @@ void gr_feet_keep(struct gr_engine *e)
     }
 }
 
-void gr_feet_find(struct gr_engine *e, const double g[3])
-{
-    struct gr_feet *feet = e->feet;
+/* The search of the feet of a step. */
+struct search {
+    struct gr_engine *e;
+    struct gr_team *team;
+    int64_t chunks;
+    double moved, speed, fall;
     struct gr_pose pose[GR_MAX_BODIES];
-    const double moved = moved_since(e), speed = gr_bodies_speed(e);
-    double fall = 0, filled = 0, r = 0;
-    for (int d = 0; d < e->config.dim; d++) fall += g[d] * g[d];
-    fall = 2 * e->dt * sqrt(fall);
-    for (int b = 0; b < e->config.n_bodies; b++) gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &pose[b]);
-    for (int64_t k = 0; k < feet->n_nodes; k++) feet->number[feet->origin[k].n] = 0;
-    feet->n = feet->n_nodes = 0;
-    for (int64_t k = 0; k < feet->n_near; k++) {
+};
+
+/* Find the feet of the points of the near cells [first, last). They follow each other from the place of the first cell on. */
+GR_SHARED(search, struct search, w->e->feet->n_near, w)
+{
+    struct gr_engine *e = w->e;
+    struct gr_feet *feet = e->feet;
+    struct gr_foot *foot = feet->foot + feet->begin[first];
+    double filled = 0, r = 0;
+    feet->found[chunk] = 0;
+    for (int64_t k = first; k < last; k++) {
         const struct gr_cell *cell = &e->mesh.cell[feet->near[k]];
-        const struct about about = look_about(e, k, moved);
+        const struct about about = look_about(e, k, w->moved);
         for (int32_t place = 0; place < cell->count; place++) {
             const int64_t s = gr_slot(cell, place);
             double x[3] = {0};
@@ -476,14 +325,62 @@ void gr_feet_find(struct gr_engine *e, const double g[3])
             for (int d = 0; d < e->config.dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + s];
             const double volume = gr_volume_as_mass(e, s);
             if (volume != filled) filled = volume, r = half_spacing(e, filled);
-            if (is_far(&about, x, reach_of(e, s, r, speed, fall))) continue;
+            if (is_far(&about, x, reach_of(e, s, r, w->speed, w->fall))) continue;
             for (int b = 0; b < e->config.n_bodies; b++)
-                if (feet->bodies[k] >> b & 1) n += find_foot(e, cell, s, b, pose, r, fall, &feet->foot[feet->n + n]);
-            share_stress(n, &feet->foot[feet->n]);
-            if (n) start_from_force(e, n, &feet->foot[feet->n]);
-            feet->n += n;
+                if (feet->bodies[k] >> b & 1) n += find_foot(e, cell, s, b, w->pose, r, w->fall, &foot[n]);
+            share_stress(n, foot);
+            if (n) start_from_force(e, n, foot);
+            foot += n, feet->found[chunk] += n;
         }
     }
+}
+
+/* The number of a node among those of the feet. */
+static int32_t number_of(struct gr_engine *e, int64_t n)
+{
+    struct gr_feet *feet = e->feet;
+    if (feet->number[n]) return feet->number[n] - 1;
+    const int dim = e->config.dim, fixed = gr_wall_now(e, e->mesh.node_code[n])->fixed;
+    const double mobility = 1 / gr_foot_mass(e, n);
+    struct gr_foot_node *node = &feet->node[feet->n_nodes];
+    struct gr_foot_origin *origin = &feet->origin[feet->n_nodes];
+    *node = (struct gr_foot_node){0};
+    *origin = (struct gr_foot_origin){.inverse_mass = mobility, .n = n, .held = fixed};
+    for (int d = 0; d < dim; d++) {
+        origin->before[d] = node->v[d] = gr_node_field(e, GR_NODE_VELOCITY + d)[n];
+        node->mobility[d] = fixed >> d & 1 ? 0 : mobility;
+    }
+    return (feet->number[n] = (int32_t)++feet->n_nodes) - 1;
+}
+
+/* Close the gaps between the feet of the chunks, and number the nodes of the feet in their order. */
+static void collect(const struct search *w)
+{
+    struct gr_feet *feet = w->e->feet;
+    for (int64_t k = 0; k < feet->n_nodes; k++) feet->number[feet->origin[k].n] = 0;
+    feet->n = feet->n_nodes = 0;
+    for (int64_t c = 0; c < w->chunks; c++) {
+        int64_t first, last;
+        gr_share(feet->n_near, c, w->chunks, &first, &last);
+        const struct gr_foot *found = feet->foot + feet->begin[first];
+        for (int64_t k = 0; k < feet->found[c]; k++) {
+            struct gr_foot *foot = &feet->foot[feet->n++];
+            if (foot != &found[k]) *foot = found[k];
+            for (int i = 0; i < foot->n_nodes; i++) foot->node[i] = number_of(w->e, foot->node[i]);
+        }
+    }
+}
+
+void gr_feet_find(struct gr_engine *e, const double g[3], struct gr_team *team)
+{
+    struct search w = {.e = e, .team = team, .chunks = gr_chunks(team, e->feet->n_near)};
+    w.moved = moved_since(e);
+    w.speed = gr_bodies_speed(e);
+    for (int d = 0; d < e->config.dim; d++) w.fall += g[d] * g[d];
+    w.fall = 2 * e->dt * sqrt(w.fall);
+    for (int b = 0; b < e->config.n_bodies; b++) gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &w.pose[b]);
+    search(&w);
+    collect(&w);
 }
 
 void gr_feet_move_out(struct gr_engine *e)

@@ -15,6 +15,7 @@
  * least. At convex edges the impulse is bounded by the stress of the point (edges.h). */
 #pragma once
 
+#include "core/team.h"
 #include "mpm/engine.h"
 
 /* A foot. Nodes are numbered in gr_feet; the shape functions of those with mass are normalised to the sum 1. */
@@ -56,8 +57,10 @@ struct gr_feet {
     int64_t *near;     /* cells near a body, ascending */
     uint64_t *bodies;  /* of these: bit b: body b */
     double *clearance; /* distance of their centres from the nearest of these, m */
+    int64_t *begin;    /* place of their first foot in the search */
     int64_t n_near, near_capacity;
-    struct gr_split_pose *pose; /* of the bodies, when these cells were listed */
+    int64_t found[GR_MAX_CHUNKS]; /* feet that each chunk of the search has found */
+    struct gr_split_pose *pose;   /* of the bodies, when these cells were listed */
     int listed;
 };
 
@@ -69,9 +72,9 @@ void gr_feet_free(struct gr_feet *feet);
  * Returned: 0 or GR_ERR_MEMORY. */
 int gr_feet_list(struct gr_engine *e);
 
-/* Find the feet of this step. Call it after the grid stage. The impulses start from those of the last step, which the
+/* Find the feet of this step, by all threads of a team. Call it after the grid stage. The impulses start from those of the last step, which the
  * points have kept as forces: of a point with several feet, each has the part of the force along its normal. */
-void gr_feet_find(struct gr_engine *e, const double g[3]);
+void gr_feet_find(struct gr_engine *e, const double g[3], struct gr_team *team);
 
 /* Keep the impulses of the feet as forces on their points. */
 void gr_feet_keep(struct gr_engine *e);

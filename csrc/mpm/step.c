@@ -297,7 +297,7 @@ static void stage_grid(struct run *run)
         all_tiles(run, cell_forces);
     }
     all_of(run, nodes, n_nodes);
-    if (e->config.n_bodies) gr_bodies_touch(e, run->gravity);
+    if (e->config.n_bodies) gr_bodies_touch(e, run->gravity, run->team);
     if (gr_averages(e, e->step)) all_of(run, surroundings, n_nodes);
     for (run->pass = 2; run->pass <= e->config.xpic_order; run->pass++) {
         all_tiles(run, smooth);

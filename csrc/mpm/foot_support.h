@@ -1,0 +1,12 @@
+/* The nodes on which a foot acts, and their weights. */
+#pragma once
+
+#include "mpm/feet.h"
+
+/* Mass of a node, with that of its duplicate on the other side of a thin body unless they are separated. */
+double gr_foot_mass(const struct gr_engine *e, int64_t n);
+
+/* Set nodes, as those of the mesh, weights and mobilities of a foot that acts at x, of a point on a side of thin bodies. The
+ * mean mass of its nodes, over that of a full cell, has to be more than `least_filling`.
+ * Returned: whether it can act there. */
+int gr_foot_support(const struct gr_engine *e, const double x[3], int side, double least_filling, struct gr_foot *foot);
