@@ -62,6 +62,11 @@ class Material:
         check_fields(self, in_range, "restitution", low=0.01, high=1.0)
         if self.contact_diameter is not None:
             check_fields(self, positive, "contact_diameter")
+        elif self.restitution < 1.0 and getattr(self, "d", None) is None:
+            raise ValueError(
+                f"restitution = {self.restitution} needs contact_diameter, the diameter of the "
+                "grains [m], as the material has no d"
+            )
         one_of("elasticity", self.elasticity, ("hypoelastic", "hencky"))
         positive(f"wave_speed of E = {self.E} and rho_c = {self.rho_c}", self.wave_speed)
 
@@ -100,20 +105,11 @@ class Material:
         rho_c d^3/2, so that omega = sqrt(6 K/rho_c)/d and
 
         ``T = 2 zeta d sqrt(rho_c/(6 K))``.
-
-        Raises
-        ------
-        ValueError
-            If the restitution is below 1 and there is no diameter.
         """
         if self.restitution == 1.0:
             return 0.0
         d = getattr(self, "d", None) if self.contact_diameter is None else self.contact_diameter
-        if d is None:
-            raise ValueError(
-                f"restitution = {self.restitution} needs contact_diameter, the diameter of the "
-                "grains, as the material has no d"
-            )
+        assert d is not None  # checked above
         log = -math.log(self.restitution)
         zeta = log / math.hypot(math.pi, log)
         return 2.0 * zeta * d * math.sqrt(self.rho_c / (6.0 * self.K))
