@@ -24,6 +24,7 @@ static const struct gr_law *const laws[] = {
 #include "mpm/migrate.h"
 #include "mpm/sleep.h"
 #include "mpm/damping.inl"
+#include "mpm/elastic_damping.inl"
 #include "mpm/smoothed_density.inl"
 #include "mpm/p2g.inl"
 #include "mpm/xpic.inl"

@@ -115,7 +115,7 @@ GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_eng
             of_cell[GR_CELL_MC] = v_fma(m, component(e, GR_FIELD_log_density, 0, at), of_cell[GR_CELL_MC]);
             for (int q = 0; q < stresses; q++) {
                 const int c = dim == 2 && q == 2 ? 3 : q; /* zz makes no force in 2D */
-                of_cell[GR_CELL_STRESS + q] = v_fma(m, component(e, GR_FIELD_stress, c, at), of_cell[GR_CELL_STRESS + q]);
+                of_cell[GR_CELL_STRESS + q] = v_fma(m, acting_stress(e, c, at), of_cell[GR_CELL_STRESS + q]);
             }
             if (e->config.damping_rate > 0)
                 of_cell[GR_CELL_M_RATE] = v_fma(m, component(e, GR_FIELD_shear_rate, 0, at), of_cell[GR_CELL_M_RATE]);

@@ -110,6 +110,7 @@ static void run_law(const struct gr_engine *e, struct batch *batch, int begins)
         call_law(e, 0, batch, 0, batch->n, begins);
     else
         call_laws(e, batch, begins);
+    if (e->field[GR_FIELD_viscous_stress] && !begins) damp_elastic(e, batch->n, batch->slot, batch->gradient);
     batch->n = 0;
 }
 

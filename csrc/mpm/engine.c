@@ -48,7 +48,8 @@ int gr_engine_uses(const struct gr_config *config, int field)
                           [GR_HARDENING] = hardens,
                           [GR_COHESIVE] = coheres,
                           [GR_SEVERAL] = config->n_materials > 1,
-                          [GR_REMEMBERS] = remembers};
+                          [GR_REMEMBERS] = remembers,
+                          [GR_ELASTIC] = config->damping_time > 0};
     return needed[gr_field_table[field].need];
 }
 
@@ -139,6 +140,7 @@ static int materials_are_valid(const struct gr_config *c)
     for (int k = 0; k < c->n_materials; k++) {
         const struct gr_material *m = &c->material[k];
         if (!law_exists(m->law) || !(m->rho_c > 0) || !(m->K > 0) || !(m->separation_strain >= 0)) return 0;
+        if (!(m->damping_time >= 0) || !isfinite(m->damping_time)) return 0;
         nonlocal += gr_law_at(m->law)->reaction != GR_LOCAL;
     }
     if (c->n_materials == 1) return 1;
@@ -191,6 +193,9 @@ static void prepare_materials(struct gr_engine *e)
             [GR_MATERIAL_ILL_POSED] = m->ill_posed_rate * m->ill_posed_rate,
             [GR_MATERIAL_CROSSOVER] = m->crossover_rate,
             [GR_MATERIAL_DAMPED] = e->config.damping_rate > 0 ? m->damping_rate / e->config.damping_rate : 1,
+            [GR_MATERIAL_DAMPING_TIME] = m->damping_time,
+            [GR_MATERIAL_BULK_MODULUS] = m->K,
+            [GR_MATERIAL_SHEAR_MODULUS] = parameter_of(m, "G"),
         };
         for (int q = 0; q < GR_MATERIAL_NUMBER_COUNT; q++) e->material_number[q][k] = number[q];
     }

@@ -2,6 +2,7 @@
  * else is here. */
 #pragma once
 
+#include <math.h>
 #include <stdint.h>
 
 #include "body/body.h"
@@ -54,6 +55,7 @@ struct gr_config {
     double keep_velocity_rate;       /* 1/s: FLIP keeps the share f = exp(-rate dt) in a step; < 0: f = 0 (PIC, APIC) */
     double wave_speed, mass_cutoff, cfl, dt; /* m/s, the largest; kg; 1; s; dt > 0: fixed */
     double damping_rate;                     /* the largest of the materials, 1/s */
+    double damping_time;                     /* of elastic waves, the largest of the materials, s */
     int n_materials;
     struct gr_material material[GR_MAX_MATERIALS];
     struct gr_density_numbers density;
@@ -346,5 +348,16 @@ int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels);
 int gr_g2p(struct gr_engine *e, const struct gr_kernels *kernels);
 double gr_stable_dt(const struct gr_engine *e, struct gr_team *team);
 
+/* The time step with the damping of elastic waves that is as far from its limit as `dt` is without, s. The wave of the
+ * largest frequency 2/dt obeys u'' = -(2/dt)^2 (u + T u'), and the explicit step h with it is stable if h^2 + 2 T h <= dt^2. */
+static inline double gr_damped_dt(const struct gr_config *c, double dt)
+{
+    const double T = c->damping_time;
+    return T > 0 ? dt * dt / (sqrt(dt * dt + T * T) + T) : dt;
+}
+
 /* The longest time step that the engine takes, s. */
-static inline double gr_longest_dt(const struct gr_config *c) { return c->dt > 0 ? c->dt : c->cfl * c->dx / c->wave_speed; }
+static inline double gr_longest_dt(const struct gr_config *c)
+{
+    return c->dt > 0 ? c->dt : gr_damped_dt(c, c->cfl * c->dx / c->wave_speed);
+}

@@ -15,6 +15,7 @@ struct gr_material {
     double ill_posed_rate;    /* shear rate over sqrt(ln(rho/rho_c)) below which plastic flow is ill posed, 1/s */
     double damping_rate;      /* of the short waves in such a flow if it is slow, 1/s */
     double crossover_rate;    /* shear rate over ln(rho/rho_c) at which their growth is no longer elastic, 1/s */
+    double damping_time;      /* viscosities of the elastic deformation over the moduli, s */
     double parameter[GR_LAW_MAX_PARAMETERS];
     gr_own_update *own; /* of a law of the user's own */
     double own_parameter[GR_OWN_PARAMETERS];
@@ -34,7 +35,10 @@ struct gr_material {
     X(STRESSED, "log-density from which points have stress")                  \
     X(ILL_POSED, "square of the ill-posed rate")                              \
     X(CROSSOVER, "crossover rate")                                            \
-    X(DAMPED, "its damping rate over the largest one; 1 if nothing is damped")
+    X(DAMPED, "its damping rate over the largest one; 1 if nothing is damped") \
+    X(DAMPING_TIME, "damping time of elastic waves, s")                       \
+    X(BULK_MODULUS, "K, Pa")                                                  \
+    X(SHEAR_MODULUS, "G, Pa")
 
 #define GR_X(name, doc) GR_MATERIAL_##name,
 enum gr_material_number { GR_MATERIAL_NUMBERS(GR_X) GR_MATERIAL_NUMBER_COUNT };

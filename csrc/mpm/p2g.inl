@@ -59,7 +59,7 @@ GR_INLINE void prepare_force(const int dim, const int smoothed, const struct gr_
     vd largest = v_zero();
     for (int d = 0; d < dim; d++)
         for (int j = 0; j <= d; j++) {
-            contribution->stress[d][j] = component(e, GR_FIELD_stress, place[d][j], at);
+            contribution->stress[d][j] = acting_stress(e, place[d][j], at);
             largest = v_max(v_abs(contribution->stress[d][j]), largest);
         }
     const vd c = component(e, GR_FIELD_log_density, 0, at);

@@ -72,7 +72,7 @@ double gr_stable_dt(const struct gr_engine *e, struct gr_team *team)
         const double *wall = e->config.walls[k].velocity;
         speed = fmax(speed, sqrt(wall[0] * wall[0] + wall[1] * wall[1] + wall[2] * wall[2]));
     }
-    return e->config.cfl * e->config.dx / (e->config.wave_speed + speed);
+    return gr_damped_dt(&e->config, e->config.cfl * e->config.dx / (e->config.wave_speed + speed));
 }
 
 /* Reserve memory for the state of the points between substeps. */
@@ -243,9 +243,9 @@ static int prepare(struct run *run)
     }
     const double next = e->time_anchor + (double)(e->step + 1 - e->step_anchor) * e->dt;
     /* Shear rates are recorded in the last step, where they are seen, and in the step before an averaging, which uses
-     * them. */
+     * them. The damping of elastic waves needs them in all. */
     e->record_rates = run->left == 0 || next >= run->until || gr_averages(e, e->step + 1) ||
-                      (config->cell_averaged && config->damping_rate > 0) || e->fluidity;
+                      (config->cell_averaged && config->damping_rate > 0) || config->damping_time > 0 || e->fluidity;
     e->diffuses = e->fluidity && !(e->time < config->nonlocal.begins_at);
     const double rate = config->keep_velocity_rate;
     e->keep_velocity = config->xpic_order || rate < 0 ? 0 : rate > 0 ? exp(-rate * dt) : 1;

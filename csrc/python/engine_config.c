@@ -219,13 +219,15 @@ static int take_materials(struct gr_config *c, PyObject *list)
             take_number(numbers, "separation_strain", &m->separation_strain) ||
             take_number(numbers, "ill_posed_rate", &m->ill_posed_rate) ||
             take_number(numbers, "damping_rate", &m->damping_rate) ||
-            take_number(numbers, "crossover_rate", &m->crossover_rate))
+            take_number(numbers, "crossover_rate", &m->crossover_rate) ||
+            take_number(numbers, "damping_time", &m->damping_time))
             return -1;
         if (take_own(m, own)) return -1;
         const struct gr_law *law = gr_law_at(m->law);
         for (int q = 0; q < gr_law_parameters(law); q++)
             if (take_number(parameters, law->parameter[q].name, &m->parameter[q])) return -1;
         c->damping_rate = fmax(c->damping_rate, m->damping_rate);
+        c->damping_time = fmax(c->damping_time, m->damping_time);
     }
     return 0;
 }

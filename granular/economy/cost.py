@@ -13,7 +13,7 @@ from granular.economy import bias, machine
 from granular.economy.suggestion import scene_function
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.inflow import points_between, standing_points
-from granular.mpm.limits import check_time_step
+from granular.mpm.limits import check_time_step, damped_step
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.seeding import estimated_points, most_points
@@ -163,7 +163,7 @@ def time_step(scene: AnyScene) -> float:
     scheme = scene.scheme
     if scheme.dt is not None:
         return scheme.dt
-    return scheme.cfl * scene.grid.cell / scene.wave_speed
+    return damped_step(scene, scheme.cfl * scene.grid.cell / scene.wave_speed)
 
 
 def nanoseconds(scheme: Scheme, dim: int) -> float:

@@ -18,7 +18,7 @@ from granular.economy.suggestion import Suggestion, Suggestions, changed, scene_
 from granular.economy.symmetry import obstacle
 from granular.materials import MuI
 from granular.mpm import engine
-from granular.mpm.limits import check_time_step, courant_limit, damps_by_step, height
+from granular.mpm.limits import check_time_step, courant_limit, damped_step, damps_by_step, height
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import ParticleDensity, Scheme, default
 from granular.theory.stopping import stopping_height
@@ -239,7 +239,7 @@ def _time_step(asked: _Asked) -> _Advice:
     if scheme.cfl > limit:
         reason = f"Kept: the adaptive step would be beyond its limit, cfl = {scheme.cfl} > {limit}."
         return _Advice(reason)
-    adaptive = scheme.cfl * scene.grid.cell / scene.wave_speed
+    adaptive = damped_step(scene, scheme.cfl * scene.grid.cell / scene.wave_speed)
     if adaptive <= scheme.dt:
         reason = f"{scheme.dt:.2g} s is no less than the adaptive step of {adaptive:.2g} s."
         return _Advice(reason)

@@ -1,11 +1,11 @@
 """Materials: constitutive laws with their parameters, ready materials, and laws of one's own."""
 
+from granular.materials.base import Material
 from granular.materials.laws import (
     NGF,
     DruckerPrager,
     Elastic,
     HardeningDruckerPrager,
-    Material,
     MuI,
 )
 from granular.materials.own import OwnLaw, from_function

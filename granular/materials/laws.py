@@ -7,19 +7,18 @@ list of a law can be filled from a material by name.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Self
 
 from granular.checks import (
     check_fields,
     finite,
-    in_range,
     non_negative,
     one_of,
     positive,
     set_fields,
 )
-from granular.notebook import table
+from granular.materials.base import Material
 
 if TYPE_CHECKING:
     from granular.materials.regularised import RegularisedMuI
@@ -29,88 +28,8 @@ __all__ = [
     "DruckerPrager",
     "Elastic",
     "HardeningDruckerPrager",
-    "Material",
     "MuI",
 ]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Material:
-    """Base class of the materials: isotropic elasticity and a reference density.
-
-    Parameters
-    ----------
-    E : float
-        Young's modulus [Pa], > 0.
-    nu : float
-        Poisson's ratio, 0 <= nu < 1/2.
-    rho_c : float
-        Density [kg/m3] of the densest stress-free state, > 0. Material of a lower density is
-        stress-free (Dunatunga & Kamrin 2015, eq. 2.7).
-    elasticity : {"hypoelastic", "hencky"}
-        "hypoelastic" integrates the stress by the Jaumann rate (Dunatunga & Kamrin 2015, eq. 2.9).
-        "hencky" has an energy of the logarithmic strain, which is exact in any rotation and shear,
-        and its pressure is always K ln(rho/rho_c) (Haeri & Skonieczny 2021). It takes longer.
-    """
-
-    E: float = 1e9
-    nu: float = 0.3
-    rho_c: float = 1500.0
-    elasticity: str = "hypoelastic"
-
-    flow: ClassVar[str]
-    """Flow rule, by its name in the core."""
-    granular: ClassVar[bool] = True
-    """True if the material bears pressure but no tension."""
-    has_fluidity: ClassVar[bool] = False
-    """True if the law is nonlocal, with a fluidity `g` at every point."""
-
-    def __post_init__(self) -> None:
-        if type(self) is Material:
-            raise TypeError(
-                "Material is abstract: use MuI, RegularisedMuI, NGF, DruckerPrager, "
-                "HardeningDruckerPrager or Elastic"
-            )
-        check_fields(self, positive, "E", "rho_c")
-        check_fields(self, in_range, "nu", low=0.0, high=0.5, open_high=True)
-        one_of("elasticity", self.elasticity, ("hypoelastic", "hencky"))
-        positive(f"wave_speed of E = {self.E} and rho_c = {self.rho_c}", self.wave_speed)
-
-    @property
-    def law(self) -> str:
-        """Name of the law in the core, one of `granular._core.laws`.
-
-        It is composed of the elasticity and the flow rule.
-        """
-        return self.flow if self.elasticity == "hypoelastic" else f"hencky_{self.flow}"
-
-    @property
-    def K(self) -> float:  # the usual symbol
-        """Bulk modulus E/(3 (1 - 2 nu)) [Pa]."""
-        return self.E / (3.0 * (1.0 - 2.0 * self.nu))
-
-    @property
-    def G(self) -> float:
-        """Shear modulus E/(2 (1 + nu)) [Pa]."""
-        return self.E / (2.0 * (1.0 + self.nu))
-
-    @property
-    def wave_speed(self) -> float:
-        """Speed of compression waves sqrt((K + 4G/3)/rho_c) [m/s]."""
-        return math.sqrt((self.K + 4.0 * self.G / 3.0) / self.rho_c)
-
-    def arguments(self) -> dict[str, Any]:
-        """Arguments that make an equal material, floats to the last bit."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
-
-    def replace(self, **changes: Any) -> Self:
-        """Return a copy with some arguments changed; it is checked like a new material."""
-        return type(self)(**(self.arguments() | changes))
-
-    def _repr_html_(self) -> str:
-        rows = {name: value for name, value in self.arguments().items() if value is not None}
-        rows |= {"K [Pa]": self.K, "G [Pa]": self.G, "wave speed [m/s]": self.wave_speed}
-        return table(f"{type(self).__name__} ({self.law})", rows)
 
 
 def _check_grain_density(

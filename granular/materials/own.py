@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from granular.checks import finite, one_of, truth
-from granular.materials.laws import Material
+from granular.materials.base import Material
 from granular.serializable import Parameters
 
 __all__ = ["OwnLaw", "from_function"]
@@ -103,6 +103,11 @@ class OwnLaw(Material):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.restitution != 1.0:
+            raise ValueError(
+                f"restitution = {self.restitution} must be 1 with a law of one's own, whose "
+                "plastic strain rate is not known"
+            )
         if self.elasticity != "hypoelastic":
             raise ValueError(f'elasticity = {self.elasticity!r} must be "hypoelastic" here')
         one_of("language", self.language, LANGUAGES)

@@ -15,7 +15,7 @@ from granular.materials.own import MOST_HISTORY, OwnLaw
 from granular.mpm.cell_codes import cell_flags, fluidity_faces
 from granular.mpm.damping import damping
 from granular.mpm.inflow import inlet_points
-from granular.mpm.limits import check_blades, check_time_step
+from granular.mpm.limits import check_blades, check_time_step, damped_step
 from granular.mpm.node_codes import WallRow, c0_lines, node_codes
 from granular.mpm.scene import Scene, Servo
 from granular.seeding import Points
@@ -81,6 +81,7 @@ def _material_row(scene: Scene, material: Material) -> _core.MaterialRow:
         "K": material.K,
         # material that bears tension is never disconnected
         "separation_strain": separation if material.granular else UNBOUNDED,
+        "damping_time": material.damping_time,
         **damping(scene, material),
     }
     own = None
@@ -107,7 +108,7 @@ def averaging_interval(scene: Scene) -> int:
     if scheme.density.name != "smoothed":
         return 1
     crossing = scene.grid.cell / scene.wave_speed
-    dt = scheme.dt or scheme.cfl * crossing
+    dt = scheme.dt or damped_step(scene, scheme.cfl * crossing)
     return max(round(scheme.density.averaging_time * crossing / dt), 1)
 
 

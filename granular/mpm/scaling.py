@@ -69,6 +69,7 @@ _MATERIAL = {
     "E": "stress",
     "d": "length",
     "t0": "time",
+    "contact_diameter": "length",
     "cohesion": "stress",
     "tensile_strength": "stress",
 }

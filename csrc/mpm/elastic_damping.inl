@@ -1,0 +1,50 @@
+/* Damping of elastic waves: the viscous stress of points, which P2G adds to that of their law.
+ *
+ *   sigma_v = T C : (D - D_p) = T (K tr(D) 1 + 2 G dev(D) - G gdot s/tau)
+ *
+ * D is the strain rate; D_p = gdot s/(2 tau), with s the deviator of the stress and tau = sqrt(s:s/2), its plastic part. Flow
+ * at a steady stress has D = D_p and is left alone. T is the damping time of the material (granular/materials/base.py).
+ * Points that bear no stress have none of this either. */
+#include "law/trial.h"
+#include "mpm/contribution.h"
+
+/* Set it for the points at the places from `at` on, from their gradient L dt and what the law made of them. */
+GR_INLINE void store_viscous_stress(const int dim, const struct gr_engine *e, const double *gradient, int64_t at)
+{
+    const vd none = v_zero(), rate = v_set(e->inv_dt), T = gr_of_material(e, GR_MATERIAL_DAMPING_TIME, at);
+    const vd K = T * gr_of_material(e, GR_MATERIAL_BULK_MODULUS, at), G = T * gr_of_material(e, GR_MATERIAL_SHEAR_MODULUS, at);
+    struct gr_stress s, viscous;
+    vd largest = none;
+    for (int c = 0; c < GR_STRESSES(dim); c++) {
+        s.s[c] = component(e, GR_FIELD_stress, c, at);
+        viscous.s[c] = none;
+        largest = v_max(v_abs(s.s[c]), largest);
+    }
+    (void)gr_split(&s);
+    gr_strain(dim, gradient, rate * K, rate * G, &viscous);
+    const vd tau = v_sqrt(v_max(gr_tau_squared(dim, &s), v_set(1e-300)));
+    const vd flow = G * component(e, GR_FIELD_shear_rate, 0, at) / tau;
+    for (int c = 0; c < GR_STRESSES(dim); c++)
+        v_store(e->field[GR_FIELD_viscous_stress] + c * e->capacity + at,
+                v_keep(v_gt(largest, none), v_fnma(flow, s.s[c], viscous.s[c])));
+}
+
+/* The same for the n blocks of points that a law was called for. */
+static __attribute__((noinline)) void damp_elastic(const struct gr_engine *e, int64_t n, const int64_t *slot,
+                                                   const double *gradient)
+{
+    for (int64_t k = 0; k < n; k++) {
+        if (e->config.dim == 2)
+            store_viscous_stress(2, e, gradient + k * 4 * GR_W, slot[k]);
+        else
+            store_viscous_stress(3, e, gradient + k * 9 * GR_W, slot[k]);
+    }
+}
+
+/* Stress that makes forces: that of the law, and the viscous one where the scene has it. */
+GR_INLINE vd acting_stress(const struct gr_engine *e, int c, int64_t at)
+{
+    vd stress = component(e, GR_FIELD_stress, c, at);
+    if (e->field[GR_FIELD_viscous_stress]) stress = stress + component(e, GR_FIELD_viscous_stress, c, at);
+    return stress;
+}

@@ -1,0 +1,128 @@
+"""Base class of the materials: elasticity, reference density and damping of elastic waves."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar, Self
+
+from granular.checks import check_fields, in_range, one_of, positive
+from granular.notebook import table
+
+__all__ = ["Material"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Material:
+    """Base class of the materials: isotropic elasticity and a reference density.
+
+    Parameters
+    ----------
+    E : float
+        Young's modulus [Pa], > 0.
+    nu : float
+        Poisson's ratio, 0 <= nu < 1/2.
+    rho_c : float
+        Density [kg/m3] of the densest stress-free state, > 0. Material of a lower density is
+        stress-free (Dunatunga & Kamrin 2015, eq. 2.7).
+    elasticity : {"hypoelastic", "hencky"}
+        "hypoelastic" integrates the stress by the Jaumann rate (Dunatunga & Kamrin 2015, eq. 2.9).
+        "hencky" has an energy of the logarithmic strain, which is exact in any rotation and shear,
+        and its pressure is always K ln(rho/rho_c) (Haeri & Skonieczny 2021). It takes longer.
+    restitution : float
+        Coefficient of restitution of a contact of two grains, 0.01 to 1. It gives the viscosity
+        that damps elastic waves (`damping_time`); 1 is no damping.
+    contact_diameter : float, optional
+        Diameter of the grains whose contacts damp [m], > 0; the grain diameter `d` of the law if
+        not given. Only used with a restitution below 1.
+    """
+
+    E: float = 1e9
+    nu: float = 0.3
+    rho_c: float = 1500.0
+    elasticity: str = "hypoelastic"
+    restitution: float = 1.0
+    contact_diameter: float | None = None
+
+    flow: ClassVar[str]
+    """Flow rule, by its name in the core."""
+    granular: ClassVar[bool] = True
+    """True if the material bears pressure but no tension."""
+    has_fluidity: ClassVar[bool] = False
+    """True if the law is nonlocal, with a fluidity `g` at every point."""
+
+    def __post_init__(self) -> None:
+        if type(self) is Material:
+            raise TypeError(
+                "Material is abstract: use MuI, RegularisedMuI, NGF, DruckerPrager, "
+                "HardeningDruckerPrager or Elastic"
+            )
+        check_fields(self, positive, "E", "rho_c")
+        check_fields(self, in_range, "nu", low=0.0, high=0.5, open_high=True)
+        check_fields(self, in_range, "restitution", low=0.01, high=1.0)
+        if self.contact_diameter is not None:
+            check_fields(self, positive, "contact_diameter")
+        elif self.restitution < 1.0 and getattr(self, "d", None) is None:
+            raise ValueError(
+                f"restitution = {self.restitution} needs contact_diameter, the diameter of the "
+                "grains [m], as the material has no d"
+            )
+        one_of("elasticity", self.elasticity, ("hypoelastic", "hencky"))
+        positive(f"wave_speed of E = {self.E} and rho_c = {self.rho_c}", self.wave_speed)
+
+    @property
+    def law(self) -> str:
+        """Name of the law in the core, one of `granular._core.laws`.
+
+        It is composed of the elasticity and the flow rule.
+        """
+        return self.flow if self.elasticity == "hypoelastic" else f"hencky_{self.flow}"
+
+    @property
+    def K(self) -> float:  # the usual symbol
+        """Bulk modulus E/(3 (1 - 2 nu)) [Pa]."""
+        return self.E / (3.0 * (1.0 - 2.0 * self.nu))
+
+    @property
+    def G(self) -> float:
+        """Shear modulus E/(2 (1 + nu)) [Pa]."""
+        return self.E / (2.0 * (1.0 + self.nu))
+
+    @property
+    def wave_speed(self) -> float:
+        """Speed of compression waves sqrt((K + 4G/3)/rho_c) [m/s]."""
+        return math.sqrt((self.K + 4.0 * self.G / 3.0) / self.rho_c)
+
+    @property
+    def damping_time(self) -> float:
+        """Ratio T of the viscosities of the elastic deformation to the moduli [s]; 0 is none.
+
+        The viscous stress is T C : D_e, with the elastic tensor C and the elastic part D_e of the
+        strain rate. T is the ratio c/k of the dashpot to the spring in a linear contact of the
+        given restitution e: with the damping ratio zeta = -ln e/sqrt(pi^2 + ln^2 e) and the
+        frequency omega of the contact without damping it is 2 zeta/omega. Grains of the diameter d
+        in a cubic array have the mass rho_c d^3 and K = k/(3 d). Two of them have the reduced mass
+        rho_c d^3/2, so that omega = sqrt(6 K/rho_c)/d and
+
+        ``T = 2 zeta d sqrt(rho_c/(6 K))``.
+        """
+        if self.restitution == 1.0:
+            return 0.0
+        d = getattr(self, "d", None) if self.contact_diameter is None else self.contact_diameter
+        assert d is not None  # checked above
+        log = -math.log(self.restitution)
+        zeta = log / math.hypot(math.pi, log)
+        return 2.0 * zeta * d * math.sqrt(self.rho_c / (6.0 * self.K))
+
+    def arguments(self) -> dict[str, Any]:
+        """Arguments that make an equal material, floats to the last bit."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    def replace(self, **changes: Any) -> Self:
+        """Return a copy with some arguments changed; it is checked like a new material."""
+        return type(self)(**(self.arguments() | changes))
+
+    def _repr_html_(self) -> str:
+        rows = {name: value for name, value in self.arguments().items() if value is not None}
+        rows |= {"K [Pa]": self.K, "G [Pa]": self.G, "wave speed [m/s]": self.wave_speed}
+        return table(f"{type(self).__name__} ({self.law})", rows)
