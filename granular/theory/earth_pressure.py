@@ -38,6 +38,10 @@ class EarthPressure:
     ----------
     coaxial_deg, band_deg : float
         Friction angle of uniform coaxial plane strain, and that of a shear band [deg].
+    triaxial_deg : float
+        Friction angle of triaxial compression [deg], where the larger principal stress is along the
+        axis: ``sin(phi) = 3 mu/(2 sqrt(3) + mu)``, as tau = (s1 - s3)/sqrt(3) there. It is less
+        than the others: what falls as a tall cylinder has less friction than in plane strain.
     passive_coaxial, passive_band : float
         Passive coefficients with these angles. A smooth wall that is pushed feels a force between
         them: bands form in the ground, but the flow is not in bands alone.
@@ -47,6 +51,7 @@ class EarthPressure:
 
     coaxial_deg: float
     band_deg: float
+    triaxial_deg: float
     passive_coaxial: float
     passive_band: float
     active_coaxial: float
@@ -77,6 +82,7 @@ def earth_pressure(mu: float) -> EarthPressure:
     return EarthPressure(
         coaxial_deg=math.degrees(coaxial),
         band_deg=math.degrees(band),
+        triaxial_deg=math.degrees(math.asin(3.0 * mu / (2.0 * math.sqrt(3.0) + mu))),
         passive_coaxial=passive[0],
         passive_band=passive[1],
         active_coaxial=1 / passive[0],

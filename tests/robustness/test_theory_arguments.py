@@ -163,6 +163,22 @@ CASES = [
         ({"K": 0.0}, "K = 0.0"),
         ({"gravity": inf}, "gravity = inf"),
     ]),
+    ("spreading_ellipse", CAP, [
+        ({"times": [0.2, 0.1]}, "times must be ascending"),
+        ({"angle_deg": 90.0}, "angle_deg = 90.0"),
+        ({"angle_deg": 0.0, "mu": 0.0}, "mu = 0.0 must be below"),
+        ({"half_length": 0.0}, "half_length = 0.0"),
+        ({"thickness": -1.0}, "thickness = -1.0"),
+        ({"K": 0.0}, "K = 0.0"),
+        ({"gravity": inf}, "gravity = inf"),
+    ]),
+    ("dam_break", {"x": [0.0], "time": 1.0, "angle_deg": 22.0, "mu": 0.3, "thickness": 1.0}, [
+        ({"x": [nan]}, "x"),
+        ({"time": 0.0}, "time = 0.0"),
+        ({"mu": 0.5}, "mu = 0.5"),
+        ({"thickness": 0.0}, "thickness = 0.0"),
+        ({"K": -1.0}, "K = -1.0"),
+    ]),
     ("block_runout", {"angle_deg": 35.0, "bend": 0.3, "mu": 0.3, "distance": 1.0}, [
         ({"angle_deg": 0.0}, "angle_deg = 0.0"),
         ({"bend": -0.1}, "bend = -0.1"),

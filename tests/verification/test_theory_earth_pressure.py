@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 import granular as gr
+from granular import _core
 from granular.measure.stress import friction_of
 from granular.mpm.bodies import Body, HalfSpace, Motion
 from granular.theory import earth_pressure, reference
+from granular.verify.constitutive import law_parameters
 
 MU = 0.7
 
@@ -20,6 +22,7 @@ def test_coefficients_by_hand():
     assert found.passive_coaxial == pytest.approx(1.7 / 0.3)  # (1 + sin)/(1 - sin)
     sine = 0.7 / math.sqrt(1.49)
     assert found.passive_band == pytest.approx((1 + sine) / (1 - sine))
+    assert found.triaxial_deg == pytest.approx(math.degrees(math.asin(2.1 / (math.sqrt(12) + 0.7))))
     assert found.active_coaxial * found.passive_coaxial == pytest.approx(1)
     assert found.active_band * found.passive_band == pytest.approx(1)
     still = earth_pressure(0.0)
@@ -46,6 +49,23 @@ def test_a_band_yields_at_the_tangent():
     assert math.degrees(math.atan(abs(xy / yy))) == pytest.approx(
         earth_pressure(MU).band_deg, rel=1e-3
     )
+
+
+def test_triaxial_compression_has_the_third_angle():
+    """A point in 3D that is shortened along z and widens in x and y, volume kept, beyond yield."""
+    material = gr.DruckerPrager(E=1e6, mu=MU)
+    lanes = _core.build_info()["lanes"]
+    gradient = np.zeros((1, 9, lanes))
+    gradient[0, [0, 4, 8]] = np.array([[0.5], [0.5], [-1.0]]) * 1e-4  # L dt: xx, yy, zz
+    density, rate, stress = np.full(lanes, 1e-3), np.zeros(lanes), np.zeros((6, lanes))
+    stress[:3] = -material.K * 1e-3
+    for _ in range(100):
+        _core.law_update(
+            material.law, 3, law_parameters(material), 1e-4, 1, gradient, density, stress, rate, ""
+        )
+    least, largest = -stress[0, 0], -stress[2, 0]
+    sine = (largest - least) / (largest + least)
+    assert math.degrees(math.asin(sine)) == pytest.approx(earth_pressure(MU).triaxial_deg, rel=1e-6)
 
 
 def test_a_pushed_smooth_wall_lies_between():
