@@ -6,6 +6,7 @@
 #include "core/memory.h"
 #include "mpm/contact.h"
 #include "mpm/edges.h"
+#include "mpm/lever.h"
 #include "mpm/migrate.h"
 #include "mpm/of_material.h"
 #include "mpm/pose.h"
@@ -403,9 +404,11 @@ static int find_foot(struct gr_engine *e, const struct gr_cell *cell, int64_t pl
     }
     if (support(e, at, cell->side, LEAST_FILLING, foot)) {
         for (int d = 0; d < 3; d++) foot->arm[d] -= phi * foot->normal[d];
-        return 1;
+    } else if (!support(e, x, cell->side, 0, foot)) {
+        return 0;
     }
-    return support(e, x, cell->side, 0, foot);
+    if (pose->body->turns) gr_foot_lever(e, pose, foot);
+    return 1;
 }
 
 /* Let the feet of a point at edges share the stress that bounds them: bodies may have an edge in common. */
