@@ -40,7 +40,7 @@ BOX = Body(
 )
 BRICK = Body(
     Box((0.3, 0.2, 0.16)),
-    (0.25, 0.3, 0.36),
+    (0.25, 0.3, 0.31),
     rotation_deg=(20.0, 10.0, 30.0),
     motion=Motion(velocity=((0.2, 0.1, -1.0),), angular_velocity=((1.0, -2.0, 4.0),)),
     friction=0.4,
@@ -77,16 +77,16 @@ def test_flight_is_that_of_euler_and_galilei():
         w, q = y[:3], y[3:].reshape(3, 3)
         return [
             *np.linalg.solve(inertia, -np.cross(w, inertia @ w)),
-            *(q @ np.cross(np.eye(3), -w)).ravel(),
+            *(q @ np.cross(np.eye(3), -w).T).ravel(),
         ]
 
-    end = 0.4
+    end = 0.2
     exact = solve_ivp(rates, (0, end), [*start, *np.eye(3).ravel()], rtol=1e-11, atol=1e-12).y[
         :, -1
     ]
     q = exact[3:].reshape(3, 3)
     errors = []
-    for dt in (2e-3, 1e-3):
+    for dt in (8e-4, 4e-4):
         sim = gr.Simulation(scene_of(body, dt=dt), threads=1)
         begin = sim.bodies[0]
         sim.run(until=end)
@@ -95,7 +95,9 @@ def test_flight_is_that_of_euler_and_galilei():
         turning = now.rotation @ inertia @ now.rotation.T @ now.angular_velocity
         assert turning == pytest.approx(inertia @ start, rel=1e-12)
         fall = 0.5 * -9.8 * end * (end + dt)  # of the symplectic Euler step
-        assert now.position == pytest.approx(begin.position + np.array([0.2, 0, 0.8 + fall]), rel=1e-12)
+        assert now.position == pytest.approx(
+            begin.position + np.array([0.1, 0, 0.4 + fall]), rel=1e-12
+        )
         assert now.angular_velocity == pytest.approx(q @ exact[:3], abs=30 * errors[-1])
     assert errors[1] < 1e-4
     assert errors[0] / errors[1] == pytest.approx(4, rel=0.05)
@@ -116,11 +118,14 @@ def test_the_body_gains_what_the_nodes_lose(body):
             engine.p2g()
             engine.grid()
         nodes, without = sim._engine.nodes(), alone._engine.nodes()
-        given = nodes["mass"][:, None] * (nodes["v"] - without["v"])
+        there = {tuple(x): v for x, v in zip(without["x"].round(6), without["v"], strict=True)}
+        plain = np.array([there.get(tuple(x), np.zeros_like(x)) for x in nodes["x"].round(6)])
+        given = nodes["mass"][:, None] * (nodes["v"] - plain)
         sim._engine.g2p()
         after = sim.bodies[0]
-        turned = np.cross(nodes["x"], given)
-        turned = turned.sum(axis=0)
+        x, j = (np.pad(part, ((0, 0), (0, 3 - body.dim))) for part in (nodes["x"], given))
+        turned = np.cross(x, j).sum(axis=0)
+        turned = turned[2] if body.dim == 2 else turned
         size = np.abs(given).sum()
         assert size > 0
         gained = body.mass * (after.velocity - before.velocity)
@@ -171,7 +176,7 @@ def test_mass_properties():
     """Those of homogeneous bodies in text books."""
     disc = mass_properties(Cylinder(0.1, center=(0.02, 0.0)), 1000.0)
     assert disc.mass == pytest.approx(10 * np.pi, rel=1e-5)
-    assert disc.center == pytest.approx((0.02, 0.0), abs=1e-8)
+    assert disc.center == pytest.approx((0.02, 0.0), abs=1e-7)
     assert disc.inertia == pytest.approx(0.5 * disc.mass * 0.01, rel=1e-4)
     ball = mass_properties(Sphere(0.1, center=(0.0, 0.0, 0.0)), 1000.0)
     assert ball.inertia == pytest.approx(0.4 * ball.mass * 0.01 * np.eye(3), rel=1e-3, abs=1e-9)
