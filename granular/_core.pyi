@@ -129,10 +129,10 @@ def node_positions(
 
 Array = NDArray[np.float64]
 BodyRow = tuple[
-    Array, tuple[tuple[NDArray, ...], ...], Array, Array, Array, int, int, int, float, float
+    Array, tuple[tuple[NDArray, ...], ...], Array, Array, Array, int, int, int, float, float, Array
 ]
 """parts (k, 17), samples, pose (7,), motion (n, 7), extent (3,), contact, free, rough, friction,
-mass"""
+mass, inertia (0,) or (12,): principal moments and their axes"""
 
 AxisRow = tuple[int, float, bool, bool, bool, NDArray[np.int32], float, float]
 """cells, lower (m), periodic, open_low, open_high, C0 lines, sponge: above (m), damping (1/s)"""

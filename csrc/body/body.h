@@ -58,11 +58,14 @@ static inline int gr_edges_inverted(int edges) { return edges >> 1 | (edges & 1)
 struct gr_body {
     int first_part, n_parts; /* its parts; the body is their union */
     int contact;
-    int free;         /* bit d: velocity component d follows from the forces, else from the prescribed motion */
-    int rough;        /* the fluidity is 0 at its surface */
-    double friction;  /* Coulomb coefficient */
-    double mass;      /* kg, in 2D per metre of depth; needed only by a body with free components */
-    double bound;     /* m: radius about its position that contains its surface; may be infinite */
+    int free;        /* bit d: velocity component d follows from the forces, else from the prescribed motion */
+    int rough;       /* the fluidity is 0 at its surface */
+    double friction; /* Coulomb coefficient */
+    double mass;     /* kg, in 2D per metre of depth; needed only by a body with free components */
+    int turns;       /* the angular velocity follows from the torque about its position, its centre of mass */
+    double inertia[3], principal[9]; /* of a body that turns: principal moments, kg m^2, in 2D all that about z, per metre
+                                        of depth; their axes in body coordinates, the columns of a rotation, row-major */
+    double bound;                    /* m: radius about its position that contains its surface; may be infinite */
     double extent[3]; /* m: distance of its surface from its position along each axis of the scene at most, in all its
                          orientations; may be infinite */
     double position[3], orientation[4];

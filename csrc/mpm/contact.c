@@ -1,6 +1,7 @@
 /* Contact of the material with rigid bodies, and the motion of the bodies (contact.h). */
 #include "mpm/contact.h"
 
+#include "body/turning.h"
 #include "mpm/feet.h"
 #include "mpm/grid.h"
 #include "mpm/pose.h"
@@ -19,6 +20,7 @@ typedef double half __attribute__((vector_size(16), aligned(8)));
 struct moving {
     struct gr_pose pose;
     double v[3], omega[3];
+    double inverse_inertia[9]; /* 1/(kg m^2), of a body that turns freely */
 };
 
 void gr_bodies_start(struct gr_engine *e)
@@ -92,6 +94,11 @@ static void push(struct gr_engine *e, const struct gr_foot *foot, const double i
     const half low = {impulse[0], impulse[1]}, high = {impulse[2], 0};
     for (int d = 0; d < 3; d++)
         if (body->free >> d & 1) m->v[d] -= impulse[d] / body->mass;
+    if (body->turns) {
+        double change[3];
+        gr_spin_up(m->inverse_inertia, foot->arm, impulse, change);
+        for (int d = 0; d < 3; d++) m->omega[d] -= change[d];
+    }
     for (int i = 0; i < foot->n_nodes; i++) {
         struct gr_foot_node *node = &e->feet->node[foot->node[i]];
         const half *mobility = (const half *)node->mobility;
@@ -227,8 +234,9 @@ static void begin(struct gr_engine *e, int b, const double g[3], struct moving *
     gr_motion_mean(m->pose.body, e->time, e->dt, mean);
     for (int d = 0; d < 3; d++) {
         m->v[d] = m->pose.body->free >> d & 1 ? e->body[b].v[d] + e->dt * g[d] : mean[d];
-        m->omega[d] = mean[3 + d];
+        m->omega[d] = m->pose.body->turns ? e->body[b].omega[d] : mean[3 + d];
     }
+    if (m->pose.body->turns) gr_inverse_inertia(m->pose.body, e->config.dim, e->body[b].orientation, m->inverse_inertia);
 }
 
 static void end(struct gr_engine *e, int b, const struct moving *m)
@@ -240,9 +248,12 @@ static void end(struct gr_engine *e, int b, const struct moving *m)
     for (int d = 0; d < 3; d++) {
         next->v[d] = m->pose.body->free >> d & 1 ? m->v[d] : prescribed[d];
         next->x[d] = now->x[d] + e->dt * m->v[d];
-        next->omega[d] = prescribed[3 + d];
+        next->omega[d] = m->pose.body->turns ? m->omega[d] : prescribed[3 + d];
     }
-    gr_turn(now->orientation, m->omega, e->dt, next->orientation);
+    if (m->pose.body->turns)
+        gr_turn_freely(m->pose.body, e->dt, next->orientation, next->omega);
+    else
+        gr_turn(now->orientation, m->omega, e->dt, next->orientation);
 }
 
 void gr_bodies_touch(struct gr_engine *e, const double g[3], struct gr_team *team)

@@ -11,13 +11,15 @@ void gr_bodies_start(struct gr_engine *e);
 double gr_bodies_speed(const struct gr_engine *e);
 
 /* Apply contact to the nodes about the feet of the points (feet.h), and the reaction to the bodies. Call it after the grid
- * stage. The feet are found by all threads of a team; the rest is done by one, so that the sums have one order. The impulses J at the feet fulfil
+ * stage. The feet are found by all threads of a team; the rest is done by one, so that the sums have one order. The
+ * impulses J at the feet fulfil
  *
  *   separating   J_n >= 0,  u_n >= b,  J_n (u_n - b) = 0,  |J_t| <= mu J_n, against u_t
  *   bilateral    u_n = 0,  |J_t| <= mu |J_n|, against u_t
  *   sticky       u = 0
  *
  * with u = sum N_i v_i' - (V + omega x r) the velocity of the material relative to the surface and b its bound. They are
- * found by sweeps of projected Gauss-Seidel over the feet, each of which changes v_i' by N_i J/m_i, and free components of
- * V by -J/M. The points receive the change of v_i' as a whole. Components that walls hold stay as they are. */
+ * found by sweeps of projected Gauss-Seidel over the feet, each of which changes v_i' by N_i J/m_i, free components of
+ * V by -J/M, and omega of bodies that turn by -I^-1 (r x J). The points receive the change of v_i' as a whole. Components
+ * that walls hold stay as they are. */
 void gr_bodies_touch(struct gr_engine *e, const double g[3], struct gr_team *team);

@@ -120,6 +120,8 @@ static int bodies_are_valid(const struct gr_config *c)
         if (body->first_part < 0 || body->n_parts < 1 || body->first_part > c->n_parts - body->n_parts) return 0;
         if (body->contact < 0 || body->contact >= GR_CONTACT_COUNT || body->free < 0 || body->free >> c->dim) return 0;
         if (!(body->friction >= 0) || body->n_motion < 1 || (body->free && !(body->mass > 0))) return 0;
+        for (int k = 0; body->turns && k < 3; k++)
+            if (!(body->inertia[k] > 0)) return 0;
     }
     return 1;
 }

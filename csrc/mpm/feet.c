@@ -7,6 +7,7 @@
 #include "mpm/contact.h"
 #include "mpm/edges.h"
 #include "mpm/foot_support.h"
+#include "mpm/lever.h"
 #include "mpm/migrate.h"
 #include "mpm/of_material.h"
 #include "mpm/pose.h"
@@ -246,9 +247,11 @@ static int find_foot(const struct gr_engine *e, const struct gr_cell *cell, int6
     }
     if (gr_foot_support(e, at, cell->side, LEAST_FILLING, foot)) {
         for (int d = 0; d < 3; d++) foot->arm[d] -= phi * foot->normal[d];
-        return 1;
+    } else if (!gr_foot_support(e, x, cell->side, 0, foot)) {
+        return 0;
     }
-    return gr_foot_support(e, x, cell->side, 0, foot);
+    if (pose->body->turns) gr_foot_lever(e, pose, foot);
+    return 1;
 }
 
 /* Let the feet of a point at edges share the stress that bounds them: bodies may have an edge in common. */

@@ -24,7 +24,9 @@ struct gr_foot {
     int64_t place;              /* of the point in its arrays */
     int32_t node[GR_MAX_NODES];
     double weight[GR_MAX_NODES];
-    double arm[3], normal[3];         /* from the position of the body, m; out of the body */
+    double arm[3], normal[3];         /* from the position of the body, m; out of the body. The arm of a body that turns
+                                         freely is that of sum N_i x_i, so that it gains the angular momentum that the
+                                         nodes lose */
     double normal_mobility, mobility; /* of the material and of the body along the normal, and at most; 1/kg */
     double unheld[3];                 /* share of each component of an impulse that walls do not hold */
     double bound;                     /* of the velocity along the normal, m/s: <= 0 */

@@ -85,7 +85,7 @@ PyObject *gr_python_laws(PyObject *module, PyObject *unused);
 /* fluidity.c: function of the module. */
 PyObject *gr_python_fluidity_diffuse(PyObject *module, PyObject *args, PyObject *kwargs);
 
-/* bodies.c: those of a configuration, from rows (parts, samples, pose, motion, contact, free, rough, friction, mass) */
+/* bodies.c: those of a configuration, from rows (parts, samples, pose, motion, contact, free, rough, friction, mass, inertia) */
 int gr_take_bodies(struct gr_config *c, PyObject *rows, struct gr_tables *tables);
 
 /* surfaces.c: tables of a part that is sampled or a height map; they are borrowed. And functions of the module. */

@@ -107,16 +107,40 @@ static int is_unit(const double orientation[4])
     return fabs(square - 1) < 1e-6;
 }
 
+/* No number of a body whose rotation is prescribed; else the principal moments, and their axes as a matrix of columns. */
+static int take_inertia(PyObject *object, struct gr_body *body)
+{
+    const npy_intp any[1] = {-1};
+    PyArrayObject *array = gr_array(object, "inertia", NPY_DOUBLE, 1, any, 0);
+    if (!array || gr_refuse_values("inertia", array, -GR_LARGEST)) return -1;
+    const npy_intp n = PyArray_DIM(array, 0);
+    const double *number = PyArray_DATA(array);
+    body->turns = n > 0;
+    if (!n) return 0;
+    if (n != 12) return gr_refuse("inertia must have no number, or three moments and the nine of their axes");
+    memcpy(body->inertia, number, sizeof body->inertia);
+    memcpy(body->principal, number + 3, sizeof body->principal);
+    for (int a = 0; a < 3; a++) {
+        if (!(body->inertia[a] > 0)) return gr_refuse("moments of inertia must be > 0");
+        for (int b = 0; b < 3; b++) {
+            double product = 0;
+            for (int c = 0; c < 3; c++) product += body->principal[3 * c + a] * body->principal[3 * c + b];
+            if (!(fabs(product - (a == b)) < 1e-6)) return gr_refuse("the axes of inertia must be orthonormal");
+        }
+    }
+    return 0;
+}
+
 static int take_body(const struct gr_config *c, PyObject *row, struct gr_body *body, struct gr_part *parts)
 {
-    PyObject *list, *samples, *pose, *motion, *extent;
+    PyObject *list, *samples, *pose, *motion, *extent, *inertia;
     const npy_intp seven[1] = {7}, three[1] = {3};
     if (gr_refuse_row("bodies", row) ||
         !PyArg_ParseTuple(
             row,
-            "OOOOOiiidd;a row of bodies is (parts, samples, pose, motion, extent, contact, free, rough, friction, mass)",
+            "OOOOOiiiddO;a row of bodies is (parts, samples, pose, motion, extent, contact, free, rough, friction, mass, inertia)",
             &list, &samples, &pose, &motion, &extent, &body->contact, &body->free, &body->rough, &body->friction,
-            &body->mass))
+            &body->mass, &inertia))
         return -1;
     body->first_part = c->n_parts;
     body->n_parts = take_parts(list, samples, GR_MAX_PARTS - c->n_parts, parts + c->n_parts);
@@ -135,6 +159,7 @@ static int take_body(const struct gr_config *c, PyObject *row, struct gr_body *b
     if (body->rough != 0 && body->rough != 1) return gr_refuse("rough must be 0 or 1");
     if (body->free < 0 || body->free >> c->dim) return gr_refuse("free must have a bit for each axis at most");
     if (gr_refuse_number("friction", body->friction, 1) || gr_refuse_number("mass", body->mass, !body->free)) return -1;
+    if (take_inertia(inertia, body)) return -1;
     body->bound = gr_union_bound(&parts[body->first_part], body->n_parts, c->dim);
     return 0;
 }

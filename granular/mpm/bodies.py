@@ -29,6 +29,7 @@ from granular.checks import (
     vector,
 )
 from granular.geometry import combined
+from granular.mpm.body_inertia import inertia_of, mass_properties, principal
 from granular.mpm.body_measures import are_endless, extents, largest_speed, reach
 from granular.mpm.body_mesh import Mesh
 from granular.mpm.body_operations import (
@@ -79,6 +80,7 @@ __all__ = [
     "Sphere",
     "Torus",
     "Union",
+    "mass_properties",
 ]
 
 Array = NDArray[np.float64]
@@ -186,7 +188,12 @@ class Body:
         Axes along which gravity and the forces of the material move the body instead of its
         `motion`, such as "z" or "xy"; its initial velocity is that of its `motion`.
     mass : float, optional
-        Mass [kg], > 0; required if, and only if, `free` names an axis.
+        Mass [kg; in 2D per metre of depth], > 0; required if, and only if, `free` names an axis.
+    inertia : float, tuple of 3 floats, or 3 x 3 tuple of floats, optional
+        Moment of inertia about the position, which must be the centre of mass [kg m2; in 2D per
+        metre of depth]: a number > 0 in 2D; in 3D the moments about the axes of the body, or the
+        tensor in them. If given, the torque of the material turns the body about its position
+        instead of its `motion`, from whose angular velocity it starts. See `mass_properties`.
 
     Raises
     ------
@@ -204,6 +211,7 @@ class Body:
     rough: bool = False
     free: str = ""
     mass: float | None = None
+    inertia: float | tuple[float, ...] | tuple[tuple[float, ...], ...] | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.shape, Shape):
@@ -232,6 +240,9 @@ class Body:
         check_fields(self, truth, "rough")
         check_fields(self, vector, "position", dim=dim)
         check_fields(self, positive, "mass", optional=True)
+        check_fields(self, inertia_of, "inertia", optional=True, dim=dim)
+        if self.inertia is not None and not math.isfinite(reach(self.shape)):
+            raise ValueError(f"inertia = {self.inertia} must be None: the shape is endless")
 
     @property
     def dim(self) -> int:
@@ -264,13 +275,19 @@ class Body:
 
     def extents(self) -> Array:
         """Distance of its surface from its position along x, y, z at most, in all its motion."""
-        turning = self.motion.rows()[:, 4:]
+        turning = self._turning()
         return extents(self.shape, turned(self.rotation_deg).as_matrix(), turning)
+
+    def _turning(self) -> Array:
+        """Angular velocities of its motion; if it turns freely, some about all its axes."""
+        if self.inertia is None:
+            return self.motion.rows()[:, 4:]
+        return np.eye(3)[2 if self.dim == 2 else 0 :]
 
     def _is_endless(self, axis: np.intp) -> bool:
         """True if the body is infinite along an axis, and stays so in its motion."""
         along = turned(self.rotation_deg).inv().apply(np.eye(3)[axis])
-        turning = np.delete(self.motion.rows()[:, 4:], axis, axis=1)
+        turning = np.delete(self._turning(), axis, axis=1)
         return not turning.any() and are_endless(self.shape, along)
 
     def largest_speed(self, grid: Grid) -> float:
@@ -305,6 +322,7 @@ class Body:
             int(self.rough),
             self.friction,
             self.mass or 0.0,
+            np.zeros(0) if self.inertia is None else principal(self.inertia),
         )
 
     def distance(self, x: Array) -> tuple[Array, Array]:
