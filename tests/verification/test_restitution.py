@@ -25,7 +25,7 @@ def wave(material, cells, *, threads=1, dim=2, scheme=None):
     scene = gr.Scene(
         name="wave",
         grid=Grid((0.0,) * dim, cell, shape, periodic=(True,) * dim),
-        fills=(Fill(Box((0.0,) * dim, size), 4),),
+        fills=(Fill(Box((0.0,) * dim, size), 2**dim),),
         material=material,
         scheme=scheme or scheme_of("quadratic", "flip", "particle", flip_decay=0.0),
         gravity=Gravity((0.0,), ((0.0,) * dim,)),
