@@ -99,7 +99,9 @@ def contact_dynamics_rows(
                 if k in (1, 2):  # while it moves; the times of the data are inferred
                     row = near(f"energy at t = {k}, {tag}", pe, facts["pe"][k], 0.04, gate=False)
                     outcome.rows.append(row)
-                    row = near(f"mean distance at t = {k}, {tag}", xm, facts["xm"][k], 0.03, gate=False)
+                    row = near(
+                        f"mean distance at t = {k}, {tag}", xm, facts["xm"][k], 0.03, gate=False
+                    )
                     outcome.rows.append(row)
         h = height_at(sim.state, x)
         L1 = float(np.sum(np.abs(h - target)) / np.sum(target))
