@@ -99,13 +99,15 @@ def contact_dynamics_rows(
                 if k in (1, 2):  # while it moves; the times of the data are inferred
                     row = near(f"energy at t = {k}, {tag}", pe, facts["pe"][k], 0.04, gate=False)
                     outcome.rows.append(row)
-                    row = near(f"mean |x| at t = {k}, {tag}", xm, facts["xm"][k], 0.03, gate=False)
+                    row = near(
+                        f"mean distance at t = {k}, {tag}", xm, facts["xm"][k], 0.03, gate=False
+                    )
                     outcome.rows.append(row)
         h = height_at(sim.state, x)
         L1 = float(np.sum(np.abs(h - target)) / np.sum(target))
         outcome.rows += [
             below(f"L1 of the deposit over the area, {tag}", L1, 0.06),
-            near(f"mean |x| of the deposit, {tag}", xm, facts["xm"][-1], 0.03),
+            near(f"mean distance of the deposit, {tag}", xm, facts["xm"][-1], 0.03),
             near(f"run-out in H, {tag}", q999 - R0, facts["q999"][-1] - R0, 0.15),
         ]
         curves[name] = [x[::10].tolist(), h[::10].tolist()]
