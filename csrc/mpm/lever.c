@@ -18,7 +18,7 @@ void gr_foot_lever(const struct gr_engine *e, const struct gr_pose *pose, struct
     double inverse[9], arm[3] = {0};
     for (int i = 0; i < foot->n_nodes; i++) {
         double x[3];
-        gr_node_position(e, e->feet->origin[foot->node[i]].n, x);
+        gr_node_position(e, foot->node[i], x);
         for (int d = 0; d < e->config.dim; d++) {
             const struct gr_axis *axis = &e->axis[d];
             double beyond = x[d] - pose->x[d] - foot->arm[d]; /* of the image of the node next to the foot */

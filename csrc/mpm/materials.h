@@ -26,18 +26,18 @@ struct gr_material {
 #define NO_SEPARATION 1e3
 
 /* Numbers of the materials that kernels look up, prepared by gr_prepare_materials. X(name, description) */
-#define GR_MATERIAL_NUMBERS(X)                                                \
-    X(FORCE_SCALE, "-1/(rho_c dx)")                                           \
-    X(FILLING, "rho_c of the first material over its own: volumes as masses") \
-    X(STIFFNESS, "its K over that of the first: log-densities as pressures")  \
-    X(SOFTNESS, "the inverse")                                                \
-    X(SEPARATION, "minus the separation strain")                              \
-    X(STRESSED, "log-density from which points have stress")                  \
-    X(ILL_POSED, "square of the ill-posed rate")                              \
-    X(CROSSOVER, "crossover rate")                                            \
+#define GR_MATERIAL_NUMBERS(X)                                                 \
+    X(FORCE_SCALE, "-1/(rho_c dx)")                                            \
+    X(FILLING, "rho_c of the first material over its own: volumes as masses")  \
+    X(STIFFNESS, "its K over that of the first: log-densities as pressures")   \
+    X(SOFTNESS, "the inverse")                                                 \
+    X(SEPARATION, "minus the separation strain")                               \
+    X(STRESSED, "log-density from which points have stress")                   \
+    X(ILL_POSED, "square of the ill-posed rate")                               \
+    X(CROSSOVER, "crossover rate")                                             \
     X(DAMPED, "its damping rate over the largest one; 1 if nothing is damped") \
-    X(DAMPING_TIME, "damping time of elastic waves, s")                       \
-    X(BULK_MODULUS, "K, Pa")                                                  \
+    X(DAMPING_TIME, "damping time of elastic waves, s")                        \
+    X(BULK_MODULUS, "K, Pa")                                                   \
     X(SHEAR_MODULUS, "G, Pa")
 
 #define GR_X(name, doc) GR_MATERIAL_##name,

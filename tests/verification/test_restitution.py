@@ -62,7 +62,7 @@ def test_a_standing_wave_decays_as_in_a_solid_of_kelvin_and_voigt(elasticity):
         damping_time=solid.damping_time,
     )
     errors = []
-    for cells in (8, 16, 32):
+    for cells in (16, 32, 64):
         plain = decay(solid.replace(restitution=1.0), cells)
         errors.append(abs((decay(solid, cells) - plain) / theory - 1))
     assert errors[2] < 0.01
@@ -91,7 +91,7 @@ def test_the_bits_do_not_depend_on_the_threads(dim, elasticity):
         sim = wave(Elastic(E=1e6, elasticity=elasticity, **DAMPED), 16, threads=threads, dim=dim)
         for _ in range(30):
             sim.step()
-        state = sim.state()
+        state = sim.state
         found.append(np.concatenate([state.v.ravel(), state.viscous_stress.ravel()]))
     assert abs(found[0]).max() > 0
     assert np.array_equal(found[0], found[1])
