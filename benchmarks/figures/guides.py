@@ -408,7 +408,7 @@ def paraview(quick: bool) -> Picture:
 
 def free_bodies(quick: bool) -> Picture:
     """A block that is thrown into a bed and turns, and its motion."""
-    made, axes = panels(2, 3, 5.0)
+    made, axes = panels(2, 3, 4.6)
     cell = 0.02 if quick else 0.01
     shape = gr.bodies.Box((0.2, 0.1))
     whole = gr.bodies.mass_properties(shape, density=2500.0)
@@ -437,7 +437,9 @@ def free_bodies(quick: bool) -> Picture:
     )
     sim = gr.Simulation(scene)
     with TemporaryDirectory() as folder:
-        record = gr.open(sim.run(until=0.1 if quick else 0.6, save=Path(folder, "block.h5")).record)
+        path = Path(folder, "block.h5")
+        sim.run(until=0.1 if quick else 0.6, save=path, every=0.01)
+        record = gr.open(path)
         shown = (0, len(record) // 4, len(record) - 1)
         for ax, k in zip(axes[0], shown, strict=True):
             title = f"t = {record[k].time:.2f} s"
