@@ -51,9 +51,9 @@ def bar_restitution(*, length: float, wave_speed: float, damping_time: float) ->
     """Coefficient of restitution of a bar that hits a rigid wall with its end.
 
     Until it leaves the wall, its modes sin(k x) with k = (n + 1/2) pi/L obey the equation of
-    `wave_decay`; it leaves when the stress at the wall, elastic and viscous, has fallen to zero. The
-    coefficient is the mean velocity then over that of the impact. It depends on T c/L only: what is
-    left of the energy is in vibrations, or was dissipated.
+    `wave_decay`. It leaves when the stress at the wall, elastic and viscous, has fallen to zero.
+    The coefficient is the mean velocity then over that of the impact. It depends on T c/L only:
+    what is left of the energy is in vibrations, or was dissipated.
 
     Parameters
     ----------
