@@ -28,7 +28,7 @@ static struct gr_inlet default_inlet(double *record)
         .n_sites = SITES, .velocity = {SPEED}, .spacing = SPACING, .end = INFINITY, .record = record, .yields = 0};
 }
 
-/* An empty scene whose right end is open, with room for `capacity` points, and an inlet at the left end if asked for. */
+/* An empty scene whose right end is open, with places for `capacity` points, and an inlet at the left end if asked for. */
 static void empty(struct scene *s, int64_t capacity, int has_inlet)
 {
     double record[SITES * 16];
