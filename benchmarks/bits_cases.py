@@ -50,6 +50,7 @@ READY = {
     "cohesive_cliff": {"cell": 0.05},
     "obstacle": {"cell": 0.05},
     "penetration": {"cell": 0.04},
+    "sphere_drop": {"cell": 0.008},
     "conveyor": {"cell": 0.025},
     "conveyor_heap": {"cell": 0.02, "duration": 0.5},
     "chute_fed": {"cell": 0.02, "duration": 0.5},

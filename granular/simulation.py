@@ -365,8 +365,10 @@ class Simulation:
             If the record cannot be written; an existing record is intact. The next run of this
             object goes on with the record, and stores the frame that could not be stored.
         SimulationError
-            If a point is not finite or ran away. The attributes `point` and `step` name it; the
-            record holds the frames before, and the last checkpoint.
+            If a point is not finite or ran away; the attributes `point` and `step` name it. If a
+            free body has met a wall, an end of the domain or another body, which it does not feel;
+            the attributes are `body` and `step`. The record holds the frames before, and the last
+            checkpoint.
         RuntimeError
             With several threads in a process that was forked after a run with threads.
         KeyboardInterrupt

@@ -15,6 +15,7 @@ from granular.mpm import bodies as rigid
 from granular.mpm import engine as core
 from granular.mpm.blocks import deep_within
 from granular.mpm.body_distances import distance_from_bodies
+from granular.mpm.free_bodies import INTERVAL, FreeBodies
 from granular.mpm.inflow_state import InflowState, account
 from granular.mpm.scene import Scene
 from granular.mpm.wall_owners import wall_owners
@@ -127,6 +128,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         for servo in scene.servos:
             engine.hold_pressure(*core.servo_arguments(scene, servo))
         self._inlets = core.add_inlets(engine, scene)
+        self._free_bodies = FreeBodies(scene)
         self._mean_mass = mean_mass
 
     def _bind(self, n_points: int) -> None:
@@ -146,6 +148,16 @@ class Simulation(simulation.Simulation, scenes=Scene):
         return grown
 
     def _make_steps(self, max_steps: int, until: float) -> None:
+        if not self._free_bodies:
+            self._advance_core(max_steps, until)
+            return
+        end = self.steps + max_steps
+        while (step := self.steps) < end and self.time < until:
+            self._advance_core(min(end - step, INTERVAL - step % INTERVAL), until)
+            if self.steps % INTERVAL == 0 or self.time >= until:
+                self._free_bodies.check(self.bodies, self.time, self.steps)
+
+    def _advance_core(self, max_steps: int, until: float) -> None:
         try:
             needed = self._engine.advance(max_steps, until, self.threads)
         except _core.SimulationError:

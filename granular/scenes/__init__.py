@@ -33,6 +33,7 @@ from granular.scenes.sph_collapse import column_collapse_sph, inclined_collapse
 from granular.scenes.sph_gas import fluidised_bed, jet_on_bed
 from granular.scenes.sph_incline import incline_sph
 from granular.scenes.sph_slump import slump_sph
+from granular.scenes.sphere_drop import sphere_drop
 from granular.scenes.wheel import wheel
 
 __all__ = [
@@ -71,6 +72,7 @@ __all__ = [
     "silo_fed",
     "slug",
     "slump_sph",
+    "sphere_drop",
     "template",
     "wheel",
 ]

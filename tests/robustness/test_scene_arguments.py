@@ -17,7 +17,7 @@ NOT_ABOVE_ZERO = {
     *("cylinder_collapse.ramp", "hourglass.ramp", "incline.ramp", "silo.ramp", "chute_ngf.ramp"),
     *("hopper.ramp", "rotating_drum.width", "cohesive_cliff.ramp"),
     *("conveyor.speed", "conveyor.width", "gate_friction", "obstacle_friction"),
-    "belt_speed",
+    *("belt_speed", "sphere_drop.drop"),
     *("obstacle.speed", "obstacle.gap", "obstacle.width", "flexible_barrier.speed", "plate_nu"),
 }
 """Numbers that may be 0 or less in all scenes, or in one."""
@@ -141,6 +141,8 @@ def test_arguments_of_all_scenes(name, arguments, error, message):
         ("obstacle", {"width": 0.1, "across": 0.2}, ValueError, "across = 0.2 must be <= width"),
         ("penetration", {"kind": "rod"}, ValueError, "kind = 'rod' must be one of 'ball'"),
         ("penetration", {"duration": 9.0}, ValueError, "duration = 9.0 must be so short"),
+        ("sphere_drop", {"drop": -0.1}, ValueError, "drop = -0.1 must be a finite number"),
+        ("sphere_drop", {"diameter": 0.2}, ValueError, "diameter = 0.2 must be less than width"),
         ("penetration", {"diameter": 0.8}, ValueError, "diameter = 0.8 must be less than width"),
         ("conveyor", {"opening": 0.3}, ValueError, r"opening = 0.3 must be in \(0.0, 0.3\)"),
         ("conveyor_heap", {"rate": 99.0}, ValueError, "rate = 99.0 must be <= 30"),

@@ -147,6 +147,13 @@ CASES = [
     ("beverloo_rate", {"orifice": 0.1, "rho": 1500.0}, [
         ({name: -1.0}, name) for name in ("orifice", "rho", "C", "k", "d", "gravity", "exponent")
     ]),
+    ("crater_depth", {"drop": 0.2, "D": 0.025, "mu": 0.4, "density_ratio": 1.5}, [
+        ({"drop": [0.1, -0.1]}, "drop = "),
+        ({"drop": nan}, "drop = nan"),
+        ({"D": 0.0}, "D = 0.0"),
+        ({"mu": 0.0}, "mu = 0.0"),
+        ({"density_ratio": inf}, "density_ratio = inf"),
+    ]),
     ("sliding_earth_pressure", {"mu": 0.4, "base": 0.3}, [
         ({"mu": 0.0}, "mu = 0.0"),
         ({"mu": 1.0}, "mu = 1.0"),

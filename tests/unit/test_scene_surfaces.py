@@ -90,6 +90,19 @@ def test_penetration(dim, kind):
     assert body.motion.velocity == ((0.0,) * dim, (*(0.0,) * (dim - 1), -0.1))
 
 
+@pytest.mark.parametrize("dim", [2, 3])
+def test_sphere_drop(dim):
+    """The ball touches the surface with the speed of its fall; its mass is that of its shape."""
+    scene = scenes.sphere_drop(drop=0.2, dim=dim, cell=0.008)
+    body, level = scene.bodies[0], (0.08,) * (dim - 1)
+    below, within = body.distance(np.array([[*level, -0.01], [*level, 0.01]]))[0]
+    assert below == pytest.approx(0.01) and within < 0
+    assert body.motion.velocity[0][-1] == pytest.approx(-math.sqrt(2 * 9.81 * 0.2))
+    whole = gr.bodies.mass_properties(body.shape, density=2200.0)
+    assert body.mass == pytest.approx(whole.mass, rel=1e-3)
+    np.testing.assert_allclose(body.inertia, whole.inertia, rtol=2e-3, atol=1e-10)
+
+
 def test_conveyor():
     """The belt moves along itself; the gate leaves the opening."""
     scene = scenes.conveyor(angle_deg=10.0)

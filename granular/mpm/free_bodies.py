@@ -1,0 +1,171 @@
+"""Watch over bodies that move freely: they feel the material, but nothing else that is solid."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular import _core
+from granular.geometry import AXES, combined
+from granular.mpm.blocks import solid_cells
+from granular.mpm.body_distances import distance_at
+from granular.mpm.body_measures import extents, reach
+from granular.mpm.walls import Solid, Wall
+
+if TYPE_CHECKING:
+    from granular.mpm.bodies import Body, BodyState
+    from granular.mpm.scene import Scene
+
+__all__ = ["INTERVAL", "FreeBodies"]
+
+INTERVAL = 50
+"""Steps between two looks at the bodies, in which a body moves by a few cells at most if its speed
+is a tenth of that of elastic waves."""
+
+MARGIN = 0.5
+"""Overlap [cells] that is no collision yet: what is known of a surface on the grid."""
+
+ACROSS = 24
+"""Places in which a body is sampled along the edge of a cube of its volume, or fewer."""
+
+Array = NDArray[np.float64]
+
+
+class Places(NamedTuple):
+    """Places in and on a body in its coordinates, shape (n, dim), and how deep they are in it."""
+
+    own: Array
+    depth: Array
+
+
+class FreeBodies:
+    """The bodies of a scene that move freely, and what each of them must not reach.
+
+    These are the ends of the domain that are not open, walls, blocks and other bodies. A body may
+    overlap them as far as it does at the start, such as a wheel that a symmetry plane cuts, and
+    begin beyond an end, such as a ball that falls into the domain. Unless it turns freely, it may
+    reach ends and walls that are normal to an axis along which it follows its motion.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        free = (i for i, body in enumerate(scene.bodies) if body.free or body.inertia is not None)
+        self._places = {i: _places(scene, scene.bodies[i]) for i in free}
+        self._solid = None
+        if self._places and any(isinstance(wall, Solid) for wall in scene.walls):
+            self._solid = solid_cells(scene.grid, scene.walls)
+        self._allowed: dict[tuple[int, str], float] = {}
+        start = [body.at_start() for body in scene.bodies]
+        self._allowed = {(i, what): depth for i, what, depth in self._overlaps(start, 0.0)}
+
+    def __bool__(self) -> bool:
+        return bool(self._places)
+
+    def check(self, states: Sequence[BodyState], time: float, step: int) -> None:
+        """Raise a `SimulationError` if a free body has met something that it does not feel."""
+        for i, what, depth in self._overlaps(states, time):
+            excess = depth - max(self._allowed.get((i, what), 0.0), 0.0)
+            if excess > MARGIN * self._scene.grid.cell:
+                error = _core.SimulationError(
+                    f"bodies[{i}] has met {what}, {excess:.3g} m deep by step {step} "
+                    f"(t = {time:.9g} s): free bodies feel only the material, and it would go "
+                    "through; end the run before"
+                )
+                error.body, error.step = i, step
+                raise error
+
+    def _overlaps(
+        self, states: Sequence[BodyState], time: float
+    ) -> Iterator[tuple[int, str, float]]:
+        """Yield free bodies, what is near them, and how far they overlap [m]."""
+        for i, places in self._places.items():
+            body, pose = self._scene.bodies[i], states[i]
+            x = pose.position + places.own @ pose.rotation.T
+            grid = self._scene.grid
+            lower, size = np.array(grid.lower), grid.cell * np.array(grid.shape)
+            x = np.where(grid.periodic, lower + (x - lower) % size, x)
+            yield from ((i, *found) for found in self._flat(body, x, time))
+            if self._solid is not None:
+                within = self._in_blocks(x)
+                if within.any():
+                    yield i, "a Solid", float(places.depth[within].max())
+            for j, other in enumerate(self._scene.bodies):
+                if j == i:
+                    continue
+                far = distance_at(self._scene, other, pose.position[None], states[j])[0]
+                if far > reach(body.shape):
+                    continue
+                phi = distance_at(self._scene, other, x, states[j])
+                within = phi <= 0
+                if within.any():
+                    yield i, f"bodies[{j}]", float((places.depth - phi)[within].max())
+
+    def _flat(self, body: Body, x: Array, time: float) -> Iterator[tuple[str, float]]:
+        """Yield walls and ends of the domain near a body, and how far it is on both sides."""
+        scene, grid = self._scene, self._scene.grid
+        axes = [d for d in range(grid.dim) if body.inertia is not None or AXES[d] in body.free]
+        for k, wall in enumerate(scene.walls):
+            if not isinstance(wall, Wall) or wall.axis not in axes or time >= wall.opens_at:
+                continue
+            beside = np.ones(len(x), dtype=bool)
+            for axis in range(grid.dim):
+                if axis != wall.axis and wall.span is not None:
+                    low, high = wall.extent(grid, axis)
+                    beside &= (x[:, axis] > low) & (x[:, axis] < high)
+            off = x[beside, wall.axis] - wall.at
+            if len(off) and off.min() < 0 < off.max():
+                name = f"walls[{k}], normal to {AXES[wall.axis]} at {wall.at:.6g} m"
+                yield name, float(min(-off.min(), off.max()))
+        for axis in axes:
+            for sign, end in ((-1, grid.lower[axis]), (1, grid.upper[axis])):
+                if grid.periodic[axis] or _is_open(scene, axis, sign):
+                    continue
+                beyond = float((sign * (x[:, axis] - end)).max())
+                if beyond > 0 >= sign * (body.position[axis] - end):
+                    yield f"the end of the domain at {AXES[axis]} = {end:.6g} m", beyond
+
+    def _in_blocks(self, x: Array) -> NDArray[np.bool_]:
+        """True for the places (n, dim) in blocks; none is beyond the ends of the grid."""
+        grid, solid = self._scene.grid, self._solid
+        assert solid is not None
+        at = np.floor((x - np.array(grid.lower)) / grid.cell).astype(np.intp)
+        last = np.array(grid.shape) - 1
+        inside: NDArray[np.bool_] = ((at >= 0) & (at <= last)).all(axis=1)
+        inside &= solid.at(at.clip(0, last).T)
+        return inside
+
+
+def _is_open(scene: Scene, axis: int, sign: int) -> bool:
+    return AXES[axis] + ("-" if sign < 0 else "+") in scene.grid.open_sides
+
+
+def _places(scene: Scene, body: Body) -> Places:
+    """Sample a body: places on its surface, a cell below it, and on a lattice within it.
+
+    Those a cell below it find blocks, whose depth at a place is not known, where the lattice is
+    coarse. Of an endless body, the part is sampled that could be in the domain.
+    """
+    grid, shape, dim = scene.grid, body.shape, body.dim
+    largest = float(np.linalg.norm(np.array(grid.shape) * grid.cell))
+    half = extents(shape, np.eye(3), np.zeros((0, 3)))[:dim]
+    half = np.minimum(half, largest)
+    width = max(0.5 * grid.cell, 2 * math.prod(half) ** (1 / dim) / ACROSS)
+    axes = []
+    for far in half:
+        count = math.ceil(2 * far / width) + 1
+        axes.append(np.linspace(-far, far, count))
+    lattice = combined(axes)
+    phi, normal = shape.distance(lattice)
+    near = abs(phi) <= width * math.sqrt(dim)
+    surface = lattice[near] - phi[near, None] * normal[near]
+    below = surface - grid.cell * normal[near]
+    depth = -shape.distance(below)[0]
+    inside, kept = phi <= 0, depth > 0
+    return Places(
+        np.concatenate([surface, below[kept], lattice[inside]]),
+        np.concatenate([np.zeros(len(surface)), depth[kept], -phi[inside]]),
+    )

@@ -1,0 +1,116 @@
+"""A ball that falls on a bed, in 3D, or a disc in 2D."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from granular.checks import integer, non_negative, positive
+from granular.materials import Material
+from granular.mpm import schemes
+from granular.mpm.bodies import Body, Cylinder, Motion, Shape, Sphere
+from granular.mpm.scene import Scene
+from granular.mpm.schemes import Scheme
+from granular.mpm.walls import Wall
+from granular.scenes._build import block, gravity_down, smooth_sides, soft_beads, whole_cells
+from granular.scenes._registry import scene_function
+
+
+@scene_function("mpm")
+def sphere_drop(
+    *,
+    drop: float = 0.2,
+    diameter: float = 0.0254,
+    density: float = 2200.0,
+    friction: float = 0.3,
+    width: float = 0.16,
+    soil: float = 0.08,
+    headroom: float = 0.04,
+    dim: int = 3,
+    cell: float = 0.004,
+    points_per_cell: int | None = None,
+    jitter: float = 0.0,
+    gravity: float = 9.81,
+    duration: float = 0.15,
+    material: Material = soft_beads,
+    scheme: Scheme = schemes.default,
+    seed: int = 0,
+    **material_numbers: Any,
+) -> Scene:
+    """Ball that falls on a level bed, whose surface is at z = 0 (y = 0 in 2D), and makes a crater.
+
+    The diameter of an inch and the density of Teflon are among those of Uehara et al. (2003); all
+    other numbers are chosen here. The run begins when the ball touches the bed in its middle, with
+    the velocity ``sqrt(2 gravity drop)``. It moves and turns freely. In 2D it is a disc. The floor
+    is no_slip, the sides are free_slip; material that is thrown higher than `headroom` leaves.
+
+    The depth of the lowest place of the ball in the end is that of `granular.theory.crater_depth`,
+    with the total distance of the fall, `drop` plus depth.
+
+    Parameters
+    ----------
+    drop : float
+        Height of the lowest place of the ball above the bed when it is released [m], >= 0.
+    diameter : float
+        Diameter of the ball [m].
+    density : float
+        Density of the ball [kg/m3].
+    friction : float
+        Coefficient of friction between ball and bed, >= 0.
+    width, soil, headroom : float
+        Extent of the bed along x (and y), its depth, and the height above it [m], whole cells.
+    dim : {2, 3}
+        Dimension.
+    points_per_cell, jitter
+        See `granular.geometry.Fill`; by default 2 along an edge of a cell.
+    {common}; also if the ball is wider than the bed.
+    """
+    cell, dim = positive("cell", cell), integer("dim", dim, 2, 3)
+    n_x, n_z = whole_cells("width", width, cell), whole_cells("soil", soil, cell)
+    n_up = whole_cells("headroom", headroom, cell)
+    radius, density = 0.5 * positive("diameter", diameter), positive("density", density)
+    if diameter >= width:
+        raise ValueError(f"diameter = {diameter} must be less than width = {width}")
+    speed = math.sqrt(2 * positive("gravity", gravity) * non_negative("drop", drop))
+    level = (0.0,) * (dim - 1)
+    bed = block(
+        cell,
+        (*(n_x,) * (dim - 1), n_z + n_up),
+        (*(n_x * cell,) * (dim - 1), 0.0),
+        lower=(*level, -n_z * cell),
+        open_sides={"xyz"[dim - 1] + "+"},
+        points_per_cell=2**dim if points_per_cell is None else points_per_cell,
+        jitter=jitter,
+        lithostatic=True,
+    )
+    shape, mass, inertia = _ball(radius, density, dim)
+    return Scene(
+        name="sphere_drop",
+        **bed,
+        material=material,
+        scheme=scheme,
+        walls=(Wall(dim - 1, -n_z * cell, kind="no_slip"), *smooth_sides(bed["grid"])),
+        bodies=(
+            Body(
+                shape,
+                (*(0.5 * n_x * cell,) * (dim - 1), radius),
+                motion=Motion(velocity=((*level, -speed),)),
+                friction=non_negative("friction", friction),
+                free="xyz"[:dim],
+                mass=mass,
+                inertia=inertia,
+            ),
+        ),
+        gravity=gravity_down(dim, gravity),
+        duration=duration,
+        seed=seed,
+    )
+
+
+def _ball(radius: float, density: float, dim: int) -> tuple[Shape, float, Any]:
+    """Shape, mass and moment of inertia of a ball, or of a disc per metre of depth."""
+    if dim == 2:
+        mass = math.pi * radius**2 * density
+        return Cylinder(radius, center=(0.0, 0.0)), mass, 0.5 * mass * radius**2
+    mass = 4 / 3 * math.pi * radius**3 * density
+    return Sphere(radius, center=(0.0, 0.0, 0.0)), mass, (0.4 * mass * radius**2,) * 3

@@ -1,0 +1,157 @@
+"""Runs end when a free body meets a wall, an end of the domain, a block or another body."""
+
+import re
+
+import numpy as np
+import pytest
+
+import granular as gr
+from granular.geometry import Box as Region
+from granular.geometry import Fill, Grid
+from granular.gravity import Gravity
+from granular.materials import MuI
+from granular.mpm.bodies import Body, Box, Cylinder, HalfSpace, Motion, Sphere
+from granular.mpm.walls import Solid, Wall
+
+CELL = 0.05
+
+
+def scene_of(*bodies, dim=2, walls=(), **grid):
+    """A thin layer far from the bodies, which move without gravity, in a domain of edge 1.6 m."""
+    return gr.Scene(
+        name="meeting",
+        grid=Grid((0.0,) * dim, CELL, (32,) * dim, **grid),
+        fills=(Fill(Region((0.0,) * dim, (*(0.2,) * (dim - 1), 0.1)), 2**dim),),
+        material=MuI(E=1e5),
+        gravity=Gravity((0.0,), ((0.0,) * dim,)),
+        walls=walls,
+        bodies=bodies,
+        duration=1.0,
+    )
+
+
+def disc(*velocity, at=(0.8, 0.8), shape=None, **more):
+    options = {"free": "xy", "mass": 1.0} | more
+    return Body(
+        Cylinder(0.2, center=(0.0, 0.0)) if shape is None else shape,
+        at,
+        motion=Motion(velocity=(velocity,), angular_velocity=(options.pop("turning", 0.0),)),
+        **options,
+    )
+
+
+def meets(scene):
+    """Time at which the run ends by an error, its message, and where the bodies are then."""
+    sim = gr.Simulation(scene, threads=1)
+    with pytest.raises(gr.SimulationError) as caught:
+        sim.run(monitor=False)
+    assert caught.value.body == 0
+    assert caught.value.step == sim.steps
+    assert f"t = {sim.time:.9g}" in str(caught.value)
+    return str(caught.value), sim
+
+
+PLATE = Body(Box((0.1, 0.8)), (1.35, 0.8))
+
+
+@pytest.mark.parametrize(
+    ("scene", "what", "way"),
+    [
+        (scene_of(disc(2.0, 0.0)), "the end of the domain at x = 1.6 m", 0.6),
+        (scene_of(disc(0.0, 2.0)), "the end of the domain at y = 1.6 m", 0.6),
+        (
+            scene_of(disc(2.0, 0.0), walls=(Wall(0, 1.6, kind="free_slip"),)),
+            r"walls\[0\], normal to x at 1.6 m",
+            0.6,
+        ),
+        (
+            scene_of(disc(0.0, -2.0), walls=(Wall(1, 0.3, span=((0.6, 1.6),)),)),
+            r"walls\[0\], normal to y at 0.3 m",
+            0.3,
+        ),
+        (scene_of(disc(2.0, 0.0), walls=(Solid((1.3, 0.5), (1.35, 1.2)),)), "a Solid", 0.3),
+        (scene_of(disc(2.0, 0.0), PLATE), r"bodies\[1\]", 0.3),
+        (scene_of(disc(2.0, 0.0), Body(HalfSpace((-1.0, 0.0)), (1.3, 0.0))), r"bodies\[1\]", 0.3),
+        (
+            scene_of(disc(0.0, 2.0), Body(Box((0.8, 0.2)), (0.8, 0.3)), periodic=(False, True)),
+            r"bodies\[1\]",
+            0.8,  # through the periodic end, to the lower side of the box at 0.2 m
+        ),
+    ],
+    ids=["end", "top", "wall", "span", "Solid", "plate", "half-space", "image"],
+)
+def test_what_it_meets_is_named(scene, what, way):
+    """Half a cell to one and a half after the contact, and the steps to the next look."""
+    message, sim = meets(scene)
+    assert message.startswith("bodies[0] has met ")
+    assert re.search(what, message), message
+    speed = np.linalg.norm(scene.bodies[0].motion.velocity[0])
+    late = speed * sim.time - way
+    assert 0.4 * CELL < late < 1.6 * CELL + 50 * sim.dt * speed
+
+
+def test_a_body_that_turns_meets_the_wall_with_its_corner():
+    rod = disc(0.0, 0.0, shape=Box((1.0, 0.2)), at=(0.8, 0.3), inertia=0.1, turning=2.0)
+    message, sim = meets(scene_of(rod))
+    assert "the end of the domain at y = 0 m" in message
+    angle = 2.0 * sim.time
+    lowest = 0.3 - 0.5 * np.sin(angle) - 0.1 * np.cos(angle)
+    assert -1.5 * CELL < lowest < -0.5 * CELL
+
+
+def test_a_ball_meets_the_wall_in_3d():
+    ball = Body(
+        Sphere(0.2, center=(0.0,) * 3),
+        (0.8,) * 3,
+        motion=Motion(velocity=((0.0, 2.0, 0.0),)),
+        free="xyz",
+        mass=1.0,
+        inertia=(0.016,) * 3,
+    )
+    message, sim = meets(scene_of(ball, dim=3, walls=(Wall(1, 1.6, kind="no_slip"),)))
+    assert "walls[0], normal to y" in message
+    assert 0.6 < 2.0 * sim.time < 0.6 + 2 * CELL
+
+
+WINDOW = Wall(0, 0.8, kind="free_slip", span=((0.0, 1.6),))
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        scene_of(disc(2.0, 0.0), open_sides={"x+"}),
+        scene_of(disc(2.0, 0.0), periodic=(True, False)),
+        scene_of(disc(0.0, -2.0, at=(0.8, 2.4)), periodic=(True, False)),
+        scene_of(disc(0.0, 2.0, at=(0.8, 2.4))),
+        scene_of(disc(2.0, 0.0, at=(1.0, 0.8), free="y")),
+        scene_of(disc(0.0, 0.8), walls=(WINDOW,)),
+        scene_of(disc(2.0, 0.0), Body(Box((0.1, 0.2)), (1.35, 0.3)), open_sides={"x+"}),
+        scene_of(disc(0.0, -2.0), walls=(Wall(1, 0.3, span=((0.0, 0.5),)),), open_sides={"y-"}),
+        scene_of(disc(0.0, -0.8), walls=(Wall(1, 0.5, opens_at=0.05),)),
+    ],
+    ids=["open", "periodic", "from above", "away", "led", "window", "past", "hole", "gate"],
+)
+def test_what_it_may_pass(scene):
+    sim = gr.Simulation(scene, threads=1)
+    sim.run(until=0.7, monitor=False)
+    assert sim.time >= 0.7
+
+
+def test_frames_before_it_are_kept(tmp_path):
+    path = tmp_path / "run.h5"
+    sim = gr.Simulation(scene_of(disc(2.0, 0.0)), threads=1)
+    with pytest.raises(gr.SimulationError, match="has met the end"):
+        sim.run(save=path, every=0.05)
+    stored = gr.open(path)
+    assert sim.time - 0.06 < stored[-1].time < sim.time
+
+
+def test_steps_alone_are_watched_too():
+    """However the steps are divided, the look is at a multiple of 50 of them."""
+    _, sim = meets(scene_of(disc(2.0, 0.0)))
+    other = gr.Simulation(scene_of(disc(2.0, 0.0)), threads=1)
+    with pytest.raises(gr.SimulationError, match="has met the end"):
+        for _ in range(sim.steps + 1):
+            other.step(7)
+    assert other.steps % 50 == 0
+    assert abs(other.steps - sim.steps) <= 50
