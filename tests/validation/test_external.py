@@ -41,6 +41,14 @@ def test_rows_are_met_reported_or_not():
     assert external.below("q", np.nan, 1.0).passed is False
 
 
+def test_coarse_bagnold():
+    """1 % with 10 cells, but for the profile of the default scheme, which needs 20."""
+    rows = {row.quantity: row for row in external.cases["bagnold"].outcome(quick=True).rows}
+    missed = [name for name, row in rows.items() if not row.passed]
+    assert missed == ["rms error of the profile over the mean, 0.43 rad, 10 cells, default"]
+    assert rows[missed[0]].ours < 0.015
+
+
 def test_coarse_contact_dynamics():
     """The asked tolerances hold with 8 cells per half-width, for the default scheme."""
     rows = external.cases["contact_dynamics"].outcome(quick=True).rows
