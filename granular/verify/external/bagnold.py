@@ -12,8 +12,9 @@ from granular import scenes
 from granular.materials import MuI
 from granular.mpm import schemes
 from granular.mpm.schemes import Scheme
+from granular.scenes.fed import soft_beads
 from granular.simulation import Simulation
-from granular.theory import bagnold_shape
+from granular.theory import bagnold_mean, bagnold_profile, bagnold_shape
 from granular.verify.external.frame import Outcome, below, case, load, near
 
 if TYPE_CHECKING:
@@ -88,4 +89,66 @@ def bagnold(quick: bool) -> Outcome:
         curve = {"y": y.tolist(), "v": v.tolist(), "surface": surface, "angle": angle}
         if cells == resolutions[-1]:
             outcome.curves[tag] = curve | {"scheme": name}
+    return outcome
+
+
+def _draw_chute(outcome: Outcome) -> Figure:
+    """Thickness and mean speed along the chute over those of the steady layer."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.0, 3.2), layout="constrained")
+    axes = figure.add_subplot()
+    axes.axhline(1.0, color="k", lw=0.8, label="steady layer of the same flux, closed form")
+    for name, (x, thickness, speed) in outcome.curves.items():
+        line = axes.plot(x, thickness, "o-", ms=3, lw=1, label=f"thickness, {name}")[0]
+        axes.plot(x, speed, "x--", ms=4, lw=1, color=line.get_color(), label=f"speed, {name}")
+    axes.set(xlabel="distance from the feeder's beginning [m]", ylabel="run over closed form")
+    axes.legend(fontsize="x-small")
+    return figure
+
+
+DEPTH, FLOOR_DEG = 0.08, 27.0
+"""Thickness of the layer on the chute [m] and inclination of the chute [deg]."""
+
+WINDOW = (1.2, 0.6)
+"""Distances [m] before the open end between which the layer is measured."""
+
+
+@case(_draw_chute)
+def chute(quick: bool) -> Outcome:
+    """Layer on a chute fed with the flux of the closed form: thickness, speed, profile far down."""
+    outcome, length = Outcome(), 2.0 if quick else 5.0
+    steady = {"angle_deg": FLOOR_DEG, "height": DEPTH, "material": soft_beads, "gravity": 9.81}
+    mean = bagnold_mean(**steady)
+    for name in ("default",) if quick else SCHEMES:
+        with outcome.timed():
+            scene = scenes.chute_fed(
+                angle_deg=FLOOR_DEG, height=DEPTH, speed=mean, length=length, cell=DEPTH / 8,
+                duration=2.0 * length, material=soft_beads, scheme=SCHEMES[name],
+            )  # fmt: skip
+            state = Simulation(scene, threads=1).run().state
+        (x, y), v, mass = state.x.T, state.v[:, 0], state.mass
+        width = 0.05 * length
+        bins = np.minimum((x / width).astype(int), 19)
+        along = np.bincount(bins, mass, 20)
+        speed = np.bincount(bins, mass * v, 20) / along / mean
+        thick = along / (soft_beads.rho_c * width * DEPTH)
+        outcome.curves[name] = [
+            ((np.arange(20) + 0.5) * width).tolist(), thick.tolist(), speed.tolist()
+        ]  # fmt: skip
+        here = (x > length - WINDOW[0]) & (x < length - WINDOW[1])
+        h = float(mass[here].sum()) / (soft_beads.rho_c * (WINDOW[0] - WINDOW[1]))
+        u = float(np.average(v[here], weights=mass[here]))
+        miss = v[here] - bagnold_profile(np.minimum(y[here], DEPTH), **steady)
+        tag = f"{name}, 8 cells"
+        outcome.rows += [
+            near(f"flux [m2/s], {tag}", h * u, DEPTH * mean, 0.01),
+            near(f"thickness [m], {tag}", h, DEPTH, 0.01),
+            near(f"mean speed [m/s], {tag}", u, mean, 0.01),
+            below(
+                f"rms of the profile over the mean, {tag}",
+                float(np.sqrt(np.mean(miss**2))) / mean,
+                0.01,
+            ),
+        ]
     return outcome
