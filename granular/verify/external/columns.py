@@ -34,7 +34,8 @@ def released(scene: AnyScene) -> Simulation:
     """Simulation of a column that bears its weight and is let go at once, in full gravity."""
     assert isinstance(scene, Scene)
     fills = tuple(replace(fill, lithostatic=True) for fill in scene.fills)
-    gravity = Gravity((0.0,), ((0.0, -G),))
+    down = (*[0.0] * (len(scene.grid.shape) - 1), -G)
+    gravity = Gravity((0.0,), (down,))
     return Simulation(replace(scene, fills=fills, gravity=gravity), threads=1)
 
 
