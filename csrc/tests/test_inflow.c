@@ -128,7 +128,7 @@ TEST(places_grow_and_are_used_again)
     scene_free(&large);
 }
 
-/* One point waits at each site of an inlet that is blocked, and the others are missed. It enters when there is room. */
+/* One point waits at each site of an inlet that is blocked, and the others are missed. It enters when the way is free. */
 TEST(a_blocked_inlet_waits)
 {
     struct scene s;
