@@ -41,9 +41,17 @@ def test_rows_are_met_reported_or_not():
     assert external.below("q", np.nan, 1.0).passed is False
 
 
+def drawn(name):
+    """Rows of a quick run, whose picture is drawn as well."""
+    outcome = external.cases[name].outcome(quick=True)
+    figure = external.cases[name].picture(outcome)
+    assert all(axes.lines for axes in figure.axes)
+    return outcome.rows
+
+
 def test_coarse_bagnold():
     """1 % with 10 cells, but for the profile of the default scheme, which needs 20."""
-    rows = {row.quantity: row for row in external.cases["bagnold"].outcome(quick=True).rows}
+    rows = {row.quantity: row for row in drawn("bagnold")}
     missed = [name for name, row in rows.items() if not row.passed]
     assert missed == ["rms error of the profile over the mean, 0.43 rad, 10 cells, default"]
     assert rows[missed[0]].ours < 0.015
@@ -51,19 +59,19 @@ def test_coarse_bagnold():
 
 def test_coarse_contact_dynamics():
     """The asked tolerances hold with 8 cells per half-width, for the default scheme."""
-    rows = external.cases["contact_dynamics"].outcome(quick=True).rows
+    rows = drawn("contact_dynamics")
     assert [row.quantity for row in rows if row.passed is False] == []
     assert sum(row.passed is True for row in rows) == 3
 
 
 def test_coarse_runouts_lie_among_the_laws():
-    rows = external.cases["runout_laws"].outcome(quick=True).rows
+    rows = drawn("runout_laws")
     assert len(rows) == 2 and all(row.passed for row in rows)
 
 
 def test_coarse_bars():
     """With tan phi the surface is within what is asked, in cells of 0.01 m."""
-    rows = {row.quantity: row for row in external.cases["bars"].outcome(quick=True).rows}
+    rows = {row.quantity: row for row in drawn("bars")}
     assert rows["rms of the surface [m], mu = tan phi"].passed
 
 

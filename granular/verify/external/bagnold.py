@@ -58,8 +58,9 @@ def picture(outcome: Outcome) -> Figure:
     for curve in outcome.curves.values():
         surface, angle = curve["surface"], curve["angle"]
         if angle not in colours:
-            line = axes.plot(surface * bagnold_shape(y, 1.0), y, label=f"{angle} rad")[0]
-            colours[angle] = str(line.get_color())
+            colours[angle] = f"C{len(colours)}"
+            known = surface * bagnold_shape(y, 1.0)
+            axes.plot(known, y, color=colours[angle], label=f"{angle} rad")
         marker = "o" if curve["scheme"] == "default" else "x"
         axes.plot(curve["v"][::2], curve["y"][::2], marker, ms=4, mfc="none", color=colours[angle])
     for scheme, marker in (("default", "o"), ("cell_averaged", "x")):

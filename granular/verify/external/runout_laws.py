@@ -77,7 +77,7 @@ def picture(outcome: Outcome) -> Figure:
         aspects, found = laws(kind)
         every = np.array(list(found.values()))
         low, high = (1.0 - SPREAD) * np.nanmin(every, 0), (1.0 + SPREAD) * np.nanmax(every, 0)
-        axes.fill_between(aspects, low, high, color="0.9", label=f"laws and {SPREAD:.0%}")
+        axes.fill_between(aspects, low, high, color="0.9", label=f"envelope with a scatter of {SPREAD:.0%}")
         for name, values in found.items():
             known = np.isfinite(values)
             axes.plot(aspects[known], values[known], lw=1, label=NAMES[name])
@@ -87,7 +87,8 @@ def picture(outcome: Outcome) -> Figure:
             axes.plot(a, toe, "k+", ms=5, label="run, connected columns")
         axes.set(xscale="log", yscale="log", xlabel="aspect ratio $a = H_0/L_0$")
         axes.set_title("columns, 2D" if kind == "planar" else "cylinders, 3D")
-        axes.legend(fontsize="x-small")
+        axes.legend(fontsize="x-small", loc="lower right")
+    panels[0].set_ylim(0.05, 50.0)
     panels[0].set_ylabel("run-out $(L - L_0)/L_0$")
     return figure
 
