@@ -28,7 +28,7 @@ static struct gr_inlet default_inlet(double *record)
         .n_sites = SITES, .velocity = {SPEED}, .spacing = SPACING, .end = INFINITY, .record = record, .yields = 0};
 }
 
-/* An empty scene whose right end is open, with room for `capacity` points, and an inlet at the left end if asked for. */
+/* An empty scene whose right end is open, with places for `capacity` points, and an inlet at the left end if asked for. */
 static void empty(struct scene *s, int64_t capacity, int has_inlet)
 {
     double record[SITES * 16];
@@ -128,7 +128,7 @@ TEST(places_grow_and_are_used_again)
     scene_free(&large);
 }
 
-/* One point waits at each site of an inlet that is blocked, and the others are missed. It enters when there is room. */
+/* One point waits at each site of an inlet that is blocked, and the others are missed. It enters when the way is free. */
 TEST(a_blocked_inlet_waits)
 {
     struct scene s;

@@ -261,7 +261,11 @@ def verify(arguments: argparse.Namespace) -> int:
     if arguments.external is not None:
         from granular.verify import external
 
-        return external.main(arguments.external)
+        return external.main(arguments.external, quick=arguments.quick)
+    if arguments.quick:
+        raise ValueError(
+            "--quick is for --external only: the checks without --slow are the quick ones"
+        )
     return verify.main(slow=arguments.slow)
 
 

@@ -84,11 +84,14 @@ def command_parser(words: Sequence[str] = ()) -> argparse.ArgumentParser:
     command.add_argument("first", metavar="FILE")
     command.add_argument("second", metavar="FILE")
     command.set_defaults(command=do.compare)
-    command = commands.add_parser("verify", help="check the package against theory")
+    text = "check the package against theory; exit code 1 if a check or tolerance is not met"
+    command = commands.add_parser("verify", help=text)
     kind = command.add_mutually_exclusive_group()
     kind.add_argument("--slow", action="store_true", help="the long checks too")
     text = "compare with data of other authors instead; all cases, or those named"
     kind.add_argument("--external", nargs="*", metavar="CASE", help=text)
+    text = "with --external: coarse runs of seconds, to see that the cases work"
+    command.add_argument("--quick", action="store_true", help=text)
     command.set_defaults(command=do.verify)
     command = commands.add_parser("list", help="the scenes and their keywords")
     command.set_defaults(command=do.list_scenes)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["INTERVAL", "FreeBodies"]
 
 INTERVAL = 50
-"""Steps between two looks at the bodies, in which a body moves by a few cells at most if its speed
+"""Steps between two checks of the bodies, in which a body moves by a few cells at most if its speed
 is a tenth of that of elastic waves."""
 
 MARGIN = 0.5
@@ -144,9 +144,9 @@ def _is_open(scene: Scene, axis: int, sign: int) -> bool:
 
 
 def _places(scene: Scene, body: Body) -> Places:
-    """Sample a body: places on its surface, a cell below it, and on a lattice within it.
+    """Sample a body: places on its surface, a cell below it, and on a grid within it.
 
-    Those a cell below it find blocks, whose depth at a place is not known, where the lattice is
+    Those a cell below it find blocks, whose depth at a place is not known, where the grid is
     coarse. Of an endless body, the part is sampled that could be in the domain.
     """
     grid, shape, dim = scene.grid, body.shape, body.dim
@@ -158,14 +158,14 @@ def _places(scene: Scene, body: Body) -> Places:
     for far in half:
         count = math.ceil(2 * far / width) + 1
         axes.append(np.linspace(-far, far, count))
-    lattice = combined(axes)
-    phi, normal = shape.distance(lattice)
+    points = combined(axes)
+    phi, normal = shape.distance(points)
     near = abs(phi) <= width * math.sqrt(dim)
-    surface = lattice[near] - phi[near, None] * normal[near]
+    surface = points[near] - phi[near, None] * normal[near]
     below = surface - grid.cell * normal[near]
     depth = -shape.distance(below)[0]
     inside, kept = phi <= 0, depth > 0
     return Places(
-        np.concatenate([surface, below[kept], lattice[inside]]),
+        np.concatenate([surface, below[kept], points[inside]]),
         np.concatenate([np.zeros(len(surface)), depth[kept], -phi[inside]]),
     )

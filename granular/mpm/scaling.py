@@ -41,6 +41,7 @@ POWERS = {
     "stress": 1.0,
     "volume": 3.0,
     "mass": 3.0,
+    "inertia": 5.0,
     "mass_rate": 2.5,
     "force": 3.0,
     "impulse": 3.5,
@@ -52,8 +53,8 @@ POWERS = {
 }
 """Power of the ratio of lengths with which a quantity scales in 3D."""
 _PLANE = (
-    *("volume", "mass", "mass_rate", "force", "impulse", "torque", "angular_impulse"),
-    *("energy", "power"),
+    *("volume", "mass", "mass_rate", "inertia", "force", "impulse", "torque"),
+    *("angular_impulse", "energy", "power"),
 )
 """Quantities that are per metre of depth in 2D, where their power is less by one."""
 
@@ -116,7 +117,7 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     rigid.Offset: {"by": "length"},
     rigid.Shell: {"thickness": "length"},
     rigid.Motion: {"times": "time", "velocity": "velocity", "angular_velocity": "angular_velocity"},
-    rigid.Body: {"position": "length", "mass": "mass"},
+    rigid.Body: {"position": "length", "mass": "mass", "inertia": "inertia"},
     Scene: {"duration": "time"},
 }
 """Quantities of the fields of the parts of a scene; other fields are dimensionless or parts."""

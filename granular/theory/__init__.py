@@ -21,6 +21,7 @@ from granular.theory.couette import couette_decay_length as couette_decay_length
 from granular.theory.couette import couette_flow as couette_flow
 from granular.theory.couette import couette_quasi_static as couette_quasi_static
 from granular.theory.crater import crater_depth as crater_depth
+from granular.theory.damped_waves import bar_restitution as bar_restitution
 from granular.theory.damped_waves import wave_decay as wave_decay
 from granular.theory.earth_pressure import EarthPressure as EarthPressure
 from granular.theory.earth_pressure import earth_pressure as earth_pressure

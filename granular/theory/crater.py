@@ -1,7 +1,7 @@
 """Depth of the crater that a ball makes which falls on a bed at low speed.
 
-An empirical law: J. S. Uehara, M. A. Ambroso, R. P. Ojha & D. J. Durian, "Low-speed impact craters
-in loose granular media", Phys. Rev. Lett. 90, 194301 (2003).
+An empirical law: J. S. Uehara, M. A. Ambroso, R. P. Ojha & D. J. Durian, Phys. Rev. Lett. 90,
+194301 (2003).
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ __all__ = ["crater_depth"]
 
 
 def crater_depth(drop: ArrayLike, D: float, mu: float, density_ratio: float) -> Array:
-    """Depth to which a ball goes that falls on a loose bed of dry grains (Uehara et al. 2003).
+    """Depth to which a ball goes that falls on a bed of dry grains (Uehara et al. 2003).
 
     ``d = 0.14/mu sqrt(rho_b/rho_g) D^(2/3) H^(1/3)`` with the total distance H of the fall from the
     release to rest. As H = drop + d, the depth is the positive root of a cubic equation. The law

@@ -1,10 +1,18 @@
-"""Elastic waves in a solid of Kelvin and Voigt, whose viscous stress is T times its elastic rate."""
+"""Waves in a solid of Kelvin and Voigt: viscous stress of T times the elastic rate."""
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
+from scipy.optimize import brentq
+
 from granular.checks import non_negative, positive
 
-__all__ = ["wave_decay"]
+__all__ = ["bar_restitution", "wave_decay"]
+
+_MODES = 4000
+"""Modes of a bar: the force of a bar with T c/L = 1e-3 is then exact to 1e-6."""
 
 
 def wave_decay(*, wavenumber: float, wave_speed: float, damping_time: float) -> float:
@@ -37,3 +45,61 @@ def wave_decay(*, wavenumber: float, wave_speed: float, damping_time: float) -> 
             f"damping_time = {damping_time} must be < {2.0 / w:.6g} s for a wave that oscillates"
         )
     return 0.5 * w * w * damping_time
+
+
+def bar_restitution(*, length: float, wave_speed: float, damping_time: float) -> float:
+    """Coefficient of restitution of a bar that hits a rigid wall with its end.
+
+    Until it leaves the wall, its modes sin(k x) with k = (n + 1/2) pi/L obey the equation of
+    `wave_decay`. It leaves when the stress at the wall, elastic and viscous, has fallen to zero.
+    The coefficient is the mean velocity then over that of the impact. It depends on T c/L only:
+    what is left of the energy is in vibrations, or was dissipated.
+
+    Parameters
+    ----------
+    length : float
+        Length L of the bar [m], > 0.
+    wave_speed : float
+        Speed c of waves without damping [m/s], > 0.
+    damping_time : float
+        Ratio T of the viscosities to the moduli [s] (`Material.damping_time`), at least 0.001 L/c,
+        below which the series converges slowly, and at most L/c.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ValueError
+        For values out of range.
+    """
+    crossing = positive("length", length) / positive("wave_speed", wave_speed)
+    ratio = positive("damping_time", damping_time) / crossing
+    if not 1e-3 <= ratio <= 1.0:
+        raise ValueError(
+            f"damping_time = {damping_time} must be {1e-3 * crossing:.6g} to {crossing:.6g} s"
+        )
+    k = (np.arange(_MODES) + 0.5) * math.pi  # with L = c = 1
+    root = np.sqrt((0.5 * ratio * k * k) ** 2 - k * k + 0j)
+    slow, fast = -0.5 * ratio * k * k + root, -0.5 * ratio * k * k - root
+
+    def stress(time: float) -> float:
+        """Stress at the wall, tension positive, of an impact with the velocity -1."""
+        a, rate = _impulse_response(slow, fast, time)
+        return float(np.sum(-2.0 * (a + ratio * rate)))
+
+    # Undamped, the tension arrives at t = 2; damped contacts last a little longer.
+    times = np.linspace(1.0, 6.0, 501)
+    begin = next(t for t in times if stress(t) < 0.0 <= stress(t + 0.01))
+    end = brentq(stress, begin, begin + 0.01, xtol=1e-12)
+    return float(np.sum(-2.0 / k**2 * _impulse_response(slow, fast, end)[1]))
+
+
+def _impulse_response(
+    slow: np.ndarray, fast: np.ndarray, time: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Amplitude and velocity after this time of modes that start from 0 with the velocity 1."""
+    a, b = np.exp(slow * time), np.exp(fast * time)
+    difference = slow - fast
+    return ((a - b) / difference).real, ((slow * a - fast * b) / difference).real

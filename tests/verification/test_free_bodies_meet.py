@@ -147,7 +147,7 @@ def test_frames_before_it_are_kept(tmp_path):
 
 
 def test_steps_alone_are_watched_too():
-    """However the steps are divided, the look is at a multiple of 50 of them."""
+    """However the steps are divided, bodies are checked at a multiple of 50 of them."""
     _, sim = meets(scene_of(disc(2.0, 0.0)))
     other = gr.Simulation(scene_of(disc(2.0, 0.0)), threads=1)
     with pytest.raises(gr.SimulationError, match="has met the end"):

@@ -9,12 +9,11 @@ from schemes_by_name import scheme_of
 import granular as gr
 from granular.geometry import Box, Fill, Grid
 from granular.gravity import Gravity
-from granular.materials import Elastic, MuI
+from granular.materials import DruckerPrager, Elastic, MuI
 from granular.mpm.limits import dt_limit
-from granular.theory import wave_decay
+from granular.theory import bar_restitution, wave_decay
 
 LENGTH = 1.6
-REST = Gravity((0.0,), ((0.0, 0.0),))
 DAMPED = {"restitution": 0.5, "contact_diameter": 0.05}
 
 
@@ -68,6 +67,122 @@ def test_a_standing_wave_decays_as_in_a_solid_of_kelvin_and_voigt(elasticity):
     assert errors[2] < 0.01
     assert errors[1] < 0.35 * errors[0]
     assert errors[2] < 0.35 * errors[1]
+
+
+def rebound(material, cells, length=0.4, speed=1e-4):
+    """Largest mean velocity of a bar after it hit a wall, over that before; the force is then 0."""
+    cell = length / cells
+    scene = gr.Scene(
+        name="bar",
+        grid=Grid((0.0, 0.0), cell, (cells + 8, 4), periodic=(False, True)),
+        fills=(Fill(Box((0.0, 0.0), (length, 4 * cell)), 4),),
+        material=material,
+        walls=(gr.Wall(0, 0.0, kind="free_slip"),),
+        scheme=scheme_of("quadratic", "tpic", "particle"),
+        gravity=Gravity((0.0,), ((0.0, 0.0),)),
+        duration=1.0,
+    )
+    sim = gr.Simulation(scene, threads=1)
+    used = sim.buffers["id"] >= 0
+    before = speed * material.wave_speed
+    sim.buffers["v"][0, used] = -before
+    largest = -1.0
+    while sim.time < 3 * length / material.wave_speed:
+        sim.step()
+        largest = max(largest, np.mean(sim.buffers["v"][0, used]) / before)
+    return largest
+
+
+@pytest.mark.parametrize("restitution", [0.5, 0.1])
+def test_a_bar_rebounds_as_the_sum_of_its_modes_says(restitution):
+    found = {}
+    for E in (1e5, 1e7):
+        bar = Elastic(E=E, restitution=restitution, contact_diameter=0.02)
+        found[E] = [rebound(bar, cells) for cells in ((16, 32, 64) if E == 1e5 else (16,))]
+    theory = bar_restitution(length=0.4, wave_speed=bar.wave_speed, damping_time=bar.damping_time)
+    errors = abs(np.array(found[1e5]) - theory)
+    assert errors[2] < 5e-4
+    assert errors[1] < 0.3 * errors[0]
+    assert errors[2] < 0.3 * errors[1]
+    assert found[1e7][0] == pytest.approx(found[1e5][0], rel=1e-8)
+
+
+def bed(*, cells=10, height=0.2, fills=None, **numbers):
+    """A bed under its weight on a floor, periodic along it."""
+    cell = height / cells
+    layer = Box((0.0, 0.0), (4 * cell, height))
+    return gr.Scene(
+        name="bed",
+        grid=Grid((0.0, 0.0), cell, (4, cells + 6), periodic=(True, False)),
+        fills=fills or (Fill(layer, 4, lithostatic=True),),
+        material=MuI(**numbers),
+        walls=(gr.Wall(1, 0.0),),
+        gravity=Gravity((0.0,), ((0.0, -9.8),)),
+        duration=1.0,
+    )
+
+
+def settling(scene, height=0.2):
+    """Rate at which the slowest oscillation of a bed decays [1/s]."""
+    sim = gr.Simulation(scene, threads=1)
+    k, wave_speed = math.pi / (2 * height), scene.material.wave_speed
+    used = sim.buffers["id"] >= 0
+    sim.buffers["v"][1, used] = 1e-3 * np.sin(k * sim.buffers["x"][1, used])
+    times, amplitudes = [], []
+    while sim.time < 8 * 4 * height / wave_speed:
+        sim.step(2)
+        wave = np.sin(k * sim.buffers["x"][1, used])
+        times.append(sim.time)
+        amplitudes.append(abs(np.mean(sim.buffers["v"][1, used] * wave)))
+    a = np.array(amplitudes)
+    peaks = np.flatnonzero((a[1:-1] > a[:-2]) & (a[1:-1] > a[2:])) + 1
+    return -np.polyfit(np.array(times)[peaks], np.log(a[peaks]), 1)[0]
+
+
+@pytest.mark.parametrize("E", [1e6, 1e7])
+@pytest.mark.parametrize("elasticity", ["hypoelastic", "hencky"])
+def test_a_bed_comes_to_rest_in_the_time_of_theory(E, elasticity):
+    """With the default scheme; without damping it oscillates for hundreds of times as long."""
+    numbers = {"E": E, "elasticity": elasticity, "contact_diameter": 4e-3}
+    damped = bed(restitution=0.3, **numbers)
+    sand = damped.material
+    theory = wave_decay(
+        wavenumber=math.pi / 0.4, wave_speed=sand.wave_speed, damping_time=sand.damping_time
+    )
+    assert settling(damped) == pytest.approx(theory, rel=0.01)
+    assert abs(settling(bed(restitution=1.0, **numbers))) < 0.01 * theory
+
+
+def test_steady_flow_is_left_alone():
+    """The viscous stress of a fully plastic flow is zero: velocities on an incline stay."""
+    speeds = {}
+    for restitution in (1.0, 0.3):
+        sand = gr.materials.glass_beads.replace(
+            E=1e6, restitution=restitution, contact_diameter=2e-3
+        )
+        scene = gr.scenes.incline(height=0.1, cell=0.01, duration=2.0, material=sand)
+        speeds[restitution] = np.mean(gr.Simulation(scene, threads=1).run().state.v[:, 0])
+    assert speeds[0.3] == pytest.approx(speeds[1.0], rel=2e-3)
+
+
+def test_each_material_has_its_own_damping():
+    """Viscous stress only in the damped layer of two; the same bits after a restart."""
+    low, high = Box((0.0, 0.0), (0.08, 0.1)), Box((0.0, 0.1), (0.08, 0.2))
+    damped = DruckerPrager(E=1e6, restitution=0.3, contact_diameter=4e-3)
+    fills = (Fill(low, 4, lithostatic=True, material=damped), Fill(high, 4, lithostatic=True))
+    scene = bed(fills=fills, E=1e6)
+    sim = gr.Simulation(scene, threads=1)
+    used = sim.buffers["id"] >= 0
+    sim.buffers["v"][1, used] = -1e-3
+    sim.step(20)
+    resumed = gr.Simulation.from_checkpoint(scene, sim.checkpoint(), threads=2)
+    sim.step(20), resumed.step(20)
+    state, other = sim.state, resumed.state
+    assert np.array_equal(state.viscous_stress, other.viscous_stress)
+    assert np.array_equal(state.v, other.v)
+    below = state.x[:, 1] < 0.1
+    assert not state.viscous_stress[~below].any()
+    assert state.viscous_stress[below].any()
 
 
 def test_the_damping_time_is_that_of_the_contact_and_one_leaves_the_bits_alone():

@@ -1,12 +1,12 @@
 """Comparison with data that others made: experiments, other methods and closed forms.
 
 Each case is a module with a function that runs it and one that draws it, registered by `case`.
-The data lie in `granular/verify/data`; the header of each file has source, units and doubts. What
-a header calls inferred or recalled is reported, and decides nothing.
+The data lie in `granular/verify/data`; the header of each file has source, units and what is
+uncertain. What a header calls inferred or recalled is reported, and decides nothing.
 """
 
 # The modules register their cases on import; this is the order of the table.
-from granular.verify.external import bagnold, columns  # isort: skip  # noqa: F401
+from granular.verify.external import bagnold, columns, runout_laws, shallow  # isort: skip  # noqa: F401
 from granular.verify.external.frame import (
     Case,
     Comparison,

@@ -34,7 +34,8 @@ def released(scene: AnyScene) -> Simulation:
     """Simulation of a column that bears its weight and is let go at once, in full gravity."""
     assert isinstance(scene, Scene)
     fills = tuple(replace(fill, lithostatic=True) for fill in scene.fills)
-    gravity = Gravity((0.0,), ((0.0, -G),))
+    down = (*[0.0] * (len(scene.grid.shape) - 1), -G)
+    gravity = Gravity((0.0,), (down,))
     return Simulation(replace(scene, fills=fills, gravity=gravity), threads=1)
 
 
@@ -44,24 +45,25 @@ def height_at(state: State, x: Array) -> Array:
     return np.interp(x, columns.x, columns.height, right=0.0)
 
 
-def _panels(outcome: Outcome, xlabel: str, ylabel: str) -> Figure:
-    """A panel for each entry of the curves, a line or points for each of its names."""
+def _panels(outcome: Outcome, xlabel: str, ylabel: str, data: tuple[str, str]) -> Figure:
+    """A panel for each entry of the curves; `data` is the name of the points, and their label."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(6.0, 2.4 * len(outcome.curves)), layout="constrained")
+    figure = Figure(figsize=(6.4, 2.6 * len(outcome.curves)), layout="constrained")
     panels = figure.subplots(len(outcome.curves), squeeze=False)[:, 0]
     for axes, (title, curves) in zip(panels, outcome.curves.items(), strict=True):
         for name, (x, y) in curves.items():
-            style = "k." if name in ("contact dynamics", "experiment") else "-"
-            axes.plot(x, y, style, label=name, lw=1)
-        axes.set(title=title, ylabel=ylabel)
+            ends = 1 + np.max(np.nonzero(y)[0], initial=0)  # beyond, there is no material
+            style, label = ("k.", data[1]) if name == data[0] else ("-", f"run, {name}")
+            axes.plot(x[: ends + 1], y[: ends + 1], style, label=label, lw=1)
+        axes.set(title=title, xlabel=xlabel, ylabel=ylabel)
         axes.legend(fontsize="small")
-    panels[-1].set_xlabel(xlabel)
     return figure
 
 
 def _draw_contact_dynamics(outcome: Outcome) -> Figure:
-    return _panels(outcome, "$x / H$", "$h / H$")
+    names = "contact dynamics", "contact dynamics, Lagrée et al. 2011"
+    return _panels(outcome, "distance from the middle $x / H$", "height $h / H$", names)
 
 
 def _moments(state: State) -> tuple[float, float, float]:
@@ -125,7 +127,8 @@ def contact_dynamics(quick: bool) -> Outcome:
 
 
 def _draw_bars(outcome: Outcome) -> Figure:
-    return _panels(outcome, "x [m]", "y [m]")
+    names = "experiment", "experiment, Bui et al. 2008"
+    return _panels(outcome, "distance from the wall [m]", "height [m]", names)
 
 
 CELLS = 8

@@ -32,7 +32,7 @@ class Data:
     Attributes
     ----------
     notes : tuple of str
-        Its header: source, units, what is doubtful.
+        Its header: source, units, what is uncertain.
     columns : mapping of str to ndarray
         The numbers, by the name of the column, which has the unit; nan where there is none.
     """
@@ -99,7 +99,7 @@ def below(quantity: str, ours: float, bound: float, gate: bool = True) -> Compar
 
 @dataclass
 class Outcome:
-    """What a case found.
+    """Result of a case.
 
     Attributes
     ----------

@@ -1,0 +1,219 @@
+"""Shallow layers on a Coulomb base against depth-averaged theory: a dam break, a spreading cap.
+
+The inclinations and frictions are those of AvaFrame's analytical tests, in a layer 0.1 m thick and
+a cap 2 m long. Lengths along the plane are large compared with the thickness, so that the theory
+should hold.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from granular import theory
+from granular.geometry import Box, Fill, Grid, Region
+from granular.gravity import Gravity
+from granular.materials import DruckerPrager
+from granular.mpm.scene import Scene
+from granular.mpm.walls import Wall
+from granular.regions import Polygon
+from granular.simulation import Simulation
+from granular.verify.external.frame import Array, Outcome, below, case, near
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+G, RHO = 9.81, 1500.0
+
+TOLERANCES = {"front": 0.05, "thickness": 0.1, "velocity": 0.1}
+"""Relative differences asked for."""
+
+
+def layer(
+    region: Region, *, angle_deg: float, friction: float, mu: float, cell: float,
+    along: tuple[float, float], rows: int, E: float,
+) -> Scene:  # fmt: skip
+    """Layer of a Drucker-Prager material on a plane; gravity is inclined, not the grid."""
+    angle = math.radians(angle_deg)
+    first = math.floor(along[0] / cell)
+    cells = (math.ceil(along[1] / cell) - first, rows)
+    return Scene(
+        name="shallow_layer",
+        grid=Grid((first * cell, 0.0), cell, cells),
+        fills=(Fill(region, 4, lithostatic=True),),
+        material=DruckerPrager(E=E, nu=0.3, rho_c=RHO, rho_s=2450.0, mu=mu),
+        walls=(
+            Wall(1, 0.0, kind="coulomb", friction=friction),
+            Wall(0, first * cell, kind="free_slip"),
+        ),
+        gravity=Gravity((0.0,), ((G * math.sin(angle), -G * math.cos(angle)),)),
+        duration=10.0,
+    )
+
+
+# ---- dam break: 22 degrees, base 21 degrees ----
+
+H0 = 0.1
+DAM: dict[str, Any] = {"angle_deg": 22.0, "mu": math.tan(math.radians(21.0)), "thickness": H0}
+DAM_TIMES = (6.0, 7.5, 9.0)
+"""In sqrt(h0/g), when the wave is long compared with the thickness."""
+
+
+def outermost(x: Array, thickness: Array, level: float) -> float:
+    """Position [m] beyond which the layer is thinner than a level."""
+    last = np.nonzero(thickness > level)[0][-1]
+    share = (thickness[last] - level) / (thickness[last] - thickness[last + 1])
+    return float(x[last] + share * (x[1] - x[0]))
+
+
+def dam(mu: float, K: float, cells: int, scaled_times: Sequence[float]) -> list[dict[str, Any]]:
+    """Front [m] of ours and the theory's, and errors of thickness and velocity, at given times.
+
+    Times are in sqrt(h0/g). The front is where the layer is as thick as a cell, as less is not
+    resolved. The error of the thickness is the L1 norm over the wave, that of the velocity the mean
+    over the part thicker than h0/10. The profile has positions and the two thicknesses.
+    """
+    region = Box((-2.0, 0.0), (0.0, H0))
+    plane = {"angle_deg": DAM["angle_deg"], "friction": DAM["mu"], "mu": mu}
+    along = (-2.0, 2.6)
+    scene = layer(region, **plane, cell=H0 / cells, along=along, rows=cells + 6, E=3e5)
+    sim = Simulation(scene, threads=1)
+    edges = np.linspace(-1.4, 2.6, 81)
+    x, found = (edges[1:] + edges[:-1]) / 2, []
+    for scaled in scaled_times:
+        time = scaled * math.sqrt(H0 / G)
+        state = sim.run(until=time).state
+        mass = np.histogram(state.x[:, 0], edges, weights=state.mass)[0]
+        momentum = np.histogram(state.x[:, 0], edges, weights=state.mass * state.v[:, 0])[0]
+        width = edges[1] - edges[0]
+        h = mass / (RHO * width)
+        known = theory.dam_break(x, time, K=K, **DAM)
+        wave = x > known.back
+        thick = wave & (known.thickness > 0.1 * H0) & (mass > 0.0)
+        u, speed = momentum[thick] / mass[thick], known.velocity[thick]
+        level = H0 / cells
+        found.append({
+            "front": (outermost(x, h, level), outermost(x, known.thickness, level)),
+            "thickness": np.abs(h - known.thickness)[wave].sum() / known.thickness[wave].sum(),
+            "velocity": np.abs(u - speed).mean() / speed.mean(),
+            "profile": (x, (h, known.thickness)),
+        })  # fmt: skip
+    return found
+
+
+# ---- cap: 35 degrees, base 25 degrees ----
+
+LENGTH = 1.0
+CAP_TIMES = (0.700357, 1.75089, 3.50179)
+"""In sqrt(L/g), of the file of Savage & Hutter's parabolic cap."""
+
+
+def cap(
+    aspect: float, mu: float, cells: int, scaled_times: Sequence[float]
+) -> list[dict[str, Any]]:
+    """Ours and the theory's front [m], thickness in the middle [m] and velocity of the centre.
+
+    Times are in sqrt(L/g). The front is that of the parabola that has 99 % of the mass where the
+    material has.
+    """
+    H, friction = aspect * LENGTH, math.tan(math.radians(25.0))
+    s = np.linspace(-LENGTH, LENGTH, 81)
+    region = Polygon([(float(x), float(H * (1.0 - (x / LENGTH) ** 2))) for x in s])
+    times = np.array(scaled_times) * math.sqrt(LENGTH / G)
+    known = theory.spreading_cap(
+        times, angle_deg=35.0, mu=friction, half_length=LENGTH, thickness=H,
+        K=theory.sliding_earth_pressure(mu, friction),
+    )  # fmt: skip
+    along = (-1.3 * LENGTH, known.centre[-1] + known.half_length[-1] + 0.5 * LENGTH)
+    scene = layer(
+        region, angle_deg=35.0, friction=friction, mu=mu, cell=H / cells, along=along,
+        rows=cells + 6, E=4e6 * aspect,
+    )  # fmt: skip
+    sim = Simulation(scene, threads=1)
+    share = np.roots([-0.25, 0.0, 0.75, -0.49])  # 0.99 = 1/2 + 3/4 s - s^3/4
+    share = float(share[(share > 0) & (share < 1)][0])
+    found = []
+    for i, time in enumerate(times):
+        state = sim.run(until=float(time)).state
+        x, mass = state.x[:, 0], state.mass
+        centre = np.average(x, weights=mass)
+        order = np.argsort(x)
+        reached = np.searchsorted(np.cumsum(mass[order]), 0.99 * mass.sum())
+        half = (x[order][reached] - centre) / share
+        middle = np.abs(x - centre) < 0.1 * half
+        top = H * LENGTH / known.half_length[i]
+        edges = np.linspace(*along, 101)
+        bins = 0.5 * (edges[1:] + edges[:-1])
+        h = np.histogram(x, edges, weights=mass)[0] / (RHO * (edges[1] - edges[0]))
+        parabola = top * (1.0 - ((bins - known.centre[i]) / known.half_length[i]) ** 2)
+        found.append({
+            "front": (centre + half, known.centre[i] + known.half_length[i]),
+            "thickness": (
+                mass[middle].sum() / (RHO * 0.2 * half) / (1.0 - 0.01 / 3.0), top
+            ),
+            "velocity": (np.average(state.v[:, 0], weights=mass), 2.0 * known.centre[i] / time),
+            "profile": (bins, (h, np.maximum(parabola, 0.0))),
+        })  # fmt: skip
+    return found
+
+
+def errors(found: list[dict[str, Any]]) -> Array:
+    """Relative differences, shape (times, 3), in the order of `TOLERANCES`."""
+
+    def error(entry: Any) -> float:
+        return float(entry[0] / entry[1] - 1.0 if isinstance(entry, tuple) else entry)
+
+    return np.array([[error(moment[name]) for name in TOLERANCES] for moment in found])
+
+
+def _add(
+    outcome: Outcome, tag: str, unit: str, scaled: Sequence[float],
+    found: list[dict[str, Any]],
+) -> None:  # fmt: skip
+    """Add the rows and surfaces of a run."""
+    curves = {}
+    for time, moment in zip(scaled, found, strict=True):
+        for name, share in TOLERANCES.items():
+            where, entry = f"t = {time:.2g} {unit}, {tag}", moment[name]
+            if isinstance(entry, tuple):
+                row = near(f"{name}, {where}", float(entry[0]), float(entry[1]), share)
+            else:
+                row = below(f"relative error of the {name}, {where}", float(entry), share)
+            outcome.rows.append(row)
+        x, (h, known) = moment["profile"]
+        curves[f"t = {time:.2g} {unit}"] = [x.tolist(), h.tolist(), known.tolist()]
+    outcome.curves[tag] = curves
+
+
+def picture(outcome: Outcome) -> Figure:
+    """Surfaces: the runs as points, the theory as lines."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 2.6 * len(outcome.curves)), layout="constrained")
+    panels = figure.subplots(len(outcome.curves), squeeze=False)[:, 0]
+    for axes, (title, curves) in zip(panels, outcome.curves.items(), strict=True):
+        for name, (x, h, known) in curves.items():
+            line = axes.plot(x, known, lw=1, label=f"theory, {name}")[0]
+            axes.plot(x, h, ".", ms=3, color=line.get_color())
+        axes.set(title=title, xlabel="distance along the plane [m]", ylabel="thickness [m]")
+        axes.plot([], [], "k.", ms=3, label="run")
+        axes.legend(fontsize="x-small")
+    return figure
+
+
+@case(picture)
+def shallow(quick: bool) -> Outcome:
+    """Dam break on a plane of 22 deg and a cap on one of 35 deg against depth-averaged theory."""
+    outcome, mu = Outcome(), 0.6
+    K = theory.sliding_earth_pressure(mu, DAM["mu"])
+    for cells in (10,) if quick else (10, 20):
+        with outcome.timed():
+            found = dam(mu, K, cells, DAM_TIMES)
+        _add(outcome, f"dam break, {cells} cells", "sqrt(h0/g)", DAM_TIMES, found)
+    with outcome.timed():
+        found = cap(0.05, 0.48, 10, CAP_TIMES)
+    _add(outcome, "cap of aspect 0.05, 10 cells", "sqrt(L/g)", CAP_TIMES, found)
+    return outcome
