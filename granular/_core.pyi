@@ -13,8 +13,9 @@ Map = tuple[tuple[NDArray[np.int32], ...], NDArray[np.uint8]]
 """Class of each index along each axis, and a byte for each combination of classes."""
 
 class SimulationError(RuntimeError):
-    """A run failed: a point that is not finite or ran away."""
+    """A run failed: a point is not finite or ran away, or a free body met what it does not feel."""
 
+    body: int
     point: int
     step: int
 
