@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from granular import scenes
 from granular.materials import MuI
 from granular.mpm import schemes
 from granular.mpm.schemes import Scheme
-from granular.scenes.fed import soft_beads
+from granular.scenes._build import soft_beads
 from granular.simulation import Simulation
 from granular.theory import bagnold_mean, bagnold_profile, bagnold_shape
 from granular.verify.external.frame import Outcome, below, case, load, near
@@ -119,13 +119,18 @@ WINDOW = (1.2, 0.6)
 def chute(quick: bool) -> Outcome:
     """Layer on a chute fed with the flux of the closed form: thickness, speed, profile far down."""
     outcome, length = Outcome(), 2.0 if quick else 5.0
-    steady = {"angle_deg": FLOOR_DEG, "height": DEPTH, "material": soft_beads, "gravity": 9.81}
+    steady: dict[str, Any] = {
+        "angle_deg": FLOOR_DEG,
+        "height": DEPTH,
+        "material": soft_beads,
+        "gravity": 9.81,
+    }
     mean = bagnold_mean(**steady)
     for name in ("default",) if quick else SCHEMES:
         with outcome.timed():
             scene = scenes.chute_fed(
                 angle_deg=FLOOR_DEG, height=DEPTH, speed=mean, length=length, cell=DEPTH / 8,
-                duration=2.0 * length, material=soft_beads, scheme=SCHEMES[name],
+                duration=1.5 * length, material=soft_beads, scheme=SCHEMES[name],
             )  # fmt: skip
             state = Simulation(scene, threads=1).run().state
         (x, y), v, mass = state.x.T, state.v[:, 0], state.mass

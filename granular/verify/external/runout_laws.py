@@ -10,6 +10,7 @@ import numpy as np
 from granular import measure, scenes
 from granular.materials import glass_beads
 from granular.theory import RUNOUT_LAWS
+from granular.typing import AnyScene
 from granular.verify.external.columns import CELLS, G, released
 from granular.verify.external.frame import Array, Comparison, Outcome, case, load
 
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 HALF_WIDTH = 0.2
 """Half-width of the columns and radius of the cylinders [m]."""
 
-LASTS = 8.0
+LASTS = 5.0
 """Duration in sqrt(H/g); columns of Lube et al. came to rest within 3.3."""
 
 SPREAD = 0.25
@@ -50,6 +51,7 @@ def runouts(aspect: float, axisymmetric: bool) -> measure.Runout:
     shape["duration"] = LASTS * math.sqrt(height / G)
     # As soft as the columns of the contact dynamics: 1000 times the weight.
     shape["material"] = glass_beads.replace(E=1e3 * glass_beads.rho_c * G * height)
+    scene: AnyScene
     if axisymmetric:
         scene = scenes.cylinder_collapse(radius=HALF_WIDTH, **shape)
     else:
@@ -77,7 +79,9 @@ def picture(outcome: Outcome) -> Figure:
         aspects, found = laws(kind)
         every = np.array(list(found.values()))
         low, high = (1.0 - SPREAD) * np.nanmin(every, 0), (1.0 + SPREAD) * np.nanmax(every, 0)
-        axes.fill_between(aspects, low, high, color="0.9", label=f"envelope with a scatter of {SPREAD:.0%}")
+        axes.fill_between(
+            aspects, low, high, color="0.9", label=f"envelope with a scatter of {SPREAD:.0%}"
+        )
         for name, values in found.items():
             known = np.isfinite(values)
             axes.plot(aspects[known], values[known], lw=1, label=NAMES[name])
@@ -97,7 +101,7 @@ def picture(outcome: Outcome) -> Figure:
 def runout_laws(quick: bool) -> Outcome:
     """Run-out of columns and cylinders of several aspect ratios beside laws of other authors."""
     outcome = Outcome()
-    kinds = {"planar": (0.5, 1.0, 2.0, 4.0, 8.0), "axisym": (0.5, 1.0, 2.0, 4.0)}
+    kinds = {"planar": (0.5, 1.0, 2.0, 4.0, 8.0), "axisym": (0.5, 1.0, 2.0)}
     for kind, aspects in kinds.items():
         listed, known = laws(kind)
         found = []

@@ -121,7 +121,7 @@ def cap(
     """
     H, friction = aspect * LENGTH, math.tan(math.radians(25.0))
     s = np.linspace(-LENGTH, LENGTH, 81)
-    region = Polygon([(float(x), float(H * (1.0 - (x / LENGTH) ** 2))) for x in s])
+    region = Polygon(tuple((float(x), float(H * (1.0 - (x / LENGTH) ** 2))) for x in s))
     times = np.array(scaled_times) * math.sqrt(LENGTH / G)
     known = theory.spreading_cap(
         times, angle_deg=35.0, mu=friction, half_length=LENGTH, thickness=H,
@@ -133,8 +133,8 @@ def cap(
         rows=cells + 6, E=4e6 * aspect,
     )  # fmt: skip
     sim = Simulation(scene, threads=1)
-    share = np.roots([-0.25, 0.0, 0.75, -0.49])  # 0.99 = 1/2 + 3/4 s - s^3/4
-    share = float(share[(share > 0) & (share < 1)][0])
+    roots = np.roots([-0.25, 0.0, 0.75, -0.49])  # 0.99 = 1/2 + 3/4 s - s^3/4
+    share = float(roots[(roots > 0) & (roots < 1)].real[0])
     found = []
     for i, time in enumerate(times):
         state = sim.run(until=float(time)).state
