@@ -406,62 +406,6 @@ def paraview(quick: bool) -> Picture:
     return made
 
 
-def free_bodies(quick: bool) -> Picture:
-    """A block that is thrown into a bed and turns, and its motion."""
-    made, axes = panels(2, 3, 4.6)
-    cell = 0.02 if quick else 0.01
-    shape = gr.bodies.Box((0.2, 0.1))
-    whole = gr.bodies.mass_properties(shape, density=2500.0)
-    block = gr.Body(
-        shape,
-        (0.4, 0.34),
-        rotation_deg=20.0,
-        motion=gr.Motion(velocity=((1.0, -2.0),), angular_velocity=(-5.0,)),
-        friction=0.4,
-        free="xy",
-        mass=whole.mass,
-        inertia=whole.inertia,
-    )
-    scene = gr.Scene(
-        name="block",
-        grid=gr.Grid((0.0, 0.0), cell, (round(1.2 / cell), round(0.5 / cell))),
-        fills=[gr.Fill(gr.Box((0.0, 0.0), (1.2, 0.2)), 4, lithostatic=True)],
-        material=gr.materials.glass_beads.replace(E=1e6),
-        walls=[
-            gr.Wall(axis=1, at=0.0),
-            *(gr.Wall(axis=0, at=at, kind="free_slip") for at in (0.0, 1.2)),
-        ],
-        bodies=[block],
-        gravity=WEIGHT,
-        duration=0.6,
-    )
-    sim = gr.Simulation(scene)
-    with TemporaryDirectory() as folder:
-        path = Path(folder, "block.h5")
-        sim.run(until=0.1 if quick else 0.6, save=path, every=0.01)
-        record = gr.open(path)
-        shown = (0, len(record) // 4, len(record) - 1)
-        for ax, k in zip(axes[0], shown, strict=True):
-            title = f"t = {record[k].time:.2f} s"
-            common = {"limits": (0, 1), "extent": ((0.2, 1.0), (0.0, 0.5)), "bar": k == shown[-1]}
-            gr.plot.frame(record[k], "speed", ax=ax, title=title, **common)
-        motion = gr.measure.body_motion(record, body=0)
-        force = gr.measure.body_force(record, body=0, window=2)
-    across, up = motion.position.T
-    axes[1, 0].plot(motion.times, across - across[0], label="across")
-    axes[1, 0].plot(motion.times, up - up[0], label="up")
-    axes[1, 0].set(xlabel="time [s]", ylabel="way of the centre [m]")
-    turn = np.unwrap(2 * np.arctan2(motion.quaternion[:, 3], motion.quaternion[:, 0]))
-    axes[1, 1].plot(motion.times, np.degrees(turn))
-    axes[1, 1].set(xlabel="time [s]", ylabel="angle [degrees]")
-    axes[1, 2].plot(force.times, force.force[:, 1] / (9.8 * whole.mass), label="up")
-    axes[1, 2].plot(force.times, force.force[:, 0] / (9.8 * whole.mass), label="across")
-    axes[1, 2].set(xlabel="time [s]", ylabel="force over weight")
-    for ax in (axes[1, 0], axes[1, 2]):
-        ax.legend(fontsize=9)
-    return made
-
-
 def discharge(cell: float, seed: int) -> float:
     """Rate of the hopper of the guide [kg/(s m)]."""
     scene = gr.scenes.hopper(
@@ -501,7 +445,7 @@ PAGES: dict[str, Callable[[bool], Figure]] = {
     for made in (
         *(walls, fill_regions, own_material, choose_a_scheme, choose_a_stiffness, scale_a_model),
         *(scene_files, shear_cell, own_scene, read_the_verdict, watch_a_run, restart),
-        *(calibrate_friction, sweep, paraview, free_bodies, extrapolate_to_fine_cells),
+        *(calibrate_friction, sweep, paraview, extrapolate_to_fine_cells),
     )
 }
 
