@@ -1,6 +1,6 @@
 """Tall cylinders that collapse: the friction angle of the cone, and refinement, against Lube 2004.
 
-python benchmarks/tall_columns.py run     # about 10 minutes by one thread
+python benchmarks/tall_columns.py run     # about 6 minutes by one thread
 python benchmarks/tall_columns.py table   # the table of docs/reports/tall_columns.md
 """
 

@@ -74,8 +74,9 @@ void gr_feet_free(struct gr_feet *feet);
  * Returned: 0 or GR_ERR_MEMORY. */
 int gr_feet_list(struct gr_engine *e);
 
-/* Find the feet of this step, by all threads of a team. Call it after the grid stage. The impulses start from those of the last step, which the
- * points have kept as forces: of a point with several feet, each has the part of the force along its normal. */
+/* Find the feet of this step, by all threads of a team. Call it after the grid stage. The impulses start from those of the
+ * last step, which the points have kept as forces: of a point with several feet, each has the part of the force along its
+ * normal. */
 void gr_feet_find(struct gr_engine *e, const double g[3], struct gr_team *team);
 
 /* Keep the impulses of the feet as forces on their points. */

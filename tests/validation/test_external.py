@@ -22,7 +22,7 @@ def test_every_file_says_where_it_comes_from():
         assert all(len(column) > 1 for column in data.columns.values())
 
 
-def test_the_wheel_includes_the_files():
+def test_the_files_are_data_of_the_package():
     setup = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
     assert "verify/data/*.csv" in setup["package-data"]["granular"]
 
