@@ -93,8 +93,7 @@ GR_INLINE void sum_volumes_of_group(const int K, const struct gr_engine *e, int6
         for (int i = 0; i < K; i++) { /* local node K - 1 - i, as in sum_group */
             const struct places places = places_of(K, GR_RUN_BROKEN, e, group, i, lane);
             const int64_t own = e->volume_sums + (K - 1 - i) * (GR_VOLUME_SUMS - rows) * GR_LANES;
-            for (int q = 0; q < GR_VOLUME_SUMS; q++)
-                sum[q] = sum[q] + sum_at(GR_RUN_BROKEN, &places, own + q * GR_LANES);
+            for (int q = 0; q < GR_VOLUME_SUMS; q++) sum[q] = sum[q] + sum_at(GR_RUN_BROKEN, &places, own + q * GR_LANES);
         }
         for (int q = 0; q < GR_VOLUME_SUMS; q++) v_store(out + q * GR_LANES + lane, sum[q]);
     }
