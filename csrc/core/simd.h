@@ -107,16 +107,6 @@ static inline vd v_rsqrt(vd a)
     return y;
 }
 
-/* The square root of a >= 0 to 4e-16, by the same series. It takes a third of the time of the division unit. */
-static inline vd v_sqrt_fast(vd a)
-{
-    const vd safe = v_max(v_set(1e-290), a) /* NaN stays */, estimate = v_rsqrt_estimate(safe);
-    const vd first = v_fnma(safe * estimate, estimate, v_set(1.0));
-    const vd y = v_fma(estimate * first, v_rsqrt_series(first), estimate), s = safe * y;
-    const vd r = v_fnma(s, y, v_set(1.0));
-    return v_fma(s * r, v_rsqrt_series(r), s);
-}
-
 static const double gr_inverse_factorial[14] = {
     1.0,          1.0,           1.0 / 2.0,      1.0 / 6.0,       1.0 / 24.0,       1.0 / 120.0,       1.0 / 720.0,
     1.0 / 5040.0, 1.0 / 40320.0, 1.0 / 362880.0, 1.0 / 3628800.0, 1.0 / 39916800.0, 1.0 / 479001600.0, 1.0 / 6227020800.0,

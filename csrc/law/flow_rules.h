@@ -33,14 +33,14 @@ static inline struct gr_flow_numbers gr_flow_numbers_of(double mu_s, double mu_2
  * Given: trial > S0 = mu_s p, p > 0. */
 static inline vd gr_flow_mu_I(const struct gr_flow_numbers *n, vd trial, vd p, vd S0)
 {
-    const vd S2 = n->mu_2 * p, alpha = n->alpha_1 * v_sqrt_fast(p), d = (trial - S2) + alpha;
+    const vd S2 = n->mu_2 * p, alpha = n->alpha_1 * v_sqrt(p), d = (trial - S2) + alpha;
     const vd H = v_fma(S2, trial, S0 * alpha), B = S2 + trial + alpha;
-    return (H + H) / ((B + v_sqrt_fast(v_fma(d, d, n->four_dmu * (alpha * p)))) * trial);
+    return (H + H) / ((B + v_sqrt(v_fma(d, d, n->four_dmu * (alpha * p)))) * trial);
 }
 
 /* The same for the linear mu(I). */
 static inline vd gr_flow_linear_mu_I(const struct gr_flow_numbers *n, vd trial, vd p, vd S0)
 {
-    const vd root = v_sqrt_fast(p);
+    const vd root = v_sqrt(p);
     return v_fma(n->beta_1, S0, trial * root) / ((root + n->beta_1) * trial);
 }

@@ -87,7 +87,7 @@ GR_INLINE void frictional_blocks(const int dim, const int rate, const int cohesi
             const vm flows = m_and(dense, v_gt(tau2, S0 * S0));
             vd scale = v_keep(dense, one);
             if (m_bits(flows)) {
-                const vd trial = v_sqrt_fast(tau2);
+                const vd trial = v_sqrt(tau2);
                 vd over = trial, share = S0 / trial;
                 if (cohesive) over = over - yield.base;
                 if (rate == GR_REGULARISED) share = gr_flow_regularised(&regularised, trial, p, flows);

@@ -73,7 +73,7 @@ GR_INLINE vd gr_stretch_norm(const int dim, const vd *L)
             sum = v_fma(v_set(0.5) * shear, shear, sum);
         }
     }
-    return v_sqrt_fast(sum);
+    return v_sqrt(sum);
 }
 
 /* Deviator of the trial Kirchhoff stress. */
@@ -136,7 +136,7 @@ GR_INLINE struct gr_hencky_point gr_hencky_flow(const int dim, const int flow, c
     struct gr_hencky_point out = {.g = zero, .rate = zero};
     struct gr_hencky_return r = {.share = v_set(1.0), .g = zero, .rate = zero};
     if (!solid) {
-        const vd tau = v_sqrt_fast(gr_tau_squared(dim, trial)), pressed = v_max(v_set(GR_LEAST_PRESSURE), p);
+        const vd tau = v_sqrt(gr_tau_squared(dim, trial)), pressed = v_max(v_set(GR_LEAST_PRESSURE), p);
         if (flow == GR_HENCKY_linear_ngf || flow == GR_HENCKY_ngf)
             r = gr_hencky_nonlocal(flow, n, tau, pressed, before, reconnected, g_star, rate);
         else

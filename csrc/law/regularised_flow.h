@@ -42,7 +42,7 @@ static inline struct gr_regularised_numbers gr_regularised_numbers_of(double mu_
 static inline vd gr_fast_friction(const struct gr_regularised_numbers *n, vd m, vd B)
 {
     const vd zero = v_zero(), a = B + n->k, b = B + n->mu_2 - m, c = m - n->mu_s;
-    const vd root = v_sqrt_fast(v_fma(b, b, v_set(4.0) * (a * c)));
+    const vd root = v_sqrt(v_fma(b, b, v_set(4.0) * (a * c)));
     const vd x = v_select(v_gt(b, zero), (c + c) / (b + root), (root - b) / (a + a));
     return v_fma(v_fma(n->k, x, n->mu_2), x, n->mu_s) / (v_set(1.0) + x);
 }
@@ -69,7 +69,7 @@ static inline vd gr_creep_friction(const struct gr_regularised_numbers *n, vd m,
 static inline vd gr_flow_regularised(const struct gr_regularised_numbers *n, vd trial, vd p, vm flows)
 {
     const vd ratio = trial / p, most = v_set(GR_LARGEST_RATIO);
-    const vd m = v_min(most, ratio), B = v_min(most, n->B_1 / v_sqrt_fast(p));
+    const vd m = v_min(most, ratio), B = v_min(most, n->B_1 / v_sqrt(p));
     const vm creeps = m_and(flows, v_ge(n->mu_1, v_fnma(B, n->x1, m)));
     const vd fast = gr_fast_friction(n, m, B);
     const vd mu = m_bits(creeps) ? v_select(creeps, gr_creep_friction(n, m, B, creeps), fast) : fast;

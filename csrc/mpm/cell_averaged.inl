@@ -105,8 +105,9 @@ GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_eng
     for (int i = 0; !summed.end && i < e->sum_stride; i += GR_LANES) v_store(out + i, v_zero());
     gr_frame_of(dim, GR_LINEAR, affine, e, first, &frame);
     for (int q = GR_CELL_MC; q < GR_CELL_STRESS + stresses; q++) of_cell[q] = more ? v_load(own + q * GR_LANES) : v_zero();
-    for (int done = summed.begin; done < summed.end; done += gr_prepared(dim), fresh = 0) {
-        const int left = summed.end - done, n = left < gr_prepared(dim) ? left : gr_prepared(dim);
+    const int prepared = gr_prepared(summed.end - summed.begin);
+    for (int done = summed.begin; done < summed.end; done += prepared, fresh = 0) {
+        const int left = summed.end - done, n = left < prepared ? left : prepared;
         for (int i = 0; i < n; i++) {
             const int64_t at = gr_slot(&e->mesh.cell[first], done + i);
             const vm counted = v_ge(v_set(done + i), summed.first);

@@ -172,16 +172,16 @@ GR_SHARED(find_runs, struct connect, (q->n_nodes + GR_LANES - 1) / GR_LANES, q)
         for (int i = 0; i < e->K; i++) {
             const int64_t *source = mesh->node_source + group * GR_LANES * e->K + i;
             const int64_t left = mesh->n_nodes - group * GR_LANES, n = left < GR_LANES ? left : GR_LANES;
-            struct gr_node_run run = {source[0], source[0], GR_LANES};
-            for (int l = 1; l < n; l++) {
+            struct gr_node_run run = {.at = {source[0]}, .pieces = 1};
+            for (int l = 1; l < n && run.pieces != GR_RUN_BROKEN; l++) {
                 const int64_t at = source[l * e->K] - l;
-                if (at == (run.split < GR_LANES ? run.second : run.first)) continue;
-                if (run.split < GR_LANES || at < 0) {
-                    run.split = GR_RUN_BROKEN;
-                    break;
+                if (at == run.at[run.pieces - 1]) continue;
+                if (run.pieces == GR_RUN_PIECES || at < 0) {
+                    run.pieces = GR_RUN_BROKEN;
+                } else {
+                    run.begin[run.pieces] = (int8_t)l;
+                    run.at[run.pieces++] = at;
                 }
-                run.split = l;
-                run.second = at;
             }
             mesh->node_run[group * e->K + i] = run;
         }

@@ -100,12 +100,12 @@ static inline int64_t gr_slot(const struct gr_cell *cell, int64_t k) { return ce
 
 #define GR_IS_DOUBLE(cell) ((cell)->side == 1 || (cell)->side == -1)
 
-/* Where the sums of GR_LANES nodes that follow each other begin: those of node l at first + l if l < split, else at
- * second + l; GR_RUN_BROKEN if there are more pieces. */
-enum { GR_RUN_BROKEN = -1 };
+/* Where the sums of GR_LANES nodes that follow each other begin. They lie in pieces, as nodes of a row of the grid do in
+ * those of the cells of a tile: the sums of node l of piece k, l >= begin[k], are at[k] + l. */
+enum { GR_RUN_PIECES = 4, GR_RUN_BROKEN = 0 };
 struct gr_node_run {
-    int64_t first, second;
-    int32_t split;
+    int64_t at[GR_RUN_PIECES];
+    int8_t pieces, begin[GR_RUN_PIECES]; /* GR_RUN_BROKEN pieces if there are more than fit */
 };
 
 /* What is to be done with the sums of a tile after the points have moved. */

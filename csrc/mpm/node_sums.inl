@@ -4,40 +4,57 @@
 
 /* The places of the sums over one cell of GR_W nodes, from node `lane` of a group on. */
 struct places {
-    const double *first, *second; /* the latter of lanes from `split` on */
-    vm in_first;
-    int pieces; /* 1 or 2; more: all apart, in `each` */
-    const double *each[GR_W];
+    const double *piece[GR_RUN_PIECES];
+    vm from[GR_RUN_PIECES];   /* lanes of this piece, and of those after it */
+    const double *each[GR_W]; /* of nodes whose sums are in more pieces */
 };
 
-GR_INLINE struct places places_of(const int K, const struct gr_engine *e, int64_t group, int i, int lane)
+GR_INLINE struct places places_of(const int K, const int pieces, const struct gr_engine *e, int64_t group, int i, int lane)
 {
     const struct gr_node_run *run = &e->mesh.node_run[group * K + i];
-    struct places places = {.first = e->sums + run->first + lane, .second = e->sums + run->second + lane, .pieces = 1};
-    if (run->split == GR_RUN_BROKEN) {
-        for (int l = 0; l < GR_W; l++) {
-            const int64_t n = group * GR_LANES + lane + l;
-            places.each[l] = e->sums + e->mesh.node_source[(n < e->mesh.n_nodes ? n : e->mesh.n_nodes - 1) * K + i];
-        }
-        places.pieces = GR_W + 1;
-    } else if (run->split <= lane) {
-        places.first = places.second;
-    } else if (run->split < lane + GR_W) {
-        double number[GR_W];
-        for (int l = 0; l < GR_W; l++) number[l] = lane + l;
-        places.in_first = v_gt(v_set(run->split), v_load(number));
-        places.pieces = 2;
+    struct places places;
+    double number[GR_W];
+    for (int l = 0; l < GR_W; l++) number[l] = lane + l;
+    GR_UNROLLED
+    for (int k = 0; k < pieces; k++) {
+        places.piece[k] = e->sums + run->at[k] + lane;
+        places.from[k] = v_ge(v_load(number), v_set(run->begin[k]));
+    }
+    for (int l = 0; pieces == GR_RUN_BROKEN && l < GR_W; l++) {
+        const int64_t n = group * GR_LANES + lane + l;
+        places.each[l] = e->sums + e->mesh.node_source[(n < e->mesh.n_nodes ? n : e->mesh.n_nodes - 1) * K + i];
     }
     return places;
 }
 
-GR_INLINE vd sum_at(const struct places *places, int64_t at)
+GR_INLINE vd sum_at(const int pieces, const struct places *places, int64_t at)
 {
-    if (places->pieces == 1) return v_load(places->first + at);
-    if (places->pieces == 2) return v_select(places->in_first, v_load(places->first + at), v_load(places->second + at));
-    double each[GR_W];
-    for (int l = 0; l < GR_W; l++) each[l] = places->each[l][at];
-    return v_load(each);
+    if (pieces == GR_RUN_BROKEN) {
+        double each[GR_W];
+        for (int l = 0; l < GR_W; l++) each[l] = places->each[l][at];
+        return v_load(each);
+    }
+    vd sum = v_load(places->piece[0] + at);
+    GR_UNROLLED
+    for (int k = 1; k < pieces; k++) sum = v_select(places->from[k], v_load(places->piece[k] + at), sum);
+    return sum;
+}
+
+/* Add the sums over the cells in which the nodes are local node K - 1 - i. */
+GR_INLINE void add_cells(const int dim, const int K, const int damps, const int averages, const int pieces,
+                         const struct gr_engine *e, int64_t group, int i, int lane, vd *sum)
+{
+    const int rows = GR_SUM_DAMPED(dim), of_density = GR_DENSITY_SUMS(dim), before = rows + damps;
+    const struct places places = places_of(K, pieces, e, group, i, lane);
+    const vd m = sum_at(pieces, &places, 0);
+    sum[0] = sum[0] + m;
+    GR_UNROLLED
+    for (int q = 1; q < rows; q++) sum[q] = sum[q] + sum_at(pieces, &places, q * GR_LANES);
+    if (damps) sum[rows] = sum[rows] + v_mul(sum_at(pieces, &places, (i + 1) * rows * GR_LANES), m);
+    const int64_t density = e->density_sums + (K - 1 - i) * (of_density - rows) * GR_LANES;
+    GR_UNROLLED
+    for (int q = 0; q < averages * of_density; q++)
+        sum[before + q] = sum[before + q] + sum_at(pieces, &places, density + q * GR_LANES);
 }
 
 /* Sums of the nodes of a group, in rows of GR_LANES: those of each step, the damping if the density is smoothed, and those
@@ -45,21 +62,25 @@ GR_INLINE vd sum_at(const struct places *places, int64_t at)
 GR_INLINE void sum_group(const int dim, const int K, const int damps, const int averages, const struct gr_engine *e,
                          int64_t group, double *out)
 {
-    const int rows = GR_SUM_DAMPED(dim), of_density = GR_DENSITY_SUMS(dim), before = rows + damps;
+    const int n = GR_SUM_DAMPED(dim) + damps + averages * GR_DENSITY_SUMS(dim);
     for (int lane = 0; lane < GR_LANES; lane += GR_W) {
         vd sum[GR_NODE_SUMS(3)];
-        for (int q = 0; q < before + averages * of_density; q++) sum[q] = v_zero();
-        for (int i = 0; i < K; i++) { /* local node K - 1 - i */
-            const struct places places = places_of(K, e, group, i, lane);
-            const vd m = sum_at(&places, 0);
-            sum[0] = sum[0] + m;
-            for (int q = 1; q < rows; q++) sum[q] = sum[q] + sum_at(&places, q * GR_LANES);
-            if (damps) sum[rows] = sum[rows] + v_mul(sum_at(&places, (i + 1) * rows * GR_LANES), m);
-            const int64_t density = e->density_sums + (K - 1 - i) * (of_density - rows) * GR_LANES;
-            for (int q = 0; averages && q < of_density; q++)
-                sum[before + q] = sum[before + q] + sum_at(&places, density + q * GR_LANES);
+        GR_UNROLLED
+        for (int q = 0; q < n; q++) sum[q] = v_zero();
+        GR_ROLLED
+        for (int i = 0; i < K; i++) {
+            const int pieces = e->mesh.node_run[group * K + i].pieces;
+#define GR_ADD(p) \
+    if (pieces == p) add_cells(dim, K, damps, averages, p, e, group, i, lane, sum);
+            GR_ADD(1)
+            GR_ADD(2)
+            GR_ADD(3)
+            GR_ADD(4)
+            GR_ADD(GR_RUN_BROKEN)
+#undef GR_ADD
         }
-        for (int q = 0; q < before + averages * of_density; q++) v_store(out + q * GR_LANES + lane, sum[q]);
+        GR_UNROLLED
+        for (int q = 0; q < n; q++) v_store(out + q * GR_LANES + lane, sum[q]);
     }
 }
 
@@ -70,9 +91,9 @@ GR_INLINE void sum_volumes_of_group(const int K, const struct gr_engine *e, int6
     for (int lane = 0; lane < GR_LANES; lane += GR_W) {
         vd sum[GR_VOLUME_SUMS] = {v_zero(), v_zero()};
         for (int i = 0; i < K; i++) { /* local node K - 1 - i, as in sum_group */
-            const struct places places = places_of(K, e, group, i, lane);
+            const struct places places = places_of(K, GR_RUN_BROKEN, e, group, i, lane);
             const int64_t own = e->volume_sums + (K - 1 - i) * (GR_VOLUME_SUMS - rows) * GR_LANES;
-            for (int q = 0; q < GR_VOLUME_SUMS; q++) sum[q] = sum[q] + sum_at(&places, own + q * GR_LANES);
+            for (int q = 0; q < GR_VOLUME_SUMS; q++) sum[q] = sum[q] + sum_at(GR_RUN_BROKEN, &places, own + q * GR_LANES);
         }
         for (int q = 0; q < GR_VOLUME_SUMS; q++) v_store(out + q * GR_LANES + lane, sum[q]);
     }

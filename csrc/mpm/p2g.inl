@@ -189,8 +189,9 @@ GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const
     if (more && summed.begin == summed.end) return;
     for (int i = 0; !summed.end && i < e->sum_stride; i += GR_LANES) v_store(out + i, v_zero());
     gr_frame_of(dim, basis, affine || averages, e, first, &frame);
-    for (int done = summed.begin; done < summed.end; done += gr_prepared(dim), fresh = 0) {
-        const int left = summed.end - done, n = left < gr_prepared(dim) ? left : gr_prepared(dim);
+    const int prepared = gr_prepared(summed.end - summed.begin);
+    for (int done = summed.begin; done < summed.end; done += prepared, fresh = 0) {
+        const int left = summed.end - done, n = left < prepared ? left : prepared;
         vd damped = fresh ? v_zero() : v_load(own + GR_CELL_M_DAMPING * GR_LANES);
         vd mass = fresh ? v_zero() : v_load(own + GR_CELL_M * GR_LANES);
         for (int i = 0; i < n; i++) {

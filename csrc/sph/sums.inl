@@ -52,7 +52,7 @@ GR_INLINE vd sph_ways(int dim, const struct gr_sph *s, int64_t a, struct gr_bloc
 /* Unnormalised kernel 4 h^3 w, m^3. */
 GR_INLINE vd sph_weight(vd r2, double h)
 {
-    const vd r = v_sqrt_fast(r2), t = v_max(v_set(2.0 * h) - r, v_set(0.0));
+    const vd r = v_sqrt(r2), t = v_max(v_set(2.0 * h) - r, v_set(0.0));
     const vd inner = v_fma(r2, v_fma(v_set(3.0), r, v_set(-6.0 * h)), v_set(4.0 * h * h * h));
     return v_select(v_gt(v_set(h), r), inner, t * t * t);
 }
