@@ -105,8 +105,7 @@ static inline vd gr_fluidity_start(const struct gr_fluidity_numbers *n, vd g_sta
 }
 
 /* The point that belongs to the root: X = Y + offset, a Y^2 + b Y - c = 0 with a > 0 and c >= 0, scaled alike. The
- * quotients Y and 1/(1 + X) come from one division. All operations wait for the root, and here v_sqrt is done sooner
- * than v_sqrt_fast. */
+ * quotients Y and 1/(1 + X) come from one division. */
 static inline struct gr_fluidity_point gr_fluidity_of_root(vd a, vd b, vd c, vd offset, vd m, vd unit_g)
 {
     const vd one = v_set(1.0), twice_a = a + a, twice_c = c + c, root = v_sqrt(v_fma(b, b, twice_a * twice_c));
