@@ -87,25 +87,6 @@ static inline void v_store(double *p, vd a) { *(vd_in_memory *)p = (vd_in_memory
 #define GR_ALL_LANES ((1u << GR_W) - 1u)
 
 typedef int64_t vi __attribute__((vector_size(8 * GR_W)));
-typedef uint64_t vu __attribute__((vector_size(8 * GR_W)));
-
-/* Estimate of 1/sqrt(a) to 4 %, for a > 0: half the exponent with its sign changed, by an integer subtraction. Estimates of
- * the processor differ from one to another; with this one all that have fused multiply-adds give the same bits. */
-static inline vd v_rsqrt_estimate(vd a) { return (vd)(0x5fe6eb50c7b537a9u - ((vu)a >> 1)); }
-
-/* With r = 1 - a y^2, 1/sqrt(a) = y (1 + r/2 + 3 r^2/8 + 5 r^3/16 + ...): the sum in brackets less one, over r. */
-static inline vd v_rsqrt_series(vd r) { return v_fma(v_fma(v_set(0.3125), r, v_set(0.375)), r, v_set(0.5)); }
-
-/* 1/sqrt(a) for a > 0: an estimate, and the series twice, to 4 % to the fourth power each time. */
-static inline vd v_rsqrt(vd a)
-{
-    vd y = v_rsqrt_estimate(a);
-    for (int k = 0; k < 2; k++) {
-        const vd r = v_fnma(a * y, y, v_set(1.0));
-        y = v_fma(y * r, v_rsqrt_series(r), y);
-    }
-    return y;
-}
 
 static const double gr_inverse_factorial[14] = {
     1.0,          1.0,           1.0 / 2.0,      1.0 / 6.0,       1.0 / 24.0,       1.0 / 120.0,       1.0 / 720.0,

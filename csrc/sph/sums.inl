@@ -60,7 +60,7 @@ GR_INLINE vd sph_weight(vd r2, double h)
 /* Unnormalised slope 4 h G/3, m. */
 GR_INLINE vd sph_slope(vd r2, double h)
 {
-    const vd per_r = v_rsqrt(r2), r = r2 * per_r, t = v_max(v_set(2.0 * h) - r, v_set(0.0));
+    const vd r = v_sqrt(r2), per_r = v_set(1.0) / r, t = v_max(v_set(2.0 * h) - r, v_set(0.0));
     return v_select(v_gt(v_set(h), r), v_fnma(v_set(3.0), r, v_set(4.0 * h)), t * t * per_r);
 }
 
