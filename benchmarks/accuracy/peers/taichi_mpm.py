@@ -64,11 +64,15 @@ class Simulation:
         self.dt = CFL * scene.grid.cell / scene.material.wave_speed
         points = initial_points(scene)
         self._mass = points["mass"]
-        self._core = _Core(scene, points, self.dt)
+        self._core = self._make(points)
         self._hold()
         # Compiles all kernels, which is a cost per process, not per run.
         self._core.advance(0, 0.0)
         _ = self.state
+
+    def _make(self, points: dict[str, np.ndarray]) -> Any:
+        """The fields and the step."""
+        return Core(self.scene, points, self.dt)
 
     @property
     def n_points(self) -> int:
@@ -148,7 +152,7 @@ def held(scene: gr.Scene, walls: Any, shape: tuple[int, int]) -> np.ndarray:
 
 
 @ti.data_oriented
-class _Core:
+class Core:
     """Fields and the step; positions are relative to the lower corner of the domain."""
 
     def __init__(self, scene: gr.Scene, points: dict[str, np.ndarray], dt: float) -> None:
@@ -158,8 +162,13 @@ class _Core:
         self.shape = tuple(k + 2 * PAD + 1 for k in grid.shape)
         self.wrap = grid.shape[0] if grid.periodic[0] else 0
         self.floor = 1 if "y-" in grid.open_sides else 0
-        self.K, self.G, self.xi = material.K, material.G, material.xi
-        self.mu_s, self.mu_2, self.rho_c = material.mu_s, material.mu_2, material.rho_c
+        self.K, self.G = material.K, material.G
+        self.rho_c = material.rho_c
+        if isinstance(material, gr.DruckerPrager):  # mu(I) whose two friction coefficients agree
+            self.mu_s = self.mu_2 = material.mu
+            self.xi = 1.0
+        else:
+            self.mu_s, self.mu_2, self.xi = material.mu_s, material.mu_2, material.xi
         if len(scene.gravity.times) > 2:
             raise Missing("taichi: gravity is one ramp only")
         self.ramp = scene.gravity.times[-1]
@@ -178,6 +187,8 @@ class _Core:
         self.log_density.from_numpy(points["log_density"])
         self.mass.from_numpy(points["mass"])
         self.alive.fill(1)
+        if "stress" in points:
+            self.stress.from_numpy(points["stress"])
 
     @ti.func
     def node(self, i):
