@@ -20,8 +20,8 @@ ASPECTS = (0.5, 1.42, 6.26)
 """Nominal aspect ratios of the data."""
 FRICTION = 0.32
 """Friction coefficient of Drucker-Prager, which is that of mu(I) at rest."""
-LAWS = ("mu_i", "drucker_prager")
-REPEATS, SHORT = 3, 10.0
+LAWS = ("mu_I", "drucker_prager")
+REPEATS, SHORT = 3, 3.0
 """Runs that take less than SHORT core-seconds are made so often, and the least time counts."""
 PLACES = 401
 """Number of places at which the surface of a deposit is stored."""
@@ -35,7 +35,7 @@ class Column:
     ----------
     code : str
         Name in `CODES`.
-    law : {"mu_i", "drucker_prager"}
+    law : {"mu_I", "drucker_prager"}
     aspect : float
         Nominal aspect ratio, one of `ASPECTS`.
     cells : int
@@ -104,13 +104,11 @@ CODES = {
 def scene_of(case: Column) -> gr.Scene:
     """The scene of a case."""
     scheme = CODES[case.code].scheme or gr.schemes.default  # not used by peers
-    flat = gr.DruckerPrager(
-        E=external.STIFF, mu=FRICTION, rho_c=external.RHO, rho_s=external.RHO
-    )
+    flat = gr.DruckerPrager(E=external.STIFF, mu=FRICTION, rho_c=external.RHO, rho_s=external.RHO)
     return external.contact_dynamics_scene(
         case.aspect,
         case.cells,
-        material=None if case.law == "mu_i" else flat,
+        material=None if case.law == "mu_I" else flat,
         scheme=scheme,
         points_per_cell=case.points,
     )

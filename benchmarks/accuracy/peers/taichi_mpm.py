@@ -34,7 +34,7 @@ def _init() -> None:
         cpu_max_num_threads=1,
         default_fp=ti.f64,
         fast_math=False,
-        offline_cache=False,
+        offline_cache=True,
         log_level=ti.ERROR,
     )
 

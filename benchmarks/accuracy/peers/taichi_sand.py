@@ -1,9 +1,9 @@
 """The MLS-MPM in Taichi with the sand of computer graphics, as its public examples have it.
 
 Elastic deformation gradients and their singular values, logarithmic strains, and the return to the
-cone of Drucker and Prager at constant volume after Klar et al. (2016), "Drucker-Prager elastoplasticity
-for sand animation", with the volume correction of Tampubolon et al. (2017). In two dimensions its
-cone yields at the friction coefficient of plane strain.
+cone of Drucker and Prager at constant volume after Klar et al. (2016), "Drucker-Prager
+elastoplasticity for sand animation", with the volume correction of Tampubolon et al. (2017). In two
+dimensions its cone yields at the friction coefficient of plane strain.
 """
 
 import math
@@ -13,8 +13,7 @@ import numpy as np
 import taichi as ti
 
 import granular as gr
-from accuracy.peers import Missing
-from accuracy.peers import taichi_mpm
+from accuracy.peers import Missing, taichi_mpm
 
 
 class Simulation(taichi_mpm.Simulation):
@@ -68,6 +67,8 @@ class Core(taichi_mpm.Core):
         stretch = ti.Matrix([[ti.exp(e[0]), 0.0], [0.0, ti.exp(e[1])]])
         self.F[p] = U @ stretch @ V.transpose()
         pull = self.lame * e.sum()
-        principal = ti.Matrix([[pull + 2.0 * self.G * e[0], 0.0], [0.0, pull + 2.0 * self.G * e[1]]])
+        principal = ti.Matrix(
+            [[pull + 2.0 * self.G * e[0], 0.0], [0.0, pull + 2.0 * self.G * e[1]]]
+        )
         tau = U @ principal @ U.transpose()
         self.stress[p] = ti.Vector([tau[0, 0], tau[1, 1], pull, tau[0, 1]])

@@ -1,0 +1,156 @@
+"""Tables of docs/reports/peers.md."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from shared import markdown
+
+from accuracy.columns import ASPECTS, CODES
+from accuracy.columns_chart import KINDS, LAW_NAMES
+from accuracy.columns_errors import (
+    MEASURES,
+    OURS,
+    PANELS,
+    THEIRS,
+    Reference,
+    Row,
+    best,
+    cheapest_as_good,
+    distance,
+    done,
+    finest,
+    is_ours,
+    of_panel,
+)
+from accuracy.errors import front
+
+References = Mapping[tuple[str, str, float], Reference]
+
+
+def _percent(value: float) -> str:
+    return f"{100 * value:.2g} %" if value < 0.995 else f"{100 * value:.0f} %"
+
+
+def _size(row: Row) -> str:
+    return f"{row['cells']} / {row['points']}"
+
+
+def agreement(rows: Sequence[Row]) -> list[str]:
+    """The finest runs of this package and of the peer, and their distance from each other."""
+    lines = []
+    for law in LAW_NAMES:
+        for aspect in ASPECTS:
+            theirs = finest(rows, code=THEIRS, law=law, aspect=aspect)
+            if theirs is None:
+                continue
+            coarse = finest(
+                [r for r in rows if r["cells"] < theirs["cells"]],
+                code=THEIRS, law=law, aspect=aspect,
+            )  # fmt: skip
+            own = [finest(rows, code=c, law=law, aspect=aspect) for c in (OURS, "default")]
+            pair = [distance(r, theirs) if r else {} for r in (*own, coarse)]
+            lines.append(
+                [
+                    LAW_NAMES[law],
+                    f"{aspect:g}",
+                    *(r["cells"] if r else "" for r in (*own, theirs)),
+                    *(_percent(d["surface"]) if d else "" for d in pair),
+                    *(f"{r['mean'][-1]:.3f}" if r else "" for r in (*own, theirs)),
+                ]
+            )
+    header = (
+        *("law", "a", "cells, cell_averaged", "cells, default", "cells, Taichi"),
+        *("cell_averaged to Taichi", "default to Taichi", "last refinement of Taichi"),
+        *("mean distance, cell_averaged", "default", "Taichi"),
+    )
+    return markdown(header, lines)
+
+
+def fronts(rows: Sequence[Row], references: References) -> list[str]:
+    """Runs on the front of every panel."""
+    lines = []
+    for (law, kind, aspect), reference in references.items():
+        points = of_panel(rows, law, aspect, reference)
+        title = [f"{LAW_NAMES[law]} {KINDS[kind]}", f"{aspect:g}"]
+        for row, e in front(points, reference.uncertainty["surface"]):
+            cost = f"{row['core_seconds']:.2g}"
+            lines.append([*title, CODES[row["code"]].label, _size(row), cost, _percent(e)])
+            title = ["", ""]
+    header = ("error", "a", "code", "cells / points", "core-seconds", "L1")
+    return markdown(header, lines)
+
+
+def against_ours(rows: Sequence[Row], references: References) -> list[str]:
+    """The best run of every other code, and the cheapest of this package that is as good."""
+    lines = []
+    for (law, kind, aspect), reference in references.items():
+        floor = reference.uncertainty["surface"]
+        points = of_panel(rows, law, aspect, reference)
+        title = [f"{LAW_NAMES[law]} {KINDS[kind]}", f"{aspect:g}"]
+        for code in CODES:
+            found = best(points, code, floor)
+            if found is None or is_ours(found[0]):
+                continue
+            row, e = found
+            ours = cheapest_as_good(points, row, e, floor)
+            line = [CODES[code].label, _size(row), f"{row['core_seconds']:.2g}", _percent(e)]
+            if ours:
+                cost = ours[0]["core_seconds"]
+                name = ours[0]["code"]
+                line += [name, _size(ours[0]), f"{cost:.2g}", _percent(ours[1])]
+                line += [f"{row['core_seconds'] / cost:.2g}"]
+            else:
+                line += ["none", "", "", "", ""]
+            lines.append([*title, *line])
+            title = ["", ""]
+    header = (
+        *("error", "a", "code", "cells / points", "core-seconds", "L1"),
+        *("ours", "cells / points", "core-seconds", "L1", "ratio of costs"),
+    )
+    return markdown(header, lines)
+
+
+def all_runs(rows: Sequence[Row], references: References) -> list[str]:
+    """Every code with four points per cell at each size: costs and the three errors."""
+    lines = []
+    for law, kind in PANELS:
+        for aspect in ASPECTS:
+            reference = references.get((law, kind, aspect))
+            if reference is None:
+                continue
+            title = [f"{LAW_NAMES[law]} {KINDS[kind]}", f"{aspect:g}"]
+            for code in CODES:
+                mine = done(rows, code=code, law=law, aspect=aspect, points=4)
+                for row in sorted(mine, key=lambda r: r["cells"]):
+                    e = distance(row, reference.target)
+                    errors = [_percent(e[name]) for name in MEASURES]
+                    cost = f"{row['core_seconds']:.2g}"
+                    lines.append([*title, CODES[code].label, row["cells"], cost, *errors])
+                    title = ["", ""]
+    header = ("error", "a", "code", "cells", "core-seconds", "L1", "mean distance", "run-out")
+    return markdown(header, lines)
+
+
+def left_out(rows: Sequence[Row]) -> list[str]:
+    """Cases without a result, with the reason, and points that a code lost."""
+    lines = []
+    for row in rows:
+        reason = row.get("left_out") or row.get("failed")
+        if reason is None and row["kept"] < 1:
+            reason = f"{_percent(1 - row['kept'])} of the mass lost"
+        if reason:
+            name = [CODES[row["code"]].label, LAW_NAMES[row["law"]], f"{row['aspect']:g}"]
+            lines.append([*name, _size(row), reason])
+    return markdown(("code", "law", "a", "cells / points", "reason"), lines)
+
+
+def tables(rows: Sequence[Row], references: References) -> dict[str, list[str]]:
+    """Tables of the page by the names of their marks."""
+    return {
+        "agreement": agreement(rows),
+        "fronts": fronts(rows, references),
+        "against ours": against_ours(rows, references),
+        "all runs": all_runs(rows, references),
+        "left out": left_out(rows),
+    }
