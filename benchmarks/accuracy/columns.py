@@ -42,7 +42,7 @@ class Column:
     cells : int
         Cells along the lesser of height and half-width.
     points : int
-        Points per cell, in the plane.
+        Points per cell of the plane of motion.
     """
 
     code: str
@@ -94,6 +94,15 @@ def _peer(label: str, name: str, package: str, laws: tuple[str, ...], **settings
     return Code(label, laws, make, package=package)
 
 
+IMPLICIT = {
+    "time_integration_method": "implicit",
+    "scheme_type": "newmark",
+    "analysis_type": "non_linear",
+    "convergence_criterion": "residual_criterion",
+    "linear_solver_settings": {"solver_type": "LinearSolversApplication.sparse_lu"},
+}
+"""Settings of an implicit run of Kratos, as in its own example of a collapse."""
+
 CODES = {
     "default": _own("default"),
     "cell_averaged": _own("cell_averaged"),
@@ -102,6 +111,9 @@ CODES = {
     "taichi_sand": _peer("Taichi, sand of Klar et al.", "taichi_sand", "taichi", LAWS[1:]),
     "newton": _peer("Newton, implicit MPM", "newton", "newton", LAWS),
     "kratos": _peer("Kratos, explicit MPM", "kratos", "KratosMPMApplication", LAWS[1:]),
+    "kratos_implicit": _peer(
+        "Kratos, implicit MPM", "kratos", "KratosMPMApplication", LAWS[1:], cfl=2.0, **IMPLICIT
+    ),
 }
 
 

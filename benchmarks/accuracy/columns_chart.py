@@ -21,6 +21,7 @@ STYLES: dict[str, dict[str, Any]] = {
     "taichi_sand": {"color": "tab:purple", "marker": "v"},
     "newton": {"color": "tab:pink", "marker": "X"},
     "kratos": {"color": "tab:green", "marker": "s"},
+    "kratos_implicit": {"color": "tab:olive", "marker": "^"},
 }
 LAW_NAMES = {"mu_I": "mu(I)", "drucker_prager": "Drucker-Prager"}
 KINDS = {"discs": "against contact dynamics", "finest": "against the finest runs"}

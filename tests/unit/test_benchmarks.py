@@ -285,7 +285,7 @@ def test_the_page_of_the_peers_has_the_tables_of_its_rows(module, tmp_path):
             assert e[0] == pytest.approx(e[1]) == pytest.approx(reference.uncertainty["surface"])
     page, again = REPORTS / "peers.md", tmp_path / "page.md"
     again.write_text(page.read_text())
-    module("shared").write_tables(again, tables.tables(rows, found))
+    module("peers").write_tables(again, tables.tables(rows, found))
     assert again.read_text() == page.read_text()
 
 
