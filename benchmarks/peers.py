@@ -34,7 +34,7 @@ LIMIT = 100.0
 """Largest cost of a case [core-seconds]."""
 SIZES = [(4, 4), (8, 4), (16, 4), (4, 16), (8, 16), (32, 4), (64, 4)]
 """Cells along the lesser of height and half-width, and points per cell."""
-MOST_CELLS = {"published": 16, "taichi_sand": 16, "default": 32}
+MOST_CELLS = {"published": 16, "taichi_sand": 8, "default": 32}
 MOST_CELLS |= {"newton": 16, "kratos": 16, "kratos_implicit": 16}
 """Cells in the finest run of a code, if not the most of all."""
 TALL = 6.26

@@ -24,7 +24,11 @@ STYLES: dict[str, dict[str, Any]] = {
     "kratos_implicit": {"color": "tab:olive", "marker": "^"},
 }
 LAW_NAMES = {"mu_I": "mu(I)", "drucker_prager": "Drucker-Prager"}
-KINDS = {"discs": "against contact dynamics", "finest": "against the finest runs"}
+KINDS = {
+    "discs": "against contact dynamics",
+    "finest": "against our finest runs",
+    "peer": "against the finest run of Taichi",
+}
 CEILING = 2.0
 """Larger errors are drawn at this value."""
 

@@ -9,15 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from accuracy.columns import ASPECTS, CODES, discs
+from accuracy.columns import ASPECTS, discs
 from granular.verify.external import columns as external
 
 Row = Mapping[str, Any]
 
 PANELS = (("mu_I", "discs"), ("mu_I", "finest"), ("drucker_prager", "finest"))
-"""Law, and what its runs are compared with."""
-OURS, THEIRS = "cell_averaged", "taichi"
-"""The codes whose finest runs make the reference of a law."""
+"""Law, and what its runs are compared with in the chart."""
+OTHERS = (("mu_I", "peer"), ("drucker_prager", "peer"))
+"""The same for a table only."""
+OURS, PEER = ("cell_averaged", "default"), "taichi"
+"""The codes whose finest runs are references."""
 MEASURES = ("surface", "mean", "toe")
 
 
@@ -31,13 +33,18 @@ class Reference:
         Surface [m] at `columns.places`, mean distances [m] over time, and run-out [m].
     uncertainty : mapping
         Error of each measure below which runs cannot be told apart.
-    source : str
-        Its origin.
+    made_of : sequence of tuple
+        Keys of the runs it is made of, which are not compared with it.
     """
 
     target: Mapping[str, Any]
     uncertainty: Mapping[str, float]
-    source: str
+    made_of: Sequence[tuple[Any, ...]] = ()
+
+
+def key(row: Row) -> tuple[Any, ...]:
+    """What tells a run from others."""
+    return tuple(row[n] for n in ("code", "law", "aspect", "cells", "points"))
 
 
 def distance(row: Row, target: Mapping[str, Any]) -> dict[str, float]:
@@ -64,55 +71,84 @@ def done(rows: Sequence[Row], **wanted: Any) -> list[Row]:
 
 
 def finest(rows: Sequence[Row], **wanted: Any) -> Row | None:
-    """The run with the most cells, and of these the one with the most points."""
-    found = done(rows, **wanted)
-    return max(found, key=lambda r: (r["cells"], r["points"]), default=None)
+    """The run with the most cells, with four points per cell."""
+    return max(done(rows, points=4, **wanted), key=lambda r: r["cells"], default=None)
 
 
-def of_law(rows: Sequence[Row], law: str, aspect: float) -> Reference | None:
-    """Mean of the finest runs of this package and of a peer; half their distance is uncertain.
+def _pair(rows: Sequence[Row], cells: int, **wanted: Any) -> list[Row]:
+    """The runs of our two schemes with so many cells."""
+    found = [done(rows, code=c, cells=cells, points=4, **wanted) for c in OURS]
+    return [runs[0] for runs in found if runs]
 
-    Both have the same error against it, which favours neither.
+
+def _mean(pair: Sequence[Row]) -> dict[str, Any]:
+    return {name: np.mean([r[name] for r in pair], axis=0) for name in MEASURES}
+
+
+def of_ours(rows: Sequence[Row], law: str, aspect: float) -> Reference | None:
+    """Mean of the finest runs of our two schemes.
+
+    Uncertain is half their distance, or the change by the last halving of the cells if that is
+    more.
     """
-    pair = [finest(rows, code=code, law=law, aspect=aspect) for code in (OURS, THEIRS)]
-    ours, theirs = pair
-    if ours is None or theirs is None:
+    sizes = sorted({r["cells"] for r in done(rows, law=law, aspect=aspect)}, reverse=True)
+    pairs = [_pair(rows, cells, law=law, aspect=aspect) for cells in sizes]
+    whole = [pair for pair in pairs if len(pair) == len(OURS)]
+    if len(whole) < 2:
         return None
-    target = {name: 0.5 * (np.asarray(ours[name]) + np.asarray(theirs[name])) for name in MEASURES}
-    names = ", ".join(f"{CODES[r['code']].label}, {r['cells']} cells" for r in (ours, theirs))
-    return Reference(target, distance(ours, target), f"mean of {names}")
+    target = _mean(whole[0])
+    half = distance(whole[0][0], target)
+    step = distance(_mean(whole[1]), target)
+    uncertainty = {name: max(half[name], step[name]) for name in MEASURES}
+    ids = [key(row) for row in whole[0]]
+    return Reference(target, uncertainty, ids)
+
+
+def of_peer(rows: Sequence[Row], law: str, aspect: float) -> Reference | None:
+    """The finest run of the peer; uncertain is the change by its last halving of the cells."""
+    fine = finest(rows, code=PEER, law=law, aspect=aspect)
+    if fine is None:
+        return None
+    half = done(rows, code=PEER, law=law, aspect=aspect, points=4, cells=fine["cells"] // 2)
+    return Reference(fine, distance(half[0], fine), [key(fine)]) if half else None
 
 
 def of_discs(aspect: float) -> Reference:
     """Contact dynamics; uncertain is what the two halves of its one run differ by."""
     noise = float(external.contact_dynamics_facts(aspect)["asym"][-1])
-    return Reference(discs(aspect), {"surface": noise, "mean": 0.0, "toe": 0.0}, "contact dynamics")
+    return Reference(discs(aspect), {"surface": noise, "mean": 0.0, "toe": 0.0})
 
 
 def references(rows: Sequence[Row]) -> dict[tuple[str, str, float], Reference]:
     """The references by law, kind and aspect ratio, as far as their runs exist."""
-    found: dict[tuple[str, str, float], Reference] = {}
-    for law, kind in PANELS:
-        for aspect in ASPECTS:
-            reference = of_discs(aspect) if kind == "discs" else of_law(rows, law, aspect)
-            if reference:
-                found[law, kind, aspect] = reference
-    return found
+    made = {
+        "discs": lambda law, aspect: of_discs(aspect),
+        "finest": lambda law, aspect: of_ours(rows, law, aspect),
+        "peer": lambda law, aspect: of_peer(rows, law, aspect),
+    }
+    found = {
+        (law, kind, aspect): made[kind](law, aspect)
+        for law, kind in PANELS + OTHERS
+        for aspect in ASPECTS
+    }
+    return {name: reference for name, reference in found.items() if reference}
 
 
 def of_panel(
     rows: Sequence[Row], law: str, aspect: float, reference: Reference, measure: str = "surface"
 ) -> list[tuple[Row, float]]:
-    """Runs with their errors; the two that make the reference are left out of it."""
-    own = [finest(rows, code=code, law=law, aspect=aspect) for code in (OURS, THEIRS)]
-    skip = own if reference.source.startswith("mean") else []
+    """Runs with their errors; those that make the reference are left out."""
     found = done(rows, law=law, aspect=aspect)
-    return [(r, distance(r, reference.target)[measure]) for r in found if r not in skip]
+    return [
+        (r, distance(r, reference.target)[measure])
+        for r in found
+        if key(r) not in reference.made_of
+    ]
 
 
 def is_ours(row: Row) -> bool:
     """True for a run of this package with one of its schemes, the published one left out."""
-    return row["code"] in ("default", "cell_averaged")
+    return row["code"] in OURS
 
 
 def cheapest_as_good(

@@ -10,16 +10,13 @@ from accuracy.columns import ASPECTS, CODES
 from accuracy.columns_chart import KINDS, LAW_NAMES
 from accuracy.columns_errors import (
     MEASURES,
-    OURS,
     PANELS,
-    THEIRS,
     Reference,
     Row,
     best,
     cheapest_as_good,
     distance,
     done,
-    finest,
     is_ours,
     of_panel,
 )
@@ -32,38 +29,35 @@ def _percent(value: float) -> str:
     return f"{100 * value:.2g} %" if value < 0.995 else f"{100 * value:.0f} %"
 
 
+def _ratio(value: float) -> str:
+    return f"{value:.2g}" if value < 99.5 else f"{10 * round(value / 10)}"
+
+
 def _size(row: Row) -> str:
     return f"{row['cells']} / {row['points']}"
 
 
-def agreement(rows: Sequence[Row]) -> list[str]:
-    """The finest runs of this package and of the peer, and their distance from each other."""
+def agreement(rows: Sequence[Row], references: References) -> list[str]:
+    """Distance of the runs of each code from our finest, by the number of cells."""
+    sizes = sorted({r["cells"] for r in rows})
     lines = []
-    for law in LAW_NAMES:
-        for aspect in ASPECTS:
-            theirs = finest(rows, code=THEIRS, law=law, aspect=aspect)
-            if theirs is None:
+    for (law, kind, aspect), reference in references.items():
+        if kind != "finest":
+            continue
+        title = [LAW_NAMES[law], f"{aspect:g}"]
+        for code in CODES:
+            mine = done(rows, code=code, law=law, aspect=aspect, points=4)
+            if not mine:
                 continue
-            coarse = finest(
-                [r for r in rows if r["cells"] < theirs["cells"]],
-                code=THEIRS, law=law, aspect=aspect,
-            )  # fmt: skip
-            own = [finest(rows, code=c, law=law, aspect=aspect) for c in (OURS, "default")]
-            pair = [distance(r, theirs) if r else {} for r in (*own, coarse)]
-            lines.append(
-                [
-                    LAW_NAMES[law],
-                    f"{aspect:g}",
-                    *(r["cells"] if r else "" for r in (*own, theirs)),
-                    *(_percent(d["surface"]) if d else "" for d in pair),
-                    *(f"{r['mean'][-1]:.3f}" if r else "" for r in (*own, theirs)),
-                ]
-            )
-    header = (
-        *("law", "a", "cells, cell_averaged", "cells, default", "cells, Taichi"),
-        *("cell_averaged to Taichi", "default to Taichi", "last refinement of Taichi"),
-        *("mean distance, cell_averaged", "default", "Taichi"),
-    )
+            errors = {r["cells"]: distance(r, reference.target)["surface"] for r in mine}
+            last = max(mine, key=lambda r: r["cells"])["mean"][-1]
+            cells = [_percent(errors[n]) if n in errors else "" for n in sizes]
+            lines.append([*title, CODES[code].label, *cells, f"{last:.3f}"])
+            title = ["", ""]
+        made = f"{max(cells for _, _, _, cells, _ in reference.made_of)} cells"
+        uncertain = f"uncertainty, {made}: {_percent(reference.uncertainty['surface'])}"
+        lines.append(["", "", uncertain, *[""] * len(sizes), f"{reference.target['mean'][-1]:.3f}"])
+    header = ("law", "a", "code", *(f"{n} cells" for n in sizes), "mean distance, finest")
     return markdown(header, lines)
 
 
@@ -71,6 +65,8 @@ def fronts(rows: Sequence[Row], references: References) -> list[str]:
     """Runs on the front of every panel."""
     lines = []
     for (law, kind, aspect), reference in references.items():
+        if (law, kind) not in PANELS:
+            continue
         points = of_panel(rows, law, aspect, reference)
         title = [f"{LAW_NAMES[law]} {KINDS[kind]}", f"{aspect:g}"]
         for row, e in front(points, reference.uncertainty["surface"]):
@@ -99,7 +95,7 @@ def against_ours(rows: Sequence[Row], references: References) -> list[str]:
                 cost = ours[0]["core_seconds"]
                 name = ours[0]["code"]
                 line += [name, _size(ours[0]), f"{cost:.2g}", _percent(ours[1])]
-                line += [f"{row['core_seconds'] / cost:.2g}"]
+                line += [_ratio(row["core_seconds"] / cost)]
             else:
                 line += ["none", "", "", "", ""]
             lines.append([*title, *line])
@@ -148,7 +144,7 @@ def left_out(rows: Sequence[Row]) -> list[str]:
 def tables(rows: Sequence[Row], references: References) -> dict[str, list[str]]:
     """Tables of the page by the names of their marks."""
     return {
-        "agreement": agreement(rows),
+        "agreement": agreement(rows, references),
         "fronts": fronts(rows, references),
         "against ours": against_ours(rows, references),
         "all runs": all_runs(rows, references),
