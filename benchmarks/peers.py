@@ -35,11 +35,11 @@ LIMIT = 100.0
 SIZES = [(4, 4), (8, 4), (16, 4), (4, 16), (8, 16), (32, 4), (64, 4)]
 """Cells along the lesser of height and half-width, and points per cell."""
 MOST_CELLS = {"published": 16, "taichi_sand": 8, "default": 32}
-MOST_CELLS |= {"newton": 16, "kratos": 16, "kratos_implicit": 16}
+MOST_CELLS |= dict.fromkeys(("newton", "newton_long", "kratos", "kratos_implicit"), 16)
 """Cells in the finest run of a code, if not the most of all."""
 TALL = 6.26
 """Column whose half-width is a sixth of its height: its runs stop at a quarter of the cells."""
-FOUR_ONLY = ("newton", "kratos", "kratos_implicit", "published", "taichi_sand")
+FOUR_ONLY = tuple(code for code in MOST_CELLS if code != "default")
 """Codes that are run with 4 points per cell only."""
 
 

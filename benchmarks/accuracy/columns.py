@@ -110,6 +110,7 @@ CODES = {
     "taichi": _peer("Taichi, MLS-MPM", "taichi", "taichi", LAWS),
     "taichi_sand": _peer("Taichi, sand of Klar et al.", "taichi_sand", "taichi", LAWS[1:]),
     "newton": _peer("Newton, implicit MPM", "newton", "newton", LAWS),
+    "newton_long": _peer("Newton, steps of a cell", "newton", "newton", LAWS, step=1.0),
     "kratos": _peer("Kratos, explicit MPM", "kratos", "KratosMPMApplication", LAWS[1:]),
     "kratos_implicit": _peer(
         "Kratos, implicit MPM", "kratos", "KratosMPMApplication", LAWS[1:], cfl=2.0, **IMPLICIT

@@ -20,6 +20,7 @@ STYLES: dict[str, dict[str, Any]] = {
     "taichi": {"color": "tab:brown", "marker": "P"},
     "taichi_sand": {"color": "tab:purple", "marker": "v"},
     "newton": {"color": "tab:pink", "marker": "X"},
+    "newton_long": {"color": "tab:cyan", "marker": "d"},
     "kratos": {"color": "tab:green", "marker": "s"},
     "kratos_implicit": {"color": "tab:olive", "marker": "^"},
 }
