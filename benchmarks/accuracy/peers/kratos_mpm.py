@@ -83,10 +83,14 @@ class Simulation:
         while self.time < until:
             self.time = solver.AdvanceInTime(self.time)
             self._analysis.time = self.time
-            self._analysis.InitializeSolutionStep()
-            solver.Predict()
-            solver.SolveSolutionStep()
-            self._analysis.FinalizeSolutionStep()
+            try:
+                self._analysis.InitializeSolutionStep()
+                solver.Predict()
+                solver.SolveSolutionStep()
+                self._analysis.FinalizeSolutionStep()
+            except RuntimeError as error:
+                reason = str(error).split("Error: ")[-1].split("\n")[0]
+                raise gr.SimulationError(f"kratos, step {self.steps}: {reason}") from error
             self.steps += 1
         if not np.isfinite(self._values(Mpm.MP_VELOCITY)).all():
             raise gr.SimulationError("a velocity of the peer is not finite")
