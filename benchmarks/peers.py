@@ -37,7 +37,7 @@ SIZES = [(4, 4), (8, 4), (16, 4), (4, 16), (8, 16), (32, 4)]
 COSTLY = ("newton", "newton_long", "kratos", "kratos_implicit")
 MOST_CELLS = {"published": 16, "taichi_sand": 8} | dict.fromkeys(COSTLY, 16)
 """Cells in the finest run of a code, if not the most of all."""
-FOUR_ONLY = (*COSTLY, "published", "taichi_sand")
+FOUR_ONLY = (*COSTLY, "published", "taichi_sand", "taichi_wall")
 """Codes that are run with 4 points per cell only."""
 TALL = 6.26
 """Column whose half-width is a sixth of its height: up to 16 cells, and with 4 points only."""
@@ -49,8 +49,7 @@ def cases(names: Sequence[str], quick: bool = False) -> Iterator[Column]:
         for name in names:
             if cells > MOST_CELLS.get(name, cells) or (points > 4 and name in FOUR_ONLY):
                 continue
-            laws = ("mu_I",) if name == "published" else CODES[name].laws
-            for law, aspect in product(laws, ASPECTS[1:2] if quick else ASPECTS):
+            for law, aspect in product(CODES[name].laws, ASPECTS[1:2] if quick else ASPECTS):
                 if aspect < TALL or (cells <= 16 and points == 4):
                     yield Column(code=name, law=law, aspect=aspect, cells=cells, points=points)
 

@@ -81,8 +81,8 @@ class Code:
     package: str = "granular"
 
 
-def _own(name: str) -> Code:
-    return Code(f"granular, {name}", LAWS, gr.Simulation, external.SCHEMES[name])
+def _own(name: str, laws: tuple[str, ...] = LAWS) -> Code:
+    return Code(f"granular, {name}", laws, gr.Simulation, external.SCHEMES[name])
 
 
 def _peer(label: str, name: str, package: str, laws: tuple[str, ...], **settings: Any) -> Code:
@@ -106,8 +106,11 @@ IMPLICIT = {
 CODES = {
     "default": _own("default"),
     "cell_averaged": _own("cell_averaged"),
-    "published": _own("published"),
+    "published": _own("published", LAWS[:1]),
     "taichi": _peer("Taichi, MLS-MPM", "taichi", "taichi", LAWS),
+    "taichi_wall": _peer(
+        "Taichi, nodes on the floor free", "taichi", "taichi", LAWS, hold_on_wall=False
+    ),
     "taichi_sand": _peer("Taichi, sand of Klar et al.", "taichi_sand", "taichi", LAWS[1:]),
     "newton": _peer("Newton, implicit MPM", "newton", "newton", LAWS),
     "newton_long": _peer("Newton, steps of a cell", "newton", "newton", LAWS, step=1.0),

@@ -18,6 +18,7 @@ STYLES: dict[str, dict[str, Any]] = {
     "cell_averaged": {"color": "goldenrod", "marker": "h"},
     "published": {"color": "tab:red", "marker": "*"},
     "taichi": {"color": "tab:brown", "marker": "P"},
+    "taichi_wall": {"color": "black", "marker": "p"},
     "taichi_sand": {"color": "tab:purple", "marker": "v"},
     "newton": {"color": "tab:pink", "marker": "X"},
     "newton_long": {"color": "tab:cyan", "marker": "d"},

@@ -48,6 +48,9 @@ class Simulation:
         A 2D scene; its scheme is ignored.
     threads : int
         Must be 1.
+    hold_on_wall : bool
+        Without it, a no-slip wall at the lower end of the domain holds the nodes beyond it only,
+        and those on it are free: velocities then vanish closer to the wall.
 
     Raises
     ------
@@ -55,11 +58,11 @@ class Simulation:
         If the scene has features that this code lacks.
     """
 
-    def __init__(self, scene: gr.Scene, *, threads: int = 1) -> None:
+    def __init__(self, scene: gr.Scene, *, threads: int = 1, hold_on_wall: bool = True) -> None:
         if threads != 1 or scene.grid.dim != 2 or scene.sponge_layers:
             raise Missing("taichi: one thread, 2D and no sponge layers only")
         _init()
-        self.scene = scene
+        self.scene, self._on_wall = scene, hold_on_wall
         self.time, self.steps = 0.0, 0
         self.dt = CFL * scene.grid.cell / scene.material.wave_speed
         points = initial_points(scene)
@@ -83,7 +86,7 @@ class Simulation:
         """Velocity components prescribed by walls at present, and the time of the next change."""
         walls = [wall for wall in self.scene.walls if wall.opens_at > self.time]
         self._next = min((wall.opens_at for wall in walls), default=math.inf)
-        self._core.hold.from_numpy(held(self.scene, walls, self._core.shape))
+        self._core.hold.from_numpy(held(self.scene, walls, self._core.shape, self._on_wall))
 
     def run(self, until: float) -> "Simulation":
         """Run to the first step at or after a time."""
@@ -122,10 +125,11 @@ class Simulation:
         )
 
 
-def held(scene: gr.Scene, walls: Any, shape: tuple[int, int]) -> np.ndarray:
+def held(scene: gr.Scene, walls: Any, shape: tuple[int, int], on_wall: bool = True) -> np.ndarray:
     """Array that is 1 where a wall prescribes a velocity component of a node.
 
     These nodes are on the line of the wall and, for a wall at an end of the domain, beyond it.
+    Without `on_wall` a no-slip wall at a lower end holds those beyond it alone.
     """
     hold = np.zeros((*shape, 2), dtype=np.int32)
     grid = scene.grid
@@ -139,7 +143,8 @@ def held(scene: gr.Scene, walls: Any, shape: tuple[int, int]) -> np.ndarray:
         if high >= grid.upper[along] - near:
             high = math.inf
         if wall.at <= grid.lower[wall.axis] + near:
-            across = place[wall.axis] <= wall.at + near
+            free = wall.kind == "no_slip" and not on_wall
+            across = place[wall.axis] <= wall.at + (-near if free else near)
         elif wall.at >= grid.upper[wall.axis] - near:
             across = place[wall.axis] >= wall.at - near
         else:
