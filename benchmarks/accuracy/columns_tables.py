@@ -17,6 +17,7 @@ from accuracy.columns_errors import (
     cheapest_as_good,
     distance,
     done,
+    finest,
     is_ours,
     of_panel,
 )
@@ -107,24 +108,22 @@ def against_ours(rows: Sequence[Row], references: References) -> list[str]:
     return markdown(header, lines)
 
 
-def all_runs(rows: Sequence[Row], references: References) -> list[str]:
-    """Every code with four points per cell at each size: costs and the three errors."""
+def measures(rows: Sequence[Row], references: References) -> list[str]:
+    """The three errors of the finest run of every code."""
     lines = []
-    for law, kind in PANELS:
-        for aspect in ASPECTS:
-            reference = references.get((law, kind, aspect))
-            if reference is None:
+    for (law, kind, aspect), reference in references.items():
+        if (law, kind) not in PANELS:
+            continue
+        title = [f"{LAW_NAMES[law]} {KINDS[kind]}", f"{aspect:g}"]
+        for code in CODES:
+            row = finest(rows, code=code, law=law, aspect=aspect)
+            if row is None:
                 continue
-            title = [f"{LAW_NAMES[law]} {KINDS[kind]}", f"{aspect:g}"]
-            for code in CODES:
-                mine = done(rows, code=code, law=law, aspect=aspect, points=4)
-                for row in sorted(mine, key=lambda r: r["cells"]):
-                    e = distance(row, reference.target)
-                    errors = [_percent(e[name]) for name in MEASURES]
-                    cost = f"{row['core_seconds']:.2g}"
-                    lines.append([*title, CODES[code].label, row["cells"], cost, *errors])
-                    title = ["", ""]
-    header = ("error", "a", "code", "cells", "core-seconds", "L1", "mean distance", "run-out")
+            e = distance(row, reference.target)
+            errors = [_percent(e[name]) for name in MEASURES]
+            lines.append([*title, CODES[code].label, row["cells"], *errors])
+            title = ["", ""]
+    header = ("error", "a", "code", "cells", "L1", "mean distance", "run-out")
     return markdown(header, lines)
 
 
@@ -137,7 +136,7 @@ def left_out(rows: Sequence[Row]) -> list[str]:
             reason = f"{_percent(1 - row['kept'])} of the mass lost"
         if reason:
             name = [CODES[row["code"]].label, LAW_NAMES[row["law"]], f"{row['aspect']:g}"]
-            lines.append([*name, _size(row), reason])
+            lines.append([*name, _size(row), reason.replace("|", "\\|")])
     return markdown(("code", "law", "a", "cells / points", "reason"), lines)
 
 
@@ -147,6 +146,6 @@ def tables(rows: Sequence[Row], references: References) -> dict[str, list[str]]:
         "agreement": agreement(rows, references),
         "fronts": fronts(rows, references),
         "against ours": against_ours(rows, references),
-        "all runs": all_runs(rows, references),
+        "measures": measures(rows, references),
         "left out": left_out(rows),
     }
