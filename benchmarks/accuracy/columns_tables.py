@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from shared import markdown
 
-from accuracy.columns import ASPECTS, CODES
+from accuracy.columns import CODES
 from accuracy.columns_chart import KINDS, LAW_NAMES
 from accuracy.columns_errors import (
     MEASURES,
@@ -19,6 +19,7 @@ from accuracy.columns_errors import (
     done,
     finest,
     is_ours,
+    key,
     of_panel,
 )
 from accuracy.errors import front
@@ -50,9 +51,14 @@ def agreement(rows: Sequence[Row], references: References) -> list[str]:
             mine = done(rows, code=code, law=law, aspect=aspect, points=4)
             if not mine:
                 continue
-            errors = {r["cells"]: distance(r, reference.target)["surface"] for r in mine}
+            errors = {
+                r["cells"]: "reference"
+                if key(r) in reference.made_of
+                else _percent(distance(r, reference.target)["surface"])
+                for r in mine
+            }
             last = max(mine, key=lambda r: r["cells"])["mean"][-1]
-            cells = [_percent(errors[n]) if n in errors else "" for n in sizes]
+            cells = [errors.get(n, "") for n in sizes]
             lines.append([*title, CODES[code].label, *cells, f"{last:.3f}"])
             title = ["", ""]
         made = f"{max(cells for _, _, _, cells, _ in reference.made_of)} cells"
@@ -117,7 +123,7 @@ def measures(rows: Sequence[Row], references: References) -> list[str]:
         title = [f"{LAW_NAMES[law]} {KINDS[kind]}", f"{aspect:g}"]
         for code in CODES:
             row = finest(rows, code=code, law=law, aspect=aspect)
-            if row is None:
+            if row is None or key(row) in reference.made_of:
                 continue
             e = distance(row, reference.target)
             errors = [_percent(e[name]) for name in MEASURES]
