@@ -43,7 +43,7 @@ class Reference:
 
 
 def key(row: Row) -> tuple[Any, ...]:
-    """What tells a run from others."""
+    """Entries that tell a run from others."""
     return tuple(row[n] for n in ("code", "law", "aspect", "cells", "points"))
 
 
