@@ -58,8 +58,9 @@ def test_times_of_two_builds_do_not_mix(module, tmp_path):
 
 def test_a_peer_that_is_not_there_is_named(module, monkeypatch):
     cases, script = module("accuracy.cases"), module("speed_accuracy")
+    for package in ("taichi", "newton", "KratosMultiphysics"):
+        monkeypatch.setitem(sys.modules, package, None)
     for name, file in module("accuracy.peers").MODULES.items():
-        monkeypatch.setitem(sys.modules, name, None)
         monkeypatch.delitem(sys.modules, f"accuracy.peers.{file}", raising=False)
         case = cases.Case(scene="silo", solver=name, scheme=name)
         assert f"{name} cannot be imported" in script.run(case, 1.0)["left_out"]
@@ -246,6 +247,36 @@ def test_what_the_committed_table_says_follows_from_its_rows(module, tmp_path):
     page, again = REPORTS / "accuracy.md", tmp_path / "page.md"
     again.write_text(page.read_text())
     script.write_page(again, table["rows"])
+    assert again.read_text() == page.read_text()
+
+
+def test_quick_columns_beside_peers(module, tmp_path, capsys):
+    """Our codes run, the errors against the discs are finite, and a second call runs nothing."""
+    script, out, page = module("peers"), tmp_path / "table.json", tmp_path / "page.md"
+    text = (REPORTS / "peers.md").read_text()
+    page.write_text(text)
+    common = ["--quick", "--out", str(out), "--page", str(page), "--pictures", str(tmp_path)]
+    for lines in (3, 0):
+        script.main([*common, "--only", "default", "published"])
+        assert len(capsys.readouterr().out.splitlines()) == lines
+    errors = module("accuracy.columns_errors")
+    rows = json.loads(out.read_text())["rows"]
+    assert all(row["core_seconds"] > 0 and row["kept"] == 1.0 for row in rows)
+    found = errors.of_panel(rows, "mu_I", 1.42, errors.of_discs(1.42))
+    assert len(found) == 2 and all(0.01 < e < 0.3 for _, e in found)
+    assert page.read_text() != text
+    with Image.open(tmp_path / "peers.png") as picture:
+        assert min(picture.size) > 300
+
+
+def test_the_page_of_the_peers_has_the_tables_of_its_rows(module, tmp_path):
+    rows = json.loads((RESULTS / "peers.json").read_text())["rows"]
+    errors, tables = module("accuracy.columns_errors"), module("accuracy.columns_tables")
+    found = errors.references(rows)
+    assert len(found) == 15
+    page, again = REPORTS / "peers.md", tmp_path / "page.md"
+    again.write_text(page.read_text())
+    module("peers").write_tables(again, tables.tables(rows, found))
     assert again.read_text() == page.read_text()
 
 

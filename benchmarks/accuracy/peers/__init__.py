@@ -6,7 +6,12 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
-MODULES = {"taichi": "taichi_mpm", "newton": "newton_mpm"}
+MODULES = {
+    "taichi": "taichi_mpm",
+    "taichi_sand": "taichi_sand",
+    "newton": "newton_mpm",
+    "kratos": "kratos_mpm",
+}
 
 
 class Missing(Exception):

@@ -9,6 +9,7 @@ collapse only.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import newton
 import numpy as np
@@ -36,7 +37,7 @@ class Simulation:
         For scenes other than the column collapse.
     """
 
-    def __init__(self, scene: gr.Scene, *, threads: int = 1) -> None:
+    def __init__(self, scene: gr.Scene, *, threads: int = 1, **settings: Any) -> None:
         if scene.name != "column_collapse" or threads != 1:
             raise Missing("newton: no periodic sides and no wall that opens")
         wp.config.quiet = True
@@ -46,13 +47,13 @@ class Simulation:
         self.time, self.steps = 0.0, 0
         height = scene.parameters["aspect"] * scene.parameters["half_width"]
         fastest = math.sqrt(2 * scene.parameters["gravity"] * height)
-        self.dt = STEP * scene.grid.cell / fastest
+        self.dt = settings.pop("step", STEP) * scene.grid.cell / fastest
+        self._rates = isinstance(scene.material, gr.MuI)
         points = initial_points(scene)
         self._mass = np.repeat(points["mass"] / LAYERS, LAYERS)
         self.n_points = len(self._mass)
         self._model = self._build(points["x"])
-        config = SolverImplicitMPM.Config()
-        config.voxel_size = scene.grid.cell
+        config = SolverImplicitMPM.Config(voxel_size=scene.grid.cell, **settings)
         self._solver = SolverImplicitMPM(self._model, config=config)
         self._now, self._next = self._model.state(), self._model.state()
         self._step()  # compiles, which is a cost per process, not per run
@@ -85,7 +86,7 @@ class Simulation:
         model = builder.finalize(device="cpu")
         model.mpm.young_modulus.fill_(material.E)
         model.mpm.poisson_ratio.fill_(material.nu)
-        model.mpm.friction.fill_(material.mu_s)
+        model.mpm.friction.fill_(material.mu_s if self._rates else material.mu)
         return model
 
     def _friction(self) -> np.ndarray:
@@ -110,7 +111,8 @@ class Simulation:
         ramp = self.scene.gravity.times[-1]
         share = min(self.time / ramp, 1.0) if ramp > 0 else 1.0
         self._model.set_gravity((0.0, 0.0, share * self.scene.gravity.vectors[-1][1]))
-        self._model.mpm.friction.assign(self._friction().astype(np.float32))
+        if self._rates:
+            self._model.mpm.friction.assign(self._friction().astype(np.float32))
         self._solver.step(self._now, self._next, None, None, self.dt)
         self._solver.project_outside(self._next, self._next, self.dt)
         self._now, self._next = self._next, self._now

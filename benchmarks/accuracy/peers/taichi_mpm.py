@@ -34,7 +34,7 @@ def _init() -> None:
         cpu_max_num_threads=1,
         default_fp=ti.f64,
         fast_math=False,
-        offline_cache=False,
+        offline_cache=True,
         log_level=ti.ERROR,
     )
 
@@ -48,6 +48,9 @@ class Simulation:
         A 2D scene; its scheme is ignored.
     threads : int
         Must be 1.
+    hold_on_wall : bool
+        Without it, a no-slip wall at the lower end of the domain holds the nodes beyond it only,
+        and those on it are free: velocities then vanish closer to the wall.
 
     Raises
     ------
@@ -55,20 +58,24 @@ class Simulation:
         If the scene has features that this code lacks.
     """
 
-    def __init__(self, scene: gr.Scene, *, threads: int = 1) -> None:
+    def __init__(self, scene: gr.Scene, *, threads: int = 1, hold_on_wall: bool = True) -> None:
         if threads != 1 or scene.grid.dim != 2 or scene.sponge_layers:
             raise Missing("taichi: one thread, 2D and no sponge layers only")
         _init()
-        self.scene = scene
+        self.scene, self._on_wall = scene, hold_on_wall
         self.time, self.steps = 0.0, 0
         self.dt = CFL * scene.grid.cell / scene.material.wave_speed
         points = initial_points(scene)
         self._mass = points["mass"]
-        self._core = _Core(scene, points, self.dt)
+        self._core = self._make(points)
         self._hold()
         # Compiles all kernels, which is a cost per process, not per run.
         self._core.advance(0, 0.0)
         _ = self.state
+
+    def _make(self, points: dict[str, np.ndarray]) -> Any:
+        """The fields and the step."""
+        return Core(self.scene, points, self.dt)
 
     @property
     def n_points(self) -> int:
@@ -79,7 +86,7 @@ class Simulation:
         """Velocity components prescribed by walls at present, and the time of the next change."""
         walls = [wall for wall in self.scene.walls if wall.opens_at > self.time]
         self._next = min((wall.opens_at for wall in walls), default=math.inf)
-        self._core.hold.from_numpy(held(self.scene, walls, self._core.shape))
+        self._core.hold.from_numpy(held(self.scene, walls, self._core.shape, self._on_wall))
 
     def run(self, until: float) -> "Simulation":
         """Run to the first step at or after a time."""
@@ -118,10 +125,11 @@ class Simulation:
         )
 
 
-def held(scene: gr.Scene, walls: Any, shape: tuple[int, int]) -> np.ndarray:
+def held(scene: gr.Scene, walls: Any, shape: tuple[int, int], on_wall: bool = True) -> np.ndarray:
     """Array that is 1 where a wall prescribes a velocity component of a node.
 
     These nodes are on the line of the wall and, for a wall at an end of the domain, beyond it.
+    Without `on_wall` a no-slip wall at a lower end holds those beyond it alone.
     """
     hold = np.zeros((*shape, 2), dtype=np.int32)
     grid = scene.grid
@@ -135,7 +143,8 @@ def held(scene: gr.Scene, walls: Any, shape: tuple[int, int]) -> np.ndarray:
         if high >= grid.upper[along] - near:
             high = math.inf
         if wall.at <= grid.lower[wall.axis] + near:
-            across = place[wall.axis] <= wall.at + near
+            free = wall.kind == "no_slip" and not on_wall
+            across = place[wall.axis] <= wall.at + (-near if free else near)
         elif wall.at >= grid.upper[wall.axis] - near:
             across = place[wall.axis] >= wall.at - near
         else:
@@ -148,7 +157,7 @@ def held(scene: gr.Scene, walls: Any, shape: tuple[int, int]) -> np.ndarray:
 
 
 @ti.data_oriented
-class _Core:
+class Core:
     """Fields and the step; positions are relative to the lower corner of the domain."""
 
     def __init__(self, scene: gr.Scene, points: dict[str, np.ndarray], dt: float) -> None:
@@ -158,8 +167,13 @@ class _Core:
         self.shape = tuple(k + 2 * PAD + 1 for k in grid.shape)
         self.wrap = grid.shape[0] if grid.periodic[0] else 0
         self.floor = 1 if "y-" in grid.open_sides else 0
-        self.K, self.G, self.xi = material.K, material.G, material.xi
-        self.mu_s, self.mu_2, self.rho_c = material.mu_s, material.mu_2, material.rho_c
+        self.K, self.G = material.K, material.G
+        self.rho_c = material.rho_c
+        if isinstance(material, gr.DruckerPrager):  # mu(I) whose two friction coefficients agree
+            self.mu_s = self.mu_2 = material.mu
+            self.xi = 1.0
+        else:
+            self.mu_s, self.mu_2, self.xi = material.mu_s, material.mu_2, material.xi
         if len(scene.gravity.times) > 2:
             raise Missing("taichi: gravity is one ramp only")
         self.ramp = scene.gravity.times[-1]
@@ -178,6 +192,8 @@ class _Core:
         self.log_density.from_numpy(points["log_density"])
         self.mass.from_numpy(points["mass"])
         self.alive.fill(1)
+        if "stress" in points:
+            self.stress.from_numpy(points["stress"])
 
     @ti.func
     def node(self, i):

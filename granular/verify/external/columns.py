@@ -11,7 +11,7 @@ import numpy as np
 
 from granular import measure, scenes
 from granular.gravity import Gravity
-from granular.materials import DruckerPrager, MuI
+from granular.materials import DruckerPrager, Material, MuI
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.simulation import Simulation
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 RHO, G = 1500.0, 9.8
+STIFF = 1e3 * RHO * G
+"""Young's modulus [Pa] of the columns of 1 m of contact dynamics."""
 SCHEMES = {
     "default": schemes.default,
     "cell_averaged": schemes.cell_averaged,
@@ -30,13 +32,17 @@ SCHEMES = {
 }
 
 
-def released(scene: AnyScene) -> Simulation:
-    """Simulation of a column that bears its weight and is let go at once, in full gravity."""
+def borne(scene: AnyScene) -> Scene:
+    """The scene of a column that bears its weight and is let go at once, in full gravity."""
     assert isinstance(scene, Scene)
     fills = tuple(replace(fill, lithostatic=True) for fill in scene.fills)
     down = (*[0.0] * (len(scene.grid.shape) - 1), -G)
-    gravity = Gravity((0.0,), (down,))
-    return Simulation(replace(scene, fills=fills, gravity=gravity), threads=1)
+    return replace(scene, fills=fills, gravity=Gravity((0.0,), (down,)))
+
+
+def released(scene: AnyScene) -> Simulation:
+    """Simulation of such a column."""
+    return Simulation(borne(scene), threads=1)
 
 
 def height_at(state: State, x: Array) -> Array:
@@ -66,38 +72,65 @@ def _draw_contact_dynamics(outcome: Outcome) -> Figure:
     return _panels(outcome, "distance from the middle $x / H$", "height $h / H$", names)
 
 
-def _moments(state: State) -> tuple[float, float, float]:
+def moments(state: State) -> tuple[float, float, float]:
     """Mean position, potential energy per weight, half-width of 99.9 % of the mass [m]."""
     x, y = state.x.T
     return float(x.mean()), float(y.mean()), float(np.quantile(x, 0.999))
+
+
+def contact_dynamics_facts(aspect: float) -> dict[str, Array]:
+    """Measures of the column of contact dynamics over time, as in the file of the summary."""
+    summary = load("lagree2011_cd_summary")
+    mine = summary["a_nominal"] == aspect
+    return {name: column[mine] for name, column in summary.columns.items()}
+
+
+def contact_dynamics_scene(
+    aspect: float, cells: int, *, material: Material | None = None, **numbers: Any
+) -> Scene:
+    """Column of contact dynamics, 1 m high, as if poured at rest, with the law that fits the discs.
+
+    Parameters
+    ----------
+    aspect : {0.5, 1.42, 6.26}
+        Nominal aspect ratio; the half-width is the measured one.
+    cells : int
+        Number of cells along the lesser of height and half-width.
+    material : Material, optional
+        Another law.
+    **numbers
+        Arguments of `granular.scenes.column_collapse`, such as `scheme`.
+    """
+    facts = contact_dynamics_facts(aspect)
+    R0, lip = float(facts["R0"][0]), 2.0 * float(facts["xf"].max())
+    d = {0.5: 0.03356, 1.42: 0.01543, 6.26: 0.00746}[aspect]  # headers of the files
+    law = material or MuI(E=STIFF, mu_s=0.32, mu_2=0.6, I0=0.4, d=d, rho_s=RHO, rho_c=RHO)
+    column = scenes.column_collapse(
+        aspect=1.0 / R0, half_width=R0, cell=min(R0, 1.0) / cells, lip=lip,
+        material=law, duration=20.0, **numbers,
+    )  # fmt: skip
+    return borne(column)
 
 
 def contact_dynamics_rows(
     outcome: Outcome, aspect: float, cells: int, names: Sequence[str]
 ) -> None:
     """Add the rows and curves of one aspect ratio; lengths in H = 1 m, times in sqrt(H/g)."""
-    shape, summary = load(f"lagree2011_cd_a{aspect:g}"), load("lagree2011_cd_summary")
-    mine = summary["a_nominal"] == aspect
-    facts = {name: column[mine] for name, column in summary.columns.items()}
+    shape, facts = load(f"lagree2011_cd_a{aspect:g}"), contact_dynamics_facts(aspect)
     R0, end = float(facts["R0"][0]), shape["t"].max()
     last = shape["t"] == end
     x_cd, h_cd = shape["x_over_H"][last], shape["h_over_H"][last]
-    d = {0.5: 0.03356, 1.42: 0.01543, 6.26: 0.00746}[aspect]  # headers of the files
-    material = MuI(E=1e3 * RHO * G, mu_s=0.32, mu_2=0.6, I0=0.4, d=d, rho_s=RHO, rho_c=RHO)
     x = np.linspace(0.0, 2.0 * facts["xf"].max(), 2000)
     target = np.interp(x, x_cd, h_cd, right=0.0)
     curves: dict[str, Any] = {"contact dynamics": [x_cd.tolist(), h_cd.tolist()]}
     for name in names:
-        scene = scenes.column_collapse(
-            aspect=1.0 / R0, half_width=R0, cell=min(R0, 1.0) / cells, lip=2.0 * facts["xf"].max(),
-            material=material, scheme=SCHEMES[name], duration=20.0,
-        )  # fmt: skip
+        scene = contact_dynamics_scene(aspect, cells, scheme=SCHEMES[name])
         tag = f"a = {aspect:g}, {name}"
         with outcome.timed():
-            sim = released(scene)
+            sim = Simulation(scene, threads=1)
             for k in range(1, len(facts["t"])):
                 sim.run(until=float(facts["t"][k]) / math.sqrt(G))
-                xm, pe, q999 = _moments(sim.state)
+                xm, pe, q999 = moments(sim.state)
                 if k in (1, 2):  # while it moves; the times of the data are inferred
                     row = near(f"energy at t = {k}, {tag}", pe, facts["pe"][k], 0.04, gate=False)
                     outcome.rows.append(row)
