@@ -58,10 +58,19 @@ def walls(quick: bool) -> Iterator[dict]:
         yield row("K_p", name, 16, scene, known, "wall")
     for name, scheme in SCHEMES.items():
         yield row("K_p", name, 16, plain.replace(scheme=scheme), known, "wall")
+    floor = gr.Body(gr.bodies.HalfSpace((0.0, 1.0)), (0.0, 0.0), contact="sticky")
     for cells in (8, 16, 32):
         scene = cases.wall_scene(20.0, cells=cells, **given)
-        sticky = (gr.Wall(1, 0.0, kind="no_slip"), *scene.walls[1:])
-        yield row("K_p", "no_slip base", cells, scene.replace(walls=sticky), known, "wall")
+        held = scene.replace(walls=(gr.Wall(1, 0.0, kind="no_slip"), *scene.walls[1:]))
+        yield row("K_p", "no_slip base", cells, held, known, "wall")
+    for cells in (8, 16, 32):
+        scene = cases.wall_scene(20.0, cells=cells, **given)
+        below = gr.Grid(
+            (scene.grid.lower[0], -4 * scene.grid.cell), scene.grid.cell,
+            (scene.grid.shape[0], scene.grid.shape[1] + 4),
+        )  # fmt: skip
+        stuck = scene.replace(grid=below, walls=scene.walls[1:], bodies=(*scene.bodies, floor))
+        yield row("K_p", "a sticky body as the base", cells, stuck, known, "wall")
 
 
 def footings(quick: bool) -> Iterator[dict]:

@@ -1,5 +1,7 @@
 """Closed forms and reference solutions with which simulations are compared."""
 
+from granular.theory.bearing import BearingCapacity as BearingCapacity
+from granular.theory.bearing import bearing_capacity as bearing_capacity
 from granular.theory.beverloo import beverloo_rate as beverloo_rate
 from granular.theory.chute import ChuteFlow as ChuteFlow
 from granular.theory.chute import chute_profile as chute_profile
