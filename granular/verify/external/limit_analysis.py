@@ -4,8 +4,9 @@ The same problems are posed along the grid and turned against it: gravity, bed a
 turned together, so that the exact force does not change. The friction of the law is mu = sin(phi)
 in coaxial plane strain. As it does not dilate, a band slides at tan(phi*) = sin(phi) only, and
 limit analysis has two values, with phi (the upper one, of associated flow) and with phi* (the lower
-one, Davis 1968). Ours is compared with the upper one, which a wedge has, too, that slides without
-dilation: at 45 degrees to the base its coefficient is tan(45 deg + phi*) = (1 + mu)/(1 - mu).
+one, Davis 1968). Ours is compared with the upper one. A wedge that slides without dilation on a
+plane of 45 degrees, as bands of coaxial flow are inclined, has it too: its coefficient is
+tan(45 deg + phi*) = (1 + mu)/(1 - mu).
 """
 
 from __future__ import annotations
