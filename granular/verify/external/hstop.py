@@ -66,7 +66,7 @@ class Layer:
     def material(self) -> NGF:
         """The beads, of such a size that the layer has the thickness asked for."""
         d = HEIGHT / (self.ratio * stopping_grains(self.angle_deg))
-        return BEADS.replace(d=d)  # type: ignore[no-any-return]
+        return BEADS.replace(d=d)
 
     def expected(self) -> ChuteFlow:
         """Steady flow, by the one-dimensional equation of the law."""
