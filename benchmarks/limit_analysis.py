@@ -94,6 +94,17 @@ def footings(quick: bool) -> Iterator[dict]:
         yield row("N_gamma", name, 20, plain.replace(scheme=scheme), known, "self-weight")
 
 
+def table(rows: list[dict]) -> list[str]:
+    """Markdown of the rows."""
+    return markdown(HEADER, [
+        (
+            r["problem"], r["changed"], r["cells"], f"{r['coefficient']:.4g}",
+            f"{r['share']:.3f}", f"{r['seconds']:.0f}",
+        )
+        for r in rows
+    ])  # fmt: skip
+
+
 def main(argv: list[str] | None = None) -> None:
     parser = parser_of(__doc__, "one coarse run of each kind")
     parser.add_argument("--page", type=Path, help="page whose table is written")
@@ -107,14 +118,7 @@ def main(argv: list[str] | None = None) -> None:
                 print(found, flush=True)
     write(arguments.out, machine() | {"rows": rounded(rows)})
     if arguments.page:
-        cells = [
-            (
-                r["problem"], r["changed"], r["cells"], f"{r['coefficient']:.4g}",
-                f"{r['share']:.3f}", f"{r['seconds']:.0f}",
-            )
-            for r in rows
-        ]  # fmt: skip
-        write_tables(arguments.page, {"limit_analysis_study": markdown(HEADER, cells)})
+        write_tables(arguments.page, {"limit_analysis_study": table(rows)})
 
 
 if __name__ == "__main__":
