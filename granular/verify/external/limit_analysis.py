@@ -157,28 +157,28 @@ def footing_scene(
         fills.append(Fill(region, 4, lithostatic=True, material=liquid))
     slab = Slab((SIZE, 1.2 * SIZE), center=(0.0, 0.6 * SIZE))
     speed = SPEED["surcharge" if surcharge else "self-weight"] if speed is None else speed
-    bodies = [
-        Body(
-            slab, (0.0, 0.0), rotation_deg=angle_deg, friction=float(rough),
-            motion=frame.motion(0.0, -speed, RAMP),
-        )
-    ]  # fmt: skip
-    walls: tuple[Wall, ...] = ()
-    if angle_deg:
-        bodies.append(frame.plane((1.0, 0.0), (0.0, 0.0)))
-        bodies.append(frame.plane((-1.0, 0.0), (length, 0.0)))
-        bodies.append(frame.plane((0.0, 1.0), (0.0, -depth), friction=material.mu))
-    else:
-        walls = (
-            Wall(0, 0.0, kind="free_slip"),
-            Wall(0, length, kind="free_slip"),
-            Wall(1, -depth, kind="coulomb", friction=material.mu),
-        )
+    footing = Body(
+        slab, (0.0, 0.0), rotation_deg=angle_deg, friction=float(rough),
+        motion=frame.motion(0.0, -speed, RAMP),
+    )  # fmt: skip
+    walls, held = _ground(frame, length, depth, material.mu)
     above = math.ceil((top + 0.3 * SIZE) / cell) * cell
     return frame.scene(
         grid=frame.grid((0.0, -depth), (length, above), cell),
-        fills=tuple(fills), material=material, walls=walls, bodies=tuple(bodies),
+        fills=tuple(fills), material=material, walls=walls, bodies=(footing, *held),
     )  # fmt: skip
+
+
+def _ground(
+    frame: Frame, length: float, depth: float, mu: float
+) -> tuple[tuple[Wall, ...], tuple[Body, ...]]:
+    """Smooth sides of the ground and a floor with friction: walls of the grid, or turned bodies."""
+    if not frame.angle_deg:
+        sides = (Wall(0, at, kind="free_slip") for at in (0.0, length))
+        return (*sides, Wall(1, -depth, kind="coulomb", friction=mu)), ()
+    planes = (((1.0, 0.0), (0.0, 0.0), 0.0), ((-1.0, 0.0), (length, 0.0), 0.0))
+    floor = ((0.0, 1.0), (0.0, -depth), mu)
+    return (), tuple(frame.plane(n, at, friction=f) for n, at, f in (*planes, floor))
 
 
 @dataclass(frozen=True)
