@@ -39,13 +39,16 @@ def row(problem: str, changed: str, cells: int, scene: gr.Scene, known: float, k
 
 
 def walls(quick: bool) -> Iterator[dict]:
-    """Smooth wall, phi = 20 deg, as in the case but for one thing."""
-    variants = [(True, 0.0, 8), (True, 0.0, 16), (True, 0.0, 32), (True, 17.0, 32)]
-    variants += [(False, 0.0, 8), (False, 0.0, 16), (False, 0.0, 32), (False, 17.0, 32)]
-    for passive, angle, cells in variants[:1] if quick else variants:
-        kind, known = "K_p" if passive else "K_a", cases.rankine(20.0, passive)
-        scene = cases.wall_scene(20.0, passive=passive, rough=True, angle_deg=angle, cells=cells)
-        yield row(kind, f"turned by {angle:g} deg", cells, scene, known, "wall")
+    """Smooth wall, phi = 20 deg unless said otherwise, as in the case but for one thing."""
+    turns = ((0.0, 8), (0.0, 16), (0.0, 32), (17.0, 32))
+    variants = [(20.0, passive, *turn) for passive in (True, False) for turn in turns]
+    variants += [(30.0, passive, *turn) for passive in (True, False) for turn in turns[2:]]
+    for phi, passive, angle, cells in variants[:1] if quick else variants:
+        kind, known = "K_p" if passive else "K_a", cases.rankine(phi, passive)
+        scene = cases.wall_scene(phi, passive=passive, rough=True, angle_deg=angle, cells=cells)
+        turned = f"turned by {angle:g} deg"
+        name = turned if phi == 20.0 else f"phi = {phi:g} deg, {turned}"
+        yield row(kind, name, cells, scene, known, "wall")
     if quick:
         return
     given = {"passive": True, "rough": True, "angle_deg": 0.0}
