@@ -1,5 +1,7 @@
 """Closed forms and reference solutions with which simulations are compared."""
 
+from granular.theory.bearing import BearingCapacity as BearingCapacity
+from granular.theory.bearing import bearing_capacity as bearing_capacity
 from granular.theory.beverloo import beverloo_rate as beverloo_rate
 from granular.theory.chute import ChuteFlow as ChuteFlow
 from granular.theory.chute import chute_profile as chute_profile
@@ -57,13 +59,13 @@ from granular.theory.runout import RUNOUT_LAWS as RUNOUT_LAWS
 from granular.theory.runout import Piece as Piece
 from granular.theory.runout import RunoutLaw as RunoutLaw
 from granular.theory.shallow import DamBreak as DamBreak
+from granular.theory.shallow import SpreadingCap as SpreadingCap
 from granular.theory.shallow import SpreadingEllipse as SpreadingEllipse
 from granular.theory.shallow import dam_break as dam_break
+from granular.theory.shallow import spreading_cap as spreading_cap
 from granular.theory.shallow import spreading_ellipse as spreading_ellipse
-from granular.theory.slide import SpreadingCap as SpreadingCap
 from granular.theory.slide import block_runout as block_runout
 from granular.theory.slide import sliding_earth_pressure as sliding_earth_pressure
-from granular.theory.slide import spreading_cap as spreading_cap
 from granular.theory.stopping import stopping_angle as stopping_angle
 from granular.theory.stopping import stopping_height as stopping_height
 from granular.theory.stopping import stopping_shape as stopping_shape

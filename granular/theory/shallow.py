@@ -1,9 +1,9 @@
-"""Shallow layers on a Coulomb base: dam break on an incline, and a cap that spreads both ways.
+"""Shallow layers on a Coulomb base: dam break on an incline, and caps that spread as they slide.
 
-Both are solutions of the depth-averaged equations of Savage & Hutter (1989): the layer slides as a
-block with a velocity uniform over its depth, and its pressure along the base is K times the weight
-above. They hold where the layer is much longer than thick. The cap that spreads in one direction
-is `granular.theory.spreading_cap`.
+They are solutions of the depth-averaged equations of Savage & Hutter (1989, J. Fluid Mech. 199,
+177, sections 3 and 4): the layer slides as a block with a velocity uniform over its depth, and its
+pressure along the base is K times the weight above. They hold where the layer is much longer than
+thick.
 """
 
 from __future__ import annotations
@@ -17,7 +17,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import array, in_range, positive
 
-__all__ = ["DamBreak", "SpreadingEllipse", "dam_break", "spreading_ellipse"]
+__all__ = [
+    "DamBreak",
+    "SpreadingCap",
+    "SpreadingEllipse",
+    "dam_break",
+    "spreading_cap",
+    "spreading_ellipse",
+]
 
 Array = NDArray[np.float64]
 
@@ -44,6 +51,25 @@ class DamBreak:
     velocity: Array
     front: float
     back: float
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class SpreadingCap:
+    """A thin parabolic cap that slides down a plane.
+
+    Attributes
+    ----------
+    times : ndarray, shape (k,)
+        Times since the release from rest [s].
+    centre : ndarray, shape (k,)
+        Distance that the centre of mass has moved along the plane [m].
+    half_length : ndarray, shape (k,)
+        Distance of both ends from the centre [m].
+    """
+
+    times: Array
+    centre: Array
+    half_length: Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -76,6 +102,22 @@ def _inclined(angle_deg: float, mu: float, gravity: float) -> tuple[float, float
     mu = in_range("mu", mu, 0.0, math.tan(angle))
     across = positive("gravity", gravity) * math.cos(angle)
     return across, across * (math.tan(angle) - mu)
+
+
+def _sliding(angle_deg: float, mu: float, gravity: float) -> tuple[float, float]:
+    """Return the same two accelerations, of a slope on which the block does slide."""
+    across, pull = _inclined(angle_deg, mu, gravity)
+    if pull <= 0.0:
+        raise ValueError(f"mu = {mu} must be below the tangent of angle_deg = {angle_deg}")
+    return across, pull
+
+
+def _ascending(times: ArrayLike) -> Array:
+    """Times, checked."""
+    t = array("times", times, (None,))
+    if not len(t) or t[0] < 0 or not (np.diff(t) > 0).all():
+        raise ValueError("times must be ascending, from 0 on")
+    return t
 
 
 def dam_break(
@@ -131,6 +173,61 @@ def dam_break(
     )
 
 
+def spreading_cap(
+    times: ArrayLike,
+    *,
+    angle_deg: float,
+    mu: float,
+    half_length: float,
+    thickness: float,
+    K: float = 1.0,
+    gravity: float = 9.81,
+) -> SpreadingCap:
+    """Thin parabolic cap that slides down a plane in 2D (Savage & Hutter 1989).
+
+    With the normal stress K rho g h cos(angle) along the plane, the depth-averaged equations keep
+    the parabola ``h = h_m (1 - s^2/L^2)``, h_m L constant, and a velocity linear in the distance s
+    from the centre. The centre is that of a block, ``g (sin(angle) - mu cos(angle)) t^2/2``, and
+    ``L'' = 2 K g cos(angle) h_0 L_0/L^2``.
+
+    Parameters
+    ----------
+    times : array_like, shape (k,)
+        Times [s], >= 0, ascending.
+    angle_deg : float
+        Inclination [deg], 0 < angle < 90.
+    mu : float
+        Friction coefficient of the base, below tan(angle).
+    half_length, thickness : float
+        Initial half-length along the plane and thickness across it in the middle [m].
+    K : float
+        Coefficient of earth pressure along the plane, > 0: 1 in a liquid, less (active) in material
+        that spreads, see `sliding_earth_pressure`.
+    gravity : float
+        [m/s2]
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+    t = _ascending(times)
+    across, pull = _sliding(angle_deg, mu, gravity)
+    L0, h0 = positive("half_length", half_length), positive("thickness", thickness)
+    push = 2.0 * positive("K", K) * across * h0 * L0
+    # The last time alone would be an empty interval if it were 0.
+    end = max(float(t[-1]), 1e-9)
+    solved = scipy.integrate.solve_ivp(
+        lambda _, y: (y[1], push / y[0] ** 2),
+        (0.0, end),
+        (L0, 0.0),
+        t_eval=t,
+        rtol=1e-9,
+        atol=1e-12,
+    )
+    return SpreadingCap(times=t, centre=0.5 * pull * t**2, half_length=solved.y[0])
+
+
 def spreading_ellipse(
     times: ArrayLike,
     *,
@@ -169,12 +266,8 @@ def spreading_ellipse(
     TypeError, ValueError
         Naming argument, value and allowed range.
     """
-    t = array("times", times, (None,))
-    if not len(t) or t[0] < 0 or not (np.diff(t) > 0).all():
-        raise ValueError("times must be ascending, from 0 on")
-    across, pull = _inclined(angle_deg, mu, gravity)
-    if pull <= 0.0:
-        raise ValueError(f"mu = {mu} must be below the tangent of angle_deg = {angle_deg}")
+    t = _ascending(times)
+    across, pull = _sliding(angle_deg, mu, gravity)
     L, H = positive("half_length", half_length), positive("thickness", thickness)
     B = positive("K", K) * H / L * across / gravity
     turned = mu * across / pull

@@ -154,6 +154,11 @@ CASES = [
         ({"mu": 0.0}, "mu = 0.0"),
         ({"density_ratio": inf}, "density_ratio = inf"),
     ]),
+    ("bearing_capacity", {"phi_deg": 20.0}, [
+        ({"phi_deg": 14.0}, "phi_deg = 14.0"),
+        ({"phi_deg": 46.0}, "phi_deg = 46.0"),
+        ({"phi_deg": nan}, "phi_deg = nan"),
+    ]),
     ("sliding_earth_pressure", {"mu": 0.4, "base": 0.3}, [
         ({"mu": 0.0}, "mu = 0.0"),
         ({"mu": 1.0}, "mu = 1.0"),

@@ -75,6 +75,22 @@ def test_coarse_bars():
     assert rows["rms of the surface [m], mu = tan phi"].passed
 
 
+def test_coarse_limit_analysis():
+    """A wall along a turned bed, and a surcharged footing, within 5 % of limit analysis."""
+    rows = drawn("limit_analysis")
+    assert len(rows) == 5 and all(row.passed for row in rows)
+
+
+def test_coarse_stopping_height():
+    """3 % of the law in 10 cells, which the default scheme misses; experiments decide nothing."""
+    rows = {row.quantity: row for row in drawn("hstop")}
+    missed = [name for name, row in rows.items() if row.passed is False]
+    assert missed == ["u/sqrt(g h), 24 deg, h = 1.5 h_stop, 10 cells, default"]
+    assert rows[missed[0]].ours == pytest.approx(rows[missed[0]].reference, rel=0.07)
+    assert all(row.passed is None for name, row in rows.items() if "experiment" in name)
+    assert sum(row.passed is True for row in rows.values()) == 2
+
+
 def test_the_command_names_a_case_it_does_not_have(capsys):
     assert command(["verify", "--external", "no_such"]) == 2
     assert "no_such" in capsys.readouterr().err

@@ -60,6 +60,20 @@ def test_frictionless_ellipse_stays_a_circle_and_keeps_its_energy():
     np.testing.assert_allclose(found.half_length, 80 * np.sqrt(1 + push * times**2), rtol=1e-7)
 
 
+def test_cap_keeps_its_energy_of_spreading():
+    """First integral: L'^2/2 + 2 K g cos h_0 L_0/L is constant; at first L'' t^2/2 is exact."""
+    cap = {"angle_deg": 35.0, "mu": 0.3, "half_length": 0.25, "thickness": 0.05, "K": 0.7}
+    times = np.linspace(0.0, 1.0, 2001)
+    found = theory.spreading_cap(times, **cap)
+    push = 2 * 0.7 * 9.81 * math.cos(math.radians(35.0)) * 0.05 * 0.25
+    rate = np.gradient(found.half_length, times, edge_order=2)
+    kept = 0.5 * rate**2 + push / found.half_length
+    np.testing.assert_allclose(kept[1:-1], push / 0.25, rtol=1e-5)
+    assert found.half_length[20] - 0.25 == pytest.approx(0.5 * push / 0.25**2 * 1e-4, rel=1e-3)
+    pull = 9.81 * (math.sin(math.radians(35.0)) - 0.3 * math.cos(math.radians(35.0)))
+    assert found.centre[-1] == pytest.approx(0.5 * pull, rel=1e-12)
+
+
 def test_cap_against_the_closed_form():
     """t = (sqrt(G (G - 1)) + ln(sqrt(G) + sqrt(G - 1)))/(2 sqrt(B)) of Savage & Hutter 1989."""
     G = np.array([1.01996, 1.43946, 2.39736])

@@ -6,7 +6,7 @@ uncertain. What a header calls inferred or recalled is reported, and decides not
 """
 
 # The modules register their cases on import; this is the order of the table.
-from granular.verify.external import bagnold, columns, runout_laws, shallow  # isort: skip  # noqa: F401
+from granular.verify.external import bagnold, columns, runout_laws, shallow, limit_analysis, hstop  # isort: skip  # noqa: F401
 from granular.verify.external.frame import (
     Case,
     Comparison,

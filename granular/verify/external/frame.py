@@ -198,7 +198,7 @@ def main(names: Sequence[str] = (), *, quick: bool = False, out: TextIO | None =
         print(f"{name}: {cases[name].doc}", file=out)
         for row in outcome.rows:
             quantity, *rest = cells_of(row)
-            print(f"  {quantity:<52}" + "".join(f"{text:>12}" for text in rest), file=out)
+            print(f"  {quantity:<52}" + "".join(f" {text:>14}" for text in rest), file=out)
             missed += row.passed is False
         print(f"  {outcome.core_seconds:.1f} core-seconds", file=out, flush=True)
     return int(missed > 0)

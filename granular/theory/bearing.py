@@ -1,0 +1,100 @@
+"""Bearing capacity of a strip footing on cohesionless ground, by limit analysis in plane strain.
+
+The mean pressure at collapse is ``N_q q + N_gamma rho g B/2``, with the surcharge q beside the
+footing and its width B; each coefficient is that of the other load alone.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from granular.checks import in_range
+
+__all__ = ["BearingCapacity", "bearing_capacity"]
+
+Array = NDArray[np.float64]
+
+_NEAR = 1e-5
+"""Distance from the passive wedge at which the fan ends: there the equations are singular."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BearingCapacity:
+    """Coefficients of a strip footing.
+
+    Attributes
+    ----------
+    surcharge : float
+        N_q, for a surcharge on weightless ground, of a rough or smooth footing.
+    smooth_self_weight : float
+        N_gamma of a smooth footing, for the weight of the ground alone. That of a rough one is
+        larger, about twice, and is no solution of an ordinary differential equation.
+    """
+
+    surcharge: float
+    smooth_self_weight: float
+
+
+def bearing_capacity(phi_deg: float) -> BearingCapacity:
+    """Bearing capacity of a strip footing for a friction angle.
+
+    ``N_q = exp(pi tan(phi)) tan(45 deg + phi/2)^2`` (Prandtl 1921, Reissner 1924). Under a smooth
+    footing without a surcharge the stress is self-similar around the edge, as Hill's mechanism has
+    two halves that do not feel each other: the mean stress is ``rho g r S(t)``, and equilibrium at
+    yield is an ordinary differential equation for S and for the direction of the principal stress
+    over the angle t (Sokolovskii 1965, Statics of Granular Media). It is integrated from the
+    footing to the passive wedge beside it, and the pressure is that which arrives there.
+
+    Parameters
+    ----------
+    phi_deg : float
+        Friction angle [deg], 15 to 45. A law without dilation has two, see `earth_pressure`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+    phi = math.radians(in_range("phi_deg", phi_deg, 15.0, 45.0))
+    passive = math.tan(0.25 * math.pi + 0.5 * phi) ** 2
+    N_q = math.exp(math.pi * math.tan(phi)) * passive
+    # N_gamma is 0.76 to 0.89 times this; far above it the fan has no such end.
+    guess = (N_q - 1.0) * math.tan(phi)
+    found = scipy.optimize.brentq(
+        lambda N: _end_of_fan(phi, N) - (0.25 * math.pi - 0.5 * phi),
+        0.5 * guess,
+        1.05 * guess,
+        rtol=1e-7,
+    )
+    return BearingCapacity(surcharge=N_q, smooth_self_weight=found)
+
+
+def _end_of_fan(phi: float, N_gamma: float) -> float:
+    """Angle from the level surface [rad] at which the fan of a given pressure ends.
+
+    There the radial direction is a characteristic, and the passive wedge begins. With the angle psi
+    of the principal stress against the radius, k = sin(phi), and compression positive, the stresses
+    are S (1 + k cos 2 psi) along the radius, S (1 - k cos 2 psi) across it, and S k sin 2 psi.
+    """
+    k = math.sin(phi)
+
+    def rate(t: float, y: Array) -> Array:
+        S, c, s = y[0], math.cos(2.0 * y[1]), math.sin(2.0 * y[1])
+        forces = (math.sin(t) - S * (1.0 + 3.0 * k * c), math.cos(t) - 3.0 * S * k * s)
+        return np.linalg.solve([[k * s, 2.0 * S * k * c], [1.0 - k * c, 2.0 * S * k * s]], forces)
+
+    def ends(_: float, y: Array) -> float:
+        return k - math.cos(2.0 * y[1]) - _NEAR
+
+    ends.terminal = True  # type: ignore[attr-defined]  # as SciPy asks for
+    # The pressure under the footing grows with the distance r from the edge as N_gamma rho g r.
+    start = (2.0 * N_gamma / (1.0 + k), -0.5 * math.pi)
+    fan = scipy.integrate.solve_ivp(
+        rate, (math.pi, -math.pi), start, events=ends, rtol=1e-9, atol=1e-12
+    )
+    return float(fan.t[-1])

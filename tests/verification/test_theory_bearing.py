@@ -1,0 +1,22 @@
+"""Bearing capacity by limit analysis: exact values of others, and equilibrium at yield."""
+
+import numpy as np
+import pytest
+
+from granular import theory
+from granular.verify import external
+
+
+def test_the_file_of_limit_analysis_is_reproduced():
+    """Its N_gamma of a smooth footing is Martin's (2005), by the method of characteristics."""
+    data = external.load("plane_strain_limit_analysis")
+    found = [theory.bearing_capacity(float(phi)) for phi in data["phi_deg"]]
+    assert [f.surcharge for f in found] == pytest.approx(data["Nq"], rel=1e-4)
+    assert [f.smooth_self_weight for f in found] == pytest.approx(data["Ngamma_smooth"], rel=3e-4)
+    coefficients = [theory.earth_pressure(np.sin(np.radians(phi))) for phi in data["phi_deg"]]
+    assert [c.passive_coaxial for c in coefficients] == pytest.approx(
+        data["Kp_smooth_wall"], rel=1e-4
+    )
+    assert [c.active_coaxial for c in coefficients] == pytest.approx(
+        data["Ka_smooth_wall"], rel=1e-4
+    )
