@@ -48,7 +48,7 @@ MPM = (
     *("conveyor_heap", "couette"),
     *("cylinder_collapse", "excavation", "excavator", "flexible_barrier", "hopper", "hourglass"),
     *("incline", "landslide", "obstacle", "penetration", "rotating_drum", "silo", "silo_3d"),
-    *("silo_fed", "slug", "sphere_drop", "wheel"),
+    *("silo_fed", "settling_bed", "slug", "sphere_drop", "wheel"),
 )
 FED = ("chute_fed", "conveyor_heap")
 """Scenes without a fill that could have jitter."""
@@ -160,7 +160,7 @@ NONLOCAL = ("chute_ngf", "clogging_silo", "silo_3d", "couette", "excavation", "w
 SOFT = (
     *("conveyor", "flexible_barrier", "hopper", "landslide", "obstacle", "penetration"),
     *("rotating_drum", "chute_fed", "cohesive_cliff", "conveyor_heap", "silo_fed"),
-    "sphere_drop",
+    *("settling_bed", "sphere_drop"),
 )
 """Scenes of `glass_beads` with another E, or of another material."""
 
