@@ -1,11 +1,13 @@
 """Inflows of SPH: what is refused, growing memory, threads, restarts, records, cost and files."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from refusals import refused
 
 import granular as gr
-from granular import _core, sph
+from granular import sph
 from granular.gravity import Gravity
 from granular.sph import simulation
 
@@ -145,10 +147,7 @@ def test_the_core_refuses_inlets_that_cannot_be():
     for name in ("inflow", "inlet_loads"):
         arrays = {key: value for key, value in checkpoint.arrays.items() if key != name}
         with pytest.raises(ValueError, match=name):
-            sph.Simulation.from_checkpoint(
-                sim.scene, gr.record.Checkpoint(checkpoint.scalars, arrays)
-            )
-    assert _core.LANES
+            sph.Simulation.from_checkpoint(sim.scene, replace(checkpoint, arrays=arrays))
 
 
 def test_a_picture_shows_the_nozzle(tmp_path):

@@ -1,7 +1,5 @@
 """Inflows of SPH: filling fraction, mass, momentum, a free jet, a chute, the fed gas jet."""
 
-import math
-
 import numpy as np
 import pytest
 
@@ -14,7 +12,7 @@ DX, G = 0.01, 9.81
 
 def jet(*, dim=2, gravity=0.0, speed=1.0, duration=0.4, deep=60, **more):
     """A jet of eight columns that falls from a nozzle of ten layers."""
-    across = ((0.06, 0.1),) * (dim - 2)
+    across = ((0.04, 0.12),) * (dim - 2)
     low = (0.06, *(a for a, _ in across), (deep - 10) * DX)
     high = (0.14, *(b for _, b in across), deep * DX)
     down = (0.0,) * (dim - 1)
@@ -123,17 +121,24 @@ def test_a_layer_that_is_fed_flows_steadily():
 def test_the_gas_of_a_fed_nozzle_keeps_its_density():
     """Gas that enters has the density and velocity of the nozzle; what enters leaves in the end."""
     scene = gr.scenes.jet_on_bed(
-        speed=50.0, width=0.3, depth=0.1, spacing=0.02, fed=True, duration=0.03
+        speed=50.0,
+        width=0.3,
+        depth=0.1,
+        headroom=0.16,
+        nozzle=0.16,
+        spacing=0.02,
+        fed=True,
+        duration=0.02,
     )
     sim = sph.Simulation(scene, threads=1).run()
     gas, (jet_,) = sim.gas, scene.gas.jets
     low, high = (np.array(end) for end in jet_.region.bounds)
-    h = scene.h
-    within = ((gas.x > low) & (gas.x < high - np.array([0, 2 * h]))).all(axis=1)
-    assert within.sum() > 3
+    within = ((gas.x > low) & (gas.x < high)).all(axis=1)
+    full = jet_.density * np.prod(high - low)
+    assert gas.mass[within].sum() == pytest.approx(full, rel=0.07)  # 5 1/3 rows of 8 particles
     np.testing.assert_allclose(gas.v[within], [[0.0, -50.0]] * within.sum())
-    np.testing.assert_allclose(gas.density[within], jet_.density, rtol=0.05)
+    inner = (np.abs(gas.x[:, 0] - 0.15) < 0.04) & (np.abs(gas.x[:, 1] - low[1] - 0.05) < 0.03)
+    np.testing.assert_allclose(gas.density[inner], jet_.density, rtol=0.05)
     counts = sim.counts
-    expected = 50.0 / 0.02 * 5 * sim.time
-    assert counts["gas_entered"] == pytest.approx(expected, abs=1)
-    assert math.isfinite(gas.v.max()) and counts["gas_dropped"] > 0.5 * counts["gas_entered"]
+    assert 0 <= 50.0 / 0.02 * 8 * sim.time - counts["gas_entered"] < 1 + 1e-6
+    assert counts["gas_dropped"] > 0.8 * counts["gas_entered"]
