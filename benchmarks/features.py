@@ -32,7 +32,7 @@ RESULTS = Path(__file__).parent / "results" / "features.json"
 PAGE = Path(__file__).parents[1] / "docs" / "reports" / "speed.md"
 
 CELL, DIAMETER = 0.01, 2e-3
-SAND = gr.MuI(E=1e6)
+SAND = gr.MuI(E=1e6, I0=0.279, d=DIAMETER)
 LAW = {"mu_s": SAND.mu_s, "mu_2": SAND.mu_2, "xi": SAND.xi}
 
 Pair = Callable[[int], tuple[Any, Any]]
@@ -81,10 +81,8 @@ def fed(rows: int) -> tuple[gr.Scene, gr.Scene]:
 def with_body(rows: int, **free: Any) -> gr.Scene:
     """Return a block with a box half sunk into it."""
     shape, at = gr.bodies.Box((8 * CELL, 8 * CELL)), (rows * CELL, rows * CELL)
-    hole = gr.Box((at[0] - 4 * CELL, at[1] - 4 * CELL), (at[0] + 4 * CELL, at[1]))
-    whole = gr.Box((0.0, 0.0), (2 * rows * CELL, rows * CELL))
     body = gr.Body(shape, at, friction=0.4, **free)
-    return block(rows, fills=[gr.Fill(whole - hole, 4, velocity=(1.0, 0.0))], bodies=[body])
+    return block(rows, bodies=[body])
 
 
 def free_body(rows: int) -> tuple[gr.Scene, gr.Scene]:
@@ -129,7 +127,7 @@ def own_law(function: Any, **more: Any) -> Pair:
     return pair
 
 
-REGULARISED = gr.materials.RegularisedMuI(E=SAND.E, mu_s=SAND.mu_s, mu_2=SAND.mu_2, xi=SAND.xi)
+REGULARISED = gr.RegularisedMuI(E=SAND.E, mu_s=SAND.mu_s, mu_2=SAND.mu_2, I0=SAND.I0, d=DIAMETER)
 CASES: dict[str, tuple[str, str, Pair]] = {
     "materials": ("one material", "two materials", two_materials),
     "cohesion": ("mu(I)", "with cohesion, 50 Pa", of_materials(SAND, SAND.replace(cohesion=50.0))),
@@ -137,7 +135,7 @@ CASES: dict[str, tuple[str, str, Pair]] = {
     "restitution": (
         "mu(I)",
         "with `restitution=0.5`",
-        of_materials(SAND, SAND.replace(restitution=0.5, contact_diameter=DIAMETER)),
+        of_materials(SAND, SAND.replace(restitution=0.5)),
     ),
     "own NumPy": ("mu(I)", "mu(I) of one's own, NumPy", own_law(mu_I)),
     "own numba": (
