@@ -203,7 +203,7 @@ def main(argv: list[str] | None = None) -> None:
     if arguments.page:
         write_tables(arguments.page, {"features": table(found["rows"])})
         return
-    rows, rounds, steps = (8, 1, 10) if arguments.quick else (32, 24, 100)
+    rows, rounds, steps = (8, 1, 10) if arguments.quick else (32, 60, 40)
     for name in arguments.only:
         off, on, pair = CASES[name]
         with warnings.catch_warnings():

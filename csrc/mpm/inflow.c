@@ -99,7 +99,4 @@ static int enter(void *engine, struct gr_inlet *inlet, int64_t site, double sinc
     return 1;
 }
 
-void gr_inflow_enter(struct gr_engine *e)
-{
-    gr_inlets_enter(e->inflow, e->time, gr_longest_dt(&e->config), enter, e);
-}
+void gr_inflow_enter(struct gr_engine *e) { gr_inlets_enter(e->inflow, e->time, gr_longest_dt(&e->config), enter, e); }

@@ -65,7 +65,7 @@ int gr_sph_make_inflow_places(struct gr_sph *s, int64_t capacity)
     return inflow->held && inflow->by ? GR_OK : GR_ERR_MEMORY;
 }
 
-int gr_sph_has_room(const struct gr_sph *s, double dt)
+int gr_sph_has_capacity(const struct gr_sph *s, double dt)
 {
     const struct gr_inlets *inlets = s->inflow->inlets;
     int64_t most[2] = {0, 0}; /* of particles, of gas */
@@ -74,7 +74,7 @@ int gr_sph_has_room(const struct gr_sph *s, double dt)
     return s->n_particles + most[0] + GR_LANES <= s->wall_first && gas_end + most[1] <= s->capacity;
 }
 
-/* See gr_enter; gr_sph_has_room was true. */
+/* See gr_enter; gr_sph_has_capacity was true. */
 static int enter(void *engine, struct gr_inlet *inlet, int64_t site, double since, double distance)
 {
     struct gr_sph *s = engine;

@@ -15,10 +15,10 @@
 struct gr_sph;
 
 struct gr_sph_box {
-    int is_gas;                 /* what enters is gas, and the box is empty */
-    double lower[3], upper[3];  /* m */
-    double force[3];            /* on the particles in it, in the present step, N */
-    double impulse[3], work;    /* of that since the start, N s, J */
+    int is_gas;                /* what enters is gas, and the box is empty */
+    double lower[3], upper[3]; /* m */
+    double force[3];           /* on the particles in it, in the present step, N */
+    double impulse[3], work;   /* of that since the start, N s, J */
 };
 
 struct gr_sph_inflow {
@@ -35,8 +35,8 @@ void gr_sph_free_inflow(struct gr_sph *s);
 
 int gr_sph_make_inflow_places(struct gr_sph *s, int64_t capacity); /* memory for `capacity` rows */
 
-/* True if there are rows for all points that enter in a step of this length. */
-int gr_sph_has_room(const struct gr_sph *s, double dt);
+/* True if there are rows for all points that may enter in a step of this length. */
+int gr_sph_has_capacity(const struct gr_sph *s, double dt);
 
 /* Let the points enter that are due. The neighbour list is to be made anew if there are any.
  * Returned: whether there are. */

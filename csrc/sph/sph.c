@@ -287,7 +287,7 @@ static int begin_step(struct run *run)
     struct gr_sph *s = run->s;
     if (!(run->steps_left-- > 0 && s->time < run->until)) return 0;
     const double dt = s->config.parameter[GR_SPH_P_dt] > 0 ? s->config.parameter[GR_SPH_P_dt] : gr_sph_stable_dt(s);
-    run->is_full = s->inflow && !gr_sph_has_room(s, dt);
+    run->is_full = s->inflow && !gr_sph_has_capacity(s, dt);
     if (run->is_full) return 0;
     s->dt = dt, s->time += dt, s->step++;
     if (s->inflow) gr_sph_push(s, dt);

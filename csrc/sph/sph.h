@@ -136,8 +136,8 @@ struct gr_sph {
     int64_t *sorted_id, *begin, *middle, *end; /* first block: of particles, of walls, and the end of both */
     int32_t *cell, *order, *start[3];
     struct gr_block *block;
-    int64_t stride;         /* capacity of blocks per row */
-    struct gr_sph_gas *gas; /* or NULL */
+    int64_t stride;               /* capacity of blocks per row */
+    struct gr_sph_gas *gas;       /* or NULL */
     struct gr_sph_inflow *inflow; /* or NULL */
     /* clock and counters; a restart needs all of them */
     double time, dt, speed2, acceleration2, dropped_mass, gas_speed2;

@@ -94,6 +94,7 @@ DERIVED = {
     "incline_sph": {"duration": 3.0},
     "inclined_collapse": {"half_width": pytest.approx(0.2), "duration": 1.5},
     "jet_on_bed": {"duration": 0.075},
+    "settling_bed": {"duration": pytest.approx(0.609343, rel=1e-5)},
     "slump_sph": {"duration": 6.0},
 }
 """Parameters that a scene chooses, rounds or adds, by hand."""

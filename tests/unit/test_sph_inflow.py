@@ -72,7 +72,7 @@ def bits(sim):
 
 
 def test_memory_grows_and_threads_and_restarts_give_the_same_bits(monkeypatch):
-    """With room for few particles the buffers grow in the middle, before and after a restart."""
+    """With few spare rows the buffers grow in the middle, before and after a restart."""
     one = sph.Simulation(scene_of(), threads=1)
     capacity = one.buffers["id"].size
     one.run(until=0.3)
