@@ -97,6 +97,8 @@ def settling_bed(
 
 def _time_to_rest(material: Material, height: float, fall: float, g: float) -> float:
     """Time of the bounces after a fall, and of the decay of the slowest oscillation [s]."""
+    if not isinstance(material, Material):
+        raise TypeError(f"material = {material!r} must be a Material")
     if not material.damping_time:
         raise ValueError("duration = None must be a time with restitution = 1: the bed rings on")
     waves = {"wave_speed": material.wave_speed, "damping_time": material.damping_time}

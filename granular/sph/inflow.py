@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Inlets", "check_inflows"]
 
-FREE = ((-1.0,) * 3, (1.0,) * 3)
+Place = tuple[float, float, float]
+
+FREE: tuple[Place, Place] = ((-1.0, -1.0, -1.0), (1.0, 1.0, 1.0))
 """Ends of the box of an inlet of gas, which has none."""
 
 
@@ -154,6 +156,11 @@ def _add(
     vx, vy, vz = (*inflow.velocity, 0.0)[:3]
     v = np.broadcast_to(inflow.velocity, x.shape)
     rows = rows_of(engine, {"x": x, "v": v, "mass": mass}, len(x))
-    low, high = (((*end, 0.0)[:3]) for end in inflow.region.bounds)
-    lower, upper = FREE if gas else (low, high)
-    engine.add_inlet(rows, inflow.axis, (vx, vy, vz), spacing, *inflow.times, gas, lower, upper)
+    box = _box(inflow) if not gas else FREE
+    engine.add_inlet(rows, inflow.axis, (vx, vy, vz), spacing, *inflow.times, gas, *box)
+
+
+def _box(inflow: Inflow) -> tuple[Place, Place]:
+    """Ends of the region of an inflow, with three components."""
+    (x, y, z), (X, Y, Z) = ((*end, 0.0)[:3] for end in inflow.region.bounds)
+    return (x, y, z), (X, Y, Z)

@@ -47,8 +47,8 @@ MPM = (
     *("chute_fed", "chute_ngf", "clogging_silo", "cohesive_cliff", "column_collapse", "conveyor"),
     *("conveyor_heap", "couette"),
     *("cylinder_collapse", "excavation", "excavator", "flexible_barrier", "hopper", "hourglass"),
-    *("incline", "landslide", "obstacle", "penetration", "rotating_drum", "silo", "silo_3d"),
-    *("silo_fed", "settling_bed", "slug", "sphere_drop", "wheel"),
+    *("incline", "landslide", "obstacle", "penetration", "rotating_drum", "settling_bed"),
+    *("silo", "silo_3d", "silo_fed", "slug", "sphere_drop", "wheel"),
 )
 FED = ("chute_fed", "conveyor_heap")
 """Scenes without a fill that could have jitter."""
