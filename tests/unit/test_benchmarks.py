@@ -498,17 +498,3 @@ def test_a_quick_table_of_the_sph_examples_is_written(module, tmp_path, capsys):
     rows = json.loads(out.read_text(), parse_constant=pytest.fail)["rows"]
     assert [row["kind"] for row in rows] == ["repose"]
     assert rows[0]["creep_deg_per_s"] is None and rows[0]["angle_deg"] > 0
-
-
-def test_a_quick_table_of_features_is_written(module, tmp_path, capsys):
-    """Two features are measured in turns; the page gets a row for each, in the order of the cases."""
-    script, out, page = module("features"), tmp_path / "features.json", tmp_path / "page.md"
-    page.write_text(PAGE.replace("table:", "table features:"))
-    script.main(["--quick", "--only", "cohesion", "SPH inflow", "--out", str(out)])
-    assert len(capsys.readouterr().out.splitlines()) == 2
-    script.main(["--out", str(out), "--page", str(page)])
-    rows = json.loads(out.read_text())["rows"]
-    assert list(rows) == ["cohesion", "SPH inflow"]
-    assert all(1.0 < row["off"] < 1e5 and 0.1 < row["ratio"][1] < 10.0 for row in rows.values())
-    text = page.read_text()
-    assert "old" not in text and text.index("with cohesion") < text.index("SPH, an inflow")
