@@ -60,6 +60,8 @@ from granular.theory.shallow import DamBreak as DamBreak
 from granular.theory.shallow import SpreadingEllipse as SpreadingEllipse
 from granular.theory.shallow import dam_break as dam_break
 from granular.theory.shallow import spreading_ellipse as spreading_ellipse
+from granular.theory.shear_waves import shear_wave_growth as shear_wave_growth
+from granular.theory.shear_waves import shear_waves as shear_waves
 from granular.theory.slide import SpreadingCap as SpreadingCap
 from granular.theory.slide import block_runout as block_runout
 from granular.theory.slide import sliding_earth_pressure as sliding_earth_pressure
