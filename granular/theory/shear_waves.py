@@ -54,7 +54,7 @@ def shear_waves(
     pressure: float,
     wave_vector: tuple[float, float],
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Rates and shapes of waves in a flow (g y, 0) of uniform shear in the plane.
+    """Rates and shapes of waves in a flow (g y, 0) of uniform shear in 2D.
 
     Parameters
     ----------
