@@ -53,6 +53,8 @@ from granular.theory.kinetic import shear_temperature as shear_temperature
 from granular.theory.kinetic import temperature_coefficients as temperature_coefficients
 from granular.theory.layer_waves import LayerWaves as LayerWaves
 from granular.theory.layer_waves import layer_waves as layer_waves
+from granular.theory.linear_waves import shear_wave_growth as shear_wave_growth
+from granular.theory.linear_waves import shear_waves as shear_waves
 from granular.theory.runout import RUNOUT_LAWS as RUNOUT_LAWS
 from granular.theory.runout import Piece as Piece
 from granular.theory.runout import RunoutLaw as RunoutLaw
@@ -60,8 +62,6 @@ from granular.theory.shallow import DamBreak as DamBreak
 from granular.theory.shallow import SpreadingEllipse as SpreadingEllipse
 from granular.theory.shallow import dam_break as dam_break
 from granular.theory.shallow import spreading_ellipse as spreading_ellipse
-from granular.theory.shear_waves import shear_wave_growth as shear_wave_growth
-from granular.theory.shear_waves import shear_waves as shear_waves
 from granular.theory.slide import SpreadingCap as SpreadingCap
 from granular.theory.slide import block_runout as block_runout
 from granular.theory.slide import sliding_earth_pressure as sliding_earth_pressure
