@@ -97,7 +97,8 @@ class Inflow:
         If True, the region is full from the start, and all that is in it moves with the velocity,
         whatever is in its way, up to the end of `times`: a piston, which does not yield. The
         nodes of the grid that its points touch have this velocity, to the sides and upstream also
-        those beyond it. It must begin at time 0.
+        those beyond it. It must begin at time 0. SPH has driven inflows only: its particles in the
+        region have this velocity.
 
     Raises
     ------
