@@ -156,3 +156,27 @@ def test_a_picture_shows_the_nozzle(tmp_path):
     texts = [text.get_text() for axes in figure.axes for text in axes.texts]
     texts += [text.get_text() for legend in figure.legends for text in legend.get_texts()]
     assert any("driven inflow" in text for text in texts) or figure.axes
+
+
+@pytest.mark.parametrize(
+    ("speed", "spacing", "begin", "end"),
+    [(-1.0, 1e-290, 0.0, np.inf), (-1e300, 1.0, 0.0, 1.0), (-1.0, 1e300, 0.0, 1.0)],
+)
+def test_extreme_inlets_are_refused_or_want_memory(speed, spacing, begin, end):
+    """Whatever the rate, the core asks for larger buffers before it writes beyond those it has."""
+    scene = scene_of()
+    sim = sph.Simulation(scene, threads=1)
+    engine = simulation._build(scene, "")
+    n = sum(count for _, count, *_ in engine.fields())
+    box = (0.06, 0.1, 0.0), (0.14, 0.2, 0.0)  # empty
+    engine.add_inlet(np.ones((1, n)), 1, (0.0, speed, 0.0), spacing, begin, end, False, *box)
+    rows = sim._rows
+    engine.bind(sim.buffers, rows.grains, rows.wall_first, rows.walls, True)
+    full = engine.advance(3, np.inf, 1)
+    assert full == (spacing < 1e300)
+    assert engine.scalars()["n_points"] == rows.grains
+    for bad in ((0.0, 1.0), (np.nan, 1.0), (-1.0, -1.0), (-1.0, np.inf)):
+        other = simulation._build(scene, "")
+        given = (0.0, bad[0], 0.0), bad[1], begin, end, False, *box
+        with pytest.raises(ValueError, match="configuration"):
+            other.add_inlet(np.ones((1, n)), 1, *given)
