@@ -55,6 +55,7 @@ READY = {
     "conveyor_heap": {"cell": 0.02, "duration": 0.5},
     "chute_fed": {"cell": 0.02, "duration": 0.5},
     "silo_fed": {"cell": 0.02, "duration": 0.3},
+    "settling_bed": {"drop": 0.01, "duration": 0.3},
 }
 """Ready-made MPM scenes, coarse."""
 

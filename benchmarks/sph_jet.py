@@ -1,8 +1,10 @@
 """Picture of a gas jet on a bed (Hurley, thesis, figure 6.2): material left, gas right.
 
 python benchmarks/sph_jet.py [--spacing 0.0125] [--to docs/pictures/sph_jet.png] [--record jet.h5]
+python benchmarks/sph_jet.py --fed --to docs/pictures/sph_jet_fed.png --record fed.h5
 
-A record that exists is drawn as it is.
+A record that exists is drawn as it is. The share of the nozzle that is full of gas of the initial
+density is printed for each frame that is drawn.
 """
 
 from __future__ import annotations
@@ -44,17 +46,28 @@ def picture(record: gr.record.Trajectory, ambient: float = 1e5) -> Figure:
     return figure
 
 
+def filling(frame: gr.State) -> float:
+    """Mass of the gas in the nozzle over that of gas of the initial density."""
+    (jet,), gas = frame.scene.gas.jets, frame.gas
+    low, high = (np.array(end) for end in jet.region.bounds)
+    within = ((gas.x > low) & (gas.x < high)).all(axis=1)
+    return float(gas.mass[within].sum() / (frame.scene.gas.fills[0].density * np.prod(high - low)))
+
+
 def main() -> None:
     """Run the scene and draw it."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--spacing", type=float, default=0.0125, help="of the points [m]")
+    parser.add_argument("--fed", action="store_true", help="gas enters by the nozzle")
     parser.add_argument("--to", default="docs/pictures/sph_jet.png")
     parser.add_argument("--record", type=Path, default="jet.h5")
     given = parser.parse_args()
     if not given.record.exists():
-        scene = gr.scenes.jet_on_bed(spacing=given.spacing)
+        scene = gr.scenes.jet_on_bed(spacing=given.spacing, fed=given.fed)
         gr.Simulation(scene).run(save=given.record, every=EVERY)
     with gr.open(given.record) as record:
+        for frame in record[1::3]:
+            print(f"{1e3 * frame.time:.1f} ms: nozzle full to {filling(frame):.3f}")
         picture(record).savefig(given.to, dpi=130)
 
 

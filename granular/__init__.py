@@ -18,6 +18,7 @@ from granular.buffers import show_config
 from granular.diagnostics import StabilityWarning, scene_warnings
 from granular.geometry import Box, Cylinder, Difference, Disc, Fill, Grid, Intersection, Union
 from granular.gravity import Gravity
+from granular.inflow import Inflow
 from granular.materials import (
     NGF,
     DruckerPrager,
@@ -28,7 +29,6 @@ from granular.materials import (
 )
 from granular.mpm import bodies, scaling, schemes
 from granular.mpm.bodies import Body, Motion
-from granular.mpm.inflow import Inflow
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import (
     CellAveragedDensity,

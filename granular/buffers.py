@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from granular import _core
 
-__all__ = ["allocate", "default_isa", "fill", "show_config"]
+__all__ = ["allocate", "default_isa", "fill", "rows_of", "show_config"]
 
 PAGE, LINE = 4096, 64  # bytes
 
@@ -70,3 +70,16 @@ def allocate(engine: _core.Engine | _core.Sph, capacity: int) -> dict[str, NDArr
         start += count * length
     buffers["id"][:] = -1
     return buffers
+
+
+def rows_of(
+    engine: _core.Engine | _core.Sph, fields: Mapping[str, NDArray], n: int
+) -> NDArray[np.float64]:
+    """Fields of n points as one row for each, as the core packs them; zero for those not given."""
+    parts = [
+        np.asarray(fields[name], dtype=float).reshape(n, count)
+        if name in fields
+        else np.zeros((n, count))
+        for name, count, *_ in engine.fields()
+    ]
+    return np.ascontiguousarray(np.concatenate(parts, axis=1))

@@ -10,6 +10,7 @@ from granular import geometry, seeding
 from granular.checks import check_fields, integer, kinds_of, positive, set_fields, tuple_of
 from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
+from granular.inflow import Inflow, standing_points
 from granular.notebook import image, table
 from granular.serializable import Parameters, Serializable
 
@@ -30,6 +31,7 @@ class BaseScene(Serializable):
     name: str
     grid: Grid
     fills: tuple[Fill, ...]
+    inflows: tuple[Inflow, ...]
     material: Any
     walls: tuple[Any, ...]
     gravity: Gravity
@@ -41,10 +43,11 @@ class BaseScene(Serializable):
         """Check the fields of all scenes, and those that must be of the given classes."""
         kinds_of(self, name=str, grid=Grid, gravity=Gravity, parameters=Mapping, **kinds)
         check_fields(self, tuple_of, "fills", kinds=(Fill,))
+        check_fields(self, tuple_of, "inflows", kinds=(Inflow,))
         check_fields(self, positive, "duration")
         check_fields(self, integer, "seed", low=0, high=2**63 - 1)
         set_fields(self, parameters=Parameters(self.parameters))
-        if not self.fills and not self.sources:
+        if not self.sources:
             raise ValueError("fills = () must hold at least one Fill")
         for i, fill in enumerate(self.fills):
             geometry.check_inside(f"fills[{i}]", self.grid, fill.region)
@@ -59,9 +62,9 @@ class BaseScene(Serializable):
         return self.grid.dim
 
     @property
-    def sources(self) -> tuple[Any, ...]:
-        """Fills, and inflows of a method that has them: where material comes from."""
-        return self.fills
+    def sources(self) -> tuple[Fill | Inflow, ...]:
+        """Fills and inflows, where the material comes from."""
+        return (*self.fills, *self.inflows)
 
     @property
     def materials(self) -> tuple[Any, ...]:
@@ -79,10 +82,17 @@ class BaseScene(Serializable):
         return len(self.points().x)
 
     def points(self) -> seeding.Points:
-        """Make the points of the material at the start; see `granular.seeding.seed_points`."""
-        return seeding.seed_points(
-            self.grid, self.fills, self.seed, self.material.rho_c, **self._seeding()
-        )
+        """Make the points of the material at the start.
+
+        They are those of the fills (`granular.seeding.seed_points`), then those that fill the
+        regions of driven inflows; their number of the fill is that in `sources`.
+        """
+        parts = [seeding.nothing(self.dim)]
+        if self.fills:
+            rho_c, more = self.material.rho_c, self._seeding()
+            parts = [seeding.seed_points(self.grid, self.fills, self.seed, rho_c, **more)]
+        parts += [standing_points(self, i) for i, inlet in enumerate(self.inflows) if inlet.driven]
+        return seeding.joined(parts) if len(parts) > 1 else parts[0]
 
     def _seeding(self) -> dict[str, Any]:
         """Further arguments of `granular.seeding.seed_points`."""

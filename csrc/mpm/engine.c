@@ -310,7 +310,7 @@ void gr_engine_free(struct gr_engine *e)
     for (int d = 0; d < 3; d++) gr_axis_free(&e->axis[d]);
     gr_fluidity_free(e->fluidity);
     gr_watch_free(e->watch);
-    gr_inflow_free(e->inflow);
+    gr_inlets_free(e->inflow);
     gr_feet_free(e->feet);
     gr_open_volume_free(e->open);
     gr_sleep_free(e->sleep);

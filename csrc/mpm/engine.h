@@ -182,7 +182,7 @@ struct gr_engine {
     struct gr_thin_part *thin;
     struct gr_split_pose *split;      /* per body */
     struct gr_sleep *sleep;           /* material that rests (mpm/sleep.h); NULL unless asked for */
-    struct gr_inflow *inflow;         /* material that enters (mpm/inflow.h); NULL without inlets */
+    struct gr_inlets *inflow;         /* material that enters (mpm/inflow.h); NULL without inlets */
     struct gr_wall_watch *watch;      /* impulses on the walls (mpm/wall_impulse.h); NULL unless asked for */
     double servo_strain, servo_shift; /* mpm/servo.h: of the domain before this step; of the log-densities in it */
     /* migrants of a step, by thread; the same memory then holds the pending points, which wait for a place */

@@ -201,7 +201,8 @@ static double reach_of(const struct gr_engine *e, int64_t place, double r, doubl
     return HOLD * r + 2 * e->dt * (sqrt(square) + speed + fall);
 }
 
-/* Largest impulse of a foot of the point at `place` with half the spacing r, where the normal of the surface is n. */
+/* Largest impulse of a foot of the point at `place` with half the spacing r, where the normal of the surface is n. The viscous
+ * stress of damping is left out: it is small beside what EDGE_STRESS is uncertain by. */
 static double most_at_edge(const struct gr_engine *e, int64_t place, double r, const double n[3])
 {
     const double *stress = e->field[GR_FIELD_stress] + place, area = e->config.dim == 2 ? 2 * r : 4 * r * r;

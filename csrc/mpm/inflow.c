@@ -1,18 +1,10 @@
-/* Points that enter a running simulation (inflow.h). */
+/* Points that enter a simulation by the material point method (inflow.h). */
 #include "mpm/inflow.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
-#include "core/memory.h"
 #include "mpm/migrate.h"
-
-/* Nearest distance of points of a column, in spacings. One that waits enters when there is its whole spacing, but for rounding.
- * One that comes in time may be 2 % nearer, as points that fly alone lose a little of their velocity (nodes that they hardly
- * reach have none), and the stream would lose its rhythm: the filling fraction is never more than that too large. */
-#define FREE_DISTANCE (1 - 1e-6)
-#define TIMELY_DISTANCE 0.98
 
 /* gr_component_of before the points are bound. */
 static int component_of(const struct gr_engine *e, int field)
@@ -24,17 +16,10 @@ static int component_of(const struct gr_engine *e, int field)
 
 static int is_valid(const struct gr_engine *e, const struct gr_inlet *inlet)
 {
-    if (e->mesh.node_capacity || inlet->n_sites < 1 || inlet->n_sites > INT32_MAX) return 0;
-    if (inlet->axis < 0 || inlet->axis >= e->config.dim || !(inlet->spacing > 0) || !isfinite(inlet->spacing)) return 0;
-    for (int d = 0; d < 3; d++)
-        if (!isfinite(inlet->velocity[d])) return 0;
-    const double period = inlet->spacing / fabs(inlet->velocity[inlet->axis]) / (double)inlet->n_sites;
-    if (!isfinite(period) || !(period > 0) || !(inlet->begin >= 0) || !isfinite(inlet->begin)) return 0;
+    if (e->mesh.node_capacity || !gr_inlet_is_valid(inlet, e->config.dim, e->n_components)) return 0;
     const int mass = component_of(e, GR_FIELD_mass), material = component_of(e, GR_FIELD_material);
     for (int64_t i = 0; i < inlet->n_sites; i++) {
         const double *record = inlet->record + i * e->n_components;
-        for (int c = 0; c < e->n_components; c++)
-            if (!isfinite(record[c])) return 0;
         if (!(record[mass] > 0)) return 0;
         if (e->config.n_materials > 1 && !(record[material] >= 0 && record[material] < e->config.n_materials)) return 0;
         for (int d = 0; d < e->config.dim; d++) {
@@ -42,69 +27,20 @@ static int is_valid(const struct gr_engine *e, const struct gr_inlet *inlet)
             if (at < 0 || at >= e->axis[d].n_cells) return 0;
         }
     }
-    return inlet->end >= inlet->begin;
-}
-
-static void free_inlet(struct gr_inlet *inlet)
-{
-    free(inlet->record);
-    free(inlet->entered);
-    free(inlet->waits);
+    return 1;
 }
 
 int gr_inflow_add(struct gr_engine *e, const struct gr_inlet *inlet)
 {
-    const size_t n = (size_t)(inlet->n_sites > 0 ? inlet->n_sites : 0);
-    struct gr_inlet new = *inlet;
-    if (!e->inflow) e->inflow = calloc(1, sizeof *e->inflow);
-    if (!e->inflow) return GR_ERR_MEMORY;
-    GR_RESIZE(e->inflow->inlet, e->inflow->n_inlets + 1);
-    new.record = malloc(sizeof(double) * (n * (size_t)e->n_components + 1));
-    new.entered = calloc(n + 1, sizeof(int64_t));
-    new.waits = calloc(n + 1, sizeof(int64_t));
-    new.due = new.missed = 0;
-    int error = new.record &&new.entered &&new.waits ? GR_OK : GR_ERR_MEMORY;
-    if (!error && !is_valid(e, inlet)) error = GR_ERR_CONFIG;
-    if (error) {
-        free_inlet(&new);
-        return error;
-    }
-    memcpy(new.record, inlet->record, sizeof(double) * n * (size_t)e->n_components);
-    e->inflow->inlet[e->inflow->n_inlets++] = new;
-    return GR_OK;
-}
-
-void gr_inflow_free(struct gr_inflow *inflow)
-{
-    for (int k = 0; inflow && k < inflow->n_inlets; k++) free_inlet(&inflow->inlet[k]);
-    if (inflow) free(inflow->inlet);
-    free(inflow);
-}
-
-/* Time between two points of an inlet. */
-static double interval(const struct gr_inlet *inlet)
-{
-    return inlet->spacing / (fabs(inlet->velocity[inlet->axis]) * (double)inlet->n_sites);
+    return is_valid(e, inlet) ? gr_inlets_add(&e->inflow, inlet, e->n_components) : GR_ERR_CONFIG;
 }
 
 int64_t gr_inflow_most(const struct gr_engine *e)
 {
+    const double longest = gr_longest_dt(&e->config);
     int64_t most = 0;
-    for (int k = 0; e->inflow && k < e->inflow->n_inlets; k++) {
-        const struct gr_inlet *inlet = &e->inflow->inlet[k];
-        most += (int64_t)(gr_longest_dt(&e->config) / interval(inlet)) + 2 + inlet->n_sites; /* and those that wait */
-    }
+    for (int k = 0; e->inflow && k < e->inflow->n_inlets; k++) most += gr_inlet_most(&e->inflow->inlet[k], longest);
     return most;
-}
-
-double gr_inflow_speed(const struct gr_engine *e)
-{
-    double largest = 0;
-    for (int k = 0; e->inflow && k < e->inflow->n_inlets; k++) {
-        const double *v = e->inflow->inlet[k].velocity;
-        largest = fmax(largest, sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]));
-    }
-    return largest;
 }
 
 /* True if places x and y [component stride `stride`] are nearer than `reach` along each axis. */
@@ -151,87 +87,16 @@ static int is_taken(const struct gr_engine *e, const struct gr_inlet *inlet, con
     return 0;
 }
 
-/* Let the point of a site enter, `since` after it was at the site, if others are farther than `distance`.
- * Returned: 0 if its place is taken. */
-static int enter(struct gr_engine *e, struct gr_inlet *inlet, int64_t site, double since, double distance)
+/* See gr_enter. Nothing is allocated: share_out reserves memory for gr_inflow_most. */
+static int enter(void *engine, struct gr_inlet *inlet, int64_t site, double since, double distance)
 {
+    struct gr_engine *e = engine;
     double *record = e->pending + e->n_pending * e->n_components, x[3] = {0};
     memcpy(record, inlet->record + site * e->n_components, sizeof(double) * (size_t)e->n_components);
     for (int d = 0; d < e->config.dim; d++) x[d] = record[d] += inlet->velocity[d] * since;
     if (inlet->yields && is_taken(e, inlet, x, distance)) return 0;
     gr_insert_new(e, record, e->inflow->next_id++);
-    inlet->entered[site]++;
     return 1;
 }
 
-/* Let the points of an inlet enter. Nothing is allocated: share_out reserves memory for gr_inflow_most. */
-static void enter_of(struct gr_engine *e, struct gr_inlet *inlet)
-{
-    const double every = interval(inlet);
-    for (int64_t i = 0; e->time <= inlet->end && i < inlet->n_sites; i++)
-        if (inlet->waits[i] && enter(e, inlet, i, 0, FREE_DISTANCE)) inlet->waits[i] = 0;
-    for (;; inlet->due++) {
-        const double at = inlet->begin + (double)(inlet->due + 1) * every;
-        const int64_t site = inlet->due % inlet->n_sites;
-        if (!(at <= e->time && at <= inlet->end)) break;
-        if (inlet->waits[site])
-            inlet->missed++;
-        else
-            inlet->waits[site] = !enter(e, inlet, site, e->time - at, TIMELY_DISTANCE);
-    }
-}
-
-void gr_inflow_enter(struct gr_engine *e)
-{
-    for (int k = 0; k < e->inflow->n_inlets; k++) enter_of(e, &e->inflow->inlet[k]);
-}
-
-int64_t gr_inflow_size(const struct gr_inflow *inflow)
-{
-    int64_t size = 1;
-    for (int k = 0; k < inflow->n_inlets; k++) size += 2 + 2 * inflow->inlet[k].n_sites;
-    return size;
-}
-
-void gr_inflow_state(const struct gr_inflow *inflow, int64_t *out)
-{
-    *out++ = inflow->next_id;
-    for (int k = 0; k < inflow->n_inlets; k++) {
-        const struct gr_inlet *inlet = &inflow->inlet[k];
-        *out++ = inlet->due;
-        *out++ = inlet->missed;
-        for (int64_t i = 0; i < inlet->n_sites; i++) *out++ = inlet->entered[i];
-        for (int64_t i = 0; i < inlet->n_sites; i++) *out++ = inlet->waits[i];
-    }
-}
-
-/* True if each point of an inlet that was due has entered, waits, or was missed. */
-static int state_is_valid(const struct gr_inlet *inlet, const int64_t *state)
-{
-    const int64_t n = inlet->n_sites, most = INT64_MAX / 4 / n;
-    int64_t sum = state[1];
-    if (state[0] < 0 || state[0] > INT64_MAX / 4 || state[1] < 0 || state[1] > state[0]) return 0;
-    for (int64_t i = 0; i < 2 * n; i++) {
-        const int64_t number = state[2 + i];
-        if (number < 0 || number > (i < n ? most : inlet->yields)) return 0;
-        sum += number;
-    }
-    return sum == state[0];
-}
-
-int gr_inflow_restore(struct gr_inflow *inflow, const int64_t *state)
-{
-    const int64_t *of = state + 1;
-    for (int k = 0; k < inflow->n_inlets; k++, of += 2 + 2 * inflow->inlet[k - 1].n_sites)
-        if (!state_is_valid(&inflow->inlet[k], of)) return GR_ERR_CONFIG;
-    if (*state < 0 || *state > INT64_MAX / 4) return GR_ERR_CONFIG;
-    inflow->next_id = *state++;
-    for (int k = 0; k < inflow->n_inlets; k++) {
-        struct gr_inlet *inlet = &inflow->inlet[k];
-        inlet->due = *state++;
-        inlet->missed = *state++;
-        memcpy(inlet->entered, state, sizeof *state * (size_t)inlet->n_sites), state += inlet->n_sites;
-        memcpy(inlet->waits, state, sizeof *state * (size_t)inlet->n_sites), state += inlet->n_sites;
-    }
-    return GR_OK;
-}
+void gr_inflow_enter(struct gr_engine *e) { gr_inlets_enter(e->inflow, e->time, gr_longest_dt(&e->config), enter, e); }

@@ -67,7 +67,7 @@ double gr_stable_dt(const struct gr_engine *e, struct gr_team *team)
     double square = 0;
     gr_team_run(team, find_fastest, &fastest, fastest.chunks);
     for (int64_t c = 0; c < fastest.chunks; c++) square = fmax(square, fastest.square[c]);
-    double speed = fmax(sqrt(square), fmax(gr_bodies_speed(e), gr_inflow_speed(e)));
+    double speed = fmax(sqrt(square), fmax(gr_bodies_speed(e), gr_inlets_speed(e->inflow)));
     for (int k = 0; k < e->config.n_walls; k++) {
         const double *wall = e->config.walls[k].velocity;
         speed = fmax(speed, sqrt(wall[0] * wall[0] + wall[1] * wall[1] + wall[2] * wall[2]));

@@ -106,9 +106,13 @@ PyObject *gr_python_wall_impulses(const struct gr_engine *e);
 PyObject *gr_python_restore_walls(struct gr_engine *e, PyObject *array);
 
 /* inlets.c */
+struct gr_sph;
 PyObject *gr_python_add_inlet(struct gr_engine *e, PyObject *args);
-PyObject *gr_python_inflow(const struct gr_engine *e);
-PyObject *gr_python_restore_inflow(struct gr_engine *e, PyObject *array);
+PyObject *gr_python_add_sph_inlet(struct gr_sph *s, PyObject *args);
+PyObject *gr_python_inflow(const struct gr_inlets *inlets);
+PyObject *gr_python_restore_inflow(struct gr_inlets *inlets, PyObject *array);
+PyObject *gr_python_inlet_loads(const struct gr_sph *s);
+PyObject *gr_python_restore_inlet_loads(struct gr_sph *s, PyObject *array);
 
 /* testing.c: functions of the module. */
 PyObject *gr_python_law_update(PyObject *module, PyObject *args);

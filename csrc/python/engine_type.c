@@ -272,13 +272,13 @@ static PyObject *engine_add_inlet(struct gr_object *self, PyObject *args)
 static PyObject *engine_inflow(struct gr_object *self, PyObject *Py_UNUSED(unused))
 {
     const struct gr_engine *e = gr_ready(self, 0);
-    return e ? gr_python_inflow(e) : NULL;
+    return e ? gr_python_inflow(e->inflow) : NULL;
 }
 
 static PyObject *engine_restore_inflow(struct gr_object *self, PyObject *array)
 {
     struct gr_engine *e = gr_ready(self, 0);
-    return e ? gr_python_restore_inflow(e, array) : NULL;
+    return e ? gr_python_restore_inflow(e->inflow, array) : NULL;
 }
 
 /* The calm of cells by their indices in the grid (mpm/sleep.h). */

@@ -174,7 +174,7 @@ static PyObject *sph_advance(struct gr_object *self, PyObject *args)
     error = gr_sph_advance(s, self->kernels->sph, max_steps, until, threads);
     Py_END_ALLOW_THREADS
     self->busy = 0;
-    if (!error) Py_RETURN_NONE;
+    if (!error || error == GR_ERR_CAPACITY) return PyBool_FromLong(error);
     const struct gr_failure at = {s->error_id, s->step, s->config.dim, s->error_x[0], s->error_x[1], s->error_x[2], s->time};
     const int has_place = error == GR_ERR_NOT_FINITE || error == GR_ERR_RUNAWAY;
     return has_place ? gr_raise_at(error, &at) : gr_raise(error, NULL);
@@ -212,11 +212,56 @@ static PyObject *sph_stable_dt(struct gr_object *self, PyObject *Py_UNUSED(unuse
     return s ? PyFloat_FromDouble(gr_sph_stable_dt(s)) : NULL;
 }
 
+static PyObject *sph_add_inlet(struct gr_object *self, PyObject *args)
+{
+    struct gr_sph *s = gr_ready(self, 0);
+    return s ? gr_python_add_sph_inlet(s, args) : NULL;
+}
+
+static struct gr_inlets *inlets_of(const struct gr_sph *s) { return s->inflow ? s->inflow->inlets : NULL; }
+
+static PyObject *sph_inflow(struct gr_object *self, PyObject *Py_UNUSED(unused))
+{
+    const struct gr_sph *s = gr_ready(self, 0);
+    return s ? gr_python_inflow(inlets_of(s)) : NULL;
+}
+
+static PyObject *sph_restore_inflow(struct gr_object *self, PyObject *array)
+{
+    const struct gr_sph *s = gr_ready(self, 0);
+    return s ? gr_python_restore_inflow(inlets_of(s), array) : NULL;
+}
+
+static PyObject *sph_inlet_loads(struct gr_object *self, PyObject *Py_UNUSED(unused))
+{
+    const struct gr_sph *s = gr_ready(self, 0);
+    return s ? gr_python_inlet_loads(s) : NULL;
+}
+
+static PyObject *sph_restore_inlet_loads(struct gr_object *self, PyObject *array)
+{
+    struct gr_sph *s = gr_ready(self, 0);
+    return s ? gr_python_restore_inlet_loads(s, array) : NULL;
+}
+
 static PyMethodDef methods[] = {
     {"bind", (PyCFunction)sph_bind, METH_VARARGS,
      "bind(buffers, n_particles, wall_first, n_walls, fresh, gas_first=0, n_gas=0)\n--\n\nLend {name: float64 (component, capacity)} and id: int64 (capacity,). Nothing is copied."},
     {"advance", (PyCFunction)sph_advance, METH_VARARGS,
-     "advance(max_steps, until, threads)\n--\n\nRun steps until a count or a time, the GIL released."},
+     "advance(max_steps, until, threads)\n--\n\nRun steps until a count or a time, the GIL released. True if points that enter "
+     "need larger buffers,\nnot bound as fresh, before the next step."},
+    {"add_inlet", (PyCFunction)sph_add_inlet, METH_VARARGS,
+     "add_inlet(records, axis, velocity, spacing, begin, end, is_gas, lower, upper)\n--\n\nLet points enter, from before the "
+     "points are bound. records: float64 (sites, components), what\nenters at each site, all fields in the order of "
+     "fields(); velocity: 3 numbers, m/s; spacing of the\npoints along the axis, m; times at which they begin and end, s; "
+     "ends of the box in which particles,\nnot those of gas, have the velocity."},
+    {"inflow", (PyCFunction)sph_inflow, METH_NOARGS, "inflow()\n--\n\nState of the inlets, as of Engine."},
+    {"restore_inflow", (PyCFunction)sph_restore_inflow, METH_O,
+     "restore_inflow(state)\n--\n\nSet the state of the inlets, as inflow() gave it."},
+    {"inlet_loads", (PyCFunction)sph_inlet_loads, METH_NOARGS,
+     "inlet_loads()\n--\n\nForce of the box of each inlet on the particles, its impulse and work, float64 (inlets, 7)."},
+    {"restore_inlet_loads", (PyCFunction)sph_restore_inlet_loads, METH_O,
+     "restore_inlet_loads(loads)\n--\n\nSet them, as inlet_loads() gave them."},
     {"scalars", (PyCFunction)sph_scalars, METH_NOARGS, "scalars()\n--\n\nThe numbers that a restart needs, and counts."},
     {"restore", (PyCFunction)sph_restore, METH_O, "restore(scalars)\n--\n\nSet the numbers of a restart."},
     {"stable_dt", (PyCFunction)sph_stable_dt, METH_NOARGS,

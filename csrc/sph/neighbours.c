@@ -118,6 +118,7 @@ void gr_sph_sort(struct gr_sph *s, int fresh)
     make_spare(s, s->n_particles, s->wall_first);
     make_spare(s, s->wall_first + s->n_walls, s->gas_first);
     make_spare(s, s->gas_first + s->n_gas, s->capacity);
+    if (s->inflow) gr_sph_list_held(s);
 }
 
 struct search {

@@ -88,6 +88,7 @@ void gr_sph_free(struct gr_sph *s)
     if (!s) return;
     free_places(s);
     gr_sph_free_gas(s);
+    gr_sph_free_inflow(s);
     void *owned[] = {(void *)s->config.gravity_times, (void *)s->config.gravity_vectors, s->start[0], s->start[1],
                      s->start[2]};
     for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
@@ -102,7 +103,8 @@ static int make_places(struct gr_sph *s, int64_t capacity)
     double *numbers = s->lump = calloc(15 * n, sizeof *numbers);
     s->sorted = malloc(n * sizeof *s->sorted), s->sorted_id = malloc(4 * n * sizeof *s->sorted_id);
     s->cell = malloc(n * sizeof *s->cell), s->order = malloc(n * sizeof *s->order);
-    if (!numbers || !s->sorted || !s->sorted_id || !s->cell || !s->order || gr_sph_make_gas_places(s, capacity)) {
+    if (!numbers || !s->sorted || !s->sorted_id || !s->cell || !s->order || gr_sph_make_gas_places(s, capacity) ||
+        gr_sph_make_inflow_places(s, capacity)) {
         free_places(s);
         return GR_ERR_MEMORY;
     }
@@ -159,8 +161,7 @@ void gr_sph_place_gas(struct gr_sph *s, int64_t gas_first, int64_t n_gas) { s->g
 int gr_sph_bind(struct gr_sph *s, double *const *row, int64_t *id, int64_t capacity, int64_t n_particles, int64_t wall_first,
                 int64_t n_walls, int fresh)
 {
-    int n_rows = 0;
-    for (int f = 0; f < GR_SPH_FIELD_COUNT; f++) n_rows += gr_sph_components(s, f);
+    const int n_rows = gr_sph_row_count(s);
     if (!s->gas) gr_sph_place_gas(s, capacity, 0);
     if (n_particles < 0 || n_walls < 0 || s->n_gas < 0 || n_particles + GR_LANES > wall_first || capacity > INT32_MAX ||
         wall_first + n_walls + GR_LANES > s->gas_first || s->gas_first + s->n_gas + (s->gas ? GR_LANES : 0) > capacity)
@@ -195,7 +196,7 @@ struct run {
     struct gr_team *team;
     double until, kick_dt;
     int64_t steps_left;
-    int rebuilds, wall_goes;
+    int rebuilds, wall_goes, is_full;
     const struct stage *stage;
 };
 
@@ -285,8 +286,11 @@ static int begin_step(struct run *run)
 {
     struct gr_sph *s = run->s;
     if (!(run->steps_left-- > 0 && s->time < run->until)) return 0;
-    s->dt = s->config.parameter[GR_SPH_P_dt] > 0 ? s->config.parameter[GR_SPH_P_dt] : gr_sph_stable_dt(s);
-    s->time += s->dt, s->step++;
+    const double dt = s->config.parameter[GR_SPH_P_dt] > 0 ? s->config.parameter[GR_SPH_P_dt] : gr_sph_stable_dt(s);
+    run->is_full = s->inflow && !gr_sph_has_capacity(s, dt);
+    if (run->is_full) return 0;
+    s->dt = dt, s->time += dt, s->step++;
+    if (s->inflow) gr_sph_push(s, dt);
     run->wall_goes = gr_sph_begin_walls(s);
     find_gravity(s);
     return 1;
@@ -302,7 +306,8 @@ static int is_old(const struct gr_sph *s, const struct gr_sph_found *all)
     return 4.0 * all->moved2 >= skin * skin && spread2 >= skin * skin;
 }
 
-/* After the points have moved: find out whether a new list is needed, and whether a point ran away or is not finite. */
+/* After the points have moved: let others enter, find out whether a new list is needed, and whether a point ran away or is
+ * not finite. */
 static void look(struct run *run)
 {
     struct gr_sph *s = run->s;
@@ -315,7 +320,8 @@ static void look(struct run *run)
         }
     }
     s->stopped += all.stopped;
-    run->rebuilds = !s->error && (run->wall_goes || is_old(s, &all));
+    const int have_entered = !s->error && s->inflow && gr_sph_enter(s);
+    run->rebuilds = !s->error && (have_entered || run->wall_goes || is_old(s, &all));
     if (!run->rebuilds) return;
     gr_sph_sort(s, 1);
     s->rebuilds++;
@@ -395,6 +401,7 @@ static void evaluate(struct run *run, double dt)
     forget(run);
     for (run->stage = plan; run->stage < plan_end; run->stage++)
         if (run->stage->waits && (run->stage->stage < GR_SPH_GAS_VOLUMES || s->gas)) over_chunks(run, stage_chunk);
+    if (s->inflow) gr_sph_hold(s, dt);
     run->kick_dt = dt;
     over_chunks(run, kick_chunk);
     const struct gr_sph_found all = combined(run);
@@ -449,5 +456,5 @@ int gr_sph_advance(struct gr_sph *s, gr_sph_kernel *kernel, int64_t max_steps, d
     if (!started) find_gravity(s);
     gr_team_lead(threads, make_steps, &run);
     if (!s->error && (s->step > step || !started)) show_stresses(s);
-    return s->error;
+    return !s->error && run.is_full ? GR_ERR_CAPACITY : s->error;
 }

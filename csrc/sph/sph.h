@@ -17,6 +17,7 @@
 #include "core/field.h"
 #include "law/law.h"
 #include "sph/gas.h"
+#include "sph/inflow.h"
 
 /* X(name, kind, needed by, unit, description). First the fields kept from step to step, then those of wall points and
  * gas alone, then those that each step computes anew and that are not sorted. */
@@ -135,8 +136,9 @@ struct gr_sph {
     int64_t *sorted_id, *begin, *middle, *end; /* first block: of particles, of walls, and the end of both */
     int32_t *cell, *order, *start[3];
     struct gr_block *block;
-    int64_t stride;         /* capacity of blocks per row */
-    struct gr_sph_gas *gas; /* or NULL */
+    int64_t stride;               /* capacity of blocks per row */
+    struct gr_sph_gas *gas;       /* or NULL */
+    struct gr_sph_inflow *inflow; /* or NULL */
     /* clock and counters; a restart needs all of them */
     double time, dt, speed2, acceleration2, dropped_mass, gas_speed2;
     int64_t step, dropped, rebuilds, started, stopped, gas_dropped;
@@ -153,6 +155,14 @@ static inline int gr_sph_components(const struct gr_sph *s, int field)
     const struct gr_field_info *info = &gr_sph_field_table[field];
     const int needed = info->need == GR_ALWAYS || s->config.parameter[GR_SPH_P_shear_modulus] > 0;
     return needed ? gr_kind_components(info->kind, s->config.dim) : 0;
+}
+
+/* Number of component arrays of all fields. */
+static inline int gr_sph_row_count(const struct gr_sph *s)
+{
+    int n = 0;
+    for (int f = 0; f < GR_SPH_FIELD_COUNT; f++) n += gr_sph_components(s, f);
+    return n;
 }
 
 /* The component arrays of a field, one after the other. */
@@ -181,7 +191,9 @@ void gr_sph_place_gas(struct gr_sph *s, int64_t gas_first, int64_t n_gas);
 int gr_sph_bind(struct gr_sph *s, double *const *row, int64_t *id, int64_t capacity, int64_t n_particles, int64_t wall_first,
                 int64_t n_walls, int fresh);
 
-/* Make steps until their number or the time is reached; the last one ends at or beyond `until`. */
+/* Make steps until their number or the time is reached; the last one ends at or beyond `until`.
+ * Returned: 0, an error that stays, or GR_ERR_CAPACITY if points that enter need larger arrays, not bound as `fresh`, for
+ * the next step. */
 int gr_sph_advance(struct gr_sph *s, gr_sph_kernel *kernel, int64_t max_steps, double until, int threads);
 
 double gr_sph_stable_dt(const struct gr_sph *s); /* s, for the present state */

@@ -210,22 +210,22 @@ TEST(state_is_restored)
     int64_t state[SIZE], other[SIZE], after[SIZE];
     empty(&s, 2560, 1);
     advance_to(&s, 100);
-    struct gr_inflow *inflow = s.engine->inflow;
-    CHECK(gr_inflow_size(inflow) == SIZE);
-    gr_inflow_state(inflow, state);
+    struct gr_inlets *inflow = s.engine->inflow;
+    CHECK(gr_inlets_size(inflow) == SIZE);
+    gr_inlets_state(inflow, state);
     CHECK(state[0] == state[1] && state[1] > SITES && state[2] == 0);
     for (int k = 0; k < SIZE; k++)
         for (int v = 0; v < 2; v++) {
             memcpy(other, state, sizeof state);
             other[k] = v ? -1 : k ? state[k] + 1 : INT64_MAX;
-            CHECK(gr_inflow_restore(inflow, other) == GR_ERR_CONFIG);
-            gr_inflow_state(inflow, after);
+            CHECK(gr_inlets_restore(inflow, other) == GR_ERR_CONFIG);
+            gr_inlets_state(inflow, after);
             CHECK(!memcmp(after, state, sizeof state));
         }
     memset(other, 0, sizeof other);
-    CHECK(gr_inflow_restore(inflow, other) == GR_OK && inflow->next_id == 0 && inflow->inlet[0].due == 0);
-    CHECK(gr_inflow_restore(inflow, state) == GR_OK);
-    gr_inflow_state(inflow, after);
+    CHECK(gr_inlets_restore(inflow, other) == GR_OK && inflow->next_id == 0 && inflow->inlet[0].due == 0);
+    CHECK(gr_inlets_restore(inflow, state) == GR_OK);
+    gr_inlets_state(inflow, after);
     CHECK(!memcmp(after, state, sizeof state));
     scene_free(&s);
 }
@@ -282,4 +282,45 @@ TEST(advancing_fails)
     } while (hit && n < MOST);
     CHECK(n > 6 && n < MOST && within > 0);
     scene_free(&good);
+}
+
+/* The reserve of points is one more than the largest number that can enter in a step: the one that waits, and those of
+ * nearly two intervals, the last of which is nearly a spacing away from its site. */
+TEST(reserve_is_enough)
+{
+    struct scene s;
+    double record[SITES * 16];
+    empty(&s, 64, 0);
+    struct gr_engine *e = s.engine;
+    give_records(e, record);
+    struct gr_inlet inlet = default_inlet(record);
+    const double dt = gr_longest_dt(&e->config), every = dt / 1.993;
+    inlet.n_sites = inlet.yields = 1;
+    inlet.spacing = SPEED * every;
+    CHECK(gr_inflow_add(e, &inlet) == GR_OK);
+    CHECK(gr_regroup(e, NULL) == GR_OK && gr_reserve_pending(e, 64) == GR_OK);
+    e->time = 1.5 * every;
+    gr_inflow_enter(e);
+    e->time = 2.995 * every; /* the way is taken */
+    gr_inflow_enter(e);
+    CHECK(e->n_pending == 1 && e->inflow->inlet[0].waits[0] == 1);
+    e->pending[0] = -0.5; /* it is free */
+    e->time += dt;
+    gr_inflow_enter(e);
+    CHECK(e->n_pending - 1 == 3 && e->inflow->inlet[0].waits[0] == 0);
+    CHECK(gr_inflow_most(e) == 3 + 1);
+    scene_free(&s);
+}
+
+/* A time that was set makes many points due at once: they enter later, and none is written beyond the reserve. */
+TEST(points_that_are_late_enter_later)
+{
+    struct scene s;
+    empty(&s, 64, 1);
+    struct gr_engine *e = s.engine;
+    CHECK(gr_regroup(e, NULL) == GR_OK && gr_reserve_pending(e, 64) == GR_OK);
+    e->time = 1e9;
+    gr_inflow_enter(e);
+    CHECK(e->inflow->inlet[0].due == gr_inflow_most(e) && e->n_pending <= gr_inflow_most(e));
+    scene_free(&s);
 }

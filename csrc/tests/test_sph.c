@@ -222,3 +222,85 @@ TEST(walls_stop_particles)
     CHECK(gr_sph_stop(s, 0, PARTICLES) == 0);
     gr_sph_free(s);
 }
+
+enum { SITES = 4, WIDE = 32 };
+
+/* An inlet above the bed, whose box is empty at the start: particles enter at 0.15 m and fall with 0.5 m/s. */
+static int with_inlet(struct gr_sph *s, double *record)
+{
+    const int n = gr_sph_row_count(s);
+    memset(record, 0, sizeof *record * (size_t)(SITES * WIDE));
+    for (int i = 0; i < SITES; i++) {
+        record[i * n] = (2.5 + i) * spacing, record[i * n + 1] = 0.15;
+        record[i * n + 3] = -0.5, record[i * n + 6] = 1550 * spacing * spacing;
+    }
+    const struct gr_inlet inlet = {
+        .n_sites = SITES, .axis = 1, .velocity = {0, -0.5}, .spacing = spacing, .end = INFINITY, .record = record};
+    const struct gr_sph_box box = {.lower = {2 * spacing, 0.12}, .upper = {6 * spacing, 0.15}};
+    return gr_sph_add_inlet(s, &inlet, &box);
+}
+
+static struct gr_sph *fed(struct bed *bed, double *record)
+{
+    struct gr_sph *s = NULL;
+    begin(bed, 0.0);
+    CHECK(gr_sph_new(&s, &bed->config, gr_kernels_select("")->lanes) == GR_OK);
+    CHECK(with_inlet(s, record) == GR_OK);
+    CHECK(gr_sph_bind(s, bed->row, bed->id, CAPACITY, PARTICLES, WALL_FIRST, WALLS, 1) == GR_OK);
+    s->inflow->inlets->next_id = PARTICLES + WALLS;
+    return s;
+}
+
+/* Particles enter as they are due and move with the inlet as long as they are in its box. When the rows are full a run
+ * stops before the next step; with larger ones it goes on to the bits of one that had them from the start, with any threads. */
+TEST(particles_enter_until_the_rows_are_full)
+{
+    static struct bed bed[2];
+    static double record[SITES * WIDE];
+    const struct gr_kernels *kernels = gr_kernels_select("");
+    struct gr_sph *s = fed(&bed[0], record), *other = fed(&bed[1], record);
+    CHECK(gr_sph_advance(s, kernels->sph, 10000, 1e9, 1) == GR_ERR_CAPACITY);
+    CHECK(gr_sph_advance(s, kernels->sph, 10000, 1e9, 1) == GR_ERR_CAPACITY && s->error == GR_OK);
+    CHECK(gr_sph_advance(other, kernels->sph, s->step, 1e9, 3) == GR_OK && other->step == s->step);
+    CHECK(s->n_particles > PARTICLES + SITES && s->n_particles <= WALL_FIRST - GR_LANES);
+    CHECK(s->n_particles - PARTICLES == (int64_t)(s->time * 0.5 / spacing * SITES));
+    CHECK(s->inflow->n_held > SITES && s->inflow->inlets->next_id == s->n_particles + WALLS);
+    for (int64_t i = 0; i < s->inflow->n_held; i++) CHECK(bed[0].row[3][s->inflow->held[i]] == -0.5);
+    CHECK(!memcmp(bed[0].numbers, bed[1].numbers, sizeof bed[0].numbers));
+    CHECK(!memcmp(s->inflow->box, other->inflow->box, sizeof *s->inflow->box));
+    gr_sph_free(s), gr_sph_free(other);
+}
+
+TEST(inlets_fail_or_are_refused)
+{
+    static struct bed bed;
+    static double record[SITES * WIDE];
+    long n = 0;
+    int error;
+    do {
+        struct gr_sph *s = NULL;
+        begin(&bed, 0.0);
+        CHECK(gr_sph_new(&s, &bed.config, gr_kernels_select("")->lanes) == GR_OK);
+        faults_at(++n);
+        error = with_inlet(s, record);
+        if (!error) error = gr_sph_bind(s, bed.row, bed.id, CAPACITY, PARTICLES, WALL_FIRST, WALLS, 1);
+        const int hit = faults_end();
+        CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK));
+        if (!error) CHECK(with_inlet(s, record) == GR_ERR_CONFIG); /* bound */
+        gr_sph_free(s);
+    } while (error && n < MOST);
+    CHECK(n > 6 && n < MOST);
+    struct gr_sph *s = NULL;
+    CHECK(gr_sph_new(&s, &bed.config, gr_kernels_select("")->lanes) == GR_OK);
+    struct gr_inlet inlet = {.n_sites = 1, .axis = 1, .velocity = {0, -1}, .spacing = 1, .end = 1, .record = record};
+    struct gr_sph_box box = {.upper = {1, 1}};
+    inlet.yields = 1; /* nothing waits */
+    CHECK(gr_sph_add_inlet(s, &inlet, &box) == GR_ERR_CONFIG);
+    inlet.yields = 0, box.is_gas = 1; /* no gas */
+    CHECK(gr_sph_add_inlet(s, &inlet, &box) == GR_ERR_CONFIG);
+    box.is_gas = 0, box.lower[0] = 1;
+    CHECK(gr_sph_add_inlet(s, &inlet, &box) == GR_ERR_CONFIG);
+    box.lower[0] = 0, record[6] = 0;
+    CHECK(gr_sph_add_inlet(s, &inlet, &box) == GR_ERR_CONFIG);
+    gr_sph_free(s);
+}

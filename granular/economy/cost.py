@@ -11,8 +11,8 @@ import numpy as np
 
 from granular.economy import bias, machine
 from granular.economy.suggestion import scene_function
+from granular.inflow import Inflow, points_between, standing_points
 from granular.mpm.body_distances import distance_from_bodies
-from granular.mpm.inflow import points_between, standing_points
 from granular.mpm.limits import check_time_step, damped_step
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
@@ -189,7 +189,9 @@ def cost(scene: AnyScene) -> Cost:
     if not isinstance(scene, Scene):
         steps = _steps(scene)
         each = _SPH_NANOSECONDS[scene.dim, scene.gas is not None]
-        return Cost(points, steps, steps * points * each * 1e-9, memory, memory)
+        unborn = _unborn(scene)
+        seconds = steps * (points - unborn) * each * 1e-9
+        return Cost(points, steps, seconds, memory, memory, unborn=unborn)
     check_time_step(scene)
     steps = _steps(scene)
     unborn = _unborn(scene)
@@ -198,22 +200,29 @@ def cost(scene: AnyScene) -> Cost:
     return Cost(points, steps, seconds, memory, peak, scene.material.E, *_enough(scene), unborn)
 
 
-def _unborn(scene: Scene) -> float:
+def _unborn(scene: AnyScene) -> float:
     """Mean number over the run of the points that are still to enter."""
     mean = 0.0
-    for i, inflow in enumerate(scene.inflows):
+    for inflow in _fed_by(scene):
         begin, end = (min(time, scene.duration) for time in inflow.times)
         share = 0.5 * (begin + end) / scene.duration  # of the run, for the mean point
-        mean += share * points_between(scene, i, 0.0, scene.duration)
+        mean += share * points_between(inflow, scene.grid, 0.0, scene.duration)
     return mean
 
 
-def _entering(scene: Scene) -> list[int]:
+def _fed_by(scene: AnyScene) -> list[Inflow]:
+    """Inflows of the material, and of the gas of a scene."""
+    if isinstance(scene, Scene):
+        return list(scene.inflows)
+    return [*scene.inflows, *(inflow for inflow, _ in scene.gas_inflows())]
+
+
+def _entering(scene: AnyScene) -> list[int]:
     """Numbers of points that inflows bring, at the start and in the run."""
     return [
-        points_between(scene, i, 0.0, scene.duration)
-        + (len(standing_points(scene, i).x) if inflow.driven else 0)
-        for i, inflow in enumerate(scene.inflows)
+        points_between(inflow, scene.grid, 0.0, scene.duration)
+        + (len(standing_points(scene, i).x) if inflow.driven and i < len(scene.inflows) else 0)
+        for i, inflow in enumerate(_fed_by(scene))
     ]
 
 
@@ -251,7 +260,8 @@ def _memory(scene: Scene, counts: Sequence[int]) -> float:
 def _sph_particles(scene: SphScene) -> int:
     """Number of particles of the material and of the gas."""
     gas = () if scene.gas is None else scene.gas.fills
-    return sum(estimated_points(scene.grid, fill, even=True) for fill in (*scene.fills, *gas))
+    counts = [estimated_points(scene.grid, fill, even=True) for fill in (*scene.fills, *gas)]
+    return sum(counts) + sum(_entering(scene))
 
 
 def _wall_particles(scene: SphScene) -> int:

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.buffers import allocate
+from granular.buffers import allocate, rows_of
+from granular.inflow import inlet_points
 from granular.materials import NGF, Material
 from granular.materials.own import MOST_HISTORY, OwnLaw
 from granular.mpm.cell_codes import cell_flags, fluidity_faces
 from granular.mpm.damping import damping
-from granular.mpm.inflow import inlet_points
 from granular.mpm.limits import check_blades, check_time_step, damped_step
 from granular.mpm.node_codes import WallRow, c0_lines, node_codes
 from granular.mpm.scene import Scene, Servo
@@ -27,7 +27,6 @@ __all__ = [
     "fields_of",
     "initial_buffers",
     "initial_points",
-    "stored_inflow",
 ]
 
 CORE = _core.enumerations()
@@ -262,29 +261,6 @@ def _numbers_of_materials(scene: Scene) -> NDArray[np.int64]:
     return np.array([materials.index(part.material or scene.material) for part in scene.sources])
 
 
-def _rows(engine: _core.Engine, fields: Mapping[str, NDArray], n: int) -> NDArray[np.float64]:
-    """Fields of n points as one row for each, as the core packs them; zero for those not given."""
-    parts = [
-        np.asarray(fields[name], dtype=float).reshape(n, count)
-        if name in fields
-        else np.zeros((n, count))
-        for name, count, *_ in engine.fields()
-    ]
-    return np.ascontiguousarray(np.concatenate(parts, axis=1))
-
-
-def stored_inflow(arrays: Mapping[str, NDArray], ids: NDArray[np.int64]) -> NDArray[np.int64]:
-    """State of the inflows of a checkpoint, with points of these ids."""
-    state = arrays.get("inflow")
-    if state is None:
-        raise ValueError("the checkpoint does not hold the inflow of the scene")
-    if len(state) and state[0] <= ids.max(initial=-1):
-        raise ValueError(
-            f"inflow[0] = {state[0]} of the checkpoint must exceed the ids of all points"
-        )
-    return state
-
-
 def entering_masses(scene: Scene) -> NDArray[np.float64]:
     """Masses of the points of the sites of all inflows [kg]."""
     sites = (fields_of(scene, inlet_points(scene, i)) for i in range(len(scene.inflows)))
@@ -299,7 +275,7 @@ def add_inlets(engine: _core.Engine, scene: Scene) -> list[dict[str, NDArray]]:
         fields = fields_of(scene, points)
         vx, vy, vz = (*inflow.velocity, 0.0)[:3]
         spacing = scene.grid.cell / inflow.points_per_axis
-        rows = _rows(engine, fields, len(points.x))
+        rows = rows_of(engine, fields, len(points.x))
         yields = not inflow.driven
         engine.add_inlet(rows, inflow.axis, (vx, vy, vz), spacing, *inflow.times, yields)
         found.append(fields)

@@ -3,54 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from granular.inflow import InflowState
 from granular.measure.energy import elastic_of, kinetic_of
 from granular.state import State
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
 
-__all__ = ["InflowState", "account"]
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class InflowState:
-    """Account of an inflow since the start of the run.
-
-    Attributes
-    ----------
-    points : int
-        Number of points that have entered.
-    missed : int
-        Number of points that were due and did not enter because their places were taken.
-    mass : float
-        Mass that has entered [kg; in 2D per metre of depth].
-    momentum : ndarray, shape (dim,)
-        Momentum that has entered with it [N s].
-    energy : float
-        Kinetic and elastic energy that has entered with it [J].
-    height_energy : float
-        Gravitational energy of it at the inlet, under the last gravity of the scene [J]; it is zero
-        at the lower corner of the grid.
-    impulse : ndarray, shape (dim,)
-        Impulse of the nodes of a driven inflow on the material [N s]; 0 for others.
-    work : float
-        Work of these nodes on the material [J].
-    """
-
-    points: int
-    missed: int
-    mass: float
-    momentum: NDArray[np.float64]
-    energy: float
-    height_energy: float
-    impulse: NDArray[np.float64]
-    work: float
+__all__ = ["account"]
 
 
 def account(

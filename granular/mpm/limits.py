@@ -19,7 +19,7 @@ from granular.seeding import DEEPEST
 from granular.theory.well_posed import well_posed_slopes
 
 if TYPE_CHECKING:
-    from granular.mpm.inflow import Inflow
+    from granular.inflow import Inflow
     from granular.mpm.scene import Scene
     from granular.mpm.schemes import Scheme
 

@@ -21,7 +21,7 @@ from granular.mpm.grid_map import GridMap, Ranges
 from granular.mpm.walls import Solid, Span, Wall
 
 if TYPE_CHECKING:
-    from granular.mpm.inflow import Inflow
+    from granular.inflow import Inflow
     from granular.mpm.scene import Scene
 
 __all__ = [

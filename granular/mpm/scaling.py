@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike
 from granular import geometry, materials, regions, surfaces
 from granular.checks import check_fields, one_of, positive
 from granular.gravity import Gravity
+from granular.inflow import Inflow
 from granular.materials.own import OwnLaw
 from granular.mpm import bodies as rigid
-from granular.mpm.inflow import Inflow
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import DENSITIES, Density, Fluidity, Scheme
 from granular.mpm.walls import Solid, SpongeLayer, Wall

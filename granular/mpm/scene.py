@@ -13,18 +13,18 @@ from granular import geometry, regions, surfaces
 from granular.checks import check_fields, tuple_of
 from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
+from granular.inflow import Inflow
 from granular.materials import Material
 from granular.mpm import bodies as rigid
 from granular.mpm import limits
 from granular.mpm.bodies import Body
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.body_shapes import shape_kinds
-from granular.mpm.inflow import Inflow, check_inflows, standing_points
+from granular.mpm.inflow import check_inflows
 from granular.mpm.node_codes import c0_lines, check_c0_lines
 from granular.mpm.schemes import DENSITIES, Fluidity, Scheme, default
 from granular.mpm.walls import Solid, SpongeLayer, Wall
 from granular.scene import BaseScene
-from granular.seeding import Points, joined, nothing
 from granular.serializable import Parameters, register
 
 __all__ = ["Parameters", "Scene", "Servo"]
@@ -103,7 +103,6 @@ class Scene(BaseScene):
         check_fields(self, tuple_of, "walls", kinds=(Wall, Solid))
         check_fields(self, tuple_of, "sponge_layers", kinds=(SpongeLayer,))
         check_fields(self, tuple_of, "bodies", kinds=(Body,))
-        check_fields(self, tuple_of, "inflows", kinds=(Inflow,))
         self._check_common(material=Material, scheme=Scheme)
         self._check_fit()
 
@@ -192,21 +191,6 @@ class Scene(BaseScene):
                 f"walls[{servo.wall}].pressure = {servo.pressure} must be None with several "
                 f"materials, {names}"
             )
-
-    @property
-    def sources(self) -> tuple[Fill | Inflow, ...]:
-        """Fills and inflows, where the material comes from."""
-        return (*self.fills, *self.inflows)
-
-    def points(self) -> Points:
-        """Make the points of the material at the start.
-
-        They are those of the fills (`granular.seeding.seed_points`), then those that fill the
-        regions of driven inflows; their number of the fill is that in `sources`.
-        """
-        parts = [super().points()] if self.fills else [nothing(self.dim)]
-        parts += [standing_points(self, i) for i, inlet in enumerate(self.inflows) if inlet.driven]
-        return joined(parts) if len(parts) > 1 else parts[0]
 
     def _seeding(self) -> dict[str, Any]:
         gravity = self.gravity.at(0.0)

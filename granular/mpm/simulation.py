@@ -10,13 +10,14 @@ from numpy.typing import NDArray
 from granular import _core, diagnostics, simulation
 from granular.buffers import allocate, default_isa, fill
 from granular.checks import truth
+from granular.inflow import InflowState, stored_inflow
 from granular.materials.own import OwnLaw
 from granular.mpm import bodies as rigid
 from granular.mpm import engine as core
 from granular.mpm.blocks import deep_within
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.free_bodies import INTERVAL, FreeBodies
-from granular.mpm.inflow_state import InflowState, account
+from granular.mpm.inflow_state import account
 from granular.mpm.scene import Scene
 from granular.mpm.wall_owners import wall_owners
 from granular.mpm.walls import Solid, WallState, split_impulses
@@ -326,7 +327,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
                 self._engine.restore_split(checkpoint.arrays["split"])
         self._bind(n)
         if scene.inflows:
-            self._engine.restore_inflow(core.stored_inflow(checkpoint.arrays, ids))
+            self._engine.restore_inflow(stored_inflow(checkpoint.arrays, ids))
         if "calm" in checkpoint.arrays:
             self._engine.restore_calm(checkpoint.arrays["calm"])
         self._engine.restore(scalars)

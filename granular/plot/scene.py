@@ -13,7 +13,7 @@ from matplotlib.patches import Patch, Rectangle
 from numpy.typing import NDArray
 
 from granular.geometry import AXES, Fill
-from granular.mpm.inflow import Inflow
+from granular.inflow import Inflow
 from granular.mpm.walls import Solid, Wall
 from granular.plot.bodies import STYLE, Bodies, boxes_of_bodies
 from granular.plot.canvas import Extent, Picture, View, checked_extent, figure_of, is_symmetry

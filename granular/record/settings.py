@@ -40,6 +40,7 @@ def _kind(scene: AnyScene) -> dict[str, object]:
         "grid": scene.grid,
         "material": type(scene.material).__name__,
         "walls": len(scene.walls),
+        "inflows": scene.inflows,  # what has entered is that of their rates
     }
     if isinstance(scene, MpmScene):
         found |= {
@@ -50,7 +51,6 @@ def _kind(scene: AnyScene) -> dict[str, object]:
             "scheme.transfer": scene.scheme.transfer,
             "scheme.density": type(scene.scheme.density).__name__,
             "bodies": len(scene.bodies),
-            "inflows": scene.inflows,  # what has entered is that of their rates
         }
     return found
 

@@ -27,6 +27,7 @@ from granular.scenes.landslide import landslide
 from granular.scenes.obstacle import obstacle
 from granular.scenes.penetration import penetration
 from granular.scenes.rotating_drum import rotating_drum
+from granular.scenes.settling_bed import settling_bed
 from granular.scenes.silo import clogging_silo, silo, silo_3d
 from granular.scenes.slug import slug
 from granular.scenes.sph_collapse import column_collapse_sph, inclined_collapse
@@ -67,6 +68,7 @@ __all__ = [
     "read_scene",
     "registry",
     "rotating_drum",
+    "settling_bed",
     "silo",
     "silo_3d",
     "silo_fed",

@@ -7,9 +7,9 @@ from typing import Any
 from granular.checks import finite, positive
 from granular.geometry import Box, Fill, Grid
 from granular.gravity import Gravity
+from granular.inflow import Inflow
 from granular.materials import Material
 from granular.mpm import schemes
-from granular.mpm.inflow import Inflow
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular.checks import in_range, non_negative, positive
+from granular.checks import in_range, non_negative, positive, truth
 from granular.geometry import Box, Fill
 from granular.scenes._build import block, cells_across, gravity_down, level_cells, whole_cells
 from granular.scenes._registry import scene_function
@@ -137,6 +137,7 @@ def jet_on_bed(
     sound_speed: float = 300.0,
     permeability: float = 2e-10,
     viscosity: float = 1e-5,
+    fed: bool = False,
     duration: float = 0.075,
     material: Viscoplastic = bed_soil,
     numerics: Numerics | None = None,
@@ -153,7 +154,9 @@ def jet_on_bed(
     is 0.36; gas up to 0.15 m above the soil, under a ceiling. The nozzle is a box 0.1 m wide and
     two thirds as high below the ceiling, in which the gas is driven; it draws gas from its sides.
     To allow this, the pressure at which the gas leaves gaps open, `Gas.pressure`, is 0.8 of the
-    initial one. The scene is 2D unless `across` is positive.
+    initial one. If the nozzle is `fed`, gas of the initial density enters at its upper end, there
+    is no ceiling, and gas that rises higher leaves: as much as enters, once the jet is steady. The
+    ambient pressure is then the initial one. The scene is 2D unless `across` is positive.
 
     Parameters
     ----------
@@ -171,6 +174,9 @@ def jet_on_bed(
         Initial pressure of the gas [Pa], > 0.
     sound_speed, permeability, viscosity : float
         See `Gas`.
+    fed : bool
+        If true, gas enters by the nozzle and leaves above the bed; if false, the nozzle drives gas
+        around in a closed box.
     material, numerics
         By default those of the thesis; h = 1.5 spacings, half the largest viscosity.
     {common}.
@@ -182,26 +188,27 @@ def jet_on_bed(
     level = (columns, *cells_across("across", across, spacing))
     in_range("nozzle", nozzle, spacing, width)
     sound_speed = in_range("sound_speed", sound_speed, *SOUND_SPEED)
-    in_range("speed", speed, 0.0, sound_speed, open_high=True)
+    in_range("speed", speed, 0.0, sound_speed, open_high=True, open_low=truth("fed", fed))
     density = positive("pressure", pressure) / sound_speed**2
     axis, still = len(level), (0.0,) * len(level)
     ends, top = tuple(n * spacing for n in level), (soil + above) * spacing
     low = max(top - 2.0 / 3.0 * nozzle, soil * spacing)
     middle = 0.5 * width
     box = Box((middle - 0.5 * nozzle, *still[1:], low), (middle + 0.5 * nozzle, *ends[1:], top))
+    floor = (Wall(axis, 0.0, 1, layers=LAYERS),)
     return Scene(
         name="jet_on_bed",
         **block(spacing, (*level, soil + above), (*ends, soil * spacing), periodic=range(axis)),
         material=material,
         numerics=numerics or wide,
-        walls=(Wall(axis, 0.0, 1, layers=LAYERS), Wall(axis, top, -1, layers=LAYERS)),
+        walls=floor if fed else (*floor, Wall(axis, top, -1, layers=LAYERS)),
         gas=Gas(
             fills=(Fill(Box((*still, 0.0), (*ends, top)), 1, density=density),),
-            pressure=GAP_PRESSURE * pressure,
+            pressure=pressure if fed else GAP_PRESSURE * pressure,
             sound_speed=sound_speed,
             permeability=permeability,
             viscosity=viscosity,
-            jets=(Jet(box, (*still, -speed)),),
+            jets=(Jet(box, (*still, -speed), density if fed else None),),
         ),
         gravity=gravity_down(axis + 1, gravity),
         duration=duration,

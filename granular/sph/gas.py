@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from granular import geometry, seeding
 from granular.checks import check_fields, in_range, kinds_of, positive, tuple_of, vector
 from granular.geometry import Box, Fill, Grid
+from granular.inflow import Inflow
 from granular.notebook import table
 
 __all__ = ["Gas", "GasState", "Jet"]
@@ -45,6 +46,9 @@ class Jet:
     region : Box
     velocity : tuple of float
         Velocity of the gas in it [m/s].
+    density : float or None
+        Density of gas that enters at the upstream end of the box with this velocity [kg/m3], as by
+        a driven `granular.Inflow`; None if nothing enters: the jet then draws gas from its sides.
 
     Raises
     ------
@@ -54,10 +58,17 @@ class Jet:
 
     region: Box
     velocity: tuple[float, ...]
+    density: float | None = None
 
     def __post_init__(self) -> None:
         kinds_of(self, region=Box)
         check_fields(self, vector, "velocity", dim=self.region.dim)
+        check_fields(self, positive, "density", optional=True)
+        if self.density is not None and not any(self.velocity):
+            raise ValueError(
+                f"velocity = {self.velocity} must not be 0 with density = {self.density}: nothing "
+                "would enter"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -182,6 +193,8 @@ class Gas:
                 )
         for i, jet in enumerate(self.jets):
             geometry.check_inside(f"gas.jets[{i}]", grid, jet.region)
+        for i, inflow in self.inflows().items():
+            inflow.check(f"gas.jets[{i}]", grid, math.inf)
 
     def longest_dt(self, h: float) -> float:
         """Limit of the time step for gas at rest [s], h/(4 c)."""
@@ -190,6 +203,20 @@ class Gas:
     def points(self, grid: Grid, seed: int) -> seeding.Points:
         """Gas particles at the start; see `granular.seeding.seed_points`."""
         return seeding.seed_points(grid, self.fills, seed, self.density, even=True)
+
+    def inflows(self) -> dict[int, Inflow]:
+        """Inflows of the gas, by the numbers of their jets."""
+        return {
+            i: Inflow(
+                jet.region,
+                jet.velocity,
+                self.fills[0].points_per_cell,
+                density=jet.density,
+                driven=True,
+            )
+            for i, jet in enumerate(self.jets)
+            if jet.density is not None
+        }
 
     def for_core(self, dim: int, rho0: float, wall_volume: float) -> tuple[dict, NDArray]:
         """Data for the core: parameters, and jets as rows (lower, upper, velocity)."""

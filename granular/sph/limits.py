@@ -24,8 +24,8 @@ particles are stopped the density rises by about this fraction, as
 def known_failures(scene: Scene) -> list[str]:
     """Sentences on particles that may become nearly as fast as sound; empty if none may."""
     g = max(math.hypot(*vector) for vector in scene.gravity.vectors)
-    start = max(math.hypot(*fill.velocity) if fill.velocity else 0.0 for fill in scene.fills)
-    tops = [fill.region.bounds[1][-1] for fill in scene.fills]
+    start = max(math.hypot(*part.velocity) if part.velocity else 0.0 for part in scene.sources)
+    tops = [part.region.bounds[1][-1] for part in scene.sources]
     speed = math.sqrt(start**2 + 2.0 * g * (max(tops) - scene.grid.lower[-1]))
     c = scene.material.wave_speed
     if speed <= MACH * c:

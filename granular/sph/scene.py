@@ -12,11 +12,13 @@ import numpy as np
 from granular.checks import check_fields, tuple_of
 from granular.geometry import AXES, Fill, Grid
 from granular.gravity import Gravity
+from granular.inflow import Inflow
 from granular.regions import Cloud
 from granular.scene import BaseScene
 from granular.serializable import Parameters, register
 from granular.sph import limits
 from granular.sph.gas import Gas, Jet
+from granular.sph.inflow import check_inflows
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
 from granular.sph.walls import Wall, wall_points
@@ -72,12 +74,16 @@ class Scene(BaseScene):
         Domain and seeding lattice; its `cell` is the spacing of the particles. Particles that leave
         the domain are dropped; walls may lie outside. The last axis is up.
     fills : sequence of Fill
-        Material at the start, with one particle per cell.
+        Material at the start, with one particle per cell; at least one unless there are inflows.
     material : Viscoplastic
     numerics : Numerics
     walls : sequence of Wall
     gas : Gas or None
         Gas in the pores of the material and above it.
+    inflows : sequence of Inflow
+        Material that enters during the run. They must be driven, with one particle per cell and a
+        region at least as long as the reach of the kernel: a reservoir of particles that move with
+        the velocity, behind those that have left it.
     gravity : Gravity
     duration : float
         Time to simulate [s], > 0.
@@ -104,6 +110,7 @@ class Scene(BaseScene):
     numerics: Numerics = field(default_factory=Numerics)
     walls: tuple[Wall, ...] = ()
     gas: Gas | None = None
+    inflows: tuple[Inflow, ...] = ()
     gravity: Gravity
     duration: float
     seed: int = 0
@@ -133,6 +140,7 @@ class Scene(BaseScene):
             self.gas.check(grid, self.material.rho0, self.h)
         for i, wall in enumerate(self.walls):
             wall.check(f"walls[{i}]", grid, 2.0 * self.h)
+        check_inflows(self)
         reach = self.h * (2.0 + numerics.skin)
         for axis, periodic in enumerate(grid.periodic):
             length = grid.shape[axis] * grid.cell
@@ -169,6 +177,16 @@ class Scene(BaseScene):
         """Mass of a particle [kg, in 2D kg/m], with which the seeding lattice has density rho0."""
         weight = seeding_weight(self.dim, self.numerics.smoothing)
         return self.material.rho0 * self.grid.cell**self.dim / weight
+
+    def gas_inflows(self) -> list[tuple[Inflow, float]]:
+        """Inflows of the gas, and the masses of the particles that enter by them [kg]."""
+        found = []
+        for inflow in {} if self.gas is None else self.gas.inflows().values():
+            spacing = self.grid.cell / inflow.points_per_axis
+            weight = seeding_weight(self.dim, self.h / spacing)
+            density = inflow.density_in(self.grid, math.inf)
+            found.append((inflow, density * spacing**self.dim / weight))
+        return found
 
     def _seeding(self) -> dict[str, Any]:
         return {"even": True}

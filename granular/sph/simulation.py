@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from granular import _core, diagnostics, simulation
 from granular.buffers import allocate, default_isa, fill
 from granular.checks import integer
+from granular.inflow import InflowState, stored_inflow
 from granular.record import Checkpoint
 from granular.sph.gas import GasState
+from granular.sph.inflow import Inlets
 from granular.sph.scene import Scene, seeding_gradient
 from granular.sph.walls import wall_rows
 from granular.state import State
@@ -28,6 +30,9 @@ OF_MATERIAL = ("rho0", "kappa", "mu_l", "mu_h", "D_star", "cohesion", "shear_mod
 OF_NUMERICS = ("regularisation", "z_max", "cfl")
 """Parameters that the core takes as they are, by their names."""
 
+LEAST_SPARE = 256
+"""Rows for particles that enter, beyond a quarter of those that there are."""
+
 
 @dataclass(frozen=True)
 class _Rows:
@@ -38,14 +43,20 @@ class _Rows:
     walls: int
     gas_first: int = 0
     gas: int = 0
+    spare: int = 0
 
     @classmethod
-    def of(cls, grains: int, walls: int, gas: int | None = None) -> Self:
-        """Rows for given numbers of particles; `gas` is None if there is no gas."""
-        wall_first = (-(-grains // _core.LANES) + 1) * _core.LANES
+    def of(cls, grains: int, walls: int, gas: int | None = None, *, grows: bool = False) -> Self:
+        """Rows for given numbers of particles; `gas` is None if there is no gas.
+
+        If they grow there are spare rows for particles that enter.
+        """
+        spare = LEAST_SPARE + max(grains, gas or 0) // 4 if grows else 0
+        wall_first = (-(-(grains + spare) // _core.LANES) + 1) * _core.LANES
         if gas is None:
             return cls(grains, wall_first, walls)
-        return cls(grains, wall_first, walls, wall_first + walls + _core.LANES, gas)
+        gas_first = wall_first + walls + _core.LANES
+        return cls(grains, wall_first, walls, gas_first, gas, spare)
 
     def places(self) -> NDArray[np.int64]:
         """Rows of all particles."""
@@ -54,7 +65,8 @@ class _Rows:
 
     @property
     def capacity(self) -> int:
-        return max(self.wall_first + self.walls, self.gas_first + self.gas) + _core.LANES
+        gas_end = self.gas_first + self.gas + self.spare
+        return max(self.wall_first + self.walls, gas_end) + _core.LANES
 
 
 def _build(scene: Scene, isa: str) -> _core.Sph:
@@ -103,7 +115,13 @@ class Simulation(simulation.Simulation, scenes=Scene):
         self._start(scene, _build(scene, default_isa() if isa is None else isa), threads)
         points, walls = scene.points(), scene.wall_points()
         gas = None if scene.gas is None else scene.gas.points(scene.grid, scene.seed)
-        rows = _Rows.of(len(points.x), len(walls["x"]), None if gas is None else len(gas.x))
+        self._inlets = Inlets.add(self._engine, scene)
+        rows = _Rows.of(
+            len(points.x),
+            len(walls["x"]),
+            None if gas is None else len(gas.x),
+            grows=bool(self._inlets),
+        )
         self._buffers = allocate(self._engine, rows.capacity)
         grains = slice(0, rows.grains)
         behind = slice(rows.wall_first, rows.wall_first + rows.walls)
@@ -122,6 +140,10 @@ class Simulation(simulation.Simulation, scenes=Scene):
                 self._buffers[name][:, above] = values
             self._buffers["id"][above] = rows.grains + rows.walls + np.arange(rows.gas)
         self._bind(rows, fresh=True)
+        if self._inlets:
+            state = self._engine.inflow()
+            state[0] = rows.grains + rows.walls + rows.gas  # the id of the first that enters
+            self._engine.restore_inflow(state)
 
     def _bind(self, rows: _Rows, *, fresh: bool) -> None:
         self._rows = rows
@@ -134,11 +156,22 @@ class Simulation(simulation.Simulation, scenes=Scene):
 
         `rebuilds` of the neighbour list; number and mass [kg] of particles dropped at the ends of
         the domain, `dropped` and `dropped_mass`; number of times that a particle entered a wall and
-        was put back on it, `stopped`; number of gas particles dropped, `gas_dropped`.
+        was put back on it, `stopped`; numbers of gas particles dropped, `gas_dropped`, and fed by
+        jets, `gas_entered`.
         """
         scalars = self._engine.scalars()
         names = ("rebuilds", "dropped", "dropped_mass", "stopped", "gas_dropped")
-        return {name: scalars[name] for name in names}
+        found = {name: scalars[name] for name in names}
+        return found | {"gas_entered": self._inlets.gas_entered(self._engine)}
+
+    @property
+    def inflows(self) -> tuple[InflowState, ...]:
+        """Account of each inflow of the scene, in their order: what has entered.
+
+        The impulse and the work are those of its region on the particles in it; the momentum of
+        the others changes by what is left when those that have entered are accounted for.
+        """
+        return self._inlets.accounts(self._engine)
 
     def _indicators(self, state: State) -> dict[str, float]:
         fastest = float(np.sqrt((state.v**2).sum(axis=1).max(initial=0.0)))
@@ -229,17 +262,35 @@ class Simulation(simulation.Simulation, scenes=Scene):
             super().step(n)
 
     def _make_steps(self, max_steps: int, until: float) -> None:
-        self._engine.advance(max_steps, until, self.threads)
+        if self._engine.advance(max_steps, until, self.threads):
+            self._grow()
+
+    def _grow(self) -> None:
+        """Give the core larger buffers, for particles that enter."""
+        now = self._present()
+        rows = _Rows.of(
+            now.grains, now.walls, None if self.scene.gas is None else now.gas, grows=True
+        )
+        larger = allocate(self._engine, rows.capacity)
+        for name, array in self._buffers.items():
+            larger[name][..., rows.places()] = array.take(now.places(), axis=-1)
+        self._buffers = larger
+        self._bind(rows, fresh=False)
 
     # ---- restart ----
 
-    def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
-        scalars, rows = self._engine.scalars(), self._rows
+    def _present(self) -> _Rows:
+        """Rows of the particles that there are now."""
+        scalars = self._engine.scalars()
         counts = {"grains": "n_points", "walls": "n_walls", "gas": "n_gas"}
-        places = replace(
-            rows, **{name: int(scalars[count]) for name, count in counts.items()}
-        ).places()
-        return scalars, {name: rows.take(places, axis=-1) for name, rows in self._buffers.items()}
+        return replace(self._rows, **{name: int(scalars[n]) for name, n in counts.items()})
+
+    def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
+        places = self._present().places()
+        arrays = {name: rows.take(places, axis=-1) for name, rows in self._buffers.items()}
+        if self._inlets:
+            arrays |= {"inflow": self._engine.inflow(), "inlet_loads": self._engine.inlet_loads()}
+        return self._engine.scalars(), arrays
 
     @classmethod
     def _restored(
@@ -254,9 +305,18 @@ class Simulation(simulation.Simulation, scenes=Scene):
             raise ValueError(
                 f"the checkpoint holds {total} points, must hold n_points = {n} and n_gas = {gas}"
             )
-        rows = _Rows.of(n, total - n - gas, None if scene.gas is None else gas)
+        self._inlets = Inlets.add(self._engine, scene)
+        has_gas = None if scene.gas is None else gas
+        rows = _Rows.of(n, total - n - gas, has_gas, grows=bool(self._inlets))
         self._buffers = allocate(self._engine, rows.capacity)
         fill(self._buffers, checkpoint.arrays, rows.places())
         self._bind(rows, fresh=False)
+        if self._inlets:
+            ids = checkpoint.arrays["id"]
+            self._engine.restore_inflow(stored_inflow(checkpoint.arrays, ids))
+            loads = checkpoint.arrays.get("inlet_loads")
+            if loads is None:
+                raise ValueError("the checkpoint does not hold the inlet_loads of the scene")
+            self._engine.restore_inlet_loads(loads)
         self._engine.restore(dict(checkpoint.scalars))
         return self

@@ -55,6 +55,8 @@ from granular.theory.kinetic import shear_temperature as shear_temperature
 from granular.theory.kinetic import temperature_coefficients as temperature_coefficients
 from granular.theory.layer_waves import LayerWaves as LayerWaves
 from granular.theory.layer_waves import layer_waves as layer_waves
+from granular.theory.linear_waves import shear_wave_growth as shear_wave_growth
+from granular.theory.linear_waves import shear_waves as shear_waves
 from granular.theory.runout import RUNOUT_LAWS as RUNOUT_LAWS
 from granular.theory.runout import Piece as Piece
 from granular.theory.runout import RunoutLaw as RunoutLaw

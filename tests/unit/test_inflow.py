@@ -71,8 +71,6 @@ def test_what_does_not_fit_the_scene_is_refused():
         (r"must not overlap fills\[0\]", of(inlet(driven=True), fills=[gr.Fill(BOX, 4)])),
         ("xpic", of(inlet(driven=True), scheme=gr.Scheme(transfer="xpic", density=FREE))),
     )
-    with pytest.raises(TypeError, match="inflows"):
-        gr.scenes.slump_sph().replace(inflows=[inlet()])
 
 
 FREE = gr.ParticleDensity()

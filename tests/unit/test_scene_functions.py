@@ -47,8 +47,8 @@ MPM = (
     *("chute_fed", "chute_ngf", "clogging_silo", "cohesive_cliff", "column_collapse", "conveyor"),
     *("conveyor_heap", "couette"),
     *("cylinder_collapse", "excavation", "excavator", "flexible_barrier", "hopper", "hourglass"),
-    *("incline", "landslide", "obstacle", "penetration", "rotating_drum", "silo", "silo_3d"),
-    *("silo_fed", "slug", "sphere_drop", "wheel"),
+    *("incline", "landslide", "obstacle", "penetration", "rotating_drum", "settling_bed"),
+    *("silo", "silo_3d", "silo_fed", "slug", "sphere_drop", "wheel"),
 )
 FED = ("chute_fed", "conveyor_heap")
 """Scenes without a fill that could have jitter."""
@@ -94,6 +94,7 @@ DERIVED = {
     "incline_sph": {"duration": 3.0},
     "inclined_collapse": {"half_width": pytest.approx(0.2), "duration": 1.5},
     "jet_on_bed": {"duration": 0.075},
+    "settling_bed": {"duration": pytest.approx(0.609343, rel=1e-5)},
     "slump_sph": {"duration": 6.0},
 }
 """Parameters that a scene chooses, rounds or adds, by hand."""
@@ -160,7 +161,7 @@ NONLOCAL = ("chute_ngf", "clogging_silo", "silo_3d", "couette", "excavation", "w
 SOFT = (
     *("conveyor", "flexible_barrier", "hopper", "landslide", "obstacle", "penetration"),
     *("rotating_drum", "chute_fed", "cohesive_cliff", "conveyor_heap", "silo_fed"),
-    "sphere_drop",
+    *("settling_bed", "sphere_drop"),
 )
 """Scenes of `glass_beads` with another E, or of another material."""
 

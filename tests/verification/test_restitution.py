@@ -156,6 +156,58 @@ def test_a_bed_comes_to_rest_in_the_time_of_theory(E, elasticity):
     assert abs(settling(bed(restitution=1.0, **numbers))) < 0.01 * theory
 
 
+@pytest.mark.parametrize("drop", [0.0, 0.01])
+def test_the_ready_bed_is_at_rest_when_it_says(drop):
+    """It begins with the oscillation of its weight, which falls to a thousandth in the duration."""
+    scene = gr.scenes.settling_bed(drop=drop)
+    sand, k = scene.material, math.pi / 0.4
+    sim = gr.Simulation(scene, threads=1)
+    first = 8 * 9.8 * 0.2 / (math.pi**2 * sand.wave_speed)
+    times, amplitudes = [], []
+    while sim.time < scene.duration:
+        sim.step(4)
+        state = sim.state
+        times.append(sim.time)
+        wave = np.sin(k * state.x[:, 1])
+        amplitudes.append(abs(2 * np.mean(state.v[:, 1] * wave)))
+    rate = wave_decay(wavenumber=k, wave_speed=sand.wave_speed, damping_time=sand.damping_time)
+    late = np.array(times) > scene.duration - 5 / rate
+    found = rate_of_peaks(np.array(times)[late], np.array(amplitudes)[late])
+    assert found == pytest.approx(rate, rel=0.01)
+    speed = math.sqrt(np.mean((state.v**2).sum(axis=1)))
+    assert speed < 1e-3 * max(first, math.sqrt(2 * 9.8 * drop))
+    if not drop:
+        assert max(amplitudes) == pytest.approx(
+            first * math.exp(-rate * times[np.argmax(amplitudes)]), rel=0.1
+        )
+    with pytest.raises(ValueError, match="duration = None must be a time with restitution = 1"):
+        gr.scenes.settling_bed(restitution=1.0)
+
+
+@pytest.mark.parametrize("contact", [0.5, 1.0])
+def test_the_viscous_stress_hardly_pulls(contact):
+    """At the end of a contact a dashpot pulls: with this share of the impulse on the floor."""
+    cell = 0.01
+    material = MuI(E=1e6, restitution=0.5, contact_diameter=contact * cell)
+    scene = gr.Scene(
+        name="rebound",
+        grid=Grid((0.0, 0.0), cell, (4, 28), periodic=(True, False)),
+        fills=(Fill(Box((0.0, 0.0), (4 * cell, 0.2)), 4),),
+        material=material,
+        walls=(gr.Wall(1, 0.0, kind="free_slip"),),
+        gravity=Gravity((0.0,), ((0.0, 0.0),)),
+        duration=1.0,
+    )
+    sim = gr.Simulation(scene, threads=1, wall_forces=True)
+    sim.buffers["v"][1, sim.buffers["id"] >= 0] = -1e-3 * material.wave_speed
+    pushes = [0.0]
+    while sim.time < 4 * 0.2 / material.wave_speed:
+        sim.step()
+        pushes.append(-float(sim.walls[0].impulse[1]))
+    steps = np.diff(pushes)
+    assert -steps[steps < 0].sum() < 2e-4 * steps[steps > 0].sum()
+
+
 @pytest.mark.parametrize(
     "sand",
     [gr.materials.glass_beads.replace(E=1e6), NGF(E=1e6, d=4e-3)],

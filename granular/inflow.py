@@ -1,0 +1,327 @@
+"""Inflows: places where material enters a running simulation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular.checks import (
+    check_fields,
+    kinds_of,
+    non_negative,
+    positive,
+    sequence,
+    set_fields,
+    truth,
+    vector,
+)
+from granular.geometry import AXES, Box, Fill, Grid, Region, check_inside
+from granular.materials import Material
+from granular.regions import Cloud
+from granular.seeding import Points, estimated_points, seed_points
+
+if TYPE_CHECKING:
+    from granular.scene import BaseScene
+
+__all__ = [
+    "Inflow",
+    "InflowState",
+    "across",
+    "inlet_points",
+    "points_between",
+    "standing_points",
+    "stored_inflow",
+]
+
+FULL = 1 + 1e-9
+"""Largest filling fraction of what enters; the excess over 1 is for rounding."""
+
+
+def _times(name: str, value: object) -> tuple[float, float]:
+    """Two times, of which the later one may be infinite."""
+    times = sequence(name, value)
+    if len(times) != 2:
+        raise ValueError(f"{name} = {times} must be two times")
+    begin = non_negative(f"{name}[0]", times[0])
+    end = non_negative(f"{name}[1]", times[1], allow_inf=True)
+    if not end > begin:
+        raise ValueError(f"{name}[1] = {end} must exceed {name}[0] = {begin}")
+    return begin, end
+
+
+@dataclass(frozen=True)
+class Inflow:
+    """Material that enters during the run, as a seeding lattice that moves with a velocity.
+
+    The inlet is the upstream end of `region`, along the axis along which the velocity is largest; a
+    column of points enters at each site of the first layer of the seeding lattice there. Columns
+    enter one after the other, so that the mass that has entered is the rate times the time to
+    within a point, and the points of a column enter at the distance of the seeding lattice whatever
+    the time step. What enters depends on the time alone, so that a run is the same with any output
+    and any number of threads, and after a restart.
+
+    Parameters
+    ----------
+    region : Region
+        Where material enters. Of the sites in it only those of the layer at the upstream end count
+        for the stream, the whole of it for a driven inflow, which must be a `Box`.
+    velocity : tuple of float, length dim
+        Velocity with which the points enter [m/s].
+    points_per_cell : int
+        As of `Fill`.
+    rate : float or None
+        Mass that enters per time [kg/s; in 2D per metre of depth], which determines the density,
+        rate/(A v), with the area A of the inlet and the velocity v through it. None for what
+        `density` gives, rho A v.
+    density : float or None
+        Density of what enters [kg/m3]; None for `rho_c` of the material, or what `rate` gives. It
+        must not exceed `rho_c`: such material is stress-free.
+    lithostatic : bool
+        If True, what enters bears its weight from the start: its pressure is that of the depth
+        below the top of the region under the gravity across the stream, as of a layer that flows
+        down a slope.
+    material : Material or None
+        Material that enters; None for that of the scene.
+    times : tuple of (begin, end)
+        Times [s] between which points enter; the end may be infinite.
+    driven : bool
+        If False, points are free from the moment in which they enter. If the place of a point is
+        taken by others of its column, it waits for it, and those that are due in the meantime are
+        missed: the inlet is choked, and feeds what the flow below takes. `Simulation.inflows`
+        counts them.
+        If True, the region is full from the start, and all that is in it moves with the velocity,
+        whatever is in its way, up to the end of `times`: a piston, which does not yield. The
+        nodes of the grid that its points touch have this velocity, to the sides and upstream also
+        those beyond it. It must begin at time 0. SPH has driven inflows only: its particles in the
+        region have this velocity.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    region: Region
+    velocity: tuple[float, ...]
+    points_per_cell: int
+    _: KW_ONLY
+    rate: float | None = None
+    density: float | None = None
+    lithostatic: bool = False
+    material: Material | None = None
+    times: tuple[float, float] = (0.0, math.inf)
+    driven: bool = False
+
+    def __post_init__(self) -> None:
+        kinds_of(self, region=Region)
+        if isinstance(self.region, Cloud):
+            raise TypeError("region must not be a Cloud, whose points have places of their own")
+        check_fields(self, vector, "velocity", dim=self.region.dim)
+        if not any(self.velocity):
+            raise ValueError(f"velocity = {self.velocity} must not be 0: nothing would enter")
+        check_fields(self, positive, "rate", "density", optional=True)
+        check_fields(self, _times, "times")
+        set_fields(self, points_per_cell=self._fill().points_per_cell)
+        if self.rate is not None and self.density is not None:
+            raise ValueError(
+                f"density = {self.density} must be None with rate = {self.rate}, which gives it"
+            )
+        if truth("lithostatic", self.lithostatic) and self.rate is not None:
+            raise ValueError(f"rate = {self.rate} must be None in a lithostatic inflow")
+        if truth("driven", self.driven):
+            if not isinstance(self.region, Box):
+                raise TypeError(f"region = {self.region!r} must be a Box for a driven inflow")
+            if self.times[0]:
+                raise ValueError(f"times[0] = {self.times[0]} must be 0 for a driven inflow")
+
+    @property
+    def points_per_axis(self) -> int:
+        """Points along an edge of a cell."""
+        return self._fill().points_per_axis
+
+    @property
+    def axis(self) -> int:
+        """Axis along which the material enters: that of the largest component of the velocity."""
+        return int(np.argmax(np.abs(self.velocity)))
+
+    @property
+    def speed(self) -> float:
+        """Velocity through the inlet, along its axis [m/s], > 0."""
+        return abs(self.velocity[self.axis])
+
+    @property
+    def plane(self) -> float:
+        """Coordinate along its axis of the upstream end of the region, where points enter [m]."""
+        lower, upper = self.region.bounds
+        return (lower if self.velocity[self.axis] > 0 else upper)[self.axis]
+
+    def _fill(self, density: float | None = None) -> Fill:
+        """Fill of the region with what enters."""
+        return Fill(
+            self.region,
+            self.points_per_cell,
+            density=self.density if density is None else density,
+            velocity=self.velocity,
+            lithostatic=self.lithostatic,
+            material=self.material,
+        )
+
+    def check(self, name: str, grid: Grid, rho_c: float) -> None:
+        """Refuse what does not fit the grid, or is denser than its material."""
+        check_inside(name, grid, self.region)
+        if not estimated_points(grid, replace(self, rate=None)._fill(), even=True):
+            raise ValueError(f"{name} = {self} must hold at least one site of the seeding lattice")
+        if grid.periodic[self.axis]:
+            raise ValueError(
+                f"{name}.velocity = {self.velocity} must be largest along another axis than "
+                f"{AXES[self.axis]}, along which the grid is periodic"
+            )
+        if self.rate is None and self.density is None:
+            return
+        density = self.density_in(grid, rho_c)
+        if density <= rho_c * FULL:
+            return
+        if self.rate is None:
+            raise ValueError(f"{name}.density = {density} must be <= {rho_c}, rho_c")
+        most = self.rate * rho_c / density
+        raise ValueError(
+            f"{name}.rate = {self.rate} must be <= {most:.6g}, the rate of a full inlet at "
+            f"velocity = {self.velocity}: take a larger region or velocity"
+        )
+
+    def area(self, grid: Grid) -> float:
+        """Area of the inlet [m2; in 2D m]: that of its sites."""
+        return len(self._sites(grid).x) * (grid.cell / self.points_per_axis) ** (grid.dim - 1)
+
+    def density_in(self, grid: Grid, rho_c: float) -> float:
+        """Density of what enters [kg/m3], stress-free; `rho_c` is that of its material."""
+        if self.rate is not None:
+            return self.rate / (self.area(grid) * self.speed)
+        return rho_c if self.density is None else self.density
+
+    def rate_in(self, grid: Grid, rho_c: float) -> float:
+        """Mass that enters per time [kg/s]; `rho_c` is the density of its material [kg/m3]."""
+        return self.density_in(grid, rho_c) * self.area(grid) * self.speed
+
+    def _sites(self, grid: Grid, up: Sequence[float] | None = None, density: float = 1.0) -> Points:
+        """Points of the layer at the upstream end of the region."""
+        fill = self._fill(None if self.lithostatic else density)
+        found = seed_points(grid, (fill,), 0, density, up=up, even=True)
+        along = found.x[:, self.axis] * math.copysign(1.0, self.velocity[self.axis])
+        first = along < along.min() + 0.5 * grid.cell / self.points_per_axis
+        return Points(*(array[first] for array in vars(found).values()))
+
+    def entering(self, grid: Grid, rho_c: float, up: Sequence[float] | None = None) -> Points:
+        """Points that enter, one for each site, in their order; `rho_c` as of `rate_in`.
+
+        They enter at the upstream end of the region: a column of points, each of which stands for
+        a spacing, then begins there in the mean over the columns.
+        """
+        found = self._sites(grid, up, rho_c if self.lithostatic else self.density_in(grid, rho_c))
+        x = found.x.copy()
+        x[:, self.axis] = self.plane
+        # The upper end of a grid does not belong to any cell.
+        return replace(found, x=np.minimum(x, np.nextafter(grid.upper, grid.lower)))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class InflowState:
+    """Account of an inflow since the start of the run.
+
+    Attributes
+    ----------
+    points : int
+        Number of points that have entered.
+    missed : int
+        Number of points that were due and did not enter because their places were taken.
+    mass : float
+        Mass that has entered [kg; in 2D per metre of depth].
+    momentum : ndarray, shape (dim,)
+        Momentum that has entered with it [N s].
+    energy : float
+        Kinetic and elastic energy that has entered with it [J].
+    height_energy : float
+        Gravitational energy of it at the inlet, under the last gravity of the scene [J]; it is zero
+        at the lower corner of the grid.
+    impulse : ndarray, shape (dim,)
+        Impulse of the nodes of a driven inflow on the material [N s]; 0 for others.
+    work : float
+        Work of these nodes on the material [J].
+    """
+
+    points: int
+    missed: int
+    mass: float
+    momentum: NDArray[np.float64]
+    energy: float
+    height_energy: float
+    impulse: NDArray[np.float64]
+    work: float
+
+
+def inlet_points(scene: BaseScene, i: int) -> Points:
+    """Points that enter by an inflow of a scene; see `Inflow.entering`."""
+    inflow, grid = scene.inflows[i], scene.grid
+    rho_c = (inflow.material or scene.material).rho_c
+    up, share = None, 1.0
+    if inflow.lithostatic:
+        gravity = across(scene, inflow)
+        size = math.hypot(*gravity)
+        up = tuple((-gravity / size).tolist())
+        share = size / math.hypot(*scene.gravity.at(0.0))
+    found = inflow.entering(grid, rho_c, up)
+    # The depth that has the same pressure under the whole gravity.
+    fill = np.full(len(found.x), len(scene.fills) + i)
+    return replace(found, depth=found.depth * share, fill=fill)
+
+
+def standing_points(scene: BaseScene, i: int) -> Points:
+    """Points that fill the region of a driven inflow at the start.
+
+    They are those that would have entered before, had it begun long ago.
+    """
+    inflow, grid = scene.inflows[i], scene.grid
+    points, h = inlet_points(scene, i), grid.cell / inflow.points_per_axis
+    n, axis = len(points.x), inflow.axis
+    low, high = (corner[axis] for corner in inflow.region.bounds)
+    layers = math.ceil((high - low) / h) + 1
+    # In the order in which they entered: site m % n, and (layers n - 1 - m)/n spacings on its way.
+    m = np.arange(layers * n)
+    site, way = m % n, (layers * n - 1 - m) / n * h
+    x = points.x[site] + way[:, None] * (np.array(inflow.velocity) / inflow.speed)
+    within = (x[:, axis] >= low) & (x[:, axis] < high)
+    taken = {name: array[site][within] for name, array in vars(points).items()}
+    return Points(**taken | {"x": x[within]})
+
+
+def points_between(inflow: Inflow, grid: Grid, begin: float, end: float) -> int:
+    """Largest number of points that enter by an inflow between two times [s]."""
+    first, last = inflow.times
+    seconds = max(min(end, last) - max(begin, first), 0.0)
+    h = grid.cell / inflow.points_per_axis
+    return math.floor(seconds * inflow.speed / h * len(inflow._sites(grid).x) * FULL)
+
+
+def across(scene: BaseScene, inflow: Inflow) -> NDArray[np.float64]:
+    """Gravity across the stream of an inflow at the start [m/s2]; 0 for one along gravity."""
+    gravity = scene.gravity.at(0.0)
+    along = np.array(inflow.velocity) / math.hypot(*inflow.velocity)
+    rest = gravity - (gravity @ along) * along
+    return np.where(np.abs(rest) > 1e-12 * np.abs(gravity).max(), rest, 0.0)
+
+
+def stored_inflow(arrays: Mapping[str, NDArray], ids: NDArray[np.int64]) -> NDArray[np.int64]:
+    """State of the inflows of a checkpoint, with points of these ids."""
+    state = arrays.get("inflow")
+    if state is None:
+        raise ValueError("the checkpoint does not hold the inflow of the scene")
+    if len(state) and state[0] <= ids.max(initial=-1):
+        raise ValueError(
+            f"inflow[0] = {state[0]} of the checkpoint must exceed the ids of all points"
+        )
+    return state

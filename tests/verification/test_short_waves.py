@@ -1,0 +1,80 @@
+"""Short waves in uniform shear: mu(I) lets them grow, the regularised law does not."""
+
+import math
+
+import pytest
+from short_waves import FAST, PLAIN, REGULARISED, SLOW, growth
+
+import granular as gr
+from granular.theory import shear_wave_growth, shear_waves
+
+
+def barker(material, inertial_number, pressure, angle, k):
+    """Growth rate of incompressible flow (Barker et al. 2015, equations of `theory.well_posed`)."""
+    x, gain = inertial_number / material.I0, material.mu_2 - material.mu_s
+    mu = material.mu_s + gain * x / (1 + x)
+    r = gain * x / (1 + x) ** 2 / mu
+    a, b = math.cos(2 * angle), math.sin(2 * angle)
+    rate = inertial_number / material.d * math.sqrt(pressure / material.rho_s)
+    bracket = 1 + (r - 1) * a**2 / (1 - mu * (1 - r / 2) * b)
+    return -(k**2) * mu * pressure / (material.rho_c * rate) * bracket
+
+
+@pytest.mark.parametrize("number", [0.005, 0.01, 1.5, 4.0])
+def test_stiff_material_has_the_rates_of_incompressible_flow(number):
+    """In the directions in which waves grow; the elastic waves are then far faster."""
+    stiff, k = PLAIN.replace(E=1e16), 2e3
+    for degrees in (77.0, 80.0, 84.0, 87.0):
+        angle = math.radians(degrees)
+        expected = barker(stiff, number, 1000.0, angle, k)
+        found = shear_wave_growth(
+            material=stiff,
+            inertial_number=number,
+            pressure=1000.0,
+            wave_vector=(k * math.cos(angle), k * math.sin(angle)),
+        )
+        if expected > 0:
+            assert found == pytest.approx(expected, rel=0.02)
+        else:
+            assert found < 1e-3 * k**2
+
+
+def test_waves_of_mu_I_grow_the_faster_the_shorter_they_are():
+    """With 8 cells a wave; the regularised law damps the same waves, the faster the shorter."""
+    plain = [growth(PLAIN, length, 8) for length in (1.0, 0.5, 0.25)]
+    rates = [run.found for run in plain]
+    assert rates[0] > 1.0 and rates[1] > 2.0 * rates[0] and rates[2] > 1.5 * rates[1]
+    for run in plain:
+        assert 0.7 * run.theory < run.found < run.theory
+        assert run.amplitudes[-1] > 5.0
+    regular = [growth(REGULARISED, length, 8).found for length in (1.0, 0.5)]
+    assert 0.0 > regular[0] > regular[1]
+
+
+def test_the_rate_converges_to_that_of_theory():
+    """The error falls with the square of the cell: 26, 8 and 3 % with 8, 16 and 32 cells."""
+    errors = [abs(run.found / run.theory - 1) for run in (growth(PLAIN, 1.0, n) for n in (8, 16))]
+    assert errors[1] < 0.1
+    assert errors[1] < 0.4 * errors[0]
+
+
+def test_fast_flow_is_ill_posed_too():
+    for material, sign in ((PLAIN, 1.0), (REGULARISED, -1.0)):
+        runs = [growth(material, length, 8, number=FAST) for length in (0.125, 0.0625)]
+        rates = [sign * run.found for run in runs]
+        assert rates[0] > 0 and rates[1] > 2.0 * rates[0]
+        assert all(run.found * run.theory > 0 for run in runs)
+
+
+def test_bad_input_is_refused():
+    given = {"inertial_number": SLOW, "pressure": 1e3, "wave_vector": (1.0, 2.0)}
+    for change, error, message in (
+        ({"material": gr.Elastic()}, TypeError, "must be a MuI or RegularisedMuI"),
+        ({"material": PLAIN.replace(cohesion=1.0)}, ValueError, "cohesion = 1.0"),
+        ({"material": gr.MuI()}, ValueError, "grain diameter"),
+        ({"inertial_number": 0.0}, ValueError, "inertial_number = 0.0"),
+        ({"pressure": math.nan}, ValueError, "pressure = nan"),
+        ({"wave_vector": (1.0,)}, ValueError, "wave_vector"),
+    ):
+        with pytest.raises(error, match=message):
+            shear_waves(**{"material": PLAIN} | given | change)
