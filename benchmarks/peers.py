@@ -56,7 +56,7 @@ def cases(names: Sequence[str], quick: bool = False) -> Iterator[Column]:
 
 def report(row: Row) -> str:
     """One line about a row."""
-    name = f"{row['code']:14s}{row['law']:15s} a = {row['aspect']:<5g}"
+    name = f"{row['code']:16s}{row['law']:15s} a = {row['aspect']:<5g}"
     name += f"{row['cells']:3d} cells {row['points']:2d} points"
     for word in ("left_out", "failed"):
         if word in row:

@@ -46,7 +46,7 @@ class Simulation:
     threads : int
         Must be 1.
     **settings
-        Settings of the solver that replace those chosen here.
+        `cfl` in place of `CFL`, and settings of the solver in place of those of `EXPLICIT`.
 
     Raises
     ------

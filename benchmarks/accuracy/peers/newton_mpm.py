@@ -31,6 +31,15 @@ ROUGH = 1e3
 class Simulation:
     """Simulation with that part of the API of `granular.Simulation` that the benchmark needs.
 
+    Parameters
+    ----------
+    scene : Scene
+        A column collapse of mu(I) or Drucker-Prager.
+    threads : int
+        Must be 1.
+    **settings
+        `step` in place of `STEP`, and numbers of `SolverImplicitMPM.Config`.
+
     Raises
     ------
     Missing
