@@ -13,6 +13,9 @@
 /* Contacts of a pair: those nearest, then those farthest from them. Four corners hold a face. */
 enum { MOST_OF_PAIR = 8 };
 
+/* Contacts for which there is memory at first; there is more when a step has more. */
+enum { FIRST_CAPACITY = 1024 };
+
 /* Pairs that overlap by more than this at the start, in cells, do not touch each other. */
 #define OVERLAP 0.5
 
@@ -314,6 +317,8 @@ static int build(struct gr_engine *e, const struct gr_rigid_config *c)
         rigid->bounces |= c->restitution[b] > 0;
     }
     GR_RESIZE(rigid->near, most + 1);
+    GR_RESIZE(rigid->contact, FIRST_CAPACITY);
+    rigid->capacity = FIRST_CAPACITY;
     rigid->slack = calloc(bodies * (bodies + obstacles), sizeof *rigid->slack);
     return rigid->slack ? GR_OK : GR_ERR_MEMORY;
 }

@@ -298,7 +298,10 @@ static void stage_grid(struct run *run)
     }
     all_of(run, nodes, n_nodes);
     if (e->config.n_bodies) e->error = gr_bodies_touch(e, run->gravity, run->team);
-    if (e->error) return;
+    if (e->error) {
+        e->sums_valid = 0;
+        return;
+    }
     if (gr_averages(e, e->step)) all_of(run, surroundings, n_nodes);
     for (run->pass = 2; run->pass <= e->config.xpic_order; run->pass++) {
         all_tiles(run, smooth);
