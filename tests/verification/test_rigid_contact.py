@@ -241,6 +241,49 @@ def test_a_head_on_impact_of_balls():
     assert sim.bodies[1].velocity[0] == pytest.approx(common + 0.6 * m * 2.0 / (m + n), rel=1e-9)
 
 
+@pytest.mark.parametrize("mu", [0.05, 0.5])
+def test_an_oblique_bounce(mu):
+    """A ball that grips reverses its sliding velocity e times; one that slides loses (1 + e) mu."""
+    e, speed = 0.6, 2.0
+    bouncing = disc(0.1, (0.5, 0.3), velocity=(1.0, -speed), friction=mu, restitution=e)
+    scene = scene_of(bouncing, walls=(Wall(1, 0.0),), gravity=0.0, dt=4e-4)
+    sim = gr.Simulation(scene, threads=1)
+    sim.run(until=0.15, monitor=False)
+    now = sim.bodies[0]
+    lost = min((1 + e) * mu * speed, (1 + e) / 3)  # 1/3: the mass of a disc at its rim
+    assert now.velocity == pytest.approx((1.0 - lost, e * speed), rel=1e-12)
+    assert now.angular_velocity == pytest.approx(-2 * lost / 0.1, rel=1e-12)
+
+
+def test_a_body_that_moves_pushes_and_drags():
+    """A piston gives a disc 1 + e times its speed; a belt that moves carries a block along."""
+    piston = Body(Box((0.2, 0.4)), (0.2, 0.8), motion=Motion(velocity=((0.5, 0.0),)))
+    pushed = disc(0.1, (0.5, 0.8), restitution=0.4)
+    sim = gr.Simulation(scene_of(pushed, piston, gravity=0.0, dt=4e-4), threads=1)
+    sim.run(until=0.3, monitor=False)
+    assert sim.bodies[0].velocity[0] == pytest.approx(1.4 * 0.5, rel=1e-12)
+    block = body_of(Box((0.3, 0.2)), (0.4, 0.1), friction=0.3)
+    belt = (Wall(1, 0.0, velocity=(0.6, 0.0)),)
+    sim = gr.Simulation(scene_of(block, walls=belt, dt=4e-4), threads=1)
+    sim.run(until=0.1, monitor=False)
+    assert sim.bodies[0].velocity[0] == pytest.approx(0.3 * G * sim.time, rel=1e-6)
+    sim.run(until=0.5, monitor=False)
+    assert sim.bodies[0].velocity == pytest.approx((0.6, 0.0), abs=1e-9)
+
+
+def test_a_tower_stands():
+    """Eight blocks on each other, with friction, for a second."""
+    blocks = [
+        body_of(Box((0.2, 0.1)), (0.8, 0.05 + 0.1 * k), friction=0.5, restitution=0.3)
+        for k in range(8)
+    ]
+    sim = gr.Simulation(scene_of(*blocks, walls=(Wall(1, 0.0),), dt=4e-4), threads=1)
+    sim.run(until=1.0, monitor=False)
+    for k, state in enumerate(sim.bodies):
+        assert state.position == pytest.approx((0.8, 0.05 + 0.1 * k), abs=1e-5)
+        assert np.abs(state.velocity).max() < 1e-5
+
+
 def test_an_edge_that_strikes_turns_the_block():
     """A block lands on the edge of a step without friction: the impulse by the effective mass.
 
