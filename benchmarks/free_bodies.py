@@ -1,13 +1,14 @@
 """Free bodies: what they cost, how light they may be, and the depth of craters.
 
-    python benchmarks/free_bodies.py [cost light craters ...] [--again] [--quick] [--out FILE] [--page FILE]
+    python benchmarks/free_bodies.py [cost light craters ...] [--again] [--quick] [--out FILE]
+        [--page FILE]
 
-cost: nanoseconds of the processor for each point and step with no body, with a body that stands, with one that
-moves and turns freely, and with one that touches a wall besides; the runs take turns.
-light: the noise of the bed about a disc at rest in it, by the mass of the disc over that of a full cell.
+cost: nanoseconds of the processor for each point and step with no body, with a body that stands,
+with one that moves and turns freely, and with one that touches a wall besides; the runs take turns.
+light: the noise of the bed about a disc at rest in it, by its mass over that of a full cell.
 craters: the depth to which balls fall, over that of Uehara et al. (2003).
-Runs that are in the JSON file are kept, unless `--again` is given. `--page` writes the tables into a page, by default
-docs/explanation/bodies.md.
+Runs that are in the JSON file are kept, unless `--again` is given. `--page` writes the tables into
+a page, by default docs/explanation/bodies.md.
 """
 
 from __future__ import annotations

@@ -13,9 +13,9 @@
 enum { LEAST_SWEEPS = 2, MOST_SWEEPS = 20 };
 
 /* The contacts of bodies with what is solid are few: they are swept over several times for each sweep over the feet, and in
- * the end until they hold to round-off, as they keep bodies from sinking into each other. */
-#define RIGID_TOLERANCE 1e-10
-enum { RIGID_INNER = 10, RIGID_SWEEPS = 400 };
+ * the end until they hold closely, as they keep bodies from sinking into each other. */
+#define RIGID_TOLERANCE 1e-8
+enum { RIGID_INNER = 5, RIGID_SWEEPS = 100 };
 
 /* Half of a vector of a node, which has a fourth component to be read as a whole. */
 typedef double half __attribute__((vector_size(16), aligned(8)));

@@ -10,8 +10,9 @@
 /* What a gap may close by in a step beyond what the speeds tell, in cells: the material may push a light body. */
 #define SPARE 0.05
 
-/* Contacts of a pair: those nearest, then those farthest from them. Four corners hold a face. */
-enum { MOST_OF_PAIR = 8 };
+/* Balls of a body that touch another one: the nearest, then those farthest from them. In 2D two ends hold an edge, in 3D
+ * four corners a face; the nearest may be between them. */
+enum { MOST_2D = 3, MOST_3D = 6 };
 
 /* Contacts for which there is memory at first; there is more when a step has more. */
 enum { FIRST_CAPACITY = 1024 };
@@ -85,19 +86,23 @@ static int is_flush(const struct gr_engine *e, int k, const double x[3], const d
     return 0;
 }
 
-/* The pair of a body with something, and the distance within which they may touch in this step. */
+/* The pair of a body with something, and the distance within which they may touch in this step. Impulses act where the
+ * surfaces meet; before they do, on that of the body that can be moved, or between both. */
 struct pair {
-    int owner; /* of the balls */
-    double slack, near;
+    int owner;                 /* of the balls */
+    double slack, near, share; /* of the gap between the ball and the place where the impulse acts */
 };
 
 /* Note a ball, with the centre at own and the radius r, at the distance phi from the other surface.
  * Returned: whether it is near. */
 static int take(const struct pair *pair, double phi, double r, struct gr_near_ball *ball)
 {
-    const double to_surface = 0.5 * (phi + r); /* the middle of the gap */
+    const double to_place = r + pair->share * (phi - r);
     ball->gap = phi - r + pair->slack;
-    for (int d = 0; d < 3; d++) ball->own[d] -= to_surface * ball->n[d];
+    for (int d = 0; d < 3; d++) {
+        ball->own[d] -= to_place * ball->n[d];
+        ball->other[d] -= to_place * ball->n[d];
+    }
     return ball->gap < pair->near;
 }
 
@@ -115,7 +120,6 @@ static int64_t near_body(const struct gr_engine *e, const struct pair *pair, con
         for (int d = 0; d < 3; d++) x[d] = pose->x[d] + ball->own[d];
         const double phi = gr_pose_distance(e, &body[b].pose, x, ball->other, ball->n);
         if (phi - centre[3] + pair->slack >= pair->near) continue;
-        for (int d = 0; d < 3; d++) ball->other[d] -= 0.5 * (phi + centre[3]) * ball->n[d];
         n += take(pair, phi, centre[3], ball);
     }
     return n;
@@ -142,11 +146,11 @@ static int64_t near_box(const struct gr_engine *e, const struct pair *pair, cons
 }
 
 /* Keep the nearest of n balls, then in turns the one that is farthest from those that are kept.
- * Returned: how many. */
-static int64_t spread(struct gr_near_ball *ball, int64_t n)
+ * Returned: how many, `wanted` at most. */
+static int64_t spread(struct gr_near_ball *ball, int64_t n, int64_t wanted)
 {
     int64_t kept = 0;
-    while (kept < n && kept < MOST_OF_PAIR) {
+    while (kept < n && kept < wanted) {
         int64_t best = kept;
         double most = -1;
         for (int64_t k = kept; k < n; k++) {
@@ -176,7 +180,7 @@ static int add(struct gr_engine *e, const struct gr_moving *body, int a, int b, 
                int64_t n)
 {
     struct gr_rigid *rigid = e->rigid;
-    n = spread(rigid->near, n);
+    n = spread(rigid->near, n, e->config.dim == 2 ? MOST_2D : MOST_3D);
     if (rigid->n + n > rigid->capacity) {
         const int64_t more = 2 * (rigid->n + n);
         rigid->capacity = 0;
@@ -214,11 +218,12 @@ static int touch_body(struct gr_engine *e, const struct gr_moving *body, int a, 
     const struct gr_moving *A = &body[a], *B = &body[b];
     if (gr_pose_distance(e, &B->pose, A->pose.x, arm, n) > A->pose.body->bound + near) return GR_OK;
     if (gr_pose_distance(e, &A->pose, B->pose.x, arm, n) > B->pose.body->bound + near) return GR_OK;
+    const int moves = gr_can_be_moved(B->pose.body);
     int error = GR_OK;
     if (is_ball(rigid, a) || !is_ball(rigid, b))
-        error = add(e, body, a, b, NULL, 0, near_body(e, &(struct pair){a, slack, near}, body, b));
+        error = add(e, body, a, b, NULL, 0, near_body(e, &(struct pair){a, slack, near, moves ? 0.5 : 0}, body, b));
     if (!error && !is_ball(rigid, a))
-        error = add(e, body, a, b, NULL, 1, near_body(e, &(struct pair){b, slack, near}, body, a));
+        error = add(e, body, a, b, NULL, 1, near_body(e, &(struct pair){b, slack, near, moves ? 0.5 : 1}, body, a));
     return error;
 }
 
@@ -244,7 +249,7 @@ static int touch_all(struct gr_engine *e, const struct gr_moving *body, int a, d
     int error = GR_OK;
     list_boxes(e, &body[a], a, near);
     for (int k = 0; k < rigid->n_boxes && !error; k++) {
-        const struct pair pair = {a, rigid->box[k].slack, near};
+        const struct pair pair = {a, rigid->box[k].slack, near, 0};
         error = add(e, body, a, -1, rigid->box[k].obstacle, 0, near_box(e, &pair, body, k));
     }
     for (int b = 0; b < e->config.n_bodies && !error; b++) {
@@ -285,7 +290,7 @@ static void measure_slack(struct gr_engine *e)
             double least = 0;
             if (is_box && (k == rigid->n_boxes || rigid->box[k].obstacle != &rigid->obstacle[other - e->config.n_bodies]))
                 continue;
-            const struct pair pair = {a, 0, 0}, reverse = {other, 0, 0};
+            const struct pair pair = {a, 0, 0, 0}, reverse = {other, 0, 0, 0};
             if (is_box) n = near_box(e, &pair, body, k++);
             if (!is_box && other != a) n = near_body(e, &pair, body, other);
             for (int64_t j = 0; j < n; j++) least = fmin(least, rigid->near[j].gap);

@@ -9,7 +9,7 @@
 
 /* Sweeps of an impact, and their tolerance. */
 #define TOLERANCE 1e-12
-enum { MOST_SWEEPS = 400 };
+enum { MOST_SWEEPS = 100 };
 
 /* Velocity of body a relative to b at a contact. */
 static void relative(const struct gr_rigid_contact *c, const struct gr_moving *body, double u[3])

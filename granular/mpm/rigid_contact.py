@@ -104,10 +104,9 @@ def _thinned(places: Array, width: float) -> Array:
 
     Many places are projected on a corner, fewer on an edge, and fewest on a face.
     """
-    exact, first, count = np.unique(
+    _, first, count = np.unique(
         np.rint(places / (1e-6 * width)), axis=0, return_index=True, return_counts=True
     )
-    del exact
     order = np.lexsort((first, -count))
     kept = places[first[order]]
     chosen = np.unique(np.floor(kept / (0.7 * width) + 0.5), axis=0, return_index=True)[1]

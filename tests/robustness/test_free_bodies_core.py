@@ -1,4 +1,4 @@
-"""Inertia of bodies, and what free bodies touch, given to the core directly: refused or survived."""
+"""Inertia and contact of free bodies, given to the core directly: refused or survived."""
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ from granular.mpm.bodies import Body, Box, Motion, mass_properties
 from granular.mpm.rigid_contact import contact_balls, obstacles
 
 pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
+
 
 def scene_of(dim):
     """A bed, and a block that falls on it and beside a wall."""

@@ -241,7 +241,7 @@ def test_formulas_are_those_of_the_quadrature(shape):
         (lambda: Body(Box((1.0, 1.0)), (0.0, 0.0), restitution=0.5), "restitution = 0.5 must be 0"),
         (
             lambda: Body(Box((1.0, 1.0)), (0.0, 0.0), inertia=1.0, restitution=1.5),
-            r"restitution = 1.5 must be .* in \[0.0, 1.0\]",
+            r"restitution = 1.5 must be in \[0.0, 1.0\]",
         ),
         (lambda: mass_properties(gr.bodies.HalfSpace((0.0, 1.0)), 1.0), "finite size"),
         (lambda: mass_properties(Box((1.0, 1.0)), -1.0), "density = -1.0"),

@@ -67,7 +67,9 @@ PLATE = Body(Box((0.1, 0.8)), (1.35, 0.8))
             0.8,  # through the periodic end, to the lower side of the box at 0.2 m
         ),
         (
-            scene_of(disc(2.0, 0.0), walls=(Solid((0.1, 0.5), (0.2, 1.2)),), periodic=(True, False)),
+            scene_of(
+                disc(2.0, 0.0), walls=(Solid((0.1, 0.5), (0.2, 1.2)),), periodic=(True, False)
+            ),
             0.7,
         ),
     ],
