@@ -382,12 +382,12 @@ def _blades(scene: Scene) -> str | None:
 
 
 LIGHTEST = 0.1
-"""Least mass of a free body over that of a full cell, from `benchmarks/light_bodies.py`.
+"""Least mass of a free body over that of a full cell, from `benchmarks/free_bodies.py`.
 
 Contact finds impulses in 20 sweeps at most, in each of which a body of the mass M passes on the
 part M/(M + m) of what nodes of the mass m, that of a cell at most, press on it with. So M must
-exceed m/20. A body at rest in a bed moves by noise that doubles at a tenth of the mass of a cell,
-and grows without a bound below a thirtieth.
+exceed m/20. The noise about a body at rest in a bed is 1.5 times that of a heavy one at a tenth of
+the mass of a cell, and 6 to 50 times at a hundredth.
 """
 
 
