@@ -330,6 +330,39 @@ def test_a_tumbling_block_comes_to_rest_without_gaining_energy(e):
     assert last < 0.5 * start
 
 
+def test_a_brick_comes_to_rest_on_a_face():
+    """It is thrown on the floor of a box, turning about all axes."""
+    edges = (0.3, 0.2, 0.12)
+    brick = body_of(
+        Box(edges),
+        (0.8, 0.8, 0.6),
+        rotation_deg=(30.0, 20.0, 10.0),
+        velocity=(0.3, 0.2, 0.0),
+        turning=(3.0, -5.0, 2.0),
+        friction=0.5,
+        restitution=0.5,
+    )
+    sides = tuple(Wall(axis, x) for axis in (0, 1) for x in (0.0, 1.6))
+    sim = gr.Simulation(scene_of(brick, walls=(Wall(2, 0.0), *sides), dt=4e-4), threads=1)
+    sim.run(until=1.6, monitor=False)
+    rest = sim.bodies[0]
+    assert np.abs(rest.velocity).max() < 1e-8
+    assert np.abs(rest.angular_velocity).max() < 1e-7
+    assert min(abs(rest.position[2] - edge / 2) for edge in edges) < 1e-6
+
+
+def test_a_disc_in_a_drum_stays_in_it():
+    """The overlap of a step is of the order of dt^2, and is undone again."""
+    rolling = disc(0.1, (0.8, 0.35), velocity=(2.0, 0.0), friction=0.3)
+    drum = Body(Cylinder(0.6, center=(0.0, 0.0), inside=True), (0.8, 0.8), friction=0.3)
+    inside = Fill(Region((0.75, 1.2), (0.8, 1.25)), 4)
+    sim = gr.Simulation(scene_of(rolling, drum, dt=4e-4).replace(fills=(inside,)), threads=1)
+    for _ in range(40):
+        sim.step(25)
+        beyond = np.linalg.norm(sim.bodies[0].position - 0.8) - 0.5
+        assert beyond < 50 * (2.0 * 4e-4) ** 2 / (2 * 0.5)
+
+
 def test_a_block_slides_over_blocks_that_lie_flush():
     """No face is felt where two of them meet."""
     block = body_of(Box((0.3, 0.2)), (0.4, 0.3), velocity=(1.0, 0.0))
