@@ -16,6 +16,13 @@ def angle(state):
     return math.atan2(state.rotation[1, 0], state.rotation[0, 0])
 
 
+def energy_of(body, state):
+    """Kinetic energy and that of height."""
+    turning = 0.5 * body.inertia * state.angular_velocity**2
+    moving = 0.5 * body.mass * state.velocity @ state.velocity
+    return float(turning + moving + body.mass * G * state.position[1])
+
+
 def test_the_wheel_rolls_down_the_ramp_and_gives_its_momentum_to_the_bed():
     """It rolls by 2/3 g sin; on the bed its momenta change by gravity and what it feels."""
     scene = gr.scenes.rolling_wheel(cell=0.02)
@@ -36,6 +43,10 @@ def test_the_wheel_rolls_down_the_ramp_and_gives_its_momentum_to_the_bed():
     spun = wheel.inertia * (after.angular_velocity - before.angular_velocity)
     turned = after.angular_impulse - before.angular_impulse
     assert spun == pytest.approx(turned, rel=1e-9)
+    lost = energy_of(wheel, before) - energy_of(wheel, after)
+    worked = float(after.work - before.work)
+    assert 0 < worked < lost  # the rest is dissipated by friction at the rim
+    assert worked > 0.5 * lost
     assert np.linalg.norm(after.velocity) < 0.1 * speed
     assert 0.5 * 0.06 < after.position[1] < 0.06  # it has sunk in
 
