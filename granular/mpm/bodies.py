@@ -180,7 +180,9 @@ class Body:
         along the surface; "bilateral" does the same to all material; "sticky" gives all material
         the velocity of the body.
     friction : float
-        Coulomb friction coefficient, >= 0; must be 0 for "sticky".
+        Coulomb friction coefficient, >= 0, with the material, and with walls, blocks and other
+        bodies, where the smaller one of two counts; must be 0 for "sticky", which is infinitely
+        rough.
     rough : bool
         Boundary condition of the fluidity of a nonlocal law: if True the fluidity is 0 at the
         surface, as at a no-slip wall; if False its normal derivative is 0, on the faces of cells
