@@ -51,6 +51,8 @@ READY = {
     "obstacle": {"cell": 0.05},
     "penetration": {"cell": 0.04},
     "sphere_drop": {"cell": 0.008},
+    "rolling_wheel": {"cell": 0.02},
+    "tumbling_block": {"cell": 0.02},
     "conveyor": {"cell": 0.025},
     "conveyor_heap": {"cell": 0.02, "duration": 0.5},
     "chute_fed": {"cell": 0.02, "duration": 0.5},

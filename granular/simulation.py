@@ -366,9 +366,9 @@ class Simulation:
             object goes on with the record, and stores the frame that could not be stored.
         SimulationError
             If a point is not finite or ran away; the attributes `point` and `step` name it. If a
-            free body has met a wall, an end of the domain or another body, which it does not feel;
-            the attributes are `body` and `step`. The record holds the frames before, and the last
-            checkpoint.
+            free body has met an end of the domain without a wall, or is pressed into something by
+            prescribed motions; the attributes are `body` and `step`. The record holds the frames
+            before, and the last checkpoint.
         RuntimeError
             With several threads in a process that was forked after a run with threads.
         KeyboardInterrupt

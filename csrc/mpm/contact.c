@@ -1,10 +1,9 @@
 /* Contact of the material with rigid bodies, and the motion of the bodies (contact.h). */
 #include "mpm/contact.h"
 
-#include "body/turning.h"
 #include "mpm/feet.h"
 #include "mpm/grid.h"
-#include "mpm/pose.h"
+#include "mpm/rigid.h"
 #include "mpm/wall_impulse.h"
 #include "mpm/walls.h"
 
@@ -13,15 +12,13 @@
 #define TOLERANCE 1e-2
 enum { LEAST_SWEEPS = 2, MOST_SWEEPS = 20 };
 
+/* The contacts of bodies with what is solid are few: they are swept over several times for each sweep over the feet, and in
+ * the end until they hold closely, as they keep bodies from sinking into each other. */
+#define RIGID_TOLERANCE 1e-8
+enum { RIGID_INNER = 5, RIGID_SWEEPS = 100 };
+
 /* Half of a vector of a node, which has a fourth component to be read as a whole. */
 typedef double half __attribute__((vector_size(16), aligned(8)));
-
-/* A body during a step, with the velocities of the step. */
-struct moving {
-    struct gr_pose pose;
-    double v[3], omega[3];
-    double inverse_inertia[9]; /* 1/(kg m^2), of a body that turns freely */
-};
 
 void gr_bodies_start(struct gr_engine *e)
 {
@@ -39,11 +36,6 @@ void gr_bodies_start(struct gr_engine *e)
         memcpy(e->split[b].x, state->x, sizeof state->x);
         memcpy(e->split[b].orientation, state->orientation, sizeof state->orientation);
     }
-}
-
-static void place(const struct gr_engine *e, int b, struct moving *m)
-{
-    gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &m->pose);
 }
 
 double gr_bodies_speed(const struct gr_engine *e)
@@ -77,28 +69,19 @@ static inline void velocity_at(const struct gr_engine *e, const struct gr_foot *
 }
 
 /* The same relative to the surface. */
-static inline void slip(const struct gr_engine *e, const struct gr_foot *foot, const struct moving *m, double u[3])
+static inline void slip(const struct gr_engine *e, const struct gr_foot *foot, const struct gr_moving *m, double u[3])
 {
-    const double *r = foot->arm, *w = m->omega;
-    const double surface[3] = {m->v[0] + w[1] * r[2] - w[2] * r[1], m->v[1] + w[2] * r[0] - w[0] * r[2],
-                               m->v[2] + w[0] * r[1] - w[1] * r[0]};
-    double v[4];
+    double v[4], surface[3];
+    gr_velocity_of(m, foot->arm, surface);
     velocity_at(e, foot, v);
     for (int d = 0; d < 3; d++) u[d] = v[d] - surface[d];
 }
 
 /* Give the nodes about a foot, and its body, a change of its impulse. */
-static void push(struct gr_engine *e, const struct gr_foot *foot, const double impulse[3], struct moving *m)
+static void push(struct gr_engine *e, const struct gr_foot *foot, const double impulse[3], struct gr_moving *m)
 {
-    const struct gr_body *body = m->pose.body;
     const half low = {impulse[0], impulse[1]}, high = {impulse[2], 0};
-    for (int d = 0; d < 3; d++)
-        if (body->free >> d & 1) m->v[d] -= impulse[d] / body->mass;
-    if (body->turns) {
-        double change[3];
-        gr_spin_up(m->inverse_inertia, foot->arm, impulse, change);
-        for (int d = 0; d < 3; d++) m->omega[d] -= change[d];
-    }
+    gr_impel(m, foot->arm, (double[]){-impulse[0], -impulse[1], -impulse[2]});
     for (int i = 0; i < foot->n_nodes; i++) {
         struct gr_foot_node *node = &e->feet->node[foot->node[i]];
         const half *mobility = (const half *)node->mobility;
@@ -110,7 +93,7 @@ static void push(struct gr_engine *e, const struct gr_foot *foot, const double i
 /* Change the impulse at a foot so that it fulfils the conditions of contact by itself.
  * Changed: largest, at least the velocity that the impulse gives the foot.
  * Returned: the velocity that its change gives the foot, m/s. */
-static double correct(struct gr_engine *e, struct gr_foot *foot, struct moving *m, double *largest)
+static double correct(struct gr_engine *e, struct gr_foot *foot, struct gr_moving *m, double *largest)
 {
     const struct gr_body *body = m->pose.body;
     const double *n = foot->normal;
@@ -174,10 +157,11 @@ static double rub(struct gr_foot_node *node, struct gr_foot_origin *origin)
     return sqrt(changed);
 }
 
-/* One sweep over all feet and all Coulomb walls of their nodes, the feet in the opposite order if `back`.
+/* One sweep over all feet and all Coulomb walls of their nodes, the feet in the opposite order if `back`, and some over the
+ * contacts of bodies with what is solid.
  * Changed: largest, at least the velocity that the impulse of any foot gives it.
  * Returned: the largest change of a velocity, m/s. */
-static double sweep(struct gr_engine *e, int back, struct moving *body, double *largest)
+static double sweep(struct gr_engine *e, int back, struct gr_moving *body, double *largest)
 {
     struct gr_feet *feet = e->feet;
     double changed = 0;
@@ -187,6 +171,7 @@ static double sweep(struct gr_engine *e, int back, struct moving *body, double *
     }
     for (int64_t k = 0; k < feet->n_nodes; k++)
         if (feet->origin[k].most_friction > 0) changed = fmax(changed, rub(&feet->node[k], &feet->origin[k]));
+    if (e->rigid) changed = fmax(changed, gr_rigid_sweep(e, RIGID_INNER, TOLERANCE, body, largest));
     return changed;
 }
 
@@ -226,20 +211,19 @@ static void react(const struct gr_engine *e, const struct gr_foot *foot, struct 
     next->angular_impulse[2] -= r[0] * given[1] - r[1] * given[0];
 }
 
-/* Start of the step for a body: the mean velocities of its motion, and gravity along free axes. */
-static void begin(struct gr_engine *e, int b, const double g[3], struct moving *m)
+/* Start of the step for a body: the mean velocities of its motion, and a share of gravity along free axes. */
+static void begin(struct gr_engine *e, int b, double share, const double g[3], struct gr_moving *m)
 {
     double mean[6];
-    place(e, b, m);
+    gr_pose_now(e, b, &m->pose);
     gr_motion_mean(m->pose.body, e->time, e->dt, mean);
     for (int d = 0; d < 3; d++) {
-        m->v[d] = m->pose.body->free >> d & 1 ? e->body[b].v[d] + e->dt * g[d] : mean[d];
+        m->v[d] = m->pose.body->free >> d & 1 ? e->body[b].v[d] + share * (e->dt * g[d]) : mean[d];
         m->omega[d] = m->pose.body->turns ? e->body[b].omega[d] : mean[3 + d];
     }
-    if (m->pose.body->turns) gr_inverse_inertia(m->pose.body, e->config.dim, e->body[b].orientation, m->inverse_inertia);
 }
 
-static void end(struct gr_engine *e, int b, const struct moving *m)
+static void end(struct gr_engine *e, int b, const struct gr_moving *m)
 {
     double prescribed[6];
     const struct gr_body_state *now = &e->body[b];
@@ -256,12 +240,31 @@ static void end(struct gr_engine *e, int b, const struct moving *m)
         gr_turn(now->orientation, m->omega, e->dt, next->orientation);
 }
 
-void gr_bodies_touch(struct gr_engine *e, const double g[3], struct gr_team *team)
+/* Start of the step for all bodies. With impacts, these see the velocities in the middle of the step: those that are stored
+ * are of the middle between two steps, as x += dt v, and bounces would take energy otherwise, g dt/|v| of it each.
+ * Returned: 0 or GR_ERR_MEMORY. */
+static int begin_all(struct gr_engine *e, const double g[3], struct gr_moving *body)
 {
-    struct moving body[GR_MAX_BODIES];
+    const int bounces = e->rigid && e->rigid->bounces;
+    for (int b = 0; b < e->config.n_bodies; b++) begin(e, b, bounces ? 0.5 : 1, g, &body[b]);
+    if (!e->rigid) return GR_OK;
+    if (gr_rigid_find(e, g, body)) return GR_ERR_MEMORY;
+    if (bounces) {
+        gr_rigid_bounce(e, g, body);
+        for (int b = 0; b < e->config.n_bodies; b++)
+            for (int d = 0; d < 3; d++)
+                if (body[b].pose.body->free >> d & 1) body[b].v[d] += 0.5 * (e->dt * g[d]);
+    }
+    gr_rigid_start(e);
+    return GR_OK;
+}
+
+int gr_bodies_touch(struct gr_engine *e, const double g[3], struct gr_team *team)
+{
+    struct gr_moving body[GR_MAX_BODIES];
     double gravity[3] = {0};
     memcpy(gravity, g, sizeof(double) * (size_t)e->config.dim);
-    for (int b = 0; b < e->config.n_bodies; b++) begin(e, b, gravity, &body[b]);
+    if (begin_all(e, gravity, body)) return GR_ERR_MEMORY;
     gr_feet_find(e, gravity, team);
     undo_friction(e, gravity);
     for (int64_t k = 0; k < e->feet->n; k++)
@@ -269,6 +272,7 @@ void gr_bodies_touch(struct gr_engine *e, const double g[3], struct gr_team *tea
     double changed = INFINITY, largest = 0;
     for (int made = 0; made < MOST_SWEEPS && (made < LEAST_SWEEPS || changed > TOLERANCE * largest); made++)
         changed = sweep(e, made % 2, body, &largest);
+    if (e->rigid) (void)gr_rigid_sweep(e, RIGID_SWEEPS, RIGID_TOLERANCE, body, &largest);
     store(e);
     gr_feet_keep(e);
     for (int b = 0; b < e->config.n_bodies; b++) e->body_next[b] = e->body[b];
@@ -277,4 +281,5 @@ void gr_bodies_touch(struct gr_engine *e, const double g[3], struct gr_team *tea
         react(e, foot, &e->body_next[foot->body]);
     }
     for (int b = 0; b < e->config.n_bodies; b++) end(e, b, &body[b]);
+    return GR_OK;
 }

@@ -21,5 +21,8 @@ double gr_bodies_speed(const struct gr_engine *e);
  * with u = sum N_i v_i' - (V + omega x r) the velocity of the material relative to the surface and b its bound. They are
  * found by sweeps of projected Gauss-Seidel over the feet, each of which changes v_i' by N_i J/m_i, free components of
  * V by -J/M, and omega of bodies that turn by -I^-1 (r x J). The points receive the change of v_i' as a whole. Components
- * that walls hold stay as they are. */
-void gr_bodies_touch(struct gr_engine *e, const double g[3], struct gr_team *team);
+ * that walls hold stay as they are.
+ *
+ * With e->rigid, bodies that move freely touch what is solid, too (rigid.h), and these impulses belong to the same sweeps.
+ * Returned: 0 or GR_ERR_MEMORY. */
+int gr_bodies_touch(struct gr_engine *e, const double g[3], struct gr_team *team);

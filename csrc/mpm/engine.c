@@ -10,6 +10,7 @@
 #include "mpm/feet.h"
 #include "mpm/inflow.h"
 #include "mpm/open_volume.h"
+#include "mpm/rigid.h"
 #include "mpm/sleep.h"
 #include "mpm/wall_impulse.h"
 
@@ -312,6 +313,7 @@ void gr_engine_free(struct gr_engine *e)
     gr_watch_free(e->watch);
     gr_inlets_free(e->inflow);
     gr_feet_free(e->feet);
+    gr_rigid_free(e->rigid);
     gr_open_volume_free(e->open);
     gr_sleep_free(e->sleep);
     for (int b = 0; e->config.bodies && b < e->config.n_bodies; b++) free((void *)e->config.bodies[b].motion);

@@ -177,6 +177,7 @@ struct gr_engine {
     /* bodies; NULL without any */
     struct gr_body_state *body, *body_next; /* now, and after the current step */
     struct gr_feet *feet;                   /* where the material touches them (mpm/feet.h) */
+    struct gr_rigid *rigid;                 /* what free bodies touch besides (mpm/rigid.h); NULL unless asked for */
     struct gr_open_volume *open;            /* what they take of the nodes (mpm/open_volume.h); NULL if nothing uses it */
     int n_thin;
     struct gr_thin_part *thin;

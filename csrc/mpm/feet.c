@@ -382,7 +382,7 @@ void gr_feet_find(struct gr_engine *e, const double g[3], struct gr_team *team)
     w.speed = gr_bodies_speed(e);
     for (int d = 0; d < e->config.dim; d++) w.fall += g[d] * g[d];
     w.fall = 2 * e->dt * sqrt(w.fall);
-    for (int b = 0; b < e->config.n_bodies; b++) gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &w.pose[b]);
+    for (int b = 0; b < e->config.n_bodies; b++) gr_pose_now(e, b, &w.pose[b]);
     search(&w);
     collect(&w);
 }

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "body/turning.h"
 #include "mpm/engine.h"
 
 struct gr_pose {
@@ -11,6 +12,7 @@ struct gr_pose {
     const struct gr_part *parts;
     double period[3]; /* m: the body is repeated with this period; 0 along an axis without images */
     double x[3], rotation[9];
+    double inverse_inertia[9]; /* 1/(kg m^2), of a body that turns freely; only where gr_pose_now has set the pose */
 };
 
 static inline void gr_pose_at(const struct gr_engine *e, int b, const double x[3], const double orientation[4],
@@ -25,6 +27,14 @@ static inline void gr_pose_at(const struct gr_engine *e, int b, const double x[3
         pose->period[d] =
             d < e->config.dim && axis->periodic && 2 * pose->body->extent[d] <= axis->length ? axis->length : 0;
     }
+}
+
+/* The present pose of a body. */
+static inline void gr_pose_now(const struct gr_engine *e, int b, struct gr_pose *pose)
+{
+    const struct gr_body_state *now = &e->body[b];
+    gr_pose_at(e, b, now->x, now->orientation, pose);
+    if (pose->body->turns) gr_inverse_inertia(pose->body, e->config.dim, now->orientation, pose->inverse_inertia);
 }
 
 /* Component d of the vector from the position of the nearest image of a body to x. */

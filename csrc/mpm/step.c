@@ -297,7 +297,11 @@ static void stage_grid(struct run *run)
         all_tiles(run, cell_forces);
     }
     all_of(run, nodes, n_nodes);
-    if (e->config.n_bodies) gr_bodies_touch(e, run->gravity, run->team);
+    if (e->config.n_bodies) e->error = gr_bodies_touch(e, run->gravity, run->team);
+    if (e->error) {
+        e->sums_valid = 0;
+        return;
+    }
     if (gr_averages(e, e->step)) all_of(run, surroundings, n_nodes);
     for (run->pass = 2; run->pass <= e->config.xpic_order; run->pass++) {
         all_tiles(run, smooth);
@@ -368,7 +372,7 @@ static void make_steps(void *context, struct gr_team *team)
         e->sums_valid = 1;
         if (!prepare(run)) return;
         stage_grid(run);
-        if (stage_fluidity(run)) return;
+        if (e->error || stage_fluidity(run)) return;
         all_tiles(run, sweep);
         if (e->sleep && (!e->config.smoothed || gr_averages(e, e->step))) e->sleep->all_nodes = 0;
         finish(run);
@@ -407,6 +411,7 @@ int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels)
     if (e->error) return e->error;
     prepare(&run);
     stage_grid(&run);
+    if (e->error) return e->error;
     if (e->config.xpic_order > 1) e->sums_valid = 0; /* the XPIC passes overwrote the sums */
     return stage_fluidity(&run);
 }

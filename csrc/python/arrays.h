@@ -105,6 +105,9 @@ PyObject *gr_python_watch_walls(struct gr_engine *e, int n_walls, PyObject *code
 PyObject *gr_python_wall_impulses(const struct gr_engine *e);
 PyObject *gr_python_restore_walls(struct gr_engine *e, PyObject *array);
 
+/* rigid.c: e->rigid. */
+PyObject *gr_python_touch_solids(struct gr_engine *e, PyObject *args);
+
 /* inlets.c */
 struct gr_sph;
 PyObject *gr_python_add_inlet(struct gr_engine *e, PyObject *args);

@@ -269,6 +269,12 @@ static PyObject *engine_add_inlet(struct gr_object *self, PyObject *args)
     return e ? gr_python_add_inlet(e, args) : NULL;
 }
 
+static PyObject *engine_touch_solids(struct gr_object *self, PyObject *args)
+{
+    struct gr_engine *e = gr_ready(self, 0);
+    return e ? gr_python_touch_solids(e, args) : NULL;
+}
+
 static PyObject *engine_inflow(struct gr_object *self, PyObject *Py_UNUSED(unused))
 {
     const struct gr_engine *e = gr_ready(self, 0);
@@ -372,6 +378,11 @@ static PyMethodDef methods[] = {
      "bound. records: float64 (sites, components), what\nenters at each site, all fields in the order of fields(); velocity: "
      "3 numbers, m/s; spacing of the\npoints along the axis, m; times at which they begin and end, s; yields: whether a point "
      "waits while its\nplace is taken."},
+    {"touch_solids", (PyCFunction)engine_touch_solids, METH_VARARGS,
+     "touch_solids(balls, first_ball, restitution, obstacles)\n--\n\nLet the bodies that move freely touch each other and "
+     "what is solid. balls: float64 (n, 4), centre in\ncoordinates of the body and radius, m; first_ball: int64 "
+     "(bodies + 1,); restitution: float64 (bodies,),\n0 to 1; obstacles: float64 (m, 12): lower, upper, m; velocity, m/s; "
+     "friction; opens_at, s; axis of a wall\nwithin the domain, or -1. Sides beyond 1e50 are infinitely far."},
     {"inflow", (PyCFunction)engine_inflow, METH_NOARGS,
      "inflow()\n--\n\nState of the inlets, int64: the next id; for each inlet the points that were due and missed, and of "
      "each\nsite those that have entered, and whether one waits."},

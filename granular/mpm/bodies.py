@@ -20,6 +20,7 @@ from granular.checks import (
     ascending,
     check_fields,
     finite,
+    in_range,
     non_negative,
     one_of,
     positive,
@@ -179,7 +180,9 @@ class Body:
         along the surface; "bilateral" does the same to all material; "sticky" gives all material
         the velocity of the body.
     friction : float
-        Coulomb friction coefficient, >= 0; must be 0 for "sticky".
+        Coulomb friction coefficient, >= 0, with the material, and with walls, blocks and other
+        bodies, where the smaller one of two counts; must be 0 for "sticky", which is infinitely
+        rough.
     rough : bool
         Boundary condition of the fluidity of a nonlocal law: if True the fluidity is 0 at the
         surface, as at a no-slip wall; if False its normal derivative is 0, on the faces of cells
@@ -194,6 +197,9 @@ class Body:
         metre of depth]: a number > 0 in 2D; in 3D the moments about the axes of the body, or the
         tensor in them. If given, the torque of the material turns the body about its position
         instead of its `motion`, from whose angular velocity it starts. See `mass_properties`.
+    restitution : float
+        Coefficient of restitution of its impacts on walls, blocks and other bodies, 0 to 1; of two
+        free bodies the lesser. Must be 0 unless the body moves freely.
 
     Raises
     ------
@@ -212,6 +218,7 @@ class Body:
     free: str = ""
     mass: float | None = None
     inertia: float | tuple[float, ...] | tuple[tuple[float, ...], ...] | None = None
+    restitution: float = 0.0
 
     def __post_init__(self) -> None:
         if not isinstance(self.shape, Shape):
@@ -241,6 +248,11 @@ class Body:
         check_fields(self, vector, "position", dim=dim)
         check_fields(self, positive, "mass", optional=True)
         check_fields(self, inertia_of, "inertia", optional=True, dim=dim)
+        check_fields(self, in_range, "restitution", low=0.0, high=1.0)
+        if self.restitution and not self.free and self.inertia is None:
+            raise ValueError(
+                f"restitution = {self.restitution} must be 0 without free axes and inertia"
+            )
         if self.inertia is not None and not math.isfinite(reach(self.shape)):
             raise ValueError(f"inertia = {self.inertia} must be None: the shape is endless")
 

@@ -1,4 +1,4 @@
-"""Watch over bodies that move freely: they feel the material, but nothing else that is solid."""
+"""Watch over bodies that move freely: ends of the domain without a wall do not hold them."""
 
 from __future__ import annotations
 
@@ -43,9 +43,10 @@ class Places(NamedTuple):
 
 
 class FreeBodies:
-    """The bodies of a scene that move freely, and what each of them must not reach.
+    """The bodies of a scene that move freely, and what each of them must not enter.
 
-    These are the ends of the domain that are not open, walls, blocks and other bodies. A body may
+    These are the ends of the domain that are not open, and what they touch by contact, which fails
+    where prescribed motions press them together: walls, blocks and other bodies. A body may
     overlap them as far as it does at the start, such as a wheel that a symmetry plane cuts, and
     begin beyond an end, such as a ball that falls into the domain. Unless it turns freely, it may
     reach ends and walls that are normal to an axis along which it follows its motion.
@@ -66,14 +67,19 @@ class FreeBodies:
         return bool(self._places)
 
     def check(self, states: Sequence[BodyState], time: float, step: int) -> None:
-        """Raise a `SimulationError` if a free body has met something that it does not feel."""
+        """Raise a `SimulationError` if a free body is where contact does not hold it."""
         for i, what, depth in self._overlaps(states, time):
             excess = depth - max(self._allowed.get((i, what), 0.0), 0.0)
             if excess > MARGIN * self._scene.grid.cell:
+                reason = (
+                    "no wall holds it there; put one, open the side, or end the run before"
+                    if what.startswith("the end")
+                    else "contact fails where bodies are pressed together by prescribed motions, "
+                    "or overlap at the start"
+                )
                 error = _core.SimulationError(
                     f"bodies[{i}] has met {what}, {excess:.3g} m deep by step {step} "
-                    f"(t = {time:.9g} s): free bodies feel only the material, and it would go "
-                    "through; end the run before"
+                    f"(t = {time:.9g} s): {reason}"
                 )
                 error.body, error.step = i, step
                 raise error

@@ -18,6 +18,7 @@ from granular.mpm.blocks import deep_within
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.free_bodies import INTERVAL, FreeBodies
 from granular.mpm.inflow_state import account
+from granular.mpm.rigid_contact import touch_solids
 from granular.mpm.scene import Scene
 from granular.mpm.wall_owners import wall_owners
 from granular.mpm.walls import Solid, WallState, split_impulses
@@ -129,6 +130,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         for servo in scene.servos:
             engine.hold_pressure(*core.servo_arguments(scene, servo))
         self._inlets = core.add_inlets(engine, scene)
+        touch_solids(engine, scene)
         self._free_bodies = FreeBodies(scene)
         self._mean_mass = mean_mass
 

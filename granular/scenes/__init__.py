@@ -26,6 +26,7 @@ from granular.scenes.incline import chute_ngf, incline
 from granular.scenes.landslide import landslide
 from granular.scenes.obstacle import obstacle
 from granular.scenes.penetration import penetration
+from granular.scenes.rolling_wheel import rolling_wheel
 from granular.scenes.rotating_drum import rotating_drum
 from granular.scenes.settling_bed import settling_bed
 from granular.scenes.silo import clogging_silo, silo, silo_3d
@@ -35,6 +36,7 @@ from granular.scenes.sph_gas import fluidised_bed, jet_on_bed
 from granular.scenes.sph_incline import incline_sph
 from granular.scenes.sph_slump import slump_sph
 from granular.scenes.sphere_drop import sphere_drop
+from granular.scenes.tumbling_block import tumbling_block
 from granular.scenes.wheel import wheel
 
 __all__ = [
@@ -67,6 +69,7 @@ __all__ = [
     "penetration",
     "read_scene",
     "registry",
+    "rolling_wheel",
     "rotating_drum",
     "settling_bed",
     "silo",
@@ -76,6 +79,7 @@ __all__ = [
     "slump_sph",
     "sphere_drop",
     "template",
+    "tumbling_block",
     "wheel",
 ]
 

@@ -4,27 +4,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from spoiled import DOCUMENTED, QUICK, WAYS, numbers, spoiled
+from spoiled import DOCUMENTED, QUICK, WAYS, arguments, numbers, spoiled
 
 import granular as gr
 from granular import _core
 from granular.mpm import engine as core
-
-
-def arguments(scene, mean_mass=1.0):
-    """Keyword arguments with which the engine of this scene is built."""
-    caught = {}
-
-    class Catcher:
-        def __init__(self, **keywords):
-            caught.update(keywords)
-
-    before, _core.Engine = _core.Engine, Catcher
-    try:
-        core.build(scene, mean_mass)
-    finally:
-        _core.Engine = before
-    return caught
 
 
 @pytest.fixture

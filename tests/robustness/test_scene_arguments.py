@@ -17,7 +17,7 @@ NOT_ABOVE_ZERO = {
     *("cylinder_collapse.ramp", "hourglass.ramp", "incline.ramp", "silo.ramp", "chute_ngf.ramp"),
     *("hopper.ramp", "rotating_drum.width", "cohesive_cliff.ramp"),
     *("conveyor.speed", "conveyor.width", "gate_friction", "obstacle_friction"),
-    *("belt_speed", "sphere_drop.drop", "settling_bed.drop"),
+    *("belt_speed", "sphere_drop.drop", "settling_bed.drop", "tumbling_block.restitution"),
     *("obstacle.speed", "obstacle.gap", "obstacle.width", "flexible_barrier.speed", "plate_nu"),
 }
 """Numbers that may be 0 or less in all scenes, or in one."""

@@ -4,6 +4,9 @@ import numpy as np
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
+from granular import _core
+from granular.mpm import engine as core
+
 DOCUMENTED = (TypeError, ValueError, OverflowError, RuntimeError, MemoryError)
 QUICK = settings(
     max_examples=60,
@@ -57,3 +60,19 @@ numbers = st.one_of(
     st.integers(-(2**70), 2**70),
     st.sampled_from([None, "1", (), 1j, True, np.float64("nan"), 2**63, -(2**31) - 1]),
 )
+
+
+def arguments(scene, mean_mass=1.0):
+    """Keyword arguments with which the engine of this scene is built."""
+    caught = {}
+
+    class Catcher:
+        def __init__(self, **keywords):
+            caught.update(keywords)
+
+    before, _core.Engine = _core.Engine, Catcher
+    try:
+        core.build(scene, mean_mass)
+    finally:
+        _core.Engine = before
+    return caught

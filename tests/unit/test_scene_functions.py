@@ -47,8 +47,9 @@ MPM = (
     *("chute_fed", "chute_ngf", "clogging_silo", "cohesive_cliff", "column_collapse", "conveyor"),
     *("conveyor_heap", "couette"),
     *("cylinder_collapse", "excavation", "excavator", "flexible_barrier", "hopper", "hourglass"),
-    *("incline", "landslide", "obstacle", "penetration", "rotating_drum", "settling_bed"),
-    *("silo", "silo_3d", "silo_fed", "slug", "sphere_drop", "wheel"),
+    *("incline", "landslide", "obstacle", "penetration", "rolling_wheel", "rotating_drum"),
+    *("settling_bed", "silo", "silo_3d", "silo_fed", "slug", "sphere_drop", "tumbling_block"),
+    *("wheel",),
 )
 FED = ("chute_fed", "conveyor_heap")
 """Scenes without a fill that could have jitter."""
@@ -161,7 +162,7 @@ NONLOCAL = ("chute_ngf", "clogging_silo", "silo_3d", "couette", "excavation", "w
 SOFT = (
     *("conveyor", "flexible_barrier", "hopper", "landslide", "obstacle", "penetration"),
     *("rotating_drum", "chute_fed", "cohesive_cliff", "conveyor_heap", "silo_fed"),
-    *("settling_bed", "sphere_drop"),
+    *("settling_bed", "sphere_drop", "rolling_wheel", "tumbling_block"),
 )
 """Scenes of `glass_beads` with another E, or of another material."""
 

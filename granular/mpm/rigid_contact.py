@@ -1,0 +1,162 @@
+"""Contact of free bodies with what is solid: what the core needs of shapes, walls and blocks."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular.geometry import LINE_TOLERANCE, Grid, combined
+from granular.mpm.body_measures import arrays_of, extents, reach
+from granular.mpm.body_shapes import PARTS, Shape
+from granular.mpm.walls import Solid, Wall
+
+if TYPE_CHECKING:
+    from granular import _core
+    from granular.mpm.bodies import Body
+    from granular.mpm.scene import Scene
+
+__all__ = ["contact_balls", "moves_freely", "obstacles", "touch_solids"]
+
+Array = NDArray[np.float64]
+
+FAR = 1e50
+"""Position [m] of a side that is infinitely far, as in the core."""
+
+SPACING = 0.5
+"""Distance of the places of a surface [cells] at which it touches others."""
+
+MOST_ACROSS = {2: 400, 3: 24}
+"""Places along the edge of a cube of the volume of a body at most, by dimension."""
+
+BAND = 2.5
+"""Distance from the surface [spacings] from which places are projected on it: those outside find
+the corners, also obtuse ones."""
+
+
+def moves_freely(body: Body) -> bool:
+    """True if forces move or turn a body."""
+    return bool(body.free) or body.inertia is not None
+
+
+def contact_balls(shape: Shape, cell: float) -> Array:
+    """Balls with which a shape touches others, shape (n, 4): centre in its coordinates and radius.
+
+    A ball, a disc in 2D and a rod with round ends are exact. Of other shapes these are places of
+    the surface, half a cell apart, with all corners, of the radius 0. An endless shape has none.
+    """
+    rows, dim = shape.rows(), shape.dim
+    if not math.isfinite(reach(shape)):
+        return np.zeros((0, 4))
+    kind, inside, size = rows[0, 0], rows[0, 1], rows[0, 14:]
+    if len(rows) == 1 and kind == PARTS["capsule"]:
+        count = math.ceil(2 * size[1] / (SPACING * cell)) + 1 if size[1] else 1
+        along = np.linspace(-1, 1, count)[:, None] if count > 1 else np.zeros((1, 1))
+        centres = rows[0, 2:5] + along * size[1] * rows[0, 5:14].reshape(3, 3)[:, 2]
+        return np.column_stack([centres, np.full(count, size[0])])
+    if len(rows) == 1 and kind == PARTS["cylinder"] and dim == 2 and not inside:
+        return np.array([[*rows[0, 2:5], size[0]]])
+    places = _surface(shape, cell)
+    return np.column_stack([places, np.zeros((len(places), 4 - dim))])
+
+
+def _surface(shape: Shape, cell: float) -> Array:
+    """Places of the surface of a finite shape, shape (n, dim), with all its corners."""
+    dim = shape.dim
+    half = extents(shape, np.eye(3), np.zeros((0, 3)))[:dim]
+    width = max(SPACING * cell, 2 * math.prod(half) ** (1 / dim) / MOST_ACROSS[dim])
+    lines = []
+    for far in half + BAND * width:
+        count = math.ceil(2 * far / width) + 1
+        lines.append(np.linspace(-far, far, count))
+    places = combined(lines)
+    phi = shape.distance(places)[0]
+    places = places[abs(phi) <= BAND * width]
+    for _ in range(4):  # edges of intersections, where distances are bounds, take several
+        phi, normal = shape.distance(places)
+        places = places - phi[:, None] * normal
+    places = np.concatenate([_corners(shape), places])
+    places = places[abs(shape.distance(places)[0]) <= 1e-6 * width]
+    return _thinned(places, width)
+
+
+def _corners(shape: Shape) -> Array:
+    """Corners of the boxes and polygons that a shape consists of, shape (n, dim)."""
+    dim, found = shape.dim, [np.zeros((0, shape.dim))]
+    for row, array in zip(shape.rows(), arrays_of(shape), strict=True):
+        if row[0] == PARTS["box"]:
+            size = row[14 : 14 + dim]
+            own = combined([np.array([-s, s]) for s in size])
+        elif row[0] == PARTS["polygon"] and dim == 2:
+            own = np.asarray(array)[0]
+        else:
+            continue
+        turn = row[5:14].reshape(3, 3)[:dim, :dim]
+        found.append(row[2 : 2 + dim] + own @ turn.T)
+    return np.concatenate(found)
+
+
+def _thinned(places: Array, width: float) -> Array:
+    """Keep one of the places in each cell of a fine grid: the one on which most have come.
+
+    Many places are projected on a corner, fewer on an edge, and fewest on a face.
+    """
+    _, first, count = np.unique(
+        np.rint(places / (1e-6 * width)), axis=0, return_index=True, return_counts=True
+    )
+    order = np.lexsort((first, -count))
+    kept = places[first[order]]
+    chosen = np.unique(np.floor(kept / (0.7 * width) + 0.5), axis=0, return_index=True)[1]
+    thinned: Array = kept[np.sort(chosen)]
+    return thinned
+
+
+def obstacles(scene: Scene) -> Array:
+    """Walls and blocks of a scene as the core needs them, shape (n, 12): see `touch_solids` there.
+
+    A wall at an end of the domain, and a block that reaches it, go on beyond it.
+    """
+    rows = [np.zeros((0, 12))]
+    for wall in scene.walls:
+        row = _row_of_wall(scene.grid, wall) if isinstance(wall, Wall) else None
+        if isinstance(wall, Solid):
+            row = _row(scene.grid, wall.lower, wall.upper, kind=wall.kind)
+        if row is not None:
+            rows.append(row[None])
+    return np.concatenate(rows)
+
+
+def _row_of_wall(grid: Grid, wall: Wall) -> Array:
+    sides = [wall.extent(grid, axis) for axis in range(grid.dim)]
+    row = _row(grid, *zip(*sides, strict=True), kind=wall.kind)
+    if wall.velocity is not None:
+        row[6 : 6 + grid.dim] = wall.velocity
+    if wall.kind == "coulomb":
+        row[9] = wall.friction
+    row[10] = min(wall.opens_at, FAR)
+    row[11] = wall.axis if row[wall.axis] == row[3 + wall.axis] else -1
+    return row
+
+
+def _row(grid: Grid, lower: Sequence[float], upper: Sequence[float], *, kind: str) -> Array:
+    row, near = np.zeros(12), LINE_TOLERANCE * grid.cell
+    row[9], row[10], row[11] = (0.0 if kind == "free_slip" else FAR), FAR, -1
+    for axis, (low, high) in enumerate(zip(lower, upper, strict=True)):
+        begins, ends = low <= grid.lower[axis] + near, high >= grid.upper[axis] - near
+        if grid.periodic[axis]:
+            begins = ends = begins and ends
+        row[axis], row[3 + axis] = (-FAR if begins else low), (FAR if ends else high)
+    return row
+
+
+def touch_solids(engine: _core.Engine, scene: Scene) -> None:
+    """Let the free bodies of a scene touch walls, blocks and other bodies."""
+    if not any(moves_freely(body) for body in scene.bodies):
+        return
+    balls = [contact_balls(body.shape, scene.grid.cell) for body in scene.bodies]
+    first = np.cumsum([0, *map(len, balls)])
+    restitution = np.array([body.restitution for body in scene.bodies])
+    engine.touch_solids(np.concatenate(balls), first, restitution, obstacles(scene))

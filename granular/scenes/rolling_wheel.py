@@ -1,0 +1,113 @@
+"""A wheel that rolls down a ramp onto a bed, in 2D."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from granular.checks import in_range, non_negative, positive
+from granular.geometry import Box, Fill, Grid
+from granular.materials import Material
+from granular.mpm import schemes
+from granular.mpm.bodies import Body, Cylinder, Polygon, mass_properties
+from granular.mpm.scene import Scene
+from granular.mpm.schemes import Scheme
+from granular.mpm.walls import Wall
+from granular.scenes._build import (
+    enough_cells,
+    gravity_down,
+    smooth_sides,
+    soft_beads,
+    whole_cells,
+)
+from granular.scenes._registry import scene_function
+
+
+@scene_function("mpm")
+def rolling_wheel(
+    *,
+    radius: float = 0.06,
+    density: float = 1500.0,
+    friction: float = 0.5,
+    angle_deg: float = 20.0,
+    run: float = 0.3,
+    length: float = 0.6,
+    soil: float = 0.08,
+    cell: float = 0.01,
+    points_per_cell: int = 4,
+    jitter: float = 0.0,
+    gravity: float = 9.81,
+    duration: float = 1.2,
+    material: Material = soft_beads,
+    scheme: Scheme = schemes.default,
+    seed: int = 0,
+    **material_numbers: Any,
+) -> Scene:
+    """Wheel that is let go on a rigid ramp, rolls down, and onto a level bed, where it sinks in.
+
+    The scene is 2D, and all numbers are chosen here. The surface of the bed is at y = 0, and the
+    ramp ends there, at x = 0. The wheel is a homogeneous disc that moves and turns freely. On the
+    ramp it rolls without slip, with the acceleration 2/3 gravity sin(angle), if `friction` is at
+    least tan(angle)/3. The floor is no_slip, the sides are free_slip, the upper end is open.
+
+    Parameters
+    ----------
+    radius, density : float
+        Radius [m] and density [kg/m3] of the wheel.
+    friction : float
+        Coefficient of friction of wheel and ramp, with each other and with the bed, >= 0.
+    angle_deg : float
+        Angle of the ramp [degrees], above 0 and below 60.
+    run : float
+        Distance along the ramp between the first place of contact and its foot [m].
+    length, soil : float
+        Length of the bed and its depth [m], whole cells.
+    {common}; also if the wheel is wider than the bed.
+    """
+    cell, radius = positive("cell", cell), positive("radius", radius)
+    n_x, n_soil = whole_cells("length", length, cell), whole_cells("soil", soil, cell)
+    if 2 * radius >= length:
+        raise ValueError(f"radius = {radius} must be less than length/2 = {length / 2}")
+    angle = math.radians(in_range("angle_deg", angle_deg, 0.0, 60.0, open_low=True, open_high=True))
+    run, friction = positive("run", run), non_negative("friction", friction)
+    start = (
+        radius * math.sin(angle) - run * math.cos(angle),
+        radius * math.cos(angle) + run * math.sin(angle),
+    )
+    behind = enough_cells(radius - start[0], cell) + 2
+    above = enough_cells(start[1] + radius, cell) + 2
+    lower = (-behind * cell, -n_soil * cell)
+    grid = Grid(lower, cell, (behind + n_x, n_soil + above), open_sides=frozenset({"y+"}))
+    far = lower[0] - radius
+    ramp = Polygon(((far, lower[1]), (0.0, lower[1]), (0.0, 0.0), (far, -far * math.tan(angle))))
+    wheel = Cylinder(radius, center=(0.0, 0.0))
+    whole = mass_properties(wheel, positive("density", density))
+    return Scene(
+        name="rolling_wheel",
+        grid=grid,
+        fills=(
+            Fill(
+                Box((0.0, lower[1]), (n_x * cell, 0.0)),
+                points_per_cell,
+                jitter=jitter,
+                lithostatic=True,
+            ),
+        ),
+        material=material,
+        scheme=scheme,
+        walls=(Wall(1, lower[1], kind="no_slip"), *smooth_sides(grid)),
+        bodies=(
+            Body(ramp, (0.0, 0.0), friction=friction),
+            Body(
+                wheel,
+                start,
+                friction=friction,
+                free="xy",
+                mass=whole.mass,
+                inertia=whole.inertia,
+            ),
+        ),
+        gravity=gravity_down(2, gravity),
+        duration=duration,
+        seed=seed,
+    )

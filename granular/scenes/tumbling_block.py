@@ -1,0 +1,112 @@
+"""A block that tips over the edge of a step and falls on a bed, in 2D."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from granular.checks import in_range, non_negative, positive
+from granular.geometry import Box, Fill, Grid
+from granular.materials import Material
+from granular.mpm import bodies, schemes
+from granular.mpm.bodies import Body, mass_properties
+from granular.mpm.scene import Scene
+from granular.mpm.schemes import Scheme
+from granular.mpm.walls import Wall
+from granular.scenes._build import (
+    enough_cells,
+    gravity_down,
+    smooth_sides,
+    soft_beads,
+    whole_cells,
+)
+from granular.scenes._registry import scene_function
+
+
+@scene_function("mpm")
+def tumbling_block(
+    *,
+    long: float = 0.16,
+    thick: float = 0.08,
+    density: float = 2000.0,
+    overhang: float = 0.02,
+    step: float = 0.12,
+    friction: float = 0.5,
+    restitution: float = 0.2,
+    length: float = 0.5,
+    soil: float = 0.08,
+    cell: float = 0.01,
+    points_per_cell: int = 4,
+    jitter: float = 0.0,
+    gravity: float = 9.81,
+    duration: float = 1.0,
+    material: Material = soft_beads,
+    scheme: Scheme = schemes.default,
+    seed: int = 0,
+    **material_numbers: Any,
+) -> Scene:
+    """Block that lies on a rigid step, its middle beyond the edge: it tips and falls on a bed.
+
+    The scene is 2D, and all numbers are chosen here. The surface of the bed is at y = 0, the edge
+    of the step at x = 0. The block moves and turns freely from rest. The floor is no_slip, the
+    sides are free_slip, the upper end is open.
+
+    Parameters
+    ----------
+    long, thick : float
+        Edges of the block [m], along the step and upwards.
+    density : float
+        Density of the block [kg/m3].
+    overhang : float
+        Distance of the middle of the block from the edge of the step [m], below long/2.
+    step : float
+        Height of the step above the bed [m].
+    friction : float
+        Coefficient of friction of block and step, with each other and with the bed, >= 0.
+    restitution : float
+        Coefficient of restitution of impacts of the block on the step, 0 to 1.
+    length, soil : float
+        Length of the bed and its depth [m], whole cells.
+    {common}; also if the block is longer than the bed.
+    """
+    cell, long, thick = positive("cell", cell), positive("long", long), positive("thick", thick)
+    n_x, n_soil = whole_cells("length", length, cell), whole_cells("soil", soil, cell)
+    if long >= length:
+        raise ValueError(f"long = {long} must be less than length = {length}")
+    overhang = in_range("overhang", overhang, 0.0, 0.5 * long, open_low=True, open_high=True)
+    step, friction = positive("step", step), non_negative("friction", friction)
+    behind = enough_cells(long, cell) + 2
+    above = enough_cells(step + thick + 0.5 * long, cell) + 2
+    lower = (-behind * cell, -n_soil * cell)
+    grid = Grid(lower, cell, (behind + n_x, n_soil + above), open_sides=frozenset({"y+"}))
+    whole = mass_properties(bodies.Box((long, thick)), positive("density", density))
+    rock = bodies.Box((2 * behind * cell, 2 * step + 2 * n_soil * cell))
+    return Scene(
+        name="tumbling_block",
+        grid=grid,
+        fills=(
+            Fill(
+                Box((0.0, lower[1]), (n_x * cell, 0.0)),
+                points_per_cell,
+                jitter=jitter,
+                lithostatic=True,
+            ),
+        ),
+        material=material,
+        scheme=scheme,
+        walls=(Wall(1, lower[1], kind="no_slip"), *smooth_sides(grid)),
+        bodies=(
+            Body(rock, (lower[0], lower[1]), friction=friction),
+            Body(
+                bodies.Box((long, thick)),
+                (overhang, step + 0.5 * thick),
+                friction=friction,
+                free="xy",
+                mass=whole.mass,
+                inertia=whole.inertia,
+                restitution=restitution,
+            ),
+        ),
+        gravity=gravity_down(2, gravity),
+        duration=duration,
+        seed=seed,
+    )
