@@ -1,0 +1,144 @@
+"""Cells, points, stiffness and method in the cases of `granular verify --external`: tables.
+
+    python benchmarks/external_refinement.py [--quick] [--only STUDY ...] [--out FILE] [--page FILE]
+
+A study that is run replaces its rows in the file of results; the page is written from the whole
+file. `--quick` makes the first run of each study.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from shared import machine, markdown, parser_of, rounded, write, write_tables
+
+from granular.diagnostics import StabilityWarning
+from granular.verify.external import columns
+from granular.verify.external.frame import load
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Study:
+    """Runs of a case and the columns of their table: key of the row, heading, format."""
+
+    runs: Callable[[bool], Iterator[Row]]
+    columns: tuple[tuple[str, str, str], ...]
+
+    def table(self, rows: list[Row]) -> list[str]:
+        """Markdown of the rows; a key that a row lacks is left blank."""
+        texts = (
+            [format(row[key], form) if key in row else "" for key, _, form in self.columns]
+            for row in rows
+        )
+        return markdown([heading for _, heading, _ in self.columns], texts)
+
+
+def timed(run: Callable[..., Any], *arguments: Any, **named: Any) -> tuple[Any, float]:
+    """Result of a call and the processor time that it took [s]."""
+    begin = time.process_time()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", StabilityWarning)
+        result = run(*arguments, **named)
+    return result, time.process_time() - begin
+
+
+# ---- columns of discs ----
+
+DISCS = [
+    (aspect, cells, name, 16, 1e3)
+    for aspect in (0.5, 1.42, 6.26)
+    for name in ("default", "cell_averaged")
+    for cells in (8, 16, 32)
+    if (aspect, cells) != (6.26, 32)
+] + [
+    (0.5, 16, "default", 4, 1e3), (0.5, 16, "default", 16, 1e4), (0.5, 16, "cell_averaged", 4, 1e3),
+    (1.42, 16, "default", 4, 1e3), (1.42, 16, "default", 16, 1e4),
+    (6.26, 16, "default", 4, 1e3), (6.26, 8, "default", 16, 1e4), (6.26, 32, "cell_averaged", 4, 1e3),
+]  # fmt: skip
+"""Aspect ratio, cells, scheme, points in a cell, E/(rho g H)."""
+
+
+def compared(data: columns.Discs, found: Row) -> Row:
+    """Differences of a deposit from that of the discs."""
+    return {
+        "L1": found["L1"],
+        "mean": found["mean"] / data.facts["xm"][-1] - 1.0,
+        "energy": found["energy"] / data.facts["pe"][-1] - 1.0,
+        "runout": found["runout"] / data.runout - 1.0,
+    }
+
+
+def volume_of_fluid(data: columns.Discs) -> Iterator[Row]:
+    """Rows of the runs of the same law by another method, from the file of the package."""
+    known = load("lagree2011_mui_basilisk")
+    mine = known["a_nominal"] == data.aspect
+    for cells in sorted(set(known["cells"][mine])):
+        here = mine & (known["cells"] == cells)
+        found = data.of_deposit(known["x_over_H"][here], known["h_over_H"][here])
+        yield {"aspect": data.aspect, "method": "volume of fluid", "cells": cells} | compared(
+            data, found
+        )
+
+
+def discs(quick: bool) -> Iterator[Row]:
+    """Deposits of the columns of discs."""
+    runs = DISCS[:1] if quick else DISCS
+    for aspect in sorted({run[0] for run in runs}):
+        data = columns.Discs.load(aspect)
+        for _, cells, name, points, stiffness in (run for run in runs if run[0] == aspect):
+            found, seconds = timed(
+                columns.collapse_of_discs, data, cells, columns.SCHEMES[name],
+                points=points, stiffness=stiffness,
+            )  # fmt: skip
+            last = found | {"mean": found["mean"][-1], "energy": found["energy"][-1]}
+            label = {"aspect": aspect, "method": name, "cells": cells, "points": points}
+            yield label | {"stiffness": stiffness, "seconds": seconds} | compared(data, last)
+        yield from volume_of_fluid(data)
+
+
+STUDIES = {
+    "contact_dynamics_refinement": Study(discs, (
+        ("aspect", "a", "g"), ("method", "method", ""), ("cells", "cells", "g"),
+        ("points", "points in a cell", "d"), ("stiffness", "E/(rho g H)", "g"),
+        ("L1", "L1 of the deposit", ".3f"), ("mean", "mean distance", "+.1%"),
+        ("energy", "energy", "+.1%"), ("runout", "run-out", "+.1%"), ("seconds", "core-seconds", ".0f"),
+    )),
+}  # fmt: skip
+"""The studies by the name of their table."""
+
+
+def arguments_of(argv: list[str] | None) -> argparse.Namespace:
+    """Options of the script."""
+    parser = parser_of(__doc__, "the first run of each study")
+    parser.add_argument("--only", nargs="*", choices=list(STUDIES), help="studies to run")
+    parser.add_argument("--page", type=Path, help="page whose tables are written")
+    return parser.parse_args(argv)
+
+
+def main(argv: list[str] | None = None) -> None:
+    arguments = arguments_of(argv)
+    known = arguments.out is not None and arguments.out.exists()
+    results = json.loads(arguments.out.read_text())["studies"] if known else {}
+    for name in list(STUDIES) if arguments.only is None else arguments.only:
+        rows = []
+        for row in STUDIES[name].runs(arguments.quick):
+            rows.append(row)
+            print(name, rounded(row, 4), flush=True)
+        results[name] = rows
+        write(arguments.out, machine() | {"studies": rounded(results)})
+    if arguments.page:
+        tables = {name: STUDIES[name].table(rows) for name, rows in results.items()}
+        write_tables(arguments.page, tables)
+
+
+if __name__ == "__main__":
+    main()
