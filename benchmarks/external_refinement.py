@@ -20,8 +20,9 @@ from typing import Any
 
 from shared import machine, markdown, parser_of, rounded, write, write_tables
 
+from granular import theory
 from granular.diagnostics import StabilityWarning
-from granular.verify.external import columns
+from granular.verify.external import bagnold, columns, shallow
 from granular.verify.external.frame import load
 
 Row = dict[str, Any]
@@ -142,7 +143,78 @@ def bars(quick: bool) -> Iterator[Row]:
         yield row | {"seconds": seconds}
 
 
+# ---- dam break ----
+
+DAMS = [(10, 4.5e-3), (10, 1e-3), (10, 2.5e-4), (20, 4.5e-3), (20, 1e-3)]
+"""Cells over the thickness, weight over modulus."""
+
+TIMES = (6.0, 9.0, 15.0)
+"""In sqrt(h0/g)."""
+
+
+def dams(quick: bool) -> Iterator[Row]:
+    """Errors of the dam break in time, for each softness."""
+    mu = 0.6
+    K = theory.sliding_earth_pressure(mu, shallow.DAM["mu"])
+    for cells, softness in DAMS[:1] if quick else DAMS:
+        found, seconds = timed(shallow.dam, mu, K, cells, TIMES, softness)
+        for scaled, errors in zip(TIMES, shallow.errors(found), strict=True):
+            row = dict(zip(shallow.TOLERANCES, errors.tolist(), strict=True))
+            label = {"cells": cells, "softness": softness, "time": time_}
+            yield label | row | {"delayed": moment["delayed"], "seconds": seconds}
+
+
+# ---- steady layers ----
+
+LAYERS = [(cells, name) for name in bagnold.SCHEMES for cells in (5, 10, 20, 40)]
+"""Cells over the height, scheme."""
+
+
+def layers(quick: bool) -> Iterator[Row]:
+    """Error of the profile of Bagnold at 0.43 rad, and the order between two rows."""
+    data = load("bagnold_mui_analytic")
+    before: dict[str, float] = {}
+    for cells, name in LAYERS[:1] if quick else LAYERS:
+        errors, seconds = timed(bagnold.layer_errors, data, 0.43, cells, bagnold.SCHEMES[name])
+        row = {"method": name, "cells": cells, "speed": errors[0], "profile": errors[1]}
+        if name in before:
+            row["order"] = math.log2(before[name] / errors[1])
+        before[name] = errors[1]
+        yield row | {"seconds": seconds}
+
+
+CHUTES = [(cells, name) for cells in (8, 12) for name in bagnold.SCHEMES]
+"""Cells over the depth, scheme."""
+
+
+def chutes(quick: bool) -> Iterator[Row]:
+    """Errors of the fed chute."""
+    length = 2.0 if quick else 5.0
+    mean = bagnold.bagnold_mean(**bagnold.STEADY)
+    for cells, name in CHUTES[:1] if quick else CHUTES:
+        state, seconds = timed(bagnold.fed, length, cells, bagnold.SCHEMES[name])
+        h, u, profile = bagnold.far_down(state, length)
+        row = {"method": name, "cells": cells, "thickness": h / bagnold.DEPTH - 1.0}
+        yield row | {"speed": u / mean - 1.0, "profile": profile, "seconds": seconds}
+
+
 STUDIES = {
+    "bagnold_refinement": Study(layers, (
+        ("method", "scheme", ""), ("cells", "cells", "d"), ("speed", "mean speed", "+.2%"),
+        ("profile", "rms error of the profile", ".2%"), ("order", "order", ".1f"),
+        ("seconds", "core-seconds", ".0f"),
+    )),
+    "chute_refinement": Study(chutes, (
+        ("method", "scheme", ""), ("cells", "cells", "d"), ("thickness", "thickness", "+.2%"),
+        ("speed", "mean speed", "+.2%"), ("profile", "rms error of the profile", ".2%"),
+        ("seconds", "core-seconds", ".0f"),
+    )),
+    "shallow_refinement": Study(dams, (
+        ("cells", "cells", "d"), ("softness", "rho g h/E", "g"), ("time", "t in sqrt(h0/g)", "g"),
+        ("front", "front", "+.1%"), ("thickness", "thickness", ".1%"),
+        ("velocity", "velocity", ".1%"),
+        ("seconds", "core-seconds of the run", ".0f"),
+    )),
     "bars_refinement": Study(bars, (
         ("method", "method", ""), ("mu", "mu", ""), ("cell", "cell [mm]", "g"),
         ("points", "points in a cell", "d"), ("surface", "rms of the surface [mm]", ".1f"),
