@@ -160,8 +160,8 @@ def dams(quick: bool) -> Iterator[Row]:
         found, seconds = timed(shallow.dam, mu, K, cells, TIMES, softness)
         for scaled, errors in zip(TIMES, shallow.errors(found), strict=True):
             row = dict(zip(shallow.TOLERANCES, errors.tolist(), strict=True))
-            label = {"cells": cells, "softness": softness, "time": time_}
-            yield label | row | {"delayed": moment["delayed"], "seconds": seconds}
+            label = {"cells": cells, "softness": softness, "time": scaled}
+            yield label | row | {"seconds": seconds}
 
 
 # ---- steady layers ----
