@@ -132,7 +132,6 @@ class Discs:
         target = np.interp(self.places(), self.x, self.h, right=0.0)
         return float(np.sum(np.abs(h - target)) / np.sum(target))
 
-
     def of_deposit(self, x: Array, h: Array) -> dict[str, Any]:
         """Mean distance, energy, growths of the reaches and deviation of a deposit.
 

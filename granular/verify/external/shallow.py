@@ -56,7 +56,7 @@ def layer(
     aside = () if across is None else (math.ceil(across / cell),)
     shape = (math.ceil(along[1] / cell) - first, *aside, rows)
     up = len(shape) - 1
-    walls = (Wall(up, 0.0, kind="coulomb", friction=friction),) + tuple(
+    smooth = (
         Wall(axis, first * cell if axis == 0 else 0.0, kind="free_slip") for axis in range(up)
     )
     weight = RHO * G * math.cos(angle) * thickness
@@ -67,7 +67,7 @@ def layer(
         fills=(Fill(region, points, lithostatic=True),),
         material=DruckerPrager(E=weight / softness, nu=0.3, rho_c=RHO, rho_s=2450.0, mu=mu),
         scheme=scheme,
-        walls=walls,
+        walls=(Wall(up, 0.0, kind="coulomb", friction=friction), *smooth),
         gravity=Gravity((0.0,), (down,)),
         duration=10.0,
     )
@@ -218,9 +218,7 @@ def cap_in_3d(
         state = sim.run(until=float(time)).state
         (x, y, _), mass = state.x.T, state.mass
         centre = np.average(x, weights=mass)
-        long, wide = (
-            math.sqrt(6.0 * np.average(d**2, weights=mass)) for d in (x - centre, y)
-        )
+        long, wide = (math.sqrt(6.0 * np.average(d**2, weights=mass)) for d in (x - centre, y))
         middle = np.hypot((x - centre) / long, y / wide) < 0.2
         area = 0.5 * math.pi * 0.04 * long * wide
         found.append({
