@@ -296,7 +296,8 @@ def bars(quick: bool) -> Outcome:
     foot = toe(surface["x_m"], surface["y_m"], 2.0 * BAR)
     for name, mu in {"sin": math.sin(PHI), "tan": math.tan(PHI)}.items():
         with outcome.timed():
-            heap = collapse_of_bars(mu, 0.01 if quick else 0.004)
+            cell, points = (0.01, 16) if quick else (0.0025, 4)
+            heap = collapse_of_bars(mu, cell, points=points)
         far = float(np.quantile(heap.state.x[:, 0], 0.999))
         y, off = heap.line(line)
         tag, last = f"mu = {name} phi", float(surface["x_m"].max())
