@@ -183,30 +183,10 @@ def layers(quick: bool) -> Iterator[Row]:
         yield row | {"seconds": seconds}
 
 
-CHUTES = [(cells, name) for cells in (8, 12) for name in bagnold.SCHEMES]
-"""Cells over the depth, scheme."""
-
-
-def chutes(quick: bool) -> Iterator[Row]:
-    """Errors of the fed chute."""
-    length = 2.0 if quick else 5.0
-    mean = bagnold.bagnold_mean(**bagnold.STEADY)
-    for cells, name in CHUTES[:1] if quick else CHUTES:
-        state, seconds = timed(bagnold.fed, length, cells, bagnold.SCHEMES[name])
-        h, u, profile = bagnold.far_down(state, length)
-        row = {"method": name, "cells": cells, "thickness": h / bagnold.DEPTH - 1.0}
-        yield row | {"speed": u / mean - 1.0, "profile": profile, "seconds": seconds}
-
-
 STUDIES = {
     "bagnold_refinement": Study(layers, (
         ("method", "scheme", ""), ("cells", "cells", "d"), ("speed", "mean speed", "+.2%"),
         ("profile", "rms error of the profile", ".2%"), ("order", "order", ".1f"),
-        ("seconds", "core-seconds", ".0f"),
-    )),
-    "chute_refinement": Study(chutes, (
-        ("method", "scheme", ""), ("cells", "cells", "d"), ("thickness", "thickness", "+.2%"),
-        ("speed", "mean speed", "+.2%"), ("profile", "rms error of the profile", ".2%"),
         ("seconds", "core-seconds", ".0f"),
     )),
     "shallow_refinement": Study(dams, (
