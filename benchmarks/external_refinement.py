@@ -187,13 +187,13 @@ STUDIES = {
     "bagnold_refinement": Study(layers, (
         ("method", "scheme", ""), ("cells", "cells", "d"), ("speed", "mean speed", "+.2%"),
         ("profile", "rms error of the profile", ".2%"), ("order", "order", ".1f"),
-        ("seconds", "core-seconds", ".0f"),
+        ("seconds", "core-seconds", ".1f"),
     )),
     "shallow_refinement": Study(dams, (
         ("cells", "cells", "d"), ("softness", "rho g h/E", "g"), ("time", "t in sqrt(h0/g)", "g"),
         ("front", "front", "+.1%"), ("thickness", "thickness", ".1%"),
         ("velocity", "velocity", ".1%"),
-        ("seconds", "core-seconds of the run", ".0f"),
+        ("seconds", "core-seconds of the run", ".1f"),
     )),
     "bars_refinement": Study(bars, (
         ("method", "method", ""), ("mu", "mu", ""), ("cell", "cell [mm]", "g"),
@@ -201,14 +201,14 @@ STUDIES = {
         ("bar", "foot, 1 bar high [m]", ".3f"), ("bars_2", "2 bars", ".3f"),
         ("bars_3", "3 bars", ".3f"), ("line_05", "rms of the line [mm], moved by 0.5 mm", ".1f"),
         ("line_1", "1 mm", ".1f"), ("line_2", "2 mm", ".1f"), ("line_4", "4 mm", ".1f"),
-        ("seconds", "core-seconds", ".0f"),
+        ("seconds", "core-seconds", ".1f"),
     )),
     "contact_dynamics_refinement": Study(discs, (
         ("aspect", "a", "g"), ("method", "method", ""), ("cells", "cells", "g"),
         ("points", "points in a cell", "d"), ("stiffness", "E/(rho g H)", "g"),
         ("L1", "L1 of the deposit", ".3f"), ("mean", "mean distance", "+.1%"),
         ("energy", "energy", "+.1%"), ("runout_99", "run-out of 99 %", "+.1%"),
-        ("runout", "of 99.9 %", "+.1%"), ("seconds", "core-seconds", ".0f"),
+        ("runout", "of 99.9 %", "+.1%"), ("seconds", "core-seconds", ".1f"),
     )),
 }  # fmt: skip
 """The studies by the name of their table."""
