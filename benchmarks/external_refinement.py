@@ -185,14 +185,14 @@ def layers(quick: bool) -> Iterator[Row]:
 
 STUDIES = {
     "bagnold_refinement": Study(layers, (
-        ("method", "scheme", ""), ("cells", "cells", "d"), ("speed", "mean speed", "+.2%"),
-        ("profile", "rms error of the profile", ".2%"), ("order", "order", ".1f"),
+        ("method", "scheme", ""), ("cells", "cells", "d"), ("speed", "mean speed", "+0.2%"),
+        ("profile", "rms error of the profile", "0.2%"), ("order", "order", ".1f"),
         ("seconds", "core-seconds", ".1f"),
     )),
     "shallow_refinement": Study(dams, (
         ("cells", "cells", "d"), ("softness", "rho g h/E", "g"), ("time", "t in sqrt(h0/g)", "g"),
-        ("front", "front", "+.1%"), ("thickness", "thickness", ".1%"),
-        ("velocity", "velocity", ".1%"),
+        ("front", "front", "+0.1%"), ("thickness", "thickness", "0.1%"),
+        ("velocity", "velocity", "0.1%"),
         ("seconds", "core-seconds of the run", ".1f"),
     )),
     "bars_refinement": Study(bars, (
@@ -206,9 +206,9 @@ STUDIES = {
     "contact_dynamics_refinement": Study(discs, (
         ("aspect", "a", "g"), ("method", "method", ""), ("cells", "cells", "g"),
         ("points", "points in a cell", "d"), ("stiffness", "E/(rho g H)", "g"),
-        ("L1", "L1 of the deposit", ".3f"), ("mean", "mean distance", "+.1%"),
-        ("energy", "energy", "+.1%"), ("runout_99", "run-out of 99 %", "+.1%"),
-        ("runout", "of 99.9 %", "+.1%"), ("seconds", "core-seconds", ".1f"),
+        ("L1", "L1 of the deposit", ".3f"), ("mean", "mean distance", "+0.1%"),
+        ("energy", "energy", "+0.1%"), ("runout_99", "run-out of 99 %", "+0.1%"),
+        ("runout", "of 99.9 %", "+0.1%"), ("seconds", "core-seconds", ".1f"),
     )),
 }  # fmt: skip
 """The studies by the name of their table."""
