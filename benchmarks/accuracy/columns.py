@@ -15,7 +15,6 @@ import granular as gr
 from accuracy import peers
 from accuracy.runs import PROBE, TooLong
 from granular.verify.external import columns as external
-from granular.verify.external.frame import load
 
 ASPECTS = (0.5, 1.42, 6.26)
 """Nominal aspect ratios of the data."""
@@ -122,12 +121,14 @@ CODES = {
 
 
 def scene_of(case: Column) -> gr.Scene:
-    """The scene of a case."""
+    """The scene of a case. Its half-width is that of the foremost disc."""
     scheme = CODES[case.code].scheme or gr.schemes.default  # not used by peers
     flat = gr.DruckerPrager(E=external.STIFF, mu=FRICTION, rho_c=external.RHO, rho_s=external.RHO)
-    return external.contact_dynamics_scene(
-        case.aspect,
+    data = external.Discs.load(case.aspect)
+    return external.column_of_discs(
+        data,
         case.cells,
+        half_width=float(data.facts["R0"][0]),
         material=None if case.law == "mu_I" else flat,
         scheme=scheme,
         points_per_cell=case.points,
@@ -136,15 +137,13 @@ def scene_of(case: Column) -> gr.Scene:
 
 def places(aspect: float) -> np.ndarray:
     """Places of the stored surfaces [m]."""
-    return np.linspace(0.0, 2.0 * external.contact_dynamics_facts(aspect)["xf"].max(), PLACES)
+    return np.linspace(0.0, 2.0 * external.Discs.load(aspect).facts["xf"].max(), PLACES)
 
 
 def discs(aspect: float) -> dict[str, Any]:
     """The deposit of contact dynamics in the form of a row of results."""
-    shape = load(f"lagree2011_cd_a{aspect:g}")
-    facts = external.contact_dynamics_facts(aspect)
-    last = shape["t"] == shape["t"].max()
-    h = np.interp(places(aspect), shape["x_over_H"][last], shape["h_over_H"][last], right=0.0)
+    data = external.Discs.load(aspect)
+    facts, h = data.facts, np.interp(places(aspect), data.x, data.h, right=0.0)
     return {"surface": h, "mean": facts["xm"][1:], "toe": facts["q999"][-1] - facts["R0"][0]}
 
 
@@ -156,7 +155,7 @@ def once(case: Column, limit: float) -> dict[str, Any]:
     TooLong
         If it would take more core-seconds than the limit, estimated from its first steps.
     """
-    facts = external.contact_dynamics_facts(case.aspect)
+    facts = external.Discs.load(case.aspect).facts
     scene = scene_of(case)
     sim = CODES[case.code].make(scene, threads=1)
     start = sim.state.fields["mass"].sum()
@@ -171,7 +170,7 @@ def once(case: Column, limit: float) -> dict[str, Any]:
         if seconds > 2 * limit:
             raise TooLong(f"{seconds:.0f} core-seconds at {sim.time / ends[-1]:.0%}")
         if k > 0:
-            far, _, toe = external.moments(sim.state)
+            far, _, (_, toe) = external.moments(sim.state)
             mean.append(far)
     now = sim.state.fields["mass"]
     h = external.height_at(sim.state, places(case.aspect))

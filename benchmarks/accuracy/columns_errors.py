@@ -115,7 +115,7 @@ def of_peer(rows: Sequence[Row], law: str, aspect: float) -> Reference | None:
 
 def of_discs(aspect: float) -> Reference:
     """Contact dynamics; uncertain is what the two halves of its one run differ by."""
-    noise = float(external.contact_dynamics_facts(aspect)["asym"][-1])
+    noise = float(external.Discs.load(aspect).facts["asym"][-1])
     return Reference(discs(aspect), {"surface": noise, "mean": 0.0, "toe": 0.0})
 
 

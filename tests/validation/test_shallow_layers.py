@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from granular import theory
+from granular.mpm import schemes
 from granular.verify.external import shallow
 
 ASKED = np.array(list(shallow.TOLERANCES.values()))
@@ -18,16 +19,15 @@ pytestmark = pytest.mark.filterwarnings("ignore::granular.diagnostics.StabilityW
     "cells", [pytest.param(10), pytest.param(20, marks=pytest.mark.slow)], ids=["10", "20"]
 )
 def test_dam_break_with_the_active_pressure(cells):
-    """Front and velocity as asked from 6 sqrt(h0/g) on, and the thickness with 10 cells.
+    """As asked from 7.5 sqrt(h0/g) on, and with 20 cells from 6 sqrt(h0/g).
 
     Earlier the wave is not yet long compared with the thickness, and the velocity differs by more
-    than is asked. With 20 cells the thickness, which is not asserted, differs by up to 10.6 %.
+    than is asked.
     """
     K = theory.sliding_earth_pressure(0.6, shallow.DAM["mu"])
     early, *late = shallow.errors(shallow.dam(0.6, K, cells, (3.0, *shallow.DAM_TIMES)))
-    late = np.abs(late)
-    compared = [0, 1, 2] if cells == 10 else [0, 2]
-    assert (late < ASKED)[:, compared].all(), late
+    late = np.abs(late[1:] if cells == 10 else late)
+    assert (late < ASKED).all(), late
     assert early[2] > ASKED[2]
 
 
@@ -49,3 +49,12 @@ def test_cap_half_as_thick_as_long():
     """
     errors = shallow.errors(shallow.cap(0.5, 0.48, 10, shallow.CAP_TIMES[1:]))
     assert (errors[:, 1:] > 0.1).all(), errors
+
+
+@pytest.mark.slow
+def test_cap_with_a_circular_base():
+    """Fronts down and across the slope, thickness and velocity, in cells of a third of it."""
+    for moment in shallow.cap_in_3d(0.1, 0.48, 3, shallow.CAP_TIMES, schemes.cell_averaged):
+        for name, share in shallow.ACROSS.items():
+            ours, known = moment[name]
+            assert abs(ours / known - 1.0) < share, (name, ours, known)

@@ -11,11 +11,14 @@ from granular import measure, scenes
 from granular.materials import glass_beads
 from granular.theory import RUNOUT_LAWS
 from granular.typing import AnyScene
-from granular.verify.external.columns import CELLS, G, released
+from granular.verify.external.columns import G, released
 from granular.verify.external.frame import Array, Comparison, Outcome, case, load
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+CELLS = 8
+"""Cells along the lesser of height and half-width."""
 
 HALF_WIDTH = 0.2
 """Half-width of the columns and radius of the cylinders [m]."""
