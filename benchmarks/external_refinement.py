@@ -65,7 +65,7 @@ DISCS = [
     (0.5, 16, "default", 4, 1e3), (0.5, 16, "default", 16, 1e4), (0.5, 16, "cell_averaged", 4, 1e3),
     (1.42, 16, "default", 4, 1e3), (1.42, 16, "default", 16, 1e4),
     (6.26, 16, "default", 4, 1e3), (6.26, 16, "cell_averaged", 4, 1e3),
-    (6.26, 32, "cell_averaged", 4, 1e3),
+    (6.26, 32, "cell_averaged", 4, 1e3), (6.26, 32, "cell_averaged", 16, 1e3),
 ]  # fmt: skip
 """Aspect ratio, cells, scheme, points in a cell, E/(rho g H)."""
 
