@@ -1,6 +1,6 @@
 """Tall cylinders that collapse: the friction angle of the cone, and refinement, against Lube 2004.
 
-    python benchmarks/tall_columns.py    # what is not in results/tall_columns.json yet, and the table
+    python benchmarks/tall_columns.py    # what is not in the results yet, and the table
 
 All runs take about 9 minutes by one thread.
 """
