@@ -132,7 +132,7 @@ def test_layer_on_a_base_through_the_grid(turned_deg, offset, wall):
         no_slip = gr.Wall(2, base[2], kind="no_slip")
         scene = scene.replace(bodies=tuple(sides), walls=(no_slip,))
     ratios, changes = [], []
-    for k in range(3):
+    for k in range(1 if wall else 3):
         # in a fifth of runs that differ by round-off, the layer lets go of the base once and is 1.5
         # to 2 % faster for a while (measured); the middle one of three is steady
         E = scene.material.E * (1.0 + 3e-15 * k)
