@@ -57,6 +57,25 @@ GR_INLINE void add_cells(const int dim, const int K, const int damps, const int 
         sum[before + q] = sum[before + q] + sum_at(pieces, &places, density + q * GR_LANES);
 }
 
+/* call(pieces) with the number of pieces of a run as a literal. */
+#define GR_BY_PIECES(run, call) \
+    switch ((run).pieces) {     \
+    case 1:                     \
+        call(1);                \
+        break;                  \
+    case 2:                     \
+        call(2);                \
+        break;                  \
+    case 3:                     \
+        call(3);                \
+        break;                  \
+    case GR_RUN_PIECES:         \
+        call(GR_RUN_PIECES);    \
+        break;                  \
+    default:                    \
+        call(GR_RUN_BROKEN);    \
+    }
+
 /* Sums of the nodes of a group, in rows of GR_LANES: those of each step, the damping if the density is smoothed, and those
  * of an averaging. */
 GR_INLINE void sum_group(const int dim, const int K, const int damps, const int averages, const struct gr_engine *e,
@@ -69,14 +88,8 @@ GR_INLINE void sum_group(const int dim, const int K, const int damps, const int 
         for (int q = 0; q < n; q++) sum[q] = v_zero();
         GR_ROLLED
         for (int i = 0; i < K; i++) {
-            const int pieces = e->mesh.node_run[group * K + i].pieces;
-#define GR_ADD(p) \
-    if (pieces == p) add_cells(dim, K, damps, averages, p, e, group, i, lane, sum);
-            GR_ADD(1)
-            GR_ADD(2)
-            GR_ADD(3)
-            GR_ADD(4)
-            GR_ADD(GR_RUN_BROKEN)
+#define GR_ADD(pieces) add_cells(dim, K, damps, averages, pieces, e, group, i, lane, sum)
+            GR_BY_PIECES(e->mesh.node_run[group * K + i], GR_ADD)
 #undef GR_ADD
         }
         GR_UNROLLED
@@ -84,16 +97,24 @@ GR_INLINE void sum_group(const int dim, const int K, const int damps, const int 
     }
 }
 
-/* Sums of the nodes of a group that several materials add to those of an averaging. */
-GR_INLINE void sum_volumes_of_group(const int K, const struct gr_engine *e, int64_t group, double *out)
+/* The same for the sums that several materials add to those of an averaging. */
+GR_INLINE void add_volumes(const int K, const int pieces, const struct gr_engine *e, int64_t group, int i, int lane, vd *sum)
 {
     const int rows = GR_SUM_DAMPED(K == 9 ? 2 : 3);
+    const struct places places = places_of(K, pieces, e, group, i, lane);
+    const int64_t own = e->volume_sums + (K - 1 - i) * (GR_VOLUME_SUMS - rows) * GR_LANES;
+    for (int q = 0; q < GR_VOLUME_SUMS; q++) sum[q] = sum[q] + sum_at(pieces, &places, own + q * GR_LANES);
+}
+
+GR_INLINE void sum_volumes_of_group(const int K, const struct gr_engine *e, int64_t group, double *out)
+{
     for (int lane = 0; lane < GR_LANES; lane += GR_W) {
         vd sum[GR_VOLUME_SUMS] = {v_zero(), v_zero()};
-        for (int i = 0; i < K; i++) { /* local node K - 1 - i, as in sum_group */
-            const struct places places = places_of(K, GR_RUN_BROKEN, e, group, i, lane);
-            const int64_t own = e->volume_sums + (K - 1 - i) * (GR_VOLUME_SUMS - rows) * GR_LANES;
-            for (int q = 0; q < GR_VOLUME_SUMS; q++) sum[q] = sum[q] + sum_at(GR_RUN_BROKEN, &places, own + q * GR_LANES);
+        GR_ROLLED
+        for (int i = 0; i < K; i++) {
+#define GR_ADD(pieces) add_volumes(K, pieces, e, group, i, lane, sum)
+            GR_BY_PIECES(e->mesh.node_run[group * K + i], GR_ADD)
+#undef GR_ADD
         }
         for (int q = 0; q < GR_VOLUME_SUMS; q++) v_store(out + q * GR_LANES + lane, sum[q]);
     }

@@ -5,8 +5,7 @@
  * the gap phi(x) - r, with the signed distance phi of the other. Walls and blocks are boxes along the axes.
  *
  * The impulses at all contacts of a step are found together with those at the feet of the material (contact.c), by sweeps
- * of projected Gauss-Seidel, so that the
- * relative velocity u after the step fulfils
+ * of projected Gauss-Seidel, so that the relative velocity u after the step fulfils
  *
  *   J_n >= 0,  u_n >= -gap/dt,  J_n (u_n + gap/dt) = 0,  |J_t| <= mu J_n, against u_t.
  *
