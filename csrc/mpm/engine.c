@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "core/memory.h"
+#include "kernels.h"
 #include "mpm/contact.h"
 #include "mpm/feet.h"
 #include "mpm/inflow.h"
@@ -150,6 +151,16 @@ static int materials_are_valid(const struct gr_config *c)
     return nonlocal < 2 && !c->cell_averaged && !(nonlocal && c->nonlocal.substeps > 1);
 }
 
+/* Kernels in single precision exist for these combinations only. */
+static int single_is_valid(const struct gr_config *c)
+{
+    for (int k = 0; k < c->n_materials; k++)
+        if (!gr_single_has_law(c->material[k].law)) return 0;
+    if (c->smoothed || c->cell_averaged) return 1;
+    if (c->xpic_order || c->affine == GR_AFFINE_GRADIENT) return 0;
+    return c->basis == GR_QUADRATIC || (c->basis == GR_LINEAR && c->affine == GR_AFFINE_NONE);
+}
+
 static int config_is_valid(const struct gr_config *c)
 {
     if (c->dim < 2 || c->dim > 3 || c->basis < 0 || c->basis >= GR_BASIS_COUNT) return 0;
@@ -158,6 +169,7 @@ static int config_is_valid(const struct gr_config *c)
     if (c->smoothed && (c->basis != GR_QUADRATIC || c->affine != GR_AFFINE_GRADIENT)) return 0;
     if (c->smoothed && c->averaging_interval < 1) return 0;
     if (c->cell_averaged && (c->basis != GR_LINEAR || c->affine != GR_AFFINE_GRADIENT)) return 0;
+    if (c->single && !single_is_valid(c)) return 0;
     if (c->xpic_order < 0 || c->xpic_order > 10 || (c->xpic_order && c->affine)) return 0;
     if (!(c->dx > 0) || !(c->wave_speed > 0) || !(c->mass_cutoff >= 0)) return 0;
     if (nonlocal && (c->basis == GR_UGIMP || !c->nonlocal.face || c->nonlocal.substeps < 1)) return 0;
