@@ -32,11 +32,12 @@ SCHEMES = {"default": gr.schemes.default, "cell averaged": gr.schemes.cell_avera
 
 
 def of_theory(sim: gr.Simulation) -> float:
-    """Mean speed of the equation of an incline [m/s]."""
-    given, scene = sim.scene.parameters, sim.scene
-    layer = given["angle_deg"], given["height"], scene.material
+    """Mean speed at the points by the equation of an incline [m/s]."""
+    given, state = sim.scene.parameters, sim.state
+    layer = given["angle_deg"], given["height"], sim.scene.material
     exact = gr.theory.transient(*layer, [sim.time], ramp=given["ramp"])
-    return float(np.trapezoid(np.ravel(exact.v), exact.y) / given["height"])
+    v = np.interp(state.x[:, 1], np.r_[0.0, exact.y], np.r_[0.0, np.ravel(exact.v)])
+    return float(np.average(v, weights=state.mass))
 
 
 def front(sim: gr.Simulation) -> float:

@@ -189,6 +189,9 @@ static int config_is_valid(const struct gr_config *c)
     return bodies_are_valid(c);
 }
 
+/* Bound of a number without one that kernels in single precision look up: its products with others are finite. */
+#define LARGEST_IN_SINGLE 1e30
+
 /* Prepare the numbers of the materials that the kernels look up. */
 static void prepare_materials(struct gr_engine *e)
 {
@@ -212,7 +215,9 @@ static void prepare_materials(struct gr_engine *e)
             [GR_MATERIAL_BULK_MODULUS] = m->K,
             [GR_MATERIAL_SHEAR_MODULUS] = parameter_of(m, "G"),
         };
-        for (int q = 0; q < GR_MATERIAL_NUMBER_COUNT; q++) e->material_number[q][k] = number[q];
+        const double most = e->config.single ? LARGEST_IN_SINGLE : INFINITY;
+        for (int q = 0; q < GR_MATERIAL_NUMBER_COUNT; q++)
+            e->material_number[q][k] = fmin(fmax(number[q], -most), most);
     }
 }
 
