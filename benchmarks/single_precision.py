@@ -28,7 +28,10 @@ import granular as gr
 
 RESULTS = Path(__file__).parent / "results" / "single_precision.json"
 PAGE = Path(__file__).parents[1] / "docs" / "reports" / "speed.md"
-SCHEMES = {"default": gr.schemes.default, "cell averaged": gr.schemes.cell_averaged}
+SCHEMES = {
+    "default": gr.schemes.default,
+    "APIC": gr.Scheme(transfer="apic", density=gr.ParticleDensity()),
+}
 
 
 def of_theory(sim: gr.Simulation) -> float:
@@ -48,7 +51,7 @@ def front(sim: gr.Simulation) -> float:
 
 def outflow(sim: gr.Simulation) -> float:
     """Mass that has left a silo [kg]."""
-    return float(sim.scene.parameters["mass"]) - float(sim.state.mass.sum())
+    return float(gr.Simulation(sim.scene).state.mass.sum() - sim.state.mass.sum())
 
 
 class Case(NamedTuple):
@@ -59,7 +62,7 @@ class Case(NamedTuple):
     cell: float
     quantity: Callable[[gr.Simulation], float]
     theory: Callable[[gr.Simulation], float] | None = None
-    schemes: tuple[str, ...] = tuple(SCHEMES)
+    schemes: tuple[str, ...] = ("default",)
 
 
 def incline(E: float) -> Case:
@@ -96,12 +99,12 @@ def chute(scheme: gr.Scheme, cell: float) -> gr.Scene:
 
 
 CASES = {
-    **{f"incline of 25 deg, E = {E / 1e6:g} MPa": incline(E) for E in (1e6, 1e7, 1e8)},
+    **{f"incline of 25 deg, E = {E / 1e6:g} MPa": incline(E) for E in (1e6, 1e8)},
     "column collapse": Case(collapse, 1.2, 0.0125, front),
     "cylinder collapse, 3D": Case(cylinder, 0.8, 0.025, front),
     "silo": Case(silo, 1.0, 0.0125, outflow),
     "chute, nonlocal law": Case(
-        chute, 1.0, 0.001, lambda sim: mean_speed(sim.state), None, ("cell averaged",)
+        chute, 1.0, 0.001, lambda sim: mean_speed(sim.state), None, tuple(SCHEMES)
     ),
 }
 

@@ -55,9 +55,6 @@ static const struct gr_law *const laws[] = {
     X(dim, basis, GR_AFFINE_NONE, 0, 0) X(dim, basis, GR_AFFINE_GRADIENT, 0, 0) X(dim, basis, GR_AFFINE_MOMENT, 0, 0)
 #ifdef GR_SINGLE
 #define GR_VARIANTS_OF(X, dim)                   \
-    X(dim, GR_LINEAR, GR_AFFINE_GRADIENT, 0, 1)  \
-    X(dim, GR_LINEAR, GR_AFFINE_NONE, 0, 0)      \
-    X(dim, GR_QUADRATIC, GR_AFFINE_NONE, 0, 0)   \
     X(dim, GR_QUADRATIC, GR_AFFINE_MOMENT, 0, 0) \
     X(dim, GR_QUADRATIC, GR_AFFINE_GRADIENT, 1, 0)
 #else

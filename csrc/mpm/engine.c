@@ -156,9 +156,7 @@ static int single_is_valid(const struct gr_config *c)
 {
     for (int k = 0; k < c->n_materials; k++)
         if (!gr_single_has_law(c->material[k].law)) return 0;
-    if (c->smoothed || c->cell_averaged) return 1;
-    if (c->xpic_order || c->affine == GR_AFFINE_GRADIENT) return 0;
-    return c->basis == GR_QUADRATIC || (c->basis == GR_LINEAR && c->affine == GR_AFFINE_NONE);
+    return c->smoothed || (c->basis == GR_QUADRATIC && c->affine == GR_AFFINE_MOMENT);
 }
 
 static int config_is_valid(const struct gr_config *c)
