@@ -9,7 +9,8 @@ scheme: that against the theory, or what the larger cells change. The time is th
 for steps in turns, double, single, single, double, with one thread; its ratio is the median over
 the rounds. Stiffness enlarges the rounding errors of stress: the incline runs with several E.
 
-The table of docs/reports/speed.md is written from the results with --page, which measures nothing.
+The table of docs/reports/speed.md is written, and its picture drawn, from the results with --page,
+which measures nothing.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import matplotlib.pyplot as plt
 import numpy as np
 from shared import machine, markdown, parser_of, rounded, write, write_tables
 from stability.flows import mean_speed
@@ -28,6 +30,8 @@ import granular as gr
 
 RESULTS = Path(__file__).parent / "results" / "single_precision.json"
 PAGE = Path(__file__).parents[1] / "docs" / "reports" / "speed.md"
+PICTURE = Path(__file__).parents[1] / "docs" / "pictures" / "single_precision.png"
+DPI = 120
 SCHEMES = {
     "default": gr.schemes.default,
     "APIC": gr.Scheme(transfer="apic", density=gr.ParticleDensity()),
@@ -155,6 +159,26 @@ def table(results: dict[str, dict[str, dict[str, float]]]) -> list[str]:
     return markdown(head, rows)
 
 
+def draw(results: dict[str, dict[str, dict[str, float]]], path: Path) -> None:
+    """Draw error and change against time, both relative to double precision."""
+    figure, axes = plt.subplots(figsize=(6.4, 3.8), layout="constrained")
+    names = [(case, scheme) for case in results for scheme in results[case]]
+    for k, (case, scheme) in enumerate(names):
+        row, color = results[case][scheme], f"C{k}"
+        label = case if scheme == "default" else f"{case}, {scheme}"
+        axes.plot([1.0, row["time"]], [row["error"]] * 2, "-", color=color, lw=1)
+        axes.plot(1.0, row["error"], "s", color=color)
+        axes.plot(row["time"], row["error"], "o", color=color, label=label)
+        axes.plot(row["time"], row["change"], "v", color=color, mfc="none")
+    axes.plot([], [], "s", color="0.4", label="double precision")
+    axes.plot([], [], "o", color="0.4", label="single precision")
+    axes.plot([], [], "v", color="0.4", mfc="none", label="change by single precision")
+    axes.set(yscale="log", xlim=(0.0, 1.1), xlabel="time of a step over that in double precision")
+    axes.set(ylabel="relative error, relative change")
+    axes.legend(fontsize=7, loc="center left")
+    figure.savefig(path, dpi=DPI)
+
+
 def main() -> None:
     parser = parser_of(__doc__)
     parser.add_argument("--only", nargs="+", choices=CASES, default=list(CASES))
@@ -163,6 +187,7 @@ def main() -> None:
     if arguments.page:
         kept = json.loads(RESULTS.read_text())["cases"]
         write_tables(PAGE, {"single precision": table(kept)})
+        draw(kept, PICTURE)
         return
     results: dict[str, Any] = {}
     for name in arguments.only:
