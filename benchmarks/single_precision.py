@@ -1,4 +1,4 @@
-"""Kernels in single precision beside those in double precision: time, and error beside the scheme's.
+"""Kernels in single precision beside double precision: time, and error beside that of the scheme.
 
     python benchmarks/single_precision.py [--quick] [--only CASE ...]
                                           [--out benchmarks/results/single_precision.json] [--page]
@@ -130,7 +130,7 @@ def ratio_of_times(case: Case, scheme: gr.Scheme, rounds: int) -> float:
 
 
 def measured(case: Case, scheme: gr.Scheme, quick: bool) -> dict[str, float]:
-    """Quantities of a case in both precisions, with their differences and the error of the scheme."""
+    """Quantities of a case in both precisions, their difference and the error of the scheme."""
     until = 0.1 * case.until if quick else case.until
     single = scheme.replace(precision="single")
     found = [

@@ -214,8 +214,7 @@ static void prepare_materials(struct gr_engine *e)
             [GR_MATERIAL_SHEAR_MODULUS] = parameter_of(m, "G"),
         };
         const double most = e->config.single ? LARGEST_IN_SINGLE : INFINITY;
-        for (int q = 0; q < GR_MATERIAL_NUMBER_COUNT; q++)
-            e->material_number[q][k] = fmin(fmax(number[q], -most), most);
+        for (int q = 0; q < GR_MATERIAL_NUMBER_COUNT; q++) e->material_number[q][k] = fmin(fmax(number[q], -most), most);
     }
 }
 
