@@ -39,7 +39,7 @@ EMPTY = "int main(void) { return 0; }\n"
 
 
 class BuildCore(build_ext):
-    """Compile kernels.c for each instruction set and link it with the rest."""
+    """Compile kernels.c for each instruction set and precision and link it with the rest."""
 
     def accepts(self, flags: list[str], source: str) -> bool:
         """True if the compiler makes a program with these flags."""
@@ -75,8 +75,14 @@ class BuildCore(build_ext):
         kernel_flags = flags + [flag for flag in KERNEL_FLAGS if self.accepts([flag], EMPTY)]
         # The kernels first, widest vectors before: they take longest.
         jobs = [
-            ("csrc/kernels.c", Path(self.build_temp, isa), [("GR_ISA", isa)], kernel_flags + wide)
+            (
+                "csrc/kernels.c",
+                Path(self.build_temp, isa + precision),
+                [("GR_ISA", isa), *macro],
+                kernel_flags + wide,
+            )
             for isa, wide in reversed(KERNELS.items())
+            for precision, macro in (("", []), ("_single", [("GR_SINGLE", None)]))
         ]
         jobs += [(source, Path(self.build_temp), [], flags) for source in ext.sources]
 

@@ -1,4 +1,5 @@
-/* The kernels of one instruction set. This file is compiled once for each set, with GR_ISA naming it.
+/* The kernels of one instruction set. This file is compiled once for each set, with GR_ISA naming it, and once more for
+ * single precision, with GR_SINGLE, where the fluidity of cells and SPH are those in double precision.
  *
  * Every combination of dimension, basis, transfer and density is compiled as a function of its own, from one inline
  * function called with literal arguments. The choice among them is made once, when a kernel is called for a run of
@@ -20,7 +21,12 @@ static const struct gr_law *const laws[] = {
 #include "law/registry.inl"
     0};
 
+#ifndef GR_SINGLE
 #include "fluidity/diffuse.inl"
+#include "sph/sums.inl"
+#include "sph/stress.inl"
+#include "sph/gas_sums.inl"
+#endif
 #include "mpm/migrate.h"
 #include "mpm/sleep.h"
 #include "mpm/damping.inl"
@@ -35,9 +41,6 @@ static const struct gr_law *const laws[] = {
 #include "mpm/g2p.inl"
 #include "mpm/sweep.inl"
 #include "mpm/node_sums.inl"
-#include "sph/sums.inl"
-#include "sph/stress.inl"
-#include "sph/gas_sums.inl"
 
 #define GR_PASTE2(a, b) a##b
 #define GR_PASTE(a, b) GR_PASTE2(a, b)
@@ -50,12 +53,18 @@ static const struct gr_law *const laws[] = {
  * quadratic basis, the cell-averaged density the linear basis. */
 #define GR_PLAIN_VARIANTS(X, dim, basis) \
     X(dim, basis, GR_AFFINE_NONE, 0, 0) X(dim, basis, GR_AFFINE_GRADIENT, 0, 0) X(dim, basis, GR_AFFINE_MOMENT, 0, 0)
+#ifdef GR_SINGLE
+#define GR_VARIANTS_OF(X, dim)                   \
+    X(dim, GR_QUADRATIC, GR_AFFINE_MOMENT, 0, 0) \
+    X(dim, GR_QUADRATIC, GR_AFFINE_GRADIENT, 1, 0)
+#else
 #define GR_VARIANTS_OF(X, dim)                  \
     X(dim, GR_LINEAR, GR_AFFINE_GRADIENT, 0, 1) \
     GR_PLAIN_VARIANTS(X, dim, GR_LINEAR)        \
     GR_PLAIN_VARIANTS(X, dim, GR_UGIMP)         \
     GR_PLAIN_VARIANTS(X, dim, GR_QUADRATIC)     \
     X(dim, GR_QUADRATIC, GR_AFFINE_GRADIENT, 1, 0)
+#endif
 #define GR_VARIANTS(X) GR_VARIANTS_OF(X, 2) GR_VARIANTS_OF(X, 3)
 
 #define GR_X(d, b, a, q, u)                                                                                       \
@@ -178,6 +187,7 @@ static void substep(struct gr_engine *e, int64_t first, int64_t last)
         substep_tiles(1, e, first, last, material->parameter + law->fluidity);
 }
 
+#ifndef GR_SINGLE
 static void update_hencky(int flow, int dim, const struct gr_hencky_call *call)
 {
     if (dim == 2)
@@ -194,8 +204,13 @@ static void sph(struct gr_sph *s, enum gr_sph_stage stage, int64_t first, int64_
         sph_stage(3, s, stage, first, last, found);
 }
 
-extern const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA);
-const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {
+#define GR_NAME GR_PASTE(gr_kernels_, GR_ISA)
+#else
+#define GR_NAME GR_PASTE(gr_single_, GR_ISA)
+#endif
+
+extern const struct gr_kernels GR_NAME;
+const struct gr_kernels GR_NAME = {
     .isa = GR_STRING(GR_ISA),
     .lanes = GR_W,
     .p2g = p2g,
@@ -209,8 +224,10 @@ const struct gr_kernels GR_PASTE(gr_kernels_, GR_ISA) = {
     .begin_substeps = begin_substeps,
     .substep = substep,
     .laws = laws,
+#ifndef GR_SINGLE
     .update_fluidity = fluidity_points,
     .update_hencky = update_hencky,
     .diffuse = diffuse,
     .sph = sph,
+#endif
 };

@@ -25,6 +25,7 @@ struct gr_kernels {
     void (*begin_substeps)(struct gr_engine *, int64_t first, int64_t last);
     void (*substep)(struct gr_engine *, int64_t first, int64_t last);
     const struct gr_law *const *laws; /* those of law/registry.inl, then NULL */
+    /* in double precision only, else NULL */
     void (*update_fluidity)(const struct gr_fluidity_call *call);
     void (*update_hencky)(int flow, int dim, const struct gr_hencky_call *call);
     gr_diffuse *diffuse;
@@ -32,3 +33,9 @@ struct gr_kernels {
 };
 
 const struct gr_kernels *gr_kernels_select(const char *name); /* NULL or "": the widest that this machine supports */
+
+/* Those in single precision of the same instruction set. */
+const struct gr_kernels *gr_kernels_in_single(const struct gr_kernels *kernels);
+
+/* True if they have law k. */
+int gr_single_has_law(int k);

@@ -49,7 +49,7 @@ class Diffusion(TypedDict):
 def build_info(isa: str = "", /) -> BuildInfo: ...
 def scheme_numbers() -> dict[str, list[tuple[str, float | None, str, str, str]]]: ...
 def enumerations() -> dict[str, dict[str, int]]: ...
-def laws() -> dict[str, tuple[str, list[tuple[str, str, str]]]]: ...
+def laws() -> dict[str, tuple[str, list[tuple[str, str, str]], bool]]: ...
 def law_update(
     law: str,
     dim: int,
@@ -151,6 +151,7 @@ class Engine:
         basis: int,
         transfer: int,
         density: int,
+        single: int,
         averaging_interval: int,
         pressure_from_density: int,
         materials: list[MaterialRow],

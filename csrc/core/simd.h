@@ -2,7 +2,10 @@
  *
  * `vd` has the ordinary operators + - * /; the functions below add what C has no operator for. `vm` is a lane mask. The
  * width GR_W depends on how a kernel is compiled, never on the data: rows of points always have
- * GR_LANES places, which shorter vectors take in parts. */
+ * GR_LANES places, which shorter vectors take in parts.
+ *
+ * With GR_SINGLE kernels compute in single precision (simd_single.h): `vd` are floats then, `gr_real` is the type of what
+ * kernels keep for themselves, and `vx`, of positions, are doubles in any case. */
 #pragma once
 
 #include <math.h>
@@ -16,7 +19,9 @@
 
 #define GR_LANES 8 /* cells of a tile; rows of points are this long in all instruction sets */
 
-#if defined(__AVX512F__)
+#ifdef GR_SINGLE
+#include "core/simd_single.h"
+#elif defined(__AVX512F__)
 #include <immintrin.h>
 #define GR_W 8
 typedef __m512d vd;
@@ -77,32 +82,63 @@ static inline vd v_sqrt(vd a) { return (vd){sqrt(a[0]), sqrt(a[1])}; }
 static inline double v_sum(vd a) { return a[0] + a[1]; }
 #endif
 
+#ifndef GR_SINGLE
+typedef double gr_real;
+typedef int64_t vi __attribute__((vector_size(8 * GR_W)));
+
 /* Loads and stores whose type tells the compiler that only doubles are accessed. The intrinsics may alias anything, and
  * a compiler would read every pointer again after each store. */
 typedef double vd_in_memory __attribute__((vector_size(8 * GR_W), aligned(8)));
 static inline vd v_load(const double *p) { return (vd) * (const vd_in_memory *)p; }
 static inline void v_store(double *p, vd a) { *(vd_in_memory *)p = (vd_in_memory)a; }
 
+/* Positions. x_fma: a b + c; x_minus: a - b. */
+typedef vd vx;
+static inline vx x_set(double a) { return v_set(a); }
+static inline vx x_load(const double *p) { return v_load(p); }
+static inline void x_store(double *p, vx a) { v_store(p, a); }
+static inline vx x_fma(vd a, vd b, vx c) { return v_fma(a, b, c); }
+static inline vx x_add(vx a, vd b) { return a + b; }
+static inline vd x_minus(vx a, vx b) { return a - b; }
+static inline vm x_gt(vx a, vx b) { return v_gt(a, b); }
+static inline vm x_ge(vx a, vx b) { return v_ge(a, b); }
+
+#endif
+
+/* A number that depends on the round-off and range of what kernels compute with. */
+#ifdef GR_SINGLE
+#define GR_PRECISION(in_double, in_single) (in_single)
+#else
+#define GR_PRECISION(in_double, in_single) (in_double)
+#endif
+#define GR_NOTHING GR_PRECISION(1e-300, 1e-37)       /* added to a denominator that may be 0 */
+#define GR_LARGEST_POWER GR_PRECISION(600.0, 80.0)   /* of e */
+#define GR_MANTISSA GR_PRECISION(52, 23)             /* bits */
+#define GR_ROUNDING GR_PRECISION(0x1.8p52, 0x1.8p23) /* adding it leaves the nearest integer in the low bits */
+#define GR_EXP_TERMS GR_PRECISION(13, 7)             /* of the series of exp, for |r| <= ln(2)/2 */
+/* The leading bits of ln 2, and the rest. */
+#define GR_LN_2 GR_PRECISION(6.93147180369123816490e-01, 0.693359375)
+#define GR_LN_2_REST GR_PRECISION(1.9082149292705877e-10, -2.12194440054690582e-4)
+
 #define GR_VECTORS (GR_LANES / GR_W) /* vectors of a row of a tile */
 #define GR_ALL_LANES ((1u << GR_W) - 1u)
-
-typedef int64_t vi __attribute__((vector_size(8 * GR_W)));
 
 static const double gr_inverse_factorial[14] = {
     1.0,          1.0,           1.0 / 2.0,      1.0 / 6.0,       1.0 / 24.0,       1.0 / 120.0,       1.0 / 720.0,
     1.0 / 5040.0, 1.0 / 40320.0, 1.0 / 362880.0, 1.0 / 3628800.0, 1.0 / 39916800.0, 1.0 / 479001600.0, 1.0 / 6227020800.0,
 };
 
-/* exp(x) for |x| < 700 to 2e-16: x = n ln 2 + r, a power series in r, and 2^n by setting the exponent bits. */
+/* exp(x) to round-off for |x| <= GR_LARGEST_POWER: x = n ln 2 + r, a power series in r, and 2^n by setting the exponent
+ * bits. */
 static inline vd v_exp(vd x)
 {
-    const vd shift = v_set(0x1.8p52); /* adding it leaves the nearest integer in the low bits */
+    const vd shift = v_set(GR_ROUNDING);
     const vd t = v_fma(x, v_set(1.4426950408889634), shift), n = t - shift;
-    const vd r = v_fnma(n, v_set(1.9082149292705877e-10), v_fnma(n, v_set(6.93147180369123816490e-01), x));
-    vd e = v_set(gr_inverse_factorial[13]);
-    for (int k = 12; k > 1; k--) e = v_fma(e, r, v_set(gr_inverse_factorial[k]));
+    const vd r = v_fnma(n, v_set(GR_LN_2_REST), v_fnma(n, v_set(GR_LN_2), x));
+    vd e = v_set(gr_inverse_factorial[GR_EXP_TERMS]);
+    for (int k = GR_EXP_TERMS - 1; k > 1; k--) e = v_fma(e, r, v_set(gr_inverse_factorial[k]));
     e = v_fma(e * r, r, r) + v_set(1.0);
-    return e * (vd)(((vi)t << 52) + (vi)v_set(1.0));
+    return e * (vd)(((vi)t << GR_MANTISSA) + (vi)v_set(1.0));
 }
 
 static inline vd v_mul(vd a, vd b) { return a * b; }

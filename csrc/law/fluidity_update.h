@@ -36,11 +36,11 @@
 #include "law/law.h"
 
 /* Smallest pressure used, Pa: squares of G dt g/p stay finite. */
-#define GR_LEAST_PRESSURE 1e-30
+#define GR_LEAST_PRESSURE GR_PRECISION(1e-30, 1e-12)
 
 /* The coefficients of the quadratic equation are scaled by this power of two, which changes no bit of the root.
- * Products of two of them, and the single division for two quotients, then stay finite up to m = g_star = rate = 1e60. */
-#define GR_FLUIDITY_UNIT 0x1p-160
+ * Products of two of them, and the single division for two quotients, then stay finite up to m = g_star = rate = 1e60 (1e10 in single precision). */
+#define GR_FLUIDITY_UNIT GR_PRECISION(0x1p-160, 0x1p-20)
 
 /* Constants of a step. */
 struct gr_fluidity_numbers {

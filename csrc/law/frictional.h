@@ -17,6 +17,9 @@
 #include "law/regularised_flow.h"
 #include "law/trial.h"
 
+/* Pressure that counts as none, Pa: the square of a single-precision number beyond it is not zero. */
+#define GR_LEAST_BORNE GR_PRECISION(0.0, 1e-12)
+
 enum gr_rate { GR_RATE_INDEPENDENT, GR_MU_I, GR_REGULARISED }; /* how friction depends on the rate */
 
 struct gr_cohesion {
@@ -42,7 +45,7 @@ GR_INLINE struct gr_yield gr_yield_of(const int cohesive, const struct gr_cohesi
 GR_INLINE vm gr_bears_stress(const int cohesive, const struct gr_cohesion *n, vd c, vd p, double *separated)
 {
     const vd zero = v_zero();
-    if (!cohesive) return m_and(v_ge(c, zero), v_gt(p, zero));
+    if (!cohesive) return m_and(v_ge(c, zero), v_gt(p, v_set(GR_LEAST_BORNE)));
     const vd one = v_set(1.0), before = separated ? v_load(separated) : zero;
     const vd apart = v_select(v_ge(c, zero), zero, before);
     const vm holds = m_and(v_ge(c, n->loosest), v_gt(p + n->tensile_strength, zero));

@@ -88,12 +88,12 @@ typedef void gr_own_update(int64_t n, int64_t dim, double dt, const double *para
 struct gr_law_call {
     int64_t n_blocks;
     const int64_t *slot;
-    const double *gradient;
+    const gr_real *gradient;
     double dt, fraction;
     int pressure_from_density; /* 1: p = K log_density (consistent with eq. 2.7); 0: p from the trial stress (eq. 3.10) */
     const double *parameter;
     const double *log_density;
-    const double *g_star;
+    const gr_real *g_star;
     double *substeps;
     int begins;
     double *stress[6];

@@ -49,7 +49,7 @@ GR_INLINE vd pressure_of(const struct gr_law_call *call, vd K, vd c, vd p)
 GR_INLINE vd trial_of_substep(const int dim, const struct gr_law_call *call, int64_t k, const struct gr_ngf_numbers *n, vd c,
                               struct gr_stress *turned, struct gr_stress *strained)
 {
-    const double *gradient = call->gradient + k * dim * dim * GR_W;
+    const gr_real *gradient = call->gradient + k * dim * dim * GR_W;
     *turned = gr_turned(dim, gradient, call, call->slot[k]);
     for (int i = 0; i < GR_STRESSES(dim); i++) strained->s[i] = v_zero();
     gr_strain(dim, gradient, n->K, n->G, strained);

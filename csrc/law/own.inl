@@ -20,7 +20,7 @@ GR_INLINE void gr_gather_own(const int dim, const struct gr_law_call *call, int6
     const vd K = v_set(call->parameter[0]), G = v_set(call->parameter[1]);
     for (int64_t k = 0; k < n; k++) {
         const int64_t at = call->slot[first + k], place = k * GR_W, stride = n * GR_W;
-        const double *gradient = call->gradient + (first + k) * dim * dim * GR_W;
+        const gr_real *gradient = call->gradient + (first + k) * dim * dim * GR_W;
         const struct gr_stress t = gr_trial(dim, gradient, call, at, K, G);
         for (int c = 0; c < dim * dim; c++) v_store(to->gradient + c * stride + place, v_load(gradient + c * GR_W));
         for (int c = 0; c < GR_STRESSES(dim); c++) v_store(to->stress + c * stride + place, t.s[c]);

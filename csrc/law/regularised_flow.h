@@ -15,10 +15,11 @@
 
 #include "core/simd.h"
 
-#define GR_LARGEST_RATIO 1e60 /* of m and B, so that their squares are finite */
-#define GR_NEWTON_STEPS 200   /* a bound: while B x exceeds m a step reduces it by e or more, as ln x is concave in mu */
-#define GR_NEWTON_LAST 1e-10  /* relative size of a last step: the next would be below round-off, as steps fall by squares */
-#define GR_SMALLEST_POWER -700 /* of e; v_exp */
+#define GR_LARGEST_RATIO GR_PRECISION(1e60, 1e15) /* of m and B, so that their squares are finite */
+#define GR_NEWTON_STEPS 200 /* a bound: while B x exceeds m a step reduces it by e or more, as ln x is concave in mu */
+/* Relative size of a last step: the next would be below round-off, as steps fall by squares. */
+#define GR_NEWTON_LAST GR_PRECISION(1e-10, 1e-4)
+#define GR_SMALLEST_POWER GR_PRECISION(-700, -80) /* of e; v_exp */
 
 struct gr_regularised_numbers {
     vd mu_s, mu_2, k, alpha, x1, mu_1, power_1, B_1; /* power_1 = alpha/mu_1^2, B_1 = xi G dt */

@@ -10,7 +10,7 @@
 #include "law/fluidity_update.h"
 #include "law/trial.h"
 
-#define GR_LARGEST_FRICTION 1e60 /* of a trial state; its square is finite */
+#define GR_LARGEST_FRICTION GR_PRECISION(1e60, 1e10) /* of a trial state; its square is finite */
 
 GR_INLINE double *gr_substep_at(double *substeps, int64_t at, enum gr_substep_number number)
 {

@@ -10,7 +10,7 @@ struct gr_stress {
 };
 
 /* Add the elastic increment dt C:D to `t`; L dt is given, row-major. */
-GR_INLINE void gr_strain(const int dim, const double *gradient, vd K, vd G, struct gr_stress *t)
+GR_INLINE void gr_strain(const int dim, const gr_real *gradient, vd K, vd G, struct gr_stress *t)
 {
     const vd lambda = K - v_set(2.0) / v_set(3.0) * G, twoG = v_set(2.0) * G;
     vd L[9];
@@ -26,7 +26,7 @@ GR_INLINE void gr_strain(const int dim, const double *gradient, vd K, vd G, stru
 }
 
 /* The stress of a block of points after the rotation of a step: s + dt (W s - s W), of first order in dt. */
-GR_INLINE struct gr_stress gr_turned(const int dim, const double *gradient, const struct gr_law_call *call, int64_t at)
+GR_INLINE struct gr_stress gr_turned(const int dim, const gr_real *gradient, const struct gr_law_call *call, int64_t at)
 {
     struct gr_stress t;
     const vd half = v_set(0.5), two = v_set(2.0);
@@ -53,7 +53,7 @@ GR_INLINE struct gr_stress gr_turned(const int dim, const double *gradient, cons
 }
 
 /* Trial stress s + dt (C:D + W s - s W), Dunatunga & Kamrin 2015, eq. 3.10. */
-GR_INLINE struct gr_stress gr_trial(const int dim, const double *gradient, const struct gr_law_call *call, int64_t at, vd K,
+GR_INLINE struct gr_stress gr_trial(const int dim, const gr_real *gradient, const struct gr_law_call *call, int64_t at, vd K,
                                     vd G)
 {
     struct gr_stress t = gr_turned(dim, gradient, call, at);
@@ -62,7 +62,7 @@ GR_INLINE struct gr_stress gr_trial(const int dim, const double *gradient, const
 }
 
 /* Trace of the velocity increment L dt of a block: the volumetric strain of the step. */
-static inline vd gr_expansion(const int dim, const double *gradient)
+static inline vd gr_expansion(const int dim, const gr_real *gradient)
 {
     vd trace = v_load(gradient);
     for (int d = 1; d < dim; d++) trace = trace + v_load(gradient + d * (dim + 1) * GR_W);

@@ -96,7 +96,7 @@ GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_eng
 {
     const int K = 1 << dim, rows = GR_SUM_DAMPED(dim), stresses = dim == 2 ? 3 : 6;
     const struct summed summed = points_to_sum(e, first, more);
-    double *out = e->sums + gr_sums_of_cell(e, first), *own = out + K * rows * GR_LANES;
+    gr_real *out = gr_sums(e) + gr_sums_of_cell(e, first), *own = out + K * rows * GR_LANES;
     struct gr_frame frame;
     struct contribution contribution[MOST_PREPARED];
     vd of_cell[GR_CELL_STRESS + 6];
@@ -133,7 +133,7 @@ GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_eng
 GR_INLINE void store_state(const int dim, struct gr_engine *e, int64_t first, vm has)
 {
     const int K = 1 << dim, rows = GR_SUM_DAMPED(dim);
-    double *sum = e->sums + gr_sums_of_cell(e, first), *own = sum + K * rows * GR_LANES;
+    gr_real *sum = gr_sums(e) + gr_sums_of_cell(e, first), *own = sum + K * rows * GR_LANES;
     const vd per_cell = v_set(e->mass_scale), one = v_set(1.0);
     vd M = v_zero(), mass = v_zero(), volume = v_zero(), high[3] = {v_zero(), v_zero(), v_zero()}, over[8], at[3];
     vd lightest = one, centre[3];
@@ -187,7 +187,7 @@ GR_INLINE void store_state(const int dim, struct gr_engine *e, int64_t first, vm
 GR_INLINE vd represented_volume(const int dim, const struct gr_engine *e, int64_t first, const vd at[3])
 {
     const int K = 1 << dim, rows = GR_SUM_DAMPED(dim);
-    const double *sum = e->sums + gr_sums_of_cell(e, first);
+    const gr_real *sum = gr_sums(e) + gr_sums_of_cell(e, first);
     const vd one = v_set(1.0), w = v_load(average_of(e, GR_AVERAGE_INSIDE, first));
     const vd open = v_load(average_of(e, GR_AVERAGE_OPEN, first));
     const vd volume = v_fma(one - w, v_min(open, v_load(average_of(e, GR_AVERAGE_FILLED, first))), w * open);
@@ -198,8 +198,8 @@ GR_INLINE vd represented_volume(const int dim, const struct gr_engine *e, int64_
         const vd shared = w * at_nodes(e, e->node_mass, first, i) / (v_set(K) * free_volumes(e, first, i));
         vd square = v_zero();
         for (int d = 0; d < dim; d++) square = v_fma(slope_at(dim, at, i, d), slope_at(dim, at, i, d), square);
-        stiffness = stiffness +
-                    square / v_fma(v_set(e->mass_scale), v_max(shared, v_load(sum + i * rows * GR_LANES)), v_set(1e-300));
+        stiffness = stiffness + square / v_fma(v_set(e->mass_scale), v_max(shared, v_load(sum + i * rows * GR_LANES)),
+                                               v_set(GR_NOTHING));
     }
     const vm too_stiff = m_and(at_surface, v_gt(volume * stiffness, v_set(STIFFEST)));
     return v_select(too_stiff, v_set(STIFFEST) / stiffness, volume);
@@ -212,7 +212,7 @@ GR_INLINE void apply_forces_of_cells(const int dim, struct gr_engine *e, int64_t
 {
     static const int place[2][3][3] = {{{0, 2, 5}, {2, 1, 4}, {5, 4, 3}}, {{0, 3, 5}, {3, 1, 4}, {5, 4, 2}}};
     const int K = 1 << dim, rows = GR_SUM_DAMPED(dim), stresses = dim == 2 ? 3 : 6;
-    double *sum = e->sums + gr_sums_of_cell(e, first), *own = sum + K * rows * GR_LANES;
+    gr_real *sum = gr_sums(e) + gr_sums_of_cell(e, first), *own = sum + K * rows * GR_LANES;
     const vm has = occupied(e, first);
     vd at[3], stress[6];
     if (!m_bits(has)) { /* without points all sums are zero */
@@ -291,7 +291,7 @@ GR_INLINE void shift_of_cells(const int dim, const struct gr_engine *e, int64_t 
         length = v_fma(over[d], over[d], length);
     }
     const vm far = v_gt(scale * scale * length, most * most);
-    if (m_bits(far)) scale = v_select(far, most / v_sqrt(v_max(length, v_set(1e-300))), scale);
+    if (m_bits(far)) scale = v_select(far, most / v_sqrt(v_max(length, v_set(GR_NOTHING))), scale);
     for (int d = 0; d < dim; d++) {
         const vd along = v_set(2.0) * v_abs(L[d * dim + d]), most_of_face = v_min(limit, along);
         for (int high = 0; high < 2; high++) {

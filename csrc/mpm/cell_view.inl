@@ -8,8 +8,8 @@ enum { BATCH = 256 / GR_W }; /* blocks per call: their data stay in the first-le
 struct batch {
     int64_t n;
     int64_t slot[BATCH];
-    _Alignas(64) double g_star[BATCH * GR_W];
-    _Alignas(64) double gradient[BATCH * 9 * GR_W];
+    _Alignas(64) gr_real g_star[BATCH * GR_W];
+    _Alignas(64) gr_real gradient[BATCH * 9 * GR_W];
 };
 
 /* Call the law of material k for n blocks of a batch from block b on: for the whole step, or for the first (`begins`) or last
@@ -119,7 +119,7 @@ enum { ALONE = 2 }; /* a cell with at most this many points is nearly empty */
 /* Data common to the points of GR_W cells. */
 struct view {
     struct gr_frame frame;
-    vd begin[3], end[3];     /* bounds of the cells, m */
+    vx begin[3], end[3];     /* bounds of the cells, m */
     int points;              /* largest number of points of a cell */
     int has_sponge;          /* bit d: the sponge layer may damp points that rise along axis d */
     vd disconnected;         /* log-density below which a point of the first material is given no affine field */
@@ -175,9 +175,9 @@ GR_INLINE void look_at_cells(const int dim, const int basis, const int affine, c
     view->has_sponge = e->config.has_sponge;
     if (cell_averaged || averages) gr_wall_cells_of(dim, e, first, &view->walls);
     for (int d = 0; d < dim; d++) {
-        view->begin[d] = GR_OF_CELLS(e, first, d, begin);
-        view->end[d] = GR_OF_CELLS(e, first, d, end);
-        if (!m_bits(v_gt(view->end[d], v_set(e->config.above[d])))) view->has_sponge &= ~(1 << d);
+        view->begin[d] = GR_X_OF_CELLS(e, first, d, begin);
+        view->end[d] = GR_X_OF_CELLS(e, first, d, end);
+        if (!m_bits(x_gt(view->end[d], x_set(e->config.above[d])))) view->has_sponge &= ~(1 << d);
     }
     view->damping.any = 0;
     if (damps) {

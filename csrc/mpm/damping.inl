@@ -15,7 +15,7 @@ GR_INLINE vd damped_share(const struct gr_engine *e, vd flow, vd c, int64_t at)
     const vd most = gr_of_material(e, GR_MATERIAL_ILL_POSED, at) * c; /* of its square */
     const vm damped = m_and(v_gt(flow, v_zero()), v_gt(most, flow * flow));
     if (!m_bits(damped)) return v_zero();
-    const vd part = v_set(1.0) - flow / v_sqrt(v_max(most, v_set(1e-300)));
+    const vd part = v_set(1.0) - flow / v_sqrt(v_max(most, v_set(GR_NOTHING)));
     const vd elastic = gr_of_material(e, GR_MATERIAL_CROSSOVER, at) * c;
     vd share = part * elastic / (elastic + flow);
     if (__builtin_expect(e->config.n_materials > 1, 0)) share = share * gr_of_material(e, GR_MATERIAL_DAMPED, at);

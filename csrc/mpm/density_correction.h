@@ -35,7 +35,7 @@ GR_INLINE vd averaged_share(const struct gr_engine *e, double dt, vd strain, vd 
     const struct gr_density_numbers *q = &e->config.density;
     const vd pressed = v_max(c, v_zero()), fast = v_set(dt * q->diffusion * e->config.wave_speed * e->inv_dx);
     const vd r = v_fma(fast, pressed, v_set(q->strain_diffusion) * strain);
-    return r / (pressed + r + v_set(1e-300));
+    return r / (pressed + r + v_set(GR_NOTHING));
 }
 
 /* Change of the log-density by relaxation to the nodal density, for a strain during the time dt and the gap between the

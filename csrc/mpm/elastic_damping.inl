@@ -9,7 +9,7 @@
 #include "mpm/contribution.h"
 
 /* Set it for the points at the places from `at` on, from their gradient L dt and what the law made of them. */
-GR_INLINE void store_viscous_stress(const int dim, const struct gr_engine *e, const double *gradient, int64_t at)
+GR_INLINE void store_viscous_stress(const int dim, const struct gr_engine *e, const gr_real *gradient, int64_t at)
 {
     const vd none = v_zero(), rate = v_set(e->inv_dt), T = gr_of_material(e, GR_MATERIAL_DAMPING_TIME, at);
     const vd K = T * gr_of_material(e, GR_MATERIAL_BULK_MODULUS, at),
@@ -23,7 +23,7 @@ GR_INLINE void store_viscous_stress(const int dim, const struct gr_engine *e, co
     }
     (void)gr_split(&s);
     gr_strain(dim, gradient, rate * K, rate * G, &viscous);
-    const vd tau = v_sqrt(v_max(gr_tau_squared(dim, &s), v_set(1e-300)));
+    const vd tau = v_sqrt(v_max(gr_tau_squared(dim, &s), v_set(GR_NOTHING)));
     const vd flow = G * component(e, GR_FIELD_shear_rate, 0, at) / tau;
     for (int c = 0; c < GR_STRESSES(dim); c++)
         v_store(e->field[GR_FIELD_viscous_stress] + c * e->capacity + at,
@@ -32,7 +32,7 @@ GR_INLINE void store_viscous_stress(const int dim, const struct gr_engine *e, co
 
 /* The same for the n blocks of points that a law was called for. */
 static __attribute__((noinline)) void damp_elastic(const struct gr_engine *e, int64_t n, const int64_t *slot,
-                                                   const double *gradient)
+                                                   const gr_real *gradient)
 {
     for (int64_t k = 0; k < n; k++) {
         if (e->config.dim == 2)

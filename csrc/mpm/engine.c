@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "core/memory.h"
+#include "kernels.h"
 #include "mpm/contact.h"
 #include "mpm/feet.h"
 #include "mpm/inflow.h"
@@ -150,6 +151,14 @@ static int materials_are_valid(const struct gr_config *c)
     return nonlocal < 2 && !c->cell_averaged && !(nonlocal && c->nonlocal.substeps > 1);
 }
 
+/* Kernels in single precision exist for these combinations only. */
+static int single_is_valid(const struct gr_config *c)
+{
+    for (int k = 0; k < c->n_materials; k++)
+        if (!gr_single_has_law(c->material[k].law)) return 0;
+    return c->smoothed || (c->basis == GR_QUADRATIC && c->affine == GR_AFFINE_MOMENT);
+}
+
 static int config_is_valid(const struct gr_config *c)
 {
     if (c->dim < 2 || c->dim > 3 || c->basis < 0 || c->basis >= GR_BASIS_COUNT) return 0;
@@ -158,6 +167,7 @@ static int config_is_valid(const struct gr_config *c)
     if (c->smoothed && (c->basis != GR_QUADRATIC || c->affine != GR_AFFINE_GRADIENT)) return 0;
     if (c->smoothed && c->averaging_interval < 1) return 0;
     if (c->cell_averaged && (c->basis != GR_LINEAR || c->affine != GR_AFFINE_GRADIENT)) return 0;
+    if (c->single && !single_is_valid(c)) return 0;
     if (c->xpic_order < 0 || c->xpic_order > 10 || (c->xpic_order && c->affine)) return 0;
     if (!(c->dx > 0) || !(c->wave_speed > 0) || !(c->mass_cutoff >= 0)) return 0;
     if (nonlocal && (c->basis == GR_UGIMP || !c->nonlocal.face || c->nonlocal.substeps < 1)) return 0;
@@ -176,6 +186,9 @@ static int config_is_valid(const struct gr_config *c)
     }
     return bodies_are_valid(c);
 }
+
+/* Bound of a number without one that kernels in single precision look up: its products with others are finite. */
+#define LARGEST_IN_SINGLE 1e30
 
 /* Prepare the numbers of the materials that the kernels look up. */
 static void prepare_materials(struct gr_engine *e)
@@ -200,7 +213,8 @@ static void prepare_materials(struct gr_engine *e)
             [GR_MATERIAL_BULK_MODULUS] = m->K,
             [GR_MATERIAL_SHEAR_MODULUS] = parameter_of(m, "G"),
         };
-        for (int q = 0; q < GR_MATERIAL_NUMBER_COUNT; q++) e->material_number[q][k] = number[q];
+        const double most = e->config.single ? LARGEST_IN_SINGLE : INFINITY;
+        for (int q = 0; q < GR_MATERIAL_NUMBER_COUNT; q++) e->material_number[q][k] = fmin(fmax(number[q], -most), most);
     }
 }
 

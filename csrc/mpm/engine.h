@@ -47,6 +47,7 @@ struct gr_nonlocal {
 
 struct gr_config {
     int dim, basis, affine, smoothed, cell_averaged, xpic_order;
+    int single; /* 1: the kernels compute in single precision */
     int shape[3], periodic[3], open_low[3], open_high[3];
     double lower[3], dx, lambda;
     int n_c0_lines[3];
@@ -166,7 +167,7 @@ struct gr_engine {
     int n_components;                 /* of all fields in use together */
     /* grid */
     struct gr_mesh mesh;
-    double *sums;      /* n_tiles + 1 blocks of sum_stride numbers; the last block is zero */
+    void *sums;        /* n_tiles + 1 blocks of sum_stride numbers (gr_sums); the last block is zero */
     double *average;   /* GR_AVERAGES(dim) x cell_capacity, see enum gr_average; NULL unless cell_averaged */
     double *node_data; /* node_fields x node_places, see GR_NODE_FIELDS */
     double *node_mass; /* n_nodes, kg */
@@ -311,6 +312,21 @@ static inline double *gr_node_field(const struct gr_engine *e, int field) { retu
 static inline int32_t gr_cell_node(const struct gr_engine *e, int64_t index, int i)
 {
     return e->mesh.cell_node[(index / GR_LANES * e->K + i) * GR_LANES + index % GR_LANES];
+}
+
+/* The sums, in the precision of the kernels that this is compiled for: double in all other places. */
+static inline gr_real *gr_sums(const struct gr_engine *e) { return e->sums; }
+
+/* One of them, in either precision. */
+static inline double gr_sum_at(const struct gr_engine *e, int64_t at)
+{
+    return e->config.single ? ((const float *)e->sums)[at] : ((const double *)e->sums)[at];
+}
+
+/* Bytes of n of them. */
+static inline size_t gr_bytes_of_sums(const struct gr_engine *e, int64_t n)
+{
+    return (size_t)n * (e->config.single ? sizeof(float) : sizeof(double));
 }
 
 /* Where the sums of a cell begin. */

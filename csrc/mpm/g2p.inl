@@ -66,7 +66,7 @@ GR_INLINE vd affine_from(const struct gr_engine *e, const struct view *view, int
 /* Move the points at the places from `at` on, a row of the viewed cells. L dt is stored in `gradient` for the law.
  * Returned: a bit for each lane that is still in its cell. */
 GR_INLINE unsigned move_row(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
-                            const int averages, struct gr_engine *e, const struct view *view, int64_t at, double *gradient)
+                            const int averages, struct gr_engine *e, const struct view *view, int64_t at, gr_real *gradient)
 {
     const int nodal = basis == GR_UGIMP || affine == GR_AFFINE_MOMENT, K = gr_power(gr_nodes_1d(basis), dim);
     const int all_new = affine == GR_AFFINE_MOMENT; /* APIC: no share of the old velocity survives, and w = v */
@@ -101,18 +101,18 @@ GR_INLINE unsigned move_row(const int dim, const int basis, const int affine, co
         delta[d] = v_fma(s.xi[d], v_sub(view->shift[d][1], view->shift[d][0]), view->shift[d][0]);
     for (int d = 0; __builtin_expect(view->has_sponge != 0, 0) && d < dim; d++) {
         if (!(view->has_sponge >> d & 1)) continue;
-        const vm slowed = m_and(v_ge(v_load(x + d * stride), v_set(e->config.above[d])), v_gt(v_new[d], v_zero()));
+        const vm slowed = m_and(x_ge(x_load(x + d * stride), x_set(e->config.above[d])), v_gt(v_new[d], v_zero()));
         v_new[d] = v_select(slowed, v_set(e->sponge_factor[d]) * v_new[d], v_new[d]);
     }
     v_store(log_density, c);
     if (affine) store_affine(dim, basis, affine, e, at, &s, mode, v_ge(c, affine_from(e, view, at)), L);
     vm stays = v_ge(v_set(NO_DENSITY), v_abs(c)); /* a NaN counts as outside */
     for (int d = 0; d < dim; d++) {
-        vd y = v_fma(dx, move[d], v_load(x + d * stride));
-        if (cell_averaged || averages) y = y + delta[d];
+        vx y = x_fma(dx, move[d], x_load(x + d * stride));
+        if (cell_averaged || averages) y = x_add(y, delta[d]);
         v_store(v + d * stride, v_new[d]);
-        v_store(x + d * stride, y);
-        stays = m_and(stays, m_and(v_ge(y, view->begin[d]), v_gt(view->end[d], y)));
+        x_store(x + d * stride, y);
+        stays = m_and(stays, m_and(x_ge(y, view->begin[d]), x_gt(view->end[d], y)));
     }
     return m_bits(stays);
 }
@@ -135,7 +135,7 @@ GR_INLINE int64_t g2p_tile(const int dim, const int basis, const int affine, con
             const int64_t at = gr_slot(&e->mesh.cell[first + part * GR_W], row);
             if (row >= view[part].points) continue;
             if (__builtin_expect(batch->n == BATCH, 0)) run_law(e, batch, 0);
-            double *gradient = batch->gradient + batch->n * dim * dim * GR_W;
+            gr_real *gradient = batch->gradient + batch->n * dim * dim * GR_W;
             const unsigned inside =
                 move_row(dim, basis, affine, smoothed, cell_averaged, averages, e, &view[part], at, gradient);
             if (e->diffuses) v_store(batch->g_star + batch->n * GR_W, view[part].g_star);

@@ -326,7 +326,10 @@ static int reserve_mesh(struct gr_engine *e, int64_t n_cells)
         GR_RESIZE(e->substep_flow, capacity);
     }
     GR_RESIZE(e->dirty, tiles);
-    GR_RESIZE(e->sums, (tiles + 1) * e->sum_stride + GR_LANES); /* loads of node_sums.inl end beyond the last */
+    /* loads of node_sums.inl end beyond the last */
+    void *sums = realloc(e->sums, gr_bytes_of_sums(e, (tiles + 1) * e->sum_stride + GR_LANES));
+    if (!sums) return GR_ERR_MEMORY;
+    e->sums = sums;
     mesh->cell_capacity = capacity;
     return GR_OK;
 }
@@ -363,7 +366,8 @@ GR_SHARED(place_tiles, struct regroup, tiles_of(r), r)
         cell->flags = gr_map_get(&e->config.cell_flags, cell->at);
     }
     memset(e->mesh.tile_state + first, GR_TILE_SUMMED, (size_t)(last - first));
-    memset(e->sums + first * e->sum_stride, 0, sizeof(double) * (size_t)((last - first) * e->sum_stride));
+    memset((char *)e->sums + gr_bytes_of_sums(e, first * e->sum_stride), 0,
+           gr_bytes_of_sums(e, (last - first) * e->sum_stride));
 }
 
 /* Set up the mesh of the new cells. */
@@ -377,7 +381,8 @@ static void place_cells(struct regroup *r)
     mesh->n_tiles = tiles_of(r);
     place_tiles(r);
     /* the tile of zeros, and what loads behind it read */
-    memset(r->e->sums + mesh->n_tiles * r->e->sum_stride, 0, sizeof(double) * (size_t)(r->e->sum_stride + GR_LANES));
+    memset((char *)r->e->sums + gr_bytes_of_sums(r->e, mesh->n_tiles * r->e->sum_stride), 0,
+           gr_bytes_of_sums(r->e, r->e->sum_stride + GR_LANES));
     mesh->n_paired = 0;
     for (int64_t c = 0; r->sides && c < r->n_cells; c++)
         if (r->sides[c] == 1) mesh->paired[mesh->n_paired++] = c;

@@ -4,9 +4,9 @@
 
 /* The places of the sums over one cell of GR_W nodes, from node `lane` of a group on. */
 struct places {
-    const double *piece[GR_RUN_PIECES];
-    vm from[GR_RUN_PIECES];   /* lanes of this piece, and of those after it */
-    const double *each[GR_W]; /* of nodes whose sums are in more pieces */
+    const gr_real *piece[GR_RUN_PIECES];
+    vm from[GR_RUN_PIECES];    /* lanes of this piece, and of those after it */
+    const gr_real *each[GR_W]; /* of nodes whose sums are in more pieces */
 };
 
 GR_INLINE struct places places_of(const int K, const int pieces, const struct gr_engine *e, int64_t group, int i, int lane)
@@ -17,12 +17,12 @@ GR_INLINE struct places places_of(const int K, const int pieces, const struct gr
     for (int l = 0; l < GR_W; l++) number[l] = lane + l;
     GR_UNROLLED
     for (int k = 0; k < pieces; k++) {
-        places.piece[k] = e->sums + run->at[k] + lane;
+        places.piece[k] = gr_sums(e) + run->at[k] + lane;
         places.from[k] = v_ge(v_load(number), v_set(run->begin[k]));
     }
     for (int l = 0; pieces == GR_RUN_BROKEN && l < GR_W; l++) {
         const int64_t n = group * GR_LANES + lane + l;
-        places.each[l] = e->sums + e->mesh.node_source[(n < e->mesh.n_nodes ? n : e->mesh.n_nodes - 1) * K + i];
+        places.each[l] = gr_sums(e) + e->mesh.node_source[(n < e->mesh.n_nodes ? n : e->mesh.n_nodes - 1) * K + i];
     }
     return places;
 }
@@ -30,7 +30,7 @@ GR_INLINE struct places places_of(const int K, const int pieces, const struct gr
 GR_INLINE vd sum_at(const int pieces, const struct places *places, int64_t at)
 {
     if (pieces == GR_RUN_BROKEN) {
-        double each[GR_W];
+        gr_real each[GR_W];
         for (int l = 0; l < GR_W; l++) each[l] = places->each[l][at];
         return v_load(each);
     }

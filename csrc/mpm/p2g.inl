@@ -28,7 +28,7 @@ GR_INLINE vd inverse_density(vd c, vm carry)
     e = v_fma(e, c, v_set(-1.0));
     e = v_fma(e, c, v_set(1.0));
     if (__builtin_expect(!m_bits(large), 1)) return e;
-    return v_select(large, v_exp(-v_clamp(c, -600.0, 600.0)), e);
+    return v_select(large, v_exp(-v_clamp(c, -GR_LARGEST_POWER, GR_LARGEST_POWER)), e);
 }
 
 /* Prepare w, grad w, x_i - x, m, v and C dx of the points at the places from `at` on, which count where `counted`. */
@@ -128,7 +128,7 @@ enum { MOMENTUM = 1, FORCE = 2, DENSITY = 4, VOLUME = 8 };
  * `rows` sums in all. The sums begin at zero if `fresh`. */
 GR_INLINE void add_rows(const int dim, const int basis, const int affine, const int smoothed, const int what,
                         const struct contribution *contribution, int n, const int rows, const int first, int fresh,
-                        double *out)
+                        gr_real *out)
 {
     const int k = gr_nodes_1d(basis), K = gr_power(k, dim);
     const int width = (what & MOMENTUM ? 1 + dim : 0) + (what & FORCE ? dim : 0) +
@@ -180,7 +180,7 @@ GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const
 {
     const int K = gr_power(gr_nodes_1d(basis), dim), rows = GR_SUM_DAMPED(dim);
     const struct summed summed = points_to_sum(e, first, more);
-    double *out = e->sums + gr_sums_of_cell(e, first), *own = out + K * rows * GR_LANES;
+    gr_real *out = gr_sums(e) + gr_sums_of_cell(e, first), *own = out + K * rows * GR_LANES;
     struct gr_frame frame;
     struct contribution contribution[MOST_PREPARED];
     /* with those of the density beside cells that are asleep, too: they are not made again when they are needed */
@@ -216,7 +216,7 @@ GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const
         if (averages && e->config.n_materials > 1)
             add_rows(dim, basis, affine, smoothed, VOLUME, contribution, n, GR_VOLUME_SUMS, 0, fresh, out + e->volume_sums);
         if (!smoothed) continue;
-        v_store(own + GR_CELL_DAMPED * GR_LANES, v_keep(v_gt(damped, v_zero()), damped / v_max(mass, v_set(1e-300))));
+        v_store(own + GR_CELL_DAMPED * GR_LANES, v_keep(v_gt(damped, v_zero()), damped / v_max(mass, v_set(GR_NOTHING))));
         v_store(own + GR_CELL_M_DAMPING * GR_LANES, damped);
         v_store(own + GR_CELL_M * GR_LANES, mass);
     }

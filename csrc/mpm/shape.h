@@ -28,7 +28,8 @@ GR_INLINE struct gr_knots gr_knots_of(const struct gr_axis_cell *cell)
 
 /* The cells of a vector, one a lane: cells `first` to first + GR_W - 1 of a tile. */
 struct gr_frame {
-    vd edge[3], inv_dx;
+    vx edge[3];
+    vd inv_dx;
     struct gr_knots knots[3];
     vd position[3][3]; /* of the nodes, in cells from the edge; only if asked for */
     double lambda;
@@ -40,18 +41,20 @@ GR_INLINE int gr_nodes_1d(const int basis) { return basis == GR_LINEAR ? 2 : 3; 
 /* Numbers of the GR_W cells from `first` on, along axis d: member(cell) of each. Most tiles are a part of a row of cells:
  * along the other axes they have the same place. Cells follow each other along the first axis, then the second, then the
  * third, so that those between two of one row are of that row; with two of different layers, rows lie between. */
-#define GR_OF_CELLS(e, first, d, member)                                                                      \
+#define GR_LANES_OF_CELLS(e, first, d, member, vector, set, load)                                             \
     ({                                                                                                        \
         const struct gr_cell *const of_cell = (e)->mesh.cell + (first);                                       \
         const struct gr_axis_cell *const of_axis = (e)->axis[d].cell;                                         \
-        vd of_lanes = v_set(of_axis[of_cell->at[d]].member);                                                  \
+        vector of_lanes = set(of_axis[of_cell->at[d]].member);                                                \
         if (!(d) || of_cell->at[d] != of_cell[GR_W - 1].at[d] || of_cell->at[2] != of_cell[GR_W - 1].at[2]) { \
             double of_each[GR_W];                                                                             \
             for (int of_l = 0; of_l < GR_W; of_l++) of_each[of_l] = of_axis[of_cell[of_l].at[d]].member;      \
-            of_lanes = v_load(of_each);                                                                       \
+            of_lanes = load(of_each);                                                                         \
         }                                                                                                     \
         of_lanes;                                                                                             \
     })
+#define GR_OF_CELLS(e, first, d, member) GR_LANES_OF_CELLS(e, first, d, member, vd, v_set, v_load)
+#define GR_X_OF_CELLS(e, first, d, member) GR_LANES_OF_CELLS(e, first, d, member, vx, x_set, x_load)
 
 /* Look up the frame of the cells from `first` on. Beyond the dimension nothing is set, and nothing is used. */
 GR_INLINE void gr_frame_of(const int dim, const int basis, const int positions, const struct gr_engine *e, int64_t first,
@@ -60,7 +63,7 @@ GR_INLINE void gr_frame_of(const int dim, const int basis, const int positions, 
     frame->inv_dx = v_set(e->inv_dx);
     frame->lambda = e->config.lambda;
     for (int d = 0; d < dim; d++) {
-        frame->edge[d] = GR_OF_CELLS(e, first, d, edge);
+        frame->edge[d] = GR_X_OF_CELLS(e, first, d, edge);
         if (basis == GR_QUADRATIC) {
             frame->knots[d].low = GR_OF_CELLS(e, first, d, coefficient[0][2]);
             frame->knots[d].high = GR_OF_CELLS(e, first, d, coefficient[2][2]);
@@ -105,7 +108,7 @@ GR_INLINE void gr_shapes(const int dim, const int basis, const struct gr_engine 
                          const int positions, struct gr_shape *s)
 {
     for (int d = 0; d < dim; d++) {
-        s->xi[d] = (v_load(e->field[GR_FIELD_x] + d * e->capacity + at) - frame->edge[d]) * frame->inv_dx;
+        s->xi[d] = x_minus(x_load(e->field[GR_FIELD_x] + d * e->capacity + at), frame->edge[d]) * frame->inv_dx;
         gr_shape_1d(basis, &frame->knots[d], frame->lambda, s->xi[d], s->w[d], s->g[d]);
         for (int a = 0; positions && a < gr_nodes_1d(basis); a++) s->r[d][a] = frame->position[d][a] - s->xi[d];
     }

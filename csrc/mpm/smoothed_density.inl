@@ -129,7 +129,7 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
     const vd most = v_keep(walls->shifts, v_min(v_set(q->shifting_limit * dx), v_set(0.5 * dx) * strain));
     const vm far = v_gt(length, most * most);
     if (m_bits(far)) {
-        const vd scale = v_select(far, most / v_sqrt(v_max(length, v_set(1e-300))), v_set(1.0));
+        const vd scale = v_select(far, most / v_sqrt(v_max(length, v_set(GR_NOTHING))), v_set(1.0));
         for (int d = 0; d < dim; d++) delta[d] = delta[d] * scale;
     }
     if (walls->any) hold_at_walls(dim, walls, s->xi, delta);

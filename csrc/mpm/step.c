@@ -25,7 +25,8 @@ enum { DT_INTERVAL = GR_SLEEP_INTERVAL }; /* steps between two updates of the la
 /* A call for steps. */
 struct run {
     struct gr_engine *e;
-    const struct gr_kernels *kernels;
+    const struct gr_kernels *kernels; /* in the precision of the scheme */
+    gr_diffuse *diffuse;
     struct gr_team *team;
     int again, pass;
     int64_t left; /* steps left */
@@ -338,7 +339,7 @@ static int stage_fluidity(struct run *run)
     for (int made = 0; made < nonlocal->substeps; made++) {
         if (made) all_tiles(run, made == 1 ? begin_substeps : substep);
         if (!made && e->mesh.n_paired) all_of(run, mean_pairs, e->mesh.n_paired);
-        e->error = run->kernels->diffuse(e->fluidity, &call, run->team);
+        e->error = run->diffuse(e->fluidity, &call, run->team);
         if (e->error) {
             e->sums_valid = 0;
             blame(e);
@@ -380,9 +381,22 @@ static void make_steps(void *context, struct gr_team *team)
     }
 }
 
+/* The kernels of a scheme, from those in double precision. */
+static const struct gr_kernels *in_precision(const struct gr_engine *e, const struct gr_kernels *kernels)
+{
+    return e->config.single ? gr_kernels_in_single(kernels) : kernels;
+}
+
+static struct run run_of(struct gr_engine *e, const struct gr_kernels *kernels)
+{
+    return (struct run){
+        .e = e, .kernels = in_precision(e, kernels), .diffuse = kernels->diffuse, .left = 1, .until = INFINITY};
+}
+
 int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t max_steps, double until, int threads)
 {
-    struct run run = {.e = e, .kernels = kernels, .left = max_steps, .until = until};
+    struct run run = run_of(e, kernels);
+    run.left = max_steps, run.until = until;
     gr_team_lead(e->n_points ? threads : 1, make_steps, &run);
     return e->error;
 }
@@ -393,6 +407,7 @@ int gr_p2g(struct gr_engine *e, const struct gr_kernels *kernels)
     e->error = ready(e, NULL);
     if (e->error) return e->error;
     gr_plan_sums(e, e->step);
+    kernels = in_precision(e, kernels);
     kernels->p2g(e, 0, e->mesh.n_tiles);
     if (e->config.cell_averaged) {
         gr_grid_masses(e, 0, e->mesh.n_nodes);
@@ -404,7 +419,7 @@ int gr_p2g(struct gr_engine *e, const struct gr_kernels *kernels)
 
 int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels)
 {
-    struct run run = {.e = e, .kernels = kernels, .left = 1, .until = INFINITY};
+    struct run run = run_of(e, kernels);
     e->error = GR_OK;
     if (!e->sums_valid) gr_p2g(e, kernels);
     if (!e->error) e->error = share_out(&run);
@@ -418,12 +433,12 @@ int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels)
 
 int gr_g2p(struct gr_engine *e, const struct gr_kernels *kernels)
 {
-    struct run run = {.e = e, .kernels = kernels};
+    struct run run = run_of(e, kernels);
     const int known = !e->config.cell_averaged || e->sums_valid; /* the density of a cell is stored with its sums */
     e->error = e->mesh.n_cells && e->dt > 0 && !e->n_pending && !e->disconnected && known ? share_out(&run) : GR_ERR_CONFIG;
     if (e->error) return e->error;
     e->record_rates = 1;
-    kernels->sweep(e, 0, e->mesh.n_tiles, &e->migrants[0], 0);
+    run.kernels->sweep(e, 0, e->mesh.n_tiles, &e->migrants[0], 0);
     finish(&run);
     e->sums_valid = 0;
     return e->error;

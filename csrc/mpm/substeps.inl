@@ -16,7 +16,7 @@ GR_INLINE void strain_tile(const int dim, const int basis, const int cell_averag
             const int64_t at = gr_slot(&e->mesh.cell[first], row);
             vd L[9];
             if (batch->n == BATCH) run_law(e, batch, 1);
-            double *gradient = batch->gradient + batch->n * dim * dim * GR_W;
+            gr_real *gradient = batch->gradient + batch->n * dim * dim * GR_W;
             gr_shapes(dim, basis, e, &view.frame, at, 0, &s);
             for (int d = 0; d < dim; d++)
                 (void)gr_interpolate(dim, basis, 0, view.mode + d * K, &s, (const vd(*)[3])s.g, L + d * dim);

@@ -5,7 +5,7 @@
 GR_INLINE void smooth_cells(const int dim, const int basis, struct gr_engine *e, int64_t first)
 {
     const int K = gr_power(gr_nodes_1d(basis), dim), nodal = basis == GR_UGIMP, rows = GR_SUM_DAMPED(dim);
-    double *out = e->sums + gr_sums_of_cell(e, first);
+    gr_real *out = gr_sums(e) + gr_sums_of_cell(e, first);
     struct gr_frame frame;
     vd mode[3][GR_MAX_NODES], unused[3];
     int points = 0;

@@ -1,6 +1,7 @@
 /* What the core declares once, for Python: the numbers of schemes, enumerations, laws. */
 #include <math.h>
 
+#include "kernels.h"
 #include "python/arrays.h"
 
 /* Append (name, default, range, unit, doc) to a list; a default that is NaN is None. Returned: the list, or NULL. */
@@ -83,7 +84,8 @@ PyObject *gr_python_laws(PyObject *Py_UNUSED(module), PyObject *Py_UNUSED(unused
             const struct gr_parameter_info *info = &law->parameter[q];
             rows = gr_append(rows, Py_BuildValue("sss", info->name, info->unit, info->doc));
         }
-        out = gr_put(out, law->name, rows ? Py_BuildValue("sN", law->doc, rows) : NULL);
+        out = gr_put(out, law->name,
+                     rows ? Py_BuildValue("sNN", law->doc, rows, PyBool_FromLong(gr_single_has_law(k))) : NULL);
     }
     return out;
 }

@@ -238,6 +238,7 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
                             "basis",
                             "transfer",
                             "density",
+                            "single",
                             "averaging_interval",
                             "pressure_from_density",
                             "materials",
@@ -263,9 +264,9 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
     const char *method, *stencil;
     PyObject *materials, *axes, *walls, *codes, *flags, *times, *vectors;
     PyObject *numbers, *of_scheme, *of_density, *of_fluidity, *faces, *bodies;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiiOsOOOOOOO!O!O!O!ssOO", names, &c.dim, &c.basis, &transfer,
-                                     &density, &c.averaging_interval, &c.pressure_from_density, &materials, isa, &axes,
-                                     &walls, &codes, &flags, &times, &vectors, &PyDict_Type, &numbers, &PyDict_Type,
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiiiOsOOOOOOO!O!O!O!ssOO", names, &c.dim, &c.basis, &transfer,
+                                     &density, &c.single, &c.averaging_interval, &c.pressure_from_density, &materials, isa,
+                                     &axes, &walls, &codes, &flags, &times, &vectors, &PyDict_Type, &numbers, &PyDict_Type,
                                      &of_scheme, &PyDict_Type, &of_density, &PyDict_Type, &of_fluidity, &method, &stencil,
                                      &faces, &bodies))
         return -1;

@@ -142,8 +142,8 @@ static PyObject *engine_nodes(struct gr_object *self, PyObject *Py_UNUSED(unused
         int64_t id = e->mesh.node_id[i];
         double sum[7] = {0};
         for (int k = 0; k < e->K; k++) {
-            const double *part = e->sums + e->mesh.node_source[i * e->K + k];
-            for (int q = 0; q < 1 + 2 * dim; q++) sum[q] += part[q * GR_LANES];
+            const int64_t part = e->mesh.node_source[i * e->K + k];
+            for (int q = 0; q < 1 + 2 * dim; q++) sum[q] += gr_sum_at(e, part + q * GR_LANES);
         }
         data[MASS][i] = sum[GR_SUM_MASS];
         for (npy_intp d = 0, at = i * dim; d < dim; d++, at++) {

@@ -79,7 +79,9 @@ static PyMethodDef functions[] = {
      "fluidity and of the densities."},
     {"enumerations", gr_python_enumerations, METH_NOARGS,
      "enumerations()\n--\n\n{enumeration: {name: value}} of what is passed to the core as a number."},
-    {"laws", gr_python_laws, METH_NOARGS, "laws()\n--\n\n{name: (doc, [(parameter, unit, doc)])} of the constitutive laws."},
+    {"laws", gr_python_laws, METH_NOARGS,
+     "laws()\n--\n\n{name: (doc, [(parameter, unit, doc)], in_single)} of the constitutive "
+     "laws; in_single: kernels in single precision have it."},
     {"build_info", build_info, METH_VARARGS,
      "build_info(isa='')\n--\n\nInstruction set of the kernels, OpenMP, compiler and flags of this build."},
     {"node_positions", node_positions, METH_VARARGS,

@@ -43,7 +43,9 @@ fi
 
 { # the kernels first: they take longest
     for kernel in "${kernels[@]}"; do
-        echo "$CC $warnings $flags ${kernel#*:} -DGR_ISA=${kernel%%:*} -c csrc/kernels.c -o $BUILD/kernels_${kernel%%:*}.o"
+        compile="$CC $warnings $flags ${kernel#*:} -DGR_ISA=${kernel%%:*} -c csrc/kernels.c -o $BUILD/kernels_${kernel%%:*}"
+        echo "$compile.o"
+        echo "${compile}_single.o -DGR_SINGLE"
     done
     for source in "${core[@]}"; do
         name=${source#csrc/}

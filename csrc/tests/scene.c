@@ -179,7 +179,7 @@ double scene_sum(const struct scene *s, int64_t node, int q)
     double sum = 0;
     const int dim = e->config.dim, first = GR_SUM_DAMPED(dim), later = GR_DENSITY_SUMS(dim);
     for (int i = 0; i < e->K; i++) {
-        const double *part = e->sums + e->mesh.node_source[node * e->K + i];
+        const double *part = gr_sums(e) + e->mesh.node_source[node * e->K + i];
         const int at = (e->K - 1 - i) * (later - first) + q - GR_SUM_DENSITY(dim);
         sum += q < first ? part[q * GR_LANES] : part[e->density_sums + at * GR_LANES];
     }

@@ -165,7 +165,7 @@ TEST(cutoff_spares_nan)
     s.config.mass_cutoff = 1e9;
     CHECK(scene_build(&s, 100, 0.1, 0.9) == GR_OK);
     CHECK(gr_p2g(s.engine, gr_kernels_select("")) == GR_OK);
-    s.engine->sums[0] = NAN;
+    gr_sums(s.engine)[0] = NAN;
     CHECK(gr_grid(s.engine, gr_kernels_select("")) == GR_OK);
     int found = 0;
     for (int64_t n = 0; n < s.engine->mesh.n_nodes; n++) {

@@ -19,6 +19,8 @@ TEST(selects_by_name)
         if (!kernels) continue;
         CHECK(!strcmp(kernels->isa, sets[k]));
         CHECK(kernels->lanes == 2 << k && GR_LANES % kernels->lanes == 0);
+        const struct gr_kernels *single = gr_kernels_in_single(kernels);
+        CHECK(!strcmp(single->isa, sets[k]) && single->lanes == (k ? 8 : 4) && GR_LANES % single->lanes == 0);
     }
 }
 
@@ -60,6 +62,42 @@ TEST(sets_agree)
                     }
                     for (int k = 0; k < 3; k++) scene_free(&s[k]);
                 }
+}
+
+/* True if there are kernels in single precision for a combination. */
+static int in_single(int basis, int affine, int smoothed)
+{
+    return smoothed || (basis == GR_QUADRATIC && affine == GR_AFFINE_MOMENT);
+}
+
+/* Three steps in single precision give the points of double precision to the rounding of floats; other combinations are
+ * refused. */
+TEST(single_precision)
+{
+    for (int variant = 0; variant < 2 * GR_BASIS_COUNT * GR_AFFINE_COUNT * 2; variant++) {
+        const int dim = 2 + variant % 2, basis = variant / 2 % GR_BASIS_COUNT, affine = variant / 2 / GR_BASIS_COUNT % 3;
+        const int smoothed = variant >= 2 * GR_BASIS_COUNT * GR_AFFINE_COUNT, possible = in_single(basis, affine, smoothed);
+        struct scene s[2];
+        if (smoothed && (basis != GR_QUADRATIC || affine != GR_AFFINE_GRADIENT)) continue;
+        for (int k = 0; k < 3; k++) {
+            const struct gr_kernels *kernels = gr_kernels_select(sets[k]);
+            if (!kernels) continue;
+            for (int single = 0; single < 2; single++) {
+                scene_seed(47);
+                scene_default(&s[single], dim, basis, affine, smoothed);
+                s[single].config.single = single;
+                CHECK((scene_build(&s[single], 150, 0.2, 0.7) == GR_OK) == (!single || possible));
+                if (!single || possible) CHECK(gr_advance(s[single].engine, kernels, 3, INFINITY, 1) == GR_OK);
+            }
+            if (possible) {
+                CHECK(s[1].engine->step == 3);
+                CHECK(difference(&s[0], &s[1], GR_FIELD_x) < 1e-9);
+                CHECK(difference(&s[0], &s[1], GR_FIELD_v) < 1e-5);
+                CHECK(difference(&s[0], &s[1], GR_FIELD_stress) < 1e-5);
+            }
+            for (int single = 0; single < 2; single++) scene_free(&s[single]);
+        }
+    }
 }
 
 /* A step of gr_advance equals the stages one by one, to the last bit. */

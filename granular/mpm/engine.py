@@ -152,6 +152,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         basis=CORE["basis"][scheme.basis],
         transfer=CORE["transfer"][scheme.transfer],
         density=CORE["density"][scheme.density.name],
+        single=int(scheme.precision == "single"),
         averaging_interval=averaging_interval(scene),
         pressure_from_density=int(scheme.density.name != "particle"),
         materials=[_material_row(scene, material) for material in scene.materials],

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from granular import geometry, regions, surfaces
+from granular import _core, geometry, regions, surfaces
 from granular.checks import check_fields, tuple_of
 from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
@@ -167,6 +167,11 @@ class Scene(BaseScene):
                 raise ValueError(
                     f"tensile_strength = {strength:.6g} must be below separation_strain K = "
                     f"{least * material.K:.6g}: take a larger E = {material.E}"
+                )
+            if self.scheme.precision == "single" and not _core.laws()[material.law][2]:
+                raise ValueError(
+                    f'precision = "single" must be "double" for the law {material.law!r} of '
+                    f"{type(material).__name__}"
                 )
         count = len(self.materials)
         if count == 1:
