@@ -15,6 +15,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,7 @@ from shared import machine, markdown, parser_of, rounded, write, write_tables
 
 from granular import theory
 from granular.diagnostics import StabilityWarning
-from granular.verify.external import bagnold, columns, shallow
+from granular.verify.external import bagnold, columns, hstop, shallow
 from granular.verify.external.frame import load
 
 Row = dict[str, Any]
@@ -183,7 +184,33 @@ def layers(quick: bool) -> Iterator[Row]:
         yield row | {"seconds": seconds}
 
 
+# ---- nonlocal law ----
+
+LIMITS, SHARES = (0.6435, 0.9, 1.2, 1.5), (0.25, 0.5, 0.75)
+"""Limits mu_2 of the friction, and places of the slope between mu_s and mu_2."""
+
+
+def near_limit(quick: bool) -> Iterator[Row]:
+    """Mean speed of nonlocal layers of three stopping heights, by the limit of the friction."""
+    for mu_2, share in list(product(LIMITS, SHARES))[: 1 if quick else None]:
+        beads = hstop.BEADS.replace(mu_2=mu_2)
+        slope = math.degrees(math.atan(beads.mu_s + share * (mu_2 - beads.mu_s)))
+        row = {"mu_2": mu_2, "range": mu_2 - beads.mu_s, "share": share, "angle": slope}
+        for name, scheme in hstop.SCHEMES.items():
+            layer = hstop.Layer(slope, 3.0, 10, scheme, beads)
+            found, seconds = timed(layer.froude, layer.relaxation())
+            row[name] = found / hstop.scaled(float(layer.expected().mean)) - 1.0
+            row["seconds"] = row.get("seconds", 0.0) + seconds
+        yield row
+
+
 STUDIES = {
+    "hstop_refinement": Study(near_limit, (
+        ("mu_2", "mu_2", "g"), ("range", "mu_2 - mu_s", ".2f"),
+        ("share", "(tan(slope) - mu_s)/(mu_2 - mu_s)", "g"), ("angle", "slope [deg]", ".1f"),
+        ("default", "speed, default", "+0.1%"), ("cell_averaged", "cell_averaged", "+0.1%"),
+        ("seconds", "core-seconds", ".1f"),
+    )),
     "bagnold_refinement": Study(layers, (
         ("method", "scheme", ""), ("cells", "cells", "d"), ("speed", "mean speed", "+0.2%"),
         ("profile", "rms error of the profile", "0.2%"), ("order", "order", ".1f"),

@@ -8,7 +8,7 @@ import granular as gr
 
 SOURCE = """
 /* Friction tau/p: of a cone, or of the Mohr-Coulomb surface in the direction of the deviator, where
-   sigma_1 - sigma_3 = (sigma_1 + sigma_3) sin(phi), in compression. The angle alpha is 0 in triaxial
+   sigma_1 - sigma_3 = (sigma_1 + sigma_3) sin(phi) in compression. The angle alpha is 0 in triaxial
    compression and pi/6 in coaxial plane strain without dilation. */
 static double friction(double mu, double sin_phi, double tau, double J3)
 {

@@ -353,7 +353,7 @@ FRICTION_RANGE = 1.0
 """Least mu_2 - mu_s of a nonlocal law with quadratic shape functions.
 
 The friction of the points of a cell scatters, and the growth of the fluidity is convex in it. In 10
-cells and at a friction halfway between mu_s and mu_2, layers are 18, 7, 3 and 1 % too fast with
+cells and at a friction halfway between mu_s and mu_2, layers are 18, 7, 4 and 2 % too fast with
 differences of 0.26, 0.52, 0.82 and 1.12 (`benchmarks/external_refinement.py`).
 """
 
