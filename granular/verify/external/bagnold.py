@@ -133,7 +133,7 @@ WINDOW = (1.2, 0.6)
 """Distances [m] before the open end between which the layer is measured."""
 
 DEPTH_CELLS = 12
-"""Cells over the depth; 8 in quick runs, where the error of the profile varies about 1 % in time."""
+"""Cells over the depth; 8 in quick runs, with which the error of the profile varies about 1 %."""
 
 FILLING = 2.0
 """Duration over the length of the chute [s/m]. The front passes it in 0.9, but behind it the layer
