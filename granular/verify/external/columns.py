@@ -14,6 +14,7 @@ from granular.materials import DruckerPrager, Material, MuI
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
+from granular.mpm.walls import Wall
 from granular.simulation import Simulation
 from granular.state import State
 from granular.typing import AnyScene
@@ -306,15 +307,28 @@ class Heap:
 
 
 def collapse_of_bars(
-    mu: float, cell: float, scheme: Scheme = schemes.default, *, points: int = 16
+    mu: float,
+    cell: float,
+    scheme: Scheme = schemes.default,
+    *,
+    E: float = 0.84e6,
+    floor: float | None = None,
+    **numbers: Any,
 ) -> Heap:
-    """Run the column of bars with a friction of the cone `mu`."""
-    material = DruckerPrager(E=0.84e6, nu=0.3, mu=mu, rho_c=2650.0, rho_s=2650.0)
-    scene = scenes.column_collapse(
-        aspect=0.5, half_width=0.2, cell=cell, points_per_cell=points, lip=0.7,
-        material=material, scheme=scheme, duration=1.5,
-    )  # fmt: skip
-    sim = released(scene)
+    """Run the column of bars with a friction of the cone `mu`.
+
+    `floor` is the friction of the floor in place of a rough one, and `numbers` are arguments of
+    `granular.scenes.column_collapse`, such as `points_per_cell`.
+    """
+    material = DruckerPrager(E=E, nu=0.3, mu=mu, rho_c=2650.0, rho_s=2650.0)
+    scene = borne(scenes.column_collapse(
+        aspect=0.5, half_width=0.2, cell=cell, lip=0.7, material=material, scheme=scheme,
+        duration=1.5, **numbers,
+    ))  # fmt: skip
+    if floor is not None:
+        below_all = Wall(1, 0.0, kind="coulomb", friction=floor)
+        scene = replace(scene, walls=(below_all, *scene.walls[1:]))
+    sim = Simulation(scene, threads=1)
     start = _in_order(sim.state)
     return Heap(cell, start, sim.run().state)
 
@@ -329,7 +343,7 @@ def bars(quick: bool) -> Outcome:
     for name, mu in {"sin": math.sin(PHI), "tan": math.tan(PHI)}.items():
         with outcome.timed():
             cell, points = (0.01, 16) if quick else (0.0025, 4)
-            heap = collapse_of_bars(mu, cell, points=points)
+            heap = collapse_of_bars(mu, cell, points_per_cell=points)
         far = float(np.quantile(heap.state.x[:, 0], 0.999))
         y, off = heap.line(line)
         tag, last = f"mu = {name} phi", float(surface["x_m"].max())
