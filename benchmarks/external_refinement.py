@@ -161,11 +161,11 @@ CAUSES: dict[str, Row] = {
     "no damping of slow flow": {"scheme": UNDAMPED},
     "no damping, ten times as stiff": {"scheme": UNDAMPED, "E": 8.4e6},
 }
-"""What is changed in a run by the cell-averaged density in cells of 4 mm with 16 points."""
+"""Changes of a run by the cell-averaged density in cells of 4 mm with 16 points."""
 
 
 def causes(quick: bool) -> Iterator[Row]:
-    """What else the foot of the column of bars depends on."""
+    """Foot of the column of bars by the places of its points, its stiffness, floor and damping."""
     surface, line = load("bui2008_surface"), load("bui2008_failure")
     given = {"mu": math.tan(columns.PHI), "cell": 0.004, "scheme": schemes.cell_averaged}
     for changed, numbers in list(CAUSES.items())[: 1 if quick else None]:
