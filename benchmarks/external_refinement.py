@@ -15,15 +15,18 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from shared import machine, markdown, parser_of, rounded, write, write_tables
 
 from granular import theory
 from granular.diagnostics import StabilityWarning
-from granular.verify.external import bagnold, columns, shallow
-from granular.verify.external.frame import load
+from granular.mpm import schemes
+from granular.verify.external import bagnold, columns, hstop, shallow
+from granular.verify.external.frame import Data, load
 
 Row = dict[str, Any]
 
@@ -134,13 +137,40 @@ def bars(quick: bool) -> Iterator[Row]:
     for name, cell, points, mu in BARS[:1] if quick else BARS:
         friction = {"sin": math.sin, "tan": math.tan}[mu](columns.PHI)
         heap, seconds = timed(
-            columns.collapse_of_bars, friction, cell, columns.SCHEMES[name], points=points
+            columns.collapse_of_bars, friction, cell, columns.SCHEMES[name], points_per_cell=points
         )
         row = {"method": name, "mu": f"{mu} phi", "cell": 1e3 * cell, "points": points}
-        row["surface"] = 1e3 * heap.miss(surface)
-        row |= {name: heap.toe(k * columns.BAR) for name, k in HEIGHTS.items()}
-        row |= {name: 1e3 * heap.line(line, moved)[1] for name, moved in MOVES.items()}
-        yield row | {"seconds": seconds}
+        yield row | held(heap, surface, line) | {"seconds": seconds}
+
+
+def held(heap: columns.Heap, surface: Data, line: Data) -> Row:
+    """Differences of a heap from the experiment, and its foot."""
+    row = {"surface": 1e3 * heap.miss(surface)}
+    row |= {name: heap.toe(k * columns.BAR) for name, k in HEIGHTS.items()}
+    row["far"] = float(np.quantile(heap.state.x[:, 0], 0.999))
+    return row | {name: 1e3 * heap.line(line, moved)[1] for name, moved in MOVES.items()}
+
+
+UNDAMPED = schemes.cell_averaged.replace(density=schemes.CellAveragedDensity(slow_decay=0.0))
+CAUSES: dict[str, Row] = {
+    "nothing": {},
+    **{f"random places of the points, seed {k}": {"jitter": 0.3, "seed": k} for k in range(1, 5)},
+    "ten times as stiff": {"E": 8.4e6},
+    "a quarter as stiff": {"E": 0.21e6},
+    "friction of the floor tan phi": {"floor": math.tan(columns.PHI)},
+    "no damping of slow flow": {"scheme": UNDAMPED},
+    "no damping, ten times as stiff": {"scheme": UNDAMPED, "E": 8.4e6},
+}
+"""Changes of a run by the cell-averaged density in cells of 4 mm with 16 points."""
+
+
+def causes(quick: bool) -> Iterator[Row]:
+    """Foot of the column of bars by the places of its points, its stiffness, floor and damping."""
+    surface, line = load("bui2008_surface"), load("bui2008_failure")
+    given = {"mu": math.tan(columns.PHI), "cell": 0.004, "scheme": schemes.cell_averaged}
+    for changed, numbers in list(CAUSES.items())[: 1 if quick else None]:
+        heap = columns.collapse_of_bars(**(given | numbers))
+        yield {"changed": changed} | held(heap, surface, line)
 
 
 # ---- dam break ----
@@ -183,7 +213,33 @@ def layers(quick: bool) -> Iterator[Row]:
         yield row | {"seconds": seconds}
 
 
+# ---- nonlocal law ----
+
+LIMITS, SHARES = (0.6435, 0.9, 1.2, 1.5), (0.25, 0.5, 0.75)
+"""Limits mu_2 of the friction, and places of the slope between mu_s and mu_2."""
+
+
+def near_limit(quick: bool) -> Iterator[Row]:
+    """Mean speed of nonlocal layers of three stopping heights, by the limit of the friction."""
+    for mu_2, share in list(product(LIMITS, SHARES))[: 1 if quick else None]:
+        beads = hstop.BEADS.replace(mu_2=mu_2)
+        slope = math.degrees(math.atan(beads.mu_s + share * (mu_2 - beads.mu_s)))
+        row = {"mu_2": mu_2, "range": mu_2 - beads.mu_s, "share": share, "angle": slope}
+        for name, scheme in hstop.SCHEMES.items():
+            layer = hstop.Layer(slope, 3.0, 10, scheme, beads)
+            found, seconds = timed(layer.froude, layer.relaxation())
+            row[name] = found / hstop.scaled(float(layer.expected().mean)) - 1.0
+            row["seconds"] = row.get("seconds", 0.0) + seconds
+        yield row
+
+
 STUDIES = {
+    "hstop_refinement": Study(near_limit, (
+        ("mu_2", "mu_2", "g"), ("range", "mu_2 - mu_s", ".2f"),
+        ("share", "(tan(slope) - mu_s)/(mu_2 - mu_s)", "g"), ("angle", "slope [deg]", ".1f"),
+        ("default", "speed, default", "+0.1%"), ("cell_averaged", "cell_averaged", "+0.1%"),
+        ("seconds", "core-seconds", ".1f"),
+    )),
     "bagnold_refinement": Study(layers, (
         ("method", "scheme", ""), ("cells", "cells", "d"), ("speed", "mean speed", "+0.2%"),
         ("profile", "rms error of the profile", "0.2%"), ("order", "order", ".1f"),
@@ -202,6 +258,12 @@ STUDIES = {
         ("bars_3", "3 bars", ".3f"), ("line_05", "rms of the line [mm], moved by 0.5 mm", ".1f"),
         ("line_1", "1 mm", ".1f"), ("line_2", "2 mm", ".1f"), ("line_4", "4 mm", ".1f"),
         ("seconds", "core-seconds", ".1f"),
+    )),
+    "bars_causes": Study(causes, (
+        ("changed", "changed", ""), ("surface", "rms of the surface [mm]", ".1f"),
+        ("bar", "foot, 1 bar high [m]", ".3f"), ("bars_2", "2 bars", ".3f"),
+        ("bars_3", "3 bars", ".3f"), ("far", "half-width of 99.9 % of the mass [m]", ".3f"),
+        ("line_1", "rms of the line [mm], moved by 1 mm", ".1f"),
     )),
     "contact_dynamics_refinement": Study(discs, (
         ("aspect", "a", "g"), ("method", "method", ""), ("cells", "cells", "g"),

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from granular import _core, geometry, regions, surfaces
-from granular.checks import check_fields, tuple_of
+from granular.checks import check_fields, kinds_of, set_fields, tuple_of
 from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
 from granular.inflow import Inflow
@@ -22,7 +22,7 @@ from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.body_shapes import shape_kinds
 from granular.mpm.inflow import check_inflows
 from granular.mpm.node_codes import c0_lines, check_c0_lines
-from granular.mpm.schemes import DENSITIES, Fluidity, Scheme, default
+from granular.mpm.schemes import DENSITIES, Fluidity, Scheme, suited_to
 from granular.mpm.walls import Solid, SpongeLayer, Wall
 from granular.scene import BaseScene
 from granular.serializable import Parameters, register
@@ -57,7 +57,9 @@ class Scene(BaseScene):
         Material at the start, at least one unless there are inflows.
     material : Material
         Material of the fills that have none of their own.
-    scheme : Scheme
+    scheme : Scheme, optional
+        By default `granular.schemes.cell_averaged` for a nonlocal law that is the only material and
+        whose friction has a limit, else `granular.schemes.default`.
     walls : sequence of Wall and Solid
         Walls and blocks. A side of the grid that is neither open nor has a wall only keeps points
         from leaving.
@@ -89,7 +91,7 @@ class Scene(BaseScene):
     grid: Grid
     fills: tuple[Fill, ...]
     material: Material
-    scheme: Scheme = default
+    scheme: Scheme = None  # type: ignore[assignment]  # a Scheme once made
     walls: tuple[Wall | Solid, ...] = ()
     gravity: Gravity
     duration: float
@@ -103,7 +105,10 @@ class Scene(BaseScene):
         check_fields(self, tuple_of, "walls", kinds=(Wall, Solid))
         check_fields(self, tuple_of, "sponge_layers", kinds=(SpongeLayer,))
         check_fields(self, tuple_of, "bodies", kinds=(Body,))
-        self._check_common(material=Material, scheme=Scheme)
+        self._check_common(material=Material)
+        if self.scheme is None:
+            set_fields(self, scheme=suited_to(*self.materials))
+        kinds_of(self, scheme=Scheme)
         self._check_fit()
 
     def _check_fit(self) -> None:

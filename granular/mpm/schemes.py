@@ -6,16 +6,20 @@ the C core (`csrc/mpm/scheme.h`). The classes here are made from these declarati
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, make_dataclass
 from dataclasses import replace as _replace
 from inspect import cleandoc
 from textwrap import fill
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from granular import _core
 from granular.checks import check_fields, in_range, integer, kinds_of, one_of, set_fields, truth
 from granular.notebook import table
+
+if TYPE_CHECKING:
+    from granular.materials import Material
 
 __all__ = [
     "BASES",
@@ -29,6 +33,7 @@ __all__ = [
     "cell_averaged",
     "default",
     "dunatunga_kamrin_2015",
+    "suited_to",
 ]
 
 _ENUMERATIONS = _core.enumerations()
@@ -315,3 +320,21 @@ default = Scheme()
 
 cell_averaged = Scheme(density=CellAveragedDensity())
 """Linear shape functions, TPIC, cell-averaged density; it does the same at a lower cost."""
+
+
+def suited_to(*materials: Material) -> Scheme:
+    """Return the scheme of a scene that names none.
+
+    That is `cell_averaged` for a nonlocal law whose friction has a limit, if it is the only
+    material, else `default`. With quadratic shape functions the friction of such a law scatters
+    within a cell, and flows near the limit are too fast (docs/reports/external.md).
+
+    Parameters
+    ----------
+    *materials : Material
+        All materials of the scene.
+    """
+    alone = materials[0] if len(materials) == 1 else None
+    nonlocal_law = getattr(alone, "has_fluidity", False)
+    limit = getattr(alone, "limiting_friction", math.inf)
+    return cell_averaged if nonlocal_law and math.isfinite(limit) else default

@@ -14,6 +14,7 @@ from granular import sph
 from granular.checks import one_of
 from granular.materials import Material
 from granular.mpm import scene as mpm
+from granular.mpm import schemes
 
 METHODS = ("mpm", "sph")
 
@@ -76,13 +77,15 @@ def scene_function(*methods: str) -> Callable[[Callable[P, S]], SceneFunction[P,
     """Register a function as that of a ready scene, and complete what it does.
 
     The function takes keyword arguments only, all with a default. One of them is `material`, and
-    the last is ``**material_numbers``. The decorated function differs from it in three ways.
+    the last is ``**material_numbers``. The decorated function differs from it in four ways.
 
     - Numbers of the material may be given as keywords: ``column_collapse(E=1e7)`` is
       ``column_collapse(material=m.replace(E=1e7))``, m being the material given or the default one.
       The function itself receives the changed material only, so that all that it derives from the
       material follows. A keyword that is an argument of the function is never taken for a number
       of the material.
+    - A function with the scheme `schemes.default` takes `schemes.suited_to` the material in its
+      place, unless a scheme is given.
     - The arguments, defaults included, are added to the `parameters` of the scene, except `PARTS`
       and numbers of the material. Parameters that the function itself has set take precedence:
       it sets those that it derives or rounds, and `duration` if that of the scene is another.
@@ -114,6 +117,8 @@ def scene_function(*methods: str) -> Callable[[Callable[P, S]], SceneFunction[P,
             if numbers:
                 material = given.get("material", own["material"])
                 given["material"] = _changed(function.__name__, material, numbers, tuple(own))
+            if own.get("scheme") is schemes.default and "scheme" not in given:
+                given["scheme"] = schemes.suited_to(given.get("material", own["material"]))
             scene = function(**given)  # type: ignore[call-arg]
             if numbers:
                 _check_kept(function.__name__, given["material"], scene.material, numbers)

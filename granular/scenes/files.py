@@ -17,6 +17,7 @@ from granular.checks import one_of
 from granular.docstrings import described
 from granular.geometry import Fill
 from granular.materials import Material
+from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import CellAveragedDensity, ParticleDensity, Scheme, SmoothedDensity
 from granular.scene import BaseScene
@@ -128,7 +129,10 @@ def _from_tables(tables: Mapping[str, Any], numbers: Mapping[str, Any]) -> Scene
     if sections["scheme"]:
         if "scheme" not in own:
             raise ValueError(f"[scheme] must not be given: {function.__name__} has no scheme")
-        given["scheme"] = _scheme(own["scheme"], sections["scheme"])
+        base = own["scheme"]
+        if base is schemes.default:
+            base = schemes.suited_to(given.get("material", own["material"]))
+        given["scheme"] = _scheme(base, sections["scheme"])
     return SceneFile(function(**given), sections["run"])
 
 

@@ -107,6 +107,16 @@ def test_cells_smaller_than_a_grain_are_what_a_nonlocal_law_is_for():
     assert "cell = 0.001 is smaller than the grains, d = 0.005" in warning
 
 
+def test_quadratic_functions_with_a_limited_nonlocal_friction_are_warned_of():
+    """Only where mu_2 is near mu_s, and not if the scheme is left to the package."""
+    options = {"columns": 1, "material": gr.NGF(E=1e6)}
+    assert scene_warnings(layer(**options)) == []
+    (warning,) = scene_warnings(layer(**options, scheme=gr.schemes.default))
+    assert "nonlocal law of mu_2 = 0.6435" in warning and "take schemes.cell_averaged" in warning
+    wide = gr.NGF(E=1e6, mu_2=1.5)
+    assert scene_warnings(layer(columns=1, material=wide, scheme=gr.schemes.default)) == []
+
+
 @pytest.mark.parametrize(
     ("basis", "dim", "limit"), [(b, d, v) for b, of in COURANT_LIMIT.items() for d, v in of.items()]
 )

@@ -4,6 +4,7 @@ import math
 
 import pytest
 
+import granular as gr
 from granular.mpm import schemes
 from granular.mpm.schemes import (
     CellAveragedDensity,
@@ -122,3 +123,23 @@ def test_a_scheme_holds_a_fluidity():
     assert Scheme().fluidity == Fluidity()
     with pytest.raises(TypeError, match="fluidity = 'implicit' must be a Fluidity"):
         Scheme(fluidity="implicit")
+
+
+def test_a_scene_that_names_no_scheme_has_the_one_that_suits_its_material():
+    """`cell_averaged` for a nonlocal law with a limiting friction alone, in any way to a scene."""
+    nonlocal_law, local = gr.NGF(E=1e6), gr.materials.glass_beads
+    unlimited = gr.NGF(E=1e6, rheology="linear_mu_I", elasticity="hencky")
+    collapse = gr.scenes.column_collapse
+    averaged, default = gr.schemes.cell_averaged, gr.schemes.default
+    assert collapse(material=nonlocal_law).scheme == averaged
+    assert collapse(material=nonlocal_law, mu_2=1.0).scheme == averaged
+    assert collapse(material=nonlocal_law, scheme=default).scheme == default
+    for material in (local, unlimited, nonlocal_law.replace(A=0.0)):
+        assert collapse(material=material).scheme == default
+    parts = {name: getattr(collapse(), name) for name in ("name", "grid", "gravity", "duration")}
+    fills = collapse().fills
+    assert gr.Scene(**parts, fills=fills, material=nonlocal_law).scheme == averaged
+    mixed = (*fills, gr.Fill(gr.Box((0.0, 0.42), (0.2, 0.45)), 4, material=local))
+    assert gr.Scene(**parts, fills=mixed, material=nonlocal_law).scheme == default
+    with pytest.raises(TypeError, match="scheme = 'default' must be a Scheme"):
+        gr.Scene(**parts, fills=fills, material=local, scheme="default")

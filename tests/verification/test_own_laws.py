@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from own_mohr_coulomb import material as mohr_coulomb
 from own_mu_I import MU_I_IN_C, mu_I, mu_I_by_points
 
 import granular as gr
@@ -146,3 +147,21 @@ def test_an_own_law_beside_one_of_the_core():
         sim.step(100)
         states.append(sim.state)
     assert np.abs(states[0].x - states[1].x).max() < 1e-9
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_mohr_coulomb_bounds_the_principal_stresses(dim):
+    """In a collapse, sigma_1 - sigma_3 <= (sigma_1 + sigma_3) sin(phi), equal where it yields."""
+    pytest.importorskip("cffi")
+    sim = gr.Simulation(scene_of(mohr_coulomb(phi_deg=31.0, E=1e6), dim), threads=1)
+    sim.step(300)
+    xx, yy, zz, *shear = sim.state.stress.T
+    xy, yz, xz = (*shear, 0 * xx, 0 * xx) if dim == 2 else shear
+    tensor = np.moveaxis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), 2, 0)
+    least, _, largest = -np.linalg.eigvalsh(tensor)[:, ::-1].T
+    yields = (sim.state.shear_rate > 0) & (sim.state.pressure > 0)
+    mobilised = (largest - least)[yields] / (largest + least)[yields]
+    assert yields.mean() > 0.03
+    assert mobilised == pytest.approx(np.sin(np.radians(31.0)), rel=1e-9)
+    limit = (largest + least) * np.sin(np.radians(31.0))
+    assert (largest - least <= limit * (1 + 1e-9) + 1e-9).all()

@@ -55,18 +55,22 @@ number of runs: the interval left is 0.0125."""
 
 @dataclass(frozen=True)
 class Layer:
-    """A layer at an inclination [deg], a thickness in stopping heights, in some cells, a scheme."""
+    """A layer at an inclination [deg], a thickness in stopping heights, in some cells, a scheme.
+
+    The grains of `beads` get the size that makes the thickness so.
+    """
 
     angle_deg: float
     ratio: float
     cells: int
     scheme: Scheme
+    beads: NGF = BEADS
 
     @property
     def material(self) -> NGF:
         """The beads, of such a size that the layer has the thickness asked for."""
-        d = HEIGHT / (self.ratio * stopping_grains(self.angle_deg))
-        return BEADS.replace(d=d)
+        d = HEIGHT / (self.ratio * stopping_grains(self.angle_deg, self.beads))
+        return self.beads.replace(d=d)
 
     def expected(self) -> ChuteFlow:
         """Steady flow, by the one-dimensional equation of the law."""
@@ -75,7 +79,7 @@ class Layer:
     def relaxation(self) -> float:
         """Time in which the flow is steady [s]: 16 times that of its inertia, and 1 s."""
         slope = math.radians(self.angle_deg)
-        drive = G * (math.sin(slope) - BEADS.mu_s * math.cos(slope))
+        drive = G * (math.sin(slope) - self.beads.mu_s * math.cos(slope))
         return 1.0 + 16.0 * float(self.expected().v[-1]) / drive
 
     def froude(self, until: float) -> float:
@@ -93,9 +97,9 @@ def scaled(speed: float) -> float:
     return speed / math.sqrt(G * HEIGHT)
 
 
-def stopping_grains(angle_deg: float) -> float:
+def stopping_grains(angle_deg: float, beads: NGF = BEADS) -> float:
     """Stopping height of the law in grains."""
-    return float(stopping_height(angle_deg, BEADS.A, 1.0, BEADS.mu_s, BEADS.mu_2))
+    return float(stopping_height(angle_deg, beads.A, 1.0, beads.mu_s, beads.mu_2))
 
 
 def found_stop(angle_deg: float, cells: int, scheme: Scheme) -> float:

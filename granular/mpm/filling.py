@@ -1,0 +1,56 @@
+"""Places that the material, blocks and bodies of a scene take at the start."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular.geometry import combined
+from granular.mpm.body_distances import distances
+from granular.mpm.walls import Solid
+
+if TYPE_CHECKING:
+    from granular.mpm.scene import Scene
+
+__all__ = ["is_full", "middle_points"]
+
+
+MOST_PLACES = (5, 40)
+"""Cells along an axis that `is_full` looks at, first few and then more; the ends are among them."""
+
+
+def is_full(scene: Scene) -> bool:
+    """True if fills, blocks and bodies leave none of the cells looked at empty at the start."""
+    return all(_leave_none(scene, most) for most in MOST_PLACES)
+
+
+def _leave_none(scene: Scene, most: int) -> bool:
+    """True if none is left of some cells along each axis, `most` at most."""
+    grid, axes = scene.grid, []
+    for low, cells in zip(grid.lower, grid.shape, strict=True):
+        at = np.unique(np.linspace(0, cells - 1, min(cells, most)).round())
+        axes.append(low + grid.cell * (at + 0.5))
+    left = combined(axes)
+    for fill in scene.fills:
+        left = left[~fill.region.contains(left)]
+    for wall in scene.walls:
+        if isinstance(wall, Solid):
+            left = left[~((left > wall.lower) & (left < wall.upper)).all(axis=1)]
+    for body in scene.bodies:
+        if not len(left):
+            break
+        left = left[distances(scene, body, np.pad(left, ((0, 0), (0, 3 - body.dim)))) > 0]
+    return not len(left)
+
+
+def middle_points(
+    scene: Scene, lower: NDArray[np.float64], upper: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Centres of the cells between two corners [m], shape (n, dim)."""
+    grid, axes = scene.grid, []
+    for zero, cells, low, high in zip(grid.lower, grid.shape, lower, upper, strict=True):
+        middle = zero + grid.cell * (np.arange(cells) + 0.5)
+        axes.append(middle[(middle > low) & (middle < high)])
+    return combined(axes)
