@@ -35,6 +35,10 @@ from surfaces.rows import (
 
 Cases = dict[str, Callable[[], Numbers]]
 
+PARTICLE = "`ParticleDensity`, "
+DENSITIES = {"": gr.schemes.default, PARTICLE: gr.Scheme(density=gr.ParticleDensity())}
+"""Schemes of the forces on what lies in a bed, by the begin of the names of their cases."""
+
 # ---- a bed on a plane ----
 
 
@@ -310,7 +314,14 @@ def in_a_bed(
     )
 
 
-def plate(turned_deg: float, offset: float, cells: int, until: float, mu: float = 0.01) -> Numbers:
+def plate(
+    turned_deg: float,
+    offset: float,
+    cells: int,
+    until: float,
+    mu: float = 0.01,
+    scheme: gr.Scheme = gr.schemes.default,
+) -> Numbers:
     """Forces on the two faces of a plate 0.16 m long and 4 cells thick, over those of a fluid.
 
     It is two bodies that overlap, so that the force on each face is known.
@@ -319,7 +330,8 @@ def plate(turned_deg: float, offset: float, cells: int, until: float, mu: float 
     center = np.array([0.16, 0.16]) + offset * cell
     shapes = [Box((length, 3 * cell), center=(0.0, side * cell / 2)) for side in (1, -1)]
     bodies = tuple(Body(shape, tuple(center), rotation_deg=turned_deg) for shape in shapes)
-    run = Run(in_a_bed(bodies, (0.32, height), cell, slippery.replace(mu_s=mu, mu_2=2 * mu)))
+    material = slippery.replace(mu_s=mu, mu_2=2 * mu)
+    run = Run(in_a_bed(bodies, (0.32, height), cell, material, scheme))
     _, n = axes(turned_deg)
     numbers: Numbers = {}
     for name, since, to in spans(until):
@@ -331,13 +343,19 @@ def plate(turned_deg: float, offset: float, cells: int, until: float, mu: float 
     return {**numbers, "deepest": run.deepest}
 
 
-def rounded_plate(turned_deg: float, offset: float, cells: int, until: float) -> Numbers:
+def rounded_plate(
+    turned_deg: float,
+    offset: float,
+    cells: int,
+    until: float,
+    scheme: gr.Scheme = gr.schemes.default,
+) -> Numbers:
     """Upward force on such a plate with edges rounded by 1.95 cells, over the weight displaced."""
     cell, height = 0.16 / cells, 0.32
     radius, center = 1.95 * cell, np.array([0.16, 0.16]) + offset * cell
     sides = (0.16 - 2 * radius, 4 * cell - 2 * radius)
     body = Body(Offset(Box(sides), by=radius), tuple(center), rotation_deg=turned_deg)
-    run = Run(in_a_bed((body,), (0.32, height), cell))
+    run = Run(in_a_bed((body,), (0.32, height), cell, scheme=scheme))
     area = 0.16 * 4 * cell - (4 - math.pi) * radius**2
     weight = displaced(area, height - center[1])
     numbers: Numbers = {}
@@ -351,23 +369,31 @@ def rounded_plate(turned_deg: float, offset: float, cells: int, until: float) ->
 def plate_cases(quick: bool) -> Cases:
     if quick:
         return {"8 cells": partial(plate, 17.0, 0.25, 8, 0.04)}
-    cases: Cases = {
-        f"{cells} cells, {name_of(turned, offset)}": partial(plate, turned, offset, cells, 0.4)
-        for cells in (8, 16, 32)
-        for turned in TURNS
-        for offset in (OFFSETS if cells < 32 else (0.25,))
-    }
+    cases: Cases = {}
+    for kind, scheme in DENSITIES.items():
+        for cells in (8, 16, 32):
+            for turned in TURNS:
+                for offset in OFFSETS if cells < 32 else (0.25,):
+                    name = f"{kind}{cells} cells, {name_of(turned, offset)}"
+                    cases[name] = partial(plate, turned, offset, cells, 0.4, scheme=scheme)
+        for turned in TURNS:
+            for offset in OFFSETS:
+                name = f"{kind}rounded, {name_of(turned, offset)}"
+                cases[name] = partial(rounded_plate, turned, offset, 16, 0.4, scheme)
     for turned in TURNS:
         for offset in OFFSETS:
             name = name_of(turned, offset)
             cases[f"mu 0.1, {name}"] = partial(plate, turned, offset, 16, 0.4, 0.1)
-            cases[f"rounded, {name}"] = partial(rounded_plate, turned, offset, 16, 0.4)
     return cases
 
 
 def plate_lines(found: dict[str, Numbers]) -> list[Line]:
     lines = []
-    kinds = {f"{cells} cells": f"sharp edges, {cells} cells" for cells in (8, 16, 32)}
+    kinds = {
+        f"{kind}{cells} cells": f"{kind}sharp edges, {cells} cells"
+        for kind in DENSITIES
+        for cells in (8, 16, 32)
+    }
     kinds["mu 0.1"] = "sharp edges, 16 cells, internal friction 0.1"
     for start, text in kinds.items():
         some = [v for name, v in found.items() if name.startswith(start)]
@@ -375,18 +401,13 @@ def plate_lines(found: dict[str, Numbers]) -> list[Line]:
             if some:
                 values = [v[f"{face}_{when}"] for v in some for face in ("upper", "lower")]
                 lines.append(spread(f"force on a face, {text}, {span}", values, 1.0, 0.02))
-    some = [v for name, v in found.items() if name.startswith("rounded")]
-    for when, span in WHEN.items():
-        if some:
-            values = [v[when] for v in some]
-            lines.append(
-                spread(f"buoyancy, edges rounded by 2 cells, 16 cells, {span}", values, 1.0, 0.05)
-            )
+    for kind in DENSITIES:
+        some = [v for name, v in found.items() if name.startswith(f"{kind}rounded")]
+        for when, span in WHEN.items():
+            if some:
+                text = f"buoyancy, {kind}edges rounded by 2 cells, 16 cells, {span}"
+                lines.append(spread(text, [v[when] for v in some], 1.0, 0.05))
     return lines
-
-
-BY_ITSELF = "disc, `ParticleDensity`"
-"""Disc in a bed of which each point integrates its own density."""
 
 
 def buoyancy(
@@ -411,27 +432,24 @@ def buoyancy(
 def buoyancy_cases(quick: bool) -> Cases:
     if quick:
         return {"disc, 4 cells": partial(buoyancy, 2, 4, 0.25, 0.04)}
-    return {
+    cases: Cases = {
         f"{kind}, {cells} cells, {offset:g}": partial(buoyancy, dim, cells, offset, 0.4)
         for dim, kind, sizes in ((2, "disc", (4, 8)), (3, "sphere", (4,)))
         for cells in sizes
         for offset in OFFSETS
-    } | {
-        "sphere, 6 cells, 0.25": partial(buoyancy, 3, 6, 0.25, 0.4),
-        **{
-            f"{BY_ITSELF}, {cells} cells, {offset:g}": partial(
-                buoyancy, 2, cells, offset, 0.4, gr.Scheme(density=gr.ParticleDensity())
-            )
-            for cells in (4, 8)
-            for offset in OFFSETS
-        },
     }
+    cases["sphere, 6 cells, 0.25"] = partial(buoyancy, 3, 6, 0.25, 0.4)
+    for cells in (4, 8):
+        for offset in OFFSETS:
+            name = f"{PARTICLE}disc, {cells} cells, {offset:g}"
+            cases[name] = partial(buoyancy, 2, cells, offset, 0.4, DENSITIES[PARTICLE])
+    return cases
 
 
 def buoyancy_lines(found: dict[str, Numbers]) -> list[Line]:
     lines = []
-    sizes = [f"{BY_ITSELF}, {cells}" for cells in (4, 8)]
-    for kind in ("disc, 4", "disc, 8", *sizes, "sphere, 4", "sphere, 6"):
+    discs = [f"{kind}disc, {cells}" for kind in DENSITIES for cells in (4, 8)]
+    for kind in (*discs, "sphere, 4", "sphere, 6"):
         some = [v for name, v in found.items() if name.startswith(f"{kind} cells")]
         for when, span in WHEN.items():
             if some:
