@@ -55,12 +55,24 @@ def _spikes(name: str, values: Array) -> Numbers:
     }
 
 
-def box(turned_deg: float, offset: float, speed: float, crossed: float) -> Numbers:
-    """A box carries a bed of 12 by 10 cells at rest in it through the grid, at 30 deg to x."""
+GOLDEN = (math.sqrt(5) - 1) / 2
+"""Its multiples modulo 1 are spread evenly, however many of them there are."""
+
+
+def box(
+    turned_deg: float, offset: float, speed: float, crossed: float, staggered: bool = False
+) -> Numbers:
+    """A box carries a bed of 12 by 10 cells at rest in it through the grid, at 30 deg to x.
+
+    If `staggered`, each column of points is raised or lowered by up to half a spacing, so that no
+    two of them reach a line of nodes at once.
+    """
     (t, n), length, height = axes(turned_deg), 12 * CELL, 10 * CELL
     way = speed * np.array([math.cos(math.radians(30)), math.sin(math.radians(30))])
     base = offset * CELL * np.ones(2)
     along, above = rows_of_points(length, height, CELL / 2)
+    if staggered:
+        above = above + CELL / 2 * (GOLDEN * np.floor(along / (CELL / 2)) % 1 - 0.5)
     material = gr.materials.glass_beads.replace(E=1e6, rho_c=RHO)
     density = RHO * np.exp(RHO * G * (height - above) / material.K)
     x = base + along[:, None] * t + above[:, None] * n
@@ -114,12 +126,16 @@ def box(turned_deg: float, offset: float, speed: float, crossed: float) -> Numbe
 def box_cases(quick: bool) -> Cases:
     if quick:
         return {"17 deg, 0": partial(box, 17.0, 0.0, 0.4, 4)}
-    return {
-        f"{speed:g} m/s, {name_of(turned, offset)}": partial(box, turned, offset, speed, 10)
-        for speed in (0.1, 0.4)
-        for turned in TURNS
-        for offset in OFFSETS
-    }
+    cases: Cases = {}
+    for speed in (0.1, 0.4):
+        for turned in TURNS:
+            for offset in OFFSETS:
+                name = f"{speed:g} m/s, {name_of(turned, offset)}"
+                cases[name] = partial(box, turned, offset, speed, 10)
+        for offset in OFFSETS:
+            name = f"{speed:g} m/s, staggered, {name_of(0.0, offset)}"
+            cases[name] = partial(box, 0.0, offset, speed, 10, staggered=True)
+    return cases
 
 
 def drum(omega: float, cell: float, turns: float) -> Numbers:
@@ -235,11 +251,19 @@ def _lines(found: dict[str, Numbers]) -> list[Line]:
 
 def box_lines(found: dict[str, Numbers]) -> list[Line]:
     """Lines of boxes that are turned against the grid, and of those along it."""
-    lines = []
-    for text, along in (("17 and 40 deg", False), ("along the grid", True)):
-        some = {name: v for name, v in found.items() if (", 0 deg" in name) == along}
-        lines += [replace(line, quantity=f"{text}: {line.quantity}") for line in _lines(some)]
-    return lines
+    kinds: dict[str, dict[str, Numbers]] = {
+        "17 and 40 deg": {},
+        "along the grid, points in rows": {},
+        "along the grid, columns of points staggered": {},
+    }
+    for name, numbers in found.items():
+        kind = 2 if "staggered" in name else ", 0 deg" in name
+        list(kinds.values())[kind][name] = numbers
+    return [
+        replace(line, quantity=f"{text}: {line.quantity}")
+        for text, some in kinds.items()
+        for line in _lines(some)
+    ]
 
 
 ROWS = {

@@ -155,9 +155,10 @@ def test_layer_on_a_base_through_the_grid(turned_deg, offset, wall):
 @pytest.mark.parametrize("offset", [(0.0, 0.0), (0.25, 0.25), (0.5, 0.1)])
 @pytest.mark.parametrize("cells", [4, pytest.param(8, marks=pytest.mark.slow)])
 def test_buoyancy_of_a_disc(cells, offset):
-    """Material with hardly any friction weighs on a disc as a fluid does, at first.
+    """Material with hardly any friction weighs on a disc as a fluid does.
 
-    Later the stress creeps with the noise of the points: the force is 0.93 to 1.12 at 0.4 s.
+    With a friction of 0.001 statics leaves 0.8 % of the force open (mu p at the sides of the
+    columns above and below), with 0.01 ten times as much, and the stress creeps that far.
     """
     radius, height = 0.04, 0.24
     cell = radius / cells
@@ -169,18 +170,20 @@ def test_buoyancy_of_a_disc(cells, offset):
         name="buoyancy",
         grid=gr.Grid((0.0, 0.0), cell, shape),
         fills=(gr.Fill(gr.Box((0.0, 0.0), (0.32, height)), 4, lithostatic=True),),
-        material=gr.materials.glass_beads.replace(E=1e6, rho_c=RHO, mu_s=0.01, mu_2=0.02),
+        material=gr.materials.glass_beads.replace(E=1e6, rho_c=RHO, mu_s=0.001, mu_2=0.002),
         gravity=gr.Gravity((0.0,), ((0.0, -G),)),
         walls=tuple(walls),
         bodies=(disc,),
         duration=1.0,
     )
     sim = gr.Simulation(scene, threads=1)
-    sim.run(until=0.1)
-    force = sim.bodies[0].impulse / sim.time
     weight = RHO * G * math.pi * radius**2
-    assert force[1] == pytest.approx(weight, rel=0.05)
-    assert abs(force[0]) < 0.02 * weight
+    for until in (0.1, 0.4):
+        since, before = sim.time, sim.bodies[0].impulse
+        sim.run(until=until)
+        force = (sim.bodies[0].impulse - before) / (sim.time - since)
+        assert force[1] == pytest.approx(weight, rel=0.015)
+        assert abs(force[0]) < 0.01 * weight
 
 
 @pytest.mark.parametrize("overlapping", [False, True])
