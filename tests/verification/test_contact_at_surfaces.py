@@ -131,25 +131,35 @@ def test_layer_on_a_base_through_the_grid(turned_deg, offset, wall):
         _, *sides = scene.bodies
         no_slip = gr.Wall(2, base[2], kind="no_slip")
         scene = scene.replace(bodies=tuple(sides), walls=(no_slip,))
-    ratios, changes = [], []
-    for k in range(1 if wall else 3):
-        # in a fifth of runs that differ by round-off, the layer lets go of the base once and is 1.5
-        # to 2 % faster for a while (measured); the middle one of three is steady
-        E = scene.material.E * (1.0 + 3e-15 * k)
-        sim = gr.Simulation(scene.replace(material=scene.material.replace(E=E)), threads=1)
-        before = sim.state
-        sim.run(until=1.0)
-        speeds = []
-        for state in (before, sim.state):
-            row = np.floor((state.x - base) @ n / CELL).astype(int).clip(0, 11)
-            flux = np.bincount(row, state.mass * state.v[:, 1], 12)
-            speeds.append(flux / np.bincount(row, state.mass, 12) / fastest)
-        ratios.append((sim.state.mass @ sim.state.v[:, 1]) / (before.mass @ before.v[:, 1]))
-        changes.append(np.abs(speeds[1] - speeds[0]).max())
-    # measured: 1.001 along the grid, 1.004 at 10 deg, 1.007 at 30, 1.008 at 17, 1.009 at 45; and
-    # 0.015 of the largest speed, in the row at the surface
-    assert np.median(ratios) == pytest.approx(1, abs=0.012)
-    assert np.median(changes) < 0.02
+    sim = gr.Simulation(scene, threads=1)
+    before = sim.state
+    sim.run(until=1.0)
+    speeds = []
+    for state in (before, sim.state):
+        row = np.floor((state.x - base) @ n / CELL).astype(int).clip(0, 11)
+        flux = np.bincount(row, state.mass * state.v[:, 1], 12)
+        speeds.append(flux / np.bincount(row, state.mass, 12) / fastest)
+    gained = (sim.state.mass @ sim.state.v[:, 1]) / (before.mass @ before.v[:, 1])
+    # measured: 1.0014 along the grid, 1.0022 to 1.0027 at an angle; and 0.008 of the largest speed,
+    # in the row at the surface
+    assert gained == pytest.approx(1, abs=0.005)
+    assert np.abs(speeds[1] - speeds[0]).max() < 0.012
+
+
+def test_corners_forget_round_off():
+    """Runs that differ by round-off stay alike in the corners between a rough base and its sides.
+
+    There friction and the pressure of the side would hold the same nodes twice, and pull against
+    each other until points are thrown: in a fifth of such runs, and as much as 6 % of the speed.
+    """
+    scene, _, _, _ = layer(45.0, 0.25)
+    flux = []
+    for k in (0, 10):  # two that threw points
+        material = scene.material.replace(E=scene.material.E * (1.0 + 3e-15 * k))
+        sim = gr.Simulation(scene.replace(material=material), threads=1)
+        sim.run(until=0.75)
+        flux.append(sim.state.mass @ sim.state.v[:, 1])
+    assert flux[1] == pytest.approx(flux[0], rel=3e-4)
 
 
 @pytest.mark.parametrize("offset", [(0.0, 0.0), (0.25, 0.25), (0.5, 0.1)])
