@@ -54,7 +54,6 @@ def _searched(material: MuI | RegularisedMuI) -> Array:
     return np.logspace(low, high, _PER_DECADE * (high - low) + 1) * ratio
 
 
-
 @overload
 def ill_posedness(
     scaled: float, material: MuI | RegularisedMuI, pressure: float | None = None
