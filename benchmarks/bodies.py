@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import Any
 
 from shared import machine, parser_of, rounded, write, write_tables
-from surfaces import flow, moving, openings, rest
+from surfaces import flow, forces, moving, openings, rest
 from surfaces.rows import Line, Numbers, Row
 
 RESULTS = Path(__file__).parent / "results" / "bodies.json"
 
-ROWS: dict[str, Row] = {**rest.ROWS, **flow.ROWS, **openings.ROWS, **moving.ROWS}
+ROWS: dict[str, Row] = {**rest.ROWS, **forces.ROWS, **flow.ROWS, **openings.ROWS, **moving.ROWS}
 
 LEAK = 0.25
 """Depth in a body, in cells, from which on a point counts as leaked (`in_bodies` of the health)."""

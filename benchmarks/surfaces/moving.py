@@ -55,12 +55,24 @@ def _spikes(name: str, values: Array) -> Numbers:
     }
 
 
-def box(turned_deg: float, offset: float, speed: float, crossed: float) -> Numbers:
-    """A box carries a bed of 12 by 10 cells at rest in it through the grid, at 30 deg to x."""
+GOLDEN = (math.sqrt(5) - 1) / 2
+"""Its multiples modulo 1 are spread evenly, however many of them there are."""
+
+
+def box(
+    turned_deg: float, offset: float, speed: float, crossed: float, staggered: bool = False
+) -> Numbers:
+    """A box carries a bed of 12 by 10 cells at rest in it through the grid, at 30 deg to x.
+
+    If `staggered`, each column of points is raised or lowered by up to half a spacing, so that no
+    two of them reach a line of nodes at once.
+    """
     (t, n), length, height = axes(turned_deg), 12 * CELL, 10 * CELL
     way = speed * np.array([math.cos(math.radians(30)), math.sin(math.radians(30))])
     base = offset * CELL * np.ones(2)
     along, above = rows_of_points(length, height, CELL / 2)
+    if staggered:
+        above = above + CELL / 2 * (GOLDEN * np.floor(along / (CELL / 2)) % 1 - 0.5)
     material = gr.materials.glass_beads.replace(E=1e6, rho_c=RHO)
     density = RHO * np.exp(RHO * G * (height - above) / material.K)
     x = base + along[:, None] * t + above[:, None] * n
@@ -114,12 +126,16 @@ def box(turned_deg: float, offset: float, speed: float, crossed: float) -> Numbe
 def box_cases(quick: bool) -> Cases:
     if quick:
         return {"17 deg, 0": partial(box, 17.0, 0.0, 0.4, 4)}
-    return {
-        f"{speed:g} m/s, {name_of(turned, offset)}": partial(box, turned, offset, speed, 10)
-        for speed in (0.1, 0.4)
-        for turned in TURNS
-        for offset in OFFSETS
-    }
+    cases: Cases = {}
+    for speed in (0.1, 0.4):
+        for turned in TURNS:
+            for offset in OFFSETS:
+                name = f"{speed:g} m/s, {name_of(turned, offset)}"
+                cases[name] = partial(box, turned, offset, speed, 10)
+        for offset in OFFSETS:
+            name = f"{speed:g} m/s, staggered, {name_of(0.0, offset)}"
+            cases[name] = partial(box, 0.0, offset, speed, 10, staggered=True)
+    return cases
 
 
 def drum(omega: float, cell: float, turns: float) -> Numbers:
@@ -147,6 +163,44 @@ def drum_cases(quick: bool) -> Cases:
     }
 
 
+def blade_scene(
+    offset: float, rake_deg: float, speed: float, scheme: gr.Scheme, start: float = 0.0
+) -> gr.Scene:
+    """A blade 4 cells thick and 5 cells deep in a bed of 12 cells, 2D, moved by `start` cells."""
+    begin = np.array([0.15, DEEP - 5 * CELL]) + offset * CELL + np.array([start * CELL, 0.0])
+    shape = Box((4 * CELL, 0.2), center=(-2 * CELL, 0.1))
+    motion = Motion(times=(AT_REST, AT_REST + RAMP), velocity=((0.0, 0.0), (speed, 0.0)))
+    body = Body(shape, tuple(begin), rotation_deg=rake_deg, motion=motion, friction=0.3)
+    return gr.Scene(
+        name="blade",
+        grid=gr.Grid((0.0, 0.0), CELL, (round(LONG / CELL), 24)),
+        fills=(gr.Fill(gr.Box((0.0, 0.0), (LONG, DEEP)), 4, lithostatic=True),),
+        material=gr.materials.glass_beads.replace(E=1e6, rho_c=RHO),
+        gravity=gr.Gravity((0.0,), ((0.0, -G),)),
+        walls=(
+            gr.Wall(1, 0.0, kind="no_slip"),
+            *(gr.Wall(0, at, kind="free_slip") for at in (0.0, LONG)),
+        ),
+        bodies=(body,),
+        scheme=scheme,
+        duration=10.0,
+    )
+
+
+LONG, DEEP = 0.6, 12 * CELL
+"""Length and depth of the bed with the blade [m]."""
+AT_REST, RAMP = 0.1, 0.05
+"""Time at which the blade begins to move, and time in which it gets its speed [s]."""
+
+
+def _driven(scene: gr.Scene, speed: float, crossed: float) -> tuple[Array, Run]:
+    """Forces on the blade in the eighths of the cells from the second one on [N], and the run."""
+    run, window = Run(scene), CELL / speed / WINDOWS
+    run.to(AT_REST + RAMP, window)
+    run.to(AT_REST + RAMP + crossed * CELL / speed, window)
+    return run.forces(AT_REST + RAMP + 2 * CELL / speed)[:, 0, 0], run
+
+
 def blade(
     offset: float,
     rake_deg: float,
@@ -154,32 +208,9 @@ def blade(
     crossed: float,
     scheme: gr.Scheme = gr.schemes.default,
 ) -> Numbers:
-    """Force on a blade 4 cells thick and 5 cells deep in a bed of 12 cells, 2D."""
-    long, deep, ramp = 0.6, 12 * CELL, 0.05
-    begin = np.array([0.15, deep - 5 * CELL]) + offset * CELL
-    shape = Box((4 * CELL, 0.2), center=(-2 * CELL, 0.1))
-    motion = Motion(times=(0.1, 0.1 + ramp), velocity=((0.0, 0.0), (speed, 0.0)))
-    body = Body(shape, tuple(begin), rotation_deg=rake_deg, motion=motion, friction=0.3)
-    scene = gr.Scene(
-        name="blade",
-        grid=gr.Grid((0.0, 0.0), CELL, (round(long / CELL), 24)),
-        fills=(gr.Fill(gr.Box((0.0, 0.0), (long, deep)), 4, lithostatic=True),),
-        material=gr.materials.glass_beads.replace(E=1e6, rho_c=RHO),
-        gravity=gr.Gravity((0.0,), ((0.0, -G),)),
-        walls=(
-            gr.Wall(1, 0.0, kind="no_slip"),
-            *(gr.Wall(0, at, kind="free_slip") for at in (0.0, long)),
-        ),
-        bodies=(body,),
-        scheme=scheme,
-        duration=10.0,
-    )
-    run = Run(scene)
-    window = CELL / speed / WINDOWS
-    run.to(0.1 + ramp, window)
-    run.to(0.1 + ramp + crossed * CELL / speed, window)
-    forward = run.forces(0.1 + ramp + 2 * CELL / speed)[:, 0, 0]
-    scale = -0.5 * RHO * G * (deep - begin[1]) ** 2
+    """Force on the blade, over that of a fluid."""
+    forward, run = _driven(blade_scene(offset, rake_deg, speed, scheme), speed, crossed)
+    scale = -0.5 * RHO * G * (5 - offset) ** 2 * CELL**2
     return {
         "force": float(forward.mean() / scale),
         **_spikes("force", forward),
@@ -187,19 +218,45 @@ def blade(
     }
 
 
+def starts(rake_deg: float, speed: float, crossed: float, scheme: gr.Scheme) -> Numbers:
+    """Part of the force on the blade that repeats with the place in the cell.
+
+    Of runs that start an eighth of a cell apart: the largest difference, from the force over the
+    cell about each eighth, of the mean over all cells and runs at the same place in the cell
+    (`grid`); its standard error; and the standard deviation of single eighths, all relative to the
+    mean force.
+    """
+    off, deepest = [], []
+    for k in range(WINDOWS):
+        scene = blade_scene(0.0, rake_deg, speed, scheme, k / WINDOWS)
+        forward, run = _driven(scene, speed, crossed)
+        about = np.convolve(forward, np.full(WINDOWS, 1 / WINDOWS), mode="valid")
+        part = (forward[WINDOWS // 2 : WINDOWS // 2 + len(about)] - about) / abs(forward.mean())
+        part = part[: len(part) // WINDOWS * WINDOWS].reshape(-1, WINDOWS)
+        off.append(np.roll(part, k, axis=1))
+        deepest.append(run.deepest)
+    same = np.concatenate(off)
+    return {
+        "grid": float(np.abs(same.mean(axis=0)).max()),
+        "error": float(same.std() / math.sqrt(len(same))),
+        "scatter": float(same.std()),
+        "deepest": max(deepest),
+    }
+
+
 def blade_cases(quick: bool) -> Cases:
     if quick:
         return {"quick": partial(blade, 0.0, 0.0, 0.4, 6)}
     schemes = {"default": gr.schemes.default, "particle": PARTICLE}
-    return {
-        f"{name}, {speed:g} m/s, rake {rake:g} deg, {offset:g}": partial(
-            blade, offset, rake, speed, 14, scheme
-        )
-        for name, scheme in schemes.items()
-        for speed in ((0.05, 0.2) if name == "default" else (0.2,))
-        for rake in TURNS
-        for offset in OFFSETS
-    }
+    cases: Cases = {}
+    for name, scheme in schemes.items():
+        for rake in TURNS:
+            for speed in (0.05, 0.2) if name == "default" else (0.2,):
+                for offset in OFFSETS:
+                    case = f"{name}, {speed:g} m/s, rake {rake:g} deg, {offset:g}"
+                    cases[case] = partial(blade, offset, rake, speed, 14, scheme)
+            cases[f"{name}, starts, rake {rake:g} deg"] = partial(starts, rake, 0.2, 14, scheme)
+    return cases
 
 
 def blade_lines(found: dict[str, Numbers]) -> list[Line]:
@@ -208,6 +265,13 @@ def blade_lines(found: dict[str, Numbers]) -> list[Line]:
     for text, name in (("default scheme", "default"), ("`ParticleDensity`", "particle")):
         some = {k: v for k, v in found.items() if k.startswith(name)}
         lines += [replace(line, quantity=f"{text}: {line.quantity}") for line in _lines(some)]
+        of_grid = [v for v in some.values() if "grid" in v]
+        if of_grid:
+            error, scatter = (100 * max(v[key] for v in of_grid) for key in ("error", "scatter"))
+            what = "force, mean over the cells crossed and 8 starts at the same place in the cell"
+            line = within(f"{text}: {what}", (v["grid"] for v in of_grid), 0.15)
+            more = f" (standard error {error:.1f} %, single eighths {scatter:.1f} %)"
+            lines.append(replace(line, measured=line.measured + more))
     return lines or _lines(found)
 
 
@@ -235,11 +299,19 @@ def _lines(found: dict[str, Numbers]) -> list[Line]:
 
 def box_lines(found: dict[str, Numbers]) -> list[Line]:
     """Lines of boxes that are turned against the grid, and of those along it."""
-    lines = []
-    for text, along in (("17 and 40 deg", False), ("along the grid", True)):
-        some = {name: v for name, v in found.items() if (", 0 deg" in name) == along}
-        lines += [replace(line, quantity=f"{text}: {line.quantity}") for line in _lines(some)]
-    return lines
+    kinds: dict[str, dict[str, Numbers]] = {
+        "17 and 40 deg": {},
+        "along the grid, points in rows": {},
+        "along the grid, columns of points staggered": {},
+    }
+    for name, numbers in found.items():
+        kind = 2 if "staggered" in name else ", 0 deg" in name
+        list(kinds.values())[kind][name] = numbers
+    return [
+        replace(line, quantity=f"{text}: {line.quantity}")
+        for text, some in kinds.items()
+        for line in _lines(some)
+    ]
 
 
 ROWS = {

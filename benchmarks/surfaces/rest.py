@@ -1,4 +1,4 @@
-"""Beds at rest on an oblique plane, blocks on slopes, forces on what lies in a bed."""
+"""Beds at rest on an oblique plane, blocks on slopes."""
 
 from __future__ import annotations
 
@@ -10,14 +10,12 @@ from typing import Any
 import numpy as np
 
 import granular as gr
-from granular.mpm.bodies import Body, Box, Cylinder, Offset, Sphere
 from surfaces.flutter import FLUTTER_HZ, flutter
 from surfaces.rows import (
     CELL,
     OFFSETS,
     RHO,
     TURNS,
-    Array,
     G,
     Line,
     Numbers,
@@ -28,7 +26,6 @@ from surfaces.rows import (
     name_of,
     plane,
     rows_of_points,
-    slippery,
     spread,
     within,
 )
@@ -265,184 +262,7 @@ def block_lines(found: dict[str, Numbers]) -> list[Line]:
     return lines
 
 
-# ---- forces on what lies in a bed ----
-
-
-def hydrostatic(depth: float | Array) -> Any:
-    """Pressure at a depth in a fluid with the elasticity of `slippery` [Pa]."""
-    return -slippery.K * np.log1p(-RHO * G * np.asarray(depth) / slippery.K)
-
-
-def displaced(volume: float, depth: float) -> float:
-    """Weight of a volume of that fluid at a depth [N]."""
-    return volume * G * RHO * math.exp(float(hydrostatic(depth)) / slippery.K)
-
-
-def spans(until: float) -> tuple[tuple[str, float, float], ...]:
-    """Two parts of a run, the first quarter of its time and the rest: name, begin and end [s]."""
-    return ("early", 0.0, until / 4), ("late", until / 4, until)
-
-
-WHEN = {"early": "0 to 0.1 s", "late": "0.1 to 0.4 s"}
-
-
-def in_a_bed(
-    bodies: tuple[Body, ...],
-    size: tuple[float, ...],
-    cell: float,
-    material: Any = slippery,
-    scheme: gr.Scheme = gr.schemes.default,
-) -> gr.Scene:
-    """Nearly a fluid at rest in a box between smooth walls, with bodies in it."""
-    dim, level = len(size), size[-1]
-    shape = tuple(round(side / cell) for side in size[:-1])
-    walls = [gr.Wall(a, at, kind="free_slip") for a in range(dim - 1) for at in (0.0, size[a])]
-    return gr.Scene(
-        name="in_a_bed",
-        grid=gr.Grid((0.0,) * dim, cell, (*shape, round(level / cell) + 4)),
-        fills=(gr.Fill(gr.Box((0.0,) * dim, size), 2**dim, lithostatic=True),),
-        material=material,
-        scheme=scheme,
-        gravity=gr.Gravity((0.0,), ((0.0,) * (dim - 1) + (-G,),)),
-        walls=(*walls, gr.Wall(dim - 1, 0.0, kind="free_slip")),
-        bodies=bodies,
-        duration=1.0,
-    )
-
-
-def plate(turned_deg: float, offset: float, cells: int, until: float, mu: float = 0.01) -> Numbers:
-    """Forces on the two faces of a plate 0.16 m long and 4 cells thick, over those of a fluid.
-
-    It is two bodies that overlap, so that the force on each face is known.
-    """
-    cell, height, length = 0.16 / cells, 0.32, 0.16
-    center = np.array([0.16, 0.16]) + offset * cell
-    shapes = [Box((length, 3 * cell), center=(0.0, side * cell / 2)) for side in (1, -1)]
-    bodies = tuple(Body(shape, tuple(center), rotation_deg=turned_deg) for shape in shapes)
-    run = Run(in_a_bed(bodies, (0.32, height), cell, slippery.replace(mu_s=mu, mu_2=2 * mu)))
-    _, n = axes(turned_deg)
-    numbers: Numbers = {}
-    for name, since, to in spans(until):
-        run.to(to, until / 40)
-        for face, force, side in zip(("upper", "lower"), run.force(since), (1, -1), strict=True):
-            depth = height - float((center + side * 2 * cell * n)[1])
-            wanted = -side * float(hydrostatic(depth)) * length
-            numbers[f"{face}_{name}"] = float(force @ n) / wanted
-    return {**numbers, "deepest": run.deepest}
-
-
-def rounded_plate(turned_deg: float, offset: float, cells: int, until: float) -> Numbers:
-    """Upward force on such a plate with edges rounded by 1.95 cells, over the weight displaced."""
-    cell, height = 0.16 / cells, 0.32
-    radius, center = 1.95 * cell, np.array([0.16, 0.16]) + offset * cell
-    sides = (0.16 - 2 * radius, 4 * cell - 2 * radius)
-    body = Body(Offset(Box(sides), by=radius), tuple(center), rotation_deg=turned_deg)
-    run = Run(in_a_bed((body,), (0.32, height), cell))
-    area = 0.16 * 4 * cell - (4 - math.pi) * radius**2
-    weight = displaced(area, height - center[1])
-    numbers: Numbers = {}
-    for name, since, to in spans(until):
-        run.to(to, until / 40)
-        up = run.force(since)[0] / weight
-        numbers |= {name: float(up[1]), f"sideways_{name}": float(up[0])}
-    return {**numbers, "deepest": run.deepest}
-
-
-def plate_cases(quick: bool) -> Cases:
-    if quick:
-        return {"8 cells": partial(plate, 17.0, 0.25, 8, 0.04)}
-    cases: Cases = {
-        f"{cells} cells, {name_of(turned, offset)}": partial(plate, turned, offset, cells, 0.4)
-        for cells in (8, 16, 32)
-        for turned in TURNS
-        for offset in (OFFSETS if cells < 32 else (0.25,))
-    }
-    for turned in TURNS:
-        for offset in OFFSETS:
-            name = name_of(turned, offset)
-            cases[f"mu 0.1, {name}"] = partial(plate, turned, offset, 16, 0.4, 0.1)
-            cases[f"rounded, {name}"] = partial(rounded_plate, turned, offset, 16, 0.4)
-    return cases
-
-
-def plate_lines(found: dict[str, Numbers]) -> list[Line]:
-    lines = []
-    kinds = {f"{cells} cells": f"sharp edges, {cells} cells" for cells in (8, 16, 32)}
-    kinds["mu 0.1"] = "sharp edges, 16 cells, internal friction 0.1"
-    for start, text in kinds.items():
-        some = [v for name, v in found.items() if name.startswith(start)]
-        for when, span in WHEN.items():
-            if some:
-                values = [v[f"{face}_{when}"] for v in some for face in ("upper", "lower")]
-                lines.append(spread(f"force on a face, {text}, {span}", values, 1.0, 0.02))
-    some = [v for name, v in found.items() if name.startswith("rounded")]
-    for when, span in WHEN.items():
-        if some:
-            values = [v[when] for v in some]
-            lines.append(
-                spread(f"buoyancy, edges rounded by 2 cells, 16 cells, {span}", values, 1.0, 0.05)
-            )
-    return lines
-
-
-BY_ITSELF = "disc, `ParticleDensity`"
-"""Disc in a bed of which each point integrates its own density."""
-
-
-def buoyancy(
-    dim: int, cells: int, offset: float, until: float, scheme: gr.Scheme = gr.schemes.default
-) -> Numbers:
-    """Upward force on a disc or a sphere over the weight of the fluid it displaces."""
-    radius = 0.04
-    cell = radius / cells
-    size = (0.32, 0.24) if dim == 2 else (0.16, 0.16, 0.16)
-    center = np.array(size) / 2 + cell * offset * np.array((1.0, 0.6, 0.4)[:dim])
-    shape = Cylinder(radius, center=(0.0,) * 2) if dim == 2 else Sphere(radius, center=(0.0,) * 3)
-    run = Run(in_a_bed((Body(shape, tuple(center)),), size, cell, scheme=scheme))
-    volume = math.pi * radius**2 if dim == 2 else 4 / 3 * math.pi * radius**3
-    weight = displaced(volume, size[-1] - center[-1])
-    numbers: Numbers = {}
-    for name, since, to in spans(until):
-        run.to(to, until / 40)
-        numbers[name] = float(run.force(since)[0][-1] / weight)
-    return {**numbers, "deepest": run.deepest}
-
-
-def buoyancy_cases(quick: bool) -> Cases:
-    if quick:
-        return {"disc, 4 cells": partial(buoyancy, 2, 4, 0.25, 0.04)}
-    return {
-        f"{kind}, {cells} cells, {offset:g}": partial(buoyancy, dim, cells, offset, 0.4)
-        for dim, kind, sizes in ((2, "disc", (4, 8)), (3, "sphere", (4,)))
-        for cells in sizes
-        for offset in OFFSETS
-    } | {
-        "sphere, 6 cells, 0.25": partial(buoyancy, 3, 6, 0.25, 0.4),
-        **{
-            f"{BY_ITSELF}, {cells} cells, {offset:g}": partial(
-                buoyancy, 2, cells, offset, 0.4, gr.Scheme(density=gr.ParticleDensity())
-            )
-            for cells in (4, 8)
-            for offset in OFFSETS
-        },
-    }
-
-
-def buoyancy_lines(found: dict[str, Numbers]) -> list[Line]:
-    lines = []
-    sizes = [f"{BY_ITSELF}, {cells}" for cells in (4, 8)]
-    for kind in ("disc, 4", "disc, 8", *sizes, "sphere, 4", "sphere, 6"):
-        some = [v for name, v in found.items() if name.startswith(f"{kind} cells")]
-        for when, span in WHEN.items():
-            if some:
-                values = [v[when] for v in some]
-                lines.append(spread(f"{kind} cells in radius, {span}", values, 1.0, 0.05))
-    return lines
-
-
 ROWS = {
     "bed": Row("Bed on an oblique plane at rest", bed_cases, bed_lines),
     "block": Row("Elastic block on a slope", block_cases, block_lines),
-    "plate": Row("Plate in a bed at rest", plate_cases, plate_lines),
-    "buoyancy": Row("Buoyancy of a disc and a sphere", buoyancy_cases, buoyancy_lines),
 }

@@ -23,9 +23,6 @@ Numbers = dict[str, float]
 G, RHO, CELL = 9.81, 1500.0, 0.01
 TURNS, OFFSETS = (0.0, 17.0, 40.0), (0.0, 0.25, 0.5)
 
-slippery = gr.materials.glass_beads.replace(E=1e6, rho_c=RHO, mu_s=0.01, mu_2=0.02)
-"""Nearly a fluid: its internal friction is 0.01 to 0.02."""
-
 
 @dataclass(frozen=True)
 class Line:

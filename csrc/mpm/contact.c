@@ -102,10 +102,10 @@ static double correct(struct gr_engine *e, struct gr_foot *foot, struct gr_movin
     const double along = u[0] * n[0] + u[1] * n[1] + u[2] * n[2];
     double pressing = foot->pressing + (foot->bound - along) / foot->normal_mobility;
     pressing = fmin(fmax(pressing, body->contact == GR_CONTACT_SEPARATING ? 0 : -foot->most), foot->most);
-    for (int d = 0; d < 3; d++) {
+    for (int d = 0; d < 3; d++)
         tangential[d] = foot->impulse[d] - foot->pressing * n[d] - (u[d] - along * n[d]) / foot->mobility;
-        square += tangential[d] * tangential[d];
-    }
+    for (int k = 0; k < foot->n_barred; k++) gr_take_away(tangential, foot->barred[k]);
+    for (int d = 0; d < 3; d++) square += tangential[d] * tangential[d];
     const double most = body->contact == GR_CONTACT_STICKY ? foot->most : body->friction * fabs(pressing);
     const double keep = !(square > most * most) ? 1 : most / sqrt(square);
     for (int d = 0; d < e->config.dim; d++) {

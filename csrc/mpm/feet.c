@@ -40,6 +40,10 @@ enum { OUT_INTERVAL = 8 };
 /* A foot acts if the mean mass of the nodes about it, over that of a full cell, is more than this. */
 #define LEAST_FILLING 0.1
 
+/* The surface of another foot of a point bars a direction along the surface of a foot if its normal is nearer to this
+ * direction than to the normal of the foot: the sine of the angle between the normals is more than this. */
+#define BARRED 0.7071
+
 /* At a convex edge a foot gives at most this many times the normal stress of its point times the area of a point on the
  * surface. This bears what presses on the edge. The weight of the material that falls past it, which the shape functions
  * reach, needs more. In a fluid points get 0.1 cells deep into the edges of a box with 1, and not at all with 2, but a
@@ -264,6 +268,27 @@ static void share_stress(int n, struct gr_foot *foot)
         if (foot[k].at_edge) foot[k].most /= edges;
 }
 
+/* In a corner, where a point has several feet, find the directions along the surface of each that the others bar. Friction
+ * there and what presses on the other surface would hold the same nodes twice, at places a fraction of a cell apart: they
+ * would pull against each other more and more, up to the bound of impulses, and then throw the points of the corner. */
+static void find_barred(const struct gr_engine *e, int n, struct gr_foot *foot)
+{
+    for (int k = 0; k < n; k++) {
+        struct gr_foot *f = &foot[k];
+        f->n_barred = 0;
+        for (int l = 0; l < n && f->n_barred < e->config.dim - 1; l++) {
+            double *a = f->barred[f->n_barred], square = 0;
+            memcpy(a, foot[l].normal, sizeof foot[l].normal);
+            gr_take_away(a, f->normal);
+            for (int m = 0; m < f->n_barred; m++) gr_take_away(a, f->barred[m]);
+            for (int d = 0; d < 3; d++) square += a[d] * a[d];
+            if (!(square > BARRED * BARRED)) continue;
+            for (int d = 0; d < 3; d++) a[d] /= sqrt(square);
+            f->n_barred++;
+        }
+    }
+}
+
 /* Start the impulses of the n feet of a point, which together gave it its force: each in turn takes what lies along its
  * normal, and the one with the most friction what is left along its surface. */
 static void start_from_force(const struct gr_engine *e, int n, struct gr_foot *foot)
@@ -333,6 +358,7 @@ GR_SHARED(search, struct search, w->e->feet->n_near, w)
             for (int b = 0; b < e->config.n_bodies; b++)
                 if (feet->bodies[k] >> b & 1) n += find_foot(e, cell, s, b, w->pose, r, w->fall, &foot[n]);
             share_stress(n, foot);
+            find_barred(e, n, foot);
             if (n) start_from_force(e, n, foot);
             foot += n, feet->found[chunk] += n;
         }

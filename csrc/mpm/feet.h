@@ -12,7 +12,10 @@
  * pinched between surfaces that approach each other no impulse fulfils all conditions, and this alone bounds it.
  *
  * Where the nodes about a foot have hardly any mass, a point acts at its own place instead: there is its own mass at
- * least. At convex edges the impulse is bounded by the stress of the point (edges.h). */
+ * least. At convex edges the impulse is bounded by the stress of the point (edges.h).
+ *
+ * In a corner, where a point has feet on several surfaces, a foot has no friction in the directions that another surface
+ * bars: there only what presses on that surface acts. */
 #pragma once
 
 #include "core/team.h"
@@ -32,6 +35,8 @@ struct gr_foot {
     double bound;                     /* of the velocity along the normal, m/s: <= 0 */
     double most;                      /* impulse, N s */
     double impulse[3], pressing;      /* on the material, N s; its part along the normal */
+    int n_barred;
+    double barred[2][3]; /* directions along the surface, normal to each other, in which other feet of the point act */
 };
 
 /* A node that feet act on: velocity and inverse mass, 0 where a wall holds the component; what the sweeps read, and
@@ -65,6 +70,13 @@ struct gr_feet {
     struct gr_split_pose *pose;   /* of the bodies, when these cells were listed */
     int listed;
 };
+
+/* Take away the part of a vector along a unit vector. */
+static inline void gr_take_away(double vector[3], const double unit[3])
+{
+    const double part = vector[0] * unit[0] + vector[1] * unit[1] + vector[2] * unit[2];
+    for (int d = 0; d < 3; d++) vector[d] -= part * unit[d];
+}
 
 int gr_feet_new(struct gr_engine *e);
 void gr_feet_free(struct gr_feet *feet);

@@ -36,11 +36,22 @@ from granular.theory.incline import check_not_regularised
 
 Array = NDArray[np.float64]
 
-_SEARCHED = np.logspace(-6, 6, 481)
-"""Values of I/I0 between which the ends of the range are searched for, if mu_2 < 2 mu_s.
+_PER_DECADE = 40
+"""Values of I/I0 in a decade between which the ends of the range are searched for."""
 
-Otherwise they are smaller in the ratio mu_s/(mu_2 - mu_s): for I << I0 the law is linear in I.
-"""
+
+def _searched(material: MuI | RegularisedMuI) -> Array:
+    """Values of I/I0 between which the ends of the range lie: from 1e-6 to 1e6 or beyond.
+
+    For I << I0 the law is linear in I, so that they are smaller in the ratio mu_s/(mu_2 - mu_s) if
+    mu_2 > 2 mu_s. With little friction the range is wide, for C is about mu^2 - 4 r: its ends are
+    where r = mu_s^2/4 and mu_2^2/4, with r = I/I0 (mu_2 - mu_s)/mu_s and (mu_2 - mu_s)/(mu_2 I/I0).
+    """
+    gain = material.mu_2 - material.mu_s
+    ratio = min(1.0, material.mu_s / gain)
+    low = min(-6, math.floor(math.log10(material.mu_s**2 / 40)))
+    high = max(6, math.ceil(math.log10(40 * gain / material.mu_2**3 / ratio)))
+    return np.logspace(low, high, _PER_DECADE * (high - low) + 1) * ratio
 
 
 @overload
@@ -110,7 +121,7 @@ def well_posed_range(material: MuI | RegularisedMuI) -> tuple[float, float] | No
     tuple of float, or None
         Ends of the range; None if there is none, because mu_2 is too close to mu_s.
     """
-    searched = _SEARCHED * min(1.0, material.mu_s / (material.mu_2 - material.mu_s))
+    searched = _searched(material)
     sign = ill_posedness(searched, material)
     inside = np.flatnonzero(sign < 0)
     if not len(inside):

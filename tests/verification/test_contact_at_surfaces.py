@@ -131,33 +131,44 @@ def test_layer_on_a_base_through_the_grid(turned_deg, offset, wall):
         _, *sides = scene.bodies
         no_slip = gr.Wall(2, base[2], kind="no_slip")
         scene = scene.replace(bodies=tuple(sides), walls=(no_slip,))
-    ratios, changes = [], []
-    for k in range(1 if wall else 3):
-        # in a fifth of runs that differ by round-off, the layer lets go of the base once and is 1.5
-        # to 2 % faster for a while (measured); the middle one of three is steady
-        E = scene.material.E * (1.0 + 3e-15 * k)
-        sim = gr.Simulation(scene.replace(material=scene.material.replace(E=E)), threads=1)
-        before = sim.state
-        sim.run(until=1.0)
-        speeds = []
-        for state in (before, sim.state):
-            row = np.floor((state.x - base) @ n / CELL).astype(int).clip(0, 11)
-            flux = np.bincount(row, state.mass * state.v[:, 1], 12)
-            speeds.append(flux / np.bincount(row, state.mass, 12) / fastest)
-        ratios.append((sim.state.mass @ sim.state.v[:, 1]) / (before.mass @ before.v[:, 1]))
-        changes.append(np.abs(speeds[1] - speeds[0]).max())
-    # measured: 1.001 along the grid, 1.004 at 10 deg, 1.007 at 30, 1.008 at 17, 1.009 at 45; and
-    # 0.015 of the largest speed, in the row at the surface
-    assert np.median(ratios) == pytest.approx(1, abs=0.012)
-    assert np.median(changes) < 0.02
+    sim = gr.Simulation(scene, threads=1)
+    before = sim.state
+    sim.run(until=1.0)
+    speeds = []
+    for state in (before, sim.state):
+        row = np.floor((state.x - base) @ n / CELL).astype(int).clip(0, 11)
+        flux = np.bincount(row, state.mass * state.v[:, 1], 12)
+        speeds.append(flux / np.bincount(row, state.mass, 12) / fastest)
+    gained = (sim.state.mass @ sim.state.v[:, 1]) / (before.mass @ before.v[:, 1])
+    # measured: 1.0014 along the grid, 1.0022 to 1.0027 at an angle; and 0.008 of the largest speed,
+    # in the row at the surface
+    assert gained == pytest.approx(1, abs=0.005)
+    assert np.abs(speeds[1] - speeds[0]).max() < 0.012
+
+
+def test_corners_forget_round_off():
+    """Runs that differ by round-off stay alike in the corners between a rough base and its sides.
+
+    There friction and the pressure of the side would hold the same nodes twice, and pull against
+    each other until points are thrown: in a fifth of such runs, and as much as 6 % of the speed.
+    """
+    scene, _, _, _ = layer(45.0, 0.25)
+    flux = []
+    for k in (0, 10):  # two that threw points
+        material = scene.material.replace(E=scene.material.E * (1.0 + 3e-15 * k))
+        sim = gr.Simulation(scene.replace(material=material), threads=1)
+        sim.run(until=0.75)
+        flux.append(sim.state.mass @ sim.state.v[:, 1])
+    assert flux[1] == pytest.approx(flux[0], rel=3e-4)
 
 
 @pytest.mark.parametrize("offset", [(0.0, 0.0), (0.25, 0.25), (0.5, 0.1)])
 @pytest.mark.parametrize("cells", [4, pytest.param(8, marks=pytest.mark.slow)])
 def test_buoyancy_of_a_disc(cells, offset):
-    """Material with hardly any friction weighs on a disc as a fluid does, at first.
+    """Material with hardly any friction weighs on a disc as a fluid does.
 
-    Later the stress creeps with the noise of the points: the force is 0.93 to 1.12 at 0.4 s.
+    With a friction of 0.001 statics leaves 0.8 % of the force open (mu p at the sides of the
+    columns above and below), with 0.01 ten times as much, and the stress creeps that far.
     """
     radius, height = 0.04, 0.24
     cell = radius / cells
@@ -169,18 +180,20 @@ def test_buoyancy_of_a_disc(cells, offset):
         name="buoyancy",
         grid=gr.Grid((0.0, 0.0), cell, shape),
         fills=(gr.Fill(gr.Box((0.0, 0.0), (0.32, height)), 4, lithostatic=True),),
-        material=gr.materials.glass_beads.replace(E=1e6, rho_c=RHO, mu_s=0.01, mu_2=0.02),
+        material=gr.materials.glass_beads.replace(E=1e6, rho_c=RHO, mu_s=0.001, mu_2=0.002),
         gravity=gr.Gravity((0.0,), ((0.0, -G),)),
         walls=tuple(walls),
         bodies=(disc,),
         duration=1.0,
     )
     sim = gr.Simulation(scene, threads=1)
-    sim.run(until=0.1)
-    force = sim.bodies[0].impulse / sim.time
     weight = RHO * G * math.pi * radius**2
-    assert force[1] == pytest.approx(weight, rel=0.05)
-    assert abs(force[0]) < 0.02 * weight
+    for until in (0.1, 0.4):
+        since, before = sim.time, sim.bodies[0].impulse
+        sim.run(until=until)
+        force = (sim.bodies[0].impulse - before) / (sim.time - since)
+        assert force[1] == pytest.approx(weight, rel=0.015)
+        assert abs(force[0]) < 0.01 * weight
 
 
 @pytest.mark.parametrize("overlapping", [False, True])

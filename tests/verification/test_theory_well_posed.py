@@ -73,6 +73,14 @@ def test_ends_of_the_range_with_a_linear_law():
     np.testing.assert_allclose(1e4 * ends[0], 1e6 * ends[1], rtol=2e-4)
 
 
+@pytest.mark.parametrize("mu_s", [1e-2, 1e-3, 1e-5])
+def test_ends_of_the_range_with_little_friction(mu_s):
+    """Then C = mu^2 - 4 r, and the range is from mu_s^3/4(mu_2 - mu_s) to 4(mu_2 - mu_s)/mu_2^3."""
+    low, high = theory.well_posed_range(BEADS.replace(mu_s=mu_s, mu_2=2 * mu_s))
+    assert low == pytest.approx(mu_s**2 / 4, rel=10 * mu_s**2 + 1e-5)
+    assert high == pytest.approx(1 / (2 * mu_s**2), rel=10 * mu_s + 1e-5)
+
+
 def test_no_rate_dependence_is_never_well_posed():
     nearly = BEADS.replace(mu_2=0.40)
     assert theory.well_posed_range(nearly) is None
