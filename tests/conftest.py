@@ -11,7 +11,8 @@ import pytest
 from schemes_by_name import scheme_of
 
 import granular as gr
-from granular.geometry import Box, Difference, Fill, Grid
+from granular.combinations import Difference
+from granular.geometry import Box, Fill, Grid
 from granular.gravity import Gravity
 from granular.materials import MuI
 from granular.mpm.walls import Solid, SpongeLayer, Wall
