@@ -32,6 +32,18 @@ def pytest_collection_modifyitems(items):
         item.add_marker(pytest.mark.filterwarnings("ignore::granular.StabilityWarning"))
 
 
+@pytest.fixture(scope="session", autouse=True)
+def no_waiting_for_the_disk():
+    """Let fsync return at once: what has reached the disk shows only after a loss of power.
+
+    Tests that let calls of it fail replace it themselves; processes that tests start have the real
+    one.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", os.fstat)  # which refuses what is no descriptor, too
+        yield
+
+
 @pytest.fixture
 def ctrl_c():
     """Ctrl-C raises KeyboardInterrupt, here and in processes that the test starts.
