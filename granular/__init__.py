@@ -15,8 +15,9 @@ if not any(Path(__file__).with_name(f"_core{suffix}").exists() for suffix in EXT
 import granular.mpm  # noqa: F401 (first, because it and the common modules know each other)
 from granular import materials
 from granular.buffers import show_config
+from granular.combinations import Difference, Intersection, Union
 from granular.diagnostics import StabilityWarning, scene_warnings
-from granular.geometry import Box, Cylinder, Difference, Disc, Fill, Grid, Intersection, Union
+from granular.geometry import Box, Cylinder, Disc, Fill, Grid
 from granular.gravity import Gravity
 from granular.inflow import Inflow
 from granular.materials import (

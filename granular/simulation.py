@@ -12,14 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.checks import integer, one_of, positive, truth
+from granular.checks import integer, positive, truth
 from granular.diagnostics import Health, Monitor, StabilityWarning, health
 from granular.measure.derived import with_derived
+from granular.method import Method
 from granular.notebook import table
 from granular.record import Checkpoint, TrajectoryWriter
 from granular.record.fresh import Streamed
 from granular.record.session import Session
-from granular.record.settings import DOUBLE, fields_to_store, precision_to_store
+from granular.record.settings import (
+    DOUBLE,
+    fields_to_store,
+    frames_to_a_checkpoint,
+    precision_to_store,
+)
 from granular.resuming import resumed
 from granular.running import (
     CHECKPOINT_MINUTES,
@@ -51,21 +57,7 @@ MOST_STEPS = 2**63 - 1
 """Number of steps that the core can count."""
 
 
-def _frames_to_a_checkpoint(checkpoints: object) -> int:
-    """Frames from one checkpoint that is kept to the next; 0 for none."""
-    if checkpoints is None:
-        return 0
-    if isinstance(checkpoints, str):
-        one_of("checkpoints", checkpoints, ("all",))
-        return 1
-    return integer("checkpoints", checkpoints, 1)
-
-
-_METHODS: dict[type, type[Simulation]] = {}
-"""Class of the simulation for each class of scenes."""
-
-
-class Simulation:
+class Simulation(Method):
     """Advance the points of a scene in time by the method that the scene is made for.
 
     A `granular.Scene` is solved by the material point method (`granular.mpm.simulation`), a
@@ -101,13 +93,6 @@ class Simulation:
         For settings that are known to fail without an error, see `granular.scene_warnings`.
     """
 
-    scene: AnyScene
-    _engine: _core.Engine | _core.Sph
-
-    def __init_subclass__(cls, *, scenes: type | None = None) -> None:
-        if scenes is not None:
-            _METHODS[scenes] = cls
-
     @overload
     def __new__(
         cls,
@@ -129,17 +114,6 @@ class Simulation:
     ) -> SphSimulation: ...
     def __new__(cls, scene: object = None, **_: Any) -> Simulation:
         return super().__new__(cls._of(scene))
-
-    @classmethod
-    def _of(cls, scene: object) -> type[Self]:
-        """Return the class that simulates a scene, this one or a subclass."""
-        for kind in type(scene).__mro__:
-            method = _METHODS.get(kind)
-            if method is not None and issubclass(method, cls):
-                return method
-        known = [kind for kind, method in _METHODS.items() if issubclass(method, cls)]
-        kinds = [f"a {kind.__module__.removesuffix('.scene')}.{kind.__name__}" for kind in known]
-        raise TypeError(f"scene = {scene!r} must be {' or '.join(sorted(kinds))}")
 
     @staticmethod
     def _check_memory(scene: AnyScene, force: bool) -> None:
@@ -166,56 +140,6 @@ class Simulation:
         self._due: int | None = None  # step of a frame that could not be taken or stored
         self._monitor = Monitor(scene)
         self._told: set[str] = set()
-
-    # ---- what a method must implement ----
-
-    def _make_steps(self, max_steps: int, until: float) -> None:
-        """Run the core for `max_steps` steps or up to the time `until`, whichever is first."""
-        raise NotImplementedError
-
-    def _fields(self, kept: bool) -> dict[str, NDArray]:
-        """Return the fields of a state, ordered by id; `kept`: only those that a record keeps."""
-        raise NotImplementedError
-
-    def _streamed(self) -> State | Streamed:
-        """Return what a record keeps of the present state, in memory only column by column."""
-        return self._snapshot(kept=True)
-
-    def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
-        """Return the numbers and arrays of a checkpoint."""
-        raise NotImplementedError
-
-    @classmethod
-    def _restored(
-        cls, scene: Any, checkpoint: Checkpoint, threads: int | None, isa: str | None
-    ) -> Self:
-        """Return a simulation in the state of a checkpoint."""
-        raise NotImplementedError
-
-    @property
-    def buffers(self) -> dict[str, NDArray]:
-        """Arrays of the core, not copied: {field: (component, capacity)} and "id"."""
-        raise NotImplementedError
-
-    def _body_rows(self) -> NDArray | None:
-        """Return the states of the rigid bodies for a frame; None for a method without any."""
-        return None
-
-    def _wall_rows(self) -> NDArray | None:
-        """Return the impulses on the walls for a frame; none for a method that has none."""
-        return None
-
-    def _extra_state(self) -> dict[str, Any]:
-        """Return what a state of the method has besides the fields of its points."""
-        return {}
-
-    def _indicators(self, state: State) -> dict[str, float]:
-        """Return the numbers that the method adds to a sample, see `Scene.indicators`."""
-        return {}
-
-    def _work(self) -> float:
-        """Return the work on the material so far besides that of gravity [J]; nan if unknown."""
-        return np.nan
 
     # ---- present state ----
 
@@ -272,6 +196,10 @@ class Simulation:
         scalars = self._engine.scalars()
         time, step, dt = scalars["time"], int(scalars["step"]), scalars["dt"]
         return State(scene=self.scene, time=time, step=step, dt=dt, fields=fields, **extra)
+
+    def _streamed(self) -> State | Streamed:
+        """Return what a record keeps of the present state, in memory only column by column."""
+        return self._snapshot(kept=True)
 
     def view(self, path: str | os.PathLike[str] | None = None, **options: Any) -> Any:
         """Show the present state in 3D, or draw it to a file; see `granular.plot.view`."""
@@ -381,7 +309,7 @@ class Simulation:
             do; see `health`. Once for each indicator, if the run is continued.
         """
         until = self.scene.duration if until is None else positive("until", until)
-        self._keeps = _frames_to_a_checkpoint(checkpoints)
+        self._keeps = frames_to_a_checkpoint(checkpoints)
         minutes = positive("checkpoint_minutes", checkpoint_minutes, allow_inf=True)
         every = self._every if every is None else every
         self._every = every = check_interval(every, self.dt, max(until, self.time))

@@ -21,7 +21,8 @@ from granular.checks import (
     set_fields,
     vector,
 )
-from granular.geometry import MAX_COUNT, Region, combined, least
+from granular.combinations import least
+from granular.geometry import MAX_COUNT, Region, combined
 from granular.serializable import ComparedByContent
 
 __all__ = ["Heights", "Layer"]

@@ -11,7 +11,8 @@ import pytest
 from schemes_by_name import scheme_of
 
 import granular as gr
-from granular.geometry import Box, Difference, Fill, Grid
+from granular.combinations import Difference
+from granular.geometry import Box, Fill, Grid
 from granular.gravity import Gravity
 from granular.materials import MuI
 from granular.mpm.walls import Solid, SpongeLayer, Wall
@@ -29,6 +30,18 @@ def pytest_collection_modifyitems(items):
     """Let schemes that warn run in tests of every scheme; all other warnings are errors."""
     for item in items:
         item.add_marker(pytest.mark.filterwarnings("ignore::granular.StabilityWarning"))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_waiting_for_the_disk():
+    """Let fsync return at once: what has reached the disk shows only after a loss of power.
+
+    Tests that let calls of it fail replace it themselves; processes that tests start have the real
+    one.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", os.fstat)  # which refuses what is no descriptor, too
+        yield
 
 
 @pytest.fixture

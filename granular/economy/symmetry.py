@@ -6,17 +6,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from granular.geometry import (
-    LINE_TOLERANCE,
-    Box,
-    Cylinder,
-    Difference,
-    Disc,
-    Fill,
-    Intersection,
-    Region,
-    Union,
-)
+from granular.combinations import Difference, Intersection, Union
+from granular.geometry import LINE_TOLERANCE, Box, Cylinder, Disc, Fill, Region
 from granular.mpm.scene import Scene
 from granular.mpm.walls import Solid, Wall
 

@@ -439,7 +439,7 @@ def _walled_in(scene: Scene) -> str | None:
             if fill.region.contains(middles).any():
                 return (
                     f"fills[{j}] has points within walls[{i}], a Solid, which holds them: leave "
-                    "its volume out of the region (geometry.Difference)"
+                    "its volume out of the region (Difference)"
                 )
     return None
 

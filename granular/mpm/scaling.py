@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular import geometry, materials, regions, surfaces
+from granular import combinations, geometry, materials, regions, surfaces
 from granular.checks import check_fields, one_of, positive
 from granular.gravity import Gravity
 from granular.inflow import Inflow
@@ -83,9 +83,9 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     geometry.Box: {"lower": "length", "upper": "length"},
     geometry.Disc: {"center": "length", "radius": "length"},
     geometry.Cylinder: {"center": "length", "radius": "length", "height": "length"},
-    geometry.Union: {},
-    geometry.Intersection: {},
-    geometry.Difference: {},
+    combinations.Union: {},
+    combinations.Intersection: {},
+    combinations.Difference: {},
     surfaces.Heights: {"z": "length", "lower": "length", "spacing": "length"},
     surfaces.Layer: {name: "length" for name in ("on", "thickness", "lower", "upper", "spacing")},
     regions.Polygon: {"vertices": "length", "span": "length"},

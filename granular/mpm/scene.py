@@ -9,7 +9,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from granular import _core, geometry, regions, surfaces
+from granular import _core, combinations, geometry, regions, surfaces
 from granular.checks import check_fields, kinds_of, set_fields, tuple_of
 from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
@@ -255,9 +255,9 @@ register(
     geometry.Box,
     geometry.Disc,
     geometry.Cylinder,
-    geometry.Union,
-    geometry.Intersection,
-    geometry.Difference,
+    combinations.Union,
+    combinations.Intersection,
+    combinations.Difference,
     regions.Cloud,
     regions.Mask,
     regions.Polygon,

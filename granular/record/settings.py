@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from granular import _core
 from granular.buffers import default_isa
-from granular.checks import one_of, positive
+from granular.checks import integer, one_of, positive
 from granular.measure.derived import check_derived, derived
 from granular.mpm.scene import Scene as MpmScene
 from granular.record.layout import RecordError
@@ -24,6 +24,7 @@ __all__ = [
     "PRECISIONS",
     "check_alike",
     "fields_to_store",
+    "frames_to_a_checkpoint",
     "precision_to_store",
     "settings_of",
     "usable_isa",
@@ -123,6 +124,16 @@ def precision_to_store(given: str | None, before: str, *, goes_on: bool) -> str:
     if goes_on and precision != before:
         raise ValueError(f"precision = {given!r} must be None or that of the record, {before!r}")
     return precision
+
+
+def frames_to_a_checkpoint(checkpoints: object) -> int:
+    """Frames from one checkpoint that is kept to the next; 0 for none."""
+    if checkpoints is None:
+        return 0
+    if isinstance(checkpoints, str):
+        one_of("checkpoints", checkpoints, ("all",))
+        return 1
+    return integer("checkpoints", checkpoints, 1)
 
 
 def usable_isa(isa: str | None, path: Path) -> str | None:

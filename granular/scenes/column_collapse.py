@@ -7,7 +7,8 @@ from typing import Any, cast
 
 from granular import sph
 from granular.checks import one_of, positive
-from granular.geometry import Box, Cylinder, Fill, Grid, Intersection
+from granular.combinations import Intersection
+from granular.geometry import Box, Cylinder, Fill, Grid
 from granular.materials import Material, MuI, glass_beads
 from granular.mpm import schemes
 from granular.mpm.scene import Scene

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from granular.checks import in_range, non_negative, one_of, positive
-from granular.geometry import Box, Difference, Fill, Grid, Region, Union
+from granular.combinations import Difference, Union
+from granular.geometry import Box, Fill, Grid, Region
 from granular.materials import Material, glass_beads
 from granular.mpm import schemes
 from granular.mpm.scene import Scene

@@ -95,7 +95,7 @@ def test_threads_and_restart(make, steps):
 def test_a_hopper_is_symmetric_and_carries_its_load():
     """It empties through the orifice only, and pushes neither to the left nor to the right."""
     scene = hopper()
-    sim = gr.Simulation(scene, threads=2).run(until=0.12, monitor=False)
+    sim = gr.Simulation(scene, threads=1).run(until=0.12, monitor=False)
     x = sim.state.x - (0.06, 0.06, 0.0)
     below = x[:, 2] < 0.02
     assert 0.005 < below.mean() < 0.8

@@ -51,7 +51,7 @@ CASES = {
     "nonlocal": lambda: choked(material=gr.materials.silo_grains.replace(d=0.005)),
 }
 
-QUICK = ("stream", "choked", "driven")
+QUICK = ("choked", "driven")
 
 
 def bits(sim):
@@ -96,8 +96,6 @@ def test_frames_hold_as_many_points_as_there_are(tmp_path):
         assert [frame.n for frame in record] == counts
         np.testing.assert_array_equal(record[-1].x, sim.state.x)
         np.testing.assert_allclose(record.series["mass"], np.array(counts) * sim.state.mass[0])
-    seen = [data for _, data in paraview(path)]
-    assert len(seen) == len(counts)
     for (_, data), count in zip(paraview(path), counts, strict=True):
         part = data.GetPartition(0) if hasattr(data, "GetPartition") else data
         assert part.GetNumberOfPoints() == count

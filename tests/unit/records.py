@@ -85,3 +85,13 @@ def close_interrupted(path, survivors, monkeypatch):
 
 REMOVED = 2
 """Number of files that remain to be removed once the file has its name: log and checkpoint."""
+
+
+def unfinished(path, gas=0):
+    """An unfinished record whose frames hold this number of gas particles."""
+    writer = TrajectoryWriter(path, SCENE)
+    for i in range(2):
+        more = {"gas": make_state(i + 5, n=gas - i).fields} if gas else {}
+        writer.append(make_state(i, n=12), **more)
+    writer.checkpoint(make_checkpoint(1))
+    return writer

@@ -1,4 +1,4 @@
-"""The timing scripts run, and the chart of error against core-seconds computes correctly."""
+"""The scripts of `benchmarks` run, and their tables are those of the pages."""
 
 import json
 import sys
@@ -15,55 +15,6 @@ from granular.verify.rows import Check, at_most
 RESULTS = Path(__file__).parents[2] / "benchmarks" / "results"
 REPORTS = Path(__file__).parents[2] / "docs" / "reports"
 PAGE = "before\n<!-- table: begin -->\nold\n<!-- table: end -->\nafter\n"
-
-
-def run(module, tmp_path, *options):
-    out = tmp_path / "table.json"
-    script = module("speed_accuracy")
-    script.main(["--quick", "--out", str(out), "--figures", str(tmp_path / "new"), *options])
-    return json.loads(out.read_text())
-
-
-def test_a_quick_chart_is_written(module, tmp_path, capsys):
-    """Every scene has a row with a time and its own result; a second call runs nothing."""
-    table = run(module, tmp_path)
-    assert {"machine", "compiler", "isa"} <= table["head"].keys()
-    rows = table["rows"]
-    assert all(row["commit"] for row in rows)
-    assert {row["scene"] for row in rows} == set(module("accuracy.cases").SCENES)
-    assert all(row["core_seconds"] > 0 and row["steps"] > 0 for row in rows)
-    for row in rows:
-        names = {"collapse": "runout_quantile", "silo": "rate"}
-        assert row[names.get(row["scene"], "profile_error")] > 0
-    with Image.open(tmp_path / "new" / "accuracy_inclines.png") as picture:
-        assert min(picture.size) > 300
-    assert len(capsys.readouterr().out.splitlines()) == len(rows)
-    assert run(module, tmp_path) == table
-    assert capsys.readouterr().out == ""
-
-
-def test_what_costs_too_much_is_left_out_and_said(module, tmp_path):
-    rows = run(module, tmp_path, "--limit", "0", "--only", "silo")["rows"]
-    assert [row["scene"] for row in rows] == ["silo"]
-    assert "foreseen" in rows[0]["left_out"]
-    assert "rate" not in rows[0]
-
-
-def test_times_of_two_builds_do_not_mix(module, tmp_path):
-    path = tmp_path / "table.json"
-    path.write_text(json.dumps({"head": {"machine": "another"}, "rows": []}))
-    with pytest.raises(ValueError, match="another"):
-        module("accuracy.results").Table(path)
-
-
-def test_a_peer_that_is_not_there_is_named(module, monkeypatch):
-    cases, script = module("accuracy.cases"), module("speed_accuracy")
-    for package in ("taichi", "newton", "KratosMultiphysics"):
-        monkeypatch.setitem(sys.modules, package, None)
-    for name, file in module("accuracy.peers").MODULES.items():
-        monkeypatch.delitem(sys.modules, f"accuracy.peers.{file}", raising=False)
-        case = cases.Case(scene="silo", solver=name, scheme=name)
-        assert f"{name} cannot be imported" in script.run(case, 1.0)["left_out"]
 
 
 def test_a_quick_table_of_bodies_is_written(module, tmp_path, capsys):
@@ -189,95 +140,6 @@ def test_time_is_charged_once(module, monkeypatch):
     account.of(inner, "outer")()
     assert account.spent["inner"].tolist() == [3.0, 2.0]
     assert account.spent["outer"].tolist() == [3.0, 3.0]
-
-
-def test_every_case_is_run_once(module):
-    cases = module("accuracy.cases").full()
-    assert len(set(cases)) == len(cases)
-    assert {case.scene for case in cases if case.published} == set(module("accuracy.cases").SCENES)
-
-
-def _row(**entries):
-    row = {"solver": "granular", "scheme": "default", "E": 1e7, "cell": 0.01, "points": 4}
-    row |= {"scene": "silo", "angle_deg": None, "seed": 0, "until": None, "core_seconds": 1.0}
-    return row | entries
-
-
-def test_the_front_holds_what_nothing_beats(module):
-    points = [(_row(core_seconds=s), e) for s, e in ((3.0, 0.1), (1.0, 0.3), (2.0, 0.4), (4, 0.1))]
-    assert module("accuracy.errors").front(points) == [points[1], points[0]]
-
-
-def test_rates_are_extrapolated_to_no_cell(module):
-    """Q = 600 (1 + a dx), with another a and another limit for each scheme."""
-    rows = [
-        _row(scheme=scheme, cell=cell, rate=limit * (1 + a * cell))
-        for scheme, limit, a in (("default", 606.0, 5.0), ("linear flip", 594.0, -2.0))
-        for cell in (0.02, 0.01, 0.005)
-    ]
-    reference = module("accuracy.errors").silo_reference(rows)
-    assert reference.value[0] == pytest.approx(600.0, rel=1e-12)
-    assert reference.uncertainty == pytest.approx(0.01, rel=1e-9)
-
-
-def test_the_slope_of_a_bias_is_found(module):
-    """A rate of 600 (1 + 3 p/K) gives steps of slope -1 and a bias of 3 p/K to first order."""
-    errors, slopes = module("accuracy.errors"), module("accuracy.slopes")
-    rows = [_row(E=E) for E in (1e5, 1e6, 1e7, 1e8)]
-    for row in rows:
-        row["rate"] = 600 * (1 + 3 * errors.stiffness(row)["p_over_K"])
-    (entry,) = slopes.table(rows, errors.references(rows))
-    assert entry["parameter"] == "E"
-    assert entry["slope"] == pytest.approx(-1.0, abs=0.03)
-    for measured in entry["measured"][1:]:
-        assert measured["step_per_p_over_K"] == pytest.approx(3.0, rel=0.02)
-
-
-def test_what_the_committed_table_says_follows_from_its_rows(module, tmp_path):
-    """The table has every case of the full list, with its results or the reason for absence.
-
-    The tables of the page are those of the rows.
-    """
-    table = json.loads((RESULTS / "speed_accuracy.json").read_text())
-    script, cases = module("speed_accuracy"), module("accuracy.cases").full()
-    found = {tuple(row[name] for name in cases[0].row()) for row in table["rows"]}
-    assert {tuple(case.row().values()) for case in cases} <= found
-    stored = json.loads((RESULTS / "speed_accuracy_summary.json").read_text())
-    assert script.rounded(script.summary(table["rows"])) == stored
-    page, again = REPORTS / "accuracy.md", tmp_path / "page.md"
-    again.write_text(page.read_text())
-    script.write_page(again, table["rows"])
-    assert again.read_text() == page.read_text()
-
-
-def test_quick_columns_beside_peers(module, tmp_path, capsys):
-    """Our codes run, the errors against the discs are finite, and a second call runs nothing."""
-    script, out, page = module("peers"), tmp_path / "table.json", tmp_path / "page.md"
-    text = (REPORTS / "peers.md").read_text()
-    page.write_text(text)
-    common = ["--quick", "--out", str(out), "--page", str(page), "--pictures", str(tmp_path)]
-    for lines in (3, 0):
-        script.main([*common, "--only", "default", "published"])
-        assert len(capsys.readouterr().out.splitlines()) == lines
-    errors = module("accuracy.columns_errors")
-    rows = json.loads(out.read_text())["rows"]
-    assert all(row["core_seconds"] > 0 and row["kept"] == 1.0 for row in rows)
-    found = errors.of_panel(rows, "mu_I", 1.42, errors.of_discs(1.42))
-    assert len(found) == 2 and all(0.01 < e < 0.3 for _, e in found)
-    assert page.read_text() != text
-    with Image.open(tmp_path / "peers.png") as picture:
-        assert min(picture.size) > 300
-
-
-def test_the_page_of_the_peers_has_the_tables_of_its_rows(module, tmp_path):
-    rows = json.loads((RESULTS / "peers.json").read_text())["rows"]
-    errors, tables = module("accuracy.columns_errors"), module("accuracy.columns_tables")
-    found = errors.references(rows)
-    assert len(found) == 15
-    page, again = REPORTS / "peers.md", tmp_path / "page.md"
-    again.write_text(page.read_text())
-    module("peers").write_tables(again, tables.tables(rows, found))
-    assert again.read_text() == page.read_text()
 
 
 def test_the_laws_are_timed(module, tmp_path, capsys):

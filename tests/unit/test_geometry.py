@@ -5,16 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from granular.geometry import (
-    Box,
-    Cylinder,
-    Difference,
-    Disc,
-    Fill,
-    Grid,
-    Intersection,
-    Union,
-)
+from granular.combinations import Difference, Intersection, Union
+from granular.geometry import Box, Cylinder, Disc, Fill, Grid
 from granular.seeding import seed_points
 
 UNIT = Grid((0.0, 0.0), 0.1, (10, 10))

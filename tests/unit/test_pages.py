@@ -134,8 +134,8 @@ FIRST_HOUR = (
 """Pages in the order of someone who begins and wants to empty a hopper."""
 
 
-SLOW = ("how-to/sweep_on_a_cluster",)
-"""Pages whose code takes long: processes of a cluster have to start."""
+SLOW = ("how-to/own_law", "how-to/sweep_on_a_cluster")
+"""Pages whose code takes long: numba compiles a law, and processes of a cluster have to start."""
 
 
 @pytest.mark.parametrize(

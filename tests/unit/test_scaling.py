@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import granular as gr
+from granular.combinations import Difference
 from granular.geometry import Box as Region
-from granular.geometry import Difference, Disc, Fill, Grid
+from granular.geometry import Disc, Fill, Grid
 from granular.gravity import Gravity
 from granular.materials import Elastic, MuI
 from granular.mpm import scaling

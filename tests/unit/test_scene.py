@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from granular import materials
-from granular.geometry import Box, Cylinder, Difference, Disc, Fill, Grid, Intersection, Union
+from granular.combinations import Difference, Intersection, Union
+from granular.geometry import Box, Cylinder, Disc, Fill, Grid
 from granular.gravity import Gravity
 from granular.mpm import schemes
 from granular.mpm.scene import Parameters, Scene

@@ -37,8 +37,10 @@ def test_dam_break_is_not_that_of_a_liquid():
     assert (errors[:, 0] < -0.2).all() and (errors[:, 1:] > 0.15).all()
 
 
-def test_cap_twenty_times_as_long_as_thick():
-    errors = shallow.errors(shallow.cap(0.05, 0.48, 10, shallow.CAP_TIMES))
+@pytest.mark.parametrize("moments", [2, pytest.param(3, marks=pytest.mark.slow)])
+def test_cap_twenty_times_as_long_as_thick(moments):
+    """The last moment is twice as late as the second."""
+    errors = shallow.errors(shallow.cap(0.05, 0.48, 10, shallow.CAP_TIMES[:moments]))
     assert (np.abs(errors) < ASKED).all(), errors
 
 

@@ -98,7 +98,7 @@ def test_side_walls_shorten_an_inclined_collapse():
         scene = gr.scenes.inclined_collapse(
             angle_deg=10.0, side_walls=side_walls, width=width, reach=0.8, duration=0.8
         )
-        far[side_walls] = reach(gr.Simulation(scene, threads=2).run())
+        far[side_walls] = reach(gr.Simulation(scene, threads=1).run())
     assert far[True] < far[False]
 
 

@@ -115,13 +115,27 @@ def layers_of(state, scene, values):
 # ---- steady flow ----
 
 
+def period_of_the_wave(scene):
+    """Period [s] of the longest compression wave between the walls, 2 H sqrt(rho/K).
+
+    Material that yields answers to a compression by K alone. The noise of the points keeps this
+    wave going, and the servo, which reads the pressure at one wall, gives it to all material: the
+    mean pressure of stiff material swings by a tenth in this period.
+    """
+    return 2 * height(scene) * math.sqrt(scene.material.rho_c / scene.material.K)
+
+
 def follow(scene, strain):
-    """Means over a shear strain, after one of 7: pressures, profiles, stresses on the wall."""
+    """Means over a shear strain, after one of 7: pressures, profiles, stresses on the wall.
+
+    Four samples to each period of the compression wave: fewer are taken at chance phases of it.
+    """
     rate, sim = shear_rate(scene), in_flow(scene)
     sim.run(7.0 / rate)
     before, begin = sim.walls[1], sim.time
     pressures, profiles, speeds = [], [], []
-    for t in np.linspace(7.0 / rate, (7.0 + strain) / rate, 101)[1:]:
+    samples = math.ceil(4 * strain / rate / period_of_the_wave(scene))
+    for t in np.linspace(7.0 / rate, (7.0 + strain) / rate, samples + 1)[1:]:
         sim.run(t)
         state = sim.state
         pressures.append(mean_pressure(state))

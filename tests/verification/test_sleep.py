@@ -86,7 +86,7 @@ def test_the_heap_is_that_without_sleep(combination):
     """
     ends = []
     for speed in (SPEED, 0.0):
-        sim = gr.Simulation(scene_of(combination, speed), threads=2)
+        sim = gr.Simulation(scene_of(combination, speed), threads=1)
         sim.run(until=1.5)
         ends.append(sim)
     slept, whole = ends
@@ -106,7 +106,7 @@ def test_gravity_that_turns_wakes_a_bed():
     moved = {}
     for speed in (SPEED, 0.0):
         scene = scene_of(COMBINATIONS[0], speed, height=0, gravity=turning)
-        sim = gr.Simulation(scene, threads=2)
+        sim = gr.Simulation(scene, threads=1)
         start = sim.state.x[:, 0].mean()
         sim.run(until=0.49)
         assert asleep(sim) == (1 if speed else 0)
@@ -121,7 +121,7 @@ def test_a_wall_that_opens_wakes_a_bed():
     side = gr.Wall(0, 0.48, kind="free_slip", opens_at=0.5)
     grid = replace(scene.grid, open_sides=frozenset({"x+"}))
     scene = scene.replace(grid=grid, walls=[scene.walls[0], side, scene.walls[2]])
-    sim = gr.Simulation(scene, threads=2)
+    sim = gr.Simulation(scene, threads=1)
     sim.run(until=0.49)
     assert asleep(sim) == 1
     before = sim.n_points
@@ -137,7 +137,7 @@ def test_a_plate_that_is_pushed_into_a_bed_wakes_it():
         plate = gr.Body(
             gr.bodies.Box((0.1, 0.04)), position=(0.24, 0.145), motion=motion, friction=0.3
         )
-        sim = gr.Simulation(scene_of(COMBINATIONS[2], speed, height=0, bodies=[plate]), threads=2)
+        sim = gr.Simulation(scene_of(COMBINATIONS[2], speed, height=0, bodies=[plate]), threads=1)
         sim.run(until=0.4)
         assert (asleep(sim) > 0.5) == (speed > 0)  # but not the cells about the thin plate
         sim.run(until=0.9)

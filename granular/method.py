@@ -1,0 +1,86 @@
+"""Interface of simulations to their methods, and the class that solves a kind of scenes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular import _core
+from granular.state import State
+
+if TYPE_CHECKING:
+    from granular.record import Checkpoint
+    from granular.typing import AnyScene
+
+__all__ = ["Method"]
+
+_METHODS: dict[type, type[Method]] = {}
+"""Class of the simulation for each class of scenes."""
+
+
+class Method:
+    """Interface that each method implements; the base of `granular.Simulation`."""
+
+    scene: AnyScene
+    _engine: _core.Engine | _core.Sph
+
+    def __init_subclass__(cls, *, scenes: type | None = None) -> None:
+        if scenes is not None:
+            _METHODS[scenes] = cls
+
+    @classmethod
+    def _of(cls, scene: object) -> type[Self]:
+        """Return the class that simulates a scene, this one or a subclass."""
+        for kind in type(scene).__mro__:
+            method = _METHODS.get(kind)
+            if method is not None and issubclass(method, cls):
+                return method
+        known = [kind for kind, method in _METHODS.items() if issubclass(method, cls)]
+        kinds = [f"a {kind.__module__.removesuffix('.scene')}.{kind.__name__}" for kind in known]
+        raise TypeError(f"scene = {scene!r} must be {' or '.join(sorted(kinds))}")
+
+    def _make_steps(self, max_steps: int, until: float) -> None:
+        """Run the core for `max_steps` steps or up to the time `until`, whichever is first."""
+        raise NotImplementedError
+
+    def _fields(self, kept: bool) -> dict[str, NDArray]:
+        """Return the fields of a state, ordered by id; `kept`: only those that a record keeps."""
+        raise NotImplementedError
+
+    def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
+        """Return the numbers and arrays of a checkpoint."""
+        raise NotImplementedError
+
+    @classmethod
+    def _restored(
+        cls, scene: Any, checkpoint: Checkpoint, threads: int | None, isa: str | None
+    ) -> Self:
+        """Return a simulation in the state of a checkpoint."""
+        raise NotImplementedError
+
+    @property
+    def buffers(self) -> dict[str, NDArray]:
+        """Arrays of the core, not copied: {field: (component, capacity)} and "id"."""
+        raise NotImplementedError
+
+    def _body_rows(self) -> NDArray | None:
+        """Return the states of the rigid bodies for a frame; None for a method without any."""
+        return None
+
+    def _wall_rows(self) -> NDArray | None:
+        """Return the impulses on the walls for a frame; none for a method that has none."""
+        return None
+
+    def _extra_state(self) -> dict[str, Any]:
+        """Return what a state of the method has besides the fields of its points."""
+        return {}
+
+    def _indicators(self, state: State) -> dict[str, float]:
+        """Return the numbers that the method adds to a sample, see `Scene.indicators`."""
+        return {}
+
+    def _work(self) -> float:
+        """Return the work on the material so far besides that of gravity [J]; nan if unknown."""
+        return np.nan
