@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 __all__ = [
     "BASES",
     "DENSITIES",
+    "PRECISIONS",
     "TRANSFERS",
     "CellAveragedDensity",
     "Fluidity",
@@ -44,6 +45,7 @@ BASES = tuple(_ENUMERATIONS["basis"])
 TRANSFERS = tuple(_ENUMERATIONS["transfer"])
 """Names of the transfers of velocity that a `Scheme` may have."""
 PRECISIONS = ("double", "single")
+"""Names of the precisions that the kernels of a `Scheme` may have."""
 IN_SINGLE = (("quadratic", "tpic", "smoothed"), ("quadratic", "apic", "particle"))
 """Basis, transfer and density of which there are kernels in single precision. With cell averages
 it would save a tenth of the time in 2D, and change a flow as much as the cells do."""
