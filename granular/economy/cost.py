@@ -24,31 +24,31 @@ if TYPE_CHECKING:
 
 _NANOSECONDS = {
     2: {
-        ("linear", "flip"): 10.8,
-        ("ugimp", "flip"): 21.8,
-        ("quadratic", "flip"): 16.7,
-        ("quadratic", "apic"): 24.3,
-        ("quadratic", "tpic"): 28.5,
+        ("linear", "flip"): 10.4,
+        ("ugimp", "flip"): 19.7,
+        ("quadratic", "flip"): 16.5,
+        ("quadratic", "apic"): 23.8,
+        ("quadratic", "tpic"): 28.0,
     },
     3: {
-        ("linear", "flip"): 24.2,
-        ("ugimp", "flip"): 71.5,
-        ("quadratic", "flip"): 63.3,
-        ("quadratic", "apic"): 92.1,
-        ("quadratic", "tpic"): 129.9,
+        ("linear", "flip"): 24.1,
+        ("ugimp", "flip"): 70.4,
+        ("quadratic", "flip"): 61.7,
+        ("quadratic", "apic"): 87.9,
+        ("quadratic", "tpic"): 119.1,
     },
 }
 """Time per point and step on one core [ns], by dimension; 16 points per cell in 2D and 8 in 3D. The
 numbers are those of benchmarks/results/speed.json and must be updated with it. They hold for a
 server processor of 2022 with AVX-512 (Zen 4); others were from 0.6 to 2 times as fast."""
 
-_SHARED = {2: 15.0, 3: 40.1}
+_SHARED = {2: 14.9, 3: 39.7}
 """Time per point and step of a scheme with the cell-averaged density [ns], likewise."""
 
-_IN_SINGLE = {2: 0.71, 3: 0.53}
+_IN_SINGLE = {2: 0.70, 3: 0.57}
 """Time of the default scheme in single precision, relative to double precision, likewise."""
 
-_CARRIED = 1.46
+_CARRIED = 1.44
 """Time of a transfer that is not in the table, relative to "flip". This is the ratio of quadratic
 "apic" in 2D; in other measurements it was 1.1 to 2.2."""
 
