@@ -366,7 +366,10 @@ def test_cost_by_hand():
     scene = gr.scenes.column_collapse(scheme=gr.schemes.dunatunga_kamrin_2015)
     found = gr.economy.cost(scene)
     assert (found.points, found.steps) == (8192, 666667)
-    assert found.seconds == pytest.approx(found.point_steps * 10.8e-9)
+    assert found.seconds == pytest.approx(found.point_steps * 10.4e-9)
+    single = scene.replace(scheme=gr.schemes.default.replace(precision="single"))
+    double = gr.economy.cost(single.replace(scheme=gr.schemes.default))
+    assert gr.economy.cost(single).seconds == pytest.approx(0.70 * double.seconds)
     stiff = scene.replace(material=glass_beads.replace(E=1e13))
     with pytest.raises(ValueError, match="dt"):
         gr.economy.cost(stiff)
