@@ -266,7 +266,7 @@ TEST_OF_EACH_ISA(nan_stays_in_its_lane)
 
 TEST(laws_are_described)
 {
-    const char *const names[] = {"elastic", "drucker_prager", "mu_I", "ngf", "own", "regularised_mu_I"};
+    const char *const names[] = {"elastic", "drucker_prager", "mu_I", "ngf", "regularised_mu_I", "own"};
     const int n_names = sizeof names / sizeof *names;
     for (int law = 0; gr_law_at(law); law++) {
         const struct gr_law *info = gr_law_at(law);

@@ -76,10 +76,12 @@ class LawTables(SphinxDirective):
         from granular import _core
 
         made: list[nodes.Node] = []
-        for name, (doc, parameters) in _core.laws().items():
+        for name, (doc, parameters, in_single) in _core.laws().items():
             section = nodes.section("", nodes.title("", "", nodes.literal(name, name)))
             section["ids"].append(nodes.make_id(f"law-{name}"))
             section += nodes.paragraph("", "", *text_nodes(f"{doc[0].upper()}{doc[1:]}."))
+            if in_single:
+                section += nodes.paragraph("", "Also in single precision.")
             rows = [(p, "" if unit == "1" else unit, text) for p, unit, text in parameters]
             section += table_of(("parameter", "unit", "description"), rows)
             made.append(section)
