@@ -21,8 +21,9 @@ static inline unsigned m_bits(vm a) { return a; }
 static inline vd v_select(vm m, vd a, vd b) { return _mm256_mask_blend_ps(m, b, a); }
 static inline vd v_keep(vm m, vd a) { return _mm256_maskz_mov_ps(m, a); }
 static inline vx x_set(double a) { return _mm512_set1_pd(a); }
-static inline vx x_load(const double *p) { return _mm512_loadu_pd(p); }
-static inline void x_store(double *p, vx a) { _mm512_storeu_pd(p, a); }
+typedef double vx_in_memory __attribute__((vector_size(64), aligned(8))); /* aliases doubles alone, see simd.h */
+static inline vx x_load(const double *p) { return (vx) * (const vx_in_memory *)p; }
+static inline void x_store(double *p, vx a) { *(vx_in_memory *)p = (vx_in_memory)a; }
 static inline vx x_widen(vd a) { return _mm512_cvtps_pd(a); }
 static inline vd x_narrow(vx a) { return _mm512_cvtpd_ps(a); }
 static inline vx x_plus(vx a, vx b) { return a + b; }
@@ -50,11 +51,15 @@ static inline unsigned m_bits(vm a) { return (unsigned)_mm256_movemask_ps(a); }
 static inline vd v_select(vm m, vd a, vd b) { return _mm256_blendv_ps(b, a, m); }
 static inline vd v_keep(vm m, vd a) { return _mm256_and_ps(m, a); }
 static inline vx x_set(double a) { return (vx){{_mm256_set1_pd(a), _mm256_set1_pd(a)}}; }
-static inline vx x_load(const double *p) { return (vx){{_mm256_loadu_pd(p), _mm256_loadu_pd(p + 4)}}; }
+typedef double vx_half_in_memory __attribute__((vector_size(32), aligned(8))); /* aliases doubles alone, see simd.h */
+static inline vx x_load(const double *p)
+{
+    return (vx){{(__m256d) * (const vx_half_in_memory *)p, (__m256d) * (const vx_half_in_memory *)(p + 4)}};
+}
 static inline void x_store(double *p, vx a)
 {
-    _mm256_storeu_pd(p, a.half[0]);
-    _mm256_storeu_pd(p + 4, a.half[1]);
+    *(vx_half_in_memory *)p = (vx_half_in_memory)a.half[0];
+    *(vx_half_in_memory *)(p + 4) = (vx_half_in_memory)a.half[1];
 }
 static inline vx x_widen(vd a)
 {
