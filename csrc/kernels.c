@@ -107,6 +107,7 @@ static void sweep(struct gr_engine *e, int64_t first, int64_t last, struct gr_mi
 #undef GR_X
 }
 
+#ifndef GR_SINGLE
 static void cell_forces(struct gr_engine *e, int64_t first, int64_t last)
 {
     for (int64_t i = first * GR_LANES; i < last * GR_LANES; i += GR_W)
@@ -115,6 +116,7 @@ static void cell_forces(struct gr_engine *e, int64_t first, int64_t last)
         else
             apply_forces_of_cells(3, e, i);
 }
+#endif
 
 /* The further sums of a group of nodes with several materials, in rows of GR_LANES (enum gr_volume_sum). */
 static void sum_volumes(const struct gr_engine *e, int64_t group, double *sums)
@@ -142,6 +144,7 @@ static void sum_nodes(const struct gr_engine *e, int64_t group, int damped, int 
 #undef GR_X
 }
 
+#ifndef GR_SINGLE
 static void smooth(struct gr_engine *e, int64_t first, int64_t last)
 {
 #define GR_SMOOTH(d, b)                             \
@@ -152,6 +155,7 @@ static void smooth(struct gr_engine *e, int64_t first, int64_t last)
     GR_2D_AND_3D(GR_SMOOTH, GR_QUADRATIC)
 #undef GR_SMOOTH
 }
+#endif
 
 /* Mean fluidity of the double cells: of each side where the two are separated, else of both together. */
 static void mean_pairs(struct gr_engine *e, int64_t first, int64_t last)
@@ -218,13 +222,13 @@ const struct gr_kernels GR_NAME = {
     .sum_nodes = sum_nodes,
     .sum_volumes = sum_volumes,
     .sweep = sweep,
-    .apply_cell_forces = cell_forces,
-    .smooth = smooth,
     .mean_pairs = mean_pairs,
     .begin_substeps = begin_substeps,
     .substep = substep,
     .laws = laws,
 #ifndef GR_SINGLE
+    .apply_cell_forces = cell_forces,
+    .smooth = smooth,
     .update_fluidity = fluidity_points,
     .update_hencky = update_hencky,
     .diffuse = diffuse,

@@ -16,16 +16,16 @@ struct gr_kernels {
     void (*p2g)(struct gr_engine *, int64_t first, int64_t last);
     void (*p2g_arrivals)(struct gr_engine *, int64_t tile); /* of a tile that has gained points */
     void (*sweep)(struct gr_engine *, int64_t first, int64_t last, struct gr_migrants *out, int fused);
-    void (*apply_cell_forces)(struct gr_engine *, int64_t first, int64_t last);
     /* sums of the nodes of a group of GR_LANES; see enum gr_node_sum. damped: with that of the damping */
     void (*sum_nodes)(const struct gr_engine *, int64_t group, int damped, int averages, double *sums);
     void (*sum_volumes)(const struct gr_engine *, int64_t group, double *sums); /* of a smoothed density */
-    void (*smooth)(struct gr_engine *, int64_t first, int64_t last);
     void (*mean_pairs)(struct gr_engine *, int64_t first, int64_t last);
     void (*begin_substeps)(struct gr_engine *, int64_t first, int64_t last);
     void (*substep)(struct gr_engine *, int64_t first, int64_t last);
     const struct gr_law *const *laws; /* those of law/registry.inl, then NULL */
     /* in double precision only, else NULL */
+    void (*apply_cell_forces)(struct gr_engine *, int64_t first, int64_t last);
+    void (*smooth)(struct gr_engine *, int64_t first, int64_t last);
     void (*update_fluidity)(const struct gr_fluidity_call *call);
     void (*update_hencky)(int flow, int dim, const struct gr_hencky_call *call);
     gr_diffuse *diffuse;

@@ -2,18 +2,21 @@
  * store widens them. Positions are doubles, since a point moves by a small part of its coordinate in a step. */
 #pragma once
 
-#if defined(__AVX512F__)
+#if defined(__AVX512F__) || (defined(__AVX2__) && defined(__FMA__))
 #include <immintrin.h>
 #define GR_W 8
-typedef __m256 vd; /* as many floats as a vector of doubles has lanes */
-typedef __mmask8 vm;
-typedef __m512d vx;
+typedef __m256 vd; /* with AVX-512 as many floats as a vector of doubles has lanes */
 static inline vd v_set(double a) { return _mm256_set1_ps((float)a); }
 static inline vd v_fma(vd a, vd b, vd c) { return _mm256_fmadd_ps(a, b, c); }
 static inline vd v_fnma(vd a, vd b, vd c) { return _mm256_fnmadd_ps(a, b, c); }
 static inline vd v_min(vd a, vd b) { return _mm256_min_ps(a, b); }
 static inline vd v_max(vd a, vd b) { return _mm256_max_ps(a, b); }
 static inline vd v_sqrt(vd a) { return _mm256_sqrt_ps(a); }
+#endif
+
+#if defined(__AVX512F__)
+typedef __mmask8 vm;
+typedef __m512d vx;
 static inline vm v_gt(vd a, vd b) { return _mm256_cmp_ps_mask(a, b, _CMP_GT_OQ); }
 static inline vm v_ge(vd a, vd b) { return _mm256_cmp_ps_mask(a, b, _CMP_GE_OQ); }
 static inline vm m_and(vm a, vm b) { return a & b; }
@@ -31,19 +34,10 @@ static inline vd x_minus(vx a, vx b) { return x_narrow(a - b); }
 static inline vm x_gt(vx a, vx b) { return _mm512_cmp_pd_mask(a, b, _CMP_GT_OQ); }
 static inline vm x_ge(vx a, vx b) { return _mm512_cmp_pd_mask(a, b, _CMP_GE_OQ); }
 #elif defined(__AVX2__) && defined(__FMA__)
-#include <immintrin.h>
-#define GR_W 8
-typedef __m256 vd;
 typedef __m256 vm;
 typedef struct {
     __m256d half[2];
 } vx;
-static inline vd v_set(double a) { return _mm256_set1_ps((float)a); }
-static inline vd v_fma(vd a, vd b, vd c) { return _mm256_fmadd_ps(a, b, c); }
-static inline vd v_fnma(vd a, vd b, vd c) { return _mm256_fnmadd_ps(a, b, c); }
-static inline vd v_min(vd a, vd b) { return _mm256_min_ps(a, b); }
-static inline vd v_max(vd a, vd b) { return _mm256_max_ps(a, b); }
-static inline vd v_sqrt(vd a) { return _mm256_sqrt_ps(a); }
 static inline vm v_gt(vd a, vd b) { return _mm256_cmp_ps(a, b, _CMP_GT_OQ); }
 static inline vm v_ge(vd a, vd b) { return _mm256_cmp_ps(a, b, _CMP_GE_OQ); }
 static inline vm m_and(vm a, vm b) { return _mm256_and_ps(a, b); }

@@ -39,7 +39,8 @@
 #define GR_LEAST_PRESSURE GR_PRECISION(1e-30, 1e-12)
 
 /* The coefficients of the quadratic equation are scaled by this power of two, which changes no bit of the root.
- * Products of two of them, and the single division for two quotients, then stay finite up to m = g_star = rate = 1e60 (1e10 in single precision). */
+ * Products of two of them, and the single division for two quotients, then stay finite up to m = g_star = rate = 1e60, in
+ * single precision 1e10. */
 #define GR_FLUIDITY_UNIT GR_PRECISION(0x1p-160, 0x1p-20)
 
 /* Constants of a step. */

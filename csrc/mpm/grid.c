@@ -44,7 +44,7 @@ void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last)
             continue;
         }
         double m = 0;
-        for (int i = 0; i < e->K; i++) m += gr_sum_at(e, e->mesh.node_source[n * e->K + i]);
+        for (int i = 0; i < e->K; i++) m += gr_sums(e)[e->mesh.node_source[n * e->K + i]];
         e->node_mass[n] = m;
     }
 }
@@ -199,8 +199,8 @@ void gr_grid_smooth(struct gr_engine *e, int64_t first, int64_t last, int pass)
     for (int64_t n = first; n < last; n++) {
         double sum[3] = {0};
         for (int i = 0; i < K; i++) {
-            const int64_t part = e->mesh.node_source[n * K + i];
-            for (int d = 0; d < dim; d++) sum[d] += gr_sum_at(e, part + (GR_SUM_MOMENTUM + d) * GR_LANES);
+            const double *part = gr_sums(e) + e->mesh.node_source[n * K + i];
+            for (int d = 0; d < dim; d++) sum[d] += part[(GR_SUM_MOMENTUM + d) * GR_LANES];
         }
         const double m = e->node_mass[n];
         const struct gr_wall *wall = gr_wall_now(e, e->mesh.node_code[n]);
