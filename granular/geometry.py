@@ -364,6 +364,11 @@ class Fill:
     jitter : float
         Amplitude of a random displacement, 0 to 1: it is uniform within +- jitter/2 point spacings
         along each axis.
+    stagger : bool
+        If True, each column of points along the last axis is raised or lowered by its own part of
+        half a point spacing. For material that a body carries across the grid: the points of a row
+        then cross a line of nodes one after the other and not all at once. A `Cloud` stays as it
+        is.
     lithostatic : bool
         If True, the material bears its weight from the start: each point has the
         pressure of the depth below the top of the region above it, against gravity, and the density
@@ -385,6 +390,7 @@ class Fill:
     density: float | None = None
     velocity: Vector | None = None
     jitter: float = 0.0
+    stagger: bool = False
     lithostatic: bool = False
     material: Material | None = None
 
@@ -398,6 +404,7 @@ class Fill:
             raise ValueError(f"points_per_cell = {count} must be the {kind} of an integer")
         set_fields(self, points_per_cell=count)
         check_fields(self, in_range, "jitter", low=0.0, high=1.0)
+        check_fields(self, truth, "stagger")
         check_fields(self, positive, "density", optional=True)
         if truth("lithostatic", self.lithostatic) and self.density is not None:
             raise ValueError(f"density = {self.density} must be None in a lithostatic fill")

@@ -71,18 +71,28 @@ def joined(parts: Sequence[Points]) -> Points:
     return Points(*(np.concatenate(arrays) for arrays in columns))
 
 
+STAGGER = {2: (1 / 1.618033988749895,), 3: (1 / 1.324717957244746, 1 / 1.324717957244746**2)}
+"""Steps between columns of a staggered fill by the dimension, modulo 1: columns near each other
+have heights far apart. They are powers of the golden ratio, r^2 = r + 1, and of r^3 = r + 1."""
+
+
 def _lattice(grid: Grid, fill: Fill) -> NDArray[np.float64]:
     """Sites of the seeding lattice about a region, shape (n, dim), the first axis fastest."""
     spacing = grid.cell / fill.points_per_axis
-    axes = []
+    axes, columns = [], []
     for axis, (low, high) in enumerate(zip(*fill.region.bounds, strict=True)):
         origin, sites = grid.lower[axis], grid.shape[axis] * fill.points_per_axis
         first = max(math.floor((low - origin) / spacing) - 1, 0)
         last = min(math.ceil((high - origin) / spacing) + 1, sites)
-        axes.append(origin + (np.arange(first, last) + 0.5) * spacing)
+        columns.append(np.arange(first, last))
+        axes.append(origin + (columns[-1] + 0.5) * spacing)
     if math.prod(len(sites) for sites in axes) > MAX_COUNT:
         raise ValueError(f"a fill of {fill.region} must have at most {MAX_COUNT} points")
-    return combined(axes)
+    x = combined(axes)
+    if fill.stagger:
+        raised = combined(columns)[:, :-1] @ np.array(STAGGER[grid.dim]) % 1.0 - 0.5
+        x[:, -1] += raised * spacing
+    return x
 
 
 def _sites(grid: Grid, fill: Fill) -> NDArray[np.float64]:

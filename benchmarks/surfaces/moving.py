@@ -55,28 +55,24 @@ def _spikes(name: str, values: Array) -> Numbers:
     }
 
 
-GOLDEN = (math.sqrt(5) - 1) / 2
-"""Its multiples modulo 1 are spread evenly, however many of them there are."""
-
-
 def box(
     turned_deg: float, offset: float, speed: float, crossed: float, staggered: bool = False
 ) -> Numbers:
     """A box carries a bed of 12 by 10 cells at rest in it through the grid, at 30 deg to x.
 
-    If `staggered`, each column of points is raised or lowered by up to half a spacing, so that no
-    two of them reach a line of nodes at once.
+    The points stand in rows along the box, as a `Cloud`, or are those of a `Fill` whose columns are
+    `staggered` along the grid.
     """
     (t, n), length, height = axes(turned_deg), 12 * CELL, 10 * CELL
     way = speed * np.array([math.cos(math.radians(30)), math.sin(math.radians(30))])
     base = offset * CELL * np.ones(2)
     along, above = rows_of_points(length, height, CELL / 2)
-    if staggered:
-        above = above + CELL / 2 * (GOLDEN * np.floor(along / (CELL / 2)) % 1 - 0.5)
     material = gr.materials.glass_beads.replace(E=1e6, rho_c=RHO)
     density = RHO * np.exp(RHO * G * (height - above) / material.K)
     x = base + along[:, None] * t + above[:, None] * n
-    cloud = gr.Cloud(x, np.full(len(x), CELL**2 / 4), density=density)
+    region: gr.Region = gr.Cloud(x, np.full(len(x), CELL**2 / 4), density=density)
+    if staggered:
+        region = gr.Box(tuple(base), tuple(base + length * t + height * n))
     until = crossed * CELL / speed
     ends = np.concatenate([x, x + until * way])
     motion = Motion(velocity=(tuple(way),))
@@ -88,13 +84,17 @@ def box(
     scene = gr.Scene(
         name="box",
         grid=around(ends, CELL),
-        fills=(gr.Fill(cloud, 4, velocity=tuple(way)),),
+        fills=(
+            gr.Fill(region, 4, velocity=tuple(way), stagger=staggered, lithostatic=staggered),
+        ),
         material=material,
         gravity=gr.Gravity((0.0,), (tuple(-G * n),)),
         duration=5.0,
         bodies=bodies,
     )
     run = Run(scene)
+    x = run.sim.state.x
+    above = (x - base) @ n
     weight, lowest = RHO * G * (height - above), [above < CELL / 2, above < CELL]
     pressures: list[list[float]] = []
 

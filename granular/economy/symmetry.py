@@ -75,8 +75,9 @@ class _Mirror:
         velocity = fill.velocity or (0.0,) * self.grid.dim
         # Adding zero turns -0 into 0.
         across = side * velocity[0] + 0.0
-        rest = (fill.points_per_cell, fill.density, across, velocity[1:], fill.jitter)
-        return (*self.region(fill.region, side), *rest)
+        points = (fill.points_per_cell, fill.jitter, fill.stagger)
+        state = (fill.density, across, velocity[1:], fill.lithostatic, fill.material)
+        return (*self.region(fill.region, side), *points, *state)
 
 
 def obstacle(scene: Scene) -> str:
