@@ -84,9 +84,7 @@ def box(
     scene = gr.Scene(
         name="box",
         grid=around(ends, CELL),
-        fills=(
-            gr.Fill(region, 4, velocity=tuple(way), stagger=staggered, lithostatic=staggered),
-        ),
+        fills=(gr.Fill(region, 4, velocity=tuple(way), stagger=staggered, lithostatic=staggered),),
         material=material,
         gravity=gr.Gravity((0.0,), (tuple(-G * n),)),
         duration=5.0,
@@ -302,7 +300,7 @@ def box_lines(found: dict[str, Numbers]) -> list[Line]:
     kinds: dict[str, dict[str, Numbers]] = {
         "17 and 40 deg": {},
         "along the grid, points in rows": {},
-        "along the grid, columns of points staggered": {},
+        "along the grid, a staggered fill": {},
     }
     for name, numbers in found.items():
         kind = 2 if "staggered" in name else ", 0 deg" in name

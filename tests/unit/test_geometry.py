@@ -82,6 +82,7 @@ def test_cylinder_stands_on_its_base():
         (lambda: Fill(Box((0, 0), (1, 1)), 5), ValueError, "square of an integer"),
         (lambda: Fill(Disc((0, 0, 0), 1), 4), ValueError, "cube of an integer"),
         (lambda: Fill(Box((0, 0), (1, 1)), 4, jitter=1.5), ValueError, "jitter = 1.5"),
+        (lambda: Fill(Box((0, 0), (1, 1)), 4, stagger=1), TypeError, "stagger = 1"),
         (lambda: Fill(Box((0, 0), (1, 1)), 4, density=0.0), ValueError, "density = 0.0"),
         (lambda: Fill(Box((0, 0), (1, 1)), 4, velocity=(1, 2, 3)), ValueError, "velocity"),
         (lambda: Fill("box", 4), TypeError, "region = 'box'"),
@@ -134,6 +135,27 @@ def test_jitter_is_bounded_reproducible_and_uniform():
     assert (seeded(0.5, 3) == moved).all() and (seeded(0.5, 4) != moved).all()
     full = seeded(1.0, 0)
     assert (full >= 0).all() and (full < 1.0).all()
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_columns_of_a_staggered_fill_have_heights_of_their_own(dim):
+    """Points stay in the region, and those of neighbouring columns are far apart in height."""
+    grid = Grid((0.0,) * dim, 0.1, (10,) * dim)
+    box = Box((0.1,) * dim, (0.9,) * dim)
+    plain, staggered = (
+        seed_points(grid, [Fill(box, 2**dim, stagger=stagger)], 0, 1.0) for stagger in (False, True)
+    )
+    assert box.contains(staggered.x).all()
+    assert staggered.volume.tolist() == plain.volume.tolist()
+    assert np.allclose(staggered.x[:, :-1], plain.x[:, :-1], atol=0)
+    raised = ((staggered.x - plain.x)[:, -1] / 0.05).reshape((16,) * dim)
+    assert np.ptp(raised, axis=0).max() < 1e-9
+    heights = raised[0]
+    assert np.unique(heights.round(9)).size == heights.size
+    assert heights.min() >= -0.5 and heights.max() < 0.5 and abs(heights.mean()) < 0.05
+    for axis in range(dim - 1):
+        apart = np.abs(np.diff(heights, axis=axis))
+        assert np.minimum(apart, 1.0 - apart).min() > 0.2
 
 
 @pytest.mark.parametrize(

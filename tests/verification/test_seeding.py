@@ -87,3 +87,43 @@ def test_volume_about_a_ball_converges(dim):
         errors.append(abs(scene.points().volume.sum() - 1 + solid) / solid)
     assert errors[0] < 2e-4
     assert errors[0] / errors[-1] > 3.5 ** (len(errors) - 1)
+
+
+def carried_pressure(stagger, speed=0.1, cells=4):
+    """Pressure of the first row of a bed that a box carries up through the grid, over its weight.
+
+    One value for each eighth of a cell that is crossed.
+    """
+    low, width, height = 2 * CELL, 12 * CELL, 10 * CELL
+    motion = gr.Motion(velocity=((0.0, speed),))
+    faces = (((0.0, 1.0), 0.5), ((1.0, 0.0), 0.0), ((-1.0, 0.0), 0.0))
+    corners = ((low, low), (low, low), (low + width, low))
+    region = gr.Box((low, low), (low + width, low + height))
+    scene = gr.Scene(
+        name="box",
+        grid=gr.Grid((0.0, 0.0), CELL, (16, 20)),
+        fills=(gr.Fill(region, 4, velocity=(0.0, speed), stagger=stagger, lithostatic=True),),
+        material=gr.materials.glass_beads.replace(E=1e6, rho_c=RHO),
+        gravity=gr.Gravity((0.0,), ((0.0, -G),)),
+        duration=1.0,
+        bodies=tuple(
+            gr.Body(HalfSpace(normal), at, motion=motion, friction=friction)
+            for (normal, friction), at in zip(faces, corners, strict=True)
+        ),
+    )
+    sim = gr.Simulation(scene, threads=1)
+    above = sim.state.x[:, 1] - low
+    first = above < CELL / 2
+    found = []
+    for eighth in range(1, 8 * cells + 1):
+        sim.run(until=eighth * CELL / speed / 8)
+        found.append(sim.state.pressure[first].mean() / (RHO * G * (height - above[first])).mean())
+    return np.array(found[8:])
+
+
+def test_staggered_columns_cross_lines_of_nodes_one_after_the_other():
+    """The points of a row along the grid cross a line at once, and their pressure jumps by it."""
+    assert np.ptp(carried_pressure(False)) > 0.3
+    staggered = carried_pressure(True)
+    assert np.ptp(staggered) < 0.15
+    assert staggered.mean() == pytest.approx(1, abs=0.08)
