@@ -4,7 +4,7 @@ GR_LAW(drucker_prager)
 #else
 #include "law/frictional.h"
 
-static inline void law_drucker_prager(const int dim, const struct gr_law_call *call)
+GR_INLINE void law_drucker_prager(const int dim, const struct gr_law_call *call)
 {
     gr_frictional(dim, GR_RATE_INDEPENDENT, call, call->parameter[3]);
 }

@@ -4,7 +4,7 @@ GR_LAW(elastic)
 #else
 #include "law/trial.h"
 
-static inline void law_elastic(const int dim, const struct gr_law_call *call)
+GR_INLINE void law_elastic(const int dim, const struct gr_law_call *call)
 {
     const vd K = v_set(call->parameter[0]), G = v_set(call->parameter[1]);
     for (int64_t k = 0; k < call->n_blocks; k++) {

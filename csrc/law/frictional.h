@@ -109,7 +109,7 @@ GR_INLINE void frictional_blocks(const int dim, const int rate, const int cohesi
 }
 
 /* A material without cohesion does not pay for it. */
-static inline void gr_frictional(const int dim, const int rate, const struct gr_law_call *call, double cohesion)
+GR_INLINE void gr_frictional(const int dim, const int rate, const struct gr_law_call *call, double cohesion)
 {
     if (cohesion > 0)
         frictional_blocks(dim, rate, 1, call);

@@ -4,7 +4,7 @@ GR_LAW(hencky_drucker_prager)
 #else
 #include "law/hencky_blocks.h"
 
-static inline void law_hencky_drucker_prager(const int dim, const struct gr_law_call *call)
+GR_INLINE void law_hencky_drucker_prager(const int dim, const struct gr_law_call *call)
 {
     gr_hencky_local_blocks(dim, GR_HENCKY_drucker_prager, call, call->parameter[2], 2 * call->parameter[2], 1, 0);
 }

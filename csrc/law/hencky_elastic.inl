@@ -4,7 +4,7 @@ GR_LAW(hencky_elastic)
 #else
 #include "law/hencky_blocks.h"
 
-static inline void law_hencky_elastic(const int dim, const struct gr_law_call *call)
+GR_INLINE void law_hencky_elastic(const int dim, const struct gr_law_call *call)
 {
     gr_hencky_local_blocks(dim, GR_HENCKY_elastic, call, 1, 2, 1, 0);
 }

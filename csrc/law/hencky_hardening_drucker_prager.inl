@@ -4,7 +4,7 @@ GR_LAW(hencky_hardening_drucker_prager)
 #else
 #include "law/hencky_blocks.h"
 
-static inline void law_hencky_hardening_drucker_prager(const int dim, const struct gr_law_call *call)
+GR_INLINE void law_hencky_hardening_drucker_prager(const int dim, const struct gr_law_call *call)
 {
     gr_hencky_local_blocks(dim, GR_HENCKY_drucker_prager, call, 1, 2, 1, call->parameter + 2);
 }

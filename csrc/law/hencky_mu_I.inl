@@ -4,7 +4,7 @@ GR_LAW(hencky_mu_I)
 #else
 #include "law/hencky_blocks.h"
 
-static inline void law_hencky_mu_I(const int dim, const struct gr_law_call *call)
+GR_INLINE void law_hencky_mu_I(const int dim, const struct gr_law_call *call)
 {
     gr_hencky_local_blocks(dim, GR_HENCKY_mu_I, call, call->parameter[2], call->parameter[3], call->parameter[4], 0);
 }

@@ -4,7 +4,7 @@ GR_LAW(hencky_ngf)
 #else
 #include "law/hencky_blocks.h"
 
-static inline void law_hencky_ngf(const int dim, const struct gr_law_call *call)
+GR_INLINE void law_hencky_ngf(const int dim, const struct gr_law_call *call)
 {
     gr_hencky_nonlocal_blocks(dim, GR_HENCKY_ngf, GR_HENCKY_mu_I, call);
 }

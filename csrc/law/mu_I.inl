@@ -5,7 +5,7 @@ GR_LAW(mu_I)
 #else
 #include "law/frictional.h"
 
-static inline void law_mu_I(const int dim, const struct gr_law_call *call)
+GR_INLINE void law_mu_I(const int dim, const struct gr_law_call *call)
 {
     gr_frictional(dim, GR_MU_I, call, call->parameter[5]);
 }

@@ -13,7 +13,7 @@ GR_LAW(ngf)
 /* Order of the parameters; those of the update at a point come last, all together. */
 enum { NGF_K, NGF_A, NGF_POINT };
 
-static inline void local_phase(const int dim, const struct gr_law_call *call)
+GR_INLINE void local_phase(const int dim, const struct gr_law_call *call)
 {
     const double *q = call->parameter, *point = q + NGF_POINT;
     const double xi = point[GR_FLUIDITY_I0] / (point[GR_FLUIDITY_d] * sqrt(point[GR_FLUIDITY_rho_s]));
@@ -134,7 +134,7 @@ GR_INLINE void flow_blocks(const int dim, const int many, const struct gr_law_ca
     }
 }
 
-static inline void law_ngf(const int dim, const struct gr_law_call *call)
+GR_INLINE void law_ngf(const int dim, const struct gr_law_call *call)
 {
     if (!call->g_star) {
         local_phase(dim, call);

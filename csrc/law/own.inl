@@ -31,7 +31,7 @@ GR_INLINE void gr_gather_own(const int dim, const struct gr_law_call *call, int6
     }
 }
 
-static inline void law_own(const int dim, const struct gr_law_call *call)
+GR_INLINE void law_own(const int dim, const struct gr_law_call *call)
 {
     struct gr_own_points points;
     for (int64_t first = 0; first < call->n_blocks; first += OWN_BLOCKS) {

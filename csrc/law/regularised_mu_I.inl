@@ -5,7 +5,7 @@ GR_LAW(regularised_mu_I)
 #else
 #include "law/frictional.h"
 
-static inline void law_regularised_mu_I(const int dim, const struct gr_law_call *call)
+GR_INLINE void law_regularised_mu_I(const int dim, const struct gr_law_call *call)
 {
     frictional_blocks(dim, GR_REGULARISED, 0, call);
 }

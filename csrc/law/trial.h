@@ -62,7 +62,7 @@ GR_INLINE struct gr_stress gr_trial(const int dim, const gr_real *gradient, cons
 }
 
 /* Trace of the velocity increment L dt of a block: the volumetric strain of the step. */
-static inline vd gr_expansion(const int dim, const gr_real *gradient)
+GR_INLINE vd gr_expansion(const int dim, const gr_real *gradient)
 {
     vd trace = v_load(gradient);
     for (int d = 1; d < dim; d++) trace = trace + v_load(gradient + d * (dim + 1) * GR_W);
@@ -70,7 +70,7 @@ static inline vd gr_expansion(const int dim, const gr_real *gradient)
 }
 
 /* Split a stress: return the pressure -tr(s)/3 and leave the deviator in `t`. */
-static inline vd gr_split(struct gr_stress *t)
+GR_INLINE vd gr_split(struct gr_stress *t)
 {
     const vd p = (t->s[0] + t->s[1] + t->s[2]) * v_set(-1.0 / 3.0);
     for (int c = 0; c < 3; c++) t->s[c] = t->s[c] + p;
@@ -78,7 +78,7 @@ static inline vd gr_split(struct gr_stress *t)
 }
 
 /* s:t/2 of two deviators. */
-static inline vd gr_half_product(const int dim, const struct gr_stress *s, const struct gr_stress *t)
+GR_INLINE vd gr_half_product(const int dim, const struct gr_stress *s, const struct gr_stress *t)
 {
     const vd normal = v_fma(s->s[0], t->s[0], v_fma(s->s[1], t->s[1], s->s[2] * t->s[2]));
     vd shear = s->s[3] * t->s[3];
@@ -87,4 +87,4 @@ static inline vd gr_half_product(const int dim, const struct gr_stress *s, const
 }
 
 /* s:s/2 of a deviator, the square of the equivalent shear stress tau (eq. 2.10). */
-static inline vd gr_tau_squared(const int dim, const struct gr_stress *t) { return gr_half_product(dim, t, t); }
+GR_INLINE vd gr_tau_squared(const int dim, const struct gr_stress *t) { return gr_half_product(dim, t, t); }
