@@ -87,7 +87,8 @@ enum gr_cell_flag { GR_CELL_FLAGS(GR_X) };
 
 struct gr_cell {
     int64_t offset; /* first place in the point arrays; the next ones follow at distances of GR_LANES */
-    int32_t count, capacity;
+    int64_t apart;  /* what is added to the places from number `rows` on (places.h) */
+    int32_t count, capacity, rows;
     int32_t summed; /* number of its first points that are in its sums */
     int32_t calm;   /* checks in a row at which its points were slow, or GR_ASLEEP (mpm/sleep.h) */
     int32_t at[3];  /* indices along the axes */
@@ -97,7 +98,10 @@ struct gr_cell {
 };
 
 /* Place of point k of a cell. */
-static inline int64_t gr_slot(const struct gr_cell *cell, int64_t k) { return cell->offset + k * GR_LANES; }
+static inline int64_t gr_slot(const struct gr_cell *cell, int64_t k)
+{
+    return cell->offset + k * GR_LANES + (k < cell->rows ? 0 : cell->apart);
+}
 
 #define GR_IS_DOUBLE(cell) ((cell)->side == 1 || (cell)->side == -1)
 
@@ -190,6 +194,7 @@ struct gr_engine {
     /* migrants of a step, by thread; the same memory then holds the pending points, which wait for a place */
     struct gr_migrant *migrant;
     int64_t n_pending, pending_capacity, needed_capacity;
+    int tiles_grown; /* since the tiles were shared out */
     double *pending; /* n_pending x n_components */
     int64_t *pending_id;
     int64_t *dirty, n_dirty; /* tiles whose sums lack something */

@@ -9,19 +9,9 @@
 
 #include "core/memory.h"
 #include "mpm/migrate.h"
+#include "mpm/places.h"
 #include "mpm/sleep.h"
 #include "mpm/spread.h"
-
-/* Number of rows of a tile whose fullest cell has `most` points: some more than it has or a cell usually has. Neither a cell
- * that gains many points nor a front that enters empty cells then requires a regrouping in every step. An empty tile has
- * few: a front fills it slowly, and soon needs the cells beyond it, for which all are regrouped. */
-static int32_t rows_of_tile(int32_t most, int32_t usual)
-{
-    enum { EMPTY_ROWS = 4 };
-    if (!most) return EMPTY_ROWS;
-    const int32_t many = most > usual ? most : usual;
-    return many + many / 8 + 2;
-}
 
 /* Buffers that are too small become larger than needed by one part in this number, as material that spreads soon needs
  * more. Twice as much makes no run faster. */
@@ -48,7 +38,6 @@ struct regroup {
     struct gr_engine *e;
     struct gr_team *team;
     int64_t chunks, n, n_cells, total, used; /* points; new cells; their places; places in use before or then */
-    int32_t usual;                           /* mean number of points of an occupied cell */
     struct list *list;                       /* chunks + 1; the last is that of the pending points */
     int64_t *source;                         /* per point: its old place, or -1 - k for pending point k */
     int64_t *place;    /* per point: index of its cell in the grid; then its number in the new cell; then its new place */
@@ -277,7 +266,7 @@ GR_SHARED(size_tiles, struct regroup, tiles_of(r), r)
         int32_t most = 0;
         for (int64_t c = tile * GR_LANES; c < (tile + 1) * GR_LANES && c < r->n_cells; c++)
             most = r->counts[c] > most ? r->counts[c] : most;
-        r->offset[tile] = GR_LANES * rows_of_tile(most, r->usual);
+        r->offset[tile] = GR_LANES * gr_rows_of_tile(most);
     }
 }
 
@@ -294,7 +283,6 @@ static int list_cells(struct regroup *r)
     if (!r->counts || !r->offset) return GR_ERR_MEMORY;
     number_cells(r);
     count_new(r);
-    r->usual = occupied ? (int32_t)(r->n / occupied) : 0;
     size_tiles(r);
     for (int64_t tile = 0; tile <= tiles_of(r); tile++) {
         const int64_t places = r->offset[tile];
@@ -360,7 +348,8 @@ GR_SHARED(place_tiles, struct regroup, tiles_of(r), r)
         cell->count = own == c ? r->counts[c] : 0;
         cell->summed = 0;
         cell->calm = r->calm && own == c ? r->calm[c] : 0;
-        cell->capacity = (int32_t)((r->offset[tile + 1] - r->offset[tile]) / GR_LANES);
+        cell->capacity = cell->rows = (int32_t)((r->offset[tile + 1] - r->offset[tile]) / GR_LANES);
+        cell->apart = 0;
         cell->side = r->sides && own == c ? r->sides[c] : 0;
         decode(e, r->cells[own], cell->at);
         cell->flags = gr_map_get(&e->config.cell_flags, cell->at);

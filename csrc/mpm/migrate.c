@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "core/memory.h"
+#include "mpm/places.h"
 #include "mpm/sleep.h"
 #include "mpm/walls.h"
 
@@ -192,6 +193,14 @@ static int put(struct gr_engine *e, int64_t index, double *record, int64_t id, i
     return 1;
 }
 
+/* Put a point into an active cell, whose tile gets more rows if the cell is full.
+ * Returned: 0 if the buffers have no places left for them. */
+static int make_place(struct gr_engine *e, int64_t index, double *record, int64_t id)
+{
+    if (put(e, index, record, id, e->dirty, &e->n_dirty)) return 1;
+    return gr_grow_tile(e, index / GR_LANES) && put(e, index, record, id, e->dirty, &e->n_dirty);
+}
+
 /* Let a point wait for a place. */
 static void wait(struct gr_engine *e, const double *record, int64_t id)
 { /* pending records never pass the one read now: nothing is overwritten */
@@ -221,7 +230,7 @@ struct arrivals {
     int full[GR_MAX_CHUNKS]; /* whether a cell was */
 };
 
-enum { WAITS = -1 }; /* the place of a packed point whose new cell is full */
+enum { FULL = -1 }; /* the place of a packed point whose new cell is full */
 
 static void insert_chunk(void *context, int64_t chunk, int t)
 {
@@ -239,7 +248,7 @@ static void insert_chunk(void *context, int64_t chunk, int t)
             struct gr_migrant *migrant = &list->from[k];
             if (migrant->to < first || migrant->to >= last) continue;
             if (put(e, migrant->to, list->record + k * e->n_components, list->id[k], dirty, &n)) continue;
-            migrant->slot = WAITS; /* not `to`, which other threads read */
+            migrant->slot = FULL; /* not `to`, which other threads read */
             a->full[chunk] = 1;
         }
     }
@@ -274,7 +283,8 @@ int gr_migrate(struct gr_engine *e, struct gr_migrants *list, int lists, struct 
     e->n_dirty = 0;
     for (int l = 0; l < lists; l++) invalid += list[l].invalid, count += list[l].count;
     if (invalid) return refuse(e, list, lists); /* the state before migration */
-    int64_t waiting = bring_back_all(e, list, lists);
+    const int64_t homeless = bring_back_all(e, list, lists);
+    int full = 0;
     struct arrivals a; /* not cleared, as its arrays are long */
     a.e = e, a.list = list, a.lists = lists;
     a.chunks = count > FEW ? gr_chunks(team, e->mesh.n_tiles) : 1;
@@ -284,19 +294,23 @@ int gr_migrate(struct gr_engine *e, struct gr_migrants *list, int lists, struct 
         gr_share(e->mesh.n_tiles, chunk, a.chunks, &first, &last);
         memmove(e->dirty + e->n_dirty, e->dirty + first, sizeof(int64_t) * (size_t)a.n_dirty[chunk]);
         e->n_dirty += a.n_dirty[chunk];
-        waiting += a.full[chunk];
+        full |= a.full[chunk];
     }
-    for (int l = 0; waiting && l < lists; l++)
-        for (int64_t k = 0; k < list[l].count; k++)
-            if (list[l].from[k].to == GR_TO_NO_CELL || list[l].from[k].slot == WAITS)
-                wait(e, list[l].record + k * e->n_components, list[l].id[k]);
+    for (int l = 0; (homeless || full) && l < lists; l++)
+        for (int64_t k = 0; k < list[l].count; k++) {
+            const struct gr_migrant *migrant = &list[l].from[k];
+            double *record = list[l].record + k * e->n_components;
+            if (migrant->to != GR_TO_NO_CELL && migrant->slot != FULL) continue;
+            /* with points that have no cell all are grouped anyway */
+            if (homeless || !make_place(e, migrant->to, record, list[l].id[k])) wait(e, record, list[l].id[k]);
+        }
     return GR_OK;
 }
 
-/* Insert a single point into a cell; it waits if there is none or it is full. */
+/* Insert a single point into a cell; it waits if there is none, or no place for it. */
 static void insert(struct gr_engine *e, int64_t index, double *record, int64_t id)
 {
-    if (index == GR_TO_NO_CELL || !put(e, index, record, id, e->dirty, &e->n_dirty)) wait(e, record, id);
+    if (index == GR_TO_NO_CELL || !make_place(e, index, record, id)) wait(e, record, id);
 }
 
 void gr_insert_new(struct gr_engine *e, double *record, int64_t id)

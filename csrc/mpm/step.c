@@ -97,8 +97,44 @@ static int reserve_chunks(struct gr_engine *e, int64_t n)
     return GR_OK;
 }
 
-/* Divide the tiles so that each chunk has about the same number of points. Give each chunk capacity for migrants: all
- * its points may leave their cells at once. */
+/* Give chunk k space for migrants behind that for as many `points` of other chunks. */
+static void lend_space(struct gr_engine *e, int k, int64_t points)
+{
+    const int64_t begin = points + k; /* one record more than points for each chunk */
+    e->migrants[k] = (struct gr_migrants){
+        .from = e->migrant + begin, .record = e->pending + begin * e->n_components, .id = e->pending_id + begin};
+}
+
+/* Divide the tiles so that each chunk has about the same number of places. Give each chunk space for migrants: all its
+ * points may leave their cells at once. */
+static void share_tiles(struct run *run)
+{
+    struct gr_engine *e = run->e;
+    const int64_t n_tiles = e->mesh.n_tiles;
+    const int chunks = run->n_chunks;
+    int64_t all = 0, places = 0;
+    int k = 1;
+    for (int64_t tile = 0; tile < n_tiles; tile++) all += GR_LANES * e->mesh.cell[tile * GR_LANES].capacity;
+    e->cut[0] = 0;
+    lend_space(e, 0, 0);
+    for (int64_t tile = 0; tile < n_tiles; tile++) {
+        const struct gr_cell *cell = &e->mesh.cell[tile * GR_LANES];
+        places += GR_LANES * cell->capacity;
+        if (cell[GR_LANES - 1].side == 1) continue; /* its back must be in the same chunk */
+        for (; k < chunks && places * chunks >= all * k; k++) {
+            e->cut[k] = tile + 1;
+            lend_space(e, k, places);
+        }
+    }
+    for (; k < chunks; k++) {
+        e->cut[k] = n_tiles;
+        lend_space(e, k, places);
+    }
+    e->cut[chunks] = n_tiles;
+    e->tiles_grown = 0;
+}
+
+/* Prepare what depends on the mesh. */
 static int share_out(struct run *run)
 {
     struct gr_engine *e = run->e;
@@ -106,27 +142,11 @@ static int share_out(struct run *run)
         e->feet->listed = 0; /* the mesh may be another */
         if (gr_feet_list(e) || (e->open && gr_open_volumes(e, 0))) return GR_ERR_MEMORY;
     }
-    const int64_t n_tiles = e->mesh.n_tiles, all = e->used;
-    const int chunks = (int)gr_chunks(run->team, GR_MAX_CHUNKS);
-    int k = 1;
-    if (reserve_chunks(e, chunks)) return GR_ERR_MEMORY;
-    run->n_chunks = chunks;
-    e->cut[0] = 0;
-    for (int64_t tile = 0; tile < n_tiles; tile++) {
-        const struct gr_cell *cell = &e->mesh.cell[tile * GR_LANES];
-        const int64_t places = cell->offset + (int64_t)GR_LANES * cell->capacity;
-        if (cell[GR_LANES - 1].side == 1) continue; /* its back must be in the same chunk */
-        while (k < chunks && places * chunks >= all * k) e->cut[k++] = tile + 1;
-    }
-    while (k <= chunks) e->cut[k++] = n_tiles;
+    run->n_chunks = (int)gr_chunks(run->team, GR_MAX_CHUNKS);
+    if (reserve_chunks(e, run->n_chunks)) return GR_ERR_MEMORY;
     if (e->sleep && gr_sleep_begin(e)) return GR_ERR_MEMORY;
-    if (reserve_substeps(e) || gr_reserve_pending(e, all + chunks + gr_inflow_most(e))) return GR_ERR_MEMORY;
-    for (k = 0; k < chunks; k++) {
-        const int64_t first = e->cut[k] < n_tiles ? e->mesh.cell[e->cut[k] * GR_LANES].offset : all;
-        const int64_t begin = first + k; /* one record more than points for each chunk */
-        e->migrants[k] = (struct gr_migrants){
-            .from = e->migrant + begin, .record = e->pending + begin * e->n_components, .id = e->pending_id + begin};
-    }
+    if (reserve_substeps(e) || gr_reserve_pending(e, e->capacity + run->n_chunks + gr_inflow_most(e))) return GR_ERR_MEMORY;
+    share_tiles(run);
     return GR_OK;
 }
 
@@ -276,9 +296,13 @@ static void finish(struct run *run)
     if (e->n_thin && gr_follow_bodies(e)) e->disconnected = 1; /* until the mesh is made for the new poses */
     if (e->feet && gr_feet_list(e)) e->error = GR_ERR_MEMORY;
     if (e->open && (e->config.cell_averaged || gr_averages(e, e->step)) && gr_open_volumes(e, 1)) e->error = GR_ERR_MEMORY;
-    if (e->error || (!e->n_pending && !e->disconnected)) return;
-    e->error = gr_regroup(e, run->team);
-    if (!e->error) e->error = share_out(run);
+    if (e->error) return;
+    if (e->n_pending || e->disconnected) {
+        e->error = gr_regroup(e, run->team);
+        if (!e->error) e->error = share_out(run);
+    } else if (e->tiles_grown) {
+        share_tiles(run);
+    }
 }
 
 /* ---- Stages ---- */

@@ -51,17 +51,17 @@ GR_INLINE unsigned wake_lanes(const int dim, const int basis, struct gr_engine *
 static void keep_points(struct gr_engine *e, int64_t tile, unsigned asleep, double *buffer, int back)
 {
     const struct gr_cell *cell = &e->mesh.cell[tile * GR_LANES];
-    const int64_t places = (int64_t)GR_LANES * cell->capacity;
     for (int f = 0; f < GR_FIELD_COUNT; f++)
-        for (int c = 0; e->field[f] && c < gr_field_components(f, e->config.dim); c++, buffer += places) {
-            double *values = e->field[f] + c * e->capacity + cell->offset;
-            for (int64_t k = 0; k < places; k++) {
-                if (!back)
-                    buffer[k] = values[k];
-                else if (asleep >> k % GR_LANES & 1u)
-                    values[k] = buffer[k];
+        for (int c = 0; e->field[f] && c < gr_field_components(f, e->config.dim); c++)
+            for (int32_t row = 0; row < cell->capacity; row++, buffer += GR_LANES) {
+                double *values = e->field[f] + c * e->capacity + gr_slot(cell, row);
+                for (int l = 0; l < GR_LANES; l++) {
+                    if (!back)
+                        buffer[l] = values[l];
+                    else if (asleep >> l & 1u)
+                        values[l] = buffer[l];
+                }
             }
-        }
 }
 
 /* Remove the points of cells that are asleep from a list of those that left.

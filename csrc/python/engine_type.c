@@ -163,18 +163,22 @@ static PyObject *engine_cells(struct gr_object *self, PyObject *Py_UNUSED(unused
 {
     const struct gr_engine *e = gr_ready(self, 1);
     if (!e) return NULL;
-    const npy_intp n[1] = {e->mesh.n_cells};
-    PyObject *offset = PyArray_SimpleNew(1, n, NPY_INT64), *count = PyArray_SimpleNew(1, n, NPY_INT64);
-    if (!offset || !count) {
-        Py_XDECREF(offset);
+    npy_intp n_points = 0;
+    const npy_intp n_cells = e->mesh.n_cells;
+    for (npy_intp c = 0; c < n_cells; c++) n_points += e->mesh.cell[c].count;
+    PyObject *place = PyArray_SimpleNew(1, &n_points, NPY_INT64), *count = PyArray_SimpleNew(1, &n_cells, NPY_INT64);
+    if (!place || !count) {
+        Py_XDECREF(place);
         Py_XDECREF(count);
         return NULL;
     }
-    for (npy_intp c = 0; c < n[0]; c++) {
-        ((int64_t *)PyArray_DATA((PyArrayObject *)offset))[c] = e->mesh.cell[c].offset;
-        ((int64_t *)PyArray_DATA((PyArrayObject *)count))[c] = e->mesh.cell[c].count;
+    int64_t *next = PyArray_DATA((PyArrayObject *)place);
+    for (npy_intp c = 0; c < n_cells; c++) {
+        const struct gr_cell *cell = &e->mesh.cell[c];
+        for (int32_t k = 0; k < cell->count; k++) *next++ = gr_slot(cell, k);
+        ((int64_t *)PyArray_DATA((PyArrayObject *)count))[c] = cell->count;
     }
-    return Py_BuildValue("NN", offset, count);
+    return Py_BuildValue("NN", place, count);
 }
 
 /* The numbers of the engine that a restart needs. */
@@ -349,7 +353,7 @@ static PyMethodDef methods[] = {
     {"nodes", (PyCFunction)engine_nodes, METH_NOARGS,
      "nodes()\n--\n\nCopies of the nodal arrays: x, mass, momentum, force, v, w."},
     {"cells", (PyCFunction)engine_cells, METH_NOARGS,
-     "cells()\n--\n\n(offset, count) of the active cells: the rows offset + LANES k, k < count, of the buffers hold points."},
+     "cells()\n--\n\n(place, count): the places of the points in the buffers, cell by cell, and the points of each active cell."},
     {"scalars", (PyCFunction)engine_scalars, METH_NOARGS, "scalars()\n--\n\nThe numbers that a restart needs."},
     {"restore", (PyCFunction)engine_restore, METH_O, "restore(scalars)\n--\n\nSet the numbers of a restart."},
     {"bodies", (PyCFunction)engine_bodies, METH_NOARGS,

@@ -287,10 +287,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
     # ---- restart ----
 
     def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
-        offset, count = self._engine.cells()
-        before = np.cumsum(count) - count
-        place = np.arange(count.sum()) - np.repeat(before, count)  # of a point in its cell
-        places = np.repeat(offset, count) + _core.LANES * place
+        places, _ = self._engine.cells()
         arrays = {name: array.take(places, axis=-1) for name, array in self._buffers.items()}
         scalars = self._engine.scalars() | {"mean_mass": self._mean_mass}
         if self.scene.bodies:
