@@ -46,6 +46,20 @@ def test_a_quick_table_of_speed_is_written(module, tmp_path, capsys):
     assert len(capsys.readouterr().out.splitlines()) == 2 + len(rows) / 2 + len(table["space"])
 
 
+def test_a_quick_table_of_places_is_written(module, tmp_path, capsys, monkeypatch):
+    """Buffers are larger than the points, and the page gets a row for each case."""
+    script, out, page = module("places"), tmp_path / "places.json", tmp_path / "page.md"
+    monkeypatch.setattr(script, "CASES", dict(list(script.CASES.items())[-1:]))
+    script.main(["--quick", "--out", str(out)])
+    (sizes,) = json.loads(out.read_text())["cases"].values()
+    assert sizes["points"] == 2048 and 1.0 < sizes["start"] <= sizes["end"] < 2.0
+    page.write_text(PAGE.replace("table", "table places"))
+    monkeypatch.setattr(script, "PAGE", page)
+    monkeypatch.setattr(script, "RESULTS", out)
+    script.main(["--page"])
+    assert "| 2,048 |" in page.read_text() and "old" not in page.read_text()
+
+
 @pytest.mark.slow
 def test_a_quick_table_in_3d_is_written(module, tmp_path, capsys):
     script, out = module("speed_3d"), tmp_path / "speed.json"

@@ -1,0 +1,68 @@
+"""Places of points: the size of the buffers over that of the points in them.
+
+    python benchmarks/places.py [--quick] [--out benchmarks/results/places.json]
+    python benchmarks/places.py --page
+
+The buffers of the core have more places than there are points, as all cells of a tile have as many
+as the fullest, and one more. Their size is taken at the start and after some flow; they do not
+shrink. --page writes the table of docs/reports/speed.md from the results.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from shared import machine, markdown, parser_of, rounded, write, write_tables
+
+import granular as gr
+
+RESULTS = Path(__file__).parent / "results" / "places.json"
+PAGE = Path(__file__).parents[1] / "docs" / "reports" / "speed.md"
+COLUMN = partial(gr.scenes.column_collapse, aspect=2.0, cell=0.0125, E=1e7)
+CASES = {
+    "silo in 3D, 8 points per cell": gr.scenes.silo_3d,
+    "cylinder in 3D, 8": partial(gr.scenes.cylinder_collapse, cell=0.0125, E=1e7),
+    "column in 2D, 16": partial(COLUMN, points_per_cell=16),
+    "column in 2D, 4": partial(COLUMN, points_per_cell=4),
+}
+UNTIL = 0.3
+"""Simulated time after which the buffers are measured again [s]."""
+
+
+def sizes(scene: gr.Scene, until: float) -> dict[str, float]:
+    """Bytes that the fields of a point need, and places per point at the start and at the end."""
+    sim = gr.Simulation(scene, threads=1)
+    found = {"points": sim.n_points, "start": len(sim.buffers["id"]) / sim.n_points}
+    found["bytes"] = sum(array.nbytes for array in sim.buffers.values()) / len(sim.buffers["id"])
+    sim.run(until=until)
+    return found | {"end": len(sim.buffers["id"]) / sim.n_points}
+
+
+def table(results: dict[str, Any]) -> list[str]:
+    """Return the lines of the table of the page."""
+    head = ("scene", "points", "bytes of a point", "at the start", f"after {UNTIL:g} s")
+    rows = (
+        (name, f"{q['points']:,}", f"{q['bytes']:.0f}", f"{q['start']:.2f}", f"{q['end']:.2f}")
+        for name, q in results["cases"].items()
+    )
+    return markdown(head, rows)
+
+
+def main(argv: list[str] | None = None) -> None:
+    parser = parser_of(__doc__, quick="one step of each, to see that it runs")
+    parser.add_argument("--page", action="store_true", help="write the table from the results")
+    given = parser.parse_args(argv)
+    if given.page:
+        write_tables(PAGE, {"places": table(json.loads(RESULTS.read_text()))})
+        return
+    until = 1e-6 if given.quick else UNTIL
+    cases = {name: sizes(scene(), until) for name, scene in CASES.items()}
+    print("\n".join(table({"cases": cases})))
+    write(given.out, rounded({"machine": machine(), "cases": cases}, 4))
+
+
+if __name__ == "__main__":
+    main()
