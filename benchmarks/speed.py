@@ -9,7 +9,8 @@ batches counts; only the ratios within one run can be compared. Beside each sche
 on the periodic incline of 25 degrees, with one column of cells and with eight, against the
 one-dimensional equation: a fast scheme that is wrong is no bargain. The last lines are those of a
 quarter of a cylinder in 3D, 8 points per cell, one thread. With --page the tables of
-docs/reports/speed.md are written from the results.
+docs/reports/speed.md are written from the results, those of a processor with AVX2 alone from
+results/speed_avx2.json.
 
 `granular.economy.cost` contains the times of one thread (small state, mean of seeded and fallen;
 3D). Update its constants after a new results/speed.json; a test compares them.
@@ -27,7 +28,11 @@ from stability.flows import error_of_profile
 
 import granular as gr
 
-RESULTS = Path(__file__).parent / "results" / "speed.json"
+RESULTS = {
+    "": Path(__file__).parent / "results" / "speed.json",
+    " AVX2": Path(__file__).parent / "results" / "speed_avx2.json",
+}
+"""Results by the end of the names of their tables: with AVX-512 and with AVX2."""
 PAGE = Path(__file__).parents[1] / "docs" / "reports" / "speed.md"
 SCHEMES = {
     "linear flip": gr.Scheme(basis="linear"),
@@ -81,8 +86,8 @@ def incline_error(scheme: gr.Scheme, columns: int, until: float) -> float:
     return error_of_profile(gr.Simulation(scene, threads=1).run(until=until).state)
 
 
-def tables(results: dict[str, Any]) -> dict[str, list[str]]:
-    """Return the lines of the tables of the page."""
+def tables(results: dict[str, Any], end: str) -> dict[str, list[str]]:
+    """Return the lines of the tables of the page, whose names have this end."""
     times: dict[str, dict[tuple[int, str], list[float]]] = {}
     errors = {}
     for row in results["rows"]:
@@ -101,8 +106,8 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     ]
     space = [[row["scheme"], f"{row['ns']:.0f}"] for row in results["space"]]
     return {
-        "speed": markdown(head, plane),
-        "speed 3D": markdown(("scheme", f"{results['space'][0]['points']:,} points"), space),
+        f"speed{end}": markdown(head, plane),
+        f"speed 3D{end}": markdown(("scheme", f"{results['space'][0]['points']:,} points"), space),
     }
 
 
@@ -111,7 +116,8 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--page", action="store_true", help="write the tables from the results")
     arguments = parser.parse_args(argv)
     if arguments.page:
-        write_tables(PAGE, tables(json.loads(RESULTS.read_text())))
+        for end, results in RESULTS.items():
+            write_tables(PAGE, tables(json.loads(results.read_text()), end))
         return
     sizes = [(0.025, 0.02)] if arguments.quick else [(0.0125, 0.4), (0.0025, 0.15)]
     batches, until = (2, 0.05) if arguments.quick else (12, 4.0)
