@@ -4,9 +4,9 @@
 
 #include "kernels.h"
 
-extern const struct gr_kernels gr_kernels_baseline, gr_single_baseline;
+extern const struct gr_kernels gr_kernels_baseline;
 #ifdef GR_X86
-extern const struct gr_kernels gr_kernels_avx2, gr_kernels_avx512, gr_single_avx2, gr_single_avx512;
+extern const struct gr_kernels gr_kernels_avx2, gr_kernels_avx512;
 #endif
 
 const struct gr_kernels *gr_kernels_select(const char *name)
@@ -25,19 +25,10 @@ const struct gr_kernels *gr_kernels_select(const char *name)
     return 0;
 }
 
-const struct gr_kernels *gr_kernels_in_single(const struct gr_kernels *kernels)
-{
-#ifdef GR_X86
-    if (kernels == &gr_kernels_avx512) return &gr_single_avx512;
-    if (kernels == &gr_kernels_avx2) return &gr_single_avx2;
-#endif
-    return kernels == &gr_kernels_baseline ? &gr_single_baseline : kernels;
-}
-
 int gr_single_has_law(int k)
 {
     int n = 0;
-    while (gr_single_baseline.laws[n]) n++;
+    while (gr_kernels_baseline.single->laws[n]) n++;
     return k < n;
 }
 

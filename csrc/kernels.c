@@ -210,6 +210,8 @@ static void sph(struct gr_sph *s, enum gr_sph_stage stage, int64_t first, int64_
 }
 
 #define GR_NAME GR_PASTE(gr_kernels_, GR_ISA)
+#define GR_IN_SINGLE GR_PASTE(gr_single_, GR_ISA)
+extern const struct gr_kernels GR_IN_SINGLE;
 #else
 #define GR_NAME GR_PASTE(gr_single_, GR_ISA)
 #endif
@@ -228,6 +230,7 @@ const struct gr_kernels GR_NAME = {
     .substep = substep,
     .laws = laws,
 #ifndef GR_SINGLE
+    .single = &GR_IN_SINGLE,
     .apply_cell_forces = cell_forces,
     .smooth = smooth,
     .update_fluidity = fluidity_points,

@@ -24,6 +24,7 @@ struct gr_kernels {
     void (*substep)(struct gr_engine *, int64_t first, int64_t last);
     const struct gr_law *const *laws; /* those of law/registry.inl, then NULL */
     /* in double precision only, else NULL */
+    const struct gr_kernels *single; /* those of the same instruction set in single precision */
     void (*apply_cell_forces)(struct gr_engine *, int64_t first, int64_t last);
     void (*smooth)(struct gr_engine *, int64_t first, int64_t last);
     void (*update_fluidity)(const struct gr_fluidity_call *call);
@@ -34,8 +35,5 @@ struct gr_kernels {
 
 const struct gr_kernels *gr_kernels_select(const char *name); /* NULL or "": the widest that this machine supports */
 
-/* Those in single precision of the same instruction set. */
-const struct gr_kernels *gr_kernels_in_single(const struct gr_kernels *kernels);
-
-/* True if they have law k. */
+/* True if the kernels in single precision have law k. */
 int gr_single_has_law(int k);

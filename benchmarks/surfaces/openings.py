@@ -102,7 +102,7 @@ def slot_cases(quick: bool) -> Cases:
     if quick:
         return {"6 cells, 17 deg, 0": partial(slot, 17.0, 0.0, 6)}
     cases: Cases = {}
-    for cells in (6, 8, 10, 12, 16):
+    for cells in (6, 8, 10, 12, 16, 24):
         for turned in TURNS:
             for offset in OFFSETS:
                 name = f"{cells} cells, {name_of(turned, offset)}"

@@ -408,7 +408,7 @@ static void make_steps(void *context, struct gr_team *team)
 /* The kernels of a scheme, from those in double precision. */
 static const struct gr_kernels *in_precision(const struct gr_engine *e, const struct gr_kernels *kernels)
 {
-    return e->config.single ? gr_kernels_in_single(kernels) : kernels;
+    return e->config.single ? kernels->single : kernels;
 }
 
 static struct run run_of(struct gr_engine *e, const struct gr_kernels *kernels)

@@ -19,7 +19,7 @@ TEST(selects_by_name)
         if (!kernels) continue;
         CHECK(!strcmp(kernels->isa, sets[k]));
         CHECK(kernels->lanes == 2 << k && GR_LANES % kernels->lanes == 0);
-        const struct gr_kernels *single = gr_kernels_in_single(kernels);
+        const struct gr_kernels *single = kernels->single;
         CHECK(!strcmp(single->isa, sets[k]) && single->lanes == (k ? 8 : 4) && GR_LANES % single->lanes == 0);
     }
 }
