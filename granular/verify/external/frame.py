@@ -68,8 +68,10 @@ class Comparison:
     ----------
     quantity : str
         Name and unit.
-    ours, reference : float
-        The two numbers; nan for a reference that has no single number.
+    ours : float
+        Number of the run.
+    reference : float or pair of float
+        The other number, or the ends of the band in which it lies.
     tolerance : str
         Largest difference allowed, as text; empty if the row is only reported.
     passed : bool or None
@@ -78,7 +80,7 @@ class Comparison:
 
     quantity: str
     ours: float
-    reference: float
+    reference: float | Sequence[float]
     tolerance: str = ""
     passed: bool | None = None
 
@@ -89,6 +91,18 @@ def near(
     """Row for a relative difference of at most `share`; without `gate` it is only reported."""
     passed = bool(abs(ours - reference) <= share * abs(reference))
     return Comparison(quantity, ours, reference, f"{share:.0%}", passed if gate else None)
+
+
+def beside(
+    quantity: str, ours: float, ends: tuple[float, float], share: float, gate: bool = True
+) -> Comparison:
+    """Row for a number in a band, or beyond one of its ends by at most a share of that end.
+
+    Without `gate` it is only reported.
+    """
+    low, high = sorted(ends)
+    passed = bool(low - share * abs(low) <= ours <= high + share * abs(high))
+    return Comparison(quantity, ours, (low, high), f"{share:.0%}", passed if gate else None)
 
 
 def below(quantity: str, ours: float, bound: float, gate: bool = True) -> Comparison:
@@ -163,7 +177,7 @@ WORDS = {True: "met", False: "not met", None: "reported"}
 
 def cells_of(row: Comparison) -> list[str]:
     """Texts of a row: quantity, ours, reference, tolerance, verdict."""
-    reference = "" if np.isnan(row.reference) else f"{row.reference:.4g}"
+    reference = " to ".join(f"{end:.4g}" for end in np.atleast_1d(row.reference))
     return [row.quantity, f"{row.ours:.4g}", reference, row.tolerance, WORDS[row.passed]]
 
 
