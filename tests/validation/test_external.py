@@ -9,7 +9,7 @@ import pytest
 
 from granular.cli import main as command
 from granular.verify import external
-from granular.verify.external import columns
+from granular.verify.external import columns, frame
 
 ROOT = Path(__file__).parents[2]
 
@@ -40,6 +40,14 @@ def test_rows_are_met_reported_or_not():
     assert external.near("q", 1.06, 1.0, 0.05).passed is False
     assert external.near("q", 1.06, 1.0, 0.05, gate=False).passed is None
     assert external.below("q", np.nan, 1.0).passed is False
+    assert external.near("q", np.nan, 1.0, 0.05).passed is False
+
+
+def test_a_band_is_met_inside_and_a_little_beyond_its_ends():
+    band = (3.0, 2.0)
+    rows = [external.near("q", ours, band, 0.05) for ours in (1.89, 1.91, 2.5, 3.14, 3.16)]
+    assert [row.passed for row in rows] == [False, True, True, True, False]
+    assert frame.cells_of(rows[0])[2:] == ["3 to 2", "5%", "not met"]
 
 
 def drawn(name):
@@ -80,6 +88,15 @@ def test_moments_of_a_deposit():
 def test_toe_is_where_a_surface_first_falls_to_a_level():
     x = np.arange(5.0)
     assert columns.toe(x, np.array([3.0, 2.0, 1.0, 2.0, 0.0]), 1.5) == pytest.approx(1.5)
+
+
+def test_foot_is_where_the_line_through_a_surface_meets_the_ground():
+    """What is thinner than two grains does not count."""
+    x = np.linspace(0.0, 20.0, 401)
+    line = 1.0 - 0.1 * x
+    assert columns.foot(x, np.maximum(line, 0.0), 0.05) == pytest.approx(10.0)
+    sheet = np.where(line < 0.1, 0.02, line)
+    assert columns.foot(x, np.where(x < 15.0, sheet, 0.0), 0.05) == pytest.approx(10.0, rel=0.01)
 
 
 def test_another_method_with_the_same_law_ends_near():

@@ -86,23 +86,21 @@ class Comparison:
 
 
 def near(
-    quantity: str, ours: float, reference: float, share: float, gate: bool = True
+    quantity: str,
+    ours: float,
+    reference: float | tuple[float, float],
+    share: float,
+    gate: bool = True,
 ) -> Comparison:
-    """Row for a relative difference of at most `share`; without `gate` it is only reported."""
-    passed = bool(abs(ours - reference) <= share * abs(reference))
-    return Comparison(quantity, ours, reference, f"{share:.0%}", passed if gate else None)
+    """Row for a relative difference of at most `share`; without `gate` it is only reported.
 
-
-def beside(
-    quantity: str, ours: float, ends: tuple[float, float], share: float, gate: bool = True
-) -> Comparison:
-    """Row for a number in a band, or beyond one of its ends by at most a share of that end.
-
-    Without `gate` it is only reported.
+    If the reference is a band, by its ends, the difference is that from the nearer end, and none
+    inside.
     """
-    low, high = sorted(ends)
+    ends = np.atleast_1d(reference)
+    low, high = float(ends.min()), float(ends.max())
     passed = bool(low - share * abs(low) <= ours <= high + share * abs(high))
-    return Comparison(quantity, ours, (low, high), f"{share:.0%}", passed if gate else None)
+    return Comparison(quantity, ours, reference, f"{share:.0%}", passed if gate else None)
 
 
 def below(quantity: str, ours: float, bound: float, gate: bool = True) -> Comparison:

@@ -30,7 +30,7 @@ from granular.mpm.walls import Wall
 from granular.regions import Polygon
 from granular.simulation import Simulation
 from granular.theory import bearing_capacity, earth_pressure
-from granular.verify.external.frame import Array, Outcome, beside, case, load, near
+from granular.verify.external.frame import Array, Outcome, case, load, near
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -289,9 +289,7 @@ def _wall(
     K = found.at_rest(STEADY["wall"]) / unit
     angles = "phi = {:g}, phi* = {:.1f} deg".format(*limits(phi))
     name = f"{kind}, {angles}, {base} base, turned by {angle:g} deg, {cells} cells"
-    known = wall_reference(phi, passive, base)
-    row = beside if isinstance(known, tuple) else near
-    outcome.rows.append(row(name, K, known, TOLERANCE, gate))  # type: ignore[operator]
+    outcome.rows.append(near(name, K, wall_reference(phi, passive, base), TOLERANCE, gate))
     if base == "rough" and gate:
         outcome.curves["walls"].append({
             "kind": kind, "phi": phi, "angle": angle,
