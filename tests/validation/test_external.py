@@ -67,10 +67,13 @@ def test_coarse_bagnold():
 
 
 def test_coarse_contact_dynamics():
-    """The asked tolerances hold with 8 cells along the half-width, for the default scheme."""
+    """L1 norm and mean distance are met by the default scheme with 8 cells along the half-width.
+
+    The foot needs cells of two grains, and these are of six.
+    """
     rows = drawn("contact_dynamics")
     assert [row.quantity for row in rows if row.passed is False] == []
-    assert sum(row.passed is True for row in rows) == 3
+    assert sum(row.passed is True for row in rows) == 2
 
 
 def test_moments_of_a_deposit():

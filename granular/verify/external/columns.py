@@ -65,7 +65,8 @@ def toe(x: Array, height: Array, level: float) -> float:
 
 THIN, THICK = 2.0, 8.0
 """Heights in grains between which a surface is continued to the ground: the foot of a deposit. The
-last grain is left out, as its place is a matter of chance and a continuum has no such thing."""
+last grains are left out, as their place is a matter of chance and a continuum has no such thing. A
+foot decides if a cell is at most as high as the lower of the two."""
 
 
 def foot(x: Array, height: Array, grain: float) -> float:
@@ -262,11 +263,13 @@ def contact_dynamics_rows(outcome: Outcome, aspect: float, quick: bool) -> None:
                 ours, theirs = found[column][k], data.facts[fact][k]
                 quantity = f"{what} at t = {k}, {tag}"
                 outcome.rows.append(near(quantity, ours, theirs, share, gate=False))
+        cell = min(data.half_width, 1.0) / cells
+        resolved = cell <= THIN * DIAMETERS[aspect]
         mean, (out_99, out_999) = data.facts["xm"][-1], map(float, found["runout"])
         outcome.rows += [
             below(f"L1 of the deposit over the area, {tag}", found["L1"], 0.06),
             near(f"mean distance of the deposit, {tag}", found["mean"][-1], mean, 0.03),
-            near(f"run-out to the foot in H, {tag}", found["foot"], data.foot, 0.15),
+            near(f"run-out to the foot in H, {tag}", found["foot"], data.foot, 0.15, resolved),
             near(f"run-out of 99 % in H, {tag}", out_99, data.runout("q99"), 0.15, gate=False),
             near(f"run-out of 99.9 % in H, {tag}", out_999, data.runout(), 0.15, gate=False),
         ]
@@ -381,7 +384,7 @@ def bars(quick: bool) -> Outcome:
         tag = f"mu = {name} phi"
         outcome.rows += [
             below(f"rms of the surface [m], {tag}", heap.miss(surface), 3e-3),
-            near(f"foot, continued from 2 bars [m], {tag}", heap.foot(), ends, 0.05),
+            near(f"foot [m], {tag}", heap.foot(), ends, 0.05, gate=cell <= THIN * BAR),
             *(
                 near(f"{k} bars high [m], {tag}", heap.toe(k * BAR), beyond, 0.05, False)
                 for k, beyond in ((3, toe(places, heights, 3.0 * BAR)), (1, last))
