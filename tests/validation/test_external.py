@@ -94,7 +94,7 @@ def test_toe_is_where_a_surface_first_falls_to_a_level():
 
 
 def test_foot_is_where_the_line_through_a_surface_meets_the_ground():
-    """What is thinner than two grains does not count."""
+    """A sheet thinner than two grains does not count."""
     x = np.linspace(0.0, 20.0, 401)
     line = 1.0 - 0.1 * x
     assert columns.foot(x, np.maximum(line, 0.0), 0.05) == pytest.approx(10.0)
