@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from shared import machine, markdown, parser_of, rounded, write, write_tables
 
 import granular as gr
@@ -38,15 +39,40 @@ SCHEMES = {
 }
 
 
-def row(problem: str, changed: str, cells: int, scene: gr.Scene, known: float, kind: str) -> dict:
-    """Coefficient of a run and what it costs."""
+def row(
+    problem: str, changed: str, cells: int, scene: gr.Scene, known: float, kind: str,
+    banded: bool = False,
+) -> dict:  # fmt: skip
+    """Coefficient of a run and what it costs, and the inclination of its band if `banded`."""
     stops = cases.WALL_STOPS if kind == "wall" else cases.FOOTING_STOPS[kind]
     begin = time.process_time()
-    force = cases.reaction(scene, stops).at_rest(cases.STEADY[kind])
+    reaction = cases.reaction(scene, stops)
+    force = reaction.at_rest(cases.STEADY[kind])
     unit = cases.RHO * cases.G * cases.SIZE**2 * (0.5 if kind == "wall" else 0.25)
     seconds = time.process_time() - begin
     found = {"problem": problem, "changed": changed, "cells": cells, "coefficient": force / unit}
-    return found | {"share": force / unit / known, "seconds": seconds}
+    found |= {"share": force / unit / known, "seconds": seconds}
+    return found | ({"band_deg": band(scene, reaction)} if banded else {})
+
+
+def band(scene: gr.Scene, reaction: cases.Reaction) -> float:
+    """Inclination of the edge of a wedge to the surface of the bed [deg], through its heights.
+
+    At a height the edge is the farthest place at which the speed, smoothed over five points, is
+    half of that at the wall above the middle of its height.
+    """
+    along = np.array(scene.bodies[0].motion.velocity[-1])
+    along *= np.sign(along[0]) / np.hypot(*along)
+    x, speed = reaction.points
+    a, h = x @ along / cases.SIZE, x @ [-along[1], along[0]] / cases.SIZE
+    half = 0.5 * np.median(speed[(a < 0.25) & (h > 0.6)])
+    heights, edges = np.arange(0.1, 0.95, 0.05), []
+    for height in heights:
+        near = np.flatnonzero(np.abs(h - height) < 0.03)
+        near = near[np.argsort(a[near])]
+        smooth = np.convolve(speed[near], np.full(5, 0.2), "same")
+        edges.append(a[near[np.flatnonzero(smooth > half)[-1]]])
+    return float(np.degrees(np.arctan(np.polyfit(edges, heights, 1)[0])))
 
 
 def walls(quick: bool) -> Iterator[dict]:
@@ -95,8 +121,8 @@ def wedges(quick: bool) -> Iterator[dict]:
             fills = tuple(replace(fill, jitter=JITTER) for fill in scene.fills)
             scene = scene.replace(fills=fills, seed=seed)
         kind, known = "K_p" if passive else "K_a", cases.rankine(30.0, passive)
-        found = row(kind, f"turned by {angle:g} deg", cells, scene, known, "wall")
-        yield found | {"seed": seed}
+        turned = f"turned by {angle:g} deg"
+        yield row(kind, turned, cells, scene, known, "wall", banded=True) | {"seed": seed}
 
 
 def footings(quick: bool) -> Iterator[dict]:
@@ -138,16 +164,18 @@ def table(rows: list[dict]) -> list[str]:
 
 def wedge_table(rows: list[dict]) -> list[str]:
     """Markdown of the walls at 30 deg: a line for each turn or seed, a column for each size."""
-    found = {(r["problem"], r["changed"], r["seed"], r["cells"]): r["coefficient"] for r in rows}
+    found = {(r["problem"], r["changed"], r["seed"], r["cells"]): r for r in rows}
     lines = []
     for problem, turned, seed in dict.fromkeys(key[:3] for key in found):
         ends = [cases.rankine(phi, problem == "K_p") for phi in cases.limits(30.0)]
         name = turned if seed is None else f"{turned}, random places of the points, seed {seed}"
         values = (found.get((problem, turned, seed, cells)) for cells in CELLS)
-        texts = ("" if value is None else f"{value:.4g}" for value in values)
-        lines.append((problem, name, *texts, *(f"{end:.4g}" for end in ends)))
+        texts = ["" if value is None else f"{value['coefficient']:.4g}" for value in values]
+        texts += [f"{found[problem, turned, seed, 32]['band_deg']:.0f}"]
+        lines.append((problem, name, *(f"{end:.4g}" for end in ends), *texts))
     sizes = (f"{cells} cells" for cells in CELLS)
-    return markdown(("problem", "", *sizes, "upper angle", "lower angle"), lines)
+    head = ("problem", "", "upper angle", "lower angle", *sizes, "band in 32 cells [deg]")
+    return markdown(head, lines)
 
 
 def main(argv: list[str] | None = None) -> None:
