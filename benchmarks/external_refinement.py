@@ -125,7 +125,7 @@ def places(quick: bool) -> Iterator[Row]:
     data = columns.Discs.load(0.5)
     for name, numbers in PLACES[:1] if quick else PLACES:
         cells = 8 if quick else 32
-        found = columns.collapse_of_discs(data, cells, columns.SCHEMES[name], **numbers)
+        found, _ = timed(columns.collapse_of_discs, data, cells, columns.SCHEMES[name], **numbers)
         last = found | {"mean": found["mean"][-1], "energy": found["energy"][-1]}
         changed = "random, seed {seed}".format(**numbers) if numbers else "regular"
         yield {"method": name, "places": changed} | compared(data, last)

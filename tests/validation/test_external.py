@@ -67,13 +67,13 @@ def test_coarse_bagnold():
 
 
 def test_coarse_contact_dynamics():
-    """L1 norm and mean distance are met by the default scheme with 8 cells along the half-width.
+    """L1 norm, mean distance and run-out of 99 % are met with 8 cells, by the default scheme.
 
     The foot needs cells of two grains, and these are of six.
     """
     rows = drawn("contact_dynamics")
     assert [row.quantity for row in rows if row.passed is False] == []
-    assert sum(row.passed is True for row in rows) == 2
+    assert sum(row.passed is True for row in rows) == 3
 
 
 def test_moments_of_a_deposit():
