@@ -101,8 +101,8 @@ def _draw_contact_dynamics(outcome: Outcome) -> Figure:
 
 
 REACHES = np.array([0.99, 0.999])
-"""Shares of the mass whose half-width is a run-out. That of 99.9 % is only reported, as a thousandth
-of a half of the columns is two or three discs."""
+"""Shares of the mass whose half-width is a run-out. The last thousandth of half a column is two or
+three discs, and its place is only reported."""
 
 
 def moments(state: State) -> tuple[float, float, Array]:
