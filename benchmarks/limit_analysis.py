@@ -11,6 +11,7 @@ whole file.
 
 from __future__ import annotations
 
+import itertools
 import json
 import time
 import warnings
@@ -112,10 +113,11 @@ def walls(quick: bool) -> Iterator[dict]:
 
 def wedges(quick: bool) -> Iterator[dict]:
     """Smooth wall, phi = 30 deg, by angle, cells and places of the points."""
-    variants = [(angle, cells, None) for angle in ANGLES for cells in CELLS]
+    variants = [(angle, cells, None) for cells in CELLS for angle in ANGLES]
     variants += [(ANGLES[0], 32, seed) for seed in SEEDS]
-    every = [(passive, *one) for passive in (True, False) for one in variants]
-    for passive, angle, cells, seed in every[:1] if quick else every:
+    variants.sort(key=lambda one: one[1])  # the dear ones last
+    every = [(*one, passive) for one in variants for passive in (True, False)]
+    for angle, cells, seed, passive in every[:1] if quick else every:
         scene = cases.wall_scene(30.0, passive=passive, rough=True, angle_deg=angle, cells=cells)
         if seed is not None:
             fills = tuple(replace(fill, jitter=JITTER) for fill in scene.fills)
@@ -166,7 +168,9 @@ def wedge_table(rows: list[dict]) -> list[str]:
     """Markdown of the walls at 30 deg: a line for each turn or seed, a column for each size."""
     found = {(r["problem"], r["changed"], r["seed"], r["cells"]): r for r in rows}
     lines = []
-    for problem, turned, seed in dict.fromkeys(key[:3] for key in found):
+    runs = [(f"turned by {angle:g} deg", None) for angle in ANGLES]
+    runs += [(runs[0][0], seed) for seed in SEEDS]
+    for problem, (turned, seed) in itertools.product(("K_p", "K_a"), runs):
         ends = [cases.rankine(phi, problem == "K_p") for phi in cases.limits(30.0)]
         name = turned if seed is None else f"{turned}, random places of the points, seed {seed}"
         values = (found.get((problem, turned, seed, cells)) for cells in CELLS)
