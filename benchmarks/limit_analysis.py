@@ -173,9 +173,9 @@ def wedge_table(rows: list[dict]) -> list[str]:
     for problem, (turned, seed) in itertools.product(("K_p", "K_a"), runs):
         ends = [cases.rankine(phi, problem == "K_p") for phi in cases.limits(30.0)]
         name = turned if seed is None else f"{turned}, random places of the points, seed {seed}"
-        values = (found.get((problem, turned, seed, cells)) for cells in CELLS)
-        texts = ["" if value is None else f"{value['coefficient']:.4g}" for value in values]
-        texts += [f"{found[problem, turned, seed, 32]['band_deg']:.0f}"]
+        here = [found.get((problem, turned, seed, cells), {}) for cells in CELLS]
+        texts = [f"{r['coefficient']:.4g}" if r else "" for r in here]
+        texts += [f"{r['band_deg']:.0f}" for r in here if r and r["cells"] == 32]
         lines.append((problem, name, *(f"{end:.4g}" for end in ends), *texts))
     sizes = (f"{cells} cells" for cells in CELLS)
     head = ("problem", "", "upper angle", "lower angle", *sizes, "band in 32 cells [deg]")
