@@ -296,8 +296,7 @@ STUDIES = {
         ("aspect", "a", "g"), ("method", "method", ""), ("cells", "cells", "g"),
         ("points", "points in a cell", "d"), ("stiffness", "E/(rho g H)", "g"),
         ("L1", "L1 of the deposit", ".3f"), ("mean", "mean distance", "+0.1%"),
-        ("energy", "energy", "+0.1%"), ("foot", "run-out to the foot", "+0.1%"),
-        ("runout_99", "run-out of 99 %", "+0.1%"),
+        ("energy", "energy", "+0.1%"), ("runout_99", "run-out of 99 %", "+0.1%"),
         ("runout", "of 99.9 %", "+0.1%"), ("seconds", "core-seconds", ".1f"),
     )),
 }  # fmt: skip
