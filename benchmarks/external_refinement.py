@@ -78,6 +78,7 @@ def compared(data: columns.Discs, found: Row) -> Row:
         "L1": found["L1"],
         "mean": found["mean"] / data.facts["xm"][-1] - 1.0,
         "energy": found["energy"] / data.facts["pe"][-1] - 1.0,
+        "foot": found["foot"] / data.foot - 1.0,
         "runout_99": found["runout"][0] / data.runout("q99") - 1.0,
         "runout": found["runout"][1] / data.runout() - 1.0,
     }
@@ -111,6 +112,25 @@ def discs(quick: bool) -> Iterator[Row]:
         yield from volume_of_fluid(data)
 
 
+PLACES = [
+    (name, {"jitter": 0.3, "seed": seed} if seed else {})
+    for name in ("default", "cell_averaged")
+    for seed in range(4)
+]
+"""Scheme, and random places of the points at the start."""
+
+
+def places(quick: bool) -> Iterator[Row]:
+    """Run-outs of the column of a = 0.5 in 32 cells by the places of its points at the start."""
+    data = columns.Discs.load(0.5)
+    for name, numbers in PLACES[:1] if quick else PLACES:
+        cells = 8 if quick else 32
+        found, _ = timed(columns.collapse_of_discs, data, cells, columns.SCHEMES[name], **numbers)
+        last = found | {"mean": found["mean"][-1], "energy": found["energy"][-1]}
+        changed = "random, seed {seed}".format(**numbers) if numbers else "regular"
+        yield {"method": name, "places": changed} | compared(data, last)
+
+
 # ---- bars ----
 
 BARS = [
@@ -121,7 +141,7 @@ BARS = [
 """Scheme, cell [m], points in a cell, meaning of the angle of friction."""
 
 HEIGHTS = {"bar": 1.0, "bars_2": 2.0, "bars_3": 3.0}
-"""Heights at which the foot of the heap is compared, in bars."""
+"""Heights at which the places of the surface are compared, in bars."""
 
 MOVES = {"line_05": 0.5e-3, "line_1": 1e-3, "line_2": 2e-3, "line_4": 4e-3}
 """Displacements beyond which a point counts as moved [m]."""
@@ -132,7 +152,8 @@ def bars(quick: bool) -> Iterator[Row]:
     surface, line = load("bui2008_surface"), load("bui2008_failure")
     x, y = surface["x_m"], surface["y_m"]
     feet = {name: columns.toe(x, y, k * columns.BAR) for name, k in HEIGHTS.items() if k > 1}
-    yield {"method": "experiment", "bar": float(x.max())} | feet
+    feet |= {"foot": columns.foot(x, y, columns.BAR), "bar": float(x.max())}
+    yield {"method": "experiment"} | feet
     for name, cell, points, mu in BARS[:1] if quick else BARS:
         friction = {"sin": math.sin, "tan": math.tan}[mu](columns.PHI)
         heap, seconds = timed(
@@ -146,6 +167,7 @@ def held(heap: columns.Heap, surface: Data, line: Data) -> Row:
     """Differences of a heap from the experiment, and its foot."""
     row = {"surface": 1e3 * heap.miss(surface)}
     row |= {name: heap.toe(k * columns.BAR) for name, k in HEIGHTS.items()}
+    row["foot"] = heap.foot()
     row["far"] = float(np.quantile(heap.state.x[:, 0], 0.999))
     return row | {name: 1e3 * heap.line(line, moved)[1] for name, moved in MOVES.items()}
 
@@ -253,16 +275,22 @@ STUDIES = {
     "bars_refinement": Study(bars, (
         ("method", "method", ""), ("mu", "mu", ""), ("cell", "cell [mm]", "g"),
         ("points", "points in a cell", "d"), ("surface", "rms of the surface [mm]", ".1f"),
-        ("bar", "foot, 1 bar high [m]", ".3f"), ("bars_2", "2 bars", ".3f"),
+        ("foot", "foot [m]", ".3f"), ("bar", "1 bar high [m]", ".3f"), ("bars_2", "2 bars", ".3f"),
         ("bars_3", "3 bars", ".3f"), ("line_05", "rms of the line [mm], moved by 0.5 mm", ".1f"),
         ("line_1", "1 mm", ".1f"), ("line_2", "2 mm", ".1f"), ("line_4", "4 mm", ".1f"),
         ("seconds", "core-seconds", ".1f"),
     )),
     "bars_causes": Study(causes, (
         ("changed", "changed", ""), ("surface", "rms of the surface [mm]", ".1f"),
-        ("bar", "foot, 1 bar high [m]", ".3f"), ("bars_2", "2 bars", ".3f"),
+        ("foot", "foot [m]", ".3f"), ("bar", "1 bar high [m]", ".3f"), ("bars_2", "2 bars", ".3f"),
         ("bars_3", "3 bars", ".3f"), ("far", "half-width of 99.9 % of the mass [m]", ".3f"),
         ("line_1", "rms of the line [mm], moved by 1 mm", ".1f"),
+    )),
+    "contact_dynamics_places": Study(places, (
+        ("method", "scheme", ""), ("places", "places of the points", ""),
+        ("L1", "L1 of the deposit", ".3f"), ("mean", "mean distance", "+0.1%"),
+        ("foot", "run-out to the foot", "+0.1%"), ("runout_99", "run-out of 99 %", "+0.1%"),
+        ("runout", "of 99.9 %", "+0.1%"),
     )),
     "contact_dynamics_refinement": Study(discs, (
         ("aspect", "a", "g"), ("method", "method", ""), ("cells", "cells", "g"),

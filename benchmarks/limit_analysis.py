@@ -1,23 +1,36 @@
 """Earth pressure and bearing capacity: cells, speeds, stiffness and schemes, one at a time.
 
-    python benchmarks/limit_analysis.py [--quick] [--out FILE] [--page FILE]
+    python benchmarks/limit_analysis.py [--quick] [--only STUDY ...] [--out FILE] [--page FILE]
 
 The problems are those of `granular verify --external limit_analysis`, with a rough base and
-footing. Each row changes what its name says, and nothing else.
+footing. Each row changes what its name says, and nothing else. Walls at 30 degrees of friction,
+where the two friction angles differ most, have a table of their own, by cells and places of the
+points. A study that is run replaces its rows in the file of results; the page is written from the
+whole file.
 """
 
 from __future__ import annotations
 
+import itertools
+import json
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from shared import machine, markdown, parser_of, rounded, write, write_tables
 
 import granular as gr
 from granular.mpm.schemes import ParticleDensity, Scheme, SmoothedDensity
 from granular.verify.external import limit_analysis as cases
+
+ANGLES, CELLS, SEEDS = (0.0, 17.0, 30.0), (16, 24, 32, 48), (1, 2)
+"""Angles against the grid [deg], cells over the height, seeds of random places of the points."""
+
+JITTER = 0.3
+"""Amplitude of the random places, in spacings of the points."""
 
 HEADER = ("problem", "changed", "cells", "coefficient", "over that of the upper angle", "time [s]")
 SCHEMES = {
@@ -27,28 +40,50 @@ SCHEMES = {
 }
 
 
-def row(problem: str, changed: str, cells: int, scene: gr.Scene, known: float, kind: str) -> dict:
-    """Coefficient of a run and what it costs."""
+def row(
+    problem: str, changed: str, cells: int, scene: gr.Scene, known: float, kind: str,
+    banded: bool = False,
+) -> dict:  # fmt: skip
+    """Coefficient of a run and what it costs, and the inclination of its band if `banded`."""
     stops = cases.WALL_STOPS if kind == "wall" else cases.FOOTING_STOPS[kind]
     begin = time.process_time()
-    force = cases.reaction(scene, stops).at_rest(cases.STEADY[kind])
+    reaction = cases.reaction(scene, stops)
+    force = reaction.at_rest(cases.STEADY[kind])
     unit = cases.RHO * cases.G * cases.SIZE**2 * (0.5 if kind == "wall" else 0.25)
     seconds = time.process_time() - begin
     found = {"problem": problem, "changed": changed, "cells": cells, "coefficient": force / unit}
-    return found | {"share": force / unit / known, "seconds": seconds}
+    found |= {"share": force / unit / known, "seconds": seconds}
+    return found | ({"band_deg": band(scene, reaction)} if banded else {})
+
+
+def band(scene: gr.Scene, reaction: cases.Reaction) -> float:
+    """Inclination of the edge of a wedge to the surface of the bed [deg], through its heights.
+
+    At a height the edge is the farthest place at which the speed, smoothed over five points, is
+    half of that at the wall above the middle of its height.
+    """
+    along = np.array(scene.bodies[0].motion.velocity[-1])
+    along *= np.sign(along[0]) / np.hypot(*along)
+    x, speed = reaction.points
+    a, h = x @ along / cases.SIZE, x @ [-along[1], along[0]] / cases.SIZE
+    half = 0.5 * np.median(speed[(a < 0.25) & (h > 0.6)])
+    heights, edges = np.arange(0.1, 0.95, 0.05), []
+    for height in heights:
+        near = np.flatnonzero(np.abs(h - height) < 0.03)
+        near = near[np.argsort(a[near])]
+        smooth = np.convolve(speed[near], np.full(5, 0.2), "same")
+        edges.append(a[near[np.flatnonzero(smooth > half)[-1]]])
+    return float(np.degrees(np.arctan(np.polyfit(edges, heights, 1)[0])))
 
 
 def walls(quick: bool) -> Iterator[dict]:
-    """Smooth wall, phi = 20 deg unless said otherwise, as in the case but for one thing."""
+    """Smooth wall, phi = 20 deg, as in the case but for one thing."""
     turns = ((0.0, 8), (0.0, 16), (0.0, 32), (17.0, 32))
-    variants = [(20.0, passive, *turn) for passive in (True, False) for turn in turns]
-    variants += [(30.0, passive, *turn) for passive in (True, False) for turn in turns[2:]]
-    for phi, passive, angle, cells in variants[:1] if quick else variants:
-        kind, known = "K_p" if passive else "K_a", cases.rankine(phi, passive)
-        scene = cases.wall_scene(phi, passive=passive, rough=True, angle_deg=angle, cells=cells)
-        turned = f"turned by {angle:g} deg"
-        name = turned if phi == 20.0 else f"phi = {phi:g} deg, {turned}"
-        yield row(kind, name, cells, scene, known, "wall")
+    variants = [(passive, *turn) for passive in (True, False) for turn in turns]
+    for passive, angle, cells in variants[:1] if quick else variants:
+        kind, known = "K_p" if passive else "K_a", cases.rankine(20.0, passive)
+        scene = cases.wall_scene(20.0, passive=passive, rough=True, angle_deg=angle, cells=cells)
+        yield row(kind, f"turned by {angle:g} deg", cells, scene, known, "wall")
     if quick:
         return
     given = {"passive": True, "rough": True, "angle_deg": 0.0}
@@ -76,6 +111,22 @@ def walls(quick: bool) -> Iterator[dict]:
         yield row("K_p", "a sticky body as the base", cells, stuck, known, "wall")
 
 
+def wedges(quick: bool) -> Iterator[dict]:
+    """Smooth wall, phi = 30 deg, by angle, cells and places of the points."""
+    variants = [(angle, cells, None) for cells in CELLS for angle in ANGLES]
+    variants += [(ANGLES[0], 32, seed) for seed in SEEDS]
+    variants.sort(key=lambda one: one[1])  # the dear ones last
+    every = [(*one, passive) for one in variants for passive in (True, False)]
+    for angle, cells, seed, passive in every[:1] if quick else every:
+        scene = cases.wall_scene(30.0, passive=passive, rough=True, angle_deg=angle, cells=cells)
+        if seed is not None:
+            fills = tuple(replace(fill, jitter=JITTER) for fill in scene.fills)
+            scene = scene.replace(fills=fills, seed=seed)
+        kind, known = "K_p" if passive else "K_a", cases.rankine(30.0, passive)
+        turned = f"turned by {angle:g} deg"
+        yield row(kind, turned, cells, scene, known, "wall", banded=True) | {"seed": seed}
+
+
 def footings(quick: bool) -> Iterator[dict]:
     """Rough footing on soil with weight, phi = 20 deg, as in the case but for one thing."""
     known = cases.bearing(20.0, False, True)[0]
@@ -97,6 +148,11 @@ def footings(quick: bool) -> Iterator[dict]:
         yield row("N_gamma", name, 20, plain.replace(scheme=scheme), known, "self-weight")
 
 
+STUDIES: dict[str, Callable[[bool], Iterator[dict]]]
+STUDIES = {"walls": walls, "footings": footings, "wedges": wedges}
+"""Rows by their names in the file of results."""
+
+
 def table(rows: list[dict]) -> list[str]:
     """Markdown of the rows."""
     return markdown(HEADER, [
@@ -108,20 +164,47 @@ def table(rows: list[dict]) -> list[str]:
     ])  # fmt: skip
 
 
+def wedge_table(rows: list[dict]) -> list[str]:
+    """Markdown of the walls at 30 deg: a line for each turn or seed, a column for each size."""
+    found = {(r["problem"], r["changed"], r["seed"], r["cells"]): r for r in rows}
+    lines = []
+    runs = [(f"turned by {angle:g} deg", None) for angle in ANGLES]
+    runs += [(runs[0][0], seed) for seed in SEEDS]
+    for problem, (turned, seed) in itertools.product(("K_p", "K_a"), runs):
+        ends = [cases.rankine(phi, problem == "K_p") for phi in cases.limits(30.0)]
+        name = turned if seed is None else f"{turned}, random places of the points, seed {seed}"
+        here = [found.get((problem, turned, seed, cells), {}) for cells in CELLS]
+        if not any(here):
+            continue
+        texts = [f"{r['coefficient']:.4g}" if r else "" for r in here]
+        texts.append(next((f"{r['band_deg']:.0f}" for r in here if r.get("cells") == 32), ""))
+        lines.append((problem, name, *(f"{end:.4g}" for end in ends), *texts))
+    sizes = (f"{cells} cells" for cells in CELLS)
+    head = ("problem", "", "upper angle", "lower angle", *sizes, "band in 32 cells [deg]")
+    return markdown(head, lines)
+
+
 def main(argv: list[str] | None = None) -> None:
     parser = parser_of(__doc__, "one coarse run of each kind")
+    parser.add_argument("--only", nargs="*", choices=list(STUDIES), help="studies to run")
     parser.add_argument("--page", type=Path, help="page whose table is written")
     arguments = parser.parse_args(argv)
-    rows = []
+    known = arguments.out is not None and arguments.out.exists()
+    results = json.loads(arguments.out.read_text())["studies"] if known else {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", gr.StabilityWarning)
-        for part in (walls, footings):
-            for found in part(arguments.quick):
-                rows.append(found)
+        for name in list(STUDIES) if arguments.only is None else arguments.only:
+            results[name] = []
+            for found in STUDIES[name](arguments.quick):
                 print(found, flush=True)
-    write(arguments.out, machine() | {"rows": rounded(rows)})
+                results[name].append(found)
+                write(arguments.out, machine() | {"studies": rounded(results)})
     if arguments.page:
-        write_tables(arguments.page, {"limit_analysis_study": table(rows)})
+        study = table([*results["walls"], *results["footings"]])
+        wedges = wedge_table(results["wedges"])
+        write_tables(
+            arguments.page, {"limit_analysis_study": study, "limit_analysis_wedges": wedges}
+        )
 
 
 if __name__ == "__main__":

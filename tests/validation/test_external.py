@@ -9,7 +9,7 @@ import pytest
 
 from granular.cli import main as command
 from granular.verify import external
-from granular.verify.external import columns
+from granular.verify.external import columns, frame
 
 ROOT = Path(__file__).parents[2]
 
@@ -40,6 +40,14 @@ def test_rows_are_met_reported_or_not():
     assert external.near("q", 1.06, 1.0, 0.05).passed is False
     assert external.near("q", 1.06, 1.0, 0.05, gate=False).passed is None
     assert external.below("q", np.nan, 1.0).passed is False
+    assert external.near("q", np.nan, 1.0, 0.05).passed is False
+
+
+def test_a_band_is_met_inside_and_a_little_beyond_its_ends():
+    band = (3.0, 2.0)
+    rows = [external.near("q", ours, band, 0.05) for ours in (1.89, 1.91, 2.5, 3.14, 3.16)]
+    assert [row.passed for row in rows] == [False, True, True, True, False]
+    assert frame.cells_of(rows[0])[2:] == ["3 to 2", "5%", "not met"]
 
 
 def drawn(name):
@@ -59,7 +67,10 @@ def test_coarse_bagnold():
 
 
 def test_coarse_contact_dynamics():
-    """The asked tolerances hold with 8 cells along the half-width, for the default scheme."""
+    """L1 norm, mean distance and run-out of 99 % are met with 8 cells, by the default scheme.
+
+    The foot needs cells of two grains, and these are of six.
+    """
     rows = drawn("contact_dynamics")
     assert [row.quantity for row in rows if row.passed is False] == []
     assert sum(row.passed is True for row in rows) == 3
@@ -80,6 +91,15 @@ def test_moments_of_a_deposit():
 def test_toe_is_where_a_surface_first_falls_to_a_level():
     x = np.arange(5.0)
     assert columns.toe(x, np.array([3.0, 2.0, 1.0, 2.0, 0.0]), 1.5) == pytest.approx(1.5)
+
+
+def test_foot_is_where_the_line_through_a_surface_meets_the_ground():
+    """A sheet thinner than two grains does not count."""
+    x = np.linspace(0.0, 20.0, 401)
+    line = 1.0 - 0.1 * x
+    assert columns.foot(x, np.maximum(line, 0.0), 0.05) == pytest.approx(10.0)
+    sheet = np.where(line < 0.1, 0.02, line)
+    assert columns.foot(x, np.where(x < 15.0, sheet, 0.0), 0.05) == pytest.approx(10.0, rel=0.01)
 
 
 def test_another_method_with_the_same_law_ends_near():
@@ -109,13 +129,13 @@ def test_coarse_limit_analysis():
 
 
 def test_coarse_stopping_height():
-    """3 % of the law in 10 cells, which the default scheme misses; experiments decide nothing."""
+    """3 % of the law in 10 cells by the scheme that such scenes take; the rest decides nothing."""
     rows = {row.quantity: row for row in drawn("hstop")}
-    missed = [name for name, row in rows.items() if row.passed is False]
-    assert missed == ["u/sqrt(g h), 24 deg, h = 1.5 h_stop, 10 cells, default"]
-    assert rows[missed[0]].ours == pytest.approx(rows[missed[0]].reference, rel=0.07)
-    assert all(row.passed is None for name, row in rows.items() if "experiment" in name)
-    assert sum(row.passed is True for row in rows.values()) == 2
+    decide = [name for name, row in rows.items() if row.passed is not None]
+    assert len(decide) == 2 and all("cell_averaged" in name for name in decide)
+    assert all(rows[name].passed for name in decide)
+    default = rows["u/sqrt(g h), 24 deg, h = 1.5 h_stop, 10 cells, default"]
+    assert default.ours == pytest.approx(default.reference, rel=0.07)
 
 
 def test_the_command_names_a_case_it_does_not_have(capsys):

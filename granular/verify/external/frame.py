@@ -68,8 +68,10 @@ class Comparison:
     ----------
     quantity : str
         Name and unit.
-    ours, reference : float
-        The two numbers; nan for a reference that has no single number.
+    ours : float
+        Number of the run.
+    reference : float or pair of float
+        The other number, or the ends of the band in which it lies.
     tolerance : str
         Largest difference allowed, as text; empty if the row is only reported.
     passed : bool or None
@@ -78,16 +80,26 @@ class Comparison:
 
     quantity: str
     ours: float
-    reference: float
+    reference: float | Sequence[float]
     tolerance: str = ""
     passed: bool | None = None
 
 
 def near(
-    quantity: str, ours: float, reference: float, share: float, gate: bool = True
+    quantity: str,
+    ours: float,
+    reference: float | tuple[float, float],
+    share: float,
+    gate: bool = True,
 ) -> Comparison:
-    """Row for a relative difference of at most `share`; without `gate` it is only reported."""
-    passed = bool(abs(ours - reference) <= share * abs(reference))
+    """Row for a relative difference of at most `share`; without `gate` it is only reported.
+
+    If the reference is a band, by its ends, the difference is that from the nearer end, and none
+    inside.
+    """
+    ends = np.atleast_1d(reference)
+    low, high = float(ends.min()), float(ends.max())
+    passed = bool(low - share * abs(low) <= ours <= high + share * abs(high))
     return Comparison(quantity, ours, reference, f"{share:.0%}", passed if gate else None)
 
 
@@ -163,7 +175,7 @@ WORDS = {True: "met", False: "not met", None: "reported"}
 
 def cells_of(row: Comparison) -> list[str]:
     """Texts of a row: quantity, ours, reference, tolerance, verdict."""
-    reference = "" if np.isnan(row.reference) else f"{row.reference:.4g}"
+    reference = " to ".join(f"{end:.4g}" for end in np.atleast_1d(row.reference))
     return [row.quantity, f"{row.ours:.4g}", reference, row.tolerance, WORDS[row.passed]]
 
 
