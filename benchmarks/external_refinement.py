@@ -179,6 +179,7 @@ CAUSES: dict[str, Row] = {
     "ten times as stiff": {"E": 8.4e6},
     "a quarter as stiff": {"E": 0.21e6},
     "friction of the floor tan phi": {"floor": math.tan(columns.PHI)},
+    "friction that grows with the rate": {"rate": True},
     "no damping of slow flow": {"scheme": UNDAMPED},
     "no damping, ten times as stiff": {"scheme": UNDAMPED, "E": 8.4e6},
 }
@@ -186,7 +187,7 @@ CAUSES: dict[str, Row] = {
 
 
 def causes(quick: bool) -> Iterator[Row]:
-    """Foot of the column of bars by the places of its points, its stiffness, floor and damping."""
+    """Foot of the column of bars by places of points, stiffness, floor, rate and damping."""
     surface, line = load("bui2008_surface"), load("bui2008_failure")
     given = {"mu": math.tan(columns.PHI), "cell": 0.004, "scheme": schemes.cell_averaged}
     for changed, numbers in list(CAUSES.items())[: 1 if quick else None]:

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 RHO, G = 1500.0, 9.8
+DISCS = {"mu_s": 0.32, "mu_2": 0.6, "I0": 0.4}
+"""Friction of the discs of contact dynamics: the numbers that their authors fit to them."""
 STIFF = 1e3 * RHO * G
 """Young's modulus [Pa] of the columns of 1 m of contact dynamics."""
 SCHEMES = {
@@ -215,8 +217,7 @@ def column_of_discs(
     """
     width = half_width or data.half_width
     law = material or MuI(
-        E=stiffness * RHO * G, mu_s=0.32, mu_2=0.6, I0=0.4, d=DIAMETERS[data.aspect],
-        rho_s=RHO, rho_c=RHO,
+        E=stiffness * RHO * G, **DISCS, d=DIAMETERS[data.aspect], rho_s=RHO, rho_c=RHO
     )  # fmt: skip
     column = scenes.column_collapse(
         aspect=1.0 / width, half_width=width, cell=min(width, 1.0) / cells,
@@ -347,15 +348,20 @@ def collapse_of_bars(
     scheme: Scheme = schemes.default,
     *,
     E: float = 0.84e6,
+    rate: bool = False,
     floor: float | None = None,
     **numbers: Any,
 ) -> Heap:
     """Run the column of bars with a friction of the cone `mu`.
 
-    `floor` is the friction of the floor in place of a rough one, and `numbers` are arguments of
+    With `rate` this is the friction at rest, and it grows as that of the discs. `floor` is the friction of the floor in place of a rough one, and `numbers` are arguments of
     `granular.scenes.column_collapse`, such as `points_per_cell`.
     """
-    material = DruckerPrager(E=E, nu=0.3, mu=mu, rho_c=2650.0, rho_s=2650.0)
+    elastic = {"E": E, "nu": 0.3, "rho_c": 2650.0, "rho_s": 2650.0}
+    material: Material = DruckerPrager(mu=mu, **elastic)
+    if rate:
+        at_most = mu + DISCS["mu_2"] - DISCS["mu_s"]
+        material = MuI(mu_s=mu, mu_2=at_most, I0=DISCS["I0"], d=BAR, **elastic)
     scene = borne(scenes.column_collapse(
         aspect=0.5, half_width=0.2, cell=cell, lip=0.7, material=material, scheme=scheme,
         duration=1.5, **numbers,
@@ -368,29 +374,41 @@ def collapse_of_bars(
     return Heap(cell, start, sim.run().state)
 
 
+BARS = {
+    "mu = sin phi": math.sin(PHI),
+    "mu = tan phi": math.tan(PHI),
+    "mu(I), mu_s = tan phi": math.tan(PHI),
+}
+"""Friction of the runs; that of the last one is the friction at rest."""
+
+
 @case(_draw_bars)
 def bars(quick: bool) -> Outcome:
-    """Aluminium bars of Bui et al. 2008: surface, toe, failure line; phi by sin and by tan."""
+    """Aluminium bars of Bui et al. 2008: surface, toe, failure line; phi by sin and by tan.
+
+    A third run, of friction that grows with the rate as that of discs, is only reported: the source
+    has no numbers for it.
+    """
     surface, line, outcome = load("bui2008_surface"), load("bui2008_failure"), Outcome()
     curves: dict[str, Any] = {"experiment": [surface["x_m"].tolist(), surface["y_m"].tolist()]}
     lines: dict[str, Any] = {"experiment": [line["x_m"].tolist(), line["y_m"].tolist()]}
     places, heights = surface["x_m"], surface["y_m"]
     ends, last = foot(places, heights, BAR), float(places.max())
     three = toe(places, heights, 3.0 * BAR)
-    for name, mu in {"sin": math.sin(PHI), "tan": math.tan(PHI)}.items():
+    for tag, mu in BARS.items():
+        rate = tag.startswith("mu(I)")
         with outcome.timed():
             cell, points = (0.01, 16) if quick else (0.0025, 4)
-            heap = collapse_of_bars(mu, cell, points_per_cell=points)
+            heap = collapse_of_bars(mu, cell, rate=rate, points_per_cell=points)
         far = float(np.quantile(heap.state.x[:, 0], 0.999))
         y, off = heap.line(line)
-        tag = f"mu = {name} phi"
         outcome.rows += [
-            below(f"rms of the surface [m], {tag}", heap.miss(surface), 3e-3),
-            near(f"foot [m], {tag}", heap.foot(), ends, 0.05, gate=cell <= THIN * BAR),
+            below(f"rms of the surface [m], {tag}", heap.miss(surface), 3e-3, not rate),
+            near(f"foot [m], {tag}", heap.foot(), ends, 0.05, cell <= THIN * BAR and not rate),
             near(f"three bars high [m], {tag}", heap.toe(3.0 * BAR), three, 0.05, False),
             near(f"one bar high [m], {tag}", heap.toe(BAR), last, 0.05, False),
             near(f"half-width of 99.9 % of the mass [m], {tag}", far, last, 0.05, False),
-            below(f"rms of the failure line [m], {tag}", off, 6e-3),
+            below(f"rms of the failure line [m], {tag}", off, 6e-3, not rate),
         ]
         curves[tag] = [places.tolist(), height_at(heap.state, places).tolist()]
         lines[tag] = [line["x_m"].tolist(), y.tolist()]
