@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 RHO, G = 1500.0, 9.8
-DISCS = {"mu_s": 0.32, "mu_2": 0.6, "I0": 0.4}
+DISCS: dict[str, Any] = {"mu_s": 0.32, "mu_2": 0.6, "I0": 0.4}
 """Friction of the discs of contact dynamics: the numbers that their authors fit to them."""
 STIFF = 1e3 * RHO * G
 """Young's modulus [Pa] of the columns of 1 m of contact dynamics."""
@@ -218,7 +218,7 @@ def column_of_discs(
     width = half_width or data.half_width
     law = material or MuI(
         E=stiffness * RHO * G, **DISCS, d=DIAMETERS[data.aspect], rho_s=RHO, rho_c=RHO
-    )  # fmt: skip
+    )
     column = scenes.column_collapse(
         aspect=1.0 / width, half_width=width, cell=min(width, 1.0) / cells,
         lip=2.0 * data.facts["xf"].max(), material=law, duration=20.0, **numbers,
@@ -354,10 +354,11 @@ def collapse_of_bars(
 ) -> Heap:
     """Run the column of bars with a friction of the cone `mu`.
 
-    With `rate` this is the friction at rest, and it grows as that of the discs. `floor` is the friction of the floor in place of a rough one, and `numbers` are arguments of
+    With `rate` this is the friction at rest, and it grows as that of the discs. `floor` is the
+    friction of the floor in place of a rough one, and `numbers` are arguments of
     `granular.scenes.column_collapse`, such as `points_per_cell`.
     """
-    elastic = {"E": E, "nu": 0.3, "rho_c": 2650.0, "rho_s": 2650.0}
+    elastic: dict[str, Any] = {"E": E, "nu": 0.3, "rho_c": 2650.0, "rho_s": 2650.0}
     material: Material = DruckerPrager(mu=mu, **elastic)
     if rate:
         at_most = mu + DISCS["mu_2"] - DISCS["mu_s"]
