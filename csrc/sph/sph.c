@@ -352,8 +352,9 @@ static void rebuild(struct run *run)
     for (;;) {
         over_chunks(run, list_chunk);
         const int64_t most = combined(run).blocks;
-        if (most > s->stride) s->error = gr_sph_widen(s, most);
-        if (most <= s->stride || s->error) return;
+        if (most <= s->stride) return;
+        s->error = gr_sph_widen(s, most); /* what was listed is gone */
+        if (s->error) return;
     }
 }
 

@@ -203,8 +203,13 @@ def test_gate_moves_on_time_and_goes():
     assert simulation.state.x[:, 0].max() > 6 * DX and simulation.counts["dropped"] == 0
 
 
-def test_particles_that_are_too_fast_for_the_step_are_stopped_by_walls():
-    """With hardly any pressure only the walls themselves stop particles, and they report it."""
+@pytest.mark.parametrize("isa", ["baseline", None])
+def test_particles_that_are_too_fast_for_the_step_are_stopped_by_walls(isa):
+    """With hardly any pressure only the walls themselves stop particles, and they report it.
+
+    They are pressed together, so that the lists of neighbours need more places than at the start,
+    and most of them with the instruction set that has the fewest lanes.
+    """
     floor, side = sph.Wall(1, 0.0, 1), sph.Wall(0, 0.0, 1)
     scene = sph.Scene(
         name="soft",
@@ -216,7 +221,7 @@ def test_particles_that_are_too_fast_for_the_step_are_stopped_by_walls():
         duration=0.05,
     )
     with pytest.warns(gr.StabilityWarning, match="take kappa >="):
-        simulation = gr.Simulation(scene)
+        simulation = gr.Simulation(scene, isa=isa)
     simulation.run()
     assert simulation.counts["stopped"] > 10 and simulation.counts["dropped"] == 0
     assert simulation.n_points == 36 and simulation.state.x.min() >= 0.0
