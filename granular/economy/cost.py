@@ -65,10 +65,10 @@ largest memory of seven scenes of 25,000 to 1,000,000 points: columns, cylinders
 16 points per cell in 2D and 3D, with the default scheme."""
 _CELL_MEMORY = {2: 1700, 3: 6600}
 """Memory of a cell with points and of its nodes [bytes]."""
-_GROWTH_MEMORY = {2: 440, 3: 820}
+_GROWTH_MEMORY = {2: 440, 3: 560}
 """Memory of a point [bytes] in the larger buffers to which it moves from those it is in, and of new
-cells: what 216,000 to 250,000 points that fly apart take beyond the memory at the start when their
-buffers first grow, with the default scheme."""
+cells: what 216,000 to 250,000 points that fly apart take at most beyond the memory at the
+start when their buffers first grow, with the default scheme."""
 _SPH_MEMORY = {2: 500, 3: 1000}
 """Memory of a particle of SPH with its neighbours [bytes], be it of the material, a gas or a wall:
 0.83 to 1.08 of that of layers of 50,000 to 200,000 particles on floors of 8000 to 200,000."""
