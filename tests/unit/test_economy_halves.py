@@ -26,9 +26,14 @@ def test_half_of_a_silo_is_the_silo_of_the_paper():
         gr.economy.mirror_half(found)
 
 
+LEFT, RIGHT = Box((-0.5, 0.0), (0.0, 1.0)), Box((0.0, 0.0), (0.5, 1.0))
+
+
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
+        ({"fills": (Fill(LEFT, 4), Fill(RIGHT, 4, material=gr.MuI(E=1e6)))}, "fills"),
+        ({"fills": (Fill(LEFT, 4), Fill(RIGHT, 4, stagger=True))}, "fills"),
         ({"grid": Grid((-0.5, 0.0), 0.01, (101, 104))}, "no grid line"),
         ({"grid": Grid((-0.5, 0.0), 0.01, (100, 104), open_sides=frozenset({"x+"}))}, "open"),
         ({"gravity": Gravity((0.0,), ((1.0, -9.8),))}, "gravity"),
