@@ -7,8 +7,8 @@
 #include "kernels.h"
 
 /* Define the updates of a law in 2D and 3D, and its descriptor. The arguments after the name are members of struct
- * gr_law. A law and what it calls are GR_INLINE: one body for both dimensions would have its stresses in memory, not in
- * registers. */
+ * gr_law. A law and what it calls are GR_INLINE, but for the long ones of hencky_blocks.h: one body for both dimensions
+ * would have its stresses in memory, not in registers. */
 #define GR_DESCRIBE_LAW(law, ...)                                                \
     static void law##_2d(const struct gr_law_call *call) { law_##law(2, call); } \
     static void law##_3d(const struct gr_law_call *call) { law_##law(3, call); } \
