@@ -54,20 +54,20 @@ def allocate(engine: _core.Engine | _core.Sph, capacity: int) -> dict[str, NDArr
     different offsets in a memory page, so that the processor does not take loads from one row for
     stores to another (a precaution: on the one machine tried it changed nothing).
     """
-    rows = [(name, count) for name, count, _, _ in engine.fields()]
-    total = sum(count for _, count in rows) + 1
-    skew = max(PAGE // total // LINE, 1) * LINE
-    length = -(-capacity * 8 // PAGE) * PAGE + skew
-    raw = np.zeros(total * length + LINE, dtype=np.uint8)
+    rows = {name: (count, dtype) for name, count, _, _, dtype in engine.fields()}
+    rows["id"] = 1, np.dtype(np.int64)
+    size = min(dtype.itemsize for _, dtype in rows.values())
+    skew = max(PAGE // sum(count for count, _ in rows.values()) // LINE, 1) * LINE
+    places = -(-capacity * size // PAGE) * (PAGE // size) + skew // size
+    length = sum(count * places * dtype.itemsize for count, dtype in rows.values())
+    raw = np.zeros(length + LINE, dtype=np.uint8)
     start = -raw.ctypes.data % LINE
     buffers: dict[str, NDArray] = {}
-    for name, count in [*rows, ("id", 1)]:
-        flat = raw[start : start + count * length]
-        if name == "id":
-            buffers[name] = flat.view(np.int64)
-        else:
-            buffers[name] = flat.view(np.float64).reshape(count, length // 8)
-        start += count * length
+    for name, (count, dtype) in rows.items():
+        end = start + count * places * dtype.itemsize
+        buffers[name] = raw[start:end].view(dtype).reshape(count, places)
+        start = end
+    buffers["id"] = buffers["id"][0]
     buffers["id"][:] = -1
     return buffers
 

@@ -42,7 +42,7 @@ GR_INLINE struct gr_yield gr_yield_of(const int cohesive, const struct gr_cohesi
 }
 
 /* Points of a block that bear stress, at the pressure p and the log-density c. With cohesion, `separated` is updated. */
-GR_INLINE vm gr_bears_stress(const int cohesive, const struct gr_cohesion *n, vd c, vd p, double *separated)
+GR_INLINE vm gr_bears_stress(const int cohesive, const struct gr_cohesion *n, vd c, vd p, gr_real *separated)
 {
     const vd zero = v_zero();
     if (!cohesive) return m_and(v_ge(c, zero), v_gt(p, v_set(GR_LEAST_BORNE)));

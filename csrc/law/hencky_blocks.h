@@ -86,7 +86,7 @@ GR_INLINE struct gr_hencky_point hencky_substep(const int dim, const int flow, c
     if (call->begins) {
         const vd in_this_step = v_select(before, v_set(-1.0), v_select(v_gt(p, v_zero()), reconnected, v_set(-1.0)));
         const vd start = gr_fluidity_start(&n->fluidity, g_star), fraction = v_set(call->fraction);
-        double *const of_rate = call->shear_rate + at;
+        gr_real *const of_rate = call->shear_rate + at;
         gr_substeps_begin(dim, &n->fluidity, &turned, &strained, p, call->substeps, at);
         return (struct gr_hencky_point){.g = gr_substep(flow == GR_HENCKY_linear_ngf, 1, &n->fluidity, fraction,
                                                         call->substeps, at, start, in_this_step, of_rate)};

@@ -92,15 +92,15 @@ struct gr_law_call {
     double dt, fraction;
     int pressure_from_density; /* 1: p = K log_density (consistent with eq. 2.7); 0: p from the trial stress (eq. 3.10) */
     const double *parameter;
-    const double *log_density;
+    const gr_real *log_density;
     const gr_real *g_star;
     double *substeps;
     int begins;
-    double *stress[6];
-    double *shear_rate, *g, *gain, *plastic_strain, *separated;
+    gr_real *stress[6];
+    gr_real *shear_rate, *g, *gain, *plastic_strain, *separated;
     gr_own_update *own; /* of a law of the user's own, with its numbers; `history` with `capacity` places per component */
     const double *own_parameter;
-    double *history;
+    gr_real *history;
     int64_t capacity;
 };
 

@@ -53,7 +53,7 @@ GR_INLINE void gr_substeps_end(const int dim, double fraction, double *substeps,
  * Updated: the plastic shear rate, 1/s.
  * Returned: the fluidity g, 1/s, undefined where disconnected. */
 GR_INLINE vd gr_substep(const int linear, const int reconnects, const struct gr_fluidity_numbers *n, vd fraction,
-                        double *substeps, int64_t at, vd start, vd reconnected, double *rate)
+                        double *substeps, int64_t at, vd start, vd reconnected, gr_real *rate)
 {
     double *const to_a = gr_substep_at(substeps, at, GR_SUBSTEP_of_turned), *const to_b = gr_substep_at(
                                                                                 substeps, at, GR_SUBSTEP_of_strained);

@@ -39,7 +39,7 @@ static void call_law(const struct gr_engine *e, int k, const struct batch *batch
                                .own_parameter = material->own_parameter,
                                .history = material->remembers ? e->field[GR_FIELD_history] : 0,
                                .capacity = e->capacity};
-    for (int c = 0; c < (e->config.dim == 2 ? 4 : 6); c++) call.stress[c] = e->field[GR_FIELD_stress] + c * e->capacity;
+    for (int c = 0; c < (e->config.dim == 2 ? 4 : 6); c++) call.stress[c] = gr_numbers(e, GR_FIELD_stress, c, 0);
     laws[material->law]->update[e->config.dim - 2](&call);
 }
 
@@ -50,12 +50,12 @@ static const enum gr_field changed_by_laws[] = {GR_FIELD_stress, GR_FIELD_shear_
 enum { MOST_CHANGED = 15 };
 
 /* Copy what laws change of a block of points to a buffer, or from it to the lanes whose points are not of material k. */
-static void keep_others(const struct gr_engine *e, int64_t at, int k, double *buffer, int back)
+static void keep_others(const struct gr_engine *e, int64_t at, int k, gr_real *buffer, int back)
 {
     for (size_t f = 0; f < sizeof changed_by_laws / sizeof *changed_by_laws; f++)
         for (int c = 0; e->field[changed_by_laws[f]] && c < gr_field_components(changed_by_laws[f], e->config.dim);
              c++, buffer += GR_W) {
-            double *values = e->field[changed_by_laws[f]] + c * e->capacity + at;
+            gr_real *values = gr_numbers(e, changed_by_laws[f], c, at);
             for (int l = 0; l < GR_W; l++) {
                 if (!back)
                     buffer[l] = values[l];
@@ -70,7 +70,7 @@ enum { MIXED = -1 };
 static int material_of_block(const struct gr_engine *e, int64_t at)
 {
     int found = MIXED;
-    const double *own = e->field[GR_FIELD_material] + at;
+    const gr_real *own = gr_numbers(e, GR_FIELD_material, 0, at);
     const vd all = v_load(own), first = v_set(own[0]);
     if (m_bits(m_and(v_ge(all, first), v_ge(first, all))) == GR_ALL_LANES) return gr_material_at(e, at);
     for (int l = 0; l < GR_W; l++) {
@@ -86,7 +86,7 @@ static int material_of_block(const struct gr_engine *e, int64_t at)
  * the points of other materials get back what they had. */
 static __attribute__((noinline)) void call_laws(const struct gr_engine *e, const struct batch *batch, int begins)
 {
-    double kept[MOST_CHANGED * GR_W];
+    gr_real kept[MOST_CHANGED * GR_W];
     for (int64_t b = 0, n; b < batch->n; b += n) {
         const int own = material_of_block(e, batch->slot[b]);
         n = 1;

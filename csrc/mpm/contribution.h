@@ -29,7 +29,7 @@ struct contribution {
 /* Component c of a field for the points at the places from `at` on. */
 GR_INLINE vd component(const struct gr_engine *e, int field, int c, int64_t at)
 {
-    return v_load(e->field[field] + c * e->capacity + at);
+    return v_load(gr_numbers(e, field, c, at));
 }
 
 /* A row of nodes along the first axis; b and c are their indices along the other two. */

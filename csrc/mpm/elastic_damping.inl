@@ -26,7 +26,7 @@ GR_INLINE void store_viscous_stress(const int dim, const struct gr_engine *e, co
     const vd tau = v_sqrt(v_max(gr_tau_squared(dim, &s), v_set(GR_NOTHING)));
     const vd flow = G * component(e, GR_FIELD_shear_rate, 0, at) / tau;
     for (int c = 0; c < GR_STRESSES(dim); c++)
-        v_store(e->field[GR_FIELD_viscous_stress] + c * e->capacity + at,
+        v_store(gr_numbers(e, GR_FIELD_viscous_stress, c, at),
                 v_keep(v_gt(largest, none), v_fnma(flow, s.s[c], viscous.s[c])));
 }
 

@@ -379,7 +379,7 @@ void gr_engine_free(struct gr_engine *e)
     free(e);
 }
 
-void gr_engine_bind(struct gr_engine *e, double *const field[GR_FIELD_COUNT], int64_t *id, int64_t capacity)
+void gr_engine_bind(struct gr_engine *e, void *const field[GR_FIELD_COUNT], int64_t *id, int64_t capacity)
 {
     for (int f = 0; f < GR_FIELD_COUNT; f++) e->field[f] = field[f];
     e->id = id;

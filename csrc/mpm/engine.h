@@ -165,7 +165,7 @@ struct gr_engine {
     struct gr_axis axis[3];
     int K; /* number of nodes of a cell */
     /* the points, in borrowed arrays */
-    double *field[GR_FIELD_COUNT]; /* component c of field f: field[f] + c*capacity */
+    void *field[GR_FIELD_COUNT]; /* numbers.h; component c of field f begins at number c*capacity */
     int64_t *id;
     int64_t capacity, used, n_points; /* places; places used now or before; points in the domain */
     int n_components;                 /* of all fields in use together */
@@ -348,7 +348,7 @@ void gr_engine_free(struct gr_engine *e);
 int gr_engine_uses(const struct gr_config *config, int field); /* 1 if the scene carries the field */
 int gr_nonlocal_material(const struct gr_config *config);      /* number of the material with a fluidity, or -1 */
 /* Set the borrowed buffers of the points. On the first call rows [0, n_points) hold the points, in any order. */
-void gr_engine_bind(struct gr_engine *e, double *const field[GR_FIELD_COUNT], int64_t *id, int64_t capacity);
+void gr_engine_bind(struct gr_engine *e, void *const field[GR_FIELD_COUNT], int64_t *id, int64_t capacity);
 
 /* grouping.c: group the points by cell, and keep their order within each. After GR_ERR_CAPACITY needed_capacity is the
  * capacity that is required. */

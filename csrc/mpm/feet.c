@@ -197,23 +197,20 @@ static double half_spacing(const struct gr_engine *e, double filled)
  * and gravity gives no more than `fall`, m/s, in two steps. */
 static double reach_of(const struct gr_engine *e, int64_t place, double r, double speed, double fall)
 {
-    double square = 0;
-    for (int d = 0; d < e->config.dim; d++) {
-        const double v = e->field[GR_FIELD_v][d * e->capacity + place];
-        square += v * v;
-    }
-    return HOLD * r + 2 * e->dt * (sqrt(square) + speed + fall);
+    return HOLD * r + 2 * e->dt * (sqrt(gr_speed_squared(e, place)) + speed + fall);
 }
 
 /* Largest impulse of a foot of the point at `place` with half the spacing r, where the normal of the surface is n. The viscous
  * stress of damping is left out: it is small beside what EDGE_STRESS is uncertain by. */
 static double most_at_edge(const struct gr_engine *e, int64_t place, double r, const double n[3])
 {
-    const double *stress = e->field[GR_FIELD_stress] + place, area = e->config.dim == 2 ? 2 * r : 4 * r * r;
-    double tension = 0;
-    for (int d = 0; d < e->config.dim; d++) tension += n[d] * n[d] * stress[d * e->capacity];
-    tension += 2 * n[0] * n[1] * stress[3 * e->capacity];
-    if (e->config.dim == 3) tension += 2 * n[2] * (n[1] * stress[4 * e->capacity] + n[0] * stress[5 * e->capacity]);
+    const double area = e->config.dim == 2 ? 2 * r : 4 * r * r;
+    double stress[6] = {0}, tension = 0;
+    for (int c = 0; c < gr_field_components(GR_FIELD_stress, e->config.dim); c++)
+        stress[c] = gr_number(e, GR_FIELD_stress, c, place);
+    for (int d = 0; d < e->config.dim; d++) tension += n[d] * n[d] * stress[d];
+    tension += 2 * n[0] * n[1] * stress[3];
+    if (e->config.dim == 3) tension += 2 * n[2] * (n[1] * stress[4] + n[0] * stress[5]);
     return EDGE_STRESS * fmax(-tension, 0) * area * e->dt;
 }
 
@@ -226,7 +223,7 @@ static int find_foot(const struct gr_engine *e, const struct gr_cell *cell, int6
     const int dim = e->config.dim;
     const int separating = pose->body->contact == GR_CONTACT_SEPARATING;
     double x[3] = {0}, at[3], into = 0;
-    for (int d = 0; d < dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + place];
+    for (int d = 0; d < dim; d++) x[d] = gr_x(e, d)[place];
     const double phi = distance_on_side(e, cell, b, pose, x, foot->arm, foot->normal);
     if (phi > REACH * e->config.dx) return 0;
     if (phi < -DEEP * e->config.dx) return 0;
@@ -234,14 +231,14 @@ static int find_foot(const struct gr_engine *e, const struct gr_cell *cell, int6
         const double *w = e->body[b].omega, *arm = foot->arm;
         for (int d = 0; d < dim; d++) {
             const double turning = w[(d + 1) % 3] * arm[(d + 2) % 3] - w[(d + 2) % 3] * arm[(d + 1) % 3];
-            into += (e->field[GR_FIELD_v][d * e->capacity + place] - e->body[b].v[d] - turning) * foot->normal[d];
+            into += (gr_number(e, GR_FIELD_v, d, place) - e->body[b].v[d] - turning) * foot->normal[d];
         }
     }
     if (!(phi < r) && (separating ? !(phi + 2 * e->dt * (into - fall) < r) : !(phi < HOLD * r))) return 0;
     foot->body = b;
     foot->at_edge = 0;
     foot->bound = separating && phi > r ? (r - phi) / e->dt : 0;
-    foot->most = e->field[GR_FIELD_mass][place] * e->config.wave_speed;
+    foot->most = gr_number(e, GR_FIELD_mass, 0, place) * e->config.wave_speed;
     foot->place = place;
     for (int d = 0; d < 3; d++) at[d] = x[d] - phi * foot->normal[d];
     if (gr_is_at_edge(e, pose, at, foot->normal)) {
@@ -293,10 +290,9 @@ static void find_barred(const struct gr_engine *e, int n, struct gr_foot *foot)
  * normal, and the one with the most friction what is left along its surface. */
 static void start_from_force(const struct gr_engine *e, int n, struct gr_foot *foot)
 {
-    const double *force = e->field[GR_FIELD_contact_force] + foot->place;
     double rest[3] = {0}, most = -1;
     int holding = 0;
-    for (int d = 0; d < e->config.dim; d++) rest[d] = e->dt * force[d * e->capacity];
+    for (int d = 0; d < e->config.dim; d++) rest[d] = e->dt * gr_number(e, GR_FIELD_contact_force, d, foot->place);
     for (int k = 0; k < n; k++) {
         const struct gr_body *body = &e->config.bodies[foot[k].body];
         double pressing = 0;
@@ -318,12 +314,15 @@ void gr_feet_keep(struct gr_engine *e)
 {
     const struct gr_feet *feet = e->feet;
     for (int d = 0; d < e->config.dim; d++) {
-        double *force = e->field[GR_FIELD_contact_force] + d * e->capacity;
         for (int64_t k = 0; k < feet->n_near; k++) {
             const struct gr_cell *cell = &e->mesh.cell[feet->near[k]];
-            for (int32_t s = 0; s < cell->count; s++) force[gr_slot(cell, s)] = 0;
+            for (int32_t s = 0; s < cell->count; s++) gr_set_number(e, GR_FIELD_contact_force, d, gr_slot(cell, s), 0);
         }
-        for (int64_t k = 0; k < feet->n; k++) force[feet->foot[k].place] += e->inv_dt * feet->foot[k].impulse[d];
+        for (int64_t k = 0; k < feet->n; k++) {
+            const int64_t place = feet->foot[k].place;
+            const double before = gr_number(e, GR_FIELD_contact_force, d, place);
+            gr_set_number(e, GR_FIELD_contact_force, d, place, before + e->inv_dt * feet->foot[k].impulse[d]);
+        }
     }
 }
 
@@ -351,7 +350,7 @@ GR_SHARED(search, struct search, w->e->feet->n_near, w)
             const int64_t s = gr_slot(cell, place);
             double x[3] = {0};
             int n = 0;
-            for (int d = 0; d < e->config.dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + s];
+            for (int d = 0; d < e->config.dim; d++) x[d] = gr_x(e, d)[s];
             const double volume = gr_volume_as_mass(e, s);
             if (volume != filled) filled = volume, r = half_spacing(e, filled);
             if (is_far(&about, x, reach_of(e, s, r, w->speed, w->fall))) continue;
@@ -429,7 +428,7 @@ void gr_feet_move_out(struct gr_engine *e)
                 const int64_t s = gr_slot(cell, place);
                 double x[3] = {0}, arm[3], normal[3];
                 if (!(feet->bodies[k] >> b & 1)) continue;
-                for (int d = 0; d < e->config.dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + s];
+                for (int d = 0; d < e->config.dim; d++) x[d] = gr_x(e, d)[s];
                 if (is_far(&about, x, 0)) break;
                 const double deep = -distance_on_side(e, cell, b, &pose[b], x, arm, normal) - DEEPEST * dx;
                 if (!(deep > 1e-9 * dx) || deep > (LOST - DEEPEST) * dx) continue;

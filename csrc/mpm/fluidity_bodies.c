@@ -57,9 +57,9 @@ static void middle_of_points(const struct gr_engine *e, const struct gr_cell *ce
     GR_EACH_OF_FLUIDITY(e, cell, side)
     for (int32_t k = 0; k < side->count; k++) {
         const int64_t s = gr_slot(side, k);
-        const double m = e->field[GR_FIELD_mass][s];
+        const double m = gr_number(e, GR_FIELD_mass, 0, s);
         mass += m;
-        for (int d = 0; d < e->config.dim; d++) moment[d] += m * e->field[GR_FIELD_x][d * e->capacity + s];
+        for (int d = 0; d < e->config.dim; d++) moment[d] += m * gr_x(e, d)[s];
     }
     for (int d = 0; d < e->config.dim && mass > 0; d++) x[d] = moment[d] / mass;
 }

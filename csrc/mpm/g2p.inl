@@ -52,7 +52,7 @@ GR_INLINE void store_affine(const int dim, const int basis, const int affine, st
             (void)gr_interpolate(dim, basis, 1, mode + d * K, s, (const vd(*)[3])moment, C + d * dim);
     }
     for (int c = 0; c < dim * dim; c++)
-        v_store(e->field[GR_FIELD_affine] + c * e->capacity + at, v_keep(carries, C[c] * v_set(e->inv_dt)));
+        v_store(gr_numbers(e, GR_FIELD_affine, c, at), v_keep(carries, C[c] * v_set(e->inv_dt)));
 }
 
 /* Log-density from which the points at the places from `at` on are given an affine field. */
@@ -73,8 +73,8 @@ GR_INLINE unsigned move_row(const int dim, const int basis, const int affine, co
     const int64_t stride = e->capacity;
     const vd *const mode = view->mode;
     const vd dx = v_set(e->config.dx), keep = v_set(e->keep_velocity), speed = v_set(e->config.dx * e->inv_dt);
-    double *const x = e->field[GR_FIELD_x] + at, *const v = e->field[GR_FIELD_v] + at,
-                  *const log_density = e->field[GR_FIELD_log_density] + at;
+    double *const x = gr_x(e, 0) + at;
+    gr_real *const v = gr_numbers(e, GR_FIELD_v, 0, at), *const log_density = gr_numbers(e, GR_FIELD_log_density, 0, at);
     struct gr_shape s;
     vd L[9], move[3], v_new[3], slope[3], delta[3], shift_velocity[3], trace = v_zero();
     gr_shapes(dim, basis, e, &view->frame, at, affine == GR_AFFINE_MOMENT, &s);

@@ -37,7 +37,7 @@ struct list {
 struct regroup {
     struct gr_engine *e;
     struct gr_team *team;
-    int64_t chunks, n, n_cells, total, used; /* points; new cells; their places; places in use before or then */
+    int64_t chunks, n, n_cells, total; /* points; new cells; their places */
     struct list *list;                       /* chunks + 1; the last is that of the pending points */
     int64_t *source;                         /* per point: its old place, or -1 - k for pending point k */
     int64_t *place;    /* per point: index of its cell in the grid; then its number in the new cell; then its new place */
@@ -48,19 +48,10 @@ struct regroup {
     int32_t *counts;   /* points of each cell */
     int32_t *calm;     /* of the new cells; NULL without sleep */
     int64_t *offset;   /* of the new tiles; number of tiles + 1 */
-    int64_t *from;     /* per new place: the source of its point, or SPARE */
-    uint64_t *scratch; /* two columns of the points */
-    int64_t column;    /* the one to be moved */
-    struct column {
-        void *to;
-        const void *pending; /* of pending point k at k x stride */
-        int64_t stride;
-        uint64_t spare; /* value of a spare place */
-    } * columns;
+    struct gr_moves moves;
 };
 
 enum { FEW_POINTS = 2048 }; /* an estimate: fewer are grouped sooner than a team is called */
-#define SPARE INT64_MIN
 
 static void decode(const struct gr_engine *e, int64_t id, int32_t at[3])
 {
@@ -95,7 +86,7 @@ static int add_point(struct regroup *r, struct list *list, int64_t source, const
         return 0;
     }
     if (source >= 0)
-        for (int d = 0; d < e->config.dim; d++) e->field[GR_FIELD_x][d * e->capacity + source] = y[d];
+        for (int d = 0; d < e->config.dim; d++) gr_x(e, d)[source] = y[d];
     int64_t *listed = r->listed + list->first;
     const int64_t index = gr_cell_id(e, cell);
     if (!list->n_cells || listed[list->n_cells - 1] != index) listed[list->n_cells++] = index;
@@ -128,7 +119,7 @@ GR_SHARED(list_old, struct regroup, r->e->mesh.n_cells, r)
     for (int64_t p = 0; p < n && !list->failed; p++, k++) {
         while (e->mesh.n_cells && (!cell || k == cell->count)) cell = &e->mesh.cell[++c], k = 0;
         const int64_t slot = cell ? gr_slot(cell, k) : list->first + k;
-        for (int d = 0; d < e->config.dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + slot];
+        for (int d = 0; d < e->config.dim; d++) x[d] = gr_x(e, d)[slot];
         (void)add_point(r, list, slot, x, e->id[slot]);
     }
 }
@@ -180,16 +171,23 @@ static int64_t merge_listed(struct regroup *r)
 
 /* ---- The new cells ---- */
 
-/* Position of a listed point; it is read from its old place or from its record.
- * Returned: a pointer to its side. */
-static double *look_up(const struct regroup *r, int64_t p, double x[3])
+/* Find the side of a listed point in a cell that has the side `of_cell`, and note it where the point is read from: at its old
+ * place or in its record. */
+static int find_side(const struct regroup *r, int64_t p, int of_cell)
 {
-    const struct gr_engine *e = r->e;
+    struct gr_engine *e = r->e;
     const int64_t place = r->source[p];
-    double *record = place < 0 ? e->pending + (-1 - place) * e->n_components : 0;
-    x[2] = 0;
-    for (int d = 0; d < e->config.dim; d++) x[d] = record ? record[d] : e->field[GR_FIELD_x][d * e->capacity + place];
-    return record ? record + gr_component_of(e, GR_FIELD_side) : e->field[GR_FIELD_side] + place;
+    double *const record = place < 0 ? e->pending + (-1 - place) * e->n_components : 0;
+    double x[3] = {0};
+    double *const packed = record ? record + gr_component_of(e, GR_FIELD_side) : 0;
+    for (int d = 0; d < e->config.dim; d++) x[d] = record ? record[d] : gr_x(e, d)[place];
+    const double before = packed ? *packed : gr_number(e, GR_FIELD_side, 0, place);
+    const int side = of_cell == 1 ? gr_point_side(e, x, (int)before) : 0;
+    if (packed)
+        *packed = side;
+    else
+        gr_set_number(e, GR_FIELD_side, 0, place, side);
+    return side;
 }
 
 /* Make the cells near thin parts double. */
@@ -234,11 +232,7 @@ GR_LISTED(number_cells)
     list->lowest = INT64_MAX, list->highest = -1;
     for (int64_t p = list->first; p < list->first + list->n; p++) {
         int64_t c = (int64_t)gr_table_get(&r->e->mesh.next_of, r->place[p]) - 1;
-        if (r->sides) {
-            double x[3], *side = look_up(r, p, x);
-            *side = r->sides[c] == 1 ? gr_point_side(r->e, x, (int)*side) : 0;
-            c += *side < 0;
-        }
+        if (r->sides) c += find_side(r, p, r->sides[c]) < 0;
         r->cell[p] = (int32_t)c;
         if (c < list->lowest) list->lowest = c;
         if (c > list->highest) list->highest = c;
@@ -289,7 +283,7 @@ static int list_cells(struct regroup *r)
         r->offset[tile] = r->total;
         if (tile < tiles_of(r)) r->total += places;
     }
-    r->used = r->total > e->used ? r->total : e->used;
+    r->moves = (struct gr_moves){.e = e, .team = r->team, .chunks = r->chunks, .used = r->total > e->used ? r->total : e->used};
     return GR_OK;
 }
 
@@ -379,61 +373,24 @@ static void place_cells(struct regroup *r)
 
 /* ---- The points in their new places ---- */
 
-GR_SHARED(clear_from, struct regroup, r->used, r)
+GR_SHARED(clear_from, struct regroup, r->moves.used, r)
 {
     (void)chunk;
-    for (int64_t s = first; s < last; s++) r->from[s] = SPARE;
+    for (int64_t s = first; s < last; s++) r->moves.from[s] = GR_SPARE;
 }
 
 GR_LISTED(find_places)
 {
     for (int64_t p = list->first; p < list->first + list->n; p++)
-        r->from[gr_slot(&r->e->mesh.cell[r->cell[p]], r->place[p])] = r->source[p];
-}
-
-/* Move a column of the points to the new places: first to a copy, which replaces it while the next column is moved. */
-GR_SHARED(move_column, struct regroup, r->used, r)
-{
-    const int64_t k = r->column, columns = r->e->n_components + 1;
-    const size_t size = sizeof *r->scratch;
-    uint64_t *const copy = r->scratch + k % 2 * r->used, *const before = r->scratch + (k + 1) % 2 * r->used;
-    (void)chunk;
-    if (k > 0) memcpy((char *)r->columns[k - 1].to + (size_t)first * size, before + first, size * (size_t)(last - first));
-    if (k == columns) return;
-    const struct column *column = &r->columns[k];
-    const char *const old = column->to, *const pending = column->pending;
-    for (int64_t s = first; s < last; s++) {
-        const int64_t from = r->from[s];
-        if (from >= 0)
-            memcpy(copy + s, old + (size_t)from * size, size);
-        else if (from == SPARE)
-            copy[s] = column->spare;
-        else
-            memcpy(copy + s, pending + (size_t)((-1 - from) * column->stride) * size, size);
-    }
-}
-
-/* Put spare places into the middle of their cells; all else is 0 there already. */
-GR_SHARED(center_spare, struct regroup, r->e->mesh.n_tiles *GR_LANES, r)
-{
-    (void)chunk;
-    for (const struct gr_cell *cell = r->e->mesh.cell + first; cell < r->e->mesh.cell + last; cell++)
-        for (int32_t k = cell->count; k < cell->capacity; k++) gr_center_place(r->e, cell, gr_slot(cell, k));
+        r->moves.from[gr_slot(&r->e->mesh.cell[r->cell[p]], r->place[p])] = r->source[p];
 }
 
 static void move_points(struct regroup *r)
 {
-    struct gr_engine *e = r->e;
-    int64_t n = 0;
-    for (int f = 0; f < GR_FIELD_COUNT; f++)
-        for (int c = 0; e->field[f] && c < gr_field_components(f, e->config.dim); c++, n++)
-            r->columns[n] = (struct column){e->field[f] + c * e->capacity, e->pending + n, e->n_components, 0};
-    r->columns[n++] = (struct column){e->id, e->pending_id, 1, (uint64_t)-1};
     clear_from(r);
     find_places(r);
-    for (r->column = 0; r->column <= n; r->column++) move_column(r);
-    center_spare(r);
-    e->used = r->total;
+    gr_move_points(&r->moves);
+    r->e->used = r->total;
 }
 
 /* Find the places of the active cells on the fluidity grid. */
@@ -458,10 +415,8 @@ static int reserve_points(struct regroup *r)
 
 static int reserve_places(struct regroup *r)
 {
-    r->from = malloc(sizeof *r->from * ((size_t)r->used + 1));
-    r->scratch = malloc(sizeof *r->scratch * (2 * (size_t)r->used + 1));
-    r->columns = malloc(sizeof *r->columns * ((size_t)r->e->n_components + 1));
-    if (!r->from || !r->scratch || !r->columns) return GR_ERR_MEMORY;
+    const int error = gr_reserve_moves(&r->moves);
+    if (error) return error;
     if (!r->e->sleep) return GR_OK;
     r->calm = malloc(sizeof *r->calm * ((size_t)r->n_cells + 1));
     if (!r->calm) return GR_ERR_MEMORY;
@@ -471,9 +426,10 @@ static int reserve_places(struct regroup *r)
 
 static void free_regroup(struct regroup *r)
 {
-    void *const owned[] = {r->list,   r->source, r->place, r->cell,    r->listed,  r->cells, r->sides,
-                           r->counts, r->offset, r->from,  r->scratch, r->columns, r->calm};
+    void *const owned[] = {r->list,  r->source, r->place,  r->cell,   r->listed,
+                           r->cells, r->sides,  r->counts, r->offset, r->calm};
     for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
+    gr_free_moves(&r->moves);
 }
 
 int gr_regroup(struct gr_engine *e, struct gr_team *team)

@@ -60,7 +60,7 @@ static void pack(const struct gr_engine *e, int64_t slot, double *record)
 {
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         for (int c = 0; e->field[f] && c < gr_field_components(f, e->config.dim); c++)
-            *record++ = e->field[f][c * e->capacity + slot];
+            *record++ = gr_number(e, f, c, slot);
 }
 
 /* Unpack a record: copy a point to its new place. */
@@ -68,7 +68,7 @@ static void unpack(struct gr_engine *e, int64_t slot, const double *record, int6
 {
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         for (int c = 0; e->field[f] && c < gr_field_components(f, e->config.dim); c++)
-            e->field[f][c * e->capacity + slot] = *record++;
+            gr_set_number(e, f, c, slot, *record++);
     e->id[slot] = id;
 }
 
@@ -346,7 +346,7 @@ void gr_change_sides(struct gr_engine *e)
         for (int32_t s = 0; s < cell->count; s++) {
             const int64_t slot = gr_slot(cell, s);
             double *record = e->pending + e->n_pending * e->n_components, x[3] = {0};
-            for (int d = 0; d < e->config.dim; d++) x[d] = e->field[GR_FIELD_x][d * e->capacity + slot];
+            for (int d = 0; d < e->config.dim; d++) x[d] = gr_x(e, d)[slot];
             if (gr_point_side(e, x, cell->side) == cell->side) continue;
             const int64_t id = e->id[slot];
             pack(e, slot, record);
@@ -365,7 +365,7 @@ int gr_replace_point(struct gr_engine *e, int64_t index, int64_t slot, const dou
     int same = 1;
     mark_changed(e, index);
     for (int d = 0; d < e->config.dim; d++) {
-        e->field[GR_FIELD_x][d * e->capacity + slot] = x[d];
+        gr_x(e, d)[slot] = x[d];
         same &= gr_locate(&e->axis[d], e->inv_dx, x[d]) == cell->at[d];
     }
     if (same) return 0;

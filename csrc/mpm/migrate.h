@@ -2,7 +2,7 @@
 #pragma once
 
 #include "core/team.h"
-#include "mpm/engine.h"
+#include "mpm/numbers.h"
 
 static inline int64_t gr_cell_id(const struct gr_engine *e, const int32_t at[3])
 {
@@ -35,7 +35,7 @@ static inline void gr_center_place(struct gr_engine *e, const struct gr_cell *ce
 {
     for (int d = 0; d < e->config.dim; d++) {
         const struct gr_axis_cell *ac = &e->axis[d].cell[cell->at[d]];
-        e->field[GR_FIELD_x][d * e->capacity + slot] = 0.5 * (ac->begin + ac->end);
+        gr_x(e, d)[slot] = 0.5 * (ac->begin + ac->end);
     }
 }
 
@@ -44,7 +44,7 @@ static inline void gr_clear_place(struct gr_engine *e, const struct gr_cell *cel
 {
     const int dim = e->config.dim;
     for (int f = 0; f < GR_FIELD_COUNT; f++)
-        for (int c = 0; e->field[f] && c < gr_field_components(f, dim); c++) e->field[f][c * e->capacity + slot] = 0;
+        for (int c = 0; e->field[f] && c < gr_field_components(f, dim); c++) gr_set_number(e, f, c, slot, 0);
     gr_center_place(e, cell, slot);
     e->id[slot] = -1;
 }

@@ -1,13 +1,13 @@
 /* Numbers of the material of a point. */
 #pragma once
 
-#include "mpm/engine.h"
+#include "mpm/numbers.h"
 
 /* The number of the material of the point at a place. Arrays may hold anything: what names no material is the first. */
 static inline int gr_material_at(const struct gr_engine *e, int64_t place)
 {
     if (e->config.n_materials == 1) return 0;
-    const double k = e->field[GR_FIELD_material][place];
+    const double k = gr_number(e, GR_FIELD_material, 0, place);
     return k > 0 && k < e->config.n_materials ? (int)k : 0;
 }
 
@@ -17,7 +17,8 @@ GR_INLINE vd gr_of_material(const struct gr_engine *e, int which, int64_t at)
     const double *number = e->material_number[which];
     double value[GR_W];
     if (__builtin_expect(e->config.n_materials == 1, 1)) return v_set(number[0]);
-    const vd own = v_load(e->field[GR_FIELD_material] + at), first = v_set(e->field[GR_FIELD_material][at]);
+    const gr_real *const numbers = gr_numbers(e, GR_FIELD_material, 0, at);
+    const vd own = v_load(numbers), first = v_set(numbers[0]);
     if (m_bits(m_and(v_ge(own, first), v_ge(first, own))) == GR_ALL_LANES) return v_set(number[gr_material_at(e, at)]);
     for (int l = 0; l < GR_W; l++) value[l] = number[gr_material_at(e, at + l)];
     return v_load(value);
@@ -26,5 +27,5 @@ GR_INLINE vd gr_of_material(const struct gr_engine *e, int which, int64_t at)
 /* The mass of the point at a place if it were of the first material, kg: a measure of its volume. */
 static inline double gr_volume_as_mass(const struct gr_engine *e, int64_t place)
 {
-    return e->field[GR_FIELD_mass][place] * e->material_number[GR_MATERIAL_FILLING][gr_material_at(e, place)];
+    return gr_number(e, GR_FIELD_mass, 0, place) * e->material_number[GR_MATERIAL_FILLING][gr_material_at(e, place)];
 }

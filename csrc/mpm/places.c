@@ -1,5 +1,8 @@
 #include "mpm/places.h"
 
+#include <stdlib.h>
+#include <string.h>
+
 #include "mpm/migrate.h"
 
 /* One row more than the fullest cell has points: a tile that needs more gets them when it does, while spare rows of all tiles
@@ -20,4 +23,90 @@ int gr_grow_tile(struct gr_engine *e, int64_t tile)
     e->used = end;
     e->tiles_grown = 1;
     return 1;
+}
+
+/* A component of a field, or the ids. Pending points have it as 8 bytes, which a buffer of floats takes as a float. */
+struct gr_column {
+    void *to;
+    const double *pending; /* of pending point k at k x stride */
+    int64_t stride;
+    size_t size; /* bytes of a number in the buffer */
+    int64_t spare; /* value of a spare place */
+};
+
+int gr_reserve_moves(struct gr_moves *moves)
+{
+    const size_t n = (size_t)moves->used;
+    moves->from = malloc(sizeof *moves->from * (n + 1));
+    moves->scratch = malloc(sizeof(double) * (2 * n + 1));
+    moves->columns = malloc(sizeof *moves->columns * ((size_t)moves->e->n_components + 1));
+    return moves->from && moves->scratch && moves->columns ? GR_OK : GR_ERR_MEMORY;
+}
+
+void gr_free_moves(struct gr_moves *moves)
+{
+    free(moves->from);
+    free(moves->scratch);
+    free(moves->columns);
+}
+
+/* Copy the numbers of a column for the places [first, last) in their new order. */
+static inline __attribute__((always_inline)) void gather(const size_t size, const struct gr_moves *moves,
+                                                         const struct gr_column *column, int64_t first, int64_t last,
+                                                         char *copy)
+{
+    const char *const old = column->to;
+    for (int64_t s = first; s < last; s++) {
+        const int64_t from = moves->from[s];
+        char *const to = copy + (size_t)s * size;
+        if (from >= 0) {
+            memcpy(to, old + (size_t)from * size, size);
+        } else if (from == GR_SPARE) {
+            memcpy(to, &column->spare, size); /* all bytes of it are alike */
+        } else {
+            const double *const pending = column->pending + (-1 - from) * column->stride;
+            const float narrow = size == sizeof(float) ? (float)*pending : 0;
+            memcpy(to, size == sizeof(float) ? (const void *)&narrow : pending, size);
+        }
+    }
+}
+
+/* Move a column of the points to the new places: first to a copy, which replaces it while the next column is moved. */
+GR_SHARED(move_column, struct gr_moves, m->used, m)
+{
+    const int64_t k = m->column, columns = m->e->n_components + 1;
+    char *const half[2] = {m->scratch, m->scratch + (size_t)m->used * sizeof(double)};
+    (void)chunk;
+    if (k > 0) {
+        const size_t size = m->columns[k - 1].size, begin = (size_t)first * size;
+        memcpy((char *)m->columns[k - 1].to + begin, half[(k - 1) % 2] + begin, size * (size_t)(last - first));
+    }
+    if (k == columns) return;
+    if (m->columns[k].size == sizeof(float))
+        gather(sizeof(float), m, &m->columns[k], first, last, half[k % 2]);
+    else
+        gather(sizeof(double), m, &m->columns[k], first, last, half[k % 2]);
+}
+
+/* Put spare places into the middle of their cells; all else is 0 there already. */
+GR_SHARED(center_spare, struct gr_moves, m->e->mesh.n_tiles *GR_LANES, m)
+{
+    (void)chunk;
+    for (const struct gr_cell *cell = m->e->mesh.cell + first; cell < m->e->mesh.cell + last; cell++)
+        for (int32_t k = cell->count; k < cell->capacity; k++) gr_center_place(m->e, cell, gr_slot(cell, k));
+}
+
+void gr_move_points(struct gr_moves *moves)
+{
+    struct gr_engine *e = moves->e;
+    int64_t n = 0;
+    for (int f = 0; f < GR_FIELD_COUNT; f++) {
+        const size_t size = gr_is_double(&e->config, f) ? sizeof(double) : sizeof(float);
+        for (int c = 0; e->field[f] && c < gr_field_components(f, e->config.dim); c++, n++)
+            moves->columns[n] = (struct gr_column){(char *)e->field[f] + (size_t)(c * e->capacity) * size, e->pending + n,
+                                                   e->n_components, size, 0};
+    }
+    moves->columns[n++] = (struct gr_column){e->id, (const double *)e->pending_id, 1, sizeof *e->id, -1};
+    for (moves->column = 0; moves->column <= n; moves->column++) move_column(moves);
+    center_spare(moves);
 }

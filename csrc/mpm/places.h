@@ -1,6 +1,7 @@
-/* Rows of places of a tile. */
+/* Rows of places of a tile, and the way of all points to new places. */
 #pragma once
 
+#include "core/team.h"
 #include "mpm/engine.h"
 
 /* Number of rows of a tile whose fullest cell has `most` points. */
@@ -9,3 +10,24 @@ int32_t gr_rows_of_tile(int32_t most);
 /* Give a tile more rows, once until all points are grouped anew. They lie behind all places in use.
  * Returned: 0 if it has been given some, or if the buffers have no places left. */
 int gr_grow_tile(struct gr_engine *e, int64_t tile);
+
+#define GR_SPARE INT64_MIN
+
+/* Work space to move all points to new places. */
+struct gr_moves {
+    struct gr_engine *e;
+    struct gr_team *team;
+    int64_t chunks, used; /* places in use before or after */
+    int64_t *from;        /* per new place: the old one of its point, -1 - k for pending point k, or GR_SPARE */
+    char *scratch;        /* two columns of the points */
+    struct gr_column *columns;
+    int64_t column; /* the one to be moved */
+};
+
+/* Reserve the work space, in which no place has a point yet. */
+int gr_reserve_moves(struct gr_moves *moves);
+
+/* Move the points to the places in which the cells of the mesh have them. */
+void gr_move_points(struct gr_moves *moves);
+
+void gr_free_moves(struct gr_moves *moves);

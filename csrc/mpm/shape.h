@@ -2,7 +2,7 @@
 #pragma once
 
 #include "core/simd.h"
-#include "mpm/engine.h"
+#include "mpm/numbers.h"
 
 /* Put before a loop over blocks to prevent unrolling: an unrolled loop would first copy all its input to the stack. */
 #define GR_ROLLED _Pragma("GCC unroll 1")
@@ -108,7 +108,7 @@ GR_INLINE void gr_shapes(const int dim, const int basis, const struct gr_engine 
                          const int positions, struct gr_shape *s)
 {
     for (int d = 0; d < dim; d++) {
-        s->xi[d] = x_minus(x_load(e->field[GR_FIELD_x] + d * e->capacity + at), frame->edge[d]) * frame->inv_dx;
+        s->xi[d] = x_minus(x_load(gr_x(e, d) + at), frame->edge[d]) * frame->inv_dx;
         gr_shape_1d(basis, &frame->knots[d], frame->lambda, s->xi[d], s->w[d], s->g[d]);
         for (int a = 0; positions && a < gr_nodes_1d(basis); a++) s->r[d][a] = frame->position[d][a] - s->xi[d];
     }

@@ -82,10 +82,7 @@ static int is_slow(const struct gr_engine *e, const struct gr_cell *cell)
 {
     const double most = e->config.scheme.sleep_speed * e->config.scheme.sleep_speed;
     for (int32_t k = 0; k < cell->count; k++) {
-        const double *at = e->field[GR_FIELD_v] + gr_slot(cell, k);
-        double square = 0;
-        for (int d = 0; d < e->config.dim; d++) square += at[d * e->capacity] * at[d * e->capacity];
-        if (!(square < most)) return 0;
+        if (!(gr_speed_squared(e, gr_slot(cell, k)) < most)) return 0;
     }
     return 1;
 }
@@ -114,7 +111,7 @@ static void stop(struct gr_engine *e, const struct gr_cell *cell)
     static const int fields[] = {GR_FIELD_v, GR_FIELD_affine, GR_FIELD_shift_velocity, GR_FIELD_shear_rate};
     for (size_t f = 0; f < sizeof fields / sizeof *fields; f++)
         for (int c = 0; e->field[fields[f]] && c < gr_field_components(fields[f], e->config.dim); c++)
-            for (int32_t k = 0; k < cell->count; k++) e->field[fields[f]][c * e->capacity + gr_slot(cell, k)] = 0;
+            for (int32_t k = 0; k < cell->count; k++) gr_set_number(e, fields[f], c, gr_slot(cell, k), 0);
 }
 
 /* Let calm cells fall asleep that have no restless node. */

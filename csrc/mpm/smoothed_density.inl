@@ -72,7 +72,7 @@ GR_INLINE void correct_weights(const int dim, const int basis, struct gr_engine 
 {
     const int K = gr_power(gr_nodes_1d(basis), dim);
     const struct gr_density_numbers *q = &e->config.density;
-    double *place = e->field[GR_FIELD_weight_correction] + at;
+    gr_real *place = gr_numbers(e, GR_FIELD_weight_correction, 0, at);
     vd u = v_load(place), divergence = v_zero(), slope[3];
     for (int d = 0; d < dim; d++) {
         (void)gr_interpolate(dim, basis, 0, mode + (GR_NODE_RESIDUAL + d) * K, s, (const vd(*)[3])s->g, slope);
@@ -107,7 +107,7 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
     const vd(*g)[3] = (const vd(*)[3])s->g;
     vd slope[3], gradient[3];
     const double interval = e->config.averaging_interval;
-    const vd old = v_load(e->field[GR_FIELD_log_density] + at), flow = v_load(e->field[GR_FIELD_shear_rate] + at);
+    const vd old = component(e, GR_FIELD_log_density, 0, at), flow = component(e, GR_FIELD_shear_rate, 0, at);
     const vm stressed = v_ge(old, gr_of_material(e, GR_MATERIAL_STRESSED, at));
     const vm connected = v_ge(old, gr_of_material(e, GR_MATERIAL_SEPARATION, at));
     const vd strain = v_set(interval) * v_select(stressed, v_set(e->dt) * flow, kinematic_rate(dim, L));
@@ -117,10 +117,10 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
     (void)gr_interpolate(dim, basis, 0, mode + GR_NODE_EXCESS * K, s, g, slope);
     vd c = v_fma(v_keep(connected, averaged_share(e, interval * e->dt, strain, old)), near - old, old - trace);
     for (int d = 0; d < dim; d++)
-        v_store(e->field[GR_FIELD_density_gradient] + d * e->capacity + at, v_keep(connected, gradient[d] * v_set(inv_dx)));
+        v_store(gr_numbers(e, GR_FIELD_density_gradient, d, at), v_keep(connected, gradient[d] * v_set(inv_dx)));
     c = c + v_keep(connected, v_set(e->servo_shift));
     c = c + v_keep(v_ge(c, v_zero()), relax_to_nodal_density(q, interval * e->dt, strain, gap));
-    if (e->config.damping_rate > 0) v_store(e->field[GR_FIELD_damping] + at, damped_share(e, flow, old, at));
+    if (e->config.damping_rate > 0) v_store(gr_numbers(e, GR_FIELD_damping, 0, at), damped_share(e, flow, old, at));
     vd length = v_zero();
     for (int d = 0; d < dim; d++) {
         delta[d] = v_set(-q->shifting * dx) * strain * slope[d];
@@ -138,7 +138,7 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
         shift_velocity[d] = v_zero();
         for (int j = 0; j < dim; j++) shift_velocity[d] = v_fma(L[d * dim + j], delta[j], shift_velocity[d]);
         shift_velocity[d] = shift_velocity[d] * v_set(e->inv_dt);
-        v_store(e->field[GR_FIELD_shift_velocity] + d * e->capacity + at, shift_velocity[d]);
+        v_store(gr_numbers(e, GR_FIELD_shift_velocity, d, at), shift_velocity[d]);
     }
     return c;
 }

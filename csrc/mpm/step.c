@@ -45,7 +45,6 @@ static void find_fastest(void *context, int64_t chunk, int t)
 {
     struct fastest *fastest = context;
     const struct gr_engine *e = fastest->e;
-    const double *v = e->field[GR_FIELD_v];
     int64_t first, last;
     double largest = 0;
     (void)t;
@@ -53,9 +52,7 @@ static void find_fastest(void *context, int64_t chunk, int t)
     for (int64_t c = first; c < last; c++) {
         const struct gr_cell *cell = &e->mesh.cell[c];
         for (int32_t k = 0; cell->calm != GR_ASLEEP && k < cell->count; k++) { /* asleep: v = 0 */
-            const double *at = v + gr_slot(cell, k);
-            double square = 0;
-            for (int d = 0; d < e->config.dim; d++) square += at[d * e->capacity] * at[d * e->capacity];
+            const double square = gr_speed_squared(e, gr_slot(cell, k));
             if (square > largest) largest = square;
         }
     }
@@ -339,14 +336,14 @@ static void stage_grid(struct run *run)
 /* After the diffusion has failed to converge: find a point that is not finite, if there is one. */
 static void blame(struct gr_engine *e)
 {
-    const double *g = e->field[GR_FIELD_g], *rate = e->field[GR_FIELD_shear_rate]; /* g is not stored in all substeps */
     e->error_id = -1;
     e->error_step = e->step;
     for (int64_t s = 0; s < e->used; s++) {
-        if (e->id[s] < 0 || (isfinite(g[s]) && isfinite(rate[s]))) continue;
+        const double g = gr_number(e, GR_FIELD_g, 0, s); /* it is not stored in all substeps */
+        if (e->id[s] < 0 || (isfinite(g) && isfinite(gr_number(e, GR_FIELD_shear_rate, 0, s)))) continue;
         e->error = GR_ERR_NOT_FINITE;
         e->error_id = e->id[s];
-        for (int d = 0; d < e->config.dim; d++) e->error_x[d] = e->field[GR_FIELD_x][d * e->capacity + s];
+        for (int d = 0; d < e->config.dim; d++) e->error_x[d] = gr_x(e, d)[s];
         return;
     }
 }

@@ -76,7 +76,6 @@ GR_INLINE void substep_tiles(const int linear, struct gr_engine *e, int64_t firs
 {
     const vd fraction = v_set(1.0 / e->config.nonlocal.substeps);
     const struct gr_fluidity_numbers numbers = gr_fluidity_numbers_of(fluidity, e->dt / e->config.nonlocal.substeps);
-    double *const rate = e->field[GR_FIELD_shear_rate];
     const int64_t begin = first * GR_LANES, end = last * GR_LANES;
     for (int64_t c = begin; c < end; c += GR_W) {
         double g_star[GR_W];
@@ -90,7 +89,8 @@ GR_INLINE void substep_tiles(const int linear, struct gr_engine *e, int64_t firs
         vd flow = v_zero();
         for (int n = 0; n < points; n++) {
             const int64_t at = gr_slot(&e->mesh.cell[c], n);
-            const vd g = gr_substep(linear, 0, &numbers, fraction, e->substeps, at, start, v_zero(), rate + at);
+            const vd g = gr_substep(linear, 0, &numbers, fraction, e->substeps, at, start, v_zero(),
+                                    gr_numbers(e, GR_FIELD_shear_rate, 0, at));
             const vd weight = v_load(gr_substep_at(e->substeps, at, GR_SUBSTEP_weight));
             flow = v_fma(weight, v_keep(v_gt(weight, v_zero()), g), flow);
         }

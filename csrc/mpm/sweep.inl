@@ -54,12 +54,12 @@ static void keep_points(struct gr_engine *e, int64_t tile, unsigned asleep, doub
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         for (int c = 0; e->field[f] && c < gr_field_components(f, e->config.dim); c++)
             for (int32_t row = 0; row < cell->capacity; row++, buffer += GR_LANES) {
-                double *values = e->field[f] + c * e->capacity + gr_slot(cell, row);
+                const int64_t place = gr_slot(cell, row);
                 for (int l = 0; l < GR_LANES; l++) {
                     if (!back)
-                        buffer[l] = values[l];
+                        buffer[l] = gr_number(e, f, c, place + l);
                     else if (asleep >> l & 1u)
-                        values[l] = buffer[l];
+                        gr_set_number(e, f, c, place + l, buffer[l]);
                 }
             }
 }

@@ -36,7 +36,8 @@ PyObject *gr_python_fields(struct gr_object *self, PyObject *Py_UNUSED(unused))
     for (int f = 0; list && f < self->n_fields; f++) {
         const struct gr_field_info *info = &self->fields[f];
         if (!self->components[f]) continue;
-        list = gr_append(list, Py_BuildValue("siss", info->name, self->components[f], info->unit, info->doc));
+        PyObject *dtype = (PyObject *)PyArray_DescrFromType(self->type[f]);
+        list = gr_append(list, Py_BuildValue("sissN", info->name, self->components[f], info->unit, info->doc, dtype));
     }
     return list;
 }
@@ -55,7 +56,7 @@ Py_ssize_t gr_take_buffers(const struct gr_object *self, PyObject *dict, PyArray
         PyObject *object = PyDict_GetItemString(dict, names[k]);
         if (!object) return gr_refuse("the buffer %s is missing", names[k]);
         arrays[k] = k == n ? gr_array(object, names[k], NPY_INT64, 1, shape + 1, 1)
-                           : gr_array(object, names[k], NPY_DOUBLE, 2, shape, 1);
+                           : gr_array(object, names[k], self->type[k], 2, shape, 1);
         if (!arrays[k]) return -1;
         if (k == n) shape[1] = PyArray_DIM(arrays[k], 0);
     }

@@ -15,6 +15,7 @@ struct gr_object {
     const struct gr_kernels *kernels;
     const struct gr_field_info *fields;
     int n_fields, components[GR_MAX_FIELDS];   /* 0 components: the engine does not carry the field */
+    int type[GR_MAX_FIELDS];                   /* of the numbers of its array, NPY_DOUBLE or NPY_FLOAT */
     PyArrayObject *buffers[GR_MAX_FIELDS + 1]; /* the borrowed arrays, the ids last */
     PyObject *borrowed;                        /* what else the engine borrows from; may be NULL */
     int is_bound, busy;
@@ -35,7 +36,7 @@ int gr_begin_object(struct gr_object *self, const char *isa);
  * another thread. What comes from the caller is to be read before, as that may run code. */
 void *gr_ready(const struct gr_object *self, int must_be_bound);
 
-/* fields() -> [(name, components, unit, doc)] that this engine carries. */
+/* fields() -> [(name, components, unit, doc, dtype)] that this engine carries. */
 PyObject *gr_python_fields(struct gr_object *self, PyObject *unused);
 
 /* The arrays of a dict that the engine needs: those of its fields, NULL for one it does not carry, and the ids last.

@@ -1,6 +1,7 @@
 /* The Python type `Engine`, of the material point method (MPM); what its methods do is said in their table below. */
 #include <math.h>
 
+#include "mpm/numbers.h"
 #include "mpm/sleep.h"
 #include "python/engine_common.h"
 
@@ -42,8 +43,10 @@ static int engine_init(struct gr_object *self, PyObject *args, PyObject *kwargs)
     if (error) gr_raise(error, NULL);
     if (error) return -1;
     self->engine = e, self->fields = gr_field_table, self->n_fields = GR_FIELD_COUNT;
-    for (int f = 0; f < GR_FIELD_COUNT; f++)
+    for (int f = 0; f < GR_FIELD_COUNT; f++) {
         self->components[f] = gr_engine_uses(&e->config, f) ? gr_field_components(f, config.dim) : 0;
+        self->type[f] = gr_is_double(&e->config, f) ? NPY_DOUBLE : NPY_FLOAT;
+    }
     return refuse_diffusion(e);
 }
 
@@ -66,7 +69,7 @@ static PyObject *engine_bind(struct gr_object *self, PyObject *args)
     if (n_points < 0 || n_points > capacity || (!fresh && capacity < e->capacity))
         return PyErr_Format(PyExc_ValueError, "%zd points do not fit buffers of %zd places", n_points, capacity);
     gr_keep_buffers(self, arrays);
-    double *field[GR_FIELD_COUNT];
+    void *field[GR_FIELD_COUNT];
     for (int f = 0; f < GR_FIELD_COUNT; f++) field[f] = arrays[f] ? PyArray_DATA(arrays[f]) : NULL;
     gr_engine_bind(e, field, PyArray_DATA(arrays[GR_FIELD_COUNT]), capacity);
     self->is_bound = 1;
@@ -401,7 +404,7 @@ static PyMethodDef methods[] = {
     {"fluidity", (PyCFunction)engine_fluidity, METH_NOARGS,
      "fluidity()\n--\n\nmethod, substeps, limit (s), iterations, clamped (cells) of a nonlocal law; None without one."},
     {"fields", (PyCFunction)gr_python_fields, METH_NOARGS,
-     "fields()\n--\n\n[(name, components, unit, doc)] of the buffers."},
+     "fields()\n--\n\n[(name, components, unit, doc, dtype)] of the buffers."},
     {NULL, NULL, 0, NULL}};
 
 PyTypeObject *gr_engine_type(PyObject *module)

@@ -107,7 +107,10 @@ static int sph_init(struct gr_object *self, PyObject *args, PyObject *kwargs)
     if (error) gr_raise(error, NULL);
     if (error) return -1;
     self->engine = s, self->fields = gr_sph_field_table, self->n_fields = GR_SPH_FIELD_COUNT;
-    for (int f = 0; f < GR_SPH_FIELD_COUNT; f++) self->components[f] = gr_sph_components(s, f);
+    for (int f = 0; f < GR_SPH_FIELD_COUNT; f++) {
+        self->components[f] = gr_sph_components(s, f);
+        self->type[f] = NPY_DOUBLE;
+    }
     return take_gas(s, gas);
 }
 
@@ -267,7 +270,7 @@ static PyMethodDef methods[] = {
     {"stable_dt", (PyCFunction)sph_stable_dt, METH_NOARGS,
      "stable_dt()\n--\n\ncfl times the smaller of h/(4 c) and sqrt(h/|a|)/4, s."},
     {"fields", (PyCFunction)gr_python_fields, METH_NOARGS,
-     "fields()\n--\n\n[(name, components, unit, doc)] of the buffers."},
+     "fields()\n--\n\n[(name, components, unit, doc, dtype)] of the buffers."},
     {NULL, NULL, 0, NULL}};
 
 PyTypeObject *gr_sph_type(PyObject *module)

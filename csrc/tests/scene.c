@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "mpm/numbers.h"
+
 static uint64_t seed = 1;
 
 void scene_seed(uint64_t value) { seed = value; }
@@ -115,6 +117,18 @@ struct gr_map scene_map(const struct scene *s, const uint8_t *value, int nodes)
     return map;
 }
 
+/* Store the numbers of the fields as floats where the engine has them so, each in the first half of its array. */
+static void narrow(struct scene *s)
+{
+    for (int f = 0; f < GR_FIELD_COUNT; f++) {
+        if (!s->field[f] || gr_is_double(&s->config, f)) continue;
+        for (int64_t k = 0; k < s->capacity * gr_field_components(f, s->config.dim); k++) {
+            const float number = (float)s->field[f][k];
+            memcpy((char *)s->field[f] + (size_t)k * sizeof number, &number, sizeof number);
+        }
+    }
+}
+
 int scene_build(struct scene *s, int64_t n, double low, double high)
 {
     struct gr_config *c = &s->config;
@@ -132,7 +146,8 @@ int scene_build(struct scene *s, int64_t n, double low, double high)
     s->id = malloc(sizeof(int64_t) * (size_t)s->capacity);
     for (int64_t k = 0; k < s->capacity; k++) s->id[k] = -1;
     fill(s, n, low, high);
-    gr_engine_bind(s->engine, s->field, s->id, s->capacity);
+    narrow(s);
+    gr_engine_bind(s->engine, (void *const *)s->field, s->id, s->capacity);
     s->engine->n_points = s->engine->used = n;
     return GR_OK;
 }
@@ -158,7 +173,7 @@ int scene_grow(struct scene *s)
     free(s->id);
     s->id = id;
     s->capacity = capacity;
-    gr_engine_bind(s->engine, s->field, s->id, capacity);
+    gr_engine_bind(s->engine, (void *const *)s->field, s->id, capacity);
     return short_of || !id;
 }
 

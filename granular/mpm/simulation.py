@@ -51,7 +51,7 @@ class _Gathered:
 
     def __init__(self, rows: NDArray, places: NDArray[np.int64]) -> None:
         self._rows, self._places = np.atleast_2d(rows), places
-        self.dtype = rows.dtype
+        self.dtype = np.dtype(float) if rows.dtype == np.float32 else rows.dtype
         wide = (len(rows),) if rows.ndim == 2 and len(rows) > 1 else ()
         self.shape = (len(places), *wide)
         self.wrap: dict[
@@ -61,7 +61,10 @@ class _Gathered:
     def column(self, k: int, out: NDArray) -> NDArray:
         """Put a column into an array of numbers of 8 bytes."""
         column = out.view(self.dtype)
-        self._rows[k].take(self._places, out=column, mode="clip")  # "raise" would buffer it
+        if self._rows.dtype == self.dtype:
+            self._rows[k].take(self._places, out=column, mode="clip")  # "raise" would buffer it
+        else:
+            column[:] = self._rows[k].take(self._places)
         if k in self.wrap:
             lower, length = self.wrap[k]
             column[column < lower] += length

@@ -1,0 +1,45 @@
+/* The numbers of the points, in the arrays that the engine borrows. They are doubles; with kernels in single precision they are
+ * floats, but for the positions, since a point moves by a small part of its coordinate in a step. */
+#pragma once
+
+#include "core/simd.h"
+#include "mpm/engine.h"
+
+/* True if the numbers of a field are doubles. */
+static inline int gr_is_double(const struct gr_config *config, int field) { return field == GR_FIELD_x || !config->single; }
+
+/* Component d of the positions. */
+static inline double *gr_x(const struct gr_engine *e, int d) { return (double *)e->field[GR_FIELD_x] + d * e->capacity; }
+
+/* Component c of a field of the point at a place. */
+static inline double gr_number(const struct gr_engine *e, int field, int c, int64_t place)
+{
+    const int64_t at = c * e->capacity + place;
+    return gr_is_double(&e->config, field) ? ((const double *)e->field[field])[at] : ((const float *)e->field[field])[at];
+}
+
+static inline void gr_set_number(const struct gr_engine *e, int field, int c, int64_t place, double number)
+{
+    const int64_t at = c * e->capacity + place;
+    if (gr_is_double(&e->config, field))
+        ((double *)e->field[field])[at] = number;
+    else
+        ((float *)e->field[field])[at] = (float)number;
+}
+
+/* Square of the speed of the point at a place. */
+static inline double gr_speed_squared(const struct gr_engine *e, int64_t place)
+{
+    double square = 0;
+    for (int d = 0; d < e->config.dim; d++) {
+        const double v = gr_number(e, GR_FIELD_v, d, place);
+        square += v * v;
+    }
+    return square;
+}
+
+/* For kernels, which are compiled for one precision: component c of a field other than the positions, from a place on. */
+GR_INLINE gr_real *gr_numbers(const struct gr_engine *e, int field, int c, int64_t place)
+{
+    return (gr_real *)e->field[field] + c * e->capacity + place;
+}
