@@ -42,6 +42,9 @@ static const struct gr_law *const laws[] = {
 #include "mpm/g2p.inl"
 #include "mpm/sweep.inl"
 #include "mpm/node_sums.inl"
+#ifndef GR_SINGLE
+#include "mpm/node_motion.inl"
+#endif
 
 #define GR_PASTE2(a, b) a##b
 #define GR_PASTE(a, b) GR_PASTE2(a, b)
@@ -145,7 +148,20 @@ static void sum_nodes(const struct gr_engine *e, int64_t group, int damped, int 
 #undef GR_X
 }
 
+/* The kernels in single precision take the one in double precision. */
+#define GR_MOVE_NODES GR_PASTE(gr_move_nodes_, GR_ISA)
+void GR_MOVE_NODES(const struct gr_engine *e, int damped, const double g[3], const double *sums,
+                   struct gr_node_motion *motion);
+
 #ifndef GR_SINGLE
+void GR_MOVE_NODES(const struct gr_engine *e, int damped, const double g[3], const double *sums, struct gr_node_motion *motion)
+{
+    if (e->config.dim == 2)
+        damped ? move_group(2, 1, e, g, sums, motion) : move_group(2, 0, e, g, sums, motion);
+    else
+        damped ? move_group(3, 1, e, g, sums, motion) : move_group(3, 0, e, g, sums, motion);
+}
+
 static void smooth(struct gr_engine *e, int64_t first, int64_t last)
 {
 #define GR_SMOOTH(d, b)                             \
@@ -223,6 +239,7 @@ const struct gr_kernels GR_NAME = {
     .p2g = p2g,
     .p2g_arrivals = p2g_arrivals,
     .sum_nodes = sum_nodes,
+    .move_nodes = GR_MOVE_NODES,
     .sum_volumes = sum_volumes,
     .sweep = sweep,
     .mean_pairs = mean_pairs,

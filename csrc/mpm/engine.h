@@ -310,6 +310,9 @@ enum gr_density_field {
 };
 #define GR_NODE_FIELDS(dim, averages) ((averages) ? GR_NODE_DENSITY(dim) + GR_NODE_RESIDUAL + (dim) : GR_NODE_DAMPING(dim))
 
+/* Number of groups of GR_LANES nodes. */
+static inline int64_t gr_groups(const struct gr_engine *e) { return (e->mesh.n_nodes + GR_LANES - 1) / GR_LANES; }
+
 /* Component `field` of node_data. */
 static inline double *gr_node_field(const struct gr_engine *e, int field) { return e->node_data + field * e->node_places; }
 

@@ -27,13 +27,17 @@ GR_INLINE int64_t joined_with(const struct gr_engine *e, int64_t n)
     return e->n_thin && e->mesh.duplicate[n] >= 0 && !e->mesh.separated[n] ? e->mesh.duplicate[n] : -1;
 }
 
-/* Add the sums of another node. */
-GR_INLINE void add_node(const int dim, const int smoothed, const struct gr_engine *e, const struct gr_kernels *kernels,
-                        int64_t n, double *sum)
+/* Add the sums of the nodes to which those of a group are joined. */
+static __attribute__((noinline)) void add_joined(const int dim, const int smoothed, const struct gr_engine *e,
+                                                 const struct gr_kernels *kernels, int64_t first, int lanes, double *sums)
 {
-    double sums[GR_NODE_SUMS(3) * GR_LANES];
-    kernels->sum_nodes(e, n / GR_LANES, smoothed > 0, smoothed == AVERAGED, sums);
-    for (int q = 0; q < rows_of(dim, smoothed); q++) sum[q] += sums[q * GR_LANES + n % GR_LANES];
+    double others[GR_NODE_SUMS(3) * GR_LANES];
+    for (int l = 0; l < lanes; l++) {
+        const int64_t other = joined_with(e, first + l);
+        if (other < 0) continue;
+        kernels->sum_nodes(e, other / GR_LANES, smoothed > 0, smoothed == AVERAGED, others);
+        for (int q = 0; q < rows_of(dim, smoothed); q++) sums[q * GR_LANES + l] += others[q * GR_LANES + other % GR_LANES];
+    }
 }
 
 void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last)
@@ -49,14 +53,12 @@ void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last)
     }
 }
 
-/* Apply the wall of a node, and note the impulse on it (wall_impulse.h); v and next are NULL where there is no mass. Not
- * inline: the loop over nodes is for those who do not ask. */
-static __attribute__((noinline)) void note_impulse(struct gr_engine *e, int64_t n, double *v, double *next)
+/* Apply the wall of a node with the given damping, and note the impulse on it (wall_impulse.h). Not inline: the loop over nodes
+ * is for those who do not ask. */
+static __attribute__((noinline)) void note_impulse(struct gr_engine *e, int64_t n, double damping, double *v, double *next)
 {
     const int dim = e->config.dim;
-    const double m = e->node_mass[n]; /* its own, that of a duplicate not included */
-    const double kept =
-        e->keep_velocity - (e->config.smoothed || e->config.cell_averaged ? gr_node_field(e, GR_NODE_DAMPING(dim))[n] : 0);
+    const double m = e->node_mass[n], kept = e->keep_velocity - damping; /* its own mass, that of a duplicate not included */
     double *impulse = e->watch->node + n * dim, before[3], free[3];
     memset(impulse, 0, sizeof(double) * (size_t)dim);
     if (!v || !e->mesh.node_code[n]) return;
@@ -66,12 +68,24 @@ static __attribute__((noinline)) void note_impulse(struct gr_engine *e, int64_t 
     for (int d = 0; d < dim; d++) impulse[d] = m * ((free[d] - next[d]) - kept * (before[d] - v[d]));
 }
 
-/* Share of the difference to the velocity of a node that points lose: its mass-weighted mean over the points times the
- * largest damping of the step. */
-GR_INLINE double damping_of_node(const int dim, const struct gr_engine *e, const double *sum, double m)
+/* True if a node has so little mass that it is at rest. A NaN has mass: it is found at the points. */
+static inline int is_empty(const struct gr_engine *e, double m) { return m <= e->config.mass_cutoff; }
+
+/* Apply the wall of node `lane` of the group from `first` on. */
+static void apply_wall(struct gr_engine *e, int64_t first, int lane, double m, struct gr_node_motion *motion)
 {
-    const double share = e->config.damping_rate * e->dt * sum[GR_SUM_DAMPED(dim)] / m;
-    return e->keep_velocity * (share < 1 ? share : 1);
+    const int dim = e->config.dim;
+    double v[3], next[3];
+    if (is_empty(e, m)) {
+        if (e->watch) note_impulse(e, first + lane, 0, 0, 0);
+        return;
+    }
+    for (int d = 0; d < dim; d++) v[d] = motion->v[d][lane], next[d] = motion->next[d][lane];
+    if (e->watch)
+        note_impulse(e, first + lane, motion->damping[lane], v, next);
+    else
+        gr_apply_wall(gr_wall_now(e, e->mesh.node_code[first + lane]), dim, v, next);
+    for (int d = 0; d < dim; d++) motion->v[d][lane] = v[d], motion->next[d][lane] = next[d];
 }
 
 /* True if a body leaves hardly any volume to a node. */
@@ -104,61 +118,69 @@ static __attribute__((noinline)) void describe_mixture(const int dim, const stru
         if (of_density[GR_SUM_CONNECTED] < LEAST_AVERAGED * filled) field[GR_NODE_RESIDUAL + d] = 0;
 }
 
-/* The grid stage for some nodes. */
+/* Store the motion of the first `lanes` nodes of a group for the points: v', and the update w. */
+GR_INLINE void store_motion(const int dim, const int damps, struct gr_engine *e, int64_t first, int lanes,
+                            const struct gr_node_motion *motion)
+{
+    const double keep = e->keep_velocity;
+    const int order = e->config.xpic_order;
+    for (int l = 0; damps && l < lanes; l++) gr_node_field(e, GR_NODE_DAMPING(dim))[first + l] = motion->damping[l];
+    for (int d = 0; d < dim; d++) {
+        double *const velocity = gr_node_field(e, GR_NODE_VELOCITY + d) + first;
+        double *const update = gr_node_field(e, GR_NODE_UPDATE(dim) + d) + first;
+        for (int l = 0; l < lanes; l++) {
+            const double v = motion->v[d][l], next = motion->next[d][l], kept = keep - motion->damping[l];
+            velocity[l] = next;
+            update[l] = kept * (next - v) + (1 - kept) * next;
+            e->node_v[(first + l) * dim + d] = v;
+        }
+        for (int l = 0; order > 0 && l < lanes; l++) /* XPIC, pass r = 1: the increment plus order times v */
+            update[l] = motion->next[d][l] - motion->v[d][l] + order * motion->v[d][l];
+    }
+}
+
+/* Store what an averaging needs of node n, from its sums. */
+GR_INLINE void store_density(const int dim, struct gr_engine *e, const struct gr_kernels *kernels, int64_t n,
+                             const double *sum)
+{
+    const int first = GR_NODE_DENSITY(dim), last = GR_NODE_FIELDS(dim, 1), closed = is_closed(e, n);
+    double out[GR_NODE_FIELDS(3, 1)] = {0}; /* the gap: until gr_grid_surroundings */
+    const double m = sum[GR_SUM_MASS];
+    if (is_empty(e, m))
+        out[first + GR_NODE_OWN_GAP] = closed ? GR_CLOSED_GAP : GR_EMPTY_GAP;
+    else if (e->config.n_materials > 1)
+        describe_mixture(dim, e, kernels, n, sum, out);
+    else
+        gr_describe_density(dim, sum, m, e->cell_mass, e->mesh.node_volume[n], e->servo_strain, out);
+    if (closed) out[first + GR_NODE_OWN_GAP] = GR_CLOSED_GAP, out[first + GR_NODE_EXCESS] = 0;
+    for (int q = first; q < last; q++) gr_node_field(e, q)[n] = out[q];
+}
+
+/* The grid stage for the nodes [first, last). */
 GR_INLINE void grid_nodes(const int dim, const int smoothed, struct gr_engine *e, const struct gr_kernels *kernels,
                           int64_t first, int64_t last, const double g[3])
 {
-    const int averages = smoothed == AVERAGED, fields = GR_NODE_FIELDS(dim, averages) + (smoothed == 1);
-    const double dt = e->dt, cutoff = e->config.mass_cutoff, keep = e->keep_velocity;
-    double sums[GR_NODE_SUMS(3) * GR_LANES];
-    for (int64_t n = first; n < last; n++) {
-        double sum[GR_NODE_SUMS(3)], v[3], next[3], out[GR_NODE_FIELDS(3, 1)];
-        if (gr_group_rests(e, n - n % GR_LANES)) {
-            n += GR_LANES - 1 - n % GR_LANES;
-            continue;
+    const int damps = smoothed > 0, averages = smoothed == AVERAGED;
+    _Alignas(64) double sums[GR_NODE_SUMS(3) * GR_LANES];
+    _Alignas(64) struct gr_node_motion motion;
+    for (int64_t n = first; n < last; n += GR_LANES) {
+        const int lanes = last - n < GR_LANES ? (int)(last - n) : GR_LANES;
+        if (gr_group_rests(e, n)) continue;
+        kernels->sum_nodes(e, n / GR_LANES, damps, averages, sums);
+        for (int l = 0; l < lanes; l++) e->node_mass[n + l] = sums[GR_SUM_MASS * GR_LANES + l];
+        if (e->n_thin) add_joined(dim, smoothed, e, kernels, n, lanes, sums);
+        kernels->move_nodes(e, damps, g, sums, &motion);
+        for (int l = 0; l < lanes; l++)
+            if (e->mesh.node_code[n + l] || e->watch) apply_wall(e, n, l, sums[GR_SUM_MASS * GR_LANES + l], &motion);
+        if (__builtin_expect(lanes == GR_LANES, 1)) /* a literal, so that the loops are of vectors */
+            store_motion(dim, damps, e, n, GR_LANES, &motion);
+        else
+            store_motion(dim, damps, e, n, lanes, &motion);
+        for (int l = 0; averages && l < lanes; l++) {
+            double sum[GR_NODE_SUMS(3)];
+            for (int q = 0; q < rows_of(dim, smoothed); q++) sum[q] = sums[q * GR_LANES + l];
+            store_density(dim, e, kernels, n + l, sum);
         }
-        if (n == first || n % GR_LANES == 0) kernels->sum_nodes(e, n / GR_LANES, smoothed > 0, averages, sums);
-        for (int q = 0; q < rows_of(dim, smoothed); q++) sum[q] = sums[q * GR_LANES + n % GR_LANES];
-        e->node_mass[n] = sum[GR_SUM_MASS];
-        if (joined_with(e, n) >= 0) add_node(dim, smoothed, e, kernels, joined_with(e, n), sum);
-        const double m = sum[GR_SUM_MASS];
-        if (!(m > cutoff) && m == m) { /* a NaN passes, and is found at the points */
-            for (int q = 0; q < fields; q++) out[q] = 0;
-            if (averages) out[GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP] = is_closed(e, n) ? GR_CLOSED_GAP : GR_EMPTY_GAP;
-            for (int d = 0; d < dim; d++) e->node_v[n * dim + d] = 0;
-            if (e->watch) note_impulse(e, n, 0, 0);
-            for (int q = 0; q < fields; q++) gr_node_field(e, q)[n] = out[q];
-            continue;
-        }
-        const double damping = smoothed ? damping_of_node(dim, e, sum, m) : 0, kept = keep - damping;
-        if (smoothed) gr_node_field(e, GR_NODE_DAMPING(dim))[n] = out[GR_NODE_DAMPING(dim)] = damping;
-        for (int d = 0; d < dim; d++) {
-            v[d] = sum[GR_SUM_MOMENTUM + d] / m;
-            next[d] = v[d] + dt * (sum[GR_SUM_FORCE(dim) + d] / m + g[d]);
-        }
-        if (__builtin_expect(e->watch != 0, 0))
-            note_impulse(e, n, v, next);
-        else if (e->mesh.node_code[n])
-            gr_apply_wall(gr_wall_now(e, e->mesh.node_code[n]), dim, v, next);
-        for (int d = 0; d < dim; d++) {
-            out[GR_NODE_VELOCITY + d] = next[d];
-            out[GR_NODE_UPDATE(dim) + d] = kept * (next[d] - v[d]) + (1 - kept) * next[d];
-            e->node_v[n * dim + d] = v[d];
-        }
-        if (e->config.xpic_order > 0) /* XPIC, pass r = 1: the increment plus order times v */
-            for (int d = 0; d < dim; d++) out[GR_NODE_UPDATE(dim) + d] = next[d] - v[d] + e->config.xpic_order * v[d];
-        if (averages) {
-            out[GR_NODE_DENSITY(dim) + GR_NODE_GAP] = 0; /* until gr_grid_surroundings */
-            if (e->config.n_materials > 1)
-                describe_mixture(dim, e, kernels, n, sum, out);
-            else
-                gr_describe_density(dim, sum, m, e->cell_mass, e->mesh.node_volume[n], e->servo_strain, out);
-        }
-        if (averages && is_closed(e, n)) {
-            out[GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP] = GR_CLOSED_GAP;
-            out[GR_NODE_DENSITY(dim) + GR_NODE_EXCESS] = 0;
-        }
-        for (int q = 0; q < fields; q++) gr_node_field(e, q)[n] = out[q];
     }
 }
 

@@ -3,10 +3,16 @@
 
 #include "mpm/engine.h"
 
+/* Motion of the nodes of a group: v, and the velocity `next` after the step, m/s; and the share of the difference to the
+ * velocity of a node that its points lose, its mass-weighted mean over them times the largest damping of the step. */
+struct gr_node_motion {
+    double v[3][GR_LANES], next[3][GR_LANES], damping[GR_LANES];
+};
+
 /* Compute only the masses of the nodes, to node_mass, where the forces depend on them (mpm/cell_averaged.inl). */
 void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last);
 
-/* Momentum balance on the nodes [first, last) with gravity g (Dunatunga & Kamrin 2015, eq. 3.5-3.8):
+/* Momentum balance on the nodes [first, last), which begin with a whole group, with gravity g (Dunatunga & Kamrin 2015, eq. 3.5-3.8):
  *
  *   v = p/m,  v' = v + dt (f/m + g), walls;  w = f (v' - v) + (1 - f) v'.
  *

@@ -147,8 +147,11 @@ static int share_out(struct run *run)
     return GR_OK;
 }
 
-static void grid_nodes(struct run *run, int64_t first, int64_t last)
+/* The grid stage for groups of GR_LANES nodes. */
+static void grid_nodes(struct run *run, int64_t first_group, int64_t last_group)
 {
+    const int64_t n = run->e->mesh.n_nodes, first = first_group * GR_LANES, end = last_group * GR_LANES;
+    const int64_t last = end < n ? end : n;
     if (run->e->n_thin) gr_split_nodes(run->e, first, last);
     gr_grid_nodes(run->e, run->kernels, first, last, run->gravity);
 }
@@ -208,7 +211,7 @@ GR_CHUNK_OF(run->e->mesh.n_paired, mean_pairs, run->kernels->mean_pairs(run->e, 
 GR_CHUNK_OF(run->e->mesh.n_nodes, masses, gr_grid_masses(run->e, first, last))
 GR_CHUNK_OF(run->e->mesh.n_nodes, surroundings, gr_grid_surroundings(run->e, first, last))
 GR_CHUNK_OF(run->e->mesh.n_nodes, smooth_nodes, gr_grid_smooth(run->e, first, last, run->pass))
-GR_CHUNK_OF(run->e->mesh.n_nodes, nodes, grid_nodes(run, first, last))
+GR_CHUNK_OF(gr_groups(run->e), nodes, grid_nodes(run, first, last))
 
 static void all_tiles(struct run *run, gr_chunk_work *chunk) { gr_team_run(run->team, chunk, run, run->n_chunks); }
 
@@ -318,7 +321,7 @@ static void stage_grid(struct run *run)
         all_of(run, masses, n_nodes);
         all_tiles(run, cell_forces);
     }
-    all_of(run, nodes, n_nodes);
+    all_of(run, nodes, gr_groups(e));
     if (e->config.n_bodies) e->error = gr_bodies_touch(e, run->gravity, run->team);
     if (e->error) {
         e->sums_valid = 0;
