@@ -92,7 +92,7 @@ typedef double vd_in_memory __attribute__((vector_size(8 * GR_W), aligned(8)));
 static inline vd v_load(const double *p) { return (vd) * (const vd_in_memory *)p; }
 static inline void v_store(double *p, vd a) { *(vd_in_memory *)p = (vd_in_memory)a; }
 
-/* Positions. x_fma: a b + c; x_minus: a - b. */
+/* Positions. x_fma: a b + c; x_minus: a - b; x_within: begin <= a < end, as a mask that x_bits turns into a bit for each lane. */
 typedef vd vx;
 static inline vx x_set(double a) { return v_set(a); }
 static inline vx x_load(const double *p) { return v_load(p); }
@@ -102,6 +102,10 @@ static inline vx x_add(vx a, vd b) { return a + b; }
 static inline vd x_minus(vx a, vx b) { return a - b; }
 static inline vm x_gt(vx a, vx b) { return v_gt(a, b); }
 static inline vm x_ge(vx a, vx b) { return v_ge(a, b); }
+typedef vm xm;
+static inline xm x_within(vx a, vx begin, vx end) { return m_and(v_ge(a, begin), v_gt(end, a)); }
+static inline xm x_and(xm a, xm b) { return m_and(a, b); }
+static inline unsigned x_bits(xm a) { return m_bits(a); }
 
 #endif
 

@@ -106,15 +106,16 @@ GR_INLINE unsigned move_row(const int dim, const int basis, const int affine, co
     }
     v_store(log_density, c);
     if (affine) store_affine(dim, basis, affine, e, at, &s, mode, v_ge(c, affine_from(e, view, at)), L);
-    vm stays = v_ge(v_set(NO_DENSITY), v_abs(c)); /* a NaN counts as outside */
+    xm inside;
     for (int d = 0; d < dim; d++) {
         vx y = x_fma(dx, move[d], x_load(x + d * stride));
         if (cell_averaged || averages) y = x_add(y, delta[d]);
         v_store(v + d * stride, v_new[d]);
         x_store(x + d * stride, y);
-        stays = m_and(stays, m_and(x_ge(y, view->begin[d]), x_gt(view->end[d], y)));
+        const xm along = x_within(y, view->begin[d], view->end[d]);
+        inside = d ? x_and(inside, along) : along;
     }
-    return m_bits(stays);
+    return x_bits(inside) & m_bits(v_ge(v_set(NO_DENSITY), v_abs(c))); /* a NaN counts as outside */
 }
 
 /* G2P of the cells of a tile, row by row. Their points are added to the batch of the law.

@@ -322,9 +322,9 @@ _WANTED = {
 def _fields(asked: _Asked) -> _Advice:
     scene = asked.scene
     carried = engine.build(scene, 1.0).fields()
-    numbers = sum(components for _, components, _, _ in carried)
-    names = ", ".join(name for name, _, _, _ in carried)
-    text = f"The scheme carries {names}: {8 * numbers} bytes a point, all of which it needs"
+    size = sum(components * dtype.itemsize for _, components, *_, dtype in carried)
+    names = ", ".join(name for name, *_ in carried)
+    text = f"The scheme carries {names}: {size} bytes a point, all of which it needs"
     if asked.name in _WANTED:
         quantity, needed = _WANTED[asked.name]
         text += f"; for {quantity} it is enough to look at {needed}"

@@ -243,9 +243,9 @@ class Scheme(_Scheme):
     fluidity : Fluidity
         Options for the fluidity of a nonlocal law.
     precision : {"double", "single"}, optional
-        Floating-point numbers that the kernels compute with. "single" takes 0.6 to 0.8 of the time
-        and has rounding errors of 6e-8 in each step; positions, and what is stored, are double in
-        either case. For the default combination of basis, transfer and density, and for quadratic
+        Floating-point numbers that the kernels compute with and the points are stored in; positions
+        are double in either case. "single" takes about 0.6 of the time and memory, and has
+        rounding errors of 6e-8 in each step. For the default combination of basis, transfer and density, and for quadratic
         "apic"; not for elasticity = "hencky" and laws of one's own.
     {numbers}
 
