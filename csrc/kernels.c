@@ -154,7 +154,8 @@ void GR_MOVE_NODES(const struct gr_engine *e, int damped, const double g[3], con
                    struct gr_node_motion *motion);
 
 #ifndef GR_SINGLE
-void GR_MOVE_NODES(const struct gr_engine *e, int damped, const double g[3], const double *sums, struct gr_node_motion *motion)
+void GR_MOVE_NODES(const struct gr_engine *e, int damped, const double g[3], const double *sums,
+                   struct gr_node_motion *motion)
 {
     if (e->config.dim == 2)
         damped ? move_group(2, 1, e, g, sums, motion) : move_group(2, 0, e, g, sums, motion);

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
 
-__all__ = ["allocate", "default_isa", "fill", "rows_of", "show_config"]
+__all__ = ["allocate", "default_isa", "fill", "rows_of", "show_config", "stored_type"]
 
 PAGE, LINE = 4096, 64  # bytes
 
@@ -20,18 +21,23 @@ def default_isa() -> str:
     return os.environ.get("GRANULAR_ISA", "")
 
 
+def stored_type(dtype: np.dtype[Any]) -> np.dtype[Any]:
+    """Return the type in which the numbers of a buffer are stored: doubles in place of floats."""
+    return np.dtype(np.float64) if dtype == np.float32 else dtype
+
+
 def fill(buffers: Mapping[str, NDArray], stored: Mapping[str, NDArray], places: NDArray) -> None:
     """Put the arrays of a checkpoint into buffers, at `places` of the last axis.
 
     Raises
     ------
     ValueError
-        If an array is missing, or has another shape or type.
+        If an array is missing, or has another shape or type. Buffers of floats take doubles.
     """
     for name, array in buffers.items():
         values = stored.get(name)
         shape = (*array.shape[:-1], len(places))
-        if values is None or values.shape != shape or values.dtype != array.dtype:
+        if values is None or values.shape != shape or values.dtype != stored_type(array.dtype):
             raise ValueError(f"the checkpoint does not hold {name} of {len(places)} points")
         array[..., places] = values
 

@@ -87,7 +87,8 @@ static inline __m256d x_half_within(__m256d a, __m256d begin, __m256d end)
 }
 static inline xm x_within(vx a, vx begin, vx end)
 {
-    return (xm){{x_half_within(a.half[0], begin.half[0], end.half[0]), x_half_within(a.half[1], begin.half[1], end.half[1])}};
+    return (xm){
+        {x_half_within(a.half[0], begin.half[0], end.half[0]), x_half_within(a.half[1], begin.half[1], end.half[1])}};
 }
 static inline xm x_and(xm a, xm b)
 {

@@ -38,16 +38,16 @@ struct regroup {
     struct gr_engine *e;
     struct gr_team *team;
     int64_t chunks, n, n_cells, total; /* points; new cells; their places */
-    struct list *list;                       /* chunks + 1; the last is that of the pending points */
-    int64_t *source;                         /* per point: its old place, or -1 - k for pending point k */
-    int64_t *place;    /* per point: index of its cell in the grid; then its number in the new cell; then its new place */
-    int32_t *cell;     /* per point: number of its new cell */
-    int64_t *listed;   /* indices of the cells of the points in the grid; of each list only where they change */
-    int64_t *cells;    /* indices of the active cells in the grid, ascending; double cells twice */
-    int8_t *sides;     /* side of each cell; NULL without thin parts */
-    int32_t *counts;   /* points of each cell */
-    int32_t *calm;     /* of the new cells; NULL without sleep */
-    int64_t *offset;   /* of the new tiles; number of tiles + 1 */
+    struct list *list;                 /* chunks + 1; the last is that of the pending points */
+    int64_t *source;                   /* per point: its old place, or -1 - k for pending point k */
+    int64_t *place;  /* per point: index of its cell in the grid; then its number in the new cell; then its new place */
+    int32_t *cell;   /* per point: number of its new cell */
+    int64_t *listed; /* indices of the cells of the points in the grid; of each list only where they change */
+    int64_t *cells;  /* indices of the active cells in the grid, ascending; double cells twice */
+    int8_t *sides;   /* side of each cell; NULL without thin parts */
+    int32_t *counts; /* points of each cell */
+    int32_t *calm;   /* of the new cells; NULL without sleep */
+    int64_t *offset; /* of the new tiles; number of tiles + 1 */
     struct gr_moves moves;
 };
 
@@ -283,7 +283,8 @@ static int list_cells(struct regroup *r)
         r->offset[tile] = r->total;
         if (tile < tiles_of(r)) r->total += places;
     }
-    r->moves = (struct gr_moves){.e = e, .team = r->team, .chunks = r->chunks, .used = r->total > e->used ? r->total : e->used};
+    r->moves =
+        (struct gr_moves){.e = e, .team = r->team, .chunks = r->chunks, .used = r->total > e->used ? r->total : e->used};
     return GR_OK;
 }
 

@@ -58,8 +58,7 @@ static int cell_is_near(const struct gr_engine *e, const int32_t at[3], const do
     if (first < 0) return 0;
     for (int64_t c = first; c <= first + (e->mesh.cell[first].side == 1); c++)
         for (int32_t k = 0; k < e->mesh.cell[c].count; k++)
-            if (are_near(e->config.dim, x, gr_x(e, 0) + gr_slot(&e->mesh.cell[c], k), e->capacity, reach))
-                return 1;
+            if (are_near(e->config.dim, x, gr_x(e, 0) + gr_slot(&e->mesh.cell[c], k), e->capacity, reach)) return 1;
     return 0;
 }
 

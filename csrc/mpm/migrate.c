@@ -59,8 +59,7 @@ static int fail(struct gr_engine *e, int code, const double *record, int64_t id)
 static void pack(const struct gr_engine *e, int64_t slot, double *record)
 {
     for (int f = 0; f < GR_FIELD_COUNT; f++)
-        for (int c = 0; e->field[f] && c < gr_field_components(f, e->config.dim); c++)
-            *record++ = gr_number(e, f, c, slot);
+        for (int c = 0; e->field[f] && c < gr_field_components(f, e->config.dim); c++) *record++ = gr_number(e, f, c, slot);
 }
 
 /* Unpack a record: copy a point to its new place. */

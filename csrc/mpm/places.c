@@ -30,7 +30,7 @@ struct gr_column {
     void *to;
     const double *pending; /* of pending point k at k x stride */
     int64_t stride;
-    size_t size; /* bytes of a number in the buffer */
+    size_t size;   /* bytes of a number in the buffer */
     int64_t spare; /* value of a spare place */
 };
 
@@ -51,9 +51,9 @@ void gr_free_moves(struct gr_moves *moves)
 }
 
 /* Copy the numbers of a column for the places [first, last) in their new order. */
-static inline __attribute__((always_inline)) void gather(const size_t size, const struct gr_moves *moves,
-                                                         const struct gr_column *column, int64_t first, int64_t last,
-                                                         char *copy)
+static inline __attribute__((always_inline)) void reorder(const size_t size, const struct gr_moves *moves,
+                                                          const struct gr_column *column, int64_t first, int64_t last,
+                                                          char *copy)
 {
     const char *const old = column->to;
     for (int64_t s = first; s < last; s++) {
@@ -83,9 +83,9 @@ GR_SHARED(move_column, struct gr_moves, m->used, m)
     }
     if (k == columns) return;
     if (m->columns[k].size == sizeof(float))
-        gather(sizeof(float), m, &m->columns[k], first, last, half[k % 2]);
+        reorder(sizeof(float), m, &m->columns[k], first, last, half[k % 2]);
     else
-        gather(sizeof(double), m, &m->columns[k], first, last, half[k % 2]);
+        reorder(sizeof(double), m, &m->columns[k], first, last, half[k % 2]);
 }
 
 /* Put spare places into the middle of their cells; all else is 0 there already. */

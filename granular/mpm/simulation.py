@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core, diagnostics, simulation
-from granular.buffers import allocate, default_isa, fill
+from granular.buffers import allocate, default_isa, fill, stored_type
 from granular.checks import truth
 from granular.inflow import InflowState, stored_inflow
 from granular.materials.own import OwnLaw
@@ -51,7 +51,7 @@ class _Gathered:
 
     def __init__(self, rows: NDArray, places: NDArray[np.int64]) -> None:
         self._rows, self._places = np.atleast_2d(rows), places
-        self.dtype = np.dtype(float) if rows.dtype == np.float32 else rows.dtype
+        self.dtype = stored_type(rows.dtype)
         wide = (len(rows),) if rows.ndim == 2 and len(rows) > 1 else ()
         self.shape = (len(places), *wide)
         self.wrap: dict[
@@ -291,7 +291,10 @@ class Simulation(simulation.Simulation, scenes=Scene):
 
     def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
         places, _ = self._engine.cells()
-        arrays = {name: array.take(places, axis=-1) for name, array in self._buffers.items()}
+        arrays = {
+            name: array.take(places, axis=-1).astype(stored_type(array.dtype), copy=False)
+            for name, array in self._buffers.items()
+        }
         scalars = self._engine.scalars() | {"mean_mass": self._mean_mass}
         if self.scene.bodies:
             arrays |= {"bodies": self._engine.bodies(), "split": self._engine.split()}
