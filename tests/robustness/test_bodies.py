@@ -75,10 +75,13 @@ def bits(sim):
     return [array.tobytes() for _, array in sorted(sim.checkpoint().arrays.items())]
 
 
-@pytest.mark.parametrize("thin", [False, True])
+@pytest.mark.parametrize(("thin", "single"), [(False, False), (True, False), (True, True)])
 @pytest.mark.parametrize("dim", [2, 3])
-def test_threads_and_restart(dim, thin, tmp_path):
+def test_threads_and_restart(dim, thin, single):
     scene = scene_of(dim, thin=thin)
+    if single:
+        apic = gr.Scheme(transfer="apic", density=gr.ParticleDensity(), precision="single")
+        scene = scene.replace(scheme=apic)
     sim = gr.Simulation(scene, threads=1)
     sim.step(90)
     assert all(np.abs(body.impulse).max() > 0 for body in sim.bodies)

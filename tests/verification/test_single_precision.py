@@ -83,6 +83,53 @@ def test_threads_restarts_and_vectors_give_the_same_bits(material, dim):
         assert np.abs(base.v - widest.v).max() < 2e-3 * speed
 
 
+@pytest.mark.parametrize(
+    "name", ["rotating_drum", "flexible_barrier", "silo_fed", "cohesive_cliff"]
+)
+def test_features_read_floats(name):
+    """Bodies, several materials, inflows and cohesion: the same bits for any number of threads and
+    after a restart, and the flow of double precision."""
+    scene, scheme = getattr(gr.scenes, name)(), gr.schemes.default
+    double = gr.Simulation(scene.replace(scheme=scheme), threads=1)
+    single = gr.Simulation(scene.replace(scheme=in_single(scheme)), threads=1)
+    for sim in (double, single):
+        sim.step(150)
+    cut = gr.Simulation(single.scene, threads=2)
+    cut.step(97)
+    resumed = gr.Simulation.from_checkpoint(single.scene, cut.checkpoint(), threads=3)
+    resumed.step(53)
+    assert bits(resumed) == bits(single)
+    types = {name: array.dtype for name, array in single.buffers.items()}
+    assert types.pop("x") == np.float64
+    assert types.pop("id") == np.int64
+    assert set(types.values()) == {np.dtype(np.float32)}
+    v = double.state.v
+    assert np.abs(single.state.v - v).max() < 1e-3 * np.abs(v).max()
+
+
+def test_sleep_in_single_precision():
+    """A column at rest falls asleep in part, with the same bits after a restart."""
+    scheme = in_single(gr.schemes.default).replace(sleep_speed=0.1)
+    scene = column(scheme, cell=0.1)
+    one = gr.Simulation(scene, threads=1)
+    one.step(2500)
+    calm = one.checkpoint().arrays["calm"]
+    assert (calm == calm.max()).any()
+    assert (one.state.v == 0).all(axis=1).any()
+    cut = gr.Simulation(scene, threads=2)
+    cut.step(2200)
+    resumed = gr.Simulation.from_checkpoint(scene, cut.checkpoint(), threads=3)
+    resumed.step(300)
+    assert bits(resumed) == bits(one)
+
+
+def test_buffers_of_doubles_are_refused():
+    core = gr.Simulation(column(in_single(gr.schemes.default)), threads=1)
+    buffers = {name: array.astype(float) for name, array in core.buffers.items() if name != "id"}
+    with pytest.raises(TypeError, match=r"dtype\('float64'\), but dtype\('float32'\) is needed"):
+        core._engine.bind(buffers | {"id": core.buffers["id"].copy()}, 0, False)
+
+
 def test_the_layer_on_an_incline_flows_by_the_law():
     """Its mean speed at 25 deg after 1 s is that of the one-dimensional equation to 2 %, and that
     in double precision to 1e-4."""
