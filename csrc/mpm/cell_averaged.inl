@@ -103,7 +103,7 @@ GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_eng
     int fresh = !more;
     if (more && summed.begin == summed.end) return;
     for (int i = 0; !summed.end && i < e->sum_stride; i += GR_LANES) v_store(out + i, v_zero());
-    gr_frame_of(dim, GR_LINEAR, affine, e, first, &frame);
+    gr_frame_of(dim, GR_LINEAR, 0, e, first, &frame);
     for (int q = GR_CELL_MC; q < GR_CELL_STRESS + stresses; q++) of_cell[q] = more ? v_load(own + q * GR_LANES) : v_zero();
     const int prepared = gr_prepared(summed.end - summed.begin);
     for (int done = summed.begin; done < summed.end; done += prepared, fresh = 0) {
@@ -121,7 +121,7 @@ GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_eng
             if (e->config.damping_rate > 0)
                 of_cell[GR_CELL_M_RATE] = v_fma(m, component(e, GR_FIELD_shear_rate, 0, at), of_cell[GR_CELL_M_RATE]);
         }
-        add_rows(dim, GR_LINEAR, affine, 0, MOMENTUM, contribution, n, rows, 0, fresh, out);
+        add_rows(dim, GR_LINEAR, affine, MOMENTUM, &frame, contribution, n, rows, 0, fresh, out);
     }
     for (int q = GR_CELL_MC; q < GR_CELL_STRESS + stresses; q++) v_store(own + q * GR_LANES, of_cell[q]);
 }

@@ -17,13 +17,13 @@ GR_INLINE int gr_prepared(int rows)
 
 /* Contributions of the points in a row of a tile, or a part of it. Only the members that a variant needs are set. */
 struct contribution {
-    vd w[3][3], g[3][3], r[3][3];       /* shape functions, see gr_shape */
-    vd m, v[3], affine[3][3];           /* mass, kg; velocity, m/s; C dx, m/s */
-    vd stress[3][3], shift_momentum[3]; /* -V sigma/dx, N; force that takes back the momentum given by the shift, N */
-    vd weight;                          /* quadrature weight q = 1 + u */
-    vd filled, joined;                  /* volume as a mass (engine.h), kg; the same of connected points, else 0 */
-    vd c, slope[3];                     /* log-density, and its gradient per cell */
-    vd pressed, pressure_slope[3];      /* pressure over K of the first material, and its gradient per cell */
+    vd w[3][3], g[3][3];             /* shape functions, see gr_shape */
+    vd m, v[3], affine[3][3];        /* mass, kg; affine velocity field at the edge of the cell, m/s; C dx, m/s */
+    vd stress[6], shift_momentum[3]; /* -V sigma/dx, N; force that takes back the momentum given by the shift, N */
+    vd weight;                       /* quadrature weight q = 1 + u */
+    vd filled, joined;               /* volume as a mass (engine.h), kg; the same of connected points, else 0 */
+    vd c, slope[3];                  /* log-density at the edge of the cell, and its gradient per cell */
+    vd pressed, pressure_slope[3];   /* pressure over K of the first material there, and its gradient per cell */
 };
 
 /* Component c of a field for the points at the places from `at` on. */
@@ -56,9 +56,25 @@ GR_INLINE vd weight_yz(const int dim, const int basis, const struct contribution
     return y * z;
 }
 
-/* A linear field about the points, value + slope . (x_i - x), at a row of nodes, without the term along x. */
-GR_INLINE vd linear_yz(const int dim, const struct contribution *p, const struct row row, vd value, const vd slope[3])
+/* A linear field of the points is given at the edge of their cells, the origin of local coordinates. So its values at the nodes
+ * take the positions of the nodes alone, which all points of a cell have in common. */
+GR_INLINE vd at_edge(const int dim, const struct gr_shape *s, vd value, const vd slope[3])
 {
-    value = v_fma(slope[1], p->r[1][row.b], value);
-    return dim == 3 ? v_fma(slope[2], p->r[2][row.c], value) : value;
+    for (int d = 0; d < dim; d++) value = v_fnma(slope[d], s->xi[d], value);
+    return value;
+}
+
+/* Add what such a field changes from the edge to node a along axis d. */
+GR_INLINE vd along_axis(const int basis, const struct gr_frame *frame, int d, int a, vd value, vd slope)
+{
+    if (basis == GR_LINEAR) return a ? v_add(value, slope) : value; /* the nodes are at the ends of the cell */
+    return v_fma(slope, frame->position[d][a], value);
+}
+
+/* The field at a row of nodes, without the term along x. */
+GR_INLINE vd linear_yz(const int dim, const int basis, const struct gr_frame *frame, const struct row row, vd value,
+                       const vd slope[3])
+{
+    value = along_axis(basis, frame, 1, row.b, value, slope[1]);
+    return dim == 3 ? along_axis(basis, frame, 2, row.c, value, slope[2]) : value;
 }

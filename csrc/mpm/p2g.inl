@@ -31,22 +31,29 @@ GR_INLINE vd inverse_density(vd c, vm carry)
     return v_select(large, v_exp(-v_clamp(c, -GR_LARGEST_POWER, GR_LARGEST_POWER)), e);
 }
 
-/* Prepare w, grad w, x_i - x, m, v and C dx of the points at the places from `at` on, which count where `counted`. */
+/* Component of a stress of contributions, xx, yy, zz, xy, yz, xz. */
+GR_INLINE int at_stress(const int d, const int j)
+{
+    static const int place[3][3] = {{0, 3, 5}, {3, 1, 4}, {5, 4, 2}};
+    return place[d][j];
+}
+
+/* Prepare w, grad w, m, v and C dx of the points at the places from `at` on, which count where `counted`. */
 GR_INLINE void prepare_momentum(const int dim, const int basis, const int affine, const struct gr_engine *e,
                                 const struct gr_frame *frame, int64_t at, vm counted, struct contribution *contribution)
 {
     const int k = gr_nodes_1d(basis);
     struct gr_shape s;
-    gr_shapes(dim, basis, e, frame, at, affine, &s);
+    gr_shapes(dim, basis, e, frame, at, 0, &s);
     for (int d = 0; d < dim; d++) {
         for (int a = 0; a < k; a++) {
             contribution->w[d][a] = s.w[d][a];
             if (basis != GR_LINEAR) contribution->g[d][a] = s.g[d][a];
-            if (affine) contribution->r[d][a] = s.r[d][a];
         }
         contribution->v[d] = component(e, GR_FIELD_v, d, at);
         for (int j = 0; affine && j < dim; j++)
             contribution->affine[d][j] = v_set(e->config.dx) * component(e, GR_FIELD_affine, d * dim + j, at);
+        if (affine) contribution->v[d] = at_edge(dim, &s, contribution->v[d], contribution->affine[d]);
     }
     contribution->m = v_keep(counted, component(e, GR_FIELD_mass, 0, at));
 }
@@ -55,12 +62,12 @@ GR_INLINE void prepare_momentum(const int dim, const int basis, const int affine
 GR_INLINE void prepare_force(const int dim, const int smoothed, const struct gr_engine *e, int64_t at,
                              struct contribution *contribution)
 {
-    static const int place[3][3] = {{0, 3, 5}, {3, 1, 4}, {5, 4, 2}};
-    vd largest = v_zero();
+    vd stress[6], largest = v_zero();
     for (int d = 0; d < dim; d++)
         for (int j = 0; j <= d; j++) {
-            contribution->stress[d][j] = acting_stress(e, place[d][j], at);
-            largest = v_max(v_abs(contribution->stress[d][j]), largest);
+            const int c = at_stress(d, j);
+            stress[c] = acting_stress(e, c, at);
+            largest = v_max(v_abs(stress[c]), largest);
         }
     const vd c = component(e, GR_FIELD_log_density, 0, at);
     vd V = contribution->m * gr_of_material(e, GR_MATERIAL_FORCE_SCALE, at) * inverse_density(c, v_gt(largest, v_zero()));
@@ -69,32 +76,28 @@ GR_INLINE void prepare_force(const int dim, const int smoothed, const struct gr_
         V = V * contribution->weight;
     }
     for (int d = 0; d < dim; d++)
-        for (int j = 0; j <= d; j++)
-            contribution->stress[d][j] = contribution->stress[j][d] = V * contribution->stress[d][j];
-    for (int d = 0; smoothed && d < dim; d++) {
-        contribution->shift_momentum[d] = v_zero();
-        if (e->sums_correct_shift)
-            contribution->shift_momentum[d] =
-                contribution->m * v_set(e->shift_scale) * component(e, GR_FIELD_shift_velocity, d, at);
-    }
+        for (int j = 0; j <= d; j++) contribution->stress[at_stress(d, j)] = V * stress[at_stress(d, j)];
+    for (int d = 0; smoothed && e->sums_correct_shift && d < dim; d++)
+        contribution->shift_momentum[d] =
+            contribution->m * v_set(e->shift_scale) * component(e, GR_FIELD_shift_velocity, d, at);
 }
 
 /* For the nodes of a row: m_i += w m, p_i += w m (v + C (x_i - x)). */
-GR_INLINE void add_momentum(const int dim, const int basis, const int affine, const struct contribution *p,
-                            const struct row row, vd sum[3][7])
+GR_INLINE void add_momentum(const int dim, const int basis, const int affine, const struct gr_frame *frame,
+                            const struct contribution *p, const struct row row, vd sum[3][7])
 {
     const vd m_yz = p->m * weight_yz(dim, basis, p, row, 0);
     vd u_yz[3];
     for (int d = 0; d < dim; d++) {
         u_yz[d] = p->v[d];
-        if (affine) u_yz[d] = linear_yz(dim, p, row, u_yz[d], p->affine[d]);
+        if (affine) u_yz[d] = linear_yz(dim, basis, frame, row, u_yz[d], p->affine[d]);
     }
     for (int a = 0; a < gr_nodes_1d(basis); a++) {
         const vd wm = m_yz * p->w[0][a];
         sum[a][GR_SUM_MASS] = sum[a][GR_SUM_MASS] + wm;
         for (int d = 0; d < dim; d++) {
             vd u = u_yz[d]; /* v + C (x_i - x) */
-            if (affine) u = v_fma(p->affine[d][0], p->r[0][a], u);
+            if (affine) u = along_axis(basis, frame, 0, a, u, p->affine[d][0]);
             sum[a][GR_SUM_MOMENTUM + d] = v_fma(wm, u, sum[a][GR_SUM_MOMENTUM + d]);
         }
     }
@@ -102,15 +105,15 @@ GR_INLINE void add_momentum(const int dim, const int basis, const int affine, co
 
 /* For the nodes of a row: f_i += -V sigma grad w, in sum[a][first...]. The derivative along x is split off, because w
  * along y and z is common to the row. */
-GR_INLINE void add_force(const int dim, const int basis, const int smoothed, const struct contribution *p,
+GR_INLINE void add_force(const int dim, const int basis, const int shifts, const struct contribution *p,
                          const struct row row, const int first, vd sum[3][7])
 {
     const vd w_yz = weight_yz(dim, basis, p, row, 0);
     for (int d = 0; d < dim; d++) {
-        const vd by_x = p->stress[d][0] * w_yz;
-        vd by_yz = p->stress[d][1] * weight_yz(dim, basis, p, row, 1);
-        if (dim == 3) by_yz = v_fma(p->stress[d][2], weight_yz(dim, basis, p, row, 2), by_yz);
-        if (smoothed) by_yz = v_fma(p->shift_momentum[d], w_yz, by_yz);
+        const vd by_x = p->stress[at_stress(d, 0)] * w_yz;
+        vd by_yz = p->stress[at_stress(d, 1)] * weight_yz(dim, basis, p, row, 1);
+        if (dim == 3) by_yz = v_fma(p->stress[at_stress(d, 2)], weight_yz(dim, basis, p, row, 2), by_yz);
+        if (shifts) by_yz = v_fma(p->shift_momentum[d], w_yz, by_yz);
         for (int a = 0; a < gr_nodes_1d(basis); a++) {
             const vd partial = v_fma(by_yz, p->w[0][a], sum[a][first + d]);
             if (basis == GR_LINEAR)
@@ -121,12 +124,13 @@ GR_INLINE void add_force(const int dim, const int basis, const int smoothed, con
     }
 }
 
-/* Sums of a pass over the rows: m and p, f, those of the density, or those of the density with several materials. */
-enum { MOMENTUM = 1, FORCE = 2, DENSITY = 4, VOLUME = 8 };
+/* Sums of a pass over the rows: m and p; f, with SHIFT also what takes back the momentum of a shift; those of the density, or
+ * those of the density with several materials. */
+enum { MOMENTUM = 1, FORCE = 2, DENSITY = 4, VOLUME = 8, SHIFT = 16 };
 
 /* Add the contributions of n rows of points to the sums `what`, row of nodes by row: sums first... of each node, which has
  * `rows` sums in all. The sums begin at zero if `fresh`. */
-GR_INLINE void add_rows(const int dim, const int basis, const int affine, const int smoothed, const int what,
+GR_INLINE void add_rows(const int dim, const int basis, const int affine, const int what, const struct gr_frame *frame,
                         const struct contribution *contribution, int n, const int rows, const int first, int fresh,
                         gr_real *out)
 {
@@ -141,10 +145,10 @@ GR_INLINE void add_rows(const int dim, const int basis, const int affine, const 
             sum[i / width][i % width] = v_load(out + ((bc * k + i / width) * rows + first + i % width) * GR_LANES);
         GR_ROLLED
         for (int i = 0; i < n; i++) {
-            if (what & MOMENTUM) add_momentum(dim, basis, affine, contribution + i, row, sum);
-            if (what & FORCE) add_force(dim, basis, smoothed, contribution + i, row, what & MOMENTUM ? 1 + dim : 0, sum);
-            if (what & DENSITY) add_density(dim, basis, contribution + i, row, sum);
-            if (what & VOLUME) add_volume(dim, basis, contribution + i, row, sum);
+            if (what & MOMENTUM) add_momentum(dim, basis, affine, frame, contribution + i, row, sum);
+            if (what & FORCE) add_force(dim, basis, what & SHIFT, contribution + i, row, what & MOMENTUM ? 1 + dim : 0, sum);
+            if (what & DENSITY) add_density(dim, basis, frame, contribution + i, row, sum);
+            if (what & VOLUME) add_volume(dim, basis, frame, contribution + i, row, sum);
         }
         for (int a = 0; a < k; a++)
             for (int q = 0; q < width; q++) v_store(out + ((bc * k + a) * rows + first + q) * GR_LANES, sum[a][q]);
@@ -188,7 +192,7 @@ GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const
     int fresh = !more;
     if (more && summed.begin == summed.end) return;
     for (int i = 0; !summed.end && i < e->sum_stride; i += GR_LANES) v_store(out + i, v_zero());
-    gr_frame_of(dim, basis, affine || averages, e, first, &frame);
+    gr_frame_of(dim, basis, basis != GR_LINEAR && (affine || averages), e, first, &frame);
     const int prepared = gr_prepared(summed.end - summed.begin);
     for (int done = summed.begin; done < summed.end; done += prepared, fresh = 0) {
         const int left = summed.end - done, n = left < prepared ? left : prepared;
@@ -199,22 +203,24 @@ GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const
             const vm counted = v_ge(v_set(done + i), summed.first);
             prepare_momentum(dim, basis, affine, e, &frame, at, counted, &contribution[i]);
             prepare_force(dim, smoothed, e, at, &contribution[i]);
-            if (averages) prepare_density(dim, e, at, &contribution[i]);
+            if (averages) prepare_density(dim, basis, e, &frame, at, &contribution[i]);
             if (!smoothed || !(e->config.damping_rate > 0)) continue;
             mass = mass + contribution[i].m;
             damped = v_fma(contribution[i].m, component(e, GR_FIELD_damping, 0, at), damped);
         }
         if (K <= 4) { /* all sums of a row fit the registers */
-            add_rows(dim, basis, affine, smoothed, MOMENTUM | FORCE, contribution, n, rows, 0, fresh, out);
+            add_rows(dim, basis, affine, MOMENTUM | FORCE, &frame, contribution, n, rows, 0, fresh, out);
         } else {
-            add_rows(dim, basis, affine, smoothed, MOMENTUM, contribution, n, rows, 0, fresh, out);
-            add_rows(dim, basis, affine, smoothed, FORCE, contribution, n, rows, GR_SUM_FORCE(dim), fresh, out);
+            add_rows(dim, basis, affine, MOMENTUM, &frame, contribution, n, rows, 0, fresh, out);
+            if (smoothed && e->sums_correct_shift)
+                add_rows(dim, basis, 0, FORCE | SHIFT, &frame, contribution, n, rows, GR_SUM_FORCE(dim), fresh, out);
+            else
+                add_rows(dim, basis, 0, FORCE, &frame, contribution, n, rows, GR_SUM_FORCE(dim), fresh, out);
         }
         if (averages)
-            add_rows(dim, basis, affine, smoothed, DENSITY, contribution, n, GR_DENSITY_SUMS(dim), 0, fresh,
-                     out + e->density_sums);
+            add_rows(dim, basis, 0, DENSITY, &frame, contribution, n, GR_DENSITY_SUMS(dim), 0, fresh, out + e->density_sums);
         if (averages && e->config.n_materials > 1)
-            add_rows(dim, basis, affine, smoothed, VOLUME, contribution, n, GR_VOLUME_SUMS, 0, fresh, out + e->volume_sums);
+            add_rows(dim, basis, 0, VOLUME, &frame, contribution, n, GR_VOLUME_SUMS, 0, fresh, out + e->volume_sums);
         if (!smoothed) continue;
         v_store(own + GR_CELL_DAMPED * GR_LANES, v_keep(v_gt(damped, v_zero()), damped / v_max(mass, v_set(GR_NOTHING))));
         v_store(own + GR_CELL_M_DAMPING * GR_LANES, damped);

@@ -4,8 +4,11 @@
 
 /* Log-density of the points at the places from `at` on, its gradient, and their volume. With several materials the stored
  * gradient is that of the pressure over K of the first. */
-GR_INLINE void prepare_density(const int dim, const struct gr_engine *e, int64_t at, struct contribution *contribution)
+GR_INLINE void prepare_density(const int dim, const int basis, const struct gr_engine *e, const struct gr_frame *frame,
+                               int64_t at, struct contribution *contribution)
 {
+    struct gr_shape s;
+    gr_shapes(dim, basis, e, frame, at, 0, &s); /* its local coordinates alone are used */
     contribution->c = component(e, GR_FIELD_log_density, 0, at);
     const vd separation = gr_of_material(e, GR_MATERIAL_SEPARATION, at);
     contribution->filled = contribution->m;
@@ -23,14 +26,18 @@ GR_INLINE void prepare_density(const int dim, const struct gr_engine *e, int64_t
     contribution->joined = v_keep(v_ge(contribution->c, separation), contribution->filled);
     if (__builtin_expect(e->config.n_materials > 1, 0)) /* an elastic body is no part of the averaging */
         contribution->joined = v_keep(v_gt(separation, v_set(-NO_SEPARATION)), contribution->joined);
+    contribution->c = at_edge(dim, &s, contribution->c, contribution->slope);
+    if (__builtin_expect(e->config.n_materials > 1, 0))
+        contribution->pressed = at_edge(dim, &s, contribution->pressed, contribution->pressure_slope);
 }
 
 /* For the nodes of a row: mass, mass with quadrature weights, log-density, and residual force,
  *
  *   sum w m,  sum w q m,  sum w q m (c + grad c (x_i - x)),  sum q m grad w,  over the connected points. */
-GR_INLINE void add_density(const int dim, const int basis, const struct contribution *p, const struct row row, vd sum[3][7])
+GR_INLINE void add_density(const int dim, const int basis, const struct gr_frame *frame, const struct contribution *p,
+                           const struct row row, vd sum[3][7])
 {
-    const vd m_yz = p->joined * weight_yz(dim, basis, p, row, 0), c = linear_yz(dim, p, row, p->c, p->slope);
+    const vd m_yz = p->joined * weight_yz(dim, basis, p, row, 0), c = linear_yz(dim, basis, frame, row, p->c, p->slope);
     vd qm_yz[3];
     qm_yz[0] = m_yz * p->weight;
     for (int d = 1; d < dim; d++) qm_yz[d] = p->joined * p->weight * weight_yz(dim, basis, p, row, d);
@@ -38,7 +45,7 @@ GR_INLINE void add_density(const int dim, const int basis, const struct contribu
         sum[a][GR_SUM_CONNECTED] = v_fma(m_yz, p->w[0][a], sum[a][GR_SUM_CONNECTED]);
         const vd wqm = qm_yz[0] * p->w[0][a];
         sum[a][GR_SUM_WEIGHTED] = sum[a][GR_SUM_WEIGHTED] + wqm;
-        sum[a][GR_SUM_LOG_DENSITY] = v_fma(wqm, v_fma(p->slope[0], p->r[0][a], c), sum[a][GR_SUM_LOG_DENSITY]);
+        sum[a][GR_SUM_LOG_DENSITY] = v_fma(wqm, along_axis(basis, frame, 0, a, c, p->slope[0]), sum[a][GR_SUM_LOG_DENSITY]);
         sum[a][GR_SUM_RESIDUAL] = v_fma(qm_yz[0], p->g[0][a], sum[a][GR_SUM_RESIDUAL]);
         for (int d = 1; d < dim; d++) sum[a][GR_SUM_RESIDUAL + d] = v_fma(qm_yz[d], p->w[0][a], sum[a][GR_SUM_RESIDUAL + d]);
     }
@@ -47,13 +54,16 @@ GR_INLINE void add_density(const int dim, const int basis, const struct contribu
 /* With several materials, for the nodes of a row: volume of all points, and pressure of those that are averaged,
  *
  *   sum w m,  sum w q m (p + grad p (x_i - x)). */
-GR_INLINE void add_volume(const int dim, const int basis, const struct contribution *p, const struct row row, vd sum[3][7])
+GR_INLINE void add_volume(const int dim, const int basis, const struct gr_frame *frame, const struct contribution *p,
+                          const struct row row, vd sum[3][7])
 {
-    const vd w_yz = weight_yz(dim, basis, p, row, 0), pressed = linear_yz(dim, p, row, p->pressed, p->pressure_slope);
+    const vd w_yz = weight_yz(dim, basis, p, row, 0),
+             pressed = linear_yz(dim, basis, frame, row, p->pressed, p->pressure_slope);
     for (int a = 0; a < gr_nodes_1d(basis); a++) {
         const vd w = w_yz * p->w[0][a], wqm = w * p->joined * p->weight;
         sum[a][GR_SUM_VOLUME] = v_fma(w, p->filled, sum[a][GR_SUM_VOLUME]);
-        sum[a][GR_SUM_PRESSURE] = v_fma(wqm, v_fma(p->pressure_slope[0], p->r[0][a], pressed), sum[a][GR_SUM_PRESSURE]);
+        sum[a][GR_SUM_PRESSURE] =
+            v_fma(wqm, along_axis(basis, frame, 0, a, pressed, p->pressure_slope[0]), sum[a][GR_SUM_PRESSURE]);
     }
 }
 
