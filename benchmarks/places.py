@@ -5,7 +5,8 @@
 
 The buffers of the core have more places than there are points, as all cells of a tile have as many
 as the fullest, and one more. Their size is taken at the start and after some flow; they do not
-shrink. --page writes the table of docs/reports/speed.md from the results.
+shrink. Beside it stand what the rows of the fullest cells alone would take then, and the bytes of
+a point in both precisions. --page writes the table of docs/reports/speed.md from the results.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from shared import machine, markdown, parser_of, rounded, write, write_tables
 
 import granular as gr
@@ -28,24 +30,49 @@ CASES = {
     "column in 2D, 16": partial(COLUMN, points_per_cell=16),
     "column in 2D, 4": partial(COLUMN, points_per_cell=4),
 }
+TILE = 8
+"""Cells of a tile."""
 UNTIL = 0.3
 """Simulated time after which the buffers are measured again [s]."""
 
 
-def sizes(scene: gr.Scene, until: float) -> dict[str, float]:
+def bytes_of_a_point(sim: gr.Simulation) -> float:
+    return sum(array.nbytes for array in sim.buffers.values()) / len(sim.buffers["id"])
+
+
+def bytes_in_single(scene: gr.Scene) -> float | None:
+    """Bytes of a point in single precision, None if the law of the scene has none."""
+    try:
+        scene = scene.replace(scheme=scene.scheme.replace(precision="single"))
+    except ValueError:
+        return None
+    return bytes_of_a_point(gr.Simulation(scene, threads=1))
+
+
+def least(sim: gr.Simulation) -> float:
+    """Places per point of as many rows as the fullest cell of each tile has points."""
+    counts = sim.cell_counts
+    tiles = np.pad(counts, (0, -len(counts) % TILE)).reshape(-1, TILE)
+    return float(TILE * tiles.max(axis=1).sum() / sim.n_points)
+
+
+def sizes(scene: gr.Scene, until: float) -> dict[str, float | None]:
     """Bytes that the fields of a point need, and places per point at the start and at the end."""
     sim = gr.Simulation(scene, threads=1)
     found = {"points": sim.n_points, "start": len(sim.buffers["id"]) / sim.n_points}
-    found["bytes"] = sum(array.nbytes for array in sim.buffers.values()) / len(sim.buffers["id"])
+    found |= {"bytes": bytes_of_a_point(sim), "bytes_single": bytes_in_single(scene)}
     sim.run(until=until)
-    return found | {"end": len(sim.buffers["id"]) / sim.n_points}
+    return found | {"end": len(sim.buffers["id"]) / sim.n_points, "least": least(sim)}
 
 
 def table(results: dict[str, Any]) -> list[str]:
     """Return the lines of the table of the page."""
-    head = ("scene", "points", "bytes of a point", "at the start", f"after {UNTIL:g} s")
+    head = ("scene", "points", "bytes of a point", "in single precision", "at the start")
+    head += (f"after {UNTIL:g} s", "rows of the fullest cells then")
     rows = (
-        (name, f"{q['points']:,}", f"{q['bytes']:.0f}", f"{q['start']:.2f}", f"{q['end']:.2f}")
+        [name, f"{q['points']:,}", f"{q['bytes']:.0f}"]
+        + [f"{q['bytes_single']:.0f}" if q["bytes_single"] else "not for its law"]
+        + [f"{q[k]:.2f}" for k in ("start", "end", "least")]
         for name, q in results["cases"].items()
     )
     return markdown(head, rows)

@@ -244,8 +244,8 @@ class Scheme(_Scheme):
         Options for the fluidity of a nonlocal law.
     precision : {"double", "single"}, optional
         Floating-point numbers that the kernels compute with and the points are stored in; positions
-        are double in either case. "single" takes about 0.6 of the time and memory, and has
-        rounding errors of 6e-8 in each step. For the default combination of basis, transfer and
+        are double in either case. "single" takes 0.5 to 0.75 of the time and 0.6 of the memory, and
+        has rounding errors of 6e-8 in each step. For the default combination of basis, transfer and
         density, and for quadratic "apic"; not for elasticity = "hencky" and laws of one's own.
     {numbers}
 
