@@ -106,15 +106,16 @@ GR_INLINE unsigned move_row(const int dim, const int basis, const int affine, co
     }
     v_store(log_density, c);
     if (affine) store_affine(dim, basis, affine, e, at, &s, mode, v_ge(c, affine_from(e, view, at)), L);
-    xm inside;
+    xm along[3];
     for (int d = 0; d < dim; d++) {
         vx y = x_fma(dx, move[d], x_load(x + d * stride));
         if (cell_averaged || averages) y = x_add(y, delta[d]);
         v_store(v + d * stride, v_new[d]);
         x_store(x + d * stride, y);
-        const xm along = x_within(y, view->begin[d], view->end[d]);
-        inside = d ? x_and(inside, along) : along;
+        along[d] = x_within(y, view->begin[d], view->end[d]);
     }
+    xm inside = x_and(along[0], along[1]);
+    if (dim == 3) inside = x_and(inside, along[2]);
     return x_bits(inside) & m_bits(v_ge(v_set(NO_DENSITY), v_abs(c))); /* a NaN counts as outside */
 }
 
