@@ -129,6 +129,8 @@ static void narrow(struct scene *s)
     }
 }
 
+void scene_bind(struct scene *s) { gr_engine_bind(s->engine, (void *const *)s->field, s->id, s->capacity); }
+
 int scene_build(struct scene *s, int64_t n, double low, double high)
 {
     struct gr_config *c = &s->config;
@@ -147,7 +149,7 @@ int scene_build(struct scene *s, int64_t n, double low, double high)
     for (int64_t k = 0; k < s->capacity; k++) s->id[k] = -1;
     fill(s, n, low, high);
     narrow(s);
-    gr_engine_bind(s->engine, (void *const *)s->field, s->id, s->capacity);
+    scene_bind(s);
     s->engine->n_points = s->engine->used = n;
     return GR_OK;
 }
@@ -173,7 +175,7 @@ int scene_grow(struct scene *s)
     free(s->id);
     s->id = id;
     s->capacity = capacity;
-    gr_engine_bind(s->engine, (void *const *)s->field, s->id, capacity);
+    scene_bind(s);
     return short_of || !id;
 }
 

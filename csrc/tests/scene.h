@@ -39,7 +39,10 @@ void scene_free(struct scene *s);
 double scene_random(double a, double b);
 void scene_seed(uint64_t seed);
 
-/* Component c of a field at a place. */
+/* Let the engine borrow the arrays of a scene. */
+void scene_bind(struct scene *s);
+
+/* Component c of a field at a place, in double precision. */
 double *scene_at(const struct scene *s, int field, int c, int64_t slot);
 /* Sums of a node in row q (see mpm/p2g.inl), and its position in m. */
 double scene_sum(const struct scene *s, int64_t node, int q);

@@ -142,7 +142,8 @@ TEST(asks_for_capacity)
     struct scene s;
     scene_default(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
     CHECK(scene_build(&s, 300, 0.05, 0.95) == GR_OK);
-    gr_engine_bind(s.engine, s.field, s.id, s.capacity = 320);
+    s.capacity = 320;
+    scene_bind(&s);
     /* pretend a smaller capacity than the buffers have; their components must lie 320 apart */
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         for (int c = 1; s.field[f] && c < gr_field_components(f, 2); c++)

@@ -36,7 +36,7 @@ static void empty(struct scene *s, int64_t capacity, int has_inlet)
     s->config.open_high[0] = 1;
     CHECK(scene_build(s, 0, 0, 1) == GR_OK);
     s->capacity = capacity;
-    gr_engine_bind(s->engine, s->field, s->id, capacity);
+    scene_bind(s);
     CHECK(s->engine->n_components <= 16);
     give_records(s->engine, record);
     const struct gr_inlet inlet = default_inlet(record);
