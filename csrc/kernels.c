@@ -148,10 +148,14 @@ static void sum_nodes(const struct gr_engine *e, int64_t group, int damped, int 
 #undef GR_X
 }
 
-/* The kernels in single precision take the one in double precision. */
+/* The kernels in single precision take those in double precision. */
 #define GR_MOVE_NODES GR_PASTE(gr_move_nodes_, GR_ISA)
+#define GR_STORE_NODES GR_PASTE(gr_store_nodes_, GR_ISA)
+#define GR_DESCRIBE_NODES GR_PASTE(gr_describe_nodes_, GR_ISA)
 void GR_MOVE_NODES(const struct gr_engine *e, int damped, const double g[3], const double *sums,
                    struct gr_node_motion *motion);
+void GR_STORE_NODES(struct gr_engine *e, int damped, int64_t first, const struct gr_node_motion *motion);
+void GR_DESCRIBE_NODES(struct gr_engine *e, int64_t first, const double *sums, const double *filled);
 
 #ifndef GR_SINGLE
 void GR_MOVE_NODES(const struct gr_engine *e, int damped, const double g[3], const double *sums,
@@ -161,6 +165,22 @@ void GR_MOVE_NODES(const struct gr_engine *e, int damped, const double g[3], con
         damped ? move_group(2, 1, e, g, sums, motion) : move_group(2, 0, e, g, sums, motion);
     else
         damped ? move_group(3, 1, e, g, sums, motion) : move_group(3, 0, e, g, sums, motion);
+}
+
+void GR_STORE_NODES(struct gr_engine *e, int damped, int64_t first, const struct gr_node_motion *motion)
+{
+    if (e->config.dim == 2)
+        damped ? store_group(2, 1, e, first, motion) : store_group(2, 0, e, first, motion);
+    else
+        damped ? store_group(3, 1, e, first, motion) : store_group(3, 0, e, first, motion);
+}
+
+void GR_DESCRIBE_NODES(struct gr_engine *e, int64_t first, const double *sums, const double *filled)
+{
+    if (e->config.dim == 2)
+        describe_group(2, e, first, sums, filled);
+    else
+        describe_group(3, e, first, sums, filled);
 }
 
 static void smooth(struct gr_engine *e, int64_t first, int64_t last)
@@ -241,6 +261,8 @@ const struct gr_kernels GR_NAME = {
     .p2g_arrivals = p2g_arrivals,
     .sum_nodes = sum_nodes,
     .move_nodes = GR_MOVE_NODES,
+    .store_nodes = GR_STORE_NODES,
+    .describe_nodes = GR_DESCRIBE_NODES,
     .sum_volumes = sum_volumes,
     .sweep = sweep,
     .mean_pairs = mean_pairs,

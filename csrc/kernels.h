@@ -19,8 +19,11 @@ struct gr_kernels {
     void (*sweep)(struct gr_engine *, int64_t first, int64_t last, struct gr_migrants *out, int fused);
     /* sums of the nodes of a group of GR_LANES; see enum gr_node_sum. damped: with that of the damping */
     void (*sum_nodes)(const struct gr_engine *, int64_t group, int damped, int averages, double *sums);
-    /* from these sums, before walls; damped: the damping, too. In double precision in any case */
+    /* from these sums, in double precision in any case: the motion before walls; damped: the damping, too */
     void (*move_nodes)(const struct gr_engine *, int damped, const double g[3], const double *sums, struct gr_node_motion *);
+    /* store the motion of the nodes from `first` on; and what an averaging needs of them, with the volume of their points */
+    void (*store_nodes)(struct gr_engine *, int damped, int64_t first, const struct gr_node_motion *);
+    void (*describe_nodes)(struct gr_engine *, int64_t first, const double *sums, const double *filled);
     void (*sum_volumes)(const struct gr_engine *, int64_t group, double *sums); /* of a smoothed density */
     void (*mean_pairs)(struct gr_engine *, int64_t first, int64_t last);
     void (*begin_substeps)(struct gr_engine *, int64_t first, int64_t last);

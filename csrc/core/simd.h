@@ -102,11 +102,15 @@ static inline vx x_add(vx a, vd b) { return a + b; }
 static inline vd x_minus(vx a, vx b) { return a - b; }
 static inline vm x_gt(vx a, vx b) { return v_gt(a, b); }
 static inline vm x_ge(vx a, vx b) { return v_ge(a, b); }
+
+#endif
+
+/* Masks of positions. Where one vector of the others takes two of positions, they are those of both halves. */
+#ifndef GR_MASK_OF_HALVES
 typedef vm xm;
-static inline xm x_within(vx a, vx begin, vx end) { return m_and(v_ge(a, begin), v_gt(end, a)); }
+static inline xm x_within(vx a, vx begin, vx end) { return m_and(x_ge(a, begin), x_gt(end, a)); }
 static inline xm x_and(xm a, xm b) { return m_and(a, b); }
 static inline unsigned x_bits(xm a) { return m_bits(a); }
-
 #endif
 
 /* A number that depends on the round-off and range of what kernels compute with. */

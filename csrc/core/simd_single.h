@@ -33,10 +33,6 @@ static inline vx x_plus(vx a, vx b) { return a + b; }
 static inline vd x_minus(vx a, vx b) { return x_narrow(a - b); }
 static inline vm x_gt(vx a, vx b) { return _mm512_cmp_pd_mask(a, b, _CMP_GT_OQ); }
 static inline vm x_ge(vx a, vx b) { return _mm512_cmp_pd_mask(a, b, _CMP_GE_OQ); }
-typedef vm xm;
-static inline xm x_within(vx a, vx begin, vx end) { return m_and(x_ge(a, begin), x_gt(end, a)); }
-static inline xm x_and(xm a, xm b) { return m_and(a, b); }
-static inline unsigned x_bits(xm a) { return a; }
 #elif defined(__AVX2__) && defined(__FMA__)
 typedef __m256 vm;
 typedef struct {
@@ -80,7 +76,8 @@ static inline vm x_ge(vx a, vx b)
 {
     return x_mask(_mm256_cmp_pd(a.half[0], b.half[0], _CMP_GE_OQ), _mm256_cmp_pd(a.half[1], b.half[1], _CMP_GE_OQ));
 }
-typedef vx xm; /* the mask of each half */
+#define GR_MASK_OF_HALVES
+typedef vx xm;
 static inline __m256d x_half_within(__m256d a, __m256d begin, __m256d end)
 {
     return _mm256_and_pd(_mm256_cmp_pd(a, begin, _CMP_GE_OQ), _mm256_cmp_pd(end, a, _CMP_GT_OQ));
@@ -148,10 +145,6 @@ static inline vm x_ge(vx a, vx b)
     return (vm){-(a.half[0][0] >= b.half[0][0]), -(a.half[0][1] >= b.half[0][1]), -(a.half[1][0] >= b.half[1][0]),
                 -(a.half[1][1] >= b.half[1][1])};
 }
-typedef vm xm;
-static inline xm x_within(vx a, vx begin, vx end) { return m_and(x_ge(a, begin), x_gt(end, a)); }
-static inline xm x_and(xm a, xm b) { return m_and(a, b); }
-static inline unsigned x_bits(xm a) { return m_bits(a); }
 #endif
 
 typedef float gr_real;

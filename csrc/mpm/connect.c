@@ -16,12 +16,12 @@ static int reserve_nodes(struct gr_engine *e, int64_t n)
     GR_RESIZE(mesh->node_source, capacity * e->K);
     GR_RESIZE(mesh->node_run, (capacity / GR_LANES + 1) * e->K);
     GR_RESIZE(mesh->node_code, capacity);
-    GR_RESIZE(mesh->node_volume, capacity);
+    GR_RESIZE(mesh->node_volume, capacity + GR_LANES);
     GR_RESIZE(mesh->node_id, capacity);
     e->node_places = capacity + GR_LANES;
     GR_RESIZE(e->node_data, e->node_fields * e->node_places);
-    GR_RESIZE(e->node_mass, capacity);
-    GR_RESIZE(e->node_v, capacity * e->config.dim);
+    GR_RESIZE(e->node_mass, capacity + GR_LANES);
+    if (e->config.xpic_order > 0) GR_RESIZE(e->node_v, capacity * e->config.dim);
     if (e->watch) GR_RESIZE(e->watch->node, capacity * e->config.dim);
     if (e->n_thin) {
         GR_RESIZE(mesh->duplicate, capacity);
@@ -97,7 +97,7 @@ GR_SHARED(clear_nodes, struct connect, q->e->node_places, q)
     if (last > q->n_nodes) last = q->n_nodes;
     if (first >= last) return;
     memset(e->node_mass + first, 0, sizeof(double) * (size_t)(last - first));
-    memset(e->node_v + first * e->config.dim, 0, sizeof(double) * (size_t)((last - first) * e->config.dim));
+    if (e->node_v) memset(e->node_v + first * e->config.dim, 0, sizeof(double) * (size_t)((last - first) * e->config.dim));
 }
 
 /* List the second copies of nodes, too. */

@@ -175,7 +175,7 @@ struct gr_engine {
     double *average;   /* GR_AVERAGES(dim) x cell_capacity, see enum gr_average; NULL unless cell_averaged */
     double *node_data; /* node_fields x node_places, see GR_NODE_FIELDS */
     double *node_mass; /* n_nodes, kg */
-    double *node_v;    /* n_nodes x dim, m/s: velocity before the forces, filtered by XPIC */
+    double *node_v;    /* n_nodes x dim, m/s: velocity before the forces, filtered by XPIC; NULL without it */
     struct gr_node_cells *node_cells[3]; /* per node of an axis; NULL without solid cells, and along unused axes */
     int sum_stride, density_sums, volume_sums, node_fields;
     int64_t node_places; /* capacity for the nodes, and for whole vectors behind the last */

@@ -98,62 +98,49 @@ GR_INLINE int is_closed(const struct gr_engine *e, int64_t n)
  * beside an elastic body it is that of a surface. */
 #define LEAST_AVERAGED 0.99
 
-/* The fields of an averaging at node n with several materials (engine.h, enum gr_volume_sum): neighbours have the pressure in
- * common, and the volume is that of all points. */
-static __attribute__((noinline)) void describe_mixture(const int dim, const struct gr_engine *e,
-                                                       const struct gr_kernels *kernels, int64_t n, const double *sum,
-                                                       double *out)
+/* With several materials, the sums that they add to those of an averaging (enum gr_volume_sum), for the nodes of a group. */
+static __attribute__((noinline)) void sum_mixture(const struct gr_engine *e, const struct gr_kernels *kernels, int64_t first,
+                                                  int lanes, double *volumes)
 {
-    double sums[GR_VOLUME_SUMS * GR_LANES], filled = 0, pressure = 0, *field = out + GR_NODE_DENSITY(dim);
-    const int64_t nodes[2] = {n, joined_with(e, n)};
-    for (int k = 0; k < 2 && nodes[k] >= 0; k++) {
-        kernels->sum_volumes(e, nodes[k] / GR_LANES, sums);
-        filled += sums[GR_SUM_VOLUME * GR_LANES + nodes[k] % GR_LANES];
-        pressure += sums[GR_SUM_PRESSURE * GR_LANES + nodes[k] % GR_LANES];
+    double others[GR_VOLUME_SUMS * GR_LANES];
+    kernels->sum_volumes(e, first / GR_LANES, volumes);
+    for (int l = 0; l < lanes; l++) {
+        const int64_t other = joined_with(e, first + l);
+        if (other < 0) continue;
+        kernels->sum_volumes(e, other / GR_LANES, others);
+        for (int q = 0; q < GR_VOLUME_SUMS; q++) volumes[q * GR_LANES + l] += others[q * GR_LANES + other % GR_LANES];
     }
-    gr_describe_density(dim, sum, filled, e->cell_mass, e->mesh.node_volume[n], e->servo_strain, out);
-    const double *of_density = sum + GR_SUM_DENSITY(dim);
-    field[GR_NODE_LOG_DENSITY] = of_density[GR_SUM_WEIGHTED] > 0 ? pressure / of_density[GR_SUM_WEIGHTED] : 0;
-    for (int d = 0; d < dim; d++)
-        if (of_density[GR_SUM_CONNECTED] < LEAST_AVERAGED * filled) field[GR_NODE_RESIDUAL + d] = 0;
 }
 
-/* Store the motion of the first `lanes` nodes of a group for the points: v', and the update w. */
-GR_INLINE void store_motion(const int dim, const int damps, struct gr_engine *e, int64_t first, int lanes,
-                            const struct gr_node_motion *motion)
+/* With several materials neighbours have the pressure in common, in place of the log-density. */
+static __attribute__((noinline)) void describe_mixture(const int dim, struct gr_engine *e, int64_t first, int lanes,
+                                                       const double *sums, const double *volumes)
 {
-    const double keep = e->keep_velocity;
-    const int order = e->config.xpic_order;
-    for (int l = 0; damps && l < lanes; l++) gr_node_field(e, GR_NODE_DAMPING(dim))[first + l] = motion->damping[l];
-    for (int d = 0; d < dim; d++) {
-        double *const velocity = gr_node_field(e, GR_NODE_VELOCITY + d) + first;
-        double *const update = gr_node_field(e, GR_NODE_UPDATE(dim) + d) + first;
-        for (int l = 0; l < lanes; l++) {
-            const double v = motion->v[d][l], next = motion->next[d][l], kept = keep - motion->damping[l];
-            velocity[l] = next;
-            update[l] = kept * (next - v) + (1 - kept) * next;
-            e->node_v[(first + l) * dim + d] = v;
+    const double *of_density = sums + GR_SUM_DENSITY(dim) * GR_LANES;
+    const int log_density = GR_NODE_DENSITY(dim) + GR_NODE_LOG_DENSITY, residual = GR_NODE_DENSITY(dim) + GR_NODE_RESIDUAL;
+    for (int l = 0; l < lanes; l++) {
+        const double weighted = of_density[GR_SUM_WEIGHTED * GR_LANES + l];
+        if (is_empty(e, sums[GR_SUM_MASS * GR_LANES + l])) continue;
+        gr_node_field(e, log_density)[first + l] = weighted > 0 ? volumes[GR_SUM_PRESSURE * GR_LANES + l] / weighted : 0;
+        if (of_density[GR_SUM_CONNECTED * GR_LANES + l] < LEAST_AVERAGED * volumes[GR_SUM_VOLUME * GR_LANES + l])
+            for (int d = 0; d < dim; d++) gr_node_field(e, residual + d)[first + l] = 0;
+    }
+}
+
+/* Store what an averaging needs of the nodes of a group, from their sums. */
+GR_INLINE void store_density(const int dim, struct gr_engine *e, const struct gr_kernels *kernels, int64_t first, int lanes,
+                             const double *sums)
+{
+    const int several = e->config.n_materials > 1;
+    _Alignas(64) double volumes[GR_VOLUME_SUMS * GR_LANES];
+    if (several) sum_mixture(e, kernels, first, lanes, volumes);
+    kernels->describe_nodes(e, first, sums, several ? volumes + GR_SUM_VOLUME * GR_LANES : sums + GR_SUM_MASS * GR_LANES);
+    if (several) describe_mixture(dim, e, first, lanes, sums, volumes);
+    for (int64_t n = first; e->open && n < first + lanes; n++)
+        if (is_closed(e, n)) {
+            gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP)[n] = GR_CLOSED_GAP;
+            gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_EXCESS)[n] = 0;
         }
-        for (int l = 0; order > 0 && l < lanes; l++) /* XPIC, pass r = 1: the increment plus order times v */
-            update[l] = motion->next[d][l] - motion->v[d][l] + order * motion->v[d][l];
-    }
-}
-
-/* Store what an averaging needs of node n, from its sums. */
-GR_INLINE void store_density(const int dim, struct gr_engine *e, const struct gr_kernels *kernels, int64_t n,
-                             const double *sum)
-{
-    const int first = GR_NODE_DENSITY(dim), last = GR_NODE_FIELDS(dim, 1), closed = is_closed(e, n);
-    double out[GR_NODE_FIELDS(3, 1)] = {0}; /* the gap: until gr_grid_surroundings */
-    const double m = sum[GR_SUM_MASS];
-    if (is_empty(e, m))
-        out[first + GR_NODE_OWN_GAP] = closed ? GR_CLOSED_GAP : GR_EMPTY_GAP;
-    else if (e->config.n_materials > 1)
-        describe_mixture(dim, e, kernels, n, sum, out);
-    else
-        gr_describe_density(dim, sum, m, e->cell_mass, e->mesh.node_volume[n], e->servo_strain, out);
-    if (closed) out[first + GR_NODE_OWN_GAP] = GR_CLOSED_GAP, out[first + GR_NODE_EXCESS] = 0;
-    for (int q = first; q < last; q++) gr_node_field(e, q)[n] = out[q];
 }
 
 /* The grid stage for the nodes [first, last). */
@@ -167,20 +154,15 @@ GR_INLINE void grid_nodes(const int dim, const int smoothed, struct gr_engine *e
         const int lanes = last - n < GR_LANES ? (int)(last - n) : GR_LANES;
         if (gr_group_rests(e, n)) continue;
         kernels->sum_nodes(e, n / GR_LANES, damps, averages, sums);
-        for (int l = 0; l < lanes; l++) e->node_mass[n + l] = sums[GR_SUM_MASS * GR_LANES + l];
+        memcpy(e->node_mass + n, sums + GR_SUM_MASS * GR_LANES, GR_LANES * sizeof *sums);
         if (e->n_thin) add_joined(dim, smoothed, e, kernels, n, lanes, sums);
         kernels->move_nodes(e, damps, g, sums, &motion);
         for (int l = 0; l < lanes; l++)
             if (e->mesh.node_code[n + l] || e->watch) apply_wall(e, n, l, sums[GR_SUM_MASS * GR_LANES + l], &motion);
-        if (__builtin_expect(lanes == GR_LANES, 1)) /* a literal, so that the loops are of vectors */
-            store_motion(dim, damps, e, n, GR_LANES, &motion);
-        else
-            store_motion(dim, damps, e, n, lanes, &motion);
-        for (int l = 0; averages && l < lanes; l++) {
-            double sum[GR_NODE_SUMS(3)];
-            for (int q = 0; q < rows_of(dim, smoothed); q++) sum[q] = sums[q * GR_LANES + l];
-            store_density(dim, e, kernels, n + l, sum);
-        }
+        kernels->store_nodes(e, damps, n, &motion);
+        for (int l = 0; e->node_v && l < lanes; l++)
+            for (int d = 0; d < dim; d++) e->node_v[(n + l) * dim + d] = motion.v[d][l];
+        if (averages) store_density(dim, e, kernels, n, lanes, sums);
     }
 }
 

@@ -1,5 +1,7 @@
-/* Momentum balance of GR_LANES nodes at once, before walls. */
+/* The motion of GR_LANES nodes at once, and what an averaging of the density needs of them. What is beyond the last node has
+ * places of its own, which nothing reads. */
 #include "mpm/grid.h"
+#include "mpm/smoothed_density.h"
 
 /* Motion of the nodes of a group from their sums, with gravity g. Nodes with hardly any mass are at rest; a NaN passes, and is
  * found at the points. */
@@ -21,6 +23,53 @@ GR_INLINE void move_group(const int dim, const int damps, const struct gr_engine
             const vd a = v_load(sums + (GR_SUM_FORCE(dim) + d) * GR_LANES + lane) / m + v_set(g[d]);
             v_store(motion->v[d] + lane, v_select(empty, zero, v));
             v_store(motion->next[d] + lane, v_select(empty, zero, v + dt * a));
+        }
+    }
+}
+
+/* Store the motion of the nodes from `first` on for the points: v', and the update w. */
+GR_INLINE void store_group(const int dim, const int damps, struct gr_engine *e, int64_t first,
+                           const struct gr_node_motion *motion)
+{
+    const vd order = v_set(e->config.xpic_order);
+    for (int lane = 0; lane < GR_LANES; lane += GR_W) {
+        const int64_t n = first + lane;
+        const vd damping = v_load(motion->damping + lane), kept = v_set(e->keep_velocity) - damping;
+        if (damps) v_store(gr_node_field(e, GR_NODE_DAMPING(dim)) + n, damping);
+        for (int d = 0; d < dim; d++) {
+            const vd v = v_load(motion->v[d] + lane), next = v_load(motion->next[d] + lane);
+            vd update = kept * (next - v) + (v_set(1.0) - kept) * next;
+            if (e->config.xpic_order > 0) update = next - v + order * v; /* its pass r = 1 */
+            v_store(gr_node_field(e, GR_NODE_VELOCITY + d) + n, next);
+            v_store(gr_node_field(e, GR_NODE_UPDATE(dim) + d) + n, update);
+        }
+    }
+}
+
+/* Store what an averaging needs of the nodes from `first` on, but for that of the nodes around (smoothed_density.h).
+ * Given: their sums, and the volume of their points, as a mass of the first material. */
+GR_INLINE void describe_group(const int dim, struct gr_engine *e, int64_t first, const double *sums, const double *filled)
+{
+    const vd zero = v_zero(), one = v_set(1.0), two = v_set(2.0), cell_mass = v_set(e->cell_mass);
+    for (int lane = 0; lane < GR_LANES; lane += GR_W) {
+        const double *sum = sums + GR_SUM_DENSITY(dim) * GR_LANES + lane;
+        const vm empty = v_ge(v_set(e->config.mass_cutoff), v_load(sums + GR_SUM_MASS * GR_LANES + lane));
+        const vd volume = v_load(e->mesh.node_volume + first + lane), m = v_load(filled + lane);
+        const vd phi = v_keep(v_gt(volume, v_set(GR_NO_VOLUME)), m / (cell_mass * volume)); /* 0 in solid cells */
+        const vd connected = v_load(sum + GR_SUM_CONNECTED * GR_LANES), weighted = v_load(sum + GR_SUM_WEIGHTED * GR_LANES);
+        const vd c = v_keep(v_gt(weighted, zero), v_load(sum + GR_SUM_LOG_DENSITY * GR_LANES) / weighted);
+        vd field[GR_NODE_RESIDUAL + 3];
+        field[GR_NODE_GAP] = zero; /* until gr_grid_surroundings */
+        field[GR_NODE_LOG_DENSITY] = c;
+        field[GR_NODE_EXCESS] = v_max(phi - one, zero);
+        field[GR_NODE_WEIGHT] = v_keep(v_gt(connected, zero), weighted / connected - one);
+        /* ln phi to 4 % at phi = 1/2, less c */
+        field[GR_NODE_OWN_GAP] = two * (phi - one) / (phi + one) - c - v_set(e->servo_strain);
+        for (int d = 0; d < dim; d++)
+            field[GR_NODE_RESIDUAL + d] = v_load(sum + (GR_SUM_RESIDUAL + d) * GR_LANES) / cell_mass;
+        for (int q = 0; q < GR_NODE_RESIDUAL + dim; q++) {
+            const vd of_empty = q == GR_NODE_OWN_GAP ? v_set(GR_EMPTY_GAP) : zero;
+            v_store(gr_node_field(e, GR_NODE_DENSITY(dim) + q) + first + lane, v_select(empty, of_empty, field[q]));
         }
     }
 }

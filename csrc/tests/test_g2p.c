@@ -147,7 +147,6 @@ TEST(before_the_grid_all_is_at_rest)
             for (int64_t n = 0; n < e->mesh.n_nodes; n++) {
                 CHECK(e->node_mass[n] == 0);
                 for (int q = 0; q < e->node_fields; q++) CHECK(gr_node_field(e, q)[n] == 0);
-                for (int d = 0; d < 2; d++) CHECK(e->node_v[n * 2 + d] == 0);
             }
             remember(&s, &b);
             CHECK(gr_g2p(s.engine, kernels) == GR_OK);

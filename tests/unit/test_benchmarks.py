@@ -46,6 +46,24 @@ def test_a_quick_table_of_speed_is_written(module, tmp_path, capsys):
     assert len(capsys.readouterr().out.splitlines()) == 2 + len(rows) / 2 + len(table["space"])
 
 
+def test_the_smaller_time_of_two_runs_is_kept(module):
+    """Results of two runs are joined row by row, if the rows are the same ones."""
+
+    def results(isa, *times):
+        rows = [{"scheme": f"scheme {k}", "points": 8192, "ns": ns} for k, ns in enumerate(times)]
+        return {"machine": "x", "build": {"isa": isa}, "rows": rows, "space": rows[:1]}
+
+    script = module("speed")
+    joined = script.least(results("avx2", 9.0, 20.0), results("avx2", 10.0, 19.0))
+    assert [row["ns"] for row in joined["rows"]] == [9.0, 19.0] and joined["space"][0]["ns"] == 9.0
+    with pytest.raises(SystemExit, match="another machine"):
+        script.least(results("avx512", 9.0, 20.0), results("avx2", 10.0, 19.0))
+    with pytest.raises(SystemExit, match="other rows"):
+        script.least(
+            results("avx2", 9.0), {**results("avx2", 8.0), "rows": [{"scheme": "a", "points": 1}]}
+        )
+
+
 def test_a_quick_table_of_places_is_written(module, tmp_path, capsys, monkeypatch):
     """Buffers are larger than the points, and the page gets a row for each case."""
     script, out, page = module("places"), tmp_path / "places.json", tmp_path / "page.md"
