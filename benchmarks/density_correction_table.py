@@ -28,6 +28,8 @@ RESULTS = Path(__file__).parent / "results" / "density_correction_table.json"
 
 SCHEMES = {
     "default": gr.schemes.default,
+    "averaging_time=4": gr.schemes.default.replace(density=gr.SmoothedDensity(averaging_time=4.0)),
+    "averaging_time=8": gr.schemes.default.replace(density=gr.SmoothedDensity(averaging_time=8.0)),
     "default without weights": gr.Scheme(density=gr.SmoothedDensity(weight_correction=0.0)),
     "cell averaged": gr.schemes.cell_averaged,
     "published": gr.schemes.dunatunga_kamrin_2015.replace(dt=None),
