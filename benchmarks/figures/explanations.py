@@ -316,8 +316,8 @@ def core(quick: bool) -> Picture:
     top.tick_params(length=0)
     top.set(xlim=(0, columns), ylim=(0, rows), aspect="equal")
     top.set_title("Cells with points, their neighbours, and cells that do not exist")
-    offset, _ = sim._engine.cells()
-    tile = sim.buffers["id"][offset[0] : offset[8]].reshape(-1, 8) >= 0  # the first one
+    counts = sim._engine.cells()[1][:8]  # points in the cells of the first tile
+    tile = np.arange(counts.max() + 1)[:, None] < counts  # with the spare row
     for row, lanes in enumerate(tile):
         for lane, used in enumerate(lanes):
             face, alpha = (BLUE, 1.0) if used else (GREY, 0.3)
