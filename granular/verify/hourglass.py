@@ -31,7 +31,7 @@ PHASE_TOLERANCE = 0.05
 the paper is rho_c itself, but the nodal densities of regularly seeded points lie on both sides of
 it, due to quadrature errors alone."""
 
-AT_REST = {"flat": 20.0, "sloped": 10.0}
+AT_REST = {"flat": 30.0, "sloped": 10.0}
 """Times at which the heaps are at rest [s], except for a few mm/s at the surface. At 10 s the flank
 of the flat hourglass is still fed from above and creeps at some cm/s."""
 
@@ -142,8 +142,14 @@ def creep_slope(state: State) -> tuple[float, float]:
 
 def heaps(state: State, name: str, *, bound: bool) -> Iterator[Row]:
     """Rows of the heap on the base; on the free_slip divider no heap is left at the end."""
-    repose = heap(state)
     mean, largest = f"mean slope [deg], {name}", f"largest slope over 15 columns [deg], {name}"
+    try:
+        repose = heap(state)
+    except ValueError:  # too few columns for a slope
+        if bound:
+            raise
+        yield beside(mean, "no flank", f"{REPOSE:.1f}")
+        return
     if bound:
         yield at_most(mean, repose.mean_deg, REPOSE + 1)
     else:
@@ -195,6 +201,6 @@ def hourglass_published() -> Iterator[Row]:
 
 @check(slow=True)
 def hourglass_default() -> Iterator[Row]:
-    """Both hourglasses, 20 and 10 s, E = 1e6 Pa, default scheme: heaps at rest within the bound."""
+    """Both hourglasses, 30 and 10 s, E = 1e6 Pa, default scheme: heaps at rest within the bound."""
     yield from _full("flat", schemes.default, "default", bound=True)
     yield from _full("sloped", schemes.default, "default", bound=True)
