@@ -133,6 +133,8 @@ def main(argv: list[str] | None = None) -> None:
         for end, results in RESULTS.items():
             write_tables(PAGE, tables(json.loads(results.read_text()), end))
         return
+    if arguments.again and not (arguments.out and arguments.out.exists()):
+        parser.error("--again needs --out with the results of a run")
     sizes = [(0.025, 0.02)] if arguments.quick else [(0.0125, 0.4), (0.0025, 0.15)]
     batches, until = (2, 0.05) if arguments.quick else (12, 4.0)
     head = machine() | {"incline_seconds": until}
