@@ -10,6 +10,7 @@
 #include "mpm/contact.h"
 #include "mpm/feet.h"
 #include "mpm/inflow.h"
+#include "mpm/numbers.h"
 #include "mpm/open_volume.h"
 #include "mpm/rigid.h"
 #include "mpm/sleep.h"
@@ -291,9 +292,12 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     e->node_fields = config->cell_averaged ? GR_NODE_DENSITY(config->dim) : GR_NODE_FIELDS(config->dim, config->smoothed);
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         if (gr_engine_uses(&e->config, f)) e->n_components += gr_field_components(f, config->dim);
+    e->n_doubles = config->single ? config->dim : e->n_components; /* x comes first */
+    e->column = calloc((size_t)e->n_components, sizeof *e->column);
     error = copy_config(e);
     if (error) goto out;
     error = GR_ERR_MEMORY;
+    if (!e->column) goto out;
     if (gr_table_new(&e->mesh.cell_of, n_cells) || gr_table_new(&e->mesh.next_of, n_cells)) goto out;
     if (gr_table_new(&e->mesh.node_of, n_nodes)) goto out;
     error = list_solids(e);
@@ -336,6 +340,7 @@ void gr_engine_free(struct gr_engine *e)
                            e->config.walls,
                            e->config.bodies,
                            e->config.parts,
+                           e->column,
                            e->mesh.cell,
                            e->mesh.cell_node,
                            e->mesh.place,
@@ -381,7 +386,13 @@ void gr_engine_free(struct gr_engine *e)
 
 void gr_engine_bind(struct gr_engine *e, void *const field[GR_FIELD_COUNT], int64_t *id, int64_t capacity)
 {
-    for (int f = 0; f < GR_FIELD_COUNT; f++) e->field[f] = field[f];
+    int n = 0;
     e->id = id;
     e->capacity = capacity;
+    for (int f = 0; f < GR_FIELD_COUNT; f++) {
+        const size_t size = gr_is_double(&e->config, f) ? sizeof(double) : sizeof(float);
+        e->field[f] = field[f];
+        for (int c = 0; field[f] && c < gr_field_components(f, e->config.dim); c++)
+            e->column[n++] = (char *)field[f] + (size_t)(c * capacity) * size;
+    }
 }

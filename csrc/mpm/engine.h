@@ -152,7 +152,7 @@ struct gr_migrant {
  * and their new cells found. */
 struct gr_migrants {
     struct gr_migrant *from;
-    double *record; /* count x n_components; capacity for one more */
+    double *record; /* count x n_components */
     int64_t *id, count;
     int64_t lowest, highest; /* of the new cells */
     int64_t invalid;         /* number of points that are not finite or moved too far */
@@ -168,7 +168,8 @@ struct gr_engine {
     void *field[GR_FIELD_COUNT]; /* numbers.h; component c of field f begins at number c*capacity */
     int64_t *id;
     int64_t capacity, used, n_points; /* places; places used now or before; points in the domain */
-    int n_components;                 /* of all fields in use together */
+    int n_components, n_doubles;      /* of all fields in use together; the first of them are doubles */
+    void **column;                    /* where each component begins */
     /* grid */
     struct gr_mesh mesh;
     void *sums;        /* n_tiles + 1 blocks of sum_stride numbers (gr_sums); the last block is zero */

@@ -14,7 +14,8 @@
 #include "mpm/spread.h"
 
 /* Buffers that are too small become larger than needed by one part in this number, as material that spreads soon needs
- * more. Twice as much makes no run faster. */
+ * more. Twice as much makes no run faster. Those that have room for the points, but for less than half of that to spare, are too
+ * small as well: tiles of a flow that grow would use it up within some steps, and have all points grouped again. */
 enum { GROWTH = 16 };
 
 int gr_compare_ids(const void *a, const void *b)
@@ -439,7 +440,7 @@ int gr_regroup(struct gr_engine *e, struct gr_team *team)
     int error = reserve_points(&r);
     if (!error) error = list_points(&r);
     if (!error) error = list_cells(&r);
-    if (!error && r.total > e->capacity) {
+    if (!error && r.total + r.total / (2 * GROWTH) > e->capacity) {
         e->needed_capacity = r.total + r.total / GROWTH;
         error = GR_ERR_CAPACITY;
     }

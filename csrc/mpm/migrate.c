@@ -58,16 +58,13 @@ static int fail(struct gr_engine *e, int code, const double *record, int64_t id)
 /* Pack a point: copy all its components from its place to a record, x first. */
 static void pack(const struct gr_engine *e, int64_t slot, double *record)
 {
-    for (int f = 0; f < GR_FIELD_COUNT; f++)
-        for (int c = 0; e->field[f] && c < gr_field_components(f, e->config.dim); c++) *record++ = gr_number(e, f, c, slot);
+    for (int k = 0; k < e->n_components; k++) record[k] = gr_component(e, k, slot);
 }
 
 /* Unpack a record: copy a point to its new place. */
 static void unpack(struct gr_engine *e, int64_t slot, const double *record, int64_t id)
 {
-    for (int f = 0; f < GR_FIELD_COUNT; f++)
-        for (int c = 0; e->field[f] && c < gr_field_components(f, e->config.dim); c++)
-            gr_set_number(e, f, c, slot, *record++);
+    for (int k = 0; k < e->n_components; k++) gr_set_component(e, k, slot, record[k]);
     e->id[slot] = id;
 }
 
@@ -83,12 +80,12 @@ int gr_reserve_pending(struct gr_engine *e, int64_t n)
 }
 
 /* Fill the gap of a removed point with the last point of its cell. */
-static void close_hole(struct gr_engine *e, struct gr_cell *cell, int64_t slot, double *record)
+static void close_hole(struct gr_engine *e, struct gr_cell *cell, int64_t slot)
 {
     const int64_t last = gr_slot(cell, --cell->count);
     if (slot != last) {
-        pack(e, last, record);
-        unpack(e, slot, record, e->id[last]);
+        for (int k = 0; k < e->n_components; k++) gr_set_component(e, k, slot, gr_component(e, k, last));
+        e->id[slot] = e->id[last];
     }
     gr_clear_place(e, cell, last);
 }
@@ -100,15 +97,20 @@ int gr_component_of(const struct gr_engine *e, int field)
     return component;
 }
 
-/* Code of the error of a packed point, GR_OK if it is finite and in a neighbour of its old cell, `from`. */
-static int check(const struct gr_engine *e, const struct gr_cell *from, const double *record)
+/* Find the cell of a packed point along each axis. */
+static void locate(const struct gr_engine *e, const double *record, int64_t at[3])
 {
-    for (int c = 0; c < e->n_components; c++)
-        if (!isfinite(record[c])) return GR_ERR_NOT_FINITE;
-    for (int d = 0; d < e->config.dim; d++) {
-        const int64_t at = gr_locate(&e->axis[d], e->inv_dx, record[d]);
-        if (at > from->at[d] + 1 || at < from->at[d] - 1) return GR_ERR_RUNAWAY;
-    }
+    for (int d = 0; d < e->config.dim; d++) at[d] = gr_locate(&e->axis[d], e->inv_dx, record[d]);
+}
+
+/* Code of the error of a packed point at the indices `at`, GR_OK if it is finite and in a neighbour of its old cell, `from`. */
+static int check(const struct gr_engine *e, const struct gr_cell *from, const double *record, const int64_t at[3])
+{
+    int finite = 1;
+    for (int k = 0; k < e->n_components; k++) finite &= isfinite(record[k]) != 0;
+    if (!finite) return GR_ERR_NOT_FINITE;
+    for (int d = 0; d < e->config.dim; d++)
+        if (at[d] > from->at[d] + 1 || at[d] < from->at[d] - 1) return GR_ERR_RUNAWAY;
     return GR_OK;
 }
 
@@ -134,9 +136,9 @@ static void address(const struct gr_engine *e, struct gr_migrants *out, int64_t 
     struct gr_migrant *migrant = &out->from[k];
     const double *record = out->record + k * e->n_components;
     int64_t at[3];
-    for (int d = 0; d < e->config.dim; d++) at[d] = gr_locate(&e->axis[d], e->inv_dx, record[d]);
+    locate(e, record, at);
     migrant->to = find_cell(e, at, record);
-    out->invalid += check(e, &e->mesh.cell[migrant->cell], record) != GR_OK;
+    out->invalid += check(e, &e->mesh.cell[migrant->cell], record, at) != GR_OK;
     out->outside += migrant->to == GR_TO_OUTSIDE;
     out->homeless += migrant->to == GR_TO_NO_CELL;
     if (migrant->to < 0) return;
@@ -146,14 +148,13 @@ static void address(const struct gr_engine *e, struct gr_migrants *out, int64_t 
 
 void gr_pack_migrants(struct gr_engine *e, struct gr_migrants *out, int64_t first)
 {
-    double *scratch = out->record + out->count * e->n_components;
     for (int64_t k = first; k < out->count; k++) {
         pack(e, out->from[k].slot, out->record + k * e->n_components);
         out->id[k] = e->id[out->from[k].slot];
         address(e, out, k);
     }
     for (int64_t k = out->count - 1; k >= first; k--)
-        close_hole(e, &e->mesh.cell[out->from[k].cell], out->from[k].slot, scratch);
+        close_hole(e, &e->mesh.cell[out->from[k].cell], out->from[k].slot);
 }
 
 /* Put all migrants back into their old cells, which still have the places for them, and report the first that is
@@ -165,7 +166,9 @@ static int refuse(struct gr_engine *e, const struct gr_migrants *list, int lists
         for (int64_t k = 0; k < list[t].count; k++) {
             struct gr_cell *cell = &e->mesh.cell[list[t].from[k].cell];
             const double *record = list[t].record + k * e->n_components;
-            if (!error && (error = check(e, cell, record))) (void)fail(e, error, record, list[t].id[k]);
+            int64_t at[3];
+            locate(e, record, at);
+            if (!error && (error = check(e, cell, record, at))) (void)fail(e, error, record, list[t].id[k]);
             unpack(e, gr_slot(cell, cell->count++), record, list[t].id[k]);
         }
     return error;
@@ -212,7 +215,7 @@ static void wait(struct gr_engine *e, const double *record, int64_t id)
 static int64_t bring_back(struct gr_engine *e, const struct gr_cell *from, double *record)
 {
     int64_t at[3];
-    for (int d = 0; d < e->config.dim; d++) at[d] = gr_locate(&e->axis[d], e->inv_dx, record[d]);
+    locate(e, record, at);
     if (gr_confine(e, record, at, from->at)) return find_cell(e, at, record);
     e->dropped++;
     e->dropped_mass += record[gr_component_of(e, GR_FIELD_mass)];
@@ -317,8 +320,8 @@ void gr_insert_new(struct gr_engine *e, double *record, int64_t id)
     int64_t at[3] = {0}, inside[3] = {0};
     int32_t from[3] = {0};
     e->n_points++;
+    locate(e, record, at);
     for (int d = 0; d < e->config.dim; d++) {
-        at[d] = gr_locate(&e->axis[d], e->inv_dx, record[d]);
         inside[d] = at[d] < 0 ? 0 : at[d] < e->axis[d].n_cells ? at[d] : e->axis[d].n_cells - 1;
         from[d] = (int32_t)inside[d];
     }
@@ -349,7 +352,7 @@ void gr_change_sides(struct gr_engine *e)
             if (gr_point_side(e, x, cell->side) == cell->side) continue;
             const int64_t id = e->id[slot];
             pack(e, slot, record);
-            close_hole(e, cell, slot, record + e->n_components), s--;
+            close_hole(e, cell, slot), s--;
             mark_changed(e, index);
             insert(e, index + cell->side, record, id);
         }
@@ -369,7 +372,7 @@ int gr_replace_point(struct gr_engine *e, int64_t index, int64_t slot, const dou
     }
     if (same) return 0;
     pack(e, slot, record);
-    close_hole(e, cell, slot, record + e->n_components);
+    close_hole(e, cell, slot);
     const int64_t to = bring_back(e, cell, record);
     if (to != GR_TO_NOWHERE) insert(e, to, record, id);
     return 1;

@@ -42,9 +42,7 @@ static inline void gr_center_place(struct gr_engine *e, const struct gr_cell *ce
 /* Make a place spare: it has no mass and no id, and all its values are finite, with x at the centre of its cell. */
 static inline void gr_clear_place(struct gr_engine *e, const struct gr_cell *cell, int64_t slot)
 {
-    const int dim = e->config.dim;
-    for (int f = 0; f < GR_FIELD_COUNT; f++)
-        for (int c = 0; e->field[f] && c < gr_field_components(f, dim); c++) gr_set_number(e, f, c, slot, 0);
+    for (int k = 0; k < e->n_components; k++) gr_set_component(e, k, slot, 0);
     gr_center_place(e, cell, slot);
     e->id[slot] = -1;
 }

@@ -27,6 +27,20 @@ static inline void gr_set_number(const struct gr_engine *e, int field, int c, in
         ((float *)e->field[field])[at] = (float)number;
 }
 
+/* Component k of all that a point has, in the order of a packed record: x first. */
+static inline double gr_component(const struct gr_engine *e, int k, int64_t place)
+{
+    return k < e->n_doubles ? ((const double *)e->column[k])[place] : ((const float *)e->column[k])[place];
+}
+
+static inline void gr_set_component(const struct gr_engine *e, int k, int64_t place, double number)
+{
+    if (k < e->n_doubles)
+        ((double *)e->column[k])[place] = number;
+    else
+        ((float *)e->column[k])[place] = (float)number;
+}
+
 /* Square of the speed of the point at a place. */
 static inline double gr_speed_squared(const struct gr_engine *e, int64_t place)
 {

@@ -99,14 +99,11 @@ GR_SHARED(center_spare, struct gr_moves, m->e->mesh.n_tiles *GR_LANES, m)
 void gr_move_points(struct gr_moves *moves)
 {
     struct gr_engine *e = moves->e;
-    int64_t n = 0;
-    for (int f = 0; f < GR_FIELD_COUNT; f++) {
-        const size_t size = gr_is_double(&e->config, f) ? sizeof(double) : sizeof(float);
-        for (int c = 0; e->field[f] && c < gr_field_components(f, e->config.dim); c++, n++)
-            moves->columns[n] = (struct gr_column){(char *)e->field[f] + (size_t)(c * e->capacity) * size, e->pending + n,
-                                                   e->n_components, size, 0};
-    }
-    moves->columns[n++] = (struct gr_column){e->id, (const double *)e->pending_id, 1, sizeof *e->id, -1};
-    for (moves->column = 0; moves->column <= n; moves->column++) move_column(moves);
+    const int n = e->n_components;
+    for (int k = 0; k < n; k++)
+        moves->columns[k] =
+            (struct gr_column){e->column[k], e->pending + k, n, k < e->n_doubles ? sizeof(double) : sizeof(float), 0};
+    moves->columns[n] = (struct gr_column){e->id, (const double *)e->pending_id, 1, sizeof *e->id, -1};
+    for (moves->column = 0; moves->column <= n + 1; moves->column++) move_column(moves);
     center_spare(moves);
 }

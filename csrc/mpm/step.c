@@ -97,9 +97,8 @@ static int reserve_chunks(struct gr_engine *e, int64_t n)
 /* Give chunk k space for migrants behind that for as many `points` of other chunks. */
 static void lend_space(struct gr_engine *e, int k, int64_t points)
 {
-    const int64_t begin = points + k; /* one record more than points for each chunk */
     e->migrants[k] = (struct gr_migrants){
-        .from = e->migrant + begin, .record = e->pending + begin * e->n_components, .id = e->pending_id + begin};
+        .from = e->migrant + points, .record = e->pending + points * e->n_components, .id = e->pending_id + points};
 }
 
 /* Divide the tiles so that each chunk has about the same number of places. Give each chunk space for migrants: all its
@@ -142,7 +141,7 @@ static int share_out(struct run *run)
     run->n_chunks = (int)gr_chunks(run->team, GR_MAX_CHUNKS);
     if (reserve_chunks(e, run->n_chunks)) return GR_ERR_MEMORY;
     if (e->sleep && gr_sleep_begin(e)) return GR_ERR_MEMORY;
-    if (reserve_substeps(e) || gr_reserve_pending(e, e->capacity + run->n_chunks + gr_inflow_most(e))) return GR_ERR_MEMORY;
+    if (reserve_substeps(e) || gr_reserve_pending(e, e->capacity + gr_inflow_most(e))) return GR_ERR_MEMORY;
     share_tiles(run);
     return GR_OK;
 }

@@ -51,17 +51,16 @@ GR_INLINE unsigned wake_lanes(const int dim, const int basis, struct gr_engine *
 static void keep_points(struct gr_engine *e, int64_t tile, unsigned asleep, double *buffer, int back)
 {
     const struct gr_cell *cell = &e->mesh.cell[tile * GR_LANES];
-    for (int f = 0; f < GR_FIELD_COUNT; f++)
-        for (int c = 0; e->field[f] && c < gr_field_components(f, e->config.dim); c++)
-            for (int32_t row = 0; row < cell->capacity; row++, buffer += GR_LANES) {
-                const int64_t place = gr_slot(cell, row);
-                for (int l = 0; l < GR_LANES; l++) {
-                    if (!back)
-                        buffer[l] = gr_number(e, f, c, place + l);
-                    else if (asleep >> l & 1u)
-                        gr_set_number(e, f, c, place + l, buffer[l]);
-                }
+    for (int k = 0; k < e->n_components; k++)
+        for (int32_t row = 0; row < cell->capacity; row++, buffer += GR_LANES) {
+            const int64_t place = gr_slot(cell, row);
+            for (int l = 0; l < GR_LANES; l++) {
+                if (!back)
+                    buffer[l] = gr_component(e, k, place + l);
+                else if (asleep >> l & 1u)
+                    gr_set_component(e, k, place + l, buffer[l]);
             }
+        }
 }
 
 /* Remove the points of cells that are asleep from a list of those that left.
