@@ -148,14 +148,31 @@ static void sum_nodes(const struct gr_engine *e, int64_t group, int damped, int 
 #undef GR_X
 }
 
+#ifdef GR_SINGLE
+/* Copy the fields of nodes that the points will see, for groups of nodes that do not rest. */
+static void narrow_nodes(struct gr_engine *e, int64_t first, int64_t last)
+{
+    const int motion = GR_NODE_DAMPING(e->config.dim) + e->config.smoothed;
+    const int fields = gr_averages(e, e->step) ? GR_NODE_FIELDS(e->config.dim, 1) : motion;
+    for (int64_t n = first * GR_LANES; n < last * GR_LANES; n += GR_LANES) {
+        if (gr_group_rests(e, n)) continue;
+        for (int f = 0; f < fields; f++)
+            for (int lane = 0; lane < GR_LANES; lane += GR_W)
+                v_store(e->node_single + f * e->node_places + n + lane, v_load(gr_node_field(e, f) + n + lane));
+    }
+}
+#endif
+
 /* The kernels in single precision take those in double precision. */
 #define GR_MOVE_NODES GR_PASTE(gr_move_nodes_, GR_ISA)
 #define GR_STORE_NODES GR_PASTE(gr_store_nodes_, GR_ISA)
 #define GR_DESCRIBE_NODES GR_PASTE(gr_describe_nodes_, GR_ISA)
+#define GR_MEAN_GAPS GR_PASTE(gr_mean_gaps_, GR_ISA)
 void GR_MOVE_NODES(const struct gr_engine *e, int damped, const double g[3], const double *sums,
                    struct gr_node_motion *motion);
 void GR_STORE_NODES(struct gr_engine *e, int damped, int64_t first, const struct gr_node_motion *motion);
 void GR_DESCRIBE_NODES(struct gr_engine *e, int64_t first, const double *sums, const double *filled);
+unsigned GR_MEAN_GAPS(struct gr_engine *e, int64_t first);
 
 #ifndef GR_SINGLE
 void GR_MOVE_NODES(const struct gr_engine *e, int damped, const double g[3], const double *sums,
@@ -181,6 +198,11 @@ void GR_DESCRIBE_NODES(struct gr_engine *e, int64_t first, const double *sums, c
         describe_group(2, e, first, sums, filled);
     else
         describe_group(3, e, first, sums, filled);
+}
+
+unsigned GR_MEAN_GAPS(struct gr_engine *e, int64_t first)
+{
+    return e->config.dim == 2 ? mean_gaps_of_group(2, e, first) : mean_gaps_of_group(3, e, first);
 }
 
 static void smooth(struct gr_engine *e, int64_t first, int64_t last)
@@ -263,13 +285,16 @@ const struct gr_kernels GR_NAME = {
     .move_nodes = GR_MOVE_NODES,
     .store_nodes = GR_STORE_NODES,
     .describe_nodes = GR_DESCRIBE_NODES,
+    .mean_gaps = GR_MEAN_GAPS,
     .sum_volumes = sum_volumes,
     .sweep = sweep,
     .mean_pairs = mean_pairs,
     .begin_substeps = begin_substeps,
     .substep = substep,
     .laws = laws,
-#ifndef GR_SINGLE
+#ifdef GR_SINGLE
+    .narrow_nodes = narrow_nodes,
+#else
     .single = &GR_IN_SINGLE,
     .apply_cell_forces = cell_forces,
     .smooth = smooth,

@@ -24,11 +24,14 @@ struct gr_kernels {
     /* store the motion of the nodes from `first` on; and what an averaging needs of them, with the volume of their points */
     void (*store_nodes)(struct gr_engine *, int damped, int64_t first, const struct gr_node_motion *);
     void (*describe_nodes)(struct gr_engine *, int64_t first, const double *sums, const double *filled);
+    unsigned (*mean_gaps)(struct gr_engine *, int64_t first); /* about them; a bit for each that is inside the material */
     void (*sum_volumes)(const struct gr_engine *, int64_t group, double *sums); /* of a smoothed density */
     void (*mean_pairs)(struct gr_engine *, int64_t first, int64_t last);
     void (*begin_substeps)(struct gr_engine *, int64_t first, int64_t last);
     void (*substep)(struct gr_engine *, int64_t first, int64_t last);
     const struct gr_law *const *laws; /* those of law/registry.inl, then NULL */
+    void (*narrow_nodes)(struct gr_engine *, int64_t first,
+                         int64_t last); /* of groups; in single precision only, else NULL */
     /* in double precision only, else NULL */
     const struct gr_kernels *single; /* those of the same instruction set in single precision */
     void (*apply_cell_forces)(struct gr_engine *, int64_t first, int64_t last);

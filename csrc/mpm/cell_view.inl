@@ -137,14 +137,14 @@ GR_INLINE void load_nodes(const int K, const struct gr_engine *e, int64_t first,
     const int64_t tile = first / GR_LANES;
     const int32_t *node = e->mesh.cell_node + tile * K * GR_LANES + first % GR_LANES;
     for (int i = 0; i < K; i++, node += GR_LANES) {
-        const double *field = gr_node_field(e, begin);
+        const gr_real *field = gr_seen_field(e, begin);
         if (__builtin_expect(e->mesh.tile_in_row[tile] >> i & 1, 1)) {
             for (int q = begin; q < end; q++, field += e->node_places)
                 value[(q - begin) * K + i] = v_set(scale) * v_load(field + *node);
             continue;
         }
         for (int q = begin; q < end; q++, field += e->node_places) {
-            double each[GR_W];
+            gr_real each[GR_W];
             for (int l = 0; l < GR_W; l++) each[l] = field[node[l]];
             value[(q - begin) * K + i] = v_set(scale) * v_load(each);
         }

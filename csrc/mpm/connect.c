@@ -1,4 +1,5 @@
 /* The nodes of the active cells, the connections between both, and the neighbours of cells. */
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -16,10 +17,15 @@ static int reserve_nodes(struct gr_engine *e, int64_t n)
     GR_RESIZE(mesh->node_source, capacity * e->K);
     GR_RESIZE(mesh->node_run, (capacity / GR_LANES + 1) * e->K);
     GR_RESIZE(mesh->node_code, capacity);
-    GR_RESIZE(mesh->node_volume, capacity + GR_LANES);
     GR_RESIZE(mesh->node_id, capacity);
-    e->node_places = capacity + GR_LANES;
+    e->node_places = capacity + 2 * GR_LANES;
+    GR_RESIZE(mesh->node_volume, e->node_places);
+    if (e->config.smoothed) {
+        GR_RESIZE(mesh->node_about, (capacity + GR_LANES) * gr_about(e->config.dim));
+        GR_RESIZE(mesh->node_at, capacity);
+    }
     GR_RESIZE(e->node_data, e->node_fields * e->node_places);
+    if (e->config.single) GR_RESIZE(e->node_single, e->node_fields * e->node_places);
     GR_RESIZE(e->node_mass, capacity + GR_LANES);
     if (e->config.xpic_order > 0) GR_RESIZE(e->node_v, capacity * e->config.dim);
     if (e->watch) GR_RESIZE(e->watch->node, capacity * e->config.dim);
@@ -94,6 +100,8 @@ GR_SHARED(clear_nodes, struct connect, q->e->node_places, q)
     (void)chunk;
     if (first >= last) return;
     for (int f = 0; f < e->node_fields; f++) memset(gr_node_field(e, f) + first, 0, size);
+    for (int f = 0; e->node_single && f < e->node_fields; f++)
+        memset(e->node_single + f * e->node_places + first, 0, sizeof(float) * (size_t)(last - first));
     if (last > q->n_nodes) last = q->n_nodes;
     if (first >= last) return;
     memset(e->node_mass + first, 0, sizeof(double) * (size_t)(last - first));
@@ -160,6 +168,50 @@ static void find_rows(struct gr_engine *e, int64_t tile)
         for (int l = 1; l < GR_LANES; l++) in_row &= node[l] == node[0] + l;
         e->mesh.tile_in_row[tile] |= (uint32_t)in_row << i;
     }
+}
+
+/* Find the nodes about node n, and whether it is at an end or on a grid line. */
+static void find_about(struct gr_engine *e, int64_t n)
+{
+    const int dim = e->config.dim;
+    int64_t rest = e->mesh.node_id[n], stride = 1, step[3][3] = {{0}};
+    uint8_t at_end = 0, on_line = 0;
+    for (int d = 0; d < dim; d++) {
+        const struct gr_axis *axis = &e->axis[d];
+        const int64_t m = axis->n_nodes, at = rest % m;
+        on_line |= (uint8_t)((axis->node_position[at] == floor(axis->node_position[at])) << d);
+        for (int side = 0; side < 3; side++) {
+            const int64_t next = at + side - 1;
+            const int beyond = !axis->periodic && (next < 0 || next >= m);
+            step[d][side] = beyond ? 0 : ((next + m) % m - at) * stride;
+            at_end |= (uint8_t)(beyond << d);
+        }
+        rest /= m;
+        stride *= m;
+    }
+    e->mesh.node_at[n] = (uint8_t)(at_end | on_line << 3);
+    int32_t *about = e->mesh.node_about + n / GR_LANES * GR_LANES * gr_about(dim) + n % GR_LANES;
+    for (int k = 0; k < gr_about(dim); k++, about += GR_LANES) {
+        const int64_t id = e->mesh.node_id[n] + step[0][k % 3] + step[1][k / 3 % 3] + step[2][k / 9];
+        const int32_t found = gr_table_get(&e->mesh.node_of, id);
+        *about = found ? found - 1 : (int32_t)e->node_places - 1;
+    }
+}
+
+/* Find the nodes about all. Those of the last group that are not there have themselves about them. */
+GR_SHARED(find_all_about, struct connect, (q->n_nodes + GR_LANES - 1) / GR_LANES, q)
+{
+    struct gr_engine *e = q->e;
+    (void)chunk;
+    for (int64_t group = first; group < last; group++)
+        for (int64_t n = group * GR_LANES; n < (group + 1) * GR_LANES; n++) {
+            if (n < q->n_nodes) {
+                find_about(e, n);
+                continue;
+            }
+            for (int k = 0; k < gr_about(e->config.dim); k++)
+                e->mesh.node_about[(group * gr_about(e->config.dim) + k) * GR_LANES + n % GR_LANES] = (int32_t)n;
+        }
 }
 
 /* Find the pieces in which the sums of GR_LANES nodes lie. Nodes beyond the last continue its piece. */
@@ -240,6 +292,12 @@ int gr_connect(struct gr_engine *e, const int64_t *cells, struct gr_team *team, 
         describe_nodes(&q);
         connect_tiles(&q);
         find_runs(&q);
+        if (e->config.smoothed) {
+            find_all_about(&q);
+            gr_node_field(e, GR_NODE_DENSITY(e->config.dim) + GR_NODE_OWN_GAP(e->config.dim))[e->node_places - 1] =
+                -INFINITY;
+        }
+        e->mesh.node_volume[e->node_places - 1] = 0;
     } else {
         gr_table_clear(&e->mesh.node_of);
     }

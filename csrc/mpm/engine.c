@@ -290,6 +290,7 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     e->volume_sums = e->sum_stride;
     if (config->smoothed && config->n_materials > 1) e->sum_stride += GR_VOLUME_SUMS * e->K * GR_LANES;
     e->node_fields = config->cell_averaged ? GR_NODE_DENSITY(config->dim) : GR_NODE_FIELDS(config->dim, config->smoothed);
+    e->node_fields += config->smoothed; /* the gap of the node itself */
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         if (gr_engine_uses(&e->config, f)) e->n_components += gr_field_components(f, config->dim);
     e->n_doubles = config->single ? config->dim : e->n_components; /* x comes first */
@@ -347,6 +348,8 @@ void gr_engine_free(struct gr_engine *e)
                            e->mesh.node_source,
                            e->mesh.node_run,
                            e->mesh.node_code,
+                           e->mesh.node_about,
+                           e->mesh.node_at,
                            e->mesh.node_volume,
                            e->mesh.node_id,
                            e->sums,
@@ -357,6 +360,7 @@ void gr_engine_free(struct gr_engine *e)
                            e->mesh.tile_in_row,
                            e->mesh.beside,
                            e->node_data,
+                           e->node_single,
                            e->node_mass,
                            e->node_v,
                            e->node_cells[0],

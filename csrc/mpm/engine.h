@@ -131,6 +131,11 @@ struct gr_mesh {
     int64_t *node_source;  /* n_nodes x K: entry i: where its sums over the cell begin in which it is local node
                                K - 1 - i; in the zero tile where there is no such cell */
     struct gr_node_run *node_run; /* (n_nodes/GR_LANES, rounded up) x K: the same for GR_LANES nodes together */
+    int32_t
+        *node_about;  /* with a smoothed density, in groups of GR_LANES nodes: gr_about x GR_LANES places of the nodes about
+                            each, entry a + 3 b + 9 c of what is a - 1, b - 1 and c - 1 nodes further along x, y and z (c = 0 in
+                            2D); the last place of all where there is none. Beyond an end: as at it */
+    uint8_t *node_at; /* the same: bit d: the node is at an end along axis d; bit 3 + d: on a grid line, as on inner walls */
     uint8_t *node_code;
     double *node_volume;              /* fraction of dx^dim that the node stands for */
     int64_t *node_id;                 /* its index in the whole grid */
@@ -172,14 +177,15 @@ struct gr_engine {
     void **column;                    /* where each component begins */
     /* grid */
     struct gr_mesh mesh;
-    void *sums;        /* n_tiles + 1 blocks of sum_stride numbers (gr_sums); the last block is zero */
-    double *average;   /* GR_AVERAGES(dim) x cell_capacity, see enum gr_average; NULL unless cell_averaged */
-    double *node_data; /* node_fields x node_places, see GR_NODE_FIELDS */
-    double *node_mass; /* n_nodes, kg */
-    double *node_v;    /* n_nodes x dim, m/s: velocity before the forces, filtered by XPIC; NULL without it */
+    void *sums;         /* n_tiles + 1 blocks of sum_stride numbers (gr_sums); the last block is zero */
+    double *average;    /* GR_AVERAGES(dim) x cell_capacity, see enum gr_average; NULL unless cell_averaged */
+    double *node_data;  /* node_fields x node_places, see GR_NODE_FIELDS */
+    float *node_single; /* what kernels in single precision see of it: the same as floats; NULL with double precision */
+    double *node_mass;  /* n_nodes, kg */
+    double *node_v;     /* n_nodes x dim, m/s: velocity before the forces, filtered by XPIC; NULL without it */
     struct gr_node_cells *node_cells[3]; /* per node of an axis; NULL without solid cells, and along unused axes */
     int sum_stride, density_sums, volume_sums, node_fields;
-    int64_t node_places; /* capacity for the nodes, and for whole vectors behind the last */
+    int64_t node_places; /* capacity for the nodes, for whole vectors behind the last, and a place of none */
     /* bodies; NULL without any */
     struct gr_body_state *body, *body_next; /* now, and after the current step */
     struct gr_feet *feet;                   /* where the material touches them (mpm/feet.h) */
@@ -296,26 +302,33 @@ enum gr_average {
 /* Fields of a node in node_data: v^{n+1} and the update w. If the density is smoothed also: the share of the difference to
  * its velocity that points lose in this step; and in a step that averages, from GR_NODE_DENSITY on, the gap ln phi - c
  * averaged over the nodes around (0 at a surface); the mean log-density c; max(0, phi - 1); the mean quadrature weight in
- * excess of the one that fills the volume; the gap of the node itself; and the residual force. */
+ * excess of the one that fills the volume; the residual force; and, which points do not see, the gap of the node itself. */
 enum gr_node_field { GR_NODE_VELOCITY };
 #define GR_NODE_UPDATE(dim) (GR_NODE_VELOCITY + (dim))
 #define GR_NODE_DAMPING(dim) (GR_NODE_UPDATE(dim) + (dim))
 #define GR_NODE_DENSITY(dim) (GR_NODE_DAMPING(dim) + 1)
-enum gr_density_field {
-    GR_NODE_GAP,
-    GR_NODE_LOG_DENSITY,
-    GR_NODE_EXCESS,
-    GR_NODE_WEIGHT,
-    GR_NODE_OWN_GAP,
-    GR_NODE_RESIDUAL
-};
+enum gr_density_field { GR_NODE_GAP, GR_NODE_LOG_DENSITY, GR_NODE_EXCESS, GR_NODE_WEIGHT, GR_NODE_RESIDUAL };
+#define GR_NODE_OWN_GAP(dim) (GR_NODE_RESIDUAL + (dim))
 #define GR_NODE_FIELDS(dim, averages) ((averages) ? GR_NODE_DENSITY(dim) + GR_NODE_RESIDUAL + (dim) : GR_NODE_DAMPING(dim))
 
 /* Number of groups of GR_LANES nodes. */
 static inline int64_t gr_groups(const struct gr_engine *e) { return (e->mesh.n_nodes + GR_LANES - 1) / GR_LANES; }
 
+/* Number of nodes about one, with itself. */
+static inline int gr_about(int dim) { return dim == 2 ? 9 : 27; }
+
 /* Component `field` of node_data. */
 static inline double *gr_node_field(const struct gr_engine *e, int field) { return e->node_data + field * e->node_places; }
+
+/* The same as the kernels see it that this is compiled for. */
+static inline const gr_real *gr_seen_field(const struct gr_engine *e, int field)
+{
+#ifdef GR_SINGLE
+    return e->node_single + field * e->node_places;
+#else
+    return gr_node_field(e, field);
+#endif
+}
 
 /* Local node i of a cell. */
 static inline int32_t gr_cell_node(const struct gr_engine *e, int64_t index, int i)

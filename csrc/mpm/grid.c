@@ -138,7 +138,7 @@ GR_INLINE void store_density(const int dim, struct gr_engine *e, const struct gr
     if (several) describe_mixture(dim, e, first, lanes, sums, volumes);
     for (int64_t n = first; e->open && n < first + lanes; n++)
         if (is_closed(e, n)) {
-            gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP)[n] = GR_CLOSED_GAP;
+            gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP(dim))[n] = GR_CLOSED_GAP;
             gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_EXCESS)[n] = 0;
         }
 }

@@ -153,8 +153,7 @@ void gr_pack_migrants(struct gr_engine *e, struct gr_migrants *out, int64_t firs
         out->id[k] = e->id[out->from[k].slot];
         address(e, out, k);
     }
-    for (int64_t k = out->count - 1; k >= first; k--)
-        close_hole(e, &e->mesh.cell[out->from[k].cell], out->from[k].slot);
+    for (int64_t k = out->count - 1; k >= first; k--) close_hole(e, &e->mesh.cell[out->from[k].cell], out->from[k].slot);
 }
 
 /* Put all migrants back into their old cells, which still have the places for them, and report the first that is

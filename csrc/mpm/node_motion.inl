@@ -58,18 +58,58 @@ GR_INLINE void describe_group(const int dim, struct gr_engine *e, int64_t first,
         const vd phi = v_keep(v_gt(volume, v_set(GR_NO_VOLUME)), m / (cell_mass * volume)); /* 0 in solid cells */
         const vd connected = v_load(sum + GR_SUM_CONNECTED * GR_LANES), weighted = v_load(sum + GR_SUM_WEIGHTED * GR_LANES);
         const vd c = v_keep(v_gt(weighted, zero), v_load(sum + GR_SUM_LOG_DENSITY * GR_LANES) / weighted);
-        vd field[GR_NODE_RESIDUAL + 3];
+        vd field[GR_NODE_OWN_GAP(3) + 1];
         field[GR_NODE_GAP] = zero; /* until gr_grid_surroundings */
         field[GR_NODE_LOG_DENSITY] = c;
         field[GR_NODE_EXCESS] = v_max(phi - one, zero);
         field[GR_NODE_WEIGHT] = v_keep(v_gt(connected, zero), weighted / connected - one);
         /* ln phi to 4 % at phi = 1/2, less c */
-        field[GR_NODE_OWN_GAP] = two * (phi - one) / (phi + one) - c - v_set(e->servo_strain);
+        field[GR_NODE_OWN_GAP(dim)] = two * (phi - one) / (phi + one) - c - v_set(e->servo_strain);
         for (int d = 0; d < dim; d++)
             field[GR_NODE_RESIDUAL + d] = v_load(sum + (GR_SUM_RESIDUAL + d) * GR_LANES) / cell_mass;
-        for (int q = 0; q < GR_NODE_RESIDUAL + dim; q++) {
-            const vd of_empty = q == GR_NODE_OWN_GAP ? v_set(GR_EMPTY_GAP) : zero;
+        for (int q = 0; q <= GR_NODE_OWN_GAP(dim); q++) {
+            const vd of_empty = q == GR_NODE_OWN_GAP(dim) ? v_set(GR_EMPTY_GAP) : zero;
             v_store(gr_node_field(e, GR_NODE_DENSITY(dim) + q) + first + lane, v_select(empty, of_empty, field[q]));
         }
     }
+}
+
+/* The values of a field at the places `at` of GR_W nodes. */
+GR_INLINE vd of_places(const double *field, const int32_t *at)
+{
+    double each[GR_W];
+    for (int l = 0; l < GR_W; l++) each[l] = field[at[l]];
+    return v_load(each);
+}
+
+/* Store the mean gap about the nodes from `first` on that are inside the material, which they and their face neighbours fill,
+ * and 0 at others. The weights are 1/4, 1/2, 1/4 along each axis; a node that is not full counts with the gap of the node
+ * itself. The gap of a single node has a noise of 0.03 to 0.04 with 4 points per cell, this mean one of 0.008.
+ * Returned: a bit for each node that is inside. */
+GR_INLINE unsigned mean_gaps_of_group(const int dim, struct gr_engine *e, int64_t first)
+{
+    const int own = dim == 2 ? 4 : 13, n = dim == 2 ? 9 : 27;
+    const double *gap = gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP(dim));
+    const vd least = v_set(GR_LEAST_GAP), closed = v_set(GR_CLOSED_GAP);
+    unsigned inside = 0;
+    for (int lane = 0; lane < GR_LANES; lane += GR_W) {
+        const int32_t *about = e->mesh.node_about + first * n + lane;
+        vd gaps[27], sum = v_zero(), weights = v_zero();
+        for (int k = 0; k < n; k++) gaps[k] = of_places(gap, about + k * GR_LANES);
+        vm full = v_gt(gaps[own], least);
+        for (int d = 0, apart = 1; d < dim; d++, apart *= 3)
+            full = m_and(full, m_and(v_gt(gaps[own - apart], least), v_gt(gaps[own + apart], least)));
+        for (int k = 0; k < n; k++) {
+            const double share = (k % 3 == 1 ? 0.5 : 0.25) * (k / 3 % 3 == 1 ? 0.5 : 0.25);
+            vd weight = v_set(dim == 2 ? share : share * (k / 9 == 1 ? 0.5 : 0.25));
+            if (e->open) weight = weight * of_places(e->mesh.node_volume, about + k * GR_LANES);
+            const vm counts = m_and(v_gt(gaps[k], least), v_gt(closed, gaps[k]));
+            sum = sum + weight * v_select(counts, gaps[k], gaps[own]);
+            weights = weights + weight;
+        }
+        if (e->open) sum = sum / weights;
+        v_store(gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_GAP) + first + lane, v_keep(full, sum));
+        inside |= m_bits(full) << lane;
+    }
+    return inside;
 }

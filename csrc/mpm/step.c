@@ -208,8 +208,9 @@ GR_CHUNK_OF_TILES(sweep, run->kernels->sweep(run->e, first, last, &run->e->migra
 GR_CHUNK_OF(run->e->n_dirty, p2g_dirty, p2g_listed(run, first, last))
 GR_CHUNK_OF(run->e->mesh.n_paired, mean_pairs, run->kernels->mean_pairs(run->e, first, last))
 GR_CHUNK_OF(run->e->mesh.n_nodes, masses, gr_grid_masses(run->e, first, last))
-GR_CHUNK_OF(run->e->mesh.n_nodes, surroundings, gr_grid_surroundings(run->e, first, last))
+GR_CHUNK_OF(gr_groups(run->e), surroundings, gr_grid_surroundings(run->e, run->kernels, first, last))
 GR_CHUNK_OF(run->e->mesh.n_nodes, smooth_nodes, gr_grid_smooth(run->e, first, last, run->pass))
+GR_CHUNK_OF(gr_groups(run->e), narrow, run->kernels->narrow_nodes(run->e, first, last))
 GR_CHUNK_OF(gr_groups(run->e), nodes, grid_nodes(run, first, last))
 
 static void all_tiles(struct run *run, gr_chunk_work *chunk) { gr_team_run(run->team, chunk, run, run->n_chunks); }
@@ -326,11 +327,12 @@ static void stage_grid(struct run *run)
         e->sums_valid = 0;
         return;
     }
-    if (gr_averages(e, e->step)) all_of(run, surroundings, n_nodes);
+    if (gr_averages(e, e->step)) all_of(run, surroundings, gr_groups(e));
     for (run->pass = 2; run->pass <= e->config.xpic_order; run->pass++) {
         all_tiles(run, smooth);
         all_of(run, smooth_nodes, n_nodes);
     }
+    if (run->kernels->narrow_nodes) all_of(run, narrow, gr_groups(e));
     if (e->watch) gr_sum_wall_impulses(e);
     if (e->watch && e->watch->servo.height > 0) gr_move_servo(e);
 }
