@@ -170,6 +170,15 @@ static void find_rows(struct gr_engine *e, int64_t tile)
     }
 }
 
+/* Place of the node `id` of the grid, the last of all if it is not active. It mostly is at `guess`, as nodes of a row follow
+ * each other; where nodes have copies, that might be the second one. */
+static int32_t place_of_node(const struct gr_engine *e, int64_t id, int32_t guess)
+{
+    if (!e->n_thin && guess < e->mesh.n_nodes && e->mesh.node_id[guess] == id) return guess;
+    const int32_t found = gr_table_get(&e->mesh.node_of, id);
+    return found ? found - 1 : (int32_t)e->node_places - 1;
+}
+
 /* Find the nodes about node n, and whether it is at an end or on a grid line. */
 static void find_about(struct gr_engine *e, int64_t n)
 {
@@ -193,8 +202,7 @@ static void find_about(struct gr_engine *e, int64_t n)
     int32_t *about = e->mesh.node_about + n / GR_LANES * GR_LANES * gr_about(dim) + n % GR_LANES;
     for (int k = 0; k < gr_about(dim); k++, about += GR_LANES) {
         const int64_t id = e->mesh.node_id[n] + step[0][k % 3] + step[1][k / 3 % 3] + step[2][k / 9];
-        const int32_t found = gr_table_get(&e->mesh.node_of, id);
-        *about = found ? found - 1 : (int32_t)e->node_places - 1;
+        *about = place_of_node(e, id, k ? about[-GR_LANES] + 1 : (int32_t)n);
     }
 }
 
@@ -212,6 +220,15 @@ GR_SHARED(find_all_about, struct connect, (q->n_nodes + GR_LANES - 1) / GR_LANES
             for (int k = 0; k < gr_about(e->config.dim); k++)
                 e->mesh.node_about[(group * gr_about(e->config.dim) + k) * GR_LANES + n % GR_LANES] = (int32_t)n;
         }
+}
+
+/* Set what the last place has, which stands for nodes that are not there: no gap that counts, and no volume. */
+static void describe_none(struct gr_engine *e)
+{
+    const int gap = GR_NODE_DENSITY(e->config.dim) + GR_NODE_OWN_GAP(e->config.dim);
+    if (!e->node_places) return; /* no node was there ever */
+    gr_node_field(e, gap)[e->node_places - 1] = -INFINITY;
+    e->mesh.node_volume[e->node_places - 1] = 0;
 }
 
 /* Find the pieces in which the sums of GR_LANES nodes lie. Nodes beyond the last continue its piece. */
@@ -294,10 +311,8 @@ int gr_connect(struct gr_engine *e, const int64_t *cells, struct gr_team *team, 
         find_runs(&q);
         if (e->config.smoothed) {
             find_all_about(&q);
-            gr_node_field(e, GR_NODE_DENSITY(e->config.dim) + GR_NODE_OWN_GAP(e->config.dim))[e->node_places - 1] =
-                -INFINITY;
+            describe_none(e);
         }
-        e->mesh.node_volume[e->node_places - 1] = 0;
     } else {
         gr_table_clear(&e->mesh.node_of);
     }
