@@ -30,8 +30,8 @@ struct gr_kernels {
     void (*begin_substeps)(struct gr_engine *, int64_t first, int64_t last);
     void (*substep)(struct gr_engine *, int64_t first, int64_t last);
     const struct gr_law *const *laws; /* those of law/registry.inl, then NULL */
-    void (*narrow_nodes)(struct gr_engine *, int64_t first,
-                         int64_t last); /* of groups; in single precision only, else NULL */
+    /* in single precision only, else NULL: copy the fields of groups of nodes as floats */
+    void (*narrow_nodes)(struct gr_engine *, int64_t first, int64_t last);
     /* in double precision only, else NULL */
     const struct gr_kernels *single; /* those of the same instruction set in single precision */
     void (*apply_cell_forces)(struct gr_engine *, int64_t first, int64_t last);

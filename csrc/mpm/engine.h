@@ -131,11 +131,11 @@ struct gr_mesh {
     int64_t *node_source;  /* n_nodes x K: entry i: where its sums over the cell begin in which it is local node
                                K - 1 - i; in the zero tile where there is no such cell */
     struct gr_node_run *node_run; /* (n_nodes/GR_LANES, rounded up) x K: the same for GR_LANES nodes together */
-    int32_t
-        *node_about;  /* with a smoothed density, in groups of GR_LANES nodes: gr_about x GR_LANES places of the nodes about
-                            each, entry a + 3 b + 9 c of what is a - 1, b - 1 and c - 1 nodes further along x, y and z (c = 0 in
-                            2D); the last place of all where there is none. Beyond an end: as at it */
-    uint8_t *node_at; /* the same: bit d: the node is at an end along axis d; bit 3 + d: on a grid line, as on inner walls */
+    /* with a smoothed density: in groups of GR_LANES nodes, gr_about x GR_LANES places of the nodes about each. Entry
+     * a + 3 b + 9 c is a - 1, b - 1 and c - 1 nodes further along x, y and z; beyond an end, the node at it; the last place of
+     * all where no node is */
+    int32_t *node_about;
+    uint8_t *node_at; /* the same; bit d: at an end along axis d; bit 3 + d: on a grid line, as on inner walls */
     uint8_t *node_code;
     double *node_volume;              /* fraction of dx^dim that the node stands for */
     int64_t *node_id;                 /* its index in the whole grid */

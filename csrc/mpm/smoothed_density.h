@@ -17,8 +17,8 @@
 /* In place of the gap of a node that lies nearly all within a body: it counts as full, and says nothing else. */
 #define GR_CLOSED_GAP 1e3
 
-/* Complete the fields that an averaging needs of groups of nodes with those of the adjacent nodes; call it after gr_grid_nodes for all nodes.
- * The gap is averaged over them. The mean quadrature weight is reduced by the weight that fills the volume. The residual
- * force is kept only inside the material, where a uniform pressure should make no force; elsewhere it is the force on the
- * surface, or a wall balances it. */
+/* Complete the fields that an averaging needs of groups of nodes with those of the adjacent nodes; call it after
+ * gr_grid_nodes for all nodes. The gap is averaged over them. The mean quadrature weight is reduced by the weight that fills
+ * the volume. The residual force is kept only inside the material, where a uniform pressure should make no force; elsewhere
+ * it is the force on the surface, or a wall balances it. */
 void gr_grid_surroundings(struct gr_engine *e, const struct gr_kernels *kernels, int64_t first_group, int64_t last_group);

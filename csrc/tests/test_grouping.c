@@ -137,22 +137,36 @@ TEST(nodes_fill_the_domain)
     }
 }
 
+/* A scene of 300 points that pretends a smaller capacity than its buffers have; their components must lie that far apart. */
+static void build_small(struct scene *s, int64_t capacity)
+{
+    scene_default(s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
+    CHECK(scene_build(s, 300, 0.05, 0.95) == GR_OK);
+    const int64_t before = s->capacity;
+    CHECK(capacity <= before);
+    s->capacity = capacity;
+    scene_bind(s);
+    for (int f = 0; f < GR_FIELD_COUNT; f++)
+        for (int c = 1; s->field[f] && c < gr_field_components(f, 2); c++)
+            memmove(s->field[f] + c * capacity, s->field[f] + c * before, sizeof(double) * (size_t)capacity);
+}
+
 TEST(asks_for_capacity)
 {
     struct scene s;
-    scene_default(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
-    CHECK(scene_build(&s, 300, 0.05, 0.95) == GR_OK);
-    s.capacity = 320;
-    scene_bind(&s);
-    /* pretend a smaller capacity than the buffers have; their components must lie 320 apart */
-    for (int f = 0; f < GR_FIELD_COUNT; f++)
-        for (int c = 1; s.field[f] && c < gr_field_components(f, 2); c++)
-            memmove(s.field[f] + c * 320, s.field[f] + c * (4 * 300 + 64 * 40), sizeof(double) * 320);
+    build_small(&s, 320);
     CHECK(gr_regroup(s.engine, NULL) == GR_ERR_CAPACITY);
     CHECK(s.engine->needed_capacity > 320 && s.engine->n_points == 300);
     CHECK(scene_grow(&s) == 0);
     CHECK(gr_regroup(s.engine, NULL) == GR_OK);
     check_mesh(&s);
+    const int64_t used = s.engine->used, needed = s.engine->needed_capacity;
+    scene_free(&s);
+    build_small(&s, used); /* with a place for each row, but none for rows to come */
+    CHECK(gr_regroup(s.engine, NULL) == GR_ERR_CAPACITY && s.engine->needed_capacity == needed);
+    scene_free(&s);
+    build_small(&s, used + used / 32);
+    CHECK(gr_regroup(s.engine, NULL) == GR_OK && s.engine->used == used);
     scene_free(&s);
 }
 
