@@ -14,8 +14,8 @@
 #include "mpm/spread.h"
 
 /* Buffers that are too small become larger than needed by one part in this number, as material that spreads soon needs
- * more. Twice as much makes no run faster. Those that have room for the points, but for less than half of that to spare, are too
- * small as well: tiles of a flow that grow would use it up within some steps, and have all points grouped again. */
+ * more. Twice as much makes no run faster. Those that would be left with less than half of that to spare are too small as
+ * well: tiles that grow would use it up within some steps, and have all points of a flow grouped again. */
 enum { GROWTH = 16 };
 
 int gr_compare_ids(const void *a, const void *b)
