@@ -199,7 +199,7 @@ static void find_about(struct gr_engine *e, int64_t n)
         stride *= m;
     }
     e->mesh.node_at[n] = (uint8_t)(at_end | on_line << 3);
-    int32_t *about = e->mesh.node_about + n / GR_LANES * GR_LANES * gr_about(dim) + n % GR_LANES;
+    int32_t *about = gr_about_node(e, n);
     for (int k = 0; k < gr_about(dim); k++, about += GR_LANES) {
         const int64_t id = e->mesh.node_id[n] + step[0][k % 3] + step[1][k / 3 % 3] + step[2][k / 9];
         *about = place_of_node(e, id, k ? about[-GR_LANES] + 1 : (int32_t)n);
@@ -217,8 +217,7 @@ GR_SHARED(find_all_about, struct connect, (q->n_nodes + GR_LANES - 1) / GR_LANES
                 find_about(e, n);
                 continue;
             }
-            for (int k = 0; k < gr_about(e->config.dim); k++)
-                e->mesh.node_about[(group * gr_about(e->config.dim) + k) * GR_LANES + n % GR_LANES] = (int32_t)n;
+            for (int k = 0; k < gr_about(e->config.dim); k++) gr_about_node(e, n)[k * GR_LANES] = (int32_t)n;
         }
 }
 

@@ -317,6 +317,12 @@ static inline int64_t gr_groups(const struct gr_engine *e) { return (e->mesh.n_n
 /* Number of nodes about one, with itself. */
 static inline int gr_about(int dim) { return dim == 2 ? 9 : 27; }
 
+/* The first of the places of the nodes about node n; the next ones follow at distances of GR_LANES. */
+static inline int32_t *gr_about_node(const struct gr_engine *e, int64_t n)
+{
+    return e->mesh.node_about + n / GR_LANES * GR_LANES * gr_about(e->config.dim) + n % GR_LANES;
+}
+
 /* Component `field` of node_data. */
 static inline double *gr_node_field(const struct gr_engine *e, int field) { return e->node_data + field * e->node_places; }
 

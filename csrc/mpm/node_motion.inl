@@ -88,12 +88,12 @@ GR_INLINE vd of_places(const double *field, const int32_t *at)
  * Returned: a bit for each node that is inside. */
 GR_INLINE unsigned mean_gaps_of_group(const int dim, struct gr_engine *e, int64_t first)
 {
-    const int own = dim == 2 ? 4 : 13, n = dim == 2 ? 9 : 27;
+    const int n = gr_about(dim), own = n / 2;
     const double *gap = gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP(dim));
     const vd least = v_set(GR_LEAST_GAP), closed = v_set(GR_CLOSED_GAP);
     unsigned inside = 0;
     for (int lane = 0; lane < GR_LANES; lane += GR_W) {
-        const int32_t *about = e->mesh.node_about + first * n + lane;
+        const int32_t *about = gr_about_node(e, first + lane);
         vd gaps[27], sum = v_zero(), weights = v_zero();
         for (int k = 0; k < n; k++) gaps[k] = of_places(gap, about + k * GR_LANES);
         vm full = v_gt(gaps[own], least);
@@ -102,10 +102,12 @@ GR_INLINE unsigned mean_gaps_of_group(const int dim, struct gr_engine *e, int64_
         for (int k = 0; k < n; k++) {
             const double share = (k % 3 == 1 ? 0.5 : 0.25) * (k / 3 % 3 == 1 ? 0.5 : 0.25);
             vd weight = v_set(dim == 2 ? share : share * (k / 9 == 1 ? 0.5 : 0.25));
-            if (e->open) weight = weight * of_places(e->mesh.node_volume, about + k * GR_LANES);
+            if (e->open) {
+                weight = weight * of_places(e->mesh.node_volume, about + k * GR_LANES);
+                weights = weights + weight;
+            }
             const vm counts = m_and(v_gt(gaps[k], least), v_gt(closed, gaps[k]));
             sum = sum + weight * v_select(counts, gaps[k], gaps[own]);
-            weights = weights + weight;
         }
         if (e->open) sum = sum / weights;
         v_store(gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_GAP) + first + lane, v_keep(full, sum));

@@ -25,7 +25,7 @@ static double *density_field(const struct gr_engine *e, int field)
 static double excess_about(const struct gr_engine *e, int64_t n)
 {
     const int dim = e->config.dim;
-    const int32_t *about = e->mesh.node_about + n / GR_LANES * GR_LANES * gr_about(dim) + n % GR_LANES;
+    const int32_t *about = gr_about_node(e, n);
     double sum = 0, count = 0;
     for (int k = 0; k < gr_about(dim); k++) {
         const int32_t other = about[k * GR_LANES];
