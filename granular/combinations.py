@@ -47,7 +47,7 @@ def least(
 
 @dataclass(frozen=True)
 class Union(Region):
-    """The points that lie in at least one of `regions`."""
+    """The points that lie in at least one of `regions`, a sequence of regions of one dimension."""
 
     regions: tuple[Region, ...]
 
@@ -77,7 +77,7 @@ class Union(Region):
 
 @dataclass(frozen=True)
 class Intersection(Region):
-    """The points that lie in all of `regions`."""
+    """The points that lie in all of `regions`, a sequence of regions whose bounds overlap."""
 
     regions: tuple[Region, ...]
 
@@ -103,7 +103,7 @@ class Intersection(Region):
 
 @dataclass(frozen=True)
 class Difference(Region):
-    """The points of `region` that lie outside of `without`."""
+    """The points of `region` that lie outside of `without`, another region of its dimension."""
 
     region: Region
     without: Region

@@ -51,13 +51,14 @@ class Grid:
     lower : tuple of float, length dim
         Lower corner [m]; its length (2 or 3) is the dimension.
     cell : float
-        Edge of a cell dx [m].
+        Edge of a cell dx [m], > 0.
     shape : tuple of int, length dim
-        Cells along each axis.
+        Cells along each axis, >= 1.
     periodic : tuple of bool, length dim, optional
         Axes along which the domain is periodic; none by default.
     open_sides : collection of str, optional
-        Sides ("x-", "y+", ...) through which points leave for good.
+        Sides ("x-", "y+", ...) through which points leave for good; none by default, and none along
+        a periodic axis.
 
     Raises
     ------
@@ -262,7 +263,18 @@ class Region(ABC):
 
 @dataclass(frozen=True)
 class Box(Region):
-    """An axis-aligned box from `lower` to `upper` [m], the upper faces not included."""
+    """An axis-aligned box, the upper faces not included.
+
+    Parameters
+    ----------
+    lower, upper : tuple of float, length dim
+        Corners [m]; their length, 2 or 3, is the dimension.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
 
     lower: Vector
     upper: Vector
@@ -296,7 +308,20 @@ class Box(Region):
 
 @dataclass(frozen=True)
 class Disc(Region):
-    """A disc in 2D, a ball in 3D, with `center` and `radius` [m]."""
+    """A disc in 2D, a ball in 3D.
+
+    Parameters
+    ----------
+    center : tuple of float, length dim
+        Centre [m]; its length, 2 or 3, is the dimension.
+    radius : float
+        Radius [m], > 0.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
 
     center: Vector
     radius: float
@@ -318,7 +343,20 @@ class Disc(Region):
 
 @dataclass(frozen=True)
 class Cylinder(Region):
-    """An upright cylinder with the `center` of its base (3 numbers), `radius` and `height` [m]."""
+    """An upright cylinder in 3D, along the last axis.
+
+    Parameters
+    ----------
+    center : tuple of 3 floats
+        Centre of its base [m].
+    radius, height : float
+        Radius and height [m], > 0.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
 
     center: Vector
     radius: float
@@ -355,10 +393,10 @@ class Fill:
         boundary of a `Polygon` or `Layer` cuts squares as bodies do. A `Cloud` holds the points
         itself.
     points_per_cell : int
-        Points in a full cell: q^2 in 2D, q^3 in 3D.
+        Points in a full cell: q^2 in 2D, q^3 in 3D, with an integer q.
     density : float or None
         Initial density [kg/m3]; None for the material's `rho_c`. Grains have the pressure that
-        goes with it, K ln(rho/rho_c) if that is positive.
+        goes with it, K ln(rho/rho_c) if that is positive. Must be None in a lithostatic fill.
     velocity : tuple of float, length dim, or None
         Initial velocity [m/s]; None for rest.
     jitter : float

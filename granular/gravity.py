@@ -16,14 +16,14 @@ __all__ = ["Gravity"]
 class Gravity:
     """Gravity that varies linearly between given times and is constant before and after them.
 
+    The default is the 2D ramp of Dunatunga & Kamrin 2015, section 4: 9.8 m/s2 in 0.1 s.
+
     Parameters
     ----------
     times : tuple of float, length k >= 1
         Times [s], >= 0, ascending.
     vectors : tuple of k tuples of float, length dim
         Acceleration at these times [m/s2].
-
-    The default is the ramp of Dunatunga & Kamrin 2015, section 4: 9.8 m/s2 in 0.1 s.
 
     Raises
     ------

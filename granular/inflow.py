@@ -69,18 +69,20 @@ class Inflow:
     ----------
     region : Region
         Where material enters. Of the sites in it only those of the layer at the upstream end count
-        for the stream, the whole of it for a driven inflow, which must be a `Box`.
+        for the stream, the whole of it for a driven inflow, which must be a `Box`. Not a `Cloud`.
     velocity : tuple of float, length dim
-        Velocity with which the points enter [m/s].
+        Velocity with which the points enter [m/s], not 0.
     points_per_cell : int
-        As of `Fill`.
+        As of `Fill`; in MPM that of the first fill of the scene, or without fills of its first
+        inflow, and 1 in SPH.
     rate : float or None
         Mass that enters per time [kg/s; in 2D per metre of depth], which determines the density,
         rate/(A v), with the area A of the inlet and the velocity v through it. None for what
-        `density` gives, rho A v.
+        `density` gives, rho A v. Must be None with a `density`, if `lithostatic`, and in SPH.
     density : float or None
         Density of what enters [kg/m3]; None for `rho_c` of the material, or what `rate` gives. It
-        must not exceed `rho_c`: such material is stress-free.
+        must not exceed `rho_c`: such material is stress-free. Must be None if `lithostatic`, and in
+        SPH.
     lithostatic : bool
         If True, what enters bears its weight from the start: its pressure is that of the depth
         below the top of the region under the gravity across the stream, as of a layer that flows

@@ -41,7 +41,7 @@ class Polygon(Region):
     span : tuple of 2 floats, optional
         Ends along `axis` [m], which make a prism; none in 2D.
     axis : {"x", "y", "z"}
-        Axis of a prism.
+        Axis of a prism; unused in 2D.
 
     Raises
     ------
@@ -56,7 +56,9 @@ class Polygon(Region):
     def __post_init__(self) -> None:
         corners = array("vertices", self.vertices, (None, 2))
         if len(corners) < 3 or not np.all(np.ptp(corners, axis=0) > 0):
-            raise ValueError("vertices must be at least 3, not in a line along an axis")
+            raise ValueError(
+                f"vertices must be at least 3, not in a line along an axis, are {corners.tolist()}"
+            )
         set_fields(self, vertices=tuple(map(tuple, corners.tolist())))
         one_of("axis", self.axis, AXES)
         if self.span is not None:
@@ -208,9 +210,10 @@ class Cloud(ComparedByContent, Region):
     volume : float or array_like, shape (n,)
         Volumes [m^dim], > 0. The mass of a point is its volume times its density.
     velocity : array_like, shape (n, dim), optional
-        Velocities [m/s]; that of the fill by default.
+        Velocities [m/s]; only used in a `Fill` without a `velocity` of its own.
     density : array_like, shape (n,), optional
-        Densities [kg/m3], > 0; that of the fill by default.
+        Densities [kg/m3], > 0; only used in a `Fill` without a `density` of its own. Must be None
+        in a lithostatic fill.
 
     Raises
     ------

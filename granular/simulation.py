@@ -67,13 +67,13 @@ class Simulation(Method):
     ----------
     scene : Scene or sph.Scene
     threads : int, optional
-        Threads of the core; by default all processors of the machine for large scenes and one for
-        small ones. The results do not depend on it, to the last bit.
+        Threads of the core; by default all processors that the process may use, and one for scenes
+        of at most 4000 points. The results do not depend on it, to the last bit.
     isa : str, optional
         Instruction set of the kernels, "baseline", "avx2" or "avx512"; by default the environment
         variable GRANULAR_ISA, else the best that the machine has.
     force : bool
-        Whether to try a scene that needs more memory than there is, by the estimate of
+        If True, try also a scene that needs more memory than there is, by the estimate of
         `granular.economy.cost`.
     wall_forces : bool
         For the material point method: add up the impulses on walls and blocks, see
@@ -84,8 +84,8 @@ class Simulation(Method):
     TypeError
         If `scene` is not a scene.
     ValueError
-        If the time step exceeds its limit, the scene cannot be built, or it needs more memory than
-        there is.
+        If the time step exceeds its limit, the scene cannot be built, it needs more memory than
+        there is, or `threads` or `isa` is out of range.
 
     Warns
     -----
@@ -211,7 +211,7 @@ class Simulation(Method):
     # ---- stepping ----
 
     def step(self, n: int = 1) -> None:
-        """Make `n` steps."""
+        """Make `n` steps, at least 1; errors as in `run`."""
         target = self.steps + integer("n", n, 1, MOST_STEPS - self.steps)
         while self.steps < target:
             self._advance(target - self.steps, np.inf)
@@ -262,14 +262,15 @@ class Simulation(Method):
             checkpoints, and with them the results of runs that go on, are as exact as ever. By
             default that of the previous run; double in the first run.
         checkpoint_minutes : float
-            Wall-clock time between two checkpoints of the record [min]. One is also stored at the
-            beginning and at the end of a run, and when it is interrupted or an error ends it.
+            Wall-clock time between two checkpoints of the record [min], > 0, may be infinite. One
+            is also stored at the beginning and at the end of a run, and when it is interrupted or
+            an error ends it, except a `SimulationError`.
         checkpoints : int or "all", optional
             Keep the checkpoints of all frames, or of each so many, so that `resume` can begin with
             them, in the folder ``<save>.checkpoints``; by default only the newest is kept, in the
             record. Each takes about twice as much space as a frame.
         overwrite : bool
-            Whether an existing record may be replaced.
+            If True, replace an existing record.
         progress : bool
             Show a progress bar; in a notebook a widget, if ipywidgets is installed
             (``pip install 'granular[notebook]'``).
@@ -285,6 +286,9 @@ class Simulation(Method):
 
         Raises
         ------
+        TypeError, ValueError
+            Naming argument, value and allowed range; also for `fields` that the scene does not
+            have, and `fields` or a `precision` other than those of a record that goes on.
         FileExistsError
             If the record, or the file of its bodies, exists and `overwrite` is not set.
         BlockingIOError
@@ -421,8 +425,19 @@ class Simulation(Method):
     ) -> Self:
         """Return a simulation that continues from a checkpoint as if it had never stopped.
 
+        Parameters
+        ----------
+        scene : Scene or sph.Scene
+            Scene of the run from which the checkpoint is.
+        checkpoint : Checkpoint
+            What `checkpoint` or `Trajectory.checkpoint` returned.
+        threads, isa
+            See `Simulation`.
+
         Raises
         ------
+        TypeError
+            If `scene` is not a scene.
         ValueError
             If the checkpoint does not fit the scene.
         """
@@ -443,11 +458,13 @@ class Simulation(Method):
         Parameters
         ----------
         path : path
-        scene : Scene or SphScene, optional
+            Record of the run.
+        scene : Scene or sph.Scene, optional
             A changed scene with which the run goes on, such as
             ``gr.open(path).scene.replace(gravity=...)``: other gravity, numbers of the material or
-            the scheme, walls, motions of bodies. The grid, the laws, and how many walls and bodies
-            there are must be as before, and inflows may not change. The stress of a hypoelastic
+            the scheme, walls, motions of bodies. The grid, the laws, the basis, the transfer and
+            the kind of density of the scheme, the inflows, and how many walls and bodies there are
+            must be as before. The stress of a hypoelastic
             material stays what it is, that of a Hencky material follows from its strain. The record
             of the run is left as it is: name another one in `run`.
         frame : int, optional
@@ -466,9 +483,9 @@ class Simulation(Method):
             If there is no such record.
         RecordError
             If the file is damaged or holds no checkpoint, or one that does not fit its scene.
-        ValueError
-            If the points of the record do not fit into the changed scene, or no checkpoint of the
-            frame was kept.
+        TypeError, ValueError
+            If the points of the record do not fit into the changed scene, no checkpoint of the
+            frame was kept, or `threads` or `isa` is out of range.
 
         Warns
         -----

@@ -196,9 +196,11 @@ def sweep(
         Folder of the records, which all workers can access; it is made if necessary. By default a
         temporary folder of this machine, which is removed with the object returned.
     every : float, optional
-        Time between frames [s], see `Simulation.run`. Records that are complete are not changed.
+        Time between frames [s], > 0, see `Simulation.run`. Records that are complete are not
+        changed.
     workers : int, optional
-        Number of processes if no executor is given; by default that of the processors.
+        Number of processes if no executor is given, >= 1; by default that of the processors that
+        this process may use. There are never more than cases.
     progress : bool
         Show a progress bar that counts cases.
     strict : bool
@@ -215,6 +217,8 @@ def sweep(
     TypeError, ValueError
         If a case is not a scene, a key does not make a file name, `measure` cannot be sent to the
         workers, or the record of a case belongs to another scene. No case has run then.
+    NotADirectoryError
+        If `folder` is not a folder.
     ExceptionGroup
         With `strict`: the errors of all cases that failed.
     KeyboardInterrupt

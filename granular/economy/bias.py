@@ -260,10 +260,21 @@ def softening(scene: Scene, name: str, E: float) -> dict[str, float]:
 
 
 def held_decay(scene: Scene, E: float) -> dict[str, float]:
-    """Change of `decay` with which the decay rate of the scheme [1/s] stays constant as E changes.
+    """Change of `tpic_decay` with which the decay rate of the scheme stays the same as E changes.
 
-    The decay rate is proportional to c_w/dx. Without this change softer grains would be damped
+    The decay rate is tpic_decay c_w/dx [1/s]. Without this change softer grains would be damped
     less, which affects the rate of a silo or the path of a slug more than their elasticity does.
+
+    Parameters
+    ----------
+    scene : Scene
+    E : float
+        New Young's modulus of the material [Pa], > 0.
+
+    Returns
+    -------
+    dict
+        ``{"tpic_decay": ...}``, changes for `Scheme.replace`; empty if the transfer is not "tpic".
     """
     scheme = scene.scheme
     if scheme.transfer != "tpic":

@@ -206,8 +206,10 @@ def _stiffness(asked: _Asked) -> _Advice:
         )
         return _Advice(reason, own)
     if E >= scene.material.E:
+        fits = "is soft enough" if own <= asked.tolerance else "is too soft for this tolerance"
+        known = f"about {own:.2g}" if math.isfinite(own) else "beyond what has been measured"
         reason = (
-            f"E = {scene.material.E:.2g} Pa is soft enough: its own error is about {own:.2g},"
+            f"E = {scene.material.E:.2g} Pa {fits}: its own error is {known},"
             f" and the tolerance asks for {E:.2g} Pa or more."
         )
         return _Advice(reason, own)

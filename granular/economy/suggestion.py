@@ -74,7 +74,7 @@ class Suggestions(Sequence[Suggestion]):
         return len(self._items)
 
     def about(self, topic: str) -> Suggestion:
-        """The suggestion on a topic.
+        """The suggestion on a topic, see `Suggestion.topic`.
 
         Raises
         ------
@@ -163,6 +163,10 @@ def apply(scene: Scene, suggestion: Suggestion | Iterable[Suggestion]) -> Scene:
     scene : Scene
     suggestion : Suggestion or iterable of Suggestion
         All suggestions of `suggest`, or some of them.
+
+    Returns
+    -------
+    Scene
 
     Raises
     ------

@@ -34,7 +34,13 @@ class Material:
         that damps elastic waves (`damping_time`); 1 is no damping.
     contact_diameter : float, optional
         Diameter of the grains whose contacts damp [m], > 0; the grain diameter `d` of the law if
-        not given. Only used with a restitution below 1.
+        not given. Only used with a restitution below 1, which needs one of the two.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range; TypeError for `Material` itself, which is
+        abstract.
     """
 
     E: float = 1e9
@@ -47,7 +53,7 @@ class Material:
     flow: ClassVar[str]
     """Flow rule, by its name in the core."""
     granular: ClassVar[bool] = True
-    """True if the material bears pressure but no tension."""
+    """True if the material separates in tension, at the latest at its tensile strength."""
     has_fluidity: ClassVar[bool] = False
     """True if the law is nonlocal, with a fluidity `g` at every point."""
 

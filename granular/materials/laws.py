@@ -94,7 +94,7 @@ class MuI(Material):
 
     Parameters
     ----------
-    E, nu, rho_c : float
+    E, nu, rho_c, elasticity, restitution, contact_diameter
         See `Material`.
     mu_s : float
         Static friction coefficient, > 0.
@@ -116,14 +116,14 @@ class MuI(Material):
     tensile_strength : float, optional
         Tension -p at which the material separates [Pa], 0 to cohesion/mu_s, where the yield stress
         is 0. The latter if not given. What has separated is stress-free until its density is rho_c
-        again; then it coheres as before.
+        again; then it coheres as before. A `Scene` needs it to be less than `separation_strain` K.
 
     Raises
     ------
     ValueError
         For values out of range, `xi` together with `I0` or `d`, or only one of `I0` and `d`.
     TypeError
-        For anything that is not a number.
+        For arguments of a wrong type.
     """
 
     mu_s: float = 0.3819
@@ -182,10 +182,11 @@ class NGF(Material):
 
     Parameters
     ----------
-    E, nu, rho_c : float
+    E, nu, rho_c, elasticity, restitution, contact_diameter
         See `Material`.
     A : float
-        Nonlocal amplitude, >= 0; with 0 the law is that of `MuI`, without a fluidity.
+        Nonlocal amplitude, >= 0; with 0 the law is local, that of `MuI` or mu = mu_s + b I, and has
+        no fluidity.
     d : float
         Grain diameter [m], > 0.
     t0 : float
@@ -208,9 +209,10 @@ class NGF(Material):
     Raises
     ------
     ValueError
-        For values out of range, `I0` together with `b`, or an infinite `mu_2` without `b`.
+        For values out of range, `I0` together with `b`, an infinite `mu_2` without `b`, or
+        "linear_mu_I" without Hencky elasticity.
     TypeError
-        For anything that is not a number.
+        For arguments of a wrong type.
     """
 
     A: float = 0.48
@@ -298,7 +300,7 @@ class DruckerPrager(Material):
 
     Parameters
     ----------
-    E, nu, rho_c : float
+    E, nu, rho_c, elasticity, restitution, contact_diameter
         See `Material`.
     mu : float
         Friction coefficient, > 0.
@@ -311,7 +313,12 @@ class DruckerPrager(Material):
     tensile_strength : float, optional
         Tension -p at which the material separates [Pa], 0 to cohesion/mu, where the yield stress
         is 0. The latter if not given. What has separated is stress-free until its density is rho_c
-        again; then it coheres as before.
+        again; then it coheres as before. A `Scene` needs it to be less than `separation_strain` K.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
     """
 
     mu: float = 0.3819
@@ -344,7 +351,7 @@ class HardeningDruckerPrager(Material):
 
     Parameters
     ----------
-    E, nu, rho_c : float
+    E, nu, rho_c, restitution, contact_diameter
         See `Material`.
     elasticity : {"hencky"}
         Required, because the plastic strain is one of finite strain.
@@ -407,12 +414,17 @@ class HardeningDruckerPrager(Material):
 
 @dataclass(frozen=True, kw_only=True)
 class Elastic(Material):
-    """Isotropic hypoelastic solid with the Jaumann rate, also in tension; for verification.
+    """Isotropic elastic solid, which also bears tension.
 
     Parameters
     ----------
-    E, nu, rho_c : float
+    E, nu, rho_c, elasticity, restitution, contact_diameter
         See `Material`; `rho_c` is the density of the unstressed solid.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
     """
 
     flow = "elastic"

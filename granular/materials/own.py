@@ -73,6 +73,10 @@ class OwnLaw(Material):
         See `Material`. They give the elastic predictor and the time step.
     elasticity : {"hypoelastic"}
         The predictor is that of the Jaumann rate.
+    restitution : float
+        Must be 1: damping needs the plastic strain rate, which is not known.
+    contact_diameter : float, optional
+        Not used.
     name : str
         Name of the law.
     language : {"numpy", "numba", "c"}
@@ -80,7 +84,7 @@ class OwnLaw(Material):
     source : str
         Source of the function. Runs are resumed with the same source only.
     parameters : mapping of str to float
-        Numbers that the function is given after K and G.
+        Numbers that the function is given after K and G; 30 at most.
     history : mapping of str to float
         Variables that every point keeps, with their initial values; 4 at most.
     bears_tension : bool
@@ -175,7 +179,7 @@ def from_function(
         (see Notes). The arrays are
 
         - `dt`: time step [s];
-        - `parameters` (p,): K and G [Pa], then the numbers given here, in their order;
+        - `parameters` (32,): K and G [Pa], the numbers given here, in their order, then zeros;
         - `gradient` (dim, dim, n): increment L dt of the velocity gradient;
         - `log_density` (n,): ln(rho/rho_c) at the end of the step;
         - `stress` (4 or 6, n): xx, yy, zz, xy (and yz, xz) [Pa, tension positive], on entry the
@@ -183,13 +187,13 @@ def from_function(
         - `shear_rate` (n,): 0 on entry, the plastic shear rate [1/s] on return;
         - `history` (4, n): the variables that a point keeps, in the order given here.
     parameters : mapping of str to float, optional
-        Numbers of the law.
+        Numbers of the law, 30 at most.
     history : mapping of str to float, optional
         Variables that every point keeps, 4 at most, and their values at the start. A state has them
         as `history`, shape (n, 4).
-    compiler : {None, "numba"}
+    compiler : {None, "numba"}, optional
         How a callable is run: None as it is, with NumPy; "numba" compiled, for which loops over the
-        points are as good as arrays.
+        points are as good as arrays. Must be None for C source.
     name : str, optional
         Name of the law; by default that of the function.
     E, nu, rho_c : float
@@ -204,7 +208,7 @@ def from_function(
     Raises
     ------
     TypeError, ValueError
-        For bad arguments, a function whose source cannot be read or that uses variables of an
+        For wrong arguments, a function whose source cannot be read or that uses variables of an
         enclosing function, and C source that does not compile.
     ModuleNotFoundError
         Without numba, or cffi for C: ``pip install 'granular[laws]'``.

@@ -31,7 +31,7 @@ class RegularisedMuI(Material):
 
     Parameters
     ----------
-    E, nu, rho_c : float
+    E, nu, rho_c, restitution, contact_diameter
         See `Material`.
     elasticity : {"hypoelastic"}
         The law has no other.
@@ -56,7 +56,7 @@ class RegularisedMuI(Material):
         For values out of range, friction coefficients with which mu(I) is nowhere well posed, and
         an `alpha` with which the creep at I1 is ill posed or mu(I1)^2 exceeds 2 alpha/3.
     TypeError
-        For anything that is not a number.
+        For arguments of a wrong type.
     """
 
     mu_s: float = 0.3819

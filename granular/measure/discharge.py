@@ -29,9 +29,10 @@ class MassHistory:
     times : ndarray, shape (k,)
         Times of the frames [s].
     mass : ndarray, shape (k,)
-        Mass of the full silo, also where half is modelled [kg; in 2D per metre of depth].
+        Mass of the full silo, also where a part is modelled [kg; in 2D per metre of depth].
     share : float
-        Part of the full silo that is modelled: 1, or 1/2 for a half silo.
+        Part of the full silo that is modelled: 1, or 1/2 or 1/4 if the parameter ``half`` or
+        ``quarter`` of the scene is true.
     """
 
     times: Array
@@ -58,7 +59,7 @@ class Discharge:
     times : (float, float)
         Times of the first and the last of them [s].
     mass : (float, float)
-        Mass in the full silo at these times [kg].
+        Mass in the full silo at these times [kg; in 2D per metre of depth].
     """
 
     rate: float
@@ -102,8 +103,9 @@ def mass_history(trajectory: Iterable[State]) -> MassHistory:
     Parameters
     ----------
     trajectory : iterable of State
-        If the parameter ``half`` of the scene is true, half a silo is modelled and its mass is
-        doubled. If the trajectory has a ``series`` with ``time`` and ``mass``, no frame is read.
+        If the parameter ``half`` or ``quarter`` of the scene is true, a half or a quarter of a silo
+        is modelled, and its mass is multiplied by 2 or 4. If the trajectory has a ``series`` with
+        ``time`` and ``mass``, no frame is read.
 
     Returns
     -------
@@ -144,7 +146,7 @@ def discharge(
     ----------
     trajectory : iterable of State, or MassHistory
     window : (float, float)
-        Mass in the full silo [kg], from the larger to the smaller.
+        Mass in the full silo [kg; in 2D per metre of depth], from the larger to the smaller, >= 0.
     total : bool
         True for the rate of the full silo, False for that of the modelled part.
 
@@ -154,9 +156,9 @@ def discharge(
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         If the window does not go from the larger mass to the smaller, or holds fewer than 3
-        frames.
+        frames, or the trajectory has none.
     """
     upper, lower = (non_negative(f"window[{i}]", mass) for i, mass in enumerate(window))
     if not upper > lower:
@@ -231,9 +233,10 @@ def beverloo(
 
     Raises
     ------
-    ValueError
-        If there are fewer than two different orifices, a size or rate is not positive, or rates
-        are given without rho.
+    TypeError, ValueError
+        If there are fewer than two different orifices, a size or rate is not positive, rates are
+        given without rho, or the scene of a trajectory has no parameter ``orifice``; also as
+        `discharge`.
     """
     if rates is None:
         orifice, rate, scale = _measured(cast(Iterable[Any], cases))

@@ -91,7 +91,8 @@ def drum_flow(
     states : State or iterable of State
         Of a drum about the origin, in 2D or with its axis along y.
     radius, omega : float, optional
-        Radius [m] and angular velocity [rad/s] of the drum; by default the parameters of the scene.
+        Radius [m], > 0, and angular velocity [rad/s], not 0, of the drum; by default the parameters
+        of the scene.
     slip : float
         Share of the slip at the surface at which the layer begins, from 0 to 1, both excluded.
     sections : int, optional
@@ -105,7 +106,8 @@ def drum_flow(
     Raises
     ------
     TypeError, ValueError
-        If there are no states or points, or the radius or angular velocity is unknown.
+        If there are no states or points, the radius or angular velocity is unknown, a number is out
+        of range, or the scene has several materials.
     """
     share = in_range("slip", slip, 0.0, 1.0, open_low=True, open_high=True)
     frames = list(each_state(states))

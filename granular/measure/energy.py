@@ -19,8 +19,8 @@ class Energy:
     Attributes
     ----------
     kinetic, gravitational, elastic : float
-        Gravitational energy is zero at the grid's lower corner. Periodic axes are left out of it,
-        because a force along them has no potential.
+        The three energies. Gravitational energy is zero at the grid's lower corner. Periodic axes
+        are left out of it, because a force along them has no potential.
     """
 
     kinetic: float
@@ -35,7 +35,7 @@ class Energy:
 
 @dataclass(frozen=True)
 class EnergyBudget:
-    """Energy budget of a run, cumulative from the first frame [J], each of shape (k,).
+    """Energy budget of a run over its k frames [J; in 2D per metre of depth], each of shape (k,).
 
     Attributes
     ----------
@@ -46,7 +46,8 @@ class EnergyBudget:
     gravity_work : ndarray
         Work of gravity on the points since the first frame.
     outflow : ndarray
-        Kinetic and elastic energy of points that left the domain, at the last frame before.
+        Kinetic and elastic energy, at the last frame before, of points that have left the domain
+        since the first frame.
     dissipated : ndarray
         The remainder: gravity_work - (change of kinetic + elastic) - outflow. It should never
         decrease beyond the error of the finite differences; otherwise the scheme creates energy.
@@ -64,8 +65,10 @@ def energy(state: State) -> Energy:
     """Kinetic, gravitational and elastic energy of a state.
 
     The three are ``sum m v.v/2``; ``-sum m g(t).(x - lower)``; and, with the deviator s of the
-    stress, ``sum V (s:s/(4 G) + p**2/(2 K))``, the stored energy of linear elasticity (Dunatunga &
-    Kamrin 2015, eq. 2.9).
+    stress and the quadrature volume V (`State.quadrature_volume`),
+    ``sum V (s:s/(4 G) + p**2/(2 K))``, the stored energy of linear elasticity (Dunatunga & Kamrin
+    2015, eq. 2.9). In SPH the elastic energy is that of the equation of state
+    (`sph.Viscoplastic.stored_energy`).
 
     Parameters
     ----------

@@ -131,8 +131,9 @@ def phase(state: State, *, tolerance: float = 1e-9) -> NDArray[np.bool_]:
 
     Raises
     ------
-    ValueError
-        If the state is empty, a point is off the grid, or the tolerance is negative.
+    TypeError, ValueError
+        If the state is empty, a point is off the grid, the tolerance is negative, or the scene has
+        several materials.
     """
     non_negative("tolerance", tolerance)
     return nodal_density(state) >= only_material(state).rho_c * (1 - tolerance)
@@ -234,8 +235,9 @@ def cell_density_percentile(state: State, *, q: float = 99.0) -> float:
 
     Raises
     ------
-    ValueError
-        If the state is empty, a point is off the grid, or q is outside 0 to 100.
+    TypeError, ValueError
+        If the state is empty, a point is off the grid, q is outside 0 to 100, or the scene has
+        several materials.
     """
     in_range("q", q, 0.0, 100.0)
     return float(np.percentile(cell_density(state).value, q) / only_material(state).rho_c)

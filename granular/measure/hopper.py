@@ -65,7 +65,7 @@ def hopper_flow(states: States, *, reach: float = 1.0) -> HopperFlow:
     Raises
     ------
     TypeError, ValueError
-        If there are no states or points, or the scene has no bodies.
+        If there are no states or points, the scene has no bodies, or `reach` is not positive.
     """
     reach = positive("reach", reach)
     frames = list(each_state(states))

@@ -45,8 +45,9 @@ def packing_fraction(state: State, *, restitution: float, d: float | None = None
 
     Raises
     ------
-    ValueError
-        If the state is empty, the grain diameter is unknown, or the restitution is out of range.
+    TypeError, ValueError
+        If the state is empty, the grain diameter is unknown, the restitution is out of range, or
+        the scene has several materials.
     """
     from granular.theory.kinetic import packing_fraction_of_inertial_number
 
@@ -112,7 +113,8 @@ def stress_free_error(
     reference : float, optional
         Characteristic pressure [Pa]; by default the mean of the dense points, by mass.
     margin : float
-        Range of packing fraction over which the density counts as constant.
+        Distance from 0.6 of the packing fraction at which the gas pressures are evaluated, 0 to
+        0.6, ends excluded.
 
     Returns
     -------
@@ -120,9 +122,9 @@ def stress_free_error(
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         If the state is empty, the grain diameter is unknown, no point is dense and no reference
-        is given, or a number is out of range.
+        is given, a number is out of range, or the scene has several materials.
     """
     from granular.theory.kinetic import JAMMED, compression_pressure, coupled_shear, shear_pressure
 
@@ -201,9 +203,9 @@ def mass_balance_error(
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         If the state is empty, neither restitution nor density is given, or no cell is surrounded
-        by filled cells.
+        by filled cells; without a `density` also as `packing_fraction`.
     """
     if density is None:
         if restitution is None:

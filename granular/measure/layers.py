@@ -39,7 +39,7 @@ def occupied_area(state: State, *, filled: float = 0.0) -> float:
     ----------
     state : State
     filled : float
-        Count only cells with more than this share of the mass that fits at rho_c.
+        Count only cells with more than this share of the mass that fits at rho_c, >= 0.
 
     Returns
     -------

@@ -52,6 +52,10 @@ class Opening:
         The bottom is at elevation 0. The axis is the left side of the grid for half a silo, and
         the middle of the grid for a whole one.
 
+        Parameters
+        ----------
+        scene : Scene or sph.Scene
+
         Raises
         ------
         ValueError

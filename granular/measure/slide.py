@@ -60,7 +60,8 @@ class Deposit:
     thickness : ndarray, shape (n_x,) or (n_x, n_y)
         Vertical thickness that the mass of a column would have at rho_c [m].
     area : float
-        Length (2D) or area (3D) of the columns with at least a quarter of a cell [m, m2].
+        Length [m] in 2D, area [m2] in 3D, of the columns in which the thickness is at least a
+        quarter of a cell.
     highest : float
         Largest thickness [m].
     """
@@ -79,7 +80,11 @@ def slide_history(states: Iterable[State], *, share: float = SHARE) -> SlideHist
     states : iterable of State
         At least two, such as a record.
     share : float
-        Share of the mass behind the front, 0.5 < share < 1.
+        Share of the mass behind the front, and before the rear, 0.5 < share < 1.
+
+    Returns
+    -------
+    SlideHistory
 
     Raises
     ------
@@ -112,6 +117,14 @@ def slide_history(states: Iterable[State], *, share: float = SHARE) -> SlideHist
 
 def deposit(state: State) -> Deposit:
     """Thickness of the material over the columns of cells, whatever it lies on.
+
+    Parameters
+    ----------
+    state : State
+
+    Returns
+    -------
+    Deposit
 
     Raises
     ------

@@ -180,7 +180,9 @@ def failure_surface(
     share: float = 0.1,
     span: tuple[float, float] | None = None,
 ) -> FailureSurface:
-    """Surface between the soil that moves with a blade and the soil at rest (figure 14).
+    """Surface between the soil that moves with a blade and the soil at rest.
+
+    Haeri & Skonieczny 2021 show it in figure 14.
 
     The cells of a slice along x and z count as moving if their speed is at least a share of that of
     the blade. The speed of a cell is the mass-weighted mean over all frames and over y.
@@ -190,7 +192,7 @@ def failure_surface(
     states : State or iterable of State
         In 3D.
     speed : float
-        Speed of the blade [m/s].
+        Speed of the blade [m/s], > 0.
     share : float
         Share of the blade's speed from which a cell moves, 0 to 1, ends excluded.
     span : (low, high), optional
@@ -202,8 +204,9 @@ def failure_surface(
 
     Raises
     ------
-    ValueError
-        If the states are 2D, a state has no points, or no point is in the slice.
+    TypeError, ValueError
+        If the states are 2D, a state has no points, no point is in the slice, or `speed` or `share`
+        is out of range.
     """
     limit = positive("speed", speed) * in_range(
         "share", share, 0.0, 1.0, open_low=True, open_high=True
@@ -263,7 +266,7 @@ def strain_history(states: States) -> StrainHistory:
     Raises
     ------
     ValueError
-        If the elasticity of the material is not "hencky".
+        If the elasticity of the material is not "hencky", or the scene has several materials.
     """
     rows = []
     for state in each_state(states):

@@ -196,7 +196,8 @@ class Body:
         Moment of inertia about the position, which must be the centre of mass [kg m2; in 2D per
         metre of depth]: a number > 0 in 2D; in 3D the moments about the axes of the body, or the
         tensor in them. If given, the torque of the material turns the body about its position
-        instead of its `motion`, from whose angular velocity it starts. See `mass_properties`.
+        instead of its `motion`, from whose angular velocity it starts. See `mass_properties`. Must
+        be None for an endless shape.
     restitution : float
         Coefficient of restitution of its impacts on walls, blocks and other bodies, 0 to 1; of two
         free bodies the lesser. Must be 0 unless the body moves freely.

@@ -127,9 +127,18 @@ class Mesh(ComparedByContent, Shape):
         scale: float = 1.0,
         thickness: float | None = None,
     ) -> Mesh:
-        """Read a surface from a file (STL, OBJ, PLY, ...) with lengths in units of `scale` metres.
+        """Read a surface from a file (STL, OBJ, PLY, ...).
 
         Equal vertices are one, and triangles of two equal vertices are left out.
+
+        Parameters
+        ----------
+        path : path
+            File in a format that trimesh reads.
+        spacing, thickness
+            As in `Mesh`, in metres.
+        scale : float
+            Unit of length of the file in metres, > 0.
 
         Raises
         ------

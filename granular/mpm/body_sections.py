@@ -125,8 +125,8 @@ class Polygon(Section):
     Parameters
     ----------
     vertices : sequence of points, shape (n, 2)
-        Vertices [m] relative to `center`, in either sense. The polygon may be concave; its edges
-        must not cross or touch.
+        Vertices [m] relative to `center`, in either sense, 3 to 1000, or 2 to 1000 with a
+        `thickness`. The polygon may be concave; its edges must not cross or touch.
     center : tuple of 2 floats
         Place of the origin of the vertices [m].
     rotation_deg : float
@@ -179,12 +179,12 @@ class Prism(Section):
         (y, z) if it is x; otherwise as those of a `Polygon`.
     length : float
         Length along the axis [m], > 0, half of it on each side of the centre; may be infinite.
-    axis : str
-        "x", "y" or "z".
+    axis : {"x", "y", "z"}
+        Axis along which the section is extended.
     center : tuple of 3 floats
         Place of the origin of the vertices [m].
-    rotation_deg : float or tuple of 3 floats
-        Rotation about the centre, a rotation vector [degrees].
+    rotation_deg : tuple of 3 floats, or 0
+        Rotation about the centre, a rotation vector [degrees]; 0 for none.
     thickness : float, optional
         As for a `Polygon`: the section is a wall of this thickness [m] along an open line.
 

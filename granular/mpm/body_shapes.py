@@ -192,7 +192,7 @@ class Cylinder(Shape):
     center : tuple of float, length dim
         Centre [m].
     axis : tuple of 3 floats, optional
-        Direction of the axis, of any length; None in 2D.
+        Direction of the axis, of any length; required in 3D, None in 2D.
     inside : bool
         If True, the material is inside, as in a drum: the solid is all that lies outside of the
         surface.

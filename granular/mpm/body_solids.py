@@ -159,8 +159,8 @@ class Frustum(Shape):
     axis : tuple of float, length dim
         Direction of the axis, of any length.
     thickness : float, optional
-        If given, the solid is a wall of this thickness [m] outside of the conical surface, open at
-        both ends; its rims are square to the wall.
+        If given, the solid is a wall of this thickness [m], > 0, outside of the conical surface,
+        open at both ends; its rims are square to the wall. Must be None if `inside` is true.
     inside : bool
         If True, the material is inside, as in a drum: the solid is all that lies outside of the
         surface, which has two ends.

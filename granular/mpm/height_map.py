@@ -106,7 +106,7 @@ class HeightMap(ComparedByContent, Shape):
             Place of the first post, at the lowest x and y [m]. By default that of the file, where a
             post is the middle of a pixel.
         scale : float
-            Lengths of the file in metres, heights and coordinates alike.
+            Unit of length of the file in metres, > 0, of heights and coordinates alike.
         extended : bool
             As in `HeightMap`.
 

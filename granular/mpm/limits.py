@@ -15,6 +15,7 @@ from granular.mpm.filling import is_full, middle_points
 from granular.mpm.walls import Solid, Wall
 from granular.regions import Cloud
 from granular.seeding import DEEPEST
+from granular.surfaces import Heights, Layer
 from granular.theory.well_posed import well_posed_slopes
 
 if TYPE_CHECKING:
@@ -286,7 +287,7 @@ def _layer(scene: Scene) -> str | None:
     """Too few cells over the height of the material."""
     if not _granular(scene) or scene.inflows:  # the height is not known
         return None
-    cells = height(scene) / scene.grid.cell
+    cells = _thickness(scene) / scene.grid.cell
     if cells >= LAYER_CELLS * (1 - 1e-9):
         return None
     return f"material of {cells:.3g} cells in height: take {LAYER_CELLS} or more"
@@ -472,6 +473,15 @@ def height(scene: Scene) -> float:
     lows, highs = zip(*(source.region.bounds for source in scene.sources), strict=True)
     lowest = scene.grid.lower[-1] if scene.inflows else min(low[-1] for low in lows)
     return max(high[-1] for high in highs) - lowest
+
+
+def _thickness(scene: Scene) -> float:
+    """Height of the material at the start [m], of a single layer on a surface its thickness."""
+    regions = [source.region for source in scene.sources]
+    if len(regions) > 1 or not isinstance(regions[0], Layer):
+        return height(scene)
+    thickness = regions[0].thickness
+    return float(thickness.z.max()) if isinstance(thickness, Heights) else float(thickness)
 
 
 def _granular(scene: Scene) -> bool:

@@ -56,7 +56,8 @@ class Scene(BaseScene):
     fills : sequence of Fill
         Material at the start, at least one unless there are inflows.
     material : Material
-        Material of the fills that have none of their own.
+        Material of the fills and inflows that have none of their own. A scene has at most 8
+        different materials, one of them nonlocal; several are not for a `CellAveragedDensity`.
     scheme : Scheme, optional
         By default `granular.schemes.cell_averaged` for a nonlocal law that is the only material and
         whose friction has a limit, else `granular.schemes.default`.
@@ -64,12 +65,14 @@ class Scene(BaseScene):
         Walls and blocks. A side of the grid that is neither open nor has a wall only keeps points
         from leaving.
     gravity : Gravity
+        Gravity, of the dimension of the grid.
     duration : float
         Time to simulate [s], > 0.
     sponge_layers : sequence of SpongeLayer
+        Layers that damp elastic waves, at most one along an axis.
     bodies : sequence of Body
-        Rigid bodies. Fills leave out their volume: points begin outside of them and follow their
-        surfaces, see `granular.Fill`.
+        Rigid bodies, at most 64. Fills leave out their volume: points begin outside of them and
+        follow their surfaces, see `granular.Fill`.
     inflows : sequence of Inflow
         Material that enters during the run.
     seed : int

@@ -194,8 +194,9 @@ class Fluidity(_Fluidity):
         takes all 26 cells around it (8 in 2D), with an error that is the same in all directions, at
         several times the cost.
     method : {"auto", "explicit", "implicit", "rkl2"}
-        "explicit" is refused beyond dt = dx^2 t0/(2 dim A^2 d^2). "implicit" is backward Euler,
-        solved by conjugate gradients; it makes no fluidity negative. "rkl2" is a
+        "explicit" needs substeps shorter than dx^2 t0/(2 dim A^2 d^2) with "faces", and than 1.1 to
+        2 times this with "isotropic" (`Simulation.fluidity` has the limit). "implicit" is backward
+        Euler, solved by conjugate gradients; it makes no fluidity negative. "rkl2" is a
         Runge-Kutta-Legendre scheme of second order; it may undershoot, and steady flows depend on
         the number of substeps. "auto" is "explicit" if one substep is within that limit, otherwise
         "implicit".

@@ -41,7 +41,7 @@ class Wall:
     Parameters
     ----------
     axis : int
-        Axis normal to the wall.
+        Axis normal to the wall, from 0 on; not a periodic one.
     at : float
         Coordinate along `axis` [m]; must be that of a grid line.
     kind : {"no_slip", "free_slip", "coulomb"}
@@ -49,11 +49,11 @@ class Wall:
         symmetry plane), "coulomb" the normal one, with friction along the wall (Dunatunga & Kamrin
         2015, section 4).
     friction : float
-        Friction coefficient of a "coulomb" wall, >= 0.
+        Friction coefficient of a "coulomb" wall, >= 0; must be 0 for other kinds.
     span : tuple of (low, high), or None
         Extent along each *other* axis in their order [m], on grid lines; None for all of it.
     opens_at : float
-        Time [s] from which on the wall does not exist.
+        Time [s], >= 0, from which on the wall does not exist.
     velocity : tuple of float, length dim, or None
         Velocity of a "no_slip" wall along itself [m/s], constant; None for 0. Where it meets
         another wall or block, nodes rest.
@@ -218,14 +218,20 @@ class SpongeLayer:
     Parameters
     ----------
     axis : int
-        Axis along which the points move upwards.
+        Axis along which the points move upwards, from 0 on; not a periodic one. A scene has at most
+        one layer along an axis.
     above : float
-        Coordinate at which the layer begins [m].
+        Coordinate at which the layer begins [m], within the grid.
     damping : float
-        Damping rate [1/s]: in each step the upward velocity of the points is multiplied by
+        Damping rate [1/s], > 0: in each step the upward velocity of the points is multiplied by
         exp(-damping dt), so that a rising wave decays over the length c/damping. The default,
         infinity, stops them at once, as published; but then over-compressed material expands no
         faster than g dt, and a compressed bed stays so for many thousand steps.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
     """
 
     axis: int

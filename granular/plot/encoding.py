@@ -48,10 +48,15 @@ def check_movie(
 ) -> None:
     """Check that a movie can be written, before the work is done.
 
+    Parameters
+    ----------
+    path, fps, overwrite
+        See `granular.plot.movie`.
+
     Raises
     ------
-    FileExistsError, FileNotFoundError, ValueError
-        As `movie`; FileNotFoundError if the folder does not exist.
+    FileExistsError, FileNotFoundError, TypeError, ValueError
+        As `granular.plot.movie`.
     """
     path = Path(_ending() if path is None else path)
     ending = path.suffix.lower()

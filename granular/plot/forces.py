@@ -227,7 +227,13 @@ def force_distances(curves: Mapping[str, ArrayLike], bin_width: float) -> Pictur
 
 
 def force_distribution(statistics: Mapping[str, ForceStatistics]) -> Picture:
-    """Share of contacts whose force exceeds a multiple of the mean, and an exponential decay."""
+    """Share of contacts whose force exceeds a multiple of the mean, and an exponential decay.
+
+    Parameters
+    ----------
+    statistics : mapping of str to ForceStatistics
+        Results of `granular.grain_scale.inference.force_statistics` by name.
+    """
     fig = Picture(figsize=(5.2, 3.8), layout="tight")
     ax = fig.subplots()
     end = 1.0

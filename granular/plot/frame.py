@@ -56,14 +56,15 @@ def frame(
     limits : (low, high), optional
         Limits of the colour scale; by default they fit the state.
     log : bool, optional
-        True for a logarithmic scale, the default for rates. Zero counts as its low end.
+        True for a logarithmic scale, the default for rates and inertial numbers. Zero counts as its
+        low end.
     cmap, label : str, optional
         Colour map and text of the colour bar.
     smooth : bool
         Draw the field after mapping it to the nodes and back, as Dunatunga & Kamrin 2015 do with
         stresses (eqs. 4.1-4.3).
     size : float, optional
-        Diameter of a point [m], to draw the points as discs.
+        Diameter of a point [m], > 0, to draw the points as discs.
     extent : ((left, right), (bottom, top)), optional
         Region that is shown [m]; by default it contains all the material, and all surfaces of
         bodies that close within the domain.

@@ -165,7 +165,7 @@ def scaling_of_dilation(flows: Flows) -> Picture:
     Parameters
     ----------
     flows : sequence of SteadyShear
-        At least 4, with different inertial numbers.
+        At least 4, with different inertial numbers, 3 of them from 0.05 on.
     """
     _needs({"": flows})
     fig, ((upper, packing), (rates, dilation)) = _axes(2, 2)
@@ -198,7 +198,7 @@ def scaling_of_dissipation(flows: Flows) -> Picture:
     Parameters
     ----------
     flows : sequence of SteadyShear
-        At least 3, with different inertial numbers.
+        At least 3 that `fit_dissipation` counts, of different inertial numbers from 0.05 on.
     """
     _needs({"": flows})
     fig, ((ax,),) = _axes(1)

@@ -50,10 +50,10 @@ def movie(
         As in `frame`, but `color` must be a name. Scale and extent are the same for all frames; by
         default they are fitted to 16 of them.
     fps : float
-        Frames per second, at most 50 in a GIF, where the time of a frame is rounded to whole
-        hundredths of a second.
+        Frames per second, > 0, at most 240, and at most 50 in a GIF, where the time of a frame is
+        rounded to whole hundredths of a second.
     dpi : int
-        Pixels per inch; the picture is 7 inches wide.
+        Pixels per inch, 20 to 600; the picture is 7 inches wide.
     overwrite : bool
         True to replace an existing file.
     progress : bool
@@ -68,8 +68,11 @@ def movie(
     ------
     FileExistsError
         If the file exists and `overwrite` is not set.
-    ValueError
-        If the record is empty, the path ends otherwise, or .mp4 is asked for without ffmpeg.
+    FileNotFoundError
+        If the folder of the file does not exist.
+    TypeError, ValueError
+        If the record is empty, the path ends otherwise, .mp4 is asked for without ffmpeg, or an
+        argument is out of range.
     RuntimeError
         If ffmpeg fails.
     """

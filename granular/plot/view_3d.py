@@ -78,7 +78,7 @@ def view(
     opacity : float
         Opacity of the bodies, 0 to 1.
     window : (int, int)
-        Width and height of the picture [pixels].
+        Width and height of the picture [pixels], at least 16.
 
     Returns
     -------
@@ -148,7 +148,7 @@ def view_movie(
     ------
     ModuleNotFoundError
         If pyvista is not installed.
-    FileExistsError, TypeError, ValueError
+    FileExistsError, FileNotFoundError, RuntimeError, TypeError, ValueError
         As `view` and `granular.plot.movie`.
     """
     check_movie(path, fps=fps, overwrite=overwrite)

@@ -242,6 +242,11 @@ class Trajectory:
     def checkpoint(self, frame: int | None = None) -> Checkpoint:
         """Read and verify the newest restart state, or that which was kept of a frame.
 
+        Parameters
+        ----------
+        frame : int, optional
+            Index of a frame, one of `kept`; by default the newest restart state.
+
         Raises
         ------
         ValueError
@@ -308,6 +313,15 @@ class Trajectory:
 
 def open_trajectory(path: str | os.PathLike[str]) -> Trajectory:
     """Open a record, finished or not, for reading; nothing is written.
+
+    Parameters
+    ----------
+    path : path
+        File of the record, as `Simulation.run` was told to `save` it.
+
+    Returns
+    -------
+    Trajectory
 
     Raises
     ------

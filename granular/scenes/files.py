@@ -54,7 +54,7 @@ class SceneFile:
 
     Attributes
     ----------
-    scene : Scene or SphScene
+    scene : Scene or sph.Scene
     run : dict
         Values of `until`, `every`, `fields`, `precision` and `threads` that the file has.
     """
@@ -187,7 +187,7 @@ def changed(scene: AnyScene, assignments: Sequence[str]) -> AnyScene:
 
     Parameters
     ----------
-    scene : Scene or SphScene
+    scene : Scene or sph.Scene
     assignments : sequence of str
         Each ``place=value``, with the place in the JSON of the scene, its parts joined by dots and
         counted from 0 in lists, such as ``scheme.cfl=0.3`` or ``bodies.0.friction=0.4``; the value
@@ -248,11 +248,11 @@ def template(name: str) -> str:
     Parameters
     ----------
     name : str
-        Of the scene function.
+        Name of the scene function.
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         If there is no such scene.
     """
     function = functions[one_of("name", name, tuple(functions))]

@@ -81,9 +81,10 @@ def landslide(
     at : tuple of float, length dim - 1, optional
         Horizontal place of the middle of the cap [m]; by default its upper end is 5 cells from the
         upper end of the slope. Required with a `terrain` without a `release`.
-    terrain : HeightMap or path, optional
-        Terrain in place of the default one, or a file that `HeightMap.read` can read. It gives the
-        dimension and the domain, and replaces the five lengths and the angle of the default one.
+    terrain : HeightMap or str, optional
+        Terrain in place of the default one, or the path (a string) of a file that `HeightMap.read`
+        can read. It gives the dimension and the domain, and replaces the five lengths and the angle
+        of the default one.
     release : ndarray, shape (nx,) in 2D, (ny, nx) in 3D, optional
         Vertical thickness of the released material at the posts of `terrain` [m], in place of the
         cap; the spacing of the posts must be the same along x and y.

@@ -161,11 +161,11 @@ def jet_on_bed(
     Parameters
     ----------
     speed : float
-        Speed of the gas in the nozzle [m/s], >= 0 and below the speed of sound.
+        Speed of the gas in the nozzle [m/s], >= 0 (> 0 if `fed`) and below the speed of sound.
     width, depth, headroom : float
         Width of the domain, depth of the soil, height of the gas above it [m]; whole spacings.
     nozzle : float
-        Width of the nozzle [m], at most the domain's.
+        Width of the nozzle [m], at least a spacing and at most the width of the domain.
     across : float
         Extent along the second horizontal axis [m], whole spacings; 0 for 2D.
     spacing : float

@@ -44,8 +44,8 @@ class Jet:
     Parameters
     ----------
     region : Box
-    velocity : tuple of float
-        Velocity of the gas in it [m/s].
+    velocity : tuple of float, length dim
+        Velocity of the gas in it [m/s]; not 0 with a `density`.
     density : float or None
         Density of gas that enters at the upstream end of the box with this velocity [kg/m3], as by
         a driven `granular.Inflow`; None if nothing enters: the jet then draws gas from its sides.
@@ -92,12 +92,13 @@ class Gas:
     Parameters
     ----------
     fills : sequence of Fill
-        Gas at the start. Their `density` is that of the gas itself, not per volume with grains
-        [kg/m3]; by default pressure/sound_speed^2.
+        Gas at the start, at least one fill, not lithostatic. Their `density` is that of the gas
+        itself, not per volume with grains [kg/m3]; by default pressure/sound_speed^2. The smoothing
+        length of the scene must be 1 to 2 spacings of their particles.
     pressure : float
         Ambient pressure [Pa], > 0; it acts on free surfaces of the gas.
     sound_speed : float
-        Isothermal speed of sound c = sqrt(R T) [m/s], > 0.
+        Isothermal speed of sound c = sqrt(R T) [m/s], 1e-3 to 1e6.
     viscosity : float
         eta [Pa s], > 0.
     permeability : float
@@ -118,7 +119,7 @@ class Gas:
         Factor psi of an exchange of mass between gas particles, 0 to 0.5. It smooths pressures that
         differ from particle to particle, and vanishes for a constant pressure gradient.
     jets : sequence of Jet
-        Boxes in which the gas is driven.
+        Boxes in which the gas is driven, at most 16.
 
     Raises
     ------
@@ -232,17 +233,19 @@ class Gas:
 
 @dataclass(frozen=True, kw_only=True)
 class GasState:
-    """A snapshot of the particles of a gas, ordered by id.
+    """A snapshot of the particles of a gas, ordered by id; its arrays are read-only.
 
     Parameters
     ----------
     time : float
         Time [s].
-    id : ndarray, (n,)
-    x, v, a : ndarray, (n, dim)
+    id : ndarray, shape (n,)
+        Numbers of the particles.
+    x, v, a : ndarray, shape (n, dim)
         Position [m], within the period, velocity [m/s], acceleration [m/s2].
-    mass, density, pressure, porosity : ndarray, (n,)
-        Mass [kg], density of the gas itself [kg/m3], pressure [Pa], local porosity of the grains.
+    mass, density, pressure, porosity : ndarray, shape (n,)
+        Mass [kg; in 2D per metre of depth], density of the gas itself [kg/m3], pressure [Pa], local
+        porosity of the grains.
     """
 
     time: float

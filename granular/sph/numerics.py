@@ -28,10 +28,9 @@ class Numerics:
         Distance by which the list of neighbours reaches farther than the kernel, in h, 0.02 to 1.
         It changes the cost and, via the order of the sums, the last bits of the results.
     cfl : float
-        Time step as a fraction of its limits h/(4 c) and sqrt(h/|a|)/4 (eq. 5.28), > 0 and at
-        most 2.
+        Time step as a fraction of its limits h/(4 c) and sqrt(h/|a|)/4 (eq. 5.28), 1e-6 to 2.
     dt : float or None
-        Fixed time step [s]; None for the limits.
+        Fixed time step [s], > 0; None for the limits.
     regularisation : float
         Largest viscosity k in rho h^2/dt, 0.01 to 1.5: |D| is bounded below by
         (mu p + c) dt/(k h^2 rho). This inverts the third limit of eq. 5.28: as |D| goes to zero the

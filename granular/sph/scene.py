@@ -74,12 +74,13 @@ class Scene(BaseScene):
         Domain and seeding lattice; its `cell` is the spacing of the particles. Particles that leave
         the domain are dropped; walls may lie outside. The last axis is up.
     fills : sequence of Fill
-        Material at the start, with one particle per cell; at least one unless there are inflows.
+        Material at the start, with one particle per cell and the density and material of the scene;
+        at least one fill unless there are inflows. A region must not be a `Cloud`.
     material : Viscoplastic
     numerics : Numerics
     walls : sequence of Wall
     gas : Gas or None
-        Gas in the pores of the material and above it.
+        Gas in the pores of the material and above it; None for no gas.
     inflows : sequence of Inflow
         Material that enters during the run. They must be driven, with one particle per cell and a
         region at least as long as the reach of the kernel: a reservoir of particles that move with

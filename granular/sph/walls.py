@@ -34,21 +34,21 @@ class Wall:
     Parameters
     ----------
     axis : int
-        Axis normal to the wall.
+        Axis normal to the wall, from 0 on; not a periodic one.
     at : float
         Coordinate of its surface along `axis` [m], on a line of the grid.
     side : {1, -1}
         Side of the surface on which the material is: 1 above, -1 below.
     layers : int
-        Number of layers of particles behind the surface. They must be at least as thick as the
-        reach of the kernel, because particles at the wall would otherwise lack neighbours; the
-        thesis takes 5.
+        Number of layers of particles behind the surface, 1 to 100. They must be at least as thick
+        as the reach of the kernel, because particles at the wall would otherwise lack neighbours;
+        the thesis takes 5.
     span : tuple of (low, high), or None
         Extent along each *other* axis in their order [m], on grid lines, which may lie beyond the
         ends of the grid. None for the whole grid and, along axes that are not periodic, the
         thickness of the layers beyond it, so that walls meet at corners. Of several particles at
         the same position only that of the first wall is kept.
-    velocity : tuple of float or None
+    velocity : tuple of float, length dim, or None
         Velocity of the wall [m/s]; None for rest. A gate that lifts moves along its own plane.
     moves_from : float
         Time from which the wall has this velocity [s], >= 0.

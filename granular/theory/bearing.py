@@ -55,6 +55,10 @@ def bearing_capacity(phi_deg: float) -> BearingCapacity:
     phi_deg : float
         Friction angle [deg], 15 to 45. A law without dilation has two, see `earth_pressure`.
 
+    Returns
+    -------
+    BearingCapacity
+
     Raises
     ------
     TypeError, ValueError

@@ -43,8 +43,8 @@ def beverloo_rate(
 
     Raises
     ------
-    ValueError
-        If an argument is negative or not finite.
+    TypeError, ValueError
+        If an argument is negative or not finite, or `gravity` or `exponent` is 0.
     """
     orifice = np.asarray(orifice, dtype=float)
     if not (np.all(orifice >= 0) and np.all(np.isfinite(orifice))):

@@ -74,7 +74,7 @@ def chute_profile(
     angle_deg : float
         Inclination [degrees], in [0, 90).
     height : float
-        Thickness of the layer, normal to the base [m].
+        Thickness of the layer, normal to the base [m], > 0.
     material : NGF
         Of either `rheology`: ``mu_2`` counts as infinite with "linear_mu_I". ``A = 0`` is the
         local law. ``t0`` has no effect.

@@ -64,9 +64,9 @@ def cliff_height(
     mu : float
         Friction coefficient of the law, such as `mu_s`, 0 to 1 (1 not included).
     density : float
-        Of the material [kg/m3], > 0.
+        Density of the material [kg/m3], > 0.
     gravity : float
-        [m/s2], > 0.
+        Magnitude of gravity [m/s2], > 0.
 
     Returns
     -------

@@ -33,7 +33,12 @@ _CONTACT = 1e-9
 class Event:
     """A change between the dense and the disconnected state.
 
-    `kind` is "reconnect" or "disconnect", `time` is in seconds.
+    Attributes
+    ----------
+    time : float
+        Time [s].
+    kind : {"reconnect", "disconnect"}
+        Direction of the change.
     """
 
     time: float
@@ -102,6 +107,13 @@ def plastic_shear_rate(p: ArrayLike, tau: ArrayLike, material: MuI) -> Array:
     ----------
     p, tau : array_like
         Pressure and equivalent shear stress [Pa], broadcast together.
+    material : MuI
+        Or any object with ``mu_s``, ``mu_2``, ``xi``.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the material has a cohesion or another law than mu(I).
     """
     check_mu_I(material)
     p, tau = np.broadcast_arrays(np.asarray(p, dtype=float), np.asarray(tau, dtype=float))
@@ -138,6 +150,18 @@ def stress_rate(stress: Array, gradient: Array, material: MuI) -> Array:
         Components xx, yy, zz, xy [Pa].
     gradient : ndarray, shape (2, 2)
         Velocity gradient [1/s].
+    material : MuI
+        Or any object with ``mu_s``, ``mu_2``, ``xi``, ``K``, ``G``.
+
+    Returns
+    -------
+    ndarray, shape (4,)
+        Rate of the components xx, yy, zz, xy [Pa/s].
+
+    Raises
+    ------
+    TypeError, ValueError
+        As in `plastic_shear_rate`.
     """
     rate = elastic_stress_rate(stress, gradient, material)
     p, deviator, tau = _invariants(stress)
@@ -178,9 +202,9 @@ def reference(
     material : MuI
         Or any object with ``mu_s``, ``mu_2``, ``xi``, ``K``, ``G``.
     p0 : float
-        Initial isotropic pressure [Pa]; 0 for a stress-free start.
+        Initial isotropic pressure [Pa], >= 0; 0 for a stress-free start.
     times : array_like, shape (nt,)
-        Output times [s], not decreasing, not before ``breakpoints[0]``.
+        Output times [s], not decreasing, not before ``breakpoints[0]``, the last one after it.
     log_density0 : float, optional
         Initial ln(rho/rho_c). If p0 = 0 it must be given and be negative. Otherwise it is p0/K, the
         only density consistent with the pressure.
@@ -201,8 +225,9 @@ def reference(
 
     Raises
     ------
-    ValueError
-        If an argument is out of range, or the start is ill-posed. A start is ill-posed at rho_c
+    TypeError, ValueError
+        If an argument is out of range, the material has a cohesion or another law than mu(I), or
+        the start is ill-posed. A start is ill-posed at rho_c
         without pressure, because round-off then decides if there is stress, and with a pressure
         that does not match the density.
     RuntimeError

@@ -118,7 +118,7 @@ def couette_quasi_static(
         Of either `rheology`: ``mu_2`` counts as infinite with "linear_mu_I". Or any object with
         ``mu_s``, ``mu_2`` (may be infinite), ``A`` > 0, ``d``.
     rate : float
-        Angular velocity of the inner cylinder [rad/s], which sets the scale of `g`.
+        Angular velocity of the inner cylinder [rad/s], > 0, which sets the scale of `g`.
     walls : {"rough", "smooth"}
         Boundary condition at both cylinders: g = 0, or dg/dr = 0.
     points : int
@@ -160,14 +160,17 @@ def couette_flow(
 
     Parameters
     ----------
-    inner, outer, walls, points
+    inner, outer, walls
         As in `couette_quasi_static`.
+    points : int
+        Number of radii, one more than a multiple of 4, because the error is found with half of
+        them, 101 to 100 001.
     material : NGF
         As in `couette_quasi_static`, with ``rho_s`` and ``b`` in addition.
     rate : float
-        Angular velocity of the inner cylinder [rad/s].
+        Angular velocity of the inner cylinder [rad/s], > 0.
     pressure : float
-        Uniform pressure p [Pa].
+        Uniform pressure p [Pa], > 0.
 
     Returns
     -------

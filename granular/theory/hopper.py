@@ -37,7 +37,8 @@ def mass_flow_limit(wall_deg: float, effective_deg: float, *, dim: int = 2) -> f
     Returns
     -------
     float
-        Half angle to the vertical [deg], within 0 and 90.
+        Half angle to the vertical [deg], at most 90. For a cone it is at least 0; the fit for a
+        plane hopper falls below 0 at a large `wall_deg`.
 
     Raises
     ------
@@ -83,11 +84,11 @@ def hourglass_rate(
     Parameters
     ----------
     orifice : float
-        Width of the opening, or its diameter [m].
+        Width of the opening, or its diameter [m], > 0.
     angle_deg : float
         Half angle of the hopper [deg], 0 to 90, ends excluded.
     mass : float
-        Mass in the hopper above the arc of the opening [kg; in 2D per metre of depth].
+        Mass in the hopper above the arc of the opening [kg; in 2D per metre of depth], > 0.
     mu : float
         Friction coefficient tau/p, >= 0; below 1 in 2D and sqrt(3)/2 in 3D.
     rho : float

@@ -51,13 +51,13 @@ def bagnold_profile(
     y : array_like
         Distance from the base [m], any shape, within [0, height].
     angle_deg : float
-        Inclination [degrees].
+        Inclination [degrees], in [0, 90).
     height : float
-        Thickness of the layer, normal to the base [m].
+        Thickness of the layer, normal to the base [m], > 0.
     material : MuI
         Or any object with ``mu_s``, ``mu_2``, ``xi`` [1/sqrt(kg/m)] and ``rho_c`` [kg/m3].
     gravity : float
-        Magnitude of gravity [m/s2].
+        Magnitude of gravity [m/s2], > 0.
 
     Returns
     -------
@@ -66,9 +66,9 @@ def bagnold_profile(
 
     Raises
     ------
-    ValueError
-        If the angle is at or above atan(mu_2), where no steady flow exists, or `y` is outside the
-        layer.
+    TypeError, ValueError
+        If an argument is out of range, the angle is at or above atan(mu_2), where no steady flow
+        exists, `y` is outside the layer, or the material has a cohesion or another law than mu(I).
     """
     shape = bagnold_shape(y, height)
     scale = _steady_scale(angle_deg, material, gravity)
@@ -78,7 +78,13 @@ def bagnold_profile(
 def bagnold_shape(y: ArrayLike, height: float) -> Array:
     """`bagnold_profile` divided by its value at the surface, ``1 - (1 - y/h)^1.5``.
 
-    It does not depend on the material. Parameters, shape and errors are those of `bagnold_profile`.
+    It does not depend on the material. `y` and `height` are those of `bagnold_profile`; the result
+    has the shape of `y`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If `height` is not positive, or `y` is outside the layer.
     """
     return 1 - relative_depth(y, height) ** 1.5
 
@@ -215,7 +221,7 @@ def transient(
     cells : int
         Number of cells over the height, at least 2.
     rtol : float
-        Tolerance of a time step, relative to the largest velocity reached.
+        Tolerance of a time step, > 0, relative to the largest velocity reached.
 
     Returns
     -------
@@ -223,8 +229,8 @@ def transient(
 
     Raises
     ------
-    ValueError
-        If an argument is out of range.
+    TypeError, ValueError
+        If an argument is out of range, or the material has a cohesion or another law than mu(I).
     RuntimeError
         If the step size falls to round-off.
     """

@@ -35,6 +35,11 @@ def radial_function(packing_fraction: ArrayLike) -> Array:
     It is ``Phi (1 - Phi/2)/(1 - Phi)^3`` below Phi = 0.49, and ``0.63 Phi/(0.6 - Phi)`` from there
     on.
 
+    Parameters
+    ----------
+    packing_fraction : array_like
+        Phi in [0, 0.6).
+
     Raises
     ------
     ValueError
@@ -112,7 +117,15 @@ def _dilute_packing_fraction(target: Array, lam: float) -> Array:
 
 
 def shear_temperature(shear_rate: ArrayLike, inertial_number: ArrayLike, diameter: float) -> Array:
-    """Granular temperature [m2/s2] in steady shear (A6), ``(shear_rate d)^2/(9 I)``."""
+    """Granular temperature [m2/s2] in steady shear (A6), ``(shear_rate d)^2/(9 I)``.
+
+    Parameters
+    ----------
+    shear_rate, inertial_number : array_like
+        Shear rate [1/s] and inertial number I > 0, broadcast together.
+    diameter : float
+        Grain diameter d [m], > 0.
+    """
     rate = np.asarray(shear_rate, dtype=float)
     return (rate * positive("diameter", diameter)) ** 2 / (9 * np.asarray(inertial_number))
 
@@ -164,6 +177,20 @@ def temperature_coefficients(
         Phi in (0, 0.6).
     compression_rate : float
         -tr D [1/s]; a positive value heats the gas (the tr D of the text has the opposite sign).
+    diameter : float
+        Grain diameter d [m], > 0.
+    restitution : float
+        Effective coefficient of restitution, in [0, 1].
+
+    Returns
+    -------
+    tuple of 2 floats
+        A and B.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
     """
     positive("packing_fraction", packing_fraction)
     g = float(radial_function(packing_fraction))
@@ -229,6 +256,11 @@ def compression_temperature(
         Grain diameter [m].
     restitution : float
         Effective coefficient of restitution, in [0, 1).
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is out of range.
     """
     lam = _lambda(restitution)
     if lam == 1:
@@ -249,7 +281,20 @@ def compression_pressure(
     restitution: float,
     material: MuI,
 ) -> Array:
-    """Pressure [Pa] of the gas at the bound of `compression_temperature` (A23)."""
+    """Pressure [Pa] of the gas at the bound of `compression_temperature` (A23).
+
+    Parameters
+    ----------
+    packing_fraction, compression_rate, diameter, restitution
+        As in `compression_temperature`.
+    material : MuI
+        Or any object with ``rho_s`` [kg/m3].
+
+    Raises
+    ------
+    TypeError, ValueError
+        As in `compression_temperature`.
+    """
     temperature = compression_temperature(
         packing_fraction, compression_rate, diameter=diameter, restitution=restitution
     )
@@ -301,7 +346,12 @@ def coupled_shear(
     material : MuI
         Or any object with ``rho_s``, ``rho_c``, ``K``.
     offset : float
-        The delta of the text. With ``0.6 - Phi_c`` the flowing volume jams at Phi_c.
+        The delta of the text, > -Phi. With ``0.6 - Phi_c`` the flowing volume jams at Phi_c.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument is out of range.
     """
     inverse = 1 / positive("packing_fraction + offset", packing_fraction + offset)
     speed = non_negative("shear_rate", shear_rate) * positive("diameter", diameter)

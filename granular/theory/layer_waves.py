@@ -58,14 +58,14 @@ def layer_waves(
     angle_deg : float
         Inclination [degrees], between atan(mu_s) and atan(mu_2).
     height, wavelength : float
-        Thickness of the layer and length of the wave [m].
+        Thickness of the layer and length of the wave [m], > 0.
     material : MuI
         Or any object with ``mu_s``, ``mu_2``, ``xi`` [1/sqrt(kg/m)], ``rho_c`` [kg/m3], ``K``,
         ``G`` [Pa] and ``wave_speed`` [m/s].
     gravity : float
         Magnitude of gravity [m/s2].
     cells : int
-        Number of cells over the depth, at least 4.
+        Number of cells over the depth, 4 to 1000.
 
     Returns
     -------
@@ -74,8 +74,9 @@ def layer_waves(
 
     Raises
     ------
-    ValueError
-        If there is no steady flow, or a length is not positive.
+    TypeError, ValueError
+        If there is no steady flow, an argument is out of range, or the material has a cohesion or
+        another law than mu(I).
     """
     check_mu_I(material)
     height, wavelength = positive("height", height), positive("wavelength", wavelength)

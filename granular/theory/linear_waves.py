@@ -41,7 +41,10 @@ def _base(
     if isinstance(material, MuI) and material.cohesion:
         raise ValueError(f"cohesion = {material.cohesion} of the material must be 0")
     if material.d is None or material.I0 is None:
-        raise ValueError("material must have a grain diameter d and I0")
+        raise ValueError(
+            f"material must have a grain diameter d and I0, has d = {material.d} and I0 = "
+            f"{material.I0}"
+        )
     mu, r = _friction(inertial_number / material.I0, material)
     rate = inertial_number / material.d * math.sqrt(pressure / material.rho_s)
     return float(mu), float(r), rate
@@ -59,7 +62,7 @@ def shear_waves(
     Parameters
     ----------
     material : MuI or RegularisedMuI
-        Without cohesion; with the diameter of its grains.
+        Without cohesion; made with `I0` and the diameter `d` of its grains.
     inertial_number, pressure : float
         Inertial number I of the flow and its pressure [Pa], > 0.
     wave_vector : tuple of 2 floats
@@ -67,9 +70,9 @@ def shear_waves(
 
     Returns
     -------
-    rates : ndarray, (6,)
+    rates : ndarray, shape (6,)
         Complex rates [1/s]; a wave grows if the real part is positive. The fastest comes first.
-    shapes : ndarray, (6, 6)
+    shapes : ndarray, shape (6, 6)
         Columns (v_x, v_y, s_xx, s_yy, s_xy, c) of each [m/s, Pa, 1], up to a factor.
 
     Raises
@@ -131,6 +134,11 @@ def shear_wave_growth(
     -------
     float
         Largest real part of the rates [1/s].
+
+    Raises
+    ------
+    TypeError, ValueError
+        As `shear_waves`.
     """
     rates, _ = shear_waves(
         material=material,

@@ -17,8 +17,15 @@ from numpy.typing import ArrayLike, NDArray
 class Piece:
     """Run-out ``coefficient * a**exponent`` for ``lower <= a < upper``.
 
-    The errors are those stated by the source (0 if none is stated). A coefficient of nan means that
-    the source gives the exponent only.
+    Attributes
+    ----------
+    lower, upper : float
+        Ends of the range of the aspect ratio a.
+    coefficient, exponent : float
+        Numbers of the power law. A coefficient of nan means that the source gives the exponent
+        only.
+    coefficient_error, exponent_error : float
+        Their errors as stated by the source; 0 if none is stated.
     """
 
     lower: float

@@ -116,7 +116,7 @@ def _ascending(times: ArrayLike) -> Array:
     """Times, checked."""
     t = array("times", times, (None,))
     if not len(t) or t[0] < 0 or not (np.diff(t) > 0).all():
-        raise ValueError("times must be ascending, from 0 on")
+        raise ValueError(f"times must be ascending, from 0 on, are {t}")
     return t
 
 
@@ -148,11 +148,15 @@ def dam_break(
     mu : float
         Friction coefficient of the base, 0 to tan(angle).
     thickness : float
-        Thickness h0 [m].
+        Thickness h0 [m], > 0.
     K : float
         Coefficient of earth pressure along the plane, > 0, see `sliding_earth_pressure`.
     gravity : float
-        [m/s2]
+        Magnitude of gravity [m/s2], > 0.
+
+    Returns
+    -------
+    DamBreak
 
     Raises
     ------
@@ -199,12 +203,16 @@ def spreading_cap(
     mu : float
         Friction coefficient of the base, below tan(angle).
     half_length, thickness : float
-        Initial half-length along the plane and thickness across it in the middle [m].
+        Initial half-length along the plane and thickness across it in the middle [m], > 0.
     K : float
         Coefficient of earth pressure along the plane, > 0: 1 in a liquid, less (active) in material
         that spreads, see `sliding_earth_pressure`.
     gravity : float
-        [m/s2]
+        Magnitude of gravity [m/s2], > 0.
+
+    Returns
+    -------
+    SpreadingCap
 
     Raises
     ------
@@ -255,11 +263,15 @@ def spreading_ellipse(
     mu : float
         Friction coefficient of the base, below tan(angle).
     half_length, thickness : float
-        Initial radius of the base L and thickness in the centre H [m].
+        Initial radius of the base L and thickness in the centre H [m], > 0.
     K : float
         Coefficient of earth pressure in both directions, > 0.
     gravity : float
-        [m/s2]
+        Magnitude of gravity [m/s2], > 0.
+
+    Returns
+    -------
+    SpreadingEllipse
 
     Raises
     ------

@@ -27,6 +27,10 @@ def sliding_earth_pressure(mu: float, base: float) -> float:
     base : float
         Friction coefficient of the base, from 0 to tan(phi).
 
+    Returns
+    -------
+    float
+
     Raises
     ------
     TypeError, ValueError
@@ -53,15 +57,14 @@ def block_runout(
     angle_deg : float
         Inclination of the plane [deg], 0 < angle < 90.
     bend : float
-        Radius of the arc R [m], >= 0; without an arc the block keeps its horizontal velocity only
-        if it is turned without a loss, which is what is taken for R -> 0: the loss is then the
-        factor exp(-2 mu angle) of v^2.
+        Radius of the arc R [m], >= 0. The result for 0 is the limit of a small arc, on which
+        friction reduces v^2 by the factor exp(-2 mu angle).
     mu : float
         Friction coefficient, 0 < mu < tan(angle).
     distance : float
         Horizontal distance of the start from the origin [m], at least that of the arc's upper end.
     gravity : float
-        [m/s2]
+        Magnitude of gravity [m/s2], > 0; the result does not depend on it.
 
     Returns
     -------

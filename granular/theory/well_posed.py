@@ -120,6 +120,11 @@ def well_posed_range(material: MuI | RegularisedMuI) -> tuple[float, float] | No
     -------
     tuple of float, or None
         Ends of the range; None if there is none, because mu_2 is too close to mu_s.
+
+    Raises
+    ------
+    ValueError
+        For a material with cohesion, whose range depends on the pressure.
     """
     searched = _searched(material)
     sign = ill_posedness(searched, material)
@@ -142,10 +147,20 @@ def well_posed_slopes(material: MuI) -> tuple[float, float] | None:
 
     The tangent of the slope is mu(I).
 
+    Parameters
+    ----------
+    material : MuI
+        Without cohesion.
+
     Returns
     -------
     tuple of float, or None
         Ends of the range; None as in `well_posed_range`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a `RegularisedMuI`, which has no yield stress, or a material with cohesion.
     """
     check_not_regularised(material)
     ends = well_posed_range(material)
@@ -159,6 +174,13 @@ def well_posed_slopes(material: MuI) -> tuple[float, float] | None:
 def scaled_inertial_number_of_slope(angle_deg: float, material: MuI) -> float:
     """I/I0 of steady flow down a rough incline (Dunatunga & Kamrin 2015, A of eq. 4.6).
 
+    Parameters
+    ----------
+    angle_deg : float
+        Inclination [degrees], in [0, 90).
+    material : MuI
+        Or any object with ``mu_s`` and ``mu_2``.
+
     Returns
     -------
     float
@@ -167,7 +189,7 @@ def scaled_inertial_number_of_slope(angle_deg: float, material: MuI) -> float:
     Raises
     ------
     TypeError, ValueError
-        If the angle is not in [0, 90).
+        If the angle is not in [0, 90), or the material is a `RegularisedMuI`.
     """
     check_not_regularised(material)
     slope = math.tan(math.radians(in_range("angle_deg", angle_deg, 0.0, 90.0, open_high=True)))

@@ -103,8 +103,23 @@ def constitutive_path(
 
     Parameters
     ----------
+    material : Material
+        Material whose law is run.
+    p0 : float
+        Initial isotropic pressure [Pa].
+    dt : float
+        Time step [s].
+    log_density0 : float, optional
+        Initial ln(rho/rho_c); p0/K by default.
     at : float
         Instant of a step at which L is evaluated: 1 is its end, as in the paper, 0.5 its middle.
+    pressure_from_density : bool
+        If True, the law takes the pressure from the density in place of integrating it.
+    duration : float
+        Duration [s].
+    velocity_gradient : callable
+        Function of times [s], shape (k,), that returns the velocity gradient L, shape (k, 2, 2)
+        [1/s].
 
     Returns
     -------

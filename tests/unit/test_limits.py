@@ -99,6 +99,12 @@ def test_one_suspect_setting_is_one_warning(options, names):
     assert caught[0].filename == __file__
 
 
+def test_a_layer_on_a_slope_is_as_high_as_it_is_thick():
+    assert scene_warnings(gr.scenes.landslide()) == []
+    (warning,) = scene_warnings(gr.scenes.landslide(cell=0.04))
+    assert "material of 2 cells in height" in warning
+
+
 def test_cells_smaller_than_a_grain_are_what_a_nonlocal_law_is_for():
     scene = gr.scenes.chute_ngf()
     assert scene.grid.cell < scene.material.d and scene_warnings(scene) == []

@@ -31,8 +31,8 @@ class BoundaryForce:
     ----------
     body : int
         Number of the wall, < 0.
-    direction : tuple of float
-        Direction of the force; it is normalised.
+    direction : tuple of float, length d
+        Direction of the force, not zero; it is normalised.
     value : float
         Force of the wall on the packing along the direction [N], in 2D [N/m]; > 0.
     opposite : int, optional
@@ -86,6 +86,9 @@ def infer_static(
     regularization : float
         lambda/R, >= 0.
     solver : {"auto", "clarabel", "nnls"}
+        "auto" solves the least squares without the inequalities, and if these are violated takes
+        Clarabel, or non-negative least squares ("nnls", small packings in 2D only) if Clarabel is
+        missing.
 
     Returns
     -------
@@ -228,7 +231,7 @@ def _check_joined(packing: Packing, known: BoundaryForce) -> None:
 def _virial_scale(packing: Packing, known: BoundaryForce) -> float:
     """Known sum of V d.s.d (-F H for platens at a distance H) divided by the measured one."""
     if known.opposite is None:
-        raise ValueError('by = "virial" needs the wall opposite to the known one')
+        raise ValueError('opposite = None must be the wall opposite to the known one for "virial"')
     if packing.gravity is not None or packing.accelerations is not None:
         raise ValueError('by = "virial" must not be used with gravity or accelerations')
     direction = np.array(known.direction)

@@ -69,8 +69,9 @@ def arch_outline(states: States, *, opening: Opening | None = None) -> Arch:
     Raises
     ------
     TypeError, ValueError
-        If there are no states, the scene is not a 2D silo, a state has no dense point above the
-        bottom, or a column over the opening has none, so that there is no arch.
+        If there are no states, the scene is not a 2D silo or has several materials, a state has no
+        dense point above the bottom, or a column over the opening has none, so that there is no
+        arch.
     """
     rows = []
     for state in each_state(states):

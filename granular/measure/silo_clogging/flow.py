@@ -139,7 +139,7 @@ def silo_history(trajectory: Iterable[State], *, opening: Opening | None = None)
     ------
     TypeError, ValueError
         If there are no frames, their times do not ascend or their grids differ, or the scene is
-        not a 2D silo.
+        not a 2D silo or has several materials.
     """
     rows = []
     for state in each_state(trajectory):
@@ -198,7 +198,7 @@ def flow_verdict(
     opening : Opening, optional
         By default the opening of the scene.
     quiet, steady : float
-        Outflows as shares of ``rho_c sqrt(g) W**(3/2)``; `quiet` is the smaller one.
+        Outflows as shares of ``rho_c sqrt(g) W**(3/2)``: 0 <= quiet <= steady, 0 < steady <= 1.
     persistence : float
         Least share of its speed half-way that a flow must retain, 0 to 1.
     speed_floor : float, optional

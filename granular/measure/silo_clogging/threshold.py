@@ -94,6 +94,15 @@ def phase_points(
 ) -> tuple[Array, Array]:
     """Return the coordinates of a phase diagram as arrays, checked against its verdicts.
 
+    Parameters
+    ----------
+    x, y : array_like, shape (k,)
+        Coordinates of the cases.
+    verdicts : sequence of k str
+        "static", "flowing" or "unsure".
+    names : (str, str)
+        Names of the coordinates for messages.
+
     Raises
     ------
     TypeError, ValueError
