@@ -5,8 +5,8 @@
 
 Each cell of a map is a small run with a number and a verdict: *stable*, *degraded*, or *refused* if
 the package does not start such a run. The number is then that of a run with the limits lifted, to
-show what the limits prevent. Maps that exist in the file are kept unless they are requested by
-name, so that one of them can be measured anew.
+show what the limits prevent. All maps are measured, or with --only those of some functions of
+`MAKERS`; the other maps in the file are kept.
 """
 
 from __future__ import annotations

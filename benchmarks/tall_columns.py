@@ -5,6 +5,7 @@
 All runs take about 15 minutes by one thread.
 """
 
+import argparse
 import json
 import math
 from pathlib import Path
@@ -120,7 +121,9 @@ def exponents(done: dict[tuple, dict[str, Any]]) -> list[str]:
     return markdown(head, lines)
 
 
-def main() -> None:
+def main(argv: list[str] | None = None) -> None:
+    """Run the cases that the results lack, and write the tables."""
+    argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args(argv)
     rows = json.loads(RESULTS.read_text()) if RESULTS.exists() else []
     done = {(r["aspect"], r["law"], r["cells"], r["scheme"]): r for r in rows}
     for case in RUNS:

@@ -8,21 +8,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import check_fields, sequence
+from granular.checks import check_fields, kinds_of, sequence, tuple_of
 from granular.geometry import Region, Vector
 
 __all__ = ["Difference", "Intersection", "Union", "least"]
 
 
 def _regions(name: str, regions: object) -> tuple[Region, ...]:
-    checked = sequence(name, regions)
-    for region in checked:
-        if not isinstance(region, Region):
-            raise TypeError(f"regions: {region!r} must be a Region")
+    checked = tuple_of(name, sequence(name, regions), (Region,))
     if not checked:
-        raise ValueError("regions = () must hold at least one Region")
+        raise ValueError(f"{name} = () must hold at least one Region")
     if len({region.dim for region in checked}) > 1:
-        raise ValueError(f"regions = {checked} must have one dimension")
+        raise ValueError(f"{name} = {checked} must have one dimension")
     return checked
 
 
@@ -109,7 +106,10 @@ class Difference(Region):
     without: Region
 
     def __post_init__(self) -> None:
-        _regions("regions", (self.region, self.without))
+        kinds_of(self, region=Region, without=Region)
+        dim = self.region.dim
+        if self.without.dim != dim:
+            raise ValueError(f"without = {self.without} must have {dim} dimensions, as region has")
 
     @property
     def bounds(self) -> tuple[Vector, Vector]:

@@ -171,10 +171,11 @@ def stiffness(row: Row) -> dict[str, float]:
 
     They are p/K, mu tau/G, and, for an incline, the relative bias of the depth average in steady
     flow by theory, to first order. With the Jaumann rate s_xx = -s_yy = tau^2/G in steady shear, so
-    that p = sigma_yy (1 - mu tau/G) and the friction is too large by mu tau/G. By eq. 4.6 the shear
-    rate grows by gain times that, with gain = mu (mu_2 - mu_s)/((mu_2 - mu)(mu - mu_s)), less half
-    of mu tau/G due to sqrt(p); and compressed rows are thinner by p/K. These numbers grow linearly
-    with depth, so that the depth average has 5/7 of the value at the base.
+    that p = sigma_yy (1 - mu tau/G): the pressure is too low for the load, and the ratio tau/p, by
+    which the layer flows, too large by the fraction mu tau/G. By eq. 4.6 the shear rate grows by
+    gain times that, with gain = mu (mu_2 - mu_s)/((mu_2 - mu)(mu - mu_s)), less half of mu tau/G
+    due to sqrt(p); and compressed rows are thinner by p/K. These numbers grow linearly with depth,
+    so that the depth average has 5/7 of the value at the base.
     """
     material = gr.materials.glass_beads.replace(E=row["E"])
     angle = math.radians(row["angle_deg"] or 0.0)

@@ -24,7 +24,7 @@ TRANSFERS = {
     "xpic(2)": gr.Scheme(transfer="xpic"),
     "apic": gr.Scheme(transfer="apic"),
     "tpic": gr.Scheme(transfer="tpic", density=gr.ParticleDensity()),
-    "tpic, diffused (default)": gr.schemes.default,
+    "tpic, smoothed (default)": gr.schemes.default,
     "cell_averaged": gr.schemes.cell_averaged,
 }
 """Transfers; all but the last are with the quadratic basis."""

@@ -9,8 +9,9 @@
  * with B_i the gradient of S_i at one quadrature point and V_i the volume of a node. The filling fraction phi ties c to
  * the volume that the points really have. It also tells whether the cell is inside the material or at a surface. A cell
  * inside represents its whole volume outside of bodies, and its quadrature point is the centre of that. A cell at a
- * surface represents the volume of its points at rho_c, and its quadrature point is their centre of mass: a node that they hardly reach then feels
- * hardly any force. So does a cell with a light node, for example a corner that its few points are far from. */
+ * surface represents the volume of its points at rho_c, and its quadrature point is their centre of mass: a node that
+ * they hardly reach then feels hardly any force. So does a cell with a light node, for example a corner that its few
+ * points are far from. */
 #include "mpm/contribution.h"
 #include "mpm/density_correction.h"
 #include "mpm/open_volume.h"

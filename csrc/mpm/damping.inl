@@ -2,9 +2,8 @@
  * that of the grid. */
 #include "mpm/contribution.h"
 
-/* Share of the largest damping for points with the plastic shear rate `flow` and the log-density c, at the places from `at`
- * on. Short waves of plastic
- * flow are damped where the law is ill posed:
+/* Share of the largest damping for points with the plastic shear rate `flow` and the log-density c, at the places from
+ * `at` on. Short waves of plastic flow are damped where the law is ill posed:
  *
  *   (1 - gdot/(r sqrt(c))) q c/(q c + gdot),   c = p/K,
  *

@@ -220,7 +220,7 @@ def _check_output(name: str, overwrite: bool) -> None:
     """Refuse a file that could not be written, before the work is done."""
     path = Path(name)
     if not path.parent.is_dir():
-        raise FileNotFoundError(f"{path.parent} is not a folder")
+        raise FileNotFoundError(f"{name}: its folder {path.parent} does not exist")
     if path.exists() and not overwrite:
         raise FileExistsError(f"{path} exists already; --overwrite replaces it")
 

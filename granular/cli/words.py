@@ -108,4 +108,6 @@ def shown(value: Any, none: str) -> str:
         return ",".join(f"{part:g}" for part in value)
     if isinstance(value, bool):
         return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.12g}"
     return none if value is None else f"{value}"

@@ -206,9 +206,10 @@ def stiffness_error(scene: Scene, name: str, material: Material) -> float:
     Returns
     -------
     float
-        nan where nothing was measured, such as all laws but mu(I); inf beyond the measured range.
+        nan where nothing was measured, such as with cohesion and for all laws but mu(I); inf beyond
+        the measured range.
     """
-    if not isinstance(material, MuI) or len(scene.materials) > 1:
+    if not isinstance(material, MuI) or material.cohesion or len(scene.materials) > 1:
         return math.nan
     if name == "incline":
         return incline_error(scene, material)

@@ -16,7 +16,7 @@ from granular.economy import bias
 from granular.economy.cost import cost, nanoseconds
 from granular.economy.suggestion import Suggestion, Suggestions, changed, scene_function
 from granular.economy.symmetry import obstacle
-from granular.materials import MuI
+from granular.materials import DruckerPrager, Elastic, MuI
 from granular.mpm import engine
 from granular.mpm.limits import check_time_step, courant_limit, damped_step, damps_by_step, height
 from granular.mpm.scene import Scene
@@ -29,7 +29,7 @@ NONLOCAL_AMPLITUDE = (0.48, 0.9)
 
 ONE_COLUMN = 0.005
 """Relative change of the flow down an incline when many columns become one, with the default scheme
-(the errors against the one-dimensional equation are 0.0019 with 8 columns and 0.0014 with one,
+(the errors against the one-dimensional equation are 0.0026 with 8 columns and 0.0023 with one,
 benchmarks/speed.py)."""
 
 LINEAR_COLUMN = 0.002
@@ -265,8 +265,13 @@ def inertia(scene: Scene, name: str) -> float:
 
 def _rate(asked: _Asked) -> _Advice:
     grains = asked.scene.material
-    if not isinstance(grains, MuI):
+    if isinstance(grains, DruckerPrager | Elastic):
         return _Advice("The material does not depend on the rate.")
+    if not isinstance(grains, MuI):
+        return _Advice("What the rate changes has not been measured for this law.", math.nan)
+    if asked.name == "incline" and grains.cohesion:
+        reason = "Not estimated: with cohesion I/I0 of a layer on a slope depends on the depth."
+        return _Advice(reason, math.nan)
     ratio = inertia(asked.scene, asked.name)
     share = 1.0 if math.isinf(ratio) else ratio / (1 + ratio)
     gain = (grains.mu_2 - grains.mu_s) / grains.mu_s * share

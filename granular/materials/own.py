@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from granular.checks import finite, one_of, truth
+from granular.checks import finite, kinds_of, one_of, truth
 from granular.materials.base import Material
 from granular.serializable import Parameters
 
@@ -114,6 +114,7 @@ class OwnLaw(Material):
             )
         if self.elasticity != "hypoelastic":
             raise ValueError(f'elasticity = {self.elasticity!r} must be "hypoelastic" here')
+        kinds_of(self, name=str, source=str, parameters=Mapping, history=Mapping)
         one_of("language", self.language, LANGUAGES)
         truth("bears_tension", self.bears_tension)
         for name, most in (("parameters", MOST_NUMBERS), ("history", MOST_HISTORY)):
@@ -244,8 +245,8 @@ def from_function(
         name=called,
         language=language,
         source=source,
-        parameters=Parameters(parameters or {}),
-        history=Parameters(history or {}),
+        parameters={} if parameters is None else parameters,
+        history={} if history is None else history,
         bears_tension=bears_tension,
     )
     if language == "c":

@@ -30,7 +30,7 @@ from granular.checks import (
     vector,
 )
 from granular.geometry import combined
-from granular.mpm.body_inertia import inertia_of, mass_properties, principal
+from granular.mpm.body_inertia import MassProperties, inertia_of, mass_properties, principal
 from granular.mpm.body_measures import are_endless, extents, largest_speed, reach
 from granular.mpm.body_mesh import Mesh
 from granular.mpm.body_operations import (
@@ -70,6 +70,7 @@ __all__ = [
     "HalfSpace",
     "HeightMap",
     "Intersection",
+    "MassProperties",
     "Mesh",
     "Motion",
     "Offset",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import os
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import fields
@@ -195,5 +196,7 @@ def _check_kept(name: str, changed: object, used: object, numbers: Mapping[str, 
 
 
 def _plain(value: Any) -> Any:
-    """Numbers of other types, such as fractions, as floats; all other values as they are."""
+    """Numbers of other types, such as fractions, as floats, and paths as strings."""
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
     return float(value) if isinstance(value, Real) and not isinstance(value, Integral) else value

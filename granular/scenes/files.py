@@ -26,7 +26,15 @@ from granular.scenes.incline import incline
 from granular.sph.gas import Gas
 from granular.typing import AnyScene
 
-__all__ = ["SUFFIXES", "SceneFile", "changed", "function_of", "read_scene", "template"]
+__all__ = [
+    "SUFFIXES",
+    "SceneFile",
+    "changed",
+    "explanations",
+    "function_of",
+    "read_scene",
+    "template",
+]
 
 SUFFIXES = (".toml", ".json")
 """Ends of the names of files of scenes."""
@@ -261,7 +269,8 @@ def template(name: str) -> str:
     lines = [*_comment(summary), "#", f"# granular run {name}.toml", ""]
     lines += [f'scene = "{name}"', "", "[arguments]"]
     arguments = {key: value for key, value in own.items() if key not in PARTS}
-    lines += _entries(arguments, described(function, *EXPLAINED))
+    of_scene, of_material = explanations(function)
+    lines += _entries(arguments, of_scene)
     material = own["material"]
     kind = type(material)
     lines += ["", "[material]"]
@@ -269,7 +278,7 @@ def template(name: str) -> str:
         f'Another law is chosen by law = "...", with all of its numbers; here '
         f"{kind.__name__}, {_first_line(kind)}"
     )
-    lines += _entries(_numbers(material, own, function().material), described(kind))
+    lines += _entries(_numbers(material, own, function().material), of_material)
     scheme = own.get("scheme")
     if scheme is not None:
         lines += ["", "[scheme]"]
@@ -280,6 +289,12 @@ def template(name: str) -> str:
         lines += _entries(density, described(type(scheme.density)), shown=False)
     lines += ["", "[run]", *_entries(dict.fromkeys(RUN), RUN)]
     return "\n".join(lines) + "\n"
+
+
+def explanations(function: Callable[..., Any]) -> tuple[dict[str, str], dict[str, str]]:
+    """Descriptions of the keywords of a scene function, and of those of its material."""
+    material = inspect.signature(function).parameters["material"].default
+    return described(function, *EXPLAINED), described(type(material))
 
 
 def _numbers(material: Any, own: Mapping[str, Any], used: object) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from typing import Any
 
 import numpy as np
@@ -40,7 +41,7 @@ def landslide(
     length: float = 0.4,
     thickness: float = 0.08,
     at: tuple[float, ...] | None = None,
-    terrain: str | HeightMap | None = None,
+    terrain: str | os.PathLike[str] | HeightMap | None = None,
     release: NDArray | None = None,
     friction: float = 0.3,
     dim: int = 2,
@@ -81,10 +82,10 @@ def landslide(
     at : tuple of float, length dim - 1, optional
         Horizontal place of the middle of the cap [m]; by default its upper end is 5 cells from the
         upper end of the slope. Required with a `terrain` without a `release`.
-    terrain : HeightMap or str, optional
-        Terrain in place of the default one, or the path (a string) of a file that `HeightMap.read`
-        can read. It gives the dimension and the domain, and replaces the five lengths and the angle
-        of the default one.
+    terrain : HeightMap or path, optional
+        Terrain in place of the default one, or the path of a file that `HeightMap.read` can read,
+        which the parameters of the scene hold as a string. It gives the dimension and the domain,
+        and replaces the five lengths and the angle of the default one.
     release : ndarray, shape (nx,) in 2D, (ny, nx) in 3D, optional
         Vertical thickness of the released material at the posts of `terrain` [m], in place of the
         cap; the spacing of the posts must be the same along x and y.
@@ -136,10 +137,14 @@ def landslide(
 
 
 def _ground(
-    terrain: str | HeightMap | None, angle_deg: float, of: dict[str, float], dim: int, cell: float
+    terrain: str | os.PathLike[str] | HeightMap | None,
+    angle_deg: float,
+    of: dict[str, float],
+    dim: int,
+    cell: float,
 ) -> HeightMap:
     """Return the terrain that is given, or the default one with posts at half cells."""
-    if isinstance(terrain, str):
+    if isinstance(terrain, (str, os.PathLike)):
         return HeightMap.read(terrain)
     if terrain is not None:
         if not isinstance(terrain, HeightMap):

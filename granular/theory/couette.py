@@ -27,6 +27,8 @@ from granular.theory.stopping import fluidity_growth, limiting_friction
 
 WALLS = ("rough", "smooth")
 """Boundary conditions of the fluidity at the cylinders: g = 0 (rough) or dg/dr = 0 (smooth)."""
+POINTS = (101, 100_001)
+"""Least and largest number of radii."""
 
 
 @dataclass(frozen=True)
@@ -122,7 +124,7 @@ def couette_quasi_static(
     walls : {"rough", "smooth"}
         Boundary condition at both cylinders: g = 0, or dg/dr = 0.
     points : int
-        Number of radii, odd, 101 to 100 001.
+        Number of radii, 101 to 100 001.
 
     Returns
     -------
@@ -135,7 +137,7 @@ def couette_quasi_static(
     RuntimeError
         If there is no solution with mu_w below mu_2, as in a gap of a few A d.
     """
-    gap = _Gap(inner, outer, material, walls, points)
+    gap = _Gap(inner, outer, material, walls, integer("points", points, *POINTS))
     mu_wall = gap.slowest_friction()
     g, omega = gap.slowest(mu_wall)
     scale, rough = positive("rate", rate) / omega[0], gap.slowest(mu_wall, 1e-8)[1]
@@ -163,8 +165,7 @@ def couette_flow(
     inner, outer, walls
         As in `couette_quasi_static`.
     points : int
-        Number of radii, one more than a multiple of 4, because the error is found with half of
-        them, 101 to 100 001.
+        Number of radii, odd, because the error is found with every other one, 101 to 100 001.
     material : NGF
         As in `couette_quasi_static`, with ``rho_s`` and ``b`` in addition.
     rate : float
@@ -183,10 +184,11 @@ def couette_flow(
     RuntimeError
         If there is no solution with mu_w below mu_2.
     """
-    half = (integer("points", points, 101, 100_001) + 1) // 2
+    if integer("points", points, *POINTS) % 2 == 0:
+        raise ValueError(f"points = {points} must be odd: the error is found with every other one")
     pressure, rate = positive("pressure", pressure), positive("rate", rate)
     fine = _Gap(inner, outer, material, walls, points).driven(rate, pressure)
-    rough = _Gap(inner, outer, material, walls, half).driven(rate, pressure)
+    rough = _Gap(inner, outer, material, walls, (points + 1) // 2).driven(rate, pressure)
     error = float(np.max(np.abs(fine.omega[::2] - rough.omega)))
     return replace(fine, error=error)
 
@@ -198,8 +200,6 @@ class _Gap:
         inner, m = positive("inner", inner), material
         if positive("outer", outer) <= inner:
             raise ValueError(f"outer = {outer} must exceed inner = {inner}")
-        if integer("points", points, 51, 100_001) % 2 == 0:
-            raise ValueError(f"points = {points} must be odd: the error is found with half of them")
         self.rough, self.material = one_of("walls", walls, WALLS) == "rough", material
         self.x, self.step = np.linspace(0.0, math.log(outer / inner), points, retstep=True)
         self.r = inner * np.exp(self.x)

@@ -139,8 +139,13 @@ def check_mu_I(material: Any) -> None:
     check_not_regularised(material)
     if getattr(material, "rheology", "mu_I") == "linear_mu_I":
         raise ValueError('rheology = "linear_mu_I" must be "mu_I": this is a solution of mu(I)')
+    check_cohesionless(material)
+
+
+def check_cohesionless(material: Any) -> None:
+    """Refuse a material with cohesion: its friction tau/p is not a function of I alone."""
     if cohesion := getattr(material, "cohesion", 0.0):
-        raise ValueError(f"cohesion = {cohesion} must be 0: this is a solution without cohesion")
+        raise ValueError(f"cohesion = {cohesion} of the material must be 0 for this theory")
 
 
 def check_not_regularised(material: Any) -> None:

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 
 from granular.checks import positive, vector
 from granular.materials import MuI, RegularisedMuI
+from granular.theory.incline import check_cohesionless
 from granular.theory.well_posed import _friction
 
 __all__ = ["shear_wave_growth", "shear_waves"]
@@ -38,8 +39,7 @@ def _base(
     """Friction, r = d ln mu/d ln I, and shear rate [1/s] of the flow."""
     if not isinstance(material, MuI | RegularisedMuI):
         raise TypeError(f"material = {material!r} must be a MuI or RegularisedMuI")
-    if isinstance(material, MuI) and material.cohesion:
-        raise ValueError(f"cohesion = {material.cohesion} of the material must be 0")
+    check_cohesionless(material)
     if material.d is None or material.I0 is None:
         raise ValueError(
             f"material must have a grain diameter d and I0, has d = {material.d} and I0 = "

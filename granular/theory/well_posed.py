@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from granular.checks import in_range, positive
 from granular.materials import MuI, RegularisedMuI
-from granular.theory.incline import check_not_regularised
+from granular.theory.incline import check_cohesionless, check_not_regularised
 
 Array = NDArray[np.float64]
 
@@ -126,6 +126,7 @@ def well_posed_range(material: MuI | RegularisedMuI) -> tuple[float, float] | No
     ValueError
         For a material with cohesion, whose range depends on the pressure.
     """
+    check_cohesionless(material)
     searched = _searched(material)
     sign = ill_posedness(searched, material)
     inside = np.flatnonzero(sign < 0)
@@ -179,7 +180,7 @@ def scaled_inertial_number_of_slope(angle_deg: float, material: MuI) -> float:
     angle_deg : float
         Inclination [degrees], in [0, 90).
     material : MuI
-        Or any object with ``mu_s`` and ``mu_2``.
+        Without cohesion. Or any object with ``mu_s`` and ``mu_2``.
 
     Returns
     -------
@@ -189,9 +190,11 @@ def scaled_inertial_number_of_slope(angle_deg: float, material: MuI) -> float:
     Raises
     ------
     TypeError, ValueError
-        If the angle is not in [0, 90), or the material is a `RegularisedMuI`.
+        If the angle is not in [0, 90), or the material is a `RegularisedMuI` or has a cohesion,
+        with which I depends on the depth.
     """
     check_not_regularised(material)
+    check_cohesionless(material)
     slope = math.tan(math.radians(in_range("angle_deg", angle_deg, 0.0, 90.0, open_high=True)))
     if slope >= material.mu_2:
         return math.inf

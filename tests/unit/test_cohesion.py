@@ -179,11 +179,14 @@ def test_what_is_for_grains_without_cohesion_says_so():
         lambda: theory.bagnold_mean(25.0, 0.1, BEADS),
         lambda: theory.plastic_shear_rate(1.0, 0.5, BEADS),
         lambda: theory.transient(25.0, 0.1, BEADS, [1.0]),
+        lambda: theory.well_posed_range(BEADS),
+        lambda: theory.well_posed_slopes(BEADS),
+        lambda: theory.scaled_inertial_number_of_slope(25.0, BEADS),
     ):
-        with pytest.raises(ValueError, match=r"cohesion = 400\.0 must be 0"):
+        with pytest.raises(ValueError, match=r"cohesion = 400\.0 of the material must be 0"):
             call()
     with pytest.raises(ValueError, match="pressure = None must be given"):
-        theory.well_posed_range(BEADS)
+        theory.ill_posedness(1.0, BEADS)
 
 
 def test_ill_posedness_with_cohesion():

@@ -115,6 +115,17 @@ def test_soft_layer_loses_friction_as_the_closed_form_says():
         assert 0.8 * measured < bias.incline_error(scene, grains) < 2 * measured
 
 
+@pytest.mark.parametrize(
+    ("material", "said"),
+    [
+        (gr.materials.DruckerPrager(), "does not depend"),
+        (gr.materials.RegularisedMuI(), "not been measured"),
+    ],
+)
+def test_whether_the_rate_matters_is_only_said_where_it_is_known(material, said):
+    assert said in item("rate", gr.scenes.silo(material=material), 0.02).reason
+
+
 def test_near_the_threshold_grains_must_be_stiff():
     scenes = [gr.scenes.incline(angle_deg=angle) for angle in (21.0, 22.0, 25.0)]
     E = [item("stiffness", scene, 0.02).changes.get("E", 1e9) for scene in scenes]
@@ -201,6 +212,13 @@ def test_rate():
     assert "not depend" in item("rate", simple).reason
     still = item("rate", gr.scenes.incline(angle_deg=19.0))
     assert still.error == 0.0
+
+
+def test_what_cohesion_changes_on_a_slope_is_not_estimated():
+    suggestion = gr.economy.suggest(gr.scenes.incline(cohesion=10.0), 0.1)
+    assert "depends on the depth" in suggestion.about("rate").reason
+    for topic in ("rate", "stiffness"):
+        assert math.isnan(suggestion.about(topic).error) and not suggestion.about(topic).changes
 
 
 def test_damping_is_held_where_grains_are_softened():

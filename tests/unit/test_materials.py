@@ -6,7 +6,17 @@ import pickle
 import pytest
 
 from granular import materials, scenes
-from granular.materials import NGF, DruckerPrager, Elastic, Material, MuI, RegularisedMuI
+from granular.materials import (
+    NGF,
+    DruckerPrager,
+    Elastic,
+    Material,
+    MuI,
+    OwnLaw,
+    RegularisedMuI,
+)
+
+OWN = {"name": "law", "language": "c", "source": ""}
 
 
 def test_moduli_of_isotropic_elasticity():
@@ -131,6 +141,9 @@ def test_names_of_laws_and_of_their_parameters():
         (RegularisedMuI, {"mu_inf": -0.1}, ValueError, "mu_inf = -0.1"),
         (RegularisedMuI, {"elasticity": "hencky"}, ValueError, 'must be "hypoelastic"'),
         (RegularisedMuI, {"I0": 1e200, "d": 1e-200}, ValueError, "I0/.d sqrt.rho_s.. = inf"),
+        (OwnLaw, OWN | {"name": 3}, TypeError, "^name = 3 must be a str"),
+        (OwnLaw, OWN | {"source": None}, TypeError, "^source = None must be a str"),
+        (OwnLaw, OWN | {"history": 3}, TypeError, "^history = 3 must be a Mapping"),
         (Material, {}, TypeError, "abstract"),
     ],
 )

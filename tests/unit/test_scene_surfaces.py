@@ -57,6 +57,9 @@ def test_landslide_on_terrain_of_ones_own(tmp_path):
     cap = {"at": (0.3, 0.3), "length": 0.3, "thickness": 0.1}
     read = scenes.landslide(terrain=str(tmp_path / "hill.asc"), cell=0.05, **cap)
     assert read.bodies == scene.bodies
+    by_path = scenes.landslide(terrain=tmp_path / "hill.asc", cell=0.05, **cap)
+    assert by_path == read == gr.Scene.from_json(by_path.to_json())
+    assert by_path.parameters["terrain"] == str(tmp_path / "hill.asc")
     with pytest.raises(ValueError, match="at = None must be a place on the terrain"):
         scenes.landslide(terrain=HeightMap(z, 0.1))
     with pytest.raises(ValueError, match=r"spacing = .* must be the same along x and y"):

@@ -66,9 +66,9 @@ def turning(until, material, *, begin=None, frames=10, above=None, **size):
     """Profile between two times, half of the last and the last, and the moments."""
     scene = gr.scenes.couette(**({"inner": 0.1} | size), material=material)
     sim = gr.Simulation(scene)
-    kept, begin = [], until / 2 if begin is None else begin
+    begin = until / 2 if begin is None else begin
     sim.run(until=begin, every=until)
-    start, felt = sim.time, sim.bodies
+    kept, start, felt = [sim.state], sim.time, sim.bodies
     hooks = (lambda sim: kept.append(sim.state),)
     sim.run(until=until, every=(until - begin) / frames, hooks=hooks)
     span = sim.time - start
@@ -171,9 +171,11 @@ def test_top_of_the_papers_taylor_couette_cell(height, omega, begin, until):
     s.
 
     The elastic twist before yield at the bottom is mu_w p/S (1 - (R_i/R_o)^2)/2: 0.26 s and 0.27 s
-    of rotation. A height of 24 mm at the rate of the paper takes 4 minutes on one core; its 100 mm
-    at 4 times the rate take 13 minutes. The reference is the flow at this rate under the pressure
-    of the two cells that are measured; at 4 times the rate it differs by 0.02 from the slow limit.
+    of rotation. Then the ring swings for a while, with a period of 0.08 s, in which a shear wave
+    crosses the gap twice, so that the profile is a mean over more than two periods. A height of
+    24 mm at the rate of the paper takes 4 minutes on one core; its 100 mm at 4 times the rate take
+    13 minutes. The reference is the flow at this rate under the pressure of the two cells that are
+    measured; at 4 times the rate it differs by 0.02 from the slow limit.
     """
     material = gr.scenes.couette().material
     above = height - 2 * PAPER["cell"]
