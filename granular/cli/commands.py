@@ -39,10 +39,10 @@ def run(arguments: argparse.Namespace) -> int:
     scene = _scene(arguments)
     if arguments.output is None:
         arguments.output = f"{arguments.scene}.vtkhdf"
-    if not arguments.quiet:
-        print(f"{scene.name}: {cost(_to_the_end(scene, arguments.until))}")
     _check_output(arguments.output, arguments.overwrite)
     _check_pictures(arguments.picture, arguments.gif, arguments.overwrite)
+    if not arguments.quiet:
+        print(f"{scene.name}: {cost(_to_the_end(scene, arguments.until))}")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", StabilityWarning)  # printed below in one line each
         simulation = Simulation(scene, threads=arguments.threads, force=arguments.force)
@@ -84,7 +84,7 @@ def _scene(arguments: argparse.Namespace) -> AnyScene:
             if getattr(arguments, name) is None:
                 setattr(arguments, name, value)
         return changed(found.scene, arguments.set)
-    if arguments.scheme not in (None, "default"):
+    if arguments.scheme is not None:
         given["scheme"] = getattr(schemes, arguments.scheme)
     return changed(registry[arguments.scene](**given), arguments.set)
 

@@ -149,6 +149,9 @@ def test_what_is_not_said_is_that_of_the_scene(tmp_path):
     with gr.open(out) as states:
         given = {"half": False, "cell": 0.07, "width": 0.7, "height": 0.7, "E": 2e6}
         assert states.scene == gr.scenes.clogging_silo(**given)
+    assert cli.main([*words, "--scheme", "default", "--overwrite"]) == 0
+    with gr.open(out) as states:
+        assert states.scene == gr.scenes.clogging_silo(**given, scheme=gr.schemes.default)
 
 
 def test_verify_passes_its_exit_code_on(monkeypatch):
