@@ -287,8 +287,8 @@ class Simulation(Method):
         Raises
         ------
         TypeError, ValueError
-            Naming argument, value and allowed range; also for `fields` that the scene does not
-            have, and `fields` or a `precision` other than those of a record that goes on.
+            For arguments out of range, `fields` that the scene does not have, and `fields` or a
+            `precision` other than those of a record that goes on.
         FileExistsError
             If the record, or the file of its bodies, exists and `overwrite` is not set.
         BlockingIOError
@@ -427,19 +427,15 @@ class Simulation(Method):
 
         Parameters
         ----------
-        scene : Scene or sph.Scene
-            Scene of the run from which the checkpoint is.
-        checkpoint : Checkpoint
-            What `checkpoint` or `Trajectory.checkpoint` returned.
-        threads, isa
+        scene, threads, isa
             See `Simulation`.
+        checkpoint : Checkpoint
+            What `checkpoint` or `Trajectory.checkpoint` returned for this scene.
 
         Raises
         ------
-        TypeError
-            If `scene` is not a scene.
-        ValueError
-            If the checkpoint does not fit the scene.
+        TypeError, ValueError
+            If `scene` is not a scene, or the checkpoint does not fit it.
         """
         return cls._of(scene)._restored(scene, checkpoint, threads, isa)
 
@@ -464,9 +460,9 @@ class Simulation(Method):
             ``gr.open(path).scene.replace(gravity=...)``: other gravity, numbers of the material or
             the scheme, walls, motions of bodies. The grid, the laws, the basis, the transfer and
             the kind of density of the scheme, the inflows, and how many walls and bodies there are
-            must be as before. The stress of a hypoelastic
-            material stays what it is, that of a Hencky material follows from its strain. The record
-            of the run is left as it is: name another one in `run`.
+            must be as before. The stress of a hypoelastic material stays what it is, that of a
+            Hencky material follows from its strain. The record of the run is left as it is: name
+            another one in `run`.
         frame : int, optional
             Index of the frame to begin with, one whose checkpoint was kept (`Trajectory.kept`), by
             default the newest checkpoint. Frames that then come out as they are recorded are not
