@@ -129,10 +129,10 @@ static void undo_friction(struct gr_engine *e, const double g[3])
         struct gr_foot_node *node = &e->feet->node[k];
         struct gr_foot_origin *origin = &e->feet->origin[k];
         const struct gr_wall *wall = gr_wall_now(e, e->mesh.node_code[origin->n]);
-        double next[3];
+        double v[3], next[3];
         if (wall->normal < 0 || !(wall->friction > 0)) continue;
-        gr_grid_without_walls(e, origin->n, g, next);
-        origin->most_friction = fmax(wall->friction * gr_into_wall(wall, next), 0);
+        gr_grid_without_walls(e, origin->n, g, v, next);
+        origin->most_friction = fmax(wall->friction * gr_into_wall(wall, gr_kept_at(e, origin->n), v, next), 0);
         for (int d = 0; d < e->config.dim; d++)
             if (node->mobility[d] > 0) node->v[d] = next[d];
     }

@@ -64,7 +64,7 @@ static __attribute__((noinline)) void note_impulse(struct gr_engine *e, int64_t 
     if (!v || !e->mesh.node_code[n]) return;
     memcpy(before, v, sizeof(double) * (size_t)dim);
     memcpy(free, next, sizeof(double) * (size_t)dim);
-    gr_apply_wall(gr_wall_now(e, e->mesh.node_code[n]), dim, v, next);
+    gr_apply_wall(gr_wall_now(e, e->mesh.node_code[n]), dim, kept, v, next);
     for (int d = 0; d < dim; d++) impulse[d] = m * ((free[d] - next[d]) - kept * (before[d] - v[d]));
 }
 
@@ -84,7 +84,7 @@ static void apply_wall(struct gr_engine *e, int64_t first, int lane, double m, s
     if (e->watch)
         note_impulse(e, first + lane, motion->damping[lane], v, next);
     else
-        gr_apply_wall(gr_wall_now(e, e->mesh.node_code[first + lane]), dim, v, next);
+        gr_apply_wall(gr_wall_now(e, e->mesh.node_code[first + lane]), dim, e->keep_velocity - motion->damping[lane], v, next);
     for (int d = 0; d < dim; d++) motion->v[d][lane] = v[d], motion->next[d][lane] = next[d];
 }
 
@@ -180,7 +180,7 @@ void gr_grid_nodes(struct gr_engine *e, const struct gr_kernels *kernels, int64_
 #undef GR_GRID
 }
 
-void gr_grid_without_walls(const struct gr_engine *e, int64_t n, const double g[3], double next[3])
+void gr_grid_without_walls(const struct gr_engine *e, int64_t n, const double g[3], double v[3], double next[3])
 {
     const int dim = e->config.dim;
     const int64_t nodes[2] = {n, joined_with(e, n)};
@@ -190,7 +190,10 @@ void gr_grid_without_walls(const struct gr_engine *e, int64_t n, const double g[
             for (int q = 0; q < GR_SUM_DAMPED(dim); q++)
                 sum[q] += gr_sum_at(e, e->mesh.node_source[nodes[k] * e->K + i] + q * GR_LANES);
     const double m = sum[GR_SUM_MASS];
-    for (int d = 0; d < dim; d++) next[d] = sum[GR_SUM_MOMENTUM + d] / m + e->dt * (sum[GR_SUM_FORCE(dim) + d] / m + g[d]);
+    for (int d = 0; d < dim; d++) {
+        v[d] = sum[GR_SUM_MOMENTUM + d] / m;
+        next[d] = v[d] + e->dt * (sum[GR_SUM_FORCE(dim) + d] / m + g[d]);
+    }
 }
 
 void gr_grid_smooth(struct gr_engine *e, int64_t first, int64_t last, int pass)

@@ -20,8 +20,15 @@ void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last);
  * node_data, m to node_mass and v to node_v. */
 void gr_grid_nodes(struct gr_engine *e, const struct gr_kernels *kernels, int64_t first, int64_t last, const double g[3]);
 
-/* Velocity v' of a node with mass as it would be without walls, from the same sums. */
-void gr_grid_without_walls(const struct gr_engine *e, int64_t n, const double g[3], double next[3]);
+/* Velocities v and v' of a node with mass as they would be without walls, from the same sums. */
+void gr_grid_without_walls(const struct gr_engine *e, int64_t n, const double g[3], double v[3], double next[3]);
+
+/* Share of their own velocity that the points keep of node n in this step, after the grid stage. */
+static inline double gr_kept_at(const struct gr_engine *e, int64_t n)
+{
+    const int damps = e->config.smoothed || e->config.cell_averaged;
+    return e->keep_velocity - (damps ? gr_node_field(e, GR_NODE_DAMPING(e->config.dim))[n] : 0);
+}
 
 /* XPIC: add pass r of order m to w, from the sums of kernels->smooth:
  *

@@ -13,20 +13,23 @@ static inline const struct gr_wall *gr_wall_now(const struct gr_engine *e, uint8
     return wall;
 }
 
-/* Normal velocity into a Coulomb wall, which the wall removes of `next`. */
-static inline double gr_into_wall(const struct gr_wall *wall, const double *next)
+/* Normal impulse of a node on a Coulomb wall, over the mass of the node: what the wall takes of the momentum that the points
+ * receive. Given: the velocities of the node before and after the forces, and the share `kept` of the points' own velocity.
+ * With kept = 1 it is the impulse of the forces. The velocity v itself stays with the points, and is no part of it. */
+static inline double gr_into_wall(const struct gr_wall *wall, double kept, const double *v, const double *next)
 {
-    return wall->side ? next[wall->normal] * -wall->side : fabs(next[wall->normal]);
+    const double at = wall->velocity[wall->normal], into = next[wall->normal] - at - kept * (v[wall->normal] - at);
+    return wall->side ? into * -wall->side : fabs(into);
 }
 
 /* Apply a wall to the velocity `next` that a node would have. The impulse on a fixed component does not enter the
  * increment that points receive: v is set together with `next`, so that the wall neither pushes nor drags them.
  * Coulomb friction is a force and does enter it. Inline: the loop over nodes is compiled for each dimension. */
-static inline void gr_apply_wall(const struct gr_wall *wall, int dim, double *v, double *next)
+static inline void gr_apply_wall(const struct gr_wall *wall, int dim, double kept, double *v, double *next)
 {
     double friction = 0;
     if (wall->normal >= 0) {
-        const double taken = gr_into_wall(wall, next);
+        const double taken = gr_into_wall(wall, kept, v, next);
         double sliding = 0;
         for (int d = 0; d < dim; d++)
             if (d != wall->normal) sliding += next[d] * next[d];
