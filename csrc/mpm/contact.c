@@ -132,7 +132,8 @@ static void undo_friction(struct gr_engine *e, const double g[3])
         double v[3], next[3];
         if (wall->normal < 0 || !(wall->friction > 0)) continue;
         gr_grid_without_walls(e, origin->n, g, v, next);
-        origin->most_friction = fmax(wall->friction * gr_into_wall(wall, gr_kept_at(e, origin->n), v, next), 0);
+        if (gr_holds(wall, e->config.dim, next) >> wall->normal & 1)
+            origin->most_friction = fmax(wall->friction * gr_into_wall(wall, gr_kept_at(e, origin->n), v, next), 0);
         for (int d = 0; d < e->config.dim; d++)
             if (node->mobility[d] > 0) node->v[d] = next[d];
     }

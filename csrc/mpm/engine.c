@@ -179,7 +179,7 @@ static int config_is_valid(const struct gr_config *c)
     for (int k = 0; k < c->n_walls; k++) {
         const struct gr_wall *w = &c->walls[k];
         for (int d = 0; d < 3; d++)
-            if (!isfinite(w->velocity[d])) return 0;
+            if (!isfinite(w->velocity[d]) || w->away[d] < -1 || w->away[d] > 1) return 0;
         if (w->normal < -1 || w->normal >= c->dim || w->after < 0 || w->after >= c->n_walls) return 0;
         /* chains of opening walls must end */
         if (isfinite(w->opens_at) && !(c->walls[w->after].opens_at > w->opens_at)) return 0;

@@ -39,8 +39,8 @@ struct gr_foot {
     double barred[2][3]; /* directions along the surface, normal to each other, in which other feet of the point act */
 };
 
-/* A node that feet act on: velocity and inverse mass, 0 where a wall holds the component; what the sweeps read, and
- * nothing else. */
+/* A node that feet act on: velocity and inverse mass, 0 where a wall holds the component, also if the node leaves it in this
+ * step; what the sweeps read, and nothing else. */
 struct gr_foot_node {
     double v[4], mobility[4];
 };

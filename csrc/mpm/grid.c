@@ -204,17 +204,18 @@ void gr_grid_smooth(struct gr_engine *e, int64_t first, int64_t last, int pass)
     double rest = share, later = share; /* what this pass and the later ones would have added of what a wall takes here */
     for (int r = pass + 1; r <= order; r++) later *= -(double)(order - r + 1) / r, rest += later;
     for (int64_t n = first; n < last; n++) {
-        double sum[3] = {0};
+        double sum[3] = {0}, after[3] = {0};
         for (int i = 0; i < K; i++) {
             const double *part = gr_sums(e) + e->mesh.node_source[n * K + i];
             for (int d = 0; d < dim; d++) sum[d] += part[(GR_SUM_MOMENTUM + d) * GR_LANES];
         }
         const double m = e->node_mass[n];
-        const struct gr_wall *wall = gr_wall_now(e, e->mesh.node_code[n]);
+        for (int d = 0; d < dim; d++) after[d] = gr_node_field(e, GR_NODE_VELOCITY + d)[n];
+        const int held = gr_holds(gr_wall_now(e, e->mesh.node_code[n]), dim, after);
         for (int d = 0; d < dim; d++) {
-            const double v = m > e->config.mass_cutoff && !(wall->fixed >> d & 1) ? sum[d] / m : 0;
+            const double v = m > e->config.mass_cutoff && !(held >> d & 1) ? sum[d] / m : 0;
             e->node_v[n * dim + d] = v;
-            if (e->watch && wall->fixed >> d & 1) e->watch->node[n * dim + d] += rest * sum[d];
+            if (e->watch && held >> d & 1) e->watch->node[n * dim + d] += rest * sum[d];
             if (m > e->config.mass_cutoff) gr_node_field(e, GR_NODE_UPDATE(dim) + d)[n] += share * v;
         }
     }

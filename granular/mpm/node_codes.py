@@ -7,7 +7,7 @@ a free node; code r (from 1 on) is row r - 1 of the tuple that `node_codes` retu
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
@@ -45,12 +45,13 @@ class WallRow(NamedTuple):
     ----------
     fixed : int
         Bit d is set if component d is held at that of `velocity`.
-    friction : float
-        Coulomb coefficient along the wall.
+    away : tuple of int, length 3
+        Of these components: the direction, +1 or -1, in which the node may leave the wall; 0 where
+        it is held both ways.
     normal : int
         Axis of the Coulomb wall, -1 where there is none.
-    side : int
-        Side of the wall along `normal` on which material is: +1 above, -1 below, 0 both.
+    friction : float
+        Coulomb coefficient along the wall.
     opens_at : float
         Time [s] from which the node has the code `after`; inf for never.
     after : int
@@ -60,9 +61,9 @@ class WallRow(NamedTuple):
     """
 
     fixed: int = 0
-    friction: float = 0.0
+    away: tuple[int, int, int] = (0, 0, 0)
     normal: int = -1
-    side: int = 0
+    friction: float = 0.0
     opens_at: float = math.inf
     after: int = 0
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -207,7 +208,8 @@ def _wall_hold(wall: Wall, grid: Grid) -> WallRow:
         return WallRow(fixed=normal, opens_at=wall.opens_at)
     line = grid.line("at", wall.axis, wall.at)
     side = 1 if line == 0 else -1 if line == grid.shape[wall.axis] else 0
-    return WallRow(normal, wall.friction, wall.axis, side, wall.opens_at)
+    x, y, z = (side if d == wall.axis else 0 for d in range(3))
+    return WallRow(normal, (x, y, z), wall.axis, wall.friction, wall.opens_at)
 
 
 Where = tuple[NDArray[np.intp], ...] | NDArray[np.bool_]
@@ -301,14 +303,15 @@ class _Rows:
         rubbing = WallRow()
         # In a fixed order: where two Coulomb walls meet, the higher friction counts, then the lower
         # axis.
-        for hold in sorted(holds, key=lambda h: (-h.friction, h.normal, h.side)):
+        for hold in sorted(holds, key=lambda h: (-h.friction, h.normal, h.away)):
             fixed |= hold.fixed
             if hold.normal >= 0 and rubbing.normal < 0:
                 rubbing = hold
-        if fixed == self.everything:
+        away = _in_common(holds, lambda hold: hold.away, 0)
+        if fixed == self.everything and not any(away):
             rubbing = WallRow()  # no component is left for friction
-        velocity = _common_velocity(holds)
-        row = WallRow(fixed, rubbing.friction, rubbing.normal, rubbing.side, velocity=velocity)
+        velocity = _in_common(holds, lambda hold: hold.velocity, 0.0)
+        row = WallRow(fixed, away, rubbing.normal, rubbing.friction, velocity=velocity)
         if after:  # if another wall holds the node after the opening, nothing changes
             remaining = list(self.codes)[after - 1]
             if remaining._replace(opens_at=math.inf, after=0) == row:
@@ -326,14 +329,16 @@ class _Rows:
         return self.codes.setdefault(row, len(self.codes) + 1)
 
 
-def _common_velocity(holds: frozenset[WallRow]) -> tuple[float, float, float]:
-    """Velocity of a node that several walls hold: 0 in components in which they do not agree."""
-    vx, vy, vz = (
-        values.pop() if len(values) == 1 else 0.0
+def _in_common(
+    holds: frozenset[WallRow], of: Callable[[WallRow], tuple[T, T, T]], zero: T
+) -> tuple[T, T, T]:
+    """Vector that the constraints on a node have in common, zero where those of a component differ."""
+    x, y, z = (
+        values.pop() if len(values) == 1 else zero
         for d in range(3)
-        for values in [{hold.velocity[d] for hold in holds if hold.fixed >> d & 1}]
+        for values in [{of(hold)[d] for hold in holds if hold.fixed >> d & 1}]
     )
-    return vx, vy, vz
+    return x, y, z
 
 
 def node_codes(scene: Scene) -> tuple[GridMap, tuple[WallRow, ...]]:

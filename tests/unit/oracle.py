@@ -77,20 +77,23 @@ def _ratio(a, b):
     return np.divide(a, b, out=np.zeros_like(a), where=b > 0)
 
 
-def _wall(row, v, after):
-    """Apply a wall, in place, to the velocities (dim,) before and after the forces."""
-    dim = len(v)
-    rub = 0.0
-    if row.normal >= 0:
-        into = abs(after[row.normal]) if row.side == 0 else -row.side * after[row.normal]
-        along = math.sqrt(sum(after[d] ** 2 for d in range(dim) if d != row.normal))
+def _wall(row, kept, v, after):
+    """Apply a wall, in place, to the velocities (dim,) before and after the forces.
+
+    Returned: which components it holds.
+    """
+    relative = after - row.velocity[: len(v)]
+    held = [bool(row.fixed >> d & 1) for d in range(len(v))]
+    held = [h and not a * u > 0 for h, a, u in zip(held, row.away, relative)]
+    slides = ~np.array(held)
+    if row.normal >= 0 and held[row.normal]:
+        taken = (relative - kept * (v - row.velocity[: len(v)]))[row.normal]
+        into = -row.away[row.normal] * taken if row.away[row.normal] else abs(taken)
+        along = np.linalg.norm(after[slides])
         if into > 0 and along > 0:
-            rub = min(1.0, row.friction * into / along)
-    for d in range(dim):
-        if row.fixed >> d & 1:
-            v[d] = after[d] = row.velocity[d]
-        elif row.normal >= 0:
-            after[d] -= rub * after[d]
+            after[slides] -= min(1.0, row.friction * into / along) * after[slides]
+    v[held] = after[held] = np.array(row.velocity[: len(v)])[held]
+    return held
 
 
 def keepshare(scene, dt):
@@ -110,27 +113,30 @@ def grid(scene, points, nodes, dt, time):
     after = np.zeros_like(v)
     acceleration = nodes.force[used] / nodes.mass[used, None] + scene.gravity.at(time)
     after[used] = v[used] + dt * acceleration
-    fixed = _at_walls(scene, used, v, after, time)
-    keep = keepshare(scene, dt)
-    if hasattr(nodes, "uneven"):
-        neighbour_corrections(scene, nodes, fixed)
-    nodes.v, nodes.before = after, v
+    keep = np.full((len(v), 1), keepshare(scene, dt))
     if hasattr(nodes, "damped"):
         share = (
             damping(scene, scene.material)["damping_rate"] * dt * _ratio(nodes.damped, nodes.mass)
         )
         nodes.damping = keep * np.minimum(share, 1.0)[:, None]
         keep = keep - nodes.damping
+    fixed, held = _at_walls(scene, used, keep[:, 0], v, after, time)
+    if hasattr(nodes, "uneven"):
+        neighbour_corrections(scene, nodes, fixed)
+    nodes.v, nodes.before = after, v
     nodes.w = keep * (after - v) + (1 - keep) * after
     if scene.scheme.transfer == "xpic":
-        nodes.w = after - v + _filtered(scene, points, nodes, v, fixed)
+        nodes.w = after - v + _filtered(scene, points, nodes, v, held)
 
 
-def _at_walls(scene, used, v, after, time):
-    """Apply the walls active at a time to nodal velocities; return which components are fixed."""
+def _at_walls(scene, used, kept, v, after, time):
+    """Apply the walls active at a time to nodal velocities.
+
+    Returned: which components have a wall, and which of them it holds now.
+    """
     codes, rows = node_codes(scene)
     codes = codes.dense().ravel()
-    fixed = np.zeros(v.shape, dtype=bool)
+    fixed, held = np.zeros(v.shape, dtype=bool), np.zeros(v.shape, dtype=bool)
     for i in np.flatnonzero(used & (codes > 0)):
         row = rows[codes[i] - 1]
         while time >= row.opens_at:
@@ -138,12 +144,12 @@ def _at_walls(scene, used, v, after, time):
             if row is None:
                 break
         if row is not None:
-            _wall(row, v[i], after[i])
+            held[i] = _wall(row, kept[i], v[i], after[i])
             fixed[i] = [row.fixed >> d & 1 for d in range(v.shape[1])]
-    return fixed
+    return fixed, held
 
 
-def _filtered(scene, points, nodes, v, fixed):
+def _filtered(scene, points, nodes, v, held):
     """Filtered velocity sum_r (-1)^(r+1) binomial(m, r) (S+ S)^(r-1) v
 
     Hammerquist & Nairn 2017, eq. 20.
@@ -156,7 +162,7 @@ def _filtered(scene, points, nodes, v, fixed):
         weights = (s.w * points["mass"][:, None])[..., None]
         v = s.to_nodes(weights * at_points[:, None, :])
         v[used] /= nodes.mass[used, None]
-        v[fixed] = 0.0
+        v[held] = 0.0
     return out
 
 

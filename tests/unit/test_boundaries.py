@@ -132,10 +132,10 @@ def test_inner_wall_acts_on_its_line_and_span_only(basis):
     assert wanted.sum() == (6 if basis == "quadratic" else 4)  # nodes 1, 1.5, 2 or 1, 2
 
 
-def test_coulomb_walls_know_their_side():
+def test_coulomb_walls_let_material_leave_at_the_ends_of_the_grid():
     walls = [Wall(1, y, kind="coulomb", friction=0.3) for y in (0.0, 1.0, 2.0)]
     codes, rows = coded(walls)
-    assert [rows[codes[j, 1] - 1].side for j in range(3)] == [1, 0, -1]
+    assert [rows[codes[j, 1] - 1].away[1] for j in range(3)] == [1, 0, -1]
     assert all((row.fixed, row.normal, row.friction) == (2, 1, 0.3) for row in rows)
 
 
@@ -149,9 +149,9 @@ def test_coulomb_in_corners():
         Wall(2, 1.0, kind="free_slip"),
     )
     codes, rows = coded(edge, shape=(1, 1, 1))
-    assert rows[codes[0, 0, 0] - 1] == WallRow(fixed=3, friction=0.4, normal=1, side=1)
-    assert rows[codes[1, 0, 0] - 1] == WallRow(fixed=7)
-    assert rows[codes[1, 1, 0] - 1] == WallRow(fixed=5, friction=0.2, normal=0, side=1)
+    assert rows[codes[0, 0, 0] - 1] == WallRow(fixed=3, away=(1, 1, 0), normal=1, friction=0.4)
+    assert rows[codes[1, 0, 0] - 1] == WallRow(fixed=7, away=(1, 1, 0), normal=1, friction=0.4)
+    assert rows[codes[1, 1, 0] - 1] == WallRow(fixed=5, away=(1, 0, 0), normal=0, friction=0.2)
 
 
 def test_walls_that_open_one_after_the_other_are_chained():
@@ -170,7 +170,7 @@ def test_walls_that_open_one_after_the_other_are_chained():
             code = row.after
 
     # where nothing changes at an opening there is no additional row
-    assert list(history(codes[0, 0])) == [(3, 0.0, 3.0), (1, 0.0, math.inf)]
+    assert list(history(codes[0, 0])) == [(3, 0.0, 2.0), (3, 0.5, 3.0), (1, 0.0, math.inf)]
     assert list(history(codes[0, 1])) == [(3, 0.0, 2.0), (2, 0.5, 3.0)]
     assert list(history(codes[1, 0])) == [(1, 0.0, math.inf)]
     assert not codes[1, 1]
