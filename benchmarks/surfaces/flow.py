@@ -165,8 +165,7 @@ def incline_lines(found: dict[str, Numbers]) -> list[Line]:
         "slides": "friction 0.4, on which it slides",
     }
     for kind, text in texts.items():
-        # A Coulomb wall of the grid is less accurate than a body along the grid.
-        reference = found.get(f"{kind}, wall" if kind == "no_slip" else f"{kind}, 0 deg, 0")
+        reference = found.get(f"{kind}, wall")
         if reference is None:
             continue
         some = [v for name, v in found.items() if name.startswith(f"{kind}, ") and "deg" in name]

@@ -170,10 +170,12 @@ def block_scene(
     slope_deg: float,
     until: float,
     dim: int = 2,
+    wall: bool = False,
 ) -> gr.Scene:
     """An elastic block of 10 by 6 cells on a plane; gravity is at an angle to its normal.
 
-    Gravity grows slowly, so that the block is in equilibrium with its weight.
+    Gravity grows slowly, so that the block is in equilibrium with its weight. `wall` puts a wall
+    of the grid in place of a body, for a plane along the grid.
     """
     (t, n), slope, spacing = axes(turned_deg, dim), math.radians(slope_deg), CELL / 2
     along, above = rows_of_points(0.1, 0.06, spacing)
@@ -181,6 +183,9 @@ def block_scene(
     way = 0.5 * G * (math.sin(slope) - friction * math.cos(slope)) * until**2
     ends = np.array([a * t + b * n for a in (0.0, way + 0.15) for b in (-0.02, 0.06)])
     grid = around(ends, CELL)
+    if wall:
+        below = round(-grid.lower[1] / CELL)
+        grid = gr.Grid((grid.lower[0], 0.0), CELL, (grid.shape[0], grid.shape[1] - below))
     if dim == 3:
         levels = spacing * (np.arange(12) + 0.5) + 0.02
         x = np.concatenate([x + y * np.eye(3)[1] for y in levels])
@@ -196,17 +201,24 @@ def block_scene(
         material=material,
         gravity=gr.Gravity((0.0, RAMP), ((0.0,) * dim, tuple(along_slope))),
         duration=10.0,
-        bodies=(plane(n, offset * CELL * n, friction=friction),),
+        bodies=() if wall else (plane(n, offset * CELL * n, friction=friction),),
+        walls=(gr.Wall(1, 0.0, kind="coulomb", friction=friction),) if wall else (),
     )
 
 
 def block(
-    turned_deg: float, offset: float, friction: float, slope_deg: float, until: float, dim: int = 2
+    turned_deg: float,
+    offset: float,
+    friction: float,
+    slope_deg: float,
+    until: float,
+    dim: int = 2,
+    wall: bool = False,
 ) -> Numbers:
     """Acceleration from `BEGIN` on, over g (sin - mu cos) and by the impulse."""
     t, n = axes(turned_deg, dim)
     slope = math.radians(slope_deg)
-    run = Run(block_scene(turned_deg, offset, friction, slope_deg, until, dim))
+    run = Run(block_scene(turned_deg, offset, friction, slope_deg, until, dim, wall))
     mass = run.sim.state.mass.sum()
     run.to(BEGIN)
     since, before = run.sim.time, run.sim.state.mass @ run.sim.state.v / mass
@@ -219,7 +231,7 @@ def block(
         "plain": float(gained @ t) / wanted,
         "by_impulse": float(gained @ t) / by_impulse,
         "normal": pushed / (G * math.cos(slope)),
-        "deepest": run.deepest,
+        "deepest": max(run.deepest, -1.0),
     }
 
 
@@ -235,6 +247,9 @@ def block_cases(quick: bool) -> Cases:
                 for offset in OFFSETS:
                     name = f"{friction:g}, slope {slope:g}, {name_of(turned, offset)}"
                     cases[name] = partial(block, turned, offset, friction, slope, until)
+        for slope in SLOPES:
+            name = f"{friction:g}, wall, slope {slope:g}"
+            cases[name] = partial(block, 0.0, 0.0, friction, slope, until, wall=True)
         name = f"{friction:g}, slope 25, 3D, {name_of(17.0, 0.25)}"
         cases[name] = partial(block, 17.0, 0.25, friction, 25.0, until, dim=3)
         cases[f"growth, friction {friction:g}"] = partial(flutter, friction)
@@ -244,9 +259,11 @@ def block_cases(quick: bool) -> Cases:
 def block_lines(found: dict[str, Numbers]) -> list[Line]:
     lines = []
     for friction in ("0", "0.2", "0.4"):
-        some = [v for name, v in found.items() if name.startswith(f"{friction}, ")]
-        if some:
-            text = f"friction {friction}, slopes of 25 and 40 deg"
+        for where, start in (("", "slope"), ("on a wall of the grid, ", "wall")):
+            some = [v for name, v in found.items() if name.startswith(f"{friction}, {start}")]
+            if not some:
+                continue
+            text = f"{where}friction {friction}, slopes of 25 and 40 deg"
             lines += [
                 within(f"{text}: with the impulse", (v["by_impulse"] - 1 for v in some), 0.01),
                 within(f"{text}: plainly", (v["plain"] - 1 for v in some), 0.03),

@@ -64,7 +64,9 @@ def spread(quantity: str, values: Iterable[float], expected: float, limit: float
 
 
 class Run:
-    """A simulation on one thread, with the forces on its bodies and the deepest point in them.
+    """A simulation on one thread, with the deepest point in its bodies and the forces on them.
+
+    In a scene without bodies the forces are those on its walls.
 
     Attributes
     ----------
@@ -72,12 +74,12 @@ class Run:
         Largest depth of a point in a body at any frame, in cells.
     times : list of float
         Times of the frames [s].
-    impulses : list of ndarray, shape (bodies, dim)
+    impulses : list of ndarray, shape (bodies or walls, dim)
         Impulses on the bodies until these times [N s].
     """
 
     def __init__(self, scene: gr.Scene) -> None:
-        self.sim = gr.Simulation(scene, threads=1)
+        self.sim = gr.Simulation(scene, threads=1, wall_forces=not scene.bodies)
         self.deepest = -math.inf
         self.times: list[float] = []
         self.impulses: list[Array] = []
@@ -88,7 +90,8 @@ class Run:
         self.deepest = max(self.deepest, float(-phi.min()) / sim.scene.grid.cell)
         if not self.times or sim.time > self.times[-1]:
             self.times.append(sim.time)
-            self.impulses.append(np.array([body.impulse for body in sim.bodies]))
+            touched = sim.bodies or sim.walls
+            self.impulses.append(np.array([each.impulse for each in touched]))
 
     def to(self, until: float, every: float | None = None, *hooks: Callable[[Any], None]) -> None:
         """Run to a time, with frames at the distance `every`, by default a tenth of the time."""
@@ -96,13 +99,13 @@ class Run:
         self.sim.run(until=until, every=every, monitor=False, hooks=(self._frame, *hooks))
 
     def force(self, since: float) -> Array:
-        """Mean force on each body from a time to the last frame [N], shape (bodies, dim)."""
+        """Mean force on each body or wall from a time to the last frame [N], shape (k, dim)."""
         first = int(np.searchsorted(self.times, since - 1e-9))
         span = self.times[-1] - self.times[first]
         return (self.impulses[-1] - self.impulses[first]) / span
 
     def forces(self, since: float) -> Array:
-        """Force on each body between any two frames [N], shape (frames - 1, bodies, dim)."""
+        """Force on each between any two frames [N], shape (frames - 1, k, dim)."""
         first = int(np.searchsorted(self.times, since - 1e-9))
         spans = np.diff(self.times[first:])
         return np.diff(self.impulses[first:], axis=0) / spans[:, None, None]

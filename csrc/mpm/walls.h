@@ -22,10 +22,9 @@ static inline int gr_holds(const struct gr_wall *wall, int dim, const double *ne
     return held;
 }
 
-/* Normal impulse of a node on a Coulomb wall that holds it, over the mass of the node: what the wall takes of the momentum that
- * the points receive, into the wall or, where it holds both ways, of either sign. Given: the velocities of the node before and
- * after the forces, and the share `kept` of their own velocity that the points keep. The velocity that they keep is no part of
- * it: with kept = 1 it is the impulse of the forces. */
+/* Normal impulse of a node on a Coulomb wall that holds it, over the mass of the node: the part that the points would receive
+ * of w (mpm/grid.h), so that with kept = 1 it is the impulse of the forces. Its size, where the wall holds both ways.
+ * Given: the velocities v and v' of the node, and the share `kept` of their own velocity that the points keep. */
 static inline double gr_into_wall(const struct gr_wall *wall, double kept, const double *v, const double *next)
 {
     const int axis = wall->normal;

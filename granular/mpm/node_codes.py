@@ -332,7 +332,7 @@ class _Rows:
 def _in_common(
     holds: frozenset[WallRow], of: Callable[[WallRow], tuple[T, T, T]], zero: T
 ) -> tuple[T, T, T]:
-    """Vector that the constraints on a node have in common, zero where those of a component differ."""
+    """Vector that the constraints on a node have in common; zero where components differ."""
     x, y, z = (
         values.pop() if len(values) == 1 else zero
         for d in range(3)

@@ -46,10 +46,12 @@ class Wall:
         Coordinate along `axis` [m]; must be that of a grid line.
     kind : {"no_slip", "free_slip", "coulomb"}
         "no_slip" holds all velocity components at zero, "free_slip" only the normal one (as does a
-        symmetry plane), "coulomb" the normal one, with friction along the wall (Dunatunga & Kamrin
-        2015, section 4).
+        symmetry plane). "coulomb" holds the normal one, with friction along the wall (Dunatunga &
+        Kamrin 2015, section 4), while material moves into it: material leaves the wall freely. A
+        "coulomb" wall within the grid, which may have material on both sides, holds it both ways.
     friction : float
-        Friction coefficient of a "coulomb" wall, >= 0; must be 0 for other kinds.
+        Friction coefficient of a "coulomb" wall, >= 0; must be 0 for other kinds. The friction is
+        at most `friction` times the normal force on the wall.
     span : tuple of (low, high), or None
         Extent along each *other* axis in their order [m], on grid lines; None for all of it.
     opens_at : float

@@ -84,7 +84,7 @@ def _wall(row, kept, v, after):
     """
     relative = after - row.velocity[: len(v)]
     held = [bool(row.fixed >> d & 1) for d in range(len(v))]
-    held = [h and not a * u > 0 for h, a, u in zip(held, row.away, relative)]
+    held = [h and not a * u > 0 for h, a, u in zip(held, row.away, relative, strict=False)]
     slides = ~np.array(held)
     if row.normal >= 0 and held[row.normal]:
         taken = (relative - kept * (v - row.velocity[: len(v)]))[row.normal]

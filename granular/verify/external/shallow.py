@@ -96,8 +96,8 @@ def dam(
 ) -> list[dict[str, Any]]:
     """Front [m] of ours and the theory's, and errors of thickness and velocity, at given times.
 
-    Times are in sqrt(h0/g). The front is where the layer is h0/80 thick, in the mean over 5 cm: 2 or
-    3 points of cells of h0/10. The error of the thickness is the L1 norm over the wave, that of the
+    Times are in sqrt(h0/g). The front is where the layer is h0/80 thick, in the mean over 5 cm: 2
+    or 3 points of cells of h0/10. The error of the thickness is the L1 norm over the wave, that of the
     velocity the mean over the part thicker than h0/10. The profile has positions and the two
     thicknesses.
     """
