@@ -157,7 +157,9 @@ class Engine:
         materials: list[MaterialRow],
         isa: str,
         axes: tuple[AxisRow, ...],
-        walls: list[tuple[int, float, int, int, float, int, tuple[float, float, float]]],
+        walls: list[
+            tuple[int, tuple[int, int, int], int, float, float, int, tuple[float, float, float]]
+        ],
         node_codes: Map,
         cell_flags: Map | None,
         gravity_times: NDArray[np.float64],

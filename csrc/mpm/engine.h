@@ -23,7 +23,7 @@
 /* Effect of a wall on the velocity of a node (see granular/mpm/walls.py). */
 struct gr_wall {
     int32_t fixed;   /* bit d: component d is that of the wall */
-    int32_t away[3]; /* of these components: +1 or -1, the direction in which the node may leave the wall; 0: held both ways */
+    int32_t away[3]; /* of such a component: +1 or -1, the direction in which the node may leave; 0: held both ways */
     int32_t normal;  /* axis of the normal for Coulomb friction, -1 without friction */
     double friction; /* Coulomb coefficient of the wall */
     double opens_at; /* s; from this time on row `after` applies to the node */

@@ -83,8 +83,10 @@ static void apply_wall(struct gr_engine *e, int64_t first, int lane, double m, s
     for (int d = 0; d < dim; d++) v[d] = motion->v[d][lane], next[d] = motion->next[d][lane];
     if (e->watch)
         note_impulse(e, first + lane, motion->damping[lane], v, next);
-    else
-        gr_apply_wall(gr_wall_now(e, e->mesh.node_code[first + lane]), dim, e->keep_velocity - motion->damping[lane], v, next);
+    else {
+        const struct gr_wall *wall = gr_wall_now(e, e->mesh.node_code[first + lane]);
+        gr_apply_wall(wall, dim, e->keep_velocity - motion->damping[lane], v, next);
+    }
     for (int d = 0; d < dim; d++) motion->v[d][lane] = v[d], motion->next[d][lane] = next[d];
 }
 

@@ -77,8 +77,11 @@ def layer(
 
 H0 = 0.1
 DAM: dict[str, Any] = {"angle_deg": 22.0, "mu": math.tan(math.radians(21.0)), "thickness": H0}
-DAM_TIMES = (9.0, 12.0, 15.0)
-"""In sqrt(h0/g), when the wave is 19 to 31 times as long as the layer is thick."""
+DAM_TIMES = (12.0, 15.0)
+"""In sqrt(h0/g), when the wave is 25 to 31 times as long as the layer is thick."""
+
+UPSTREAM = 3.2
+"""Length of the layer [m]: the wave that its upper end sends down is still behind that of the dam."""
 
 TIP = H0 / 80.0
 """Thickness of the layer at its front [m]."""
@@ -97,13 +100,13 @@ def dam(
     """Front [m] of ours and the theory's, and errors of thickness and velocity, at given times.
 
     Times are in sqrt(h0/g). The front is where the layer is h0/80 thick, in the mean over 5 cm: 2
-    or 3 points of cells of h0/10. The error of the thickness is the L1 norm over the wave, that of the
-    velocity the mean over the part thicker than h0/10. The profile has positions and the two
+    or 3 points of cells of h0/10. The error of the thickness is the L1 norm over the wave, that of
+    the velocity the mean over the part thicker than h0/10. The profile has positions and the two
     thicknesses.
     """
-    region = Box((-2.0, 0.0), (0.0, H0))
+    region = Box((-UPSTREAM, 0.0), (0.0, H0))
     plane = {"angle_deg": DAM["angle_deg"], "friction": DAM["mu"], "mu": mu}
-    along = (-2.0, 2.6)
+    along = (-UPSTREAM, 2.6)
     scene = layer(
         region, **plane, cell=H0 / cells, along=along, rows=cells + 6, thickness=H0,
         softness=softness,
