@@ -158,7 +158,14 @@ class Engine:
         isa: str,
         axes: tuple[AxisRow, ...],
         walls: list[
-            tuple[int, tuple[int, int, int], int, float, float, int, tuple[float, float, float]]
+            tuple[
+                int,
+                tuple[int, int, int],
+                tuple[float, float, float],
+                float,
+                int,
+                tuple[float, float, float],
+            ]
         ],
         node_codes: Map,
         cell_flags: Map | None,

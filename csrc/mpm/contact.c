@@ -122,33 +122,56 @@ static double correct(struct gr_engine *e, struct gr_foot *foot, struct gr_movin
 
 /* Undo the friction of the Coulomb walls of the nodes, which is found anew with contact: it acts against the sliding that
  * is left after it. Friction found before would take up what presses on a body beside the wall, or act backwards where a
- * body moves material against a pressure. */
-static void undo_friction(struct gr_engine *e, const double g[3])
+ * body moves material against a pressure.
+ * Returned: whether any wall has friction. */
+static int undo_friction(struct gr_engine *e, const double g[3])
 {
+    int any = 0;
     for (int64_t k = 0; k < e->feet->n_nodes; k++) {
         struct gr_foot_node *node = &e->feet->node[k];
         struct gr_foot_origin *origin = &e->feet->origin[k];
         const struct gr_wall *wall = gr_wall_now(e, e->mesh.node_code[origin->n]);
+        const int dim = e->config.dim;
         double v[3], next[3];
-        if (wall->normal < 0 || !(wall->friction > 0)) continue;
+        for (int d = 0; d < dim; d++) origin->rubs |= wall->friction[d] > 0;
+        if (!origin->rubs) continue;
         gr_grid_without_walls(e, origin->n, g, v, next);
-        if (gr_holds(wall, e->config.dim, next) >> wall->normal & 1)
-            origin->most_friction = fmax(wall->friction * gr_into_wall(wall, gr_kept_at(e, origin->n), v, next), 0);
-        for (int d = 0; d < e->config.dim; d++)
+        const int held = gr_holds(wall, dim, next);
+        for (int d = 0; d < dim; d++) {
+            if (held >> d & 1) origin->taken[d] = gr_taken(wall, d, gr_kept_at(e, origin->n), v, next);
             if (node->mobility[d] > 0) node->v[d] = next[d];
+        }
+        any = 1;
+    }
+    return any;
+}
+
+/* Add up what the feet press on components of nodes that walls hold. */
+static void press_on_walls(struct gr_feet *feet)
+{
+    for (int64_t k = 0; k < feet->n_nodes; k++) memset(feet->origin[k].pressed, 0, sizeof feet->origin[k].pressed);
+    for (int64_t k = 0; k < feet->n; k++) {
+        const struct gr_foot *foot = &feet->foot[k];
+        for (int i = 0; i < foot->n_nodes; i++) {
+            struct gr_foot_origin *origin = &feet->origin[foot->node[i]];
+            for (int d = 0; origin->held && d < 3; d++)
+                if (origin->held >> d & 1) origin->pressed[d] += foot->weight[i] * foot->impulse[d];
+        }
     }
 }
 
 /* Change the friction of the wall of a node so that it fulfils the condition of Coulomb by itself.
  * Returned: the velocity that its change gives the node, m/s. */
-static double rub(struct gr_foot_node *node, struct gr_foot_origin *origin)
+static double rub(const struct gr_engine *e, struct gr_foot_node *node, struct gr_foot_origin *origin)
 {
-    double wanted[3] = {0}, square = 0, changed = 0;
+    const struct gr_wall *wall = gr_wall_now(e, e->mesh.node_code[origin->n]);
+    double wanted[3] = {0}, square = 0, changed = 0, most = 0;
     for (int d = 0; d < 3; d++) {
         if (node->mobility[d] > 0) wanted[d] = origin->friction[d] + node->v[d];
+        most += gr_friction(wall, d, origin->taken[d] + origin->pressed[d] * origin->inverse_mass);
         square += wanted[d] * wanted[d];
     }
-    const double most = origin->most_friction, keep = square > most * most ? most / sqrt(square) : 1;
+    const double keep = square > most * most ? most / sqrt(square) : 1;
     for (int d = 0; d < 3; d++) {
         const double change = keep * wanted[d] - origin->friction[d];
         origin->friction[d] += change;
@@ -159,10 +182,10 @@ static double rub(struct gr_foot_node *node, struct gr_foot_origin *origin)
 }
 
 /* One sweep over all feet and all Coulomb walls of their nodes, the feet in the opposite order if `back`, and some over the
- * contacts of bodies with what is solid.
+ * contacts of bodies with what is solid. `rubs` tells whether there are such walls.
  * Changed: largest, at least the velocity that the impulse of any foot gives it.
  * Returned: the largest change of a velocity, m/s. */
-static double sweep(struct gr_engine *e, int back, struct gr_moving *body, double *largest)
+static double sweep(struct gr_engine *e, int back, int rubs, struct gr_moving *body, double *largest)
 {
     struct gr_feet *feet = e->feet;
     double changed = 0;
@@ -170,16 +193,18 @@ static double sweep(struct gr_engine *e, int back, struct gr_moving *body, doubl
         struct gr_foot *foot = &feet->foot[back ? feet->n - 1 - k : k];
         changed = fmax(changed, correct(e, foot, &body[foot->body], largest));
     }
-    for (int64_t k = 0; k < feet->n_nodes; k++)
-        if (feet->origin[k].most_friction > 0) changed = fmax(changed, rub(&feet->node[k], &feet->origin[k]));
+    if (rubs) press_on_walls(feet);
+    for (int64_t k = 0; rubs && k < feet->n_nodes; k++)
+        if (feet->origin[k].rubs) changed = fmax(changed, rub(e, &feet->node[k], &feet->origin[k]));
     if (e->rigid) changed = fmax(changed, gr_rigid_sweep(e, RIGID_INNER, TOLERANCE, body, largest));
     return changed;
 }
 
-/* Store the velocities of the nodes after contact, and the friction of their walls. */
+/* Store the velocities of the nodes after contact, and what their walls take. */
 static void store(struct gr_engine *e)
 {
     const int dim = e->config.dim;
+    if (e->watch) press_on_walls(e->feet);
     for (int64_t k = 0; k < e->feet->n_nodes; k++) {
         const struct gr_foot_node *node = &e->feet->node[k];
         const struct gr_foot_origin *origin = &e->feet->origin[k];
@@ -189,21 +214,22 @@ static void store(struct gr_engine *e)
             for (int d = 0; d < dim; d++) {
                 gr_node_field(e, GR_NODE_VELOCITY + d)[n] = node->v[d];
                 gr_node_field(e, GR_NODE_UPDATE(dim) + d)[n] += node->v[d] - origin->before[d];
-                if (e->watch && origin->most_friction > 0 && node->mobility[d] > 0)
+                if (e->watch && origin->rubs && node->mobility[d] > 0)
                     e->watch->node[n * dim + d] = e->node_mass[n] * origin->friction[d];
+                if (e->watch && !copy) e->watch->node[n * dim + d] += origin->pressed[d];
             }
         }
     }
 }
 
-/* Add the reaction of a foot to its body: what the nodes received, without components that walls hold. */
+/* Add the reaction of a foot to its body: what its nodes received, and the walls that hold some of them. */
 static void react(const struct gr_engine *e, const struct gr_foot *foot, struct gr_body_state *next)
 {
     const double *r = foot->arm;
-    double given[3], u[4];
+    const double *given = foot->impulse;
+    double u[4];
     velocity_at(e, foot, u);
     for (int d = 0; d < 3; d++) {
-        given[d] = foot->unheld[d] * foot->impulse[d];
         next->impulse[d] -= given[d];
         next->work += given[d] * u[d]; /* points are moved and strained by the velocity after contact */
     }
@@ -267,12 +293,12 @@ int gr_bodies_touch(struct gr_engine *e, const double g[3], struct gr_team *team
     memcpy(gravity, g, sizeof(double) * (size_t)e->config.dim);
     if (begin_all(e, gravity, body)) return GR_ERR_MEMORY;
     gr_feet_find(e, gravity, team);
-    undo_friction(e, gravity);
+    const int rubs = undo_friction(e, gravity);
     for (int64_t k = 0; k < e->feet->n; k++)
         push(e, &e->feet->foot[k], e->feet->foot[k].impulse, &body[e->feet->foot[k].body]);
     double changed = INFINITY, largest = 0;
     for (int made = 0; made < MOST_SWEEPS && (made < LEAST_SWEEPS || changed > TOLERANCE * largest); made++)
-        changed = sweep(e, made % 2, body, &largest);
+        changed = sweep(e, made % 2, rubs, body, &largest);
     if (e->rigid) (void)gr_rigid_sweep(e, RIGID_SWEEPS, RIGID_TOLERANCE, body, &largest);
     store(e);
     gr_feet_keep(e);

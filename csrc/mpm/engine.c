@@ -180,7 +180,7 @@ static int config_is_valid(const struct gr_config *c)
         const struct gr_wall *w = &c->walls[k];
         for (int d = 0; d < 3; d++)
             if (!isfinite(w->velocity[d]) || w->away[d] < -1 || w->away[d] > 1) return 0;
-        if (w->normal < -1 || w->normal >= c->dim || w->after < 0 || w->after >= c->n_walls) return 0;
+        if (w->after < 0 || w->after >= c->n_walls) return 0;
         /* chains of opening walls must end */
         if (isfinite(w->opens_at) && !(c->walls[w->after].opens_at > w->opens_at)) return 0;
         if (!isfinite(w->opens_at) && !(w->opens_at > 0)) return 0;

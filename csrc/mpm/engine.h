@@ -22,11 +22,10 @@
 
 /* Effect of a wall on the velocity of a node (see granular/mpm/walls.py). */
 struct gr_wall {
-    int32_t fixed;   /* bit d: component d is that of the wall */
-    int32_t away[3]; /* of such a component: +1 or -1, the direction in which the node may leave; 0: held both ways */
-    int32_t normal;  /* axis of the normal for Coulomb friction, -1 without friction */
-    double friction; /* Coulomb coefficient of the wall */
-    double opens_at; /* s; from this time on row `after` applies to the node */
+    int32_t fixed;      /* bit d: component d is that of the wall */
+    int32_t away[3];    /* of such a component: +1 or -1, the direction in which the node may leave; 0: held both ways */
+    double friction[3]; /* Coulomb coefficient of the wall normal to each axis */
+    double opens_at;    /* s; from this time on row `after` applies to the node */
     int32_t after;
     double velocity[3]; /* m/s; along the wall */
 };

@@ -31,7 +31,6 @@ struct gr_foot {
                                          freely is that of sum N_i x_i, so that it gains the angular momentum that the
                                          nodes lose */
     double normal_mobility, mobility; /* of the material and of the body along the normal, and at most; 1/kg */
-    double unheld[3];                 /* share of each component of an impulse that walls do not hold */
     double bound;                     /* of the velocity along the normal, m/s: <= 0 */
     double most;                      /* impulse, N s */
     double impulse[3], pressing;      /* on the material, N s; its part along the normal */
@@ -45,12 +44,13 @@ struct gr_foot_node {
     double v[4], mobility[4];
 };
 
-/* The same node: velocity before contact, inverse mass, 1/kg, also of held components, and its place in the mesh. A Coulomb
- * wall takes the velocity `friction` from it, of which the size is at most `most_friction`, m/s. */
+/* The same node: velocity before contact, inverse mass, 1/kg, also of held components, and its place in the mesh. Its wall
+ * takes the velocity `taken` from its points, m/s, the impulse `pressed` of the feet in components that it holds, N s, and the
+ * velocity `friction` along itself, if it has some. */
 struct gr_foot_origin {
-    double before[3], inverse_mass, friction[3], most_friction;
+    double before[3], inverse_mass, taken[3], pressed[3], friction[3];
     int64_t n;
-    int held; /* bit d: a wall holds component d */
+    int held, rubs; /* bit d: a wall holds component d; whether it has friction */
 };
 
 struct gr_feet {

@@ -124,23 +124,21 @@ int gr_foot_support(const struct gr_engine *e, const double x[3], int side, doub
     }
     if (!(sum > LEAST_SUM) || !(mass * e->mass_scale > least_filling)) return 0;
     const double per_sum = 1 / sum;
-    double whole = 0, share = 0; /* of the nodes that no wall holds */
+    double whole = 0; /* of the nodes that no wall holds */
     foot->n_nodes = used;
     for (int i = 0; i < used; i++) foot->weight[i] *= per_sum;
     if (reduced) put_on_surface(used, foot->weight, above);
-    memset(foot->unheld, 0, sizeof foot->unheld);
     for (int i = 0; i < used; i++) {
         const double weight = foot->weight[i], mobility = weight * weight * (1 / of_node[i]);
         const int held = gr_wall_now(e, e->mesh.node_code[foot->node[i]])->fixed;
         unheld += mobility;
-        if (!held) whole += mobility, share += weight;
+        if (!held) whole += mobility;
         for (int d = 0; held && d < dim; d++)
-            if (!(held >> d & 1)) along[d] += mobility, foot->unheld[d] += weight;
+            if (!(held >> d & 1)) along[d] += mobility;
     }
     foot->normal_mobility = foot->mobility = 0;
     for (int d = 0; d < dim; d++) {
         const double all = whole + along[d] + (body->free >> d & 1 ? 1 / body->mass : 0);
-        foot->unheld[d] += share;
         foot->normal_mobility += foot->normal[d] * foot->normal[d] * all;
         foot->mobility = fmax(foot->mobility, all);
     }

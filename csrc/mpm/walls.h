@@ -22,14 +22,19 @@ static inline int gr_holds(const struct gr_wall *wall, int dim, const double *ne
     return held;
 }
 
-/* Normal impulse of a node on a Coulomb wall that holds it, over the mass of the node: the part that the points would receive
- * of w (mpm/grid.h), so that with kept = 1 it is the impulse of the forces. Its size, where the wall holds both ways.
+/* What a wall takes of component d of a node that it holds, over the mass of the node: the part of w (mpm/grid.h) that the
+ * points would receive, so that with kept = 1 it is the impulse of the forces.
  * Given: the velocities v and v' of the node, and the share `kept` of their own velocity that the points keep. */
-static inline double gr_into_wall(const struct gr_wall *wall, double kept, const double *v, const double *next)
+static inline double gr_taken(const struct gr_wall *wall, int d, double kept, const double *v, const double *next)
 {
-    const int axis = wall->normal;
-    const double at = wall->velocity[axis], along = next[axis] - at - kept * (v[axis] - at);
-    return wall->away[axis] ? along * -wall->away[axis] : fabs(along);
+    return next[d] - wall->velocity[d] - kept * (v[d] - wall->velocity[d]);
+}
+
+/* What friction takes at most along the wall normal to axis d, which takes `taken` of component d: of either sign, if the wall
+ * holds both ways. */
+static inline double gr_friction(const struct gr_wall *wall, int d, double taken)
+{
+    return wall->friction[d] * (wall->away[d] ? fmax(taken * -wall->away[d], 0) : fabs(taken));
 }
 
 /* Apply a wall to the velocity `next` that a node would have. The impulse on a component that is held does not enter the
@@ -38,19 +43,19 @@ static inline double gr_into_wall(const struct gr_wall *wall, double kept, const
 static inline void gr_apply_wall(const struct gr_wall *wall, int dim, double kept, double *v, double *next)
 {
     const int held = gr_holds(wall, dim, next);
-    double friction = 0;
-    if (wall->normal >= 0 && held >> wall->normal & 1) {
-        const double taken = gr_into_wall(wall, kept, v, next);
-        double sliding = 0;
-        for (int d = 0; d < dim; d++)
-            if (!(held >> d & 1)) sliding += next[d] * next[d];
-        sliding = sqrt(sliding);
-        if (taken > 0 && sliding > 0) friction = fmin(1.0, wall->friction * taken / sliding);
+    double most = 0, sliding = 0;
+    for (int d = 0; d < dim; d++) {
+        if (held >> d & 1)
+            most += gr_friction(wall, d, gr_taken(wall, d, kept, v, next));
+        else
+            sliding += next[d] * next[d];
     }
+    sliding = sqrt(sliding);
+    const double share = most > 0 && sliding > 0 ? fmin(1.0, most / sliding) : 0;
     for (int d = 0; d < dim; d++) {
         if (held >> d & 1)
             v[d] = next[d] = wall->velocity[d];
         else
-            next[d] -= friction * next[d];
+            next[d] -= share * next[d];
     }
 }

@@ -40,14 +40,13 @@ static int take_walls(struct gr_config *c, PyObject *walls, struct gr_wall *tabl
         struct gr_wall *w = &table[k];
         PyObject *row = PyList_GET_ITEM(walls, k);
         if (gr_refuse_row("walls", row) ||
-            !PyArg_ParseTuple(row,
-                              "i(iii)iddi(ddd);a row of walls is (fixed, away, normal, friction, opens_at, after, velocity)",
-                              &w->fixed, &w->away[0], &w->away[1], &w->away[2], &w->normal, &w->friction, &w->opens_at,
-                              &w->after, &w->velocity[0], &w->velocity[1], &w->velocity[2]))
+            !PyArg_ParseTuple(row, "i(iii)(ddd)di(ddd);a row of walls is (fixed, away, friction, opens_at, after, velocity)",
+                              &w->fixed, &w->away[0], &w->away[1], &w->away[2], &w->friction[0], &w->friction[1],
+                              &w->friction[2], &w->opens_at, &w->after, &w->velocity[0], &w->velocity[1], &w->velocity[2]))
             return -1;
         for (int d = 0; d < 3; d++)
-            if (abs(w->away[d]) > 1) return gr_refuse("walls[%d]: away = %d must be -1, 0 or 1", k, w->away[d]);
-        if (!(w->friction >= 0)) return gr_refuse("walls[%d]: friction must not be negative", k);
+            if (w->away[d] < -1 || w->away[d] > 1 || !(w->friction[d] >= 0))
+                return gr_refuse("walls[%d]: away must be -1, 0 or 1, and friction not negative", k);
     }
     c->walls = table;
     return 0;

@@ -47,7 +47,7 @@ void scene_default(struct scene *s, int dim, int basis, int affine, int smoothed
                                              .weight_correction_limit = 0.5,
                                              .weight_correction_decay = 0.02};
     c->averaging_interval = 1;
-    s->walls[0] = (struct gr_wall){.normal = -1, .opens_at = INFINITY};
+    s->walls[0] = (struct gr_wall){.opens_at = INFINITY};
     c->n_walls = 1;
     c->n_gravity = 1;
 }

@@ -95,16 +95,15 @@ TEST(refuses_numbers)
 TEST(refuses_walls)
 {
     REFUSED(s.config.n_walls = 0);
-    REFUSED((s.config.n_walls = 2, s.walls[1].normal = 2, s.walls[1].opens_at = INFINITY));
-    REFUSED((s.config.n_walls = 2, s.walls[1] = (struct gr_wall){.normal = -2, .opens_at = INFINITY}));
-    REFUSED((s.config.n_walls = 2, s.walls[1] = (struct gr_wall){.normal = -1, .opens_at = NAN}));
-    REFUSED((s.config.n_walls = 2, s.walls[1] = (struct gr_wall){.normal = -1, .opens_at = -INFINITY}));
-    REFUSED((s.config.n_walls = 2, s.walls[1] = (struct gr_wall){.normal = -1, .opens_at = 1, .after = 2}));
-    REFUSED((s.config.n_walls = 2, s.walls[1] = (struct gr_wall){.normal = -1, .opens_at = 1, .after = -1}));
+    REFUSED((s.config.n_walls = 2, s.walls[1] = (struct gr_wall){.away = {0, 2, 0}, .opens_at = INFINITY}));
+    REFUSED((s.config.n_walls = 2, s.walls[1] = (struct gr_wall){.opens_at = NAN}));
+    REFUSED((s.config.n_walls = 2, s.walls[1] = (struct gr_wall){.opens_at = -INFINITY}));
+    REFUSED((s.config.n_walls = 2, s.walls[1] = (struct gr_wall){.opens_at = 1, .after = 2}));
+    REFUSED((s.config.n_walls = 2, s.walls[1] = (struct gr_wall){.opens_at = 1, .after = -1}));
     /* chains of walls that would never end: a row that opens into itself, or into one that opened before */
-    REFUSED((s.config.n_walls = 2, s.walls[1] = (struct gr_wall){.normal = -1, .opens_at = 1, .after = 1}));
-    REFUSED((s.config.n_walls = 3, s.walls[1] = (struct gr_wall){.normal = -1, .opens_at = 1, .after = 2},
-             s.walls[2] = (struct gr_wall){.normal = -1, .opens_at = 0.5, .after = 1}));
+    REFUSED((s.config.n_walls = 2, s.walls[1] = (struct gr_wall){.opens_at = 1, .after = 1}));
+    REFUSED((s.config.n_walls = 3, s.walls[1] = (struct gr_wall){.opens_at = 1, .after = 2},
+             s.walls[2] = (struct gr_wall){.opens_at = 0.5, .after = 1}));
 }
 
 /* The volume of a solid block: the nodes lose it, in all the volume of the block. */

@@ -47,7 +47,7 @@ TEST(free_nodes_follow_newton)
 {
     for (int dim = 2; dim <= 3; dim++) {
         struct scene s;
-        prepare(&s, dim, (struct gr_wall){.fixed = 1, .normal = -1, .opens_at = INFINITY}, 0);
+        prepare(&s, dim, (struct gr_wall){.fixed = 1, .opens_at = INFINITY}, 0);
         for (int64_t n = 0; n < s.engine->mesh.n_nodes; n++) {
             const double m = scene_sum(&s, n, 0);
             CHECK_NEAR(s.engine->node_mass[n], m, 0);
@@ -67,7 +67,7 @@ TEST(fixed_components_rest)
 {
     for (int fixed = 1; fixed < 4; fixed++) {
         struct scene s, open;
-        const struct gr_wall wall = {.fixed = fixed, .normal = -1, .opens_at = INFINITY};
+        const struct gr_wall wall = {.fixed = fixed, .opens_at = INFINITY};
         prepare(&s, 2, wall, 1);
         prepare(&open, 2, wall, 0);
         for (int64_t n = 0; n < s.engine->mesh.n_nodes; n++)
@@ -91,9 +91,9 @@ TEST(coulomb_friction)
             struct scene s, open;
             const int up = dim - 1;
             const double mu = 0.3;
-            struct gr_wall wall = {.fixed = 1 << up, .normal = up, .friction = mu, .opens_at = INFINITY};
+            struct gr_wall wall = {.fixed = 1 << up, .opens_at = INFINITY};
             int stuck = 0, slid = 0, left = 0, pulled = 0;
-            wall.away[up] = away;
+            wall.away[up] = away, wall.friction[up] = mu;
             prepare(&s, dim, wall, 1);
             prepare(&open, dim, wall, 0);
             for (int64_t n = 0; n < s.engine->mesh.n_nodes; n++) {
@@ -129,8 +129,8 @@ TEST(walls_open_in_turn)
 {
     struct scene s;
     scene_default(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
-    s.walls[1] = (struct gr_wall){.fixed = 3, .normal = -1, .opens_at = 1, .after = 2};
-    s.walls[2] = (struct gr_wall){.fixed = 1, .normal = -1, .opens_at = 2, .after = 0};
+    s.walls[1] = (struct gr_wall){.fixed = 3, .opens_at = 1, .after = 2};
+    s.walls[2] = (struct gr_wall){.fixed = 1, .opens_at = 2, .after = 0};
     s.config.n_walls = 3;
     CHECK(scene_build(&s, 1, 0.4, 0.6) == GR_OK);
     const double times[] = {0, 0.999, 1, 1.5, 2, 9};

@@ -77,7 +77,7 @@ TEST(open_sides)
                     struct scene s;
                     scene_default(&s, 2, basis, GR_AFFINE_NONE, 0);
                     (high ? s.config.open_high : s.config.open_low)[axis] = 1;
-                    s.walls[1] = (struct gr_wall){.fixed = 3, .normal = -1, .opens_at = 2};
+                    s.walls[1] = (struct gr_wall){.fixed = 3, .opens_at = 2};
                     s.config.n_walls = 2;
                     scene_codes(&s);
                     if (walled) scene_face(&s, axis, high, 1);

@@ -17,7 +17,7 @@ static void box(struct scene *s, int basis, int smoothed, int cell_averaged)
     scene_default(s, DIM, basis, GR_AFFINE_GRADIENT, smoothed);
     s->config.cell_averaged = cell_averaged, s->config.pressure_from_density = 1;
     s->config.periodic[0] = 1;
-    s->walls[1] = (struct gr_wall){.fixed = 3, .normal = -1, .opens_at = INFINITY, .velocity = {0.5, 0, 0}};
+    s->walls[1] = (struct gr_wall){.fixed = 3, .opens_at = INFINITY, .velocity = {0.5, 0, 0}};
     s->config.n_walls = 2;
     scene_codes(s);
     scene_face(s, UP, 1, 1);

@@ -26,7 +26,7 @@ static void falling(struct scene *s, int dim, int basis, int affine, int smoothe
     scene_default(s, dim, basis, affine, smoothed);
     s->gravity_vectors[dim - 1] = -9.8;
     s->config.open_high[0] = 1;
-    s->walls[1] = (struct gr_wall){.fixed = (1 << dim) - 1, .normal = -1, .opens_at = INFINITY};
+    s->walls[1] = (struct gr_wall){.fixed = (1 << dim) - 1, .opens_at = INFINITY};
     s->config.n_walls = 2;
     scene_codes(s);
     scene_face(s, dim - 1, 0, 1);

@@ -27,10 +27,10 @@ static void between_walls(struct scene *s, int dim, int basis, int affine, int s
     scene_default(s, dim, basis, affine, smoothed);
     for (int d = 0; d < up; d++) s->config.periodic[d] = 1;
     s->gravity_vectors[up] = -9.8, s->gravity_vectors[0] = 4;
-    s->walls[1] = (struct gr_wall){.fixed = (1 << dim) - 1, .normal = -1, .opens_at = changes_at, .after = 3};
-    s->walls[2] = (struct gr_wall){.fixed = 1 << up, .normal = up, .friction = 0.3, .opens_at = INFINITY};
-    s->walls[2].away[up] = -1;
-    s->walls[3] = (struct gr_wall){.fixed = 1 << up, .normal = -1, .opens_at = INFINITY};
+    s->walls[1] = (struct gr_wall){.fixed = (1 << dim) - 1, .opens_at = changes_at, .after = 3};
+    s->walls[2] = (struct gr_wall){.fixed = 1 << up, .opens_at = INFINITY};
+    s->walls[2].away[up] = -1, s->walls[2].friction[up] = 0.3;
+    s->walls[3] = (struct gr_wall){.fixed = 1 << up, .opens_at = INFINITY};
     s->config.n_walls = 4;
     s->config.dt = 1e-4;
     scene_codes(s);

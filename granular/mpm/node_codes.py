@@ -6,7 +6,9 @@ a free node; code r (from 1 on) is row r - 1 of the tuple that `node_codes` retu
 
 from __future__ import annotations
 
+import functools
 import math
+import operator
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
@@ -48,10 +50,8 @@ class WallRow(NamedTuple):
     away : tuple of int, length 3
         Of these components: the direction, +1 or -1, in which the node may leave the wall; 0 where
         it is held both ways.
-    normal : int
-        Axis of the Coulomb wall, -1 where there is none.
-    friction : float
-        Coulomb coefficient along the wall.
+    friction : tuple of float, length 3
+        Coulomb coefficient of the wall normal to each axis.
     opens_at : float
         Time [s] from which the node has the code `after`; inf for never.
     after : int
@@ -62,8 +62,7 @@ class WallRow(NamedTuple):
 
     fixed: int = 0
     away: tuple[int, int, int] = (0, 0, 0)
-    normal: int = -1
-    friction: float = 0.0
+    friction: tuple[float, float, float] = (0.0, 0.0, 0.0)
     opens_at: float = math.inf
     after: int = 0
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -208,8 +207,9 @@ def _wall_hold(wall: Wall, grid: Grid) -> WallRow:
         return WallRow(fixed=normal, opens_at=wall.opens_at)
     line = grid.line("at", wall.axis, wall.at)
     side = 1 if line == 0 else -1 if line == grid.shape[wall.axis] else 0
-    x, y, z = (side if d == wall.axis else 0 for d in range(3))
-    return WallRow(normal, (x, y, z), wall.axis, wall.friction, wall.opens_at)
+    ax, ay, az = (side if d == wall.axis else 0 for d in range(3))
+    fx, fy, fz = (wall.friction if d == wall.axis else 0.0 for d in range(3))
+    return WallRow(normal, (ax, ay, az), (fx, fy, fz), wall.opens_at)
 
 
 Where = tuple[NDArray[np.intp], ...] | NDArray[np.bool_]
@@ -299,19 +299,13 @@ class _Rows:
         after = 0
         if opens_at < math.inf:
             after = self.code(frozenset(hold for hold in holds if hold.opens_at > opens_at))
-        fixed = 0
-        rubbing = WallRow()
-        # In a fixed order: where two Coulomb walls meet, the higher friction counts, then the lower
-        # axis.
-        for hold in sorted(holds, key=lambda h: (-h.friction, h.normal, h.away)):
-            fixed |= hold.fixed
-            if hold.normal >= 0 and rubbing.normal < 0:
-                rubbing = hold
+        fixed = functools.reduce(operator.or_, (hold.fixed for hold in holds))
         away = _in_common(holds, lambda hold: hold.away, 0)
+        fx, fy, fz = (max(hold.friction[d] for hold in holds) for d in range(3))
         if fixed == self.everything and not any(away):
-            rubbing = WallRow()  # no component is left for friction
+            fx = fy = fz = 0.0  # no component is left for friction
         velocity = _in_common(holds, lambda hold: hold.velocity, 0.0)
-        row = WallRow(fixed, away, rubbing.normal, rubbing.friction, velocity=velocity)
+        row = WallRow(fixed, away, (fx, fy, fz), velocity=velocity)
         if after:  # if another wall holds the node after the opening, nothing changes
             remaining = list(self.codes)[after - 1]
             if remaining._replace(opens_at=math.inf, after=0) == row:
@@ -345,10 +339,10 @@ def node_codes(scene: Scene) -> tuple[GridMap, tuple[WallRow, ...]]:
     """Codes of the nodes by the walls and blocks of a scene.
 
     A wall acts on the nodes on its line and within its span, ends included. Constraints on one node
-    add up; of several Coulomb walls the one with the highest friction counts, and where walls of
-    different velocities meet, nodes rest. At a driven inflow its velocity alone counts. When a wall
-    opens, or such an inflow ends, the node changes to the code `after`, the row of which has the
-    remaining constraints.
+    add up, and so do the frictions of Coulomb walls that are normal to different axes; of those
+    normal to one the highest counts. A component in which walls have different velocities rests. At
+    a driven inflow its velocity alone counts. When a wall opens, or such an inflow ends, the node
+    changes to the code `after`, the row of which has the remaining constraints.
 
     Returns
     -------

@@ -86,12 +86,12 @@ def _wall(row, kept, v, after):
     held = [bool(row.fixed >> d & 1) for d in range(len(v))]
     held = [h and not a * u > 0 for h, a, u in zip(held, row.away, relative, strict=False)]
     slides = ~np.array(held)
-    if row.normal >= 0 and held[row.normal]:
-        taken = (relative - kept * (v - row.velocity[: len(v)]))[row.normal]
-        into = -row.away[row.normal] * taken if row.away[row.normal] else abs(taken)
-        along = np.linalg.norm(after[slides])
-        if into > 0 and along > 0:
-            after[slides] -= min(1.0, row.friction * into / along) * after[slides]
+    taken = relative - kept * (v - row.velocity[: len(v)])
+    into = [max(-a * u, 0.0) if a else abs(u) for a, u in zip(row.away, taken, strict=False)]
+    most = sum(h * f * u for h, f, u in zip(held, row.friction, into, strict=False))
+    along = np.linalg.norm(after[slides])
+    if most > 0 and along > 0:
+        after[slides] -= min(1.0, most / along) * after[slides]
     v[held] = after[held] = np.array(row.velocity[: len(v)])[held]
     return held
 

@@ -81,7 +81,7 @@ DAM_TIMES = (12.0, 15.0)
 """In sqrt(h0/g), when the wave is 25 to 31 times as long as the layer is thick."""
 
 UPSTREAM = 3.2
-"""Length of the layer [m]: the wave that its upper end sends down is still behind that of the dam."""
+"""Length of the layer [m]: the wave from its upper end stays behind that of the dam."""
 
 TIP = H0 / 80.0
 """Thickness of the layer at its front [m]."""
