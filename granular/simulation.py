@@ -336,11 +336,14 @@ class Simulation(Method):
                     frame = min(next_frame(self.time, every), until)
                     for _ in self._chunks.advance(self, frame):
                         bar.update(min(self.time, until) - bar.n)
+                        if self.time >= frame:  # the frame comes before a checkpoint or an end
+                            continue
                         saver.save_if_due()
-                        if interrupted and self.time < frame:  # a frame that is due is kept
+                        if interrupted:
                             break
                     else:
                         self._frame(writer, hooks, monitor, gas)
+                        saver.save_if_due()
             if interrupted:
                 raise KeyboardInterrupt
         if monitor:

@@ -3,6 +3,7 @@
 
 #include "mpm/feet.h"
 #include "mpm/grid.h"
+#include "mpm/numbers.h"
 #include "mpm/rigid.h"
 #include "mpm/wall_impulse.h"
 #include "mpm/walls.h"
@@ -118,6 +119,44 @@ static double correct(struct gr_engine *e, struct gr_foot *foot, struct gr_movin
     push(e, foot, change, m);
     *largest = fmax(*largest, foot->mobility * sqrt(whole));
     return foot->mobility * sqrt(changed);
+}
+
+/* Share by which the impulse of a foot that may pull approaches the mean one of its nodes in a step, and more by the number of
+ * cells that its point crosses in the step. */
+#define SMOOTHED 0.01
+
+/* Forget impulses of feet that may pull where they cancel at all nodes. Such impulses grow as points cross cells, by a quarter
+ * in each cell, up to hundreds of times the weight of a bed, and what does not cancel of them is noise. The mean at the nodes
+ * has none of them; it keeps the sum, and what is uniform along a surface. */
+static void forget_cancelling(struct gr_engine *e)
+{
+    struct gr_feet *feet = e->feet;
+    const int dim = e->config.dim;
+    for (int64_t k = 0; k < feet->n; k++) {
+        const struct gr_foot *foot = &feet->foot[k];
+        if (e->config.bodies[foot->body].contact == GR_CONTACT_SEPARATING) continue;
+        for (int i = 0; i < foot->n_nodes; i++) {
+            struct gr_foot_origin *origin = &feet->origin[foot->node[i]];
+            for (int d = 0; d < dim; d++) origin->mean[d] += foot->weight[i] * foot->impulse[d];
+            origin->weight += foot->weight[i];
+        }
+    }
+    for (int64_t k = 0; k < feet->n; k++) {
+        struct gr_foot *foot = &feet->foot[k];
+        double mean[3] = {0}, square = 0;
+        if (e->config.bodies[foot->body].contact == GR_CONTACT_SEPARATING) continue;
+        for (int i = 0; i < foot->n_nodes; i++) {
+            const struct gr_foot_origin *origin = &feet->origin[foot->node[i]];
+            for (int d = 0; d < dim; d++) mean[d] += foot->weight[i] * origin->mean[d] / origin->weight;
+        }
+        for (int d = 0; d < dim; d++) square += pow(gr_number(e, GR_FIELD_v, d, foot->place), 2);
+        const double share = fmin(SMOOTHED + e->dt * sqrt(square) / e->config.dx, 1);
+        foot->pressing = 0;
+        for (int d = 0; d < dim; d++) {
+            foot->impulse[d] += share * (mean[d] - foot->impulse[d]);
+            foot->pressing += foot->impulse[d] * foot->normal[d];
+        }
+    }
 }
 
 /* Undo the friction of the Coulomb walls of the nodes, which is found anew with contact: it acts against the sliding that
@@ -294,6 +333,7 @@ int gr_bodies_touch(struct gr_engine *e, const double g[3], struct gr_team *team
     if (begin_all(e, gravity, body)) return GR_ERR_MEMORY;
     gr_feet_find(e, gravity, team);
     const int rubs = undo_friction(e, gravity);
+    forget_cancelling(e);
     for (int64_t k = 0; k < e->feet->n; k++)
         push(e, &e->feet->foot[k], e->feet->foot[k].impulse, &body[e->feet->foot[k].body]);
     double changed = INFINITY, largest = 0;

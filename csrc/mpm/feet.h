@@ -46,9 +46,10 @@ struct gr_foot_node {
 
 /* The same node: velocity before contact, inverse mass, 1/kg, also of held components, and its place in the mesh. Its wall
  * takes the velocity `taken` from its points, m/s, the impulse `pressed` of the feet in components that it holds, N s, and the
- * velocity `friction` along itself, if it has some. */
+ * velocity `friction` along itself, if it has some. Of the feet that may pull: their mean impulse there, and the sum of their
+ * shape functions. */
 struct gr_foot_origin {
-    double before[3], inverse_mass, taken[3], pressed[3], friction[3];
+    double before[3], inverse_mass, taken[3], pressed[3], friction[3], mean[3], weight;
     int64_t n;
     int held, rubs; /* bit d: a wall holds component d; whether it has friction */
 };

@@ -13,9 +13,10 @@ from granular.buffers import allocate, rows_of
 from granular.inflow import inlet_points
 from granular.materials import NGF, Material
 from granular.materials.own import MOST_HISTORY, OwnLaw
+from granular.mpm.body_limits import check_blades
 from granular.mpm.cell_codes import cell_flags, fluidity_faces
 from granular.mpm.damping import damping
-from granular.mpm.limits import check_blades, check_time_step, damped_step
+from granular.mpm.limits import check_time_step, damped_step
 from granular.mpm.node_codes import WallRow, c0_lines, node_codes
 from granular.mpm.scene import Scene, Servo
 from granular.seeding import Points

@@ -10,7 +10,7 @@ import numpy as np
 
 from granular.geometry import Fill
 from granular.materials import NGF, MuI
-from granular.mpm.body_measures import thicknesses
+from granular.mpm.body_limits import light_bodies, near_thin_parts, thin_parts
 from granular.mpm.filling import is_full, middle_points
 from granular.mpm.walls import Solid, Wall
 from granular.regions import Cloud
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
 __all__ = [
     "REMEDIES",
-    "check_blades",
     "check_time_step",
     "courant_limit",
     "damped_step",
@@ -150,31 +149,6 @@ def check_time_step(scene: Scene) -> None:
         )
 
 
-THIN = 2.0
-"""Thickness of a body [cells] below which its sides are coupled, unless nodes are duplicated."""
-
-
-def check_blades(scene: Scene) -> None:
-    """Refuse thin bodies if the scheme has no duplicate nodes that separate their two sides."""
-    scheme, least = scene.scheme, THIN * scene.grid.cell
-    if keeps_sides(scheme):
-        return
-    for i, body in enumerate(scene.bodies):
-        thickness, _ = thicknesses(body.shape)
-        if thickness < least * (1 - 1e-9):
-            raise ValueError(
-                f"bodies[{i}] has parts of {thickness:.6g} m, must be >= {least:.6g} m, two cells, "
-                f"with density = {type(scheme.density).__name__}() and transfer = "
-                f"{scheme.transfer!r}: the material on its two sides would be coupled; "
-                'ParticleDensity() with "apic", "tpic" or "flip" separates them'
-            )
-
-
-def keeps_sides(scheme: Scheme) -> bool:
-    """True if nodes near thin bodies have a duplicate, one for each side."""
-    return scheme.density.name == "particle" and scheme.transfer != "xpic"
-
-
 def _fastest(scene: Scene) -> float:
     """Largest speed [m/s] of the material at the start, of the bodies and of the walls."""
     moving = (wall.velocity for wall in scene.walls if isinstance(wall, Wall))
@@ -225,8 +199,10 @@ def known_failures(scene: Scene) -> list[str]:
         _grains,
         _fluidity,
         _scatter,
-        _blades,
-        _light,
+        thin_parts,
+        near_thin_parts,
+        light_bodies,
+        _clipped,
         _walled_in,
         _closed,
     )
@@ -373,58 +349,14 @@ def _scatter(scene: Scene) -> str | None:
     )
 
 
-def _blades(scene: Scene) -> str | None:
-    """Bodies that are so thin or small that the grid hardly resolves them.
-
-    The limits were measured with layers thrown at 0.8 m/s against a thin body and against discs.
-    Without duplicate nodes, material behind a thin body of 2, 2.2 and 2.5 cells gets 9, 4 and 1.3 %
-    of that speed under the default scheme; it gets none from 2.8 cells on, and with other bases
-    than splines none from 2 cells on. The impulse on a disc depends on its position in the grid and
-    on the seeding, see `benchmarks/stability_tables.py`.
-    """
-    reach = THIN + 1 if scene.scheme.basis == "quadratic" else THIN
-    for i, body in enumerate(scene.bodies):
-        box, other = thicknesses(body.shape)
-        if other < THIN * scene.grid.cell * (1 - 1e-9):
-            return (
-                f"bodies[{i}] has a part of {other:.4g} m: below 2 cells the force on it depends "
-                "on its position in the grid, by a tenth, and what is behind it is coupled to it"
-            )
-        if box >= reach * scene.grid.cell * (1 - 1e-9):
-            continue
-        thin = f"bodies[{i}] has parts of {box:.4g} m, thinner than {reach:.0f} cells: "
-        if keeps_sides(scene.scheme):
-            return thin + (
-                "their two sides are separated by duplicate nodes, but not within a cell of their "
-                "edges"
-            )
-        return thin + (
-            "the material on one side is coupled to that on the other through common nodes; "
-            'ParticleDensity() with "apic", "tpic" or "flip" separates them'
-        )
-    return None
-
-
-LIGHTEST = 0.1
-"""Least mass of a free body over that of a full cell, from `benchmarks/free_bodies.py`.
-
-Contact finds impulses in 20 sweeps at most, in each of which a body of the mass M passes on the
-part M/(M + m) of what nodes of the mass m, that of a cell at most, press on it with. So M must
-exceed m/20. The noise about a body at rest in a bed is 1.5 times that of a heavy one at a tenth of
-the mass of a cell, and 6 to 50 times at a hundredth.
-"""
-
-
-def _light(scene: Scene) -> str | None:
-    """Free bodies that hardly have any mass beside the nodes that press on them."""
-    full = max(material.rho_c for material in scene.materials) * scene.grid.cell**scene.dim
-    for i, body in enumerate(scene.bodies):
-        if body.mass is not None and body.mass < LIGHTEST * full * (1 - 1e-9):
-            return (
-                f"bodies[{i}].mass = {body.mass:.4g} kg is below {LIGHTEST * full:.4g}, a tenth of "
-                "the mass of a full cell: under load it is thrown about by noise of the contact"
-            )
-    return None
+def _clipped(scene: Scene) -> str | None:
+    """APIC with boxes that end at the ends of the grid, so that their centre is not the point."""
+    if scene.scheme.transfer != "apic" or scene.scheme.basis != "ugimp" or all(scene.grid.periodic):
+        return None
+    return (
+        'transfer = "apic" with basis = "ugimp" makes momentum and energy in points at the ends of '
+        'the grid; take "tpic" or "flip", or another basis'
+    )
 
 
 def _walled_in(scene: Scene) -> str | None:

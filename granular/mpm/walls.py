@@ -58,7 +58,7 @@ class Wall:
         Time [s], >= 0, from which on the wall does not exist.
     velocity : tuple of float, length dim, or None
         Velocity of a "no_slip" wall along itself [m/s], constant; None for 0. Where it meets
-        another wall or block, nodes rest.
+        another wall or block, components in which the two differ rest.
     pressure : float or None
         Mean normal stress on the wall [Pa], > 0, that a servo keeps; None for a wall that is fixed.
         The wall must be an end of the grid, without a `span`, and the only one with a pressure. It

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from granular.checks import positive
 from granular.mpm.bodies import Motion
-from granular.mpm.limits import THIN, keeps_sides
+from granular.mpm.body_limits import THIN, keeps_sides
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import block, gravity_down, smooth_sides, whole_cells

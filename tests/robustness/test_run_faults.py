@@ -134,6 +134,29 @@ def test_checkpoints_are_stored_at_intervals(small_scene, tmp_path, monkeypatch)
         sim.run(0.2, checkpoint_minutes=0)
 
 
+def test_a_frame_is_stored_before_a_checkpoint_of_its_step(small_scene, tmp_path, monkeypatch):
+    """A run that goes on from the checkpoint would not make the frame."""
+    made, stored, frame = [], TrajectoryWriter.checkpoint, TrajectoryWriter.append
+
+    def checkpoint(writer, point):
+        made.append((point.time, "checkpoint"))
+        stored(writer, point)
+
+    def append(writer, state, **more):
+        made.append((state.time, "frame"))
+        return frame(writer, state, **more)
+
+    monkeypatch.setattr(TrajectoryWriter, "checkpoint", checkpoint)
+    monkeypatch.setattr(TrajectoryWriter, "append", append)
+    sim = gr.Simulation(small_scene("walls", 2, PLAIN), threads=1)
+    sim.run(0.1, save=tmp_path / "a.h5", every=0.02, checkpoint_minutes=1e-9)
+    frames = [k for k, (_, kind) in enumerate(made) if kind == "frame"]
+    assert len(frames) == 6
+    for k in frames:
+        assert all(time < made[k][0] for time, _ in made[:k])
+        assert made[k + 1] == (made[k][0], "checkpoint")
+
+
 KILLED = textwrap.dedent(
     """
     import os, signal, sys

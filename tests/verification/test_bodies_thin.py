@@ -211,6 +211,11 @@ def test_what_is_not_held_is_told():
     for changes in ({"transfer": "xpic"}, {"transfer": "tpic", "density": gr.SmoothedDensity()}):
         with pytest.raises(ValueError, match=r"bodies\[0\] has parts of 0.01 m, must be >= 0.1 m"):
             gr.Simulation(scene.replace(scheme=scheme(**changes)))
+    near = Body(endless().shape, (0.0, 0.3 + 4 * CELL))
+    with pytest.warns(gr.StabilityWarning, match=r"bodies\[0\] and bodies\[1\] have thin parts"):
+        gr.Simulation(scene.replace(bodies=(endless(), near)))
+    with pytest.warns(gr.StabilityWarning, match='transfer = "apic" with basis = "ugimp" makes'):
+        gr.Simulation(scene.replace(scheme=scheme(basis="ugimp", transfer="apic")))
     rod = Body(gr.bodies.Cylinder(0.02, center=(0.0, 0.0)), (0.1, 0.3))
     pebble = Body(small_mesh(0.12), (0.1, 0.1, 0.3))
     for body in (rod, pebble):

@@ -339,3 +339,68 @@ def test_cut_cells_bear_the_pressure_of_whole_ones():
         ratios.append(np.bincount(row, sim.state.pressure)[:20] / np.bincount(row)[:20] / depth)
     lowest = np.mean(ratios, axis=0)[:4]
     assert lowest[0] == pytest.approx(lowest[1:].mean(), rel=0.1)
+
+
+@pytest.mark.parametrize("speed", [0.0, 1.0, 5.0])
+@pytest.mark.parametrize("contact", ["sticky", "bilateral"])
+def test_bed_that_moves_with_its_base(contact, speed):
+    """By a Galilean shift it stays a bed at rest: no impulses that cancel, and no noise."""
+    columns, rows, low, h = 12, 10, 4 * CELL, CELL / 2
+    a, b = np.meshgrid((np.arange(2 * columns) + 0.5) * h, (np.arange(2 * rows) + 0.5) * h)
+    x = np.stack([a.ravel(), low + b.ravel()], axis=1)
+    material = gr.materials.glass_beads.replace(E=1e6, rho_c=RHO)
+    density = RHO * np.exp(RHO * G * (rows * CELL - b.ravel()) / material.K)
+    velocity = np.tile((speed, 0.0), (len(x), 1))
+    cloud = gr.Cloud(x, np.full(len(x), h**2), velocity=velocity, density=density)
+    scene = gr.Scene(
+        name="belt",
+        grid=gr.Grid((0.0, 0.0), CELL, (columns, rows + 8), periodic=(True, False)),
+        fills=(gr.Fill(cloud, 4),),
+        material=material,
+        gravity=gr.Gravity((0.0,), ((0.0, -G),)),
+        bodies=(
+            Body(
+                HalfSpace((0.0, 1.0)), (0.0, low), contact=contact,
+                motion=gr.bodies.Motion(velocity=((speed, 0.0),)),
+            ),
+        ),
+        duration=1.0,
+    )  # fmt: skip
+    sim = gr.Simulation(scene, threads=1)
+    for _ in range(3):
+        sim.run(until=sim.time + 0.1)
+        sizes = np.abs(sim.buffers["contact_force"][1, sim.buffers["id"] >= 0]).sum()
+        assert sizes < 1.5 * sim.state.mass.sum() * G  # hundreds of times, if nothing is forgotten
+        assert np.abs(sim.state.v - (speed, 0.0)).max() < 1e-3
+
+
+@pytest.mark.parametrize("kind", ["no_slip", "free_slip", "coulomb"])
+def test_momentum_of_a_body_on_a_thin_layer_over_a_wall(kind):
+    """A free plate on half a cell of grains, whose feet reach nodes that the wall holds."""
+    friction = {"friction": 0.3} if kind == "coulomb" else {}
+    scene = gr.Scene(
+        name="plate",
+        grid=gr.Grid((0.0, 0.0), CELL, (20, 8)),
+        fills=(gr.Fill(gr.Box((0.05, 0.0), (0.15, CELL / 2)), 4, velocity=(0.2, 0.0)),),
+        material=gr.MuI(E=1e6),
+        gravity=gr.Gravity((0.0,), ((1.0, -G),)),
+        walls=(gr.Wall(1, 0.0, kind=kind, **friction),),
+        bodies=(
+            Body(
+                Box((0.08, 0.03)), (0.1, 0.0205), friction=0.3, free="xy", mass=3.0,
+                motion=gr.bodies.Motion(velocity=((0.5, 0.0),)),
+            ),
+        ),
+        duration=1.0,
+    )  # fmt: skip
+    sim = gr.Simulation(scene, threads=1, wall_forces=True)
+    body, material = sim.bodies[0].velocity, sim.state.mass @ sim.state.v
+    sim.run(until=0.05)
+    gravity = np.array((1.0, -G)) * sim.time
+    pushed = sim.bodies[0].impulse
+    assert np.abs(pushed).min() > 0.01
+    assert 3.0 * (sim.bodies[0].velocity - body - gravity) == pytest.approx(pushed, abs=1e-12)
+    gained = sim.state.mass @ sim.state.v - material + pushed + sim.walls[0].impulse
+    weight = sim.state.mass.sum() * gravity
+    if (sim.steps - 1) % 8:  # else the shift lends momentum to the next step
+        assert gained == pytest.approx(weight, abs=1e-6 * np.abs(pushed).max())

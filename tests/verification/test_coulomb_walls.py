@@ -117,3 +117,33 @@ def test_material_leaves(material, name):
 
     assert lag("coulomb") < 1e-9
     assert lag("free_slip") > 1e-3  # a plane of symmetry holds it back
+
+
+@each_scheme
+def test_block_in_a_channel(name):
+    """Where the floor and a side of a channel meet, both have friction: here that of the floor.
+
+    Without lateral strain (nu = 0) the block presses on the floor alone.
+    """
+    friction, size = 0.3, (12, 4, 4)
+    axes = [(np.arange(2 * k) + 0.5) / 2 for k in size]
+    x = np.stack([a.ravel() for a in np.meshgrid(*axes, indexing="ij")], axis=1) * CELL
+    steel = [(2, 0.0), (1, 0.0), (1, 4 * CELL)]
+    scene = gr.Scene(
+        name="channel",
+        grid=gr.Grid((0.0, 0.0, 0.0), CELL, (12, 4, 8), periodic=(True, False, False)),
+        fills=(gr.Fill(gr.Cloud(x, np.full(len(x), CELL**3 / 8)), 8),),
+        material=gr.Elastic(E=1e6, nu=0.0, rho_c=RHO),
+        scheme=SCHEMES[name],
+        gravity=gr.Gravity(
+            (0.0, 0.05), ((0.0, 0.0, 0.0), (G * math.sin(SLOPE), 0.0, -G * math.cos(SLOPE)))
+        ),
+        duration=10.0,
+        walls=tuple(gr.Wall(i, at, kind="coulomb", friction=friction) for i, at in steel),
+    )
+    sim = gr.Simulation(scene, threads=1)
+    sim.run(until=0.1)
+    time, v = sim.time, sim.state.v[:, 0].mean()
+    sim.run(until=0.2)
+    gained = (sim.state.v[:, 0].mean() - v) / (sim.time - time)
+    assert gained == pytest.approx(wanted(friction), rel=0.02)

@@ -1,0 +1,127 @@
+"""Bodies that the grid cannot resolve: refused, or warned of before a run."""
+
+from __future__ import annotations
+
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from granular.mpm.body_measures import thicknesses
+
+if TYPE_CHECKING:
+    from granular.mpm.scene import Scene
+    from granular.mpm.schemes import Scheme
+
+__all__ = ["check_blades", "light_bodies", "near_thin_parts", "thin_parts"]
+
+THIN = 2.0
+"""Thickness of a body [cells] below which its sides are coupled, unless nodes are duplicated."""
+
+
+def check_blades(scene: Scene) -> None:
+    """Refuse thin bodies if the scheme has no duplicate nodes that separate their two sides."""
+    scheme, least = scene.scheme, THIN * scene.grid.cell
+    if keeps_sides(scheme):
+        return
+    for i, body in enumerate(scene.bodies):
+        thickness, _ = thicknesses(body.shape)
+        if thickness < least * (1 - 1e-9):
+            raise ValueError(
+                f"bodies[{i}] has parts of {thickness:.6g} m, must be >= {least:.6g} m, two cells, "
+                f"with density = {type(scheme.density).__name__}() and transfer = "
+                f"{scheme.transfer!r}: the material on its two sides would be coupled; "
+                'ParticleDensity() with "apic", "tpic" or "flip" separates them'
+            )
+
+
+def keeps_sides(scheme: Scheme) -> bool:
+    """True if nodes near thin bodies have a duplicate, one for each side."""
+    return scheme.density.name == "particle" and scheme.transfer != "xpic"
+
+
+def thin_parts(scene: Scene) -> str | None:
+    """Bodies that are so thin or small that the grid hardly resolves them.
+
+    The limits were measured with layers thrown at 0.8 m/s against a thin body and against discs.
+    Without duplicate nodes, material behind a thin body of 2, 2.2 and 2.5 cells gets 9, 4 and 1.3 %
+    of that speed under the default scheme; it gets none from 2.8 cells on, and with other bases
+    than splines none from 2 cells on. The impulse on a disc depends on its position in the grid and
+    on the seeding, see `benchmarks/stability_tables.py`.
+    """
+    reach = THIN + 1 if scene.scheme.basis == "quadratic" else THIN
+    for i, body in enumerate(scene.bodies):
+        box, other = thicknesses(body.shape)
+        if other < THIN * scene.grid.cell * (1 - 1e-9):
+            return (
+                f"bodies[{i}] has a part of {other:.4g} m: below 2 cells the force on it depends "
+                "on its position in the grid, by a tenth, and what is behind it is coupled to it"
+            )
+        if box >= reach * scene.grid.cell * (1 - 1e-9):
+            continue
+        thin = f"bodies[{i}] has parts of {box:.4g} m, thinner than {reach:.0f} cells: "
+        if keeps_sides(scene.scheme):
+            return thin + (
+                "their two sides are separated by duplicate nodes, but not within a cell of their "
+                "edges"
+            )
+        return thin + (
+            "the material on one side is coupled to that on the other through common nodes; "
+            'ParticleDensity() with "apic", "tpic" or "flip" separates them'
+        )
+    return None
+
+
+NEAR = 5.5
+"""Distance of thin bodies [cells] up to which they may share duplicate nodes: twice the reach."""
+
+
+def near_thin_parts(scene: Scene) -> str | None:
+    """Thin bodies that are near each other at the start, each with a front and a back of its own.
+
+    The two sides of a cell near several thin parts are those of one body, which knows the fronts of
+    all its parts. A bin of three plates one cell thick lost 60 % of its points in 0.3 s, and none
+    as one body (ParticleDensity, 10 cells deep).
+    """
+    if not keeps_sides(scene.scheme):
+        return None
+    grid, reach = scene.grid, 3.0 if scene.scheme.basis == "quadratic" else THIN
+    thin = [
+        i
+        for i, body in enumerate(scene.bodies)
+        if thicknesses(body.shape)[0] < reach * grid.cell * (1 - 1e-9)
+    ]
+    if len(thin) < 2:
+        return None
+    cells = np.argwhere(np.ones(grid.shape, dtype=bool))
+    x = np.array(grid.lower) + grid.cell * (cells + 0.5)
+    apart = {i: scene.bodies[i].distance(x)[0] for i in thin}
+    for i, j in combinations(thin, 2):
+        if (apart[i] + apart[j]).min() < NEAR * grid.cell:
+            return (
+                f"bodies[{i}] and bodies[{j}] have thin parts nearer than {NEAR:g} cells: what is "
+                "between them may be on the wrong side of one and leak; make them one body, a Union"
+            )
+    return None
+
+
+LIGHTEST = 0.1
+"""Least mass of a free body over that of a full cell, from `benchmarks/free_bodies.py`.
+
+Contact finds impulses in 20 sweeps at most, in each of which a body of the mass M passes on the
+part M/(M + m) of what nodes of the mass m, that of a cell at most, press on it with. So M must
+exceed m/20. The noise about a body at rest in a bed is 1.5 times that of a heavy one at a tenth of
+the mass of a cell, and 6 to 50 times at a hundredth.
+"""
+
+
+def light_bodies(scene: Scene) -> str | None:
+    """Free bodies that hardly have any mass beside the nodes that press on them."""
+    full = max(material.rho_c for material in scene.materials) * scene.grid.cell**scene.dim
+    for i, body in enumerate(scene.bodies):
+        if body.mass is not None and body.mass < LIGHTEST * full * (1 - 1e-9):
+            return (
+                f"bodies[{i}].mass = {body.mass:.4g} kg is below {LIGHTEST * full:.4g}, a tenth of "
+                "the mass of a full cell: under load it is thrown about by noise of the contact"
+            )
+    return None
