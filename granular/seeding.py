@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import integer, positive
-from granular.geometry import MAX_COUNT, Fill, Grid, check_inside, combined
+from granular.geometry import MAX_COUNT, Box, Fill, Grid, check_inside, combined
 from granular.open_parts import LEAST_SHARE, REACH, Distance, nowhere, open_parts
 from granular.regions import Cloud
 
@@ -90,7 +90,8 @@ def _lattice(grid: Grid, fill: Fill) -> NDArray[np.float64]:
         raise ValueError(f"a fill of {fill.region} must have at most {MAX_COUNT} points")
     x = combined(axes)
     if fill.stagger:
-        raised = combined(columns)[:, :-1] @ np.array(STAGGER[grid.dim]) % 1.0 - 0.5
+        steps = np.array(STAGGER[grid.dim])
+        raised = (combined(columns)[:, :-1] @ steps + 0.5 * steps[0]) % 1.0 - 0.5
         x[:, -1] += raised * spacing
     return x
 
@@ -228,15 +229,42 @@ def _overburden(
     rho_c: Sequence[float],
     step: float,
 ) -> NDArray[np.float64]:
-    """Mass per area [kg/m2] of the other lithostatic fills above places in a fill."""
+    """Mass per area [kg/m2] of the other lithostatic fills above places in a fill.
+
+    It makes good for what the depth in a fill has too much, where others lie in its gaps.
+    """
     found = np.zeros(len(x))
-    for fill, rho in zip(fills, rho_c, strict=True):
-        if fill is fills[own] or not fill.lithostatic:
-            continue
-        ahead = fill.region.ahead(x, above, step)
+    others = [k for k, fill in enumerate(fills) if fill.lithostatic and k != own]
+    for i in others:
+        ahead = fills[i].region.ahead(x, above, step)
         below = np.isfinite(ahead)
         entered = x[below] + ahead[below, None] * above
-        found[below] += rho * fill.region.depth(entered, above, step)
+        depth = fills[i].region.depth(entered, above, step)
+        gaps = _within_others(fills, i, entered, above, depth, step)
+        found[below] += rho_c[i] * (depth - gaps)
+    if others:
+        depth = fills[own].region.depth(x, above, step)
+        found -= rho_c[own] * _within_others(fills, own, x, above, depth, step)
+    return found
+
+
+def _within_others(
+    fills: Sequence[Fill],
+    own: int,
+    x: NDArray[np.float64],
+    above: NDArray[np.float64],
+    length: NDArray[np.float64],
+    step: float,
+) -> NDArray[np.float64]:
+    """Length [m] of rays, to the top of a fill, that is in other lithostatic fills: in its gaps."""
+    found = np.zeros(len(x))
+    if isinstance(fills[own].region, Box) or not len(x):  # no gaps
+        return found
+    others = [fill.region for fill in fills if fill.lithostatic and fill is not fills[own]]
+    for k in range(math.ceil(float(length.max()) / step)):
+        below = (k + 0.5) * step < length
+        places = x[below] + (k + 0.5) * step * above
+        found[below] += step * np.any([region.contains(places) for region in others], axis=0)
     return found
 
 

@@ -209,8 +209,8 @@ def from_function(
     Raises
     ------
     TypeError, ValueError
-        For wrong arguments, a function whose source cannot be read or that uses variables of an
-        enclosing function, and C source that does not compile.
+        For wrong arguments, a function whose source cannot be read, that has default values or uses
+        variables of an enclosing function, a method, and C source that does not compile.
     ModuleNotFoundError
         Without numba, or cffi for C: ``pip install 'granular[laws]'``.
 
@@ -259,20 +259,32 @@ def from_function(
 
 
 def _source_of(update: Callable[..., None]) -> str:
-    """Source of a function, which must be all that determines it."""
-    names = getattr(getattr(update, "__code__", None), "co_freevars", ())
+    """Source of a function, which must be all that determines it, and the global numbers in it."""
+    function = getattr(update, "py_func", update)  # of what numba has compiled
+    if inspect.ismethod(function) or getattr(function, "__defaults__", None):
+        raise ValueError(
+            f"update = {update!r} must be a plain function without default values, which are no "
+            "part of its source: give them as parameters"
+        )
+    names = getattr(getattr(function, "__code__", None), "co_freevars", ())
     if names:
         raise ValueError(
             f"update = {update!r} must not use variables of an enclosing function, {names}, which "
             "are no part of its source: give them as parameters"
         )
     try:
-        return textwrap.dedent(inspect.getsource(update))
+        source = textwrap.dedent(inspect.getsource(function))
     except (OSError, TypeError) as error:
         raise ValueError(
             f"update = {update!r} must be a function of a file or of a notebook's cell: its source "
             "cannot be read"
         ) from error
+    used = inspect.getclosurevars(function).globals if inspect.isfunction(function) else {}
+    kinds = (int, float, complex, np.number)
+    told = [
+        f"# {name} = {used[name]!r}\n" for name in sorted(used) if isinstance(used[name], kinds)
+    ]
+    return source + "".join(told)
 
 
 _POINTER = ctypes.c_void_p

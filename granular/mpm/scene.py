@@ -128,6 +128,12 @@ class Scene(BaseScene):
         fluid = self.nonlocal_material
         if fluid is not None and self.scheme.basis == "ugimp":
             raise ValueError('basis = "ugimp" must be "linear" or "quadratic" for a nonlocal law')
+        counts = {source.points_per_cell for source in self.sources}
+        if self.scheme.basis == "ugimp" and len(counts) > 1:
+            raise ValueError(
+                f"points_per_cell = {sorted(counts)} must be one number for all fills with basis = "
+                '"ugimp", whose points are boxes of one size'
+            )
         reconnects = fluid or self.material
         if self.scheme.fluidity.reconnect_fluidity and reconnects.elasticity != "hencky":
             raise ValueError('reconnect_fluidity = True must go with elasticity = "hencky"')

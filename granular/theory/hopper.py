@@ -120,7 +120,8 @@ def hourglass_rate(
     ratio = (1 + mu) / (1 - mu) if dim == 2 else (3 + math.sqrt(3) * mu) / (3 - math.sqrt(12) * mu)
     m, far = (dim - 1) * (ratio - 1), last / first
     # Integrals of r^-m and of r^(1 - 2 dim - m) from the opening to the surface, over r_0.
-    weight = math.log(far) if m == 1 else (far ** (1 - m) - 1) / (1 - m)
+    near_one = (1 - m) * math.log(far)
+    weight = math.log(far) * (math.expm1(near_one) / near_one if near_one else 1.0)
     inertia = (dim - 1) * (1 - far ** (2 - 2 * dim - m)) / (2 * dim - 2 + m)
     return rho * arc * first ** (dim - 1) * math.sqrt(g * first * weight / inertia)
 

@@ -93,6 +93,12 @@ def test_theory_of_hoppers():
     far = math.sqrt(r**2 + orifice * 0.5 / math.radians(2 * angle) * 2)
     head = 2 * 9.8 * (far - r) / (1 - (r / far) ** 2)
     assert smooth == pytest.approx(1500.0 * orifice * math.sqrt(head), rel=1e-6)
+    # the exponent of r is -1 at mu = 1/3, where rates on both sides meet
+    around = [
+        theory.hourglass_rate(0.06, 20.0, 20.0, mu=mu, rho=1500.0)
+        for mu in (1 / 3 - 1e-6, 1 / 3, 1 / 3 + 1e-6)
+    ]
+    assert around == pytest.approx([around[1]] * 3, rel=1e-5)
     factor = theory.rose_tanaka_factor([15.0, 45.0, 80.0], 45.0)
     assert factor == pytest.approx([math.tan(math.radians(15.0)) ** -0.35, 1.0, 1.0])
     wall = {"friction": 0.3, "ratio": 0.5, "rho": 1500.0}

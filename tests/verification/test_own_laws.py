@@ -92,7 +92,23 @@ def broken(dt, parameters, gradient, log_density, stress, shear_rate, history):
     raise ZeroDivisionError("a fault of the user")
 
 
-def test_faults_are_told():
+SHARE = 1.0
+
+
+def with_global(dt, parameters, gradient, log_density, stress, shear_rate, history):
+    stress *= SHARE
+
+
+def with_default(dt, parameters, gradient, log_density, stress, shear_rate, history, share=0.5):
+    stress *= share
+
+
+class Holder:
+    def law(self, dt, parameters, gradient, log_density, stress, shear_rate, history):
+        stress *= 0.5
+
+
+def test_faults_are_told(monkeypatch):
     sim = gr.Simulation(scene_of(from_function(broken)), threads=2)
     with pytest.raises(ZeroDivisionError, match="a fault of the user"):
         sim.step(5)
@@ -101,6 +117,14 @@ def test_faults_are_told():
     def enclosed(dt, parameters, gradient, log_density, stress, shear_rate, history):
         stress *= captured
 
+    with pytest.raises(ValueError, match="must be a plain function without default values"):
+        from_function(with_default)
+    with pytest.raises(ValueError, match="must be a plain function without default values"):
+        from_function(Holder().law)
+    monkeypatch.setitem(globals(), "SHARE", 0.25)
+    first = from_function(with_global)
+    monkeypatch.setitem(globals(), "SHARE", 0.5)
+    assert from_function(with_global).digest != first.digest
     with pytest.raises(ValueError, match=r"must not use variables .*'captured'"):
         from_function(enclosed)
     with pytest.raises(ValueError, match="its source cannot be read"):

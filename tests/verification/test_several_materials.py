@@ -328,3 +328,34 @@ def test_measures_take_the_numbers_of_the_material_of_each_point():
     assert gr.Scene.from_json(scene.to_json()) == scene
     half = gr.mpm.scaling.Froude(0.25).scene(scene)
     assert [m.E for m in half.materials] == [0.25e6, 1e6]
+
+
+@pytest.mark.parametrize("gap", ["layer", "ball"])
+def test_a_fill_in_the_gap_of_another(gap):
+    """Each column bears what is in it: sand below and above gravel, or about a ball."""
+    sand = gr.MuI(E=1e7, rho_c=1500.0)
+    gravel = gr.DruckerPrager(E=1e7, mu=0.5, rho_c=2000.0 if gap == "layer" else 1500.0)
+    if gap == "layer":
+        inner = gr.Box((0.0, 0.1), (0.3, 0.2))
+        outer = gr.Union([gr.Box((0.0, 0.0), (0.3, 0.1)), gr.Box((0.0, 0.2), (0.3, 0.3))])
+    else:
+        inner = gr.Disc((0.15, 0.12), 0.05)
+        outer = gr.Difference(gr.Box((0.0, 0.0), (0.3, 0.3)), inner)
+    scene = gr.Scene(
+        name="gap",
+        grid=gr.Grid((0.0, 0.0), 0.01, (30, 36), periodic=(True, False)),
+        fills=(
+            gr.Fill(outer, 4, lithostatic=True),
+            gr.Fill(inner, 4, lithostatic=True, material=gravel),
+        ),
+        material=sand,
+        walls=(gr.Wall(1, 0.0),),
+        gravity=gr.Gravity((0.0,), ((0.0, -9.81),)),
+        duration=1.0,
+    )
+    state = gr.Simulation(scene, threads=1).state
+    low = state.x[:, 1] < 0.005
+    weight = 1500.0 * 0.2 + gravel.rho_c * 0.1
+    known = 9.81 * (weight - 1500.0 * 0.0025)
+    sampled = 9.81 * 1500.0 * 0.25 * 0.005  # a quarter of the spacing of points
+    assert state.pressure[low] == pytest.approx(known, rel=1e-3, abs=sampled)
