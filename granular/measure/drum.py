@@ -18,7 +18,8 @@ from granular.typing import States
 class DrumFlow:
     """Flow of a drum, averaged over frames, in sections across its surface.
 
-    The coordinates are s up the slope of the surface and n outwards, from the axis of the drum.
+    The coordinates are s along the surface, towards larger x, and n out of it, from the axis of the
+    drum: s goes up the slope for omega > 0, and down for omega < 0.
 
     Attributes
     ----------
