@@ -178,3 +178,27 @@ def test_a_resumed_run_is_not_warned_of_again(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         gr.Simulation.resume(tmp_path / "a.h5", threads=1)
+
+
+def test_several_fills():
+    """What holds for one fill is told of several."""
+    halves = (Box((0.0, 0.0), (0.2, 0.3)), Box((0.3, 0.0), (0.5, 0.3)))
+    block = gr.Elastic(E=1e6, nu=0.3)
+
+    def scene(scheme, count=4, material=None):
+        return gr.Scene(
+            name="two",
+            grid=Grid((0.0, 0.0), 0.05, (10, 10)),
+            fills=(Fill(halves[0], 4), Fill(halves[1], count, material=material)),
+            material=BEADS,
+            scheme=scheme,
+            gravity=Gravity((0.0,), ((0.0, -9.8),)),
+            walls=(Wall(1, 0.0),),
+            duration=1.0,
+        )
+
+    linear = gr.Scheme(basis="linear", transfer="flip", density=gr.ParticleDensity())
+    assert any("with an elastic body" in told for told in scene_warnings(scene(linear, 4, block)))
+    assert not any("with an elastic body" in told for told in scene_warnings(scene(linear)))
+    with pytest.raises(ValueError, match=r"points_per_cell = \[4, 9\] must be one number"):
+        scene(linear.replace(basis="ugimp"), 9)

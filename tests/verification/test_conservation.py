@@ -17,11 +17,14 @@ from granular.verify.invariants import momentum
 def closed_box(combination, *, material=None, gravity=(0.0, 0.0), **options):
     """Two streams that meet, without walls, periodic along both axes."""
     basis, transfer, density = combination
+    count = 4 if basis == "ugimp" else 9  # whose points are boxes of one size
     return gr.Scene(
         name="closed",
         grid=Grid((0.0, 0.0), 0.1, (5, 4), periodic=(True, True)),
         fills=(
-            Fill(Box((0.0, 0.0), (0.2, 0.4)), 9, jitter=1.0, density=1510.0, velocity=(0.7, -0.3)),
+            Fill(
+                Box((0.0, 0.0), (0.2, 0.4)), count, jitter=1.0, density=1510.0, velocity=(0.7, -0.3)
+            ),
             Fill(Box((0.2, 0.0), (0.5, 0.4)), 4, jitter=1.0, density=1505.0, velocity=(-0.2, 0.4)),
         ),
         material=material or MuI(E=1e6),
