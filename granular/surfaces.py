@@ -100,6 +100,19 @@ class Heights(ComparedByContent):
         if min(self.z.shape) < 2:
             raise ValueError(f"z of shape {self.z.shape} must have at least 2 heights each way")
 
+    def between(self, lower: Vector, upper: Vector) -> Array:
+        """Heights between two places and next to them, which bound the surface there."""
+        ends = zip(lower, upper, self.lower, self.z.shape, strict=True)
+        part = tuple(
+            slice(
+                min(max(math.floor((low - first) / self.spacing), 0), n - 1),
+                min(max(math.ceil((high - first) / self.spacing), 0), n - 1) + 1,
+            )
+            for low, high, first, n in ends
+        )
+        heights: Array = self.z[part]
+        return heights
+
     @classmethod
     def of(cls, source: Source, lower: Any, upper: Any, spacing: float) -> Self:
         """Sample a surface.
@@ -266,8 +279,10 @@ class Layer(ComparedByContent, Region):
     @property
     def bounds(self) -> tuple[Vector, Vector]:
         on, thickness = self.on, self.thickness
-        bottom = on.z if isinstance(on, Heights) else np.array(on)
-        extra = thickness.z if isinstance(thickness, Heights) else np.array(thickness)
+        bottom, extra = (
+            part.between(self.lower, self.upper) if isinstance(part, Heights) else np.array(part)
+            for part in (on, thickness)
+        )
         alike = (
             not isinstance(on, Heights)
             or not isinstance(thickness, Heights)

@@ -51,6 +51,8 @@ class EnergyBudget:
     dissipated : ndarray
         The remainder: gravity_work - (change of kinetic + elastic) - outflow. It should never
         decrease beyond the error of the finite differences; otherwise the scheme creates energy.
+        What bodies and walls that move do on the material is not part of it: with them it is the
+        dissipation less their work (`body_motion` has that of bodies).
     """
 
     times: Array

@@ -261,3 +261,11 @@ def test_arrays_cannot_be_changed():
         heights.z[0] = 1
     assert heights != gr.Heights(z, 0.0, 1.0)
     assert seed_points(GRID, [gr.Fill(TRIANGLE, 4)], 0, 1.0).x.flags.writeable is False
+
+
+def test_terrain_beside_a_layer_does_not_bound_it():
+    x = np.linspace(0.0, 1.0, 101)
+    for peak in (2.0, -2.0):
+        terrain = gr.Heights(np.where(x > 0.8, 0.2 + peak, 0.2), (0.0,), 0.01)
+        low, high = gr.Layer(on=terrain, thickness=0.1, lower=0.2, upper=0.6).bounds
+        assert low == pytest.approx((0.2, 0.2)) and high == pytest.approx((0.6, 0.3))
