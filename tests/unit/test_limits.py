@@ -181,7 +181,7 @@ def test_a_resumed_run_is_not_warned_of_again(tmp_path):
 
 
 def test_several_fills():
-    """What holds for one fill is told of several."""
+    """Several fills are told what one fill is."""
     halves = (Box((0.0, 0.0), (0.2, 0.3)), Box((0.3, 0.0), (0.5, 0.3)))
     block = gr.Elastic(E=1e6, nu=0.3)
 
