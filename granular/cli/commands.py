@@ -127,9 +127,11 @@ def resume(arguments: argparse.Namespace) -> int:
 
 
 def _simulate(simulation: Simulation, arguments: argparse.Namespace, **options: Any) -> int:
+    from granular.checks import positive
     from granular.diagnostics import StabilityWarning
 
     until = simulation.scene.duration if arguments.until is None else arguments.until
+    until = positive("until", until)
     if until <= simulation.time:
         raise ValueError(f"until = {until} must exceed the time of the record, {simulation.time}")
     progress = not arguments.quiet

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import re
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
@@ -22,12 +23,26 @@ from granular.cli.words import (
     whole,
 )
 
+NEGATIVE_LIST = re.compile(r"-\.?\d[^,]*,.*")
+"""A word such as -1,0, which would be taken for an option."""
+
 
 class _Parser(argparse.ArgumentParser):
     """Parser whose errors are one line and whose options cannot be abbreviated."""
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(allow_abbrev=False, **kwargs)
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse words; a list that begins with a negative number is no option."""
+        words: list[str] = []
+        for word in sys.argv[1:] if args is None else args:
+            takes = words and words[-1].startswith("--") and "=" not in words[-1]
+            if takes and NEGATIVE_LIST.fullmatch(word):
+                words[-1] += f"={word}"
+            else:
+                words.append(word)
+        return super().parse_known_args(words, namespace)
 
     def error(self, message: str) -> NoReturn:
         self.exit(do.REFUSED, f"{self.prog}: error: {' '.join(message.split())}\n")

@@ -80,6 +80,8 @@ def blocks(state: State, fields: Collection[str]) -> Any:
 
 def _cloud(pyvista: Any, fields: dict[str, NDArray[Any]]) -> Any:
     """Points with their fields; vectors have three components, as arrows need them."""
+    if not len(fields["x"]):
+        return pyvista.PolyData()
     cloud = pyvista.PolyData(_in_space(fields["x"]))
     dim = fields["x"].shape[1]
     for name, array in fields.items():

@@ -3,6 +3,7 @@
 import inspect
 from dataclasses import fields
 
+import numpy as np
 import pytest
 
 import granular as gr
@@ -114,6 +115,14 @@ def test_tuples_and_words_reach_the_scene(tmp_path):
         assert states[0].v[0].tolist() == [2.0, 1.0]
         numbers = {"E": 1e5, "mu_s": 0.4, "elasticity": "hencky", "I0": 0.3, "d": 1e-3}
         assert states.scene.material == gr.materials.glass_beads.replace(**numbers)
+
+
+def test_a_list_may_begin_with_a_negative_number(tmp_path):
+    path = tmp_path / "slug.h5"
+    words = "run slug --velocity -1.5,-0.5 --cell 0.05 --until 0.001 --every 0.001 --quiet"
+    assert cli.main([*words.split(), "-o", str(path)]) == 0
+    with gr.open(path) as record:
+        assert record[0].v == pytest.approx(np.tile((-1.5, -0.5), (len(record[0].v), 1)))
 
 
 def test_a_run_ends_with_its_verdict(tmp_path, capsys, monkeypatch):
