@@ -40,6 +40,11 @@ def keeps_sides(scheme: Scheme) -> bool:
     return scheme.density.name == "particle" and scheme.transfer != "xpic"
 
 
+def _reach(scheme: Scheme) -> float:
+    """Thickness of a box [cells] below which points at its two faces share a node."""
+    return THIN + 1 if scheme.basis == "quadratic" else THIN
+
+
 def thin_parts(scene: Scene) -> str | None:
     """Bodies that are so thin or small that the grid hardly resolves them.
 
@@ -49,7 +54,7 @@ def thin_parts(scene: Scene) -> str | None:
     than splines none from 2 cells on. The impulse on a disc depends on its position in the grid and
     on the seeding, see `benchmarks/stability_tables.py`.
     """
-    reach = THIN + 1 if scene.scheme.basis == "quadratic" else THIN
+    reach = _reach(scene.scheme)
     for i, body in enumerate(scene.bodies):
         box, other = thicknesses(body.shape)
         if other < THIN * scene.grid.cell * (1 - 1e-9):
@@ -85,7 +90,7 @@ def near_thin_parts(scene: Scene) -> str | None:
     """
     if not keeps_sides(scene.scheme):
         return None
-    grid, reach = scene.grid, 3.0 if scene.scheme.basis == "quadratic" else THIN
+    grid, reach = scene.grid, _reach(scene.scheme)
     thin = [
         i
         for i, body in enumerate(scene.bodies)
