@@ -396,7 +396,8 @@ class Fill:
         Points in a full cell: q^2 in 2D, q^3 in 3D, with an integer q.
     density : float or None
         Initial density [kg/m3]; None for the material's `rho_c`. Grains have the pressure that
-        goes with it, K ln(rho/rho_c) if that is positive. Must be None in a lithostatic fill.
+        goes with it, K ln(rho/rho_c) if that is positive; cohesive ones that are looser have come
+        apart, and cohere once they touch. Must be None in a lithostatic fill.
     velocity : tuple of float, length dim, or None
         Initial velocity [m/s]; None for rest.
     jitter : float
@@ -411,8 +412,9 @@ class Fill:
         If True, the material bears its weight from the start: each point has the
         pressure of the depth below the top of the region above it, against gravity, and the density
         that goes with this pressure. This is an equilibrium where the top is level. The weight of
-        other lithostatic fills above it is added. If False, an elastic material is stress-free, and
-        grains have the pressure of their density.
+        other lithostatic fills above it is added. If False, grains have the pressure of their
+        density, and an elastic material is stress-free; with Hencky's law it too has the pressure
+        of its density.
     material : Material or None
         Material of this fill; None for that of the scene. Several materials share one velocity
         field, so that they stick to each other where they meet.

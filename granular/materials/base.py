@@ -28,7 +28,8 @@ class Material:
     elasticity : {"hypoelastic", "hencky"}
         "hypoelastic" integrates the stress by the Jaumann rate (Dunatunga & Kamrin 2015, eq. 2.9).
         "hencky" has an energy of the logarithmic strain, which is exact in any rotation and shear,
-        and its pressure is always K ln(rho/rho_c) (Haeri & Skonieczny 2021). It takes longer.
+        and its pressure is always that of its density, K c exp(c) with c = ln(rho/rho_c) (Haeri &
+        Skonieczny 2021). It takes longer.
     restitution : float
         Coefficient of restitution of a contact of two grains, 0.01 to 1. It gives the viscosity
         that damps elastic waves (`damping_time`); 1 is no damping.

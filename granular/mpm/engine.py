@@ -61,7 +61,8 @@ def _parameters(scene: Scene, material: Material) -> dict[str, float]:
     if isinstance(material, NGF):
         averaging = scene.scheme.fluidity.pressure_averaging
         if averaging is None:
-            layers = 1 if scene.scheme.basis == "linear" else scene.sources[0].points_per_axis
+            of = (part for part in scene.sources if (part.material or scene.material) == material)
+            layers = 1 if scene.scheme.basis == "linear" else next(of).points_per_axis
             averaging = 0.5 / layers
         numbers |= material.core_friction()
         numbers |= {"cohesion": 0.0, "tensile_strength": 0.0}  # of the local law, if A is 0
@@ -214,9 +215,11 @@ def initial_points(scene: Scene) -> dict[str, NDArray]:
     """Return the fields of the points at the start, in the order of their ids.
 
     Lithostatic fills are in equilibrium: the pressure grows with the depth against gravity as
-    dp/dz = rho g with rho = rho_c exp(p/K). Below other lithostatic fills this is exact for the
-    same K, else to the order of p/K. Grains of a given density above rho_c have its pressure. All
-    other points are stress-free.
+    dp/dz = rho g, and the density with it by the law of the material. Below other lithostatic fills
+    this is exact for the same K and law, else to the order of p/K. Grains of a given density above
+    rho_c have its pressure, and so has an elastic material with Hencky's law, whose pressure is
+    that of its density always. All other points are stress-free; cohesive ones of a density below
+    rho_c have come apart.
     """
     return fields_of(scene, scene.points())
 
@@ -228,16 +231,15 @@ def fields_of(scene: Scene, points: Points) -> dict[str, NDArray]:
         np.array([getattr(material, name) for material in scene.materials])[number]
         for name in ("rho_c", "K", "granular")
     )
+    hencky = np.array([material.elasticity == "hencky" for material in scene.materials])[number]
     weight = math.hypot(*scene.gravity.at(0.0)) * (rho_c * points.depth + points.overburden)
-    if (weight >= K).any():
-        worst = int(np.argmax(weight / K))
-        raise ValueError(f"K = {K[worst]} must exceed rho_c g depth = {weight[worst]}")
-    log_density = np.log(points.density / rho_c) - np.log1p(-weight / K)
+    compression = _compression(weight, K, hencky)
+    log_density = np.log(points.density / rho_c) + compression
     fields = {
         "x": points.x,
         "v": points.v,
         "log_density": log_density,
-        "mass": points.density * points.volume / (1.0 - weight / K),
+        "mass": points.density * points.volume * np.exp(compression),
     }
     if len(scene.materials) > 1:
         fields["material"] = number.astype(np.float64)
@@ -247,14 +249,34 @@ def fields_of(scene: Scene, points: Points) -> dict[str, NDArray]:
     ]
     if any(getattr(material, "history", None) for material in scene.materials):
         fields["history"] = np.array([values[:MOST_HISTORY] for values in begins])[number]
-    pressed = (log_density > 0) & (granular | (points.depth > 0))
+    cohesive = np.array([getattr(material, "cohesion", 0.0) > 0 for material in scene.materials])
+    if cohesive.any():
+        fields["separated"] = (cohesive[number] & (log_density < 0)).astype(np.float64)
+    pressed = np.where(granular, log_density > 0, hencky | (points.depth > 0))
     if pressed.any():
+        pressure = K * log_density * np.where(hencky, np.exp(log_density), 1.0)
         fields["stress"] = np.zeros((len(weight), 4 if scene.dim == 2 else 6))
-        fields["stress"][:, :3] = -(K * np.where(pressed, log_density, 0))[:, None]
+        fields["stress"][:, :3] = -np.where(pressed, pressure, 0.0)[:, None]
     flows = np.array([material.has_fluidity for material in scene.materials])
     if scene.scheme.fluidity.initial is not None and flows.any():
         fields["g"] = np.where(flows[number], scene.scheme.fluidity.initial, 0.0)
     return fields
+
+
+def _compression(
+    weight: NDArray[np.float64], K: NDArray[np.float64], hencky: NDArray[np.bool_]
+) -> NDArray[np.float64]:
+    """ln(rho/rho_c) of material under a weight of rho_c g depth [Pa].
+
+    With p = K c, c = ln(rho/rho_c), dp/dz = rho g has the solution exp(-c) = 1 - weight/K. With the
+    Cauchy pressure of Hencky's law, K c exp(c), it is c + c^2/2 = weight/K.
+    """
+    if (~hencky & (weight >= K)).any():
+        worst = int(np.argmax(np.where(hencky, 0, weight / K)))
+        raise ValueError(f"K = {K[worst]} must exceed rho_c g depth = {weight[worst]}")
+    ratio = weight / K
+    finite = 2 * ratio / (1 + np.sqrt(1 + 2 * ratio))
+    return np.where(hencky, finite, -np.log1p(-np.where(hencky, 0, ratio)))
 
 
 def _numbers_of_materials(scene: Scene) -> NDArray[np.int64]:

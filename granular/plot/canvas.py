@@ -49,12 +49,12 @@ def checked_extent(extent: object) -> Extent:
 
 def is_symmetry(scene: AnyScene, wall: Wall) -> bool:
     """True for a wall that is the plane of symmetry of a scene of which a part is simulated."""
-    cut = scene.parameters.get("half") or scene.parameters.get("quarter")
+    given, grid = scene.parameters, scene.grid
+    halved = given.get("symmetry", "xy" if given.get("quarter") else "x" if given.get("half") else "")
     return (
-        bool(cut)
+        AXES[wall.axis] in halved
         and wall.kind == "free_slip"
-        and wall.axis < scene.grid.dim - 1
-        and (wall.at == 0.0)
+        and grid.line("at", wall.axis, wall.at) == 0
     )
 
 

@@ -140,6 +140,7 @@ def excavation(
         ),
         duration=settle * 2 + 2 * down + travel / speed if duration is None else duration,
         seed=seed,
+        parameters={"symmetry": "y"} if half else {},
     )
 
 
@@ -253,6 +254,7 @@ def excavator(
         ),
         duration=duration,
         seed=seed,
+        parameters={"symmetry": "y"} if half else {},
     )
 
 

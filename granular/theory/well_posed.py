@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from granular.checks import in_range, positive
 from granular.materials import MuI, RegularisedMuI
-from granular.theory.incline import check_cohesionless, check_not_regularised
+from granular.theory.incline import check_cohesionless, check_mu_I
 
 Array = NDArray[np.float64]
 
@@ -161,9 +161,10 @@ def well_posed_slopes(material: MuI) -> tuple[float, float] | None:
     Raises
     ------
     TypeError, ValueError
-        For a `RegularisedMuI`, which has no yield stress, or a material with cohesion.
+        For a `RegularisedMuI`, which has no yield stress, a material with cohesion, or
+        ``rheology="linear_mu_I"``, whose friction has no limit.
     """
-    check_not_regularised(material)
+    check_mu_I(material)
     ends = well_posed_range(material)
     if ends is None:
         return None
@@ -190,11 +191,10 @@ def scaled_inertial_number_of_slope(angle_deg: float, material: MuI) -> float:
     Raises
     ------
     TypeError, ValueError
-        If the angle is not in [0, 90), or the material is a `RegularisedMuI` or has a cohesion,
-        with which I depends on the depth.
+        If the angle is not in [0, 90), or the material is a `RegularisedMuI`, has a cohesion, with
+        which I depends on the depth, or ``rheology="linear_mu_I"``, which has no such scale.
     """
-    check_not_regularised(material)
-    check_cohesionless(material)
+    check_mu_I(material)
     slope = math.tan(math.radians(in_range("angle_deg", angle_deg, 0.0, 90.0, open_high=True)))
     if slope >= material.mu_2:
         return math.inf
@@ -246,7 +246,7 @@ def viscous_growth(mu: float) -> float:
 
     It is the rate of Barker et al. 2015 for I -> 0 (r = 0, q = mu) in the direction in which waves
     grow fastest: the maximum of (1 - b^2)/(1 - mu b) - 1, which is
-    2 (1 - sqrt(1 - mu^2))/mu^2 - 1.
+    2 (1 - sqrt(1 - mu^2))/mu^2 - 1 = (mu/(1 + sqrt(1 - mu^2)))^2.
 
     Parameters
     ----------
@@ -258,4 +258,4 @@ def viscous_growth(mu: float) -> float:
     float
     """
     mu = min(positive("mu", mu), 1.0)
-    return 2 * (1 - math.sqrt(1 - mu**2)) / mu**2 - 1
+    return (mu / (1 + math.sqrt(1 - mu**2))) ** 2

@@ -90,6 +90,8 @@ DERIVED = {
         **{"half_width": pytest.approx(0.09), "half": True, "reach": pytest.approx(0.91)},
         "duration": pytest.approx(1.5 + 8.0 * math.sqrt(0.18 / 9.81)),
     },
+    "excavation": {"symmetry": "y"},
+    "excavator": {"symmetry": "y"},
     "fluidised_bed": {"duration": 0.3},
     "incline_sph": {"duration": 3.0},
     "inclined_collapse": {"half_width": pytest.approx(0.2), "duration": 1.5},
