@@ -211,3 +211,30 @@ def test_health_of_a_cohesive_flow():
     sim.run(until=0.3)
     assert 0 <= measure.ill_posed_fraction(sim.state) <= 1
     assert measure.ill_posed_fraction(sim.state) > 0
+
+
+@pytest.mark.filterwarnings("ignore:the material is closed in on every side")
+@pytest.mark.parametrize("compression", [0.05, -0.005])
+@pytest.mark.parametrize("material", [
+    gr.MuI(E=1e6), gr.MuI(E=1e6, elasticity="hencky"), SOIL.replace(E=1e6),
+    gr.Elastic(E=1e6, elasticity="hencky"),
+])  # fmt: skip
+def test_a_fill_starts_with_the_pressure_that_its_law_keeps(material, compression):
+    """A uniform density without gravity: cohesive grains that are loose have come apart."""
+    scene = gr.Scene(
+        name="uniform",
+        grid=gr.Grid((0.0, 0.0), 0.02, (8, 8), periodic=(True, True)),
+        fills=(gr.Fill(gr.Box((0.0, 0.0), (0.16, 0.16)), 4, density=1500 * math.exp(compression)),),
+        material=material,
+        gravity=gr.Gravity((0.0,), ((0.0, 0.0),)),
+        duration=1.0,
+    )
+    sim = gr.Simulation(scene, threads=1)
+    pressure = material.K * compression
+    if material.elasticity == "hencky":
+        pressure *= math.exp(compression)
+    if material.granular:
+        pressure = max(pressure, 0.0)
+    for steps in (0, 20):
+        sim.step(steps) if steps else None
+        assert sim.state.pressure == pytest.approx(pressure, rel=1e-12, abs=1e-6)
