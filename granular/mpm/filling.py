@@ -14,7 +14,7 @@ from granular.mpm.walls import Solid
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
 
-__all__ = ["is_full", "middle_points"]
+__all__ = ["has_material", "is_full", "middle_points"]
 
 
 MOST_PLACES = (5, 40)
@@ -32,17 +32,37 @@ def _leave_none(scene: Scene, most: int) -> bool:
     for low, cells in zip(grid.lower, grid.shape, strict=True):
         at = np.unique(np.linspace(0, cells - 1, min(cells, most)).round())
         axes.append(low + grid.cell * (at + 0.5))
-    left = combined(axes)
+    places = combined(axes)
+    empty = places[~_in_fills(scene, places)]
+    return not _outside(scene, empty).any()
+
+
+def has_material(scene: Scene, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """True for places of shape (n, dim) with material at the start: not in blocks or bodies."""
+    found = _in_fills(scene, places)
+    found[found] = _outside(scene, places[found])
+    return found
+
+
+def _in_fills(scene: Scene, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+    found = np.zeros(len(places), dtype=bool)
     for fill in scene.fills:
-        left = left[~fill.region.contains(left)]
+        found[~found] = fill.region.contains(places[~found])
+    return found
+
+
+def _outside(scene: Scene, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """True for places outside of blocks and bodies."""
+    found = np.ones(len(places), dtype=bool)
     for wall in scene.walls:
         if isinstance(wall, Solid):
-            left = left[~((left > wall.lower) & (left < wall.upper)).all(axis=1)]
+            found &= ~((places > wall.lower) & (places < wall.upper)).all(axis=1)
     for body in scene.bodies:
-        if not len(left):
+        if not found.any():
             break
-        left = left[distances(scene, body, np.pad(left, ((0, 0), (0, 3 - body.dim)))) > 0]
-    return not len(left)
+        left = np.pad(places[found], ((0, 0), (0, 3 - body.dim)))
+        found[found] = distances(scene, body, left) > 0
+    return found
 
 
 def middle_points(

@@ -11,7 +11,7 @@ import numpy as np
 from granular.geometry import Fill
 from granular.materials import NGF, MuI
 from granular.mpm.body_limits import light_bodies, near_thin_parts, thin_parts
-from granular.mpm.filling import is_full, middle_points
+from granular.mpm.filling import has_material, is_full, middle_points
 from granular.mpm.walls import Solid, Wall
 from granular.regions import Cloud
 from granular.seeding import DEEPEST
@@ -204,6 +204,7 @@ def known_failures(scene: Scene) -> list[str]:
         light_bodies,
         _clipped,
         _walled_in,
+        _divided,
         _closed,
     )
     return [warning for check in checks if (warning := check(scene))]
@@ -375,6 +376,25 @@ def _walled_in(scene: Scene) -> str | None:
                     f"fills[{j}] has points within walls[{i}], a Solid, which holds them: leave "
                     "its volume out of the region (Difference)"
                 )
+    return None
+
+
+def _divided(scene: Scene) -> str | None:
+    """Walls within the grid that material can slide along on both sides, which share its nodes."""
+    grid = scene.grid
+    for i, wall in enumerate(scene.walls):
+        if not isinstance(wall, Wall) or wall.kind == "no_slip" or not np.isinf(wall.opens_at):
+            continue
+        low, high = np.array([wall.extent(grid, axis) for axis in range(grid.dim)]).T
+        across = grid.cell * np.eye(grid.dim)[wall.axis]
+        above = middle_points(scene, low, high + across)
+        facing = has_material(scene, above) & has_material(scene, above - across)
+        if facing.any():
+            return (
+                f"walls[{i}] has material on both sides, which share the nodes on it: shear passes "
+                'through it, and friction of a "coulomb" wall where both sides press on it is lost;'
+                " take a thin Body with ParticleDensity()"
+            )
     return None
 
 

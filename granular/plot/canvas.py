@@ -50,9 +50,9 @@ def checked_extent(extent: object) -> Extent:
 def is_symmetry(scene: AnyScene, wall: Wall) -> bool:
     """True for a wall that is the plane of symmetry of a scene of which a part is simulated."""
     given, grid = scene.parameters, scene.grid
-    halved = given.get("symmetry", "xy" if given.get("quarter") else "x" if given.get("half") else "")
+    planes = "xy" if given.get("quarter") else "x" if given.get("half") else ""
     return (
-        AXES[wall.axis] in halved
+        AXES[wall.axis] in given.get("symmetry", planes)
         and wall.kind == "free_slip"
         and grid.line("at", wall.axis, wall.at) == 0
     )

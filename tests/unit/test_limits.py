@@ -20,6 +20,37 @@ def layer(**options):
     return gr.scenes.incline(**({"columns": 8, "cell": 0.01, "material": BEADS} | options))
 
 
+def divided(wall, fill=(0.0, 1.0)):
+    """A bed 0.3 m high with a wall at x = 0.5 m."""
+    return gr.Scene(
+        name="bed",
+        grid=Grid((0.0, 0.0), 0.02, (50, 25)),
+        fills=(Fill(Box((fill[0], 0.0), (fill[1], 0.3)), 4, lithostatic=True),),
+        material=BEADS,
+        walls=(wall, Wall(1, 0.0), Wall(0, 0.0), Wall(0, 1.0)),
+        gravity=Gravity((0.0,), ((0.0, -9.8),)),
+        duration=0.1,
+    )
+
+
+def test_walls_with_material_on_both_sides_are_warned_of():
+    """Not those that hold it altogether, open, or have it on one side alone."""
+    for options in (
+        {"kind": "free_slip", "span": ((0.1, 0.5),)},
+        {"kind": "coulomb", "friction": 0.3},
+    ):
+        wall = Wall(0, 0.5, **options)
+        (warning,) = scene_warnings(divided(wall))
+        assert warning.startswith("walls[0] has material on both sides")
+        assert scene_warnings(divided(wall, fill=(0.5, 1.0))) == []
+    for wall in (
+        Wall(0, 0.5, kind="no_slip"),
+        Wall(0, 0.5, kind="free_slip", opens_at=0.1),
+        Wall(0, 0.5, kind="free_slip", span=((0.3, 0.5),)),
+    ):
+        assert scene_warnings(divided(wall)) == []
+
+
 @pytest.mark.parametrize("name", gr.scenes.names("mpm"))
 def test_scenes_as_they_are_raise_no_warnings(name):
     scene = gr.scenes.registry[name]()

@@ -55,7 +55,7 @@ def test_a_bed_rests_on_walls_that_meet_in_its_floor(ends, weight_correction):
 @pytest.mark.parametrize("law", [gr.MuI, gr.Elastic])
 @pytest.mark.parametrize("elasticity", ["hypoelastic", "hencky"])
 def test_a_lithostatic_bed_bears_its_weight_where_it_is_compressed_much(law, elasticity):
-    """rho g h/K = 0.18, so that K c and K c exp(c) differ by 15 %; the law leaves both as they are."""
+    """rho g h/K = 0.18, so that K c and K c exp(c) differ by 15 %; the bed stays as it is."""
     g, height = 9.8, 1.0
     scene = gr.Scene(
         name="bed",
