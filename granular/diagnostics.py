@@ -21,6 +21,7 @@ from granular.measure.energy import between, elastic_of, kinetic_of, plastic_pow
 from granular.notebook import table
 
 if TYPE_CHECKING:
+    from granular.gravity import Gravity
     from granular.state import State
     from granular.typing import AnyScene
 
@@ -141,8 +142,8 @@ class Monitor:
         materials = state.scene.materials
         granular = all(material.granular for material in materials)
         account = (np.nan, np.nan, np.nan)
-        if self._before is not None and not np.isnan(work):
-            before, work_before = self._before
+        before, work_before = self._before or (state, work)
+        if before.step < state.step and not np.isnan(work):
             account = _account(before, state, work - work_before)
         row = {
             "disconnected": bulk.disconnected() if _bears(state) else np.nan,
@@ -160,11 +161,22 @@ class Monitor:
         rows = [*self.rows, *([] if last is None else [last])]
         return dict(zip(self.names, np.array(rows).reshape(-1, len(self.names)).T, strict=True))
 
-    def recall(self, samples: Mapping[str, NDArray[np.float64]]) -> None:
-        """Restore the samples taken before a restart; nan for names that were not recorded."""
-        count = max((len(column) for column in samples.values()), default=0)
-        unknown = np.full(count, np.nan)
-        self.rows = list(np.array([samples.get(name, unknown) for name in self.names]).T)
+    def recall(self, samples: Mapping[str, NDArray[np.float64]], steps: NDArray) -> None:
+        """Restore the samples taken before a restart.
+
+        Parameters
+        ----------
+        samples : mapping of ndarray, shape (n,)
+            Columns of the frames, nan in frames of which no sample was taken. Columns that were not
+            recorded are nan.
+        steps : ndarray, shape (n,)
+            Numbers of the steps of these frames.
+        """
+        unknown = np.full(len(steps), np.nan)
+        table = np.array([samples.get(name, unknown) for name in self.names]).T
+        self.rows = list(table)
+        taken = ~np.isnan(table).all(axis=1)
+        self._step = int(steps[taken].max(initial=0))
 
 
 def _knows_inertia(state: State) -> bool:
@@ -181,7 +193,7 @@ def _bears(state: State) -> bool:
     lows, highs = zip(*(source.region.bounds for source in scene.sources), strict=True)
     height = max(high[-1] for high in highs) - min(low[-1] for low in lows)
     pull = np.linalg.norm(scene.gravity.vectors, axis=1)
-    begin = scene.gravity.times[int(pull.argmax())]
+    begin = scene.gravity.times[int(np.argmax(pull >= (1 - 1e-9) * pull.max()))]
     slowest = min(material.wave_speed for material in scene.materials)
     bears = any(material.granular for material in scene.materials)
     return bears and state.time > begin + 2 * height / slowest
@@ -209,21 +221,37 @@ def _account(before: State, after: State, others: float) -> tuple[float, float, 
     held, now = (float((kinetic_of(s) + elastic_of(s)).sum()) for s in (before, after))
     by_gravity, outflow = between(before, after)
     work = by_gravity + others + _work_on_entered(before, after)
+    if _goes_back_and_forth(after.scene.gravity, before.time, after.time):
+        work = np.nan
     plastic = min(plastic_power(before), plastic_power(after)) * (after.time - before.time)
     return held, work, now - held + outflow + plastic - work
+
+
+def _goes_back_and_forth(gravity: Gravity, begin: float, end: float) -> bool:
+    """True if gravity takes a longer way between two times than to its change, by a hundredth.
+
+    The paths of the points between two samples then do not follow from their states there.
+    """
+    times = np.array(gravity.times)
+    inside = times[(times > begin) & (times < end)]
+    vectors = np.array([gravity.at(time) for time in (begin, *inside, end)])
+    way = np.linalg.norm(np.diff(vectors, axis=0), axis=1).sum()
+    return bool(way > 1.01 * np.linalg.norm(vectors[-1] - vectors[0]))
 
 
 def _work_on_entered(before: State, after: State) -> float:
     """Work of gravity on the points that entered between two states [J], from the lower corner on.
 
     The work of the inflows contains that from the inlet to the corner (`InflowState`); nan while
-    gravity changes. Of points that have also left in the meantime the work is not known, so that
-    the energy created comes out too small.
+    gravity changes, and with gravity along a periodic axis, whose rounds are not counted. Of points
+    that have also left in the meantime the work is not known, so that the energy created comes out
+    too small.
     """
     scene = after.scene
     if not getattr(scene, "inflows", ()):
         return 0.0
-    if before.time < scene.gravity.times[-1]:
+    periodic = np.array(scene.grid.periodic)
+    if before.time < scene.gravity.times[-1] or np.any(scene.gravity.vectors[-1], where=periodic):
         return np.nan
     new = ~np.isin(after.id, before.id, assume_unique=True)
     fallen = (after.x[new] - np.array(scene.grid.lower)) @ scene.gravity.at(after.time)

@@ -462,10 +462,11 @@ class Simulation(Method):
             A changed scene with which the run goes on, such as
             ``gr.open(path).scene.replace(gravity=...)``: other gravity, numbers of the material or
             the scheme, walls, motions of bodies. The grid, the laws, the basis, the transfer and
-            the kind of density of the scheme, the inflows, and how many walls and bodies there are
-            must be as before. The stress of a hypoelastic material stays what it is, that of a
-            Hencky material follows from its strain. The record of the run is left as it is: name
-            another one in `run`.
+            the kind of density of the scheme, the inflows, how many walls and bodies there are,
+            and the shapes and first places of the bodies must be as before. The stress of a
+            hypoelastic material stays what it is, and its density follows from it; that of a Hencky
+            material follows from its strain. The record of the run is left as it is: name another
+            one in `run`.
         frame : int, optional
             Index of the frame to begin with, one whose checkpoint was kept (`Trajectory.kept`), by
             default the newest checkpoint. Frames that then come out as they are recorded are not

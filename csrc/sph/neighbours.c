@@ -55,7 +55,7 @@ static void make_spare(struct gr_sph *s, int64_t first, int64_t last)
     }
     for (int64_t a = first; a < last; a++) s->id[a] = -1, s->lump[a] = s->volume[a] = 0.0;
     for (int k = 0; k < 6; k++)
-        for (int64_t a = first; a < last; a++) s->pull[k][a] = s->wall_pull[k][a] = 0.0;
+        for (int64_t a = first; a < last; a++) s->pull[k][a] = 0.0;
 }
 
 /* Bring the rows from `first` on into the order s->order, in all fields that are kept from step to step. */

@@ -95,12 +95,12 @@ void gr_sph_free(struct gr_sph *s)
     free(s);
 }
 
-/* Allocate the memory of the engine per row: 15 numbers, three indices, and two for sorting. */
+/* Allocate the memory of the engine per row: nine numbers, three indices, and two for sorting. */
 static int make_places(struct gr_sph *s, int64_t capacity)
 {
     const size_t n = (size_t)capacity;
     free_places(s);
-    double *numbers = s->lump = calloc(15 * n, sizeof *numbers);
+    double *numbers = s->lump = calloc(9 * n, sizeof *numbers);
     s->sorted = malloc(n * sizeof *s->sorted), s->sorted_id = malloc(4 * n * sizeof *s->sorted_id);
     s->cell = malloc(n * sizeof *s->cell), s->order = malloc(n * sizeof *s->order);
     if (!numbers || !s->sorted || !s->sorted_id || !s->cell || !s->order || gr_sph_make_gas_places(s, capacity) ||
@@ -109,7 +109,7 @@ static int make_places(struct gr_sph *s, int64_t capacity)
         return GR_ERR_MEMORY;
     }
     s->volume = numbers + n, s->rho_plain = numbers + 2 * n;
-    for (int k = 0; k < 6; k++) s->pull[k] = numbers + (size_t)(3 + k) * n, s->wall_pull[k] = numbers + (size_t)(9 + k) * n;
+    for (int k = 0; k < 6; k++) s->pull[k] = numbers + (size_t)(3 + k) * n;
     s->begin = s->sorted_id + n, s->middle = s->begin + n, s->end = s->middle + n;
     return GR_OK;
 }

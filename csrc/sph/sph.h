@@ -55,7 +55,7 @@ extern const struct gr_field_info gr_sph_field_table[GR_SPH_FIELD_COUNT];
     X(D_star, 0, "1/s", "shear rate at which friction is halfway between the two")                 \
     X(cohesion, 1, "Pa", "shear strength without pressure")                                        \
     X(shear_modulus, 1, "Pa", "elastic shear modulus; 0: viscous below the strength")              \
-    X(mu_wall, 1, "1", "friction at walls, if it differs from that of the material")               \
+    X(mu_wall, 1, "1", "friction on walls, if it is lower than that of the material")              \
     X(dilation, 1, "1", "largest dilation rate that is added to the friction")                     \
     X(regularisation, 0, "1", "largest viscosity, in rho h^2/dt")                                  \
     X(z_max, 0, "1", "largest factor of the artificial velocity of walls")                         \
@@ -82,7 +82,7 @@ struct gr_sph_config {
     int dim;
     int periodic[3];
     double lower[3], upper[3]; /* of the domain, m; particles that leave it are dropped */
-    int wall_friction;         /* 1 if mu_wall replaces mu_l and mu_h between particles and walls */
+    int wall_friction;         /* 1 if mu_wall is the friction on walls, else that of the material */
     double parameter[GR_SPH_PARAMETER_COUNT];
     int n_gravity;
     const double *gravity_times, *gravity_vectors; /* s; m/s^2, n_gravity x dim: copied */
@@ -131,8 +131,8 @@ struct gr_sph {
     double *row[GR_SPH_MAX_ROWS]; /* components of all fields, one after the other */
     int64_t *id;
     /* owned arrays, with an entry for each row */
-    /* m/rho~; m/rho; rho~; sigma/rho^2 in the bulk and towards walls; scratch of the sort */
-    double *lump, *volume, *rho_plain, *pull[6], *wall_pull[6], *sorted;
+    /* m/rho~; m/rho; rho~; sigma/rho^2; scratch of the sort */
+    double *lump, *volume, *rho_plain, *pull[6], *sorted;
     int64_t *sorted_id, *begin, *middle, *end; /* first block: of particles, of walls, and the end of both */
     int32_t *cell, *order, *start[3];
     struct gr_block *block;

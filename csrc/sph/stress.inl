@@ -9,11 +9,12 @@ struct sph_tile {
     double rates[9][SPH_TILE]; /* strain rate D: xx, yy, zz, xy, yz, xz, and spin: yx, zy, xz, divided by the norm of the
                                   gradient */
     double rho[SPH_TILE], elastic[6][SPH_TILE];
-    double shear_rate[SPH_TILE], pull[6][SPH_TILE], wall_pull[6][SPH_TILE];
+    double near[3][SPH_TILE]; /* above 0 for the axes along which a point feels a wall */
+    double shear_rate[SPH_TILE], pull[6][SPH_TILE];
 };
 
 struct sph_strength {
-    vd p, tau, tau_wall; /* pressure, shear strength in the bulk and towards walls */
+    vd p, tau, mu_wall; /* pressure, shear strength, friction on walls */
 };
 
 /* Pressure and shear strength (eqs. 5.5, 5.7, 5.8). */
@@ -26,8 +27,7 @@ GR_INLINE struct sph_strength sph_strength_of(const struct gr_sph *s, double rho
     const vd mu = v_set(c[GR_SPH_P_mu_l]) + v_set(c[GR_SPH_P_mu_h] - c[GR_SPH_P_mu_l]) * share;
     const vd moves = v_select(v_gt(rate, zero), rate, v_set(1.0));
     const vd beta = v_clamp(v_select(v_gt(rate, zero), div, zero) / moves, 0.0, c[GR_SPH_P_dilation]);
-    const vd mu_wall = s->config.wall_friction ? v_set(c[GR_SPH_P_mu_wall]) : mu, cohesion = v_set(c[GR_SPH_P_cohesion]);
-    return (struct sph_strength){p, (mu + beta) * p + cohesion, (mu_wall + beta) * p + cohesion};
+    return (struct sph_strength){p, (mu + beta) * p + v_set(c[GR_SPH_P_cohesion]), v_set(c[GR_SPH_P_mu_wall]) + beta};
 }
 
 /* Magnitude |T| = sqrt(T:T/2). */
@@ -42,6 +42,34 @@ GR_INLINE vd sph_share(vd tau, vd size)
 {
     const vm within = v_ge(tau, size);
     return v_select(within, v_set(1.0), tau / v_select(within, v_set(1.0), size));
+}
+
+/* Limit the shear stress t that a trial stress T has on the planes along walls nearby: after the cut to the strength tau it
+ * is at most mu_wall times the pressure on the plane, p - T_dd, and the cohesion. With R the magnitude of all other
+ * components the cut leaves the share q = min(1, tau/sqrt(R^2 + t^2)) of both, so that with A = mu_wall p + c and
+ * B = mu_wall T_dd
+ *
+ *   q t <= A - q B,   t <= A - B if q = 1,   else t <= (A sqrt(tau^2 B^2 + R^2 (tau^2 - A^2)) - tau^2 B)/(tau^2 - A^2).
+ *
+ * For A >= tau the material yields before it slides on the wall. */
+GR_INLINE void sph_slip(int dim, const struct sph_strength *law, double cohesion, const vd *near, vd *T)
+{
+    static const int shear[3][2] = {{3, 5}, {3, 4}, {5, 4}};
+    const vd zero = v_set(0.0), one = v_set(1.0), tau2 = law->tau * law->tau, A = v_fma(law->mu_wall, law->p, v_set(cohesion));
+    const vd above = tau2 - A * A;
+    for (int d = 0; d < dim; d++) {
+        const vm slips = m_and(v_gt(near[d], zero), v_gt(above, zero));
+        const vd size = sph_size(T), B = law->mu_wall * T[d];
+        vd t2 = T[shear[d][0]] * T[shear[d][0]];
+        if (dim == 3) t2 = v_fma(T[shear[d][1]], T[shear[d][1]], t2);
+        const vd R2 = v_max(size * size - t2, zero), elastic = v_max(A - B, zero);
+        const vd root = v_sqrt(v_max(v_fma(tau2 * B, B, R2 * above), zero));
+        const vd flowing = v_max((A * root - tau2 * B) / v_select(slips, above, one), zero);
+        const vd most = v_select(v_gt(v_fma(elastic, elastic, R2), tau2), flowing, elastic);
+        const vd kept = v_select(slips, sph_share(most, v_sqrt(t2)), one);
+        T[shear[d][0]] *= kept;
+        if (dim == 3) T[shear[d][1]] *= kept;
+    }
 }
 
 /* Rotate a stress by the spin of a step: Q T Q^T with Q of the quaternion (1, turn), turn = spin dt/2. */
@@ -107,10 +135,14 @@ GR_INLINE void sph_stress_of(int dim, int elastic, const struct gr_sph *s, doubl
         T[k] = E[k] + (eta + stiffness) * D[k];
         if (k < 3) T[k] -= stiffness * div / v_set(1.5);
     }
-    const vd size = sph_size(T), share = sph_share(law.tau, size), wall_share = sph_share(law.tau_wall, size);
+    if (s->config.wall_friction) {
+        vd near[3];
+        for (int d = 0; d < dim; d++) near[d] = v_load(tile->near[d] + i);
+        sph_slip(dim, &law, c[GR_SPH_P_cohesion], near, T);
+    }
+    const vd share = sph_share(law.tau, sph_size(T));
     for (int k = 0; k < (dim == 2 ? 4 : 6); k++) {
         const vd p = k < 3 ? law.p : v_set(0.0);
-        if (s->config.wall_friction) v_store(tile->wall_pull[k] + i, per_rho2 * (wall_share * T[k] - p));
         v_store(tile->pull[k] + i, per_rho2 * (share * T[k] - p));
     }
     v_store(tile->shear_rate + i, rate);
@@ -130,14 +162,13 @@ GR_INLINE void sph_stresses(int dim, int elastic, struct gr_sph *s, int64_t firs
     for (int64_t a = first; a < last; a += SPH_TILE) {
         const int64_t n = last - a < SPH_TILE ? last - a : SPH_TILE;
         const size_t bytes = sizeof(double) * (size_t)n;
-        sph_rates(dim, elastic, s, a, a + n, tile.rates);
+        sph_rates(dim, elastic, s, a, a + n, tile.rates, tile.near);
         memcpy(tile.rho, rho + a, bytes);
         for (int k = 0; elastic && k < (dim == 2 ? 4 : 6); k++) memcpy(tile.elastic[k], old[k] + a, bytes);
         for (int i = 0; i < n; i += GR_W) sph_stress_of(dim, elastic, s, rho0, &tile, i);
         memcpy(rate + a, tile.shear_rate, bytes);
         for (int k = 0; k < (dim == 2 ? 4 : 6); k++) {
             memcpy(s->pull[k] + a, tile.pull[k], bytes);
-            if (s->config.wall_friction) memcpy(s->wall_pull[k] + a, tile.wall_pull[k], bytes);
             if (elastic) memcpy(old[k] + a, tile.elastic[k], bytes);
         }
     }

@@ -131,11 +131,19 @@ GR_INLINE vd sph_factor(int pair, const struct gr_sph *s, double *const *normal,
     return v_select(v_gt(height, zero), z, largest);
 }
 
-/* Add V_b G (dv_i d_j + dv_j d_i) of blocks [first, last) to the components xx, yy, zz, xy, yz, xz of D, the first
- * three halved. For an elastic material, also add V_b G (dv_j d_i - dv_i d_j) to the components yx, zy, xz of its spin. */
+/* Sums of a point over its neighbours. */
+struct sph_sums {
+    vd D[6]; /* V_b G (dv_i d_j + dv_j d_i): xx, yy, zz, which are halved, xy, yz, xz */
+    vd spin[3]; /* for an elastic material: V_b G (dv_j d_i - dv_i d_j): yx, zy, xz */
+    vd near[3]; /* with friction of its own at walls: V_b G |n_b|, n the normals of walls */
+};
+
+/* Add the blocks [first, last) of neighbours to the sums of a point. */
 GR_INLINE void sph_add_rates(int dim, int pair, int elastic, const struct gr_sph *s, int64_t a, int64_t first, int64_t last,
-                             vd *D, vd *spin)
+                             struct sph_sums *sums)
 {
+    vd *const D = sums->D, *const spin = sums->spin;
+    const int finds_walls = pair == SPH_TO_WALL && s->config.wall_friction;
     double *const *v = gr_sph_rows(s, GR_SPH_FIELD_v);
     double *const *normal = gr_sph_rows(s, GR_SPH_FIELD_normal);
     const double *depth = gr_sph_rows(s, GR_SPH_FIELD_depth)[0], h = s->config.parameter[GR_SPH_P_h];
@@ -145,6 +153,8 @@ GR_INLINE void sph_add_rates(int dim, int pair, int elastic, const struct gr_sph
         vd d[3], dv[3];
         const vd r2 = sph_ways(dim, s, a, s->block[k], &place, d);
         vd weight = v_load(s->volume + place.row) * sph_slope(r2, h);
+        for (int i = 0; finds_walls && i < dim; i++)
+            sums->near[i] = v_fma(weight, v_abs(v_load(normal[i] + place.row)), sums->near[i]);
         if (artificial) weight = weight * sph_factor(pair, s, normal, depth, a, place.row, dim, d);
         for (int i = 0; i < dim; i++) dv[i] = weight * (v_load(v[i] + place.row) - v_set(v[i][a]));
         for (int i = 0; i < dim; i++) D[i] = v_fma(dv[i], d[i], D[i]);
@@ -162,29 +172,33 @@ GR_INLINE void sph_add_rates(int dim, int pair, int elastic, const struct gr_sph
     }
 }
 
-/* Strain rates and, for an elastic material, spins (eqs. 5.2, 5.21) of a tile at most, divided by the slope norm. */
+/* Strain rates and, for an elastic material, spins (eqs. 5.2, 5.21) of a tile at most, divided by the slope norm; and, with
+ * friction of its own at walls, numbers above 0 for the axes along which a point feels a wall. */
 GR_INLINE void sph_rates(int dim, int elastic, const struct gr_sph *s, int64_t first, int64_t last,
-                         double (*rates)[SPH_TILE])
+                         double (*rates)[SPH_TILE], double (*near)[SPH_TILE])
 {
+    double *const *normal = gr_sph_rows(s, GR_SPH_FIELD_normal);
     const int is_wall = first >= s->wall_first;
     for (int64_t a = first; a < last; a++) {
-        vd sums[9];
-        for (int k = 0; k < 9; k++) sums[k] = v_set(0.0);
+        struct sph_sums sums = {0};
         if (is_wall) { /* wall points do not strain each other */
-            sph_add_rates(dim, SPH_FROM_WALL, elastic, s, a, s->begin[a], s->middle[a], sums, sums + 6);
+            sph_add_rates(dim, SPH_FROM_WALL, elastic, s, a, s->begin[a], s->middle[a], &sums);
         } else {
-            sph_add_rates(dim, SPH_SAME, elastic, s, a, s->begin[a], s->middle[a], sums, sums + 6);
+            sph_add_rates(dim, SPH_SAME, elastic, s, a, s->begin[a], s->middle[a], &sums);
             if (s->middle[a] < s->end[a])
-                sph_add_rates(dim, SPH_TO_WALL, elastic, s, a, s->middle[a], s->end[a], sums, sums + 6);
+                sph_add_rates(dim, SPH_TO_WALL, elastic, s, a, s->middle[a], s->end[a], &sums);
         }
-        for (int k = 0; k < (elastic ? 9 : 6); k++) rates[k][a - first] = (k < 3 ? 2.0 : 1.0) * v_sum(sums[k]);
+        for (int k = 0; k < 6; k++) rates[k][a - first] = (k < 3 ? 2.0 : 1.0) * v_sum(sums.D[k]);
+        for (int k = 0; elastic && k < 3; k++) rates[6 + k][a - first] = v_sum(sums.spin[k]);
+        for (int k = 0; s->config.wall_friction && k < dim; k++)
+            near[k][a - first] = is_wall ? fabs(normal[k][a]) : v_sum(sums.near[k]);
     }
 }
 
 /* Add m_b G (T_a + T_b) d of blocks [first, last), T = sigma/rho^2. */
-GR_INLINE void sph_add_forces(int dim, const struct gr_sph *s, double *const *pull, int64_t a, int64_t first, int64_t last,
-                              vd *sum)
+GR_INLINE void sph_add_forces(int dim, const struct gr_sph *s, int64_t a, int64_t first, int64_t last, vd *sum)
 {
+    double *const *pull = s->pull;
     const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0], h = s->config.parameter[GR_SPH_P_h];
     struct sph_place place = {.shift = -1};
     for (int64_t k = first; k < last; k++) {
@@ -210,12 +224,11 @@ GR_INLINE void sph_add_forces(int dim, const struct gr_sph *s, double *const *pu
 GR_INLINE void sph_forces(int dim, struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found)
 {
     double *const *acceleration = gr_sph_rows(s, GR_SPH_FIELD_a), scale = sph_gradient_norm(dim, s);
-    double *const *walls_pull = s->config.wall_friction ? s->wall_pull : s->pull;
     for (int64_t a = first; a < last; a++) {
         vd sums[3] = {v_set(0.0), v_set(0.0), v_set(0.0)};
         double square = 0.0;
-        sph_add_forces(dim, s, s->pull, a, s->begin[a], s->middle[a], sums);
-        if (s->middle[a] < s->end[a]) sph_add_forces(dim, s, walls_pull, a, s->middle[a], s->end[a], sums);
+        sph_add_forces(dim, s, a, s->begin[a], s->middle[a], sums);
+        if (s->middle[a] < s->end[a]) sph_add_forces(dim, s, a, s->middle[a], s->end[a], sums);
         for (int i = 0; i < dim; i++) {
             acceleration[i][a] = scale * v_sum(sums[i]) + s->gravity[i];
             square += acceleration[i][a] * acceleration[i][a];

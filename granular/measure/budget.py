@@ -130,10 +130,16 @@ def step_budget(sim: "Simulation") -> StepBudget:
 
     Raises
     ------
+    ValueError
+        If the scene has inflows, whose energy it does not account for.
     SimulationError
         As `Simulation.step`.
     """
     engine, scene, before = sim._engine, sim.scene, sim.state
+    if scene.inflows:
+        raise ValueError(
+            f"scene {scene.name!r} must have no inflows: their energy is no part of it"
+        )
     engine.p2g()
     sums = engine.nodes()
     engine.grid()

@@ -29,6 +29,8 @@ is a tenth of that of elastic waves."""
 MARGIN = 0.5
 """Overlap [cells] that is no collision yet: what is known of a surface on the grid."""
 
+THE_END = "the end of the domain"
+
 ACROSS = 24
 """Places in which a body is sampled along the edge of a cube of its volume, or fewer."""
 
@@ -61,7 +63,10 @@ class FreeBodies:
             self._solid = solid_cells(scene.grid, scene.walls)
         self._allowed: dict[tuple[int, str], float] = {}
         start = [body.at_start() for body in scene.bodies]
-        self._allowed = {(i, what): depth for i, what, depth in self._overlaps(start, 0.0)}
+        for i, what, depth in self._overlaps(start, 0.0):
+            # Beyond a side there is more of an endless body than the places that stand for it.
+            endless = not np.isfinite(_half_extents(scene.bodies[i])).all()
+            self._allowed[i, what] = math.inf if endless and _is_flat(what) else depth
 
     def __bool__(self) -> bool:
         return bool(self._places)
@@ -73,7 +78,7 @@ class FreeBodies:
             if excess > MARGIN * self._scene.grid.cell:
                 reason = (
                     "no wall holds it there; put one, open the side, or end the run before"
-                    if what.startswith("the end")
+                    if what.startswith(THE_END)
                     else "contact fails where bodies are pressed together by prescribed motions, "
                     "or overlap at the start"
                 )
@@ -132,7 +137,7 @@ class FreeBodies:
                     continue
                 beyond = float((sign * (x[:, axis] - end)).max())
                 if beyond > 0 >= sign * (body.position[axis] - end):
-                    yield f"the end of the domain at {AXES[axis]} = {end:.6g} m", beyond
+                    yield f"{THE_END} at {AXES[axis]} = {end:.6g} m", beyond
 
     def _in_blocks(self, x: Array) -> NDArray[np.bool_]:
         """True for the places (n, dim) in blocks; none is beyond the ends of the grid."""
@@ -143,6 +148,16 @@ class FreeBodies:
         inside: NDArray[np.bool_] = ((at >= 0) & (at <= last)).all(axis=1)
         inside &= solid.at(at.clip(0, last).T)
         return inside
+
+
+def _is_flat(what: str) -> bool:
+    """True for the name of a wall or an end of the domain."""
+    return what.startswith((THE_END, "walls["))
+
+
+def _half_extents(body: Body) -> Array:
+    """Half the extents of a body along its axes [m], infinite of an endless one."""
+    return extents(body.shape, np.eye(3), np.zeros((0, 3)))[: body.dim]
 
 
 def _is_open(scene: Scene, axis: int, sign: int) -> bool:
@@ -157,8 +172,7 @@ def _places(scene: Scene, body: Body) -> Places:
     """
     grid, shape, dim = scene.grid, body.shape, body.dim
     largest = float(np.linalg.norm(np.array(grid.shape) * grid.cell))
-    half = extents(shape, np.eye(3), np.zeros((0, 3)))[:dim]
-    half = np.minimum(half, largest)
+    half = np.minimum(_half_extents(body), largest)
     width = max(0.5 * grid.cell, 2 * math.prod(half) ** (1 / dim) / ACROSS)
     axes = []
     for far in half:

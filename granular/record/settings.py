@@ -53,6 +53,9 @@ def _kind(scene: AnyScene) -> dict[str, object]:
             "scheme.density": type(scene.scheme.density).__name__,
             "bodies": len(scene.bodies),
         }
+        for i, body in enumerate(scene.bodies):
+            names = ("shape", "position", "rotation_deg")
+            found |= {f"bodies[{i}].{name}": getattr(body, name) for name in names}
     return found
 
 

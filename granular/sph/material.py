@@ -50,8 +50,8 @@ class Viscoplastic:
     dilation : float
         Largest beta, 0 to 1; 0 is without dilation, the thesis takes 0.5.
     mu_wall : float or None
-        Friction between material and walls in place of mu_l and mu_h, >= 0; None for that of the
-        bulk. If it is constant and lower than the tangent of the slope, the slip grows without
+        Friction between material and walls, >= 0; None for that of the bulk, which it cannot
+        exceed. If it is constant and lower than the tangent of the slope, the slip grows without
         bound.
 
     Raises

@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 from scipy.linalg import expm
+from scipy.optimize import brentq
 
 
 def kernel(dim, h, d):
@@ -43,6 +44,24 @@ def within(T, strength):
     norm = size(T)
     share = np.where(norm > strength, strength / np.maximum(norm, 1e-300), 1.0)
     return share[:, None, None] * T
+
+
+def slipping(trial, near, p, strength, mu, cohesion):
+    """Limit the shear stress of trial stresses on planes along walls, found by bisection."""
+    for d, axis in enumerate(np.eye(3)[: near.shape[1]]):
+        for a in np.flatnonzero(near[:, d] & (strength > mu * p + cohesion)):
+            T = trial[a]
+            t = T[d] * (1 - axis)
+            shear = np.outer(axis, t) + np.outer(t, axis)
+
+            def excess(kept, T=T, shear=shear, a=a, d=d, t=t):
+                cut = within((T - (1 - kept) * shear)[None], strength[a : a + 1])[0]
+                along = np.linalg.norm(cut[d] * (np.arange(3) != d))
+                return along - max(mu[a] * (p[a] - cut[d, d]) + cohesion, 0)
+
+            if excess(1.0) > 0:
+                kept = brentq(excess, 0, 1, xtol=1e-15) if excess(0.0) < 0 else 0.0
+                trial[a] = T - (1 - kept) * shear
 
 
 def deviator(T):
@@ -100,19 +119,19 @@ def evaluate(scene, grains, walls, dt, gravity, elastic):
     eta = (n.regularisation * h**2 * rho / dt)[:, None, None]
     trial = kept + eta * D + G * dt * deviator(D)
     strength = (mu + beta) * p + m.cohesion
+    if m.mu_wall is not None:
+        normal = np.concatenate([np.zeros(grains["x"].shape), walls["normal"]])
+        near = sum((w[:, :, None] * np.abs(normal)).sum(1) for _, w, _ in pairs) > 0
+        near[wall] = normal[wall] != 0
+        slipping(trial, near, p, strength, m.mu_wall + beta, m.cohesion)
     shear = within(trial, strength)
     bulk = shear - p[:, None, None] * np.eye(3)
-    mu_wall = mu if m.mu_wall is None else m.mu_wall
-    at_wall = within(trial, (mu_wall + beta) * p + m.cohesion) - p[:, None, None] * np.eye(3)
     # the strain shared by spring and dashpot follows from the remaining shear stress
     strained = (deviator(shear) - kept) / (eta + G * dt)
     elastic = within(kept + G * dt * strained, strength)
 
     a = np.tile(np.array(gravity, dtype=float), (len(x), 1))
     for _, _, grad in pairs:
-        for s, chosen in ((bulk, ~wall), (at_wall, wall)):
-            T = s[:, :dim, :dim] / rho[:, None, None] ** 2
-            both = T[:, None] + T[None]
-            weight = np.where(chosen, mass, 0.0)
-            a += np.einsum("b,abij,abj->ai", weight, both, grad)
+        T = bulk[:, :dim, :dim] / rho[:, None, None] ** 2
+        a += np.einsum("b,abij,abj->ai", mass, T[:, None] + T[None], grad)
     return rho, rate, bulk, a[~wall], elastic

@@ -121,6 +121,33 @@ def test_work_of_bodies_is_in_the_account(scene, often, free):
     assert without > diagnostics.ENERGY_LIMIT * work  # it would be suspect without this work
 
 
+@pytest.mark.parametrize(("frequency", "known"), [(0.0, True), (25.0, False)])
+def test_work_of_gravity_that_goes_back_and_forth_is_unknown(scene, often, frequency, known):
+    """Frames every 0.02 s know nothing of the 0.04 s in which a bed is shaken up and down."""
+    times = np.linspace(0.0, 0.1, 101)
+    pull = -9.8 * (1 + 3 * np.sin(2 * np.pi * frequency * times))
+    gravity = gr.Gravity(tuple(times), tuple((0.0, g) for g in pull))
+    sim = gr.Simulation(scene.replace(gravity=gravity), threads=1)
+    sim.run(until=0.1, every=0.02)
+    created = sim._monitor.columns()["created"]
+    assert np.isfinite(created).all() == known and np.isnan(created).all() != known
+    assert sim.health()["energy_created"].verdict == ("ok" if known else "unknown")
+
+
+def test_samples_go_on_after_a_restart(scene, often, tmp_path):
+    """At the steps at which those of an unbroken run would have been taken."""
+    whole = gr.Simulation(scene, threads=1)
+    whole.run(until=0.1, every=0.002, save=tmp_path / "whole.h5")
+    gr.Simulation(scene, threads=1).run(until=0.053, every=0.002, save=tmp_path / "cut.h5")
+    gr.Simulation.resume(tmp_path / "cut.h5", threads=1).run(until=0.1)
+    taken = [
+        np.isfinite(record.samples["courant"])
+        for name in ("whole.h5", "cut.h5")
+        for record in [gr.open(tmp_path / name)]
+    ]
+    assert np.array_equal(*taken)
+
+
 def test_a_suspect_run_ends_with_a_warning(scene, often, monkeypatch):
     """It says what to do, and once for each indicator."""
     monkeypatch.setattr(diagnostics.Bulk, "disconnected", lambda self: 0.5)

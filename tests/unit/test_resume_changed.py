@@ -6,6 +6,8 @@ import pytest
 import granular as gr
 from granular import scenes
 
+PARTICLE = gr.Scheme(transfer="flip", density=gr.ParticleDensity())
+
 
 @pytest.fixture(scope="module")
 def flying(tmp_path_factory):
@@ -55,6 +57,50 @@ def test_numbers_of_material_and_scheme_change(flying):
         assert record.scene == softer
     whole = gr.Simulation.resume(path, threads=1)
     assert whole.steps == sim.steps and np.array_equal(whole.state.x, sim.state.x)
+
+
+def bed(E, scheme, bodies=()):
+    return gr.Scene(
+        name="bed",
+        grid=gr.Grid((0.0, 0.0), 0.01, (12, 16)),
+        fills=(gr.Fill(gr.Box((0.0, 0.0), (0.12, 0.1)), 4, lithostatic=True),),
+        material=gr.MuI(E=E),
+        scheme=scheme,
+        walls=(gr.Wall(1, 0.0), *(gr.Wall(0, x, kind="free_slip") for x in (0.0, 0.12))),
+        bodies=bodies,
+        gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
+        duration=1.0,
+    )
+
+
+@pytest.mark.filterwarnings("ignore:ParticleDensity")
+@pytest.mark.parametrize("factor", [10.0, 0.1])
+@pytest.mark.parametrize("scheme", [gr.Scheme(), gr.schemes.cell_averaged, PARTICLE])
+def test_a_bed_rests_on_with_another_stiffness(tmp_path, scheme, factor):
+    """It keeps its pressure, and its time step is that of the changed scene from the first on."""
+    sim = gr.Simulation(bed(1e6, scheme), threads=1)
+    sim.step(161)  # the time step is computed anew every 16 steps
+    sim.run(until=sim.time * 1.0001, save=tmp_path / "bed.h5", monitor=False)
+    before = sim.state.pressure.mean()
+    on = gr.Simulation.resume(tmp_path / "bed.h5", scene=bed(factor * 1e6, scheme), threads=1)
+    on.step(1)
+    assert on.dt == pytest.approx(sim.dt / np.sqrt(factor), rel=1e-3)
+    assert on.state.pressure.mean() == pytest.approx(before, rel=1e-3)
+    on.step(300)
+    assert on.state.speed.max() < 2e-3
+
+
+def test_the_first_place_of_a_body_stays(tmp_path):
+    """Its present one is that of the record."""
+
+    def scene_of(x):
+        return bed(
+            1e6, gr.Scheme(), (gr.Body(gr.bodies.Cylinder(0.03, center=(0.0, 0.0)), (x, 0.13)),)
+        )
+
+    gr.Simulation(scene_of(0.06), threads=1).run(until=1e-3, save=tmp_path / "ball.h5")
+    with pytest.raises(ValueError, match=r"bodies\[0\].position = \(0.05, 0.13\) must be"):
+        gr.Simulation.resume(tmp_path / "ball.h5", scene=scene_of(0.05))
 
 
 @pytest.mark.parametrize(

@@ -175,6 +175,13 @@ def test_every_line_of_the_budget_is_a_finite_number(small_scene):
     assert all(math.isfinite(v) for v in dataclasses.astuple(gr.measure.step_budget(sim)))
 
 
+def test_the_budget_of_a_step_refuses_inflows():
+    sim = gr.Simulation(gr.scenes.silo_fed(), threads=1)
+    with pytest.raises(ValueError, match="scene 'silo_fed' must have no inflows"):
+        gr.measure.step_budget(sim)
+    assert sim.steps == 0
+
+
 @pytest.mark.parametrize("wide", [(1, 1), (2, 1)])
 def test_a_narrow_column_falls_as_a_whole(wide):
     """With 9 active cells in a layer, a vector of 8 begins and ends in rows of two layers."""

@@ -1,5 +1,6 @@
 """Free bodies are held by walls, blocks and other bodies; runs end at the ends of the domain."""
 
+import math
 import re
 
 import numpy as np
@@ -133,6 +134,11 @@ def test_a_ball_stops_at_the_wall_in_3d():
 WINDOW = Wall(0, 0.8, kind="free_slip", span=((0.0, 1.6),))
 
 
+def endless(shape, *velocity):
+    """A body without an end, which moves along itself or to where it is already."""
+    return Body(shape, (0.8, 0.8), motion=Motion(velocity=(velocity,)), free="x", mass=1.0)
+
+
 @pytest.mark.parametrize(
     "scene",
     [
@@ -145,8 +151,22 @@ WINDOW = Wall(0, 0.8, kind="free_slip", span=((0.0, 1.6),))
         scene_of(disc(2.0, 0.0), Body(Box((0.1, 0.2)), (1.35, 0.3)), open_sides={"x+"}),
         scene_of(disc(0.0, -2.0), walls=(Wall(1, 0.3, span=((0.0, 0.5),)),), open_sides={"y-"}),
         scene_of(disc(0.0, -0.8), walls=(Wall(1, 0.5, opens_at=0.05),)),
+        scene_of(endless(Box((math.inf, 0.2)), 0.5, 0.0)),
+        scene_of(endless(HalfSpace((-1.0, 0.0)), 0.5, 0.0), walls=(Wall(0, 1.6),)),
     ],
-    ids=["open", "periodic", "from above", "away", "led", "window", "past", "hole", "gate"],
+    ids=[
+        "open",
+        "periodic",
+        "from above",
+        "away",
+        "led",
+        "window",
+        "past",
+        "hole",
+        "gate",
+        "endless",
+        "retreating",
+    ],
 )
 def test_what_it_may_pass(scene):
     sim = gr.Simulation(scene, threads=1)

@@ -109,6 +109,44 @@ def test_too_steep_a_layer_accelerates():
     assert limit < accelerations[-1] < 1.8 * limit
 
 
+@pytest.mark.parametrize(
+    ("angle", "mu", "mu_wall", "smoothing"), [(25.0, 0.74, 0.335, 1.2), (18.0, 0.8, 0.2, 1.5)]
+)
+def test_a_layer_slides_down_a_wall_with_the_friction_of_the_wall(angle, mu, mu_wall, smoothing):
+    """As a block, with g (sin - mu_wall cos)."""
+    scene = scenes.incline_sph(
+        angle_deg=angle, height=0.1, columns=8, settle=0.3, duration=0.6, mu_wall=mu_wall,
+        mu_l=mu, mu_h=mu, numerics=sph.Numerics(smoothing=smoothing),
+    )  # fmt: skip
+    simulation = sph.Simulation(scene, threads=1)
+    mean, times, lowest = [], [], []
+    for until in (0.5, 0.9):
+        state = simulation.run(until, monitor=False).state
+        times.append(simulation.time)
+        mean.append(state.v[:, 0].mean())
+        lowest.append(state.v[state.x[:, 1] < 0.01, 0].mean())
+    a = math.radians(angle)
+    gained = (mean[1] - mean[0]) / (times[1] - times[0])
+    friction = (G * math.sin(a) - gained) / (G * math.cos(a))
+    assert friction == pytest.approx(mu_wall, rel=0.01)
+    assert lowest == pytest.approx(mean, rel=0.05)
+
+
+@pytest.mark.parametrize("smoothing", [1.2, 1.5])
+def test_a_layer_goes_on_over_a_wall_without_friction(smoothing):
+    """It keeps its velocity: the particles of the wall take 0.2 % of it in 0.5 s."""
+    material = sph.Viscoplastic(mu_l=0.577, mu_h=0.577, mu_wall=0.0)
+    scene = scenes.incline_sph(
+        angle_deg=0.0, height=0.1, columns=8, material=material,
+        numerics=sph.Numerics(smoothing=smoothing),
+    )  # fmt: skip
+    moving = tuple(fill.replace(velocity=(1.0, 0.0)) for fill in scene.fills)
+    state = sph.Simulation(scene.replace(fills=moving), threads=1).run(0.5, monitor=False).state
+    assert state.v[:, 0].mean() == pytest.approx(1.0, abs=2e-3)
+    assert np.sum(state.v**2, axis=1).mean() == pytest.approx(1.0, abs=5e-3)
+    assert state.v[:, 0] == pytest.approx(1.0, abs=0.1)
+
+
 @pytest.mark.parametrize("nu", [0.5, 0.45])
 def test_pressure_of_a_bed_is_its_overburden(nu):
     """Without a spring there is no shear stress at rest, and p equals the overburden.
