@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from granular import _core
 from granular.buffers import default_isa
 from granular.checks import integer
-from granular.mpm.scene import Scene as MpmScene
-from granular.record import Checkpoint, open_trajectory
+from granular.record import open_trajectory
 from granular.record.layout import reading
 from granular.record.settings import check_alike, settings_of, usable_isa
 
@@ -46,7 +42,7 @@ def resumed(
             if isa is None:
                 isa = usable_isa(recorded, record.path)
             if scene is not None and scene != record.scene:
-                checkpoint = _under(record.scene, scene, checkpoint)
+                checkpoint = method._adapted(record.scene, scene, checkpoint)
             sim: Simulation = method._restored(scene or record.scene, checkpoint, threads, isa)
             if scene is None:
                 past = record.series["step"] <= sim.steps
@@ -55,23 +51,3 @@ def resumed(
     sim._every, sim._stored, sim._precision = every, stored, precision
     sim._session.path = None if scene is not None else Path(path)
     return sim
-
-
-def _under(before: AnyScene, scene: AnyScene, checkpoint: Checkpoint) -> Checkpoint:
-    """Return a checkpoint with which a run goes on under a changed scene.
-
-    Material that rested may move, the time step of the scene before may be too long, and densities
-    follow from the pressures with the bulk moduli of the changed scene.
-    """
-    arrays = {name: array for name, array in checkpoint.arrays.items() if name != "calm"}
-    scalars = dict(checkpoint.scalars)
-    if isinstance(scene, MpmScene):
-        scalars["dt"] = 0.0  # a new one in the first step
-        old, new = (np.array([material.K for material in s.materials]) for s in (before, scene))
-        kept = [material.elasticity == "hencky" for material in scene.materials]
-        number = arrays["material"].astype(np.intp).ravel() if len(new) > 1 else 0
-        share = np.where(kept, 1.0, old / new)[number]
-        stressed = np.any(arrays["stress"], axis=0)
-        log_density = arrays["log_density"]
-        arrays["log_density"] = np.where(stressed, share, 1.0) * log_density
-    return replace(checkpoint, arrays=arrays, scalars=scalars)

@@ -258,9 +258,10 @@ class Simulation(Method):
             "volume", "nodal_density", ..., see `granular.measure.derived`. Each makes frames larger
             by a number per point. By default those of the previous run; none in the first run.
         precision : {"double", "single"}, optional
-            Precision of the frames of the record. In single precision they take half of the space;
-            checkpoints, and with them the results of runs that go on, are as exact as ever. By
-            default that of the previous run; double in the first run.
+            Precision of the frames of the record. In single precision all but the positions of the
+            points are rounded, and they take little more than half of the space; checkpoints, and
+            with them the results of runs that go on, are as exact as ever. By default that of the
+            previous run; double in the first run.
         checkpoint_minutes : float
             Wall-clock time between two checkpoints of the record [min], > 0, may be infinite. One
             is also stored at the beginning and at the end of a run, and when it is interrupted or
@@ -441,6 +442,11 @@ class Simulation(Method):
             If `scene` is not a scene, or the checkpoint does not fit it.
         """
         return cls._of(scene)._restored(scene, checkpoint, threads, isa)
+
+    @classmethod
+    def _adapted(cls, before: AnyScene, scene: AnyScene, checkpoint: Checkpoint) -> Checkpoint:
+        """Return a checkpoint of one scene with which a run goes on under a changed one."""
+        return checkpoint
 
     @classmethod
     def resume(

@@ -33,6 +33,9 @@ Vector = tuple[float, ...]
 MOST_ROUNDS = 2000
 """Steps by the distance from a body after which a search for its surface from above gives up."""
 
+FARTHEST = 1e9
+"""Distance from the position of a body within which its surface is looked for, over its size."""
+
 
 @runtime_checkable
 class Surface(Protocol):
@@ -191,28 +194,32 @@ def _heights_of(source: Source, x: Array) -> ArrayLike:
 def _uppermost(body: Solid, x: Array) -> Array:
     """Height of the uppermost surface of a body above or below its position, at places (n, d - 1).
 
-    From places in the solid the search goes up in growing steps, and from the open down by the
-    distance from the surface, which no step can cross.
+    The search goes down, by the distance from the surface, which no step can cross: from the
+    position where that is in the open, else from above the body, or, if it is endless, from where
+    growing steps up come into the open.
     """
-    z = np.full(len(x), body.position[-1])
+    start = body.position[-1]
+    z = np.full(len(x), start)
+    reach = float(np.max(body.extents())) if hasattr(body, "extents") else np.inf
+    size = reach if reach < np.inf else max(np.ptp(x, axis=0).max(initial=0.0), abs(start)) or 1.0
 
     def above() -> Array:
         return body.distance(np.column_stack([x, z]))[0]
 
-    rise = 1.0
+    rise = 1.01 * size if reach < np.inf else 1e-3 * size
     while (solid := above() <= 0).any():
         z[solid] += rise
         rise *= 2
-        if rise > 1e9:
+        if rise > FARTHEST * size:
             raise ValueError(
                 f"the body must have a surface above {tuple(x[solid.argmax()].tolist())}"
             )
     for _ in range(MOST_ROUNDS):
         phi = above()
         z -= phi
-        if phi.max() < 1e-10:
+        if phi.max() < 1e-10 * size + 4 * np.spacing(np.abs(z).max()):
             return z
-        if z.min() < -1e9:
+        if z.min() < start - FARTHEST * size:
             raise ValueError(f"the body must have a surface below {tuple(x[z.argmin()].tolist())}")
     raise ValueError(f"the surface of the body is too steep at {tuple(x[phi.argmax()].tolist())}")
 

@@ -223,9 +223,14 @@ def rounded(E: float) -> float:
     return math.ceil(round(E / unit, 6)) * unit
 
 
-def softest(error: Callable[[float], float], tolerance: float) -> float:
+STIFFNESSES = (0.1, 1e10)
+"""Least and largest E among which one is looked for, over rho g H."""
+
+
+def softest(scene: Scene, error: Callable[[float], float], tolerance: float) -> float:
     """Smallest E [Pa] whose expected error is within a tolerance; nan if there is none."""
-    low, high = 1e3, 1e13
+    load = scene.material.rho_c * gravity(scene) * height(scene)
+    low, high = (load * ratio for ratio in STIFFNESSES)
     if not error(high) <= tolerance:
         return math.nan
     for _ in range(60):

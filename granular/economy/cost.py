@@ -284,7 +284,7 @@ def _enough(scene: Scene) -> tuple[float, float]:
 
     try:
         with np.errstate(all="ignore"):
-            E = bias.softest(error, TOLERANCE)
+            E = bias.softest(scene, error, TOLERANCE)
             if not math.isnan(E):
                 return E, error(E)
         strain = bias.pressure_strain(scene)

@@ -201,7 +201,7 @@ def _stiffness(asked: _Asked) -> _Advice:
     if math.isnan(own):
         reason = "What softer grains would change here has not been measured: E is kept."
         return _Advice(reason, math.nan)
-    E = bias.softest(error, asked.tolerance)
+    E = bias.softest(scene, error, asked.tolerance)
     if math.isnan(E):
         reason = (
             f"Runs that should be the same differ by as much as is left, {asked.tolerance:.2g}."

@@ -208,6 +208,7 @@ def beverloo(
     *,
     rho: float | None = None,
     gravity: float = 9.8,
+    window: tuple[float, float] = WINDOW,
 ) -> BeverlooFit:
     """Fit Beverloo's law in 2D, with the exponent 3/2 and with a free exponent.
 
@@ -226,6 +227,10 @@ def beverloo(
         Bulk density [kg/m3], with orifices only.
     gravity : float
         Magnitude of gravity [m/s2], with orifices only.
+    window : (float, float)
+        Of `discharge`, with trajectories only: masses in the full silo [kg; in 2D per metre of
+        depth] between which the rates are taken. The default is that of silos of the size of
+        Dunatunga & Kamrin 2015.
 
     Returns
     -------
@@ -239,7 +244,7 @@ def beverloo(
         `discharge`.
     """
     if rates is None:
-        orifice, rate, scale = _measured(cast(Iterable[Any], cases))
+        orifice, rate, scale = _measured(cast(Iterable[Any], cases), window)
     else:
         if rho is None:
             raise ValueError("rho = None: the bulk density in kg/m3 must come with the rates")
@@ -250,7 +255,7 @@ def beverloo(
     return _fit(orifice, rate, scale)
 
 
-def _measured(cases: Iterable[Any]) -> tuple[Array, Array, Array]:
+def _measured(cases: Iterable[Any], window: tuple[float, float]) -> tuple[Array, Array, Array]:
     """Orifices, rates and ``rho_c sqrt(g)`` of several runs."""
     rows = []
     for case in cases:
@@ -263,7 +268,7 @@ def _measured(cases: Iterable[Any]) -> tuple[Array, Array, Array]:
             raise ValueError(f"scene {scene.name!r} has no parameter orifice")
         g = float(np.linalg.norm(scene.gravity.at(scene.duration)))
         scale = scene.material.rho_c * math.sqrt(g)
-        rows.append((scene.parameters["orifice"], discharge(case).rate, scale))
+        rows.append((scene.parameters["orifice"], discharge(case, window=window).rate, scale))
     orifice, rate, scale = np.array(rows, dtype=float).reshape(-1, 3).T
     return orifice, rate, scale
 

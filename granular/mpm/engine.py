@@ -52,6 +52,22 @@ def _local_phase(scene: Scene) -> float:
     return LOCAL_PHASE * material.t0 if isinstance(material, NGF) else 0.0
 
 
+ROUNDED_POINTS = 64
+"""Points that may lie at one node of an end of the grid."""
+
+
+def _cutoff(scene: Scene) -> float:
+    """Mass [points] up to which a node does not move.
+
+    Points that an end of the grid stops lie within the rounding of its coordinate, and the node a
+    cell before it has that share of their masses, but a whole part of their forces.
+    """
+    grid = scene.grid
+    ends = np.abs([grid.lower, grid.upper]).max() / grid.cell
+    rounding = np.finfo(float).eps * max(ends, *grid.shape)
+    return max(scene.scheme.mass_cutoff, ROUNDED_POINTS * rounding)
+
+
 def _parameters(scene: Scene, material: Material) -> dict[str, float]:
     """Parameters of a law by their names in the core, and other numbers of the material."""
     numbers = material.arguments() | {"K": material.K, "G": material.G}
@@ -173,7 +189,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
             "wave_speed": scene.wave_speed,
             "mean_mass": mean_mass,
         },
-        scheme_numbers=scheme.numbers() | {"dt": scheme.dt or 0.0},
+        scheme_numbers=scheme.numbers() | {"dt": scheme.dt or 0.0, "mass_cutoff": _cutoff(scene)},
         density_numbers=_density_numbers(scene),
         fluidity_numbers={
             "begins_at": _local_phase(scene),

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Self
+from dataclasses import replace
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -337,6 +338,23 @@ class Simulation(simulation.Simulation, scenes=Scene):
             self._engine.restore_calm(checkpoint.arrays["calm"])
         self._engine.restore(scalars)
         return self
+
+    @classmethod
+    def _adapted(cls, before: Any, scene: Any, checkpoint: Checkpoint) -> Checkpoint:
+        """Return a checkpoint of one scene with which a run goes on under a changed one.
+
+        Material that rested may move, the time step may be too long, and the densities of
+        hypoelastic materials follow from their stresses.
+        """
+        arrays = {name: array for name, array in checkpoint.arrays.items() if name != "calm"}
+        old, new = (np.array([material.K for material in s.materials]) for s in (before, scene))
+        hencky = [material.elasticity == "hencky" for material in scene.materials]
+        number = arrays["material"].ravel().astype(np.intp) if len(new) > 1 else 0
+        share = np.where(hencky, 1.0, old / new)[number]
+        stressed = np.any(arrays["stress"], axis=0)
+        arrays["log_density"] = np.where(stressed, share, 1.0) * arrays["log_density"]
+        scalars = dict(checkpoint.scalars) | {"dt": 0.0}  # a new one in the first step
+        return replace(checkpoint, arrays=arrays, scalars=scalars)
 
     def _body_rows(self) -> NDArray:
         return self._engine.bodies()

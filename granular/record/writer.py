@@ -97,7 +97,11 @@ class _Layout:
         _check_fields(given)
         n = given["x"].shape[0]
         chunk = self.chunk or chunk_rows(n)
-        new = {name: Fresh(a, chunk, self.packer, name, single) for name, a in given.items()}
+        # Positions stay double: the places of points in cells far from the origin need it.
+        new = {
+            name: Fresh(a, chunk, self.packer, name, single and name != "x")
+            for name, a in given.items()
+        }
         spec = _spec(new)
         if self.spec is not None and spec != self.spec:
             raise ValueError(f"fields = {spec} must be those of frame 0: {self.spec}")

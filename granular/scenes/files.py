@@ -44,7 +44,7 @@ RUN = {
     "until": "Time at which the run stops [s]; by default the duration of the scene.",
     "every": "Time between frames [s].",
     "fields": 'Quantities that frames hold too, as ParaView shows them: ["pressure", "speed"].',
-    "precision": 'Precision of frames, "double" or "single", which takes half of the space.',
+    "precision": 'Precision of frames, "double" or "single", which takes less space.',
     "threads": "Number of threads; by default as many as are worth it.",
 }
 """Keys of the section "run", and what they mean."""

@@ -69,6 +69,16 @@ class _Rows:
         return max(self.wall_first + self.walls, gas_end) + _core.LANES
 
 
+def _weight(scene: Scene) -> float:
+    """Weight of the material at the start on an area [Pa]; infinite without gravity or fills."""
+    pull = float(np.linalg.norm(scene.gravity.vectors, axis=1).max())
+    if not scene.fills or not pull:
+        return math.inf
+    lows, highs = zip(*(fill.region.bounds for fill in scene.fills), strict=True)
+    height = max(high[-1] for high in highs) - min(low[-1] for low in lows)
+    return scene.material.rho0 * pull * height
+
+
 def _build(scene: Scene, isa: str) -> _core.Sph:
     grid, material, numerics = scene.grid, scene.material, scene.numerics
     gas, point_volume = scene.gas, scene.point_mass / material.rho0
@@ -84,7 +94,7 @@ def _build(scene: Scene, isa: str) -> _core.Sph:
         | {
             "h": scene.h,
             "skin": numerics.skin * scene.h,
-            "rho0_wall": numerics.rho0_wall(material),
+            "rho0_wall": numerics.rho0_wall(material, _weight(scene)),
             "mu_wall": material.mu_wall or 0.0,
             "gradient": seeding_gradient(grid.dim, numerics.smoothing),
             "dt": numerics.dt or 0.0,

@@ -46,6 +46,16 @@ def within(T, strength):
     return share[:, None, None] * T
 
 
+def overburden(scene):
+    """Weight of the fills on an area."""
+    heights = [
+        z for fill in scene.fills for z in (fill.region.bounds[0][-1], fill.region.bounds[1][-1])
+    ]
+    return (
+        scene.material.rho0 * np.linalg.norm(scene.gravity.vectors, axis=1).max() * np.ptp(heights)
+    )
+
+
 def slipping(trial, near, p, strength, mu, cohesion):
     """Limit the shear stress of trial stresses on planes along walls, found by bisection."""
     for d, axis in enumerate(np.eye(3)[: near.shape[1]]):
@@ -106,7 +116,7 @@ def evaluate(scene, grains, walls, dt, gravity, elastic):
     L = velocity_gradients(scene, pairs, x, v, mass / rho, wall, walls, len(grains["x"]))
     D = L + L.transpose(0, 2, 1)
     rate = size(D)
-    rho0 = np.where(wall, n.rho0_wall(m), m.rho0)
+    rho0 = np.where(wall, n.rho0_wall(m, overburden(scene)), m.rho0)
     p = np.where(rho > rho0, m.kappa * ((rho / rho0) ** 1.5 - 1), 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         beta = np.nan_to_num(np.clip(0.5 * np.trace(D, axis1=1, axis2=2) / rate, 0, m.dilation))

@@ -150,6 +150,27 @@ def test_a_driven_inflow_is_full_at_the_start_and_moves_as_it_is_told():
     assert sim.inflows[0].impulse[1] > 0  # it bears the weight of what it holds
 
 
+@pytest.mark.parametrize("end", [0.0, 0.4])
+def test_driven_inflows_of_both_directions_are_mirror_images(end):
+    """The upper end of a grid, which belongs to no cell, is where those down an axis begin."""
+    found = []
+    for way in (1, -1):
+        low, high = sorted((end, end + way * 0.1))
+        region = gr.Box((low, 0.0), (high, 0.1))
+        scene = gr.Scene(
+            name="piston",
+            grid=gr.Grid((min(end, end + way * 0.4), 0.0), 0.02, (20, 10)),
+            fills=(),
+            inflows=(gr.Inflow(region, (float(way), 0.0), 4, driven=True),),
+            material=gr.MuI(E=1e6),
+            gravity=gr.Gravity((0.0,), ((0.0, 0.0),)),
+            duration=0.1,
+        )
+        found.append(way * (scene.points().x[:, 0] - end))
+    assert len(found[0]) == 100
+    assert np.sort(found[0]) == pytest.approx(np.sort(found[1]), abs=1e-12)
+
+
 def test_cost_and_memory_count_what_will_have_entered():
     scene = stream(duration=0.4)
     sim = gr.Simulation(scene, threads=1).run()

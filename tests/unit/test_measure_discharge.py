@@ -90,6 +90,8 @@ def test_beverloo_of_runs():
     D = np.array([0.1, 0.14, 0.2])
     rates = 1.5 * 1500 * np.sqrt(9.8) * D**1.5
     runs = [silo(Q, orifice=d, half=True, end=3.0) for d, Q in zip(D, rates, strict=True)]
+    with pytest.raises(ValueError, match=r"window = \(2.0, 1.0\): 0 frames lie in it"):
+        beverloo(runs, window=(2.0, 1.0))
     fit = beverloo(runs)
     assert pytest.approx(1.5, rel=1e-10) == fit.C
     assert np.allclose(fit.orifices, D)

@@ -198,7 +198,7 @@ def test_what_is_stored_does_not_change_with_the_state(tmp_path):
 
 @pytest.mark.parametrize("order", ["C", "F"])
 def test_frames_in_single_precision(tmp_path, order):
-    """They take half of the space, and read as double precision; checkpoints are exact."""
+    """They take less space, and read as double precision; positions and checkpoints are exact."""
     sizes, counts = {}, (40000, 33000, 12)
     for single in (False, True):
         path = tmp_path / f"{single}.h5"
@@ -211,7 +211,7 @@ def test_frames_in_single_precision(tmp_path, order):
                 writer.append(state, single=single)
             writer.checkpoint(make_checkpoint())
         sizes[single] = path.stat().st_size
-    assert sizes[True] < 0.6 * sizes[False]
+    assert sizes[True] < 0.7 * sizes[False]
     with TrajectoryWriter.resume(path) as writer:
         writer.append(state, single=True)  # recognised
         assert writer.frames == 3
@@ -223,17 +223,18 @@ def test_frames_in_single_precision(tmp_path, order):
         for state, wanted in zip(record, exact, strict=True):
             for name, array in wanted.fields.items():
                 with np.errstate(over="ignore"):
-                    rounded = array.astype("<f4") if array.dtype.kind == "f" else array
+                    rounds = array.dtype.kind == "f" and name != "x"
+                    rounded = array.astype("<f4") if rounds else array
                 found = state.fields[name]
                 assert found.dtype == array.dtype
                 assert np.array_equal(found, rounded.astype(array.dtype), equal_nan=True)
     with h5py.File(path) as file:
-        assert file["VTKHDF/Points"].dtype == file["VTKHDF/PointData/v"].dtype == "<f4"
+        assert file["VTKHDF/PointData/v"].dtype == "<f4" and file["VTKHDF/Points"].dtype == "<f8"
         assert file["VTKHDF/PointData/id"].dtype == "<i8"
     *_, (time, data) = paraview(path)
     assert time == make_state(2, 1).time
     points = as_array(data.GetPoints().GetData())
-    assert np.array_equal(points[:, :2], make_state(2, 12).fields["x"].astype("<f4"))
+    assert np.array_equal(points[:, :2], make_state(2, 12).fields["x"])
 
 
 def test_columns_that_change_their_nature_come_back_as_they_were():

@@ -110,6 +110,10 @@ def test_heights_of_a_body():
     drum = gr.Body(Roll(0.4, center=(0.0, 0.0), inside=True), (0.5, 0.6))
     found = gr.Heights.of(drum, 0.2, 0.8, 0.3).z
     assert np.allclose(found, 0.6 - np.sqrt(0.16 - np.array([0.09, 0, 0.09])), atol=1e-9)
+    for size in (1e-3, 1.0, 1e4):  # the roof above its floor, at any size
+        floor, roof = (Block((3 * size, 0.2 * size), center=(0, y * size)) for y in (0.1, 0.5))
+        found = gr.Heights.of(gr.Body(gr.bodies.Union((floor, roof)), (0, 0)), -size, size, size).z
+        assert found == pytest.approx(0.6 * size, rel=1e-9)
     with pytest.raises(ValueError, match=r"must have a surface below \(0.0,\)"):
         gr.Heights.of(gr.Body(Block((0.1, 0.1)), (0.5, 0.5)), 0.0, 1.0, 0.25)
 

@@ -119,10 +119,11 @@ def test_bucket_is_open_above_and_before():
 
 
 def test_beds_are_in_balance_from_the_start():
-    """dp/dz = -rho g with p = K ln(rho/rho_c): p = -K ln(1 - rho_c g z/K) at the depth z."""
+    """dp/dz = -rho g with p = K c exp(c), c = ln(rho/rho_c): c + c^2/2 = rho_c g z/K."""
     scene = scenes.excavation(cell=0.025)
     K, rho = scene.material.K, scene.material.rho_c
-    column = -K * np.log1p(-rho * 9.81 * 0.15 / K) / 9.81  # mass per square metre
+    c = np.sqrt(1 + 2 * rho * 9.81 * 0.15 / K) - 1
+    column = K * c * np.exp(c) / 9.81  # mass per square metre
     mass = initial_points(scene)["mass"].sum()
     # by the midpoint rule over 12 points
     assert mass == pytest.approx(1.6 * 0.35 * column, rel=1e-5)

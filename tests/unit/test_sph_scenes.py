@@ -104,6 +104,16 @@ def test_walls_push_stiff_particles_no_harder():
     assert pressures[1:] == pytest.approx([4680, 4500], rel=0.01)
 
 
+def test_walls_push_a_light_bed_no_harder_than_it_can_bear():
+    """Under the gravity of an asteroid, a default bed rests as it does under that of the earth."""
+    for g, steps in ((9.81, 300), (0.0981, 3000)):
+        scene = scenes.incline_sph(angle_deg=0.0, height=0.08, columns=6, gravity=g)
+        simulation = gr.Simulation(scene, threads=1)
+        simulation.step(steps)
+        assert simulation.state.x[:, 1].max() < 0.08
+        assert simulation.state.speed.max() < 0.5 * np.sqrt(g * 0.08)
+
+
 def test_gate_of_the_channel_lifts_clear_and_goes():
     scene = scenes.inclined_collapse(side_walls=True)
     floor, left, *sides, gate = scene.walls
