@@ -99,7 +99,7 @@ class Cost:
         Number of steps.
     seconds : float
         Time on one core [s], within a factor of about two; with 4 points per cell in 2D it is
-        about twice as long.
+        about twice as long, and thin layers of material on a body take up to ten times as long.
     memory : float
         Memory with these points [bytes], within about a third.
     peak_memory : float

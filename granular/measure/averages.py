@@ -75,7 +75,8 @@ def frame_average(
     holds ``sum S_ip w_p f_p / sum S_ip w_p`` with multilinear shape functions S. A frame in which
     a cell is empty does not count in that cell. For example, the fluidity is averaged over dense
     points (Dunatunga & Kamrin, Modelling silo clogging, figure 8, which shows 0 where this
-    function returns nan), and the stress by volume.
+    function returns nan), and the stress by volume. Frames that keep step with a periodic motion,
+    such as that of a shaker, see few of its phases: take some 50 frames a period.
 
     Parameters
     ----------

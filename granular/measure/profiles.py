@@ -198,13 +198,13 @@ def grain_diameter(state: State, d: float | None = None) -> float:
     given = next(iter(known)) if d is None else d
     if given is None:
         raise ValueError(
-            "d = None: the material is given by xi alone and knows no grain diameter; "
-            "give it I0 and d in place of xi, or pass d in metres"
+            "d = None: the material knows no grain diameter (a MuI that is given by xi alone, or a "
+            "law of one's own); give it I0 and d in place of xi, or pass d in metres"
         )
     return positive("d", given)
 
 
-def inertial_number(state: State, *, d: float | None = None) -> Array:
+def inertial_number(state: State, *, d: float | None = None, rho_s: float | None = None) -> Array:
     """Inertial number ``I = shear_rate d sqrt(rho_s/p)`` of every point.
 
     The shear rate is the equivalent plastic one (Dunatunga & Kamrin 2015, eq. 2.11).
@@ -214,6 +214,8 @@ def inertial_number(state: State, *, d: float | None = None) -> Array:
     state : State
     d : float, optional
         Grain diameter [m]; by default the material's.
+    rho_s : float, optional
+        Density of the grains [kg/m3]; by default the material's.
 
     Returns
     -------
@@ -223,12 +225,16 @@ def inertial_number(state: State, *, d: float | None = None) -> Array:
     Raises
     ------
     ValueError
-        If the state is empty or the grain diameter is unknown. From xi alone only the
-        `scaled_inertial_number` can be computed.
+        If the state is empty, or the grain diameter or the density of the grains is unknown. From
+        xi alone only the `scaled_inertial_number` can be computed.
     """
     require_points(state)
-    factor = grain_diameter(state, d) * np.sqrt(state.of_material("rho_s"))
-    return factor * _rate_over_root_pressure(state)
+    given = state.of_material("rho_s") if rho_s is None else positive("rho_s", rho_s)
+    if np.isnan(given).all():
+        raise ValueError(
+            "rho_s = None: the material knows no density of grains; pass rho_s [kg/m3]"
+        )
+    return grain_diameter(state, d) * np.sqrt(given) * _rate_over_root_pressure(state)
 
 
 def scaled_inertial_number(state: State) -> Array:

@@ -30,8 +30,9 @@ def check_blades(scene: Scene) -> None:
             raise ValueError(
                 f"bodies[{i}] has parts of {thickness:.6g} m, must be >= {least:.6g} m, two cells, "
                 f"with density = {type(scheme.density).__name__}() and transfer = "
-                f"{scheme.transfer!r}: the material on its two sides would be coupled; "
-                'ParticleDensity() with "apic", "tpic" or "flip" separates them'
+                f"{scheme.transfer!r}: the material on its two sides would be coupled; make it "
+                'thicker, or take ParticleDensity() with "apic", "tpic" or "flip", which separates '
+                "them"
             )
 
 
@@ -71,8 +72,10 @@ def thin_parts(scene: Scene) -> str | None:
                 "edges"
             )
         return thin + (
-            "the material on one side is coupled to that on the other through common nodes; "
-            'ParticleDensity() with "apic", "tpic" or "flip" separates them'
+            "the material on one side is coupled to that on the other through common nodes; make "
+            f"it {reach:.0f} cells thick, or take ParticleDensity() with "
+            '"apic", "tpic" or "flip", '
+            "which separates them but suits no flow that varies in two directions"
         )
     return None
 

@@ -66,15 +66,17 @@ LOCKING = {"linear": 0.45, "ugimp": 0.45, "quadratic": 0.49}
 
 REMEDIES = MappingProxyType(
     {
-        "disconnected": "take SmoothedDensity() (the default) and 4 or more points per cell",
-        "density_drift": "take SmoothedDensity() (the default) in place of ParticleDensity(), a "
-        "larger E, or schemes.cell_averaged",
+        "disconnected": "take 4 or more points per cell, and SmoothedDensity() (the default) in "
+        "place of another density",
+        "density_drift": "take SmoothedDensity() (the default) in place of ParticleDensity(); "
+        "else a larger E, or schemes.cell_averaged",
         "in_bodies": "take smaller cells, a smaller cfl, or a thicker body",
         "in_solids": "put a Wall on the faces that material hits fast, and fill no blocks",
         "wall_strain": "fill the domain, without a free surface, or take a larger E",
         "gaps": "take more points per cell",
         "courant": "take a smaller cfl, or no fixed dt",
-        "energy_created": "take the default scheme, or half of cfl (or dt), and compare",
+        "energy_created": "take the default scheme, if it is another one, else half of cfl (or "
+        "dt), and compare; in slow flow few samples scatter about the work that is dissipated",
     }
 )
 """Remedies for indicators of failure beyond their limits."""
@@ -393,7 +395,7 @@ def _divided(scene: Scene) -> str | None:
             return (
                 f"walls[{i}] has material on both sides, which share the nodes on it: shear passes "
                 'through it, and friction of a "coulomb" wall where both sides press on it is lost;'
-                " take a thin Body with ParticleDensity()"
+                " take a Body of three cells in thickness"
             )
     return None
 

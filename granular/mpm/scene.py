@@ -180,7 +180,8 @@ class Scene(BaseScene):
             if strength and not strength < least * material.K:
                 raise ValueError(
                     f"tensile_strength = {strength:.6g} must be below separation_strain K = "
-                    f"{least * material.K:.6g}: take a larger E = {material.E}"
+                    f"{least * material.K:.6g}: take a smaller tensile_strength, or a larger "
+                    f"E = {material.E}"
                 )
             if self.scheme.precision == "single" and not _core.laws()[material.law][2]:
                 raise ValueError(

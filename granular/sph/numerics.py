@@ -56,8 +56,7 @@ class Numerics:
     z_max : float
         Largest factor of the artificial velocity of walls (eq. 5.24), 1 to 2. With 1 the wall
         particles have the velocity of the wall; the thesis takes 1.5. Above 1 a wall has more
-        weight in the strain rates than in the forces, so that it does work on material at rest:
-        heaps on a floor with less friction than their own then keep moving at 0.05 m/s.
+        weight in the strain rates than in the forces.
 
     Raises
     ------

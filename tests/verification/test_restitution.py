@@ -127,14 +127,17 @@ def bed(*, cells=10, height=0.2, fills=None, **numbers):
     )
 
 
-def settling(scene, height=0.2):
-    """Rate at which the slowest oscillation of a bed decays [1/s]."""
+def settling(scene, height=0.2, periods=8):
+    """Rate at which the slowest oscillation of a bed decays [1/s].
+
+    That it is found from single steps makes an error of 0.02/s in 8 periods.
+    """
     sim = gr.Simulation(scene, threads=1)
     k, wave_speed = math.pi / (2 * height), scene.material.wave_speed
     used = sim.buffers["id"] >= 0
     sim.buffers["v"][1, used] = 1e-3 * np.sin(k * sim.buffers["x"][1, used])
     times, amplitudes = [], []
-    while sim.time < 8 * 4 * height / wave_speed:
+    while sim.time < periods * 4 * height / wave_speed:
         sim.step(2)
         wave = np.sin(k * sim.buffers["x"][1, used])
         times.append(sim.time)
@@ -153,7 +156,7 @@ def test_a_bed_comes_to_rest_in_the_time_of_theory(E, elasticity):
         wavenumber=math.pi / 0.4, wave_speed=sand.wave_speed, damping_time=sand.damping_time
     )
     assert settling(damped) == pytest.approx(theory, rel=0.01)
-    assert abs(settling(bed(restitution=1.0, **numbers))) < 0.01 * theory
+    assert abs(settling(bed(restitution=1.0, **numbers), periods=32)) < 0.005 * theory
 
 
 @pytest.mark.parametrize("drop", [0.0, 0.01])
