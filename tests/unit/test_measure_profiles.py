@@ -5,6 +5,7 @@ import pytest
 from refusals import refused
 from synthetic import RHO_C, RHO_S, XI, isotropic, material, regular_points, scene, state
 
+import granular as gr
 from granular import measure
 from granular.measure import (
     depth_average,
@@ -98,6 +99,7 @@ def test_inertial_numbers():
     expected = 3.0 * d * np.sqrt(RHO_S / flow.pressure)
     assert np.allclose(inertial_number(flow), expected)
     assert np.allclose(inertial_number(flow, d=2 * d), 2 * expected)
+    assert np.allclose(inertial_number(flow, rho_s=4 * RHO_S), 2 * expected)
     assert np.allclose(inertial_number(flow) / I0, scaled_inertial_number(flow))
     loose = state(flow.scene, flow.x, shear_rate=3.0)
     assert np.isnan(scaled_inertial_number(loose)).all()
@@ -107,6 +109,7 @@ def test_bad_profiles_are_refused():
     flow = layer()
     refused(
         ("d = None", lambda: inertial_number(flow)),
+        ("rho_s = None", lambda: inertial_number(layer(grains=gr.Elastic()), d=0.01)),
         ("has no xi", lambda: scaled_inertial_number(layer(grains=material(xi=None)))),
         ("increasing edges", lambda: velocity_profile(flow, bins=[0.2, 0.1])),
         ("hold no point", lambda: velocity_profile(flow, bins=[0.5, 0.6])),
