@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +14,9 @@ from granular.measure.averaging_grid import Array
 
 ORDERS = (0.5, 4.0)
 """Orders among which that of a fit is sought."""
+
+AT_END = 1e-3
+"""Distance from the ends of this range within which a search ends there."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +92,11 @@ def richardson(cells: ArrayLike, values: ArrayLike, *, order: float | None = Non
     ValueError
         If an argument is not a finite number in its range, the shapes differ, or there are fewer
         sizes than parameters.
+
+    Warns
+    -----
+    UserWarning
+        If no order within the range fits best, because the values scatter or the cells are coarse.
     """
     dx = array("cells", cells, (None,))
     y = array("values", values, (len(dx),))
@@ -99,6 +108,13 @@ def richardson(cells: ArrayLike, values: ArrayLike, *, order: float | None = Non
     unit = dx.min()
     scaled = dx / unit
     p = _best_order(scaled, y) if order is None else in_range("order", order, *ORDERS)
+    if order is None and min(abs(p - end) for end in ORDERS) < AT_END:
+        warnings.warn(
+            f"the order that fits best is {p:.3g}, the end of its range from {ORDERS[0]} to "
+            f"{ORDERS[1]}: the values do not follow a power of dx, and the limit is not known; "
+            "take finer cells, or an order",
+            stacklevel=2,
+        )
     (limit, slope), square = _fit(scaled, y, p)
     columns = [np.ones_like(scaled), scaled**p]
     if order is None:

@@ -58,3 +58,9 @@ def test_the_interval_holds_the_limit_in_19_of_20_samples(order):
 def test_what_it_refuses(cells, values, order, said):
     with pytest.raises(ValueError, match=said):
         richardson(cells, values, order=order)
+
+
+def test_an_order_at_the_end_of_its_range_is_warned_of():
+    """Values that jump and then stay have none: the larger, the nearer they come to it."""
+    with pytest.warns(UserWarning, match="order that fits best is 4, the end of its range"):
+        richardson([1.0, 2.0, 4.0], [1.0, 1.0, 2.0])
