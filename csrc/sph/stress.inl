@@ -55,7 +55,8 @@ GR_INLINE vd sph_share(vd tau, vd size)
 GR_INLINE void sph_slip(int dim, const struct sph_strength *law, double cohesion, const vd *near, vd *T)
 {
     static const int shear[3][2] = {{3, 5}, {3, 4}, {5, 4}};
-    const vd zero = v_set(0.0), one = v_set(1.0), tau2 = law->tau * law->tau, A = v_fma(law->mu_wall, law->p, v_set(cohesion));
+    const vd zero = v_set(0.0), one = v_set(1.0), tau2 = law->tau * law->tau,
+             A = v_fma(law->mu_wall, law->p, v_set(cohesion));
     const vd above = tau2 - A * A;
     for (int d = 0; d < dim; d++) {
         const vm slips = m_and(v_gt(near[d], zero), v_gt(above, zero));

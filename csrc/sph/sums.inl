@@ -133,7 +133,7 @@ GR_INLINE vd sph_factor(int pair, const struct gr_sph *s, double *const *normal,
 
 /* Sums of a point over its neighbours. */
 struct sph_sums {
-    vd D[6]; /* V_b G (dv_i d_j + dv_j d_i): xx, yy, zz, which are halved, xy, yz, xz */
+    vd D[6];    /* V_b G (dv_i d_j + dv_j d_i): xx, yy, zz, which are halved, xy, yz, xz */
     vd spin[3]; /* for an elastic material: V_b G (dv_j d_i - dv_i d_j): yx, zy, xz */
     vd near[3]; /* with friction of its own at walls: V_b G |n_b|, n the normals of walls */
 };
@@ -185,8 +185,7 @@ GR_INLINE void sph_rates(int dim, int elastic, const struct gr_sph *s, int64_t f
             sph_add_rates(dim, SPH_FROM_WALL, elastic, s, a, s->begin[a], s->middle[a], &sums);
         } else {
             sph_add_rates(dim, SPH_SAME, elastic, s, a, s->begin[a], s->middle[a], &sums);
-            if (s->middle[a] < s->end[a])
-                sph_add_rates(dim, SPH_TO_WALL, elastic, s, a, s->middle[a], s->end[a], &sums);
+            if (s->middle[a] < s->end[a]) sph_add_rates(dim, SPH_TO_WALL, elastic, s, a, s->middle[a], s->end[a], &sums);
         }
         for (int k = 0; k < 6; k++) rates[k][a - first] = (k < 3 ? 2.0 : 1.0) * v_sum(sums.D[k]);
         for (int k = 0; elastic && k < 3; k++) rates[6 + k][a - first] = v_sum(sums.spin[k]);
