@@ -78,8 +78,8 @@ def _parameters(scene: Scene, material: Material) -> dict[str, float]:
         averaging = scene.scheme.fluidity.pressure_averaging
         if averaging is None:
             of = (part for part in scene.sources if (part.material or scene.material) == material)
-            layers = 1 if scene.scheme.basis == "linear" else next(of).points_per_axis
-            averaging = 0.5 / layers
+            source = next(of, scene.sources[0])  # the material of a scene may be in none
+            averaging = 0.5 / (1 if scene.scheme.basis == "linear" else source.points_per_axis)
         numbers |= material.core_friction()
         numbers |= {"cohesion": 0.0, "tensile_strength": 0.0}  # of the local law, if A is 0
         # The largest component: a layer on a slope is loaded by gravity across the layer.

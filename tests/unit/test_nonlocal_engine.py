@@ -315,3 +315,19 @@ def test_fills_too_heavy_are_refused():
 def test_ugimp_is_refused():
     with pytest.raises(ValueError, match='basis = "ugimp" must be "linear" or "quadratic"'):
         still(2, None).replace(scheme=gr.Scheme(basis="ugimp"))
+
+
+def test_a_nonlocal_material_of_a_scene_may_be_in_none_of_its_fills():
+    bed = gr.Fill(gr.Box((0.0, 0.0), (0.2, 0.1)), 4, material=gr.MuI(E=1e6))
+    scene = gr.Scene(
+        name="local",
+        grid=gr.Grid((0.0, 0.0), 0.02, (10, 10)),
+        fills=(bed,),
+        material=gr.NGF(E=1e6, mu_2=1.5),
+        walls=(gr.Wall(1, 0.0),),
+        gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
+        duration=0.1,
+    )
+    sim = gr.Simulation(scene, threads=1)
+    sim.step(3)
+    assert np.isfinite(sim.state.stress).all()
