@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
@@ -135,7 +135,8 @@ class Contents:
     """All contents of a record; call `close` when done.
 
     ``frames`` are in order of time. ``main`` is the finished file; it is None if the record is not
-    finished. ``restart`` reads the newest restart state. If a writer changes the record later,
+    finished. ``restart`` reads the newest restart state. ``spoilt`` says what is missing at the end
+    of an unfinished record because it is damaged. If a writer changes the record later,
     `read` and `checkpoint` find what they ask for where it is then.
     """
 
@@ -144,6 +145,7 @@ class Contents:
     frames: list[Frame]
     main: Main | None = None
     restart: Callable[[], Checkpoint] | None = None
+    spoilt: list[str] = field(default_factory=list)
     _now: "Contents | None" = None
 
     @property
@@ -293,7 +295,7 @@ def unfinished(path: Path) -> Contents | None:
     folder = parts_folder(path)
     if not (folder / LOG).exists():
         return None
-    head, frames = read_log(folder / LOG, DATA)
+    head, frames, spoilt = read_log(folder / LOG, DATA)
     data, restart = folder / (head.name + DATA), folder / (head.name + RESTART)
     has_restart, now = restart.exists(), identity(path)
     if not data.exists():
@@ -308,7 +310,7 @@ def unfinished(path: Path) -> Contents | None:
             " is of another run, or has changed since; move one of the two elsewhere"
         )
     read = partial(read_restart, restart) if has_restart else None
-    return Contents(path, head.texts, frames, restart=read)
+    return Contents(path, head.texts, frames, restart=read, spoilt=spoilt)
 
 
 def _load_once(path: Path) -> Contents:

@@ -2,7 +2,9 @@
 
 An entry has the scalars of a frame and tells where in the file of the record its columns lie. It is
 written after them, so that a frame with an entry is complete. What a writer that was killed may
-have left at the end of the log, a part of an entry, does not count.
+have left at the end of the log, a part of an entry, does not count. If the last entry is as long as
+it says, but not what it was, a loss of power or damage has spoilt it: the frame is missing, and the
+log is said to be damaged.
 """
 
 import os
@@ -16,8 +18,9 @@ from typing import Any
 from granular.record.chunks import RAW, Field, Packed, check_chunks, most_of, size_of
 from granular.record.frame import Frame, Head, Texts
 from granular.record.layout import FIELD_DTYPES, FORMAT, MAX_DEFLATE, check_format, reading
-from granular.record.sealed import MAGIC, is_whole, sealed, unsealed, whole
+from granular.record.sealed import MAGIC, is_beginning, is_whole, sealed, unsealed, whole
 
+SPOILT = "damaged, or was not written whole before a loss of power: the frame is missing"
 SCALARS = struct.Struct("<dqddq")  # time, step, dt, mass, n; JSON would lose the sign of a nan
 
 
@@ -129,15 +132,21 @@ def _check_layout(layout: Mapping[str, Any], n: int) -> None:
         raise ValueError(f"fields {sorted(layout)} must have x and mass")
 
 
-def read_log(path: Path, data: str) -> tuple[Head, list[Frame]]:
-    """Read a log: its head, and the frames, which lie in a file with the suffix `data` beside it.
+def read_log(path: Path, data: str) -> tuple[Head, list[Frame], list[str]]:
+    """Read a log.
+
+    Returns
+    -------
+    head, frames, damage
+        The frames lie in a file with the suffix `data` beside the log. The damage is that of the
+        last entry: a message, if it is spoilt.
 
     Raises
     ------
     RecordError
-        If it is damaged.
+        If it is damaged elsewhere.
     """
-    frames = []
+    frames, damage = [], list[str]()
     with reading(path):
         raw = memoryview(path.read_bytes())
         header, at = unsealed(raw)
@@ -146,7 +155,7 @@ def read_log(path: Path, data: str) -> tuple[Head, list[Frame]]:
         while is_whole(raw[at:]):
             try:
                 header, size = unsealed(raw[at:])
-            except ValueError:  # of an entry that a loss of power cut off, if it is the last one
+            except ValueError:  # it is spoilt
                 break
             at += size
             entry, *below = header["frames"]
@@ -154,4 +163,6 @@ def read_log(path: Path, data: str) -> tuple[Head, list[Frame]]:
             frames.append(_unpacked(source, entry, gas))
         if MAGIC in bytes(raw[at + 1 :]):
             raise ValueError(f"entry {len(frames)} is damaged")
-    return head, frames
+        if at < len(raw) and not is_beginning(raw[at:]):
+            damage.append(f"{path}: its last entry, of frame {len(frames)}, is {SPOILT}")
+    return head, frames, damage

@@ -9,7 +9,7 @@ import numpy as np
 
 from granular.record.checkpoint import Checkpoint, number
 from granular.record.layout import DTYPES, FORMAT, check_format, reading
-from granular.record.sealed import START, sealed, unsealed, whole
+from granular.record.sealed import END, START, sealed, unsealed, whole
 from granular.record.storage import replacing, write_all
 
 CLOCK = struct.Struct("<dqd")  # time, step, dt as bytes, because JSON would lose the sign of a nan
@@ -41,7 +41,7 @@ def read_restart(path: Path) -> Checkpoint:
         length = START.unpack(start)[1]
         if not 0 <= length <= size:
             raise ValueError("not a restart state")
-        header, offset = unsealed(memoryview(start + file.read(length)))
+        header, offset = unsealed(memoryview(start + file.read(length + len(END))))
         check_format(path, header["format"])
         if size != offset + whole(header["size"]):
             raise ValueError(f"it has {size} bytes, not those that its header says")

@@ -2,7 +2,7 @@
 
 A header is stored as
 
-    MAGIC, length of the header (8 bytes), digest of the header (32 bytes), header (JSON)
+    MAGIC, length of the header (8 bytes), digest of the header (32 bytes), header (JSON), END
 
 These files are not HDF5, which takes 15 ms for such a file whatever its content.
 """
@@ -16,13 +16,15 @@ from granular.record.layout import seal
 
 MAGIC = b"\x89granul\n"
 """Beginning of a header; its first byte does not occur in JSON of ASCII."""
+END = b"\n"
+"""End of a header, which JSON without indentation does not contain."""
 START = struct.Struct("<8sq32s")
 
 
 def sealed(header: Mapping[str, Any]) -> bytes:
     """Return the bytes of a header."""
     text = json.dumps(header).encode("ascii")
-    return START.pack(MAGIC, len(text), seal(text)) + text
+    return START.pack(MAGIC, len(text), seal(text)) + text + END
 
 
 def is_whole(raw: memoryview) -> bool:
@@ -30,7 +32,14 @@ def is_whole(raw: memoryview) -> bool:
     if len(raw) < START.size:
         return False
     magic, length, _ = START.unpack(raw[: START.size])
-    return bool(magic == MAGIC and 0 <= length <= len(raw) - START.size)
+    return bool(magic == MAGIC and 0 <= length < len(raw) - START.size)
+
+
+def is_beginning(raw: memoryview) -> bool:
+    """True if some bytes are a part of a header, as a writer leaves that is killed in a write."""
+    if not MAGIC.startswith(bytes(raw[: len(MAGIC)])):
+        return False
+    return len(raw) < START.size or not (is_whole(raw) or END in bytes(raw[START.size :]))
 
 
 def unsealed(raw: memoryview) -> tuple[dict[str, Any], int]:
@@ -40,9 +49,9 @@ def unsealed(raw: memoryview) -> tuple[dict[str, Any], int]:
     _, length, digest = START.unpack(raw[: START.size])
     end = START.size + length
     text = bytes(raw[START.size : end])
-    if seal(text) != digest:
+    if seal(text) != digest or raw[end] != END[0]:
         raise ValueError("a header does not match its digest")
-    return json.loads(text), end
+    return json.loads(text), end + len(END)
 
 
 def whole(value: object) -> int:

@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+import random
 import shutil
 import subprocess
 import sys
@@ -19,9 +20,10 @@ from records import abandon, content, make_checkpoint, make_record, make_state, 
 
 import granular as gr
 from granular.record import RecordError, TrajectoryWriter, layout, open_trajectory
-from granular.record.growing import LOG
+from granular.record.growing import DATA, LOG
 from granular.record.index import parts_folder
-from granular.record.sealed import unsealed
+from granular.record.log import read_log
+from granular.record.sealed import MAGIC, unsealed
 
 MUTANTS = textwrap.dedent("""
     import json, random, sys
@@ -33,7 +35,7 @@ MUTANTS = textwrap.dedent("""
     def everything(path):
         with open_trajectory(path) as record:
             digest = record._contents.has_checkpoint and record.checkpoint().digest
-            return content(path), digest, record._contents.texts
+            return (content(path), digest, record._contents.texts), record.damage()
 
     def as_if_killed_earlier(found, truth):
         (frames, checkpoint), *rest = found
@@ -58,14 +60,15 @@ MUTANTS = textwrap.dedent("""
         return bad
 
     for path, target, count in json.loads(sys.argv[2]):
-        truth, good, chance = everything(path), Path(target).read_bytes(), random.Random(7)
+        (truth, _), good, chance = everything(path), Path(target).read_bytes(), random.Random(7)
         found = {"target": target, "share": 0.0, "wrong": [], "other": []}
         for k in range(count):
-            Path(target).write_bytes(damaged(good, chance))
+            bad = damaged(good, chance)
+            Path(target).write_bytes(bad)
             try:
-                now = everything(path)
+                now, said = everything(path)
                 cut = target.endswith("log") and as_if_killed_earlier(now, truth)
-                if now != truth and not cut:
+                if now != truth and not (cut and (said or good.startswith(bad))):
                     found["wrong"].append(k)
             except RecordError as error:
                 found["share"] += 1 / count
@@ -203,6 +206,30 @@ def test_other_frames_survive_a_damaged_one(tmp_path):
         for i in (0, 2):
             assert frames[i].read()["stress"].tobytes() == make_state(i).fields["stress"].tobytes()
         assert len(record.damage()) == 1
+
+
+def test_damage_of_the_last_entry_of_a_log_is_reported(tmp_path):
+    """Any byte of it; what a writer that was killed leaves of it is none."""
+    path = tmp_path / "a.h5"
+    abandon(unfinished(path))
+    log, chance = parts_folder(path) / LOG, random.Random(3)
+    good = log.read_bytes()
+    last = good.rindex(MAGIC)
+    for at in range(last, len(good)):
+        bad = bytearray(good)
+        bad[at] ^= 1 << chance.randrange(8)
+        for spoilt in (bad, good[:at] + good[at + 1 :] if at + 1 < len(good) else bad):
+            log.write_bytes(spoilt)
+            _, frames, said = read_log(log, DATA)
+            assert len(frames) == 1 and len(said) == 1, at
+        log.write_bytes(good[:at])
+        assert len(read_log(log, DATA)[1]) == 1 and not read_log(log, DATA)[2]
+    log.write_bytes(bad)
+    with open_trajectory(path) as record:
+        (said,) = record.damage()
+        assert str(log) in said and "of frame 1, is damaged" in said
+    with pytest.warns(RuntimeWarning, match="unless the run makes it again"):
+        TrajectoryWriter.resume(path).close()
 
 
 def test_what_is_missing_of_an_unfinished_record_is_reported(tmp_path):
