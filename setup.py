@@ -1,8 +1,8 @@
 """Build of the extension granular._core; all metadata is in pyproject.toml.
 
 The kernels are compiled once for each instruction set and chosen at run time: a wheel is portable.
-Environment: GRANULAR_OPENMP = auto (default) | 1 | 0; GRANULAR_CFLAGS = extra compiler flags
-(-g for a debugger: without it a wheel has a tenth of the size).
+Environment: GRANULAR_CFLAGS = extra compiler flags (-g for a debugger: without it a wheel has a
+tenth of the size).
 """
 
 import os
@@ -26,7 +26,11 @@ SOURCES = [
 SOURCES.append("csrc/dispatch.c")
 # -ffp-contract=off: the bits must not depend on where a compiler chooses to fuse.
 FLAGS = ["-std=gnu11", "-O3", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"]
-FLAGS += ["-fvisibility=hidden", "-g0"]  # -g0: flags of the interpreter often contain -g
+FLAGS += [
+    "-pthread",
+    "-fvisibility=hidden",
+    "-g0",
+]  # -g0: flags of the interpreter often contain -g
 KERNEL_FLAGS = ["-fno-tree-loop-distribute-patterns"]  # gcc: running sums are registers, no memset
 AVX2 = ["-mavx2", "-mfma"]
 AVX512 = [*AVX2, "-mavx512f", "-mavx512dq", "-mavx512vl", "-mprefer-vector-width=512"]
@@ -57,18 +61,6 @@ class BuildCore(build_ext):
             except Exception:
                 return False
         return True
-
-    def has_openmp(self) -> bool:
-        wanted = os.environ.get("GRANULAR_OPENMP", "auto")
-        if wanted not in ("auto", "0", "1"):
-            raise SystemExit(f"GRANULAR_OPENMP = {wanted!r} must be auto, 0 or 1")
-        if wanted == "0":
-            return False
-        source = "#include <omp.h>\nint main(void) { return !omp_get_max_threads(); }\n"
-        found = self.accepts(["-fopenmp"], source)
-        if wanted == "1" and not found:
-            raise SystemExit("GRANULAR_OPENMP=1, but the compiler has no OpenMP")
-        return found
 
     def compile_all(self, ext: Extension, flags: list[str]) -> list[str]:
         """Object files of the kernels and of the other sources, several compilers at a time."""
@@ -101,8 +93,6 @@ class BuildCore(build_ext):
 
     def build_extension(self, ext: Extension) -> None:
         flags = FLAGS + os.environ.get("GRANULAR_CFLAGS", "").split()
-        openmp = ["-fopenmp"] if self.has_openmp() else []
-        flags += openmp
         if X86:
             ext.define_macros.append(("GR_X86", None))
         ext.define_macros.append(("GR_FLAGS", '"' + " ".join(flags) + '"'))
@@ -118,7 +108,7 @@ class BuildCore(build_ext):
         record.unlink(missing_ok=True)
         linked = copy(ext)
         linked.extra_objects = self.compile_all(ext, flags)
-        linked.sources, linked.extra_link_args = [], openmp
+        linked.sources = []
         self.force = True
         super().build_extension(linked)
         record.write_text(made)
@@ -130,6 +120,7 @@ setup(
             "granular._core",
             sources=SOURCES,
             libraries=["m"],
+            extra_link_args=["-pthread"],
             include_dirs=["csrc", numpy.get_include()],
             depends=[
                 "setup.py",

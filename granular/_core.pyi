@@ -22,7 +22,6 @@ class SimulationError(RuntimeError):
 class BuildInfo(TypedDict):
     isa: str
     lanes: int
-    openmp: bool
     compiler: str
     flags: str
 
@@ -182,6 +181,8 @@ class Engine:
     ) -> None: ...
     @property
     def isa(self) -> str: ...
+    @property
+    def refused_threads(self) -> int: ...
     def bind(
         self,
         buffers: dict[str, NDArray[np.float64] | NDArray[np.int64]],
@@ -272,6 +273,8 @@ class Sph:
     ) -> None: ...
     @property
     def isa(self) -> str: ...
+    @property
+    def refused_threads(self) -> int: ...
     def bind(
         self,
         buffers: dict[str, NDArray[np.float64] | NDArray[np.int64]],

@@ -43,7 +43,7 @@ def fill(buffers: Mapping[str, NDArray], stored: Mapping[str, NDArray], places: 
 
 
 def show_config() -> _core.BuildInfo:
-    """Return compiler, flags and OpenMP of the build, and the instruction set of simulations.
+    """Return compiler and flags of the build, and the instruction set of simulations.
 
     Raises
     ------

@@ -316,15 +316,18 @@ class Health:
     samples : int
         Number of samples.
     indicators : tuple of Indicator
+    failure : str
+        Message of the `granular.SimulationError` that ended the run; empty if none did.
     """
 
     samples: int
     indicators: tuple[Indicator, ...]
+    failure: str = ""
 
     @property
     def ok(self) -> bool:
-        """True if no indicator is suspect."""
-        return not self.suspect
+        """True if the run has not failed, and no indicator is suspect."""
+        return not self.failure and not self.suspect
 
     @property
     def suspect(self) -> tuple[Indicator, ...]:
@@ -336,9 +339,13 @@ class Health:
         """Verdict in words, with what to do if it is "suspect".
 
         The first line is "ok" or "suspect" with the indicators that have a value and a limit, or
-        "unknown" if there is none; further lines explain those beyond their limits.
+        "unknown" if there is none, or "failed" with the error; further lines explain those beyond
+        their limits.
         """
         judged = [found for found in self.indicators if found.verdict in ("ok", "suspect")]
+        if self.failure:
+            before = f"; before: {', '.join(map(str, judged))}" if judged else ""
+            return "\n".join([f"verdict: failed, {self.failure}{before}", *self.warnings()])
         if not judged:
             return (
                 "verdict: unknown, as no step has been made or no point is left; "
@@ -365,10 +372,12 @@ class Health:
         return {indicator.name: indicator.row for indicator in self.indicators}
 
     def __str__(self) -> str:
-        return "\n".join(f"{name:>16}  {text}" for name, text in self.rows().items())
+        failed = [f"failed: {self.failure}"] if self.failure else []
+        return "\n".join(failed + [f"{name:>16}  {text}" for name, text in self.rows().items()])
 
     def _repr_html_(self) -> str:
-        return table(f"Health, {self.samples} samples", self.rows())
+        failed = f", failed: {self.failure}" if self.failure else ""
+        return table(f"Health, {self.samples} samples{failed}", self.rows())
 
 
 def _later(column: NDArray[np.float64]) -> np.floating:
@@ -425,7 +434,9 @@ ENERGY_LIMIT = 0.05
 """Largest energy created that is ok, as a fraction of the energy turned over (`_created`)."""
 
 
-def health(scene: AnyScene, samples: Mapping[str, NDArray[np.float64]]) -> Health:
+def health(
+    scene: AnyScene, samples: Mapping[str, NDArray[np.float64]], failure: str = ""
+) -> Health:
     """Compute the indicators of failure of a run from its samples.
 
     Parameters
@@ -433,6 +444,8 @@ def health(scene: AnyScene, samples: Mapping[str, NDArray[np.float64]]) -> Healt
     scene : Scene
     samples : mapping of str to ndarray
         Columns of the samples by the names of `NAMES`, in the order of time.
+    failure : str
+        Message of the error that ended the run.
 
     Returns
     -------
@@ -454,7 +467,8 @@ def health(scene: AnyScene, samples: Mapping[str, NDArray[np.float64]]) -> Healt
     created = _created(*(samples.get(n, nothing) for n in ("held_before", "work", "created")))
     text = "energy created over the sum of all work and the energy at the beginning"
     add("energy_created", created, ENERGY_LIMIT, text)
-    return Health(max((len(column) for column in samples.values()), default=0), tuple(indicators))
+    count = max((len(column) for column in samples.values()), default=0)
+    return Health(count, tuple(indicators), failure)
 
 
 def health_of_frame(state: State) -> Health:

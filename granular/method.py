@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
+from granular.resources import Resource
 from granular.state import State
 
 if TYPE_CHECKING:
@@ -20,11 +21,15 @@ _METHODS: dict[type, type[Method]] = {}
 """Class of the simulation for each class of scenes."""
 
 
-class Method:
+class Method(Resource):
     """Interface that each method implements; the base of `granular.Simulation`."""
 
     scene: AnyScene
     _engine: _core.Engine | _core.Sph
+    _instead = (
+        "sim.checkpoint() holds its state, and Simulation.from_checkpoint(sim.scene, checkpoint) "
+        "makes another one of it"
+    )
 
     def __init_subclass__(cls, *, scenes: type | None = None) -> None:
         if scenes is not None:

@@ -6,6 +6,7 @@ import os
 import signal
 import threading
 import time as clock
+import warnings
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from typing import TYPE_CHECKING, Any, Self
@@ -29,6 +30,7 @@ __all__ = [
     "interruptible",
     "next_frame",
     "progress_bar",
+    "warn_of_threads",
 ]
 
 SMALL = 4000
@@ -64,6 +66,17 @@ def default_threads(n_points: int) -> int:
         return 1
     own = getattr(os, "sched_getaffinity", None)  # Linux
     return min(len(own(0)) if own else os.cpu_count() or 1, _core.MAX_THREADS)
+
+
+def warn_of_threads(wanted: int, refused: int) -> None:
+    """Warn that the system has refused threads of those that a simulation wanted."""
+    warnings.warn(
+        f"the system has refused {refused} of threads = {wanted}: the run goes on with "
+        f"{wanted - refused}, slower, with the same results. Limits of the user (ulimit -u), of "
+        "the memory (ulimit -v) or of the container (pids.max) allow no more",
+        RuntimeWarning,
+        stacklevel=5,
+    )
 
 
 class Chunks:

@@ -5,20 +5,16 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Callable, Collection
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self, cast, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular import _core
 from granular.checks import integer, positive, truth
 from granular.diagnostics import Health, Monitor, StabilityWarning, health
 from granular.measure.derived import with_derived
-from granular.method import Method
-from granular.notebook import table
+from granular.present import Present
 from granular.record import Checkpoint, TrajectoryWriter
-from granular.record.fresh import Streamed
 from granular.record.session import Session
 from granular.record.settings import (
     DOUBLE,
@@ -33,12 +29,12 @@ from granular.running import (
     Chunks,
     Saver,
     check_interval,
-    default_threads,
     interruptible,
     next_frame,
     progress_bar,
+    warn_of_threads,
 )
-from granular.state import State
+from granular.turns import Turns, alone
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene as MpmScene
@@ -57,7 +53,7 @@ MOST_STEPS = 2**63 - 1
 """Number of steps that the core can count."""
 
 
-class Simulation(Method):
+class Simulation(Present):
     """Advance the points of a scene in time by the method that the scene is made for.
 
     A `granular.Scene` is solved by the material point method (`granular.mpm.simulation`), a
@@ -140,66 +136,8 @@ class Simulation(Method):
         self._due: int | None = None  # step of a frame that could not be taken or stored
         self._monitor = Monitor(scene)
         self._told: set[str] = set()
-
-    # ---- present state ----
-
-    @property
-    def threads(self) -> int:
-        """Threads that the core uses."""
-        return default_threads(self.n_points) if self._threads is None else self._threads
-
-    @property
-    def time(self) -> float:
-        """Simulated time [s]."""
-        return self._engine.scalars()["time"]
-
-    @property
-    def steps(self) -> int:
-        """Number of steps made."""
-        return int(self._engine.scalars()["step"])
-
-    @property
-    def dt(self) -> float:
-        """Time step [s] of the last step, or before the first step the one it will have."""
-        return self._engine.scalars()["dt"] or self._engine.stable_dt()
-
-    @property
-    def n_points(self) -> int:
-        """Number of points in the domain; those that have left do not count."""
-        return int(self._engine.scalars()["n_points"])
-
-    @property
-    def record(self) -> Path | None:
-        """Path of the record of the last recorded run, to which further runs append; or None."""
-        return self._session.path
-
-    @property
-    def frame_is_stored(self) -> bool:
-        """False if the frame of the present step could not be stored; the next run stores it."""
-        return self._due is None
-
-    @property
-    def isa(self) -> str:
-        """Instruction set of the kernels."""
-        return self._engine.isa
-
-    @property
-    def state(self) -> State:
-        """A snapshot of the points, ordered by id."""
-        return self._snapshot()
-
-    def _snapshot(self, kept: bool = False) -> State:
-        return self._state_of(self._fields(kept), **self._extra_state())
-
-    def _state_of(self, fields: dict[str, NDArray], **extra: Any) -> State:
-        """Make a state of the present time, step and time step from fields."""
-        scalars = self._engine.scalars()
-        time, step, dt = scalars["time"], int(scalars["step"]), scalars["dt"]
-        return State(scene=self.scene, time=time, step=step, dt=dt, fields=fields, **extra)
-
-    def _streamed(self) -> State | Streamed:
-        """Return what a record keeps of the present state, in memory only column by column."""
-        return self._snapshot(kept=True)
+        self._failure = ""  # message of the error in which the material was lost
+        self._turns = Turns()
 
     def view(self, path: str | os.PathLike[str] | None = None, **options: Any) -> Any:
         """Show the present state in 3D, or draw it to a file; see `granular.plot.view`."""
@@ -210,6 +148,7 @@ class Simulation(Method):
 
     # ---- stepping ----
 
+    @alone
     def step(self, n: int = 1) -> None:
         """Make `n` steps, at least 1; errors as in `run`."""
         target = self.steps + integer("n", n, 1, MOST_STEPS - self.steps)
@@ -217,8 +156,16 @@ class Simulation(Method):
             self._advance(target - self.steps, np.inf)
 
     def _advance(self, max_steps: int, until: float) -> None:
-        self._make_steps(max_steps, until)
+        try:
+            self._make_steps(max_steps, until)
+        except SimulationError as error:
+            self._failure = str(error)
+            raise
+        if (refused := self._engine.refused_threads) and "threads" not in self._told:
+            self._told.add("threads")
+            warn_of_threads(self.threads, refused)
 
+    @alone
     def run(
         self,
         until: float | None = None,
@@ -277,7 +224,8 @@ class Simulation(Method):
             (``pip install 'granular[notebook]'``).
         hooks : sequence of callables
             Called with the simulation at each frame; an exception that one raises ends the run.
-            `granular.plot.Live` is one that shows the run.
+            They may look at it, and write to its `buffers`, but not step or run it: that raises
+            RuntimeError. `granular.plot.Live` is one that shows the run.
         monitor : bool
             Take samples of frames for the indicators of failure, see `health`; the record keeps
             them. They are so far apart that they take less than a fiftieth of the run.
@@ -303,7 +251,7 @@ class Simulation(Method):
             prescribed motions; the attributes are `body` and `step`. The record holds the frames
             before, and the last checkpoint.
         RuntimeError
-            With several threads in a process that was forked after a run with threads.
+            If this simulation makes steps already: in a hook of its run, or in another thread.
         KeyboardInterrupt
             On Ctrl-C; the simulation and the record stay valid and can be continued.
 
@@ -312,6 +260,8 @@ class Simulation(Method):
         StabilityWarning
             At the end, for each indicator that is suspect by the samples of the run, with what to
             do; see `health`. Once for each indicator, if the run is continued.
+        RuntimeWarning
+            If the system refuses threads; the run goes on with fewer, and the same results.
         """
         until = self.scene.duration if until is None else positive("until", until)
         self._keeps = frames_to_a_checkpoint(checkpoints)
@@ -377,10 +327,13 @@ class Simulation(Method):
                 writer.keep(index, self.checkpoint())
         self._due = None
         for hook in hooks:
-            hook(self)
+            self._turns.call(hook, self)
 
     def health(self) -> Health:
         """Indicators of failure from the samples so far and a sample of the present state.
+
+        After a `SimulationError`, whose state is of no use, they are those of the samples so far,
+        and the verdict is that the run failed.
 
         Returns
         -------
@@ -388,10 +341,10 @@ class Simulation(Method):
             Value, limit and verdict of each indicator; see `granular.diagnostics`.
         """
         last = None
-        if self.steps:
+        if self.steps and not self._failure:
             state = self.state
             last = self._monitor.peek(state, self._indicators(state), self._work())
-        return health(self.scene, self._monitor.columns(last))
+        return health(self.scene, self._monitor.columns(last), self._failure)
 
     def _warn_of_health(self) -> None:
         """Issue a warning for each indicator that has become suspect since the last warning.
@@ -403,7 +356,7 @@ class Simulation(Method):
         for indicator, text in zip(found.suspect, found.warnings(), strict=True):
             if indicator.name not in self._told:
                 self._told.add(indicator.name)
-                warnings.warn(text, StabilityWarning, stacklevel=3)
+                warnings.warn(text, StabilityWarning, stacklevel=4)
 
     # ---- restart ----
 
@@ -501,20 +454,3 @@ class Simulation(Method):
         """
         sim = resumed(cls, path, scene=scene, frame=frame, threads=threads, isa=isa)
         return cast("Self", sim)
-
-    def __repr__(self) -> str:
-        return (
-            f"Simulation({self.scene.name}, t = {self.time:.6g} s, step {self.steps}, "
-            f"{self.n_points} points)"
-        )
-
-    def _repr_html_(self) -> str:
-        rows = {
-            "time [s]": self.time,
-            "step": self.steps,
-            "dt [s]": self.dt,
-            "points": self.n_points,
-            "threads": self.threads,
-            "kernels": self.isa,
-        }
-        return table(f"Simulation of {self.scene.name}", rows)

@@ -6,6 +6,7 @@
 
 #include "body/triangles.h"
 #include "body/vector.h"
+#include "core/index.h"
 
 /* Levels of ranges at most, and boxes that wait: three for each level. */
 enum { MOST_LEVELS = 48, WAITING = 3 * MOST_LEVELS };
@@ -89,7 +90,7 @@ static void try_cell(const struct gr_height_map *map, int64_t i, int64_t j, cons
 
 static int64_t cell_of(const struct gr_height_map *map, int axis, double place)
 {
-    return (int64_t)greater(lesser((place - map->low[axis]) / map->spacing[axis], (double)(map->n[axis] - 2)), 0);
+    return gr_index((place - map->low[axis]) / map->spacing[axis], 0, map->n[axis] - 2);
 }
 
 static double square_off(double low, double high, double x)
@@ -264,7 +265,7 @@ int gr_height_map_edges(const struct gr_height_map *map, const double x[3], doub
     int64_t low[2], high[2], step[2], at[2];
     int edges = 0;
     for (int d = 0; d < 2; d++) {
-        step[d] = (int64_t)greater(1, lesser(rint(near / (STEPS_NEAR * map->spacing[d])), (double)map->n[d]));
+        step[d] = gr_index(rint(near / (STEPS_NEAR * map->spacing[d])), 1, map->n[d]);
         low[d] = cell_of(map, d, x[d] - near);
         high[d] = cell_of(map, d, x[d] + near) + 1;
     }

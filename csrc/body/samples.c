@@ -4,6 +4,7 @@
 #include <math.h>
 
 #include "body/vector.h"
+#include "core/index.h"
 
 /* Spacings within which all samples are fine, and by which coarse ones, interpolated, are too large at most. Along a straight
  * line a distance rho has the second derivative 1/rho at most, in two directions; coarse cells are GR_CUBE spacings wide, and
@@ -45,7 +46,7 @@ static double locate(const struct gr_samples *s, const double x[3], double place
     for (int d = 0; d < 3; d++) {
         const double all = (x[d] - s->low[d]) / s->spacing;
         place[d] = fmax(0, fmin(all, (double)GR_CUBE * s->n[d]));
-        cell[d] = (int32_t)fmin(place[d] / GR_CUBE, s->n[d] - 1);
+        cell[d] = (int32_t)gr_index(place[d] / GR_CUBE, 0, s->n[d] - 1);
         out[d] = (all - place[d]) * s->spacing;
         square += out[d] * out[d];
     }
@@ -61,7 +62,7 @@ static double within(const struct gr_samples *s, const double place[3], const in
         const int64_t step[3] = {1, GR_CUBE_SIDE, GR_CUBE_SIDE * GR_CUBE_SIDE};
         for (int d = 0; d < 3; d++) {
             const double at = place[d] - (double)GR_CUBE * cell[d];
-            const int k = (int)fmin(at, GR_CUBE - 1);
+            const int k = (int)gr_index(at, 0, GR_CUBE - 1);
             share[d] = at - k;
             first += k * step[d];
         }
@@ -101,8 +102,9 @@ int gr_samples_edges(const struct gr_samples *s, const double x[3], double near)
     const double reach = near / s->spacing + 1;
     locate(s, x, place, cell, out);
     for (int d = 0; d < 3; d++) {
-        low[d] = (int32_t)ceil(fmax(place[d] - reach, 0));
-        high[d] = (int32_t)floor(fmin(place[d] + reach, GR_CUBE * s->n[d] - 1));
+        const int64_t last = (int64_t)GR_CUBE * s->n[d] - 1;
+        low[d] = (int32_t)gr_index(ceil(place[d] - reach), 0, last);
+        high[d] = (int32_t)gr_index(place[d] + reach, 0, last);
     }
     for (int32_t k = low[2]; k <= high[2]; k++)
         for (int32_t j = low[1]; j <= high[1]; j++)

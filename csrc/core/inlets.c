@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/index.h"
 #include "core/memory.h"
 
 /* Nearest distance of points of a column, in spacings. One that waits enters when there is its whole spacing, but for rounding.
@@ -12,7 +13,7 @@
  * reach have none), and the stream would lose its rhythm: the filling fraction is never more than that too large. */
 #define FREE_DISTANCE (1 - 1e-6)
 #define TIMELY_DISTANCE 0.98
-#define MOST_AT_ONCE 1e12 /* more than there is memory for */
+#define MOST_AT_ONCE 1000000000000 /* more than there is memory for */
 
 /* Time between two points of an inlet. */
 static double interval(const struct gr_inlet *inlet)
@@ -71,7 +72,7 @@ int64_t gr_inlet_most(const struct gr_inlet *inlet, double seconds)
 {
     const int64_t waiting = inlet->yields ? inlet->n_sites : 0;
     /* Those of as many intervals and one more; and another one, for the rounding of times. */
-    return (int64_t)fmin(seconds / interval(inlet), MOST_AT_ONCE) + 2 + waiting;
+    return gr_index(seconds / interval(inlet), 0, MOST_AT_ONCE) + 2 + waiting;
 }
 
 double gr_inlets_speed(const struct gr_inlets *inlets)

@@ -1,9 +1,6 @@
 /* A team of threads that shares the chunks of a stage (team.h). */
 #include "core/team.h"
 
-#ifdef _OPENMP
-
-#include <omp.h>
 #include <pthread.h>
 #include <stdatomic.h>
 #include <time.h>
@@ -27,6 +24,7 @@ struct gr_team {
     _Alignas(CACHE_LINE) _Atomic int64_t unfinished; /* chunks */
     _Alignas(CACHE_LINE) _Atomic uint32_t stage;     /* its number; it changes when there is work */
     _Atomic int closed, sleepers, leader_sleeps;
+    _Atomic int present;   /* helpers that have not left the team */
     pthread_mutex_t mutex; /* for sleep only */
     pthread_cond_t work_came, work_done;
 };
@@ -53,12 +51,12 @@ static inline void pause_briefly(void)
 #endif
 }
 
-/* Spin until a condition holds, but not for long: somebody else may need the processor. The number of turns is an
- * estimate, to cover the work between two stages that the leader does alone. */
-#define SPIN_UNTIL(condition)                                            \
-    do {                                                                 \
-        enum { SPINS = 2000 };                                           \
-        for (int n = 0; n < SPINS && !(condition); n++) pause_briefly(); \
+/* Spin until a condition holds, but not for long: somebody else may need the processor. The numbers of turns are estimates,
+ * to cover the work between two stages that the leader does alone, and that of the program between two calls of the core. */
+enum { TO_NEXT_STAGE = 2000, TO_NEXT_TEAM = 20000 };
+#define SPIN_UNTIL(condition, turns)                                       \
+    do {                                                                   \
+        for (int n = 0; n < (turns) && !(condition); n++) pause_briefly(); \
     } while (0)
 
 /* Take one chunk of the share of thread `owner` and do it. Returned: 0 if there is none. */
@@ -134,7 +132,7 @@ void gr_team_run(struct gr_team *team, gr_chunk_work *work, void *context, int64
     }
     call_helpers(team);
     take_chunks(team, 0);
-    SPIN_UNTIL(!atomic_load(&team->unfinished));
+    SPIN_UNTIL(!atomic_load(&team->unfinished), TO_NEXT_STAGE);
     if (atomic_load(&team->unfinished)) wait_for_others(team, start);
 }
 
@@ -144,7 +142,7 @@ static void help(struct gr_team *team, int t)
         const uint32_t stage = atomic_load(&team->stage);
         if (atomic_load(&team->closed)) return;
         take_chunks(team, t);
-        SPIN_UNTIL(atomic_load(&team->stage) != stage);
+        SPIN_UNTIL(atomic_load(&team->stage) != stage, TO_NEXT_STAGE);
         if (atomic_load(&team->stage) != stage) continue;
         pthread_mutex_lock(&team->mutex);
         atomic_fetch_add(&team->sleepers, 1);
@@ -154,46 +152,131 @@ static void help(struct gr_team *team, int t)
     }
 }
 
-void gr_team_lead(int threads, void (*program)(void *context, struct gr_team *team), void *context)
+/* ---- the helpers of the process, which go from one team to the next: to begin a thread takes longer than a step of a small
+ * scene ---- */
+
+struct helper {
+    _Atomic(struct gr_team *) team; /* that calls it; NULL when it has come, or need not come any more */
+    int t;                          /* its number in the team */
+    struct helper *next;            /* in the list of a team, or of those that are idle */
+    pthread_cond_t called;
+};
+
+static struct {
+    pthread_once_t once;
+    pthread_mutex_t mutex;
+    pthread_cond_t left; /* the last helper has left a team */
+    _Atomic int waiting; /* leaders, for that */
+    int n_helpers;
+    struct helper helper[GR_MAX_THREADS], *idle;
+} pool = {.once = PTHREAD_ONCE_INIT, .mutex = PTHREAD_MUTEX_INITIALIZER, .left = PTHREAD_COND_INITIALIZER};
+
+/* A forked child has none of the threads of its parent: it begins without helpers. */
+static void lose_helpers(void)
 {
-    struct gr_team team = {.threads = threads < GR_MAX_THREADS ? threads : GR_MAX_THREADS,
+    pool.mutex = (pthread_mutex_t)PTHREAD_MUTEX_INITIALIZER;
+    pool.left = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
+    atomic_store(&pool.waiting, 0);
+    pool.n_helpers = 0;
+    pool.idle = NULL;
+}
+
+static void prepare_for_forks(void) { (void)pthread_atfork(NULL, NULL, lose_helpers); }
+
+/* Leave a team, which its leader may end at once. */
+static void leave(struct gr_team *team)
+{
+    if (atomic_fetch_sub(&team->present, 1) > 1 || !atomic_load(&pool.waiting)) return;
+    pthread_mutex_lock(&pool.mutex);
+    pthread_cond_broadcast(&pool.left);
+    pthread_mutex_unlock(&pool.mutex);
+}
+
+static void *serve(void *argument)
+{
+    struct helper *helper = argument;
+    for (;;) {
+        SPIN_UNTIL(atomic_load(&helper->team), TO_NEXT_TEAM);
+        if (!atomic_load(&helper->team)) {
+            pthread_mutex_lock(&pool.mutex);
+            while (!atomic_load(&helper->team)) pthread_cond_wait(&helper->called, &pool.mutex);
+            pthread_mutex_unlock(&pool.mutex);
+        }
+        struct gr_team *team = atomic_exchange(&helper->team, NULL);
+        if (!team) continue;
+        help(team, helper->t);
+        leave(team);
+    }
+    return NULL;
+}
+
+/* Take an idle helper, or begin another one. Returned: NULL if the system gives no more threads. */
+static struct helper *take_helper(void)
+{
+    pthread_t thread;
+    struct helper *helper = pool.idle;
+    if (helper) {
+        pool.idle = helper->next;
+        return helper;
+    }
+    if (pool.n_helpers == GR_MAX_THREADS) return NULL;
+    helper = &pool.helper[pool.n_helpers];
+    atomic_store(&helper->team, NULL);
+    helper->called = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
+    if (pthread_create(&thread, NULL, serve, helper)) return NULL;
+    pthread_detach(thread);
+    pool.n_helpers++;
+    return helper;
+}
+
+/* Give a team as many threads, or those that there are. Returned: its helpers. */
+static struct helper *call_together(struct gr_team *team, int threads)
+{
+    struct helper *helper, *called = NULL;
+    pthread_once(&pool.once, prepare_for_forks);
+    pthread_mutex_lock(&pool.mutex);
+    for (; team->threads < threads && (helper = take_helper()); called = helper) {
+        helper->next = called;
+        helper->t = team->threads++;
+    }
+    atomic_store(&team->present, team->threads - 1);
+    for (helper = called; helper; helper = helper->next) { /* what a helper reads of the team does not change any more */
+        atomic_store(&helper->team, team);
+        pthread_cond_signal(&helper->called);
+    }
+    pthread_mutex_unlock(&pool.mutex);
+    return called;
+}
+
+/* End a team: wait for the helpers that have come; the others need not come, if a processor was not free for them. */
+static void dismiss(struct gr_team *team, struct helper *called)
+{
+    struct helper *last = called;
+    atomic_store(&team->closed, 1);
+    call_helpers(team);
+    for (struct helper *helper = called; helper; last = helper, helper = helper->next)
+        if (atomic_exchange(&helper->team, NULL)) atomic_fetch_sub(&team->present, 1);
+    SPIN_UNTIL(!atomic_load(&team->present), TO_NEXT_STAGE);
+    pthread_mutex_lock(&pool.mutex);
+    atomic_fetch_add(&pool.waiting, 1);
+    while (atomic_load(&team->present)) pthread_cond_wait(&pool.left, &pool.mutex);
+    atomic_fetch_sub(&pool.waiting, 1);
+    last->next = pool.idle;
+    pool.idle = called;
+    pthread_mutex_unlock(&pool.mutex);
+}
+
+int gr_team_lead(int threads, void (*program)(void *context, struct gr_team *team), void *context)
+{
+    struct gr_team team = {.threads = 1,
                            .mutex = PTHREAD_MUTEX_INITIALIZER,
                            .work_came = PTHREAD_COND_INITIALIZER,
                            .work_done = PTHREAD_COND_INITIALIZER};
-    if (threads == 1) {
-        program(context, NULL);
-        return;
-    }
-#pragma omp parallel num_threads(team.threads)
-    {
-        const int t = omp_get_thread_num();
-        if (t) {
-            help(&team, t);
-        } else {
-            program(context, &team);
-            atomic_store(&team.closed, 1);
-            call_helpers(&team);
-        }
-    }
+    struct helper *called = threads > 1 ? call_together(&team, threads < GR_MAX_THREADS ? threads : GR_MAX_THREADS) : NULL;
+    program(context, called ? &team : NULL);
+    if (called) dismiss(&team, called);
     pthread_cond_destroy(&team.work_came);
     pthread_cond_destroy(&team.work_done);
     pthread_mutex_destroy(&team.mutex);
+    return team.threads;
 }
-
-#else
-
-int gr_team_threads(const struct gr_team *team) { return (void)team, 1; }
-
-void gr_team_run(struct gr_team *team, gr_chunk_work *work, void *context, int64_t n_chunks)
-{
-    (void)team;
-    for (int64_t c = 0; c < n_chunks; c++) work(context, c, 0);
-}
-
-void gr_team_lead(int threads, void (*program)(void *context, struct gr_team *team), void *context)
-{
-    (void)threads;
-    program(context, NULL);
-}
-
-#endif

@@ -16,8 +16,9 @@ struct gr_team;
  * it, nor on t. */
 typedef void gr_chunk_work(void *context, int64_t chunk, int t);
 
-/* Run a program as the leader of a team of so many threads. Without OpenMP there is one. */
-void gr_team_lead(int threads, void (*program)(void *context, struct gr_team *team), void *context);
+/* Run a program as the leader of a team of so many threads, or of fewer if the system refuses some.
+ * Returned: the number of threads that the team had. */
+int gr_team_lead(int threads, void (*program)(void *context, struct gr_team *team), void *context);
 
 /* Do all chunks of a stage, called by the leader. NULL stands for a team of one. */
 void gr_team_run(struct gr_team *team, gr_chunk_work *work, void *context, int64_t n_chunks);

@@ -229,6 +229,7 @@ struct gr_engine {
     double error_x[3];
     /* chunks of tiles of the steps (step.c): where they begin, and the points that leave them */
     int64_t *cut, chunk_capacity;
+    int refused_threads; /* of those that the last gr_advance asked for, by the system */
     struct gr_migrants *migrants;
 };
 

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/index.h"
 #include "core/memory.h"
 #include "mpm/migrate.h"
 #include "mpm/places.h"
@@ -183,7 +184,7 @@ static int find_side(const struct regroup *r, int64_t p, int of_cell)
     double *const packed = record ? record + gr_component_of(e, GR_FIELD_side) : 0;
     for (int d = 0; d < e->config.dim; d++) x[d] = record ? record[d] : gr_x(e, d)[place];
     const double before = packed ? *packed : gr_number(e, GR_FIELD_side, 0, place);
-    const int side = of_cell == 1 ? gr_point_side(e, x, (int)before) : 0;
+    const int side = of_cell == 1 ? gr_point_side(e, x, gr_sign(before)) : 0;
     if (packed)
         *packed = side;
     else

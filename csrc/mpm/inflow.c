@@ -74,6 +74,7 @@ static int is_taken(const struct gr_engine *e, const struct gr_inlet *inlet, con
         reach[d] = (d == inlet->axis ? distance : 0.5) * inlet->spacing;
         const int64_t first = gr_locate(axis, e->inv_dx, x[d] - reach[d]);
         const int64_t last = gr_locate(axis, e->inv_dx, x[d] + reach[d]);
+        if (first >= axis->n_cells || last < 0) return 0; /* outside, by how much and be it finite or not */
         low[d] = (int32_t)(first < 0 ? 0 : first);
         high[d] = (int32_t)(last < axis->n_cells ? last : axis->n_cells - 1);
     }

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "core/index.h"
 #include "core/memory.h"
 #include "mpm/places.h"
 #include "mpm/sleep.h"
@@ -127,7 +128,7 @@ static int64_t find_cell(const struct gr_engine *e, const int64_t at[3], const d
     const int64_t index = (int64_t)gr_table_get(&e->mesh.cell_of, gr_cell_id(e, to)) - 1;
     if (index < 0) return GR_TO_NO_CELL;
     if (!e->n_thin || e->mesh.cell[index].side != 1) return index;
-    return index + (gr_point_side(e, x, (int)record[gr_component_of(e, GR_FIELD_side)]) < 0);
+    return index + (gr_point_side(e, x, gr_sign(record[gr_component_of(e, GR_FIELD_side)])) < 0);
 }
 
 /* Check point k of a list, find its new cell, and count it. */

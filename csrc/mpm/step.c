@@ -422,7 +422,8 @@ int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t ma
 {
     struct run run = run_of(e, kernels);
     run.left = max_steps, run.until = until;
-    gr_team_lead(e->n_points ? threads : 1, make_steps, &run);
+    const int asked = e->n_points ? threads : 1;
+    e->refused_threads = asked - gr_team_lead(asked, make_steps, &run);
     return e->error;
 }
 

@@ -1,6 +1,7 @@
 /* Rigid bodies: from the rows of Python to the tables of the core, their state, and the signed distance alone. */
 #include <math.h>
 
+#include "core/index.h"
 #include "mpm/contact.h"
 #include "python/arrays.h"
 
@@ -58,7 +59,7 @@ static int take_part(const double *row, struct gr_part *part)
     part->chain.vertex = NULL;
     part->operands = 0;
     if (part->kind == GR_PART_UNION || part->kind == GR_PART_INTERSECTION)
-        part->operands = (int)fmin(part->size[0], GR_MAX_PARTS + 1);
+        part->operands = (int)gr_index(part->size[0], 0, GR_MAX_PARTS + 1);
     return 0;
 }
 

@@ -1,7 +1,6 @@
 #include "python/engine_common.h"
 
 #include <math.h>
-#include <unistd.h>
 
 void gr_free_object(struct gr_object *self)
 {
@@ -74,29 +73,8 @@ void gr_keep_buffers(struct gr_object *self, PyArrayObject *const *arrays)
 int gr_take_run(PyObject *args, long long *max_steps, double *until, int *threads)
 {
     if (!PyArg_ParseTuple(args, "Ldi", max_steps, until, threads)) return -1;
-    if (*max_steps >= 0 && !isnan(*until) && *threads >= 1 && *threads <= GR_MAX_THREADS)
-        return gr_team_is_lost(*threads) ? -1 : 0;
+    if (*max_steps >= 0 && !isnan(*until) && *threads >= 1 && *threads <= GR_MAX_THREADS) return 0;
     return gr_refuse("max_steps must not be negative, until not NaN, threads 1 to %d", GR_MAX_THREADS);
-}
-
-/* A team of gcc's OpenMP does not live on in a forked child, which would wait for it for ever. The process in
- * which a team first ran is all that is kept beyond an engine. */
-int gr_team_is_lost(int threads)
-{
-#if defined(_OPENMP) && !defined(__clang__)
-    static pid_t home;
-    if (threads == 1) return 0;
-    if (!home) home = getpid();
-    if (home == getpid()) return 0;
-    PyErr_Format(PyExc_RuntimeError,
-                 "threads = %d must be 1 in a process that was forked after a simulation ran with threads; or begin "
-                 "processes by multiprocessing's \"spawn\" or \"forkserver\"",
-                 threads);
-    return 1;
-#else
-    (void)threads;
-    return 0;
-#endif
 }
 
 const struct gr_kernels *gr_take_kernels(const char *isa)
@@ -148,8 +126,15 @@ static PyObject *isa_of(struct gr_object *self, void *Py_UNUSED(unused))
     return PyUnicode_FromString(self->kernels ? self->kernels->isa : "");
 }
 
-static PyGetSetDef getters[] = {{"isa", (getter)isa_of, NULL, "instruction set of the kernels", NULL},
-                                {NULL, NULL, NULL, NULL, NULL}};
+static PyObject *refused_threads_of(struct gr_object *self, void *Py_UNUSED(unused))
+{
+    return PyLong_FromLong(self->refused_threads);
+}
+
+static PyGetSetDef getters[] = {
+    {"isa", (getter)isa_of, NULL, "instruction set of the kernels", NULL},
+    {"refused_threads", (getter)refused_threads_of, NULL, "threads that the system refused in the last advance", NULL},
+    {NULL, NULL, NULL, NULL, NULL}};
 
 PyTypeObject *gr_make_type(PyObject *module, const char *name, const char *doc, initproc init, destructor dealloc,
                            PyMethodDef *methods)

@@ -18,7 +18,7 @@ struct gr_object {
     int type[GR_MAX_FIELDS];                   /* of the numbers of its array, NPY_DOUBLE or NPY_FLOAT */
     PyArrayObject *buffers[GR_MAX_FIELDS + 1]; /* the borrowed arrays, the ids last */
     PyObject *borrowed;                        /* what else the engine borrows from; may be NULL */
-    int is_bound, busy;
+    int is_bound, busy, refused_threads;
 };
 
 /* The type, with what is common to both: deallocation, isa. Returned: NULL with an exception set. */
@@ -48,10 +48,6 @@ void gr_keep_buffers(struct gr_object *self, PyArrayObject *const *arrays);
 
 /* The arguments of advance(max_steps, until, threads). Returned: 0, or -1 with an exception set. */
 int gr_take_run(PyObject *args, long long *max_steps, double *until, int *threads);
-
-/* Whether the team of OpenMP died in a fork of this process, so that only one thread can run. Returned: 0, or 1 with
- * RuntimeError set. */
-int gr_team_is_lost(int threads);
 
 /* The kernels of an instruction set. Returned: NULL with ValueError set if this machine has not got it. */
 const struct gr_kernels *gr_take_kernels(const char *isa);

@@ -1,6 +1,7 @@
 /* From the keyword arguments of Engine to the configuration of the core. */
 #include <math.h>
 
+#include "core/index.h"
 #include "python/arrays.h"
 
 /* What the configuration has of each axis, from its row. */
@@ -162,7 +163,7 @@ static int take_scheme(struct gr_config *c, PyObject *dict, int transfer, double
                                  [GR_TRANSFER_xpic] = GR_AFFINE_NONE};
     c->scheme = q;
     c->affine = affine[transfer];
-    c->xpic_order = transfer == GR_TRANSFER_xpic ? (int)fmin(fmax(q.xpic_order, -1), 100) : 0;
+    c->xpic_order = transfer == GR_TRANSFER_xpic ? (int)gr_index(q.xpic_order, -1, 100) : 0;
     c->keep_velocity_rate = transfer == GR_TRANSFER_apic   ? -1
                             : transfer == GR_TRANSFER_tpic ? q.tpic_decay * c->wave_speed / c->dx
                                                            : q.flip_decay;
@@ -178,7 +179,7 @@ static int take_all_numbers(struct gr_config *c, PyObject *numbers, PyObject *fl
         take_number(fluidity, "tolerance", &c->nonlocal.tolerance) || take_number(fluidity, "floor", &c->nonlocal.floor) ||
         take_number(fluidity, "substeps", &substeps))
         return -1;
-    c->nonlocal.substeps = (int)fmin(fmax(substeps, -1), 1e9);
+    c->nonlocal.substeps = (int)gr_index(substeps, -1, 1000000000);
     return 0;
 }
 

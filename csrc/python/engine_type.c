@@ -112,6 +112,7 @@ static PyObject *engine_advance(struct gr_object *self, PyObject *args)
     error = gr_advance(e, self->kernels, max_steps, until, threads);
     Py_END_ALLOW_THREADS
     self->busy = 0;
+    self->refused_threads = e->refused_threads;
     return needed_capacity(e, error);
 }
 

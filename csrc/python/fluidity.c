@@ -120,7 +120,7 @@ PyObject *gr_python_fluidity_diffuse(PyObject *Py_UNUSED(module), PyObject *args
     call.method = gr_take_index("method", method, gr_diffusion_names, GR_DIFFUSION_COUNT);
     config.stencil = gr_take_index("stencil", stencil, gr_stencil_names, GR_STENCIL_COUNT);
     if (call.method < 0 || config.stencil < 0 || refuse_numbers(&config, &call, threads) ||
-        take_grid(&config, periodic, objects, arrays) || gr_team_is_lost(threads))
+        take_grid(&config, periodic, objects, arrays))
         return NULL;
     struct gr_fluidity *f;
     const int error = gr_fluidity_new(&f, &config);

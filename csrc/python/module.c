@@ -4,11 +4,6 @@
 
 #include "python/engine_common.h"
 
-#ifdef _OPENMP
-#define GR_OPENMP 1
-#else
-#define GR_OPENMP 0
-#endif
 #ifndef GR_FLAGS
 #define GR_FLAGS ""
 #endif
@@ -19,8 +14,8 @@ static PyObject *build_info(PyObject *Py_UNUSED(module), PyObject *args)
     if (!PyArg_ParseTuple(args, "|s:build_info", &isa)) return NULL;
     const struct gr_kernels *kernels = gr_take_kernels(isa);
     if (!kernels) return NULL;
-    return Py_BuildValue("{s:s,s:i,s:O,s:s,s:s}", "isa", kernels->isa, "lanes", kernels->lanes, "openmp",
-                         GR_OPENMP ? Py_True : Py_False, "compiler", __VERSION__, "flags", GR_FLAGS);
+    return Py_BuildValue("{s:s,s:i,s:s,s:s}", "isa", kernels->isa, "lanes", kernels->lanes, "compiler", __VERSION__, "flags",
+                         GR_FLAGS);
 }
 
 static PyObject *node_positions(PyObject *Py_UNUSED(module), PyObject *args)
@@ -83,7 +78,7 @@ static PyMethodDef functions[] = {
      "laws()\n--\n\n{name: (doc, [(parameter, unit, doc)], in_single)} of the constitutive "
      "laws; in_single: kernels in single precision have it."},
     {"build_info", build_info, METH_VARARGS,
-     "build_info(isa='')\n--\n\nInstruction set of the kernels, OpenMP, compiler and flags of this build."},
+     "build_info(isa='')\n--\n\nInstruction set of the kernels, compiler and flags of this build."},
     {"node_positions", node_positions, METH_VARARGS,
      "node_positions(basis, n_cells, periodic, c0_lines)\n--\n\nNodes along one axis, in cells from its lower end."},
     {NULL, NULL, 0, NULL}};

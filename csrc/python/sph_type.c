@@ -177,6 +177,7 @@ static PyObject *sph_advance(struct gr_object *self, PyObject *args)
     error = gr_sph_advance(s, self->kernels->sph, max_steps, until, threads);
     Py_END_ALLOW_THREADS
     self->busy = 0;
+    self->refused_threads = s->refused_threads;
     if (!error || error == GR_ERR_CAPACITY) return PyBool_FromLong(error);
     const struct gr_failure at = {s->error_id, s->step, s->config.dim, s->error_x[0], s->error_x[1], s->error_x[2], s->time};
     const int has_place = error == GR_ERR_NOT_FINITE || error == GR_ERR_RUNAWAY;

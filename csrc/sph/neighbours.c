@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/index.h"
 #include "core/simd.h"
 #include "sph/sph.h"
 
@@ -13,8 +14,8 @@ static int32_t cell_at(const struct gr_sph *s, const double *x)
 {
     int64_t cell = 0;
     for (int d = s->config.dim - 1; d >= 0; d--) {
-        const double u = (x[d] - s->config.lower[d]) * s->per_cell[d], last = s->shape[d] - 1;
-        cell = cell * s->shape[d] + (int)(!(u > 0) ? 0 : u > last ? last : u);
+        const double u = (x[d] - s->config.lower[d]) * s->per_cell[d];
+        cell = cell * s->shape[d] + gr_index(u, 0, s->shape[d] - 1);
     }
     return (int32_t)cell;
 }

@@ -455,7 +455,7 @@ int gr_sph_advance(struct gr_sph *s, gr_sph_kernel *kernel, int64_t max_steps, d
     const int64_t step = s->step, started = s->started;
     if (s->error) return s->error;
     if (!started) find_gravity(s);
-    gr_team_lead(threads, make_steps, &run);
+    s->refused_threads = threads - gr_team_lead(threads, make_steps, &run);
     if (!s->error && (s->step > step || !started)) show_stresses(s);
     return !s->error && run.is_full ? GR_ERR_CAPACITY : s->error;
 }

@@ -143,7 +143,7 @@ struct gr_sph {
     double time, dt, speed2, acceleration2, dropped_mass, gas_speed2;
     int64_t step, dropped, rebuilds, started, stopped, gas_dropped;
     double gravity[3], wall_dt[GR_SPH_MAX_WALLS]; /* of the step: time for which each wall moves, s */
-    int lanes, error;
+    int lanes, refused_threads, error;            /* refused by the system of those that the last gr_sph_advance asked for */
     int64_t error_id;
     double error_x[3];
     struct gr_sph_found found[GR_MAX_THREADS];

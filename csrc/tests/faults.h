@@ -7,3 +7,6 @@ void faults_at(long n);
 int faults_end(void);
 /* Number of allocations since then. */
 long faults_calls(void);
+
+/* Let the system give n more threads and refuse all others; -1 ends it. */
+void faults_allow_threads(int n);

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Build and run the C tests under the sanitizers: csrc/tests/run.sh [axis grid ...]
-# CC: compiler (gcc). SANITIZE=0: without sanitizers. OPENMP=0: without OpenMP. BUILD: folder of the
-# objects, kept if given. JOBS: compilers and tests at a time.
+# CC: compiler (gcc). SANITIZE: the sanitizers (address,undefined,float-cast-overflow; thread), 0 for
+# none. BUILD: folder of the objects, kept if given. JOBS: compilers and tests at a time.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
@@ -14,10 +14,10 @@ fi
 mkdir -p "$BUILD"
 
 warnings="-Wall -Wextra -Wconversion -Wshadow -Werror"
-flags="-std=gnu11 -g1 -O1 -ffp-contract=off -fno-math-errno -fno-trapping-math -Icsrc"
-[ "${OPENMP:-1}" = 0 ] || flags+=" -fopenmp"
-if [ "${SANITIZE:-1}" != 0 ]; then
-    flags+=" -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer"
+flags="-std=gnu11 -g1 -O1 -ffp-contract=off -fno-math-errno -fno-trapping-math -Icsrc -pthread"
+sanitize=${SANITIZE:-address,undefined,float-cast-overflow}
+if [ "$sanitize" != 0 ]; then
+    flags+=" -fsanitize=$sanitize -fno-sanitize-recover=all -fno-omit-frame-pointer"
     calls="--param asan-instrumentation-with-call-threshold=0" # checks by calls: compiles much faster
     if $CC $calls -E -x c /dev/null >/dev/null 2>&1; then flags+=" $calls"; fi
 fi
@@ -65,13 +65,13 @@ done
 link_and_run() { # test: what it prints and its status go to files
     local status=0
     # shellcheck disable=SC2086
-    $CC $flags "$BUILD/test_$1.o" "${@:2}" -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc -lm -o "$BUILD/$1" &&
+    $CC $flags "$BUILD/test_$1.o" "${@:2}" -Wl,--wrap=malloc,--wrap=calloc,--wrap=realloc,--wrap=pthread_create -lm -o "$BUILD/$1" &&
         "$BUILD/$1" >"$BUILD/$1.log" || status=$?
     echo "$status" >"$BUILD/$1.status"
 }
 export -f link_and_run
 export CC flags BUILD
-export UBSAN_OPTIONS=print_stacktrace=1 OMP_NUM_THREADS=4
+export UBSAN_OPTIONS=print_stacktrace=1
 rm -f "$BUILD"/*.log
 printf '%s\n' "${tests[@]}" | xargs -P "$JOBS" -I{} bash -c 'link_and_run "$@"' bash {} "${library[@]}"
 

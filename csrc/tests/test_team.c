@@ -5,11 +5,12 @@
 #include <unistd.h>
 
 #include "tests/check.h"
+#include "tests/faults.h"
 
-enum { CHUNKS = 37, THREADS = 3 };
+enum { CHUNKS = 37, THREADS = 3, MANY = 8 };
 
 struct counts {
-    _Atomic int done[CHUNKS], by[THREADS];
+    _Atomic int done[CHUNKS], by[MANY];
     _Atomic int delayed; /* helpers that have slept */
     int stages;
 };
@@ -17,7 +18,7 @@ struct counts {
 static void clear(struct counts *counts)
 {
     for (int c = 0; c < CHUNKS; c++) atomic_store(&counts->done[c], 0);
-    for (int t = 0; t < THREADS; t++) atomic_store(&counts->by[t], 0);
+    for (int t = 0; t < MANY; t++) atomic_store(&counts->by[t], 0);
 }
 
 static void count(void *context, int64_t chunk, int t)
@@ -52,7 +53,7 @@ TEST(each_chunk_is_done_once)
 {
     for (int threads = 1; threads <= THREADS; threads++) {
         struct counts counts = {0};
-        gr_team_lead(threads, many_stages, &counts);
+        CHECK(gr_team_lead(threads, many_stages, &counts) == threads);
     }
 }
 
@@ -73,7 +74,7 @@ static void stages_beside_others(void *context, struct gr_team *team)
         gr_team_run(team, count_late, counts, CHUNKS);
     }
     check_each_once(counts);
-    if (!atomic_load(&counts->delayed)) return; /* no helper: without OpenMP, or on a machine that is very busy */
+    if (!atomic_load(&counts->delayed)) return; /* no helper: a machine that is very busy */
     int by_helpers = 0;
     for (int stage = 0; stage < 100; stage++) {
         clear(counts);
@@ -89,4 +90,27 @@ TEST(after_a_delay_the_leader_works_alone)
 {
     struct counts counts = {0};
     gr_team_lead(THREADS, stages_beside_others, &counts);
+}
+
+static void one_stage(void *context, struct gr_team *team)
+{
+    struct counts *counts = context;
+    clear(counts);
+    gr_team_run(team, count, counts, CHUNKS);
+    check_each_once(counts);
+}
+
+/* Threads that the system refuses are missing in the team, and nothing else. Helpers stay for the next team. */
+TEST(without_the_threads_that_are_refused)
+{
+    struct counts counts = {0};
+    const int before = gr_team_lead(THREADS, one_stage, &counts);
+    CHECK(before == THREADS);
+    for (int new = 0; new <= 2; new ++) {
+        faults_allow_threads(new ? 1 : 0);
+        CHECK(gr_team_lead(MANY, one_stage, &counts) == before + new);
+        CHECK(gr_team_lead(THREADS, one_stage, &counts) == THREADS);
+    }
+    faults_allow_threads(-1);
+    CHECK(gr_team_lead(MANY, many_stages, &counts) == MANY);
 }

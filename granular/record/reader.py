@@ -15,6 +15,7 @@ from granular.record.frame import BODY, SCALARS, WALL, Frame, names_of, samples_
 from granular.record.index import Contents, load
 from granular.record.kept import kept, read_kept
 from granular.record.layout import FORMAT, RecordError, reading
+from granular.resources import Resource
 from granular.state import STANDARD
 
 if TYPE_CHECKING:
@@ -26,11 +27,13 @@ if TYPE_CHECKING:
     from granular.typing import AnyScene
 
 
-class Trajectory:
+class Trajectory(Resource):
     """A sequence of states in a record; each state is read and verified on access.
 
     `open_trajectory` makes one. A slice is a trajectory too, over the same file.
     """
+
+    _instead = "open the record again, by its path; a slice of it, record[:], shares its file"
 
     def __init__(self, contents: Contents, frames: list[Frame] | None = None) -> None:
         self._contents = contents
@@ -269,7 +272,7 @@ class Trajectory:
 
     def damage(self) -> list[str]:
         """Read everything; return one message for each damaged part, none if all is well."""
-        found = []
+        found = list(self._contents.spoilt)
         for frame in self._frames:
             try:
                 for part in filter(None, (frame, frame.gas)):

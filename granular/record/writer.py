@@ -3,6 +3,7 @@
 import json
 import os
 import uuid
+import warnings
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -30,6 +31,7 @@ from granular.record.layout import (
 )
 from granular.record.lock import Lock
 from granular.record.storage import followed, fsync_folder, identity, permissions
+from granular.resources import Resource
 
 if TYPE_CHECKING:
     from granular.state import State
@@ -122,7 +124,7 @@ class _Layout:
         self.spec, self.chunk = _spec(frame.source.given), frame.source.given["x"].chunk
 
 
-class TrajectoryWriter:
+class TrajectoryWriter(Resource):
     """Writer of one record: frames go into the file as they come, and `close` completes it.
 
     Until then the file lies in the folder ``<path>.parts`` with a log of its frames. A frame is
@@ -150,6 +152,8 @@ class TrajectoryWriter:
     OSError
         If the folder cannot be written.
     """
+
+    _instead = "one writer has the record; `resume` goes on with it after `close`"
 
     def __init__(
         self,
@@ -196,6 +200,10 @@ class TrajectoryWriter:
         writer = cls.__new__(cls)
         with writer._opening(followed(path)), writer._stored() as contents:
             frames = _sound(contents)
+            for said in contents.spoilt:
+                warnings.warn(
+                    f"{said}, unless the run makes it again", RuntimeWarning, stacklevel=4
+                )
             parent = frames[-1].digest.hex() if frames else None
             if contents.has_checkpoint:
                 parent = contents.checkpoint().digest.hex()

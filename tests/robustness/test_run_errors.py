@@ -1,7 +1,9 @@
 """A run that could not write goes on in the same object, and its record loses nothing."""
 
+import copy
 import errno
 import os
+import pickle
 import random
 from contextlib import suppress
 
@@ -167,3 +169,76 @@ def test_a_frame_is_stored_while_a_hook_runs(scene, tmp_path):
 
     gr.Simulation(scene, threads=1).run(0.05, save=path, every=EVERY, hooks=(hook,))
     assert found == [(0, [])] * 4
+
+
+# ---- hooks and copies ----
+
+
+def runs_on(sim, path):
+    sim.run(2 * UNTIL, save=path.with_name("other.h5"))
+
+
+def resumes(sim, path):
+    gr.Simulation.resume(path).run(2 * UNTIL)
+
+
+@pytest.mark.parametrize(
+    ("act", "kind", "message"),
+    [
+        (runs_on, RuntimeError, "run: .* has called the hook test_a_hook.*, which may look at it"),
+        (lambda sim, path: sim.step(3), RuntimeError, "step: .* step a copy"),
+        (resumes, BlockingIOError, "written by a live run"),
+    ],
+)
+def test_a_hook_that_runs_its_simulation_is_refused(scene, tmp_path, act, kind, message):
+    """It ends the run as any exception of a hook does; all is whole, and the run can go on."""
+    path, calls = tmp_path / "a.h5", []
+
+    def hook(sim):
+        calls.append(sim.steps)
+        if len(calls) == 3:
+            act(sim, path)
+
+    sim = gr.Simulation(scene, threads=1)
+    with pytest.raises(kind, match=message):
+        sim.run(UNTIL, every=EVERY, save=path, hooks=(hook,))
+    assert not path.with_name("other.h5").exists() and sim.record == path
+    sim.run(UNTIL)
+    gr.Simulation(scene, threads=1).run(UNTIL, every=EVERY, save=tmp_path / "b.h5")
+    assert stored(path) == stored(tmp_path / "b.h5")
+
+
+def test_hooks_may_run_another_simulation_and_look_at_all(scene, tmp_path):
+    path, other = tmp_path / "a.h5", tmp_path / "other.h5"
+
+    def hook(sim):
+        sim.health(), sim.state, sim.checkpoint(), sim.buffers
+        gr.Simulation(scene, threads=1).run(EVERY, save=other, overwrite=True)
+        gr.Simulation.from_checkpoint(scene, sim.checkpoint()).step(2)
+        with gr.open(path) as record:
+            assert record.series["step"][-1] == sim.steps
+
+    gr.Simulation(scene, threads=1).run(UNTIL, every=EVERY, save=path, hooks=(hook,))
+    gr.Simulation(scene, threads=1).run(UNTIL, every=EVERY, save=tmp_path / "b.h5")
+    assert stored(path) == stored(tmp_path / "b.h5")
+
+
+@pytest.mark.parametrize("act", [copy.copy, copy.deepcopy, pickle.dumps])
+def test_what_owns_a_resource_cannot_be_copied(scene, tmp_path, act):
+    """A copy would share it in silence: two simulations would step the same points."""
+    sim = gr.Simulation(scene, threads=1).run(EVERY, save=tmp_path / "a.h5")
+    with pytest.raises(TypeError, match=r"a Simulation cannot be copied .*from_checkpoint"):
+        act(sim)
+    with (
+        gr.open(tmp_path / "a.h5") as record,
+        pytest.raises(TypeError, match=r"a Trajectory cannot be copied .* open the record again"),
+    ):
+        act(record)
+    with (
+        TrajectoryWriter(tmp_path / "b.h5", scene) as writer,
+        pytest.raises(TypeError, match="a TrajectoryWriter cannot be copied"),
+    ):
+        act(writer)
+    with pytest.raises(TypeError, match=r"cannot pickle 'granular\._core\.Engine'"):
+        act(sim._engine)
+    act(sim.checkpoint()), act(sim.state), act(sim.health()), act(scene)

@@ -188,12 +188,9 @@ FORK = textwrap.dedent(
     context = multiprocessing.get_context({method!r})
 
     def digest(threads, answer=None):
-        try:
-            sim = gr.Simulation(scene, threads=threads)
-            sim.step(30)
-            found = sim.checkpoint().digest.hex()
-        except RuntimeError as error:
-            found = str(error)
+        sim = gr.Simulation(scene, threads=threads)
+        sim.step(30)
+        found = sim.checkpoint().digest.hex()
         return found if answer is None else answer.put(found)
 
     def in_child(threads):
@@ -217,7 +214,7 @@ FORK = textwrap.dedent(
 
 @pytest.mark.parametrize("method", multiprocessing.get_all_start_methods())
 def test_processes_beside_threads(method, tmp_path):
-    """A process forked after a threaded run must use one thread, or it would wait for ever."""
+    """A process forked after a run with threads makes threads of its own, with the same result."""
     program = tmp_path / "program.py"
     program.write_text(FORK.format(tests=str(Path(__file__).parents[1]), method=method))
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
@@ -225,14 +222,8 @@ def test_processes_beside_threads(method, tmp_path):
         [sys.executable, str(program)], capture_output=True, text=True, env=environment, timeout=120
     )
     assert done.returncode == 0, done.stderr
-    *same, last = done.stdout.splitlines()
-    assert len(set(same)) == 1 and len(same[0]) == 64
-    info = gr.show_config()
-    if method == "fork" and info["openmp"] and "clang" not in info["compiler"].lower():
-        assert "threads = 2 must be 1" in last
-        assert "spawn" in last
-    else:
-        assert last == same[0]
+    same = done.stdout.splitlines()
+    assert len(same) > 1 and len(set(same)) == 1 and len(same[0]) == 64
 
 
 # ---- restart ----

@@ -324,3 +324,18 @@ def test_points_within_a_block_are_told_before_and_during_a_run():
     assert said.verdict == "suspect"
     assert 0 < said.value < 0.2
     assert not sim.health().ok
+
+
+@pytest.mark.parametrize("spoil", [np.nan, 1e6])
+def test_the_health_of_a_run_that_failed(scene, often, spoil):
+    """The indicators are those of the samples before the error; the verdict is the error."""
+    sim = gr.Simulation(scene, threads=1).run(0.05, every=0.01)
+    before = sim.health()
+    assert before.ok
+    sim.buffers["v"][0, np.flatnonzero(sim.buffers["id"] >= 0)[3]] = spoil
+    with pytest.raises(gr.SimulationError) as error:
+        sim.run(1.0)
+    failed = sim.health()
+    assert not failed.ok and failed.failure == str(error.value)
+    assert failed.verdict.startswith(f"verdict: failed, {error.value}; before: density_drift = ")
+    assert failed["courant"] == before["courant"] and str(failed).startswith("failed: ")
