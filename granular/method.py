@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
+from granular.checks import truth
 from granular.resources import Resource
 from granular.state import State
 
@@ -46,6 +47,13 @@ class Method(Resource):
         kinds = [f"a {kind.__module__.removesuffix('.scene')}.{kind.__name__}" for kind in known]
         raise TypeError(f"scene = {scene!r} must be {' or '.join(sorted(kinds))}")
 
+    @staticmethod
+    def _check_memory(scene: AnyScene, force: bool) -> None:
+        """Refuse a scene for which there is not enough memory, before anything is built."""
+        from granular.economy.cost import check_memory  # which knows scenes, but no simulation
+
+        check_memory(scene, truth("force", force))
+
     def _make_steps(self, max_steps: int, until: float) -> None:
         """Run the core for `max_steps` steps or up to the time `until`, whichever is first."""
         raise NotImplementedError
@@ -64,6 +72,11 @@ class Method(Resource):
     ) -> Self:
         """Return a simulation in the state of a checkpoint."""
         raise NotImplementedError
+
+    @classmethod
+    def _adapted(cls, before: AnyScene, scene: AnyScene, checkpoint: Checkpoint) -> Checkpoint:
+        """Return a checkpoint of one scene with which a run goes on under a changed one."""
+        return checkpoint
 
     @property
     def buffers(self) -> dict[str, NDArray]:

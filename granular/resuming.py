@@ -6,9 +6,9 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from granular import _core
+from granular import _core, materials
 from granular.buffers import default_isa
-from granular.checks import integer
+from granular.checks import integer, truth
 from granular.record import open_trajectory
 from granular.record.layout import reading
 from granular.record.settings import check_alike, settings_of, usable_isa
@@ -23,17 +23,20 @@ __all__ = ["resumed"]
 def resumed(
     cls: Any,
     path: str | os.PathLike,
-    *,
     scene: AnyScene | None,
     frame: int | None,
     threads: int | None,
     isa: str | None,
+    trust_code: bool,
 ) -> Simulation:
     """Make the simulation of `granular.Simulation.resume`; `cls` is its class."""
     if threads is not None:
         integer("threads", threads, 1, _core.MAX_THREADS)
     _core.build_info(default_isa() if isa is None else isa)  # refuses one it does not know
+    truth("trust_code", trust_code)
     with open_trajectory(path) as record:
+        if trust_code:
+            materials.trust_code(record.scene)
         if scene is not None:
             check_alike(record.scene, scene)
         method, checkpoint = cls._of(record.scene), record.checkpoint(frame)

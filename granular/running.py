@@ -1,10 +1,8 @@
-"""Threads, calls of the core, times of frames, progress bar and Ctrl-C of a run."""
+"""Threads, calls of the core, checkpoints, times of frames and progress bar of a run."""
 
 from __future__ import annotations
 
 import os
-import signal
-import threading
 import time as clock
 import warnings
 from collections.abc import Iterator
@@ -15,6 +13,7 @@ import numpy as np
 
 from granular import _core
 from granular.checks import positive
+from granular.interrupts import DeferredSignals
 
 if TYPE_CHECKING:
     from granular.record import TrajectoryWriter
@@ -23,11 +22,12 @@ if TYPE_CHECKING:
 __all__ = [
     "CHECKPOINT_MINUTES",
     "EVERY",
+    "MOST_STEPS",
     "Chunks",
     "Saver",
+    "Soundness",
     "check_interval",
     "default_threads",
-    "interruptible",
     "next_frame",
     "progress_bar",
     "warn_of_threads",
@@ -44,6 +44,8 @@ CHUNK_SECONDS = 0.05
 Signals, progress and hooks wait no longer than this.
 """
 MAX_CHUNK = 1 << 20
+MOST_STEPS = 2**63 - 1
+"""Number of steps that the core can count."""
 
 EVERY = 1 / 60
 """Default time between frames [s]; played at 60 frames per second they show real time."""
@@ -75,7 +77,7 @@ def warn_of_threads(wanted: int, refused: int) -> None:
         f"{wanted - refused}, slower, with the same results. Limits of the user (ulimit -u), of "
         "the memory (ulimit -v) or of the container (pids.max) allow no more",
         RuntimeWarning,
-        stacklevel=5,
+        stacklevel=6,
     )
 
 
@@ -88,20 +90,59 @@ class Chunks:
     def __init__(self) -> None:
         self._steps = 1  # of the next call
 
-    def advance(self, sim: Simulation, until: float) -> Iterator[None]:
-        """Advance a simulation to the time `until` [s]; yield after each call."""
-        while sim.time < until:
-            begin, first = clock.perf_counter(), sim.steps
-            sim._advance(self._steps, until)
+    def advance(self, sim: Simulation, until: float, target: int = MOST_STEPS) -> Iterator[None]:
+        """Advance a simulation to the time `until` [s], or a number of steps; yield after each."""
+        while sim.time < until and (first := sim.steps) < target:
+            begin = clock.perf_counter()
+            sim._advance(min(self._steps, target - first), until)
             seconds = max(clock.perf_counter() - begin, 1e-6) / max(sim.steps - first, 1)
             self._steps = int(min(max(CHUNK_SECONDS / seconds, 1), MAX_CHUNK, 4 * self._steps + 1))
             yield
 
 
+class Soundness:
+    """Guard of the steps of a simulation, which knows if an error in one has spoiled the state.
+
+    Attributes
+    ----------
+    failure : str
+        Message of that error; empty while the state is sound.
+    """
+
+    def __init__(self) -> None:
+        self.failure = ""
+
+    def check(self) -> None:
+        """Refuse to go on from a state that is spoiled."""
+        if self.failure:
+            raise _core.SimulationError(
+                "the simulation has failed in a step before, and its state is of no use: make a "
+                "new one, or resume its record"
+            )
+
+    @contextmanager
+    def of_steps(self) -> Iterator[None]:
+        """Make steps in this block, whole ones: signals wait for its end."""
+        self.check()
+        try:
+            with DeferredSignals():
+                yield
+        except BaseException as error:
+            if spoils_state(error):
+                self.failure = str(error) or type(error).__name__
+            raise
+
+
+def spoils_state(error: BaseException | None) -> bool:
+    """Return if an error, or its cause, leaves a state that is of no use."""
+    causes = (error, getattr(error, "__cause__", None))
+    return any(isinstance(cause, _core.SimulationError) for cause in causes)
+
+
 class Saver:
     """Stores checkpoints of a run in its record: at intervals, and in the end however it ends.
 
-    None is stored after a `SimulationError`, whose state is of no use, nor if a frame could not be
+    None is stored after an error that spoils the state, nor if a frame could not be
     stored that was due, because a run that goes on from there would not make it.
     """
 
@@ -123,10 +164,12 @@ class Saver:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: object
+    ) -> None:
         if kind is None:
             self.save()
-        elif self._sim.frame_is_stored and not issubclass(kind, _core.SimulationError):
+        elif self._sim.frame_is_stored and not spoils_state(error):
             with suppress(OSError):  # the first error is to be told
                 self.save()
 
@@ -179,25 +222,3 @@ def progress_bar(sim: Simulation, until: float, shown: bool) -> AbstractContextM
         return nullcontext(_Silent())
     form = "{l_bar}{bar}| {n:.3f}/{total:.3f} s [{elapsed}<{remaining}]"
     return bar(total=until, initial=sim.time, desc=sim.scene.name, bar_format=form)
-
-
-@contextmanager
-def interruptible() -> Iterator[list[int]]:
-    """Turn Ctrl-C into a flag that is checked between calls of the core.
-
-    The flag is the list of the signals received: empty, and hence false, until the first. The
-    handler is restored in the end.
-    """
-    flag: list[int] = []
-    if threading.current_thread() is not threading.main_thread():
-        yield flag
-        return
-    before = signal.getsignal(signal.SIGINT)
-    if before is not signal.default_int_handler:  # a handler of the caller: leave it
-        yield flag
-        return
-    signal.signal(signal.SIGINT, lambda number, _: flag.append(number))
-    try:
-        yield flag
-    finally:
-        signal.signal(signal.SIGINT, before)

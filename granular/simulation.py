@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, Literal, Self, cast, overload
 import numpy as np
 
 from granular import _core
-from granular.checks import integer, positive, truth
+from granular.checks import integer, positive
 from granular.diagnostics import Health, Monitor, StabilityWarning, health
+from granular.interrupts import DeferredSignals
 from granular.measure.derived import with_derived
 from granular.present import Present
 from granular.record import Checkpoint, TrajectoryWriter
@@ -26,10 +27,11 @@ from granular.resuming import resumed
 from granular.running import (
     CHECKPOINT_MINUTES,
     EVERY,
+    MOST_STEPS,
     Chunks,
     Saver,
+    Soundness,
     check_interval,
-    interruptible,
     next_frame,
     progress_bar,
     warn_of_threads,
@@ -48,9 +50,6 @@ __all__ = ["Hook", "Simulation", "SimulationError"]
 SimulationError = _core.SimulationError
 
 Hook = Callable[["Simulation"], Any]
-
-MOST_STEPS = 2**63 - 1
-"""Number of steps that the core can count."""
 
 
 class Simulation(Present):
@@ -111,13 +110,6 @@ class Simulation(Present):
     def __new__(cls, scene: object = None, **_: Any) -> Simulation:
         return super().__new__(cls._of(scene))
 
-    @staticmethod
-    def _check_memory(scene: AnyScene, force: bool) -> None:
-        """Refuse a scene for which there is not enough memory, before anything is built."""
-        from granular.economy.cost import check_memory  # which knows scenes, but no simulation
-
-        check_memory(scene, truth("force", force))
-
     def _start(
         self, scene: AnyScene, engine: _core.Engine | _core.Sph, threads: int | None
     ) -> None:
@@ -133,10 +125,10 @@ class Simulation(Present):
         self._stored: tuple[str, ...] = ()  # derived fields of frames
         self._precision = DOUBLE  # of frames
         self._keeps = 0  # frames from one checkpoint that is kept to the next; 0 for none
+        self._soundness = Soundness()
         self._due: int | None = None  # step of a frame that could not be taken or stored
         self._monitor = Monitor(scene)
         self._told: set[str] = set()
-        self._failure = ""  # message of the error in which the material was lost
         self._turns = Turns()
 
     def view(self, path: str | os.PathLike[str] | None = None, **options: Any) -> Any:
@@ -152,16 +144,15 @@ class Simulation(Present):
     def step(self, n: int = 1) -> None:
         """Make `n` steps, at least 1; errors as in `run`."""
         target = self.steps + integer("n", n, 1, MOST_STEPS - self.steps)
-        while self.steps < target:
-            self._advance(target - self.steps, np.inf)
+        for _ in self._chunks.advance(self, np.inf, target):
+            pass
 
     def _advance(self, max_steps: int, until: float) -> None:
-        try:
+        """Call the core; signals wait until the steps and all that belongs to them are made."""
+        with self._soundness.of_steps():
             self._make_steps(max_steps, until)
-        except SimulationError as error:
-            self._failure = str(error)
-            raise
-        if (refused := self._engine.refused_threads) and "threads" not in self._told:
+            refused = self._engine.refused_threads
+        if refused and "threads" not in self._told:
             self._told.add("threads")
             warn_of_threads(self.threads, refused)
 
@@ -253,7 +244,8 @@ class Simulation(Present):
         RuntimeError
             If this simulation makes steps already: in a hook of its run, or in another thread.
         KeyboardInterrupt
-            On Ctrl-C; the simulation and the record stay valid and can be continued.
+            On Ctrl-C; the simulation and the record stay valid and can be continued. So it is with
+            whatever a handler of a signal raises: handlers run between steps, within about 0.05 s.
 
         Warns
         -----
@@ -278,31 +270,36 @@ class Simulation(Present):
         recorded = self._session.writer(
             save, self.scene, overwrite=overwrite, provenance=provenance
         )
-        with recorded as writer, progress_bar(self, until, progress) as bar:
-            with interruptible() as interrupted, Saver(self, writer, 60 * minutes) as saver:
-                if self.steps in (0, self._due):
-                    self._frame(writer, hooks, monitor, gas)
-                saver.save()
-                while self.time < until and not interrupted:
-                    frame = min(next_frame(self.time, every), until)
-                    for _ in self._chunks.advance(self, frame):
-                        bar.update(min(self.time, until) - bar.n)
-                        if self.time >= frame:  # the frame comes before a checkpoint or an end
-                            continue
+        with (
+            recorded as writer,
+            progress_bar(self, until, progress) as bar,
+            DeferredSignals() as signals,
+            Saver(self, writer, 60 * minutes) as saver,
+        ):
+            if self.steps in (0, self._due):
+                self._frame(writer, hooks, monitor, gas, signals)
+            saver.save()
+            while self.time < until:
+                signals.deliver()
+                frame = min(next_frame(self.time, every), until)
+                for _ in self._chunks.advance(self, frame):
+                    bar.update(min(self.time, until) - bar.n)
+                    if self.time < frame:  # the frame comes before a checkpoint or an end
                         saver.save_if_due()
-                        if interrupted:
-                            break
-                    else:
-                        self._frame(writer, hooks, monitor, gas)
-                        saver.save_if_due()
-            if interrupted:
-                raise KeyboardInterrupt
+                        signals.deliver()
+                self._frame(writer, hooks, monitor, gas, signals)
+                saver.save_if_due()
         if monitor:
             self._warn_of_health()
         return self
 
     def _frame(
-        self, writer: TrajectoryWriter | None, hooks: tuple[Hook, ...], monitor: bool, gas: bool
+        self,
+        writer: TrajectoryWriter | None,
+        hooks: tuple[Hook, ...],
+        monitor: bool,
+        gas: bool,
+        signals: DeferredSignals,
     ) -> None:
         self._due = self.steps
         sampled = monitor and self._monitor.due(self.steps, self.n_points)
@@ -326,8 +323,9 @@ class Simulation(Present):
             if self._keeps and index % self._keeps == 0:
                 writer.keep(index, self.checkpoint())
         self._due = None
-        for hook in hooks:
-            self._turns.call(hook, self)
+        with signals.released():
+            for hook in hooks:
+                self._turns.call(hook, self)
 
     def health(self) -> Health:
         """Indicators of failure from the samples so far and a sample of the present state.
@@ -341,10 +339,10 @@ class Simulation(Present):
             Value, limit and verdict of each indicator; see `granular.diagnostics`.
         """
         last = None
-        if self.steps and not self._failure:
+        if self.steps and not self._soundness.failure:
             state = self.state
             last = self._monitor.peek(state, self._indicators(state), self._work())
-        return health(self.scene, self._monitor.columns(last), self._failure)
+        return health(self.scene, self._monitor.columns(last), self._soundness.failure)
 
     def _warn_of_health(self) -> None:
         """Issue a warning for each indicator that has become suspect since the last warning.
@@ -361,7 +359,14 @@ class Simulation(Present):
     # ---- restart ----
 
     def checkpoint(self) -> Checkpoint:
-        """Return all data of a bitwise restart: points in the order of rows, time and step."""
+        """Return all data of a bitwise restart: points in the order of rows, time and step.
+
+        Raises
+        ------
+        SimulationError
+            If one has ended a step of this simulation.
+        """
+        self._soundness.check()
         scalars, arrays = self._checkpoint_data()
         return Checkpoint(
             time=scalars["time"],
@@ -397,11 +402,6 @@ class Simulation(Present):
         return cls._of(scene)._restored(scene, checkpoint, threads, isa)
 
     @classmethod
-    def _adapted(cls, before: AnyScene, scene: AnyScene, checkpoint: Checkpoint) -> Checkpoint:
-        """Return a checkpoint of one scene with which a run goes on under a changed one."""
-        return checkpoint
-
-    @classmethod
     def resume(
         cls,
         path: str | os.PathLike,
@@ -410,6 +410,7 @@ class Simulation(Present):
         frame: int | None = None,
         threads: int | None = None,
         isa: str | None = None,
+        trust_code: bool = False,
     ) -> Self:
         """Continue a record from its checkpoint, bitwise as if the run had never stopped.
 
@@ -435,6 +436,8 @@ class Simulation(Present):
         isa : str, optional
             Instruction set of the kernels; by default the one that the record was made with, since
             the last bits depend on it.
+        trust_code : bool
+            Run the C code of a law that the record holds, see `granular.materials.trust_code`.
 
         Raises
         ------
@@ -452,5 +455,5 @@ class Simulation(Present):
             If this machine does not have the instruction set of the record. The run then continues
             with another one, and differs from an unbroken run by rounding errors, which grow.
         """
-        sim = resumed(cls, path, scene=scene, frame=frame, threads=threads, isa=isa)
-        return cast("Self", sim)
+        options = (scene, frame, threads, isa, trust_code)
+        return cast("Self", resumed(cls, path, *options))

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import wraps
 from typing import Any, TypeVar, cast
 
@@ -21,17 +20,19 @@ class Turns:
         self._thread = 0
         self._hook: Callable[..., Any] | None = None
 
-    @contextmanager
-    def taken(self, what: str) -> Iterator[None]:
-        """Make steps in the body; RuntimeError if something else makes them."""
-        if not self._lock.acquire(blocking=False):
+    def take(self, what: str) -> threading.Lock:
+        """Return the lock that is held while steps are made; RuntimeError if it is held already.
+
+        It is for a `with` of its own: a signal that arrives when a function has taken a lock, but
+        not yet returned, would leave it locked for ever.
+        """
+        if self._lock.locked():
             raise RuntimeError(self._refusal(what))
-        self._thread = threading.get_ident()
-        try:
-            yield
-        finally:
-            self._hook = None
-            self._lock.release()
+        return self._lock
+
+    def begin(self) -> None:
+        """Note who holds the lock."""
+        self._thread, self._hook = threading.get_ident(), None
 
     def call(self, hook: Callable[..., Any], sim: Any) -> None:
         """Call a hook of the run whose turn it is."""
@@ -58,7 +59,8 @@ def alone(method: M) -> M:
 
     @wraps(method)
     def call(sim: Any, *args: Any, **options: Any) -> Any:
-        with sim._turns.taken(method.__name__):
+        with sim._turns.take(method.__name__):
+            sim._turns.begin()
             return method(sim, *args, **options)
 
     return cast("M", call)

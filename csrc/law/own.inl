@@ -31,15 +31,28 @@ GR_INLINE void gr_gather_own(const int dim, const struct gr_law_call *call, int6
     }
 }
 
+/* Let the function update n blocks from block `first` on. If it is not done it is called once more, with the same data: an
+ * exception of Python that has nothing to do with it, as that of a time limit, then changes no result. */
+GR_INLINE void gr_update_own(const int dim, const struct gr_law_call *call, int64_t first, int64_t n,
+                             struct gr_own_points *points)
+{
+    for (int tries = 0; tries < 2; tries++) {
+        int64_t done = 0;
+        gr_gather_own(dim, call, first, n, points);
+        if (!call->own) return;
+        call->own(n * GR_W, dim, call->dt, call->own_parameter, points->gradient, points->c, points->stress, points->rate,
+                  points->history, &done);
+        if (done == 1) return;
+        __atomic_store_n(tries ? &call->own_calls->failed : &call->own_calls->repeated, 1, __ATOMIC_RELAXED);
+    }
+}
+
 GR_INLINE void law_own(const int dim, const struct gr_law_call *call)
 {
     struct gr_own_points points;
     for (int64_t first = 0; first < call->n_blocks; first += OWN_BLOCKS) {
         const int64_t left = call->n_blocks - first, n = left < OWN_BLOCKS ? left : OWN_BLOCKS, stride = n * GR_W;
-        gr_gather_own(dim, call, first, n, &points);
-        if (call->own)
-            call->own(stride, dim, call->dt, call->own_parameter, points.gradient, points.c, points.stress, points.rate,
-                      points.history);
+        gr_update_own(dim, call, first, n, &points);
         for (int64_t k = 0; k < n; k++) {
             const int64_t at = call->slot[first + k], place = k * GR_W;
             for (int c = 0; c < GR_STRESSES(dim); c++)

@@ -14,7 +14,7 @@ struct batch {
 
 /* Call the law of material k for n blocks of a batch from block b on: for the whole step, or for the first (`begins`) or last
  * of its substeps. */
-static void call_law(const struct gr_engine *e, int k, const struct batch *batch, int64_t b, int64_t n, int begins)
+static void call_law(struct gr_engine *e, int k, const struct batch *batch, int64_t b, int64_t n, int begins)
 {
     const struct gr_material *material = &e->config.material[k];
     const int many = e->diffuses && e->config.nonlocal.substeps > 1;
@@ -37,6 +37,7 @@ static void call_law(const struct gr_engine *e, int k, const struct batch *batch
                                .separated = e->field[GR_FIELD_separated],
                                .own = material->own,
                                .own_parameter = material->own_parameter,
+                               .own_calls = &e->own_calls,
                                .history = material->remembers ? e->field[GR_FIELD_history] : 0,
                                .capacity = e->capacity};
     for (int c = 0; c < (e->config.dim == 2 ? 4 : 6); c++) call.stress[c] = gr_numbers(e, GR_FIELD_stress, c, 0);
@@ -84,7 +85,7 @@ static int material_of_block(const struct gr_engine *e, int64_t at)
 
 /* Call the laws of several materials: for runs of blocks of one material, and for a mixed block one after the other, where
  * the points of other materials get back what they had. */
-static __attribute__((noinline)) void call_laws(const struct gr_engine *e, const struct batch *batch, int begins)
+static __attribute__((noinline)) void call_laws(struct gr_engine *e, const struct batch *batch, int begins)
 {
     gr_real kept[MOST_CHANGED * GR_W];
     for (int64_t b = 0, n; b < batch->n; b += n) {
@@ -104,7 +105,7 @@ static __attribute__((noinline)) void call_laws(const struct gr_engine *e, const
 }
 
 /* Call the laws for a batch. */
-static void run_law(const struct gr_engine *e, struct batch *batch, int begins)
+static void run_law(struct gr_engine *e, struct batch *batch, int begins)
 {
     if (__builtin_expect(e->config.n_materials == 1, 1))
         call_law(e, 0, batch, 0, batch->n, begins);

@@ -225,6 +225,7 @@ struct gr_engine {
     int64_t cg_iterations, clamped_cells;
     /* failure */
     int error;
+    struct gr_own_calls own_calls; /* of laws of the user's own */
     int64_t error_id, error_step;
     double error_x[3];
     /* chunks of tiles of the steps (step.c): where they begin, and the points that leave them */

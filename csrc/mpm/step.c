@@ -383,6 +383,17 @@ static int ready(struct gr_engine *e, struct gr_team *team)
     return e->n_points && e->mesh.n_cells && !e->n_pending && !e->disconnected ? GR_OK : gr_regroup(e, team);
 }
 
+/* Tell of a call of a law of the user's own that has failed; all points are there, but those of the call have no stress. */
+static void check_laws(struct gr_engine *e)
+{
+    if (!e->own_calls.failed || (e->error && e->error != GR_ERR_CAPACITY)) return;
+    e->own_calls = (struct gr_own_calls){0, 0};
+    e->error = GR_ERR_LAW;
+    e->error_id = -1;
+    e->error_step = e->step - 1;
+    e->sums_valid = 0;
+}
+
 static void make_steps(void *context, struct gr_team *team)
 {
     struct run *run = context;
@@ -402,6 +413,7 @@ static void make_steps(void *context, struct gr_team *team)
         all_tiles(run, sweep);
         if (e->sleep && (!e->config.smoothed || gr_averages(e, e->step))) e->sleep->all_nodes = 0;
         finish(run);
+        check_laws(e);
         if (!e->error && e->sums_valid) all_of(run, p2g_dirty, e->n_dirty);
     }
 }
@@ -424,7 +436,9 @@ int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t ma
     run.left = max_steps, run.until = until;
     const int asked = e->n_points ? threads : 1;
     e->refused_threads = asked - gr_team_lead(asked, make_steps, &run);
-    return e->error;
+    if (e->error || !e->own_calls.repeated) return e->error;
+    e->own_calls.repeated = 0;
+    return GR_ERR_REPEATED;
 }
 
 /* The stages one by one, in one thread: the same as a step of gr_advance, to the last bit. */
@@ -466,6 +480,7 @@ int gr_g2p(struct gr_engine *e, const struct gr_kernels *kernels)
     e->record_rates = 1;
     run.kernels->sweep(e, 0, e->mesh.n_tiles, &e->migrants[0], 0);
     finish(&run);
+    check_laws(e);
     e->sums_valid = 0;
     return e->error;
 }

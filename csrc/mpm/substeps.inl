@@ -4,7 +4,7 @@
 
 /* L dt of the points of a tile at their present positions. Whenever the batch is full, the first substep of its points
  * is made. */
-GR_INLINE void strain_tile(const int dim, const int basis, const int cell_averaged, const struct gr_engine *e, int64_t tile,
+GR_INLINE void strain_tile(const int dim, const int basis, const int cell_averaged, struct gr_engine *e, int64_t tile,
                            struct batch *batch)
 {
     const int K = gr_power(gr_nodes_1d(basis), dim);

@@ -183,20 +183,21 @@ static int take_all_numbers(struct gr_config *c, PyObject *numbers, PyObject *fl
     return 0;
 }
 
-/* A law of the user's own, None or a tuple (capsule of a gr_own_update, its numbers, 1 if it has a history). */
+/* A law of the user's own, None or a tuple (capsule of a gr_own_update, its numbers, 1 if it has a history). Instead of the
+ * capsule None, of an engine that makes no steps. */
 static int take_own(struct gr_material *m, PyObject *own)
 {
     PyObject *capsule, *numbers;
     if (own == Py_None) return 0;
     if (!PyTuple_Check(own)) return gr_refuse("the function of a law must be a tuple (capsule, numbers, remembers) or None");
     if (!PyArg_ParseTuple(own, "OO!p", &capsule, &PyTuple_Type, &numbers, &m->remembers)) return -1;
-    if (!PyCapsule_IsValid(capsule, "granular.own_law"))
+    if (capsule != Py_None && !PyCapsule_IsValid(capsule, "granular.own_law"))
         return gr_refuse("the function of a law must be a capsule named granular.own_law");
     if (PyTuple_GET_SIZE(numbers) > GR_OWN_PARAMETERS)
         return gr_refuse("a law has %zd numbers, must have %d at most", PyTuple_GET_SIZE(numbers), GR_OWN_PARAMETERS);
     for (Py_ssize_t k = 0; k < PyTuple_GET_SIZE(numbers); k++)
         m->own_parameter[k] = PyFloat_AsDouble(PyTuple_GET_ITEM(numbers, k));
-    m->own = (gr_own_update *)PyCapsule_GetPointer(capsule, "granular.own_law");
+    if (capsule != Py_None) m->own = (gr_own_update *)PyCapsule_GetPointer(capsule, "granular.own_law");
     return PyErr_Occurred() ? -1 : 0;
 }
 

@@ -8,7 +8,7 @@ from granular.materials.laws import (
     HardeningDruckerPrager,
     MuI,
 )
-from granular.materials.own import OwnLaw, from_function
+from granular.materials.own import OwnLaw, from_function, trust_code
 from granular.materials.presets import (
     couette_beads,
     glass_beads,
@@ -35,4 +35,5 @@ __all__ = [
     "grc_1",
     "grc_1_hardening",
     "silo_grains",
+    "trust_code",
 ]

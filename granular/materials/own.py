@@ -7,60 +7,39 @@ with which records are marked.
 
 from __future__ import annotations
 
-import ctypes
+import difflib
 import hashlib
-import inspect
-import math
-import tempfile
 import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from importlib import import_module, util
-from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from granular.checks import finite, kinds_of, one_of, truth
 from granular.materials.base import Material
+from granular.materials.law_functions import (
+    MOST_HISTORY,
+    MOST_NUMBERS,
+    LawFunction,
+    from_c,
+    from_python,
+)
+from granular.materials.law_identity import frozen
 from granular.serializable import Parameters
 
-__all__ = ["OwnLaw", "from_function"]
+__all__ = ["OwnLaw", "from_function", "trust_code"]
 
 LANGUAGES = ("numpy", "numba", "c")
-MOST_NUMBERS = 30
-"""Largest number of parameters besides K and G, that of csrc/law/law.h."""
-MOST_HISTORY = 4
-"""Largest number of variables of the history of a point, that of csrc/law/law.h."""
-CAPSULE = b"granular.own_law"
-DECLARATION = """
-void update(int64_t n, int64_t dim, double dt, const double *parameters, const double *gradient,
-            const double *log_density, double *stress, double *shear_rate, double *history);
-"""
-FLAGS = (
-    *("-O3", "-march=native", "-fopenmp-simd"),
-    *("-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"),
-)
-"""Flags of the compiler; none of them changes a result, whatever instructions the machine has."""
+MOST_SHOWN = 4000
+"""Characters of a source, and lines of a difference of two, that an error shows."""
+MOST_LINES = 12
 
-
-class _Function:
-    """A function that the core can call, with all that it needs to live."""
-
-    def __init__(self, address: int, *references: object) -> None:
-        new = ctypes.pythonapi.PyCapsule_New
-        new.restype, new.argtypes = (
-            ctypes.py_object,
-            (ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p),
-        )
-        self.capsule: object = new(address, CAPSULE, None)
-        self.failure: BaseException | None = None
-        self._references = references
-
-
-_FUNCTIONS: dict[str, _Function] = {}
+_FUNCTIONS: dict[str, LawFunction] = {}
 """Functions by the digest of their law; they live as long as the process, as engines use them."""
+_SOURCES: dict[tuple[str, str], str] = {}
+"""The last source of each language and name that `from_function` was given."""
+_TRUSTED: set[str] = set()
+"""Digests of the laws in C that the user has given to `from_function` or `trust_code`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -138,24 +117,73 @@ class OwnLaw(Material):
         """K, G and the parameters, as the function is given them."""
         return (self.K, self.G, *self.parameters.values())
 
-    def function(self) -> _Function:
+    def function(self) -> LawFunction:
         """Return the function that the core calls.
 
         Raises
         ------
         ValueError
             If the law was made in another process from a Python function that this one does not
-            know, or C source does not compile.
+            know, if it is in C and came with a file, or if C source does not compile.
         """
         if self.digest not in _FUNCTIONS:
             if self.language != "c":
                 raise ValueError(
                     f"the law {self.name!r} with the source digest {self.digest} is not known in "
                     "this process: call granular.materials.from_function with the same function "
-                    "first"
+                    f"first{self._difference()}"
                 )
-            _FUNCTIONS[self.digest] = _compiled(self.name, self.source, self.digest)
+            if self.digest not in _TRUSTED:
+                raise ValueError(
+                    f"the law {self.name!r} is C code that came with a file or a scene. It can do "
+                    "whatever you can do, and does not run unless you allow it: read it, and then "
+                    "call granular.materials.trust_code(scene), resume with trust_code=True, or "
+                    f"give the command --trust-code. It is:\n{_shortened(self.source)}"
+                )
+            _FUNCTIONS[self.digest] = from_c(self.name, self.source)
         return _FUNCTIONS[self.digest]
+
+    def _difference(self) -> str:
+        """Tell in what the source differs from that of a known law of this name."""
+        known = _SOURCES.get((self.language, self.name))
+        if known is None:
+            return ""
+        lines = difflib.unified_diff(known.splitlines(), self.source.splitlines(), n=0)
+        changes = [line for line in [*lines][2:] if not line.startswith("@@")]
+        more = ["..."] if len(changes) > MOST_LINES else []
+        return "; it differs from the one known here (-) in\n" + "\n".join(
+            changes[:MOST_LINES] + more
+        )
+
+    def __getstate__(self) -> tuple[dict[str, Any], bool]:
+        """State of a copy, or for another process of a sweep, where the law is trusted as here."""
+        return self.__dict__, self.digest in _TRUSTED
+
+    def __setstate__(self, state: tuple[dict[str, Any], bool]) -> None:
+        self.__dict__.update(state[0])
+        if state[1]:
+            _TRUSTED.add(self.digest)
+
+
+def _shortened(text: str) -> str:
+    rest = len(text) - MOST_SHOWN
+    return text if rest <= 0 else f"{text[:MOST_SHOWN]}\n... and {rest} characters more"
+
+
+def trust_code(scene: Any) -> None:
+    """Allow the code in C that came with a scene to run in this process.
+
+    Such code is a part of scenes with a law that was made by `from_function` from source in C. It
+    can do whatever you can do: read it before, it is the `source` of the materials.
+
+    Parameters
+    ----------
+    scene : Scene
+        What was read from a file or from a record, such as ``gr.open(path).scene``; or a material.
+    """
+    for material in getattr(scene, "materials", (scene,)):
+        if isinstance(material, OwnLaw) and material.language == "c":
+            _TRUSTED.add(material.digest)
 
 
 def from_function(
@@ -210,9 +238,11 @@ def from_function(
     ------
     TypeError, ValueError
         For wrong arguments, a function whose source cannot be read, that has default values or uses
-        variables of an enclosing function, a method, and C source that does not compile.
+        variables of an enclosing function, a method, one that reads what cannot be a part of the
+        law (see Notes), and C source that does not compile, has variables that last from call to
+        call, or includes other than headers of the language.
     ModuleNotFoundError
-        Without numba, or cffi for C: ``pip install 'granular[laws]'``.
+        Without numba, if it is to compile: ``pip install 'granular[laws]'``.
 
     Notes
     -----
@@ -224,11 +254,20 @@ def from_function(
     not matter. A function must treat each point by itself, or the result depends on the number of
     threads.
 
+    The law is the function with all that it reads: numbers, strings, arrays, and tuples, lists and
+    dictionaries of them, functions of yours, for which the same holds, and by name and version what
+    is in installed packages. It runs as a copy with copies of these values: changes of them
+    afterwards have no effect, and a function with others is another law.
+
+    What the function raises ends the run and is raised there. It is then called twice with the same
+    points: once more in case that the exception came from elsewhere.
+
     The C function is ``void update(int64_t n, int64_t dim, double dt, const double *parameters,
     const double *gradient, const double *log_density, double *stress, double *shear_rate, double
     *history)``; component c of an array begins at c n.
     """
     kinds = {None: "numpy", "numba": "numba"}
+    function: Any = None
     if isinstance(update, str):
         if compiler is not None:
             raise ValueError(f"compiler = {compiler!r} must be None for C source")
@@ -237,7 +276,8 @@ def from_function(
         if not callable(update):
             raise TypeError(f"update = {update!r} must be a function or the source of one in C")
         language = kinds[one_of("compiler", compiler, tuple(kinds))]
-        source, called = _source_of(update), name or update.__name__
+        source, function = frozen(update)
+        called = name or function.__name__
     law = OwnLaw(
         E=E,
         nu=nu,
@@ -249,137 +289,10 @@ def from_function(
         history={} if history is None else history,
         bears_tension=bears_tension,
     )
+    _SOURCES[language, called] = source
     if language == "c":
+        trust_code(law)
         law.function()
     elif law.digest not in _FUNCTIONS:
-        assert not isinstance(update, str)
-        make = _for_numpy if language == "numpy" else _by_numba
-        _FUNCTIONS[law.digest] = make(update)
+        _FUNCTIONS[law.digest] = from_python(function, language)
     return law
-
-
-def _source_of(update: Callable[..., None]) -> str:
-    """Source of a function, which must be all that determines it, and the global numbers in it."""
-    function = getattr(update, "py_func", update)  # of what numba has compiled
-    if inspect.ismethod(function) or getattr(function, "__defaults__", None):
-        raise ValueError(
-            f"update = {update!r} must be a plain function without default values, which are no "
-            "part of its source: give them as parameters"
-        )
-    names = getattr(getattr(function, "__code__", None), "co_freevars", ())
-    if names:
-        raise ValueError(
-            f"update = {update!r} must not use variables of an enclosing function, {names}, which "
-            "are no part of its source: give them as parameters"
-        )
-    try:
-        source = textwrap.dedent(inspect.getsource(function))
-    except (OSError, TypeError) as error:
-        raise ValueError(
-            f"update = {update!r} must be a function of a file or of a notebook's cell: its source "
-            "cannot be read"
-        ) from error
-    used = inspect.getclosurevars(function).globals if inspect.isfunction(function) else {}
-    kinds = (int, float, complex, np.number)
-    told = [
-        f"# {name} = {used[name]!r}\n" for name in sorted(used) if isinstance(used[name], kinds)
-    ]
-    return source + "".join(told)
-
-
-_POINTER = ctypes.c_void_p
-_SIGNATURE = ctypes.CFUNCTYPE(
-    None, ctypes.c_int64, ctypes.c_int64, ctypes.c_double, *(_POINTER,) * 6
-)
-
-
-def _view(address: int, *shape: int) -> np.ndarray:
-    """Array of the numbers at an address."""
-    size = math.prod(shape)
-    return np.ctypeslib.as_array((ctypes.c_double * size).from_address(address)).reshape(shape)
-
-
-def _for_numpy(update: Callable[..., None]) -> _Function:
-    """Let the core call a Python function.
-
-    An exception cannot pass through the core: it is kept, and the stress becomes nan, so that the
-    run stops.
-    """
-
-    def call(
-        n: int, dim: int, dt: float, numbers: int, gradient: int, c: int, stress: int, rate: int,
-        history: int,
-    ) -> None:  # fmt: skip
-        target = _view(stress, 4 if dim == 2 else 6, n)
-        try:
-            update(
-                dt,
-                _view(numbers, MOST_NUMBERS + 2),
-                _view(gradient, dim, dim, n),
-                _view(c, n),
-                target,
-                _view(rate, n),
-                _view(history, MOST_HISTORY, n),
-            )
-        except BaseException as error:
-            found.failure = found.failure or error
-            target[:] = np.nan
-
-    callback = _SIGNATURE(call)
-    address = ctypes.cast(callback, ctypes.c_void_p).value
-    assert address is not None
-    found = _Function(address, callback)
-    return found
-
-
-def _by_numba(update: Callable[..., None]) -> _Function:
-    """Compile a Python function to one that the core can call."""
-    numba = _needed("numba")
-    inner = numba.njit(update)
-    pointer = numba.types.CPointer(numba.types.float64)
-    integer, real = numba.types.int64, numba.types.float64
-    most, kept = MOST_NUMBERS + 2, MOST_HISTORY
-
-    @numba.cfunc(numba.types.void(integer, integer, real, *(pointer,) * 6))
-    def call(n, dim, dt, numbers, gradient, c, stress, rate, history):  # type: ignore[no-untyped-def]
-        inner(
-            dt,
-            numba.carray(numbers, (most,)),
-            numba.carray(gradient, (dim, dim, n)),
-            numba.carray(c, (n,)),
-            numba.carray(stress, (2 * dim, n)),
-            numba.carray(rate, (n,)),
-            numba.carray(history, (kept, n)),
-        )
-
-    return _Function(call.address, call)
-
-
-def _compiled(name: str, source: str, digest: str) -> _Function:
-    """Compile C source by the system's compiler."""
-    cffi = _needed("cffi")
-    ffi, module = cffi.FFI(), f"law_{digest}"
-    ffi.cdef(DECLARATION)
-    header = "#include <math.h>\n#include <stdint.h>\n"
-    ffi.set_source(module, header + source, extra_compile_args=list(FLAGS))
-    with tempfile.TemporaryDirectory(prefix="granular-law-") as folder:
-        try:
-            path = ffi.compile(tmpdir=folder)
-        except (cffi.VerificationError, OSError) as error:
-            raise ValueError(f"the C source of the law {name!r} must compile: {error}") from error
-        spec = util.spec_from_file_location(module, Path(path))
-        assert spec is not None and spec.loader is not None
-        loaded = util.module_from_spec(spec)
-        spec.loader.exec_module(loaded)
-    address = int(loaded.ffi.cast("intptr_t", loaded.ffi.addressof(loaded.lib, "update")))
-    return _Function(address, loaded)
-
-
-def _needed(package: str) -> Any:
-    """Import a package of the extra "laws"."""
-    try:
-        return import_module(package)
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"{error}: this needs {package}: pip install 'granular[laws]'"
-        ) from error

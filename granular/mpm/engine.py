@@ -12,7 +12,8 @@ from granular import _core
 from granular.buffers import allocate, rows_of
 from granular.inflow import inlet_points
 from granular.materials import NGF, Material
-from granular.materials.own import MOST_HISTORY, OwnLaw
+from granular.materials.law_functions import MOST_HISTORY
+from granular.materials.own import OwnLaw
 from granular.mpm.body_limits import check_blades
 from granular.mpm.cell_codes import cell_flags, fluidity_faces
 from granular.mpm.damping import damping
@@ -90,7 +91,7 @@ def _parameters(scene: Scene, material: Material) -> dict[str, float]:
     return numbers
 
 
-def _material_row(scene: Scene, material: Material) -> _core.MaterialRow:
+def _material_row(scene: Scene, material: Material, runs: bool) -> _core.MaterialRow:
     """Law of a material, its numbers, and the parameters of its law, as the core needs them."""
     separation = scene.scheme.density.numbers()["separation_strain"]
     numbers = {
@@ -103,7 +104,8 @@ def _material_row(scene: Scene, material: Material) -> _core.MaterialRow:
     }
     own = None
     if isinstance(material, OwnLaw):
-        own = material.function().capsule, material.numbers(), bool(material.history)
+        capsule = material.function().capsule if runs else None
+        own = capsule, material.numbers(), bool(material.history)
     return material.law, numbers, _parameters(scene, material), own
 
 
@@ -153,8 +155,8 @@ def _axes(scene: Scene) -> tuple[_core.AxisRow, ...]:
     )
 
 
-def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
-    """Make the engine of a scene, without points.
+def build(scene: Scene, mean_mass: float, isa: str = "", *, runs: bool = True) -> _core.Engine:
+    """Make the engine of a scene, without points; one that `runs` has the code of its laws.
 
     Raises
     ------
@@ -173,7 +175,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "") -> _core.Engine:
         single=int(scheme.precision == "single"),
         averaging_interval=averaging_interval(scene),
         pressure_from_density=int(scheme.density.name != "particle"),
-        materials=[_material_row(scene, material) for material in scene.materials],
+        materials=[_material_row(scene, material, runs) for material in scene.materials],
         isa=isa,
         axes=_axes(scene),
         walls=[WallRow(), *rows],

@@ -127,6 +127,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
     ) -> None:
         engine = core.build(scene, mean_mass, default_isa() if isa is None else isa)
         self._start(scene, engine, threads)
+        self._own_laws = [m.function() for m in scene.materials if isinstance(m, OwnLaw)]
         self._watches_walls = scene.moves_walls or (wall_forces and bool(scene.walls))
         if self._watches_walls:
             pistons = sum(inflow.driven for inflow in scene.inflows)
@@ -167,19 +168,18 @@ class Simulation(simulation.Simulation, scenes=Scene):
     def _advance_core(self, max_steps: int, until: float) -> None:
         try:
             needed = self._engine.advance(max_steps, until, self.threads)
-        except _core.SimulationError:
-            self._raise_of_laws()
+        except RuntimeError as error:  # a SimulationError, too
+            self._raise_of_laws(error)
             raise
         self._grow(needed)
+        self._raise_of_laws(None)
 
-    def _raise_of_laws(self) -> None:
-        """Raise what a law of the user's own raised: the core saw only its nan."""
-        for material in self.scene.materials:
-            if isinstance(material, OwnLaw):
-                function = material.function()
-                failure, function.failure = function.failure, None
-                if failure is not None:
-                    raise failure
+    def _raise_of_laws(self, error: RuntimeError | None) -> None:
+        """Raise what was raised in laws of the user's own; the core knows only that they failed."""
+        for function in self._own_laws:
+            failure = function.take_failure()
+            if failure is not None:
+                raise failure from error
 
     @property
     def cell_counts(self) -> NDArray[np.int64]:

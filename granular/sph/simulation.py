@@ -14,6 +14,7 @@ from granular.buffers import allocate, default_isa, fill
 from granular.checks import integer
 from granular.inflow import InflowState, stored_inflow
 from granular.record import Checkpoint
+from granular.running import MOST_STEPS
 from granular.sph.gas import GasState
 from granular.sph.inflow import Inlets
 from granular.sph.scene import Scene, seeding_gradient
@@ -241,7 +242,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
     def _evaluate(self) -> None:
         """At the start, compute the fields that follow from positions and velocities."""
         if self.steps == 0:
-            self._make_steps(0, math.inf)
+            self._advance(0, math.inf)
 
     def _ordered(self, rows: slice, names: tuple[str, ...]) -> dict[str, NDArray]:
         """Fields of some rows in the order of ids, with positions within the period."""
@@ -268,7 +269,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
     def step(self, n: int = 1) -> None:
         """Make `n` steps; with 0 only evaluate the initial stresses and accelerations."""
         self._evaluate()
-        if integer("n", n, 0, simulation.MOST_STEPS - self.steps):
+        if integer("n", n, 0, MOST_STEPS - self.steps):
             super().step(n)
 
     def _make_steps(self, max_steps: int, until: float) -> None:

@@ -25,8 +25,6 @@ def laws():
 def own(request):
     if request.param == "numba":
         pytest.importorskip("numba")
-    if request.param == "c":
-        pytest.importorskip("cffi")
     return laws()[request.param]()
 
 
@@ -140,7 +138,6 @@ def test_faults_are_told(monkeypatch):
 
 
 def test_c_source_that_does_not_compile_is_refused():
-    pytest.importorskip("cffi")
     with pytest.raises(ValueError, match="the C source of the law 'update' must compile"):
         from_function("void update(int64_t n) { return 1; }")
 
@@ -176,7 +173,6 @@ def test_an_own_law_beside_one_of_the_core():
 @pytest.mark.parametrize("dim", [2, 3])
 def test_mohr_coulomb_bounds_the_principal_stresses(dim):
     """In a collapse, sigma_1 - sigma_3 <= (sigma_1 + sigma_3) sin(phi), equal where it yields."""
-    pytest.importorskip("cffi")
     sim = gr.Simulation(scene_of(mohr_coulomb(phi_deg=31.0, E=1e6), dim), threads=1)
     sim.step(300)
     xx, yy, zz, *shear = sim.state.stress.T

@@ -1,0 +1,268 @@
+"""Functions that the core can call for laws of the user's own; see csrc/law/own.inl."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sysconfig
+import tempfile
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+__all__ = ["MOST_HISTORY", "MOST_NUMBERS", "LawFunction", "from_c", "from_python"]
+
+MOST_NUMBERS = 30
+"""Largest number of parameters besides K and G, that of csrc/law/law.h."""
+MOST_HISTORY = 4
+"""Largest number of variables of the history of a point, that of csrc/law/law.h."""
+CAPSULE = b"granular.own_law"
+
+
+class LawFunction:
+    """A function that the core can call, with all that it needs to live.
+
+    No exception can pass through the core: the first one is kept. The core calls a function again
+    that is not done, so that an exception from elsewhere, as of a time limit, spoils nothing.
+    """
+
+    def __init__(self, address: int | None, *references: object) -> None:
+        new = ctypes.pythonapi.PyCapsule_New
+        new.restype, new.argtypes = (
+            ctypes.py_object,
+            (ctypes.c_void_p, ctypes.c_char_p, ctypes.c_void_p),
+        )
+        self.capsule: object = new(address, CAPSULE, None)
+        self.failure: BaseException | None = None
+        self._references = references
+
+    def take_failure(self) -> BaseException | None:
+        """Return the exception that was kept, if there is one, and forget it."""
+        failure, self.failure = self.failure, None
+        return failure
+
+
+def from_python(update: Callable[..., None], language: str) -> LawFunction:
+    """Make a function that the core can call from one of Python."""
+    return _by_numba(update) if language == "numba" else _for_numpy(update)
+
+
+# ---- NumPy ----
+
+_SIGNATURE = ctypes.CFUNCTYPE(
+    None, ctypes.c_int64, ctypes.c_int64, ctypes.c_double, *(ctypes.c_void_p,) * 7
+)
+
+
+def _view(address: int, *shape: int) -> np.ndarray:
+    """Array of the numbers at an address."""
+    size = math.prod(shape)
+    return np.ctypeslib.as_array((ctypes.c_double * size).from_address(address)).reshape(shape)
+
+
+def _for_numpy(update: Callable[..., None]) -> LawFunction:
+    def call(
+        n: int, dim: int, dt: float, numbers: int, gradient: int, c: int, stress: int, rate: int,
+        history: int, done: int,
+    ) -> None:  # fmt: skip
+        try:
+            update(
+                dt,
+                _view(numbers, MOST_NUMBERS + 2),
+                _view(gradient, dim, dim, n),
+                _view(c, n),
+                _view(stress, 4 if dim == 2 else 6, n),
+                _view(rate, n),
+                _view(history, MOST_HISTORY, n),
+            )
+            ctypes.c_int64.from_address(done).value = 1
+        except BaseException as error:
+            made.failure = made.failure or error
+
+    callback = _SIGNATURE(call)
+    made = LawFunction(ctypes.cast(callback, ctypes.c_void_p).value, callback)
+    return made
+
+
+# ---- numba ----
+
+
+def _by_numba(update: Callable[..., None]) -> LawFunction:
+    numba = needed("numba")
+    inner = update if hasattr(update, "py_func") else numba.njit(update)
+    numbers, integers = (
+        numba.types.CPointer(kind) for kind in (numba.types.float64, numba.types.int64)
+    )
+    integer, real = numba.types.int64, numba.types.float64
+    most, kept = MOST_NUMBERS + 2, MOST_HISTORY
+
+    @numba.cfunc(numba.types.void(integer, integer, real, *(numbers,) * 6, integers))
+    def call(n, dim, dt, numbers, gradient, c, stress, rate, history, done):  # type: ignore[no-untyped-def]
+        inner(
+            dt,
+            numba.carray(numbers, (most,)),
+            numba.carray(gradient, (dim, dim, n)),
+            numba.carray(c, (n,)),
+            numba.carray(stress, (2 * dim, n)),
+            numba.carray(rate, (n,)),
+            numba.carray(history, (kept, n)),
+        )
+        done[0] = 1
+
+    return LawFunction(call.address, call)
+
+
+def needed(package: str) -> Any:
+    """Import a package of the extra "laws"."""
+    try:
+        return import_module(package)
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            f"{error}: this needs {package}: pip install 'granular[laws]'"
+        ) from error
+
+
+# ---- C ----
+
+PARAMETERS = (
+    "int64_t n, int64_t dim, double dt, const double *parameters, const double *gradient, "
+    "const double *log_density, double *stress, double *shear_rate, double *history"
+)
+BEFORE = "#include <math.h>\n#include <stdint.h>\n#line 1\n"
+AFTER = f"""
+#line 1 "granular"
+void update({PARAMETERS});
+__attribute__((visibility("default"))) void granular_law({PARAMETERS}, int64_t *done)
+{{
+    update(n, dim, dt, parameters, gradient, log_density, stress, shear_rate, history);
+    *done = 1;
+}}
+"""
+FLAGS = (
+    *("-shared", "-fPIC", "-fvisibility=hidden"),
+    *("-Werror=implicit-function-declaration", "-Werror=date-time"),
+    *("-O3", "-march=native", "-fopenmp-simd"),
+    *("-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"),
+)
+"""Flags of the compiler; none of them changes a result, whatever instructions the machine has."""
+ENVIRONMENT = ("PATH", "HOME", "TMPDIR", "LD_LIBRARY_PATH", "SDKROOT", "DEVELOPER_DIR")
+"""Variables that the compiler is given; others, such as CPATH, can change what a source means."""
+HEADERS = ("math", "stdint", "stddef", "stdbool", "string", "float", "limits", "complex", "tgmath")
+"""Headers that a source may include: those of the language that hold no state."""
+DIRECTIVES = (
+    *("define", "undef", "if", "ifdef", "ifndef", "elif", "else", "endif"),
+    *("error", "pragma", ""),
+)
+MOST_TOLD = 3000
+"""Characters of the messages of the compiler that are told."""
+
+
+def _without_comments(source: str) -> str:
+    """Source with its lines joined where they go on in the next one, without comments."""
+    joined = source.replace("\\\n", "")
+    return re.sub(r'/\*.*?\*/|//[^\n]*|"(?:\\.|[^"\\\n])*"', _blank, joined, flags=re.S)
+
+
+def _check_includes(name: str, source: str) -> None:
+    """Refuse C source that is not all of the law."""
+    for line in _without_comments(source).splitlines():
+        found = re.match(r"\s*(?:#|%:)\s*(\w*)\s*(.*)", line)
+        if not found or found[1] in DIRECTIVES:
+            continue
+        if found[1] != "include" or found[2].strip() not in {f"<{h}.h>" for h in HEADERS}:
+            raise ValueError(
+                f"the C source of the law {name!r} has {line.strip()!r}: it must be all of the "
+                f"law, so that it may include <math.h> and the like only, {', '.join(HEADERS)}"
+            )
+
+
+def _check_variables(name: str, source: str) -> None:
+    """Refuse variables that last, a slip; what is hidden in macros is not seen."""
+    code = re.sub(r"^\s*(?:#|%:)[^\n]*", "", _without_comments(source), flags=re.M)
+    for variable in _lasting(code):
+        raise ValueError(
+            f"the C source of the law {name!r} has the variable {variable!r}, which lasts from "
+            "call to call, so that results would depend on the threads: take history=, or make it "
+            "const"
+        )
+
+
+def _blank(text: re.Match[str]) -> str:
+    """Put a string back, and a space for a comment."""
+    return text[0] if text[0][0] == '"' else " "
+
+
+def _lasting(code: str) -> list[str]:
+    """Declarations of variables outside of functions, and of static ones, that are not const."""
+    outside, depth = [""], 0
+    for part in re.split(r"([{};])", code):
+        if part == "{":
+            depth += 1
+        elif part == "}":
+            depth -= 1
+            if depth == 0 and "=" not in outside[-1]:  # the end of a function or a type
+                kind = re.match(r"\s*(?:typedef|struct|union|enum)\b", outside[-1])
+                outside[-1] = outside[-1] if kind else ""
+        elif depth == 0 and part == ";":
+            outside.append("")
+        elif depth == 0:
+            outside[-1] += part
+    declared = [" ".join(part.partition("=")[0].split()) for part in outside]
+    found = [
+        text
+        for text in declared
+        if text
+        and not re.search(r"\bconst\b|\(", text)
+        and not re.match(r"(?:typedef|_Static_assert|static_assert)\b", text)
+        and not re.fullmatch(r"(?:struct|union|enum)\b\s*\w*", text)
+    ]
+    inner = re.findall(r"\bstatic\b[^;{}()=]*[;=]", code)
+    return found + [text.strip("; =") for text in inner if not re.search(r"\bconst\b", text)]
+
+
+def from_c(name: str, source: str) -> LawFunction:
+    """Compile C source by the system's compiler, and load it.
+
+    Raises
+    ------
+    ValueError
+        If there is no compiler, or the source does not compile to a function `update`.
+    """
+    _check_includes(name, source)
+    with tempfile.TemporaryDirectory(prefix="granular-law-") as folder:
+        text, path = Path(folder, "law.c"), Path(folder, "law.so")
+        text.write_text(BEFORE + source + AFTER, encoding="utf-8")
+        command = [*_compiler(), *FLAGS, "-o", str(path), str(text), "-lm"]
+        kept = {key: os.environ[key] for key in ENVIRONMENT if key in os.environ}
+        try:
+            ran = subprocess.run(
+                command, capture_output=True, text=True, env=kept | {"LC_ALL": "C"}, check=False
+            )
+            if ran.returncode:
+                raise OSError(ran.stderr.replace(str(text), "law.c").strip()[:MOST_TOLD])
+            _check_variables(name, source)
+            library = ctypes.CDLL(str(path))
+            address = ctypes.cast(library.granular_law, ctypes.c_void_p).value
+        except (OSError, AttributeError) as error:
+            raise ValueError(
+                f"the C source of the law {name!r} must compile, and define void update("
+                f"{PARAMETERS}): {error}"
+            ) from error
+    return LawFunction(address, library)
+
+
+def _compiler() -> list[str]:
+    """Command of the C compiler: that of the variable CC, else the usual one."""
+    usual = (os.environ.get("CC"), sysconfig.get_config_var("CC"), "cc", "gcc", "clang")
+    for words in (shlex.split(command) for command in usual if command):
+        if words and shutil.which(words[0]):
+            return words[:1] if "ccache" not in words[0] else words
+    raise ValueError("there is no C compiler: install one, or name it in the variable CC")

@@ -1,0 +1,275 @@
+"""Identity of laws of the user's own: all that they read is a part of them, or refused."""
+
+import importlib
+import itertools
+import math
+import sys
+import textwrap
+
+import numpy as np
+import pytest
+from refusals import refused
+
+import granular as gr
+from granular.materials import from_function, law_functions
+
+HEAD = "def law(dt, parameters, gradient, log_density, stress, shear_rate, history):\n"
+count = itertools.count()
+
+
+@pytest.fixture
+def made(tmp_path, monkeypatch):
+    """A law of a module of its own, from text before it and its body."""
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def make(before, body="stress *= GIVEN", **more):
+        name = f"law_of_test_{next(count)}"
+        text = textwrap.dedent(before) + "\n" + HEAD + textwrap.indent(body, "    ") + "\n"
+        (tmp_path / f"{name}.py").write_text(text)
+        importlib.invalidate_caches()
+        module = importlib.import_module(name)
+        monkeypatch.delitem(sys.modules, name)
+        return from_function(module.law, **more)
+
+    return make
+
+
+def stress_of(law):
+    """Stress that a law leaves in points at rest with a trial stress."""
+    scene = gr.scenes.column_collapse(aspect=1.0, cell=0.1, material=law)
+    sim = gr.Simulation(scene, threads=1)
+    sim.step(3)
+    return sim.state.stress
+
+
+ARRAY = "import numpy as np\nGIVEN = np.full(600, {})"
+
+
+@pytest.mark.parametrize(
+    "before, body",
+    [
+        ("GIVEN = {}", "stress *= GIVEN"),
+        ("GIVEN = ({}, 1)", "stress *= GIVEN[0]"),
+        ("GIVEN = [{}]", "stress *= GIVEN[0]"),
+        ("GIVEN = dict(a={})", 'stress *= GIVEN["a"]'),
+        ("GIVEN = dict(a=[(1, {})])", 'stress *= GIVEN["a"][0][1]'),
+        ("GIVEN = slice(int(4 * {}))", "stress[GIVEN] = 0"),
+        (ARRAY, "stress *= GIVEN[599]"),
+        ("import numpy as np\nGIVEN = np.float32({})", "stress *= GIVEN"),
+        ("def given():\n    return {}", "stress *= given()"),
+        (
+            "A = {}\ndef deeper():\n    return A\ndef given():\n    return deeper()",
+            "stress *= given()",
+        ),
+        ("given = lambda x: x * {}", "stress[:] = given(stress)"),
+        ("A = {}", "stress *= sum([A for _ in range(1)])"),
+        ("A = {}", "inner = lambda: A\nstress *= inner()"),
+    ],
+)
+def test_what_a_law_reads_is_a_part_of_it(before, body, made):
+    """Two laws of one text and other values are two, and each has the results of its own."""
+    laws = [made(before.format(value), body) for value in (0.5, 0.25)]
+    assert laws[0].digest != laws[1].digest
+    assert made(before.format(0.5), body).digest == laws[0].digest
+    assert not np.array_equal(*map(stress_of, laws))
+
+
+@pytest.mark.parametrize(
+    "before", ["GIVEN = {}", "GIVEN = ({},)", ARRAY, "def GIVEN():\n    return {}"]
+)
+def test_numba_has_the_same_rules(before, made):
+    pytest.importorskip("numba")
+    helps = "def" in before
+    before = before.replace("def", "import numba\n@numba.njit\ndef")
+    body = (
+        "stress *= GIVEN()"
+        if helps
+        else "stress *= GIVEN[0]"
+        if "GIVEN = {}" != before
+        else "stress *= GIVEN"
+    )
+    laws = [made(before.format(value), body, compiler="numba") for value in (0.5, 0.25)]
+    assert laws[0].digest != laws[1].digest
+    assert not np.array_equal(*map(stress_of, laws))
+
+
+def test_options_of_numba_are_a_part_of_it(made):
+    pytest.importorskip("numba")
+    helper = "import numba\n@numba.njit({})\ndef GIVEN():\n    return 0.5"
+    laws = [
+        made(helper.format(o), "stress *= GIVEN()", compiler="numba") for o in ("", "fastmath=True")
+    ]
+    assert laws[0].digest != laws[1].digest
+    with pytest.raises(ValueError, match="parallel=True"):
+        made(helper.format("parallel=True"), "stress *= GIVEN()", compiler="numba")
+
+
+def test_a_law_is_a_copy_that_nothing_changes(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "changing_law.py").write_text(
+        f"import numpy as np\nA, B, C = [0.5], np.array([0.5]), 0.5\n"
+        f"def f():\n    return C\n{HEAD}    stress *= A[0] * B[0] * f()\n"
+    )
+    module = importlib.import_module("changing_law")
+    monkeypatch.delitem(sys.modules, "changing_law")
+    law = from_function(module.law)
+    before = stress_of(law)
+    module.A[0], module.B[0], module.C = 1.0, 1.0, 1.0
+    assert np.array_equal(stress_of(law), before)
+    assert from_function(module.law).digest != law.digest
+
+
+def test_the_source_can_be_read(made):
+    before = """
+        import math
+        import numpy as np
+        TABLE = np.arange(3.0)
+        def scale(x):
+            return x * TABLE[1] * math.pi
+    """
+    assert made(before, "stress[:] = scale(stress)").source == (
+        f"{HEAD}    stress[:] = scale(stress)\n# scale = function 1\n# function 1:\n"
+        "def scale(x):\n    return x * TABLE[1] * math.pi\n"
+        "# TABLE = array of <f8, (3,): [0.0, 1.0, 2.0]\n# math = module math of Python"
+    )
+
+
+def test_what_cannot_be_a_part_of_a_law_is_refused_by_name(made, tmp_path):
+    (tmp_path / "module_of_mine.py").write_text("X = 0.5\ndef f():\n    return X\n")
+    law = made("import module_of_mine as m", "stress *= m.X * m.f()")
+    assert "# m.X = 0.5\n# m.f = function 1" in law.source
+    thing = "class Thing:\n    x = 1\n"
+    refused(
+        (
+            "GIVEN = <.*Thing object.* must be a plain value.*parameters=",
+            lambda: made(f"{thing}GIVEN = Thing()"),
+        ),
+        ("GIVEN = <class .*Thing'> must", lambda: made(f"{thing}GIVEN = Thing")),
+        ("GIVEN = <generator", lambda: made("GIVEN = (k for k in range(3))")),
+        ("GIVEN = array.* must be", lambda: made("import numpy as np\nGIVEN = np.array([None])")),
+        (
+            "GIVEN = functools.partial",
+            lambda: made("import functools\nGIVEN = functools.partial(int)"),
+        ),
+        (r"GIVEN = \[\[...\]\] must be", lambda: made("GIVEN = []\nGIVEN.append(GIVEN)")),
+        ("GIVEN is not defined", lambda: made("")),
+        ("must not change the global A", lambda: made("A = 1", "global A\nA = 2")),
+        ("must not import numpy", lambda: made("", "import numpy")),
+        ("must not define a class", lambda: made("", "class A: pass")),
+        ("eval must not be used", lambda: made("", "stress *= eval('1')")),
+        ("open must not be used", lambda: made("def f():\n    open('x')", "f()")),
+        ("m is a module of your own", lambda: made("import module_of_mine as m", "print(m)")),
+        (
+            "f.* must be a plain function without default",
+            lambda: made("def f(x=1):\n    pass", "f()"),
+        ),
+        ("f.* without default", lambda: made("def f(*, x=1):\n    pass", "f()")),
+        ("f.* must have no attributes", lambda: made("def f():\n    pass\nf.x = 1", "f.x")),
+        (
+            "must not use variables of an enclosing",
+            lambda: made("def g(c):\n    return lambda: c\nf = g(1)", "f()"),
+        ),
+        ("without yield", lambda: made("", "yield")),
+        ("alone in its line", lambda: made("f, g = lambda: 1, lambda: 2", "f()")),
+    )
+
+
+def test_a_file_that_was_changed_after_it_was_imported_is_told(tmp_path, monkeypatch):
+    """The text would not be that of what runs."""
+    monkeypatch.syspath_prepend(tmp_path)
+    path = tmp_path / "edited_law.py"
+    path.write_text(f"{HEAD}    stress *= 0.5\n")
+    module = importlib.import_module("edited_law")
+    path.write_text(f"{HEAD}    stress *= 0.25 + 0\n")
+    with pytest.raises(ValueError, match="was the file changed after it was imported"):
+        from_function(module.law)
+
+
+def test_another_value_does_not_resume_and_is_named(made, tmp_path, monkeypatch):
+    law = made("GIVEN = 0.5")
+    scene = gr.scenes.column_collapse(aspect=1.0, cell=0.1, material=law)
+    gr.Simulation(scene, threads=1).run(until=1e-3, save=tmp_path / "run.h5")
+    monkeypatch.setattr("granular.materials.own._FUNCTIONS", {})
+    made("GIVEN = 0.25")
+    with pytest.raises(ValueError, match=r"(?s)-# GIVEN = 0.25.*\+# GIVEN = 0.5"):
+        gr.Simulation.resume(tmp_path / "run.h5")
+
+
+# ---- C ----
+
+UPDATE = """
+void update(int64_t n, int64_t dim, double dt, const double *parameters, const double *gradient,
+            const double *log_density, double *stress, double *shear_rate, double *history)
+{ %s }
+"""
+
+
+def test_c_source_must_be_all_of_the_law():
+    law = from_function(
+        '/* #include "x.h" */ #include <float.h>\n'.replace("*/ ", "*/\n")
+        + "#define A \\\n 2.0\nstatic const double t[2] = {0.5, A};\nenum { K };\n"
+        + "struct pair { double a, b; };\ntypedef struct { int x; } other;\n"
+        + "static double f(double x);\nstatic double f(double x) { return x * t[K]; }\n"
+        + UPDATE % "stress[0] = f(stress[0]);"
+    )
+    assert law.language == "c"
+    refused(
+        *(
+            (f"(?s)has {line!r}: it must be all of the law", lambda s=text: from_function(s))
+            for text, line in (
+                ('#include "x.h"\n' + UPDATE % "", '#include "x.h"'),
+                ("#include </etc/x.h>\n" + UPDATE % "", "#include </etc/x.h>"),
+                ("# /* */ inc\\\nlude <stdio.h>\n" + UPDATE % "", "#   include <stdio.h>"),
+                ("%: include <stdlib.h>\n" + UPDATE % "", "%: include <stdlib.h>"),
+                ("#define H <math.h>\n#include H\n" + UPDATE % "", "#include H"),
+                ("#include_next <math.h>\n" + UPDATE % "", "#include_next <math.h>"),
+            )
+        ),
+        *(
+            (f"has the variable '{name}", lambda s=text: from_function(s))
+            for text, name in (
+                ("double total;\n" + UPDATE % "", "double total"),
+                ("static double t[2] = {1, 2};\n" + UPDATE % "", "static double t"),
+                (UPDATE % "static int calls = 0; calls++;", "static int calls"),
+                ("struct p { int a; } q;\n" + UPDATE % "", "struct p q"),
+            )
+        ),
+    )
+
+
+def test_what_is_no_update_in_c_is_told():
+    refused(
+        *(
+            ("must compile, and define void update", lambda s=text: from_function(s))
+            for text in (
+                "void updates(int64_t n) { (void)n; }",
+                "int update(int64_t n) { return (int)n; }",
+                "",
+                "this is no C",
+                UPDATE % "nowhere(n);",
+                UPDATE % "stress[0] = sizeof __DATE__;",
+                "#if 0\n" + UPDATE % "",
+            )
+        )
+    )
+    with pytest.raises(ValueError, match=r"error: .*nowhere"):
+        from_function(UPDATE % "nowhere(n);", name="calling")
+
+
+def test_the_environment_does_not_change_a_law_in_c(tmp_path, monkeypatch):
+    """Neither other headers nor flags of the user's shell reach the compiler."""
+    (tmp_path / "math.h").write_text("#error another one\n")
+    for name in ("CPATH", "C_INCLUDE_PATH"):
+        monkeypatch.setenv(name, str(tmp_path))
+    monkeypatch.setenv("CFLAGS", "-no-such-flag")
+    assert from_function(UPDATE % "stress[0] = sqrt(2.0);", name="in an environment").digest
+    monkeypatch.setenv("CC", "no-such-compiler")
+    assert from_function(UPDATE % "stress[0] = sqrt(3.0);").digest
+    monkeypatch.setattr(law_functions.shutil, "which", lambda name: None)
+    with pytest.raises(ValueError, match="there is no C compiler"):
+        from_function(UPDATE % "stress[0] = sqrt(4.0);")
+
+
+def test_constants_are_those_of_the_law(made):
+    assert "# math" in made("import math", "stress *= math.pi").source
+    assert math.isfinite(stress_of(made("from math import sqrt", "stress *= sqrt(0.5)")).max())
