@@ -35,8 +35,11 @@ def run(arguments: argparse.Namespace) -> int:
     from granular import Simulation
     from granular.diagnostics import StabilityWarning, scene_warnings
     from granular.economy import cost
+    from granular.materials import trust_code
 
     scene = _scene(arguments)
+    if arguments.trust_code:
+        trust_code(scene)
     if arguments.output is None:
         arguments.output = f"{arguments.scene}.vtkhdf"
     _check_output(arguments.output, arguments.overwrite)
@@ -120,7 +123,9 @@ def resume(arguments: argparse.Namespace) -> int:
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        simulation = Simulation.resume(arguments.file, threads=arguments.threads)
+        simulation = Simulation.resume(
+            arguments.file, threads=arguments.threads, trust_code=arguments.trust_code
+        )
     for warning in caught:
         print(f"granular: warning: {warning.message}", file=sys.stderr)
     return _simulate(simulation, arguments)

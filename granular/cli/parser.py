@@ -232,6 +232,8 @@ def _add_run_options(command: Any, first: str = "", *, every: str) -> None:
     command.add_argument("--every", type=number, metavar="T", help=text)
     text = "no progress bar, and nothing printed but warnings and a suspect verdict"
     command.add_argument("--quiet", action="store_true", help=text)
+    text = "run the code in C that a law of the file is made of; read it before"
+    command.add_argument("--trust-code", action="store_true", help=text)
     text = "exit code 3 if an indicator of failure is suspect at the end"
     command.add_argument("--strict", action="store_true", help=text)
 

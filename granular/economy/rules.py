@@ -330,7 +330,7 @@ _WANTED = {
 
 def _fields(asked: _Asked) -> _Advice:
     scene = asked.scene
-    carried = engine.build(scene, 1.0).fields()
+    carried = engine.build(scene, 1.0, runs=False).fields()
     size = sum(components * dtype.itemsize for _, components, *_, dtype in carried)
     names = ", ".join(name for name, *_ in carried)
     text = f"The scheme carries {names}: {size} bytes a point, all of which it needs"
