@@ -1,12 +1,12 @@
 """Open parts of the squares (cubes) of a seeding lattice that bodies cut.
 
 Where a body cuts a square, its point lies at the centroid of the part outside of the body, and has
-the volume of that part: on a level floor half its own thickness off it.
+the volume of that part: on a level floor half its own thickness off it. Where that is no place for
+it, as in a wedge between a ball and the end of the grid, it lies in the nearest piece of the part.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import product
 
 import numpy as np
@@ -14,12 +14,11 @@ import scipy
 from numpy.typing import NDArray
 
 from granular.geometry import Region
+from granular.open_space import Distance, OpenSpace
 
-__all__ = ["Distance", "nowhere", "open_parts", "plane_cut"]
+__all__ = ["open_parts", "plane_cut"]
 
 Array = NDArray[np.float64]
-Distance = Callable[[Array], tuple[Array, Array]]
-"""Signed distances of places from the nearest surface, negative in the solid, and its normals."""
 
 LEVELS = 3
 """Number of times that a cut square is halved: the parts that are integrated are its eighths."""
@@ -136,24 +135,49 @@ def _pieces(
 
 
 def _grouped(
-    owner: NDArray[np.int64], at: Array, volume: Array, normal: Array
-) -> tuple[NDArray[np.int64], Array, Array]:
-    """Sum the pieces of each square, those on two sides of a thin body apart."""
+    owner: NDArray[np.int64], at: Array, volume: Array, normal: Array, space: OpenSpace, edge: float
+) -> tuple[NDArray[np.int64], Array, Array, NDArray[np.bool_]]:
+    """Sum the pieces of each square, those on two sides of a thin body apart.
+
+    Returned are the squares, the places and volumes of the sums, and which of them have a place.
+    """
     _, first, of = np.unique(owner, return_index=True, return_inverse=True)
     away = (np.einsum("ij,ij->i", normal, normal[first][of]) < OPPOSITE).astype(np.int64)
     keys, of = np.unique(2 * owner + away, return_inverse=True)
     total: Array = np.bincount(of, volume).astype(np.float64)
     middle = [np.bincount(of, volume * x) / total for x in at.T]
-    return (keys // 2).astype(np.int64), np.stack(middle, axis=1), total
+    x = _moved_out(np.stack(middle, axis=1), edge, space.distance)
+    placed = space.is_open(x)
+    if not placed.all():
+        _put_in_pieces(x, placed, of, at, space)
+    return (keys // 2).astype(np.int64), x, total, placed
 
 
-def _merged(x: Array, volume: Array, edge: float, distance: Distance) -> tuple[Array, Array]:
-    """Merge small parts with the nearest point on the same side, if there is any."""
-    small = volume < LEAST_SHARE * edge ** x.shape[1]
-    stay = np.ones(len(x), dtype=bool)
+def _put_in_pieces(
+    x: Array, placed: NDArray[np.bool_], of: NDArray[np.int64], at: Array, space: OpenSpace
+) -> None:
+    """Put sums that have no place where the nearest of their pieces that is open is, if any is."""
+    pieces = np.flatnonzero(~placed[of])
+    pieces = pieces[space.is_open(at[pieces])]
+    gaps = np.linalg.norm(at[pieces] - x[of[pieces]], axis=1)
+    pieces = pieces[np.argsort(gaps, kind="stable")]
+    found, first = np.unique(of[pieces], return_index=True)
+    x[found], placed[found] = at[pieces[first]], True
+
+
+def _merged(
+    x: Array, volume: Array, placed: NDArray[np.bool_], edge: float, space: OpenSpace
+) -> tuple[Array, Array]:
+    """Merge small parts, and those without a place, with the nearest point on the same side.
+
+    Small parts that have no such neighbour remain. What has no place for itself is then left out.
+    """
+    distance = space.distance
+    small = (volume < LEAST_SHARE * edge ** x.shape[1]) | ~placed
+    stay = placed.copy()
     kept = np.flatnonzero(~small)
     if not small.any() or not len(kept):
-        return x, volume
+        return x[stay], volume[stay]
     count = min(NEIGHBOURS, len(kept))
     gaps, order = scipy.spatial.cKDTree(x[kept]).query(x[small], k=[*range(1, count + 1)])
     normal, others = distance(x[small])[1], kept[order]
@@ -167,23 +191,15 @@ def _merged(x: Array, volume: Array, edge: float, distance: Distance) -> tuple[A
     np.add.at(moment, target, moment[source])
     np.add.at(total, target, volume[source])
     changed = np.unique(target)
+    middle = moment[changed] / total[changed, None]
+    fits = space.is_open(middle)
     x = x.copy()
-    x[changed] = moment[changed] / total[changed, None]
+    x[changed[fits]] = middle[fits]
     stay[source] = False
     return x[stay], total[stay]
 
 
-def nowhere(x: Array) -> tuple[Array, Array]:
-    """Return the distance from no body at all."""
-    return np.full(len(x), np.inf), np.zeros_like(x)
-
-
-def open_parts(
-    sites: Array,
-    edge: float,
-    distance: Distance,
-    region: Region,
-) -> tuple[Array, Array]:
+def open_parts(sites: Array, edge: float, region: Region, space: OpenSpace) -> tuple[Array, Array]:
     """Places and volumes of the points of a region that bodies are in.
 
     Parameters
@@ -192,9 +208,9 @@ def open_parts(
         Centres [m] of the squares of the seeding lattice that may be in the region.
     edge : float
         Edge of the squares [m].
-    distance : Distance
-        Distances from the bodies.
     region : Region
+    space : OpenSpace
+        Where the points may lie.
 
     Returns
     -------
@@ -204,7 +220,7 @@ def open_parts(
     volume : ndarray, shape (k,)
         Volumes [m^dim]. Those of parts below `LEAST_SHARE` are added to a neighbour.
     """
-    dim = sites.shape[1]
+    dim, distance = sites.shape[1], space.distance
     phi, normal = distance(sites)
     reach = REACH * edge
     mixed = region.cuts(sites, reach) & (phi > -reach)
@@ -212,17 +228,17 @@ def open_parts(
     whole = (phi >= reach) & ~mixed
     whole[whole] = region.contains(sites[whole])
     clear = np.flatnonzero(whole)
-    parts = [(clear, sites[clear], np.full(len(clear), edge**dim))]
+    every = np.ones(len(clear), dtype=bool)
+    parts = [(clear, sites[clear], np.full(len(clear), edge**dim), every)]
     for begin in range(0, len(cut), CHUNK):
         some = cut[begin : begin + CHUNK]
-        owner, *pieces = _pieces(
+        owner, at, volume, away = _pieces(
             sites[some], edge, distance, region, phi[some], normal[some], mixed[some]
         )
-        parts.append(_grouped(some[owner], *pieces))
-    owner, x, volume = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+        parts.append(_grouped(some[owner], at, volume, away, space, edge))
+    owner, x, volume, placed = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     order = np.argsort(owner, kind="stable")
-    x = _moved_out(x[order], edge, distance)
-    return _merged(x, volume[order], edge, distance)
+    return _merged(x[order], volume[order], placed[order], edge, space)
 
 
 def _moved_out(x: Array, edge: float, distance: Distance) -> Array:

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import integer, positive
 from granular.geometry import MAX_COUNT, Box, Fill, Grid, check_inside, combined
-from granular.open_parts import LEAST_SHARE, REACH, Distance, nowhere, open_parts
+from granular.open_parts import LEAST_SHARE, REACH, open_parts
+from granular.open_space import Distance, OpenSpace, last_place, nowhere
 from granular.regions import Cloud
 
 __all__ = [
@@ -77,13 +78,17 @@ have heights far apart. They are powers of the golden ratio, r^2 = r + 1, and of
 
 
 def _lattice(grid: Grid, fill: Fill) -> NDArray[np.float64]:
-    """Sites of the seeding lattice about a region, shape (n, dim), the first axis fastest."""
+    """Sites of the seeding lattice about a region, shape (n, dim), the first axis fastest.
+
+    With the ends of staggered columns, whose squares are in the grid in part.
+    """
     spacing = grid.cell / fill.points_per_axis
     axes, columns = [], []
     for axis, (low, high) in enumerate(zip(*fill.region.bounds, strict=True)):
         origin, sites = grid.lower[axis], grid.shape[axis] * fill.points_per_axis
-        first = max(math.floor((low - origin) / spacing) - 1, 0)
-        last = min(math.ceil((high - origin) / spacing) + 1, sites)
+        beyond = int(fill.stagger and axis == grid.dim - 1)
+        first = max(math.floor((low - origin) / spacing) - 1, -beyond)
+        last = min(math.ceil((high - origin) / spacing) + 1, sites + beyond)
         columns.append(np.arange(first, last))
         axes.append(origin + (columns[-1] + 0.5) * spacing)
     if math.prod(len(sites) for sites in axes) > MAX_COUNT:
@@ -127,7 +132,7 @@ def estimated_points(
     lower, upper = np.array(fill.region.bounds)
     sites = math.prod((upper - lower) / spacing)
     if sites <= SAMPLES:
-        return len(_seeded(grid, fill, distance, even)[0])
+        return len(_seeded(fill, _space(grid, (fill,), 0, distance), even)[0])
     parts = max(math.floor(SAMPLES ** (1.0 / grid.dim)), 1)
     axes = [
         low + (np.arange(parts) + 0.5) * ((high - low) / parts)
@@ -151,22 +156,24 @@ def most_points(grid: Grid, fill: Fill) -> int:
     return 2 * math.prod((np.ceil((upper - lower) / spacing) + 1).astype(np.int64).tolist())
 
 
-def _last(grid: Grid) -> NDArray[np.float64]:
-    """Last place of a grid [m]: its upper end does not belong to any cell."""
-    return np.nextafter(grid.upper, grid.lower)
+def _space(grid: Grid, fills: Sequence[Fill], own: int, distance: Distance) -> OpenSpace:
+    """Where the points of one of several fills may lie; a cloud's also beyond its squares."""
+    region = fills[own].region
+    others = tuple(fill.region for k, fill in enumerate(fills) if k != own)
+    return OpenSpace(grid, None if isinstance(region, Cloud) else region, distance, others)
 
 
 def _seeded(
-    grid: Grid, fill: Fill, distance: Distance, even: bool = False
+    fill: Fill, space: OpenSpace, even: bool = False
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Places and volumes of the points of a fill, before any jitter."""
-    region = fill.region
+    region, grid = fill.region, space.grid
     if isinstance(region, Cloud):
-        return np.clip(region.x, grid.lower, _last(grid)), region.volume
+        return np.clip(region.x, grid.lower, last_place(grid)), region.volume
     spacing = grid.cell / fill.points_per_axis
     x = _lattice(grid, fill)
-    if not even and (distance is not nowhere or region.cuts(x, spacing * REACH).any()):
-        return open_parts(x, spacing, distance, region)
+    if not even and (space.distance is not nowhere or region.cuts(x, spacing * REACH).any()):
+        return open_parts(x, spacing, region, space)
     sites = x[region.contains(x)]
     return sites, np.full(len(sites), spacing**grid.dim)
 
@@ -199,16 +206,18 @@ def _check(grid: Grid, fills: Sequence[Fill], distance: Distance) -> None:
 
 
 def _jittered(
-    rng: np.random.Generator, grid: Grid, fill: Fill, x: NDArray[np.float64], distance: Distance
+    rng: np.random.Generator, fill: Fill, x: NDArray[np.float64], space: OpenSpace
 ) -> NDArray[np.float64]:
-    """Displace points at random, but none of them towards a body that is near."""
+    """Displace points at random, none out of its fill or towards a body that is near."""
+    grid = space.grid
     spacing = grid.cell / fill.points_per_axis
     moved = x + rng.uniform(-0.5, 0.5, x.shape) * (fill.jitter * spacing)
-    moved = np.clip(moved, grid.lower, _last(grid))
-    if distance is nowhere:
-        return moved
-    least = np.minimum(distance(x)[0], 0.5 * spacing)
-    return np.where((distance(moved)[0] >= least)[:, None], moved, x)
+    moved = np.clip(moved, grid.lower, last_place(grid))
+    fits = space.contains(moved)
+    if space.distance is not nowhere:
+        least = np.minimum(space.distance(x)[0], 0.5 * spacing)
+        fits &= space.distance(moved)[0] >= least
+    return np.where(fits[:, None], moved, x)
 
 
 def _carried(fill: Fill, rho_c: float) -> tuple[ArrayLike, ArrayLike]:
@@ -314,11 +323,12 @@ def seed_points(
     densities = [fill.material.rho_c if fill.material else rho_c for fill in fills]
     parts = []
     for i, fill in enumerate(fills):
-        x, volume = _seeded(grid, fill, distance, even)
+        space = _space(grid, fills, i, distance)
+        x, volume = _seeded(fill, space, even)
         if not len(x):
             raise ValueError(f"fills[{i}] = {fill} must hold at least one material point")
         if fill.jitter:
-            x = _jittered(rng, grid, fill, x, distance)
+            x = _jittered(rng, fill, x, space)
         step = 0.25 * grid.cell / fill.points_per_axis
         depth = load = np.zeros(len(x))
         if fill.lithostatic:

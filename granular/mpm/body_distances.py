@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from granular import _core
 from granular.mpm.body_shapes import padded, turned
-from granular.open_parts import Distance, nowhere
+from granular.open_space import Distance, nowhere
 
 if TYPE_CHECKING:
     from granular.mpm.bodies import Body, BodyState

@@ -1,0 +1,64 @@
+"""Where the points of a fill may lie: the one rule for all that places them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular.geometry import Grid, Region
+
+__all__ = ["Distance", "OpenSpace", "last_place", "nowhere"]
+
+Array = NDArray[np.float64]
+Distance = Callable[[Array], tuple[Array, Array]]
+"""Signed distances of places from the nearest surface, negative in the solid, and its normals."""
+
+
+def nowhere(x: Array) -> tuple[Array, Array]:
+    """Return the distance from no body at all."""
+    return np.full(len(x), np.inf), np.zeros_like(x)
+
+
+def last_place(grid: Grid) -> Array:
+    """Last place of a grid [m]: its upper end does not belong to any cell."""
+    last: Array = np.nextafter(grid.upper, grid.lower)
+    return last
+
+
+@dataclass(frozen=True)
+class OpenSpace:
+    """The places that are open to the points of a fill.
+
+    Attributes
+    ----------
+    grid : Grid
+    region : Region or None
+        Region of the fill; None for points given one by one, which have no other bounds.
+    distance : Distance
+        Distances from the bodies.
+    others : sequence of Region
+        Regions of the other fills.
+    """
+
+    grid: Grid
+    region: Region | None
+    distance: Distance = nowhere
+    others: Sequence[Region] = ()
+
+    def contains(self, x: Array) -> NDArray[np.bool_]:
+        """True for the places, shape (n, dim) [m], that are the fill's own, bodies aside."""
+        found: NDArray[np.bool_] = np.all((x >= self.grid.lower) & (x < self.grid.upper), axis=1)
+        if self.region is not None:
+            found[found] = self.region.contains(x[found])
+        for other in self.others:
+            found[found] = ~other.contains(x[found])
+        return found
+
+    def is_open(self, x: Array) -> NDArray[np.bool_]:
+        """True for the places that are the fill's own and in no body."""
+        found = self.contains(x)
+        found[found] = self.distance(x[found])[0] >= 0
+        return found
