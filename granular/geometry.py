@@ -35,7 +35,12 @@ __all__ = [
 
 AXES = "xyz"
 LINE_TOLERANCE = 1e-9
-"""Largest distance, in cells, at which a coordinate still counts as on a grid line."""
+"""Largest distance, in cells, at which a coordinate still counts as on a grid line, near the
+origin; see `Grid.slack`."""
+ROUNDINGS = 64
+"""Roundings of a coordinate that add up in places made of sums and products of a few numbers."""
+COARSEST = 0.01
+"""Largest `Grid.slack`: what is nearer to a line than this would have no cell of its own."""
 MAX_COUNT = 2**31 - 1
 """Largest number of cells or points; the core counts them with 32 bits."""
 
@@ -88,6 +93,12 @@ class Grid:
             raise ValueError(f"shape = {shape} must have at most {MAX_COUNT} cells")
         check_fields(self, positive, "cell")
         set_fields(self, lower=lower, shape=shape, periodic=tuple(map(bool, periodic)))
+        if not self.slack <= COARSEST:
+            raise ValueError(
+                f"cell = {self.cell} must be larger, or the grid nearer to the origin: coordinates "
+                f"from {self.lower} to {self.upper} are rounded by up to {self.slack:.2g} cells, "
+                f"must be <= {COARSEST}"
+            )
         set_fields(self, open_sides=self._checked_sides())
 
     def _checked_sides(self) -> frozenset[str]:
@@ -112,17 +123,27 @@ class Grid:
         """Upper corner [m]."""
         return tuple(x + n * self.cell for x, n in zip(self.lower, self.shape, strict=True))
 
+    @property
+    def rounding(self) -> float:
+        """Rounding of the coordinates of the grid [cells]."""
+        return max(rounding(self.cell, *self.lower, *self.upper), rounding(1.0, *self.shape))
+
+    @property
+    def slack(self) -> float:
+        """Largest distance [cells] at which a coordinate counts as on a grid line."""
+        return max(LINE_TOLERANCE, ROUNDINGS * self.rounding)
+
     def line(self, name: str, axis: int, at: float) -> int:
         """Index of the grid line at coordinate `at` [m] of `axis`; `name` is for the message.
 
         Raises
         ------
         ValueError
-            If there is none within 1e-9 cells.
+            If there is none within the `slack`.
         """
         place = (at - self.lower[axis]) / self.cell
         line = round(place)
-        if abs(place - line) > LINE_TOLERANCE or not 0 <= line <= self.shape[axis]:
+        if abs(place - line) > self.slack or not 0 <= line <= self.shape[axis]:
             raise ValueError(
                 f"{name} = {at} must lie on a grid line of {AXES[axis]}: from"
                 f" {self.lower[axis]} to {self.upper[axis]} in steps of {self.cell}"
@@ -460,13 +481,24 @@ def check_inside(name: str, grid: Grid, region: Region) -> None:
     """Refuse a region whose dimension is not that of the grid, or that extends beyond the grid."""
     if region.dim != grid.dim:
         raise ValueError(f"{name} has dimension {region.dim}, must have {grid.dim} as the grid")
-    slack = LINE_TOLERANCE * grid.cell
+    slack = grid.slack * grid.cell
     for axis, (low, high) in enumerate(zip(*region.bounds, strict=True)):
         if low < grid.lower[axis] - slack or high > grid.upper[axis] + slack:
             raise ValueError(
                 f"{name} reaches from {low} to {high} along {AXES[axis]}, must stay in the grid"
                 f" from {grid.lower[axis]} to {grid.upper[axis]}"
             )
+
+
+def rounding(step: float, *coordinates: float) -> float:
+    """Rounding of coordinates [m], over a step [m]."""
+    return float(np.finfo(float).eps) * (max(map(abs, coordinates)) / step)
+
+
+def steps_between(low: float, high: float, step: float) -> int:
+    """Number of steps [m] from one coordinate to another, the last of which may reach beyond it."""
+    slack = max(LINE_TOLERANCE, ROUNDINGS * rounding(step, low, high))
+    return math.ceil((high - low) / step - slack)
 
 
 def combined(axes: Sequence[NDArray]) -> NDArray:

@@ -296,7 +296,7 @@ def standing_points(scene: BaseScene, i: int) -> Points:
     m = np.arange(layers * n)
     site, way = m % n, (layers * n - 1 - m) / n * h
     x = points.x[site] + way[:, None] * (np.array(inflow.velocity) / inflow.speed)
-    within = way < high - low
+    within = way < high - low - grid.slack * grid.cell
     taken = {name: array[site][within] for name, array in vars(points).items()}
     return Points(**taken | {"x": x[within]})
 

@@ -20,7 +20,7 @@ from granular.checks import (
     vector,
 )
 from granular.combinations import least
-from granular.geometry import AXES, MAX_COUNT, Region, combined
+from granular.geometry import AXES, MAX_COUNT, Region, combined, steps_between
 from granular.serializable import ComparedByContent
 
 __all__ = ["Cloud", "Mask", "Polygon"]
@@ -167,7 +167,7 @@ class Mask(ComparedByContent, Region):
         low = vector("lower", lower)
         high = vector("upper", upper, len(low))
         step = positive("spacing", spacing)
-        counts = [math.ceil((b - a) / step - 1e-9) for a, b in zip(low, high, strict=True)]
+        counts = [steps_between(a, b, step) for a, b in zip(low, high, strict=True)]
         if min(counts) < 1:
             raise ValueError(f"upper = {high} must exceed lower = {low}")
         if math.prod(counts) > MAX_COUNT:

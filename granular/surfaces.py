@@ -22,7 +22,7 @@ from granular.checks import (
     vector,
 )
 from granular.combinations import least
-from granular.geometry import MAX_COUNT, Region, combined
+from granular.geometry import MAX_COUNT, Region, combined, steps_between
 from granular.serializable import ComparedByContent
 
 __all__ = ["Heights", "Layer"]
@@ -140,9 +140,7 @@ class Heights(ComparedByContent):
         step = positive("spacing", spacing)
         if not all(a < b for a, b in zip(low, high, strict=True)):
             raise ValueError(f"upper = {high} must exceed lower = {low}")
-        counts = [
-            max(math.ceil((b - a) / step - 1e-9), 1) + 1 for a, b in zip(low, high, strict=True)
-        ]
+        counts = [max(steps_between(a, b, step), 1) + 1 for a, b in zip(low, high, strict=True)]
         if math.prod(counts) > MAX_COUNT:
             raise ValueError(f"spacing = {step} must make at most {MAX_COUNT} heights")
         x = combined([a + step * np.arange(n) for a, n in zip(low, counts, strict=True)])

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from granular.combinations import Difference, Intersection, Union
-from granular.geometry import LINE_TOLERANCE, Box, Cylinder, Disc, Fill, Region
+from granular.geometry import Box, Cylinder, Disc, Fill, Region
 from granular.mpm.scene import Scene
 from granular.mpm.walls import Solid, Wall
 
@@ -133,7 +133,7 @@ def mirror_half(scene: Scene) -> Scene:
     grid = scene.grid
     middle = 0.5 * (grid.lower[0] + grid.upper[0])
     keep = Box((middle, *grid.lower[1:]), grid.upper)
-    beyond = middle + LINE_TOLERANCE * grid.cell  # so that no empty part is left on the plane
+    beyond = middle + grid.slack * grid.cell  # so that no empty part is left on the plane
     walls = [part for wall in scene.walls if (part := _cut_wall(wall, middle, beyond)) is not None]
     fills = [
         fill if fill.region.bounds[0][0] >= middle else _cut_fill(fill, keep)

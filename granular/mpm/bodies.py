@@ -269,7 +269,7 @@ class Body:
             raise ValueError(f"{name} of dimension {self.dim} must have the grid's, {grid.dim}")
         for part in _parts_of(self.shape):
             if isinstance(part, HeightMap):
-                part.check(name, self._corners_of(grid))
+                part.check(name, self._corners_of(grid), grid.slack * grid.cell)
         reaches = self.extents()
         for axis in np.flatnonzero(grid.periodic):
             half, letter = 0.5 * grid.shape[axis] * grid.cell, "xyz"[axis]

@@ -63,10 +63,7 @@ def _cutoff(scene: Scene) -> float:
     Points that an end of the grid stops lie within the rounding of its coordinate, and the node a
     cell before it has that share of their masses, but a whole part of their forces.
     """
-    grid = scene.grid
-    ends = np.abs([grid.lower, grid.upper]).max() / grid.cell
-    rounding = np.finfo(float).eps * max(ends, *grid.shape)
-    return max(scene.scheme.mass_cutoff, ROUNDED_POINTS * rounding)
+    return max(scene.scheme.mass_cutoff, ROUNDED_POINTS * scene.grid.rounding)
 
 
 def _parameters(scene: Scene, material: Material) -> dict[str, float]:

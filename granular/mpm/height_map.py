@@ -29,8 +29,6 @@ Array = NDArray[np.float64]
 
 TILE = 8
 """Cells between posts along an edge of a tile; as in `csrc/body/height_map.h`."""
-SLACK = 1e-9
-"""Part of the spacing by which a domain may reach beyond a map."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -168,15 +166,16 @@ class HeightMap(ComparedByContent, Shape):
             levels.append(np.stack([low, high], axis=-1))
         return np.concatenate([level.reshape(-1, 2) for level in levels])
 
-    def check(self, name: str, corners: Array) -> None:
-        """Refuse a domain, given by its corners in coordinates of the body, beyond the map."""
+    def check(self, name: str, corners: Array, slack: float) -> None:
+        """Refuse a domain, given by its corners in coordinates of the body, beyond the map.
+
+        The `slack` [m] is the rounding of the corners.
+        """
         if self.extended:
             return
-        for axis, (low, high, h) in enumerate(
-            zip(self.origin, self.upper, self._spacings, strict=True)
-        ):
+        for axis, (low, high) in enumerate(zip(self.origin, self.upper, strict=True)):
             least, most = corners[:, axis].min(), corners[:, axis].max()
-            if least < low - SLACK * h or most > high + SLACK * h:
+            if least < low - slack or most > high + slack:
                 raise ValueError(
                     f"{name}: the domain reaches from {least:.9g} to {most:.9g} m along "
                     f"{'xy'[axis]} of the body, its height map from {low:.9g} to {high:.9g} m: take"

@@ -42,10 +42,11 @@ def _check_free(scene: Scene, i: int, name: str) -> None:
     """Refuse an inlet within a block or a body, in another inlet, or a piston in a fill."""
     inflow, grid = scene.inflows[i], scene.grid
     x, half = inflow._sites(grid).x, 0.5 * grid.cell / inflow.points_per_axis
+    touches = half - grid.slack * grid.cell
     for j, wall in enumerate(scene.walls):
         if isinstance(wall, Solid) and ((x > wall.lower) & (x < wall.upper)).all(axis=1).any():
             raise ValueError(f"{name}.region must lie outside of walls[{j}], a Solid")
-    if scene.bodies and (distance_from_bodies(scene)(x)[0] < half * (1 - 1e-9)).any():
+    if scene.bodies and (distance_from_bodies(scene)(x)[0] < touches).any():
         raise ValueError(f"{name}.region must lie outside of the bodies at their start")
     for j, other in enumerate(scene.inflows):
         if j != i and other.region.contains(x).any():

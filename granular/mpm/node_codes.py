@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from granular import _core
 from granular.checks import integer, one_of
-from granular.geometry import LINE_TOLERANCE, Grid
+from granular.geometry import Grid
 from granular.mpm.blocks import held_components, outlook, solid_cells
 from granular.mpm.grid_map import GridMap, Ranges
 from granular.mpm.walls import Solid, Span, Wall
@@ -161,9 +161,10 @@ class _Axes:
     def within(self, axis: int, low: float, high: float) -> NDArray[np.intp]:
         """Indices of the nodes from `low` to `high` [cells], ends included."""
         x = self.positions[axis]
-        found = (x >= low - LINE_TOLERANCE) & (x <= high + LINE_TOLERANCE)
+        slack = self.grid.slack
+        found = (x >= low - slack) & (x <= high + slack)
         if self.grid.periodic[axis]:  # node 0 is also node n
-            found |= x + self.grid.shape[axis] <= high + LINE_TOLERANCE
+            found |= x + self.grid.shape[axis] <= high + slack
         return np.flatnonzero(found)
 
     def of(self, wall: Wall | Solid) -> Ranges:
@@ -174,7 +175,7 @@ class _Axes:
 
     def driven(self, inflow: Inflow, basis: str) -> Ranges:
         """Nodes that points of a driven inflow touch, but for those downstream of its region."""
-        ranges, reach = [], REACH[basis] - LINE_TOLERANCE * 10
+        ranges, reach = [], REACH[basis] - self.grid.slack * 10
         for axis, ends in enumerate(zip(*inflow.region.bounds, strict=True)):
             low, high = (self.cells(axis, end) for end in ends)
             sign = inflow.velocity[axis] if axis == inflow.axis else 0.0

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.geometry import LINE_TOLERANCE, Grid, combined
+from granular.geometry import Grid, combined
 from granular.mpm.body_measures import arrays_of, extents, reach
 from granular.mpm.body_shapes import PARTS, Shape
 from granular.mpm.walls import Solid, Wall
@@ -142,7 +142,7 @@ def _row_of_wall(grid: Grid, wall: Wall) -> Array:
 
 
 def _row(grid: Grid, lower: Sequence[float], upper: Sequence[float], *, kind: str) -> Array:
-    row, near = np.zeros(12), LINE_TOLERANCE * grid.cell
+    row, near = np.zeros(12), grid.slack * grid.cell
     row[9], row[10], row[11] = (0.0 if kind == "free_slip" else FAR), FAR, -1
     for axis, (low, high) in enumerate(zip(lower, upper, strict=True)):
         begins, ends = low <= grid.lower[axis] + near, high >= grid.upper[axis] - near

@@ -19,7 +19,7 @@ from granular.checks import (
     spans,
     vector,
 )
-from granular.geometry import AXES, LINE_TOLERANCE, Box, Grid
+from granular.geometry import AXES, Box, Grid
 
 __all__ = ["Solid", "SpongeLayer", "Wall", "WallState"]
 
@@ -249,5 +249,5 @@ class SpongeLayer:
         """Refuse what does not fit the grid."""
         _check_axis(self, name, grid)
         low, high = grid.lower[self.axis], grid.upper[self.axis]
-        if not low <= self.above < high - LINE_TOLERANCE * grid.cell:
+        if not low <= self.above < high - grid.slack * grid.cell:
             raise ValueError(f"{name}.above = {self.above} must be in [{low}, {high})")

@@ -136,7 +136,7 @@ class Wall:
 def _site(name: str, grid: Grid, axis: int, at: float) -> int:
     """Whole number of spacings from the lower end of the grid to `at`."""
     place = (at - grid.lower[axis]) / grid.cell
-    if not abs(place) < 1e6 or abs(place - round(place)) > LINE_TOLERANCE:
+    if not abs(place) < 1e6 or abs(place - round(place)) > grid.slack:
         raise ValueError(
             f"{name}.span: {at} must be whole spacings {grid.cell} from {grid.lower[axis]}"
         )
