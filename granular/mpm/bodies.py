@@ -190,7 +190,9 @@ class Body:
         nearest to the surface.
     free : str
         Axes along which gravity and the forces of the material move the body instead of its
-        `motion`, such as "z" or "xy"; its initial velocity is that of its `motion`.
+        `motion`, such as "z" or "xy"; its initial velocity is that of its `motion`. A simulation
+        refuses such a body where it begins more than half a cell within a block, another body, or
+        a wall normal to one of these axes; less counts as touching.
     mass : float, optional
         Mass [kg; in 2D per metre of depth], > 0; required if, and only if, `free` names an axis.
     inertia : float, tuple of 3 floats, or 3 x 3 tuple of floats, optional

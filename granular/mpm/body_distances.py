@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from granular.mpm.bodies import Body, BodyState
     from granular.mpm.scene import Scene
 
-__all__ = ["distance_at", "distance_from_bodies", "distances", "nearest", "periods"]
+__all__ = ["distance_at", "distance_from_bodies", "distances", "nearest", "periods", "surface_at"]
 
 
 def periods(scene: Scene, body: Body) -> NDArray[np.float64]:
@@ -49,8 +49,16 @@ def distance_at(
     scene: Scene, body: Body, x: NDArray[np.float64], pose: BodyState
 ) -> NDArray[np.float64]:
     """Signed distances [m] of places (n, dim) from a body, or its nearest image, in a pose."""
+    return surface_at(scene, body, x, pose)[0]
+
+
+def surface_at(
+    scene: Scene, body: Body, x: NDArray[np.float64], pose: BodyState
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Signed distances as of `distance_at`, and the normals of the surface, shape (n, dim)."""
     places = np.pad(x, ((0, 0), (0, 3 - scene.dim)))
-    return _from_body(scene, body, places, *_placed(pose))[0]
+    distance, normal = _from_body(scene, body, places, *_placed(pose))
+    return distance, normal[:, : scene.dim]
 
 
 def _placed(pose: BodyState) -> tuple[scipy.spatial.transform.Rotation, tuple[float, ...]]:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from granular.mpm.bodies import Body, BodyState
     from granular.mpm.scene import Scene
 
-__all__ = ["INTERVAL", "FreeBodies"]
+__all__ = ["INTERVAL", "FreeBodies", "places_of"]
 
 INTERVAL = 50
 """Steps between two checks of the bodies, in which a body moves by a few cells at most if its speed
@@ -49,15 +49,16 @@ class FreeBodies:
 
     These are the ends of the domain that are not open, and what they touch by contact, which fails
     where prescribed motions press them together: walls, blocks and other bodies. A body may
-    overlap them as far as it does at the start, such as a wheel that a symmetry plane cuts, and
-    begin beyond an end, such as a ball that falls into the domain. Unless it turns freely, it may
-    reach ends and walls that are normal to an axis along which it follows its motion.
+    overlap them as far as it does at the start, such as a wheel that a symmetry plane cuts (see
+    `body_overlaps`), and begin beyond an end, such as a ball that falls into the domain. Unless it
+    turns freely, it may reach ends and walls that are normal to an axis along which it follows its
+    motion.
     """
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         free = (i for i, body in enumerate(scene.bodies) if body.free or body.inertia is not None)
-        self._places = {i: _places(scene, scene.bodies[i]) for i in free}
+        self._places = {i: places_of(scene, scene.bodies[i], scene.grid.cell) for i in free}
         self._solid = None
         if self._places and any(isinstance(wall, Solid) for wall in scene.walls):
             self._solid = solid_cells(scene.grid, scene.walls)
@@ -79,8 +80,7 @@ class FreeBodies:
                 reason = (
                     "no wall holds it there; put one, open the side, or end the run before"
                     if what.startswith(THE_END)
-                    else "contact fails where bodies are pressed together by prescribed motions, "
-                    "or overlap at the start"
+                    else "contact fails where bodies are pressed together by prescribed motions"
                 )
                 error = _core.SimulationError(
                     f"bodies[{i}] has met {what}, {excess:.3g} m deep by step {step} "
@@ -164,11 +164,11 @@ def _is_open(scene: Scene, axis: int, sign: int) -> bool:
     return AXES[axis] + ("-" if sign < 0 else "+") in scene.grid.open_sides
 
 
-def _places(scene: Scene, body: Body) -> Places:
-    """Sample a body: places on its surface, a cell below it, and on a grid within it.
+def places_of(scene: Scene, body: Body, deep: float) -> Places:
+    """Sample a body: places on its surface, as `deep` [m] below it, and on a grid within it.
 
-    Those a cell below it find blocks, whose depth at a place is not known, where the grid is
-    coarse. Of an endless body, the part is sampled that could be in the domain.
+    Those below it find blocks, whose depth at a place is not known, where the grid is coarse. Of an
+    endless body, the part is sampled that could be in the domain.
     """
     grid, shape, dim = scene.grid, body.shape, body.dim
     largest = float(np.linalg.norm(np.array(grid.shape) * grid.cell))
@@ -182,7 +182,7 @@ def _places(scene: Scene, body: Body) -> Places:
     phi, normal = shape.distance(points)
     near = abs(phi) <= width * math.sqrt(dim)
     surface = points[near] - phi[near, None] * normal[near]
-    below = surface - grid.cell * normal[near]
+    below = surface - deep * normal[near]
     depth = -shape.distance(below)[0]
     inside, kept = phi <= 0, depth > 0
     return Places(

@@ -19,7 +19,14 @@ if TYPE_CHECKING:
     from granular.mpm.bodies import Body
     from granular.mpm.scene import Scene
 
-__all__ = ["contact_balls", "moves_freely", "obstacles", "touch_solids"]
+__all__ = [
+    "SPACING",
+    "contact_balls",
+    "moves_freely",
+    "obstacles",
+    "row_of_wall",
+    "touch_solids",
+]
 
 Array = NDArray[np.float64]
 
@@ -121,7 +128,7 @@ def obstacles(scene: Scene) -> Array:
     """
     rows = [np.zeros((0, 12))]
     for wall in scene.walls:
-        row = _row_of_wall(scene.grid, wall) if isinstance(wall, Wall) else None
+        row = row_of_wall(scene.grid, wall) if isinstance(wall, Wall) else None
         if isinstance(wall, Solid):
             row = _row(scene.grid, wall.lower, wall.upper, kind=wall.kind)
         if row is not None:
@@ -129,7 +136,8 @@ def obstacles(scene: Scene) -> Array:
     return np.concatenate(rows)
 
 
-def _row_of_wall(grid: Grid, wall: Wall) -> Array:
+def row_of_wall(grid: Grid, wall: Wall) -> Array:
+    """Row of a wall, see `obstacles`; within the grid its lower and upper sides are the same."""
     sides = [wall.extent(grid, axis) for axis in range(grid.dim)]
     row = _row(grid, *zip(*sides, strict=True), kind=wall.kind)
     if wall.velocity is not None:

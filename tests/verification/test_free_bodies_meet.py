@@ -11,7 +11,7 @@ from granular.geometry import Box as Region
 from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
 from granular.materials import MuI
-from granular.mpm.bodies import Body, Box, Cylinder, HalfSpace, Motion, Sphere
+from granular.mpm.bodies import Body, Box, Cylinder, Difference, HalfSpace, Motion, Sphere
 from granular.mpm.walls import Solid, Wall
 
 CELL = 0.05
@@ -36,7 +36,9 @@ def disc(*velocity, at=(0.8, 0.8), shape=None, **more):
     return Body(
         Cylinder(0.2, center=(0.0, 0.0)) if shape is None else shape,
         at,
-        motion=Motion(velocity=(velocity,), angular_velocity=(options.pop("turning", 0.0),)),
+        motion=Motion(
+            velocity=(velocity or (0.0, 0.0),), angular_velocity=(options.pop("turning", 0.0),)
+        ),
         **options,
     )
 
@@ -147,7 +149,7 @@ def endless(shape, *velocity):
         scene_of(disc(0.0, -2.0, at=(0.8, 2.4)), periodic=(True, False)),
         scene_of(disc(0.0, 2.0, at=(0.8, 2.4))),
         scene_of(disc(2.0, 0.0, at=(1.0, 0.8), free="y")),
-        scene_of(disc(0.0, 0.8), walls=(WINDOW,)),
+        scene_of(disc(0.0, 0.8, free="y"), walls=(WINDOW,)),
         scene_of(disc(2.0, 0.0), Body(Box((0.1, 0.2)), (1.35, 0.3)), open_sides={"x+"}),
         scene_of(disc(0.0, -2.0), walls=(Wall(1, 0.3, span=((0.0, 0.5),)),), open_sides={"y-"}),
         scene_of(disc(0.0, -0.8), walls=(Wall(1, 0.5, opens_at=0.05),)),
@@ -192,3 +194,77 @@ def test_steps_alone_are_watched_too():
             other.step(7)
     assert other.steps % 50 == 0
     assert abs(other.steps - sim.steps) <= 50
+
+
+STAIRS = tuple(Solid((0.0, k * CELL), (1.6 - k * CELL, (k + 1) * CELL)) for k in range(8))
+SADDLE = Difference(Box((0.6, 0.6)), Box((0.1, 0.5), center=(0.0, -0.1)))
+FLOOR, LID, INNER = Wall(1, 0.0), Wall(1, 1.6), Wall(1, 0.8, kind="free_slip")
+
+
+def bricks(height):
+    """Two blocks, one above the other."""
+    shape = Box((0.3, 0.4, 0.2))
+    block = {"free": "xyz", "mass": 1.0, "inertia": (0.016,) * 3}
+    return scene_of(*(Body(shape, (0.8, 0.8, z), **block) for z in (0.5, 0.5 + height)), dim=3)
+
+
+@pytest.mark.parametrize(
+    ("scene", "says"),
+    [
+        *(
+            (scene_of(disc(at=(0.8, 0.1)), walls=(Wall(1, 0.0, kind=kind),)), r"0.1 m .*walls\[0\]")
+            for kind in ("no_slip", "free_slip", "coulomb")
+        ),
+        (scene_of(disc(at=(0.8, -0.5)), walls=(FLOOR,)), r"0.7 m within walls\[0\]"),
+        (scene_of(disc(at=(0.8, 2.1)), walls=(LID,)), r"0.7 m within walls\[0\]"),
+        (scene_of(disc(), walls=(INNER,)), r"0.2 m within walls\[0\].* at \(0.8, 0.8\)"),
+        (
+            scene_of(disc(shape=Box((0.11, 0.6))), walls=(Wall(1, 0.8, opens_at=1.0),)),
+            r"0.3 m within walls\[0\]",
+        ),
+        (scene_of(disc(), walls=(Solid((0.6, 0.3), (1.0, 0.7)),)), "a Solid"),
+        (scene_of(disc(at=(0.8, 0.4)), walls=STAIRS), "a Solid"),
+        (
+            scene_of(
+                disc(at=(0.8, 0.9), shape=Box((0.6, 0.4))),
+                walls=(Solid((0.75, 0.3), (0.85, 0.85)),),
+            ),
+            "a Solid",
+        ),
+        (scene_of(PLATE, disc(at=(1.2, 0.8))), r"bodies\[1\] begins 0.1 m within bodies\[0\]"),
+        (scene_of(disc(), disc(at=(1.1, 0.8))), r"bodies\[0\] begins 0.1 m within bodies\[1\]"),
+        (
+            scene_of(disc(at=(0.1, 0.8)), disc(at=(1.5, 0.8)), periodic=(True, False)),
+            r"0.2 m within bodies\[1\]",
+        ),
+        (scene_of(disc(at=(0.8, 0.9)), Body(HalfSpace((0.0, -1.0)), (0.8, 1.0))), r"bodies\[1\]"),
+        (bricks(0.15), r"0.05 m within bodies\[1\]"),
+    ],
+)
+def test_it_must_not_begin_within_what_holds_it(scene, says):
+    with pytest.raises(ValueError, match=says):
+        gr.Simulation(scene, threads=1)
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        scene_of(disc(at=(0.8, 0.2)), walls=(FLOOR,)),
+        scene_of(disc(at=(0.8, 0.176)), walls=(FLOOR,)),  # less than half a cell
+        scene_of(disc(at=(0.8, 1.0)), walls=(INNER,)),
+        scene_of(disc(), walls=(Wall(1, 0.8, opens_at=0.0),)),
+        scene_of(disc(), walls=(Wall(1, 0.8, span=((0.0, 0.5),)),)),
+        scene_of(disc(shape=SADDLE), walls=(Wall(0, 0.8, span=((0.0, 0.9),)),)),
+        scene_of(
+            disc(at=(0.8, 0.1), free="x"), walls=(FLOOR,)
+        ),  # a symmetry plane, for all it knows
+        scene_of(disc(at=(0.8, 0.6)), walls=STAIRS),
+        scene_of(disc(), disc(at=(1.2, 0.8))),
+        scene_of(disc(), Body(Difference(Box((1.0, 1.0)), Box((0.4, 0.4))), (0.8, 0.8))),
+        scene_of(Body(Box((0.4, 0.1)), (0.8, 0.8), inertia=0.1), Body(Box((0.1, 0.1)), (0.8, 0.8))),
+        scene_of(Body(Box((0.4, 0.4)), (0.8, 0.1)), walls=(FLOOR,)),  # its motion is prescribed
+        bricks(0.2),
+    ],
+)
+def test_where_it_may_begin(scene):
+    gr.Simulation(scene, threads=1).step(1)

@@ -1,0 +1,196 @@
+"""Free bodies that begin within walls, blocks or other bodies, which contact would not push out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import combinations, product
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular.geometry import AXES, Grid, combined
+from granular.mpm.blocks import solid_cells
+from granular.mpm.body_distances import distance_at, surface_at
+from granular.mpm.body_measures import thicknesses
+from granular.mpm.free_bodies import places_of
+from granular.mpm.rigid_contact import SPACING, contact_balls, row_of_wall
+from granular.mpm.walls import Solid, Wall
+
+if TYPE_CHECKING:
+    from granular.mpm.bodies import Body
+    from granular.mpm.scene import Scene
+
+__all__ = ["OVERLAP", "check_overlaps"]
+
+Array = NDArray[np.float64]
+
+OVERLAP = 0.5
+"""Overlap at the start [cells] up to which bodies, walls and blocks count as touching.
+
+It is that of csrc/mpm/rigid.c: the surface of a body is known to half a cell, the distance of the
+places with which it touches. Contact keeps such a pair as it is; a pair that overlaps by more does
+not touch at all, so that the body would fall through.
+"""
+
+MARGIN = 0.02
+"""Part by which an overlap must exceed that where it is seen at single places."""
+
+MOST_ACROSS = {2: 1000, 3: 200}
+"""Places along an edge of the part of a wall that a body may cross, by dimension."""
+
+
+class Overlap(NamedTuple):
+    """Name of the thing that a body begins within, its depth in it [m], and the deepest place."""
+
+    what: str
+    depth: float
+    place: Array
+
+
+class Balls(NamedTuple):
+    """The balls with which a body touches others: centres, shape (n, dim), and radii [m]."""
+
+    x: Array
+    radius: Array
+
+
+def check_overlaps(scene: Scene) -> None:
+    """Refuse free bodies that begin deeper than `OVERLAP` within what is solid at that time.
+
+    A body may overlap what its motion leads it along or turns it in: walls normal to an axis along
+    which it is not free, such as a symmetry plane that cuts it, and all that a body without free
+    axes is hinged in. Ends of the domain without a wall are not solid, and so are walls that open
+    at once.
+    """
+    most = (OVERLAP + scene.grid.slack) * scene.grid.cell
+    for i, found in _overlaps(scene):
+        if found.depth > most:
+            place = ", ".join(f"{x:.9g}" for x in found.place)
+            raise ValueError(
+                f"bodies[{i}] begins {found.depth:.4g} m within {found.what}, at ({place}): must be"
+                f" at most {most:.4g} m, {OVERLAP} cells, as contact does not hold what overlaps by"
+                " more; move it out"
+            )
+
+
+def _overlaps(scene: Scene) -> Iterator[tuple[int, Overlap]]:
+    """Yield free bodies and what they overlap."""
+    free = [i for i, body in enumerate(scene.bodies) if body.free]
+    if not free:
+        return
+    balls = [_balls(scene.grid, body) for body in scene.bodies]
+    blocks = any(isinstance(wall, Solid) for wall in scene.walls)
+    for i in free:
+        if not len(balls[i].x):  # endless: it goes through what is beside it
+            continue
+        for k, wall in enumerate(scene.walls):
+            if isinstance(wall, Wall) and AXES[wall.axis] in scene.bodies[i].free:
+                yield from ((i, found) for found in _in_wall(scene, k, i, balls[i]))
+        if blocks:
+            yield from ((i, found) for found in _in_blocks(scene, scene.bodies[i]))
+    for i, j in combinations(range(len(scene.bodies)), 2):
+        if i in free or j in free:
+            one, other = (i, j) if i in free else (j, i)
+            yield from ((one, found) for found in _in_body(scene, one, other, balls))
+
+
+def _balls(grid: Grid, body: Body) -> Balls:
+    """Balls of a body in the grid; an endless one has none."""
+    rows, pose = contact_balls(body.shape, grid.cell), body.at_start()
+    x = pose.position + rows[:, : grid.dim] @ pose.rotation.T
+    lower, size = np.array(grid.lower), grid.cell * np.array(grid.shape)
+    return Balls(np.where(grid.periodic, lower + (x - lower) % size, x), rows[:, 3])
+
+
+def _in_wall(scene: Scene, k: int, i: int, balls: Balls) -> Iterator[Overlap]:
+    """Yield the overlap with a wall, which goes on beyond an end of the domain."""
+    grid, wall = scene.grid, scene.walls[k]
+    assert isinstance(wall, Wall)
+    row = row_of_wall(grid, wall)
+    lower, upper = row[: grid.dim], row[3 : 3 + grid.dim]
+    if wall.opens_at == 0:
+        return
+    if lower[wall.axis] < upper[wall.axis]:
+        phi = _from_box(balls.x, lower, upper)
+        deepest = int(np.argmax(balls.radius - phi))
+        depth, place = float(balls.radius[deepest] - phi[deepest]), balls.x[deepest].copy()
+        place[wall.axis] += balls.radius[deepest] * (1 if lower[wall.axis] == wall.at else -1)
+    else:
+        depth, place = _across(scene, wall, i, balls)
+    yield Overlap(f"walls[{k}], normal to {AXES[wall.axis]} at {wall.at:.9g} m", depth, place)
+
+
+def _from_box(x: Array, lower: Array, upper: Array) -> Array:
+    """Signed distance of places from a box."""
+    beyond = np.maximum(lower - x, x - upper)
+    outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
+    distance: Array = outside + np.minimum(beyond.max(axis=1), 0.0)
+    return distance
+
+
+def _across(scene: Scene, wall: Wall, i: int, balls: Balls) -> tuple[float, Array]:
+    """Reach beyond a wall within the grid of a body that it passes through, and a place of both.
+
+    It is the part on the side on which it is smaller; 0 for a body that the wall does not meet.
+    """
+    grid, body = scene.grid, scene.bodies[i]
+    reach, position, axes = body.extents(), np.array(body.position), []
+    for axis in range(grid.dim):
+        low, high = wall.extent(grid, axis)
+        if not grid.periodic[axis] and axis != wall.axis:
+            low = max(low, position[axis] - reach[axis])
+            high = min(high, position[axis] + reach[axis])
+        if high < low:
+            return 0.0, position
+        step = max(SPACING * grid.cell, (high - low) / MOST_ACROSS[grid.dim])
+        axes.append(np.linspace(low, high, math.ceil((high - low) / step) + 1))
+    places = combined(axes)
+    phi = distance_at(scene, body, places, body.at_start())
+    deepest = int(phi.argmin())
+    within = min(OVERLAP * grid.cell, 0.25 * min(thicknesses(body.shape)))
+    if phi[deepest] > -within:
+        return max(-float(phi[deepest]), 0.0), places[deepest]
+    off = balls.x[:, wall.axis] - wall.at
+    return float(min((balls.radius - off).max(), (balls.radius + off).max())), places[deepest]
+
+
+def _in_blocks(scene: Scene, body: Body) -> Iterator[Overlap]:
+    """Yield the overlap with the union of the blocks, which go on beyond the ends of the grid.
+
+    It is seen at places as deep in the body as counts, and at those of its surface with nothing
+    but blocks about them as far.
+    """
+    grid, pose = scene.grid, body.at_start()
+    most = OVERLAP * grid.cell
+    own, depth = places_of(scene, body, (1 + MARGIN) * most)
+    x = pose.position + own @ pose.rotation.T
+    solid, last = solid_cells(grid, scene.walls), np.array(grid.shape) - 1
+
+    def within(places: Array) -> NDArray[np.bool_]:
+        cells = np.floor((places - np.array(grid.lower)) / grid.cell).astype(np.int64)
+        cells = np.where(grid.periodic, cells % grid.shape, cells.clip(0, last))
+        inside: NDArray[np.bool_] = solid.at(cells.T)
+        return inside
+
+    found = within(x)
+    surrounded = found.copy()
+    for step in product((-1.0, 1.0), repeat=grid.dim):
+        surrounded[surrounded] = within(x[surrounded] + (1 + MARGIN) * most * np.array(step))
+    depth = np.where(surrounded, np.maximum(depth, (1 + MARGIN) * most), np.where(found, depth, 0))
+    if len(depth):
+        yield Overlap("a Solid", float(depth.max()), x[depth.argmax()])
+
+
+def _in_body(scene: Scene, i: int, j: int, balls: Sequence[Balls]) -> Iterator[Overlap]:
+    """Yield the overlap of two bodies, seen from the places of both."""
+    for own, other in ((i, j), (j, i)):
+        x, radius = balls[own]
+        if not len(x):
+            continue
+        body = scene.bodies[other]
+        phi, normal = surface_at(scene, body, x, body.at_start())
+        deepest = int(np.argmax(radius - phi))
+        place = x[deepest] - radius[deepest] * normal[deepest]
+        yield Overlap(f"bodies[{j}]", float(radius[deepest] - phi[deepest]), place)
