@@ -160,11 +160,20 @@ def sequence(name: str, value: object) -> tuple[Any, ...]:
     return tuple(value)
 
 
+def _unmasked(name: str, value: object) -> None:
+    """Refuse an array of which NumPy would drop the mask, and show what is below it."""
+    if np.ma.is_masked(value):
+        masked = np.argwhere(np.ma.getmaskarray(value))
+        first = ", ".join(map(str, masked[0]))
+        raise ValueError(f"{name}: {len(masked)} entries are masked, the first {name}[{first}]")
+
+
 def array(name: str, value: Any, shape: Sequence[int | None], dtype: type = float) -> NDArray[Any]:
     """Return a read-only copy of an array of finite numbers (or of bools) of a shape.
 
     None in `shape` stands for any length.
     """
+    _unmasked(name, value)
     try:
         found = np.array(value)
     except ValueError:
@@ -194,6 +203,7 @@ def real_array(name: str, value: object, *, float32: bool = False) -> NDArray[An
     TypeError, ValueError
         If it does not hold numbers, or numbers that are not finite; the first is named.
     """
+    _unmasked(name, value)
     array = np.asarray(value)
     if array.dtype.kind not in "iuf":
         raise TypeError(f"{name} of dtype {array.dtype} must hold real numbers")

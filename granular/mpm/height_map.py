@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from granular.checks import (
     truth,
 )
 from granular.mpm.body_shapes import Shape, row_of
+from granular.mpm.rasters import read_heights
 from granular.serializable import ComparedByContent
 
 __all__ = ["HeightMap"]
@@ -90,21 +90,46 @@ class HeightMap(ComparedByContent, Shape):
         cls,
         path: str | os.PathLike,
         *,
+        band: int | None = None,
+        window: Sequence[float] | None = None,
+        nodata: float | None = None,
+        fill: float | str | None = None,
+        scale: float | Sequence[float] | None = None,
         origin: tuple[float, float] | None = None,
-        scale: float = 1.0,
         extended: bool = False,
     ) -> HeightMap:
-        """Read a map from an ESRI ASCII grid (.asc), or from a GeoTIFF or another raster.
+        """Read a map from an ESRI ASCII grid, or from a GeoTIFF or another raster.
+
+        What the file says of its numbers counts: units of the coordinate system (also of a ``.prj``
+        beside an ASCII grid) and of the band become metres, and the scale and offset of the band
+        are applied. Coordinates in degrees are refused, as are lengths that depend on the latitude,
+        a unit of coordinates other than the metre where nothing says which that of heights is,
+        rasters that are turned, heights that are none on Earth, and values that look like a mark
+        for missing heights which the file does not declare. The error says what to give.
 
         Parameters
         ----------
         path : path
-            A file that ends in ``.asc`` is read by NumPy, all others by rasterio, band 1.
+            A text that begins with ``ncols`` or ``nrows``, or ends in ``.asc``, is read as an ESRI
+            ASCII grid; all others by rasterio.
+        band : int, optional
+            Band of the heights, from 1; needed if there are several.
+        window : tuple of 4 floats, optional
+            Part to be read, (x0, y0, x1, y1) in coordinates of the file: the posts in it and on its
+            edges. It must lie in the raster. What is outside of it may have gaps, and takes no
+            memory except in an ASCII grid.
+        nodata : float, optional
+            Value in the file that stands for a missing height, in place of what the file says;
+            nan if all its values are heights, even those that look like such marks.
+        fill : float or "nearest", optional
+            Height [m] of posts that have none, or "nearest" for that of the nearest post that has
+            one. By default gaps are refused; the error names the largest window without any.
+        scale : float or tuple of 2 floats, optional
+            Metres in a unit of the file, > 0, in place of what it says: of coordinates and heights
+            alike, or of each.
         origin : tuple of 2 floats, optional
             Place of the first post, at the lowest x and y [m]. By default that of the file, where a
             post is the middle of a pixel.
-        scale : float
-            Unit of length of the file in metres, > 0, of heights and coordinates alike.
         extended : bool
             As in `HeightMap`.
 
@@ -112,15 +137,15 @@ class HeightMap(ComparedByContent, Shape):
         ------
         ModuleNotFoundError
             If rasterio is needed and not installed: ``pip install granular[terrain]``.
-        ValueError
-            If a post has no height, the raster is turned, or the file is none.
+        OSError
+            If the file cannot be read.
+        TypeError, ValueError
+            Naming the argument or the file, and what is wrong in which of its lines or posts.
         """
-        read = _read_ascii if Path(path).suffix.lower() == ".asc" else _read_raster
-        z, spacing, corner = read(path)
-        scale = positive("scale", scale)
-        if scale != 1.0:
-            z, spacing, corner = z * scale, scale * spacing, scale * corner
-        place = tuple(corner.tolist()) if origin is None else origin
+        z, spacing, first = read_heights(
+            path, band=band, window=window, nodata=nodata, fill=fill, scale=scale
+        )
+        place = tuple(first.tolist()) if origin is None else origin
         return cls(z, tuple(spacing.tolist()), origin=place, extended=extended)
 
     @property
@@ -193,72 +218,3 @@ def _tiled(z: NDArray, least: np.ufunc) -> Array:
         last = np.minimum(first + TILE, count - 1)
         heights = least(inner, np.take(heights, last, axis=axis))
     return heights.astype(np.float64)
-
-
-Raster = tuple[NDArray, Array, Array]
-"""Heights (y, x) with ascending y, spacing (2,), place of the first post (2,)."""
-
-
-def _refuse_gaps(path: object, missing: NDArray[np.bool_]) -> None:
-    if missing.any():
-        first = tuple(int(i) for i in np.argwhere(missing)[0])
-        raise ValueError(
-            f"path = {str(path)!r}: {int(missing.sum())} posts have no height, the first at row "
-            f"and column {first}: fill them or cut them off"
-        )
-
-
-def _read_ascii(path: str | os.PathLike) -> Raster:
-    head: dict[str, float] = {}
-    with open(path, encoding="ascii", errors="replace") as file:
-        while True:
-            before = file.tell()
-            words = file.readline().split()
-            if len(words) != 2 or not words[0][0].isalpha():
-                break
-            try:
-                head[words[0].lower()] = float(words[1])
-            except ValueError:
-                break
-        file.seek(before)
-        size = [int(head.get(name, 0)) for name in ("nrows", "ncols")]
-        spacing = [head.get(name, head.get("cellsize", 0.0)) for name in ("dx", "dy")]
-        corner = [head.get(f"{axis}llcenter", np.nan) for axis in "xy"]
-        for k, axis in enumerate("xy"):
-            if f"{axis}llcorner" in head:
-                corner[k] = head[f"{axis}llcorner"] + 0.5 * spacing[k]
-        if min(size) < 1 or min(spacing) <= 0 or np.isnan(corner).any():
-            raise ValueError(
-                f"path = {str(path)!r} must begin with ncols, nrows, cellsize and xllcorner, "
-                f"yllcorner or xllcenter, yllcenter; found {head}"
-            )
-        z = np.array(file.read().split(), dtype=float)
-    if z.size != size[0] * size[1]:
-        raise ValueError(f"path = {str(path)!r} must hold {size} heights, has {z.size}")
-    z = z.reshape(size)
-    _refuse_gaps(path, ~np.isfinite(z) | (z == head.get("nodata_value", np.nan)))
-    return np.ascontiguousarray(z[::-1]), np.array(spacing), np.array(corner)
-
-
-def _read_raster(path: str | os.PathLike) -> Raster:
-    rasterio = _rasterio()
-    with rasterio.open(path) as raster:
-        z, gaps, to = raster.read(1), raster.read_masks(1) == 0, raster.transform
-    if to.b or to.d or not to.a > 0 or not to.e:
-        raise ValueError(f"path = {str(path)!r}: the raster must not be turned, has {tuple(to)}")
-    _refuse_gaps(path, gaps | ~np.isfinite(z))
-    rows = z.shape[0]
-    spacing = np.array([to.a, abs(to.e)])
-    last = 0.5 if to.e > 0 else rows - 0.5
-    corner = np.array([to.c + 0.5 * to.a, to.f + last * to.e])
-    return np.ascontiguousarray(z if to.e > 0 else z[::-1]), spacing, corner
-
-
-def _rasterio() -> Any:
-    try:
-        import rasterio
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"{error}: GeoTIFF needs rasterio: pip install granular[terrain]"
-        ) from error
-    return rasterio

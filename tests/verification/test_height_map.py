@@ -1,6 +1,4 @@
-"""Height maps as bodies: exact distances, files, records, and refused input."""
-
-import sys
+"""Height maps as bodies: exact distances, records, and refused input."""
 
 import numpy as np
 import pytest
@@ -163,6 +161,13 @@ def test_a_domain_beyond_the_map_is_refused():
         bed(shape)
     bed(HeightMap(np.zeros((4, 4)), 0.1, extended=True))
     bed(HeightMap(np.zeros((4, 5)), 0.1), periodic=(True, False, False))
+    # far from the origin a post is where it is to the rounding of its coordinate, 1e-9 m here
+    utm = (512345.1, 5234567.3)
+    far = HeightMap(np.zeros((40, 50)), 0.1, origin=utm)
+    corners = np.array([utm, [utm[0] + 98 * 0.05, utm[1] + 78 * 0.05]])
+    far.check("bodies[0]", corners)
+    with pytest.raises(ValueError, match="along y"):
+        far.check("bodies[0]", corners + np.array([0.0, 1e-5]))
 
 
 def test_a_map_is_drawn_as_its_posts():
@@ -176,49 +181,6 @@ def test_a_map_is_drawn_as_its_posts():
     assert vertices[499].tolist() == pytest.approx([199.9, 0.0, 0.0])
 
 
-def test_an_esri_grid_is_read(tmp_path):
-    path = tmp_path / "map.asc"
-    head = "ncols 3\nnrows 2\nxllcorner 10\nyllcorner 20\ncellsize 2\nNODATA_value -9999\n"
-    path.write_text(head + "4 5 6\n1 2 3\n")
-    shape = HeightMap.read(path)
-    assert shape.z.tolist() == [[1, 2, 3], [4, 5, 6]]
-    assert shape.spacing == (2.0, 2.0) and shape.origin == (11.0, 21.0)
-    moved = HeightMap.read(path, origin=(0.0, 0.0), scale=0.1)
-    assert moved.origin == (0.0, 0.0) and moved.upper == pytest.approx((0.4, 0.2))
-    assert moved.z[1, 2] == pytest.approx(0.6)
-    for text, message in (
-        (head + "4 -9999 6\n1 2 3\n", "1 posts have no height"),
-        (head + "4 5 6\n1 2\n", "must hold"),
-        ("nothing here\n", "must begin with ncols"),
-    ):
-        path.write_text(text)
-        with pytest.raises(ValueError, match=message):
-            HeightMap.read(path)
-
-
-@pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # of affine, in rasterio
-def test_a_geotiff_is_read(tmp_path):
-    rasterio = pytest.importorskip("rasterio")
-    from rasterio.transform import from_origin
-
-    path = tmp_path / "map.tif"
-    z = np.array([[4, 5, 6], [1, 2, 3]], dtype=np.float32)
-    kind = {"driver": "GTiff", "width": 3, "height": 2, "count": 1, "dtype": "float32"}
-    with rasterio.open(
-        path, "w", transform=from_origin(10, 24, 2, 2), nodata=-1, crs="EPSG:32633", **kind
-    ) as to:
-        to.write(z, 1)
-    shape = HeightMap.read(path)
-    assert shape.z.tolist() == [[1, 2, 3], [4, 5, 6]] and shape.z.dtype == np.float32
-    assert shape.spacing == (2.0, 2.0) and shape.origin == (11.0, 21.0)
-
-
-def test_without_rasterio_the_extra_is_named(monkeypatch, tmp_path):
-    monkeypatch.setitem(sys.modules, "rasterio", None)
-    with pytest.raises(ModuleNotFoundError, match=r"pip install granular\[terrain\]"):
-        HeightMap.read(tmp_path / "a.tif")
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -226,6 +188,7 @@ def test_without_rasterio_the_extra_is_named(monkeypatch, tmp_path):
         ({"z": [[0.0, 0.0]]}, "two posts"),
         ({"z": np.zeros((2, 2, 2))}, "1 or 2 axes"),
         ({"z": [["a", "b"]]}, "real numbers"),
+        ({"z": np.ma.masked_equal([[0, 1], [-9999, 3]], -9999)}, r"1 entries are .* z\[1, 0\]"),
         ({"z": np.full((2, 2), 1e40)}, "below 1e30"),
         ({"spacing": 0.0}, r"spacing\[0\] = 0.0"),
         ({"spacing": (1.0, 1.0, 1.0)}, "must have 2 numbers"),

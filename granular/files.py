@@ -1,0 +1,56 @@
+"""Files that are given by their paths."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+__all__ = ["check_file", "read_text"]
+
+KINDS = (
+    (stat.S_ISDIR, "folder"),
+    (stat.S_ISFIFO, "pipe"),
+    (stat.S_ISSOCK, "socket"),
+    (stat.S_ISCHR, "device"),
+    (stat.S_ISBLK, "device"),
+)
+
+
+def check_file(path: str | os.PathLike) -> Path:
+    """Return a path if it leads to a file, which may be empty; a pipe would be waited for forever.
+
+    Raises
+    ------
+    OSError
+        If there is nothing, or the way to it is not allowed.
+    ValueError
+        If it leads to a folder, a pipe or a device.
+    """
+    path = Path(path)
+    mode = path.stat().st_mode
+    for is_one, kind in KINDS:
+        if is_one(mode):
+            raise ValueError(f"path = {str(path)!r} must be a file, is a {kind}")
+    return path
+
+
+def read_text(path: str | os.PathLike) -> str:
+    """Read a file of text in UTF-8, with or without a mark of it at its begin.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    ValueError
+        If it is no file, or not in UTF-8; with the place of the first byte that is not.
+    """
+    raw = check_file(path).read_bytes()
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        raise ValueError(
+            f"path = {str(path)!r} must be text in UTF-8, has the byte 0x{raw[error.start]:02x} at "
+            f"byte {error.start}, in line {line}"
+        ) from None
