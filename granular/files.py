@@ -23,15 +23,16 @@ def check_file(path: str | os.PathLike) -> Path:
     Raises
     ------
     OSError
-        If there is nothing, or the way to it is not allowed.
+        If there is nothing, or the way to it is not allowed; an IsADirectoryError for a folder.
     ValueError
-        If it leads to a folder, a pipe or a device.
+        If it leads to a pipe, a socket or a device.
     """
     path = Path(path)
     mode = path.stat().st_mode
     for is_one, kind in KINDS:
         if is_one(mode):
-            raise ValueError(f"path = {str(path)!r} must be a file, is a {kind}")
+            error = IsADirectoryError if kind == "folder" else ValueError
+            raise error(f"path = {str(path)!r} must be a file, is a {kind}")
     return path
 
 
@@ -40,10 +41,8 @@ def read_text(path: str | os.PathLike) -> str:
 
     Raises
     ------
-    OSError
-        If it cannot be read.
-    ValueError
-        If it is no file, or not in UTF-8; with the place of the first byte that is not.
+    OSError, ValueError
+        As `check_file`, and if it is not in UTF-8; with the place of the first byte that is not.
     """
     raw = check_file(path).read_bytes()
     try:

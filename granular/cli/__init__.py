@@ -8,6 +8,7 @@ indicator of failure is suspect (stderr says which, and what to do), 130 Ctrl-C.
 
 from __future__ import annotations
 
+import errno
 import os
 import sys
 from collections.abc import Sequence
@@ -28,6 +29,8 @@ USER_ERRORS = (
     BlockingIOError,
 )
 """Exceptions raised for arguments and files that cannot be used."""
+WRONG_PATHS = (errno.ENAMETOOLONG, errno.ELOOP)
+"""Numbers of other errors of paths."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -47,7 +50,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         return FAILED
     except USER_ERRORS as error:
         return _complain(error, REFUSED)
-    except (RuntimeError, MemoryError, OSError) as error:  # SimulationError is a RuntimeError
+    except OSError as error:
+        return _complain(error, REFUSED if error.errno in WRONG_PATHS else FAILED)
+    except (RuntimeError, MemoryError) as error:  # SimulationError is a RuntimeError
         return _complain(error, FAILED)
 
 

@@ -225,11 +225,15 @@ def _html(part: Any) -> str:
 
 def _check_output(name: str, overwrite: bool) -> None:
     """Refuse a file that could not be written, before the work is done."""
+    from granular.files import check_file
+
     path = Path(name)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{name}: its folder {path.parent} does not exist")
-    if path.exists() and not overwrite:
-        raise FileExistsError(f"{path} exists already; --overwrite replaces it")
+    if path.exists():
+        check_file(path)
+        if not overwrite:
+            raise FileExistsError(f"{path} exists already; --overwrite replaces it")
 
 
 def _check_pictures(picture: str | None, gif: str | None, overwrite: bool) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -130,9 +131,9 @@ def _add_run(commands: Any, words: Sequence[str]) -> None:
     scenes = command.add_subparsers(required=True, metavar="SCENE|FILE")
     places = dict.fromkeys(found[1] for word in words if (found := PLACE.fullmatch(word)))
     for name in words[1:2]:
-        if Path(name).suffix in SUFFIXES:
+        if Path(name).suffix in SUFFIXES or _is_path(name, registry):
             scene = scenes.add_parser(name)
-            function = function_of(name)
+            function = function_of(name) if Path(name).suffix in SUFFIXES else None
             if function is not None:
                 _add_numbers(scene, function, by_file=True)
             _add_recording(scene, places, name, by_file=True)
@@ -146,6 +147,13 @@ def _add_run(commands: Any, words: Sequence[str]) -> None:
             scene.add_argument("--scheme", choices=choices, help="default: that of the scene")
         _add_recording(scene, places, name)
         scene.set_defaults(scene=name, scheme=None, file=None)
+
+
+def _is_path(word: str, names: Iterable[str]) -> bool:
+    """True for a word that means a file and no scene, whatever is there."""
+    if word.startswith("-") or word in names:
+        return False
+    return bool(Path(word).suffix) or os.sep in word or Path(word).exists()
 
 
 def _add_numbers(

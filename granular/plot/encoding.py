@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from granular.checks import in_range
+from granular.files import check_file
 from granular.notebook import embedded
 from granular.running import bar
 
@@ -70,8 +71,10 @@ def check_movie(
     in_range("fps", fps, 0.0, MAX_FPS[ending], open_low=True)
     if not path.parent.is_dir():
         raise FileNotFoundError(f"{path.parent} is not a folder")
-    if path.exists() and not overwrite:
-        raise FileExistsError(f"{path} exists already; overwrite=True replaces it")
+    if path.exists():
+        check_file(path)
+        if not overwrite:
+            raise FileExistsError(f"{path} exists already; overwrite=True replaces it")
 
 
 def _ending() -> str:

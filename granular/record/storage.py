@@ -8,6 +8,7 @@ from pathlib import Path
 
 import h5py
 
+from granular.files import check_file
 from granular.record.layout import RecordError, reading
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
@@ -32,8 +33,16 @@ def fsync_folder(folder: Path) -> None:
 
 
 def followed(path: str | os.PathLike[str]) -> Path:
-    """Return the path of a record; of a symbolic link the path of its target, existing or not."""
+    """Return the path of a record; of a symbolic link the path of its target, existing or not.
+
+    Raises
+    ------
+    IsADirectoryError, ValueError
+        If a folder, a pipe or a device is there: a record would replace it.
+    """
     path = Path(path)
+    with suppress(FileNotFoundError):
+        check_file(path)
     return Path(os.path.realpath(path)) if path.is_symlink() else path
 
 

@@ -164,8 +164,6 @@ class TrajectoryWriter(Resource):
         provenance: Mapping[str, Any] | None = None,
     ) -> None:
         path = followed(path)
-        if path.is_dir():
-            raise IsADirectoryError(f"{path} is a folder")
         text = json.dumps(origin.collect(provenance), sort_keys=True)
         texts = Texts(uuid.uuid4().hex, scene.to_json(), text)
         with self._opening(path):

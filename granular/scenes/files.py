@@ -15,6 +15,7 @@ from typing import Any, cast
 from granular import materials
 from granular.checks import one_of
 from granular.docstrings import described
+from granular.files import read_text
 from granular.geometry import Fill
 from granular.materials import Material
 from granular.mpm import schemes
@@ -95,7 +96,7 @@ def read_scene(path: str | Path, **numbers: Any) -> SceneFile:
     path = Path(path)
     if path.suffix not in SUFFIXES:
         raise ValueError(f"path = {str(path)!r} must end in one of {', '.join(SUFFIXES)}")
-    text = path.read_text(encoding="utf-8")
+    text = read_text(path)
     try:
         if path.suffix == ".json":
             if numbers:
@@ -111,7 +112,7 @@ def read_scene(path: str | Path, **numbers: Any) -> SceneFile:
 def function_of(path: str | Path) -> Callable[..., AnyScene] | None:
     """Scene function that a TOML file names; None if there is none, which `read_scene` reports."""
     try:
-        return functions.get(tomllib.loads(Path(path).read_text(encoding="utf-8"))["scene"])
+        return functions.get(tomllib.loads(read_text(path))["scene"])
     except (OSError, ValueError, KeyError, TypeError):
         return None
 

@@ -142,3 +142,89 @@ def test_ctrl_c_leaves_a_record_that_goes_on(tmp_path):
     assert cli.main(["resume", str(path), "--until", str(until), "--quiet"]) == 0
     with gr.open(path) as states:
         assert states.times[-1] >= until
+
+
+@pytest.fixture
+def strange_files(tmp_path, monkeypatch):
+    """What may lie at a path, by the end of its name; the folder is the working one."""
+    monkeypatch.chdir(tmp_path)
+    texts = {
+        "empty": b"",
+        "text": b"hello\n",
+        "binary": bytes(range(256)) * 20,
+        "latin": 'scene = "column_collapse"\n# caf\u00e9\n'.encode("latin-1"),
+        "utf16": 'scene = "column_collapse"\n'.encode("utf-16"),
+    }
+    for end in ("h5", "toml", "json"):
+        (tmp_path / f"folder.{end}").mkdir()
+        os.mkfifo(tmp_path / f"pipe.{end}")
+        (tmp_path / f"loop.{end}").symlink_to(f"loop.{end}")
+        for name, content in texts.items():
+            (tmp_path / f"{name}.{end}").write_bytes(content)
+    return tmp_path
+
+
+STRANGE = ("folder", "pipe", "loop", "empty", "text", "binary", "latin", "utf16", "missing")
+
+
+@pytest.mark.parametrize(
+    ("words", "end"),
+    [
+        (["info"], "h5"),
+        (["resume"], "h5"),
+        (["open"], "h5"),
+        (["plot", "-o", "a.png"], "h5"),
+        (["compare", "text.h5"], "h5"),
+        (["run"], "toml"),
+        (["run"], "json"),
+        (["run"], "h5"),
+    ],
+)
+def test_strange_files_are_refused_in_one_line(words, end, strange_files, capsys):
+    """Every command that takes a path; a pipe would be waited for without end."""
+    before = sorted(strange_files.iterdir())
+    wrong = [*(f"{name}.{end}" for name in STRANGE), "text.h5/a.h5", "a" * 300 + f".{end}"]
+    wrong += [] if words == ["run"] else [".", "", os.devnull]
+    for name in wrong:
+        assert cli.main([*words, name]) == 2, name
+        said = capsys.readouterr().err
+        assert said.count("\n") == 1 and "Traceback" not in said, name
+        assert sorted(strange_files.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["info", "."], "path = '.' must be a file, is a folder"),
+        (["info", "pipe.h5"], "path = 'pipe.h5' must be a file, is a pipe"),
+        (["info", os.devnull], "must be a file, is a device"),
+        (["run", "folder.toml"], "path = 'folder.toml' must be a file, is a folder"),
+        (["run", "text.h5"], "path = 'text.h5' must end in one of .toml, .json"),
+        (["run", "latin.toml"], "in UTF-8, has the byte 0xe9 at byte 31, in line 2"),
+        (["run", "latin.json"], "in UTF-8, has the byte 0xe9 at byte 31, in line 2"),
+        (["run", "utf16.toml"], "in UTF-8, has the byte 0xff at byte 0, in line 1"),
+        (["run", "silo", "-o", "pipe.h5"], "must be a file, is a pipe"),
+        (["run", "silo", "-o", "pipe.h5", "--overwrite"], "must be a file, is a pipe"),
+        (["run", "silo", "-o", "folder.h5", "--overwrite"], "must be a file, is a folder"),
+        (["run", "silo", "--picture", "folder.h5", "--overwrite"], "must be a file, is a folder"),
+        (["run", "silo", "--gif", "pipe.h5", "--overwrite"], "must be a file, is a pipe"),
+        (["open", "text.h5", "-o", "pipe.h5", "--overwrite"], "must be a file, is a pipe"),
+    ],
+)
+def test_what_lies_at_a_path_is_named(words, message, strange_files, capsys):
+    """It is not replaced either: a run as the administrator would have replaced a device."""
+    before = [(path, path.lstat().st_mode) for path in sorted(strange_files.iterdir())]
+    assert cli.main(words) == 2
+    assert message in capsys.readouterr().err
+    assert [(path, path.lstat().st_mode) for path in sorted(strange_files.iterdir())] == before
+    with pytest.raises(ValueError, match="is a pipe"):
+        gr.Simulation(gr.scenes.column_collapse(cell=0.1)).run(0.01, save="pipe.h5", overwrite=True)
+
+
+def test_a_mark_of_utf_8_is_no_text(tmp_path, capsys):
+    """Editors of some systems begin a file with it."""
+    path = tmp_path / "a.toml"
+    path.write_bytes(b'\xef\xbb\xbfscene = "column_collapse"\n[arguments]\ncell = 0.05\n')
+    assert (
+        cli.main(["run", str(path), *QUICK[2:4], "--until", "1e-3", "-o", str(path) + ".h5"]) == 0
+    )
