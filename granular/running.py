@@ -6,14 +6,13 @@ import os
 import time as clock
 import warnings
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from granular import _core
 from granular.checks import positive
-from granular.interrupts import DeferredSignals
 
 if TYPE_CHECKING:
     from granular.record import TrajectoryWriter
@@ -120,17 +119,12 @@ class Soundness:
                 "new one, or resume its record"
             )
 
-    @contextmanager
-    def of_steps(self) -> Iterator[None]:
-        """Make steps in this block, whole ones: signals wait for its end."""
+    def __enter__(self) -> None:
         self.check()
-        try:
-            with DeferredSignals():
-                yield
-        except BaseException as error:
-            if spoils_state(error):
-                self.failure = str(error) or type(error).__name__
-            raise
+
+    def __exit__(self, _: object, error: BaseException | None, __: object) -> None:
+        if error is not None and spoils_state(error):
+            self.failure = str(error) or type(error).__name__
 
 
 def spoils_state(error: BaseException | None) -> bool:
@@ -142,8 +136,8 @@ def spoils_state(error: BaseException | None) -> bool:
 class Saver:
     """Stores checkpoints of a run in its record: at intervals, and in the end however it ends.
 
-    None is stored after an error that spoils the state, nor if a frame could not be
-    stored that was due, because a run that goes on from there would not make it.
+    None is stored after an error that spoils the state, nor if a frame could not be stored that was
+    due, because a run that goes on from there would not make it.
     """
 
     def __init__(self, sim: Simulation, writer: TrajectoryWriter | None, seconds: float) -> None:

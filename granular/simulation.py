@@ -149,7 +149,7 @@ class Simulation(Present):
 
     def _advance(self, max_steps: int, until: float) -> None:
         """Call the core; signals wait until the steps and all that belongs to them are made."""
-        with self._soundness.of_steps():
+        with DeferredSignals(), self._soundness:
             self._make_steps(max_steps, until)
             refused = self._engine.refused_threads
         if refused and "threads" not in self._told:

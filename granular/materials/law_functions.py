@@ -9,16 +9,25 @@ import re
 import shlex
 import shutil
 import subprocess
+import sys
 import sysconfig
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-__all__ = ["MOST_HISTORY", "MOST_NUMBERS", "LawFunction", "from_c", "from_python"]
+__all__ = [
+    "MOST_HISTORY",
+    "MOST_NUMBERS",
+    "LawFunction",
+    "from_c",
+    "from_python",
+    "keeping_exceptions",
+]
 
 MOST_NUMBERS = 30
 """Largest number of parameters besides K and G, that of csrc/law/law.h."""
@@ -34,7 +43,12 @@ class LawFunction:
     that is not done, so that an exception from elsewhere, as of a time limit, spoils nothing.
     """
 
-    def __init__(self, address: int | None, *references: object) -> None:
+    def __init__(
+        self,
+        address: int | None,
+        *references: object,
+        called: Callable[..., None] | None = None,
+    ) -> None:
         new = ctypes.pythonapi.PyCapsule_New
         new.restype, new.argtypes = (
             ctypes.py_object,
@@ -43,11 +57,41 @@ class LawFunction:
         self.capsule: object = new(address, CAPSULE, None)
         self.failure: BaseException | None = None
         self._references = references
+        self._called = called  # by ctypes
+
+    def keeps(self, lost: sys.UnraisableHookArgs) -> bool:
+        """Keep an exception that ctypes could only report, if it was in a call of this function."""
+        if self._called is None:
+            return False
+        told = lost.err_msg or ""  # Python 3.13 names the function there
+        if lost.object is not self._called and repr(self._called) not in told:
+            return False
+        self.failure = self.failure or lost.exc_value
+        return True
 
     def take_failure(self) -> BaseException | None:
         """Return the exception that was kept, if there is one, and forget it."""
         failure, self.failure = self.failure, None
         return failure
+
+
+@contextmanager
+def keeping_exceptions(functions: Sequence[LawFunction]) -> Iterator[None]:
+    """Keep what is raised in functions before their first line, where they cannot keep it.
+
+    There Python raises exceptions that another thread has set, as for a time limit.
+    """
+    before = sys.unraisablehook
+
+    def report(lost: sys.UnraisableHookArgs) -> None:
+        if not any([function.keeps(lost) for function in functions]):
+            before(lost)
+
+    sys.unraisablehook = report
+    try:
+        yield
+    finally:
+        sys.unraisablehook = before
 
 
 def from_python(update: Callable[..., None], language: str) -> LawFunction:
@@ -88,7 +132,7 @@ def _for_numpy(update: Callable[..., None]) -> LawFunction:
             made.failure = made.failure or error
 
     callback = _SIGNATURE(call)
-    made = LawFunction(ctypes.cast(callback, ctypes.c_void_p).value, callback)
+    made = LawFunction(ctypes.cast(callback, ctypes.c_void_p).value, callback, called=call)
     return made
 
 

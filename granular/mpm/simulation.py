@@ -12,6 +12,7 @@ from granular import _core, diagnostics, simulation
 from granular.buffers import allocate, default_isa, fill, stored_type
 from granular.checks import truth
 from granular.inflow import InflowState, stored_inflow
+from granular.materials.law_functions import keeping_exceptions
 from granular.materials.own import OwnLaw
 from granular.mpm import bodies as rigid
 from granular.mpm import engine as core
@@ -166,8 +167,12 @@ class Simulation(simulation.Simulation, scenes=Scene):
                 self._free_bodies.check(self.bodies, self.time, self.steps)
 
     def _advance_core(self, max_steps: int, until: float) -> None:
+        if not self._own_laws:
+            self._grow(self._engine.advance(max_steps, until, self.threads))
+            return
         try:
-            needed = self._engine.advance(max_steps, until, self.threads)
+            with keeping_exceptions(self._own_laws):
+                needed = self._engine.advance(max_steps, until, self.threads)
         except RuntimeError as error:  # a SimulationError, too
             self._raise_of_laws(error)
             raise

@@ -112,16 +112,16 @@ def run_page(tmp_path, monkeypatch):
 
     def run(page):
         code, names = "\n".join(blocks(page)), {"__name__": "__main__"}
+        script = tmp_path / "script.py"
+        script.write_text(code)  # laws of one's own read it
         if "__main__" in code:  # processes import it as a script
-            script = tmp_path / "script.py"
-            script.write_text(code)
             command = [sys.executable, "-W", "error", str(script)]
             done = subprocess.run(command, capture_output=True, text=True, timeout=300)
             assert done.returncode == 0, done.stderr
             return names
         matplotlib.use("Agg")
         warnings.simplefilter("error")  # those of stability, too; pytest restores the filters
-        exec(compile(code, str(page), "exec"), names)
+        exec(compile(code, str(script), "exec"), names)
         return names
 
     return run
