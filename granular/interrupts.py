@@ -1,9 +1,9 @@
 """Signals that wait while a simulation is at work.
 
 Python runs the handler of a signal in the main thread between any two instructions: within a
-function that the core has called, through which no exception can pass, and between assignments that
-belong together, too. What the handler raises, be it Ctrl-C, an alarm or a time limit, would be lost
-there, or leave half a step behind.
+function that the core or HDF5 has called, through which no exception can pass, and between
+assignments that belong together, too. What the handler raises, be it Ctrl-C, an alarm or a time
+limit, would be lost there, or leave half a step or half a record behind.
 """
 
 from __future__ import annotations

@@ -29,6 +29,7 @@ __all__ = [
     "default_threads",
     "next_frame",
     "progress_bar",
+    "spoils_state",
     "warn_of_threads",
 ]
 

@@ -271,9 +271,9 @@ class Simulation(Present):
             save, self.scene, overwrite=overwrite, provenance=provenance
         )
         with (
+            DeferredSignals() as signals,
             recorded as writer,
             progress_bar(self, until, progress) as bar,
-            DeferredSignals() as signals,
             Saver(self, writer, 60 * minutes) as saver,
         ):
             if self.steps in (0, self._due):

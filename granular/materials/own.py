@@ -148,12 +148,7 @@ class OwnLaw(Material):
         known = _SOURCES.get((self.language, self.name))
         if known is None:
             return ""
-        lines = difflib.unified_diff(known.splitlines(), self.source.splitlines(), n=0)
-        changes = [line for line in [*lines][2:] if not line.startswith("@@")]
-        more = ["..."] if len(changes) > MOST_LINES else []
-        return "; it differs from the one known here (-) in\n" + "\n".join(
-            changes[:MOST_LINES] + more
-        )
+        return f"; it differs from the one known here (-) in{difference(known, self.source)}"
 
     def __getstate__(self) -> tuple[dict[str, Any], bool]:
         """State of a copy, or for another process of a sweep, where the law is trusted as here."""
@@ -163,6 +158,14 @@ class OwnLaw(Material):
         self.__dict__.update(state[0])
         if state[1]:
             _TRUSTED.add(self.digest)
+
+
+def difference(source: str, other: str) -> str:
+    """Lines in which two sources differ, each in a line of its own."""
+    lines = difflib.unified_diff(source.splitlines(), other.splitlines(), n=0, lineterm="")
+    changes = [line for line in [*lines][2:] if not line.startswith("@@")]
+    more = ["..."] if len(changes) > MOST_LINES else []
+    return "".join(f"\n{line}" for line in changes[:MOST_LINES] + more)
 
 
 def _shortened(text: str) -> str:

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from granular import _core
 from granular.record.writer import TrajectoryWriter
+from granular.running import spoils_state
 
 if TYPE_CHECKING:
     from granular.typing import AnyScene
@@ -76,8 +76,9 @@ class Session:
             with writer:
                 try:
                     yield writer
-                except _core.SimulationError as error:
-                    error.add_note(f"the last good checkpoint is in {path}")
+                except Exception as error:
+                    if spoils_state(error):
+                        error.add_note(f"the last good checkpoint is in {path}")
                     raise
         finally:
             if writer.closed:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from granular import _core
 from granular.buffers import default_isa
 from granular.checks import integer, one_of, positive
+from granular.materials.own import difference
 from granular.measure.derived import check_derived, derived
 from granular.mpm.scene import Scene as MpmScene
 from granular.record.layout import RecordError
@@ -46,13 +47,15 @@ def _kind(scene: AnyScene) -> dict[str, object]:
     if isinstance(scene, MpmScene):
         found |= {
             "material.elasticity": scene.material.elasticity,
-            "material.digest": getattr(scene.material, "digest", None),
             "materials": len(scene.materials),
             "scheme.basis": scene.scheme.basis,
             "scheme.transfer": scene.scheme.transfer,
             "scheme.density": type(scene.scheme.density).__name__,
             "bodies": len(scene.bodies),
         }
+        for k, material in enumerate(scene.materials):
+            found[f"materials[{k}]"] = type(material).__name__
+            found[f"materials[{k}].source"] = getattr(material, "source", None)
         for i, body in enumerate(scene.bodies):
             names = ("shape", "position", "rotation_deg")
             found |= {f"bodies[{i}].{name}": getattr(body, name) for name in names}
@@ -65,8 +68,12 @@ def check_alike(before: AnyScene, scene: AnyScene) -> None:
         raise TypeError(f"scene = {scene!r} must be a scene of the method {before.method!r}")
     now = _kind(scene)
     for name, part in _kind(before).items():
-        if now[name] != part:
-            raise ValueError(f"scene: {name} = {now[name]} must be {part}, as in the record")
+        if now[name] == part:
+            continue
+        if name.endswith(".source"):
+            told = difference(str(part), str(now[name]))
+            raise ValueError(f"scene: {name} must be that of the record (-), it differs in{told}")
+        raise ValueError(f"scene: {name} = {now[name]} must be {part}, as in the record")
 
 
 def settings_of(path: Path, provenance: object) -> tuple[float, str | None, tuple[str, ...], str]:

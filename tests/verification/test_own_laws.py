@@ -1,5 +1,7 @@
 """Laws of one's own, in NumPy, by numba and in C: mu(I) again, history, faults, restarts."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from own_mohr_coulomb import material as mohr_coulomb
@@ -148,9 +150,16 @@ def test_another_source_does_not_resume(tmp_path, monkeypatch):
     gr.Simulation(scene_of(law), threads=1).run(until=1e-3, save=tmp_path / "own.h5")
     with gr.open(tmp_path / "own.h5") as record:
         assert record.scene.material == law
-    other = law.replace(source=law.source + "# changed\n")
-    with pytest.raises(ValueError, match=r"material\.digest = .* must be .* as in the record"):
+    other = law.replace(source=law.source + "\n# changed")
+    with pytest.raises(ValueError, match=r"materials\[0\].source must .* differs in\n\+# changed"):
         gr.Simulation.resume(tmp_path / "own.h5", scene=scene_of(other))
+    top = gr.Fill(gr.Box((0.0, 0.2), (0.2, 0.25)), 4, material=law)
+    both = scene_of(SAND)
+    both = both.replace(fills=[*both.fills, top])
+    gr.Simulation(both, threads=1).run(until=1e-3, save=tmp_path / "both.h5")
+    changed = both.replace(fills=[both.fills[0], dataclasses.replace(top, material=other)])
+    with pytest.raises(ValueError, match=r"materials\[1\].source must be .* differs in"):
+        gr.Simulation.resume(tmp_path / "both.h5", scene=changed)
     monkeypatch.setattr("granular.materials.own._FUNCTIONS", {})
     with pytest.raises(ValueError, match=r"'mu_I' with the source digest .* is not known"):
         gr.Simulation.resume(tmp_path / "own.h5")
