@@ -2,7 +2,8 @@
 
 Wrong kinds raise ``TypeError``; wrong values, lengths and numbers out of range, NaN among them,
 raise ``ValueError``. A bool is never a number here: ``half_width=True`` is a slip, not one metre.
-NumPy's numbers are numbers.
+NumPy's numbers are numbers. Numbers in SI units are at most `LARGEST`, and those above zero at
+least `LEAST`, so that no product or ratio of a few of them overflows or vanishes.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "LARGEST",
+    "LEAST",
     "array",
     "ascending",
     "check_fields",
@@ -38,6 +41,10 @@ __all__ = [
 
 T = TypeVar("T")
 
+LARGEST, LEAST = 1e30, 1e-30
+"""Largest size of a number in SI units, and the least of one that must be above zero. Ten factors
+of this size stay within the range of floats."""
+
 
 def _real(name: str, value: object, wanted: str) -> float:
     """Return `value` as a float and refuse NaN; `wanted` is the expectation in the message."""
@@ -58,6 +65,15 @@ def finite(name: str, value: object) -> float:
     number = _real(name, value, "a finite number")
     if math.isinf(number):
         raise ValueError(f"{name} = {number} must be a finite number")
+    return _of_size(name, number)
+
+
+def _of_size(name: str, number: float, *, above_zero: bool = False) -> float:
+    """Return a number if it is not too large, or too near to a zero that it must not be."""
+    if LARGEST < abs(number) < math.inf:
+        raise ValueError(f"{name} = {number} must be at most {LARGEST:g} in size")
+    if above_zero and number < LEAST:
+        raise ValueError(f"{name} = {number} must be at least {LEAST:g}")
     return number
 
 
@@ -67,7 +83,7 @@ def positive(name: str, value: object, *, allow_inf: bool = False) -> float:
     number = _real(name, value, wanted)
     if number <= 0.0 or (math.isinf(number) and not allow_inf):
         raise ValueError(f"{name} = {number} must be {wanted}")
-    return number
+    return _of_size(name, number, above_zero=True)
 
 
 def non_negative(name: str, value: object, *, allow_inf: bool = False) -> float:
@@ -76,7 +92,7 @@ def non_negative(name: str, value: object, *, allow_inf: bool = False) -> float:
     number = _real(name, value, wanted)
     if number < 0.0 or (math.isinf(number) and not allow_inf):
         raise ValueError(f"{name} = {number} must be {wanted}")
-    return number
+    return _of_size(name, number)
 
 
 def in_range(
@@ -95,7 +111,7 @@ def in_range(
     above = number >= high if open_high else number > high
     if below or above:
         raise ValueError(f"{name} = {number} must be {wanted}")
-    return number
+    return _of_size(name, number, above_zero=open_low and low == 0)
 
 
 def integer(name: str, value: object, low: int | None = None, high: int | None = None) -> int:
@@ -190,6 +206,8 @@ def array(name: str, value: Any, shape: Sequence[int | None], dtype: type = floa
     if not np.isfinite(found).all():
         place = tuple(int(i) for i in np.argwhere(~np.isfinite(found))[0])
         raise ValueError(f"{name}[{', '.join(map(str, place))}] must be a finite number")
+    if dtype is not bool and found.size:
+        _of_size(f"{name}, its largest,", float(max(found.max(), -found.min(), key=abs)))
     found = np.ascontiguousarray(found, dtype=dtype)
     found.setflags(write=False)
     return found
@@ -213,7 +231,7 @@ def real_array(name: str, value: object, *, float32: bool = False) -> NDArray[An
     if not np.isfinite(array).all():
         first = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         raise ValueError(f"{name}{list(first)} = {array[first]} must be finite")
-    if array.size and max(abs(float(array.min())), abs(float(array.max()))) > 1e30:
+    if array.size and max(abs(float(array.min())), abs(float(array.max()))) > LARGEST:
         raise ValueError(f"{name} reaches from {array.min()} to {array.max()}, must be below 1e30")
     return array
 

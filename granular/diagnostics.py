@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from granular.measure.bulk import Bulk, gaps, ill_posed_fraction
 from granular.measure.energy import between, elastic_of, kinetic_of, plastic_power
 from granular.notebook import table
+from granular.plausible import suspect_numbers
 
 if TYPE_CHECKING:
     from granular.gravity import Gravity
@@ -57,9 +58,10 @@ def scene_warnings(scene: AnyScene) -> list[str]:
     """List the settings of a scene that are known to fail without an error, one sentence each.
 
     Each is a failure that was measured (`benchmarks/stability_map.py`, the page "Limits and
-    failures"); a simulation issues them as `StabilityWarning`.
+    failures"), or a number that is hardly meant (`granular.plausible`); a simulation issues them as
+    `StabilityWarning`.
     """
-    return scene.known_failures()
+    return scene.known_failures() + suspect_numbers(scene)
 
 
 def warn(scene: AnyScene, stacklevel: int = 3) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from granular import _core
+from granular.checks import LEAST
 from granular.mpm.body_operations import operands
 from granular.mpm.body_shapes import PARTS, Array, Shape, row_of
 
@@ -140,7 +141,7 @@ def extents(shape: Shape, rotation: Array, turning: Array) -> Array:
     ndarray, shape (3,)
         May be infinite.
     """
-    turns = turning[turning.any(axis=1)]
+    turns = turning[(abs(turning) > LEAST).any(axis=1)]  # less has no direction: its square is 0
     if not len(turns):
 
         def along(cover: Cover) -> Array:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.geometry import AXES, Grid, combined
+from granular.geometry import AXES, combined
 from granular.mpm.blocks import solid_cells
 from granular.mpm.body_distances import distance_at, surface_at
 from granular.mpm.body_measures import thicknesses
@@ -80,7 +80,7 @@ def _overlaps(scene: Scene) -> Iterator[tuple[int, Overlap]]:
     free = [i for i, body in enumerate(scene.bodies) if body.free]
     if not free:
         return
-    balls = [_balls(scene.grid, body) for body in scene.bodies]
+    balls = [_balls(scene, i) for i in range(len(scene.bodies))]
     blocks = any(isinstance(wall, Solid) for wall in scene.walls)
     for i in free:
         if not len(balls[i].x):  # endless: it goes through what is beside it
@@ -96,9 +96,11 @@ def _overlaps(scene: Scene) -> Iterator[tuple[int, Overlap]]:
             yield from ((one, found) for found in _in_body(scene, one, other, balls))
 
 
-def _balls(grid: Grid, body: Body) -> Balls:
+def _balls(scene: Scene, i: int) -> Balls:
     """Balls of a body in the grid; an endless one has none."""
-    rows, pose = contact_balls(body.shape, grid.cell), body.at_start()
+    grid, body = scene.grid, scene.bodies[i]
+    rows = contact_balls(body.shape, grid.cell, f"bodies[{i}].shape")
+    pose = body.at_start()
     x = pose.position + rows[:, : grid.dim] @ pose.rotation.T
     lower, size = np.array(grid.lower), grid.cell * np.array(grid.shape)
     return Balls(np.where(grid.periodic, lower + (x - lower) % size, x), rows[:, 3])
@@ -169,9 +171,9 @@ def _in_blocks(scene: Scene, body: Body) -> Iterator[Overlap]:
     solid, last = solid_cells(grid, scene.walls), np.array(grid.shape) - 1
 
     def within(places: Array) -> NDArray[np.bool_]:
-        cells = np.floor((places - np.array(grid.lower)) / grid.cell).astype(np.int64)
-        cells = np.where(grid.periodic, cells % grid.shape, cells.clip(0, last))
-        inside: NDArray[np.bool_] = solid.at(cells.T)
+        at = np.floor((places - np.array(grid.lower)) / grid.cell)
+        at = np.where(grid.periodic, at % grid.shape, at).clip(0, last)
+        inside: NDArray[np.bool_] = solid.at(at.astype(np.intp).T)
         return inside
 
     found = within(x)

@@ -119,6 +119,10 @@ def extent(scene: Scene, axis: int) -> float:
     return scene.grid.shape[axis] * scene.grid.cell
 
 
+MOST_STEPS = 2**31 - 1
+"""Largest number of steps between two averagings: more than any run has."""
+
+
 def averaging_interval(scene: Scene) -> int:
     """Number of steps between two averagings of the density."""
     scheme = scene.scheme
@@ -126,7 +130,7 @@ def averaging_interval(scene: Scene) -> int:
         return 1
     crossing = scene.grid.cell / scene.wave_speed
     dt = scheme.dt or damped_step(scene, scheme.cfl * crossing)
-    return max(round(scheme.density.averaging_time * crossing / dt), 1)
+    return min(max(round(scheme.density.averaging_time * crossing / dt), 1), MOST_STEPS)
 
 
 def _relaxation_limit(scene: Scene) -> float:
@@ -290,7 +294,9 @@ def _compression(
     """
     if (~hencky & (weight >= K)).any():
         worst = int(np.argmax(np.where(hencky, 0, weight / K)))
-        raise ValueError(f"K = {K[worst]} must exceed rho_c g depth = {weight[worst]}")
+        raise ValueError(
+            f"E is too small: K = {K[worst]:.6g} must exceed rho_c g depth = {weight[worst]:.6g}"
+        )
     ratio = weight / K
     finite = 2 * ratio / (1 + np.sqrt(1 + 2 * ratio))
     return np.where(hencky, finite, -np.log1p(-np.where(hencky, 0, ratio)))

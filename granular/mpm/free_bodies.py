@@ -143,10 +143,10 @@ class FreeBodies:
         """True for the places (n, dim) in blocks; none is beyond the ends of the grid."""
         grid, solid = self._scene.grid, self._solid
         assert solid is not None
-        at = np.floor((x - np.array(grid.lower)) / grid.cell).astype(np.intp)
+        at = np.floor((x - np.array(grid.lower)) / grid.cell)
         last = np.array(grid.shape) - 1
         inside: NDArray[np.bool_] = ((at >= 0) & (at <= last)).all(axis=1)
-        inside &= solid.at(at.clip(0, last).T)
+        inside &= solid.at(at.clip(0, last).astype(np.intp).T)
         return inside
 
 

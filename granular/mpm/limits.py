@@ -13,6 +13,7 @@ from granular.materials import NGF, MuI
 from granular.mpm.body_limits import light_bodies, near_thin_parts, thin_parts
 from granular.mpm.filling import has_material, is_full, middle_points
 from granular.mpm.walls import Solid, Wall
+from granular.plausible import BOULDER
 from granular.regions import Cloud
 from granular.seeding import DEEPEST
 from granular.surfaces import Heights, Layer
@@ -315,7 +316,9 @@ def _grains(scene: Scene) -> str | None:
     d = max(sizes, default=0.0)
     if scene.grid.cell >= d:
         return None
-    return f"cell = {scene.grid.cell} is smaller than the grains, d = {d}: there is no continuum"
+    meant = f"; did you mean d = {d / 1000:g}, in m?" if d > BOULDER else ""
+    cell = scene.grid.cell
+    return f"cell = {cell} is smaller than the grains, d = {d}: there is no continuum{meant}"
 
 
 def _fluidity(scene: Scene) -> str | None:

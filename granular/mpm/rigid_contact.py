@@ -39,6 +39,11 @@ SPACING = 0.5
 MOST_ACROSS = {2: 400, 3: 24}
 """Places along the edge of a cube of the volume of a body at most, by dimension."""
 
+MOST_PLACES = 2_000_000
+"""Places about a body that are looked at, of which those on its surface are kept. A body as long
+as wide takes 170,000 of them at most; what takes more is longer than wide by 10,000 times in 2D and
+by 1,000 in 3D, or far from its position."""
+
 BAND = 2.5
 """Distance from the surface [spacings] from which places are projected on it: those outside find
 the corners, also obtuse ones."""
@@ -49,11 +54,12 @@ def moves_freely(body: Body) -> bool:
     return bool(body.free) or body.inertia is not None
 
 
-def contact_balls(shape: Shape, cell: float) -> Array:
+def contact_balls(shape: Shape, cell: float, name: str = "shape") -> Array:
     """Balls with which a shape touches others, shape (n, 4): centre in its coordinates and radius.
 
     A ball, a disc in 2D and a rod with round ends are exact. Of other shapes these are places of
-    the surface, half a cell apart, with all corners, of the radius 0. An endless shape has none.
+    the surface, half a cell apart, with all corners, of the radius 0. An endless shape has none;
+    one that would take more than `MOST_PLACES` is refused by its `name`.
     """
     rows, dim = shape.rows(), shape.dim
     if not math.isfinite(reach(shape)):
@@ -61,21 +67,31 @@ def contact_balls(shape: Shape, cell: float) -> Array:
     kind, inside, size = rows[0, 0], rows[0, 1], rows[0, 14:]
     if len(rows) == 1 and kind == PARTS["capsule"]:
         count = math.ceil(2 * size[1] / (SPACING * cell)) + 1 if size[1] else 1
+        _check_count(name, 2 * size[1], count)
         along = np.linspace(-1, 1, count)[:, None] if count > 1 else np.zeros((1, 1))
         centres = rows[0, 2:5] + along * size[1] * rows[0, 5:14].reshape(3, 3)[:, 2]
         return np.column_stack([centres, np.full(count, size[0])])
     if len(rows) == 1 and kind == PARTS["cylinder"] and dim == 2 and not inside:
         return np.array([[*rows[0, 2:5], size[0]]])
-    places = _surface(shape, cell)
+    places = _surface(shape, cell, name)
     return np.column_stack([places, np.zeros((len(places), 4 - dim))])
 
 
-def _surface(shape: Shape, cell: float) -> Array:
+def _check_count(name: str, size: float, count: float) -> None:
+    if count > MOST_PLACES:
+        raise ValueError(
+            f"{name} reaches over {size:.4g} m, must be shorter, or endless, or about its position:"
+            f" what it touches is found at {count:.2g} places, must be at most {MOST_PLACES}"
+        )
+
+
+def _surface(shape: Shape, cell: float, name: str) -> Array:
     """Places of the surface of a finite shape, shape (n, dim), with all its corners."""
     dim = shape.dim
     half = extents(shape, np.eye(3), np.zeros((0, 3)))[:dim]
     width = max(SPACING * cell, 2 * math.prod(half) ** (1 / dim) / MOST_ACROSS[dim])
     lines = []
+    _check_count(name, 2 * max(half), math.prod(2 * (half / width + BAND) + 2))
     for far in half + BAND * width:
         count = math.ceil(2 * far / width) + 1
         lines.append(np.linspace(-far, far, count))
@@ -164,7 +180,10 @@ def touch_solids(engine: _core.Engine, scene: Scene) -> None:
     """Let the free bodies of a scene touch walls, blocks and other bodies."""
     if not any(moves_freely(body) for body in scene.bodies):
         return
-    balls = [contact_balls(body.shape, scene.grid.cell) for body in scene.bodies]
+    cell = scene.grid.cell
+    balls = [
+        contact_balls(body.shape, cell, f"bodies[{i}].shape") for i, body in enumerate(scene.bodies)
+    ]
     first = np.cumsum([0, *map(len, balls)])
     restitution = np.array([body.restitution for body in scene.bodies])
     engine.touch_solids(np.concatenate(balls), first, restitution, obstacles(scene))

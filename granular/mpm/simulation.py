@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any, Self
 
@@ -24,6 +25,7 @@ from granular.mpm.rigid_contact import touch_solids
 from granular.mpm.scene import Scene
 from granular.mpm.wall_owners import wall_owners
 from granular.mpm.walls import Solid, WallState, split_impulses
+from granular.plausible import stiffness_hint
 from granular.record import Checkpoint
 from granular.record.fresh import Streamed
 from granular.seeding import DEEPEST
@@ -167,14 +169,14 @@ class Simulation(simulation.Simulation, scenes=Scene):
                 self._free_bodies.check(self.bodies, self.time, self.steps)
 
     def _advance_core(self, max_steps: int, until: float) -> None:
-        if not self._own_laws:
-            self._grow(self._engine.advance(max_steps, until, self.threads))
-            return
+        kept = keeping_exceptions(self._own_laws) if self._own_laws else nullcontext()
         try:
-            with keeping_exceptions(self._own_laws):
+            with kept:
                 needed = self._engine.advance(max_steps, until, self.threads)
         except RuntimeError as error:  # a SimulationError, too
             self._raise_of_laws(error)
+            if isinstance(error, _core.SimulationError) and (hint := stiffness_hint(self.scene)):
+                error.args = (f"{error}; {hint}",)
             raise
         self._grow(needed)
         self._raise_of_laws(None)

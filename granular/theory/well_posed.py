@@ -201,6 +201,15 @@ def scaled_inertial_number_of_slope(angle_deg: float, material: MuI) -> float:
     return max(slope - material.mu_s, 0.0) / (material.mu_2 - slope)
 
 
+SMOOTHEST = 1e-3
+"""Friction below which the growth rate of short waves is that of its limit for little friction,
+-det Q/tr Q at its largest; the error is of the order mu. The difference of two roots that gives it
+else is lost in rounding."""
+ROUGHEST = 1e6
+"""Friction above which the growth rate of short waves is that of this friction, against overflow:
+such material does not yield."""
+
+
 def short_wave_growth(mu: float, nu: float) -> float:
     """Bound of the growth rate of short waves in slow plastic flow, over c_w k.
 
@@ -227,8 +236,12 @@ def short_wave_growth(mu: float, nu: float) -> float:
     float
         Largest s/(c_w k) over all directions, c_w = sqrt((K + 4 G/3)/rho).
     """
-    mu, nu = positive("mu", mu), in_range("nu", nu, 0.0, 0.5, open_high=True)
+    mu = min(positive("mu", mu), ROUGHEST)
+    nu = in_range("nu", nu, 0.0, 0.5, open_high=True)
     K, G = (1 + nu) / (3 * (1 - nu)), (1 - 2 * nu) / (2 * (1 - nu))  # over K + 4 G/3
+
+    if mu < SMOOTHEST:
+        return 0.5 * mu * K * math.sqrt(G / (K + G / 3))
 
     def squared(c: float) -> float:
         half = (1 - mu * K * c) / 2

@@ -1,0 +1,377 @@
+"""Numbers of a scene that no material or set-up has: slips of unit, of axis and of sign.
+
+Each limit has its source beside it, and all of them are here. They warn and refuse nothing: a run
+with such numbers goes on, and its results may be those of another material.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from granular.geometry import AXES
+from granular.regions import Cloud
+from granular.surfaces import Heights, Layer
+
+if TYPE_CHECKING:
+    from granular.typing import AnyScene
+
+__all__ = ["BOULDER", "LARGEST_LOAD", "load_of", "stiffness_hint", "suspect_numbers"]
+
+FRICTION = (0.02, 1.5)
+"""Friction coefficients of grains: those of rounded smooth grains are 0.2 to 0.4, of broken rock
+under little stress up to tan 55 deg = 1.4 (Leps 1970, J. Soil Mech. Found. Div. ASCE 96), and of
+smooth grains in lubricated contact 0.05 and less."""
+BULK = (20.0, 12e3)
+"""Densities of granular material [kg/m3]: aerogel and fresh snow have 30 to 50, powder of tungsten
+has 10,000."""
+SOLID = (20.0, 23e3)
+"""Densities of grains and bodies [kg/m3]: osmium, the densest solid, has 22,590."""
+STIFFEST = 1.2e12
+"""Largest Young's modulus of a solid, that of diamond [Pa]."""
+LARGEST_LOAD = 0.1
+"""Largest weight of the material above its base over E. With nu = 0.3 the modulus of compression is
+1.35 E: under this load the material settles by half of 0.1/1.35, 4 % of its height, as no real
+grains do, and it falls over its own height at sqrt(0.2/1.35) = 0.4 of the speed of its waves."""
+LARGEST_GRAVITY = 5e3
+"""Largest gravity [m/s2], that of geotechnical centrifuges: 500 times that of the earth."""
+EARTH = 9.81
+LARGEST_FROUDE = 100.0
+"""Largest omega^2 R/g of a body that turns: grains are thrown off at 1, and fast mixers have 50."""
+LARGEST_GRAIN = 0.5
+"""Largest diameter of a grain over the longest side of the domain; a silo may be five grains wide,
+a column of a layer three."""
+BOULDER = 0.5
+"""Diameter of a grain [m] from which it is hardly meant to be resolved by cells."""
+DENSE, DILUTE = 1.05, 0.05
+"""Densities of fills and inflows over rho_c. Above, the pressure at the start is a part of the
+stiffness; below, it is a gas, and not what these laws are for."""
+MOST_STEPS = 1e9
+"""Steps after which nobody waits: at least a week where a step takes a millisecond."""
+LEAST_INERTIA = 1e-6
+"""Least moment of inertia over m R^2, R the distance of the farthest place of a body: that of a rod
+a hundred times as long as thick, about its axis, is 5e-5."""
+TYPED = 5e-6
+"""Relative error of an angle in radians that is typed with four digits after the point."""
+
+
+def suspect_numbers(scene: AnyScene) -> list[str]:
+    """List the numbers of a scene that are hardly meant, a sentence each, with the likely slip."""
+    checks: tuple[Callable[[AnyScene], Iterator[str]], ...] = (
+        _friction,
+        _angles,
+        _densities,
+        _grains,
+        _stiffness,
+        _gravity,
+        _idle,
+        _speeds,
+        _turning,
+        _steps,
+        _small,
+        _outside,
+        _masses,
+    )
+    return [sentence for check in checks for sentence in check(scene)]
+
+
+# ---- materials ----
+
+
+def _friction(scene: AnyScene) -> Iterator[str]:
+    named = [
+        (f"{type(material).__name__}: {name}", getattr(material, name), FRICTION[0])
+        for material in scene.materials
+        for name in ("mu_s", "mu", "mu_l")
+        if hasattr(material, name)
+    ]
+    for kind in ("walls", "bodies"):
+        parts = enumerate(getattr(scene, kind, ()))
+        named += [
+            (f"{kind}[{i}].friction", getattr(part, "friction", 0.0), 0.0) for i, part in parts
+        ]
+    for name, mu, least in named:
+        if mu > FRICTION[1]:
+            meant = f"did you mean tan({mu:g} deg) = {math.tan(math.radians(mu)):.3g}?"
+            rough = 'contact = "sticky"' if name.startswith("bodies") else 'kind = "no_slip"'
+            other = f"for a rough surface take {rough}" if "friction" in name else "it has no unit"
+            text = meant if 3 <= mu < 80 else other
+            yield f"{name} = {mu:g} is beyond the friction of any grains, {FRICTION[1]}: {text}"
+        elif mu < least:
+            yield (
+                f"{name} = {mu:g} is below the friction of any grains, {FRICTION[0]}: the "
+                "coefficient of dry ones is 0.2 to 1"
+            )
+
+
+def _angles(scene: AnyScene) -> Iterator[str]:
+    """Angles that are to be in degrees, and are whole ones in radians."""
+    named = [(f"parameters[{name!r}]", value) for name, value in scene.parameters.items()]
+    for kind in ("materials", "bodies"):
+        for i, part in enumerate(getattr(scene, kind, ())):
+            named += _numbers_in(f"{kind}[{i}]", part)
+    for name, value in named:
+        if "_deg" not in name or not isinstance(value, float) or not 0 < abs(value) <= 2 * math.pi:
+            continue
+        degrees = math.degrees(value)
+        exact = abs(degrees - round(degrees)) < 1e-9 * abs(degrees)
+        if exact or abs(degrees - 15 * round(degrees / 15)) < TYPED * abs(degrees):
+            yield f"{name} = {value:.6g}, in degrees: did you mean {degrees:.6g}, this in radians?"
+
+
+def _numbers_in(name: str, part: Any) -> list[tuple[str, Any]]:
+    """Names and values of all numbers of a description, and of the descriptions within it."""
+    if is_dataclass(part):
+        parts = ((f"{name}.{field.name}", getattr(part, field.name)) for field in fields(part))
+    elif isinstance(part, tuple):
+        parts = ((f"{name}[{i}]", value) for i, value in enumerate(part))
+    else:
+        return [(name, part)]
+    return [number for inner in parts for number in _numbers_in(*inner)]
+
+
+def _densities(scene: AnyScene) -> Iterator[str]:
+    for material in scene.materials:
+        kind = type(material).__name__
+        solid = getattr(material, "rho_s", None)
+        for name, value, (low, high) in (("rho_c", material.rho_c, BULK), ("rho_s", solid, SOLID)):
+            if value is not None and not low <= value <= high:
+                yield f"{kind}: {name} = {value:g} kg/m3 is no density of grains{_thousands(value)}"
+                break
+    for kind, i, source in _sources(scene):
+        rho_c = (source.material or scene.material).rho_c
+        density = source.density
+        if density is None and getattr(source, "rate", None) is not None:
+            density = source.density_in(scene.grid, rho_c)
+        if density is None or DILUTE * rho_c <= density <= DENSE * rho_c:
+            continue
+        yield (
+            f"{kind}[{i}] has a density of {density:.4g} kg/m3, {density / rho_c:.3g} of rho_c"
+            f"{_thousands(density)}"
+        )
+
+
+def _thousands(density: float) -> str:
+    """Return the density that is meant by one in g/cm3, or in g/m3."""
+    for factor in (1000, 0.001):
+        if 200 <= density * factor <= SOLID[1]:
+            return f": did you mean {density * factor:g}?"
+    return ""
+
+
+def _sources(scene: AnyScene) -> Iterator[tuple[str, int, Any]]:
+    for kind in ("fills", "inflows"):
+        for i, source in enumerate(getattr(scene, kind)):
+            yield kind, i, source
+
+
+def _grains(scene: AnyScene) -> Iterator[str]:
+    """Grains of nonlocal laws and of contacts that damp; those of others are seen by the cells."""
+    cell, longest = scene.grid.cell, max(scene.grid.shape) * scene.grid.cell
+    for material in scene.materials:
+        nonlocal_ = getattr(material, "has_fluidity", False)
+        names = ("d", "contact_diameter") if nonlocal_ else ("contact_diameter",)
+        for name in names:
+            size = getattr(material, name, None) or 0.0
+            if size > LARGEST_GRAIN * longest or size > max(BOULDER, cell):
+                yield (
+                    f"{type(material).__name__}: {name} = {size:g} m in a domain of {longest:.3g} m"
+                    f": did you mean {size / 1000:g}, this in mm?"
+                )
+
+
+def _stiffness(scene: AnyScene) -> Iterator[str]:
+    for material in scene.materials:
+        E = getattr(material, "E", None)
+        if E is None:
+            continue
+        if E > STIFFEST:
+            yield (
+                f"{type(material).__name__}: E = {E:g} Pa is stiffer than diamond: the time step "
+                "goes with 1/sqrt(E), and grains need only be stiff against their weight"
+            )
+    yield from filter(None, [stiffness_hint(scene)])
+
+
+def stiffness_hint(scene: AnyScene) -> str:
+    """Sentence on material that is too soft for its load; empty for one that is not."""
+    E = min((m.E for m in scene.materials if hasattr(m, "E")), default=math.inf)
+    load = load_of(scene)
+    if load <= LARGEST_LOAD * E:
+        return ""
+    needed = load / LARGEST_LOAD
+    unit = next((factor for factor in (1e6, 1e9) if needed <= E * factor <= STIFFEST), None)
+    meant = "" if unit is None or E > 1e5 else f"did you mean E = {E * unit:g} Pa, or "
+    return (
+        f"E = {E:g} Pa is too soft: the stiffness must bear a load of {load:.3g} Pa, p/E = "
+        f"{load / E:.3g}, must be at most {LARGEST_LOAD}: {meant}take E >= {needed:.2g}"
+        + ("?" if meant else "")
+    )
+
+
+def load_of(scene: AnyScene) -> float:
+    """Pressure [Pa] under the thickest fill or inflow, or of a wall that keeps one."""
+    g = max(abs(vector[-1]) for vector in scene.gravity.vectors)
+    loads = [
+        (source.material or scene.material).rho_c * g * _thickness(source.region)
+        for _, _, source in _sources(scene)
+    ]
+    return max([*loads, *(servo.pressure for servo in getattr(scene, "servos", ()))])
+
+
+def _thickness(region: Any) -> float:
+    """Height of a region [m], of a layer its thickness."""
+    if isinstance(region, Layer):
+        thickness = region.thickness
+        return float(thickness.z.max()) if isinstance(thickness, Heights) else float(thickness)
+    low, high = region.bounds
+    return float(high[-1] - low[-1])
+
+
+# ---- set-up ----
+
+
+def _gravity(scene: AnyScene) -> Iterator[str]:
+    vectors = np.array(scene.gravity.vectors)
+    largest = float(np.linalg.norm(vectors, axis=1).max())
+    for factor, unit in ((100, "cm/s2"), (1000, "mm/s2")):
+        if abs(largest / (factor * EARTH) - 1) < 0.01:
+            meant = f"{largest / factor:g}, this in {unit}"
+            yield f"gravity of {largest:g} m/s2: did you mean {meant}?"
+            return
+    if largest > LARGEST_GRAVITY:
+        yield f"gravity of {largest:g} m/s2 is beyond that of a centrifuge, {LARGEST_GRAVITY:g}"
+    up = AXES[scene.dim - 1]
+    across = vectors[:, -1]
+    free = ~np.array(scene.grid.periodic[:-1])
+    if across.max() > 0 and across.min() >= 0:
+        yield f"gravity = {vectors[-1].tolist()} points upwards: the last axis, {up}, is up"
+    elif not across.any() and vectors[:, :-1][:, free].any():
+        yield f"gravity = {vectors[-1].tolist()} has no component along {up}, the axis that is up"
+
+
+def _idle(scene: AnyScene) -> Iterator[str]:
+    """Scenes in which nothing moves the material."""
+    moving = [getattr(part, "velocity", None) for part in (*scene.fills, *scene.walls)]
+    moving += [fill.region.velocity for fill in scene.fills if isinstance(fill.region, Cloud)]
+    bodies = getattr(scene, "bodies", ())
+    moves = any(body.motion.rows()[:, 1:].any() for body in bodies)
+    pressed = any(fill.density is not None for fill in scene.fills)
+    other = scene.inflows or pressed or getattr(scene, "servos", ()) or getattr(scene, "jets", ())
+    still = all(velocity is None or not np.any(velocity) for velocity in moving)
+    if still and not (moves or other or np.any(scene.gravity.vectors)):
+        yield "gravity is 0, and nothing has a velocity: nothing will move"
+
+
+def _speeds(scene: AnyScene) -> Iterator[str]:
+    """Parts that are faster than elastic waves."""
+    c = scene.wave_speed
+    for kind in ("fills", "inflows", "walls", "bodies"):
+        for i, part in enumerate(getattr(scene, kind, ())):
+            velocity = getattr(part, "velocity", None)
+            speed = 0.0 if velocity is None else math.hypot(*velocity)
+            if kind == "bodies":
+                speed = float(np.linalg.norm(part.motion.rows()[:, 1:4], axis=1).max())
+            if speed > c:
+                yield (
+                    f"{kind}[{i}] has a speed of {speed:.4g} m/s, faster than elastic waves, "
+                    f"{c:.3g} m/s: velocities are in m/s, and real grains are stiffer than this"
+                )
+
+
+def _turning(scene: AnyScene) -> Iterator[str]:
+    g = float(np.linalg.norm(scene.gravity.vectors, axis=1).max())
+    for i, body in enumerate(getattr(scene, "bodies", ())):
+        omega = float(np.linalg.norm(body.motion.rows()[:, 4:], axis=1).max())
+        radius = float(np.min(body.extents()[: scene.dim]))
+        if not omega or not g or not math.isfinite(radius):
+            continue
+        froude = omega**2 * radius / g
+        if froude > LARGEST_FROUDE:
+            yield (
+                f"bodies[{i}] turns at {omega:.4g} rad/s, omega^2 R/g = {froude:.3g}: did you mean "
+                f"{math.radians(omega):.4g} rad/s, {omega:.4g} deg/s?"
+            )
+
+
+def _steps(scene: AnyScene) -> Iterator[str]:
+    dt = getattr(getattr(scene, "scheme", None), "dt", None)
+    dt = dt or scene.courant_limit * scene.grid.cell / scene.wave_speed
+    if scene.duration > MOST_STEPS * dt:
+        yield (
+            f"duration = {scene.duration:g} s takes {scene.duration / dt:.2g} steps of {dt:.2g} s: "
+            "times are in s; the step goes with cell/sqrt(E/rho)"
+        )
+
+
+def _small(scene: AnyScene) -> Iterator[str]:
+    """Fills that are thinner than a cell."""
+    least = (1 - scene.grid.slack) * scene.grid.cell
+    for i, fill in enumerate(scene.fills):
+        size = min(b - a for a, b in zip(*fill.region.bounds, strict=True))
+        if size < least and not isinstance(fill.region, Cloud):
+            yield (
+                f"fills[{i}] is {size:.3g} m thin, less than a cell of {scene.grid.cell:g} m: "
+                "lengths are in m; take smaller cells"
+            )
+
+
+def _outside(scene: AnyScene) -> Iterator[str]:
+    """Bodies that are outside of the domain and do not come in."""
+    grid, g = scene.grid, np.array(scene.gravity.vectors)
+    for i, body in enumerate(getattr(scene, "bodies", ())):
+        for axis in np.flatnonzero(~np.array(grid.periodic)):
+            reach, at, free = body.extents()[axis], body.position[axis], AXES[axis] in body.free
+            for sign, end in ((-1, grid.lower[axis]), (1, grid.upper[axis])):
+                gap = sign * (at - end) - reach
+                if not gap > 0:
+                    continue
+                inwards = -sign * body.motion.rows()[:, 1 + axis]
+                comes = (inwards.max() > 0 or (-sign * g[:, axis]).max() > 0) if free else False
+                if not free:
+                    comes = _way(body.motion.rows()[:, 0], inwards, scene.duration) > gap
+                if not comes:
+                    yield (
+                        f"bodies[{i}] at {at:g} m is outside of the domain along {AXES[axis]}, by "
+                        f"{gap:.3g} m beyond {end:g} m, and does not come in: lengths are in m"
+                    )
+
+
+def _way(times: Any, velocity: Any, duration: float) -> float:
+    """Largest way along an axis with a velocity that is linear between times."""
+    t = np.unique(np.concatenate([np.linspace(0.0, duration, 200), times.clip(0.0, duration)]))
+    v = np.interp(t, times, velocity)
+    return float(np.max(np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t)), initial=0.0))
+
+
+def _masses(scene: AnyScene) -> Iterator[str]:
+    """Masses and moments of inertia that no body of this size has."""
+    for i, body in enumerate(getattr(scene, "bodies", ())):
+        half = body.extents()[: scene.dim]
+        if body.mass is None or not np.isfinite(half).all():
+            continue
+        density = body.mass / float(np.prod(2 * half))
+        if density > SOLID[1]:
+            yield (
+                f"bodies[{i}].mass = {body.mass:g} kg is more than {density:.3g} kg/m3: masses are "
+                f"in kg{', per metre of depth' if scene.dim == 2 else ''}"
+            )
+        most = body.mass * float(half.max()) ** 2
+        if body.inertia is None:
+            continue
+        moments = np.linalg.eigvalsh(_tensor(body.inertia))
+        if moments.max() > most or moments.min() < LEAST_INERTIA * most:
+            yield (
+                f"bodies[{i}].inertia = {body.inertia} kg m2 is none of a body of {body.mass:g} kg "
+                f"within {math.sqrt(most / body.mass):.3g} m: about {0.3 * most:.2g}, see "
+                "mass_properties"
+            )
+
+
+def _tensor(inertia: Any) -> Any:
+    values = np.atleast_1d(np.array(inertia, dtype=float))
+    return values if values.ndim == 2 else np.diag(values)
