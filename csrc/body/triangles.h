@@ -16,23 +16,37 @@ struct gr_triangle_box {
     double axis[3][3], low[3], high[3]; /* m, along the axes; low > high where it is empty */
 };
 
+/* Triangles seen from far off: a dipole. */
+struct gr_dipole {
+    double at[3], area[3]; /* m: mean place by area; m2: sum of areas times unit normals */
+    double radius;         /* m: no corner is farther from `at` */
+};
+
 /* A surface; its tables are borrowed, the rest is its own. */
 struct gr_triangles {
     int64_t n_vertices, n_faces;
-    const double *vertex;        /* n_vertices x 3, m */
-    const int32_t *face;         /* n_faces x 3 */
-    const int32_t *neighbour;    /* n_faces x 3: the triangle beyond the edge from vertex k to the next; NULL: not closed */
-    double *normal;              /* n_vertices x 3: angle-weighted normals of a closed surface */
-    int32_t *order;              /* triangles leaf by leaf */
-    double *corner;              /* n_faces x 3 x 3: their vertices, m, in this order: what is near lies together */
-    int64_t n_leaves;            /* a power of two */
+    const double *vertex; /* n_vertices x 3, m */
+    const int32_t *face;  /* n_faces x 3 */
+    double *corner;       /* n_faces x 3 x 3: vertices of the triangles, m, leaf by leaf: what is near lies together */
+    int64_t n_leaves;     /* a power of two */
     struct gr_triangle_box *box; /* a complete binary tree, node 1 the root */
+    struct gr_dipole *dipole;    /* of the same nodes */
 };
 
-/* Build the tree and the normals. Returned: 0 or GR_ERR_MEMORY. */
+/* Build the tree. Returned: 0 or GR_ERR_MEMORY. */
 int gr_triangles_new(struct gr_triangles **out, const struct gr_triangles *tables);
 void gr_triangles_free(struct gr_triangles *t);
 
-/* Distance of x; negative within a closed surface (the sign of Baerentzen & Aanaes 2005, IEEE Trans. Vis. Comput. Graph. 11,
- * 243: by the angle-weighted normal of the nearest feature). `guess` is the place in this order of a triangle that is near, of the nearest afterwards. */
+/* Distance of x. `guess` is the place in this order of a triangle that is near, of the nearest afterwards. */
 double gr_triangles_distance(const struct gr_triangles *t, const double x[3], int64_t *guess);
+
+/* 1 if no triangle is nearer to x than a radius; cheaper than the distance. */
+int gr_triangles_clear(const struct gr_triangles *t, const double x[3], double radius);
+
+/* Winding number of a closed surface about x: the sum of the solid angles of its triangles over 4 pi, by the number of times
+ * that the surface goes around x, anticlockwise as seen from outside (Jacobson, Kavan & Sorkine-Hornung 2013, ACM Trans. Graph.
+ * 32, 33). Nodes of the tree that are far off count as dipoles (Barill et al. 2018, ACM Trans. Graph. 37, 43). */
+double gr_triangles_winding(const struct gr_triangles *t, const double x[3]);
+
+/* Distances of n places x; if `closed`, negative where the winding number exceeds a half. */
+void gr_triangles_distances(const struct gr_triangles *t, int64_t n, const double *x, int closed, double *distance);

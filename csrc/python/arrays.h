@@ -92,6 +92,8 @@ int gr_take_bodies(struct gr_config *c, PyObject *rows, struct gr_tables *tables
 int gr_take_tables(PyObject *tables, struct gr_part *part);
 PyObject *gr_python_mesh_tree(PyObject *module, PyObject *args);
 PyObject *gr_python_mesh_distance(PyObject *module, PyObject *args);
+PyObject *gr_python_mesh_winding(PyObject *module, PyObject *args);
+PyObject *gr_python_mesh_clear(PyObject *module, PyObject *args);
 
 /* A row for each body that begins with its position and orientation: as an array (bodies, numbers), and from one. */
 PyObject *gr_python_poses(const struct gr_engine *e, const void *rows, int numbers);

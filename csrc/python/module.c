@@ -65,10 +65,14 @@ static PyMethodDef functions[] = {
      "body_distance(parts, samples, x)\n--\n\n(distance (n,), outward normal (n, 3)) of places x (n, 3) to the union of parts: rows (kind, inside, center[3],\n"
      "rotation[9], size[3])."},
     {"mesh_tree", gr_python_mesh_tree, METH_VARARGS,
-     "mesh_tree(vertices, faces, neighbours)\n--\n\nTree of triangles (n, 3) of vertices (k, 3); neighbours (n, 3) beyond the edges from vertex\n"
-     "i to i + 1 of a closed surface, or None."},
+     "mesh_tree(vertices, faces)\n--\n\nTree of triangles (n, 3) of vertices (k, 3)."},
     {"mesh_distance", gr_python_mesh_distance, METH_VARARGS,
-     "mesh_distance(tree, x)\n--\n\nExact distance (n,) of places x (n, 3) from triangles, negative within a closed surface."},
+     "mesh_distance(tree, x, closed)\n--\n\nExact distance (n,) of places x (n, 3) from triangles; if they are closed, negative\n"
+     "where the winding number exceeds a half."},
+    {"mesh_winding", gr_python_mesh_winding, METH_VARARGS,
+     "mesh_winding(tree, x)\n--\n\nNumber of times that a closed surface goes around places x (n, 3), shape (n,)."},
+    {"mesh_clear", gr_python_mesh_clear, METH_VARARGS,
+     "mesh_clear(tree, x, radius)\n--\n\nTrue (n,) where no triangle is nearer to a place x (n, 3) than a radius (n,)."},
     {"scheme_numbers", gr_python_scheme_numbers, METH_NOARGS,
      "scheme_numbers()\n--\n\n{group: [(name, default, range, unit, doc)]}: the numbers of schemes, of the diffusion of the\n"
      "fluidity and of the densities."},

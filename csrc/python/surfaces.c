@@ -30,7 +30,7 @@ static const double *take_grid(PyObject *object, int places, int distances)
     return number;
 }
 
-/* (grid[4], coarse, block, fine, sharp), see body/samples.h. */
+/* (grid[5], coarse, block, fine, sharp), see body/samples.h; the last number of the grid is a thickness for Python. */
 static int take_samples(PyObject *tables, struct gr_samples *s)
 {
     const npy_intp any[3] = {-1, -1, -1}, fine_shape[4] = {-1, GR_CUBE_SIDE, GR_CUBE_SIDE, GR_CUBE_SIDE};
@@ -39,7 +39,7 @@ static int take_samples(PyObject *tables, struct gr_samples *s)
     if (!PyArg_ParseTuple(tables, "OOOOO;samples of a mesh are (grid, coarse, block, fine, sharp)", &object[0], &object[1],
                           &object[2], &object[3], &object[4]))
         return -1;
-    const double *grid = take_grid(object[0], 3, 1);
+    const double *grid = take_grid(object[0], 3, 2);
     PyArrayObject *block = grid ? gr_array(object[2], "block", NPY_INT32, 3, any, 0) : NULL;
     if (!block) return -1;
     npy_intp coarse_shape[3];
@@ -116,7 +116,6 @@ static void free_owned(struct owned_tree *owned)
     gr_triangles_free(owned->tree);
     free((void *)owned->tables.vertex);
     free((void *)owned->tables.face);
-    free((void *)owned->tables.neighbour);
     free(owned);
 }
 
@@ -124,29 +123,21 @@ static void free_tree(PyObject *capsule) { free_owned(PyCapsule_GetPointer(capsu
 
 PyObject *gr_python_mesh_tree(PyObject *Py_UNUSED(module), PyObject *args)
 {
-    PyObject *vertices, *faces, *neighbours;
+    PyObject *vertices, *faces;
     const npy_intp three[2] = {-1, 3};
-    if (!PyArg_ParseTuple(args, "OOO:mesh_tree", &vertices, &faces, &neighbours)) return NULL;
+    if (!PyArg_ParseTuple(args, "OO:mesh_tree", &vertices, &faces)) return NULL;
     PyArrayObject *vertex = gr_array(vertices, "vertices", NPY_DOUBLE, 2, three, 0);
     PyArrayObject *face = vertex ? gr_array(faces, "faces", NPY_INT32, 2, three, 0) : NULL;
     if (!face || gr_refuse_values("vertices", vertex, -GR_LARGEST)) return NULL;
-    PyArrayObject *neighbour = NULL;
-    if (neighbours != Py_None && !(neighbour = gr_array(neighbours, "neighbours", NPY_INT32, 2, PyArray_DIMS(face), 0)))
-        return NULL;
     const npy_intp n = PyArray_DIM(face, 0);
     if (n < 1 || n > INT32_MAX / 3) return PyErr_Format(PyExc_ValueError, "faces must be 1 to 7e8, not %zd", n);
-    if (refuse_indices("faces", face, PyArray_DIM(vertex, 0)) || (neighbour && refuse_indices("neighbours", neighbour, n)))
-        return NULL;
+    if (refuse_indices("faces", face, PyArray_DIM(vertex, 0))) return NULL;
     struct owned_tree *owned = calloc(1, sizeof *owned);
     if (!owned) return PyErr_NoMemory();
-    owned->tables = (struct gr_triangles){.n_vertices = PyArray_DIM(vertex, 0),
-                                          .n_faces = n,
-                                          .vertex = PyArray_DATA(vertex),
-                                          .face = PyArray_DATA(face),
-                                          .neighbour = neighbour ? PyArray_DATA(neighbour) : NULL};
+    owned->tables = (struct gr_triangles){
+        .n_vertices = PyArray_DIM(vertex, 0), .n_faces = n, .vertex = PyArray_DATA(vertex), .face = PyArray_DATA(face)};
     int error = gr_own((const void **)&owned->tables.vertex, (size_t)PyArray_NBYTES(vertex));
     error |= gr_own((const void **)&owned->tables.face, (size_t)PyArray_NBYTES(face));
-    error |= gr_own((const void **)&owned->tables.neighbour, neighbour ? (size_t)PyArray_NBYTES(neighbour) : 0);
     if (!error) {
         Py_BEGIN_ALLOW_THREADS
         error = gr_triangles_new(&owned->tree, &owned->tables);
@@ -157,26 +148,69 @@ PyObject *gr_python_mesh_tree(PyObject *Py_UNUSED(module), PyObject *args)
     return capsule;
 }
 
-PyObject *gr_python_mesh_distance(PyObject *Py_UNUSED(module), PyObject *args)
+/* The tree and the places (n, 3) of a call. Returned: the tree, NULL with an exception. */
+static const struct gr_triangles *take_places(PyObject *capsule, PyObject *places, PyArrayObject **x)
 {
-    PyObject *capsule, *places;
     const npy_intp three[2] = {-1, 3};
-    if (!PyArg_ParseTuple(args, "OO:mesh_distance", &capsule, &places)) return NULL;
     if (!PyCapsule_IsValid(capsule, TREE)) {
         PyErr_SetString(PyExc_TypeError, "tree must be what mesh_tree returns");
         return NULL;
     }
-    const struct gr_triangles *tree = ((struct owned_tree *)PyCapsule_GetPointer(capsule, TREE))->tree;
-    PyArrayObject *x = gr_array(places, "x", NPY_DOUBLE, 2, three, 0);
-    if (!x || gr_refuse_values("x", x, -GR_LARGEST)) return NULL;
-    const npy_intp n = PyArray_DIM(x, 0);
-    PyObject *out = PyArray_SimpleNew(1, &n, NPY_DOUBLE);
+    *x = gr_array(places, "x", NPY_DOUBLE, 2, three, 0);
+    if (!*x || gr_refuse_values("x", *x, -GR_LARGEST)) return NULL;
+    return ((struct owned_tree *)PyCapsule_GetPointer(capsule, TREE))->tree;
+}
+
+PyObject *gr_python_mesh_distance(PyObject *Py_UNUSED(module), PyObject *args)
+{
+    PyObject *capsule, *places;
+    PyArrayObject *x;
+    int closed;
+    if (!PyArg_ParseTuple(args, "OOp:mesh_distance", &capsule, &places, &closed)) return NULL;
+    const struct gr_triangles *tree = take_places(capsule, places, &x);
+    PyObject *out = tree ? PyArray_SimpleNew(1, PyArray_DIMS(x), NPY_DOUBLE) : NULL;
     if (!out) return NULL;
     const double *place = PyArray_DATA(x);
     double *distance = PyArray_DATA((PyArrayObject *)out);
+    const npy_intp n = PyArray_DIM(x, 0);
     Py_BEGIN_ALLOW_THREADS
-    int64_t guess = 0;
-    for (npy_intp k = 0; k < n; k++) distance[k] = gr_triangles_distance(tree, place + 3 * k, &guess);
+    gr_triangles_distances(tree, n, place, closed, distance);
+    Py_END_ALLOW_THREADS
+    return out;
+}
+
+PyObject *gr_python_mesh_winding(PyObject *Py_UNUSED(module), PyObject *args)
+{
+    PyObject *capsule, *places;
+    PyArrayObject *x;
+    if (!PyArg_ParseTuple(args, "OO:mesh_winding", &capsule, &places)) return NULL;
+    const struct gr_triangles *tree = take_places(capsule, places, &x);
+    PyObject *out = tree ? PyArray_SimpleNew(1, PyArray_DIMS(x), NPY_DOUBLE) : NULL;
+    if (!out) return NULL;
+    const double *place = PyArray_DATA(x);
+    double *winding = PyArray_DATA((PyArrayObject *)out);
+    const npy_intp n = PyArray_DIM(x, 0);
+    Py_BEGIN_ALLOW_THREADS
+    for (npy_intp k = 0; k < n; k++) winding[k] = gr_triangles_winding(tree, place + 3 * k);
+    Py_END_ALLOW_THREADS
+    return out;
+}
+
+PyObject *gr_python_mesh_clear(PyObject *Py_UNUSED(module), PyObject *args)
+{
+    PyObject *capsule, *places, *radii;
+    PyArrayObject *x;
+    if (!PyArg_ParseTuple(args, "OOO:mesh_clear", &capsule, &places, &radii)) return NULL;
+    const struct gr_triangles *tree = take_places(capsule, places, &x);
+    PyArrayObject *radius = tree ? gr_array(radii, "radius", NPY_DOUBLE, 1, PyArray_DIMS(x), 0) : NULL;
+    if (!radius || gr_refuse_values("radius", radius, 0)) return NULL;
+    PyObject *out = PyArray_SimpleNew(1, PyArray_DIMS(x), NPY_BOOL);
+    if (!out) return NULL;
+    const double *place = PyArray_DATA(x), *within = PyArray_DATA(radius);
+    npy_bool *clear = PyArray_DATA((PyArrayObject *)out);
+    const npy_intp n = PyArray_DIM(x, 0);
+    Py_BEGIN_ALLOW_THREADS
+    for (npy_intp k = 0; k < n; k++) clear[k] = gr_triangles_clear(tree, place + 3 * k, within[k]) ? NPY_TRUE : NPY_FALSE;
     Py_END_ALLOW_THREADS
     return out;
 }

@@ -53,6 +53,7 @@ from granular.mpm.body_shapes import (
     turned,
 )
 from granular.mpm.body_solids import Capsule, Frustum, Sphere, Torus
+from granular.mpm.body_surface import MeshWarning
 from granular.mpm.height_map import HeightMap
 
 if TYPE_CHECKING:
@@ -72,6 +73,7 @@ __all__ = [
     "Intersection",
     "MassProperties",
     "Mesh",
+    "MeshWarning",
     "Motion",
     "Offset",
     "Polygon",

@@ -8,11 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from granular.checks import finite, integer, positive, vector
-from granular.mpm.body_measures import reach
+from granular import _core
+from granular.checks import finite, in_range, positive, vector
+from granular.mpm.body_measures import bounds, reach
+from granular.mpm.body_mesh import Mesh
+from granular.mpm.body_quadrature import Moments, directions, moments
 from granular.mpm.body_shapes import PARTS, Array, Shape
 
 __all__ = ["MassProperties", "inertia_of", "mass_properties", "principal"]
+
+TOLERANCE = 1e-3
+TOO_MUCH = 0.01
+"""Relative error from which masses are refused."""
+PROBES = 20_000
+"""Points of a mesh at which it is tested whether parts of it overlap."""
 
 
 def inertia_of(name: str, value: Any, dim: int) -> Any:
@@ -59,18 +68,31 @@ class MassProperties:
         Centre of mass in coordinates of the body [m]. Bodies that turn must have it at the origin.
     inertia : float, or 3 x 3 tuple of floats
         About the centre of mass [kg m2; in 2D per metre of depth], for `Body`.
+    error : float
+        Bound of the largest relative error: of the mass, of `inertia` over the largest moment, and
+        of the centre over the radius of gyration. It is 0 where there is a formula.
     """
 
     mass: float
     center: tuple[float, ...]
     inertia: Any
+    error: float = 0.0
 
 
-def mass_properties(shape: Shape, density: float, *, cells: int | None = None) -> MassProperties:
+def mass_properties(
+    shape: Shape, density: float, *, tolerance: float = TOLERANCE
+) -> MassProperties:
     """Mass, centre of mass and inertia of a homogeneous body.
 
-    They are exact for a `Box`, `Cylinder`, `Sphere`, `Capsule` and `Torus`, by quadrature of the
-    distance for other shapes.
+    They are exact for a `Box`, `Cylinder`, `Sphere`, `Capsule` and `Torus`, and for a closed `Mesh`
+    whose parts neither overlap nor cross themselves, as far as points of its surface tell. Other
+    shapes are cut by parallel lines, up to some ten thousand. The bound of the error is three times
+    the standard deviation that 16 groups of lines give to their mean; true errors of spheres,
+    boxes, tori, cones, pipes and hollow bodies were 2 to 60 % of it. Shapes may be anywhere: far
+    from the origin nothing is lost.
+
+    A `Mesh` counts with its triangles, but in an operation with its samples, whose edges are
+    rounded by about a spacing; the error does not include this.
 
     Parameters
     ----------
@@ -78,12 +100,9 @@ def mass_properties(shape: Shape, density: float, *, cells: int | None = None) -
         Any shape of finite size.
     density : float
         Density [kg/m3], > 0.
-    cells : int, optional
-        Number of cells along an edge of the cube, centred at the origin of the shape, in which any
-        shape is sampled if it is given, 8 to 4096. Shapes without a formula have 1024 in 2D and 128
-        in 3D by default. A cell at the surface counts in part, by the distance of its centre. With
-        these numbers the moments of a disc and of a rectangle err by less than 1e-5, those of a
-        ball by 6e-4 and those of a box of 3 : 2 : 1 by 2e-3.
+    tolerance : float
+        Relative error to be reached, from 1e-6 to 0.01, as that of `MassProperties`; it may stay
+        larger, by 1 % at most. Walls thinner than 5e-5 of the size may be missed.
 
     Returns
     -------
@@ -92,39 +111,46 @@ def mass_properties(shape: Shape, density: float, *, cells: int | None = None) -
     Raises
     ------
     TypeError, ValueError
-        Naming argument, value and allowed range; also for an endless shape, and one that is
-        so small beside its distance from the origin that no cell lies in it.
+        Naming argument, value and allowed range; also for an endless shape, and for one whose error
+        remains above 1 %.
     """
     if not isinstance(shape, Shape):
         raise TypeError(f"shape = {shape!r} must be a shape of granular.bodies")
-    density, far, dim = positive("density", density), reach(shape), shape.dim
-    if not math.isfinite(far):
+    density = positive("density", density)
+    tolerance = in_range("tolerance", tolerance, 1e-6, TOO_MUCH)
+    if not math.isfinite(reach(shape)):
         raise ValueError(f"shape = {shape!r} must be of finite size")
-    if cells is None and (exact := _exact(shape, density)) is not None:
+    if (exact := _exact(shape, density)) is not None:
         return exact
-    n = integer("cells", (1024 if dim == 2 else 128) if cells is None else cells, 8, 4096)
-    width = 2 * far / n
-    line = (np.arange(n) + 0.5) * width - far
-    sums = np.zeros((dim + 1, dim + 1))  # of the products of (1, x)
-    for x in line:
-        rest = np.meshgrid(*[line] * (dim - 1), indexing="ij")
-        at = np.stack([np.full(n ** (dim - 1), x), *(part.ravel() for part in rest)], axis=1)
-        distance, normal = shape.distance(at)
-        share = np.clip(0.5 - distance / (width * abs(normal).sum(axis=1)), 0, 1)
-        with_one = np.concatenate([np.ones((len(at), 1)), at], axis=1)[share > 0]
-        sums += (share[share > 0, None] * with_one).T @ with_one
-    if not sums[0, 0] > 0:
-        raise ValueError(f"cells = {n} must be more: none of them lies in the shape")
-    sums *= density * width**dim
-    mass = float(sums[0, 0])
-    center = sums[0, 1:] / mass
-    second = sums[1:, 1:] - mass * np.outer(center, center)
-    second += np.eye(dim) * mass * width**2 / 12  # of a cell about its centre
-    tensor = np.trace(second) * np.eye(dim) - second
-    inertia = (
-        float(np.trace(second)) if dim == 2 else tuple(tuple(map(float, row)) for row in tensor)
-    )
-    return MassProperties(mass, tuple(float(c) for c in center), inertia)
+    found = of_mesh(shape, tolerance) if isinstance(shape, Mesh) else of_shape(shape, tolerance)
+    if found is None:
+        raise ValueError(f"shape = {shape!r} must have an inside")
+    if found.error > TOO_MUCH:
+        raise ValueError(
+            f"shape = {shape!r}: its mass and inertia are known to {100 * found.error:.2g} % only, "
+            f"must be {100 * TOO_MUCH:g} %: it has parts too small or thin for its size"
+        )
+    mass, second, dim = density * found.volume, density * found.second, shape.dim
+    trace = float(np.trace(second))
+    tensor = trace * np.eye(dim) - second
+    inertia = trace if dim == 2 else tuple(tuple(map(float, row)) for row in tensor)
+    return MassProperties(mass, tuple(float(c) for c in found.center), inertia, found.error)
+
+
+def of_shape(shape: Shape, tolerance: float) -> Moments | None:
+    """Quadrature of the signed distance of a shape."""
+    rows, samples = shape.rows(), shape.samples()
+    low, high = bounds(shape, directions(shape.dim))
+    return moments(lambda x: _core.body_distance(rows, samples, x)[0], low, high, tolerance)
+
+
+def of_mesh(mesh: Mesh, tolerance: float) -> Moments | None:
+    """Moments by the theorem of Gauss, or by quadrature if parts overlap, and of sheets."""
+    triangles = mesh.triangles()
+    if mesh.thickness is None and not triangles.overlaps(PROBES):
+        return triangles.moments()
+    low, high = triangles.bounds(directions(3))
+    return moments(triangles.distance, low, high, tolerance)
 
 
 def _exact(shape: Shape, density: float) -> MassProperties | None:

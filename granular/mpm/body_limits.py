@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from granular.mpm.body_measures import thicknesses
+from granular.mpm.body_measures import mesh_size, mesh_thickness, thicknesses
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
     from granular.mpm.schemes import Scheme
 
-__all__ = ["check_blades", "light_bodies", "near_thin_parts", "thin_parts"]
+__all__ = ["check_blades", "light_bodies", "mesh_scale", "near_thin_parts", "thin_parts"]
 
 THIN = 2.0
 """Thickness of a body [cells] below which its sides are coupled, unless nodes are duplicated."""
@@ -25,14 +25,14 @@ def check_blades(scene: Scene) -> None:
     if keeps_sides(scheme):
         return
     for i, body in enumerate(scene.bodies):
-        thickness, _ = thicknesses(body.shape)
-        if thickness < least * (1 - 1e-9):
+        box, mesh = thicknesses(body.shape)[0], mesh_thickness(body.shape)
+        if min(box, mesh) < least * (1 - 1e-9):
+            remedy = "make it thicker, or " + ("" if box <= mesh else "make it of a Box, and ")
             raise ValueError(
-                f"bodies[{i}] has parts of {thickness:.6g} m, must be >= {least:.6g} m, two cells, "
-                f"with density = {type(scheme.density).__name__}() and transfer = "
-                f"{scheme.transfer!r}: the material on its two sides would be coupled; make it "
-                'thicker, or take ParticleDensity() with "apic", "tpic" or "flip", which separates '
-                "them"
+                f"bodies[{i}] has parts of {min(box, mesh):.6g} m, must be >= {least:.6g} m, two "
+                f"cells, with density = {type(scheme.density).__name__}() and transfer = "
+                f"{scheme.transfer!r}: the material on its two sides would be coupled; {remedy}"
+                'take ParticleDensity() with "apic", "tpic" or "flip", which separates them'
             )
 
 
@@ -109,6 +109,24 @@ def near_thin_parts(scene: Scene) -> str | None:
             return (
                 f"bodies[{i}] and bodies[{j}] have thin parts nearer than {NEAR:g} cells: what is "
                 "between them may be on the wrong side of one and leak; make them one body, a Union"
+            )
+    return None
+
+
+MILLIMETRE = 1e-3
+
+
+def mesh_scale(scene: Scene) -> str | None:
+    """Meshes that are far too large or small for the domain, but not so in another unit."""
+    cell, longest = scene.grid.cell, scene.grid.cell * max(scene.grid.shape)
+    for i, body in enumerate(scene.bodies):
+        size = mesh_size(body.shape)
+        told = f"bodies[{i}] has a mesh of {size:.4g} m in a domain of {longest:.4g} m: "
+        if size > 10 * longest and cell <= MILLIMETRE * size <= longest:
+            return told + f"if its lengths are in millimetres, take scale = {MILLIMETRE}"
+        if 0 < size < cell and cell <= size / MILLIMETRE <= longest:
+            return (
+                told + f"below a cell; if its lengths are in metres, take no scale = {MILLIMETRE}"
             )
     return None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
@@ -15,7 +15,17 @@ from granular.checks import LEAST
 from granular.mpm.body_operations import operands
 from granular.mpm.body_shapes import PARTS, Array, Shape, row_of
 
-__all__ = ["are_endless", "extents", "largest_speed", "reach", "thicknesses", "whole_parts"]
+__all__ = [
+    "are_endless",
+    "bounds",
+    "extents",
+    "largest_speed",
+    "mesh_size",
+    "mesh_thickness",
+    "reach",
+    "thicknesses",
+    "whole_parts",
+]
 
 TINY = 1e-12
 """Largest cosine that is taken for that of a right angle."""
@@ -123,6 +133,18 @@ def reach(shape: Shape) -> float:
     return float(_folded(shape, farthest, 1.0))
 
 
+def bounds(shape: Shape, directions: Array) -> tuple[Array, Array]:
+    """Least and largest coordinates [m] along directions, the rows (n, 3); may be infinite."""
+
+    def ahead(cover: Cover) -> Array:
+        centred = replace(cover, center=np.zeros(3))
+        half = np.array([_along(centred, e) for e in directions])
+        return np.concatenate([half - directions @ cover.center, half + directions @ cover.center])
+
+    low, high = np.broadcast_to(_folded(shape, ahead, 1.0), 2 * len(directions)).reshape(2, -1)
+    return -low, high
+
+
 def extents(shape: Shape, rotation: Array, turning: Array) -> Array:
     """Largest distances from the position of a body to its surface along x, y and z [m].
 
@@ -223,8 +245,8 @@ def whole_parts(rows: Array) -> list[slice]:
 def thicknesses(shape: Shape) -> tuple[float, float]:
     """Least edge [m] of its boxes, whose two sides are kept apart, and thickness of the others.
 
-    The thickness is the diameter of the largest ball in a part, or in one that an operation takes;
-    inf if there is none.
+    The thickness is the diameter of the largest ball in a part, or in one that an operation takes,
+    and of a mesh that of its thinnest walls; inf if there is none.
     """
     rows, arrays = shape.rows(), arrays_of(shape)
     boxes = [part.start for part in whole_parts(rows) if part.stop == part.start + 1]
@@ -235,6 +257,19 @@ def thicknesses(shape: Shape) -> tuple[float, float]:
         if k not in boxes and not rows[k, 1]:
             other = min(other, _thickness(rows[k], arrays[k], shape.dim))
     return float(box), float(other)
+
+
+def mesh_thickness(shape: Shape) -> float:
+    """Thickness [m] of the thinnest walls of the meshes in a shape; inf if there is none."""
+    parts = zip(shape.rows(), arrays_of(shape), strict=True)
+    thicknesses = (_thickness(row, array, 3) for row, array in parts if row[0] == PARTS["sampled"])
+    return min(thicknesses, default=math.inf)
+
+
+def mesh_size(shape: Shape) -> float:
+    """Longest edge [m] of the boxes about the meshes in a shape; 0 if there is none."""
+    meshes = [row for row in shape.rows() if row[0] == PARTS["sampled"]]
+    return max((2 * float(row[14:].max()) for row in meshes), default=0.0)
 
 
 def _thickness(row: Array, array: Any, dim: int) -> float:
@@ -250,7 +285,7 @@ def _thickness(row: Array, array: Any, dim: int) -> float:
     if array is None or kind == PARTS["height_map"]:
         return math.inf
     if kind == PARTS["sampled"]:
-        return -2 * float(min(array[1].min(), array[3].min(initial=math.inf)))
+        return float(array[0][4])
     across = 2 * (float(size[1]) or _inradius(row, array))
     return min(across, 2 * float(size[0])) if kind == PARTS["polygon"] else across
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from granular.geometry import Fill
 from granular.materials import NGF, MuI
-from granular.mpm.body_limits import light_bodies, near_thin_parts, thin_parts
+from granular.mpm.body_limits import light_bodies, mesh_scale, near_thin_parts, thin_parts
 from granular.mpm.filling import has_material, is_full, middle_points
 from granular.mpm.walls import Solid, Wall
 from granular.plausible import BOULDER
@@ -205,6 +205,7 @@ def known_failures(scene: Scene) -> list[str]:
         thin_parts,
         near_thin_parts,
         light_bodies,
+        mesh_scale,
         _clipped,
         _walled_in,
         _divided,

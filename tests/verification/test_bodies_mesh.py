@@ -5,6 +5,7 @@ import sys
 
 import numpy as np
 import pytest
+from cube import CORNERS, FACES
 
 import granular as gr
 from granular import _core
@@ -12,16 +13,22 @@ from granular.geometry import Box as Region
 from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
 from granular.materials import MuI
-from granular.mpm import body_mesh
+from granular.mpm import body_mesh_samples
 from granular.mpm.bodies import Body, Box, Mesh, Motion, Union
-from granular.mpm.body_mesh import _neighbours
 from granular.mpm.walls import Wall
 
-CUBE = tuple((x, y, z) for z in (-0.1, 0.1) for y in (-0.1, 0.1) for x in (-0.1, 0.1))
-FACES = (
-    (0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1, 5, 4),
-    (2, 6, 3), (3, 6, 7), (0, 4, 2), (2, 4, 6), (1, 3, 5), (3, 7, 5),
-)  # fmt: skip
+CUBE, FACES = tuple(map(tuple, CORNERS)), tuple(map(tuple, FACES))
+SOUP = np.arange(36).reshape(-1, 3)
+WITH_A_WALL = (*FACES, (2, 4, 5), (2, 5, 3))  # from edge to edge, through the middle
+TURN, ACROSS = np.repeat(np.linspace(0, 2 * np.pi, 12, endpoint=False), 2), np.tile((-0.3, 0.3), 12)
+AWAY = 1 + ACROSS * np.cos(TURN / 2)
+STRIP = np.stack([AWAY * np.cos(TURN), AWAY * np.sin(TURN), ACROSS * np.sin(TURN / 2)], axis=1)
+MOEBIUS = [
+    face
+    for k in range(12)
+    for a, b, c, d in [(2 * k, 2 * k + 1, *((2 * k + 2, 2 * k + 3) if k < 11 else (1, 0)))]
+    for face in [(a, c, b), (b, c, d)]
+]
 
 
 @pytest.fixture
@@ -86,7 +93,7 @@ def test_exact_distances_of_triangles(trimesh):
     """The tree finds what a search through all triangles finds, with the sign of a ray count."""
     torus = trimesh.creation.torus(0.1, 0.04, major_sections=24, minor_sections=12)
     vertices, faces = np.array(torus.vertices), np.array(torus.faces, dtype=np.int32)
-    tree = _core.mesh_tree(vertices, faces, _neighbours(faces, len(vertices)))
+    tree = _core.mesh_tree(vertices, faces)
     x = np.random.default_rng(0).uniform(-0.16, 0.16, (300, 3)) * [1, 1, 0.4]
     nearest = [
         np.linalg.norm(
@@ -94,12 +101,13 @@ def test_exact_distances_of_triangles(trimesh):
         ).min()
         for place in x
     ]
-    found = _core.mesh_distance(tree, x)
+    found = _core.mesh_distance(tree, x, True)
     np.testing.assert_allclose(abs(found), nearest, rtol=0, atol=1e-12)
     inside = np.hypot(np.hypot(x[:, 0], x[:, 1]) - 0.1, x[:, 2])
     clear = abs(inside - 0.04) > 0.003  # facets are up to 0.002 m within the torus
     assert ((found < 0) == (inside < 0.04))[clear].all()
-    assert np.array_equal(found[::-1], _core.mesh_distance(tree, np.ascontiguousarray(x[::-1])))
+    back = np.ascontiguousarray(x[::-1])
+    assert np.array_equal(found[::-1], _core.mesh_distance(tree, back, True))
 
 
 def test_edges_are_known():
@@ -195,9 +203,9 @@ def test_samples_are_kept_in_a_folder(tmp_path, monkeypatch):
     mesh = Mesh(CUBE, FACES, spacing=0.0271)
     first = mesh.samples()[0]
     (path,) = (tmp_path / "kept").iterdir()
-    monkeypatch.setattr(body_mesh, "_sample", lambda _: pytest.fail("sampled again"))
+    monkeypatch.setattr(body_mesh_samples, "_sample", lambda _: pytest.fail("sampled again"))
     for damage in (None, b"x" * 300):
-        body_mesh._KEPT.clear()
+        body_mesh_samples._KEPT.clear()
         if damage:
             path.write_bytes(damage)
             monkeypatch.undo()
@@ -210,9 +218,12 @@ def test_samples_are_kept_in_a_folder(tmp_path, monkeypatch):
     ("change", "message"),
     [
         ({"faces": FACES[:-1]}, "the surface must be closed"),
-        ({"faces": (*FACES, FACES[0])}, "the surface must be closed"),
-        ({"faces": tuple(face[::-1] for face in FACES)}, "volume -0.008"),
-        ({"faces": (FACES[0][::-1], *FACES[1:])}, "closed"),
+        ({"faces": (FACES[0], FACES[0][::-1])}, "a sheet needs a thickness"),
+        ({"faces": (*FACES, (0, 1, 8)), "vertices": (*CUBE, (0.0, 0.0, 0.0))}, "one triangle"),
+        ({"vertices": np.array(CUBE)[np.ravel(FACES)], "faces": SOUP}, "28 vertices lie where"),
+        ({"vertices": STRIP, "faces": MOEBIUS}, "no common orientation"),
+        ({"faces": WITH_A_WALL}, "belongs to 3 triangles, . of them in this direction"),
+        ({"spacing": 0.11}, r"spacing = 0.11 must be <= 0.1 m, half the least edge"),
         ({"faces": ((0, 1, 1), *FACES)}, r"faces\[0\] = \[0, 1, 1\]"),
         ({"faces": ((0, 1, 9), *FACES)}, r"faces\[0\] = \[0, 1, 9\]"),
         ({"faces": ()}, "must hold a surface"),
@@ -247,6 +258,7 @@ def test_flat_triangles_do_no_harm():
 
 def test_without_trimesh_the_extra_is_named(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "trimesh", None)
+    (tmp_path / "a.stl").write_bytes(b"solid")
     with pytest.raises(ModuleNotFoundError, match=r"pip install granular\[meshes\]"):
         Mesh.read(tmp_path / "a.stl", spacing=0.1)
 
@@ -278,11 +290,17 @@ def test_core_refuses_bad_tables():
             _core.body_distance(row, samples, x)
     v, f = np.array(CUBE), np.array(FACES, dtype=np.int32)
     for given in (
-        (v, f + 1, None), (v, f - 1, None), (v, f, f + 20), (v * np.nan, f, None), (v, f[:0], None),
-        (v, f, f[:-1]), (v, f.astype(np.int64), None), (v[:, :2], f, None), (None, f, None),
+        (v, f + 1), (v, f - 1), (v * np.nan, f), (v, f[:0]), (v, f.astype(np.int64)), (v[:, :2], f),
+        (None, f), (v,),
     ):  # fmt: skip
         with pytest.raises((TypeError, ValueError)):
             _core.mesh_tree(*given)
-    for given in ((object(), x), (_core.mesh_tree(v, f, None), x * np.nan)):
+    tree, r = _core.mesh_tree(v, f), np.ones(len(x))
+    for function, given in (
+        (_core.mesh_distance, (object(), x, True)), (_core.mesh_distance, (tree, x * np.nan, True)),
+        (_core.mesh_winding, (object(), x)), (_core.mesh_winding, (tree, x[:, :2])),
+        (_core.mesh_clear, (tree, x, r[1:])), (_core.mesh_clear, (tree, x, -r)),
+        (_core.mesh_clear, (tree, x, r * np.nan)), (_core.mesh_clear, (object(), x, r)),
+    ):  # fmt: skip
         with pytest.raises((TypeError, ValueError)):
-            _core.mesh_distance(*given)
+            function(*given)

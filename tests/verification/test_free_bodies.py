@@ -12,12 +12,8 @@ from granular.materials import MuI
 from granular.mpm.bodies import (
     Body,
     Box,
-    Capsule,
     Cylinder,
     Motion,
-    Sphere,
-    Torus,
-    mass_properties,
 )
 
 
@@ -190,43 +186,6 @@ def test_too_light_a_body_is_warned_of():
         assert bool(found) == warns
 
 
-def test_mass_properties():
-    """Those of homogeneous bodies in text books."""
-    disc = mass_properties(Cylinder(0.1, center=(0.02, 0.0)), 1000.0)
-    assert disc.mass == pytest.approx(10 * np.pi, rel=1e-12)
-    assert disc.center == (0.02, 0.0)
-    assert disc.inertia == pytest.approx(0.5 * disc.mass * 0.01, rel=1e-12)
-    ball = mass_properties(Sphere(0.1, center=(0.0, 0.0, 0.0)), 1000.0)
-    assert ball.inertia == pytest.approx(0.4 * ball.mass * 0.01 * np.eye(3), rel=1e-12)
-    box = mass_properties(Box((0.3, 0.2, 0.1)), 1000.0)
-    exact = 6.0 / 12 * np.diag([0.05, 0.1, 0.13])
-    assert np.array(box.inertia) == pytest.approx(exact, rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    "shape",
-    [
-        Box((0.3, 0.2), center=(0.03, 0.0)),
-        Cylinder(0.1, center=(0.02, 0.0)),
-        Capsule(0.1, 0.3, center=(0.0, 0.0), axis=(1.0, 1.0)),
-        Box((0.3, 0.2, 0.1)),
-        Sphere(0.1, center=(0.01, 0.0, 0.0)),
-        Cylinder(0.1, center=(0.0,) * 3, axis=(1.0, 1.0, 0.0), length=0.3),
-        Capsule(0.1, 0.3, center=(0.0,) * 3, axis=(1.0, 0.0, 1.0)),
-        Torus(0.2, 0.05, center=(0.0,) * 3, axis=(0.0, 1.0, 1.0)),
-    ],
-    ids=lambda shape: f"{type(shape).__name__} {shape.dim}D",
-)
-def test_formulas_are_those_of_the_quadrature(shape):
-    exact = mass_properties(shape, 1000.0)
-    sampled = mass_properties(shape, 1000.0, cells=512 if shape.dim == 2 else 96)
-    rel = 1e-4 if shape.dim == 2 else 4e-3
-    assert exact.mass == pytest.approx(sampled.mass, rel=rel)
-    assert exact.center == pytest.approx(sampled.center, abs=1e-4)
-    size = np.max(sampled.inertia)
-    assert np.array(exact.inertia) == pytest.approx(np.array(sampled.inertia), abs=rel * size)
-
-
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -243,9 +202,6 @@ def test_formulas_are_those_of_the_quadrature(shape):
             lambda: Body(Box((1.0, 1.0)), (0.0, 0.0), inertia=1.0, restitution=1.5),
             r"restitution = 1.5 must be in \[0.0, 1.0\]",
         ),
-        (lambda: mass_properties(gr.bodies.HalfSpace((0.0, 1.0)), 1.0), "finite size"),
-        (lambda: mass_properties(Box((1.0, 1.0)), -1.0), "density = -1.0"),
-        (lambda: mass_properties(Box((1.0, 1.0)), 1.0, cells=4), "cells = 4"),
     ],
 )
 def test_bad_inertia_is_refused(make, message):

@@ -92,10 +92,12 @@ def test_the_search_finds_the_nearest_triangle():
         part.ravel() for part in (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1])
     )
     faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]).astype(np.int32)
-    tree = _core.mesh_tree(np.stack([x.ravel(), y.ravel(), z.ravel()], 1), faces, None)
+    tree = _core.mesh_tree(np.stack([x.ravel(), y.ravel(), z.ravel()], 1), faces)
     places = rng.uniform([0, 0, -4], [5.8, 5.4, 4], (3000, 3))
     found = Body(body, (0.0,) * 3).distance(places)[0]
-    np.testing.assert_allclose(abs(found), _core.mesh_distance(tree, places), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        abs(found), _core.mesh_distance(tree, places, False), rtol=0, atol=1e-12
+    )
     assert (found[places[:, 2] > 1] > 0).all() and (found[places[:, 2] < -1] < 0).all()
 
 

@@ -1,0 +1,176 @@
+"""Exact distances from surfaces of triangles, and the thickness of what they enclose."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular import _core
+from granular.mpm.body_quadrature import Moments
+
+__all__ = ["Triangles"]
+
+Array = NDArray[np.float64]
+
+POINTS = 2048
+"""Points of a surface at which the thickness is measured."""
+SHARE = 0.01
+"""Share of the surface that walls must have to count."""
+CLEAR = 0.99
+"""Share of its radius within which a ball must hold no triangle.
+
+With 1 a ball in a fine triangulation of a ball would be compared with all triangles. Between two
+planes the radius that fits is their distance over 1 + CLEAR thereby.
+"""
+OPPOSITE = 0.01
+"""Distance of the surface from the far end of a ball, in radii, up to which it touches there.
+
+In a wedge of the angle a it is 1 - cos a: walls are what tapers by less than 8 degrees.
+"""
+OFF = 1e-6
+"""Distance from the surface, over its size, at which it is tested what is beside it."""
+
+
+class Triangles:
+    """A surface of triangles.
+
+    Parameters
+    ----------
+    vertices, faces : ndarray
+    solids : ndarray of int, shape (n,), optional
+        Solid of each triangle of a closed surface, from 0 on; None for a sheet.
+    thickness : float
+        Thickness of a sheet [m].
+    """
+
+    def __init__(
+        self,
+        vertices: Array,
+        faces: NDArray[np.int32],
+        solids: NDArray[np.intp] | None,
+        thickness: float,
+    ) -> None:
+        used = vertices[faces.ravel()]
+        low, high = used.min(axis=0), used.max(axis=0)
+        self.origin = 0.5 * (low + high)
+        self._size, self._half = high - low, 0.5 * thickness
+        self._vertices = np.ascontiguousarray(vertices - self.origin)  # no digits are lost far off
+        self._faces, self._closed = faces, solids is not None
+        self._tree = _core.mesh_tree(self._vertices, faces)
+        self._solid = np.zeros(len(faces), dtype=np.intp) if solids is None else solids
+        self._parts = [(self._tree, -self._size, self._size)]
+        if self._solid.any():
+            self._parts = [
+                self._part(faces[self._solid == s]) for s in range(self._solid.max() + 1)
+            ]
+
+    def _part(self, faces: NDArray[np.int32]) -> tuple[object, Array, Array]:
+        """Tree of a solid, and corners of its box."""
+        used = self._vertices[faces.ravel()]
+        tree = _core.mesh_tree(self._vertices, np.ascontiguousarray(faces))
+        return tree, used.min(axis=0), used.max(axis=0)
+
+    def distance(self, x: Array) -> Array:
+        """Signed distance [m] of places (n, 3).
+
+        It is that of the solid whose surface is nearest, and inside the greatest depth in a solid:
+        walls of one within another are none.
+        """
+        places = np.ascontiguousarray(x - self.origin)
+        distance = _core.mesh_distance(self._tree, places, self._closed) - self._half
+        if len(self._parts) > 1 and len(inside := np.flatnonzero(distance < 0)):
+            depth = np.zeros(len(inside))
+            for tree, low, high in self._parts:
+                here = np.flatnonzero(
+                    ((places[inside] >= low) & (places[inside] <= high)).all(axis=1)
+                )
+                if len(here):
+                    own = _core.mesh_distance(tree, places[inside[here]], True)
+                    depth[here] = np.maximum(depth[here], -own)
+            distance[inside] = np.where(depth > 0, -depth, distance[inside])
+        return distance
+
+    def winding(self, x: Array) -> Array:
+        """Number of times that the surface goes around places (n, 3)."""
+        return _core.mesh_winding(self._tree, np.ascontiguousarray(x - self.origin))
+
+    def points(self, count: int) -> tuple[Array, Array, NDArray[np.intp]]:
+        """Points of the surface, spread evenly by area, their normals and the solids."""
+        a, b, c = (self._vertices[self._faces[:, k]] for k in range(3))
+        twice = np.cross(b - a, c - a)
+        area = np.linalg.norm(twice, axis=1)
+        sums = np.cumsum(area)
+        at = np.searchsorted(sums, (np.arange(count) + 0.5) / count * sums[-1])
+        at = np.minimum(at, len(area) - 1)
+        # a sequence of low discrepancy in the square (R2), folded into the triangle
+        share = (np.arange(count)[:, None] * (0.7548776662466927, 0.5698402909980532) + 0.5) % 1
+        over = share.sum(axis=1) > 1
+        share[over] = 1 - share[over]
+        places = a[at] + share[:, :1] * (b - a)[at] + share[:, 1:] * (c - a)[at]
+        return places + self.origin, twice[at] / area[at, None], self._solid[at]
+
+    def _sides(self, at: Array, normal: Array) -> tuple[Array, Array]:
+        """Winding numbers just within and just outside of points of a closed surface."""
+        off = OFF * self._size.max() * normal
+        return self.winding(at - off), self.winding(at + off)
+
+    def overlaps(self, count: int) -> bool:
+        """True if parts of a closed surface lie within others, or cross each other."""
+        at, normal, _ = self.points(count)
+        inner, outer = self._sides(at, normal)
+        return bool((abs(inner - 1) > 0.5).any() or (abs(outer) > 0.5).any())
+
+    def bounds(self, directions: Array) -> tuple[Array, Array]:
+        """Least and largest coordinates [m] along directions, the rows (n, 3)."""
+        along = (self._vertices[np.unique(self._faces)] + self.origin) @ directions.T
+        return along.min(axis=0) - self._half, along.max(axis=0) + self._half
+
+    def moments(self) -> Moments:
+        """Moments of what a closed surface encloses, by the theorem of Gauss.
+
+        They are sums over the tetrahedra of each triangle with the middle of the box.
+        """
+        a, b, c = (self._vertices[self._faces[:, k]] for k in range(3))
+        six = np.einsum("ni,ni->n", a, np.cross(b, c))
+        corners, total = np.stack([a, b, c]), a + b + c
+        sums = np.empty((4, 4))
+        sums[0, 0] = six.sum() / 6
+        sums[0, 1:] = sums[1:, 0] = six @ total / 24
+        of_corners = np.einsum("n,kni,knj->ij", six, corners, corners)
+        sums[1:, 1:] = (of_corners + np.einsum("n,ni,nj->ij", six, total, total)) / 120
+        volume, center = float(sums[0, 0]), sums[0, 1:] / sums[0, 0]
+        second = sums[1:, 1:] - volume * np.outer(center, center)
+        return Moments(volume, center + self.origin, second, 0.0)
+
+    def thickness(self) -> float:
+        """Thickness [m] of the thinnest walls, of a hundredth of the surface at least.
+
+        Without walls it is the diameter of the largest ball inside. It is measured by the largest
+        balls inside that touch the surface at a point of it. Where such a ball touches the surface
+        at its far end, too, there is a wall.
+        """
+        if not self._closed:
+            return 2 * self._half
+        at, normal, solid = self.points(POINTS)
+        inner, outer = self._sides(at, normal)
+        shown = (inner > 0.5) & (outer < 0.5)
+        radius, walls = np.zeros(POINTS), np.zeros(POINTS, dtype=bool)
+        for s, (tree, _, _) in enumerate(self._parts):
+            here = np.flatnonzero(shown & (solid == s))
+            if len(here):
+                places = at[here] - self.origin
+                radius[here], walls[here] = self._touching(tree, places, normal[here])
+        wall = np.sort((1 + CLEAR) * radius[walls])
+        least = int(np.ceil(SHARE * max(shown.sum(), 1)))
+        thinnest = wall[least - 1] if len(wall) >= least else np.inf
+        return float(min(thinnest, 2 * radius.max()))
+
+    def _touching(self, tree: object, at: Array, normal: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Radii of the largest balls touching points from within, and whether they touch twice."""
+        low, high = np.zeros(len(at)), np.full(len(at), 0.5 * self._size.min())
+        for _ in range(16):
+            radius = 0.5 * (low + high)
+            fits = _core.mesh_clear(tree, at - radius[:, None] * normal, CLEAR * radius)
+            low, high = np.where(fits, radius, low), np.where(fits, high, radius)
+        far = at - (1 + CLEAR) * low[:, None] * normal
+        return low, ~_core.mesh_clear(tree, far, OPPOSITE * low)

@@ -1,0 +1,178 @@
+"""Mass, centre and inertia of homogeneous bodies, and the bounds of their errors."""
+
+import math
+
+import numpy as np
+import pytest
+from cube import CORNERS, FACES
+
+import granular as gr
+from granular.mpm.bodies import (
+    Box,
+    Capsule,
+    Cylinder,
+    Difference,
+    Frustum,
+    Mesh,
+    Polygon,
+    Sphere,
+    Torus,
+    Union,
+    mass_properties,
+)
+
+
+def off(found, mass, center, inertia):
+    """Largest error, relative as `MassProperties.error` is."""
+    inertia, center = np.array(inertia), np.array(center)
+    largest, trace = inertia, inertia
+    if inertia.ndim:
+        largest, trace = np.linalg.eigvalsh(inertia).max(), np.trace(inertia) / 2
+    return max(
+        abs(found.mass / mass - 1),
+        abs(np.array(found.center) - center).max() / math.sqrt(trace / mass),
+        abs(np.array(found.inertia) - inertia).max() / largest,
+    )
+
+
+def moved(whole, to):
+    """Moment of inertia about another point than the centre."""
+    arm = np.array(whole.center) - to
+    if len(arm) == 2:
+        return whole.inertia + whole.mass * arm @ arm
+    turned = arm @ arm * np.eye(3) - np.outer(arm, arm)
+    return np.array(whole.inertia) + whole.mass * turned
+
+
+def less(shape, hole):
+    """Mass, centre and inertia of a shape with a hole, by those of both."""
+    whole, gone = mass_properties(shape, 1000.0), mass_properties(hole, 1000.0)
+    mass = whole.mass - gone.mass
+    center = whole.mass * np.array(whole.center) - gone.mass * np.array(gone.center)
+    center = center / mass
+    return mass, center, moved(whole, center) - moved(gone, center)
+
+
+def same(shape):
+    """Those of a shape that has a formula."""
+    whole = mass_properties(shape, 1000.0)
+    assert whole.error == 0
+    return whole.mass, whole.center, whole.inertia
+
+
+def test_formulas():
+    """Those of homogeneous bodies in text books."""
+    disc = mass_properties(Cylinder(0.1, center=(0.02, 0.0)), 1000.0)
+    assert disc.mass == pytest.approx(10 * np.pi, rel=1e-12)
+    assert disc.center == (0.02, 0.0)
+    assert disc.inertia == pytest.approx(0.5 * disc.mass * 0.01, rel=1e-12)
+    ball = mass_properties(Sphere(0.1, center=(0.0, 0.0, 0.0)), 1000.0)
+    assert ball.inertia == pytest.approx(0.4 * ball.mass * 0.01 * np.eye(3), rel=1e-12)
+    box = mass_properties(Box((0.3, 0.2, 0.1)), 1000.0)
+    exact = 6.0 / 12 * np.diag([0.05, 0.1, 0.13])
+    assert np.array(box.inertia) == pytest.approx(exact, rel=1e-12)
+
+
+SINGLE = {
+    "rectangle": Box((0.3, 0.2), center=(0.03, 0.0), rotation_deg=20.0),
+    "disc": Cylinder(0.1, center=(8.0, 0.0)),
+    "stadium": Capsule(0.1, 0.3, center=(0.0, 0.0), axis=(1.0, 1.0)),
+    "strip": Box((0.4, 0.005), rotation_deg=45.0),
+    "box": Box((0.3, 0.2, 0.1)),
+    "plate": Box((0.4, 0.3, 0.005), center=(1.0, 2.0, 3.0), rotation_deg=(0.0, 45.0, 0.0)),
+    "cylinder": Cylinder(0.1, center=(0.0,) * 3, axis=(1.0, 1.0, 0.0), length=0.3),
+    "capsule": Capsule(0.1, 0.3, center=(0.0,) * 3, axis=(1.0, 0.0, 1.0)),
+    "torus": Torus(0.2, 0.05, center=(0.0,) * 3, axis=(0.0, 1.0, 1.0)),
+} | {f"ball at {x} m": Sphere(0.1, center=(x, -0.3 * x, 0.0)) for x in (1.0, 3.0, 8.0)}
+
+
+@pytest.mark.parametrize("shape", SINGLE.values(), ids=SINGLE)
+def test_quadrature_is_within_its_bound_of_formulas(shape):
+    """A union of a shape with itself has no formula; as it is anywhere, and however thin."""
+    found = mass_properties(Union((shape, shape)), 1000.0)
+    assert 0 < found.error <= 1e-3
+    assert off(found, *same(shape)) <= found.error
+
+
+TURN = {"rotation_deg": (10.0, 20.0, 30.0)}
+HOLLOW = {
+    "box": (Box((0.4, 0.3, 0.2), **TURN), Box((0.394, 0.294, 0.194), **TURN), 1e-3),
+    "box along": (Box((0.4, 0.3, 0.2)), Box((0.394, 0.294, 0.194)), 1e-3),
+    "ball": (Sphere(0.2, center=(1.0, 0, 0)), Sphere(0.197, center=(1.0, 0, 0)), 5e-3),
+    "crescent": (Sphere(0.2, center=(0.0,) * 3), Sphere(0.1, center=(0.05, 0.0, 0.0)), 1e-3),
+    "frame": (Box((0.4, 0.3)), Box((0.394, 0.294)), 1e-3),
+    "ring": (Cylinder(0.2, center=(1.0, 0.0)), Cylinder(0.199, center=(1.0, 0.0)), 1e-3),
+}
+
+
+@pytest.mark.parametrize(("shape", "hole", "bound"), HOLLOW.values(), ids=HOLLOW)
+def test_hollow_bodies_are_within_their_bounds(shape, hole, bound):
+    """Walls of 3 mm, of 1 mm in 2D."""
+    found = mass_properties(Difference(shape, hole), 1000.0)
+    assert off(found, *less(shape, hole)) <= found.error <= bound
+
+
+def test_sections_and_far_parts():
+    """A cone, a triangle, and two balls of 0.1 m that are 8 m apart."""
+    cone = mass_properties(Frustum((0.3, 0.0), 0.6, center=(0.0,) * 3, axis=(0.0, 0.0, 1.0)), 1.0)
+    mass = math.pi * 0.3**2 * 0.2
+    across = 3 / 80 * mass * (4 * 0.3**2 + 0.6**2)
+    assert off(cone, mass, (0, 0, -0.15), np.diag([across, across, 0.3 * mass * 0.09])) < 1e-3
+    triangle = mass_properties(Polygon(((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))), 1.0)
+    assert off(triangle, 0.5, (1 / 3, 1 / 3), 1 / 18) <= triangle.error <= 1e-3
+    balls = Union((Sphere(0.1, center=(0.0,) * 3), Sphere(0.1, center=(8.0, 0.0, 0.0))))
+    mass, _, inertia = same(balls.parts[0])
+    both = 2 * np.array(inertia) + 2 * mass * 16 * np.diag([0, 1, 1])
+    found = mass_properties(balls, 1000.0)
+    assert off(found, 2 * mass, (4.0, 0.0, 0.0), both) <= found.error <= 1e-3
+
+
+def test_meshes_are_exact_anywhere():
+    """Also 5,000 km from the origin, where 1 nm are lost; with a cavity; and of overlapping parts.
+
+    A square as a sheet is a plate with half round edges and quarters of balls at its corners.
+    """
+    for at in ((0.0,) * 3, (3.0, 0.0, -1.0), (5e6, 5e5, 0.0)):
+        box = Box((0.2, 0.2, 0.2), center=at)
+        mesh = Mesh(CORNERS + at, FACES, spacing=0.02)
+        found = mass_properties(mesh, 1000.0)
+        assert found.error == 0
+        bound = 1e-12 if at[0] < 10 else 1e-7
+        assert off(found, *same(box)) < bound
+        both = np.concatenate([CORNERS, 0.5 * CORNERS]) + at
+        hollow = Mesh(both, np.concatenate([FACES, 8 + FACES[:, ::-1]]), spacing=0.02)
+        wanted = less(box, Box((0.1, 0.1, 0.1), center=at))
+        assert off(mass_properties(hollow, 1000.0), *wanted) < bound
+    both = np.concatenate([CORNERS, CORNERS + np.array((0.1, 0.0, 0.0))])
+    overlapping = Mesh(both, np.concatenate([FACES, 8 + FACES]), spacing=0.02)
+    found = mass_properties(overlapping, 1000.0)
+    long = Box((0.3, 0.2, 0.2), center=(0.05, 0.0, 0.0))
+    assert off(found, *same(long)) <= found.error <= 1e-3 and found.error > 0
+    square = Mesh(CORNERS[4:], FACES[2:4] - 4, spacing=0.005, thickness=0.01)
+    sheet = mass_properties(square, 1000.0)
+    volume = 0.01 * 0.04 + 0.8 * math.pi / 2 * 0.005**2 + 4 / 3 * math.pi * 0.005**3
+    assert abs(sheet.mass / (1000 * volume) - 1) <= sheet.error <= 1e-3
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: mass_properties(gr.bodies.HalfSpace((0.0, 1.0)), 1.0), "finite size"),
+        (lambda: mass_properties(Box((1.0, 1.0)), -1.0), "density = -1.0"),
+        (lambda: mass_properties(Box((1.0, 1.0)), 1.0, tolerance=0.1), "tolerance = 0.1"),
+        (
+            lambda: mass_properties(Difference(Box((1.0, 1.0)), Box((1.1, 1.1))), 1.0),
+            "must have an inside",
+        ),
+        (
+            lambda: mass_properties(
+                Difference(Sphere(1.0, center=(0.0,) * 3), Sphere(0.9995, center=(0.0,) * 3)), 1.0
+            ),
+            "% only",
+        ),
+    ],
+)
+def test_what_is_refused(make, message):
+    """Also what is too thin for the lines: walls of 0.5 mm on a ball of 2 m."""
+    with pytest.raises(ValueError, match=message):
+        make()
