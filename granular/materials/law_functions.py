@@ -47,7 +47,7 @@ class LawFunction:
         self,
         address: int | None,
         *references: object,
-        called: Callable[..., None] | None = None,
+        called: object = None,
     ) -> None:
         new = ctypes.pythonapi.PyCapsule_New
         new.restype, new.argtypes = (
@@ -57,14 +57,14 @@ class LawFunction:
         self.capsule: object = new(address, CAPSULE, None)
         self.failure: BaseException | None = None
         self._references = references
-        self._called = called  # by ctypes
+        self._called = called  # the object that Python names where it can only report an exception
 
     def keeps(self, lost: sys.UnraisableHookArgs) -> bool:
-        """Keep an exception that ctypes could only report, if it was in a call of this function."""
+        """Keep an exception that could only be reported, if it was in a call of this function."""
         if self._called is None:
             return False
         told = lost.err_msg or ""  # Python 3.13 names the function there
-        if lost.object is not self._called and repr(self._called) not in told:
+        if lost.object != self._called and repr(self._called) not in told:
             return False
         self.failure = self.failure or lost.exc_value
         return True
@@ -77,9 +77,10 @@ class LawFunction:
 
 @contextmanager
 def keeping_exceptions(functions: Sequence[LawFunction]) -> Iterator[None]:
-    """Keep what is raised in functions before their first line, where they cannot keep it.
+    """Keep what is raised where functions cannot keep it, and Python only reports it.
 
-    There Python raises exceptions that another thread has set, as for a time limit.
+    That is in functions compiled by numba, and in those of Python before their first line, where
+    exceptions are raised that another thread has set, as for a time limit.
     """
     before = sys.unraisablehook
 
@@ -139,6 +140,10 @@ def _for_numpy(update: Callable[..., None]) -> LawFunction:
 # ---- numba ----
 
 
+CALLED_BY_NUMBA = "<numba.core.cpu.CPUContext>"
+"""What numba names when it reports an exception."""
+
+
 def _by_numba(update: Callable[..., None]) -> LawFunction:
     numba = needed("numba")
     inner = update if hasattr(update, "py_func") else numba.njit(update)
@@ -161,7 +166,7 @@ def _by_numba(update: Callable[..., None]) -> LawFunction:
         )
         done[0] = 1
 
-    return LawFunction(call.address, call)
+    return LawFunction(call.address, call, called=CALLED_BY_NUMBA)
 
 
 def needed(package: str) -> Any:

@@ -1,6 +1,7 @@
 """Laws of one's own, in NumPy, by numba and in C: mu(I) again, history, faults, restarts."""
 
 import dataclasses
+import importlib.util
 
 import numpy as np
 import pytest
@@ -112,6 +113,10 @@ def test_faults_are_told(monkeypatch):
     sim = gr.Simulation(scene_of(from_function(broken)), threads=2)
     with pytest.raises(ZeroDivisionError, match="a fault of the user"):
         sim.step(5)
+    if importlib.util.find_spec("numba"):
+        sim = gr.Simulation(scene_of(from_function(broken, compiler="numba")), threads=2)
+        with pytest.raises(ZeroDivisionError, match="a fault of the user"):
+            sim.step(5)
     captured = 3.0
 
     def enclosed(dt, parameters, gradient, log_density, stress, shear_rate, history):
