@@ -141,7 +141,7 @@ def _for_numpy(update: Callable[..., None]) -> LawFunction:
 
 
 CALLED_BY_NUMBA = "<numba.core.cpu.CPUContext>"
-"""What numba names when it reports an exception."""
+"""Object that numba names when it reports an exception."""
 
 
 def _by_numba(update: Callable[..., None]) -> LawFunction:
@@ -313,5 +313,5 @@ def _compiler() -> list[str]:
     usual = (os.environ.get("CC"), sysconfig.get_config_var("CC"), "cc", "gcc", "clang")
     for words in (shlex.split(command) for command in usual if command):
         if words and shutil.which(words[0]):
-            return words[:1] if "ccache" not in words[0] else words
+            return [word for word in words if not word.startswith("-")]  # no flags but ours
     raise ValueError("there is no C compiler: install one, or name it in the variable CC")

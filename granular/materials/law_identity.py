@@ -238,6 +238,8 @@ def _compiled_alike(name: str, function: Any, copy: FunctionType) -> Any:
     options = _options_of(function)
     if options.get("parallel"):
         raise ValueError(f"{name} must not be compiled with parallel=True: the core has threads")
+    if not function._can_compile:
+        raise ValueError(f"{name} must not be compiled for given types: leave them to numba")
     for key, value in options.items():
         if not isinstance(value, (bool, str, list)):
             raise ValueError(f"{name} must not be compiled with {key}={value!r}")

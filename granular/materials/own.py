@@ -25,7 +25,7 @@ from granular.materials.law_functions import (
     from_python,
 )
 from granular.materials.law_identity import frozen
-from granular.serializable import Parameters
+from granular.serializable import Parameters, Serializable
 
 __all__ = ["OwnLaw", "from_function", "trust_code"]
 
@@ -183,7 +183,14 @@ def trust_code(scene: Any) -> None:
     ----------
     scene : Scene
         What was read from a file or from a record, such as ``gr.open(path).scene``; or a material.
+
+    Raises
+    ------
+    TypeError
+        If it is neither.
     """
+    if not isinstance(scene, (Serializable, Material)):
+        raise TypeError(f"scene = {scene!r} must be a scene or a material")
     for material in getattr(scene, "materials", (scene,)):
         if isinstance(material, OwnLaw) and material.language == "c":
             _TRUSTED.add(material.digest)

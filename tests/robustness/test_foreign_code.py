@@ -143,3 +143,5 @@ def test_resume_may_trust(foreign):
     assert (foreign / "written").exists() and sim.steps
     with pytest.raises(TypeError, match="trust_code = 'yes' must be"):
         gr.Simulation.resume(foreign / "run.vtkhdf", trust_code="yes")
+    with pytest.raises(TypeError, match=r"scene = 'run.vtkhdf' must be a scene or a material"):
+        trust_code("run.vtkhdf")

@@ -57,10 +57,7 @@ ARRAY = "import numpy as np\nGIVEN = np.full(600, {})"
         (ARRAY, "stress *= GIVEN[599]"),
         ("import numpy as np\nGIVEN = np.float32({})", "stress *= GIVEN"),
         ("def given():\n    return {}", "stress *= given()"),
-        (
-            "A = {}\ndef deeper():\n    return A\ndef given():\n    return deeper()",
-            "stress *= given()",
-        ),
+        ("A = {}\ndef f():\n    return A\ndef given():\n    return f()", "stress *= given()"),
         ("given = lambda x: x * {}", "stress[:] = given(stress)"),
         ("A = {}", "stress *= sum([A for _ in range(1)])"),
         ("A = {}", "inner = lambda: A\nstress *= inner()"),
@@ -74,34 +71,21 @@ def test_what_a_law_reads_is_a_part_of_it(before, body, made):
     assert not np.array_equal(*map(stress_of, laws))
 
 
-@pytest.mark.parametrize(
-    "before", ["GIVEN = {}", "GIVEN = ({},)", ARRAY, "def GIVEN():\n    return {}"]
-)
-def test_numba_has_the_same_rules(before, made):
+def test_numba_has_the_same_rules(made):
+    """Values, helpers and their options are parts of the law."""
     pytest.importorskip("numba")
-    helps = "def" in before
-    before = before.replace("def", "import numba\n@numba.njit\ndef")
-    body = (
-        "stress *= GIVEN()"
-        if helps
-        else "stress *= GIVEN[0]"
-        if "GIVEN = {}" != before
-        else "stress *= GIVEN"
+    before = "import numba\nA = {}\n@numba.njit({})\ndef given():\n    return A[0]"
+
+    def law(value, options):
+        return made(before.format(value, options), "stress *= given()", compiler="numba")
+
+    laws = [law("(0.5, 1)", ""), law("(0.25, 1)", ""), law("(0.5, 1)", "fastmath=True")]
+    assert len({law.digest for law in laws}) == 3
+    assert not np.array_equal(*map(stress_of, laws[:2]))
+    refused(
+        ("parallel=True: the core has threads", lambda: law("(0.5, 1)", "parallel=True")),
+        ("must not be compiled for given types", lambda: law("(0.5, 1)", "'f8()'")),
     )
-    laws = [made(before.format(value), body, compiler="numba") for value in (0.5, 0.25)]
-    assert laws[0].digest != laws[1].digest
-    assert not np.array_equal(*map(stress_of, laws))
-
-
-def test_options_of_numba_are_a_part_of_it(made):
-    pytest.importorskip("numba")
-    helper = "import numba\n@numba.njit({})\ndef GIVEN():\n    return 0.5"
-    laws = [
-        made(helper.format(o), "stress *= GIVEN()", compiler="numba") for o in ("", "fastmath=True")
-    ]
-    assert laws[0].digest != laws[1].digest
-    with pytest.raises(ValueError, match="parallel=True"):
-        made(helper.format("parallel=True"), "stress *= GIVEN()", compiler="numba")
 
 
 def test_a_law_is_a_copy_that_nothing_changes(tmp_path, monkeypatch):
