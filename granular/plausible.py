@@ -39,7 +39,10 @@ LARGEST_LOAD = 0.1
 grains do, and it falls over its own height at sqrt(0.2/1.35) = 0.4 of the speed of its waves."""
 LARGEST_GRAVITY = 5e3
 """Largest gravity [m/s2], that of geotechnical centrifuges: 500 times that of the earth."""
+WEAKEST = 1.0
+"""Gravity [m/s2] that is meant as one; the moon has 1.62."""
 EARTH = 9.81
+"""Gravity of the earth [m/s2]."""
 LARGEST_FROUDE = 100.0
 """Largest omega^2 R/g of a body that turns: grains are thrown off at 1, and fast mixers have 50."""
 LARGEST_GRAIN = 0.5
@@ -245,13 +248,15 @@ def _gravity(scene: AnyScene) -> Iterator[str]:
             return
     if largest > LARGEST_GRAVITY:
         yield f"gravity of {largest:g} m/s2 is beyond that of a centrifuge, {LARGEST_GRAVITY:g}"
-    up = AXES[scene.dim - 1]
-    across = vectors[:, -1]
-    free = ~np.array(scene.grid.periodic[:-1])
-    if across.max() > 0 and across.min() >= 0:
+    up, axis = AXES[scene.dim - 1], int(np.abs(vectors).max(axis=0).argmax())
+    if vectors[:, -1].min() >= 0 and vectors[:, -1].max() > WEAKEST:
         yield f"gravity = {vectors[-1].tolist()} points upwards: the last axis, {up}, is up"
-    elif not across.any() and vectors[:, :-1][:, free].any():
-        yield f"gravity = {vectors[-1].tolist()} has no component along {up}, the axis that is up"
+    elif not vectors[:, -1].any() and vectors.any() and not scene.grid.periodic[axis]:
+        held = any(getattr(wall, "axis", None) == axis for wall in scene.walls)
+        if not held or abs(largest / EARTH - 1) < 0.01:
+            yield (
+                f"gravity = {vectors[-1].tolist()} has no component along {up}, the axis that is up"
+            )
 
 
 def _idle(scene: AnyScene) -> Iterator[str]:

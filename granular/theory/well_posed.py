@@ -201,11 +201,11 @@ def scaled_inertial_number_of_slope(angle_deg: float, material: MuI) -> float:
     return max(slope - material.mu_s, 0.0) / (material.mu_2 - slope)
 
 
-SMOOTHEST = 1e-3
+_SMOOTHEST = 1e-3
 """Friction below which the growth rate of short waves is that of its limit for little friction,
 -det Q/tr Q at its largest; the error is of the order mu. The difference of two roots that gives it
 else is lost in rounding."""
-ROUGHEST = 1e6
+_ROUGHEST = 1e6
 """Friction above which the growth rate of short waves is that of this friction, against overflow:
 such material does not yield."""
 
@@ -236,11 +236,11 @@ def short_wave_growth(mu: float, nu: float) -> float:
     float
         Largest s/(c_w k) over all directions, c_w = sqrt((K + 4 G/3)/rho).
     """
-    mu = min(positive("mu", mu), ROUGHEST)
+    mu = min(positive("mu", mu), _ROUGHEST)
     nu = in_range("nu", nu, 0.0, 0.5, open_high=True)
     K, G = (1 + nu) / (3 * (1 - nu)), (1 - 2 * nu) / (2 * (1 - nu))  # over K + 4 G/3
 
-    if mu < SMOOTHEST:
+    if mu < _SMOOTHEST:
         return 0.5 * mu * K * math.sqrt(G / (K + G / 3))
 
     def squared(c: float) -> float:

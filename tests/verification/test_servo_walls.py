@@ -372,11 +372,11 @@ def test_the_same_flow_at_a_quarter_of_the_size():
 
 
 def test_closed_domains_are_warned_of():
-    closed = cell_between_walls(pressure=None)
+    closed = cell_between_walls(pressure=None, gravity=1.0)
     (warning,) = gr.scene_warnings(closed)
     assert "closed in on every side" in warning and "pressure=..." in warning
     assert gr.scene_warnings(cell_between_walls()) == []
-    assert gr.scene_warnings(cell_between_walls(pressure=None, filled=0.9)) == []
+    assert gr.scene_warnings(cell_between_walls(pressure=None, filled=0.9, gravity=1.0)) == []
     elastic = closed.replace(material=gr.Elastic(E=1e6, rho_c=1500.0))
     assert gr.scene_warnings(elastic) == []
     opening = (closed.walls[0], gr.Wall(1, 0.2, opens_at=1.0))
