@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import combinations, product
+from itertools import combinations, product, repeat
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.geometry import AXES, combined
+from granular.geometry import AXES, Grid, combined
 from granular.mpm.blocks import solid_cells
-from granular.mpm.body_distances import distance_at, surface_at
-from granular.mpm.body_measures import thicknesses
+from granular.mpm.body_distances import distance_at, nearest, surface_at
+from granular.mpm.body_measures import reach, thicknesses
 from granular.mpm.free_bodies import places_of
-from granular.mpm.rigid_contact import SPACING, contact_balls, row_of_wall
+from granular.mpm.rigid_contact import SPACING, balls_of, obstacles, row_of_wall
 from granular.mpm.walls import Solid, Wall
 
 if TYPE_CHECKING:
@@ -80,30 +80,43 @@ def _overlaps(scene: Scene) -> Iterator[tuple[int, Overlap]]:
     free = [i for i, body in enumerate(scene.bodies) if body.free]
     if not free:
         return
-    balls = [_balls(scene, i) for i in range(len(scene.bodies))]
-    blocks = any(isinstance(wall, Solid) for wall in scene.walls)
+    balls = list(map(_placed, repeat(scene.grid), scene.bodies, balls_of(scene)))
+    solid = obstacles(scene)[[isinstance(wall, Solid) for wall in scene.walls]]
     for i in free:
         if not len(balls[i].x):  # endless: it goes through what is beside it
             continue
         for k, wall in enumerate(scene.walls):
             if isinstance(wall, Wall) and AXES[wall.axis] in scene.bodies[i].free:
                 yield from ((i, found) for found in _in_wall(scene, k, i, balls[i]))
-        if blocks:
+        if _is_near_blocks(scene, solid, scene.bodies[i]):
             yield from ((i, found) for found in _in_blocks(scene, scene.bodies[i]))
     for i, j in combinations(range(len(scene.bodies)), 2):
-        if i in free or j in free:
+        if (i in free or j in free) and _are_near(scene, i, j):
             one, other = (i, j) if i in free else (j, i)
             yield from ((one, found) for found in _in_body(scene, one, other, balls))
 
 
-def _balls(scene: Scene, i: int) -> Balls:
-    """Balls of a body in the grid; an endless one has none."""
-    grid, body = scene.grid, scene.bodies[i]
-    rows = contact_balls(body.shape, grid.cell, f"bodies[{i}].shape")
+def _placed(grid: Grid, body: Body, rows: Array) -> Balls:
+    """Balls of a body, given in its coordinates, in the grid; an endless one has none."""
     pose = body.at_start()
     x = pose.position + rows[:, : grid.dim] @ pose.rotation.T
     lower, size = np.array(grid.lower), grid.cell * np.array(grid.shape)
     return Balls(np.where(grid.periodic, lower + (x - lower) % size, x), rows[:, 3])
+
+
+def _is_near_blocks(scene: Scene, solid: Array, body: Body) -> bool:
+    """True if a body could reach a block, given the rows of the blocks as of `obstacles`."""
+    x = np.array(body.position)[None]
+    far = [_from_box(x, row[: scene.dim], row[3 : 3 + scene.dim])[0] for row in solid]
+    return bool(far) and (any(scene.grid.periodic) or min(far) < reach(body.shape))
+
+
+def _are_near(scene: Scene, i: int, j: int) -> bool:
+    """True if two bodies could reach each other, or their images."""
+    one, other = scene.bodies[i], scene.bodies[j]
+    periods = np.where(scene.grid.periodic, scene.grid.cell * np.array(scene.grid.shape), np.inf)
+    arm = nearest(np.array(one.position) - np.array(other.position), periods)
+    return float(np.linalg.norm(arm)) < reach(one.shape) + reach(other.shape)
 
 
 def _in_wall(scene: Scene, k: int, i: int, balls: Balls) -> Iterator[Overlap]:
@@ -138,12 +151,12 @@ def _across(scene: Scene, wall: Wall, i: int, balls: Balls) -> tuple[float, Arra
     It is the part on the side on which it is smaller; 0 for a body that the wall does not meet.
     """
     grid, body = scene.grid, scene.bodies[i]
-    reach, position, axes = body.extents(), np.array(body.position), []
+    half, position, axes = body.extents(), np.array(body.position), []
     for axis in range(grid.dim):
         low, high = wall.extent(grid, axis)
         if not grid.periodic[axis] and axis != wall.axis:
-            low = max(low, position[axis] - reach[axis])
-            high = min(high, position[axis] + reach[axis])
+            low = max(low, position[axis] - half[axis])
+            high = min(high, position[axis] + half[axis])
         if high < low:
             return 0.0, position
         step = max(SPACING * grid.cell, (high - low) / MOST_ACROSS[grid.dim])

@@ -15,7 +15,6 @@ from granular.materials import NGF, Material
 from granular.materials.law_functions import MOST_HISTORY
 from granular.materials.own import OwnLaw
 from granular.mpm.body_limits import check_blades
-from granular.mpm.body_overlaps import check_overlaps
 from granular.mpm.cell_codes import cell_flags, fluidity_faces
 from granular.mpm.damping import damping
 from granular.mpm.limits import check_time_step, damped_step
@@ -167,7 +166,6 @@ def build(scene: Scene, mean_mass: float, isa: str = "", *, runs: bool = True) -
     """
     check_time_step(scene)
     check_blades(scene)
-    check_overlaps(scene)
     grid, scheme = scene.grid, scene.scheme
     codes, rows = node_codes(scene)
     return _core.Engine(

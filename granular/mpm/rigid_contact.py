@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "SPACING",
+    "balls_of",
     "contact_balls",
     "moves_freely",
     "obstacles",
@@ -75,6 +76,16 @@ def contact_balls(shape: Shape, cell: float, name: str = "shape") -> Array:
         return np.array([[*rows[0, 2:5], size[0]]])
     places = _surface(shape, cell, name)
     return np.column_stack([places, np.zeros((len(places), 4 - dim))])
+
+
+def balls_of(scene: Scene) -> list[Array]:
+    """Balls of each body of a scene; those of one shape are made once."""
+    found: dict[Shape, Array] = {}
+    for i, body in enumerate(scene.bodies):
+        if body.shape not in found:
+            name = f"bodies[{i}].shape"
+            found[body.shape] = contact_balls(body.shape, scene.grid.cell, name)
+    return [found[body.shape] for body in scene.bodies]
 
 
 def _check_count(name: str, size: float, count: float) -> None:
@@ -180,10 +191,7 @@ def touch_solids(engine: _core.Engine, scene: Scene) -> None:
     """Let the free bodies of a scene touch walls, blocks and other bodies."""
     if not any(moves_freely(body) for body in scene.bodies):
         return
-    cell = scene.grid.cell
-    balls = [
-        contact_balls(body.shape, cell, f"bodies[{i}].shape") for i, body in enumerate(scene.bodies)
-    ]
+    balls = balls_of(scene)
     first = np.cumsum([0, *map(len, balls)])
     restitution = np.array([body.restitution for body in scene.bodies])
     engine.touch_solids(np.concatenate(balls), first, restitution, obstacles(scene))

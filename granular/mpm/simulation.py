@@ -19,6 +19,7 @@ from granular.mpm import bodies as rigid
 from granular.mpm import engine as core
 from granular.mpm.blocks import deep_within
 from granular.mpm.body_distances import distance_from_bodies
+from granular.mpm.body_overlaps import check_overlaps
 from granular.mpm.free_bodies import INTERVAL, FreeBodies
 from granular.mpm.inflow_state import account
 from granular.mpm.rigid_contact import touch_solids
@@ -109,6 +110,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
     ) -> None:
         truth("wall_forces", wall_forces)
         self._check_memory(scene, force)
+        check_overlaps(scene)
         diagnostics.warn(scene)
         points = core.initial_points(scene)
         mass = points["mass"] if len(points["mass"]) else core.entering_masses(scene)
