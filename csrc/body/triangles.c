@@ -18,6 +18,9 @@ enum { LEAF = 4, DEEPEST = 64 };
 
 #define TWO_PI 6.283185307179586
 
+/* A part of a length or an area; 0 of none, as in triangles with equal vertices. */
+static double share_of(double part, double whole) { return whole > 0 ? part / whole : 0; }
+
 int gr_nearest_on_triangle(const double v[3][3], const double x[3], double nearest[3])
 {
     double ab[3], ac[3], at[3][3], d[3][2];
@@ -37,15 +40,15 @@ int gr_nearest_on_triangle(const double v[3][3], const double x[3], double neare
     } else if (d[2][1] >= 0 && d[2][0] <= d[2][1]) {
         part = GR_ON_VERTEX + 2, t = 1;
     } else if (area[2] <= 0 && d[0][0] >= 0 && d[1][0] <= 0) {
-        part = GR_ON_EDGE, s = d[0][0] / (d[0][0] - d[1][0]);
+        part = GR_ON_EDGE, s = share_of(d[0][0], d[0][0] - d[1][0]);
     } else if (area[1] <= 0 && d[0][1] >= 0 && d[2][1] <= 0) {
-        part = GR_ON_EDGE + 2, t = d[0][1] / (d[0][1] - d[2][1]);
+        part = GR_ON_EDGE + 2, t = share_of(d[0][1], d[0][1] - d[2][1]);
     } else if (area[0] <= 0 && d[1][1] >= d[1][0] && d[2][0] >= d[2][1]) {
         const double from = d[1][1] - d[1][0], to = d[2][0] - d[2][1];
-        part = GR_ON_EDGE + 1, t = from / (from + to), s = 1 - t;
+        part = GR_ON_EDGE + 1, t = share_of(from, from + to), s = 1 - t;
     } else {
         const double all = area[0] + area[1] + area[2];
-        s = area[1] / all, t = area[2] / all;
+        s = share_of(area[1], all), t = share_of(area[2], all);
     }
     for (int k = 0; k < 3; k++)
         nearest[k] = part == GR_ON_EDGE + 1 ? v[1][k] + t * (v[2][k] - v[1][k]) : v[0][k] + s * ab[k] + t * ac[k];

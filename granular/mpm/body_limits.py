@@ -27,12 +27,12 @@ def check_blades(scene: Scene) -> None:
     for i, body in enumerate(scene.bodies):
         box, mesh = thicknesses(body.shape)[0], mesh_thickness(body.shape)
         if min(box, mesh) < least * (1 - 1e-9):
-            remedy = "make it thicker, or " + ("" if box <= mesh else "make it of a Box, and ")
+            remedy = "make it thicker, or take " + ("" if box <= mesh else "a Box, and ")
             raise ValueError(
                 f"bodies[{i}] has parts of {min(box, mesh):.6g} m, must be >= {least:.6g} m, two "
                 f"cells, with density = {type(scheme.density).__name__}() and transfer = "
                 f"{scheme.transfer!r}: the material on its two sides would be coupled; {remedy}"
-                'take ParticleDensity() with "apic", "tpic" or "flip", which separates them'
+                'ParticleDensity() with "apic", "tpic" or "flip", which separates them'
             )
 
 
@@ -63,18 +63,19 @@ def thin_parts(scene: Scene) -> str | None:
                 f"bodies[{i}] has a part of {other:.4g} m: below 2 cells the force on it depends "
                 "on its position in the grid, by a tenth, and what is behind it is coupled to it"
             )
-        if box >= reach * scene.grid.cell * (1 - 1e-9):
+        mesh = mesh_thickness(body.shape)
+        if min(box, mesh) >= reach * scene.grid.cell * (1 - 1e-9):
             continue
-        thin = f"bodies[{i}] has parts of {box:.4g} m, thinner than {reach:.0f} cells: "
-        if keeps_sides(scene.scheme):
+        thin = f"bodies[{i}] has parts of {min(box, mesh):.4g} m, thinner than {reach:.0f} cells: "
+        if box <= mesh and keeps_sides(scene.scheme):
             return thin + (
                 "their two sides are separated by duplicate nodes, but not within a cell of their "
                 "edges"
             )
         return thin + (
             "the material on one side is coupled to that on the other through common nodes; make "
-            f"it {reach:.0f} cells thick, or take ParticleDensity() with "
-            '"apic", "tpic" or "flip", '
+            f"it {reach:.0f} cells thick, or take {'' if box <= mesh else 'a Box, and '}"
+            'ParticleDensity() with "apic", "tpic" or "flip", '
             "which separates them but suits no flow that varies in two directions"
         )
     return None

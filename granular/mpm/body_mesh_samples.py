@@ -25,7 +25,8 @@ Array = NDArray[np.float64]
 Tables = tuple[NDArray, ...]
 """Grid (5,), coarse samples, blocks, fine samples and edges; see `csrc/body/samples.h`.
 
-The grid has the lowest sample, the spacing, and the thickness as `Triangles.thickness` measures it.
+The grid has the lowest sample, the spacing, and the thickness of the thinnest walls, or of the
+largest ball inside if there are none.
 """
 
 CUBE = 8
@@ -118,7 +119,7 @@ def _sample(mesh: Mesh) -> Tables:
     low, cells = mesh.sampling_grid()
     h, triangles = mesh.spacing, mesh.triangles()
     middle, fine_counts = triangles.origin, CUBE * cells + 1
-    thickness = _checked_thickness(triangles, h)
+    wall, ball = _checked_thickness(triangles, h)
 
     def distances(keys: NDArray, counts: NDArray, step: float, what: str) -> Array:
         out = np.empty(len(keys))
@@ -148,21 +149,22 @@ def _sample(mesh: Mesh) -> Tables:
     place = place.reshape(numbers.shape)
     values = distances(keys, fine_counts, h, "samples").astype(np.float32)
     fine = np.ascontiguousarray(values[place])
-    grid = np.array([*low, h, thickness])
+    deepest = -float(min(coarse.min(), values.min(initial=0.0)))
+    grid = np.array([*low, h, min(wall, max(ball, 2 * deepest))])
     tables = (grid, coarse.astype(np.float32), block, fine)
     sharp = _sharp(mesh, tables, keys, values, fine_counts)[place]
     return (*tables, np.ascontiguousarray(sharp))
 
 
-def _checked_thickness(triangles: Triangles, spacing: float) -> float:
+def _checked_thickness(triangles: Triangles, spacing: float) -> tuple[float, float]:
     """Measure the thickness, and refuse a sampling that loses what is inside."""
-    thickness = triangles.thickness()
-    if thickness < THIN * spacing * ROUNDING:
+    wall, ball = triangles.thickness()
+    if (thickness := min(wall, ball)) < THIN * spacing * ROUNDING:
         raise ValueError(
             f"spacing = {spacing} must be <= {thickness / THIN:.3g} m, half the thickness of the "
             f"thinnest walls, {thickness:.3g} m: with fewer samples they would have holes"
         )
-    return thickness
+    return wall, ball
 
 
 def _unravelled(keys: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.int64]:

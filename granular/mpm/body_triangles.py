@@ -27,6 +27,10 @@ OPPOSITE = 0.01
 
 In a wedge of the angle a it is 1 - cos a: walls are what tapers by less than 8 degrees.
 """
+LARGEST = 16
+"""Balls of the largest radii, whose depth is measured without this."""
+BEYOND = 1.2
+"""Place in radii from which the other side of a wall is the nearest."""
 OFF = 1e-6
 """Distance from the surface, over its size, at which it is tested what is beside it."""
 
@@ -142,35 +146,41 @@ class Triangles:
         second = sums[1:, 1:] - volume * np.outer(center, center)
         return Moments(volume, center + self.origin, second, 0.0)
 
-    def thickness(self) -> float:
-        """Thickness [m] of the thinnest walls, of a hundredth of the surface at least.
+    def thickness(self) -> tuple[float, float]:
+        """Thickness [m] of the thinnest walls, and the diameter of a large ball inside.
 
-        Without walls it is the diameter of the largest ball inside. It is measured by the largest
-        balls inside that touch the surface at a point of it. Where such a ball touches the surface
-        at its far end, too, there is a wall.
+        Walls are of a hundredth of the surface at least; inf if there are none. They are measured
+        by the largest balls inside that touch the surface at a point of it: where such a ball
+        touches the surface at its far end, too, there is a wall. The diameter of the largest of
+        these balls is a bound of that of the largest inside.
         """
         if not self._closed:
-            return 2 * self._half
+            return 2 * self._half, 2 * self._half
         at, normal, solid = self.points(POINTS)
         inner, outer = self._sides(at, normal)
         shown = (inner > 0.5) & (outer < 0.5)
-        radius, walls = np.zeros(POINTS), np.zeros(POINTS, dtype=bool)
+        radius, wall = np.zeros(POINTS), np.full(POINTS, np.inf)
         for s, (tree, _, _) in enumerate(self._parts):
             here = np.flatnonzero(shown & (solid == s))
             if len(here):
-                places = at[here] - self.origin
-                radius[here], walls[here] = self._touching(tree, places, normal[here])
-        wall = np.sort((1 + CLEAR) * radius[walls])
+                radius[here], wall[here] = self._touching(
+                    tree, at[here] - self.origin, normal[here]
+                )
         least = int(np.ceil(SHARE * max(shown.sum(), 1)))
-        thinnest = wall[least - 1] if len(wall) >= least else np.inf
-        return float(min(thinnest, 2 * radius.max()))
+        best = np.argsort(radius)[-LARGEST:]
+        depth = -self.distance(at[best] - radius[best, None] * normal[best])
+        largest = max(2 * depth.max(), wall[np.isfinite(wall)].max(initial=0.0))
+        return float(np.sort(wall)[least - 1]), float(largest)
 
-    def _touching(self, tree: object, at: Array, normal: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """Radii of the largest balls touching points from within, and whether they touch twice."""
-        low, high = np.zeros(len(at)), np.full(len(at), 0.5 * self._size.min())
+    def _touching(self, tree: object, at: Array, normal: Array) -> tuple[Array, Array]:
+        """Radii of the largest balls that touch points from within; thickness of walls, or inf."""
+        low, high = np.zeros(len(at)), np.full(len(at), self._size.min() / (1 + CLEAR))
         for _ in range(16):
             radius = 0.5 * (low + high)
             fits = _core.mesh_clear(tree, at - radius[:, None] * normal, CLEAR * radius)
             low, high = np.where(fits, radius, low), np.where(fits, high, radius)
         far = at - (1 + CLEAR) * low[:, None] * normal
-        return low, ~_core.mesh_clear(tree, far, OPPOSITE * low)
+        touches = ~_core.mesh_clear(tree, far, OPPOSITE * low)
+        beyond = at - BEYOND * low[:, None] * normal
+        rest = _core.mesh_distance(tree, beyond, False)
+        return low, np.where(touches, BEYOND * low + rest, np.inf)

@@ -243,9 +243,10 @@ def test_bad_surfaces_are_refused(change, message):
         Mesh(**given)
 
 
-def test_flat_triangles_do_no_harm():
-    """A vertex on an edge, with a triangle of no area that closes the surface there."""
-    vertices = (*CUBE, (0.0, -0.1, -0.1))  # on the edge from 0 to 1
+@pytest.mark.parametrize("share", [0.5, 0.0])
+def test_flat_triangles_do_no_harm(share):
+    """A vertex on an edge or at its end, with a triangle without area that closes the surface."""
+    vertices = (*CUBE, (0.2 * share - 0.1, -0.1, -0.1))  # on the edge from 0 to 1
     faces = [face for face in FACES if face != (0, 2, 1)] + [(0, 2, 8), (8, 2, 1), (0, 8, 1)]
     flat, box = (
         Body(Mesh(vertices, faces, spacing=0.01), (0.0,) * 3),
