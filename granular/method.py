@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from granular import _core
 from granular.checks import truth
 from granular.resources import Resource
+from granular.restarts import check_numbers
 from granular.state import State
 
 if TYPE_CHECKING:
@@ -68,6 +69,14 @@ class Method(Resource):
 
     @classmethod
     def _restored(
+        cls, scene: Any, checkpoint: Checkpoint, threads: int | None, isa: str | None
+    ) -> Self:
+        """Return a simulation in the state of a checkpoint whose numbers are checked first."""
+        check_numbers(checkpoint)
+        return cls._filled(scene, checkpoint, threads, isa)
+
+    @classmethod
+    def _filled(
         cls, scene: Any, checkpoint: Checkpoint, threads: int | None, isa: str | None
     ) -> Self:
         """Return a simulation in the state of a checkpoint."""

@@ -212,7 +212,7 @@ void gr_sleep_find_uses(struct gr_engine *e, struct gr_team *team)
     struct look look = {.e = e, .chunks = gr_chunks(team, e->mesh.n_cells)};
     e->sleep->changed = 0;
     e->sleep->asleep = 0;
-    memset(e->sleep->use, GR_NODE_UNUSED, (size_t)e->sleep->capacity);
+    if (e->sleep->capacity) memset(e->sleep->use, GR_NODE_UNUSED, (size_t)e->sleep->capacity);
     gr_team_run(team, use_nodes, &look, look.chunks);
     for (int64_t k = 0; e->feet && k < e->feet->n_near; k++) /* contact changes the nodes near bodies in place */
         for (int i = 0; i < e->K; i++) e->sleep->use[gr_cell_node(e, e->feet->near[k], i)] = GR_NODE_OF_AWAKE;

@@ -107,6 +107,10 @@ int gr_take_scalars(PyObject *dict, const struct gr_scalar *table, int n, void *
         void *at = (char *)out + table[k].place;
         PyObject *value = PyDict_GetItemString(dict, table[k].name);
         if (!value) return gr_refuse("the scalar %s is missing", table[k].name);
+        if (!table[k].is_float && !PyLong_Check(value)) {
+            PyErr_Format(PyExc_TypeError, "the scalar %s must be an int, not %s", table[k].name, Py_TYPE(value)->tp_name);
+            return -1;
+        }
         if (table[k].is_float)
             *(double *)at = PyFloat_AsDouble(value);
         else
@@ -114,6 +118,25 @@ int gr_take_scalars(PyObject *dict, const struct gr_scalar *table, int n, void *
         if (PyErr_Occurred()) return -1;
     }
     return 0;
+}
+
+int gr_refuse_range(const char *name, double value, double low, double high)
+{
+    if (value >= low && value <= high) return 0;
+    return gr_refuse("%s = %.9g must be from %.4g to %.9g", name, value, low, high);
+}
+
+int gr_refuse_count(const char *name, int64_t value)
+{
+    const int64_t most = INT64_MAX / 4;
+    if (value >= 0 && value <= most) return 0;
+    return gr_refuse("%s = %lld must be from 0 to %lld", name, (long long)value, (long long)most);
+}
+
+int gr_refuse_clock(double time, double dt)
+{
+    if (time + dt > time) return 0;
+    return gr_refuse("time = %.9g s must be one that a step of %.4g s changes", time, dt);
 }
 
 void gr_set_scalars(void *engine, const struct gr_scalar *table, int n, const void *from)

@@ -70,4 +70,10 @@ PyObject *gr_python_scalars(const struct gr_object *self, const struct gr_scalar
 /* Read them from a dict into another struct of the same type, and copy them from that to the engine. Returned: 0, or -1
  * with an exception set. */
 int gr_take_scalars(PyObject *dict, const struct gr_scalar *table, int n, void *out);
+/* Refuse a number of a restart outside of its range, a count below 0 or so large that a run could exceed 64 bits, and a
+ * time that a step of dt does not change. Returned: 0, or -1 with ValueError set. */
+int gr_refuse_range(const char *name, double value, double low, double high);
+int gr_refuse_count(const char *name, int64_t value);
+int gr_refuse_clock(double time, double dt);
+
 void gr_set_scalars(void *engine, const struct gr_scalar *table, int n, const void *from);

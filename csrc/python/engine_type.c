@@ -1,4 +1,5 @@
 /* The Python type `Engine`, of the material point method (MPM); what its methods do is said in their table below. */
+#include <float.h>
 #include <math.h>
 
 #include "mpm/numbers.h"
@@ -199,6 +200,8 @@ static PyObject *engine_scalars(struct gr_object *self, PyObject *Py_UNUSED(unus
     return gr_python_scalars(self, scalars, SCALARS);
 }
 
+#define DT_ROUNDING 1e-9 /* of the longest time step, which a build with other instructions may round otherwise */
+
 static PyObject *engine_restore(struct gr_object *self, PyObject *dict)
 {
     struct gr_engine new, *e;
@@ -206,9 +209,17 @@ static PyObject *engine_restore(struct gr_object *self, PyObject *dict)
     if (new.n_points != e->n_points)
         return PyErr_Format(PyExc_ValueError, "n_points = %lld does not agree with the points bound",
                             (long long)new.n_points);
-    if (!isfinite(new.time) || !isfinite(new.time_anchor) || !(new.dt >= 0) || !(new.shift_dt > 0) ||
-        new.step < new.step_anchor)
-        return PyErr_Format(PyExc_ValueError, "the scalars of the restart are not valid");
+    const double longest = gr_longest_dt(&e->config);
+    if (gr_refuse_range("time", new.time, 0, GR_LARGEST) || gr_refuse_range("time_anchor", new.time_anchor, 0, new.time) ||
+        gr_refuse_range("dt", new.dt, 0, longest * (1 + DT_ROUNDING)) ||
+        gr_refuse_range("shift_dt", new.shift_dt, DBL_MIN, GR_LARGEST) ||
+        gr_refuse_range("dropped_mass", new.dropped_mass, 0, GR_LARGEST) || gr_refuse_count("step", new.step) ||
+        gr_refuse_count("step_anchor", new.step_anchor) || gr_refuse_count("dropped", new.dropped) ||
+        gr_refuse_count("clamped", new.clamped) || gr_refuse_clock(new.time, new.dt > 0 ? new.dt : longest))
+        return NULL;
+    if (new.step < new.step_anchor)
+        return PyErr_Format(PyExc_ValueError, "step_anchor = %lld must not exceed step = %lld", (long long)new.step_anchor,
+                            (long long)new.step);
     gr_set_scalars(e, scalars, SCALARS, &new);
     e->shift_scale = -1.0 / e->shift_dt;
     e->sums_valid = 0;

@@ -1,4 +1,5 @@
 /* The Python type `Sph`, of smoothed particle hydrodynamics (SPH); what its methods do is said in their table below. */
+#include <float.h>
 #include <math.h>
 
 #include "python/engine_common.h"
@@ -204,8 +205,19 @@ static PyObject *sph_restore(struct gr_object *self, PyObject *dict)
 {
     struct gr_sph new, *s;
     if (gr_take_scalars(dict, scalars, OF_RESTART, &new) || !(s = gr_ready(self, 0))) return NULL;
-    if (!isfinite(new.time) || !(new.dt > 0) || !(new.speed2 > 0) || !(new.acceleration2 >= 0) || new.step < 0)
-        return PyErr_Format(PyExc_ValueError, "the scalars of the restart are not valid");
+    const double least = s->speed2; /* that of sound in the material at rest, since no step has been made */
+    if (gr_refuse_range("time", new.time, 0, GR_LARGEST) || gr_refuse_range("dt", new.dt, DBL_MIN, GR_LARGEST) ||
+        gr_refuse_range("speed2", new.speed2, DBL_MIN, GR_LARGEST) ||
+        gr_refuse_range("acceleration2", new.acceleration2, 0, GR_LARGEST) ||
+        gr_refuse_range("gas_speed2", new.gas_speed2, 0, GR_LARGEST) ||
+        gr_refuse_range("dropped_mass", new.dropped_mass, 0, GR_LARGEST) || gr_refuse_count("step", new.step) ||
+        gr_refuse_count("dropped", new.dropped) || gr_refuse_count("stopped", new.stopped) ||
+        gr_refuse_count("gas_dropped", new.gas_dropped) || gr_refuse_count("rebuilds", new.rebuilds) ||
+        gr_refuse_clock(new.time, new.dt))
+        return NULL;
+    if (new.started != 0 && new.started != 1)
+        return PyErr_Format(PyExc_ValueError, "started = %lld must be 0 or 1", (long long)new.started);
+    new.speed2 = fmax(new.speed2, least);
     gr_set_scalars(s, scalars, OF_RESTART, &new);
     Py_RETURN_NONE;
 }

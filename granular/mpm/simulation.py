@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from granular import _core, diagnostics, simulation
 from granular.buffers import allocate, default_isa, fill, stored_type
-from granular.checks import truth
+from granular.checks import positive, truth
 from granular.inflow import InflowState, stored_inflow
 from granular.materials.law_functions import keeping_exceptions
 from granular.materials.own import OwnLaw
@@ -29,6 +29,7 @@ from granular.mpm.walls import Solid, WallState, split_impulses
 from granular.plausible import stiffness_hint
 from granular.record import Checkpoint
 from granular.record.fresh import Streamed
+from granular.restarts import LARGEST, LEAST, check_range
 from granular.seeding import DEEPEST
 from granular.state import State
 
@@ -317,23 +318,29 @@ class Simulation(simulation.Simulation, scenes=Scene):
         return scalars, arrays
 
     @classmethod
-    def _restored(
+    def _filled(
         cls, scene: Scene, checkpoint: Checkpoint, threads: int | None, isa: str | None
     ) -> Self:
         self = object.__new__(cls)
         scalars = dict(checkpoint.scalars)
         if "mean_mass" not in scalars:
             raise ValueError("the checkpoint has no mean_mass: it is not one of a simulation")
+        mean_mass = positive("mean_mass of the checkpoint", scalars.pop("mean_mass"))
         watches = "walls" in checkpoint.arrays
-        self._build(scene, float(scalars.pop("mean_mass")), threads, isa, watches)
+        self._build(scene, mean_mass, threads, isa, watches)
         if watches:
             self._engine.restore_walls(checkpoint.arrays["walls"])
         ids = checkpoint.arrays.get("id", np.empty(0, dtype=np.int64))
         n = len(ids)
-        if ids.min(initial=0) < 0 or len(np.unique(ids)) != n:
-            raise ValueError("the ids of the checkpoint must be distinct and at least 0")
         self._buffers = allocate(self._engine, n)
         fill(self._buffers, checkpoint.arrays, np.arange(n))
+        for name, low, high in (
+            ("mass", LEAST, LARGEST),
+            ("material", 0, len(scene.materials) - 1),
+            ("side", -1, 1),
+        ):
+            if name in self._buffers:
+                check_range(checkpoint.arrays, name, low, high)
         if scene.bodies:  # before the points: those near thin bodies are grouped by side
             if "bodies" not in checkpoint.arrays:
                 raise ValueError("the checkpoint does not hold the bodies of the scene")

@@ -40,6 +40,12 @@ class Checkpoint:
         for name in (*self.scalars, *self.arrays):
             if not name or "/" in name or name == "." or not name.isascii():
                 raise ValueError(f"name = {name!r} must be non-empty ASCII without '/'")
+        for name in ("time", "dt"):
+            value = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, Real):
+                raise TypeError(f"{name} = {value!r} must be an int or a float")
+        if isinstance(self.step, bool) or not isinstance(self.step, Integral):
+            raise TypeError(f"step = {self.step!r} must be an int")
         for name, value in self.scalars.items():
             if isinstance(value, bool) or not isinstance(value, Real):
                 raise TypeError(f"scalars[{name!r}] = {value!r} must be an int or a float")

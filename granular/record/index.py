@@ -70,6 +70,9 @@ class Points:
         stored = sum(field.data.id.get_storage_size() for field in fields.values())
         if stored > data.file.id.get_filesize():  # fields that share their chunks
             raise ValueError(f"{data.name}: its fields take {stored} bytes, more than the file")
+        n, row, rows = self.table.n, self.table.row, fields["x"].data.shape[0]
+        if ((n < 0) | (row < 0) | (n > rows) | (row > rows - n)).any():
+            raise ValueError(f"{data.name}: frames of {n} points do not fit its {rows} rows")
         return fields
 
     def frames(self, gas: Mapping[int, Frame]) -> list[Frame]:

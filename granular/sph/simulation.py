@@ -15,6 +15,7 @@ from granular.checks import integer
 from granular.inflow import InflowState, stored_inflow
 from granular.record import Checkpoint
 from granular.running import MOST_STEPS
+from granular.restarts import LARGEST, LEAST, check_range
 from granular.sph.gas import GasState
 from granular.sph.inflow import Inlets
 from granular.sph.scene import Scene, seeding_gradient
@@ -304,7 +305,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         return self._engine.scalars(), arrays
 
     @classmethod
-    def _restored(
+    def _filled(
         cls, scene: Scene, checkpoint: Checkpoint, threads: int | None, isa: str | None
     ) -> Self:
         self = object.__new__(cls)
@@ -321,6 +322,12 @@ class Simulation(simulation.Simulation, scenes=Scene):
         rows = _Rows.of(n, total - n - gas, has_gas, grows=bool(self._inlets))
         self._buffers = allocate(self._engine, rows.capacity)
         fill(self._buffers, checkpoint.arrays, rows.places())
+        # Before the first step the density of all and the mass of the gas are not known yet.
+        least = LEAST if checkpoint.scalars.get("started") else 0.0
+        for name, low, high in (("rho", least, LARGEST), ("porosity", 0.0, 1.0)):
+            if name in self._buffers:
+                check_range(checkpoint.arrays, name, low, high)
+        check_range({"mass": checkpoint.arrays["mass"][:, : total - gas]}, "mass", LEAST, LARGEST)
         self._bind(rows, fresh=False)
         if self._inlets:
             ids = checkpoint.arrays["id"]

@@ -14,8 +14,10 @@ import pytest
 from records import SCENE, abandon, make_record, make_state, unfinished
 
 from granular.record import RecordError, TrajectoryWriter, open_trajectory
+from granular.record.frame import Texts
 from granular.record.growing import LOG
-from granular.record.index import parts_folder
+from granular.record.index import Points, parts_folder
+from granular.record.layout import as_attribute, read_text
 from granular.record.sealed import sealed, unsealed
 
 EXTREMES = (
@@ -141,6 +143,25 @@ def test_tables_take_no_more_memory_than_the_file(tmp_path, name):
         file.create_dataset(name, data=table, compression="gzip")
     with pytest.raises(RecordError, match="filters"):
         open_trajectory(path)
+
+
+@pytest.mark.parametrize("value", [2**62, 2**40, -1])
+@pytest.mark.parametrize("name", ["VTKHDF/NumberOfPoints", "VTKHDF/Steps/PointOffsets"])
+def test_frames_lie_in_their_file(tmp_path, name, value):
+    """Of a table with the right digest; a writer would else copy rows without an end."""
+    path = tmp_path / "a.h5"
+    make_record(path)
+    with h5py.File(path, "r+") as file:
+        file[name][0] = value
+        own = file["granular"]
+        texts = Texts(*(read_text(own, text) for text in ("record", "scene", "provenance")))
+        digest = own["checkpoint"].attrs["digest"].tobytes()
+        seal = Points(path, file["VTKHDF"], own).table.seal(texts, digest, None)
+        own.attrs["seal"] = as_attribute(seal)
+    with open_trajectory(path) as record:
+        assert all("do not fit" in said for said in record.damage()) and record.damage()
+    with pytest.raises(RecordError, match="do not fit"):
+        TrajectoryWriter.resume(path)
 
 
 DEFLATE = h5py.h5z.FILTER_DEFLATE
