@@ -14,8 +14,8 @@ from granular.buffers import allocate, default_isa, fill
 from granular.checks import integer
 from granular.inflow import InflowState, stored_inflow
 from granular.record import Checkpoint
-from granular.running import MOST_STEPS
 from granular.restarts import LARGEST, LEAST, check_range
+from granular.running import MOST_STEPS
 from granular.sph.gas import GasState
 from granular.sph.inflow import Inlets
 from granular.sph.scene import Scene, seeding_gradient
