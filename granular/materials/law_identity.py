@@ -31,6 +31,8 @@ REFUSED_BUILTINS = (
     *("breakpoint", "setattr", "delattr", "__import__"),
 )
 """Built-in functions with which code reaches what its text does not name."""
+REFUSED_MODULES = ("random", "secrets", "time", "datetime", "uuid", "numpy.random")
+"""Modules whose functions return another value at each call, which is no part of a law."""
 SHOWN_VALUES = 16
 """Largest number of values of an array that are written; of others it is their digest."""
 SHOWN_TEXT = 300
@@ -100,6 +102,8 @@ class _Law:
         if not isinstance(value, ModuleType):
             copy, text = self._of_value(where, value)
             return copy, f"# $ = {text}"
+        for name in {value.__name__, *(f"{value.__name__}.{name}" for name in attributes or ())}:
+            _refuse_chance(where, name)
         if version := _installed(value.__name__):
             return value, f"# $ = module {value.__name__} {version}".rstrip()
         if not attributes:
@@ -128,6 +132,7 @@ class _Law:
         if isinstance(value, np.dtype) and _is_number(value):
             return value, f"dtype {value.str}"
         if name := _name_of_installed(value):
+            _refuse_chance(where, str(value.__module__))
             return value, name
         if _is_compiled(value) or kind is FunctionType:
             copy = self.of_function(f"{where}", value)
@@ -158,6 +163,13 @@ class _Law:
 
 
 # ---- values ----
+
+
+def _refuse_chance(where: str, module: str) -> None:
+    if module in REFUSED_MODULES:
+        raise ValueError(
+            f"{where}: {module} must not be used: the law would be another one at each call"
+        )
 
 
 def _short(text: str) -> str:

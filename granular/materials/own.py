@@ -61,7 +61,8 @@ class OwnLaw(Material):
     language : {"numpy", "numba", "c"}
         How the source is run.
     source : str
-        Source of the function. Runs are resumed with the same source only.
+        Source of the function. Runs are resumed with the same source only. C code runs only if it
+        was given to `from_function` or allowed by `trust_code`.
     parameters : mapping of str to float
         Numbers that the function is given after K and G; 30 at most.
     history : mapping of str to float

@@ -153,6 +153,9 @@ def test_what_cannot_be_a_part_of_a_law_is_refused_by_name(made, tmp_path):
             "must not use variables of an enclosing",
             lambda: made("def g(c):\n    return lambda: c\nf = g(1)", "f()"),
         ),
+        ("time must not be used: the law", lambda: made("import time", "time.time()")),
+        ("time must not be used", lambda: made("from time import time as now", "now()")),
+        ("numpy.random must not", lambda: made("import numpy as np", "np.random.rand()")),
         ("without yield", lambda: made("", "yield")),
         ("alone in its line", lambda: made("f, g = lambda: 1, lambda: 2", "f()")),
     )
