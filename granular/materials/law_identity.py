@@ -132,7 +132,7 @@ class _Law:
         if isinstance(value, np.dtype) and _is_number(value):
             return value, f"dtype {value.str}"
         if name := _name_of_installed(value):
-            _refuse_chance(where, str(value.__module__))
+            _refuse_chance(where, getattr(value, "__module__", ""))
             return value, name
         if _is_compiled(value) or kind is FunctionType:
             copy = self.of_function(f"{where}", value)

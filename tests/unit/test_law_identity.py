@@ -2,7 +2,7 @@
 
 import importlib
 import itertools
-import math
+import re
 import sys
 import textwrap
 
@@ -257,6 +257,26 @@ def test_the_environment_does_not_change_a_law_in_c(tmp_path, monkeypatch):
         from_function(UPDATE % "stress[0] = sqrt(4.0);")
 
 
-def test_constants_are_those_of_the_law(made):
-    assert "# math" in made("import math", "stress *= math.pi").source
-    assert math.isfinite(stress_of(made("from math import sqrt", "stress *= sqrt(0.5)")).max())
+def test_what_is_installed_is_known_by_name_and_version(made):
+    before = """
+        import itertools
+        from math import sqrt
+        import numpy as np
+        from numpy import exp, float64, linalg, pi, where
+        from scipy.special import erf
+        R, D, S = range(3), np.dtype("f4"), {"b", "a"}
+    """
+    source = made(before, "itertools, sqrt, exp, float64, linalg, pi, where, erf, R, D, S").source
+    assert [re.sub(r" [0-9.]+$", "", line) for line in source.splitlines()[2:]] == [
+        "# D = dtype <f4",
+        "# R = range(0, 3)",
+        "# S = set('a', 'b')",
+        "# erf = scipy.special.erf",
+        "# exp = numpy.exp",
+        "# float64 = numpy.float64",
+        "# itertools = module itertools of Python",
+        "# linalg = module numpy.linalg",
+        "# pi =",
+        "# sqrt = math.sqrt of Python",
+        "# where = numpy.where",
+    ]
