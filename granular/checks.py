@@ -176,7 +176,7 @@ def sequence(name: str, value: object) -> tuple[Any, ...]:
     return tuple(value)
 
 
-def _unmasked(name: str, value: object) -> None:
+def _unmasked(name: str, value: Any) -> None:
     """Refuse an array of which NumPy would drop the mask, and show what is below it."""
     if np.ma.is_masked(value):
         masked = np.argwhere(np.ma.getmaskarray(value))

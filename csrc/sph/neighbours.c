@@ -20,6 +20,16 @@ static int32_t cell_at(const struct gr_sph *s, const double *x)
     return (int32_t)cell;
 }
 
+/* Whether a wall particle is so far outside that it changes nothing in the domain: what is within reach of it has a density
+ * by the Shepard filter, a sum over densities that are sums themselves: three times the reach in all. */
+static int is_far_outside(const struct gr_sph *s, const double *x)
+{
+    const double far = 3 * s->reach;
+    for (int d = 0; d < s->config.dim; d++)
+        if (x[d] < s->config.lower[d] - far || x[d] > s->config.upper[d] + far) return 1;
+    return 0;
+}
+
 static void place_of(const struct gr_sph *s, int field, int64_t row, double *x)
 {
     double *const *rows = gr_sph_rows(s, field);
@@ -75,21 +85,23 @@ static void permute(struct gr_sph *s, int64_t first, int64_t n)
     memcpy(s->id + first, s->sorted_id, sizeof(int64_t) * (size_t)n);
 }
 
-/* Sort the n rows from `first` on by the cells of their anchors, stably; rows with cell -1 are removed.
+/* Sort the n rows from `first` on by the cells of their anchors, stably; rows with cell -1 are removed, those with cell n_cells
+ * come last, and no search finds them.
  * Returned: the number of rows kept. */
 static int64_t sort_rows(struct gr_sph *s, int64_t first, int64_t n, int32_t *start)
 {
-    memset(start, 0, sizeof(int32_t) * (size_t)(s->n_cells + 1));
+    const int64_t bins = s->n_cells + 1; /* with that of what no search finds */
+    memset(start, 0, sizeof(int32_t) * (size_t)(bins + 1));
     for (int64_t a = first; a < first + n; a++)
         if (s->cell[a] >= 0) start[s->cell[a] + 1]++;
-    for (int64_t c = 0; c < s->n_cells; c++) start[c + 1] += start[c];
-    const int64_t kept = start[s->n_cells];
+    for (int64_t c = 0; c < bins; c++) start[c + 1] += start[c];
+    const int64_t kept = start[bins];
     for (int64_t a = first; a < first + n; a++)
         if (s->cell[a] >= 0) s->order[start[s->cell[a]]++] = (int32_t)a;
     /* each entry is now the end of its cell, which is the start of the next */
-    memmove(start + 1, start, sizeof(int32_t) * (size_t)s->n_cells);
+    memmove(start + 1, start, sizeof(int32_t) * (size_t)bins);
     start[0] = 0;
-    for (int64_t c = 0; c <= s->n_cells; c++) start[c] += (int32_t)first;
+    for (int64_t c = 0; c <= bins; c++) start[c] += (int32_t)first;
     permute(s, first, kept);
     return kept;
 }
@@ -107,6 +119,8 @@ void gr_sph_sort(struct gr_sph *s, int fresh)
                 for (int d = 0; d < s->config.dim; d++) anchor[d][a] = x[d][a];
             place_of(s, GR_SPH_FIELD_anchor, a, at);
             s->cell[a] = stays ? cell_at(s, at) : -1;
+            /* a long wall outside would fill the cells at the end of the grid: a time that grows as its square */
+            if (kind == 1 && stays && is_far_outside(s, at)) s->cell[a] = (int32_t)s->n_cells;
             if (stays || kind == 1) continue;
             if (kind == 0)
                 s->dropped++, s->dropped_mass += mass[a];

@@ -61,7 +61,7 @@ int gr_sph_new(struct gr_sph **out, const struct gr_sph_config *config, int lane
     error |= gr_own((const void **)&s->config.gravity_vectors, sizeof(double) * (size_t)(config->n_gravity * config->dim));
     if (!error) error = divide(s);
     for (int k = 0; k < 3 && !error; k++) {
-        s->start[k] = malloc(sizeof(int32_t) * (size_t)(s->n_cells + 1));
+        s->start[k] = malloc(sizeof(int32_t) * (size_t)(s->n_cells + 2));
         if (!s->start[k]) error = GR_ERR_MEMORY;
     }
     if (!error) {

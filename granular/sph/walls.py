@@ -123,6 +123,23 @@ class Wall:
                 sites.append((_site(name, grid, axis, low), _site(name, grid, axis, high)))
         return sites
 
+    def sites(self, name: str, grid: Grid) -> list[tuple[int, int]]:
+        """Those of `extent` that ever are near the grid, and the only ones that get a particle.
+
+        That is within three times the thickness of the layers, which is not below the reach of the
+        kernel: the density of the particles within its reach is a sum over sums over their own
+        neighbours.
+        """
+        margin, near = 3 * self.layers, []
+        for axis, (first, last) in enumerate(self.extent(name, grid)):
+            speed = 0.0 if self.velocity is None else self.velocity[axis]
+            way = abs(speed) * max(self.until - self.moves_from, 0.0) if speed else 0.0
+            come = math.ceil(way / grid.cell) if way < math.inf else last - first
+            low, high = -margin, grid.shape[axis] + margin
+            low, high = (low - come, high) if speed > 0 else (low, high + come)
+            near.append((max(first, low), max(min(last, high), max(first, low))))
+        return near
+
     def box(self, name: str, grid: Grid) -> tuple[list[float], list[float]]:
         """Lower and upper ends of the wall at the start [m], infinite along a whole period."""
         low, high = [], []
@@ -153,7 +170,7 @@ def wall_points(grid: Grid, walls: Sequence[Wall]) -> dict[str, NDArray[np.float
     names = ("site", "v", "normal", "depth", "porosity", "wall")
     parts: dict[str, list[NDArray]] = {name: [] for name in names}
     for i, wall in enumerate(walls):
-        axes = [np.arange(*ends) for ends in wall.extent(f"walls[{i}]", grid)]
+        axes = [np.arange(*ends) for ends in wall.sites(f"walls[{i}]", grid)]
         sites = combined(axes)
         normal = np.zeros(dim)
         normal[wall.axis] = wall.side

@@ -146,7 +146,7 @@ def test_ctrl_c_leaves_a_record_that_goes_on(tmp_path):
 
 @pytest.fixture
 def strange_files(tmp_path, monkeypatch):
-    """What may lie at a path, by the end of its name; the folder is the working one."""
+    """Things that may lie at a path, by the end of its name, in the working folder."""
     monkeypatch.chdir(tmp_path)
     texts = {
         "empty": b"",
