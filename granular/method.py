@@ -51,7 +51,7 @@ class Method(Resource):
     @staticmethod
     def _check_memory(scene: AnyScene, force: bool) -> None:
         """Refuse a scene for which there is not enough memory, before anything is built."""
-        from granular.economy.cost import check_memory  # which knows scenes, but no simulation
+        from granular.economy.memory import check_memory  # which knows scenes, but no simulation
 
         check_memory(scene, truth("force", force))
 

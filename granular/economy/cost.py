@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from granular.economy import bias, machine
+from granular.economy import bias, memory
+from granular.economy.memory import gigabytes
 from granular.economy.suggestion import scene_function
-from granular.inflow import Inflow, points_between, standing_points
-from granular.mpm.body_distances import distance_from_bodies
+from granular.inflow import points_between
 from granular.mpm.limits import check_time_step, damped_step
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
-from granular.seeding import estimated_points, most_points
 
 if TYPE_CHECKING:
-    from granular.sph.scene import Scene as SphScene
     from granular.typing import AnyScene
 
 _NANOSECONDS = {
@@ -57,24 +54,6 @@ _SPH_NANOSECONDS = {(2, False): 200.0, (3, False): 820.0, (2, True): 505.0, (3, 
 """Time per particle and step of SPH on one core [ns], by dimension and whether there is a gas:
 benchmarks/sph_speed.py on a machine with AVX-512."""
 
-_BASE_MEMORY = 105 * 2**20
-"""Memory of the interpreter and the package [bytes]."""
-_POINT_MEMORY = 700
-"""Memory of a point and of its seeding [bytes]. With `_CELL_MEMORY` it is within 0.7 to 1.3 of the
-largest memory of seven scenes of 25,000 to 1,000,000 points: columns, cylinders and silos with 1 to
-16 points per cell in 2D and 3D, with the default scheme."""
-_CELL_MEMORY = {2: 1700, 3: 6600}
-"""Memory of a cell with points and of its nodes [bytes]."""
-_GROWTH_MEMORY = {2: 440, 3: 560}
-"""Memory of a point [bytes] in the larger buffers to which it moves from those it is in, and of new
-cells: what 216,000 to 250,000 points that fly apart take at most beyond the memory at the
-start when their buffers first grow, with the default scheme."""
-_SPH_MEMORY = {2: 500, 3: 1000}
-"""Memory of a particle of SPH with its neighbours [bytes], be it of the material, a gas or a wall:
-0.83 to 1.08 of that of layers of 50,000 to 200,000 particles on floors of 8000 to 200,000."""
-_FACE_MEMORY = 4
-"""Memory of a face of a cell of the box [bytes], for a nonlocal law."""
-
 MOST_STEPS = 1e15
 """Number of steps that no run can make: at 1 us each they take 30 years."""
 
@@ -101,7 +80,8 @@ class Cost:
         Time on one core [s], within a factor of about two; with 4 points per cell in 2D it is
         about twice as long, and thin layers of material on a body take up to ten times as long.
     memory : float
-        Memory with these points [bytes], within about a third.
+        Memory of a run with these points and a record [bytes]: 1.0 to 1.2 times the peak, and up to
+        1.5 times (in single precision twice) that of a run without a record.
     peak_memory : float
         Memory [bytes] while the buffers of the points grow, the old and the new ones being there at
         the same time. That happens only to material that spreads over many more cells: a
@@ -136,7 +116,7 @@ class Cost:
     def __str__(self) -> str:
         text = (
             f"{self.points:,} points, {self.steps:,} steps: about {_duration(self.seconds)} on one "
-            f"core, {_gigabytes(self.memory)}"
+            f"core, {gigabytes(self.memory)}"
         )
         if not self.enough_E < self.E:
             return text
@@ -153,10 +133,6 @@ def _duration(seconds: float) -> str:
         if seconds >= 2 * length:
             return f"{seconds / length:.2g} {unit}"
     return f"{seconds:.2g} s"
-
-
-def _gigabytes(memory: float) -> str:
-    return f"{memory / 2**30:.2g} GB"
 
 
 def time_step(scene: AnyScene) -> float:
@@ -189,45 +165,29 @@ def cost(scene: AnyScene) -> Cost:
     ValueError
         If the time step of the scene exceeds its limit, so that no simulation could be made.
     """
-    points, memory = _size(scene)
+    points, needed = memory.size(scene)
     if not isinstance(scene, Scene):
         steps = _steps(scene)
         each = _SPH_NANOSECONDS[scene.dim, scene.gas is not None]
         unborn = _unborn(scene)
         seconds = steps * (points - unborn) * each * 1e-9
-        return Cost(points, steps, seconds, memory, memory, unborn=unborn)
+        return Cost(points, steps, seconds, needed, needed, unborn=unborn)
     check_time_step(scene)
     steps = _steps(scene)
     unborn = _unborn(scene)
     seconds = steps * (points - unborn) * nanoseconds(scene.scheme, scene.dim) * 1e-9
-    peak = memory + points * _GROWTH_MEMORY[scene.dim]
-    return Cost(points, steps, seconds, memory, peak, scene.material.E, *_enough(scene), unborn)
+    peak = needed + memory.growth(scene, points)
+    return Cost(points, steps, seconds, needed, peak, scene.material.E, *_enough(scene), unborn)
 
 
 def _unborn(scene: AnyScene) -> float:
     """Mean number over the run of the points that are still to enter."""
     mean = 0.0
-    for inflow in _fed_by(scene):
+    for inflow in memory.fed_by(scene):
         begin, end = (min(time, scene.duration) for time in inflow.times)
         share = 0.5 * (begin + end) / scene.duration  # of the run, for the mean point
         mean += share * points_between(inflow, scene.grid, 0.0, scene.duration)
     return mean
-
-
-def _fed_by(scene: AnyScene) -> list[Inflow]:
-    """Inflows of the material, and of the gas of a scene."""
-    if isinstance(scene, Scene):
-        return list(scene.inflows)
-    return [*scene.inflows, *(inflow for inflow, _ in scene.gas_inflows())]
-
-
-def _entering(scene: AnyScene) -> list[int]:
-    """Numbers of points that inflows bring, at the start and in the run."""
-    return [
-        points_between(inflow, scene.grid, 0.0, scene.duration)
-        + (len(standing_points(scene, i).x) if inflow.driven and i < len(scene.inflows) else 0)
-        for i, inflow in enumerate(_fed_by(scene))
-    ]
 
 
 def _steps(scene: AnyScene) -> int:
@@ -237,41 +197,6 @@ def _steps(scene: AnyScene) -> int:
             f"duration = {scene.duration} must be less than {MOST_STEPS:g} time steps of {dt:.3g} s"
         )
     return math.ceil(scene.duration / dt)
-
-
-def _size(scene: AnyScene) -> tuple[int, float]:
-    """Number of points at the end, and the memory that they need [bytes]."""
-    if not isinstance(scene, Scene):
-        points = _sph_particles(scene)
-        particles = points + _wall_particles(scene)
-        return points, _BASE_MEMORY + particles * _SPH_MEMORY[scene.dim]
-    distance = distance_from_bodies(scene)
-    counts = [estimated_points(scene.grid, fill, distance) for fill in scene.fills]
-    counts += _entering(scene)
-    return sum(counts), _memory(scene, counts)
-
-
-def _memory(scene: Scene, counts: Sequence[int]) -> float:
-    """Memory of a scene with so many points from its sources [bytes]."""
-    memory = float(_BASE_MEMORY)
-    for source, count in zip(scene.sources, counts, strict=True):
-        memory += count * (_POINT_MEMORY + _CELL_MEMORY[scene.dim] / source.points_per_cell)
-    if scene.nonlocal_material is not None:
-        memory += _FACE_MEMORY * 2 * scene.dim * math.prod(scene.grid.shape)
-    return memory
-
-
-def _sph_particles(scene: SphScene) -> int:
-    """Number of particles of the material and of the gas."""
-    gas = () if scene.gas is None else scene.gas.fills
-    counts = [estimated_points(scene.grid, fill, even=True) for fill in (*scene.fills, *gas)]
-    return sum(counts) + sum(_entering(scene))
-
-
-def _wall_particles(scene: SphScene) -> int:
-    """Number of particles of the walls; where walls meet they count twice."""
-    extents = (wall.extent(f"walls[{i}]", scene.grid) for i, wall in enumerate(scene.walls))
-    return sum(math.prod(last - first for first, last in ends) for ends in extents)
 
 
 def _enough(scene: Scene) -> tuple[float, float]:
@@ -293,30 +218,3 @@ def _enough(scene: Scene) -> tuple[float, float]:
         return bias.rounded(material.E * strain / STRAIN), math.nan
     except (ArithmeticError, RuntimeError, ValueError):  # numbers for which no law was made
         return math.nan, math.nan
-
-
-def check_memory(scene: AnyScene, force: bool = False) -> None:
-    """Refuse a scene that needs more memory than the machine has, unless `force` is set.
-
-    Raises
-    ------
-    ValueError
-        Naming the number of points, the cells, and the memory needed and available.
-    """
-    available = machine.available_memory()
-    if force:
-        return
-    if isinstance(scene, Scene):
-        # If there is memory for all squares of the seeding lattices, the open ones need no count.
-        counts = [most_points(scene.grid, fill) for fill in scene.fills] + _entering(scene)
-        if _memory(scene, counts) <= available:
-            return
-    points, memory = _size(scene)
-    if memory <= available:
-        return
-    cells = " x ".join(map(str, scene.grid.shape))
-    raise ValueError(
-        f"scene {scene.name!r} with about {points:.3g} points in {cells} cells needs about "
-        f"{_gigabytes(memory)} of memory, must be at most the {_gigabytes(available)} that are "
-        "available: take larger cells or fewer points per cell, or force=True"
-    )

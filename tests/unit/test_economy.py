@@ -10,6 +10,7 @@ from schemes_by_name import scheme_of
 
 import granular as gr
 from granular.economy import bias
+from granular.economy.memory import MARGIN
 from granular.economy.suggestion import rebuilt
 from granular.materials import DruckerPrager, Elastic, glass_beads, glass_beads_5mm
 from granular.mpm.limits import check_time_step, damps_by_step
@@ -450,20 +451,20 @@ def test_points_and_memory_of_every_scene(name):
     assert found.points == pytest.approx(points, rel=0.01)
     assert found.steps > 0 and found.seconds > 0
     walls = len(scene.wall_points()["x"]) if scene.method == "sph" else 0
-    assert 0.1 * 2**30 < found.memory < 0.11 * 2**30 + 3000 * (points + walls)
+    assert 0.1 * 2**30 < found.memory < 0.13 * 2**30 + 3000 * (points + walls)
     assert math.isnan(found.E) == (scene.method == "sph")
 
 
 def test_memory_of_wall_particles():
-    """A particle takes the same memory, 500 bytes in 2D and 1000 in 3D, whatever it belongs to."""
-    for across, each in ((0, 500), (20, 1000)):
+    """They count, with less memory than particles of the material, which the record holds too."""
+    for across, each in ((0, 480), (20, 850)):
         scene = gr.scenes.incline_sph(columns=200, height=0.02, columns_across=across)
         thicker = [replace(wall, layers=wall.layers + 4) for wall in scene.walls]
         more = scene.replace(walls=tuple(thicker))
         added = len(more.wall_points()["x"]) - len(scene.wall_points()["x"])
         assert added == 4 * 200 * max(across, 1)
         found = [gr.economy.cost(s).memory for s in (scene, more)]
-        assert found[1] - found[0] == each * added
+        assert found[1] - found[0] == pytest.approx(MARGIN * each * added)
 
 
 def test_memory_of_growing_buffers():
