@@ -118,8 +118,8 @@ def extent(scene: Scene, axis: int) -> float:
     return scene.grid.shape[axis] * scene.grid.cell
 
 
-MOST_STEPS = 2**31 - 1
-"""Largest number of steps between two averagings: more than any run has."""
+MOST_STEPS = 10**9
+"""Largest number of steps between two averagings, an integer of the core."""
 
 
 def averaging_interval(scene: Scene) -> int:
@@ -129,7 +129,13 @@ def averaging_interval(scene: Scene) -> int:
         return 1
     crossing = scene.grid.cell / scene.wave_speed
     dt = scheme.dt or damped_step(scene, scheme.cfl * crossing)
-    return min(max(round(scheme.density.averaging_time * crossing / dt), 1), MOST_STEPS)
+    steps = scheme.density.averaging_time * crossing / dt
+    if not steps <= MOST_STEPS:
+        raise ValueError(
+            f"averaging_time = {scheme.density.averaging_time:g} is {steps:.3g} time steps of "
+            f"{dt:.3g} s, must be at most {MOST_STEPS}"
+        )
+    return max(round(steps), 1)
 
 
 def _relaxation_limit(scene: Scene) -> float:

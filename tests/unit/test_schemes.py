@@ -143,3 +143,19 @@ def test_a_scene_that_names_no_scheme_has_the_one_that_suits_its_material():
     assert gr.Scene(**parts, fills=mixed, material=nonlocal_law).scheme == default
     with pytest.raises(TypeError, match="scheme = 'default' must be a Scheme"):
         gr.Scene(**parts, fills=fills, material=local, scheme="default")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"density": gr.SmoothedDensity(averaging_time=2.0**63)},
+        {"density": gr.SmoothedDensity(averaging_time=1e300)},
+        {"dt": 1e-300},
+    ],
+)
+def test_more_steps_than_the_core_counts_are_refused(change):
+    scene = gr.scenes.column_collapse(cell=0.1, scheme=gr.Scheme(**change))
+    with pytest.raises(
+        ValueError, match=r"averaging_time = .* time steps of .* at most 1000000000"
+    ):
+        gr.Simulation(scene)
