@@ -248,8 +248,10 @@ def _refuse_gaps(raster: Raster, gaps: Mask, first: Array) -> None:
         f"{axis} = {first[k] + h[k] * at[0]:.12g} to {first[k] + h[k] * at[-1]:.12g}"
         for k, (axis, at) in enumerate((("x", columns), ("y", rows)))
     ]
-    inner = int(gaps[1:-1, 1:-1].sum())
-    rim = "all at its rim" if not inner else f"{int(gaps.sum()) - inner} of them at its rim"
+    parts, _ = scipy.ndimage.label(gaps)
+    at_rim = np.unique([*parts[[0, -1]].ravel(), *parts[:, [0, -1]].ravel()])
+    inner = int((gaps & ~np.isin(parts, at_rim)).sum())
+    rim = f"{inner} of them in holes" if inner else "all of them joined to its rim"
     message = (
         f"{raster.name}: {int(gaps.sum())} of {gaps.size} posts have no height, at "
         f"{', '.join(where)}, {rim}: give fill='nearest' or a height in metres"

@@ -132,8 +132,10 @@ def test_a_run_without_output_is_no_result():
 def test_a_run_that_lost_its_grains_is_no_result():
     text = (
         "head = 'ITEM: TIME\\n0\\nITEM: TIMESTEP\\n0\\nITEM: NUMBER OF {}\\n0\\n'\n"
-        "box = 'ITEM: BOX BOUNDS pp pp pp\\n0 1\\n0 1\\n0 1\\nITEM: ATOMS\\n'\n"
-        "for name in ('atoms', 'contacts'): open(name, 'w').write(head + box)\n"
+        "box = 'ITEM: BOX BOUNDS pp pp pp\\n0 1\\n0 1\\n0 1\\nITEM: {} {}\\n'\n"
+        "for name, what, n in (('atoms', 'ATOMS', 16), ('contacts', 'ENTRIES', 15)):\n"
+        "    names = ' '.join(map(str, range(n)))\n"
+        "    open(name, 'w').write(head.format(what) + box.format(what, names))\n"
     )
     with pytest.raises(dem.DemError, match="no grains"):
         dem.shear(SHEAR, command=script(text))

@@ -143,16 +143,19 @@ def test_settings_of_the_wrong_kind_are_refused():
 
 
 HEAD = "ITEM: TIME\n{time}\nITEM: TIMESTEP\n5\nITEM: NUMBER OF {what}\n{count}\n"
-BOX = "ITEM: BOX BOUNDS xy xz yz pp pp pp\n-1 5 -1\n0 2 0\n0 3 0\nITEM: {what} columns\n"
+BOX = "ITEM: BOX BOUNDS xy xz yz pp pp pp\n-1 5 -1\n0 2 0\n0 3 0\nITEM: {what} {names}\n"
 
 
 def written(folder, *, time=2.0, pairs=1, place="3.9 -0.2"):
     """Two grains of diameter 1 and 1.2 in contact, one above the other, in a tilted box."""
     atoms = [f"2 2 1.2 1.0 {place} 1 0 0 0 0 8 0 0 0 0", "1 1 1.0 0.5 3.9 0.8 1 1 2 3 0 -1 0 0 0 0"]
     contact = "1 2 0 1.0 0 0.25 0.5 0 0 0 -4 0 6 0 7"
-    text = (HEAD + BOX).format(time=2.0, what="ATOMS", count=2) + "\n".join(atoms) + "\n"
+    atom_names, pair_names = (" ".join(map(str, range(n))) for n in (16, 15))
+    text = (HEAD + BOX).format(time=2.0, what="ATOMS", count=2, names=atom_names)
+    text += "\n".join(atoms) + "\n"
     (folder / "atoms").write_text(text)
-    lines = (HEAD + BOX).format(time=time, what="ENTRIES", count=1) + (contact + "\n") * pairs
+    lines = (HEAD + BOX).format(time=time, what="ENTRIES", count=1, names=pair_names)
+    lines += (contact + "\n") * pairs
     (folder / "contacts").write_text(lines)
     (folder / "height").write_text("1.5\n")
     (folder / "growth").write_text("# step rate\n5 0.25\n")
@@ -209,7 +212,7 @@ def test_an_image_lags_half_a_step(tmp_path):
         (lambda folder: None, 2, "'growth' .* 1 frames, not 2"),
         (lambda folder: (folder / "growth").write_text("5 1\n6 1\n"), 2, "frame 1 .* cut off or"),
         (lambda folder: (folder / "growth").write_text("5 x\n"), 1, "'growth' .* garbled"),
-        (lambda folder: written(folder, place="3.9 nan"), 1, "finite places"),
+        (lambda folder: written(folder, place="3.9 nan"), 1, "5 = nan must be a finite number"),
     ],
     ids=["missing", "short", "times", "rates", "frames", "rate", "nan"],
 )

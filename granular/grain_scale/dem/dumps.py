@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
-from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular.grain_scale.dem.process import DemError
 from granular.grain_scale.dem.settings import Packing, Shear
+from granular.grain_scale.dump_tables import Table, tables
 
 Array = NDArray[np.float64]
 
@@ -118,15 +117,6 @@ class Frame:
         return self.x[c.i] + (self.radius[c.i] - 0.5 * overlap)[:, None] * c.normal
 
 
-@dataclass(frozen=True)
-class _Table:
-    """One frame of one dump file."""
-
-    time: float
-    bounds: Array
-    rows: Array
-
-
 def read_frames(folder: Path, settings: Shear | Packing, expected: int) -> Iterator[Frame]:
     """Yield the frames of a run in the order of time, in SI units.
 
@@ -149,15 +139,15 @@ def read_frames(folder: Path, settings: Shear | Packing, expected: int) -> Itera
         tilting = settings.shear_rate * float(height.read_text())
         growth = _growth(folder / "growth", expected)
     try:
-        with open(folder / "atoms") as atoms, open(folder / "contacts") as contacts:
-            for number in range(expected):
-                one = _table(atoms, len(ATOM_COLUMNS), number)
-                other = _table(contacts, 2 + len(CONTACT_COLUMNS), number)
-                if one.time != other.time:
-                    raise DemError(
-                        f"frame {number}: grains at {one.time:g} s, contacts at {other.time:g} s"
-                    )
-                yield _frame(one, other, settings, tilting, growth[number])
+        atoms, contacts = tables(folder / "atoms"), tables(folder / "contacts")
+        for number in range(expected):
+            one = _table(atoms, len(ATOM_COLUMNS), number)
+            other = _table(contacts, 2 + len(CONTACT_COLUMNS), number)
+            if one.time != other.time:
+                raise DemError(
+                    f"frame {number}: grains at {one.time:g} s, contacts at {other.time:g} s"
+                )
+            yield _frame(one, other, settings, tilting, growth[number])
     except FileNotFoundError as error:
         raise DemError(f"LAMMPS has not written its file {Path(error.filename).name!r}") from error
 
@@ -175,28 +165,26 @@ def _growth(path: Path, expected: int) -> Array:
     return rows[:, 1]
 
 
-def _table(file: TextIO, columns: int, number: int) -> _Table:
-    """Read the next table, in which an `ITEM:` line precedes time, step, count, bounds, rows."""
+def _table(frames: Iterator[Table], columns: int, number: int) -> Table:
+    """Read the next table, which must have so many columns."""
     try:
-        head = [file.readline() for _ in range(9 + 2)]
-        items = {head[k].split(":")[1].split()[0]: head[k + 1] for k in (0, 2, 4)}
-        time, count = float(items["TIME"]), int(items["NUMBER"])
-        bounds = np.array([line.split() for line in head[7:10]], dtype=float)
-        rows = np.array("".join(islice(file, count)).split(), dtype=float)
-        return _Table(time, bounds, rows.reshape(count, columns))
-    except (ValueError, IndexError, KeyError) as error:
-        raise DemError(f"frame {number} of what LAMMPS wrote is cut off or garbled") from error
+        table = next(frames)
+        if len(table.columns) != columns:
+            raise ValueError(f"{len(table.columns)} columns, not {columns}")
+        return table
+    except (ValueError, StopIteration) as error:
+        raise DemError(
+            f"frame {number} of what LAMMPS wrote is cut off or garbled: {error}"
+        ) from error
 
 
 def _frame(
-    atoms: _Table, pairs: _Table, settings: Shear | Packing, tilting: float, growth: float
+    atoms: Table, pairs: Table, settings: Shear | Packing, tilting: float, growth: float
 ) -> Frame:
     rows = atoms.rows[np.argsort(atoms.rows[:, 0])]
     units, ids, box = settings.units, rows[:, 0].astype(np.int64), _lengths(atoms.bounds)
     if len(rows) == 0:
         raise DemError(f"no grains are left at {atoms.time * units.time:g} s")
-    if not (np.isfinite(rows).all() and np.isfinite(pairs.rows).all()):
-        raise DemError(f"the grains are not at finite places at {atoms.time * units.time:g} s")
     return Frame(
         time=atoms.time * units.time,
         box=box * units.length,
