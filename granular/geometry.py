@@ -405,7 +405,9 @@ class Fill:
 
     Points keep out of the bodies of a scene: where a body cuts the square (cube) of a site, the
     point is at the centroid of the open part and has the volume of that part, so that the first row
-    follows the surface. Parts of less than a tenth go to a neighbour.
+    follows the surface. Parts of less than a tenth go to a neighbour. Where the centroid is within
+    a body, outside of the region or in another fill, as in a wedge, the point is in the nearest
+    piece of the part instead.
 
     Parameters
     ----------
@@ -423,7 +425,8 @@ class Fill:
         Initial velocity [m/s]; None for rest.
     jitter : float
         Amplitude of a random displacement, 0 to 1: it is uniform within +- jitter/2 point spacings
-        along each axis.
+        along each axis. A point that would leave the region, or come nearer to a body beside it,
+        stays where it is.
     stagger : bool
         If True, each column of points along the last axis is raised or lowered by its own part of
         half a point spacing. For material that a body carries across the grid: the points of a row

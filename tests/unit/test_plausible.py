@@ -128,6 +128,11 @@ def test_simulations_and_the_command_tell_them(tmp_path, capsys):
     assert "granular: warning: MuI: rho_c = 1.5" in capsys.readouterr().err
 
 
+def test_angles_of_ready_scenes_are_in_degrees():
+    (sentence,) = suspect_numbers(gr.scenes.incline(angle_deg=math.radians(25.0)))
+    assert sentence.startswith("parameters['angle_deg'] = 0.436332, in degrees: did you mean 25")
+
+
 def test_runs_that_fail_of_soft_grains_name_the_stiffness():
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", gr.StabilityWarning)
