@@ -20,7 +20,7 @@ from granular.surfaces import Heights, Layer
 if TYPE_CHECKING:
     from granular.typing import AnyScene
 
-__all__ = ["BOULDER", "LARGEST_LOAD", "load_of", "stiffness_hint", "suspect_numbers"]
+__all__ = ["BOULDER", "LARGEST_LOAD", "stiffness_hint", "suspect_numbers"]
 
 FRICTION = (0.02, 1.5)
 """Friction coefficients of grains: those of rounded smooth grains are 0.2 to 0.4, of broken rock
@@ -202,8 +202,7 @@ def _stiffness(scene: AnyScene) -> Iterator[str]:
 
 def stiffness_hint(scene: AnyScene) -> str:
     """Sentence on material that is too soft for its load; empty for one that is not."""
-    E = min((m.E for m in scene.materials if hasattr(m, "E")), default=math.inf)
-    load = load_of(scene)
+    load, E = max(_loads(scene), key=lambda pair: pair[0] / pair[1], default=(0.0, 1.0))
     if load <= LARGEST_LOAD * E:
         return ""
     needed = load / LARGEST_LOAD
@@ -216,14 +215,16 @@ def stiffness_hint(scene: AnyScene) -> str:
     )
 
 
-def load_of(scene: AnyScene) -> float:
-    """Pressure [Pa] under the thickest fill or inflow, or of a wall that keeps one."""
+def _loads(scene: AnyScene) -> Iterator[tuple[float, float]]:
+    """Yield the pressure [Pa] at the foot of each fill and inflow, and of a servo, and E [Pa]."""
     g = max(abs(vector[-1]) for vector in scene.gravity.vectors)
-    loads = [
-        (source.material or scene.material).rho_c * g * _thickness(source.region)
-        for _, _, source in _sources(scene)
-    ]
-    return max([*loads, *(servo.pressure for servo in getattr(scene, "servos", ()))])
+    for _, _, source in _sources(scene):
+        material = source.material or scene.material
+        if hasattr(material, "E"):
+            yield material.rho_c * g * _thickness(source.region), material.E
+    pressed: Any = scene.material
+    for servo in getattr(scene, "servos", ()):
+        yield servo.pressure, pressed.E
 
 
 def _thickness(region: Any) -> float:
