@@ -1,6 +1,8 @@
 /* The nodes on which a foot acts (foot_support.h). */
 #include "mpm/foot_support.h"
 
+#include <float.h>
+
 #include "mpm/migrate.h"
 #include "mpm/shape.h"
 #include "mpm/walls.h"
@@ -16,6 +18,9 @@
 
 /* Variance of the distances of nodes from the surface, in cells^2, below which they are the same but for round-off. */
 #define ONE_DISTANCE 1e-9
+
+/* Roundings of a coordinate by which a place may be off the end of the domain that it lies on, as in granular/geometry.py. */
+#define ROUNDINGS 64
 
 /* Where walls hold more than the rest of the mobility of a foot, they act there, and not the body. */
 #define LEAST_MOBILE 0.1
@@ -63,7 +68,8 @@ static int shapes_at(const struct gr_engine *e, const double x[3], const double 
         if (axis->periodic) place -= axis->length * floor(place / axis->length);
         int64_t at = gr_locate(axis, e->inv_dx, axis->origin + place);
         if (at < 0 || at >= axis->n_cells) {
-            if (!axis->periodic && fabs(place - 0.5 * axis->length) > 0.5 * axis->length + 1e-9 * e->config.dx) return 0;
+            const double slack = fmax(1e-9 * e->config.dx, ROUNDINGS * DBL_EPSILON * (fabs(axis->origin) + axis->length));
+            if (!axis->periodic && fabs(place - 0.5 * axis->length) > 0.5 * axis->length + slack) return 0;
             at = at < 0 ? 0 : axis->n_cells - 1;
         }
         const struct gr_axis_cell *cell = &axis->cell[at];
