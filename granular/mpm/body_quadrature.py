@@ -2,9 +2,9 @@
 
 A shape is cut by parallel lines, in a direction askew to those in which people build, so that
 hardly a wall is along them. On each line the pieces inside are found by steps as long as the signed
-distance allows: no wall is passed over, however thin it is. The lines are at the nodes of a square
-grid, and twice as near to each other at each level. What they are clear of tells which squares are
-empty for certain; these are left out.
+distance allows: no wall is passed over, however thin it is. In each square of a grid there is a
+line at a random place, which no shape can be in step with. At each level the squares are half as
+wide. What the lines are clear of tells which squares are empty for certain; these are left out.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ STEP = 5e-5
 SIDES = {2: 16, 3: 4}
 """Groups of lines along each axis across them, by the dimension: 16 in all.
 
-Each group is a grid of its own, and its errors are hardly related to those of others. The mean of
-all groups errs by a quarter of their deviation, if they are independent, and by an eighth if the
-error falls as the number of lines to the power 3/4, as for jumps and round edges.
+The errors of a group are hardly related to those of others. The mean of all groups errs by a
+quarter of their deviation if they are independent, and by an eighth if the error falls as the
+number of lines to the power 3/4, as that of jumps does.
 """
 DEVIATIONS = 3.0
 """Standard deviations of the mean of independent groups in the bound of the error."""
@@ -88,17 +88,19 @@ def moments(distance: Distance, low: Array, high: Array, tolerance: float) -> Mo
     width = longest / FIRST[dim]
     counts = np.ceil(2 * half[:-1] / width).astype(int)
     nodes = np.stack([part.ravel() for part in np.indices(counts.tolist())], axis=1)
-    before = None
+    before, random = None, np.random.default_rng(0)
     while True:
-        at = width * (nodes + 0.5 - 0.5 * counts)
+        away = random.uniform(-0.5, 0.5, nodes.shape)
+        at = width * (nodes + away + 0.5 - 0.5 * counts)
         line = lines.along(at)
-        groups = _by_group(nodes, _products(at, width, line))
+        groups = _by_group(nodes, width ** (dim - 1) * _products(at, line))
         total = groups.sum(axis=0)
         error = _error(groups, before)
         if error <= tolerance or len(at) > MOST_LINES:
             break
-        # corners are no farther from the middle of a square than this
-        full = (line[:, 0] > 0) | (line[:, 3] <= 0.5 * math.sqrt(dim - 1) * width)
+        # no corner of a square is farther from its line than this
+        farthest = width * np.linalg.norm(abs(away) + 0.5, axis=1)
+        full = (line[:, 0] > 0) | (line[:, 3] <= farthest)
         ends = np.stack([part.ravel() for part in np.indices((2,) * (dim - 1))], axis=1)
         nodes = (2 * nodes[full][:, None] + ends).reshape(-1, dim - 1)
         width, counts, before = 0.5 * width, 2 * counts, total
@@ -195,14 +197,11 @@ class _Lines:
         return self.distance(np.ascontiguousarray(own @ self.turn))
 
 
-def _products(at: Array, width: float, line: Array) -> Array:
-    """Integrals of the products of (1, x) over squares, from those along lines in their middles."""
-    k = at.shape[1]
-    sums = np.empty((len(at), k + 2, k + 2))
+def _products(at: Array, line: Array) -> Array:
+    """Integrals of the products of (1, x) along lines."""
+    sums = np.empty((len(at), at.shape[1] + 2, at.shape[1] + 2))
     one = np.concatenate([np.ones((len(at), 1)), at], axis=1)
     sums[:, :-1, :-1] = one[:, :, None] * one[:, None, :] * line[:, 0, None, None]
-    for j in range(1, k + 1):
-        sums[:, j, j] += width**2 / 12 * line[:, 0]
     sums[:, :-1, -1] = sums[:, -1, :-1] = one * line[:, 1, None]
     sums[:, -1, -1] = line[:, 2]
-    return width**k * sums
+    return sums

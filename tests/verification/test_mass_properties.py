@@ -88,7 +88,7 @@ SINGLE = {
 
 @pytest.mark.parametrize("shape", SINGLE.values(), ids=SINGLE)
 def test_quadrature_is_within_its_bound_of_formulas(shape):
-    """A union of a shape with itself has no formula; as it is anywhere, and however thin."""
+    """A union of a shape with itself has no formula; it may be anywhere, and thin."""
     found = mass_properties(Union((shape, shape)), 1000.0)
     assert 0 < found.error <= 1e-3
     assert off(found, *same(shape)) <= found.error
@@ -96,7 +96,7 @@ def test_quadrature_is_within_its_bound_of_formulas(shape):
 
 TURN = {"rotation_deg": (10.0, 20.0, 30.0)}
 HOLLOW = {
-    "box": (Box((0.4, 0.3, 0.2), **TURN), Box((0.394, 0.294, 0.194), **TURN), 1e-3),
+    "box": (Box((0.4, 0.3, 0.2), **TURN), Box((0.394, 0.294, 0.194), **TURN), 2e-3),
     "box along": (Box((0.4, 0.3, 0.2)), Box((0.394, 0.294, 0.194)), 1e-3),
     "ball": (Sphere(0.2, center=(1.0, 0, 0)), Sphere(0.197, center=(1.0, 0, 0)), 5e-3),
     "crescent": (Sphere(0.2, center=(0.0,) * 3), Sphere(0.1, center=(0.05, 0.0, 0.0)), 1e-3),
