@@ -88,8 +88,8 @@ def mass_properties(
     whose parts neither overlap nor cross themselves, as far as points of its surface tell. Other
     shapes are cut by parallel lines, up to some ten thousand. The bound of the error is three times
     the standard deviation that 16 groups of lines give to their mean; true errors of 23 balls,
-    boxes, plates, tori, cones, pipes and hollow bodies were 3 to 62 % of it. Shapes may be anywhere:
-    far from the origin nothing is lost.
+    boxes, plates, tori, cones, pipes and hollow bodies were 3 to 62 % of it. Shapes may be
+    anywhere: far from the origin nothing is lost.
 
     A `Mesh` counts with its triangles, but in an operation with its samples, whose edges are
     rounded by about a spacing; the error does not include this.
