@@ -80,8 +80,8 @@ class Cost:
         Time on one core [s], within a factor of about two; with 4 points per cell in 2D it is
         about twice as long, and thin layers of material on a body take up to ten times as long.
     memory : float
-        Memory of a run with these points and a record [bytes]: 1.0 to 1.2 times the peak, and up to
-        1.5 times (in single precision twice) that of a run without a record.
+        Memory of a run with these points and a record [bytes]: 1.03 to 1.25 times the peak, and 1.1
+        to 1.35 times (in single precision to 1.65) that of a run without a record.
     peak_memory : float
         Memory [bytes] while the buffers of the points grow, the old and the new ones being there at
         the same time. That happens only to material that spreads over many more cells: a
