@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Build and run the C tests under the sanitizers: csrc/tests/run.sh [axis grid ...]
 # CC: compiler (gcc). SANITIZE: the sanitizers (address,undefined,float-cast-overflow; thread), 0 for
-# none. BUILD: folder of the objects, kept if given. JOBS: compilers and tests at a time.
+# none. MACHINE=any: the baseline kernels alone. BUILD: folder of the objects, kept if given. JOBS: compilers and tests at a time.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
@@ -22,7 +22,7 @@ if [ "$sanitize" != 0 ]; then
     if $CC $calls -E -x c /dev/null >/dev/null 2>&1; then flags+=" $calls"; fi
 fi
 kernels=(baseline:)
-case $(uname -m) in
+case ${MACHINE:-$(uname -m)} in
 x86_64 | amd64 | i686)
     flags+=" -DGR_X86"
     avx2="-mavx2 -mfma"
