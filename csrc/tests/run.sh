@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # Build and run the C tests under the sanitizers: csrc/tests/run.sh [axis grid ...]
 # CC: compiler (gcc). SANITIZE: the sanitizers (address,undefined,float-cast-overflow; thread), 0 for
-# none. MACHINE=any: the baseline kernels alone. BUILD: folder of the objects, kept if given. JOBS: compilers and tests at a time.
+# none. MACHINE=any: the baseline kernels alone. BUILD: folder of the objects, kept if given. JOBS:
+# compilers and tests at a time.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
