@@ -225,16 +225,31 @@ static void search_all(const struct gr_sph *s, struct search *q, int kind)
     }
 }
 
+/* Whether a row is of a wall particle far outside. Its only neighbours are itself and what follows it, so that its sums are
+ * finite: it may follow one that is a neighbour of others, in the same block, with the weight 0. */
+static int is_unsearched(const struct gr_sph *s, int64_t a)
+{
+    return a >= s->start[1][s->n_cells] && a < s->wall_first + s->n_walls;
+}
+
 int64_t gr_sph_list_blocks(struct gr_sph *s, int64_t first, int64_t last)
 {
     int64_t most = 0;
     for (int64_t a = first; a < last; a++) {
         struct search q = {.out = s->block + a * s->stride};
+        s->begin[a] = s->middle[a] = a * s->stride;
+        if (is_unsearched(s, a)) {
+            if (s->stride) q.out[0] = (struct gr_block){(int32_t)a, GR_SPH_SHIFTS / 2}; /* not shifted */
+            s->end[a] = s->begin[a] + 1;
+            if (!most) most = 1;
+            if (s->gas) s->gas->end[a] = s->end[a];
+            continue;
+        }
         place_of(s, GR_SPH_FIELD_anchor, a, q.at);
         int64_t cell = cell_at(s, q.at);
         for (int d = 0; d < s->config.dim; d++) q.cell[d] = (int)(cell % s->shape[d]), cell /= s->shape[d];
         search_all(s, &q, 0);
-        s->begin[a] = a * s->stride, s->middle[a] = s->begin[a] + q.n;
+        s->middle[a] += q.n;
         if (s->n_walls) search_all(s, &q, 1);
         s->end[a] = s->begin[a] + q.n;
         if (s->n_gas) search_all(s, &q, 2);
