@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from tqdm.auto import tqdm
 
 import granular as gr
@@ -15,6 +16,8 @@ from granular.plot import Picture
 OUT = Path("build/figures")
 """Folder of the pictures, which git ignores."""
 DPI = 200
+BLUE, ORANGE, GREEN, RED, GREY = "#0072b2", "#e69f00", "#009e73", "#d55e00", "#8a8f98"
+WEIGHT = gr.Gravity((0.0,), ((0.0, -9.8),))
 PUBLISHED_E = 1e9
 """Young's modulus of the paper [Pa]."""
 
@@ -27,6 +30,12 @@ SCHEMES = {
 
 RUN = ("scheme", "threads", "tolerance")
 """Options of `options` that concern runs."""
+
+
+def panels(rows: int, columns: int, height: float, **options: object) -> tuple[Picture, np.ndarray]:
+    """Empty picture of this height [inches] with panels."""
+    made = Picture(figsize=(9.0, height), layout="compressed")
+    return made, made.subplots(rows, columns, squeeze=False, **options)
 
 
 def parser_of(doc: str | None) -> argparse.ArgumentParser:

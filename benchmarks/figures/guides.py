@@ -12,24 +12,16 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from common import parser_of, save
+from common import BLUE, GREEN, GREY, ORANGE, RED, WEIGHT, panels, parser_of, save
+from from_files import dem_runs, meshes
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 from scipy.optimize import brentq
 
 import granular as gr
-from granular.grain_scale.dem.process import execute
 from granular.plot import Picture
 
-BLUE, ORANGE, GREEN, RED, GREY = "#0072b2", "#e69f00", "#009e73", "#d55e00", "#8a8f98"
 STILL = gr.Gravity((0.0,), ((0.0, 0.0),))
-WEIGHT = gr.Gravity((0.0,), ((0.0, -9.8),))
-
-
-def panels(rows: int, columns: int, height: float, **options: object) -> tuple[Picture, np.ndarray]:
-    """Empty picture of this height [inches] with panels."""
-    made = Picture(figsize=(9.0, height), layout="compressed")
-    return made, made.subplots(rows, columns, squeeze=False, **options)
 
 
 def column(cell: float, until: float = 1.0, **numbers: float) -> gr.State:
@@ -441,84 +433,12 @@ def extrapolate_to_fine_cells(quick: bool) -> Picture:
     return made
 
 
-COLLAPSE = """
-units si
-atom_style sphere
-boundary f p f
-newton off
-comm_modify vel yes
-region box block 0 0.4 0 0.012 0 0.14
-create_box 1 box
-{grains}
-set group all diameter 0.004
-set group all density 2500
-pair_style gran/hooke/history 2000 NULL 800 NULL 0.5 1
-pair_coeff * *
-fix walls all wall/gran hooke/history 2000 NULL 800 NULL 0.5 1 zplane 0 0.14
-fix sides all wall/gran hooke/history 2000 NULL 800 NULL 0.5 1 xplane 0 0.4
-fix weight all gravity 9.81 vector 0 0 -1
-fix move all nve/sphere
-timestep 1e-5
-dump d all custom {every} grains.dump id x y z vx vy vz radius mass
-dump_modify d units yes time yes sort id
-run {steps}
-"""
-"""A column of grains between x = 0 and 0.4 m, for LAMMPS."""
-
-
-def grains_that_collapse(folder: Path, quick: bool) -> gr.grain_scale.Dump:
-    """Dump of a column, with a frame each 0.1 s."""
-    rng, per_second = np.random.default_rng(0), 100_000
-    places = np.indices((22, 3, 12 if quick else 24)).reshape(3, -1).T * 0.004 + 0.002
-    places = places + rng.uniform(-1e-4, 1e-4, places.shape)
-    grains = "\n".join(f"create_atoms 1 single {x:.9g} {y:.9g} {z:.9g}" for x, y, z in places)
-    text = COLLAPSE.format(grains=grains, every=per_second // 10, steps=per_second // 5)
-    (folder / "in.lammps").write_text(text)
-    execute(folder, command=None, timeout=300.0)
-    return gr.grain_scale.read_dump(folder / "grains.dump")
-
-
-def dem_runs(quick: bool) -> Picture:
-    """Grains, their averages, and a continuum that goes on from them."""
-    made, axes = panels(3, 1, 6.6, sharex=True)
-    grid = gr.Grid((0.0, 0.0), 0.008, (50, 18))
-    with TemporaryDirectory() as name:
-        dump = grains_that_collapse(Path(name), quick)
-        first, last = dump[1], dump[2]
-        found = gr.grain_scale.average_grains(first, grid, axes="xz")
-    limits = {"vmin": 0.0, "vmax": 0.8, "cmap": "viridis"}
-    x, speed = first.x, np.linalg.norm(first.v, axis=1)
-    axes[0, 0].scatter(x[:, 0], x[:, 2], 9, speed, **limits)
-    axes[0, 0].set_title(f"speed of the grains at {first.time:.1f} s [m/s]")
-    mean = np.linalg.norm(found.velocity, axis=-1).T
-    mesh = axes[1, 0].pcolormesh(*found.axes, mean, **limits)
-    axes[1, 0].set_title("their average over cells")
-    scene = gr.Scene(
-        name="goes on",
-        grid=grid,
-        fills=[gr.Fill(first.cloud(0.6, axes="xz"), 4)],
-        material=gr.MuI(E=1e5, rho_c=1500.0),
-        walls=[gr.Wall(axis=1, at=0.0), gr.Wall(axis=0, at=0.0, kind="free_slip")],
-        gravity=WEIGHT,
-        duration=last.time - first.time,
-    )
-    state = gr.Simulation(scene).run().state
-    axes[2, 0].scatter(last.x[:, 0], last.x[:, 2], 9, GREY, alpha=0.3)
-    axes[2, 0].scatter(*state.x.T, 4, np.linalg.norm(state.v, axis=1), **limits)
-    axes[2, 0].set_title(f"a continuum from there, and the grains (grey), at {last.time:.1f} s")
-    for ax in axes.flat:
-        ax.set(aspect="equal", xlim=(0.0, 0.3), ylim=(0.0, 0.11), ylabel="z [m]")
-    axes[2, 0].set_xlabel("x [m]")
-    made.colorbar(mesh, ax=axes, shrink=0.6, label="speed [m/s]")
-    return made
-
-
 PAGES: dict[str, Callable[[bool], Figure]] = {
     made.__name__: made
     for made in (
         *(walls, fill_regions, own_material, choose_a_scheme, choose_a_stiffness, scale_a_model),
         *(scene_files, shear_cell, own_scene, read_the_verdict, watch_a_run, restart),
-        *(calibrate_friction, sweep, paraview, extrapolate_to_fine_cells, dem_runs),
+        *(calibrate_friction, sweep, paraview, extrapolate_to_fine_cells, dem_runs, meshes),
     )
 }
 

@@ -7,6 +7,7 @@ import os
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any
 
 import numpy as np
@@ -63,7 +64,7 @@ def read_heights(
     part = _part_of(raster, window)
     raw, gaps = raster.read(*part)
     if nodata is not None:
-        gaps = missing(raw, _number_or_nan("nodata", nodata))
+        gaps = missing(raw, _checked_mark(nodata))
     if gaps.all():
         raise ValueError(f"{raster.name}: none of its {raw.size} posts has a height{_in(window)}")
     z = raw if raster.numbers == (1.0, 0.0) else raw * raster.numbers[0] + raster.numbers[1]
@@ -83,8 +84,11 @@ def _in(window: object) -> str:
     return "" if window is None else " in the window"
 
 
-def _number_or_nan(name: str, value: Any) -> float:
-    return value if isinstance(value, float) and math.isnan(value) else finite(name, value)
+def _checked_mark(value: Any) -> float:
+    """Return a mark of gaps: any number that a file may hold, nan among them."""
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise TypeError(f"nodata = {value!r} must be a number, not {type(value).__name__}")
+    return float(value)
 
 
 # ---- units ----

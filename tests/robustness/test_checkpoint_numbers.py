@@ -148,7 +148,7 @@ def test_mutants_are_refused_or_survived(tmp_path, count):
     [
         ("choked", {"dt": np.inf}, "dt of the checkpoint = inf must be a finite number"),
         ("choked", {"dt": 1.0}, r"dt = 1 must be from 0 to 0\.000"),
-        ("choked", {"time": -1e300}, r"time = -1e\+300 must be from 0"),
+        ("choked", {"time": -1e30}, r"time = -1e\+30 must be from 0"),
         ("bed", {"time": 1e30}, "must be one that a step of .* s changes"),
         ("bed", {"step": 2**63 - 1}, "step of the checkpoint = 9223372036854775807 must be"),
         ("bed", {"shift_dt": 0.0}, "shift_dt = 0 must be from"),

@@ -295,7 +295,7 @@ def test_a_point_within_a_solid_does_no_harm(small_scene):
 @pytest.mark.parametrize("every", [1e-22, 5e-324, 1e-12])
 def test_frames_closer_than_steps_can_be_are_refused(small_scene, tmp_path, every):
     sim = gr.Simulation(small_scene("walls", 2, PLAIN, E=1e5), threads=1)
-    with pytest.raises(ValueError, match=rf"every = {every:g} must be >= .* time step"):
+    with pytest.raises(ValueError, match=r"every = \S+ must be (>=|at least) "):
         sim.run(until=0.1, every=every, save=tmp_path / "a.h5")
     assert sim.steps == 0 and not (tmp_path / "a.h5").exists()
 

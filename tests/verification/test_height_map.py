@@ -167,9 +167,10 @@ def test_a_domain_beyond_the_map_is_refused():
     utm = (512345.1, 5234567.3)
     far = HeightMap(np.zeros((40, 50)), 0.1, origin=utm)
     corners = np.array([utm, [utm[0] + 98 * 0.05, utm[1] + 78 * 0.05]])
-    far.check("bodies[0]", corners)
+    slack = 64 * np.spacing(utm[1])  # of the grid, see Grid.slack
+    far.check("bodies[0]", corners, slack)
     with pytest.raises(ValueError, match="along y"):
-        far.check("bodies[0]", corners + np.array([0.0, 1e-5]))
+        far.check("bodies[0]", corners + np.array([0.0, 1e-5]), slack)
 
 
 def test_a_map_is_drawn_as_its_posts():
