@@ -2,7 +2,6 @@
 #include "core/team.h"
 
 #include <pthread.h>
-#include <signal.h>
 #include <stdatomic.h>
 #include <time.h>
 
@@ -211,23 +210,10 @@ static void *serve(void *argument)
     return NULL;
 }
 
-/* Begin a thread that gets no signals but those of its own faults: others are for the threads of the program.
- * Returned: 0, or an error. */
-static int begin(struct helper *helper)
-{
-    pthread_t thread;
-    sigset_t all, before;
-    sigfillset(&all);
-    for (int k = 0; k < 4; k++) sigdelset(&all, (int[]){SIGSEGV, SIGBUS, SIGFPE, SIGILL}[k]);
-    pthread_sigmask(SIG_SETMASK, &all, &before);
-    const int error = pthread_create(&thread, NULL, serve, helper);
-    pthread_sigmask(SIG_SETMASK, &before, NULL);
-    return error ? error : pthread_detach(thread);
-}
-
 /* Take an idle helper, or begin another one. Returned: NULL if the system gives no more threads. */
 static struct helper *take_helper(void)
 {
+    pthread_t thread;
     struct helper *helper = pool.idle;
     if (helper) {
         pool.idle = helper->next;
@@ -237,7 +223,8 @@ static struct helper *take_helper(void)
     helper = &pool.helper[pool.n_helpers];
     atomic_store(&helper->team, NULL);
     helper->called = (pthread_cond_t)PTHREAD_COND_INITIALIZER;
-    if (begin(helper)) return NULL;
+    if (pthread_create(&thread, NULL, serve, helper)) return NULL;
+    pthread_detach(thread);
     pool.n_helpers++;
     return helper;
 }
