@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -99,6 +99,8 @@ def missing(values: NDArray, mark: float) -> NDArray[np.bool_]:
 
     A mark may have lost digits on its way through single precision, as -3.4028235e38 does.
     """
+    if not math.isfinite(mark):
+        return ~np.isfinite(values)
     near = abs(mark) * np.finfo(np.float32).eps
     with np.errstate(invalid="ignore", over="ignore"):
         marked: NDArray[np.bool_] = np.abs(values - np.float64(mark)) <= near
@@ -121,8 +123,8 @@ def _of_esri(path: str | os.PathLike) -> Raster:
         return part, missing(part, mark)
 
     def units() -> Units:
-        beside = Path(path).with_suffix(".prj")
-        if not beside.is_file():
+        beside = _beside(Path(path).with_suffix(".prj"))
+        if beside is None:
             return Units()
         try:
             return units_of(beside.read_text(encoding="utf-8", errors="replace"))
@@ -130,6 +132,14 @@ def _of_esri(path: str | os.PathLike) -> Raster:
             raise type(error)(f"{error}, by {beside.name}") from None
 
     return Raster(str(path), shape, first, spacing, read, units)
+
+
+def _beside(path: Path) -> Path | None:
+    """Return the file of that name, written as it is or else in other letters, A.PRJ as a.prj."""
+    if path.is_file():
+        return path
+    named = (other for other in path.parent.iterdir() if other.name.lower() == path.name.lower())
+    return next((other for other in sorted(named) if other.is_file()), None)
 
 
 def _head(name: str, file: TextIO) -> tuple[dict[str, float], str, int]:
@@ -207,6 +217,8 @@ def _values(name: str, lines: Any, number: int, count: int) -> NDArray[np.float6
             parts.append(np.array("".join(block).split(), dtype=float))
         except ValueError:
             raise _wrong_word(name, block, number) from None
+        if np.isinf(parts[-1]).any():
+            _refuse_huge(name, block, number)
         held += parts[-1].size
         number += len(block)
     if held != count:
@@ -215,9 +227,24 @@ def _values(name: str, lines: Any, number: int, count: int) -> NDArray[np.float6
     return np.concatenate(parts)
 
 
+def _words(block: list[str], number: int) -> Iterator[tuple[int, str]]:
+    """Yield the words of lines, the first of which has this number, each with that of its line."""
+    return ((number + k, word) for k, line in enumerate(block) for word in line.split())
+
+
+def _refuse_huge(name: str, block: list[str], number: int) -> None:
+    """Refuse numbers beyond those of double precision; inf in letters is a gap."""
+    for line, word in _words(block, number):
+        if math.isinf(float(word)) and "inf" not in word.lower():
+            raise ValueError(
+                f"{name}, line {line}: {word[:40]!r} must be from -1.8e308 to 1.8e308, the largest "
+                "number; inf, nan and NODATA_value stand for missing heights"
+            )
+
+
 def _wrong_word(name: str, block: list[str], number: int) -> ValueError:
     """Error that names the first word that is no number."""
-    places = ((number + k, word) for k, line in enumerate(block) for word in line.split())
+    places = _words(block, number)
     line, word = next((place for place in places if not _is_number(place[1])), (number, "?"))
     comma = ": write decimals with a point" if _is_number(word.replace(",", ".", 1)) else ""
     return ValueError(f"{name}, line {line}: {word[:40]!r} must be a number{comma}")

@@ -89,6 +89,8 @@ def test_an_esri_grid_is_read(tmp_path, text, name):
         (HEAD + "4 5 6\n1 2\n", "must hold 6 heights by its header, has 5"),
         (HEAD + ROWS + "7", "must hold 6 heights by its header, has more"),
         (HEAD + "4 5 6\n1 x 3\n", "line 8: 'x' must be a number"),
+        (HEAD + "4 5 6\n1 -1e400 inf\n", "line 8: '-1e400' must be from -1.8e308 to 1.8e308"),
+        (HEAD + "4 inf 6\n1 2 3\n", "1 of 6 posts have no height"),
         (HEAD + "4 5 6\n1 2,5 3\n", "line 8: '2,5' must be a number: write decimals with a point"),
         (HEAD.replace("10", "10,5") + ROWS, "line 3: 'xllcorner 10,5' must have a number, with a"),
         (HEAD.replace("cols 3", "cols inf") + ROWS, "ncols = inf must be a whole number"),
@@ -219,9 +221,12 @@ def test_degrees_and_depths_are_refused(tmp_path):
         path.with_suffix(".prj").write_text(given)
         with pytest.raises(ValueError, match=message):
             HeightMap.read(path)
+    path.with_suffix(".prj").unlink()
     path = asc(path, hills())
-    path.with_suffix(".prj").write_text("Projection UTM\nZunits FEET\nUnits METERS\nZone 33\n")
-    np.testing.assert_allclose(HeightMap.read(path).z, FOOT * hills()[::-1])
+    for name in ("B.PRJ", "b.prj"):  # the second counts before the first
+        path.with_name(name).write_text("Projection UTM\nZunits FEET\nUnits METERS\nZone 33\n")
+        np.testing.assert_allclose(HeightMap.read(path).z, FOOT * hills()[::-1])
+        path.with_name("B.PRJ").write_text("?")
 
 
 def test_scale_and_offset_are_applied(tmp_path):
@@ -303,6 +308,36 @@ def test_a_pit_and_blocks_on_a_floor_are_no_marks(tmp_path):
         HeightMap.read(asc(tmp_path / "a.asc", z, step=0.05, corner=(0.0, 0.0)))
 
 
+@pytest.mark.parametrize("kind", ["uint8", "int8", "uint16", "int16", "uint32", "int32", "float32"])
+def test_heights_of_all_types_are_no_marks(tmp_path, kind):
+    """Differences of whole numbers do not wrap around; the highest posts are two."""
+    low = -120 if kind == "int8" else 0
+    z = (low + (hills() - hills().min()) * 3).astype(kind)
+    z[5, 5:7], z[7, 7:9] = z.max() + 1, z.min()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        assert np.array_equal(HeightMap.read(tif(tmp_path / "a.tif", z)).z, z[::-1])
+    z = (120 + hills() % 5).astype("uint8")
+    z[:2, 3:9] = 255 if kind == "uint8" else 0
+    with pytest.warns(UserWarning, match=rf"12 posts have the value {z[0, 3]}, which is 1\d\d m"):
+        HeightMap.read(tif(tmp_path / "a.tif", z))
+
+
+def test_steps_to_floors_roofs_and_crests_are_no_marks(tmp_path):
+    y, x = np.mgrid[:30, :40]
+    ramp, ground = 2.0 - 0.05 * x, 120.0 + 0.3 * np.sin(x / 3) + 0.2 * np.cos(y / 2)
+    steps = {
+        "floor": (np.where(x > 25, 0.0, ramp), 0.01),
+        "table": (np.where(x > 25, 0.0, 1.0), 0.01),
+        "roof": (np.where((abs(x - 20) < 6) & (abs(y - 15) < 5), 140.0, ground), 0.5),
+        "crest": (np.where(abs(x - 20) < 2, 220.0, ground), 1.0),
+    }
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)
+        for name, (z, step) in steps.items():
+            HeightMap.read(asc(tmp_path / f"{name}.asc", z, step=step))
+
+
 @pytest.mark.parametrize("kind", ["tif", "asc"])
 def test_gaps_at_the_rim_are_cut_off_or_filled(tmp_path, kind):
     """The window that the error offers can be given as it is, also far from the origin."""
@@ -327,8 +362,8 @@ def test_gaps_at_the_rim_are_cut_off_or_filled(tmp_path, kind):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"window": (0, 0, 1, 1)}, r"must reach along x .* stand for 10 to 16"),
-        ({"window": (10, 20, 16, 25)}, r"must reach along y .* stand for 20 to 24"),
+        ({"window": (0, 0, 1, 1)}, r"lie along x, from 0 to 1, within .* for x = 10 to 16"),
+        ({"window": (10, 20, 16, 25)}, r"lie along y, from 20 to 25, within .* for y = 20 to 24"),
         ({"window": (14, 20, 10, 24)}, "from a lower to a higher place"),
         ({"window": (10.5, 20, 12.9, 24)}, "must hold two posts at least along x"),
         ({"window": (10, 20, 16)}, "window = .* must be 4 numbers"),
