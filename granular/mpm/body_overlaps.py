@@ -195,7 +195,21 @@ def _in_blocks(scene: Scene, body: Body) -> Iterator[Overlap]:
         surrounded[surrounded] = within(x[surrounded] + (1 + MARGIN) * most * np.array(step))
     depth = np.where(surrounded, np.maximum(depth, (1 + MARGIN) * most), np.where(found, depth, 0))
     if len(depth):
-        yield Overlap("a Solid", float(depth.max()), x[depth.argmax()])
+        deepest = int(depth.argmax())
+        yield Overlap(_block_at(scene, x[deepest]), float(depth[deepest]), x[deepest])
+
+
+def _block_at(scene: Scene, x: Array) -> str:
+    """Name of the block that a place is in, which goes on beyond an end of the grid."""
+    grid = scene.grid
+    lower, size = np.array(grid.lower), grid.cell * np.array(grid.shape)
+    inside = np.where(grid.periodic, lower + (x - lower) % size, x.clip(lower, lower + size))[None]
+    far = {
+        k: float(_from_box(inside, np.array(wall.lower), np.array(wall.upper))[0])
+        for k, wall in enumerate(scene.walls)
+        if isinstance(wall, Solid)
+    }
+    return f"walls[{min(far, key=far.__getitem__)}], a Solid"
 
 
 def _in_body(scene: Scene, i: int, j: int, balls: Sequence[Balls]) -> Iterator[Overlap]:

@@ -222,14 +222,14 @@ def bricks(height):
             scene_of(disc(shape=Box((0.11, 0.6))), walls=(Wall(1, 0.8, opens_at=1.0),)),
             r"0.3 m within walls\[0\]",
         ),
-        (scene_of(disc(), walls=(Solid((0.6, 0.3), (1.0, 0.7)),)), "a Solid"),
-        (scene_of(disc(at=(0.8, 0.4)), walls=STAIRS), "a Solid"),
+        (scene_of(disc(), walls=(Solid((0.6, 0.3), (1.0, 0.7)),)), r"within walls\[0\], a Solid"),
+        (scene_of(disc(at=(0.8, 0.4)), walls=STAIRS), r"within walls\[\d\], a Solid"),
         (
             scene_of(
                 disc(at=(0.8, 0.9), shape=Box((0.6, 0.4))),
-                walls=(Solid((0.75, 0.3), (0.85, 0.85)),),
+                walls=(FLOOR, Solid((0.75, 0.3), (0.85, 0.85))),
             ),
-            "a Solid",
+            r"within walls\[1\], a Solid",
         ),
         (scene_of(PLATE, disc(at=(1.2, 0.8))), r"bodies\[1\] begins 0.1 m within bodies\[0\]"),
         (scene_of(disc(), disc(at=(1.1, 0.8))), r"bodies\[0\] begins 0.1 m within bodies\[1\]"),
