@@ -26,11 +26,15 @@ FRICTION = (0.02, 1.5)
 """Friction coefficients of grains: those of rounded smooth grains are 0.2 to 0.4, of broken rock
 under little stress up to tan 55 deg = 1.4 (Leps 1970, J. Soil Mech. Found. Div. ASCE 96), and of
 smooth grains in lubricated contact 0.05 and less."""
-BULK = (20.0, 12e3)
-"""Densities of granular material [kg/m3]: aerogel and fresh snow have 30 to 50, powder of tungsten
-has 10,000."""
-SOLID = (20.0, 23e3)
-"""Densities of grains and bodies [kg/m3]: osmium, the densest solid, has 22,590."""
+BULK = (5.0, 12e3)
+"""Densities of granular material [kg/m3]: beads of foam have 8 to 20, aerogel and fresh snow 30 to
+50, powder of tungsten 10,000."""
+SOLID = (5.0, 23e3)
+"""Densities of grains and bodies [kg/m3]: beads of foam have 10 to 30, osmium, the densest solid,
+22,590."""
+LARGEST_LOADING = 10.0
+"""Largest mass of a body over that of a cube of osmium that contains it: a plate may bear a load
+that is not seen, but steel in grams is 100 times more."""
 STIFFEST = 1.2e12
 """Largest Young's modulus of a solid, that of diamond [Pa]."""
 LARGEST_LOAD = 0.1
@@ -39,25 +43,33 @@ LARGEST_LOAD = 0.1
 grains do, and it falls over its own height at sqrt(0.2/1.35) = 0.4 of the speed of its waves."""
 LARGEST_GRAVITY = 5e3
 """Largest gravity [m/s2], that of geotechnical centrifuges: 500 times that of the earth."""
+CENTRIFUGE = (0.01, 2.0)
+"""Cell and longest side of a domain [m] that are meant in a centrifuge: its boxes have 0.3 to
+1.5 m, and cells of a hundredth resolve them."""
 WEAKEST = 1.0
 """Gravity [m/s2] that is meant as one; the moon has 1.62."""
 EARTH = 9.81
 """Gravity of the earth [m/s2]."""
-LARGEST_FROUDE = 100.0
-"""Largest omega^2 R/g of a body that turns: grains are thrown off at 1, and fast mixers have 50."""
+FASTEST_RIM = 120.0
+"""Largest speed [m/s] of the rim of a tool: grinding and cut-off discs have 80 to 100."""
 LARGEST_GRAIN = 0.5
 """Largest diameter of a grain over the longest side of the domain; a silo may be five grains wide,
 a column of a layer three."""
 BOULDER = 0.5
 """Diameter of a grain [m] from which it is hardly meant to be resolved by cells."""
+LIKELY = 200.0
+"""Density [kg/m3] below which none is offered for a slip; that of cork and expanded perlite."""
 DENSE, DILUTE = 1.05, 0.05
-"""Densities of fills and inflows over rho_c. Above, the pressure at the start is a part of the
-stiffness; below, it is a gas, and not what these laws are for."""
+"""Densities of fills over rho_c. Above, the pressure at the start is a part of the stiffness;
+below, it is a gas, and not what these laws are for. An inflow may be a rain of any density."""
 MOST_STEPS = 1e9
 """Steps after which nobody waits: at least a week where a step takes a millisecond."""
-LEAST_INERTIA = 1e-6
-"""Least moment of inertia over m R^2, R the distance of the farthest place of a body: that of a rod
-a hundred times as long as thick, about its axis, is 5e-5."""
+INERTIA = (1e-6, 1e3)
+"""Moments of inertia over m R^2, R the distance of the farthest place of a body. That of a rod a
+hundred times as long as thick, about its axis, is 5e-5. A motor behind a gear may add a hundred
+times that of its wheel; moments in kg cm2 are 1000 to 10,000 times too large."""
+UNITS_OF_INERTIA = {1e4: "kg cm2", 1e6: "kg mm2", 1e7: "g cm2", 1e9: "g mm2"}
+"""Units of moments of inertia by how many are 1 kg m2."""
 TYPED = 5e-6
 """Relative error of an angle in radians that is typed with four digits after the point."""
 
@@ -143,33 +155,25 @@ def _densities(scene: AnyScene) -> Iterator[str]:
         solid = getattr(material, "rho_s", None)
         for name, value, (low, high) in (("rho_c", material.rho_c, BULK), ("rho_s", solid, SOLID)):
             if value is not None and not low <= value <= high:
-                yield f"{kind}: {name} = {value:g} kg/m3 is no density of grains{_thousands(value)}"
+                meant = _thousands(value, max(low, LIKELY), high)
+                yield f"{kind}: {name} = {value:g} kg/m3 is no density of grains{meant}"
                 break
-    for kind, i, source in _sources(scene):
-        rho_c = (source.material or scene.material).rho_c
-        density = source.density
-        if density is None and getattr(source, "rate", None) is not None:
-            density = source.density_in(scene.grid, rho_c)
-        if density is None or DILUTE * rho_c <= density <= DENSE * rho_c:
-            continue
-        yield (
-            f"{kind}[{i}] has a density of {density:.4g} kg/m3, {density / rho_c:.3g} of rho_c"
-            f"{_thousands(density)}"
-        )
+    for i, fill in enumerate(scene.fills):
+        rho_c = (fill.material or scene.material).rho_c
+        low, high = DILUTE * rho_c, DENSE * rho_c
+        if fill.density is not None and not low <= fill.density <= high:
+            yield (
+                f"fills[{i}] has a density of {fill.density:.4g} kg/m3, "
+                f"{fill.density / rho_c:.3g} of rho_c{_thousands(fill.density, low, high)}"
+            )
 
 
-def _thousands(density: float) -> str:
-    """Return the density that is meant by one in g/cm3, or in g/m3."""
+def _thousands(density: float, low: float, high: float) -> str:
+    """Return the density that is meant by one in g/cm3, or in g/m3, if it is in a range."""
     for factor in (1000, 0.001):
-        if 200 <= density * factor <= SOLID[1]:
+        if low <= density * factor <= high:
             return f": did you mean {density * factor:g}?"
     return ""
-
-
-def _sources(scene: AnyScene) -> Iterator[tuple[str, int, Any]]:
-    for kind in ("fills", "inflows"):
-        for i, source in enumerate(getattr(scene, kind)):
-            yield kind, i, source
 
 
 def _grains(scene: AnyScene) -> Iterator[str]:
@@ -206,7 +210,7 @@ def stiffness_hint(scene: AnyScene) -> str:
     if load <= LARGEST_LOAD * E:
         return ""
     needed = load / LARGEST_LOAD
-    unit = next((factor for factor in (1e6, 1e9) if needed <= E * factor <= STIFFEST), None)
+    unit = next((factor for factor in (1e3, 1e6, 1e9) if needed <= E * factor <= STIFFEST), None)
     meant = "" if unit is None or E > 1e5 else f"did you mean E = {E * unit:g} Pa, or "
     return (
         f"E = {E:g} Pa is too soft: the stiffness must bear a load of {load:.3g} Pa, p/E = "
@@ -218,7 +222,8 @@ def stiffness_hint(scene: AnyScene) -> str:
 def _loads(scene: AnyScene) -> Iterator[tuple[float, float]]:
     """Yield the pressure [Pa] at the foot of each fill and inflow, and of a servo, and E [Pa]."""
     g = max(abs(vector[-1]) for vector in scene.gravity.vectors)
-    for _, _, source in _sources(scene):
+    sources: tuple[Any, ...] = (*scene.fills, *scene.inflows)
+    for source in sources:
         material = source.material or scene.material
         if hasattr(material, "E"):
             yield material.rho_c * g * _thickness(source.region), material.E
@@ -242,22 +247,38 @@ def _thickness(region: Any) -> float:
 def _gravity(scene: AnyScene) -> Iterator[str]:
     vectors = np.array(scene.gravity.vectors)
     largest = float(np.linalg.norm(vectors, axis=1).max())
+    cell, longest = scene.grid.cell, max(scene.grid.shape) * scene.grid.cell
+    spins = cell < CENTRIFUGE[0] and longest <= CENTRIFUGE[1]
     for factor, unit in ((100, "cm/s2"), (1000, "mm/s2")):
-        if abs(largest / (factor * EARTH) - 1) < 0.01:
+        if abs(largest / (factor * EARTH) - 1) < 0.01 and (largest > LARGEST_GRAVITY or not spins):
             meant = f"{largest / factor:g}, this in {unit}"
             yield f"gravity of {largest:g} m/s2: did you mean {meant}?"
             return
     if largest > LARGEST_GRAVITY:
         yield f"gravity of {largest:g} m/s2 is beyond that of a centrifuge, {LARGEST_GRAVITY:g}"
-    up, axis = AXES[scene.dim - 1], int(np.abs(vectors).max(axis=0).argmax())
+    up = AXES[scene.dim - 1]
     if vectors[:, -1].min() >= 0 and vectors[:, -1].max() > WEAKEST:
         yield f"gravity = {vectors[-1].tolist()} points upwards: the last axis, {up}, is up"
-    elif not vectors[:, -1].any() and vectors.any() and not scene.grid.periodic[axis]:
-        held = any(getattr(wall, "axis", None) == axis for wall in scene.walls)
-        if not held or abs(largest / EARTH - 1) < 0.01:
-            yield (
-                f"gravity = {vectors[-1].tolist()} has no component along {up}, the axis that is up"
-            )
+    elif not vectors[:, -1].any() and vectors.any() and not _is_laid(scene, vectors, largest):
+        yield f"gravity = {vectors[-1].tolist()} has no component along {up}, the axis that is up"
+
+
+def _is_laid(scene: AnyScene, vectors: Any, largest: float) -> bool:
+    """True if a scene with gravity along another axis than the last is built for it.
+
+    A single floor normal to the last axis says that this one is up; walls on both of its sides, a
+    chute or a silo, do not, nor do walls normal to gravity, blocks and bodies without a floor.
+    """
+    axis, last = int(np.abs(vectors).max(axis=0).argmax()), scene.dim - 1
+    if scene.grid.periodic[axis] or scene.grid.periodic[last]:
+        return True
+    walls: list[Any] = [wall for wall in scene.walls if hasattr(wall, "axis")]
+    sides = {wall.at for wall in walls if wall.axis == last}
+    held = any(wall.axis == axis for wall in walls)
+    if len(sides) == 1:
+        return held and abs(largest / EARTH - 1) >= 0.01
+    blocks = len(walls) < len(scene.walls)
+    return bool(sides) or held or blocks or bool(getattr(scene, "bodies", ()))
 
 
 def _idle(scene: AnyScene) -> Iterator[str]:
@@ -290,17 +311,19 @@ def _speeds(scene: AnyScene) -> Iterator[str]:
 
 
 def _turning(scene: AnyScene) -> Iterator[str]:
-    g = float(np.linalg.norm(scene.gravity.vectors, axis=1).max())
+    """Angular velocities that are those of no tool, or whole turns in degrees."""
     for i, body in enumerate(getattr(scene, "bodies", ())):
-        omega = float(np.linalg.norm(body.motion.rows()[:, 4:], axis=1).max())
-        radius = float(np.min(body.extents()[: scene.dim]))
-        if not omega or not g or not math.isfinite(radius):
-            continue
-        froude = omega**2 * radius / g
-        if froude > LARGEST_FROUDE:
+        half, omegas = body.extents(), body.motion.rows()[:, 4:]
+        half = np.where(np.isfinite(half), half, 0.0)
+        fastest = max(
+            float(np.linalg.norm(np.cross(omegas, h), axis=1).max()) for h in np.diag(half)
+        )
+        omega = float(np.linalg.norm(omegas, axis=1).max())
+        if fastest > FASTEST_RIM or (omega and omega % 360 == 0):
             yield (
-                f"bodies[{i}] turns at {omega:.4g} rad/s, omega^2 R/g = {froude:.3g}: did you mean "
-                f"{math.radians(omega):.4g} rad/s, {omega:.4g} deg/s?"
+                f"bodies[{i}] turns at {omega:.4g} rad/s, its rim at {fastest:.3g} m/s: did you "
+                f"mean {math.radians(omega):.4g} rad/s, {omega:.4g} deg/s, or "
+                f"{omega * math.pi / 30:.4g} rad/s, {omega:.4g} rpm?"
             )
 
 
@@ -329,12 +352,13 @@ def _small(scene: AnyScene) -> Iterator[str]:
 def _outside(scene: AnyScene) -> Iterator[str]:
     """Bodies that are outside of the domain and do not come in."""
     grid, g = scene.grid, np.array(scene.gravity.vectors)
+    near, longest = grid.cell, max(grid.shape) * grid.cell
     for i, body in enumerate(getattr(scene, "bodies", ())):
         for axis in np.flatnonzero(~np.array(grid.periodic)):
             reach, at, free = body.extents()[axis], body.position[axis], AXES[axis] in body.free
             for sign, end in ((-1, grid.lower[axis]), (1, grid.upper[axis])):
                 gap = sign * (at - end) - reach
-                if not gap > 0:
+                if gap <= near or (gap <= longest and _is_beside(scene, i)):
                     continue
                 inwards = -sign * body.motion.rows()[:, 1 + axis]
                 comes = (inwards.max() > 0 or (-sign * g[:, axis]).max() > 0) if free else False
@@ -345,6 +369,19 @@ def _outside(scene: AnyScene) -> Iterator[str]:
                         f"bodies[{i}] at {at:g} m is outside of the domain along {AXES[axis]}, by "
                         f"{gap:.3g} m beyond {end:g} m, and does not come in: lengths are in m"
                     )
+
+
+def _is_beside(scene: AnyScene, i: int) -> bool:
+    """True if the box about a body meets that of another one, on which it may roll or rest."""
+    body = scene.bodies[i]
+    return any(
+        (
+            np.abs(np.subtract(body.position, other.position))
+            <= (body.extents() + other.extents())[: scene.dim] + scene.grid.cell
+        ).all()
+        for k, other in enumerate(scene.bodies)
+        if k != i
+    )
 
 
 def _way(times: Any, velocity: Any, duration: float) -> float:
@@ -360,22 +397,39 @@ def _masses(scene: AnyScene) -> Iterator[str]:
         half = body.extents()[: scene.dim]
         if body.mass is None or not np.isfinite(half).all():
             continue
-        density = body.mass / float(np.prod(2 * half))
-        if density > SOLID[1]:
+        depth = ", per metre of depth" if scene.dim == 2 else ""
+        loading = body.mass / float(2 * half.max()) ** scene.dim
+        if loading > LARGEST_LOADING * SOLID[1]:
             yield (
-                f"bodies[{i}].mass = {body.mass:g} kg is more than {density:.3g} kg/m3: masses are "
-                f"in kg{', per metre of depth' if scene.dim == 2 else ''}"
+                f"bodies[{i}].mass = {body.mass:g} kg is more than {loading:.3g} kg/m3: masses are "
+                f"in kg{depth}; did you mean {body.mass / 1000:g}, this in g?"
             )
-        most = body.mass * float(half.max()) ** 2
-        if body.inertia is None:
-            continue
-        moments = np.linalg.eigvalsh(_tensor(body.inertia))
-        if moments.max() > most or moments.min() < LEAST_INERTIA * most:
+        least = body.least_volume()
+        if body.mass < SOLID[0] * least:
             yield (
-                f"bodies[{i}].inertia = {body.inertia} kg m2 is none of a body of {body.mass:g} kg "
-                f"within {math.sqrt(most / body.mass):.3g} m: about {0.3 * most:.2g}, see "
-                "mass_properties"
+                f"bodies[{i}].mass = {body.mass:g} kg is less than {body.mass / least:.3g} kg/m3: "
+                f"masses are in kg{depth}; did you mean {body.mass * 1000:g}, this in tonnes?"
             )
+        if body.inertia is not None:
+            yield from _inertias(i, body, body.mass * float(half.max()) ** 2)
+
+
+def _inertias(i: int, body: Any, most: float) -> Iterator[str]:
+    """Moments of inertia far from those of a body, at most `most` for what turns as a whole."""
+    moments = np.linalg.eigvalsh(_tensor(body.inertia))
+    largest = float(moments.max()) / most
+    if INERTIA[0] * most <= moments.min() and largest <= INERTIA[1]:
+        return
+    unit = next((n for n in UNITS_OF_INERTIA if INERTIA[1] < largest <= n), None)
+    meant = ":"
+    if unit is not None:
+        said = f"{moments.max() / unit:.3g} kg m2, this in {UNITS_OF_INERTIA[unit]}"
+        meant = f": did you mean {said}? It is"
+    yield (
+        f"bodies[{i}].inertia = {body.inertia} kg m2 is none of a body of {body.mass:g} kg within "
+        f"{math.sqrt(most / body.mass):.3g} m{meant} about {0.3 * most:.2g}, see "
+        "mass_properties"
+    )
 
 
 def _tensor(inertia: Any) -> Any:

@@ -31,7 +31,7 @@ from granular.checks import (
 )
 from granular.geometry import combined
 from granular.mpm.body_inertia import MassProperties, inertia_of, mass_properties, principal
-from granular.mpm.body_measures import are_endless, extents, largest_speed, reach
+from granular.mpm.body_measures import are_endless, extents, largest_speed, reach, thicknesses
 from granular.mpm.body_mesh import Mesh
 from granular.mpm.body_operations import (
     Complement,
@@ -295,6 +295,15 @@ class Body:
         """Distance of its surface from its position along x, y, z at most, in all its motion."""
         turning = self._turning()
         return extents(self.shape, turned(self.rotation_deg).as_matrix(), turning)
+
+    def least_volume(self) -> float:
+        """Volume [m3], in 2D area [m2], that it has at least: of a ball within it, if it is whole.
+
+        It is 0 for shapes of several parts, which may be hollow.
+        """
+        diameter = min(thicknesses(self.shape))
+        whole = len(self.shape.rows()) == 1 and math.isfinite(diameter)
+        return math.pi / (2 * self.dim) * diameter**self.dim if whole else 0.0
 
     def _turning(self) -> Array:
         """Angular velocities of its motion; if it turns freely, some about all its axes."""
