@@ -181,7 +181,7 @@ def test_too_light_a_body_is_warned_of():
     """Below a tenth of the mass of a full cell, here of 0.05 m."""
     full = MuI(E=1e6).rho_c * 0.05**2
     for share, warns in ((0.11, False), (0.09, True)):
-        body = Body(Cylinder(0.2, center=(0.0, 0.0)), (0.3, 0.4), free="xy", mass=share * full)
+        body = Body(Cylinder(0.1, center=(0.0, 0.0)), (0.3, 0.4), free="xy", mass=share * full)
         found = [w for w in gr.scene_warnings(scene_of(body)) if "bodies[0].mass" in w]
         assert bool(found) == warns
 
