@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from granular.checks import integer, one_of
 
-__all__ = ["ComparedByContent", "Parameters", "Serializable", "register"]
+__all__ = ["ComparedByContent", "Ordered", "Parameters", "Serializable", "register"]
 
 FORMAT = 1
 """Version of the JSON format; older versions are read, newer ones refused."""
@@ -79,6 +79,20 @@ class Parameters(Mapping[str, Any]):
 
     def __repr__(self) -> str:
         return repr(dict(self._items))
+
+
+class Ordered(Parameters):
+    """Parameters that are read by position: equal only if their order is, too."""
+
+    __slots__ = ()
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Mapping):
+            return NotImplemented
+        return [*self.items()] == [*other.items()]
+
+    def __hash__(self) -> int:
+        return hash(self._items)
 
 
 class Serializable:

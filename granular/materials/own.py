@@ -25,7 +25,7 @@ from granular.materials.law_functions import (
     from_python,
 )
 from granular.materials.law_identity import frozen
-from granular.serializable import Parameters, Serializable
+from granular.serializable import Ordered, Serializable
 
 __all__ = ["OwnLaw", "from_function", "trust_code"]
 
@@ -64,7 +64,7 @@ class OwnLaw(Material):
         Source of the function. Runs are resumed with the same source only. C code runs only if it
         was given to `from_function` or allowed by `trust_code`.
     parameters : mapping of str to float
-        Numbers that the function is given after K and G; 30 at most.
+        Numbers that the function is given after K and G, in this order; 30 at most.
     history : mapping of str to float
         Variables that every point keeps, with their initial values; 4 at most.
     bears_tension : bool
@@ -79,8 +79,8 @@ class OwnLaw(Material):
     name: str
     language: str
     source: str
-    parameters: Mapping[str, float] = field(default_factory=Parameters)
-    history: Mapping[str, float] = field(default_factory=Parameters)
+    parameters: Mapping[str, float] = field(default_factory=Ordered)
+    history: Mapping[str, float] = field(default_factory=Ordered)
     bears_tension: bool = False
 
     flow = "own"
@@ -101,7 +101,7 @@ class OwnLaw(Material):
             given = {key: finite(f"{name}[{key!r}]", v) for key, v in getattr(self, name).items()}
             if len(given) > most:
                 raise ValueError(f"{name} = {given} must be {most} numbers at most")
-            object.__setattr__(self, name, Parameters(given))
+            object.__setattr__(self, name, Ordered(given))
 
     @property
     def granular(self) -> bool:  # type: ignore[override]  # else of the class

@@ -5,6 +5,7 @@ import itertools
 import re
 import sys
 import textwrap
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -159,6 +160,23 @@ def test_what_cannot_be_a_part_of_a_law_is_refused_by_name(made, tmp_path):
         ("without yield", lambda: made("", "yield")),
         ("alone in its line", lambda: made("f, g = lambda: 1, lambda: 2", "f()")),
     )
+
+
+@pytest.mark.parametrize("name", ["parameters", "history"])
+def test_the_order_of_numbers_is_a_part_of_a_law(name, made, tmp_path):
+    """The function reads them by position: other orders are other materials, in files, too."""
+    source = "GIVEN = 0.5"
+    one, other = (made(source, **{name: given}) for given in ({"a": 9, "b": 2}, {"b": 2, "a": 9}))
+    assert one.digest == other.digest and one != other and len({one, other}) == 2
+    assert one == made(source, **{name: {"a": 9, "b": 2}})
+    scenes = [gr.scenes.column_collapse(aspect=1.0, cell=0.1, material=law) for law in (one, other)]
+    assert [gr.Scene.from_json(scene.to_json()) == scenes[1] for scene in scenes] == [False, True]
+    gr.Simulation(scenes[0], threads=1).run(until=1e-3, save=tmp_path / "run.h5")
+    assert gr.open(tmp_path / "run.h5").scene == scenes[0]
+    filled = scenes[0].replace(
+        fills=(*scenes[0].fills, replace(scenes[0].fills[0], material=other))
+    )
+    assert len(filled.materials) == 2
 
 
 def test_a_file_that_was_changed_after_it_was_imported_is_told(tmp_path, monkeypatch):
