@@ -9,34 +9,34 @@ from __future__ import annotations
 import __future__
 
 import builtins
-import dis
 import hashlib
 import inspect
 import sys
 import textwrap
 from collections.abc import Callable, Iterator
-from importlib import metadata
-from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
 import numpy as np
 
+from granular.materials.law_names import (
+    Chain,
+    chains_of,
+    codes_within,
+    name_of_installed,
+    refuse_module,
+)
+
 __all__ = ["frozen"]
 
 PLAIN = (type(None), bool, int, float, complex, str, bytes, range, type(Ellipsis))
 """Types of values that their `repr` determines."""
-REFUSED_BUILTINS = (
-    *("eval", "exec", "compile", "globals", "locals", "vars", "open", "input"),
-    *("breakpoint", "setattr", "delattr", "__import__"),
-)
-"""Built-in functions with which code reaches what its text does not name."""
-REFUSED_MODULES = ("random", "secrets", "time", "datetime", "uuid", "numpy.random")
-"""Modules whose functions return another value at each call, which is no part of a law."""
 SHOWN_VALUES = 16
 """Largest number of values of an array that are written; of others it is their digest."""
 SHOWN_TEXT = 300
 """Largest number of characters of a value that are written."""
+UNCHANGEABLE = 1 << 8
+"""Flag of classes whose attributes cannot be set, Py_TPFLAGS_IMMUTABLETYPE of CPython."""
 FUTURE = sum({getattr(__future__, name).compiler_flag for name in __future__.all_feature_names})
 ADVICE = "give it as parameters=, or define it in the function"
 
@@ -85,40 +85,51 @@ class _Law:
             lines.append(f"# numba: {_options_of(function)}")
         self._copies[id(function)] = len(self._texts), copy, function
         self._texts.append(lines)
-        for used, attributes in sorted(_globals_of(name, plain.__code__).items()):
+        for used, chains in sorted(chains_of(name, plain.__code__).items()):
             if used in plain.__globals__:
                 value = plain.__globals__[used]
-                values[used], text = self._of_global(f"{name}: {used}", value, attributes)
-                lines += text.replace("$", used).splitlines()
+                values[used], told = self._of_named(f"{name}: {used}", used, value, chains)
+                lines += told
             elif not hasattr(builtins, used):
                 raise ValueError(f"{name}: {used} is not defined: {ADVICE}")
-            elif used in REFUSED_BUILTINS:
-                raise ValueError(f"{name}: {used} must not be used, as it can reach anything")
 
     # ---- what they read ----
 
-    def _of_global(self, where: str, value: Any, attributes: set[str] | None) -> tuple[Any, str]:
-        """Copy of a global value, and the lines that tell of it, with $ for its name."""
+    def _of_named(
+        self, where: str, name: str, value: Any, chains: set[Chain]
+    ) -> tuple[Any, list[str]]:
+        """Copy of a global value, or of an attribute of a module, and the lines that tell of it.
+
+        Of a module it is a stand-in with copies of the attributes that are used, so that the law
+        can reach nothing else.
+        """
         if not isinstance(value, ModuleType):
             copy, text = self._of_value(where, value)
-            return copy, f"# $ = {text}"
-        for name in {value.__name__, *(f"{value.__name__}.{name}" for name in attributes or ())}:
-            _refuse_chance(where, name)
-        if version := _installed(value.__name__):
-            return value, f"# $ = module {value.__name__} {version}".rstrip()
-        if not attributes:
+            if callable(value) and chains != {()} and not _is_unchangeable(value):
+                raise ValueError(
+                    f"{where} is a function or a class of Python, whose attributes can be changed: "
+                    "they must not be used"
+                )
+            return copy, [f"# {name} = {text}"]
+        refuse_module(where, value.__name__)
+        if () in chains:
             raise ValueError(
-                f"{where} is a module of your own, of which only attributes can be used: import "
-                "what you need from it"
+                f"{where} is a module, of which only attributes can be used: import what you need "
+                "from it"
             )
         stand_in, lines = ModuleType(value.__name__), []
-        for name in sorted(attributes):
-            if not hasattr(value, name):
-                raise ValueError(f"{where}.{name} is not defined: {ADVICE}")
-            copy, text = self._of_value(f"{where}.{name}", getattr(value, name))
-            setattr(stand_in, name, copy)
-            lines.append(f"# $.{name} = {text}")
-        return stand_in, "\n".join(lines)
+        for attribute in sorted({chain[0] for chain in chains}):
+            if not hasattr(value, attribute):
+                raise ValueError(f"{where}.{attribute} is not defined: {ADVICE}")
+            copy, told = self._of_named(
+                f"{where}.{attribute}",
+                f"{name}.{attribute}",
+                getattr(value, attribute),
+                {chain[1:] for chain in chains if chain[0] == attribute},
+            )
+            setattr(stand_in, attribute, copy)
+            lines += told
+        return stand_in, lines
 
     def _of_value(self, where: str, value: Any, within: tuple[int, ...] = ()) -> tuple[Any, str]:
         """Copy of a value, and the text that determines it."""
@@ -131,8 +142,7 @@ class _Law:
             return _of_array(value)
         if isinstance(value, np.dtype) and _is_number(value):
             return value, f"dtype {value.str}"
-        if name := _name_of_installed(value):
-            _refuse_chance(where, getattr(value, "__module__", ""))
+        if name := name_of_installed(where, value):
             return value, name
         if _is_compiled(value) or kind is FunctionType:
             copy = self.of_function(f"{where}", value)
@@ -165,11 +175,11 @@ class _Law:
 # ---- values ----
 
 
-def _refuse_chance(where: str, module: str) -> None:
-    if module in REFUSED_MODULES:
-        raise ValueError(
-            f"{where}: {module} must not be used: the law would be another one at each call"
-        )
+def _is_unchangeable(value: Any) -> bool:
+    """Return if nothing can set attributes of a function or class, as of those made in C."""
+    return isinstance(value, np.ufunc) or (
+        isinstance(value, type) and bool(value.__flags__ & UNCHANGEABLE)
+    )
 
 
 def _short(text: str) -> str:
@@ -195,36 +205,6 @@ def _of_array(array: np.ndarray) -> tuple[np.ndarray, str]:
     data = copy.tobytes()
     text = repr(copy.tolist()) if copy.size <= SHOWN_VALUES else _digest(data)
     return copy, f"array of {copy.dtype.str}, {copy.shape}: {text}"
-
-
-def _installed(module: str) -> str:
-    """Version of the installed package of a module, or of Python; empty for the user's own."""
-    top = module.partition(".")[0]
-    if top in sys.stdlib_module_names:
-        return "of Python"
-    places = getattr(sys.modules.get(top), "__file__", None) or ""
-    if top != "granular" and not {"site-packages", "dist-packages"} & {*Path(places).parts}:
-        return ""
-    try:
-        return metadata.version(top)
-    except metadata.PackageNotFoundError:
-        return str(getattr(sys.modules[top], "__version__", "of no version"))
-
-
-def _name_of_installed(value: Any) -> str:
-    """Name by which an installed package, or Python, has a value; empty if none has."""
-    if isinstance(value, np.ufunc):
-        modules = ["numpy", "scipy.special"]
-    else:
-        modules = [getattr(value, "__module__", None) or ""]
-    names = getattr(value, "__qualname__", None) or getattr(value, "__name__", "")
-    for module in modules:
-        found: Any = sys.modules.get(module) if isinstance(module, str) else None
-        for name in str(names).split("."):
-            found = getattr(found, name, None)
-        if found is not None and found is value and (version := _installed(module)):
-            return f"{module}.{names} {version}"
-    return ""
 
 
 # ---- functions ----
@@ -291,21 +271,15 @@ def _text_of(name: str, function: FunctionType) -> str:
             "source cannot be read"
         ) from error
     place = (code.co_name, code.co_firstlineno)
-    alike = [other for other in _codes(made) if (other.co_name, other.co_firstlineno) == place]
+    alike = [
+        other for other in codes_within(made) if (other.co_name, other.co_firstlineno) == place
+    ]
     if len(alike) != 1 or _told_of(alike[0]) != _told_of(code):
         raise ValueError(
             f"{name} = {function!r} must be the function that its source shows, alone in its line: "
             "was the file changed after it was imported?"
         )
     return textwrap.dedent(text)
-
-
-def _codes(code: CodeType) -> Iterator[CodeType]:
-    """Code of all functions within a code, and of those within them."""
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            yield constant
-            yield from _codes(constant)
 
 
 def _told_of(code: CodeType) -> tuple[Any, ...]:
@@ -321,33 +295,3 @@ def _told_of(code: CodeType) -> tuple[Any, ...]:
     names = (code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars)
     counts = (code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount)
     return code.co_code, constants, names, counts
-
-
-SKIPPED = ("EXTENDED_ARG", "CACHE", "PUSH_NULL")
-CHANGING = ("STORE_GLOBAL", "DELETE_GLOBAL")
-
-
-def _globals_of(name: str, code: CodeType) -> dict[str, set[str] | None]:
-    """Names of the global values that a code reads, and of the attributes of each.
-
-    The attributes are None if the value itself is used, too.
-    """
-    found: dict[str, set[str] | None] = {}
-    for part in (code, *_codes(code)):
-        steps = [step for step in dis.get_instructions(part) if step.opname not in SKIPPED]
-        for step, following in zip(steps, [*steps[1:], None], strict=True):
-            told = str(step.argval)
-            if step.opname in CHANGING:
-                raise ValueError(f"{name} must not change the global {told}: take history=")
-            if step.opname == "IMPORT_NAME":
-                raise ValueError(f"{name} must not import {told}: import it outside, before")
-            if step.opname == "LOAD_BUILD_CLASS":
-                raise ValueError(f"{name} must not define a class")
-            if not step.opname.startswith("LOAD_GLOBAL") and step.opname != "LOAD_NAME":
-                continue
-            attributes = found.setdefault(told, set())
-            if following is None or following.opname not in ("LOAD_ATTR", "LOAD_METHOD"):
-                found[told] = None
-            elif attributes is not None:
-                attributes.add(following.argval)
-    return found

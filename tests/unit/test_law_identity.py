@@ -1,10 +1,12 @@
 """Identity of laws of the user's own: all that they read is a part of them, or refused."""
 
 import importlib
+import importlib.util
 import itertools
 import re
 import sys
 import textwrap
+import types
 from dataclasses import replace
 
 import numpy as np
@@ -115,7 +117,7 @@ def test_the_source_can_be_read(made):
     assert made(before, "stress[:] = scale(stress)").source == (
         f"{HEAD}    stress[:] = scale(stress)\n# scale = function 1\n# function 1:\n"
         "def scale(x):\n    return x * TABLE[1] * math.pi\n"
-        "# TABLE = array of <f8, (3,): [0.0, 1.0, 2.0]\n# math = module math of Python"
+        "# TABLE = array of <f8, (3,): [0.0, 1.0, 2.0]\n# math.pi = 3.141592653589793"
     )
 
 
@@ -143,7 +145,10 @@ def test_what_cannot_be_a_part_of_a_law_is_refused_by_name(made, tmp_path):
         ("must not define a class", lambda: made("", "class A: pass")),
         ("eval must not be used", lambda: made("", "stress *= eval('1')")),
         ("open must not be used", lambda: made("def f():\n    open('x')", "f()")),
-        ("m is a module of your own", lambda: made("import module_of_mine as m", "print(m)")),
+        (
+            "m is a module, of which",
+            lambda: made("import module_of_mine as m", "print(m)"),
+        ),
         (
             "f.* must be a plain function without default",
             lambda: made("def f(x=1):\n    pass", "f()"),
@@ -177,6 +182,68 @@ def test_the_order_of_numbers_is_a_part_of_a_law(name, made, tmp_path):
         fills=(*scenes[0].fills, replace(scenes[0].fills[0], material=other))
     )
     assert len(filled.materials) == 2
+
+
+def test_a_module_of_ones_own_with_a_name_of_python(made, tmp_path, monkeypatch):
+    """Where a file lies tells whose it is, not what it is called."""
+
+    def law(value, before, body):
+        monkeypatch.delitem(sys.modules, "profile", raising=False)
+        (tmp_path / "profile.py").write_text(f"X = {value}\ndef f():\n    return X + 0\n")
+        return made(before, body)
+
+    for before, body in (
+        ("import profile", "stress *= profile.f()"),
+        ("from profile import f", "stress *= f()"),
+    ):
+        laws = [law(value, before, body) for value in ("0.50", "0.125")]
+        assert laws[0].digest != laws[1].digest
+        assert not np.array_equal(*map(stress_of, laws))
+    monkeypatch.delitem(sys.modules, "profile")
+
+
+def test_what_is_put_into_an_installed_module_is_a_part_of_a_law(made, monkeypatch):
+    """It runs with what it was made with, in numba, too."""
+    kinds = [None] + ["numba"] * (importlib.util.find_spec("numba") is not None)
+    body = "a = np.linalg.norm(np.ones(4)) * math.sqrt(1.0) / 2\nstress *= np.my_factor * a"
+    for kind in kinds:
+        laws = []
+        for value in (0.5, 0.25):
+            monkeypatch.setattr(np, "my_factor", value, raising=False)
+            laws.append(made("import math\nimport numpy as np", body, compiler=kind))
+        assert laws[0].digest != laws[1].digest and "# np.my_factor = 0.5" in laws[0].source
+        assert not np.array_equal(*map(stress_of, laws))
+    monkeypatch.setattr(np, "my_factor", lambda: 0.5)
+    assert "# np.my_factor = function 1" in made("import numpy as np", "np.my_factor()").source
+
+
+def test_what_installed_modules_reach_is_refused_by_name(made, monkeypatch):
+    heads = "import numpy as np\nimport os, sys, operator, fractions, builtins\n"
+    monkeypatch.setattr(np, "my_box", types.SimpleNamespace(k=0.5), raising=False)
+    cases = (
+        ("numpy.random must not", "", "np.random.rand()"),
+        ("numpy.random.* must not", "from numpy.random import default_rng as d", "d()"),
+        ("r: numpy.random must not", "from numpy import random as r", "r.rand()"),
+        ("np is a module, of which only", "", "r = np\nr.random.rand()"),
+        ("getattr must not be used", "", "getattr(np, 'ran' + 'dom')"),
+        ("os: os must not", "", "os.environ['F']"),
+        ("sys: sys must not", "", "sys.modules"),
+        ("np.load: numpy.load must not", "", "np.load('t.npy')"),
+        ("l: numpy.loadtxt must not", "from numpy import loadtxt as l", "l('t')"),
+        ("builtins must not", "", "builtins.open"),
+        ("open must not", "from builtins import open as o", "o('t')"),
+        ("g: os.getenv must not", "from os import getenv as g", "g('F')"),
+        ("_?operator.attrgetter must not", "", "operator.attrgetter('x')"),
+        ("np.my_box = .* must be a plain", "", "np.my_box.k"),
+        ("np.interp is a function or a class", "", "np.interp.x"),
+        ("fractions.Fraction is a .* class", "", "fractions.Fraction.x"),
+        ("the attribute __globals__", "def f():\n    return 1", "f.__globals__['K']"),
+        ("the attribute __class__", "", "stress.__class__"),
+        ("the attribute gi_frame", "", "(k for k in ()).gi_frame"),
+        ("__builtins__ must not", "", "__builtins__"),
+        ("must not change the attribute x", "def f():\n    return 1", "f.x = 1"),
+    )
+    refused(*((told, lambda b=heads + b, s=s: made(b, s)) for told, b, s in cases))
 
 
 def test_a_file_that_was_changed_after_it_was_imported_is_told(tmp_path, monkeypatch):
@@ -284,7 +351,10 @@ def test_what_is_installed_is_known_by_name_and_version(made):
         from scipy.special import erf
         R, D, S = range(3), np.dtype("f4"), {"b", "a"}
     """
-    source = made(before, "itertools, sqrt, exp, float64, linalg, pi, where, erf, R, D, S").source
+    body = (
+        "itertools.chain, np.add.reduce, sqrt, exp, float64, linalg.norm, pi, where, erf, R, D, S"
+    )
+    source = made(before, body).source
     assert [re.sub(r" [0-9.]+$", "", line) for line in source.splitlines()[2:]] == [
         "# D = dtype <f4",
         "# R = range(0, 3)",
@@ -292,8 +362,9 @@ def test_what_is_installed_is_known_by_name_and_version(made):
         "# erf = scipy.special.erf",
         "# exp = numpy.exp",
         "# float64 = numpy.float64",
-        "# itertools = module itertools of Python",
-        "# linalg = module numpy.linalg",
+        "# itertools.chain = itertools.chain of Python",
+        "# linalg.norm = numpy.linalg.norm",
+        "# np.add = numpy.add",
         "# pi =",
         "# sqrt = math.sqrt of Python",
         "# where = numpy.where",

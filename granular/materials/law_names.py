@@ -1,0 +1,204 @@
+"""What the code of a law of the user's own names, and what of it is known by its name alone.
+
+That is what installed packages and Python define. A law may have it by name and version; what
+returns another value at each call, or reads what is outside of the process, it may not have.
+"""
+
+from __future__ import annotations
+
+import dis
+import sys
+import sysconfig
+from collections.abc import Iterator
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from types import CodeType, FunctionType, ModuleType
+from typing import Any
+
+import numpy as np
+
+__all__ = ["Chain", "chains_of", "codes_within", "name_of_installed", "refuse_module"]
+
+Chain = tuple[str, ...]
+"""Names of the attributes of a global value, each of the one before."""
+
+REFUSED_BUILTINS = (
+    *("eval", "exec", "compile", "globals", "locals", "vars", "open", "input", "getattr"),
+    *("breakpoint", "setattr", "delattr", "__import__", "__builtins__", "__loader__", "__spec__"),
+)
+"""Built-in names by which code reaches what its text does not name."""
+CHANCE = ("random", "_random", "secrets", "time", "datetime", "uuid", "numpy.random")
+"""Modules whose functions return another value at each call, which is no part of a law."""
+OUTSIDE = (
+    *("os", "posix", "nt", "posixpath", "ntpath", "sys", "io", "_io", "pathlib", "shutil"),
+    *("glob", "tempfile", "socket", "_socket", "subprocess", "ctypes", "_ctypes", "mmap"),
+    *("builtins", "importlib", "inspect", "gc", "pickle", "_pickle", "shelve", "sqlite3"),
+    *("urllib", "http", "threading", "_thread", "multiprocessing", "numpy.ctypeslib"),
+)
+"""Modules with which code reaches files, the environment, or any object."""
+READING = (
+    *(f"numpy.{name}" for name in ("load", "fromfile", "loadtxt", "genfromtxt", "memmap")),
+    *("numpy.fromregex", "numpy.DataSource", "numpy.geterr", "numpy.seterr"),
+    *("operator.attrgetter", "operator.methodcaller"),
+    *("_operator.attrgetter", "_operator.methodcaller"),
+)
+"""What does so in modules that are allowed otherwise."""
+FRAMES = ("gi_frame", "gi_code", "f_globals", "f_builtins", "f_locals", "f_back")
+"""Attributes that lead to all that a module has, besides those with two underscores."""
+FOLDERS = {"site-packages", "dist-packages"}
+"""Names of the folders of installed packages."""
+
+
+# ---- names in code ----
+
+SKIPPED = ("EXTENDED_ARG", "CACHE", "PUSH_NULL")
+
+
+def codes_within(code: CodeType) -> Iterator[CodeType]:
+    """Code of all functions within a code, and of those within them."""
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield constant
+            yield from codes_within(constant)
+
+
+def chains_of(name: str, code: CodeType) -> dict[str, set[Chain]]:
+    """Names of the global values that a code reads, and the attributes that it takes of each.
+
+    Raises
+    ------
+    ValueError
+        If the code changes what is outside of it, or takes attributes by which it could reach
+        anything.
+    """
+    found: dict[str, set[Chain]] = {}
+    for part in (code, *codes_within(code)):
+        chain: list[str] = []  # that of the instructions before, empty if there is none
+        for step in dis.get_instructions(part):
+            if step.opname in SKIPPED:
+                continue
+            told = str(step.argval)
+            _check_step(name, step.opname, told)
+            if chain and step.opname not in ("LOAD_ATTR", "LOAD_METHOD"):
+                found.setdefault(chain[0], set()).add(tuple(chain[1:]))
+                chain = []
+            if step.opname in ("LOAD_GLOBAL", "LOAD_NAME"):
+                chain = [told]
+            elif chain:
+                chain.append(told)
+    return found
+
+
+def _check_step(name: str, kind: str, told: str) -> None:
+    """Refuse an instruction with which a law is more than its text and its values."""
+    if kind in ("STORE_GLOBAL", "DELETE_GLOBAL"):
+        raise ValueError(f"{name} must not change the global {told}: take history=")
+    if kind == "IMPORT_NAME":
+        raise ValueError(f"{name} must not import {told}: import it outside, before")
+    if kind == "LOAD_BUILD_CLASS":
+        raise ValueError(f"{name} must not define a class")
+    if kind in ("STORE_ATTR", "DELETE_ATTR"):
+        raise ValueError(f"{name} must not change the attribute {told}: take history=")
+    if kind in ("LOAD_ATTR", "LOAD_METHOD", "LOAD_SUPER_ATTR") and (
+        told in FRAMES or (told.startswith("__") and told.endswith("__"))
+    ):
+        raise ValueError(f"{name} must not use the attribute {told}, as it can reach anything")
+    if kind in ("LOAD_GLOBAL", "LOAD_NAME") and told in REFUSED_BUILTINS:
+        raise ValueError(f"{name}: {told} must not be used, as it can reach anything")
+
+
+# ---- installed packages ----
+
+
+def refuse_module(where: str, name: str) -> None:
+    """Refuse a module, or a function of one, whose values are no part of a law."""
+    if _is_within(name, CHANCE):
+        raise ValueError(
+            f"{where}: {name} must not be used: the law would be another one at each call"
+        )
+    if _is_within(name, (*OUTSIDE, *READING)):
+        raise ValueError(
+            f"{where}: {name} must not be used, as it reaches what is no part of the law, such as "
+            "files: read it outside, before"
+        )
+
+
+def _is_within(name: str, refused: tuple[str, ...]) -> bool:
+    return any(name == other or name.startswith(f"{other}.") for other in refused)
+
+
+def name_of_installed(where: str, value: Any) -> str:
+    """Name and version by which an installed package, or Python, has a value; else an empty text.
+
+    Raises
+    ------
+    ValueError
+        If a law must not have it.
+    """
+    if isinstance(value, np.ufunc):
+        modules = ["numpy", "scipy.special"]
+    else:
+        modules = [getattr(value, "__module__", None) or ""]
+    names = getattr(value, "__qualname__", None) or getattr(value, "__name__", "")
+    for module in modules:
+        found: Any = sys.modules.get(module) if isinstance(module, str) else None
+        for name in str(names).split("."):
+            found = getattr(found, name, None)
+        if found is None or found is not value or not _defines(module, value):
+            continue
+        if version := version_of(module):
+            if module != "builtins":
+                refuse_module(where, f"{module}.{names}")
+            elif names in REFUSED_BUILTINS:
+                raise ValueError(f"{where}: {names} must not be used, as it can reach anything")
+            return f"{module}.{names} {version}"
+    return ""
+
+
+def _defines(module: str, value: Any) -> bool:
+    """Return if a function is of a module, and not one that was only put there."""
+    if not isinstance(value, FunctionType):
+        return True
+    origin = str(value.__globals__.get("__name__", ""))
+    return origin.partition(".")[0] == module.partition(".")[0] and bool(version_of(origin))
+
+
+def version_of(module: str) -> str:
+    """Version of the installed package of a module, or of Python; empty for the user's own.
+
+    It is where the file lies that tells: a module of the user may have the name of another one.
+    """
+    found = sys.modules.get(module)
+    if not isinstance(found, ModuleType):
+        return ""
+    top = module.partition(".")[0]
+    file = getattr(found, "__file__", None)
+    if file is None:
+        spec = getattr(found, "__spec__", None)
+        own = spec is None or spec.origin not in ("built-in", "frozen")
+        return "" if own or top not in sys.stdlib_module_names else "of Python"
+    path = Path(file).resolve()
+    if top == "granular" or FOLDERS & {*path.parts}:
+        return _distributed(top)
+    of_python = top in sys.stdlib_module_names and _is_in_library(path)
+    return "of Python" if of_python else ""
+
+
+@cache
+def _distributed(top: str) -> str:
+    """Version of the distribution of a package; empty if a file was only put among them."""
+    try:
+        return metadata.version(top)
+    except metadata.PackageNotFoundError:
+        names = metadata.packages_distributions().get(top, [])
+        return metadata.version(names[0]) if names else ""
+
+
+@cache
+def _is_in_library(path: Path) -> bool:
+    """Return if a file lies in the folder of the standard library."""
+    folders = (sysconfig.get_path(name) for name in ("stdlib", "platstdlib"))
+    places = [Path(folder) for folder in folders if folder]
+    places.append(Path(sys.base_prefix, "DLLs"))  # of Windows
+    return any(path.is_relative_to(place.resolve()) for place in places)
