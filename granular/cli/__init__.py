@@ -15,6 +15,7 @@ from collections.abc import Sequence
 
 from granular.cli.commands import FAILED, INTERRUPTED, REFUSED
 from granular.cli.parser import command_parser
+from granular.shown_code import MARK, escaped
 
 __all__ = ["command_parser", "main"]
 
@@ -57,8 +58,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _complain(error: BaseException, code: int) -> int:
-    """Print an error with its notes in one line; return the exit code."""
-    notes = getattr(error, "__notes__", ())
-    text = "; ".join([str(error) or type(error).__name__, *notes])
-    print(f"granular: error: {' '.join(text.split())}", file=sys.stderr)
+    """Print an error with its notes in one line, below it source code; return the exit code."""
+    text, *source = (str(error) or type(error).__name__).split(f"\n{MARK}")
+    told = "; ".join([text, *getattr(error, "__notes__", ())])
+    lines = [f"granular: error: {' '.join(told.split())}", *(MARK + line for line in source)]
+    print(escaped("\n".join(lines)), file=sys.stderr)
     return code

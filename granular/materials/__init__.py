@@ -8,7 +8,7 @@ from granular.materials.laws import (
     HardeningDruckerPrager,
     MuI,
 )
-from granular.materials.own import OwnLaw, from_function, trust_code
+from granular.materials.own import OwnLaw, code_of, from_function, trust_code
 from granular.materials.presets import (
     couette_beads,
     glass_beads,
@@ -28,6 +28,7 @@ __all__ = [
     "MuI",
     "OwnLaw",
     "RegularisedMuI",
+    "code_of",
     "couette_beads",
     "from_function",
     "glass_beads",

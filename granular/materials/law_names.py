@@ -10,6 +10,7 @@ import dis
 import sys
 import sysconfig
 from collections.abc import Iterator
+from enum import Enum
 from functools import cache
 from importlib import metadata
 from pathlib import Path
@@ -136,6 +137,9 @@ def name_of_installed(where: str, value: Any) -> str:
     ValueError
         If a law must not have it.
     """
+    if isinstance(value, Enum):
+        kind = name_of_installed(where, type(value))
+        return kind and f"{value.name} of {kind}"
     if isinstance(value, np.ufunc):
         modules = ["numpy", "scipy.special"]
     else:

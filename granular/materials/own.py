@@ -26,8 +26,9 @@ from granular.materials.law_functions import (
 )
 from granular.materials.law_identity import frozen
 from granular.serializable import Ordered, Serializable
+from granular.shown_code import MARK, escaped, marked
 
-__all__ = ["OwnLaw", "from_function", "trust_code"]
+__all__ = ["OwnLaw", "code_of", "from_function", "trust_code"]
 
 LANGUAGES = ("numpy", "numba", "c")
 MOST_SHOWN = 4000
@@ -139,7 +140,7 @@ class OwnLaw(Material):
                     f"the law {self.name!r} is C code that came with a file or a scene. It can do "
                     "whatever you can do, and does not run unless you allow it: read it, and then "
                     "call granular.materials.trust_code(scene), resume with trust_code=True, or "
-                    f"give the command --trust-code. It is:\n{_shortened(self.source)}"
+                    f"give the command --trust-code. {_shown(self.source)}"
                 )
             _FUNCTIONS[self.digest] = from_c(self.name, self.source)
         return _FUNCTIONS[self.digest]
@@ -166,19 +167,52 @@ def difference(source: str, other: str) -> str:
     lines = difflib.unified_diff(source.splitlines(), other.splitlines(), n=0, lineterm="")
     changes = [line for line in [*lines][2:] if not line.startswith("@@")]
     more = ["..."] if len(changes) > MOST_LINES else []
-    return "".join(f"\n{line}" for line in changes[:MOST_LINES] + more)
+    return "".join(f"\n{escaped(line)}" for line in changes[:MOST_LINES] + more)
 
 
-def _shortened(text: str) -> str:
-    rest = len(text) - MOST_SHOWN
-    return text if rest <= 0 else f"{text[:MOST_SHOWN]}\n... and {rest} characters more"
+def _shown(source: str) -> str:
+    """Tell a source, or its beginning and how to see all of it."""
+    size = len(source)
+    if size <= MOST_SHOWN:
+        return f"It is:\n{marked(source)}"
+    return (
+        f"It has {size} characters, too many to be told here. Read all of it: "
+        "print(granular.materials.code_of(scene)), where the scene is that of "
+        "granular.open(path).scene or granular.scenes.read_scene(path).scene. Only the first "
+        f"{MOST_SHOWN} are:\n{marked(source[:MOST_SHOWN])}\n"
+        f"{MARK}[cut here: {size - MOST_SHOWN} characters more are not shown]"
+    )
+
+
+def code_of(scene: Any) -> str:
+    """Return the code in C of the laws of a scene, to be read before `trust_code`.
+
+    Control characters and others that are not seen stand as their codes, and each line of code has
+    a mark before it.
+
+    Parameters
+    ----------
+    scene : Scene
+        What was read from a file or from a record, such as ``gr.open(path).scene``; or a material.
+
+    Returns
+    -------
+    str
+        Empty if it has no such law.
+
+    Raises
+    ------
+    TypeError
+        If it is neither.
+    """
+    return "\n".join(f"law {law.name!r}:\n{marked(law.source)}" for law in _in_c(scene))
 
 
 def trust_code(scene: Any) -> None:
     """Allow the code in C that came with a scene to run in this process.
 
     Such code is a part of scenes with a law that was made by `from_function` from source in C. It
-    can do whatever you can do: read it before, it is the `source` of the materials.
+    can do whatever you can do: read it before, as `code_of` returns it.
 
     Parameters
     ----------
@@ -190,11 +224,15 @@ def trust_code(scene: Any) -> None:
     TypeError
         If it is neither.
     """
+    _TRUSTED.update(law.digest for law in _in_c(scene))
+
+
+def _in_c(scene: Any) -> list[OwnLaw]:
+    """Laws in C of a scene or a material."""
     if not isinstance(scene, (Serializable, Material)):
         raise TypeError(f"scene = {scene!r} must be a scene or a material")
-    for material in getattr(scene, "materials", (scene,)):
-        if isinstance(material, OwnLaw) and material.language == "c":
-            _TRUSTED.add(material.digest)
+    materials = getattr(scene, "materials", (scene,))
+    return [law for law in materials if isinstance(law, OwnLaw) and law.language == "c"]
 
 
 def from_function(

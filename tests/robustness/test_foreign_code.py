@@ -5,6 +5,7 @@ import json
 import pickle
 import textwrap
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -111,6 +112,31 @@ def test_the_command_runs_it_on_request_only(words, foreign, monkeypatch, capsys
     assert not marker.exists()
     assert main([*words, "--quiet", "--threads", "1", "--trust-code"]) == 0
     assert marker.exists()
+
+
+def test_the_source_is_shown_as_it_is(monkeypatch, tmp_path, capsys):
+    """Escapes for the terminal stand as their codes, lines as lines, and a cut is told."""
+    head = "// fine\x1b[2J\r\u202e\nint system(const char *);\n"
+    law = own.OwnLaw(name="e\x1bvil", language="c", source=head + "//" + " " * 5000 + "\nevil();")
+    scene = gr.scenes.column_collapse(aspect=1.0, cell=0.1, material=law)
+    (tmp_path / "long.json").write_text(scene.to_json())
+    short = scene.replace(material=replace(law, source=head))
+    (tmp_path / "short.json").write_text(short.to_json())
+    shown = ["    | // fine\\x1b[2J\\r\\u202e", "    | int system(const char *);"]
+    monkeypatch.chdir(tmp_path)
+    for name in ("short", "long"):
+        assert main(["run", f"{name}.json", "--quiet", "-o", "new.h5"]) == 2
+        text = capsys.readouterr().err
+        lines = text.splitlines()
+        assert lines[0].startswith("granular: error: the law 'e\\x1bvil' is C code that came with")
+        assert lines[1:3] == shown and not {"\x1b", "\r", "\u202e"} & {*text}
+    size = len(law.source)
+    assert f"has {size} characters" in lines[0] and "code_of(scene)" in lines[0]
+    assert lines[-1] == f"    | [cut here: {size - own.MOST_SHOWN} characters more are not shown]"
+    assert gr.materials.code_of(scene).splitlines()[:3] == [r"law 'e\x1bvil':", *shown]
+    assert gr.materials.code_of(scene).endswith("\n    | evil();")
+    with pytest.raises(TypeError, match="must be a scene or a material"):
+        gr.materials.code_of("run.h5")
 
 
 @pytest.mark.parametrize(

@@ -238,6 +238,7 @@ def test_other_threads_run_no_handlers():
 
 def test_an_exception_from_elsewhere_leaves_the_state_whole(monkeypatch, unbroken):
     """As a thread sets one: the core calls the function again, and what was raised is raised."""
+    monkeypatch.setattr(own, "frozen", lambda law: ("raising once", law))  # which may not read ONCE
     sim = gr.Simulation(scene_with(raising_once), threads=1)
     sim.step(10)
     monkeypatch.setenv(ONCE, "1")

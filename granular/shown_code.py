@@ -1,0 +1,24 @@
+"""Source code of others as text that can be read: each line with a mark, nothing hidden."""
+
+from __future__ import annotations
+
+__all__ = ["MARK", "escaped", "marked"]
+
+MARK = "    | "
+"""What stands before each line of a source, so that a message's own lines differ from those."""
+
+
+def escaped(text: str) -> str:
+    """Text in which characters that a terminal obeys, or does not show, stand as their codes.
+
+    Such are control characters, those that turn the direction of writing, and spaces of no or of
+    other widths. Line feeds and tabs stay.
+    """
+    return "".join(
+        c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode() for c in text
+    )
+
+
+def marked(text: str) -> str:
+    """Escaped text with the mark before each line."""
+    return "\n".join(MARK + line for line in escaped(text).split("\n"))
