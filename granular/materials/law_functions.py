@@ -206,6 +206,13 @@ ENVIRONMENT = ("PATH", "HOME", "TMPDIR", "LD_LIBRARY_PATH", "SDKROOT", "DEVELOPE
 """Variables that the compiler is given; others, such as CPATH, can change what a source means."""
 HEADERS = ("math", "stdint", "stddef", "stdbool", "string", "float", "limits", "complex", "tgmath")
 """Headers that a source may include: those of the language that hold no state."""
+QUOTED = "|".join(rf"{q}(?:\\.|[^{q}\\\n])*{q}" for q in "\"'")
+"""Strings and characters of C."""
+PASSING_BY = (
+    *(r"##", r"%:%:", r"\b_Pragma\b", r"\b__has_include\w*", r"\b__has_embed\b"),
+    *(r"\basm\b", r"\b__asm\w*", r'\b(?:u8|[uUL])?R"'),
+)
+"""What a source must not have: it could read files, or hide words from the checks below."""
 DIRECTIVES = (
     *("define", "undef", "if", "ifdef", "ifndef", "elif", "else", "endif"),
     *("error", "pragma", ""),
@@ -216,8 +223,18 @@ MOST_TOLD = 3000
 
 def _without_comments(source: str) -> str:
     """Source with its lines joined where they go on in the next one, without comments."""
-    joined = source.replace("\\\n", "")
-    return re.sub(r'/\*.*?\*/|//[^\n]*|"(?:\\.|[^"\\\n])*"', _blank, joined, flags=re.S)
+    joined = re.sub(r"\\[ \t\v\f\r]*\n", "", source)
+    return re.sub(rf"/\*.*?\*/|//[^\n]*|{QUOTED}", _blank, joined, flags=re.S)
+
+
+def _check_words(name: str, source: str) -> None:
+    """Refuse C source with words by which it passes the other checks by."""
+    code = re.sub(QUOTED, '""', _without_comments(source))
+    if found := re.search("|".join(PASSING_BY), code):
+        raise ValueError(
+            f"the C source of the law {name!r} must not have {found[0]}: with it, what the source "
+            "says would not be all that it does"
+        )
 
 
 def _check_includes(name: str, source: str) -> None:
@@ -246,7 +263,7 @@ def _check_variables(name: str, source: str) -> None:
 
 def _blank(text: re.Match[str]) -> str:
     """Put a string back, and a space for a comment."""
-    return text[0] if text[0][0] == '"' else " "
+    return " " if text[0][0] == "/" else text[0]
 
 
 def _lasting(code: str) -> list[str]:
@@ -285,6 +302,7 @@ def from_c(name: str, source: str) -> LawFunction:
     ValueError
         If there is no compiler, or the source does not compile to a function `update`.
     """
+    _check_words(name, source)
     _check_includes(name, source)
     with tempfile.TemporaryDirectory(prefix="granular-law-") as folder:
         text, path = Path(folder, "law.c"), Path(folder, "law.so")

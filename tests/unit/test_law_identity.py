@@ -278,11 +278,11 @@ void update(int64_t n, int64_t dim, double dt, const double *parameters, const d
 
 def test_c_source_must_be_all_of_the_law():
     law = from_function(
-        '/* #include "x.h" */ #include <float.h>\n'.replace("*/ ", "*/\n")
+        '/* ## #include "x.h" */ #include <float.h>\n'.replace("*/ ", "*/\n")
         + "#define A \\\n 2.0\nstatic const double t[2] = {0.5, A};\nenum { K };\n"
         + "struct pair { double a, b; };\ntypedef struct { int x; } other;\n"
         + "static double f(double x);\nstatic double f(double x) { return x * t[K]; }\n"
-        + UPDATE % "stress[0] = f(stress[0]);"
+        + UPDATE % 'const char *s = "## asm"; stress[0] = s[0] ? f(stress[0]) : 0.0;'
     )
     assert law.language == "c"
     refused(
@@ -306,6 +306,22 @@ def test_c_source_must_be_all_of_the_law():
                 ("struct p { int a; } q;\n" + UPDATE % "", "struct p q"),
             )
         ),
+        *(
+            (f"must not have {re.escape(word)}: with it", lambda s=text: from_function(s))
+            for text, word in (
+                ("#define S sta##tic\n" + UPDATE % "S double a = 0; a++;", "##"),
+                ("%: define S sta%:%:tic\n" + UPDATE % "", "%:%:"),
+                ("#define S sta#\\\n#tic\n" + UPDATE % "", "##"),
+                ('__asm__(".incbin \\"/etc/passwd\\"");\n' + UPDATE % "", "__asm__"),
+                (UPDATE % 'asm("");', "asm"),
+                (UPDATE % "int c = '\"'; asm(\"\"); c = '\"';", "asm"),
+                (UPDATE % 'const char *s = R"(")"; asm(s);', 'R"'),
+                ("#define S sta#\\ \n#tic\n" + UPDATE % "", "##"),
+                ('#if __has_include("/etc/x.h")\n#endif\n' + UPDATE % "", "__has_include"),
+                ('_Pragma("once")\n' + UPDATE % "", "_Pragma"),
+            )
+        ),
+        ("has '#embed", lambda: from_function("int a[] = {\n#embed </etc/x>\n};" + UPDATE % "")),
     )
 
 
