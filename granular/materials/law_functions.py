@@ -100,6 +100,11 @@ def from_python(update: Callable[..., None], language: str) -> LawFunction:
     return _by_numba(update) if language == "numba" else _for_numpy(update)
 
 
+RETURNS = (
+    "the law {!r} returned {}: it must change stress, shear_rate and history in place, as by "
+    "stress[:] = ..., and return nothing"
+)
+
 # ---- NumPy ----
 
 _SIGNATURE = ctypes.CFUNCTYPE(
@@ -113,13 +118,13 @@ def _view(address: int, *shape: int) -> np.ndarray:
     return np.ctypeslib.as_array((ctypes.c_double * size).from_address(address)).reshape(shape)
 
 
-def _for_numpy(update: Callable[..., None]) -> LawFunction:
+def _for_numpy(update: Callable[..., object]) -> LawFunction:
     def call(
         n: int, dim: int, dt: float, numbers: int, gradient: int, c: int, stress: int, rate: int,
         history: int, done: int,
     ) -> None:  # fmt: skip
         try:
-            update(
+            returned = update(
                 dt,
                 _view(numbers, MOST_NUMBERS + 2),
                 _view(gradient, dim, dim, n),
@@ -128,6 +133,8 @@ def _for_numpy(update: Callable[..., None]) -> LawFunction:
                 _view(rate, n),
                 _view(history, MOST_HISTORY, n),
             )
+            if returned is not None:
+                raise TypeError(RETURNS.format(update.__name__, type(returned).__name__))
             ctypes.c_int64.from_address(done).value = 1
         except BaseException as error:
             made.failure = made.failure or error
@@ -146,7 +153,7 @@ CALLED_BY_NUMBA = "<numba.core.cpu.CPUContext>"
 
 def _by_numba(update: Callable[..., None]) -> LawFunction:
     numba = needed("numba")
-    inner = update if hasattr(update, "py_func") else numba.njit(update)
+    inner: Any = update if hasattr(update, "py_func") else numba.njit(update)
     numbers, integers = (
         numba.types.CPointer(kind) for kind in (numba.types.float64, numba.types.int64)
     )
@@ -166,6 +173,9 @@ def _by_numba(update: Callable[..., None]) -> LawFunction:
         )
         done[0] = 1
 
+    for made in inner.overloads.values():
+        if made.signature.return_type != numba.types.none:
+            raise TypeError(RETURNS.format(update.__name__, made.signature.return_type))
     return LawFunction(call.address, call, called=CALLED_BY_NUMBA)
 
 

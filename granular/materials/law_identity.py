@@ -22,6 +22,7 @@ import numpy as np
 from granular.materials.law_names import (
     Chain,
     chains_of,
+    check_in_place,
     codes_within,
     name_of_installed,
     refuse_module,
@@ -47,10 +48,12 @@ def frozen(update: Callable[..., None]) -> tuple[str, Callable[..., None]]:
     Raises
     ------
     ValueError
-        Naming what the function reads that cannot be a part of it.
+        Naming what the function reads that cannot be a part of it, or a result that it does not
+        change in place.
     """
     law = _Law()
     copy = law.of_function("update", update)
+    check_in_place("update", getattr(copy, "py_func", copy).__code__)
     return "\n".join(law.told()), copy
 
 

@@ -19,7 +19,14 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["Chain", "chains_of", "codes_within", "name_of_installed", "refuse_module"]
+__all__ = [
+    "Chain",
+    "chains_of",
+    "check_in_place",
+    "codes_within",
+    "name_of_installed",
+    "refuse_module",
+]
 
 Chain = tuple[str, ...]
 """Names of the attributes of a global value, each of the one before."""
@@ -107,6 +114,23 @@ def _check_step(name: str, kind: str, told: str) -> None:
         raise ValueError(f"{name} must not use the attribute {told}, as it can reach anything")
     if kind in ("LOAD_GLOBAL", "LOAD_NAME") and told in REFUSED_BUILTINS:
         raise ValueError(f"{name}: {told} must not be used, as it can reach anything")
+
+
+def check_in_place(name: str, code: CodeType) -> None:
+    """Refuse a law that binds the name of a result to another array, which changes nothing."""
+    results, before = code.co_varnames[4:7], ""
+    for step in dis.get_instructions(code):
+        if step.opname in SKIPPED:
+            continue
+        if step.opname.startswith("STORE_"):
+            stored = step.argval if isinstance(step.argval, tuple) else (step.argval,)
+            bound = {*stored[: 1 + step.opname.count("STORE", 1)]} & {*results}
+            if bound and not before.endswith("="):  # as that of stress *= 2
+                raise ValueError(
+                    f"{name} must change {bound.pop()} in place, as by {results[0]}[:] = ..., and "
+                    "not give its name to another array"
+                )
+        before = step.argrepr if step.opname == "BINARY_OP" else ""
 
 
 # ---- installed packages ----

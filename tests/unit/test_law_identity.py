@@ -267,6 +267,27 @@ def test_another_value_does_not_resume_and_is_named(made, tmp_path, monkeypatch)
         gr.Simulation.resume(tmp_path / "run.h5")
 
 
+def test_results_are_changed_in_place(made):
+    """Else the stress would stay the trial stress, without a word."""
+    made("", "stress *= 0.5; stress[0] = 1.0; log_density = 2.0; shear_rate += 1.0")
+    rebound = "must change stress in place, as by stress"
+    refused(
+        (rebound, lambda: made("", "stress = stress * 0.5")),
+        (rebound, lambda: made("", "a, stress = 1, stress * 0.5")),
+        (rebound, lambda: made("", "for stress in (1, 2): pass")),
+        (rebound, lambda: made("", "stress = 2 * stress\ng = lambda: stress")),
+        ("must change history in place", lambda: made("", "history = None")),
+    )
+    returns = r"the law 'law' returned .*array.*: it must change stress"
+    law = made("", "return 0.5 * stress")
+    with pytest.raises(TypeError, match=returns):
+        stress_of(law)
+    if importlib.util.find_spec("numba"):
+        with pytest.raises(TypeError, match=returns):
+            made("", "return 0.5 * stress", compiler="numba")
+        made("", "stress *= 0.5", compiler="numba")
+
+
 # ---- C ----
 
 UPDATE = """
