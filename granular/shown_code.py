@@ -5,7 +5,7 @@ from __future__ import annotations
 __all__ = ["MARK", "escaped", "marked"]
 
 MARK = "    | "
-"""What stands before each line of a source, so that a message's own lines differ from those."""
+"""Text before each line of a source, so that the lines of a message itself differ from those."""
 
 
 def escaped(text: str) -> str:

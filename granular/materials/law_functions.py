@@ -222,7 +222,7 @@ PASSING_BY = (
     *(r"##", r"%:%:", r"\b_Pragma\b", r"\b__has_include\w*", r"\b__has_embed\b"),
     *(r"\basm\b", r"\b__asm\w*", r'\b(?:u8|[uUL])?R"'),
 )
-"""What a source must not have: it could read files, or hide words from the checks below."""
+"""Words that a source must not have: they read files, or hide others from the checks below."""
 DIRECTIVES = (
     *("define", "undef", "if", "ifdef", "ifndef", "elif", "else", "endif"),
     *("error", "pragma", ""),

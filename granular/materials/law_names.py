@@ -1,7 +1,7 @@
-"""What the code of a law of the user's own names, and what of it is known by its name alone.
+"""Names in the code of a law of the user's own, and values that are known by their name alone.
 
-That is what installed packages and Python define. A law may have it by name and version; what
-returns another value at each call, or reads what is outside of the process, it may not have.
+Such are those that installed packages and Python define. A law may have them by name and version,
+but not those that return another value at each call, or read what is outside of the process.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ READING = (
     *("operator.attrgetter", "operator.methodcaller"),
     *("_operator.attrgetter", "_operator.methodcaller"),
 )
-"""What does so in modules that are allowed otherwise."""
+"""Functions and classes that do so in modules that are allowed otherwise."""
 FRAMES = ("gi_frame", "gi_code", "f_globals", "f_builtins", "f_locals", "f_back")
 """Attributes that lead to all that a module has, besides those with two underscores."""
 FOLDERS = {"site-packages", "dist-packages"}
