@@ -56,6 +56,7 @@ def _kind(scene: AnyScene) -> dict[str, object]:
         for k, material in enumerate(scene.materials):
             found[f"materials[{k}]"] = type(material).__name__
             found[f"materials[{k}].source"] = getattr(material, "source", None)
+            found[f"materials[{k}].history"] = (*getattr(material, "history", ()),)  # in its order
         for i, body in enumerate(scene.bodies):
             names = ("shape", "position", "rotation_deg")
             found |= {f"bodies[{i}].{name}": getattr(body, name) for name in names}

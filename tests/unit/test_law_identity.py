@@ -178,6 +178,11 @@ def test_the_order_of_numbers_is_a_part_of_a_law(name, made, tmp_path):
     assert [gr.Scene.from_json(scene.to_json()) == scenes[1] for scene in scenes] == [False, True]
     gr.Simulation(scenes[0], threads=1).run(until=1e-3, save=tmp_path / "run.h5")
     assert gr.open(tmp_path / "run.h5").scene == scenes[0]
+    if name == "history":  # whose values the points keep
+        with pytest.raises(ValueError, match=r"materials\[0\].history = \('b', 'a'\) must be"):
+            gr.Simulation.resume(tmp_path / "run.h5", scene=scenes[1])
+    else:
+        assert gr.Simulation.resume(tmp_path / "run.h5", scene=scenes[1]).scene == scenes[1]
     filled = scenes[0].replace(
         fills=(*scenes[0].fills, replace(scenes[0].fills[0], material=other))
     )
