@@ -236,7 +236,8 @@ TEST(capacity_may_be_refused)
     for (int f = 0; f < GR_FIELD_COUNT; f++) /* move the components together: no place beyond those in use */
         for (int c = 1; s.field[f] && c < gr_field_components(f, 2); c++)
             for (int64_t k = 0; k < used; k++) s.field[f][c * used + k] = s.field[f][c * stride + k];
-    s.engine->capacity = s.capacity = used;
+    s.capacity = used;
+    scene_bind(&s);
     int asked = 0;
     for (int k = 0; k < 60; k++) {
         const int error = gr_advance(s.engine, gr_kernels_select(""), 1, INFINITY, 1);
