@@ -19,6 +19,7 @@ __all__ = [
     "are_endless",
     "bounds",
     "extents",
+    "hull",
     "largest_speed",
     "mesh_size",
     "mesh_thickness",
@@ -29,6 +30,8 @@ __all__ = [
 
 TINY = 1e-12
 """Largest cosine that is taken for that of a right angle."""
+HULL = 256
+"""Corners of a polygon about a disc, 8e-5 of the radius beyond it."""
 CHAINS = (PARTS["polygon"], PARTS["revolved"])
 ARRAYS = (PARTS["sampled"], PARTS["height_map"], *CHAINS)
 BEHIND = (PARTS["half_space"], PARTS["height_map"])
@@ -143,6 +146,24 @@ def bounds(shape: Shape, directions: Array) -> tuple[Array, Array]:
 
     low, high = np.broadcast_to(_folded(shape, ahead, 1.0), 2 * len(directions)).reshape(2, -1)
     return -low, high
+
+
+def hull(shape: Shape) -> tuple[Array, float] | None:
+    """Places (n, 3), and a distance from their convex hull within which a shape of one part lies.
+
+    None for shapes of several parts, and endless ones.
+    """
+    rows = shape.rows()
+    cover = None if len(rows) > 1 or rows[0, 1] else _cover(rows[0], arrays_of(shape)[0], shape.dim)
+    if cover is None or not np.isfinite(cover.half).all():
+        return None
+    places = np.array(list(product((-1, 1), repeat=3))) * cover.half
+    if cover.radius:
+        angle = 2 * math.pi * np.arange(HULL) / HULL
+        circle = np.stack([np.cos(angle), np.sin(angle), np.zeros(HULL)], axis=1)
+        circle *= cover.radius / math.cos(math.pi / HULL)  # a polygon about the disc
+        places = (places[:, None] + circle).reshape(-1, 3)
+    return np.unique(cover.center + places @ cover.axes.T, axis=0), cover.beyond
 
 
 def extents(shape: Shape, rotation: Array, turning: Array) -> Array:

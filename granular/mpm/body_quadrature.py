@@ -1,43 +1,47 @@
 """Volume and moments of shapes by quadrature of their signed distance, with a bound of the error.
 
-A shape is cut by parallel lines, in a direction askew to those in which people build, so that
-hardly a wall is along them. On each line the pieces inside are found by steps as long as the signed
-distance allows: no wall is passed over, however thin it is. In each square of a grid there is a
-line at a random place, which no shape can be in step with. At each level the squares are half as
-wide. What the lines are clear of tells which squares are empty for certain; these are left out.
+Cells that contain the shape are halved, and those are put aside that the signed distance proves to
+be full or empty: nothing is passed over, however small it is. Of the others, which are about the
+surface, random places are counted, which no shape can be in step with. Whatever such a cell holds,
+the share of its places inside has a variance of 1/4 at most, which bounds the error.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import product
+from typing import Protocol
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
-__all__ = ["Moments", "directions", "moments"]
+__all__ = ["Moments", "Solid", "is_empty", "joined", "moments"]
 
 Array = NDArray[np.float64]
-Distance = Callable[[Array], Array]
-"""Signed distance, or a bound of it of the right sign, of places (n, 3)."""
-
-FIRST = {2: 256, 3: 24}
-"""Lines across the longest side at the first level, by the dimension."""
-MOST_LINES = 40_000
-"""Lines from which no level follows, which has two or four times as many."""
-STEP = 5e-5
-"""Least step along a line, over the longest side: thinner walls may be missed."""
-SIDES = {2: 16, 3: 4}
-"""Groups of lines along each axis across them, by the dimension: 16 in all.
-
-The errors of a group are hardly related to those of others. The mean of all groups errs by a
-quarter of their deviation if they are independent, and by an eighth if the error falls as the
-number of lines to the power 3/4, as that of jumps does.
-"""
+Sides = NDArray[np.int8]
+FIRST = {2: 16, 3: 8}
+"""Cells along the longest side at the first level, by the dimension."""
+MOST_PLACES = 8
+"""Random places in a cell at most: from there on smaller cells are the cheaper way."""
+MOST_PROOF = 20_000
+"""Cells at most at a level of a proof that a shape is empty."""
 DEVIATIONS = 3.0
-"""Standard deviations of the mean of independent groups in the bound of the error."""
+"""Standard deviations in the bound of the error."""
+RELATIVE_GROWTH = 1 + 1e-9
+"""Growth of the box about a shape, so that rounding leaves nothing out."""
+
+
+class Solid(Protocol):
+    """What can be told of places (n, 3)."""
+
+    def sides(self, x: Array, radius: float) -> Sides:
+        """Return -1 where all within a radius is inside, 1 where nothing is, 0 if unknown."""
+        ...
+
+    def inside(self, x: Array) -> NDArray[np.bool_]:
+        """True for places inside."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -51,7 +55,8 @@ class Moments:
     center : ndarray, shape (dim,)
         Centroid [m].
     second : ndarray, shape (dim, dim)
-        Integrals of the products of distances from the centroid [m5; in 2D m4].
+        Integrals of the products of distances from the centroid [m5; in 2D m4]. In 2D only the
+        trace has a meaning.
     error : float
         Bound of the largest relative error, of the volume, of the moments of inertia over the
         largest of them, and of the centroid over the radius of gyration.
@@ -62,146 +67,151 @@ class Moments:
     second: Array
     error: float
 
+    def largest(self) -> float:
+        """Largest moment of inertia over the density."""
+        least = float(np.linalg.eigvalsh(self.second)[0]) if len(self.center) == 3 else 0.0
+        return float(np.trace(self.second)) - least
 
-def directions(dim: int) -> Array:
-    """Return directions in 3D as rows (dim, 3): across the lines, and last along them."""
-    if dim == 2:
-        return np.array([[0.838, -0.5456, 0.0], [0.5456, 0.838, 0.0]]) / math.hypot(0.838, 0.5456)
-    turn = scipy.spatial.transform.Rotation.from_rotvec([0.6931, -0.9159, 0.5772])
-    return np.asarray(turn.as_matrix())
+    def gyration(self) -> float:
+        """Radius of gyration about the centroid, in all directions together [m]."""
+        return math.sqrt(float(np.trace(self.second)) / self.volume)
 
 
-def moments(distance: Distance, low: Array, high: Array, tolerance: float) -> Moments | None:
-    """Return the moments of what is inside, or None if no line meets it.
+def joined(parts: list[tuple[float, Moments]]) -> Moments | None:
+    """Sum of moments times a sign, of parts that are apart (1) or taken away from one (-1)."""
+    volume = sum(sign * part.volume for sign, part in parts)
+    if not volume > 0:
+        return None
+    origin = parts[0][1].center  # no digits are lost far off
+    center = sum(sign * part.volume * (part.center - origin) for sign, part in parts) / volume
+    center = center + origin
+    arms = [part.center - center for _, part in parts]
+    second = sum(
+        sign * (part.second + part.volume * np.outer(arm, arm))
+        for (sign, part), arm in zip(parts, arms, strict=True)
+    )
+    whole = Moments(float(volume), center, np.asarray(second), 0.0)
+    if not np.trace(second) > 0:
+        return None
+    errors = np.zeros(3)
+    for (_, part), arm in zip(parts, arms, strict=True):
+        far, around = float(np.linalg.norm(arm)), part.gyration()
+        about = part.largest() + part.volume * (far**2 + 2 * far * around)
+        errors += part.error * np.array([part.volume, part.volume * (far + around), about])
+    errors /= [whole.volume, whole.volume * whole.gyration(), whole.largest()]
+    return Moments(whole.volume, whole.center, whole.second, float(errors.max()))
+
+
+def moments(solid: Solid, low: Array, high: Array, tolerance: float, most: int) -> Moments | None:
+    """Return the moments of what is inside, or None if nothing is.
 
     Parameters
     ----------
-    distance : callable
+    solid : Solid
     low, high : ndarray, shape (dim,)
-        Bounds of the solid along `directions` [m].
+        Corners of a box that contains the solid [m].
     tolerance : float
-        Relative error at which the lines are enough, if they are not too many before.
+        Relative error at which the cells are small enough.
+    most : int
+        Number of cells to be halved at most; the error may stay larger than the tolerance.
     """
-    dim, middle, longest = len(low), 0.5 * (low + high), float((high - low).max())
-    turn, half = directions(dim), 0.5 * (high - low) + STEP * longest
-    lines = _Lines(distance, turn, middle, float(half[-1]), STEP * longest)
-    width = longest / FIRST[dim]
-    counts = np.ceil(2 * half[:-1] / width).astype(int)
-    nodes = np.stack([part.ravel() for part in np.indices(counts.tolist())], axis=1)
-    before, random = None, np.random.default_rng(0)
+    dim, middle = len(low), 0.5 * (low + high)
+    places, width = _first(low, high)
+    full = np.zeros((dim + 1, dim + 1))
     while True:
-        away = random.uniform(-0.5, 0.5, nodes.shape)
-        at = width * (nodes + away + 0.5 - 0.5 * counts)
-        line = lines.along(at)
-        groups = _by_group(nodes, width ** (dim - 1) * _products(at, line))
-        total = groups.sum(axis=0)
-        error = _error(groups, before)
-        if error <= tolerance or len(at) > MOST_LINES:
+        sides = solid.sides(_padded(places + middle), 0.5 * math.sqrt(dim) * width)
+        full += _cells(places[sides < 0], width)
+        places = places[sides == 0]
+        inside = solid.inside(_padded(places + middle))
+        error = _error(full + _cells(places[inside], width), places, width)
+        if error <= math.sqrt(MOST_PLACES) * tolerance or len(places) > most:
             break
-        # no corner of a square is farther from its line than this
-        farthest = width * np.linalg.norm(abs(away) + 0.5, axis=1)
-        full = (line[:, 0] > 0) | (line[:, 3] <= farthest)
-        ends = np.stack([part.ravel() for part in np.indices((2,) * (dim - 1))], axis=1)
-        nodes = (2 * nodes[full][:, None] + ends).reshape(-1, dim - 1)
-        width, counts, before = 0.5 * width, 2 * counts, total
-        if not len(nodes):
-            break
-    if not total[0, 0] > 0:
+        places, width = _halved(places, width)
+    if not len(places) and not full.any():
         return None
-    volume, center, turn = float(total[0, 0]), total[0, 1:] / total[0, 0], turn[:, :dim]
-    second = turn.T @ (total[1:, 1:] - volume * np.outer(center, center)) @ turn
-    return Moments(volume, turn.T @ (middle + center), second, error)
+    count = math.ceil(min(1.1 * (error / tolerance) ** 2, MOST_PLACES)) if len(places) else 0
+    random = np.random.default_rng(0)
+    total = full
+    for _ in range(count):
+        at = places + width * random.uniform(-0.5, 0.5, places.shape)
+        total = total + width**dim / count * _products(at[solid.inside(_padded(at + middle))])
+    error = _error(total, places, width) / math.sqrt(max(count, 1))
+    if not math.isfinite(error):
+        return Moments(0.0, middle, np.zeros((dim, dim)), math.inf)
+    volume, center = float(total[0, 0]), total[0, 1:] / total[0, 0]
+    second = total[1:, 1:] - volume * np.outer(center, center)
+    return Moments(volume, middle + center, second, error)
 
 
-def _by_group(nodes: NDArray[np.intp], products: Array) -> Array:
-    """Sums of products over lines of the same place in blocks of the grid (16, ...)."""
-    across = nodes.shape[1]
-    side = SIDES[across + 1]
-    group = np.ravel_multi_index(tuple((nodes % side).T), (side,) * across)
-    groups = np.zeros((side**across, *products.shape[1:]))
-    np.add.at(groups, group, products)
-    return groups
+def is_empty(solid: Solid, low: Array, high: Array) -> bool:
+    """True if nothing in a box is inside for certain; False if something is, or it is too near."""
+    if not (low < high).all():
+        return True
+    middle = 0.5 * (low + high)
+    places, width = _first(low, high)
+    while 0 < len(places) <= MOST_PROOF:
+        sides = solid.sides(_padded(places + middle), 0.5 * math.sqrt(len(low)) * width)
+        near = places[sides == 0]
+        if (sides < 0).any() or solid.inside(_padded(near + middle)).any():
+            return False
+        places, width = _halved(near, width)
+    return not len(places)
 
 
-def _error(groups: Array, before: Array | None) -> float:
-    """Bound of the relative error of the sum of groups, and of the change since a level before."""
-    total, count = groups.sum(axis=0), len(groups)
-    if not total[0, 0] > 0:
-        return math.inf
-    apart = _relative(total, count * groups - total)
-    bound = DEVIATIONS * np.sqrt((apart**2).sum(axis=0) / (count - 1) / count)
-    change = 0.0 if before is None else abs(_relative(total, (total - before)[None])).max()
-    return float(max(bound.max(), 0.5 * change))
+def _first(low: Array, high: Array) -> tuple[Array, float]:
+    """Cells that cover a box: their middles from that of the box, and their width."""
+    width = float((high - low).max()) * RELATIVE_GROWTH / FIRST[len(low)]
+    counts = np.ceil((high - low) / width).astype(int).clip(1)
+    nodes = np.stack([part.ravel() for part in np.indices(counts.tolist())], axis=1)
+    return width * (nodes + 0.5 - 0.5 * counts), width
 
 
-def _relative(total: Array, changes: Array) -> Array:
-    """Changes of integrals (n, dim + 1, dim + 1), relative to what they change.
-
-    They are those of the volume, of the centroid over the radius of gyration, and of the moments of
-    inertia over the largest.
-    """
-    dim, volume = len(total) - 1, total[0, 0]
-    shift = np.eye(dim + 1)
-    shift[1:, 0] = -total[0, 1:] / volume
-    moved = shift @ changes @ shift.T  # about the centroid
-    second = (shift @ total @ shift.T)[1:, 1:]
-    trace, traces = float(np.trace(second)), np.trace(moved[:, 1:, 1:], axis1=1, axis2=2)
-    if dim == 2:
-        inertia, largest = traces[:, None], trace
-    else:
-        inertia = (traces[:, None, None] * np.eye(dim) - moved[:, 1:, 1:]).reshape(-1, dim * dim)
-        largest = trace - float(np.linalg.eigvalsh(second)[0])
-    centers = moved[:, 0, 1:] / math.sqrt(volume * trace)
-    return np.concatenate([moved[:, :1, 0] / volume, centers, inertia / largest], axis=1)
+def _halved(places: Array, width: float) -> tuple[Array, float]:
+    dim = places.shape[1]
+    corners = 0.25 * width * np.array(list(product((-1.0, 1.0), repeat=dim)))
+    return (places[:, None] + corners).reshape(-1, dim), 0.5 * width
 
 
-@dataclass(frozen=True)
-class _Lines:
-    """Parallel lines through a shape."""
-
-    distance: Distance
-    turn: Array
-    origin: Array
-    half: float
-    step: float
-
-    def along(self, at: Array) -> Array:
-        """Integrals of 1, s and s2 over the pieces inside, and distances of what is nearest (n, 4).
-
-        s is the distance along a line from the middle.
-        """
-        lines = np.zeros((len(at), 4))
-        lines[:, 3] = np.inf
-        live, s = np.arange(len(at)), np.full(len(at), -self.half)
-        depth, entry = self._depth(at, s), s.copy()
-        while len(live):
-            lines[live, 3] = np.minimum(lines[live, 3], abs(depth))
-            ahead = np.minimum(s + np.maximum(abs(depth), self.step), self.half)
-            there = self._depth(at[live], ahead)
-            crosses = (depth < 0) != (there < 0)
-            crossing = ahead.copy()
-            share = depth[crosses] / (depth[crosses] - there[crosses])
-            crossing[crosses] = s[crosses] + share * (ahead - s)[crosses]
-            ends = (depth < 0) & (crosses | (ahead >= self.half))
-            a, b = entry[ends], crossing[ends]
-            pieces = np.stack([b - a, (b**2 - a**2) / 2, (b**3 - a**3) / 3], axis=1)
-            lines[live[ends], :3] += pieces
-            begins = crosses & (there < 0)
-            entry[begins] = crossing[begins]
-            on = ahead < self.half
-            live, s, depth, entry = live[on], ahead[on], there[on], entry[on]
-        return lines
-
-    def _depth(self, at: Array, s: Array) -> Array:
-        own = np.concatenate([at, s[:, None]], axis=1) + self.origin
-        return self.distance(np.ascontiguousarray(own @ self.turn))
+def _padded(places: Array) -> Array:
+    padded = np.zeros((len(places), 3))
+    padded[:, : places.shape[1]] = places
+    return padded
 
 
-def _products(at: Array, line: Array) -> Array:
-    """Integrals of the products of (1, x) along lines."""
-    sums = np.empty((len(at), at.shape[1] + 2, at.shape[1] + 2))
-    one = np.concatenate([np.ones((len(at), 1)), at], axis=1)
-    sums[:, :-1, :-1] = one[:, :, None] * one[:, None, :] * line[:, 0, None, None]
-    sums[:, :-1, -1] = sums[:, -1, :-1] = one * line[:, 1, None]
-    sums[:, -1, -1] = line[:, 2]
+def _products(places: Array) -> Array:
+    """Sums of the products of (1, x) at places."""
+    one = np.concatenate([np.ones((len(places), 1)), places], axis=1)
+    sums: Array = one.T @ one
     return sums
+
+
+def _cells(places: Array, width: float) -> Array:
+    """Integrals of the products of (1, x) over cells."""
+    dim = places.shape[1]
+    own = np.diag([0.0] + [width**2 / 12] * dim)
+    sums: Array = width**dim * (_products(places) + len(places) * own)
+    return sums
+
+
+def _error(total: Array, places: Array, width: float) -> float:
+    """Bound of the relative error of a total if one place is counted in each of the cells."""
+    if not len(places):
+        return 0.0
+    dim, volume = len(total) - 1, total[0, 0]
+    if not volume > 0:
+        return math.inf
+    center = total[0, 1:] / volume
+    second = total[1:, 1:] - volume * np.outer(center, center)
+    whole = Moments(float(volume), center, second, 0.0)
+    if not np.trace(second) > 0:
+        return math.inf
+    arms = abs(places - center) + 0.5 * width
+    square = (arms**2).sum(axis=1)
+    if dim == 2:
+        inertia = square[:, None]
+    else:
+        inertia = np.concatenate([square[:, None] - arms**2, arms * np.roll(arms, 1, axis=1)], 1)
+    scale = [1.0 / volume, 1.0 / (volume * whole.gyration()), 1.0 / whole.largest()]
+    weights = (np.ones((len(places), 1)), arms, inertia)
+    squares = [s**2 * (w**2).sum(axis=0).max() for s, w in zip(scale, weights, strict=True)]
+    return DEVIATIONS * 0.5 * width**dim * math.sqrt(max(squares))

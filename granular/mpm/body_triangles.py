@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from granular import _core
@@ -59,7 +60,7 @@ class Triangles:
         self.origin = 0.5 * (low + high)
         self._size, self._half = high - low, 0.5 * thickness
         self._vertices = np.ascontiguousarray(vertices - self.origin)  # no digits are lost far off
-        self._faces, self._closed = faces, solids is not None
+        self._faces, self.closed = faces, solids is not None
         self._tree = _core.mesh_tree(self._vertices, faces)
         self._solid = np.zeros(len(faces), dtype=np.intp) if solids is None else solids
         self._parts = [(self._tree, -self._size, self._size)]
@@ -74,6 +75,11 @@ class Triangles:
         tree = _core.mesh_tree(self._vertices, np.ascontiguousarray(faces))
         return tree, used.min(axis=0), used.max(axis=0)
 
+    @property
+    def count(self) -> int:
+        """Number of triangles."""
+        return len(self._faces)
+
     def distance(self, x: Array) -> Array:
         """Signed distance [m] of places (n, 3).
 
@@ -81,7 +87,7 @@ class Triangles:
         walls of one within another are none.
         """
         places = np.ascontiguousarray(x - self.origin)
-        distance = _core.mesh_distance(self._tree, places, self._closed) - self._half
+        distance = _core.mesh_distance(self._tree, places, self.closed) - self._half
         if len(self._parts) > 1 and len(inside := np.flatnonzero(distance < 0)):
             depth = np.zeros(len(inside))
             for tree, low, high in self._parts:
@@ -118,11 +124,49 @@ class Triangles:
         off = OFF * self._size.max() * normal
         return self.winding(at - off), self.winding(at + off)
 
-    def overlaps(self, count: int) -> bool:
-        """True if parts of a closed surface lie within others, or cross each other."""
-        at, normal, _ = self.points(count)
+    def overlaps(self, count: int) -> NDArray[np.bool_]:
+        """True for solids of a closed surface that lie in others, or cross them or themselves.
+
+        It is seen at points of the surface.
+        """
+        at, normal, solid = self.points(count)
+        found = np.zeros(len(self._parts), dtype=bool)
         inner, outer = self._sides(at, normal)
-        return bool((abs(inner - 1) > 0.5).any() or (abs(outer) > 0.5).any())
+        found[solid[(abs(inner - 1) > 0.5) | (abs(outer) > 0.5)]] = True
+        return found
+
+    def clusters(self) -> list[NDArray[np.intp]]:
+        """Solids in groups, whose boxes are apart from those of all others."""
+        low, high = (np.array([part[k] for part in self._parts]) for k in (1, 2))
+        meet = ((low[:, None] < high) & (low < high[:, None])).all(axis=2)
+        count, label = scipy.sparse.csgraph.connected_components(meet, directed=False)
+        return [np.flatnonzero(label == group) for group in range(count)]
+
+    def part(self, solids: NDArray[np.intp]) -> Triangles:
+        """Return the surface of some of the solids."""
+        own = np.isin(self._solid, solids)
+        used, at = np.unique(self._faces[own], return_inverse=True)
+        faces = at.reshape(-1, 3).astype(np.int32)
+        label = np.unique(self._solid[own], return_inverse=True)[1].reshape(-1)
+        return Triangles(self._vertices[used] + self.origin, faces, label, 2 * self._half)
+
+    def sides(self, x: Array, radius: float) -> NDArray[np.int8]:
+        """Return -1 where all within a radius is inside, 1 where nothing is, 0 near triangles."""
+        places = np.ascontiguousarray(x - self.origin)
+        sides = np.zeros(len(x), dtype=np.int8)
+        if not self.closed:
+            distance = _core.mesh_distance(self._tree, places, False) - self._half
+            return np.where(abs(distance) < radius, 0, np.sign(distance)).astype(np.int8)
+        clear = np.flatnonzero(_core.mesh_clear(self._tree, places, np.full(len(x), radius)))
+        sides[clear] = np.where(self.inside(x[clear]), -1, 1)
+        return sides
+
+    def inside(self, x: Array) -> NDArray[np.bool_]:
+        """True for places (n, 3) in a solid."""
+        if self.closed:
+            return self.winding(x) > 0.5
+        places = np.ascontiguousarray(x - self.origin)
+        return _core.mesh_distance(self._tree, places, False) < self._half
 
     def bounds(self, directions: Array) -> tuple[Array, Array]:
         """Least and largest coordinates [m] along directions, the rows (n, 3)."""
@@ -154,7 +198,7 @@ class Triangles:
         touches the surface at its far end, too, there is a wall. The diameter of the largest of
         these balls is a bound of that of the largest inside.
         """
-        if not self._closed:
+        if not self.closed:
             return 2 * self._half, 2 * self._half
         at, normal, solid = self.points(POINTS)
         inner, outer = self._sides(at, normal)

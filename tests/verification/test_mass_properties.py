@@ -13,13 +13,19 @@ from granular.mpm.bodies import (
     Cylinder,
     Difference,
     Frustum,
+    Intersection,
     Mesh,
     Polygon,
+    Shell,
     Sphere,
     Torus,
     Union,
     mass_properties,
 )
+from granular.mpm.body_moments import _of_cells
+
+ROUNDING = 1e-12
+APART = (2.0, 0.0, 0.0)
 
 
 def off(found, mass, center, inertia):
@@ -90,26 +96,64 @@ SINGLE = {
 def test_quadrature_is_within_its_bound_of_formulas(shape):
     """A union of a shape with itself has no formula; it may be anywhere, and thin."""
     found = mass_properties(Union((shape, shape)), 1000.0)
-    assert 0 < found.error <= 1e-3
+    assert 0 < found.error <= 1.5e-3  # of the plate, for which the cells do not suffice
     assert off(found, *same(shape)) <= found.error
 
 
 TURN = {"rotation_deg": (10.0, 20.0, 30.0)}
 HOLLOW = {
-    "box": (Box((0.4, 0.3, 0.2), **TURN), Box((0.394, 0.294, 0.194), **TURN), 2e-3),
-    "box along": (Box((0.4, 0.3, 0.2)), Box((0.394, 0.294, 0.194)), 1e-3),
-    "ball": (Sphere(0.2, center=(1.0, 0, 0)), Sphere(0.197, center=(1.0, 0, 0)), 5e-3),
-    "crescent": (Sphere(0.2, center=(0.0,) * 3), Sphere(0.1, center=(0.05, 0.0, 0.0)), 1e-3),
-    "frame": (Box((0.4, 0.3)), Box((0.394, 0.294)), 1e-3),
-    "ring": (Cylinder(0.2, center=(1.0, 0.0)), Cylinder(0.199, center=(1.0, 0.0)), 1e-3),
+    "box": (Box((0.4, 0.3, 0.2), **TURN), Box((0.394, 0.294, 0.194), **TURN)),
+    "box along": (Box((0.4, 0.3, 0.2)), Box((0.394, 0.294, 0.194))),
+    "ball": (Sphere(0.2, center=(1.0, 0, 0)), Sphere(0.197, center=(1.0, 0, 0))),
+    "crescent": (Sphere(0.2, center=(0.0,) * 3), Sphere(0.1, center=(0.05, 0.0, 0.0))),
+    "frame": (Box((0.4, 0.3)), Box((0.394, 0.294))),
+    "ring": (Cylinder(0.2, center=(1.0, 0.0)), Cylinder(0.199, center=(1.0, 0.0))),
 }
 
 
-@pytest.mark.parametrize(("shape", "hole", "bound"), HOLLOW.values(), ids=HOLLOW)
-def test_hollow_bodies_are_within_their_bounds(shape, hole, bound):
+@pytest.mark.parametrize(("shape", "hole"), HOLLOW.values(), ids=HOLLOW)
+def test_hollow_bodies_are_exact(shape, hole):
     """Walls of 3 mm, of 1 mm in 2D."""
     found = mass_properties(Difference(shape, hole), 1000.0)
-    assert off(found, *less(shape, hole)) <= found.error <= bound
+    assert found.error == 0 and off(found, *less(shape, hole)) < ROUNDING
+
+
+def small_parts(dim, random):
+    """Wires, balls and discs far from each other, as thin as 1/1000 of the size of all."""
+    parts = []
+    for k in range(4):
+        center, size = (*random.uniform(-1, 1, dim - 1), 3.0 * k), float(random.uniform(2e-3, 2e-2))
+        if dim == 2:
+            turn = float(random.uniform(0, 90))
+            kinds = [
+                Cylinder(size, center=center),
+                Box((1.0, size), center=center, rotation_deg=turn),
+            ]
+        else:
+            axis = tuple(random.normal(size=3))
+            kinds = [Sphere(size, center=center)]
+            kinds += [
+                Cylinder(r, length=h, center=center, axis=axis)
+                for r, h in ((size, 1.0), (0.3, size))
+            ]
+        parts.append(kinds[random.integers(len(kinds))])
+    return Union(parts)
+
+
+def test_no_small_part_is_passed_over():
+    """Parts that are apart are added exactly; the cells alone find all of them, too.
+
+    Of 4 balls of 1.6 mm along 6 m, one was missing from the mass at an error of 1e-4.
+    """
+    random = np.random.default_rng(1)
+    for dim in (2, 2, 2, 3, 3):
+        shape = small_parts(dim, random)
+        exact = mass_properties(shape, 1.0)
+        assert exact.error == 0
+        assert exact.mass == pytest.approx(sum(same(part)[0] for part in shape.parts) / 1000)
+        cells = _of_cells(shape, 1e-2)  # what is above 1 % is refused
+        assert 0 < cells.error
+        assert abs(cells.volume / exact.mass - 1) <= cells.error
 
 
 def test_sections_and_far_parts():
@@ -124,7 +168,7 @@ def test_sections_and_far_parts():
     mass, _, inertia = same(balls.parts[0])
     both = 2 * np.array(inertia) + 2 * mass * 16 * np.diag([0, 1, 1])
     found = mass_properties(balls, 1000.0)
-    assert off(found, 2 * mass, (4.0, 0.0, 0.0), both) <= found.error <= 1e-3
+    assert found.error == 0 and off(found, 2 * mass, (4.0, 0.0, 0.0), both) < ROUNDING
 
 
 def test_meshes_are_exact_anywhere():
@@ -147,11 +191,15 @@ def test_meshes_are_exact_anywhere():
     overlapping = Mesh(both, np.concatenate([FACES, 8 + FACES]), spacing=0.02)
     found = mass_properties(overlapping, 1000.0)
     long = Box((0.3, 0.2, 0.2), center=(0.05, 0.0, 0.0))
-    assert off(found, *same(long)) <= found.error <= 1e-3 and found.error > 0
+    assert off(found, *same(long)) <= found.error <= 2e-3 and found.error > 0
+    third = np.concatenate([both, CORNERS + np.array((0.5, 0.0, 0.0))])
+    far = Mesh(third, np.concatenate([FACES, 8 + FACES, 16 + FACES]), spacing=0.02)
+    wanted = same(long)[0] + same(Box((0.2, 0.2, 0.2)))[0]
+    assert abs(mass_properties(far, 1000.0).mass / wanted - 1) <= found.error
     square = Mesh(CORNERS[4:], FACES[2:4] - 4, spacing=0.005, thickness=0.01)
     sheet = mass_properties(square, 1000.0)
     volume = 0.01 * 0.04 + 0.8 * math.pi / 2 * 0.005**2 + 4 / 3 * math.pi * 0.005**3
-    assert abs(sheet.mass / (1000 * volume) - 1) <= sheet.error <= 1e-3
+    assert abs(sheet.mass / (1000 * volume) - 1) <= sheet.error <= 2e-3
 
 
 @pytest.mark.parametrize(
@@ -166,13 +214,17 @@ def test_meshes_are_exact_anywhere():
         ),
         (
             lambda: mass_properties(
-                Difference(Sphere(1.0, center=(0.0,) * 3), Sphere(0.9995, center=(0.0,) * 3)), 1.0
+                Intersection((Box((1.0,) * 3), Box((1.0,) * 3, center=APART))), 1.0
             ),
+            "nothing is in it",
+        ),
+        (
+            lambda: mass_properties(Shell(Box((0.4, 0.3, 0.2)), thickness=5e-5), 1.0),
             "% only",
         ),
     ],
 )
 def test_what_is_refused(make, message):
-    """Also what is too thin for the lines: walls of 0.5 mm on a ball of 2 m."""
+    """Also what is empty, and what is too thin for the cells: walls of 0.05 mm on a box."""
     with pytest.raises(ValueError, match=message):
         make()

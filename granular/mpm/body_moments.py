@@ -1,0 +1,287 @@
+"""Volume and moments of shapes, from formulas of their parts where these are apart.
+
+Parts of a union that are apart are added, and what is cut out of the inside of a shape is taken
+away: these sums are exact. Only parts that overlap need quadrature, each cluster in its own box.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular import _core
+from granular.mpm.body_measures import bounds, hull
+from granular.mpm.body_mesh import Mesh
+from granular.mpm.body_operations import Difference, Intersection, Union
+from granular.mpm.body_quadrature import Moments, Sides, is_empty, joined, moments
+from granular.mpm.body_shapes import MOST_SHAPES, PARTS, Array, Shape
+from granular.mpm.body_triangles import Triangles
+
+__all__ = ["moments_of"]
+
+PROBES = 20_000
+"""Points of a mesh at which it is tested whether parts of it overlap."""
+MOST_CELLS = {2: 100_000, 3: 300_000}
+"""Cells of a shape that are halved at most, by the dimension."""
+MOST_WORK = 4_000_000
+"""Product of the cells that are halved and the parts of the shape at most."""
+MOST_OF_MESH = 20_000
+"""Cells of a mesh that are halved at most."""
+MOST_TRIANGLES = 2_000_000_000
+"""Product of these cells and the triangles at most."""
+STEEP = math.sqrt(3.0)
+"""Largest slope of samples that are linear between places, of a distance of slope 1."""
+TOUCH = 1e-12
+"""Overlap of boxes, over their size, up to which they only touch."""
+CONVEX = [PARTS[kind] for kind in ("box", "cylinder", "capsule")]
+
+
+def moments_of(shape: Shape, tolerance: float) -> Moments | None:
+    """Return the moments of a shape of finite size; None if nothing is inside."""
+    if (exact := _formula(shape)) is not None:
+        return exact
+    if isinstance(shape, Mesh):
+        return _of_mesh(shape, tolerance)
+    if isinstance(shape, Union):
+        clusters = _clusters(_flat(shape))
+        if len(clusters) > 1:
+            return _added(clusters, tolerance)
+        if len(clusters[0]) == 1:
+            return moments_of(clusters[0][0], tolerance)
+    if isinstance(shape, Difference):
+        return _of_difference(shape, tolerance)
+    return _of_cells(shape, tolerance)
+
+
+def _added(shapes: Sequence[Sequence[Shape]], tolerance: float) -> Moments | None:
+    """Sum over unions that are apart; the errors of far ones count twice at most."""
+    found = [moments_of(_union(parts), 0.5 * tolerance) for parts in shapes]
+    return joined([(1.0, part) for part in found if part is not None])
+
+
+def _of_difference(shape: Difference, tolerance: float) -> Moments | None:
+    """Those of a shape less the parts that are wholly in it; other parts by quadrature."""
+    bases = _clusters(_flat(shape.shape))
+    if len(bases) > 1:
+        return _added([[Difference(_union(b), shape.without)] for b in bases], tolerance)
+    base = _union(bases[0])
+    cut = [part for part in _flat(shape.without) if not _apart(base, part)]
+    if not cut:
+        return moments_of(base, tolerance)
+    clusters = _clusters(cut)
+    inner = [parts for parts in clusters if all(_within(part, base) for part in parts)]
+    rest = [part for parts in clusters if parts not in inner for part in parts]
+    left = Difference(base, _union(rest)) if rest else base
+    whole = _of_cells(left, tolerance) if rest else moments_of(left, 0.5 * tolerance)
+    if whole is None or not inner:
+        return whole
+    gone = [moments_of(_union(parts), 0.5 * tolerance) for parts in inner]
+    found = joined([(1.0, whole), *((-1.0, part) for part in gone if part is not None)])
+    if found is not None and found.error <= tolerance:
+        return found
+    direct = _of_cells(Difference(base, _union(cut)), tolerance)
+    return direct if found is None or direct is None or direct.error < found.error else found
+
+
+def _of_cells(shape: Shape, tolerance: float) -> Moments | None:
+    """Quadrature of the signed distance of a shape."""
+    low, high = bounds(shape, np.eye(3)[: shape.dim])
+    if not (low < high).all():
+        return None
+    most = min(MOST_CELLS[shape.dim], MOST_WORK // len(shape.rows()))
+    return moments(_OfShape(shape), low, high, tolerance, most)
+
+
+@dataclass(frozen=True)
+class _OfShape:
+    """A shape as a solid for the quadrature."""
+
+    shape: Shape
+
+    @cached_property
+    def _numbers(self) -> tuple[Array, tuple[Any, ...]]:
+        return self.shape.rows(), self.shape.samples()
+
+    def depth(self, x: Array) -> Array:
+        """Distance from the surface, positive inside."""
+        return -_core.body_distance(*self._numbers, x)[0]
+
+    def sides(self, x: Array, radius: float) -> Sides:
+        depth, rows = self.depth(x), self._numbers[0]
+        if (rows[:, 0] == PARTS["sampled"]).any():
+            radius = STEEP * radius
+        return np.where(abs(depth) < radius, 0, -np.sign(depth)).astype(np.int8)
+
+    def inside(self, x: Array) -> NDArray[np.bool_]:
+        return self.depth(x) > 0
+
+
+def _of_mesh(mesh: Mesh, tolerance: float) -> Moments | None:
+    """Moments by the theorem of Gauss, and by quadrature of parts that overlap, and of sheets."""
+    whole = mesh.triangles()
+    if not whole.closed:
+        return _of_triangles(whole, tolerance)
+    overlapping = whole.overlaps(PROBES)
+    if not overlapping.any():
+        return whole.moments()
+    found = []
+    for group in whole.clusters():
+        part = whole.part(group)
+        if overlapping[group].any():
+            found.append(_of_triangles(part, 0.5 * tolerance))
+        else:
+            found.append(part.moments())
+    return joined([(1.0, part) for part in found if part is not None])
+
+
+def _of_triangles(triangles: Triangles, tolerance: float) -> Moments | None:
+    low, high = triangles.bounds(np.eye(3))
+    most = min(MOST_OF_MESH, MOST_TRIANGLES // triangles.count)
+    return moments(triangles, low, high, tolerance, most)
+
+
+# ---- which parts are apart ----
+
+
+def _flat(shape: Shape) -> list[Shape]:
+    """Parts of a union, and of unions in it."""
+    if not isinstance(shape, Union):
+        return [shape]
+    parts = [part for own in shape.parts for part in _flat(own)]
+    return parts if len(parts) <= MOST_SHAPES else list(shape.parts)
+
+
+def _union(parts: Sequence[Shape]) -> Shape:
+    return parts[0] if len(parts) == 1 else Union(tuple(parts))
+
+
+def _clusters(parts: Sequence[Shape]) -> list[list[Shape]]:
+    """Parts in groups, of which each is apart from all others."""
+    boxes = [bounds(part, np.eye(3)[: part.dim]) for part in parts]
+    low, high = (np.array([box[k] for box in boxes]) for k in (0, 1))
+    meet = ~_separate(low[:, None], high[:, None], low[None], high[None])
+    pairs = np.argwhere(np.triu(meet, 1))
+    count, label = len(parts), np.arange(len(parts))
+    for i, j in pairs.tolist():
+        if label[i] != label[j] and not _apart(parts[i], parts[j]):
+            label[label == label[j]] = label[i]
+    groups = [[parts[k] for k in np.flatnonzero(label == group).tolist()] for group in range(count)]
+    return [group for group in groups if group]
+
+
+def _separate(low: Array, high: Array, other_low: Array, other_high: Array) -> NDArray[np.bool_]:
+    """True for boxes that have no common inside."""
+    with np.errstate(invalid="ignore"):
+        slack = TOUCH * np.fmin(abs(high - low), abs(other_high - other_low))
+    slack = np.where(np.isfinite(slack), slack, 0.0)
+    beyond = (low >= other_high - slack) | (other_low >= high - slack)
+    return np.asarray(beyond.any(axis=-1))
+
+
+def _apart(a: Shape, b: Shape) -> bool:
+    """True if two shapes overlap nowhere for certain."""
+    rows = np.concatenate([a.rows(), b.rows()])
+    axes = np.eye(3)[: a.dim]
+    if len(rows) <= 2:
+        axes = np.concatenate(
+            [axes, rows[:, 5:14].reshape(-1, 3, 3).transpose(0, 2, 1).reshape(-1, 3)]
+        )
+        axes = axes[abs(axes[:, a.dim :]).max(axis=1, initial=0.0) == 0]
+    (low, high), (other_low, other_high) = bounds(a, axes), bounds(b, axes)
+    if _separate(low, high, other_low, other_high):
+        return True
+    if (rows[:, 0] == PARTS["sampled"]).any():  # samples round edges
+        return False
+    low, high = np.maximum(low, other_low)[: a.dim], np.minimum(high, other_high)[: a.dim]
+    both = _OfShape(Intersection((a, b)))
+    return bool(np.isfinite([low, high]).all()) and is_empty(both, low, high)
+
+
+def _within(part: Shape, base: Shape) -> bool:
+    """True if a shape is wholly in another one for certain."""
+    low, high = bounds(part, np.eye(3)[: part.dim])
+    rows = np.concatenate([part.rows(), base.rows()])
+    if not np.isfinite([low, high]).all() or (rows[:, 0] == PARTS["sampled"]).any():
+        return False
+    about = hull(part)
+    if about is not None:
+        places, beyond = about
+        depth = _OfShape(base).depth(places)
+        convex = len(base.rows()) == 1 and base.rows()[0, 0] in CONVEX and not base.rows()[0, 1]
+        slack = 1e-12 * float((high - low).max())
+        if (convex or len(places) == 1) and (depth >= beyond - slack).all():
+            return True
+    return is_empty(_OfShape(Difference(part, base)), low, high)
+
+
+# ---- formulas ----
+
+
+def _formula(shape: Shape) -> Moments | None:
+    """Return those of shapes that have a formula; None for others."""
+    rows, dim = shape.rows(), shape.dim
+    row, size = rows[0], rows[0, 14:]
+    if len(rows) > 1 or row[1]:
+        return None
+    if row[0] == PARTS["box"]:
+        volume, inertia = _of_box(size[:dim])
+    elif row[0] == PARTS["cylinder"]:
+        volume, inertia = _of_cylinder(size, dim)
+    elif row[0] == PARTS["capsule"]:
+        volume, inertia = _of_capsule(size, dim)
+    elif row[0] == PARTS["torus"]:
+        volume, inertia = _of_torus(size)
+    else:
+        return None
+    if not math.isfinite(volume):
+        return None
+    center = np.array(row[2 : 2 + dim])
+    if dim == 2:
+        return Moments(volume, center, 0.5 * volume * inertia[2] * np.eye(2), 0.0)
+    turn = row[5:14].reshape(3, 3)
+    squares = 0.5 * sum(inertia) - np.array(inertia)
+    return Moments(volume, center, volume * turn @ np.diag(squares) @ turn.T, 0.0)
+
+
+def _of_box(half: Array) -> tuple[float, list[float]]:
+    """Volume, and moments about the axes over the mass, from half edges; in 2D of a rectangle."""
+    squares = [float(x) ** 2 / 3 for x in half] + [0.0] * (3 - len(half))
+    return math.prod(2 * float(x) for x in half), [sum(squares) - square for square in squares]
+
+
+def _of_cylinder(size: Array, dim: int) -> tuple[float, list[float]]:
+    """The same of a cylinder about its axis, the third; in 2D of a disc."""
+    radius, half = float(size[0]), float(size[1])
+    if dim == 2:
+        return math.pi * radius**2, [0.0, 0.0, radius**2 / 2]
+    across = radius**2 / 4 + half**2 / 3
+    return 2 * math.pi * radius**2 * half, [across, across, radius**2 / 2]
+
+
+def _of_capsule(size: Array, dim: int) -> tuple[float, list[float]]:
+    """The same of a cylinder and two half balls; in 2D of a rectangle and two half discs."""
+    radius, half = float(size[0]), float(size[1])
+    if dim == 2:
+        straight, ends = 4 * radius * half, math.pi * radius**2
+        moment = straight * (half**2 + radius**2) / 3
+        moment += ends * (radius**2 / 2 + half**2 + 8 * half * radius / (3 * math.pi))
+        return straight + ends, [0.0, 0.0, moment / (straight + ends)]
+    straight, ends = 2 * math.pi * radius**2 * half, 4 / 3 * math.pi * radius**3
+    about = straight * radius**2 / 2 + ends * 2 / 5 * radius**2
+    across = straight * (radius**2 / 4 + half**2 / 3)
+    across += ends * (2 / 5 * radius**2 + half**2 + 3 / 4 * half * radius)
+    volume = straight + ends
+    return volume, [across / volume, across / volume, about / volume]
+
+
+def _of_torus(size: Array) -> tuple[float, list[float]]:
+    """The same of a torus about its axis, the third."""
+    radius, tube = float(size[0]), float(size[1])
+    across = radius**2 / 2 + 5 / 8 * tube**2
+    return 2 * math.pi**2 * radius * tube**2, [across, across, radius**2 + 3 / 4 * tube**2]
