@@ -156,25 +156,28 @@ class Mesh(ComparedByContent, Shape):
         OSError
             If the file cannot be read.
         ValueError
-            As for `Mesh`, naming the path too, or if it is no file of these formats with a surface.
+            As for `Mesh`, naming the path too, or if it is no file of these formats with a surface;
+            also for coordinates so large that the file, which has 24 bits for each, rounds them by
+            more than the spacing.
 
         Warns
         -----
         MeshWarning
-            As for `Mesh`; also for coordinates so large that the file, which has 24 bits for each,
-            rounds them by more than a tenth of the spacing.
+            As for `Mesh`; also for coordinates that the file rounds by more than a tenth of the
+            spacing.
         """
         scale, spacing = positive("scale", scale), positive("spacing", spacing)
         vertices, faces, rounding = read_surface(path)
         if scale * rounding > ROUNDED * spacing:
-            warnings.warn(
-                f"path = {str(path)!r} rounds places by {scale * rounding:.3g} m, more than a "
-                f"tenth of spacing = {spacing}: its coordinates of up to "
-                f"{scale * abs(vertices).max():.3g} m are single precision; shift it to the origin "
-                "before it is written, or write another format",
-                MeshWarning,
-                stacklevel=2,
+            told = (
+                f"path = {str(path)!r} rounds places by {scale * rounding:.3g} m, more than "
+                f"{'' if scale * rounding > spacing else 'a tenth of '}spacing = {spacing}: its "
+                f"coordinates of up to {scale * abs(vertices).max():.3g} m are single precision; "
+                "shift it to the origin before it is written, or write another format"
             )
+            if scale * rounding > spacing:
+                raise ValueError(told)
+            warnings.warn(told, MeshWarning, stacklevel=2)
         try:
             return cls(scale * vertices, faces, spacing=spacing, thickness=thickness)
         except ValueError as error:

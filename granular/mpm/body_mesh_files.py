@@ -14,6 +14,8 @@ __all__ = ["read_surface"]
 
 FORMATS = ("stl", "obj", "ply", "off")
 """Formats that hold triangles alone: no archives that unpack to more, no references to follow."""
+ALL_WHOLE = 2**23
+"""Single number from which all are whole numbers, rounded or not."""
 MOST_BYTES = 10**9
 """Largest size of a file: 20 million triangles of a binary STL."""
 
@@ -40,6 +42,8 @@ def read_surface(
         # without its path a file can refer to no other
         surface = trimesh.load_mesh(io.BytesIO(content), file_type=ending, process=False)
         given, triangles = np.asarray(surface.vertices, dtype=float), np.asarray(surface.faces)
+    except IndexError as error:
+        raise ValueError(f"{name} has triangles of vertices that it does not hold") from error
     except Exception as error:  # of any kind: files are of any kind
         said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         raise ValueError(f"{name} cannot be read as {ending.upper()}: {said}") from error
@@ -74,9 +78,11 @@ def _content(path: Path, name: str) -> tuple[bytes, str]:
 
 def _rounding(vertices: NDArray[np.float64]) -> float:
     single = vertices.astype(np.float32)
-    if (single != vertices).any() or (vertices == np.rint(vertices)).all():
+    largest = abs(single).max()
+    whole = largest < ALL_WHOLE and (vertices == np.rint(vertices)).all()
+    if (single != vertices).any() or whole:
         return 0.0
-    return 0.5 * float(np.spacing(abs(single).max()))
+    return 0.5 * float(np.spacing(largest))
 
 
 def _trimesh() -> Any:

@@ -33,7 +33,7 @@ RELATIVE_GROWTH = 1 + 1e-9
 
 
 class Solid(Protocol):
-    """What can be told of places (n, 3)."""
+    """A solid, by what can be told of places (n, 3)."""
 
     def sides(self, x: Array, radius: float) -> Sides:
         """Return -1 where all within a radius is inside, 1 where nothing is, 0 if unknown."""

@@ -386,6 +386,16 @@ def test_rounding_far_from_the_origin_is_told(tmp_path, trimesh):
     blocks.export(path)
     with pytest.warns(MeshWarning, match=r"rounds places by 0.25 m, more than a tenth of spacing"):
         Mesh.read(path, spacing=0.5)
+    with pytest.raises(ValueError, match=r"rounds places by 0.25 m, more than spacing = 0.02"):
+        Mesh.read(path, spacing=0.02)
+
+
+def test_triangles_of_missing_vertices_are_refused(tmp_path, trimesh):
+    path = tmp_path / "tetrahedron.obj"
+    corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+    path.write_text(corners + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 9\n")
+    with pytest.raises(ValueError, match="has triangles of vertices that it does not hold"):
+        Mesh.read(path, spacing=0.02)
 
 
 def test_mutated_surfaces_are_mended_or_refused():
