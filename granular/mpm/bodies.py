@@ -33,6 +33,7 @@ from granular.geometry import combined
 from granular.mpm.body_inertia import MassProperties, inertia_of, mass_properties, principal
 from granular.mpm.body_measures import are_endless, extents, largest_speed, reach, thicknesses
 from granular.mpm.body_mesh import Mesh
+from granular.mpm.body_moments import has_no_inside
 from granular.mpm.body_operations import (
     Complement,
     Difference,
@@ -229,6 +230,8 @@ class Body:
     def __post_init__(self) -> None:
         if not isinstance(self.shape, Shape):
             raise TypeError(f"shape = {self.shape!r} must be a shape of granular.bodies")
+        if has_no_inside(self.shape):
+            raise ValueError(f"shape = {self.shape!r} must have an inside: nothing is in it")
         dim = self.shape.dim
         motion = Motion(velocity=((0.0,) * dim,)) if self.motion is None else self.motion
         if not isinstance(motion, Motion):

@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 from granular import _core
 from granular.mpm.body_measures import bounds, hull
 from granular.mpm.body_mesh import Mesh
-from granular.mpm.body_operations import Difference, Intersection, Union
+from granular.mpm.body_operations import OPERATIONS, Difference, Intersection, Union
 from granular.mpm.body_quadrature import Moments, Sides, is_empty, joined, moments
 from granular.mpm.body_shapes import MOST_SHAPES, PARTS, Array, Shape
 from granular.mpm.body_triangles import Triangles
 
-__all__ = ["moments_of"]
+__all__ = ["has_no_inside", "moments_of"]
 
 PROBES = 20_000
 """Points of a mesh at which it is tested whether parts of it overlap."""
@@ -57,6 +57,15 @@ def moments_of(shape: Shape, tolerance: float) -> Moments | None:
     if isinstance(shape, Difference):
         return _of_difference(shape, tolerance)
     return _of_cells(shape, tolerance)
+
+
+def has_no_inside(shape: Shape) -> bool:
+    """True if an operation on shapes of finite size leaves nothing for certain."""
+    kinds = shape.rows()[:, 0]
+    if not np.isin(kinds, OPERATIONS).any() or (kinds == PARTS["sampled"]).any():
+        return False
+    low, high = bounds(shape, np.eye(3)[: shape.dim])
+    return bool(np.isfinite([low, high]).all()) and is_empty(_OfShape(shape), low, high)
 
 
 def _added(shapes: Sequence[Sequence[Shape]], tolerance: float) -> Moments | None:

@@ -8,6 +8,7 @@ from cube import CORNERS, FACES
 
 import granular as gr
 from granular.mpm.bodies import (
+    Body,
     Box,
     Capsule,
     Cylinder,
@@ -15,6 +16,7 @@ from granular.mpm.bodies import (
     Frustum,
     Intersection,
     Mesh,
+    Offset,
     Polygon,
     Shell,
     Sphere,
@@ -200,6 +202,20 @@ def test_meshes_are_exact_anywhere():
     sheet = mass_properties(square, 1000.0)
     volume = 0.01 * 0.04 + 0.8 * math.pi / 2 * 0.005**2 + 4 / 3 * math.pi * 0.005**3
     assert abs(sheet.mass / (1000 * volume) - 1) <= sheet.error <= 2e-3
+
+
+NOTHING = {
+    "apart": Intersection((Box((0.1, 0.1)), Box((0.1, 0.1), center=(1.0, 0.0)))),
+    "all cut out": Difference(Box((0.1, 0.1, 0.1)), Sphere(0.1, center=(0.0,) * 3)),
+    "offset too far": Offset(Sphere(0.1, center=(0.0,) * 3), by=-0.11),
+}
+
+
+@pytest.mark.parametrize("shape", NOTHING.values(), ids=NOTHING)
+def test_bodies_of_nothing_are_refused(shape):
+    for make in (lambda: mass_properties(shape, 1.0), lambda: Body(shape, (0.0,) * shape.dim)):
+        with pytest.raises(ValueError, match="must have an inside: nothing is in it"):
+            make()
 
 
 @pytest.mark.parametrize(
