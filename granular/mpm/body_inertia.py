@@ -80,13 +80,13 @@ def mass_properties(
 ) -> MassProperties:
     """Mass, centre of mass and inertia of a homogeneous body.
 
-    They are exact for a `Box`, `Cylinder`, `Sphere`, `Capsule` and `Torus`, and for a closed `Mesh`
-    whose parts neither overlap nor cross themselves, as far as points of its surface tell; and for
-    unions of such shapes that are apart, and for what is left if such are cut out of the inside of
-    others. Shapes that overlap are divided into cells, and random places are counted in those at
-    the surface. The bound of the error is three standard deviations, of the largest variance that
-    such cells can have; no part is passed over. Shapes may be anywhere: far from the origin nothing
-    is lost.
+    They are exact for a `Box`, `Cylinder`, `Sphere`, `Capsule` and `Torus`, for a `Polygon` and a
+    `Prism` without a thickness, and for a closed `Mesh` whose parts neither overlap nor cross
+    themselves, as far as points of its surface tell; and for unions of such shapes that are apart,
+    and for what is left if such are cut out of the inside of others. Shapes that overlap are
+    divided into cells, and random places are counted in those at the surface. The bound of the
+    error is three standard deviations, of the largest variance that such cells can have; no part is
+    passed over. Shapes may be anywhere: far from the origin nothing is lost.
 
     A `Mesh` counts with its triangles, but in an operation, if it overlaps other shapes, with its
     samples, whose edges are rounded by about a spacing; the error does not include this.

@@ -16,10 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.mpm.body_measures import bounds, hull
+from granular.mpm.body_measures import arrays_of, bounds, hull
 from granular.mpm.body_mesh import Mesh
 from granular.mpm.body_operations import OPERATIONS, Difference, Intersection, Union
 from granular.mpm.body_quadrature import Moments, Sides, is_empty, joined, moments
+from granular.mpm.body_sections import Polygon, Prism
 from granular.mpm.body_shapes import MOST_SHAPES, PARTS, Array, Shape
 from granular.mpm.body_triangles import Triangles
 
@@ -238,6 +239,8 @@ def _formula(shape: Shape) -> Moments | None:
     row, size = rows[0], rows[0, 14:]
     if len(rows) > 1 or row[1]:
         return None
+    if isinstance(shape, (Polygon, Prism)):
+        return _of_polygon(shape)
     if row[0] == PARTS["box"]:
         volume, inertia = _of_box(size[:dim])
     elif row[0] == PARTS["cylinder"]:
@@ -256,6 +259,31 @@ def _formula(shape: Shape) -> Moments | None:
     turn = row[5:14].reshape(3, 3)
     squares = 0.5 * sum(inertia) - np.array(inertia)
     return Moments(volume, center, volume * turn @ np.diag(squares) @ turn.T, 0.0)
+
+
+def _of_polygon(shape: Polygon | Prism) -> Moments | None:
+    """Return those of a polygon, by the theorem of Green, or of one that is extended in 3D."""
+    row, dim = shape.rows()[0], shape.dim
+    length = getattr(shape, "length", 1.0)
+    if shape.thickness is not None or not math.isfinite(length):
+        return None
+    vertices = np.asarray(arrays_of(shape)[0])[0]  # about the place that the row has
+    first = vertices[0]
+    x = vertices - first
+    following = np.roll(x, -1, axis=0)
+    cross = x[:, 0] * following[:, 1] - x[:, 1] * following[:, 0]
+    area = 0.5 * float(cross.sum())
+    middle = cross @ (x + following) / (6 * area)
+    products = [np.einsum("n,ni,nj", cross, a, b) for a in (x, following) for b in (x, following)]
+    flat = (products[0] + 0.5 * (products[1] + products[2]) + products[3]) / 12
+    flat -= area * np.outer(middle, middle)
+    second = np.zeros((3, 3))
+    second[:2, :2] = math.copysign(length, area) * flat
+    second[2, 2] = abs(area) * length**3 / 12
+    turn = row[5:14].reshape(3, 3)
+    center = row[2:5] + turn @ np.array([*(first + middle), 0.0])
+    second = turn @ second @ turn.T
+    return Moments(abs(area) * length, center[:dim], second[:dim, :dim], 0.0)
 
 
 def _of_box(half: Array) -> tuple[float, list[float]]:

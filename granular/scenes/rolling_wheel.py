@@ -81,7 +81,7 @@ def rolling_wheel(
     far = lower[0] - radius
     ramp = Polygon(((far, lower[1]), (0.0, lower[1]), (0.0, 0.0), (far, -far * math.tan(angle))))
     wheel = Cylinder(radius, center=(0.0, 0.0))
-    whole = mass_properties(wheel, positive("density", density), tolerance=1e-5)
+    whole = mass_properties(wheel, positive("density", density))
     return Scene(
         name="rolling_wheel",
         grid=grid,
