@@ -13,7 +13,7 @@ from granular import _core
 from granular.geometry import AXES, combined
 from granular.mpm.blocks import solid_cells
 from granular.mpm.body_distances import distance_at
-from granular.mpm.body_measures import extents, reach
+from granular.mpm.body_measures import bounds, extents, reach
 from granular.mpm.walls import Solid, Wall
 
 if TYPE_CHECKING:
@@ -172,12 +172,15 @@ def places_of(scene: Scene, body: Body, deep: float) -> Places:
     """
     grid, shape, dim = scene.grid, body.shape, body.dim
     largest = float(np.linalg.norm(np.array(grid.shape) * grid.cell))
-    half = np.minimum(_half_extents(body), largest)
+    low, high = bounds(shape, np.eye(3)[:dim])
+    wide = high - low > 2 * largest
+    low, high = np.where(wide, -largest, low), np.where(wide, largest, high)
+    half = 0.5 * (high - low)
     width = max(0.5 * grid.cell, 2 * math.prod(half) ** (1 / dim) / ACROSS)
     axes = []
-    for far in half:
+    for first, last, far in zip(low, high, half, strict=True):
         count = math.ceil(2 * far / width) + 1
-        axes.append(np.linspace(-far, far, count))
+        axes.append(np.linspace(first, last, count))
     points = combined(axes)
     phi, normal = shape.distance(points)
     near = abs(phi) <= width * math.sqrt(dim)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.geometry import Grid, combined
-from granular.mpm.body_measures import arrays_of, extents, reach
+from granular.mpm.body_measures import arrays_of, bounds, reach
 from granular.mpm.body_shapes import PARTS, Shape
 from granular.mpm.walls import Solid, Wall
 
@@ -99,13 +99,14 @@ def _check_count(name: str, size: float, count: float) -> None:
 def _surface(shape: Shape, cell: float, name: str) -> Array:
     """Places of the surface of a finite shape, shape (n, dim), with all its corners."""
     dim = shape.dim
-    half = extents(shape, np.eye(3), np.zeros((0, 3)))[:dim]
+    low, high = bounds(shape, np.eye(3)[:dim])
+    half = 0.5 * (high - low)
     width = max(SPACING * cell, 2 * math.prod(half) ** (1 / dim) / MOST_ACROSS[dim])
     lines = []
     _check_count(name, 2 * max(half), math.prod(2 * (half / width + BAND) + 2))
-    for far in half + BAND * width:
+    for first, last, far in zip(low, high, half + BAND * width, strict=True):
         count = math.ceil(2 * far / width) + 1
-        lines.append(np.linspace(-far, far, count))
+        lines.append(np.linspace(first - BAND * width, last + BAND * width, count))
     places = combined(lines)
     phi = shape.distance(places)[0]
     places = places[abs(phi) <= BAND * width]

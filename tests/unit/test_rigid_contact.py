@@ -59,6 +59,17 @@ def test_balls_of_what_is_round(shape, balls):
     assert contact_balls(shape, CELL) == pytest.approx(np.array(balls), abs=1e-15)
 
 
+@pytest.mark.parametrize("far", [(8.0, 8.0), (8.0, -8.0, 8.0)])
+def test_places_do_not_depend_on_the_origin_of_a_shape(far):
+    """A box that is far from the position of its body had one place, and fell through others."""
+    size = (0.2, 0.1, 0.2)[: len(far)]
+    near, moved = (contact_balls(B.Box(size, center=at), CELL) for at in ((0.0,) * len(far), far))
+    gaps = np.linalg.norm(moved[None, :, : len(far)] - far - near[:, None, : len(far)], axis=2)
+    assert (
+        len(moved) == len(near) and max(gaps.min(axis=0).max(), gaps.min(axis=1).max()) < CELL / 3
+    )
+
+
 def test_rows_of_walls_and_blocks():
     """Beyond the ends of the domain they go on; a wall within it has an axis."""
     scene = gr.Scene(
