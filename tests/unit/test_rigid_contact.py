@@ -61,7 +61,7 @@ def test_balls_of_what_is_round(shape, balls):
 
 @pytest.mark.parametrize("far", [(8.0, 8.0), (8.0, -8.0, 8.0)])
 def test_places_do_not_depend_on_the_origin_of_a_shape(far):
-    """A box that is far from the position of its body had one place, and fell through others."""
+    """A box that was far from the position of its body had one place in 3D, of 488."""
     size = (0.2, 0.1, 0.2)[: len(far)]
     near, moved = (contact_balls(B.Box(size, center=at), CELL) for at in ((0.0,) * len(far), far))
     gaps = np.linalg.norm(moved[None, :, : len(far)] - far - near[:, None, : len(far)], axis=2)
