@@ -42,7 +42,7 @@ def of_theory(sim: gr.Simulation) -> float:
     """Mean speed at the points by the equation of an incline [m/s]."""
     given, state = sim.scene.parameters, sim.state
     layer = given["angle_deg"], given["height"], sim.scene.material
-    exact = gr.theory.transient(*layer, [sim.time], ramp=given["ramp"])
+    exact = gr.theory.transient(*layer, [sim.time], 9.8, ramp=given["ramp"])
     v = np.interp(state.x[:, 1], np.r_[0.0, exact.y], np.r_[0.0, np.ravel(exact.v)])
     return float(np.average(v, weights=state.mass))
 

@@ -9,7 +9,13 @@ from numpy.typing import NDArray
 
 from granular.checks import ascending, check_fields, finite, sequence, set_fields, vector
 
-__all__ = ["Gravity"]
+__all__ = ["DUNATUNGA_KAMRIN", "EARTH", "Gravity"]
+
+EARTH = 9.81
+"""Gravity of the earth [m/s2]: the default of all of `granular.theory`. Scenes that follow a paper
+have that of the paper, so that a comparison with them passes it on."""
+DUNATUNGA_KAMRIN = 9.8
+"""Gravity of Dunatunga & Kamrin 2015 and of the scenes after it [m/s2]."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +38,7 @@ class Gravity:
     """
 
     times: tuple[float, ...] = (0.0, 0.1)
-    vectors: tuple[tuple[float, ...], ...] = ((0.0, 0.0), (0.0, -9.8))
+    vectors: tuple[tuple[float, ...], ...] = ((0.0, 0.0), (0.0, -DUNATUNGA_KAMRIN))
 
     def __post_init__(self) -> None:
         check_fields(self, ascending, "times")

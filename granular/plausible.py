@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular.geometry import AXES
+from granular.gravity import EARTH
 from granular.regions import Cloud
 from granular.surfaces import Heights, Layer
 
@@ -48,8 +49,6 @@ CENTRIFUGE = (0.01, 2.0)
 1.5 m, and cells of a hundredth resolve them."""
 WEAKEST = 1.0
 """Gravity [m/s2] that is meant as one; the moon has 1.62."""
-EARTH = 9.81
-"""Gravity of the earth [m/s2]."""
 FASTEST_RIM = 120.0
 """Largest speed [m/s] of the rim of a tool: grinding and cut-off discs have 80 to 100."""
 LARGEST_GRAIN = 0.5

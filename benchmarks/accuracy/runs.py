@@ -137,7 +137,7 @@ def _short(value: Any) -> Any:
 @cache
 def _exact(angle_deg: float, at: float) -> tuple[np.ndarray, np.ndarray]:
     """Heights and velocities of the one-dimensional equation, with the origin at the base."""
-    exact = gr.theory.transient(angle_deg, HEIGHT, gr.materials.glass_beads, [at])
+    exact = gr.theory.transient(angle_deg, HEIGHT, gr.materials.glass_beads, [at], 9.8)
     return exact.y, np.ravel(exact.v)
 
 
@@ -184,7 +184,7 @@ def empty(sim: Any) -> gr.measure.MassHistory:
 def discharge(history: gr.measure.MassHistory) -> dict[str, Any]:
     """Discharge rate of the full silo, and Beverloo's C at the exponent 3/2."""
     flow = gr.measure.discharge(history, window=WINDOW)
-    unit = beverloo_rate(ORIFICE, gr.materials.glass_beads.rho_c, C=1.0)
+    unit = beverloo_rate(ORIFICE, gr.materials.glass_beads.rho_c, C=1.0, gravity=9.8)
     return {"rate": flow.rate, "rate_spread": flow.window_spread, "C": flow.rate / unit}
 
 

@@ -47,7 +47,7 @@ def main() -> None:
         sunk = settlement(cell, gravities, material)
         right.semilogy(HEIGHT * gravities / 9.8, 1e3 * sunk, label=name)
     m = cohesive_soil
-    limits = theory.cliff_height(cohesion=m.cohesion, mu=m.mu, density=m.rho_c)
+    limits = theory.cliff_height(cohesion=m.cohesion, mu=m.mu, density=m.rho_c, gravity=9.8)
     right.axvspan(limits.band, limits.coaxial, color="0.85", label="limit analysis")
     right.set_xlabel("height of the cliff under 9.8 m/s$^2$ [m]")
     right.set_ylabel("settlement of the crest [mm]")

@@ -22,16 +22,16 @@ def main(argv: list[str] | None = None) -> None:
     for orifice in orifices:
         scene = gr.scenes.silo(orifice=float(orifice), cell=cell, **chosen.settings)
         # Long enough for 600 kg to leave at two thirds of the rate of the paper.
-        rate = gr.theory.beverloo_rate(orifice, chosen.material.rho_c)
+        rate = gr.theory.beverloo_rate(orifice, chosen.material.rho_c, gravity=9.8)
         until = min(scene.duration, 0.5 + 600 / (0.67 * float(rate)))
         name = f"D = {orifice:g} m"
         times, mass = np.array(frames(scene, until, 1 / 60, _left, chosen, name=name)).T
         histories[float(orifice)] = gr.measure.MassHistory(times, 2 * mass, 0.5)
     rates = [gr.measure.discharge(history).rate for history in histories.values()]
-    rho = chosen.material.rho_c
-    fit = gr.measure.beverloo(list(histories), rates, rho=rho)
+    unit = {"rho": chosen.material.rho_c, "gravity": 9.8}
+    fit = gr.measure.beverloo(list(histories), rates, **unit)
     shown = {d: h for d, h in histories.items() if chosen.quick or round(100 * d) % 4 == 2}
-    save(plot.dunatunga_kamrin_2015.figure_5(shown, fit, rho=rho), chosen, "figure_5")
+    save(plot.dunatunga_kamrin_2015.figure_5(shown, fit, **unit), chosen, "figure_5")
 
 
 if __name__ == "__main__":

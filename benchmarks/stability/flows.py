@@ -30,7 +30,7 @@ def error_of_profile(state: gr.State, least: float = 0.0) -> float:
     or to the speed `least` [m/s] if that is larger."""
     given = state.scene.parameters
     layer = given["angle_deg"], given["height"], state.scene.material
-    exact = gr.theory.transient(*layer, [state.time], ramp=given["ramp"])
+    exact = gr.theory.transient(*layer, [state.time], 9.8, ramp=given["ramp"])
     v = np.interp(state.x[:, 1], np.r_[0.0, exact.y], np.r_[0.0, np.ravel(exact.v)])
     miss, size = (math.sqrt(np.average(u**2, weights=state.mass)) for u in (state.v[:, 0] - v, v))
     return miss / max(size, least)
@@ -315,5 +315,5 @@ def depth_average_error(scene: gr.Scene, until: float) -> float:
     """Relative error of the mean speed against the one-dimensional equation."""
     state = simulate(scene).run(until=until).state
     angle = scene.parameters["angle_deg"]
-    exact = gr.theory.transient(angle, HEIGHT, scene.material, [state.time]).mean[0]
+    exact = gr.theory.transient(angle, HEIGHT, scene.material, [state.time], 9.8).mean[0]
     return abs(mean_speed(state) / exact - 1)

@@ -8,7 +8,8 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular.checks import non_negative, positive
+from granular.checks import integer, non_negative, positive
+from granular.gravity import EARTH
 from granular.measure.averaging_grid import Array
 from granular.measure.opening import modelled_share
 from granular.state import State
@@ -72,20 +73,22 @@ class Discharge:
 
 @dataclass(frozen=True)
 class BeverlooFit:
-    """Beverloo's law in 2D with k = 0, ``Q = C rho sqrt(g) D**(3/2)``, fitted to rates.
+    """Beverloo's law with k = 0, ``Q = C rho sqrt(g) D**(dim - 1/2)``, fitted to rates.
 
     Attributes
     ----------
     C : float
-        Coefficient at the exponent 3/2.
+        Coefficient at the exponent dim - 1/2.
     C_free, exponent_free : float
         Coefficient and exponent fitted together, with D in metres.
     residuals, residuals_free : ndarray, shape (k,)
         ``ln Q - ln fit`` of the two fits.
     orifices : ndarray, shape (k,)
-        Widths D of the orifices [m].
+        Widths or diameters D of the orifices [m].
     rates : ndarray, shape (k,)
-        Rates Q [kg/s per metre of depth].
+        Rates Q [kg/s; in 2D per metre of depth].
+    dim : {2, 3}
+        2 for slots, 3 for round orifices.
     """
 
     C: float
@@ -95,6 +98,7 @@ class BeverlooFit:
     residuals_free: Array
     orifices: Array
     rates: Array
+    dim: int
 
 
 def mass_history(trajectory: Iterable[State]) -> MassHistory:
@@ -207,26 +211,29 @@ def beverloo(
     rates: ArrayLike | None = None,
     *,
     rho: float | None = None,
-    gravity: float = 9.8,
+    gravity: float = EARTH,
+    dim: int = 2,
     window: tuple[float, float] = WINDOW,
 ) -> BeverlooFit:
-    """Fit Beverloo's law in 2D, with the exponent 3/2 and with a free exponent.
+    """Fit Beverloo's law, with the exponent dim - 1/2 and with a free exponent.
 
     The fit is by least squares of the logarithms (Dunatunga & Kamrin 2015, eqs. 4.4-4.5, with
     k = 0 as for every local law). ``beverloo(orifices, rates, rho=...)`` takes numbers;
-    ``beverloo(trajectories)`` takes the orifice, rho_c and the final gravity from each scene, and
-    the rate from its `discharge`.
+    ``beverloo(trajectories)`` takes the orifice, rho_c, the final gravity and the dimension from
+    each scene, and the rate from its `discharge`.
 
     Parameters
     ----------
     cases : array_like, shape (k,), or iterable of trajectories
-        Widths D of the orifices [m], or the runs.
+        Widths or diameters D of the orifices [m], or the runs.
     rates : array_like, shape (k,), optional
-        Rates Q of the full silo [kg/s per metre of depth], with orifices only.
+        Rates Q of the full silo [kg/s; in 2D per metre of depth], with orifices only.
     rho : float, optional
         Bulk density [kg/m3], with orifices only.
     gravity : float
         Magnitude of gravity [m/s2], with orifices only.
+    dim : {2, 3}
+        2 for slots, 3 for round orifices, with orifices only.
     window : (float, float)
         Of `discharge`, with trajectories only: masses in the full silo [kg; in 2D per metre of
         depth] between which the rates are taken. The default is that of silos of the size of
@@ -240,11 +247,11 @@ def beverloo(
     ------
     TypeError, ValueError
         If there are fewer than two different orifices, a size or rate is not positive, rates are
-        given without rho, or the scene of a trajectory has no parameter ``orifice``; also as
-        `discharge`.
+        given without rho, the scene of a trajectory has no parameter ``orifice``, or scenes in 2D
+        and in 3D are mixed; also as `discharge`.
     """
     if rates is None:
-        orifice, rate, scale = _measured(cast(Iterable[Any], cases), window)
+        orifice, rate, scale, dim = _measured(cast(Iterable[Any], cases), window)
     else:
         if rho is None:
             raise ValueError("rho = None: the bulk density in kg/m3 must come with the rates")
@@ -252,12 +259,12 @@ def beverloo(
         scale = np.full(
             orifice.shape, positive("rho", rho) * math.sqrt(positive("gravity", gravity))
         )
-    return _fit(orifice, rate, scale)
+    return _fit(orifice, rate, scale, integer("dim", dim, 2, 3))
 
 
-def _measured(cases: Iterable[Any], window: tuple[float, float]) -> tuple[Array, Array, Array]:
-    """Orifices, rates and ``rho_c sqrt(g)`` of several runs."""
-    rows = []
+def _measured(cases: Iterable[Any], window: tuple[float, float]) -> tuple[Array, Array, Array, int]:
+    """Orifices, rates and ``rho_c sqrt(g)`` of several runs, and their dimension."""
+    rows, dims = [], {}
     for case in cases:
         if not hasattr(case, "scene"):
             raise TypeError(
@@ -269,11 +276,14 @@ def _measured(cases: Iterable[Any], window: tuple[float, float]) -> tuple[Array,
         g = float(np.linalg.norm(scene.gravity.at(scene.duration)))
         scale = scene.material.rho_c * math.sqrt(g)
         rows.append((scene.parameters["orifice"], discharge(case, window=window).rate, scale))
+        dims[len(scene.grid.shape)] = scene.name
+    if len(dims) > 1:
+        raise ValueError(f"cases holds {dims[2]!r} in 2D and {dims[3]!r} in 3D: fit them apart")
     orifice, rate, scale = np.array(rows, dtype=float).reshape(-1, 3).T
-    return orifice, rate, scale
+    return orifice, rate, scale, next(iter(dims), 2)
 
 
-def _fit(orifice: Array, rate: Array, scale: Array) -> BeverlooFit:
+def _fit(orifice: Array, rate: Array, scale: Array, dim: int) -> BeverlooFit:
     if orifice.ndim != 1 or orifice.shape != rate.shape:
         raise ValueError(
             f"orifices have shape {orifice.shape}, rates {rate.shape}: "
@@ -285,7 +295,7 @@ def _fit(orifice: Array, rate: Array, scale: Array) -> BeverlooFit:
     if len(np.unique(orifice)) < 2:
         raise ValueError(f"orifices = {orifice}: at least 2 different ones are needed")
     size, flow = np.log(orifice), np.log(rate / scale)
-    fixed = flow - 1.5 * size
+    fixed = flow - (dim - 0.5) * size
     exponent, level = np.polyfit(size, flow, 1)
     return BeverlooFit(
         C=float(np.exp(fixed.mean())),
@@ -295,4 +305,5 @@ def _fit(orifice: Array, rate: Array, scale: Array) -> BeverlooFit:
         residuals_free=flow - exponent * size - level,
         orifices=orifice,
         rates=rate,
+        dim=dim,
     )

@@ -20,6 +20,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from granular.checks import in_range, integer, non_negative, positive
+from granular.gravity import EARTH
 from granular.materials import NGF
 from granular.theory.incline import Array, output_times
 from granular.theory.stopping import fluidity_growth, limiting_friction, stopping_height
@@ -59,7 +60,7 @@ def chute_profile(
     angle_deg: float,
     height: float,
     material: NGF,
-    gravity: float = 9.81,
+    gravity: float = EARTH,
     cells: int = 400,
 ) -> ChuteFlow:
     """Stable steady flow of a layer.
@@ -110,7 +111,7 @@ def chute_transient(
     material: NGF,
     times: ArrayLike,
     g0: float | Callable[[Array], ArrayLike],
-    gravity: float = 9.81,
+    gravity: float = EARTH,
     cells: int = 200,
     rtol: float = 1e-6,
 ) -> ChuteFlow:

@@ -29,6 +29,7 @@ import math
 from dataclasses import dataclass
 
 from granular.checks import in_range, non_negative, positive
+from granular.gravity import EARTH
 
 __all__ = ["CliffHeight", "cliff_height"]
 
@@ -53,7 +54,7 @@ class CliffHeight:
 
 
 def cliff_height(
-    *, cohesion: float, mu: float, density: float, gravity: float = 9.8
+    *, cohesion: float, mu: float, density: float, gravity: float = EARTH
 ) -> CliffHeight:
     """Height at which a vertical cliff of cohesive material slides, by limit analysis.
 

@@ -13,6 +13,7 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import finite, integer, one_of, positive
+from granular.gravity import EARTH
 from granular.materials import Material
 
 Array = NDArray[np.float64]
@@ -70,7 +71,7 @@ class StandingWave:
 
 
 def hencky_column(
-    reference_height: ArrayLike, height0: float, material: Material, gravity: float = 9.81
+    reference_height: ArrayLike, height0: float, material: Material, gravity: float = EARTH
 ) -> HenckyColumn:
     """Exact solution of a column between free-slip walls under its own weight.
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import in_range, integer, non_negative, positive
+from granular.gravity import EARTH
 
 __all__ = ["hourglass_rate", "janssen_pressure", "mass_flow_limit", "rose_tanaka_factor"]
 
@@ -65,7 +66,7 @@ def hourglass_rate(
     mu: float,
     rho: float,
     dim: int = 2,
-    gravity: float = 9.8,
+    gravity: float = EARTH,
 ) -> float:
     """Rate of discharge of a narrow hopper with smooth walls (Savage 1965, Br. J. Appl. Phys. 16).
 
@@ -165,7 +166,7 @@ def janssen_pressure(
     ratio: float,
     rho: float,
     dim: int = 2,
-    gravity: float = 9.8,
+    gravity: float = EARTH,
 ) -> NDArray[np.float64]:
     """Mean vertical stress in a bin (Janssen 1895): rho g L (1 - exp(-z/L)).
 

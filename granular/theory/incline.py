@@ -14,6 +14,7 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import in_range, integer, non_negative, positive
+from granular.gravity import EARTH
 from granular.materials import MuI, RegularisedMuI
 
 Array = NDArray[np.float64]
@@ -39,7 +40,7 @@ def bagnold_profile(
     angle_deg: float,
     height: float,
     material: MuI,
-    gravity: float = 9.8,
+    gravity: float = EARTH,
 ) -> Array:
     """Steady velocity down a rough incline (Dunatunga & Kamrin 2015, eq. 4.6).
 
@@ -106,7 +107,7 @@ def relative_depth(y: ArrayLike, height: float) -> Array:
     return np.clip(1 - y / height, 0.0, 1.0)
 
 
-def bagnold_mean(angle_deg: float, height: float, material: MuI, gravity: float = 9.8) -> float:
+def bagnold_mean(angle_deg: float, height: float, material: MuI, gravity: float = EARTH) -> float:
     """Depth-averaged steady velocity [m/s] (Dunatunga & Kamrin 2015, eq. 4.7).
 
     ``vbar = (2/5) xi A sqrt(rho g cos t) h^1.5`` is the mean of `bagnold_profile` over the height;
@@ -192,7 +193,7 @@ def transient(
     height: float,
     material: MuI,
     times: ArrayLike,
-    gravity: float = 9.8,
+    gravity: float = EARTH,
     ramp: float = 0.1,
     cells: int = 200,
     rtol: float = 1e-6,

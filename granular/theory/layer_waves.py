@@ -14,6 +14,7 @@ import scipy
 from numpy.typing import NDArray
 
 from granular.checks import integer, positive
+from granular.gravity import EARTH
 from granular.materials import MuI
 from granular.theory.constitutive import Array, stress_rate
 from granular.theory.incline import check_mu_I
@@ -44,7 +45,7 @@ def layer_waves(
     height: float,
     material: MuI,
     wavelength: float,
-    gravity: float = 9.8,
+    gravity: float = EARTH,
     cells: int = 60,
 ) -> LayerWaves:
     """Growth of waves along the slope in a steady flow.

@@ -16,6 +16,7 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import array, in_range, positive
+from granular.gravity import EARTH
 
 __all__ = [
     "DamBreak",
@@ -128,7 +129,7 @@ def dam_break(
     mu: float,
     thickness: float,
     K: float = 1.0,
-    gravity: float = 9.81,
+    gravity: float = EARTH,
 ) -> DamBreak:
     """Dam break on an incline with Coulomb friction (Mangeney et al. 2000).
 
@@ -185,7 +186,7 @@ def spreading_cap(
     half_length: float,
     thickness: float,
     K: float = 1.0,
-    gravity: float = 9.81,
+    gravity: float = EARTH,
 ) -> SpreadingCap:
     """Thin parabolic cap that slides down a plane in 2D (Savage & Hutter 1989).
 
@@ -244,7 +245,7 @@ def spreading_ellipse(
     half_length: float,
     thickness: float,
     K: float = 1.0,
-    gravity: float = 9.81,
+    gravity: float = EARTH,
 ) -> SpreadingEllipse:
     """Thin cap with a circular base that slides down a plane in 3D (Hutter et al. 1993).
 

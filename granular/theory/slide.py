@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 
 from granular.checks import in_range, non_negative, positive
+from granular.gravity import EARTH
 
 __all__ = ["block_runout", "sliding_earth_pressure"]
 
@@ -43,7 +44,7 @@ def sliding_earth_pressure(mu: float, base: float) -> float:
 
 
 def block_runout(
-    *, angle_deg: float, bend: float, mu: float, distance: float, gravity: float = 9.81
+    *, angle_deg: float, bend: float, mu: float, distance: float, gravity: float = EARTH
 ) -> float:
     """Run-out of a block that slides down a plane, through an arc, onto level ground.
 

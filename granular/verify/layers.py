@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import materials, measure, scenes
+from granular.gravity import DUNATUNGA_KAMRIN
 from granular.materials import MuI
 from granular.mpm import schemes
 from granular.mpm.schemes import Scheme
@@ -79,7 +80,7 @@ def _set_steady(sim: Simulation) -> None:
     angle, height = scene.parameters["angle_deg"], scene.parameters["height"]
     up = np.clip(fields["x"][-1], 0.0, height)
     grains = cast(MuI, scene.material)
-    fields["v"][0] = bagnold_profile(up, angle, height, grains)
+    fields["v"][0] = bagnold_profile(up, angle, height, grains, DUNATUNGA_KAMRIN)
     g = scene.gravity.at(0.0)
     depth = grains.rho_c * (height - up)
     p, tau = -g[-1] * depth, g[0] * depth
@@ -94,8 +95,8 @@ def reference(sim: Simulation, steady: bool, y: Array) -> Array:
     angle, height = scene.parameters["angle_deg"], scene.parameters["height"]
     y = np.clip(y, 0.0, height)
     if steady:
-        return bagnold_profile(y, angle, height, grains)
-    exact = transient(angle, height, grains, [sim.time])
+        return bagnold_profile(y, angle, height, grains, DUNATUNGA_KAMRIN)
+    exact = transient(angle, height, grains, [sim.time], DUNATUNGA_KAMRIN)
     return np.interp(y, exact.y, exact.v[0])
 
 

@@ -148,7 +148,8 @@ CASES = [
         ({"offset": -0.5}, "offset"),
     ]),
     ("beverloo_rate", {"orifice": 0.1, "rho": 1500.0}, [
-        ({name: -1.0}, name) for name in ("orifice", "rho", "C", "k", "d", "gravity", "exponent")
+        ({name: -1}, name)
+        for name in ("orifice", "rho", "C", "k", "d", "gravity", "exponent", "dim")
     ]),
     ("crater_depth", {"drop": 0.2, "D": 0.025, "mu": 0.4, "density_ratio": 1.5}, [
         ({"drop": [0.1, -0.1]}, "drop = "),

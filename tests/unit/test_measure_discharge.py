@@ -10,14 +10,14 @@ from synthetic import scene, state
 from granular.measure import MassHistory, beverloo, discharge, mass_history
 
 
-def silo(rate, *, half=False, orifice=0.1, frames=200, end=4.0):
+def silo(rate, *, half=False, orifice=0.1, frames=200, end=4.0, dim=2):
     """One-point states that lose `rate` kg/s of the 1500 kg in the whole silo."""
-    s = scene((10, 10), 0.1, parameters={"orifice": orifice, "half": half})
+    s = scene((10,) * dim, 0.1, parameters={"orifice": orifice, "half": half})
     share = 0.5 if half else 1.0
     return Run(
         s,
         [
-            state(s, [[0.5, 0.5]], mass=share * (1500 - rate * t), time=t)
+            state(s, [[0.5] * dim], mass=share * (1500 - rate * t), time=t)
             for t in np.linspace(0, end, frames)
         ],
     )
@@ -73,17 +73,18 @@ def test_the_history_of_a_series_needs_no_frames():
     assert history.share == 0.5
 
 
-@pytest.mark.parametrize(("C", "exponent"), [(1.42, 1.5), (1.31, 1.47)])
-def test_beverloo_of_exact_data(C, exponent):
+@pytest.mark.parametrize(("C", "exponent", "dim"), [(1.42, 1.5, 2), (1.31, 1.47, 2), (0.6, 2.5, 3)])
+def test_beverloo_of_exact_data(C, exponent, dim):
     D = np.array([0.06, 0.1, 0.14, 0.2])
-    fit = beverloo(D, C * 1500 * np.sqrt(9.8) * D**exponent, rho=1500.0)
+    fit = beverloo(D, C * 1500 * np.sqrt(9.81) * D**exponent, rho=1500.0, dim=dim)
     assert fit.exponent_free == pytest.approx(exponent, rel=1e-10)
     assert fit.C_free == pytest.approx(C, rel=1e-10)
     assert np.abs(fit.residuals_free).max() < 1e-12
-    # with the exponent 3/2, the mean of ln(C D**(exponent - 3/2)) over the orifices
-    assert pytest.approx(C * np.exp((exponent - 1.5) * np.log(D).mean()), rel=1e-12) == fit.C
+    # with the exponent of dim, the mean of ln(C D**(exponent - dim + 1/2)) over the orifices
+    extra = exponent - dim + 0.5
+    assert pytest.approx(C * np.exp(extra * np.log(D).mean()), rel=1e-12) == fit.C
     assert fit.residuals.sum() == pytest.approx(0, abs=1e-12)
-    assert exponent != 1.5 or np.abs(fit.residuals).max() < 1e-12
+    assert extra or np.abs(fit.residuals).max() < 1e-12
 
 
 def test_beverloo_of_runs():
@@ -96,6 +97,10 @@ def test_beverloo_of_runs():
     assert pytest.approx(1.5, rel=1e-10) == fit.C
     assert np.allclose(fit.orifices, D)
     assert np.allclose(fit.rates, rates)
+    rounds = [silo(0.6 * 1500 * np.sqrt(9.8) * d**2.5, orifice=d, end=40.0, dim=3) for d in D[1:]]
+    assert pytest.approx(0.6, rel=1e-10) == beverloo(rounds).C
+    with pytest.raises(ValueError, match="in 2D and 'synthetic' in 3D"):
+        beverloo([*runs, *rounds])
 
 
 def test_bad_histories_are_refused():

@@ -162,7 +162,9 @@ def test_a_first_hour(run_page, tmp_path):
     flowing = (history.mass < 330.0) & (history.mass > 220.0)
     slope = np.polyfit(history.times[flowing], history.mass[flowing], 1)[0]
     assert discharge.rate == pytest.approx(-slope, rel=0.02)
-    assert discharge.rate == pytest.approx(gr.theory.beverloo_rate(0.16, 1500.0), rel=0.15)
+    assert discharge.rate == pytest.approx(
+        gr.theory.beverloo_rate(0.16, 1500.0, gravity=9.8), rel=0.15
+    )
 
     without = hopper["scene"].replace(bodies=())
     bare = [

@@ -8,7 +8,7 @@ from granular import measure, theory
 
 MU, COHESION, DENSITY = 0.3819, 400.0, 1500.0
 SOIL = gr.DruckerPrager(E=1e6, mu=MU, cohesion=COHESION, rho_c=DENSITY)
-LIMITS = theory.cliff_height(cohesion=COHESION, mu=MU, density=DENSITY)
+LIMITS = theory.cliff_height(cohesion=COHESION, mu=MU, density=DENSITY, gravity=9.8)
 
 
 def test_limit_heights_by_hand():

@@ -116,5 +116,5 @@ def test_pde_is_the_reference_from_rest():
     sim = layers.layer(columns=1)
     sim.run(until=0.3)
     y = np.array([0.05, 0.15])
-    exact = theory.transient(25.0, 0.2, sim.scene.material, [sim.time])
+    exact = theory.transient(25.0, 0.2, sim.scene.material, [sim.time], 9.8)
     assert layers.reference(sim, False, y) == pytest.approx(np.interp(y, exact.y, exact.v[0]))

@@ -32,7 +32,7 @@ def rate_over_theory(angle_deg, *, begin=0.3, end=0.5):
     r = orifice / (2 * math.sin(a))
     cap = 1500.0 * r**2 * (a - math.sin(a) * math.cos(a))
     mean = 0.5 * (m0 + m1) - cap
-    theory = gr.theory.hourglass_rate(orifice, angle_deg, mean, mu=mu, rho=1500.0)
+    theory = gr.theory.hourglass_rate(orifice, angle_deg, mean, mu=mu, rho=1500.0, gravity=9.8)
     return (m0 - m1) / (t1 - t0) / theory
 
 
@@ -71,7 +71,9 @@ def test_walls_of_a_bin_bear_the_weight_that_janssen_says():
     assert -down / across == pytest.approx(friction, rel=0.03)
     upright = height - (width - 0.1) / 2 / math.tan(math.radians(30.0))
     z, ratio = np.linspace(0.0, upright, 400), nu / (1 - nu)
-    stress = gr.theory.janssen_pressure(z, width, friction=friction, ratio=ratio, rho=1500.0)
+    stress = gr.theory.janssen_pressure(
+        z, width, friction=friction, ratio=ratio, rho=1500.0, gravity=9.8
+    )
     assert across == pytest.approx(ratio * np.trapezoid(stress, z), rel=0.05)
     assert across < 0.75 * ratio * np.trapezoid(1500.0 * 9.8 * z, z)  # without friction
 

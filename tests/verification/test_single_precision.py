@@ -140,7 +140,7 @@ def test_the_layer_on_an_incline_flows_by_the_law():
         speeds.append(float(np.average(state.v[:, 0], weights=state.mass)))
     given = scene.parameters
     exact = gr.theory.transient(
-        given["angle_deg"], given["height"], stiff, [state.time], ramp=given["ramp"]
+        given["angle_deg"], given["height"], stiff, [state.time], 9.8, ramp=given["ramp"]
     )
     v = np.interp(state.x[:, 1], np.r_[0.0, exact.y], np.r_[0.0, np.ravel(exact.v)])
     theory = float(np.average(v, weights=state.mass))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 
 import numpy as np
 import pytest
 
+from granular import theory
 from granular.theory import RUNOUT_LAWS, beverloo_rate
 
 
@@ -55,9 +57,28 @@ def test_exponents_without_coefficient():
 
 def test_beverloo_by_hand():
     # 1.42 * 1500 * sqrt(9.8) * 0.2^1.5 = 596.4 kg/s per metre
-    assert beverloo_rate(0.2, 1500.0) == pytest.approx(596.4, abs=0.05)
+    assert beverloo_rate(0.2, 1500.0, gravity=9.8) == pytest.approx(596.4, abs=0.05)
     free = beverloo_rate(0.2, 1500.0, C=1.31, exponent=1.47)
-    assert free == pytest.approx(1.31 * 1500 * math.sqrt(9.8) * math.exp(1.47 * math.log(0.2)))
+    assert free == pytest.approx(1.31 * 1500 * math.sqrt(9.81) * math.exp(1.47 * math.log(0.2)))
+    # 0.58 * 1500 * sqrt(9.81) * (0.1 - 1.4 * 0.005)^2.5 = 7.187 kg/s through a round orifice
+    round_one = beverloo_rate(0.1, 1500.0, k=1.4, d=0.005, dim=3)
+    assert round_one == pytest.approx(7.187, abs=1e-3)
+    # The coefficient of a slot would give 2.4 times as much.
+    for wrong in ({"exponent": 2.5}, {"exponent": 1.5, "dim": 3}, {"exponent": 1.47}):
+        with pytest.raises(ValueError, match="needs its own C"):
+            beverloo_rate(0.1, 1500.0, **wrong)
+
+
+def test_one_gravity_in_all_the_theory():
+    """Whatever takes gravity takes that of the earth if none is given."""
+    functions = (getattr(theory, name) for name in dir(theory))
+    found = {
+        f.__name__: inspect.signature(f).parameters["gravity"].default
+        for f in functions
+        if inspect.isfunction(f) and "gravity" in inspect.signature(f).parameters
+    }
+    assert len(found) >= 15
+    assert {v for v in found.values() if v is not inspect.Parameter.empty} == {9.81}
 
 
 def test_beverloo_scaling_and_blocking():

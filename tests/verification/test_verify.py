@@ -103,7 +103,7 @@ def test_profile_error_sees_the_profile():
     assert profile_error(state) == pytest.approx(1.0, abs=0.05)
     x, material = state.x[:, 1], state.scene.material
     fields = state.fields | {"v": state.v.copy()}
-    fields["v"][:, 0] = 1.01 * theory.bagnold_profile(x, 25.0, 0.2, material)
+    fields["v"][:, 0] = 1.01 * theory.bagnold_profile(x, 25.0, 0.2, material, 9.8)
     moved = type(state)(scene=state.scene, time=0.0, step=0, dt=1.0, fields=fields)
     assert profile_error(moved) == pytest.approx(0.01, rel=1e-9)
     assert np.isfinite(moved.v).all()

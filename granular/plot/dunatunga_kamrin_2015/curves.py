@@ -15,6 +15,7 @@ from matplotlib.ticker import LogFormatter
 from numpy.typing import ArrayLike, NDArray
 
 from granular import measure, theory
+from granular.gravity import EARTH
 from granular.materials import MuI
 from granular.measure.stress import friction_of
 from granular.plot.canvas import Picture
@@ -81,7 +82,7 @@ def figure_5(
     fit: measure.BeverlooFit,
     *,
     rho: float,
-    gravity: float = 9.8,
+    gravity: float = EARTH,
     window: tuple[float, float] = (1200.0, 900.0),
 ) -> Picture:
     """Silos: remaining mass over time, and rate against orifice with Beverloo's law.
