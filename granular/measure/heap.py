@@ -1,5 +1,6 @@
 """Heaps: the free surface, the run-out of a collapse, the angle of repose."""
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -136,13 +137,20 @@ def surface(
     return _columns(state, abscissa, keep, low=low, base=base, measure=measure)
 
 
-def runout(state: State, *, half_width: float | None = None, centre: float = 0.0) -> Runout:
+def runout(
+    state: State,
+    *,
+    half_width: float | None = None,
+    centre: float = 0.0,
+    above: float | None = None,
+) -> Runout:
     """Run-out of a collapsed column, divided by its initial half-width.
 
     The half-width is the distance from the plane x = `centre` (in 3D from the vertical axis
     through the origin). Halves and quarters cut by symmetry planes at the centre are recognised by
     the grid's lower corner. ``max(x)`` is not offered, because single points fly far.
-    The measure is that of Dunatunga & Kamrin 2015, section 4.1.
+    The measure is that of Dunatunga & Kamrin 2015, section 4.1. A warning tells of material that is
+    connected up to a side of the grid: its edge is then that of the grid, or of a bed below.
 
     Parameters
     ----------
@@ -152,6 +160,9 @@ def runout(state: State, *, half_width: float | None = None, centre: float = 0.0
         ``radius``.
     centre : float
         Centre of the initial column along x [m]; in 2D only, and on a grid line.
+    above : float, optional
+        Elevation [m] of the surface of a bed that the column stands on: what is below does not
+        count. By default all the material counts, from the floor of the grid on.
 
     Returns
     -------
@@ -160,18 +171,27 @@ def runout(state: State, *, half_width: float | None = None, centre: float = 0.0
     Raises
     ------
     ValueError
-        If the state is empty, or the half-width is unknown or not positive.
+        If the state is empty, no point is above, or the half-width is unknown or not positive.
     """
     require_points(state)
     finite("centre", centre)
     half = _half_width(state, half_width)
     grid = state.scene.grid
     distance = _distance(state, centre)
-    count = _ring_count(distance, grid.cell)
+    keep = _selected(state, distance, None, above, None)
+    count = _ring_count(distance[keep], grid.cell)
     measure = _ring_measure(state, count, centre)
-    keep = np.ones(len(distance), dtype=bool)
-    columns = _columns(state, distance, keep, low=0.0, base=float(grid.lower[-1]), measure=measure)
-    reach = (_mass_quantile(distance, state.mass), _toe(columns), _contiguous(columns))
+    base = float(grid.lower[-1] if above is None else above)
+    columns = _columns(state, distance, keep, low=0.0, base=base, measure=measure)
+    edge, side = _contiguous(columns), _nearest_side(state, centre)
+    if edge > side - grid.cell / 2:
+        warnings.warn(
+            f"the material reaches the side of the grid, {side:g} m from the centre, so that its "
+            "run-out is not known: of a column on a bed, give above, the elevation of the bed's "
+            "surface; otherwise take a wider grid",
+            stacklevel=2,
+        )
+    reach = (_mass_quantile(distance[keep], state.mass[keep]), _toe(columns), edge)
     return Runout(*((r - half) / half for r in reach))
 
 
@@ -190,7 +210,7 @@ def repose_angle(
     From the highest column the surface is followed downhill until it falls below 20 % of its
     height. A line is fitted by least squares to the highest points of the columns between 20 and
     80 %. At rest the slope should not exceed ``atan(mu_s)`` (Dunatunga & Kamrin 2015, section
-    4.1).
+    4.1). For a heap on a bed give `above`, the elevation of the bed's surface.
 
     Parameters
     ----------
@@ -258,13 +278,26 @@ def _ring_measure(state: State, count: int, centre: float) -> Array:
 
     A symmetry plane at the centre leaves one half of the ring.
     """
+    edges = state.scene.grid.cell * np.arange(count + 1)
+    sides = _sides(state, centre)
+    whole = np.diff(2 * edges if len(sides) == 1 else np.pi * edges**2)
+    return whole / 2 ** sum(cut for cut, _ in sides)
+
+
+def _sides(state: State, centre: float) -> list[tuple[bool, list[float]]]:
+    """For each horizontal axis, whether a symmetry plane at the centre cuts it, and the distances
+    from the centre of its other sides."""
     grid = state.scene.grid
-    edges = grid.cell * np.arange(count + 1)
-    across = len(grid.shape) - 1
-    whole = np.diff(2 * edges if across == 1 else np.pi * edges**2)
-    middle = (centre,) if across == 1 else (0.0, 0.0)
-    cuts = sum(grid.lower[axis] > middle[axis] - grid.cell / 2 for axis in range(across))
-    return whole / 2**cuts
+    found = []
+    for axis, middle in enumerate((centre,) if len(grid.shape) == 2 else (0.0, 0.0)):
+        low, high = grid.lower[axis], grid.lower[axis] + grid.cell * grid.shape[axis]
+        cut = bool(low > middle - grid.cell / 2)
+        found.append((cut, [high - middle] if cut else [middle - low, high - middle]))
+    return found
+
+
+def _nearest_side(state: State, centre: float) -> float:
+    return min(min(distances) for _, distances in _sides(state, centre))
 
 
 def _selected(

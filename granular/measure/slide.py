@@ -75,6 +75,8 @@ class Deposit:
 def slide_history(states: Iterable[State], *, share: float = SHARE) -> SlideHistory:
     """Front, rear, centre and speed of a slide at the times of several states.
 
+    All the material in the domain counts, also a bed at rest that the slide runs over.
+
     Parameters
     ----------
     states : iterable of State
@@ -116,7 +118,9 @@ def slide_history(states: Iterable[State], *, share: float = SHARE) -> SlideHist
 
 
 def deposit(state: State) -> Deposit:
-    """Thickness of the material over the columns of cells, whatever it lies on.
+    """Thickness of the material over the columns of cells, whatever solid it lies on.
+
+    All the material in the domain counts, also a bed that was there before the slide.
 
     Parameters
     ----------

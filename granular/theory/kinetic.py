@@ -6,10 +6,12 @@ fraction close to ``Phi_c = rho_c/rho_s``, tell how large the neglected stress i
 
 The printed text disagrees with its own equation of state (2.7), ``p = K (1 - rho_c/rho)``, in two
 places, which are made consistent here. The elastic volume (A24) must read ``v_e/m = -p/(rho_c K)``,
-hence ``p = -Phi_c K/Phi_e`` in place of ``-K Phi_e`` in (A12). And tr D in (A16)-(A23) is the rate
-of *compression*. The theory diverges at Phi = 0.6, below Phi_c = 0.612 of table 1: (A10) and (A23)
-cannot be evaluated at that Phi_c, unless the packing fraction is shifted by the delta that the text
-allows in (A11).
+hence ``p = -Phi_c K/Phi_e`` in place of ``-K Phi_e`` in (A12). The laws of the package integrate
+(A4) instead, ``p = K ln(rho/rho_c)``, which is larger than (2.7) by the share p/2K, to first order;
+only `coupled_shear` depends on the choice, since (A11) adds volumes. And tr D in (A16)-(A23) is the
+rate of *compression*. The theory diverges at Phi = 0.6, below Phi_c = 0.612 of table 1: (A10) and
+(A23) cannot be evaluated at that Phi_c, unless the packing fraction is shifted by the delta that
+the text allows in (A11).
 """
 
 import math
@@ -333,7 +335,7 @@ def coupled_shear(
 
     The equation ``1/(Phi + offset) = 1/Phi_e + 1/Phi_f`` is solved for p, where
     ``p = -Phi_c K/Phi_e`` (made consistent with eq. 2.7) and p is also the shear pressure (A10) at
-    Phi_f. The solution is unique: Phi_f increases with p and the elastic volume decreases.
+    Phi_f. At rest it is less than the pressure of the laws by the share p/2K. The solution is unique: Phi_f increases with p and the elastic volume decreases.
 
     Parameters
     ----------

@@ -57,6 +57,21 @@ def test_a_full_heap_runs_out_as_its_half_does():
     assert full.contiguous == pytest.approx(half.contiguous, rel=1e-9)
 
 
+def test_a_heap_on_a_bed_runs_out_as_it_does_on_the_floor():
+    """Its material is counted above the bed's surface; otherwise the end of the bed is told of."""
+    s = scene((80, 40), CELL, parameters={"half_width": HALF})
+    bed = filled(s, 4, lambda x: x[:, 1] < 0.1 + 0.2 * np.maximum(1 - x[:, 0] / 0.5, 0.0))
+    assert runout(bed, above=0.1) == runout(triangle())
+    with pytest.warns(UserWarning, match=r"side of the grid, 0\.8 m .* give above"):
+        runout(bed)
+    wide = scene((160, 40), CELL, lower=(-0.6, 0.0), parameters={"half_width": HALF})
+    with pytest.warns(UserWarning, match=r"side of the grid, 0\.6 m"):
+        runout(filled(wide, 4, lambda x: x[:, 1] < 0.1))
+    round_one = scene((40, 30, 20), 0.02, parameters={"radius": HALF})
+    with pytest.warns(UserWarning, match=r"side of the grid, 0\.6 m"):
+        runout(filled(round_one, 2, lambda x: x[:, 2] < 0.1))
+
+
 def test_an_undisturbed_column_has_not_run_out():
     s = scene((60, 30), CELL, parameters={"half_width": HALF})
     result = runout(filled(s, 4, lambda x: (x[:, 0] < HALF) & (x[:, 1] < 0.1)))

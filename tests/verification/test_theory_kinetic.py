@@ -156,6 +156,10 @@ def test_limits_of_the_coupled_system():
         )
         assert static == pytest.approx(state, abs=1e-6)
         assert slow == pytest.approx(state, rel=1e-6, abs=1e-8 * jamming.K)
+    # The laws of the package bear K ln(rho/rho_c), which is more by the share p/2K.
+    c, law = 0.02, 0.02 * jamming.K
+    static = coupled_shear(0.6 * math.exp(c), 0.0, **(SHEAR | {"material": jamming})).p
+    assert law / static - 1 == pytest.approx(static / (2 * jamming.K), rel=0.02)
     # With the offset, the flowing volume of table 1 jams at its own Phi_c.
     critical = GRAINS.rho_c / GRAINS.rho_s
     assert coupled_shear(critical, 0.0, offset=0.6 - critical, **SHEAR).p == pytest.approx(
