@@ -1,12 +1,15 @@
 """Motion of the rigid bodies of a record, and the force of the material on them."""
 
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 
-from granular.checks import integer
+from granular.checks import integer, truth
 from granular.measure.averaging_grid import Array
+from granular.measure.cut_forces import cut_axes, of_whole, torques_of_whole
 from granular.mpm.bodies import split
+from granular.mpm.scene import Scene
 from granular.record.reader import Trajectory
 
 
@@ -63,7 +66,7 @@ class MeanForce:
     torque: Array
 
 
-def body_motion(record: Trajectory, body: int = 0) -> BodyMotion:
+def body_motion(record: Trajectory, body: int = 0, *, total: bool = True) -> BodyMotion:
     """Pose and velocities of a body, and the impulse on it, at the frames of a record.
 
     Parameters
@@ -71,6 +74,10 @@ def body_motion(record: Trajectory, body: int = 0) -> BodyMotion:
     record : Trajectory
     body : int
         Index into the bodies of the scene, >= 0.
+    total : bool
+        True for the whole body, also if planes of symmetry cut it (`granular.symmetric`): across
+        a plane the forces cancel, along it they double. False for the part that is modelled. A body
+        that no plane cuts has its image in another one, and is as it is.
 
     Returns
     -------
@@ -85,10 +92,21 @@ def body_motion(record: Trajectory, body: int = 0) -> BodyMotion:
     if not count:
         raise ValueError(f"record = {record!r} must be one of a scene with bodies")
     numbers = record.bodies[:, integer("body", body, 0, count - 1)]
-    return BodyMotion(times=record.times, **split(numbers, record.scene.dim))
+    scene = cast(Scene, record.scene)
+    parts = split(numbers, scene.dim)
+    if truth("total", total):
+        solid = scene.bodies[body]
+        axes, force = cut_axes(scene, solid), parts["impulse"]
+        arms = np.subtract([solid.position], scene.grid.lower)
+        turning = torques_of_whole(axes, parts["angular_impulse"], force, arms)
+        work = parts["work"] * 2.0 ** len(axes)
+        parts |= {"impulse": of_whole(axes, force), "angular_impulse": turning, "work": work}
+    return BodyMotion(times=record.times, **parts)
 
 
-def body_force(record: Trajectory, body: int = 0, *, window: int = 1) -> MeanForce:
+def body_force(
+    record: Trajectory, body: int = 0, *, window: int = 1, total: bool = True
+) -> MeanForce:
     """Window averages of the force and the torque of the material on a body.
 
     Each average is a difference of impulses over a difference of times, hence the exact mean over
@@ -102,6 +120,9 @@ def body_force(record: Trajectory, body: int = 0, *, window: int = 1) -> MeanFor
         Index into the bodies of the scene, >= 0.
     window : int
         Length of a window in intervals between frames, >= 1; windows do not overlap.
+    total : bool
+        As in `body_motion`: True for the force on the whole body, False for that on the part that
+        is modelled.
 
     Returns
     -------
@@ -112,7 +133,7 @@ def body_force(record: Trajectory, body: int = 0, *, window: int = 1) -> MeanFor
     ValueError
         If there is no such body, or a window is longer than the record.
     """
-    motion = body_motion(record, body)
+    motion = body_motion(record, body, total=total)
     times, force, torque = window_means(
         motion.times, window, motion.impulse, motion.angular_impulse
     )

@@ -8,11 +8,11 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular.checks import integer, non_negative, positive
+from granular.checks import integer, non_negative, positive, truth
 from granular.gravity import EARTH
 from granular.measure.averaging_grid import Array
-from granular.measure.opening import modelled_share
 from granular.state import State
+from granular.symmetric import modelled_share
 
 WINDOW = (1200.0, 900.0)
 """Remaining mass of the full silo [kg per metre of depth] in the steady part of the flow."""
@@ -30,15 +30,18 @@ class MassHistory:
     times : ndarray, shape (k,)
         Times of the frames [s].
     mass : ndarray, shape (k,)
-        Mass of the full silo, also where a part is modelled [kg; in 2D per metre of depth].
+        Mass of the full silo, also where a part is modelled, or that of the modelled part [kg; in
+        2D per metre of depth].
     share : float
-        Part of the full silo that is modelled: 1, or 1/2 or 1/4 if the parameter ``half`` or
-        ``quarter`` of the scene is true.
+        Part of the full silo that is modelled: 1, or 1/2 or 1/4 between planes of symmetry.
+    total : bool
+        True if `mass` is that of the full silo.
     """
 
     times: Array
     mass: Array
     share: float
+    total: bool = True
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,8 @@ class Discharge:
     times : (float, float)
         Times of the first and the last of them [s].
     mass : (float, float)
-        Mass in the full silo at these times [kg; in 2D per metre of depth].
+        Mass in the silo at these times [kg; in 2D per metre of depth], of the same part as the
+        rate.
     """
 
     rate: float
@@ -101,15 +105,17 @@ class BeverlooFit:
     dim: int
 
 
-def mass_history(trajectory: Iterable[State]) -> MassHistory:
-    """Mass of the full silo at every frame.
+def mass_history(trajectory: Iterable[State], *, total: bool = True) -> MassHistory:
+    """Mass in the domain at every frame.
 
     Parameters
     ----------
     trajectory : iterable of State
-        If the parameter ``half`` or ``quarter`` of the scene is true, a half or a quarter of a silo
-        is modelled, and its mass is multiplied by 2 or 4. If the trajectory has a ``series`` with
-        ``time`` and ``mass``, no frame is read.
+        If it has a ``series`` with ``time`` and ``mass``, no frame is read.
+    total : bool
+        True for the mass of the full silo: where planes of symmetry leave a half or a quarter of it
+        (`granular.symmetric`), the mass is multiplied by 2 or 4. False for that of the modelled
+        part.
 
     Returns
     -------
@@ -132,7 +138,7 @@ def mass_history(trajectory: Iterable[State]) -> MassHistory:
         scene = scenes[0]
     share = modelled_share(scene)
     times, mass = (np.array(row, dtype=float) for row in rows)
-    return MassHistory(times, mass / share, share)
+    return MassHistory(times, mass / share if total else mass, share, truth("total", total))
 
 
 def discharge(
@@ -152,7 +158,8 @@ def discharge(
     window : (float, float)
         Mass in the full silo [kg; in 2D per metre of depth], from the larger to the smaller, >= 0.
     total : bool
-        True for the rate of the full silo, False for that of the modelled part.
+        True for the rate and the masses of the full silo, False for those of the modelled part.
+        The window is in masses of the full silo in either case.
 
     Returns
     -------
@@ -168,22 +175,23 @@ def discharge(
     if not upper > lower:
         raise ValueError(f"window = {window} must fall, from the larger mass to the smaller")
     history = trajectory if isinstance(trajectory, MassHistory) else mass_history(trajectory)
-    inside = (history.mass <= upper) & (history.mass >= lower)
-    times, mass = history.times[inside], history.mass[inside]
+    full = history.mass if history.total else history.mass / history.share
+    inside = (full <= upper) & (full >= lower)
+    times, mass = history.times[inside], full[inside]
     if len(times) < 3:
         raise ValueError(
             f"window = {window}: {len(times)} frames lie in it, a rate needs at least 3; "
-            f"the mass goes from {history.mass.max():.6g} to {history.mass.min():.6g} kg"
+            f"the mass goes from {full.max():.6g} to {full.min():.6g} kg"
         )
     rate, error = _regression(times, mass)
-    factor = 1.0 if total else history.share
+    factor = 1.0 if truth("total", total) else history.share
     return Discharge(
         rate=factor * rate,
         standard_error=factor * error,
         window_spread=factor * _window_spread(times, mass, upper, lower),
         frames=len(times),
         times=(float(times[0]), float(times[-1])),
-        mass=(float(mass[0]), float(mass[-1])),
+        mass=(factor * float(mass[0]), factor * float(mass[-1])),
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from granular.checks import finite, positive
 from granular.measure.averaging_grid import Array
 from granular.state import State
+from granular.symmetric import modelled_share
 from granular.typing import AnyScene, States
 
 
@@ -79,14 +80,6 @@ class Opening:
     def places(self, state: State) -> Array:
         """Positions of the points relative to the middle of the opening [m], shape (n, 2)."""
         return np.asarray(state.x, dtype=float) - (self.axis, self.floor)
-
-
-def modelled_share(scene: AnyScene) -> float:
-    """Part of the full silo that a scene models: 1/4 or 1/2 if its parameter ``quarter`` or
-    ``half`` is true, otherwise 1."""
-    if scene.parameters.get("quarter", False):
-        return 0.25
-    return 0.5 if scene.parameters.get("half", False) else 1.0
 
 
 def opening_of(state: State, given: Opening | None) -> Opening:

@@ -27,7 +27,8 @@ class ToolForce:
     forward : ndarray, shape (k,)
         Force needed to push the tool: minus the force of the material along x [N].
     lateral, vertical : ndarray, shape (k,)
-        Force of the material along y and z [N]; zero along y for a tool cut in half by symmetry.
+        Force of the material along y and z [N]; zero along y for the whole of a tool that a plane
+        of symmetry cuts.
     """
 
     times: Array
@@ -46,12 +47,13 @@ class WheelHistory:
     times : ndarray, shape (k,)
         Middles of the averaging windows [s].
     drawbar_pull : ndarray, shape (k,)
-        Force of the material along x, with which the wheel could pull a load [N].
+        Force of the material along x, with which the wheel could pull a load [N; in 2D per metre
+        of width, as the load and the torque].
     load : ndarray, shape (k,)
         Upward force of the material [N]; it equals the load on the axle while the wheel neither
         rises nor sinks.
     torque : ndarray, shape (k,)
-        Torque that drives the wheel [N m].
+        Torque that drives the wheel towards larger x [N m].
     sinkage : ndarray, shape (k,)
         Depth of the lowest line of the wheel below its initial position [m].
     """
@@ -108,17 +110,18 @@ class StrainHistory:
     deviation: Array
 
 
-def tool_force(record: Trajectory, body: int = 0, *, window: int = 1) -> ToolForce:
+def tool_force(
+    record: Trajectory, body: int = 0, *, window: int = 1, total: bool = True
+) -> ToolForce:
     """Forward, lateral and vertical force on a tool (Haeri & Skonieczny 2021, figure 13).
-
-    If the parameter ``half`` of the scene is true, the recorded force is doubled.
 
     Parameters
     ----------
     record : Trajectory
         Record of a 3D scene.
-    body, window : int
-        As in `granular.measure.body_force`.
+    body, window, total
+        As in `granular.measure.body_force`: by default the force on the whole tool, also where a
+        plane of symmetry cuts it in half.
 
     Returns
     -------
@@ -129,28 +132,29 @@ def tool_force(record: Trajectory, body: int = 0, *, window: int = 1) -> ToolFor
     ValueError
         As `body_force`; also if the scene is 2D.
     """
-    _require_3d(record)
-    felt = body_force(record, body, window=window)
-    half = bool(record.scene.parameters.get("half", False))
-    force = felt.force * (1 + half)
+    if record.scene.dim != 3:
+        raise ValueError(f"record = {record!r} must be a record of a 3D scene")
+    felt = body_force(record, body, window=window, total=total)
     return ToolForce(
         times=felt.times,
         position=_at(felt.times, body_motion(record, body)),
-        forward=-force[:, 0],
-        lateral=force[:, 1] * (not half),
-        vertical=force[:, 2],
+        forward=-felt.force[:, 0],
+        lateral=felt.force[:, 1],
+        vertical=felt.force[:, 2],
     )
 
 
-def wheel_history(record: Trajectory, body: int = 0, *, window: int = 1) -> WheelHistory:
+def wheel_history(
+    record: Trajectory, body: int = 0, *, window: int = 1, total: bool = True
+) -> WheelHistory:
     """Drawbar pull, load and sinkage of a wheel (Haeri & Skonieczny 2021, figure 18).
 
     Parameters
     ----------
     record : Trajectory
-        Record of a 3D scene with a wheel that rolls along x, its axle along y.
-    body, window : int
-        As in `granular.measure.body_force`.
+        Record of a scene with a wheel that rolls along x; in 3D its axle is along y.
+    body, window, total
+        As in `granular.measure.body_force`: by default the forces on the whole wheel.
 
     Returns
     -------
@@ -159,17 +163,17 @@ def wheel_history(record: Trajectory, body: int = 0, *, window: int = 1) -> Whee
     Raises
     ------
     ValueError
-        As `body_force`; also if the scene is 2D.
+        As `body_force`.
     """
-    _require_3d(record)
-    felt = body_force(record, body, window=window)
+    felt = body_force(record, body, window=window, total=total)
     motion = body_motion(record, body)
+    # A wheel that rolls towards larger x turns about -z in 2D, but about +y in 3D.
     return WheelHistory(
         times=felt.times,
         drawbar_pull=felt.force[:, 0],
-        load=felt.force[:, 2],
-        torque=-felt.torque[:, 1],
-        sinkage=motion.position[0, 2] - _at(felt.times, motion)[:, 2],
+        load=felt.force[:, -1],
+        torque=felt.torque if record.scene.dim == 2 else -felt.torque[:, 1],
+        sinkage=motion.position[0, -1] - _at(felt.times, motion)[:, -1],
     )
 
 
@@ -293,11 +297,6 @@ def strain_history(states: States) -> StrainHistory:
             ]
         )
     return StrainHistory(*np.array(rows).T)
-
-
-def _require_3d(record: Trajectory) -> None:
-    if record.scene.dim != 3:
-        raise ValueError(f"record = {record!r} must be a record of a 3D scene")
 
 
 def _at(times: Array, motion: BodyMotion) -> Array:

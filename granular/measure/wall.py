@@ -1,14 +1,20 @@
 """Force of the material on the walls and blocks of a record."""
 
+from typing import cast
+
 import numpy as np
 
-from granular.checks import integer
+from granular.checks import integer, truth
 from granular.measure.body import MeanForce, window_means
+from granular.measure.cut_forces import cut_axes, of_whole, torques_of_whole
+from granular.mpm.scene import Scene
 from granular.mpm.walls import split_impulses
 from granular.record.reader import Trajectory
 
 
-def wall_force(record: Trajectory, wall: int = 0, *, window: int = 1) -> MeanForce:
+def wall_force(
+    record: Trajectory, wall: int = 0, *, window: int = 1, total: bool = True
+) -> MeanForce:
     """Window averages of the force and the torque of the material on a wall or block.
 
     Each average is a difference of impulses over a difference of times, hence the exact mean over
@@ -23,6 +29,10 @@ def wall_force(record: Trajectory, wall: int = 0, *, window: int = 1) -> MeanFor
         Index into the walls of the scene, >= 0.
     window : int
         Length of a window in intervals between frames, >= 1; windows do not overlap.
+    total : bool
+        True for the whole wall or block, also if planes of symmetry cut it (`granular.symmetric`):
+        across a plane the forces cancel, along it they double. False for the part that is modelled.
+        A wall that no plane cuts has its image in another one, and is as it is; so is the plane.
 
     Returns
     -------
@@ -38,8 +48,13 @@ def wall_force(record: Trajectory, wall: int = 0, *, window: int = 1) -> MeanFor
     if not count:
         raise ValueError(f"record = {record!r} must be one of a simulation with wall_forces")
     numbers = record.walls[:, integer("wall", wall, 0, count - 1)]
-    parts = split_impulses(numbers, record.scene.dim)
-    times, force, torque = window_means(
-        np.asarray(record.times), window, parts["impulse"], parts["angular_impulse"]
-    )
+    scene = cast(Scene, record.scene)
+    parts = split_impulses(numbers, scene.dim)
+    force, torque = parts["impulse"], parts["angular_impulse"]
+    if truth("total", total):
+        axes = cut_axes(scene, scene.walls[wall])
+        arms = np.negative([scene.grid.lower])  # of the origin, about which the torque is
+        torque = torques_of_whole(axes, torque, force, arms)
+        force = of_whole(axes, force)
+    times, force, torque = window_means(np.asarray(record.times), window, force, torque)
     return MeanForce(times=times, force=force, torque=torque)

@@ -394,6 +394,8 @@ def _parts_of(shape: Shape) -> list[Shape]:
 class BodyState:
     """Position, velocity and accumulated impulse of a body.
 
+    Impulses and work are those of the part that is modelled, where planes of symmetry cut the body.
+
     Attributes
     ----------
     position : ndarray, shape (dim,)

@@ -183,6 +183,8 @@ class Solid:
 class WallState:
     """Accumulated impulse of the material on a wall or block, and the motion of a wall.
 
+    Impulses and work are those of the part that is modelled, where planes of symmetry cut the wall.
+
     Attributes
     ----------
     impulse : ndarray, shape (dim,)

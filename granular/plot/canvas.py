@@ -16,6 +16,7 @@ from granular.geometry import AXES
 from granular.mpm.walls import Wall
 from granular.plot.fields import Brush
 from granular.state import State
+from granular.symmetric import mirror_axes
 from granular.typing import AnyScene
 
 Extent = tuple[tuple[float, float], tuple[float, float]]
@@ -49,12 +50,10 @@ def checked_extent(extent: object) -> Extent:
 
 def is_symmetry(scene: AnyScene, wall: Wall) -> bool:
     """True for a wall that is the plane of symmetry of a scene of which a part is simulated."""
-    given, grid = scene.parameters, scene.grid
-    planes = "xy" if given.get("quarter") else "x" if given.get("half") else ""
     return (
-        AXES[wall.axis] in given.get("symmetry", planes)
+        wall.axis in mirror_axes(scene)
         and wall.kind == "free_slip"
-        and grid.line("at", wall.axis, wall.at) == 0
+        and scene.grid.line("at", wall.axis, wall.at) == 0
     )
 
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
@@ -138,6 +139,9 @@ class Table:
 
 BODY, WALL = "body", "wall"
 """Prefixes of the names under which the numbers of bodies and walls are stored."""
+
+NUMBERED = re.compile(rf"({BODY}|{WALL})(\d+)_(\d+)")
+"""Such a name: prefix, index of the body or wall, number. Indicators may begin with a prefix."""
 
 
 def names_of(prefix: str, count: int, numbers: int) -> list[str]:

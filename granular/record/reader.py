@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING, Any, Self, overload
 
 import numpy as np
 
+from granular.checks import truth
 from granular.notebook import table
 from granular.record.checkpoint import Checkpoint
-from granular.record.frame import BODY, SCALARS, WALL, Frame, names_of, samples_of
+from granular.record.frame import BODY, NUMBERED, SCALARS, WALL, Frame, names_of, samples_of
 from granular.record.index import Contents, load
 from granular.record.kept import kept, read_kept
 from granular.record.layout import FORMAT, RecordError, reading
 from granular.resources import Resource
 from granular.state import STANDARD
+from granular.symmetric import modelled_share
 
 if TYPE_CHECKING:
     from granular.diagnostics import Health
@@ -87,7 +89,7 @@ class Trajectory(Resource):
         without monitors.
         """
         told = samples_of(self._frames)
-        return {name: column for name, column in told.items() if not name.startswith((BODY, WALL))}
+        return {name: column for name, column in told.items() if not NUMBERED.fullmatch(name)}
 
     @cached_property
     def bodies(self) -> np.ndarray:
@@ -110,9 +112,9 @@ class Trajectory(Resource):
     def _rows_of(self, prefix: str) -> np.ndarray:
         """Numbers of bodies or walls at every frame, shape (frames, count, numbers)."""
         told = samples_of(self._frames)
-        names = [name for name in told if name.startswith(prefix)]
-        numbers = len([name for name in names if name.startswith(f"{prefix}0_")])
-        count = len(names) // max(numbers, 1)
+        parts = [match.groups() for name in told if (match := NUMBERED.fullmatch(name))]
+        which = [(int(i), int(k)) for kind, i, k in parts if kind == prefix]
+        count, numbers = np.max(which, axis=0) + 1 if which else (0, 0)
         with reading(self.path):
             columns = [told[name] for name in names_of(prefix, count, numbers)]
         return np.array(columns).reshape(count, numbers, len(self)).transpose(2, 0, 1)
@@ -338,16 +340,24 @@ def open_trajectory(path: str | os.PathLike[str]) -> Trajectory:
     return Trajectory(load(Path(path)))
 
 
-def info(path: str | os.PathLike[str]) -> dict[str, Any]:
+def info(path: str | os.PathLike[str], *, total: bool = True) -> dict[str, Any]:
     """Read and verify a whole record and return a summary.
+
+    Parameters
+    ----------
+    path : path-like
+    total : bool
+        True for the mass of the whole set-up, also where planes of symmetry leave a part of it
+        (`granular.symmetric`); False for that of the modelled part, whose points ``n`` counts.
 
     Returns
     -------
     dict
-        ``path``, ``format``, ``scene`` (name), ``frames``, ``times`` (first, last) [s],
-        ``n`` (first, last), ``steps`` (first, last), ``checkpoint_step`` (None: no checkpoint),
-        ``finished``, ``provenance``, ``digest_ok``, ``damage`` (messages). The pairs are None
-        for a record without frames.
+        ``path``, ``format``, ``scene`` (name), ``frames``, ``times`` (first, last) [s], ``n``
+        (first, last), ``mass`` (first, last) [kg; in 2D per metre of depth] and ``share``, the part
+        of the whole set-up that is modelled, ``steps`` (first, last), ``checkpoint_step`` (None: no
+        checkpoint), ``finished``, ``provenance``, ``digest_ok``, ``damage`` (messages). The pairs
+        are None for a record without frames.
 
     Raises
     ------
@@ -361,6 +371,9 @@ def info(path: str | os.PathLike[str]) -> dict[str, Any]:
             column = record.series[name]
             return (column[0].item(), column[-1].item()) if len(column) else None
 
+        share, mass = modelled_share(record.scene), ends("mass")
+        if mass is not None and truth("total", total):
+            mass = (mass[0] / share, mass[1] / share)
         try:
             step = record.checkpoint().step
         except RecordError:
@@ -372,6 +385,8 @@ def info(path: str | os.PathLike[str]) -> dict[str, Any]:
             "frames": len(record),
             "times": ends("time"),
             "n": ends("n"),
+            "mass": mass,
+            "share": share,
             "steps": ends("step"),
             "checkpoint_step": step,
             "finished": record.finished,

@@ -61,8 +61,8 @@ def excavation(
     than two cells separates the material on its two sides. With other densities the blade is made
     two cells thick, backwards from its front.
 
-    The surface of the bed is z = 0. Forces: `granular.measure.soil_tools.tool_force`, which doubles
-    those of half a bed.
+    The surface of the bed is z = 0. Forces: `granular.measure.soil_tools.tool_force`, by default
+    those on the whole blade.
 
     Parameters
     ----------

@@ -333,9 +333,10 @@ def coupled_shear(
 ) -> CoupledShear:
     """Pressure of sheared *elastic* grains at a given packing fraction (A11, A12).
 
-    The equation ``1/(Phi + offset) = 1/Phi_e + 1/Phi_f`` is solved for p, where
-    ``p = -Phi_c K/Phi_e`` (made consistent with eq. 2.7) and p is also the shear pressure (A10) at
-    Phi_f. At rest it is less than the pressure of the laws by the share p/2K. The solution is unique: Phi_f increases with p and the elastic volume decreases.
+    The equation ``1/(Phi + offset) = 1/Phi_e + 1/Phi_f`` is solved for p, where ``p = -Phi_c
+    K/Phi_e`` (made consistent with eq. 2.7) and p is also the shear pressure (A10) at Phi_f. At
+    rest it is less than the pressure of the laws by the share p/2K. The solution is unique: Phi_f
+    increases with p and the elastic volume decreases.
 
     Parameters
     ----------

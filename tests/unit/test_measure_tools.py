@@ -10,6 +10,7 @@ from granular.geometry import Box as Region
 from granular.geometry import Cylinder, Fill, Grid
 from granular.gravity import Gravity
 from granular.mpm.bodies import Body, Box, Motion
+from granular.mpm.bodies import Cylinder as Round
 from granular.state import State
 
 CELL = 0.02
@@ -116,7 +117,8 @@ def recorded(tmp_path):
 
     def run(**parameters):
         motion = Motion(velocity=((0.2, 0.0, -0.1),), angular_velocity=((0.0, 1.0, 0.0),))
-        box = Body(Box((0.08, 0.08, 0.08)), (0.2, 0.1, -0.02), motion=motion, friction=0.3)
+        place = (0.2, 0.0 if parameters else 0.1, -0.02)
+        box = Body(Box((0.08, 0.08, 0.08)), place, motion=motion, friction=0.3)
         sim = gr.Simulation(scene_3d(box, **parameters), threads=1)
         sim.run(until=0.02, save=tmp_path / "tool.h5", every=0.005, overwrite=True)
         return sim, gr.open(tmp_path / "tool.h5")
@@ -126,12 +128,14 @@ def recorded(tmp_path):
 
 @pytest.mark.parametrize("half", [False, True])
 def test_force_on_a_tool(recorded, half):
-    sim, record = recorded(half=half)
+    sim, record = recorded(**({"half": True, "symmetry": "y"} if half else {}))
     with record:
         force = gr.measure.soil_tools.tool_force(record)
         span = np.diff(record.times)
         whole = gr.measure.soil_tools.tool_force(record, window=4)
+        part = gr.measure.soil_tools.tool_force(record, window=4, total=False)
     impulse = sim.bodies[0].impulse * (1 + half)
+    assert part.lateral[0] * span.sum() == pytest.approx(sim.bodies[0].impulse[1])
     assert np.linalg.norm(impulse) > 0
     assert force.forward @ span == pytest.approx(-impulse[0])
     assert force.vertical @ span == pytest.approx(impulse[2])
@@ -152,13 +156,28 @@ def test_history_of_a_wheel(recorded):
     assert found.sinkage == pytest.approx(0.1 * found.times)
 
 
-def test_tools_are_in_3d(tmp_path):
-    scene = gr.scenes.couette(cell=0.02, pressure=100.0)
-    gr.Simulation(scene, threads=1).run(until=0.01, save=tmp_path / "flat.h5", every=0.005)
+def test_a_wheel_in_the_plane_has_the_history_of_one_in_3d(tmp_path):
+    """A wheel that slips towards larger x: it pulls, and the soil brakes it."""
+    motion = Motion(velocity=((0.2, -0.1),), angular_velocity=(-10.0,))
+    wheel = Body(Round(0.06, center=(0.0, 0.0)), (0.2, 0.05), motion=motion, friction=0.5)
+    scene = scene_3d().replace(
+        grid=Grid((0.0, -0.2), CELL, (20, 15)),
+        fills=(Fill(Region((0.0, -0.2), (0.4, 0.0)), 4),),
+        gravity=Gravity((0.0,), ((0.0, -9.8),)),
+        bodies=(wheel,),
+    )
+    sim = gr.Simulation(scene, threads=1).run(until=0.05, save=tmp_path / "flat.h5", every=0.01)
     with gr.open(tmp_path / "flat.h5") as record:
-        for measure in (gr.measure.soil_tools.tool_force, gr.measure.soil_tools.wheel_history):
-            with pytest.raises(ValueError, match="record of a 3D scene"):
-                measure(record)
+        found = gr.measure.soil_tools.wheel_history(record)
+        span = np.diff(record.times)
+        with pytest.raises(ValueError, match="record of a 3D scene"):
+            gr.measure.soil_tools.tool_force(record)
+    felt = sim.bodies[0]
+    assert found.drawbar_pull @ span == pytest.approx(felt.impulse[0])
+    assert found.load @ span == pytest.approx(felt.impulse[1])
+    assert found.torque @ span == pytest.approx(felt.angular_impulse)
+    assert found.torque @ span > 0.0 and found.load @ span > 0.0
+    assert found.sinkage == pytest.approx(0.1 * found.times)
 
 
 def test_failure_surface_of_a_wedge():

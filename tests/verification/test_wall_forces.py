@@ -7,6 +7,7 @@ import pytest
 
 import granular as gr
 from granular import measure
+from granular.measure.cut_forces import of_whole, torques_of_whole
 from granular.mpm.bodies import Body, Box, Motion
 from granular.mpm.engine import averaging_interval, build
 from granular.mpm.node_codes import node_codes
@@ -239,3 +240,98 @@ def test_the_core_refuses_bad_owners():
         fresh.restore_walls(np.full((3, 6), np.nan))
     with pytest.raises((TypeError, ValueError)):
         fresh.restore_walls(np.zeros((2, 6)))
+
+
+@pytest.mark.parametrize(("dim", "axes"), [(2, (0,)), (3, (1,)), (3, (0, 1))])
+def test_forces_and_torques_with_their_images(dim, axes):
+    """Random forces at random places, and their images one by one."""
+    rng = np.random.default_rng(1)
+    plane, about = rng.normal(size=(2, dim))
+    x, f = rng.normal(size=(2, 9, dim))
+
+    def torque(x, f):
+        return np.cross(
+            np.pad(x - about, ((0, 0), (0, 3 - dim))), np.pad(f, ((0, 0), (0, 3 - dim)))
+        )
+
+    places, forces = x, f
+    for axis in axes:
+        sign = np.where(np.arange(dim) == axis, -1.0, 1.0)
+        places = np.concatenate([places, plane + sign * (places - plane)])
+        forces = np.concatenate([forces, sign * forces])
+    part, whole = (t.sum(axis=0, keepdims=True) for t in (torque(x, f), torque(places, forces)))
+    if dim == 2:
+        part, whole = part[:, 2], whole[:, 2]
+    force = f.sum(axis=0, keepdims=True)
+    np.testing.assert_allclose(of_whole(axes, force)[0], forces.sum(axis=0), atol=1e-13)
+    found = torques_of_whole(axes, part, force, (about - plane)[None])
+    np.testing.assert_allclose(found, whole, atol=1e-12)
+
+
+def pressed(dim, cut):
+    """A block that sinks into a bed, about planes of symmetry; whole, or cut at these planes."""
+    plane, n = (0.3, 0.5)[: dim - 1], 4
+    low = (*plane, 0.0) if cut else (*(x - n * CELL for x in plane), 0.0)
+    shape = (*((n if cut else 2 * n,) * (dim - 1)), 6)
+    high = tuple(x + m * CELL for x, m in zip(low, shape, strict=True))
+    # Its position lies apart from the planes, so that it does not simply have no torque.
+    across = (0.02,) * (dim - 1)
+    body = Body(
+        Box((0.16,) * (dim - 1) + (0.1,), center=(*(-a for a in across), 0.0)),
+        (*(x + a for x, a in zip(plane, across, strict=True)), 0.22),
+        motion=Motion(velocity=((0.0,) * (dim - 1) + (-0.5,),)),
+        friction=0.3,
+    )
+    ends = [(axis, x) for at in (high, low) for axis, x in enumerate(at[:-1])]
+    return gr.Scene(
+        name="pressed",
+        grid=gr.Grid(low, CELL, shape),
+        fills=(gr.Fill(gr.Box(low, (*high[:-1], 3 * CELL)), 2**dim),),
+        material=gr.MuI(E=1e6),
+        scheme=gr.Scheme(basis="linear", transfer="flip", density=ParticleDensity()),
+        gravity=gr.Gravity((0.0,), ((0.0,) * (dim - 1) + (-9.8,),)),
+        walls=(gr.Wall(dim - 1, 0.0), *(gr.Wall(*end, kind="free_slip") for end in ends)),
+        bodies=(body,),
+        duration=1.0,
+        parameters=({}, {"half": True}, {"quarter": True})[(dim - 1) * cut],
+    )
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_cut_scene_tells_the_forces_of_the_whole(dim, tmp_path):
+    """Bodies and walls that planes of symmetry cut are whole; others, and parts, as they are."""
+    found = []
+    for cut in (False, True):
+        path, scene = tmp_path / f"{cut}.h5", pressed(dim, cut)
+        sim = gr.Simulation(scene, threads=1, wall_forces=True, force=True)
+        sim.run(0.04, save=path, every=0.02)
+        with gr.open(path) as record:
+            motion, floor = measure.body_motion(record), measure.wall_force(record)
+            felt = measure.body_force(record)
+            found.append((motion.work[-1], felt.force, felt.torque, floor.force, floor.torque))
+            part = measure.body_force(record, total=False).force
+            side = [measure.wall_force(record, 1, total=choice).force for choice in (True, False)]
+            mass = [gr.record.info(path, total=choice)["mass"][0] for choice in (True, False)]
+    for whole, half in zip(*found, strict=True):
+        assert np.abs(whole).max() > 0.0
+        # A body that reaches beyond the grid has other contact points there: 0.7 % of the work.
+        np.testing.assert_allclose(half, whole, rtol=0.0, atol=0.02 * np.abs(whole).max())
+    share = 0.5 ** (dim - 1)
+    assert part[:, -1] == pytest.approx(share * found[1][1][:, -1])
+    # The side wall is one of two, which only the plane of the other axis cuts.
+    assert side[0][:, 0] == pytest.approx(2 ** (dim - 2) * side[1][:, 0])
+    assert np.abs(side[1][:, 0]).min() > 0.0
+    assert mass[1] == pytest.approx(share * mass[0])
+
+
+def test_indicators_are_no_numbers_of_walls(tmp_path):
+    """A record with "wall_strain" in its samples, and without the impulses on walls."""
+    sim = gr.Simulation(bed(), threads=1)
+    state = sim.state
+    with gr.record.TrajectoryWriter(tmp_path / "a.h5", sim.scene) as writer:
+        writer.append(state, samples={"wall_strain": 0.25})
+    with gr.open(tmp_path / "a.h5") as record:
+        assert record.walls.shape == (1, 0, 0)
+        assert record.samples["wall_strain"] == [0.25]
+        with pytest.raises(ValueError, match="simulation with wall_forces"):
+            measure.wall_force(record)

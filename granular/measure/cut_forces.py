@@ -1,0 +1,70 @@
+"""Forces on bodies and walls of which planes of symmetry leave a part."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from granular.measure.averaging_grid import Array
+from granular.mpm.bodies import Body
+from granular.mpm.body_measures import bounds
+from granular.mpm.body_shapes import turned
+from granular.mpm.scene import Scene
+from granular.mpm.walls import Solid, Wall
+from granular.symmetric import mirror_axes
+
+
+def cut_axes(scene: Scene, part: Body | Wall | Solid) -> tuple[int, ...]:
+    """Axes normal to the planes of symmetry that cut a body, wall or block.
+
+    What only touches a plane, or stands apart from it, has its image in another body or wall of the
+    whole set-up; and a wall on the plane of symmetry is not a wall of it.
+    """
+    return tuple(axis for axis in mirror_axes(scene) if _is_cut(scene, part, axis))
+
+
+def _is_cut(scene: Scene, part: Body | Wall | Solid, axis: int) -> bool:
+    grid = scene.grid
+    plane, near = grid.lower[axis], grid.slack * grid.cell
+    if isinstance(part, Wall):
+        return part.axis != axis and part.extent(grid, axis)[0] <= plane + near
+    if isinstance(part, Solid):
+        return part.lower[axis] <= plane + near
+    along = turned(part.rotation_deg).inv().apply(np.eye(3)[axis])
+    low, _ = bounds(part.shape, along[None])
+    return float(part.position[axis] + low[0]) < plane - near
+
+
+def of_whole(axes: Sequence[int], vectors: Array) -> Array:
+    """Sum of vectors (n, dim) and of their images at planes normal to some axes.
+
+    The component normal to a plane cancels, the others are doubled.
+    """
+    total = vectors * 2.0 ** len(axes)
+    total[:, list(axes)] = 0.0
+    return total
+
+
+def torques_of_whole(
+    axes: Sequence[int], torques: Array, forces: Array, arms: Array | None = None
+) -> Array:
+    """The same for torques, shape (n,) in 2D and (n, 3) in 3D, of some forces (n, dim).
+
+    An image has the component normal to its plane, and the opposite of the others; in 2D the torque
+    is in the plane of symmetry. The torques are about places whose distances from the planes are
+    `arms` (n, dim), by default 0.
+    """
+    if not axes:
+        return torques
+    flat = forces.shape[1] == 2
+    turning = np.zeros((len(forces), 3))
+    turning[:, slice(2, 3) if flat else slice(3)] = torques.reshape(len(forces), -1)
+    arm, force, whole = np.zeros((3, len(forces), 3))
+    force[:, : forces.shape[1]] = forces
+    whole[:, : forces.shape[1]] = of_whole(axes, forces)
+    if arms is not None:
+        arm[:, list(axes)] = arms[:, list(axes)]
+    turning = turning + np.cross(arm, force)  # about the planes
+    for axis in axes:
+        turning[:, np.arange(3) != axis] = 0.0
+    turning = 2.0 ** len(axes) * turning - np.cross(arm, whole)
+    return turning[:, 2] if flat else turning

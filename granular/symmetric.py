@@ -1,0 +1,28 @@
+"""Planes of symmetry that cut a scene, of which only one side is modelled.
+
+Measures of forces and masses are those of the whole set-up, with their argument ``total`` False
+those of the part that is modelled.
+"""
+
+from __future__ import annotations
+
+from granular.geometry import AXES
+from granular.typing import AnyScene
+
+__all__ = ["mirror_axes", "modelled_share"]
+
+
+def mirror_axes(scene: AnyScene) -> tuple[int, ...]:
+    """Axes of the grid whose lower end is a plane of symmetry.
+
+    They are named by the parameter ``symmetry`` of the scene ("y"); otherwise ``quarter`` means x
+    and y, and ``half`` x.
+    """
+    given = scene.parameters
+    planes = "xy" if given.get("quarter", False) else "x" if given.get("half", False) else ""
+    return tuple(AXES.index(letter) for letter in given.get("symmetry", planes))
+
+
+def modelled_share(scene: AnyScene) -> float:
+    """Part of the whole set-up that a scene models: 1, or 1/2 or 1/4 between planes of symmetry."""
+    return 0.5 ** len(mirror_axes(scene))
