@@ -18,9 +18,13 @@ from granular.record.fresh import Fresh
 
 @dataclass(frozen=True)
 class SceneDouble:
-    """Stand-in with the two members of a Scene that a record uses."""
+    """Stand-in with the members of a Scene that a record uses."""
 
     name: str = "heap"
+
+    @property
+    def parameters(self):
+        return {}
 
     def to_json(self):
         return json.dumps({"name": self.name})
