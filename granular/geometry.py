@@ -433,12 +433,18 @@ class Fill:
         then cross a line of nodes one after the other and not all at once. A `Cloud` stays as it
         is.
     lithostatic : bool
-        If True, the material bears its weight from the start: each point has the
-        pressure of the depth below the top of the region above it, against gravity, and the density
-        that goes with this pressure. This is an equilibrium where the top is level. The weight of
-        other lithostatic fills above it is added. If False, grains have the pressure of their
-        density, and an elastic material is stress-free; with Hencky's law it too has the pressure
-        of its density.
+        If True, the material bears its weight from the start: each point has the vertical stress of
+        the depth below the top of the region above it, against gravity, and the density that goes
+        with the mean of its stresses. This is an equilibrium where the top is level, and below a
+        slope of one angle. The weight of other lithostatic fills above it is added. If False,
+        grains have the pressure of their density, and an elastic material is stress-free; with
+        Hencky's law it too has the pressure of its density.
+    K0 : float or None
+        Ratio of the horizontal to the vertical stress of a lithostatic fill, > 0, within yield of
+        its material. None for that of material that has settled by its weight alone,
+        `Material.K0`: nu/(1 - nu), or more if that yields. It is 1 - sin(phi) in many sands (Jaky
+        1944); compaction makes it larger, up to the passive limit. Must be None in a fill that is
+        not lithostatic.
     material : Material or None
         Material of this fill; None for that of the scene. Several materials share one velocity
         field, so that they stick to each other where they meet.
@@ -456,6 +462,7 @@ class Fill:
     jitter: float = 0.0
     stagger: bool = False
     lithostatic: bool = False
+    K0: float | None = None
     material: Material | None = None
 
     def __post_init__(self) -> None:
@@ -472,6 +479,9 @@ class Fill:
         check_fields(self, positive, "density", optional=True)
         if truth("lithostatic", self.lithostatic) and self.density is not None:
             raise ValueError(f"density = {self.density} must be None in a lithostatic fill")
+        check_fields(self, positive, "K0", optional=True)
+        if self.K0 is not None and not self.lithostatic:
+            raise ValueError(f"K0 = {self.K0} must be None in a fill that is not lithostatic")
         check_fields(self, vector, "velocity", dim=self.region.dim, optional=True)
 
     @property

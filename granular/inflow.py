@@ -86,7 +86,7 @@ class Inflow:
     lithostatic : bool
         If True, what enters bears its weight from the start: its pressure is that of the depth
         below the top of the region under the gravity across the stream, as of a layer that flows
-        down a slope.
+        down a slope. It is the same in all directions, as in a flow.
     material : Material or None
         Material that enters; None for that of the scene.
     times : tuple of (begin, end)

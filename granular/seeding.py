@@ -14,7 +14,7 @@ from granular.checks import integer, positive
 from granular.geometry import MAX_COUNT, Box, Fill, Grid, check_inside, combined
 from granular.open_parts import LEAST_SHARE, REACH, open_parts
 from granular.open_space import Distance, OpenSpace, last_place, nowhere
-from granular.regions import Cloud
+from granular.regions import Cloud, Mask
 
 __all__ = [
     "DEEPEST",
@@ -43,6 +43,9 @@ class Points:
         It is measured against gravity, up to the top of the region above the point.
     overburden : ndarray, shape (n,)
         Mass per area of the other lithostatic fills above a point of a lithostatic fill [kg/m2].
+    slope : ndarray, shape (n, dim)
+        Horizontal gradient of that depth and overburden, over the density of the material; 0 below
+        a level top.
     fill : ndarray, shape (n,)
         Number of the fill of the point.
     """
@@ -53,6 +56,7 @@ class Points:
     density: NDArray[np.float64]
     depth: NDArray[np.float64]
     overburden: NDArray[np.float64]
+    slope: NDArray[np.float64]
     fill: NDArray[np.int64]
 
     def __post_init__(self) -> None:
@@ -63,7 +67,7 @@ class Points:
 def nothing(dim: int) -> Points:
     """Make the points of no fill."""
     place, number = np.empty((0, dim)), np.empty(0)
-    return Points(place, place, number, number, number, number, np.empty(0, dtype=np.int64))
+    return Points(place, place, number, number, number, number, place, np.empty(0, dtype=np.int64))
 
 
 def joined(parts: Sequence[Points]) -> Points:
@@ -230,6 +234,65 @@ def _carried(fill: Fill, rho_c: float) -> tuple[ArrayLike, ArrayLike]:
     return np.zeros(fill.region.dim) if v is None else v, rho_c if density is None else density
 
 
+def _loads(
+    fills: Sequence[Fill],
+    own: int,
+    x: NDArray[np.float64],
+    above: NDArray[np.float64],
+    rho_c: Sequence[float],
+    step: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Depth [m] below the top of a fill, and mass per area [kg/m2] of the others above."""
+    load = _overburden(fills, own, x, above, rho_c, step)
+    return fills[own].region.depth(x, above, step), load
+
+
+def _slopes(
+    fills: Sequence[Fill],
+    own: int,
+    x: NDArray[np.float64],
+    above: NDArray[np.float64],
+    rho_c: Sequence[float],
+    step: float,
+) -> NDArray[np.float64]:
+    """Horizontal gradient of the load above places in a fill, over its density, shape (n, dim).
+
+    By differences over a cell, one-sided at the ends of the fill: what fills the gaps of others is
+    known to a step of the rays only.
+    """
+    found, region = np.zeros_like(x), fills[own].region
+    alone = sum(fill.lithostatic for fill in fills) == 1
+    level = isinstance(region, Box) and np.count_nonzero(above) == 1 and alone
+    # Squares of single points have no slope of their own.
+    if level or isinstance(region, (Cloud, Mask)):
+        return found
+
+    def load(places: NDArray[np.float64]) -> NDArray[np.float64]:
+        depth, others = _loads(fills, own, places, above, rho_c, step)
+        return depth + others / rho_c[own]
+
+    here, reach = load(x), 4 * fills[own].points_per_axis * step
+    for along in _level_axes(above):
+        sides = [x + sign * reach * along for sign in (1.0, -1.0)]
+        inside = [region.contains(places) for places in sides]
+        loads = [np.where(there, load(p), here) for p, there in zip(sides, inside, strict=True)]
+        length = reach * np.maximum(np.sum(inside, axis=0), 1)
+        found += ((loads[0] - loads[1]) / length)[:, None] * along
+    return found
+
+
+def _level_axes(above: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """Directions of length 1 across a direction, and across each other."""
+    axes = np.delete(np.eye(len(above)), np.argmax(np.abs(above)), axis=0)
+    known, found = [above], []
+    for axis in axes:
+        for direction in known:
+            axis = axis - (axis @ direction) * direction
+        known.append(axis / np.linalg.norm(axis))
+        found.append(known[-1])
+    return found
+
+
 def _overburden(
     fills: Sequence[Fill],
     own: int,
@@ -331,10 +394,11 @@ def seed_points(
             x = _jittered(rng, fill, x, space)
         step = 0.25 * grid.cell / fill.points_per_axis
         depth = load = np.zeros(len(x))
+        slope = np.zeros_like(x)
         if fill.lithostatic:
-            depth = fill.region.depth(x, above, step)
-            load = _overburden(fills, i, x, above, densities, step)
+            depth, load = _loads(fills, i, x, above, densities, step)
+            slope = _slopes(fills, i, x, above, densities, step)
         v, density = _carried(fill, densities[i])
         v, density = np.broadcast_to(v, x.shape), np.broadcast_to(density, volume.shape)
-        parts.append((x, v, volume, density, depth, load, np.full(len(x), i)))
+        parts.append((x, v, volume, density, depth, load, slope, np.full(len(x), i)))
     return Points(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))

@@ -76,7 +76,7 @@ class _Mirror:
         # Adding zero turns -0 into 0.
         across = side * velocity[0] + 0.0
         points = (fill.points_per_cell, fill.jitter, fill.stagger)
-        state = (fill.density, across, velocity[1:], fill.lithostatic, fill.material)
+        state = (fill.density, across, velocity[1:], fill.lithostatic, fill.K0, fill.material)
         return (*self.region(fill.region, side), *points, *state)
 
 

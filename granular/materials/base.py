@@ -121,6 +121,32 @@ class Material:
         zeta = log / math.hypot(math.pi, log)
         return 2.0 * zeta * d * math.sqrt(self.rho_c / (6.0 * self.K))
 
+    @property
+    def static_friction(self) -> float:
+        """Friction tau/p at which the material begins to flow; infinite if that is not known."""
+        return math.inf
+
+    @property
+    def yield_ratios(self) -> tuple[float, float]:
+        """Least and largest ratio of horizontal to vertical stress at which it does not yield.
+
+        With two equal horizontal stresses, K times the vertical one, tau/p is
+        sqrt(3) abs(1 - K)/(1 + 2 K). Cohesion, which bears more, is left out.
+        """
+        mu, root = self.static_friction, math.sqrt(3.0)
+        low = (root - mu) / (root + 2 * mu) if mu < root else 0.0
+        high = (root + mu) / (root - 2 * mu) if 2 * mu < root else math.inf
+        return low, high
+
+    @property
+    def K0(self) -> float:
+        """Ratio of horizontal to vertical stress of material that has settled by its weight alone.
+
+        It is nu/(1 - nu), without any strain to the sides, or the least of `yield_ratios` if that
+        is more: the material then yields as it settles.
+        """
+        return max(self.nu / (1.0 - self.nu), self.yield_ratios[0])
+
     def arguments(self) -> dict[str, Any]:
         """Arguments that make an equal material, floats to the last bit."""
         return {f.name: getattr(self, f.name) for f in fields(self)}

@@ -152,6 +152,11 @@ class MuI(Material):
         xi = self.I0 / (self.d * math.sqrt(self.rho_s))
         set_fields(self, xi=positive("I0/(d sqrt(rho_s))", xi))
 
+    @property
+    def static_friction(self) -> float:
+        """Friction tau/p at which the material begins to flow, `mu_s`."""
+        return self.mu_s
+
     def arguments(self) -> dict[str, Any]:
         """Arguments that make an equal material: `xi`, or `I0` and `d`, as they were given."""
         derived = ("I0", "d") if self.I0 is None else ("xi",)
@@ -264,6 +269,11 @@ class NGF(Material):
         return math.inf if self.rheology == "linear_mu_I" else self.mu_2
 
     @property
+    def static_friction(self) -> float:
+        """Friction tau/p at which the material begins to flow, `mu_s`."""
+        return self.mu_s
+
+    @property
     def xi(self) -> float:
         """I0/(d sqrt(rho_s)) [sqrt(m/kg)] of the local law, see `MuI`."""
         return self.I0 / (self.d * math.sqrt(self.rho_s))
@@ -334,6 +344,11 @@ class DruckerPrager(Material):
         _check_cohesion(self, self.mu)
         _check_grain_density(self)
 
+    @property
+    def static_friction(self) -> float:
+        """Friction tau/p at which the material begins to flow, `mu`."""
+        return self.mu
+
     def arguments(self) -> dict[str, Any]:
         """Arguments that make an equal material; a tensile strength only if it was given."""
         return _without_derived_strength(self, super().arguments())
@@ -400,16 +415,26 @@ class HardeningDruckerPrager(Material):
         return [self.friction_angle_deg(q) for q in strains]
 
     @property
+    def static_friction(self) -> float:
+        """Friction tau/p at which the material begins to flow, without any plastic strain."""
+        return _cone_friction(self.friction_angle_deg(0.0))
+
+    @property
     def limiting_friction(self) -> float:
         """Friction tau/p that the law never exceeds: that of its largest friction angle."""
-        sine = math.sin(math.radians(max(self._extreme_angles())))
-        return 2 * math.sqrt(3) * sine / (3 - sine)
+        return _cone_friction(max(self._extreme_angles()))
 
     def friction_angle_deg(self, plastic_strain: float) -> float:
         """Friction angle [degrees] after a plastic strain >= 0."""
         decay = math.exp(-self.h2 * plastic_strain)
         gain = self.h1_deg * plastic_strain - self.h3_deg if decay else 0.0
         return self.h0_deg + gain * decay
+
+
+def _cone_friction(angle_deg: float) -> float:
+    """Friction tau/p of the cone through the compressive edges of a friction angle."""
+    sine = math.sin(math.radians(angle_deg))
+    return 2 * math.sqrt(3) * sine / (3 - sine)
 
 
 @dataclass(frozen=True, kw_only=True)

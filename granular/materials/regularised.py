@@ -99,6 +99,11 @@ class RegularisedMuI(Material):
             )
 
     @property
+    def static_friction(self) -> float:
+        """Friction tau/p of slow flow, `mu_s`; below it the material creeps."""
+        return self.mu_s
+
+    @property
     def xi(self) -> float:
         """I0/(d sqrt(rho_s)) [sqrt(m/kg)], see `MuI`."""
         return self.I0 / (self.d * math.sqrt(self.rho_s))

@@ -18,6 +18,7 @@ from granular.mpm.body_limits import check_blades
 from granular.mpm.cell_codes import cell_flags, fluidity_faces
 from granular.mpm.damping import damping
 from granular.mpm.limits import check_time_step, damped_step
+from granular.mpm.lithostatic import rest_compression, stress_shape
 from granular.mpm.node_codes import WallRow, c0_lines, node_codes
 from granular.mpm.scene import Scene, Servo
 from granular.seeding import Points
@@ -239,9 +240,11 @@ def servo_arguments(
 def initial_points(scene: Scene) -> dict[str, NDArray]:
     """Return the fields of the points at the start, in the order of their ids.
 
-    Lithostatic fills are in equilibrium: the pressure grows with the depth against gravity as
-    dp/dz = rho g, and the density with it by the law of the material. Below other lithostatic fills
-    this is exact for the same K and law, else to the order of p/K. Grains of a given density above
+    Lithostatic fills are in equilibrium below a level top: the vertical stress grows with the depth
+    against gravity as rho g, the horizontal one is `K0` of the fill times it, and the density goes
+    with their mean by the law of the material; see `granular.mpm.lithostatic`, also for slopes.
+    Below other lithostatic fills this is exact for the same K, law and K0, else to the order of
+    p/K. Grains of a given density above
     rho_c have its pressure, and so has an elastic material with Hencky's law, whose pressure is
     that of its density always. All other points are stress-free; cohesive ones of a density below
     rho_c have come apart.
@@ -258,7 +261,12 @@ def fields_of(scene: Scene, points: Points) -> dict[str, NDArray]:
     )
     hencky = np.array([material.elasticity == "hencky" for material in scene.materials])[number]
     weight = math.hypot(*scene.gravity.at(0.0)) * (rho_c * points.depth + points.overburden)
-    compression = _compression(weight, K, hencky)
+    friction, cohesion = (
+        np.array([float(get(material)) for material in scene.materials])[number]
+        for get in (lambda m: m.static_friction, lambda m: getattr(m, "cohesion", 0.0))
+    )
+    k, shape = stress_shape(scene, points, weight, friction, cohesion)
+    compression = rest_compression(k * weight, K, hencky)
     log_density = np.log(points.density / rho_c) + compression
     fields = {
         "x": points.x,
@@ -280,30 +288,12 @@ def fields_of(scene: Scene, points: Points) -> dict[str, NDArray]:
     pressed = np.where(granular, log_density > 0, hencky | (points.depth > 0))
     if pressed.any():
         pressure = K * log_density * np.where(hencky, np.exp(log_density), 1.0)
-        fields["stress"] = np.zeros((len(weight), 4 if scene.dim == 2 else 6))
-        fields["stress"][:, :3] = -np.where(pressed, pressure, 0.0)[:, None]
+        held = np.where(pressed, pressure, 0.0)[:, None]
+        fields["stress"] = np.concatenate([-held * shape[:, :3], 0.0 - held * shape[:, 3:]], axis=1)
     flows = np.array([material.has_fluidity for material in scene.materials])
     if scene.scheme.fluidity.initial is not None and flows.any():
         fields["g"] = np.where(flows[number], scene.scheme.fluidity.initial, 0.0)
     return fields
-
-
-def _compression(
-    weight: NDArray[np.float64], K: NDArray[np.float64], hencky: NDArray[np.bool_]
-) -> NDArray[np.float64]:
-    """ln(rho/rho_c) of material under a weight of rho_c g depth [Pa].
-
-    With p = K c, c = ln(rho/rho_c), dp/dz = rho g has the solution exp(-c) = 1 - weight/K. With the
-    Cauchy pressure of Hencky's law, K c exp(c), it is c + c^2/2 = weight/K.
-    """
-    if (~hencky & (weight >= K)).any():
-        worst = int(np.argmax(np.where(hencky, 0, weight / K)))
-        raise ValueError(
-            f"E is too small: K = {K[worst]:.6g} must exceed rho_c g depth = {weight[worst]:.6g}"
-        )
-    ratio = weight / K
-    finite = 2 * ratio / (1 + np.sqrt(1 + 2 * ratio))
-    return np.where(hencky, finite, -np.log1p(-np.where(hencky, 0, ratio)))
 
 
 def _numbers_of_materials(scene: Scene) -> NDArray[np.int64]:

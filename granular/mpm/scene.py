@@ -21,6 +21,7 @@ from granular.mpm.bodies import Body
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.body_shapes import shape_kinds
 from granular.mpm.inflow import check_inflows
+from granular.mpm.lithostatic import check_ratios
 from granular.mpm.node_codes import c0_lines, check_c0_lines
 from granular.mpm.schemes import DENSITIES, Fluidity, Scheme, suited_to
 from granular.mpm.walls import Solid, SpongeLayer, Wall
@@ -144,6 +145,7 @@ class Scene(BaseScene):
                     f"gravity = {self.gravity} must have no component along a periodic axis at "
                     "t = 0 for lithostatic fills"
                 )
+        check_ratios(self)
         self._check_servos()
         self._check_materials()
         check_inflows(self)

@@ -80,6 +80,104 @@ def test_a_lithostatic_bed_bears_its_weight_where_it_is_compressed_much(law, ela
         sim.run(monitor=False)
 
 
+SANDY = gr.MuI(E=3e6, mu_s=0.6, mu_2=0.8)
+
+
+@pytest.mark.parametrize(
+    ("material", "K0", "expected"),
+    [
+        (SANDY, None, 3 / 7),  # nu/(1 - nu)
+        (gr.MuI(E=3e6), None, 0.541),  # tau = mu_s p, as after a slow ramp of gravity
+        (gr.Elastic(E=3e6), None, 3 / 7),
+        (SANDY.replace(elasticity="hencky"), 0.6, 0.6),
+        (SANDY, 1.0, 1.0),
+        (SANDY, 2.0, 2.0),
+    ],
+)
+def test_walls_bear_the_pressure_at_rest(material, K0, expected):
+    """A wall beside a bed of two layers bears K0 times its weight, from the start on."""
+    g, height, side = 9.8, 0.3, {"lithostatic": True, "K0": K0}
+    split = gr.Polygon(((0.0, 0.0), (0.2, 0.0), (0.2, 0.1), (0.0, 0.1)))
+    above = gr.Box((0.0, 0.1), (0.2, height))
+    scene = gr.Scene(
+        name="bed",
+        grid=gr.Grid((0.0, 0.0), 0.02, (10, 17)),
+        fills=(gr.Fill(split, 16, **side), gr.Fill(above, 16, **side)),
+        material=material,
+        walls=(gr.Wall(1, 0.0), *(gr.Wall(0, x, kind="free_slip") for x in (0.0, 0.2))),
+        gravity=gr.Gravity((0.0,), ((0.0, -g),)),
+        duration=0.1,
+    )
+    sim = gr.Simulation(scene, threads=1, wall_forces=True).run()
+    floor, _, wall = (wall.impulse / sim.time for wall in sim.walls)
+    weight = material.rho_c * g * height
+    assert wall[0] == pytest.approx(expected * weight * height / 2, rel=0.01)
+    assert floor[1] == pytest.approx(-weight * 0.2, rel=0.01)
+    assert np.abs(sim.state.v).max() < 1e-3
+
+
+def sloping(dim, fills):
+    return gr.Scene(
+        name="slope",
+        grid=gr.Grid((0.0,) * dim, 0.05, (20, 12) if dim == 2 else (14, 14, 12)),
+        fills=fills,
+        material=SANDY.replace(E=1e6),
+        walls=(gr.Wall(dim - 1, 0.0),),
+        gravity=gr.Gravity((0.0,), ((0.0,) * (dim - 1) + (-9.8,),)),
+        duration=0.1,
+        scheme=gr.Scheme(density=gr.ParticleDensity()),
+    )
+
+
+def descent(x, y):
+    """Height of a surface that falls by 0.15 along x and 0.1 along y."""
+    return 0.4 - 0.15 * x - 0.1 * y
+
+
+SLOPES = {
+    "polygon": (2, (gr.Polygon(((0.0, 0.0), (1.0, 0.0), (1.0, 0.25), (0.0, 0.4))),)),
+    "layer": (3, (gr.Layer(0.0, descent, (0.0, 0.0), (0.7, 0.7), spacing=0.025),)),
+    # The surface between two layers falls with the top.
+    "two layers": (
+        2,
+        (
+            gr.Polygon(((0.0, 0.0), (1.0, 0.0), (1.0, 0.1), (0.0, 0.25))),
+            gr.Polygon(((0.0, 0.25), (1.0, 0.1), (1.0, 0.25), (0.0, 0.4))),
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize("K0", [None, 1.0])
+@pytest.mark.parametrize("name", SLOPES)
+def test_a_slope_begins_in_balance(name, K0):
+    """Away from its ends, by 2 % of g; without the shear stress of the slope it were 15 K0 %."""
+    dim, regions = SLOPES[name]
+    fills = tuple(gr.Fill(r, 2**dim, lithostatic=True, K0=K0) for r in regions)
+    sim = gr.Simulation(sloping(dim, fills), threads=1)
+    sim.step(8)  # waves from the ends come 0.2 m far
+    state = sim.state
+    inner = (state.x[:, :-1] > 0.3).all(axis=1) & (
+        state.x[:, :-1] < sim.scene.grid.upper[0] - 0.3
+    ).all(axis=1)
+    v = np.average(state.v[inner], axis=0, weights=state.mass[inner])
+    assert np.linalg.norm(v) < 0.02 * 9.8 * sim.time
+
+
+def test_a_ratio_beyond_yield_is_refused():
+    box = gr.Box((0.0, 0.0), (1.0, 0.2))
+    low, high = SANDY.yield_ratios
+    assert (low, high) == pytest.approx((0.386, 4.383), abs=1e-3)
+    for bad in (0.99 * low, 1.01 * high):
+        with pytest.raises(ValueError, match=r"fills\[0\].K0 = .* must be from 0.386"):
+            sloping(2, (gr.Fill(box, 4, lithostatic=True, K0=bad),))
+    sloping(2, (gr.Fill(box, 4, lithostatic=True, K0=high),))
+    with pytest.raises(ValueError, match=r"K0 = 0\.5 must be None"):
+        gr.Fill(box, 4, K0=0.5)
+    with pytest.raises(ValueError, match="K0 = -1"):
+        gr.Fill(box, 4, lithostatic=True, K0=-1.0)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("angle_deg", [19.0, 20.0])
 @pytest.mark.parametrize("columns", [16, 32])

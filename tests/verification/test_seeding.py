@@ -28,7 +28,9 @@ def bed(turned_deg, offset):
     scene = gr.Scene(
         name="bed",
         grid=gr.Grid((0.0, 0.0), CELL, (44, 34)),
-        fills=(gr.Fill(gr.Polygon([corners[i] for i in (0, 2, 3, 1)]), 4, lithostatic=True),),
+        fills=(
+            gr.Fill(gr.Polygon([corners[i] for i in (0, 2, 3, 1)]), 4, lithostatic=True, K0=1.0),
+        ),
         material=gr.materials.glass_beads.replace(E=1e6, rho_c=RHO),
         gravity=gr.Gravity((0.0,), (tuple(-G * up),)),
         duration=3.0,
@@ -102,7 +104,9 @@ def carried_pressure(stagger, speed=0.1, cells=4):
     scene = gr.Scene(
         name="box",
         grid=gr.Grid((0.0, 0.0), CELL, (16, 20)),
-        fills=(gr.Fill(region, 4, velocity=(0.0, speed), stagger=stagger, lithostatic=True),),
+        fills=(
+            gr.Fill(region, 4, velocity=(0.0, speed), stagger=stagger, lithostatic=True, K0=1.0),
+        ),
         material=gr.materials.glass_beads.replace(E=1e6, rho_c=RHO),
         gravity=gr.Gravity((0.0,), ((0.0, -G),)),
         duration=1.0,
