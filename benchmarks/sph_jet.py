@@ -1,7 +1,6 @@
 """Picture of a gas jet on a bed (Hurley, thesis, figure 6.2): material left, gas right.
 
 python benchmarks/sph_jet.py [--spacing 0.0125] [--to docs/pictures/sph_jet.png] [--record jet.h5]
-python benchmarks/sph_jet.py --fed --to docs/pictures/sph_jet_fed.png --record fed.h5
 
 A record that exists is drawn as it is. The share of the nozzle that is full of gas of the initial
 density is printed for each frame that is drawn.
@@ -58,12 +57,11 @@ def main() -> None:
     """Run the scene and draw it."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--spacing", type=float, default=0.0125, help="of the points [m]")
-    parser.add_argument("--fed", action="store_true", help="gas enters by the nozzle")
     parser.add_argument("--to", default="docs/pictures/sph_jet.png")
     parser.add_argument("--record", type=Path, default="jet.h5")
     given = parser.parse_args()
     if not given.record.exists():
-        scene = gr.scenes.jet_on_bed(spacing=given.spacing, fed=given.fed)
+        scene = gr.scenes.jet_on_bed(spacing=given.spacing)
         gr.Simulation(scene).run(save=given.record, every=EVERY)
     with gr.open(given.record) as record:
         for frame in record[1::3]:

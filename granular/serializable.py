@@ -11,6 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 from dataclasses import replace as _replace
 from functools import cached_property
+from importlib import import_module
 from typing import Any, Self
 
 import numpy as np
@@ -240,6 +241,9 @@ def _decode(value: Any) -> Any:
         return float(one_of("float", rest["value"], ("inf", "-inf")))
     if tag == "array":
         return _decode_array(**rest)
+    if tag not in _PARTS and str(tag).startswith("sph."):
+        # Parts of SPH are registered once they are imported, which `import granular` puts off.
+        import_module("granular.sph")
     if tag not in _PARTS:
         raise ValueError(f"type {tag!r} must be one of {list(_PARTS)}")
     return _PARTS[tag](**{name: _decode(entry) for name, entry in rest.items()})

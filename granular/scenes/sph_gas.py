@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular.checks import in_range, non_negative, positive, truth
+from granular.checks import in_range, non_negative, positive
 from granular.geometry import Box, Fill
 from granular.scenes._build import block, cells_across, gravity_down, level_cells, whole_cells
 from granular.scenes._registry import scene_function
@@ -18,10 +18,6 @@ __all__ = ["fluidised_bed", "jet_on_bed"]
 
 LAYERS = 5
 """Layers of particles in a wall, as in the thesis."""
-GAP_PRESSURE = 0.8
-"""Pressure of a gap in the gas, divided by that of the gas at the start."""
-
-
 bed_soil = Viscoplastic(rho0=1600.0, mu_l=0.8, mu_h=0.8)
 """Soil of the thesis (section 6.2.2)."""
 
@@ -137,7 +133,6 @@ def jet_on_bed(
     sound_speed: float = 300.0,
     permeability: float = 2e-10,
     viscosity: float = 1e-5,
-    fed: bool = False,
     duration: float = 0.075,
     material: Viscoplastic = bed_soil,
     numerics: Numerics | None = None,
@@ -151,17 +146,15 @@ def jet_on_bed(
 
     Chosen here, where the thesis states nothing: an ambient pressure of 1e5 Pa and a speed of sound
     of 300 m/s, neither of them artificial; grains of 2500 kg/m3, so that the porosity of the soil
-    is 0.36; gas up to 0.15 m above the soil, under a ceiling. The nozzle is a box 0.1 m wide and
-    two thirds as high below the ceiling, in which the gas is driven; it draws gas from its sides.
-    To allow this, the pressure at which the gas leaves gaps open, `Gas.pressure`, is 0.8 of the
-    initial one. If the nozzle is `fed`, gas of the initial density enters at its upper end, there
-    is no ceiling, and gas that rises higher leaves: as much as enters, once the jet is steady. The
-    ambient pressure is then the initial one. The scene is 2D unless `across` is positive.
+    is 0.36; gas up to 0.15 m above the soil. The nozzle is a box 0.1 m wide and two thirds as high
+    below the top of the gas, in which the gas is driven. Gas of the initial density enters at its
+    upper end, and gas that rises higher leaves: as much as enters, once the jet is steady. The
+    scene is 2D unless `across` is positive.
 
     Parameters
     ----------
     speed : float
-        Speed of the gas in the nozzle [m/s], >= 0 (> 0 if `fed`) and below the speed of sound.
+        Speed of the gas in the nozzle [m/s], > 0 and below the speed of sound.
     width, depth, headroom : float
         Width of the domain, depth of the soil, height of the gas above it [m]; whole spacings.
     nozzle : float
@@ -171,12 +164,9 @@ def jet_on_bed(
     spacing : float
         Spacing of the particles of the material, the walls and the gas [m].
     pressure : float
-        Initial pressure of the gas [Pa], > 0.
+        Initial and ambient pressure of the gas [Pa], > 0.
     sound_speed, permeability, viscosity : float
         See `Gas`.
-    fed : bool
-        If true, gas enters by the nozzle and leaves above the bed; if false, the nozzle drives gas
-        around in a closed box.
     material, numerics
         By default those of the thesis; h = 1.5 spacings, half the largest viscosity.
     {common}.
@@ -188,27 +178,26 @@ def jet_on_bed(
     level = (columns, *cells_across("across", across, spacing))
     in_range("nozzle", nozzle, spacing, width)
     sound_speed = in_range("sound_speed", sound_speed, *SOUND_SPEED)
-    in_range("speed", speed, 0.0, sound_speed, open_high=True, open_low=truth("fed", fed))
+    in_range("speed", speed, 0.0, sound_speed, open_high=True, open_low=True)
     density = positive("pressure", pressure) / sound_speed**2
     axis, still = len(level), (0.0,) * len(level)
     ends, top = tuple(n * spacing for n in level), (soil + above) * spacing
     low = max(top - 2.0 / 3.0 * nozzle, soil * spacing)
     middle = 0.5 * width
     box = Box((middle - 0.5 * nozzle, *still[1:], low), (middle + 0.5 * nozzle, *ends[1:], top))
-    floor = (Wall(axis, 0.0, 1, layers=LAYERS),)
     return Scene(
         name="jet_on_bed",
         **block(spacing, (*level, soil + above), (*ends, soil * spacing), periodic=range(axis)),
         material=material,
         numerics=numerics or wide,
-        walls=floor if fed else (*floor, Wall(axis, top, -1, layers=LAYERS)),
+        walls=(Wall(axis, 0.0, 1, layers=LAYERS),),
         gas=Gas(
             fills=(Fill(Box((*still, 0.0), (*ends, top)), 1, density=density),),
-            pressure=pressure if fed else GAP_PRESSURE * pressure,
+            pressure=pressure,
             sound_speed=sound_speed,
             permeability=permeability,
             viscosity=viscosity,
-            jets=(Jet(box, (*still, -speed), density if fed else None),),
+            jets=(Jet(box, (*still, -speed), density),),
         ),
         gravity=gravity_down(axis + 1, gravity),
         duration=duration,

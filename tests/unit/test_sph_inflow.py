@@ -37,7 +37,7 @@ def scene_of(*, inflows=None, **more):
 
 def fed_gas(**more):
     given = {"speed": 50.0, "width": 0.2, "depth": 0.06, "headroom": 0.12, "spacing": 0.02}
-    return gr.scenes.jet_on_bed(**given | {"nozzle": 0.08, "fed": True, "duration": 0.01} | more)
+    return gr.scenes.jet_on_bed(**given | {"nozzle": 0.08, "duration": 0.01} | more)
 
 
 def test_what_sph_does_not_have_is_refused():
@@ -126,8 +126,11 @@ def test_cost_counts_what_enters():
     scene = scene_of()
     assert cost.points == pytest.approx(scene.n_points + 0.3 * 8 / DX, abs=2)
     assert cost.unborn == pytest.approx(0.5 * 0.3 * 8 / DX, abs=2)
-    fed, closed = gr.economy.cost(fed_gas()), gr.economy.cost(fed_gas(fed=False))
-    assert fed.points - closed.points == pytest.approx(0.01 * 50 / 0.02 * 4, abs=1)
+    fed = fed_gas()
+    (jet,) = fed.gas.jets
+    closed = fed.replace(gas=replace(fed.gas, jets=(replace(jet, density=None),)))
+    more = gr.economy.cost(fed).points - gr.economy.cost(closed).points
+    assert more == pytest.approx(0.01 * 50 / 0.02 * 4, abs=1)
 
 
 def test_the_core_refuses_inlets_that_cannot_be():

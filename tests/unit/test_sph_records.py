@@ -4,6 +4,8 @@ import contextlib
 import dataclasses
 import math
 import re
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from operator import attrgetter
 
@@ -54,6 +56,15 @@ def test_scene_is_written_and_read():
     with pytest.raises(ValueError, match="not the JSON of a scene"):
         gr.Scene.from_json(scene.to_json())
     assert re.search("SPH|hydrodynamics", scene._repr_html_())
+
+
+def test_a_record_is_read_where_sph_was_not_used_before(tmp_path):
+    """In a process of its own, which has imported `granular` alone."""
+    scene = gr.scenes.incline_sph(height=0.05, duration=0.01)
+    gr.Simulation(scene, threads=1).run(save=tmp_path / "a.h5", every=0.01)
+    code = f"import granular as gr; print(gr.open({str(tmp_path / 'a.h5')!r}).scene.name)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert run.stdout.strip() == "incline_sph", run.stderr
 
 
 def test_the_scene_chooses_the_method():

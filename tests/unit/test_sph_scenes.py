@@ -37,6 +37,14 @@ def test_every_scene_is_whole(name):
     assert simulation.counts["dropped"] == 0 and np.isfinite(simulation.state.v).all()
 
 
+def test_the_jet_on_a_bed_is_fed_at_its_speed():
+    """Gas of the initial density enters the nozzle, as fast as the scene says."""
+    scene = scenes.jet_on_bed(**SMALL["jet_on_bed"])
+    (jet,), gas = scene.gas.jets, scene.gas
+    assert jet.density == gas.fills[0].density == pytest.approx(gas.pressure / gas.sound_speed**2)
+    assert jet.velocity == (0.0, -100.0) and len(scene.walls) == 1
+
+
 def test_slump_has_the_numbers_of_the_thesis():
     scene = scenes.slump_sph(phi_deg=20.0, dilation=0.5)
     grains = scene.material

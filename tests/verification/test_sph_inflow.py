@@ -127,7 +127,6 @@ def test_the_gas_of_a_fed_nozzle_keeps_its_density():
         headroom=0.16,
         nozzle=0.16,
         spacing=0.02,
-        fed=True,
         duration=0.02,
     )
     sim = sph.Simulation(scene, threads=1).run()
