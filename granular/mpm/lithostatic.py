@@ -91,8 +91,9 @@ def stress_shape(
     # The deviator over the pressure, within yield.
     deviator = S / k[:, None, None] - np.eye(3)
     tau = np.sqrt(0.5 * (deviator**2).sum(axis=(1, 2)))
-    borne = friction + cohesion / np.maximum(k * weight, _TINY)
-    deviator *= np.minimum(1.0, borne / np.maximum(tau, _TINY))[:, None, None]
+    with np.errstate(over="ignore"):  # what bears any deviator
+        borne = friction + cohesion / np.maximum(k * weight, _TINY)
+        deviator *= np.minimum(1.0, borne / np.maximum(tau, _TINY))[:, None, None]
     shape = (np.eye(3) + deviator)[:, *_COMPONENTS]
     return k, shape[:, :4] if scene.dim == 2 else shape
 

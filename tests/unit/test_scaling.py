@@ -130,7 +130,7 @@ def test_numbers_of_the_material_without_dimension_stay():
 NUMBERS = {
     *("nu", "mu_s", "mu_2", "mu", "rho_c", "rho_s", "I0", "b", "A", "xi", "friction", "density"),
     *("rotation_deg", "seed", "jitter", "vectors", "normal", "axis", "points_per_cell", "shape"),
-    *("faces", "h0_deg", "h1_deg", "h2", "h3_deg", "alpha", "mu_inf", "restitution"),
+    *("faces", "h0_deg", "h1_deg", "h2", "h3_deg", "alpha", "mu_inf", "restitution", "K0"),
 }
 """Fields without a dimension, or determined by gravity and density alone (xi by itself)."""
 

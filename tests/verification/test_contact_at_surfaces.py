@@ -238,7 +238,7 @@ def test_coulomb_wall_beside_a_body(rows):
     scene = gr.Scene(
         name="beside",
         grid=gr.Grid((left, 0.0), CELL, (34, rows + 4)),
-        fills=(gr.Fill(gr.Box((left, 0.0), (long, height)), 4, lithostatic=True),),
+        fills=(gr.Fill(gr.Box((left, 0.0), (long, height)), 4, lithostatic=True, K0=1.0),),
         material=gr.materials.glass_beads.replace(E=1e6, rho_c=RHO),
         gravity=gr.Gravity((0.0,), ((0.0, -G),)),
         walls=(gr.Wall(1, 0.0, kind="coulomb", friction=0.3), gr.Wall(0, long, kind="free_slip")),

@@ -119,7 +119,7 @@ def bed(*, cells=10, height=0.2, fills=None, **numbers):
     return gr.Scene(
         name="bed",
         grid=Grid((0.0, 0.0), cell, (4, cells + 6), periodic=(True, False)),
-        fills=fills or (Fill(layer, 4, lithostatic=True),),
+        fills=fills or (Fill(layer, 4, lithostatic=True, K0=1.0),),  # far from yield
         material=MuI(**numbers),
         walls=(gr.Wall(1, 0.0),),
         gravity=Gravity((0.0,), ((0.0, -9.8),)),
