@@ -329,13 +329,14 @@ GR_INLINE vd flow_of_cells(const int dim, const struct gr_engine *e, int64_t fir
             for (int d = 0; d < dim; d++) L[d * dim + j] = v_fma(v[d * K + i], slope, L[d * dim + j]);
         }
     for (int d = 0; d < dim; d++) trace = trace + L[d * dim + d];
-    const vd rate = kinematic_rate(dim, L), eta = averaged_share(e, e->dt, rate, own);
+    const vd rate = kinematic_rate(dim, L), origin = v_set(e->material_number[GR_MATERIAL_ORIGIN][0]),
+             eta = averaged_share(e, e->dt, rate, own - origin);
     vd c = v_fma(eta, across_faces(dim, e, first, drop), own - trace);
     c = c + v_keep(v_ge(own, v_set(e->material_number[GR_MATERIAL_SEPARATION][0])), v_set(e->servo_shift));
     const vd gap = v_load(average_of(e, GR_AVERAGE_LOG_PHI, first)) - c;
     const vd relaxed = relax_to_nodal_density(q, e->dt, rate, gap);
     const vd raised = c + relaxed, lowered = v_fma(v_load(average_of(e, GR_AVERAGE_INSIDE, first)), relaxed, c);
-    c = v_select(v_gt(zero, gap), v_select(v_ge(c, zero), lowered, c), v_select(v_gt(gap, zero), raised, c));
+    c = v_select(v_gt(zero, gap), v_select(v_ge(c, origin), lowered, c), v_select(v_gt(gap, zero), raised, c));
     shift_of_cells(dim, e, first, walls, L, rate, drop, shift);
     return v_keep(occupied(e, first), c); /* spare places have finite numbers */
 }

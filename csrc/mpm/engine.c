@@ -144,7 +144,9 @@ static int materials_are_valid(const struct gr_config *c)
     if (c->n_materials < 1 || c->n_materials > GR_MAX_MATERIALS) return 0;
     for (int k = 0; k < c->n_materials; k++) {
         const struct gr_material *m = &c->material[k];
-        if (!law_exists(m->law) || !(m->rho_c > 0) || !(m->K > 0) || !(m->separation_strain >= 0)) return 0;
+        if (!law_exists(m->law) || !(m->rho_c > 0) || !(m->K > 0) || !(m->separation_strain >= 0) ||
+            !isfinite(m->separation))
+            return 0;
         if (!(m->damping_time >= 0) || !isfinite(m->damping_time)) return 0;
         nonlocal += gr_law_at(m->law)->reaction != GR_LOCAL;
     }
@@ -205,8 +207,10 @@ static void prepare_materials(struct gr_engine *e)
             [GR_MATERIAL_FILLING] = first->rho_c / m->rho_c,
             [GR_MATERIAL_STIFFNESS] = m->K / first->K,
             [GR_MATERIAL_SOFTNESS] = first->K / m->K,
-            [GR_MATERIAL_SEPARATION] = -m->separation_strain,
-            [GR_MATERIAL_STRESSED] = bears_tension ? -m->separation_strain : -parameter_of(m, "tensile_strength") / m->K,
+            [GR_MATERIAL_SEPARATION] = m->separation - m->separation_strain,
+            [GR_MATERIAL_ORIGIN] = m->separation,
+            [GR_MATERIAL_STRESSED] =
+                bears_tension ? -m->separation_strain : m->separation - parameter_of(m, "tensile_strength") / m->K,
             [GR_MATERIAL_ILL_POSED] = m->ill_posed_rate * m->ill_posed_rate,
             [GR_MATERIAL_CROSSOVER] = m->crossover_rate,
             [GR_MATERIAL_DAMPED] = e->config.damping_rate > 0 ? m->damping_rate / e->config.damping_rate : 1,

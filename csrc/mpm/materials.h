@@ -12,6 +12,7 @@ struct gr_material {
     double rho_c, K;          /* kg/m^3; bulk modulus, Pa */
     double separation_strain; /* points with a log-density below minus this are disconnected; NO_SEPARATION of one that
                                  bears tension */
+    double separation;        /* log-density below which its law bears no stress; both are counted from here */
     double ill_posed_rate;    /* shear rate over sqrt(ln(rho/rho_c)) below which plastic flow is ill posed, 1/s */
     double damping_rate;      /* of the short waves in such a flow if it is slow, 1/s */
     double crossover_rate;    /* shear rate over ln(rho/rho_c) at which their growth is no longer elastic, 1/s */
@@ -31,7 +32,8 @@ struct gr_material {
     X(FILLING, "rho_c of the first material over its own: volumes as masses")  \
     X(STIFFNESS, "its K over that of the first: log-densities as pressures")   \
     X(SOFTNESS, "the inverse")                                                 \
-    X(SEPARATION, "minus the separation strain")                               \
+    X(SEPARATION, "log-density below which points are disconnected")           \
+    X(ORIGIN, "log-density at which its law separates")                        \
     X(STRESSED, "log-density from which points have stress")                   \
     X(ILL_POSED, "square of the ill-posed rate")                               \
     X(CROSSOVER, "crossover rate")                                             \

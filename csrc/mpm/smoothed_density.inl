@@ -75,10 +75,10 @@ GR_INLINE void add_volume(const int dim, const int basis, const struct gr_frame 
  *
  * with lengths in cells. The first term is a descent on the sum of E^2 over the nodes, E being the residual force. The
  * second makes a point forget where it has been. The third removes x_i, the excess of the mean weight at a node over
- * exp(cbar_i)/phi_i.
+ * exp(cbar_i)/phi_i. Points that are not connected are in none of these sums, and keep their weights.
  * Given: the modes of x and E. */
 GR_INLINE void correct_weights(const int dim, const int basis, struct gr_engine *e, const struct gr_shape *s, const vd *mode,
-                               int64_t at)
+                               vm connected, int64_t at)
 {
     const int K = gr_power(gr_nodes_1d(basis), dim);
     const struct gr_density_numbers *q = &e->config.density;
@@ -95,7 +95,7 @@ GR_INLINE void correct_weights(const int dim, const int basis, struct gr_engine 
     u = v_clamp(u, -q->weight_correction_limit, q->weight_correction_limit);
     if (__builtin_expect(e->config.n_materials > 1, 0)) /* an elastic body beside grains keeps its weights */
         u = v_select(v_gt(gr_of_material(e, GR_MATERIAL_SEPARATION, at), v_set(-NO_SEPARATION)), u, old);
-    v_store(place, u);
+    v_store(place, v_select(connected, u, old));
 }
 
 /* Density correction of the points at the places from `at` on: averaging, relaxation to the nodal density, particle shifting.
@@ -118,6 +118,7 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
     vd slope[3], gradient[3];
     const double interval = e->config.averaging_interval;
     const vd old = component(e, GR_FIELD_log_density, 0, at), flow = component(e, GR_FIELD_shear_rate, 0, at);
+    const vd origin = gr_of_material(e, GR_MATERIAL_ORIGIN, at);
     const vm stressed = v_ge(old, gr_of_material(e, GR_MATERIAL_STRESSED, at));
     const vm connected = v_ge(old, gr_of_material(e, GR_MATERIAL_SEPARATION, at));
     const vd strain = v_set(interval) * v_select(stressed, v_set(e->dt) * flow, kinematic_rate(dim, L));
@@ -125,11 +126,11 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
     vd near = gr_interpolate(dim, basis, 0, mode + GR_NODE_LOG_DENSITY * K, s, g, gradient);
     if (__builtin_expect(e->config.n_materials > 1, 0)) near = near * gr_of_material(e, GR_MATERIAL_SOFTNESS, at);
     (void)gr_interpolate(dim, basis, 0, mode + GR_NODE_EXCESS * K, s, g, slope);
-    vd c = v_fma(v_keep(connected, averaged_share(e, interval * e->dt, strain, old)), near - old, old - trace);
+    vd c = v_fma(v_keep(connected, averaged_share(e, interval * e->dt, strain, old - origin)), near - old, old - trace);
     for (int d = 0; d < dim; d++)
         v_store(gr_numbers(e, GR_FIELD_density_gradient, d, at), v_keep(connected, gradient[d] * v_set(inv_dx)));
     c = c + v_keep(connected, v_set(e->servo_shift));
-    c = c + v_keep(v_ge(c, v_zero()), relax_to_nodal_density(q, interval * e->dt, strain, gap));
+    c = c + v_keep(v_ge(c, origin), relax_to_nodal_density(q, interval * e->dt, strain, gap));
     if (e->config.damping_rate > 0) v_store(gr_numbers(e, GR_FIELD_damping, 0, at), damped_share(e, flow, old, at));
     vd length = v_zero();
     for (int d = 0; d < dim; d++) {
@@ -143,7 +144,7 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
         for (int d = 0; d < dim; d++) delta[d] = delta[d] * scale;
     }
     if (walls->any) hold_at_walls(dim, walls, s->xi, delta);
-    correct_weights(dim, basis, e, s, mode, at);
+    correct_weights(dim, basis, e, s, mode, connected, at);
     for (int d = 0; d < dim; d++) {
         shift_velocity[d] = v_zero();
         for (int j = 0; j < dim; j++) shift_velocity[d] = v_fma(L[d * dim + j], delta[j], shift_velocity[d]);

@@ -220,6 +220,7 @@ static int take_materials(struct gr_config *c, PyObject *list)
         if (m->law < 0) return gr_refuse("there is no law \"%s\"", name);
         if (take_number(numbers, "rho_c", &m->rho_c) || take_number(numbers, "K", &m->K) ||
             take_number(numbers, "separation_strain", &m->separation_strain) ||
+            take_number(numbers, "separation", &m->separation) ||
             take_number(numbers, "ill_posed_rate", &m->ill_posed_rate) ||
             take_number(numbers, "damping_rate", &m->damping_rate) ||
             take_number(numbers, "crossover_rate", &m->crossover_rate) ||

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from granular.checks import finite, kinds_of, one_of, truth
+from granular.checks import check_fields, finite, in_range, kinds_of, one_of, truth
 from granular.materials.base import Material
 from granular.materials.law_functions import (
     MOST_HISTORY,
@@ -70,6 +70,11 @@ class OwnLaw(Material):
         Variables that every point keeps, with their initial values; 4 at most.
     bears_tension : bool
         True for a material that is never disconnected, such as a solid.
+    separation : float
+        Logarithm of rho/rho_c below which the law bears no stress, from -1 to 1; 0 for one whose
+        densest stress-free state has the density rho_c. The density corrections leave out the
+        points that are less dense by more than the `separation_strain` of the scheme, so that a law
+        with stress there, such as one that dilates, should say so. Must be 0 if it bears tension.
 
     Raises
     ------
@@ -83,6 +88,7 @@ class OwnLaw(Material):
     parameters: Mapping[str, float] = field(default_factory=Ordered)
     history: Mapping[str, float] = field(default_factory=Ordered)
     bears_tension: bool = False
+    separation: float = 0.0
 
     flow = "own"
 
@@ -97,7 +103,12 @@ class OwnLaw(Material):
             raise ValueError(f'elasticity = {self.elasticity!r} must be "hypoelastic" here')
         kinds_of(self, name=str, source=str, parameters=Mapping, history=Mapping)
         one_of("language", self.language, LANGUAGES)
-        truth("bears_tension", self.bears_tension)
+        check_fields(self, in_range, "separation", low=-1.0, high=1.0)
+        if truth("bears_tension", self.bears_tension) and self.separation:
+            raise ValueError(
+                f"separation = {self.separation} must be 0 with bears_tension = True: such a "
+                "material is never disconnected"
+            )
         for name, most in (("parameters", MOST_NUMBERS), ("history", MOST_HISTORY)):
             given = {key: finite(f"{name}[{key!r}]", v) for key, v in getattr(self, name).items()}
             if len(given) > most:
@@ -246,6 +257,7 @@ def from_function(
     nu: float = 0.3,
     rho_c: float = 1500.0,
     bears_tension: bool = False,
+    separation: float = 0.0,
 ) -> OwnLaw:
     """Make a material with a constitutive law of one's own.
 
@@ -278,6 +290,9 @@ def from_function(
         See `Material`.
     bears_tension : bool
         True for a material that is never disconnected, such as a solid.
+    separation : float
+        Logarithm of rho/rho_c below which the law bears no stress, from -1 to 1: of a law with
+        p = K max(log_density - a, 0) it is a. See `OwnLaw`.
 
     Returns
     -------
@@ -296,8 +311,9 @@ def from_function(
     Notes
     -----
     Points far from contact are among those given: stress-free ones with a log_density below 0.
-    What the pressure is, and when material separates, is for the function to decide; the laws here
-    take ``p = K log_density`` where log_density >= 0, and no stress elsewhere.
+    What the pressure is, and when material separates, is for the function to decide, and
+    `separation` tells the scheme; the laws here take ``p = K log_density`` where log_density >= 0,
+    and no stress elsewhere.
 
     Spare places are among the points, too. Their numbers are finite, and what becomes of them does
     not matter. A function must treat each point by itself, or the result depends on the number of
@@ -337,6 +353,7 @@ def from_function(
         parameters={} if parameters is None else parameters,
         history={} if history is None else history,
         bears_tension=bears_tension,
+        separation=separation,
     )
     _SOURCES[language, called] = source
     if language == "c":

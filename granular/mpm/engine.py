@@ -97,6 +97,7 @@ def _material_row(scene: Scene, material: Material, runs: bool) -> _core.Materia
         "K": material.K,
         # material that bears tension is never disconnected
         "separation_strain": separation if material.granular else UNBOUNDED,
+        "separation": getattr(material, "separation", 0.0),
         "damping_time": material.damping_time,
         **damping(scene, material),
     }
@@ -267,6 +268,10 @@ def fields_of(scene: Scene, points: Points) -> dict[str, NDArray]:
     )
     k, shape = stress_shape(scene, points, weight, friction, cohesion)
     compression = rest_compression(k * weight, K, hencky)
+    origin = np.array([getattr(m, "separation", 0.0) for m in scene.materials])[number]
+    lithostatic = np.array([source.lithostatic for source in scene.sources])[points.fill]
+    # The weight compresses from the density on at which the law begins to bear stress.
+    compression = compression + np.where(lithostatic, origin, 0.0)
     log_density = np.log(points.density / rho_c) + compression
     fields = {
         "x": points.x,
@@ -285,9 +290,9 @@ def fields_of(scene: Scene, points: Points) -> dict[str, NDArray]:
     cohesive = np.array([getattr(material, "cohesion", 0.0) > 0 for material in scene.materials])
     if cohesive.any():
         fields["separated"] = (cohesive[number] & (log_density < 0)).astype(np.float64)
-    pressed = np.where(granular, log_density > 0, hencky | (points.depth > 0))
+    pressed = np.where(granular, log_density > origin, hencky | (points.depth > 0))
     if pressed.any():
-        pressure = K * log_density * np.where(hencky, np.exp(log_density), 1.0)
+        pressure = K * (log_density - origin) * np.where(hencky, np.exp(log_density), 1.0)
         held = np.where(pressed, pressure, 0.0)[:, None]
         fields["stress"] = np.concatenate([-held * shape[:, :3], 0.0 - held * shape[:, 3:]], axis=1)
     flows = np.array([material.has_fluidity for material in scene.materials])

@@ -73,6 +73,8 @@ REMEDIES = MappingProxyType(
         "else a larger E, or schemes.cell_averaged",
         "in_bodies": "take smaller cells, a smaller cfl, or a thicker body",
         "in_solids": "put a Wall on the faces that material hits fast, and fill no blocks",
+        "weights_at_limit": "say where a law of your own separates (`separation`), or take more "
+        "points per cell",
         "wall_strain": "fill the domain, without a free surface, or take a larger E",
         "gaps": "take more points per cell",
         "courant": "take a smaller cfl, or no fixed dt",
@@ -81,6 +83,10 @@ REMEDIES = MappingProxyType(
     }
 )
 """Remedies for indicators of failure beyond their limits."""
+
+
+AT_LIMIT = 0.999
+"""Share of the limit of a quadrature weight from which it counts as held there."""
 
 
 INDICATORS: tuple[tuple[str, str, float | None, str], ...] = (
@@ -97,6 +103,13 @@ INDICATORS: tuple[tuple[str, str, float | None, str], ...] = (
         0.0,
         f"share, by mass, of the points more than {DEEPEST} cells within a body: beyond the limit "
         "bodies leak",
+    ),
+    (
+        "weights_at_limit",
+        "later",
+        0.3,
+        "share, by mass, of the stressed points whose quadrature weights are at their limit: "
+        "beyond 0.3 their correction no longer balances the forces",
     ),
     (
         "wall_strain",

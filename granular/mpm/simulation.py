@@ -22,6 +22,7 @@ from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.body_overlaps import check_overlaps
 from granular.mpm.free_bodies import INTERVAL, FreeBodies
 from granular.mpm.inflow_state import account
+from granular.mpm.limits import AT_LIMIT
 from granular.mpm.rigid_contact import touch_solids
 from granular.mpm.scene import Scene
 from granular.mpm.wall_owners import wall_owners
@@ -289,6 +290,11 @@ class Simulation(simulation.Simulation, scenes=Scene):
         for servo in self.scene.servos:
             moved = abs(float(self.walls[servo.wall].displacement))
             found["wall_strain"] = moved / core.extent(self.scene, servo.axis)
+        dense = state.dense
+        if "weight_correction" in state.fields and dense.any():
+            most = AT_LIMIT * self.scene.scheme.density.numbers()["weight_correction_limit"]
+            held = dense & (np.abs(state.weight_correction) >= most)
+            found["weights_at_limit"] = float(state.mass[held].sum() / state.mass[dense].sum())
         if state.n and any(isinstance(wall, Solid) for wall in self.scene.walls):
             within = deep_within(self.scene.grid, self.scene.walls, state.x)
             found["in_solids"] = float(state.mass[within].sum() / state.mass.sum())

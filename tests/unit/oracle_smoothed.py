@@ -86,15 +86,16 @@ def average(scene, points, new, nodes, L, dt):
     delta = delta * scale[:, None]
     delta = held_at_walls(scene, points["x"], delta)
     borrowed = np.einsum("pdj,pj->pd", L, delta)
-    u = points["weight_correction"]
+    kept = points["weight_correction"]
     divergence = np.einsum("kj,pkj->p", nodes.uneven[s.node], s.g * dx)
     u = (
-        u
+        kept
         - q.weight_correction * divergence
-        - q.weight_correction_decay * u
+        - q.weight_correction_decay * kept
         - s.w @ nodes.excess[s.node]
     )
-    new["weight_correction"] = np.clip(u, -q.weight_correction_limit, q.weight_correction_limit)
+    u = np.clip(u, -q.weight_correction_limit, q.weight_correction_limit)
+    new["weight_correction"] = np.where(joins, u, kept)
     gradient = np.einsum("k,pkj->pj", nodes.cbar[s.node], s.g)
     new["density_gradient"] = np.where(joins[:, None], gradient, 0.0).reshape(-1, dim)
     new["log_density"], new["x"] = c, new["x"] + delta

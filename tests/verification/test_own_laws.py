@@ -89,6 +89,77 @@ def test_points_keep_their_history(tmp_path):
     assert np.array_equal(again.state.history, sim.state.history)
 
 
+def shifted(dt, parameters, gradient, log_density, stress, shear_rate, history):
+    """p = K max(c - a, 0) and tau <= mu p, elastic below."""
+    K, G, a, mu = parameters[:4]
+    p = K * np.maximum(log_density - a, 0.0)
+    deviator = stress.copy()
+    deviator[:3] -= stress[:3].mean(axis=0)
+    tau = np.sqrt(0.5 * (deviator[:3] ** 2).sum(axis=0) + (deviator[3:] ** 2).sum(axis=0))
+    stress[:] = deviator * np.minimum(1.0, mu * p / np.maximum(tau, 1e-300))
+    stress[:3] -= p
+    shear_rate[:] = np.maximum(tau - mu * p, 0.0) / (G * dt)
+
+
+def bed_of(a, density, separation):
+    """A bed of points at random places that bears its weight from the start."""
+    law = from_function(shifted, parameters={"a": a, "mu": 0.5}, separation=separation)
+    cell, averaged = 0.02, isinstance(density, gr.CellAveragedDensity)
+    return gr.Scene(
+        name="bed",
+        grid=gr.Grid((0.0, 0.0), cell, (6, 26), periodic=(True, False)),
+        fills=(gr.Fill(gr.Box((0.0, 0.0), (0.12, 0.4)), 4, jitter=0.3, lithostatic=True),),
+        material=law,
+        walls=(gr.Wall(1, 0.0),),
+        gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
+        scheme=gr.Scheme(basis="linear" if averaged else "quadratic", density=density),
+        duration=1.0,
+    )
+
+
+def borne(sim):
+    """Vertical stress over the weight above, mean over rows of cells and over half a second."""
+    shares = []
+    for time in np.linspace(0.5, 1.0, 11):
+        state = sim.run(until=time).state
+        row = (state.x[:, 1] / 0.02).astype(int)
+        mass = np.bincount(row, state.mass, minlength=26)
+        above = (np.cumsum(mass[::-1])[::-1] - 0.5 * mass) * 9.8 / 0.12
+        stress = np.bincount(row, -state.stress[:, 1] * state.mass, minlength=26)
+        shares.append((stress[3:14] / mass[3:14] / above[3:14]).mean())
+    return np.mean(shares)
+
+
+@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
+@pytest.mark.parametrize("a", [-0.05, -0.03, 0.1])
+@pytest.mark.parametrize(
+    "density", [gr.SmoothedDensity(), gr.CellAveragedDensity(), gr.ParticleDensity()]
+)
+def test_a_law_says_where_it_separates(a, density):
+    sim = gr.Simulation(bed_of(a, density, a), threads=1)
+    assert borne(sim) == pytest.approx(1.0, abs=0.02)
+    assert "weights_at_limit" not in {found.name for found in sim.health().suspect}
+
+
+@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
+def test_points_that_count_as_disconnected_keep_their_weights():
+    """A law that does not say that it bears pressure there: the stress was 0.64 of the weight."""
+    scene = bed_of(-0.03, gr.SmoothedDensity(), 0.0)
+    (fill,) = scene.fills
+    loose = dataclasses.replace(fill, lithostatic=False, density=1500.0 * np.exp(-0.03))
+    slow = gr.Gravity((0.0, 0.3), ((0.0, 0.0), (0.0, -9.8)))
+    sim = gr.Simulation(scene.replace(fills=(loose,), gravity=slow), threads=1)
+    assert borne(sim) == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
+def test_weights_at_their_limit_make_a_run_suspect():
+    """Points at random places, whose weights are hardly allowed to differ."""
+    narrow = gr.SmoothedDensity(weight_correction_limit=1e-3)
+    sim = gr.Simulation(bed_of(0.0, narrow, 0.0), threads=1).run(until=0.1)
+    assert "weights_at_limit" in {found.name for found in sim.health().suspect}
+
+
 def broken(dt, parameters, gradient, log_density, stress, shear_rate, history):
     raise ZeroDivisionError("a fault of the user")
 
@@ -136,6 +207,10 @@ def test_faults_are_told(monkeypatch):
         from_function(eval("lambda *points: None"))
     with pytest.raises(TypeError, match="update = 3 must be a function"):
         from_function(3)
+    with pytest.raises(ValueError, match=r"separation = 2\.0 must"):
+        from_function(worn, separation=2.0)
+    with pytest.raises(ValueError, match=r"separation = 0\.1 must be 0 with bears_tension"):
+        from_function(worn, separation=0.1, bears_tension=True)
     with pytest.raises(ValueError, match="compiler = 'jit' must be one of"):
         from_function(worn, compiler="jit")
     with pytest.raises(ValueError, match=r"history = .* must be 4 numbers at most"):
