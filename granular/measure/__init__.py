@@ -32,6 +32,7 @@ from granular.measure.discharge import discharge as discharge
 from granular.measure.discharge import mass_history as mass_history
 from granular.measure.drum import DrumFlow as DrumFlow
 from granular.measure.drum import drum_flow as drum_flow
+from granular.measure.effective_opening import EffectiveOpening as EffectiveOpening
 from granular.measure.energy import Energy as Energy
 from granular.measure.energy import EnergyBudget as EnergyBudget
 from granular.measure.energy import energy as energy

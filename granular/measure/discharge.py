@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from granular.checks import integer, non_negative, positive, truth
 from granular.gravity import EARTH
 from granular.measure.averaging_grid import Array
+from granular.measure.effective_opening import EffectiveOpening
 from granular.state import State
 from granular.symmetric import modelled_share
 
@@ -36,12 +37,15 @@ class MassHistory:
         Part of the full silo that is modelled: 1, or 1/2 or 1/4 between planes of symmetry.
     total : bool
         True if `mass` is that of the full silo.
+    opening : EffectiveOpening or None
+        Width as which the opening acts, if that is known.
     """
 
     times: Array
     mass: Array
     share: float
     total: bool = True
+    opening: EffectiveOpening | None = None
 
 
 @dataclass(frozen=True)
@@ -65,6 +69,14 @@ class Discharge:
     mass : (float, float)
         Mass in the silo at these times [kg; in 2D per metre of depth], of the same part as the
         rate.
+    opening : EffectiveOpening or None
+        Width as which the opening acts in these cells; None where that was not measured.
+    corrected : float
+        Rate of an opening that acts as wide as it is between its edges, ``opening.width``: `rate`
+        times ``opening.factor`` [kg/s]; nan where that is not known.
+    corrected_uncertainty : float
+        Uncertainty of `corrected` by that of the effective opening and by half of `window_spread`,
+        added in squares [kg/s].
     """
 
     rate: float
@@ -73,6 +85,9 @@ class Discharge:
     frames: int
     times: tuple[float, float]
     mass: tuple[float, float]
+    opening: EffectiveOpening | None
+    corrected: float
+    corrected_uncertainty: float
 
 
 @dataclass(frozen=True)
@@ -138,7 +153,9 @@ def mass_history(trajectory: Iterable[State], *, total: bool = True) -> MassHist
         scene = scenes[0]
     share = modelled_share(scene)
     times, mass = (np.array(row, dtype=float) for row in rows)
-    return MassHistory(times, mass / share if total else mass, share, truth("total", total))
+    opening = EffectiveOpening.of(scene)
+    given = mass / share if truth("total", total) else mass
+    return MassHistory(times, given, share, total, opening)
 
 
 def discharge(
@@ -150,7 +167,8 @@ def discharge(
     """Rate of discharge by linear regression of the mass over time, within a window of mass.
 
     Dunatunga & Kamrin 2015, section 4.2, take the frames at which the full silo holds 1200 to
-    900 kg.
+    900 kg. An opening acts wider or narrower than it is by a part of a cell; the rate that is
+    corrected for this comes with its uncertainty.
 
     Parameters
     ----------
@@ -185,13 +203,23 @@ def discharge(
         )
     rate, error = _regression(times, mass)
     factor = 1.0 if truth("total", total) else history.share
+    rate, error = factor * rate, factor * error
+    spread = factor * _window_spread(times, mass, upper, lower)
+    opening, corrected, uncertainty = history.opening, math.nan, math.nan
+    if opening is not None:
+        corrected = opening.factor * rate
+        of_window = 0.5 * opening.factor * (spread if math.isfinite(spread) else error)
+        uncertainty = math.hypot(opening.relative_uncertainty * corrected, of_window)
     return Discharge(
-        rate=factor * rate,
-        standard_error=factor * error,
-        window_spread=factor * _window_spread(times, mass, upper, lower),
+        rate=rate,
+        standard_error=error,
+        window_spread=spread,
         frames=len(times),
         times=(float(times[0]), float(times[-1])),
         mass=(factor * float(mass[0]), factor * float(mass[-1])),
+        opening=opening,
+        corrected=corrected,
+        corrected_uncertainty=uncertainty,
     )
 
 

@@ -7,7 +7,8 @@ import pytest
 from refusals import refused
 from synthetic import scene, state
 
-from granular.measure import MassHistory, beverloo, discharge, mass_history
+import granular as gr
+from granular.measure import EffectiveOpening, MassHistory, beverloo, discharge, mass_history
 
 
 def silo(rate, *, half=False, orifice=0.1, frames=200, end=4.0, dim=2):
@@ -62,6 +63,26 @@ def test_a_changing_rate_shows_in_the_spread_of_the_window():
     # the rate is 0.1 m: between the means of the two halves of the window it falls by a tenth
     assert result.window_spread == pytest.approx(0.1 * 150, rel=0.05)
     assert result.standard_error < result.window_spread / 20
+
+
+@pytest.mark.parametrize(("scheme", "wider"), [("default", -1.05), ("cell_averaged", -1.4)])
+def test_the_rate_is_corrected_for_the_effective_opening(scheme, wider):
+    """Half a silo of 8 cells in its opening, which acts narrower by a cell and more."""
+    given = {"cell": 0.02, "scheme": getattr(gr.schemes, scheme)}
+    scene = gr.scenes.silo(orifice=0.16, edge="wall", **given)
+    as_published = EffectiveOpening.of(gr.scenes.silo(orifice=0.16, **given))
+    assert as_published.width == pytest.approx(0.2)  # the bottom begins a cell further out
+    mass = 0.5 * (1500 - 200 * np.linspace(0, 4, 200))
+    record = SimpleNamespace(scene=scene, series={"time": np.linspace(0, 4, 200), "mass": mass})
+    for total, share in ((True, 1.0), (False, 0.5)):
+        found = discharge(record, total=total)
+        assert found.opening.effective == pytest.approx(0.16 + wider * 0.02)
+        factor = (8 / (8 + wider)) ** 1.5
+        assert found.corrected == pytest.approx(factor * 200 * share, rel=1e-9)
+        assert found.rate == pytest.approx(200 * share, rel=1e-9)
+        expected = 1.5 * 0.1 / (8 + wider) * found.corrected
+        assert found.corrected_uncertainty == pytest.approx(expected, rel=1e-6)
+    assert np.isnan(discharge(silo(200.0)).corrected)  # a scheme that was not measured
 
 
 def test_the_history_of_a_series_needs_no_frames():
