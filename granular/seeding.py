@@ -257,8 +257,8 @@ def _slopes(
 ) -> NDArray[np.float64]:
     """Horizontal gradient of the load above places in a fill, over its density, shape (n, dim).
 
-    By differences over a cell, one-sided at the ends of the fill: what fills the gaps of others is
-    known to a step of the rays only.
+    The smaller of the differences over a cell on either side, or of the next two on one side at the
+    ends of the fill, and 0 where they differ in sign: the edge of a load is a jump, not a slope.
     """
     found, region = np.zeros_like(x), fills[own].region
     alone = sum(fill.lithostatic for fill in fills) == 1
@@ -266,18 +266,25 @@ def _slopes(
     # Squares of single points have no slope of their own.
     if level or isinstance(region, (Cloud, Mask)):
         return found
+    reach = 4 * fills[own].points_per_axis * step  # what fills gaps of others is known to a step
 
     def load(places: NDArray[np.float64]) -> NDArray[np.float64]:
         depth, others = _loads(fills, own, places, above, rho_c, step)
-        return depth + others / rho_c[own]
+        loads = depth + others / rho_c[own]
+        return np.where(region.contains(places), loads, np.nan)
 
-    here, reach = load(x), 4 * fills[own].points_per_axis * step
+    here = load(x)
     for along in _level_axes(above):
-        sides = [x + sign * reach * along for sign in (1.0, -1.0)]
-        inside = [region.contains(places) for places in sides]
-        loads = [np.where(there, load(p), here) for p, there in zip(sides, inside, strict=True)]
-        length = reach * np.maximum(np.sum(inside, axis=0), 1)
-        found += ((loads[0] - loads[1]) / length)[:, None] * along
+        sides = []
+        for sign in (1.0, -1.0):
+            near = load(x + sign * reach * along)
+            change, ends = near - here, np.isnan(near)
+            inward = x[ends] - sign * reach * along
+            change[ends] = load(inward) - load(inward - sign * reach * along)
+            sides.append(sign * change / reach)
+        agree = sides[0] * sides[1] > 0  # not where a place is outside the fill
+        smaller = np.where(np.abs(sides[0]) < np.abs(sides[1]), *sides)
+        found += np.where(agree, smaller, 0.0)[:, None] * along
     return found
 
 

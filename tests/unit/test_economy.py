@@ -443,11 +443,13 @@ def test_points_and_memory_of_every_scene(name):
     found = gr.economy.cost(scene)
     gas = getattr(scene, "gas", None)
     points = scene.n_points + (len(gas.points(scene.grid, 0).x) if gas else 0)
-    for inflow in getattr(scene, "inflows", ()):
+    entering = [(i, i.points_per_cell) for i in getattr(scene, "inflows", ())]
+    entering += [(jet, 1) for jet in (gas.jets if gas else ()) if jet.density]
+    for inflow, per_cell in entering:
         box, axis = inflow.region, int(np.argmax(np.abs(inflow.velocity)))
         swept = np.array(box.upper) - np.array(box.lower)
         swept[axis] = abs(inflow.velocity[axis]) * scene.duration
-        points += inflow.points_per_cell * np.prod(swept / scene.grid.cell)
+        points += per_cell * np.prod(swept / scene.grid.cell)
     assert found.points == pytest.approx(points, rel=0.01)
     assert found.steps > 0 and found.seconds > 0
     walls = len(scene.wall_points()["x"]) if scene.method == "sph" else 0

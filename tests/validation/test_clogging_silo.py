@@ -36,7 +36,7 @@ def outflow(states, start):
     return (mass[0] - mass[1]) / (history.times[-1] - start)
 
 
-@pytest.mark.parametrize(("A", "opening", "duration"), [(1.0, 1, 0.7), (2.0, 1, 0.6)])
+@pytest.mark.parametrize(("A", "opening", "duration"), [(1.0, 1, 0.7), (2.0, 1, 0.8)])
 def test_small_openings_clog(A, opening, duration):
     """Shorter runs would still see the material below the arch fall out."""
     assert verdict(duration, A=A, opening_over_d=opening) == "static"
