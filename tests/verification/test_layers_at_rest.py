@@ -165,7 +165,7 @@ def test_a_slope_begins_in_balance(name, K0):
 
 
 def test_the_edge_of_a_load_is_a_jump_and_no_slope():
-    """Below a load on half of a bed nothing is sheared, or pressed by more than the weight above."""
+    """Below a load on half of a bed nothing is sheared or pressed by more than the weight above."""
     box = {"bed": gr.Box((0.0, 0.0), (1.0, 0.2)), "load": gr.Box((0.5, 0.2), (1.0, 0.4))}
     fills = tuple(gr.Fill(region, 4, lithostatic=True) for region in box.values())
     state = gr.Simulation(sloping(2, fills), threads=1).state
