@@ -34,7 +34,7 @@ JITTER = 0.3
 
 HEADER = ("problem", "changed", "cells", "coefficient", "over that of the upper angle", "time [s]")
 SCHEMES = {
-    "no damping of short waves": Scheme(density=SmoothedDensity(damped_waves=0.0)),
+    "no damping of flutter": Scheme(density=SmoothedDensity(flutter_damping=0.0)),
     "density of each particle": Scheme(density=ParticleDensity()),
     "cell-averaged density": gr.schemes.cell_averaged,
 }

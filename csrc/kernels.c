@@ -32,6 +32,7 @@ static const struct gr_law *const laws[] = {
 #include "mpm/sleep.h"
 #include "mpm/damping.inl"
 #include "mpm/elastic_damping.inl"
+#include "mpm/flutter.inl"
 #include "mpm/smoothed_density.inl"
 #include "mpm/p2g.inl"
 #include "mpm/xpic.inl"
@@ -138,13 +139,11 @@ static void sum_nodes(const struct gr_engine *e, int64_t group, int damped, int 
     GR_X(2, 4, 0, 0)
     GR_X(2, 4, 1, 0)
     GR_X(2, 9, 0, 0)
-    GR_X(2, 9, 1, 0)
-    GR_X(2, 9, 1, 1)
+    GR_X(2, 9, 0, 1)
     GR_X(3, 8, 0, 0)
     GR_X(3, 8, 1, 0)
     GR_X(3, 27, 0, 0)
-    GR_X(3, 27, 1, 0)
-    GR_X(3, 27, 1, 1)
+    GR_X(3, 27, 0, 1)
 #undef GR_X
 }
 
@@ -152,8 +151,7 @@ static void sum_nodes(const struct gr_engine *e, int64_t group, int damped, int 
 /* Copy the fields of nodes that the points will see, for groups of nodes that do not rest. */
 static void narrow_nodes(struct gr_engine *e, int64_t first, int64_t last)
 {
-    const int motion = GR_NODE_DAMPING(e->config.dim) + e->config.smoothed;
-    const int fields = gr_averages(e, e->step) ? GR_NODE_FIELDS(e->config.dim, 1) : motion;
+    const int fields = GR_NODE_FIELDS(e->config.dim, gr_averages(e, e->step));
     for (int64_t n = first * GR_LANES; n < last * GR_LANES; n += GR_LANES) {
         if (gr_group_rests(e, n)) continue;
         for (int f = 0; f < fields; f++)

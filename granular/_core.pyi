@@ -151,6 +151,7 @@ class Engine:
         density: int,
         single: int,
         averaging_interval: int,
+        flutter_interval: int,
         pressure_from_density: int,
         materials: list[MaterialRow],
         isa: str,

@@ -23,26 +23,27 @@ enum gr_need {
 };
 
 /* X(name, kind, needed by, unit, description) */
-#define GR_FIELDS(X)                                                                                              \
-    X(x, GR_VECTOR, GR_ALWAYS, "m", "position")                                                                   \
-    X(v, GR_VECTOR, GR_ALWAYS, "m/s", "velocity")                                                                 \
-    X(stress, GR_STRESS, GR_ALWAYS, "Pa", "Cauchy stress, tension positive")                                      \
-    X(log_density, GR_SCALAR, GR_ALWAYS, "1", "ln(rho/rho_c); above zero the material is dense")                  \
-    X(mass, GR_SCALAR, GR_ALWAYS, "kg", "mass (in 2D per metre of depth)")                                        \
-    X(shear_rate, GR_SCALAR, GR_ALWAYS, "1/s", "equivalent plastic shear rate of the last step")                  \
-    X(affine, GR_TENSOR, GR_AFFINE, "1/s", "affine velocity field carried to the grid")                           \
-    X(density_gradient, GR_VECTOR, GR_SMOOTHED, "1/m", "gradient of log_density, used by its averaging")          \
-    X(shift_velocity, GR_VECTOR, GR_SMOOTHED, "m/s", "change of velocity by particle shifting")                   \
-    X(weight_correction, GR_SCALAR, GR_SMOOTHED, "1", "relative excess of the quadrature weight over the volume") \
-    X(damping, GR_SCALAR, GR_DAMPED, "1", "share of the largest damping of differences to the grid's velocity")   \
-    X(g, GR_SCALAR, GR_NONLOCAL, "1/s", "granular fluidity, shear_rate/mu in flow; 0 where stress-free")          \
-    X(g_gain, GR_SCALAR, GR_BALANCED, "1/s", "increment of the fluidity by the law in the last substep")          \
-    X(side, GR_SCALAR, GR_SIDED, "1", "side of a thin body, 1 or -1; 0 away from thin bodies")                    \
-    X(contact_force, GR_VECTOR, GR_TOUCHED, "N", "force of the bodies in the last step; 0 away from them")        \
-    X(plastic_strain, GR_SCALAR, GR_HARDENING, "1", "norm of the plastic strain, summed over the steps")          \
-    X(separated, GR_SCALAR, GR_COHESIVE, "1", "1 where cohesive material came apart and has not touched since")   \
-    X(material, GR_SCALAR, GR_SEVERAL, "1", "number of the material in `scene.materials`")                        \
-    X(history, GR_FOUR, GR_REMEMBERS, "1", "variables of a law of one's own, in the order of its `history`")      \
+#define GR_FIELDS(X)                                                                                                  \
+    X(x, GR_VECTOR, GR_ALWAYS, "m", "position")                                                                       \
+    X(v, GR_VECTOR, GR_ALWAYS, "m/s", "velocity")                                                                     \
+    X(stress, GR_STRESS, GR_ALWAYS, "Pa", "Cauchy stress, tension positive")                                          \
+    X(log_density, GR_SCALAR, GR_ALWAYS, "1", "ln(rho/rho_c); above zero the material is dense")                      \
+    X(mass, GR_SCALAR, GR_ALWAYS, "kg", "mass (in 2D per metre of depth)")                                            \
+    X(shear_rate, GR_SCALAR, GR_ALWAYS, "1/s", "equivalent plastic shear rate of the last step")                      \
+    X(affine, GR_TENSOR, GR_AFFINE, "1/s", "affine velocity field carried to the grid")                               \
+    X(density_gradient, GR_VECTOR, GR_SMOOTHED, "1/m", "gradient of log_density, used by its averaging")              \
+    X(shift_velocity, GR_VECTOR, GR_SMOOTHED, "m/s", "change of velocity by particle shifting")                       \
+    X(weight_correction, GR_SCALAR, GR_SMOOTHED, "1", "relative excess of the quadrature weight over the volume")     \
+    X(overstress, GR_SCALAR, GR_DAMPED, "1", "damping of flutter: share of the deviator of `stress` added in forces") \
+    X(mean_shear_rate, GR_SCALAR, GR_DAMPED, "1/s", "running mean of shear_rate, for this damping")                   \
+    X(g, GR_SCALAR, GR_NONLOCAL, "1/s", "granular fluidity, shear_rate/mu in flow; 0 where stress-free")              \
+    X(g_gain, GR_SCALAR, GR_BALANCED, "1/s", "increment of the fluidity by the law in the last substep")              \
+    X(side, GR_SCALAR, GR_SIDED, "1", "side of a thin body, 1 or -1; 0 away from thin bodies")                        \
+    X(contact_force, GR_VECTOR, GR_TOUCHED, "N", "force of the bodies in the last step; 0 away from them")            \
+    X(plastic_strain, GR_SCALAR, GR_HARDENING, "1", "norm of the plastic strain, summed over the steps")              \
+    X(separated, GR_SCALAR, GR_COHESIVE, "1", "1 where cohesive material came apart and has not touched since")       \
+    X(material, GR_SCALAR, GR_SEVERAL, "1", "number of the material in `scene.materials`")                            \
+    X(history, GR_FOUR, GR_REMEMBERS, "1", "variables of a law of one's own, in the order of its `history`")          \
     X(viscous_stress, GR_STRESS, GR_ELASTIC, "Pa", "viscous stress of elastic deformation, added to `stress`")
 
 #define GR_X(name, kind, need, unit, doc) GR_FIELD_##name,

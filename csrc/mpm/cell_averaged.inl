@@ -100,7 +100,7 @@ GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_eng
     gr_real *out = gr_sums(e) + gr_sums_of_cell(e, first), *own = out + K * rows * GR_LANES;
     struct gr_frame frame;
     struct contribution contribution[MOST_PREPARED];
-    vd of_cell[GR_CELL_STRESS + 6];
+    vd of_cell[GR_CELL_STRESS + 6], stress[6];
     int fresh = !more;
     if (more && summed.begin == summed.end) return;
     for (int i = 0; !summed.end && i < e->sum_stride; i += GR_LANES) v_store(out + i, v_zero());
@@ -115,9 +115,10 @@ GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_eng
             prepare_momentum(dim, GR_LINEAR, affine, e, &frame, at, counted, &contribution[i]);
             const vd m = contribution[i].m;
             of_cell[GR_CELL_MC] = v_fma(m, component(e, GR_FIELD_log_density, 0, at), of_cell[GR_CELL_MC]);
+            acting_stress(dim, e, at, stress);
             for (int q = 0; q < stresses; q++) {
                 const int c = dim == 2 && q == 2 ? 3 : q; /* zz makes no force in 2D */
-                of_cell[GR_CELL_STRESS + q] = v_fma(m, acting_stress(e, c, at), of_cell[GR_CELL_STRESS + q]);
+                of_cell[GR_CELL_STRESS + q] = v_fma(m, stress[c], of_cell[GR_CELL_STRESS + q]);
             }
             if (e->config.damping_rate > 0)
                 of_cell[GR_CELL_M_RATE] = v_fma(m, component(e, GR_FIELD_shear_rate, 0, at), of_cell[GR_CELL_M_RATE]);

@@ -122,6 +122,7 @@ struct view {
     struct gr_frame frame;
     vx begin[3], end[3];     /* bounds of the cells, m */
     int points;              /* largest number of points of a cell */
+    int damps_flutter;       /* gr_damps_flutter */
     int has_sponge;          /* bit d: the sponge layer may damp points that rise along axis d */
     vd disconnected;         /* log-density below which a point of the first material is given no affine field */
     vd g_star;               /* fluidity of the cells after its diffusion, 1/s */
@@ -158,7 +159,7 @@ GR_INLINE void look_at_cells(const int dim, const int basis, const int affine, c
                              const int averages, const struct gr_engine *e, int64_t first, struct view *view)
 {
     const int nodal = basis == GR_UGIMP || affine == GR_AFFINE_MOMENT, K = gr_power(gr_nodes_1d(basis), dim);
-    const int damps = (smoothed || cell_averaged) && e->config.damping_rate > 0;
+    const int damps = cell_averaged && e->config.damping_rate > 0;
     const int fields = GR_NODE_FIELDS(dim, averages);
     const struct gr_cell *cell = &e->mesh.cell[first];
     double disconnected[GR_W], g_star[GR_W];
@@ -173,6 +174,7 @@ GR_INLINE void look_at_cells(const int dim, const int basis, const int affine, c
     if (!view->points) return;
     gr_frame_of(dim, basis, damps || affine == GR_AFFINE_MOMENT, e, first, &view->frame);
     view->disconnected = v_load(disconnected);
+    view->damps_flutter = smoothed && gr_damps_flutter(e, e->step);
     view->has_sponge = e->config.has_sponge;
     if (cell_averaged || averages) gr_wall_cells_of(dim, e, first, &view->walls);
     for (int d = 0; d < dim; d++) {
@@ -189,6 +191,5 @@ GR_INLINE void look_at_cells(const int dim, const int basis, const int affine, c
     load_nodes(K, e, first, dim, 2 * dim, 1.0, view->mode + dim * K);
     if (averages) load_nodes(K, e, first, GR_NODE_DENSITY(dim), fields, 1.0, view->mode + GR_NODE_DENSITY(dim) * K);
     if (cell_averaged) view->c = flow_of_cells(dim, e, first, &view->walls, view->mode, view->L, view->shift);
-    for (int q = 0; q < fields; q++)
-        if (q != GR_NODE_DAMPING(dim)) gr_modes(dim, basis, nodal, &view->frame, view->mode + q * K);
+    for (int q = 0; q < fields; q++) gr_modes(dim, basis, nodal, &view->frame, view->mode + q * K);
 }

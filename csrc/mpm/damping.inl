@@ -1,23 +1,15 @@
-/* Damping of slow plastic flow (granular/mpm/damping.py): points lose a share of the difference between their velocity and
- * that of the grid. */
+/* Damping of slow plastic flow in averaged cells (granular/mpm/damping.py): points lose a share of the difference between
+ * their velocity and that of the grid, which is noise of the sampling. */
 #include "mpm/contribution.h"
 
-/* Share of the largest damping for points with the plastic shear rate `flow` and the log-density c, at the places from
- * `at` on. Short waves of plastic flow are damped where the law is ill posed:
- *
- *   (1 - gdot/(r sqrt(c))) q c/(q c + gdot),   c = p/K,
- *
- * gdot = r sqrt(c) where the law becomes well posed, and gdot = q c where waves of viscous flow grow as fast as those of
- * elastic material (granular/mpm/damping.py). */
+/* Share of the largest damping for points with the plastic shear rate `flow` and the log-density c = p/K, at the places from
+ * `at` on: 1 - gdot/(r sqrt(c)) in slow flow, gdot < r sqrt(c), and none where nothing flows. */
 GR_INLINE vd damped_share(const struct gr_engine *e, vd flow, vd c, int64_t at)
 {
-    const vd most = gr_of_material(e, GR_MATERIAL_ILL_POSED, at) * c; /* of its square */
+    const vd most = gr_of_material(e, GR_MATERIAL_SLOW, at) * c; /* of its square */
     const vm damped = m_and(v_gt(flow, v_zero()), v_gt(most, flow * flow));
     if (!m_bits(damped)) return v_zero();
-    const vd part = v_set(1.0) - flow / v_sqrt(v_max(most, v_set(GR_NOTHING)));
-    const vd elastic = gr_of_material(e, GR_MATERIAL_CROSSOVER, at) * c;
-    vd share = part * elastic / (elastic + flow);
-    if (__builtin_expect(e->config.n_materials > 1, 0)) share = share * gr_of_material(e, GR_MATERIAL_DAMPED, at);
+    const vd share = v_set(1.0) - flow / v_sqrt(v_max(most, v_set(GR_NOTHING)));
     return v_keep(damped, share);
 }
 

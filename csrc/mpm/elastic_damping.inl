@@ -42,10 +42,18 @@ static __attribute__((noinline)) void damp_elastic(const struct gr_engine *e, in
     }
 }
 
-/* Stress that makes forces: that of the law, and the viscous one where the scene has it. */
-GR_INLINE vd acting_stress(const struct gr_engine *e, int c, int64_t at)
+/* Stress of the points at the places from `at` on that makes forces: that of the law, and where the scene has them what the
+ * dampings of flutter and of elastic waves add. */
+GR_INLINE void acting_stress(const int dim, const struct gr_engine *e, int64_t at, vd stress[6])
 {
-    vd stress = component(e, GR_FIELD_stress, c, at);
-    if (e->field[GR_FIELD_viscous_stress]) stress = stress + component(e, GR_FIELD_viscous_stress, c, at);
-    return stress;
+    struct gr_stress s;
+    for (int c = 0; c < GR_STRESSES(dim); c++) s.s[c] = component(e, GR_FIELD_stress, c, at);
+    for (int c = 0; c < GR_STRESSES(dim); c++) stress[c] = s.s[c];
+    if (e->field[GR_FIELD_overstress]) {
+        const vd over = component(e, GR_FIELD_overstress, 0, at);
+        (void)gr_split(&s);
+        for (int c = 0; c < GR_STRESSES(dim); c++) stress[c] = v_fma(over, s.s[c], stress[c]);
+    }
+    if (e->field[GR_FIELD_viscous_stress])
+        for (int c = 0; c < GR_STRESSES(dim); c++) stress[c] = stress[c] + component(e, GR_FIELD_viscous_stress, c, at);
 }

@@ -43,7 +43,7 @@ int gr_engine_uses(const struct gr_config *config, int field)
     const int needed[] = {[GR_ALWAYS] = 1,
                           [GR_AFFINE] = config->affine != GR_AFFINE_NONE,
                           [GR_SMOOTHED] = config->smoothed,
-                          [GR_DAMPED] = config->smoothed && config->damping_rate > 0,
+                          [GR_DAMPED] = config->smoothed && config->flutter_time > 0,
                           [GR_NONLOCAL] = nonlocal,
                           [GR_BALANCED] = nonlocal && config->nonlocal.method == GR_DIFFUSION_implicit,
                           [GR_SIDED] = gr_list_thin(config, 0) > 0,
@@ -148,6 +148,8 @@ static int materials_are_valid(const struct gr_config *c)
             !isfinite(m->separation))
             return 0;
         if (!(m->damping_time >= 0) || !isfinite(m->damping_time)) return 0;
+        if (!(m->flutter_time >= 0) || !(m->flutter_memory >= 0) || !(m->flutter_end >= 0)) return 0;
+        if (!isfinite(m->flutter_time + m->flutter_memory + m->flutter_end)) return 0;
         nonlocal += gr_law_at(m->law)->reaction != GR_LOCAL;
     }
     if (c->n_materials == 1) return 1;
@@ -168,7 +170,7 @@ static int config_is_valid(const struct gr_config *c)
     if (c->affine < 0 || c->affine >= GR_AFFINE_COUNT || !materials_are_valid(c)) return 0;
     const int nonlocal = gr_nonlocal_material(c) >= 0;
     if (c->smoothed && (c->basis != GR_QUADRATIC || c->affine != GR_AFFINE_GRADIENT)) return 0;
-    if (c->smoothed && c->averaging_interval < 1) return 0;
+    if (c->smoothed && (c->averaging_interval < 1 || c->flutter_interval < 1)) return 0;
     if (c->cell_averaged && (c->basis != GR_LINEAR || c->affine != GR_AFFINE_GRADIENT)) return 0;
     if (c->single && !single_is_valid(c)) return 0;
     if (c->xpic_order < 0 || c->xpic_order > 10 || (c->xpic_order && c->affine)) return 0;
@@ -211,9 +213,11 @@ static void prepare_materials(struct gr_engine *e)
             [GR_MATERIAL_ORIGIN] = m->separation,
             [GR_MATERIAL_STRESSED] =
                 bears_tension ? -m->separation_strain : m->separation - parameter_of(m, "tensile_strength") / m->K,
-            [GR_MATERIAL_ILL_POSED] = m->ill_posed_rate * m->ill_posed_rate,
-            [GR_MATERIAL_CROSSOVER] = m->crossover_rate,
+            [GR_MATERIAL_SLOW] = m->slow_rate * m->slow_rate,
             [GR_MATERIAL_DAMPED] = e->config.damping_rate > 0 ? m->damping_rate / e->config.damping_rate : 1,
+            [GR_MATERIAL_FLUTTER_TIME] = m->flutter_time,
+            [GR_MATERIAL_FLUTTER_MEMORY] = m->flutter_memory,
+            [GR_MATERIAL_FLUTTER_END] = m->flutter_end,
             [GR_MATERIAL_DAMPING_TIME] = m->damping_time,
             [GR_MATERIAL_BULK_MODULUS] = m->K,
             [GR_MATERIAL_SHEAR_MODULUS] = parameter_of(m, "G"),
@@ -287,14 +291,13 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     const int k = gr_basis_nodes_1d(config->basis);
     e->K = config->dim == 2 ? k * k : k * k * k;
     e->sum_stride = GR_SUM_DAMPED(config->dim) * e->K;
-    if (config->smoothed) e->sum_stride += GR_CELL_SMOOTHED_SUMS;
     if (config->cell_averaged) e->sum_stride += GR_CELL_AVERAGED_SUMS(config->dim);
     e->density_sums = e->sum_stride *= GR_LANES;
     if (config->smoothed) e->sum_stride += GR_DENSITY_SUMS(config->dim) * e->K * GR_LANES;
     e->volume_sums = e->sum_stride;
     if (config->smoothed && config->n_materials > 1) e->sum_stride += GR_VOLUME_SUMS * e->K * GR_LANES;
-    e->node_fields = config->cell_averaged ? GR_NODE_DENSITY(config->dim) : GR_NODE_FIELDS(config->dim, config->smoothed);
-    e->node_fields += config->smoothed; /* the gap of the node itself */
+    e->node_fields = GR_NODE_FIELDS(config->dim, config->smoothed);
+    e->node_fields += config->smoothed || config->cell_averaged; /* the gap of the node itself; its damping */
     for (int f = 0; f < GR_FIELD_COUNT; f++)
         if (gr_engine_uses(&e->config, f)) e->n_components += gr_field_components(f, config->dim);
     e->n_doubles = config->single ? config->dim : e->n_components; /* x comes first */

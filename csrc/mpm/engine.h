@@ -56,10 +56,12 @@ struct gr_config {
     double wave_speed, mass_cutoff, cfl, dt; /* m/s, the largest; kg; 1; s; dt > 0: fixed */
     double damping_rate;                     /* the largest of the materials, 1/s */
     double damping_time;                     /* of elastic waves, the largest of the materials, s */
+    double flutter_time;                     /* of its damping, the largest of the materials, s */
     int n_materials;
     struct gr_material material[GR_MAX_MATERIALS];
     struct gr_density_numbers density;
     int averaging_interval; /* steps between two averagings of the density, each of which stands for that many steps */
+    int flutter_interval;   /* steps between two updates of the damping of flutter */
     struct gr_nonlocal nonlocal;
     int pressure_from_density;
     int n_gravity;
@@ -244,6 +246,12 @@ static inline int gr_averages(const struct gr_engine *e, int64_t step)
     return e->config.smoothed && step % e->config.averaging_interval == 0;
 }
 
+/* True if G2P updates the damping of flutter in this step. */
+static inline int gr_damps_flutter(const struct gr_engine *e, int64_t step)
+{
+    return e->config.smoothed && e->config.flutter_time > 0 && step % e->config.flutter_interval == 0;
+}
+
 /* True if the diffusion is balanced with the law (fluidity_coupling.inl). The increment of the fluidity of a cell by
  * the law then is in fluidity->gain. */
 static inline int gr_is_balanced(const struct gr_engine *e) { return e->config.nonlocal.method == GR_DIFFUSION_implicit; }
@@ -256,9 +264,9 @@ static inline void gr_plan_sums(struct gr_engine *e, int64_t step)
     e->sums_correct_shift = gr_averages(e, step - 1);
 }
 
-/* Sums of a node over the points of a cell: mass, momentum, force. If the density is smoothed also: mass times the damping
- * of the points, over the largest (damping.inl); and in a step that averages, from GR_SUM_DENSITY on, the mass of connected
- * points, the same with quadrature weights, their log-density with these weights, and the residual force.
+/* Sums of a node over the points of a cell: mass, momentum, force. With a cell-averaged density also: mass times the damping
+ * of the points, over the largest (damping.inl). In a step that averages a smoothed density, from GR_SUM_DENSITY on: the mass
+ * of connected points, the same with quadrature weights, their log-density with these weights, and the residual force.
  *
  * In the sums of the density a point counts by its volume at rho_c, as the mass of as much of the first material. With several
  * materials two more sums follow, at volume_sums: that mass of all points, and with quadrature weights their pressure over K
@@ -269,12 +277,11 @@ static inline void gr_plan_sums(struct gr_engine *e, int64_t step)
  * left as they are in other steps. Each sum is over the points in their order, so that points that arrive are added to
  * it, with the same bits as in a sum over all. */
 enum gr_node_sum { GR_SUM_MASS, GR_SUM_MOMENTUM };
-enum gr_cell_sum { GR_CELL_DAMPED, GR_CELL_M_DAMPING, GR_CELL_M, GR_CELL_SMOOTHED_SUMS }; /* sum m b/sum m; the two */
-enum gr_averaged_sum { GR_CELL_MC = 1, GR_CELL_M_RATE, GR_CELL_STRESS };                  /* with cell_averaged */
+enum gr_cell_sum { GR_CELL_DAMPED, GR_CELL_MC, GR_CELL_M_RATE, GR_CELL_STRESS }; /* with cell_averaged */
 #define GR_CELL_AVERAGED_SUMS(dim) (GR_CELL_STRESS + ((dim) == 2 ? 3 : 6))
 #define GR_SUM_FORCE(dim) (GR_SUM_MOMENTUM + (dim))
 #define GR_SUM_DAMPED(dim) (GR_SUM_FORCE(dim) + (dim))
-#define GR_SUM_DENSITY(dim) (GR_SUM_DAMPED(dim) + 1)
+#define GR_SUM_DENSITY(dim) GR_SUM_DAMPED(dim)
 enum gr_density_sum { GR_SUM_CONNECTED, GR_SUM_WEIGHTED, GR_SUM_LOG_DENSITY, GR_SUM_RESIDUAL };
 #define GR_DENSITY_SUMS(dim) (GR_SUM_RESIDUAL + (dim))
 enum gr_volume_sum { GR_SUM_VOLUME, GR_SUM_PRESSURE, GR_VOLUME_SUMS };
@@ -300,17 +307,17 @@ enum gr_average {
 #define GR_AVERAGE_OVER_COMPRESSION(dim) (GR_AVERAGE_AT + (dim))
 #define GR_AVERAGES(dim) (GR_AVERAGE_AT + 2 * (dim))
 
-/* Fields of a node in node_data: v^{n+1} and the update w. If the density is smoothed also: the share of the difference to
- * its velocity that points lose in this step; and in a step that averages, from GR_NODE_DENSITY on, the gap ln phi - c
+/* Fields of a node in node_data: v^{n+1} and the update w. With a cell-averaged density also: the share of the difference to
+ * its velocity that points lose in this step. In a step that averages, from GR_NODE_DENSITY on: the gap ln phi - c
  * averaged over the nodes around (0 at a surface); the mean log-density c; max(0, phi - 1); the mean quadrature weight in
  * excess of the one that fills the volume; the residual force; and, which points do not see, the gap of the node itself. */
 enum gr_node_field { GR_NODE_VELOCITY };
 #define GR_NODE_UPDATE(dim) (GR_NODE_VELOCITY + (dim))
 #define GR_NODE_DAMPING(dim) (GR_NODE_UPDATE(dim) + (dim))
-#define GR_NODE_DENSITY(dim) (GR_NODE_DAMPING(dim) + 1)
+#define GR_NODE_DENSITY(dim) GR_NODE_DAMPING(dim)
 enum gr_density_field { GR_NODE_GAP, GR_NODE_LOG_DENSITY, GR_NODE_EXCESS, GR_NODE_WEIGHT, GR_NODE_RESIDUAL };
 #define GR_NODE_OWN_GAP(dim) (GR_NODE_RESIDUAL + (dim))
-#define GR_NODE_FIELDS(dim, averages) ((averages) ? GR_NODE_DENSITY(dim) + GR_NODE_RESIDUAL + (dim) : GR_NODE_DAMPING(dim))
+#define GR_NODE_FIELDS(dim, averages) (GR_NODE_DENSITY(dim) + ((averages) ? GR_NODE_RESIDUAL + (dim) : 0))
 
 /* Number of groups of GR_LANES nodes. */
 static inline int64_t gr_groups(const struct gr_engine *e) { return (e->mesh.n_nodes + GR_LANES - 1) / GR_LANES; }

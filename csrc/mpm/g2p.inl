@@ -91,7 +91,8 @@ GR_INLINE unsigned move_row(const int dim, const int basis, const int affine, co
         v_new[d] = all_new ? w : v_fma(keep, v_load(v + d * stride), w);
     }
     vd c = cell_averaged ? view->c : v_sub(v_load(log_density), trace);
-    if ((smoothed || cell_averaged) && view->damping.any) damp(dim, basis, e, &view->frame, &s, &view->damping, at, v_new);
+    if (cell_averaged && view->damping.any) damp(dim, basis, e, &view->frame, &s, &view->damping, at, v_new);
+    if (smoothed && view->damps_flutter) damp_flutter(dim, e, at);
     if (averages) {
         c = relax_density(dim, basis, e, &view->walls, &s, mode + GR_NODE_DENSITY(dim) * K, L, trace, at, delta,
                           shift_velocity);

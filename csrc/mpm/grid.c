@@ -12,12 +12,13 @@
 #include "mpm/wall_impulse.h"
 #include "mpm/walls.h"
 
-enum { AVERAGED = 2 }; /* `smoothed` is 1 if the density is smoothed, AVERAGED in a step that averages it */
+/* What nodes have besides their motion: the damping of averaged cells, or the sums of a step that averages the density. */
+enum further { NOTHING, DAMPING, DENSITY };
 
 /* Number of the sums of a node. */
-GR_INLINE int rows_of(const int dim, const int smoothed)
+GR_INLINE int rows_of(const int dim, const enum further further)
 {
-    return smoothed == AVERAGED ? GR_NODE_SUMS(dim) : GR_SUM_DAMPED(dim) + smoothed;
+    return further == DENSITY ? GR_NODE_SUMS(dim) : GR_SUM_DAMPED(dim) + (further == DAMPING);
 }
 
 /* The node that moves as one with node n, as its duplicate for the other side of a thin body from which it is not
@@ -28,15 +29,15 @@ GR_INLINE int64_t joined_with(const struct gr_engine *e, int64_t n)
 }
 
 /* Add the sums of the nodes to which those of a group are joined. */
-static __attribute__((noinline)) void add_joined(const int dim, const int smoothed, const struct gr_engine *e,
+static __attribute__((noinline)) void add_joined(const int dim, const enum further further, const struct gr_engine *e,
                                                  const struct gr_kernels *kernels, int64_t first, int lanes, double *sums)
 {
     double others[GR_NODE_SUMS(3) * GR_LANES];
     for (int l = 0; l < lanes; l++) {
         const int64_t other = joined_with(e, first + l);
         if (other < 0) continue;
-        kernels->sum_nodes(e, other / GR_LANES, smoothed > 0, smoothed == AVERAGED, others);
-        for (int q = 0; q < rows_of(dim, smoothed); q++) sums[q * GR_LANES + l] += others[q * GR_LANES + other % GR_LANES];
+        kernels->sum_nodes(e, other / GR_LANES, further == DAMPING, further == DENSITY, others);
+        for (int q = 0; q < rows_of(dim, further); q++) sums[q * GR_LANES + l] += others[q * GR_LANES + other % GR_LANES];
     }
 }
 
@@ -146,10 +147,10 @@ GR_INLINE void store_density(const int dim, struct gr_engine *e, const struct gr
 }
 
 /* The grid stage for the nodes [first, last). */
-GR_INLINE void grid_nodes(const int dim, const int smoothed, struct gr_engine *e, const struct gr_kernels *kernels,
+GR_INLINE void grid_nodes(const int dim, const enum further further, struct gr_engine *e, const struct gr_kernels *kernels,
                           int64_t first, int64_t last, const double g[3])
 {
-    const int damps = smoothed > 0, averages = smoothed == AVERAGED;
+    const int damps = further == DAMPING, averages = further == DENSITY;
     _Alignas(64) double sums[GR_NODE_SUMS(3) * GR_LANES];
     _Alignas(64) struct gr_node_motion motion;
     for (int64_t n = first; n < last; n += GR_LANES) {
@@ -157,7 +158,7 @@ GR_INLINE void grid_nodes(const int dim, const int smoothed, struct gr_engine *e
         if (gr_group_rests(e, n)) continue;
         kernels->sum_nodes(e, n / GR_LANES, damps, averages, sums);
         memcpy(e->node_mass + n, sums + GR_SUM_MASS * GR_LANES, GR_LANES * sizeof *sums);
-        if (e->n_thin) add_joined(dim, smoothed, e, kernels, n, lanes, sums);
+        if (e->n_thin) add_joined(dim, further, e, kernels, n, lanes, sums);
         kernels->move_nodes(e, damps, g, sums, &motion);
         for (int l = 0; l < lanes; l++)
             if (e->mesh.node_code[n + l] || e->watch) apply_wall(e, n, l, sums[GR_SUM_MASS * GR_LANES + l], &motion);
@@ -170,15 +171,15 @@ GR_INLINE void grid_nodes(const int dim, const int smoothed, struct gr_engine *e
 
 void gr_grid_nodes(struct gr_engine *e, const struct gr_kernels *kernels, int64_t first, int64_t last, const double g[3])
 {
-    const int smoothed = (e->config.smoothed || e->config.cell_averaged) + gr_averages(e, e->step);
+    const enum further further = e->config.cell_averaged ? DAMPING : gr_averages(e, e->step) ? DENSITY : NOTHING;
 #define GR_GRID(d, q) \
-    if (e->config.dim == d && smoothed == q) grid_nodes(d, q, e, kernels, first, last, g);
-    GR_GRID(2, 0)
-    GR_GRID(2, 1)
-    GR_GRID(2, AVERAGED)
-    GR_GRID(3, 0)
-    GR_GRID(3, 1)
-    GR_GRID(3, AVERAGED)
+    if (e->config.dim == d && further == q) grid_nodes(d, q, e, kernels, first, last, g);
+    GR_GRID(2, NOTHING)
+    GR_GRID(2, DAMPING)
+    GR_GRID(2, DENSITY)
+    GR_GRID(3, NOTHING)
+    GR_GRID(3, DAMPING)
+    GR_GRID(3, DENSITY)
 #undef GR_GRID
 }
 

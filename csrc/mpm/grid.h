@@ -26,8 +26,7 @@ void gr_grid_without_walls(const struct gr_engine *e, int64_t n, const double g[
 /* Share of their own velocity that the points keep of node n in this step, after the grid stage. */
 static inline double gr_kept_at(const struct gr_engine *e, int64_t n)
 {
-    const int damps = e->config.smoothed || e->config.cell_averaged;
-    return e->keep_velocity - (damps ? gr_node_field(e, GR_NODE_DAMPING(e->config.dim))[n] : 0);
+    return e->keep_velocity - (e->config.cell_averaged ? gr_node_field(e, GR_NODE_DAMPING(e->config.dim))[n] : 0);
 }
 
 /* XPIC: add pass r of order m to w, from the sums of kernels->smooth:

@@ -13,10 +13,12 @@ struct gr_material {
     double separation_strain; /* points with a log-density below minus this are disconnected; NO_SEPARATION of one that
                                  bears tension */
     double separation;        /* log-density below which its law bears no stress; both are counted from here */
-    double ill_posed_rate;    /* shear rate over sqrt(ln(rho/rho_c)) below which plastic flow is ill posed, 1/s */
-    double damping_rate;      /* of the short waves in such a flow if it is slow, 1/s */
-    double crossover_rate;    /* shear rate over ln(rho/rho_c) at which their growth is no longer elastic, 1/s */
+    double slow_rate;         /* shear rate over sqrt(ln(rho/rho_c)) from which flow in averaged cells is not slow, 1/s */
+    double damping_rate;      /* of slow flow in averaged cells, 1/s */
     double damping_time;      /* viscosities of the elastic deformation over the moduli, s */
+    double flutter_time;      /* of the damping of flutter (flutter.inl): its viscosity over the pressure, s; */
+    double flutter_memory;    /* time of the mean of the shear rate over the pressure, s/Pa; */
+    double flutter_end;       /* friction over the shear rate from which nothing is damped, s */
     double parameter[GR_LAW_MAX_PARAMETERS];
     gr_own_update *own; /* of a law of the user's own */
     double own_parameter[GR_OWN_PARAMETERS];
@@ -27,19 +29,21 @@ struct gr_material {
 #define NO_SEPARATION 1e3
 
 /* Numbers of the materials that kernels look up, prepared by gr_prepare_materials. X(name, description) */
-#define GR_MATERIAL_NUMBERS(X)                                                 \
-    X(FORCE_SCALE, "-1/(rho_c dx)")                                            \
-    X(FILLING, "rho_c of the first material over its own: volumes as masses")  \
-    X(STIFFNESS, "its K over that of the first: log-densities as pressures")   \
-    X(SOFTNESS, "the inverse")                                                 \
-    X(SEPARATION, "log-density below which points are disconnected")           \
-    X(ORIGIN, "log-density at which its law separates")                        \
-    X(STRESSED, "log-density from which points have stress")                   \
-    X(ILL_POSED, "square of the ill-posed rate")                               \
-    X(CROSSOVER, "crossover rate")                                             \
-    X(DAMPED, "its damping rate over the largest one; 1 if nothing is damped") \
-    X(DAMPING_TIME, "damping time of elastic waves, s")                        \
-    X(BULK_MODULUS, "K, Pa")                                                   \
+#define GR_MATERIAL_NUMBERS(X)                                                  \
+    X(FORCE_SCALE, "-1/(rho_c dx)")                                             \
+    X(FILLING, "rho_c of the first material over its own: volumes as masses")   \
+    X(STIFFNESS, "its K over that of the first: log-densities as pressures")    \
+    X(SOFTNESS, "the inverse")                                                  \
+    X(SEPARATION, "log-density below which points are disconnected")            \
+    X(ORIGIN, "log-density at which its law separates")                         \
+    X(STRESSED, "log-density from which points have stress")                    \
+    X(SLOW, "square of the slow rate")                                          \
+    X(DAMPED, "its damping rate over the largest one; 1 if nothing is damped")  \
+    X(FLUTTER_TIME, "viscosity of the damping of flutter over the pressure, s") \
+    X(FLUTTER_MEMORY, "time of the mean of its rate over the pressure, s/Pa")   \
+    X(FLUTTER_END, "friction over the shear rate from which there is none, s")  \
+    X(DAMPING_TIME, "damping time of elastic waves, s")                         \
+    X(BULK_MODULUS, "K, Pa")                                                    \
     X(SHEAR_MODULUS, "G, Pa")
 
 #define GR_X(name, doc) GR_MATERIAL_##name,

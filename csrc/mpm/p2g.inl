@@ -63,12 +63,9 @@ GR_INLINE void prepare_force(const int dim, const int smoothed, const struct gr_
                              struct contribution *contribution)
 {
     vd stress[6], largest = v_zero();
+    acting_stress(dim, e, at, stress);
     for (int d = 0; d < dim; d++)
-        for (int j = 0; j <= d; j++) {
-            const int c = at_stress(d, j);
-            stress[c] = acting_stress(e, c, at);
-            largest = v_max(v_abs(stress[c]), largest);
-        }
+        for (int j = 0; j <= d; j++) largest = v_max(v_abs(stress[at_stress(d, j)]), largest);
     const vd c = component(e, GR_FIELD_log_density, 0, at);
     vd V = contribution->m * gr_of_material(e, GR_MATERIAL_FORCE_SCALE, at) * inverse_density(c, v_gt(largest, v_zero()));
     if (smoothed) {
@@ -184,7 +181,7 @@ GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const
 {
     const int K = gr_power(gr_nodes_1d(basis), dim), rows = GR_SUM_DAMPED(dim);
     const struct summed summed = points_to_sum(e, first, more);
-    gr_real *out = gr_sums(e) + gr_sums_of_cell(e, first), *own = out + K * rows * GR_LANES;
+    gr_real *out = gr_sums(e) + gr_sums_of_cell(e, first);
     struct gr_frame frame;
     struct contribution contribution[MOST_PREPARED];
     /* with those of the density beside cells that are asleep, too: they are not made again when they are needed */
@@ -196,17 +193,12 @@ GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const
     const int prepared = gr_prepared(summed.end - summed.begin);
     for (int done = summed.begin; done < summed.end; done += prepared, fresh = 0) {
         const int left = summed.end - done, n = left < prepared ? left : prepared;
-        vd damped = fresh ? v_zero() : v_load(own + GR_CELL_M_DAMPING * GR_LANES);
-        vd mass = fresh ? v_zero() : v_load(own + GR_CELL_M * GR_LANES);
         for (int i = 0; i < n; i++) {
             const int64_t at = gr_slot(&e->mesh.cell[first], done + i);
             const vm counted = v_ge(v_set(done + i), summed.first);
             prepare_momentum(dim, basis, affine, e, &frame, at, counted, &contribution[i]);
             prepare_force(dim, smoothed, e, at, &contribution[i]);
             if (averages) prepare_density(dim, basis, e, &frame, at, &contribution[i]);
-            if (!smoothed || !(e->config.damping_rate > 0)) continue;
-            mass = mass + contribution[i].m;
-            damped = v_fma(contribution[i].m, component(e, GR_FIELD_damping, 0, at), damped);
         }
         if (K <= 4) { /* all sums of a row fit the registers */
             add_rows(dim, basis, affine, MOMENTUM | FORCE, &frame, contribution, n, rows, 0, fresh, out);
@@ -221,9 +213,5 @@ GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const
             add_rows(dim, basis, 0, DENSITY, &frame, contribution, n, GR_DENSITY_SUMS(dim), 0, fresh, out + e->density_sums);
         if (averages && e->config.n_materials > 1)
             add_rows(dim, basis, 0, VOLUME, &frame, contribution, n, GR_VOLUME_SUMS, 0, fresh, out + e->volume_sums);
-        if (!smoothed) continue;
-        v_store(own + GR_CELL_DAMPED * GR_LANES, v_keep(v_gt(damped, v_zero()), damped / v_max(mass, v_set(GR_NOTHING))));
-        v_store(own + GR_CELL_M_DAMPING * GR_LANES, damped);
-        v_store(own + GR_CELL_M * GR_LANES, mass);
     }
 }

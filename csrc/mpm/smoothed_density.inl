@@ -131,7 +131,6 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
         v_store(gr_numbers(e, GR_FIELD_density_gradient, d, at), v_keep(connected, gradient[d] * v_set(inv_dx)));
     c = c + v_keep(connected, v_set(e->servo_shift));
     c = c + v_keep(v_ge(c, origin), relax_to_nodal_density(q, interval * e->dt, strain, gap));
-    if (e->config.damping_rate > 0) v_store(gr_numbers(e, GR_FIELD_damping, 0, at), damped_share(e, flow, old, at));
     vd length = v_zero();
     for (int d = 0; d < dim; d++) {
         delta[d] = v_set(-q->shifting * dx) * strain * slope[d];

@@ -6,7 +6,7 @@
 
 #include "python/arrays.h"
 
-#define GR_MAX_FIELDS 20
+#define GR_MAX_FIELDS 24
 
 /* An instance of one of the two types. */
 struct gr_object {

@@ -220,11 +220,12 @@ static int take_materials(struct gr_config *c, PyObject *list)
         if (m->law < 0) return gr_refuse("there is no law \"%s\"", name);
         if (take_number(numbers, "rho_c", &m->rho_c) || take_number(numbers, "K", &m->K) ||
             take_number(numbers, "separation_strain", &m->separation_strain) ||
-            take_number(numbers, "separation", &m->separation) ||
-            take_number(numbers, "ill_posed_rate", &m->ill_posed_rate) ||
+            take_number(numbers, "separation", &m->separation) || take_number(numbers, "slow_rate", &m->slow_rate) ||
             take_number(numbers, "damping_rate", &m->damping_rate) ||
-            take_number(numbers, "crossover_rate", &m->crossover_rate) ||
-            take_number(numbers, "damping_time", &m->damping_time))
+            take_number(numbers, "damping_time", &m->damping_time) ||
+            take_number(numbers, "flutter_time", &m->flutter_time) ||
+            take_number(numbers, "flutter_memory", &m->flutter_memory) ||
+            take_number(numbers, "flutter_end", &m->flutter_end))
             return -1;
         if (take_own(m, own)) return -1;
         const struct gr_law *law = gr_law_at(m->law);
@@ -232,6 +233,7 @@ static int take_materials(struct gr_config *c, PyObject *list)
             if (take_number(parameters, law->parameter[q].name, &m->parameter[q])) return -1;
         c->damping_rate = fmax(c->damping_rate, m->damping_rate);
         c->damping_time = fmax(c->damping_time, m->damping_time);
+        c->flutter_time = fmax(c->flutter_time, m->flutter_time);
     }
     return 0;
 }
@@ -244,6 +246,7 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
                             "density",
                             "single",
                             "averaging_interval",
+                            "flutter_interval",
                             "pressure_from_density",
                             "materials",
                             "isa",
@@ -268,11 +271,11 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
     const char *method, *stencil;
     PyObject *materials, *axes, *walls, *codes, *flags, *times, *vectors;
     PyObject *numbers, *of_scheme, *of_density, *of_fluidity, *faces, *bodies;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiiiOsOOOOOOO!O!O!O!ssOO", names, &c.dim, &c.basis, &transfer,
-                                     &density, &c.single, &c.averaging_interval, &c.pressure_from_density, &materials, isa,
-                                     &axes, &walls, &codes, &flags, &times, &vectors, &PyDict_Type, &numbers, &PyDict_Type,
-                                     &of_scheme, &PyDict_Type, &of_density, &PyDict_Type, &of_fluidity, &method, &stencil,
-                                     &faces, &bodies))
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiiiiOsOOOOOOO!O!O!O!ssOO", names, &c.dim, &c.basis, &transfer,
+                                     &density, &c.single, &c.averaging_interval, &c.flutter_interval,
+                                     &c.pressure_from_density, &materials, isa, &axes, &walls, &codes, &flags, &times,
+                                     &vectors, &PyDict_Type, &numbers, &PyDict_Type, &of_scheme, &PyDict_Type, &of_density,
+                                     &PyDict_Type, &of_fluidity, &method, &stencil, &faces, &bodies))
         return -1;
     if (c.dim < 2 || c.dim > 3 || c.basis < 0 || c.basis >= GR_BASIS_COUNT || transfer < 0 ||
         transfer >= GR_TRANSFER_COUNT || density < 0 || density >= GR_DENSITY_COUNT)

@@ -46,7 +46,7 @@ void scene_default(struct scene *s, int dim, int basis, int affine, int smoothed
                                              .weight_correction = 0.7,
                                              .weight_correction_limit = 0.5,
                                              .weight_correction_decay = 0.02};
-    c->averaging_interval = 1;
+    c->averaging_interval = c->flutter_interval = 1;
     s->walls[0] = (struct gr_wall){.opens_at = INFINITY};
     c->n_walls = 1;
     c->n_gravity = 1;

@@ -99,7 +99,7 @@ def _material_row(scene: Scene, material: Material, runs: bool) -> _core.Materia
         "separation_strain": separation if material.granular else UNBOUNDED,
         "separation": getattr(material, "separation", 0.0),
         "damping_time": material.damping_time,
-        **damping(scene, material),
+        **damping(scene, material, largest_gravity(scene)),
     }
     own = None
     if isinstance(material, OwnLaw):
@@ -126,18 +126,27 @@ MOST_STEPS = 10**9
 
 def averaging_interval(scene: Scene) -> int:
     """Number of steps between two averagings of the density."""
-    scheme = scene.scheme
-    if scheme.density.name != "smoothed":
+    density = scene.scheme.density
+    if density.name != "smoothed":
         return 1
-    crossing = scene.grid.cell / scene.wave_speed
-    dt = scheme.dt or damped_step(scene, scheme.cfl * crossing)
-    steps = scheme.density.averaging_time * crossing / dt
+    steps = density.averaging_time * _steps_per_crossing(scene)
     if not steps <= MOST_STEPS:
         raise ValueError(
-            f"averaging_time = {scheme.density.averaging_time:g} is {steps:.3g} time steps of "
-            f"{dt:.3g} s, must be at most {MOST_STEPS}"
+            f"averaging_time = {density.averaging_time:g} is {steps:.3g} time steps, "
+            f"must be at most {MOST_STEPS}"
         )
     return max(round(steps), 1)
+
+
+def flutter_interval(scene: Scene) -> int:
+    """Number of steps between two updates of the damping of flutter: one in dx/c_w."""
+    return max(round(min(_steps_per_crossing(scene), MOST_STEPS)), 1)
+
+
+def _steps_per_crossing(scene: Scene) -> float:
+    """Time in which a compression wave crosses a cell, in time steps."""
+    crossing = scene.grid.cell / scene.wave_speed
+    return crossing / (scene.scheme.dt or damped_step(scene, scene.scheme.cfl * crossing))
 
 
 def _relaxation_limit(scene: Scene) -> float:
@@ -183,6 +192,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "", *, runs: bool = True) -
         density=CORE["density"][scheme.density.name],
         single=int(scheme.precision == "single"),
         averaging_interval=averaging_interval(scene),
+        flutter_interval=flutter_interval(scene),
         pressure_from_density=int(scheme.density.name != "particle"),
         materials=[_material_row(scene, material, runs) for material in scene.materials],
         isa=isa,

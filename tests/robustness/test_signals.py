@@ -65,7 +65,7 @@ def scene_with(law=None):
         if law is None
         else from_function(law, E=1e7),
         walls=[gr.Wall(0, 0.0, kind="free_slip"), gr.Wall(1, 0.0)],
-        scheme=gr.schemes.default.replace(density=gr.SmoothedDensity(damped_waves=0)),
+        scheme=gr.schemes.default.replace(density=gr.SmoothedDensity(flutter_damping=0)),
         gravity=gravity,
         duration=1.0,
     )

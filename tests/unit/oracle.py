@@ -15,13 +15,16 @@ from oracle_shapes import Shapes, node_volumes
 from oracle_smoothed import (
     average,
     averages,
+    damp_flutter,
     damped_share,
+    deviator,
     mean_of_cells,
     neighbour_corrections,
 )
 from oracle_walls import alone_at_wall
 
 from granular.mpm.damping import damping
+from granular.mpm.engine import flutter_interval
 from granular.mpm.node_codes import node_codes
 
 
@@ -39,7 +42,10 @@ def p2g(scene, points, step=0, shift_dt=1.0):
     volume = m * np.exp(-points["log_density"]) / scene.material.rho_c
     if "weight_correction" in points:
         volume = (1 + points["weight_correction"]) * volume
-    stress = tensor(points["stress"], dim)[:, :dim, :dim]
+    stress = tensor(points["stress"], dim)
+    if "overstress" in points:
+        stress = stress + points["overstress"][:, None, None] * deviator(stress)
+    stress = stress[:, :dim, :dim]
     force = -np.einsum("p,pdj,pkj->pkd", volume, stress, s.g)
     if averages(scene, step - 1):
         force -= np.einsum("p,pk,pd->pkd", m / shift_dt, s.w, points["shift_velocity"])
@@ -54,9 +60,6 @@ def p2g(scene, points, step=0, shift_dt=1.0):
         rate = mean_of_cells(scene, points["x"], m, points["shear_rate"])
         share = damped_share(scene, rate, out.cells.c[out.cells.which])
         out.damped = s.to_nodes(s.w * (m * share)[:, None])
-    if "damping" in points:
-        mean = mean_of_cells(scene, points["x"], m, points["damping"])
-        out.damped = s.to_nodes(s.w * (m * mean)[:, None])
     if averages(scene, step):
         cell_mass = scene.material.rho_c * scene.grid.cell**dim
         out.phi = _ratio(out.mass, cell_mass * node_volumes(scene))
@@ -115,9 +118,8 @@ def grid(scene, points, nodes, dt, time):
     after[used] = v[used] + dt * acceleration
     keep = np.full((len(v), 1), keepshare(scene, dt))
     if hasattr(nodes, "damped"):
-        share = (
-            damping(scene, scene.material)["damping_rate"] * dt * _ratio(nodes.damped, nodes.mass)
-        )
+        rate = damping(scene, scene.material, 0.0)["damping_rate"]
+        share = rate * dt * _ratio(nodes.damped, nodes.mass)
         nodes.damping = keep * np.minimum(share, 1.0)[:, None]
         keep = keep - nodes.damping
     fixed, held = _at_walls(scene, used, keep[:, 0], v, after, time)
@@ -201,6 +203,8 @@ def _moved(scene, points, nodes, dt, step):
         new["affine"] = L.reshape(-1, dim * dim)
     if scene.scheme.transfer == "apic":
         new["affine"] = _moment(scene, s, v).reshape(-1, dim * dim)
+    if "overstress" in points and step % flutter_interval(scene) == 0:
+        new |= damp_flutter(scene, points, dt)
     if averages(scene, step):
         average(scene, points, new, nodes, L, dt)
     # disconnected points have no affine field

@@ -3,11 +3,12 @@
 import itertools
 
 import numpy as np
+from oracle_law import tensor
 from oracle_shapes import axis_nodes
 from oracle_walls import held_at_walls, near_outlet
 
 from granular.mpm.damping import damping
-from granular.mpm.engine import averaging_interval
+from granular.mpm.engine import averaging_interval, flutter_interval, largest_gravity
 
 
 def averages(scene, step):
@@ -100,7 +101,6 @@ def average(scene, points, new, nodes, L, dt):
     new["density_gradient"] = np.where(joins[:, None], gradient, 0.0).reshape(-1, dim)
     new["log_density"], new["x"] = c, new["x"] + delta
     new["v"], new["shift_velocity"] = new["v"] + borrowed, borrowed
-    new["damping"] = damped_share(scene, points["shear_rate"], old)
 
 
 def mean_of_cells(scene, x, mass, value):
@@ -111,15 +111,34 @@ def mean_of_cells(scene, x, mass, value):
 
 
 def damped_share(scene, rate, c):
-    """Damping of ill-posed plastic flow, over its largest rate."""
-    numbers = damping(scene, scene.material)
-    end = numbers["ill_posed_rate"] * np.sqrt(np.maximum(c, 0.0))
+    """Damping of slow plastic flow in averaged cells, over its largest rate."""
+    end = damping(scene, scene.material, 0.0)["slow_rate"] * np.sqrt(np.maximum(c, 0.0))
     damped = (rate > 0) & (rate < end)
-    elastic = numbers["crossover_rate"] * np.maximum(c, 0.0)
-    share = (
-        (1 - rate / np.where(damped, end, 1.0)) * elastic / np.where(damped, elastic + rate, 1.0)
-    )
-    return np.where(damped, share, 0.0)
+    return np.where(damped, 1 - rate / np.where(damped, end, 1.0), 0.0)
+
+
+def deviator(stress):
+    return stress - np.trace(stress, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
+
+
+def damp_flutter(scene, points, dt):
+    """Overstress of unsteady slow flow, and the mean shear rate that counts as steady."""
+    m, q = scene.material, scene.scheme.density
+    g, time = largest_gravity(scene), flutter_interval(scene) * dt
+    stress = tensor(points["stress"], scene.grid.dim)
+    p = np.maximum(-np.trace(stress, axis1=1, axis2=2) / 3, 0.0)
+    tau = np.sqrt(np.maximum((deviator(stress) ** 2).sum(axis=(1, 2)) / 2, 1e-300))
+    rate, depth = points["shear_rate"], p / (m.rho_c * g)
+    steady = 20.0 * depth / m.wave_speed
+    mean = (steady * points["mean_shear_rate"] + time * rate) / (steady + time)
+    viscosity = q.flutter_damping * m.rho_c * m.wave_speed * depth
+    viscosity = np.minimum(viscosity, 1.4 * m.rho_c * scene.grid.cell**2 / time)
+    end = 6.0 * m.wave_speed * g * m.rho_c / m.G * tau / np.maximum(p, 1e-300)
+    unsteady = rate - np.clip(rate, 0.9 * mean, 1.1 * mean)
+    slow = np.maximum(1 - mean / np.maximum(end, 1e-300), 0.0)
+    share = np.clip(viscosity / np.maximum(p, 1e-300) * slow * unsteady, -0.1, 0.1) * p / tau
+    flows = (p > 0) & (rate > 0)
+    return {"mean_shear_rate": mean, "overstress": np.where(flows, share, 0.0)}
 
 
 def averaged_part(scene, dt, strain, c):

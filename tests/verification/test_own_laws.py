@@ -40,7 +40,7 @@ def scene_of(material, dim=2, **more):
         material=material,
         walls=[gr.Wall(0, 0.0, kind="free_slip"), gr.Wall(dim - 1, 0.0)],
         # the damping of ill-posed waves is for laws whose friction the scheme knows
-        scheme=gr.schemes.default.replace(density=gr.SmoothedDensity(damped_waves=0)),
+        scheme=gr.schemes.default.replace(density=gr.SmoothedDensity(flutter_damping=0)),
         gravity=gr.Gravity((0.0,), ((0.0,) * (dim - 1) + (-9.8,),)),
         duration=1.0,
         **more,

@@ -139,11 +139,11 @@ def creep_speed(angle_deg, height, m, gravity=9.8):
     return 0.4 * height * inertial / m.d * math.sqrt(p / m.rho_s)
 
 
-def mean_speed(time, cells, angle_deg, m, damped_waves=None, **more):
+def mean_speed(time, cells, angle_deg, m, flutter_damping=None, **more):
     """Mean velocity [m/s] down an incline, and the share of the flow where the law is ill posed."""
     scene = gr.scenes.incline(angle_deg=angle_deg, height=0.2, cell=0.2 / cells, material=m, **more)
-    if damped_waves is not None:
-        density = gr.SmoothedDensity(damped_waves=damped_waves)
+    if flutter_damping is not None:
+        density = gr.SmoothedDensity(flutter_damping=flutter_damping)
         scene = scene.replace(scheme=scene.scheme.replace(density=density))
     sim = gr.Simulation(scene, threads=1)
     sim.run(until=time)
@@ -169,10 +169,10 @@ def test_a_layer_creeps_below_the_friction_angle_at_the_speed_of_the_law():
 
 @pytest.mark.slow
 def test_refinement_converges_where_that_of_plain_mu_I_does_not():
-    """20 deg with many columns, jitter, and no damping of waves: waves make plain mu(I) flow once
+    """20 deg with many columns, jitter, and no damping of flutter: waves make plain mu(I) flow once
     the cells are fine enough for them, below the slope at which it can.
     """
-    options = {"damped_waves": 0, "jitter": 0.5}
+    options = {"flutter_damping": 0, "jitter": 0.5}
     found = {
         m: [mean_speed(3.0, n, 20.0, m, columns=n // 2, **options) for n in (8, 16, 32)]
         for m in (GRAINS, gr.MuI(E=1e6, I0=GRAINS.I0, d=GRAINS.d))

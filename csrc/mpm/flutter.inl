@@ -1,0 +1,49 @@
+/* Damping of flutter: growing waves of a whole layer in slow plastic flow (docs/explanation/flutter.md).
+ *
+ * Pressure makes strength, but flow makes no pressure: the elasticity of a layer at yield feeds shear waves that grow until
+ * all of it flows. What is not steady in the plastic shear rate meets a viscosity eta, in forces alone:
+ *
+ *   sigma' = sigma + mu' p s/tau,   mu' = (eta/p) unsteady max(0, 1 - <gdot>/gdot_end) where gdot > 0,
+ *   unsteady = what of gdot - <gdot> is beyond STEADY <gdot>,   T d<gdot>/dt = gdot - <gdot>,
+ *   eta/p = X c_w/g,   T = M p/(rho_c g c_w),   gdot_end = N c_w g mu rho_c/G.
+ *
+ * p/(rho_c g) is the depth h of a point: the lengths are those of the layer, eta = X rho_c c_w h, and T is M times the time in
+ * which a compression wave crosses h. Faster flow turns stress back to its own direction, at the rate G gdot/tau, before a
+ * wave can use it. X, M, N: granular/mpm/damping.py. */
+#include "law/trial.h"
+#include "mpm/contribution.h"
+
+/* Largest mu'. In flutter at its full size the pressure varies by 7 % and the friction with it (measured). */
+#define LARGEST_OVERSTRESS 0.1
+
+/* Largest eta times the time between two updates, over rho_c dx^2: what an update takes off the velocity of a wave is this times
+ * (k S dx)^2, and must not be more than twice of it. S is the Fourier transform of the splines, and k S dx is 1.19 at most. */
+#define MOST_DIFFUSED 1.4
+
+/* Share of the mean by which a steady rate may differ from it: a flow that starts or slows down does, by its rate of change
+ * times T, and would be slowed down as if it were heavier. In flutter gdot varies by all of its mean (measured). */
+#define STEADY 0.1
+
+/* Update the overstress of the points at the places from `at` on, from the stress and the plastic shear rate that the law gave
+ * them in the step before. It is kept until the next update. */
+GR_INLINE void damp_flutter(const int dim, const struct gr_engine *e, int64_t at)
+{
+    const vd zero = v_zero(), nothing = v_set(GR_NOTHING);
+    const double interval = e->config.flutter_interval * e->dt;
+    const vd rho_dx = v_set(-1.0) / gr_of_material(e, GR_MATERIAL_FORCE_SCALE, at);
+    gr_real *const place = gr_numbers(e, GR_FIELD_mean_shear_rate, 0, at);
+    const vd rate = component(e, GR_FIELD_shear_rate, 0, at);
+    struct gr_stress s;
+    for (int c = 0; c < GR_STRESSES(dim); c++) s.s[c] = component(e, GR_FIELD_stress, c, at);
+    const vd p = v_max(gr_split(&s), zero), tau = v_sqrt(v_max(gr_tau_squared(dim, &s), nothing));
+    const vd memory = gr_of_material(e, GR_MATERIAL_FLUTTER_MEMORY, at) * p;
+    const vd mean = v_fma(memory, v_load(place), v_set(interval) * rate) / (memory + v_set(interval));
+    v_store(place, mean);
+    const vd slow = v_set(1.0) - gr_of_material(e, GR_MATERIAL_FLUTTER_END, at) * mean * p / tau;
+    const vd most = v_set(MOST_DIFFUSED * e->config.dx / interval) * rho_dx / v_max(p, nothing);
+    const vd viscous = v_min(gr_of_material(e, GR_MATERIAL_FLUTTER_TIME, at), most);
+    const vd unsteady = rate - v_max(v_min(rate, v_set(1 + STEADY) * mean), v_set(1 - STEADY) * mean);
+    const vd friction = v_max(slow, zero) * viscous * unsteady;
+    const vd over = v_clamp(friction, -LARGEST_OVERSTRESS, LARGEST_OVERSTRESS) * p / tau;
+    v_store(gr_numbers(e, GR_FIELD_overstress, 0, at), v_keep(m_and(v_gt(p, zero), v_gt(rate, zero)), over));
+}
