@@ -149,7 +149,8 @@ static int materials_are_valid(const struct gr_config *c)
             return 0;
         if (!(m->damping_time >= 0) || !isfinite(m->damping_time)) return 0;
         if (!(m->flutter_time >= 0) || !(m->flutter_memory >= 0) || !(m->flutter_end >= 0)) return 0;
-        if (!isfinite(m->flutter_time + m->flutter_memory + m->flutter_end)) return 0;
+        if (!(m->flutter_depth >= 0)) return 0;
+        if (!isfinite(m->flutter_time + m->flutter_memory + m->flutter_end + m->flutter_depth)) return 0;
         nonlocal += gr_law_at(m->law)->reaction != GR_LOCAL;
     }
     if (c->n_materials == 1) return 1;
@@ -218,6 +219,7 @@ static void prepare_materials(struct gr_engine *e)
             [GR_MATERIAL_FLUTTER_TIME] = m->flutter_time,
             [GR_MATERIAL_FLUTTER_MEMORY] = m->flutter_memory,
             [GR_MATERIAL_FLUTTER_END] = m->flutter_end,
+            [GR_MATERIAL_FLUTTER_DEPTH] = first->K * m->flutter_depth,
             [GR_MATERIAL_DAMPING_TIME] = m->damping_time,
             [GR_MATERIAL_BULK_MODULUS] = m->K,
             [GR_MATERIAL_SHEAR_MODULUS] = parameter_of(m, "G"),

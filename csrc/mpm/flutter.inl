@@ -5,16 +5,16 @@
  *
  *   sigma' = sigma + mu' p s/tau,   mu' = (eta/p) unsteady max(0, 1 - <gdot>/gdot_end) where gdot > 0,
  *   unsteady = what of gdot - <gdot> is beyond STEADY <gdot>,   T d<gdot>/dt = gdot - <gdot>,
- *   eta/p = X c_w/g,   T = M p/(rho_c g c_w),   gdot_end = N c_w g mu rho_c/G.
+ *   eta = X rho_c c_w h,   T = M h/c_w,   h = p/max(rho_c g, |grad p|),   gdot_end = N c_w g mu rho_c/G.
  *
- * p/(rho_c g) is the depth h of a point: the lengths are those of the layer, eta = X rho_c c_w h, and T is M times the time in
- * which a compression wave crosses h. Faster flow turns stress back to its own direction, at the rate G gdot/tau, before a
- * wave can use it. X, M, N: granular/mpm/damping.py. */
+ * h is the depth of a point in a layer, and the size of what is pressed where a body presses it: the lengths are those of the
+ * material, and T is M times the time in which a compression wave crosses h. Faster flow turns stress back to its own direction,
+ * at the rate G gdot/tau, before a wave can use it. X, M, N: granular/mpm/damping.py. */
 #include "law/trial.h"
 #include "mpm/contribution.h"
 
-/* Largest mu'. In flutter at its full size the pressure varies by 7 % and the friction with it (measured). */
-#define LARGEST_OVERSTRESS 0.1
+/* Largest share of the deviator. In flutter at its full size the pressure varies by 7 % and the strength with it (measured). */
+#define LARGEST_OVERSTRESS 0.25
 
 /* Largest eta times the time between two updates, over rho_c dx^2: what an update takes off the velocity of a wave is this times
  * (k S dx)^2, and must not be more than twice of it. S is the Fourier transform of the splines, and k S dx is 1.19 at most. */
@@ -36,14 +36,20 @@ GR_INLINE void damp_flutter(const int dim, const struct gr_engine *e, int64_t at
     struct gr_stress s;
     for (int c = 0; c < GR_STRESSES(dim); c++) s.s[c] = component(e, GR_FIELD_stress, c, at);
     const vd p = v_max(gr_split(&s), zero), tau = v_sqrt(v_max(gr_tau_squared(dim, &s), nothing));
-    const vd memory = gr_of_material(e, GR_MATERIAL_FLUTTER_MEMORY, at) * p;
-    const vd mean = v_fma(memory, v_load(place), v_set(interval) * rate) / (memory + v_set(interval));
+    vd steep = zero; /* |grad p|/(rho_c g); the gradient is of log-densities as pressures of the first material */
+    for (int d = 0; d < dim; d++) {
+        const vd gradient = component(e, GR_FIELD_density_gradient, d, at);
+        steep = v_fma(gradient, gradient, steep);
+    }
+    steep = v_max(gr_of_material(e, GR_MATERIAL_FLUTTER_DEPTH, at) * v_sqrt(steep), v_set(1.0));
+    const vd memory = gr_of_material(e, GR_MATERIAL_FLUTTER_MEMORY, at) * p / steep;
+    const vd last = v_load(place), now = v_fma(memory, last, v_set(interval) * rate) / (memory + v_set(interval));
+    const vd mean = v_select(v_gt(last, zero), now, rate); /* a flow that is there at the start is steady */
     v_store(place, mean);
     const vd slow = v_set(1.0) - gr_of_material(e, GR_MATERIAL_FLUTTER_END, at) * mean * p / tau;
     const vd most = v_set(MOST_DIFFUSED * e->config.dx / interval) * rho_dx / v_max(p, nothing);
-    const vd viscous = v_min(gr_of_material(e, GR_MATERIAL_FLUTTER_TIME, at), most);
+    const vd viscous = v_min(gr_of_material(e, GR_MATERIAL_FLUTTER_TIME, at) / steep, most);
     const vd unsteady = rate - v_max(v_min(rate, v_set(1 + STEADY) * mean), v_set(1 - STEADY) * mean);
-    const vd friction = v_max(slow, zero) * viscous * unsteady;
-    const vd over = v_clamp(friction, -LARGEST_OVERSTRESS, LARGEST_OVERSTRESS) * p / tau;
+    const vd over = v_clamp(v_max(slow, zero) * viscous * unsteady * p / tau, -LARGEST_OVERSTRESS, LARGEST_OVERSTRESS);
     v_store(gr_numbers(e, GR_FIELD_overstress, 0, at), v_keep(m_and(v_gt(p, zero), v_gt(rate, zero)), over));
 }

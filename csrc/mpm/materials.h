@@ -18,7 +18,8 @@ struct gr_material {
     double damping_time;      /* viscosities of the elastic deformation over the moduli, s */
     double flutter_time;      /* of the damping of flutter (flutter.inl): its viscosity over the pressure, s; */
     double flutter_memory;    /* time of the mean of the shear rate over the pressure, s/Pa; */
-    double flutter_end;       /* friction over the shear rate from which nothing is damped, s */
+    double flutter_end;       /* friction over the shear rate from which nothing is damped, s; */
+    double flutter_depth;     /* depth over the pressure in a layer at rest, m/Pa */
     double parameter[GR_LAW_MAX_PARAMETERS];
     gr_own_update *own; /* of a law of the user's own */
     double own_parameter[GR_OWN_PARAMETERS];
@@ -42,6 +43,7 @@ struct gr_material {
     X(FLUTTER_TIME, "viscosity of the damping of flutter over the pressure, s") \
     X(FLUTTER_MEMORY, "time of the mean of its rate over the pressure, s/Pa")   \
     X(FLUTTER_END, "friction over the shear rate from which there is none, s")  \
+    X(FLUTTER_DEPTH, "K of the first over rho_c g: depth over log-density, m")  \
     X(DAMPING_TIME, "damping time of elastic waves, s")                         \
     X(BULK_MODULUS, "K, Pa")                                                    \
     X(SHEAR_MODULUS, "G, Pa")

@@ -225,7 +225,7 @@ static int take_materials(struct gr_config *c, PyObject *list)
             take_number(numbers, "damping_time", &m->damping_time) ||
             take_number(numbers, "flutter_time", &m->flutter_time) ||
             take_number(numbers, "flutter_memory", &m->flutter_memory) ||
-            take_number(numbers, "flutter_end", &m->flutter_end))
+            take_number(numbers, "flutter_end", &m->flutter_end) || take_number(numbers, "flutter_depth", &m->flutter_depth))
             return -1;
         if (take_own(m, own)) return -1;
         const struct gr_law *law = gr_law_at(m->law);

@@ -37,7 +37,17 @@ from granular.state import State
 __all__ = ["Simulation"]
 
 CARRIED = frozenset(
-    {"affine", "density_gradient", "shift_velocity", "damping", "g_gain", "side", "contact_force"}
+    {
+        "affine",
+        "density_gradient",
+        "shift_velocity",
+        "damping",
+        "overstress",
+        "mean_shear_rate",
+        "g_gain",
+        "side",
+        "contact_force",
+    }
 )
 """Fields that a scheme carries from step to step.
 
@@ -375,6 +385,9 @@ class Simulation(simulation.Simulation, scenes=Scene):
         share = np.where(hencky, 1.0, old / new)[number]
         stressed = np.any(arrays["stress"], axis=0)
         arrays["log_density"] = np.where(stressed, share, 1.0) * arrays["log_density"]
+        # The damping of flutter, which is there with gravity, begins anew with it.
+        for name in {"overstress", "mean_shear_rate"} - set(arrays):
+            arrays[name] = np.zeros((1, len(arrays["id"])))
         scalars = dict(checkpoint.scalars) | {"dt": 0.0}  # a new one in the first step
         return replace(checkpoint, arrays=arrays, scalars=scalars)
 

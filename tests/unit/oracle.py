@@ -196,15 +196,17 @@ def _moved(scene, points, nodes, dt, step):
         new["log_density"] = points["log_density"] - dt * np.trace(L, axis1=1, axis2=2)
     gradient = np.zeros((len(L), 3, 3))
     gradient[:, :dim, :dim] = L
+    before = points
     if scene.material.law == "ngf":
         substeps = Substeps(scene, points, gradient, dt)
         points = substeps.points
+    if "overstress" in points and step % flutter_interval(scene) == 0:
+        # the stress of the points is stored at the end of the step, the rate after each substep
+        new |= damp_flutter(scene, before | {"shear_rate": points["shear_rate"]}, dt)
     if scene.scheme.transfer == "tpic":
         new["affine"] = L.reshape(-1, dim * dim)
     if scene.scheme.transfer == "apic":
         new["affine"] = _moment(scene, s, v).reshape(-1, dim * dim)
-    if "overstress" in points and step % flutter_interval(scene) == 0:
-        new |= damp_flutter(scene, points, dt)
     if averages(scene, step):
         average(scene, points, new, nodes, L, dt)
     # disconnected points have no affine field

@@ -128,15 +128,17 @@ def damp_flutter(scene, points, dt):
     stress = tensor(points["stress"], scene.grid.dim)
     p = np.maximum(-np.trace(stress, axis1=1, axis2=2) / 3, 0.0)
     tau = np.sqrt(np.maximum((deviator(stress) ** 2).sum(axis=(1, 2)) / 2, 1e-300))
-    rate, depth = points["shear_rate"], p / (m.rho_c * g)
+    steep = m.K * np.linalg.norm(points["density_gradient"], axis=1) / (m.rho_c * g)
+    rate, depth = points["shear_rate"], p / (m.rho_c * g) / np.maximum(steep, 1.0)
     steady = 20.0 * depth / m.wave_speed
-    mean = (steady * points["mean_shear_rate"] + time * rate) / (steady + time)
+    last = points["mean_shear_rate"]
+    mean = np.where(last > 0, (steady * last + time * rate) / (steady + time), rate)
     viscosity = q.flutter_damping * m.rho_c * m.wave_speed * depth
     viscosity = np.minimum(viscosity, 1.4 * m.rho_c * scene.grid.cell**2 / time)
-    end = 6.0 * m.wave_speed * g * m.rho_c / m.G * tau / np.maximum(p, 1e-300)
+    end = 4.0 * m.wave_speed * g * m.rho_c / m.G * tau / np.maximum(p, 1e-300)
     unsteady = rate - np.clip(rate, 0.9 * mean, 1.1 * mean)
     slow = np.maximum(1 - mean / np.maximum(end, 1e-300), 0.0)
-    share = np.clip(viscosity / np.maximum(p, 1e-300) * slow * unsteady, -0.1, 0.1) * p / tau
+    share = np.clip(viscosity / np.maximum(p, 1e-300) * slow * unsteady * p / tau, -0.25, 0.25)
     flows = (p > 0) & (rate > 0)
     return {"mean_shear_rate": mean, "overstress": np.where(flows, share, 0.0)}
 

@@ -254,7 +254,7 @@ def test_grains_are_only_told_of():
 
 def test_fields():
     particle, smoothed = (item("fields", scene).reason for scene in (PUBLISHED[5], PAPER[5]))
-    assert "88 bytes" in particle and "168 bytes" in smoothed and "density_gradient" in smoothed
+    assert "88 bytes" in particle and "176 bytes" in smoothed and "density_gradient" in smoothed
 
 
 SCHEMES = [

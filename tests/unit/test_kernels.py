@@ -42,6 +42,8 @@ def disturbed(scene, seed=3, step=0, **options):
         "weight_correction": rng.normal(0.0, 0.1, (1, n)),
         "shear_rate": rng.uniform(0.0, 5.0, (1, n)),
         "damping": np.maximum(rng.uniform(-1e-3, 1e-3, (1, n)), 0.0),
+        "mean_shear_rate": np.maximum(rng.uniform(-1.0, 5.0, (1, n)), 0.0),
+        "overstress": rng.uniform(-0.2, 0.2, (1, n)),
     }
     stress = rng.normal(0.0, 0.3, (4 if scene.dim == 2 else 6, n)) * p
     stress[:3] -= stress[:3].mean(axis=0) + p

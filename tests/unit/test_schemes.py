@@ -156,6 +156,6 @@ def test_a_scene_that_names_no_scheme_has_the_one_that_suits_its_material():
 def test_more_steps_than_the_core_counts_are_refused(change):
     scene = gr.scenes.column_collapse(cell=0.1, scheme=gr.Scheme(**change))
     with pytest.raises(
-        ValueError, match=r"averaging_time = .* time steps of .* at most 1000000000"
+        ValueError, match=r"averaging_time = .* time steps, must be at most 1000000000"
     ):
         gr.Simulation(scene)

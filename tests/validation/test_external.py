@@ -67,7 +67,7 @@ def test_coarse_bagnold():
 
 
 def test_coarse_contact_dynamics():
-    """L1 norm, mean distance and run-out of 99 % are met with 8 cells, by the default scheme.
+    """L1 norm, mean distance and run-out of 99 % are met with 10 cells, by the default scheme.
 
     The foot needs cells of two grains, and these are of six.
     """

@@ -225,7 +225,7 @@ def test_sharp_edges_bear_the_pressure_of_a_fluid(overlapping):
     def look(sim):
         depths.append(-min(body.distance(sim.state.x)[0].min() for body in scene.bodies))
 
-    sim.run(until=0.1, every=0.01, monitor=False, hooks=(look,))
+    sim.run(until=0.2, every=0.01, monitor=False, hooks=(look,))
     up = sum(body.impulse[1] for body in sim.bodies) / sim.time
     assert max(depths) < 0.08 * cell
     assert up == pytest.approx(RHO * G * 0.16 * 4 * cell, rel=0.05)

@@ -254,7 +254,7 @@ def contact_dynamics_rows(outcome: Outcome, aspect: float, quick: bool) -> None:
     data = Discs.load(aspect)
     curves: dict[str, Any] = {"contact dynamics": [data.x.tolist(), data.h.tolist()]}
     for name in ("default",) if quick else SCHEMES:
-        cells = 8 if quick else CELLS[name]
+        cells = 10 if quick else CELLS[name]
         tag = f"a = {aspect:g}, {name}, {cells} cells"
         with outcome.timed():
             found = collapse_of_discs(data, cells, SCHEMES[name])
