@@ -43,8 +43,8 @@ GR_INLINE void damp_flutter(const int dim, const struct gr_engine *e, int64_t at
     }
     steep = v_max(gr_of_material(e, GR_MATERIAL_FLUTTER_DEPTH, at) * v_sqrt(steep), v_set(1.0));
     const vd memory = gr_of_material(e, GR_MATERIAL_FLUTTER_MEMORY, at) * p / steep;
-    const vd last = v_load(place), now = v_fma(memory, last, v_set(interval) * rate) / (memory + v_set(interval));
-    const vd mean = v_select(v_gt(last, zero), now, rate); /* a flow that is there at the start is steady */
+    const vd now = v_fma(memory, v_load(place), v_set(interval) * rate) / (memory + v_set(interval));
+    const vd mean = e->step > e->config.flutter_interval ? now : rate; /* a flow that is there at the start is steady */
     v_store(place, mean);
     const vd slow = v_set(1.0) - gr_of_material(e, GR_MATERIAL_FLUTTER_END, at) * mean * p / tau;
     const vd most = v_set(MOST_DIFFUSED * e->config.dx / interval) * rho_dx / v_max(p, nothing);

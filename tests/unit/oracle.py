@@ -202,7 +202,7 @@ def _moved(scene, points, nodes, dt, step):
         points = substeps.points
     if "overstress" in points and step % flutter_interval(scene) == 0:
         # the stress of the points is stored at the end of the step, the rate after each substep
-        new |= damp_flutter(scene, before | {"shear_rate": points["shear_rate"]}, dt)
+        new |= damp_flutter(scene, before | {"shear_rate": points["shear_rate"]}, dt, step)
     if scene.scheme.transfer == "tpic":
         new["affine"] = L.reshape(-1, dim * dim)
     if scene.scheme.transfer == "apic":

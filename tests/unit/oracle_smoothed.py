@@ -121,7 +121,7 @@ def deviator(stress):
     return stress - np.trace(stress, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
 
 
-def damp_flutter(scene, points, dt):
+def damp_flutter(scene, points, dt, step):
     """Overstress of unsteady slow flow, and the mean shear rate that counts as steady."""
     m, q = scene.material, scene.scheme.density
     g, time = largest_gravity(scene), flutter_interval(scene) * dt
@@ -131,8 +131,9 @@ def damp_flutter(scene, points, dt):
     steep = m.K * np.linalg.norm(points["density_gradient"], axis=1) / (m.rho_c * g)
     rate, depth = points["shear_rate"], p / (m.rho_c * g) / np.maximum(steep, 1.0)
     steady = 20.0 * depth / m.wave_speed
-    last = points["mean_shear_rate"]
-    mean = np.where(last > 0, (steady * last + time * rate) / (steady + time), rate)
+    mean = (steady * points["mean_shear_rate"] + time * rate) / (steady + time)
+    if step <= flutter_interval(scene):
+        mean = rate
     viscosity = q.flutter_damping * m.rho_c * m.wave_speed * depth
     viscosity = np.minimum(viscosity, 1.4 * m.rho_c * scene.grid.cell**2 / time)
     end = 4.0 * m.wave_speed * g * m.rho_c / m.G * tau / np.maximum(p, 1e-300)
