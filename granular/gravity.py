@@ -58,3 +58,23 @@ class Gravity:
         """Acceleration at time `t` [s], shape (dim,) [m/s2]."""
         t = finite("t", t)
         return np.array([np.interp(t, self.times, g) for g in zip(*self.vectors, strict=True)])
+
+    def swings(self, begin: float, end: float, window: float) -> bool:
+        """True if gravity takes a longer way than to its change, by a hundredth, in a window [s].
+
+        The windows follow each other from `begin` to `end` [s]. Work of such a gravity does not
+        follow from what is known at the ends of the windows.
+        """
+        times = np.array(self.times)
+        inside = times[(times > begin) & (times < end)]
+        if not len(inside):
+            return False
+        edges = np.linspace(begin, end, int(np.ceil((end - begin) / window)) + 1)
+        all_times = np.union1d(edges, inside)
+        vectors = np.array(
+            [np.interp(all_times, times, g) for g in zip(*self.vectors, strict=True)]
+        )
+        way = np.cumsum(np.r_[0.0, np.linalg.norm(np.diff(vectors, axis=1), axis=0)])
+        at = np.searchsorted(all_times, edges)
+        change = np.linalg.norm(np.diff(vectors[:, at], axis=1), axis=0)
+        return bool(np.any(np.diff(way[at]) > 1.01 * change + 1e-12 * way[-1]))

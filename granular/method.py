@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Self
 
-import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
@@ -14,6 +13,7 @@ from granular.restarts import check_numbers
 from granular.state import State
 
 if TYPE_CHECKING:
+    from granular.monitor import Energies, Monitor
     from granular.record import Checkpoint
     from granular.typing import AnyScene
 
@@ -28,6 +28,7 @@ class Method(Resource):
 
     scene: AnyScene
     _engine: _core.Engine | _core.Sph
+    _monitor: Monitor
     _instead = (
         "sim.checkpoint() holds its state, and Simulation.from_checkpoint(sim.scene, checkpoint) "
         "makes another one of it"
@@ -73,7 +74,9 @@ class Method(Resource):
     ) -> Self:
         """Return a simulation in the state of a checkpoint whose numbers are checked first."""
         check_numbers(checkpoint)
-        return cls._filled(scene, checkpoint, threads, isa)
+        sim = cls._filled(scene, checkpoint, threads, isa)
+        sim._monitor.restore(checkpoint.arrays, checkpoint.step)
+        return sim
 
     @classmethod
     def _filled(
@@ -104,10 +107,13 @@ class Method(Resource):
         """Return what a state of the method has besides the fields of its points."""
         return {}
 
-    def _indicators(self, state: State) -> dict[str, float]:
-        """Return the numbers that the method adds to a sample, see `Scene.indicators`."""
+    def _indicators(self, state: State, thorough: bool) -> dict[str, float]:
+        """Return the numbers that the method adds to a sample, see `Scene.indicators`.
+
+        Those that take long are looked at only if it is `thorough`.
+        """
         return {}
 
-    def _work(self) -> float:
-        """Return the work on the material so far besides that of gravity [J]; nan if unknown."""
-        return np.nan
+    def _energies(self) -> Energies | None:
+        """Return the energies for a sample; None for a method that does not account for them."""
+        return None

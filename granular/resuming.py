@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from granular import _core, materials
 from granular.buffers import default_isa
 from granular.checks import integer, truth
+from granular.monitor import unwatched
 from granular.record import open_trajectory
 from granular.record.layout import reading
 from granular.record.settings import check_alike, settings_of, usable_isa
@@ -45,12 +46,8 @@ def resumed(
             if isa is None:
                 isa = usable_isa(recorded, record.path)
             if scene is not None and scene != record.scene:
-                checkpoint = method._adapted(record.scene, scene, checkpoint)
+                checkpoint = method._adapted(record.scene, scene, unwatched(checkpoint))
             sim: Simulation = method._restored(scene or record.scene, checkpoint, threads, isa)
-            if scene is None:
-                past = record.series["step"] <= sim.steps
-                samples = {name: column[past] for name, column in record.samples.items()}
-                sim._monitor.recall(samples, record.series["step"][past])
     sim._every, sim._stored, sim._precision = every, stored, precision
     sim._session.path = None if scene is not None else Path(path)
     return sim

@@ -99,6 +99,15 @@ class Chunks:
             self._steps = int(min(max(CHUNK_SECONDS / seconds, 1), MAX_CHUNK, 4 * self._steps + 1))
             yield
 
+    def to_time(self, sim: Simulation, until: float, monitored: bool) -> Iterator[None]:
+        """Advance a simulation to a time [s], and take the samples of its monitor on the way."""
+        while sim.time < until:
+            target = sim._monitor.next(sim.steps) if monitored else MOST_STEPS
+            for _ in self.advance(sim, until, target):
+                if monitored:
+                    sim._sample_if_due()
+                yield
+
 
 class Soundness:
     """Guard of the steps of a simulation, which knows if an error in one has spoiled the state.

@@ -10,6 +10,7 @@ from granular import geometry, seeding
 from granular.checks import check_fields, integer, kinds_of, positive, set_fields, tuple_of
 from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
+from granular.indicators import Row
 from granular.inflow import Inflow, standing_points
 from granular.notebook import image, table
 from granular.serializable import Parameters, Serializable
@@ -22,9 +23,6 @@ class BaseScene(Serializable):
 
     method: ClassVar[str]
     """Name of the numerical method."""
-    indicators: ClassVar[tuple[tuple[str, str, float | None, str], ...]] = ()
-    """Indicators in addition to those of all methods; see `granular.diagnostics`."""
-
     _limits: ClassVar[Any]
     """Module of the method with its limits."""
 
@@ -106,7 +104,12 @@ class BaseScene(Serializable):
     @property
     def remedies(self) -> Mapping[str, str]:
         """Remedies for indicators beyond their limits; one without a remedy has no limit."""
-        return self._limits.REMEDIES
+        return self._limits.remedies(self)
+
+    @property
+    def indicators(self) -> tuple[Row, ...]:
+        """Indicators of failure of its runs; see `granular.diagnostics`."""
+        return self._limits.indicators(self)
 
     def known_failures(self) -> list[str]:
         """List the settings that are known to fail without an error, one sentence each."""

@@ -11,9 +11,10 @@ import numpy as np
 
 from granular import _core
 from granular.checks import integer, positive
-from granular.diagnostics import Health, Monitor, StabilityWarning, health
+from granular.diagnostics import Health, StabilityWarning, health
 from granular.interrupts import DeferredSignals
 from granular.measure.derived import with_derived
+from granular.monitor import Monitor, known
 from granular.present import Present
 from granular.record import Checkpoint, TrajectoryWriter
 from granular.record.session import Session
@@ -218,8 +219,8 @@ class Simulation(Present):
             They may look at it, and write to its `buffers`, but not step or run it: that raises
             RuntimeError. `granular.plot.Live` is one that shows the run.
         monitor : bool
-            Take samples of frames for the indicators of failure, see `health`; the record keeps
-            them. They are so far apart that they take less than a fiftieth of the run.
+            Take samples for the indicators of failure, see `health`; the record keeps these for
+            each frame. All samples take as long as some hundred steps (`granular.monitor`).
         gas : bool
             For scenes with a gas, store it in the frames of the record; checkpoints hold it in any
             case.
@@ -276,13 +277,15 @@ class Simulation(Present):
             progress_bar(self, until, progress) as bar,
             Saver(self, writer, 60 * minutes) as saver,
         ):
+            if monitor:
+                self._sample_if_due()
             if self.steps in (0, self._due):
                 self._frame(writer, hooks, monitor, gas, signals)
             saver.save()
             while self.time < until:
                 signals.deliver()
                 frame = min(next_frame(self.time, every), until)
-                for _ in self._chunks.advance(self, frame):
+                for _ in self._chunks.to_time(self, frame, monitor):
                     bar.update(min(self.time, until) - bar.n)
                     if self.time < frame:  # the frame comes before a checkpoint or an end
                         saver.save_if_due()
@@ -302,20 +305,15 @@ class Simulation(Present):
         signals: DeferredSignals,
     ) -> None:
         self._due = self.steps
-        sampled = monitor and self._monitor.due(self.steps, self.n_points)
-        state, samples = None, {}
-        if sampled or (writer and self._stored):
-            state = self._snapshot(kept=True)
-        if state and sampled:
-            samples = self._monitor.sample(state, self._indicators(state), self._work())
         if writer:
-            if state:
+            if self._stored:
+                state = self._snapshot(kept=True)
                 state.fields.update(with_derived(state, self._stored))
-            frame = state or self._streamed()
+            frame = state if self._stored else self._streamed()
             index = writer.append(
                 frame,
                 gas=frame.gas.fields if gas and hasattr(frame, "gas") else None,
-                samples=samples,
+                samples=known(self._values()) if monitor else None,
                 bodies=self._body_rows(),
                 walls=self._wall_rows(),
                 single=self._precision == "single",
@@ -327,30 +325,36 @@ class Simulation(Present):
             for hook in hooks:
                 self._turns.call(hook, self)
 
-    def health(self) -> Health:
-        """Indicators of failure from the samples so far and a sample of the present state.
+    def _sample_if_due(self) -> None:
+        if self._monitor.due(self.steps):
+            state = self._snapshot(kept=True)
+            own = self._indicators(state, self._monitor.thorough)
+            self._monitor.sample(state, own, self._energies())
 
-        After a `SimulationError`, whose state is of no use, they are those of the samples so far,
-        and the verdict is that the run failed.
+    def _values(self) -> dict[str, float]:
+        """Return the values of the indicators so far; without a sample those of this state."""
+        if self._monitor.rows or not self.steps or self._soundness.failure:
+            return self._monitor.values()
+        state = self._snapshot(kept=True)
+        return self._monitor.values(self._monitor.row(state, self._indicators(state, True)))
+
+    def health(self) -> Health:
+        """Indicators of failure from the samples so far, or without any from the present state.
+
+        They do not depend on the frames, nor on how the run is divided into calls of `run`, and the
+        record of the run has the same. After a `SimulationError`, whose state is of no use, the
+        verdict is that the run failed.
 
         Returns
         -------
         Health
             Value, limit and verdict of each indicator; see `granular.diagnostics`.
         """
-        last = None
-        if self.steps and not self._soundness.failure:
-            state = self.state
-            last = self._monitor.peek(state, self._indicators(state), self._work())
-        return health(self.scene, self._monitor.columns(last), self._soundness.failure)
+        return health(self.scene, self._values(), self._soundness.failure)
 
     def _warn_of_health(self) -> None:
-        """Issue a warning for each indicator that has become suspect since the last warning.
-
-        It looks at the present state only if a sample is due, as samples take time.
-        """
-        due = self._monitor.due(self.steps, self.n_points)
-        found = self.health() if due else health(self.scene, self._monitor.columns())
+        """Issue a warning for each indicator that has become suspect since the last warning."""
+        found = self.health()
         for indicator, text in zip(found.suspect, found.warnings(), strict=True):
             if indicator.name not in self._told:
                 self._told.add(indicator.name)
@@ -373,7 +377,7 @@ class Simulation(Present):
             step=int(scalars["step"]),
             dt=scalars["dt"],
             scalars=scalars,
-            arrays=arrays,
+            arrays=arrays | self._monitor.arrays(),
         )
 
     @classmethod

@@ -6,7 +6,7 @@ python benchmarks/figures/cohesion.py [--quick] [--out docs/pictures]
 from __future__ import annotations
 
 import numpy as np
-from common import parser_of, save
+from common import parser_of, save, tell
 
 import granular as gr
 from granular import plot, theory
@@ -28,6 +28,7 @@ def settlement(cell: float, gravities: np.ndarray, material: gr.DruckerPrager) -
     for gravity in gravities:
         sim.run(until=ramp * gravity / full)
         sunk.append(start[top, 1] - sim.state.x[top, 1])
+    tell(sim)
     return np.array(sunk)
 
 
@@ -37,7 +38,7 @@ def main() -> None:
     cell = 0.025 if chosen.quick else 0.00625
     picture = plot.Picture(figsize=(9.0, 3.6), layout="constrained")
     left, right = picture.subplots(1, 2, width_ratios=(1, 1.1))
-    sim = gr.Simulation(gr.scenes.cohesive_cliff(cell=cell)).run(until=0.4)
+    sim = tell(gr.Simulation(gr.scenes.cohesive_cliff(cell=cell)).run(until=0.4))
     plot.frame(sim.state, "speed", ax=left, title=f"a cliff of 0.3 m slides, t = {sim.time:.2f} s")
     gravities = np.arange(0.5, 12.01, 0.25)
     for name, material in (

@@ -109,6 +109,12 @@ def simulation_of(scene: gr.Scene, chosen: argparse.Namespace) -> gr.Simulation:
     return gr.Simulation(scene, threads=chosen.threads)
 
 
+def tell(simulation: gr.Simulation, name: str = "") -> gr.Simulation:
+    """Print the verdict on a run, and return the simulation."""
+    tqdm.write(f"{name or simulation.scene.name}: {simulation.health().verdict}")
+    return simulation
+
+
 def states_at(
     scene: gr.Scene, times: Sequence[float], chosen: argparse.Namespace, *, name: str = ""
 ) -> list[gr.State]:
@@ -119,6 +125,7 @@ def states_at(
         if time > 0:
             simulation.run(until=time)
         found.append(simulation.state)
+    tell(simulation, name)
     return found
 
 
@@ -141,6 +148,7 @@ def frames(
             bar.update(min(running.time, until) - bar.n)
 
         simulation.run(until=until, every=every, hooks=(look,))
+    tell(simulation, name)
     return found
 
 

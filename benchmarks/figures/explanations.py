@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable
 
 import numpy as np
-from common import parser_of, save
+from common import parser_of, save, tell
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
@@ -116,7 +116,7 @@ def turning(scheme: gr.Scheme, turns: float) -> tuple[np.ndarray, np.ndarray]:
         state = running.state
         found.append((running.time, 0.5 * float(state.mass @ (state.v**2).sum(axis=1))))
 
-    sim.run(every=0.02, hooks=(note,))
+    tell(sim.run(every=0.02, hooks=(note,)))
     times, energy = np.array(found).T
     return times, energy / energy[0]
 
@@ -170,7 +170,7 @@ def density_correction(quick: bool) -> Picture:
             scheme=gr.Scheme(transfer="tpic", density=density),
         )
         sim = gr.Simulation(scene)
-        sim.run(until=0.2 if quick else 4.0)
+        tell(sim.run(until=0.2 if quick else 4.0))
         state, up = sim.state, np.array([0.0, height])
         weight = scene.material.rho_c * 9.8 * np.cos(np.radians(angle))
         ax.plot(state.pressure, state.x[:, 1], ".", color=BLUE, ms=3, alpha=0.6)
@@ -228,6 +228,7 @@ def determinism(quick: bool) -> Picture:
         x = sim.buffers["x"]
         x[0] += nudge * (sim.buffers["id"] == 7)
         sim.run(until=until, every=every, hooks=(lambda running: found.append(running.state.x),))
+        tell(sim)
         return np.arange(len(found)) * every, found
 
     times, whole = history(1)
@@ -296,7 +297,7 @@ def core(quick: bool) -> Picture:
     top, bottom = made.subplots(2, 1, height_ratios=(3.0, 2.0))
     scene = gr.scenes.column_collapse(aspect=1.0, E=1e6, cell=0.04, points_per_cell=4)
     sim = gr.Simulation(scene, threads=1)
-    sim.run(until=0.3)
+    tell(sim.run(until=0.3))
     state, grid = sim.state, scene.grid
     columns, rows = 14, 7
     held = np.zeros((columns, rows), bool)

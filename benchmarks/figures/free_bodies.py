@@ -11,7 +11,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from common import parser_of, save
+from common import parser_of, save, tell
 from numpy.typing import NDArray
 
 import granular as gr
@@ -75,7 +75,7 @@ def main() -> None:
     sim = gr.Simulation(scene)
     with TemporaryDirectory() as folder:
         path = Path(folder, "block.h5")
-        sim.run(until=0.1 if chosen.quick else 0.6, save=path, every=0.01)
+        tell(sim.run(until=0.1 if chosen.quick else 0.6, save=path, every=0.01))
         record = gr.open(path)
         shown = (0, len(record) // 4, len(record) - 1)
         for ax, k in zip(axes[0], shown, strict=True):

@@ -10,7 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from common import parser_of, save
+from common import parser_of, save, tell
 
 import granular as gr
 from granular.plot import Picture
@@ -32,7 +32,7 @@ def main() -> None:
         with TemporaryDirectory() as folder:
             path = Path(folder, "run.h5")
             until = 0.02 if chosen.quick else max(times) + 0.01
-            gr.Simulation(scene).run(until=until, save=path, every=0.02)
+            tell(gr.Simulation(scene).run(until=until, save=path, every=0.02))
             record = gr.open(path)
             for ax, time in zip(row, times, strict=True):
                 k = min(round(time / 0.02), len(record) - 1)

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from common import RUN, options, save
+from common import RUN, options, save, tell
 
 import granular as gr
 from granular import plot
@@ -31,8 +31,7 @@ def heap(material: gr.materials.MuI, quick: bool) -> gr.State:
     size = {"cell": 0.05, "duration": 0.5} if quick else {}
     scene = gr.scenes.column_collapse(aspect=1.0, material=material, **size)
     simulation = gr.Simulation(scene)
-    simulation.run(until=scene.duration)
-    return simulation.state
+    return tell(simulation.run(until=scene.duration)).state
 
 
 def main(argv: list[str] | None = None) -> None:

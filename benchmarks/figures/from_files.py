@@ -6,7 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from common import BLUE, GREY, ORANGE, WEIGHT, panels
+from common import BLUE, GREY, ORANGE, WEIGHT, panels, tell
 
 import granular as gr
 from granular.grain_scale.dem.process import execute
@@ -73,7 +73,7 @@ def dem_runs(quick: bool) -> Picture:
         gravity=WEIGHT,
         duration=last.time - first.time,
     )
-    state = gr.Simulation(scene).run().state
+    state = tell(gr.Simulation(scene).run()).state
     axes[2, 0].scatter(last.x[:, 0], last.x[:, 2], 9, GREY, alpha=0.3)
     axes[2, 0].scatter(*state.x.T, 4, np.linalg.norm(state.v, axis=1), **limits)
     axes[2, 0].set_title(f"a continuum from there, and the grains (grey), at {last.time:.1f} s")

@@ -12,7 +12,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from common import BLUE, GREEN, GREY, ORANGE, RED, WEIGHT, panels, parser_of, save
+from common import BLUE, GREEN, GREY, ORANGE, RED, WEIGHT, panels, parser_of, save, tell
 from from_files import dem_runs, meshes
 from matplotlib.figure import Figure
 from matplotlib.image import imread
@@ -27,7 +27,7 @@ STILL = gr.Gravity((0.0,), ((0.0, 0.0),))
 def column(cell: float, until: float = 1.0, **numbers: float) -> gr.State:
     """Last state of a column that collapses."""
     scene = gr.scenes.column_collapse(cell=cell, points_per_cell=4, duration=until, **numbers)
-    return gr.Simulation(scene).run().state
+    return tell(gr.Simulation(scene).run()).state
 
 
 def runout(state: gr.State) -> float:
@@ -56,7 +56,7 @@ def walls(quick: bool) -> Picture:
             gravity=WEIGHT,
             duration=0.3,
         )
-        state = gr.Simulation(scene).run().state
+        state = tell(gr.Simulation(scene).run()).state
         extent = ((0.0, 0.7), (0.0, 0.2))
         gr.plot.frame(state, "speed", ax=ax, extent=extent, limits=(0, 1.5), title=kind)
     return made
@@ -178,7 +178,7 @@ def scale_a_model(quick: bool) -> Picture:
     for ax, scene, until, name in zip(
         axes.flat, (large, small), times, ("site", "model"), strict=True
     ):
-        state = gr.Simulation(scene).run(until=until).state
+        state = tell(gr.Simulation(scene).run(until=until)).state
         size = until / 0.6
         extent = ((0.0, 1.2 * size**2), (0.0, 0.52 * size**2))
         gr.plot.frame(state, "speed", ax=ax, extent=extent, title=f"{name}, t = {until} s")
@@ -210,7 +210,7 @@ def shear_cell(quick: bool) -> Picture:
         gravity=STILL,
         duration=5.0,
     )
-    state = gr.Simulation(scene).run(until=0.2 if quick else 5.0).state
+    state = tell(gr.Simulation(scene).run(until=0.2 if quick else 5.0)).state
     height = state.x[:, 1]
     left.plot(state.v[:, 0], height, ".", color=BLUE, ms=4, label="points")
     left.plot([0, 2.8], [0, 0.2], color="black", lw=1.2, label="uniform shear")
@@ -244,6 +244,7 @@ def own_scene(quick: bool) -> Picture:
         last = ax is axes.flat[-1]
         extent = ((0.0, 1.0), (0.0, 0.42))
         gr.plot.frame(sim.state, "speed", ax=ax, extent=extent, limits=(0, 1.2), bar=last)
+    tell(sim)
     return made
 
 
@@ -264,7 +265,7 @@ def read_the_verdict(quick: bool) -> Picture:
             points_per_cell=4, scheme=scheme, duration=2.0 if quick else 8.0,
         )  # fmt: skip
         with TemporaryDirectory() as folder:
-            sim = gr.Simulation(scene).run(save=Path(folder, "a.h5"), every=0.1)
+            sim = tell(gr.Simulation(scene).run(save=Path(folder, "a.h5"), every=0.1))
             with gr.open(Path(folder, "a.h5")) as record:
                 samples = record.samples["disconnected"]
                 left.plot(record.times, samples, ".-", color=colour, label=name)
@@ -286,7 +287,7 @@ def watch_a_run(quick: bool) -> Picture:
     def note(sim: gr.Simulation) -> None:
         found.append((sim.time, gr.measure.speed_percentile(sim.state)))
 
-    gr.Simulation(scene).run(until=0.3 if quick else 1.0, every=0.02, hooks=(note,))
+    tell(gr.Simulation(scene).run(until=0.3 if quick else 1.0, every=0.02, hooks=(note,)))
     times, speeds = np.array(found).T
     ax.plot(times, speeds, ".-", color=BLUE, label="what the hook notes")
     ax.axhline(0.02, color=GREY, ls="--", label="taken as rest")
@@ -306,12 +307,12 @@ def restart(quick: bool) -> Picture:
     with TemporaryDirectory() as folder:
         path = Path(folder, "collapse.h5")
         scene = gr.scenes.column_collapse(aspect=1.5, E=1e6, cell=cell, points_per_cell=4)
-        sim = gr.Simulation(scene).run(until=0.2, save=path)
+        sim = tell(gr.Simulation(scene).run(until=0.2, save=path))
         gr.plot.frame(sim.state, "speed", ax=axes[0, 0], extent=extent, title="t = 0.2 s", **common)
         for ax, mu_s in zip(axes[0, 1:], (scene.material.mu_s, 0.1), strict=True):
             changed = scene.replace(material=scene.material.replace(mu_s=mu_s))
             resumed = gr.Simulation.resume(path, scene=changed)
-            state = resumed.run(until=0.5, save=Path(folder, f"{mu_s}.h5")).state
+            state = tell(resumed.run(until=0.5, save=Path(folder, f"{mu_s}.h5"))).state
             title = f"t = 0.5 s, mu_s = {mu_s:.2f}"
             options = common | {"bar": ax is axes[0, 2]}
             gr.plot.frame(state, "speed", ax=ax, extent=extent, title=title, **options)
@@ -383,13 +384,13 @@ def paraview(quick: bool) -> Picture:
         cell=0.02 if quick else 0.01, duration=0.6, headroom=0.2, speed=0.2
     )
     left, right = axes
-    state = gr.Simulation(scene).run(until=0.1 if quick else 0.6).state
+    state = tell(gr.Simulation(scene).run(until=0.1 if quick else 0.6)).state
     gr.plot.frame(state, "pressure", ax=left, title="gr.plot.frame(state, color='pressure')")
     blade = gr.scenes.excavation(
         depth=0.05, travel=0.1, speed=0.2, dive_speed=0.1, settle=0.15, length=0.8, width=0.5,
         cell=0.025,
     )  # fmt: skip
-    sim = gr.Simulation(blade).run(until=0.3 if quick else 1.15)
+    sim = tell(gr.Simulation(blade).run(until=0.3 if quick else 1.15))
     with TemporaryDirectory() as folder:
         path = Path(folder, "now.png")
         sim.view(path, color="speed", limits=(0.0, 0.2), camera=(0.8, -1.2, 0.6), window=(640, 480))

@@ -7,7 +7,7 @@ import sys
 import warnings
 
 import numpy as np
-from common import parser_of, save
+from common import parser_of, save, tell
 
 import granular as gr
 from granular import plot
@@ -36,6 +36,7 @@ def emptied(angle: float, friction: float, cell: float) -> tuple[gr.State, float
         sim.run(until=float(time))
         states.append(sim.state)
         mass.append(2 * sim.state.mass[sim.state.x[:, 1] > 0].sum())
+    tell(sim)
     flow = gr.measure.hopper_flow(states)
     top = min((WIDTH - ORIFICE) / 2 / math.tan(math.radians(angle)), 0.3)
     rate = -np.polyfit([state.time for state in states], mass, 1)[0]
@@ -86,6 +87,7 @@ def turned(omega: float, cell: float) -> list[gr.State]:
     for time in np.linspace(1.0, 1.5, 26) / omega + 0.5:
         sim.run(until=float(time))
         states.append(sim.state)
+    tell(sim)
     return states
 
 

@@ -8,7 +8,7 @@ The whole takes a minute or two.
 from __future__ import annotations
 
 import numpy as np
-from common import parser_of, save
+from common import parser_of, save, tell
 
 import granular as gr
 from granular import plot
@@ -21,7 +21,7 @@ def history(scene: gr.Scene, every: float) -> tuple[gr.State, np.ndarray]:
     def note(running: gr.Simulation) -> None:
         rows.append((running.time, running.inflows[0].mass, running.state.mass.sum()))
 
-    sim.run(every=every, hooks=(note,))
+    tell(sim.run(every=every, hooks=(note,)))
     return sim.state, np.array(rows).T
 
 

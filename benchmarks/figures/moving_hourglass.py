@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 
 import matplotlib
-from common import parser_of
+from common import parser_of, tell
 
 import granular as gr
 
@@ -45,6 +45,7 @@ def main(argv: list[str] | None = None) -> None:
     states = [simulation.state]
     every = 0.2 if chosen.quick else 0.02
     simulation.run(every=every, hooks=(lambda running: states.append(running.state),))
+    tell(simulation)
     chosen.out.mkdir(parents=True, exist_ok=True)
     path = chosen.out / "hourglass.gif"
     with matplotlib.rc_context({"font.size": 15}):  # first pages show it small

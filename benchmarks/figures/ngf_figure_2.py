@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from common import RUN, options, save
+from common import RUN, options, save, tell
 from matplotlib.axes import Axes
 
 import granular as gr
@@ -87,7 +87,7 @@ def draw_profiles(ax: Axes, heights: dict[float, float]) -> None:
     stop = float(theory.stopping_height(27.0, GRAINS.A, GRAINS.d, GRAINS.mu_s, GRAINS.mu_2))
     for k, (height, until) in enumerate(heights.items()):
         simulation = column(height=height)
-        simulation.run(until=until)
+        tell(simulation.run(until=until))
         y, v = velocity(simulation.state)
         flow = theory.chute_profile(27.0, height, GRAINS)
         every = max(1, (y.size - 1) // 20)

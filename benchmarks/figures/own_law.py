@@ -11,7 +11,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from common import parser_of, save
+from common import parser_of, save, tell
 
 import granular as gr
 from granular import plot
@@ -45,7 +45,7 @@ def main() -> None:
         panels, (material_of_page(), beads), ("cohesive Bingham fluid", "glass beads"), strict=True
     ):
         scene = gr.scenes.column_collapse(aspect=1.0, cell=cell, duration=1.5, material=material)
-        state = gr.Simulation(scene).run().state
+        state = tell(gr.Simulation(scene).run()).state
         extent = ((0.0, 0.72), (-0.005, 0.16))
         plot.frame(state, "pressure", ax=ax, title=title, extent=extent, limits=(0.0, 1800.0))
     save(picture, chosen, "own_law")

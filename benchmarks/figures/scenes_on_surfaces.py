@@ -15,7 +15,7 @@ import warnings
 from collections.abc import Callable
 
 import numpy as np
-from common import parser_of, save
+from common import parser_of, save, tell
 from matplotlib.axes import Axes
 
 import granular as gr
@@ -33,6 +33,7 @@ def course(scene: gr.Scene, windows: int, body: int = 0) -> tuple[list, np.ndarr
         sim.run(until=until)
         states.append(sim.state)
         impulses.append(sim.bodies[body].impulse)
+    tell(sim)
     times = np.array([state.time for state in states])
     return states, times, np.diff(impulses, axis=0) / np.diff(times)[:, None]
 

@@ -8,7 +8,7 @@ The whole takes a minute.
 from __future__ import annotations
 
 import numpy as np
-from common import parser_of, save
+from common import parser_of, save, tell
 
 import granular as gr
 from granular import plot
@@ -46,6 +46,7 @@ def deflection(cell: float, times: np.ndarray) -> tuple[list[gr.State], np.ndarr
         state = sim.state
         states.append(state)
         places.append(state.x[np.isin(state.id, ids), 0].mean())
+    tell(sim)
     return states, np.array(places) - places[0]
 
 
@@ -56,7 +57,7 @@ def main() -> None:
     cell = 0.025 if chosen.quick else 0.00625
     picture = plot.Picture(figsize=(7.5, 7.0), layout="constrained")
     above, middle, below = picture.subplots(3, 1, height_ratios=(1, 1, 0.8))
-    state = gr.Simulation(layered(cell)).run().state
+    state = tell(gr.Simulation(layered(cell)).run()).state
     plot.frame(state, "material", ax=above, bar=False, title="sand over gravel after 1 s")
     for text, place in (("sand", (0.02, 0.12)), ("gravel", (0.02, 0.05))):
         colour = {"sand": "white", "gravel": "black"}[text]

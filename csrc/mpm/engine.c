@@ -316,6 +316,7 @@ int gr_engine_new(struct gr_engine **out, const struct gr_config *config)
     e->dt = config->dt;
     e->shift_dt = 1; /* until the first shift */
     e->shift_scale = -1;
+    e->tally.time = -1;
     e->inv_dx = 1.0 / config->dx;
     prepare_materials(e);
     *out = e;
@@ -388,7 +389,8 @@ void gr_engine_free(struct gr_engine *e)
                            e->cut,
                            e->pending,
                            e->pending_id,
-                           e->dirty};
+                           e->dirty,
+                           e->tally.cell};
     struct gr_table *const tables[] = {&e->mesh.cell_of, &e->mesh.next_of, &e->mesh.node_of};
     for (int k = 0; k < 3; k++) gr_table_free(tables[k]);
     gr_map_free(&e->config.node_codes);

@@ -17,6 +17,7 @@
 #include "fluidity/fluidity.h"
 #include "mpm/materials.h"
 #include "mpm/scheme.h"
+#include "mpm/tally.h"
 
 #define GR_MAX_NODES 27
 
@@ -216,6 +217,7 @@ struct gr_engine {
     double keep_velocity;    /* share f of the old velocity kept in this step */
     int64_t step, step_anchor, dropped, clamped;
     double dropped_mass;
+    struct gr_tally tally; /* for the verdict on the run */
     int sums_valid, record_rates, disconnected;
     int sums_average, sums_correct_shift; /* content of the sums for the next step, see gr_plan_sums */
     /* nonlocal law: the fluidity of the cells, means over their dense points; diffused in place. NULL for a local law */

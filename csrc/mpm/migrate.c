@@ -8,6 +8,7 @@
 #include "core/memory.h"
 #include "mpm/places.h"
 #include "mpm/sleep.h"
+#include "mpm/tally.h"
 #include "mpm/walls.h"
 
 /* True if all nodes are walls along axis d on the face with which the domain ends at cell `from`. */
@@ -216,7 +217,12 @@ static int64_t bring_back(struct gr_engine *e, const struct gr_cell *from, doubl
 {
     int64_t at[3];
     locate(e, record, at);
-    if (gr_confine(e, record, at, from->at)) return find_cell(e, at, record);
+    gr_tally_carry(e, record, -1);
+    if (gr_confine(e, record, at, from->at)) {
+        gr_tally_carry(e, record, 1);
+        return find_cell(e, at, record);
+    }
+    gr_tally_outflow(e, record);
     e->dropped++;
     e->dropped_mass += record[gr_component_of(e, GR_FIELD_mass)];
     e->n_points--;
@@ -320,6 +326,7 @@ void gr_insert_new(struct gr_engine *e, double *record, int64_t id)
     int64_t at[3] = {0}, inside[3] = {0};
     int32_t from[3] = {0};
     e->n_points++;
+    gr_tally_carry(e, record, 1);
     locate(e, record, at);
     for (int d = 0; d < e->config.dim; d++) {
         inside[d] = at[d] < 0 ? 0 : at[d] < e->axis[d].n_cells ? at[d] : e->axis[d].n_cells - 1;

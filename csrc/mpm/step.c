@@ -263,11 +263,11 @@ static int prepare(struct run *run)
         if (e->sleep) e->sleep->all_nodes = 1;
     }
     const double next = e->time_anchor + (double)(e->step + 1 - e->step_anchor) * e->dt;
-    /* Shear rates are recorded in the last step, where they are seen, and in the step before an averaging or a damping of
-     * flutter, which use them. The damping of elastic waves needs them in all. */
+    /* Shear rates are recorded in the last step, where they are seen, in the step before an averaging or a damping of
+     * flutter, which use them, and in that of a tally. The damping of elastic waves needs them in all. */
     e->record_rates = run->left == 0 || next >= run->until || gr_averages(e, e->step + 1) ||
-                      gr_damps_flutter(e, e->step + 1) || (config->cell_averaged && config->damping_rate > 0) ||
-                      config->damping_time > 0 || e->fluidity;
+                      gr_damps_flutter(e, e->step + 1) || (e->step + 1) % GR_TALLY_INTERVAL == 0 ||
+                      (config->cell_averaged && config->damping_rate > 0) || config->damping_time > 0 || e->fluidity;
     e->diffuses = e->fluidity && !(e->time < config->nonlocal.begins_at);
     const double rate = config->keep_velocity_rate;
     e->keep_velocity = config->xpic_order || rate < 0 ? 0 : rate > 0 ? exp(-rate * dt) : 1;
@@ -408,6 +408,7 @@ static void make_steps(void *context, struct gr_team *team)
             all_tiles(run, p2g);
         }
         e->sums_valid = 1;
+        if (gr_tally_is_due(e) && (e->error = gr_tally_make(e, team))) return;
         if (!prepare(run)) return;
         stage_grid(run);
         if (e->error || stage_fluidity(run)) return;

@@ -192,12 +192,24 @@ static const struct gr_scalar scalars[] = {
     GR_X(time) GR_X(dt) GR_X(time_anchor) GR_X(shift_dt) GR_X(dropped_mass) GR_X(step) GR_X(step_anchor) GR_X(dropped)
         GR_X(clamped) GR_X(n_points)
 #undef GR_X
+#define GR_X(name, doc) {"tally_" #name, offsetof(struct gr_engine, tally.name), 1},
+            GR_TALLY(GR_X)
+#undef GR_X
 };
 enum { SCALARS = sizeof scalars / sizeof *scalars };
 
 static PyObject *engine_scalars(struct gr_object *self, PyObject *Py_UNUSED(unused))
 {
     return gr_python_scalars(self, scalars, SCALARS);
+}
+
+/* Make the tally that is due. */
+static PyObject *engine_tally(struct gr_object *self, PyObject *Py_UNUSED(unused))
+{
+    struct gr_engine *e = gr_ready(self, 1);
+    if (!e) return NULL;
+    if (gr_tally_is_due(e) && !e->n_pending && gr_tally_make(e, NULL)) return PyErr_NoMemory();
+    Py_RETURN_NONE;
 }
 
 #define DT_ROUNDING 1e-9 /* of the longest time step, which a build with other instructions may round otherwise */
@@ -217,6 +229,10 @@ static PyObject *engine_restore(struct gr_object *self, PyObject *dict)
         gr_refuse_count("step_anchor", new.step_anchor) || gr_refuse_count("dropped", new.dropped) ||
         gr_refuse_count("clamped", new.clamped) || gr_refuse_clock(new.time, new.dt > 0 ? new.dt : longest))
         return NULL;
+#define GR_X(name, doc) \
+    if (gr_refuse_range("tally_" #name, new.tally.name, -GR_LARGEST, GR_LARGEST)) return NULL;
+    GR_TALLY(GR_X)
+#undef GR_X
     if (new.step < new.step_anchor)
         return PyErr_Format(PyExc_ValueError, "step_anchor = %lld must not exceed step = %lld", (long long)new.step_anchor,
                             (long long)new.step);
@@ -370,6 +386,7 @@ static PyMethodDef methods[] = {
     {"cells", (PyCFunction)engine_cells, METH_NOARGS,
      "cells()\n--\n\n(place, count): the places of the points in the buffers, cell by cell, and the points of each active cell."},
     {"scalars", (PyCFunction)engine_scalars, METH_NOARGS, "scalars()\n--\n\nThe numbers that a restart needs."},
+    {"tally", (PyCFunction)engine_tally, METH_NOARGS, "tally()\n--\n\nMake the tally that is due: scalars() then has it."},
     {"restore", (PyCFunction)engine_restore, METH_O, "restore(scalars)\n--\n\nSet the numbers of a restart."},
     {"bodies", (PyCFunction)engine_bodies, METH_NOARGS,
      "bodies()\n--\n\nState of the bodies, (n, 20): position, orientation (quaternion), velocity, angular velocity, impulse,\n"

@@ -2,6 +2,7 @@
 #define GR_IMPORTS_NUMPY
 #include <math.h>
 
+#include "mpm/tally.h"
 #include "python/engine_common.h"
 
 #ifndef GR_FLAGS
@@ -107,6 +108,7 @@ static int exec_module(PyObject *module)
         if (failed) return -1;
     }
     if (PyModule_AddIntConstant(module, "LANES", GR_LANES)) return -1;
+    if (PyModule_AddIntConstant(module, "TALLY_INTERVAL", GR_TALLY_INTERVAL)) return -1;
     return PyModule_AddIntConstant(module, "MAX_THREADS", GR_MAX_THREADS);
 }
 

@@ -18,6 +18,7 @@ from granular.materials import Material, MuI
 from granular.mpm.limits import damps_by_step, height
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme, default, dunatunga_kamrin_2015
+from granular.plausible import rounded
 from granular.theory import transient
 
 RAMP_SLIP = 0.16
@@ -215,12 +216,6 @@ def stiffness_error(scene: Scene, name: str, material: Material) -> float:
         return incline_error(scene, material)
     law = law_of(scene, name)
     return math.nan if law is None else law(pressure_strain(scene, material))
-
-
-def rounded(E: float) -> float:
-    """E rounded up to two digits."""
-    unit = 10.0 ** (math.floor(math.log10(E)) - 1)
-    return math.ceil(round(E / unit, 6)) * unit
 
 
 STIFFNESSES = (0.1, 1e10)

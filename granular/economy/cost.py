@@ -15,6 +15,7 @@ from granular.inflow import points_between
 from granular.mpm.limits import check_time_step, damped_step
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
+from granular.plausible import rounded
 
 if TYPE_CHECKING:
     from granular.typing import AnyScene
@@ -96,6 +97,8 @@ class Cost:
         `STRAIN`, with which the error was not measured.
     unborn : float
         Mean number over the run of the points that are still to enter.
+    pressure : float
+        Pressure rho_c g H at the foot of the material [Pa]; nan for SPH.
     """
 
     points: int
@@ -107,6 +110,7 @@ class Cost:
     enough_E: float = math.nan
     error: float = math.nan
     unborn: float = 0.0
+    pressure: float = math.nan
 
     @property
     def point_steps(self) -> int:
@@ -118,6 +122,8 @@ class Cost:
             f"{self.points:,} points, {self.steps:,} steps: about {_duration(self.seconds)} on one "
             f"core, {gigabytes(self.memory)}"
         )
+        if self.pressure > 0:
+            text += f"; E is {self.E / self.pressure:.3g} times the pressure at the foot"
         if not self.enough_E < self.E:
             return text
         known = f"error {self.error:.2g}" if self.error >= 0 else f"p/K = {STRAIN:g} at the foot"
@@ -177,7 +183,8 @@ def cost(scene: AnyScene) -> Cost:
     unborn = _unborn(scene)
     seconds = steps * (points - unborn) * nanoseconds(scene.scheme, scene.dim) * 1e-9
     peak = needed + memory.growth(scene, points)
-    return Cost(points, steps, seconds, needed, peak, scene.material.E, *_enough(scene), unborn)
+    E, pressure = scene.material.E, bias.pressure_strain(scene) * scene.material.K
+    return Cost(points, steps, seconds, needed, peak, E, *_enough(scene), unborn, pressure)
 
 
 def _unborn(scene: AnyScene) -> float:
@@ -215,6 +222,6 @@ def _enough(scene: Scene) -> tuple[float, float]:
         strain = bias.pressure_strain(scene)
         if not material.granular or not strain > 0:
             return math.nan, math.nan
-        return bias.rounded(material.E * strain / STRAIN), math.nan
+        return rounded(material.E * strain / STRAIN), math.nan
     except (ArithmeticError, RuntimeError, ValueError):  # numbers for which no law was made
         return math.nan, math.nan

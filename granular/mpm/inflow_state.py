@@ -40,7 +40,7 @@ def account(
         scene=scene, time=0.0, step=0, dt=0.0, fields={"stress": np.zeros((n, 4)), **fields}
     )
     mass = entered * fields["mass"]
-    # Gravity works on what has entered from its place at the inlet on; see `diagnostics`.
+    # Gravity works on what has entered from its place at the inlet on.
     below = (np.array(scene.grid.lower) - fields["x"]) @ scene.gravity.vectors[-1]
     return InflowState(
         points=int(entered.sum()),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,10 +11,11 @@ from granular.geometry import Fill
 from granular.materials import NGF, MuI
 from granular.mpm.body_limits import light_bodies, mesh_scale, near_thin_parts, thin_parts
 from granular.mpm.filling import has_material, is_full, middle_points
+from granular.mpm.indicators import POINTS_PER_CELL, indicators, remedies
+from granular.mpm.support import unsupported
 from granular.mpm.walls import Solid, Wall
 from granular.plausible import BOULDER
 from granular.regions import Cloud
-from granular.seeding import DEEPEST
 from granular.surfaces import Heights, Layer
 from granular.theory.well_posed import well_posed_slopes
 
@@ -25,14 +25,15 @@ if TYPE_CHECKING:
     from granular.mpm.schemes import Scheme
 
 __all__ = [
-    "REMEDIES",
     "check_time_step",
     "courant_limit",
     "damped_step",
     "damps_by_step",
     "dt_limit",
     "height",
+    "indicators",
     "known_failures",
+    "remedies",
 ]
 
 
@@ -56,70 +57,11 @@ that points hardly reach has almost no mass. Their limit is that of a layer in f
 "incline_courant").
 """
 
-POINTS_PER_CELL = 4
-"""Least number of points per cell in a flow, from the map "incline_seeding"."""
-
 LAYER_CELLS = 6
 """Least height of the material in cells, from the map "incline_seeding"."""
 
 LOCKING = {"linear": 0.45, "ugimp": 0.45, "quadratic": 0.49}
 """Largest nu without volumetric locking, from the map "locking"."""
-
-REMEDIES = MappingProxyType(
-    {
-        "disconnected": "take 4 or more points per cell, and SmoothedDensity() (the default) in "
-        "place of another density",
-        "density_drift": "take SmoothedDensity() (the default) in place of ParticleDensity(); "
-        "else a larger E, or schemes.cell_averaged",
-        "in_bodies": "take smaller cells, a smaller cfl, or a thicker body",
-        "in_solids": "put a Wall on the faces that material hits fast, and fill no blocks",
-        "weights_at_limit": "say where a law of your own separates (`separation`), or take more "
-        "points per cell",
-        "wall_strain": "fill the domain, without a free surface, or take a larger E",
-        "gaps": "take more points per cell",
-        "courant": "take a smaller cfl, or no fixed dt",
-        "energy_created": "take the default scheme, if it is another one, else half of cfl (or "
-        "dt), and compare; in slow flow few samples scatter about the work that is dissipated",
-    }
-)
-"""Remedies for indicators of failure beyond their limits."""
-
-
-AT_LIMIT = 0.999
-"""Share of the limit of a quadrature weight from which it counts as held there."""
-
-
-INDICATORS: tuple[tuple[str, str, float | None, str], ...] = (
-    (
-        "in_solids",
-        "largest",
-        0.0,
-        "share, by mass, of the points more than a cell within a Solid: beyond the limit blocks "
-        "leak, or were filled at the start",
-    ),
-    (
-        "in_bodies",
-        "largest",
-        0.0,
-        f"share, by mass, of the points more than {DEEPEST} cells within a body: beyond the limit "
-        "bodies leak",
-    ),
-    (
-        "weights_at_limit",
-        "later",
-        0.3,
-        "share, by mass, of the stressed points whose quadrature weights are at their limit: "
-        "beyond 0.3 their correction no longer balances the forces",
-    ),
-    (
-        "wall_strain",
-        "largest",
-        0.025,
-        "displacement of a wall that keeps a pressure over the height of the domain: beyond the "
-        "limit the domain is no longer the one that the grid has",
-    ),
-)
-"""Name, reduction over the samples, limit and meaning of the additional indicators of MPM runs."""
 
 
 def courant_limit(scene: Scene) -> float:
@@ -223,6 +165,7 @@ def known_failures(scene: Scene) -> list[str]:
         _walled_in,
         _divided,
         _closed,
+        unsupported,
     )
     return [warning for check in checks if (warning := check(scene))]
 

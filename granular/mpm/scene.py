@@ -88,7 +88,6 @@ class Scene(BaseScene):
     """
 
     method = "mpm"
-    indicators = limits.INDICATORS
     _limits: ClassVar[Any] = limits
 
     name: str

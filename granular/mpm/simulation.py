@@ -15,14 +15,15 @@ from granular.checks import positive, truth
 from granular.inflow import InflowState, stored_inflow
 from granular.materials.law_functions import keeping_exceptions
 from granular.materials.own import OwnLaw
+from granular.monitor import Energies
 from granular.mpm import bodies as rigid
 from granular.mpm import engine as core
 from granular.mpm.blocks import deep_within
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.body_overlaps import check_overlaps
 from granular.mpm.free_bodies import INTERVAL, FreeBodies
+from granular.mpm.indicators import weights_at_limit
 from granular.mpm.inflow_state import account
-from granular.mpm.limits import AT_LIMIT
 from granular.mpm.rigid_contact import touch_solids
 from granular.mpm.scene import Scene
 from granular.mpm.wall_owners import wall_owners
@@ -295,20 +296,26 @@ class Simulation(simulation.Simulation, scenes=Scene):
         time, step, dt = scalars["time"], int(scalars["step"]), scalars["dt"]
         return Streamed(time, step, dt, self._gathered(kept=True))
 
-    def _indicators(self, state: State) -> dict[str, float]:
-        found: dict[str, float] = {}
+    def _indicators(self, state: State, thorough: bool) -> dict[str, float]:
+        self._engine.tally()
+        tally = self._engine.scalars()
+        found: dict[str, float] = {
+            "mach": tally["tally_fastest"] / self.scene.wave_speed,
+            "compression": tally["tally_densest"],
+            "dilution": abs(tally["tally_loosest"]),
+            "strain_step": tally["tally_strain_step"],
+        }
         for servo in self.scene.servos:
             moved = abs(float(self.walls[servo.wall].displacement))
             found["wall_strain"] = moved / core.extent(self.scene, servo.axis)
-        dense = state.dense
-        if "weight_correction" in state.fields and dense.any():
-            most = AT_LIMIT * self.scene.scheme.density.numbers()["weight_correction_limit"]
-            held = dense & (np.abs(state.weight_correction) >= most)
-            found["weights_at_limit"] = float(state.mass[held].sum() / state.mass[dense].sum())
-        if state.n and any(isinstance(wall, Solid) for wall in self.scene.walls):
+        if not thorough or not state.n:
+            return found
+        if "weight_correction" in state.fields:
+            found["weights_at_limit"] = weights_at_limit(self.scene, state)
+        if any(isinstance(wall, Solid) for wall in self.scene.walls):
             within = deep_within(self.scene.grid, self.scene.walls, state.x)
             found["in_solids"] = float(state.mass[within].sum() / state.mass.sum())
-        if state.n and self.scene.bodies:
+        if self.scene.bodies:
             phi, _ = distance_from_bodies(self.scene, self.bodies)(state.x)
             within = phi < -DEEPEST * self.scene.grid.cell
             found["in_bodies"] = float(state.mass[within].sum() / state.mass.sum())
@@ -388,7 +395,11 @@ class Simulation(simulation.Simulation, scenes=Scene):
         # The damping of flutter, which is there with gravity, begins anew with it.
         for name in {"overstress", "mean_shear_rate"} - set(arrays):
             arrays[name] = np.zeros((1, len(arrays["id"])))
-        scalars = dict(checkpoint.scalars) | {"dt": 0.0}  # a new one in the first step
+        scalars = {  # another account of energy
+            name: 0.0 if name.startswith("tally_") else value
+            for name, value in checkpoint.scalars.items()
+        }
+        scalars |= {"tally_time": -1.0, "dt": 0.0}  # a new step, too, at the first
         return replace(checkpoint, arrays=arrays, scalars=scalars)
 
     def _body_rows(self) -> NDArray:
@@ -402,7 +413,14 @@ class Simulation(simulation.Simulation, scenes=Scene):
             return np.empty((0, 9))
         return self._engine.walls()[: len(self.scene.walls)]
 
-    def _work(self) -> float:
-        on_walls = sum(float(wall.work) for wall in self.walls) if self._watches_walls else 0.0
-        entered = sum(inflow.work + inflow.energy + inflow.height_energy for inflow in self.inflows)
-        return float(sum(body.work for body in self.bodies)) + on_walls + entered
+    def _energies(self) -> Energies | None:
+        self._engine.tally()
+        tally = self._engine.scalars()
+        if tally["tally_time"] != tally["time"]:
+            return None
+        work = tally["tally_gravity_work"] + sum(float(body.work) for body in self.bodies)
+        if self._watches_walls:
+            work += sum(float(wall.work) for wall in self.walls)
+        work += sum(inflow.work + inflow.energy for inflow in self.inflows)
+        lost = tally["tally_plastic_work"] + tally["tally_outflow"]
+        return Energies(tally["tally_energy"], lost, work)

@@ -150,6 +150,6 @@ def names_of(prefix: str, count: int, numbers: int) -> list[str]:
 
 
 def samples_of(frames: Sequence[Frame]) -> dict[str, np.ndarray]:
-    """Values that monitors measured, one column per name; nan at frames that were not sampled."""
+    """Values that monitors measured, one column per name; nan where there are none."""
     names = sorted({name for frame in frames for name in frame.samples})
     return {name: np.array([f.samples.get(name, math.nan) for f in frames]) for name in names}

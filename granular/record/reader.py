@@ -83,10 +83,10 @@ class Trajectory(Resource):
 
     @cached_property
     def samples(self) -> dict[str, np.ndarray]:
-        """Values that monitors measured at every frame, by the names of `granular.diagnostics`.
+        """Values of the indicators of failure of the run up to every frame, by their names.
 
-        Each has shape (frames,), with nan at frames that were not sampled. The mapping is empty
-        without monitors.
+        Each has shape (frames,), with nan where there is no value; "samples" is the number of
+        samples of the monitor by then. The mapping is empty without a monitor.
         """
         told = samples_of(self._frames)
         return {name: column for name, column in told.items() if not NUMBERED.fullmatch(name)}
@@ -173,18 +173,18 @@ class Trajectory(Resource):
         return self[i].to_pyvista(fields)
 
     def health(self) -> "Health":
-        """Judge the run by the samples of the monitors at these frames.
+        """Judge the run up to the last of these frames, as the simulation itself did.
 
-        A run without samples, because it is short or was not monitored, is judged by its last
-        frame. The indicators that need more than a frame have no value then.
+        A run that was not monitored is judged by that frame. The indicators that need more than a
+        frame have no value then.
         """
         # Imported here: reading a record does not need the whole package.
         from granular.diagnostics import health, health_of_frame
 
-        samples = self.samples
-        if len(self) and not any(np.isfinite(column).any() for column in samples.values()):
+        last = {name: float(column[-1]) for name, column in self.samples.items() if len(column)}
+        if len(self) and np.isnan(last.get("samples", np.nan)):
             return health_of_frame(self[-1])
-        return health(self.scene, samples)
+        return health(self.scene, last)
 
     @property
     def times(self) -> np.ndarray:

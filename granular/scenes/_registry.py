@@ -16,6 +16,7 @@ from granular.checks import one_of
 from granular.materials import Material
 from granular.mpm import scene as mpm
 from granular.mpm import schemes
+from granular.scenes._stiffness import stiff_enough
 
 METHODS = ("mpm", "sph")
 
@@ -36,7 +37,12 @@ COMMON = (
     ("gravity, ramp : float", "Magnitude [m/s2], reached from zero within the time `ramp` [s]."),
     ("gravity : float", "Magnitude [m/s2], constant from the start."),
     ("duration : float", "Duration [s]."),
-    ("material, scheme, seed", "See `Scene`."),
+    (
+        "material, scheme, seed",
+        "See `Scene`. If neither a material nor E is given, E grows with the pressure\n"
+        "    ``rho_c g H`` at the foot of the material: it is at least 1000 times as large, or as\n"
+        "    many times as in the scene without arguments.",
+    ),
     ("material, numerics", "By default those of the thesis."),
     ("numerics", "By default those of the thesis."),
     ("**material_numbers", "Numbers of the material to change, such as `nu`."),
@@ -78,13 +84,15 @@ def scene_function(*methods: str) -> Callable[[Callable[P, S]], SceneFunction[P,
     """Register a function as that of a ready scene, and complete what it does.
 
     The function takes keyword arguments only, all with a default. One of them is `material`, and
-    the last is ``**material_numbers``. The decorated function differs from it in four ways.
+    the last is ``**material_numbers``. The decorated function differs from it in five ways.
 
     - Numbers of the material may be given as keywords: ``column_collapse(E=1e7)`` is
       ``column_collapse(material=m.replace(E=1e7))``, m being the material given or the default one.
       The function itself receives the changed material only, so that all that it derives from the
       material follows. A keyword that is an argument of the function is never taken for a number
       of the material.
+    - Unless E is given, or a material, it is as large as the load of the scene asks for
+      (`granular.scenes._stiffness`).
     - A function with the scheme `schemes.default` takes `schemes.suited_to` the material in its
       place, unless a scheme is given.
     - The arguments, defaults included, are added to the `parameters` of the scene, except `PARTS`
@@ -121,6 +129,11 @@ def scene_function(*methods: str) -> Callable[[Callable[P, S]], SceneFunction[P,
             if own.get("scheme") is schemes.default and "scheme" not in given:
                 given["scheme"] = schemes.suited_to(given.get("material", own["material"]))
             scene = function(**given)  # type: ignore[call-arg]
+            if "material" not in keywords and "E" not in numbers:
+                material = given.get("material", own["material"])
+                if stiffer := stiff_enough(function, scene, material):
+                    given["material"] = stiffer
+                    scene = function(**given)  # type: ignore[call-arg]
             if numbers:
                 _check_kept(function.__name__, given["material"], scene.material, numbers)
             arguments = {

@@ -102,7 +102,6 @@ class Scene(BaseScene):
 
     method = "sph"
     _limits: ClassVar[Any] = limits
-    indicators = limits.INDICATORS
 
     name: str
     grid: Grid

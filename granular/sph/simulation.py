@@ -185,10 +185,8 @@ class Simulation(simulation.Simulation, scenes=Scene):
         """
         return self._inlets.accounts(self._engine)
 
-    def _indicators(self, state: State) -> dict[str, float]:
-        fastest = float(np.sqrt((state.v**2).sum(axis=1).max(initial=0.0)))
-        mach = fastest / self.scene.material.wave_speed
-        return {"mach": mach, "stopped": float(self.counts["stopped"])}
+    def _indicators(self, state: State, thorough: bool) -> dict[str, float]:
+        return {"stopped": float(self.counts["stopped"])}
 
     @property
     def buffers(self) -> dict[str, NDArray]:

@@ -12,7 +12,7 @@ import granular as gr
 from granular import cli
 from granular.record.sealed import MAGIC
 
-QUICK = ["--cell", "0.05", "--E", "1e5", "--until", "0.02", "--quiet"]
+QUICK = ["--cell", "0.05", "--E", "5e5", "--until", "0.02", "--quiet"]
 
 
 @pytest.mark.parametrize(

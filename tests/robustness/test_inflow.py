@@ -65,7 +65,7 @@ def bits(sim):
 def test_the_same_bits_with_any_threads_and_after_a_restart(case, tmp_path):
     """The restart is in the middle of the inflow, and frames and steps are cut differently."""
     scene = CASES[case]()
-    one = gr.Simulation(scene, threads=1).run(every=0.05)
+    one = gr.Simulation(scene, threads=1).run(every=0.05, monitor=False)
     assert one.inflows[0].points > 0
     if case == "choked":
         assert one.inflows[0].missed > 0
@@ -75,11 +75,13 @@ def test_the_same_bits_with_any_threads_and_after_a_restart(case, tmp_path):
         two.step(1 if two.steps < 50 else 7)
         if two.time + 8 * two.dt > scene.duration:
             break
-    two.run(every=0.03)
+    two.run(every=0.03, monitor=False)
     assert bits(two) == expected
     path = tmp_path / "run.vtkhdf"
-    gr.Simulation(scene, threads=3).run(until=0.4 * scene.duration, save=path, every=0.05)
-    again = gr.Simulation.resume(path, threads=3).run()
+    gr.Simulation(scene, threads=3).run(
+        until=0.4 * scene.duration, save=path, every=0.05, monitor=False
+    )
+    again = gr.Simulation.resume(path, threads=3).run(monitor=False)
     assert bits(again) == expected
     assert again.inflows[0].mass == one.inflows[0].mass
 

@@ -44,7 +44,7 @@ def stored(path):
     """Steps, digests and samples of all frames, and digest of the checkpoint."""
     with gr.open(path) as record:
         assert not record.damage()
-        frames = [(f.step, f.mark, dict(f.samples)) for f in record._contents.frames]
+        frames = [(f.step, f.mark, repr(dict(f.samples))) for f in record._contents.frames]
         return record.finished, frames, record.checkpoint().digest
 
 

@@ -13,6 +13,7 @@ import pytest
 import granular as gr
 from granular.mpm.limits import dt_limit
 from granular.record import TrajectoryWriter
+from granular.restarts import MAY_LACK
 from granular.running import next_frame
 
 ROOT = Path(__file__).parents[2]
@@ -67,7 +68,7 @@ def test_a_spoilt_point_stops_the_run(small_scene, combination, tmp_path, name, 
         assert len(record) == 3
         point = record.checkpoint()
         assert point.step == 0 and record[-1].step == frames[2]
-        assert all(np.isfinite(a).all() for a in point.arrays.values())
+        assert all(np.isfinite(a).all() for n, a in point.arrays.items() if n not in MAY_LACK)
         assert all(np.isfinite(a).all() for s in record for a in s.fields.values())
     healthy = gr.Simulation.resume(path, threads=1)
     healthy.run(until=0.06)

@@ -9,17 +9,12 @@ import granular as gr
 import granular.geometry
 from granular import diagnostics
 from granular.cli import main
-from granular.diagnostics import NAMES, Monitor, health
+from granular.diagnostics import health
 from granular.gravity import Gravity
-from granular.mpm.limits import INDICATORS
+from granular.measure.bulk import Bulk
+from granular.monitor import LEAST, SPACING, Account, Energies, Monitor, later
 
 DEFAULT = ("quadratic", "tpic", "smoothed")
-
-
-def samples(**columns):
-    """Samples of a run, by name; values that are not given are absent."""
-    length = max(map(len, columns.values()))
-    return {name: np.array(columns.get(name, [np.nan] * length), dtype=float) for name in NAMES}
 
 
 @pytest.fixture
@@ -27,56 +22,66 @@ def scene(small_scene):
     return small_scene("periodic", 2, DEFAULT)
 
 
-@pytest.fixture
-def often(monkeypatch):
-    """Diagnostics that sample every ten steps, whatever the cost."""
-    monkeypatch.setattr(diagnostics, "STEPS", 10)
-    monkeypatch.setattr(diagnostics, "POINT_STEPS", 0)
+def identical(first, second):
+    """True if two verdicts are the same to the last digit."""
+    return first.samples == second.samples and [repr(i) for i in first] == [repr(i) for i in second]
 
 
 # ---- how samples are combined ----
 
 
+def test_the_later_half_is_neither_affected_by_an_impact_nor_by_the_beginning():
+    assert later(np.array([1.0, np.nan, 1.0, 0.05, 0.06, 0.05])) == 0.05
+    assert later(np.array([0.0, 0.0, 0.2, 0.2])) == 0.2
+    assert np.isnan(later(np.array([np.nan])))
+
+
 @pytest.mark.parametrize(
     ("name", "ok", "suspect"),
     [
-        ("disconnected", [1.0, 1.0, 0.05, 0.05], [0.0, 0.0, 0.2, 0.2]),
-        ("density_drift", [0.3, 0.3, 0.01, -0.02], [0.0, 0.0, 0.1, 0.1]),
-        ("density_drift", [0.0, 0.0, 0.04], [0.0, -0.1, -0.1]),
-        ("gaps", [0.0, 0.0], [0.01, 0.0]),
-        ("courant", [0.5, 0.63], [0.65, 0.5]),
+        ("disconnected", 0.05, 0.2),
+        ("density_drift", 0.04, 0.1),
+        ("gaps", 0.0, 0.01),
+        ("courant", 0.63, 0.65),
+        ("mach", 0.4, 0.6),
+        ("compression", 0.29, 0.31),
+        ("dilution", 13.0, 14.0),
+        ("strain_step", 0.1, 0.3),
+        ("energy_created", 0.04, 0.06),
     ],
 )
 def test_verdicts(scene, name, ok, suspect):
-    good, bad = (health(scene, samples(**{name: column})) for column in (ok, suspect))
+    good, bad = (health(scene, {name: value}) for value in (ok, suspect))
     assert good[name].verdict == "ok"
     assert good.ok
     assert bad[name].verdict == "suspect"
     assert not bad.ok
 
 
-def test_energy_from_nowhere_is_a_rise_of_the_account(scene):
+def test_energy_from_nowhere_is_a_rise_of_the_account():
     """The created energy is relative to the energy turnover: 10 J at the start and 30 J of work."""
 
-    def value(created):
-        seen = samples(created=created, work=[10.0, -10.0, 10.0], held_before=[10.0, 0.0, 0.0])
-        return health(scene, seen)["energy_created"].value
+    def value(held):
+        account = Account()
+        account.enter(Energies(10.0, 0.0, 0.0), 0.0)
+        for energy, work in zip(held, (10.0, 0.0, 10.0), strict=True):
+            account.enter(Energies(energy - 3.0, 3.0, work), 1.0)
+        return account.created
 
-    assert value([-5.0, -5.0, -5.0]) == 0
-    assert value([1.0, -5.0, 2.0]) == pytest.approx(2 / 40)
-    assert value([1.0, 3.0, -9.0]) == pytest.approx(4 / 40)
+    assert value([20.0, 5.0, 10.0]) == 0
+    assert value([21.0, 6.0, 18.0]) == pytest.approx(2 / 40)
+    assert value([21.0, 14.0, 15.0]) == pytest.approx(4 / 40)
 
 
 def test_what_has_no_value_has_no_verdict(scene):
     empty = health(scene, {})
     assert {indicator.verdict for indicator in empty} == {"unknown"}
     assert empty.ok
-    seen = health(scene, samples(ill_posed=[0.9, np.nan, 0.7]))
+    seen = health(scene, {"ill_posed": 0.7})
     assert seen["ill_posed"].verdict == "reported"
-    assert seen["ill_posed"].value == 0.7
     with pytest.raises(KeyError):
         empty["luck"]
-    seen = health(scene, samples(disconnected=[0.5]))
+    seen = health(scene, {"disconnected": 0.5, "samples": 1.0})
     assert "disconnected  0.5 (limit 0.1): suspect" in str(seen)
     assert "<table>" in seen._repr_html_()
     assert "1 samples" in seen._repr_html_()
@@ -85,73 +90,104 @@ def test_what_has_no_value_has_no_verdict(scene):
 # ---- when it samples ----
 
 
-def test_samples_are_far_apart(scene):
-    """The first opens the accounts."""
-    due = Monitor(scene).due
-    assert due(0, 8000) and due(2250, 8000) and due(22_000, 100)
-    assert not due(1000, 8000) and not due(2250, 100)
+def test_samples_are_equal_steps_apart_in_runs_of_any_length(scene):
+    """From LEAST to twice as many are kept, at multiples of a distance that is doubled."""
+    monitor, state, step = Monitor(scene), gr.Simulation(scene, threads=1).state, 0
+    kept = []
+    while step < 1000 * SPACING:
+        assert monitor.due(step)
+        state.step = step
+        monitor.sample(state, {"strain_step": float(step)}, None)
+        assert not monitor.due(step)
+        step = monitor.next(step)
+        steps = [row[monitor.names.index("strain_step")] for row in monitor.rows]
+        assert len(set(np.diff([0.0, *steps]))) <= 1
+        kept.append(len(steps))
+    assert min(kept[LEAST:]) == LEAST and max(kept) < 2 * LEAST
+    assert monitor.count < 8 * LEAST
+    again = Monitor(scene)
+    again.restore(monitor.arrays(), step)
+    assert again.arrays().keys() == monitor.arrays().keys()
+    assert all(np.array_equal(a, monitor.arrays()[k], True) for k, a in again.arrays().items())
+    for name, bad in (("sampling", again.arrays()["sampling"][1:]), ("samples", np.zeros((2, 3)))):
+        with pytest.raises(ValueError, match="does not hold the samples of its scene"):
+            Monitor(scene).restore(monitor.arrays() | {name: bad}, step)
+    bad = again.arrays()["sampling"]
+    for at, value in ((0, 65.0), (0, np.nan), (1, 1.0), (2, step + 1.0)):
+        changed = bad.copy()
+        changed[at] = value
+        with pytest.raises(ValueError, match=f"must have a distance of {SPACING} steps"):
+            Monitor(scene).restore(monitor.arrays() | {"sampling": changed}, step)
 
 
-def test_a_run_samples_unless_told_not_to(scene, often):
+def test_a_run_samples_unless_told_not_to(scene):
     watched, blind = gr.Simulation(scene, threads=1), gr.Simulation(scene, threads=1)
     watched.run(until=0.1, every=0.02)
     blind.run(until=0.1, every=0.02, monitor=False)
-    # five frames and the present state; only that state without a monitor
-    assert watched.health().samples == 6
-    assert blind.health().samples == 1
+    assert watched.health().samples == watched.steps // SPACING > 2
+    assert blind.health().samples == 1  # the present state
     assert watched.state.x.tobytes() == blind.state.x.tobytes()
-    assert watched.health().samples == 6  # asking for the health adds no sample
     assert gr.Simulation(scene, threads=1).health().samples == 0
 
 
+def test_the_verdict_is_that_of_the_scene(scene, tmp_path, capsys):
+    """It depends neither on frames, nor on calls, a restart or the duration; the record has it."""
+    one = gr.Simulation(scene, threads=1).run(until=0.4, every=0.052, save=tmp_path / "one.h5")
+    many = gr.Simulation(scene.replace(duration=0.4), threads=2)
+    for until in (0.004, 0.16, 0.1604, 0.4):
+        many.run(until=until, every=0.016)
+    gr.Simulation(scene, threads=1).run(until=0.21, save=tmp_path / "cut.h5")
+    resumed = gr.Simulation.resume(tmp_path / "cut.h5", threads=1)
+    assert resumed.health().samples > 0
+    resumed.run(until=0.4)
+    expected = one.health()
+    assert expected.samples > 10 and not np.isnan(expected["energy_created"].value)
+    for name in ("one.h5", "cut.h5"):
+        with gr.open(tmp_path / name) as record:
+            assert identical(record.health(), expected), name
+    assert identical(many.health(), expected) and identical(resumed.health(), expected)
+    assert main(["info", str(tmp_path / "one.h5")]) == 0
+    assert str(expected) in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("free", ["", "y"])
-def test_work_of_bodies_is_in_the_account(scene, often, free):
+def test_work_of_bodies_is_in_the_account(scene, free):
     """A disc pressed into the layer does ten times the work of gravity: no energy is created."""
     disc = gr.bodies.Cylinder(0.1, center=(0.0, 0.0))
     motion = gr.bodies.Motion(velocity=((0.0, -1.0),))
     x, y = scene.grid.lower[0] + 0.2, scene.grid.lower[1] + 0.45
     body = gr.bodies.Body(disc, (x, y), motion=motion, free=free, mass=1e3 if free else None)
     sim = gr.Simulation(scene.replace(bodies=(body,)))
-    sim.run(until=0.1, every=0.02)
+    sim.run(until=0.13, every=0.02)
     seen = sim.health()
     assert sim.bodies[0].work > 0
     assert seen["energy_created"].verdict == "ok", str(seen)
     assert seen["courant"].verdict == "ok"
-    work = np.nansum(sim._monitor.columns()["work"])
-    without = np.nansum(sim._monitor.columns()["created"]) + sim.bodies[0].work
-    assert without > diagnostics.ENERGY_LIMIT * work  # it would be suspect without this work
+    energies, first = sim._energies(), sim._monitor._account.numbers[2]
+    energies = energies or Energies(
+        *(
+            sim._engine.scalars()[f"tally_{name}"]
+            for name in ("energy", "plastic_work", "gravity_work")
+        )
+    )
+    without = energies.held + energies.lost - sim._engine.scalars()["tally_gravity_work"] - first
+    assert without > 0.05 * sim._monitor._account.numbers[0]  # it would be suspect without this
 
 
-@pytest.mark.parametrize(("frequency", "known"), [(0.0, True), (25.0, False)])
-def test_work_of_gravity_that_goes_back_and_forth_is_unknown(scene, often, frequency, known):
-    """Frames every 0.02 s know nothing of the 0.04 s in which a bed is shaken up and down."""
-    times = np.linspace(0.0, 0.1, 101)
+@pytest.mark.parametrize(("frequency", "known"), [(1.0, True), (100.0, False)])
+def test_work_of_gravity_that_swings_within_a_tally_is_unknown(scene, frequency, known):
+    """Tallies of the core every 0.03 s know nothing of the 0.01 s in which a bed is shaken."""
+    times = np.linspace(0.0, 0.4, 401)
     pull = -9.8 * (1 + 3 * np.sin(2 * np.pi * frequency * times))
     gravity = gr.Gravity(tuple(times), tuple((0.0, g) for g in pull))
     sim = gr.Simulation(scene.replace(gravity=gravity), threads=1)
-    sim.run(until=0.1, every=0.02)
-    created = sim._monitor.columns()["created"]
-    assert np.isfinite(created).all() == known and np.isnan(created).all() != known
+    sim.run(until=0.4, every=0.02)
     assert sim.health()["energy_created"].verdict == ("ok" if known else "unknown")
 
 
-def test_samples_go_on_after_a_restart(scene, often, tmp_path):
-    """At the steps at which those of an unbroken run would have been taken."""
-    whole = gr.Simulation(scene, threads=1)
-    whole.run(until=0.1, every=0.002, save=tmp_path / "whole.h5")
-    gr.Simulation(scene, threads=1).run(until=0.053, every=0.002, save=tmp_path / "cut.h5")
-    gr.Simulation.resume(tmp_path / "cut.h5", threads=1).run(until=0.1)
-    taken = [
-        np.isfinite(record.samples["courant"])
-        for name in ("whole.h5", "cut.h5")
-        for record in [gr.open(tmp_path / name)]
-    ]
-    assert np.array_equal(*taken)
-
-
-def test_a_suspect_run_ends_with_a_warning(scene, often, monkeypatch):
+def test_a_suspect_run_ends_with_a_warning(scene, monkeypatch):
     """It says what to do, and once for each indicator."""
-    monkeypatch.setattr(diagnostics.Bulk, "disconnected", lambda self: 0.5)
+    monkeypatch.setattr(Bulk, "disconnected", lambda self: 0.5)
     sim = gr.Simulation(scene, threads=1)
     with pytest.warns(gr.StabilityWarning, match=r"disconnected = 0.5 .* is suspect: .*; take "):
         sim.run(until=0.3, every=0.02)
@@ -190,23 +226,29 @@ def test_a_step_alone_needs_no_run(scene):
 
 
 def test_work_and_losses_of_a_fall(small_scene):
-    """In free fall the work of gravity equals the kinetic energy; no energy is created or lost."""
+    """In free fall the work of gravity equals the kinetic energy; then all leaves the domain."""
     scene = small_scene("outlet", 2, DEFAULT)
     fall = scene.replace(
         walls=(),
         fills=(gr.geometry.Fill(FALLING, 4, density=1200.0),),
         gravity=Gravity((0.0,), ((0.0, -9.8),)),
     )
-    sim, watch = gr.Simulation(fall, threads=1), Monitor(fall)
-    watch.sample(sim.state)
-    sim.run(until=0.15, monitor=False)
-    row = watch.sample(sim.state)
+    sim = gr.Simulation(fall, threads=1)
+    sim.step(4 * SPACING)
+    held, lost, work = sim._energies()
     kinetic = gr.measure.energy(sim.state).kinetic
     # The positions of the integrator are half a step ahead of its velocities.
-    assert row["work"] == pytest.approx(kinetic, rel=2 * sim.dt / sim.time)
-    assert row["created"] == pytest.approx(kinetic - row["work"], abs=1e-9 * kinetic)
-    assert row["held_before"] == 0.0
-    assert np.isnan(row["disconnected"])  # disconnected material has no bulk
+    assert work == pytest.approx(kinetic, rel=2 * sim.dt / sim.time)
+    assert held == pytest.approx(kinetic, rel=1e-12)
+    assert lost == 0.0
+    sim.run(until=1.0, every=0.1)
+    while sim.n_points:
+        sim.run(until=sim.time + 0.1)
+    sim.step(SPACING - sim.steps % SPACING)
+    held, lost, work = sim._energies()
+    assert held == 0 and lost == pytest.approx(work, rel=0.01)
+    assert sim.health()["energy_created"].verdict == "ok"
+    assert np.isnan(sim.health()["disconnected"].value)  # disconnected material has no bulk
 
 
 FALLING = gr.geometry.Box((0.15, 0.4), (0.45, 0.55))
@@ -215,44 +257,27 @@ FALLING = gr.geometry.Box((0.15, 0.4), (0.45, 0.55))
 # ---- in the record ----
 
 
-def test_samples_are_recorded_and_read(scene, often, tmp_path, capsys):
-    sim = gr.Simulation(scene, threads=1)
-    sim.run(until=0.1, every=0.02, save=tmp_path / "a.h5")
-    with gr.open(tmp_path / "a.h5") as record:
-        told = record.samples
-        assert set(told) == {*NAMES, *(name for name, *_ in INDICATORS), "wall_strain"}
-        assert np.isnan(told["courant"][0]) and np.isnan(told["wall_strain"]).all()
-        taken = dict(zip(sim._monitor.names, np.array(sim._monitor.rows).T, strict=True))
-        assert np.isnan(taken.pop("wall_strain")).all()  # no wall of the scene keeps a pressure
-        for name, column in taken.items():
-            np.testing.assert_array_equal(told[name][1:], column)
-        seen = record.health()
-        assert seen.samples == len(record) == 6
-        assert record[2:4].health().samples == 2
-        assert record.damage() == []
-    assert main(["info", str(tmp_path / "a.h5")]) == 0
-    assert str(seen) in capsys.readouterr().out
-
-
-def test_an_unfinished_record_has_samples(scene, often, tmp_path):
+def test_values_are_recorded_for_each_frame(scene, tmp_path):
     path, found = tmp_path / "a.h5", []
 
     def look(sim):
         with gr.open(path) as record:
             assert not record.finished
-            found.append(np.isfinite(record.samples.get("courant", [])).sum() - len(record))
+            found.append((record.health(), sim.health()))
 
     gr.Simulation(scene, threads=1).run(until=0.06, every=0.02, save=path, hooks=(look,))
-    assert found == [-1] * 4
+    assert len(found) == 4 and all(identical(*pair) for pair in found)
+    with gr.open(path) as record:
+        told = record.samples
+        assert {"samples", "courant", "mach"} <= set(told)
+        assert set(told) <= {"samples", *(name for name, *_ in scene.indicators)}
+        assert np.isnan(told["courant"][0]) and (np.diff(told["samples"]) >= 0).all()
+        assert identical(record[:3].health(), found[2][0])
+        assert record.damage() == []
+        assert record[:1].health().verdict.startswith("verdict: unknown, ")
 
 
-def test_a_resumed_run_remembers_its_samples(scene, often, tmp_path):
-    gr.Simulation(scene, threads=1).run(until=0.1, every=0.02, save=tmp_path / "a.h5")
-    resumed = gr.Simulation.resume(tmp_path / "a.h5", threads=1)
-    assert len(resumed._monitor.rows) >= 5
-    resumed.run(until=0.2, every=0.02)
-    with gr.open(tmp_path / "a.h5") as record:
-        assert np.isfinite(record.samples["courant"]).sum() >= 9
+def test_a_record_without_a_monitor_is_judged_by_its_last_frame(scene, tmp_path):
     unwatched = gr.Simulation(scene, threads=1)
     unwatched.run(until=0.04, every=0.02, save=tmp_path / "b.h5", monitor=False)
     with gr.open(tmp_path / "b.h5") as record:
@@ -262,7 +287,6 @@ def test_a_resumed_run_remembers_its_samples(scene, often, tmp_path):
         assert judged["courant"] == expected["courant"]
         assert judged.samples == 1 and judged.verdict.startswith("verdict: ok, density_drift = ")
         assert judged.rows()["in_solids"] == "- (limit 0): does not apply, or not known yet"
-        assert record[:1].health().verdict.startswith("verdict: unknown, ")
 
 
 # ---- blocks ----
@@ -329,7 +353,7 @@ def test_points_within_a_block_are_told_before_and_during_a_run():
 
 
 @pytest.mark.parametrize("spoil", [np.nan, 1e6])
-def test_the_health_of_a_run_that_failed(scene, often, spoil):
+def test_the_health_of_a_run_that_failed(scene, spoil):
     """The indicators are those of the samples before the error; the verdict is the error."""
     sim = gr.Simulation(scene, threads=1).run(0.05, every=0.01)
     before = sim.health()

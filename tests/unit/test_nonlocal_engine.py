@@ -126,7 +126,11 @@ def test_restarts_frames_and_threads_do_not_matter(method, tmp_path):
         assert bits(second) == bits(whole), cut
     watched = gr.Simulation(scene, threads=1)
     watched.run(
-        until=whole.time, every=3e-3, save=tmp_path / "a.h5", hooks=(lambda sim: sim.state,)
+        until=whole.time,
+        every=3e-3,
+        save=tmp_path / "a.h5",
+        hooks=(lambda sim: sim.state,),
+        monitor=False,
     )
     assert bits(watched) == bits(whole)
     with gr.open(tmp_path / "a.h5") as record:
@@ -139,7 +143,10 @@ def test_fused_and_separate_stages_have_the_same_bits(method, substeps):
     scene = silo(method, substeps, seed=1.0)
     fused, separate = run(scene, 40), gr.Simulation(scene, threads=1)
     stages(separate, 40)
-    assert bits(separate) == bits(fused)
+    (one, fields), (other, others) = bits(fused), bits(separate)
+    assert fields == others
+    for name, number in one.items():  # the stages alone make no tallies
+        assert number == other[name] or name.startswith("tally_"), name
 
 
 # ---- substeps ----

@@ -86,7 +86,7 @@ SLIPS = [
     ({"material": gr.NGF(E=1e6, d=2.0)}, "d = 2 m in a domain of 1 m: .* 0.002, this in mm"),
     (grains(E=10.0), r"E = 10 Pa is too soft: .* p/E = .* mean E = 1e.07 Pa"),
     (grains(E=1000.0), r"E = 1000 Pa is too soft: .* mean E = 1e.06 Pa"),
-    (grains(E=2e4), "E = 20000 Pa is too soft: .* take E >= 2.9e.04"),
+    (grains(E=2e4), "E = 20000 Pa is too soft: .* take E >= 2.9e.06, 1000 times"),
     (grains(E=1e15), "stiffer than diamond"),
     (gravity(0.0, -981.0) | grains(E=1e8), "gravity of 981 m/s2: did you mean 9.81, this in cm/s2"),
     (gravity(0.0, -9810.0) | FINE | grains(E=1e9), "mean 9.81, this in mm/s2"),

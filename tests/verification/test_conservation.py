@@ -111,7 +111,8 @@ def test_the_budget_closes_and_is_the_step(small_scene, combination):
         assert b.kinetic_after == pytest.approx(gr.measure.energy(sim.state).kinetic, rel=1e-12)
         assert b.elastic_after == pytest.approx(gr.measure.energy(sim.state).elastic, rel=1e-12)
     one, other = sim.checkpoint(), plain.checkpoint()
-    assert one.scalars == other.scalars
+    for name, number in one.scalars.items():  # the stages alone make no tallies
+        assert number == other.scalars[name] or name.startswith("tally_"), name
     assert all(a.tobytes() == other.arrays[k].tobytes() for k, a in one.arrays.items())
 
 

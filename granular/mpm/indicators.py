@@ -1,0 +1,155 @@
+"""Indicators of failure of MPM runs, and what to do about those beyond their limits."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from granular.indicators import Row, common
+from granular.materials.own import OwnLaw
+from granular.mpm.filling import is_full
+from granular.mpm.support import unsupported
+from granular.seeding import DEEPEST
+
+if TYPE_CHECKING:
+    from granular.mpm.scene import Scene
+    from granular.state import State
+
+__all__ = ["POINTS_PER_CELL", "indicators", "remedies", "weights_at_limit"]
+
+POINTS_PER_CELL = 4
+"""Least number of points per cell in a flow, from the map "incline_seeding"."""
+
+STRAIN_STEP = 0.2
+"""Largest norm of the velocity gradient times dt. The step is the first order of a finite strain:
+what it leaves out, half of the square, is then a tenth of it. The ready scenes have 0.1 at most."""
+
+OWN = (
+    Row(
+        "strain_step",
+        "largest",
+        STRAIN_STEP,
+        "largest strain and rotation of a point in a step: beyond the limit it is not resolved",
+    ),
+    Row(
+        "in_solids",
+        "largest",
+        0.0,
+        "share, by mass, of the points more than a cell within a Solid: beyond the limit blocks "
+        "leak, or were filled at the start",
+    ),
+    Row(
+        "in_bodies",
+        "largest",
+        0.0,
+        f"share, by mass, of the points more than {DEEPEST} cells within a body: beyond the limit "
+        "bodies leak",
+    ),
+    Row(
+        "weights_at_limit",
+        "later",
+        0.3,
+        "share, by mass, of the stressed points whose quadrature weights are at their limit: "
+        "beyond 0.3 their correction no longer balances the forces",
+    ),
+    Row(
+        "wall_strain",
+        "largest",
+        0.025,
+        "displacement of a wall that keeps a pressure over the height of the domain: beyond the "
+        "limit the domain is no longer the one that the grid has",
+    ),
+)
+
+AT_LIMIT = 0.999
+"""Share of the limit of a quadrature weight from which it counts as held there."""
+
+OF_A_FLOOR = ("disconnected", "density_drift", "dilution", "energy_created")
+"""Indicators that are beyond their limits where material falls to an end of the grid."""
+
+
+def indicators(scene: Scene) -> tuple[Row, ...]:
+    """Indicators of a scene."""
+    return (*common(scene, remedies(scene)), *OWN)
+
+
+def weights_at_limit(scene: Scene, state: State) -> float:
+    """Share, by mass, of the stressed points whose weights are held at their limit; nan of none."""
+    dense = state.dense
+    if not dense.any():
+        return math.nan
+    most = AT_LIMIT * scene.scheme.density.numbers()["weight_correction_limit"]
+    held = dense & (np.abs(state.weight_correction) >= most)
+    return float(state.mass[held].sum() / state.mass[dense].sum())
+
+
+def remedies(scene: Scene) -> dict[str, str]:
+    """Remedies for indicators beyond their limits: only those that the scene does not have yet."""
+    fixed = scene.scheme.dt is not None
+    step = "a smaller dt" if fixed else "half of cfl"
+    stiffer = "take a larger E"
+    found = {
+        "disconnected": _connect(scene),
+        "density_drift": _keep_volume(scene),
+        "gaps": "take more points per cell",
+        "courant": "take no fixed dt" if fixed else "take a smaller cfl",
+        "mach": stiffer,
+        "compression": f"{stiffer}, and look at the law and at what it is given",
+        "dilution": "look at the law and at what it is given: with its material at rest the "
+        "density is rho_c",
+        "energy_created": f"take {_scheme(scene)}{step}, and compare",
+        "strain_step": f"take {step}, and look at what moves so fast",
+        "in_bodies": f"take smaller cells, {step}, or a thicker body",
+        "in_solids": "put a Wall on the faces that material hits fast, and fill no blocks",
+        "weights_at_limit": _weigh(scene),
+        "wall_strain": _fill(scene, stiffer),
+    }
+    if unsupported(scene):  # nothing else would help: what falls to the end of the grid lies flat
+        floor = "put a Wall below the material"
+        found |= dict.fromkeys(
+            ("disconnected", "density_drift", "dilution", "energy_created"), floor
+        )
+    return found
+
+
+def _fill(scene: Scene, otherwise: str) -> str:
+    """Fill a domain with a wall that keeps a pressure; that takes long to see in others."""
+    filled = not scene.servos or is_full(scene)
+    return otherwise if filled else "fill the domain, without a free surface"
+
+
+def _weigh(scene: Scene) -> str:
+    own = any(isinstance(material, OwnLaw) for material in scene.materials)
+    law = "say where a law of your own separates (`separation`), or " if own else ""
+    return f"{law}take more points per cell"
+
+
+def _scheme(scene: Scene) -> str:
+    # Imported here: schemes need the limits of the scenes.
+    from granular.mpm import schemes
+
+    return "" if scene.scheme.replace(dt=None) == schemes.default else "the default scheme, else "
+
+
+def _connect(scene: Scene) -> str:
+    """Remedy for grains that do not bear stress."""
+    fewest = min(source.points_per_cell for source in scene.sources)
+    known = []
+    if scene.scheme.density.name != "smoothed":
+        known.append("SmoothedDensity() (the default)")
+    if fewest < POINTS_PER_CELL:
+        known.append(f"{POINTS_PER_CELL} or more points per cell")
+    if known:
+        return f"take {' and '.join(known)}"
+    return "take smaller cells and compare; rates of discharge are right nevertheless"
+
+
+def _keep_volume(scene: Scene) -> str:
+    """Remedy for densities that do not follow the volume."""
+    density = scene.scheme.density.name
+    if density == "particle":
+        return "take SmoothedDensity() (the default)"
+    averaged = "" if density == "cell_averaged" else ", or schemes.cell_averaged"
+    return f"take a larger E{averaged}"
