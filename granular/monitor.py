@@ -178,7 +178,7 @@ class Monitor:
         granular = all(material.granular for material in state.scene.materials)
         row = {
             "disconnected": bulk.disconnected() if _bears(state) else np.nan,
-            "density_drift": abs(bulk.drift()) if granular else np.nan,
+            "density_drift": _drift(bulk, state) if granular else np.nan,
             "ill_posed": ill_posed_fraction(state) if _knows_inertia(state) else np.nan,
             "courant": _courant(state),
             "mach": float(np.sqrt(_square(state))) / state.scene.wave_speed,
@@ -270,6 +270,16 @@ def later(column: Array) -> float:
 def _knows_inertia(state: State) -> bool:
     """True if a material has a mu(I) law."""
     return any(hasattr(material, "xi") for material in state.scene.materials)
+
+
+def _drift(bulk: Bulk, state: State) -> float:
+    """Drift of the density, without its sign.
+
+    Particles of SPH, of which a cell holds one, leave cells empty where they lie unevenly: of them
+    only those count that have collapsed into one another.
+    """
+    drift = bulk.drift()
+    return max(drift, 0.0) if state.scene.method == "sph" else abs(drift)
 
 
 def _bears(state: State) -> bool:

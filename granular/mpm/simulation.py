@@ -308,10 +308,10 @@ class Simulation(simulation.Simulation, scenes=Scene):
         for servo in self.scene.servos:
             moved = abs(float(self.walls[servo.wall].displacement))
             found["wall_strain"] = moved / core.extent(self.scene, servo.axis)
-        if not thorough or not state.n:
-            return found
         if "weight_correction" in state.fields:
             found["weights_at_limit"] = weights_at_limit(self.scene, state)
+        if not thorough or not state.n:
+            return found
         if any(isinstance(wall, Solid) for wall in self.scene.walls):
             within = deep_within(self.scene.grid, self.scene.walls, state.x)
             found["in_solids"] = float(state.mass[within].sum() / state.mass.sum())
