@@ -27,7 +27,8 @@ GR_INLINE vd kinematic_rate(const int dim, const vd *L)
  *
  *   eta = r/(1 + r),  r = dt (dd c_w/dx + ds gdot/max(0, c)).
  *
- * Here c is that over the one at which the law separates. Numerator and denominator are multiplied by max(0, c), so that nothing is divided by zero for stress-free points.
+ * Here c is that over the one at which the law separates. Numerator and denominator are multiplied by max(0, c), so that
+ * nothing is divided by zero for stress-free points.
  * Strain produces the noise that is averaged, and the term with ds ties the averaging to it: a heap at rest keeps its
  * density. */
 GR_INLINE vd averaged_share(const struct gr_engine *e, double dt, vd strain, vd c)

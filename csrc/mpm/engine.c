@@ -215,7 +215,6 @@ static void prepare_materials(struct gr_engine *e)
             [GR_MATERIAL_STRESSED] =
                 bears_tension ? -m->separation_strain : m->separation - parameter_of(m, "tensile_strength") / m->K,
             [GR_MATERIAL_SLOW] = m->slow_rate * m->slow_rate,
-            [GR_MATERIAL_DAMPED] = e->config.damping_rate > 0 ? m->damping_rate / e->config.damping_rate : 1,
             [GR_MATERIAL_FLUTTER_TIME] = m->flutter_time,
             [GR_MATERIAL_FLUTTER_MEMORY] = m->flutter_memory,
             [GR_MATERIAL_FLUTTER_END] = m->flutter_end,

@@ -39,7 +39,6 @@ struct gr_material {
     X(ORIGIN, "log-density at which its law separates")                         \
     X(STRESSED, "log-density from which points have stress")                    \
     X(SLOW, "square of the slow rate")                                          \
-    X(DAMPED, "its damping rate over the largest one; 1 if nothing is damped")  \
     X(FLUTTER_TIME, "viscosity of the damping of flutter over the pressure, s") \
     X(FLUTTER_MEMORY, "time of the mean of its rate over the pressure, s/Pa")   \
     X(FLUTTER_END, "friction over the shear rate from which there is none, s")  \

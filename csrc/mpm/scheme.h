@@ -103,9 +103,10 @@
       "Part of q_p - 1 that a point loses in an averaging: it forgets where it has been.")                               \
     X(flutter_damping, 0.04, GR_NONE, GR_NONE, "[0, 1]", "1",                                                            \
       "X: in slow plastic flow what is not steady in the shear rate meets the viscosity X rho_c c_w h, with the depth "  \
-      "h = p/(rho_c g). Pressure makes strength but flow makes no pressure, so that waves of a whole layer grow close "  \
-      "to yield; without damping layers flow at slopes below their angle of repose. Steady flow is left alone, and so "  \
-      "is flow so fast that it turns stress back to its own direction before a wave can use it. 0 for none.")            \
+      "h = p/max(rho_c g, |grad p|). Pressure makes strength but flow makes no pressure, so that waves of a whole "      \
+      "layer grow close to yield; without damping layers flow at slopes below their angle of repose. Steady flow is "    \
+      "left alone, and so is flow so fast that it turns stress back to its own direction before a wave can use it. "     \
+      "0 for none.")                                                                                                     \
     X(slow_decay, GR_NONE, 3, GR_NONE, "[0, inf)", "1",                                                                  \
       "Rate, over c_w/dx, at which the velocity of points that flow slowly relaxes to that of the grid, besides "        \
       "tpic_decay: all of it where I/I0 is 0, none from slow_inertial_number on. Differences between the points of a "   \

@@ -42,7 +42,6 @@ CARRIED = frozenset(
         "affine",
         "density_gradient",
         "shift_velocity",
-        "damping",
         "overstress",
         "mean_shear_rate",
         "g_gain",

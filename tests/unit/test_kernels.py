@@ -41,7 +41,6 @@ def disturbed(scene, seed=3, step=0, **options):
         "shift_velocity": rng.normal(0.0, 0.02, (scene.dim, n)),
         "weight_correction": rng.normal(0.0, 0.1, (1, n)),
         "shear_rate": rng.uniform(0.0, 5.0, (1, n)),
-        "damping": np.maximum(rng.uniform(-1e-3, 1e-3, (1, n)), 0.0),
         "mean_shear_rate": np.maximum(rng.uniform(-1.0, 5.0, (1, n)), 0.0),
         "overstress": rng.uniform(-0.2, 0.2, (1, n)),
     }
