@@ -33,6 +33,7 @@ static const struct gr_law *const laws[] = {
 #include "mpm/damping.inl"
 #include "mpm/elastic_damping.inl"
 #include "mpm/flutter.inl"
+#include "mpm/cell_filling.inl"
 #include "mpm/smoothed_density.inl"
 #include "mpm/p2g.inl"
 #include "mpm/xpic.inl"
@@ -122,6 +123,15 @@ static void cell_forces(struct gr_engine *e, int64_t first, int64_t last)
             apply_forces_of_cells(3, e, i);
 }
 #endif
+
+static void fillings(struct gr_engine *e, int64_t first, int64_t last)
+{
+    for (int64_t i = first * GR_LANES; i < last * GR_LANES; i += GR_W)
+        if (e->config.dim == 2)
+            fill_cells(2, e, i);
+        else
+            fill_cells(3, e, i);
+}
 
 /* The further sums of a group of nodes with several materials, in rows of GR_LANES (enum gr_volume_sum). */
 static void sum_volumes(const struct gr_engine *e, int64_t group, double *sums)
@@ -285,6 +295,7 @@ const struct gr_kernels GR_NAME = {
     .describe_nodes = GR_DESCRIBE_NODES,
     .mean_gaps = GR_MEAN_GAPS,
     .sum_volumes = sum_volumes,
+    .fill_cells = fillings,
     .sweep = sweep,
     .mean_pairs = mean_pairs,
     .begin_substeps = begin_substeps,

@@ -26,6 +26,7 @@ struct gr_kernels {
     void (*describe_nodes)(struct gr_engine *, int64_t first, const double *sums, const double *filled);
     unsigned (*mean_gaps)(struct gr_engine *, int64_t first); /* about them; a bit for each that is inside the material */
     void (*sum_volumes)(const struct gr_engine *, int64_t group, double *sums); /* of a smoothed density */
+    void (*fill_cells)(struct gr_engine *, int64_t first, int64_t last); /* tiles, for an averaging of a smoothed density */
     void (*mean_pairs)(struct gr_engine *, int64_t first, int64_t last);
     void (*begin_substeps)(struct gr_engine *, int64_t first, int64_t last);
     void (*substep)(struct gr_engine *, int64_t first, int64_t last);

@@ -179,6 +179,7 @@ class Monitor:
         row = {
             "disconnected": bulk.disconnected() if _bears(state) else np.nan,
             "density_drift": _drift(bulk, state) if granular else np.nan,
+            "strings": bulk.strings() if granular and "strings" in self.names else np.nan,
             "ill_posed": ill_posed_fraction(state) if _knows_inertia(state) else np.nan,
             "courant": _courant(state),
             "mach": float(np.sqrt(_square(state))) / state.scene.wave_speed,

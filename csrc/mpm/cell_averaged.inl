@@ -16,6 +16,7 @@
 #include "mpm/density_correction.h"
 #include "mpm/open_volume.h"
 
+#define ONE_POINT 1.0   /* differences between cells up to this are left */
 #define EMPTY -INFINITY /* log-density of a cell without points: below any separation strain */
 
 /* A full cell below an empty row has phi = 3/4, and 0.9 when that row is filled by a third. */
@@ -32,15 +33,6 @@
  * full cell alone has 8 in 2D and 12 in 3D. */
 #define STIFFEST 16.0
 
-/* Rise from 0 at `low` to 1 at `high`. */
-GR_INLINE vd between(double low, double high, vd x) { return v_clamp((x - v_set(low)) * v_set(1 / (high - low)), 0.0, 1.0); }
-
-/* Number `which` of the state of the cells from `first` on. */
-GR_INLINE double *average_of(const struct gr_engine *e, int which, int64_t first)
-{
-    return e->average + which * e->mesh.cell_capacity + first;
-}
-
 /* Number i of an array with an entry per node, at local node i of the cells from `first` on. */
 GR_INLINE vd at_nodes(const struct gr_engine *e, const double *array, int64_t first, int i)
 {
@@ -55,22 +47,6 @@ GR_INLINE vm occupied(const struct gr_engine *e, int64_t first)
     double count[GR_W];
     for (int l = 0; l < GR_W; l++) count[l] = e->mesh.cell[first + l].count;
     return v_gt(v_load(count), v_zero());
-}
-
-/* The parts of the cells from `first` on that are outside of bodies: their volume over that of the cell, and the centroid in
- * local coordinates. */
-GR_INLINE vd open_parts(const int dim, const struct gr_engine *e, int64_t first, vd centre[3])
-{
-    double volume[GR_W], at[3][GR_W];
-    for (int d = 0; d < dim; d++) centre[d] = v_set(0.5);
-    if (!e->open) return v_set(1.0);
-    for (int l = 0; l < GR_W; l++) {
-        const struct gr_open_part *part = gr_open_part(e->open, gr_cell_id(e, e->mesh.cell[first + l].at));
-        volume[l] = part ? part->volume : 1;
-        for (int d = 0; d < dim; d++) at[d][l] = part ? part->centre[d] : 0.5;
-    }
-    for (int d = 0; d < dim; d++) centre[d] = v_load(at[d]);
-    return v_load(volume);
 }
 
 /* Volumes of local node i of the cells from `first` on, without what bodies take of them. */
@@ -158,9 +134,7 @@ GR_INLINE void store_state(const int dim, struct gr_engine *e, int64_t first, vm
     v_store(average_of(e, GR_AVERAGE_LOG_PHI, first),
             v_set(2.0) * (mass - volume) / (mass + volume) - v_set(e->servo_strain));
     v_store(average_of(e, GR_AVERAGE_C, first), v_select(has, c, v_set(EMPTY)));
-    v_store(average_of(e, GR_AVERAGE_FILLED, first), filled);
-    v_store(average_of(e, GR_AVERAGE_EXCESS, first),
-            v_keep(has, (filled - open) * v_select(v_gt(open, filled), inside, one)));
+    store_filling(e, first, filled, open, v_keep(has, inside));
     v_store(average_of(e, GR_AVERAGE_OPEN, first), open);
     for (int d = 0; d < dim; d++) {
         at[d] = v_fma(one - inside, high[d] * inverse, inside * centre[d]);
@@ -237,35 +211,23 @@ GR_INLINE void apply_forces_of_cells(const int dim, struct gr_engine *e, int64_t
         }
 }
 
-/* Differences of cells to their neighbours across their faces.
- *
- * Returned: the second difference of the density, (c- - 2 c + c+)/4, as a mean over the axes, and for each face the
- * difference of the excess, of its low side less its high side.
- *
- * Both see what alternates from cell to cell (checkerboard). The nodes do not: their sums are over the cells around
- * them, so that neither their masses nor the forces on them change with it. The second difference vanishes for a linear
- * field; disconnected cells take no part in it. Cells hold whole points: differences of the excess up to one point are
- * left. */
-GR_INLINE vd across_faces(const int dim, const struct gr_engine *e, int64_t first, vd drop[3][2])
+/* The second difference of the density of the cells from `first` on, (c- - 2 c + c+)/4, as a mean over the axes. It sees what
+ * alternates from cell to cell (checkerboard), as the nodes do not, and vanishes for a linear field; disconnected cells take
+ * no part in it. */
+GR_INLINE vd second_difference(const int dim, const struct gr_engine *e, int64_t first)
 {
-    const double *const c_of = average_of(e, GR_AVERAGE_C, 0), *const excess_of = average_of(e, GR_AVERAGE_EXCESS, 0);
+    const double *const c_of = average_of(e, GR_AVERAGE_C, 0);
     const vd reach = v_set(e->material_number[GR_MATERIAL_SEPARATION][0]), own_c = v_load(c_of + first);
-    double count[GR_W];
     vd sum = v_zero();
-    for (int l = 0; l < GR_W; l++) count[l] = e->mesh.cell[first + l].count;
-    const vd point = v_load(average_of(e, GR_AVERAGE_FILLED, first)) / v_max(v_load(count), v_set(1.0));
     for (int d = 0; d < dim; d++) {
         vd c[2];
         for (int high = 0; high < 2; high++) {
-            double near_c[GR_W], rise[GR_W];
+            double near_c[GR_W];
             for (int l = 0; l < GR_W; l++) {
                 const int64_t beside = e->mesh.beside[(first + l) * 2 * dim + 2 * d + high];
                 near_c[l] = beside < 0 ? EMPTY : c_of[beside];
-                rise[l] = beside == GR_BESIDE_CLOSED ? 0 : (beside < 0 ? 0 : excess_of[beside]) - excess_of[first + l];
             }
             c[high] = v_load(near_c);
-            const vd up = v_load(rise), much = v_max(v_abs(up) - point, v_zero());
-            drop[d][high] = v_select(v_gt(up, v_zero()), much, -much) * v_set(high ? -1.0 : 1.0);
         }
         const vm all = m_and(v_ge(own_c, reach), m_and(v_ge(c[0], reach), v_ge(c[1], reach)));
         sum = sum + v_keep(all, c[0] - v_set(2.0) * own_c + c[1]);
@@ -276,34 +238,34 @@ GR_INLINE vd across_faces(const int dim, const struct gr_engine *e, int64_t firs
 /* Shift of the points of cells along each axis at their low and high faces, m; linear between them.
  *
  *   delta = -beta gdot dt dx over_compression,             |delta| <= min(limit dx, gdot dt dx/2),
- *         + beta r dt dx (excess_low - excess_high),       r = 2 |L_dd|; of a face; |delta| <= min(limit dx, r dt dx).
+ *         + that of the face for the strain r dt,          r = 2 |L_dd|, see shift_at_face.
  *
  * The first is seen by the nodes, without the noise of single cells; the second carries points out of cells that have
  * too many into neighbours that have too few. It is stretching along an axis that makes cells uneven along it, r = gdot
  * in a plane flow; layers in simple shear are left alone. Nothing goes through a wall. */
 GR_INLINE void shift_of_cells(const int dim, const struct gr_engine *e, int64_t first, const struct gr_wall_cells *walls,
-                              const vd *L, vd rate, vd drop[3][2], vd shift[3][2])
+                              const vd *L, vd rate, vd shift[3][2])
 {
     const struct gr_density_numbers *q = &e->config.density;
     const vd dx = v_set(e->config.dx), limit = v_keep(walls->shifts, v_set(q->shifting_limit)), zero = v_zero();
     const vd most = v_min(limit, v_set(0.5) * rate);
-    vd over[3], length = zero, scale = v_set(q->shifting) * rate;
+    vd over[3], drop[3][2], length = zero, scale = v_set(q->shifting) * rate;
     for (int d = 0; d < dim; d++) {
         over[d] = v_load(average_of(e, GR_AVERAGE_OVER_COMPRESSION(dim) + d, first));
         length = v_fma(over[d], over[d], length);
     }
+    face_drops(dim, e, first, ONE_POINT, drop);
     const vm far = v_gt(scale * scale * length, most * most);
     if (m_bits(far)) scale = v_select(far, most / v_sqrt(v_max(length, v_set(GR_NOTHING))), scale);
     for (int d = 0; d < dim; d++) {
-        const vd along = v_set(2.0) * v_abs(L[d * dim + d]), most_of_face = v_min(limit, along);
+        const vd along = v_set(2.0) * v_abs(L[d * dim + d]);
         for (int high = 0; high < 2; high++) {
-            const vd flux = v_set(q->shifting) * along * drop[d][high];
             vd all = -scale * over[d];
             if (walls->any) {
                 const vm wall = walls->wall[d][high];
                 all = high ? v_select(wall, v_min(all, zero), all) : v_select(wall, v_max(all, zero), all);
             }
-            shift[d][high] = dx * (all + v_min(v_max(flux, -most_of_face), most_of_face));
+            shift[d][high] = dx * (all + shift_at_face(q, limit, along, drop[d][high]));
         }
     }
 }
@@ -321,7 +283,7 @@ GR_INLINE vd flow_of_cells(const int dim, const struct gr_engine *e, int64_t fir
     const struct gr_density_numbers *q = &e->config.density;
     const int K = 1 << dim;
     const vd own = v_load(average_of(e, GR_AVERAGE_C, first)), zero = v_zero();
-    vd at[3], drop[3][2], trace = zero;
+    vd at[3], trace = zero;
     for (int d = 0; d < dim; d++) at[d] = v_load(average_of(e, GR_AVERAGE_AT + d, first));
     for (int k = 0; k < dim * dim; k++) L[k] = zero;
     for (int i = 0; i < K; i++)
@@ -332,12 +294,12 @@ GR_INLINE vd flow_of_cells(const int dim, const struct gr_engine *e, int64_t fir
     for (int d = 0; d < dim; d++) trace = trace + L[d * dim + d];
     const vd rate = kinematic_rate(dim, L), origin = v_set(e->material_number[GR_MATERIAL_ORIGIN][0]),
              eta = averaged_share(e, e->dt, rate, own - origin);
-    vd c = v_fma(eta, across_faces(dim, e, first, drop), own - trace);
+    vd c = v_fma(eta, second_difference(dim, e, first), own - trace);
     c = c + v_keep(v_ge(own, v_set(e->material_number[GR_MATERIAL_SEPARATION][0])), v_set(e->servo_shift));
     const vd gap = v_load(average_of(e, GR_AVERAGE_LOG_PHI, first)) - c;
     const vd relaxed = relax_to_nodal_density(q, e->dt, rate, gap);
     const vd raised = c + relaxed, lowered = v_fma(v_load(average_of(e, GR_AVERAGE_INSIDE, first)), relaxed, c);
     c = v_select(v_gt(zero, gap), v_select(v_ge(c, origin), lowered, c), v_select(v_gt(gap, zero), raised, c));
-    shift_of_cells(dim, e, first, walls, L, rate, drop, shift);
+    shift_of_cells(dim, e, first, walls, L, rate, shift);
     return v_keep(occupied(e, first), c); /* spare places have finite numbers */
 }

@@ -292,7 +292,7 @@ GR_SHARED(connect_tiles, struct connect, q->e->mesh.n_tiles, q)
             mesh->node_source[(int64_t)n * K + K - 1 - a] =
                 gr_sums_of_cell(e, c) + a * GR_SUM_DAMPED(e->config.dim) * GR_LANES;
         }
-        if (e->config.cell_averaged) find_neighbours(e, c);
+        if (mesh->beside) find_neighbours(e, c);
     }
     for (int64_t tile = first; tile < last; tile++) find_rows(e, tile);
 }

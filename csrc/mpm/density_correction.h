@@ -53,6 +53,9 @@ GR_INLINE vd relax_to_nodal_density(const struct gr_density_numbers *q, double d
     return v_fma(share, excess, v_max(v_min(closed, limit), -limit));
 }
 
+/* Rise from 0 at `low` to 1 at `high`. */
+GR_INLINE vd between(double low, double high, vd x) { return v_clamp((x - v_set(low)) * v_set(1 / (high - low)), 0.0, 1.0); }
+
 /* Flags of GR_W cells that concern the shift of their points. */
 struct gr_wall_cells {
     vm shifts;     /* their points may shift */

@@ -128,9 +128,9 @@ struct gr_mesh {
     uint8_t *tile_state;   /* enum gr_tile_state */
     uint32_t *tile_in_row; /* bit i: local nodes number i of its cells follow each other */
     int32_t *cell_node;    /* n_tiles x K x GR_LANES */
-    int32_t *beside;       /* n_cells x 2 dim: neighbours across the faces (enum gr_beside); NULL unless cell_averaged */
-    int32_t *place;        /* of its cells on the fluidity grid; NULL without one */
-    int64_t *node_source;  /* n_nodes x K: entry i: where its sums over the cell begin in which it is local node
+    int32_t *beside; /* n_cells x 2 dim: neighbours across the faces (enum gr_beside); NULL with a density of each point */
+    int32_t *place;  /* of its cells on the fluidity grid; NULL without one */
+    int64_t *node_source;         /* n_nodes x K: entry i: where its sums over the cell begin in which it is local node
                                K - 1 - i; in the zero tile where there is no such cell */
     struct gr_node_run *node_run; /* (n_nodes/GR_LANES, rounded up) x K: the same for GR_LANES nodes together */
     /* with a smoothed density: in groups of GR_LANES nodes, gr_about x GR_LANES places of the nodes about each. Entry
@@ -180,7 +180,7 @@ struct gr_engine {
     /* grid */
     struct gr_mesh mesh;
     void *sums;         /* n_tiles + 1 blocks of sum_stride numbers (gr_sums); the last block is zero */
-    double *average;    /* GR_AVERAGES(dim) x cell_capacity, see enum gr_average; NULL unless cell_averaged */
+    double *average;    /* gr_averages_of_cell x cell_capacity, see enum gr_average; NULL with a density of each point */
     double *node_data;  /* node_fields x node_places, see GR_NODE_FIELDS */
     float *node_single; /* what kernels in single precision see of it: the same as floats; NULL with double precision */
     double *node_mass;  /* n_nodes, kg */
@@ -292,22 +292,28 @@ enum gr_volume_sum { GR_SUM_VOLUME, GR_SUM_PRESSURE, GR_VOLUME_SUMS };
 /* Neighbours that are not there: a cell outside the active part; beyond a wall or an end. */
 enum gr_beside { GR_BESIDE_NO_POINTS = -1, GR_BESIDE_CLOSED = -2 };
 
-/* State of a cell with a cell-averaged density (mpm/cell_averaged.inl): the log-density of its points; the logarithm of its
- * filling fraction; from 0 at a surface to 1 inside the material; its volume outside of bodies, over dx^dim; its mass over
- * that of a full cell; what it has beyond its open volume, or too little inside the material, which points exchange with
- * neighbours; then the local coordinates of its quadrature point, and the gradient of the over-compression of its nodes,
- * against which its points shift. */
+/* State of a cell (mpm/cell_filling.inl): its mass over that of a full cell; what it has beyond its open volume, or too
+ * little inside the material, which points exchange with neighbours. With a cell-averaged density (mpm/cell_averaged.inl)
+ * also the log-density of its points; the logarithm of its filling fraction; from 0 at a surface to 1 inside the material;
+ * its volume outside of bodies, over dx^dim; then the local coordinates of its quadrature point, and the gradient of the
+ * over-compression of its nodes, against which its points shift. */
 enum gr_average {
+    GR_AVERAGE_FILLED,
+    GR_AVERAGE_EXCESS,
     GR_AVERAGE_C,
     GR_AVERAGE_LOG_PHI,
     GR_AVERAGE_INSIDE,
     GR_AVERAGE_OPEN,
-    GR_AVERAGE_FILLED,
-    GR_AVERAGE_EXCESS,
     GR_AVERAGE_AT
 };
 #define GR_AVERAGE_OVER_COMPRESSION(dim) (GR_AVERAGE_AT + (dim))
-#define GR_AVERAGES(dim) (GR_AVERAGE_AT + 2 * (dim))
+#define GR_NO_EXCESS INFINITY /* of a cell that a body fills */
+
+/* Number of the entries of enum gr_average that the density of the scheme uses. */
+static inline int gr_averages_of_cell(const struct gr_config *c)
+{
+    return c->cell_averaged ? GR_AVERAGE_AT + 2 * c->dim : c->smoothed ? GR_AVERAGE_C : 0;
+}
 
 /* Fields of a node in node_data: v^{n+1} and the update w. With a cell-averaged density also: the share of the difference to
  * its velocity that points lose in this step. In a step that averages, from GR_NODE_DENSITY on: the gap ln phi - c

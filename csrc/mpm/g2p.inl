@@ -94,7 +94,7 @@ GR_INLINE unsigned move_row(const int dim, const int basis, const int affine, co
     if (cell_averaged && view->damping.any) damp(dim, basis, e, &view->frame, &s, &view->damping, at, v_new);
     if (smoothed && view->damps_flutter) damp_flutter(dim, e, at);
     if (averages) {
-        c = relax_density(dim, basis, e, &view->walls, &s, mode + GR_NODE_DENSITY(dim) * K, L, trace, at, delta,
+        c = relax_density(dim, basis, e, &view->walls, view->drop, &s, mode + GR_NODE_DENSITY(dim) * K, L, trace, at, delta,
                           shift_velocity);
         for (int d = 0; d < dim; d++) v_new[d] = v_new[d] + shift_velocity[d];
     }

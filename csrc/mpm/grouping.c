@@ -302,9 +302,9 @@ static int reserve_mesh(struct gr_engine *e, int64_t n_cells)
     GR_RESIZE(mesh->tile_in_row, tiles);
     if (e->fluidity) GR_RESIZE(mesh->place, capacity);
     if (e->n_thin) GR_RESIZE(mesh->paired, capacity);
-    if (e->config.cell_averaged) {
+    if (gr_averages_of_cell(&e->config)) {
         GR_RESIZE(mesh->beside, capacity * 2 * e->config.dim);
-        GR_RESIZE(e->average, capacity * GR_AVERAGES(e->config.dim));
+        GR_RESIZE(e->average, capacity * gr_averages_of_cell(&e->config));
     }
     if (e->fluidity && e->config.nonlocal.substeps > 1) {
         GR_RESIZE(e->substep_mass, capacity);

@@ -128,7 +128,7 @@ static int add_cell(struct gr_engine *e, const struct gr_pose *pose, const int32
     double share[MOST_PARTS * MOST_PARTS], value[3][MOST_PARTS][3], slope[3][MOST_PARTS][3]; /* 8^2 = 4^3 */
     double solid[GR_MAX_NODES] = {0}, gradient[GR_MAX_NODES][3] = {{0}};
     solid_parts(e, pose, at, parts, share);
-    if (e->config.cell_averaged && keep_open_part(e, at, parts, share)) return GR_ERR_MEMORY;
+    if (keep_open_part(e, at, parts, share)) return GR_ERR_MEMORY;
     for (int d = 0; d < dim; d++)
         for (int p = 0; p < parts; p++)
             integrate_1d(&e->axis[d].cell[at[d]], k, (double)p / parts, (p + 1.0) / parts, value[d][p], slope[d][p]);

@@ -18,7 +18,7 @@ struct gr_open_part {
     double volume, centre[3];
 };
 
-/* Integrals over the bodies for the nodes near their surfaces; with a cell-averaged density for the cells, too. */
+/* Integrals over the bodies for the nodes near their surfaces, and for the cells. */
 struct gr_open_volume {
     struct gr_table place;    /* of a node of the grid: its place + 1, 0 for none */
     double *solid, *slope;    /* s_i; G_i, dim numbers */

@@ -98,18 +98,60 @@ GR_INLINE void correct_weights(const int dim, const int basis, struct gr_engine 
     v_store(place, v_select(connected, u, old));
 }
 
+/* Differences between cells that are left, in points. With one and with none of them more strings are left (measured). */
+#define HALF_A_POINT 0.5
+
+/* 2^64 over the golden ratio: odd, and without a pattern in its bits. */
+#define HASH 0x9E3779B97F4A7C15u
+
+/* Gaps of a node between which a cell about it is a surface and inside the material: phi = 0.7 and 0.9. A cell that is full to
+ * three quarters above a full one and under an empty one has 0.7, a full one under an empty one 5/6. */
+#define SURFACE_GAP -0.353
+#define INSIDE_GAP -0.105
+
+/* What the cells from `first` on hold, from their sums over the nodes, and whether they are inside, from the node at their
+ * middle. Call it after the nodes are described. */
+GR_INLINE void fill_cells(const int dim, const struct gr_engine *e, int64_t first)
+{
+    const int K = gr_power(3, dim), several = e->config.n_materials > 1;
+    const gr_real *sum = gr_sums(e) + gr_sums_of_cell(e, first) + (several ? e->volume_sums + GR_SUM_VOLUME * GR_LANES : 0);
+    const int64_t stride = (several ? GR_VOLUME_SUMS : GR_SUM_DAMPED(dim)) * GR_LANES;
+    const double *gap = gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP(dim));
+    double at_middle[GR_W];
+    vd centre[3], filled = v_zero();
+    for (int i = 0; i < K; i++) filled = filled + v_load(sum + i * stride);
+    for (int l = 0; l < GR_W; l++) at_middle[l] = gap[gr_cell_node(e, first + l, K / 2)];
+    store_filling(e, first, filled * v_set(e->mass_scale), open_parts(dim, e, first, centre),
+                  between(SURFACE_GAP, INSIDE_GAP, v_load(at_middle)));
+}
+
+/* Part of a shift that each of the points at the places from `at` on takes: from 0 to 2 by a hash of its number, 1 on average.
+ * Points of a column of the seeding lattice are at one place along an axis. With equal parts the column would go to and fro as
+ * a whole, and leave an empty cell behind each time. */
+GR_INLINE vd own_parts(const struct gr_engine *e, int64_t at)
+{
+    double part[GR_W];
+    for (int l = 0; l < GR_W; l++) {
+        const uint64_t mixed = (uint64_t)e->id[at + l] * HASH, other = (mixed ^ mixed >> 32) * HASH;
+        part[l] = (double)(other >> 11) * 0x1p-52;
+    }
+    return v_load(part);
+}
+
 /* Density correction of the points at the places from `at` on: averaging, relaxation to the nodal density, particle shifting.
  *
  *   c += eta (cbar - c) + relaxation(gap),   eta: averaged_share, relaxation: relax_to_nodal_density,
- *   delta = -beta gdot dt dx^2 sum max(0, phi_i - 1) grad S_i,   |delta| <= min(limit dx, gdot dt dx/2).
+ *   delta = -beta gdot dt dx^2 sum max(0, phi_i - 1) grad S_i,   |delta| <= min(limit dx, gdot dt dx/2),
+ *         + a part of that of the faces, linear between them, of each point (own_parts), for the strain gdot dt min(1, 2 |L_dd|/(rate of L)), see shift_at_face.
  *
- * dt and gdot dt include all the steps that the averaging stands for. gdot is the plastic shear rate of points with
+ * The last is for stretching along an axis, which makes cells uneven along it; layers in simple shear are left alone. dt and gdot dt include all the steps that the averaging stands for. gdot is the plastic shear rate of points with
  * stress, and the shear rate of the flow for stress-free points.
- * Given: L dt and dt tr L of this step, and the modes of the gap, cbar, max(0, phi - 1), x and E.
+ * Given: L dt and dt tr L of this step, and the modes of the gap, cbar, max(0, phi - 1), x and E;
+ * face_drops.
  * Returned: the new log-density; delta, m; and L delta, m/s, the change of velocity. */
 GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, const struct gr_wall_cells *walls,
-                           const struct gr_shape *s, const vd *mode, const vd *L, vd trace, int64_t at, vd delta[3],
-                           vd shift_velocity[3])
+                           const vd drop[3][2], const struct gr_shape *s, const vd *mode, const vd *L, vd trace, int64_t at,
+                           vd delta[3], vd shift_velocity[3])
 {
     const int K = gr_power(gr_nodes_1d(basis), dim);
     const struct gr_density_numbers *q = &e->config.density;
@@ -121,7 +163,8 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
     const vd origin = gr_of_material(e, GR_MATERIAL_ORIGIN, at);
     const vm stressed = v_ge(old, gr_of_material(e, GR_MATERIAL_STRESSED, at));
     const vm connected = v_ge(old, gr_of_material(e, GR_MATERIAL_SEPARATION, at));
-    const vd strain = v_set(interval) * v_select(stressed, v_set(e->dt) * flow, kinematic_rate(dim, L));
+    const vd rate = kinematic_rate(dim, L);
+    const vd strain = v_set(interval) * v_select(stressed, v_set(e->dt) * flow, rate);
     const vd gap = gr_interpolate(dim, basis, 0, mode + GR_NODE_GAP * K, s, g, slope);
     vd near = gr_interpolate(dim, basis, 0, mode + GR_NODE_LOG_DENSITY * K, s, g, gradient);
     if (__builtin_expect(e->config.n_materials > 1, 0)) near = near * gr_of_material(e, GR_MATERIAL_SOFTNESS, at);
@@ -143,6 +186,13 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
         for (int d = 0; d < dim; d++) delta[d] = delta[d] * scale;
     }
     if (walls->any) hold_at_walls(dim, walls, s->xi, delta);
+    const vd reach = v_set(dx) * own_parts(e, at);
+    for (int d = 0; d < dim; d++) {
+        const vd part = v_set(2.0) * v_abs(L[d * dim + d]) / v_max(rate, v_set(GR_NOTHING));
+        const vd along = strain * v_min(part, v_set(1.0)), limit = v_keep(walls->shifts, v_set(q->shifting_limit));
+        const vd low = shift_at_face(q, limit, along, drop[d][0]), high = shift_at_face(q, limit, along, drop[d][1]);
+        delta[d] = v_fma(reach, v_fma(s->xi[d], high - low, low), delta[d]);
+    }
     correct_weights(dim, basis, e, s, mode, connected, at);
     for (int d = 0; d < dim; d++) {
         shift_velocity[d] = v_zero();

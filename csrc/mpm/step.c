@@ -189,6 +189,7 @@ static void p2g_listed(struct run *run, int64_t first, int64_t last)
 
 GR_CHUNK_OF_TILES(p2g, run->kernels->p2g(run->e, first, last))
 GR_CHUNK_OF_TILES(cell_forces, forces_of_cells(run, first, last))
+GR_CHUNK_OF_TILES(fillings, run->kernels->fill_cells(run->e, first, last))
 GR_CHUNK_OF_TILES(smooth, run->kernels->smooth(run->e, first, last))
 GR_CHUNK_OF_TILES(mark, gr_bodies_mark(run->e, first *GR_LANES, last *GR_LANES))
 GR_CHUNK_OF_TILES(begin_substeps, run->kernels->begin_substeps(run->e, first, last))
@@ -328,7 +329,10 @@ static void stage_grid(struct run *run)
         e->sums_valid = 0;
         return;
     }
-    if (gr_averages(e, e->step)) all_of(run, surroundings, gr_groups(e));
+    if (gr_averages(e, e->step)) {
+        all_of(run, surroundings, gr_groups(e));
+        all_tiles(run, fillings);
+    }
     for (run->pass = 2; run->pass <= e->config.xpic_order; run->pass++) {
         all_tiles(run, smooth);
         all_of(run, smooth_nodes, n_nodes);

@@ -22,6 +22,7 @@ from granular.measure.bulk import density_drift as density_drift
 from granular.measure.bulk import disconnected_fraction as disconnected_fraction
 from granular.measure.bulk import gap_fraction as gap_fraction
 from granular.measure.bulk import ill_posed_fraction as ill_posed_fraction
+from granular.measure.bulk import string_fraction as string_fraction
 from granular.measure.cylinder import CylinderProfile as CylinderProfile
 from granular.measure.cylinder import cylinder_profile as cylinder_profile
 from granular.measure.discharge import BeverlooFit as BeverlooFit

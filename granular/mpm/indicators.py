@@ -22,11 +22,21 @@ __all__ = ["POINTS_PER_CELL", "indicators", "remedies", "weights_at_limit"]
 POINTS_PER_CELL = 4
 """Least number of points per cell in a flow, from the map "incline_seeding"."""
 
+JITTER = 0.5
+"""Jitter of a fill with which no lattice is left that stretching could draw into strings."""
+
 STRAIN_STEP = 0.2
 """Largest norm of the velocity gradient times dt. The step is the first order of a finite strain:
 what it leaves out, half of the square, is then a tenth of it. The ready scenes have 0.1 at most."""
 
 OWN = (
+    Row(
+        "strings",
+        "later",
+        0.025,
+        "share of the cells inside the material among which full and empty ones alternate: beyond "
+        "the limit stretching has drawn the points into strings, and pressures and volumes are off",
+    ),
     Row(
         "strain_step",
         "largest",
@@ -93,6 +103,7 @@ def remedies(scene: Scene) -> dict[str, str]:
     found = {
         "disconnected": _connect(scene),
         "density_drift": _keep_volume(scene),
+        "strings": _spread(scene),
         "gaps": "take more points per cell",
         "courant": "take no fixed dt" if fixed else "take a smaller cfl",
         "mach": stiffer,
@@ -144,6 +155,16 @@ def _connect(scene: Scene) -> str:
     if known:
         return f"take {' and '.join(known)}"
     return "take smaller cells and compare; rates of discharge are right nevertheless"
+
+
+def _spread(scene: Scene) -> str:
+    """Remedy for points in strings; a fill of a `Cloud` has no jitter."""
+    known = []
+    if scene.scheme.density.name == "particle":
+        known.append("SmoothedDensity() (the default), whose shifting acts between cells")
+    if any(fill.jitter < JITTER for fill in scene.fills):
+        known.append(f"fills with jitter = {JITTER}")
+    return f"take {' and '.join(known)}" if known else "take smaller cells and compare"
 
 
 def _keep_volume(scene: Scene) -> str:

@@ -86,6 +86,7 @@ def average(scene, points, new, nodes, L, dt):
     scale = np.where(length > most, most / np.maximum(length, 1e-300), 1.0)
     delta = delta * scale[:, None]
     delta = held_at_walls(scene, points["x"], delta)
+    delta += across_faces(scene, points, nodes, rate * dt, L)
     borrowed = np.einsum("pdj,pj->pd", L, delta)
     kept = points["weight_correction"]
     divergence = np.einsum("kj,pkj->p", nodes.uneven[s.node], s.g * dx)
@@ -101,6 +102,54 @@ def average(scene, points, new, nodes, L, dt):
     new["density_gradient"] = np.where(joins[:, None], gradient, 0.0).reshape(-1, dim)
     new["log_density"], new["x"] = c, new["x"] + delta
     new["v"], new["shift_velocity"] = new["v"] + borrowed, borrowed
+
+
+def across_faces(scene, points, nodes, strain, L):
+    """Shift of points out of cells that hold more than their neighbours, linear between faces."""
+    grid, x, q = scene.grid, points["x"], scene.scheme.density
+    dim, shape = grid.dim, np.array(grid.shape)
+    place = (x - np.array(grid.lower)) / grid.cell
+    at = np.floor(place).astype(int)
+    own = np.ravel_multi_index(tuple(at.T), grid.shape)
+    full = scene.material.rho_c * grid.cell**dim
+    filled = np.bincount(own, points["mass"], minlength=shape.prod()) / full
+    count = np.bincount(own, minlength=shape.prod())
+    middle = np.indices(grid.shape).reshape(dim, -1)
+    for d in range(dim):
+        middle[d] = middle[d] if grid.periodic[d] else middle[d] + 1
+    node = np.ravel_multi_index(tuple(middle), nodes.shapes.counts, order="F")
+    phi, cbar = nodes.phi[node], nodes.cbar[node]
+    gap = np.where(phi > 0, 2 * (phi - 1) / (phi + 1) - cbar, -2.0)
+    inside = np.clip((gap + 0.353) / (0.353 - 0.105), 0.0, 1.0)
+    excess = (filled - 1) * np.where(filled < 1, inside, 1.0)
+    shift = np.zeros_like(x)
+    for d in range(dim):
+        stretch = 2 * np.abs(L[:, d, d]) / np.maximum(kinematic_rate(L), 1e-300)
+        along = strain * np.minimum(stretch, 1.0)
+        most = np.minimum(along, np.where(near_outlet(scene, x), 0.0, q.shifting_limit))
+        faces = []
+        for high in (0, 1):
+            other = at.copy()
+            other[:, d] += 2 * high - 1
+            beyond = (other[:, d] < 0) | (other[:, d] >= shape[d])
+            other[:, d] %= shape[d]
+            closed = held_at_faces(scene, x, d, high) | (beyond & (not grid.periodic[d]))
+            rise = excess[np.ravel_multi_index(tuple(other.T), grid.shape)] - excess[own]
+            rise = np.where(closed, 0.0, rise)
+            much = np.maximum(np.abs(rise) - 0.5 * filled[own] / count[own], 0.0)
+            drop = np.sign(rise) * much * (-1 if high else 1)
+            faces.append(np.clip(q.shifting * along * drop, -most, most))
+        xi = place[:, d] - at[:, d]
+        shift[:, d] = faces[0] + xi * (faces[1] - faces[0])
+    return grid.cell * own_parts(points["id"])[:, None] * shift
+
+
+def own_parts(ids):
+    """Part of a shift that a point takes, by a hash of its id: uniform in [0, 2)."""
+    odd = np.uint64(0x9E3779B97F4A7C15)
+    mixed = ids.astype(np.uint64) * odd
+    other = (mixed ^ (mixed >> np.uint64(32))) * odd
+    return (other >> np.uint64(11)).astype(float) * 2.0**-52
 
 
 def mean_of_cells(scene, x, mass, value):
