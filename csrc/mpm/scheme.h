@@ -84,8 +84,8 @@
     X(shifting, 8, 2, GR_NONE, "[0, inf)", "1",                                                                          \
       "beta of particle shifting: points move by -beta gdot dt dx^2 sum_i max(0, phi_i - 1) grad S_i. With a smoothed "  \
       "density they take the velocity of where they come to; in cells that are averaged phi_i - 1 is replaced by "       \
-      "(phi_i - 1) V_i/dx^dim and they keep theirs; besides, they leave cells for neighbours with fewer points, at the " \
-      "same beta times the difference of the filling fractions beyond one point, with 2 abs(L_dd) for gdot.")            \
+      "(phi_i - 1) V_i/dx^dim and they keep theirs. Besides, they leave cells for neighbours with fewer points, at the " \
+      "same beta times the difference of the filling fractions, as fast as the flow stretches along the axis.")          \
     X(shifting_limit, 0.05, 0.05, GR_NONE, "[0, 0.5]", "1", "Largest shift in a step, in cells.")                        \
     X(shifting_outlet_cells, 3, 3, GR_NONE, "integer [0, 1000]", "1",                                                    \
       "No shifting nearer than this to an opening, in cells: it would jam the outlet.")                                  \

@@ -129,7 +129,7 @@ def _pooled(cells: Array) -> Array:
 
 
 def _smoothed(cells: Array) -> Array:
-    """Mean over each cell and its neighbours, with the weights 1, 2, 1 along each axis, 0 beyond."""
+    """Mean over each cell and its neighbours, weighted 1, 2, 1 along each axis; 0 lies beyond."""
     for axis in range(cells.ndim):
         wide = 2.0 * cells
         inner = [slice(None)] * cells.ndim

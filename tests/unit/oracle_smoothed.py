@@ -4,8 +4,8 @@ import itertools
 
 import numpy as np
 from oracle_law import tensor
-from oracle_shapes import axis_nodes
-from oracle_walls import held_at_walls, near_outlet
+from oracle_shapes import Shapes, axis_nodes
+from oracle_walls import at_face, held_at_walls, near_outlet
 
 from granular.mpm.damping import damping
 from granular.mpm.engine import averaging_interval, flutter_interval, largest_gravity
@@ -114,10 +114,9 @@ def across_faces(scene, points, nodes, strain, L):
     full = scene.material.rho_c * grid.cell**dim
     filled = np.bincount(own, points["mass"], minlength=shape.prod()) / full
     count = np.bincount(own, minlength=shape.prod())
-    middle = np.indices(grid.shape).reshape(dim, -1)
-    for d in range(dim):
-        middle[d] = middle[d] if grid.periodic[d] else middle[d] + 1
-    node = np.ravel_multi_index(tuple(middle), nodes.shapes.counts, order="F")
+    middle = (np.indices(grid.shape).reshape(dim, -1).T + 0.5) * grid.cell + np.array(grid.lower)
+    about = Shapes(scene, middle)
+    node = about.node[about.w.argmax(axis=1)]
     phi, cbar = nodes.phi[node], nodes.cbar[node]
     gap = np.where(phi > 0, 2 * (phi - 1) / (phi + 1) - cbar, -2.0)
     inside = np.clip((gap + 0.353) / (0.353 - 0.105), 0.0, 1.0)
@@ -133,7 +132,7 @@ def across_faces(scene, points, nodes, strain, L):
             other[:, d] += 2 * high - 1
             beyond = (other[:, d] < 0) | (other[:, d] >= shape[d])
             other[:, d] %= shape[d]
-            closed = held_at_faces(scene, x, d, high) | (beyond & (not grid.periodic[d]))
+            closed = at_face(scene, x, d, high) | (beyond & (not grid.periodic[d]))
             rise = excess[np.ravel_multi_index(tuple(other.T), grid.shape)] - excess[own]
             rise = np.where(closed, 0.0, rise)
             much = np.maximum(np.abs(rise) - 0.5 * filled[own] / count[own], 0.0)

@@ -55,6 +55,15 @@ def held_at_walls(scene, x, delta):
     return delta
 
 
+def at_face(scene, x, axis, high):
+    """Points in cells at whose low or high face along an axis a wall stands."""
+    cell, found = scene.grid.cell, np.zeros(len(x), dtype=bool)
+    middle = scene.grid.lower + (np.floor((x - scene.grid.lower) / cell) + 0.5) * cell
+    for a, at, beside in _beside_walls(scene, middle):
+        found |= beside & (a == axis) & ((at > middle[:, a]) == bool(high))
+    return found
+
+
 def near_outlet(scene, x):
     """Points in cells no farther than shifting_outlet_cells from an opening."""
     reach = scene.scheme.density.shifting_outlet_cells * scene.grid.cell

@@ -19,6 +19,7 @@ from granular.measure import (
     mean_pressure_error,
     occupied_area,
     speed_percentile,
+    string_fraction,
 )
 
 CELL = 0.01
@@ -61,6 +62,14 @@ def test_the_upper_heap_of_an_hourglass_has_its_own_surface():
     x = regular_points(s, 2, lambda x: (x[:, 1] < 0.05) | ((x[:, 1] > 0.2) & (x[:, 1] < 0.25)))
     p = np.where((x[:, 1] > 0.23) | (x[:, 1] < 0.05) & (x[:, 1] > 0.03), 0.0, 100.0)
     assert disconnected_fraction(state(s, x, stress=isotropic(p))) == 0
+
+
+def test_cells_that_are_full_and_empty_in_turn_are_strings():
+    points = pool(shape=(12, 20))
+    assert string_fraction(points) == 0
+    drawn = points.x.copy()
+    drawn[:, 0] -= CELL * (np.floor(drawn[:, 0] / CELL) % 2)  # the points of two cells in one
+    assert string_fraction(state(points.scene, drawn, per_cell=4)) > 0.9
 
 
 def test_speeds_areas_and_heights():
