@@ -1,7 +1,7 @@
 /* How full cells are, and what of their points goes across their faces.
  *
  * The sums of the nodes are over the cells around them. What alternates from cell to cell, or from one pair of cells to the
- * next, changes neither their masses nor the forces on them: a regular lattice of points that is stretched falls into strings
+ * next, changes neither their masses nor the forces on them: a seeding lattice that is stretched falls into strings
  * with empty cells between them, while every node has its mass. So cells compare what they hold with their neighbours. */
 #include "mpm/density_correction.h"
 #include "mpm/open_volume.h"

@@ -202,7 +202,7 @@ def density_drift(state: State, *, depth_cells: int = 2, packed: float = 0.9) ->
 def string_fraction(state: State) -> float:
     """Share of the cells inside the material among which full and empty ones alternate.
 
-    Stretching draws the points of a regular lattice into strings: cells empty and fill in turn,
+    Stretching draws the points of a seeding lattice into strings: cells empty and fill in turn,
     while the nodes, whose sums are over the cells around them, keep their mass. With the filling f
     of a cell at rho_c and its mean g over the neighbours, with the weights 1, 2, 1 along each axis,
     a cell is inside the material where g is 0.9 or more. It counts where the root mean square of

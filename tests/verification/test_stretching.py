@@ -1,4 +1,4 @@
-"""Points of a regular lattice in a steady planar extension."""
+"""Points seeded in rows, in a steady planar extension."""
 
 import numpy as np
 
