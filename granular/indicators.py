@@ -58,8 +58,8 @@ ENERGY = 0.05
 Between what is sound and what is not: linear FLIP on an incline has 1e-6 up to c dt/dx = 0.7 and
 0.006 at 0.85, but 0.3 from 0.9 on, where it is unstable; ready scenes have up to 0.04. Sources that
 an account of every step has found there are the relaxation of the density, p dc, of material that
-is over-compressed (obstacle, 0.04), and quadrature weights whose descent overshoots in cells of six
-points or more (rotating_drum: 0.1, and 0.03 with weight_correction = 0.5)."""
+is over-compressed (obstacle, 0.04), and quadrature weights whose descent overshoots in cells that
+hold half as much again as they should."""
 
 
 def common(scene: AnyScene, limited: Collection[str]) -> tuple[Row, ...]:
@@ -72,8 +72,8 @@ def common(scene: AnyScene, limited: Collection[str]) -> tuple[Row, ...]:
             "disconnected",
             "later",
             0.1,
-            "stress-free share of the packed bulk: beyond the limit grains do not bear what they "
-            "should, unless they fly apart",
+            "stress-free share of the packed bulk, among points that bear the weight of a cell and "
+            "more: beyond the limit the flow is an artefact of the scheme",
         ),
         Row(
             "density_drift",

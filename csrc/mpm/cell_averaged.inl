@@ -134,7 +134,7 @@ GR_INLINE void store_state(const int dim, struct gr_engine *e, int64_t first, vm
     v_store(average_of(e, GR_AVERAGE_LOG_PHI, first),
             v_set(2.0) * (mass - volume) / (mass + volume) - v_set(e->servo_strain));
     v_store(average_of(e, GR_AVERAGE_C, first), v_select(has, c, v_set(EMPTY)));
-    store_filling(e, first, filled, open, v_keep(has, inside));
+    store_filling(e, first, filled, v_keep(has, excess_of(filled, open, inside)));
     v_store(average_of(e, GR_AVERAGE_OPEN, first), open);
     for (int d = 0; d < dim; d++) {
         at[d] = v_fma(one - inside, high[d] * inverse, inside * centre[d]);
@@ -238,7 +238,7 @@ GR_INLINE vd second_difference(const int dim, const struct gr_engine *e, int64_t
 /* Shift of the points of cells along each axis at their low and high faces, m; linear between them.
  *
  *   delta = -beta gdot dt dx over_compression,             |delta| <= min(limit dx, gdot dt dx/2),
- *         + that of the face for the strain r dt,          r = 2 |L_dd|, see shift_at_face.
+ *         + shift_at_face for the strain r dt,             r = 2 |L_dd|; |delta| <= min(limit dx, r dt dx).
  *
  * The first is seen by the nodes, without the noise of single cells; the second carries points out of cells that have
  * too many into neighbours that have too few. It is stretching along an axis that makes cells uneven along it, r = gdot
@@ -258,14 +258,14 @@ GR_INLINE void shift_of_cells(const int dim, const struct gr_engine *e, int64_t 
     const vm far = v_gt(scale * scale * length, most * most);
     if (m_bits(far)) scale = v_select(far, most / v_sqrt(v_max(length, v_set(GR_NOTHING))), scale);
     for (int d = 0; d < dim; d++) {
-        const vd along = v_set(2.0) * v_abs(L[d * dim + d]);
+        const vd along = v_set(2.0) * v_abs(L[d * dim + d]), most_of_face = v_min(limit, along);
         for (int high = 0; high < 2; high++) {
             vd all = -scale * over[d];
             if (walls->any) {
                 const vm wall = walls->wall[d][high];
                 all = high ? v_select(wall, v_min(all, zero), all) : v_select(wall, v_max(all, zero), all);
             }
-            shift[d][high] = dx * (all + shift_at_face(q, limit, along, drop[d][high]));
+            shift[d][high] = dx * (all + shift_at_face(q, along, drop[d][high], most_of_face));
         }
     }
 }

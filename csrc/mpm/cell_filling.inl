@@ -28,14 +28,16 @@ GR_INLINE vd open_parts(const int dim, const struct gr_engine *e, int64_t first,
     return v_load(volume);
 }
 
-/* Store what the cells from `first` on hold, and their excess: what they have beyond their open volume; or, if they are
- * `inside` the material, 0 to 1, too little. Cells that a body fills have none: nothing goes there. */
-GR_INLINE void store_filling(const struct gr_engine *e, int64_t first, vd filled, vd open, vd inside)
+/* What cells have beyond their open volume; or, if they are `inside` the material, 0 to 1, too little. */
+GR_INLINE vd excess_of(vd filled, vd open, vd inside)
 {
-    const vd excess = (filled - open) * v_select(v_gt(open, filled), inside, v_set(1.0));
+    return (filled - open) * v_select(v_gt(open, filled), inside, v_set(1.0));
+}
+
+GR_INLINE void store_filling(const struct gr_engine *e, int64_t first, vd filled, vd excess)
+{
     v_store(average_of(e, GR_AVERAGE_FILLED, first), filled);
-    v_store(average_of(e, GR_AVERAGE_EXCESS, first),
-            v_select(v_gt(v_set(GR_LEAST_OPEN), open), v_set(GR_NO_EXCESS), excess));
+    v_store(average_of(e, GR_AVERAGE_EXCESS, first), excess);
 }
 
 /* Differences of the excess of the cells from `first` on to their neighbours, for each face that of its low side less that of
@@ -60,9 +62,8 @@ GR_INLINE void face_drops(const int dim, const struct gr_engine *e, int64_t firs
 
 /* Shift of the points at a face, in cells, for the strain `along` its normal:
  *
- *   beta along (excess_low - excess_high),   |shift| <= min(limit, along). */
-GR_INLINE vd shift_at_face(const struct gr_density_numbers *q, vd limit, vd along, vd drop)
+ *   beta along (excess_low - excess_high),   |shift| <= most. */
+GR_INLINE vd shift_at_face(const struct gr_density_numbers *q, vd along, vd drop, vd most)
 {
-    const vd most = v_min(limit, along);
     return v_min(v_max(v_set(q->shifting) * along * drop, -most), most);
 }

@@ -7,6 +7,16 @@
 /* Bound of |ln(rho/rho_c)|. A point beyond it is checked like one that leaves its cell. */
 #define NO_DENSITY 1e3
 
+/* Rate sqrt(tr(L L)/2), from L dt, at which a flow goes on stretching the same lines: e in an extension at the rate e, and zero
+ * in simple shear at any angle to the grid and in rotation (Okubo 1970; Weiss 1991). */
+GR_INLINE vd lasting_rate(const int dim, const vd *L)
+{
+    vd sum = v_zero();
+    for (int i = 0; i < dim; i++)
+        for (int j = 0; j < dim; j++) sum = v_fma(L[i * dim + j], L[j * dim + i], sum);
+    return v_sqrt(v_max(v_set(0.5) * sum, v_zero()));
+}
+
 /* Rate of deformation sqrt(2 D':D') + |tr D| from L dt, with D' the deviator of D. It drives the averaging. */
 GR_INLINE vd kinematic_rate(const int dim, const vd *L)
 {

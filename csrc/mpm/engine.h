@@ -124,6 +124,7 @@ enum gr_tile_state { GR_TILE_SUMMED, GR_TILE_GAINED, GR_TILE_CHANGED };
  * have no nodes of their own, nor points. */
 struct gr_mesh {
     int64_t n_cells, n_tiles, n_nodes, cell_capacity, node_capacity;
+    int64_t n_occupied;    /* cells that held points when it was made */
     struct gr_cell *cell;  /* of all tiles */
     uint8_t *tile_state;   /* enum gr_tile_state */
     uint32_t *tile_in_row; /* bit i: local nodes number i of its cells follow each other */
@@ -392,6 +393,10 @@ void gr_engine_bind(struct gr_engine *e, void *const field[GR_FIELD_COUNT], int6
 /* grouping.c: group the points by cell, and keep their order within each. After GR_ERR_CAPACITY needed_capacity is the
  * capacity that is required. */
 int gr_regroup(struct gr_engine *e, struct gr_team *team);
+
+/* True, in some steps, if a quarter of the cells that held points at the last grouping hold none. What flows away leaves its
+ * cells behind, which are visited in each step until the points are grouped again; that changes no bit. */
+int gr_has_emptied(const struct gr_engine *e);
 int gr_compare_ids(const void *a, const void *b); /* for qsort: int64_t, ascending */
 
 /* connect.c: list the nodes of the active cells, and connect nodes and cells: for each cell its nodes and its neighbours,

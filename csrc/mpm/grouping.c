@@ -19,6 +19,9 @@
  * well: tiles that grow would use it up within some steps, and have all points of a flow grouped again. */
 enum { GROWTH = 16 };
 
+/* Steps after which emptied cells are counted again. A count is far cheaper than a step. */
+enum { EMPTIED_INTERVAL = 64 };
+
 int gr_compare_ids(const void *a, const void *b)
 {
     const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
@@ -39,9 +42,9 @@ struct list {
 struct regroup {
     struct gr_engine *e;
     struct gr_team *team;
-    int64_t chunks, n, n_cells, total; /* points; new cells; their places */
-    struct list *list;                 /* chunks + 1; the last is that of the pending points */
-    int64_t *source;                   /* per point: its old place, or -1 - k for pending point k */
+    int64_t chunks, n, n_cells, n_occupied, total; /* points; new cells, and how many of them hold points; places */
+    struct list *list;                             /* chunks + 1; the last is that of the pending points */
+    int64_t *source;                               /* per point: its old place, or -1 - k for pending point k */
     int64_t *place;  /* per point: index of its cell in the grid; then its number in the new cell; then its new place */
     int32_t *cell;   /* per point: number of its new cell */
     int64_t *listed; /* indices of the cells of the points in the grid; of each list only where they change */
@@ -271,6 +274,7 @@ static int list_cells(struct regroup *r)
 {
     struct gr_engine *e = r->e;
     const int64_t occupied = merge_listed(r);
+    r->n_occupied = occupied;
     if (gr_spread(e, GR_SPREAD_CELLS, r->listed, occupied, r->team, r->chunks, &r->cells, &r->n_cells)) return GR_ERR_MEMORY;
     if (e->n_thin && split_cells(r)) return GR_ERR_MEMORY;
     if (gr_table_fill(&e->mesh.next_of, r->cells, r->n_cells, r->team, r->chunks)) return GR_ERR_MEMORY;
@@ -435,6 +439,14 @@ static void free_regroup(struct regroup *r)
     gr_free_moves(&r->moves);
 }
 
+int gr_has_emptied(const struct gr_engine *e)
+{
+    int64_t occupied = 0;
+    if (e->step % EMPTIED_INTERVAL) return 0;
+    for (int64_t c = 0; c < e->mesh.n_cells; c++) occupied += e->mesh.cell[c].count > 0;
+    return 4 * occupied < 3 * e->mesh.n_occupied;
+}
+
 int gr_regroup(struct gr_engine *e, struct gr_team *team)
 {
     struct regroup r = {.e = e, .team = team, .chunks = e->n_points > FEW_POINTS ? gr_chunks(team, GR_MAX_CHUNKS) : 1};
@@ -453,6 +465,7 @@ int gr_regroup(struct gr_engine *e, struct gr_team *team)
     e->n_pending = 0;
     e->sums_valid = 0;
     e->n_dirty = 0;
+    e->mesh.n_occupied = r.n_occupied;
     error = gr_connect(e, r.cells, team, r.chunks);
     if (!error && e->fluidity) error = gr_fluidity_cover(e->fluidity, r.cells, r.sides, r.n_cells);
     if (!error && e->fluidity) find_fluidity(&r);

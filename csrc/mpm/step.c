@@ -299,7 +299,7 @@ static void finish(struct run *run)
     if (e->feet && gr_feet_list(e)) e->error = GR_ERR_MEMORY;
     if (e->open && (e->config.cell_averaged || gr_averages(e, e->step)) && gr_open_volumes(e, 1)) e->error = GR_ERR_MEMORY;
     if (e->error) return;
-    if (e->n_pending || e->disconnected) {
+    if (e->n_pending || e->disconnected || gr_has_emptied(e)) {
         e->error = gr_regroup(e, run->team);
         if (!e->error) e->error = share_out(run);
     } else if (e->tiles_grown) {

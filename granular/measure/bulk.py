@@ -87,10 +87,28 @@ class Bulk:
         occupied = (self.mass > 0).astype(float)
         return _pooled(cells) / np.maximum(_pooled(occupied), 1.0)
 
-    def disconnected(self) -> float:
-        """Share, by mass, of the stress-free points of grains in the bulk; nan without a bulk."""
-        free = (np.asarray(self.state.pressure) == 0) & (self.state.of_material("granular") > 0)
+    def disconnected(self, pressed: float = 0.0) -> float:
+        """Share, by mass, of the stress-free points of grains in the bulk; nan without a bulk.
+
+        Only those count about which the mean pressure is at least that of `pressed` cells.
+        """
+        pressure = np.asarray(self.state.pressure, dtype=float)
+        free = (pressure == 0) & (self.state.of_material("granular") > 0)
+        if pressed:
+            free &= self._pressure_about(pressure) >= pressed * self._weight_of_a_cell()
         return self._mean(free.astype(float))
+
+    def _pressure_about(self, pressure: Array) -> Array:
+        """Mean pressure over the cell of each point and its neighbours [Pa]."""
+        volume = np.asarray(self.state.rest_volume, dtype=float)
+        sums = _pooled(self.sum(pressure * volume)) / np.maximum(_pooled(self.sum(volume)), 1e-300)
+        return sums.ravel()[self.own]
+
+    def _weight_of_a_cell(self) -> Array:
+        """Weight of a cell of the material of each point, per area of its face [Pa]."""
+        scene = self.state.scene
+        pull = np.linalg.norm(scene.gravity.vectors, axis=1).max()
+        return np.asarray(self.state.mass / self.state.rest_volume) * pull * scene.grid.cell
 
     def drift(self) -> float:
         """Mass-weighted mean over the bulk of particle volume over cell volume, minus one.
@@ -149,7 +167,9 @@ def uppermost(filled: NDArray[np.bool_]) -> NDArray[np.int64]:
     return top
 
 
-def disconnected_fraction(state: State, *, depth_cells: int = 2, packed: float = 0.0) -> float:
+def disconnected_fraction(
+    state: State, *, depth_cells: int = 2, packed: float = 0.0, pressed: float = 0.0
+) -> float:
     """Share, by mass, of the stress-free points (p = 0) in the bulk.
 
     Parameters
@@ -158,6 +178,10 @@ def disconnected_fraction(state: State, *, depth_cells: int = 2, packed: float =
     depth_cells, packed
         Definition of the bulk, see `Bulk`. With `packed` = 0 it includes material that flies
         inside a body.
+    pressed : float
+        Count only points about which the mean pressure, over their cell and its neighbours, is at
+        least the weight of so many cells. With 1 material that flies, or hardly bears anything, as
+        above an outlet, does not count as disconnected.
 
     Returns
     -------
@@ -169,7 +193,8 @@ def disconnected_fraction(state: State, *, depth_cells: int = 2, packed: float =
     ValueError
         If the state is empty, a point is off the grid, or no point lies in the bulk.
     """
-    return _bulk(state, depth_cells, packed).disconnected()
+    non_negative("pressed", pressed)
+    return _bulk(state, depth_cells, packed).disconnected(pressed)
 
 
 def density_drift(state: State, *, depth_cells: int = 2, packed: float = 0.9) -> float:

@@ -23,7 +23,8 @@ POINTS_PER_CELL = 4
 """Least number of points per cell in a flow, from the map "incline_seeding"."""
 
 JITTER = 0.5
-"""Jitter of a fill with which no lattice is left that stretching could draw into strings."""
+"""Jitter of a fill with which hardly a row of points is left that stretching could draw into
+strings."""
 
 STRAIN_STEP = 0.2
 """Largest norm of the velocity gradient times dt. The step is the first order of a finite strain:
@@ -60,9 +61,9 @@ OWN = (
     Row(
         "weights_at_limit",
         "later",
-        0.3,
+        0.5,
         "share, by mass, of the stressed points whose quadrature weights are at their limit: "
-        "beyond 0.3 their correction no longer balances the forces",
+        "beyond 0.5 their correction no longer balances the forces",
     ),
     Row(
         "wall_strain",
@@ -154,7 +155,7 @@ def _connect(scene: Scene) -> str:
         known.append(f"{POINTS_PER_CELL} or more points per cell")
     if known:
         return f"take {' and '.join(known)}"
-    return "take smaller cells and compare; rates of discharge are right nevertheless"
+    return "take smaller cells and compare"
 
 
 def _spread(scene: Scene) -> str:

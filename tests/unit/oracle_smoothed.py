@@ -123,9 +123,11 @@ def across_faces(scene, points, nodes, strain, L):
     excess = (filled - 1) * np.where(filled < 1, inside, 1.0)
     shift = np.zeros_like(x)
     for d in range(dim):
-        stretch = 2 * np.abs(L[:, d, d]) / np.maximum(kinematic_rate(L), 1e-300)
-        along = strain * np.minimum(stretch, 1.0)
-        most = np.minimum(along, np.where(near_outlet(scene, x), 0.0, q.shifting_limit))
+        lasting = np.sqrt(np.maximum(0.5 * np.einsum("pij,pji->p", L, L), 0.0))
+        stretch = 2 * np.minimum(lasting, np.abs(L[:, d, d]))
+        stretch = stretch / np.maximum(kinematic_rate(L), 1e-300)
+        along = 2 * strain * np.minimum(stretch, 1.0)
+        most = np.where(near_outlet(scene, x), 0.0, q.shifting_limit)
         faces = []
         for high in (0, 1):
             other = at.copy()
@@ -135,7 +137,7 @@ def across_faces(scene, points, nodes, strain, L):
             closed = at_face(scene, x, d, high) | (beyond & (not grid.periodic[d]))
             rise = excess[np.ravel_multi_index(tuple(other.T), grid.shape)] - excess[own]
             rise = np.where(closed, 0.0, rise)
-            much = np.maximum(np.abs(rise) - 0.5 * filled[own] / count[own], 0.0)
+            much = np.maximum(np.abs(rise) - 1.5 * filled[own] / count[own], 0.0)
             drop = np.sign(rise) * much * (-1 if high else 1)
             faces.append(np.clip(q.shifting * along * drop, -most, most))
         xi = place[:, d] - at[:, d]

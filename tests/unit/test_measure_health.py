@@ -147,6 +147,7 @@ def test_disconnected_flight_is_not_a_lost_contact():
         disconnected_fraction(flying, packed=0.9)
     dense = pool(stress=np.zeros((200, 4)))
     assert disconnected_fraction(dense, packed=0.9) == 1
+    assert disconnected_fraction(dense, packed=0.9, pressed=1.0) == 0  # nothing is pressed about it
 
 
 def test_ill_posed_fraction_counts_flowing_mass():

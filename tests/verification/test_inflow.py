@@ -67,8 +67,8 @@ def test_a_choked_inlet_feeds_what_there_is_room_for():
 
     The uppermost points leave less than a spacing below the inlet, or they would be followed by
     others: the tray is filled to 0.5 to 1.5 spacings below it, 0.925 to 0.975 of its height of 20
-    spacings, less the 2 % by which the last rows are loose. What they push aside may rise by less
-    than half a spacing.
+    spacings, less the 2 to 3 % by which the last rows are loose. What they push aside may rise by
+    less than half a spacing.
     """
     floor = [gr.Wall(1, 0.0, kind="free_slip")]
     sides = [gr.Wall(0, at, kind="free_slip") for at in (0.0, 0.4)]
@@ -78,7 +78,7 @@ def test_a_choked_inlet_feeds_what_there_is_room_for():
     sim = gr.Simulation(scene, threads=1).run()
     (entered,) = sim.inflows
     full = SAND.rho_c * 0.4 * 0.2
-    assert 0.905 < entered.mass / full < 0.975
+    assert 0.895 < entered.mass / full < 0.975
     assert entered.missed > 3 * entered.points
     assert sim.state.mass.sum() == pytest.approx(entered.mass, rel=1e-12)
     assert sim.health()["density_drift"].value < 0.05
