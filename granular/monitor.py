@@ -41,9 +41,9 @@ THOROUGH = 4
 """Samples from one that looks for points within bodies and blocks to the next: it takes three times
 as long as another one."""
 
-FEWEST = 100
+FEWEST = 50
 """Least number of points in a bulk of which the stress-free share is told: a share of a tenth is
-then known to within 0.03."""
+then known to within 0.04."""
 
 PACKED = 0.9
 """Density, as a fraction of rho_c, from which material in the bulk should bear stress.

@@ -99,9 +99,9 @@ GR_INLINE void correct_weights(const int dim, const int basis, struct gr_engine 
 }
 
 /* Differences between cells that are left, in points, and the share of what is beyond that goes across a face, over that of
- * the shift of the nodes. By trial in a steady extension: with (1.5, 1), (1, 1) and (1.5, 2) 15, 10 and 9 % of the cells hold more
- * than 1.3 times what they should; (0.5, 1) has 9 %, too, but moves points in slow flow where they need not be, and (1, 2)
- * makes the flow between cylinders worse. */
+ * the shift of the nodes. By trial in a steady extension: with (1.5, 1), (1, 1) and (1.5, 2) 15, 10 and 9 % of the cells hold
+ * more than 1.3 times what they should; (0.5, 1) has 9 %, too, but moves points in slow flow where they need not be, and
+ * (1, 2) makes the flow between cylinders worse. */
 #define LEFT_POINTS 1.5
 #define ACROSS_FACES 2.0
 
@@ -113,23 +113,30 @@ GR_INLINE void correct_weights(const int dim, const int basis, struct gr_engine 
 #define SURFACE_GAP -0.353
 #define INSIDE_GAP -0.105
 
+/* Open part of a cell below which a body cuts it. That of a cell which a body touches is one but for round-off. */
+#define CUT_BELOW 0.99
+
 /* What the cells from `first` on hold, from their sums over the nodes, and whether they are inside, from the node at their
- * middle. Cells that a body cuts take no part: what points do there would change the friction on it, by 1 % of the speed in
- * the flow between cylinders. Call it after the nodes are described. */
+ * middle. Blocks and cells that a body cuts take no part: what points do there would change the friction on it, by 1 % of the
+ * speed in the flow between cylinders. Call it after the nodes are described. */
 GR_INLINE void fill_cells(const int dim, const struct gr_engine *e, int64_t first)
 {
     const int K = gr_power(3, dim), several = e->config.n_materials > 1;
     const gr_real *sum = gr_sums(e) + gr_sums_of_cell(e, first) + (several ? e->volume_sums + GR_SUM_VOLUME * GR_LANES : 0);
     const int64_t stride = (several ? GR_VOLUME_SUMS : GR_SUM_DAMPED(dim)) * GR_LANES;
     const double *gap = gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP(dim));
-    double at_middle[GR_W];
+    double at_middle[GR_W], solid[GR_W];
     vd centre[3], filled = v_zero();
     for (int i = 0; i < K; i++) filled = filled + v_load(sum + i * stride);
-    for (int l = 0; l < GR_W; l++) at_middle[l] = gap[gr_cell_node(e, first + l, K / 2)];
+    for (int l = 0; l < GR_W; l++) {
+        at_middle[l] = gap[gr_cell_node(e, first + l, K / 2)];
+        solid[l] = e->mesh.cell[first + l].flags & GR_CELL_SOLID;
+    }
     filled = filled * v_set(e->mass_scale);
     const vd open = open_parts(dim, e, first, centre);
     const vd excess = excess_of(filled, open, between(SURFACE_GAP, INSIDE_GAP, v_load(at_middle)));
-    store_filling(e, first, filled, v_select(v_gt(v_set(1.0), open), v_set(GR_NO_EXCESS), excess));
+    const vd space = v_select(v_gt(v_load(solid), v_zero()), v_zero(), open);
+    store_filling(e, first, filled, v_select(v_gt(v_set(CUT_BELOW), space), v_set(GR_NO_EXCESS), excess));
 }
 
 /* Part of a shift that each of the points at the places from `at` on takes: from 0 to 2 by a hash of its number, 1 on average.

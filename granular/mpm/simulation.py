@@ -192,7 +192,8 @@ class Simulation(simulation.Simulation, scenes=Scene):
             if isinstance(error, _core.SimulationError) and (hint := stiffness_hint(self.scene)):
                 error.args = (f"{error}; {hint}",)
             raise
-        self._grow(needed)
+        if self._grow(needed):
+            self._engine.tally()  # if one is due, as after any other step
         self._raise_of_laws(None)
 
     def _raise_of_laws(self, error: RuntimeError | None) -> None:

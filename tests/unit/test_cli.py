@@ -137,7 +137,7 @@ def test_a_run_ends_with_its_verdict(tmp_path, capsys, monkeypatch):
     assert "warning" not in said.err
     assert cli.main([*words, "--quiet"]) == 0
     assert capsys.readouterr() == ("", "")
-    monkeypatch.setattr(monitor.Bulk, "disconnected", lambda self: 0.5)
+    monkeypatch.setattr(monitor.Bulk, "disconnected", lambda self, pressed: 0.5)
     picture = tmp_path / "a.png"
     assert cli.main([*words, "--quiet", "--picture", str(picture)]) == 0
     said = capsys.readouterr()

@@ -7,7 +7,7 @@ import pytest
 
 import granular as gr
 import granular.geometry
-from granular import diagnostics
+from granular import diagnostics, monitor
 from granular.cli import main
 from granular.diagnostics import health
 from granular.gravity import Gravity
@@ -187,7 +187,8 @@ def test_work_of_gravity_that_swings_within_a_tally_is_unknown(scene, frequency,
 
 def test_a_suspect_run_ends_with_a_warning(scene, monkeypatch):
     """It says what to do, and once for each indicator."""
-    monkeypatch.setattr(Bulk, "disconnected", lambda self: 0.5)
+    monkeypatch.setattr(monitor, "FEWEST", 1)
+    monkeypatch.setattr(Bulk, "disconnected", lambda self, pressed: 0.5)
     sim = gr.Simulation(scene, threads=1)
     with pytest.warns(gr.StabilityWarning, match=r"disconnected = 0.5 .* is suspect: .*; take "):
         sim.run(until=0.3, every=0.02)
@@ -199,12 +200,15 @@ def test_a_suspect_run_ends_with_a_warning(scene, monkeypatch):
     assert sim.health().verdict.startswith("verdict: suspect, disconnected = 0.5 (limit 0.1), ")
 
 
-def test_grains_that_cannot_bear_yet_are_not_suspect(scene):
-    """All points are stress-free at the start, until gravity acts and waves have crossed them."""
+def test_grains_that_cannot_bear_yet_are_not_suspect(scene, monkeypatch):
+    """All points are stress-free at the start, until gravity acts and waves have crossed them. Of
+    the few of a small bulk a share says nothing."""
     sim = gr.Simulation(scene, threads=1)
     sim.step(10)
     assert sim.health()["disconnected"].verdict == "unknown"
     sim.run(until=0.3, monitor=False)
+    assert sim.health()["disconnected"].verdict == "unknown"
+    monkeypatch.setattr(monitor, "FEWEST", 10)
     assert sim.health()["disconnected"].verdict == "ok"
 
 
