@@ -92,7 +92,7 @@ TEST(single_precision)
             }
             if (possible) {
                 CHECK(s[1].engine->step == 3);
-                CHECK(difference(&s[0], &s[1], GR_FIELD_x) < 1e-9);
+                CHECK(difference(&s[0], &s[1], GR_FIELD_x) < 1e-8); /* a shift of up to 0.1 cells is a float */
                 CHECK(difference(&s[0], &s[1], GR_FIELD_v) < 1e-5);
                 CHECK(difference(&s[0], &s[1], GR_FIELD_stress) < 1e-5);
             }
