@@ -115,7 +115,7 @@ static void forget(struct gr_fluidity *f)
 static int reserve(struct gr_fluidity *f, int64_t n)
 {
     const int sides = 2 * f->n_links, isotropic = f->stencil == GR_STENCIL_isotropic;
-    const int own = 7 + sides, n_vectors = own + (f->rough_bodies ? 1 + sides : 0), n_maps = isotropic ? 2 : 2 + sides;
+    const int own = 8 + sides, n_vectors = own + (f->rough_bodies ? 1 + sides : 0), n_maps = isotropic ? 2 : 2 + sides;
     if (n > f->page_capacity || !f->doubles) {
         free(f->doubles), free(f->bytes), free(f->integers), free(f->places);
         f->page_capacity = n + n / 2 + 2; /* with the pages of zeros at both ends */
@@ -131,11 +131,11 @@ static int reserve(struct gr_fluidity *f, int64_t n)
         f->page_capacity -= 2;
     }
     const int64_t pages = f->page_capacity + 2, length = pages * GR_PAGE;
-    double *at = f->doubles,
-           **const vectors[] = {&f->g, &f->gain, &f->rough, &f->rough_walls, &f->work[0], &f->work[1], &f->work[2]};
+    double *at = f->doubles, **const vectors[] = {&f->g,           &f->gain,    &f->mean,    &f->rough,
+                                                  &f->rough_walls, &f->work[0], &f->work[1], &f->work[2]};
     memset(f->doubles, 0, (size_t)(pages * (n_vectors * GR_PAGE + 3)) * sizeof(double));
     memset(f->bytes, 0, (size_t)(length * n_maps));
-    for (int k = 0; k < 7; k++, at += length) *vectors[k] = at + GR_PAGE;
+    for (int k = 0; k < 8; k++, at += length) *vectors[k] = at + GR_PAGE;
     for (int k = 0; k < sides; k++, at += length) f->weight[k] = at + GR_PAGE;
     if (f->rough_bodies) {
         f->distance = at + GR_PAGE, at += length;

@@ -111,6 +111,7 @@ GR_INLINE void hencky_blocks_of(const int dim, const int flow, struct gr_hencky_
                            : gr_hencky_update(dim, flow, n, block.L, block.c, &block.stress, g_star, rate);
         if (call->substeps && call->begins) {
             v_store(call->g + at, point.g);
+            if (call->gain) v_store(call->gain + at, point.g - g_star);
             continue;
         }
         const vd to_cauchy = v_exp(block.c);

@@ -90,7 +90,7 @@ struct gr_own_calls {
  * A nonlocal law may divide the step into substeps (law/substep.h). `substeps` then points to the state of the points
  * between substeps; it is NULL if the step is made at once. dt is the length of a substep, and `fraction` its share of
  * the step. A call with `begins` computes this state and makes the first substep; a call without it makes the last one.
- * After the first substep g is undefined where a point is disconnected. */
+ * After the first substep g and gain are undefined where a point is disconnected. */
 struct gr_law_call {
     int64_t n_blocks;
     const int64_t *slot;

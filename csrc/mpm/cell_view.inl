@@ -120,12 +120,12 @@ enum { ALONE = 2 }; /* a cell with at most this many points is nearly empty */
 /* Data common to the points of GR_W cells. */
 struct view {
     struct gr_frame frame;
-    vx begin[3], end[3];     /* bounds of the cells, m */
-    int points;              /* largest number of points of a cell */
-    int damps_flutter;       /* gr_damps_flutter */
-    int has_sponge;          /* bit d: the sponge layer may damp points that rise along axis d */
-    vd disconnected;         /* log-density below which a point of the first material is given no affine field */
-    vd g_star;               /* fluidity of the cells after its diffusion, 1/s */
+    vx begin[3], end[3]; /* bounds of the cells, m */
+    int points;          /* largest number of points of a cell */
+    int damps_flutter;   /* gr_damps_flutter */
+    int has_sponge;      /* bit d: the sponge layer may damp points that rise along axis d */
+    vd disconnected;     /* log-density below which a point of the first material is given no affine field */
+    struct fluidity_start fluidity;
     vd L[9], shift[3][2], c; /* with a cell-averaged density: L dt; shift along each axis at the low and high face, m;
                                 log-density */
     vd drop[3][2];           /* in an averaging: of the excess at the low and high face along each axis */
@@ -163,16 +163,15 @@ GR_INLINE void look_at_cells(const int dim, const int basis, const int affine, c
     const int damps = cell_averaged && e->config.damping_rate > 0;
     const int fields = GR_NODE_FIELDS(dim, averages);
     const struct gr_cell *cell = &e->mesh.cell[first];
-    double disconnected[GR_W], g_star[GR_W];
+    double disconnected[GR_W];
     view->points = 0;
     for (int l = 0; l < GR_W; l++) {
         const int carried = !smoothed && !cell_averaged && !(cell[l].flags >= GR_CELL_WALL && cell[l].count <= ALONE);
         disconnected[l] = carried ? -NO_DENSITY : e->material_number[GR_MATERIAL_SEPARATION][0];
         if (cell[l].count > view->points) view->points = cell[l].count;
-        g_star[l] = e->diffuses && first + l < e->mesh.n_cells ? fluidity_of_cell(e, gr_place_of_cell(e, cell + l)) : 0;
     }
-    view->g_star = v_load(g_star);
     if (!view->points) return;
+    if (e->diffuses) fluidity_starts(e, first, &view->fluidity);
     gr_frame_of(dim, basis, damps || affine == GR_AFFINE_MOMENT, e, first, &view->frame);
     view->disconnected = v_load(disconnected);
     view->damps_flutter = smoothed && gr_damps_flutter(e, e->step);

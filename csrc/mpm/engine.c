@@ -365,6 +365,7 @@ void gr_engine_free(struct gr_engine *e)
                            e->average,
                            e->substep_mass,
                            e->substep_flow,
+                           e->substep_gain,
                            e->mesh.tile_state,
                            e->mesh.tile_in_row,
                            e->mesh.beside,

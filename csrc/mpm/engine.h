@@ -225,8 +225,9 @@ struct gr_engine {
     struct gr_fluidity *fluidity;
     double *substeps; /* state of the points between substeps (law/substep.h); NULL without substeps */
     int64_t substep_capacity;
-    double *substep_mass, *substep_flow; /* per cell: mass with pressure, and sum m g after a substep */
-    int diffuses;                        /* 1 if the local phase of the law is over */
+    double *substep_mass, *substep_flow,
+        *substep_gain; /* per cell: mass with pressure, sums of m g and m gain in a substep */
+    int diffuses;      /* 1 if the local phase of the law is over */
     int64_t cg_iterations, clamped_cells;
     /* failure */
     int error;

@@ -1,4 +1,5 @@
-/* Coupling of the fluidity of the cells with the points: means over the points of a cell before the diffusion. */
+/* Coupling of the fluidity of the cells with the points: means over the points of a cell before the diffusion, and what points
+ * start from after it. */
 #include "mpm/contribution.h"
 #include "mpm/migrate.h"
 
@@ -23,12 +24,6 @@ GR_INLINE void store_gain(struct gr_engine *e, int64_t place, double g, double g
     e->fluidity->g[place] = g;
 }
 
-/* The same after a substep that began from g_star. */
-GR_INLINE void store_fluidity(struct gr_engine *e, int64_t place, double g, double g_star)
-{
-    store_gain(e, place, g, e->fluidity->dense[place] ? g - g_star : 0);
-}
-
 /* Points of the material that has a fluidity, at the places from `at` on. To the fluidity others are what empty cells are:
  * nothing flows into them, as with the law itself for A = 0. */
 GR_INLINE vm is_nonlocal(const struct gr_engine *e, int64_t at)
@@ -39,6 +34,14 @@ GR_INLINE vm is_nonlocal(const struct gr_engine *e, int64_t at)
     return v_gt(v_load(own), v_zero());
 }
 
+/* Points with pressure at the places from `at` on. */
+GR_INLINE vm has_pressure(const struct gr_engine *e, int64_t at)
+{
+    vd tension = component(e, GR_FIELD_stress, 0, at);
+    for (int c = 1; c < 3; c++) tension = tension + component(e, GR_FIELD_stress, c, at);
+    return v_gt(v_zero(), tension);
+}
+
 /* Sums over the points with pressure of GR_W cells, a lane each: of m, m g and m times the gain. */
 GR_INLINE void sum_fluidity(const struct gr_engine *e, int64_t first, double sum[3][GR_W])
 {
@@ -47,9 +50,7 @@ GR_INLINE void sum_fluidity(const struct gr_engine *e, int64_t first, double sum
     for (int l = 0; l < GR_W; l++) points = points > e->mesh.cell[first + l].count ? points : e->mesh.cell[first + l].count;
     for (int n = 0; n < points; n++) { /* spare places have no mass */
         const int64_t at = gr_slot(&e->mesh.cell[first], n);
-        vd tension = component(e, GR_FIELD_stress, 0, at);
-        for (int c = 1; c < 3; c++) tension = tension + component(e, GR_FIELD_stress, c, at);
-        vd m = v_keep(v_gt(v_zero(), tension), component(e, GR_FIELD_mass, 0, at));
+        vd m = v_keep(has_pressure(e, at), component(e, GR_FIELD_mass, 0, at));
         if (__builtin_expect(e->config.n_materials > 1, 0)) m = v_keep(is_nonlocal(e, at), m);
         acc[0] = acc[0] + m;
         acc[1] = v_fma(m, component(e, GR_FIELD_g, 0, at), acc[1]);
@@ -62,6 +63,7 @@ GR_INLINE void store_mean(struct gr_engine *e, int64_t place, double m, double g
 {
     const double inverse = m > 0 ? 1 / m : 0;
     e->fluidity->dense[place] = m > 0;
+    e->fluidity->mean[place] = inverse * g;
     store_gain(e, place, inverse * g, inverse * gain);
 }
 
@@ -95,6 +97,42 @@ GR_INLINE double fluidity_of_cell(const struct gr_engine *e, int64_t place)
     double g = e->fluidity->g[place];
     if (gr_is_balanced(e)) g -= e->fluidity->gain[place];
     return g < e->config.nonlocal.floor ? e->config.nonlocal.floor : g; /* NaN is kept */
+}
+
+/* Share of the deviations within a cell that a step of diffusion leaves. The longest wave between smooth ends of a cell decays
+ * as exp(-(pi A d/dx)^2 t/t0): where A d is far below a cell each point keeps its own fluidity, as with the local law. */
+static inline double deviation_left(const struct gr_engine *e)
+{
+    const double k = 3.141592653589793 / e->config.dx;
+    return exp(-k * k * e->fluidity->diffusivity * e->dt / e->config.nonlocal.substeps);
+}
+
+/* Fluidities from which the law starts in GR_W cells: that of the cells after the diffusion; what this changed, so that
+ * a point with pressure starts from deviation * g + change, g its own. */
+struct fluidity_start {
+    vd of_cell, change, deviation;
+};
+
+GR_INLINE void fluidity_starts(const struct gr_engine *e, int64_t first, struct fluidity_start *start)
+{
+    double of_cell[GR_W], mean[GR_W];
+    for (int l = 0; l < GR_W; l++) {
+        const int is_cell = first + l < e->mesh.n_cells;
+        const int64_t place = is_cell ? gr_place_of_cell(e, &e->mesh.cell[first + l]) : 0;
+        of_cell[l] = is_cell ? fluidity_of_cell(e, place) : 0;
+        mean[l] = is_cell ? e->fluidity->mean[place] : 0;
+    }
+    start->of_cell = v_load(of_cell);
+    start->deviation = v_set(deviation_left(e));
+    start->change = start->of_cell - start->deviation * v_load(mean);
+}
+
+/* That of the points at the places from `at` on. Points without pressure have no fluidity of their own: if they reconnect, they
+ * start from that of their cell. */
+GR_INLINE vd start_of_points(const struct gr_engine *e, const struct fluidity_start *start, vm with_pressure, int64_t at)
+{
+    const vd own = v_fma(start->deviation, component(e, GR_FIELD_g, 0, at), start->change);
+    return v_select(with_pressure, v_max(v_set(e->config.nonlocal.floor), own), start->of_cell); /* NaN is kept */
 }
 
 /* True if a cell represents a fluidity, as any cell but the back of a double one without its own, and it has points. */

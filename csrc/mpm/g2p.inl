@@ -120,6 +120,15 @@ GR_INLINE unsigned move_row(const int dim, const int basis, const int affine, co
     return x_bits(inside) & m_bits(v_ge(v_set(NO_DENSITY), v_abs(c))); /* a NaN counts as outside */
 }
 
+/* What the law starts from at the points at the places from `at` on. After substeps those have pressure whose weight in the mean
+ * is not zero. */
+GR_INLINE vd start_of_row(const struct gr_engine *e, const struct fluidity_start *start, int64_t at)
+{
+    if (e->config.nonlocal.substeps < 2) return start_of_points(e, start, has_pressure(e, at), at);
+    const vd weight = v_load(gr_substep_at(e->substeps, at, GR_SUBSTEP_weight));
+    return start_of_points(e, start, v_gt(weight, v_zero()), at);
+}
+
 /* G2P of the cells of a tile, row by row. Their points are added to the batch of the law.
  * Returned: the number of points that left. */
 GR_INLINE int64_t g2p_tile(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
@@ -141,7 +150,7 @@ GR_INLINE int64_t g2p_tile(const int dim, const int basis, const int affine, con
             gr_real *gradient = batch->gradient + batch->n * dim * dim * GR_W;
             const unsigned inside =
                 move_row(dim, basis, affine, smoothed, cell_averaged, averages, e, &view[part], at, gradient);
-            if (e->diffuses) v_store(batch->g_star + batch->n * GR_W, view[part].g_star);
+            if (e->diffuses) v_store(batch->g_star + batch->n * GR_W, start_of_row(e, &view[part].fluidity, at));
             batch->slot[batch->n++] = at;
             if (__builtin_expect(inside != GR_ALL_LANES, 0))
                 found += list_migrants(e, first + part * GR_W, row, inside, migrant + found);

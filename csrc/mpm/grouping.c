@@ -313,6 +313,7 @@ static int reserve_mesh(struct gr_engine *e, int64_t n_cells)
     if (e->fluidity && e->config.nonlocal.substeps > 1) {
         GR_RESIZE(e->substep_mass, capacity);
         GR_RESIZE(e->substep_flow, capacity);
+        GR_RESIZE(e->substep_gain, capacity);
     }
     GR_RESIZE(e->dirty, tiles);
     /* loads of node_sums.inl end beyond the last */

@@ -21,16 +21,16 @@ GR_INLINE void strain_tile(const int dim, const int basis, const int cell_averag
             for (int d = 0; d < dim; d++)
                 (void)gr_interpolate(dim, basis, 0, view.mode + d * K, &s, (const vd(*)[3])s.g, L + d * dim);
             for (int c = 0; c < dim * dim; c++) v_store(gradient + c * GR_W, cell_averaged ? view.L[c] : L[c]);
-            v_store(batch->g_star + batch->n * GR_W, view.g_star);
+            v_store(batch->g_star + batch->n * GR_W, start_of_points(e, &view.fluidity, has_pressure(e, at), at));
             batch->slot[batch->n++] = at;
         }
     }
 }
 
-/* Masses with pressure of the cells from `first` on, and the flow in them, sum m g. */
-GR_INLINE void weigh_cells(struct gr_engine *e, int64_t first, double mass[GR_W], double flow[GR_W])
+/* Masses with pressure of the cells from `first` on, and sums of m g and m gain in them. */
+GR_INLINE void weigh_cells(struct gr_engine *e, int64_t first)
 {
-    vd m_sum = v_zero(), mg_sum = v_zero();
+    vd m_sum = v_zero(), mg_sum = v_zero(), gain_sum = v_zero();
     int points = 0;
     for (int l = 0; l < GR_W; l++) points = points > e->mesh.cell[first + l].count ? points : e->mesh.cell[first + l].count;
     for (int n = 0; n < points; n++) {
@@ -40,21 +40,25 @@ GR_INLINE void weigh_cells(struct gr_engine *e, int64_t first, double mass[GR_W]
         v_store(gr_substep_at(e->substeps, at, GR_SUBSTEP_weight), m);
         m_sum = m_sum + m;
         mg_sum = v_fma(m, v_keep(dense, component(e, GR_FIELD_g, 0, at)), mg_sum);
+        if (gr_is_balanced(e)) gain_sum = v_fma(m, v_keep(dense, component(e, GR_FIELD_g_gain, 0, at)), gain_sum);
     }
-    v_store(mass, m_sum);
-    v_store(flow, mg_sum);
+    v_store(e->substep_mass + first, m_sum);
+    v_store(e->substep_flow + first, mg_sum);
+    v_store(e->substep_gain + first, gain_sum);
 }
 
-/* A step of the cells that share one fluidity: its weighted sum over the sides, and the start of the next substep. */
-GR_INLINE void store_substep(struct gr_engine *e, int64_t index, const double *mass, const double *flow)
+/* A substep of the cells that share one fluidity: the sums over its sides, and the start of the next substep. */
+GR_INLINE void store_substep(struct gr_engine *e, int64_t index)
 {
     const struct gr_cell *cell = &e->mesh.cell[index];
-    double m = 0, g = 0;
+    double m = 0, g = 0, gain = 0;
     if (!represents_fluidity(e, cell)) return;
-    const int64_t place = gr_place_of_cell(e, cell);
-    GR_EACH_OF_FLUIDITY(e, cell, side) m += mass[side - e->mesh.cell], g += flow[side - e->mesh.cell];
-    e->fluidity->dense[place] = m > 0;
-    store_fluidity(e, place, m > 0 ? g / m : 0, fluidity_of_cell(e, place));
+    GR_EACH_OF_FLUIDITY(e, cell, side)
+    {
+        const int64_t k = side - e->mesh.cell;
+        m += e->substep_mass[k], g += e->substep_flow[k], gain += e->substep_gain[k];
+    }
+    store_mean(e, gr_place_of_cell(e, cell), m, g, gain);
 }
 
 /* The first of many substeps, before the points move: for tiles [first, last), the state of their points and the
@@ -67,8 +71,8 @@ GR_INLINE void begin_substeps_of_tiles(const int dim, const int basis, const int
     batch.n = 0;
     for (int64_t tile = first; tile < last; tile++) strain_tile(dim, basis, cell_averaged, e, tile, &batch);
     if (batch.n) run_law(e, &batch, 1);
-    for (int64_t c = begin; c < end; c += GR_W) weigh_cells(e, c, e->substep_mass + c, e->substep_flow + c);
-    for (int64_t c = begin; c < end && c < e->mesh.n_cells; c++) store_substep(e, c, e->substep_mass, e->substep_flow);
+    for (int64_t c = begin; c < end; c += GR_W) weigh_cells(e, c);
+    for (int64_t c = begin; c < end && c < e->mesh.n_cells; c++) store_substep(e, c);
 }
 
 /* One substep of the points, and the new fluidity of the tiles [first, last). */
@@ -78,23 +82,24 @@ GR_INLINE void substep_tiles(const int linear, struct gr_engine *e, int64_t firs
     const struct gr_fluidity_numbers numbers = gr_fluidity_numbers_of(fluidity, e->dt / e->config.nonlocal.substeps);
     const int64_t begin = first * GR_LANES, end = last * GR_LANES;
     for (int64_t c = begin; c < end; c += GR_W) {
-        double g_star[GR_W];
+        struct fluidity_start fluidity;
         int points = 0;
-        for (int l = 0; l < GR_W; l++) {
-            const struct gr_cell *cell = &e->mesh.cell[c + l];
-            g_star[l] = c + l < e->mesh.n_cells ? fluidity_of_cell(e, gr_place_of_cell(e, cell)) : 0;
-            if (cell->count > points) points = cell->count;
-        }
-        const vd start = gr_fluidity_start(&numbers, v_load(g_star));
-        vd flow = v_zero();
+        for (int l = 0; l < GR_W; l++) points = points > e->mesh.cell[c + l].count ? points : e->mesh.cell[c + l].count;
+        fluidity_starts(e, c, &fluidity);
+        vd flow = v_zero(), gain = v_zero();
         for (int n = 0; n < points; n++) {
             const int64_t at = gr_slot(&e->mesh.cell[c], n);
-            const vd g = gr_substep(linear, 0, &numbers, fraction, e->substeps, at, start, v_zero(),
-                                    gr_numbers(e, GR_FIELD_shear_rate, 0, at));
             const vd weight = v_load(gr_substep_at(e->substeps, at, GR_SUBSTEP_weight));
-            flow = v_fma(weight, v_keep(v_gt(weight, v_zero()), g), flow);
+            const vm dense = v_gt(weight, v_zero());
+            const vd start = start_of_points(e, &fluidity, dense, at);
+            const vd g = gr_substep(linear, 0, &numbers, fraction, e->substeps, at, gr_fluidity_start(&numbers, start),
+                                    v_zero(), gr_numbers(e, GR_FIELD_shear_rate, 0, at));
+            v_store(gr_numbers(e, GR_FIELD_g, 0, at), g);
+            flow = v_fma(weight, v_keep(dense, g), flow);
+            gain = v_fma(weight, v_keep(dense, g - start), gain);
         }
         v_store(e->substep_flow + c, flow);
+        v_store(e->substep_gain + c, gain);
     }
-    for (int64_t c = begin; c < end && c < e->mesh.n_cells; c++) store_substep(e, c, e->substep_mass, e->substep_flow);
+    for (int64_t c = begin; c < end && c < e->mesh.n_cells; c++) store_substep(e, c);
 }

@@ -156,6 +156,7 @@ def known_failures(scene: Scene) -> list[str]:
         _slope,
         _grains,
         _fluidity,
+        _response,
         _scatter,
         thin_parts,
         near_thin_parts,
@@ -287,6 +288,21 @@ def _fluidity(scene: Scene) -> str | None:
     return (
         f"fluidity.initial = {initial}: points that are stress-free at the start lose their "
         "fluidity in the first step; take lithostatic fills, or no initial fluidity"
+    )
+
+
+def _response(scene: Scene) -> str | None:
+    """Fluidity that responds more slowly than waves cross the material."""
+    fluid = scene.nonlocal_material
+    if fluid is None or scene.inflows:  # the height is not known
+        return None
+    crossing = _thickness(scene) / fluid.wave_speed
+    if fluid.t0 <= crossing:
+        return None
+    return (
+        f"t0 = {fluid.t0:g} s is longer than a wave takes to cross the material, {crossing:.2g} s: "
+        "until the fluidity has grown it is elastic, and its waves are not damped; take a smaller "
+        "t0 or E"
     )
 
 

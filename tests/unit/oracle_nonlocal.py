@@ -95,7 +95,10 @@ def means(scene, points, name, bears):
 
 
 def diffused(scene, points, dt, bears):
-    """Fluidity g_star of the cells after a substep of diffusion, from which the law begins."""
+    """Fluidity of the points after a substep of diffusion, from which the law begins.
+
+    To that of their cell comes what is left of the deviation of a point from the mean before.
+    """
     q, fluidity, grid = scene.material, scene.scheme.fluidity, scene.grid
     g, dense = means(scene, points, "g", bears)
     L = outflow(dense, fluidity_faces(scene), grid.periodic)
@@ -103,11 +106,15 @@ def diffused(scene, points, dt, bears):
     if fluidity.method != "implicit":
         most = outflow(np.ones_like(dense), fluidity_faces(scene), grid.periodic)
         faces = np.count_nonzero(most, axis=1) - 1 + np.maximum(most.sum(axis=1), 0) / 2
-        found = diffuse(fluidity.method, L, k, g.ravel(), k * faces.max())
-        return np.maximum(found, 0.0).reshape(g.shape)
-    gain = np.clip(means(scene, points, "g_gain", bears)[0], -g, g / 2)
-    balanced = spsolve(csc_matrix(eye(g.size) + k * L), (g + gain).ravel()).reshape(g.shape)
-    return np.maximum(balanced - gain, 0.0)
+        found = diffuse(fluidity.method, L, k, g.ravel(), k * faces.max()).reshape(g.shape)
+    else:
+        gain = np.clip(means(scene, points, "g_gain", bears)[0], -g, g / 2)
+        found = spsolve(csc_matrix(eye(g.size) + k * L), (g + gain).ravel()).reshape(g.shape)
+        found = found - gain
+    where = cell_of(scene, points["x"])
+    of_cell = np.maximum(found, 0.0)[where]
+    own = of_cell + np.exp(-(np.pi**2) * k) * (points["g"] - g[where])
+    return np.where(bears, np.maximum(own, 0.0), of_cell)
 
 
 class Substeps:
@@ -136,7 +143,7 @@ class Substeps:
         """Take one substep; return the points after it, with their stress."""
         scene, now = self.scene, self.points
         p = pressure(self.q, self.p_trial, log_density, scene.scheme.density.name != "particle")
-        g_star = diffused(scene, now, self.dt, self.bears)[cell_of(scene, now["x"])]
+        g_star = diffused(scene, now, self.dt, self.bears)
         trial = self.deviator + self.strained / self.n
         self.deviator, rate, g, gain = flow(self.q, trial, p, self.dt, g_star, now["shear_rate"])
         self.bears = p > 0
