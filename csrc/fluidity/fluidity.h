@@ -128,7 +128,7 @@ struct gr_fluidity {
     /* with rough bodies only (border.c): distance of the centre from the surface, of a border cell that of its points, in
      * cells, >= 0; and per link and side (phi_i - phi_j)/phi_i to a border cell, else 0 */
     double *distance, *drop[2 * GR_MOST_LINKS];
-    double *g;    /* 1/s; zero where not dense. A step swaps this pointer: read it again afterwards. */
+    double *g;           /* 1/s; zero where not dense. A step swaps this pointer: read it again afterwards. */
     double *gain, *mean; /* for use by the caller */
     /* work space of a step */
     double *weight[2 * GR_MOST_LINKS], *rough, *work[3]; /* weights of the links to both sides; coefficient of g itself;
