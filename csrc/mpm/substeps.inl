@@ -82,16 +82,16 @@ GR_INLINE void substep_tiles(const int linear, struct gr_engine *e, int64_t firs
     const struct gr_fluidity_numbers numbers = gr_fluidity_numbers_of(fluidity, e->dt / e->config.nonlocal.substeps);
     const int64_t begin = first * GR_LANES, end = last * GR_LANES;
     for (int64_t c = begin; c < end; c += GR_W) {
-        struct fluidity_start fluidity;
+        struct fluidity_start starts;
         int points = 0;
         for (int l = 0; l < GR_W; l++) points = points > e->mesh.cell[c + l].count ? points : e->mesh.cell[c + l].count;
-        fluidity_starts(e, c, &fluidity);
+        fluidity_starts(e, c, &starts);
         vd flow = v_zero(), gain = v_zero();
         for (int n = 0; n < points; n++) {
             const int64_t at = gr_slot(&e->mesh.cell[c], n);
             const vd weight = v_load(gr_substep_at(e->substeps, at, GR_SUBSTEP_weight));
             const vm dense = v_gt(weight, v_zero());
-            const vd start = start_of_points(e, &fluidity, dense, at);
+            const vd start = start_of_points(e, &starts, dense, at);
             const vd g = gr_substep(linear, 0, &numbers, fraction, e->substeps, at, gr_fluidity_start(&numbers, start),
                                     v_zero(), gr_numbers(e, GR_FIELD_shear_rate, 0, at));
             v_store(gr_numbers(e, GR_FIELD_g, 0, at), g);

@@ -292,12 +292,12 @@ def _fluidity(scene: Scene) -> str | None:
 
 
 def _response(scene: Scene) -> str | None:
-    """Fluidity that responds more slowly than waves cross the material."""
+    """Fluidity of a length below a cell that responds more slowly than waves cross the material."""
     fluid = scene.nonlocal_material
-    if fluid is None or scene.inflows:  # the height is not known
+    if not isinstance(fluid, NGF) or scene.inflows:  # with inflows the height is not known
         return None
     crossing = _thickness(scene) / fluid.wave_speed
-    if fluid.t0 <= crossing:
+    if fluid.A * fluid.d >= scene.grid.cell or fluid.t0 <= crossing:
         return None
     return (
         f"t0 = {fluid.t0:g} s is longer than a wave takes to cross the material, {crossing:.2g} s: "

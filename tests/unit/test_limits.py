@@ -182,6 +182,15 @@ def test_a_layer_on_a_slope_is_as_high_as_it_is_thick():
     assert "material of 2 cells in height" in warning
 
 
+def test_a_fluidity_of_no_length_that_responds_slowly_is_told():
+    """Its waves take 0.01 s to cross the layer; with a length above a cell t0 is the law's own."""
+    size = {"angle_deg": 20.0, "height": 0.1, "columns": 16, "cell": 0.0125}
+    for changes, told in (({"t0": 0.1}, True), ({}, False), ({"t0": 0.1, "A": 50.0}, False)):
+        soil = gr.materials.grc_1.replace(E=0.15e6, **changes)
+        warnings = gr.scenes.incline(material=soil, **size).known_failures()
+        assert any(text.startswith("t0 = ") for text in warnings) == told
+
+
 def test_cells_smaller_than_a_grain_are_what_a_nonlocal_law_is_for():
     scene = gr.scenes.chute_ngf()
     assert scene.grid.cell < scene.material.d and scene_warnings(scene) == []
