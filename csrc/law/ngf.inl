@@ -70,8 +70,8 @@ GR_INLINE void begin_blocks(const int dim, const struct gr_law_call *call, const
     for (int64_t k = 0; k < call->n_blocks; k++) {
         const int64_t at = call->slot[k];
         const vd g_star = v_load(call->g_star + k * GR_W), start = gr_fluidity_start(&n->point, g_star);
-        const vd g = gr_substep(0, 0, &n->point, v_set(call->fraction), call->substeps, at, start, v_zero(),
-                                call->shear_rate + at);
+        const vd g =
+            gr_substep(0, 0, &n->point, v_set(call->fraction), call->substeps, at, start, v_zero(), call->shear_rate + at);
         v_store(call->g + at, g);
         if (call->gain) v_store(call->gain + at, g - g_star);
     }
