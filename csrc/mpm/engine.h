@@ -226,8 +226,9 @@ struct gr_engine {
     double *substeps; /* state of the points between substeps (law/substep.h); NULL without substeps */
     int64_t substep_capacity;
     double *substep_mass, *substep_flow,
-        *substep_gain; /* per cell: mass with pressure, sums of m g and m gain in a substep */
-    int diffuses;      /* 1 if the local phase of the law is over */
+        *substep_gain;     /* per cell: mass with pressure, sums of m g and m gain in a substep */
+    int diffuses;          /* 1 if the local phase of the law is over */
+    double deviation_left; /* share of the deviations of g within a cell that a diffusion leaves */
     int64_t cg_iterations, clamped_cells;
     /* failure */
     int error;

@@ -99,14 +99,6 @@ GR_INLINE double fluidity_of_cell(const struct gr_engine *e, int64_t place)
     return g < e->config.nonlocal.floor ? e->config.nonlocal.floor : g; /* NaN is kept */
 }
 
-/* Share of the deviations within a cell that a step of diffusion leaves. The longest wave between smooth ends of a cell decays
- * as exp(-(pi A d/dx)^2 t/t0): where A d is far below a cell each point keeps its own fluidity, as with the local law. */
-static inline double deviation_left(const struct gr_engine *e)
-{
-    const double k = 3.141592653589793 / e->config.dx;
-    return exp(-k * k * e->fluidity->diffusivity * e->dt / e->config.nonlocal.substeps);
-}
-
 /* Fluidities from which the law starts in GR_W cells: that of the cells after the diffusion; what this changed, so that
  * a point with pressure starts from deviation * g + change, g its own. */
 struct fluidity_start {
@@ -123,7 +115,7 @@ GR_INLINE void fluidity_starts(const struct gr_engine *e, int64_t first, struct 
         mean[l] = is_cell ? e->fluidity->mean[place] : 0;
     }
     start->of_cell = v_load(of_cell);
-    start->deviation = v_set(deviation_left(e));
+    start->deviation = v_set(e->deviation_left);
     start->change = start->of_cell - start->deviation * v_load(mean);
 }
 

@@ -243,6 +243,14 @@ static int load_changes(const struct run *run, double next)
     return changes;
 }
 
+/* Share of the deviations within a cell that a diffusion leaves. The longest wave between smooth ends of a cell decays as
+ * exp(-(pi A d/dx)^2 t/t0): where A d is far below a cell each point keeps its own fluidity, as with the local law. */
+static double deviation_left(const struct gr_engine *e)
+{
+    const double k = 3.141592653589793 / e->config.dx;
+    return exp(-k * k * e->fluidity->diffusivity * e->dt / e->config.nonlocal.substeps);
+}
+
 /* Decide whether there is another step, and set its dt and gravity.
  * Returned: whether there is one. */
 static int prepare(struct run *run)
@@ -270,6 +278,7 @@ static int prepare(struct run *run)
                       gr_damps_flutter(e, e->step + 1) || (e->step + 1) % GR_TALLY_INTERVAL == 0 ||
                       (config->cell_averaged && config->damping_rate > 0) || config->damping_time > 0 || e->fluidity;
     e->diffuses = e->fluidity && !(e->time < config->nonlocal.begins_at);
+    if (e->diffuses) e->deviation_left = deviation_left(e);
     const double rate = config->keep_velocity_rate;
     e->keep_velocity = config->xpic_order || rate < 0 ? 0 : rate > 0 ? exp(-rate * dt) : 1;
     for (int d = 0; d < config->dim; d++)
