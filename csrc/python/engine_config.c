@@ -164,9 +164,7 @@ static int take_scheme(struct gr_config *c, PyObject *dict, int transfer, double
     c->scheme = q;
     c->affine = affine[transfer];
     c->xpic_order = transfer == GR_TRANSFER_xpic ? (int)gr_index(q.xpic_order, -1, 100) : 0;
-    c->keep_velocity_rate = transfer == GR_TRANSFER_apic   ? -1
-                            : transfer == GR_TRANSFER_tpic ? q.tpic_decay * c->wave_speed / c->dx
-                                                           : q.flip_decay;
+    if (transfer == GR_TRANSFER_apic) c->keep_velocity_rate = -1;
     c->cfl = q.cfl, c->dt = q.dt, c->mass_cutoff = q.mass_cutoff * mean_mass;
     return 0;
 }
@@ -175,7 +173,9 @@ static int take_all_numbers(struct gr_config *c, PyObject *numbers, PyObject *fl
 {
     double substeps;
     if (take_number(numbers, "dx", &c->dx) || take_number(numbers, "half_extent", &c->lambda) ||
-        take_number(numbers, "wave_speed", &c->wave_speed) || take_number(fluidity, "begins_at", &c->nonlocal.begins_at) ||
+        take_number(numbers, "wave_speed", &c->wave_speed) ||
+        take_number(numbers, "velocity_decay", &c->keep_velocity_rate) ||
+        take_number(fluidity, "begins_at", &c->nonlocal.begins_at) ||
         take_number(fluidity, "tolerance", &c->nonlocal.tolerance) || take_number(fluidity, "floor", &c->nonlocal.floor) ||
         take_number(fluidity, "substeps", &substeps))
         return -1;

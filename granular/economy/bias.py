@@ -15,6 +15,7 @@ from typing import cast
 import numpy as np
 
 from granular.materials import Material, MuI
+from granular.mpm.damping import velocity_decay
 from granular.mpm.limits import damps_by_step, height
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme, default, dunatunga_kamrin_2015
@@ -248,7 +249,7 @@ def grid_damping(scene: Scene) -> float:
     """Ratio of decay c_w dx to H sqrt(g H): the damping of motions at the size of the cells,
     compared to the flow."""
     flow = height(scene) * math.sqrt(gravity(scene) * height(scene))
-    return scene.scheme.tpic_decay * scene.material.wave_speed * scene.grid.cell / flow
+    return velocity_decay(scene, gravity(scene)) * scene.grid.cell**2 / flow
 
 
 def softening(scene: Scene, name: str, E: float) -> dict[str, float]:
@@ -263,8 +264,9 @@ def softening(scene: Scene, name: str, E: float) -> dict[str, float]:
 def held_decay(scene: Scene, E: float) -> dict[str, float]:
     """Change of `tpic_decay` with which the decay rate of the scheme stays the same as E changes.
 
-    The decay rate is tpic_decay c_w/dx [1/s]. Without this change softer grains would be damped
-    less, which affects the rate of a silo or the path of a slug more than their elasticity does.
+    The decay rate is tpic_decay c_w/dx [1/s] where that is above its least one. Without this change
+    softer grains would be damped less, which affects the rate of a silo or the path of a slug more
+    than their elasticity does.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from granular.materials.law_functions import MOST_HISTORY
 from granular.materials.own import OwnLaw
 from granular.mpm.body_limits import check_blades
 from granular.mpm.cell_codes import cell_flags, fluidity_faces
-from granular.mpm.damping import damping
+from granular.mpm.damping import damping, velocity_decay
 from granular.mpm.limits import check_time_step, damped_step
 from granular.mpm.lithostatic import rest_compression, stress_shape
 from granular.mpm.node_codes import WallRow, c0_lines, node_codes
@@ -208,6 +208,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "", *, runs: bool = True) -
             "dx": grid.cell,
             "half_extent": 0.5 / scene.sources[0].points_per_axis,
             "wave_speed": scene.wave_speed,
+            "velocity_decay": velocity_decay(scene, largest_gravity(scene)),
             "mean_mass": mean_mass,
         },
         scheme_numbers=scheme.numbers() | {"dt": scheme.dt or 0.0, "mass_cutoff": _cutoff(scene)},

@@ -105,7 +105,9 @@ def keepshare(scene, dt):
     if scheme.transfer in ("apic", "xpic"):
         return 0.0
     if scheme.transfer == "tpic":
-        return math.exp(-scheme.tpic_decay * scene.material.wave_speed / scene.grid.cell * dt)
+        cell, g = scene.grid.cell, max(math.hypot(*vector) for vector in scene.gravity.vectors)
+        rate = scheme.tpic_decay * scene.material.wave_speed / cell
+        return math.exp(-max(rate, scheme.tpic_least_decay * math.sqrt(g / cell)) * dt)
     return math.exp(-scheme.flip_decay * dt)
 
 
