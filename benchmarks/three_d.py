@@ -23,14 +23,15 @@ import granular as gr
 RESULTS = Path(__file__).parent / "results" / "three_d.json"
 RECORDS = Path("build/three_d")
 
-SOFT = gr.materials.grc_1.replace(E=0.15e6)
+SOFT = gr.scenes.excavation().material
 PLASTIC = gr.materials.DruckerPrager(
     E=SOFT.E, nu=SOFT.nu, rho_c=SOFT.rho_c, rho_s=SOFT.rho_s, mu=SOFT.mu_s, elasticity="hencky"
 )
 BEADS = gr.scenes.couette().material
 RECONNECTED = gr.scenes.wheel().scheme
 SUBSTEPS = RECONNECTED.replace(fluidity=RECONNECTED.fluidity.replace(substeps=8))
-"""Scheme with substeps, because the time step is six times the t0 of the fluidity."""
+LATE = SOFT.replace(t0=1e-4)
+"""The t0 of the paper, of which the time step is six times as long: it takes substeps."""
 BED = {"length": 0.65, "width": 0.7, "start": 0.25, "travel": 0.1, "cell": 0.0125}
 """Bed as wide as the paper's, and so long that the wedge before the blade does not fill it."""
 BLADE = (0.025, 0.305, 0.457)
@@ -71,9 +72,7 @@ CASES: dict[str, Callable[[], gr.Scene]] = {
         f"wheel_{slip}": lambda slip=slip: gr.scenes.wheel(slip=slip / 100, **ROLL)
         for slip in (20, 40, 70)
     },
-    "wheel_70_stiff": lambda: gr.scenes.wheel(
-        slip=0.7, material=gr.materials.grc_1.replace(E=1.5e6), **ROLL
-    ),
+    "wheel_70_stiff": lambda: gr.scenes.wheel(slip=0.7, material=SOFT.replace(E=1.5e6), **ROLL),
     "thin_2": lambda: excavation(0.02, **THIN),
     "thin_5": lambda: excavation(0.05, **THIN),
     "thin_5_local": lambda: excavation(0.05, **THIN, **LOCAL),
@@ -83,13 +82,15 @@ CASES: dict[str, Callable[[], gr.Scene]] = {
     "narrow_5": lambda: excavation(0.05, **NARROW),
     "narrow_5_local": lambda: excavation(0.05, **NARROW, **LOCAL),
     "narrow_5_coarse_grains": lambda: excavation(0.05, material=SOFT.replace(d=0.01), **NARROW),
+    "narrow_5_no_length": lambda: excavation(0.05, material=SOFT.replace(A=1e-6), **NARROW),
+    "narrow_5_late": lambda: excavation(0.05, material=LATE, **NARROW),
     "narrow_5_drucker_prager": lambda: excavation(0.05, material=PLASTIC, **NARROW),
     "narrow_5_stiff": lambda: excavation(0.05, **NARROW, **STIFF),
     "narrow_5_thick": lambda: excavation(0.05, width=0.05, blade=(0.05, 0.05, 0.457)),
     "narrow_5_slow": lambda: excavation(0.05, speed=0.02, dive_speed=0.0125, **NARROW),
     "narrow_5_fine": lambda: excavation(0.05, **NARROW, **FINE),
     "narrow_5_local_fine": lambda: excavation(0.05, **NARROW, **LOCAL, **FINE),
-    "narrow_5_substeps": lambda: excavation(0.05, scheme=SUBSTEPS, **NARROW),
+    "narrow_5_substeps": lambda: excavation(0.05, material=LATE, scheme=SUBSTEPS, **NARROW),
     "narrow_5_finer": lambda: excavation(0.05, cell=BED["cell"] / 2, **NARROW),
     "thin_5_one": lambda: excavation(0.05, points_per_cell=1, **THIN),
     "thin_5_coarse": lambda: excavation(0.05, cell=BED["cell"] * 2, **THIN),
@@ -254,9 +255,11 @@ BLADES = {
         "narrow_2": "2 cm deep",
         "narrow_5": "5 cm deep",
         "narrow_5_local": "5 cm, A = 0",
+        "narrow_5_no_length": "5 cm, A = 1e-6",
+        "narrow_5_late": "5 cm, t0 = 0.1 ms",
         "narrow_5_drucker_prager": "5 cm, Drucker-Prager, mu = mu_s",
         "narrow_5_coarse_grains": "5 cm, d = 10 mm",
-        "narrow_5_substeps": "5 cm, 8 substeps of the fluidity",
+        "narrow_5_substeps": "5 cm, t0 = 0.1 ms, 8 substeps of the fluidity",
         "narrow_5_stiff": "5 cm, E = 1.5 MPa",
         "narrow_5_fine": "5 cm, cells of 8.33 mm",
         "narrow_5_local_fine": "5 cm, cells of 8.33 mm, A = 0",

@@ -30,6 +30,12 @@ soft_beads = glass_beads.replace(E=1e6)
 """Material of scenes whose boundaries are bodies: the time steps are thirty times those of
 `glass_beads`, and p/E is below 0.002 in a bed 0.1 m deep."""
 
+PROMPT = 1e-6
+"""Response time t0 of the fluidity of soft grains [s], for time steps longer than the 1e-4 s of the
+papers: the law then flows within a step. With 1e-4 s in one substep it responds late, which makes
+the force on a blade a seventh smaller and a wheel sink two fifths deeper
+(docs/explanation/fluidity.md)."""
+
 reconnected = Scheme(fluidity=Fluidity(floor=1e-6, reconnect_fluidity=True))
 """Scheme of the scenes of Haeri & Skonieczny 2021. Due to the floor of the fluidity, material that
 has come to rest can flow again (their code begins with a fluidity of 1 1/s). Points that become

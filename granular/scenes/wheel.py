@@ -48,9 +48,10 @@ def wheel(
     70 %. From the scripts of the paper: 0.0875 m of soil, 0.13 rad/s, a run at a quarter of the
     size. The slip is 1 - v/(omega R).
 
-    Chosen here: E = 0.15 MPa in place of 15 MPa; a bin of 0.1875 m, which is a whole number of
-    cells; a free_slip window at y = 0. The wheel begins on the soil, sinks for a second, then rolls
-    towards larger x. Its mass is load/gravity, so that the load is correct at rest and on the
+    Chosen here: E = 0.15 MPa in place of 15 MPa, and a fluidity that responds within 1e-6 s in
+    place of 1e-4 s, than which the time step is longer; a bin of 0.1875 m, which is a whole number
+    of cells; a free_slip window at y = 0. The wheel begins on the soil, sinks for a second, then
+    rolls towards larger x. Its mass is load/gravity, so that the load is correct at rest and on the
     average. The published runs damp upward motion; this one does not.
 
     Parameters
