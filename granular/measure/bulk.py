@@ -83,9 +83,14 @@ class Bulk:
         return sums_of(self.own, values, int(np.prod(self.shape))).reshape(self.shape)
 
     def around(self, cells: Array) -> Array:
-        """Mean of a cell field over each cell and its occupied neighbours, corners included."""
-        occupied = (self.mass > 0).astype(float)
-        return _pooled(cells) / np.maximum(_pooled(occupied), 1.0)
+        """Mean of a cell field over each cell and its occupied neighbours, corners included.
+
+        Of particles of SPH a cell holds one on average, and may hold none in the midst of others.
+        """
+        occupied = self.mass > 0
+        if self.state.scene.method == "sph":
+            occupied = _closed(occupied)
+        return _pooled(cells) / np.maximum(_pooled(occupied.astype(float)), 1.0)
 
     def disconnected(self, pressed: float = 0.0) -> float:
         """Share, by mass, of the stress-free points of grains in the bulk; nan without a bulk.
@@ -131,6 +136,12 @@ class Bulk:
     def _mean(self, values: Array) -> float:
         mass = np.asarray(self.state.mass, dtype=float)[self.points]
         return float((mass * values[self.points]).sum() / mass.sum()) if len(mass) else np.nan
+
+
+def _closed(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Cells that are true, and those between them: the closing by a cell and its neighbours."""
+    near = _pooled(cells.astype(float)) > 0
+    return cells | (_pooled((~near).astype(float)) == 0)
 
 
 def _pooled(cells: Array) -> Array:

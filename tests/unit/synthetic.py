@@ -28,6 +28,7 @@ def scene(shape, cell, *, lower=None, periodic=None, gravity=None, parameters=No
     down = (0.0,) * (dim - 1) + (-9.8,) if gravity is None else gravity
     return SimpleNamespace(
         name="synthetic",
+        method="mpm",
         grid=SimpleNamespace(
             lower=(0.0,) * dim if lower is None else lower,
             cell=cell,
