@@ -15,26 +15,26 @@
 /* Densities: methods to follow the density of the points. X(name) */
 #define GR_DENSITIES(X) X(particle) X(smoothed) X(cell_averaged)
 
-#define GR_SCHEME(X)                                                                                                   \
-    X(flip_decay, 0, "[0, inf)", "1/s",                                                                                \
-      "Rate at which the difference between the velocity of a point and that of the grid dies out under FLIP: "        \
-      "f = exp(-flip_decay dt) of it survives a step. A rate, so that the result does not depend on the step.")        \
-    X(tpic_decay, GR_NONE, "[0, inf)", "1",                                                                            \
-      "Under TPIC the velocity is v_pic + f (v + dv - v_pic) with f = exp(-rate dt), rate = tpic_decay c_w/dx. By "    \
-      "default 0.2 with a cell-averaged density, else 0.03.")                                                          \
-    X(tpic_least_decay, 6, "[0, inf)", "1",                                                                            \
-      "Least rate of this decay over sqrt(g/dx), g the largest gravity: in slow flow of soft grains, whose waves are " \
-      "slow, the velocities of the points of a cell differ otherwise.")                                                \
-    X(xpic_order, 2, "integer [1, 5]", "1", "Order of the XPIC filter; 1 is PIC.")                                     \
-    X(cfl, 0.5, "(0, 1]", "1",                                                                                         \
-      "Time step over dx/(c_w + largest speed); a simulation refuses more than the limit of the basis and dimension "  \
-      "(`granular.mpm.limits.COURANT_LIMIT`).")                                                                        \
-    X(dt, GR_NONE, "(0, inf)", "s", "Fixed time step; None for the one that cfl gives.")                               \
-    X(mass_cutoff, 1e-14, "[0, 0.01]", "1",                                                                            \
-      "Nodes with less than this share of the mean mass of a point are left out. A cutoff is for round-off only: a "   \
-      "tenth of a point changes a run-out by a fifth.")                                                                \
-    X(sleep_speed, 0, "[0, inf)", "m/s",                                                                               \
-      "Cells in which no point has been faster for 512 steps are not computed until one of their nodes would move "    \
+#define GR_SCHEME(X)                                                                                                  \
+    X(flip_decay, 0, "[0, inf)", "1/s",                                                                               \
+      "Rate at which the difference between the velocity of a point and that of the grid dies out under FLIP: "       \
+      "f = exp(-flip_decay dt) of it survives a step. A rate, so that the result does not depend on the step.")       \
+    X(tpic_decay, GR_NONE, "[0, inf)", "1",                                                                           \
+      "Under TPIC the velocity is v_pic + f (v + dv - v_pic) with f = exp(-rate dt), rate = tpic_decay c_w/dx. By "   \
+      "default 0.2 with a cell-averaged density, else 0.03.")                                                         \
+    X(tpic_least_decay, 0, "[0, inf)", "1",                                                                           \
+      "Least rate of this decay over sqrt(g/dx), g the largest gravity. 6 keeps the velocities of the points of a "   \
+      "cell alike in slow flow of soft grains, whose waves are slow; it damps the free fall of streams, too.")        \
+    X(xpic_order, 2, "integer [1, 5]", "1", "Order of the XPIC filter; 1 is PIC.")                                    \
+    X(cfl, 0.5, "(0, 1]", "1",                                                                                        \
+      "Time step over dx/(c_w + largest speed); a simulation refuses more than the limit of the basis and dimension " \
+      "(`granular.mpm.limits.COURANT_LIMIT`).")                                                                       \
+    X(dt, GR_NONE, "(0, inf)", "s", "Fixed time step; None for the one that cfl gives.")                              \
+    X(mass_cutoff, 1e-14, "[0, 0.01]", "1",                                                                           \
+      "Nodes with less than this share of the mean mass of a point are left out. A cutoff is for round-off only: a "  \
+      "tenth of a point changes a run-out by a fifth.")                                                               \
+    X(sleep_speed, 0, "[0, inf)", "m/s",                                                                              \
+      "Cells in which no point has been faster for 512 steps are not computed until one of their nodes would move "   \
       "faster. 0 to compute all. Not for nonlocal laws, xpic and walls that keep a pressure.")
 
 /* Parameters of the diffusion of the fluidity of a nonlocal law. */

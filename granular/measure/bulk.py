@@ -66,6 +66,7 @@ class Bulk:
             slice(int(low), int(high) + 1) for low, high in zip(first, last, strict=True)
         )
         self.state, self.shape = state, tuple(last - first + 1)
+        self.at_ends = np.array([first == 0, last == np.array(grid.shape) - 1]).T
         self.cell_volume = grid.cell ** len(self.shape)
         self.own = np.ravel_multi_index(tuple((cells - first).T), self.shape)
         self.mass = self.sum(state.mass)
@@ -118,15 +119,17 @@ class Bulk:
     def drift(self) -> float:
         """Mass-weighted mean over the bulk of particle volume over cell volume, minus one.
 
-        nan without a bulk.
+        A point that was flung away may have any volume; it counts with two cells at most. nan
+        without a bulk.
         """
-        around = self.around(self.sum(self.state.volume)) / self.cell_volume
+        volume = np.minimum(self.state.volume, 2.0 * self.cell_volume)
+        around = self.around(self.sum(volume)) / self.cell_volume
         return self._mean(around.ravel()[self.own]) - 1.0
 
     def strings(self) -> float:
         """Share of the cells inside the material whose fillings alternate; nan without any."""
         filling = self.sum(self.state.rest_volume) / self.cell_volume
-        mean = _smoothed(filling)
+        mean = _smoothed(filling, self.at_ends)
         deep = mean >= DEEP
         if not deep.any():
             return np.nan
@@ -157,10 +160,16 @@ def _pooled(cells: Array) -> Array:
     return cells
 
 
-def _smoothed(cells: Array) -> Array:
-    """Mean over each cell and its neighbours, weighted 1, 2, 1 along each axis; 0 lies beyond."""
+def _smoothed(cells: Array, at_ends: NDArray[np.bool_]) -> Array:
+    """Mean over each cell and its neighbours, weighted 1, 2, 1 along each axis.
+
+    Beyond the cells lies 0, or at the ends of the grid their mirror image.
+    """
     for axis in range(cells.ndim):
         wide = 2.0 * cells
+        for end, place in zip(at_ends[axis], (0, -1), strict=True):
+            outermost = (slice(None),) * axis + (place,)
+            wide[outermost] += end * cells[outermost]
         inner = [slice(None)] * cells.ndim
         outer = [slice(None)] * cells.ndim
         inner[axis], outer[axis] = slice(1, None), slice(None, -1)

@@ -41,8 +41,12 @@ reconnected = Scheme(fluidity=Fluidity(floor=1e-6, reconnect_fluidity=True))
 has come to rest can flow again (their code begins with a fluidity of 1 1/s). Points that become
 dense again get the fluidity of their eq. 23."""
 
-sided = reconnected.replace(transfer="tpic", density=ParticleDensity())
-"""The scheme `reconnected` with the density with which the material on the two sides of a thin
+in_soft_soil = reconnected.replace(tpic_least_decay=6.0)
+"""The same for soil so soft that without the least decay the velocities of the points of a cell
+differ by a tenth (docs/explanation/transfers.md)."""
+
+sided = in_soft_soil.replace(transfer="tpic", density=ParticleDensity())
+"""The scheme `in_soft_soil` with the density with which the material on the two sides of a thin
 body is kept apart."""
 
 

@@ -17,7 +17,7 @@ from granular.scenes._build import (
     PROMPT,
     block,
     gravity_down,
-    reconnected,
+    in_soft_soil,
     smooth_sides,
     whole_cells,
 )
@@ -121,7 +121,7 @@ def silo_3d(
     gravity: float = 9.81,
     duration: float = 12.0,
     material: Material = soft_grains,
-    scheme: Scheme = reconnected,
+    scheme: Scheme = in_soft_soil,
     seed: int = 0,
     **material_numbers: Any,
 ) -> Scene:

@@ -9,7 +9,7 @@ from granular.materials import Material
 from granular.mpm.bodies import Body, Cylinder
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
-from granular.scenes._build import reconnected
+from granular.scenes._build import in_soft_soil
 from granular.scenes._registry import scene_function
 from granular.scenes._tools import bed, legs
 from granular.scenes.excavation import soft_grc_1
@@ -37,7 +37,7 @@ def wheel(
     gravity: float = 9.81,
     duration: float = 20.0,
     material: Material = soft_grc_1,
-    scheme: Scheme = reconnected,
+    scheme: Scheme = in_soft_soil,
     seed: int = 0,
     **material_numbers: Any,
 ) -> Scene:

@@ -70,6 +70,8 @@ def test_cells_that_are_full_and_empty_in_turn_are_strings():
     drawn = points.x.copy()
     drawn[:, 0] -= CELL * (np.floor(drawn[:, 0] / CELL) % 2)  # the points of two cells in one
     assert string_fraction(state(points.scene, drawn, per_cell=4)) > 0.9
+    between_walls = pool(shape=(2, 20))  # beyond the ends of the grid it goes on
+    assert string_fraction(between_walls) == 0
 
 
 def test_speeds_areas_and_heights():
@@ -130,6 +132,13 @@ def test_drift_is_point_volume_over_available_volume(factor):
     """A layer collapsed to 1/factor of its height, while its particle density has not changed."""
     compressed = pool(mass=factor * RHO_C * CELL**2 / 4)
     assert density_drift(compressed) == pytest.approx(factor - 1)
+
+
+def test_a_point_that_was_flung_away_does_not_count_for_all():
+    """Its volume is that of 10^5 cells, by which the density of all would seem to have drifted."""
+    rho = np.full(200, RHO_C)
+    rho[90] = 1e-5 * RHO_C
+    assert abs(density_drift(pool(rho=rho))) < 0.1
 
 
 def test_uneven_particles_of_sph_have_not_collapsed_into_one_another():
