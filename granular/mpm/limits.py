@@ -331,7 +331,7 @@ def _late(scene: Scene) -> str | None:
     return (
         f"t0 = {fluid.t0:g} s of the fluidity is less than the time step of {dt:.2g} s, but not so "
         "small that the law flows within the step: it responds late, and the material is weaker; "
-        f"take Fluidity(substeps={substeps}) or t0 = {smaller:g}"
+        f"take t0 = {smaller:g} or Fluidity(substeps={substeps})"
     )
 
 

@@ -51,9 +51,7 @@ def test_momentum_and_mass_are_those_that_entered_and_were_pushed():
     sim = gr.Simulation(scene, threads=1)
     first, gravity = sim.state, np.zeros(2)
     m0, p0 = first.mass.sum(), first.mass @ first.v
-    while (
-        sim.time < scene.duration or sim.steps % 4
-    ):  # a shift gives it back in the next step
+    while sim.time < scene.duration or sim.steps % 4:  # a shift gives it back in the next step
         there = m0 + sim.inflows[0].mass  # gravity acts on what is there when a step begins
         sim.step(1)
         gravity += scene.gravity.at(sim.time) * sim.dt * there
