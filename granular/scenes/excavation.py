@@ -10,7 +10,7 @@ from granular.materials import Material, grc_1
 from granular.mpm.bodies import Body, Box, Union
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
-from granular.scenes._build import PROMPT, in_soft_soil, sided
+from granular.scenes._build import PROMPT, reconnected, sided
 from granular.scenes._registry import scene_function
 from granular.scenes._tools import bed, legs, thickness_of
 
@@ -171,7 +171,7 @@ def excavator(
     gravity: float = 9.81,
     duration: float = 6.75,
     material: Material = excavated,
-    scheme: Scheme = in_soft_soil,
+    scheme: Scheme = reconnected,
     seed: int = 0,
     **material_numbers: Any,
 ) -> Scene:

@@ -61,13 +61,15 @@ def test_forces_grow_with_depth(tmp_path):
 
 @pytest.mark.slow
 def test_forces_in_finer_cells(tmp_path):
-    """Both forces agree to 10 % in cells two thirds as large, with the blade of 6 mm."""
+    """The force forward agrees to 10 %, that downwards to 20 % in cells two thirds as large, with
+    the blade of 6 mm."""
     narrow = {"length": 0.65, "start": 0.25, "blade": (0.006, 0.05, 0.457), "travel": 0.1}
     found = []
     for cell in (0.0125, 0.0125 / 1.5):
         with recorded(between_walls(0.05, cell=cell, **narrow), tmp_path / "blade.h5") as record:
             found.append(at_depth(record))
-    assert found[1] == pytest.approx(found[0], rel=0.1)
+    assert found[1][0] == pytest.approx(found[0][0], rel=0.1)
+    assert found[1][1] == pytest.approx(found[0][1], rel=0.2)
 
 
 def rolled(slip, path, **changes):
