@@ -12,7 +12,7 @@ from granular.economy import bias, memory
 from granular.economy.memory import gigabytes
 from granular.economy.suggestion import scene_function
 from granular.inflow import points_between
-from granular.mpm.limits import check_time_step, damped_step
+from granular.mpm.limits import check_time_step, step_at_rest
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.plausible import rounded
@@ -145,10 +145,7 @@ def time_step(scene: AnyScene) -> float:
     """Time step [s] of a scene at rest."""
     if not isinstance(scene, Scene):
         return scene.numerics.dt or scene.numerics.cfl * scene.longest_dt
-    scheme = scene.scheme
-    if scheme.dt is not None:
-        return scheme.dt
-    return damped_step(scene, scheme.cfl * scene.grid.cell / scene.wave_speed)
+    return step_at_rest(scene)
 
 
 def nanoseconds(scheme: Scheme, dim: int) -> float:

@@ -17,7 +17,7 @@ from granular.materials.own import OwnLaw
 from granular.mpm.body_limits import check_blades
 from granular.mpm.cell_codes import cell_flags, fluidity_faces
 from granular.mpm.damping import damping, velocity_decay
-from granular.mpm.limits import check_time_step, damped_step
+from granular.mpm.limits import check_time_step, step_at_rest
 from granular.mpm.lithostatic import rest_compression, stress_shape
 from granular.mpm.node_codes import WallRow, c0_lines, node_codes
 from granular.mpm.scene import Scene, Servo
@@ -145,8 +145,7 @@ def flutter_interval(scene: Scene) -> int:
 
 def _steps_per_crossing(scene: Scene) -> float:
     """Time in which a compression wave crosses a cell, in time steps."""
-    crossing = scene.grid.cell / scene.wave_speed
-    return crossing / (scene.scheme.dt or damped_step(scene, scene.scheme.cfl * crossing))
+    return scene.grid.cell / scene.wave_speed / step_at_rest(scene)
 
 
 def _relaxation_limit(scene: Scene) -> float:

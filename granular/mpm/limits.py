@@ -77,6 +77,12 @@ def dt_limit(scene: Scene) -> float:
     return damped_step(scene, courant_limit(scene) * scene.grid.cell / scene.wave_speed)
 
 
+def step_at_rest(scene: Scene) -> float:
+    """Time step [s] of a scene at rest: the fixed one, or that of `cfl`."""
+    crossing = scene.grid.cell / scene.wave_speed
+    return scene.scheme.dt or damped_step(scene, scene.scheme.cfl * crossing)
+
+
 def damped_step(scene: Scene, dt: float) -> float:
     """Time step [s] that is as far from its limit with the damping of elastic waves as dt without.
 
@@ -322,10 +328,9 @@ def _late(scene: Scene) -> str | None:
     fluid = scene.nonlocal_material
     if not isinstance(fluid, NGF) or fluid.A * fluid.d > SHORT_LENGTH * scene.grid.cell:
         return None
-    scheme = scene.scheme
-    dt = scheme.dt or damped_step(scene, scheme.cfl * scene.grid.cell / scene.wave_speed)
+    dt = step_at_rest(scene)
     short = dt / UNRESOLVED
-    if fluid.t0 <= short or dt / scheme.fluidity.substeps <= fluid.t0:
+    if fluid.t0 <= short or dt / scene.scheme.fluidity.substeps <= fluid.t0:
         return None
     substeps, smaller = math.ceil(dt / fluid.t0), 10 ** math.floor(math.log10(short))
     return (
