@@ -124,13 +124,14 @@ class Cost:
         )
         if self.pressure > 0:
             text += f"; E is {self.E / self.pressure:.3g} times the pressure at the foot"
-        if not self.enough_E < self.E:
+        if math.isnan(self.enough_E) or self.enough_E == self.E:
             return text
         known = f"error {self.error:.2g}" if self.error >= 0 else f"p/K = {STRAIN:g} at the foot"
-        faster = math.sqrt(self.E / self.enough_E)
+        change = math.sqrt(self.E / self.enough_E)
+        pace = f"{change:.2g} times faster" if change > 1 else f"{1 / change:.2g} times slower"
         return (
             f"{text}; E = {self.enough_E:.2g} Pa in place of {self.E:.2g} would be enough "
-            f"({known}) and {faster:.2g} times faster"
+            f"({known}) and {pace}"
         )
 
 

@@ -58,6 +58,10 @@ class Material:
     has_fluidity: ClassVar[bool] = False
     """True if the law is nonlocal, with a fluidity `g` at every point."""
 
+    def is_local(self, cell: float) -> bool:
+        """True if the law acts as a local one in cells of this size [m]."""
+        return not self.has_fluidity
+
     def __post_init__(self) -> None:
         if type(self) is Material:
             raise TypeError(

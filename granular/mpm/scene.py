@@ -110,7 +110,7 @@ class Scene(BaseScene):
         check_fields(self, tuple_of, "bodies", kinds=(Body,))
         self._check_common(material=Material)
         if self.scheme is None:
-            set_fields(self, scheme=suited_to(*self.materials))
+            set_fields(self, scheme=suited_to(*self.materials, cell=self.grid.cell))
         kinds_of(self, scheme=Scheme)
         self._check_fit()
 

@@ -325,7 +325,7 @@ cell_averaged = Scheme(density=CellAveragedDensity())
 """Linear shape functions, TPIC, cell-averaged density; it does the same at a lower cost."""
 
 
-def suited_to(*materials: Material) -> Scheme:
+def suited_to(*materials: Material, cell: float = 0.0) -> Scheme:
     """Return the scheme of a scene that names none.
 
     That is `cell_averaged` for a nonlocal law whose friction has a limit, if it is the only
@@ -336,8 +336,11 @@ def suited_to(*materials: Material) -> Scheme:
     ----------
     *materials : Material
         All materials of the scene.
+    cell : float
+        Size of the cells [m]. Where the length `A` d of the law is at most a tenth of it, the law
+        is as good as local, and suited to `default`.
     """
     alone = materials[0] if len(materials) == 1 else None
-    nonlocal_law = getattr(alone, "has_fluidity", False)
+    nonlocal_law = getattr(alone, "has_fluidity", False) and not alone.is_local(cell)
     limit = getattr(alone, "limiting_friction", math.inf)
     return cell_averaged if nonlocal_law and math.isfinite(limit) else default

@@ -127,7 +127,7 @@ def scene_function(*methods: str) -> Callable[[Callable[P, S]], SceneFunction[P,
                 material = given.get("material", own["material"])
                 given["material"] = _changed(function.__name__, material, numbers, tuple(own))
             if own.get("scheme") is schemes.default and "scheme" not in given:
-                given["scheme"] = schemes.suited_to(given.get("material", own["material"]))
+                given["scheme"] = suited(own | given)
             scene = function(**given)  # type: ignore[call-arg]
             if "material" not in keywords and "E" not in numbers:
                 material = given.get("material", own["material"])
@@ -149,6 +149,13 @@ def scene_function(*methods: str) -> Callable[[Callable[P, S]], SceneFunction[P,
         return registered
 
     return decorate
+
+
+def suited(arguments: Mapping[str, Any]) -> schemes.Scheme:
+    """Scheme that suits the material of a scene function, and its cells if it has them."""
+    cell = arguments.get("cell")
+    known = cell if isinstance(cell, Real) else 0.0
+    return schemes.suited_to(arguments["material"], cell=float(known))
 
 
 def _completed(doc: str, arguments: tuple[str, ...]) -> str:

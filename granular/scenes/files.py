@@ -22,7 +22,7 @@ from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import CellAveragedDensity, ParticleDensity, Scheme, SmoothedDensity
 from granular.scene import BaseScene
-from granular.scenes._registry import functions, own_keywords
+from granular.scenes._registry import functions, own_keywords, suited
 from granular.scenes.incline import incline
 from granular.sph.gas import Gas
 from granular.typing import AnyScene
@@ -140,7 +140,7 @@ def _from_tables(tables: Mapping[str, Any], numbers: Mapping[str, Any]) -> Scene
             raise ValueError(f"[scheme] must not be given: {function.__name__} has no scheme")
         base = own["scheme"]
         if base is schemes.default:
-            base = schemes.suited_to(given.get("material", own["material"]))
+            base = suited(own | given)
         given["scheme"] = _scheme(base, sections["scheme"])
     return SceneFile(function(**given), sections["run"])
 

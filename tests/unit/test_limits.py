@@ -208,6 +208,28 @@ def test_cells_smaller_than_a_grain_are_what_a_nonlocal_law_is_for():
     assert "cell = 0.001 is smaller than the grains, d = 0.005" in warning
 
 
+@pytest.mark.parametrize(
+    "size",
+    [
+        {"angle_deg": 28.0},
+        {"angle_deg": 21.0},  # the local law is ill posed
+        {"cell": 0.002, "height": 0.03},  # cells smaller than grains
+        {"scheme": gr.schemes.default},
+        {"scheme": gr.schemes.cell_averaged},
+    ],
+)
+def test_a_nonlocal_law_of_no_length_is_taken_for_the_local_one(size):
+    """Its scheme and what is warned of go by the length A d in cells, not by whether A is 0."""
+    size = {"angle_deg": 20.0, "height": 0.1, "columns": 16, "cell": 0.01} | size
+    short, none, long = (
+        gr.scenes.incline(material=gr.NGF(E=1e6, A=A, t0=1e-7), **size) for A in (1e-6, 0.0, 2.0)
+    )
+    assert short.scheme == none.scheme
+    assert scene_warnings(short) == scene_warnings(none)
+    same = (long.scheme, scene_warnings(long)) == (none.scheme, scene_warnings(none))
+    assert same == (size.get("scheme") == gr.schemes.cell_averaged)
+
+
 def test_quadratic_functions_with_a_limited_nonlocal_friction_are_warned_of():
     """Only where mu_2 is near mu_s, and not if the scheme is left to the package."""
     options = {"columns": 1, "material": gr.NGF(E=1e6)}
