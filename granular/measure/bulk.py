@@ -313,7 +313,7 @@ def ill_posed_fraction(state: State) -> float:
         if hasattr(material, "xi"):
             p = state.pressure[flowing][own]
             ill[own] = ill_posedness(scaled[flowing][own], cast(MuI, material), p) > 0
-    return float(mass @ ill / mass.sum())
+    return float(mass[ill].sum() / mass.sum())
 
 
 def gap_fraction(state: State) -> float:

@@ -14,31 +14,26 @@ from granular.theory import short_wave_growth, viscous_growth
 CELL = 0.01
 
 
-@pytest.fixture
-def slides(module):
-    """Way down the slope of a layer, as the tables of docs/reports/stability.md have it."""
-    return module("stability_tables").slides
-
-
-@pytest.mark.parametrize(
-    ("angle_deg", "E", "columns", "seed", "until"),
-    [(20.0, 1e7, 32, 0, 0.4), (20.0, 1e7, 16, 0, 0.4), (20.0, 1e6, 16, 1, 0.8)],
-)
-def test_a_layer_below_its_angle_of_repose_rests(slides, angle_deg, E, columns, seed, until):
-    """atan(mu_s) = 20.9 deg. Without damping of flutter these layers flow at 8 to 15 mm/s."""
-    assert abs(slides(angle_deg, E, columns, seed, until)) < 0.01 * CELL
-
-
 def mean_speed(scene, until):
     state = gr.Simulation(scene, threads=1).run(until=until, monitor=False).state
     return float(np.average(state.v[:, 0], weights=state.mass))
 
 
-@pytest.mark.parametrize(("E", "seed", "until"), [(1e6, 23, 1.5), (1e7, 21, 0.5)])
-def test_a_layer_rests_in_finer_cells_too(E, seed, until):
-    """40 cells in the height: a damping that goes by the cell leaves a flutter of 10 to 35 mm/s."""
+@pytest.mark.parametrize(
+    ("cell", "columns", "E", "seed", "until"),
+    [
+        (0.01, 16, 1e6, 1, 0.8),
+        (0.01, 16, 1e7, 0, 0.4),
+        (0.01, 32, 1e7, 0, 0.4),
+        (0.005, 16, 1e6, 23, 1.5),
+        (0.005, 16, 1e7, 21, 0.5),
+    ],
+)
+def test_a_layer_below_its_angle_of_repose_rests(cell, columns, E, seed, until):
+    """atan(mu_s) = 20.9 deg. Without damping of flutter these layers flow at 8 to 15 mm/s, and in
+    40 cells, with a damping that goes by the cell, at 10 to 35 mm/s."""
     grains = gr.materials.glass_beads.replace(E=E)
-    options = {"angle_deg": 20.0, "cell": 0.005, "columns": 16, "jitter": 0.6, "seed": seed}
+    options = {"angle_deg": 20.0, "cell": cell, "columns": columns, "jitter": 0.6, "seed": seed}
     assert abs(mean_speed(gr.scenes.incline(material=grains, **options), until)) < 1e-3
 
 
