@@ -4,7 +4,7 @@
 
 Each scene runs in a process of its own, whose largest resident memory counts: blocks of material
 with every kind of scheme, and other shapes, laws and fills with two of them. The estimate must not
-be below the peak of a recorded run. `granular/economy/memory.py` has the fits.
+be below the peak of a recorded run. The modules `memory` of the two methods have the fits.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ if not any(Path(__file__).with_name(f"_core{suffix}").exists() for suffix in EXT
         "the installed package: run Python in another folder, or install with `pip install -e .`"
     )
 
-import granular.mpm  # noqa: F401 (first, because it and the common modules know each other)
+import granular.mpm.simulation  # noqa: F401 (by which `Simulation` solves a `Scene`)
 from granular import materials
 from granular.buffers import show_config
 from granular.combinations import Difference, Intersection, Union

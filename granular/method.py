@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, Self
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.checks import truth
 from granular.resources import Resource
 from granular.restarts import check_numbers
 from granular.state import State
@@ -48,13 +47,6 @@ class Method(Resource):
         known = [kind for kind, method in _METHODS.items() if issubclass(method, cls)]
         kinds = [f"a {kind.__module__.removesuffix('.scene')}.{kind.__name__}" for kind in known]
         raise TypeError(f"scene = {scene!r} must be {' or '.join(sorted(kinds))}")
-
-    @staticmethod
-    def _check_memory(scene: AnyScene, force: bool) -> None:
-        """Refuse a scene for which there is not enough memory, before anything is built."""
-        from granular.economy.memory import check_memory  # which knows scenes, but no simulation
-
-        check_memory(scene, truth("force", force))
 
     def _make_steps(self, max_steps: int, until: float) -> None:
         """Run the core for `max_steps` steps or up to the time `until`, whichever is first."""

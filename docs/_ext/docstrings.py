@@ -67,7 +67,7 @@ def shorten(_: Sphinx, what: str, __: str, value: Any, ___: Any, text: str, ____
     import granular.mpm
 
     if value is granular.Simulation:  # its own only dispatches to the method of the scene
-        value = granular.mpm.Simulation
+        value = granular.mpm.simulation.Simulation
     try:
         found = inspect.signature(value)
     except (TypeError, ValueError):

@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from granular.economy import bias, memory
-from granular.economy.memory import gigabytes
+from granular.economy import bias
 from granular.economy.suggestion import scene_function
 from granular.inflow import points_between
+from granular.memory import gigabytes
+from granular.mpm import memory as of_mpm
 from granular.mpm.limits import check_time_step, step_at_rest
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.plausible import rounded
+from granular.sph import memory as of_sph
 
 if TYPE_CHECKING:
     from granular.typing import AnyScene
@@ -169,18 +171,19 @@ def cost(scene: AnyScene) -> Cost:
     ValueError
         If the time step of the scene exceeds its limit, so that no simulation could be made.
     """
-    points, needed = memory.size(scene)
     if not isinstance(scene, Scene):
+        points, needed = of_sph.size(scene)
         steps = _steps(scene)
         each = _SPH_NANOSECONDS[scene.dim, scene.gas is not None]
         unborn = _unborn(scene)
         seconds = steps * (points - unborn) * each * 1e-9
         return Cost(points, steps, seconds, needed, needed, unborn=unborn)
+    points, needed = of_mpm.size(scene)
     check_time_step(scene)
     steps = _steps(scene)
     unborn = _unborn(scene)
     seconds = steps * (points - unborn) * nanoseconds(scene.scheme, scene.dim) * 1e-9
-    peak = needed + memory.growth(scene, points)
+    peak = needed + of_mpm.growth(scene, points)
     E, pressure = scene.material.E, bias.pressure_strain(scene) * scene.material.K
     return Cost(points, steps, seconds, needed, peak, E, *_enough(scene), unborn, pressure)
 
@@ -188,7 +191,8 @@ def cost(scene: AnyScene) -> Cost:
 def _unborn(scene: AnyScene) -> float:
     """Mean number over the run of the points that are still to enter."""
     mean = 0.0
-    for inflow in memory.fed_by(scene):
+    inflows = scene.inflows if isinstance(scene, Scene) else of_sph.fed_by(scene)
+    for inflow in inflows:
         begin, end = (min(time, scene.duration) for time in inflow.times)
         share = 0.5 * (begin + end) / scene.duration  # of the run, for the mean point
         mean += share * points_between(inflow, scene.grid, 0.0, scene.duration)

@@ -261,7 +261,7 @@ class NGF(Material):
         return self.A > 0
 
     def is_local(self, cell: float) -> bool:
-        """True if the law acts as a local one in cells of this size [m]: `A` d is a tenth at most."""
+        """True if the law acts as a local one in cells of this size [m], 10 `A` d or more."""
         return self.A * self.d <= SHORT_LENGTH * cell
 
     @property

@@ -323,6 +323,7 @@ UNRESOLVED = 150.0
 In between the response is late: at 6, 20, 60 and 190 the force on a blade is 16, 13, 9 and 2 % less
 than with A = 0, and at 6 a wheel sinks by 40 % more (docs/explanation/fluidity.md)."""
 
+
 def _late(scene: Scene) -> str | None:
     """Fluidity whose response a substep neither resolves nor contains."""
     fluid = scene.nonlocal_material

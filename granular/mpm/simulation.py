@@ -18,6 +18,7 @@ from granular.materials.own import OwnLaw
 from granular.monitor import Energies
 from granular.mpm import bodies as rigid
 from granular.mpm import engine as core
+from granular.mpm import memory
 from granular.mpm.blocks import deep_within
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.body_overlaps import check_overlaps
@@ -121,7 +122,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         wall_forces: bool = False,
     ) -> None:
         truth("wall_forces", wall_forces)
-        self._check_memory(scene, force)
+        memory.check(scene, force)
         check_overlaps(scene)
         diagnostics.warn(scene)
         points = core.initial_points(scene)

@@ -16,6 +16,7 @@ from granular.inflow import InflowState, stored_inflow
 from granular.record import Checkpoint
 from granular.restarts import LARGEST, LEAST, check_range
 from granular.running import MOST_STEPS
+from granular.sph import memory
 from granular.sph.gas import GasState
 from granular.sph.inflow import Inlets
 from granular.sph.scene import Scene, seeding_gradient
@@ -122,7 +123,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         isa: str | None = None,
         force: bool = False,
     ) -> None:
-        self._check_memory(scene, force)
+        memory.check(scene, force)
         diagnostics.warn(scene)
         self._start(scene, _build(scene, default_isa() if isa is None else isa), threads)
         points, walls = scene.points(), scene.wall_points()

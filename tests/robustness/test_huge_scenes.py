@@ -8,8 +8,7 @@ import time
 import pytest
 
 import granular as gr
-from granular import cli
-from granular.economy import machine
+from granular import cli, memory
 
 GIB = 2**30
 
@@ -39,7 +38,7 @@ def box(cells, walls=()):
     ],
 )
 def test_huge_scenes_are_refused_at_once(name, numbers, monkeypatch):
-    monkeypatch.setattr(machine, "available_memory", lambda: 8.0 * GIB)
+    monkeypatch.setattr(memory, "available_memory", lambda: 8.0 * GIB)
     begin, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     with pytest.raises(ValueError, match=r"points in .* cells needs about .* GB .* force=True"):
         gr.Simulation(gr.scenes.registry[name](**numbers))
@@ -48,7 +47,7 @@ def test_huge_scenes_are_refused_at_once(name, numbers, monkeypatch):
 
 
 def test_force_tries_it_all_the_same(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(machine, "available_memory", lambda: 100.0 * 2**20)
+    monkeypatch.setattr(memory, "available_memory", lambda: 100.0 * 2**20)
     with pytest.raises(ValueError, match=r"needs about .* must be at most the 0.098 GB"):
         gr.Simulation(box(20))
     assert gr.Simulation(box(20), force=True).n_points == 400
@@ -125,12 +124,12 @@ print(peak() - before)
 
 
 def test_available_memory_is_that_of_the_machine_or_less():
-    found = machine.available_memory()
+    found = memory.available_memory()
     assert 0 < found
     limit = resource.getrlimit(resource.RLIMIT_AS)
     try:
         resource.setrlimit(resource.RLIMIT_AS, (2**45, limit[1]))
-        assert machine.available_memory() <= found * 1.5
+        assert memory.available_memory() <= found * 1.5
     finally:
         resource.setrlimit(resource.RLIMIT_AS, limit)
 

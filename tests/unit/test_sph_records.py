@@ -70,7 +70,7 @@ def test_a_record_is_read_where_sph_was_not_used_before(tmp_path):
 def test_the_scene_chooses_the_method():
     simulation = gr.Simulation(gated())
     assert type(simulation) is sph.Simulation and isinstance(simulation, gr.Simulation)
-    assert isinstance(gr.Simulation(gr.scenes.incline()), gr.mpm.Simulation)
+    assert isinstance(gr.Simulation(gr.scenes.incline()), gr.mpm.simulation.Simulation)
     with pytest.raises(TypeError, match=r"must be a granular\.sph\.Scene"):
         sph.Simulation(gr.scenes.incline())
     with pytest.raises(TypeError, match=r"granular\.mpm\.Scene or a granular\.sph\.Scene"):

@@ -1,12 +1,22 @@
-"""Memory of this machine that a run may use."""
+"""Memory of this machine that a run may use, and the refusal of scenes that need more."""
 
 from __future__ import annotations
 
 import math
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
-__all__ = ["available_memory"]
+from granular.inflow import Inflow, points_between, standing_points
+from granular.scene import BaseScene
+
+__all__ = ["BASE", "MARGIN", "available_memory", "entering", "gigabytes", "refuse"]
+
+MARGIN = 1.12
+"""Factor by which an estimate exceeds the fits, which a peak exceeded by 1.1 at most."""
+
+BASE = 105 * 2**20
+"""Memory of the interpreter and the package [bytes]."""
 
 
 def available_memory() -> float:
@@ -60,3 +70,39 @@ def _text(path: Path) -> str:
         return path.read_text()
     except OSError:
         return ""
+
+
+def entering(scene: BaseScene, inflows: Iterable[Inflow]) -> list[int]:
+    """Numbers of points that inflows bring, at the start and in the run.
+
+    The first of them are those of the scene; others bring another medium.
+    """
+    return [
+        points_between(inflow, scene.grid, 0.0, scene.duration)
+        + (len(standing_points(scene, i).x) if inflow.driven and i < len(scene.inflows) else 0)
+        for i, inflow in enumerate(inflows)
+    ]
+
+
+def refuse(scene: BaseScene, points: int, memory: float) -> None:
+    """Refuse a scene of so many points that needs more memory [bytes] than the machine has.
+
+    Raises
+    ------
+    ValueError
+        Naming the number of points, the cells, and the memory needed and available.
+    """
+    available = available_memory()
+    if memory <= available:
+        return
+    cells = " x ".join(map(str, scene.grid.shape))
+    raise ValueError(
+        f"scene {scene.name!r} with about {points:.3g} points in {cells} cells needs about "
+        f"{gigabytes(memory)} of memory, must be at most the {gigabytes(available)} that are "
+        "available: take larger cells or fewer points per cell, or force=True"
+    )
+
+
+def gigabytes(memory: float) -> str:
+    """Return a number of bytes in words."""
+    return f"{memory / 2**30:.2g} GB"

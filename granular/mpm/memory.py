@@ -13,14 +13,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from itertools import product
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.economy import machine
+from granular import memory
+from granular.checks import truth
 from granular.geometry import Fill, Grid, combined
-from granular.inflow import Inflow, points_between, standing_points
+from granular.memory import BASE, MARGIN, entering, refuse
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
@@ -28,15 +28,8 @@ from granular.regions import Cloud
 from granular.seeding import estimated_points, most_points
 from granular.surfaces import Layer
 
-if TYPE_CHECKING:
-    from granular.sph.scene import Scene as SphScene
-    from granular.typing import AnyScene
+__all__ = ["check", "growth", "size"]
 
-MARGIN = 1.12
-"""Factor by which an estimate exceeds the fits, which a peak exceeded by 1.1 at most."""
-
-_BASE = 105 * 2**20
-"""Memory of the interpreter and the package [bytes]."""
 _BODIES = 15 * 2**20
 """Memory of the distances from bodies at the samples of a scene [bytes]."""
 
@@ -72,12 +65,6 @@ _GROWTH = {2: 440, 3: 560}
 cells: what 216,000 to 250,000 points that fly apart take at most beyond the memory at the
 start when their buffers first grow, with the default scheme."""
 
-_SPH = {2: (745, 480), 3: (1150, 850)}
-"""Memory of a particle of SPH with its neighbours [bytes], of the material and of a wall, by
-dimension: fits to recorded layers of 40,000 to 200,000 particles on floors of 10,000 to 112,000."""
-_SPH_WITH_GAS = 1.3
-"""The same for all particles of a scene with a gas, relative to those of one without."""
-
 SAMPLES = 400
 """Cells of a fill whose neighbourhood is looked at, and the largest number of tries per cell."""
 TRIES = 50
@@ -86,37 +73,36 @@ MOST_RATIO = 2.0
 have 1.4 to 1.8."""
 
 
-def size(scene: AnyScene) -> tuple[int, float]:
+def size(scene: Scene) -> tuple[int, float]:
     """Number of points at the end, and the memory that they need [bytes]."""
-    if not isinstance(scene, Scene):
-        return _sph_size(scene)
     distance = distance_from_bodies(scene)
     counts = [estimated_points(scene.grid, fill, distance) for fill in scene.fills]
     ratios = [active_ratio(scene.grid, fill) for fill in scene.fills]
-    entering_ones = entering(scene)
-    ratios += [MOST_RATIO] * len(entering_ones)
-    return sum(counts) + sum(entering_ones), _memory(scene, counts + entering_ones, ratios)
+    later = entering(scene, scene.inflows)
+    ratios += [MOST_RATIO] * len(later)
+    return sum(counts) + sum(later), _memory(scene, counts + later, ratios)
 
 
-def growth(scene: AnyScene, points: int) -> float:
-    """Further memory while the buffers of so many points grow [bytes]; those of SPH do not."""
-    return points * _GROWTH[scene.dim] if isinstance(scene, Scene) else 0.0
+def growth(scene: Scene, points: int) -> float:
+    """Further memory while the buffers of so many points grow [bytes]."""
+    return points * _GROWTH[scene.dim]
 
 
-def fed_by(scene: AnyScene) -> list[Inflow]:
-    """Inflows of the material, and of the gas of a scene."""
-    if isinstance(scene, Scene):
-        return list(scene.inflows)
-    return [*scene.inflows, *(inflow for inflow, _ in scene.gas_inflows())]
+def check(scene: Scene, force: bool) -> None:
+    """Refuse a scene that needs more memory than the machine has, unless `force` is set.
 
-
-def entering(scene: AnyScene) -> list[int]:
-    """Numbers of points that inflows bring, at the start and in the run."""
-    return [
-        points_between(inflow, scene.grid, 0.0, scene.duration)
-        + (len(standing_points(scene, i).x) if inflow.driven and i < len(scene.inflows) else 0)
-        for i, inflow in enumerate(fed_by(scene))
-    ]
+    Raises
+    ------
+    ValueError
+        See `granular.memory.refuse`.
+    """
+    if truth("force", force):
+        return
+    # If there is memory for all squares of the seeding lattices, the open ones need no count.
+    counts = [most_points(scene.grid, fill) for fill in scene.fills]
+    counts += entering(scene, scene.inflows)
+    if _memory(scene, counts, [MOST_RATIO] * len(counts)) > memory.available_memory():
+        refuse(scene, *size(scene))
 
 
 def _memory(scene: Scene, counts: Sequence[int], ratios: Sequence[float]) -> float:
@@ -132,7 +118,7 @@ def _memory(scene: Scene, counts: Sequence[int], ratios: Sequence[float]) -> flo
     seeding *= _SITE[scene.dim] * (2 if scene.bodies else 1)
     layers = any(isinstance(fill.region, Layer) for fill in scene.fills)
     seeding += _LAYER[scene.dim] * layers
-    return MARGIN * (_BASE + (_BODIES if scene.bodies else 0) + max(running, seeding))
+    return MARGIN * (BASE + (_BODIES if scene.bodies else 0) + max(running, seeding))
 
 
 def _bytes(scheme: Scheme, dim: int) -> tuple[int, int]:
@@ -199,55 +185,3 @@ def _samples(grid: Grid, fill: Fill) -> NDArray[np.float64]:
     x = x + rng.uniform(0.0, 1.0, x.shape) * edge
     x = x[fill.region.contains(x)]
     return x[rng.permutation(len(x))[:SAMPLES]]
-
-
-# ---- SPH ----
-
-
-def _sph_size(scene: SphScene) -> tuple[int, float]:
-    gas = () if scene.gas is None else scene.gas.fills
-    counts = [estimated_points(scene.grid, fill, even=True) for fill in (*scene.fills, *gas)]
-    points = sum(counts) + sum(entering(scene))
-    of_material, of_wall = _SPH[scene.dim]
-    particles = points * of_material + _wall_particles(scene) * of_wall
-    return points, MARGIN * (_BASE + particles * (1.0 if scene.gas is None else _SPH_WITH_GAS))
-
-
-def _wall_particles(scene: SphScene) -> int:
-    """Number of particles of the walls; where walls meet they count twice."""
-    sites = (wall.sites(f"walls[{i}]", scene.grid) for i, wall in enumerate(scene.walls))
-    return sum(math.prod(last - first for first, last in ends) for ends in sites)
-
-
-# ---- the check ----
-
-
-def check_memory(scene: AnyScene, force: bool = False) -> None:
-    """Refuse a scene that needs more memory than the machine has, unless `force` is set.
-
-    Raises
-    ------
-    ValueError
-        Naming the number of points, the cells, and the memory needed and available.
-    """
-    available = machine.available_memory()
-    if force:
-        return
-    if isinstance(scene, Scene):
-        # If there is memory for all squares of the seeding lattices, the open ones need no count.
-        counts = [most_points(scene.grid, fill) for fill in scene.fills] + entering(scene)
-        if _memory(scene, counts, [MOST_RATIO] * len(counts)) <= available:
-            return
-    points, memory = size(scene)
-    if memory <= available:
-        return
-    cells = " x ".join(map(str, scene.grid.shape))
-    raise ValueError(
-        f"scene {scene.name!r} with about {points:.3g} points in {cells} cells needs about "
-        f"{gigabytes(memory)} of memory, must be at most the {gigabytes(available)} that are "
-        "available: take larger cells or fewer points per cell, or force=True"
-    )
-
-
-def gigabytes(memory: float) -> str:
-    return f"{memory / 2**30:.2g} GB"
