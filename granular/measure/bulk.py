@@ -4,13 +4,10 @@ The bulk consists of the points deep below the surface of their column. One `Bul
 these measures, so that the sums over cells are computed only once.
 """
 
-from typing import cast
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import integer, non_negative
-from granular.materials import MuI
 from granular.measure.averaging_grid import Array, cells_of, sums_of
 from granular.measure.profiles import scaled_inertial_number
 from granular.mpm.blocks import solid_cells
@@ -312,7 +309,7 @@ def ill_posed_fraction(state: State) -> float:
         own = number == k
         if hasattr(material, "xi"):
             p = state.pressure[flowing][own]
-            ill[own] = ill_posedness(scaled[flowing][own], cast(MuI, material), p) > 0
+            ill[own] = ill_posedness(scaled[flowing][own], material, p) > 0
     return float(mass[ill].sum() / mass.sum())
 
 

@@ -341,6 +341,7 @@ def suited_to(*materials: Material, cell: float = 0.0) -> Scheme:
         is as good as local, and suited to `default`.
     """
     alone = materials[0] if len(materials) == 1 else None
-    nonlocal_law = getattr(alone, "has_fluidity", False) and not alone.is_local(cell)
+    if alone is None or not getattr(alone, "has_fluidity", False) or alone.is_local(cell):
+        return default
     limit = getattr(alone, "limiting_friction", math.inf)
-    return cell_averaged if nonlocal_law and math.isfinite(limit) else default
+    return cell_averaged if math.isfinite(limit) else default

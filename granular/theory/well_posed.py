@@ -31,16 +31,18 @@ import scipy
 from numpy.typing import NDArray
 
 from granular.checks import in_range, positive
-from granular.materials import MuI, RegularisedMuI
+from granular.materials import NGF, MuI, RegularisedMuI
 from granular.theory.incline import check_cohesionless, check_mu_I
 
 Array = NDArray[np.float64]
+Law = MuI | RegularisedMuI | NGF
+"""Laws with mu(I); of a nonlocal one it is that of steady uniform flow."""
 
 _PER_DECADE = 40
 """Values of I/I0 in a decade between which the ends of the range are searched for."""
 
 
-def _searched(material: MuI | RegularisedMuI) -> Array:
+def _searched(material: Law) -> Array:
     """Values of I/I0 between which the ends of the range lie: from 1e-6 to 1e6 or beyond.
 
     For I << I0 the law is linear in I, so that they are smaller in the ratio mu_s/(mu_2 - mu_s) if
@@ -56,14 +58,14 @@ def _searched(material: MuI | RegularisedMuI) -> Array:
 
 @overload
 def ill_posedness(
-    scaled: float, material: MuI | RegularisedMuI, pressure: float | None = None
+    scaled: float, material: Law, pressure: float | None = None
 ) -> float: ...
 @overload
 def ill_posedness(
-    scaled: Array, material: MuI | RegularisedMuI, pressure: Array | None = None
+    scaled: Array, material: Law, pressure: Array | None = None
 ) -> Array: ...
 def ill_posedness(
-    scaled: float | Array, material: MuI | RegularisedMuI, pressure: float | Array | None = None
+    scaled: float | Array, material: Law, pressure: float | Array | None = None
 ) -> float | Array:
     """Discriminant C of Barker et al. 2015: the law is ill posed where it is positive.
 
@@ -71,7 +73,7 @@ def ill_posedness(
     ----------
     scaled : float or ndarray
         I/I0, >= 0 (`granular.measure.scaled_inertial_number` of points); nan gives nan.
-    material : MuI or RegularisedMuI
+    material : MuI, RegularisedMuI or NGF
     pressure : float or ndarray, optional
         Pressure [Pa], > 0; needed if the material has a cohesion.
 
@@ -96,7 +98,7 @@ def ill_posedness(
     return q**2 - 4 * r * (1 - r)
 
 
-def _friction(x: float | Array, material: MuI | RegularisedMuI) -> tuple[Any, Any]:
+def _friction(x: float | Array, material: Law) -> tuple[Any, Any]:
     """Friction mu at x = I/I0, and r = d ln mu/d ln I."""
     gain = material.mu_2 - material.mu_s
     if not isinstance(material, RegularisedMuI):
@@ -109,12 +111,12 @@ def _friction(x: float | Array, material: MuI | RegularisedMuI) -> tuple[Any, An
         return mu, np.where(creeps, mu**2 / (2 * material.alpha), fast / mu)[()]
 
 
-def well_posed_range(material: MuI | RegularisedMuI) -> tuple[float, float] | None:
+def well_posed_range(material: Law) -> tuple[float, float] | None:
     """Range of I/I0 in which the law is well posed; of the regularised law it begins at 0.
 
     Parameters
     ----------
-    material : MuI or RegularisedMuI
+    material : MuI, RegularisedMuI or NGF
 
     Returns
     -------
@@ -143,14 +145,14 @@ def well_posed_range(material: MuI | RegularisedMuI) -> tuple[float, float] | No
     return 0.0 if regularised else root(first - 1), root(last)
 
 
-def well_posed_slopes(material: MuI) -> tuple[float, float] | None:
+def well_posed_slopes(material: MuI | NGF) -> tuple[float, float] | None:
     """Range of slopes [degrees] in which steady flow down a rough incline is well posed.
 
     The tangent of the slope is mu(I).
 
     Parameters
     ----------
-    material : MuI
+    material : MuI or NGF
         Without cohesion.
 
     Returns
@@ -180,7 +182,7 @@ def scaled_inertial_number_of_slope(angle_deg: float, material: MuI) -> float:
     ----------
     angle_deg : float
         Inclination [degrees], in [0, 90).
-    material : MuI
+    material : MuI or NGF
         Without cohesion. Or any object with ``mu_s`` and ``mu_2``.
 
     Returns
