@@ -4,7 +4,7 @@ from importlib import import_module
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if not any(Path(__file__).with_name(f"_core{suffix}").exists() for suffix in EXTENSION_SUFFIXES):
     raise ImportError(
@@ -39,6 +39,7 @@ from granular.mpm.schemes import (
     SmoothedDensity,
 )
 from granular.mpm.walls import Solid, SpongeLayer, Wall
+from granular.notebook import pictures
 from granular.record import Trajectory, open_trajectory
 from granular.record import open_trajectory as open
 from granular.regions import Cloud, Mask, Polygon
@@ -48,12 +49,22 @@ from granular.surfaces import Heights, Layer
 from granular.sweeping import sweep
 
 if TYPE_CHECKING:
-    from granular import economy, grain_scale, measure, plot, scenes, sph, theory
+    from granular import economy, export, grain_scale, measure, plot, scenes, sph, theory
 
     __version__: str
 
-LATER = ("economy", "grain_scale", "measure", "plot", "scenes", "sph", "theory")
+LATER = ("economy", "export", "grain_scale", "measure", "plot", "scenes", "sph", "theory")
 """Subpackages that are imported when they are used first: some take longer than a small run."""
+
+
+def _picture_of_scene(scene: Any) -> Any:
+    """Picture of a scene in a notebook; matplotlib is imported with the first."""
+    from granular.plot.scene import scene as draw
+
+    return draw(scene)
+
+
+pictures["scene"] = _picture_of_scene
 
 
 def __getattr__(name: str) -> ModuleType | str:
@@ -108,6 +119,7 @@ __all__ = [
     "Wall",
     "bodies",
     "economy",
+    "export",
     "grain_scale",
     "materials",
     "measure",

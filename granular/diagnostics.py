@@ -19,8 +19,8 @@ from granular.notebook import table
 from granular.plausible import suspect_numbers
 
 if TYPE_CHECKING:
+    from granular.scene import BaseScene
     from granular.state import State
-    from granular.typing import AnyScene
 
 __all__ = [
     "Health",
@@ -36,7 +36,7 @@ class StabilityWarning(UserWarning):
     """A scene has settings that are known to give wrong results without an error."""
 
 
-def scene_warnings(scene: AnyScene) -> list[str]:
+def scene_warnings(scene: BaseScene) -> list[str]:
     """List the settings of a scene that are known to fail without an error, one sentence each.
 
     Each is a failure that was measured (`benchmarks/stability_map.py`, the page "Limits and
@@ -46,7 +46,7 @@ def scene_warnings(scene: AnyScene) -> list[str]:
     return scene.known_failures() + suspect_numbers(scene)
 
 
-def warn(scene: AnyScene, stacklevel: int = 3) -> None:
+def warn(scene: BaseScene, stacklevel: int = 3) -> None:
     """Issue a `StabilityWarning` for each of `scene_warnings`."""
     for sentence in scene_warnings(scene):
         warnings.warn(sentence, StabilityWarning, stacklevel=stacklevel)
@@ -171,7 +171,7 @@ class Health:
         return table(f"Health, {self.samples} samples{failed}", self.rows())
 
 
-def health(scene: AnyScene, values: Mapping[str, float], failure: str = "") -> Health:
+def health(scene: BaseScene, values: Mapping[str, float], failure: str = "") -> Health:
     """Judge a run by the values of its indicators.
 
     Parameters

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from granular.materials.own import OwnLaw
 
 if TYPE_CHECKING:
-    from granular.typing import AnyScene
+    from granular.scene import BaseScene
 
 __all__ = ["Row", "common"]
 
@@ -62,7 +62,7 @@ is over-compressed (obstacle, 0.04), and quadrature weights whose descent oversh
 hold half as much again as they should."""
 
 
-def common(scene: AnyScene, limited: Collection[str]) -> tuple[Row, ...]:
+def common(scene: BaseScene, limited: Collection[str]) -> tuple[Row, ...]:
     """Indicators of any scene; those that are not `limited`, by their names, have no limit."""
     materials = scene.materials
     flies = any(material.granular for material in materials)

@@ -13,7 +13,7 @@ from granular.state import State
 
 if TYPE_CHECKING:
     from granular.monitor import Energies, Monitor
-    from granular.record import Checkpoint
+    from granular.record.checkpoint import Checkpoint
     from granular.typing import AnyScene
 
 __all__ = ["Method"]

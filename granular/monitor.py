@@ -18,9 +18,9 @@ from granular import _core
 from granular.measure.bulk import Bulk, gaps, ill_posed_fraction
 
 if TYPE_CHECKING:
-    from granular.record import Checkpoint
+    from granular.record.checkpoint import Checkpoint
+    from granular.scene import BaseScene
     from granular.state import State
-    from granular.typing import AnyScene
 
 __all__ = ["LEAST", "SPACING", "Energies", "Monitor", "known", "unwatched"]
 
@@ -126,7 +126,7 @@ class Monitor:
         Number of samples taken.
     """
 
-    def __init__(self, scene: AnyScene) -> None:
+    def __init__(self, scene: BaseScene) -> None:
         self._how = {name: how for name, how, *_ in scene.indicators}
         self.names = tuple(self._how)
         self.rows: list[Array] = []

@@ -6,13 +6,17 @@ import base64
 import html
 import io
 import sys
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["embedded", "image", "in_notebook", "table"]
+__all__ = ["embedded", "image", "in_notebook", "pictures", "table"]
+
+pictures: dict[str, Callable[[Any], Figure]] = {}
+"""What draws an object for a notebook, by its kind. `granular` enters it: `granular.plot` knows
+scenes, but they do not know it."""
 
 
 def in_notebook() -> bool:

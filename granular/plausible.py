@@ -19,7 +19,7 @@ from granular.regions import Cloud
 from granular.surfaces import Heights, Layer
 
 if TYPE_CHECKING:
-    from granular.typing import AnyScene
+    from granular.scene import BaseScene
 
 __all__ = ["BOULDER", "STIFFEST", "largest_load", "rounded", "stiffness_hint", "suspect_numbers"]
 
@@ -75,9 +75,9 @@ TYPED = 5e-6
 """Relative error of an angle in radians that is typed with four digits after the point."""
 
 
-def suspect_numbers(scene: AnyScene) -> list[str]:
+def suspect_numbers(scene: BaseScene) -> list[str]:
     """List the numbers of a scene that are hardly meant, a sentence each, with the likely slip."""
-    checks: tuple[Callable[[AnyScene], Iterator[str]], ...] = (
+    checks: tuple[Callable[[BaseScene], Iterator[str]], ...] = (
         _friction,
         _angles,
         _densities,
@@ -98,7 +98,7 @@ def suspect_numbers(scene: AnyScene) -> list[str]:
 # ---- materials ----
 
 
-def _friction(scene: AnyScene) -> Iterator[str]:
+def _friction(scene: BaseScene) -> Iterator[str]:
     named = [
         (f"{type(material).__name__}: {name}", getattr(material, name), FRICTION[0])
         for material in scene.materials
@@ -124,7 +124,7 @@ def _friction(scene: AnyScene) -> Iterator[str]:
             )
 
 
-def _angles(scene: AnyScene) -> Iterator[str]:
+def _angles(scene: BaseScene) -> Iterator[str]:
     """Angles that are to be in degrees, and are whole ones in radians."""
     named = [(f"parameters[{name!r}]", value) for name, value in scene.parameters.items()]
     for kind in ("materials", "bodies"):
@@ -150,7 +150,7 @@ def _numbers_in(name: str, part: Any) -> list[tuple[str, Any]]:
     return [number for inner in parts for number in _numbers_in(*inner)]
 
 
-def _densities(scene: AnyScene) -> Iterator[str]:
+def _densities(scene: BaseScene) -> Iterator[str]:
     for material in scene.materials:
         kind = type(material).__name__
         solid = getattr(material, "rho_s", None)
@@ -177,7 +177,7 @@ def _thousands(density: float, low: float, high: float) -> str:
     return ""
 
 
-def _grains(scene: AnyScene) -> Iterator[str]:
+def _grains(scene: BaseScene) -> Iterator[str]:
     """Grains of nonlocal laws and of contacts that damp; those of others are seen by the cells."""
     cell, longest = scene.grid.cell, max(scene.grid.shape) * scene.grid.cell
     for material in scene.materials:
@@ -192,7 +192,7 @@ def _grains(scene: AnyScene) -> Iterator[str]:
                 )
 
 
-def _stiffness(scene: AnyScene) -> Iterator[str]:
+def _stiffness(scene: BaseScene) -> Iterator[str]:
     for material in scene.materials:
         E = getattr(material, "E", None)
         if E is None:
@@ -205,7 +205,7 @@ def _stiffness(scene: AnyScene) -> Iterator[str]:
     yield from filter(None, [stiffness_hint(scene)])
 
 
-def stiffness_hint(scene: AnyScene) -> str:
+def stiffness_hint(scene: BaseScene) -> str:
     """Sentence on material that is too soft for its load; empty for one that is not."""
     found = max(_loads(scene), key=lambda load: load[0] / load[1].K, default=None)
     if found is None or found[0] <= LARGEST_STRAIN * found[1].K:
@@ -221,7 +221,7 @@ def stiffness_hint(scene: AnyScene) -> str:
     )
 
 
-def largest_load(scene: AnyScene) -> tuple[float, float]:
+def largest_load(scene: BaseScene) -> tuple[float, float]:
     """Pressure [Pa] at the foot of a fill or inflow, or of a servo, and E [Pa]: the softest case.
 
     Zero and one if no material of the scene has an E.
@@ -236,7 +236,7 @@ def rounded(E: float) -> float:
     return math.ceil(round(E / unit, 6)) * unit
 
 
-def _loads(scene: AnyScene) -> Iterator[tuple[float, Any]]:
+def _loads(scene: BaseScene) -> Iterator[tuple[float, Any]]:
     """Yield the pressure [Pa] at the foot of each fill and inflow, and of a servo, and what bears
     it: materials with an E."""
     g = max(abs(vector[-1]) for vector in scene.gravity.vectors)
@@ -261,7 +261,7 @@ def _thickness(region: Any) -> float:
 # ---- set-up ----
 
 
-def _gravity(scene: AnyScene) -> Iterator[str]:
+def _gravity(scene: BaseScene) -> Iterator[str]:
     vectors = np.array(scene.gravity.vectors)
     largest = float(np.linalg.norm(vectors, axis=1).max())
     cell, longest = scene.grid.cell, max(scene.grid.shape) * scene.grid.cell
@@ -280,7 +280,7 @@ def _gravity(scene: AnyScene) -> Iterator[str]:
         yield f"gravity = {vectors[-1].tolist()} has no component along {up}, the axis that is up"
 
 
-def _is_laid(scene: AnyScene, vectors: Any, largest: float) -> bool:
+def _is_laid(scene: BaseScene, vectors: Any, largest: float) -> bool:
     """True if a scene with gravity along another axis than the last is built for it.
 
     A single floor normal to the last axis says that this one is up; walls on both of its sides, a
@@ -295,14 +295,14 @@ def _is_laid(scene: AnyScene, vectors: Any, largest: float) -> bool:
     if len(sides) == 1:
         return held and abs(largest / EARTH - 1) >= 0.01
     blocks = len(walls) < len(scene.walls)
-    return bool(sides) or held or blocks or bool(getattr(scene, "bodies", ()))
+    return bool(sides) or held or blocks or bool(scene.bodies)
 
 
-def _idle(scene: AnyScene) -> Iterator[str]:
+def _idle(scene: BaseScene) -> Iterator[str]:
     """Scenes in which nothing moves the material."""
     moving = [getattr(part, "velocity", None) for part in (*scene.fills, *scene.walls)]
     moving += [fill.region.velocity for fill in scene.fills if isinstance(fill.region, Cloud)]
-    bodies = getattr(scene, "bodies", ())
+    bodies = scene.bodies
     moves = any(body.motion.rows()[:, 1:].any() for body in bodies)
     pressed = any(fill.density is not None for fill in scene.fills)
     other = scene.inflows or pressed or getattr(scene, "servos", ()) or getattr(scene, "jets", ())
@@ -311,7 +311,7 @@ def _idle(scene: AnyScene) -> Iterator[str]:
         yield "gravity is 0, and nothing has a velocity: nothing will move"
 
 
-def _speeds(scene: AnyScene) -> Iterator[str]:
+def _speeds(scene: BaseScene) -> Iterator[str]:
     """Parts that are faster than elastic waves."""
     c = scene.wave_speed
     for kind in ("fills", "inflows", "walls", "bodies"):
@@ -327,9 +327,9 @@ def _speeds(scene: AnyScene) -> Iterator[str]:
                 )
 
 
-def _turning(scene: AnyScene) -> Iterator[str]:
+def _turning(scene: BaseScene) -> Iterator[str]:
     """Angular velocities that are those of no tool, or whole turns in degrees."""
-    for i, body in enumerate(getattr(scene, "bodies", ())):
+    for i, body in enumerate(scene.bodies):
         half, omegas = body.extents(), body.motion.rows()[:, 4:]
         half = np.where(np.isfinite(half), half, 0.0)
         fastest = max(
@@ -344,7 +344,7 @@ def _turning(scene: AnyScene) -> Iterator[str]:
             )
 
 
-def _steps(scene: AnyScene) -> Iterator[str]:
+def _steps(scene: BaseScene) -> Iterator[str]:
     dt = getattr(getattr(scene, "scheme", None), "dt", None)
     dt = dt or scene.courant_limit * scene.grid.cell / scene.wave_speed
     if scene.duration > MOST_STEPS * dt:
@@ -354,7 +354,7 @@ def _steps(scene: AnyScene) -> Iterator[str]:
         )
 
 
-def _small(scene: AnyScene) -> Iterator[str]:
+def _small(scene: BaseScene) -> Iterator[str]:
     """Fills that are thinner than a cell."""
     least = (1 - scene.grid.slack) * scene.grid.cell
     for i, fill in enumerate(scene.fills):
@@ -366,11 +366,11 @@ def _small(scene: AnyScene) -> Iterator[str]:
             )
 
 
-def _outside(scene: AnyScene) -> Iterator[str]:
+def _outside(scene: BaseScene) -> Iterator[str]:
     """Bodies that are outside of the domain and do not come in."""
     grid, g = scene.grid, np.array(scene.gravity.vectors)
     near, longest = grid.cell, max(grid.shape) * grid.cell
-    for i, body in enumerate(getattr(scene, "bodies", ())):
+    for i, body in enumerate(scene.bodies):
         for axis in np.flatnonzero(~np.array(grid.periodic)):
             reach, at, free = body.extents()[axis], body.position[axis], AXES[axis] in body.free
             for sign, end in ((-1, grid.lower[axis]), (1, grid.upper[axis])):
@@ -388,7 +388,7 @@ def _outside(scene: AnyScene) -> Iterator[str]:
                     )
 
 
-def _is_beside(scene: AnyScene, i: int) -> bool:
+def _is_beside(scene: BaseScene, i: int) -> bool:
     """True if the box about a body meets that of another one, on which it may roll or rest."""
     body = scene.bodies[i]
     return any(
@@ -408,9 +408,9 @@ def _way(times: Any, velocity: Any, duration: float) -> float:
     return float(np.max(np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t)), initial=0.0))
 
 
-def _masses(scene: AnyScene) -> Iterator[str]:
+def _masses(scene: BaseScene) -> Iterator[str]:
     """Masses and moments of inertia that no body of this size has."""
-    for i, body in enumerate(getattr(scene, "bodies", ())):
+    for i, body in enumerate(scene.bodies):
         half = body.extents()[: scene.dim]
         if body.mass is None or not np.isfinite(half).all():
             continue

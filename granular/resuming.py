@@ -15,7 +15,6 @@ from granular.record.layout import reading
 from granular.record.settings import check_alike, settings_of, usable_isa
 
 if TYPE_CHECKING:
-    from granular.simulation import Simulation
     from granular.typing import AnyScene
 
 __all__ = ["resumed"]
@@ -29,7 +28,7 @@ def resumed(
     threads: int | None,
     isa: str | None,
     trust_code: bool,
-) -> Simulation:
+) -> Any:
     """Make the simulation of `granular.Simulation.resume`; `cls` is its class."""
     if threads is not None:
         integer("threads", threads, 1, _core.MAX_THREADS)
@@ -47,7 +46,7 @@ def resumed(
                 isa = usable_isa(recorded, record.path)
             if scene is not None and scene != record.scene:
                 checkpoint = method._adapted(record.scene, scene, unwatched(checkpoint))
-            sim: Simulation = method._restored(scene or record.scene, checkpoint, threads, isa)
+            sim = method._restored(scene or record.scene, checkpoint, threads, isa)
     sim._every, sim._stored, sim._precision = every, stored, precision
     sim._session.path = None if scene is not None else Path(path)
     return sim

@@ -6,8 +6,8 @@ import os
 import time as clock
 import warnings
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, nullcontext, suppress
-from typing import TYPE_CHECKING, Any, Self
+from contextlib import suppress
+from typing import TYPE_CHECKING, Protocol, Self
 
 import numpy as np
 
@@ -15,8 +15,9 @@ from granular import _core
 from granular.checks import positive
 
 if TYPE_CHECKING:
-    from granular.record import TrajectoryWriter
-    from granular.simulation import Simulation
+    from granular.monitor import Monitor
+    from granular.record.checkpoint import Checkpoint
+    from granular.record.writer import TrajectoryWriter
 
 __all__ = [
     "CHECKPOINT_MINUTES",
@@ -28,7 +29,6 @@ __all__ = [
     "check_interval",
     "default_threads",
     "next_frame",
-    "progress_bar",
     "spoils_state",
     "warn_of_threads",
 ]
@@ -81,6 +81,22 @@ def warn_of_threads(wanted: int, refused: int) -> None:
     )
 
 
+class Run(Protocol):
+    """A simulation, as far as a run knows it."""
+
+    _monitor: Monitor
+
+    @property
+    def time(self) -> float: ...
+    @property
+    def steps(self) -> int: ...
+    @property
+    def frame_is_stored(self) -> bool: ...
+    def checkpoint(self) -> Checkpoint: ...
+    def _advance(self, max_steps: int, until: float) -> None: ...
+    def _sample_if_due(self) -> None: ...
+
+
 class Chunks:
     """Steps made in calls of the core that take about CHUNK_SECONDS each.
 
@@ -90,7 +106,7 @@ class Chunks:
     def __init__(self) -> None:
         self._steps = 1  # of the next call
 
-    def advance(self, sim: Simulation, until: float, target: int = MOST_STEPS) -> Iterator[None]:
+    def advance(self, sim: Run, until: float, target: int = MOST_STEPS) -> Iterator[None]:
         """Advance a simulation to the time `until` [s], or a number of steps; yield after each."""
         while sim.time < until and (first := sim.steps) < target:
             begin = clock.perf_counter()
@@ -99,7 +115,7 @@ class Chunks:
             self._steps = int(min(max(CHUNK_SECONDS / seconds, 1), MAX_CHUNK, 4 * self._steps + 1))
             yield
 
-    def to_time(self, sim: Simulation, until: float, monitored: bool) -> Iterator[None]:
+    def to_time(self, sim: Run, until: float, monitored: bool) -> Iterator[None]:
         """Advance a simulation to a time [s], and take the samples of its monitor on the way."""
         while sim.time < until:
             target = sim._monitor.next(sim.steps) if monitored else MOST_STEPS
@@ -150,7 +166,7 @@ class Saver:
     due, because a run that goes on from there would not make it.
     """
 
-    def __init__(self, sim: Simulation, writer: TrajectoryWriter | None, seconds: float) -> None:
+    def __init__(self, sim: Run, writer: TrajectoryWriter | None, seconds: float) -> None:
         self._sim, self._writer, self._seconds = sim, writer, seconds
         self._last = clock.monotonic()
 
@@ -202,27 +218,3 @@ def next_frame(time: float, every: float) -> float:
     """First multiple of `every` after a time [s], which may itself be one but for rounding."""
     frame = float((np.floor(time / every + 1e-9) + 1) * every)
     return frame if frame > time else time + every  # rounding of a large quotient
-
-
-class _Silent:
-    """A progress bar that shows nothing."""
-
-    n = 0.0
-
-    def update(self, amount: float) -> None:
-        self.n += amount
-
-
-def bar(**options: Any) -> Any:
-    """Progress bar of tqdm, as fits a terminal or a notebook."""
-    from tqdm.auto import tqdm  # takes longer to import than all other libraries
-
-    return tqdm(**options)
-
-
-def progress_bar(sim: Simulation, until: float, shown: bool) -> AbstractContextManager[Any]:
-    """Progress bar of a run to the time `until` [s], or one that shows nothing."""
-    if not shown:
-        return nullcontext(_Silent())
-    form = "{l_bar}{bar}| {n:.3f}/{total:.3f} s [{elapsed}<{remaining}]"
-    return bar(total=until, initial=sim.time, desc=sim.scene.name, bar_format=form)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any, ClassVar, cast
+from typing import Any, ClassVar
 
 from granular import geometry, seeding
 from granular.checks import check_fields, integer, kinds_of, positive, set_fields, tuple_of
@@ -12,7 +12,7 @@ from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
 from granular.indicators import Row
 from granular.inflow import Inflow, standing_points
-from granular.notebook import image, table
+from granular.notebook import image, pictures, table
 from granular.serializable import Parameters, Serializable
 
 __all__ = ["BaseScene"]
@@ -53,6 +53,11 @@ class BaseScene(Serializable):
             raise ValueError(
                 f"gravity of dimension {self.gravity.dim} must have {self.dim} as the grid"
             )
+
+    @property
+    def bodies(self) -> tuple[Any, ...]:
+        """Rigid bodies; none with a method that has only walls."""
+        return ()
 
     @property
     def dim(self) -> int:
@@ -116,9 +121,6 @@ class BaseScene(Serializable):
         return self._limits.known_failures(self)
 
     def _repr_html_(self) -> str:
-        # Imported here: a scene that is not shown does not need matplotlib.
-        from granular.plot.scene import scene as picture_of
-
         rows: dict[str, object] = {
             "domain [m]": " x ".join(f"{n * self.grid.cell:g}" for n in self.grid.shape),
             "cells": " x ".join(map(str, self.grid.shape)) + f" of {self.grid.cell:g} m",
@@ -130,7 +132,7 @@ class BaseScene(Serializable):
             "method": self._method_in_words(),
         }
         return table(f"Scene {self.name}", rows | dict(self.parameters)) + image(
-            picture_of(cast(Any, self))
+            pictures["scene"](self)
         )
 
     def _walls_in_words(self) -> str:

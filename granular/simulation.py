@@ -16,6 +16,7 @@ from granular.interrupts import DeferredSignals
 from granular.measure.derived import with_derived
 from granular.monitor import Monitor, known
 from granular.present import Present
+from granular.progress import progress_bar
 from granular.record import Checkpoint, TrajectoryWriter
 from granular.record.session import Session
 from granular.record.settings import (
@@ -34,7 +35,6 @@ from granular.running import (
     Soundness,
     check_interval,
     next_frame,
-    progress_bar,
     warn_of_threads,
 )
 from granular.turns import Turns, alone
@@ -131,13 +131,6 @@ class Simulation(Present):
         self._monitor = Monitor(scene)
         self._told: set[str] = set()
         self._turns = Turns()
-
-    def view(self, path: str | os.PathLike[str] | None = None, **options: Any) -> Any:
-        """Show the present state in 3D, or draw it to a file; see `granular.plot.view`."""
-        # Imported here: a simulation needs no pictures.
-        from granular.plot import view
-
-        return view(self, path, **options)
 
     # ---- stepping ----
 
@@ -274,7 +267,7 @@ class Simulation(Present):
         with (
             DeferredSignals() as signals,
             recorded as writer,
-            progress_bar(self, until, progress) as bar,
+            progress_bar(self.scene.name, self.time, until, progress) as bar,
             Saver(self, writer, 60 * minutes) as saver,
         ):
             if monitor:

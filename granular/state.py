@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,9 @@ if TYPE_CHECKING:
     from granular.sph.gas import GasState
     from granular.typing import AnyScene
 
-__all__ = ["State"]
+__all__ = ["State", "States"]
 
 Array = NDArray[np.float64]
-
-STANDARD = ("pressure", "shear_stress", "density", "speed")
-"""Derived quantities that are exported unless others are asked for."""
 
 
 class State:
@@ -76,7 +73,7 @@ class State:
             array.flags.writeable = False
         if gas is not None:
             self.gas = gas
-        described = getattr(scene, "bodies", ())
+        described = scene.bodies
         if bodies and len(bodies) != len(described):
             raise ValueError(
                 f"bodies: {len(bodies)} must be as many as those of the scene, {len(described)}"
@@ -174,47 +171,6 @@ class State:
         """True for points under pressure, shape (n,)."""
         return self.pressure > 0
 
-    def to_dataframe(self, fields: Collection[str] = STANDARD) -> Any:
-        """Return a table of pandas with one row per point, indexed by id.
-
-        Its columns are the stored fields, x, y, v_x, stress_xy and so on, and derived quantities.
-        Its `attrs` are the name of the scene, time and step.
-
-        Parameters
-        ----------
-        fields : collection of str
-            Derived quantities, of `granular.measure.derived`.
-
-        Raises
-        ------
-        ModuleNotFoundError
-            If pandas is not installed: ``pip install 'granular[tables]'``.
-        TypeError, ValueError
-            If there is no such quantity, or the scene has not what it takes.
-        """
-        from granular.record.export import dataframe
-
-        return dataframe(self, fields)
-
-    def to_pyvista(self, fields: Collection[str] = STANDARD) -> Any:
-        """Return a `pyvista.MultiBlock` of "material" and "gas" (points), "body0", "body1", ...
-
-        Parameters
-        ----------
-        fields : collection of str
-            Derived quantities besides the stored fields, of `granular.measure.derived`.
-
-        Raises
-        ------
-        ModuleNotFoundError
-            If pyvista is not installed: ``pip install 'granular[pictures3d]'``.
-        TypeError, ValueError
-            If there is no such quantity, or the scene has not what it takes.
-        """
-        from granular.record.export import blocks
-
-        return blocks(self, fields)
-
     def __repr__(self) -> str:
         return f"State({self.scene.name}, t = {self.time:.6g} s, step {self.step}, {self.n} points)"
 
@@ -228,3 +184,7 @@ class State:
             "fields": ", ".join(self.fields),
         }
         return table(f"State of {self.scene.name}", rows)
+
+
+States: TypeAlias = State | Iterable[State]
+"""A state, or several: a trajectory or a sequence of states."""

@@ -24,8 +24,9 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from granular.checks import integer, positive
+from granular.extras import imported
+from granular.progress import bar
 from granular.record import RecordError, Trajectory, open_trajectory
-from granular.running import bar
 from granular.serializable import Serializable
 from granular.simulation import Simulation
 from granular.typing import AnyScene
@@ -117,10 +118,7 @@ class Sweep(Sequence):
         ValueError
             If the sweep was made without a `measure`, or `names` do not fit the keys.
         """
-        # Imported here: a sweep needs no tables.
-        from granular.record.export import needed
-
-        pandas = needed("pandas", "tables")
+        pandas = imported("pandas", "tables")
         if not self._measured:
             raise ValueError("measure = None: a table needs a sweep with a measure")
         parts = {len(key) if isinstance(key, tuple) else 0 for key in self.keys}

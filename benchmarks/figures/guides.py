@@ -393,9 +393,11 @@ def paraview(quick: bool) -> Picture:
     sim = tell(gr.Simulation(blade).run(until=0.3 if quick else 1.15))
     with TemporaryDirectory() as folder:
         path = Path(folder, "now.png")
-        sim.view(path, color="speed", limits=(0.0, 0.2), camera=(0.8, -1.2, 0.6), window=(640, 480))
+        gr.plot.view(
+            sim, path, color="speed", limits=(0.0, 0.2), camera=(0.8, -1.2, 0.6), window=(640, 480)
+        )
         right.imshow(imread(path))
-    right.set_title("sim.view('now.png', color='speed')")
+    right.set_title("gr.plot.view(sim, 'now.png')")
     right.axis("off")
     return made
 

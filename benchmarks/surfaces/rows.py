@@ -86,7 +86,7 @@ class Run:
         self._frame(self.sim)
 
     def _frame(self, sim: Any) -> None:
-        phi, _ = distance_from_bodies(sim.scene, sim.bodies)(sim.state.x)
+        phi, _ = distance_from_bodies(sim.scene.grid, sim.scene.bodies, sim.bodies)(sim.state.x)
         self.deepest = max(self.deepest, float(-phi.min()) / sim.scene.grid.cell)
         if not self.times or sim.time > self.times[-1]:
             self.times.append(sim.time)

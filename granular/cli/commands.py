@@ -197,6 +197,7 @@ def plot(arguments: argparse.Namespace) -> int:
 
 def show(arguments: argparse.Namespace) -> int:
     """Write a page with the movie of a record, and open it in a browser."""
+    from granular import plot
     from granular.record import open_trajectory
 
     target = arguments.output
@@ -204,7 +205,7 @@ def show(arguments: argparse.Namespace) -> int:
         _check_output(target, arguments.overwrite)
     with open_trajectory(arguments.file) as record:
         health = record.health()
-        parts = [record.movie(color=arguments.color), health.verdict, health, record]
+        parts = [plot.movie(record, color=arguments.color), health.verdict, health, record]
         parts += [record.scene, record.scene.material]
         body = "\n".join(_html(part) for part in parts)
     page = f"<!doctype html><meta charset='utf-8'><title>{escape(arguments.file)}</title>\n{body}\n"

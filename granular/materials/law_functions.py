@@ -14,11 +14,12 @@ import sysconfig
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from granular.extras import imported
 
 __all__ = [
     "MOST_HISTORY",
@@ -152,7 +153,7 @@ CALLED_BY_NUMBA = "<numba.core.cpu.CPUContext>"
 
 
 def _by_numba(update: Callable[..., None]) -> LawFunction:
-    numba = needed("numba")
+    numba = imported("numba", "laws")
     inner: Any = update if hasattr(update, "py_func") else numba.njit(update)
     numbers, integers = (
         numba.types.CPointer(kind) for kind in (numba.types.float64, numba.types.int64)
@@ -177,16 +178,6 @@ def _by_numba(update: Callable[..., None]) -> LawFunction:
         if made.signature.return_type != numba.types.none:
             raise TypeError(RETURNS.format(update.__name__, made.signature.return_type))
     return LawFunction(call.address, call, called=CALLED_BY_NUMBA)
-
-
-def needed(package: str) -> Any:
-    """Import a package of the extra "laws"."""
-    try:
-        return import_module(package)
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"{error}: this needs {package}: pip install 'granular[laws]'"
-        ) from error
 
 
 # ---- C ----

@@ -21,8 +21,7 @@ from granular.measure.averaging_grid import (
 )
 from granular.measure.opening import Opening, each_state, opening_of
 from granular.measure.profiles import Profile
-from granular.state import State
-from granular.typing import States
+from granular.state import State, States
 
 Field = str | Callable[[State], ArrayLike]
 """Name of a point field, or a function of a state that returns one value or row per point."""

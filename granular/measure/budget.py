@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from granular.measure.averaging_grid import Array
 from granular.measure.energy import elastic_of, kinetic_of, plastic_power
+from granular.mpm.axis_nodes import c0_lines, node_positions
 from granular.mpm.grid_map import GridMap
-from granular.mpm.node_codes import c0_lines, node_codes, node_positions
+from granular.mpm.node_codes import node_codes
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene

@@ -28,6 +28,10 @@ FLOWING = 1e-3
 """I/I0 from which a point flows; below it mu equals mu_s to 3e-4 and motion is noise."""
 
 
+AT_LIMIT = 0.999
+"""Share of the limit of a quadrature weight from which it counts as held there."""
+
+
 class Bulk:
     """Cell sums of a state, and the mask of its points in the bulk.
 
@@ -311,6 +315,22 @@ def ill_posed_fraction(state: State) -> float:
             p = state.pressure[flowing][own]
             ill[own] = ill_posedness(scaled[flowing][own], material, p) > 0
     return float(mass[ill].sum() / mass.sum())
+
+
+def weights_at_limit(state: State, limit: float) -> float:
+    """Share, by mass, of the stressed points whose weights are held at their limit; nan of none.
+
+    Parameters
+    ----------
+    state : State
+    limit : float
+        Largest magnitude of a correction of a quadrature weight.
+    """
+    dense = state.dense
+    if not dense.any():
+        return float("nan")
+    held = dense & (np.abs(state.weight_correction) >= AT_LIMIT * limit)
+    return float(state.mass[held].sum() / state.mass[dense].sum())
 
 
 def gap_fraction(state: State) -> float:

@@ -9,8 +9,7 @@ from numpy.typing import ArrayLike
 from granular.checks import finite, vector
 from granular.measure.averaging_grid import Array, Indices, sums_of
 from granular.measure.opening import each_state
-from granular.state import State
-from granular.typing import States
+from granular.state import State, States
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

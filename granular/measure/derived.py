@@ -28,6 +28,9 @@ DERIVED: dict[str, tuple[Callable[[State], Any], str]] = {
 }
 """Function of a state and unit of each quantity; units in 2D are per metre of depth."""
 
+STANDARD = ("pressure", "shear_stress", "density", "speed")
+"""Quantities that are exported unless others are asked for."""
+
 
 def check_derived(name: str, value: object) -> tuple[str, ...]:
     """Check names of derived quantities.

@@ -10,8 +10,7 @@ import numpy as np
 from granular.checks import in_range, integer, positive
 from granular.measure.averaging_grid import Array, mean_of, only_material, require_points, sums_of
 from granular.measure.opening import each_state
-from granular.state import State
-from granular.typing import States
+from granular.state import State, States
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -11,7 +11,7 @@ from granular.measure.averaging_grid import Array, mean_of, require_points, sums
 from granular.measure.opening import each_state
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.scene import Scene
-from granular.typing import States
+from granular.state import States
 
 MASS_FLOW_INDEX = 0.3
 """Index above which the flow counts as mass flow."""
@@ -72,7 +72,7 @@ def hopper_flow(states: States, *, reach: float = 1.0) -> HopperFlow:
     scene = frames[0].scene
     if not isinstance(scene, Scene) or not scene.bodies:
         raise ValueError(f"scene {scene.name!r} has no bodies, which are the walls of a hopper")
-    from_walls = distance_from_bodies(scene)
+    from_walls = distance_from_bodies(scene.grid, scene.bodies)
     cell, upper = scene.grid.cell, scene.grid.upper[-1]
     count = max(round(upper / cell), 1)
     sums = np.zeros((2, 2, count))

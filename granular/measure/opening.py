@@ -8,9 +8,9 @@ import numpy as np
 
 from granular.checks import finite, positive
 from granular.measure.averaging_grid import Array
-from granular.state import State
+from granular.state import State, States
 from granular.symmetric import modelled_share
-from granular.typing import AnyScene, States
+from granular.typing import AnyScene
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from granular.measure.averaging_grid import Array, only_material, require_points
 from granular.measure.body import BodyMotion, body_force, body_motion
 from granular.measure.opening import each_state
 from granular.record.reader import Trajectory
-from granular.typing import States
+from granular.state import States
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

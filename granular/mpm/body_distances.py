@@ -1,4 +1,4 @@
-"""Distances of places from the bodies of a scene and from their images in periodic directions."""
+"""Distances of places from bodies on a grid and from their images in periodic directions."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ import scipy
 from numpy.typing import NDArray
 
 from granular import _core
+from granular.geometry import Grid
 from granular.mpm.body_shapes import padded, turned
 from granular.open_space import Distance, nowhere
 
 if TYPE_CHECKING:
     from granular.mpm.bodies import Body, BodyState
-    from granular.mpm.scene import Scene
 
 __all__ = ["distance_at", "distance_from_bodies", "distances", "nearest", "periods", "surface_at"]
 
 
-def periods(scene: Scene, body: Body) -> NDArray[np.float64]:
+def periods(grid: Grid, body: Body) -> NDArray[np.float64]:
     """Periods [m] with which a body has images along x, y and z; inf without images.
 
     As in the core, there are none along axes on which the body reaches farther than half a period.
     """
-    grid, periods = scene.grid, np.full(3, np.inf)
+    periods = np.full(3, np.inf)
     lengths = grid.cell * np.array(grid.shape)
     reaches = body.extents()[: grid.dim]
     repeats = np.array(grid.periodic) & (2 * reaches <= lengths)
@@ -40,25 +40,25 @@ def nearest(arms: NDArray[np.floating], period: float | NDArray[np.float64]) -> 
     return nearest
 
 
-def distances(scene: Scene, body: Body, places: NDArray[np.float64]) -> NDArray[np.float64]:
+def distances(grid: Grid, body: Body, places: NDArray[np.float64]) -> NDArray[np.float64]:
     """Signed distances [m] of places (n, 3) from a body, or its nearest image, at the start."""
-    return _from_body(scene, body, places, turned(body.rotation_deg), padded(body.position))[0]
+    return _from_body(grid, body, places, turned(body.rotation_deg), padded(body.position))[0]
 
 
 def distance_at(
-    scene: Scene, body: Body, x: NDArray[np.float64], pose: BodyState
+    grid: Grid, body: Body, x: NDArray[np.float64], pose: BodyState
 ) -> NDArray[np.float64]:
     """Signed distances [m] of places (n, dim) from a body, or its nearest image, in a pose."""
-    return surface_at(scene, body, x, pose)[0]
+    return surface_at(grid, body, x, pose)[0]
 
 
 def surface_at(
-    scene: Scene, body: Body, x: NDArray[np.float64], pose: BodyState
+    grid: Grid, body: Body, x: NDArray[np.float64], pose: BodyState
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Signed distances as of `distance_at`, and the normals of the surface, shape (n, dim)."""
-    places = np.pad(x, ((0, 0), (0, 3 - scene.dim)))
-    distance, normal = _from_body(scene, body, places, *_placed(pose))
-    return distance, normal[:, : scene.dim]
+    places = np.pad(x, ((0, 0), (0, 3 - grid.dim)))
+    distance, normal = _from_body(grid, body, places, *_placed(pose))
+    return distance, normal[:, : grid.dim]
 
 
 def _placed(pose: BodyState) -> tuple[scipy.spatial.transform.Rotation, tuple[float, ...]]:
@@ -70,29 +70,31 @@ def _placed(pose: BodyState) -> tuple[scipy.spatial.transform.Rotation, tuple[fl
 
 
 def _from_body(
-    scene: Scene,
+    grid: Grid,
     body: Body,
     places: NDArray[np.float64],
     turn: scipy.spatial.transform.Rotation,
     position: Sequence[float],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Signed distances [m] of places (n, 3) from a body, or its nearest image, and normals."""
-    own = turn.inv().apply(nearest(places - position, periods(scene, body)))
+    own = turn.inv().apply(nearest(places - position, periods(grid, body)))
     rows, samples = body.shape.rows(), body.shape.samples()
     distance, normal = _core.body_distance(rows, samples, np.ascontiguousarray(own))
     return distance, turn.apply(normal)
 
 
-def distance_from_bodies(scene: Scene, states: Sequence[BodyState] = ()) -> Distance:
+def distance_from_bodies(
+    grid: Grid, bodies: Sequence[Body], states: Sequence[BodyState] = ()
+) -> Distance:
     """Make the function of the distance of places (n, dim) from the nearest body, and its normal.
 
     Bodies are where the `states` have them, or where they are at the start.
     """
-    if not scene.bodies:
+    if not bodies:
         return nowhere
-    dim = scene.dim
+    dim = grid.dim
     poses = [_placed(state) for state in states] or [
-        (turned(body.rotation_deg), padded(body.position)) for body in scene.bodies
+        (turned(body.rotation_deg), padded(body.position)) for body in bodies
     ]
 
     def distance(
@@ -102,8 +104,8 @@ def distance_from_bodies(scene: Scene, states: Sequence[BodyState] = ()) -> Dist
         if not len(x):
             return least, normal
         places = np.pad(x, ((0, 0), (0, 3 - dim)))
-        for body, (turn, position) in zip(scene.bodies, poses, strict=True):
-            found, away = _from_body(scene, body, places, turn, position)
+        for body, (turn, position) in zip(bodies, poses, strict=True):
+            found, away = _from_body(grid, body, places, turn, position)
             nearer = found < least
             least[nearer], normal[nearer] = found[nearer], away[nearer, :dim]
         return least, normal

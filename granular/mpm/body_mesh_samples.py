@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from granular import _core
 from granular.mpm.body_shapes import row_of
 from granular.mpm.body_triangles import Triangles
-from granular.running import bar
+from granular.progress import bar
 
 if TYPE_CHECKING:
     from granular.mpm.body_mesh import Mesh

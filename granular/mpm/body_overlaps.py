@@ -162,7 +162,7 @@ def _across(scene: Scene, wall: Wall, i: int, balls: Balls) -> tuple[float, Arra
         step = max(SPACING * grid.cell, (high - low) / MOST_ACROSS[grid.dim])
         axes.append(np.linspace(low, high, math.ceil((high - low) / step) + 1))
     places = combined(axes)
-    phi = distance_at(scene, body, places, body.at_start())
+    phi = distance_at(scene.grid, body, places, body.at_start())
     deepest = int(phi.argmin())
     within = min(OVERLAP * grid.cell, 0.25 * min(thicknesses(body.shape)))
     if phi[deepest] > -within:
@@ -219,7 +219,7 @@ def _in_body(scene: Scene, i: int, j: int, balls: Sequence[Balls]) -> Iterator[O
         if not len(x):
             continue
         body = scene.bodies[other]
-        phi, normal = surface_at(scene, body, x, body.at_start())
+        phi, normal = surface_at(scene.grid, body, x, body.at_start())
         deepest = int(np.argmax(radius - phi))
         place = x[deepest] - radius[deepest] * normal[deepest]
         yield Overlap(f"bodies[{j}]", float(radius[deepest] - phi[deepest]), place)

@@ -14,12 +14,13 @@ from granular.inflow import inlet_points
 from granular.materials import NGF, Material
 from granular.materials.law_functions import MOST_HISTORY
 from granular.materials.own import OwnLaw
+from granular.mpm.axis_nodes import c0_lines
 from granular.mpm.body_limits import check_blades
 from granular.mpm.cell_codes import cell_flags, fluidity_faces
 from granular.mpm.damping import damping, velocity_decay
 from granular.mpm.limits import check_time_step, step_at_rest
 from granular.mpm.lithostatic import rest_compression, stress_shape
-from granular.mpm.node_codes import WallRow, c0_lines, node_codes
+from granular.mpm.node_codes import WallRow, node_codes
 from granular.mpm.scene import Scene, Servo
 from granular.seeding import Points
 

@@ -61,7 +61,7 @@ def _outside(scene: Scene, places: NDArray[np.float64]) -> NDArray[np.bool_]:
         if not found.any():
             break
         left = np.pad(places[found], ((0, 0), (0, 3 - body.dim)))
-        found[found] = distances(scene, body, left) > 0
+        found[found] = distances(scene.grid, body, left) > 0
     return found
 
 

@@ -107,10 +107,10 @@ class FreeBodies:
             for j, other in enumerate(self._scene.bodies):
                 if j == i:
                     continue
-                far = distance_at(self._scene, other, pose.position[None], states[j])[0]
+                far = distance_at(self._scene.grid, other, pose.position[None], states[j])[0]
                 if far > reach(body.shape):
                     continue
-                phi = distance_at(self._scene, other, x, states[j])
+                phi = distance_at(self._scene.grid, other, x, states[j])
                 within = phi <= 0
                 if within.any():
                     yield i, f"bodies[{j}]", float((places.depth - phi)[within].max())

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
-
-import numpy as np
 
 from granular.indicators import Row, common
 from granular.materials.own import OwnLaw
@@ -15,9 +12,8 @@ from granular.seeding import DEEPEST
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
-    from granular.state import State
 
-__all__ = ["POINTS_PER_CELL", "indicators", "remedies", "weights_at_limit"]
+__all__ = ["POINTS_PER_CELL", "indicators", "remedies"]
 
 POINTS_PER_CELL = 4
 """Least number of points per cell in a flow, from the map "incline_seeding"."""
@@ -74,9 +70,6 @@ OWN = (
     ),
 )
 
-AT_LIMIT = 0.999
-"""Share of the limit of a quadrature weight from which it counts as held there."""
-
 OF_A_FLOOR = ("disconnected", "density_drift", "dilution", "energy_created")
 """Indicators that are beyond their limits where material falls to an end of the grid."""
 
@@ -84,16 +77,6 @@ OF_A_FLOOR = ("disconnected", "density_drift", "dilution", "energy_created")
 def indicators(scene: Scene) -> tuple[Row, ...]:
     """Indicators of a scene."""
     return (*common(scene, remedies(scene)), *OWN)
-
-
-def weights_at_limit(scene: Scene, state: State) -> float:
-    """Share, by mass, of the stressed points whose weights are held at their limit; nan of none."""
-    dense = state.dense
-    if not dense.any():
-        return math.nan
-    most = AT_LIMIT * scene.scheme.density.numbers()["weight_correction_limit"]
-    held = dense & (np.abs(state.weight_correction) >= most)
-    return float(state.mass[held].sum() / state.mass[dense].sum())
 
 
 def remedies(scene: Scene) -> dict[str, str]:

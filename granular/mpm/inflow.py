@@ -46,7 +46,7 @@ def _check_free(scene: Scene, i: int, name: str) -> None:
     for j, wall in enumerate(scene.walls):
         if isinstance(wall, Solid) and ((x > wall.lower) & (x < wall.upper)).all(axis=1).any():
             raise ValueError(f"{name}.region must lie outside of walls[{j}], a Solid")
-    if scene.bodies and (distance_from_bodies(scene)(x)[0] < touches).any():
+    if scene.bodies and (distance_from_bodies(scene.grid, scene.bodies)(x)[0] < touches).any():
         raise ValueError(f"{name}.region must lie outside of the bodies at their start")
     for j, other in enumerate(scene.inflows):
         if j != i and other.region.contains(x).any():

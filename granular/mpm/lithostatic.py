@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from granular.mpm.scene import Scene
     from granular.seeding import Points
 
-__all__ = ["check_ratios", "rest_compression", "stress_shape"]
+__all__ = ["rest_compression", "stress_shape"]
 
 Array = NDArray[np.float64]
 
@@ -30,21 +30,6 @@ _TINY = float(np.finfo(float).tiny)
 
 _COMPONENTS = ((0, 1, 2, 0, 1, 0), (0, 1, 2, 1, 2, 2))
 """Rows and columns of the components xx, yy, zz, xy, yz, xz of a stress."""
-
-
-def check_ratios(scene: Scene) -> None:
-    """Refuse a K0 of a fill at which its material yields."""
-    for i, fill in enumerate(scene.fills):
-        material = fill.material or scene.material
-        if fill.K0 is None or getattr(material, "cohesion", 0.0) > 0.0:
-            continue
-        low, high = material.yield_ratios
-        if not low <= fill.K0 <= high:
-            raise ValueError(
-                f"fills[{i}].K0 = {fill.K0} must be from {low:.6g} to {high:.6g}, the ratios at "
-                f"which a material of friction {material.static_friction:.6g} yields; None for "
-                f"{material.K0:.6g}"
-            )
 
 
 def stress_shape(

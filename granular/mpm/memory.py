@@ -75,7 +75,7 @@ have 1.4 to 1.8."""
 
 def size(scene: Scene) -> tuple[int, float]:
     """Number of points at the end, and the memory that they need [bytes]."""
-    distance = distance_from_bodies(scene)
+    distance = distance_from_bodies(scene.grid, scene.bodies)
     counts = [estimated_points(scene.grid, fill, distance) for fill in scene.fills]
     ratios = [active_ratio(scene.grid, fill) for fill in scene.fills]
     later = entering(scene, scene.inflows)

@@ -17,12 +17,11 @@ from granular.inflow import Inflow
 from granular.materials import Material
 from granular.mpm import bodies as rigid
 from granular.mpm import limits
+from granular.mpm.axis_nodes import c0_lines, check_c0_lines
 from granular.mpm.bodies import Body
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.body_shapes import shape_kinds
 from granular.mpm.inflow import check_inflows
-from granular.mpm.lithostatic import check_ratios
-from granular.mpm.node_codes import c0_lines, check_c0_lines
 from granular.mpm.schemes import DENSITIES, Fluidity, Scheme, suited_to
 from granular.mpm.walls import Solid, SpongeLayer, Wall
 from granular.scene import BaseScene
@@ -144,7 +143,7 @@ class Scene(BaseScene):
                     f"gravity = {self.gravity} must have no component along a periodic axis at "
                     "t = 0 for lithostatic fills"
                 )
-        check_ratios(self)
+        self._check_ratios()
         self._check_servos()
         self._check_materials()
         check_inflows(self)
@@ -158,6 +157,20 @@ class Scene(BaseScene):
         for axis, (n, periodic) in enumerate(zip(self.grid.shape, self.grid.periodic, strict=True)):
             lines = c0_lines(self.grid, self.walls, axis)
             check_c0_lines(self.scheme.basis, n, periodic, lines)
+
+    def _check_ratios(self) -> None:
+        """Refuse a K0 of a fill at which its material yields."""
+        for i, fill in enumerate(self.fills):
+            material = fill.material or self.material
+            if fill.K0 is None or getattr(material, "cohesion", 0.0) > 0.0:
+                continue
+            low, high = material.yield_ratios
+            if not low <= fill.K0 <= high:
+                raise ValueError(
+                    f"fills[{i}].K0 = {fill.K0} must be from {low:.6g} to {high:.6g}, the ratios "
+                    f"at which a material of friction {material.static_friction:.6g} yields; None "
+                    f"for {material.K0:.6g}"
+                )
 
     @property
     def materials(self) -> tuple[Material, ...]:
@@ -217,7 +230,7 @@ class Scene(BaseScene):
         gravity = self.gravity.at(0.0)
         size = math.hypot(*gravity)
         up = tuple((-gravity / size).tolist()) if size else None
-        return {"distance": distance_from_bodies(self), "up": up}
+        return {"distance": distance_from_bodies(self.grid, self.bodies), "up": up}
 
     @property
     def servos(self) -> list[Servo]:

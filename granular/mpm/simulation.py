@@ -15,6 +15,7 @@ from granular.checks import positive, truth
 from granular.inflow import InflowState, stored_inflow
 from granular.materials.law_functions import keeping_exceptions
 from granular.materials.own import OwnLaw
+from granular.measure.bulk import weights_at_limit
 from granular.monitor import Energies
 from granular.mpm import bodies as rigid
 from granular.mpm import engine as core
@@ -23,7 +24,6 @@ from granular.mpm.blocks import deep_within
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.body_overlaps import check_overlaps
 from granular.mpm.free_bodies import INTERVAL, FreeBodies
-from granular.mpm.indicators import weights_at_limit
 from granular.mpm.inflow_state import account
 from granular.mpm.rigid_contact import touch_solids
 from granular.mpm.scene import Scene
@@ -310,14 +310,15 @@ class Simulation(simulation.Simulation, scenes=Scene):
             moved = abs(float(self.walls[servo.wall].displacement))
             found["wall_strain"] = moved / core.extent(self.scene, servo.axis)
         if "weight_correction" in state.fields:
-            found["weights_at_limit"] = weights_at_limit(self.scene, state)
+            limit = self.scene.scheme.density.numbers()["weight_correction_limit"]
+            found["weights_at_limit"] = weights_at_limit(state, limit)
         if not thorough or not state.n:
             return found
         if any(isinstance(wall, Solid) for wall in self.scene.walls):
             within = deep_within(self.scene.grid, self.scene.walls, state.x)
             found["in_solids"] = float(state.mass[within].sum() / state.mass.sum())
         if self.scene.bodies:
-            phi, _ = distance_from_bodies(self.scene, self.bodies)(state.x)
+            phi, _ = distance_from_bodies(self.scene.grid, self.scene.bodies, self.bodies)(state.x)
             within = phi < -DEEPEST * self.scene.grid.cell
             found["in_bodies"] = float(state.mass[within].sum() / state.mass.sum())
         return found

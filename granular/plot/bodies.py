@@ -65,7 +65,9 @@ class Section:
         self.level = max(0.0, 0.75 * step - 0.5 * thickness)
 
     def _at(self, x: NDArray, y: NDArray, pose: BodyState) -> Array:
-        return distance_at(self._scene, self._body, self._view.in_space(self._scene, x, y), pose)
+        return distance_at(
+            self._scene.grid, self._body, self._view.in_space(self._scene, x, y), pose
+        )
 
     def distances(self, pose: BodyState) -> Array:
         """Distances [m] at the nodes, shape (y, x); far from the surface only their sign holds."""
@@ -142,7 +144,7 @@ class Bodies:
         filled = dict(STYLE, zorder=1.0 if view.projects else 2.5)
         self.artists: list[PathPatch] = []
         self._sections = []
-        for body in getattr(scene, "bodies", ()):
+        for body in scene.bodies:
             self._sections.append(Section(cast("Scene", scene), body, view, extent, intervals))
             self.artists.append(PathPatch(Path(np.zeros((0, 2))), **cast(Any, filled)))
             ax.add_patch(self.artists[-1])
@@ -175,5 +177,5 @@ def boxes_of_bodies(
     more = beyond * max(high - low for low, high in ends)
     (left, right), (bottom, top) = ends
     region = (left - more, right + more), (bottom - more, top + more)
-    for body, pose in zip(getattr(scene, "bodies", ()), poses, strict=True):
+    for body, pose in zip(scene.bodies, poses, strict=True):
         yield from Section(cast("Scene", scene), body, view, region, COARSE).boxes(pose)

@@ -18,7 +18,7 @@ from PIL import Image
 from granular.checks import in_range
 from granular.files import check_file
 from granular.notebook import embedded
-from granular.running import bar
+from granular.progress import bar
 
 SCANNED = 16
 """Number of frames to which the colour scale, the extent and the palette are fitted."""

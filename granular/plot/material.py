@@ -68,7 +68,8 @@ def mirror_images(state: State, view: View, reach: float) -> tuple[Array, Rows]:
             images.append(image)
             rows.append(near)
     if state.dim == 2 and state.bodies:
-        away, normal = distance_from_bodies(cast("Scene", state.scene), state.bodies)(x)
+        scene = cast("Scene", state.scene)
+        away, normal = distance_from_bodies(scene.grid, scene.bodies, state.bodies)(x)
         near = np.flatnonzero((away > 0) & (away < reach))
         images.append(x[near] - 2 * away[near][:, None] * normal[near])
         rows.append(near)

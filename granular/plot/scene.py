@@ -123,7 +123,7 @@ def scene(
 
 def _whole(scene: AnyScene, view: View) -> Extent:
     """Extent of the domain, and of bodies that begin or end beyond it."""
-    grid, poses = scene.grid, [body.at_start() for body in getattr(scene, "bodies", ())]
+    grid, poses = scene.grid, [body.at_start() for body in scene.bodies]
     boxes = list(boxes_of_bodies(scene, poses, view, beyond=0.5))
     ends = []
     for place, axis in enumerate((view.across, view.up)):
@@ -179,7 +179,7 @@ def _draw_fill(
 
 
 def _draw_bodies(ax: Axes, scene: AnyScene, view: View, extent: Extent) -> Iterable[Key]:
-    bodies = getattr(scene, "bodies", ())
+    bodies = scene.bodies
     poses = [body.at_start() for body in bodies]
     drawn = Bodies(ax, scene, poses, view, extent)
     for body, pose, artist in zip(bodies, poses, drawn.artists, strict=True):

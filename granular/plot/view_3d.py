@@ -13,12 +13,13 @@ from matplotlib.colors import LogNorm
 from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import in_range, integer, one_of
+from granular.export.surfaces import surface
+from granular.extras import imported
 from granular.notebook import in_notebook
 from granular.plot.encoding import Movie, check_movie, make_movie, sampled
 from granular.plot.fields import MISSING, Brush
 from granular.plot.volume import filled_volume, inside_slab
 from granular.record import Trajectory
-from granular.record.surfaces import surface
 from granular.simulation import Simulation
 from granular.state import State
 
@@ -97,7 +98,7 @@ def view(
         Naming argument, value and allowed range.
     """
     state = _state_of(source, frame)
-    pyvista = _pyvista()
+    pyvista = imported("pyvista", "pictures3d")
     if path is None:
         _check_display(pyvista)
     brush = Brush.fitted([state], color, limits=limits, log=log, cmap=cmap)
@@ -185,7 +186,7 @@ class _Stage:
         *,
         shown: bool = False,
     ) -> None:
-        self._pyvista = _pyvista()
+        self._pyvista = imported("pyvista", "pictures3d")
         self._brush, self._slab = brush, _checked(slab)
         self._style = one_of("style", style, STYLES)
         self._opacity = in_range("opacity", opacity, 0.0, 1.0)
@@ -278,21 +279,11 @@ def _surfaces(pyvista: Any, state: State) -> list[Any]:
     """Surfaces of the bodies in their own coordinates."""
     grid, found = state.scene.grid, []
     far = math.dist(grid.upper, grid.lower)
-    for body in getattr(state.scene, "bodies", ()):
+    for body in state.scene.bodies:
         vertices, polygons = surface(body.shape, 3, far)
         faces = np.concatenate([(len(polygon), *polygon) for polygon in polygons])
         found.append(pyvista.PolyData(vertices, faces))
     return found
-
-
-def _pyvista() -> Any:
-    try:
-        import pyvista
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"{error}: 3D pictures need pyvista: pip install 'granular[pictures3d]'"
-        ) from error
-    return pyvista
 
 
 def _check_display(pyvista: Any) -> None:

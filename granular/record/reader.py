@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, overload
@@ -17,13 +17,11 @@ from granular.record.index import Contents, load
 from granular.record.kept import kept, read_kept
 from granular.record.layout import FORMAT, RecordError, reading
 from granular.resources import Resource
-from granular.state import STANDARD
 from granular.symmetric import modelled_share
 
 if TYPE_CHECKING:
     from granular.diagnostics import Health
     from granular.mpm.bodies import BodyState
-    from granular.plot import Movie
     from granular.sph.gas import GasState
     from granular.state import State
     from granular.typing import AnyScene
@@ -119,59 +117,6 @@ class Trajectory(Resource):
             columns = [told[name] for name in names_of(prefix, count, numbers)]
         return np.array(columns).reshape(count, numbers, len(self)).transpose(2, 0, 1)
 
-    def write_bodies(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
-        """Write the surfaces of the bodies at these frames, for ParaView.
-
-        See `granular.record.surfaces.write_bodies`.
-        """
-        # Imported here: a record need not have bodies.
-        from granular.record.surfaces import write_bodies
-
-        return write_bodies(self, path, overwrite=overwrite)
-
-    def movie(self, path: str | os.PathLike[str] | None = None, **options: Any) -> "Movie":
-        """Make a movie of these frames, which plays in a notebook; see `granular.plot.movie`."""
-        # Imported here: reading a record needs no pictures.
-        from granular.plot import movie
-
-        return movie(self, path, **options)
-
-    def view(
-        self, frame: int = -1, path: str | os.PathLike[str] | None = None, **options: Any
-    ) -> Any:
-        """Show a frame in 3D, or draw it to a file; see `granular.plot.view`."""
-        # Imported here: reading a record needs no pictures.
-        from granular.plot import view
-
-        return view(self, path, frame=frame, **options)
-
-    def to_xarray(self, fields: Collection[str] = STANDARD) -> Any:
-        """Return a `xarray.Dataset` of these frames, all in memory.
-
-        Fields of points have the dimensions time and id, and are nan where a point is not there any
-        more; those of a gas begin with "gas_", the motion and impulses of bodies with "body_", and
-        what monitors measured with "sample_". For a part of the frames, slice the record.
-
-        Parameters
-        ----------
-        fields : collection of str
-            Derived quantities besides the stored fields, of `granular.measure.derived`.
-
-        Raises
-        ------
-        ModuleNotFoundError
-            If xarray is not installed: ``pip install 'granular[tables]'``.
-        TypeError, ValueError
-            If there are no frames or no such quantity, or the scene has not what it takes.
-        """
-        from granular.record.export import dataset
-
-        return dataset(self, fields)
-
-    def to_pyvista(self, i: int = -1, fields: Collection[str] = STANDARD) -> Any:
-        """Return frame `i` as a `pyvista.MultiBlock`; see `granular.State.to_pyvista`."""
-        return self[i].to_pyvista(fields)
-
     def health(self) -> "Health":
         """Judge the run up to the last of these frames, as the simulation itself did.
 
@@ -209,7 +154,7 @@ class Trajectory(Resource):
 
         scene, fields = self.scene, self._fields(frame)
         extra: dict[str, Any] = {"gas": self._gas(frame.gas)} if frame.gas else {}
-        if getattr(scene, "bodies", ()):
+        if scene.bodies:
             extra["bodies"] = self._body_states(frame)
         with reading(self.path):
             return State(

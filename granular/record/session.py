@@ -26,17 +26,18 @@ def bodies_file(path: Path) -> Path:
 
 
 def _shows_bodies(path: Path, scene: AnyScene) -> bool:
-    return path.suffix == FOR_PARAVIEW and bool(getattr(scene, "bodies", ()))
+    return path.suffix == FOR_PARAVIEW and bool(scene.bodies)
 
 
 def _write_bodies(path: Path) -> None:
     """Write the surfaces of the bodies of a record beside it, in place of what was there."""
     # Imported here: only scenes with bodies need them.
+    from granular.export import write_bodies
     from granular.record.reader import open_trajectory
 
     with open_trajectory(path) as record:
         if len(record):
-            record.write_bodies(bodies_file(path), overwrite=True)
+            write_bodies(record, bodies_file(path), overwrite=True)
 
 
 class Session:

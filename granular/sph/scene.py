@@ -154,11 +154,6 @@ class Scene(BaseScene):
             )
 
     @property
-    def bodies(self) -> tuple[()]:
-        """Empty: in SPH moving objects are walls."""
-        return ()
-
-    @property
     def h(self) -> float:
         """Smoothing length [m]."""
         return self.numerics.smoothing * self.grid.cell

@@ -57,13 +57,9 @@ def _searched(material: Law) -> Array:
 
 
 @overload
-def ill_posedness(
-    scaled: float, material: Law, pressure: float | None = None
-) -> float: ...
+def ill_posedness(scaled: float, material: Law, pressure: float | None = None) -> float: ...
 @overload
-def ill_posedness(
-    scaled: Array, material: Law, pressure: Array | None = None
-) -> Array: ...
+def ill_posedness(scaled: Array, material: Law, pressure: Array | None = None) -> Array: ...
 def ill_posedness(
     scaled: float | Array, material: Law, pressure: float | Array | None = None
 ) -> float | Array:

@@ -11,7 +11,7 @@ import numpy as np
 from granular import materials, measure, scenes
 from granular.geometry import LINE_TOLERANCE
 from granular.gravity import DUNATUNGA_KAMRIN
-from granular.mpm.node_codes import c0_lines, node_positions
+from granular.mpm.axis_nodes import c0_lines, node_positions
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.simulation import Simulation

@@ -162,6 +162,6 @@ def test_images_of_bodies_are_looked_for_as_bodies_are(dim):
 
     # The image reaches as far as the fill up, and two thirds along y.
     points = (scene := made(length - 0.6, at_end)).points()
-    assert (distance_from_bodies(scene)(points.x)[0] > 0).all()
+    assert (distance_from_bodies(scene.grid, scene.bodies)(points.x)[0] > 0).all()
     whole = made(length - 0.6).points().volume.sum()
     assert points.volume.sum() == pytest.approx(whole * (1 - (2 / 3) ** (dim - 2) / 3))

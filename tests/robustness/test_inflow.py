@@ -110,7 +110,7 @@ def test_xarray_has_a_gap_where_a_point_had_not_entered(tmp_path):
     path = tmp_path / "run.h5"
     gr.Simulation(stream(gravity=9.81, duration=0.2), threads=1).run(save=path, every=0.05)
     with gr.open(path) as record:
-        data = record.to_xarray()
+        data = gr.export.to_xarray(record)
         held = np.isfinite(data["mass"].values).sum(axis=data["mass"].dims.index("id"))
         assert held.tolist() == [frame.n for frame in record]
 

@@ -23,7 +23,7 @@ def check(scene):
     """Places and volumes of all fills, against samples of the regions; and that it runs."""
     points, grid = scene.points(), scene.grid
     assert ((points.x >= grid.lower) & (points.x < grid.upper)).all()
-    distance = distance_from_bodies(scene)
+    distance = distance_from_bodies(scene.grid, scene.bodies)
     assert distance(points.x)[0].min() >= 0
     n = {2: 300, 3: 60}[grid.dim]
     size = grid.cell * np.array(grid.shape)

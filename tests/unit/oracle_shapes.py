@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from granular.mpm.node_codes import c0_lines
+from granular.mpm.axis_nodes import c0_lines
 
 
 def _linear_shapes(x, lines):

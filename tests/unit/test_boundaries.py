@@ -11,7 +11,8 @@ from scipy.interpolate import BSpline
 import granular as gr
 from granular.geometry import Box, Fill, Grid
 from granular.gravity import Gravity
-from granular.mpm.node_codes import WallRow, c0_lines, node_codes, node_positions
+from granular.mpm.axis_nodes import c0_lines, node_positions
+from granular.mpm.node_codes import WallRow, node_codes
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Solid, SpongeLayer, Wall
 

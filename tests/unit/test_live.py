@@ -91,6 +91,8 @@ def test_a_notebook_shows_a_bar_and_one_picture():
 @pytest.mark.filterwarnings("default")
 def test_a_notebook_shows_a_view():
     """The view can be turned, or is a picture if the user has asked pyvista for pictures."""
-    assert count(outputs(SCENE, "sim.view(window=(80, 60))"), WIDGET) == 1
-    still = "import pyvista\npyvista.set_jupyter_backend('static')\nsim.view(window=(80, 60))"
+    assert count(outputs(SCENE, "gr.plot.view(sim, window=(80, 60))"), WIDGET) == 1
+    still = (
+        "import pyvista\npyvista.set_jupyter_backend('static')\ngr.plot.view(sim, window=(80, 60))"
+    )
     assert count(outputs(SCENE, still), "image/png") == 1

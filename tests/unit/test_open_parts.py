@@ -76,7 +76,7 @@ def test_points_keep_out_of_edges_and_corners_also_with_jitter(dim):
         solid = np.prod((0.32, 0.21, 0.27)[:dim])
         for scene in (plain, moved):
             points = scene.points()
-            assert distance_from_bodies(scene)(points.x)[0].min() > 0
+            assert distance_from_bodies(scene.grid, scene.bodies)(points.x)[0].min() > 0
             assert points.volume.sum() == pytest.approx(1 - solid, rel=1e-3 * solid)
         assert not np.array_equal(plain.points().x, moved.points().x)
 

@@ -347,7 +347,7 @@ def test_mp4_of_the_extra_plays_in_a_notebook(tmp_path, monkeypatch):
 def test_a_gif_of_a_record_plays_in_a_notebook(tmp_path):
     sim = gr.Simulation(small(), threads=1).run(until=0.1, every=0.05, save=tmp_path / "a.h5")
     record = gr.open(sim.record)
-    made = record.movie(tmp_path / "a.gif", color="speed")
+    made = gr.plot.movie(record, tmp_path / "a.gif", color="speed")
     assert made._repr_html_().startswith("<img alt='movie' src='data:image/gif;base64,R0lGODlh")
     with Image.open(made) as gif:
         assert gif.n_frames == len(record) == 3

@@ -146,23 +146,23 @@ def test_bad_arguments_are_named(sim, tmp_path, options, error, message):
 def test_runs_and_records_have_the_view(sim, tmp_path, monkeypatch):
     pyvista = pytest.importorskip("pyvista")
     options = {"color": "pressure", "window": (160, 120)}
-    expected = pixels(gr.plot.view(sim, tmp_path / "a.png", **options))
-    assert np.array_equal(pixels(sim.view(tmp_path / "b.png", **options)), expected)
+    drawn = pixels(gr.plot.view(sim, tmp_path / "a.png", **options))
+    assert np.array_equal(pixels(gr.plot.view(sim.state, tmp_path / "b.png", **options)), drawn)
     copy = gr.Simulation(sim.scene, threads=1).run(
         until=sim.dt, save=tmp_path / "r.h5", every=sim.dt, monitor=False
     )
     record, first = gr.open(copy.record), gr.Simulation(sim.scene, threads=1)
     for frame, source in ((0, first), (-1, copy)):
-        shown = pixels(record.view(frame, tmp_path / "c.png", **options))
-        assert np.array_equal(shown, pixels(source.view(tmp_path / "d.png", **options)))
+        shown = pixels(gr.plot.view(record, tmp_path / "c.png", frame=frame, **options))
+        assert np.array_equal(shown, pixels(gr.plot.view(source, tmp_path / "d.png", **options)))
     monkeypatch.setattr(pyvista, "OFF_SCREEN", False)
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
     if sys.platform.startswith("linux"):
         with pytest.raises(RuntimeError, match="no display: give a path"):
-            sim.view()
+            gr.plot.view(sim)
     monkeypatch.setattr(pyvista, "OFF_SCREEN", True)
-    assert sim.view(window=(160, 120)) is None
+    assert gr.plot.view(sim, window=(160, 120)) is None
 
 
 def test_a_notebook_without_trame_names_the_extra(sim, monkeypatch):
@@ -170,7 +170,7 @@ def test_a_notebook_without_trame_names_the_extra(sim, monkeypatch):
     monkeypatch.setattr(view_3d, "in_notebook", lambda: True)
     monkeypatch.setattr(view_3d, "find_spec", lambda name: None)
     with pytest.raises(ModuleNotFoundError, match=r"pip install 'granular\[notebook\]'"):
-        sim.view()
+        gr.plot.view(sim)
 
 
 def test_2d_is_refused(tmp_path):

@@ -8,6 +8,7 @@ from paraview_reader import as_array, paraview
 from scipy.stats import qmc
 
 import granular as gr
+from granular.export.surfaces import surface
 from granular.geometry import Box as Region
 from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
@@ -28,7 +29,6 @@ from granular.mpm.bodies import (
     Sphere,
     Union,
 )
-from granular.record.surfaces import surface
 
 
 def bodies_of(dim):
@@ -81,7 +81,7 @@ def moved(body, numbers, dim):
 
 def test_paraviews_reader_sees_the_bodies_where_they_are(recorded, tmp_path, dim):
     with recorded(dim, bodies_of(dim)) as record:
-        path = record.write_bodies(tmp_path / "b.vtkhdf")
+        path = gr.export.write_bodies(record, tmp_path / "b.vtkhdf")
         assert len(record) == 4
         frames = zip(record.times, paraview(path), strict=True)
         for i, (time, (seen_at, data)) in enumerate(frames):
@@ -106,7 +106,7 @@ def test_faces_of_a_box_are_its_sides(recorded, tmp_path):
     """Each face lies in one plane, and all six together have the area of the box."""
     box = Body(Box((0.1, 0.2, 0.3)), (0.3, 0.3, 0.8))
     with recorded(3, (box,)) as record:
-        path = record.write_bodies(tmp_path / "b.vtkhdf")
+        path = gr.export.write_bodies(record, tmp_path / "b.vtkhdf")
     _, data = next(paraview(path))
     area = 0.0
     for c in range(data.GetNumberOfCells()):
@@ -158,7 +158,7 @@ def interrupt_after(time):
 
 def test_bodies_that_stand_still_are_stored_once(recorded, tmp_path):
     with recorded(2, (bodies_of(2)[2],)) as record:
-        path = record.write_bodies(tmp_path / "b.vtkhdf")
+        path = gr.export.write_bodies(record, tmp_path / "b.vtkhdf")
         assert len(list(paraview(path))) == len(record) == 4
     shown = {tuple(data.GetBounds()) for _, data in paraview(path)}
     assert len(shown) == 1
@@ -168,12 +168,12 @@ def test_bodies_that_stand_still_are_stored_once(recorded, tmp_path):
 
 def test_what_is_refused(recorded, tmp_path):
     with recorded(2, bodies_of(2)) as record:
-        record.write_bodies(tmp_path / "b.vtkhdf")
+        gr.export.write_bodies(record, tmp_path / "b.vtkhdf")
         with pytest.raises(FileExistsError):
-            record.write_bodies(tmp_path / "b.vtkhdf")
-        record.write_bodies(tmp_path / "b.vtkhdf", overwrite=True)
+            gr.export.write_bodies(record, tmp_path / "b.vtkhdf")
+        gr.export.write_bodies(record, tmp_path / "b.vtkhdf", overwrite=True)
     with recorded(2, ()) as record, pytest.raises(ValueError, match="must have bodies"):
-        record.write_bodies(tmp_path / "c.vtkhdf")
+        gr.export.write_bodies(record, tmp_path / "c.vtkhdf")
 
 
 HOLLOW = Difference(Box((0.3, 0.3, 0.2)), Sphere(0.1, center=(0.05, 0.0, 0.1)))

@@ -105,9 +105,9 @@ def test_unknown_fields_are_named_before_the_run(tmp_path, fields, error, messag
     with pytest.raises(error, match=message):
         sim.run(save=tmp_path / "a.vtkhdf", fields=fields)
     assert not list(tmp_path.iterdir())
-    for call in (sim.state.to_dataframe, sim.state.to_pyvista):
+    for call in (gr.export.to_pandas, gr.export.to_pyvista):
         with pytest.raises(error, match=message):
-            call(fields=fields)
+            call(sim.state, fields=fields)
 
 
 def test_a_field_that_the_scene_cannot_have_is_named(tmp_path):
@@ -120,7 +120,7 @@ def test_a_field_that_the_scene_cannot_have_is_named(tmp_path):
 def test_a_table_has_a_row_for_each_point(record):
     pytest.importorskip("pandas")
     state = record[-1]
-    table = state.to_dataframe()
+    table = gr.export.to_pandas(state)
     assert list(table.index) == list(state.id)
     up = "y" if state.dim == 2 else "z"
     assert np.array_equal(table[up], state.x[:, -1])
@@ -129,12 +129,12 @@ def test_a_table_has_a_row_for_each_point(record):
     for name in ("pressure", "shear_stress", "density", "speed"):
         assert np.array_equal(table[name], getattr(state, name))
     assert table.attrs == {"scene": "block", "time": state.time, "step": state.step}
-    assert "mu" in state.to_dataframe(fields=["mu"])
+    assert "mu" in gr.export.to_pandas(state, fields=["mu"])
 
 
 def test_a_data_set_has_points_by_time_and_id_and_the_bodies(record):
     pytest.importorskip("xarray")
-    data = record.to_xarray()
+    data = gr.export.to_xarray(record)
     last = record[-1]
     assert data.sizes["time"] == len(record) == 3
     found = data.isel(time=-1).sel(id=last.id)
@@ -148,7 +148,7 @@ def test_a_data_set_has_points_by_time_and_id_and_the_bodies(record):
     assert data["body_work"].dims == ("time", "body")
     assert np.array_equal(data["time"], record.times)
     with pytest.raises(ValueError, match="must have frames"):
-        record[:0].to_xarray()
+        gr.export.to_xarray(record[:0])
 
 
 def test_points_that_have_left_are_nan(tmp_path):
@@ -158,7 +158,7 @@ def test_points_that_have_left_are_nan(tmp_path):
     scene = block(2).replace(grid=grid, fills=[fast], bodies=())
     gr.Simulation(scene, threads=1).run(save=tmp_path / "a.vtkhdf", every=0.02)
     with gr.open(tmp_path / "a.vtkhdf") as record:
-        data = record.to_xarray()
+        data = gr.export.to_xarray(record)
         counts = np.isfinite(data["mass"]).sum("id")
         assert list(counts) == [state.n for state in record]
         assert counts[-1] < counts[0]
@@ -166,7 +166,7 @@ def test_points_that_have_left_are_nan(tmp_path):
 
 def test_meshes_of_pyvista_have_points_gas_and_bodies(record, blown):
     pytest.importorskip("pyvista")
-    state, found = record[1], record.to_pyvista(1)
+    state, found = record[1], gr.export.to_pyvista(record[1])
     assert found.keys() == ["material", "body0"]
     cloud = found["material"]
     assert np.array_equal(cloud.points[:, : state.dim], state.x)
@@ -176,9 +176,9 @@ def test_meshes_of_pyvista_have_points_gas_and_bodies(record, blown):
     middle = 0.5 * (low + high)[: state.dim]
     assert middle == pytest.approx(state.bodies[0].position)
     assert (high - low)[: state.dim] == pytest.approx(0.1)
-    gas = blown.to_pyvista()["gas"]
+    gas = gr.export.to_pyvista(blown[-1])["gas"]
     assert np.array_equal(gas["pressure"], blown[-1].gas.pressure)
-    data = pytest.importorskip("xarray") and blown.to_xarray()
+    data = pytest.importorskip("xarray") and gr.export.to_xarray(blown)
     assert np.array_equal(data["gas_pressure"].isel(time=-1), blown[-1].gas.pressure)
 
 
@@ -212,7 +212,7 @@ def of_h5py(path):
 def of_xarray(path):
     pytest.importorskip("xarray")
     with gr.open(path) as record:
-        last = record.to_xarray().isel(time=-1).sel(id=record[-1].id)
+        last = gr.export.to_xarray(record).isel(time=-1).sel(id=record[-1].id)
     return {name: last[name].values for name in ("pressure", "speed")}
 
 
@@ -236,9 +236,9 @@ def test_pyvista_reads_the_bodies_beside_the_record(record):
 @pytest.mark.parametrize(
     ("package", "extra", "call"),
     [
-        ("pandas", "tables", lambda record: record[0].to_dataframe()),
-        ("xarray", "tables", lambda record: record.to_xarray()),
-        ("pyvista", "pictures3d", lambda record: record.to_pyvista(0)),
+        ("pandas", "tables", lambda record: gr.export.to_pandas(record[0])),
+        ("xarray", "tables", lambda record: gr.export.to_xarray(record)),
+        ("pyvista", "pictures3d", lambda record: gr.export.to_pyvista(record[0])),
     ],
 )
 def test_a_package_that_is_missing_is_named(record, monkeypatch, package, extra, call):

@@ -21,6 +21,7 @@ class SceneDouble:
     """Stand-in with the members of a Scene that a record uses."""
 
     name: str = "heap"
+    bodies = ()
 
     @property
     def parameters(self):

@@ -11,8 +11,9 @@ import pytest
 import granular as gr
 from granular import materials, scenes
 from granular.mpm import schemes
+from granular.mpm.axis_nodes import c0_lines, node_positions
 from granular.mpm.engine import initial_points
-from granular.mpm.node_codes import c0_lines, node_codes, node_positions
+from granular.mpm.node_codes import node_codes
 from granular.mpm.scene import Scene
 from granular.mpm.walls import Solid, SpongeLayer
 

@@ -6,13 +6,13 @@ from scipy.optimize import minimize
 
 import granular as gr
 from granular import _core
+from granular.export.surfaces import surface
 from granular.geometry import Box as Region
 from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
 from granular.materials import MuI
 from granular.mpm.bodies import Body, Box, HalfSpace, HeightMap, Union
 from granular.mpm.body_shapes import turned
-from granular.record.surfaces import surface
 
 
 def plane(dtype=float):

@@ -1,21 +1,22 @@
-"""States and records as tables of pandas, data sets of xarray and meshes of pyvista."""
+"""States as tables of pandas, and records as data sets of xarray."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from granular.extras import imported
 from granular.geometry import AXES
-from granular.measure.derived import DERIVED, check_derived, with_derived
+from granular.measure.derived import DERIVED, STANDARD, check_derived, with_derived
+from granular.mpm.bodies import split
 from granular.record.layout import RecordError
+from granular.record.reader import Trajectory
+from granular.state import State
 
-if TYPE_CHECKING:
-    from granular.record.reader import Trajectory
-    from granular.state import State
+__all__ = ["to_pandas", "to_xarray"]
 
 COMPONENTS = {2: ("xx", "yy", "zz", "xy"), 3: ("xx", "yy", "zz", "xy", "yz", "xz")}
 QUATERNION = ("w", "x", "y", "z")
@@ -23,16 +24,6 @@ UNITS = {
     "x": "m", "v": "m/s", "a": "m/s2", "stress": "Pa", "mass": "kg", "shear_rate": "1/s",
     "log_density": "1", "porosity": "1", "g": "1/s",
 } | {name: unit for name, (_, unit) in DERIVED.items()}  # fmt: skip
-
-
-def needed(package: str, extra: str) -> Any:
-    """Import a package that an extra brings."""
-    try:
-        return import_module(package)
-    except ModuleNotFoundError as error:
-        raise ModuleNotFoundError(
-            f"{error}: this needs {package}: pip install 'granular[{extra}]'"
-        ) from error
 
 
 def columns_of(name: str, count: int, dim: int) -> list[str]:
@@ -44,9 +35,26 @@ def columns_of(name: str, count: int, dim: int) -> list[str]:
     return [f"{name}_{k}" for k in range(count)]
 
 
-def dataframe(state: State, fields: Collection[str]) -> Any:
-    """Table of the points of a state; see `State.to_dataframe`."""
-    pandas = needed("pandas", "tables")
+def to_pandas(state: State, fields: Collection[str] = STANDARD) -> Any:
+    """Return a `pandas.DataFrame` of a state with one row per point, indexed by id.
+
+    Its columns are the stored fields, x, y, v_x, stress_xy and so on, and derived quantities.
+    Its `attrs` are the name of the scene, time and step.
+
+    Parameters
+    ----------
+    state : State
+    fields : collection of str
+        Derived quantities, of `granular.measure.derived`.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        If pandas is not installed: ``pip install 'granular[tables]'``.
+    TypeError, ValueError
+        If there is no such quantity, or the scene has not what it takes.
+    """
+    pandas = imported("pandas", "tables")
     columns: dict[str, NDArray[Any]] = {}
     for name, array in with_derived(state, check_derived("fields", fields)).items():
         if array.ndim == 1:
@@ -59,45 +67,27 @@ def dataframe(state: State, fields: Collection[str]) -> Any:
     return table
 
 
-def blocks(state: State, fields: Collection[str]) -> Any:
-    """Material, gas and bodies of a state as meshes; see `State.to_pyvista`."""
-    pyvista = needed("pyvista", "pictures3d")
-    # Imported here: only these meshes need the surfaces.
-    from granular.record.surfaces import placed_surface
+def to_xarray(record: Trajectory, fields: Collection[str] = STANDARD) -> Any:
+    """Return a `xarray.Dataset` of the frames of a record, all in memory.
 
-    found = pyvista.MultiBlock()
-    found["material"] = _cloud(pyvista, with_derived(state, check_derived("fields", fields)))
-    if hasattr(state, "gas"):
-        found["gas"] = _cloud(pyvista, state.gas.fields)
-    for k, (body, pose) in enumerate(
-        zip(getattr(state.scene, "bodies", ()), state.bodies, strict=True)
-    ):
-        vertices, polygons = placed_surface(state.scene.grid, body, pose)
-        faces = np.concatenate([(len(polygon), *polygon) for polygon in polygons])
-        found[f"body{k}"] = pyvista.PolyData(vertices, faces)
-    return found
+    Fields of points have the dimensions time and id, and are nan where a point is not there any
+    more; those of a gas begin with "gas_", the motion and impulses of bodies with "body_", and
+    what monitors measured with "sample_". For a part of the frames, slice the record.
 
+    Parameters
+    ----------
+    record : Trajectory
+    fields : collection of str
+        Derived quantities besides the stored fields, of `granular.measure.derived`.
 
-def _cloud(pyvista: Any, fields: dict[str, NDArray[Any]]) -> Any:
-    """Points with their fields; vectors have three components, as arrows need them."""
-    if not len(fields["x"]):
-        return pyvista.PolyData()
-    cloud = pyvista.PolyData(_in_space(fields["x"]))
-    dim = fields["x"].shape[1]
-    for name, array in fields.items():
-        if name != "x":
-            is_vector = array.ndim == 2 and array.shape[1] == dim
-            cloud[name] = _in_space(array) if is_vector else array
-    return cloud
-
-
-def _in_space(array: NDArray[Any]) -> NDArray[Any]:
-    return np.pad(array, ((0, 0), (0, 3 - array.shape[1])))
-
-
-def dataset(record: Trajectory, fields: Collection[str]) -> Any:
-    """Points, gas, bodies and samples of a record; see `Trajectory.to_xarray`."""
-    xarray = needed("xarray", "tables")
+    Raises
+    ------
+    ModuleNotFoundError
+        If xarray is not installed: ``pip install 'granular[tables]'``.
+    TypeError, ValueError
+        If there are no frames or no such quantity, or the scene has not what it takes.
+    """
+    xarray = imported("xarray", "tables")
     if not len(record):
         raise ValueError(f"record = {record!r} must have frames")
     names = check_derived("fields", fields)
@@ -115,7 +105,7 @@ def dataset(record: Trajectory, fields: Collection[str]) -> Any:
         more = _stacked(gas, "gas_id", "gas_", dim)
         coordinates["gas_id"] = more.pop("gas_id")
         variables |= more
-    if getattr(record.scene, "bodies", ()):
+    if record.scene.bodies:
         variables |= _bodies(record)
         coordinates |= {"quaternion": list(QUATERNION), "space": list(AXES)}
     for name, values in record.samples.items():
@@ -148,8 +138,6 @@ def _stacked(frames: Sequence[dict[str, NDArray[Any]]], of: str, prefix: str, di
 
 def _bodies(record: Trajectory) -> dict[str, Any]:
     """Motion and impulses of the bodies at all frames."""
-    from granular.mpm.bodies import split
-
     sizes = {4: "quaternion", 3: "space"}
     found: dict[str, Any] = {}
     for name, values in split(record.bodies, 3).items():

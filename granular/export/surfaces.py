@@ -8,15 +8,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from granular.geometry import Grid
-from granular.mpm.bodies import Body, BodyState, split
-from granular.mpm.body_measures import arrays_of
-from granular.mpm.body_mesh import Mesh
-from granular.mpm.body_operations import OPERATIONS, Union
-from granular.mpm.body_shapes import PARTS, Shape
-from granular.mpm.height_map import HeightMap
-from granular.record.layout import LIBVER, TOPOLOGIES
-from granular.record.outlines import (
+from granular.export.outlines import (
     SIDES,
     SKIN,
     Patches,
@@ -25,6 +17,14 @@ from granular.record.outlines import (
     revolved,
     thickened,
 )
+from granular.geometry import Grid
+from granular.mpm.bodies import Body, BodyState, split
+from granular.mpm.body_measures import arrays_of
+from granular.mpm.body_mesh import Mesh
+from granular.mpm.body_operations import OPERATIONS, Union
+from granular.mpm.body_shapes import PARTS, Shape
+from granular.mpm.height_map import HeightMap
+from granular.record.layout import LIBVER, TOPOLOGIES
 from granular.record.polydata import begin_poly_data, write_steps
 from granular.record.reader import Trajectory
 

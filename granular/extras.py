@@ -1,0 +1,22 @@
+"""Packages that an extra of the package brings, see docs/tutorials/install.md."""
+
+from importlib import import_module
+from typing import Any
+
+__all__ = ["imported"]
+
+
+def imported(package: str, extra: str) -> Any:
+    """Import a package that an extra brings.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        With the command that installs it.
+    """
+    try:
+        return import_module(package)
+    except ModuleNotFoundError as error:
+        raise ModuleNotFoundError(
+            f"{error}: this needs {package}: pip install 'granular[{extra}]'"
+        ) from error
