@@ -1,4 +1,4 @@
-/* Contact of the material with rigid bodies, and the motion of the bodies (contact.h). */
+/* Contact of the material with rigid bodies (contact.h). */
 #include "mpm/contact.h"
 
 #include "mpm/feet.h"
@@ -20,42 +20,6 @@ enum { RIGID_INNER = 5, RIGID_SWEEPS = 100 };
 
 /* Half of a vector of a node, which has a fourth component to be read as a whole. */
 typedef double half __attribute__((vector_size(16), aligned(8)));
-
-void gr_bodies_start(struct gr_engine *e)
-{
-    for (int b = 0; b < e->config.n_bodies; b++) {
-        const struct gr_body *body = &e->config.bodies[b];
-        struct gr_body_state *state = &e->body[b];
-        double rates[6];
-        memset(state, 0, sizeof *state);
-        memcpy(state->x, body->position, sizeof state->x);
-        memcpy(state->orientation, body->orientation, sizeof state->orientation);
-        gr_motion_at(body, 0, rates);
-        memcpy(state->v, rates, sizeof state->v);
-        memcpy(state->omega, rates + 3, sizeof state->omega);
-        e->body_next[b] = *state;
-        memcpy(e->split[b].x, state->x, sizeof state->x);
-        memcpy(e->split[b].orientation, state->orientation, sizeof state->orientation);
-    }
-}
-
-double gr_bodies_speed(const struct gr_engine *e)
-{
-    double fastest = 0;
-    for (int b = 0; b < e->config.n_bodies; b++) {
-        const struct gr_body *body = &e->config.bodies[b];
-        const struct gr_body_state *now = &e->body[b];
-        double square = 0;
-        for (int d = 0; d < e->config.dim; d++) { /* distance of the farthest corner of the domain */
-            const struct gr_axis *axis = &e->axis[d];
-            const double low = now->x[d] - axis->origin, high = low - axis->length;
-            square += fmax(low * low, high * high);
-        }
-        fastest = fmax(fastest, gr_largest_speed(body, e->config.parts + body->first_part, now->orientation, now->v,
-                                                 now->omega, sqrt(square)));
-    }
-    return fastest;
-}
 
 /* Velocity of the material at a foot; v[3] = 0. */
 static inline void velocity_at(const struct gr_engine *e, const struct gr_foot *foot, double v[4])

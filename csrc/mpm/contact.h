@@ -4,12 +4,6 @@
 #include "core/team.h"
 #include "mpm/engine.h"
 
-/* Set the state of the bodies at the beginning of a run. */
-void gr_bodies_start(struct gr_engine *e);
-
-/* Largest present speed of a body within the domain, m/s. */
-double gr_bodies_speed(const struct gr_engine *e);
-
 /* Apply contact to the nodes about the feet of the points (feet.h), and the reaction to the bodies. Call it after the grid
  * stage. The feet are found by all threads of a team; the rest is done by one, so that the sums have one order. The
  * impulses J at the feet fulfil

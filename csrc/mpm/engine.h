@@ -6,7 +6,6 @@
 #include <stdint.h>
 
 #include "body/body.h"
-#include "mpm/thin_bodies.h"
 #include "core/axis.h"
 #include "core/simd.h"
 #include "core/team.h"
@@ -17,7 +16,7 @@
 #include "fluidity/fluidity.h"
 #include "mpm/materials.h"
 #include "mpm/scheme.h"
-#include "mpm/tally.h"
+#include "mpm/tally_numbers.h"
 
 #define GR_MAX_NODES 27
 
@@ -384,7 +383,7 @@ static inline int64_t gr_sums_of_cell(const struct gr_engine *e, int64_t index)
 
 struct gr_kernels; /* kernels.h */
 
-/* engine.c: construction and destruction. The config is copied, together with what it points to. */
+/* build.c: construction and destruction. The config is copied, together with what it points to. */
 int gr_engine_new(struct gr_engine **out, const struct gr_config *config);
 void gr_engine_free(struct gr_engine *e);
 int gr_engine_uses(const struct gr_config *config, int field); /* 1 if the scene carries the field */
@@ -428,4 +427,12 @@ static inline double gr_damped_dt(const struct gr_config *c, double dt)
 static inline double gr_longest_dt(const struct gr_config *c)
 {
     return c->dt > 0 ? c->dt : gr_damped_dt(c, c->cfl * c->dx / c->wave_speed);
+}
+
+/* Index of a cell in the whole grid. */
+static inline int64_t gr_cell_id(const struct gr_engine *e, const int32_t at[3])
+{
+    int64_t id = 0;
+    for (int d = e->config.dim - 1; d >= 0; d--) id = id * e->axis[d].n_cells + at[d];
+    return id;
 }

@@ -4,14 +4,15 @@
 #include <stdlib.h>
 
 #include "core/memory.h"
-#include "mpm/contact.h"
 #include "mpm/edges.h"
 #include "mpm/foot_support.h"
 #include "mpm/lever.h"
 #include "mpm/migrate.h"
+#include "mpm/moving.h"
 #include "mpm/of_material.h"
 #include "mpm/pose.h"
 #include "mpm/sleep.h"
+#include "mpm/thin_bodies.h"
 #include "mpm/walls.h"
 
 /* Distances in cells: a point has its foot nearer than this, at Courant numbers up to 1/2; bodies may move so far before

@@ -3,6 +3,7 @@
 
 #include "mpm/migrate.h"
 #include "mpm/pose.h"
+#include "mpm/thin_bodies.h"
 
 /* The rough bodies at their present poses. */
 struct rough_bodies {

@@ -3,7 +3,6 @@
 
 #include <float.h>
 
-#include "mpm/migrate.h"
 #include "mpm/shape.h"
 #include "mpm/walls.h"
 

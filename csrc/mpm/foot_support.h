@@ -1,7 +1,7 @@
 /* The nodes on which a foot acts, and their weights. */
 #pragma once
 
-#include "mpm/feet.h"
+#include "mpm/foot.h"
 
 /* Mass of a node, with that of its duplicate on the other side of a thin body unless they are separated. */
 double gr_foot_mass(const struct gr_engine *e, int64_t n);

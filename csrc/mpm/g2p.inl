@@ -8,6 +8,7 @@
  * moves them, and the sums of the cells that they enter are computed again. */
 #include "mpm/contribution.h"
 #include "mpm/density_correction.h"
+#include "mpm/places.h"
 
 /* List the points of a row of the cells from `first` on that are not `inside`. Spare places that are not go back to the
  * centre of their cell. */

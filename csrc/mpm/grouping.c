@@ -13,6 +13,7 @@
 #include "mpm/places.h"
 #include "mpm/sleep.h"
 #include "mpm/spread.h"
+#include "mpm/thin_bodies.h"
 
 /* Buffers that are too small become larger than needed by one part in this number, as material that spreads soon needs
  * more. Twice as much makes no run faster. Those that would be left with less than half of that to spare are too small as

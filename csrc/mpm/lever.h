@@ -1,7 +1,7 @@
 /* Levers of the feet of bodies that turn freely. */
 #pragma once
 
-#include "mpm/feet.h"
+#include "mpm/foot.h"
 #include "mpm/pose.h"
 
 /* Set the arm of a foot to that at which its impulse acts on the nodes, sum N_i x_i, and add what the body turns to its

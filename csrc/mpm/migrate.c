@@ -9,6 +9,7 @@
 #include "mpm/places.h"
 #include "mpm/sleep.h"
 #include "mpm/tally.h"
+#include "mpm/thin_bodies.h"
 #include "mpm/walls.h"
 
 /* True if all nodes are walls along axis d on the face with which the domain ends at cell `from`. */
@@ -90,13 +91,6 @@ static void close_hole(struct gr_engine *e, struct gr_cell *cell, int64_t slot)
         e->id[slot] = e->id[last];
     }
     gr_clear_place(e, cell, last);
-}
-
-int gr_component_of(const struct gr_engine *e, int field)
-{
-    int component = 0;
-    for (int f = 0; f < field; f++) component += e->field[f] ? gr_field_components(f, e->config.dim) : 0;
-    return component;
 }
 
 /* Find the cell of a packed point along each axis. */

@@ -4,13 +4,6 @@
 #include "core/team.h"
 #include "mpm/numbers.h"
 
-static inline int64_t gr_cell_id(const struct gr_engine *e, const int32_t at[3])
-{
-    int64_t id = 0;
-    for (int d = e->config.dim - 1; d >= 0; d--) id = id * e->axis[d].n_cells + at[d];
-    return id;
-}
-
 /* Place of a cell on the fluidity grid. The two sides of a double cell use the place of the front alone if the centre
  * of the cell does not face the thin body. */
 static inline int64_t gr_place_of_cell(const struct gr_engine *e, const struct gr_cell *cell)
@@ -29,23 +22,6 @@ static inline int gr_cells_of_fluidity(const struct gr_engine *e, const struct g
 
 #define GR_EACH_OF_FLUIDITY(e, cell, name) \
     for (const struct gr_cell *name = (cell), *end_##name = name + gr_cells_of_fluidity(e, cell); name < end_##name; name++)
-
-/* Put a place into the middle of its cell. */
-static inline void gr_center_place(struct gr_engine *e, const struct gr_cell *cell, int64_t slot)
-{
-    for (int d = 0; d < e->config.dim; d++) {
-        const struct gr_axis_cell *ac = &e->axis[d].cell[cell->at[d]];
-        gr_x(e, d)[slot] = 0.5 * (ac->begin + ac->end);
-    }
-}
-
-/* Make a place spare: it has no mass and no id, and all its values are finite, with x at the centre of its cell. */
-static inline void gr_clear_place(struct gr_engine *e, const struct gr_cell *cell, int64_t slot)
-{
-    for (int k = 0; k < e->n_components; k++) gr_set_component(e, k, slot, 0);
-    gr_center_place(e, cell, slot);
-    e->id[slot] = -1;
-}
 
 /* Where a point goes that no active cell takes. */
 enum gr_destination { GR_TO_NO_CELL = -1, GR_TO_OUTSIDE = -2, GR_TO_NOWHERE = -3 };
@@ -73,9 +49,6 @@ void gr_change_sides(struct gr_engine *e);
 /* Put a new point, packed at the next place of `pending`, into its cell; it waits there if it has none or the cell is full. One
  * outside of the domain is brought back, or dropped. */
 void gr_insert_new(struct gr_engine *e, double *record, int64_t id);
-
-/* Index of the first component of a field in a packed record. */
-int gr_component_of(const struct gr_engine *e, int field);
 
 /* Reserve memory for n packed points. share_out does it before the steps, so that none of them allocates. */
 int gr_reserve_pending(struct gr_engine *e, int64_t n);

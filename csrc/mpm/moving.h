@@ -42,3 +42,9 @@ static inline double gr_turning_mobility(const double inverse[9], const double a
     return n[0] * (w[1] * arm[2] - w[2] * arm[1]) + n[1] * (w[2] * arm[0] - w[0] * arm[2]) +
            n[2] * (w[0] * arm[1] - w[1] * arm[0]);
 }
+
+/* Set the state of the bodies at the beginning of a run. */
+void gr_bodies_start(struct gr_engine *e);
+
+/* Largest present speed of a body within the domain, m/s. */
+double gr_bodies_speed(const struct gr_engine *e);

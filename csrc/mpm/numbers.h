@@ -57,3 +57,11 @@ GR_INLINE gr_real *gr_numbers(const struct gr_engine *e, int field, int c, int64
 {
     return (gr_real *)e->field[field] + c * e->capacity + place;
 }
+
+/* Index of the first component of a field in a packed record. */
+static inline int gr_component_of(const struct gr_engine *e, int field)
+{
+    int component = 0;
+    for (int f = 0; f < field; f++) component += e->field[f] ? gr_field_components(f, e->config.dim) : 0;
+    return component;
+}

@@ -3,8 +3,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "mpm/migrate.h"
-
 /* One row more than the fullest cell has points: a tile that needs more gets them when it does, while spare rows of all tiles
  * are memory. An empty tile has a row for the first points of a front. */
 int32_t gr_rows_of_tile(int32_t most) { return most + 1; }

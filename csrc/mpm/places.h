@@ -2,7 +2,7 @@
 #pragma once
 
 #include "core/team.h"
-#include "mpm/engine.h"
+#include "mpm/numbers.h"
 
 /* Number of rows of a tile whose fullest cell has `most` points. */
 int32_t gr_rows_of_tile(int32_t most);
@@ -31,3 +31,20 @@ int gr_reserve_moves(struct gr_moves *moves);
 void gr_move_points(struct gr_moves *moves);
 
 void gr_free_moves(struct gr_moves *moves);
+
+/* Put a place into the middle of its cell. */
+static inline void gr_center_place(struct gr_engine *e, const struct gr_cell *cell, int64_t slot)
+{
+    for (int d = 0; d < e->config.dim; d++) {
+        const struct gr_axis_cell *ac = &e->axis[d].cell[cell->at[d]];
+        gr_x(e, d)[slot] = 0.5 * (ac->begin + ac->end);
+    }
+}
+
+/* Make a place spare: it has no mass and no id, and all its values are finite, with x at the centre of its cell. */
+static inline void gr_clear_place(struct gr_engine *e, const struct gr_cell *cell, int64_t slot)
+{
+    for (int k = 0; k < e->n_components; k++) gr_set_component(e, k, slot, 0);
+    gr_center_place(e, cell, slot);
+    e->id[slot] = -1;
+}

@@ -5,7 +5,6 @@
 
 #include "body/vector.h"
 #include "core/memory.h"
-#include "mpm/contact.h"
 
 /* What a gap may close by in a step beyond what the speeds tell, in cells: the material may push a light body. */
 #define SPARE 0.05

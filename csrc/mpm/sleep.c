@@ -6,8 +6,8 @@
 #include <string.h>
 
 #include "core/memory.h"
-#include "mpm/feet.h"
-#include "mpm/migrate.h"
+#include "mpm/foot.h"
+#include "mpm/numbers.h"
 #include "mpm/pose.h"
 
 int gr_sleep_new(struct gr_engine *e)

@@ -8,6 +8,7 @@
 #include "mpm/contact.h"
 #include "mpm/feet.h"
 #include "mpm/fluidity_bodies.h"
+#include "mpm/moving.h"
 #include "mpm/open_volume.h"
 #include "core/memory.h"
 #include "core/piecewise.h"
@@ -18,6 +19,8 @@
 #include "mpm/migrate.h"
 #include "mpm/sleep.h"
 #include "mpm/smoothed_density.h"
+#include "mpm/tally.h"
+#include "mpm/thin_bodies.h"
 #include "mpm/wall_impulse.h"
 
 enum { DT_INTERVAL = GR_SLEEP_INTERVAL }; /* steps between two updates of the largest speed */

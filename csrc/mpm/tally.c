@@ -6,7 +6,7 @@
 #include "core/memory.h"
 #include "core/piecewise.h"
 #include "mpm/materials.h"
-#include "mpm/migrate.h"
+#include "mpm/numbers.h"
 #include "mpm/of_material.h"
 
 /* Sums over the points of a cell, and the largest of each number. */

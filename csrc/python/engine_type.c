@@ -4,6 +4,7 @@
 
 #include "mpm/numbers.h"
 #include "mpm/sleep.h"
+#include "mpm/tally.h"
 #include "python/engine_common.h"
 
 _Static_assert(GR_FIELD_COUNT <= GR_MAX_FIELDS, "every field has its place in struct gr_object");

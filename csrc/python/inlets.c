@@ -1,6 +1,7 @@
 /* Inlets of the engines (core/inlets.h) and their state. */
 #include "mpm/inflow.h"
 #include "python/arrays.h"
+#include "sph/inflow.h"
 #include "sph/sph.h"
 
 /* The records of an inlet, with the components of an engine. Returned: 0, or -1 with an exception set. */

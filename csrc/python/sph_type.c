@@ -3,6 +3,8 @@
 #include <math.h>
 
 #include "python/engine_common.h"
+#include "sph/gas.h"
+#include "sph/inflow.h"
 #include "sph/sph.h"
 
 _Static_assert(GR_SPH_FIELD_COUNT <= GR_MAX_FIELDS, "every field has its place in struct gr_object");

@@ -5,6 +5,8 @@
 
 #include "core/index.h"
 #include "core/simd.h"
+#include "sph/gas.h"
+#include "sph/inflow.h"
 #include "sph/sph.h"
 
 static const double far_away = 1e30; /* position of spare rows: finite, and beyond the reach of the kernel */

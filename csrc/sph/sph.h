@@ -16,8 +16,6 @@
 #include "core/error.h"
 #include "core/field.h"
 #include "law/law.h"
-#include "sph/gas.h"
-#include "sph/inflow.h"
 
 /* X(name, kind, needed by, unit, description). First the fields kept from step to step, then those of wall points and
  * gas alone, then those that each step computes anew and that are not sorted. */

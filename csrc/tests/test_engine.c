@@ -1,4 +1,4 @@
-/* Tests of mpm/engine.c: construction and destruction of an engine, and configurations that are refused. */
+/* Tests of mpm/build.c: construction and destruction of an engine, and configurations that are refused. */
 #include "mpm/engine.h"
 
 #include "tests/check.h"

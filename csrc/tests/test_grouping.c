@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "mpm/migrate.h"
+#include "mpm/places.h"
 #include "tests/check.h"
 #include "tests/scene.h"
 

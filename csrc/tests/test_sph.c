@@ -8,6 +8,8 @@
 #include "core/simd.h"
 #include "mpm/engine.h"
 #include "kernels.h"
+#include "sph/gas.h"
+#include "sph/inflow.h"
 #include "tests/check.h"
 #include "tests/faults.h"
 

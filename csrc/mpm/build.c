@@ -14,6 +14,7 @@
 #include "mpm/open_volume.h"
 #include "mpm/rigid.h"
 #include "mpm/sleep.h"
+#include "mpm/thin_bodies.h"
 #include "mpm/wall_impulse.h"
 
 int gr_nonlocal_material(const struct gr_config *config)

@@ -8,6 +8,8 @@
 #include "core/memory.h"
 #include "core/piecewise.h"
 #include "core/simd.h"
+#include "sph/gas.h"
+#include "sph/inflow.h"
 
 #define GR_X(name, kind, need, unit, doc) {#name, unit, doc, kind, need},
 const struct gr_field_info gr_sph_field_table[GR_SPH_FIELD_COUNT] = {GR_SPH_FIELDS(GR_X)};
