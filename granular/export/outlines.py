@@ -9,8 +9,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.mpm.body_measures import extents
-from granular.mpm.body_shapes import Shape
+from granular.shapes.measures import extents
+from granular.shapes.shape import Shape
 
 __all__ = ["contoured", "extended", "revolved", "thickened"]
 

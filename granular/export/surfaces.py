@@ -19,14 +19,14 @@ from granular.export.outlines import (
 )
 from granular.geometry import Grid
 from granular.mpm.bodies import Body, BodyState, split
-from granular.mpm.body_measures import arrays_of
-from granular.mpm.body_mesh import Mesh
-from granular.mpm.body_operations import OPERATIONS, Union
-from granular.mpm.body_shapes import PARTS, Shape
-from granular.mpm.height_map import HeightMap
 from granular.record.layout import LIBVER, TOPOLOGIES
 from granular.record.polydata import begin_poly_data, write_steps
 from granular.record.reader import Trajectory
+from granular.shapes.height_map import HeightMap
+from granular.shapes.measures import arrays_of
+from granular.shapes.mesh import Mesh
+from granular.shapes.operations import OPERATIONS, Union
+from granular.shapes.shape import PARTS, Shape
 
 Array = NDArray[np.float64]
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from granular.measure.averaging_grid import Array
 from granular.mpm.bodies import Body
-from granular.mpm.body_measures import bounds
-from granular.mpm.body_shapes import turned
 from granular.mpm.scene import Scene
 from granular.mpm.walls import Solid, Wall
+from granular.shapes.measures import bounds
+from granular.shapes.shape import turned
 from granular.symmetric import mirror_axes
 
 

@@ -30,11 +30,13 @@ from granular.checks import (
     vector,
 )
 from granular.geometry import combined
-from granular.mpm.body_inertia import MassProperties, inertia_of, mass_properties, principal
-from granular.mpm.body_measures import are_endless, extents, largest_speed, reach, thicknesses
-from granular.mpm.body_mesh import Mesh
-from granular.mpm.body_moments import has_no_inside
-from granular.mpm.body_operations import (
+from granular.shapes.height_map import HeightMap
+from granular.shapes.inertia import MassProperties, inertia_of, mass_properties, principal
+from granular.shapes.measures import are_endless, extents, largest_speed, reach, thicknesses
+from granular.shapes.mesh import Mesh
+from granular.shapes.mesh_surface import MeshWarning
+from granular.shapes.moments import has_no_inside
+from granular.shapes.operations import (
     Complement,
     Difference,
     Intersection,
@@ -42,8 +44,9 @@ from granular.mpm.body_operations import (
     Shell,
     Union,
 )
-from granular.mpm.body_sections import Polygon, Prism, Revolve
-from granular.mpm.body_shapes import (
+from granular.shapes.round import Capsule, Frustum, Sphere, Torus
+from granular.shapes.sections import Polygon, Prism, Revolve
+from granular.shapes.shape import (
     MOST_SHAPES,
     Box,
     Cylinder,
@@ -53,9 +56,6 @@ from granular.mpm.body_shapes import (
     rotation_of,
     turned,
 )
-from granular.mpm.body_solids import Capsule, Frustum, Sphere, Torus
-from granular.mpm.body_surface import MeshWarning
-from granular.mpm.height_map import HeightMap
 
 if TYPE_CHECKING:
     from granular.geometry import Grid

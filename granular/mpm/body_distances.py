@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from granular import _core
 from granular.geometry import Grid
-from granular.mpm.body_shapes import padded, turned
 from granular.open_space import Distance, nowhere
+from granular.shapes.shape import padded, turned
 
 if TYPE_CHECKING:
     from granular.mpm.bodies import Body, BodyState

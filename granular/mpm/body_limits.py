@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from granular.mpm.body_measures import mesh_size, mesh_thickness, thicknesses
+from granular.shapes.measures import mesh_size, mesh_thickness, thicknesses
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from granular.geometry import AXES, Grid, combined
 from granular.mpm.blocks import solid_cells
 from granular.mpm.body_distances import distance_at, nearest, surface_at
-from granular.mpm.body_measures import reach, thicknesses
 from granular.mpm.free_bodies import places_of
 from granular.mpm.rigid_contact import SPACING, balls_of, obstacles, row_of_wall
 from granular.mpm.walls import Solid, Wall
+from granular.shapes.measures import reach, thicknesses
 
 if TYPE_CHECKING:
     from granular.mpm.bodies import Body

@@ -13,8 +13,8 @@ from granular import _core
 from granular.geometry import AXES, combined
 from granular.mpm.blocks import solid_cells
 from granular.mpm.body_distances import distance_at
-from granular.mpm.body_measures import bounds, extents, reach
 from granular.mpm.walls import Solid, Wall
+from granular.shapes.measures import bounds, extents, reach
 
 if TYPE_CHECKING:
     from granular.mpm.bodies import Body, BodyState

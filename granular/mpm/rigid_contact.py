@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.geometry import Grid, combined
-from granular.mpm.body_measures import arrays_of, bounds, reach
-from granular.mpm.body_shapes import PARTS, Shape
 from granular.mpm.walls import Solid, Wall
+from granular.shapes.measures import arrays_of, bounds, reach
+from granular.shapes.shape import PARTS, Shape
 
 if TYPE_CHECKING:
     from granular import _core

@@ -20,12 +20,12 @@ from granular.mpm import limits
 from granular.mpm.axis_nodes import c0_lines, check_c0_lines
 from granular.mpm.bodies import Body
 from granular.mpm.body_distances import distance_from_bodies
-from granular.mpm.body_shapes import shape_kinds
 from granular.mpm.inflow import check_inflows
 from granular.mpm.schemes import DENSITIES, Fluidity, Scheme, suited_to
 from granular.mpm.walls import Solid, SpongeLayer, Wall
 from granular.scene import BaseScene
 from granular.serializable import Parameters, register
+from granular.shapes.shape import shape_kinds
 
 __all__ = ["Parameters", "Scene", "Servo"]
 

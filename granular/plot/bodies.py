@@ -14,8 +14,8 @@ from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from granular.mpm.body_distances import distance_at
-from granular.mpm.body_measures import thicknesses
 from granular.plot.canvas import Extent, View
+from granular.shapes.measures import thicknesses
 from granular.typing import AnyScene
 
 if TYPE_CHECKING:

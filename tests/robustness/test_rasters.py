@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from granular.mpm.bodies import HeightMap
-from granular.mpm.rasters import largest_rectangle
+from granular.shapes.rasters import largest_rectangle
 
 pytestmark = pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # affine, in rasterio
 

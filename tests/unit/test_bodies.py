@@ -15,8 +15,8 @@ from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
 from granular.materials import Elastic, MuI
 from granular.mpm.bodies import Body, Box, Cylinder, HalfSpace, Motion, Union
-from granular.mpm.body_measures import extents
 from granular.mpm.walls import Wall
+from granular.shapes.measures import extents
 
 CELL, DT = 0.04, 4e-4  # all parts are at least three cells thick
 

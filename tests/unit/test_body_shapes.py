@@ -29,9 +29,9 @@ from granular.mpm.bodies import (
     Torus,
     Union,
 )
-from granular.mpm.body_measures import extents, largest_speed, reach, thicknesses
 from granular.mpm.scaling import Froude
 from granular.serializable import _decode, _encode
+from granular.shapes.measures import extents, largest_speed, reach, thicknesses
 
 AT = (0.02, -0.01, 0.03)
 BALL, BLOCK = Sphere(0.2, center=AT), Box((0.3, 0.25, 0.35), rotation_deg=(10.0, 20.0, 30.0))

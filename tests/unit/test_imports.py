@@ -23,7 +23,7 @@ KNOW_EACH_OTHER = {
         ("granular.inflow", "granular.scene"),
         ("granular.indicators", "granular.scene"),
         ("granular.mpm.body_limits", "granular.mpm.scene"),
-        ("granular.mpm.body_mesh_samples", "granular.mpm.body_mesh"),
+        ("granular.shapes.mesh_samples", "granular.shapes.mesh"),
         ("granular.mpm.filling", "granular.mpm.scene"),
         ("granular.mpm.indicators", "granular.mpm.scene"),
         ("granular.mpm.inflow", "granular.mpm.scene"),

@@ -13,9 +13,9 @@ from granular.geometry import Box as Region
 from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
 from granular.materials import MuI
-from granular.mpm import body_mesh_samples
 from granular.mpm.bodies import Body, Box, Mesh, Motion, Union
 from granular.mpm.walls import Wall
+from granular.shapes import mesh_samples
 
 CUBE, FACES = tuple(map(tuple, CORNERS)), tuple(map(tuple, FACES))
 SOUP = np.arange(36).reshape(-1, 3)
@@ -203,9 +203,9 @@ def test_samples_are_kept_in_a_folder(tmp_path, monkeypatch):
     mesh = Mesh(CUBE, FACES, spacing=0.0271)
     first = mesh.samples()[0]
     (path,) = (tmp_path / "kept").iterdir()
-    monkeypatch.setattr(body_mesh_samples, "_sample", lambda _: pytest.fail("sampled again"))
+    monkeypatch.setattr(mesh_samples, "_sample", lambda _: pytest.fail("sampled again"))
     for damage in (None, b"x" * 300):
-        body_mesh_samples._KEPT.clear()
+        mesh_samples._KEPT.clear()
         if damage:
             path.write_bytes(damage)
             monkeypatch.undo()

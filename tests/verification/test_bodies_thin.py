@@ -9,9 +9,9 @@ from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
 from granular.materials import NGF, MuI
 from granular.mpm.bodies import Body, Box, Mesh, Motion, Union
-from granular.mpm.body_shapes import turned
 from granular.mpm.schemes import Fluidity
 from granular.mpm.walls import Wall
+from granular.shapes.shape import turned
 
 CELL = 0.05
 pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")

@@ -12,7 +12,7 @@ from granular.geometry import Fill, Grid
 from granular.gravity import Gravity
 from granular.materials import MuI
 from granular.mpm.bodies import Body, Box, HalfSpace, HeightMap, Union
-from granular.mpm.body_shapes import turned
+from granular.shapes.shape import turned
 
 
 def plane(dtype=float):

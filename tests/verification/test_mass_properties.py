@@ -25,7 +25,7 @@ from granular.mpm.bodies import (
     Union,
     mass_properties,
 )
-from granular.mpm.body_moments import _of_cells
+from granular.shapes.moments import _of_cells
 
 ROUNDING = 1e-12
 APART = (2.0, 0.0, 0.0)

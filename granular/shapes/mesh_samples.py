@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.mpm.body_shapes import row_of
-from granular.mpm.body_triangles import Triangles
 from granular.progress import bar
+from granular.shapes.shape import row_of
+from granular.shapes.triangles import Triangles
 
 if TYPE_CHECKING:
-    from granular.mpm.body_mesh import Mesh
+    from granular.shapes.mesh import Mesh
 
 __all__ = ["BAND", "CUBE", "MOST_BLOCKS", "THIN", "Tables", "sampled"]
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from granular.checks import check_fields, finite, positive, truth, tuple_of
-from granular.mpm.body_shapes import MOST_SHAPES, PARTS, Array, Shape, row_of
+from granular.shapes.shape import MOST_SHAPES, PARTS, Array, Shape, row_of
 
 __all__ = ["Complement", "Difference", "Intersection", "Offset", "Shell", "Union"]
 

@@ -15,8 +15,8 @@ import scipy.ndimage
 from numpy.typing import NDArray
 
 from granular.checks import finite, one_of, positive, vector
-from granular.mpm.coordinate_systems import UnclearUnits, Units
-from granular.mpm.raster_files import Raster, missing, open_raster
+from granular.shapes.coordinate_systems import UnclearUnits, Units
+from granular.shapes.raster_files import Raster, missing, open_raster
 
 __all__ = ["read_heights"]
 
@@ -49,7 +49,7 @@ def read_heights(
     fill: float | str | None,
     scale: float | Sequence[float] | None,
 ) -> tuple[NDArray, Array, Array]:
-    """Read the heights of a raster; see `granular.mpm.height_map.HeightMap.read`.
+    """Read the heights of a raster; see `granular.shapes.height_map.HeightMap.read`.
 
     Returns
     -------

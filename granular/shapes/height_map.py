@@ -19,9 +19,9 @@ from granular.checks import (
     set_fields,
     truth,
 )
-from granular.mpm.body_shapes import Shape, row_of
-from granular.mpm.rasters import read_heights
 from granular.serializable import ComparedByContent
+from granular.shapes.rasters import read_heights
+from granular.shapes.shape import Shape, row_of
 
 __all__ = ["HeightMap"]
 

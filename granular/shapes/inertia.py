@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from granular.checks import finite, in_range, positive, vector
-from granular.mpm.body_measures import reach
-from granular.mpm.body_moments import moments_of
-from granular.mpm.body_shapes import Array, Shape
+from granular.shapes.measures import reach
+from granular.shapes.moments import moments_of
+from granular.shapes.shape import Array, Shape
 
 __all__ = ["MassProperties", "inertia_of", "mass_properties", "principal"]
 

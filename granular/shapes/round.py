@@ -16,8 +16,8 @@ from granular.checks import (
     truth,
     vector,
 )
-from granular.mpm.body_sections import chain_rows
-from granular.mpm.body_shapes import Array, Shape, axes_about, direction, padded, row_of
+from granular.shapes.sections import chain_rows
+from granular.shapes.shape import Array, Shape, axes_about, direction, padded, row_of
 
 __all__ = ["Capsule", "Frustum", "Sphere", "Torus"]
 

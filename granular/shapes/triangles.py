@@ -7,7 +7,7 @@ import scipy
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.mpm.body_quadrature import Moments
+from granular.shapes.quadrature import Moments
 
 __all__ = ["Triangles"]
 

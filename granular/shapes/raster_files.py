@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from granular.checks import integer
 from granular.files import check_file
 from granular.geometry import MAX_COUNT
-from granular.mpm.coordinate_systems import LENGTHS, UnclearUnits, Units, units_of
+from granular.shapes.coordinate_systems import LENGTHS, UnclearUnits, Units, units_of
 
 __all__ = ["Raster", "missing", "open_raster"]
 

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import positive, real_array, set_fields
-from granular.mpm.body_mesh_files import read_surface
-from granular.mpm.body_mesh_samples import BAND, CUBE, MOST_BLOCKS, THIN, Tables, sampled
-from granular.mpm.body_shapes import Shape, row_of
-from granular.mpm.body_surface import MeshWarning, mended, solids
-from granular.mpm.body_triangles import Triangles
 from granular.serializable import ComparedByContent
+from granular.shapes.mesh_files import read_surface
+from granular.shapes.mesh_samples import BAND, CUBE, MOST_BLOCKS, THIN, Tables, sampled
+from granular.shapes.mesh_surface import MeshWarning, mended, solids
+from granular.shapes.shape import Shape, row_of
+from granular.shapes.triangles import Triangles
 
 __all__ = ["Mesh"]
 

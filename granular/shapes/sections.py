@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.checks import check_fields, one_of, positive, sequence, set_fields, vector
-from granular.mpm.body_shapes import (
+from granular.shapes.shape import (
     Array,
     Shape,
     axes_about,

@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.mpm.body_measures import arrays_of, bounds, hull
-from granular.mpm.body_mesh import Mesh
-from granular.mpm.body_operations import OPERATIONS, Difference, Intersection, Union
-from granular.mpm.body_quadrature import Moments, Sides, is_empty, joined, moments
-from granular.mpm.body_sections import Polygon, Prism
-from granular.mpm.body_shapes import MOST_SHAPES, PARTS, Array, Shape
-from granular.mpm.body_triangles import Triangles
+from granular.shapes.measures import arrays_of, bounds, hull
+from granular.shapes.mesh import Mesh
+from granular.shapes.operations import OPERATIONS, Difference, Intersection, Union
+from granular.shapes.quadrature import Moments, Sides, is_empty, joined, moments
+from granular.shapes.sections import Polygon, Prism
+from granular.shapes.shape import MOST_SHAPES, PARTS, Array, Shape
+from granular.shapes.triangles import Triangles
 
 __all__ = ["has_no_inside", "moments_of"]
 

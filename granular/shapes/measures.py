@@ -12,8 +12,8 @@ import numpy as np
 
 from granular import _core
 from granular.checks import LEAST
-from granular.mpm.body_operations import operands
-from granular.mpm.body_shapes import PARTS, Array, Shape, row_of
+from granular.shapes.operations import operands
+from granular.shapes.shape import PARTS, Array, Shape, row_of
 
 __all__ = [
     "are_endless",

@@ -1,0 +1,1 @@
+"""Shapes by signed distance: solids, operations, meshes, height maps, and their measures."""
