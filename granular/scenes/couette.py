@@ -52,9 +52,9 @@ def couette(
     Chosen here: S and B are a hundred times smaller, so that the time steps are ten times longer.
     Then p/B is 1.6 % at the bottom, which is denser by as much; a slow flow does not depend on
     either modulus. There are 8 points per cell, as the paper's 4 are not a cube. The paper's steps
-    of 1e-4 s are twice as long as elastic waves allow at 10 MPa. The fill begins with equal stresses
-    in all directions, those of steady shear: beads that settle first hang on the cylinders in part,
-    and the moment on these is smaller by a tenth.
+    of 1e-4 s are twice as long as elastic waves allow at 10 MPa. The fill begins with equal
+    stresses in all directions, those of steady shear: beads that settle first hang on the cylinders
+    in part, and the moment on these is smaller by a tenth.
 
     Unless `rough` is true, the cylinders do not affect the fluidity: compare with
     `granular.theory.couette_quasi_static` and ``walls="smooth"``. The remaining error is described
