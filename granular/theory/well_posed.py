@@ -35,14 +35,14 @@ from granular.materials import NGF, MuI, RegularisedMuI
 from granular.theory.incline import check_cohesionless, check_mu_I
 
 Array = NDArray[np.float64]
-Law = MuI | RegularisedMuI | NGF
+_Law = MuI | RegularisedMuI | NGF
 """Laws with mu(I); of a nonlocal one it is that of steady uniform flow."""
 
 _PER_DECADE = 40
 """Values of I/I0 in a decade between which the ends of the range are searched for."""
 
 
-def _searched(material: Law) -> Array:
+def _searched(material: _Law) -> Array:
     """Values of I/I0 between which the ends of the range lie: from 1e-6 to 1e6 or beyond.
 
     For I << I0 the law is linear in I, so that they are smaller in the ratio mu_s/(mu_2 - mu_s) if
@@ -57,11 +57,11 @@ def _searched(material: Law) -> Array:
 
 
 @overload
-def ill_posedness(scaled: float, material: Law, pressure: float | None = None) -> float: ...
+def ill_posedness(scaled: float, material: _Law, pressure: float | None = None) -> float: ...
 @overload
-def ill_posedness(scaled: Array, material: Law, pressure: Array | None = None) -> Array: ...
+def ill_posedness(scaled: Array, material: _Law, pressure: Array | None = None) -> Array: ...
 def ill_posedness(
-    scaled: float | Array, material: Law, pressure: float | Array | None = None
+    scaled: float | Array, material: _Law, pressure: float | Array | None = None
 ) -> float | Array:
     """Discriminant C of Barker et al. 2015: the law is ill posed where it is positive.
 
@@ -94,7 +94,7 @@ def ill_posedness(
     return q**2 - 4 * r * (1 - r)
 
 
-def _friction(x: float | Array, material: Law) -> tuple[Any, Any]:
+def _friction(x: float | Array, material: _Law) -> tuple[Any, Any]:
     """Friction mu at x = I/I0, and r = d ln mu/d ln I."""
     gain = material.mu_2 - material.mu_s
     if not isinstance(material, RegularisedMuI):
@@ -107,7 +107,7 @@ def _friction(x: float | Array, material: Law) -> tuple[Any, Any]:
         return mu, np.where(creeps, mu**2 / (2 * material.alpha), fast / mu)[()]
 
 
-def well_posed_range(material: Law) -> tuple[float, float] | None:
+def well_posed_range(material: _Law) -> tuple[float, float] | None:
     """Range of I/I0 in which the law is well posed; of the regularised law it begins at 0.
 
     Parameters
