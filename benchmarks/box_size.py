@@ -18,11 +18,13 @@ from shared import machine, parser_of, write
 from speed import best_time
 
 import granular as gr
-from granular.geometry import Box, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import NGF, MuI
 from granular.mpm.schemes import Fluidity
 from granular.mpm.walls import Wall
+from granular.shapes import Box
 
 FRICTION = {"mu_s": 0.3819, "mu_2": 0.6435, "I0": 0.278, "d": 4e-3, "rho_s": 2550.0}
 LAWS = {

@@ -80,14 +80,14 @@ def fed(rows: int) -> tuple[gr.Scene, gr.Scene]:
 
 def with_body(rows: int, **free: Any) -> gr.Scene:
     """Return a block with a box half sunk into it."""
-    shape, at = gr.bodies.Box((8 * CELL, 8 * CELL)), (rows * CELL, rows * CELL)
+    shape, at = gr.shapes.Box(size=(8 * CELL, 8 * CELL)), (rows * CELL, rows * CELL)
     body = gr.Body(shape, at, friction=0.4, **free)
     return block(rows, bodies=[body])
 
 
 def free_body(rows: int) -> tuple[gr.Scene, gr.Scene]:
     """A body at rest, and one that moves and turns freely."""
-    whole = gr.bodies.mass_properties(gr.bodies.Box((8 * CELL, 8 * CELL)), density=1500.0)
+    whole = gr.bodies.mass_properties(gr.shapes.Box(size=(8 * CELL, 8 * CELL)), density=1500.0)
     motion = gr.Motion(velocity=((1.0, 0.0),))
     free = {"free": "xy", "mass": whole.mass, "inertia": whole.inertia, "motion": motion}
     return with_body(rows), with_body(rows, **free)

@@ -44,8 +44,8 @@ def bed(dim: int, quick: bool, kind: str) -> gr.Scene:
     cells = tuple(n // 2 for n in cells) if quick else cells
     size = tuple(cell * n for n in cells)
     radius = 0.02 if quick else 0.04
-    shape = gr.bodies.Sphere(radius, center=(0.0,) * 3) if dim == 3 else None
-    shape = shape or gr.bodies.Cylinder(radius, center=(0.0, 0.0))
+    shape = gr.shapes.Sphere(radius, center=(0.0,) * 3) if dim == 3 else None
+    shape = shape or gr.shapes.Cylinder(radius, center=(0.0, 0.0))
     whole = gr.bodies.mass_properties(shape, 1500.0)
     at = [0.5 * side for side in size[:-1]]
     if kind.endswith("wall"):
@@ -95,7 +95,7 @@ def light(quick: bool) -> dict[str, Callable[[], Row]]:
         cell = 0.08 / radius
         mass = share * 1500.0 * cell**2
         disc = gr.Body(
-            gr.bodies.Cylinder(0.08, center=(0.0, 0.0)),
+            gr.shapes.Cylinder(0.08, center=(0.0, 0.0)),
             (0.4, 0.2),
             friction=0.3,
             free="xy",

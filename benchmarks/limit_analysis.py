@@ -96,7 +96,7 @@ def walls(quick: bool) -> Iterator[dict]:
         yield row("K_p", name, 16, scene, known, "wall")
     for name, scheme in SCHEMES.items():
         yield row("K_p", name, 16, plain.replace(scheme=scheme), known, "wall")
-    floor = gr.Body(gr.bodies.HalfSpace((0.0, 1.0)), (0.0, 0.0), contact="sticky")
+    floor = gr.Body(gr.shapes.HalfSpace((0.0, 1.0)), (0.0, 0.0), contact="sticky")
     for cells in (8, 16, 32):
         scene = cases.wall_scene(20.0, cells=cells, **given)
         held = scene.replace(walls=(gr.Wall(1, 0.0, kind="no_slip"), *scene.walls[1:]))

@@ -48,9 +48,11 @@ def shape_of(kind: str, dim: int, cells: float) -> tuple[int, ...]:
 def region_of(kind: str, dim: int, upper: tuple[float, ...]) -> gr.Box | gr.Layer:
     middle = upper[0] / 2
     if kind == "disc" and dim == 2:
-        return gr.Disc((middle, middle), middle)
+        return gr.Sphere(middle, center=(middle, middle))
     if kind == "disc":
-        return gr.Cylinder((middle, middle, 0.0), middle, upper[2])
+        return gr.Cylinder(
+            middle, center=(middle, middle, 0.5 * upper[2]), axis=(0.0, 0.0, 1.0), length=upper[2]
+        )
     if kind == "slope":
         return gr.Layer(
             (lambda x: 0.5 * x) if dim == 2 else (lambda x, y: 0.5 * x + 0 * y),
@@ -70,7 +72,7 @@ def scene(scheme: str, kind: str, dim: int, per_axis: int, count: int) -> gr.Sce
     }.get(kind, gr.MuI(E=1e6))
     bodies = ()
     if kind == "body":
-        box = gr.bodies.Box((0.4 * upper[0],) * dim)
+        box = gr.shapes.Box(size=(0.4 * upper[0],) * dim)
         bodies = (gr.Body(box, tuple(0.5 * end for end in upper)),)
     fill = gr.Fill(
         region_of(kind, dim, upper),

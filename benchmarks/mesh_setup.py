@@ -20,6 +20,8 @@ import time
 
 import numpy as np
 
+from granular.shapes import HeightMap, Mesh
+
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("IGL_NUM_THREADS", "1")
 
@@ -71,7 +73,7 @@ def places() -> np.ndarray:
 
 
 def mesh(least: int, spacing: float) -> None:
-    from granular.mpm.bodies import Body, Mesh
+    from granular.mpm.bodies import Body
 
     vertices, faces = ball(least)
     before, start = memory(), time.process_time()
@@ -108,7 +110,7 @@ def library(least: int, spacing: float) -> None:
 
 
 def height_map(posts: int, dtype: str) -> None:
-    from granular.mpm.bodies import Body, HeightMap
+    from granular.mpm.bodies import Body
 
     n = int(np.ceil(np.sqrt(posts)))
     x = np.linspace(-1.0, 1.0, n)

@@ -63,7 +63,7 @@ def hopper(scheme: gr.Scheme) -> gr.Scene:
     still, up = (0.0, 0.0), (0.0, speed)
     times = (closing[0], closing[0] + 1e-3, closing[1], closing[1] + 1e-3)
     gate = gr.Body(
-        gr.bodies.Box((0.1 + 3 * cell, thickness)),
+        gr.shapes.Box(size=(0.1 + 3 * cell, thickness)),
         position=(0.0, below),
         motion=gr.Motion(times=times, velocity=(still, up, up, still)),
         friction=0.2,
@@ -80,7 +80,7 @@ def wheel(scheme: gr.Scheme) -> gr.Scene:
         angular_velocity=(0.0, -speed / radius / (1 - 0.2)),
     )
     body = gr.Body(
-        gr.bodies.Cylinder(radius, center=(0.0, 0.0)),
+        gr.shapes.Cylinder(radius, center=(0.0, 0.0)),
         position=(0.3, 0.2 + radius),
         motion=rolling,
         free="y",
@@ -94,7 +94,9 @@ def plate(scheme: gr.Scheme) -> gr.Scene:
     """Return a long bed, through one end of which a plate is drawn."""
     cell = 0.0125
     moving = gr.Motion(times=(0.3, 0.4), velocity=((0.0, 0.0), (0.25, 0.0)))
-    body = gr.Body(gr.bodies.Box((0.05, 0.2)), position=(0.3, 0.2), motion=moving, friction=0.3)
+    body = gr.Body(
+        gr.shapes.Box(size=(0.05, 0.2)), position=(0.3, 0.2), motion=moving, friction=0.3
+    )
     return gr.Scene(
         name="plate",
         grid=gr.Grid((0.0, 0.0), cell, (200, 28)),

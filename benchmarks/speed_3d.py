@@ -19,12 +19,15 @@ from shared import machine, parser_of, write
 from speed import best_time
 
 import granular as gr
-from granular.geometry import Box, Fill, Grid
+from granular import shapes
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import NGF
 from granular.mpm import bodies
 from granular.mpm.schemes import Fluidity
 from granular.mpm.walls import Wall
+from granular.shapes import Box
 
 CELL, SLOPE = 0.01, math.radians(38.0)
 SOIL = NGF(
@@ -37,7 +40,7 @@ MLS = gr.Scheme(transfer="apic", density=gr.ParticleDensity())
 def bed(edge: int, A: float, scheme: gr.Scheme, stencil: str, blade: float | None) -> gr.Scene:
     """Cubic scene with `edge` cells per edge, and with a blade that is `blade` cells thick."""
     length = edge * CELL
-    shape = blade and bodies.Box((blade * CELL, 0.4 * length, 0.4 * length))
+    shape = blade and shapes.Box(size=(blade * CELL, 0.4 * length, 0.4 * length))
     middle = (0.5 * length, 0.5 * length, length)
     return gr.Scene(
         name="slope",

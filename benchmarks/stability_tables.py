@@ -124,7 +124,7 @@ def reached(offset: float) -> list[float]:
     """
     n, thrown = 20, (0.6, -0.5)
     edge, middle, top = (n / 2 + offset) * CELL, 6 * CELL, 12 * CELL
-    body = gr.Body(gr.bodies.Box((n * CELL, 0.2 * CELL)), (edge - n * CELL / 2, middle))
+    body = gr.Body(gr.shapes.Box(size=(n * CELL, 0.2 * CELL)), (edge - n * CELL / 2, middle))
     scene = gr.Scene(
         name="edge",
         grid=gr.Grid((0.0, 0.0), CELL, (n, 16)),
@@ -166,7 +166,7 @@ def impulse(diameter: float, offset: float, seed: int) -> float:
     """
     nx, ny, top, radius, speed = 40, 28, 20 * CELL, 0.5 * diameter * CELL, 0.3
     disc = gr.Body(
-        gr.bodies.Cylinder(radius, center=(0.0, 0.0)),
+        gr.shapes.Cylinder(radius, center=(0.0, 0.0)),
         ((nx / 2 + offset) * CELL, top + radius),
         motion=gr.bodies.Motion(velocity=((0.0, -speed),)),
         friction=0.3,

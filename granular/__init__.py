@@ -13,11 +13,11 @@ if not any(Path(__file__).with_name(f"_core{suffix}").exists() for suffix in EXT
     )
 
 import granular.mpm.simulation  # noqa: F401 (by which `Simulation` solves a `Scene`)
-from granular import materials
+from granular import materials, shapes
 from granular.buffers import show_config
-from granular.combinations import Difference, Intersection, Union
 from granular.diagnostics import StabilityWarning, scene_warnings
-from granular.geometry import Box, Cylinder, Disc, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.inflow import Inflow
 from granular.materials import (
@@ -42,7 +42,27 @@ from granular.mpm.walls import Solid, SpongeLayer, Wall
 from granular.notebook import pictures
 from granular.record import Trajectory, open_trajectory
 from granular.record import open_trajectory as open
-from granular.regions import Cloud, Mask, Polygon
+from granular.regions import Cloud, Mask
+from granular.shapes import (
+    Box,
+    Capsule,
+    Complement,
+    Cylinder,
+    Difference,
+    Frustum,
+    HalfSpace,
+    HeightMap,
+    Intersection,
+    Mesh,
+    Offset,
+    Polygon,
+    Prism,
+    Revolve,
+    Shell,
+    Sphere,
+    Torus,
+    Union,
+)
 from granular.simulation import Simulation, SimulationError
 from granular.state import State
 from granular.surfaces import Heights, Layer
@@ -83,37 +103,48 @@ __all__ = [
     "NGF",
     "Body",
     "Box",
+    "Capsule",
     "CellAveragedDensity",
     "Cloud",
+    "Complement",
     "Cylinder",
     "Difference",
-    "Disc",
     "DruckerPrager",
     "Elastic",
     "Fill",
     "Fluidity",
+    "Frustum",
     "Gravity",
     "Grid",
+    "HalfSpace",
     "HardeningDruckerPrager",
+    "HeightMap",
     "Heights",
     "Inflow",
     "Intersection",
     "Layer",
     "Mask",
+    "Mesh",
     "Motion",
     "MuI",
+    "Offset",
     "ParticleDensity",
     "Polygon",
+    "Prism",
     "RegularisedMuI",
+    "Revolve",
     "Scene",
     "Scheme",
+    "Shell",
     "Simulation",
     "SimulationError",
     "SmoothedDensity",
     "Solid",
+    "Sphere",
     "SpongeLayer",
     "StabilityWarning",
     "State",
+    "Torus",
     "Trajectory",
     "Union",
     "Wall",
@@ -130,6 +161,7 @@ __all__ = [
     "scene_warnings",
     "scenes",
     "schemes",
+    "shapes",
     "show_config",
     "sph",
     "sweep",

@@ -20,10 +20,12 @@ from granular.checks import (
     truth,
     vector,
 )
-from granular.geometry import AXES, Box, Fill, Grid, Region, check_inside
+from granular.fill import Fill, check_inside
+from granular.geometry import AXES, Grid
 from granular.materials import Material
 from granular.regions import Cloud
 from granular.seeding import Points, estimated_points, seed_points
+from granular.shapes import Box, Region
 
 if TYPE_CHECKING:
     from granular.scene import BaseScene
@@ -136,8 +138,10 @@ class Inflow:
         if truth("lithostatic", self.lithostatic) and self.rate is not None:
             raise ValueError(f"rate = {self.rate} must be None in a lithostatic inflow")
         if truth("driven", self.driven):
-            if not isinstance(self.region, Box):
-                raise TypeError(f"region = {self.region!r} must be a Box for a driven inflow")
+            if not isinstance(self.region, Box) or self.region.is_turned:
+                raise TypeError(
+                    f"region = {self.region!r} must be a Box that is not turned for a driven inflow"
+                )
             if self.times[0]:
                 raise ValueError(f"times[0] = {self.times[0]} must be 0 for a driven inflow")
 

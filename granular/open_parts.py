@@ -13,8 +13,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from granular.geometry import Region
 from granular.open_space import Distance, OpenSpace
+from granular.shapes.region import Region
 
 __all__ = ["open_parts", "plane_cut"]
 
@@ -119,10 +119,10 @@ def _pieces(
         phi, normal = phi[left], normal[left]
     plane, across = phi.copy(), normal.copy()
     if mixed.any():
-        within, inwards = region.distance(centres[mixed])
-        nearer = within < phi[mixed]
-        plane[mixed] = np.where(nearer, within, phi[mixed])
-        across[mixed] = np.where(nearer[:, None], inwards, normal[mixed])
+        away, outwards = region.cut(centres[mixed])
+        nearer = -away < phi[mixed]
+        plane[mixed] = np.where(nearer, -away, phi[mixed])
+        across[mixed] = np.where(nearer[:, None], -outwards, normal[mixed])
     # Beyond the corners of a piece the plane does not matter.
     plane = np.clip(plane, -edge * dim, edge * dim)
     share, height = plane_cut(plane, across, edge)

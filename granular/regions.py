@@ -14,114 +14,18 @@ from numpy.typing import ArrayLike, NDArray
 from granular.checks import (
     array,
     check_fields,
-    one_of,
     positive,
     set_fields,
     vector,
 )
-from granular.combinations import least
-from granular.geometry import AXES, MAX_COUNT, Region, combined, steps_between
+from granular.geometry import MAX_COUNT, combined, steps_between
 from granular.serializable import ComparedByContent
+from granular.shapes.region import Region
 
-__all__ = ["Cloud", "Mask", "Polygon"]
+__all__ = ["Cloud", "Mask"]
 
 Array = NDArray[np.float64]
 Vector = tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class Polygon(Region):
-    """A polygon in 2D, or a prism in 3D whose cross-section it is.
-
-    Parameters
-    ----------
-    vertices : sequence of pairs of float
-        Corners in order [m], at least 3. In 3D they are coordinates along the two other axes.
-        Where edges cross, a place is inside if a ray from it meets an odd number of edges.
-    span : tuple of 2 floats, optional
-        Ends along `axis` [m], which make a prism; none in 2D.
-    axis : {"x", "y", "z"}
-        Axis of a prism; unused in 2D.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
-    """
-
-    vertices: tuple[tuple[float, float], ...]
-    span: tuple[float, float] | None = None
-    axis: str = "y"
-
-    def __post_init__(self) -> None:
-        corners = array("vertices", self.vertices, (None, 2))
-        if len(corners) < 3 or not np.all(np.ptp(corners, axis=0) > 0):
-            raise ValueError(
-                f"vertices must be at least 3, not in a line along an axis, are {corners.tolist()}"
-            )
-        set_fields(self, vertices=tuple(map(tuple, corners.tolist())))
-        one_of("axis", self.axis, AXES)
-        if self.span is not None:
-            low, high = vector("span", self.span, 2)
-            if not high > low:
-                raise ValueError(f"span = {(low, high)} must have its low end first")
-            set_fields(self, span=(low, high))
-
-    @property
-    def bounds(self) -> tuple[Vector, Vector]:
-        low, high = np.min(self.vertices, axis=0), np.max(self.vertices, axis=0)
-        if self.span is not None:
-            at = AXES.index(self.axis)
-            low, high = (
-                np.insert(end, at, s) for end, s in zip((low, high), self.span, strict=True)
-            )
-        return tuple(low.tolist()), tuple(high.tolist())
-
-    def _nearest(self, x: Array) -> tuple[Array, Array]:
-        """Distance of places from the surface, without sign, and vectors from it [m]."""
-        flat = x
-        vectors = []
-        if self.span is not None:
-            at = AXES.index(self.axis)
-            flat = np.delete(x, at, axis=1)
-            for end in self.span:
-                arm = np.zeros_like(x)
-                arm[:, at] = x[:, at] - end
-                vectors.append(arm)
-        corners = np.array(self.vertices)
-        for start, end in zip(np.roll(corners, 1, axis=0), corners, strict=True):
-            along = end - start
-            size = float(along @ along)
-            share = np.clip((flat - start) @ along / size, 0.0, 1.0) if size else np.zeros(len(x))
-            arm = flat - start - share[:, None] * along
-            vectors.append(arm if self.span is None else np.insert(arm, at, 0.0, axis=1))
-        return least([(np.linalg.norm(arm, axis=1), arm) for arm in vectors])
-
-    def cuts(self, x: Array, reach: float) -> NDArray[np.bool_]:
-        near: NDArray[np.bool_] = self._nearest(x)[0] <= reach
-        return near
-
-    def distance(self, x: Array) -> tuple[Array, Array]:
-        away, arm = self._nearest(x)
-        sign = np.where(self._inside(x), 1.0, -1.0)
-        tiny = np.finfo(float).tiny
-        return sign * away, arm * (sign / np.maximum(away, tiny))[:, None]
-
-    def _inside(self, x: Array) -> NDArray[np.bool_]:
-        inside = np.zeros(len(x), dtype=bool)
-        flat, among = x, np.ones(len(x), dtype=bool)
-        if self.span is not None:
-            at = AXES.index(self.axis)
-            among = (x[:, at] >= self.span[0]) & (x[:, at] < self.span[1])
-            flat = np.delete(x, at, axis=1)
-        before = self.vertices[-1]
-        for corner in self.vertices:
-            (x0, y0), (x1, y1) = before, corner
-            if y0 != y1:
-                crosses = (y0 > flat[:, 1]) != (y1 > flat[:, 1])
-                inside ^= crosses & (flat[:, 0] < x0 + (flat[:, 1] - y0) * ((x1 - x0) / (y1 - y0)))
-            before = corner
-        return inside & among
 
 
 @dataclass(frozen=True, eq=False, repr=False)

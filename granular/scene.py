@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Any, ClassVar
 
-from granular import geometry, seeding
+from granular import seeding
 from granular.checks import check_fields, integer, kinds_of, positive, set_fields, tuple_of
-from granular.geometry import Fill, Grid
+from granular.fill import Fill, check_inside
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.indicators import Row
 from granular.inflow import Inflow, standing_points
@@ -48,7 +49,7 @@ class BaseScene(Serializable):
         if not self.sources:
             raise ValueError("fills = () must hold at least one Fill")
         for i, fill in enumerate(self.fills):
-            geometry.check_inside(f"fills[{i}]", self.grid, fill.region)
+            check_inside(f"fills[{i}]", self.grid, fill.region)
         if self.gravity.dim != self.dim:
             raise ValueError(
                 f"gravity of dimension {self.gravity.dim} must have {self.dim} as the grid"

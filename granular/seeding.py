@@ -11,10 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from granular.checks import integer, positive
-from granular.geometry import MAX_COUNT, Box, Fill, Grid, check_inside, combined
+from granular.fill import Fill, check_inside
+from granular.geometry import MAX_COUNT, Grid, combined
 from granular.open_parts import LEAST_SHARE, REACH, open_parts
 from granular.open_space import Distance, OpenSpace, last_place, nowhere
 from granular.regions import Cloud, Mask
+from granular.shapes.boxes import Box
+from granular.shapes.region import Region
 
 __all__ = [
     "DEEPEST",
@@ -234,6 +237,11 @@ def _carried(fill: Fill, rho_c: float) -> tuple[ArrayLike, ArrayLike]:
     return np.zeros(fill.region.dim) if v is None else v, rho_c if density is None else density
 
 
+def _is_box(region: Region) -> bool:
+    """True for a box with faces normal to the axes."""
+    return isinstance(region, Box) and not region.is_turned
+
+
 def _loads(
     fills: Sequence[Fill],
     own: int,
@@ -262,7 +270,7 @@ def _slopes(
     """
     found, region = np.zeros_like(x), fills[own].region
     alone = sum(fill.lithostatic for fill in fills) == 1
-    level = isinstance(region, Box) and np.count_nonzero(above) == 1 and alone
+    level = _is_box(region) and np.count_nonzero(above) == 1 and alone
     # Squares of single points have no slope of their own.
     if level or isinstance(region, (Cloud, Mask)):
         return found
@@ -337,7 +345,7 @@ def _within_others(
 ) -> NDArray[np.float64]:
     """Length [m] of rays, to the top of a fill, that is in other lithostatic fills: in its gaps."""
     found = np.zeros(len(x))
-    if isinstance(fills[own].region, Box) or not len(x):  # no gaps
+    if _is_box(fills[own].region) or not len(x):  # no gaps
         return found
     others = [fill.region for fill in fills if fill.lithostatic and fill is not fills[own]]
     for k in range(math.ceil(float(length.max()) / step)):

@@ -13,6 +13,7 @@ from granular.notebook import table
 
 if TYPE_CHECKING:
     from granular.mpm.bodies import BodyState
+    from granular.shapes.region import Region
     from granular.sph.gas import GasState
     from granular.typing import AnyScene
 
@@ -95,6 +96,27 @@ class State:
     def dim(self) -> int:
         """Dimension, 2 or 3."""
         return self.fields["x"].shape[1]
+
+    def within(self, region: Region) -> State:
+        """Return the state of the points that lie in a shape, or in another region, alone.
+
+        Any measure takes it, such as ``gr.measure.repose_angle(state.within(box))``.
+
+        Raises
+        ------
+        ValueError
+            If the region has not the dimension of the state.
+        """
+        inside = region.contains(self.x)
+        return State(
+            scene=self.scene,
+            time=self.time,
+            step=self.step,
+            dt=self.dt,
+            fields={name: array[inside] for name, array in self.fields.items()},
+            gas=getattr(self, "gas", None),
+            bodies=self.bodies,
+        )
 
     def of_material(self, name: str, missing: float = np.nan) -> Array:
         """Attribute of the material of every point, such as "rho_c" or "mu_s", shape (n,).

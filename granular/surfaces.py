@@ -21,9 +21,10 @@ from granular.checks import (
     set_fields,
     vector,
 )
-from granular.combinations import least
-from granular.geometry import MAX_COUNT, Region, combined, steps_between
+from granular.geometry import MAX_COUNT, combined, steps_between
 from granular.serializable import ComparedByContent
+from granular.shapes.operations import least
+from granular.shapes.region import Region
 
 __all__ = ["Heights", "Layer"]
 
@@ -308,7 +309,7 @@ class Layer(ComparedByContent, Region):
         found: NDArray[np.bool_] = bottom | top | sides
         return found
 
-    def distance(self, x: Array) -> tuple[Array, Array]:
+    def cut(self, x: Array) -> tuple[Array, Array]:
         level = x[:, :-1]
         found = []
         slope = np.zeros_like(level)
@@ -323,7 +324,8 @@ class Layer(ComparedByContent, Region):
                 inwards = np.zeros_like(x)
                 inwards[:, axis] = sign
                 found.append((sign * (x[:, axis] - end), inwards))
-        return least(found)
+        depth, inwards = least(found)
+        return -depth, -inwards
 
     def _ends(self, x: Array) -> tuple[Array, Array]:
         level = x[:, :-1]

@@ -11,11 +11,12 @@ import pytest
 from schemes_by_name import scheme_of
 
 import granular as gr
-from granular.combinations import Difference
-from granular.geometry import Box, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import MuI
 from granular.mpm.walls import Solid, SpongeLayer, Wall
+from granular.shapes import Box, Difference
 
 COMBINATIONS = [
     (basis, transfer, "particle")

@@ -95,7 +95,7 @@ def spline(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def turning(scheme: gr.Scheme, turns: float) -> tuple[np.ndarray, np.ndarray]:
     """Kinetic energy of an elastic disc that turns freely, over that at the start, by its turns."""
     omega, cell, middle = 2 * np.pi, 0.05, 0.5
-    disc = gr.Fill(gr.Disc((middle, middle), 0.3), 4)
+    disc = gr.Fill(gr.Sphere(0.3, center=(middle, middle)), 4)
     scene = gr.Scene(
         name="turning",
         grid=gr.Grid((0.0, 0.0), cell, (20, 20)),
@@ -256,7 +256,7 @@ def bodies(quick: bool) -> Picture:
     """Points near a surface, their feet, and the nodes on which a foot acts."""
     made, (ax,) = picture(1.0, height=4.2)
     columns, rows = 8, 4
-    body = gr.Body(gr.bodies.HalfSpace((-np.sin(0.3), np.cos(0.3))), (4.0, 1.35))
+    body = gr.Body(gr.shapes.HalfSpace((-np.sin(0.3), np.cos(0.3))), (4.0, 1.35))
     for k in range(columns + 1):
         ax.axvline(k, color="0.85", lw=0.8, zorder=0)
     for k in range(rows + 1):

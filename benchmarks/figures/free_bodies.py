@@ -21,7 +21,7 @@ from granular.plot import Picture
 def thrown(quick: bool) -> gr.Scene:
     """A block above a bed, which moves and turns freely."""
     cell = 0.02 if quick else 0.01
-    shape = gr.bodies.Box((0.2, 0.1))
+    shape = gr.shapes.Box(size=(0.2, 0.1))
     whole = gr.bodies.mass_properties(shape, density=2500.0)
     block = gr.Body(
         shape,

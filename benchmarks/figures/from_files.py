@@ -121,7 +121,7 @@ def meshes(quick: bool) -> Picture:
     plan.set_title(f"{1 + LUGS} closed shells that overlap")
     begin = np.cumsum([0, *map(len, shells)])
     joined = np.concatenate([part + first for part, first in zip(faces, begin, strict=False)])
-    wheel = gr.bodies.Mesh(np.concatenate(shells), joined, spacing=0.006 if quick else 0.003)
+    wheel = gr.shapes.Mesh(np.concatenate(shells), joined, spacing=0.006 if quick else 0.003)
     line = np.linspace(-0.16, 0.16, 321)
     x, y = np.meshgrid(line, line)
     phi = wheel.distance(np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]))[0]

@@ -65,7 +65,7 @@ def walls(quick: bool) -> Picture:
 def fill_regions(quick: bool) -> Picture:
     """A layer on a slope, and the pressure at the start of several regions."""
     made, axes = panels(1, 2, 3.0)
-    slope = gr.Body(gr.bodies.HalfSpace((np.sin(0.5), np.cos(0.5))), (0.5, 0.25), friction=0.4)
+    slope = gr.Body(gr.shapes.HalfSpace((np.sin(0.5), np.cos(0.5))), (0.5, 0.25), friction=0.4)
     release = gr.Layer(
         on=slope,
         thickness=lambda x: 0.08 * np.cos((x - 0.3) / 0.13),
@@ -90,7 +90,9 @@ def fill_regions(quick: bool) -> Picture:
     )
     regions = [
         gr.Fill(gr.Box((0.0, 0.0), (0.25, 0.3)), 9, lithostatic=True),
-        gr.Fill(gr.Difference(gr.Box((0.3, 0.0), (0.5, 0.3)), gr.Disc((0.4, 0.15), 0.07)), 9),
+        gr.Fill(
+            gr.Difference(gr.Box((0.3, 0.0), (0.5, 0.3)), gr.Sphere(0.07, center=(0.4, 0.15))), 9
+        ),
         gr.Fill(ring, 9),
         gr.Fill(gr.Polygon([(0.55, 0.0), (0.95, 0.0), (0.75, 0.1)]), 9),
     ]
@@ -226,7 +228,7 @@ def own_scene(quick: bool) -> Picture:
     """The block and the wedge of the tutorial: the scene, and the flow at two times."""
     made, axes = panels(1, 3, 2.6, sharey=True)
     cell = 0.05 if quick else 0.02
-    wedge = gr.bodies.Polygon([(0.45, 0.0), (0.75, 0.0), (0.75, 0.15)])
+    wedge = gr.shapes.Polygon([(0.45, 0.0), (0.75, 0.0), (0.75, 0.15)])
     scene = gr.Scene(
         name="block_and_wedge",
         grid=gr.Grid((0.0, 0.0), cell, (round(1 / cell), round(0.5 / cell)), open_sides={"x+"}),

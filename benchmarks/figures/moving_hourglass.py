@@ -22,7 +22,7 @@ def hourglass(cell: float) -> gr.Scene:
     outer = WIDE + 2 * cell
     inner = [(NECK, MIDDLE), (WIDE, high), (WIDE, TOP)]
     glass = [*inner, (outer, TOP), (outer, 0.0), (WIDE, 0.0), (WIDE, low)]
-    sides = [gr.bodies.Polygon([(side * x, y) for x, y in glass]) for side in (1, -1)]
+    sides = [gr.shapes.Polygon([(side * x, y) for x, y in glass]) for side in (1, -1)]
     edge = [(x - 0.25 * cell, y) for x, y in inner[:2]]
     level = 0.53
     fill = [*edge, (WIDE - 0.25 * cell, level)]

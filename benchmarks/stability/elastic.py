@@ -8,16 +8,18 @@ from typing import Any
 import numpy as np
 
 import granular as gr
-from granular.geometry import Box, Cylinder, Disc, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import Elastic, MuI
+from granular.shapes import Box, Cylinder, Sphere
 from stability.cells import SCHEMES, Map, at_courant, chosen, refuses, simulate
 
 CELL = 0.1
 WEIGHTLESS = Gravity((0.0,), ((0.0, 0.0),))
 BASES = ("linear", "ugimp", "quadratic")
 ELASTIC = Elastic(E=1e6)
-DISC = Disc((0.8, 0.8), 0.43)
+DISC = Sphere(0.43, center=(0.8, 0.8))
 
 
 def places(sim: gr.Simulation) -> np.ndarray:
@@ -208,7 +210,11 @@ def courant_space(quick: bool) -> Map:
     """CFL x scheme in 3D: a short cylinder in flight."""
     title = "Time step in 3D: a cylinder in flight"
     found = flights("courant_space", title, "scheme, points per cell", seedings=2)
-    cylinder = {"region": Cylinder((0.4, 0.4, 0.15), 0.23, 0.5), "shape": (8, 8, 8), "seedings": 2}
+    cylinder = {
+        "region": Cylinder(0.23, center=(0.4, 0.4, 0.4), axis=(0.0, 0.0, 1.0), length=0.5),
+        "shape": (8, 8, 8),
+        "seedings": 2,
+    }
     for name, scheme in SPACE_SCHEMES.items():
         for points in chosen((1, 8), quick, few=1):
             for courant in chosen((0.5, 0.6, 0.7, 0.8, 1.0), quick):

@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 
 import granular as gr
-from granular.geometry import Box, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import Elastic
 from granular.mpm.walls import Wall
+from granular.shapes import Box
 from stability.cells import SCHEMES, Map, chosen, off, simulate
 from stability.elastic import BASES, WEIGHTLESS, body, places
 

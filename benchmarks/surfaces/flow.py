@@ -11,7 +11,8 @@ from unittest import mock
 import numpy as np
 
 import granular as gr
-from granular.mpm.bodies import Body, Box
+from granular.mpm.bodies import Body
+from granular.shapes import Box
 from granular.theory import bagnold_profile, chute_profile, couette_flow, stopping_height
 from surfaces.rows import (
     CELL,
@@ -87,7 +88,7 @@ def chute_scene(
         # Bodies that reach farther than half a period have no images: each period has its own.
         bodies = tuple(
             Body(
-                Box((math.inf, 4 * CELL), center=(0.0, -2 * CELL)),
+                Box(size=(math.inf, 4 * CELL), center=(0.0, -2 * CELL)),
                 (through[0], through[1] + up * CELL * periods[1]),
                 rotation_deg=math.degrees(math.atan2(t[1], t[0])),
                 **base,

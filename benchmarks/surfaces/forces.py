@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 import granular as gr
-from granular.mpm.bodies import Body, Box, Cylinder, Offset, Sphere
+from granular.mpm.bodies import Body
+from granular.shapes import Box, Cylinder, Offset, Sphere
 from surfaces.rows import (
     OFFSETS,
     RHO,
@@ -111,7 +112,7 @@ def plate(turned_deg: float, offset: float, cells: int, until: float, bed: Bed) 
     """
     cell = LENGTH / cells
     center = np.full(2, HEIGHT / 2) + offset * cell
-    shapes = [Box((LENGTH, 3 * cell), center=(0.0, side * cell / 2)) for side in (1, -1)]
+    shapes = [Box(size=(LENGTH, 3 * cell), center=(0.0, side * cell / 2)) for side in (1, -1)]
     bodies = tuple(Body(shape, tuple(center), rotation_deg=turned_deg) for shape in shapes)
     run = Run(in_a_bed(bodies, (HEIGHT, HEIGHT), cell, bed))
     _, n = axes(turned_deg)
@@ -130,7 +131,7 @@ def rounded_plate(turned_deg: float, offset: float, cells: int, until: float, be
     cell = LENGTH / cells
     radius, center = 1.95 * cell, np.full(2, HEIGHT / 2) + offset * cell
     sides = (LENGTH - 2 * radius, 4 * cell - 2 * radius)
-    body = Body(Offset(Box(sides), by=radius), tuple(center), rotation_deg=turned_deg)
+    body = Body(Offset(Box(size=sides), by=radius), tuple(center), rotation_deg=turned_deg)
     run = Run(in_a_bed((body,), (HEIGHT, HEIGHT), cell, bed))
     area = LENGTH * 4 * cell - (4 - math.pi) * radius**2
     weight = displaced(area, HEIGHT - center[1])

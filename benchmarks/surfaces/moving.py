@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 import granular as gr
-from granular.mpm.bodies import Body, Box, HalfSpace, Motion
+from granular.mpm.bodies import Body, Motion
+from granular.shapes import Box, HalfSpace
 from surfaces.rows import (
     CELL,
     OFFSETS,
@@ -166,7 +167,7 @@ def blade_scene(
 ) -> gr.Scene:
     """A blade 4 cells thick and 5 cells deep in a bed of 12 cells, 2D, moved by `start` cells."""
     begin = np.array([0.15, DEEP - 5 * CELL]) + offset * CELL + np.array([start * CELL, 0.0])
-    shape = Box((4 * CELL, 0.2), center=(-2 * CELL, 0.1))
+    shape = Box(size=(4 * CELL, 0.2), center=(-2 * CELL, 0.1))
     motion = Motion(times=(AT_REST, AT_REST + RAMP), velocity=((0.0, 0.0), (speed, 0.0)))
     body = Body(shape, tuple(begin), rotation_deg=rake_deg, motion=motion, friction=0.3)
     return gr.Scene(

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 import granular as gr
-from granular.mpm.bodies import Body, Box, Cylinder, Difference
+from granular.mpm.bodies import Body
+from granular.shapes import Box, Cylinder, Difference
 from surfaces.rows import (
     OFFSETS,
     RHO,
@@ -77,7 +78,7 @@ def slot(turned_deg: float, offset: float, cells: int) -> Numbers:
     )
     plates = (
         Body(
-            Box((0.5, THICK), center=(side * (WIDTH / 2 + 0.25), -THICK / 2)),
+            Box(size=(0.5, THICK), center=(side * (WIDTH / 2 + 0.25), -THICK / 2)),
             tuple(center),
             rotation_deg=turned_deg,
             friction=0.3,
@@ -119,7 +120,7 @@ def hole(offset: float, cells: int, turned_deg: float = 0.0) -> Numbers:
     level, quarter = offset * cell, turned_deg == 0.0
     (t, n), y = axes(turned_deg, 3), np.eye(3)[1]
     floor = Difference(
-        Box((1.0, 1.0, THICK), center=(0.0, 0.0, -THICK / 2)),
+        Box(size=(1.0, 1.0, THICK), center=(0.0, 0.0, -THICK / 2)),
         Cylinder(radius, center=(0.0, 0.0, 0.0), axis=(0.0, 0.0, 1.0)),
     )
     across, low = round(half / cell), -round(0.05 / cell)

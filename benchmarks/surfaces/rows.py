@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 import granular as gr
-from granular.mpm.bodies import Body, HalfSpace
+from granular.mpm.bodies import Body
 from granular.mpm.body_distances import distance_from_bodies
+from granular.shapes import HalfSpace
 
 warnings.simplefilter("ignore", gr.StabilityWarning)
 

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from granular.combinations import Difference, Intersection, Union
-from granular.geometry import Box, Cylinder, Disc, Fill, Region
+from granular.fill import Fill
 from granular.mpm.scene import Scene
 from granular.mpm.walls import Solid, Wall
+from granular.shapes import Box, Cylinder, Difference, Intersection, Region, Sphere, Union
 
 _DIGITS = 9
 """Decimal digits of a length in cells up to which two positions are equal."""
@@ -58,17 +58,17 @@ class _Mirror:
     def region(self, region: Region, side: int) -> tuple[object, ...]:
         """Key of a region, equal for a region and for its image seen from the other side."""
         name = type(region).__name__
-        if isinstance(region, Box):
-            across = self.ends(region.lower[0], region.upper[0], side)
-            return (name, across, region.lower[1:], region.upper[1:])
-        if isinstance(region, (Disc, Cylinder)):
+        if isinstance(region, Box) and not region.is_turned:
+            lower, upper = region.bounds
+            return (name, self.ends(lower[0], upper[0], side), lower[1:], upper[1:])
+        if isinstance(region, Sphere) or (isinstance(region, Cylinder) and is_upright(region)):
             centre = self.key(self.place(region.center[0], side))
-            rest = (region.height,) if isinstance(region, Cylinder) else ()
+            rest = (region.length,) if isinstance(region, Cylinder) else ()
             return (name, centre, region.center[1:], region.radius, *rest)
         if isinstance(region, Difference):
-            return (name, self.region(region.region, side), self.region(region.without, side))
+            return (name, self.region(region.shape, side), self.region(region.without, side))
         if isinstance(region, (Union, Intersection)):
-            return (name, *sorted((self.region(r, side) for r in region.regions), key=repr))
+            return (name, *sorted((self.region(part, side) for part in region.parts), key=repr))
         raise TypeError(f"{name} has no image that is known")
 
     def fill(self, fill: Fill, side: int) -> tuple[object, ...]:
@@ -153,10 +153,15 @@ def mirror_half(scene: Scene) -> Scene:
     )
 
 
+def is_upright(region: Cylinder) -> bool:
+    """True if the axis of a cylinder of material is the last one."""
+    return not region.inside and region.axis is not None and not any(region.axis[:-1])
+
+
 def _cut_fill(fill: Fill, keep: Box) -> Fill:
-    if isinstance(fill.region, Box):
-        lower = (keep.lower[0], *fill.region.lower[1:])
-        return replace(fill, region=Box(lower, fill.region.upper))
+    if isinstance(fill.region, Box) and not fill.region.is_turned:
+        lower, upper = fill.region.bounds
+        return replace(fill, region=Box((keep.bounds[0][0], *lower[1:]), upper))
     return replace(fill, region=Intersection((fill.region, keep)))
 
 

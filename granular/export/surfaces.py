@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -22,11 +23,13 @@ from granular.mpm.bodies import Body, BodyState, split
 from granular.record.layout import LIBVER, TOPOLOGIES
 from granular.record.polydata import begin_poly_data, write_steps
 from granular.record.reader import Trajectory
+from granular.shapes.boxes import Box, HalfSpace
 from granular.shapes.height_map import HeightMap
-from granular.shapes.measures import arrays_of
 from granular.shapes.mesh import Mesh
-from granular.shapes.operations import OPERATIONS, Union
-from granular.shapes.shape import PARTS, Shape
+from granular.shapes.operations import Complement, Union
+from granular.shapes.round import Capsule, Cylinder, Frustum, Sphere, Torus
+from granular.shapes.sections import Polygon, Prism, Revolve, Section
+from granular.shapes.shape import Shape, frame_of
 
 Array = NDArray[np.float64]
 
@@ -130,17 +133,21 @@ def surface(shape: Shape, dim: int, size: float) -> Patches:
     Of a sheet its middle is drawn, of a height map the posts, or some of them if there are many.
     """
     if isinstance(shape, Union):
-        return _joined([surface(part, dim, size) for part in shape.parts])
+        parts: Any = shape.parts
+        return _joined([surface(part, dim, size) for part in parts])
     if isinstance(shape, Mesh):
         return shape.vertices, [(a, b, c) for a, b, c in shape.faces.tolist()]
     if isinstance(shape, HeightMap):
         return _posts(shape, size)
-    rows = shape.rows()
-    hollow = [row[1] and row[0] != PARTS["cylinder"] for row in rows]
-    if np.isin(rows[:, 0], OPERATIONS).any() or (dim == 2 and any(hollow)):
+    hollow = shape.inside and not isinstance(shape, Cylinder)
+    if len(shape.rows()) > shape.results or isinstance(shape, Complement) or (dim == 2 and hollow):
         return contoured(shape, size)
-    parts = zip(rows, arrays_of(shape), strict=True)
-    return _joined([_mesh(row, array, dim, size) for row, array in parts])
+    if isinstance(shape, Frustum) and shape.walls:
+        boxes = [(at, axes, _box(np.minimum(half, size), dim)) for at, axes, half in shape.walls]
+        return _joined([(v @ axes.T + at, faces) for at, axes, (v, faces) in boxes])
+    centre, turn = frame_of(shape)
+    vertices, faces = _patches(shape, turn, dim, size)
+    return vertices @ turn.T + centre, faces
 
 
 def _posts(part: HeightMap, size: float) -> Patches:
@@ -169,35 +176,39 @@ def _posts(part: HeightMap, size: float) -> Patches:
     return vertices, [(a, b, c, d) for a, b, c, d in quads.tolist()]
 
 
-def _mesh(row: Array, array: Array | None, dim: int, size: float) -> Patches:
-    """Surface of a shape, given by its 17 numbers, in the coordinates of its body."""
-    kind, inside, center, turn = row[0], bool(row[1]), row[2:5], row[5:14].reshape(3, 3)
-    half = np.where(np.isfinite(row[14:17]), row[14:17], size)
-    if kind == PARTS["box"]:
-        vertices, faces = _box(half, dim)
-    elif kind == PARTS["cylinder"]:
-        vertices, faces = _cylinder(half[0], half[1], inside, dim, size)
-    elif kind == PARTS["half_space"]:  # the normal is the third axis
-        vertices, faces = _half_space(turn, dim, size)
-    elif kind == PARTS["polygon"]:
-        vertices, faces = extended(_outline(kind, half, array), half[0], dim)
-    else:
-        vertices, faces = revolved(_outline(kind, half, array), dim)
-    return vertices @ turn.T + center, faces
+def _patches(shape: Shape, turn: Array, dim: int, size: float) -> Patches:
+    """Surface of a shape of one part, in its own axes; what is endless has a given size."""
+    if isinstance(shape, Box):
+        return _box(np.minimum(0.5 * np.array((*shape.size, np.inf)[:3]), size), dim)
+    if isinstance(shape, Cylinder) or (isinstance(shape, Sphere) and dim == 2):
+        half = min(0.5 * getattr(shape, "length", np.inf), size)
+        return _cylinder(shape.radius, half, shape.inside, dim, size)
+    if isinstance(shape, HalfSpace):  # the normal is the third axis
+        return _half_space(turn, dim, size)
+    if isinstance(shape, Polygon | Prism):
+        length = getattr(shape, "length", np.inf)
+        return extended(_outline(shape), min(0.5 * length, size), dim)
+    return revolved(_outline(shape), dim)
 
 
-def _outline(kind: float, size: Array, array: Array | None) -> Array:
+def _outline(shape: Shape) -> Array:
     """Outline of a polygon, or (r, z) of what is round, shape (n, 2)."""
-    if array is not None and size[1] > 0:
-        return thickened(array[0], size[1], radial=kind == PARTS["revolved"])
-    if array is not None:
-        return array[0]
-    if kind == PARTS["torus"]:
+    if isinstance(shape, Section):
+        vertices = shape.samples()[0][0]
+        if shape.thickness is None:
+            return vertices
+        return thickened(vertices, 0.5 * shape.thickness, radial=isinstance(shape, Revolve))
+    if isinstance(shape, Frustum):
+        return shape.samples()[0][0]
+    if isinstance(shape, Torus):
         angle = 2 * np.pi * np.arange(SIDES) / SIDES
-        return np.stack([size[0] + size[1] * np.cos(angle), size[1] * np.sin(angle)], axis=1)
+        across, along = np.cos(angle), np.sin(angle)
+        return np.stack([shape.radius + shape.tube * across, shape.tube * along], axis=1)
+    assert isinstance(shape, Capsule | Sphere)
+    half = 0.5 * getattr(shape, "length", 0.0)
     angle = np.pi * (np.arange(SIDES // 2 + 1) / (SIDES // 2) - 0.5)
-    side = np.where(angle > 0, size[1], -size[1])
-    ends = np.stack([size[0] * np.cos(angle), size[0] * np.sin(angle) + side], axis=1)
+    side = np.where(angle > 0, half, -half)
+    ends = np.stack([shape.radius * np.cos(angle), shape.radius * np.sin(angle) + side], axis=1)
     ends[[0, -1], 0] = 0.0
     return ends
 

@@ -8,7 +8,6 @@ from granular.measure.averaging_grid import Array
 from granular.mpm.bodies import Body
 from granular.mpm.scene import Scene
 from granular.mpm.walls import Solid, Wall
-from granular.shapes.measures import bounds
 from granular.shapes.shape import turned
 from granular.symmetric import mirror_axes
 
@@ -30,7 +29,7 @@ def _is_cut(scene: Scene, part: Body | Wall | Solid, axis: int) -> bool:
     if isinstance(part, Solid):
         return part.lower[axis] <= plane + near
     along = turned(part.rotation_deg).inv().apply(np.eye(3)[axis])
-    low, _ = bounds(part.shape, along[None])
+    low, _ = part.shape.ends(along[None])
     return float(part.position[axis] + low[0]) < plane - near
 
 

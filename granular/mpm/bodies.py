@@ -1,4 +1,4 @@
-"""Rigid bodies that move through the material: shapes by signed distance, motions, contact.
+"""Rigid bodies that move through the material: a shape, its motion and its contact.
 
 A 2D scene is a section of one that is endless along z: a disc is a cylinder there; masses, forces
 and torques are per metre of depth.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass, fields
+from dataclasses import KW_ONLY, dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,61 +32,14 @@ from granular.checks import (
 from granular.geometry import combined
 from granular.shapes.height_map import HeightMap
 from granular.shapes.inertia import MassProperties, inertia_of, mass_properties, principal
-from granular.shapes.measures import are_endless, extents, largest_speed, reach, thicknesses
-from granular.shapes.mesh import Mesh
-from granular.shapes.mesh_surface import MeshWarning
+from granular.shapes.measures import extents, largest_speed, reach, thicknesses
 from granular.shapes.moments import has_no_inside
-from granular.shapes.operations import (
-    Complement,
-    Difference,
-    Intersection,
-    Offset,
-    Shell,
-    Union,
-)
-from granular.shapes.round import Capsule, Frustum, Sphere, Torus
-from granular.shapes.sections import Polygon, Prism, Revolve
-from granular.shapes.shape import (
-    MOST_SHAPES,
-    Box,
-    Cylinder,
-    HalfSpace,
-    Shape,
-    padded,
-    rotation_of,
-    turned,
-)
+from granular.shapes.shape import MOST_SHAPES, Shape, padded, rotation_of, turned
 
 if TYPE_CHECKING:
     from granular.geometry import Grid
 
-__all__ = [
-    "Body",
-    "BodyState",
-    "Box",
-    "Capsule",
-    "Complement",
-    "Cylinder",
-    "Difference",
-    "Frustum",
-    "HalfSpace",
-    "HeightMap",
-    "Intersection",
-    "MassProperties",
-    "Mesh",
-    "MeshWarning",
-    "Motion",
-    "Offset",
-    "Polygon",
-    "Prism",
-    "Revolve",
-    "Shape",
-    "Shell",
-    "Sphere",
-    "Torus",
-    "Union",
-    "mass_properties",
-]
+__all__ = ["Body", "BodyState", "MassProperties", "Motion", "mass_properties"]
 
 Array = NDArray[np.float64]
 
@@ -114,10 +67,11 @@ class Motion:
     ----------
     times : tuple of float, length k >= 1
         Times [s], >= 0, ascending.
-    velocity : tuple of k tuples of float, length dim
-        Velocity of the position of the body [m/s].
-    angular_velocity : tuple of k floats, or of k tuples of 3 floats
-        Angular velocity [rad/s], a number in 2D, a vector about fixed axes in 3D; 0 by default.
+    velocity : tuple of k tuples of float, length dim, optional
+        Velocity of the position of the body [m/s]; 0 by default.
+    angular_velocity : tuple of k floats, or of k tuples of 3 floats, optional
+        Angular velocity [rad/s], a number in 2D, a vector about fixed axes in 3D; 0 by default. One
+        of the two must be given.
 
     Raises
     ------
@@ -126,14 +80,19 @@ class Motion:
     """
 
     times: tuple[float, ...] = (0.0,)
-    velocity: tuple[tuple[float, ...], ...]
+    velocity: tuple[tuple[float, ...], ...] = None  # type: ignore[assignment]  # some once made
     angular_velocity: tuple[float, ...] | tuple[tuple[float, ...], ...] | None = None
 
     def __post_init__(self) -> None:
-        check_fields(self, sequence, "velocity")
+        check_fields(self, sequence, "velocity", optional=True)
         check_fields(self, sequence, "angular_velocity", optional=True)
         check_fields(self, ascending, "times")
         count = len(self.times)
+        if self.velocity is None:
+            if self.angular_velocity is None:
+                raise TypeError("velocity = None and angular_velocity = None: one must be given")
+            dim = 3 if any(np.ndim(w) for w in self.angular_velocity) else 2
+            set_fields(self, velocity=((0.0,) * dim,) * count)
         if len(self.velocity) != count:
             raise ValueError(f"velocity = {self.velocity} must be as many as times, {count}")
         dim = len(vector("velocity[0]", self.velocity[0]))
@@ -171,7 +130,7 @@ class Body:
     Parameters
     ----------
     shape : Shape
-        One of the shapes of this module, such as a `Box`, in coordinates of the body.
+        A shape of `granular.shapes`, such as a `Box`, in coordinates of the body.
     position : tuple of float, length dim
         Origin of these coordinates at the start [m].
     rotation_deg : float or tuple of 3 floats
@@ -229,7 +188,7 @@ class Body:
 
     def __post_init__(self) -> None:
         if not isinstance(self.shape, Shape):
-            raise TypeError(f"shape = {self.shape!r} must be a shape of granular.bodies")
+            raise TypeError(f"shape = {self.shape!r} must be a shape of granular.shapes")
         if has_no_inside(self.shape):
             raise ValueError(f"shape = {self.shape!r} must have an inside: nothing is in it")
         dim = self.shape.dim
@@ -274,7 +233,7 @@ class Body:
         """Refuse a body that does not fit the grid."""
         if self.dim != grid.dim:
             raise ValueError(f"{name} of dimension {self.dim} must have the grid's, {grid.dim}")
-        for part in _parts_of(self.shape):
+        for part in self.shape.leaves():
             if isinstance(part, HeightMap):
                 part.check(name, self._corners_of(grid), grid.slack * grid.cell)
         reaches = self.extents()
@@ -318,7 +277,7 @@ class Body:
         """True if the body is infinite along an axis, and stays so in its motion."""
         along = turned(self.rotation_deg).inv().apply(np.eye(3)[axis])
         turning = np.delete(self._turning(), axis, axis=1)
-        return not turning.any() and are_endless(self.shape, along)
+        return not turning.any() and self.shape.is_endless(along)
 
     def largest_speed(self, grid: Grid) -> float:
         """Upper bound on the speed [m/s] of its points in the domain, from its motion."""
@@ -380,14 +339,6 @@ class Body:
         normal = np.zeros((len(x), 3))
         normal[:, : self.dim] = along
         return distance, (turn.apply(normal) if len(x) else normal)[:, : self.dim]
-
-
-def _parts_of(shape: Shape) -> list[Shape]:
-    """Return the shapes that operations are made of, or the shape itself."""
-    held = [getattr(shape, field.name) for field in fields(shape)]  # type: ignore[arg-type]
-    inner = [x for x in held if isinstance(x, Shape)]
-    inner += [x for many in held if isinstance(many, tuple) for x in many if isinstance(x, Shape)]
-    return [part for one in inner for part in _parts_of(one)] if inner else [shape]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -14,7 +14,7 @@ from granular.geometry import AXES, combined
 from granular.mpm.blocks import solid_cells
 from granular.mpm.body_distances import distance_at
 from granular.mpm.walls import Solid, Wall
-from granular.shapes.measures import bounds, extents, reach
+from granular.shapes.measures import extents, reach
 
 if TYPE_CHECKING:
     from granular.mpm.bodies import Body, BodyState
@@ -172,7 +172,7 @@ def places_of(scene: Scene, body: Body, deep: float) -> Places:
     """
     grid, shape, dim = scene.grid, body.shape, body.dim
     largest = float(np.linalg.norm(np.array(grid.shape) * grid.cell))
-    low, high = bounds(shape, np.eye(3)[:dim])
+    low, high = np.array(shape.bounds)
     wide = high - low > 2 * largest
     low, high = np.where(wide, -largest, low), np.where(wide, largest, high)
     half = 0.5 * (high - low)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from granular.geometry import Fill
+from granular.fill import Fill
 from granular.materials import NGF, MuI
 from granular.mpm.body_limits import light_bodies, mesh_scale, near_thin_parts, thin_parts
 from granular.mpm.filling import has_material, is_full, middle_points

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from granular import memory
 from granular.checks import truth
-from granular.geometry import Fill, Grid, combined
+from granular.fill import Fill
+from granular.geometry import Grid, combined
 from granular.memory import BASE, MARGIN, entering, refuse
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.scene import Scene

@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 
 from granular.geometry import Grid, combined
 from granular.mpm.walls import Solid, Wall
-from granular.shapes.measures import arrays_of, bounds, reach
-from granular.shapes.shape import PARTS, Shape
+from granular.shapes.boxes import Box
+from granular.shapes.measures import reach
+from granular.shapes.round import Capsule, Cylinder, Frustum, Sphere
+from granular.shapes.sections import Polygon
+from granular.shapes.shape import Shape, frame_of, padded
 
 if TYPE_CHECKING:
     from granular import _core
@@ -62,18 +65,17 @@ def contact_balls(shape: Shape, cell: float, name: str = "shape") -> Array:
     the surface, half a cell apart, with all corners, of the radius 0. An endless shape has none;
     one that would take more than `MOST_PLACES` is refused by its `name`.
     """
-    rows, dim = shape.rows(), shape.dim
+    dim = shape.dim
     if not math.isfinite(reach(shape)):
         return np.zeros((0, 4))
-    kind, inside, size = rows[0, 0], rows[0, 1], rows[0, 14:]
-    if len(rows) == 1 and kind == PARTS["capsule"]:
-        count = math.ceil(2 * size[1] / (SPACING * cell)) + 1 if size[1] else 1
-        _check_count(name, 2 * size[1], count)
-        along = np.linspace(-1, 1, count)[:, None] if count > 1 else np.zeros((1, 1))
-        centres = rows[0, 2:5] + along * size[1] * rows[0, 5:14].reshape(3, 3)[:, 2]
-        return np.column_stack([centres, np.full(count, size[0])])
-    if len(rows) == 1 and kind == PARTS["cylinder"] and dim == 2 and not inside:
-        return np.array([[*rows[0, 2:5], size[0]]])
+    if isinstance(shape, Capsule):
+        count = math.ceil(shape.length / (SPACING * cell)) + 1
+        _check_count(name, shape.length, count)
+        along = np.linspace(-1, 1, count)[:, None] * 0.5 * shape.length
+        centre, axes = frame_of(shape)
+        return np.column_stack([centre + along * axes[:, 2], np.full(count, shape.radius)])
+    if isinstance(shape, Sphere) or (isinstance(shape, Cylinder) and dim == 2 and not shape.inside):
+        return np.array([[*padded(shape.center), shape.radius]])
     places = _surface(shape, cell, name)
     return np.column_stack([places, np.zeros((len(places), 4 - dim))])
 
@@ -99,7 +101,7 @@ def _check_count(name: str, size: float, count: float) -> None:
 def _surface(shape: Shape, cell: float, name: str) -> Array:
     """Places of the surface of a finite shape, shape (n, dim), with all its corners."""
     dim = shape.dim
-    low, high = bounds(shape, np.eye(3)[:dim])
+    low, high = np.array(shape.bounds)
     half = 0.5 * (high - low)
     width = max(SPACING * cell, 2 * math.prod(half) ** (1 / dim) / MOST_ACROSS[dim])
     lines = []
@@ -121,16 +123,18 @@ def _surface(shape: Shape, cell: float, name: str) -> Array:
 def _corners(shape: Shape) -> Array:
     """Corners of the boxes and polygons that a shape consists of, shape (n, dim)."""
     dim, found = shape.dim, [np.zeros((0, shape.dim))]
-    for row, array in zip(shape.rows(), arrays_of(shape), strict=True):
-        if row[0] == PARTS["box"]:
-            size = row[14 : 14 + dim]
-            own = combined([np.array([-s, s]) for s in size])
-        elif row[0] == PARTS["polygon"] and dim == 2:
-            own = np.asarray(array)[0]
-        else:
-            continue
-        turn = row[5:14].reshape(3, 3)[:dim, :dim]
-        found.append(row[2 : 2 + dim] + own @ turn.T)
+    for leaf in shape.leaves():
+        parts = []
+        if isinstance(leaf, Box):
+            parts = [(*frame_of(leaf), 0.5 * np.array(leaf.size))]
+        elif isinstance(leaf, Frustum):
+            parts = [(at, axes, np.array(half[:dim])) for at, axes, half in leaf.walls]
+        elif isinstance(leaf, Polygon):
+            centre, axes = frame_of(leaf)
+            found.append(centre[:dim] + leaf.samples()[0][0] @ axes[:dim, :dim].T)
+        for centre, axes, half in parts:
+            own = combined([np.array([-s, s]) for s in half])
+            found.append(centre[:dim] + own @ axes[:dim, :dim].T)
     return np.concatenate(found)
 
 

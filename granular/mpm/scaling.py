@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular import combinations, geometry, materials, regions, surfaces
+from granular import fill, geometry, materials, regions, shapes, surfaces
 from granular.checks import check_fields, one_of, positive
 from granular.gravity import Gravity
 from granular.inflow import Inflow
@@ -78,17 +78,10 @@ _SECTION = {"center": "length", "thickness": "length"}
 _MOVING = {"velocity": "velocity", "pressure": "stress"}
 _QUANTITIES: dict[type, dict[str, str]] = {
     geometry.Grid: {"lower": "length", "cell": "length"},
-    geometry.Fill: {"velocity": "velocity"},
+    fill.Fill: {"velocity": "velocity"},
     Inflow: {"velocity": "velocity", "rate": "mass_rate", "times": "time"},
-    geometry.Box: {"lower": "length", "upper": "length"},
-    geometry.Disc: {"center": "length", "radius": "length"},
-    geometry.Cylinder: {"center": "length", "radius": "length", "height": "length"},
-    combinations.Union: {},
-    combinations.Intersection: {},
-    combinations.Difference: {},
     surfaces.Heights: {"z": "length", "lower": "length", "spacing": "length"},
     surfaces.Layer: {name: "length" for name in ("on", "thickness", "lower", "upper", "spacing")},
-    regions.Polygon: {"vertices": "length", "span": "length"},
     regions.Mask: {"lower": "length", "spacing": "length"},
     regions.Cloud: {"x": "length", "volume": "volume", "velocity": "velocity"},
     # numbers of a law of the user's own may be of any unit: such a scene is refused
@@ -98,24 +91,24 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     Solid: {"lower": "length", "upper": "length"},
     SpongeLayer: {"above": "length", "damping": "rate"},
     Gravity: {"times": "time"},
-    rigid.Box: {"size": "length", "center": "length"},
-    rigid.Cylinder: {"radius": "length", "length": "length", "center": "length"},
-    rigid.HalfSpace: {"through": "length"},
-    rigid.Mesh: {"vertices": "length", "spacing": "length", "thickness": "length"},
-    rigid.HeightMap: {"z": "length", "spacing": "length", "origin": "length"},
-    rigid.Sphere: {"radius": "length", "center": "length"},
-    rigid.Capsule: {"radius": "length", "length": "length", "center": "length"},
-    rigid.Torus: {"radius": "length", "tube": "length", "center": "length"},
-    rigid.Frustum: {**_SECTION, "radii": "length", "length": "length"},
-    rigid.Polygon: {**_SECTION, "vertices": "length"},
-    rigid.Prism: {**_SECTION, "vertices": "length", "length": "length"},
-    rigid.Revolve: {**_SECTION, "profile": "length"},
-    rigid.Union: {},
-    rigid.Intersection: {},
-    rigid.Difference: {},
-    rigid.Complement: {},
-    rigid.Offset: {"by": "length"},
-    rigid.Shell: {"thickness": "length"},
+    shapes.Box: {name: "length" for name in ("lower", "upper", "size", "center")},
+    shapes.Cylinder: {"radius": "length", "length": "length", "center": "length"},
+    shapes.HalfSpace: {"through": "length"},
+    shapes.Mesh: {"vertices": "length", "spacing": "length", "thickness": "length"},
+    shapes.HeightMap: {"z": "length", "spacing": "length", "origin": "length"},
+    shapes.Sphere: {"radius": "length", "center": "length"},
+    shapes.Capsule: {"radius": "length", "length": "length", "center": "length"},
+    shapes.Torus: {"radius": "length", "tube": "length", "center": "length"},
+    shapes.Frustum: {**_SECTION, "radii": "length", "length": "length"},
+    shapes.Polygon: {**_SECTION, "vertices": "length"},
+    shapes.Prism: {**_SECTION, "vertices": "length", "length": "length"},
+    shapes.Revolve: {**_SECTION, "profile": "length"},
+    shapes.Union: {},
+    shapes.Intersection: {},
+    shapes.Difference: {},
+    shapes.Complement: {},
+    shapes.Offset: {"by": "length"},
+    shapes.Shell: {"thickness": "length"},
     rigid.Motion: {"times": "time", "velocity": "velocity", "angular_velocity": "angular_velocity"},
     rigid.Body: {"position": "length", "mass": "mass", "inertia": "inertia"},
     Scene: {"duration": "time"},

@@ -9,9 +9,10 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from granular import _core, combinations, geometry, regions, surfaces
+from granular import _core, regions, surfaces
 from granular.checks import check_fields, kinds_of, set_fields, tuple_of
-from granular.geometry import Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.inflow import Inflow
 from granular.materials import Material
@@ -276,15 +277,9 @@ register(
     Scene,
     Grid,
     Fill,
-    geometry.Box,
-    geometry.Disc,
-    geometry.Cylinder,
-    combinations.Union,
-    combinations.Intersection,
-    combinations.Difference,
+    *shape_kinds(),
     regions.Cloud,
     regions.Mask,
-    regions.Polygon,
     surfaces.Heights,
     surfaces.Layer,
     *Material.__subclasses__(),
@@ -299,4 +294,3 @@ register(
     Inflow,
     rigid.Motion,
 )
-register(*shape_kinds(), prefix="bodies.")

@@ -19,7 +19,8 @@ from granular.checks import (
     spans,
     vector,
 )
-from granular.geometry import AXES, Box, Grid
+from granular.geometry import AXES, Grid
+from granular.shapes import Box
 
 __all__ = ["Solid", "SpongeLayer", "Wall", "WallState"]
 

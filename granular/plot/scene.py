@@ -12,7 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 from numpy.typing import NDArray
 
-from granular.geometry import AXES, Fill
+from granular.fill import Fill
+from granular.geometry import AXES
 from granular.inflow import Inflow
 from granular.mpm.walls import Solid, Wall
 from granular.plot.bodies import STYLE, Bodies, boxes_of_bodies

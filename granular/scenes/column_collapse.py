@@ -7,8 +7,8 @@ from typing import Any, cast
 
 from granular import sph
 from granular.checks import one_of, positive
-from granular.combinations import Intersection
-from granular.geometry import Box, Cylinder, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.materials import Material, MuI, glass_beads
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
@@ -16,6 +16,7 @@ from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import HEADROOM, enough_cells, gravity_down, smooth_sides
 from granular.scenes._registry import scene_function
+from granular.shapes import Box, Cylinder, Intersection
 
 
 def _lip(lip: float | None, runout: float, name: str, radius: float) -> float:
@@ -175,7 +176,7 @@ def cylinder_collapse(
     grid = Grid((0.0, 0.0, 0.0), cell, (n, n, enough_cells(height, cell) + HEADROOM))
     quarter = Intersection(
         (
-            Cylinder((0.0, 0.0, 0.0), radius, height),
+            Cylinder(radius, center=(0.0, 0.0, 0.5 * height), axis=(0.0, 0.0, 1.0), length=height),
             Box((0.0, 0.0, 0.0), (radius, radius, height)),
         )
     )

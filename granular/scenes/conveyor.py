@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from granular.checks import finite, in_range, non_negative, positive
-from granular.geometry import Box as Filled
-from granular.geometry import Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import Material
 from granular.mpm import schemes
-from granular.mpm.bodies import Body, Box, HalfSpace, Motion
+from granular.mpm.bodies import Body, Motion
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
@@ -23,6 +23,7 @@ from granular.scenes._build import (
     whole_cells,
 )
 from granular.scenes._registry import scene_function
+from granular.shapes import Box, HalfSpace
 
 
 @scene_function("mpm")
@@ -100,7 +101,7 @@ def conveyor(
         (n_stock + n_run, *side, n_z + MARGIN + HEADROOM),
         open_sides=frozenset({"x+"}),
     )
-    fill = Filled((grid.lower[0], *level, 0.0), (0.0, *(n * cell for n in side), n_z * cell))
+    fill = Box((grid.lower[0], *level, 0.0), (0.0, *(n * cell for n in side), n_z * cell))
     # The gate ends above the grid and beyond its sides.
     tall = 2 * (grid.upper[-1] - opening)
     across = tuple(2 * n * cell for n in side)
@@ -133,7 +134,7 @@ def conveyor(
                 friction=non_negative("friction", friction),
             ),
             Body(
-                Box((gate, *across, tall)),
+                Box(size=(gate, *across, tall)),
                 (0.5 * gate, *middle, opening + 0.5 * tall),
                 friction=non_negative("gate_friction", gate_friction),
             ),

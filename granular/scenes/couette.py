@@ -6,16 +6,17 @@ import math
 from typing import Any
 
 from granular.checks import finite, in_range, positive
-from granular.geometry import Cylinder as Upright
-from granular.geometry import Disc, Fill, Grid, Region
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import Material, couette_beads
-from granular.mpm.bodies import Body, Cylinder, Motion
+from granular.mpm.bodies import Body, Motion
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import HEADROOM, enough_cells, gravity_down, reconnected, whole_cells
 from granular.scenes._registry import scene_function
+from granular.shapes import Cylinder, Region, Sphere
 
 MARGIN = 3
 """Cells between the outer cylinder and the ends of the grid, as splines extend over two nodes."""
@@ -95,7 +96,7 @@ def couette(
     fill: dict[str, Any] = {"points_per_cell": count, "jitter": jitter}
     if flat:
         grid = Grid((-n * cell,) * 2, cell, (2 * n,) * 2)
-        around: Region = Disc((0.0, 0.0), outer + cell)  # the cylinders cut the fill
+        around: Region = Sphere(outer + cell, center=(0.0, 0.0))  # the cylinders cut the fill
         if not isinstance(material, Material):
             raise TypeError(f"material = {material!r} must be a Material")
         # p = K ln(rho/rho_c)
@@ -104,7 +105,12 @@ def couette(
         )
     else:
         grid = Grid((-n * cell, -n * cell, 0.0), cell, (2 * n, 2 * n, n_z + HEADROOM))
-        around = Upright((0.0,) * 3, outer + cell, n_z * cell)
+        around = Cylinder(
+            outer + cell,
+            center=(0.0, 0.0, 0.5 * n_z * cell),
+            axis=(0.0, 0.0, 1.0),
+            length=n_z * cell,
+        )
         fill |= {"lithostatic": True, "K0": 1.0}
     return Scene(
         name="couette",
@@ -130,7 +136,7 @@ def _cylinder(radius: float, dim: int, omega: float, *, rough: bool, inside: boo
     return Body(
         Cylinder(radius, center=origin, axis=axis, inside=inside),
         origin,
-        motion=Motion(velocity=(origin,), angular_velocity=(turning,)),
+        motion=Motion(angular_velocity=(turning,)),
         contact="sticky",
         rough=rough,
     )

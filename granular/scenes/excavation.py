@@ -7,12 +7,13 @@ from typing import Any
 
 from granular.checks import finite, in_range, non_negative, positive, truth, vector
 from granular.materials import Material, grc_1
-from granular.mpm.bodies import Body, Box, Union
+from granular.mpm.bodies import Body
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.scenes._build import PROMPT, reconnected, sided
 from granular.scenes._registry import scene_function
 from granular.scenes._tools import bed, legs, thickness_of
+from granular.shapes import Box, Union
 
 soft_grc_1 = grc_1.replace(E=0.15e6, t0=PROMPT)
 
@@ -114,7 +115,7 @@ def excavation(
     # The position of the body is its front edge. A blade from wall to wall extends through the
     # walls, because nodes that lie on its faces would not move with it.
     across = wide + 4 * cell if wide == width else wide
-    shape = Box((thick, across, high), center=(-thick / 2, 0.0, high / 2))
+    shape = Box(size=(thick, across, high), center=(-thick / 2, 0.0, high / 2))
     middle = 0.0 if half else width / 2
     return Scene(
         name="excavation",
@@ -273,12 +274,12 @@ def _bucket(size: tuple[float, ...], sheet: float) -> Union:
     x, y, z = (positive(f"bucket[{i}]", edge) for i, edge in enumerate(size))
     if not (x > 2 * sheet and y > 2 * sheet and z > 2 * sheet):
         raise ValueError(f"bucket = {size} must exceed two sheets of {sheet} m along each axis")
-    side = Box((x, sheet, z), center=(0.0, (y - sheet) / 2, 0.0))
+    side = Box(size=(x, sheet, z), center=(0.0, (y - sheet) / 2, 0.0))
     return Union(
         (
-            Box((x, y, sheet), center=(0.0, 0.0, (sheet - z) / 2)),
-            Box((sheet, y, z), center=((sheet - x) / 2, 0.0, 0.0)),
+            Box(size=(x, y, sheet), center=(0.0, 0.0, (sheet - z) / 2)),
+            Box(size=(sheet, y, z), center=((sheet - x) / 2, 0.0, 0.0)),
             side,
-            Box(side.size, center=(0.0, -side.center[1], 0.0)),
+            Box(size=side.size, center=(0.0, -side.center[1], 0.0)),
         )
     )

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from granular.checks import finite, positive
-from granular.geometry import Box, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.inflow import Inflow
 from granular.materials import Material
@@ -22,6 +23,7 @@ from granular.scenes._build import (
     whole_cells,
 )
 from granular.scenes._registry import scene_function
+from granular.shapes import Box
 
 
 @scene_function("mpm")

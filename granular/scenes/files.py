@@ -16,7 +16,7 @@ from granular import materials
 from granular.checks import one_of
 from granular.docstrings import described
 from granular.files import read_text
-from granular.geometry import Fill
+from granular.fill import Fill
 from granular.materials import Material
 from granular.mpm import schemes
 from granular.mpm.scene import Scene

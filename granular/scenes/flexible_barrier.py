@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from granular.checks import in_range, non_negative, positive
-from granular.geometry import Box, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import Elastic, Material
 from granular.mpm import schemes
@@ -14,6 +15,7 @@ from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import down_slope, enough_cells, soft_beads, whole_cells
 from granular.scenes._registry import scene_function
+from granular.shapes import Box
 
 
 @scene_function("mpm")

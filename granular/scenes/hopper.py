@@ -8,12 +8,13 @@ from typing import Any
 from granular.checks import in_range, integer, non_negative, positive
 from granular.materials import Material, glass_beads
 from granular.mpm import schemes
-from granular.mpm.bodies import Body, Revolve
+from granular.mpm.bodies import Body
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import HEADROOM, MARGIN, block, enough_cells, gravity_down, whole_cells
 from granular.scenes._registry import scene_function
+from granular.shapes import Revolve
 
 DROP = 4
 """Cells below the opening, through which the material falls before it leaves."""

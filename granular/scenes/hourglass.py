@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from granular.checks import in_range, non_negative, one_of, positive
-from granular.combinations import Difference, Union
-from granular.geometry import Box, Fill, Grid, Region
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.materials import Material, glass_beads
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
@@ -16,6 +16,7 @@ from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Solid, Wall
 from granular.scenes._build import HEADROOM, gravity_down, whole_cells
 from granular.scenes._registry import scene_function
+from granular.shapes import Box, Difference, Region, Union
 
 WIDTHS = {"flat": 1.0, "sloped": 0.5}
 FLOOR_OVER_WIDTH = 2

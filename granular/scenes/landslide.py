@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.checks import array, finite, in_range, integer, non_negative, positive, vector
-from granular.geometry import MAX_COUNT, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import MAX_COUNT, Grid
 from granular.materials import Material
 from granular.mpm import schemes
-from granular.mpm.bodies import Body, HeightMap
+from granular.mpm.bodies import Body
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.scenes._build import (
@@ -25,6 +26,7 @@ from granular.scenes._build import (
     soft_beads,
 )
 from granular.scenes._registry import scene_function
+from granular.shapes import HeightMap
 from granular.surfaces import Heights, Layer
 
 Array = NDArray[np.float64]

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import Any
 
 from granular.checks import non_negative, one_of, positive
-from granular.geometry import Box as Filled
-from granular.geometry import Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import Material
 from granular.mpm import schemes
-from granular.mpm.bodies import Body, Box, Cylinder, HalfSpace
+from granular.mpm.bodies import Body
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
@@ -23,6 +23,7 @@ from granular.scenes._build import (
     whole_cells,
 )
 from granular.scenes._registry import scene_function
+from granular.shapes import Box, Cylinder, HalfSpace
 
 
 @scene_function("mpm")
@@ -112,7 +113,7 @@ def obstacle(
     )
     moving = (non_negative("speed", speed), *(0.0,) * (dim - 1))
     count = 2**dim if points_per_cell is None else points_per_cell
-    layer = Filled((*grid.lower[:-1], 0.0), (0.0, *(n * cell for n in side), n_z * cell))
+    layer = Box((*grid.lower[:-1], 0.0), (0.0, *(n * cell for n in side), n_z * cell))
     return Scene(
         name="obstacle",
         grid=grid,
@@ -156,14 +157,14 @@ def _shape(
     )
     if not width:
         if wall:
-            return Box((thick, 2 * tall)), 0.5 * thick
+            return Box(size=(thick, 2 * tall)), 0.5 * thick
         return Cylinder(tall, center=(0.0, 0.0)), tall
     if across > width:
         raise ValueError(f"across = {across} must be <= width = {width}")
     if wall:
         # A wall as wide as the channel ends beyond its sides, so that nothing flows past its edges.
         whole = 2 * across if across == width else across
-        return Box((thick, whole, 2 * tall)), 0.5 * thick
+        return Box(size=(thick, whole, 2 * tall)), 0.5 * thick
     axis = (0.0, 0.0, 1.0)
     pillar = Cylinder(0.5 * across, center=(0.0,) * 3, axis=axis, length=2 * tall)
     return pillar, 0.5 * across

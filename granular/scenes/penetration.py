@@ -8,12 +8,13 @@ from typing import Any
 from granular.checks import in_range, integer, non_negative, one_of, positive
 from granular.materials import Material
 from granular.mpm import schemes
-from granular.mpm.bodies import Body, Box, Cylinder, Frustum, Motion, Shape, Sphere, Union
+from granular.mpm.bodies import Body, Motion
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import block, gravity_down, smooth_sides, soft_beads, whole_cells
 from granular.scenes._registry import scene_function
+from granular.shapes import Box, Cylinder, Frustum, Shape, Sphere, Union
 
 
 @scene_function("mpm")
@@ -130,7 +131,7 @@ def _shape(kind: str, radius: float, cone_deg: float, shaft: float, dim: int) ->
     tip = radius / math.tan(math.radians(cone) / 2)
     middle = (*level, tip + shaft / 2)
     rod: Shape = (
-        Box((2 * radius, shaft), center=middle)
+        Box(size=(2 * radius, shaft), center=middle)
         if dim == 2
         else Cylinder(radius, center=middle, axis=up, length=shaft)
     )

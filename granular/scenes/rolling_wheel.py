@@ -6,10 +6,11 @@ import math
 from typing import Any
 
 from granular.checks import in_range, non_negative, positive
-from granular.geometry import Box, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.materials import Material
 from granular.mpm import schemes
-from granular.mpm.bodies import Body, Cylinder, Polygon, mass_properties
+from granular.mpm.bodies import Body, mass_properties
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
@@ -21,6 +22,7 @@ from granular.scenes._build import (
     whole_cells,
 )
 from granular.scenes._registry import scene_function
+from granular.shapes import Box, Cylinder, Polygon
 
 
 @scene_function("mpm")

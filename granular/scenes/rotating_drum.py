@@ -8,15 +8,16 @@ from typing import Any
 import scipy
 
 from granular.checks import finite, in_range, non_negative, positive
-from granular.geometry import Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.materials import Material
 from granular.mpm import schemes
-from granular.mpm.bodies import Body, Cylinder, Motion
+from granular.mpm.bodies import Body, Motion
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
-from granular.regions import Polygon
 from granular.scenes._build import MARGIN, cells_across, enough_cells, gravity_down, soft_beads
 from granular.scenes._registry import scene_function
+from granular.shapes import Cylinder, Polygon, Prism
 
 
 @scene_function("mpm")
@@ -91,7 +92,9 @@ def rotating_drum(
         ),
         fills=(
             Fill(
-                Polygon(corners, span=(0.0, end) if across else None),
+                Prism(corners, end, axis="y", center=(0.0, 0.5 * end, 0.0))
+                if across
+                else Polygon(corners),
                 2**dim if points_per_cell is None else points_per_cell,
                 jitter=jitter,
                 lithostatic=True,
@@ -103,7 +106,7 @@ def rotating_drum(
             Body(
                 Cylinder(radius, center=origin, axis=axis, inside=True),
                 origin,
-                motion=Motion(velocity=(origin,), angular_velocity=(turning,)),
+                motion=Motion(angular_velocity=(turning,)),
                 contact="sticky" if sticky else "separating",
                 friction=0.0 if friction is None else non_negative("friction", friction),
                 rough=sticky,

@@ -6,7 +6,8 @@ import math
 from typing import Any
 
 from granular.checks import integer, non_negative, positive
-from granular.geometry import Box, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.materials import Material
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
@@ -14,6 +15,7 @@ from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import HEADROOM, gravity_down, soft_beads, whole_cells
 from granular.scenes._registry import scene_function
+from granular.shapes import Box
 from granular.theory import bar_restitution, wave_decay
 
 QUIET = 1e-3

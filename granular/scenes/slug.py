@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from granular.checks import non_negative, positive, vector
-from granular.geometry import Disc, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.materials import Material, glass_beads
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
@@ -13,6 +14,7 @@ from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import enough_cells, gravity_down, smooth_sides
 from granular.scenes._registry import scene_function
+from granular.shapes import Sphere
 
 
 @scene_function("mpm")
@@ -61,7 +63,7 @@ def slug(
     gravity = positive("gravity", gravity)
     v_x, v_y = vector("velocity", velocity, 2)
     velocity = (v_x, v_y)
-    disc = Disc(vector("center", center, 2), radius)
+    disc = Sphere(radius, center=vector("center", center, 2))
     (left, bottom), (right, top) = disc.bounds
     if min(left, bottom) < 0.0 or right > positive("wall_at", wall_at):
         raise ValueError(

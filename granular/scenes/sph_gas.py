@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from granular.checks import in_range, non_negative, positive
-from granular.geometry import Box, Fill
+from granular.fill import Fill
 from granular.scenes._build import block, cells_across, gravity_down, level_cells, whole_cells
 from granular.scenes._registry import scene_function
+from granular.shapes import Box
 from granular.sph.gas import SOUND_SPEED, Gas, Jet
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics

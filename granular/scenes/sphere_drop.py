@@ -8,12 +8,13 @@ from typing import Any
 from granular.checks import integer, non_negative, positive
 from granular.materials import Material
 from granular.mpm import schemes
-from granular.mpm.bodies import Body, Cylinder, Motion, Shape, Sphere
+from granular.mpm.bodies import Body, Motion
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import block, gravity_down, smooth_sides, soft_beads, whole_cells
 from granular.scenes._registry import scene_function
+from granular.shapes import Cylinder, Shape, Sphere
 
 
 @scene_function("mpm")

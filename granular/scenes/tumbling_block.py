@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+from granular import shapes
 from granular.checks import in_range, non_negative, positive
-from granular.geometry import Box, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.materials import Material
-from granular.mpm import bodies, schemes
+from granular.mpm import schemes
 from granular.mpm.bodies import Body, mass_properties
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
@@ -20,6 +22,7 @@ from granular.scenes._build import (
     whole_cells,
 )
 from granular.scenes._registry import scene_function
+from granular.shapes import Box
 
 
 @scene_function("mpm")
@@ -78,8 +81,8 @@ def tumbling_block(
     above = enough_cells(step + thick + 0.5 * long, cell) + 2
     lower = (-behind * cell, -n_soil * cell)
     grid = Grid(lower, cell, (behind + n_x, n_soil + above), open_sides=frozenset({"y+"}))
-    whole = mass_properties(bodies.Box((long, thick)), positive("density", density))
-    rock = bodies.Box((2 * behind * cell, 2 * step + 2 * n_soil * cell))
+    whole = mass_properties(shapes.Box(size=(long, thick)), positive("density", density))
+    rock = shapes.Box(size=(2 * behind * cell, 2 * step + 2 * n_soil * cell))
     return Scene(
         name="tumbling_block",
         grid=grid,
@@ -97,7 +100,7 @@ def tumbling_block(
         bodies=(
             Body(rock, (lower[0], lower[1]), friction=friction),
             Body(
-                bodies.Box((long, thick)),
+                shapes.Box(size=(long, thick)),
                 (overhang, step + 0.5 * thick),
                 friction=friction,
                 free="xy",

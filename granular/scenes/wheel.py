@@ -6,13 +6,14 @@ from typing import Any
 
 from granular.checks import in_range, non_negative, positive
 from granular.materials import Material
-from granular.mpm.bodies import Body, Cylinder
+from granular.mpm.bodies import Body
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.scenes._build import in_soft_soil
 from granular.scenes._registry import scene_function
 from granular.scenes._tools import bed, legs
 from granular.scenes.excavation import soft_grc_1
+from granular.shapes import Cylinder
 
 
 @scene_function("mpm")

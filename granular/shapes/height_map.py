@@ -21,7 +21,7 @@ from granular.checks import (
 )
 from granular.serializable import ComparedByContent
 from granular.shapes.rasters import read_heights
-from granular.shapes.shape import Shape, row_of
+from granular.shapes.shape import TINY, Shape, row_of
 
 __all__ = ["HeightMap"]
 
@@ -170,6 +170,9 @@ class HeightMap(ComparedByContent, Shape):
         turn = np.eye(3) if self.dim == 3 else np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
         center = (0.0,) * 3
         return row_of("height_map", False, center, turn, (np.inf,) * 3)[None]
+
+    def is_endless(self, along: Array) -> bool:
+        return bool(abs(along[self.dim - 1]) < TINY)
 
     def samples(self) -> tuple[tuple[NDArray, ...], ...]:
         h = self._spacings

@@ -112,7 +112,7 @@ def mass_properties(
         inside, and for one whose error remains above 1 %.
     """
     if not isinstance(shape, Shape):
-        raise TypeError(f"shape = {shape!r} must be a shape of granular.bodies")
+        raise TypeError(f"shape = {shape!r} must be a shape of granular.shapes")
     density = positive("density", density)
     tolerance = in_range("tolerance", tolerance, 1e-6, TOO_MUCH)
     if not math.isfinite(reach(shape)):

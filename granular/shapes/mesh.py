@@ -1,4 +1,4 @@
-"""Surfaces of triangles as bodies: their signed distance, sampled once in a band about them."""
+"""Surfaces of triangles as solids: their signed distance, sampled once in a band about them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from granular.serializable import ComparedByContent
 from granular.shapes.mesh_files import read_surface
 from granular.shapes.mesh_samples import BAND, CUBE, MOST_BLOCKS, THIN, Tables, sampled
 from granular.shapes.mesh_surface import MeshWarning, mended, solids
-from granular.shapes.shape import Shape, row_of
+from granular.shapes.shape import Cover, Shape, row_of
 from granular.shapes.triangles import Triangles
 
 __all__ = ["Mesh"]
@@ -33,7 +33,7 @@ ROUNDED = 0.1
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mesh(ComparedByContent, Shape):
-    """A surface of triangles in 3D, in coordinates of its body: closed, or a sheet.
+    """A surface of triangles in 3D: closed, or a sheet.
 
     A closed surface may have several parts. The solid is the union of what each of them encloses,
     whether they are apart, overlap or lie within each other, less the cavities: parts within a
@@ -110,7 +110,7 @@ class Mesh(ComparedByContent, Shape):
 
     def _check_spacing(self) -> None:
         """Refuse a spacing that needs too many samples, or is wider than half the body."""
-        half, spacing = self._box[1], self.spacing
+        half, spacing = self._about[1], self.spacing
         least = 2 * float(half.min())
         if least < THIN * spacing * (1 - 1e-9):
             raise ValueError(
@@ -188,7 +188,7 @@ class Mesh(ComparedByContent, Shape):
         return 3
 
     @cached_property
-    def _box(self) -> tuple[Array, Array]:
+    def _about(self) -> tuple[Array, Array]:
         """Middle and half lengths of a box about the solid [m]."""
         used = np.zeros(len(self.vertices), dtype=bool)
         used[self.faces] = True
@@ -200,11 +200,18 @@ class Mesh(ComparedByContent, Shape):
         return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
 
     def rows(self) -> Array:
-        middle, half = self._box
+        middle, half = self._about
         return row_of("sampled", False, tuple(middle), np.eye(3), half)[None]
 
     def samples(self) -> tuple[Tables, ...]:
         return (sampled(self),)
+
+    def covers(self) -> list[Cover]:
+        middle, half = self._about
+        return [Cover.of(tuple(middle), np.eye(3), tuple(half))]
+
+    def _breadth(self) -> float:
+        return float(sampled(self)[0][4])
 
     def triangles(self) -> Triangles:
         """Make the tree of the triangles, for exact distances."""
@@ -217,7 +224,7 @@ class Mesh(ComparedByContent, Shape):
 
         The sampling grid extends a band beyond the solid.
         """
-        _, half = self._box
+        _, half = self._about
         wide = CUBE * self.spacing
         cells = np.ceil((2 * half + 2 * BAND * self.spacing) / wide - 1e-9).astype(np.int64)
         return np.asarray(-0.5 * wide * cells, dtype=np.float64), cells

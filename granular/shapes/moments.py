@@ -16,12 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.shapes.measures import arrays_of, bounds, hull
+from granular.shapes.boxes import Box
+from granular.shapes.measures import hull
 from granular.shapes.mesh import Mesh
-from granular.shapes.operations import OPERATIONS, Difference, Intersection, Union
+from granular.shapes.operations import Difference, Intersection, Union, united
 from granular.shapes.quadrature import Moments, Sides, is_empty, joined, moments
+from granular.shapes.region import Region
+from granular.shapes.round import Capsule, Cylinder, Sphere, Torus
 from granular.shapes.sections import Polygon, Prism
-from granular.shapes.shape import MOST_SHAPES, PARTS, Array, Shape
+from granular.shapes.shape import MOST_SHAPES, Array, Shape, frame_of
 from granular.shapes.triangles import Triangles
 
 __all__ = ["has_no_inside", "moments_of"]
@@ -40,7 +43,7 @@ STEEP = math.sqrt(3.0)
 """Largest slope of samples that are linear between places, of a distance of slope 1."""
 TOUCH = 1e-12
 """Overlap of boxes, over their size, up to which they only touch."""
-CONVEX = [PARTS[kind] for kind in ("box", "cylinder", "capsule")]
+CONVEX = (Box, Cylinder, Capsule, Sphere)
 
 
 def moments_of(shape: Shape, tolerance: float) -> Moments | None:
@@ -62,11 +65,15 @@ def moments_of(shape: Shape, tolerance: float) -> Moments | None:
 
 def has_no_inside(shape: Shape) -> bool:
     """True if an operation on shapes of finite size leaves nothing for certain."""
-    kinds = shape.rows()[:, 0]
-    if not np.isin(kinds, OPERATIONS).any() or (kinds == PARTS["sampled"]).any():
+    if len(shape.rows()) == shape.results or _is_sampled(shape):  # no operation, or rounded edges
         return False
-    low, high = bounds(shape, np.eye(3)[: shape.dim])
+    low, high = np.array(shape.bounds)
     return bool(np.isfinite([low, high]).all()) and is_empty(_OfShape(shape), low, high)
+
+
+def _is_sampled(shape: Shape) -> bool:
+    """True if a mesh, whose samples round edges, is a part of a shape."""
+    return any(isinstance(leaf, Mesh) for leaf in shape.leaves())
 
 
 def _added(shapes: Sequence[Sequence[Shape]], tolerance: float) -> Moments | None:
@@ -101,7 +108,7 @@ def _of_difference(shape: Difference, tolerance: float) -> Moments | None:
 
 def _of_cells(shape: Shape, tolerance: float) -> Moments | None:
     """Quadrature of the signed distance of a shape."""
-    low, high = bounds(shape, np.eye(3)[: shape.dim])
+    low, high = np.array(shape.bounds)
     if not (low < high).all():
         return None
     most = min(MOST_CELLS[shape.dim], MOST_WORK // len(shape.rows()))
@@ -123,8 +130,8 @@ class _OfShape:
         return -_core.body_distance(*self._numbers, x)[0]
 
     def sides(self, x: Array, radius: float) -> Sides:
-        depth, rows = self.depth(x), self._numbers[0]
-        if (rows[:, 0] == PARTS["sampled"]).any():
+        depth = self.depth(x)
+        if _is_sampled(self.shape):
             radius = STEEP * radius
         return np.where(abs(depth) < radius, 0, -np.sign(depth)).astype(np.int8)
 
@@ -159,12 +166,12 @@ def _of_triangles(triangles: Triangles, tolerance: float) -> Moments | None:
 # ---- which parts are apart ----
 
 
-def _flat(shape: Shape) -> list[Shape]:
+def _flat(shape: Region) -> list[Shape]:
     """Parts of a union, and of unions in it."""
-    if not isinstance(shape, Union):
-        return [shape]
-    parts = [part for own in shape.parts for part in _flat(own)]
-    return parts if len(parts) <= MOST_SHAPES else list(shape.parts)
+    parts: Any = united(shape)
+    if len(parts) > MOST_SHAPES and isinstance(shape, Union):
+        parts = shape.parts
+    return list(parts)
 
 
 def _union(parts: Sequence[Shape]) -> Shape:
@@ -173,8 +180,7 @@ def _union(parts: Sequence[Shape]) -> Shape:
 
 def _clusters(parts: Sequence[Shape]) -> list[list[Shape]]:
     """Parts in groups, of which each is apart from all others."""
-    boxes = [bounds(part, np.eye(3)[: part.dim]) for part in parts]
-    low, high = (np.array([box[k] for box in boxes]) for k in (0, 1))
+    low, high = np.array([part.bounds for part in parts]).transpose(1, 0, 2)
     meet = ~_separate(low[:, None], high[:, None], low[None], high[None])
     pairs = np.argwhere(np.triu(meet, 1))
     count, label = len(parts), np.arange(len(parts))
@@ -196,17 +202,14 @@ def _separate(low: Array, high: Array, other_low: Array, other_high: Array) -> N
 
 def _apart(a: Shape, b: Shape) -> bool:
     """True if two shapes overlap nowhere for certain."""
-    rows = np.concatenate([a.rows(), b.rows()])
     axes = np.eye(3)[: a.dim]
-    if len(rows) <= 2:
-        axes = np.concatenate(
-            [axes, rows[:, 5:14].reshape(-1, 3, 3).transpose(0, 2, 1).reshape(-1, 3)]
-        )
+    if len(a.rows()) + len(b.rows()) <= 2:
+        axes = np.concatenate([axes, frame_of(a)[1].T, frame_of(b)[1].T])
         axes = axes[abs(axes[:, a.dim :]).max(axis=1, initial=0.0) == 0]
-    (low, high), (other_low, other_high) = bounds(a, axes), bounds(b, axes)
+    (low, high), (other_low, other_high) = a.ends(axes), b.ends(axes)
     if _separate(low, high, other_low, other_high):
         return True
-    if (rows[:, 0] == PARTS["sampled"]).any():  # samples round edges
+    if _is_sampled(a) or _is_sampled(b):
         return False
     low, high = np.maximum(low, other_low)[: a.dim], np.minimum(high, other_high)[: a.dim]
     both = _OfShape(Intersection((a, b)))
@@ -215,15 +218,14 @@ def _apart(a: Shape, b: Shape) -> bool:
 
 def _within(part: Shape, base: Shape) -> bool:
     """True if a shape is wholly in another one for certain."""
-    low, high = bounds(part, np.eye(3)[: part.dim])
-    rows = np.concatenate([part.rows(), base.rows()])
-    if not np.isfinite([low, high]).all() or (rows[:, 0] == PARTS["sampled"]).any():
+    low, high = np.array(part.bounds)
+    if not np.isfinite([low, high]).all() or _is_sampled(part) or _is_sampled(base):
         return False
     about = hull(part)
     if about is not None:
         places, beyond = about
         depth = _OfShape(base).depth(places)
-        convex = len(base.rows()) == 1 and base.rows()[0, 0] in CONVEX and not base.rows()[0, 1]
+        convex = isinstance(base, CONVEX) and not base.inside
         slack = 1e-12 * float((high - low).max())
         if (convex or len(places) == 1) and (depth >= beyond - slack).all():
             return True
@@ -235,39 +237,41 @@ def _within(part: Shape, base: Shape) -> bool:
 
 def _formula(shape: Shape) -> Moments | None:
     """Return those of shapes that have a formula; None for others."""
-    rows, dim = shape.rows(), shape.dim
-    row, size = rows[0], rows[0, 14:]
-    if len(rows) > 1 or row[1]:
+    dim = shape.dim
+    if shape.inside or len(shape.rows()) > 1:
         return None
     if isinstance(shape, (Polygon, Prism)):
         return _of_polygon(shape)
-    if row[0] == PARTS["box"]:
-        volume, inertia = _of_box(size[:dim])
-    elif row[0] == PARTS["cylinder"]:
-        volume, inertia = _of_cylinder(size, dim)
-    elif row[0] == PARTS["capsule"]:
-        volume, inertia = _of_capsule(size, dim)
-    elif row[0] == PARTS["torus"]:
-        volume, inertia = _of_torus(size)
+    if isinstance(shape, Box):
+        volume, inertia = _of_box(0.5 * np.array(shape.size))
+    elif isinstance(shape, Cylinder):
+        volume, inertia = _of_cylinder(shape.radius, 0.5 * shape.length, dim)
+    elif isinstance(shape, Sphere) and dim == 2:
+        volume, inertia = _of_cylinder(shape.radius, math.inf, dim)
+    elif isinstance(shape, (Capsule, Sphere)):
+        volume, inertia = _of_capsule(shape.radius, 0.5 * getattr(shape, "length", 0.0), dim)
+    elif isinstance(shape, Torus):
+        volume, inertia = _of_torus(shape.radius, shape.tube)
     else:
         return None
     if not math.isfinite(volume):
         return None
-    center = np.array(row[2 : 2 + dim])
+    place, turn = frame_of(shape)
+    center = np.array(place[:dim])
     if dim == 2:
         return Moments(volume, center, 0.5 * volume * inertia[2] * np.eye(2), 0.0)
-    turn = row[5:14].reshape(3, 3)
     squares = 0.5 * sum(inertia) - np.array(inertia)
     return Moments(volume, center, volume * turn @ np.diag(squares) @ turn.T, 0.0)
 
 
 def _of_polygon(shape: Polygon | Prism) -> Moments | None:
     """Return those of a polygon, by the theorem of Green, or of one that is extended in 3D."""
-    row, dim = shape.rows()[0], shape.dim
+    dim = shape.dim
+    place, turn = frame_of(shape)
     length = getattr(shape, "length", 1.0)
     if shape.thickness is not None or not math.isfinite(length):
         return None
-    vertices = np.asarray(arrays_of(shape)[0])[0]  # about the place that the row has
+    vertices = np.asarray(shape.samples()[0])[0]  # about that place
     first = vertices[0]
     x = vertices - first
     following = np.roll(x, -1, axis=0)
@@ -280,8 +284,7 @@ def _of_polygon(shape: Polygon | Prism) -> Moments | None:
     second = np.zeros((3, 3))
     second[:2, :2] = math.copysign(length, area) * flat
     second[2, 2] = abs(area) * length**3 / 12
-    turn = row[5:14].reshape(3, 3)
-    center = row[2:5] + turn @ np.array([*(first + middle), 0.0])
+    center = place + turn @ np.array([*(first + middle), 0.0])
     second = turn @ second @ turn.T
     return Moments(abs(area) * length, center[:dim], second[:dim, :dim], 0.0)
 
@@ -292,18 +295,16 @@ def _of_box(half: Array) -> tuple[float, list[float]]:
     return math.prod(2 * float(x) for x in half), [sum(squares) - square for square in squares]
 
 
-def _of_cylinder(size: Array, dim: int) -> tuple[float, list[float]]:
+def _of_cylinder(radius: float, half: float, dim: int) -> tuple[float, list[float]]:
     """The same of a cylinder about its axis, the third; in 2D of a disc."""
-    radius, half = float(size[0]), float(size[1])
     if dim == 2:
         return math.pi * radius**2, [0.0, 0.0, radius**2 / 2]
     across = radius**2 / 4 + half**2 / 3
     return 2 * math.pi * radius**2 * half, [across, across, radius**2 / 2]
 
 
-def _of_capsule(size: Array, dim: int) -> tuple[float, list[float]]:
+def _of_capsule(radius: float, half: float, dim: int) -> tuple[float, list[float]]:
     """The same of a cylinder and two half balls; in 2D of a rectangle and two half discs."""
-    radius, half = float(size[0]), float(size[1])
     if dim == 2:
         straight, ends = 4 * radius * half, math.pi * radius**2
         moment = straight * (half**2 + radius**2) / 3
@@ -317,8 +318,7 @@ def _of_capsule(size: Array, dim: int) -> tuple[float, list[float]]:
     return volume, [across / volume, across / volume, about / volume]
 
 
-def _of_torus(size: Array) -> tuple[float, list[float]]:
+def _of_torus(radius: float, tube: float) -> tuple[float, list[float]]:
     """The same of a torus about its axis, the third."""
-    radius, tube = float(size[0]), float(size[1])
     across = radius**2 / 2 + 5 / 8 * tube**2
     return 2 * math.pi**2 * radius * tube**2, [across, across, radius**2 + 3 / 4 * tube**2]

@@ -1,39 +1,57 @@
-"""Bodies of several shapes: operations on signed distances."""
+"""Shapes and regions made of others: operations on signed distances."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import KW_ONLY, dataclass
+from functools import reduce
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from granular.checks import check_fields, finite, positive, truth, tuple_of
-from granular.shapes.shape import MOST_SHAPES, PARTS, Array, Shape, row_of
+from granular.shapes.region import Region
+from granular.shapes.shape import Array, Measure, Shape, row_of
 
-__all__ = ["Complement", "Difference", "Intersection", "Offset", "Shell", "Union"]
+__all__ = [
+    "Complement",
+    "Difference",
+    "Intersection",
+    "Offset",
+    "Shell",
+    "Union",
+    "least",
+    "united",
+]
 
-JOINS = (PARTS["union"], PARTS["intersection"])
-OPERATIONS = (*JOINS, PARTS["offset"], PARTS["shell"])
+Corners = tuple[tuple[float, ...], tuple[float, ...]]
 
 
-def operands(row: Array) -> int:
-    """Return the number of results before it that a part takes; 0 for a shape."""
-    if row[0] in JOINS:
-        return int(row[14])
-    return int(row[0] in OPERATIONS)
+def united(shape: Region) -> list[Region]:
+    """Return the parts whose union a shape is, those of unions in a union too."""
+    if not isinstance(shape, Union):
+        return [shape]
+    return [part for one in shape.parts for part in united(one)]
 
 
-def _joined(shape: Shape) -> Array:
+def _solid(region: Region) -> Shape:
+    """Return a part of a body, which must have a surface."""
+    if not isinstance(region, Shape):
+        raise TypeError(f"{region!r} must be a shape: a {type(region).__name__} has no surface")
+    return region
+
+
+def _joined(region: Region) -> Array:
     """Return the rows of a shape with one result."""
-    rows = shape.rows()
-    results = sum(1 - operands(row) for row in rows)
+    shape = _solid(region)
+    rows, results = shape.rows(), shape.results
     if results == 1:
         return rows
     return np.concatenate([rows, row_of("union", size=(results, 0.0, 0.0))[None]])
 
 
-def _inverted(shape: Shape) -> Array:
+def _inverted(shape: Region) -> Array:
     """Return the rows of all that is outside of a shape, with one result."""
     rows = _joined(shape).copy()
     rows[-1, 1] = 1 - rows[-1, 1]
@@ -44,33 +62,62 @@ def _followed(rows: Array, operation: str, size: float, *, inside: bool = False)
     return np.concatenate([rows, row_of(operation, inside, size=(size, 0.0, 0.0))[None]])
 
 
-def _arrays(shapes: Iterable[Shape]) -> tuple[Array, ...]:
-    return tuple(array for shape in shapes for array in shape.samples())
+def _arrays(shapes: Iterable[Region]) -> tuple[Array, ...]:
+    return tuple(array for shape in shapes for array in _solid(shape).samples())
 
 
-def _parts(name: str, value: Sequence[Shape]) -> tuple[Shape, ...]:
-    parts = tuple_of(name, value, (Shape,))
-    if not 1 <= len(parts) <= MOST_SHAPES:
-        raise ValueError(f"{name}: {len(parts)} shapes must be from 1 to {MOST_SHAPES}")
+def _parts(name: str, value: Sequence[Region]) -> tuple[Region, ...]:
+    parts = tuple_of(name, value, (Region,))
+    if not parts:
+        raise ValueError(f"{name} = () must hold at least one shape")
     for i, part in enumerate(parts):
         if part.dim != parts[0].dim:
             raise ValueError(f"{name}[{i}] = {part} must have dimension {parts[0].dim}")
     return parts
 
 
-def _shape(name: str, value: object, dim: int | None = None) -> Shape:
-    if not isinstance(value, Shape):
-        raise TypeError(f"{name} = {value!r} must be a shape of granular.bodies")
+def _region(name: str, value: object, dim: int | None = None) -> Region:
+    if not isinstance(value, Region):
+        raise TypeError(f"{name} = {value!r} must be a shape or another region")
     if dim is not None and value.dim != dim:
         raise ValueError(f"{name} = {value} must have dimension {dim}")
     return value
+
+
+def _shape(name: str, value: object) -> Shape:
+    if not isinstance(value, Shape):
+        raise TypeError(f"{name} = {value!r} must be a shape of granular.shapes")
+    return value
+
+
+def _common_box(
+    regions: Sequence[Region], low: Callable[..., float], high: Callable[..., float]
+) -> Corners:
+    """Corners made of the `low` of the lower ends and the `high` of the upper ends of regions."""
+    corners = zip(*(region.bounds for region in regions), strict=True)
+    lows, highs = (zip(*ends, strict=True) for ends in corners)
+    return tuple(map(low, lows)), tuple(map(high, highs))
+
+
+def least(found: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Least of several distances, and the normals that go with it."""
+    distances, normals = (np.array(part) for part in zip(*found, strict=True))
+    of = distances.argmin(axis=0)
+    every = np.arange(len(of))
+    return distances[of, every], normals[of, every]
+
+
+def _greatest(found: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+    """Greatest of several distances, and the normals that go with it."""
+    away, normal = least([(-distance, normal) for distance, normal in found])
+    return -away, normal
 
 
 @dataclass(frozen=True)
 class Joined(Shape):
     """A shape made of several ones."""
 
-    parts: tuple[Shape, ...]
+    parts: tuple[Region, ...]
 
     def __post_init__(self) -> None:
         check_fields(self, _parts, "parts")
@@ -81,6 +128,18 @@ class Joined(Shape):
 
     def samples(self) -> tuple[Any, ...]:
         return _arrays(self.parts)
+
+    def leaves(self) -> list[Shape]:
+        return [leaf for part in self.parts for leaf in _solid(part).leaves()]
+
+    def narrowest(self, inverted: bool = False) -> float:
+        return min(_solid(part).narrowest() for part in self.parts)
+
+    def is_endless(self, along: Array) -> bool:
+        return all(_solid(part).is_endless(along) for part in self.parts)
+
+    def cuts(self, x: Array, reach: float) -> NDArray[np.bool_]:
+        return np.any([part.cuts(x, reach) for part in self.parts], axis=0)
 
 
 @dataclass(frozen=True)
@@ -94,7 +153,7 @@ class Union(Joined):
     Parameters
     ----------
     parts : sequence of shapes
-        At least one shape, all of one dimension.
+        At least one shape, all of one dimension; for a fill also other regions.
 
     Raises
     ------
@@ -102,21 +161,39 @@ class Union(Joined):
         Naming argument, value and allowed range.
     """
 
+    @property
+    def results(self) -> int:
+        return sum(_solid(part).results for part in self.parts)
+
     def rows(self) -> Array:
-        return np.concatenate([part.rows() for part in self.parts])
+        return np.concatenate([_solid(part).rows() for part in self.parts])
+
+    def bound(self, measure: Measure) -> tuple[Any, Any]:
+        solids, rests = zip(*(_solid(part).bound(measure) for part in self.parts), strict=True)
+        return reduce(measure.join, solids), reduce(np.minimum, rests)
+
+    @property
+    def bounds(self) -> Corners:
+        return _common_box(self.parts, min, max)
+
+    def cut(self, x: Array) -> tuple[Array, Array]:
+        return least([part.cut(x) for part in self.parts])
+
+    def _inside(self, x: Array) -> NDArray[np.bool_]:
+        return np.any([part.contains(x) for part in self.parts], axis=0)
 
 
 @dataclass(frozen=True)
 class Intersection(Joined):
     """The common part of several shapes; a wedge, for example, is that of two half-spaces.
 
-    Its signed distance is the greatest of theirs. This is exact inside and beside the faces; beyond
-    an edge or corner it is less than the distance, as if faces went on.
+    Its signed distance is the greatest of theirs. This is exact inside and next to the faces;
+    beyond an edge or corner it is less than the distance, as if faces went on.
 
     Parameters
     ----------
     parts : sequence of shapes
-        At least one shape, all of one dimension.
+        At least one shape, all of one dimension; for a fill also other regions.
 
     Raises
     ------
@@ -127,6 +204,20 @@ class Intersection(Joined):
     def rows(self) -> Array:
         rows = np.concatenate([_joined(part) for part in self.parts])
         return _followed(rows, "intersection", len(self.parts))
+
+    def bound(self, measure: Measure) -> tuple[Any, Any]:
+        solids, rests = zip(*(_solid(part).bound(measure) for part in self.parts), strict=True)
+        return reduce(np.minimum, solids), reduce(measure.join, rests)
+
+    @property
+    def bounds(self) -> Corners:
+        return _common_box(self.parts, max, min)
+
+    def cut(self, x: Array) -> tuple[Array, Array]:
+        return _greatest([part.cut(x) for part in self.parts])
+
+    def _inside(self, x: Array) -> NDArray[np.bool_]:
+        return np.all([part.contains(x) for part in self.parts], axis=0)
 
 
 @dataclass(frozen=True)
@@ -140,7 +231,7 @@ class Difference(Shape):
     ----------
     shape : shape
     without : shape
-        What is cut out, of the same dimension.
+        What is cut out, of the same dimension. For a fill both may be other regions, too.
 
     Raises
     ------
@@ -148,12 +239,12 @@ class Difference(Shape):
         Naming argument, value and allowed range.
     """
 
-    shape: Shape
-    without: Shape
+    shape: Region
+    without: Region
 
     def __post_init__(self) -> None:
-        check_fields(self, _shape, "shape")
-        check_fields(self, _shape, "without", dim=self.shape.dim)
+        check_fields(self, _region, "shape")
+        check_fields(self, _region, "without", dim=self.shape.dim)
 
     @property
     def dim(self) -> int:
@@ -165,6 +256,34 @@ class Difference(Shape):
 
     def samples(self) -> tuple[Any, ...]:
         return _arrays((self.shape, self.without))
+
+    def leaves(self) -> list[Shape]:
+        return [*_solid(self.shape).leaves(), *_solid(self.without).leaves()]
+
+    def narrowest(self, inverted: bool = False) -> float:
+        return min(_solid(self.shape).narrowest(), _solid(self.without).narrowest(True))
+
+    def is_endless(self, along: Array) -> bool:
+        return all(_solid(part).is_endless(along) for part in (self.shape, self.without))
+
+    def bound(self, measure: Measure) -> tuple[Any, Any]:
+        solid, rest = _solid(self.shape).bound(measure)
+        hole, around = _solid(self.without).bound(measure)
+        return np.minimum(solid, around), measure.join(rest, hole)
+
+    @property
+    def bounds(self) -> Corners:
+        return self.shape.bounds
+
+    def cuts(self, x: Array, reach: float) -> NDArray[np.bool_]:
+        return self.shape.cuts(x, reach) | self.without.cuts(x, reach)
+
+    def cut(self, x: Array) -> tuple[Array, Array]:
+        away, outwards = self.without.cut(x)
+        return _greatest([self.shape.cut(x), (-away, -outwards)])
+
+    def _inside(self, x: Array) -> NDArray[np.bool_]:
+        return self.shape.contains(x) & ~self.without.contains(x)
 
 
 @dataclass(frozen=True)
@@ -179,6 +298,12 @@ class Altered(Shape):
 
     def samples(self) -> tuple[Any, ...]:
         return self.shape.samples()
+
+    def leaves(self) -> list[Shape]:
+        return self.shape.leaves()
+
+    def is_endless(self, along: Array) -> bool:
+        return self.shape.is_endless(along)
 
 
 @dataclass(frozen=True)
@@ -200,6 +325,13 @@ class Complement(Altered):
 
     def rows(self) -> Array:
         return _inverted(self.shape)
+
+    def narrowest(self, inverted: bool = False) -> float:
+        return self.shape.narrowest(not inverted)
+
+    def bound(self, measure: Measure) -> tuple[Any, Any]:
+        solid, rest = self.shape.bound(measure)
+        return rest, solid
 
 
 @dataclass(frozen=True)
@@ -236,6 +368,15 @@ class Offset(Altered):
             return _followed(_joined(self.shape), "offset", self.by)
         return _followed(_inverted(self.shape), "offset", -self.by, inside=True)
 
+    def narrowest(self, inverted: bool = False) -> float:
+        return self.shape.narrowest(self.by < 0)
+
+    def bound(self, measure: Measure) -> tuple[Any, Any]:
+        solid, rest = self.shape.bound(measure)
+        if self.by > 0:
+            return solid + measure.growth * self.by, rest
+        return solid, rest - measure.growth * self.by
+
 
 @dataclass(frozen=True)
 class Shell(Altered):
@@ -268,3 +409,13 @@ class Shell(Altered):
     def rows(self) -> Array:
         rows = _inverted(self.shape) if self.inward else _joined(self.shape)
         return _followed(rows, "shell", 0.5 * self.thickness)
+
+    def narrowest(self, inverted: bool = False) -> float:
+        own = np.inf if inverted else self.thickness
+        return min(own, self.shape.narrowest(self.inward))
+
+    def bound(self, measure: Measure) -> tuple[Any, Any]:
+        solid, rest = self.shape.bound(measure)
+        if self.inward:
+            solid, rest = rest, solid
+        return np.minimum(solid + measure.growth * self.thickness, rest), np.inf

@@ -1,4 +1,4 @@
-"""Round shapes of rigid bodies: spheres, capsules, tori, cones and hoppers."""
+"""Round shapes: spheres, cylinders, capsules, tori, cones and hoppers."""
 
 from __future__ import annotations
 
@@ -16,22 +16,31 @@ from granular.checks import (
     truth,
     vector,
 )
-from granular.shapes.sections import chain_rows
-from granular.shapes.shape import Array, Shape, axes_about, direction, padded, row_of
+from granular.shapes.sections import chain_cover, chain_rows, inradius
+from granular.shapes.shape import (
+    TINY,
+    Array,
+    Cover,
+    Shape,
+    axes_about,
+    direction,
+    padded,
+    row_of,
+)
 
-__all__ = ["Capsule", "Frustum", "Sphere", "Torus"]
+__all__ = ["Capsule", "Cylinder", "Frustum", "Sphere", "Torus"]
 
 
 @dataclass(frozen=True)
 class Sphere(Shape):
-    """A ball in 3D, in coordinates of its body; a disc in 2D is a `Cylinder`.
+    """A ball; in 2D a disc.
 
     Parameters
     ----------
     radius : float
         Radius [m], > 0.
-    center : tuple of 3 floats
-        Centre [m].
+    center : tuple of float, length dim
+        Centre [m]; its length, 2 or 3, is the dimension.
 
     Raises
     ------
@@ -41,23 +50,96 @@ class Sphere(Shape):
 
     radius: float
     _: KW_ONLY
-    center: tuple[float, float, float]
+    center: tuple[float, ...]
 
     def __post_init__(self) -> None:
         check_fields(self, positive, "radius")
-        check_fields(self, vector, "center", dim=3)
+        check_fields(self, vector, "center")
 
     @property
     def dim(self) -> int:
-        return 3
+        return len(self.center)
 
     def rows(self) -> Array:
+        if self.dim == 2:
+            return row_of("cylinder", False, self.center, None, (self.radius, math.inf, 0.0))[None]
         return row_of("capsule", False, self.center, None, (self.radius, 0.0, 0.0))[None]
+
+    def covers(self) -> list[Cover]:
+        return [Cover.of(self.center, np.eye(3), (0.0, 0.0, 0.0), beyond=self.radius)]
+
+    def _breadth(self) -> float:
+        return 2 * self.radius
+
+
+@dataclass(frozen=True)
+class Cylinder(Shape):
+    """A cylinder; in 2D a disc.
+
+    Parameters
+    ----------
+    radius : float
+        Radius [m], > 0.
+    length : float
+        Length along the axis [m], > 0 or infinite; must be infinite in 2D.
+    center : tuple of float, length dim
+        Centre [m].
+    axis : tuple of 3 floats, optional
+        Direction of the axis, of any length; required in 3D, None in 2D.
+    inside : bool
+        If True, the material is inside, as in a drum: the solid is all that lies outside of the
+        surface.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming argument, value and allowed range.
+    """
+
+    radius: float
+    _: KW_ONLY
+    center: tuple[float, ...]
+    axis: tuple[float, ...] | None = None
+    length: float = math.inf
+    inside: bool = False
+
+    def __post_init__(self) -> None:
+        center = vector("center", self.center)
+        length = positive("length", self.length, allow_inf=True)
+        axis = self.axis
+        if len(center) == 2 and (axis is not None or math.isfinite(length)):
+            raise ValueError(f"axis = {axis} and length = {length} must be None and inf in 2D")
+        if len(center) == 3:
+            axis = direction("axis", axis, 3)
+        set_fields(self, center=center, axis=axis, length=length)
+        check_fields(self, positive, "radius")
+        check_fields(self, truth, "inside")
+
+    @property
+    def dim(self) -> int:
+        return len(self.center)
+
+    def rows(self) -> Array:
+        size = (self.radius, self.length / 2, 0.0)
+        return row_of("cylinder", self.inside, self.center, self._axes(), size)[None]
+
+    def _axes(self) -> Array:
+        return np.eye(3) if self.axis is None else axes_about(self.axis)
+
+    def covers(self) -> list[Cover]:
+        half = (0.0, 0.0, self.length / 2)
+        return [Cover.of(self.center, self._axes(), half, radius=self.radius)]
+
+    def _breadth(self) -> float:
+        return min(2 * self.radius, self.length)
+
+    def is_endless(self, along: Array) -> bool:
+        return math.isinf(self.length) and bool(abs(self._axes()[:, 2] @ along) > 1 - TINY)
 
 
 @dataclass(frozen=True)
 class Capsule(Shape):
-    """A rod with round ends, in coordinates of its body: all within a radius of a straight line.
+    """A rod with round ends: all within a radius of a straight line.
 
     Parameters
     ----------
@@ -95,10 +177,17 @@ class Capsule(Shape):
         size = (self.radius, 0.5 * self.length, 0.0)
         return row_of("capsule", False, self.center, axes_about(self.axis), size)[None]
 
+    def covers(self) -> list[Cover]:
+        half = (0.0, 0.0, 0.5 * self.length)
+        return [Cover.of(self.center, axes_about(self.axis), half, beyond=self.radius)]
+
+    def _breadth(self) -> float:
+        return 2 * self.radius
+
 
 @dataclass(frozen=True)
 class Torus(Shape):
-    """A ring in 3D, in coordinates of its body: all within a radius of a circle.
+    """A ring in 3D: all within a radius of a circle.
 
     Parameters
     ----------
@@ -138,10 +227,17 @@ class Torus(Shape):
         size = (self.radius, self.tube, 0.0)
         return row_of("torus", False, self.center, axes_about(self.axis), size)[None]
 
+    def covers(self) -> list[Cover]:
+        axes, none = axes_about(self.axis), (0.0, 0.0, 0.0)
+        return [Cover.of(self.center, axes, none, radius=self.radius, beyond=self.tube)]
+
+    def _breadth(self) -> float:
+        return 2 * self.tube
+
 
 @dataclass(frozen=True)
 class Frustum(Shape):
-    """A cone, a truncated cone or a hopper, in coordinates of its body.
+    """A cone, a truncated cone or a hopper.
 
     In 2D it is the section through the axis: a trapezium, or the two straight walls of a hopper.
     ``Frustum((0.02, 0.1), 0.15, center=(0, 0, 0), axis=(0, 0, 1), thickness=0.01)`` is a hopper
@@ -198,21 +294,24 @@ class Frustum(Shape):
     def dim(self) -> int:
         return len(self.center)
 
-    def _walls(self) -> Array:
-        """The two walls of a hopper in 2D: boxes, which may be thin."""
+    @property
+    def walls(self) -> tuple[tuple[Array, Array, tuple[float, float, float]], ...]:
+        """Places, axes and half edges of the boxes that a hopper in 2D consists of; else none."""
+        if self.thickness is None or self.dim == 3:
+            return ()
         side, (inner, outer) = math.hypot(self.length, self.radii[1] - self.radii[0]), self.radii
         slope = np.array([outer - inner, self.length]) / side
         middle = 0.5 * (inner + outer) * np.array([1.0, 0.0])
         middle += 0.5 * (self.thickness or 0.0) * np.array([slope[1], -slope[0]])
-        rows = []
+        found = []
         for sign in (1, -1):
             across, along = axes_about(self.axis)[:, [0, 2]].T * [[sign], [1]]
             first = slope[0] * across + slope[1] * along
             axes = np.column_stack([first, [-first[1], first[0], 0.0], [0.0, 0.0, 1.0]])
             place = np.array(padded(self.center)) + middle[0] * across + middle[1] * along
             size = (0.5 * side, 0.5 * (self.thickness or 0.0), math.inf)
-            rows.append(row_of("box", False, tuple(place), axes, size))
-        return np.array(rows)
+            found.append((place, axes, size))
+        return tuple(found)
 
     def _row(self) -> tuple[Array, Array]:
         half, (first, second) = 0.5 * self.length, self.radii
@@ -227,12 +326,26 @@ class Frustum(Shape):
         axes = axes_about(self.axis)
         return chain_rows("revolved", profile, self.center, axes, inside=self.inside)
 
+    @property
+    def results(self) -> int:
+        return len(self.walls) or 1
+
     def rows(self) -> Array:
-        if self.thickness is not None and self.dim == 2:
-            return self._walls()
+        if walls := self.walls:
+            return np.array(
+                [row_of("box", False, tuple(at), axes, size) for at, axes, size in walls]
+            )
         return self._row()[0]
 
     def samples(self) -> tuple[Array, ...]:
-        if self.thickness is not None and self.dim == 2:
-            return ()
-        return (self._row()[1],)
+        return () if self.walls else (self._row()[1],)
+
+    def covers(self) -> list[Cover]:
+        if walls := self.walls:
+            return [Cover.of(at[:2], axes, size) for at, axes, size in walls]
+        return [chain_cover("revolved", *self._row(), self.dim)]
+
+    def _breadth(self) -> float:
+        if walls := self.walls:
+            return min(2 * min(size[:2]) for *_, size in walls)
+        return 2 * inradius("revolved", self._row()[1])

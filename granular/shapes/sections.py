@@ -1,4 +1,4 @@
-"""Shapes of rigid bodies given by a section: polygons, prisms, surfaces of revolution."""
+"""Shapes given by a section: polygons, prisms, surfaces of revolution."""
 
 from __future__ import annotations
 
@@ -6,13 +6,17 @@ import math
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from granular import _core
 from granular.checks import check_fields, one_of, positive, sequence, set_fields, vector
 from granular.shapes.shape import (
+    TINY,
     Array,
+    Cover,
     Shape,
     axes_about,
     direction,
@@ -104,8 +108,49 @@ def chain_rows(
     return row[None], np.ascontiguousarray((x - middle)[None])
 
 
+def chain_cover(kind: str, row: Array, array: Array, dim: int) -> Cover:
+    """Cover of a chain, from its row and array."""
+    first, second = abs(array[0]).max(axis=0)
+    center, axes, half_length, beyond = row[0, 2 : 2 + dim], row[0, 5:14], row[0, 14], row[0, 15]
+    turn = axes.reshape(3, 3)
+    if kind == "revolved":
+        return Cover.of(center, turn, (0.0, 0.0, second), radius=first, beyond=beyond)
+    return Cover.of(center, turn, (first, second, half_length), beyond=beyond)
+
+
+def inradius(kind: str, array: Array) -> float:
+    """Radius [m] of the largest circle in a polygon or in the section of a solid of revolution.
+
+    It touches the surface: the largest circles that touch it at some places are found by bisection.
+    """
+    revolved = kind == "revolved"
+    own = row_of(kind, size=(0.0 if revolved else math.inf, 0, 0))
+    a, b = array[0], np.roll(array[0], -1, axis=0)
+    edge = b - a
+    if revolved:
+        kept = (a[:, 0] > 0) | (b[:, 0] > 0)
+        a, edge = a[kept], edge[kept]
+    share = (np.arange(count := max(64 // len(a), 1)) + 0.5)[:, None, None] / count
+    start = (a + share * edge).reshape(-1, 2)
+    inward = np.stack([-edge[:, 1], edge[:, 0]], axis=1) / np.linalg.norm(edge, axis=1)[:, None]
+    inward = np.tile(inward, (count, 1))
+    low, high = np.zeros(len(start)), np.full(len(start), np.linalg.norm(np.ptp(array[0], axis=0)))
+    for _ in range(40):
+        radius = 0.5 * (low + high)
+        at = np.zeros((len(start), 3))
+        at[:, [0, 2] if revolved else [0, 1]] = start + radius[:, None] * inward
+        depth = -_core.body_distance(own[None], (array,), at)[0]
+        touches = depth > radius * (1 - 1e-9)
+        low, high = np.where(touches, radius, low), np.where(touches, high, radius)
+    return float(low.max())
+
+
 class Section(Shape):
     """A shape given by the vertices of a section."""
+
+    kind: ClassVar[str] = "polygon"
+    """Kind of its part in the core."""
+    thickness: float | None
 
     @abstractmethod
     def _row(self) -> tuple[Array, Array]:
@@ -117,10 +162,16 @@ class Section(Shape):
     def samples(self) -> tuple[Array, ...]:
         return (self._row()[1],)
 
+    def covers(self) -> list[Cover]:
+        return [chain_cover(self.kind, *self._row(), self.dim)]
+
+    def _breadth(self) -> float:
+        return self.thickness or 2 * inradius(self.kind, self._row()[1])
+
 
 @dataclass(frozen=True)
 class Polygon(Section):
-    """A polygon in 2D, or the wall along a line of straight pieces, in coordinates of its body.
+    """A polygon in 2D, or the wall along a line of straight pieces.
 
     Parameters
     ----------
@@ -157,6 +208,9 @@ class Polygon(Section):
     def dim(self) -> int:
         return 2
 
+    def is_endless(self, along: Array) -> bool:
+        return bool(abs(along[2]) > 1 - TINY)
+
     def _row(self) -> tuple[Array, Array]:
         return chain_rows(
             "polygon",
@@ -170,7 +224,7 @@ class Polygon(Section):
 
 @dataclass(frozen=True)
 class Prism(Section):
-    """A polygon extended along an axis in 3D, in coordinates of its body.
+    """A polygon extended along an axis in 3D.
 
     Parameters
     ----------
@@ -214,6 +268,13 @@ class Prism(Section):
     def dim(self) -> int:
         return 3
 
+    def _breadth(self) -> float:
+        return min(super()._breadth(), self.length)
+
+    def is_endless(self, along: Array) -> bool:
+        third = self._row()[0][0, 5:14].reshape(3, 3)[:, 2]
+        return math.isinf(self.length) and bool(abs(third @ along) > 1 - TINY)
+
     def _row(self) -> tuple[Array, Array]:
         first, second = (np.eye(3)["xyz".index(letter)] for letter in "xyz" if letter != self.axis)
         section = np.column_stack([first, second, np.cross(first, second)])
@@ -229,7 +290,7 @@ class Prism(Section):
 
 @dataclass(frozen=True)
 class Revolve(Section):
-    """A solid of revolution: a profile turned about an axis, in coordinates of its body.
+    """A solid of revolution: a profile turned about an axis.
 
     In 2D it is the section through the axis: the profile and its mirror image. A silo with its
     hopper, for example, is ``Revolve([(0.02, 0), (0.1, 0.1), (0.1, 0.4)], center=..., axis=...,
@@ -266,6 +327,8 @@ class Revolve(Section):
         check_fields(self, _chain, "profile", closed=self.thickness is None, radial=True)
         check_fields(self, vector, "center")
         set_fields(self, axis=direction("axis", self.axis, self.dim))
+
+    kind = "revolved"
 
     @property
     def dim(self) -> int:

@@ -1,4 +1,4 @@
-"""Shapes of rigid bodies, each with its description for the core.
+"""Shapes by their signed distance, each with its description for the core.
 
 A 2D scene is a section of one that is endless along z: a box is infinite along z there, and a disc
 is a cylinder.
@@ -7,10 +7,10 @@ is a cylinder.
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
-from dataclasses import KW_ONLY, dataclass
-from functools import partial
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import reduce
 from inspect import isabstract
 from typing import Any
 
@@ -19,16 +19,10 @@ import scipy
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.checks import (
-    check_fields,
-    finite,
-    positive,
-    set_fields,
-    truth,
-    vector,
-)
+from granular.checks import finite, vector
+from granular.shapes.region import Region
 
-__all__ = ["Box", "Cylinder", "HalfSpace", "Shape", "shape_kinds"]
+__all__ = ["Cover", "Measure", "Shape", "shape_kinds"]
 
 Array = NDArray[np.float64]
 
@@ -50,7 +44,7 @@ def turned(rotation: float | tuple[float, ...]) -> scipy.spatial.transform.Rotat
     )
 
 
-def padded(value: Sequence[float]) -> tuple[float, ...]:
+def padded(value: Sequence[float] | Array) -> tuple[float, ...]:
     """Return 3 components; a vector of 2 gets z = 0."""
     return (*value, 0.0)[:3]
 
@@ -65,6 +59,12 @@ def row_of(
     """Return the 17 numbers of a part: kind, inside, centre, rotation matrix, size."""
     turn = np.eye(3) if matrix is None else matrix
     return np.array([PARTS[kind], inside, *padded(center), *turn.ravel(), *size], dtype=float)
+
+
+def frame_of(shape: Shape) -> tuple[Array, Array]:
+    """Centre (3,) and axes, as columns, of the part of a shape of one part."""
+    row = shape.rows()[0]
+    return row[2:5], row[5:14].reshape(3, 3)
 
 
 def axes_about(normal: Sequence[float]) -> Array:
@@ -85,8 +85,85 @@ def direction(name: str, value: object, dim: int | None = None) -> tuple[float, 
     return found
 
 
-class Shape(ABC):
-    """A shape of a rigid body."""
+TINY = 1e-12
+"""Largest cosine that is taken for that of a right angle."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cover:
+    """Box with rounded edges that contains a shape.
+
+    The shape lies within `beyond` of the sums of a point of a box and one of a disc about the third
+    axis.
+    """
+
+    center: Array
+    axes: Array
+    """As columns."""
+    half: Array
+    """Half lengths of the box along the axes, may be infinite."""
+    radius: float = 0.0
+    """Of the disc."""
+    beyond: float = 0.0
+
+    @classmethod
+    def of(
+        cls,
+        center: Sequence[float] | Array,
+        axes: Array,
+        half: Sequence[float],
+        radius: float = 0.0,
+        beyond: float = 0.0,
+    ) -> Cover:
+        """Make one about a place of 2 or 3 coordinates; in 2D it is the section at z = 0."""
+        edges = np.array(half, dtype=float)
+        if len(center) == 2 and math.isinf(edges[2]):
+            edges[2] = 0.0
+        return cls(np.array(padded(center)), axes, edges, float(radius), float(beyond))
+
+    def turned(self, rotation: Array) -> Cover:
+        """Return the same after a rotation about the origin."""
+        return Cover(
+            rotation @ self.center, rotation @ self.axes, self.half, self.radius, self.beyond
+        )
+
+    def along(self, direction: Array) -> float:
+        """Largest distance of its places from the origin along a direction, to either side [m]."""
+        shares, half = abs(self.axes.T @ direction), self.half.copy()
+        shares[shares <= TINY] = 0.0
+        half[shares == 0.0] = 0.0  # no product of zero and infinity
+        box = float(abs(self.center @ direction) + half @ shares)
+        return box + self.radius * math.hypot(*shares[:2]) + self.beyond
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A convex function of place whose bound in a shape follows from those in covers.
+
+    Attributes
+    ----------
+    of : callable
+        Bound in a cover.
+    growth : float
+        Largest change of the function over a metre.
+    join : callable
+        Greater one of two bounds.
+    """
+
+    of: Callable[[Cover], Any]
+    growth: float
+    join: Callable[[Any, Any], Any] = np.maximum
+
+
+class Shape(Region):
+    """A solid, or all that is outside of one.
+
+    A new shape has `dim`, `rows` and what the methods say that have no default. The signed distance
+    is that of the core, `gr_part_distance` of csrc/body.
+    """
+
+    inside: bool = False
+    """True if the solid is all that lies outside of the surface."""
 
     @property
     @abstractmethod
@@ -97,6 +174,15 @@ class Shape(ABC):
     def rows(self) -> Array:
         """Return the description of the shape for the core, shape (parts, 17)."""
 
+    @property
+    def results(self) -> int:
+        """Number of parts in `rows` whose union is the shape."""
+        return 1
+
+    def leaves(self) -> list[Shape]:
+        """Return the shapes that operations are made of, or the shape itself."""
+        return [self]
+
     def samples(self) -> tuple[Any, ...]:
         """Return the arrays of the rows that need one, in their order.
 
@@ -105,13 +191,56 @@ class Shape(ABC):
         """
         return ()
 
+    def covers(self) -> list[Cover] | None:
+        """Boxes that contain what is within the surface; None if it has no end on all sides."""
+        return None
+
+    def narrowest(self, inverted: bool = False) -> float:
+        """Diameter [m] of the largest ball in the solid; inf if it is all outside of something.
+
+        Of several parts it is the least; `inverted`: of what the solid leaves.
+        """
+        return math.inf if inverted != self.inside else self._breadth()
+
+    def _breadth(self) -> float:
+        """Diameter [m] of the largest ball within the surface."""
+        return math.inf
+
+    def is_endless(self, along: Array) -> bool:
+        """True if the shape is the same everywhere along a direction of 3 components."""
+        return False
+
+    def bound(self, measure: Measure) -> tuple[Any, Any]:
+        """Bounds of a function in the solid, and in all that the solid leaves."""
+        covers = self.covers()
+        solid = math.inf if covers is None else reduce(measure.join, map(measure.of, covers))
+        return (math.inf, solid) if self.inside else (solid, math.inf)
+
+    @property
+    def bounds(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        ends = self.ends(np.eye(3)[: self.dim])
+        return tuple(ends[0].tolist()), tuple(ends[1].tolist())
+
+    def ends(self, directions: Array) -> tuple[Array, Array]:
+        """Least and largest coordinates [m] along directions, the rows (n, 3); may be infinite."""
+
+        def ahead(cover: Cover) -> Array:
+            centred = Cover(np.zeros(3), cover.axes, cover.half, cover.radius, cover.beyond)
+            half = np.array([centred.along(e) for e in directions])
+            middle = directions @ cover.center
+            return np.concatenate([half - middle, half + middle])
+
+        bound = self.bound(Measure(ahead, 1.0))[0]
+        low, high = np.broadcast_to(bound, 2 * len(directions)).reshape(2, -1)
+        return -low, high
+
     def distance(self, x: Array) -> tuple[Array, Array]:
         """Signed distance to the surface, and the outward normal there.
 
         Parameters
         ----------
         x : ndarray, shape (n, dim)
-            Positions [m] in coordinates of the body.
+            Positions [m].
 
         Returns
         -------
@@ -132,135 +261,18 @@ class Shape(ABC):
         distance, normal = _core.body_distance(self.rows(), self.samples(), places)
         return distance, np.ascontiguousarray(normal[:, : self.dim])
 
+    def cut(self, x: Array) -> tuple[Array, Array]:
+        return self.distance(x)
+
+    def cuts(self, x: Array, reach: float) -> NDArray[np.bool_]:
+        near: NDArray[np.bool_] = abs(self.distance(x)[0]) <= reach
+        return near
+
+    def _inside(self, x: Array) -> NDArray[np.bool_]:
+        return self.distance(x)[0] < 0
+
 
 def shape_kinds(base: type[Shape] = Shape) -> list[type[Shape]]:
     """Classes of shapes that can be made."""
     kinds = [] if isabstract(base) else [base]
     return kinds + [kind for below in base.__subclasses__() for kind in shape_kinds(below)]
-
-
-@dataclass(frozen=True)
-class Box(Shape):
-    """A box, in coordinates of its body.
-
-    Parameters
-    ----------
-    size : tuple of float, length dim
-        Lengths of the edges [m], > 0, may be infinite.
-    center : tuple of float, length dim, optional
-        Centre [m]; the position of the body by default.
-    rotation_deg : float or tuple of 3 floats
-        Rotation about the centre: an angle in 2D, a rotation vector in 3D [degrees].
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
-    """
-
-    size: tuple[float, ...]
-    _: KW_ONLY
-    center: tuple[float, ...] = None  # type: ignore[assignment]  # a place once made
-    rotation_deg: float | tuple[float, ...] = 0.0
-
-    def __post_init__(self) -> None:
-        size = vector("size", self.size, check=partial(positive, allow_inf=True))
-        center = (0.0,) * len(size) if self.center is None else self.center
-        set_fields(self, size=size, center=vector("center", center, len(size)))
-        check_fields(self, rotation_of, "rotation_deg", dim=len(size))
-
-    @property
-    def dim(self) -> int:
-        return len(self.size)
-
-    def rows(self) -> Array:
-        half = [edge / 2 for edge in self.size] + [math.inf]
-        matrix = turned(self.rotation_deg).as_matrix()
-        return row_of("box", False, self.center, matrix, half[:3])[None]
-
-
-@dataclass(frozen=True)
-class Cylinder(Shape):
-    """A cylinder, in coordinates of its body; in 2D a disc.
-
-    Parameters
-    ----------
-    radius : float
-        Radius [m], > 0.
-    length : float
-        Length along the axis [m], > 0 or infinite; must be infinite in 2D.
-    center : tuple of float, length dim
-        Centre [m].
-    axis : tuple of 3 floats, optional
-        Direction of the axis, of any length; required in 3D, None in 2D.
-    inside : bool
-        If True, the material is inside, as in a drum: the solid is all that lies outside of the
-        surface.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
-    """
-
-    radius: float
-    _: KW_ONLY
-    center: tuple[float, ...]
-    axis: tuple[float, ...] | None = None
-    length: float = math.inf
-    inside: bool = False
-
-    def __post_init__(self) -> None:
-        center = vector("center", self.center)
-        length = positive("length", self.length, allow_inf=True)
-        axis = self.axis
-        if len(center) == 2 and (axis is not None or math.isfinite(length)):
-            raise ValueError(f"axis = {axis} and length = {length} must be None and inf in 2D")
-        if len(center) == 3:
-            axis = direction("axis", axis, 3)
-        set_fields(self, center=center, axis=axis, length=length)
-        check_fields(self, positive, "radius")
-        check_fields(self, truth, "inside")
-
-    @property
-    def dim(self) -> int:
-        return len(self.center)
-
-    def rows(self) -> Array:
-        matrix = np.eye(3) if self.axis is None else axes_about(self.axis)
-        size = (self.radius, self.length / 2, 0.0)
-        return row_of("cylinder", self.inside, self.center, matrix, size)[None]
-
-
-@dataclass(frozen=True)
-class HalfSpace(Shape):
-    """All that lies behind a plane, in coordinates of its body.
-
-    Parameters
-    ----------
-    normal : tuple of float, length dim
-        Normal of the plane, out of the solid, of any length.
-    through : tuple of float, length dim, optional
-        A point of the plane [m]; the position of the body by default.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
-    """
-
-    normal: tuple[float, ...]
-    through: tuple[float, ...] = None  # type: ignore[assignment]  # a place once made
-
-    def __post_init__(self) -> None:
-        normal = direction("normal", self.normal)
-        through = (0.0,) * len(normal) if self.through is None else self.through
-        set_fields(self, normal=normal, through=vector("through", through, len(normal)))
-
-    @property
-    def dim(self) -> int:
-        return len(self.normal)
-
-    def rows(self) -> Array:
-        matrix = axes_about(self.normal)
-        return row_of("half_space", False, self.through, matrix, (0.0, 0.0, 0.0))[None]

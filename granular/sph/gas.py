@@ -8,11 +8,13 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from granular import geometry, seeding
+from granular import seeding
 from granular.checks import check_fields, in_range, kinds_of, positive, tuple_of, vector
-from granular.geometry import Box, Fill, Grid
+from granular.fill import Fill, check_inside
+from granular.geometry import Grid
 from granular.inflow import Inflow
 from granular.notebook import table
+from granular.shapes import Box
 
 __all__ = ["Gas", "GasState", "Jet"]
 
@@ -183,7 +185,7 @@ class Gas:
                 f"grain_density = {self.grain_density} must exceed rho0 = {rho0} of the material"
             )
         for i, fill in enumerate(self.fills):
-            geometry.check_inside(f"gas.fills[{i}]", grid, fill.region)
+            check_inside(f"gas.fills[{i}]", grid, fill.region)
             spacing = grid.cell / fill.points_per_axis
             if fill.lithostatic:
                 raise ValueError(f"gas.fills[{i}] must have no weight on it")
@@ -193,7 +195,7 @@ class Gas:
                     f" {spacing:.4g} of its points"
                 )
         for i, jet in enumerate(self.jets):
-            geometry.check_inside(f"gas.jets[{i}]", grid, jet.region)
+            check_inside(f"gas.jets[{i}]", grid, jet.region)
         for i, inflow in self.inflows().items():
             inflow.check(f"gas.jets[{i}]", grid, math.inf)
 

@@ -10,7 +10,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from granular.checks import check_fields, tuple_of
-from granular.geometry import AXES, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import AXES, Grid
 from granular.gravity import Gravity
 from granular.inflow import Inflow
 from granular.regions import Cloud

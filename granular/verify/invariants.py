@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import materials, measure, scenes
-from granular.geometry import Box, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.mpm import schemes
 from granular.mpm.engine import averaging_interval
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
+from granular.shapes import Box
 from granular.simulation import Simulation
 from granular.state import State
 from granular.verify.incline import PUBLISHED

@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.geometry import Box as Region
-from granular.geometry import Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import MuI
-from granular.mpm.bodies import Body, Box, Cylinder, Motion, Union
+from granular.mpm.bodies import Body, Motion
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.walls import Wall
+from granular.shapes import Box, Cylinder, Union
 
 pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 
@@ -25,8 +26,8 @@ def scene_of(dim, thin=False):
     thickness = 0.05 if thin else 2 * cell
     bucket = Union(
         (
-            Box((0.2, *edges, thickness)),
-            Box((thickness, *edges, 0.2), center=(0.1,) * dim),
+            Box(size=(0.2, *edges, thickness)),
+            Box(size=(thickness, *edges, 0.2), center=(0.1,) * dim),
         )
     )
     roller = Cylinder(0.06, center=(0.0,) * dim, axis=None if dim == 2 else (0, 1, 0))
@@ -39,7 +40,7 @@ def scene_of(dim, thin=False):
             contact="sticky",
         ),
         Body(
-            Box((max(0.15, 2 * cell), *edges, 2 * cell)),
+            Box(size=(max(0.15, 2 * cell), *edges, 2 * cell)),
             (0.5, *middle, 0.45),
             free="xy" if dim == 2 else "xyz",
             mass=3.0,
@@ -60,7 +61,7 @@ def scene_of(dim, thin=False):
     return gr.Scene(
         name="bodies",
         grid=Grid((0.0,) * dim, cell, shape),
-        fills=(Fill(Region((0.0,) * dim, (*size[:-1], 0.4)), 2**dim, jitter=1.0),),
+        fills=(Fill(Box((0.0,) * dim, (*size[:-1], 0.4)), 2**dim, jitter=1.0),),
         material=MuI(E=1e6),
         scheme=gr.Scheme(density=gr.ParticleDensity()) if thin else gr.Scheme(),
         walls=(Wall(up, 0.0, kind="no_slip"),),
@@ -129,7 +130,7 @@ def test_bodies_within_one_another_act_as_their_union(dim):
     impulses = []
     for halves in ((-1, 1), (0,)):
         long = 4 * edge if halves == (0,) else 2.5 * edge
-        boxes = [Box((long, *size, edge), center=(0.75 * edge * k, *up, 0.0)) for k in halves]
+        boxes = [Box(size=(long, *size, edge), center=(0.75 * edge * k, *up, 0.0)) for k in halves]
         bodies = tuple(Body(box, (0.5, *up, 0.3), friction=0.3) for box in boxes)
         sim = gr.Simulation(scene.replace(bodies=bodies), threads=1)
         sim.step(100)
@@ -145,7 +146,7 @@ def test_images_of_bodies_are_looked_for_as_bodies_are(dim):
     cell, cells, up = 0.1, 20, (0.0,) * (dim - 2)
     length, edge = cell * cells, 4 * cell
     grid = gr.Grid((0.0,) * dim, cell, (cells,) * dim, periodic=(True,) * (dim - 1) + (False,))
-    at_end = Body(Box((edge,) * dim), (0.0, *up, 1.0))
+    at_end = Body(Box(size=(edge,) * dim), (0.0, *up, 1.0))
     high = (length, *(0.3 for _ in up), 1.2)
 
     def made(x, *bodies):

@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.geometry import Cylinder as Upright
-from granular.geometry import Disc
-from granular.mpm.bodies import (
-    Body,
+from granular.mpm.bodies import Body
+from granular.shapes import (
     Box,
     Capsule,
     Complement,
@@ -47,7 +45,7 @@ def scene_of(name, cell, shape, fill, *bodies):
 
 def hopper():
     cone = Frustum((0.02, 0.05), 0.05, center=(0.06, 0.06, 0.045), axis=(0, 0, 1), thickness=0.02)
-    fill = Upright((0.06, 0.06, 0.055), 0.03, 0.05)
+    fill = Cylinder(0.03, center=(0.06, 0.06, 0.08), axis=(0.0, 0.0, 1.0), length=0.05)
     return scene_of("hopper", 0.01, (12, 12, 12), fill, Body(cone, (0.0,) * 3, friction=0.3))
 
 
@@ -63,12 +61,12 @@ def floor():
         (0.0, 0.2),
     ]
     rod = Capsule(0.04, 0.1, center=(0.0, 0.0), axis=(1.0, 0.5))
-    turning = gr.Motion(velocity=((0.0, 0.0),), angular_velocity=(2.0,))
+    turning = gr.Motion(angular_velocity=(2.0,))
     bodies = (
         Body(Polygon(steps), (0.0, 0.0), friction=0.4),
         Body(rod, (0.3, 0.18), motion=turning, contact="sticky"),
     )
-    return scene_of("floor", 0.02, (50, 20), Disc((0.3, 0.31), 0.07), *bodies)
+    return scene_of("floor", 0.02, (50, 20), Sphere(0.07, center=(0.3, 0.31)), *bodies)
 
 
 def bits(sim):
@@ -111,10 +109,10 @@ TANGENT, NORMAL = (math.cos(SLOPE), math.sin(SLOPE)), (-math.sin(SLOPE), math.co
 PLANE = HalfSpace(NORMAL)
 FLOORS = {
     "polygon": Polygon([(0, 0), (-0.2, 0), (-2, 0), (-2, -2), (2, -2), (2, 0)], rotation_deg=15.0),
-    "slab": Box((4.0, 2.0), center=(-NORMAL[0], -NORMAL[1]), rotation_deg=15.0),
+    "slab": Box(size=(4.0, 2.0), center=(-NORMAL[0], -NORMAL[1]), rotation_deg=15.0),
     "boxes": Union(
         tuple(
-            Box((2.0, 2.0), center=tuple(s * np.array(TANGENT) - NORMAL), rotation_deg=15.0)
+            Box(size=(2.0, 2.0), center=tuple(s * np.array(TANGENT) - NORMAL), rotation_deg=15.0)
             for s in (-0.9, 0.9)
         )
     ),
@@ -132,7 +130,9 @@ def test_a_slope_is_the_same_however_it_is_described(floor):
     """
     sims = []
     for shape in (PLANE, floor):
-        scene = scene_of("slope", 0.02, (40, 30), Disc((0.45, 0.31), 0.08), Body(shape, (0.4, 0.2)))
+        scene = scene_of(
+            "slope", 0.02, (40, 30), Sphere(0.08, center=(0.45, 0.31)), Body(shape, (0.4, 0.2))
+        )
         sims.append(gr.Simulation(scene, threads=1))
         sims[-1].step(260)
     one, other = (sim.state for sim in sims)
@@ -141,7 +141,7 @@ def test_a_slope_is_the_same_however_it_is_described(floor):
     assert np.allclose(sims[1].bodies[0].impulse, sims[0].bodies[0].impulse, rtol=1e-3)
 
 
-BLOCK = Box((0.08, 0.08, 0.08))
+BLOCK = Box(size=(0.08, 0.08, 0.08))
 ROUND = {"center": (0.0,) * 3, "axis": (0.0, 0.3, 1.0)}
 
 
@@ -151,7 +151,7 @@ ROUND = {"center": (0.0,) * 3, "axis": (0.0, 0.3, 1.0)}
         Sphere(0.06, center=(0.0,) * 3),
         Torus(0.05, 0.03, **ROUND),
         Revolve([(0.0, -0.03), (0.07, 0.0), (0.05, 0.05)], thickness=0.04, **ROUND),
-        Difference(Box((0.16, 0.16, 0.08)), Sphere(0.05, center=(0.0, 0.0, 0.04))),
+        Difference(Box(size=(0.16, 0.16, 0.08)), Sphere(0.05, center=(0.0, 0.0, 0.04))),
         Shell(
             Union((BLOCK, Capsule(0.03, 0.08, center=(0.0,) * 3, axis=(1, 0, 0)))), thickness=0.03
         ),
@@ -160,7 +160,7 @@ ROUND = {"center": (0.0,) * 3, "axis": (0.0, 0.3, 1.0)}
 )
 def test_a_body_is_heavier_by_what_falls_on_it(shape):
     """The impulse on a body at rest and that of gravity make the momentum of the points."""
-    fill = Upright((0.12, 0.12, 0.2), 0.05, 0.06)
+    fill = Cylinder(0.05, center=(0.12, 0.12, 0.23), axis=(0.0, 0.0, 1.0), length=0.06)
     scene = scene_of("rain", 0.02, (12, 12, 14), fill, Body(shape, (0.12, 0.12, 0.12)))
     # the corrections of the other densities are forces without a reaction
     scene = scene.replace(scheme=gr.Scheme(density=gr.ParticleDensity()))

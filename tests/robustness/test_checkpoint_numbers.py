@@ -17,9 +17,10 @@ from test_sph_inflow import fed_gas
 
 import granular as gr
 from granular import sph
-from granular.mpm.bodies import Body, Box, mass_properties
+from granular.mpm.bodies import Body, mass_properties
 from granular.record import RecordError, TrajectoryWriter
 from granular.record.restart import read_restart, write_restart
+from granular.shapes import Box
 
 pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 
@@ -54,7 +55,7 @@ def bed(*walls, bodies=()):
 
 def with_block():
     """A block that falls on a bed."""
-    shape = Box((0.3, 0.3))
+    shape = Box(size=(0.3, 0.3))
     whole = mass_properties(shape, 1500.0)
     return bed(bodies=[Body(shape, (0.3, 0.56), free="xy", mass=whole.mass, inertia=whole.inertia)])
 

@@ -30,7 +30,7 @@ def scene_at(shift, basis="quadratic"):
         return at(0, cells)[1]
 
     piston = gr.Inflow(gr.Box(at(25, 12), at(28, 14)), (0.0, -0.3), 4, driven=True)
-    block = gr.bodies.Box((5 * CELL, 4 * CELL))
+    block = gr.shapes.Box(size=(5 * CELL, 4 * CELL))
     corners = [at(7.2, 0.3), at(12.5, 0.0), at(10.0, 5.0)]
     return gr.Scene(
         name="shifted",
@@ -89,12 +89,12 @@ def test_samples_maps_and_inlets_end_where_the_grid_does():
     mask = gr.Mask.of(lambda x: np.ones(len(x)), SHIFTS[-1], high, CELL / 2)
     assert mask.inside.shape == (60, 40)
     assert gr.Heights.of(1.0, x0, high[0], CELL).z.shape == (31,)
-    ground = gr.bodies.HeightMap(np.full(31, 0.1), CELL, origin=(0.0,))
+    ground = gr.shapes.HeightMap(np.full(31, 0.1), CELL, origin=(0.0,))
     scene = scene_at(SHIFTS[-1])
     inlet = gr.Inflow(gr.Box((x0 + 2 * CELL, y0 + 16 * CELL), high), (0.0, -0.3), 4)
     for body in (
         gr.Body(ground, (x0, y0 - 1.0)),
-        gr.Body(gr.bodies.Box((CELL * 2, CELL * 8)), (x0 + CELL, y0 + 16 * CELL)),
+        gr.Body(gr.shapes.Box(size=(CELL * 2, CELL * 8)), (x0 + CELL, y0 + 16 * CELL)),
     ):
         scene.replace(bodies=(body,), inflows=(inlet,), sponge_layers=())
 

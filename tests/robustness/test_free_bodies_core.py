@@ -8,8 +8,9 @@ from spoiled import DOCUMENTED, QUICK, WAYS, arguments, spoiled
 
 import granular as gr
 from granular import _core
-from granular.mpm.bodies import Body, Box, Motion, mass_properties
+from granular.mpm.bodies import Body, Motion, mass_properties
 from granular.mpm.rigid_contact import contact_balls, obstacles
+from granular.shapes import Box
 
 pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 
@@ -17,7 +18,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def scene_of(dim):
     """A bed, and a block that falls on it and beside a wall."""
     cells, cell = (10, 8) if dim == 2 else (8, 8, 8), 0.05
-    shape = Box((0.2,) * dim)
+    shape = Box(size=(0.2,) * dim)
     whole = mass_properties(shape, 1500.0)
     middle = 0.5 * cell * cells[0]
     block = Body(

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.geometry import Box, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import Elastic
 from granular.monitor import SPACING
 from granular.mpm import limits
+from granular.shapes import Box
 
 BEADS = gr.materials.glass_beads.replace(E=1e6)
 

@@ -10,8 +10,10 @@ from hypothesis import strategies as st
 from spoiled import DOCUMENTED, QUICK
 
 from granular import Simulation, _core, scenes, sph
-from granular.geometry import Box, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
+from granular.shapes import Box
 from granular.sph.simulation import _build
 from granular.sph.walls import Wall
 

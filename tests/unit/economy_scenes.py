@@ -1,10 +1,12 @@
 """Parts that tests of suggestions share."""
 
 import granular as gr
-from granular.geometry import Box, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import glass_beads
 from granular.mpm.walls import Wall
+from granular.shapes import Box
 
 
 def full_silo(**changes):

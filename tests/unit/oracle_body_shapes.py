@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from granular.mpm.bodies import Capsule, Frustum, Prism, Revolve, Shape, Sphere, Torus
+from granular.shapes import Capsule, Frustum, Prism, Revolve, Shape, Sphere, Torus
 
 CENTER = (0.02, -0.01, 0.03)
 AXIS = (0.3, -0.5, 1.0)

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 import granular as gr
-from granular import bodies
+from granular import shapes
 
 
 def _turned(rng, dim):
@@ -17,18 +17,18 @@ def _shape(rng, dim, size):
     kind = rng.integers(6)
     if kind == 0:
         center = (0.0,) * dim
-        return (bodies.Cylinder if dim == 2 else bodies.Sphere)(size, center=center)
+        return (shapes.Cylinder if dim == 2 else shapes.Sphere)(size, center=center)
     if kind == 1:
-        return bodies.Box(tuple((size * rng.uniform(0.5, 2, dim)).tolist()))
+        return shapes.Box(size=tuple((size * rng.uniform(0.5, 2, dim)).tolist()))
     if kind == 2:
         keel = [(-size, 0.6 * size), (0.0, -size), (size, 0.6 * size)]
-        return bodies.Polygon(keel) if dim == 2 else bodies.Prism(keel, size, axis="y")
+        return shapes.Polygon(keel) if dim == 2 else shapes.Prism(keel, size, axis="y")
     if kind == 3:
-        return bodies.Box((2 * size, 0.2 * size, size)[:dim])
-    block = bodies.Box((2 * size,) * dim)
+        return shapes.Box(size=(2 * size, 0.2 * size, size)[:dim])
+    block = shapes.Box(size=(2 * size,) * dim)
     if kind == 4:
-        return bodies.Difference(block, bodies.Box((size,) * dim, center=(0.6 * size,) * dim))
-    return bodies.Capsule(0.4 * size, size, center=(0.0,) * dim, axis=(1.0,) * dim)
+        return shapes.Difference(block, shapes.Box(size=(size,) * dim, center=(0.6 * size,) * dim))
+    return shapes.Capsule(0.4 * size, size, center=(0.0,) * dim, axis=(1.0,) * dim)
 
 
 def _bodies(rng, grid):
@@ -43,7 +43,7 @@ def _bodies(rng, grid):
         body = gr.Body(shape, tuple(at.tolist()), rotation_deg=turned)
         if rng.random() < 0.5:  # it touches an end
             axis = int(rng.integers(dim))
-            reach = size if isinstance(shape, (bodies.Cylinder, bodies.Sphere)) else None
+            reach = size if isinstance(shape, (shapes.Cylinder, shapes.Sphere)) else None
             reach = float(body.extents()[axis]) if reach is None else reach
             at[axis] = rng.choice([lower[axis] + reach, upper[axis] - reach])
             body = gr.Body(shape, tuple(at.tolist()), rotation_deg=turned)
@@ -60,7 +60,7 @@ def _slab(rng, low, high, solid):
     if kind == 0:
         return [gr.Box(*box)]
     middle, radius = 0.5 * (low + high), 0.45 * size.min()
-    disc = gr.Disc(tuple(middle.tolist()), float(radius))
+    disc = gr.Sphere(float(radius), center=tuple(middle.tolist()))
     if kind == 1:
         return [disc, gr.Difference(gr.Box(*box), disc)]
     if kind == 2:  # two parts on both sides of an oblique line

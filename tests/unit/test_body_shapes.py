@@ -10,8 +10,10 @@ from scipy.spatial.transform import Rotation
 
 import granular as gr
 from granular import _core
-from granular.mpm.bodies import (
-    Body,
+from granular.mpm.bodies import Body
+from granular.mpm.scaling import Froude
+from granular.serializable import _decode, _encode
+from granular.shapes import (
     Box,
     Capsule,
     Complement,
@@ -29,12 +31,10 @@ from granular.mpm.bodies import (
     Torus,
     Union,
 )
-from granular.mpm.scaling import Froude
-from granular.serializable import _decode, _encode
 from granular.shapes.measures import extents, largest_speed, reach, thicknesses
 
 AT = (0.02, -0.01, 0.03)
-BALL, BLOCK = Sphere(0.2, center=AT), Box((0.3, 0.25, 0.35), rotation_deg=(10.0, 20.0, 30.0))
+BALL, BLOCK = Sphere(0.2, center=AT), Box(size=(0.3, 0.25, 0.35), rotation_deg=(10.0, 20.0, 30.0))
 HOLE = Cylinder(0.06, center=AT, axis=(0.2, 0.1, 1.0))
 WEDGE = Intersection((HalfSpace((0.0, 1.0)), HalfSpace((1.0, -0.4)), HalfSpace((-1.0, -0.4))))
 COMPOSED = {
@@ -109,7 +109,7 @@ def test_operations_are_those_of_sets(shape, contains):
 
 
 def test_operations_by_hand():
-    box, x = Box((2.0, 2.0)), np.array([[3.0, 0.0], [0.4, 0.2], [4.0, 5.0], [0.0, -1.25]])
+    box, x = Box(size=(2.0, 2.0)), np.array([[3.0, 0.0], [0.4, 0.2], [4.0, 5.0], [0.0, -1.25]])
     distance, normal = Complement(box).distance(x)
     assert np.allclose(distance, [-2, 0.6, -5, -0.25], rtol=0, atol=1e-15)
     assert np.allclose(normal[:2], [[-1, 0], [-1, 0]], rtol=0, atol=1e-15)
@@ -118,7 +118,7 @@ def test_operations_by_hand():
     assert np.allclose(Shell(box, thickness=0.5).distance(x)[0], [1.5, 0.6, 4.5, -0.25], atol=1e-15)
     shell = Shell(box, thickness=0.5, inward=True)
     assert np.allclose(shell.distance(x)[0], [2, 0.1, 5, 0.25], rtol=0, atol=1e-15)
-    both = Intersection((box, Union((Box((1.0, 8.0)), Box((8.0, 1.0))))))
+    both = Intersection((box, Union((Box(size=(1.0, 8.0)), Box(size=(8.0, 1.0))))))
     assert np.allclose(both.distance(x)[0], [2, -0.3, 5, 0.25], rtol=0, atol=1e-15)
     assert Complement(Complement(box)).rows().tolist() == box.rows().tolist()
 
@@ -220,7 +220,7 @@ def test_extents_and_speeds_bound_all_points(shape):
 
 def test_thicknesses_by_hand():
     up = {"center": (0.0,) * 3, "axis": (0.0, 0.0, 1.0)}
-    plate = Box((1.0, 1.0, 0.1))
+    plate = Box(size=(1.0, 1.0, 0.1))
     assert thicknesses(plate) == (0.1, math.inf)
     assert thicknesses(Union((plate, BALL))) == (0.1, 0.4)
     assert thicknesses(Difference(plate, HOLE)) == (math.inf, 0.1)
@@ -263,7 +263,7 @@ SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
     ("make", "message"),
     [
         (lambda: Sphere(0.0, center=(0.0,) * 3), "radius = 0.0"),
-        (lambda: Sphere(1.0, center=(0.0, 0.0)), "center"),
+        (lambda: Sphere(1.0, center=(0.0,)), "center"),
         (lambda: Capsule(1.0, math.inf, **UP), "length = inf"),
         (lambda: Capsule(1.0, 1.0, center=(0.0, 0.0), axis=(0.0, 0.0)), "axis"),
         (lambda: Torus(1.0, 1.0, **UP), "tube = 1.0 must be < radius = 1.0"),
@@ -282,9 +282,9 @@ SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
         (lambda: Prism(SQUARE, 1.0, axis="w"), "axis = 'w'"),
         (lambda: Revolve([(-0.1, 0), (1, 0), (1, 1)], **UP), r"profile\[0\] = .* r >= 0"),
         (lambda: Revolve([(0, 0), (0, 1)], thickness=0.1, **UP), "must not all lie on the axis"),
-        (lambda: Intersection(()), "parts: 0"),
-        (lambda: Intersection((BALL, Box((1.0, 1.0)))), r"parts\[1\]"),
-        (lambda: Difference(BALL, Box((1.0, 1.0))), "without"),
+        (lambda: Intersection(()), r"parts = \(\)"),
+        (lambda: Intersection((BALL, Box(size=(1.0, 1.0)))), r"parts\[1\]"),
+        (lambda: Difference(BALL, Box(size=(1.0, 1.0))), "without"),
         (lambda: Difference(BALL, "hole"), "without = 'hole'"),
         (lambda: Complement(None), "shape = None"),
         (lambda: Offset(BALL, by=0.0), "by = 0.0"),
@@ -346,7 +346,7 @@ def test_core_survives_any_rows():
 def test_too_many_parts_are_refused():
     many = Intersection((BALL,) * 200)
     scene = gr.scenes.column_collapse()
-    flat = Intersection((Box((1.0, 1.0)),) * 200)
+    flat = Intersection((Box(size=(1.0, 1.0)),) * 200)
     with pytest.raises(ValueError, match="at most 64 of 256"):
         replace(scene, bodies=(Body(flat, (9.0, 9.0)), Body(flat, (-9.0, 9.0))))
     assert many.distance(places(3, 3))[0] == pytest.approx(BALL.distance(places(3, 3))[0])

@@ -9,12 +9,14 @@ from schemes_by_name import scheme_of
 from scipy.interpolate import BSpline
 
 import granular as gr
-from granular.geometry import Box, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.mpm.axis_nodes import c0_lines, node_positions
 from granular.mpm.node_codes import WallRow, node_codes
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Solid, SpongeLayer, Wall
+from granular.shapes import Box
 
 BASES = ("linear", "ugimp", "quadratic")
 

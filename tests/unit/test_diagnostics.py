@@ -153,7 +153,7 @@ def test_the_verdict_is_that_of_the_scene(scene, tmp_path, capsys):
 @pytest.mark.parametrize("free", ["", "y"])
 def test_work_of_bodies_is_in_the_account(scene, free):
     """A disc pressed into the layer does ten times the work of gravity: no energy is created."""
-    disc = gr.bodies.Cylinder(0.1, center=(0.0, 0.0))
+    disc = gr.shapes.Cylinder(0.1, center=(0.0, 0.0))
     motion = gr.bodies.Motion(velocity=((0.0, -1.0),))
     x, y = scene.grid.lower[0] + 0.2, scene.grid.lower[1] + 0.45
     body = gr.bodies.Body(disc, (x, y), motion=motion, free=free, mass=1e3 if free else None)
@@ -234,7 +234,7 @@ def test_work_and_losses_of_a_fall(small_scene):
     scene = small_scene("outlet", 2, DEFAULT)
     fall = scene.replace(
         walls=(),
-        fills=(gr.geometry.Fill(FALLING, 4, density=1200.0),),
+        fills=(gr.Fill(FALLING, 4, density=1200.0),),
         gravity=Gravity((0.0,), ((0.0, -9.8),)),
     )
     sim = gr.Simulation(fall, threads=1)
@@ -255,7 +255,7 @@ def test_work_and_losses_of_a_fall(small_scene):
     assert np.isnan(sim.health()["disconnected"].value)  # disconnected material has no bulk
 
 
-FALLING = gr.geometry.Box((0.15, 0.4), (0.45, 0.55))
+FALLING = gr.Box((0.15, 0.4), (0.45, 0.55))
 
 
 # ---- in the record ----
@@ -308,7 +308,7 @@ def rocks(seed, *, buried=False):
         for j, reach in enumerate(reaches, start=3)
     ]
     bottom = 4 if buried else 12
-    fill = granular.geometry.Box((0.0, bottom * CELL), (16 * CELL, 20 * CELL))
+    fill = granular.Box((0.0, bottom * CELL), (16 * CELL, 20 * CELL))
     sides = [gr.Wall(0, at, kind="free_slip") for at in (0.0, 16 * CELL)]
     return gr.Scene(
         name="rocks",

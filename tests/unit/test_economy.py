@@ -377,7 +377,7 @@ def test_suggestion_prints_as_a_table():
 
 def test_cost_of_a_scene_on_given_terrain():
     """Its parameters do not hold the map, so that the scene counts as made by hand."""
-    ground = gr.bodies.HeightMap(np.linspace(0.5, 0.0, 21), 0.05)
+    ground = gr.shapes.HeightMap(np.linspace(0.5, 0.0, 21), 0.05)
     scene = gr.scenes.landslide(terrain=ground, at=(0.3,), cell=0.025, thickness=0.15)
     assert gr.economy.cost(scene).points == scene.n_points
 

@@ -5,9 +5,11 @@ import pytest
 from economy_scenes import full_silo, item
 
 import granular as gr
-from granular.geometry import Box, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.mpm.walls import Solid, Wall
+from granular.shapes import Box
 
 
 def test_half_of_a_silo_is_the_silo_of_the_paper():

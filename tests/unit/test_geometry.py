@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from granular.combinations import Difference, Intersection, Union
-from granular.geometry import Box, Cylinder, Disc, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.seeding import seed_points
+from granular.shapes import Box, Cylinder, Difference, Intersection, Sphere, Union
 
 UNIT = Grid((0.0, 0.0), 0.1, (10, 10))
 UNIT_BOX = Box((0, 0), (1, 1))
@@ -50,7 +51,7 @@ def test_grid_refuses(arguments, error, message):
 
 def test_regions_contain_what_they_should():
     x = [(0.5, 0.5), (0.0, 0.0), (1.0, 0.5), (2.0, 2.0)]
-    box, disc = Box((0, 0), (1, 1)), Disc((1, 0.5), 0.6)
+    box, disc = Box((0, 0), (1, 1)), Sphere(0.6, center=(1, 0.5))
     assert box.contains(x).tolist() == [True, True, False, False]
     assert disc.contains(x).tolist() == [True, False, True, False]
     assert Union((box, disc)).contains(x).tolist() == [True, True, True, False]
@@ -60,9 +61,9 @@ def test_regions_contain_what_they_should():
     assert Intersection((box, disc)).bounds == ((0.4, 0), (1, 1))
 
 
-def test_cylinder_stands_on_its_base():
-    c = Cylinder((0, 0, 1), 1.0, 2.0)
-    x = [(0, 0, 1), (0.9, 0, 2.9), (0.8, 0.8, 2), (0, 0, 0.9), (0, 0, 3.0)]
+def test_an_upright_cylinder_contains_what_it_should():
+    c = Cylinder(1.0, center=(0, 0, 2), axis=(0, 0, 1), length=2.0)
+    x = [(0, 0, 1.01), (0.9, 0, 2.9), (0.8, 0.8, 2), (0, 0, 0.9), (0, 0, 3.01)]
     assert c.contains(x).tolist() == [True, True, False, False, False]
     assert c.bounds == ((-1, -1, 1), (1, 1, 3))
 
@@ -72,22 +73,28 @@ def test_cylinder_stands_on_its_base():
     [
         (lambda: Box((0, 0), (1, 0)), ValueError, r"upper\[1\] = 0.0 must exceed"),
         (lambda: Box((0, 0), (1, 1, 1)), ValueError, "upper"),
-        (lambda: Disc((0, 0), -1), ValueError, "radius = -1.0"),
-        (lambda: Cylinder((0, 0), 1, 1), ValueError, "center"),
+        (lambda: Sphere(-1, center=(0, 0)), ValueError, "radius = -1.0"),
+        (lambda: Cylinder(1, center=(0, 0), length=1), ValueError, "length = 1.0 must be"),
         (lambda: Union(()), ValueError, "at least one"),
-        (lambda: Union((UNIT_BOX, 1)), TypeError, r"^regions\[1\] = 1 must be a Region"),
-        (lambda: Union((Box((0, 0), (1, 1)), Disc((0, 0, 0), 1))), ValueError, "dimension"),
-        (lambda: Difference(1, UNIT_BOX), TypeError, "^region = 1 must be a Region"),
-        (lambda: Difference(UNIT_BOX, 1), TypeError, "^without = 1 must be a Region"),
+        (lambda: Union((UNIT_BOX, 1)), TypeError, r"^parts\[1\] = 1 must be a Region"),
         (
-            lambda: Difference(UNIT_BOX, Disc((0, 0, 0), 1)),
+            lambda: Union((Box((0, 0), (1, 1)), Sphere(1, center=(0, 0, 0)))),
             ValueError,
-            "^without = .* must have 2 dimensions",
+            "dimension",
         ),
-        (lambda: Intersection((UNIT_BOX, Box((2, 2), (3, 3)))), ValueError, "must overlap"),
+        (lambda: Difference(1, UNIT_BOX), TypeError, "^shape = 1 must be a shape"),
+        (lambda: Difference(UNIT_BOX, 1), TypeError, "^without = 1 must be a shape"),
+        (
+            lambda: Difference(UNIT_BOX, Sphere(1, center=(0, 0, 0))),
+            ValueError,
+            "^without = .* must have dimension 2",
+        ),
+        (lambda: Box((0, 0)), TypeError, "two corners, or a size"),
+        (lambda: Box((0, 0), (1, 1), size=(1, 1)), TypeError, "two corners, or a size"),
+        (lambda: Box((0, 0), (1, 1), rotation_deg=3.0), ValueError, "give size and center"),
         (lambda: Box((0, 0), (1, 1)).contains([0.5, 0.5]), ValueError, r"\(n, 2\)"),
         (lambda: Fill(Box((0, 0), (1, 1)), 5), ValueError, "square of an integer"),
-        (lambda: Fill(Disc((0, 0, 0), 1), 4), ValueError, "cube of an integer"),
+        (lambda: Fill(Sphere(1, center=(0, 0, 0)), 4), ValueError, "cube of an integer"),
         (lambda: Fill(Box((0, 0), (1, 1)), 4, jitter=1.5), ValueError, "jitter = 1.5"),
         (lambda: Fill(Box((0, 0), (1, 1)), 4, stagger=1), TypeError, "stagger = 1"),
         (lambda: Fill(Box((0, 0), (1, 1)), 4, density=0.0), ValueError, "density = 0.0"),
@@ -124,10 +131,10 @@ def test_mass_velocity_and_order_of_several_fills():
 
 
 def test_disc_and_ball_have_their_volume():
-    disc = seed_points(UNIT, [Fill(Disc((0.5, 0.5), 0.4), 100)], 0, 1.0)
+    disc = seed_points(UNIT, [Fill(Sphere(0.4, center=(0.5, 0.5)), 100)], 0, 1.0)
     assert disc.volume.sum() == pytest.approx(math.pi * 0.16, rel=2e-3)
     grid = Grid((0.0,) * 3, 0.1, (10,) * 3)
-    ball = seed_points(grid, [Fill(Disc((0.5,) * 3, 0.4), 27)], 0, 1.0)
+    ball = seed_points(grid, [Fill(Sphere(0.4, center=(0.5,) * 3), 27)], 0, 1.0)
     assert ball.volume.sum() == pytest.approx(4 / 3 * math.pi * 0.064, rel=1e-2)
 
 
@@ -170,9 +177,14 @@ def test_columns_of_a_staggered_fill_have_heights_of_their_own(dim):
     [
         ([], "at least one Fill"),
         ([Fill(Box((0, 0), (1, 1.2)), 4)], "fills.0. reaches from 0.0 to 1.2 along y"),
-        ([Fill(Disc((0.1, 0.5), 0.2), 4)], "along x"),
-        ([Fill(Disc((0.5, 0.5, 0.5), 0.2), 8)], "dimension 3"),
+        ([Fill(Sphere(0.2, center=(0.1, 0.5)), 4)], "along x"),
+        ([Fill(Sphere(0.2, center=(0.5, 0.5, 0.5)), 8)], "dimension 3"),
         ([Fill(Box((0.51, 0.51), (0.52, 0.52)), 1)], "at least one material point"),
+        (
+            [Fill(Intersection((Box((0, 0), (0.3, 1)), Box((0.6, 0), (1, 1)))), 4)],
+            "at least one material point",
+        ),
+        ([Fill(Cylinder(0.2, center=(0.5, 0.5), inside=True), 4)], "reaches from -inf"),
         (
             [Fill(Box((0, 0), (0.5, 1)), 4), Fill(Box((0.4, 0), (1, 1)), 4)],
             r"fills\[0\] and fills\[1\] must not overlap",

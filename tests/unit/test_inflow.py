@@ -39,7 +39,10 @@ def test_bad_arguments_are_refused():
     )
     refused(
         ("region must not be a Cloud", lambda: inlet(cloud)),
-        ("must be a Box for a driven", lambda: inlet(gr.Disc((0.2, 0.7), 0.05), driven=True)),
+        (
+            "must be a Box that is not turned",
+            lambda: inlet(gr.Sphere(0.05, center=(0.2, 0.7)), driven=True),
+        ),
         ("region", lambda: inlet("x")),
         ("driven", lambda: inlet(driven=1)),
         error=TypeError,
@@ -52,7 +55,7 @@ def test_what_does_not_fit_the_scene_is_refused():
 
     thin = gr.Box((0.1, 0.7), (0.101, 0.701))
     rest = gr.Grid((0.0, 0.0), CELL, (20, 40), periodic=(True, False))
-    body = gr.Body(gr.bodies.Cylinder(0.03, center=(0.0, 0.0)), (0.2, 0.73))
+    body = gr.Body(gr.shapes.Cylinder(0.03, center=(0.0, 0.0)), (0.2, 0.73))
     servo = [gr.Wall(1, 0.8, kind="free_slip", pressure=100.0)]
     refused(
         ("must hold at least one Fill", lambda: stream(inflows=[])),
@@ -86,7 +89,10 @@ def test_rate_density_and_velocity_go_with_one_another():
     oblique = inlet(velocity=(0.5, -2.0))
     assert (oblique.axis, oblique.speed) == (1, 2.0)
     assert oblique.rate_in(grid, 1500.0) == pytest.approx(600.0)
-    disc = stream(dim=3).grid, gr.Cylinder((0.2, 0.08, 0.7), 0.05, 0.02)
+    disc = (
+        stream(dim=3).grid,
+        gr.Cylinder(0.05, center=(0.2, 0.08, 0.71), axis=(0.0, 0.0, 1.0), length=0.02),
+    )
     round_ = inlet(disc[1], (0, 0, -1), 8)
     assert round_.area(disc[0]) == pytest.approx(math.pi * 0.05**2, rel=0.05)
 

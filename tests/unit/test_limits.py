@@ -7,10 +7,12 @@ import pytest
 
 import granular as gr
 from granular.diagnostics import scene_warnings
-from granular.geometry import Box, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.mpm.limits import COURANT_LIMIT, dt_limit
 from granular.mpm.walls import Solid, Wall
+from granular.shapes import Box
 
 BEADS = gr.materials.glass_beads.replace(E=1e6)
 
@@ -64,7 +66,7 @@ def test_material_above_an_end_of_the_grid_without_a_wall_is_warned_of():
     leaving = gr.Grid(
         column.grid.lower, column.grid.cell, column.grid.shape, open_sides=frozenset({"y-"})
     )
-    block, ground = Solid((0.0, 0.0), (0.1, 0.1)), gr.bodies.HalfSpace((0.0, 1.0))
+    block, ground = Solid((0.0, 0.0), (0.1, 0.1)), gr.shapes.HalfSpace((0.0, 1.0))
     for change in (
         {"walls": (floor,)},
         {"walls": (block,), "fills": column.fills[:1]},

@@ -6,11 +6,11 @@ from refusals import refused
 from synthetic import RHO_C
 
 import granular as gr
-from granular.geometry import Box as Region
-from granular.geometry import Cylinder, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
-from granular.mpm.bodies import Body, Box, Motion
-from granular.mpm.bodies import Cylinder as Round
+from granular.mpm.bodies import Body, Motion
+from granular.shapes import Box, Cylinder
 from granular.state import State
 
 CELL = 0.02
@@ -21,7 +21,7 @@ def scene_3d(*bodies, elasticity="hencky", **parameters):
     return gr.Scene(
         name="box",
         grid=Grid((0.0, 0.0, -0.2), CELL, (20, 10, 15)),
-        fills=(Fill(Region((0.0, 0.0, -0.2), (0.4, 0.2, 0.0)), 8),),
+        fills=(Fill(Box((0.0, 0.0, -0.2), (0.4, 0.2, 0.0)), 8),),
         material=gr.materials.MuI(E=1e6, rho_c=RHO_C, elasticity=elasticity),
         scheme=gr.schemes.default,
         gravity=Gravity((0.0,), ((0.0, 0.0, -9.8),)),
@@ -118,7 +118,7 @@ def recorded(tmp_path):
     def run(**parameters):
         motion = Motion(velocity=((0.2, 0.0, -0.1),), angular_velocity=((0.0, 1.0, 0.0),))
         place = (0.2, 0.0 if parameters else 0.1, -0.02)
-        box = Body(Box((0.08, 0.08, 0.08)), place, motion=motion, friction=0.3)
+        box = Body(Box(size=(0.08, 0.08, 0.08)), place, motion=motion, friction=0.3)
         sim = gr.Simulation(scene_3d(box, **parameters), threads=1)
         sim.run(until=0.02, save=tmp_path / "tool.h5", every=0.005, overwrite=True)
         return sim, gr.open(tmp_path / "tool.h5")
@@ -159,10 +159,10 @@ def test_history_of_a_wheel(recorded):
 def test_a_wheel_in_the_plane_has_the_history_of_one_in_3d(tmp_path):
     """A wheel that slips towards larger x: it pulls, and the soil brakes it."""
     motion = Motion(velocity=((0.2, -0.1),), angular_velocity=(-10.0,))
-    wheel = Body(Round(0.06, center=(0.0, 0.0)), (0.2, 0.05), motion=motion, friction=0.5)
+    wheel = Body(Cylinder(0.06, center=(0.0, 0.0)), (0.2, 0.05), motion=motion, friction=0.5)
     scene = scene_3d().replace(
         grid=Grid((0.0, -0.2), CELL, (20, 15)),
-        fills=(Fill(Region((0.0, -0.2), (0.4, 0.0)), 4),),
+        fills=(Fill(Box((0.0, -0.2), (0.4, 0.0)), 4),),
         gravity=Gravity((0.0,), ((0.0, -9.8),)),
         bodies=(wheel,),
     )
@@ -245,6 +245,6 @@ def test_slope_between_parallel_walls():
 
 def test_rings_are_still_the_default_in_3d():
     scene = scene_3d().replace(
-        fills=(Fill(Cylinder((0.2, 0.1, -0.2), 0.1, 0.2), 8),),
+        fills=(Fill(Cylinder(0.1, center=(0.2, 0.1, -0.1), axis=(0.0, 0.0, 1.0), length=0.2), 8),),
     )
     assert len(gr.measure.surface(state_of(scene)).x) != 20

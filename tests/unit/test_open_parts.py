@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.mpm.bodies import Box, Cylinder, HalfSpace
 from granular.mpm.body_distances import distance_from_bodies
 from granular.open_parts import LEAST_SHARE, plane_cut
+from granular.shapes import Box, Cylinder, HalfSpace
 
 CELL = 0.1
 SPACING = CELL / 2
@@ -71,7 +71,7 @@ def test_points_keep_out_of_edges_and_corners_also_with_jitter(dim):
     rng = np.random.default_rng(4)
     for _ in range(4):
         turned = rng.uniform(0, 90) if dim == 2 else tuple(rng.uniform(0, 90, 3))
-        block = gr.Body(Box((0.32, 0.21, 0.27)[:dim]), (0.5,) * dim, rotation_deg=turned)
+        block = gr.Body(Box(size=(0.32, 0.21, 0.27)[:dim]), (0.5,) * dim, rotation_deg=turned)
         plain, moved = (scene_of(block, dim=dim, jitter=j) for j in (0.0, 1.0))
         solid = np.prod((0.32, 0.21, 0.27)[:dim])
         for scene in (plain, moved):
@@ -84,7 +84,7 @@ def test_points_keep_out_of_edges_and_corners_also_with_jitter(dim):
 @pytest.mark.parametrize("turned_deg", [0.0, 33.0])
 def test_both_sides_of_a_thin_body_have_their_volume(turned_deg):
     """A plate of a twentieth of a square through the middle of the domain."""
-    plate = gr.Body(Box((np.inf, 0.0025)), (0.5, 0.512), rotation_deg=turned_deg)
+    plate = gr.Body(Box(size=(np.inf, 0.0025)), (0.5, 0.512), rotation_deg=turned_deg)
     points = scene_of(plate).points()
     normal = np.array([-np.sin(np.radians(turned_deg)), np.cos(np.radians(turned_deg))])
     above = (points.x - plate.position) @ normal > 0
@@ -96,7 +96,7 @@ def test_both_sides_of_a_thin_body_have_their_volume(turned_deg):
 
 
 def test_a_fill_within_a_body_has_no_point():
-    block = gr.Body(Box((3.0, 3.0)), (0.5, 0.5))
+    block = gr.Body(Box(size=(3.0, 3.0)), (0.5, 0.5))
     with pytest.raises(ValueError, match=r"fills\[0\] = .* at least one material point"):
         scene_of(block).points()
 

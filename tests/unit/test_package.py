@@ -21,7 +21,7 @@ def test_public_names_are_there():
         assert getattr(gr, name) is not None
     nouns = {"Grid", "Fill", "Box", "Wall", "Solid", "Gravity", "Body", "MuI", "NGF", "Scene"}
     assert nouns <= set(gr.__all__)
-    whole = gr.bodies.mass_properties(gr.bodies.Box((1.0, 1.0)), 1.0)
+    whole = gr.bodies.mass_properties(gr.shapes.Box(size=(1.0, 1.0)), 1.0)
     assert type(whole) is gr.bodies.MassProperties and "MassProperties" in gr.bodies.__all__
 
 

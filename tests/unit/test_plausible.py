@@ -7,13 +7,13 @@ import warnings
 import pytest
 
 import granular as gr
-from granular import bodies, cli, materials
+from granular import cli, materials, shapes
 from granular.mpm.walls import Wall
 from granular.plausible import suspect_numbers
 
 GRAINS = gr.MuI(E=1e6)
 HARDENING = materials.HardeningDruckerPrager(E=1e6)
-BALL = bodies.Cylinder(0.1, center=(0.0, 0.0))
+BALL = shapes.Cylinder(0.1, center=(0.0, 0.0))
 
 
 def scene_of(**parts):
@@ -51,7 +51,7 @@ def grains(**changes):
 
 
 FINE = {"grid": gr.Grid((0.0, 0.0), 0.005, (200, 120))}
-HALF_SPACE = gr.Body(bodies.HalfSpace((0.0, 1.0)), (0.5, 0.05))
+HALF_SPACE = gr.Body(shapes.HalfSpace((0.0, 1.0)), (0.5, 0.05))
 CHUTE = {
     "grid": gr.Grid((0.0, 0.0), 0.02, (50, 30), open_sides={"x+"}),
     "walls": tuple(Wall(1, y, kind="coulomb", friction=0.3) for y in (0.0, 0.6)),
@@ -59,7 +59,7 @@ CHUTE = {
 
 
 def turning(radius, omega, **more):
-    disc = bodies.Cylinder(radius, center=(0.0, 0.0))
+    disc = shapes.Cylinder(radius, center=(0.0, 0.0))
     return body(shape=disc, motion={**STILL, "angular_velocity": (omega,)}, **more)
 
 
@@ -75,7 +75,7 @@ SLIPS = [
     ),
     (body(friction=1e6), r"bodies\[0\].friction = 1e.06 .*sticky"),
     (body(rotation_deg=math.radians(25.0)), r"rotation_deg = 0.436332, in degrees: .* mean 25"),
-    (body(shape=bodies.Box((0.1, 0.1), rotation_deg=1.5708)), "shape.rotation_deg .* mean 90"),
+    (body(shape=shapes.Box(size=(0.1, 0.1), rotation_deg=1.5708)), "shape.rotation_deg .* mean 90"),
     (body(motion={**STILL, "angular_velocity": (360.0,)}), r"360 rad/s.* 6.283 rad/s"),
     (body(motion={**STILL, "angular_velocity": (3000.0,)}), r"mean 52.36 .* 314.2 rad/s, 3000 rpm"),
     (grains(rho_c=1.5), "rho_c = 1.5 kg/m3 .* mean 1500"),
@@ -101,7 +101,7 @@ SLIPS = [
     (body(at=(300.0, 0.4)), r"bodies\[0\] at 300 m is outside of the domain along x"),
     (body(at=(0.7, -0.5), free="y", mass=50.0), "outside of the domain along y, by 0.4 m"),
     (body(free="xy", mass=1e6), r"mass = 1e.06 kg .* per metre of depth"),
-    (body(free="xy", mass=0.08, shape=bodies.Box((0.2, 0.2))), "mean 80, this in tonnes"),
+    (body(free="xy", mass=0.08, shape=shapes.Box(size=(0.2, 0.2))), "mean 80, this in tonnes"),
     (body(free="xy", mass=50.0, inertia=2500.0), "none of .* 50 kg .* mean 0.25 .* kg cm2.* 0.15"),
     (body(free="xy", mass=50.0, inertia=2.5e6), "mean 0.25 kg m2, this in g cm2"),
     (body(free="xy", mass=50.0, inertia=1e-9), "none of a body of 50 kg .* about 0.15"),
@@ -133,8 +133,10 @@ def test_slips_are_told_with_what_was_meant(slip, says):
         inflow(rate=0.1),
         grains(rho_c=15.0, rho_s=25.0, E=1e5),  # beads of foam
         gravity(0.0, -981.0) | FINE | grains(E=1e8),  # a centrifuge
-        body(shape=bodies.Box((0.3, 0.04)), free="y", mass=2000.0),  # a footing with its load
-        body(shape=bodies.Box((0.3, 0.001), rotation_deg=45.0), free="y", mass=0.81),  # a sheet
+        body(shape=shapes.Box(size=(0.3, 0.04)), free="y", mass=2000.0),  # a footing with its load
+        body(
+            shape=shapes.Box(size=(0.3, 0.001), rotation_deg=45.0), free="y", mass=0.81
+        ),  # a sheet
         body(free="xy", mass=80.0, inertia=2.5),  # a wheel with its motor and gear
         turning(0.3, 62.8),  # a mixer
         turning(0.1, 314.0),  # a cut-off disc

@@ -6,9 +6,10 @@ from matplotlib.figure import Figure
 
 import granular as gr
 from granular import plot
-from granular.mpm.bodies import Body, Box, Cylinder, HalfSpace, Motion, Polygon, Sphere
+from granular.mpm.bodies import Body, Motion
 from granular.plot.bodies import Bodies, boxes_of_bodies
 from granular.plot.canvas import View
+from granular.shapes import Box, Cylinder, HalfSpace, Polygon, Sphere
 
 EXTENT = ((0.0, 1.0), (0.0, 1.0))
 
@@ -51,7 +52,7 @@ def test_outlines_of_solids_drums_and_what_fills_half_the_space():
     drum = Cylinder(0.45, center=(0.0, 0.0), inside=True)
     floor = HalfSpace((0.0, 1.0))
     scene = scene_of(
-        Body(Box((0.1, 0.2)), (0.2, 0.2), rotation_deg=30.0), Body(triangle, (0.65, 0.05)),
+        Body(Box(size=(0.1, 0.2)), (0.2, 0.2), rotation_deg=30.0), Body(triangle, (0.65, 0.05)),
         Body(drum, (0.5, 0.5)), Body(floor, (0.0, 0.13)),
     )  # fmt: skip
     expected = [0.02, 0.03, 1 - np.pi * 0.45**2, 0.13]
@@ -59,14 +60,14 @@ def test_outlines_of_solids_drums_and_what_fills_half_the_space():
 
 
 def test_a_thin_blade_is_still_seen():
-    (area,) = areas(start(scene_of(Body(Box((1e-5, 0.5)), (0.203, 0.5)))))
+    (area,) = areas(start(scene_of(Body(Box(size=(1e-5, 0.5)), (0.203, 0.5)))))
     assert 0.0005 < area < 0.003
 
 
 def test_bodies_are_where_they_are_at_the_time():
     gate = Motion(velocity=((0.0, 2.0),), angular_velocity=(3.0,))
     scene = scene_of(
-        Body(Box((0.1, 0.3)), (0.2, 0.3), motion=gate), Body(Box((0.1, 0.1)), (0.8, 0.2))
+        Body(Box(size=(0.1, 0.3)), (0.2, 0.3), motion=gate), Body(Box(size=(0.1, 0.1)), (0.8, 0.2))
     )
     sim = gr.Simulation(scene, threads=1)
     drawn = drawing(sim.state, View(2), EXTENT)
@@ -84,7 +85,7 @@ def test_bodies_are_where_they_are_at_the_time():
 
 def test_a_record_has_the_bodies_of_its_frames(tmp_path):
     slide = Motion(velocity=((0.5, 0.0),), angular_velocity=(1.0,))
-    sim = gr.Simulation(scene_of(Body(Box((0.1, 0.1)), (0.2, 0.8), motion=slide)), threads=1)
+    sim = gr.Simulation(scene_of(Body(Box(size=(0.1, 0.1)), (0.2, 0.8), motion=slide)), threads=1)
     seen = []
     sim.run(
         until=0.1,
@@ -133,7 +134,7 @@ def test_a_picture_shows_all_of_a_body_that_closes_within_the_domain():
 
 def test_pixels_of_a_body_are_grey_in_pictures_and_movies(tmp_path):
     fall = Motion(velocity=((0.0, -1.0),))
-    sim = gr.Simulation(scene_of(Body(Box((0.3, 0.2)), (0.2, 0.8), motion=fall)), threads=1)
+    sim = gr.Simulation(scene_of(Body(Box(size=(0.3, 0.2)), (0.2, 0.8), motion=fall)), threads=1)
     states = [sim.state, sim.run(until=0.3).state]
     heights = []
     from PIL import Image

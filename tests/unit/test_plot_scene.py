@@ -8,9 +8,10 @@ from matplotlib.figure import Figure
 
 import granular as gr
 from granular import plot
-from granular.mpm.bodies import Body, Box, Cylinder, Motion
+from granular.mpm.bodies import Body, Motion
 from granular.plot.scene import FILLS, MOVING
 from granular.plot.scenery import BLOCK
+from granular.shapes import Box, Cylinder
 
 LEFT = gr.Box((0.0, 0.0), (0.4, 0.3))
 RIGHT = gr.Box((0.7, 0.0), (1.0, 0.5))
@@ -27,7 +28,7 @@ def scene_of(**options):
             gr.mpm.walls.Solid((0.5, 0.0), (0.6, 0.2)),
         ],
         "bodies": [
-            Body(Box((0.1, 0.1)), (0.2, 0.8), motion=Motion(velocity=((1.0, 0.0),))),
+            Body(Box(size=(0.1, 0.1)), (0.2, 0.8), motion=Motion(velocity=((1.0, 0.0),))),
             Body(Cylinder(0.1, center=(0.0, 0.0)), (0.8, 0.8)),
         ],
         "material": gr.MuI(E=1e5), "gravity": gr.Gravity(), "duration": 1.0,
@@ -70,7 +71,7 @@ def test_pixels_lie_where_things_are():
 
 
 def test_a_body_beyond_the_domain_is_in_the_picture():
-    high = Body(Box((0.2, 0.2)), (0.5, 1.2))
+    high = Body(Box(size=(0.2, 0.2)), (0.5, 1.2))
     ax = plot.scene(scene_of(bodies=[high])).axes[0]
     assert ax.get_ylim()[1] > 1.3
     assert (

@@ -69,8 +69,8 @@ def test_the_surface_of_a_cylinder_is_where_its_volume_says():
         brush = Brush.fitted([start], values, limits=(0.0, 10.0))
         mesh = filled_volume(pyvista, start, values, brush, None)
         errors.append(1 - mesh.volume / start.volume.sum())
-    assert 0 < errors[1] < 0.02
-    assert errors[0] / errors[1] > 2**1.8  # second order: edges are rounded
+    assert 0 < errors[1] < 0.025
+    assert errors[0] / errors[1] > 2**1.7  # second order: edges are rounded
     sides = np.array([[0.0, 0.2], [0.0, 0.2], [0.0, 0.1]])
     assert np.reshape(mesh.bounds, (3, 2)) == pytest.approx(sides, abs=1e-3)
     assert np.asarray(mesh[brush.quantity.title]) == pytest.approx(7.0)

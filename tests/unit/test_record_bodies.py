@@ -9,12 +9,12 @@ from scipy.stats import qmc
 
 import granular as gr
 from granular.export.surfaces import surface
-from granular.geometry import Box as Region
-from granular.geometry import Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import MuI
-from granular.mpm.bodies import (
-    Body,
+from granular.mpm.bodies import Body, Motion
+from granular.shapes import (
     Box,
     Capsule,
     Complement,
@@ -23,7 +23,6 @@ from granular.mpm.bodies import (
     Frustum,
     HalfSpace,
     Mesh,
-    Motion,
     Polygon,
     Revolve,
     Sphere,
@@ -40,7 +39,7 @@ def bodies_of(dim):
     length = np.inf if dim == 2 else 0.2
     tilt = 20.0 if dim == 2 else (20.0, 0.0, 10.0)
     parts = (
-        Box((0.1, 0.2, 0.15)[:dim], center=(0.05,) * dim, rotation_deg=tilt),
+        Box(size=(0.1, 0.2, 0.15)[:dim], center=(0.05,) * dim, rotation_deg=tilt),
         Cylinder(0.05, center=(0.3,) * dim, axis=axis, length=length),
     )
     return (
@@ -56,7 +55,7 @@ def recorded(tmp_path):
         scene = gr.Scene(
             name="bodies",
             grid=Grid((0.0,) * dim, 0.1, (6,) * dim),
-            fills=(Fill(Region((0.0,) * dim, (0.5,) * dim), 2**dim),),
+            fills=(Fill(Box((0.0,) * dim, (0.5,) * dim), 2**dim),),
             material=MuI(E=1e6),
             scheme=gr.Scheme(transfer="apic", density=gr.ParticleDensity()),
             gravity=Gravity((0.0,), ((0.0,) * (dim - 1) + (-9.8,),)),
@@ -104,7 +103,7 @@ def test_paraviews_reader_sees_the_bodies_where_they_are(recorded, tmp_path, dim
 
 def test_faces_of_a_box_are_its_sides(recorded, tmp_path):
     """Each face lies in one plane, and all six together have the area of the box."""
-    box = Body(Box((0.1, 0.2, 0.3)), (0.3, 0.3, 0.8))
+    box = Body(Box(size=(0.1, 0.2, 0.3)), (0.3, 0.3, 0.8))
     with recorded(3, (box,)) as record:
         path = gr.export.write_bodies(record, tmp_path / "b.vtkhdf")
     _, data = next(paraview(path))
@@ -123,7 +122,7 @@ def test_a_mesh_is_drawn_as_it_is():
     mesh = Mesh(corner, faces, spacing=0.1)
     vertices, polygons = surface(mesh, 3, 1.0)
     assert vertices.tolist() == [list(place) for place in corner] and polygons == list(faces)
-    vertices, polygons = surface(Union((Box((1.0, 1.0, 1.0)), mesh)), 3, 1.0)
+    vertices, polygons = surface(Union((Box(size=(1.0, 1.0, 1.0)), mesh)), 3, 1.0)
     assert len(vertices) == 12 and polygons[6:] == [tuple(8 + i for i in face) for face in faces]
 
 
@@ -176,7 +175,7 @@ def test_what_is_refused(recorded, tmp_path):
         gr.export.write_bodies(record, tmp_path / "c.vtkhdf")
 
 
-HOLLOW = Difference(Box((0.3, 0.3, 0.2)), Sphere(0.1, center=(0.05, 0.0, 0.1)))
+HOLLOW = Difference(Box(size=(0.3, 0.3, 0.2)), Sphere(0.1, center=(0.05, 0.0, 0.1)))
 RING = Revolve([(0.1, 0), (0.2, 0.1)], center=(0.0, 0.0), axis=(0.3, 1.0), thickness=0.04)
 FLAT = {
     "polygon": Polygon([(0, 0), (0.3, 0), (0.3, 0.3), (0.15, 0.1), (0, 0.3)], rotation_deg=20.0),
@@ -184,7 +183,7 @@ FLAT = {
     "hopper": Frustum((0.05, 0.2), 0.3, center=(0.0, 0.0), axis=(0.2, 1.0), thickness=0.04),
     "ring": RING,
     "capsule": Capsule(0.1, 0.2, center=(0.1, 0.1), axis=(1.0, 1.0)),
-    "vessel": Difference(Box((0.5, 0.5)), Union((RING, Cylinder(0.1, center=(0.15, 0.1))))),
+    "vessel": Difference(Box(size=(0.5, 0.5)), Union((RING, Cylinder(0.1, center=(0.15, 0.1))))),
 }
 DRAWN = {name: solid.shape for name, solid in SOLIDS.items()} | FLAT | {"hollow": HOLLOW}
 

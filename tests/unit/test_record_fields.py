@@ -8,8 +8,9 @@ import pytest
 from paraview_reader import as_array, paraview
 
 import granular as gr
-from granular.mpm.bodies import Body, Box, Motion
+from granular.mpm.bodies import Body, Motion
 from granular.record import RecordError
+from granular.shapes import Box
 
 SOFT = gr.MuI(E=1e5, xi=None, I0=0.279, d=1e-3)
 ASKED = ("pressure", "speed", "density", "inertial_number", "phase")
@@ -25,7 +26,7 @@ def block(dim):
         fills=[gr.Fill(gr.Box((0.0,) * dim, (0.2, *level, 0.2)), 2**dim)],
         walls=[gr.Wall(dim - 1, 0.0), gr.Wall(0, 0.0)], material=SOFT, duration=0.04,
         gravity=gr.Gravity((0.0,), ((0.0,) * (dim - 1) + (-9.8,),)),
-        bodies=[Body(Box((0.1,) * dim), position, motion=plate)],
+        bodies=[Body(Box(size=(0.1,) * dim), position, motion=plate)],
     )  # fmt: skip
 
 

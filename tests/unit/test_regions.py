@@ -8,11 +8,9 @@ import pytest
 from refusals import refused
 
 import granular as gr
-from granular.mpm.bodies import Box as Block
-from granular.mpm.bodies import Cylinder as Roll
-from granular.mpm.bodies import HalfSpace
 from granular.mpm.scaling import Froude
 from granular.seeding import seed_points
+from granular.shapes import Box, Cylinder, HalfSpace
 
 GRID = gr.Grid((0.0, 0.0), 0.1, (10, 10))
 SPACE = gr.Grid((0.0,) * 3, 0.1, (10,) * 3)
@@ -36,7 +34,7 @@ def scene_of(region, *bodies, grid=None, gravity=None, scheme=gr.schemes.default
 
 REGIONS = [
     TRIANGLE,
-    gr.Polygon(TRIANGLE.vertices, (0.2, 0.55), "y"),
+    gr.Prism(TRIANGLE.vertices, 0.35, axis="y", center=(0.0, 0.375, 0.0)),
     gr.Layer(0.1, lambda x: 0.3 + 0.2 * x, 0.0, 1.0, spacing=0.1),
     gr.Layer(lambda x, y: 0.2 + 0.3 * x + 0.1 * y, 0.25, (0.1, 0.0), (0.9, 1.0), spacing=0.1),
     gr.Layer(0.0, [[0.1, 0.3], [0.2, 0.4]], (0.0, 0.0), (1.0, 1.0), spacing=1.0),
@@ -79,10 +77,10 @@ def test_points_have_the_volume_of_the_region(region, volume):
 
 
 def test_polygon_by_hand():
-    star = gr.Polygon(((0, 0), (2, 2), (2, 0), (0, 2)))  # two triangles that meet at (1, 1)
-    x = [(1.0, 0.5), (0.5, 1.0), (1.5, 1.0), (1.0, 1.5)]
-    assert star.contains(x).tolist() == [False, True, True, False]
-    prism = gr.Polygon(((0, 0), (1, 0), (0, 1)), (2.0, 3.0), "x")
+    hook = gr.Polygon(((0, 0), (2, 0), (2, 2), (1, 0.5)))
+    x = [(1.0, 0.25), (0.5, 1.0), (1.5, 1.0), (1.0, 1.5)]
+    assert hook.contains(x).tolist() == [True, False, True, False]
+    prism = gr.Prism(((0, 0), (1, 0), (0, 1)), 1.0, axis="x", center=(2.5, 0.0, 0.0))
     assert prism.bounds == ((2, 0, 0), (3, 1, 1))
     assert prism.contains([(2.5, 0.2, 0.3), (1.9, 0.2, 0.3), (2.5, 0.8, 0.8)]).tolist() == [
         True,
@@ -107,15 +105,15 @@ def test_heights_of_a_body():
     slope = gr.Body(HalfSpace((-math.sin(0.6), math.cos(0.6))), (0.2, 0.1))
     found = gr.Heights.of(slope, 0.0, 1.0, 0.25).z
     assert np.allclose(found, 0.1 + math.tan(0.6) * (np.arange(5) * 0.25 - 0.2), atol=1e-9)
-    drum = gr.Body(Roll(0.4, center=(0.0, 0.0), inside=True), (0.5, 0.6))
+    drum = gr.Body(Cylinder(0.4, center=(0.0, 0.0), inside=True), (0.5, 0.6))
     found = gr.Heights.of(drum, 0.2, 0.8, 0.3).z
     assert np.allclose(found, 0.6 - np.sqrt(0.16 - np.array([0.09, 0, 0.09])), atol=1e-9)
     for size in (1e-3, 1.0, 1e4):  # the roof above its floor, at any size
-        floor, roof = (Block((3 * size, 0.2 * size), center=(0, y * size)) for y in (0.1, 0.5))
-        found = gr.Heights.of(gr.Body(gr.bodies.Union((floor, roof)), (0, 0)), -size, size, size).z
+        floor, roof = (Box(size=(3 * size, 0.2 * size), center=(0, y * size)) for y in (0.1, 0.5))
+        found = gr.Heights.of(gr.Body(gr.shapes.Union((floor, roof)), (0, 0)), -size, size, size).z
         assert found == pytest.approx(0.6 * size, rel=1e-9)
     with pytest.raises(ValueError, match=r"must have a surface below \(0.0,\)"):
-        gr.Heights.of(gr.Body(Block((0.1, 0.1)), (0.5, 0.5)), 0.0, 1.0, 0.25)
+        gr.Heights.of(gr.Body(Box(size=(0.1, 0.1)), (0.5, 0.5)), 0.0, 1.0, 0.25)
 
 
 def test_layer_on_a_slope_fills_it_without_a_gap():
@@ -127,7 +125,7 @@ def test_layer_on_a_slope_fills_it_without_a_gap():
 
 
 def test_mask_of_a_region_of_ones_own():
-    class Ring(gr.geometry.Region):
+    class Ring(gr.shapes.Region):
         bounds = ((0.1, 0.1), (0.9, 0.9))
 
         def _inside(self, x):
@@ -176,7 +174,7 @@ def test_depth_below_the_top_above_each_point():
     heap = gr.Layer(0.0, lambda x: 0.8 - abs(x - 0.5), 0.0, 1.0, spacing=0.05)
     points = scene_of(heap, lithostatic=True).points()
     assert np.allclose(points.depth, 0.8 - abs(points.x[:, 0] - 0.5) - points.x[:, 1], atol=1e-12)
-    disc = gr.Disc((0.5, 0.5), 0.4)
+    disc = gr.Sphere(0.4, center=(0.5, 0.5))
     points = scene_of(disc, lithostatic=True).points()
     x, y = points.x.T - 0.5
     assert np.allclose(points.depth, np.sqrt(0.16 - x**2) - y, atol=1e-6)
@@ -203,12 +201,12 @@ def test_lithostatic_needs_gravity_across_periodic_axes():
 def test_bad_regions_are_refused():
     square = ((0, 0), (1, 0), (1, 1))
     refused(
-        ("vertices must be at least 3", lambda: gr.Polygon(((0, 0), (1, 1)))),
-        ("vertices must be at least 3", lambda: gr.Polygon(((0, 0), (1, 0), (2, 0)))),
-        (r"vertices\[1, 0\] must be a finite", lambda: gr.Polygon(((0, 0), (math.inf, 1), (1, 0)))),
-        ("its rows must be of one length", lambda: gr.Polygon(((0, 0), (1, 1, 1), (1, 0)))),
-        (r"span = \(1.0, 0.0\) must have", lambda: gr.Polygon(square, (1, 0))),
-        ("axis = 'w'", lambda: gr.Polygon(square, (0, 1), "w")),
+        ("vertices: 2 must be 3 to 1000", lambda: gr.Polygon(((0, 0), (1, 1)))),
+        ("the polygon must be simple", lambda: gr.Polygon(((0, 0), (2, 2), (2, 0), (0, 2)))),
+        (r"vertices\[1\]", lambda: gr.Polygon(((0, 0), (math.inf, 1), (1, 0)))),
+        (r"vertices\[1\]", lambda: gr.Polygon(((0, 0), (1, 1, 1), (1, 0)))),
+        ("length = -1", lambda: gr.Prism(square, -1, axis="y")),
+        ("axis = 'w'", lambda: gr.Prism(square, 1, axis="w")),
         ("inside of shape .* True somewhere", lambda: gr.Mask(np.zeros((2, 2), bool), (0, 0), 1)),
         ("must have the shape", lambda: gr.Mask([True], (0, 0), 1)),
         ("spacing = 0.0", lambda: gr.Mask([[True]], (0, 0), 0)),

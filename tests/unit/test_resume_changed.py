@@ -95,7 +95,7 @@ def test_the_first_place_of_a_body_stays(tmp_path):
 
     def scene_of(x):
         return bed(
-            1e6, gr.Scheme(), (gr.Body(gr.bodies.Cylinder(0.03, center=(0.0, 0.0)), (x, 0.13)),)
+            1e6, gr.Scheme(), (gr.Body(gr.shapes.Cylinder(0.03, center=(0.0, 0.0)), (x, 0.13)),)
         )
 
     gr.Simulation(scene_of(0.06), threads=1).run(until=1e-3, save=tmp_path / "ball.h5")

@@ -9,22 +9,22 @@ import granular as gr
 from granular.mpm.rigid_contact import FAR, contact_balls, obstacles
 
 CELL = 0.05
-B = gr.bodies
+B = gr.shapes
 
 
 @pytest.mark.parametrize(
     ("shape", "corners"),
     [
-        (B.Box((0.3, 0.2)), [(x, y) for x in (-0.15, 0.15) for y in (-0.1, 0.1)]),
+        (B.Box(size=(0.3, 0.2)), [(x, y) for x in (-0.15, 0.15) for y in (-0.1, 0.1)]),
         (
-            B.Box((0.3, 0.2, 0.1), center=(0.1, 0.0, 0.0)),
+            B.Box(size=(0.3, 0.2, 0.1), center=(0.1, 0.0, 0.0)),
             [(x, y, z) for x in (-0.05, 0.25) for y in (-0.1, 0.1) for z in (-0.05, 0.05)],
         ),
         (
             B.Polygon(((-0.1, -0.1), (0.2, -0.1), (0.0, 0.2))),
             [(-0.1, -0.1), (0.2, -0.1), (0.0, 0.2)],
         ),
-        (B.Union((B.Box((0.2, 0.1)), B.Cylinder(0.1, center=(0.1, 0.0)))), [(-0.1, 0.05)]),
+        (B.Union((B.Box(size=(0.2, 0.1)), B.Cylinder(0.1, center=(0.1, 0.0)))), [(-0.1, 0.05)]),
     ],
     ids=["rectangle", "box", "triangle", "union"],
 )
@@ -63,7 +63,9 @@ def test_balls_of_what_is_round(shape, balls):
 def test_places_do_not_depend_on_the_origin_of_a_shape(far):
     """A box that was far from the position of its body had one place in 3D, of 488."""
     size = (0.2, 0.1, 0.2)[: len(far)]
-    near, moved = (contact_balls(B.Box(size, center=at), CELL) for at in ((0.0,) * len(far), far))
+    near, moved = (
+        contact_balls(B.Box(size=size, center=at), CELL) for at in ((0.0,) * len(far), far)
+    )
     gaps = np.linalg.norm(moved[None, :, : len(far)] - far - near[:, None, : len(far)], axis=2)
     assert (
         len(moved) == len(near) and max(gaps.min(axis=0).max(), gaps.min(axis=1).max()) < CELL / 3

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.combinations import Difference
-from granular.geometry import Box as Region
-from granular.geometry import Disc, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import Elastic, MuI
 from granular.mpm import scaling
-from granular.mpm.bodies import Body, Box, Cylinder, HalfSpace, Motion, Union
+from granular.mpm.bodies import Body, Motion
 from granular.mpm.scaling import POWERS, Froude
 from granular.mpm.walls import Solid, SpongeLayer, Wall
+from granular.shapes import Box, Cylinder, Difference, HalfSpace, Sphere, Union
 
 FIELDS = {
     **{"x": "length", "v": "velocity", "stress": "stress"},
@@ -31,7 +31,7 @@ def scene_3d():
         angular_velocity=((0.0, 0.0, 0.0), (0.0, 2.0, 0.0)),
     )
     given = {"motion": motion, "friction": 0.3, "free": "z", "mass": 0.5}
-    blade = Body(Box((0.03, 0.025, 0.2)), (0.12, 0.0125, 0.21), **given)
+    blade = Body(Box(size=(0.03, 0.025, 0.2)), (0.12, 0.0125, 0.21), **given)
     fluidity = gr.schemes.Fluidity(floor=1e-4, reconnect_fluidity=True)
     scheme = gr.schemes.default.replace(fluidity=fluidity)
     scene = gr.scenes.silo_3d(cell=0.0125, width=0.025, scheme=scheme)
@@ -40,8 +40,8 @@ def scene_3d():
 
 def scene_2d():
     """A 2D scene with all other parts that have a length or a time."""
-    shapes = (Cylinder(0.05, center=(0.0, 0.1)), Box((0.1, 0.1), rotation_deg=20.0))
-    region = Difference(Region((0.0, 0.0), (0.8, 0.4)), Disc((0.4, 0.4), 0.1))
+    shapes = (Cylinder(0.05, center=(0.0, 0.1)), Box(size=(0.1, 0.1), rotation_deg=20.0))
+    region = Difference(Box((0.0, 0.0), (0.8, 0.4)), Sphere(0.1, center=(0.4, 0.4)))
     return gr.Scene(
         name="everything",
         grid=Grid((0.0, 0.0), 0.05, (20, 14)),

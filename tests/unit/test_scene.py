@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from granular import materials
-from granular.combinations import Difference, Intersection, Union
-from granular.geometry import Box, Cylinder, Disc, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.mpm import schemes
 from granular.mpm.scene import Parameters, Scene
 from granular.mpm.walls import Solid, SpongeLayer, Wall
+from granular.shapes import Box, Cylinder, Difference, Intersection, Sphere, Union
 
 PARTS = {
     "name": "box",
@@ -30,14 +31,20 @@ PARTS = {
 def rich_scene() -> Scene:
     """A scene with every kind of part, with numbers that have no short decimal form."""
     third = 1.0 / 3.0
-    cylinder = Cylinder((third, third, 0.0), third / 2, 0.1 + 0.2)
-    ball = Disc((0.8, 0.8, 0.8), 0.1)
+    cylinder = Cylinder(
+        third / 2, center=(third, third, 0.15), axis=(0.0, 0.0, 1.0), length=0.1 + 0.2
+    )
+    ball = Sphere(0.1, center=(0.8, 0.8, 0.8))
     return Scene(
         name="everything é",
         grid=Grid((0.0, 0.0, 0.0), 0.1, (10, 10, 10), (False, True, False), {"x+", "z-"}),
         fills=(
             Fill(Intersection((cylinder, Box((0, 0, 0), (1, 1, third)))), 8, 1200.0, (third, 0, 1)),
-            Fill(Difference(Union((ball, ball)), Disc((0.8, 0.8, 0.7), 0.05)), 27, jitter=third),
+            Fill(
+                Difference(Union((ball, ball)), Sphere(0.05, center=(0.8, 0.8, 0.7))),
+                27,
+                jitter=third,
+            ),
         ),
         material=materials.glass_beads_5mm,
         scheme=schemes.default.replace(dt=1e-5 / 3),

@@ -7,7 +7,7 @@ import pytest
 
 import granular as gr
 from granular import scenes
-from granular.mpm.bodies import HeightMap
+from granular.shapes import HeightMap
 
 
 def mass(scene):

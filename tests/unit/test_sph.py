@@ -10,8 +10,10 @@ from oracle_law import tensor
 from oracle_sph import evaluate, seeding_gradient
 
 from granular import _core, sph
-from granular.geometry import Box, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
+from granular.shapes import Box
 
 G = 9.81
 DX = 0.01

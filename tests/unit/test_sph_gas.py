@@ -8,8 +8,10 @@ from oracle_fluidity import available
 from oracle_sph_gas import drag_coefficient, evaluate
 
 from granular import scenes, sph
-from granular.geometry import Box, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
+from granular.shapes import Box
 
 DX = 0.01
 

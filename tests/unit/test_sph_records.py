@@ -17,9 +17,11 @@ from paraview_reader import as_array, paraview
 import granular as gr
 from granular import _core, sph
 from granular.cli import main
-from granular.geometry import Box, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.record import RecordError, TrajectoryWriter
+from granular.shapes import Box
 
 DX = 0.01
 

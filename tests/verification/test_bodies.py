@@ -4,20 +4,20 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.combinations import Difference
-from granular.geometry import Box as Region
-from granular.geometry import Disc, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import MuI
-from granular.mpm.bodies import Body, Box, Cylinder, Motion
+from granular.mpm.bodies import Body, Motion
 from granular.mpm.walls import Wall
+from granular.shapes import Box, Cylinder, Difference, Sphere
 
 G = 9.8
 
 
 def bed(*bodies, height=0.4, holes=(), walls=True, gravity=-G, transfer="apic"):
     """A bed 1 m wide in cells of 5 cm."""
-    region = Region((0.0, 0.0), (1.0, height))
+    region = Box((0.0, 0.0), (1.0, height))
     for hole in holes:
         region = Difference(region, hole)
     sides = (Wall(1, 0.0, kind="no_slip"), Wall(0, 0.0, kind="free_slip"))
@@ -38,7 +38,7 @@ def bed(*bodies, height=0.4, holes=(), walls=True, gravity=-G, transfer="apic"):
 def test_box_at_rest_weighs_what_it_weighs():
     """Mean force over 1.6 s, in which the box bounces; before it sinks by less than a cell."""
     mass = 100.0
-    box = Body(Box((0.3, 0.2)), (0.5, 0.52), friction=0.3, free="y", mass=mass)
+    box = Body(Box(size=(0.3, 0.2)), (0.5, 0.52), friction=0.3, free="y", mass=mass)
     sim = gr.Simulation(bed(box), threads=1)
     sim.run(until=0.4)
     begin, felt = sim.time, sim.bodies[0]
@@ -60,7 +60,9 @@ def _momentum(sim):
 def test_momentum_of_material_and_bodies_is_kept(transfer):
     """Without walls and gravity, the bodies gain the momentum that the material loses."""
     bodies = (
-        Body(Box((0.2, 0.1), rotation_deg=30.0), (0.2, 0.35), free="xy", mass=5.0, friction=0.4),
+        Body(
+            Box(size=(0.2, 0.1), rotation_deg=30.0), (0.2, 0.35), free="xy", mass=5.0, friction=0.4
+        ),
         Body(
             Cylinder(0.1, center=(0.02, 0.0)),
             (0.6, 0.35),
@@ -79,7 +81,9 @@ def test_momentum_of_material_and_bodies_is_kept(transfer):
 
 
 def _pushed_box(transfer):
-    box = Body(Box((0.3, 0.2)), (0.5, 0.43), motion=Motion(velocity=((0.3, -0.2),)), friction=0.3)
+    box = Body(
+        Box(size=(0.3, 0.2)), (0.5, 0.43), motion=Motion(velocity=((0.3, -0.2),)), friction=0.3
+    )
     scene = bed(box, transfer=transfer)
     return scene.replace(scheme=scene.scheme.replace(dt=5e-4))
 
@@ -115,10 +119,10 @@ def test_momentum_with_walls_and_gravity(made, transfer, begin):
 
 def _sheared(contact, divided):
     """A cylinder that rotates in a bed with finer cells than the other beds."""
-    motion = Motion(velocity=((0.0, 0.0),), angular_velocity=(2.0,))
+    motion = Motion(angular_velocity=(2.0,))
     cylinder = Body(Cylinder(0.12, center=(0.0, 0.0)), (0.5, 0.2), motion=motion, contact=contact)
     grid = Grid((0.0, 0.0), 0.05 / divided, (20 * divided, 16 * divided))
-    scene = bed(cylinder, holes=(Disc((0.5, 0.2), 0.12),)).replace(grid=grid)
+    scene = bed(cylinder, holes=(Sphere(0.12, center=(0.5, 0.2)),)).replace(grid=grid)
     return gr.Simulation(scene, threads=1)
 
 

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.geometry import Box as Region
-from granular.geometry import Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import NGF, MuI
-from granular.mpm.bodies import Body, Box, Cylinder, HalfSpace, Motion
+from granular.mpm.bodies import Body, Motion
 from granular.mpm.schemes import Fluidity
 from granular.mpm.walls import Wall
+from granular.shapes import Box, Cylinder, HalfSpace
 
 CELL, HEIGHT, BELOW = 0.01, 8, 3
 TIME_STEP = 1e-4
@@ -38,7 +39,7 @@ def layer(dim, stencil, elasticity, **scene):
             (*lower, -below * CELL), CELL, (*length, HEIGHT + 2 + below),
             periodic=(True,) * (dim - 1) + (False,),
         ),
-        fills=(Fill(Region((*lower, 0.0), (*upper, HEIGHT * CELL)), 2**dim, lithostatic=True),),
+        fills=(Fill(Box((*lower, 0.0), (*upper, HEIGHT * CELL)), 2**dim, lithostatic=True),),
         material=GRAINS.replace(elasticity=elasticity),
         scheme=gr.Scheme(
             basis="linear", transfer="apic", density=gr.ParticleDensity(), dt=TIME_STEP,
@@ -93,11 +94,11 @@ def pool(shift, *, dim=2, height=0.15, turning=None, **body):
         velocity=((0.4, *(0.0,) * (dim - 2), -0.2),),
         angular_velocity=None if turning is None else (turning,),
     )
-    paddle = Box((0.15,) * (dim - 1) + (height,))
+    paddle = Box(size=(0.15,) * (dim - 1) + (height,))
     return gr.Scene(
         name="pool",
         grid=Grid((0.0,) * dim, 0.05, (*length, 10), periodic=(True,) * (dim - 1) + (False,)),
-        fills=(Fill(Region((0.0,) * dim, (0.5,) * (dim - 1) + (0.3,)), 2**dim),),
+        fills=(Fill(Box((0.0,) * dim, (0.5,) * (dim - 1) + (0.3,)), 2**dim),),
         material=MuI(E=1e6),
         scheme=gr.Scheme(basis="quadratic", transfer="apic", density=gr.ParticleDensity(), dt=4e-4),
         walls=(Wall(dim - 1, 0.0, kind="no_slip"),),
@@ -139,7 +140,7 @@ def test_bodies_have_images(dim, options):
 def test_bodies_whose_images_meet_are_refused():
     scene = pool(0)
     for body, message in (
-        (Body(Box((0.6, 0.1)), (0.2, 0.3)), r"bodies\[0\] reaches 0.3\d* m .* <= 0.25 m"),
+        (Body(Box(size=(0.6, 0.1)), (0.2, 0.3)), r"bodies\[0\] reaches 0.3\d* m .* <= 0.25 m"),
         (Body(HalfSpace((0.1, 1.0)), (0.2, 0.3)), "reaches inf m"),
         (Body(Cylinder(0.3, center=(0, 0), inside=True), (0.2, 0.3)), "reaches inf m"),
     ):
@@ -151,7 +152,7 @@ def test_bodies_whose_images_meet_are_refused():
     wide = Cylinder(0.3, center=(0, 0, 0), axis=(0, 1, 0))
     with pytest.raises(ValueError, match=r"reaches 0.3 m .* along x .* <= 0.25 m"):
         space.replace(bodies=(Body(wide, (0.2, 0.2, 0.3)),))
-    post = Body(Box((0.1, 0.1, 2.0)), (0.2, 0.2, 0.3))
+    post = Body(Box(size=(0.1, 0.1, 2.0)), (0.2, 0.2, 0.3))
     for turn in ((0, 0, 1), (0, 0, 0)):
         upright = Motion(velocity=((0,) * 3,), angular_velocity=(turn,))
         space.replace(bodies=(dataclasses.replace(post, motion=upright),))
@@ -161,7 +162,7 @@ def test_bodies_whose_images_meet_are_refused():
     narrow = Grid((0.0,) * 3, 0.05, (10, 10, 10), periodic=(False, True, False))
     turning = [Motion(velocity=((0,) * 3,), angular_velocity=(w,)) for w in ((0, 1, 0), (0, 0, 1))]
     walled = space.replace(grid=narrow, bodies=(Body(axle, (0.2, 0.2, 0.3), motion=turning[0]),))
-    walled.replace(bodies=(Body(Box((0.1, np.inf, 0.1)), (0.2, 0.2, 0.3)),))
+    walled.replace(bodies=(Body(Box(size=(0.1, np.inf, 0.1)), (0.2, 0.2, 0.3)),))
     with pytest.raises(ValueError, match="turn about no other axis"):
         walled.replace(bodies=(Body(axle, (0.2, 0.2, 0.3), motion=turning[1]),))
 
@@ -178,7 +179,7 @@ def test_time_step_knows_the_speed_of_bodies():
     walled = scene.replace(grid=Grid((0.0, 0.0), 0.05, (10, 10)))
     spin = Motion(velocity=((0.0, 3.0),), angular_velocity=(50.0,))
     for shape, speed in (
-        (Box((0.6, 0.8)), np.hypot(50.0 * 0.4, 50.0 * 0.3 + 3.0)),
+        (Box(size=(0.6, 0.8)), np.hypot(50.0 * 0.4, 50.0 * 0.3 + 3.0)),
         # corner of the square domain
         (Cylinder(0.2, center=(0, 0)), np.hypot(50.0 * 0.2, 50.0 * 0.2 + 3.0)),
         (HalfSpace((0.0, 1.0)), 3.0 + 50.0 * np.hypot(0.25, 10.5)),

@@ -9,13 +9,13 @@ from cube import CORNERS, FACES
 
 import granular as gr
 from granular import _core
-from granular.geometry import Box as Region
-from granular.geometry import Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import MuI
-from granular.mpm.bodies import Body, Box, Mesh, Motion, Union
+from granular.mpm.bodies import Body, Motion
 from granular.mpm.walls import Wall
-from granular.shapes import mesh_samples
+from granular.shapes import Box, Mesh, Union, mesh_samples
 
 CUBE, FACES = tuple(map(tuple, CORNERS)), tuple(map(tuple, FACES))
 SOUP = np.arange(36).reshape(-1, 3)
@@ -47,7 +47,7 @@ def in_shell(low, high, n=500):
 def test_samples_are_signed_distances():
     """Distance to a cube: exact at samples where it is linear; elsewhere within its curvature."""
     mesh = Body(Mesh(CUBE, FACES, spacing=0.02), (0.3, 0.0, 0.0))
-    box = Body(Box((0.2, 0.2, 0.2)), (0.3, 0.0, 0.0))
+    box = Body(Box(size=(0.2, 0.2, 0.2)), (0.3, 0.0, 0.0))
     x = np.random.default_rng(3).uniform(-0.15, 0.15, (400, 3))
     found, normal = mesh.distance(x + mesh.position)
     wanted, outward = box.distance(x + mesh.position)
@@ -65,7 +65,7 @@ def test_far_away_the_distance_is_a_lower_bound():
     """Beyond the band it is one, but for the curvature between samples: 2 h^2/8 over 6 h."""
     mesh, box = (
         Body(Mesh(CUBE, FACES, spacing=0.005), (0.0,) * 3),
-        Body(Box((0.2,) * 3), (0.0,) * 3),
+        Body(Box(size=(0.2,) * 3), (0.0,) * 3),
     )
     x = np.random.default_rng(5).uniform(-0.6, 0.6, (5000, 3))
     found, wanted = mesh.distance(x)[0], box.distance(x)[0]
@@ -148,7 +148,7 @@ def bed(shape):
     return gr.Scene(
         name="bed",
         grid=Grid((0.0,) * 3, 0.05, (10, 8, 10)),
-        fills=(Fill(Region((0.0,) * 3, (0.5, 0.4, 0.25)), 8),),
+        fills=(Fill(Box((0.0,) * 3, (0.5, 0.4, 0.25)), 8),),
         material=MuI(E=1e6),
         scheme=gr.Scheme(transfer="apic", density=gr.ParticleDensity(), dt=4e-4),
         walls=(Wall(2, 0.0, kind="no_slip"),),
@@ -161,7 +161,7 @@ def bed(shape):
 def test_a_mesh_moves_through_a_bed_as_the_box_it_is(tmp_path):
     """The mesh moves alone, as a part of a union, and in a record; momentum is tested elsewhere."""
     mesh = Mesh(CUBE, FACES, spacing=0.0125)  # a quarter of a cell
-    scenes = [bed(shape) for shape in (mesh, Box((0.2, 0.2, 0.2)), Union((mesh,)))]
+    scenes = [bed(shape) for shape in (mesh, Box(size=(0.2, 0.2, 0.2)), Union((mesh,)))]
     assert gr.Scene.from_json(scenes[0].to_json()) == scenes[0]
     sims = [gr.Simulation(scene, threads=1) for scene in scenes]
     for sim in sims:
@@ -250,7 +250,7 @@ def test_flat_triangles_do_no_harm(share):
     faces = [face for face in FACES if face != (0, 2, 1)] + [(0, 2, 8), (8, 2, 1), (0, 8, 1)]
     flat, box = (
         Body(Mesh(vertices, faces, spacing=0.01), (0.0,) * 3),
-        Body(Box((0.2,) * 3), (0.0,) * 3),
+        Body(Box(size=(0.2,) * 3), (0.0,) * 3),
     )
     x = np.random.default_rng(3).uniform(-0.15, 0.15, (2000, 3))
     found, wanted = flat.distance(x)[0], box.distance(x)[0]

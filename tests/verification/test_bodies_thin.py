@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.geometry import Box as Region
-from granular.geometry import Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import NGF, MuI
-from granular.mpm.bodies import Body, Box, Mesh, Motion, Union
+from granular.mpm.bodies import Body, Motion
 from granular.mpm.schemes import Fluidity
 from granular.mpm.walls import Wall
+from granular.shapes import Box, Mesh, Union
 from granular.shapes.shape import turned
 
 CELL = 0.05
@@ -31,8 +32,8 @@ def layers(thin_body, *, dim=2, velocity=(0.6, -0.5), **changes):
         name="layers",
         grid=Grid((*low, 0.0), CELL, (*length, 12), periodic=(True,) * (dim - 1) + (False,)),
         fills=(
-            Fill(Region((*low, 0.05), (*flat, 0.3)), 2**dim, jitter=0.5),
-            Fill(Region((*low, 0.3), (*flat, 0.5)), 2**dim, velocity=speed, jitter=0.5),
+            Fill(Box((*low, 0.05), (*flat, 0.3)), 2**dim, jitter=0.5),
+            Fill(Box((*low, 0.3), (*flat, 0.5)), 2**dim, velocity=speed, jitter=0.5),
         ),
         material=MuI(E=1e6),
         scheme=scheme(**changes),
@@ -45,7 +46,7 @@ def layers(thin_body, *, dim=2, velocity=(0.6, -0.5), **changes):
 
 def endless(dim=2, *, thickness=0.2, **body):
     size = (np.inf,) * (dim - 1) + (thickness * CELL,)
-    return Body(Box(size), (0.0,) * (dim - 1) + (0.3,), **body)
+    return Body(Box(size=size), (0.0,) * (dim - 1) + (0.3,), **body)
 
 
 @pytest.mark.parametrize("basis", ["linear", "quadratic"])
@@ -72,12 +73,12 @@ def test_nothing_passes_through_a_blade(dim, contact, basis):
 @pytest.mark.parametrize("cells", [1.9, 2.1, 2.9, 3.1])
 def test_nothing_passes_through_what_is_not_thin(cells):
     """Material at both faces of a body of any thickness, with common nodes up to three cells."""
-    thin_body = Body(Box((np.inf, cells * CELL)), (0.0, 0.4), friction=0.3)
+    thin_body = Body(Box(size=(np.inf, cells * CELL)), (0.0, 0.4), friction=0.3)
     scene = layers(thin_body)
     top = 0.4 + 0.5 * cells * CELL
     fills = (
-        Fill(Region((0.0, 0.05), (0.3, 0.4 - 0.5 * cells * CELL)), 4),
-        Fill(Region((0.0, top), (0.3, top + 0.2)), 4, velocity=(0.6, -0.5)),
+        Fill(Box((0.0, 0.05), (0.3, 0.4 - 0.5 * cells * CELL)), 4),
+        Fill(Box((0.0, top), (0.3, top + 0.2)), 4, velocity=(0.6, -0.5)),
     )
     sim = gr.Simulation(
         scene.replace(grid=Grid((0.0, 0.0), CELL, (6, 20), periodic=(True, False)), fills=fills),
@@ -92,13 +93,13 @@ def test_a_thick_body_of_the_same_place_does_the_same():
     """Far from its plane the layer does not depend on the thickness of the body: equal impulse."""
     impulses = []
     for thickness in (0.2, 1.9):
-        shape = Box((np.inf, thickness * CELL), center=(0.0, -0.5 * thickness * CELL))
+        shape = Box(size=(np.inf, thickness * CELL), center=(0.0, -0.5 * thickness * CELL))
         scene = layers(Body(shape, (0.0, 0.3), contact="separating"))
         scene = scene.replace(fills=scene.fills[1:])
         sim = gr.Simulation(scene, threads=1)
         sim.step(120)
         impulses.append(sim.bodies[0].impulse[1])
-    thick = layers(Body(Box((np.inf, 0.2), center=(0.0, -0.1)), (0.0, 0.3)))
+    thick = layers(Body(Box(size=(np.inf, 0.2), center=(0.0, -0.1)), (0.0, 0.3)))
     sim = gr.Simulation(thick.replace(fills=thick.fills[1:]), threads=1)
     sim.step(120)
     assert impulses == pytest.approx([sim.bodies[0].impulse[1]] * 2, rel=1e-9)
@@ -113,11 +114,17 @@ def blade(dim=2, **body):
     return gr.Scene(
         name="blade",
         grid=Grid((-0.5,) * dim, CELL, (30, *(30,) * (dim - 2), 30)),
-        fills=(Fill(Region((0.0,) * dim, (0.6, *(CELL * n for n in width), 0.4)), 2**dim),),
+        fills=(Fill(Box((0.0,) * dim, (0.6, *(CELL * n for n in width), 0.4)), 2**dim),),
         material=body.pop("material", MuI(E=1e6)),
         scheme=body.pop("scheme", scheme()),
         bodies=(
-            Body(Box(size), (0.2, *(0.2,) * (dim - 2), 0.26), motion=motion, friction=0.3, **body),
+            Body(
+                Box(size=size),
+                (0.2, *(0.2,) * (dim - 2), 0.26),
+                motion=motion,
+                friction=0.3,
+                **body,
+            ),
         ),
         gravity=Gravity((0.0,), ((0.0,) * dim,)),
         duration=1.0,
@@ -169,11 +176,11 @@ def behind(g, dim, place, turned_deg, stencil, thin_bodies=1, **body):
     rotation = turned_deg if dim == 2 else (0.0, turned_deg, 0.6 * turned_deg)
     middle = (0.15,) * (dim - 1) + (place * CELL,)
     size = (1.0,) * (dim - 1) + (0.2 * CELL,)
-    thin_body = Body(Box(size), middle, rotation_deg=rotation, contact="sticky", **body)
+    thin_body = Body(Box(size=size), middle, rotation_deg=rotation, contact="sticky", **body)
     fluidity = Fluidity(method="implicit", stencil=stencil, initial=0.1, tolerance=1e-13)
     scene = layers(endless(dim), dim=dim).replace(
         grid=Grid((0.0,) * dim, CELL, (6,) * (dim - 1) + (12,)),
-        fills=(Fill(Region((0.0,) * dim, (0.3,) * (dim - 1) + (0.5,)), 4**dim, lithostatic=True),),
+        fills=(Fill(Box((0.0,) * dim, (0.3,) * (dim - 1) + (0.5,)), 4**dim, lithostatic=True),),
         material=NONLOCAL.replace(t0=2.5 * dt),
         scheme=scheme(fluidity=fluidity, dt=dt),
         bodies=(thin_body,) * thin_bodies,
@@ -216,7 +223,7 @@ def test_what_is_not_held_is_told():
         gr.Simulation(scene.replace(bodies=(endless(), near)))
     with pytest.warns(gr.StabilityWarning, match='transfer = "apic" with basis = "ugimp" makes'):
         gr.Simulation(scene.replace(scheme=scheme(basis="ugimp", transfer="apic")))
-    rod = Body(gr.bodies.Cylinder(0.02, center=(0.0, 0.0)), (0.1, 0.3))
+    rod = Body(gr.shapes.Cylinder(0.02, center=(0.0, 0.0)), (0.1, 0.3))
     pebble = Body(small_mesh(0.12), (0.1, 0.1, 0.3))
     for body in (rod, pebble):
         with pytest.warns(gr.StabilityWarning, match=r"bodies\[0\] has a part of 0.0(4|692)"):
@@ -249,11 +256,11 @@ def test_thin_bodies_of_two_to_three_cells(cells, changes, told):
 
 def test_thick_parts_beside_thin_ones():
     """A block with a blade below it is pressed into a bed; no material enters either."""
-    block, knife = Box((0.3, 0.3)), Box((0.3 * CELL, 0.3), center=(0.0, -0.3))
+    block, knife = Box(size=(0.3, 0.3)), Box(size=(0.3 * CELL, 0.3), center=(0.0, -0.3))
     motion = Motion(velocity=((0.0, -0.4),))
     scene = layers(endless()).replace(
         grid=Grid((0.0, 0.0), CELL, (20, 24)),
-        fills=(Fill(Region((0.0, 0.0), (1.0, 0.5)), 4, lithostatic=True),),
+        fills=(Fill(Box((0.0, 0.0), (1.0, 0.5)), 4, lithostatic=True),),
         walls=(Wall(1, 0.0, kind="no_slip"),),
         bodies=(Body(Union((block, knife)), (0.5, 0.78), motion=motion, friction=0.3),),
         gravity=Gravity((0.0,), ((0.0, -9.8),)),
@@ -276,15 +283,15 @@ def test_a_bucket_of_thin_bodies_keeps_its_load():
     wide, tall, thin = 0.5, 0.25, 0.3 * CELL
     shape = Union(
         (
-            Box((wide, thin), center=(0.0, 0.0)),
-            Box((thin, tall), center=(-wide / 2, tall / 2)),
-            Box((thin, tall), center=(wide / 2, tall / 2)),
+            Box(size=(wide, thin), center=(0.0, 0.0)),
+            Box(size=(thin, tall), center=(-wide / 2, tall / 2)),
+            Box(size=(thin, tall), center=(wide / 2, tall / 2)),
         )
     )
     motion = Motion(velocity=((0.0, 0.5),))
     scene = layers(endless()).replace(
         grid=Grid((0.0, 0.0), CELL, (20, 20)),
-        fills=(Fill(Region((0.25, 0.3), (0.75, 0.5)), 4),),
+        fills=(Fill(Box((0.25, 0.3), (0.75, 0.5)), 4),),
         walls=(),
         bodies=(Body(shape, (0.5, 0.3), motion=motion, friction=0.3),),
         gravity=Gravity((0.0,), ((0.0, -9.8),)),

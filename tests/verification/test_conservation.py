@@ -8,9 +8,11 @@ import pytest
 from schemes_by_name import scheme_of
 
 import granular as gr
-from granular.geometry import Box, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import Elastic, MuI
+from granular.shapes import Box
 from granular.verify.invariants import momentum
 
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.mpm.bodies import Body, Box, Cylinder, HalfSpace
+from granular.mpm.bodies import Body
+from granular.shapes import Box, Cylinder, HalfSpace
 
 G, RHO, CELL = 9.81, 1500.0, 0.01
 
@@ -207,7 +208,7 @@ def test_sharp_edges_bear_the_pressure_of_a_fluid(overlapping):
     slippery = gr.materials.glass_beads.replace(E=1e6, rho_c=RHO, mu_s=0.01, mu_2=0.02)
     sides = (1, -1) if overlapping else (0,)
     length = 3 * cell if overlapping else 4 * cell
-    shapes = [Box((0.16, length), center=(0.0, side * cell / 2)) for side in sides]
+    shapes = [Box(size=(0.16, length), center=(0.0, side * cell / 2)) for side in sides]
     walls = [gr.Wall(axis, at, kind="free_slip") for axis, at in ((0, 0.0), (0, 0.32), (1, 0.0))]
     scene = gr.Scene(
         name="box in a fluid",
@@ -261,7 +262,9 @@ def test_coulomb_wall_under_a_layer_that_a_body_pushes():
     """A body pushes a thin layer along a wall: the wall resists with mu times its whole weight."""
     speed, friction, long, end = 0.2, 0.3, 0.12, 0.4
     material = gr.Elastic(E=1e6, nu=0.0, rho_c=RHO)
-    pusher = Body(Box((0.1, 0.2)), (-0.05, 0.1), motion=gr.bodies.Motion(velocity=((speed, 0.0),)))
+    pusher = Body(
+        Box(size=(0.1, 0.2)), (-0.05, 0.1), motion=gr.bodies.Motion(velocity=((speed, 0.0),))
+    )
     scene = gr.Scene(
         name="pushed",
         grid=gr.Grid((-0.1, 0.0), CELL, (50, 8)),
@@ -388,7 +391,7 @@ def test_momentum_of_a_body_on_a_thin_layer_over_a_wall(kind):
         walls=(gr.Wall(1, 0.0, kind=kind, **friction),),
         bodies=(
             Body(
-                Box((0.08, 0.03)), (0.1, 0.0205), friction=0.3, free="xy", mass=3.0,
+                Box(size=(0.08, 0.03)), (0.1, 0.0205), friction=0.3, free="xy", mass=3.0,
                 motion=gr.bodies.Motion(velocity=((0.5, 0.0),)),
             ),
         ),

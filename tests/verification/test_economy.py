@@ -5,12 +5,14 @@ import pytest
 
 import granular as gr
 from granular.economy import rules
-from granular.geometry import Box, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import glass_beads
 from granular.mpm.limits import damps_by_step
 from granular.mpm.schemes import BASES, TRANSFERS
 from granular.mpm.walls import Wall
+from granular.shapes import Box
 from granular.verify.quantities import change, quantities
 
 

@@ -7,9 +7,11 @@ import pytest
 from schemes_by_name import scheme_of
 
 import granular as gr
-from granular.geometry import Box, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import Elastic
+from granular.shapes import Box
 
 CELL = 0.1
 SOLID = Elastic(E=1e6)

@@ -5,22 +5,18 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import granular as gr
-from granular.geometry import Box as Region
-from granular.geometry import Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import MuI
-from granular.mpm.bodies import (
-    Body,
-    Box,
-    Cylinder,
-    Motion,
-)
+from granular.mpm.bodies import Body, Motion
+from granular.shapes import Box, Cylinder
 
 
 def scene_of(body, *, gravity=-9.8, transfer="apic", dt=None):
     """A block of material in 2D or 3D, without walls, and a body."""
     dim = body.dim
-    block = Region((0.0,) * dim, (*(0.6,) * (dim - 1), 0.2))
+    block = Box((0.0,) * dim, (*(0.6,) * (dim - 1), 0.2))
     return gr.Scene(
         name="block",
         grid=Grid((-0.5,) * dim, 0.05, (32,) * dim),
@@ -34,7 +30,7 @@ def scene_of(body, *, gravity=-9.8, transfer="apic", dt=None):
 
 
 BOX = Body(
-    Box((0.3, 0.16)),
+    Box(size=(0.3, 0.16)),
     (0.2, 0.31),
     rotation_deg=25.0,
     motion=Motion(velocity=((0.3, -1.0),), angular_velocity=(3.0,)),
@@ -44,7 +40,7 @@ BOX = Body(
     inertia=0.3,
 )
 BRICK = Body(
-    Box((0.3, 0.2, 0.16)),
+    Box(size=(0.3, 0.2, 0.16)),
     (0.25, 0.3, 0.31),
     rotation_deg=(20.0, 10.0, 30.0),
     motion=Motion(velocity=((0.2, 0.1, -1.0),), angular_velocity=((1.0, -2.0, 4.0),)),
@@ -70,7 +66,7 @@ def test_flight_is_that_of_euler_and_galilei():
     inertia = np.diag([0.1, 0.16, 0.2])
     start = np.array([0.5, 8.0, 0.3])
     body = Body(
-        Box((0.3, 0.2, 0.1)),
+        Box(size=(0.3, 0.2, 0.1)),
         (0.3, 0.3, 4.0),
         motion=Motion(velocity=((0.5, 0.0, 2.0),), angular_velocity=(tuple(start),)),
         free="xyz",
@@ -189,17 +185,25 @@ def test_too_light_a_body_is_warned_of():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Body(Box((1.0, 1.0)), (0.0, 0.0), inertia=0.0), "inertia = 0.0"),
-        (lambda: Body(Box((1.0,) * 3), (0.0,) * 3, inertia=(1.0, 1.0, 3.0)), "sum of the others"),
-        (lambda: Body(Box((1.0,) * 3), (0.0,) * 3, inertia=1.0), "inertia = 1.0"),
+        (lambda: Body(Box(size=(1.0, 1.0)), (0.0, 0.0), inertia=0.0), "inertia = 0.0"),
         (
-            lambda: Body(Box((1.0,) * 3), (0.0,) * 3, inertia=((1, 2, 0), (0, 1, 0), (0, 0, 1))),
+            lambda: Body(Box(size=(1.0,) * 3), (0.0,) * 3, inertia=(1.0, 1.0, 3.0)),
+            "sum of the others",
+        ),
+        (lambda: Body(Box(size=(1.0,) * 3), (0.0,) * 3, inertia=1.0), "inertia = 1.0"),
+        (
+            lambda: Body(
+                Box(size=(1.0,) * 3), (0.0,) * 3, inertia=((1, 2, 0), (0, 1, 0), (0, 0, 1))
+            ),
             "symm",
         ),
-        (lambda: Body(gr.bodies.HalfSpace((0.0, 1.0)), (0.0, 0.0), inertia=1.0), "endless"),
-        (lambda: Body(Box((1.0, 1.0)), (0.0, 0.0), restitution=0.5), "restitution = 0.5 must be 0"),
+        (lambda: Body(gr.shapes.HalfSpace((0.0, 1.0)), (0.0, 0.0), inertia=1.0), "endless"),
         (
-            lambda: Body(Box((1.0, 1.0)), (0.0, 0.0), inertia=1.0, restitution=1.5),
+            lambda: Body(Box(size=(1.0, 1.0)), (0.0, 0.0), restitution=0.5),
+            "restitution = 0.5 must be 0",
+        ),
+        (
+            lambda: Body(Box(size=(1.0, 1.0)), (0.0, 0.0), inertia=1.0, restitution=1.5),
             r"restitution = 1.5 must be in \[0.0, 1.0\]",
         ),
     ],

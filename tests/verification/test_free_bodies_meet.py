@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.geometry import Box as Region
-from granular.geometry import Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import MuI
-from granular.mpm.bodies import Body, Box, Cylinder, Difference, HalfSpace, Motion, Sphere
+from granular.mpm.bodies import Body, Motion
 from granular.mpm.walls import Solid, Wall
+from granular.shapes import Box, Cylinder, Difference, HalfSpace, Sphere
 
 CELL = 0.05
 
@@ -22,7 +23,7 @@ def scene_of(*bodies, dim=2, walls=(), **grid):
     return gr.Scene(
         name="meeting",
         grid=Grid((0.0,) * dim, CELL, (32,) * dim, **grid),
-        fills=(Fill(Region((0.0,) * dim, (*(0.2,) * (dim - 1), 0.1)), 2**dim),),
+        fills=(Fill(Box((0.0,) * dim, (*(0.2,) * (dim - 1), 0.1)), 2**dim),),
         material=MuI(E=1e5),
         gravity=Gravity((0.0,), ((0.0,) * dim,)),
         walls=walls,
@@ -54,7 +55,7 @@ def meets(scene):
     return str(caught.value), sim
 
 
-PLATE = Body(Box((0.1, 0.8)), (1.35, 0.8))
+PLATE = Body(Box(size=(0.1, 0.8)), (1.35, 0.8))
 
 
 @pytest.mark.parametrize(
@@ -66,7 +67,9 @@ PLATE = Body(Box((0.1, 0.8)), (1.35, 0.8))
         (scene_of(disc(2.0, 0.0), PLATE), 0.3),
         (scene_of(disc(2.0, 0.0), Body(HalfSpace((-1.0, 0.0)), (1.3, 0.0))), 0.3),
         (
-            scene_of(disc(0.0, 2.0), Body(Box((0.8, 0.2)), (0.8, 0.3)), periodic=(False, True)),
+            scene_of(
+                disc(0.0, 2.0), Body(Box(size=(0.8, 0.2)), (0.8, 0.3)), periodic=(False, True)
+            ),
             0.8,  # through the periodic end, to the lower side of the box at 0.2 m
         ),
         (
@@ -87,7 +90,7 @@ def test_it_stops_where_it_touches(scene, way):
 
 
 def test_prescribed_motions_that_press_it_end_the_run():
-    piston = Body(Box((0.2, 0.8)), (0.4, 0.8), motion=Motion(velocity=((1.0, 0.0),)))
+    piston = Body(Box(size=(0.2, 0.8)), (0.4, 0.8), motion=Motion(velocity=((1.0, 0.0),)))
     message, _ = meets(scene_of(disc(0.0, 0.0), piston, PLATE))
     assert re.search(r"bodies\[[12]\]", message) and "pressed together" in message
 
@@ -111,7 +114,7 @@ def test_what_it_meets_is_named(scene, what, way):
 
 
 def test_a_body_that_turns_meets_the_wall_with_its_corner():
-    rod = disc(0.0, 0.0, shape=Box((1.0, 0.2)), at=(0.8, 0.3), inertia=0.1, turning=2.0)
+    rod = disc(0.0, 0.0, shape=Box(size=(1.0, 0.2)), at=(0.8, 0.3), inertia=0.1, turning=2.0)
     message, sim = meets(scene_of(rod))
     assert "the end of the domain at y = 0 m" in message
     angle = 2.0 * sim.time
@@ -150,10 +153,10 @@ def endless(shape, *velocity):
         scene_of(disc(0.0, 2.0, at=(0.8, 2.4))),
         scene_of(disc(2.0, 0.0, at=(1.0, 0.8), free="y")),
         scene_of(disc(0.0, 0.8, free="y"), walls=(WINDOW,)),
-        scene_of(disc(2.0, 0.0), Body(Box((0.1, 0.2)), (1.35, 0.3)), open_sides={"x+"}),
+        scene_of(disc(2.0, 0.0), Body(Box(size=(0.1, 0.2)), (1.35, 0.3)), open_sides={"x+"}),
         scene_of(disc(0.0, -2.0), walls=(Wall(1, 0.3, span=((0.0, 0.5),)),), open_sides={"y-"}),
         scene_of(disc(0.0, -0.8), walls=(Wall(1, 0.5, opens_at=0.05),)),
-        scene_of(endless(Box((math.inf, 0.2)), 0.5, 0.0)),
+        scene_of(endless(Box(size=(math.inf, 0.2)), 0.5, 0.0)),
         scene_of(endless(HalfSpace((-1.0, 0.0)), 0.5, 0.0), walls=(Wall(0, 1.6),)),
     ],
     ids=[
@@ -197,13 +200,13 @@ def test_steps_alone_are_watched_too():
 
 
 STAIRS = tuple(Solid((0.0, k * CELL), (1.6 - k * CELL, (k + 1) * CELL)) for k in range(8))
-SADDLE = Difference(Box((0.6, 0.6)), Box((0.1, 0.5), center=(0.0, -0.1)))
+SADDLE = Difference(Box(size=(0.6, 0.6)), Box(size=(0.1, 0.5), center=(0.0, -0.1)))
 FLOOR, LID, INNER = Wall(1, 0.0), Wall(1, 1.6), Wall(1, 0.8, kind="free_slip")
 
 
 def bricks(height):
     """Two blocks, one above the other."""
-    shape = Box((0.3, 0.4, 0.2))
+    shape = Box(size=(0.3, 0.4, 0.2))
     block = {"free": "xyz", "mass": 1.0, "inertia": (0.016,) * 3}
     return scene_of(*(Body(shape, (0.8, 0.8, z), **block) for z in (0.5, 0.5 + height)), dim=3)
 
@@ -219,14 +222,14 @@ def bricks(height):
         (scene_of(disc(at=(0.8, 2.1)), walls=(LID,)), r"0.7 m within walls\[0\]"),
         (scene_of(disc(), walls=(INNER,)), r"0.2 m within walls\[0\].* at \(0.8, 0.8\)"),
         (
-            scene_of(disc(shape=Box((0.11, 0.6))), walls=(Wall(1, 0.8, opens_at=1.0),)),
+            scene_of(disc(shape=Box(size=(0.11, 0.6))), walls=(Wall(1, 0.8, opens_at=1.0),)),
             r"0.3 m within walls\[0\]",
         ),
         (scene_of(disc(), walls=(Solid((0.6, 0.3), (1.0, 0.7)),)), r"within walls\[0\], a Solid"),
         (scene_of(disc(at=(0.8, 0.4)), walls=STAIRS), r"within walls\[\d\], a Solid"),
         (
             scene_of(
-                disc(at=(0.8, 0.9), shape=Box((0.6, 0.4))),
+                disc(at=(0.8, 0.9), shape=Box(size=(0.6, 0.4))),
                 walls=(FLOOR, Solid((0.75, 0.3), (0.85, 0.85))),
             ),
             r"within walls\[1\], a Solid",
@@ -260,9 +263,14 @@ def test_it_must_not_begin_within_what_holds_it(scene, says):
         ),  # a symmetry plane, for all it knows
         scene_of(disc(at=(0.8, 0.6)), walls=STAIRS),
         scene_of(disc(), disc(at=(1.2, 0.8))),
-        scene_of(disc(), Body(Difference(Box((1.0, 1.0)), Box((0.4, 0.4))), (0.8, 0.8))),
-        scene_of(Body(Box((0.4, 0.1)), (0.8, 0.8), inertia=0.1), Body(Box((0.1, 0.1)), (0.8, 0.8))),
-        scene_of(Body(Box((0.4, 0.4)), (0.8, 0.1)), walls=(FLOOR,)),  # its motion is prescribed
+        scene_of(disc(), Body(Difference(Box(size=(1.0, 1.0)), Box(size=(0.4, 0.4))), (0.8, 0.8))),
+        scene_of(
+            Body(Box(size=(0.4, 0.1)), (0.8, 0.8), inertia=0.1),
+            Body(Box(size=(0.1, 0.1)), (0.8, 0.8)),
+        ),
+        scene_of(
+            Body(Box(size=(0.4, 0.4)), (0.8, 0.1)), walls=(FLOOR,)
+        ),  # its motion is prescribed
         bricks(0.2),
     ],
 )

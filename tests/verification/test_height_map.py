@@ -7,11 +7,12 @@ from scipy.optimize import minimize
 import granular as gr
 from granular import _core
 from granular.export.surfaces import surface
-from granular.geometry import Box as Region
-from granular.geometry import Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import MuI
-from granular.mpm.bodies import Body, Box, HalfSpace, HeightMap, Union
+from granular.mpm.bodies import Body
+from granular.shapes import Box, HalfSpace, HeightMap, Union
 from granular.shapes.shape import turned
 
 
@@ -123,7 +124,7 @@ def bed(shape, **change):
     return gr.Scene(
         name="ground",
         grid=Grid(**given),
-        fills=(Fill(Region((0.0, 0.0, 0.25), (0.4, 0.3, 0.35)), 8),),
+        fills=(Fill(Box((0.0, 0.0, 0.25), (0.4, 0.3, 0.35)), 8),),
         material=MuI(E=1e6),
         scheme=gr.Scheme(dt=4e-4),
         bodies=(Body(shape, (0.0,) * 3, friction=0.3),),
@@ -140,7 +141,7 @@ def test_a_bed_falls_on_ground(tmp_path):
     assert gr.Scene.from_json(scene.to_json()).bodies[0].shape.z.dtype == np.float32
     half = HalfSpace((0.0, 0.0, 1.0), (0.0, 0.0, float(np.float32(0.21))))
     impulses = []
-    for one in (shape, half, Union((shape, Box((0.2,) * 3, center=(0.2, 0.15, -0.2))))):
+    for one in (shape, half, Union((shape, Box(size=(0.2,) * 3, center=(0.2, 0.15, -0.2))))):
         sim = gr.Simulation(bed(one), threads=1)
         sim.step(300)
         impulses.append(sim.bodies[0].impulse)

@@ -7,8 +7,8 @@ import pytest
 from cube import CORNERS, FACES
 
 import granular as gr
-from granular.mpm.bodies import (
-    Body,
+from granular.mpm.bodies import Body, mass_properties
+from granular.shapes import (
     Box,
     Capsule,
     Cylinder,
@@ -23,7 +23,6 @@ from granular.mpm.bodies import (
     Sphere,
     Torus,
     Union,
-    mass_properties,
 )
 from granular.shapes.moments import _of_cells
 
@@ -78,18 +77,18 @@ def test_formulas():
     assert disc.inertia == pytest.approx(0.5 * disc.mass * 0.01, rel=1e-12)
     ball = mass_properties(Sphere(0.1, center=(0.0, 0.0, 0.0)), 1000.0)
     assert ball.inertia == pytest.approx(0.4 * ball.mass * 0.01 * np.eye(3), rel=1e-12)
-    box = mass_properties(Box((0.3, 0.2, 0.1)), 1000.0)
+    box = mass_properties(Box(size=(0.3, 0.2, 0.1)), 1000.0)
     exact = 6.0 / 12 * np.diag([0.05, 0.1, 0.13])
     assert np.array(box.inertia) == pytest.approx(exact, rel=1e-12)
 
 
 SINGLE = {
-    "rectangle": Box((0.3, 0.2), center=(0.03, 0.0), rotation_deg=20.0),
+    "rectangle": Box(size=(0.3, 0.2), center=(0.03, 0.0), rotation_deg=20.0),
     "disc": Cylinder(0.1, center=(8.0, 0.0)),
     "stadium": Capsule(0.1, 0.3, center=(0.0, 0.0), axis=(1.0, 1.0)),
-    "strip": Box((0.4, 0.005), rotation_deg=45.0),
-    "box": Box((0.3, 0.2, 0.1)),
-    "plate": Box((0.4, 0.3, 0.005), center=(1.0, 2.0, 3.0), rotation_deg=(0.0, 45.0, 0.0)),
+    "strip": Box(size=(0.4, 0.005), rotation_deg=45.0),
+    "box": Box(size=(0.3, 0.2, 0.1)),
+    "plate": Box(size=(0.4, 0.3, 0.005), center=(1.0, 2.0, 3.0), rotation_deg=(0.0, 45.0, 0.0)),
     "cylinder": Cylinder(0.1, center=(0.0,) * 3, axis=(1.0, 1.0, 0.0), length=0.3),
     "capsule": Capsule(0.1, 0.3, center=(0.0,) * 3, axis=(1.0, 0.0, 1.0)),
     "torus": Torus(0.2, 0.05, center=(0.0,) * 3, axis=(0.0, 1.0, 1.0)),
@@ -106,11 +105,11 @@ def test_quadrature_is_within_its_bound_of_formulas(shape):
 
 TURN = {"rotation_deg": (10.0, 20.0, 30.0)}
 HOLLOW = {
-    "box": (Box((0.4, 0.3, 0.2), **TURN), Box((0.394, 0.294, 0.194), **TURN)),
-    "box along": (Box((0.4, 0.3, 0.2)), Box((0.394, 0.294, 0.194))),
+    "box": (Box(size=(0.4, 0.3, 0.2), **TURN), Box(size=(0.394, 0.294, 0.194), **TURN)),
+    "box along": (Box(size=(0.4, 0.3, 0.2)), Box(size=(0.394, 0.294, 0.194))),
     "ball": (Sphere(0.2, center=(1.0, 0, 0)), Sphere(0.197, center=(1.0, 0, 0))),
     "crescent": (Sphere(0.2, center=(0.0,) * 3), Sphere(0.1, center=(0.05, 0.0, 0.0))),
-    "frame": (Box((0.4, 0.3)), Box((0.394, 0.294))),
+    "frame": (Box(size=(0.4, 0.3)), Box(size=(0.394, 0.294))),
     "ring": (Cylinder(0.2, center=(1.0, 0.0)), Cylinder(0.199, center=(1.0, 0.0))),
 }
 
@@ -131,7 +130,7 @@ def small_parts(dim, random):
             turn = float(random.uniform(0, 90))
             kinds = [
                 Cylinder(size, center=center),
-                Box((1.0, size), center=center, rotation_deg=turn),
+                Box(size=(1.0, size), center=center, rotation_deg=turn),
             ]
         else:
             axis = tuple(random.normal(size=3))
@@ -199,7 +198,7 @@ def test_meshes_are_exact_anywhere():
     A square as a sheet is a plate with half round edges and quarters of balls at its corners.
     """
     for at in ((0.0,) * 3, (3.0, 0.0, -1.0), (5e6, 5e5, 0.0)):
-        box = Box((0.2, 0.2, 0.2), center=at)
+        box = Box(size=(0.2, 0.2, 0.2), center=at)
         mesh = Mesh(CORNERS + at, FACES, spacing=0.02)
         found = mass_properties(mesh, 1000.0)
         assert found.error == 0
@@ -207,16 +206,16 @@ def test_meshes_are_exact_anywhere():
         assert off(found, *same(box)) < bound
         both = np.concatenate([CORNERS, 0.5 * CORNERS]) + at
         hollow = Mesh(both, np.concatenate([FACES, 8 + FACES[:, ::-1]]), spacing=0.02)
-        wanted = less(box, Box((0.1, 0.1, 0.1), center=at))
+        wanted = less(box, Box(size=(0.1, 0.1, 0.1), center=at))
         assert off(mass_properties(hollow, 1000.0), *wanted) < bound
     both = np.concatenate([CORNERS, CORNERS + np.array((0.1, 0.0, 0.0))])
     overlapping = Mesh(both, np.concatenate([FACES, 8 + FACES]), spacing=0.02)
     found = mass_properties(overlapping, 1000.0)
-    long = Box((0.3, 0.2, 0.2), center=(0.05, 0.0, 0.0))
+    long = Box(size=(0.3, 0.2, 0.2), center=(0.05, 0.0, 0.0))
     assert off(found, *same(long)) <= found.error <= 2e-3 and found.error > 0
     third = np.concatenate([both, CORNERS + np.array((0.5, 0.0, 0.0))])
     far = Mesh(third, np.concatenate([FACES, 8 + FACES, 16 + FACES]), spacing=0.02)
-    wanted = same(long)[0] + same(Box((0.2, 0.2, 0.2)))[0]
+    wanted = same(long)[0] + same(Box(size=(0.2, 0.2, 0.2)))[0]
     assert abs(mass_properties(far, 1000.0).mass / wanted - 1) <= found.error
     square = Mesh(CORNERS[4:], FACES[2:4] - 4, spacing=0.005, thickness=0.01)
     sheet = mass_properties(square, 1000.0)
@@ -225,8 +224,8 @@ def test_meshes_are_exact_anywhere():
 
 
 NOTHING = {
-    "apart": Intersection((Box((0.1, 0.1)), Box((0.1, 0.1), center=(1.0, 0.0)))),
-    "all cut out": Difference(Box((0.1, 0.1, 0.1)), Sphere(0.1, center=(0.0,) * 3)),
+    "apart": Intersection((Box(size=(0.1, 0.1)), Box(size=(0.1, 0.1), center=(1.0, 0.0)))),
+    "all cut out": Difference(Box(size=(0.1, 0.1, 0.1)), Sphere(0.1, center=(0.0,) * 3)),
     "offset too far": Offset(Sphere(0.1, center=(0.0,) * 3), by=-0.11),
 }
 
@@ -241,21 +240,21 @@ def test_bodies_of_nothing_are_refused(shape):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: mass_properties(gr.bodies.HalfSpace((0.0, 1.0)), 1.0), "finite size"),
-        (lambda: mass_properties(Box((1.0, 1.0)), -1.0), "density = -1.0"),
-        (lambda: mass_properties(Box((1.0, 1.0)), 1.0, tolerance=0.1), "tolerance = 0.1"),
+        (lambda: mass_properties(gr.shapes.HalfSpace((0.0, 1.0)), 1.0), "finite size"),
+        (lambda: mass_properties(Box(size=(1.0, 1.0)), -1.0), "density = -1.0"),
+        (lambda: mass_properties(Box(size=(1.0, 1.0)), 1.0, tolerance=0.1), "tolerance = 0.1"),
         (
-            lambda: mass_properties(Difference(Box((1.0, 1.0)), Box((1.1, 1.1))), 1.0),
+            lambda: mass_properties(Difference(Box(size=(1.0, 1.0)), Box(size=(1.1, 1.1))), 1.0),
             "must have an inside",
         ),
         (
             lambda: mass_properties(
-                Intersection((Box((1.0,) * 3), Box((1.0,) * 3, center=APART))), 1.0
+                Intersection((Box(size=(1.0,) * 3), Box(size=(1.0,) * 3, center=APART))), 1.0
             ),
             "nothing is in it",
         ),
         (
-            lambda: mass_properties(Shell(Box((0.4, 0.3, 0.2)), thickness=5e-5), 1.0),
+            lambda: mass_properties(Shell(Box(size=(0.4, 0.3, 0.2)), thickness=5e-5), 1.0),
             "% only",
         ),
     ],

@@ -10,7 +10,8 @@ from cube import CORNERS, FACES
 from scipy.spatial.transform import Rotation
 
 import granular as gr
-from granular.mpm.bodies import Body, Box, Mesh, MeshWarning, Union
+from granular.mpm.bodies import Body
+from granular.shapes import Box, Mesh, MeshWarning, Union
 
 TURN = Rotation.from_rotvec((0.3, 0.5, 0.7)).as_matrix()
 
@@ -196,7 +197,7 @@ def test_distances_of_a_union_are_those_of_its_shapes():
     """Outside to round-off; inside the greatest depth in one of them."""
     parts = (0.2, (0.0, 0.0, 0.0)), (0.2, (0.1, 0.05, 0.03)), (0.1, (-0.1, 0.0, 0.0))
     mesh = made(*joined(*(block(size, at) for size, at in parts)), spacing=0.01)
-    union, x = Union([Box((size,) * 3, center=at) for size, at in parts]), places(5000, 0.3)
+    union, x = Union([Box(size=(size,) * 3, center=at) for size, at in parts]), places(5000, 0.3)
     np.testing.assert_allclose(mesh.triangles().distance(x), union.distance(x)[0], atol=1e-15)
 
 
@@ -292,7 +293,7 @@ def scene_of(shape, **scheme):
 @pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_thin_plates_are_refused_as_boxes_are():
     """Below two cells of 0.05 m, and below three they are warned of."""
-    for plate in (Box, lambda size: Mesh(*block(size), spacing=0.02)):
+    for plate in (lambda size: Box(size=size), lambda size: Mesh(*block(size), spacing=0.02)):
         shape = plate((0.4, 0.3, 0.08))
         with pytest.raises(ValueError, match=r"bodies\[0\] has parts of 0.08 m, must be >= 0.1"):
             gr.Simulation(scene_of(shape))

@@ -7,10 +7,12 @@ import pytest
 from schemes_by_name import scheme_of
 
 import granular as gr
-from granular.geometry import Box, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import NGF, DruckerPrager, Elastic, MuI
 from granular.mpm.limits import dt_limit
+from granular.shapes import Box
 from granular.theory import bar_restitution, wave_decay
 
 LENGTH = 1.6

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.geometry import Box as Region
-from granular.geometry import Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import MuI
-from granular.mpm.bodies import Body, Box, Cylinder, HalfSpace, Motion, Sphere, mass_properties
+from granular.mpm.bodies import Body, Motion, mass_properties
 from granular.mpm.walls import Solid, Wall
+from granular.shapes import Box, Cylinder, HalfSpace, Sphere
 
 CELL = 0.05
 G = 9.81
@@ -26,7 +27,7 @@ def scene_of(*bodies, walls=(), gravity=G, dt=None, **grid):
         grid=Grid((0.0,) * dim, CELL, (32,) * dim, open_sides={"xyz"[dim - 1] + "+"}, **grid),
         fills=(
             Fill(
-                Region((high - CELL,) * dim, (high,) * dim),
+                Box((high - CELL,) * dim, (high,) * dim),
                 2**dim,
                 velocity=(*(0.0,) * (dim - 1), 20.0),
             ),
@@ -135,7 +136,7 @@ def test_a_block_slides_down_an_oblique_body(dim, mu):
     ramp = Body(HalfSpace(normal), (0.8,) * dim, friction=mu)
     half = 0.1
     block = body_of(
-        Box((0.3, *(0.2,) * (dim - 1))),
+        Box(size=(0.3, *(0.2,) * (dim - 1))),
         tuple(np.array((0.8,) * dim) + half * np.array(normal)),
         rotation_deg=30.0 if dim == 2 else (0.0, -30.0, 0.0),
         friction=1.0,
@@ -186,14 +187,14 @@ PAIRS = {
         disc(0.15, (0.9, 0.85), velocity=(-1.0, 0.0), friction=0.3, restitution=0.8),
     ),
     "boxes": (
-        body_of(Box((0.3, 0.1)), (0.5, 0.8), velocity=(2.0, 0.3), turning=4.0, friction=0.4),
+        body_of(Box(size=(0.3, 0.1)), (0.5, 0.8), velocity=(2.0, 0.3), turning=4.0, friction=0.4),
         body_of(
-            Box((0.2, 0.2)), (0.9, 0.85), rotation_deg=30.0, velocity=(-1.0, 0.0), friction=0.3
+            Box(size=(0.2, 0.2)), (0.9, 0.85), rotation_deg=30.0, velocity=(-1.0, 0.0), friction=0.3
         ),
     ),
     "bricks": (
         body_of(
-            Box((0.3, 0.2, 0.1)),
+            Box(size=(0.3, 0.2, 0.1)),
             (0.5, 0.8, 0.8),
             velocity=(2.0, 0.1, 0.3),
             turning=(1.0, 4.0, 2.0),
@@ -263,12 +264,12 @@ def test_an_oblique_bounce(mu):
 
 def test_a_body_that_moves_pushes_and_drags():
     """A piston gives a disc 1 + e times its speed; a belt that moves carries a block along."""
-    piston = Body(Box((0.2, 0.4)), (0.2, 0.8), motion=Motion(velocity=((0.5, 0.0),)))
+    piston = Body(Box(size=(0.2, 0.4)), (0.2, 0.8), motion=Motion(velocity=((0.5, 0.0),)))
     pushed = disc(0.1, (0.5, 0.8), restitution=0.4)
     sim = gr.Simulation(scene_of(pushed, piston, gravity=0.0, dt=4e-4), threads=1)
     sim.run(until=0.3, monitor=False)
     assert sim.bodies[0].velocity[0] == pytest.approx(1.4 * 0.5, rel=1e-12)
-    block = body_of(Box((0.3, 0.2)), (0.4, 0.1), friction=0.3)
+    block = body_of(Box(size=(0.3, 0.2)), (0.4, 0.1), friction=0.3)
     belt = (Wall(1, 0.0, velocity=(0.6, 0.0)),)
     sim = gr.Simulation(scene_of(block, walls=belt, dt=4e-4), threads=1)
     sim.run(until=0.1, monitor=False)
@@ -280,7 +281,7 @@ def test_a_body_that_moves_pushes_and_drags():
 def test_a_tower_stands():
     """Five blocks on each other, with friction, do not sink into each other or creep."""
     blocks = [
-        body_of(Box((0.2, 0.1)), (0.8, 0.05 + 0.1 * k), friction=0.5, restitution=0.3)
+        body_of(Box(size=(0.2, 0.1)), (0.8, 0.05 + 0.1 * k), friction=0.5, restitution=0.3)
         for k in range(5)
     ]
     sim = gr.Simulation(scene_of(*blocks, walls=(Wall(1, 0.0),), dt=4e-4), threads=1)
@@ -294,8 +295,8 @@ def test_an_edge_that_strikes_turns_the_block():
 
     The end of the block is above the step, too, but lifts off.
     """
-    block = body_of(Box((0.4, 0.1)), (0.8, 0.5), velocity=(0.0, -1.0))
-    step = Body(Box((0.4, 0.4)), (1.1, 0.2))  # its edge is at x = 0.9
+    block = body_of(Box(size=(0.4, 0.1)), (0.8, 0.5), velocity=(0.0, -1.0))
+    step = Body(Box(size=(0.4, 0.4)), (1.1, 0.2))  # its edge is at x = 0.9
     sim = gr.Simulation(scene_of(block, step, gravity=0.0, dt=4e-4), threads=1)
     sim.run(until=0.0504, monitor=False)
     now, lever = sim.bodies[0], 0.1
@@ -308,7 +309,12 @@ def test_an_edge_that_strikes_turns_the_block():
 def test_a_tumbling_block_comes_to_rest_without_gaining_energy(e):
     """It falls on a corner, on a floor of two blocks that lie flush, and ends flat."""
     block = body_of(
-        Box((0.3, 0.2)), (0.8, 0.7), rotation_deg=40.0, turning=-2.0, friction=0.5, restitution=e
+        Box(size=(0.3, 0.2)),
+        (0.8, 0.7),
+        rotation_deg=40.0,
+        turning=-2.0,
+        friction=0.5,
+        restitution=e,
     )
     floor = (Solid((0.0, 0.0), (0.8, 0.2)), Solid((0.8, 0.0), (1.6, 0.2)))
     floor = (*floor, Wall(0, 0.0), Wall(0, 1.6))
@@ -334,7 +340,7 @@ def test_a_brick_comes_to_rest_on_a_face():
     """It is thrown on the floor of a box, turning about all axes."""
     edges = (0.3, 0.2, 0.12)
     brick = body_of(
-        Box(edges),
+        Box(size=edges),
         (0.8, 0.8, 0.6),
         rotation_deg=(30.0, 20.0, 10.0),
         velocity=(0.3, 0.2, 0.0),
@@ -355,7 +361,7 @@ def test_a_disc_in_a_drum_stays_in_it():
     """The overlap of a step is of the order of dt^2, and is undone again."""
     rolling = disc(0.1, (0.8, 0.35), velocity=(2.0, 0.0), friction=0.3)
     drum = Body(Cylinder(0.6, center=(0.0, 0.0), inside=True), (0.8, 0.8), friction=0.3)
-    inside = Fill(Region((0.75, 1.2), (0.8, 1.25)), 4)
+    inside = Fill(Box((0.75, 1.2), (0.8, 1.25)), 4)
     sim = gr.Simulation(scene_of(rolling, drum, dt=4e-4).replace(fills=(inside,)), threads=1)
     for _ in range(40):
         sim.step(25)
@@ -365,7 +371,7 @@ def test_a_disc_in_a_drum_stays_in_it():
 
 def test_a_block_slides_over_blocks_that_lie_flush():
     """No face is felt where two of them meet."""
-    block = body_of(Box((0.3, 0.2)), (0.4, 0.3), velocity=(1.0, 0.0))
+    block = body_of(Box(size=(0.3, 0.2)), (0.4, 0.3), velocity=(1.0, 0.0))
     floor = tuple(Solid((0.2 * k, 0.0), (0.2 * k + 0.2, 0.2)) for k in range(8))
     sim = gr.Simulation(scene_of(block, walls=floor, dt=4e-4), threads=1)
     sim.run(until=0.8, monitor=False)

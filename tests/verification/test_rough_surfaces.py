@@ -12,11 +12,13 @@ import pytest
 from oracle_fluidity import ROUGH, diffuse, faces_of, random_parts
 
 import granular as gr
-from granular.geometry import Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import NGF
-from granular.mpm.bodies import Body, Box, HalfSpace
+from granular.mpm.bodies import Body
 from granular.mpm.schemes import Fluidity
+from granular.shapes import Box, HalfSpace
 from granular.theory import chute_profile, stopping_height
 
 RATE = 0.25 * 0.005**2 / 1e-3
@@ -149,7 +151,7 @@ def turned_layer(angle_deg, offset, ratio, rows, width, threads=1):
     rise = height + 3 * CELL
     blocks = (
         Body(
-            Box((4 * CELL, np.inf, rise)), tuple(base + at * along + rise / 2 * normal),
+            Box(size=(4 * CELL, np.inf, rise)), tuple(base + at * along + rise / 2 * normal),
             rotation_deg=(0.0, -angle_deg, 0.0),
         )
         for at in (-2 * CELL, w + 2 * CELL)

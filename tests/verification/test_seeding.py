@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.mpm.bodies import Box, HalfSpace
+from granular.shapes import Box, HalfSpace
 
 G, RHO, CELL = 9.81, 1500.0, 0.01
 LENGTH, HEIGHT = 0.2, 0.1
@@ -21,7 +21,9 @@ def bed(turned_deg, offset):
     origin = np.array([0.22, 0.08]) - 0.5 * LENGTH * along + offset * CELL * (along + up)
     corners = [origin + x * along + y * up for x in (0, LENGTH) for y in (0, HEIGHT)]
     sides = [
-        gr.Body(Box((0.04, 0.2)), tuple(origin + x * along + 0.1 * up), rotation_deg=turned_deg)
+        gr.Body(
+            Box(size=(0.04, 0.2)), tuple(origin + x * along + 0.1 * up), rotation_deg=turned_deg
+        )
         for x in (-0.02, LENGTH + 0.02)
     ]
     base = gr.Body(HalfSpace(tuple(up)), tuple(origin), friction=0.5)
@@ -73,8 +75,8 @@ def test_volume_about_a_ball_converges(dim):
         cell, radius = 1.0 / cells, 0.23
         center = (0.513, 0.492, 0.471)[:dim]
         shape = {
-            2: gr.bodies.Cylinder(radius, center=(0.0, 0.0)),
-            3: gr.bodies.Cylinder(radius, center=(0.0,) * 3, axis=(0.2, 1.0, 0.4), length=0.5),
+            2: gr.shapes.Cylinder(radius, center=(0.0, 0.0)),
+            3: gr.shapes.Cylinder(radius, center=(0.0,) * 3, axis=(0.2, 1.0, 0.4), length=0.5),
         }[dim]
         scene = gr.Scene(
             name="ball",

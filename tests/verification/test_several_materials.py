@@ -341,7 +341,7 @@ def test_a_fill_in_the_gap_of_another(gap):
         inner = gr.Box((0.0, 0.1), (0.3, 0.2))
         outer = gr.Union([gr.Box((0.0, 0.0), (0.3, 0.1)), gr.Box((0.0, 0.2), (0.3, 0.3))])
     else:
-        inner = gr.Disc((0.15, 0.12), 0.05)
+        inner = gr.Sphere(0.05, center=(0.15, 0.12))
         outer = gr.Difference(gr.Box((0.0, 0.0), (0.3, 0.3)), inner)
     scene = gr.Scene(
         name="gap",

@@ -138,7 +138,7 @@ def test_a_plate_that_is_pushed_into_a_bed_wakes_it():
     for speed in (SPEED, 0.0):
         motion = gr.Motion(times=(0.4, 0.6), velocity=((0.0, 0.0), (0.0, -0.2)))
         plate = gr.Body(
-            gr.bodies.Box((0.1, 0.04)), position=(0.24, 0.145), motion=motion, friction=0.3
+            gr.shapes.Box(size=(0.1, 0.04)), position=(0.24, 0.145), motion=motion, friction=0.3
         )
         sim = gr.Simulation(scene_of(COMBINATIONS[2], speed, height=0, bodies=[plate]), threads=1)
         sim.run(until=0.4)

@@ -8,8 +8,10 @@ import pytest
 from oracle_sph import images, kernel
 
 from granular import scenes, sph
-from granular.geometry import Box, Fill, Grid
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
+from granular.shapes import Box
 
 DX = 0.01
 HEAVY = 1e6

@@ -7,7 +7,7 @@ import granular as gr
 from granular.measure import string_fraction
 from granular.mpm.bodies import Body, Motion
 from granular.regions import Cloud
-from granular.shapes.shape import HalfSpace
+from granular.shapes import HalfSpace
 
 CELL, RATE, WIDTH, HEIGHT, STRAIN = 0.01, 2.0, 8, 45, 1.5
 

@@ -8,11 +8,12 @@ import pytest
 import granular as gr
 from granular import measure
 from granular.measure.cut_forces import of_whole, torques_of_whole
-from granular.mpm.bodies import Body, Box, Motion
+from granular.mpm.bodies import Body, Motion
 from granular.mpm.engine import averaging_interval, build
 from granular.mpm.node_codes import node_codes
 from granular.mpm.schemes import CellAveragedDensity, ParticleDensity
 from granular.mpm.wall_owners import wall_owners
+from granular.shapes import Box
 
 CELL, CELLS, LOW = 0.05, 12, 0.1
 HIGH = LOW + CELLS * CELL
@@ -53,7 +54,7 @@ def thrown(scheme, dim=2):
     if dim == 3:
         walls += [gr.Wall(1, LOW), gr.Wall(1, HIGH, kind="coulomb", friction=0.2)]
     motion = Motion(velocity=(at(0.3, -0.5, dim, 0.1),))
-    body = Body(Box((0.16,) * dim), at(0.35, 0.5, dim, 0.4), motion=motion, friction=0.3)
+    body = Body(Box(size=(0.16,) * dim), at(0.35, 0.5, dim, 0.4), motion=motion, friction=0.3)
     fill = gr.Box((LOW,) * dim, at(LOW + 8 * CELL, LOW + 6 * CELL, dim, HIGH))
     return gr.Scene(
         name="thrown",
@@ -277,7 +278,7 @@ def pressed(dim, cut):
     # Its position lies apart from the planes, so that it does not simply have no torque.
     across = (0.02,) * (dim - 1)
     body = Body(
-        Box((0.16,) * (dim - 1) + (0.1,), center=(*(-a for a in across), 0.0)),
+        Box(size=(0.16,) * (dim - 1) + (0.1,), center=(*(-a for a in across), 0.0)),
         (*(x + a for x, a in zip(plane, across, strict=True)), 0.22),
         motion=Motion(velocity=((0.0,) * (dim - 1) + (-0.5,),)),
         friction=0.3,

@@ -20,14 +20,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular.geometry import Box, Fill, Grid, Region
+from granular.fill import Fill
+from granular.geometry import Grid
 from granular.gravity import Gravity
 from granular.materials import DruckerPrager
-from granular.mpm.bodies import Body, HalfSpace, Motion
-from granular.mpm.bodies import Box as Slab
+from granular.mpm.bodies import Body, Motion
 from granular.mpm.scene import Scene
 from granular.mpm.walls import Wall
-from granular.regions import Polygon
+from granular.shapes import Box, HalfSpace, Polygon, Region
 from granular.simulation import Simulation
 from granular.theory import bearing_capacity, earth_pressure
 from granular.verify.external.frame import Array, Outcome, case, load, near
@@ -156,7 +156,7 @@ def footing_scene(
         liquid = DruckerPrager(E=2e6, nu=0.3, mu=0.01, rho_c=dense, rho_s=2 * dense)
         region = frame.box((0.5 * SIZE, 0.0), (length, top))
         fills.append(Fill(region, 4, lithostatic=True, material=liquid))
-    slab = Slab((SIZE, 1.2 * SIZE), center=(0.0, 0.6 * SIZE))
+    slab = Box(size=(SIZE, 1.2 * SIZE), center=(0.0, 0.6 * SIZE))
     speed = SPEED["surcharge" if surcharge else "self-weight"] if speed is None else speed
     footing = Body(
         slab, (0.0, 0.0), rotation_deg=angle_deg, friction=float(rough),

@@ -1,0 +1,144 @@
+"""Regions of 2D or 3D space, which fills fill."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+__all__ = ["Region"]
+
+Vector = tuple[float, ...]
+
+
+class Region(ABC):
+    """A region of 2D or 3D space."""
+
+    @property
+    @abstractmethod
+    def bounds(self) -> tuple[Vector, Vector]:
+        """Lower and upper corner of a box that encloses the region [m]."""
+
+    @abstractmethod
+    def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return `contains` for an array that has been checked."""
+
+    @property
+    def dim(self) -> int:
+        """Dimension, 2 or 3."""
+        return len(self.bounds[0])
+
+    @property
+    def _box(self) -> tuple[Vector, Vector]:
+        """Corners of the box in which `depth` looks for the top."""
+        return self.bounds
+
+    def cuts(self, x: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
+        """True for places, shape (n, dim) [m], whose squares the boundary cuts.
+
+        They are all that are no farther from it than `reach` [m], and some more. Of regions without
+        such a boundary squares count as a whole, by their centres.
+        """
+        return np.zeros(len(x), dtype=bool)
+
+    def cut(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Signed distance of places from the boundary that cuts squares, and its outward normals.
+
+        The distance, shape (n,) [m], is negative inside, and infinite without such a boundary. Near
+        to the boundary its error is of second order in the distance.
+        """
+        return np.where(self._inside(x), -np.inf, np.inf), np.zeros_like(x)
+
+    def depth(
+        self, x: NDArray[np.float64], up: NDArray[np.float64], step: float
+    ) -> NDArray[np.float64]:
+        """Distance of places from the top of the region above them.
+
+        The top is the last place of the region along a ray, even beyond gaps such as those below
+        an overhang: below a level surface the pressure is the same at one height.
+
+        Parameters
+        ----------
+        x : ndarray, shape (n, dim)
+            Places in the region [m].
+        up : ndarray, shape (dim,)
+            Direction, of length 1.
+        step : float
+            Distance at which the ray is looked at [m]; less is not resolved, but for the top, which
+            is then found by bisection.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Distance [m], >= 0.
+        """
+        # Rays begin where they enter the box around the region, so that those of a column are one.
+        lower, upper = np.array(self._box)
+        slack = step * 1e-6
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ends = np.where(up > 0, (upper - x) / up, np.where(up < 0, (lower - x) / up, np.inf))
+        length = np.maximum(ends.min(axis=1), 0.0) + slack
+        tops = x + length[:, None] * up
+        digits = np.rint(tops / slack)
+        _, first, of = np.unique(digits, axis=0, return_index=True, return_inverse=True)
+        down = self._first_inside(tops[first], -up, step, float(np.linalg.norm(upper - lower)))
+        return np.maximum(length - down[of.reshape(-1)], 0.0)
+
+    def ahead(
+        self, x: NDArray[np.float64], along: NDArray[np.float64], step: float
+    ) -> NDArray[np.float64]:
+        """Distance at which rays from places outside enter the region [m]; inf if they do not.
+
+        Parameters are those of `depth`.
+        """
+        low, high = np.array(self._box)
+        x, found = np.asarray(x), np.full(len(x), np.inf)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ends = np.sort([(low - x) / along, (high - x) / along], axis=0)
+        ends[:, :, along == 0] = np.array([-np.inf, np.inf])[:, None, None]
+        begin, end = np.maximum(ends[0].max(axis=1), 0.0), ends[1].min(axis=1)
+        inside = (x >= low) & (x <= high)
+        hits = (begin <= end) & inside[:, along == 0].all(axis=1)
+        if hits.any():
+            longest = float((end - begin)[hits].max()) + step
+            start = np.maximum(begin[hits] - 1e-6 * step, 0.0)
+            found[hits] = start + self._first_inside(
+                x[hits] + start[:, None] * along, along, step, longest
+            )
+        return found
+
+    def _first_inside(
+        self, x: NDArray[np.float64], along: NDArray[np.float64], step: float, longest: float
+    ) -> NDArray[np.float64]:
+        """Distance at which rays from places outside enter the region [m]; inf if they do not."""
+        found = np.full(len(x), np.inf)
+        left = np.arange(len(x))
+        for n in range(math.ceil(longest / step) + 1):
+            hit = self._inside(x[left] + (n * step) * along)
+            found[left[hit]] = n * step
+            left = left[~hit]
+            if not len(left):
+                break
+        outside, inside = np.maximum(found - step, 0.0), found.copy()
+        some = np.isfinite(found)
+        for _ in range(40):
+            middle = 0.5 * (outside[some] + inside[some])
+            within = self._inside(x[some] + middle[:, None] * along)
+            inside[some] = np.where(within, middle, inside[some])
+            outside[some] = np.where(within, outside[some], middle)
+        return inside
+
+    def contains(self, x: ArrayLike) -> NDArray[np.bool_]:
+        """True for the positions `x`, shape (n, dim) [m], that lie inside; shape (n,).
+
+        Raises
+        ------
+        ValueError
+            If `x` has another shape.
+        """
+        x = np.asarray(x, dtype=np.float64)
+        if x.ndim != 2 or x.shape[1] != self.dim:
+            raise ValueError(f"x of shape {x.shape} must have the shape (n, {self.dim})")
+        return self._inside(x)
