@@ -18,10 +18,10 @@ from shared import machine, parser_of, write
 from speed import best_time
 
 import granular as gr
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
 from granular.materials import NGF, MuI
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.mpm.schemes import Fluidity
 from granular.mpm.walls import Wall
 from granular.shapes import Box

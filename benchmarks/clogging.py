@@ -27,7 +27,7 @@ from shared import machine, parser_of, write
 import granular as gr
 from granular.measure import GridField
 from granular.measure.silo_clogging.velocity_slices import HEIGHTS
-from granular.sweeping import Sweep
+from granular.run.sweeping import Sweep
 
 OUT = Path("benchmarks/results/clogging.json")
 FOLDER = Path("build/clogging")

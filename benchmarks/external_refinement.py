@@ -23,8 +23,8 @@ import numpy as np
 from shared import machine, markdown, parser_of, rounded, write, write_tables
 
 from granular import theory
-from granular.diagnostics import StabilityWarning
 from granular.mpm import schemes
+from granular.run.diagnostics import StabilityWarning
 from granular.verify.external import bagnold, columns, hstop, shallow
 from granular.verify.external.frame import Data, load
 

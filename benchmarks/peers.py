@@ -25,7 +25,7 @@ from accuracy.columns_errors import Row, references
 from accuracy.results import Table
 from shared import parser_of, write_tables
 
-from granular.diagnostics import StabilityWarning
+from granular.run.diagnostics import StabilityWarning
 
 RESULTS = Path(__file__).parent / "results"
 FIGURES = Path(__file__).parents[1] / "docs" / "pictures"

@@ -20,10 +20,10 @@ from speed import best_time
 
 import granular as gr
 from granular import shapes
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
 from granular.materials import NGF
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.mpm import bodies
 from granular.mpm.schemes import Fluidity
 from granular.mpm.walls import Wall

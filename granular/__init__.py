@@ -14,12 +14,6 @@ if not any(Path(__file__).with_name(f"_core{suffix}").exists() for suffix in EXT
 
 import granular.mpm.simulation  # noqa: F401 (by which `Simulation` solves a `Scene`)
 from granular import materials, shapes
-from granular.buffers import show_config
-from granular.diagnostics import StabilityWarning, scene_warnings
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
-from granular.inflow import Inflow
 from granular.materials import (
     NGF,
     DruckerPrager,
@@ -28,6 +22,13 @@ from granular.materials import (
     MuI,
     RegularisedMuI,
 )
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
+from granular.model.inflow import Inflow
+from granular.model.regions import Cloud, Mask
+from granular.model.state import State
+from granular.model.surfaces import Heights, Layer
 from granular.mpm import bodies, scaling, schemes
 from granular.mpm.bodies import Body, Motion
 from granular.mpm.scene import Scene
@@ -39,10 +40,11 @@ from granular.mpm.schemes import (
     SmoothedDensity,
 )
 from granular.mpm.walls import Solid, SpongeLayer, Wall
-from granular.notebook import pictures
 from granular.record import Trajectory, open_trajectory
 from granular.record import open_trajectory as open
-from granular.regions import Cloud, Mask
+from granular.run.diagnostics import StabilityWarning, scene_warnings
+from granular.run.simulation import Simulation, SimulationError
+from granular.run.sweeping import sweep
 from granular.shapes import (
     Box,
     Capsule,
@@ -63,10 +65,8 @@ from granular.shapes import (
     Torus,
     Union,
 )
-from granular.simulation import Simulation, SimulationError
-from granular.state import State
-from granular.surfaces import Heights, Layer
-from granular.sweeping import sweep
+from granular.tools.buffers import show_config
+from granular.tools.notebook import pictures
 
 if TYPE_CHECKING:
     from granular import economy, export, grain_scale, measure, plot, scenes, sph, theory

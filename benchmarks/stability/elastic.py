@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 import granular as gr
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
 from granular.materials import Elastic, MuI
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.shapes import Box, Cylinder, Sphere
 from stability.cells import SCHEMES, Map, at_courant, chosen, refuses, simulate
 

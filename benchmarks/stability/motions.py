@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 import granular as gr
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
 from granular.materials import Elastic
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.mpm.walls import Wall
 from granular.shapes import Box
 from stability.cells import SCHEMES, Map, chosen, off, simulate

@@ -18,7 +18,7 @@
 /* Variance of the distances of nodes from the surface, in cells^2, below which they are the same but for round-off. */
 #define ONE_DISTANCE 1e-9
 
-/* Roundings of a coordinate by which a place may be off the end of the domain that it lies on, as in granular/geometry.py. */
+/* Roundings of a coordinate by which a place may be off the end of the domain that it lies on, as in granular/model/grid.py. */
 #define ROUNDINGS 64
 
 /* Where walls hold more than the rest of the mobility of a foot, they act there, and not the body. */

@@ -1,4 +1,4 @@
-/* Tally of a run: sums and extremes of its points, kept for its verdict (granular/diagnostics.py).
+/* Tally of a run: sums and extremes of its points, kept for its verdict (granular/run/diagnostics.py).
  *
  * One is made every GR_TALLY_INTERVAL steps. Each cell is summed over its points in their order, and the cells in theirs, so
  * that the bits depend neither on the number of threads nor on when the points were grouped. */

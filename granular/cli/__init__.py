@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 from granular.cli.commands import FAILED, INTERRUPTED, REFUSED
 from granular.cli.parser import command_parser
-from granular.shown_code import MARK, escaped
+from granular.tools.shown_code import MARK, escaped
 
 __all__ = ["command_parser", "main"]
 

@@ -22,9 +22,9 @@ from granular.cli.words import (
 )
 
 if TYPE_CHECKING:
-    from granular.diagnostics import Health
-    from granular.simulation import Simulation
-    from granular.typing import AnyScene
+    from granular.model.typing import AnyScene
+    from granular.run.diagnostics import Health
+    from granular.run.simulation import Simulation
 
 FAILED, REFUSED, SUSPECT, INTERRUPTED = 1, 2, 3, 130
 
@@ -33,9 +33,9 @@ PICTURES = (".png", ".pdf", ".svg")
 
 def run(arguments: argparse.Namespace) -> int:
     from granular import Simulation
-    from granular.diagnostics import StabilityWarning, scene_warnings
     from granular.economy import cost
     from granular.materials import trust_code
+    from granular.run.diagnostics import StabilityWarning, scene_warnings
 
     scene = _scene(arguments)
     if arguments.trust_code:
@@ -65,7 +65,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _to_the_end(scene: AnyScene, until: float | None) -> AnyScene:
     """Scene whose duration is the time at which the run stops."""
-    from granular.checks import positive
+    from granular.tools.checks import positive
 
     return scene if until is None else scene.replace(duration=positive("until", until))
 
@@ -100,7 +100,7 @@ def new(arguments: argparse.Namespace) -> int:
 
 
 def compare(arguments: argparse.Namespace) -> int:
-    from granular.comparing import compare
+    from granular.run.comparing import compare
 
     found = compare(arguments.first, arguments.second)
     print(found)
@@ -132,8 +132,8 @@ def resume(arguments: argparse.Namespace) -> int:
 
 
 def _simulate(simulation: Simulation, arguments: argparse.Namespace, **options: Any) -> int:
-    from granular.checks import positive
-    from granular.diagnostics import StabilityWarning
+    from granular.run.diagnostics import StabilityWarning
+    from granular.tools.checks import positive
 
     until = simulation.scene.duration if arguments.until is None else arguments.until
     until = positive("until", until)
@@ -226,7 +226,7 @@ def _html(part: Any) -> str:
 
 def _check_output(name: str, overwrite: bool) -> None:
     """Refuse a file that could not be written, before the work is done."""
-    from granular.files import check_file
+    from granular.tools.files import check_file
 
     path = Path(name)
     if not path.parent.is_dir():

@@ -15,11 +15,11 @@ from typing import cast
 import numpy as np
 
 from granular.materials import Material, MuI
+from granular.model.plausible import rounded
 from granular.mpm.damping import velocity_decay
 from granular.mpm.limits import damps_by_step, height
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme, default, dunatunga_kamrin_2015
-from granular.plausible import rounded
 from granular.theory import transient
 
 RAMP_SLIP = 0.16

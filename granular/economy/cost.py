@@ -10,17 +10,17 @@ import numpy as np
 
 from granular.economy import bias
 from granular.economy.suggestion import scene_function
-from granular.inflow import points_between
-from granular.memory import gigabytes
+from granular.model.inflow import points_between
+from granular.model.plausible import rounded
 from granular.mpm import memory as of_mpm
 from granular.mpm.limits import check_time_step, step_at_rest
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
-from granular.plausible import rounded
+from granular.run.memory import gigabytes
 from granular.sph import memory as of_sph
 
 if TYPE_CHECKING:
-    from granular.typing import AnyScene
+    from granular.model.typing import AnyScene
 
 _NANOSECONDS = {
     2: {

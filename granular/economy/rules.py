@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, NamedTuple, cast
 
-from granular.checks import in_range
 from granular.economy import bias
 from granular.economy.cost import cost, nanoseconds
 from granular.economy.suggestion import Suggestion, Suggestions, changed, scene_function
@@ -23,6 +22,7 @@ from granular.mpm.scene import Scene
 from granular.mpm.schemes import ParticleDensity, Scheme, default
 from granular.theory.stopping import stopping_height
 from granular.theory.well_posed import scaled_inertial_number_of_slope
+from granular.tools.checks import in_range
 
 NONLOCAL_AMPLITUDE = (0.48, 0.9)
 """A of the nonlocal law for glass beads; the grain size has an effect over lengths of A d."""

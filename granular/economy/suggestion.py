@@ -11,8 +11,8 @@ from typing import Any, overload
 
 from granular.economy.symmetry import mirror_half
 from granular.mpm.scene import Scene
-from granular.notebook import table
 from granular.scenes import names, registry
+from granular.tools.notebook import table
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from granular.fill import Fill
+from granular.model.fill import Fill
 from granular.mpm.scene import Scene
 from granular.mpm.walls import Solid, Wall
 from granular.shapes import Box, Cylinder, Difference, Intersection, Region, Sphere, Union

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.export.surfaces import placed_surface
-from granular.extras import imported
 from granular.measure.derived import STANDARD, check_derived, with_derived
-from granular.state import State
+from granular.model.state import State
+from granular.tools.extras import imported
 
 __all__ = ["to_pyvista"]
 

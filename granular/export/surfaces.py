@@ -18,7 +18,7 @@ from granular.export.outlines import (
     revolved,
     thickened,
 )
-from granular.geometry import Grid
+from granular.model.grid import Grid
 from granular.mpm.bodies import Body, BodyState, split
 from granular.record.layout import LIBVER, TOPOLOGIES
 from granular.record.polydata import begin_poly_data, write_steps

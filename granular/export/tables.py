@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.extras import imported
-from granular.geometry import AXES
 from granular.measure.derived import DERIVED, STANDARD, check_derived, with_derived
+from granular.model.grid import AXES
+from granular.model.state import State
 from granular.mpm.bodies import split
 from granular.record.layout import RecordError
 from granular.record.reader import Trajectory
-from granular.state import State
+from granular.tools.extras import imported
 
 __all__ = ["to_pandas", "to_xarray"]
 

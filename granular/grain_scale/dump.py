@@ -11,9 +11,9 @@ from itertools import islice
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import in_range, integer, positive
 from granular.grain_scale.dump_tables import Table, tables
-from granular.regions import Cloud
+from granular.model.regions import Cloud
+from granular.tools.checks import in_range, integer, positive
 
 __all__ = ["Dump", "DumpFrame", "read_dump"]
 

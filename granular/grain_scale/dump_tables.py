@@ -15,7 +15,7 @@ from typing import IO
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.files import check_file
+from granular.tools.files import check_file
 
 __all__ = ["Table", "tables"]
 

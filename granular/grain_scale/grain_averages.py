@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.geometry import Grid
 from granular.grain_scale.dump import AXES, DumpFrame, depth_along
 from granular.measure.averaging_grid import mean_of, sums_of
+from granular.model.grid import Grid
 
 __all__ = ["GrainAverages", "average_grains"]
 

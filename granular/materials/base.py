@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Self
 
-from granular.checks import check_fields, in_range, one_of, positive
-from granular.notebook import table
+from granular.tools.checks import check_fields, in_range, one_of, positive
+from granular.tools.notebook import table
 
 __all__ = ["Material"]
 

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from granular.extras import imported
+from granular.tools.extras import imported
 
 __all__ = [
     "MOST_HISTORY",

@@ -10,7 +10,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
-from granular.checks import (
+from granular.materials.base import Material
+from granular.tools.checks import (
     check_fields,
     finite,
     non_negative,
@@ -18,7 +19,6 @@ from granular.checks import (
     positive,
     set_fields,
 )
-from granular.materials.base import Material
 
 if TYPE_CHECKING:
     from granular.materials.regularised import RegularisedMuI

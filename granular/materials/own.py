@@ -15,7 +15,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-from granular.checks import check_fields, finite, in_range, kinds_of, one_of, truth
 from granular.materials.base import Material
 from granular.materials.law_functions import (
     MOST_HISTORY,
@@ -25,8 +24,9 @@ from granular.materials.law_functions import (
     from_python,
 )
 from granular.materials.law_identity import frozen
-from granular.serializable import Ordered, Serializable
-from granular.shown_code import MARK, escaped, marked
+from granular.tools.checks import check_fields, finite, in_range, kinds_of, one_of, truth
+from granular.tools.serializable import Ordered, Serializable
+from granular.tools.shown_code import MARK, escaped, marked
 
 __all__ = ["OwnLaw", "code_of", "from_function", "trust_code"]
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from granular.checks import check_fields, in_range, non_negative, positive, set_fields
 from granular.materials.base import Material
 from granular.materials.laws import MuI, check_friction
+from granular.tools.checks import check_fields, in_range, non_negative, positive, set_fields
 
 __all__ = ["RegularisedMuI"]
 

@@ -8,7 +8,6 @@ import contourpy
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular.checks import integer, one_of
 from granular.measure.averaging_grid import (
     Array,
     cells_of,
@@ -21,7 +20,8 @@ from granular.measure.averaging_grid import (
 )
 from granular.measure.opening import Opening, each_state, opening_of
 from granular.measure.profiles import Profile
-from granular.state import State, States
+from granular.model.state import State, States
+from granular.tools.checks import integer, one_of
 
 Field = str | Callable[[State], ArrayLike]
 """Name of a point field, or a function of a state that returns one value or row per point."""

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from granular.checks import one_of
-from granular.geometry import Grid
-from granular.state import State
+from granular.model.grid import Grid
+from granular.model.state import State
+from granular.tools.checks import one_of
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]

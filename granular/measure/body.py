@@ -5,12 +5,12 @@ from typing import cast
 
 import numpy as np
 
-from granular.checks import integer, truth
 from granular.measure.averaging_grid import Array
 from granular.measure.cut_forces import cut_axes, of_whole, torques_of_whole
 from granular.mpm.bodies import split
 from granular.mpm.scene import Scene
 from granular.record.reader import Trajectory
+from granular.tools.checks import integer, truth
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -75,9 +75,9 @@ def body_motion(record: Trajectory, body: int = 0, *, total: bool = True) -> Bod
     body : int
         Index into the bodies of the scene, >= 0.
     total : bool
-        True for the whole body, also if planes of symmetry cut it (`granular.symmetric`): across
-        a plane the forces cancel, along it they double. False for the part that is modelled. A body
-        that no plane cuts has its image in another one, and is as it is.
+        True for the whole body, also if planes of symmetry cut it (`granular.model.symmetric`):
+        across a plane the forces cancel, along it they double. False for the part that is modelled.
+        A body that no plane cuts has its image in another one, and is as it is.
 
     Returns
     -------

@@ -7,12 +7,12 @@ these measures, so that the sums over cells are computed only once.
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from granular.checks import integer, non_negative
 from granular.measure.averaging_grid import Array, cells_of, sums_of
 from granular.measure.profiles import scaled_inertial_number
+from granular.model.state import State
 from granular.mpm.blocks import solid_cells
-from granular.state import State
 from granular.theory.well_posed import ill_posedness
+from granular.tools.checks import integer, non_negative
 
 FILLED = 0.5
 """Share of the mass it holds at rho_c from which a cell counts as filled."""

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from granular.measure.averaging_grid import Array
+from granular.model.symmetric import mirror_axes
 from granular.mpm.bodies import Body
 from granular.mpm.scene import Scene
 from granular.mpm.walls import Solid, Wall
 from granular.shapes.shape import turned
-from granular.symmetric import mirror_axes
 
 
 def cut_axes(scene: Scene, part: Body | Wall | Solid) -> tuple[int, ...]:

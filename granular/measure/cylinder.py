@@ -6,10 +6,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular.checks import finite, vector
 from granular.measure.averaging_grid import Array, Indices, sums_of
 from granular.measure.opening import each_state
-from granular.state import State, States
+from granular.model.state import State, States
+from granular.tools.checks import finite, vector
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from granular.measure.fields import nodal_density, phase
 from granular.measure.profiles import inertial_number, scaled_inertial_number
-from granular.state import State
+from granular.model.state import State
 
 DERIVED: dict[str, tuple[Callable[[State], Any], str]] = {
     "pressure": (attrgetter("pressure"), "Pa"),

@@ -8,12 +8,12 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular.checks import integer, non_negative, positive, truth
-from granular.gravity import EARTH
 from granular.measure.averaging_grid import Array
 from granular.measure.effective_opening import EffectiveOpening
-from granular.state import State
-from granular.symmetric import modelled_share
+from granular.model.gravity import EARTH
+from granular.model.state import State
+from granular.model.symmetric import modelled_share
+from granular.tools.checks import integer, non_negative, positive, truth
 
 WINDOW = (1200.0, 900.0)
 """Remaining mass of the full silo [kg per metre of depth] in the steady part of the flow."""
@@ -129,8 +129,8 @@ def mass_history(trajectory: Iterable[State], *, total: bool = True) -> MassHist
         If it has a ``series`` with ``time`` and ``mass``, no frame is read.
     total : bool
         True for the mass of the full silo: where planes of symmetry leave a half or a quarter of it
-        (`granular.symmetric`), the mass is multiplied by 2 or 4. False for that of the modelled
-        part.
+        (`granular.model.symmetric`), the mass is multiplied by 2 or 4. False for that of the
+        modelled part.
 
     Returns
     -------

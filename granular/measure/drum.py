@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from granular.checks import in_range, integer, positive
 from granular.measure.averaging_grid import Array, mean_of, only_material, require_points, sums_of
 from granular.measure.opening import each_state
-from granular.state import State, States
+from granular.model.state import State, States
+from granular.tools.checks import in_range, integer, positive
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

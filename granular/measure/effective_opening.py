@@ -7,8 +7,8 @@ cell for any n (`docs/how-to/choose_a_scheme.md` has the runs).
 
 from dataclasses import dataclass
 
+from granular.model.typing import AnyScene
 from granular.mpm.scene import Scene
-from granular.typing import AnyScene
 
 __all__ = ["EffectiveOpening"]
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.gravity import Gravity
 from granular.measure.averaging_grid import Array, require_points
 from granular.measure.stress import deviator_squared, pressure
-from granular.state import State
+from granular.model.gravity import Gravity
+from granular.model.state import State
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from granular.checks import in_range, non_negative, one_of
 from granular.measure.averaging_grid import (
     Array,
     Indices,
@@ -19,7 +18,8 @@ from granular.measure.averaging_grid import (
     sums_of,
     values,
 )
-from granular.state import State
+from granular.model.state import State
+from granular.tools.checks import in_range, non_negative, one_of
 
 
 def smooth(state: State, field: str | ArrayLike) -> Array:

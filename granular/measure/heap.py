@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from granular.checks import finite, integer, one_of, positive
 from granular.measure.averaging_grid import Array, require_points
-from granular.state import State
+from granular.model.state import State
+from granular.tools.checks import finite, integer, one_of, positive
 
 QUANTILE = 0.999
 """Share of the mass within the run-out; the position of the farthest point alone is noise."""

@@ -10,7 +10,6 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular.checks import in_range, positive
 from granular.materials import MuI
 from granular.measure.averaging_grid import (
     Array,
@@ -24,7 +23,8 @@ from granular.measure.averaging_grid import (
 )
 from granular.measure.fields import nodal
 from granular.measure.profiles import grain_diameter, inertial_number
-from granular.state import State
+from granular.model.state import State
+from granular.tools.checks import in_range, positive
 
 
 def packing_fraction(state: State, *, restitution: float, d: float | None = None) -> Array:

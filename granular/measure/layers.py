@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from granular.checks import finite, in_range, integer, non_negative, one_of
 from granular.measure.averaging_grid import Array, cell_mass, cell_sum, require_points
 from granular.measure.bulk import FILLED, uppermost
 from granular.measure.fields import cell_average
-from granular.state import State
+from granular.model.state import State
+from granular.tools.checks import finite, in_range, integer, non_negative, one_of
 
 
 def speed_percentile(state: State, *, q: float = 99.0) -> float:

@@ -6,11 +6,11 @@ from typing import Self, cast
 
 import numpy as np
 
-from granular.checks import finite, positive
 from granular.measure.averaging_grid import Array
-from granular.state import State, States
-from granular.symmetric import modelled_share
-from granular.typing import AnyScene
+from granular.model.state import State, States
+from granular.model.symmetric import modelled_share
+from granular.model.typing import AnyScene
+from granular.tools.checks import finite, positive
 
 
 @dataclass(frozen=True)

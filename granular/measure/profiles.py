@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular.checks import integer, positive
 from granular.measure.averaging_grid import (
     Array,
     mean_of,
@@ -18,7 +17,8 @@ from granular.measure.averaging_grid import (
     values,
 )
 from granular.measure.stress import friction_of
-from granular.state import State
+from granular.model.state import State
+from granular.tools.checks import integer, positive
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from granular.checks import array, in_range
 from granular.measure.averaging_grid import Array
+from granular.tools.checks import array, in_range
 
 ORDERS = (0.5, 4.0)
 """Orders among which that of a fit is sought."""

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from granular.checks import in_range
 from granular.measure.averaging_grid import Array, require_points
-from granular.state import State
+from granular.model.state import State
+from granular.tools.checks import in_range
 
 SHARE = 0.99
 """Default share of the mass behind the front, and before the rear."""

@@ -5,13 +5,13 @@ from typing import cast
 
 import numpy as np
 
-from granular.checks import finite, in_range, positive
 from granular.materials import Material
 from granular.measure.averaging_grid import Array, only_material, require_points
 from granular.measure.body import BodyMotion, body_force, body_motion
 from granular.measure.opening import each_state
+from granular.model.state import States
 from granular.record.reader import Trajectory
-from granular.state import States
+from granular.tools.checks import finite, in_range, positive
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

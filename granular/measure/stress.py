@@ -3,7 +3,7 @@
 import numpy as np
 
 from granular.measure.averaging_grid import Array, values
-from granular.state import State
+from granular.model.state import State
 
 
 def pressure(stress: Array) -> Array:

@@ -4,12 +4,12 @@ from typing import cast
 
 import numpy as np
 
-from granular.checks import integer, truth
 from granular.measure.body import MeanForce, window_means
 from granular.measure.cut_forces import cut_axes, of_whole, torques_of_whole
 from granular.mpm.scene import Scene
 from granular.mpm.walls import split_impulses
 from granular.record.reader import Trajectory
+from granular.tools.checks import integer, truth
 
 
 def wall_force(
@@ -30,8 +30,9 @@ def wall_force(
     window : int
         Length of a window in intervals between frames, >= 1; windows do not overlap.
     total : bool
-        True for the whole wall or block, also if planes of symmetry cut it (`granular.symmetric`):
-        across a plane the forces cancel, along it they double. False for the part that is modelled.
+        True for the whole wall or block, also if planes of symmetry cut it
+        (`granular.model.symmetric`): across a plane the forces cancel, along it they double. False
+        for the part that is modelled.
         A wall that no plane cuts has its image in another one, and is as it is; so is the plane.
 
     Returns

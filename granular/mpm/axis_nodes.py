@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.checks import integer, one_of
-from granular.geometry import Grid
+from granular.model.grid import Grid
 from granular.mpm.walls import Solid, Wall
+from granular.tools.checks import integer, one_of
 
 __all__ = ["c0_lines", "check_c0_lines", "node_positions"]
 

@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.geometry import LINE_TOLERANCE, Grid
+from granular.model.grid import LINE_TOLERANCE, Grid
 from granular.mpm.grid_map import GridMap, Ranges
 from granular.mpm.walls import Solid
 

@@ -16,7 +16,13 @@ import scipy
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.checks import (
+from granular.model.grid import combined
+from granular.shapes.height_map import HeightMap
+from granular.shapes.inertia import MassProperties, inertia_of, mass_properties, principal
+from granular.shapes.measures import extents, largest_speed, reach, thicknesses
+from granular.shapes.moments import has_no_inside
+from granular.shapes.shape import MOST_SHAPES, Shape, padded, rotation_of, turned
+from granular.tools.checks import (
     ascending,
     check_fields,
     finite,
@@ -29,15 +35,9 @@ from granular.checks import (
     truth,
     vector,
 )
-from granular.geometry import combined
-from granular.shapes.height_map import HeightMap
-from granular.shapes.inertia import MassProperties, inertia_of, mass_properties, principal
-from granular.shapes.measures import extents, largest_speed, reach, thicknesses
-from granular.shapes.moments import has_no_inside
-from granular.shapes.shape import MOST_SHAPES, Shape, padded, rotation_of, turned
 
 if TYPE_CHECKING:
-    from granular.geometry import Grid
+    from granular.model.grid import Grid
 
 __all__ = ["Body", "BodyState", "MassProperties", "Motion", "mass_properties"]
 

@@ -10,8 +10,8 @@ import scipy
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.geometry import Grid
-from granular.open_space import Distance, nowhere
+from granular.model.grid import Grid
+from granular.model.open_space import Distance, nowhere
 from granular.shapes.shape import padded, turned
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.geometry import AXES, Grid, combined
+from granular.model.grid import AXES, Grid, combined
 from granular.mpm.blocks import solid_cells
 from granular.mpm.body_distances import distance_at, nearest, surface_at
 from granular.mpm.free_bodies import places_of

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.geometry import Grid
+from granular.model.grid import Grid
 from granular.mpm.grid_map import GridMap, Ranges
 from granular.mpm.schemes import ParticleDensity
 from granular.mpm.walls import Solid, Wall

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.buffers import allocate, rows_of
-from granular.inflow import inlet_points
 from granular.materials import NGF, Material
 from granular.materials.law_functions import MOST_HISTORY
 from granular.materials.own import OwnLaw
+from granular.model.inflow import inlet_points
+from granular.model.seeding import Points
 from granular.mpm.axis_nodes import c0_lines
 from granular.mpm.body_limits import check_blades
 from granular.mpm.cell_codes import cell_flags, fluidity_faces
@@ -22,7 +22,7 @@ from granular.mpm.limits import check_time_step, step_at_rest
 from granular.mpm.lithostatic import rest_compression, stress_shape
 from granular.mpm.node_codes import WallRow, node_codes
 from granular.mpm.scene import Scene, Servo
-from granular.seeding import Points
+from granular.tools.buffers import allocate, rows_of
 
 __all__ = [
     "add_inlets",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.geometry import combined
+from granular.model.grid import combined
 from granular.mpm.body_distances import distances
 from granular.mpm.walls import Solid
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.geometry import AXES, combined
+from granular.model.grid import AXES, combined
 from granular.mpm.blocks import solid_cells
 from granular.mpm.body_distances import distance_at
 from granular.mpm.walls import Solid, Wall

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from granular.indicators import Row, common
 from granular.materials.own import OwnLaw
+from granular.model.indicators import Row, common
+from granular.model.seeding import DEEPEST
 from granular.mpm.filling import is_full
 from granular.mpm.support import unsupported
-from granular.seeding import DEEPEST
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from granular.inflow import across, standing_points
+from granular.model.inflow import across, standing_points
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.walls import Solid
 

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.inflow import InflowState
 from granular.measure.energy import elastic_of, kinetic_of
-from granular.state import State
+from granular.model.inflow import InflowState
+from granular.model.state import State
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene

@@ -7,20 +7,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from granular.fill import Fill
 from granular.materials import NGF, MuI
+from granular.model.fill import Fill
+from granular.model.plausible import BOULDER
+from granular.model.regions import Cloud
+from granular.model.surfaces import Heights, Layer
 from granular.mpm.body_limits import light_bodies, mesh_scale, near_thin_parts, thin_parts
 from granular.mpm.filling import has_material, is_full, middle_points
 from granular.mpm.indicators import POINTS_PER_CELL, indicators, remedies
 from granular.mpm.support import unsupported
 from granular.mpm.walls import Solid, Wall
-from granular.plausible import BOULDER
-from granular.regions import Cloud
-from granular.surfaces import Heights, Layer
 from granular.theory.well_posed import well_posed_slopes
 
 if TYPE_CHECKING:
-    from granular.inflow import Inflow
+    from granular.model.inflow import Inflow
     from granular.mpm.scene import Scene
     from granular.mpm.schemes import Scheme
 

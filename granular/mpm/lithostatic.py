@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
+    from granular.model.seeding import Points
     from granular.mpm.scene import Scene
-    from granular.seeding import Points
 
 __all__ = ["rest_compression", "stress_shape"]
 

@@ -17,17 +17,17 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from granular import memory
-from granular.checks import truth
-from granular.fill import Fill
-from granular.geometry import Grid, combined
-from granular.memory import BASE, MARGIN, entering, refuse
+from granular.model.fill import Fill
+from granular.model.grid import Grid, combined
+from granular.model.regions import Cloud
+from granular.model.seeding import estimated_points, most_points
+from granular.model.surfaces import Layer
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
-from granular.regions import Cloud
-from granular.seeding import estimated_points, most_points
-from granular.surfaces import Layer
+from granular.run import memory
+from granular.run.memory import BASE, MARGIN, entering, refuse
+from granular.tools.checks import truth
 
 __all__ = ["check", "growth", "size"]
 
@@ -95,7 +95,7 @@ def check(scene: Scene, force: bool) -> None:
     Raises
     ------
     ValueError
-        See `granular.memory.refuse`.
+        See `granular.run.memory.refuse`.
     """
     if truth("force", force):
         return

@@ -16,14 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.geometry import Grid
+from granular.model.grid import Grid
 from granular.mpm.axis_nodes import c0_lines, node_positions
 from granular.mpm.blocks import held_components, outlook, solid_cells
 from granular.mpm.grid_map import GridMap, Ranges
 from granular.mpm.walls import Solid, Span, Wall
 
 if TYPE_CHECKING:
-    from granular.inflow import Inflow
+    from granular.model.inflow import Inflow
     from granular.mpm.scene import Scene
 
 __all__ = [

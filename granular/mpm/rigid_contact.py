@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.geometry import Grid, combined
+from granular.model.grid import Grid, combined
 from granular.mpm.walls import Solid, Wall
 from granular.shapes.boxes import Box
 from granular.shapes.measures import reach

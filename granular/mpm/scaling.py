@@ -17,16 +17,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular import fill, geometry, materials, regions, shapes, surfaces
-from granular.checks import check_fields, one_of, positive
-from granular.gravity import Gravity
-from granular.inflow import Inflow
+from granular import materials, shapes
 from granular.materials.own import OwnLaw
+from granular.model import fill, regions, surfaces
+from granular.model import grid as geometry
+from granular.model.gravity import Gravity
+from granular.model.inflow import Inflow
 from granular.mpm import bodies as rigid
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import DENSITIES, Density, Fluidity, Scheme
 from granular.mpm.walls import Solid, SpongeLayer, Wall
-from granular.serializable import arguments_of
+from granular.tools.checks import check_fields, one_of, positive
+from granular.tools.serializable import arguments_of
 
 __all__ = ["POWERS", "Froude"]
 

@@ -9,13 +9,14 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from granular import _core, regions, surfaces
-from granular.checks import check_fields, kinds_of, set_fields, tuple_of
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
-from granular.inflow import Inflow
+from granular import _core
 from granular.materials import Material
+from granular.model import regions, surfaces
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
+from granular.model.inflow import Inflow
+from granular.model.scene import BaseScene
 from granular.mpm import bodies as rigid
 from granular.mpm import limits
 from granular.mpm.axis_nodes import c0_lines, check_c0_lines
@@ -24,9 +25,9 @@ from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.inflow import check_inflows
 from granular.mpm.schemes import DENSITIES, Fluidity, Scheme, suited_to
 from granular.mpm.walls import Solid, SpongeLayer, Wall
-from granular.scene import BaseScene
-from granular.serializable import Parameters, register
 from granular.shapes.shape import shape_kinds
+from granular.tools.checks import check_fields, kinds_of, set_fields, tuple_of
+from granular.tools.serializable import Parameters, register
 
 __all__ = ["Parameters", "Scene", "Servo"]
 

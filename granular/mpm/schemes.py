@@ -15,8 +15,16 @@ from textwrap import fill
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 from granular import _core
-from granular.checks import check_fields, in_range, integer, kinds_of, one_of, set_fields, truth
-from granular.notebook import table
+from granular.tools.checks import (
+    check_fields,
+    in_range,
+    integer,
+    kinds_of,
+    one_of,
+    set_fields,
+    truth,
+)
+from granular.tools.notebook import table
 
 if TYPE_CHECKING:
     from granular.materials import Material

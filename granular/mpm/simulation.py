@@ -9,14 +9,14 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from granular import _core, diagnostics, simulation
-from granular.buffers import allocate, default_isa, fill, stored_type
-from granular.checks import positive, truth
-from granular.inflow import InflowState, stored_inflow
+from granular import _core
 from granular.materials.law_functions import keeping_exceptions
 from granular.materials.own import OwnLaw
 from granular.measure.bulk import weights_at_limit
-from granular.monitor import Energies
+from granular.model.inflow import InflowState, stored_inflow
+from granular.model.plausible import stiffness_hint
+from granular.model.seeding import DEEPEST
+from granular.model.state import State
 from granular.mpm import bodies as rigid
 from granular.mpm import engine as core
 from granular.mpm import memory
@@ -29,12 +29,13 @@ from granular.mpm.rigid_contact import touch_solids
 from granular.mpm.scene import Scene
 from granular.mpm.wall_owners import wall_owners
 from granular.mpm.walls import Solid, WallState, split_impulses
-from granular.plausible import stiffness_hint
 from granular.record import Checkpoint
 from granular.record.fresh import Streamed
-from granular.restarts import LARGEST, LEAST, check_range
-from granular.seeding import DEEPEST
-from granular.state import State
+from granular.run import diagnostics, simulation
+from granular.run.monitor import Energies
+from granular.run.restarts import LARGEST, LEAST, check_range
+from granular.tools.buffers import allocate, default_isa, fill, stored_type
+from granular.tools.checks import positive, truth
 
 __all__ = ["Simulation"]
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from granular.geometry import AXES
+from granular.model.grid import AXES
 from granular.mpm.walls import Solid, Wall
 
 if TYPE_CHECKING:

@@ -8,7 +8,9 @@ from dataclasses import KW_ONLY, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import (
+from granular.model.grid import AXES, Grid
+from granular.shapes import Box
+from granular.tools.checks import (
     check_fields,
     finite,
     integer,
@@ -19,8 +21,6 @@ from granular.checks import (
     spans,
     vector,
 )
-from granular.geometry import AXES, Grid
-from granular.shapes import Box
 
 __all__ = ["Solid", "SpongeLayer", "Wall", "WallState"]
 

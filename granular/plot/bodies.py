@@ -13,10 +13,10 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from numpy.typing import NDArray
 
+from granular.model.typing import AnyScene
 from granular.mpm.body_distances import distance_at
 from granular.plot.canvas import Extent, View
 from granular.shapes.measures import thicknesses
-from granular.typing import AnyScene
 
 if TYPE_CHECKING:
     from granular.mpm.bodies import Body, BodyState

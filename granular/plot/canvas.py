@@ -11,13 +11,13 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from granular.checks import finite, integer
-from granular.geometry import AXES
+from granular.model.grid import AXES
+from granular.model.state import State
+from granular.model.symmetric import mirror_axes
+from granular.model.typing import AnyScene
 from granular.mpm.walls import Wall
 from granular.plot.fields import Brush
-from granular.state import State
-from granular.symmetric import mirror_axes
-from granular.typing import AnyScene
+from granular.tools.checks import finite, integer
 
 Extent = tuple[tuple[float, float], tuple[float, float]]
 

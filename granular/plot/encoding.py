@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from granular.checks import in_range
-from granular.files import check_file
-from granular.notebook import embedded
-from granular.progress import bar
+from granular.tools.checks import in_range
+from granular.tools.files import check_file
+from granular.tools.notebook import embedded
+from granular.tools.progress import bar
 
 SCANNED = 16
 """Number of frames to which the colour scale, the extent and the palette are fitted."""

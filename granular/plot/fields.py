@@ -11,9 +11,9 @@ from matplotlib.colors import Colormap, ListedColormap, LogNorm, Normalize
 from numpy.typing import ArrayLike, NDArray
 
 from granular import measure
-from granular.checks import finite
 from granular.measure.derived import DERIVED, derived
-from granular.state import State
+from granular.model.state import State
+from granular.tools.checks import finite
 
 Array = NDArray[np.float64]
 

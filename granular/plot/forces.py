@@ -12,9 +12,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection, LineCollection
 from numpy.typing import ArrayLike, NDArray
 
-from granular.checks import integer, positive
 from granular.grain_scale.inference import ForceStatistics, Packing, ParetoFront
 from granular.plot.canvas import Picture
+from granular.tools.checks import integer, positive
 
 Array = NDArray[np.float64]
 

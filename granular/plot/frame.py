@@ -7,13 +7,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from granular.checks import positive
+from granular.model.state import State
 from granular.plot.bodies import Bodies, boxes_of_bodies
 from granular.plot.canvas import Extent, Picture, View, checked_extent, color_bar, figure_of
 from granular.plot.fields import Brush
 from granular.plot.material import PIXELS, Material
 from granular.plot.scenery import scenery, show_at
-from granular.state import State
+from granular.tools.checks import positive
 
 WIDTH = 7.0
 """Width of a picture [inches]."""

@@ -6,11 +6,11 @@ import os
 from pathlib import Path
 from typing import Any
 
-from granular.checks import integer
-from granular.notebook import in_notebook
 from granular.plot.encoding import replacing
 from granular.plot.frame import frame
-from granular.simulation import Simulation
+from granular.run.simulation import Simulation
+from granular.tools.checks import integer
+from granular.tools.notebook import in_notebook
 
 __all__ = ["Live"]
 

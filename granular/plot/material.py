@@ -11,11 +11,11 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from granular.geometry import AXES
+from granular.model.grid import AXES
+from granular.model.state import State
 from granular.mpm.body_distances import distance_from_bodies
 from granular.plot.canvas import Extent, View
 from granular.plot.fields import Brush
-from granular.state import State
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene

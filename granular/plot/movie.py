@@ -8,13 +8,13 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from numpy.typing import NDArray
 
-from granular.checks import integer
+from granular.model.state import State
 from granular.plot.canvas import Extent, View, checked_extent, color_bar, figure_of
 from granular.plot.encoding import Movie, check_movie, make_movie, sampled
 from granular.plot.fields import Brush
 from granular.plot.frame import Drawing, beside, fitted_extent, new_axes
 from granular.record import Trajectory
-from granular.state import State
+from granular.tools.checks import integer
 
 
 def movie(

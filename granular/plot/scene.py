@@ -12,9 +12,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 from numpy.typing import NDArray
 
-from granular.fill import Fill
-from granular.geometry import AXES
-from granular.inflow import Inflow
+from granular.model.fill import Fill
+from granular.model.grid import AXES
+from granular.model.inflow import Inflow
+from granular.model.state import State
+from granular.model.typing import AnyScene
 from granular.mpm.walls import Solid, Wall
 from granular.plot.bodies import STYLE, Bodies, boxes_of_bodies
 from granular.plot.canvas import Extent, Picture, View, checked_extent, figure_of, is_symmetry
@@ -28,8 +30,6 @@ from granular.plot.scenery import (
     line_of,
 )
 from granular.sph.walls import Wall as LayerWall
-from granular.state import State
-from granular.typing import AnyScene
 
 WIDTH = 7.0
 """Width of a picture [inches]."""

@@ -11,11 +11,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from granular.geometry import Grid
+from granular.model.grid import Grid
+from granular.model.typing import AnyScene
 from granular.mpm.walls import Solid, Wall
 from granular.plot.canvas import View, is_symmetry
 from granular.sph.walls import Wall as LayerWall
-from granular.typing import AnyScene
 
 WALL_STYLES = {
     "no_slip": {"color": "black", "linewidth": 2.5},

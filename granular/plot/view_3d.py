@@ -12,16 +12,16 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from numpy.typing import ArrayLike, NDArray
 
-from granular.checks import in_range, integer, one_of
 from granular.export.surfaces import surface
-from granular.extras import imported
-from granular.notebook import in_notebook
+from granular.model.state import State
 from granular.plot.encoding import Movie, check_movie, make_movie, sampled
 from granular.plot.fields import MISSING, Brush
 from granular.plot.volume import filled_volume, inside_slab
 from granular.record import Trajectory
-from granular.simulation import Simulation
-from granular.state import State
+from granular.run.simulation import Simulation
+from granular.tools.checks import in_range, integer, one_of
+from granular.tools.extras import imported
+from granular.tools.notebook import in_notebook
 
 CAMERAS = ("iso", "xy", "xz", "yz", "yx", "zx", "zy")
 STYLES = ("surface", "points")

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from granular.model.state import State
 from granular.plot.fields import Brush
-from granular.state import State
 
 SMOOTHING = 0.75
 """Standard deviation of the smoothing of the filling fraction, in spacings of the points."""

@@ -9,22 +9,22 @@ from typing import TYPE_CHECKING, Any, Self, overload
 
 import numpy as np
 
-from granular.checks import truth
-from granular.notebook import table
+from granular.model.symmetric import modelled_share
 from granular.record.checkpoint import Checkpoint
 from granular.record.frame import BODY, NUMBERED, SCALARS, WALL, Frame, names_of, samples_of
 from granular.record.index import Contents, load
 from granular.record.kept import kept, read_kept
 from granular.record.layout import FORMAT, RecordError, reading
-from granular.resources import Resource
-from granular.symmetric import modelled_share
+from granular.tools.checks import truth
+from granular.tools.notebook import table
+from granular.tools.resources import Resource
 
 if TYPE_CHECKING:
-    from granular.diagnostics import Health
+    from granular.model.state import State
+    from granular.model.typing import AnyScene
     from granular.mpm.bodies import BodyState
+    from granular.run.diagnostics import Health
     from granular.sph.gas import GasState
-    from granular.state import State
-    from granular.typing import AnyScene
 
 
 class Trajectory(Resource):
@@ -63,7 +63,7 @@ class Trajectory(Resource):
     def scene(self) -> "AnyScene":
         """The scene of the run, of the class that belongs to its method (MPM or SPH)."""
         # Imported here: a scene needs the whole package, a record does not.
-        from granular.serializable import Serializable
+        from granular.tools.serializable import Serializable
 
         with reading(self.path, "the scene cannot be read"):
             scene: Any = Serializable.from_json(self._contents.texts.scene)
@@ -124,7 +124,7 @@ class Trajectory(Resource):
         frame have no value then.
         """
         # Imported here: reading a record does not need the whole package.
-        from granular.diagnostics import health, health_of_frame
+        from granular.run.diagnostics import health, health_of_frame
 
         last = {name: float(column[-1]) for name, column in self.samples.items() if len(column)}
         if len(self) and np.isnan(last.get("samples", np.nan)):
@@ -150,7 +150,7 @@ class Trajectory(Resource):
             frame = self._frames[index]
         except IndexError:
             raise IndexError(f"frame {index} must be in [{-len(self)}, {len(self) - 1}]") from None
-        from granular.state import State
+        from granular.model.state import State
 
         scene, fields = self.scene, self._fields(frame)
         extra: dict[str, Any] = {"gas": self._gas(frame.gas)} if frame.gas else {}
@@ -293,7 +293,8 @@ def info(path: str | os.PathLike[str], *, total: bool = True) -> dict[str, Any]:
     path : path-like
     total : bool
         True for the mass of the whole set-up, also where planes of symmetry leave a part of it
-        (`granular.symmetric`); False for that of the modelled part, whose points ``n`` counts.
+        (`granular.model.symmetric`); False for that of the modelled part, whose points ``n``
+        counts.
 
     Returns
     -------

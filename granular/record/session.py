@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from granular.record.writer import TrajectoryWriter
-from granular.running import spoils_state
+from granular.run.running import spoils_state
 
 if TYPE_CHECKING:
-    from granular.typing import AnyScene
+    from granular.model.typing import AnyScene
 
 __all__ = ["Session", "bodies_file"]
 

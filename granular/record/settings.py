@@ -8,17 +8,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from granular import _core
-from granular.buffers import default_isa
-from granular.checks import integer, one_of, positive
 from granular.materials.own import difference
 from granular.measure.derived import check_derived, derived
+from granular.model.state import State
 from granular.mpm.scene import Scene as MpmScene
 from granular.record.layout import RecordError
-from granular.running import EVERY
-from granular.state import State
+from granular.run.running import EVERY
+from granular.tools.buffers import default_isa
+from granular.tools.checks import integer, one_of, positive
 
 if TYPE_CHECKING:
-    from granular.typing import AnyScene
+    from granular.model.typing import AnyScene
 
 __all__ = [
     "DOUBLE",

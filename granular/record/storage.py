@@ -8,8 +8,8 @@ from pathlib import Path
 
 import h5py
 
-from granular.files import check_file
 from granular.record.layout import RecordError, reading
+from granular.tools.files import check_file
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 

@@ -31,11 +31,11 @@ from granular.record.layout import (
 )
 from granular.record.lock import Lock
 from granular.record.storage import followed, fsync_folder, identity, permissions
-from granular.resources import Resource
+from granular.tools.resources import Resource
 
 if TYPE_CHECKING:
-    from granular.state import State
-    from granular.typing import AnyScene
+    from granular.model.state import State
+    from granular.model.typing import AnyScene
 
 
 Given = Mapping[str, np.ndarray | Columns]

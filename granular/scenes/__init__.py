@@ -10,7 +10,6 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from granular.checks import one_of
 from granular.scenes._registry import METHODS, SceneFunction, functions
 from granular.scenes.cohesive_cliff import cohesive_cliff
 from granular.scenes.column_collapse import column_collapse, cylinder_collapse
@@ -38,6 +37,7 @@ from granular.scenes.sph_slump import slump_sph
 from granular.scenes.sphere_drop import sphere_drop
 from granular.scenes.tumbling_block import tumbling_block
 from granular.scenes.wheel import wheel
+from granular.tools.checks import one_of
 
 __all__ = [
     "SceneFile",

@@ -6,14 +6,14 @@ import math
 from collections.abc import Collection
 from typing import Any
 
-from granular.checks import in_range, integer, non_negative, positive
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
 from granular.materials import glass_beads
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.mpm.schemes import Fluidity, ParticleDensity, Scheme
 from granular.mpm.walls import Wall
 from granular.shapes import Box
+from granular.tools.checks import in_range, integer, non_negative, positive
 
 ROUND_OFF = 1e-9
 """Fraction of a cell by which a length may differ from a whole number of cells."""

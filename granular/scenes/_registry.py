@@ -12,11 +12,11 @@ from numbers import Integral, Real
 from typing import Any, ParamSpec, Protocol, TypeVar, cast
 
 from granular import sph
-from granular.checks import one_of
 from granular.materials import Material
 from granular.mpm import scene as mpm
 from granular.mpm import schemes
 from granular.scenes._stiffness import stiff_enough
+from granular.tools.checks import one_of
 
 METHODS = ("mpm", "sph")
 
@@ -33,7 +33,7 @@ COMMON = (
     ("half : bool", "If true, only y >= 0 is modelled."),
     ("cell : float", "Cell size [m]."),
     ("spacing : float", "Spacing of the particles [m]."),
-    ("points_per_cell, jitter", "See `granular.geometry.Fill`."),
+    ("points_per_cell, jitter", "See `granular.Fill`."),
     ("gravity, ramp : float", "Magnitude [m/s2], reached from zero within the time `ramp` [s]."),
     ("gravity : float", "Magnitude [m/s2], constant from the start."),
     ("duration : float", "Duration [s]."),

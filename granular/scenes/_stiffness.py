@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from granular.materials import Material
-from granular.plausible import STIFFEST, largest_load, rounded
+from granular.model.plausible import STIFFEST, largest_load, rounded
 
 __all__ = ["LARGEST_SHARE", "stiff_enough"]
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 
-from granular.checks import positive
 from granular.mpm.bodies import Motion
 from granular.mpm.body_limits import THIN, keeps_sides
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import block, gravity_down, smooth_sides, whole_cells
+from granular.tools.checks import positive
 
 Leg = tuple[float, tuple[float, ...], float]
 """Duration [s], velocity [m/s], angular velocity about y [rad/s]."""

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular.checks import positive
-from granular.fill import Fill
-from granular.geometry import Grid
 from granular.materials import DruckerPrager, Material
+from granular.model.fill import Fill
+from granular.model.grid import Grid
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
@@ -15,6 +14,7 @@ from granular.mpm.walls import Wall
 from granular.scenes._build import HEADROOM, enough_cells, gravity_down, whole_cells
 from granular.scenes._registry import scene_function
 from granular.shapes import Box
+from granular.tools.checks import positive
 
 cohesive_soil = DruckerPrager(E=1e6, cohesion=400.0)
 """Soil whose cliffs fail between 16 and 18 cm of height by limit analysis."""

@@ -6,10 +6,9 @@ from dataclasses import replace
 from typing import Any, cast
 
 from granular import sph
-from granular.checks import one_of, positive
-from granular.fill import Fill
-from granular.geometry import Grid
 from granular.materials import Material, MuI, glass_beads
+from granular.model.fill import Fill
+from granular.model.grid import Grid
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
@@ -17,6 +16,7 @@ from granular.mpm.walls import Wall
 from granular.scenes._build import HEADROOM, enough_cells, gravity_down, smooth_sides
 from granular.scenes._registry import scene_function
 from granular.shapes import Box, Cylinder, Intersection
+from granular.tools.checks import one_of, positive
 
 
 def _lip(lip: float | None, runout: float, name: str, radius: float) -> float:

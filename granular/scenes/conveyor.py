@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular.checks import finite, in_range, non_negative, positive
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
 from granular.materials import Material
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.mpm import schemes
 from granular.mpm.bodies import Body, Motion
 from granular.mpm.scene import Scene
@@ -24,6 +23,7 @@ from granular.scenes._build import (
 )
 from granular.scenes._registry import scene_function
 from granular.shapes import Box, HalfSpace
+from granular.tools.checks import finite, in_range, non_negative, positive
 
 
 @scene_function("mpm")
@@ -82,7 +82,7 @@ def conveyor(
     ramp : float
         Time in which the belt takes up its velocity [s].
     points_per_cell, jitter
-        See `granular.geometry.Fill`; by default 2 along an edge of a cell.
+        See `granular.Fill`; by default 2 along an edge of a cell.
     gravity : float
         Magnitude [m/s2], constant from the start.
     {common}; also if the gate does not end within the run.

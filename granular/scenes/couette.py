@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular.checks import finite, in_range, positive
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
 from granular.materials import Material, couette_beads
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.mpm.bodies import Body, Motion
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
@@ -17,6 +16,7 @@ from granular.mpm.walls import Wall
 from granular.scenes._build import HEADROOM, enough_cells, gravity_down, reconnected, whole_cells
 from granular.scenes._registry import scene_function
 from granular.shapes import Cylinder, Region, Sphere
+from granular.tools.checks import finite, in_range, positive
 
 MARGIN = 3
 """Cells between the outer cylinder and the ends of the grid, as splines extend over two nodes."""
@@ -79,7 +79,7 @@ def couette(
     rough : bool
         If true, the fluidity is 0 at the cylinders; otherwise the cylinders do not affect it.
     points_per_cell, jitter
-        See `granular.geometry.Fill`; by default 2 along an edge of a cell.
+        See `granular.Fill`; by default 2 along an edge of a cell.
     gravity : float
         Magnitude [m/s2], constant from the start; unused in 2D.
     {common}; also if the gap has less than 4 cells.

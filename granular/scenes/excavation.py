@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular.checks import finite, in_range, non_negative, positive, truth, vector
 from granular.materials import Material, grc_1
 from granular.mpm.bodies import Body
 from granular.mpm.scene import Scene
@@ -14,6 +13,7 @@ from granular.scenes._build import PROMPT, reconnected, sided
 from granular.scenes._registry import scene_function
 from granular.scenes._tools import bed, legs, thickness_of
 from granular.shapes import Box, Union
+from granular.tools.checks import finite, in_range, non_negative, positive, truth, vector
 
 soft_grc_1 = grc_1.replace(E=0.15e6, t0=PROMPT)
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular.checks import finite, positive
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
-from granular.inflow import Inflow
 from granular.materials import Material
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
+from granular.model.inflow import Inflow
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
@@ -24,6 +23,7 @@ from granular.scenes._build import (
 )
 from granular.scenes._registry import scene_function
 from granular.shapes import Box
+from granular.tools.checks import finite, positive
 
 
 @scene_function("mpm")

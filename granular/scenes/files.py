@@ -13,19 +13,19 @@ from pathlib import Path
 from typing import Any, cast
 
 from granular import materials
-from granular.checks import one_of
-from granular.docstrings import described
-from granular.files import read_text
-from granular.fill import Fill
 from granular.materials import Material
+from granular.model.fill import Fill
+from granular.model.scene import BaseScene
+from granular.model.typing import AnyScene
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import CellAveragedDensity, ParticleDensity, Scheme, SmoothedDensity
-from granular.scene import BaseScene
 from granular.scenes._registry import functions, own_keywords, suited
 from granular.scenes.incline import incline
 from granular.sph.gas import Gas
-from granular.typing import AnyScene
+from granular.tools.checks import one_of
+from granular.tools.docstrings import described
+from granular.tools.files import read_text
 
 __all__ = [
     "SUFFIXES",

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular.checks import in_range, non_negative, positive
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
 from granular.materials import Elastic, Material
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
@@ -16,6 +15,7 @@ from granular.mpm.walls import Wall
 from granular.scenes._build import down_slope, enough_cells, soft_beads, whole_cells
 from granular.scenes._registry import scene_function
 from granular.shapes import Box
+from granular.tools.checks import in_range, non_negative, positive
 
 
 @scene_function("mpm")
@@ -70,7 +70,7 @@ def flexible_barrier(
     plate_E, plate_nu, plate_density : float
         Young's modulus [Pa], Poisson's ratio and density [kg/m3] of the plate.
     points_per_cell, jitter
-        See `granular.geometry.Fill`; the plate is not jittered.
+        See `granular.Fill`; the plate is not jittered.
     headroom : float
         Height of the domain above the column or the plate, whichever is higher [m].
     gravity : float

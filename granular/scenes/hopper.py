@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular.checks import in_range, integer, non_negative, positive
 from granular.materials import Material, glass_beads
 from granular.mpm import schemes
 from granular.mpm.bodies import Body
@@ -15,6 +14,7 @@ from granular.mpm.walls import Wall
 from granular.scenes._build import HEADROOM, MARGIN, block, enough_cells, gravity_down, whole_cells
 from granular.scenes._registry import scene_function
 from granular.shapes import Revolve
+from granular.tools.checks import in_range, integer, non_negative, positive
 
 DROP = 4
 """Cells below the opening, through which the material falls before it leaves."""
@@ -76,7 +76,7 @@ def hopper(
     friction : float
         Coefficient of Coulomb friction of the walls.
     points_per_cell, jitter
-        See `granular.geometry.Fill`; by default 2 along an edge of a cell.
+        See `granular.Fill`; by default 2 along an edge of a cell.
     opens_at : float
         Time at which the lid opens [s].
     gravity, ramp : float

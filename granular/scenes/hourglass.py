@@ -6,10 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from granular.checks import in_range, non_negative, one_of, positive
-from granular.fill import Fill
-from granular.geometry import Grid
 from granular.materials import Material, glass_beads
+from granular.model.fill import Fill
+from granular.model.grid import Grid
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
@@ -17,6 +16,7 @@ from granular.mpm.walls import Solid, Wall
 from granular.scenes._build import HEADROOM, gravity_down, whole_cells
 from granular.scenes._registry import scene_function
 from granular.shapes import Box, Difference, Region, Union
+from granular.tools.checks import in_range, non_negative, one_of, positive
 
 WIDTHS = {"flat": 1.0, "sloped": 0.5}
 FLOOR_OVER_WIDTH = 2

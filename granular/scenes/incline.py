@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular.checks import integer, positive
 from granular.materials import NGF, Material, glass_beads
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
@@ -12,6 +11,7 @@ from granular.mpm.schemes import ParticleDensity, Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import block, down_slope, level_cells, ramped, whole_cells
 from granular.scenes._registry import scene_function
+from granular.tools.checks import integer, positive
 
 
 @scene_function("mpm")

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import array, finite, in_range, integer, non_negative, positive, vector
-from granular.fill import Fill
-from granular.geometry import MAX_COUNT, Grid
 from granular.materials import Material
+from granular.model.fill import Fill
+from granular.model.grid import MAX_COUNT, Grid
+from granular.model.surfaces import Heights, Layer
 from granular.mpm import schemes
 from granular.mpm.bodies import Body
 from granular.mpm.scene import Scene
@@ -27,7 +27,7 @@ from granular.scenes._build import (
 )
 from granular.scenes._registry import scene_function
 from granular.shapes import HeightMap
-from granular.surfaces import Heights, Layer
+from granular.tools.checks import array, finite, in_range, integer, non_negative, positive, vector
 
 Array = NDArray[np.float64]
 
@@ -96,7 +96,7 @@ def landslide(
     dim : {2, 3}
         Dimension of the default terrain.
     points_per_cell, jitter
-        See `granular.geometry.Fill`; by default 2 along an edge of a cell.
+        See `granular.Fill`; by default 2 along an edge of a cell.
     {common}; also if the release does not lie on the terrain.
     """
     cell, friction = positive("cell", cell), non_negative("friction", friction)

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular.checks import non_negative, one_of, positive
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
 from granular.materials import Material
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.mpm import schemes
 from granular.mpm.bodies import Body
 from granular.mpm.scene import Scene
@@ -24,6 +23,7 @@ from granular.scenes._build import (
 )
 from granular.scenes._registry import scene_function
 from granular.shapes import Box, Cylinder, HalfSpace
+from granular.tools.checks import non_negative, one_of, positive
 
 
 @scene_function("mpm")
@@ -93,7 +93,7 @@ def obstacle(
     headroom : float
         Height of the domain above the layer or the obstacle, whichever is higher [m].
     points_per_cell, jitter
-        See `granular.geometry.Fill`; by default 2 along an edge of a cell.
+        See `granular.Fill`; by default 2 along an edge of a cell.
     gravity : float
         Magnitude [m/s2], constant from the start.
     {common}; also if the obstacle is wider than the channel.

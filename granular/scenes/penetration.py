@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular.checks import in_range, integer, non_negative, one_of, positive
 from granular.materials import Material
 from granular.mpm import schemes
 from granular.mpm.bodies import Body, Motion
@@ -15,6 +14,7 @@ from granular.mpm.walls import Wall
 from granular.scenes._build import block, gravity_down, smooth_sides, soft_beads, whole_cells
 from granular.scenes._registry import scene_function
 from granular.shapes import Box, Cylinder, Frustum, Shape, Sphere, Union
+from granular.tools.checks import in_range, integer, non_negative, one_of, positive
 
 
 @scene_function("mpm")
@@ -72,7 +72,7 @@ def penetration(
     dim : {2, 3}
         Dimension.
     points_per_cell, jitter
-        See `granular.geometry.Fill`; by default 2 along an edge of a cell.
+        See `granular.Fill`; by default 2 along an edge of a cell.
     {common}; also if the intruder would reach the floor or the sides.
     """
     cell, dim = positive("cell", cell), integer("dim", dim, 2, 3)

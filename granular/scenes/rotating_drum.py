@@ -7,10 +7,9 @@ from typing import Any
 
 import scipy
 
-from granular.checks import finite, in_range, non_negative, positive
-from granular.fill import Fill
-from granular.geometry import Grid
 from granular.materials import Material
+from granular.model.fill import Fill
+from granular.model.grid import Grid
 from granular.mpm import schemes
 from granular.mpm.bodies import Body, Motion
 from granular.mpm.scene import Scene
@@ -18,6 +17,7 @@ from granular.mpm.schemes import Scheme
 from granular.scenes._build import MARGIN, cells_across, enough_cells, gravity_down, soft_beads
 from granular.scenes._registry import scene_function
 from granular.shapes import Cylinder, Polygon, Prism
+from granular.tools.checks import finite, in_range, non_negative, positive
 
 
 @scene_function("mpm")
@@ -65,7 +65,7 @@ def rotating_drum(
         material that is pressed to the drum does not slip. None for a wall that material sticks to:
         it holds single points and carries them round.
     points_per_cell, jitter
-        See `granular.geometry.Fill`; by default 2 along an edge of a cell.
+        See `granular.Fill`; by default 2 along an edge of a cell.
     {common}.
     """
     cell, radius = positive("cell", cell), positive("radius", radius)

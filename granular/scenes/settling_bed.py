@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular.checks import integer, non_negative, positive
-from granular.fill import Fill
-from granular.geometry import Grid
 from granular.materials import Material
+from granular.model.fill import Fill
+from granular.model.grid import Grid
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
@@ -17,6 +16,7 @@ from granular.scenes._build import HEADROOM, gravity_down, soft_beads, whole_cel
 from granular.scenes._registry import scene_function
 from granular.shapes import Box
 from granular.theory import bar_restitution, wave_decay
+from granular.tools.checks import integer, non_negative, positive
 
 QUIET = 1e-3
 """Share of its first amplitude to which the slowest oscillation has fallen at the end."""

@@ -5,13 +5,12 @@ from __future__ import annotations
 import warnings
 from typing import Any
 
-from granular.checks import in_range, non_negative, one_of, positive, truth
-from granular.diagnostics import StabilityWarning
 from granular.materials import NGF, Material, glass_beads, grc_1, silo_grains
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import ParticleDensity, Scheme
 from granular.mpm.walls import SpongeLayer, Wall
+from granular.run.diagnostics import StabilityWarning
 from granular.scenes._build import (
     HEADROOM,
     PROMPT,
@@ -22,6 +21,7 @@ from granular.scenes._build import (
     whole_cells,
 )
 from granular.scenes._registry import scene_function
+from granular.tools.checks import in_range, non_negative, one_of, positive, truth
 
 
 @scene_function("mpm")

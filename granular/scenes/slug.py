@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular.checks import non_negative, positive, vector
-from granular.fill import Fill
-from granular.geometry import Grid
 from granular.materials import Material, glass_beads
+from granular.model.fill import Fill
+from granular.model.grid import Grid
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
@@ -15,6 +14,7 @@ from granular.mpm.walls import Wall
 from granular.scenes._build import enough_cells, gravity_down, smooth_sides
 from granular.scenes._registry import scene_function
 from granular.shapes import Sphere
+from granular.tools.checks import non_negative, positive, vector
 
 
 @scene_function("mpm")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular.checks import positive
 from granular.scenes._build import (
     SETTLE,
     block,
@@ -20,6 +19,7 @@ from granular.sph.material import Viscoplastic, grit
 from granular.sph.numerics import Numerics
 from granular.sph.scene import Scene
 from granular.sph.walls import Wall
+from granular.tools.checks import positive
 
 ABOVE_COLUMN = 10
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular.checks import in_range, non_negative, positive
-from granular.fill import Fill
+from granular.model.fill import Fill
 from granular.scenes._build import block, cells_across, gravity_down, level_cells, whole_cells
 from granular.scenes._registry import scene_function
 from granular.shapes import Box
@@ -14,6 +13,7 @@ from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
 from granular.sph.scene import Scene
 from granular.sph.walls import Wall
+from granular.tools.checks import in_range, non_negative, positive
 
 __all__ = ["fluidised_bed", "jet_on_bed"]
 

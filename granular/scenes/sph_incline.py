@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular.checks import integer, non_negative, positive
-from granular.gravity import Gravity
+from granular.model.gravity import Gravity
 from granular.scenes._build import block, down_slope, level_cells, whole_cells
 from granular.scenes._registry import scene_function
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
 from granular.sph.scene import Scene
 from granular.sph.walls import Wall
+from granular.tools.checks import integer, non_negative, positive
 
 SWITCH = 1e-6
 """Fraction of the settling time in which gravity turns. It turns practically at once, but the times

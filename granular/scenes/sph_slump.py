@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular.checks import in_range, positive
 from granular.scenes._build import SETTLE, block, cells_across, settling_gravity, whole_cells
 from granular.scenes._registry import scene_function
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
 from granular.sph.scene import Scene
 from granular.sph.walls import Wall
+from granular.tools.checks import in_range, positive
 
 LAYERS = 5
 

@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from granular import shapes
-from granular.checks import in_range, non_negative, positive
-from granular.fill import Fill
-from granular.geometry import Grid
 from granular.materials import Material
+from granular.model.fill import Fill
+from granular.model.grid import Grid
 from granular.mpm import schemes
 from granular.mpm.bodies import Body, mass_properties
 from granular.mpm.scene import Scene
@@ -23,6 +22,7 @@ from granular.scenes._build import (
 )
 from granular.scenes._registry import scene_function
 from granular.shapes import Box
+from granular.tools.checks import in_range, non_negative, positive
 
 
 @scene_function("mpm")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular.checks import in_range, non_negative, positive
 from granular.materials import Material
 from granular.mpm.bodies import Body
 from granular.mpm.scene import Scene
@@ -14,6 +13,7 @@ from granular.scenes._registry import scene_function
 from granular.scenes._tools import bed, legs
 from granular.scenes.excavation import soft_grc_1
 from granular.shapes import Cylinder
+from granular.tools.checks import in_range, non_negative, positive
 
 
 @scene_function("mpm")

@@ -10,7 +10,6 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import check_fields, positive, set_fields, vector
 from granular.shapes.region import Region
 from granular.shapes.shape import (
     TINY,
@@ -23,6 +22,7 @@ from granular.shapes.shape import (
     row_of,
     turned,
 )
+from granular.tools.checks import check_fields, positive, set_fields, vector
 
 __all__ = ["Box", "HalfSpace"]
 

@@ -10,7 +10,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import (
+from granular.shapes.rasters import read_heights
+from granular.shapes.shape import TINY, Shape, row_of
+from granular.tools.checks import (
     check_fields,
     finite,
     positive,
@@ -19,9 +21,7 @@ from granular.checks import (
     set_fields,
     truth,
 )
-from granular.serializable import ComparedByContent
-from granular.shapes.rasters import read_heights
-from granular.shapes.shape import TINY, Shape, row_of
+from granular.tools.serializable import ComparedByContent
 
 __all__ = ["HeightMap"]
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from granular.checks import finite, in_range, positive, vector
 from granular.shapes.measures import reach
 from granular.shapes.moments import moments_of
 from granular.shapes.shape import Array, Shape
+from granular.tools.checks import finite, in_range, positive, vector
 
 __all__ = ["MassProperties", "inertia_of", "mass_properties", "principal"]
 

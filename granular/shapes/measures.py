@@ -7,12 +7,12 @@ from itertools import product
 
 import numpy as np
 
-from granular.checks import LEAST
 from granular.shapes.boxes import Box
 from granular.shapes.mesh import Mesh
 from granular.shapes.operations import united
 from granular.shapes.round import Frustum
 from granular.shapes.shape import TINY, Array, Cover, Measure, Shape
+from granular.tools.checks import LEAST
 
 __all__ = [
     "extents",

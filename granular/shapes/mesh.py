@@ -10,13 +10,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from granular.checks import positive, real_array, set_fields
-from granular.serializable import ComparedByContent
 from granular.shapes.mesh_files import read_surface
 from granular.shapes.mesh_samples import BAND, CUBE, MOST_BLOCKS, THIN, Tables, sampled
 from granular.shapes.mesh_surface import MeshWarning, mended, solids
 from granular.shapes.shape import Cover, Shape, row_of
 from granular.shapes.triangles import Triangles
+from granular.tools.checks import positive, real_array, set_fields
+from granular.tools.serializable import ComparedByContent
 
 __all__ = ["Mesh"]
 

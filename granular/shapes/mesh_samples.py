@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.progress import bar
 from granular.shapes.shape import row_of
 from granular.shapes.triangles import Triangles
+from granular.tools.progress import bar
 
 if TYPE_CHECKING:
     from granular.shapes.mesh import Mesh

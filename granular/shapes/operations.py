@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import check_fields, finite, positive, truth, tuple_of
 from granular.shapes.region import Region
 from granular.shapes.shape import Array, Measure, Shape, row_of
+from granular.tools.checks import check_fields, finite, positive, truth, tuple_of
 
 __all__ = [
     "Complement",

@@ -13,12 +13,14 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import integer
-from granular.files import check_file
-from granular.geometry import MAX_COUNT
 from granular.shapes.coordinate_systems import LENGTHS, UnclearUnits, Units, units_of
+from granular.tools.checks import integer
+from granular.tools.files import check_file
 
 __all__ = ["Raster", "missing", "open_raster"]
+
+MOST_HEIGHTS = 2**31 - 1
+"""Largest number of heights of a raster."""
 
 Pair = tuple[float, float]
 Read = Callable[[slice, slice], tuple[NDArray, NDArray[np.bool_]]]
@@ -185,7 +187,7 @@ def _frame(name: str, head: dict[str, float]) -> tuple[tuple[int, int], Pair, Pa
     if all(steps) or places != 2:
         raise ValueError(f"{name} must give its cells and its place once, found {head}")
     for key in ("nrows", "ncols"):
-        if not 1 <= head[key] <= MAX_COUNT or head[key] != int(head[key]):
+        if not 1 <= head[key] <= MOST_HEIGHTS or head[key] != int(head[key]):
             raise ValueError(f"{name}: {key} = {head[key]:g} must be a whole number >= 1")
     spacing = (head["cellsize"],) * 2 if steps[0] else (head["dx"], head["dy"])
     if not all(0 < h < math.inf for h in spacing):
@@ -196,8 +198,8 @@ def _frame(name: str, head: dict[str, float]) -> tuple[tuple[int, int], Pair, Pa
     half = 0.5 if corners else 0.0
     first = (place[0] + half * spacing[0], place[1] + half * spacing[1])
     shape = int(head["nrows"]), int(head["ncols"])
-    if math.prod(shape) > MAX_COUNT:
-        raise ValueError(f"{name}: its {shape} posts must be at most {MAX_COUNT}")
+    if math.prod(shape) > MOST_HEIGHTS:
+        raise ValueError(f"{name}: its {shape} posts must be at most {MOST_HEIGHTS}")
     return shape, spacing, first
 
 

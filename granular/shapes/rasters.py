@@ -14,9 +14,9 @@ import numpy as np
 import scipy.ndimage
 from numpy.typing import NDArray
 
-from granular.checks import finite, one_of, positive, vector
 from granular.shapes.coordinate_systems import UnclearUnits, Units
 from granular.shapes.raster_files import Raster, missing, open_raster
+from granular.tools.checks import finite, one_of, positive, vector
 
 __all__ = ["read_heights"]
 

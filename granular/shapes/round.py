@@ -7,15 +7,6 @@ from dataclasses import KW_ONLY, dataclass
 
 import numpy as np
 
-from granular.checks import (
-    check_fields,
-    non_negative,
-    positive,
-    sequence,
-    set_fields,
-    truth,
-    vector,
-)
 from granular.shapes.sections import chain_cover, chain_rows, inradius
 from granular.shapes.shape import (
     TINY,
@@ -26,6 +17,15 @@ from granular.shapes.shape import (
     direction,
     padded,
     row_of,
+)
+from granular.tools.checks import (
+    check_fields,
+    non_negative,
+    positive,
+    sequence,
+    set_fields,
+    truth,
+    vector,
 )
 
 __all__ = ["Capsule", "Cylinder", "Frustum", "Sphere", "Torus"]

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.checks import check_fields, one_of, positive, sequence, set_fields, vector
 from granular.shapes.shape import (
     TINY,
     Array,
@@ -25,6 +24,7 @@ from granular.shapes.shape import (
     row_of,
     turned,
 )
+from granular.tools.checks import check_fields, one_of, positive, sequence, set_fields, vector
 
 __all__ = ["Polygon", "Prism", "Revolve"]
 

@@ -19,8 +19,8 @@ import scipy
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.checks import finite, vector
 from granular.shapes.region import Region
+from granular.tools.checks import finite, vector
 
 __all__ = ["Cover", "Measure", "Shape", "shape_kinds"]
 

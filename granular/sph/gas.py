@@ -8,13 +8,13 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from granular import seeding
-from granular.checks import check_fields, in_range, kinds_of, positive, tuple_of, vector
-from granular.fill import Fill, check_inside
-from granular.geometry import Grid
-from granular.inflow import Inflow
-from granular.notebook import table
+from granular.model import seeding
+from granular.model.fill import Fill, check_inside
+from granular.model.grid import Grid
+from granular.model.inflow import Inflow
 from granular.shapes import Box
+from granular.tools.checks import check_fields, in_range, kinds_of, positive, tuple_of, vector
+from granular.tools.notebook import table
 
 __all__ = ["Gas", "GasState", "Jet"]
 
@@ -204,7 +204,7 @@ class Gas:
         return 0.25 * h / self.sound_speed
 
     def points(self, grid: Grid, seed: int) -> seeding.Points:
-        """Gas particles at the start; see `granular.seeding.seed_points`."""
+        """Gas particles at the start; see `granular.model.seeding.seed_points`."""
         return seeding.seed_points(grid, self.fills, seed, self.density, even=True)
 
     def inflows(self) -> dict[int, Inflow]:

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.buffers import rows_of
-from granular.geometry import AXES
-from granular.inflow import Inflow, InflowState, inlet_points, standing_points
+from granular.model.grid import AXES
+from granular.model.inflow import Inflow, InflowState, inlet_points, standing_points
+from granular.tools.buffers import rows_of
 
 if TYPE_CHECKING:
     from granular.sph.scene import Scene

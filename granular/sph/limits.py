@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from granular.indicators import MACH, Row, common
+from granular.model.indicators import MACH, Row, common
 
 if TYPE_CHECKING:
     from granular.sph.scene import Scene

@@ -9,9 +9,9 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import check_fields, in_range, non_negative, positive
 from granular.materials import MuI
-from granular.notebook import table
+from granular.tools.checks import check_fields, in_range, non_negative, positive
+from granular.tools.notebook import table
 
 __all__ = ["Viscoplastic", "glass", "grit"]
 

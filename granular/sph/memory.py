@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from granular.checks import truth
-from granular.inflow import Inflow
-from granular.memory import BASE, MARGIN, entering, refuse
-from granular.seeding import estimated_points
+from granular.model.inflow import Inflow
+from granular.model.seeding import estimated_points
+from granular.run.memory import BASE, MARGIN, entering, refuse
 from granular.sph.scene import Scene
+from granular.tools.checks import truth
 
 __all__ = ["check", "fed_by", "size"]
 
@@ -46,7 +46,7 @@ def check(scene: Scene, force: bool) -> None:
     Raises
     ------
     ValueError
-        See `granular.memory.refuse`.
+        See `granular.run.memory.refuse`.
     """
     if not truth("force", force):
         refuse(scene, *size(scene))

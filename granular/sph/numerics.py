@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from granular.checks import check_fields, in_range, positive
 from granular.sph.material import Viscoplastic
+from granular.tools.checks import check_fields, in_range, positive
 
 __all__ = ["Numerics"]
 

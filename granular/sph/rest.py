@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
-from granular.checks import in_range, non_negative, positive
-from granular.simulation import Hook, Simulation
-from granular.state import State
+from granular.model.state import State
+from granular.run.simulation import Hook, Simulation
+from granular.tools.checks import in_range, non_negative, positive
 
 __all__ = ["run_to_rest"]
 

@@ -9,20 +9,20 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from granular.checks import check_fields, tuple_of
-from granular.fill import Fill
-from granular.geometry import AXES, Grid
-from granular.gravity import Gravity
-from granular.inflow import Inflow
-from granular.regions import Cloud
-from granular.scene import BaseScene
-from granular.serializable import Parameters, register
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import AXES, Grid
+from granular.model.inflow import Inflow
+from granular.model.regions import Cloud
+from granular.model.scene import BaseScene
 from granular.sph import limits
 from granular.sph.gas import Gas, Jet
 from granular.sph.inflow import check_inflows
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
 from granular.sph.walls import Wall, wall_points
+from granular.tools.checks import check_fields, tuple_of
+from granular.tools.serializable import Parameters, register
 
 __all__ = ["Scene", "seeding_gradient", "seeding_weight"]
 

@@ -9,19 +9,20 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from granular import _core, diagnostics, simulation
-from granular.buffers import allocate, default_isa, fill
-from granular.checks import integer
-from granular.inflow import InflowState, stored_inflow
+from granular import _core
+from granular.model.inflow import InflowState, stored_inflow
+from granular.model.state import State
 from granular.record import Checkpoint
-from granular.restarts import LARGEST, LEAST, check_range
-from granular.running import MOST_STEPS
+from granular.run import diagnostics, simulation
+from granular.run.restarts import LARGEST, LEAST, check_range
+from granular.run.running import MOST_STEPS
 from granular.sph import memory
 from granular.sph.gas import GasState
 from granular.sph.inflow import Inlets
 from granular.sph.scene import Scene, seeding_gradient
 from granular.sph.walls import wall_rows
-from granular.state import State
+from granular.tools.buffers import allocate, default_isa, fill
+from granular.tools.checks import integer
 
 __all__ = ["Simulation"]
 

@@ -9,7 +9,8 @@ from dataclasses import KW_ONLY, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import (
+from granular.model.grid import AXES, LINE_TOLERANCE, Grid, combined
+from granular.tools.checks import (
     check_fields,
     finite,
     integer,
@@ -20,7 +21,6 @@ from granular.checks import (
     truth,
     vector,
 )
-from granular.geometry import AXES, LINE_TOLERANCE, Grid, combined
 
 __all__ = ["Wall", "wall_points", "wall_rows"]
 

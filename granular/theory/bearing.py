@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from granular.checks import in_range
+from granular.tools.checks import in_range
 
 __all__ = ["BearingCapacity", "bearing_capacity"]
 

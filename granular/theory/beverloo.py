@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from granular.checks import integer, non_negative, positive
-from granular.gravity import EARTH
+from granular.model.gravity import EARTH
+from granular.tools.checks import integer, non_negative, positive
 
 COEFFICIENT = {2: 1.42, 3: 0.58}
 """Discharge coefficients at the exponents 3/2 and 5/2: the fit of Dunatunga & Kamrin 2015, eq. 4.5,

@@ -19,11 +19,11 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from granular.checks import in_range, integer, non_negative, positive
-from granular.gravity import EARTH
 from granular.materials import NGF
+from granular.model.gravity import EARTH
 from granular.theory.incline import Array, output_times
 from granular.theory.stopping import fluidity_growth, limiting_friction, stopping_height
+from granular.tools.checks import in_range, integer, non_negative, positive
 
 
 @dataclass(frozen=True)

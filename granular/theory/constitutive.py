@@ -14,9 +14,9 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from granular.checks import finite, non_negative, one_of, positive
 from granular.materials import MuI
 from granular.theory.incline import check_mu_I
+from granular.tools.checks import finite, non_negative, one_of, positive
 
 Array = NDArray[np.float64]
 VelocityGradient = Callable[[float], ArrayLike]

@@ -20,10 +20,10 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from granular.checks import integer, one_of, positive
 from granular.materials import NGF
 from granular.theory.incline import Array
 from granular.theory.stopping import fluidity_growth, limiting_friction
+from granular.tools.checks import integer, one_of, positive
 
 WALLS = ("rough", "smooth")
 """Boundary conditions of the fluidity at the cylinders: g = 0 (rough) or dg/dr = 0 (smooth)."""

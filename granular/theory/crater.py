@@ -7,8 +7,8 @@ An empirical law: J. S. Uehara, M. A. Ambroso, R. P. Ojha & D. J. Durian, Phys. 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular.checks import positive
 from granular.theory.incline import Array
+from granular.tools.checks import positive
 
 __all__ = ["crater_depth"]
 

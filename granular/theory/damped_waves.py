@@ -7,7 +7,7 @@ import math
 import numpy as np
 from scipy.optimize import brentq
 
-from granular.checks import non_negative, positive
+from granular.tools.checks import non_negative, positive
 
 __all__ = ["bar_restitution", "wave_decay"]
 

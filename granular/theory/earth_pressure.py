@@ -21,7 +21,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from granular.checks import in_range
+from granular.tools.checks import in_range
 
 __all__ = ["EarthPressure", "earth_pressure"]
 

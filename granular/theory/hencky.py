@@ -12,9 +12,9 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from granular.checks import finite, integer, one_of, positive
-from granular.gravity import EARTH
 from granular.materials import Material
+from granular.model.gravity import EARTH
+from granular.tools.checks import finite, integer, one_of, positive
 
 Array = NDArray[np.float64]
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from granular.checks import in_range, integer, non_negative, positive
-from granular.gravity import EARTH
+from granular.model.gravity import EARTH
+from granular.tools.checks import in_range, integer, non_negative, positive
 
 __all__ = ["hourglass_rate", "janssen_pressure", "mass_flow_limit", "rose_tanaka_factor"]
 

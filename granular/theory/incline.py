@@ -13,9 +13,9 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from granular.checks import in_range, integer, non_negative, positive
-from granular.gravity import EARTH
 from granular.materials import MuI, RegularisedMuI
+from granular.model.gravity import EARTH
+from granular.tools.checks import in_range, integer, non_negative, positive
 
 Array = NDArray[np.float64]
 

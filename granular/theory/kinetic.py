@@ -21,8 +21,8 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from granular.checks import finite, in_range, non_negative, positive
 from granular.materials import MuI
+from granular.tools.checks import finite, in_range, non_negative, positive
 
 Array = NDArray[np.float64]
 

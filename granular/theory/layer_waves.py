@@ -13,11 +13,11 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from granular.checks import integer, positive
-from granular.gravity import EARTH
 from granular.materials import MuI
+from granular.model.gravity import EARTH
 from granular.theory.constitutive import Array, stress_rate
 from granular.theory.incline import check_mu_I
+from granular.tools.checks import integer, positive
 
 _XX, _YY, _XY = 0, 1, 3
 _STEP = 1e-6

@@ -25,10 +25,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import positive, vector
 from granular.materials import MuI, RegularisedMuI
 from granular.theory.incline import check_cohesionless
 from granular.theory.well_posed import _friction
+from granular.tools.checks import positive, vector
 
 __all__ = ["shear_wave_growth", "shear_waves"]
 

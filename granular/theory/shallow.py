@@ -15,8 +15,8 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from granular.checks import array, in_range, positive
-from granular.gravity import EARTH
+from granular.model.gravity import EARTH
+from granular.tools.checks import array, in_range, positive
 
 __all__ = [
     "DamBreak",

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 
-from granular.checks import in_range, non_negative, positive
-from granular.gravity import EARTH
+from granular.model.gravity import EARTH
+from granular.tools.checks import in_range, non_negative, positive
 
 __all__ = ["block_runout", "sliding_earth_pressure"]
 

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular.checks import non_negative, positive
 from granular.theory.incline import Array, check_not_regularised, relative_depth
+from granular.tools.checks import non_negative, positive
 
 
 def stopping_height(angle_deg: ArrayLike, A: float, d: float, mu_s: float, mu_2: float) -> Array:

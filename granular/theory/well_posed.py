@@ -30,9 +30,9 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from granular.checks import in_range, positive
 from granular.materials import NGF, MuI, RegularisedMuI
 from granular.theory.incline import check_cohesionless, check_mu_I
+from granular.tools.checks import in_range, positive
 
 Array = NDArray[np.float64]
 _Law = MuI | RegularisedMuI | NGF

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from granular import measure, scenes
 from granular.materials import NGF
-from granular.simulation import Simulation
-from granular.state import State
+from granular.model.state import State
+from granular.model.typing import AnyScene
+from granular.run.simulation import Simulation
 from granular.theory import chute_profile, stopping_height
 from granular.theory.chute import ChuteFlow
-from granular.typing import AnyScene
 from granular.verify.rows import Row, at_most, check, holds, within
 
 Array = NDArray[np.float64]

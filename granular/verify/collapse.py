@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from granular import materials, measure, scenes
-from granular.simulation import Simulation
+from granular.run.simulation import Simulation
 from granular.theory import RUNOUT_LAWS
 from granular.verify.incline import PUBLISHED
 from granular.verify.rows import Row, at_least, at_most, beside, check, holds, within

@@ -16,19 +16,19 @@ from typing import cast
 import numpy as np
 
 from granular import materials, measure, scenes
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import DUNATUNGA_KAMRIN
 from granular.materials import MuI
 from granular.measure.averaging_grid import cell_mass
+from granular.model.fill import Fill
+from granular.model.gravity import DUNATUNGA_KAMRIN
+from granular.model.grid import Grid
+from granular.model.state import State
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
+from granular.run.simulation import Simulation
 from granular.scenes._build import gravity_down
 from granular.shapes import Box
-from granular.simulation import Simulation
-from granular.state import State
 from granular.theory import RUNOUT_LAWS, beverloo_rate, ill_posedness, transient
 from granular.verify import layers, silo
 from granular.verify.collapse import collapse, three

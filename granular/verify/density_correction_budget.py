@@ -9,17 +9,17 @@ from typing import cast
 import numpy as np
 
 from granular import materials, measure
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
 from granular.measure.energy import plastic_power
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
+from granular.model.state import State
 from granular.mpm import schemes
 from granular.mpm.engine import averaging_interval
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
+from granular.run.simulation import Simulation
 from granular.shapes import Box
-from granular.simulation import Simulation
-from granular.state import State
 from granular.verify.layers import JITTER, MODULUS, layer
 from granular.verify.rows import Row, at_most, beside, check, holds
 

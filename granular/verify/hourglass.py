@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from granular import materials, measure, scenes
 from granular.materials import MuI
+from granular.model.state import State
 from granular.mpm import schemes
 from granular.mpm.schemes import Scheme
-from granular.simulation import Simulation
-from granular.state import State
+from granular.run.simulation import Simulation
 from granular.verify.collapse import REPOSE
 from granular.verify.incline import PUBLISHED
 from granular.verify.rows import Row, at_least, at_most, beside, check, holds

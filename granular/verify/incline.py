@@ -9,11 +9,11 @@ from typing import cast
 import numpy as np
 
 from granular import materials, scenes
-from granular.gravity import DUNATUNGA_KAMRIN
 from granular.materials import MuI
+from granular.model.gravity import DUNATUNGA_KAMRIN
+from granular.model.state import State
 from granular.mpm import schemes
-from granular.simulation import Simulation
-from granular.state import State
+from granular.run.simulation import Simulation
 from granular.theory import bagnold_profile, transient
 from granular.verify.rows import Row, at_least, at_most, check, holds, within
 

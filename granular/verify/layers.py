@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import materials, measure, scenes
-from granular.gravity import DUNATUNGA_KAMRIN
 from granular.materials import MuI
+from granular.model.gravity import DUNATUNGA_KAMRIN
+from granular.model.state import State
 from granular.mpm import schemes
 from granular.mpm.schemes import Scheme
-from granular.simulation import Simulation
-from granular.state import State
+from granular.run.simulation import Simulation
 from granular.theory import bagnold_profile, transient
 from granular.verify.rows import Row, at_most, beside, within
 

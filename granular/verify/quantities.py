@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from granular import measure
 from granular.measure.discharge import WINDOW
+from granular.model.state import State
 from granular.mpm.scene import Scene
-from granular.simulation import Simulation
-from granular.state import State
+from granular.run.simulation import Simulation
 from granular.verify.hourglass import heap
 
 Array = NDArray[np.float64]

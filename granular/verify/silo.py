@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from granular import materials, measure, scenes
-from granular.geometry import LINE_TOLERANCE
-from granular.gravity import DUNATUNGA_KAMRIN
+from granular.model.gravity import DUNATUNGA_KAMRIN
+from granular.model.grid import LINE_TOLERANCE
+from granular.model.state import State
 from granular.mpm.axis_nodes import c0_lines, node_positions
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.simulation import Simulation
-from granular.state import State
+from granular.run.simulation import Simulation
 from granular.theory import beverloo_rate
 from granular.verify.incline import PUBLISHED
 from granular.verify.rows import Row, beside, check, holds, within

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import materials, measure, scenes
+from granular.model.state import State
 from granular.mpm import schemes
 from granular.mpm.schemes import Scheme
-from granular.simulation import Simulation
-from granular.state import State
+from granular.run.simulation import Simulation
 from granular.verify.hourglass import PHASE_TOLERANCE
 from granular.verify.rows import Row, at_least, at_most, beside, check, holds
 from granular.verify.silo import mass_is_exact

@@ -8,8 +8,8 @@ import warnings
 from collections.abc import Iterator, Sequence
 from typing import TextIO
 
-from granular.checks import one_of
-from granular.diagnostics import StabilityWarning
+from granular.run.diagnostics import StabilityWarning
+from granular.tools.checks import one_of
 from granular.verify.rows import Check, Row, checks
 
 _WIDTHS = (40, 60, 14, 18)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.geometry import COARSEST
+from granular.model.grid import COARSEST
 from granular.mpm.cell_codes import cell_flags, fluidity_faces
 from granular.mpm.node_codes import node_codes
 from granular.mpm.rigid_contact import FAR, obstacles

@@ -8,7 +8,8 @@ import time
 import pytest
 
 import granular as gr
-from granular import cli, memory
+from granular import cli
+from granular.run import memory
 
 GIB = 2**30
 

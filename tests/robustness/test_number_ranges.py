@@ -9,7 +9,7 @@ import pytest
 import granular as gr
 from granular import materials, shapes
 from granular.mpm.walls import Solid, SpongeLayer, Wall
-from granular.serializable import arguments_of
+from granular.tools.serializable import arguments_of
 
 SIZES = (1e-300, 1e-30, 1e-8, 1e30, 1e300)
 MADE_OF = ("duration", "points", "rate", "alpha", "E is too small", "strength", "xi")

@@ -5,7 +5,7 @@ import pytest
 from random_scenes import random_scene
 
 import granular as gr
-from granular.geometry import combined
+from granular.model.grid import combined
 from granular.mpm.body_distances import distance_from_bodies
 
 pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")

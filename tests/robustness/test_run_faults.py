@@ -13,8 +13,8 @@ import pytest
 import granular as gr
 from granular.mpm.limits import dt_limit
 from granular.record import TrajectoryWriter
-from granular.restarts import MAY_LACK
-from granular.running import next_frame
+from granular.run.restarts import MAY_LACK
+from granular.run.running import next_frame
 
 ROOT = Path(__file__).parents[2]
 PLAIN = ("linear", "flip", "particle")
@@ -117,7 +117,7 @@ def test_a_hook_that_raises_ends_the_run_and_keeps_the_record(small_scene, tmp_p
 
 def test_checkpoints_are_stored_at_intervals(small_scene, tmp_path, monkeypatch):
     """At both ends of a run, and in between as often as asked; also between two frames."""
-    monkeypatch.setattr("granular.running.CHUNK_SECONDS", 1e-5)
+    monkeypatch.setattr("granular.run.running.CHUNK_SECONDS", 1e-5)
     scene, stored, real = small_scene("walls", 2, PLAIN), [], TrajectoryWriter.checkpoint
 
     def checkpoint(writer, point):

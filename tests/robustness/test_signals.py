@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.interrupts import DeferredSignals
 from granular.materials import from_function, law_functions, own
+from granular.run.interrupts import DeferredSignals
 
 
 class Alarm(Exception):

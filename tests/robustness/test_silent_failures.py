@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
 from granular.materials import Elastic
-from granular.monitor import SPACING
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.mpm import limits
+from granular.run.monitor import SPACING
 from granular.shapes import Box
 
 BEADS = gr.materials.glass_beads.replace(E=1e6)

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from spoiled import DOCUMENTED, QUICK
 
 from granular import Simulation, _core, scenes, sph
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.shapes import Box
 from granular.sph.simulation import _build
 from granular.sph.walls import Wall

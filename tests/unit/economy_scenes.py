@@ -1,10 +1,10 @@
 """Parts that tests of suggestions share."""
 
 import granular as gr
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
 from granular.materials import glass_beads
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.mpm.walls import Wall
 from granular.shapes import Box
 

@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 import granular as gr
 from granular import _core
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
 from granular.materials import Elastic, MuI
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.mpm.bodies import Body, Motion
 from granular.mpm.walls import Wall
 from granular.shapes import Box, Cylinder, HalfSpace, Union

@@ -12,7 +12,6 @@ import granular as gr
 from granular import _core
 from granular.mpm.bodies import Body
 from granular.mpm.scaling import Froude
-from granular.serializable import _decode, _encode
 from granular.shapes import (
     Box,
     Capsule,
@@ -32,6 +31,7 @@ from granular.shapes import (
     Union,
 )
 from granular.shapes.measures import extents, largest_speed, reach, thicknesses
+from granular.tools.serializable import _decode, _encode
 
 AT = (0.02, -0.01, 0.03)
 BALL, BLOCK = Sphere(0.2, center=AT), Box(size=(0.3, 0.25, 0.35), rotation_deg=(10.0, 20.0, 30.0))

@@ -9,9 +9,9 @@ from schemes_by_name import scheme_of
 from scipy.interpolate import BSpline
 
 import granular as gr
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.mpm.axis_nodes import c0_lines, node_positions
 from granular.mpm.node_codes import WallRow, node_codes
 from granular.mpm.schemes import Scheme

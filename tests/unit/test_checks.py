@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from granular import checks
+from granular.tools import checks
 
 
 def test_numbers_come_back_as_floats_and_ints():

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import cli, monitor
+from granular import cli
+from granular.run import monitor
 from granular.scenes import registry
 
 

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import granular as gr
-import granular.geometry
-from granular import diagnostics, monitor
+import granular.model.grid
 from granular.cli import main
-from granular.diagnostics import health
-from granular.gravity import Gravity
 from granular.measure.bulk import Bulk
-from granular.monitor import LEAST, SPACING, Account, Energies, Monitor, later
+from granular.model.gravity import Gravity
+from granular.run import diagnostics, monitor
+from granular.run.diagnostics import health
+from granular.run.monitor import LEAST, SPACING, Account, Energies, Monitor, later
 
 DEFAULT = ("quadratic", "tpic", "smoothed")
 

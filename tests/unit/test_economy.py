@@ -12,10 +12,10 @@ import granular as gr
 from granular.economy import bias
 from granular.economy.suggestion import rebuilt
 from granular.materials import DruckerPrager, Elastic, glass_beads, glass_beads_5mm
-from granular.memory import MARGIN
 from granular.mpm.limits import check_time_step, damps_by_step
 from granular.mpm.schemes import BASES, TRANSFERS
 from granular.mpm.walls import Wall
+from granular.run.memory import MARGIN
 
 PAPER = [
     gr.scenes.incline(),

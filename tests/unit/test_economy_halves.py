@@ -5,9 +5,9 @@ import pytest
 from economy_scenes import full_silo, item
 
 import granular as gr
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.mpm.walls import Solid, Wall
 from granular.shapes import Box
 

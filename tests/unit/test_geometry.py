@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.seeding import seed_points
+from granular.model.fill import Fill
+from granular.model.grid import Grid
+from granular.model.seeding import seed_points
 from granular.shapes import Box, Cylinder, Difference, Intersection, Sphere, Union
 
 UNIT = Grid((0.0, 0.0), 0.1, (10, 10))

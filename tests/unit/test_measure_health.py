@@ -6,7 +6,6 @@ from refusals import refused
 from synthetic import RHO_C, XI, isotropic, material, regular_points, scene, state
 
 from granular import Simulation, State, scenes, theory
-from granular.gravity import Gravity
 from granular.materials import glass_beads
 from granular.measure import (
     density_drift,
@@ -21,6 +20,7 @@ from granular.measure import (
     speed_percentile,
     string_fraction,
 )
+from granular.model.gravity import Gravity
 
 CELL = 0.01
 

@@ -5,10 +5,10 @@ import pytest
 from test_kernels import stages
 
 import granular as gr
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
 from granular.materials import NGF
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.mpm.cell_codes import FACE_LINK, FACE_OPEN, FACE_ROUGH, cell_flags, fluidity_faces
 from granular.mpm.schemes import Fluidity
 from granular.mpm.walls import Solid, Wall

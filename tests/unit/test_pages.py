@@ -35,8 +35,8 @@ MODULES = (
     *("granular.measure.soil_tools", "granular.theory", "granular.theory.layer_waves"),
     *("granular.theory.well_posed", "granular.plot", "granular.plot.silo_clogging"),
     *("granular.plot.dunatunga_kamrin_2015", "granular.economy", "granular.sph"),
-    *("granular.verify", "granular.record", "granular.diagnostics", "granular.sweeping"),
-    "granular.comparing",
+    *("granular.verify", "granular.record", "granular.run.diagnostics", "granular.run.sweeping"),
+    "granular.run.comparing",
     *("granular.grain_scale.dem", "granular.grain_scale.friction_law"),
     "granular.grain_scale.inference",
 )

@@ -8,8 +8,8 @@ import pytest
 
 import granular as gr
 from granular import cli, materials, shapes
+from granular.model.plausible import suspect_numbers
 from granular.mpm.walls import Wall
-from granular.plausible import suspect_numbers
 
 GRAINS = gr.MuI(E=1e6)
 HARDENING = materials.HardeningDruckerPrager(E=1e6)

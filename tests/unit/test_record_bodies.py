@@ -9,10 +9,10 @@ from scipy.stats import qmc
 
 import granular as gr
 from granular.export.surfaces import surface
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
 from granular.materials import MuI
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.mpm.bodies import Body, Motion
 from granular.shapes import (
     Box,

@@ -50,8 +50,8 @@ class StateDouble:
 def doubles(monkeypatch):
     """Test the record by itself, without the scene and the state of the package."""
     for name, attribute, double in (
-        ("granular.serializable", "Serializable", SceneDouble),
-        ("granular.state", "State", StateDouble),
+        ("granular.tools.serializable", "Serializable", SceneDouble),
+        ("granular.model.state", "State", StateDouble),
     ):
         module = ModuleType(name)
         setattr(module, attribute, double)

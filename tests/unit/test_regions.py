@@ -8,8 +8,8 @@ import pytest
 from refusals import refused
 
 import granular as gr
+from granular.model.seeding import seed_points
 from granular.mpm.scaling import Froude
-from granular.seeding import seed_points
 from granular.shapes import Box, Cylinder, HalfSpace
 
 GRID = gr.Grid((0.0, 0.0), 0.1, (10, 10))

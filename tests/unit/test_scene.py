@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from granular import materials
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.mpm import schemes
 from granular.mpm.scene import Parameters, Scene
 from granular.mpm.walls import Solid, SpongeLayer, Wall

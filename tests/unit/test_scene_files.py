@@ -8,7 +8,7 @@ import pytest
 
 import granular as gr
 from granular import cli, scenes
-from granular.comparing import compare
+from granular.run.comparing import compare
 from granular.scenes.files import changed, read_scene, template
 
 

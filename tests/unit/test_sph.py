@@ -10,9 +10,9 @@ from oracle_law import tensor
 from oracle_sph import evaluate, seeding_gradient
 
 from granular import _core, sph
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.shapes import Box
 
 G = 9.81

@@ -8,9 +8,9 @@ from oracle_fluidity import available
 from oracle_sph_gas import drag_coefficient, evaluate
 
 from granular import scenes, sph
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.shapes import Box
 
 DX = 0.01

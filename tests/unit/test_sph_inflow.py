@@ -8,7 +8,7 @@ from refusals import refused
 
 import granular as gr
 from granular import sph
-from granular.gravity import Gravity
+from granular.model.gravity import Gravity
 from granular.sph import simulation
 
 DX = 0.01

@@ -17,9 +17,9 @@ from paraview_reader import as_array, paraview
 import granular as gr
 from granular import _core, sph
 from granular.cli import main
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.record import RecordError, TrajectoryWriter
 from granular.shapes import Box
 

@@ -16,7 +16,7 @@ import pytest
 from records import abandon
 
 import granular as gr
-from granular import running, sweeping
+from granular.run import running, sweeping
 
 ROOT = Path(__file__).parents[2]
 PLAIN = ("linear", "flip", "particle")

@@ -12,7 +12,7 @@ ROOMS = ("csrc", "granular", "tests", "benchmarks", "docs", "notebooks")
 ROOMS += ("README.md", "CHANGELOG.md")
 ENDINGS = (".c", ".h", ".inl", ".py", ".pyi", ".md", ".ipynb", ".sh")
 ANY, CORE = ("",), ("csrc/",)
-ENGINE = ("csrc/", "granular/mpm/", "granular/diagnostics.py")
+ENGINE = ("csrc/", "granular/mpm/", "granular/run/diagnostics.py")
 OUTSIDE_GRAIN_SCALE = (
     *("csrc/", "granular/mpm/", "granular/scenes/", "granular/sph/", "granular/measure/"),
     *("granular/theory/", "granular/verify/", "granular/plot/", "granular/economy/"),

@@ -12,7 +12,7 @@ from granular.verify.external import shallow
 
 ASKED = np.array(list(shallow.TOLERANCES.values()))
 
-pytestmark = pytest.mark.filterwarnings("ignore::granular.diagnostics.StabilityWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::granular.run.diagnostics.StabilityWarning")
 
 
 @pytest.mark.parametrize(

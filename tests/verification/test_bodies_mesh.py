@@ -9,10 +9,10 @@ from cube import CORNERS, FACES
 
 import granular as gr
 from granular import _core
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
 from granular.materials import MuI
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.mpm.bodies import Body, Motion
 from granular.mpm.walls import Wall
 from granular.shapes import Box, Mesh, Union, mesh_samples

@@ -8,10 +8,10 @@ import pytest
 from schemes_by_name import scheme_of
 
 import granular as gr
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
 from granular.materials import Elastic, MuI
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.shapes import Box
 from granular.verify.invariants import momentum
 

@@ -5,7 +5,7 @@ import pytest
 
 from granular import measure, scenes, theory
 from granular.mpm import schemes
-from granular.simulation import Simulation
+from granular.run.simulation import Simulation
 from granular.verify import density_correction, density_correction_budget, layers, silo
 from granular.verify.incline import mean_speed
 

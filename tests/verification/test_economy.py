@@ -5,10 +5,10 @@ import pytest
 
 import granular as gr
 from granular.economy import rules
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
 from granular.materials import glass_beads
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.mpm.limits import damps_by_step
 from granular.mpm.schemes import BASES, TRANSFERS
 from granular.mpm.walls import Wall

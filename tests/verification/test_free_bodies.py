@@ -5,10 +5,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import granular as gr
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
 from granular.materials import MuI
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.mpm.bodies import Body, Motion
 from granular.shapes import Box, Cylinder
 

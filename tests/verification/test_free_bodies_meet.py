@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
 from granular.materials import MuI
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.mpm.bodies import Body, Motion
 from granular.mpm.walls import Solid, Wall
 from granular.shapes import Box, Cylinder, Difference, HalfSpace, Sphere

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
 from granular.materials import MuI
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.mpm.bodies import Body, Motion, mass_properties
 from granular.mpm.walls import Solid, Wall
 from granular.shapes import Box, Cylinder, HalfSpace, Sphere

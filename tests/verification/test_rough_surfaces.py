@@ -12,10 +12,10 @@ import pytest
 from oracle_fluidity import ROUGH, diffuse, faces_of, random_parts
 
 import granular as gr
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
 from granular.materials import NGF
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.mpm.bodies import Body
 from granular.mpm.schemes import Fluidity
 from granular.shapes import Box, HalfSpace

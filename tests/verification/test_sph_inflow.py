@@ -5,7 +5,7 @@ import pytest
 
 import granular as gr
 from granular import sph
-from granular.gravity import Gravity
+from granular.model.gravity import Gravity
 
 DX, G = 0.01, 9.81
 

@@ -5,8 +5,8 @@ import pytest
 
 import granular as gr
 from granular.measure import string_fraction
+from granular.model.regions import Cloud
 from granular.mpm.bodies import Body, Motion
-from granular.regions import Cloud
 from granular.shapes import HalfSpace
 
 CELL, RATE, WIDTH, HEIGHT, STRAIN = 0.01, 2.0, 8, 45, 1.5

@@ -11,12 +11,12 @@ from typing import Any, TypeVar, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import positive
 from granular.grain_scale import inference
 from granular.grain_scale.dem.dumps import Frame, read_frames
 from granular.grain_scale.dem.process import DemError, execute
 from granular.grain_scale.dem.scripts import packing_script, shear_script, start
 from granular.grain_scale.dem.settings import Packing, Shear
+from granular.tools.checks import positive
 
 T = TypeVar("T")
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from granular.checks import in_range, non_negative, positive
+from granular.tools.checks import in_range, non_negative, positive
 
 _LARGEST_DAMPING = 1e3
 """Largest dimensionless damping of a binary collision; the restitution is then below 1e-3."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-from granular.checks import in_range, integer, non_negative, one_of, positive
 from granular.grain_scale.dem.grains import Grains
+from granular.tools.checks import in_range, integer, non_negative, one_of, positive
 
 SPACING = 1.1
 """Least spacing of the initial cubic array, divided by the diameter of the large grains."""

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import in_range
 from granular.grain_scale.dem import Contacts, Frame, Grains
+from granular.tools.checks import in_range
 
 Array = NDArray[np.float64]
 

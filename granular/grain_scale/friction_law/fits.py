@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import OptimizeWarning, curve_fit
 from scipy.special import stdtrit
 
-from granular.checks import in_range, non_negative, one_of, positive
 from granular.grain_scale.friction_law.steady import SteadyShear
 from granular.materials import MuI
+from granular.tools.checks import in_range, non_negative, one_of, positive
 
 Array = NDArray[np.float64]
 Interval = tuple[float, float]

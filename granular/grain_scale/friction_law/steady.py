@@ -10,11 +10,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import integer
 from granular.grain_scale import dem
 from granular.grain_scale.dem import Grains
 from granular.grain_scale.friction_law.contacts import Sample, sample
 from granular.measure.stress import friction_of, pressure
+from granular.tools.checks import integer
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from granular.checks import positive
 from granular.grain_scale.inference.matrices import friction_of_contacts
 from granular.grain_scale.inference.packing import Packing
 from granular.grain_scale.inference.problem import dynamic_problem
 from granular.grain_scale.inference.result import Inference, report
 from granular.grain_scale.inference.solvers import solve
+from granular.tools.checks import positive
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from granular.checks import in_range, one_of, positive
+from granular.tools.checks import in_range, one_of, positive
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

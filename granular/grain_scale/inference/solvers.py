@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 from scipy.sparse import block_array, coo_array, csr_array, diags_array, vstack
 
-from granular.checks import one_of
 from granular.grain_scale.inference.linear import least_squares
 from granular.grain_scale.inference.matrices import rows_of
 from granular.grain_scale.inference.problem import Problem, listed
+from granular.tools.checks import one_of
 
 Array = NDArray[np.float64]
 

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
-from granular.checks import finite, integer, non_negative, one_of, positive, vector
 from granular.grain_scale.inference.matrices import friction_of_contacts
 from granular.grain_scale.inference.packing import Packing
 from granular.grain_scale.inference.problem import Problem, static_problem
 from granular.grain_scale.inference.result import Flag, Inference, report
 from granular.grain_scale.inference.solvers import InferenceError, solve
+from granular.tools.checks import finite, integer, non_negative, one_of, positive, vector
 
 Array = NDArray[np.float64]
 

@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from granular.checks import in_range, integer, positive
 from granular.grain_scale.inference.matrices import equilibrium_matrix, rows_of
 from granular.grain_scale.inference.packing import Packing
+from granular.tools.checks import in_range, integer, positive
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

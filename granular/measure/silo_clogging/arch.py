@@ -7,7 +7,7 @@ import scipy
 
 from granular.measure.averaging_grid import Array, only_material, require_points
 from granular.measure.opening import Opening, each_state, opening_of
-from granular.state import State, States
+from granular.model.state import State, States
 
 _LEVEL = 0.25
 """Difference of height, in point spacings, within which points count as equally low."""

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import in_range, positive
 from granular.measure.averaging_grid import Array, only_material
 from granular.measure.opening import Opening, each_state, opening_of
-from granular.state import State
+from granular.model.state import State
+from granular.tools.checks import in_range, positive
 
 VERDICTS = ("static", "flowing", "unsure")
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular.checks import one_of
 from granular.measure.averaging_grid import Array
 from granular.measure.silo_clogging.flow import VERDICTS
+from granular.tools.checks import one_of
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,11 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from granular.checks import positive
 from granular.measure.averages import frame_average
 from granular.measure.averaging_grid import Array
 from granular.measure.opening import Opening, each_state, opening_of
-from granular.state import States
+from granular.model.state import States
+from granular.tools.checks import positive
 
 HEIGHTS = (1.5, 2.0, 2.5)
 """Heights of the slices in the paper, in widths of the opening."""

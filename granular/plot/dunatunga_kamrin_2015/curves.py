@@ -15,11 +15,11 @@ from matplotlib.ticker import LogFormatter
 from numpy.typing import ArrayLike, NDArray
 
 from granular import measure, theory
-from granular.gravity import EARTH
 from granular.materials import MuI
 from granular.measure.stress import friction_of
+from granular.model.gravity import EARTH
+from granular.model.state import State
 from granular.plot.canvas import Picture
-from granular.state import State
 
 Array = NDArray[np.float64]
 

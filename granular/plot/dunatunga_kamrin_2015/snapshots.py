@@ -11,13 +11,13 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from granular import measure
-from granular.checks import one_of
 from granular.materials import MuI
+from granular.model.state import State
 from granular.plot.canvas import Extent, Picture, View, color_bar
 from granular.plot.fields import Brush
 from granular.plot.frame import Drawing
 from granular.plot.mosaic import Panel, mosaic
-from granular.state import State
+from granular.tools.checks import one_of
 
 States = Sequence[State]
 

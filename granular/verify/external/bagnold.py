@@ -10,11 +10,11 @@ import numpy as np
 
 from granular import scenes
 from granular.materials import MuI
+from granular.model.state import State
 from granular.mpm import schemes
 from granular.mpm.schemes import Scheme
+from granular.run.simulation import Simulation
 from granular.scenes._build import soft_beads
-from granular.simulation import Simulation
-from granular.state import State
 from granular.theory import bagnold_mean, bagnold_profile, bagnold_shape
 from granular.verify.external.frame import Data, Outcome, below, case, load, near
 

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular import measure, scenes
-from granular.gravity import Gravity
 from granular.materials import DruckerPrager, Material, MuI
+from granular.model.gravity import Gravity
+from granular.model.state import State
+from granular.model.typing import AnyScene
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.simulation import Simulation
-from granular.state import State
-from granular.typing import AnyScene
+from granular.run.simulation import Simulation
 from granular.verify.external.frame import Array, Data, Outcome, below, case, load, near
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import one_of
-from granular.diagnostics import StabilityWarning
+from granular.run.diagnostics import StabilityWarning
+from granular.tools.checks import one_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

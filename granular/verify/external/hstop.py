@@ -16,7 +16,7 @@ from granular import scenes
 from granular.materials import NGF
 from granular.mpm import schemes
 from granular.mpm.schemes import Scheme
-from granular.simulation import Simulation
+from granular.run.simulation import Simulation
 from granular.theory import chute_profile, stopping_height
 from granular.theory.chute import ChuteFlow
 from granular.verify.chute import velocity

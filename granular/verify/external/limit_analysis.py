@@ -20,15 +20,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
 from granular.materials import DruckerPrager
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.mpm.bodies import Body, Motion
 from granular.mpm.scene import Scene
 from granular.mpm.walls import Wall
+from granular.run.simulation import Simulation
 from granular.shapes import Box, HalfSpace, Polygon, Region
-from granular.simulation import Simulation
 from granular.theory import bearing_capacity, earth_pressure
 from granular.verify.external.frame import Array, Outcome, case, load, near
 

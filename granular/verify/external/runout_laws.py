@@ -9,8 +9,8 @@ import numpy as np
 
 from granular import measure, scenes
 from granular.materials import glass_beads
+from granular.model.typing import AnyScene
 from granular.theory import RUNOUT_LAWS
-from granular.typing import AnyScene
 from granular.verify.external.columns import G, released
 from granular.verify.external.frame import Array, Comparison, Outcome, case, load
 

@@ -14,17 +14,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from granular import theory
-from granular.fill import Fill
-from granular.geometry import Grid
-from granular.gravity import Gravity
 from granular.materials import DruckerPrager
+from granular.model.fill import Fill
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
+from granular.model.regions import Mask
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.regions import Mask
+from granular.run.simulation import Simulation
 from granular.shapes import Box, Polygon, Region
-from granular.simulation import Simulation
 from granular.verify.external.frame import Array, Outcome, below, case, near
 
 if TYPE_CHECKING:

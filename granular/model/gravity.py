@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import ascending, check_fields, finite, sequence, set_fields, vector
+from granular.tools.checks import ascending, check_fields, finite, sequence, set_fields, vector
 
 __all__ = ["DUNATUNGA_KAMRIN", "EARTH", "Gravity"]
 

@@ -13,7 +13,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from granular.open_space import Distance, OpenSpace
+from granular.model.open_space import Distance, OpenSpace
 from granular.shapes.region import Region
 
 __all__ = ["open_parts", "plane_cut"]

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import (
+from granular.tools.checks import (
     check_fields,
     integer,
     positive,

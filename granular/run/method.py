@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any, Self
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.resources import Resource
-from granular.restarts import check_numbers
-from granular.state import State
+from granular.model.state import State
+from granular.run.restarts import check_numbers
+from granular.tools.resources import Resource
 
 if TYPE_CHECKING:
-    from granular.monitor import Energies, Monitor
+    from granular.model.typing import AnyScene
     from granular.record.checkpoint import Checkpoint
-    from granular.typing import AnyScene
+    from granular.run.monitor import Energies, Monitor
 
 __all__ = ["Method"]
 

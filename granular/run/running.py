@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Protocol, Self
 import numpy as np
 
 from granular import _core
-from granular.checks import positive
+from granular.tools.checks import positive
 
 if TYPE_CHECKING:
-    from granular.monitor import Monitor
     from granular.record.checkpoint import Checkpoint
     from granular.record.writer import TrajectoryWriter
+    from granular.run.monitor import Monitor
 
 __all__ = [
     "CHECKPOINT_MINUTES",

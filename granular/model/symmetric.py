@@ -6,8 +6,8 @@ those of the part that is modelled.
 
 from __future__ import annotations
 
-from granular.geometry import AXES
-from granular.typing import AnyScene
+from granular.model.grid import AXES
+from granular.model.typing import AnyScene
 
 __all__ = ["mirror_axes", "modelled_share"]
 

@@ -7,12 +7,12 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from granular.method import Method
-from granular.notebook import table
+from granular.model.state import State
 from granular.record.fresh import Streamed
 from granular.record.session import Session
-from granular.running import default_threads
-from granular.state import State
+from granular.run.method import Method
+from granular.run.running import default_threads
+from granular.tools.notebook import table
 
 __all__ = ["Present"]
 

@@ -13,7 +13,10 @@ from typing import Any, Protocol, Self, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from granular.checks import (
+from granular.model.grid import MAX_COUNT, combined, steps_between
+from granular.shapes.operations import least
+from granular.shapes.region import Region
+from granular.tools.checks import (
     array,
     check_fields,
     finite,
@@ -21,10 +24,7 @@ from granular.checks import (
     set_fields,
     vector,
 )
-from granular.geometry import MAX_COUNT, combined, steps_between
-from granular.serializable import ComparedByContent
-from granular.shapes.operations import least
-from granular.shapes.region import Region
+from granular.tools.serializable import ComparedByContent
 
 __all__ = ["Heights", "Layer"]
 

@@ -7,15 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from granular import _core, materials
-from granular.buffers import default_isa
-from granular.checks import integer, truth
-from granular.monitor import unwatched
 from granular.record import open_trajectory
 from granular.record.layout import reading
 from granular.record.settings import check_alike, settings_of, usable_isa
+from granular.run.monitor import unwatched
+from granular.tools.buffers import default_isa
+from granular.tools.checks import integer, truth
 
 if TYPE_CHECKING:
-    from granular.typing import AnyScene
+    from granular.model.typing import AnyScene
 
 __all__ = ["resumed"]
 

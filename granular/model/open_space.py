@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.geometry import Grid
+from granular.model.grid import Grid
 from granular.shapes.region import Region
 
 __all__ = ["Distance", "OpenSpace", "last_place", "nowhere"]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from granular.materials.own import OwnLaw
 
 if TYPE_CHECKING:
-    from granular.scene import BaseScene
+    from granular.model.scene import BaseScene
 
 __all__ = ["Row", "common"]
 

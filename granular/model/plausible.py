@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular.geometry import AXES
-from granular.gravity import EARTH
-from granular.regions import Cloud
-from granular.surfaces import Heights, Layer
+from granular.model.gravity import EARTH
+from granular.model.grid import AXES
+from granular.model.regions import Cloud
+from granular.model.surfaces import Heights, Layer
 
 if TYPE_CHECKING:
-    from granular.scene import BaseScene
+    from granular.model.scene import BaseScene
 
 __all__ = ["BOULDER", "STIFFEST", "largest_load", "rounded", "stiffness_hint", "suspect_numbers"]
 

@@ -11,16 +11,16 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from granular.checks import (
+from granular.model.grid import MAX_COUNT, combined, steps_between
+from granular.shapes.region import Region
+from granular.tools.checks import (
     array,
     check_fields,
     positive,
     set_fields,
     vector,
 )
-from granular.geometry import MAX_COUNT, combined, steps_between
-from granular.serializable import ComparedByContent
-from granular.shapes.region import Region
+from granular.tools.serializable import ComparedByContent
 
 __all__ = ["Cloud", "Mask"]
 

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from granular.checks import (
+from granular.materials import Material
+from granular.model.grid import AXES, Grid
+from granular.shapes.region import Region
+from granular.tools.checks import (
     check_fields,
     in_range,
     integer,
@@ -14,9 +17,6 @@ from granular.checks import (
     truth,
     vector,
 )
-from granular.geometry import AXES, Grid
-from granular.materials import Material
-from granular.shapes.region import Region
 
 __all__ = ["Fill", "check_inside"]
 

@@ -10,13 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self, cast, overload
 import numpy as np
 
 from granular import _core
-from granular.checks import integer, positive
-from granular.diagnostics import Health, StabilityWarning, health
-from granular.interrupts import DeferredSignals
 from granular.measure.derived import with_derived
-from granular.monitor import Monitor, known
-from granular.present import Present
-from granular.progress import progress_bar
 from granular.record import Checkpoint, TrajectoryWriter
 from granular.record.session import Session
 from granular.record.settings import (
@@ -25,8 +19,12 @@ from granular.record.settings import (
     frames_to_a_checkpoint,
     precision_to_store,
 )
-from granular.resuming import resumed
-from granular.running import (
+from granular.run.diagnostics import Health, StabilityWarning, health
+from granular.run.interrupts import DeferredSignals
+from granular.run.monitor import Monitor, known
+from granular.run.present import Present
+from granular.run.resuming import resumed
+from granular.run.running import (
     CHECKPOINT_MINUTES,
     EVERY,
     MOST_STEPS,
@@ -37,14 +35,16 @@ from granular.running import (
     next_frame,
     warn_of_threads,
 )
-from granular.turns import Turns, alone
+from granular.run.turns import Turns, alone
+from granular.tools.checks import integer, positive
+from granular.tools.progress import progress_bar
 
 if TYPE_CHECKING:
+    from granular.model.typing import AnyScene
     from granular.mpm.scene import Scene as MpmScene
     from granular.mpm.simulation import Simulation as MpmSimulation
     from granular.sph.scene import Scene as SphScene
     from granular.sph.simulation import Simulation as SphSimulation
-    from granular.typing import AnyScene
 
 __all__ = ["Hook", "Simulation", "SimulationError"]
 
@@ -213,7 +213,7 @@ class Simulation(Present):
             RuntimeError. `granular.plot.Live` is one that shows the run.
         monitor : bool
             Take samples for the indicators of failure, see `health`; the record keeps these for
-            each frame. All samples take as long as some hundred steps (`granular.monitor`).
+            each frame. All samples take as long as some hundred steps (`granular.run.monitor`).
         gas : bool
             For scenes with a gas, store it in the frames of the record; checkpoints hold it in any
             case.
@@ -341,7 +341,7 @@ class Simulation(Present):
         Returns
         -------
         Health
-            Value, limit and verdict of each indicator; see `granular.diagnostics`.
+            Value, limit and verdict of each indicator; see `granular.run.diagnostics`.
         """
         return health(self.scene, self._values(), self._soundness.failure)
 

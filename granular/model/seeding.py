@@ -10,14 +10,14 @@ from itertools import permutations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from granular.checks import integer, positive
-from granular.fill import Fill, check_inside
-from granular.geometry import MAX_COUNT, Grid, combined
-from granular.open_parts import LEAST_SHARE, REACH, open_parts
-from granular.open_space import Distance, OpenSpace, last_place, nowhere
-from granular.regions import Cloud, Mask
+from granular.model.fill import Fill, check_inside
+from granular.model.grid import MAX_COUNT, Grid, combined
+from granular.model.open_parts import LEAST_SHARE, REACH, open_parts
+from granular.model.open_space import Distance, OpenSpace, last_place, nowhere
+from granular.model.regions import Cloud, Mask
 from granular.shapes.boxes import Box
 from granular.shapes.region import Region
+from granular.tools.checks import integer, positive
 
 __all__ = [
     "DEEPEST",

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from granular.model.state import State
 from granular.record import open_trajectory
-from granular.state import State
 
 __all__ = ["Comparison", "compare"]
 

@@ -23,13 +23,13 @@ from numbers import Real
 from pathlib import Path
 from typing import Any, Protocol
 
-from granular.checks import integer, positive
-from granular.extras import imported
-from granular.progress import bar
+from granular.model.typing import AnyScene
 from granular.record import RecordError, Trajectory, open_trajectory
-from granular.serializable import Serializable
-from granular.simulation import Simulation
-from granular.typing import AnyScene
+from granular.run.simulation import Simulation
+from granular.tools.checks import integer, positive
+from granular.tools.extras import imported
+from granular.tools.progress import bar
+from granular.tools.serializable import Serializable
 
 __all__ = ["Executor", "Sweep", "sweep"]
 

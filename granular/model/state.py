@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.notebook import table
+from granular.tools.notebook import table
 
 if TYPE_CHECKING:
+    from granular.model.typing import AnyScene
     from granular.mpm.bodies import BodyState
     from granular.shapes.region import Region
     from granular.sph.gas import GasState
-    from granular.typing import AnyScene
 
 __all__ = ["State", "States"]
 

@@ -7,8 +7,8 @@ import os
 from collections.abc import Iterable
 from pathlib import Path
 
-from granular.inflow import Inflow, points_between, standing_points
-from granular.scene import BaseScene
+from granular.model.inflow import Inflow, points_between, standing_points
+from granular.model.scene import BaseScene
 
 __all__ = ["BASE", "MARGIN", "available_memory", "entering", "gigabytes", "refuse"]
 

@@ -6,15 +6,15 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Any, ClassVar
 
-from granular import seeding
-from granular.checks import check_fields, integer, kinds_of, positive, set_fields, tuple_of
-from granular.fill import Fill, check_inside
-from granular.geometry import Grid
-from granular.gravity import Gravity
-from granular.indicators import Row
-from granular.inflow import Inflow, standing_points
-from granular.notebook import image, pictures, table
-from granular.serializable import Parameters, Serializable
+from granular.model import seeding
+from granular.model.fill import Fill, check_inside
+from granular.model.gravity import Gravity
+from granular.model.grid import Grid
+from granular.model.indicators import Row
+from granular.model.inflow import Inflow, standing_points
+from granular.tools.checks import check_fields, integer, kinds_of, positive, set_fields, tuple_of
+from granular.tools.notebook import image, pictures, table
+from granular.tools.serializable import Parameters, Serializable
 
 __all__ = ["BaseScene"]
 
@@ -88,7 +88,7 @@ class BaseScene(Serializable):
     def points(self) -> seeding.Points:
         """Make the points of the material at the start.
 
-        They are those of the fills (`granular.seeding.seed_points`), then those that fill the
+        They are those of the fills (`granular.model.seeding.seed_points`), then those that fill the
         regions of driven inflows; their number of the fill is that in `sources`.
         """
         parts = [seeding.nothing(self.dim)]
@@ -99,7 +99,7 @@ class BaseScene(Serializable):
         return seeding.joined(parts) if len(parts) > 1 else parts[0]
 
     def _seeding(self) -> dict[str, Any]:
-        """Further arguments of `granular.seeding.seed_points`."""
+        """Further arguments of `granular.model.seeding.seed_points`."""
         return {}
 
     @property
@@ -114,7 +114,7 @@ class BaseScene(Serializable):
 
     @property
     def indicators(self) -> tuple[Row, ...]:
-        """Indicators of failure of its runs; see `granular.diagnostics`."""
+        """Indicators of failure of its runs; see `granular.run.diagnostics`."""
         return self._limits.indicators(self)
 
     def known_failures(self) -> list[str]:

@@ -18,9 +18,9 @@ from granular import _core
 from granular.measure.bulk import Bulk, gaps, ill_posed_fraction
 
 if TYPE_CHECKING:
+    from granular.model.scene import BaseScene
+    from granular.model.state import State
     from granular.record.checkpoint import Checkpoint
-    from granular.scene import BaseScene
-    from granular.state import State
 
 __all__ = ["LEAST", "SPACING", "Energies", "Monitor", "known", "unwatched"]
 

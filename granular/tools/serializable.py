@@ -17,7 +17,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import integer, one_of
+from granular.tools.checks import integer, one_of
 
 __all__ = ["ComparedByContent", "Ordered", "Parameters", "Serializable", "register"]
 

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import finite, integer
 from granular.record import Checkpoint
+from granular.tools.checks import finite, integer
 
 __all__ = ["check_numbers", "check_range"]
 
@@ -22,7 +22,7 @@ LARGEST = 1e60
 LEAST = float(np.finfo(float).tiny)
 """Smallest number that must not be 0, such as a mass."""
 MAY_LACK = ("samples", "sampling")
-"""Arrays in which NaN stands for a value that is not there; see `granular.monitor`."""
+"""Arrays in which NaN stands for a value that is not there; see `granular.run.monitor`."""
 LARGEST_ID = 2**62
 """Largest id of a point, far from where that of one which enters would overflow."""
 

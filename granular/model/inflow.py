@@ -10,7 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.checks import (
+from granular.materials import Material
+from granular.model.fill import Fill, check_inside
+from granular.model.grid import AXES, Grid
+from granular.model.regions import Cloud
+from granular.model.seeding import Points, estimated_points, seed_points
+from granular.shapes import Box, Region
+from granular.tools.checks import (
     check_fields,
     kinds_of,
     non_negative,
@@ -20,15 +26,9 @@ from granular.checks import (
     truth,
     vector,
 )
-from granular.fill import Fill, check_inside
-from granular.geometry import AXES, Grid
-from granular.materials import Material
-from granular.regions import Cloud
-from granular.seeding import Points, estimated_points, seed_points
-from granular.shapes import Box, Region
 
 if TYPE_CHECKING:
-    from granular.scene import BaseScene
+    from granular.model.scene import BaseScene
 
 __all__ = [
     "Inflow",

@@ -1,4 +1,4 @@
-"""The verdict on a run, from the indicators of failure of its monitor (`granular.monitor`).
+"""The verdict on a run, from the indicators of failure of its monitor (`granular.run.monitor`).
 
 Failures that are known before a run are refused or warned of (`granular.mpm.limits`). The others
 happen during the run and without an error: the bulk loses its contacts, densities no longer match
@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from granular.monitor import Monitor
-from granular.notebook import table
-from granular.plausible import suspect_numbers
+from granular.model.plausible import suspect_numbers
+from granular.run.monitor import Monitor
+from granular.tools.notebook import table
 
 if TYPE_CHECKING:
-    from granular.scene import BaseScene
-    from granular.state import State
+    from granular.model.scene import BaseScene
+    from granular.model.state import State
 
 __all__ = [
     "Health",
@@ -40,8 +40,8 @@ def scene_warnings(scene: BaseScene) -> list[str]:
     """List the settings of a scene that are known to fail without an error, one sentence each.
 
     Each is a failure that was measured (`benchmarks/stability_map.py`, the page "Limits and
-    failures"), or a number that is hardly meant (`granular.plausible`); a simulation issues them as
-    `StabilityWarning`.
+    failures"), or a number that is hardly meant (`granular.model.plausible`); a simulation issues
+    them as `StabilityWarning`.
     """
     return scene.known_failures() + suspect_numbers(scene)
 
@@ -179,7 +179,7 @@ def health(scene: BaseScene, values: Mapping[str, float], failure: str = "") -> 
     scene : Scene
     values : mapping of str to float
         Values by the names of `Scene.indicators`, nan or absent where there is none, and the number
-        of "samples"; see `granular.monitor.Monitor.values`.
+        of "samples"; see `granular.run.monitor.Monitor.values`.
     failure : str
         Message of the error that ended the run.
 

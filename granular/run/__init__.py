@@ -1,0 +1,1 @@
+"""Runs: simulation, steps, samples and verdict, resuming, sweeps, comparison."""

@@ -1,0 +1,1 @@
+"""Tools that know nothing of granular flow: checks, files, notebooks, resources."""
