@@ -81,7 +81,7 @@ def momentum(sim):
 
 def quiet(scene, **options):
     with warnings.catch_warnings():  # of schemes that are chosen to be many, not to be good
-        warnings.simplefilter("ignore", gr.diagnostics.StabilityWarning)
+        warnings.simplefilter("ignore", gr.StabilityWarning)
         return gr.Simulation(scene, **({"threads": 1, "wall_forces": True} | options))
 
 
