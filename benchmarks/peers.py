@@ -6,7 +6,8 @@
 Runs every case that the file of results does not hold yet, each with one thread and on one core,
 and appends it, so that a benchmark that was stopped continues where it was. A case that would take
 longer than the limit is left out, and its estimated cost stored, as is a code that is not installed
-(`pip install 'granular[peers]'`). `--draw` runs nothing. docs/reports/peers.md explains the result.
+(`pip install 'granular-flow[peers]'`). `--draw` runs nothing. docs/reports/peers.md explains the
+result.
 """
 
 from __future__ import annotations

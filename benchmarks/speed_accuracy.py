@@ -6,7 +6,7 @@
 Runs every case of `accuracy/cases.py` that the table does not hold yet, one after the other with
 one thread, and appends it, so that a benchmark that was stopped continues where it was. A case that
 would take longer than the limit is left out, and its estimated cost stored. A peer that is not
-installed (`pip install 'granular[peers]'`) is left out with a message. Then the errors and the
+installed (`pip install 'granular-flow[peers]'`) is left out with a message. Then the errors and the
 slopes of the bias are computed and the pictures drawn. docs/reports/accuracy.md explains them;
 `--page` writes the tables into it, between the lines that mark their places. `--draw` runs nothing,
 and works on any machine.

@@ -93,7 +93,7 @@ def __getattr__(name: str) -> ModuleType | str:
     if name == "__version__":
         metadata = import_module("importlib.metadata")
         try:
-            return str(metadata.version("granular"))
+            return str(metadata.version("granular-flow"))
         except metadata.PackageNotFoundError:  # compiled in the folder of the sources
             return "unknown"
     raise AttributeError(f"module 'granular' has no attribute {name!r}")

@@ -112,7 +112,7 @@ def completion(arguments: argparse.Namespace) -> int:
         import shtab
     except ImportError:
         raise ValueError(
-            "completion needs the package shtab: pip install 'granular[completion]'"
+            "completion needs the package shtab: pip install 'granular-flow[completion]'"
         ) from None
     print(shtab.complete(arguments.parser, arguments.shell))
     return 0

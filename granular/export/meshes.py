@@ -28,7 +28,7 @@ def to_pyvista(state: State, fields: Collection[str] = STANDARD) -> Any:
     Raises
     ------
     ModuleNotFoundError
-        If pyvista is not installed: ``pip install 'granular[pictures3d]'``.
+        If pyvista is not installed: ``pip install 'granular-flow[pictures3d]'``.
     TypeError, ValueError
         If there is no such quantity, or the scene has not what it takes.
     """

@@ -50,7 +50,7 @@ def to_pandas(state: State, fields: Collection[str] = STANDARD) -> Any:
     Raises
     ------
     ModuleNotFoundError
-        If pandas is not installed: ``pip install 'granular[tables]'``.
+        If pandas is not installed: ``pip install 'granular-flow[tables]'``.
     TypeError, ValueError
         If there is no such quantity, or the scene has not what it takes.
     """
@@ -83,7 +83,7 @@ def to_xarray(record: Trajectory, fields: Collection[str] = STANDARD) -> Any:
     Raises
     ------
     ModuleNotFoundError
-        If xarray is not installed: ``pip install 'granular[tables]'``.
+        If xarray is not installed: ``pip install 'granular-flow[tables]'``.
     TypeError, ValueError
         If there are no frames or no such quantity, or the scene has not what it takes.
     """

@@ -306,7 +306,7 @@ def from_function(
         law (see Notes), and C source that does not compile, has variables that last from call to
         call, or includes other than headers of the language.
     ModuleNotFoundError
-        Without numba, if it is to compile: ``pip install 'granular[laws]'``.
+        Without numba, if it is to compile: ``pip install 'granular-flow[laws]'``.
 
     Notes
     -----

@@ -66,7 +66,7 @@ def check_movie(
     if ending == ".mp4" and ffmpeg() is None:
         raise ValueError(
             f"path = {str(path)!r} must end in .gif: .mp4 needs ffmpeg, of the system or by "
-            "pip install 'granular[movies]'"
+            "pip install 'granular-flow[movies]'"
         )
     in_range("fps", fps, 0.0, MAX_FPS[ending], open_low=True)
     if not path.parent.is_dir():

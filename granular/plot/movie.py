@@ -37,8 +37,8 @@ def movie(
 ) -> Movie:
     """Make an animated GIF or an MP4 with every frame of a record.
 
-    MP4 needs ffmpeg: one of the system, or that of ``pip install 'granular[movies]'``. To leave out
-    frames, slice the record: `movie(record[::2], ...)`.
+    MP4 needs ffmpeg: one of the system, or that of ``pip install 'granular-flow[movies]'``. To
+    leave out frames, slice the record: `movie(record[::2], ...)`.
 
     Parameters
     ----------

@@ -90,8 +90,8 @@ def view(
     Raises
     ------
     ModuleNotFoundError
-        If pyvista is not installed: ``pip install 'granular[pictures3d]'``; or in a notebook
-        trame: ``pip install 'granular[notebook]'``.
+        If pyvista is not installed: ``pip install 'granular-flow[pictures3d]'``; or in a notebook
+        trame: ``pip install 'granular-flow[notebook]'``.
     RuntimeError
         If no path is given and there is no display for a window.
     TypeError, ValueError
@@ -292,7 +292,7 @@ def _check_display(pyvista: Any) -> None:
         static = pyvista.global_theme.jupyter_backend in ("static", "none")
         if not static and find_spec("trame_pyvista") is None:
             raise ModuleNotFoundError(
-                "views in a notebook need trame: pip install 'granular[notebook]', "
+                "views in a notebook need trame: pip install 'granular-flow[notebook]', "
                 "or give a path for a picture"
             )
     elif (

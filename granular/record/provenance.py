@@ -15,7 +15,7 @@ import numpy as np
 
 def _granular_version() -> str:
     try:
-        return version("granular")
+        return version("granular-flow")
     except PackageNotFoundError:
         return "not installed"
 

@@ -206,7 +206,7 @@ class Simulation(Present):
             If True, replace an existing record.
         progress : bool
             Show a progress bar; in a notebook a widget, if ipywidgets is installed
-            (``pip install 'granular[notebook]'``).
+            (``pip install 'granular-flow[notebook]'``).
         hooks : sequence of callables
             Called with the simulation at each frame; an exception that one raises ends the run.
             They may look at it, and write to its `buffers`, but not step or run it: that raises

@@ -114,7 +114,7 @@ class Sweep(Sequence):
         Raises
         ------
         ModuleNotFoundError
-            Without pandas: ``pip install 'granular[tables]'``.
+            Without pandas: ``pip install 'granular-flow[tables]'``.
         ValueError
             If the sweep was made without a `measure`, or `names` do not fit the keys.
         """

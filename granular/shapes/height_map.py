@@ -136,7 +136,7 @@ class HeightMap(ComparedByContent, Shape):
         Raises
         ------
         ModuleNotFoundError
-            If rasterio is needed and not installed: ``pip install granular[terrain]``.
+            If rasterio is needed and not installed: ``pip install granular-flow[terrain]``.
         OSError
             If the file cannot be read.
         TypeError, ValueError

@@ -152,7 +152,7 @@ class Mesh(ComparedByContent, Shape):
         Raises
         ------
         ModuleNotFoundError
-            If trimesh is not installed: ``pip install granular[meshes]``.
+            If trimesh is not installed: ``pip install granular-flow[meshes]``.
         OSError
             If the file cannot be read.
         ValueError

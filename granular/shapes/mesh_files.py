@@ -90,6 +90,6 @@ def _trimesh() -> Any:
         import trimesh
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
-            f"{error}: files of triangles need trimesh: pip install granular[meshes]"
+            f"{error}: files of triangles need trimesh: pip install granular-flow[meshes]"
         ) from error
     return trimesh

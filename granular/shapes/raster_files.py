@@ -343,6 +343,6 @@ def _rasterio() -> Any:
         import rasterio.windows
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
-            f"{error}: GeoTIFF needs rasterio: pip install granular[terrain]"
+            f"{error}: GeoTIFF needs rasterio: pip install granular-flow[terrain]"
         ) from error
     return rasterio

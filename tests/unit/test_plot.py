@@ -324,7 +324,7 @@ def test_an_existing_movie_is_kept(tmp_path):
 def test_mp4_without_ffmpeg_says_so(tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
-    with pytest.raises(ValueError, match=r"needs ffmpeg.*pip install 'granular\[movies\]'"):
+    with pytest.raises(ValueError, match=r"needs ffmpeg.*pip install 'granular-flow\[movies\]'"):
         plot.movie(falling(2), tmp_path / "a.mp4")
     assert plot.movie(falling(2)).content.startswith(b"GIF89a")
 

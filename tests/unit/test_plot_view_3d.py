@@ -169,7 +169,7 @@ def test_a_notebook_without_trame_names_the_extra(sim, monkeypatch):
     pytest.importorskip("pyvista")
     monkeypatch.setattr(view_3d, "in_notebook", lambda: True)
     monkeypatch.setattr(view_3d, "find_spec", lambda name: None)
-    with pytest.raises(ModuleNotFoundError, match=r"pip install 'granular\[notebook\]'"):
+    with pytest.raises(ModuleNotFoundError, match=r"pip install 'granular-flow\[notebook\]'"):
         gr.plot.view(sim)
 
 
@@ -182,5 +182,5 @@ def test_2d_is_refused(tmp_path):
 
 def test_without_pyvista_the_extra_is_named(sim, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyvista", None)
-    with pytest.raises(ModuleNotFoundError, match=r"pip install 'granular\[pictures3d\]'"):
+    with pytest.raises(ModuleNotFoundError, match=r"pip install 'granular-flow\[pictures3d\]'"):
         gr.plot.view(sim, tmp_path / "x.png")

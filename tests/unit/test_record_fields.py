@@ -244,7 +244,7 @@ def test_pyvista_reads_the_bodies_beside_the_record(record):
 )
 def test_a_package_that_is_missing_is_named(record, monkeypatch, package, extra, call):
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(ModuleNotFoundError, match=rf"pip install 'granular\[{extra}\]'"):
+    with pytest.raises(ModuleNotFoundError, match=rf"pip install 'granular-flow\[{extra}\]'"):
         call(record)
 
 

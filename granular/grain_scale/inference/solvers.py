@@ -74,7 +74,7 @@ def conic(problem: Problem) -> Array:
         import clarabel
     except ImportError:
         raise ImportError(
-            "inference with friction needs Clarabel: pip install 'granular[inference]'"
+            "inference with friction needs Clarabel: pip install 'granular-flow[inference]'"
         ) from None
     soft, target = problem.soft()
     hard, fixed = problem.hard()
@@ -167,7 +167,7 @@ def non_negative(problem: Problem) -> Array:
     if _dense_bytes(problem) > DENSE:
         raise ValueError(
             f"solver = 'nnls' would take {_dense_bytes(problem) / 1e9:.1f} GB and minutes for "
-            f"{len(problem.mu)} contacts: pip install 'granular[inference]'"
+            f"{len(problem.mu)} contacts: pip install 'granular-flow[inference]'"
         )
     edges = _edges(problem)
     soft, target = problem.soft()
