@@ -112,11 +112,10 @@ def _flagged(scene: Scene, cells: _Cells) -> Iterator[tuple[Ranges, int]]:
         for side, where in cells.at_face(low, high, axis, sides):
             yield where, FLAG_WALL << 2 * axis + side
     density = scene.scheme.density
-    shifts = not isinstance(density, ParticleDensity)
     for wall in scene.walls:
         if isinstance(wall, Solid):
             yield cells.within(np.array(wall.lower), np.array(wall.upper)), FLAG_SOLID
-        elif wall.opens_at < math.inf and shifts:
+        elif wall.opens_at < math.inf and not isinstance(density, ParticleDensity):
             reach = density.shifting_outlet_cells * scene.grid.cell
             low, high = _ends(wall, scene.grid)
             yield cells.within(low - reach, high + reach), FLAG_NO_SHIFTING

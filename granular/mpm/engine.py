@@ -22,6 +22,7 @@ from granular.mpm.limits import check_time_step, step_at_rest
 from granular.mpm.lithostatic import rest_compression, stress_shape
 from granular.mpm.node_codes import WallRow, node_codes
 from granular.mpm.scene import Scene, Servo
+from granular.mpm.schemes import SmoothedDensity
 from granular.tools.buffers import allocate, rows_of
 
 __all__ = [
@@ -43,7 +44,7 @@ def _density_numbers(scene: Scene) -> dict[str, float]:
     """Numbers of the density; one of them is converted to what the core needs."""
     numbers = scene.scheme.density.numbers()
     if "relaxation_limit" in numbers:
-        numbers["relaxation_limit"] = _relaxation_limit(scene)
+        numbers["relaxation_limit"] = _relaxation_limit(scene, numbers["relaxation_limit"])
     return numbers
 
 
@@ -128,7 +129,7 @@ MOST_STEPS = 10**9
 def averaging_interval(scene: Scene) -> int:
     """Number of steps between two averagings of the density."""
     density = scene.scheme.density
-    if density.name != "smoothed":
+    if not isinstance(density, SmoothedDensity):
         return 1
     steps = density.averaging_time * _steps_per_crossing(scene)
     if not steps <= MOST_STEPS:
@@ -149,10 +150,10 @@ def _steps_per_crossing(scene: Scene) -> float:
     return scene.grid.cell / scene.wave_speed / step_at_rest(scene)
 
 
-def _relaxation_limit(scene: Scene) -> float:
+def _relaxation_limit(scene: Scene, eps: float) -> float:
     """Largest rate [1/s] of the relaxation of the log-density: eps g/c_w, g the largest gravity."""
     g = largest_gravity(scene)
-    return scene.scheme.density.relaxation_limit * g / scene.wave_speed if g else UNBOUNDED
+    return eps * g / scene.wave_speed if g else UNBOUNDED
 
 
 def _axes(scene: Scene) -> tuple[_core.AxisRow, ...]:

@@ -19,13 +19,15 @@ from numpy.typing import ArrayLike
 
 from granular import materials, shapes
 from granular.materials.own import OwnLaw
-from granular.model import fill, regions, surfaces
-from granular.model import grid as geometry
+from granular.model import regions, surfaces
+from granular.model.fill import Fill
 from granular.model.gravity import Gravity
+from granular.model.grid import Grid
 from granular.model.inflow import Inflow
 from granular.mpm import bodies as rigid
 from granular.mpm.scene import Scene
-from granular.mpm.schemes import DENSITIES, Density, Fluidity, Scheme
+from granular.mpm.scheme_numbers import Numbers
+from granular.mpm.schemes import DENSITIES, Fluidity, Scheme
 from granular.mpm.walls import Solid, SpongeLayer, Wall
 from granular.tools.checks import check_fields, one_of, positive
 from granular.tools.serializable import arguments_of
@@ -63,7 +65,7 @@ _PLANE = (
 _UNITS = {"1/s": "rate", "s": "time", "m/s": "velocity"}
 
 
-def _of_units(kind: type[Density | Scheme]) -> dict[str, str]:
+def _of_units(kind: type[Numbers]) -> dict[str, str]:
     """Return the quantities of the numbers of a class from the units declared for them."""
     return {name: _UNITS[unit] for name, unit in kind.units.items() if unit != "1"}
 
@@ -79,8 +81,8 @@ _MATERIAL = {
 _SECTION = {"center": "length", "thickness": "length"}
 _MOVING = {"velocity": "velocity", "pressure": "stress"}
 _QUANTITIES: dict[type, dict[str, str]] = {
-    geometry.Grid: {"lower": "length", "cell": "length"},
-    fill.Fill: {"velocity": "velocity"},
+    Grid: {"lower": "length", "cell": "length"},
+    Fill: {"velocity": "velocity"},
     Inflow: {"velocity": "velocity", "rate": "mass_rate", "times": "time"},
     surfaces.Heights: {"z": "length", "lower": "length", "spacing": "length"},
     surfaces.Layer: {name: "length" for name in ("on", "thickness", "lower", "upper", "spacing")},

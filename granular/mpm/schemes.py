@@ -7,18 +7,18 @@ the C core (`csrc/mpm/scheme.h`). The classes here are made from these declarati
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, make_dataclass
-from dataclasses import replace as _replace
-from inspect import cleandoc
-from textwrap import fill
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, ClassVar
 
 from granular import _core
+from granular.mpm.scheme_numbers import (
+    CellAveragedNumbers,
+    FluidityNumbers,
+    ParticleNumbers,
+    SchemeNumbers,
+    SmoothedNumbers,
+)
 from granular.tools.checks import (
-    check_fields,
-    in_range,
-    integer,
     kinds_of,
     one_of,
     set_fields,
@@ -46,7 +46,6 @@ __all__ = [
 ]
 
 _ENUMERATIONS = _core.enumerations()
-_NUMBERS = _core.scheme_numbers()
 
 BASES = tuple(_ENUMERATIONS["basis"])
 """Names of the shape functions that a `Scheme` may have."""
@@ -61,77 +60,8 @@ DIFFUSIONS = ("auto", *_ENUMERATIONS["diffusion"])
 STENCILS = tuple(_ENUMERATIONS["stencil"])
 
 
-def _check(name: str, value: Any, default: float | None, allowed: str) -> Any:
-    """Check that a number lies in its declared range, such as "[0, 1)" or "integer [1, 5]"."""
-    if value is None and default is None:
-        return None
-    low, high = (float(end) for end in allowed.removeprefix("integer ")[1:-1].split(","))
-    if allowed.startswith("integer"):
-        return integer(name, value, int(low), int(high))
-    ends = {"open_low": "(" in allowed, "open_high": ")" in allowed}
-    return in_range(name, value, low, high, **ends)
-
-
-def _documented(doc: str, group: str) -> str:
-    """Insert the parameters of a group into a docstring in place of ``{numbers}``."""
-    lines = []
-    for name, default, allowed, unit, text in _NUMBERS[group]:
-        kind = "int" if allowed.startswith("integer") else "float"
-        optional = " or None" if default is None else f", default {default:g}"
-        lines.append(f"{name} : {kind}{optional}")
-        text = f"{text} Range: {allowed}{'' if unit == '1' else ' ' + unit}."
-        lines.append(fill(text, 96, initial_indent=" " * 4, subsequent_indent=" " * 4))
-    return cleandoc(doc).replace("{numbers}", "\n".join(lines))
-
-
-class _Numbers:
-    """Base class of the classes made from declared numbers."""
-
-    units: ClassVar[Mapping[str, str]]
-    """Units of the declared numbers by name."""
-    _group: ClassVar[str]
-
-    def __init_subclass__(cls, **_: Any) -> None:
-        if cls.__doc__ and "{numbers}" in cls.__doc__:
-            cls.__doc__ = _documented(cls.__doc__, cls._group)
-
-    def __post_init__(self) -> None:
-        for name, default, allowed, _, _ in _NUMBERS[self._group]:
-            check_fields(self, _check, name, default=default, allowed=allowed)
-
-    def replace(self, **changes: Any) -> Self:
-        """Return a copy with some arguments changed; it is checked like a new object."""
-        return _replace(self, **changes)  # type: ignore[type-var]  # subclasses are dataclasses
-
-    def numbers(self) -> dict[str, float | None]:
-        """Return the declared numbers by name."""
-        return {name: getattr(self, name) for name in self.units}
-
-
-def _declared(group: str) -> Any:
-    """Make a frozen dataclass of the numbers that the core declares for a group."""
-    members = []
-    for name, default, allowed, _, _ in _NUMBERS[group]:
-        whole = allowed.startswith("integer")
-        hint = "int" if whole else "float" if default is not None else "float | None"
-        value = int(default) if whole and default is not None else default
-        members.append((name, hint, field(default=value)))
-    units = {name: unit for name, _, _, unit, _ in _NUMBERS[group]}
-    space = {"_group": group, "units": units, "__module__": __name__}
-    return make_dataclass(
-        f"_{group}", members, bases=(_Numbers,), namespace=space, frozen=True, kw_only=True
-    )
-
-
-_Particle: Any = _declared("particle")
-_Smoothed: Any = _declared("smoothed")
-_CellAveraged: Any = _declared("cell_averaged")
-_Fluidity: Any = _declared("fluidity")
-_Scheme: Any = _declared("scheme")
-
-
 @dataclass(frozen=True, kw_only=True)
-class ParticleDensity(_Particle):
+class ParticleDensity(ParticleNumbers):
     """Density that each point integrates by itself, from its velocity gradient.
 
     This is the published scheme (Dunatunga & Kamrin 2015, eq. 3.9). In flows that vary in two or
@@ -146,7 +76,7 @@ class ParticleDensity(_Particle):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SmoothedDensity(_Smoothed):
+class SmoothedDensity(SmoothedNumbers):
     """Density that is averaged over neighbours and relaxes to the nodal density.
 
     For quadratic B-splines with TPIC. Points are shifted away from over-compressed places, and
@@ -168,7 +98,7 @@ class SmoothedDensity(_Smoothed):
 
 
 @dataclass(frozen=True, kw_only=True)
-class CellAveragedDensity(_CellAveraged):
+class CellAveragedDensity(CellAveragedNumbers):
     """Density that the points of a cell have in common, with their gradient and mean stress.
 
     For linear shape functions with TPIC. It relaxes to the filling fraction of the cell.
@@ -192,7 +122,7 @@ Density = ParticleDensity | SmoothedDensity | CellAveragedDensity
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fluidity(_Fluidity):
+class Fluidity(FluidityNumbers):
     """Diffusion of the fluidity of a nonlocal law (`granular.NGF`); without one it has no effect.
 
     Parameters
@@ -231,7 +161,7 @@ class Fluidity(_Fluidity):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scheme(_Scheme):
+class Scheme(SchemeNumbers):
     """A numerical scheme of the material point method; without arguments it is `default`.
 
     Parameters
