@@ -245,15 +245,16 @@ def self_weight(phi_deg: float, rough: bool) -> float:
 ANGLES = (0.0, 17.0, 30.0)
 """Angles of the surface against the grid [deg]."""
 
-WALL_STOPS = (0.0, 0.001, 0.002, 0.003, 0.004, 0.005, 0.0075, 0.01, 0.0125, 0.015)
+WALL_STOPS = (*(0.001 * k for k in range(6)), *(0.0025 * k for k in range(3, 9)))
 FOOTING_STOPS = {
     "self-weight": tuple(0.001 * k for k in range(7)),
     "surcharge": tuple(0.001 * k for k in range(11)),
 }
 """Displacements in `SIZE` between which forces are averaged."""
 
-STEADY = {"wall": 0.005, "self-weight": 0.0025, "surcharge": 0.005}
-"""Displacements in `SIZE` beyond which the material fails."""
+STEADY = {"wall": 0.01, "self-weight": 0.0025, "surcharge": 0.005}
+"""Displacements in `SIZE` beyond which the material fails. Passive pressure takes 0.01 of it from a
+horizontal stress of nu/(1 - nu) of the vertical one, and half of that from an equal one."""
 
 BASES = {"smooth": (8,), "rough": (16, 32)}
 """Bases of the bed and numbers of cells over its height, of which the last decides. A smooth base
@@ -404,7 +405,7 @@ def picture(outcome: Outcome) -> Figure:
         title="strip footing, 20 deg",
     )
     if "wedge" in curves:
-        wall = np.array([[0.015, 0.0], [0.015, 1.0]])
+        wall = np.array([[WALL_STOPS[-1], 0.0], [WALL_STOPS[-1], 1.0]])
         _draw_map(panels[1, 0], curves["wedge"], "speed of the points, passive wall", wall)
     if "footing" in curves:
         base = np.array([[0.0, -0.01], [0.5, -0.01]])
