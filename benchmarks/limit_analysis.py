@@ -45,11 +45,10 @@ def row(
     banded: bool = False,
 ) -> dict:  # fmt: skip
     """Coefficient of a run and what it costs, and the inclination of its band if `banded`."""
-    stops = cases.WALL_STOPS if kind == "wall" else cases.FOOTING_STOPS[kind]
     begin = time.process_time()
-    reaction = cases.reaction(scene, stops)
+    reaction = cases.reaction(scene, cases.STOPS[kind])
     force = reaction.at_rest(cases.STEADY[kind])
-    unit = cases.RHO * cases.G * cases.SIZE**2 * (0.5 if kind == "wall" else 0.25)
+    unit = cases.RHO * cases.G * cases.SIZE**2 * (0.5 if kind in ("K_p", "K_a") else 0.25)
     seconds = time.process_time() - begin
     found = {"problem": problem, "changed": changed, "cells": cells, "coefficient": force / unit}
     found |= {"share": force / unit / known, "seconds": seconds}
@@ -83,7 +82,7 @@ def walls(quick: bool) -> Iterator[dict]:
     for passive, angle, cells in variants[:1] if quick else variants:
         kind, known = "K_p" if passive else "K_a", cases.rankine(20.0, passive)
         scene = cases.wall_scene(20.0, passive=passive, rough=True, angle_deg=angle, cells=cells)
-        yield row(kind, f"turned by {angle:g} deg", cells, scene, known, "wall")
+        yield row(kind, f"turned by {angle:g} deg", cells, scene, known, kind)
     if quick:
         return
     given = {"passive": True, "rough": True, "angle_deg": 0.0}
@@ -93,14 +92,14 @@ def walls(quick: bool) -> Iterator[dict]:
         ("four times as stiff", {"E": 1.2e7}),
     ):
         scene = cases.wall_scene(20.0, cells=16, **given, **numbers)
-        yield row("K_p", name, 16, scene, known, "wall")
+        yield row("K_p", name, 16, scene, known, "K_p")
     for name, scheme in SCHEMES.items():
-        yield row("K_p", name, 16, plain.replace(scheme=scheme), known, "wall")
+        yield row("K_p", name, 16, plain.replace(scheme=scheme), known, "K_p")
     floor = gr.Body(gr.shapes.HalfSpace((0.0, 1.0)), (0.0, 0.0), contact="sticky")
     for cells in (8, 16, 32):
         scene = cases.wall_scene(20.0, cells=cells, **given)
         held = scene.replace(walls=(gr.Wall(1, 0.0, kind="no_slip"), *scene.walls[1:]))
-        yield row("K_p", "no_slip base", cells, held, known, "wall")
+        yield row("K_p", "no_slip base", cells, held, known, "K_p")
     for cells in (8, 16, 32):
         scene = cases.wall_scene(20.0, cells=cells, **given)
         below = gr.Grid(
@@ -108,7 +107,7 @@ def walls(quick: bool) -> Iterator[dict]:
             (scene.grid.shape[0], scene.grid.shape[1] + 4),
         )  # fmt: skip
         stuck = scene.replace(grid=below, walls=scene.walls[1:], bodies=(*scene.bodies, floor))
-        yield row("K_p", "a sticky body as the base", cells, stuck, known, "wall")
+        yield row("K_p", "a sticky body as the base", cells, stuck, known, "K_p")
 
 
 def wedges(quick: bool) -> Iterator[dict]:
@@ -124,7 +123,7 @@ def wedges(quick: bool) -> Iterator[dict]:
             scene = scene.replace(fills=fills, seed=seed)
         kind, known = "K_p" if passive else "K_a", cases.rankine(30.0, passive)
         turned = f"turned by {angle:g} deg"
-        yield row(kind, turned, cells, scene, known, "wall", banded=True) | {"seed": seed}
+        yield row(kind, turned, cells, scene, known, kind, banded=True) | {"seed": seed}
 
 
 def footings(quick: bool) -> Iterator[dict]:

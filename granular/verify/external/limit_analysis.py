@@ -245,14 +245,16 @@ def self_weight(phi_deg: float, rough: bool) -> float:
 ANGLES = (0.0, 17.0, 30.0)
 """Angles of the surface against the grid [deg]."""
 
-WALL_STOPS = (*(0.001 * k for k in range(6)), *(0.0025 * k for k in range(3, 9)))
-FOOTING_STOPS = {
+BEGIN = tuple(0.001 * k for k in range(6))
+STOPS = {
+    "K_p": (*BEGIN, *(0.0025 * k for k in range(3, 9))),
+    "K_a": (*BEGIN, *(0.0025 * k for k in range(3, 7))),
     "self-weight": tuple(0.001 * k for k in range(7)),
     "surcharge": tuple(0.001 * k for k in range(11)),
 }
 """Displacements in `SIZE` between which forces are averaged."""
 
-STEADY = {"wall": 0.01, "self-weight": 0.0025, "surcharge": 0.005}
+STEADY = {"K_p": 0.01, "K_a": 0.005, "self-weight": 0.0025, "surcharge": 0.005}
 """Displacements in `SIZE` beyond which the material fails. Passive pressure takes 0.01 of it from a
 horizontal stress of nu/(1 - nu) of the vertical one, and half of that from an equal one."""
 
@@ -286,8 +288,8 @@ def _wall(
     unit, kind = 0.5 * RHO * G * SIZE**2, "K_p" if passive else "K_a"
     scene = wall_scene(phi, passive=passive, rough=base == "rough", angle_deg=angle, cells=cells)
     with outcome.timed():
-        found = reaction(scene, WALL_STOPS)
-    K = found.at_rest(STEADY["wall"]) / unit
+        found = reaction(scene, STOPS[kind])
+    K = found.at_rest(STEADY[kind]) / unit
     angles = "phi = {:g}, phi* = {:.1f} deg".format(*limits(phi))
     name = f"{kind}, {angles}, {base} base, turned by {angle:g} deg, {cells} cells"
     outcome.rows.append(near(name, K, wall_reference(phi, passive, base), TOLERANCE, gate))
@@ -317,7 +319,7 @@ def _footing(outcome: Outcome, surcharge: bool, rough: bool, angle: float, cells
     with outcome.timed():
         found = reaction(
             footing_scene(20.0, rough=rough, surcharge=surcharge, angle_deg=angle, cells=cells),
-            FOOTING_STOPS[kind],
+            STOPS[kind],
         )
     surface, known = "rough" if rough else "smooth", bearing(20.0, surcharge, rough)
     outcome.curves["footings"].append({
@@ -405,7 +407,7 @@ def picture(outcome: Outcome) -> Figure:
         title="strip footing, 20 deg",
     )
     if "wedge" in curves:
-        wall = np.array([[WALL_STOPS[-1], 0.0], [WALL_STOPS[-1], 1.0]])
+        wall = np.array([[STOPS["K_p"][-1], 0.0], [STOPS["K_p"][-1], 1.0]])
         _draw_map(panels[1, 0], curves["wedge"], "speed of the points, passive wall", wall)
     if "footing" in curves:
         base = np.array([[0.0, -0.01], [0.5, -0.01]])
