@@ -71,7 +71,7 @@ def box(
     material = gr.materials.glass_beads.replace(E=1e6, rho_c=RHO)
     density = RHO * np.exp(RHO * G * (height - above) / material.K)
     x = base + along[:, None] * t + above[:, None] * n
-    region: gr.Region = gr.Cloud(x, np.full(len(x), CELL**2 / 4), density=density)
+    region: gr.shapes.Region = gr.Cloud(x, np.full(len(x), CELL**2 / 4), density=density)
     if staggered:
         region = gr.Box(tuple(base), tuple(base + length * t + height * n))
     until = crossed * CELL / speed

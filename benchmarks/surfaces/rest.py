@@ -46,7 +46,7 @@ def bed_scene(turned_deg: float, offset: float, dim: int = 2, seeded: str = "row
     material = gr.materials.glass_beads.replace(E=1e6, rho_c=RHO)
     spacing, width = CELL / 2, 4 * CELL if dim == 3 else 1.0
     if seeded == "grid":
-        region: gr.Region = gr.Polygon(tuple(map(tuple, corners[[0, 2, 3, 1]])))
+        region: gr.shapes.Region = gr.Polygon(tuple(map(tuple, corners[[0, 2, 3, 1]])))
         fill = gr.Fill(region, 4, lithostatic=True)
     else:
         along, above = rows_of_points(length, height, spacing)

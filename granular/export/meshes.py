@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from granular.export.surfaces import placed_surface
 from granular.measure.derived import STANDARD, check_derived, with_derived
 from granular.model.state import State
+from granular.tools.checks import instance
 from granular.tools.extras import imported
 
 __all__ = ["to_pyvista"]
@@ -32,6 +33,7 @@ def to_pyvista(state: State, fields: Collection[str] = STANDARD) -> Any:
     TypeError, ValueError
         If there is no such quantity, or the scene has not what it takes.
     """
+    instance("state", state, State)
     pyvista = imported("pyvista", "pictures3d")
     found = pyvista.MultiBlock()
     found["material"] = _cloud(pyvista, with_derived(state, check_derived("fields", fields)))

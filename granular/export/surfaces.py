@@ -30,6 +30,7 @@ from granular.shapes.operations import Complement, Union
 from granular.shapes.round import Capsule, Cylinder, Frustum, Sphere, Torus
 from granular.shapes.sections import Polygon, Prism, Revolve, Section
 from granular.shapes.shape import Shape, frame_of
+from granular.tools.checks import instance
 
 Array = NDArray[np.float64]
 
@@ -71,6 +72,7 @@ def write_bodies(
     FileExistsError
         If the file exists and `overwrite` is not set.
     """
+    instance("record", record, Trajectory)
     scene = record.scene
     if not scene.bodies or not len(record):
         raise ValueError(f"record = {record!r} must have bodies and frames")

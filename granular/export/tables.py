@@ -14,6 +14,7 @@ from granular.model.state import State
 from granular.mpm.bodies import split
 from granular.record.layout import RecordError
 from granular.record.reader import Trajectory
+from granular.tools.checks import instance
 from granular.tools.extras import imported
 
 __all__ = ["to_pandas", "to_xarray"]
@@ -54,6 +55,7 @@ def to_pandas(state: State, fields: Collection[str] = STANDARD) -> Any:
     TypeError, ValueError
         If there is no such quantity, or the scene has not what it takes.
     """
+    instance("state", state, State)
     pandas = imported("pandas", "tables")
     columns: dict[str, NDArray[Any]] = {}
     for name, array in with_derived(state, check_derived("fields", fields)).items():
@@ -87,6 +89,7 @@ def to_xarray(record: Trajectory, fields: Collection[str] = STANDARD) -> Any:
     TypeError, ValueError
         If there are no frames or no such quantity, or the scene has not what it takes.
     """
+    instance("record", record, Trajectory)
     xarray = imported("xarray", "tables")
     if not len(record):
         raise ValueError(f"record = {record!r} must have frames")

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from granular.materials import Material
-from granular.model.grid import AXES, Grid
+from granular.model.grid import AXES, Grid, combined
+from granular.shapes.height_map import HeightMap
 from granular.shapes.region import Region
 from granular.tools.checks import (
     check_fields,
@@ -36,9 +39,9 @@ class Fill:
     Parameters
     ----------
     region : Region
-        Region to fill: every site of the seeding lattice that lies inside gets a point. The
-        boundary of a `Polygon` or `Layer` cuts squares as bodies do. A `Cloud` holds the points
-        itself.
+        Region to fill: every site of the seeding lattice that lies inside gets a point. The surface
+        of a shape, or of a `Layer`, cuts squares as bodies do; a box that is not turned, by itself,
+        holds whole squares. A `Cloud` holds the points itself. In SPH all squares are whole.
     points_per_cell : int
         Points in a full cell: q^2 in 2D, q^3 in 3D, with an integer q.
     density : float or None
@@ -125,3 +128,7 @@ def check_inside(name: str, grid: Grid, region: Region) -> None:
                 f"{name} reaches from {low} to {high} along {AXES[axis]}, must stay in the grid"
                 f" from {grid.lower[axis]} to {grid.upper[axis]}"
             )
+    corners = combined([np.array(ends) for ends in zip(*region.bounds, strict=True)])
+    for leaf in region.leaves():
+        if isinstance(leaf, HeightMap):
+            leaf.check(name, corners, slack)

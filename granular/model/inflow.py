@@ -61,7 +61,7 @@ class Inflow:
     """Material that enters during the run, as a seeding lattice that moves with a velocity.
 
     The inlet is the upstream end of `region`, along the axis along which the velocity is largest; a
-    column of points enters at each site of the first layer of the seeding lattice there. Columns
+    column of points enters at each site of the seeding lattice across the stream. Columns
     enter one after the other, so that the mass that has entered is the rate times the time to
     within a point, and the points of a column enter at the distance of the seeding lattice whatever
     the time step. What enters depends on the time alone, so that a run is the same with any output
@@ -70,8 +70,8 @@ class Inflow:
     Parameters
     ----------
     region : Region
-        Where material enters. Of the sites in it only those of the layer at the upstream end count
-        for the stream, the whole of it for a driven inflow, which must be a `Box`. Not a `Cloud`.
+        Where material enters. Its section across the stream counts, and its upstream end; the whole
+        of it for a driven inflow, which must be a `Box` that is not turned. Not a `Cloud`.
     velocity : tuple of float, length dim
         Velocity with which the points enter [m/s], not 0.
     points_per_cell : int
@@ -215,11 +215,17 @@ class Inflow:
         return self.density_in(grid, rho_c) * self.area(grid) * self.speed
 
     def _sites(self, grid: Grid, up: Sequence[float] | None = None, density: float = 1.0) -> Points:
-        """Points of the layer at the upstream end of the region."""
+        """Points at the upstream end of each column of the region along the stream."""
         fill = self._fill(None if self.lithostatic else density)
         found = seed_points(grid, (fill,), 0, density, up=up, even=True)
         along = found.x[:, self.axis] * math.copysign(1.0, self.velocity[self.axis])
-        first = along < along.min() + 0.5 * grid.cell / self.points_per_axis
+        place = (found.x - grid.lower) * (self.points_per_axis / grid.cell)
+        across = np.floor(np.delete(place, self.axis, axis=1))
+        _, column = np.unique(across, axis=0, return_inverse=True)
+        order = np.lexsort((along, column.ravel()))
+        begins = np.diff(column.ravel()[order], prepend=-1) != 0
+        first = np.zeros(len(along), dtype=bool)
+        first[order[begins]] = True
         return Points(*(array[first] for array in vars(found).values()))
 
     def entering(self, grid: Grid, rho_c: float, up: Sequence[float] | None = None) -> Points:

@@ -1,4 +1,4 @@
-"""Regions from polygons and masks, and points given one by one."""
+"""Regions from masks, and points given one by one."""
 
 from __future__ import annotations
 

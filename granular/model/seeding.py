@@ -206,10 +206,38 @@ def _check(grid: Grid, fills: Sequence[Fill], distance: Distance) -> None:
         return
     sites = [_sites(grid, fill) for fill in fills]
     for i, j in permutations(range(len(fills)), 2):
-        shared = fills[j].region.contains(sites[i])
+        shared = _deep_in(fills[j].region, sites[i], grid)
+        if not shared.any() and i < j:
+            sites_of_both = _cut_by_both(grid, fills[i], fills[j].region)
+            shared = _deep_in(fills[i].region, sites_of_both, grid)
+            shared &= _deep_in(fills[j].region, sites_of_both, grid)
+            sites[i] = sites_of_both if shared.any() else sites[i]
         if shared.any():
             place = tuple(sites[i][shared.argmax()].tolist())
             raise ValueError(f"fills[{i}] and fills[{j}] must not overlap, as they do at {place}")
+
+
+def _deep_in(region: Region, x: NDArray[np.float64], grid: Grid) -> NDArray[np.bool_]:
+    """True for places that are in a region by more than the rounding of coordinates."""
+    found = region.contains(x)
+    found[found] = region.cut(x[found])[0] < -grid.slack * grid.cell
+    return found
+
+
+FINE = 4
+"""Places along an edge of a square at which two fills that both cut it must not overlap."""
+
+
+def _cut_by_both(grid: Grid, fill: Fill, other: Region) -> NDArray[np.float64]:
+    """Places in the squares of a fill that its own boundary and that of another one cut."""
+    if isinstance(fill.region, Cloud):
+        return np.empty((0, grid.dim))
+    spacing = grid.cell / fill.points_per_axis
+    x = _lattice(grid, fill)
+    x = x[fill.region.cuts(x, REACH * spacing)]
+    x = x[other.cuts(x, REACH * spacing)]
+    parts = ((np.arange(FINE) + 0.5) / FINE - 0.5) * spacing
+    return (x[:, None] + combined([parts] * grid.dim)).reshape(-1, grid.dim)
 
 
 def _jittered(

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from granular.shapes.region import Region
+from granular.tools.checks import instance
 from granular.tools.notebook import table
 
 if TYPE_CHECKING:
     from granular.model.typing import AnyScene
     from granular.mpm.bodies import BodyState
-    from granular.shapes.region import Region
     from granular.sph.gas import GasState
 
 __all__ = ["State", "States"]
@@ -104,9 +105,10 @@ class State:
 
         Raises
         ------
-        ValueError
-            If the region has not the dimension of the state.
+        TypeError, ValueError
+            If it is no region, or has not the dimension of the state.
         """
+        instance("region", region, Region)
         inside = region.contains(self.x)
         return State(
             scene=self.scene,

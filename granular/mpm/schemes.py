@@ -20,6 +20,7 @@ from granular.mpm.scheme_numbers import (
 )
 from granular.tools.checks import (
     kinds_of,
+    non_negative,
     one_of,
     set_fields,
     truth,
@@ -278,6 +279,7 @@ def suited_to(*materials: Material, cell: float = 0.0) -> Scheme:
         Size of the cells [m]. Where the length `A` d of the law is at most a tenth of it, the law
         is as good as local, and suited to `default`.
     """
+    cell = non_negative("cell", cell)
     alone = materials[0] if len(materials) == 1 else None
     if alone is None or not getattr(alone, "has_fluidity", False) or alone.is_local(cell):
         return default

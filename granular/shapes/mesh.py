@@ -187,6 +187,11 @@ class Mesh(ComparedByContent, Shape):
     def dim(self) -> int:
         return 3
 
+    @property
+    def band(self) -> float:
+        """Distance from the surface up to which it is known exactly [m]."""
+        return BAND * self.spacing
+
     @cached_property
     def _about(self) -> tuple[Array, Array]:
         """Middle and half lengths of a box about the solid [m]."""

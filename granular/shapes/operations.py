@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from functools import reduce
@@ -94,9 +95,20 @@ def _common_box(
     regions: Sequence[Region], low: Callable[..., float], high: Callable[..., float]
 ) -> Corners:
     """Corners made of the `low` of the lower ends and the `high` of the upper ends of regions."""
-    corners = zip(*(region.bounds for region in regions), strict=True)
+    corners = zip(*(region._box for region in regions), strict=True)
     lows, highs = (zip(*ends, strict=True) for ends in corners)
     return tuple(map(low, lows)), tuple(map(high, highs))
+
+
+def _check_band(name: str, distance: float, shape: Shape) -> None:
+    """Refuse a distance from a mesh beyond which its samples do not reach."""
+    for leaf in shape.leaves():
+        band = getattr(leaf, "band", math.inf)
+        if distance > band:
+            raise ValueError(
+                f"{name} = {distance} must be at most {band:.6g} m from a mesh, 6 spacings: take a "
+                "larger spacing"
+            )
 
 
 def least(found: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
@@ -111,6 +123,21 @@ def _greatest(found: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
     """Greatest of several distances, and the normals that go with it."""
     away, normal = least([(-distance, normal) for distance, normal in found])
     return -away, normal
+
+
+def _cut(part: Region, x: Array) -> tuple[Array, Array]:
+    """Distance from the boundary of a part; also a box that alone would hold whole squares cuts."""
+    return part.distance(x) if isinstance(part, Shape) and not _is_joined(part) else part.cut(x)
+
+
+def _cuts(part: Region, x: Array, reach: float) -> NDArray[np.bool_]:
+    """True for places whose squares the boundary of a part cuts."""
+    return abs(_cut(part, x)[0]) <= reach if isinstance(part, Shape) else part.cuts(x, reach)
+
+
+def _is_joined(part: Region) -> bool:
+    """True for an operation that may have parts which are no shapes."""
+    return isinstance(part, Joined | Difference)
 
 
 @dataclass(frozen=True)
@@ -129,8 +156,8 @@ class Joined(Shape):
     def samples(self) -> tuple[Any, ...]:
         return _arrays(self.parts)
 
-    def leaves(self) -> list[Shape]:
-        return [leaf for part in self.parts for leaf in _solid(part).leaves()]
+    def leaves(self) -> list[Region]:
+        return [leaf for part in self.parts for leaf in part.leaves()]
 
     def narrowest(self, inverted: bool = False) -> float:
         return min(_solid(part).narrowest() for part in self.parts)
@@ -139,7 +166,7 @@ class Joined(Shape):
         return all(_solid(part).is_endless(along) for part in self.parts)
 
     def cuts(self, x: Array, reach: float) -> NDArray[np.bool_]:
-        return np.any([part.cuts(x, reach) for part in self.parts], axis=0)
+        return np.any([_cuts(part, x, reach) for part in self.parts], axis=0)
 
 
 @dataclass(frozen=True)
@@ -177,7 +204,7 @@ class Union(Joined):
         return _common_box(self.parts, min, max)
 
     def cut(self, x: Array) -> tuple[Array, Array]:
-        return least([part.cut(x) for part in self.parts])
+        return least([_cut(part, x) for part in self.parts])
 
     def _inside(self, x: Array) -> NDArray[np.bool_]:
         return np.any([part.contains(x) for part in self.parts], axis=0)
@@ -214,7 +241,7 @@ class Intersection(Joined):
         return _common_box(self.parts, max, min)
 
     def cut(self, x: Array) -> tuple[Array, Array]:
-        return _greatest([part.cut(x) for part in self.parts])
+        return _greatest([_cut(part, x) for part in self.parts])
 
     def _inside(self, x: Array) -> NDArray[np.bool_]:
         return np.all([part.contains(x) for part in self.parts], axis=0)
@@ -257,8 +284,8 @@ class Difference(Shape):
     def samples(self) -> tuple[Any, ...]:
         return _arrays((self.shape, self.without))
 
-    def leaves(self) -> list[Shape]:
-        return [*_solid(self.shape).leaves(), *_solid(self.without).leaves()]
+    def leaves(self) -> list[Region]:
+        return [*self.shape.leaves(), *self.without.leaves()]
 
     def narrowest(self, inverted: bool = False) -> float:
         return min(_solid(self.shape).narrowest(), _solid(self.without).narrowest(True))
@@ -273,14 +300,14 @@ class Difference(Shape):
 
     @property
     def bounds(self) -> Corners:
-        return self.shape.bounds
+        return self.shape._box
 
     def cuts(self, x: Array, reach: float) -> NDArray[np.bool_]:
-        return self.shape.cuts(x, reach) | self.without.cuts(x, reach)
+        return _cuts(self.shape, x, reach) | _cuts(self.without, x, reach)
 
     def cut(self, x: Array) -> tuple[Array, Array]:
-        away, outwards = self.without.cut(x)
-        return _greatest([self.shape.cut(x), (-away, -outwards)])
+        away, outwards = _cut(self.without, x)
+        return _greatest([_cut(self.shape, x), (-away, -outwards)])
 
     def _inside(self, x: Array) -> NDArray[np.bool_]:
         return self.shape.contains(x) & ~self.without.contains(x)
@@ -299,7 +326,7 @@ class Altered(Shape):
     def samples(self) -> tuple[Any, ...]:
         return self.shape.samples()
 
-    def leaves(self) -> list[Shape]:
+    def leaves(self) -> list[Region]:
         return self.shape.leaves()
 
     def is_endless(self, along: Array) -> bool:
@@ -362,6 +389,7 @@ class Offset(Altered):
         check_fields(self, finite, "by")
         if self.by == 0:
             raise ValueError("by = 0.0 must not be 0")
+        _check_band("by", abs(self.by), self.shape)
 
     def rows(self) -> Array:
         if self.by > 0:
@@ -405,6 +433,7 @@ class Shell(Altered):
         check_fields(self, _shape, "shape")
         check_fields(self, positive, "thickness")
         check_fields(self, truth, "inward")
+        _check_band("thickness", self.thickness, self.shape)
 
     def rows(self) -> Array:
         rows = _inverted(self.shape) if self.inward else _joined(self.shape)

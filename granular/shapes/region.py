@@ -35,6 +35,10 @@ class Region(ABC):
         """Corners of the box in which `depth` looks for the top."""
         return self.bounds
 
+    def leaves(self) -> list[Region]:
+        """Return the regions that operations are made of, or the region itself."""
+        return [self]
+
     def cuts(self, x: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
         """True for places, shape (n, dim) [m], whose squares the boundary cuts.
 

@@ -179,10 +179,6 @@ class Shape(Region):
         """Number of parts in `rows` whose union is the shape."""
         return 1
 
-    def leaves(self) -> list[Shape]:
-        """Return the shapes that operations are made of, or the shape itself."""
-        return [self]
-
     def samples(self) -> tuple[Any, ...]:
         """Return the arrays of the rows that need one, in their order.
 

@@ -261,9 +261,13 @@ def spans(name: str, value: object) -> tuple[tuple[float, float], ...]:
 def kinds_of(owner: object, **kinds: type) -> None:
     """Refuse attributes of `owner` that are not instances of the given class."""
     for name, kind in kinds.items():
-        value = getattr(owner, name)
-        if not isinstance(value, kind):
-            raise TypeError(f"{name} = {value!r} must be a {kind.__name__}")
+        instance(name, getattr(owner, name), kind)
+
+
+def instance(name: str, value: object, kind: type) -> None:
+    """Refuse a value that is not an instance of a class."""
+    if not isinstance(value, kind):
+        raise TypeError(f"{name} = {value!r} must be a {kind.__name__}")
 
 
 def tuple_of(name: str, value: object, kinds: tuple[type, ...]) -> tuple[Any, ...]:

@@ -95,6 +95,8 @@ def test_every_shape_everywhere(shape):
     inflow = gr.Inflow(shape, (0.0,) * (dim - 1) + (-1.0,), 2**dim, driven=False)
     fed = scene_of(dim, (bed,), inflows=(inflow,))
     assert gr.Scene.from_json(fed.to_json()) == fed
+    across = [high[axis] - low[axis] for axis in range(dim - 1)]
+    assert 0.5 * np.prod(across) < inflow.area(fed.grid) < 1.2 * np.prod(across)
 
     moved = scene_of(dim, (bed,), bodies=(gr.Body(shape, (0.0,) * (dim - 1) + (0.02,)),))
     sim = gr.Simulation(moved, threads=1)
@@ -114,3 +116,46 @@ def test_a_state_within_a_shape_is_that_of_its_points():
     assert part.time == state.time and set(part.fields) == set(state.fields)
     with pytest.raises(ValueError, match=r"must have the shape \(n, 3\)"):
         state.within(gr.Sphere(0.1, center=(0.0, 0.0, 0.0)))
+    with pytest.raises(TypeError, match="region = 'x' must be a Region"):
+        state.within("x")
+
+
+def strip(low, high):
+    return gr.Polygon([(0.1, low), (0.9, low), (0.9, high), (0.1, high)])
+
+
+def seeded(*regions):
+    return scene_of(2, [gr.Fill(region, 4) for region in regions]).points().volume.sum()
+
+
+def test_fills_that_overlap_by_less_than_a_spacing_are_refused():
+    """Points have 0.025 m; fills that touch, also on a slope or by rounding, do not overlap."""
+    assert seeded(strip(0.1, 0.5), strip(0.5, 0.9)) == pytest.approx(0.64, rel=1e-6)
+    third = 1.0 / 3.0
+    a, b, c, d = ((third + x, third + y) for x, y in ((0, 0), (0.4, 0), (0.4, 0.4), (0, 0.4)))
+    assert seeded(gr.Polygon([a, b, c]), gr.Polygon([a, c, d])) == pytest.approx(0.16, rel=0.01)
+    discs = (gr.Sphere(0.2, center=(x, 0.5)) for x in (0.3, 0.695))
+    for regions in (
+        (strip(0.1, 0.51), strip(0.49, 0.9)),
+        (strip(0.1, 0.2), strip(0.1, 0.2)),
+        discs,
+    ):
+        with pytest.raises(ValueError, match="must not overlap"):
+            seeded(*regions)
+
+
+def test_operations_follow_boxes_that_end_between_grid_lines():
+    sphere = gr.Sphere(0.15, center=(0.5, 0.41))
+    cut = gr.Intersection((gr.Box((0.0, 0.0), (1.0, 0.41)), sphere))
+    assert seeded(cut) == pytest.approx(gr.bodies.mass_properties(cut, 1.0).mass, rel=1e-3)
+    cloud = gr.Cloud(np.array([[0.5, 0.5]]), 0.04)
+    assert seeded(gr.Intersection((cloud, gr.Box((0.0, 0.0), (1.0, 1.0))))) == pytest.approx(0.04)
+
+
+def test_what_is_not_known_of_a_shape_is_refused():
+    heights = gr.HeightMap(np.array([0.2, 0.4, 0.3]), 0.25, origin=(0.0,))
+    with pytest.raises(ValueError, match="a larger map or extended=True"):
+        seeded(gr.Intersection((heights, gr.Box((0.0, 0.0), (1.0, 1.0)))))
+    cube = gr.Mesh(0.2 + 0.6 * CORNERS, FACES, spacing=0.0125)
+    with pytest.raises(ValueError, match=r"by = 0.2 must be at most 0.075 m from a mesh"):
+        gr.Offset(cube, by=0.2)
