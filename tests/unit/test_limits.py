@@ -221,7 +221,7 @@ def test_cells_smaller_than_a_grain_are_what_a_nonlocal_law_is_for():
     ],
 )
 def test_a_nonlocal_law_of_no_length_is_taken_for_the_local_one(size):
-    """Its scheme and what is warned of go by the length A d in cells, not by whether A is 0."""
+    """Its scheme and its warnings go by the length A d in cells, not by whether A is 0."""
     size = {"angle_deg": 20.0, "height": 0.1, "columns": 16, "cell": 0.01} | size
     short, none, long = (
         gr.scenes.incline(material=gr.NGF(E=1e6, A=A, t0=1e-7), **size) for A in (1e-6, 0.0, 2.0)
