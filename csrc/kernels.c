@@ -161,12 +161,12 @@ static void sum_nodes(const struct gr_engine *e, int64_t group, int damped, int 
 /* Copy the fields of nodes that the points will see, for groups of nodes that do not rest. */
 static void narrow_nodes(struct gr_engine *e, int64_t first, int64_t last)
 {
-    const int fields = GR_NODE_FIELDS(e->config.dim, gr_averages(e, e->step));
+    const int fields = GR_NODE_FIELDS(e->config.dim, gr_averages(e, e->clock.step));
     for (int64_t n = first * GR_LANES; n < last * GR_LANES; n += GR_LANES) {
         if (gr_group_rests(e, n)) continue;
         for (int f = 0; f < fields; f++)
             for (int lane = 0; lane < GR_LANES; lane += GR_W)
-                v_store(e->node_single + f * e->node_places + n + lane, v_load(gr_node_field(e, f) + n + lane));
+                v_store(e->nodes.single + f * e->nodes.capacity + n + lane, v_load(gr_node_field(e, f) + n + lane));
     }
 }
 #endif
@@ -234,7 +234,7 @@ static void mean_pairs(struct gr_engine *e, int64_t first, int64_t last)
         if (gr_cells_of_fluidity(e, front) == 1)
             mean_of_double_cell(e, front + 1);
         else
-            e->fluidity->dense[gr_fluidity_place(e->fluidity, gr_cell_id(e, front->at), 1)] = 0;
+            e->nonlocal.fluidity->dense[gr_fluidity_place(e->nonlocal.fluidity, gr_cell_id(e, front->at), 1)] = 0;
     }
 }
 

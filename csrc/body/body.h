@@ -30,8 +30,9 @@ enum gr_contact { GR_CONTACTS(GR_X) GR_CONTACT_COUNT };
 #undef GR_X
 
 /* A part of a body, in body coordinates: a shape, or an operation on the results of the parts before it, which it takes
- * the place of. A union or an intersection is of the last results, as many as `operands`; an offset moves the surface of the last one
- * outwards; a shell is the wall along the outer side of its surface. The union of the results that are left is the body. */
+ * the place of. A union or an intersection is of the last results, as many as `operands`; an offset moves the surface of
+ * the last one outwards; a shell is the wall along the outer side of its surface. The union of the results that are left
+ * is the body. */
 struct gr_part {
     int kind;
     int inside;         /* 1: the solid is the outside of the surface, and the material is within */

@@ -6,9 +6,9 @@
 #include "body/vector.h"
 #include "core/index.h"
 
-/* Spacings within which all samples are fine, and by which coarse ones, interpolated, are too large at most. Along a straight
- * line a distance rho has the second derivative 1/rho at most, in two directions; coarse cells are GR_CUBE spacings wide, and
- * rho is no less than the band in cells without a block: 2 GR_CUBE^2/(8 BAND). */
+/* Spacings within which all samples are fine, and by which coarse ones, interpolated, are too large at most. Along a
+ * straight line a distance rho has the second derivative 1/rho at most, in two directions; coarse cells are GR_CUBE
+ * spacings wide, and rho is no less than the band in cells without a block: 2 GR_CUBE^2/(8 BAND). */
 #define BAND 6.0
 #define COARSE_ERROR (GR_CUBE * GR_CUBE / (4 * BAND))
 

@@ -334,7 +334,8 @@ int gr_triangles_clear(const struct gr_triangles *t, const double x[3], double r
     return 1;
 }
 
-/* Solid angle of a triangle from x over 4 pi, positive from behind (van Oosterom & Strackee 1983, IEEE Trans. Biomed. Eng. 30). */
+/* Solid angle of a triangle from x over 4 pi, positive from behind (van Oosterom & Strackee 1983, IEEE Trans. Biomed.
+ * Eng. 30). */
 static double solid_angle(const double *v, const double x[3])
 {
     double to[3][3], across[3], length[3];

@@ -43,9 +43,10 @@ double gr_triangles_distance(const struct gr_triangles *t, const double x[3], in
 /* 1 if no triangle is nearer to x than a radius; cheaper than the distance. */
 int gr_triangles_clear(const struct gr_triangles *t, const double x[3], double radius);
 
-/* Winding number of a closed surface about x: the sum of the solid angles of its triangles over 4 pi, by the number of times
- * that the surface goes around x, anticlockwise as seen from outside (Jacobson, Kavan & Sorkine-Hornung 2013, ACM Trans. Graph.
- * 32, 33). Nodes of the tree that are far off count as dipoles (Barill et al. 2018, ACM Trans. Graph. 37, 43). */
+/* Winding number of a closed surface about x: the sum of the solid angles of its triangles over 4 pi, by the number of
+ * times that the surface goes around x, anticlockwise as seen from outside (Jacobson, Kavan & Sorkine-Hornung 2013, ACM
+ * Trans. Graph. 32, 33). Nodes of the tree that are far off count as dipoles (Barill et al. 2018, ACM Trans. Graph. 37,
+ * 43). */
 double gr_triangles_winding(const struct gr_triangles *t, const double x[3]);
 
 /* Distances of n places x; if `closed`, negative where the winding number exceeds a half. */

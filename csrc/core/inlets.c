@@ -8,9 +8,10 @@
 #include "core/index.h"
 #include "core/memory.h"
 
-/* Nearest distance of points of a column, in spacings. One that waits enters when there is its whole spacing, but for rounding.
- * One that comes in time may be 2 % nearer, as points that fly alone lose a little of their velocity (nodes that they hardly
- * reach have none), and the stream would lose its rhythm: the filling fraction is never more than that too large. */
+/* Nearest distance of points of a column, in spacings. One that waits enters when there is its whole spacing, but for
+ * rounding. One that comes in time may be 2 % nearer, as points that fly alone lose a little of their velocity (nodes
+ * that they hardly reach have none), and the stream would lose its rhythm: the filling fraction is never more than that
+ * too large. */
 #define FREE_DISTANCE (1 - 1e-6)
 #define TIMELY_DISTANCE 0.98
 #define MOST_AT_ONCE 1000000000000 /* more than there is memory for */

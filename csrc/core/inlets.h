@@ -5,9 +5,9 @@
  *
  *   t_j = begin + (j + 1) h/(|V_axis| n),   x = site + V (t - t_j) in the first step at or past that time.
  *
- * Its columns thus enter one after the other, so that the mass that has entered is the rate times the time to within a point,
- * and the points of a column keep the distance h whatever the time step. What enters, and in which step, depends on the
- * time alone.
+ * Its columns thus enter one after the other, so that the mass that has entered is the rate times the time to within a
+ * point, and the points of a column keep the distance h whatever the time step. What enters, and in which step, depends
+ * on the time alone.
  *
  * Where points are not to be pushed into others, a point whose place is taken waits, at most one at each site: it enters in
  * the first step in which no other point of its column is nearer than h (or a little less, if it is in time). A point that

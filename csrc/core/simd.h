@@ -92,7 +92,8 @@ typedef double vd_in_memory __attribute__((vector_size(8 * GR_W), aligned(8)));
 static inline vd v_load(const double *p) { return (vd) * (const vd_in_memory *)p; }
 static inline void v_store(double *p, vd a) { *(vd_in_memory *)p = (vd_in_memory)a; }
 
-/* Positions. x_fma: a b + c; x_minus: a - b; x_within: begin <= a < end, as a mask that x_bits turns into a bit for each lane. */
+/* Positions. x_fma: a b + c; x_minus: a - b; x_within: begin <= a < end, as a mask that x_bits turns into a bit for each
+ * lane. */
 typedef vd vx;
 static inline vx x_set(double a) { return v_set(a); }
 static inline vx x_load(const double *p) { return v_load(p); }

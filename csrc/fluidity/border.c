@@ -6,17 +6,18 @@
  *
  *     g_i - g_j -> g_i (phi_i - phi_j)/phi_i.
  *
- * This is g_i/theta, with theta the distance of the surface along the link (Gibou et al. 2002, J. Comput. Phys. 176), here
- * also beyond theta = 1. L stays symmetric and an M-matrix. The error of g is of second order in dx. As a distance changes by
- * no more than the way, the factor is at most 2 |o|, with o the offset of j in cells: in the stencil of faces no more than at
- * a rough face. This is why cells with phi < dx/2 are left out. With a surface on faces of cells it is 2 as well.
+ * This is g_i/theta, with theta the distance of the surface along the link (Gibou et al. 2002, J. Comput. Phys. 176),
+ * here also beyond theta = 1. L stays symmetric and an M-matrix. The error of g is of second order in dx. As a distance
+ * changes by no more than the way, the factor is at most 2 |o|, with o the offset of j in cells: in the stencil of faces
+ * no more than at a rough face. This is why cells with phi < dx/2 are left out. With a surface on faces of cells it is 2
+ * as well.
  *
  * Then border cells get values for their points, from the slopes in the cells around them:
  *
  *     g_j = phi_m sum g_i/sum phi_i,
  *
- * over dense cells i that touch j and are no border cells, with phi_m >= 0 the distance of the middle of the points. If there
- * are none, as in a gap of less than a cell, g_j = 0. */
+ * over dense cells i that touch j and are no border cells, with phi_m >= 0 the distance of the middle of the points. If
+ * there are none, as in a gap of less than a cell, g_j = 0. */
 #include <math.h>
 
 #include "fluidity/fluidity.h"

@@ -216,9 +216,9 @@ void gr_fluidity_weigh(struct gr_fluidity *f, int64_t chunk);
 /* Stability limit: steps must be shorter than this, s; infinite if all steps are stable.
  *
  * explicit: 2/lambda, with lambda an upper bound of the eigenvalues of A^2 d^2/(t0 dx^2) L. For the stencil of faces it
- * is Gershgorin's, lambda = 2 A^2 d^2/(t0 dx^2) (links + rough faces of a cell), which gives
- * dt < dx^2 t0/(2 dim A^2 d^2) in the bulk, and no less at rough bodies. For the isotropic stencil see links.c. rkl2: (s^2 + s - 2)/4 times that,
- * with the largest number s of stages. */
+ * is Gershgorin's, lambda = 2 A^2 d^2/(t0 dx^2) (links + rough faces of a cell), which gives dt < dx^2 t0/(2 dim A^2 d^2)
+ * in the bulk, and no less at rough bodies. For the isotropic stencil see links.c. rkl2: (s^2 + s - 2)/4 times that, with
+ * the largest number s of stages. */
 double gr_fluidity_limit(const struct gr_fluidity *f, int method);
 
 /* Check whether a call is possible.

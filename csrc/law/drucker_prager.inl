@@ -6,7 +6,7 @@ GR_LAW(drucker_prager)
 
 GR_INLINE void law_drucker_prager(const int dim, const struct gr_law_call *call)
 {
-    gr_frictional(dim, GR_RATE_INDEPENDENT, call, call->parameter[3]);
+    gr_frictional(dim, GR_RATE_INDEPENDENT, call, call->parameter[P_AFTER_DRUCKER_PRAGER]);
 }
 
 GR_DESCRIBE_LAW(drucker_prager, .doc = "rate-independent friction and cohesion, stress-free when disconnected",

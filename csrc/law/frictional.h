@@ -54,24 +54,29 @@ GR_INLINE vm gr_bears_stress(const int cohesive, const struct gr_cohesion *n, vd
     return v_ge(zero, after);
 }
 
-/* Update of these laws; `rate` is an enum gr_rate. Parameters: K, G, mu_s (or mu), for mu(I) mu_2 and xi, if regularised
- * then I0, mu_inf, alpha and I1; with `cohesive`, which the regularised law has not, then the cohesion and the tensile
- * strength. */
+/* Where the parameters of these laws stand: those that all have; those of mu(I); those of the regularised law. The
+ * cohesion and the tensile strength come after those of Drucker-Prager, or of mu(I); the regularised law has none. */
+enum { P_K, P_G, P_MU_S, P_AFTER_DRUCKER_PRAGER };
+enum { P_MU_2 = P_AFTER_DRUCKER_PRAGER, P_XI, P_AFTER_MU_I };
+enum { P_I0 = P_AFTER_MU_I, P_MU_INF, P_ALPHA, P_I1 };
+
+/* Update of these laws; `rate` is an enum gr_rate. */
 GR_INLINE void frictional_blocks(const int dim, const int rate, const int cohesive, const struct gr_law_call *call)
 {
-    const double *q = call->parameter, *of_cohesion = q + (rate ? 5 : 3);
-    const vd K = v_set(q[0]), G = v_set(q[1]), mu_s = v_set(rate == GR_REGULARISED ? 0.0 : q[2]), zero = v_zero(),
+    const double *q = call->parameter, *of_cohesion = q + (rate ? P_AFTER_MU_I : P_AFTER_DRUCKER_PRAGER);
+    const vd K = v_set(q[P_K]), G = v_set(q[P_G]), mu_s = v_set(rate == GR_REGULARISED ? 0.0 : q[P_MU_S]), zero = v_zero(),
              one = v_set(1.0);
-    const struct gr_flow_numbers flow =
-        rate == GR_MU_I ? gr_flow_numbers_of(q[2], q[3], q[4] * q[1] * call->dt) : (struct gr_flow_numbers){0};
-    const struct gr_regularised_numbers regularised =
-        rate == GR_REGULARISED
-            ? gr_regularised_numbers_of(q[2], q[3], q[4] * q[1] * call->dt, q[6] * q[5], q[7], q[8] / q[5])
-            : (struct gr_regularised_numbers){0};
+    const double xi_G_dt = rate ? q[P_XI] * q[P_G] * call->dt : 0;
+    struct gr_flow_numbers flow = {0};
+    struct gr_regularised_numbers regularised = {0};
+    if (rate == GR_MU_I) flow = gr_flow_numbers_of(q[P_MU_S], q[P_MU_2], xi_G_dt);
+    if (rate == GR_REGULARISED)
+        regularised =
+            gr_regularised_numbers_of(q[P_MU_S], q[P_MU_2], xi_G_dt, q[P_MU_INF] * q[P_I0], q[P_ALPHA], q[P_I1] / q[P_I0]);
     struct gr_cohesion cohesion = {zero, zero, zero};
     if (cohesive)
-        cohesion = (struct gr_cohesion){v_set(of_cohesion[0]), v_set(of_cohesion[1]), v_set(-of_cohesion[1] / q[0])};
-    const vd to_rate = v_set(1.0 / (q[1] * call->dt));
+        cohesion = (struct gr_cohesion){v_set(of_cohesion[0]), v_set(of_cohesion[1]), v_set(-of_cohesion[1] / q[P_K])};
+    const vd to_rate = v_set(1.0 / (q[P_G] * call->dt));
     for (int64_t k = 0; k < call->n_blocks; k++) {
         const int64_t at = call->slot[k];
         struct gr_stress t = gr_trial(dim, call->gradient + k * dim * dim * GR_W, call, at, K, G);

@@ -25,6 +25,7 @@
  * reduced to it. */
 #pragma once
 
+#include <math.h>
 #include <string.h>
 
 #include "law/flow_rules.h"
@@ -44,22 +45,32 @@ struct gr_hencky_point {
     vd g, rate;              /* fluidity, plastic shear rate, 1/s */
 };
 
+/* The numbers of the elasticity. */
+static inline struct gr_hencky_numbers gr_hencky_elasticity_of(double K, double G, double dt)
+{
+    return (struct gr_hencky_numbers){
+        .K = v_set(K), .twoG = v_set(2 * G), .inv_twoG = v_set(1 / (2 * G)), .to_rate = v_set(1 / (G * dt))};
+}
+
+/* The same of an elasticity with mu(I), of which only xi = I0/(d sqrt(rho_s)) counts. */
+static inline struct gr_hencky_numbers gr_hencky_mu_I_of(double K, double G, double mu_s, double mu_2, double xi, double dt)
+{
+    struct gr_hencky_numbers n = gr_hencky_elasticity_of(K, G, dt);
+    n.mu_s = v_set(mu_s);
+    n.flow = gr_flow_numbers_of(mu_s, mu_2, xi * G * dt);
+    return n;
+}
+
 static inline struct gr_hencky_numbers gr_hencky_numbers_of(const double parameter[GR_HENCKY_PARAMETER_COUNT], double dt)
 {
 #define GR_X(name, unit, doc) const double name = parameter[GR_HENCKY_P_##name];
     GR_HENCKY_PARAMETERS(GR_X)
 #undef GR_X
     (void)t0, (void)p_averaging; /* used by gr_fluidity_numbers_of */
-    return (struct gr_hencky_numbers){
-        .fluidity = gr_fluidity_numbers_of(parameter + GR_HENCKY_P_G, dt),
-        .flow = gr_flow_numbers_of(mu_s, mu_2, I0 / (d * sqrt(rho_s)) * G * dt),
-        .K = v_set(K),
-        .twoG = v_set(2 * G),
-        .inv_twoG = v_set(1 / (2 * G)),
-        .mu_s = v_set(mu_s),
-        .to_rate = v_set(1 / (G * dt)),
-        .reconnect_fluidity = v_set(1.4142135623730951 * reconnect_fluidity / (mu_2 * dt)),
-    };
+    struct gr_hencky_numbers n = gr_hencky_mu_I_of(K, G, mu_s, mu_2, I0 / (d * sqrt(rho_s)), dt);
+    n.fluidity = gr_fluidity_numbers_of(parameter + GR_HENCKY_P_G, dt);
+    n.reconnect_fluidity = v_set(M_SQRT2 * reconnect_fluidity / (mu_2 * dt));
+    return n;
 }
 
 /* Frobenius norm of the symmetric part of L dt. */

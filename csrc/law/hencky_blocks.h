@@ -28,6 +28,8 @@ static inline vd gr_sine(vd x)
     return x * sum;
 }
 
+#define TWO_SQRT_3 3.4641016151377544 /* mu = 2 sqrt(3) sin(phi)/(3 - sin(phi)) of triaxial compression */
+
 /* Friction coefficient at the plastic strain q.
  * Given: h = (h0, h1, h2, h3) with h0, h1, h3 in degrees; q >= 0.
  * Returned: mu. */
@@ -36,7 +38,7 @@ static inline vd gr_hardened_friction(const double h[4], vd q)
     const vd decay = v_exp(v_max(v_set(-700.0), v_set(-h[2]) * q));
     const vd phi = v_fma(v_fma(v_set(h[1]), q, v_set(-h[3])), decay, v_set(h[0]));
     const vd sine = gr_sine(v_clamp(v_set(GR_DEGREE) * phi, 0.0, 90 * GR_DEGREE));
-    return v_set(3.4641016151377544) * sine / (v_set(3.0) - sine);
+    return v_set(TWO_SQRT_3) * sine / (v_set(3.0) - sine);
 }
 
 #define GR_FURTHEST 600.0 /* bound of |log-density|, so that the values of points about to leave stay finite */
@@ -120,7 +122,7 @@ GR_INLINE void hencky_blocks_of(const int dim, const int flow, struct gr_hencky_
         if (call->g) v_store(call->g + at, point.g);
         if (call->gain) v_store(call->gain + at, v_keep(v_gt(point.g, v_zero()), point.g - g_star));
         if (call->plastic_strain) {
-            const vd strain = v_set(0.7071067811865476 * call->dt) * point.rate;
+            const vd strain = v_set(M_SQRT1_2 * call->dt) * point.rate;
             v_store(call->plastic_strain + at, hardened + strain);
         }
     }
@@ -136,16 +138,11 @@ static __attribute__((noinline)) void gr_hencky_blocks(int dim, int flow, struct
         hencky_blocks_of(3, flow, n, call);
 }
 
-/* A law without a grain diameter: only xi = I0/(d sqrt(rho_s)) counts. For `hardening` see gr_hencky_numbers. */
-static inline void gr_hencky_local_blocks(const int dim, int flow, const struct gr_law_call *call, double mu_s, double mu_2,
-                                          double xi, const double *hardening)
+/* A law with mu(I): K, G, mu_s, mu_2 and xi. */
+static inline void gr_hencky_mu_I_blocks(const int dim, int flow, const struct gr_law_call *call)
 {
-    double q[GR_HENCKY_PARAMETER_COUNT] = {0};
-    q[GR_HENCKY_P_K] = call->parameter[0], q[GR_HENCKY_P_G] = call->parameter[1];
-    q[GR_HENCKY_P_mu_s] = mu_s, q[GR_HENCKY_P_mu_2] = mu_2, q[GR_HENCKY_P_I0] = xi;
-    q[GR_HENCKY_P_rho_s] = q[GR_HENCKY_P_d] = q[GR_HENCKY_P_t0] = 1;
-    struct gr_hencky_numbers n = gr_hencky_numbers_of(q, call->dt);
-    n.hardening = hardening;
+    const double *q = call->parameter;
+    struct gr_hencky_numbers n = gr_hencky_mu_I_of(q[0], q[1], q[2], q[3], q[4], call->dt);
     gr_hencky_blocks(dim, flow, &n, call);
 }
 

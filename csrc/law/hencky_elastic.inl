@@ -6,7 +6,8 @@ GR_LAW(hencky_elastic)
 
 GR_INLINE void law_hencky_elastic(const int dim, const struct gr_law_call *call)
 {
-    gr_hencky_local_blocks(dim, GR_HENCKY_elastic, call, 1, 2, 1, 0);
+    struct gr_hencky_numbers n = gr_hencky_elasticity_of(call->parameter[0], call->parameter[1], call->dt);
+    gr_hencky_blocks(dim, GR_HENCKY_elastic, &n, call);
 }
 
 GR_DESCRIBE_LAW(hencky_elastic, .doc = "Hencky's elasticity", .parameter = {GR_ELASTIC_PARAMETERS})

@@ -6,7 +6,9 @@ GR_LAW(hencky_hardening_drucker_prager)
 
 GR_INLINE void law_hencky_hardening_drucker_prager(const int dim, const struct gr_law_call *call)
 {
-    gr_hencky_local_blocks(dim, GR_HENCKY_drucker_prager, call, 1, 2, 1, call->parameter + 2);
+    struct gr_hencky_numbers n = gr_hencky_elasticity_of(call->parameter[0], call->parameter[1], call->dt);
+    n.hardening = call->parameter + 2;
+    gr_hencky_blocks(dim, GR_HENCKY_drucker_prager, &n, call);
 }
 
 GR_DESCRIBE_LAW(hencky_hardening_drucker_prager,

@@ -6,7 +6,7 @@ GR_LAW(hencky_linear_mu_I)
 
 GR_INLINE void law_hencky_linear_mu_I(const int dim, const struct gr_law_call *call)
 {
-    gr_hencky_local_blocks(dim, GR_HENCKY_linear_mu_I, call, call->parameter[2], call->parameter[3], call->parameter[4], 0);
+    gr_hencky_mu_I_blocks(dim, GR_HENCKY_linear_mu_I, call);
 }
 
 GR_DESCRIBE_LAW(hencky_linear_mu_I,

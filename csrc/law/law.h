@@ -66,7 +66,7 @@ enum { GR_HISTORY_COUNT = 4, GR_OWN_PARAMETERS = 32 };
  * Given: dim, 2 or 3; dt, s; the parameters: K and G, Pa, then the user's; gradient (dim*dim), L dt, row-major;
  * log_density at the end of the step; in `stress` (4 or 6: xx, yy, zz, xy, yz, xz) the trial stress, Pa.
  * Updated: stress at the end of the step; history (GR_HISTORY_COUNT). Returned: shear_rate, 1/s, 0 before.
- * Spare places are among the points: their numbers are finite, and what becomes of them does not matter.
+ * Spare slots are among the points: their numbers are finite, and what becomes of them does not matter.
  * Returned: done, 1 in the end, 0 before: what ends a function of Python earlier cannot pass through the core. */
 typedef void gr_own_update(int64_t n, int64_t dim, double dt, const double *parameters, const double *gradient,
                            const double *log_density, double *stress, double *shear_rate, double *history, int64_t *done);

@@ -7,7 +7,7 @@ GR_LAW(mu_I)
 
 GR_INLINE void law_mu_I(const int dim, const struct gr_law_call *call)
 {
-    gr_frictional(dim, GR_MU_I, call, call->parameter[5]);
+    gr_frictional(dim, GR_MU_I, call, call->parameter[P_AFTER_MU_I]);
 }
 
 GR_DESCRIBE_LAW(mu_I, .doc = "mu(I) rheology, stress-free when disconnected (Dunatunga & Kamrin 2015, eq. 2.13-2.15)",

@@ -12,6 +12,7 @@
  * surface represents the volume of its points at rho_c, and its quadrature point is their centre of mass: a node that
  * they hardly reach then feels hardly any force. So does a cell with a light node, for example a corner that its few
  * points are far from. */
+#include "mpm/connect.h"
 #include "mpm/contribution.h"
 #include "mpm/density_correction.h"
 #include "mpm/open_volume.h"
@@ -53,7 +54,7 @@ GR_INLINE vm occupied(const struct gr_engine *e, int64_t first)
 GR_INLINE vd free_volumes(const struct gr_engine *e, int64_t first, int i)
 {
     double volume[GR_W];
-    if (!e->open) return at_nodes(e, e->mesh.node_volume, first, i);
+    if (!e->bodies.open) return at_nodes(e, e->mesh.node_volume, first, i);
     for (int l = 0; l < GR_W; l++) volume[l] = gr_node_volume(e, e->mesh.node_id[gr_cell_node(e, first + l, i)]);
     return v_load(volume);
 }
@@ -79,7 +80,7 @@ GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_eng
     vd of_cell[GR_CELL_STRESS + 6], stress[6];
     int fresh = !more;
     if (more && summed.begin == summed.end) return;
-    for (int i = 0; !summed.end && i < e->sum_stride; i += GR_LANES) v_store(out + i, v_zero());
+    for (int i = 0; !summed.end && i < e->sums.stride; i += GR_LANES) v_store(out + i, v_zero());
     gr_frame_of(dim, GR_LINEAR, 0, e, first, &frame);
     for (int q = GR_CELL_MC; q < GR_CELL_STRESS + stresses; q++) of_cell[q] = more ? v_load(own + q * GR_LANES) : v_zero();
     const int prepared = gr_prepared(summed.end - summed.begin);
@@ -96,7 +97,7 @@ GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_eng
                 const int c = dim == 2 && q == 2 ? 3 : q; /* zz makes no force in 2D */
                 of_cell[GR_CELL_STRESS + q] = v_fma(m, stress[c], of_cell[GR_CELL_STRESS + q]);
             }
-            if (e->config.damping_rate > 0)
+            if (e->config.largest.damping_rate > 0)
                 of_cell[GR_CELL_M_RATE] = v_fma(m, component(e, GR_FIELD_shear_rate, 0, at), of_cell[GR_CELL_M_RATE]);
         }
         add_rows(dim, GR_LINEAR, affine, MOMENTUM, &frame, contribution, n, rows, 0, fresh, out);
@@ -117,7 +118,7 @@ GR_INLINE void store_state(const int dim, struct gr_engine *e, int64_t first, vm
     vd lightest = one, centre[3];
     const vd open = open_parts(dim, e, first, centre);
     for (int i = 0; i < K; i++) {
-        const vd m = at_nodes(e, e->node_mass, first, i) * per_cell, V = at_nodes(e, e->mesh.node_volume, first, i);
+        const vd m = at_nodes(e, e->nodes.mass, first, i) * per_cell, V = at_nodes(e, e->mesh.node_volume, first, i);
         const vd part = v_load(sum + i * rows * GR_LANES);
         M = M + part;
         mass = mass + m;
@@ -146,7 +147,7 @@ GR_INLINE void store_state(const int dim, struct gr_engine *e, int64_t first, vm
         v_store(average_of(e, GR_AVERAGE_OVER_COMPRESSION(dim) + d, first), gradient);
     }
     vd damped = v_zero();
-    if (e->config.damping_rate > 0)
+    if (e->config.largest.damping_rate > 0)
         damped = v_keep(has, damped_share(e, v_load(own + GR_CELL_M_RATE * GR_LANES) * inverse, c, first));
     v_store(own + GR_CELL_DAMPED * GR_LANES, damped);
 }
@@ -171,7 +172,7 @@ GR_INLINE vd represented_volume(const int dim, const struct gr_engine *e, int64_
     vd stiffness = v_zero();
     if (!m_bits(at_surface)) return volume;
     for (int i = 0; i < K; i++) {
-        const vd shared = w * at_nodes(e, e->node_mass, first, i) / (v_set(K) * free_volumes(e, first, i));
+        const vd shared = w * at_nodes(e, e->nodes.mass, first, i) / (v_set(K) * free_volumes(e, first, i));
         vd square = v_zero();
         for (int d = 0; d < dim; d++) square = v_fma(slope_at(dim, at, i, d), slope_at(dim, at, i, d), square);
         stiffness = stiffness + square / v_fma(v_set(e->mass_scale), v_max(shared, v_load(sum + i * rows * GR_LANES)),
@@ -211,9 +212,9 @@ GR_INLINE void apply_forces_of_cells(const int dim, struct gr_engine *e, int64_t
         }
 }
 
-/* The second difference of the density of the cells from `first` on, (c- - 2 c + c+)/4, as a mean over the axes. It sees what
- * alternates from cell to cell (checkerboard), as the nodes do not, and vanishes for a linear field; disconnected cells take
- * no part in it. */
+/* The second difference of the density of the cells from `first` on, (c- - 2 c + c+)/4, as a mean over the axes. It sees
+ * what alternates from cell to cell (checkerboard), as the nodes do not, and vanishes for a linear field; disconnected
+ * cells take no part in it. */
 GR_INLINE vd second_difference(const int dim, const struct gr_engine *e, int64_t first)
 {
     const double *const c_of = average_of(e, GR_AVERAGE_C, 0);
@@ -293,13 +294,13 @@ GR_INLINE vd flow_of_cells(const int dim, const struct gr_engine *e, int64_t fir
         }
     for (int d = 0; d < dim; d++) trace = trace + L[d * dim + d];
     const vd rate = kinematic_rate(dim, L), origin = v_set(e->material_number[GR_MATERIAL_ORIGIN][0]),
-             eta = averaged_share(e, e->dt, rate, own - origin);
+             eta = averaged_share(e, e->clock.dt, rate, own - origin);
     vd c = v_fma(eta, second_difference(dim, e, first), own - trace);
     c = c + v_keep(v_ge(own, v_set(e->material_number[GR_MATERIAL_SEPARATION][0])), v_set(e->servo_shift));
     const vd gap = v_load(average_of(e, GR_AVERAGE_LOG_PHI, first)) - c;
-    const vd relaxed = relax_to_nodal_density(q, e->dt, rate, gap);
+    const vd relaxed = relax_to_nodal_density(q, e->clock.dt, rate, gap);
     const vd raised = c + relaxed, lowered = v_fma(v_load(average_of(e, GR_AVERAGE_INSIDE, first)), relaxed, c);
     c = v_select(v_gt(zero, gap), v_select(v_ge(c, origin), lowered, c), v_select(v_gt(gap, zero), raised, c));
     shift_of_cells(dim, e, first, walls, L, rate, shift);
-    return v_keep(occupied(e, first), c); /* spare places have finite numbers */
+    return v_keep(occupied(e, first), c); /* spare slots have finite numbers */
 }

@@ -9,7 +9,7 @@
 /* Number `which` (enum gr_average) of the state of the cells from `first` on. */
 GR_INLINE double *average_of(const struct gr_engine *e, int which, int64_t first)
 {
-    return e->average + which * e->mesh.cell_capacity + first;
+    return e->sums.average + which * e->mesh.cell_capacity + first;
 }
 
 /* The parts of the cells from `first` on that are outside of bodies: their volume over that of the cell, and the centroid in
@@ -18,9 +18,9 @@ GR_INLINE vd open_parts(const int dim, const struct gr_engine *e, int64_t first,
 {
     double volume[GR_W], at[3][GR_W];
     for (int d = 0; d < dim; d++) centre[d] = v_set(0.5);
-    if (!e->open) return v_set(1.0);
+    if (!e->bodies.open) return v_set(1.0);
     for (int l = 0; l < GR_W; l++) {
-        const struct gr_open_part *part = gr_open_part(e->open, gr_cell_id(e, e->mesh.cell[first + l].at));
+        const struct gr_open_part *part = gr_open_part(e->bodies.open, gr_cell_id(e, e->mesh.cell[first + l].at));
         volume[l] = part ? part->volume : 1;
         for (int d = 0; d < dim; d++) at[d][l] = part ? part->centre[d] : 0.5;
     }
@@ -40,8 +40,8 @@ GR_INLINE void store_filling(const struct gr_engine *e, int64_t first, vd filled
     v_store(average_of(e, GR_AVERAGE_EXCESS, first), excess);
 }
 
-/* Differences of the excess of the cells from `first` on to their neighbours, for each face that of its low side less that of
- * its high side. Cells hold whole points: differences up to so many `points` are left. */
+/* Differences of the excess of the cells from `first` on to their neighbours, for each face that of its low side less
+ * that of its high side. Cells hold whole points: differences up to so many `points` are left. */
 GR_INLINE void face_drops(const int dim, const struct gr_engine *e, int64_t first, double points, vd drop[3][2])
 {
     const double *const excess = average_of(e, GR_AVERAGE_EXCESS, 0);

@@ -12,34 +12,34 @@ struct batch {
     _Alignas(64) gr_real gradient[BATCH * 9 * GR_W];
 };
 
-/* Call the law of material k for n blocks of a batch from block b on: for the whole step, or for the first (`begins`) or last
- * of its substeps. */
+/* Call the law of material k for n blocks of a batch from block b on: for the whole step, or for the first (`begins`) or
+ * last of its substeps. */
 static void call_law(struct gr_engine *e, int k, const struct batch *batch, int64_t b, int64_t n, int begins)
 {
     const struct gr_material *material = &e->config.material[k];
-    const int many = e->diffuses && e->config.nonlocal.substeps > 1;
+    const int many = e->nonlocal.diffuses && e->config.nonlocal.substeps > 1;
     const double fraction = many ? 1.0 / e->config.nonlocal.substeps : 1;
     struct gr_law_call call = {.n_blocks = n,
                                .slot = batch->slot + b,
                                .gradient = batch->gradient + b * e->config.dim * e->config.dim * GR_W,
-                               .dt = fraction * e->dt,
+                               .dt = fraction * e->clock.dt,
                                .fraction = fraction,
-                               .substeps = many ? e->substeps : 0,
+                               .substeps = many ? e->nonlocal.substeps : 0,
                                .begins = begins,
                                .pressure_from_density = e->config.pressure_from_density,
                                .parameter = material->parameter,
-                               .log_density = e->field[GR_FIELD_log_density],
-                               .g_star = e->diffuses ? batch->g_star + b * GR_W : 0,
-                               .shear_rate = e->record_rates ? e->field[GR_FIELD_shear_rate] : 0,
-                               .g = e->field[GR_FIELD_g],
-                               .gain = e->field[GR_FIELD_g_gain],
-                               .plastic_strain = e->field[GR_FIELD_plastic_strain],
-                               .separated = e->field[GR_FIELD_separated],
+                               .log_density = e->points.field[GR_FIELD_log_density],
+                               .g_star = e->nonlocal.diffuses ? batch->g_star + b * GR_W : 0,
+                               .shear_rate = e->record_rates ? e->points.field[GR_FIELD_shear_rate] : 0,
+                               .g = e->points.field[GR_FIELD_g],
+                               .gain = e->points.field[GR_FIELD_g_gain],
+                               .plastic_strain = e->points.field[GR_FIELD_plastic_strain],
+                               .separated = e->points.field[GR_FIELD_separated],
                                .own = material->own,
                                .own_parameter = material->own_parameter,
-                               .own_calls = &e->own_calls,
-                               .history = material->remembers ? e->field[GR_FIELD_history] : 0,
-                               .capacity = e->capacity};
+                               .own_calls = &e->failure.own_calls,
+                               .history = material->remembers ? e->points.field[GR_FIELD_history] : 0,
+                               .capacity = e->points.capacity};
     for (int c = 0; c < (e->config.dim == 2 ? 4 : 6); c++) call.stress[c] = gr_numbers(e, GR_FIELD_stress, c, 0);
     laws[material->law]->update[e->config.dim - 2](&call);
 }
@@ -54,7 +54,7 @@ enum { MOST_CHANGED = 15 };
 static void keep_others(const struct gr_engine *e, int64_t at, int k, gr_real *buffer, int back)
 {
     for (size_t f = 0; f < sizeof changed_by_laws / sizeof *changed_by_laws; f++)
-        for (int c = 0; e->field[changed_by_laws[f]] && c < gr_field_components(changed_by_laws[f], e->config.dim);
+        for (int c = 0; e->points.field[changed_by_laws[f]] && c < gr_field_components(changed_by_laws[f], e->config.dim);
              c++, buffer += GR_W) {
             gr_real *values = gr_numbers(e, changed_by_laws[f], c, at);
             for (int l = 0; l < GR_W; l++) {
@@ -75,7 +75,7 @@ static int material_of_block(const struct gr_engine *e, int64_t at)
     const vd all = v_load(own), first = v_set(own[0]);
     if (m_bits(m_and(v_ge(all, first), v_ge(first, all))) == GR_ALL_LANES) return gr_material_at(e, at);
     for (int l = 0; l < GR_W; l++) {
-        if (e->id[at + l] < 0) continue; /* a spare place */
+        if (e->points.id[at + l] < 0) continue; /* a spare slot */
         const int k = gr_material_at(e, at + l);
         if (found != MIXED && found != k) return MIXED;
         found = k;
@@ -111,7 +111,7 @@ static void run_law(struct gr_engine *e, struct batch *batch, int begins)
         call_law(e, 0, batch, 0, batch->n, begins);
     else
         call_laws(e, batch, begins);
-    if (e->field[GR_FIELD_viscous_stress] && !begins) damp_elastic(e, batch->n, batch->slot, batch->gradient);
+    if (e->points.field[GR_FIELD_viscous_stress] && !begins) damp_elastic(e, batch->n, batch->slot, batch->gradient);
     batch->n = 0;
 }
 
@@ -142,11 +142,11 @@ GR_INLINE void load_nodes(const int K, const struct gr_engine *e, int64_t first,
     for (int i = 0; i < K; i++, node += GR_LANES) {
         const gr_real *field = gr_seen_field(e, begin);
         if (__builtin_expect(e->mesh.tile_in_row[tile] >> i & 1, 1)) {
-            for (int q = begin; q < end; q++, field += e->node_places)
+            for (int q = begin; q < end; q++, field += e->nodes.capacity)
                 value[(q - begin) * K + i] = v_set(scale) * v_load(field + *node);
             continue;
         }
-        for (int q = begin; q < end; q++, field += e->node_places) {
+        for (int q = begin; q < end; q++, field += e->nodes.capacity) {
             gr_real each[GR_W];
             for (int l = 0; l < GR_W; l++) each[l] = field[node[l]];
             value[(q - begin) * K + i] = v_set(scale) * v_load(each);
@@ -160,7 +160,7 @@ GR_INLINE void look_at_cells(const int dim, const int basis, const int affine, c
                              const int averages, const struct gr_engine *e, int64_t first, struct view *view)
 {
     const int nodal = basis == GR_UGIMP || affine == GR_AFFINE_MOMENT, K = gr_power(gr_nodes_1d(basis), dim);
-    const int damps = cell_averaged && e->config.damping_rate > 0;
+    const int damps = cell_averaged && e->config.largest.damping_rate > 0;
     const int fields = GR_NODE_FIELDS(dim, averages);
     const struct gr_cell *cell = &e->mesh.cell[first];
     double disconnected[GR_W];
@@ -171,10 +171,10 @@ GR_INLINE void look_at_cells(const int dim, const int basis, const int affine, c
         if (cell[l].count > view->points) view->points = cell[l].count;
     }
     if (!view->points) return;
-    if (e->diffuses) fluidity_starts(e, first, &view->fluidity);
+    if (e->nonlocal.diffuses) fluidity_starts(e, first, &view->fluidity);
     gr_frame_of(dim, basis, damps || affine == GR_AFFINE_MOMENT, e, first, &view->frame);
     view->disconnected = v_load(disconnected);
-    view->damps_flutter = smoothed && gr_damps_flutter(e, e->step);
+    view->damps_flutter = smoothed && gr_damps_flutter(e, e->clock.step);
     view->has_sponge = e->config.has_sponge;
     if (cell_averaged || averages) gr_wall_cells_of(dim, e, first, &view->walls);
     for (int d = 0; d < dim; d++) {
@@ -187,7 +187,7 @@ GR_INLINE void look_at_cells(const int dim, const int basis, const int affine, c
         load_nodes(K, e, first, GR_NODE_DAMPING(dim), GR_NODE_DAMPING(dim) + 1, 1.0, view->damping.share);
         damping_of_cells(K, &view->damping);
     }
-    load_nodes(K, e, first, 0, dim, e->dt * e->inv_dx, view->mode); /* displacement in cells per step */
+    load_nodes(K, e, first, 0, dim, e->clock.dt * e->inv_dx, view->mode); /* displacement in cells per step */
     load_nodes(K, e, first, dim, 2 * dim, 1.0, view->mode + dim * K);
     if (averages) face_drops(dim, e, first, LEFT_POINTS, view->drop);
     if (averages) load_nodes(K, e, first, GR_NODE_DENSITY(dim), fields, 1.0, view->mode + GR_NODE_DENSITY(dim) * K);

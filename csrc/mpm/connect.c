@@ -1,10 +1,13 @@
 /* The nodes of the active cells, the connections between both, and the neighbours of cells. */
+#include "mpm/connect.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/memory.h"
 #include "mpm/migrate.h"
+#include "mpm/solid_cells.h"
 #include "mpm/spread.h"
 #include "mpm/wall_impulse.h"
 
@@ -18,18 +21,18 @@ static int reserve_nodes(struct gr_engine *e, int64_t n)
     GR_RESIZE(mesh->node_run, (capacity / GR_LANES + 1) * e->K);
     GR_RESIZE(mesh->node_code, capacity);
     GR_RESIZE(mesh->node_id, capacity);
-    e->node_places = capacity + 2 * GR_LANES;
-    GR_RESIZE(mesh->node_volume, e->node_places);
+    e->nodes.capacity = capacity + 2 * GR_LANES;
+    GR_RESIZE(mesh->node_volume, e->nodes.capacity);
     if (e->config.smoothed) {
         GR_RESIZE(mesh->node_about, (capacity + GR_LANES) * gr_about(e->config.dim));
         GR_RESIZE(mesh->node_at, capacity);
     }
-    GR_RESIZE(e->node_data, e->node_fields * e->node_places);
-    if (e->config.single) GR_RESIZE(e->node_single, e->node_fields * e->node_places);
-    GR_RESIZE(e->node_mass, capacity + GR_LANES);
-    if (e->config.xpic_order > 0) GR_RESIZE(e->node_v, capacity * e->config.dim);
+    GR_RESIZE(e->nodes.data, e->nodes.n_fields * e->nodes.capacity);
+    if (e->config.single) GR_RESIZE(e->nodes.single, e->nodes.n_fields * e->nodes.capacity);
+    GR_RESIZE(e->nodes.mass, capacity + GR_LANES);
+    if (e->config.xpic_order > 0) GR_RESIZE(e->nodes.v, capacity * e->config.dim);
     if (e->watch) GR_RESIZE(e->watch->node, capacity * e->config.dim);
-    if (e->n_thin) {
+    if (e->bodies.n_thin) {
         GR_RESIZE(mesh->duplicate, capacity);
         GR_RESIZE(mesh->separated, capacity);
     }
@@ -93,19 +96,19 @@ struct connect {
 };
 
 /* Clear the nodal fields, which belong to the old nodes: G2P before the next grid stage then finds all nodes at rest. */
-GR_SHARED(clear_nodes, struct connect, q->e->node_places, q)
+GR_SHARED(clear_nodes, struct connect, q->e->nodes.capacity, q)
 {
     struct gr_engine *e = q->e;
     const size_t size = sizeof(double) * (size_t)(last - first);
     (void)chunk;
     if (first >= last) return;
-    for (int f = 0; f < e->node_fields; f++) memset(gr_node_field(e, f) + first, 0, size);
-    for (int f = 0; e->node_single && f < e->node_fields; f++)
-        memset(e->node_single + f * e->node_places + first, 0, sizeof(float) * (size_t)(last - first));
+    for (int f = 0; f < e->nodes.n_fields; f++) memset(gr_node_field(e, f) + first, 0, size);
+    for (int f = 0; e->nodes.single && f < e->nodes.n_fields; f++)
+        memset(e->nodes.single + f * e->nodes.capacity + first, 0, sizeof(float) * (size_t)(last - first));
     if (last > q->n_nodes) last = q->n_nodes;
     if (first >= last) return;
-    memset(e->node_mass + first, 0, sizeof(double) * (size_t)(last - first));
-    if (e->node_v) memset(e->node_v + first * e->config.dim, 0, sizeof(double) * (size_t)((last - first) * e->config.dim));
+    memset(e->nodes.mass + first, 0, sizeof(double) * (size_t)(last - first));
+    if (e->nodes.v) memset(e->nodes.v + first * e->config.dim, 0, sizeof(double) * (size_t)((last - first) * e->config.dim));
 }
 
 /* List the second copies of nodes, too. */
@@ -150,7 +153,7 @@ GR_SHARED(describe_nodes, struct connect, q->n_nodes, q)
     (void)chunk;
     for (int64_t n = first; n < last; n++) {
         mesh->node_id[n] = q->ids[n];
-        if (q->e->n_thin) {
+        if (q->e->bodies.n_thin) {
             const int is_front = n + 1 < q->n_nodes && q->ids[n + 1] == q->ids[n], is_back = n && q->ids[n - 1] == q->ids[n];
             mesh->duplicate[n] = is_front ? (int32_t)(n + 1) : is_back ? (int32_t)(n - 1) : -1;
         }
@@ -174,9 +177,9 @@ static void find_rows(struct gr_engine *e, int64_t tile)
  * each other; where nodes have copies, that might be the second one. */
 static int32_t place_of_node(const struct gr_engine *e, int64_t id, int32_t guess)
 {
-    if (!e->n_thin && guess < e->mesh.n_nodes && e->mesh.node_id[guess] == id) return guess;
+    if (!e->bodies.n_thin && guess < e->mesh.n_nodes && e->mesh.node_id[guess] == id) return guess;
     const int32_t found = gr_table_get(&e->mesh.node_of, id);
-    return found ? found - 1 : (int32_t)e->node_places - 1;
+    return found ? found - 1 : (int32_t)e->nodes.capacity - 1;
 }
 
 /* Find the nodes about node n, and whether it is at an end or on a grid line. */
@@ -225,9 +228,9 @@ GR_SHARED(find_all_about, struct connect, (q->n_nodes + GR_LANES - 1) / GR_LANES
 static void describe_none(struct gr_engine *e)
 {
     const int gap = GR_NODE_DENSITY(e->config.dim) + GR_NODE_OWN_GAP(e->config.dim);
-    if (!e->node_places) return; /* no node was there ever */
-    gr_node_field(e, gap)[e->node_places - 1] = -INFINITY;
-    e->mesh.node_volume[e->node_places - 1] = 0;
+    if (!e->nodes.capacity) return; /* no node was there ever */
+    gr_node_field(e, gap)[e->nodes.capacity - 1] = -INFINITY;
+    e->mesh.node_volume[e->nodes.capacity - 1] = 0;
 }
 
 /* Find the pieces in which the sums of GR_LANES nodes lie. Nodes beyond the last continue its piece. */
@@ -286,7 +289,7 @@ GR_SHARED(connect_tiles, struct connect, q->e->mesh.n_tiles, q)
     for (int64_t c = first * GR_LANES; c < last * GR_LANES; c++) {
         for (int a = 0; a < K; a++) {
             int32_t n = gr_table_get(&mesh->node_of, node_id_of(e, &mesh->cell[c], a)) - 1;
-            if (e->n_thin && mesh->duplicate[n] >= 0) n += mesh->cell[c].side < 0;
+            if (e->bodies.n_thin && mesh->duplicate[n] >= 0) n += mesh->cell[c].side < 0;
             mesh->cell_node[(c / GR_LANES * K + a) * GR_LANES + c % GR_LANES] = n;
             if (c >= mesh->n_cells || is_beyond(e, &mesh->cell[c], a)) continue;
             mesh->node_source[(int64_t)n * K + K - 1 - a] =

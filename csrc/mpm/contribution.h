@@ -1,5 +1,5 @@
-/* Contributions of points to the sums of the nodes of their cells, a lane for each cell. A row of nodes along the first axis is
- * served at a time. */
+/* Contributions of points to the sums of the nodes of their cells, a lane for each cell. A row of nodes along the first
+ * axis is served at a time. */
 #pragma once
 
 #include "mpm/of_material.h"
@@ -26,7 +26,7 @@ struct contribution {
     vd pressed, pressure_slope[3];   /* pressure over K of the first material there, and its gradient per cell */
 };
 
-/* Component c of a field for the points at the places from `at` on. */
+/* Component c of a field for the points in the slots from `at` on. */
 GR_INLINE vd component(const struct gr_engine *e, int field, int c, int64_t at)
 {
     return v_load(gr_numbers(e, field, c, at));
@@ -56,8 +56,8 @@ GR_INLINE vd weight_yz(const int dim, const int basis, const struct contribution
     return y * z;
 }
 
-/* A linear field of the points is given at the edge of their cells, the origin of local coordinates. So its values at the nodes
- * take the positions of the nodes alone, which all points of a cell have in common. */
+/* A linear field of the points is given at the edge of their cells, the origin of local coordinates. So its values at the
+ * nodes take the positions of the nodes alone, which all points of a cell have in common. */
 GR_INLINE vd at_edge(const int dim, const struct gr_shape *s, vd value, const vd slope[3])
 {
     for (int d = 0; d < dim; d++) value = v_fnma(slope[d], s->xi[d], value);

@@ -35,7 +35,7 @@ GR_INLINE void damping_of_cells(const int K, struct damping *damping)
     damping->all_alike = m_bits(damping->alike) == GR_ALL_LANES;
 }
 
-/* Damp the points at the places from `at` on by the shares b_i of the nodes, all at once so that momentum is conserved:
+/* Damp the points in the slots from `at` on by the shares b_i of the nodes, all at once so that momentum is conserved:
  *
  *   v <- v - sum S_i b_i (v + C (x_i - x)),   v and C those that were carried to the grid.
  *

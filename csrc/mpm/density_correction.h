@@ -7,8 +7,8 @@
 /* Bound of |ln(rho/rho_c)|. A point beyond it is checked like one that leaves its cell. */
 #define NO_DENSITY 1e3
 
-/* Rate sqrt(tr(L L)/2), from L dt, at which a flow goes on stretching the same lines: e in an extension at the rate e, and zero
- * in simple shear at any angle to the grid and in rotation (Okubo 1970; Weiss 1991). */
+/* Rate sqrt(tr(L L)/2), from L dt, at which a flow goes on stretching the same lines: e in an extension at the rate e,
+ * and zero in simple shear at any angle to the grid and in rotation (Okubo 1970; Weiss 1991). */
 GR_INLINE vd lasting_rate(const int dim, const vd *L)
 {
     vd sum = v_zero();

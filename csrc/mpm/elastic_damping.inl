@@ -2,16 +2,16 @@
  *
  *   sigma_v = T C : (D - D_p) = T (K tr(D) 1 + 2 G dev(D) - G gdot s/tau)
  *
- * D is the strain rate; D_p = gdot s/(2 tau), with s the deviator of the stress and tau = sqrt(s:s/2), its plastic part. Flow
- * at a steady stress has D = D_p and is left alone. T is the damping time of the material (granular/materials/base.py).
- * Points that bear no stress have none of this either. */
+ * D is the strain rate; D_p = gdot s/(2 tau), with s the deviator of the stress and tau = sqrt(s:s/2), its plastic part.
+ * Flow at a steady stress has D = D_p and is left alone. T is the damping time of the material
+ * (granular/materials/base.py). Points that bear no stress have none of this either. */
 #include "law/trial.h"
 #include "mpm/contribution.h"
 
-/* Set it for the points at the places from `at` on, from their gradient L dt and what the law made of them. */
+/* Set it for the points in the slots from `at` on, from their gradient L dt and what the law made of them. */
 GR_INLINE void store_viscous_stress(const int dim, const struct gr_engine *e, const gr_real *gradient, int64_t at)
 {
-    const vd none = v_zero(), rate = v_set(e->inv_dt), T = gr_of_material(e, GR_MATERIAL_DAMPING_TIME, at);
+    const vd none = v_zero(), rate = v_set(e->clock.inv_dt), T = gr_of_material(e, GR_MATERIAL_DAMPING_TIME, at);
     const vd K = T * gr_of_material(e, GR_MATERIAL_BULK_MODULUS, at),
              G = T * gr_of_material(e, GR_MATERIAL_SHEAR_MODULUS, at);
     struct gr_stress s, viscous;
@@ -42,18 +42,18 @@ static __attribute__((noinline)) void damp_elastic(const struct gr_engine *e, in
     }
 }
 
-/* Stress of the points at the places from `at` on that makes forces: that of the law, and where the scene has them what the
+/* Stress of the points in the slots from `at` on that makes forces: that of the law, and where the scene has them what the
  * dampings of flutter and of elastic waves add. */
 GR_INLINE void acting_stress(const int dim, const struct gr_engine *e, int64_t at, vd stress[6])
 {
     struct gr_stress s;
     for (int c = 0; c < GR_STRESSES(dim); c++) s.s[c] = component(e, GR_FIELD_stress, c, at);
     for (int c = 0; c < GR_STRESSES(dim); c++) stress[c] = s.s[c];
-    if (e->field[GR_FIELD_overstress]) {
+    if (e->points.field[GR_FIELD_overstress]) {
         const vd over = component(e, GR_FIELD_overstress, 0, at);
         (void)gr_split(&s);
         for (int c = 0; c < GR_STRESSES(dim); c++) stress[c] = v_fma(over, s.s[c], stress[c]);
     }
-    if (e->field[GR_FIELD_viscous_stress])
+    if (e->points.field[GR_FIELD_viscous_stress])
         for (int c = 0; c < GR_STRESSES(dim); c++) stress[c] = stress[c] + component(e, GR_FIELD_viscous_stress, c, at);
 }

@@ -17,7 +17,8 @@ static void list_rough(const struct gr_engine *e, struct rough_bodies *rough)
     rough->e = e;
     rough->n = 0;
     for (int b = 0; b < e->config.n_bodies; b++)
-        if (e->config.bodies[b].rough) gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &rough->pose[rough->n++]);
+        if (e->config.bodies[b].rough)
+            gr_pose_at(e, b, e->bodies.now[b].x, e->bodies.now[b].orientation, &rough->pose[rough->n++]);
 }
 
 /* Distance of x from the surface of a body without the part `skipped`; a bound of it where the body is far. */
@@ -34,8 +35,8 @@ static double distance_from(const struct gr_engine *e, const struct gr_pose *pos
     return nearest;
 }
 
-/* Distance of x from the surfaces of all rough bodies, for a copy of a cell; `side` is its side of thin bodies, 1 or -1, or 0
- * for a cell without copies. */
+/* Distance of x from the surfaces of all rough bodies, for a copy of a cell; `side` is its side of thin bodies, 1 or -1,
+ * or 0 for a cell without copies. */
 static double distance(const struct rough_bodies *rough, const double x[3], int side)
 {
     const struct gr_engine *e = rough->e;
@@ -65,11 +66,11 @@ static void middle_of_points(const struct gr_engine *e, const struct gr_cell *ce
     for (int d = 0; d < e->config.dim && mass > 0; d++) x[d] = moment[d] / mass;
 }
 
-/* Set the distances of the copy of a cell at a place, and those of its neighbours that may be border cells. */
+/* Set the distances of the copy of a cell in a slot, and those of its neighbours that may be border cells. */
 static void set_distances(const struct rough_bodies *rough, const struct gr_cell *cell, int64_t i, int side)
 {
     const struct gr_engine *e = rough->e;
-    struct gr_fluidity *f = e->fluidity;
+    struct gr_fluidity *f = e->nonlocal.fluidity;
     const double dx = e->config.dx, reach = sqrt(e->config.dim) * dx; /* of a link at most */
     const int64_t id = gr_cell_id(e, cell->at);
     double x[3], middle[3];
@@ -102,15 +103,15 @@ static void mark_copies(const struct gr_facing *side, uint8_t *front, uint8_t *b
 
 void gr_bodies_mark(struct gr_engine *e, int64_t first, int64_t last)
 {
-    struct gr_fluidity *f = e->fluidity;
+    struct gr_fluidity *f = e->nonlocal.fluidity;
     struct rough_bodies rough;
     list_rough(e, &rough);
     for (int64_t c = first; c < last && c < e->mesh.n_cells; c++) {
         const struct gr_cell *cell = &e->mesh.cell[c];
         struct gr_facing side = {0};
         double x[3];
-        if (cell->side == -1) continue; /* set with its front */
-        const int is_double = cell->side == 1;
+        if (cell->side == GR_BACK) continue; /* set with its front */
+        const int is_double = cell->side == GR_FRONT;
         const int64_t front = e->mesh.place[c], back = is_double ? e->mesh.place[c + 1] : -1;
         f->inside[front] = cell->side < 0 ? GR_BEHIND : 0;
         if (is_double) {

@@ -1,5 +1,5 @@
-/* Coupling of the fluidity of the cells with the points: means over the points of a cell before the diffusion, and what points
- * start from after it. */
+/* Coupling of the fluidity of the cells with the points: means over the points of a cell before the diffusion, and what
+ * points start from after it. */
 #include "mpm/contribution.h"
 #include "mpm/migrate.h"
 
@@ -18,13 +18,13 @@ GR_INLINE void store_gain(struct gr_engine *e, int64_t place, double g, double g
     if (gr_is_balanced(e)) {
         const double more = gain < -g ? -g : gain, most = 0.5 * g;
         gain = more > most ? most : more;
-        e->fluidity->gain[place] = gain;
+        e->nonlocal.fluidity->gain[place] = gain;
         g += gain;
     }
-    e->fluidity->g[place] = g;
+    e->nonlocal.fluidity->g[place] = g;
 }
 
-/* Points of the material that has a fluidity, at the places from `at` on. To the fluidity others are what empty cells are:
+/* Points of the material that has a fluidity, in the slots from `at` on. To the fluidity others are what empty cells are:
  * nothing flows into them, as with the law itself for A = 0. */
 GR_INLINE vm is_nonlocal(const struct gr_engine *e, int64_t at)
 {
@@ -34,7 +34,7 @@ GR_INLINE vm is_nonlocal(const struct gr_engine *e, int64_t at)
     return v_gt(v_load(own), v_zero());
 }
 
-/* Points with pressure at the places from `at` on. */
+/* Points with pressure in the slots from `at` on. */
 GR_INLINE vm has_pressure(const struct gr_engine *e, int64_t at)
 {
     vd tension = component(e, GR_FIELD_stress, 0, at);
@@ -48,7 +48,7 @@ GR_INLINE void sum_fluidity(const struct gr_engine *e, int64_t first, double sum
     vd acc[3] = {v_zero(), v_zero(), v_zero()};
     int points = 0;
     for (int l = 0; l < GR_W; l++) points = points > e->mesh.cell[first + l].count ? points : e->mesh.cell[first + l].count;
-    for (int n = 0; n < points; n++) { /* spare places have no mass */
+    for (int n = 0; n < points; n++) { /* spare slots have no mass */
         const int64_t at = gr_slot(&e->mesh.cell[first], n);
         vd m = v_keep(has_pressure(e, at), component(e, GR_FIELD_mass, 0, at));
         if (__builtin_expect(e->config.n_materials > 1, 0)) m = v_keep(is_nonlocal(e, at), m);
@@ -62,8 +62,8 @@ GR_INLINE void sum_fluidity(const struct gr_engine *e, int64_t first, double sum
 GR_INLINE void store_mean(struct gr_engine *e, int64_t place, double m, double g, double gain)
 {
     const double inverse = m > 0 ? 1 / m : 0;
-    e->fluidity->dense[place] = m > 0;
-    e->fluidity->mean[place] = inverse * g;
+    e->nonlocal.fluidity->dense[place] = m > 0;
+    e->nonlocal.fluidity->mean[place] = inverse * g;
     store_gain(e, place, inverse * g, inverse * gain);
 }
 
@@ -94,8 +94,8 @@ GR_INLINE void mean_of_double_cell(struct gr_engine *e, const struct gr_cell *ce
 /* The fluidity of a cell after the diffusion, from which the law starts (store_gain). */
 GR_INLINE double fluidity_of_cell(const struct gr_engine *e, int64_t place)
 {
-    double g = e->fluidity->g[place];
-    if (gr_is_balanced(e)) g -= e->fluidity->gain[place];
+    double g = e->nonlocal.fluidity->g[place];
+    if (gr_is_balanced(e)) g -= e->nonlocal.fluidity->gain[place];
     return g < e->config.nonlocal.floor ? e->config.nonlocal.floor : g; /* NaN is kept */
 }
 
@@ -112,15 +112,15 @@ GR_INLINE void fluidity_starts(const struct gr_engine *e, int64_t first, struct 
         const int is_cell = first + l < e->mesh.n_cells;
         const int64_t place = is_cell ? gr_place_of_cell(e, &e->mesh.cell[first + l]) : 0;
         of_cell[l] = is_cell ? fluidity_of_cell(e, place) : 0;
-        mean[l] = is_cell ? e->fluidity->mean[place] : 0;
+        mean[l] = is_cell ? e->nonlocal.fluidity->mean[place] : 0;
     }
     start->of_cell = v_load(of_cell);
-    start->deviation = v_set(e->deviation_left);
+    start->deviation = v_set(e->nonlocal.deviation_left);
     start->change = start->of_cell - start->deviation * v_load(mean);
 }
 
-/* That of the points at the places from `at` on. Points without pressure have no fluidity of their own: if they reconnect, they
- * start from that of their cell. */
+/* That of the points in the slots from `at` on. Points without pressure have no fluidity of their own: if they reconnect,
+ * they start from that of their cell. */
 GR_INLINE vd start_of_points(const struct gr_engine *e, const struct fluidity_start *start, vm with_pressure, int64_t at)
 {
     const vd own = v_fma(start->deviation, component(e, GR_FIELD_g, 0, at), start->change);

@@ -7,29 +7,31 @@
  *   unsteady = what of gdot - <gdot> is beyond STEADY <gdot>,   T d<gdot>/dt = gdot - <gdot>,
  *   eta = X rho_c c_w h,   T = M h/c_w,   h = p/max(rho_c g, |grad p|),   gdot_end = N c_w g mu rho_c/G.
  *
- * h is the depth of a point in a layer, and the size of what is pressed where a body presses it: the lengths are those of the
- * material, and T is M times the time in which a compression wave crosses h. Faster flow turns stress back to its own direction,
- * at the rate G gdot/tau, before a wave can use it. X, M, N: granular/mpm/damping.py. */
+ * h is the depth of a point in a layer, and the size of what is pressed where a body presses it: the lengths are those of
+ * the material, and T is M times the time in which a compression wave crosses h. Faster flow turns stress back to its own
+ * direction, at the rate G gdot/tau, before a wave can use it. X, M, N: granular/mpm/damping.py. */
 #include "law/trial.h"
 #include "mpm/contribution.h"
 
-/* Largest share of the deviator. In flutter at its full size the pressure varies by 7 % and the strength with it (measured). */
+/* Largest share of the deviator. In flutter at its full size the pressure varies by 7 % and the strength with it
+ * (measured). */
 #define LARGEST_OVERSTRESS 0.25
 
-/* Largest eta times the time between two updates, over rho_c dx^2: what an update takes off the velocity of a wave is this times
- * (k S dx)^2, and must not be more than twice of it. S is the Fourier transform of the splines, and k S dx is 1.19 at most. */
+/* Largest eta times the time between two updates, over rho_c dx^2: what an update takes off the velocity of a wave is
+ * this times (k S dx)^2, and must not be more than twice of it. S is the Fourier transform of the splines, and k S dx is
+ * 1.19 at most. */
 #define MOST_DIFFUSED 1.4
 
 /* Share of the mean by which a steady rate may differ from it: a flow that starts or slows down does, by its rate of change
  * times T, and would be slowed down as if it were heavier. In flutter gdot varies by all of its mean (measured). */
 #define STEADY 0.1
 
-/* Update the overstress of the points at the places from `at` on, from the stress and the plastic shear rate that the law gave
- * them in the step before. It is kept until the next update. */
+/* Update the overstress of the points in the slots from `at` on, from the stress and the plastic shear rate that the law
+ * gave them in the step before. It is kept until the next update. */
 GR_INLINE void damp_flutter(const int dim, const struct gr_engine *e, int64_t at)
 {
     const vd zero = v_zero(), nothing = v_set(GR_NOTHING);
-    const double interval = e->config.flutter_interval * e->dt;
+    const double interval = e->config.flutter_interval * e->clock.dt;
     const vd rho_dx = v_set(-1.0) / gr_of_material(e, GR_MATERIAL_FORCE_SCALE, at);
     gr_real *const place = gr_numbers(e, GR_FIELD_mean_shear_rate, 0, at);
     const vd rate = component(e, GR_FIELD_shear_rate, 0, at);
@@ -44,7 +46,8 @@ GR_INLINE void damp_flutter(const int dim, const struct gr_engine *e, int64_t at
     steep = v_max(gr_of_material(e, GR_MATERIAL_FLUTTER_DEPTH, at) * v_sqrt(steep), v_set(1.0));
     const vd memory = gr_of_material(e, GR_MATERIAL_FLUTTER_MEMORY, at) * p / steep;
     const vd now = v_fma(memory, v_load(place), v_set(interval) * rate) / (memory + v_set(interval));
-    const vd mean = e->step > e->config.flutter_interval ? now : rate; /* a flow that is there at the start is steady */
+    const vd mean =
+        e->clock.step > e->config.flutter_interval ? now : rate; /* a flow that is there at the start is steady */
     v_store(place, mean);
     const vd slow = v_set(1.0) - gr_of_material(e, GR_MATERIAL_FLUTTER_END, at) * mean * p / tau;
     const vd most = v_set(MOST_DIFFUSED * e->config.dx / interval) * rho_dx / v_max(p, nothing);

@@ -8,9 +8,9 @@
  * moves them, and the sums of the cells that they enter are computed again. */
 #include "mpm/contribution.h"
 #include "mpm/density_correction.h"
-#include "mpm/places.h"
+#include "mpm/slots.h"
 
-/* List the points of a row of the cells from `first` on that are not `inside`. Spare places that are not go back to the
+/* List the points of a row of the cells from `first` on that are not `inside`. Spare slots that are not go back to the
  * centre of their cell. */
 static __attribute__((noinline)) int64_t list_migrants(struct gr_engine *e, int64_t first, int row, unsigned inside,
                                                        struct gr_migrant *migrant)
@@ -22,7 +22,7 @@ static __attribute__((noinline)) int64_t list_migrants(struct gr_engine *e, int6
         if (row < cell->count)
             migrant[found++] = (struct gr_migrant){.cell = first + lane, .slot = gr_slot(cell, row)};
         else
-            gr_clear_place(e, cell, gr_slot(cell, row));
+            gr_clear_slot(e, cell, gr_slot(cell, row));
     }
     return found;
 }
@@ -53,10 +53,10 @@ GR_INLINE void store_affine(const int dim, const int basis, const int affine, st
             (void)gr_interpolate(dim, basis, 1, mode + d * K, s, (const vd(*)[3])moment, C + d * dim);
     }
     for (int c = 0; c < dim * dim; c++)
-        v_store(gr_numbers(e, GR_FIELD_affine, c, at), v_keep(carries, C[c] * v_set(e->inv_dt)));
+        v_store(gr_numbers(e, GR_FIELD_affine, c, at), v_keep(carries, C[c] * v_set(e->clock.inv_dt)));
 }
 
-/* Log-density from which the points at the places from `at` on are given an affine field. */
+/* Log-density from which the points in the slots from `at` on are given an affine field. */
 GR_INLINE vd affine_from(const struct gr_engine *e, const struct view *view, int64_t at)
 {
     if (__builtin_expect(e->config.n_materials == 1, 1)) return view->disconnected;
@@ -64,16 +64,16 @@ GR_INLINE vd affine_from(const struct gr_engine *e, const struct view *view, int
                     view->disconnected);
 }
 
-/* Move the points at the places from `at` on, a row of the viewed cells. L dt is stored in `gradient` for the law.
+/* Move the points in the slots from `at` on, a row of the viewed cells. L dt is stored in `gradient` for the law.
  * Returned: a bit for each lane that is still in its cell. */
 GR_INLINE unsigned move_row(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
                             const int averages, struct gr_engine *e, const struct view *view, int64_t at, gr_real *gradient)
 {
     const int nodal = basis == GR_UGIMP || affine == GR_AFFINE_MOMENT, K = gr_power(gr_nodes_1d(basis), dim);
     const int all_new = affine == GR_AFFINE_MOMENT; /* APIC: no share of the old velocity survives, and w = v */
-    const int64_t stride = e->capacity;
+    const int64_t stride = e->points.capacity;
     const vd *const mode = view->mode;
-    const vd dx = v_set(e->config.dx), keep = v_set(e->keep_velocity), speed = v_set(e->config.dx * e->inv_dt);
+    const vd dx = v_set(e->config.dx), keep = v_set(e->keep_velocity), speed = v_set(e->config.dx * e->clock.inv_dt);
     double *const x = gr_x(e, 0) + at;
     gr_real *const v = gr_numbers(e, GR_FIELD_v, 0, at), *const log_density = gr_numbers(e, GR_FIELD_log_density, 0, at);
     struct gr_shape s;
@@ -121,12 +121,12 @@ GR_INLINE unsigned move_row(const int dim, const int basis, const int affine, co
     return x_bits(inside) & m_bits(v_ge(v_set(NO_DENSITY), v_abs(c))); /* a NaN counts as outside */
 }
 
-/* What the law starts from at the points at the places from `at` on. After substeps those have pressure whose weight in the mean
- * is not zero. */
+/* What the law starts from at the points in the slots from `at` on. After substeps those have pressure whose weight in
+ * the mean is not zero. */
 GR_INLINE vd start_of_row(const struct gr_engine *e, const struct fluidity_start *start, int64_t at)
 {
     if (e->config.nonlocal.substeps < 2) return start_of_points(e, start, has_pressure(e, at), at);
-    const vd weight = v_load(gr_substep_at(e->substeps, at, GR_SUBSTEP_weight));
+    const vd weight = v_load(gr_substep_at(e->nonlocal.substeps, at, GR_SUBSTEP_weight));
     return start_of_points(e, start, v_gt(weight, v_zero()), at);
 }
 
@@ -151,7 +151,7 @@ GR_INLINE int64_t g2p_tile(const int dim, const int basis, const int affine, con
             gr_real *gradient = batch->gradient + batch->n * dim * dim * GR_W;
             const unsigned inside =
                 move_row(dim, basis, affine, smoothed, cell_averaged, averages, e, &view[part], at, gradient);
-            if (e->diffuses) v_store(batch->g_star + batch->n * GR_W, start_of_row(e, &view[part].fluidity, at));
+            if (e->nonlocal.diffuses) v_store(batch->g_star + batch->n * GR_W, start_of_row(e, &view[part].fluidity, at));
             batch->slot[batch->n++] = at;
             if (__builtin_expect(inside != GR_ALL_LANES, 0))
                 found += list_migrants(e, first + part * GR_W, row, inside, migrant + found);

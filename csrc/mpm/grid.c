@@ -1,6 +1,6 @@
 /* The grid stage: nodal sums and the momentum balance (grid.h). */
-#include "mpm/open_volume.h"
 #include "mpm/grid.h"
+#include "mpm/open_volume.h"
 
 #include <math.h>
 #include <string.h>
@@ -25,7 +25,7 @@ GR_INLINE int rows_of(const int dim, const enum further further)
  * separated; -1 if there is none. */
 GR_INLINE int64_t joined_with(const struct gr_engine *e, int64_t n)
 {
-    return e->n_thin && e->mesh.duplicate[n] >= 0 && !e->mesh.separated[n] ? e->mesh.duplicate[n] : -1;
+    return e->bodies.n_thin && e->mesh.duplicate[n] >= 0 && !e->mesh.separated[n] ? e->mesh.duplicate[n] : -1;
 }
 
 /* Add the sums of the nodes to which those of a group are joined. */
@@ -50,55 +50,49 @@ void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last)
         }
         double m = 0;
         for (int i = 0; i < e->K; i++) m += gr_sums(e)[e->mesh.node_source[n * e->K + i]];
-        e->node_mass[n] = m;
+        e->nodes.mass[n] = m;
     }
-}
-
-/* Apply the wall of a node with the given damping, and note the impulse on it (wall_impulse.h). Not inline: the loop over nodes
- * is for those who do not ask. */
-static __attribute__((noinline)) void note_impulse(struct gr_engine *e, int64_t n, double damping, double *v, double *next)
-{
-    const int dim = e->config.dim;
-    const double m = e->node_mass[n], kept = e->keep_velocity - damping; /* its own mass, that of a duplicate not included */
-    double *impulse = e->watch->node + n * dim, before[3], free[3];
-    memset(impulse, 0, sizeof(double) * (size_t)dim);
-    if (!v || !e->mesh.node_code[n]) return;
-    memcpy(before, v, sizeof(double) * (size_t)dim);
-    memcpy(free, next, sizeof(double) * (size_t)dim);
-    gr_apply_wall(gr_wall_now(e, e->mesh.node_code[n]), dim, kept, v, next);
-    for (int d = 0; d < dim; d++) impulse[d] = m * ((free[d] - next[d]) - kept * (before[d] - v[d]));
 }
 
 /* True if a node has so little mass that it is at rest. A NaN has mass: it is found at the points. */
 static inline int is_empty(const struct gr_engine *e, double m) { return m <= e->config.mass_cutoff; }
 
+/* Note the impulse on the wall of node `lane` of the group from `first` on (wall_impulse.h), which changed the velocities in
+ * `motion` to v and `next`. Not inline: the loop over nodes is for those who do not ask. */
+static __attribute__((noinline)) void note_impulse(struct gr_engine *e, int64_t first, int lane, double kept,
+                                                   const struct gr_node_motion *motion, const double *v, const double *next)
+{
+    const double m = e->nodes.mass[first + lane]; /* its own mass, that of a duplicate not included */
+    double *impulse = e->watch->node + (first + lane) * e->config.dim;
+    for (int d = 0; d < e->config.dim; d++)
+        impulse[d] = m * ((motion->next[d][lane] - next[d]) - kept * (motion->v[d][lane] - v[d]));
+}
+
 /* Apply the wall of node `lane` of the group from `first` on. */
 static void apply_wall(struct gr_engine *e, int64_t first, int lane, double m, struct gr_node_motion *motion)
 {
     const int dim = e->config.dim;
+    const double kept = e->keep_velocity - motion->damping[lane];
     double v[3], next[3];
     if (is_empty(e, m)) {
-        if (e->watch) note_impulse(e, first + lane, 0, 0, 0);
+        if (e->watch) memset(e->watch->node + (first + lane) * dim, 0, sizeof(double) * (size_t)dim);
         return;
     }
     for (int d = 0; d < dim; d++) v[d] = motion->v[d][lane], next[d] = motion->next[d][lane];
-    if (e->watch)
-        note_impulse(e, first + lane, motion->damping[lane], v, next);
-    else {
-        const struct gr_wall *wall = gr_wall_now(e, e->mesh.node_code[first + lane]);
-        gr_apply_wall(wall, dim, e->keep_velocity - motion->damping[lane], v, next);
-    }
+    gr_apply_wall(gr_wall_now(e, e->mesh.node_code[first + lane]), dim, kept, v, next);
+    if (e->watch) note_impulse(e, first, lane, kept, motion, v, next);
     for (int d = 0; d < dim; d++) motion->v[d][lane] = v[d], motion->next[d][lane] = next[d];
 }
 
 /* True if a body leaves hardly any volume to a node. */
 GR_INLINE int is_closed(const struct gr_engine *e, int64_t n)
 {
-    return e->open && e->mesh.node_volume[n] < GR_LEAST_OPEN && gr_open_place(e->open, e->mesh.node_id[n]) >= 0;
+    return e->bodies.open && e->mesh.node_volume[n] < GR_LEAST_OPEN &&
+           gr_open_place(e->bodies.open, e->mesh.node_id[n]) >= 0;
 }
 
-/* Part of the volume of a node that must be of material that is averaged, for a residual force that its weights are to balance:
- * beside an elastic body it is that of a surface. */
+/* Part of the volume of a node that must be of material that is averaged, for a residual force that its weights are to
+ * balance: beside an elastic body it is that of a surface. */
 #define LEAST_AVERAGED 0.99
 
 /* With several materials, the sums that they add to those of an averaging (enum gr_volume_sum), for the nodes of a group. */
@@ -139,7 +133,7 @@ GR_INLINE void store_density(const int dim, struct gr_engine *e, const struct gr
     if (several) sum_mixture(e, kernels, first, lanes, volumes);
     kernels->describe_nodes(e, first, sums, several ? volumes + GR_SUM_VOLUME * GR_LANES : sums + GR_SUM_MASS * GR_LANES);
     if (several) describe_mixture(dim, e, first, lanes, sums, volumes);
-    for (int64_t n = first; e->open && n < first + lanes; n++)
+    for (int64_t n = first; e->bodies.open && n < first + lanes; n++)
         if (is_closed(e, n)) {
             gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP(dim))[n] = GR_CLOSED_GAP;
             gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_EXCESS)[n] = 0;
@@ -157,21 +151,21 @@ GR_INLINE void grid_nodes(const int dim, const enum further further, struct gr_e
         const int lanes = last - n < GR_LANES ? (int)(last - n) : GR_LANES;
         if (gr_group_rests(e, n)) continue;
         kernels->sum_nodes(e, n / GR_LANES, damps, averages, sums);
-        memcpy(e->node_mass + n, sums + GR_SUM_MASS * GR_LANES, GR_LANES * sizeof *sums);
-        if (e->n_thin) add_joined(dim, further, e, kernels, n, lanes, sums);
+        memcpy(e->nodes.mass + n, sums + GR_SUM_MASS * GR_LANES, GR_LANES * sizeof *sums);
+        if (e->bodies.n_thin) add_joined(dim, further, e, kernels, n, lanes, sums);
         kernels->move_nodes(e, damps, g, sums, &motion);
         for (int l = 0; l < lanes; l++)
             if (e->mesh.node_code[n + l] || e->watch) apply_wall(e, n, l, sums[GR_SUM_MASS * GR_LANES + l], &motion);
         kernels->store_nodes(e, damps, n, &motion);
-        for (int l = 0; e->node_v && l < lanes; l++)
-            for (int d = 0; d < dim; d++) e->node_v[(n + l) * dim + d] = motion.v[d][l];
+        for (int l = 0; e->nodes.v && l < lanes; l++)
+            for (int d = 0; d < dim; d++) e->nodes.v[(n + l) * dim + d] = motion.v[d][l];
         if (averages) store_density(dim, e, kernels, n, lanes, sums);
     }
 }
 
 void gr_grid_nodes(struct gr_engine *e, const struct gr_kernels *kernels, int64_t first, int64_t last, const double g[3])
 {
-    const enum further further = e->config.cell_averaged ? DAMPING : gr_averages(e, e->step) ? DENSITY : NOTHING;
+    const enum further further = e->config.cell_averaged ? DAMPING : gr_averages(e, e->clock.step) ? DENSITY : NOTHING;
 #define GR_GRID(d, q) \
     if (e->config.dim == d && further == q) grid_nodes(d, q, e, kernels, first, last, g);
     GR_GRID(2, NOTHING)
@@ -195,7 +189,7 @@ void gr_grid_without_walls(const struct gr_engine *e, int64_t n, const double g[
     const double m = sum[GR_SUM_MASS];
     for (int d = 0; d < dim; d++) {
         v[d] = sum[GR_SUM_MOMENTUM + d] / m;
-        next[d] = v[d] + e->dt * (sum[GR_SUM_FORCE(dim) + d] / m + g[d]);
+        next[d] = v[d] + e->clock.dt * (sum[GR_SUM_FORCE(dim) + d] / m + g[d]);
     }
 }
 
@@ -212,12 +206,12 @@ void gr_grid_smooth(struct gr_engine *e, int64_t first, int64_t last, int pass)
             const double *part = gr_sums(e) + e->mesh.node_source[n * K + i];
             for (int d = 0; d < dim; d++) sum[d] += part[(GR_SUM_MOMENTUM + d) * GR_LANES];
         }
-        const double m = e->node_mass[n];
+        const double m = e->nodes.mass[n];
         for (int d = 0; d < dim; d++) after[d] = gr_node_field(e, GR_NODE_VELOCITY + d)[n];
         const int held = gr_holds(gr_wall_now(e, e->mesh.node_code[n]), dim, after);
         for (int d = 0; d < dim; d++) {
             const double v = m > e->config.mass_cutoff && !(held >> d & 1) ? sum[d] / m : 0;
-            e->node_v[n * dim + d] = v;
+            e->nodes.v[n * dim + d] = v;
             if (e->watch && held >> d & 1) e->watch->node[n * dim + d] += rest * sum[d];
             if (m > e->config.mass_cutoff) gr_node_field(e, GR_NODE_UPDATE(dim) + d)[n] += share * v;
         }

@@ -12,7 +12,8 @@ struct gr_node_motion {
 /* Compute only the masses of the nodes, to node_mass, where the forces depend on them (mpm/cell_averaged.inl). */
 void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last);
 
-/* Momentum balance on the nodes [first, last), which begin with a whole group, with gravity g (Dunatunga & Kamrin 2015, eq. 3.5-3.8):
+/* Momentum balance on the nodes [first, last), which begin with a whole group, with gravity g (Dunatunga & Kamrin 2015,
+ * eq. 3.5-3.8):
  *
  *   v = p/m,  v' = v + dt (f/m + g), walls;  w = f (v' - v) + (1 - f) v'.
  *

@@ -1,17 +1,20 @@
 /* Grouping of the points by cell. Every cell that holds points, and each of its neighbours, owns a lane of a tile, with the
- * same number of places for each cell of the tile. Only these active cells and their nodes exist for the kernels, so that
+ * same number of slots for each cell of the tile. Only these active cells and their nodes exist for the kernels, so that
  * memory grows with the material.
  *
- * A team does the work in passes. Each chunk of a pass has cells, tiles, points or places of its own, and no order depends on
+ * A team does the work in passes. Each chunk of a pass has cells, tiles, points or slots of its own, and no order depends on
  * their number: the points of a new cell are in the order in which all are listed. */
+#include "mpm/grouping.h"
+
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/index.h"
 #include "core/memory.h"
+#include "mpm/connect.h"
 #include "mpm/migrate.h"
-#include "mpm/places.h"
 #include "mpm/sleep.h"
+#include "mpm/slots.h"
 #include "mpm/spread.h"
 #include "mpm/thin_bodies.h"
 
@@ -43,10 +46,10 @@ struct list {
 struct regroup {
     struct gr_engine *e;
     struct gr_team *team;
-    int64_t chunks, n, n_cells, n_occupied, total; /* points; new cells, and how many of them hold points; places */
+    int64_t chunks, n, n_cells, n_occupied, total; /* points; new cells, and how many of them hold points; slots */
     struct list *list;                             /* chunks + 1; the last is that of the pending points */
-    int64_t *source;                               /* per point: its old place, or -1 - k for pending point k */
-    int64_t *place;  /* per point: index of its cell in the grid; then its number in the new cell; then its new place */
+    int64_t *source;                               /* per point: its old slot, or -1 - k for pending point k */
+    int64_t *slot;   /* per point: index of its cell in the grid; then its number in the new cell; then its new slot */
     int32_t *cell;   /* per point: number of its new cell */
     int64_t *listed; /* indices of the cells of the points in the grid; of each list only where they change */
     int64_t *cells;  /* indices of the active cells in the grid, ascending; double cells twice */
@@ -97,7 +100,7 @@ static int add_point(struct regroup *r, struct list *list, int64_t source, const
     const int64_t index = gr_cell_id(e, cell);
     if (!list->n_cells || listed[list->n_cells - 1] != index) listed[list->n_cells++] = index;
     r->source[list->first + list->n] = source;
-    r->place[list->first + list->n++] = index;
+    r->slot[list->first + list->n++] = index;
     return 1;
 }
 
@@ -107,7 +110,7 @@ GR_SHARED(count_old, struct regroup, r->e->mesh.n_cells, r)
     struct list *list = &r->list[chunk];
     for (int64_t c = first; c < last; c++) list->n += r->e->mesh.cell[c].count;
     if (!r->e->mesh.n_cells) {
-        gr_share(r->e->n_points - r->e->n_pending, chunk, r->chunks, &first, &last);
+        gr_share(r->e->points.n - r->e->migration.n_pending, chunk, r->chunks, &first, &last);
         list->n = last - first;
     }
 }
@@ -126,7 +129,7 @@ GR_SHARED(list_old, struct regroup, r->e->mesh.n_cells, r)
         while (e->mesh.n_cells && (!cell || k == cell->count)) cell = &e->mesh.cell[++c], k = 0;
         const int64_t slot = cell ? gr_slot(cell, k) : list->first + k;
         for (int d = 0; d < e->config.dim; d++) x[d] = gr_x(e, d)[slot];
-        (void)add_point(r, list, slot, x, e->id[slot]);
+        (void)add_point(r, list, slot, x, e->points.id[slot]);
     }
 }
 
@@ -138,14 +141,15 @@ static int list_points(struct regroup *r)
     count_old(r);
     for (int64_t c = 0; c < r->chunks; c++) r->list[c + 1].first = r->list[c].first + r->list[c].n;
     list_old(r);
-    for (int64_t k = 0; k < e->n_pending; k++)
-        if (!add_point(r, pending, -1 - k, e->pending + k * e->n_components, e->pending_id[k])) break;
+    for (int64_t k = 0; k < e->migration.n_pending; k++)
+        if (!add_point(r, pending, -1 - k, e->migration.pending + k * e->points.n_components, e->migration.pending_id[k]))
+            break;
     r->n = pending->first + pending->n;
     for (int64_t c = 0; c <= r->chunks; c++) {
         if (!r->list[c].failed) continue;
-        e->error_id = r->list[c].outside;
-        memcpy(e->error_x, r->list[c].outside_x, sizeof e->error_x);
-        return e->error = GR_ERR_OUTSIDE;
+        e->failure.id = r->list[c].outside;
+        memcpy(e->failure.x, r->list[c].outside_x, sizeof e->failure.x);
+        return e->failure.code = GR_ERR_OUTSIDE;
     }
     return GR_OK;
 }
@@ -177,22 +181,22 @@ static int64_t merge_listed(struct regroup *r)
 
 /* ---- The new cells ---- */
 
-/* Find the side of a listed point in a cell that has the side `of_cell`, and note it where the point is read from: at its old
- * place or in its record. */
+/* Find the side of a listed point in a cell that has the side `of_cell`, and note it where the point is read from: at its
+ * old slot or in its record. */
 static int find_side(const struct regroup *r, int64_t p, int of_cell)
 {
     struct gr_engine *e = r->e;
-    const int64_t place = r->source[p];
-    double *const record = place < 0 ? e->pending + (-1 - place) * e->n_components : 0;
+    const int64_t slot = r->source[p];
+    double *const record = slot < 0 ? e->migration.pending + (-1 - slot) * e->points.n_components : 0;
     double x[3] = {0};
     double *const packed = record ? record + gr_component_of(e, GR_FIELD_side) : 0;
-    for (int d = 0; d < e->config.dim; d++) x[d] = record ? record[d] : gr_x(e, d)[place];
-    const double before = packed ? *packed : gr_number(e, GR_FIELD_side, 0, place);
-    const int side = of_cell == 1 ? gr_point_side(e, x, gr_sign(before)) : 0;
+    for (int d = 0; d < e->config.dim; d++) x[d] = record ? record[d] : gr_x(e, d)[slot];
+    const double before = packed ? *packed : gr_number(e, GR_FIELD_side, 0, slot);
+    const int side = of_cell == GR_FRONT ? gr_point_side(e, x, gr_sign(before)) : 0;
     if (packed)
         *packed = side;
     else
-        gr_set_number(e, GR_FIELD_side, 0, place, side);
+        gr_set_number(e, GR_FIELD_side, 0, slot, side);
     return side;
 }
 
@@ -209,13 +213,13 @@ static int split_cells(struct regroup *r)
         int32_t at[3];
         decode(r->e, cells[c], at);
         r->sides[c] = (int8_t)gr_cell_side(r->e, at);
-        last += abs(r->sides[c]) == 1;
+        last += abs(r->sides[c]) == GR_FRONT;
     }
     r->n_cells = last;
     for (int64_t c = n; c-- > 0;) { /* backwards, so that no entry is overwritten that is still needed */
-        const int8_t side = r->sides[c], is_double = abs(side) == 1;
-        if (is_double) cells[--last] = cells[c], r->sides[last] = -1;
-        cells[--last] = cells[c], r->sides[last] = is_double ? 1 : side;
+        const int8_t side = r->sides[c], is_double = abs(side) == GR_FRONT;
+        if (is_double) cells[--last] = cells[c], r->sides[last] = GR_BACK;
+        cells[--last] = cells[c], r->sides[last] = is_double ? GR_FRONT : side;
     }
     return GR_OK;
 }
@@ -237,7 +241,7 @@ GR_LISTED(number_cells)
 {
     list->lowest = INT64_MAX, list->highest = -1;
     for (int64_t p = list->first; p < list->first + list->n; p++) {
-        int64_t c = (int64_t)gr_table_get(&r->e->mesh.next_of, r->place[p]) - 1;
+        int64_t c = (int64_t)gr_table_get(&r->e->mesh.next_of, r->slot[p]) - 1;
         if (r->sides) c += find_side(r, p, r->sides[c]) < 0;
         r->cell[p] = (int32_t)c;
         if (c < list->lowest) list->lowest = c;
@@ -252,13 +256,13 @@ GR_SHARED(count_new, struct regroup, r->n_cells, r)
     for (const struct list *list = r->list; list <= r->list + r->chunks; list++) {
         if (list->lowest >= last || list->highest < first) continue;
         for (int64_t p = list->first; p < list->first + list->n; p++)
-            if (r->cell[p] >= first && r->cell[p] < last) r->place[p] = r->counts[r->cell[p]]++;
+            if (r->cell[p] >= first && r->cell[p] < last) r->slot[p] = r->counts[r->cell[p]]++;
     }
 }
 
 static int64_t tiles_of(const struct regroup *r) { return (r->n_cells + GR_LANES - 1) / GR_LANES; }
 
-/* Find the number of places of each tile. */
+/* Find the number of slots of each tile. */
 GR_SHARED(size_tiles, struct regroup, tiles_of(r), r)
 {
     (void)chunk;
@@ -277,7 +281,7 @@ static int list_cells(struct regroup *r)
     const int64_t occupied = merge_listed(r);
     r->n_occupied = occupied;
     if (gr_spread(e, GR_SPREAD_CELLS, r->listed, occupied, r->team, r->chunks, &r->cells, &r->n_cells)) return GR_ERR_MEMORY;
-    if (e->n_thin && split_cells(r)) return GR_ERR_MEMORY;
+    if (e->bodies.n_thin && split_cells(r)) return GR_ERR_MEMORY;
     if (gr_table_fill(&e->mesh.next_of, r->cells, r->n_cells, r->team, r->chunks)) return GR_ERR_MEMORY;
     r->counts = calloc((size_t)r->n_cells + 1, sizeof *r->counts);
     r->offset = malloc(sizeof *r->offset * (size_t)(tiles_of(r) + 1));
@@ -286,41 +290,41 @@ static int list_cells(struct regroup *r)
     count_new(r);
     size_tiles(r);
     for (int64_t tile = 0; tile <= tiles_of(r); tile++) {
-        const int64_t places = r->offset[tile];
+        const int64_t slots = r->offset[tile];
         r->offset[tile] = r->total;
-        if (tile < tiles_of(r)) r->total += places;
+        if (tile < tiles_of(r)) r->total += slots;
     }
-    r->moves =
-        (struct gr_moves){.e = e, .team = r->team, .chunks = r->chunks, .used = r->total > e->used ? r->total : e->used};
+    r->moves = (struct gr_moves){
+        .e = e, .team = r->team, .chunks = r->chunks, .used = r->total > e->points.used ? r->total : e->points.used};
     return GR_OK;
 }
 
 static int reserve_mesh(struct gr_engine *e, int64_t n_cells)
 {
     struct gr_mesh *mesh = &e->mesh;
-    if (n_cells <= mesh->cell_capacity && e->sums) return GR_OK;
+    if (n_cells <= mesh->cell_capacity && e->sums.data) return GR_OK;
     const int64_t tiles = (n_cells + n_cells / 2) / GR_LANES + 2, capacity = tiles * GR_LANES;
     mesh->cell_capacity = 0;
     GR_RESIZE(mesh->cell, capacity);
     GR_RESIZE(mesh->cell_node, capacity * e->K);
     GR_RESIZE(mesh->tile_state, tiles);
     GR_RESIZE(mesh->tile_in_row, tiles);
-    if (e->fluidity) GR_RESIZE(mesh->place, capacity);
-    if (e->n_thin) GR_RESIZE(mesh->paired, capacity);
+    if (e->nonlocal.fluidity) GR_RESIZE(mesh->place, capacity);
+    if (e->bodies.n_thin) GR_RESIZE(mesh->paired, capacity);
     if (gr_averages_of_cell(&e->config)) {
         GR_RESIZE(mesh->beside, capacity * 2 * e->config.dim);
-        GR_RESIZE(e->average, capacity * gr_averages_of_cell(&e->config));
+        GR_RESIZE(e->sums.average, capacity * gr_averages_of_cell(&e->config));
     }
-    if (e->fluidity && e->config.nonlocal.substeps > 1) {
-        GR_RESIZE(e->substep_mass, capacity);
-        GR_RESIZE(e->substep_flow, capacity);
-        GR_RESIZE(e->substep_gain, capacity);
+    if (e->nonlocal.fluidity && e->config.nonlocal.substeps > 1) {
+        GR_RESIZE(e->nonlocal.substep_mass, capacity);
+        GR_RESIZE(e->nonlocal.substep_flow, capacity);
+        GR_RESIZE(e->nonlocal.substep_gain, capacity);
     }
-    GR_RESIZE(e->dirty, tiles);
+    GR_RESIZE(e->sums.dirty, tiles);
     /* loads of node_sums.inl end beyond the last */
-    void *sums = realloc(e->sums, gr_bytes_of_sums(e, (tiles + 1) * e->sum_stride + GR_LANES));
+    void *sums = realloc(e->sums.data, gr_bytes_of_sums(e, (tiles + 1) * e->sums.stride + GR_LANES));
     if (!sums) return GR_ERR_MEMORY;
-    e->sums = sums;
+    e->sums.data = sums;
     mesh->cell_capacity = capacity;
     return GR_OK;
 }
@@ -331,7 +335,7 @@ GR_SHARED(keep_calm, struct regroup, r->n_cells, r)
     (void)chunk;
     for (int64_t c = first; c < last; c++) {
         r->calm[c] = 0;
-        if (r->sides && abs(r->sides[c]) == 1) continue; /* double cells do not sleep */
+        if (r->sides && abs(r->sides[c]) == GR_FRONT) continue; /* double cells do not sleep */
         const int64_t before = (int64_t)gr_table_get(&r->e->mesh.cell_of, r->cells[c]) - 1;
         const struct gr_cell *cell = before < 0 ? 0 : &r->e->mesh.cell[before];
         const int kept = cell && (cell->count == r->counts[c] || (cell->count && cell->calm != GR_ASLEEP));
@@ -339,7 +343,8 @@ GR_SHARED(keep_calm, struct regroup, r->n_cells, r)
     }
 }
 
-/* Set up the cells of the new tiles and clear their sums. The last tile is filled up with cells at the place of its last. */
+/* Set up the cells of the new tiles and clear their sums. The last tile is filled up with cells that lie where its last
+ * does. */
 GR_SHARED(place_tiles, struct regroup, tiles_of(r), r)
 {
     struct gr_engine *e = r->e;
@@ -358,8 +363,8 @@ GR_SHARED(place_tiles, struct regroup, tiles_of(r), r)
         cell->flags = gr_map_get(&e->config.cell_flags, cell->at);
     }
     memset(e->mesh.tile_state + first, GR_TILE_SUMMED, (size_t)(last - first));
-    memset((char *)e->sums + gr_bytes_of_sums(e, first * e->sum_stride), 0,
-           gr_bytes_of_sums(e, (last - first) * e->sum_stride));
+    memset((char *)e->sums.data + gr_bytes_of_sums(e, first * e->sums.stride), 0,
+           gr_bytes_of_sums(e, (last - first) * e->sums.stride));
 }
 
 /* Set up the mesh of the new cells. */
@@ -373,14 +378,14 @@ static void place_cells(struct regroup *r)
     mesh->n_tiles = tiles_of(r);
     place_tiles(r);
     /* the tile of zeros, and what loads behind it read */
-    memset((char *)r->e->sums + gr_bytes_of_sums(r->e, mesh->n_tiles * r->e->sum_stride), 0,
-           gr_bytes_of_sums(r->e, r->e->sum_stride + GR_LANES));
+    memset((char *)r->e->sums.data + gr_bytes_of_sums(r->e, mesh->n_tiles * r->e->sums.stride), 0,
+           gr_bytes_of_sums(r->e, r->e->sums.stride + GR_LANES));
     mesh->n_paired = 0;
     for (int64_t c = 0; r->sides && c < r->n_cells; c++)
         if (r->sides[c] == 1) mesh->paired[mesh->n_paired++] = c;
 }
 
-/* ---- The points in their new places ---- */
+/* ---- The points in their new slots ---- */
 
 GR_SHARED(clear_from, struct regroup, r->moves.used, r)
 {
@@ -388,18 +393,18 @@ GR_SHARED(clear_from, struct regroup, r->moves.used, r)
     for (int64_t s = first; s < last; s++) r->moves.from[s] = GR_SPARE;
 }
 
-GR_LISTED(find_places)
+GR_LISTED(find_slots)
 {
     for (int64_t p = list->first; p < list->first + list->n; p++)
-        r->moves.from[gr_slot(&r->e->mesh.cell[r->cell[p]], r->place[p])] = r->source[p];
+        r->moves.from[gr_slot(&r->e->mesh.cell[r->cell[p]], r->slot[p])] = r->source[p];
 }
 
 static void move_points(struct regroup *r)
 {
     clear_from(r);
-    find_places(r);
+    find_slots(r);
     gr_move_points(&r->moves);
-    r->e->used = r->total;
+    r->e->points.used = r->total;
 }
 
 /* Find the places of the active cells on the fluidity grid. */
@@ -408,21 +413,21 @@ GR_SHARED(find_fluidity, struct regroup, r->n_cells, r)
     const struct gr_engine *e = r->e;
     (void)chunk;
     for (int64_t c = first; c < last; c++)
-        e->mesh.place[c] = (int32_t)gr_fluidity_place(e->fluidity, r->cells[c], e->mesh.cell[c].side == -1);
+        e->mesh.place[c] = (int32_t)gr_fluidity_place(e->nonlocal.fluidity, r->cells[c], e->mesh.cell[c].side == GR_BACK);
 }
 
 static int reserve_points(struct regroup *r)
 {
-    const size_t n = (size_t)r->e->n_points + 1;
+    const size_t n = (size_t)r->e->points.n + 1;
     r->list = calloc((size_t)r->chunks + 1, sizeof *r->list);
     r->source = malloc(sizeof *r->source * n);
-    r->place = malloc(sizeof *r->place * n);
+    r->slot = malloc(sizeof *r->slot * n);
     r->cell = malloc(sizeof *r->cell * n);
     r->listed = malloc(sizeof *r->listed * 2 * n);
-    return r->list && r->source && r->place && r->cell && r->listed ? GR_OK : GR_ERR_MEMORY;
+    return r->list && r->source && r->slot && r->cell && r->listed ? GR_OK : GR_ERR_MEMORY;
 }
 
-static int reserve_places(struct regroup *r)
+static int reserve_slots(struct regroup *r)
 {
     const int error = gr_reserve_moves(&r->moves);
     if (error) return error;
@@ -435,7 +440,7 @@ static int reserve_places(struct regroup *r)
 
 static void free_regroup(struct regroup *r)
 {
-    void *const owned[] = {r->list,  r->source, r->place,  r->cell,   r->listed,
+    void *const owned[] = {r->list,  r->source, r->slot,   r->cell,   r->listed,
                            r->cells, r->sides,  r->counts, r->offset, r->calm};
     for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
     gr_free_moves(&r->moves);
@@ -444,33 +449,33 @@ static void free_regroup(struct regroup *r)
 int gr_has_emptied(const struct gr_engine *e)
 {
     int64_t occupied = 0;
-    if (e->step % EMPTIED_INTERVAL) return 0;
+    if (e->clock.step % EMPTIED_INTERVAL) return 0;
     for (int64_t c = 0; c < e->mesh.n_cells; c++) occupied += e->mesh.cell[c].count > 0;
     return 4 * occupied < 3 * e->mesh.n_occupied;
 }
 
 int gr_regroup(struct gr_engine *e, struct gr_team *team)
 {
-    struct regroup r = {.e = e, .team = team, .chunks = e->n_points > FEW_POINTS ? gr_chunks(team, GR_MAX_CHUNKS) : 1};
+    struct regroup r = {.e = e, .team = team, .chunks = e->points.n > FEW_POINTS ? gr_chunks(team, GR_MAX_CHUNKS) : 1};
     int error = reserve_points(&r);
     if (!error) error = list_points(&r);
     if (!error) error = list_cells(&r);
-    if (!error && r.total + r.total / (2 * GROWTH) > e->capacity) {
-        e->needed_capacity = r.total + r.total / GROWTH;
+    if (!error && r.total + r.total / (2 * GROWTH) > e->points.capacity) {
+        e->migration.needed_capacity = r.total + r.total / GROWTH;
         error = GR_ERR_CAPACITY;
     }
-    if (!error) error = reserve_places(&r);
+    if (!error) error = reserve_slots(&r);
     if (!error) error = reserve_mesh(e, r.n_cells);
     if (error) goto out; /* the old cells are kept */
     place_cells(&r);
     move_points(&r);
-    e->n_pending = 0;
-    e->sums_valid = 0;
-    e->n_dirty = 0;
+    e->migration.n_pending = 0;
+    e->sums.valid = 0;
+    e->sums.n_dirty = 0;
     e->mesh.n_occupied = r.n_occupied;
     error = gr_connect(e, r.cells, team, r.chunks);
-    if (!error && e->fluidity) error = gr_fluidity_cover(e->fluidity, r.cells, r.sides, r.n_cells);
-    if (!error && e->fluidity) find_fluidity(&r);
+    if (!error && e->nonlocal.fluidity) error = gr_fluidity_cover(e->nonlocal.fluidity, r.cells, r.sides, r.n_cells);
+    if (!error && e->nonlocal.fluidity) find_fluidity(&r);
     e->disconnected = error != GR_OK; /* the points are grouped, but the mesh must be made again */
 out:
     free_regroup(&r);

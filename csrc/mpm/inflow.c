@@ -10,16 +10,16 @@
 static int component_of(const struct gr_engine *e, int field)
 {
     int component = 0;
-    for (int f = 0; f < field; f++) component += gr_engine_uses(&e->config, f) ? gr_field_components(f, e->config.dim) : 0;
+    for (int f = 0; f < field; f++) component += gr_config_uses(&e->config, f) ? gr_field_components(f, e->config.dim) : 0;
     return component;
 }
 
 static int is_valid(const struct gr_engine *e, const struct gr_inlet *inlet)
 {
-    if (e->mesh.node_capacity || !gr_inlet_is_valid(inlet, e->config.dim, e->n_components)) return 0;
+    if (e->mesh.node_capacity || !gr_inlet_is_valid(inlet, e->config.dim, e->points.n_components)) return 0;
     const int mass = component_of(e, GR_FIELD_mass), material = component_of(e, GR_FIELD_material);
     for (int64_t i = 0; i < inlet->n_sites; i++) {
-        const double *record = inlet->record + i * e->n_components;
+        const double *record = inlet->record + i * e->points.n_components;
         if (!(record[mass] > 0)) return 0;
         if (e->config.n_materials > 1 && !(record[material] >= 0 && record[material] < e->config.n_materials)) return 0;
         for (int d = 0; d < e->config.dim; d++) {
@@ -32,7 +32,7 @@ static int is_valid(const struct gr_engine *e, const struct gr_inlet *inlet)
 
 int gr_inflow_add(struct gr_engine *e, const struct gr_inlet *inlet)
 {
-    return is_valid(e, inlet) ? gr_inlets_add(&e->inflow, inlet, e->n_components) : GR_ERR_CONFIG;
+    return is_valid(e, inlet) ? gr_inlets_add(&e->inflow, inlet, e->points.n_components) : GR_ERR_CONFIG;
 }
 
 int64_t gr_inflow_most(const struct gr_engine *e)
@@ -56,9 +56,9 @@ static int cell_is_near(const struct gr_engine *e, const int32_t at[3], const do
 {
     const int64_t first = (int64_t)gr_table_get(&e->mesh.cell_of, gr_cell_id(e, at)) - 1;
     if (first < 0) return 0;
-    for (int64_t c = first; c <= first + (e->mesh.cell[first].side == 1); c++)
+    for (int64_t c = first; c <= first + (e->mesh.cell[first].side == GR_FRONT); c++)
         for (int32_t k = 0; k < e->mesh.cell[c].count; k++)
-            if (are_near(e->config.dim, x, gr_x(e, 0) + gr_slot(&e->mesh.cell[c], k), e->capacity, reach)) return 1;
+            if (are_near(e->config.dim, x, gr_x(e, 0) + gr_slot(&e->mesh.cell[c], k), e->points.capacity, reach)) return 1;
     return 0;
 }
 
@@ -82,8 +82,8 @@ static int is_taken(const struct gr_engine *e, const struct gr_inlet *inlet, con
         for (at[1] = low[1]; at[1] <= high[1]; at[1]++)
             for (at[0] = low[0]; at[0] <= high[0]; at[0]++)
                 if (cell_is_near(e, at, x, reach)) return 1;
-    for (int64_t k = 0; k < e->n_pending; k++)
-        if (are_near(e->config.dim, x, e->pending + k * e->n_components, 1, reach)) return 1;
+    for (int64_t k = 0; k < e->migration.n_pending; k++)
+        if (are_near(e->config.dim, x, e->migration.pending + k * e->points.n_components, 1, reach)) return 1;
     return 0;
 }
 
@@ -91,12 +91,12 @@ static int is_taken(const struct gr_engine *e, const struct gr_inlet *inlet, con
 static int enter(void *engine, struct gr_inlet *inlet, int64_t site, double since, double distance)
 {
     struct gr_engine *e = engine;
-    double *record = e->pending + e->n_pending * e->n_components, x[3] = {0};
-    memcpy(record, inlet->record + site * e->n_components, sizeof(double) * (size_t)e->n_components);
+    double *record = e->migration.pending + e->migration.n_pending * e->points.n_components, x[3] = {0};
+    memcpy(record, inlet->record + site * e->points.n_components, sizeof(double) * (size_t)e->points.n_components);
     for (int d = 0; d < e->config.dim; d++) x[d] = record[d] += inlet->velocity[d] * since;
     if (inlet->yields && is_taken(e, inlet, x, distance)) return 0;
     gr_insert_new(e, record, e->inflow->next_id++);
     return 1;
 }
 
-void gr_inflow_enter(struct gr_engine *e) { gr_inlets_enter(e->inflow, e->time, gr_longest_dt(&e->config), enter, e); }
+void gr_inflow_enter(struct gr_engine *e) { gr_inlets_enter(e->inflow, e->clock.time, gr_longest_dt(&e->config), enter, e); }

@@ -6,8 +6,8 @@
 
 #include "core/index.h"
 #include "core/memory.h"
-#include "mpm/places.h"
 #include "mpm/sleep.h"
+#include "mpm/slots.h"
 #include "mpm/tally.h"
 #include "mpm/thin_bodies.h"
 #include "mpm/walls.h"
@@ -51,34 +51,34 @@ int gr_confine(struct gr_engine *e, double x[3], int64_t at[3], const int32_t fr
 
 static int fail(struct gr_engine *e, int code, const double *record, int64_t id)
 {
-    e->error = code;
-    e->error_id = id;
-    e->error_step = e->step;
-    for (int d = 0; d < e->config.dim; d++) e->error_x[d] = record[d];
+    e->failure.code = code;
+    e->failure.id = id;
+    e->failure.step = e->clock.step;
+    for (int d = 0; d < e->config.dim; d++) e->failure.x[d] = record[d];
     return code;
 }
 
-/* Pack a point: copy all its components from its place to a record, x first. */
+/* Pack a point: copy all its components from its slot to a record, x first. */
 static void pack(const struct gr_engine *e, int64_t slot, double *record)
 {
-    for (int k = 0; k < e->n_components; k++) record[k] = gr_component(e, k, slot);
+    for (int k = 0; k < e->points.n_components; k++) record[k] = gr_component(e, k, slot);
 }
 
-/* Unpack a record: copy a point to its new place. */
+/* Unpack a record: copy a point to its new slot. */
 static void unpack(struct gr_engine *e, int64_t slot, const double *record, int64_t id)
 {
-    for (int k = 0; k < e->n_components; k++) gr_set_component(e, k, slot, record[k]);
-    e->id[slot] = id;
+    for (int k = 0; k < e->points.n_components; k++) gr_set_component(e, k, slot, record[k]);
+    e->points.id[slot] = id;
 }
 
 int gr_reserve_pending(struct gr_engine *e, int64_t n)
 {
-    if (n <= e->pending_capacity) return GR_OK;
+    if (n <= e->migration.pending_capacity) return GR_OK;
     const int64_t capacity = n + n / 2 + 64;
-    GR_RESIZE(e->pending, capacity * e->n_components);
-    GR_RESIZE(e->pending_id, capacity);
-    GR_RESIZE(e->migrant, capacity);
-    e->pending_capacity = capacity;
+    GR_RESIZE(e->migration.pending, capacity * e->points.n_components);
+    GR_RESIZE(e->migration.pending_id, capacity);
+    GR_RESIZE(e->migration.migrant, capacity);
+    e->migration.pending_capacity = capacity;
     return GR_OK;
 }
 
@@ -87,10 +87,10 @@ static void close_hole(struct gr_engine *e, struct gr_cell *cell, int64_t slot)
 {
     const int64_t last = gr_slot(cell, --cell->count);
     if (slot != last) {
-        for (int k = 0; k < e->n_components; k++) gr_set_component(e, k, slot, gr_component(e, k, last));
-        e->id[slot] = e->id[last];
+        for (int k = 0; k < e->points.n_components; k++) gr_set_component(e, k, slot, gr_component(e, k, last));
+        e->points.id[slot] = e->points.id[last];
     }
-    gr_clear_place(e, cell, last);
+    gr_clear_slot(e, cell, last);
 }
 
 /* Find the cell of a packed point along each axis. */
@@ -99,11 +99,12 @@ static void locate(const struct gr_engine *e, const double *record, int64_t at[3
     for (int d = 0; d < e->config.dim; d++) at[d] = gr_locate(&e->axis[d], e->inv_dx, record[d]);
 }
 
-/* Code of the error of a packed point at the indices `at`, GR_OK if it is finite and in a neighbour of its old cell, `from`. */
+/* Code of the error of a packed point at the indices `at`, GR_OK if it is finite and in a neighbour of its old cell,
+ * `from`. */
 static int check(const struct gr_engine *e, const struct gr_cell *from, const double *record, const int64_t at[3])
 {
     int finite = 1;
-    for (int k = 0; k < e->n_components; k++) finite &= isfinite(record[k]) != 0;
+    for (int k = 0; k < e->points.n_components; k++) finite &= isfinite(record[k]) != 0;
     if (!finite) return GR_ERR_NOT_FINITE;
     for (int d = 0; d < e->config.dim; d++)
         if (at[d] > from->at[d] + 1 || at[d] < from->at[d] - 1) return GR_ERR_RUNAWAY;
@@ -122,7 +123,7 @@ static int64_t find_cell(const struct gr_engine *e, const int64_t at[3], const d
     }
     const int64_t index = (int64_t)gr_table_get(&e->mesh.cell_of, gr_cell_id(e, to)) - 1;
     if (index < 0) return GR_TO_NO_CELL;
-    if (!e->n_thin || e->mesh.cell[index].side != 1) return index;
+    if (!e->bodies.n_thin || e->mesh.cell[index].side != GR_FRONT) return index;
     return index + (gr_point_side(e, x, gr_sign(record[gr_component_of(e, GR_FIELD_side)])) < 0);
 }
 
@@ -130,7 +131,7 @@ static int64_t find_cell(const struct gr_engine *e, const int64_t at[3], const d
 static void address(const struct gr_engine *e, struct gr_migrants *out, int64_t k)
 {
     struct gr_migrant *migrant = &out->from[k];
-    const double *record = out->record + k * e->n_components;
+    const double *record = out->record + k * e->points.n_components;
     int64_t at[3];
     locate(e, record, at);
     migrant->to = find_cell(e, at, record);
@@ -145,14 +146,14 @@ static void address(const struct gr_engine *e, struct gr_migrants *out, int64_t 
 void gr_pack_migrants(struct gr_engine *e, struct gr_migrants *out, int64_t first)
 {
     for (int64_t k = first; k < out->count; k++) {
-        pack(e, out->from[k].slot, out->record + k * e->n_components);
-        out->id[k] = e->id[out->from[k].slot];
+        pack(e, out->from[k].slot, out->record + k * e->points.n_components);
+        out->id[k] = e->points.id[out->from[k].slot];
         address(e, out, k);
     }
     for (int64_t k = out->count - 1; k >= first; k--) close_hole(e, &e->mesh.cell[out->from[k].cell], out->from[k].slot);
 }
 
-/* Put all migrants back into their old cells, which still have the places for them, and report the first that is
+/* Put all migrants back into their old cells, which still have the slots for them, and report the first that is
  * invalid. */
 static int refuse(struct gr_engine *e, const struct gr_migrants *list, int lists)
 {
@@ -160,7 +161,7 @@ static int refuse(struct gr_engine *e, const struct gr_migrants *list, int lists
     for (int t = 0; t < lists; t++)
         for (int64_t k = 0; k < list[t].count; k++) {
             struct gr_cell *cell = &e->mesh.cell[list[t].from[k].cell];
-            const double *record = list[t].record + k * e->n_components;
+            const double *record = list[t].record + k * e->points.n_components;
             int64_t at[3];
             locate(e, record, at);
             if (!error && (error = check(e, cell, record, at))) (void)fail(e, error, record, list[t].id[k]);
@@ -182,7 +183,7 @@ static void mark(struct gr_engine *e, int64_t index, enum gr_tile_state state, i
 static int put(struct gr_engine *e, int64_t index, double *record, int64_t id, int64_t *dirty, int64_t *n_dirty)
 {
     struct gr_cell *cell = &e->mesh.cell[index];
-    if (e->n_thin) record[gr_component_of(e, GR_FIELD_side)] = GR_IS_DOUBLE(cell) ? cell->side : 0;
+    if (e->bodies.n_thin) record[gr_component_of(e, GR_FIELD_side)] = GR_IS_DOUBLE(cell) ? cell->side : 0;
     if (cell->count == cell->capacity) return 0;
     gr_wake_for_arrival(e, cell);
     unpack(e, gr_slot(cell, cell->count++), record, id);
@@ -191,18 +192,19 @@ static int put(struct gr_engine *e, int64_t index, double *record, int64_t id, i
 }
 
 /* Put a point into an active cell, whose tile gets more rows if the cell is full.
- * Returned: 0 if the buffers have no places left for them. */
-static int make_place(struct gr_engine *e, int64_t index, double *record, int64_t id)
+ * Returned: 0 if the buffers have no slots left for them. */
+static int take_slot(struct gr_engine *e, int64_t index, double *record, int64_t id)
 {
-    if (put(e, index, record, id, e->dirty, &e->n_dirty)) return 1;
-    return gr_grow_tile(e, index / GR_LANES) && put(e, index, record, id, e->dirty, &e->n_dirty);
+    if (put(e, index, record, id, e->sums.dirty, &e->sums.n_dirty)) return 1;
+    return gr_grow_tile(e, index / GR_LANES) && put(e, index, record, id, e->sums.dirty, &e->sums.n_dirty);
 }
 
-/* Let a point wait for a place. */
+/* Let a point wait for a slot. */
 static void wait(struct gr_engine *e, const double *record, int64_t id)
 { /* pending records never pass the one read now: nothing is overwritten */
-    memmove(e->pending + e->n_pending * e->n_components, record, sizeof(double) * (size_t)e->n_components);
-    e->pending_id[e->n_pending++] = id;
+    memmove(e->migration.pending + e->migration.n_pending * e->points.n_components, record,
+            sizeof(double) * (size_t)e->points.n_components);
+    e->migration.pending_id[e->migration.n_pending++] = id;
 }
 
 /* Bring a point that left the domain back, or drop it.
@@ -219,7 +221,7 @@ static int64_t bring_back(struct gr_engine *e, const struct gr_cell *from, doubl
     gr_tally_outflow(e, record);
     e->dropped++;
     e->dropped_mass += record[gr_component_of(e, GR_FIELD_mass)];
-    e->n_points--;
+    e->points.n--;
     return GR_TO_NOWHERE;
 }
 
@@ -232,7 +234,7 @@ struct arrivals {
     int full[GR_MAX_CHUNKS]; /* whether a cell was */
 };
 
-enum { FULL = -1 }; /* the place of a packed point whose new cell is full */
+enum { FULL = -1 }; /* the slot of a packed point whose new cell is full */
 
 static void insert_chunk(void *context, int64_t chunk, int t)
 {
@@ -241,7 +243,7 @@ static void insert_chunk(void *context, int64_t chunk, int t)
     int64_t first, last, n = 0;
     (void)t;
     gr_share(e->mesh.n_tiles, chunk, a->chunks, &first, &last);
-    int64_t *const dirty = e->dirty + first;
+    int64_t *const dirty = e->sums.dirty + first;
     first *= GR_LANES, last *= GR_LANES;
     a->full[chunk] = 0;
     for (int l = 0; l < a->lists; l++) {
@@ -249,7 +251,7 @@ static void insert_chunk(void *context, int64_t chunk, int t)
         for (int64_t k = 0; k < list->count && list->highest >= first && list->lowest < last; k++) {
             struct gr_migrant *migrant = &list->from[k];
             if (migrant->to < first || migrant->to >= last) continue;
-            if (put(e, migrant->to, list->record + k * e->n_components, list->id[k], dirty, &n)) continue;
+            if (put(e, migrant->to, list->record + k * e->points.n_components, list->id[k], dirty, &n)) continue;
             migrant->slot = FULL; /* not `to`, which other threads read */
             a->full[chunk] = 1;
         }
@@ -267,7 +269,7 @@ static int64_t bring_back_all(struct gr_engine *e, struct gr_migrants *list, int
             struct gr_migrant *migrant = &list[l].from[k];
             if (migrant->to != GR_TO_OUTSIDE) continue;
             const int64_t to = migrant->to =
-                bring_back(e, &e->mesh.cell[migrant->cell], list[l].record + k * e->n_components);
+                bring_back(e, &e->mesh.cell[migrant->cell], list[l].record + k * e->points.n_components);
             homeless += to == GR_TO_NO_CELL;
             if (to < 0) continue;
             if (to < list[l].lowest) list[l].lowest = to;
@@ -282,7 +284,7 @@ int gr_migrate(struct gr_engine *e, struct gr_migrants *list, int lists, struct 
 {
     enum { FEW = 256 }; /* an estimate: fewer points are inserted sooner than a team is called */
     int64_t invalid = 0, count = 0;
-    e->n_dirty = 0;
+    e->sums.n_dirty = 0;
     for (int l = 0; l < lists; l++) invalid += list[l].invalid, count += list[l].count;
     if (invalid) return refuse(e, list, lists); /* the state before migration */
     const int64_t homeless = bring_back_all(e, list, lists);
@@ -294,32 +296,32 @@ int gr_migrate(struct gr_engine *e, struct gr_migrants *list, int lists, struct 
     for (int64_t chunk = 0; chunk < a.chunks; chunk++) {
         int64_t first, last;
         gr_share(e->mesh.n_tiles, chunk, a.chunks, &first, &last);
-        memmove(e->dirty + e->n_dirty, e->dirty + first, sizeof(int64_t) * (size_t)a.n_dirty[chunk]);
-        e->n_dirty += a.n_dirty[chunk];
+        memmove(e->sums.dirty + e->sums.n_dirty, e->sums.dirty + first, sizeof(int64_t) * (size_t)a.n_dirty[chunk]);
+        e->sums.n_dirty += a.n_dirty[chunk];
         full |= a.full[chunk];
     }
     for (int l = 0; (homeless || full) && l < lists; l++)
         for (int64_t k = 0; k < list[l].count; k++) {
             const struct gr_migrant *migrant = &list[l].from[k];
-            double *record = list[l].record + k * e->n_components;
+            double *record = list[l].record + k * e->points.n_components;
             if (migrant->to != GR_TO_NO_CELL && migrant->slot != FULL) continue;
             /* with points that have no cell all are grouped anyway */
-            if (homeless || !make_place(e, migrant->to, record, list[l].id[k])) wait(e, record, list[l].id[k]);
+            if (homeless || !take_slot(e, migrant->to, record, list[l].id[k])) wait(e, record, list[l].id[k]);
         }
     return GR_OK;
 }
 
-/* Insert a single point into a cell; it waits if there is none, or no place for it. */
+/* Insert a single point into a cell; it waits if there is none, or no slot for it. */
 static void insert(struct gr_engine *e, int64_t index, double *record, int64_t id)
 {
-    if (index == GR_TO_NO_CELL || !make_place(e, index, record, id)) wait(e, record, id);
+    if (index == GR_TO_NO_CELL || !take_slot(e, index, record, id)) wait(e, record, id);
 }
 
 void gr_insert_new(struct gr_engine *e, double *record, int64_t id)
 {
     int64_t at[3] = {0}, inside[3] = {0};
     int32_t from[3] = {0};
-    e->n_points++;
+    e->points.n++;
     gr_tally_carry(e, record, 1);
     locate(e, record, at);
     for (int d = 0; d < e->config.dim; d++) {
@@ -337,7 +339,7 @@ void gr_insert_new(struct gr_engine *e, double *record, int64_t id)
 static void mark_changed(struct gr_engine *e, int64_t index)
 {
     gr_wake(e, &e->mesh.cell[index]);
-    mark(e, index, GR_TILE_CHANGED, e->dirty, &e->n_dirty);
+    mark(e, index, GR_TILE_CHANGED, e->sums.dirty, &e->sums.n_dirty);
 }
 
 void gr_change_sides(struct gr_engine *e)
@@ -348,10 +350,10 @@ void gr_change_sides(struct gr_engine *e)
         if (!cell->count || gr_cell_faces_thin(e, cell->at)) continue;
         for (int32_t s = 0; s < cell->count; s++) {
             const int64_t slot = gr_slot(cell, s);
-            double *record = e->pending + e->n_pending * e->n_components, x[3] = {0};
+            double *record = e->migration.pending + e->migration.n_pending * e->points.n_components, x[3] = {0};
             for (int d = 0; d < e->config.dim; d++) x[d] = gr_x(e, d)[slot];
             if (gr_point_side(e, x, cell->side) == cell->side) continue;
-            const int64_t id = e->id[slot];
+            const int64_t id = e->points.id[slot];
             pack(e, slot, record);
             close_hole(e, cell, slot), s--;
             mark_changed(e, index);
@@ -363,8 +365,8 @@ void gr_change_sides(struct gr_engine *e)
 int gr_replace_point(struct gr_engine *e, int64_t index, int64_t slot, const double x[3])
 {
     struct gr_cell *cell = &e->mesh.cell[index];
-    double *record = e->pending + e->n_pending * e->n_components;
-    const int64_t id = e->id[slot];
+    double *record = e->migration.pending + e->migration.n_pending * e->points.n_components;
+    const int64_t id = e->points.id[slot];
     int same = 1;
     mark_changed(e, index);
     for (int d = 0; d < e->config.dim; d++) {

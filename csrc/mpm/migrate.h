@@ -1,4 +1,4 @@
-/* Migration of points between cells, and the places of cells. */
+/* Migration of points between cells, and the slots of cells. */
 #pragma once
 
 #include "core/team.h"
@@ -9,15 +9,15 @@
 static inline int64_t gr_place_of_cell(const struct gr_engine *e, const struct gr_cell *cell)
 {
     const int32_t *own = e->mesh.place + (cell - e->mesh.cell);
-    return cell->side != -1 || (*own >= 0 && e->fluidity->inside[*own] & GR_SEPARATED) ? own[0] : own[-1];
+    return cell->side != GR_BACK || (*own >= 0 && e->nonlocal.fluidity->inside[*own] & GR_SEPARATED) ? own[0] : own[-1];
 }
 
 /* Number of cells, from this one on, that share one fluidity: 2 for the front of a double cell whose sides are not
  * separated, and then 0 for its back; else 1. */
 static inline int gr_cells_of_fluidity(const struct gr_engine *e, const struct gr_cell *cell)
 {
-    if (!GR_IS_DOUBLE(cell) || e->fluidity->inside[gr_place_of_cell(e, cell)] & GR_SEPARATED) return 1;
-    return cell->side == 1 ? 2 : 0;
+    if (!GR_IS_DOUBLE(cell) || e->nonlocal.fluidity->inside[gr_place_of_cell(e, cell)] & GR_SEPARATED) return 1;
+    return cell->side == GR_FRONT ? 2 : 0;
 }
 
 #define GR_EACH_OF_FLUIDITY(e, cell, name) \
@@ -38,16 +38,16 @@ static inline void gr_clear_migrants(struct gr_migrants *list)
  * their new cells. */
 void gr_pack_migrants(struct gr_engine *e, struct gr_migrants *out, int64_t first);
 
-/* Insert the packed points into their new cells, in the order of the lists, which is that of cells and places. Points that
- * leave through an open side are dropped; points without a free place become pending. Cells that gain points are listed
+/* Insert the packed points into their new cells, in the order of the lists, which is that of cells and slots. Points that
+ * leave through an open side are dropped; points without a free slot become pending. Cells that gain points are listed
  * in `dirty`. */
 int gr_migrate(struct gr_engine *e, struct gr_migrants *list, int lists, struct gr_team *team);
 
 /* Move points of double cells to the other side if they have crossed over where they do not face the thin body. */
 void gr_change_sides(struct gr_engine *e);
 
-/* Put a new point, packed at the next place of `pending`, into its cell; it waits there if it has none or the cell is full. One
- * outside of the domain is brought back, or dropped. */
+/* Put a new point, packed at the next slot of `pending`, into its cell; it waits there if it has none or the cell is
+ * full. One outside of the domain is brought back, or dropped. */
 void gr_insert_new(struct gr_engine *e, double *record, int64_t id);
 
 /* Reserve memory for n packed points. share_out does it before the steps, so that none of them allocates. */
@@ -58,6 +58,6 @@ int gr_reserve_pending(struct gr_engine *e, int64_t n);
  * Returned: 1 if the point is inside now, 0 if it has left. */
 int gr_confine(struct gr_engine *e, double x[3], int64_t at[3], const int32_t from[3]);
 
-/* Move the point at a place of a cell to x, and into another cell if it lies there.
- * Returned: whether it has left its cell; another point may be at its place then. */
+/* Move the point in a slot of a cell to x, and into another cell if it lies there.
+ * Returned: whether it has left its cell; another point may be at its slot then. */
 int gr_replace_point(struct gr_engine *e, int64_t index, int64_t slot, const double x[3]);

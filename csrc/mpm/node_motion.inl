@@ -3,18 +3,19 @@
 #include "mpm/grid.h"
 #include "mpm/smoothed_density.h"
 
-/* Motion of the nodes of a group from their sums, with gravity g. Nodes with hardly any mass are at rest; a NaN passes, and is
- * found at the points. */
+/* Motion of the nodes of a group from their sums, with gravity g. Nodes with hardly any mass are at rest; a NaN passes,
+ * and is found at the points. */
 GR_INLINE void move_group(const int dim, const int damps, const struct gr_engine *e, const double g[3], const double *sums,
                           struct gr_node_motion *motion)
 {
-    const vd cutoff = v_set(e->config.mass_cutoff), keep = v_set(e->keep_velocity), dt = v_set(e->dt), zero = v_zero();
+    const vd cutoff = v_set(e->config.mass_cutoff), keep = v_set(e->keep_velocity), dt = v_set(e->clock.dt), zero = v_zero();
     for (int lane = 0; lane < GR_LANES; lane += GR_W) {
         const vd m = v_load(sums + GR_SUM_MASS * GR_LANES + lane);
         const vm empty = v_ge(cutoff, m);
         vd damping = zero;
         if (damps) {
-            const vd share = v_set(e->config.damping_rate * e->dt) * v_load(sums + GR_SUM_DAMPED(dim) * GR_LANES + lane) / m;
+            const vd share = v_set(e->config.largest.damping_rate * e->clock.dt) *
+                             v_load(sums + GR_SUM_DAMPED(dim) * GR_LANES + lane) / m;
             damping = v_select(empty, zero, keep * v_min(share, v_set(1.0)));
         }
         v_store(motion->damping + lane, damping);
@@ -82,9 +83,9 @@ GR_INLINE vd of_places(const double *field, const int32_t *at)
     return v_load(each);
 }
 
-/* Store the mean gap about the nodes from `first` on that are inside the material, which they and their face neighbours fill,
- * and 0 at others. The weights are 1/4, 1/2, 1/4 along each axis; a node that is not full counts with the gap of the node
- * itself. The gap of a single node has a noise of 0.03 to 0.04 with 4 points per cell, this mean one of 0.008.
+/* Store the mean gap about the nodes from `first` on that are inside the material, which they and their face neighbours
+ * fill, and 0 at others. The weights are 1/4, 1/2, 1/4 along each axis; a node that is not full counts with the gap of
+ * the node itself. The gap of a single node has a noise of 0.03 to 0.04 with 4 points per cell, this mean one of 0.008.
  * Returned: a bit for each node that is inside. */
 GR_INLINE unsigned mean_gaps_of_group(const int dim, struct gr_engine *e, int64_t first)
 {
@@ -102,14 +103,14 @@ GR_INLINE unsigned mean_gaps_of_group(const int dim, struct gr_engine *e, int64_
         for (int k = 0; k < n; k++) {
             const double share = (k % 3 == 1 ? 0.5 : 0.25) * (k / 3 % 3 == 1 ? 0.5 : 0.25);
             vd weight = v_set(dim == 2 ? share : share * (k / 9 == 1 ? 0.5 : 0.25));
-            if (e->open) {
+            if (e->bodies.open) {
                 weight = weight * of_places(e->mesh.node_volume, about + k * GR_LANES);
                 weights = weights + weight;
             }
             const vm counts = m_and(v_gt(gaps[k], least), v_gt(closed, gaps[k]));
             sum = sum + weight * v_select(counts, gaps[k], gaps[own]);
         }
-        if (e->open) sum = sum / weights;
+        if (e->bodies.open) sum = sum / weights;
         v_store(gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_GAP) + first + lane, v_keep(full, sum));
         inside |= m_bits(full) << lane;
     }

@@ -51,7 +51,7 @@ GR_INLINE void add_cells(const int dim, const int K, const int damps, const int 
     GR_UNROLLED
     for (int q = 1; q < rows; q++) sum[q] = sum[q] + sum_at(pieces, &places, q * GR_LANES);
     if (damps) sum[rows] = sum[rows] + v_mul(sum_at(pieces, &places, (i + 1) * rows * GR_LANES), m);
-    const int64_t density = e->density_sums + (K - 1 - i) * (of_density - rows) * GR_LANES;
+    const int64_t density = e->sums.of_density + (K - 1 - i) * (of_density - rows) * GR_LANES;
     GR_UNROLLED
     for (int q = 0; q < averages * of_density; q++)
         sum[before + q] = sum[before + q] + sum_at(pieces, &places, density + q * GR_LANES);
@@ -102,7 +102,7 @@ GR_INLINE void add_volumes(const int K, const int pieces, const struct gr_engine
 {
     const int rows = GR_SUM_DAMPED(K == 9 ? 2 : 3);
     const struct places places = places_of(K, pieces, e, group, i, lane);
-    const int64_t own = e->volume_sums + (K - 1 - i) * (GR_VOLUME_SUMS - rows) * GR_LANES;
+    const int64_t own = e->sums.of_volume + (K - 1 - i) * (GR_VOLUME_SUMS - rows) * GR_LANES;
     for (int q = 0; q < GR_VOLUME_SUMS; q++) sum[q] = sum[q] + sum_at(pieces, &places, own + q * GR_LANES);
 }
 

@@ -3,15 +3,15 @@
 
 #include "mpm/numbers.h"
 
-/* The number of the material of the point at a place. Arrays may hold anything: what names no material is the first. */
-static inline int gr_material_at(const struct gr_engine *e, int64_t place)
+/* The number of the material of the point at a slot. Arrays may hold anything: what names no material is the first. */
+static inline int gr_material_at(const struct gr_engine *e, int64_t slot)
 {
     if (e->config.n_materials == 1) return 0;
-    const double k = gr_number(e, GR_FIELD_material, 0, place);
+    const double k = gr_number(e, GR_FIELD_material, 0, slot);
     return k > 0 && k < e->config.n_materials ? (int)k : 0;
 }
 
-/* Number `which` (GR_MATERIAL_NUMBERS) of the materials of the points at the places from `at` on. */
+/* Number `which` (GR_MATERIAL_NUMBERS) of the materials of the points at the slots from `at` on. */
 GR_INLINE vd gr_of_material(const struct gr_engine *e, int which, int64_t at)
 {
     const double *number = e->material_number[which];
@@ -24,8 +24,8 @@ GR_INLINE vd gr_of_material(const struct gr_engine *e, int which, int64_t at)
     return v_load(value);
 }
 
-/* The mass of the point at a place if it were of the first material, kg: a measure of its volume. */
-static inline double gr_volume_as_mass(const struct gr_engine *e, int64_t place)
+/* The mass of the point at a slot if it were of the first material, kg: a measure of its volume. */
+static inline double gr_volume_as_mass(const struct gr_engine *e, int64_t slot)
 {
-    return gr_number(e, GR_FIELD_mass, 0, place) * e->material_number[GR_MATERIAL_FILLING][gr_material_at(e, place)];
+    return gr_number(e, GR_FIELD_mass, 0, slot) * e->material_number[GR_MATERIAL_FILLING][gr_material_at(e, slot)];
 }

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "core/memory.h"
+#include "mpm/connect.h"
 #include "mpm/pose.h"
 #include "mpm/thin_bodies.h"
 
@@ -16,9 +17,10 @@ enum { PARTS_2D = 8, PARTS_3D = 4, MOST_PARTS = 8 };
 
 int gr_open_volume_new(struct gr_engine *e, int64_t n_cells, int64_t n_nodes)
 {
-    e->open = calloc(1, sizeof *e->open);
-    if (!e->open) return GR_ERR_MEMORY;
-    return gr_table_new(&e->open->place, n_nodes) || gr_table_new(&e->open->part_of, n_cells) ? GR_ERR_MEMORY : GR_OK;
+    e->bodies.open = calloc(1, sizeof *e->bodies.open);
+    if (!e->bodies.open) return GR_ERR_MEMORY;
+    return gr_table_new(&e->bodies.open->place, n_nodes) || gr_table_new(&e->bodies.open->part_of, n_cells) ? GR_ERR_MEMORY
+                                                                                                            : GR_OK;
 }
 
 void gr_open_volume_free(struct gr_open_volume *open)
@@ -50,7 +52,7 @@ static double distance(const struct gr_engine *e, const struct gr_pose *pose, co
 /* Place of a node, a new one if it has none; -1 without memory. */
 static int64_t place_of(struct gr_engine *e, int64_t id)
 {
-    struct gr_open_volume *open = e->open;
+    struct gr_open_volume *open = e->bodies.open;
     const int dim = e->config.dim;
     int64_t k = gr_open_place(open, id);
     if (k >= 0) return k;
@@ -92,7 +94,7 @@ static void solid_parts(const struct gr_engine *e, const struct gr_pose *pose, c
 /* Keep the open part of a cell, from the solid shares of n equal parts of it. */
 static int keep_open_part(struct gr_engine *e, const int32_t at[3], int n, const double *share)
 {
-    struct gr_open_volume *open = e->open;
+    struct gr_open_volume *open = e->bodies.open;
     struct gr_open_part sum = {0};
     if (open->n_parts == open->part_capacity) {
         GR_RESIZE(open->part, 2 * open->part_capacity + 64);
@@ -152,8 +154,8 @@ static int add_cell(struct gr_engine *e, const struct gr_pose *pose, const int32
         for (int d = dim - 1; d >= 0; d--) id = id * e->axis[d].n_nodes + e->axis[d].cell[at[d]].node[node[d]];
         const int64_t place = place_of(e, id);
         if (place < 0) return GR_ERR_MEMORY;
-        e->open->solid[place] += solid[i];
-        for (int d = 0; d < dim; d++) e->open->slope[place * dim + d] += gradient[i][d];
+        e->bodies.open->solid[place] += solid[i];
+        for (int d = 0; d < dim; d++) e->bodies.open->slope[place * dim + d] += gradient[i][d];
     }
     return GR_OK;
 }
@@ -183,20 +185,20 @@ static int add_box(struct gr_engine *e, const struct gr_pose *pose, const int32_
 /* Set the volume of a node of the mesh. */
 static void set_volume(struct gr_engine *e, int64_t n)
 {
-    const int64_t place = gr_open_place(e->open, e->mesh.node_id[n]);
+    const int64_t place = gr_open_place(e->bodies.open, e->mesh.node_id[n]);
     const double volume = gr_node_volume(e, e->mesh.node_id[n]);
-    e->mesh.node_volume[n] = place < 0 ? volume : fmax(volume - e->open->solid[place], 0);
+    e->mesh.node_volume[n] = place < 0 ? volume : fmax(volume - e->bodies.open->solid[place], 0);
 }
 
 int gr_open_volumes(struct gr_engine *e, int follow)
 {
-    struct gr_open_volume *open = e->open;
+    struct gr_open_volume *open = e->bodies.open;
     struct gr_pose pose[GR_MAX_BODIES];
     const int32_t first[3] = {0};
     int32_t all[3] = {1, 1, 1};
     for (int b = 0; b < e->config.n_bodies; b++) {
         if (follow && gr_follow_body(e, b, 0)) open->known = 0;
-        gr_pose_at(e, b, e->split[b].x, e->split[b].orientation, &pose[b]);
+        gr_pose_at(e, b, e->bodies.split[b].x, e->bodies.split[b].orientation, &pose[b]);
     }
     if (!open->known) {
         gr_table_clear(&open->place);

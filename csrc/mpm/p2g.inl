@@ -38,7 +38,7 @@ GR_INLINE int at_stress(const int d, const int j)
     return place[d][j];
 }
 
-/* Prepare w, grad w, m, v and C dx of the points at the places from `at` on, which count where `counted`. */
+/* Prepare w, grad w, m, v and C dx of the points in the slots from `at` on, which count where `counted`. */
 GR_INLINE void prepare_momentum(const int dim, const int basis, const int affine, const struct gr_engine *e,
                                 const struct gr_frame *frame, int64_t at, vm counted, struct contribution *contribution)
 {
@@ -74,7 +74,7 @@ GR_INLINE void prepare_force(const int dim, const int smoothed, const struct gr_
     }
     for (int d = 0; d < dim; d++)
         for (int j = 0; j <= d; j++) contribution->stress[at_stress(d, j)] = V * stress[at_stress(d, j)];
-    for (int d = 0; smoothed && e->sums_correct_shift && d < dim; d++)
+    for (int d = 0; smoothed && e->sums.correct_shift && d < dim; d++)
         contribution->shift_momentum[d] =
             contribution->m * v_set(e->shift_scale) * component(e, GR_FIELD_shift_velocity, d, at);
 }
@@ -121,8 +121,8 @@ GR_INLINE void add_force(const int dim, const int basis, const int shifts, const
     }
 }
 
-/* Sums of a pass over the rows: m and p; f, with SHIFT also what takes back the momentum of a shift; those of the density, or
- * those of the density with several materials. */
+/* Sums of a pass over the rows: m and p; f, with SHIFT also what takes back the momentum of a shift; those of the
+ * density, or those of the density with several materials. */
 enum { MOMENTUM = 1, FORCE = 2, DENSITY = 4, VOLUME = 8, SHIFT = 16 };
 
 /* Add the contributions of n rows of points to the sums `what`, row of nodes by row: sums first... of each node, which has
@@ -185,10 +185,10 @@ GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const
     struct gr_frame frame;
     struct contribution contribution[MOST_PREPARED];
     /* with those of the density beside cells that are asleep, too: they are not made again when they are needed */
-    const int averages = smoothed && (e->sums_average || (e->sleep && gr_lanes_asleep(e, first / GR_LANES)));
+    const int averages = smoothed && (e->sums.averages || (e->sleep && gr_lanes_asleep(e, first / GR_LANES)));
     int fresh = !more;
     if (more && summed.begin == summed.end) return;
-    for (int i = 0; !summed.end && i < e->sum_stride; i += GR_LANES) v_store(out + i, v_zero());
+    for (int i = 0; !summed.end && i < e->sums.stride; i += GR_LANES) v_store(out + i, v_zero());
     gr_frame_of(dim, basis, basis != GR_LINEAR && (affine || averages), e, first, &frame);
     const int prepared = gr_prepared(summed.end - summed.begin);
     for (int done = summed.begin; done < summed.end; done += prepared, fresh = 0) {
@@ -204,14 +204,15 @@ GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const
             add_rows(dim, basis, affine, MOMENTUM | FORCE, &frame, contribution, n, rows, 0, fresh, out);
         } else {
             add_rows(dim, basis, affine, MOMENTUM, &frame, contribution, n, rows, 0, fresh, out);
-            if (smoothed && e->sums_correct_shift)
+            if (smoothed && e->sums.correct_shift)
                 add_rows(dim, basis, 0, FORCE | SHIFT, &frame, contribution, n, rows, GR_SUM_FORCE(dim), fresh, out);
             else
                 add_rows(dim, basis, 0, FORCE, &frame, contribution, n, rows, GR_SUM_FORCE(dim), fresh, out);
         }
         if (averages)
-            add_rows(dim, basis, 0, DENSITY, &frame, contribution, n, GR_DENSITY_SUMS(dim), 0, fresh, out + e->density_sums);
+            add_rows(dim, basis, 0, DENSITY, &frame, contribution, n, GR_DENSITY_SUMS(dim), 0, fresh,
+                     out + e->sums.of_density);
         if (averages && e->config.n_materials > 1)
-            add_rows(dim, basis, 0, VOLUME, &frame, contribution, n, GR_VOLUME_SUMS, 0, fresh, out + e->volume_sums);
+            add_rows(dim, basis, 0, VOLUME, &frame, contribution, n, GR_VOLUME_SUMS, 0, fresh, out + e->sums.of_volume);
     }
 }

@@ -32,7 +32,7 @@ static inline void gr_pose_at(const struct gr_engine *e, int b, const double x[3
 /* The present pose of a body. */
 static inline void gr_pose_now(const struct gr_engine *e, int b, struct gr_pose *pose)
 {
-    const struct gr_body_state *now = &e->body[b];
+    const struct gr_body_state *now = &e->bodies.now[b];
     gr_pose_at(e, b, now->x, now->orientation, pose);
     if (pose->body->turns) gr_inverse_inertia(pose->body, e->config.dim, now->orientation, pose->inverse_inertia);
 }

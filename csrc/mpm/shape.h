@@ -103,7 +103,7 @@ GR_INLINE void gr_shape_1d(const int basis, const struct gr_knots *knots, double
     }
 }
 
-/* All shape functions of the points at the places from `at` on. */
+/* All shape functions of the points in the slots from `at` on. */
 GR_INLINE void gr_shapes(const int dim, const int basis, const struct gr_engine *e, const struct gr_frame *frame, int64_t at,
                          const int positions, struct gr_shape *s)
 {

@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "core/memory.h"
-#include "mpm/foot.h"
 #include "mpm/numbers.h"
 #include "mpm/pose.h"
 
@@ -29,11 +28,11 @@ void gr_sleep_free(struct gr_sleep *sleep)
 int gr_sleep_begin(struct gr_engine *e)
 {
     struct gr_sleep *sleep = e->sleep;
-    if (e->node_places > sleep->capacity) {
+    if (e->nodes.capacity > sleep->capacity) {
         sleep->capacity = 0;
-        GR_RESIZE(sleep->use, e->node_places);
-        GR_RESIZE(sleep->restless, e->node_places);
-        sleep->capacity = e->node_places;
+        GR_RESIZE(sleep->use, e->nodes.capacity);
+        GR_RESIZE(sleep->restless, e->nodes.capacity);
+        sleep->capacity = e->nodes.capacity;
     }
     if (e->mesh.n_tiles > sleep->tile_capacity) {
         sleep->tile_capacity = 0;
@@ -110,7 +109,7 @@ static void stop(struct gr_engine *e, const struct gr_cell *cell)
 {
     static const int fields[] = {GR_FIELD_v, GR_FIELD_affine, GR_FIELD_shift_velocity, GR_FIELD_shear_rate};
     for (size_t f = 0; f < sizeof fields / sizeof *fields; f++)
-        for (int c = 0; e->field[fields[f]] && c < gr_field_components(fields[f], e->config.dim); c++)
+        for (int c = 0; e->points.field[fields[f]] && c < gr_field_components(fields[f], e->config.dim); c++)
             for (int32_t k = 0; k < cell->count; k++) gr_set_number(e, fields[f], c, gr_slot(cell, k), 0);
 }
 
@@ -135,16 +134,17 @@ static int moves(const struct gr_body_state *body)
     return any;
 }
 
-/* Keep the cells awake that a moving body may touch in the next steps. All whose centres are so near are listed (feet.h). */
+/* Keep the cells awake that a moving body may touch in the next steps. All whose centres are so near are listed
+ * (contact_points.h). */
 static void wake_near_bodies(struct gr_engine *e)
 {
     const double near = 1.5 * e->config.dx;
     for (int b = 0; b < e->config.n_bodies; b++) {
         struct gr_pose pose;
-        if (!moves(&e->body[b])) continue;
-        gr_pose_at(e, b, e->body[b].x, e->body[b].orientation, &pose);
-        for (int64_t k = 0; k < e->feet->n_near; k++) {
-            struct gr_cell *cell = &e->mesh.cell[e->feet->near[k]];
+        if (!moves(&e->bodies.now[b])) continue;
+        gr_pose_at(e, b, e->bodies.now[b].x, e->bodies.now[b].orientation, &pose);
+        for (int64_t k = 0; k < e->bodies.near.n; k++) {
+            struct gr_cell *cell = &e->mesh.cell[e->bodies.near.cell[k]];
             double x[3], arm[3], normal[3];
             gr_cell_position(e, cell->at, x);
             if (!(gr_pose_distance(e, &pose, x, arm, normal) < near)) continue;
@@ -158,9 +158,9 @@ void gr_sleep_look(struct gr_engine *e, struct gr_team *team)
 {
     struct look look = {.e = e, .chunks = gr_chunks(team, e->mesh.n_cells)};
     int64_t calm = 0, fell = 0;
-    e->n_dirty = 0;
+    e->sums.n_dirty = 0;
     gr_team_run(team, count_checks, &look, look.chunks);
-    if (e->feet) wake_near_bodies(e);
+    if (e->bodies.contacts) wake_near_bodies(e);
     for (int64_t c = 0; c < look.chunks; c++) calm += look.calm[c];
     if (!calm) return;
     memset(e->sleep->restless, 0, (size_t)e->mesh.n_nodes);
@@ -172,7 +172,7 @@ void gr_sleep_look(struct gr_engine *e, struct gr_team *team)
     e->sleep->asleep += fell;
     e->sleep->changed = e->sleep->all_nodes = 1;
     for (int64_t tile = 0; tile < e->mesh.n_tiles; tile++)
-        if (e->mesh.tile_state[tile] == GR_TILE_CHANGED) e->dirty[e->n_dirty++] = tile;
+        if (e->mesh.tile_state[tile] == GR_TILE_CHANGED) e->sums.dirty[e->sums.n_dirty++] = tile;
 }
 
 /* Note the nodes of cells that are awake. */
@@ -214,8 +214,8 @@ void gr_sleep_find_uses(struct gr_engine *e, struct gr_team *team)
     e->sleep->asleep = 0;
     if (e->sleep->capacity) memset(e->sleep->use, GR_NODE_UNUSED, (size_t)e->sleep->capacity);
     gr_team_run(team, use_nodes, &look, look.chunks);
-    for (int64_t k = 0; e->feet && k < e->feet->n_near; k++) /* contact changes the nodes near bodies in place */
-        for (int i = 0; i < e->K; i++) e->sleep->use[gr_cell_node(e, e->feet->near[k], i)] = GR_NODE_OF_AWAKE;
+    for (int64_t k = 0; e->bodies.contacts && k < e->bodies.near.n; k++) /* contact changes the nodes near bodies in place */
+        for (int i = 0; i < e->K; i++) e->sleep->use[gr_cell_node(e, e->bodies.near.cell[k], i)] = GR_NODE_OF_AWAKE;
     gr_team_run(team, watch_nodes, &look, look.chunks);
     gr_team_run(team, find_resting, &look, look.chunks);
     for (int64_t c = 0; c < e->mesh.n_cells; c++) e->sleep->asleep += e->mesh.cell[c].calm == GR_ASLEEP;

@@ -1,11 +1,11 @@
 /* Sleep: material that has come to rest is not computed until something moves it.
  *
  * Cells fall asleep if no point in them, nor in a cell with which they have a node in common, has been faster than
- * sleep_speed in GR_CALM_CHECKS checks, one every GR_SLEEP_INTERVAL steps. Their points lose their velocity and its gradient,
- * and keep position, stress and density. Their sums then remain what they are, and so do nodes that have no other cells: both
- * are kept and not computed. Cells without points fall asleep by the same rule, so that the surface of material at rest costs
- * nothing. A cell wakes if one of its nodes would move faster than sleep_speed, if a point arrives, before
- * gravity changes or a wall opens, and while a body moves near it.
+ * sleep_speed in GR_CALM_CHECKS checks, one every GR_SLEEP_INTERVAL steps. Their points lose their velocity and its
+ * gradient, and keep position, stress and density. Their sums then remain what they are, and so do nodes that have no
+ * other cells: both are kept and not computed. Cells without points fall asleep by the same rule, so that the surface of
+ * material at rest costs nothing. A cell wakes if one of its nodes would move faster than sleep_speed, if a point
+ * arrives, before gravity changes or a wall opens, and while a body moves near it.
  *
  * Whether a cell is asleep is a matter of that cell and its nodes alone. What is skipped, tiles of which all cells are
  * asleep and groups of nodes, saves time and does not bear on the results: these depend neither on the number of threads

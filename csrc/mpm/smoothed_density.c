@@ -42,17 +42,17 @@ static void complete(const int dim, struct gr_engine *e, int64_t n, int inside)
     enum { AXES = 7 };
     const int held = (e->mesh.node_at[n] & AXES) | gr_wall_now(e, e->mesh.node_code[n])->fixed,
               lines = e->mesh.node_at[n] >> 3;
-    const int64_t cut = gr_open_place(e->open, e->mesh.node_id[n]);
+    const int64_t cut = gr_open_place(e->bodies.open, e->mesh.node_id[n]);
     const double own = density_field(e, GR_NODE_OWN_GAP(dim))[n];
     const int closed = !(own < GR_CLOSED_GAP);
     if (closed) density_field(e, GR_NODE_GAP)[n] = 0;
-    if (closed && e->open) density_field(e, GR_NODE_EXCESS)[n] = excess_about(e, n);
+    if (closed && e->bodies.open) density_field(e, GR_NODE_EXCESS)[n] = excess_about(e, n);
     if (inside && !closed) /* subtract the mean weight with which volumes m/rho fill the volume of the node */
         density_field(e, GR_NODE_WEIGHT)[n] += 1 - exp(-(own + e->servo_strain));
     const int kept = inside && (cut < 0 || e->mesh.node_volume[n] > LEAST_BALANCED);
     for (int d = 0; d < dim; d++) {
         double *residual = density_field(e, GR_NODE_RESIDUAL + d) + n;
-        if (cut >= 0) *residual += e->open->slope[cut * dim + d];
+        if (cut >= 0) *residual += e->bodies.open->slope[cut * dim + d];
         if (!kept || held >> d & 1) *residual = 0;
         if (lines >> d & 1) *residual *= LINE_SHARE;
     }

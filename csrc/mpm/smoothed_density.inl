@@ -2,7 +2,7 @@
 #include "mpm/contribution.h"
 #include "mpm/density_correction.h"
 
-/* Log-density of the points at the places from `at` on, its gradient, and their volume. With several materials the stored
+/* Log-density of the points in the slots from `at` on, its gradient, and their volume. With several materials the stored
  * gradient is that of the pressure over K of the first. */
 GR_INLINE void prepare_density(const int dim, const int basis, const struct gr_engine *e, const struct gr_frame *frame,
                                int64_t at, struct contribution *contribution)
@@ -98,31 +98,32 @@ GR_INLINE void correct_weights(const int dim, const int basis, struct gr_engine 
     v_store(place, v_select(connected, u, old));
 }
 
-/* Differences between cells that are left, in points, and the share of what is beyond that goes across a face, over that of
- * the shift of the nodes. By trial in a steady extension: with (1.5, 1), (1, 1) and (1.5, 2) 15, 10 and 9 % of the cells hold
- * more than 1.3 times what they should; (0.5, 1) has 9 %, too, but moves points in slow flow where they need not be, and
- * (1, 2) makes the flow between cylinders worse. */
+/* Differences between cells that are left, in points, and the share of what is beyond that goes across a face, over that
+ * of the shift of the nodes. By trial in a steady extension: with (1.5, 1), (1, 1) and (1.5, 2) 15, 10 and 9 % of the
+ * cells hold more than 1.3 times what they should; (0.5, 1) has 9 %, too, but moves points in slow flow where they need
+ * not be, and (1, 2) makes the flow between cylinders worse. */
 #define LEFT_POINTS 1.5
 #define ACROSS_FACES 2.0
 
 /* 2^64 over the golden ratio: odd, and without a pattern in its bits. */
 #define HASH 0x9E3779B97F4A7C15u
 
-/* Gaps of a node between which a cell about it is a surface and inside the material: phi = 0.7 and 0.9. A cell that is full to
- * three quarters above a full one and under an empty one has 0.7, a full one under an empty one 5/6. */
+/* Gaps of a node between which a cell about it is a surface and inside the material: phi = 0.7 and 0.9. A cell that is
+ * full to three quarters above a full one and under an empty one has 0.7, a full one under an empty one 5/6. */
 #define SURFACE_GAP -0.353
 #define INSIDE_GAP -0.105
 
 /* Open part of a cell below which a body cuts it. That of a cell which a body touches is one but for round-off. */
 #define CUT_BELOW 0.99
 
-/* What the cells from `first` on hold, from their sums over the nodes, and whether they are inside, from the node at their
- * middle. Blocks and cells that a body cuts take no part: what points do there would change the friction on it, by 1 % of the
- * speed in the flow between cylinders. Call it after the nodes are described. */
+/* What the cells from `first` on hold, from their sums over the nodes, and whether they are inside, from the node at
+ * their middle. Blocks and cells that a body cuts take no part: what points do there would change the friction on it, by
+ * 1 % of the speed in the flow between cylinders. Call it after the nodes are described. */
 GR_INLINE void fill_cells(const int dim, const struct gr_engine *e, int64_t first)
 {
     const int K = gr_power(3, dim), several = e->config.n_materials > 1;
-    const gr_real *sum = gr_sums(e) + gr_sums_of_cell(e, first) + (several ? e->volume_sums + GR_SUM_VOLUME * GR_LANES : 0);
+    const gr_real *sum =
+        gr_sums(e) + gr_sums_of_cell(e, first) + (several ? e->sums.of_volume + GR_SUM_VOLUME * GR_LANES : 0);
     const int64_t stride = (several ? GR_VOLUME_SUMS : GR_SUM_DAMPED(dim)) * GR_LANES;
     const double *gap = gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP(dim));
     double at_middle[GR_W], solid[GR_W];
@@ -139,29 +140,29 @@ GR_INLINE void fill_cells(const int dim, const struct gr_engine *e, int64_t firs
     store_filling(e, first, filled, v_select(v_gt(v_set(CUT_BELOW), space), v_set(GR_NO_EXCESS), excess));
 }
 
-/* Part of a shift that each of the points at the places from `at` on takes: from 0 to 2 by a hash of its number, 1 on average.
- * Points of a column of the seeding lattice are at one place along an axis. With equal parts the column would go to and fro as
- * a whole, and leave an empty cell behind each time. */
+/* Part of a shift that each of the points in the slots from `at` on takes: from 0 to 2 by a hash of its number, 1 on
+ * average. Points of a column of the seeding lattice are at one place along an axis. With equal parts the column would go
+ * to and fro as a whole, and leave an empty cell behind each time. */
 GR_INLINE vd own_parts(const struct gr_engine *e, int64_t at)
 {
     double part[GR_W];
     for (int l = 0; l < GR_W; l++) {
-        const uint64_t mixed = (uint64_t)e->id[at + l] * HASH, other = (mixed ^ mixed >> 32) * HASH;
+        const uint64_t mixed = (uint64_t)e->points.id[at + l] * HASH, other = (mixed ^ mixed >> 32) * HASH;
         part[l] = (double)(other >> 11) * 0x1p-52;
     }
     return v_load(part);
 }
 
-/* Density correction of the points at the places from `at` on: averaging, relaxation to the nodal density, particle shifting.
+/* Density correction of the points in the slots from `at` on: averaging, relaxation to the nodal density, particle shifting.
  *
  *   c += eta (cbar - c) + relaxation(gap),   eta: averaged_share, relaxation: relax_to_nodal_density,
  *   delta = -beta gdot dt dx^2 sum max(0, phi_i - 1) grad S_i,   |delta| <= min(limit dx, gdot dt dx/2),
  *         + the part of each point (own_parts) of the shift of the faces, linear between them (shift_at_face), for the
  *           strain ACROSS_FACES gdot dt min(1, 2 e_d/rate), e_d = min(|L_dd|, lasting_rate), rate that of L.
  *
- * The last is for what stretches along an axis for long, which makes cells uneven along it; simple shear is left alone. dt and
- * gdot dt include all the steps that the averaging stands for. gdot is the plastic shear rate of points with stress, and the
- * shear rate of the flow for stress-free points.
+ * The last is for what stretches along an axis for long, which makes cells uneven along it; simple shear is left alone.
+ * dt and gdot dt include all the steps that the averaging stands for. gdot is the plastic shear rate of points with
+ * stress, and the shear rate of the flow for stress-free points.
  * Given: L dt and dt tr L of this step, the modes of the gap, cbar, max(0, phi - 1), x and E, and face_drops.
  * Returned: the new log-density; delta, m; and L delta, m/s, the change of velocity. */
 GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, const struct gr_wall_cells *walls,
@@ -179,16 +180,17 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
     const vm stressed = v_ge(old, gr_of_material(e, GR_MATERIAL_STRESSED, at));
     const vm connected = v_ge(old, gr_of_material(e, GR_MATERIAL_SEPARATION, at));
     const vd rate = kinematic_rate(dim, L);
-    const vd strain = v_set(interval) * v_select(stressed, v_set(e->dt) * flow, rate);
+    const vd strain = v_set(interval) * v_select(stressed, v_set(e->clock.dt) * flow, rate);
     const vd gap = gr_interpolate(dim, basis, 0, mode + GR_NODE_GAP * K, s, g, slope);
     vd near = gr_interpolate(dim, basis, 0, mode + GR_NODE_LOG_DENSITY * K, s, g, gradient);
     if (__builtin_expect(e->config.n_materials > 1, 0)) near = near * gr_of_material(e, GR_MATERIAL_SOFTNESS, at);
     (void)gr_interpolate(dim, basis, 0, mode + GR_NODE_EXCESS * K, s, g, slope);
-    vd c = v_fma(v_keep(connected, averaged_share(e, interval * e->dt, strain, old - origin)), near - old, old - trace);
+    vd c =
+        v_fma(v_keep(connected, averaged_share(e, interval * e->clock.dt, strain, old - origin)), near - old, old - trace);
     for (int d = 0; d < dim; d++)
         v_store(gr_numbers(e, GR_FIELD_density_gradient, d, at), v_keep(connected, gradient[d] * v_set(inv_dx)));
     c = c + v_keep(connected, v_set(e->servo_shift));
-    c = c + v_keep(v_ge(c, origin), relax_to_nodal_density(q, interval * e->dt, strain, gap));
+    c = c + v_keep(v_ge(c, origin), relax_to_nodal_density(q, interval * e->clock.dt, strain, gap));
     vd length = v_zero();
     for (int d = 0; d < dim; d++) {
         delta[d] = v_set(-q->shifting * dx) * strain * slope[d];
@@ -213,7 +215,7 @@ GR_INLINE vd relax_density(const int dim, const int basis, struct gr_engine *e, 
     for (int d = 0; d < dim; d++) {
         shift_velocity[d] = v_zero();
         for (int j = 0; j < dim; j++) shift_velocity[d] = v_fma(L[d * dim + j], delta[j], shift_velocity[d]);
-        shift_velocity[d] = shift_velocity[d] * v_set(e->inv_dt);
+        shift_velocity[d] = shift_velocity[d] * v_set(e->clock.inv_dt);
         v_store(gr_numbers(e, GR_FIELD_shift_velocity, d, at), shift_velocity[d]);
     }
     return c;

@@ -35,16 +35,16 @@ GR_INLINE void weigh_cells(struct gr_engine *e, int64_t first)
     for (int l = 0; l < GR_W; l++) points = points > e->mesh.cell[first + l].count ? points : e->mesh.cell[first + l].count;
     for (int n = 0; n < points; n++) {
         const int64_t at = gr_slot(&e->mesh.cell[first], n);
-        const vm dense = v_gt(v_load(gr_substep_at(e->substeps, at, GR_SUBSTEP_p)), v_zero());
+        const vm dense = v_gt(v_load(gr_substep_at(e->nonlocal.substeps, at, GR_SUBSTEP_p)), v_zero());
         const vd m = v_keep(dense, component(e, GR_FIELD_mass, 0, at));
-        v_store(gr_substep_at(e->substeps, at, GR_SUBSTEP_weight), m);
+        v_store(gr_substep_at(e->nonlocal.substeps, at, GR_SUBSTEP_weight), m);
         m_sum = m_sum + m;
         mg_sum = v_fma(m, v_keep(dense, component(e, GR_FIELD_g, 0, at)), mg_sum);
         if (gr_is_balanced(e)) gain_sum = v_fma(m, v_keep(dense, component(e, GR_FIELD_g_gain, 0, at)), gain_sum);
     }
-    v_store(e->substep_mass + first, m_sum);
-    v_store(e->substep_flow + first, mg_sum);
-    v_store(e->substep_gain + first, gain_sum);
+    v_store(e->nonlocal.substep_mass + first, m_sum);
+    v_store(e->nonlocal.substep_flow + first, mg_sum);
+    v_store(e->nonlocal.substep_gain + first, gain_sum);
 }
 
 /* A substep of the cells that share one fluidity: the sums over its sides, and the start of the next substep. */
@@ -56,7 +56,7 @@ GR_INLINE void store_substep(struct gr_engine *e, int64_t index)
     GR_EACH_OF_FLUIDITY(e, cell, side)
     {
         const int64_t k = side - e->mesh.cell;
-        m += e->substep_mass[k], g += e->substep_flow[k], gain += e->substep_gain[k];
+        m += e->nonlocal.substep_mass[k], g += e->nonlocal.substep_flow[k], gain += e->nonlocal.substep_gain[k];
     }
     store_mean(e, gr_place_of_cell(e, cell), m, g, gain);
 }
@@ -79,7 +79,7 @@ GR_INLINE void begin_substeps_of_tiles(const int dim, const int basis, const int
 GR_INLINE void substep_tiles(const int linear, struct gr_engine *e, int64_t first, int64_t last, const double *fluidity)
 {
     const vd fraction = v_set(1.0 / e->config.nonlocal.substeps);
-    const struct gr_fluidity_numbers numbers = gr_fluidity_numbers_of(fluidity, e->dt / e->config.nonlocal.substeps);
+    const struct gr_fluidity_numbers numbers = gr_fluidity_numbers_of(fluidity, e->clock.dt / e->config.nonlocal.substeps);
     const int64_t begin = first * GR_LANES, end = last * GR_LANES;
     for (int64_t c = begin; c < end; c += GR_W) {
         struct fluidity_start starts;
@@ -89,17 +89,17 @@ GR_INLINE void substep_tiles(const int linear, struct gr_engine *e, int64_t firs
         vd flow = v_zero(), gain = v_zero();
         for (int n = 0; n < points; n++) {
             const int64_t at = gr_slot(&e->mesh.cell[c], n);
-            const vd weight = v_load(gr_substep_at(e->substeps, at, GR_SUBSTEP_weight));
+            const vd weight = v_load(gr_substep_at(e->nonlocal.substeps, at, GR_SUBSTEP_weight));
             const vm dense = v_gt(weight, v_zero());
             const vd start = start_of_points(e, &starts, dense, at);
-            const vd g = gr_substep(linear, 0, &numbers, fraction, e->substeps, at, gr_fluidity_start(&numbers, start),
-                                    v_zero(), gr_numbers(e, GR_FIELD_shear_rate, 0, at));
+            const vd g = gr_substep(linear, 0, &numbers, fraction, e->nonlocal.substeps, at,
+                                    gr_fluidity_start(&numbers, start), v_zero(), gr_numbers(e, GR_FIELD_shear_rate, 0, at));
             v_store(gr_numbers(e, GR_FIELD_g, 0, at), g);
             flow = v_fma(weight, v_keep(dense, g), flow);
             gain = v_fma(weight, v_keep(dense, g - start), gain);
         }
-        v_store(e->substep_flow + c, flow);
-        v_store(e->substep_gain + c, gain);
+        v_store(e->nonlocal.substep_flow + c, flow);
+        v_store(e->nonlocal.substep_gain + c, gain);
     }
     for (int64_t c = begin; c < end && c < e->mesh.n_cells; c++) store_substep(e, c);
 }

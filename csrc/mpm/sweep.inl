@@ -12,7 +12,7 @@ GR_INLINE void p2g_tile(const int dim, const int basis, const int affine, const 
             p2g_averaged_cells(dim, affine, e, first, more);
         else
             p2g_cells(dim, basis, affine, smoothed, e, first, more);
-        if (e->fluidity) means_of_cells(e, first);
+        if (e->nonlocal.fluidity) means_of_cells(e, first);
     }
 }
 
@@ -51,7 +51,7 @@ GR_INLINE unsigned wake_lanes(const int dim, const int basis, struct gr_engine *
 static void keep_points(struct gr_engine *e, int64_t tile, unsigned asleep, double *buffer, int back)
 {
     const struct gr_cell *cell = &e->mesh.cell[tile * GR_LANES];
-    for (int k = 0; k < e->n_components; k++)
+    for (int k = 0; k < e->points.n_components; k++)
         for (int32_t row = 0; row < cell->capacity; row++, buffer += GR_LANES) {
             const int64_t place = gr_slot(cell, row);
             for (int l = 0; l < GR_LANES; l++) {
@@ -111,7 +111,7 @@ GR_INLINE void sweep_tiles(const int dim, const int basis, const int affine, con
                            struct gr_engine *e, int64_t first, int64_t last, struct gr_migrants *out, int fused)
 {
     struct moved moved;
-    const int averages = smoothed && gr_averages(e, e->step);
+    const int averages = smoothed && gr_averages(e, e->clock.step);
     moved.n = moved.packed = moved.batch.n = 0;
     gr_clear_migrants(out);
     for (int64_t tile = first; tile < last; tile++) {
@@ -121,7 +121,7 @@ GR_INLINE void sweep_tiles(const int dim, const int basis, const int affine, con
         if (!awake_points(e, tile, asleep)) continue;
         if (asleep) { /* alone, so that the rest of the records is free for a copy of its points */
             end_tiles(dim, basis, affine, smoothed, cell_averaged, e, &moved, out, fused);
-            keep_points(e, tile, asleep, out->record + out->count * e->n_components, 0);
+            keep_points(e, tile, asleep, out->record + out->count * e->points.n_components, 0);
         }
         struct gr_migrant *migrant = out->from + out->count;
         int64_t left = averages
@@ -129,7 +129,7 @@ GR_INLINE void sweep_tiles(const int dim, const int basis, const int affine, con
                            : g2p_tile(dim, basis, affine, smoothed, cell_averaged, 0, e, tile, &moved.batch, migrant);
         if (asleep) {
             if (moved.batch.n) run_law(e, &moved.batch, 0);
-            keep_points(e, tile, asleep, out->record + out->count * e->n_components, 1);
+            keep_points(e, tile, asleep, out->record + out->count * e->points.n_components, 1);
             left = drop_asleep(e, migrant, left);
         }
         sort_by_cell(migrant, left);

@@ -24,15 +24,15 @@ struct row {
 
 #define EACH_LANE(l) for (int l = 0; l < GR_LANES; l++)
 
-/* Component c of a field at the places from `at` on. */
+/* Component c of a field in the slots from `at` on. */
 static void load(const struct gr_engine *e, int field, int c, int64_t at, double out[GR_LANES])
 {
-    at += c * e->capacity;
+    at += c * e->points.capacity;
     if (gr_is_double(&e->config, field)) {
-        const double *from = (const double *)e->field[field] + at;
+        const double *from = (const double *)e->points.field[field] + at;
         EACH_LANE(l) out[l] = from[l];
     } else {
-        const float *from = (const float *)e->field[field] + at;
+        const float *from = (const float *)e->points.field[field] + at;
         EACH_LANE(l) out[l] = from[l];
     }
 }
@@ -85,7 +85,7 @@ static void find_energies(int shears, struct row *row)
 
 static int shears(const struct gr_engine *e) { return e->config.dim == 2 ? 1 : 3; }
 
-/* Add a row of the cells of a tile to their sums; spare places beyond the `points` of a cell do not count. */
+/* Add a row of the cells of a tile to their sums; spare slots beyond the `points` of a cell do not count. */
 static void add_row(const struct gr_engine *e, int64_t at, const unsigned char counts[GR_LANES],
                     struct gr_tally_of_cell sum[GR_LANES])
 {
@@ -95,11 +95,11 @@ static void add_row(const struct gr_engine *e, int64_t at, const unsigned char c
     load(e, GR_FIELD_mass, 0, at, row.m);
     load(e, GR_FIELD_log_density, 0, at, row.c);
     load(e, GR_FIELD_shear_rate, 0, at, row.rate);
-    if (e->field[GR_FIELD_weight_correction]) load(e, GR_FIELD_weight_correction, 0, at, row.weight);
+    if (e->points.field[GR_FIELD_weight_correction]) load(e, GR_FIELD_weight_correction, 0, at, row.weight);
     for (int c = 0; c < 3 + shears(e); c++) load(e, GR_FIELD_stress, c, at, row.stress[c]);
     for (int d = 0; d < dim; d++) load(e, GR_FIELD_x, d, at, x[d]);
     add_squares(e, GR_FIELD_v, dim, at, row.square);
-    if (e->field[GR_FIELD_affine])
+    if (e->points.field[GR_FIELD_affine])
         add_squares(e, GR_FIELD_affine, dim * dim, at, gradient);
     else
         EACH_LANE(l) gradient[l] = row.rate[l] * row.rate[l];
@@ -151,7 +151,7 @@ static int reserve(struct gr_tally *tally, int64_t cells)
 
 int gr_tally_is_due(const struct gr_engine *e)
 {
-    return e->tally.time < 0 || (e->step % GR_TALLY_INTERVAL == 0 && e->tally.time < e->time);
+    return e->tally.time < 0 || (e->clock.step % GR_TALLY_INTERVAL == 0 && e->tally.time < e->clock.time);
 }
 
 /* Mean gravity between two times, between which it varies linearly. */
@@ -185,18 +185,18 @@ int gr_tally_make(struct gr_engine *e, struct gr_team *team)
     if (tally->time < 0) {
         tally->first_energy = all.energy;
     } else {
-        mean_gravity(e, tally->time, e->time, g);
+        mean_gravity(e, tally->time, e->clock.time, g);
         for (int d = 0; d < 3; d++) tally->gravity_work += g[d] * (all.moment[d] - *moment[d]);
-        tally->plastic_work += 0.5 * (tally->power + all.power) * (e->time - tally->time);
+        tally->plastic_work += 0.5 * (tally->power + all.power) * (e->clock.time - tally->time);
     }
     for (int d = 0; d < 3; d++) *moment[d] = all.moment[d];
-    tally->time = e->time;
+    tally->time = e->clock.time;
     tally->energy = all.energy;
     tally->power = all.power;
     tally->densest = fmax(tally->densest, all.densest);
     tally->loosest = fmin(tally->loosest, all.loosest);
     tally->fastest = fmax(tally->fastest, sqrt(all.square));
-    tally->strain_step = fmax(tally->strain_step, sqrt(all.gradient) * e->dt);
+    tally->strain_step = fmax(tally->strain_step, sqrt(all.gradient) * e->clock.dt);
     return GR_OK;
 }
 
@@ -213,7 +213,7 @@ void gr_tally_outflow(struct gr_engine *e, const double *record)
     struct row row = {.m = {record[gr_component_of(e, GR_FIELD_mass)]}};
     double number = 0;
     row.c[0] = record[gr_component_of(e, GR_FIELD_log_density)];
-    if (e->field[GR_FIELD_weight_correction]) row.weight[0] = record[gr_component_of(e, GR_FIELD_weight_correction)];
+    if (e->points.field[GR_FIELD_weight_correction]) row.weight[0] = record[gr_component_of(e, GR_FIELD_weight_correction)];
     for (int d = 0; d < e->config.dim; d++) row.square[0] += v[d] * v[d];
     for (int c = 0; c < 3 + shears(e); c++) row.stress[c][0] = stress[c];
     if (e->config.n_materials > 1) number = record[gr_component_of(e, GR_FIELD_material)];

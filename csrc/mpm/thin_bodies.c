@@ -79,14 +79,15 @@ void gr_nearest_thin(const struct gr_engine *e, const double x[3], int now, stru
 {
     struct gr_pose pose;
     double next = INFINITY;
-    for (int k = 0; k < e->n_thin; k++) {
-        const int b = e->thin[k].body;
+    for (int k = 0; k < e->bodies.n_thin; k++) {
+        const int b = e->bodies.thin[k].body;
         struct gr_facing other;
-        if (!k || e->thin[k - 1].body != b) {
-            const struct gr_split_pose *split = &e->split[b];
-            gr_pose_at(e, b, now ? e->body[b].x : split->x, now ? e->body[b].orientation : split->orientation, &pose);
+        if (!k || e->bodies.thin[k - 1].body != b) {
+            const struct gr_split_pose *split = &e->bodies.split[b];
+            gr_pose_at(e, b, now ? e->bodies.now[b].x : split->x, now ? e->bodies.now[b].orientation : split->orientation,
+                       &pose);
         }
-        look(e, &e->thin[k], &pose, x, &other);
+        look(e, &e->bodies.thin[k], &pose, x, &other);
         if (!k) {
             *side = other;
             continue;
@@ -97,13 +98,14 @@ void gr_nearest_thin(const struct gr_engine *e, const double x[3], int now, stru
     side->next = next;
 }
 
-int gr_cell_side(const struct gr_engine *e, const int32_t at[3])
+enum gr_side_of_cell gr_cell_side(const struct gr_engine *e, const int32_t at[3])
 {
     struct gr_facing side;
     double x[3];
     gr_cell_position(e, at, x);
     gr_nearest_thin(e, x, 0, &side);
-    return (side.distance < REACH * e->config.dx ? 1 : 2) * (side.mid < 0 ? -1 : 1);
+    return side.distance < REACH * e->config.dx ? (side.mid < 0 ? GR_BACK : GR_FRONT)
+                                                : (side.mid < 0 ? GR_WHOLE_BEHIND : GR_WHOLE_IN_FRONT);
 }
 
 int gr_cell_faces_thin(const struct gr_engine *e, const int32_t at[3])
@@ -137,7 +139,7 @@ void gr_split_nodes(struct gr_engine *e, int64_t first, int64_t last)
 
 double gr_body_moved(const struct gr_engine *e, int b, const struct gr_split_pose *pose)
 {
-    const struct gr_body_state *now = &e->body[b];
+    const struct gr_body_state *now = &e->bodies.now[b];
     const struct gr_body *body = &e->config.bodies[b];
     const double *p = pose->orientation, *q = now->orientation;
     double moved = 0, far = 0;
@@ -154,8 +156,8 @@ double gr_body_moved(const struct gr_engine *e, int b, const struct gr_split_pos
 
 int gr_follow_body(struct gr_engine *e, int b, double far)
 {
-    const struct gr_body_state *now = &e->body[b];
-    struct gr_split_pose *split = &e->split[b];
+    const struct gr_body_state *now = &e->bodies.now[b];
+    struct gr_split_pose *split = &e->bodies.split[b];
     if (!(gr_body_moved(e, b, split) > far)) return 0;
     memcpy(split->x, now->x, sizeof split->x);
     memcpy(split->orientation, now->orientation, sizeof split->orientation);
@@ -165,6 +167,6 @@ int gr_follow_body(struct gr_engine *e, int b, double far)
 int gr_follow_bodies(struct gr_engine *e)
 {
     int followed = 0;
-    for (int k = 0; k < e->n_thin; k++) followed |= gr_follow_body(e, e->thin[k].body, FOLLOW * e->config.dx);
+    for (int k = 0; k < e->bodies.n_thin; k++) followed |= gr_follow_body(e, e->bodies.thin[k].body, FOLLOW * e->config.dx);
     return followed;
 }

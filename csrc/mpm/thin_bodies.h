@@ -47,8 +47,8 @@ int gr_list_thin(const struct gr_config *config, struct gr_thin_part *thin);
 void gr_nearest_thin(const struct gr_engine *e, const double x[3], int now, struct gr_facing *side);
 
 /* Find whether a cell is double, and the side of its centre.
- * Returned: 1 or -1 if it is double, else 2 or -2. */
-int gr_cell_side(const struct gr_engine *e, const int32_t at[3]);
+ * Returned: of a double cell the side on which its centre is. */
+enum gr_side_of_cell gr_cell_side(const struct gr_engine *e, const int32_t at[3]);
 
 /* True if all points of a cell face the thin part nearest to its centre: then none changes sides there. */
 int gr_cell_faces_thin(const struct gr_engine *e, const int32_t at[3]);

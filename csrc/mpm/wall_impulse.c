@@ -88,14 +88,14 @@ void gr_sum_wall_impulses(struct gr_engine *e)
         int32_t at[3];
         gr_node_indices(e, n, at);
         const struct gr_wall_share *share = &watch->share[watch->code[gr_map_place(&e->config.node_codes, at)]];
-        while (e->time >= share->opens_at) share = &watch->share[share->after];
+        while (e->clock.time >= share->opens_at) share = &watch->share[share->after];
         const double *velocity = gr_wall_now(e, e->mesh.node_code[n])->velocity;
         double x[3];
         gr_node_position(e, n, x);
         for (int d = 0; d < dim; d++) {
             const double impulse = watch->node[n * dim + d];
             if (share->owner[d] < 0) continue;
-            if (d == servo->axis && share->owner[d] == servo->wall) servo->mass += e->node_mass[n];
+            if (d == servo->axis && share->owner[d] == servo->wall) servo->mass += e->nodes.mass[n];
             double *sum = watch->step + (int64_t)share->owner[d] * GR_WALL_NUMBERS;
             const int next = (d + 1) % 3, last = (d + 2) % 3; /* x cross the unit vector of d */
             sum[d] += impulse;

@@ -9,11 +9,12 @@
 static inline const struct gr_wall *gr_wall_now(const struct gr_engine *e, uint8_t code)
 {
     const struct gr_wall *wall = &e->config.walls[code];
-    while (e->time >= wall->opens_at) wall = &e->config.walls[wall->after];
+    while (e->clock.time >= wall->opens_at) wall = &e->config.walls[wall->after];
     return wall;
 }
 
-/* Bit d is set if a wall holds component d of a node that would have the velocity `next`: not if the node leaves the wall. */
+/* Bit d is set if a wall holds component d of a node that would have the velocity `next`: not if the node leaves the
+ * wall. */
 static inline int gr_holds(const struct gr_wall *wall, int dim, const double *next)
 {
     int held = wall->fixed;
@@ -30,8 +31,8 @@ static inline double gr_taken(const struct gr_wall *wall, int d, double kept, co
     return next[d] - wall->velocity[d] - kept * (v[d] - wall->velocity[d]);
 }
 
-/* What friction takes at most along the wall normal to axis d, which takes `taken` of component d: of either sign, if the wall
- * holds both ways. */
+/* What friction takes at most along the wall normal to axis d, which takes `taken` of component d: of either sign, if the
+ * wall holds both ways. */
 static inline double gr_friction(const struct gr_wall *wall, int d, double taken)
 {
     return wall->friction[d] * (wall->away[d] ? fmax(taken * -wall->away[d], 0) : fabs(taken));

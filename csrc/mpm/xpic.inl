@@ -14,7 +14,7 @@ GR_INLINE void smooth_cells(const int dim, const int basis, struct gr_engine *e,
     for (int d = 0; d < dim; d++) {
         for (int i = 0; i < K; i++) {
             double v[GR_W];
-            for (int l = 0; l < GR_W; l++) v[l] = e->node_v[(int64_t)gr_cell_node(e, first + l, i) * dim + d];
+            for (int l = 0; l < GR_W; l++) v[l] = e->nodes.v[(int64_t)gr_cell_node(e, first + l, i) * dim + d];
             mode[d][i] = v_load(v);
         }
         gr_modes(dim, basis, nodal, &frame, mode[d]);

@@ -122,7 +122,7 @@ PyObject *gr_put(PyObject *dict, const char *name, PyObject *value)
     return dict;
 }
 
-PyObject *gr_raise_at(int error, const struct gr_failure *at)
+PyObject *gr_raise_at(int error, const struct gr_failed_at *at)
 {
     const char *message = gr_error_message(error);
     char text[256];
@@ -157,8 +157,9 @@ PyObject *gr_raise(int error, const struct gr_engine *engine)
     const int kind = error > 0 && error < GR_ERROR_COUNT ? kinds[error] : INTERNAL;
     if (kind == MEMORY) return PyErr_NoMemory();
     if (engine && (kind == SIMULATION || error == GR_ERR_OUTSIDE)) {
-        const struct gr_failure failure = {engine->error_id,   engine->error_step, engine->config.dim, engine->error_x[0],
-                                           engine->error_x[1], engine->error_x[2], engine->time};
+        const struct gr_failed_at failure = {engine->failure.id,   engine->failure.step, engine->config.dim,
+                                             engine->failure.x[0], engine->failure.x[1], engine->failure.x[2],
+                                             engine->clock.time};
         return gr_raise_at(error, &failure);
     }
     PyErr_SetString(kind == VALUE ? PyExc_ValueError : PyExc_RuntimeError, gr_error_message(error));

@@ -53,7 +53,7 @@ PyObject *gr_append(PyObject *list, PyObject *row);
 PyObject *gr_put(PyObject *dict, const char *name, PyObject *value);
 
 /* Where and when a run failed. */
-struct gr_failure {
+struct gr_failed_at {
     int64_t id, step;
     int dim;
     double x, y, z, time;
@@ -61,7 +61,7 @@ struct gr_failure {
 
 /* Raise the exception of a core error. Always returns NULL. */
 PyObject *gr_raise(int error, const struct gr_engine *engine);
-PyObject *gr_raise_at(int error, const struct gr_failure *at);
+PyObject *gr_raise_at(int error, const struct gr_failed_at *at);
 
 /* A table of gravity; n may be 0. The numbers stay those of the arrays. */
 int gr_take_gravity(int dim, PyObject *times, PyObject *vectors, int *n, const double **time, const double **vector);
@@ -79,13 +79,15 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
 
 /* declarations.c: functions of the module. */
 PyObject *gr_python_scheme_numbers(PyObject *module, PyObject *unused);
+PyObject *gr_python_material_numbers(PyObject *module, PyObject *unused);
 PyObject *gr_python_enumerations(PyObject *module, PyObject *unused);
 PyObject *gr_python_laws(PyObject *module, PyObject *unused);
 
 /* fluidity.c: function of the module. */
 PyObject *gr_python_fluidity_diffuse(PyObject *module, PyObject *args, PyObject *kwargs);
 
-/* bodies.c: those of a configuration, from rows (parts, samples, pose, motion, contact, free, rough, friction, mass, inertia) */
+/* bodies.c: those of a configuration, from rows (parts, samples, pose, motion, contact, free, rough, friction, mass,
+ * inertia) */
 int gr_take_bodies(struct gr_config *c, PyObject *rows, struct gr_tables *tables);
 
 /* surfaces.c: tables of a part that is sampled or a height map; they are borrowed. And functions of the module. */
@@ -107,7 +109,7 @@ PyObject *gr_python_watch_walls(struct gr_engine *e, int n_walls, PyObject *code
 PyObject *gr_python_wall_impulses(const struct gr_engine *e);
 PyObject *gr_python_restore_walls(struct gr_engine *e, PyObject *array);
 
-/* rigid.c: e->rigid. */
+/* rigid.c: e->bodies.rigid. */
 PyObject *gr_python_touch_solids(struct gr_engine *e, PyObject *args);
 
 /* inlets.c */

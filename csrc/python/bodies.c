@@ -1,8 +1,8 @@
 /* Rigid bodies: from the rows of Python to the tables of the core, their state, and the signed distance alone. */
 #include <math.h>
 
+#include "contact/contact.h"
 #include "core/index.h"
-#include "mpm/contact.h"
 #include "python/arrays.h"
 
 enum { KIND, INSIDE, CENTER, ROTATION = CENTER + 3, SIZE = ROTATION + 9, PART_NUMBERS = SIZE + 3 };

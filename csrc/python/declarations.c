@@ -39,6 +39,15 @@ PyObject *gr_python_scheme_numbers(PyObject *Py_UNUSED(module), PyObject *Py_UNU
     return out;
 }
 
+PyObject *gr_python_material_numbers(PyObject *Py_UNUSED(module), PyObject *Py_UNUSED(unused))
+{
+    PyObject *out = PyDict_New();
+#define GR_X(name, least, unit, doc) out = gr_put(out, #name, Py_BuildValue("ss", unit, doc));
+    GR_MATERIAL(GR_X)
+#undef GR_X
+    return out;
+}
+
 /* One enumeration into the dict: {name: value}. Returned: the dict, or NULL. */
 static PyObject *add_enumeration(PyObject *dict, const char *name, const char *const *names, const int *values, int n)
 {

@@ -59,9 +59,9 @@ struct gr_scalar {
     int is_float; /* double, else int64_t */
 };
 
-#define GR_SCALAR_OF(type, member)                                                              \
-    {                                                                                           \
-#member, offsetof(type, member), _Generic(((type *)0)->member, double : 1, int64_t : 0) \
+#define GR_SCALAR_OF(type, name, member)                                                      \
+    {                                                                                         \
+#name, offsetof(type, member), _Generic(((type *)0)->member, double : 1, int64_t : 0) \
     }
 
 /* The n numbers of a table as a dict, or NULL with an exception set. */

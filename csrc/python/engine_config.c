@@ -218,22 +218,14 @@ static int take_materials(struct gr_config *c, PyObject *list)
             return -1;
         m->law = gr_law_index(name);
         if (m->law < 0) return gr_refuse("there is no law \"%s\"", name);
-        if (take_number(numbers, "rho_c", &m->rho_c) || take_number(numbers, "K", &m->K) ||
-            take_number(numbers, "separation_strain", &m->separation_strain) ||
-            take_number(numbers, "separation", &m->separation) || take_number(numbers, "slow_rate", &m->slow_rate) ||
-            take_number(numbers, "damping_rate", &m->damping_rate) ||
-            take_number(numbers, "damping_time", &m->damping_time) ||
-            take_number(numbers, "flutter_time", &m->flutter_time) ||
-            take_number(numbers, "flutter_memory", &m->flutter_memory) ||
-            take_number(numbers, "flutter_end", &m->flutter_end) || take_number(numbers, "flutter_depth", &m->flutter_depth))
-            return -1;
+#define GR_X(name, least, unit, doc) \
+    if (take_number(numbers, #name, &m->name)) return -1;
+        GR_MATERIAL(GR_X)
+#undef GR_X
         if (take_own(m, own)) return -1;
         const struct gr_law *law = gr_law_at(m->law);
         for (int q = 0; q < gr_law_parameters(law); q++)
             if (take_number(parameters, law->parameter[q].name, &m->parameter[q])) return -1;
-        c->damping_rate = fmax(c->damping_rate, m->damping_rate);
-        c->damping_time = fmax(c->damping_time, m->damping_time);
-        c->flutter_time = fmax(c->flutter_time, m->flutter_time);
     }
     return 0;
 }

@@ -2,6 +2,10 @@
 #include <float.h>
 #include <math.h>
 
+#include "engine/build.h"
+#include "engine/stable_dt.h"
+#include "engine/step.h"
+#include "mpm/grouping.h"
 #include "mpm/numbers.h"
 #include "mpm/sleep.h"
 #include "mpm/tally.h"
@@ -15,10 +19,10 @@ _Static_assert(GR_FIELD_COUNT <= GR_MAX_FIELDS, "every field has its place in st
 static int refuse_diffusion(const struct gr_engine *e)
 {
     const struct gr_nonlocal *nonlocal = &e->config.nonlocal;
-    if (!e->fluidity) return 0;
-    const double dt = gr_longest_dt(&e->config), limit = gr_fluidity_limit(e->fluidity, nonlocal->method);
+    if (!e->nonlocal.fluidity) return 0;
+    const double dt = gr_longest_dt(&e->config), limit = gr_fluidity_limit(e->nonlocal.fluidity, nonlocal->method);
     const struct gr_diffusion_call call = {nonlocal->method, dt / nonlocal->substeps, 1};
-    const int error = gr_fluidity_check(e->fluidity, &call);
+    const int error = gr_fluidity_check(e->nonlocal.fluidity, &call);
     if (!error) return 0;
     if (error == GR_ERR_LIMIT)
         return gr_refuse(
@@ -46,7 +50,7 @@ static int engine_init(struct gr_object *self, PyObject *args, PyObject *kwargs)
     if (error) return -1;
     self->engine = e, self->fields = gr_field_table, self->n_fields = GR_FIELD_COUNT;
     for (int f = 0; f < GR_FIELD_COUNT; f++) {
-        self->components[f] = gr_engine_uses(&e->config, f) ? gr_field_components(f, config.dim) : 0;
+        self->components[f] = gr_config_uses(&e->config, f) ? gr_field_components(f, config.dim) : 0;
         self->type[f] = gr_is_double(&e->config, f) ? NPY_DOUBLE : NPY_FLOAT;
     }
     return refuse_diffusion(e);
@@ -68,7 +72,7 @@ static PyObject *engine_bind(struct gr_object *self, PyObject *args)
     struct gr_engine *e = gr_ready(self, 0);
     const Py_ssize_t capacity = e ? gr_take_buffers(self, buffers, arrays) : -1;
     if (capacity < 0) return NULL;
-    if (n_points < 0 || n_points > capacity || (!fresh && capacity < e->capacity))
+    if (n_points < 0 || n_points > capacity || (!fresh && capacity < e->points.capacity))
         return PyErr_Format(PyExc_ValueError, "%zd points do not fit buffers of %zd places", n_points, capacity);
     gr_keep_buffers(self, arrays);
     void *field[GR_FIELD_COUNT];
@@ -76,8 +80,8 @@ static PyObject *engine_bind(struct gr_object *self, PyObject *args)
     gr_engine_bind(e, field, PyArray_DATA(arrays[GR_FIELD_COUNT]), capacity);
     self->is_bound = 1;
     if (fresh) {
-        e->n_points = e->used = n_points;
-        e->n_pending = 0;
+        e->points.n = e->points.used = n_points;
+        e->migration.n_pending = 0;
         for (int64_t c = 0; c < e->mesh.n_cells; c++) e->mesh.cell[c].count = 0;
         if (e->mesh.n_cells) return PyErr_Format(PyExc_RuntimeError, "points can be given once");
     }
@@ -90,7 +94,7 @@ static PyObject *engine_bind(struct gr_object *self, PyObject *args)
 static PyObject *needed_capacity(const struct gr_engine *e, int error)
 {
     if (error && error != GR_ERR_CAPACITY) return gr_raise(error, e);
-    return PyLong_FromLongLong(error ? e->needed_capacity : 0);
+    return PyLong_FromLongLong(error ? e->migration.needed_capacity : 0);
 }
 
 static PyObject *engine_regroup(struct gr_object *self, PyObject *Py_UNUSED(unused))
@@ -98,7 +102,7 @@ static PyObject *engine_regroup(struct gr_object *self, PyObject *Py_UNUSED(unus
     struct gr_engine *e = gr_ready(self, 1);
     if (!e) return NULL;
     const int error = gr_regroup(e, NULL);
-    if (!error) e->error = GR_OK;
+    if (!error) e->failure.code = GR_OK;
     return needed_capacity(e, error);
 }
 
@@ -189,12 +193,13 @@ static PyObject *engine_cells(struct gr_object *self, PyObject *Py_UNUSED(unused
 
 /* The numbers of the engine that a restart needs. */
 static const struct gr_scalar scalars[] = {
-#define GR_X(name) GR_SCALAR_OF(struct gr_engine, name),
-    GR_X(time) GR_X(dt) GR_X(time_anchor) GR_X(shift_dt) GR_X(dropped_mass) GR_X(step) GR_X(step_anchor) GR_X(dropped)
-        GR_X(clamped) GR_X(n_points)
+#define GR_X(name, member) GR_SCALAR_OF(struct gr_engine, name, member),
+    GR_X(time, clock.time) GR_X(dt, clock.dt) GR_X(time_anchor, clock.time_anchor) GR_X(shift_dt, clock.shift_dt)
+        GR_X(dropped_mass, dropped_mass) GR_X(step, clock.step) GR_X(step_anchor, clock.step_anchor) GR_X(dropped, dropped)
+            GR_X(clamped, clamped) GR_X(n_points, points.n)
 #undef GR_X
 #define GR_X(name, doc) {"tally_" #name, offsetof(struct gr_engine, tally.name), 1},
-            GR_TALLY(GR_X)
+                GR_TALLY(GR_X)
 #undef GR_X
 };
 enum { SCALARS = sizeof scalars / sizeof *scalars };
@@ -209,7 +214,7 @@ static PyObject *engine_tally(struct gr_object *self, PyObject *Py_UNUSED(unused
 {
     struct gr_engine *e = gr_ready(self, 1);
     if (!e) return NULL;
-    if (gr_tally_is_due(e) && !e->n_pending && gr_tally_make(e, NULL)) return PyErr_NoMemory();
+    if (gr_tally_is_due(e) && !e->migration.n_pending && gr_tally_make(e, NULL)) return PyErr_NoMemory();
     Py_RETURN_NONE;
 }
 
@@ -219,41 +224,43 @@ static PyObject *engine_restore(struct gr_object *self, PyObject *dict)
 {
     struct gr_engine new, *e;
     if (gr_take_scalars(dict, scalars, SCALARS, &new) || !(e = gr_ready(self, 0))) return NULL;
-    if (new.n_points != e->n_points)
+    if (new.points.n != e->points.n)
         return PyErr_Format(PyExc_ValueError, "n_points = %lld does not agree with the points bound",
-                            (long long)new.n_points);
+                            (long long)new.points.n);
+    const struct gr_clock *clock = &new.clock;
     const double longest = gr_longest_dt(&e->config);
-    if (gr_refuse_range("time", new.time, 0, GR_LARGEST) || gr_refuse_range("time_anchor", new.time_anchor, 0, new.time) ||
-        gr_refuse_range("dt", new.dt, 0, longest * (1 + DT_ROUNDING)) ||
-        gr_refuse_range("shift_dt", new.shift_dt, DBL_MIN, GR_LARGEST) ||
-        gr_refuse_range("dropped_mass", new.dropped_mass, 0, GR_LARGEST) || gr_refuse_count("step", new.step) ||
-        gr_refuse_count("step_anchor", new.step_anchor) || gr_refuse_count("dropped", new.dropped) ||
-        gr_refuse_count("clamped", new.clamped) || gr_refuse_clock(new.time, new.dt > 0 ? new.dt : longest))
+    if (gr_refuse_range("time", clock->time, 0, GR_LARGEST) ||
+        gr_refuse_range("time_anchor", clock->time_anchor, 0, clock->time) ||
+        gr_refuse_range("dt", clock->dt, 0, longest * (1 + DT_ROUNDING)) ||
+        gr_refuse_range("shift_dt", clock->shift_dt, DBL_MIN, GR_LARGEST) ||
+        gr_refuse_range("dropped_mass", new.dropped_mass, 0, GR_LARGEST) || gr_refuse_count("step", clock->step) ||
+        gr_refuse_count("step_anchor", clock->step_anchor) || gr_refuse_count("dropped", new.dropped) ||
+        gr_refuse_count("clamped", new.clamped) || gr_refuse_clock(clock->time, clock->dt > 0 ? clock->dt : longest))
         return NULL;
 #define GR_X(name, doc) \
     if (gr_refuse_range("tally_" #name, new.tally.name, -GR_LARGEST, GR_LARGEST)) return NULL;
     GR_TALLY(GR_X)
 #undef GR_X
-    if (new.step < new.step_anchor)
-        return PyErr_Format(PyExc_ValueError, "step_anchor = %lld must not exceed step = %lld", (long long)new.step_anchor,
-                            (long long)new.step);
+    if (clock->step < clock->step_anchor)
+        return PyErr_Format(PyExc_ValueError, "step_anchor = %lld must not exceed step = %lld",
+                            (long long)clock->step_anchor, (long long)clock->step);
     gr_set_scalars(e, scalars, SCALARS, &new);
-    e->shift_scale = -1.0 / e->shift_dt;
-    e->sums_valid = 0;
+    e->shift_scale = -1.0 / e->clock.shift_dt;
+    e->sums.valid = 0;
     Py_RETURN_NONE;
 }
 
 static PyObject *engine_bodies(struct gr_object *self, PyObject *Py_UNUSED(unused))
 {
     const struct gr_engine *e = gr_ready(self, 0);
-    return e ? gr_python_poses(e, e->body, GR_BODY_NUMBERS) : NULL;
+    return e ? gr_python_poses(e, e->bodies.now, GR_BODY_NUMBERS) : NULL;
 }
 
 static PyObject *engine_restore_bodies(struct gr_object *self, PyObject *array)
 {
     struct gr_engine *e = gr_ready(self, 0);
-    if (!e || gr_take_poses(e, array, "bodies", e->body, GR_BODY_NUMBERS)) return NULL;
-    if (e->body) memcpy(e->body_next, e->body, sizeof *e->body * (size_t)e->config.n_bodies);
+    if (!e || gr_take_poses(e, array, "bodies", e->bodies.now, GR_BODY_NUMBERS)) return NULL;
+    if (e->bodies.now) memcpy(e->bodies.next, e->bodies.now, sizeof *e->bodies.now * (size_t)e->config.n_bodies);
     Py_RETURN_NONE;
 }
 
@@ -261,13 +268,13 @@ static PyObject *engine_restore_bodies(struct gr_object *self, PyObject *array)
 static PyObject *engine_split(struct gr_object *self, PyObject *Py_UNUSED(unused))
 {
     const struct gr_engine *e = gr_ready(self, 0);
-    return e ? gr_python_poses(e, e->split, 7) : NULL;
+    return e ? gr_python_poses(e, e->bodies.split, 7) : NULL;
 }
 
 static PyObject *engine_restore_split(struct gr_object *self, PyObject *array)
 {
     struct gr_engine *e = gr_ready(self, 0);
-    if (!e || gr_take_poses(e, array, "split", e->split, 7)) return NULL;
+    if (!e || gr_take_poses(e, array, "split", e->bodies.split, 7)) return NULL;
     if (e->config.n_bodies) e->disconnected = 1; /* the cells are to be made anew */
     Py_RETURN_NONE;
 }
@@ -351,7 +358,7 @@ static PyObject *engine_refresh(struct gr_object *self, PyObject *Py_UNUSED(unus
 {
     struct gr_engine *e = gr_ready(self, 0);
     if (!e) return NULL;
-    e->sums_valid = 0;
+    e->sums.valid = 0;
     Py_RETURN_NONE;
 }
 
@@ -365,11 +372,12 @@ static PyObject *engine_fluidity(struct gr_object *self, PyObject *Py_UNUSED(unu
 {
     const struct gr_engine *e = gr_ready(self, 0);
     if (!e) return NULL;
-    if (!e->fluidity) Py_RETURN_NONE;
+    if (!e->nonlocal.fluidity) Py_RETURN_NONE;
     const struct gr_nonlocal *nonlocal = &e->config.nonlocal;
     return Py_BuildValue("{s:s,s:i,s:d,s:L,s:L}", "method", gr_diffusion_names[nonlocal->method], "substeps",
-                         nonlocal->substeps, "limit", gr_fluidity_limit(e->fluidity, nonlocal->method), "iterations",
-                         (long long)e->cg_iterations, "clamped", (long long)e->clamped_cells);
+                         nonlocal->substeps, "limit", gr_fluidity_limit(e->nonlocal.fluidity, nonlocal->method),
+                         "iterations", (long long)e->nonlocal.cg_iterations, "clamped",
+                         (long long)e->nonlocal.clamped_cells);
 }
 
 static PyMethodDef methods[] = {
@@ -385,7 +393,7 @@ static PyMethodDef methods[] = {
     {"nodes", (PyCFunction)engine_nodes, METH_NOARGS,
      "nodes()\n--\n\nCopies of the nodal arrays: x, mass, momentum, force, v, w."},
     {"cells", (PyCFunction)engine_cells, METH_NOARGS,
-     "cells()\n--\n\n(place, count): the places of the points in the buffers, cell by cell, and the points of each active cell."},
+     "cells()\n--\n\n(slot, count): the slots of the points in the buffers, cell by cell, and the points of each active cell."},
     {"scalars", (PyCFunction)engine_scalars, METH_NOARGS, "scalars()\n--\n\nThe numbers that a restart needs."},
     {"tally", (PyCFunction)engine_tally, METH_NOARGS, "tally()\n--\n\nMake the tally that is due: scalars() then has it."},
     {"restore", (PyCFunction)engine_restore, METH_O, "restore(scalars)\n--\n\nSet the numbers of a restart."},

@@ -21,7 +21,7 @@ PyObject *gr_python_add_inlet(struct gr_engine *e, PyObject *args)
     PyObject *records;
     if (!PyArg_ParseTuple(args, "Oi(ddd)dddp:add_inlet", &records, &inlet.axis, &inlet.velocity[0], &inlet.velocity[1],
                           &inlet.velocity[2], &inlet.spacing, &inlet.begin, &inlet.end, &inlet.yields) ||
-        take_records(records, e->n_components, &inlet))
+        take_records(records, e->points.n_components, &inlet))
         return NULL;
     const int error = gr_inflow_add(e, &inlet);
     if (error) return gr_raise(error, NULL);

@@ -77,6 +77,8 @@ static PyMethodDef functions[] = {
     {"scheme_numbers", gr_python_scheme_numbers, METH_NOARGS,
      "scheme_numbers()\n--\n\n{group: [(name, default, range, unit, doc)]}: the numbers of schemes, of the diffusion of the\n"
      "fluidity and of the densities."},
+    {"material_numbers", gr_python_material_numbers, METH_NOARGS,
+     "material_numbers()\n--\n\n{name: (unit, doc)}: the numbers of a material besides the parameters of its law."},
     {"enumerations", gr_python_enumerations, METH_NOARGS,
      "enumerations()\n--\n\n{enumeration: {name: value}} of what is passed to the core as a number."},
     {"laws", gr_python_laws, METH_NOARGS,

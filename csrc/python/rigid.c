@@ -1,5 +1,5 @@
-/* What free bodies touch besides the material (mpm/rigid.h). */
-#include "mpm/rigid.h"
+/* What free bodies touch besides the material (contact/rigid.h). */
+#include "contact/rigid.h"
 
 #include "python/arrays.h"
 

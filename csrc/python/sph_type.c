@@ -182,7 +182,8 @@ static PyObject *sph_advance(struct gr_object *self, PyObject *args)
     self->busy = 0;
     self->refused_threads = s->refused_threads;
     if (!error || error == GR_ERR_CAPACITY) return PyBool_FromLong(error);
-    const struct gr_failure at = {s->error_id, s->step, s->config.dim, s->error_x[0], s->error_x[1], s->error_x[2], s->time};
+    const struct gr_failed_at at = {s->error_id,   s->step,       s->config.dim, s->error_x[0],
+                                    s->error_x[1], s->error_x[2], s->time};
     const int has_place = error == GR_ERR_NOT_FINITE || error == GR_ERR_RUNAWAY;
     return has_place ? gr_raise_at(error, &at) : gr_raise(error, NULL);
 }
@@ -191,7 +192,7 @@ static PyObject *sph_advance(struct gr_object *self, PyObject *args)
 
 /* The numbers of the engine: first those that a restart needs, then those that the buffers imply. */
 static const struct gr_scalar scalars[] = {
-#define GR_X(name) GR_SCALAR_OF(struct gr_sph, name),
+#define GR_X(name) GR_SCALAR_OF(struct gr_sph, name, name),
     GR_X(time) GR_X(dt) GR_X(speed2) GR_X(acceleration2) GR_X(dropped_mass) GR_X(gas_speed2) GR_X(step) GR_X(dropped)
         GR_X(started) GR_X(stopped) GR_X(gas_dropped) GR_X(rebuilds) GR_X(n_walls) GR_X(n_gas)
 #undef GR_X

@@ -87,8 +87,8 @@ static void permute(struct gr_sph *s, int64_t first, int64_t n)
     memcpy(s->id + first, s->sorted_id, sizeof(int64_t) * (size_t)n);
 }
 
-/* Sort the n rows from `first` on by the cells of their anchors, stably; rows with cell -1 are removed, those with cell n_cells
- * come last, and no search finds them.
+/* Sort the n rows from `first` on by the cells of their anchors, stably; rows with cell -1 are removed, those with cell
+ * n_cells come last, and no search finds them.
  * Returned: the number of rows kept. */
 static int64_t sort_rows(struct gr_sph *s, int64_t first, int64_t n, int32_t *start)
 {

@@ -143,20 +143,20 @@ int scene_build(struct scene *s, int64_t n, double low, double high)
     if (error) return error;
     s->capacity = 4 * n + 64 * 40;
     for (int f = 0; f < GR_FIELD_COUNT; f++)
-        if (gr_engine_uses(c, f))
+        if (gr_config_uses(c, f))
             s->field[f] = calloc((size_t)(s->capacity * gr_field_components(f, c->dim)), sizeof(double));
     s->id = malloc(sizeof(int64_t) * (size_t)s->capacity);
     for (int64_t k = 0; k < s->capacity; k++) s->id[k] = -1;
     fill(s, n, low, high);
     narrow(s);
     scene_bind(s);
-    s->engine->n_points = s->engine->used = n;
+    s->engine->points.n = s->engine->points.used = n;
     return GR_OK;
 }
 
 int scene_grow(struct scene *s)
 {
-    const int64_t capacity = s->engine->needed_capacity;
+    const int64_t capacity = s->engine->migration.needed_capacity;
     double *field[GR_FIELD_COUNT] = {0};
     int short_of = 0;
     int64_t *id = malloc(sizeof(int64_t) * (size_t)capacity);
@@ -198,7 +198,7 @@ double scene_sum(const struct scene *s, int64_t node, int q)
     for (int i = 0; i < e->K; i++) {
         const double *part = gr_sums(e) + e->mesh.node_source[node * e->K + i];
         const int at = (e->K - 1 - i) * (later - first) + q - GR_SUM_DENSITY(dim);
-        sum += q < first ? part[q * GR_LANES] : part[e->density_sums + at * GR_LANES];
+        sum += q < first ? part[q * GR_LANES] : part[e->sums.of_density + at * GR_LANES];
     }
     return sum;
 }
@@ -228,7 +228,7 @@ int64_t scene_find(const struct scene *s, int64_t id)
 
 int scene_differs(const struct scene *a, const struct scene *b)
 {
-    if (a->engine->n_points != b->engine->n_points) return 1;
+    if (a->engine->points.n != b->engine->points.n) return 1;
     for (int64_t k = 0; k < a->capacity; k++) {
         if (a->id[k] < 0) continue;
         const int64_t other = scene_find(b, a->id[k]);

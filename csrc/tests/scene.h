@@ -1,8 +1,11 @@
 /* Small scenes for the tests: a box of cells with a random heap of points in it. */
 #pragma once
 
+#include "engine/build.h"
+#include "engine/step.h"
 #include "kernels.h"
-#include "mpm/engine.h"
+#include "mpm/grouping.h"
+#include "mpm/numbers.h"
 
 enum { SCENE_WALLS = 8 };
 

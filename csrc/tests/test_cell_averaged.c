@@ -17,7 +17,7 @@ static void averaged_scene(struct scene *s, int dim)
 /* Log-density of a cell. */
 static double density_of(const struct scene *s, int64_t cell)
 {
-    return s->engine->average[GR_AVERAGE_C * s->engine->mesh.cell_capacity + cell];
+    return s->engine->sums.average[GR_AVERAGE_C * s->engine->mesh.cell_capacity + cell];
 }
 
 /* The mass is complete. The forces have no sum and no moment, as the stress is symmetric. */

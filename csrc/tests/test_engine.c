@@ -1,5 +1,5 @@
 /* Tests of mpm/build.c: construction and destruction of an engine, and configurations that are refused. */
-#include "mpm/engine.h"
+#include "mpm/solid_cells.h"
 
 #include "tests/check.h"
 #include "tests/scene.h"
@@ -12,7 +12,7 @@ TEST(lives_and_dies)
             scene_default(&s, dim, basis, GR_AFFINE_NONE, 0);
             CHECK(scene_build(&s, 50, 0.1, 0.9) == GR_OK);
             CHECK(s.engine->K == (basis == GR_LINEAR ? (dim == 2 ? 4 : 8) : (dim == 2 ? 9 : 27)));
-            CHECK(s.engine->n_components == (dim == 2 ? 2 + 2 + 4 + 3 : 3 + 3 + 6 + 3));
+            CHECK(s.engine->points.n_components == (dim == 2 ? 2 + 2 + 4 + 3 : 3 + 3 + 6 + 3));
             scene_free(&s);
         }
     gr_engine_free(NULL);
@@ -34,12 +34,12 @@ TEST(fields_by_need)
 {
     struct scene s;
     scene_default(&s, 2, GR_QUADRATIC, GR_AFFINE_NONE, 0);
-    CHECK(gr_engine_uses(&s.config, GR_FIELD_x) && gr_engine_uses(&s.config, GR_FIELD_mass));
-    CHECK(!gr_engine_uses(&s.config, GR_FIELD_affine) && !gr_engine_uses(&s.config, GR_FIELD_shift_velocity));
+    CHECK(gr_config_uses(&s.config, GR_FIELD_x) && gr_config_uses(&s.config, GR_FIELD_mass));
+    CHECK(!gr_config_uses(&s.config, GR_FIELD_affine) && !gr_config_uses(&s.config, GR_FIELD_shift_velocity));
     s.config.affine = GR_AFFINE_MOMENT;
-    CHECK(gr_engine_uses(&s.config, GR_FIELD_affine));
+    CHECK(gr_config_uses(&s.config, GR_FIELD_affine));
     s.config.smoothed = 1;
-    CHECK(gr_engine_uses(&s.config, GR_FIELD_density_gradient) && gr_engine_uses(&s.config, GR_FIELD_shift_velocity));
+    CHECK(gr_config_uses(&s.config, GR_FIELD_density_gradient) && gr_config_uses(&s.config, GR_FIELD_shift_velocity));
 }
 
 /* Build the default scene with one change; it must be refused and leave no engine. */

@@ -81,8 +81,8 @@ TEST(linear_fields_are_exact)
                             CHECK_NEAR(*scene_at(&s, GR_FIELD_affine, d * dim + j, k), C[d][j], apic ? 1e-11 : 1e-12);
                     }
                 }
-                CHECK(s.engine->step == 1);
-                CHECK_NEAR(s.engine->time, 1e-4, 0);
+                CHECK(s.engine->clock.step == 1);
+                CHECK_NEAR(s.engine->clock.time, 1e-4, 0);
                 scene_free(&s);
             }
 }
@@ -145,8 +145,8 @@ TEST(before_the_grid_all_is_at_rest)
             CHECK(gr_regroup(s.engine, NULL) == GR_OK);
             const struct gr_engine *e = s.engine;
             for (int64_t n = 0; n < e->mesh.n_nodes; n++) {
-                CHECK(e->node_mass[n] == 0);
-                for (int q = 0; q < e->node_fields; q++) CHECK(gr_node_field(e, q)[n] == 0);
+                CHECK(e->nodes.mass[n] == 0);
+                for (int q = 0; q < e->nodes.n_fields; q++) CHECK(gr_node_field(e, q)[n] == 0);
             }
             remember(&s, &b);
             CHECK(gr_g2p(s.engine, kernels) == GR_OK);

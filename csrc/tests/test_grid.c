@@ -50,7 +50,7 @@ TEST(free_nodes_follow_newton)
         prepare(&s, dim, (struct gr_wall){.fixed = 1, .opens_at = INFINITY}, 0);
         for (int64_t n = 0; n < s.engine->mesh.n_nodes; n++) {
             const double m = scene_sum(&s, n, 0);
-            CHECK_NEAR(s.engine->node_mass[n], m, 0);
+            CHECK_NEAR(s.engine->nodes.mass[n], m, 0);
             for (int d = 0; d < dim; d++) {
                 const double v = m > 0 ? scene_sum(&s, n, 1 + d) / m : 0;
                 const double a = m > 0 ? scene_sum(&s, n, 1 + dim + d) / m + (d == dim - 1 ? -9.8 : 0) : 0;
@@ -97,7 +97,7 @@ TEST(coulomb_friction)
             prepare(&s, dim, wall, 1);
             prepare(&open, dim, wall, 0);
             for (int64_t n = 0; n < s.engine->mesh.n_nodes; n++) {
-                if (!is_floor(&s, n) || !(s.engine->node_mass[n] > 0)) continue;
+                if (!is_floor(&s, n) || !(s.engine->nodes.mass[n] > 0)) continue;
                 const double gained = out(&open, n, dim + up), taken = away ? fmax(0, -away * gained) : fabs(gained);
                 double before = 0, after = 0, along = 0;
                 if (away * out(&open, n, up) > 0) {
@@ -136,7 +136,7 @@ TEST(walls_open_in_turn)
     const double times[] = {0, 0.999, 1, 1.5, 2, 9};
     const int fixed[] = {3, 3, 1, 1, 0, 0};
     for (int k = 0; k < 6; k++) {
-        s.engine->time = times[k];
+        s.engine->clock.time = times[k];
         CHECK(gr_wall_now(s.engine, 1)->fixed == fixed[k]);
     }
     scene_free(&s);
@@ -180,7 +180,7 @@ TEST(cutoff_spares_nan)
     int found = 0;
     for (int64_t n = 0; n < s.engine->mesh.n_nodes; n++) {
         found += isnan(out(&s, n, 0));
-        if (!isnan(s.engine->node_mass[n])) CHECK(out(&s, n, 0) == 0 && out(&s, n, 2) == 0);
+        if (!isnan(s.engine->nodes.mass[n])) CHECK(out(&s, n, 0) == 0 && out(&s, n, 2) == 0);
     }
     CHECK(found == 1);
     scene_free(&s);

@@ -3,12 +3,12 @@
 #include <string.h>
 
 #include "mpm/migrate.h"
-#include "mpm/places.h"
+#include "mpm/slots.h"
 #include "tests/check.h"
 #include "tests/scene.h"
 
-/* Every point occurs once, in a place of its own cell; cells of a tile have as many places; spare places are clear; the tables are
- * inverse to each other. */
+/* Every point occurs once, in a place of its own cell; cells of a tile have as many places; spare places are clear; the
+ * tables are inverse to each other. */
 static void check_mesh(const struct scene *s)
 {
     const struct gr_engine *e = s->engine;
@@ -39,7 +39,7 @@ static void check_mesh(const struct scene *s)
         for (int32_t place = 0; place < cell->capacity; place++) CHECK(s->id[gr_slot(cell, place)] < 0);
         if ((c + 1) % GR_LANES == 0) end += GR_LANES * cell->capacity;
     }
-    CHECK(points == e->n_points && end == e->used && end <= s->capacity);
+    CHECK(points == e->points.n && end == e->points.used && end <= s->capacity);
     for (int64_t k = end; k < s->capacity; k++) CHECK(s->id[k] < 0);
     for (int64_t n = 0; n < mesh->n_nodes; n++) CHECK(gr_table_get(&mesh->node_of, mesh->node_id[n]) == n + 1);
     const int64_t sums = GR_SUM_DAMPED(dim);
@@ -47,7 +47,7 @@ static void check_mesh(const struct scene *s)
     for (int64_t n = 0; n < mesh->n_nodes; n++)
         for (int i = 0; i < e->K; i++) {
             const int64_t source = mesh->node_source[n * e->K + i];
-            const int64_t tile = source / e->sum_stride, place = source % e->sum_stride / GR_LANES;
+            const int64_t tile = source / e->sums.stride, place = source % e->sums.stride / GR_LANES;
             if (tile >= mesh->n_tiles) continue;
             const int64_t cell = tile * GR_LANES + source % GR_LANES;
             CHECK(place % sums == 0 && cell < mesh->n_cells && gr_cell_node(e, cell, (int)(place / sums)) == n);
@@ -157,15 +157,15 @@ TEST(asks_for_capacity)
     CHECK(scene_build(&s, 300, 0.05, 0.95) == GR_OK);
     shrink(&s, 320);
     CHECK(gr_regroup(s.engine, NULL) == GR_ERR_CAPACITY);
-    CHECK(s.engine->needed_capacity > 320 && s.engine->n_points == 300);
+    CHECK(s.engine->migration.needed_capacity > 320 && s.engine->points.n == 300);
     CHECK(scene_grow(&s) == 0);
     CHECK(gr_regroup(s.engine, NULL) == GR_OK);
     check_mesh(&s);
-    const int64_t used = s.engine->used;
+    const int64_t used = s.engine->points.used;
     shrink(&s, used + used / 32);
-    CHECK(gr_regroup(s.engine, NULL) == GR_OK && s.engine->used == used);
+    CHECK(gr_regroup(s.engine, NULL) == GR_OK && s.engine->points.used == used);
     shrink(&s, used); /* a place for each row, but none for rows to come */
-    CHECK(gr_regroup(s.engine, NULL) == GR_ERR_CAPACITY && s.engine->needed_capacity > used + used / 32);
+    CHECK(gr_regroup(s.engine, NULL) == GR_ERR_CAPACITY && s.engine->migration.needed_capacity > used + used / 32);
     check_mesh(&s);
     scene_free(&s);
 }
@@ -180,7 +180,7 @@ TEST(refuses_points_outside)
         const double good = *scene_at(&s, GR_FIELD_x, 0, 7);
         *scene_at(&s, GR_FIELD_x, 0, 7) = bad[k];
         CHECK(gr_regroup(s.engine, NULL) == GR_ERR_OUTSIDE);
-        CHECK(s.engine->error_id == 7);
+        CHECK(s.engine->failure.id == 7);
         *scene_at(&s, GR_FIELD_x, 0, 7) = good;
         CHECK(gr_regroup(s.engine, NULL) == GR_OK);
         check_mesh(&s);
@@ -198,17 +198,17 @@ static void regroup(void *context, struct gr_team *team)
 static void take_out(struct scene *s)
 {
     struct gr_engine *e = s->engine;
-    CHECK(gr_reserve_pending(e, e->capacity) == GR_OK);
+    CHECK(gr_reserve_pending(e, e->points.capacity) == GR_OK);
     for (int64_t c = e->mesh.n_cells - 1; c >= 0; c -= 3) {
         struct gr_cell *cell = &e->mesh.cell[c];
         for (int k = 0; k < 2 && cell->count > 1; k++) {
             const int64_t slot = gr_slot(cell, --cell->count);
-            double *record = e->pending + e->n_pending * e->n_components;
+            double *record = e->migration.pending + e->migration.n_pending * e->points.n_components;
             for (int f = 0; f < GR_FIELD_COUNT; f++)
                 for (int q = 0; s->field[f] && q < gr_field_components(f, e->config.dim); q++)
                     *record++ = *scene_at(s, f, q, slot);
-            e->pending_id[e->n_pending++] = s->id[slot];
-            gr_clear_place(e, cell, slot);
+            e->migration.pending_id[e->migration.n_pending++] = s->id[slot];
+            gr_clear_slot(e, cell, slot);
         }
     }
 }
@@ -231,9 +231,10 @@ TEST(by_a_team)
                 check_mesh(&s[copy]);
             }
             const struct gr_engine *a = s[0].engine, *b = s[1].engine;
-            const size_t places = (size_t)a->used, nodes = (size_t)(a->mesh.n_nodes * a->K);
-            CHECK(a->used == b->used && a->mesh.n_nodes == b->mesh.n_nodes && !a->n_pending && !b->n_pending);
-            CHECK(!memcmp(a->id, b->id, sizeof *a->id * places));
+            const size_t places = (size_t)a->points.used, nodes = (size_t)(a->mesh.n_nodes * a->K);
+            CHECK(a->points.used == b->points.used && a->mesh.n_nodes == b->mesh.n_nodes && !a->migration.n_pending &&
+                  !b->migration.n_pending);
+            CHECK(!memcmp(a->points.id, b->points.id, sizeof *a->points.id * places));
             for (int d = 0; d < dim; d++)
                 CHECK(
                     !memcmp(scene_at(&s[0], GR_FIELD_v, d, 0), scene_at(&s[1], GR_FIELD_v, d, 0), sizeof(double) * places));

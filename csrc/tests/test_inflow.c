@@ -14,8 +14,8 @@ static const double SPACING = 0.05, SPEED = 2, MASS = 3.75;
 /* The records of a stream of single points: x, v and mass at SITES places of the left end, 0.05 m from each other. */
 static void give_records(const struct gr_engine *e, double *record)
 {
-    memset(record, 0, sizeof *record * (size_t)(SITES * e->n_components));
-    for (int i = 0; i < SITES; i++, record += e->n_components) {
+    memset(record, 0, sizeof *record * (size_t)(SITES * e->points.n_components));
+    for (int i = 0; i < SITES; i++, record += e->points.n_components) {
         record[0] = -1, record[1] = 2.2 + 0.05 * (i + 0.5);
         record[gr_component_of(e, GR_FIELD_v)] = SPEED;
         record[gr_component_of(e, GR_FIELD_mass)] = MASS;
@@ -37,7 +37,7 @@ static void empty(struct scene *s, int64_t capacity, int has_inlet)
     CHECK(scene_build(s, 0, 0, 1) == GR_OK);
     s->capacity = capacity;
     scene_bind(s);
-    CHECK(s->engine->n_components <= 16);
+    CHECK(s->engine->points.n_components <= 16);
     give_records(s->engine, record);
     const struct gr_inlet inlet = default_inlet(record);
     if (has_inlet) CHECK(gr_inflow_add(s->engine, &inlet) == GR_OK);
@@ -48,8 +48,8 @@ static void empty(struct scene *s, int64_t capacity, int has_inlet)
 static int advance_to(struct scene *s, int64_t step)
 {
     int grown = 0, error = GR_OK;
-    while (s->engine->step < step) {
-        error = gr_advance(s->engine, gr_kernels_select("baseline"), step - s->engine->step, INFINITY, 1);
+    while (s->engine->clock.step < step) {
+        error = gr_advance(s->engine, gr_kernels_select("baseline"), step - s->engine->clock.step, INFINITY, 1);
         if (error && error != GR_ERR_CAPACITY) break;
         if (error) CHECK(!scene_grow(s));
         grown += error != GR_OK;
@@ -70,14 +70,14 @@ TEST(points_enter_when_and_where_they_are_due)
     CHECK(gr_reserve_pending(e, 64) == GR_OK);
     faults_at(0);
     for (int n = 0; n < 30; n++) {
-        e->time = (n + 0.5) * interval();
+        e->clock.time = (n + 0.5) * interval();
         gr_inflow_enter(e);
-        CHECK(e->n_pending == n && e->n_points == n && e->inflow->inlet[0].due == n);
+        CHECK(e->migration.n_pending == n && e->points.n == n && e->inflow->inlet[0].due == n);
     }
     CHECK(faults_calls() == 0); /* nothing is allocated */
     for (int j = 0; j < 29; j++) {
-        const double *record = e->pending + j * e->n_components;
-        CHECK(e->pending_id[j] == 17 + j);
+        const double *record = e->migration.pending + j * e->points.n_components;
+        CHECK(e->migration.pending_id[j] == 17 + j);
         CHECK_NEAR(record[0], -1 + SPEED * 0.5 * interval(), 1e-14); /* entered half an interval after it was due */
         CHECK_NEAR(record[1], 2.2 + 0.05 * (j % SITES + 0.5), 1e-14);
     }
@@ -92,14 +92,14 @@ TEST(mass_is_exact_to_a_point)
     struct gr_engine *e = s.engine;
     for (int step = 10; step <= 1500; step += 10) {
         advance_to(&s, step);
-        const int64_t due = (int64_t)floor(e->time / interval());
+        const int64_t due = (int64_t)floor(e->clock.time / interval());
         double mass = 0;
         int64_t entered = 0, held = 0;
         for (int i = 0; i < SITES; i++) entered += e->inflow->inlet[0].entered[i];
         for (int64_t k = 0; k < s.capacity; k++)
             if (s.id[k] >= 0) mass += *scene_at(&s, GR_FIELD_mass, 0, k), held++;
         CHECK(entered == due && e->inflow->next_id == due);
-        CHECK(held == e->n_points && held == entered - e->dropped);
+        CHECK(held == e->points.n && held == entered - e->dropped);
         CHECK(mass + e->dropped_mass == MASS * (double)entered); /* sums of 3.75 are exact */
     }
     CHECK(e->dropped > 50);
@@ -142,16 +142,16 @@ TEST(a_blocked_inlet_waits)
     CHECK(gr_regroup(e, NULL) == GR_OK && gr_reserve_pending(e, 64) == GR_OK);
     const struct gr_inlet *own = &e->inflow->inlet[0];
     for (int n = 1; n <= 5 * SITES; n++) { /* nothing moves on: the first of each site stands in the way */
-        e->time = n * interval() * (1 + 1e-12);
+        e->clock.time = n * interval() * (1 + 1e-12);
         gr_inflow_enter(e);
     }
-    CHECK(e->n_pending == SITES && own->due == 5 * SITES && own->missed == 3 * SITES);
+    CHECK(e->migration.n_pending == SITES && own->due == 5 * SITES && own->missed == 3 * SITES);
     for (int i = 0; i < SITES; i++) CHECK(own->entered[i] == 1 && own->waits[i] == 1);
-    for (int k = 0; k < SITES; k++) e->pending[k * e->n_components] += SPACING; /* now it has moved */
-    e->time += 0.1 * interval();
+    for (int k = 0; k < SITES; k++) e->migration.pending[k * e->points.n_components] += SPACING; /* now it has moved */
+    e->clock.time += 0.1 * interval();
     gr_inflow_enter(e);
     for (int i = 0; i < SITES; i++) CHECK(own->entered[i] == 2 && own->waits[i] == 0);
-    CHECK(e->n_pending == 2 * SITES && own->due == 5 * SITES && own->missed == 3 * SITES);
+    CHECK(e->migration.n_pending == 2 * SITES && own->due == 5 * SITES && own->missed == 3 * SITES);
     scene_free(&s);
 }
 
@@ -265,7 +265,7 @@ TEST(advancing_fails)
     struct scene good;
     empty(&good, 2560, 1);
     advance_to(&good, STEPS);
-    CHECK(good.engine->n_points > 8 * SITES);
+    CHECK(good.engine->points.n > 8 * SITES);
     do {
         struct scene s;
         empty(&s, 2560, 1);
@@ -273,9 +273,9 @@ TEST(advancing_fails)
         const int error = gr_advance(s.engine, gr_kernels_select("baseline"), STEPS, INFINITY, 1);
         hit = faults_end();
         CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK));
-        within += hit && s.engine->step > 0;
+        within += hit && s.engine->clock.step > 0;
         advance_to(&s, STEPS);
-        CHECK(s.engine->step == STEPS && s.engine->time == good.engine->time);
+        CHECK(s.engine->clock.step == STEPS && s.engine->clock.time == good.engine->clock.time);
         CHECK(s.engine->inflow->next_id == good.engine->inflow->next_id);
         CHECK(!scene_differs(&good, &s));
         scene_free(&s);
@@ -299,15 +299,15 @@ TEST(reserve_is_enough)
     inlet.spacing = SPEED * every;
     CHECK(gr_inflow_add(e, &inlet) == GR_OK);
     CHECK(gr_regroup(e, NULL) == GR_OK && gr_reserve_pending(e, 64) == GR_OK);
-    e->time = 1.5 * every;
+    e->clock.time = 1.5 * every;
     gr_inflow_enter(e);
-    e->time = 2.995 * every; /* the way is taken */
+    e->clock.time = 2.995 * every; /* the way is taken */
     gr_inflow_enter(e);
-    CHECK(e->n_pending == 1 && e->inflow->inlet[0].waits[0] == 1);
-    e->pending[0] = -0.5; /* it is free */
-    e->time += dt;
+    CHECK(e->migration.n_pending == 1 && e->inflow->inlet[0].waits[0] == 1);
+    e->migration.pending[0] = -0.5; /* it is free */
+    e->clock.time += dt;
     gr_inflow_enter(e);
-    CHECK(e->n_pending - 1 == 3 && e->inflow->inlet[0].waits[0] == 0);
+    CHECK(e->migration.n_pending - 1 == 3 && e->inflow->inlet[0].waits[0] == 0);
     CHECK(gr_inflow_most(e) == 3 + 1);
     scene_free(&s);
 }
@@ -319,8 +319,8 @@ TEST(points_that_are_late_enter_later)
     empty(&s, 64, 1);
     struct gr_engine *e = s.engine;
     CHECK(gr_regroup(e, NULL) == GR_OK && gr_reserve_pending(e, 64) == GR_OK);
-    e->time = 1e9;
+    e->clock.time = 1e9;
     gr_inflow_enter(e);
-    CHECK(e->inflow->inlet[0].due == gr_inflow_most(e) && e->n_pending <= gr_inflow_most(e));
+    CHECK(e->inflow->inlet[0].due == gr_inflow_most(e) && e->migration.n_pending <= gr_inflow_most(e));
     scene_free(&s);
 }

@@ -55,7 +55,7 @@ TEST(sets_agree)
                         CHECK(scene_build(&s[k], 150, 0.2, 0.7) == GR_OK);
                         if (kernels) CHECK(gr_advance(s[k].engine, kernels, 3, INFINITY, 1) == GR_OK);
                         if (!k || !kernels) continue;
-                        CHECK(s[k].engine->step == 3);
+                        CHECK(s[k].engine->clock.step == 3);
                         CHECK(difference(&s[0], &s[k], GR_FIELD_x) < 1e-13);
                         CHECK(difference(&s[0], &s[k], GR_FIELD_v) < 1e-10);
                         CHECK(difference(&s[0], &s[k], GR_FIELD_stress) < 1e-9);
@@ -91,7 +91,7 @@ TEST(single_precision)
                 if (!single || possible) CHECK(gr_advance(s[single].engine, kernels, 3, INFINITY, 1) == GR_OK);
             }
             if (possible) {
-                CHECK(s[1].engine->step == 3);
+                CHECK(s[1].engine->clock.step == 3);
                 CHECK(difference(&s[0], &s[1], GR_FIELD_x) < 1e-8); /* a shift of up to 0.1 cells is a float */
                 CHECK(difference(&s[0], &s[1], GR_FIELD_v) < 1e-5);
                 CHECK(difference(&s[0], &s[1], GR_FIELD_stress) < 1e-5);
@@ -124,7 +124,7 @@ TEST(fused_is_separate)
                 CHECK(gr_grid(b.engine, kernels) == GR_OK);
                 CHECK(gr_g2p(b.engine, kernels) == GR_OK);
             }
-            CHECK(a.engine->step == 20 && b.engine->step == 20 && a.engine->time == b.engine->time);
+            CHECK(a.engine->clock.step == 20 && b.engine->clock.step == 20 && a.engine->clock.time == b.engine->clock.time);
             CHECK(!scene_differs(&a, &b));
             scene_free(&a);
             scene_free(&b);

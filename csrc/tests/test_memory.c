@@ -108,7 +108,7 @@ TEST(regroup_fails)
                 error = gr_regroup(s.engine, NULL);
                 const int hit = faults_end();
                 CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK));
-                CHECK(s.engine->n_points == 300);
+                CHECK(s.engine->points.n == 300);
                 CHECK(gr_regroup(s.engine, NULL) == GR_OK);
                 CHECK(gr_advance(s.engine, kernels, 30, INFINITY, 1) == GR_OK);
                 CHECK(!scene_differs(&good, &s));
@@ -148,10 +148,10 @@ TEST(advance_fails)
             error = gr_advance(s.engine, kernels, STEPS, INFINITY, 1);
             hit = faults_end();
             CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK));
-            CHECK(s.engine->n_points == 300);
-            within += hit && s.engine->step > 0;
-            CHECK(gr_advance(s.engine, kernels, STEPS - s.engine->step, INFINITY, 1) == GR_OK);
-            CHECK(s.engine->step == STEPS && s.engine->time == good.engine->time);
+            CHECK(s.engine->points.n == 300);
+            within += hit && s.engine->clock.step > 0;
+            CHECK(gr_advance(s.engine, kernels, STEPS - s.engine->clock.step, INFINITY, 1) == GR_OK);
+            CHECK(s.engine->clock.step == STEPS && s.engine->clock.time == good.engine->clock.time);
             CHECK(!scene_differs(&good, &s));
             scene_free(&s);
         } while (hit && n < MOST);

@@ -89,7 +89,7 @@ TEST(open_sides)
                     x[axis] = s.config.lower[axis] + (high ? 0.6 + 1e-4 : -1e-4);
                     memcpy(y, x, sizeof y);
                     CHECK(confine(&s, y, from) == walled);
-                    s.engine->time = 2; /* the wall opens */
+                    s.engine->clock.time = 2; /* the wall opens */
                     memcpy(y, x, sizeof y);
                     CHECK(confine(&s, y, from) == 0);
                     memcpy(y, x, sizeof y); /* the other side stays closed */
@@ -106,7 +106,7 @@ enum { LIST = 400 };
 static struct gr_migrants list_new(const struct scene *s)
 {
     struct gr_migrants list = {.from = malloc(sizeof(struct gr_migrant) * LIST),
-                               .record = malloc(sizeof(double) * (size_t)((LIST + 1) * s->engine->n_components)),
+                               .record = malloc(sizeof(double) * (size_t)((LIST + 1) * s->engine->points.n_components)),
                                .id = malloc(sizeof(int64_t) * (LIST + 1))};
     gr_clear_migrants(&list);
     return list;
@@ -150,10 +150,10 @@ TEST(moves_between_cells)
     CHECK(gone > 0);
     for (int t = 0; t < 2; t++) gr_pack_migrants(e, &list[t], 0);
     CHECK(gr_migrate(e, list, 2, NULL) == GR_OK);
-    CHECK(e->dropped == gone && e->n_points == 300 - gone);
+    CHECK(e->dropped == gone && e->points.n == 300 - gone);
     CHECK_NEAR(e->dropped_mass, mass, 1e-12);
-    if (e->n_pending) CHECK(gr_regroup(e, NULL) == GR_OK);
-    before.engine->n_points = 300 - gone;
+    if (e->migration.n_pending) CHECK(gr_regroup(e, NULL) == GR_OK);
+    before.engine->points.n = 300 - gone;
     CHECK(!scene_differs(&before, &s));
     for (int64_t c = 0; c < e->mesh.n_cells; c++)
         for (int32_t place = 0; place < e->mesh.cell[c].capacity; place++) {
@@ -188,9 +188,9 @@ TEST(refuses_bad_points)
             CHECK(list.count == 20);
             gr_pack_migrants(s.engine, &list, 0);
             CHECK(gr_migrate(s.engine, &list, 1, NULL) == (k < 2 ? GR_ERR_NOT_FINITE : GR_ERR_RUNAWAY));
-            CHECK(s.engine->error_id == victim);
+            CHECK(s.engine->failure.id == victim);
         }
-        CHECK(s.engine->n_pending == 0 && s.engine->n_points == 20);
+        CHECK(s.engine->migration.n_pending == 0 && s.engine->points.n == 20);
         list_free(&list);
         scene_free(&s);
     }

@@ -1,5 +1,5 @@
 /* Tests of mpm/rigid.c and mpm/rigid_impulse.c: a disc that rebounds from a block, and allocations that fail. */
-#include "mpm/rigid.h"
+#include "contact/rigid.h"
 
 #include "tests/check.h"
 #include "tests/faults.h"
@@ -59,7 +59,7 @@ TEST(a_disc_rebounds)
     const struct gr_kernels *kernels = gr_kernels_select("baseline");
     CHECK(build(&s) == GR_OK && touch(s.engine) == GR_OK);
     CHECK(gr_advance(s.engine, kernels, 100000, 0.07, 1) == GR_OK);
-    const struct gr_body_state *now = s.engine->body;
+    const struct gr_body_state *now = s.engine->bodies.now;
     const double mobility = 1 / 2.0 + 0.05 * 0.05 / 0.0025, along = 1.5 * 0.2 / mobility;
     CHECK_NEAR(now->v[1], 0.5, 1e-12);
     CHECK_NEAR(now->v[0], 0.2 - along / 2, 1e-12);
@@ -77,7 +77,7 @@ TEST(new_fails)
         faults_at(++n);
         error = touch(s.engine);
         const int hit = faults_end();
-        CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK) && !s.engine->rigid == !!error);
+        CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK) && !s.engine->bodies.rigid == !!error);
     } while (error && n < MOST);
     CHECK(n > 5 && n < MOST);
     scene_free(&s);
@@ -99,8 +99,8 @@ TEST(advance_fails)
         error = gr_advance(s.engine, kernels, STEPS, INFINITY, 1);
         const int hit = faults_end();
         CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK));
-        CHECK(gr_advance(s.engine, kernels, STEPS - s.engine->step, INFINITY, 1) == GR_OK);
-        CHECK(!memcmp(s.engine->body, good.engine->body, sizeof *good.engine->body));
+        CHECK(gr_advance(s.engine, kernels, STEPS - s.engine->clock.step, INFINITY, 1) == GR_OK);
+        CHECK(!memcmp(s.engine->bodies.now, good.engine->bodies.now, sizeof *good.engine->bodies.now));
         CHECK(!scene_differs(&good, &s));
         scene_free(&s);
     } while (error && n < MOST);

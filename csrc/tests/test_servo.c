@@ -39,8 +39,8 @@ static double number(const struct scene *s, int k) { return s->engine->watch->to
 
 static void go(struct scene *s, int64_t steps, int threads)
 {
-    while (s->engine->step < steps) {
-        const int64_t left = steps - s->engine->step;
+    while (s->engine->clock.step < steps) {
+        const int64_t left = steps - s->engine->clock.step;
         const int error = gr_advance(s->engine, gr_kernels_select(""), left, INFINITY, threads);
         CHECK(error == GR_OK || error == GR_ERR_CAPACITY);
         if (error == GR_ERR_CAPACITY && scene_grow(s)) return;

@@ -6,8 +6,8 @@
 #include <string.h>
 
 #include "core/simd.h"
-#include "mpm/engine.h"
 #include "kernels.h"
+#include "mpm/engine.h"
 #include "sph/gas.h"
 #include "sph/inflow.h"
 #include "tests/check.h"
@@ -254,7 +254,8 @@ static struct gr_sph *fed(struct bed *bed, double *record)
 }
 
 /* Particles enter as they are due and move with the inlet as long as they are in its box. When the rows are full a run
- * stops before the next step; with larger ones it goes on to the bits of one that had them from the start, with any threads. */
+ * stops before the next step; with larger ones it goes on to the bits of one that had them from the start, with any
+ * threads. */
 TEST(particles_enter_until_the_rows_are_full)
 {
     static struct bed bed[2];

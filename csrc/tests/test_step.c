@@ -1,5 +1,5 @@
 /* Tests of mpm/step.c: equal bits for any number of threads, the clock, and runs that fail. */
-#include "mpm/engine.h"
+#include "engine/stable_dt.h"
 
 #include <stdlib.h>
 
@@ -10,9 +10,9 @@
 static int go(struct scene *s, int64_t steps, double until, int threads)
 {
     int error;
-    const int64_t target = s->engine->step + steps;
+    const int64_t target = s->engine->clock.step + steps;
     do {
-        error = gr_advance(s->engine, gr_kernels_select(""), target - s->engine->step, until, threads);
+        error = gr_advance(s->engine, gr_kernels_select(""), target - s->engine->clock.step, until, threads);
         if (error == GR_ERR_CAPACITY && scene_grow(s)) return GR_ERR_MEMORY;
         if (error == GR_ERR_CAPACITY && gr_regroup(s->engine, NULL)) return GR_ERR_MEMORY;
     } while (error == GR_ERR_CAPACITY);
@@ -43,7 +43,7 @@ TEST(threads_give_the_same_bits)
                 for (int k = 0; k < 4; k++) {
                     falling(&s[k], dim, basis, affine, variant == 2 && basis == GR_QUADRATIC);
                     CHECK(go(&s[k], 150, INFINITY, k + 1) == GR_OK);
-                    CHECK(s[k].engine->step == 150 && s[k].engine->time == s[0].engine->time);
+                    CHECK(s[k].engine->clock.step == 150 && s[k].engine->clock.time == s[0].engine->clock.time);
                     CHECK(s[k].engine->dropped == s[0].engine->dropped &&
                           s[k].engine->dropped_mass == s[0].engine->dropped_mass);
                     if (k) CHECK(!scene_differs(&s[0], &s[k]));
@@ -60,12 +60,12 @@ TEST(calls_give_the_same_bits)
     falling(&a, 2, GR_QUADRATIC, GR_AFFINE_GRADIENT, 1);
     falling(&b, 2, GR_QUADRATIC, GR_AFFINE_GRADIENT, 1);
     CHECK(go(&a, 100, INFINITY, 2) == GR_OK);
-    for (int k = 1; b.engine->step < 100; k++) {
+    for (int k = 1; b.engine->clock.step < 100; k++) {
         CHECK(go(&b, k, INFINITY, 1 + k % 3) == GR_OK);
-        if (b.engine->step + k + 1 > 100) CHECK(go(&b, 100 - b.engine->step, INFINITY, 1) == GR_OK);
-        b.engine->sums_valid = 0;
+        if (b.engine->clock.step + k + 1 > 100) CHECK(go(&b, 100 - b.engine->clock.step, INFINITY, 1) == GR_OK);
+        b.engine->sums.valid = 0;
     }
-    CHECK(b.engine->step == 100 && a.engine->time == b.engine->time);
+    CHECK(b.engine->clock.step == 100 && a.engine->clock.time == b.engine->clock.time);
     CHECK(!scene_differs(&a, &b));
     scene_free(&a);
     scene_free(&b);
@@ -76,11 +76,11 @@ TEST(stops_at_the_first_step_past)
     struct scene s;
     falling(&s, 2, GR_LINEAR, GR_AFFINE_NONE, 0);
     CHECK(go(&s, 1000000, 0.01, 1) == GR_OK);
-    CHECK(s.engine->time >= 0.01 && s.engine->time - s.engine->dt < 0.01);
-    const int64_t steps = s.engine->step;
+    CHECK(s.engine->clock.time >= 0.01 && s.engine->clock.time - s.engine->clock.dt < 0.01);
+    const int64_t steps = s.engine->clock.step;
     CHECK(go(&s, 1000, 0.01, 1) == GR_OK); /* this time is already reached */
     CHECK(go(&s, 0, INFINITY, 1) == GR_OK);
-    CHECK(s.engine->step == steps);
+    CHECK(s.engine->clock.step == steps);
     scene_free(&s);
 }
 
@@ -96,7 +96,7 @@ TEST(time_does_not_drift)
     for (int64_t k = 0; k < s.capacity; k++)
         for (int c = 0; c < 4; c++) *scene_at(&s, GR_FIELD_stress, c, k) = 0;
     CHECK(go(&s, 3000, INFINITY, 1) == GR_OK);
-    CHECK_NEAR(s.engine->time, 3000 * 1e-5, 0);
+    CHECK_NEAR(s.engine->clock.time, 3000 * 1e-5, 0);
     scene_free(&s);
 }
 
@@ -133,7 +133,7 @@ TEST(conserves)
         if (!when) CHECK(go(&s, 500, INFINITY, 2) == GR_OK);
     }
     CHECK(mass[0] == mass[1]);
-    CHECK_NEAR(p[1][0] - p[0][0], mass[0] * 3 * s.engine->time, 1e-11 * mass[0]);
+    CHECK_NEAR(p[1][0] - p[0][0], mass[0] * 3 * s.engine->clock.time, 1e-11 * mass[0]);
     CHECK_NEAR(p[1][1], p[0][1], 1e-11 * mass[0]);
     scene_free(&s);
 }
@@ -151,13 +151,13 @@ TEST(nan_stops_the_run)
             CHECK(scene_build(&s, 300, 0.1, 0.9) == GR_OK);
             CHECK(go(&s, 5, INFINITY, 1) == GR_OK);
             *scene_at(&s, fields[k], 0, scene_find(&s, 120)) = NAN;
-            s.engine->sums_valid = 0;
+            s.engine->sums.valid = 0;
             for (int again = 0; again < 30; again++) {
                 const int error = go(&s, 10, INFINITY, 1 + again % 2);
                 CHECK(error == GR_ERR_NOT_FINITE || error == GR_ERR_RUNAWAY);
-                CHECK(s.engine->error_id >= 0 && s.engine->error_id < 300);
-                CHECK(s.engine->step <= 15);
-                CHECK(s.engine->n_points == 300);
+                CHECK(s.engine->failure.id >= 0 && s.engine->failure.id < 300);
+                CHECK(s.engine->clock.step <= 15);
+                CHECK(s.engine->points.n == 300);
             }
             scene_free(&s);
         }
@@ -173,9 +173,9 @@ TEST(runaway_stops_the_run)
     CHECK(go(&s, 2, INFINITY, 1) == GR_OK);
     for (int64_t k = 0; k < s.capacity; k++)
         if (s.id[k] >= 0) *scene_at(&s, GR_FIELD_v, 0, k) = 1e5;
-    s.engine->sums_valid = 0;
+    s.engine->sums.valid = 0;
     CHECK(go(&s, 10, INFINITY, 1) == GR_ERR_RUNAWAY);
-    CHECK(s.engine->step == 2 && s.engine->error_step == 2);
+    CHECK(s.engine->clock.step == 2 && s.engine->failure.step == 2);
     scene_free(&s);
 }
 
@@ -188,9 +188,9 @@ TEST(empty_run)
     CHECK(scene_build(&s, 0, 0.1, 0.9) == GR_OK);
     const double dt = s.config.cfl * s.config.dx / s.config.wave_speed;
     CHECK(gr_advance(s.engine, kernels, 5, INFINITY, 3) == GR_OK);
-    CHECK(s.engine->step == 5 && s.engine->dt == dt);
+    CHECK(s.engine->clock.step == 5 && s.engine->clock.dt == dt);
     CHECK(gr_advance(s.engine, kernels, 1000000, 100 * dt, 3) == GR_OK);
-    CHECK(s.engine->time >= 100 * dt && s.engine->time < 101 * dt);
+    CHECK(s.engine->clock.time >= 100 * dt && s.engine->clock.time < 101 * dt);
     CHECK(gr_p2g(s.engine, kernels) == GR_OK);
     CHECK(gr_grid(s.engine, kernels) == GR_OK);
     scene_free(&s);
@@ -210,9 +210,10 @@ TEST(emptied_run)
         for (int64_t k = 0; part && k < 400; k++) CHECK(go(s, 5, INFINITY, 1 + (int)(k % 2)) == GR_OK);
         if (!part) CHECK(go(s, 2000, INFINITY, 1) == GR_OK);
     }
-    CHECK(whole.engine->n_points == 0 && whole.engine->dropped == 40);
+    CHECK(whole.engine->points.n == 0 && whole.engine->dropped == 40);
     CHECK(whole.engine->mesh.n_cells == 0 && cut.engine->mesh.n_cells == 0);
-    CHECK(whole.engine->step == 2000 && cut.engine->step == 2000 && whole.engine->time == cut.engine->time);
+    CHECK(whole.engine->clock.step == 2000 && cut.engine->clock.step == 2000 &&
+          whole.engine->clock.time == cut.engine->clock.time);
     scene_free(&whole);
     scene_free(&cut);
 }
@@ -232,7 +233,7 @@ TEST(capacity_may_be_refused)
             *scene_at(&s, GR_FIELD_v, d, k) = -14 * (*scene_at(&s, GR_FIELD_x, d, k) - (d ? 2.3 : -0.7));
     }
     CHECK(gr_regroup(s.engine, NULL) == GR_OK);
-    const int64_t stride = s.capacity, used = s.engine->used;
+    const int64_t stride = s.capacity, used = s.engine->points.used;
     for (int f = 0; f < GR_FIELD_COUNT; f++) /* move the components together: no place beyond those in use */
         for (int c = 1; s.field[f] && c < gr_field_components(f, 2); c++)
             for (int64_t k = 0; k < used; k++) s.field[f][c * used + k] = s.field[f][c * stride + k];
@@ -242,7 +243,7 @@ TEST(capacity_may_be_refused)
     for (int k = 0; k < 60; k++) {
         const int error = gr_advance(s.engine, gr_kernels_select(""), 1, INFINITY, 1);
         CHECK(error == GR_OK || error == GR_ERR_CAPACITY);
-        CHECK(s.engine->n_points == 300);
+        CHECK(s.engine->points.n == 300);
         asked += error == GR_ERR_CAPACITY;
     }
     CHECK(asked > 1);

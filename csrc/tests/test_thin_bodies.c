@@ -167,16 +167,16 @@ TEST(split_follows)
     begin(&t, 2, GR_QUADRATIC, 1);
     CHECK(scene_build(&t.scene, 50, 0.3, 0.7) == GR_OK);
     struct gr_engine *e = t.scene.engine;
-    e->body[0].x[1] += 0.099;
+    e->bodies.now[0].x[1] += 0.099;
     CHECK(!gr_follow_bodies(e));
-    CHECK_NEAR(e->split[0].x[1], 2.3, 0);
-    e->body[0].x[1] += 0.002;
+    CHECK_NEAR(e->bodies.split[0].x[1], 2.3, 0);
+    e->bodies.now[0].x[1] += 0.002;
     CHECK(gr_follow_bodies(e) && !gr_follow_bodies(e));
-    CHECK_NEAR(e->split[0].x[1], 2.401, 1e-15);
+    CHECK_NEAR(e->bodies.split[0].x[1], 2.401, 1e-15);
     const double start[4] = {1, 0, 0, 0};
-    gr_turn(start, (double[]){0, 0, 1}, 0.32, e->body[0].orientation); /* 0.3 m x 0.32 < a cell */
+    gr_turn(start, (double[]){0, 0, 1}, 0.32, e->bodies.now[0].orientation); /* 0.3 m x 0.32 < a cell */
     CHECK(!gr_follow_bodies(e));
-    gr_turn(start, (double[]){0, 0, 1}, 0.35, e->body[0].orientation);
+    gr_turn(start, (double[]){0, 0, 1}, 0.35, e->bodies.now[0].orientation);
     CHECK(gr_follow_bodies(e));
     scene_free(&t.scene);
 }
@@ -201,12 +201,12 @@ TEST(fluidity_has_two_sides)
         CHECK((first != second) == facing);
         CHECK(gr_cells_of_fluidity(e, cell) == (facing ? 1 : 2) && gr_cells_of_fluidity(e, cell + 1) == facing);
         if (!facing) continue;
-        CHECK(!(e->fluidity->inside[first] & GR_BEHIND) && (e->fluidity->inside[second] & GR_BEHIND));
-        CHECK(!!(e->fluidity->inside[first] & GR_BORDER) == !front);
-        CHECK(!!(e->fluidity->inside[second] & GR_BORDER) == (cell->at[0] >= 2));
-        if (cell->at[0] == 1) CHECK_NEAR(gr_fluidity_drop(e->fluidity, second, 1), 0.1 / 0.13, 1e-12);
-        if (cell->at[0] == 3) CHECK_NEAR(gr_fluidity_drop(e->fluidity, first, 0), 2, 1e-12);
-        if (cell->at[0] == 4) CHECK_NEAR(gr_fluidity_drop(e->fluidity, first, 0), 0, 0);
+        CHECK(!(e->nonlocal.fluidity->inside[first] & GR_BEHIND) && (e->nonlocal.fluidity->inside[second] & GR_BEHIND));
+        CHECK(!!(e->nonlocal.fluidity->inside[first] & GR_BORDER) == !front);
+        CHECK(!!(e->nonlocal.fluidity->inside[second] & GR_BORDER) == (cell->at[0] >= 2));
+        if (cell->at[0] == 1) CHECK_NEAR(gr_fluidity_drop(e->nonlocal.fluidity, second, 1), 0.1 / 0.13, 1e-12);
+        if (cell->at[0] == 3) CHECK_NEAR(gr_fluidity_drop(e->nonlocal.fluidity, first, 0), 2, 1e-12);
+        if (cell->at[0] == 4) CHECK_NEAR(gr_fluidity_drop(e->nonlocal.fluidity, first, 0), 0, 0);
     }
     scene_free(&t.scene);
 }
@@ -220,9 +220,9 @@ TEST(bodies_in_empty_space)
     t.motion[1] = 1;
     CHECK(scene_build(&t.scene, 0, 0.1, 0.9) == GR_OK);
     CHECK(gr_regroup(t.scene.engine, NULL) == GR_OK && t.scene.engine->mesh.n_nodes == 0);
-    t.scene.engine->config.dt = t.scene.engine->dt = 0.01;
+    t.scene.engine->config.dt = t.scene.engine->clock.dt = 0.01;
     CHECK(gr_advance(t.scene.engine, gr_kernels_select(""), 10, INFINITY, 1) == GR_OK);
-    CHECK_NEAR(t.scene.engine->body[0].x[0], -0.6, 1e-12);
+    CHECK_NEAR(t.scene.engine->bodies.now[0].x[0], -0.6, 1e-12);
     CHECK(gr_p2g(t.scene.engine, gr_kernels_select("")) == GR_OK);
     CHECK(gr_grid(t.scene.engine, gr_kernels_select("")) == GR_OK);
     scene_free(&t.scene);

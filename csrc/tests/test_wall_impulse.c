@@ -18,8 +18,8 @@ static const struct gr_wall_share shares[] = {
     {.owner = {AFTERWARDS, AFTERWARDS, AFTERWARDS}, .opens_at = INFINITY},
 };
 
-/* Points between a floor that holds them and a ceiling with friction, the other directions periodic. The floor becomes a row of
- * its own at `changes_at`. */
+/* Points between a floor that holds them and a ceiling with friction, the other directions periodic. The floor becomes a
+ * row of its own at `changes_at`. */
 static void between_walls(struct scene *s, int dim, int basis, int affine, int smoothed, double changes_at)
 {
     const int up = dim - 1;
@@ -56,9 +56,9 @@ static int watch(struct scene *s, double changes_at)
 static int go(struct scene *s, int64_t steps)
 {
     int error;
-    const int64_t target = s->engine->step + steps;
+    const int64_t target = s->engine->clock.step + steps;
     do {
-        error = gr_advance(s->engine, gr_kernels_select(""), target - s->engine->step, INFINITY, 2);
+        error = gr_advance(s->engine, gr_kernels_select(""), target - s->engine->clock.step, INFINITY, 2);
         if (error == GR_ERR_CAPACITY && (scene_grow(s) || gr_regroup(s->engine, NULL))) return GR_ERR_MEMORY;
     } while (error == GR_ERR_CAPACITY);
     return error;
@@ -95,7 +95,7 @@ TEST(walls_get_what_the_points_lose)
                 CHECK_NEAR(momentum(&s, after), mass, 1e-12 * mass);
                 const double *total = s.engine->watch->total;
                 for (int d = 0; d < dim; d++) {
-                    const double lost = before[d] + mass * s.gravity_vectors[d] * s.engine->time - after[d];
+                    const double lost = before[d] + mass * s.gravity_vectors[d] * s.engine->clock.time - after[d];
                     CHECK_NEAR(total[d] + total[GR_WALL_NUMBERS + d], lost, 1e-11 * mass);
                     moved += fabs(lost);
                 }
@@ -122,7 +122,7 @@ TEST(a_wall_that_opens_hands_over)
     momentum(&s, after);
     CHECK(!memcmp(first, total, sizeof first) && first[1] < 0 && later[1] < 0);
     for (int d = 0; d < 2; d++) {
-        const double lost = before[d] + mass * s.gravity_vectors[d] * s.engine->time - after[d];
+        const double lost = before[d] + mass * s.gravity_vectors[d] * s.engine->clock.time - after[d];
         CHECK_NEAR(total[d] + ceiling[d] + later[d], lost, 1e-11 * mass);
     }
     CHECK(later[0] == 0); /* it does not rub */

@@ -94,14 +94,14 @@ def _parameters(scene: Scene, material: Material) -> dict[str, float]:
 def _material_row(scene: Scene, material: Material, runs: bool) -> _core.MaterialRow:
     """Law of a material, its numbers, and the parameters of its law, as the core needs them."""
     separation = scene.scheme.density.numbers()["separation_strain"]
-    numbers = {
-        "rho_c": material.rho_c,
-        "K": material.K,
+    of_scene = {
         # material that bears tension is never disconnected
         "separation_strain": separation if material.granular else UNBOUNDED,
-        "separation": getattr(material, "separation", 0.0),
-        "damping_time": material.damping_time,
         **damping(scene, material, largest_gravity(scene)),
+    }
+    numbers = {
+        name: of_scene[name] if name in of_scene else getattr(material, name, 0.0)
+        for name in _core.material_numbers()
     }
     own = None
     if isinstance(material, OwnLaw):

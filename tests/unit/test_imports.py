@@ -254,6 +254,7 @@ def test_folders_of_the_core_do_not_include_each_other_in_a_circle():
     # that are compiled for each instruction set. A step of the material point method takes its
     # kernels from this table, and what serves Python selects one; nothing else may look there.
     assert {(_folder(m), name) for m, name in includes if _folder(m) and not _folder(name)} == {
+        ("engine", "kernels.h"),
         ("mpm", "kernels.h"),
         ("python", "kernels.h"),
     }

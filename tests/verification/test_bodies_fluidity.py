@@ -19,7 +19,7 @@ CELL, HEIGHT, BELOW = 0.01, 8, 3
 TIME_STEP = 1e-4
 SWEEPS = 1e-2
 """Error of contact: sweeps over the feet end when they change velocities by less than this part of
-what contact changes in the step (csrc/mpm/contact.c)."""
+what contact changes in the step (csrc/contact/contact.c)."""
 GRAINS = NGF(
     E=1e6, mu_s=0.38, mu_2=0.64, I0=0.28, d=5e-3, rho_s=2450.0, A=0.5, t0=1e-3
 )  # fmt: skip

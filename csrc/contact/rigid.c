@@ -1,5 +1,5 @@
 /* Contacts of rigid bodies: where they are (rigid.h). */
-#include "mpm/rigid.h"
+#include "contact/rigid.h"
 
 #include <stdlib.h>
 
@@ -73,7 +73,7 @@ static struct gr_near_box box_at(const struct gr_engine *e, const struct gr_obst
  * other box reaches up to x, and this one not beyond its surface. */
 static int is_flush(const struct gr_engine *e, int k, const double x[3], const double n[3])
 {
-    const struct gr_rigid *rigid = e->rigid;
+    const struct gr_rigid *rigid = e->bodies.rigid;
     const double step = FLUSH * e->config.dx;
     double beside[3], up[3], beyond[3], unused[3];
     for (int d = 0; d < 3; d++) beside[d] = x[d] + step * n[d];
@@ -108,7 +108,7 @@ static int take(const struct pair *pair, double phi, double r, struct gr_near_ba
 /* The balls of the owner that are near body b. */
 static int64_t near_body(const struct gr_engine *e, const struct pair *pair, const struct gr_moving *body, int b)
 {
-    const struct gr_rigid *rigid = e->rigid;
+    const struct gr_rigid *rigid = e->bodies.rigid;
     const struct gr_pose *pose = &body[pair->owner].pose;
     int64_t n = 0;
     for (int64_t k = rigid->first_ball[pair->owner]; k < rigid->first_ball[pair->owner + 1]; k++) {
@@ -127,7 +127,7 @@ static int64_t near_body(const struct gr_engine *e, const struct pair *pair, con
 /* The balls of the owner that are near the box number k. */
 static int64_t near_box(const struct gr_engine *e, const struct pair *pair, const struct gr_moving *body, int k)
 {
-    const struct gr_rigid *rigid = e->rigid;
+    const struct gr_rigid *rigid = e->bodies.rigid;
     const struct gr_pose *pose = &body[pair->owner].pose;
     int64_t n = 0;
     for (int64_t j = rigid->first_ball[pair->owner]; j < rigid->first_ball[pair->owner + 1]; j++) {
@@ -178,7 +178,7 @@ static double friction_of(const struct gr_body *body)
 static int add(struct gr_engine *e, const struct gr_moving *body, int a, int b, const struct gr_obstacle *o, int reverse,
                int64_t n)
 {
-    struct gr_rigid *rigid = e->rigid;
+    struct gr_rigid *rigid = e->bodies.rigid;
     n = spread(rigid->near, n, e->config.dim == 2 ? MOST_2D : MOST_3D);
     if (rigid->n + n > rigid->capacity) {
         const int64_t more = 2 * (rigid->n + n);
@@ -212,7 +212,7 @@ static int is_ball(const struct gr_rigid *rigid, int b)
 /* Contacts of body a with b: the balls of both, or of one that is a ball alone. */
 static int touch_body(struct gr_engine *e, const struct gr_moving *body, int a, int b, double slack, double near)
 {
-    struct gr_rigid *rigid = e->rigid;
+    struct gr_rigid *rigid = e->bodies.rigid;
     double arm[3], n[3];
     const struct gr_moving *A = &body[a], *B = &body[b];
     if (gr_pose_distance(e, &B->pose, A->pose.x, arm, n) > A->pose.body->bound + near) return GR_OK;
@@ -229,14 +229,14 @@ static int touch_body(struct gr_engine *e, const struct gr_moving *body, int a, 
 /* List the obstacles near a body. */
 static void list_boxes(struct gr_engine *e, const struct gr_moving *m, int a, double near)
 {
-    struct gr_rigid *rigid = e->rigid;
+    struct gr_rigid *rigid = e->bodies.rigid;
     rigid->n_boxes = 0;
     for (int k = 0; k < rigid->n_obstacles; k++) {
         struct gr_near_box *box = &rigid->box[rigid->n_boxes];
         double n[3];
         *box = box_at(e, &rigid->obstacle[k], m->pose.x);
         box->slack = rigid->slack[(int64_t)a * (e->config.n_bodies + rigid->n_obstacles) + e->config.n_bodies + k];
-        if (!(e->time < box->obstacle->opens_at) || !(box->slack < INFINITY)) continue;
+        if (!(e->clock.time < box->obstacle->opens_at) || !(box->slack < INFINITY)) continue;
         rigid->n_boxes += box_distance(e, box, m->pose.x, n) < m->pose.body->bound + near;
     }
 }
@@ -244,7 +244,7 @@ static void list_boxes(struct gr_engine *e, const struct gr_moving *m, int a, do
 /* All contacts of body a, of pairs that both can be moved only with those after it. */
 static int touch_all(struct gr_engine *e, const struct gr_moving *body, int a, double near)
 {
-    struct gr_rigid *rigid = e->rigid;
+    struct gr_rigid *rigid = e->bodies.rigid;
     int error = GR_OK;
     list_boxes(e, &body[a], a, near);
     for (int k = 0; k < rigid->n_boxes && !error; k++) {
@@ -262,9 +262,9 @@ static int touch_all(struct gr_engine *e, const struct gr_moving *body, int a, d
 int gr_rigid_find(struct gr_engine *e, const double g[3], const struct gr_moving *body)
 {
     int error = GR_OK;
-    const double fall = sqrt(gr_dot(g, g)) * e->dt;
-    const double near = SPARE * e->config.dx + 2 * e->dt * (2 * gr_bodies_speed(e) + 2 * fall);
-    e->rigid->n = 0;
+    const double fall = sqrt(gr_dot(g, g)) * e->clock.dt;
+    const double near = SPARE * e->config.dx + 2 * e->clock.dt * (2 * gr_bodies_speed(e) + 2 * fall);
+    e->bodies.rigid->n = 0;
     for (int a = 0; a < e->config.n_bodies && !error; a++)
         if (gr_can_be_moved(body[a].pose.body)) error = touch_all(e, body, a, near);
     return error;
@@ -275,7 +275,7 @@ int gr_rigid_find(struct gr_engine *e, const double g[3], const struct gr_moving
 /* Overlap of each free body with all that is solid at the start. */
 static void measure_slack(struct gr_engine *e)
 {
-    struct gr_rigid *rigid = e->rigid;
+    struct gr_rigid *rigid = e->bodies.rigid;
     struct gr_moving body[GR_MAX_BODIES] = {0};
     const int row = e->config.n_bodies + rigid->n_obstacles;
     for (int b = 0; b < e->config.n_bodies; b++)
@@ -302,7 +302,7 @@ static void measure_slack(struct gr_engine *e)
 
 static int build(struct gr_engine *e, const struct gr_rigid_config *c)
 {
-    struct gr_rigid *rigid = e->rigid;
+    struct gr_rigid *rigid = e->bodies.rigid;
     const size_t bodies = (size_t)e->config.n_bodies, obstacles = (size_t)c->n_obstacles;
     const int64_t balls = c->first_ball[bodies];
     int64_t most = 0;
@@ -329,11 +329,11 @@ static int build(struct gr_engine *e, const struct gr_rigid_config *c)
 
 int gr_rigid_new(struct gr_engine *e, const struct gr_rigid_config *config)
 {
-    gr_rigid_free(e->rigid);
-    e->rigid = calloc(1, sizeof *e->rigid);
-    const int error = e->rigid ? build(e, config) : GR_ERR_MEMORY;
+    gr_rigid_free(e->bodies.rigid);
+    e->bodies.rigid = calloc(1, sizeof *e->bodies.rigid);
+    const int error = e->bodies.rigid ? build(e, config) : GR_ERR_MEMORY;
     if (!error) measure_slack(e);
-    if (error) gr_rigid_free(e->rigid), e->rigid = NULL;
+    if (error) gr_rigid_free(e->bodies.rigid), e->bodies.rigid = NULL;
     return error;
 }
 

@@ -1,27 +1,29 @@
-/* The nodes on which a foot acts (foot_support.h). */
-#include "mpm/foot_support.h"
+/* The nodes on which a contact point acts (node_weights.h). */
+#include "contact/node_weights.h"
 
 #include <float.h>
 
 #include "mpm/shape.h"
 #include "mpm/walls.h"
 
-/* Of the shape functions of the nodes about a foot at least this part has mass. */
+/* Of the shape functions of the nodes about a contact point at least this part has mass. */
 #define LEAST_SUM 0.2
 
-/* The weight of a node at a foot is its shape function, or m_i/(LIGHT M) if that is less, with the mean mass M = sum N_i m_i
- * at the foot: a light node would take up the impulse alone. As the weight goes to zero with the mass, nothing jumps when
- * rows of points leave a node. Measured with beds at rest and boxes that carry one (benchmarks/bodies.py): with less, the
- * force on a moving box along the grid has larger spikes, with more, the first row of a bed at rest has more pressure. */
+/* The weight of a node at a contact point is its shape function, or m_i/(LIGHT M) if that is less, with the mean mass M =
+ * sum N_i m_i at the contact point: a light node would take up the impulse alone. As the weight goes to zero with the
+ * mass, nothing jumps when rows of points leave a node. Measured with beds at rest and boxes that carry one
+ * (benchmarks/bodies.py): with less, the force on a moving box along the grid has larger spikes, with more, the first row
+ * of a bed at rest has more pressure. */
 #define LIGHT 0.15
 
 /* Variance of the distances of nodes from the surface, in cells^2, below which they are the same but for round-off. */
 #define ONE_DISTANCE 1e-9
 
-/* Roundings of a coordinate by which a place may be off the end of the domain that it lies on, as in granular/model/grid.py. */
+/* Roundings of a coordinate by which a place may be off the end of the domain that it lies on, as in
+ * granular/model/grid.py. */
 #define ROUNDINGS 64
 
-/* Where walls hold more than the rest of the mobility of a foot, they act there, and not the body. */
+/* Where walls hold more than the rest of the mobility of a contact point, they act there, and not the body. */
 #define LEAST_MOBILE 0.1
 
 /* The node of the mesh with this index in the whole grid on a side of thin bodies, -1 if it is not active. Of two
@@ -29,7 +31,7 @@
 static int64_t node_on_side(const struct gr_engine *e, int64_t id, int side)
 {
     const int64_t n = (int64_t)gr_table_get(&e->mesh.node_of, id) - 1;
-    if (n < 0 || !e->n_thin || e->mesh.duplicate[n] < 0) return n;
+    if (n < 0 || !e->bodies.n_thin || e->mesh.duplicate[n] < 0) return n;
     return n + (side < 0 && e->mesh.separated[n]);
 }
 
@@ -37,7 +39,7 @@ static int64_t node_on_side(const struct gr_engine *e, int64_t id, int side)
 static void nodes_of(const struct gr_engine *e, const int32_t at[3], int side, int64_t node[GR_MAX_NODES])
 {
     const int k = gr_nodes_1d(e->config.basis);
-    const int64_t c = e->n_thin ? -1 : (int64_t)gr_table_get(&e->mesh.cell_of, gr_cell_id(e, at)) - 1;
+    const int64_t c = e->bodies.n_thin ? -1 : (int64_t)gr_table_get(&e->mesh.cell_of, gr_cell_id(e, at)) - 1;
     for (int i = 0; c >= 0 && i < e->K; i++) node[i] = gr_cell_node(e, c, i);
     if (c >= 0) return;
     for (int i = 0; i < e->K; i++) {
@@ -48,10 +50,10 @@ static void nodes_of(const struct gr_engine *e, const int32_t at[3], int side, i
     }
 }
 
-double gr_foot_mass(const struct gr_engine *e, int64_t n)
+double gr_contact_mass(const struct gr_engine *e, int64_t n)
 {
-    const int joined = e->n_thin && e->mesh.duplicate[n] >= 0 && !e->mesh.separated[n];
-    return e->node_mass[n] + (joined ? e->node_mass[e->mesh.duplicate[n]] : 0);
+    const int joined = e->bodies.n_thin && e->mesh.duplicate[n] >= 0 && !e->mesh.separated[n];
+    return e->nodes.mass[n] + (joined ? e->nodes.mass[e->mesh.duplicate[n]] : 0);
 }
 
 /* Shape functions at x, the indices of its cell, and the distances of the nodes from x along the normal, in cells.
@@ -105,47 +107,48 @@ static void put_on_surface(int n, double *weight, const double *above)
     for (int i = 0; i < n; i++) weight[i] *= 1 - slope * (above[i] - mean);
 }
 
-int gr_foot_support(const struct gr_engine *e, const double x[3], int side, double least_filling, struct gr_foot *foot)
+int gr_weigh_nodes(const struct gr_engine *e, const double x[3], int side, double least_filling,
+                   struct gr_contact_point *contact)
 {
     int32_t in[3] = {0};
     double sum = 0, mass = 0, along[3] = {0}, unheld = 0, of_node[GR_MAX_NODES], above[GR_MAX_NODES];
-    const int dim = e->config.dim, n = shapes_at(e, x, foot->normal, foot->weight, above, in);
-    const struct gr_body *body = &e->config.bodies[foot->body];
+    const int dim = e->config.dim, n = shapes_at(e, x, contact->normal, contact->weight, above, in);
+    const struct gr_body *body = &e->config.bodies[contact->body];
     int64_t node[GR_MAX_NODES];
     int used = 0, reduced = 0;
     if (n) nodes_of(e, in, side, node);
     for (int i = 0; i < n; i++) {
-        of_node[i] = foot->weight[i] > 0 && node[i] >= 0 ? gr_foot_mass(e, node[i]) : 0;
-        mass += foot->weight[i] * of_node[i];
+        of_node[i] = contact->weight[i] > 0 && node[i] >= 0 ? gr_contact_mass(e, node[i]) : 0;
+        mass += contact->weight[i] * of_node[i];
     }
     for (int i = 0; i < n; i++) {
         if (!(of_node[i] > e->config.mass_cutoff)) of_node[i] = 0;
-        const double most = of_node[i] / (LIGHT * mass), weight = most < foot->weight[i] ? most : foot->weight[i];
-        reduced |= weight < foot->weight[i];
+        const double most = of_node[i] / (LIGHT * mass), weight = most < contact->weight[i] ? most : contact->weight[i];
+        reduced |= weight < contact->weight[i];
         if (!(weight > 0)) continue;
         sum += weight;
         above[used] = above[i], of_node[used] = of_node[i];
-        foot->node[used] = (int32_t)node[i], foot->weight[used++] = weight;
+        contact->node[used] = (int32_t)node[i], contact->weight[used++] = weight;
     }
     if (!(sum > LEAST_SUM) || !(mass * e->mass_scale > least_filling)) return 0;
     const double per_sum = 1 / sum;
     double whole = 0; /* of the nodes that no wall holds */
-    foot->n_nodes = used;
-    for (int i = 0; i < used; i++) foot->weight[i] *= per_sum;
-    if (reduced) put_on_surface(used, foot->weight, above);
+    contact->n_nodes = used;
+    for (int i = 0; i < used; i++) contact->weight[i] *= per_sum;
+    if (reduced) put_on_surface(used, contact->weight, above);
     for (int i = 0; i < used; i++) {
-        const double weight = foot->weight[i], mobility = weight * weight * (1 / of_node[i]);
-        const int held = gr_wall_now(e, e->mesh.node_code[foot->node[i]])->fixed;
+        const double weight = contact->weight[i], mobility = weight * weight * (1 / of_node[i]);
+        const int held = gr_wall_now(e, e->mesh.node_code[contact->node[i]])->fixed;
         unheld += mobility;
         if (!held) whole += mobility;
         for (int d = 0; held && d < dim; d++)
             if (!(held >> d & 1)) along[d] += mobility;
     }
-    foot->normal_mobility = foot->mobility = 0;
+    contact->normal_mobility = contact->mobility = 0;
     for (int d = 0; d < dim; d++) {
         const double all = whole + along[d] + (body->free >> d & 1 ? 1 / body->mass : 0);
-        foot->normal_mobility += foot->normal[d] * foot->normal[d] * all;
-        foot->mobility = fmax(foot->mobility, all);
+        contact->normal_mobility += contact->normal[d] * contact->normal[d] * all;
+        contact->mobility = fmax(contact->mobility, all);
     }
-    return foot->normal_mobility > LEAST_MOBILE * unheld;
+    return contact->normal_mobility > LEAST_MOBILE * unheld;
 }

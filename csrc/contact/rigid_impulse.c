@@ -1,6 +1,6 @@
 /* Impulses at the contacts of rigid bodies (rigid.h). */
 #include "body/vector.h"
-#include "mpm/rigid.h"
+#include "contact/rigid.h"
 
 /* Overlaps are undone in so many steps, as if they were at most so many cells. They come of the rotation within a step, and
  * are of the order of dt^2. */
@@ -85,7 +85,7 @@ static double correct(struct gr_rigid_contact *c, struct gr_moving *body, double
 
 double gr_rigid_sweep(struct gr_engine *e, int most, double tolerance, struct gr_moving *body, double *largest)
 {
-    struct gr_rigid *rigid = e->rigid;
+    struct gr_rigid *rigid = e->bodies.rigid;
     double first = 0, changed = INFINITY, scale = *largest;
     for (int made = 0; made < most && changed > tolerance * scale; made++) {
         changed = 0;
@@ -121,7 +121,7 @@ static void share_restitution(struct gr_rigid *rigid, const struct gr_moving *bo
 
 void gr_rigid_bounce(struct gr_engine *e, const double g[3], struct gr_moving *body)
 {
-    struct gr_rigid *rigid = e->rigid;
+    struct gr_rigid *rigid = e->bodies.rigid;
     double largest = 0;
     for (int64_t k = 0; k < rigid->n; k++) {
         struct gr_rigid_contact *c = &rigid->contact[k];
@@ -129,9 +129,9 @@ void gr_rigid_bounce(struct gr_engine *e, const double g[3], struct gr_moving *b
         relative(c, body, u);
         for (int d = 0; d < 3; d++) {
             const int falls = (body[c->a].pose.body->free >> d & 1) - (c->b >= 0 && body[c->b].pose.body->free >> d & 1);
-            into -= c->n[d] * (u[d] + 0.5 * e->dt * g[d] * falls);
+            into -= c->n[d] * (u[d] + 0.5 * e->clock.dt * g[d] * falls);
         }
-        c->closing = gr_dot(u, c->n) < 0 && e->dt * into > c->gap;
+        c->closing = gr_dot(u, c->n) < 0 && e->clock.dt * into > c->gap;
         c->bound = 0;
     }
     gr_rigid_sweep(e, MOST_SWEEPS, TOLERANCE, body, &largest);
@@ -146,10 +146,10 @@ void gr_rigid_bounce(struct gr_engine *e, const double g[3], struct gr_moving *b
 
 void gr_rigid_start(struct gr_engine *e)
 {
-    for (int64_t k = 0; k < e->rigid->n; k++) {
-        struct gr_rigid_contact *c = &e->rigid->contact[k];
+    for (int64_t k = 0; k < e->bodies.rigid->n; k++) {
+        struct gr_rigid_contact *c = &e->bodies.rigid->contact[k];
         c->closing = 1;
-        c->bound = c->gap > 0 ? -c->gap / e->dt : fmin(-c->gap, MOST_OUT * e->config.dx) / (OUT_STEPS * e->dt);
+        c->bound = c->gap > 0 ? -c->gap / e->clock.dt : fmin(-c->gap, MOST_OUT * e->config.dx) / (OUT_STEPS * e->clock.dt);
         c->pressing = 0;
         memset(c->impulse, 0, sizeof c->impulse);
     }

@@ -1,5 +1,5 @@
-/* Tests of mpm/places.c: tiles that get more rows. */
-#include "mpm/places.h"
+/* Tests of mpm/slots.c: tiles that get more rows. */
+#include "mpm/slots.h"
 
 #include "mpm/migrate.h"
 #include "tests/check.h"
@@ -13,7 +13,7 @@ static void build(struct scene *s, int dim)
     CHECK(gr_regroup(s->engine, NULL) == GR_OK);
 }
 
-/* The new rows are spare places of their own behind all others, and no point moves. */
+/* The new rows are spare slots of their own behind all others, and no point moves. */
 TEST(rows_are_added_once)
 {
     for (int dim = 2; dim <= 3; dim++) {
@@ -21,25 +21,25 @@ TEST(rows_are_added_once)
         build(&s, dim);
         build(&before, dim);
         struct gr_engine *e = s.engine;
-        const int64_t used = e->used, tile = e->mesh.n_tiles / 2;
+        const int64_t used = e->points.used, tile = e->mesh.n_tiles / 2;
         const struct gr_cell *cell = &e->mesh.cell[tile * GR_LANES];
         const int32_t rows = cell->capacity;
-        CHECK(gr_grow_tile(e, tile) == 1 && e->tiles_grown);
-        CHECK(e->used == used + (int64_t)GR_LANES * (cell->capacity - rows) && cell->capacity > rows);
+        CHECK(gr_grow_tile(e, tile) == 1 && e->migration.tiles_grown);
+        CHECK(e->points.used == used + (int64_t)GR_LANES * (cell->capacity - rows) && cell->capacity > rows);
         for (int l = 0; l < GR_LANES; l++) {
             CHECK(cell[l].capacity == cell->capacity);
             for (int32_t k = 0; k < rows; k++) CHECK(gr_slot(&cell[l], k) < used);
             for (int32_t k = rows; k < cell->capacity; k++) {
-                const int64_t place = gr_slot(&cell[l], k);
-                CHECK(place == used + (int64_t)GR_LANES * (k - rows) + l && s.id[place] < 0);
+                const int64_t slot = gr_slot(&cell[l], k);
+                CHECK(slot == used + (int64_t)GR_LANES * (k - rows) + l && s.id[slot] < 0);
                 for (int d = 0; d < dim; d++)
-                    CHECK(gr_locate(&e->axis[d], 1 / s.config.dx, *scene_at(&s, GR_FIELD_x, d, place)) == cell[l].at[d]);
+                    CHECK(gr_locate(&e->axis[d], 1 / s.config.dx, *scene_at(&s, GR_FIELD_x, d, slot)) == cell[l].at[d]);
             }
         }
         CHECK(!scene_differs(&before, &s));
         CHECK(gr_grow_tile(e, tile) == 0);
         CHECK(gr_regroup(e, NULL) == GR_OK);
-        CHECK(e->used == used && cell->capacity == rows && cell->rows == rows);
+        CHECK(e->points.used == used && cell->capacity == rows && cell->rows == rows);
         CHECK(!scene_differs(&before, &s));
         scene_free(&s);
         scene_free(&before);
@@ -58,8 +58,8 @@ TEST(full_buffers_add_none)
             grown++;
         else
             CHECK(e->mesh.cell[tile * GR_LANES].capacity == rows);
-        CHECK(e->used <= e->capacity);
-        if (tile == 1) e->used = e->capacity - GR_LANES * 3;
+        CHECK(e->points.used <= e->points.capacity);
+        if (tile == 1) e->points.used = e->points.capacity - GR_LANES * 3;
     }
     CHECK(grown >= 2 && grown < e->mesh.n_tiles);
     scene_free(&s);
@@ -76,19 +76,19 @@ TEST(one_cell_takes_all)
         if (!target || e->mesh.cell[c].count > target->count) target = &e->mesh.cell[c];
     const int32_t count = target->count, capacity = target->capacity;
     const int32_t at[2] = {target->at[0], target->at[1]};
-    CHECK(gr_reserve_pending(e, 2 * e->capacity) == GR_OK);
+    CHECK(gr_reserve_pending(e, 2 * e->points.capacity) == GR_OK);
     int64_t new = 0;
-    for (; !e->n_pending; new ++) {
-        double *record = e->pending;
+    for (; !e->migration.n_pending; new ++) {
+        double *record = e->migration.pending;
         for (int f = 0; f < GR_FIELD_COUNT; f++)
             for (int c = 0; s.field[f] && c < gr_field_components(f, 2); c++)
                 *record++ = *scene_at(&s, f, c, gr_slot(target, 0));
-        gr_insert_new(e, e->pending, 1000 + new);
+        gr_insert_new(e, e->migration.pending, 1000 + new);
     }
     CHECK(target->count > capacity && target->count == target->capacity && count + new == target->count + 1);
     for (int32_t k = count; k < target->count; k++) CHECK(s.id[gr_slot(target, k)] == 1000 + k - count);
     CHECK(gr_regroup(e, NULL) == GR_OK || (scene_grow(&s) == 0 && gr_regroup(e, NULL) == GR_OK));
     const int64_t cell = (int64_t)gr_table_get(&e->mesh.cell_of, gr_cell_id(e, (int32_t[3]){at[0], at[1]})) - 1;
-    CHECK(e->mesh.cell[cell].count == count + new && e->n_points == 500 + new);
+    CHECK(e->mesh.cell[cell].count == count + new && e->points.n == 500 + new);
     scene_free(&s);
 }

@@ -1,5 +1,5 @@
 /* Bodies during a step (moving.h). */
-#include "mpm/moving.h"
+#include "contact/moving.h"
 
 #include "mpm/thin_bodies.h"
 
@@ -7,7 +7,7 @@ void gr_bodies_start(struct gr_engine *e)
 {
     for (int b = 0; b < e->config.n_bodies; b++) {
         const struct gr_body *body = &e->config.bodies[b];
-        struct gr_body_state *state = &e->body[b];
+        struct gr_body_state *state = &e->bodies.now[b];
         double rates[6];
         memset(state, 0, sizeof *state);
         memcpy(state->x, body->position, sizeof state->x);
@@ -15,9 +15,9 @@ void gr_bodies_start(struct gr_engine *e)
         gr_motion_at(body, 0, rates);
         memcpy(state->v, rates, sizeof state->v);
         memcpy(state->omega, rates + 3, sizeof state->omega);
-        e->body_next[b] = *state;
-        memcpy(e->split[b].x, state->x, sizeof state->x);
-        memcpy(e->split[b].orientation, state->orientation, sizeof state->orientation);
+        e->bodies.next[b] = *state;
+        memcpy(e->bodies.split[b].x, state->x, sizeof state->x);
+        memcpy(e->bodies.split[b].orientation, state->orientation, sizeof state->orientation);
     }
 }
 
@@ -26,7 +26,7 @@ double gr_bodies_speed(const struct gr_engine *e)
     double fastest = 0;
     for (int b = 0; b < e->config.n_bodies; b++) {
         const struct gr_body *body = &e->config.bodies[b];
-        const struct gr_body_state *now = &e->body[b];
+        const struct gr_body_state *now = &e->bodies.now[b];
         double square = 0;
         for (int d = 0; d < e->config.dim; d++) { /* distance of the farthest corner of the domain */
             const struct gr_axis *axis = &e->axis[d];

@@ -4,8 +4,8 @@
  * places of its surface with the radius 0. A ball of one body with the centre x and the radius r touches another one by
  * the gap phi(x) - r, with the signed distance phi of the other. Walls and blocks are boxes along the axes.
  *
- * The impulses at all contacts of a step are found together with those at the feet of the material (contact.c), by sweeps
- * of projected Gauss-Seidel, so that the relative velocity u after the step fulfils
+ * The impulses at all contacts of a step are found together with those at the contact points of the material (contact.c),
+ * by sweeps of projected Gauss-Seidel, so that the relative velocity u after the step fulfils
  *
  *   J_n >= 0,  u_n >= -gap/dt,  J_n (u_n + gap/dt) = 0,  |J_t| <= mu J_n, against u_t.
  *
@@ -23,7 +23,7 @@
  * of them. (The restitution acts along the surface, too: Moreau 1988; Leine & van de Wouw 2008, Nonlinear Dynamics 51.) */
 #pragma once
 
-#include "mpm/moving.h"
+#include "contact/moving.h"
 
 /* A wall or block: a box, whose sides may be infinitely far (GR_FAR). A wall within the domain is as thin as nothing, and
  * counts as a cell thick on its side away from the position of the body. */

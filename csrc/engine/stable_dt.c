@@ -1,0 +1,48 @@
+/* The longest stable time step (stable_dt.h). */
+#include "engine/stable_dt.h"
+
+#include <math.h>
+
+#include "contact/moving.h"
+#include "core/inlets.h"
+#include "mpm/numbers.h"
+#include "mpm/sleep.h"
+
+/* The largest speed of the points, squared, by chunks of cells. */
+struct fastest {
+    const struct gr_engine *e;
+    int64_t chunks;
+    double square[GR_MAX_CHUNKS];
+};
+
+static void find_fastest(void *context, int64_t chunk, int t)
+{
+    struct fastest *fastest = context;
+    const struct gr_engine *e = fastest->e;
+    int64_t first, last;
+    double largest = 0;
+    (void)t;
+    gr_share(e->mesh.n_cells, chunk, fastest->chunks, &first, &last);
+    for (int64_t c = first; c < last; c++) {
+        const struct gr_cell *cell = &e->mesh.cell[c];
+        for (int32_t k = 0; cell->calm != GR_ASLEEP && k < cell->count; k++) { /* asleep: v = 0 */
+            const double square = gr_speed_squared(e, gr_slot(cell, k));
+            if (square > largest) largest = square;
+        }
+    }
+    fastest->square[chunk] = largest;
+}
+
+double gr_stable_dt(const struct gr_engine *e, struct gr_team *team)
+{
+    struct fastest fastest = {.e = e, .chunks = gr_chunks(team, e->mesh.n_cells)};
+    double square = 0;
+    gr_team_run(team, find_fastest, &fastest, fastest.chunks);
+    for (int64_t c = 0; c < fastest.chunks; c++) square = fmax(square, fastest.square[c]);
+    double speed = fmax(sqrt(square), fmax(gr_bodies_speed(e), gr_inlets_speed(e->inflow)));
+    for (int k = 0; k < e->config.n_walls; k++) {
+        const double *wall = e->config.walls[k].velocity;
+        speed = fmax(speed, sqrt(wall[0] * wall[0] + wall[1] * wall[1] + wall[2] * wall[2]));
+    }
+    return gr_damped_dt(&e->config, e->config.cfl * e->config.dx / (e->config.wave_speed + speed));
+}

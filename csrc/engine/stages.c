@@ -1,0 +1,164 @@
+/* The stages of a time step (stages.h). */
+#include "engine/stages.h"
+
+#include <math.h>
+
+#include "contact/contact.h"
+#include "mpm/fluidity_bodies.h"
+#include "mpm/grid.h"
+#include "mpm/numbers.h"
+#include "mpm/sleep.h"
+#include "mpm/smoothed_density.h"
+#include "mpm/thin_bodies.h"
+#include "mpm/wall_impulse.h"
+
+/* The grid stage for groups of GR_LANES nodes. */
+static void grid_nodes(struct gr_run *run, int64_t first_group, int64_t last_group)
+{
+    const int64_t n = run->e->mesh.n_nodes, first = first_group * GR_LANES, end = last_group * GR_LANES;
+    const int64_t last = end < n ? end : n;
+    if (run->e->bodies.n_thin) gr_split_nodes(run->e, first, last);
+    gr_grid_nodes(run->e, run->kernels, first, last, run->gravity);
+}
+
+static void forces_of_cells(struct gr_run *run, int64_t first, int64_t last)
+{
+    if (!run->e->sleep || !run->e->sleep->asleep) {
+        run->kernels->apply_cell_forces(run->e, first, last);
+        return;
+    }
+    for (int64_t tile = first; tile < last; tile++)
+        if (!gr_tile_rests(run->e, tile)) run->kernels->apply_cell_forces(run->e, tile, tile + 1);
+}
+
+static void p2g_listed(struct gr_run *run, int64_t first, int64_t last)
+{
+    for (int64_t k = first; k < last; k++) {
+        const int64_t tile = run->e->sums.dirty[k];
+        if (run->e->mesh.tile_state[tile] == GR_TILE_GAINED)
+            run->kernels->p2g_arrivals(run->e, tile);
+        else
+            run->kernels->p2g(run->e, tile, tile + 1);
+    }
+}
+
+/* ---- Chunks of the stages ---- */
+
+/* Define chunk(): call a kernel for the tiles of a chunk. */
+#define GR_CHUNK_OF_TILES(chunk, ...)                                                        \
+    static void chunk(void *context, int64_t c, int t)                                       \
+    {                                                                                        \
+        struct gr_run *run = context;                                                        \
+        const int64_t first = run->e->migration.cut[c], last = run->e->migration.cut[c + 1]; \
+        (void)t, __VA_ARGS__;                                                                \
+    }
+
+GR_CHUNK_OF_TILES(p2g, run->kernels->p2g(run->e, first, last))
+GR_CHUNK_OF_TILES(cell_forces, forces_of_cells(run, first, last))
+GR_CHUNK_OF_TILES(fillings, run->kernels->fill_cells(run->e, first, last))
+GR_CHUNK_OF_TILES(smooth, run->kernels->smooth(run->e, first, last))
+GR_CHUNK_OF_TILES(mark, gr_bodies_mark(run->e, first *GR_LANES, last *GR_LANES))
+GR_CHUNK_OF_TILES(begin_substeps, run->kernels->begin_substeps(run->e, first, last))
+GR_CHUNK_OF_TILES(substep, run->kernels->substep(run->e, first, last))
+GR_CHUNK_OF_TILES(sweep, run->kernels->sweep(run->e, first, last, &run->e->migration.leaving[c], 1))
+
+/* Define chunk(): the same for chunks of n nodes or other items. */
+#define GR_CHUNK_OF(n, chunk, ...)                              \
+    static void chunk(void *context, int64_t c, int t)          \
+    {                                                           \
+        struct gr_run *run = context;                           \
+        int64_t first, last;                                    \
+        gr_share(n, c, gr_chunks(run->team, n), &first, &last); \
+        (void)t, __VA_ARGS__;                                   \
+    }
+
+GR_CHUNK_OF(run->e->sums.n_dirty, p2g_dirty, p2g_listed(run, first, last))
+GR_CHUNK_OF(run->e->mesh.n_paired, mean_pairs, run->kernels->mean_pairs(run->e, first, last))
+GR_CHUNK_OF(run->e->mesh.n_nodes, masses, gr_grid_masses(run->e, first, last))
+GR_CHUNK_OF(gr_groups(run->e), surroundings, gr_grid_surroundings(run->e, run->kernels, first, last))
+GR_CHUNK_OF(run->e->mesh.n_nodes, smooth_nodes, gr_grid_smooth(run->e, first, last, run->pass))
+GR_CHUNK_OF(gr_groups(run->e), narrow, run->kernels->narrow_nodes(run->e, first, last))
+GR_CHUNK_OF(gr_groups(run->e), nodes, grid_nodes(run, first, last))
+
+static void all_tiles(struct gr_run *run, gr_chunk_work *chunk) { gr_team_run(run->team, chunk, run, run->n_chunks); }
+
+static void all_of(struct gr_run *run, gr_chunk_work *chunk, int64_t n)
+{
+    gr_team_run(run->team, chunk, run, gr_chunks(run->team, n));
+}
+
+void gr_stage_grid(struct gr_run *run)
+{
+    struct gr_engine *e = run->e;
+    const int64_t n_nodes = e->mesh.n_nodes;
+    e->clock.shift_dt = e->clock.dt;
+    e->shift_scale = -1.0 / e->clock.dt;
+    e->clock.inv_dt = 1.0 / e->clock.dt;
+    e->servo_strain = gr_servo_strain(e);
+    if (run->again) gr_stage_p2g(run);
+    gr_plan_sums(e, e->clock.step + 1);
+    if (e->config.cell_averaged) {
+        all_of(run, masses, n_nodes);
+        all_tiles(run, cell_forces);
+    }
+    all_of(run, nodes, gr_groups(e));
+    if (e->config.n_bodies) e->failure.code = gr_bodies_touch(e, run->gravity, run->team);
+    if (e->failure.code) {
+        e->sums.valid = 0;
+        return;
+    }
+    if (gr_averages(e, e->clock.step)) {
+        all_of(run, surroundings, gr_groups(e));
+        all_tiles(run, fillings);
+    }
+    for (run->pass = 2; run->pass <= e->config.xpic_order; run->pass++) {
+        all_tiles(run, smooth);
+        all_of(run, smooth_nodes, n_nodes);
+    }
+    if (run->kernels->narrow_nodes) all_of(run, narrow, gr_groups(e));
+    if (e->watch) gr_sum_wall_impulses(e);
+    if (e->watch && e->watch->servo.height > 0) gr_move_servo(e);
+}
+
+/* After the diffusion has failed to converge: find a point that is not finite, if there is one. */
+static void blame(struct gr_engine *e)
+{
+    e->failure.id = -1;
+    e->failure.step = e->clock.step;
+    for (int64_t s = 0; s < e->points.used; s++) {
+        const double g = gr_number(e, GR_FIELD_g, 0, s); /* it is not stored in all substeps */
+        if (e->points.id[s] < 0 || (isfinite(g) && isfinite(gr_number(e, GR_FIELD_shear_rate, 0, s)))) continue;
+        e->failure.code = GR_ERR_NOT_FINITE;
+        e->failure.id = e->points.id[s];
+        for (int d = 0; d < e->config.dim; d++) e->failure.x[d] = gr_x(e, d)[s];
+        return;
+    }
+}
+
+int gr_stage_fluidity(struct gr_run *run)
+{
+    struct gr_engine *e = run->e;
+    const struct gr_nonlocal *nonlocal = &e->config.nonlocal;
+    if (!e->nonlocal.diffuses) return GR_OK;
+    if (e->nonlocal.fluidity->has_inside) all_tiles(run, mark);
+    const struct gr_diffusion_call call = {nonlocal->method, 1.0 / nonlocal->substeps * e->clock.dt, 1};
+    for (int made = 0; made < nonlocal->substeps; made++) {
+        if (made) all_tiles(run, made == 1 ? begin_substeps : substep);
+        if (!made && e->mesh.n_paired) all_of(run, mean_pairs, e->mesh.n_paired);
+        e->failure.code = run->diffuse(e->nonlocal.fluidity, &call, run->team);
+        if (e->failure.code) {
+            e->sums.valid = 0;
+            blame(e);
+            break;
+        }
+        e->nonlocal.cg_iterations += e->nonlocal.fluidity->iterations;
+        e->nonlocal.clamped_cells += e->nonlocal.fluidity->clamped;
+    }
+    return e->failure.code;
+}
+
+void gr_stage_p2g(struct gr_run *run) { all_tiles(run, p2g); }
+
+void gr_stage_p2g_again(struct gr_run *run) { all_of(run, p2g_dirty, run->e->sums.n_dirty); }
+
+void gr_stage_g2p(struct gr_run *run) { all_tiles(run, sweep); }

@@ -1,9 +1,0 @@
-/* Levers of the feet of bodies that turn freely. */
-#pragma once
-
-#include "mpm/foot.h"
-#include "mpm/pose.h"
-
-/* Set the arm of a foot to that at which its impulse acts on the nodes, sum N_i x_i, and add what the body turns to its
- * mobilities: (r x n).I^-1 (r x n) along the normal, and the trace of the same for all directions at most. */
-void gr_foot_lever(const struct gr_engine *e, const struct gr_pose *pose, struct gr_foot *foot);

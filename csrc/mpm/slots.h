@@ -1,0 +1,50 @@
+/* Rows of slots of a tile, and the way of all points to new slots. */
+#pragma once
+
+#include "core/team.h"
+#include "mpm/numbers.h"
+
+/* Number of rows of a tile whose fullest cell has `most` points. */
+int32_t gr_rows_of_tile(int32_t most);
+
+/* Give a tile more rows, once until all points are grouped anew. They lie behind all slots in use.
+ * Returned: 0 if it has been given some, or if the buffers have no slots left. */
+int gr_grow_tile(struct gr_engine *e, int64_t tile);
+
+#define GR_SPARE INT64_MIN
+
+/* Work space to move all points to new slots. */
+struct gr_moves {
+    struct gr_engine *e;
+    struct gr_team *team;
+    int64_t chunks, used; /* slots in use before or after */
+    int64_t *from;        /* per new slot: the old one of its point, -1 - k for pending point k, or GR_SPARE */
+    char *scratch;        /* two columns of the points */
+    struct gr_column *columns;
+    int64_t column; /* the one to be moved */
+};
+
+/* Reserve the work space, in which no slot has a point yet. */
+int gr_reserve_moves(struct gr_moves *moves);
+
+/* Move the points to the slots in which the cells of the mesh have them. */
+void gr_move_points(struct gr_moves *moves);
+
+void gr_free_moves(struct gr_moves *moves);
+
+/* Put a slot into the middle of its cell. */
+static inline void gr_center_slot(struct gr_engine *e, const struct gr_cell *cell, int64_t slot)
+{
+    for (int d = 0; d < e->config.dim; d++) {
+        const struct gr_axis_cell *ac = &e->axis[d].cell[cell->at[d]];
+        gr_x(e, d)[slot] = 0.5 * (ac->begin + ac->end);
+    }
+}
+
+/* Make a slot spare: it has no mass and no id, and all its values are finite, with x at the centre of its cell. */
+static inline void gr_clear_slot(struct gr_engine *e, const struct gr_cell *cell, int64_t slot)
+{
+    for (int k = 0; k < e->points.n_components; k++) gr_set_component(e, k, slot, 0);
+    gr_center_slot(e, cell, slot);
+    e->points.id[slot] = -1;
+}
