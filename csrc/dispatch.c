@@ -11,17 +11,17 @@ extern const struct gr_kernels gr_kernels_avx2, gr_kernels_avx512;
 
 const struct gr_kernels *gr_kernels_select(const char *name)
 {
-    const struct gr_kernels *found[3] = {0};
+    const struct gr_kernels *usable[3] = {0};
     int n = 0;
 #ifdef GR_X86
     __builtin_cpu_init();
-    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq")) found[n++] = &gr_kernels_avx512;
-    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) found[n++] = &gr_kernels_avx2;
+    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq")) usable[n++] = &gr_kernels_avx512;
+    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) usable[n++] = &gr_kernels_avx2;
 #endif
-    found[n++] = &gr_kernels_baseline;
-    if (!name || !*name) return found[0];
+    usable[n++] = &gr_kernels_baseline;
+    if (!name || !*name) return usable[0];
     for (int k = 0; k < n; k++)
-        if (!strcmp(found[k]->isa, name)) return found[k];
+        if (!strcmp(usable[k]->isa, name)) return usable[k];
     return 0;
 }
 

@@ -268,12 +268,12 @@ static void update_hencky(int flow, int dim, const struct gr_hencky_call *call)
         hencky_points(3, flow, call);
 }
 
-static void sph(struct gr_sph *s, enum gr_sph_stage stage, int64_t first, int64_t last, struct gr_sph_found *found)
+static void sph(struct gr_sph *s, enum gr_sph_stage stage, int64_t first, int64_t last, struct gr_sph_extremes *extremes)
 {
     if (s->config.dim == 2)
-        sph_stage(2, s, stage, first, last, found);
+        sph_stage(2, s, stage, first, last, extremes);
     else
-        sph_stage(3, s, stage, first, last, found);
+        sph_stage(3, s, stage, first, last, extremes);
 }
 
 #define GR_NAME GR_PASTE(gr_kernels_, GR_ISA)

@@ -47,9 +47,9 @@ struct gr_contact_points {
     int64_t n_nodes, node_capacity;
     int32_t *number; /* per node of the mesh: its number + 1 among those of the contact points, 0 for none */
     int64_t number_capacity;
-    int64_t *begin;               /* per cell near bodies: where its contact points begin in the search */
-    int64_t found[GR_MAX_CHUNKS]; /* contact points that each chunk of the search has found */
-    struct gr_split_pose *pose;   /* of the bodies, when these cells were listed */
+    int64_t *begin;                  /* per cell near bodies: where its contact points begin in the search */
+    int64_t of_chunk[GR_MAX_CHUNKS]; /* number of contact points from each chunk of the search */
+    struct gr_split_pose *pose;      /* of the bodies, when these cells were listed */
     int listed;
 };
 

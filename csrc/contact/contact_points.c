@@ -345,7 +345,7 @@ GR_SHARED(search, struct search, w->e->bodies.near.n, w)
     struct gr_contact_points *contacts = e->bodies.contacts;
     struct gr_contact_point *contact = contacts->contact + contacts->begin[first];
     double filled = 0, r = 0;
-    contacts->found[chunk] = 0;
+    contacts->of_chunk[chunk] = 0;
     for (int64_t k = first; k < last; k++) {
         const struct gr_cell *cell = &e->mesh.cell[e->bodies.near.cell[k]];
         const struct about about = look_about(e, k, w->moved);
@@ -362,7 +362,7 @@ GR_SHARED(search, struct search, w->e->bodies.near.n, w)
             share_stress(n, contact);
             find_barred(e, n, contact);
             if (n) start_from_force(e, n, contact);
-            contact += n, contacts->found[chunk] += n;
+            contact += n, contacts->of_chunk[chunk] += n;
         }
     }
 }
@@ -394,10 +394,10 @@ static void collect(const struct search *w)
     for (int64_t c = 0; c < w->chunks; c++) {
         int64_t first, last;
         gr_share(w->e->bodies.near.n, c, w->chunks, &first, &last);
-        const struct gr_contact_point *found = contacts->contact + contacts->begin[first];
-        for (int64_t k = 0; k < contacts->found[c]; k++) {
+        const struct gr_contact_point *first_of_chunk = contacts->contact + contacts->begin[first];
+        for (int64_t k = 0; k < contacts->of_chunk[c]; k++) {
             struct gr_contact_point *contact = &contacts->contact[contacts->n++];
-            if (contact != &found[k]) *contact = found[k];
+            if (contact != &first_of_chunk[k]) *contact = first_of_chunk[k];
             for (int i = 0; i < contact->n_nodes; i++) contact->node[i] = number_of(w->e, contact->node[i]);
         }
     }

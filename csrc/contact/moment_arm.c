@@ -1,4 +1,4 @@
-/* Levers of the contact points of bodies that turn freely (moment_arm.h). */
+/* Moment arms of the contact points of bodies that turn freely (moment_arm.h). */
 #include "contact/moment_arm.h"
 
 #include "contact/moving.h"

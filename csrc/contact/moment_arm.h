@@ -1,4 +1,4 @@
-/* Levers of the contact points of bodies that turn freely. */
+/* Moment arms of the contact points of bodies that turn freely. */
 #pragma once
 
 #include "contact/contact_point.h"

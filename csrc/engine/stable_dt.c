@@ -44,5 +44,5 @@ double gr_stable_dt(const struct gr_engine *e, struct gr_team *team)
         const double *wall = e->config.walls[k].velocity;
         speed = fmax(speed, sqrt(wall[0] * wall[0] + wall[1] * wall[1] + wall[2] * wall[2]));
     }
-    return gr_damped_dt(&e->config, e->config.cfl * e->config.dx / (e->config.wave_speed + speed));
+    return gr_damped_dt(e->config.cfl * e->config.dx / (e->config.wave_speed + speed), e->config.largest.damping_time);
 }

@@ -121,7 +121,7 @@ void gr_stage_grid(struct gr_run *run)
 }
 
 /* After the diffusion has failed to converge: find a point that is not finite, if there is one. */
-static void blame(struct gr_engine *e)
+static void name_the_point(struct gr_engine *e)
 {
     e->failure.id = -1;
     e->failure.step = e->clock.step;
@@ -148,7 +148,7 @@ int gr_stage_fluidity(struct gr_run *run)
         e->failure.code = run->diffuse(e->nonlocal.fluidity, &call, run->team);
         if (e->failure.code) {
             e->sums.valid = 0;
-            blame(e);
+            name_the_point(e);
             break;
         }
         e->nonlocal.cg_iterations += e->nonlocal.fluidity->iterations;

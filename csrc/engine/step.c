@@ -73,10 +73,10 @@ static int prepare(struct gr_run *run)
     }
     const double next = e->clock.time_anchor + (double)(e->clock.step + 1 - e->clock.step_anchor) * e->clock.dt;
     /* Shear rates are recorded in the last step, where they are seen, in the step before an averaging or a damping of
-     * flutter, which use them, and in that of a tally. The damping of elastic waves needs them in all. */
+     * flutter, which use them, and in that of a tally. The viscous stress needs them in all. */
     e->record_rates = run->left == 0 || next >= run->until || gr_averages(e, e->clock.step + 1) ||
                       gr_damps_flutter(e, e->clock.step + 1) || (e->clock.step + 1) % GR_TALLY_INTERVAL == 0 ||
-                      (config->cell_averaged && config->largest.damping_rate > 0) || config->largest.damping_time > 0 ||
+                      (config->cell_averaged && config->largest.damping_rate > 0) || gr_has_viscous_stress(config) ||
                       e->nonlocal.fluidity;
     e->nonlocal.diffuses = e->nonlocal.fluidity && !(e->clock.time < config->nonlocal.begins_at);
     if (e->nonlocal.diffuses) e->nonlocal.deviation_left = deviation_left(e);

@@ -47,8 +47,8 @@ void gr_fluidity_set_link(struct gr_fluidity *f, int64_t i, int k, double phi)
  * body; else -1. */
 static int64_t partner(const struct gr_fluidity *f, int64_t i, const int offset[3])
 {
-    const int back = f->page[i / GR_PAGE] >= f->box_pages;
-    const int64_t cell = f->page[i / GR_PAGE] % f->box_pages * GR_PAGE + i % GR_PAGE;
+    const int back = f->pages.number[i / GR_PAGE] >= f->box_pages;
+    const int64_t cell = f->pages.number[i / GR_PAGE] % f->box_pages * GR_PAGE + i % GR_PAGE;
     const int64_t to = gr_fluidity_reach(f, cell, offset);
     for (int copy = 0; copy < 2; copy++) {
         const int64_t j = gr_fluidity_find(f, to, copy ? !back : back);
@@ -72,6 +72,6 @@ static double extrapolated(const struct gr_fluidity *f, int64_t i, const double 
 
 void gr_fluidity_extrapolate(const struct gr_fluidity *f, int64_t chunk, double *g)
 {
-    for (int64_t i = f->chunk_first[chunk] * GR_PAGE; i < f->chunk_first[chunk + 1] * GR_PAGE; i++)
+    for (int64_t i = f->pages.chunk_first[chunk] * GR_PAGE; i < f->pages.chunk_first[chunk + 1] * GR_PAGE; i++)
         if (f->dense[i] && (f->inside[i] & GR_BORDER)) g[i] = extrapolated(f, i, g);
 }

@@ -32,8 +32,9 @@ struct passes {
     gr_chunk_work *connect, *explicit_step, *first_residual, *multiply, *first_stage, *later_stage;
 };
 
-#define GR_EACH_BLOCK(f, c, i) \
-    for (int64_t i = (f)->chunk_first[c] * GR_PAGE, end_##i = (f)->chunk_first[(c) + 1] * GR_PAGE; i < end_##i; i += GR_W)
+#define GR_EACH_BLOCK(f, c, i)                                                                                              \
+    for (int64_t i = (f)->pages.chunk_first[c] * GR_PAGE, end_##i = (f)->pages.chunk_first[(c) + 1] * GR_PAGE; i < end_##i; \
+         i += GR_W)
 
 /* Sums over the cells of a chunk, one for each place in a page, so that they do not depend on the length of a vector. */
 struct page_sum {
@@ -59,7 +60,7 @@ static inline double total_of_page(const struct page_sum *sum)
 static double total(const struct gr_fluidity *f, const double *partial)
 {
     double sum = 0;
-    for (int64_t c = 0; c < f->n_chunks; c++) sum += partial[c];
+    for (int64_t c = 0; c < f->pages.n_chunks; c++) sum += partial[c];
     return sum;
 }
 
@@ -67,14 +68,14 @@ static double total(const struct gr_fluidity *f, const double *partial)
 static void cut_links(const int links, struct gr_fluidity *f, int64_t chunk)
 {
     const uint8_t *inside = f->inside;
-    for (int64_t i = f->chunk_first[chunk] * GR_PAGE; i < f->chunk_first[chunk + 1] * GR_PAGE; i++)
+    for (int64_t i = f->pages.chunk_first[chunk] * GR_PAGE; i < f->pages.chunk_first[chunk + 1] * GR_PAGE; i++)
         for (int k = 0; k < 2 * links; k++) {
-            const int64_t j = f->near[2 * links * (i / GR_PAGE) + k] + i % GR_PAGE;
-            const int cut = f->link[k][i] ? gr_cut_of(inside[i], inside[j]) : GR_SIDE_LINKED;
-            if (cut != GR_SIDE_LINKED) f->weight[k][i] = 0;
+            const int64_t j = f->pages.near[2 * links * (i / GR_PAGE) + k] + i % GR_PAGE;
+            const int cut = f->pages.link[k][i] ? gr_cut_of(inside[i], inside[j]) : GR_SIDE_LINKED;
+            if (cut != GR_SIDE_LINKED) f->space.weight[k][i] = 0;
         }
-    for (int64_t k = f->wrap_first[chunk]; k < f->wrap_first[chunk + 1]; k++) {
-        struct gr_wrap *wrap = &f->wrap[k];
+    for (int64_t k = f->pages.wrap_first[chunk]; k < f->pages.wrap_first[chunk + 1]; k++) {
+        struct gr_wrap *wrap = &f->pages.wrap[k];
         const int cut = gr_cut_of(inside[wrap->to], inside[wrap->from]);
         if (cut != GR_SIDE_LINKED) wrap->weight = 0;
     }
@@ -83,10 +84,10 @@ static void cut_links(const int links, struct gr_fluidity *f, int64_t chunk)
 /* Coefficients of g itself of a chunk, from links to border cells; a border cell keeps its g. */
 static void drop_at_borders(const int links, struct gr_fluidity *f, int64_t chunk)
 {
-    for (int64_t i = f->chunk_first[chunk] * GR_PAGE; i < f->chunk_first[chunk + 1] * GR_PAGE; i++) {
-        if (f->inside[i] & GR_BORDER) f->rough[i] = 0;
+    for (int64_t i = f->pages.chunk_first[chunk] * GR_PAGE; i < f->pages.chunk_first[chunk + 1] * GR_PAGE; i++) {
+        if (f->inside[i] & GR_BORDER) f->space.rough[i] = 0;
         if (!(f->inside[i] & GR_BESIDE_BORDER)) continue;
-        for (int k = 0; k < 2 * links; k++) f->rough[i] += f->drop[k][i];
+        for (int k = 0; k < 2 * links; k++) f->space.rough[i] += f->drop[k][i];
     }
 }
 
@@ -100,7 +101,7 @@ static inline void exchange(const uint8_t *restrict link, const uint8_t *here, c
 static void connect(const int links, struct gr_fluidity *f, int64_t chunk)
 {
     const uint8_t *dense = f->dense;
-    const int64_t first = f->chunk_first[chunk], last = f->chunk_first[chunk + 1];
+    const int64_t first = f->pages.chunk_first[chunk], last = f->pages.chunk_first[chunk + 1];
     for (int64_t i = first * GR_PAGE; i < last * GR_PAGE; i++) f->g[i] = dense[i] ? f->g[i] : 0;
     if (f->stencil == GR_STENCIL_isotropic) {
         gr_fluidity_weigh(f, chunk);
@@ -108,34 +109,34 @@ static void connect(const int links, struct gr_fluidity *f, int64_t chunk)
     }
     for (int64_t q = first; q < last; q++)
         for (int k = 0; k < 2 * links; k++)
-            exchange(f->link[k] + q * GR_PAGE, dense + q * GR_PAGE, dense + f->near[2 * links * q + k],
-                     f->weight[k] + q * GR_PAGE);
-    for (int64_t i = first * GR_PAGE; i < last * GR_PAGE; i++) f->rough[i] = f->rough_walls[i];
-    for (int64_t k = f->wrap_first[chunk]; k < f->wrap_first[chunk + 1]; k++)
-        f->wrap[k].weight = (double)(dense[f->wrap[k].to] & dense[f->wrap[k].from]);
+            exchange(f->pages.link[k] + q * GR_PAGE, dense + q * GR_PAGE, dense + f->pages.near[2 * links * q + k],
+                     f->space.weight[k] + q * GR_PAGE);
+    for (int64_t i = first * GR_PAGE; i < last * GR_PAGE; i++) f->space.rough[i] = f->pages.rough_walls[i];
+    for (int64_t k = f->pages.wrap_first[chunk]; k < f->pages.wrap_first[chunk + 1]; k++)
+        f->pages.wrap[k].weight = (double)(dense[f->pages.wrap[k].to] & dense[f->pages.wrap[k].from]);
     if (f->has_inside) cut_links(links, f, chunk);
     if (f->rough_bodies) drop_at_borders(links, f, chunk);
 }
 
-/* L g of a block of cells, without the links of f->wrap. Differences are formed before products, so that a uniform
+/* L g of a block of cells, without the links of f->pages.wrap. Differences are formed before products, so that a uniform
  * field stays unchanged to the last bit and a cell gains exactly what another loses. */
 static inline vd outflow(const int links, const struct gr_fluidity *f, int64_t i, const double *g)
 {
     const vd here = v_load(g + i);
-    const int32_t *near = f->near + i / GR_PAGE * (2 * links);
+    const int32_t *near = f->pages.near + i / GR_PAGE * (2 * links);
     const double *lane = g + i % GR_PAGE;
-    vd sum = v_load(f->rough + i) * here;
-    for (int k = 0; k < 2 * links; k++) sum = v_fma(v_load(f->weight[k] + i), here - v_load(lane + near[k]), sum);
+    vd sum = v_load(f->space.rough + i) * here;
+    for (int k = 0; k < 2 * links; k++) sum = v_fma(v_load(f->space.weight[k] + i), here - v_load(lane + near[k]), sum);
     return sum;
 }
 
-/* Add the links of f->wrap that belong to a chunk: out[i] += scale (L g)_i.
+/* Add the links of f->pages.wrap that belong to a chunk: out[i] += scale (L g)_i.
  * Returned: the sum of g_i times what was added. */
 static double add_wraps(const struct gr_fluidity *f, int64_t chunk, double scale, const double *g, double *out)
 {
     double product = 0;
-    for (int64_t k = f->wrap_first[chunk]; k < f->wrap_first[chunk + 1]; k++) {
-        const struct gr_wrap *wrap = &f->wrap[k];
+    for (int64_t k = f->pages.wrap_first[chunk]; k < f->pages.wrap_first[chunk + 1]; k++) {
+        const struct gr_wrap *wrap = &f->pages.wrap[k];
         const double lost = scale * wrap->weight * (g[wrap->to] - g[wrap->from]);
         out[wrap->to] += lost;
         product += g[wrap->to] * lost;
@@ -153,7 +154,7 @@ static void clamp(const struct gr_fluidity *f, int64_t chunk, double *g)
         n += __builtin_popcount(m_bits(v_gt(v_zero(), value)));
         v_store(g + i, v_max(v_zero(), value));
     }
-    f->partial_clamped[chunk] += n;
+    f->space.partial_clamped[chunk] += n;
 }
 
 static void swap(double **a, double **b)
@@ -162,12 +163,12 @@ static void swap(double **a, double **b)
     *a = *b, *b = c;
 }
 
-static void over_chunks(struct diffusion *w, gr_chunk_work *pass) { gr_team_run(w->team, pass, w, w->f->n_chunks); }
+static void over_chunks(struct diffusion *w, gr_chunk_work *pass) { gr_team_run(w->team, pass, w, w->f->pages.n_chunks); }
 
 static inline void connect_chunk(const int links, const struct diffusion *w, int64_t c)
 {
     connect(links, w->f, c);
-    w->f->partial_clamped[c] = 0;
+    w->f->space.partial_clamped[c] = 0;
 }
 
 /* out = g - k L g */
@@ -195,7 +196,7 @@ static inline void first_residual_chunk(const int links, const struct diffusion 
         rr.of[GR_PART(i)] = v_fma(rest, rest, rr.of[GR_PART(i)]);
         gg.of[GR_PART(i)] = v_fma(g, g, gg.of[GR_PART(i)]);
     }
-    f->partial[1][c] = total_of_page(&rr), f->partial[2][c] = total_of_page(&gg);
+    f->space.partial[1][c] = total_of_page(&rr), f->space.partial[2][c] = total_of_page(&gg);
 }
 
 /* q = (1 + k L) p; p.q goes to partial[0]. */
@@ -211,7 +212,7 @@ static inline void multiply_chunk(const int links, const struct diffusion *w, in
         v_store(q + i, value);
         sum.of[GR_PART(i)] = v_fma(here, value, sum.of[GR_PART(i)]);
     }
-    w->f->partial[0][c] = total_of_page(&sum) + add_wraps(w->f, c, w->k, p, q);
+    w->f->space.partial[0][c] = total_of_page(&sum) + add_wraps(w->f, c, w->k, p, q);
 }
 
 /* g += alpha p, r -= alpha q with alpha = scale; r.r goes to partial[1]. */
@@ -229,7 +230,7 @@ static void descend(void *context, int64_t c, int t)
         v_store(r + i, rest);
         sum.of[GR_PART(i)] = v_fma(rest, rest, sum.of[GR_PART(i)]);
     }
-    w->f->partial[1][c] = total_of_page(&sum);
+    w->f->space.partial[1][c] = total_of_page(&sum);
 }
 
 /* p = r + beta p with beta = scale */
@@ -327,16 +328,16 @@ static int implicit_step(struct diffusion *w)
     static const double ROUND_OFF = 2e-16, NOTHING = 1e-150; /* 1/s; its square is still a normal number */
     const struct gr_fluidity *f = w->f;
     over_chunks(w, w->passes->first_residual);
-    double rr = total(f, f->partial[1]);
-    const double relative = fmax(f->tolerance * f->tolerance * rr, ROUND_OFF * ROUND_OFF * total(f, f->partial[2]));
+    double rr = total(f, f->space.partial[1]);
+    const double relative = fmax(f->tolerance * f->tolerance * rr, ROUND_OFF * ROUND_OFF * total(f, f->space.partial[2]));
     const double enough = fmax(relative, NOTHING * NOTHING);
     for (int64_t n = 0; !(rr <= enough); n++) {
         if (n == f->max_iterations || !isfinite(rr)) return GR_ERR_DIVERGED;
         over_chunks(w, w->passes->multiply);
-        w->scale = rr / total(f, f->partial[0]);
+        w->scale = rr / total(f, f->space.partial[0]);
         over_chunks(w, descend);
         const double before = rr;
-        rr = total(f, f->partial[1]);
+        rr = total(f, f->space.partial[1]);
         w->iterations++;
         if (rr <= enough) break;
         w->scale = rr / before;
@@ -369,7 +370,7 @@ static int diffuse(struct gr_fluidity *f, const struct gr_diffusion_call *call, 
 {
     enum { CHUNKS_WORTH_SHARING = 8 };
     struct diffusion w = {.f = f,
-                          .team = f->n_chunks < CHUNKS_WORTH_SHARING ? NULL : team,
+                          .team = f->pages.n_chunks < CHUNKS_WORTH_SHARING ? NULL : team,
                           .passes = f->n_links == 2   ? &passes_2
                                     : f->n_links == 3 ? &passes_3
                                     : f->n_links == 4 ? &passes_4
@@ -377,7 +378,7 @@ static int diffuse(struct gr_fluidity *f, const struct gr_diffusion_call *call, 
                           .k = call->dt * f->diffusivity / (f->dx * f->dx),
                           .dt = call->dt,
                           .g = f->g,
-                          .work = {f->work[0], f->work[1], f->work[2]}};
+                          .work = {f->space.vector[0], f->space.vector[1], f->space.vector[2]}};
     over_chunks(&w, w.passes->connect);
     f->error = GR_OK;
     for (int64_t n = 0; n < call->steps && !f->error; n++)
@@ -387,8 +388,8 @@ static int diffuse(struct gr_fluidity *f, const struct gr_diffusion_call *call, 
     if (f->rough_bodies) over_chunks(&w, extrapolate);
     f->iterations = w.iterations;
     f->clamped = 0;
-    for (int64_t c = 0; c < f->n_chunks; c++) f->clamped += f->partial_clamped[c];
+    for (int64_t c = 0; c < f->pages.n_chunks; c++) f->clamped += f->space.partial_clamped[c];
     f->g = w.g;
-    for (int k = 0; k < 3; k++) f->work[k] = w.work[k];
+    for (int k = 0; k < 3; k++) f->space.vector[k] = w.work[k];
     return f->error;
 }

@@ -56,29 +56,29 @@ void gr_fluidity_free(struct gr_fluidity *f)
     if (!f) return;
     gr_table_free(&f->side);
     gr_table_free(&f->page_of);
-    free(f->doubles);
-    free(f->bytes);
-    free(f->integers);
-    free(f->places);
-    free(f->wrap);
+    free(f->space.doubles);
+    free(f->space.bytes);
+    free(f->space.integers);
+    free(f->space.places);
+    free(f->pages.wrap);
     free(f);
 }
 
 /* (s^2 + s - 2)/4: the number of explicit steps that s stages of rkl2 can replace. */
-static double worth(double s) { return (s * s + s - 2) / 4; }
+static double steps_replaced(double s) { return (s * s + s - 2) / 4; }
 
 double gr_fluidity_limit(const struct gr_fluidity *f, int method)
 {
     const double rate = f->stiffest * f->diffusivity / (f->dx * f->dx);
     if (method == GR_DIFFUSION_implicit || !(rate > 0)) return INFINITY;
-    return method == GR_DIFFUSION_explicit ? 1 / rate : worth(GR_RKL2_MAX_STAGES) / rate;
+    return method == GR_DIFFUSION_explicit ? 1 / rate : steps_replaced(GR_RKL2_MAX_STAGES) / rate;
 }
 
 int gr_fluidity_stages(const struct gr_fluidity *f, double dt)
 {
     const double limit = gr_fluidity_limit(f, GR_DIFFUSION_explicit);
     int s = 3;
-    while (s < GR_RKL2_MAX_STAGES && !(dt < worth(s) * limit)) s += 2;
+    while (s < GR_RKL2_MAX_STAGES && !(dt < steps_replaced(s) * limit)) s += 2;
     return s;
 }
 

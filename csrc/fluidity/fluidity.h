@@ -98,20 +98,11 @@ enum {
     GR_MOST_LINKS = 13   /* of a cell; each has a low and a high side */
 };
 
-struct gr_fluidity {
-    int dim, stencil, n_links, periodic[3], two_sided, rough_bodies;
-    int64_t shape[3], stride[3], n_cells, box_pages; /* of the box */
-    double dx, diffusivity, tolerance;               /* m, A^2 d^2/t0 in m^2/s, 1 */
-    int64_t max_iterations;
-    double stiffest; /* half an upper bound of the eigenvalues of L */
-    /* of the box */
-    int8_t offset[GR_MOST_LINKS][3]; /* offset of the cell at the high side of a link; link a < dim goes along axis a */
-    struct gr_table side;            /* per cell of the box, 2 bits for each face: enum gr_side ^ GR_SIDE_LINKED */
-    struct gr_table page_of;         /* per page of the box, then per page of copies: its number here + 1, 0 for none */
-    /* of the pages: cell k of page q has the place GR_PAGE q + k. All arrays over places have a page of zeros at both
-     * ends. */
-    int64_t n_pages, page_capacity, n_chunks, n_wraps, wrap_capacity;
-    int64_t *page;                    /* its number in the box, ascending; + box_pages for copies */
+/* The pages in storage: cell k of page q has the place GR_PAGE q + k. All arrays over places have a page of zeros at both
+ * ends. */
+struct gr_pages {
+    int64_t n, capacity, n_chunks, n_wraps, wrap_capacity;
+    int64_t *number;                  /* of a page in the box, ascending; + box_pages for copies */
     int64_t *chunk_first;             /* n_chunks + 1: first page of each chunk */
     int32_t *near;                    /* per page, link and side (low, high): place of the neighbour of its first cell */
     uint8_t *link[2 * GR_MOST_LINKS]; /* stencil of faces: 1 where a cell is linked to the one at that place */
@@ -121,6 +112,29 @@ struct gr_fluidity {
     double *rough_walls;              /* 2 (number of rough faces) */
     struct gr_wrap *wrap;             /* in ascending order of `to` */
     int64_t *wrap_first;              /* n_chunks + 1: first of each chunk */
+};
+
+/* Work space of a step. */
+struct gr_diffusion_space {
+    double *weight[2 * GR_MOST_LINKS], *rough; /* of the links to both sides; coefficient of g itself */
+    double *vector[3];
+    double *partial[3]; /* parts of the sums, per chunk */
+    int64_t *partial_clamped;
+    void *doubles, *bytes; /* what all arrays over places lie in */
+    int64_t *integers;
+    int32_t *places;
+};
+
+struct gr_fluidity {
+    int dim, stencil, n_links, periodic[3], two_sided, rough_bodies;
+    int64_t shape[3], stride[3], n_cells, box_pages; /* of the box */
+    double dx, diffusivity, tolerance;               /* m, A^2 d^2/t0 in m^2/s, 1 */
+    int64_t max_iterations;
+    double stiffest;                 /* half an upper bound of the eigenvalues of L */
+    int8_t offset[GR_MOST_LINKS][3]; /* offset of the cell at the high side of a link; link a < dim goes along axis a */
+    struct gr_table side;            /* per cell of the box, 2 bits for each face: enum gr_side ^ GR_SIDE_LINKED */
+    struct gr_table page_of;         /* per page of the box, then per page of copies: its number here + 1, 0 for none */
+    struct gr_pages pages;
     /* state, written by the caller before a step */
     uint8_t *dense;  /* 1 or 0 */
     int has_inside;  /* 1 if `inside` is used */
@@ -130,14 +144,7 @@ struct gr_fluidity {
     double *distance, *drop[2 * GR_MOST_LINKS];
     double *g;           /* 1/s; zero where not dense. A step swaps this pointer: read it again afterwards. */
     double *gain, *mean; /* for use by the caller */
-    /* work space of a step */
-    double *weight[2 * GR_MOST_LINKS], *rough, *work[3]; /* weights of the links to both sides; coefficient of g itself;
-                                                            vectors */
-    double *partial[3];                                  /* parts of the sums, per chunk */
-    int64_t *partial_clamped;
-    void *doubles, *bytes;
-    int64_t *integers;
-    int32_t *places;
+    struct gr_diffusion_space space;
     /* result of the last call */
     int64_t iterations; /* iterations of the conjugate gradients, or stages, over all steps */
     int64_t clamped;    /* cells whose negative fluidity was set to zero, over all steps */

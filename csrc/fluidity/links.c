@@ -44,9 +44,9 @@ enum kind { OPEN, EVEN, ODD };
  * `cut` receives the kind of the face (enum gr_side). */
 static int64_t partner(const struct gr_fluidity *f, int64_t i, int k, int *cut)
 {
-    int32_t j = f->beside[2 * f->n_links * i + k];
+    int32_t j = f->pages.beside[2 * f->n_links * i + k];
     *cut = GR_SIDE_LINKED;
-    for (int copy = 0; j >= 0 && copy < 2; copy++, j = f->other[j]) {
+    for (int copy = 0; j >= 0 && copy < 2; copy++, j = f->pages.other[j]) {
         *cut = gr_cut_of(f->inside[i], f->inside[j]);
         if (*cut != GR_SIDE_CLOSED) return *cut == GR_SIDE_LINKED ? j : -1;
     }
@@ -60,7 +60,7 @@ static enum kind kind_of(const struct gr_fluidity *f, int64_t i, int axis, int h
     const int k = 2 * axis + high;
     int cut;
     if (gr_fluidity_drop(f, i, k) > 0) return OPEN;
-    const int64_t j = partner(f, i, k, &cut), page = f->page[i / GR_PAGE];
+    const int64_t j = partner(f, i, k, &cut), page = f->pages.number[i / GR_PAGE];
     if (cut != GR_SIDE_LINKED) return EVEN;
     if (j >= 0 && f->dense[j]) return OPEN;
     const int64_t cell = page % f->box_pages * GR_PAGE + i % GR_PAGE;
@@ -142,15 +142,16 @@ static double weigh_cell(const struct gr_fluidity *f, int64_t i, double *weight)
 void gr_fluidity_weigh(struct gr_fluidity *f, int64_t chunk)
 {
     const int sides = 2 * f->n_links;
-    struct gr_wrap *wrap = f->wrap + f->wrap_first[chunk], *const end = f->wrap + f->wrap_first[chunk + 1];
-    for (int64_t i = f->chunk_first[chunk] * GR_PAGE; i < f->chunk_first[chunk + 1] * GR_PAGE; i++) {
+    struct gr_wrap *wrap = f->pages.wrap + f->pages.wrap_first[chunk], *const end =
+                                                                           f->pages.wrap + f->pages.wrap_first[chunk + 1];
+    for (int64_t i = f->pages.chunk_first[chunk] * GR_PAGE; i < f->pages.chunk_first[chunk + 1] * GR_PAGE; i++) {
         double weight[2 * GR_MOST_LINKS] = {0};
-        const int32_t *near = f->near + i / GR_PAGE * sides;
+        const int32_t *near = f->pages.near + i / GR_PAGE * sides;
         const int lane = (int)(i % GR_PAGE);
         int cut;
-        f->rough[i] = f->dense[i] ? weigh_cell(f, i, weight) : 0;
+        f->space.rough[i] = f->dense[i] ? weigh_cell(f, i, weight) : 0;
         for (int k = 0; k < sides; k++)
-            f->weight[k][i] = f->dense[i] && partner(f, i, k, &cut) == near[k] + lane ? weight[k] : 0;
+            f->space.weight[k][i] = f->dense[i] && partner(f, i, k, &cut) == near[k] + lane ? weight[k] : 0;
         for (; wrap < end && wrap->to == i; wrap++)
             wrap->weight = partner(f, i, wrap->link, &cut) == wrap->from ? weight[wrap->link] : 0;
     }

@@ -26,7 +26,7 @@ static int walk(const struct gr_fluidity *f, int axis, int side, int64_t *cell, 
 /* gr_fluidity_reach for the cell at `at`. */
 static int64_t reach(const struct gr_fluidity *f, int64_t cell, const int64_t at[3], const int offset[3])
 {
-    int64_t found = -1;
+    int64_t target = -1;
     for (int a = 0; a < f->dim; a++) {
         if (!offset[a]) continue;
         int64_t next = cell, there[3] = {at[0], at[1], at[2]};
@@ -34,10 +34,10 @@ static int64_t reach(const struct gr_fluidity *f, int64_t cell, const int64_t at
         rest[a] = 0;
         if (gr_fluidity_side(f, cell, 2 * a + (offset[a] > 0)) != GR_SIDE_LINKED) return -1;
         if (walk(f, a, offset[a], &next, there)) return -1;
-        found = rest[0] || rest[1] || rest[2] ? reach(f, next, there, rest) : next;
-        if (found < 0) return -1;
+        target = rest[0] || rest[1] || rest[2] ? reach(f, next, there, rest) : next;
+        if (target < 0) return -1;
     }
-    return found;
+    return target;
 }
 
 static void find_coordinates(const struct gr_fluidity *f, int64_t cell, int64_t at[3])
@@ -108,7 +108,7 @@ int gr_fluidity_describe(struct gr_fluidity *f, const uint8_t *face)
 static void forget(struct gr_fluidity *f)
 {
     gr_table_clear(&f->page_of);
-    f->n_pages = f->n_chunks = f->n_wraps = 0;
+    f->pages.n = f->pages.n_chunks = f->pages.n_wraps = 0;
 }
 
 /* Set up zeroed arrays for n pages. */
@@ -116,48 +116,54 @@ static int reserve(struct gr_fluidity *f, int64_t n)
 {
     const int sides = 2 * f->n_links, isotropic = f->stencil == GR_STENCIL_isotropic;
     const int own = 8 + sides, n_vectors = own + (f->rough_bodies ? 1 + sides : 0), n_maps = isotropic ? 2 : 2 + sides;
-    if (n > f->page_capacity || !f->doubles) {
-        free(f->doubles), free(f->bytes), free(f->integers), free(f->places);
-        f->page_capacity = n + n / 2 + 2; /* with the pages of zeros at both ends */
-        const size_t capacity = (size_t)f->page_capacity;
-        f->doubles = malloc((capacity * (size_t)(n_vectors * GR_PAGE + 3)) * sizeof(double));
-        f->bytes = malloc(capacity * (size_t)n_maps * GR_PAGE);
-        f->integers = malloc(capacity * 4 * sizeof(int64_t));
-        f->places = malloc(capacity * (size_t)(isotropic ? sides + (sides + 1) * GR_PAGE : sides) * sizeof(int32_t));
-        if (!f->doubles || !f->bytes || !f->integers || !f->places) {
-            f->page_capacity = -1;
+    if (n > f->pages.capacity || !f->space.doubles) {
+        free(f->space.doubles), free(f->space.bytes), free(f->space.integers), free(f->space.places);
+        f->pages.capacity = n + n / 2 + 2; /* with the pages of zeros at both ends */
+        const size_t capacity = (size_t)f->pages.capacity;
+        f->space.doubles = malloc((capacity * (size_t)(n_vectors * GR_PAGE + 3)) * sizeof(double));
+        f->space.bytes = malloc(capacity * (size_t)n_maps * GR_PAGE);
+        f->space.integers = malloc(capacity * 4 * sizeof(int64_t));
+        f->space.places = malloc(capacity * (size_t)(isotropic ? sides + (sides + 1) * GR_PAGE : sides) * sizeof(int32_t));
+        if (!f->space.doubles || !f->space.bytes || !f->space.integers || !f->space.places) {
+            f->pages.capacity = -1;
             return GR_ERR_MEMORY;
         }
-        f->page_capacity -= 2;
+        f->pages.capacity -= 2;
     }
-    const int64_t pages = f->page_capacity + 2, length = pages * GR_PAGE;
-    double *at = f->doubles, **const vectors[] = {&f->g,           &f->gain,    &f->mean,    &f->rough,
-                                                  &f->rough_walls, &f->work[0], &f->work[1], &f->work[2]};
-    memset(f->doubles, 0, (size_t)(pages * (n_vectors * GR_PAGE + 3)) * sizeof(double));
-    memset(f->bytes, 0, (size_t)(length * n_maps));
+    const int64_t pages = f->pages.capacity + 2, length = pages * GR_PAGE;
+    double *at = f->space.doubles, **const vectors[] = {&f->g,
+                                                        &f->gain,
+                                                        &f->mean,
+                                                        &f->space.rough,
+                                                        &f->pages.rough_walls,
+                                                        &f->space.vector[0],
+                                                        &f->space.vector[1],
+                                                        &f->space.vector[2]};
+    memset(f->space.doubles, 0, (size_t)(pages * (n_vectors * GR_PAGE + 3)) * sizeof(double));
+    memset(f->space.bytes, 0, (size_t)(length * n_maps));
     for (int k = 0; k < 8; k++, at += length) *vectors[k] = at + GR_PAGE;
-    for (int k = 0; k < sides; k++, at += length) f->weight[k] = at + GR_PAGE;
+    for (int k = 0; k < sides; k++, at += length) f->space.weight[k] = at + GR_PAGE;
     if (f->rough_bodies) {
         f->distance = at + GR_PAGE, at += length;
         for (int k = 0; k < sides; k++, at += length) f->drop[k] = at + GR_PAGE;
     }
-    for (int k = 0; k < 3; k++, at += pages) f->partial[k] = at;
-    f->dense = (uint8_t *)f->bytes + GR_PAGE;
+    for (int k = 0; k < 3; k++, at += pages) f->space.partial[k] = at;
+    f->dense = (uint8_t *)f->space.bytes + GR_PAGE;
     f->inside = f->dense + length;
-    for (int k = 0; k < sides; k++) f->link[k] = isotropic ? 0 : f->inside + (k + 1) * length;
-    f->page = f->integers, f->chunk_first = f->page + pages;
-    f->wrap_first = f->chunk_first + pages, f->partial_clamped = f->wrap_first + pages;
-    f->near = f->places, f->beside = isotropic ? f->near + sides * pages : 0;
-    f->other = isotropic ? f->beside + sides * length : 0;
+    for (int k = 0; k < sides; k++) f->pages.link[k] = isotropic ? 0 : f->inside + (k + 1) * length;
+    f->pages.number = f->space.integers, f->pages.chunk_first = f->pages.number + pages;
+    f->pages.wrap_first = f->pages.chunk_first + pages, f->space.partial_clamped = f->pages.wrap_first + pages;
+    f->pages.near = f->space.places, f->pages.beside = isotropic ? f->pages.near + sides * pages : 0;
+    f->pages.other = isotropic ? f->pages.beside + sides * length : 0;
     return GR_OK;
 }
 
 static int add_page(struct gr_fluidity *f, int64_t page)
 {
-    if (!f->n_pages || f->page[f->n_pages - 1] / GR_CHUNK_PAGES != page / GR_CHUNK_PAGES)
-        f->chunk_first[f->n_chunks++] = f->n_pages;
-    f->page[f->n_pages++] = page;
-    return gr_table_set(&f->page_of, page, (int32_t)f->n_pages);
+    if (!f->pages.n || f->pages.number[f->pages.n - 1] / GR_CHUNK_PAGES != page / GR_CHUNK_PAGES)
+        f->pages.chunk_first[f->pages.n_chunks++] = f->pages.n;
+    f->pages.number[f->pages.n++] = page;
+    return gr_table_set(&f->page_of, page, (int32_t)f->pages.n);
 }
 
 /* Find the places of the neighbours of the cells of a page. They are consecutive even where they belong to two pages.
@@ -165,7 +171,7 @@ static int add_page(struct gr_fluidity *f, int64_t page)
 static void find_near(struct gr_fluidity *f, int64_t q)
 {
     for (int k = 0; k < 2 * f->n_links; k++) {
-        int64_t cell = f->page[q] * GR_PAGE, near = q * GR_PAGE;
+        int64_t cell = f->pages.number[q] * GR_PAGE, near = q * GR_PAGE;
         for (int a = 0; a < f->dim; a++) cell += (k % 2 ? 1 : -1) * f->offset[k / 2][a] * f->stride[a];
         const int64_t page = cell < 0 ? -((-cell + GR_PAGE - 1) / GR_PAGE) : cell / GR_PAGE, shift = cell - page * GR_PAGE;
         const int64_t last = all_pages(f) - 1;
@@ -175,43 +181,43 @@ static void find_near(struct gr_fluidity *f, int64_t q)
             near = ((int64_t)low - 1) * GR_PAGE + shift;
         else if (high)
             near = ((int64_t)high - 2) * GR_PAGE + shift;
-        f->near[2 * f->n_links * q + k] = (int32_t)near;
+        f->pages.near[2 * f->n_links * q + k] = (int32_t)near;
     }
 }
 
 static int add_wrap(struct gr_fluidity *f, int64_t to, int64_t from, int link)
 {
-    if (f->n_wraps == f->wrap_capacity) {
-        const int64_t capacity = 2 * f->wrap_capacity + 64;
-        GR_RESIZE(f->wrap, capacity);
-        f->wrap_capacity = capacity;
+    if (f->pages.n_wraps == f->pages.wrap_capacity) {
+        const int64_t capacity = 2 * f->pages.wrap_capacity + 64;
+        GR_RESIZE(f->pages.wrap, capacity);
+        f->pages.wrap_capacity = capacity;
     }
-    f->wrap[f->n_wraps++] = (struct gr_wrap){(int32_t)to, (int32_t)from, link, 0};
+    f->pages.wrap[f->pages.n_wraps++] = (struct gr_wrap){(int32_t)to, (int32_t)from, link, 0};
     return GR_OK;
 }
 
 /* List the links of one cell. */
 static int link_cell(struct gr_fluidity *f, int64_t q, int lane)
 {
-    const int sides = 2 * f->n_links, back = f->page[q] >= f->box_pages;
-    const int64_t i = q * GR_PAGE + lane, cell = (f->page[q] - (back ? f->box_pages : 0)) * GR_PAGE + lane;
+    const int sides = 2 * f->n_links, back = f->pages.number[q] >= f->box_pages;
+    const int64_t i = q * GR_PAGE + lane, cell = (f->pages.number[q] - (back ? f->box_pages : 0)) * GR_PAGE + lane;
     if (cell >= f->n_cells) return GR_OK;
     int64_t at[3];
     find_coordinates(f, cell, at);
-    if (f->other) f->other[i] = (int32_t)gr_fluidity_find(f, cell, !back);
+    if (f->pages.other) f->pages.other[i] = (int32_t)gr_fluidity_find(f, cell, !back);
     for (int k = 0; k < sides; k++) {
         const int8_t *o = f->offset[k / 2];
         const int sign = k % 2 ? 1 : -1, offset[3] = {sign * o[0], sign * o[1], sign * o[2]};
         const int64_t to = reach(f, cell, at, offset), j = gr_fluidity_find(f, to, back),
                       across = gr_fluidity_find(f, to, !back);
-        if (f->beside) f->beside[i * sides + k] = (int32_t)(j < 0 ? across : j);
-        if (k < 2 * f->dim && gr_fluidity_side(f, cell, k) == GR_SIDE_ROUGH) f->rough_walls[i] += 2;
+        if (f->pages.beside) f->pages.beside[i * sides + k] = (int32_t)(j < 0 ? across : j);
+        if (k < 2 * f->dim && gr_fluidity_side(f, cell, k) == GR_SIDE_ROUGH) f->pages.rough_walls[i] += 2;
         if (across >= 0 && to != cell && add_wrap(f, i, across, k)) return GR_ERR_MEMORY;
         if (j < 0 || j == i) continue;
-        if (j != f->near[sides * q + k] + lane) {
+        if (j != f->pages.near[sides * q + k] + lane) {
             if (add_wrap(f, i, j, k)) return GR_ERR_MEMORY;
-        } else if (!f->beside) {
-            f->link[k][i] = 1;
+        } else if (!f->pages.beside) {
+            f->pages.link[k][i] = 1;
         }
     }
     return GR_OK;
@@ -232,7 +238,7 @@ static int add_pages(struct gr_fluidity *f, const int64_t *cells, const int8_t *
             else
                 error = add_page(f, page);
         }
-    if (!count) f->chunk_first[f->n_chunks] = f->n_pages;
+    if (!count) f->pages.chunk_first[f->pages.n_chunks] = f->pages.n;
     return error;
 }
 
@@ -245,15 +251,15 @@ int gr_fluidity_cover(struct gr_fluidity *f, const int64_t *cells, const int8_t 
     forget(f);
     int error = reserve(f, pages);
     if (!error) error = add_pages(f, cells, sides, n, 0);
-    for (int64_t q = 0; !error && q < f->n_pages; q++) find_near(f, q);
-    for (int64_t c = 0; !error && c < f->n_chunks; c++) {
-        f->wrap_first[c] = f->n_wraps;
-        for (int64_t q = f->chunk_first[c]; q < f->chunk_first[c + 1]; q++)
+    for (int64_t q = 0; !error && q < f->pages.n; q++) find_near(f, q);
+    for (int64_t c = 0; !error && c < f->pages.n_chunks; c++) {
+        f->pages.wrap_first[c] = f->pages.n_wraps;
+        for (int64_t q = f->pages.chunk_first[c]; q < f->pages.chunk_first[c + 1]; q++)
             for (int lane = 0; !error && lane < GR_PAGE; lane++) error = link_cell(f, q, lane);
     }
     if (error)
         forget(f);
     else
-        f->wrap_first[f->n_chunks] = f->n_wraps;
+        f->pages.wrap_first[f->pages.n_chunks] = f->pages.n_wraps;
     return error;
 }

@@ -87,14 +87,13 @@ int gr_nonlocal_material(const struct gr_config *config);
 /* The time step with the damping of elastic waves that is as far from its limit as `dt` is without, s. The wave of the
  * largest frequency 2/dt obeys u'' = -(2/dt)^2 (u + T u'), and the explicit step h with it is stable if h^2 + 2 T h <=
  * dt^2. */
-static inline double gr_damped_dt(const struct gr_config *c, double dt)
-{
-    const double T = c->largest.damping_time;
-    return T > 0 ? dt * dt / (sqrt(dt * dt + T * T) + T) : dt;
-}
+static inline double gr_damped_dt(double dt, double T) { return T > 0 ? dt * dt / (sqrt(dt * dt + T * T) + T) : dt; }
+
+/* True if points have a viscous stress (elastic_damping.inl). */
+static inline int gr_has_viscous_stress(const struct gr_config *c) { return c->largest.damping_time > 0; }
 
 /* The longest time step that the engine takes, s. */
 static inline double gr_longest_dt(const struct gr_config *c)
 {
-    return c->dt > 0 ? c->dt : gr_damped_dt(c, c->cfl * c->dx / c->wave_speed);
+    return c->dt > 0 ? c->dt : gr_damped_dt(c->cfl * c->dx / c->wave_speed, c->largest.damping_time);
 }

@@ -40,6 +40,13 @@ static PyObject *node_positions(PyObject *Py_UNUSED(module), PyObject *args)
     return out;
 }
 
+static PyObject *damped_dt(PyObject *Py_UNUSED(module), PyObject *args)
+{
+    double dt, damping_time;
+    if (!PyArg_ParseTuple(args, "dd", &dt, &damping_time)) return NULL;
+    return PyFloat_FromDouble(gr_damped_dt(dt, damping_time));
+}
+
 static PyMethodDef functions[] = {
     {"law_update", gr_python_law_update, METH_VARARGS,
      "law_update(law, dim, parameters, dt, pressure_from_density, gradient, log_density, stress, shear_rate, isa,"
@@ -84,6 +91,8 @@ static PyMethodDef functions[] = {
     {"laws", gr_python_laws, METH_NOARGS,
      "laws()\n--\n\n{name: (doc, [(parameter, unit, doc)], in_single)} of the constitutive "
      "laws; in_single: kernels in single precision have it."},
+    {"damped_dt", damped_dt, METH_VARARGS,
+     "damped_dt(dt, damping_time)\n--\n\nTime step, s, with the damping of elastic waves that is as far from its limit as dt is without."},
     {"build_info", build_info, METH_VARARGS,
      "build_info(isa='')\n--\n\nInstruction set of the kernels, compiler and flags of this build."},
     {"node_positions", node_positions, METH_VARARGS,

@@ -104,7 +104,7 @@ PyObject *gr_python_fluidity_update(PyObject *Py_UNUSED(module), PyObject *args)
 
 enum { GRADIENT, LOG_DENSITY, STRESS, G, SHEAR_RATE, ARRAYS };
 
-/* Arrays that fit each other; the dimension is told by the gradient. Returned: it, or -1. */
+/* Arrays that fit each other; the gradient has the dimension. Returned: it, or -1. */
 static int take_arrays(PyObject *const objects[ARRAYS], struct gr_hencky_call *call)
 {
     static const char *const names[ARRAYS] = {"gradient", "log_density", "stress", "g", "shear_rate"};

@@ -203,14 +203,14 @@ struct run {
 };
 
 /* Of the points that are bad the first one is kept, whatever the order of chunks. */
-static void note_bad(struct gr_sph_found *found, int64_t i)
+static void note_bad(struct gr_sph_extremes *extremes, int64_t i)
 {
-    if (found->bad < 0 || i < found->bad) found->bad = i;
+    if (extremes->bad < 0 || i < extremes->bad) extremes->bad = i;
 }
 
 /* First half of a step: v^{n+1/2} = v^n + a^n dt/2, x^{n+1} = x^n + v^{n+1/2} dt (eqs. 5.25, 5.27). A particle that
  * moves by h in it has run away. */
-static void drift(struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found)
+static void drift(struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_extremes *extremes)
 {
     double *const *x = gr_sph_rows(s, GR_SPH_FIELD_x), *const *v = gr_sph_rows(s, GR_SPH_FIELD_v);
     double *const *a = gr_sph_rows(s, GR_SPH_FIELD_a);
@@ -222,13 +222,13 @@ static void drift(struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_f
             x[d][i] += s->dt * v[d][i];
             speed2 += v[d][i] * v[d][i];
         }
-        if (!(speed2 < farthest * farthest)) note_bad(found, i);
+        if (!(speed2 < farthest * farthest)) note_bad(extremes, i);
     }
-    found->stopped += gr_sph_stop(s, first, last);
+    extremes->stopped += gr_sph_stop(s, first, last);
 }
 
 /* Measure the displacements of points since the neighbour list was made. */
-static void measure(const struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found)
+static void measure(const struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_extremes *extremes)
 {
     double *const *x = gr_sph_rows(s, GR_SPH_FIELD_x), *const *anchor = gr_sph_rows(s, GR_SPH_FIELD_anchor);
     for (int64_t i = first; i < last; i++) {
@@ -236,16 +236,16 @@ static void measure(const struct gr_sph *s, int64_t first, int64_t last, struct 
         for (int d = 0; d < s->config.dim; d++) {
             const double way = x[d][i] - anchor[d][i];
             moved2 += way * way;
-            if (way < found->low[d]) found->low[d] = way;
-            if (way > found->high[d]) found->high[d] = way;
+            if (way < extremes->low[d]) extremes->low[d] = way;
+            if (way > extremes->high[d]) extremes->high[d] = way;
         }
-        if (moved2 > found->moved2) found->moved2 = moved2;
-        if (!isfinite(moved2)) note_bad(found, i);
+        if (moved2 > extremes->moved2) extremes->moved2 = moved2;
+        if (!isfinite(moved2)) note_bad(extremes, i);
     }
 }
 
 /* Second half of a step: v^{n+1} = v^{n+1/2} + a^{n+1} dt/2 (eq. 5.26). */
-static void kick(struct gr_sph *s, double dt, int64_t first, int64_t last, struct gr_sph_found *found)
+static void kick(struct gr_sph *s, double dt, int64_t first, int64_t last, struct gr_sph_extremes *extremes)
 {
     double *const *v = gr_sph_rows(s, GR_SPH_FIELD_v), *const *a = gr_sph_rows(s, GR_SPH_FIELD_a);
     for (int64_t i = first; i < last; i++) {
@@ -254,17 +254,17 @@ static void kick(struct gr_sph *s, double dt, int64_t first, int64_t last, struc
             v[d][i] += 0.5 * dt * a[d][i];
             speed2 += v[d][i] * v[d][i];
         }
-        if (speed2 > found->speed2) found->speed2 = speed2;
+        if (speed2 > extremes->speed2) extremes->speed2 = speed2;
     }
 }
 
 /* Combine the results of the threads. Maxima and counts do not depend on the order of threads. */
-static struct gr_sph_found combined(const struct run *run)
+static struct gr_sph_extremes combined(const struct run *run)
 {
     const struct gr_sph *s = run->s;
-    struct gr_sph_found all = s->found[0];
+    struct gr_sph_extremes all = s->extremes[0];
     for (int t = 1; t < gr_team_threads(run->team); t++) {
-        const struct gr_sph_found *f = &s->found[t];
+        const struct gr_sph_extremes *f = &s->extremes[t];
         all.speed2 = fmax(all.speed2, f->speed2), all.acceleration2 = fmax(all.acceleration2, f->acceleration2);
         all.gas_speed2 = fmax(all.gas_speed2, f->gas_speed2);
         all.moved2 = fmax(all.moved2, f->moved2), all.stopped += f->stopped;
@@ -300,7 +300,7 @@ static int begin_step(struct run *run)
 
 /* True if two points may have become neighbours without being in the list. That takes a displacement of half the skin,
  * and displacements that differ by a skin. */
-static int is_old(const struct gr_sph *s, const struct gr_sph_found *all)
+static int is_old(const struct gr_sph *s, const struct gr_sph_extremes *all)
 {
     const double skin = s->config.parameter[GR_SPH_P_skin];
     double spread2 = 0;
@@ -313,7 +313,7 @@ static int is_old(const struct gr_sph *s, const struct gr_sph_found *all)
 static void look(struct run *run)
 {
     struct gr_sph *s = run->s;
-    const struct gr_sph_found all = combined(run);
+    const struct gr_sph_extremes all = combined(run);
     if (all.bad >= 0) {
         s->error = GR_ERR_RUNAWAY, s->error_id = s->id[all.bad];
         for (int d = 0; d < s->config.dim; d++) {
@@ -342,9 +342,9 @@ static struct share share_of_chunk(const struct run *run, int64_t c)
 static void list_chunk(void *context, int64_t c, int t)
 {
     const struct run *run = context;
-    struct gr_sph_found *found = &run->s->found[t];
+    struct gr_sph_extremes *extremes = &run->s->extremes[t];
     const int64_t blocks = list_blocks(run->s, share_of_chunk(run, c));
-    if (blocks > found->blocks) found->blocks = blocks;
+    if (blocks > extremes->blocks) extremes->blocks = blocks;
 }
 
 /* Make a new neighbour list. */
@@ -379,7 +379,7 @@ static void stage_chunk(void *context, int64_t c, int t)
     const struct stage *k = run->stage;
     do {
         if (k->stage < GR_SPH_GAS_VOLUMES || run->s->gas)
-            run->kernel(run->s, k->stage, own.first[k->kind], own.last[k->kind], &run->s->found[t]);
+            run->kernel(run->s, k->stage, own.first[k->kind], own.last[k->kind], &run->s->extremes[t]);
     } while (++k < plan_end && !k->waits);
 }
 
@@ -387,13 +387,13 @@ static void kick_chunk(void *context, int64_t c, int t)
 {
     const struct run *run = context;
     const struct share own = share_of_chunk(run, c);
-    kick(run->s, run->kick_dt, own.first[PARTICLES], own.last[PARTICLES], &run->s->found[t]);
-    if (run->s->gas) gr_sph_kick_gas(run->s, run->kick_dt, own.first[GAS], own.last[GAS], &run->s->found[t]);
+    kick(run->s, run->kick_dt, own.first[PARTICLES], own.last[PARTICLES], &run->s->extremes[t]);
+    if (run->s->gas) gr_sph_kick_gas(run->s, run->kick_dt, own.first[GAS], own.last[GAS], &run->s->extremes[t]);
 }
 
 static void forget(struct run *run)
 {
-    for (int t = 0; t < gr_team_threads(run->team); t++) run->s->found[t] = (struct gr_sph_found){.bad = -1};
+    for (int t = 0; t < gr_team_threads(run->team); t++) run->s->extremes[t] = (struct gr_sph_extremes){.bad = -1};
 }
 
 /* Compute densities, stresses and accelerations at the present positions and velocities, and make the second half of a
@@ -407,7 +407,7 @@ static void evaluate(struct run *run, double dt)
     if (s->inflow) gr_sph_hold(s, dt);
     run->kick_dt = dt;
     over_chunks(run, kick_chunk);
-    const struct gr_sph_found all = combined(run);
+    const struct gr_sph_extremes all = combined(run);
     s->speed2 = fmax(all.speed2, slow_sound2(s->config.parameter));
     s->acceleration2 = all.acceleration2, s->gas_speed2 = all.gas_speed2;
     s->started = 1;
@@ -418,10 +418,10 @@ static void drift_chunk(void *context, int64_t c, int t)
     const struct run *run = context;
     struct gr_sph *s = run->s;
     const struct share own = share_of_chunk(run, c);
-    drift(s, own.first[PARTICLES], own.last[PARTICLES], &s->found[t]);
+    drift(s, own.first[PARTICLES], own.last[PARTICLES], &s->extremes[t]);
     gr_sph_move_walls(s, own.first[WALLS], own.last[WALLS]);
     if (s->gas) gr_sph_drift_gas(s, own.first[GAS], own.last[GAS]);
-    for (int k = 0; k < KINDS; k++) measure(s, own.first[k], own.last[k], &s->found[t]);
+    for (int k = 0; k < KINDS; k++) measure(s, own.first[k], own.last[k], &s->extremes[t]);
 }
 
 static void make_steps(void *context, struct gr_team *team)

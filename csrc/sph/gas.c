@@ -94,7 +94,7 @@ static void exchange(const struct gr_sph *s, double seconds, int64_t first, int6
     }
 }
 
-void gr_sph_kick_gas(struct gr_sph *s, double dt, int64_t first, int64_t last, struct gr_sph_found *found)
+void gr_sph_kick_gas(struct gr_sph *s, double dt, int64_t first, int64_t last, struct gr_sph_extremes *extremes)
 {
     double *const *v = gr_sph_rows(s, GR_SPH_FIELD_v);
     if (dt > 0 && s->gas->parameter[GR_SPH_GAS_P_diffusion] > 0) exchange(s, dt, first, last);
@@ -102,6 +102,6 @@ void gr_sph_kick_gas(struct gr_sph *s, double dt, int64_t first, int64_t last, s
     for (int64_t a = first; a < last; a++) {
         double square = 0.0;
         for (int d = 0; d < s->config.dim; d++) square += v[d][a] * v[d][a];
-        if (square > found->gas_speed2) found->gas_speed2 = square;
+        if (square > extremes->gas_speed2) extremes->gas_speed2 = square;
     }
 }

@@ -48,7 +48,7 @@ struct gr_sph_gas {
 };
 
 struct gr_sph;
-struct gr_sph_found;
+struct gr_sph_extremes;
 
 /* Add gas to an engine, before its points are bound. The arguments are copied.
  * Returned: 0, GR_ERR_MEMORY, or GR_ERR_CONFIG for too many jets. */
@@ -61,4 +61,4 @@ void gr_sph_free_gas_places(struct gr_sph *s);
 /* The two halves of a step for the points of gas [first, last). After each, the points in a jet have its velocity.
  * gr_sph_drift_gas: v += a dt/2, x += v dt. gr_sph_kick_gas: exchange of mass, v += a dt/2, and the largest speed. */
 void gr_sph_drift_gas(struct gr_sph *s, int64_t first, int64_t last);
-void gr_sph_kick_gas(struct gr_sph *s, double dt, int64_t first, int64_t last, struct gr_sph_found *found);
+void gr_sph_kick_gas(struct gr_sph *s, double dt, int64_t first, int64_t last, struct gr_sph_extremes *extremes);

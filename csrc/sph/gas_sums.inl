@@ -150,7 +150,7 @@ GR_INLINE void sph_gas_loads(int dim, struct gr_sph *s, int64_t first, int64_t l
 /* Transfer forces to the particles: add sign sum_a f_a share_a w/(sum_i m_i w) to their accelerations. For `is_push`
  * these are the share 1 - e_a of the pressure forces, else all of the drag forces with the opposite sign. */
 GR_INLINE void sph_gas_hand_over(int dim, struct gr_sph *s, int64_t first, int64_t last, int is_push,
-                                 struct gr_sph_found *found)
+                                 struct gr_sph_extremes *extremes)
 {
     const struct gr_sph_gas *gas = s->gas;
     double *const *f = is_push ? gas->push : gas->drag, *const *acceleration = gr_sph_rows(s, GR_SPH_FIELD_a);
@@ -169,7 +169,7 @@ GR_INLINE void sph_gas_hand_over(int dim, struct gr_sph *s, int64_t first, int64
             acceleration[i][j] += v_sum(sum[i]);
             square += acceleration[i][j] * acceleration[i][j];
         }
-        if (square > found->acceleration2) found->acceleration2 = square;
+        if (square > extremes->acceleration2) extremes->acceleration2 = square;
     }
 }
 
@@ -270,19 +270,19 @@ GR_INLINE void sph_gas_drag(int dim, struct gr_sph *s, int64_t first, int64_t la
 
 /* One stage of a step. */
 GR_INLINE void sph_stage(int dim, struct gr_sph *s, enum gr_sph_stage stage, int64_t first, int64_t last,
-                         struct gr_sph_found *found)
+                         struct gr_sph_extremes *extremes)
 {
     const int elastic = s->config.parameter[GR_SPH_P_shear_modulus] > 0;
     if (stage == GR_SPH_DENSITIES) sph_densities(dim, s, first, last);
-    if (stage == GR_SPH_FILTER) sph_filter(dim, s, first, last, found);
+    if (stage == GR_SPH_FILTER) sph_filter(dim, s, first, last, extremes);
     if (stage == GR_SPH_STRESSES && elastic) sph_stresses(dim, 1, s, first, last);
     if (stage == GR_SPH_STRESSES && !elastic) sph_stresses(dim, 0, s, first, last);
-    if (stage == GR_SPH_FORCES) sph_forces(dim, s, first, last, found);
+    if (stage == GR_SPH_FORCES) sph_forces(dim, s, first, last, extremes);
     if (stage == GR_SPH_GAS_VOLUMES) sph_gas_volumes(dim, s, first, last);
     if (stage == GR_SPH_GAS_FORCES) sph_gas_forces(dim, s, first, last);
     if (stage == GR_SPH_GAS_LOADS) sph_gas_loads(dim, s, first, last);
-    if (stage == GR_SPH_GAS_SHARES) sph_gas_hand_over(dim, s, first, last, 1, found);
+    if (stage == GR_SPH_GAS_SHARES) sph_gas_hand_over(dim, s, first, last, 1, extremes);
     if (stage == GR_SPH_GAS_EXCHANGE) sph_gas_exchange(dim, s, first, last);
     if (stage == GR_SPH_GAS_DRAG) sph_gas_drag(dim, s, first, last);
-    if (stage == GR_SPH_GAS_REACTIONS) sph_gas_hand_over(dim, s, first, last, 0, found);
+    if (stage == GR_SPH_GAS_REACTIONS) sph_gas_hand_over(dim, s, first, last, 0, extremes);
 }

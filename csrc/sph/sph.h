@@ -109,7 +109,7 @@ struct gr_block {
 };
 
 /* Results of a thread for its share of the points. */
-struct gr_sph_found {
+struct gr_sph_extremes {
     double speed2, acceleration2;   /* largest squares of the speeds of sound and of particles, and of the acceleration */
     double gas_speed2;              /* largest square of the speed of the gas */
     double moved2, low[3], high[3]; /* since the list was made: largest square of a displacement, and its extrema along
@@ -144,7 +144,7 @@ struct gr_sph {
     int lanes, refused_threads, error;            /* refused by the system of those that the last gr_sph_advance asked for */
     int64_t error_id;
     double error_x[3];
-    struct gr_sph_found found[GR_MAX_THREADS];
+    struct gr_sph_extremes extremes[GR_MAX_THREADS];
 };
 
 /* Number of components of a field; 0 if nothing needs it. */
@@ -173,7 +173,7 @@ static inline double *const *gr_sph_rows(const struct gr_sph *s, int field)
 
 /* The kernel of SPH: make a stage for the rows [first, last), all of one kind; see sums.inl, stress.inl, gas_sums.inl. */
 typedef void gr_sph_kernel(struct gr_sph *s, enum gr_sph_stage stage, int64_t first, int64_t last,
-                           struct gr_sph_found *found);
+                           struct gr_sph_extremes *extremes);
 
 /* Make an engine with a copy of the configuration.
  * Returned: 0, GR_ERR_MEMORY, or GR_ERR_CONFIG if a period is shorter than the list reaches or there are too many

@@ -89,7 +89,7 @@ GR_INLINE void sph_densities(int dim, struct gr_sph *s, int64_t first, int64_t l
 }
 
 /* Shepard filter rho = rho~/sum_b (m_b/rho~_b) W (eq. 5.18); m/rho; and the speed of sound, c^2 = K/rho (eq. 5.6). */
-GR_INLINE void sph_filter(int dim, struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found)
+GR_INLINE void sph_filter(int dim, struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_extremes *extremes)
 {
     const double *mass = gr_sph_rows(s, GR_SPH_FIELD_mass)[0], *p = s->config.parameter;
     const double norm = sph_weight_norm(dim, p[GR_SPH_P_h]);
@@ -98,7 +98,7 @@ GR_INLINE void sph_filter(int dim, struct gr_sph *s, int64_t first, int64_t last
     const double stiff = 1.5 * p[GR_SPH_P_kappa], shear = 4.0 / 3.0 * p[GR_SPH_P_shear_modulus];
     for (int64_t tile = first; tile < last; tile += SPH_TILE) {
         const int64_t end = tile + SPH_TILE < last ? tile + SPH_TILE : last;
-        double c2[SPH_TILE], most = found->speed2;
+        double c2[SPH_TILE], most = extremes->speed2;
         for (int64_t a = tile; a < end; a++) c2[a - tile] = norm * sph_sum(dim, s, s->lump, a, s->begin[a], s->end[a]);
         for (int64_t a = tile; a < end; a++) {
             rho[a] = s->rho_plain[a] / c2[a - tile];
@@ -107,7 +107,7 @@ GR_INLINE void sph_filter(int dim, struct gr_sph *s, int64_t first, int64_t last
             c2[a - tile] = (stiff * ratio * sqrt(ratio) + shear) / rho[a];
         }
         for (int64_t a = tile; a < end; a++) most = c2[a - tile] > most ? c2[a - tile] : most;
-        found->speed2 = most;
+        extremes->speed2 = most;
     }
 }
 
@@ -220,7 +220,7 @@ GR_INLINE void sph_add_forces(int dim, const struct gr_sph *s, int64_t a, int64_
 
 /* Acceleration of the particles, a = sum_b m_b (sigma_a/rho_a^2 + sigma_b/rho_b^2) grad W + g (eq. 5.20, whose sum
  * lacks m_b). */
-GR_INLINE void sph_forces(int dim, struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_found *found)
+GR_INLINE void sph_forces(int dim, struct gr_sph *s, int64_t first, int64_t last, struct gr_sph_extremes *extremes)
 {
     double *const *acceleration = gr_sph_rows(s, GR_SPH_FIELD_a), scale = sph_gradient_norm(dim, s);
     for (int64_t a = first; a < last; a++) {
@@ -232,6 +232,6 @@ GR_INLINE void sph_forces(int dim, struct gr_sph *s, int64_t first, int64_t last
             acceleration[i][a] = scale * v_sum(sums[i]) + s->gravity[i];
             square += acceleration[i][a] * acceleration[i][a];
         }
-        if (square > found->acceleration2) found->acceleration2 = square;
+        if (square > extremes->acceleration2) extremes->acceleration2 = square;
     }
 }

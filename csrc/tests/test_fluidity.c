@@ -103,7 +103,7 @@ TEST(two_sides)
             config.two_sided = 1, config.stencil = stencil;
             CHECK(gr_fluidity_new(&f, &config) == GR_OK && gr_fluidity_cover(f, cells, sides, 4) == GR_OK);
             const int64_t front = gr_fluidity_place(f, 1, 0), back = gr_fluidity_place(f, 1, 1);
-            CHECK(f->n_pages == 2 && front != back);
+            CHECK(f->pages.n == 2 && front != back);
             f->has_inside = 1;
             f->inside[2] = GR_BEHIND;
             f->inside[front] = apart ? GR_SEPARATED : 0;
@@ -229,9 +229,9 @@ TEST(without_memory)
         if (!error) {
             error = gr_fluidity_cover(f, NULL, NULL, 0);
             of_places += error == GR_ERR_MEMORY;
-            CHECK(f->n_pages == (error ? 0 : 50));
+            CHECK(f->pages.n == (error ? 0 : 50));
             const int hit = faults_end();
-            if (hit) CHECK(gr_fluidity_cover(f, NULL, NULL, 0) == GR_OK && f->n_pages == 50);
+            if (hit) CHECK(gr_fluidity_cover(f, NULL, NULL, 0) == GR_OK && f->pages.n == 50);
             gr_fluidity_free(f);
             CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK));
             if (!hit) break;
@@ -262,7 +262,7 @@ TEST(places_do_not_matter)
                 }
                 CHECK(gr_fluidity_new(&few, &config) == GR_OK);
                 CHECK(gr_fluidity_cover(few, cells, NULL, n / 2) == GR_OK); /* cover another set before */
-                CHECK(gr_fluidity_cover(few, cells, NULL, n) == GR_OK && few->n_pages < all->n_pages);
+                CHECK(gr_fluidity_cover(few, cells, NULL, n) == GR_OK && few->pages.n < all->pages.n);
                 for (int64_t k = 0; k < n; k++) {
                     const int64_t place = gr_fluidity_place(few, cells[k], 0);
                     few->dense[place] = all->dense[cells[k]], few->g[place] = all->g[cells[k]];

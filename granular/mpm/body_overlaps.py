@@ -29,9 +29,9 @@ Array = NDArray[np.float64]
 OVERLAP = 0.5
 """Overlap at the start [cells] up to which bodies, walls and blocks count as touching.
 
-It is that of csrc/contact/rigid.c: the surface of a body is known to half a cell, the distance of the
-places with which it touches. Contact keeps such a pair as it is; a pair that overlaps by more does
-not touch at all, so that the body would fall through.
+It is that of csrc/contact/rigid.c: the surface of a body is known to half a cell, the distance of
+the places with which it touches. Contact keeps such a pair as it is; a pair that overlaps by more
+does not touch at all, so that the body would fall through.
 """
 
 MARGIN = 0.02

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from granular import _core
 from granular.materials import NGF, MuI
 from granular.model.fill import Fill
 from granular.model.plausible import BOULDER
@@ -89,8 +90,7 @@ def damped_step(scene: Scene, dt: float) -> float:
     The wave of the largest frequency 2/dt obeys u" = -(2/dt)^2 (u + T u'). An explicit step h of it
     is stable if h^2 + 2 T h <= dt^2, so that the limit is sqrt(dt^2 + T^2) - T.
     """
-    T = max(material.damping_time for material in scene.materials)
-    return dt * dt / (math.sqrt(dt * dt + T * T) + T) if T else dt
+    return _core.damped_dt(dt, max(material.damping_time for material in scene.materials))
 
 
 def check_time_step(scene: Scene) -> None:
