@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from shared import machine, parser_of, write
+from shared import parser_of, write
 
 import granular as gr
 from granular.measure import GridField
@@ -456,7 +456,7 @@ def main(argv: list[str] | None = None) -> None:
         "substeps": lambda: rows_of(plan.subdivided(), plan, chosen),
         "seconds": lambda: seconds(tables),
     }
-    tables: dict[str, Any] = machine() | {"paper": PAPER}
+    tables: dict[str, Any] = {"paper": PAPER}
     for name, part in parts.items():
         tables[name] = part()
         write(chosen.out, plain(tables))

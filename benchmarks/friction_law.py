@@ -11,14 +11,13 @@ file.
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from shared import parser_of, write
+from shared import parser_of, stored, write
 
 from granular.grain_scale import dem, friction_law
 from granular.grain_scale.friction_law import SteadyShear
@@ -138,7 +137,7 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--timeout", type=float, default=7200.0, help="seconds a flow")
     chosen = parser.parse_args(argv)
     out = chosen.out or (RESULTS if not chosen.quick else None)
-    rows = json.loads(out.read_text())["rows"] if out and out.exists() else []
+    rows = stored(out, rows=[])["rows"]
     for name, cases in (QUICK if chosen.quick else SERIES).items():
         for case in cases if chosen.only in (None, name) else ():
             if any(row["set"] == name and row["case"] == asdict(case) for row in rows):

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import curve_fit
-from shared import parser_of, rounded
+from shared import parser_of, rounded, stored, write
 
 import granular as gr
 from granular import sph
@@ -337,12 +337,10 @@ def orderings(rows: list[dict[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def write(rows: list[dict[str, Any]], out: Path) -> None:
-    """The table with its evaluation, as JSON with one row per line."""
-    lines = ",\n".join(json.dumps(row, allow_nan=False) for row in rows)
+def store(rows: list[dict[str, Any]], out: Path) -> None:
+    """The table with its evaluation."""
     rest = {"exponents": exponents(rows), "inclined": orderings(rows)}
-    text = json.dumps(rounded(rest, DIGITS), indent=1, allow_nan=False)[2:]
-    out.write_text(f'{{"rows": [\n{lines}\n],\n{text}\n')
+    write(out, {"rows": rows} | rounded(rest, DIGITS))
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -351,8 +349,7 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--only", choices=tuple(RUNS), help="the cases of this kind")
     parser.add_argument("--threads", type=int, default=1)
     chosen = parser.parse_args(argv)
-    table = json.loads(chosen.out.read_text()) if chosen.out.exists() else {"rows": []}
-    rows = table["rows"]
+    rows = stored(chosen.out, rows=[])["rows"]
     held = {json.dumps(row["case"], sort_keys=True) for row in rows}
     for kind, keywords in quick() if chosen.quick else cases():
         case = json.dumps([kind, keywords], sort_keys=True)
@@ -361,8 +358,8 @@ def main(argv: list[str] | None = None) -> None:
         found = rounded(RUNS[kind](chosen.threads, **keywords), DIGITS)
         rows.append({"case": [kind, keywords], "kind": kind} | keywords | found)
         print(kind, keywords, found, flush=True)
-        write(rows, chosen.out)
-    write(rows, chosen.out)
+        store(rows, chosen.out)
+    store(rows, chosen.out)
 
 
 if __name__ == "__main__":

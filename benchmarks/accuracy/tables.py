@@ -7,9 +7,10 @@ from typing import Any
 
 from shared import markdown
 
+from accuracy import slopes
 from accuracy.cases import HYDRODYNAMICS, SCHEMES
 from accuracy.chart import LOST
-from accuracy.errors import Reference, Row, error, front, of_panel, select
+from accuracy.errors import Reference, Row, error, front, of_panel, references, select
 
 PANELS = {
     "incline": "incline, one column",
@@ -198,16 +199,18 @@ def others(rows: Rows, references: References, names: Sequence[str]) -> list[str
     return markdown((*header, "core-seconds of default", "error of default"), found)
 
 
-def tables(rows: Rows, references: References, slopes: Sequence[Entry]) -> dict[str, list[str]]:
-    """All tables of the page by the names of their places."""
+def tables(rows: Rows) -> dict[str, list[str]]:
+    """All tables of the page by their names."""
+    found = references(rows)
+    biases = slopes.table(rows, found)
     return {
-        "references": uncertainties(references),
-        "fronts": fronts(rows, references),
-        "schemes": schemes(rows, references),
+        "references": uncertainties(found),
+        "fronts": fronts(rows, found),
+        "schemes": schemes(rows, found),
         "layers": layers(rows),
-        "softness": softness(slopes),
-        "cells": resolution(slopes, "cell"),
-        "points": resolution(slopes, "points"),
-        "peers": others(rows, references, ("published", "taichi", "newton")),
-        "sph": others(rows, references, (HYDRODYNAMICS,)),
+        "softness": softness(biases),
+        "cells": resolution(biases, "cell"),
+        "points": resolution(biases, "points"),
+        "peers": others(rows, found, ("published", "taichi", "newton")),
+        "sph": others(rows, found, (HYDRODYNAMICS,)),
     }
