@@ -62,7 +62,20 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     for title, of_part in parts:
         lines.append((f"**{title}**", "", "", ""))
         lines += [(line.quantity, line.asked, line.measured, MET[line.met]) for line in of_part]
-    return {"bodies": markdown(("quantity", "asked", "measured", "met"), lines)}
+    return {
+        "summary": summary(rows),
+        "bodies": markdown(("quantity", "asked", "measured", "met"), lines),
+    }
+
+
+def summary(rows: dict[str, dict[str, Numbers]]) -> list[str]:
+    """One row for each row of cases: how many bounds are met."""
+    lines = []
+    for name, row in ROWS.items():
+        if rows.get(name):
+            asked = [line.met for line in row.lines(rows[name]) if line.met is not None]
+            lines.append((row.title, f"{sum(asked)} of {len(asked)}"))
+    return markdown(("case", "bounds met"), lines)
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -15,9 +15,10 @@ import time
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from shared import parser_of, stored, write
+from shared import markdown, parser_of, stored, write
 
 from granular.grain_scale import dem, friction_law
 from granular.grain_scale.friction_law import SteadyShear
@@ -129,6 +130,30 @@ def line(row: dict) -> str:
         f"  phi {p.packing_fraction:.4f}  Z {p.coordination:.3f}"
         f"  mu_n {p.friction_viscoelastic:.4f}  {row['seconds']:.0f} s"
     )
+
+
+GRAINS = {"low": "e = 0.5", "high": "e = 0.85", "walls": "walls, e = 0.5"}
+
+
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Table of the page: a row for each flow, by set and inertial number."""
+    head = ("grains", "I", "mu (±)", "law / mu", "balance (±)", "sliding", "phi", "Z", "slipping")
+    rows = [
+        (
+            words,
+            f"{p.inertial_number:.4f}",
+            f"{p.friction:.3f} ({p.friction_error:.3f})",
+            f"{p.friction_by_law / p.friction:.3f}",
+            f"{p.balance:.3f} ({p.law_error:.3f})",
+            f"{p.friction_sliding / p.friction_by_law:.3f}",
+            f"{p.packing_fraction:.4f}",
+            f"{p.coordination:.2f}",
+            f"{p.slipping:.2f}",
+        )
+        for name, words in GRAINS.items()
+        for p in points(results["rows"], name)
+    ]
+    return {"flows": markdown(head, rows)}
 
 
 def main(argv: list[str] | None = None) -> None:

@@ -22,6 +22,7 @@ import json
 import time
 from typing import Any
 
+import numpy as np
 from shared import least_time, markdown, parser_of, write
 from stability.flows import error_of_profile
 
@@ -80,7 +81,7 @@ def incline_error(scheme: gr.Scheme, columns: int, until: float) -> float:
 
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
-    """Tables of the page: times with the errors in 2D, and times in 3D."""
+    """Tables of the pages: a summary, times with the errors in 2D, and times in 3D."""
     times: dict[str, dict[tuple[int, str], list[float]]] = {}
     errors = {}
     for row in results["rows"]:
@@ -99,9 +100,27 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     ]
     space = [[row["scheme"], f"{row['ns']:.0f}"] for row in results["space"]]
     return {
+        "summary": summary(results),
         "speed": markdown(head, plane),
         "speed 3D": markdown(("scheme", f"{results['space'][0]['points']:,} points"), space),
     }
+
+
+def summary(results: dict[str, Any]) -> list[str]:
+    """Times of four schemes [ns]: mean of the small state seeded and fallen, and in 3D."""
+    small = min(row["points"] for row in results["rows"])
+    space = {row["scheme"]: row["ns"] for row in results["space"]}
+    lines = []
+    for scheme in ("linear flip", "cell averaged", "default", "default, single precision"):
+        mean = [
+            np.mean([
+                row["ns"] for row in results["rows"]
+                if (row["scheme"], row["points"], row["threads"]) == (scheme, small, threads)
+            ])
+            for threads in (1, 2)
+        ]  # fmt: skip
+        lines.append((scheme, *(f"{ns:.1f}" for ns in mean), f"{space[scheme]:.0f}"))
+    return markdown(("scheme", "2D, one thread", "2D, two threads", "3D, one thread"), lines)
 
 
 def least(before: dict[str, Any], now: dict[str, Any]) -> dict[str, Any]:

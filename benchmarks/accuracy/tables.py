@@ -199,11 +199,36 @@ def others(rows: Rows, references: References, names: Sequence[str]) -> list[str
     return markdown((*header, "core-seconds of default", "error of default"), found)
 
 
+def summary(rows: Rows, references: References) -> list[str]:
+    """Error and cost of the two schemes with a density correction, by the size of the cells."""
+    lines = []
+    for scene, setting in COMPARED.items():
+        panel, fixed = panels_of(scene)[0], {k: v for k, v in setting.items() if k != "cell"}
+        reference = references[panel]
+        if reference is None:
+            continue
+        by = {
+            (run["scheme"], run["cell"]): (
+                percent(error(run, panel, reference)),
+                seconds(run["core_seconds"]),
+            )
+            for scheme in ("default", "cell_averaged")
+            for run in select(rows, scene=scene, scheme=scheme, until=None, **fixed)
+            if error(run, panel, reference) > 0  # not the reference itself
+        }
+        for cell in sorted({cell for _, cell in by}, reverse=True):
+            cells = [by.get((scheme, cell), ("", "")) for scheme in ("default", "cell_averaged")]
+            lines.append((PANELS[panel], millimetres(cell), *cells[0], *cells[1]))
+    header = ("error of", "cell [mm]", "default", "core-seconds", "cell_averaged", "core-seconds")
+    return markdown(header, lines)
+
+
 def tables(rows: Rows) -> dict[str, list[str]]:
     """All tables of the page by their names."""
     found = references(rows)
     biases = slopes.table(rows, found)
     return {
+        "summary": summary(rows, found),
         "references": uncertainties(found),
         "fronts": fronts(rows, found),
         "schemes": schemes(rows, found),
