@@ -1,7 +1,5 @@
 """The checks of the density correction, run for several schemes.
 
-    python benchmarks density_correction_table [--checks NAME ...] [--schemes NAME ...]
-
 Runs checks of `granular.verify.density_correction` and
 `granular.verify.density_correction_budget` (all of them by default) with each scheme, and stores
 their rows in the JSON file together with the build and the processor time. Rows of other checks and

@@ -1,7 +1,5 @@
 """Quantities of interest of the paper's scenes against settings that make runs cheaper.
 
-    python benchmarks economy [--out benchmarks/results/economy.json] [--only silo] [--quick]
-
 Runs each case with one thread and appends a row to the table: the numbers of
 `granular.verify.quantities`, processor time, steps, points moved. Cases that the table already has
 are left out, so that the script can be stopped and started again. The laws of `gr.economy` in

@@ -1,8 +1,5 @@
 """Error against core-seconds for the schemes of this package and for its peers.
 
-    python benchmarks speed_accuracy [--quick] [--limit 200] [--out FILE]
-        [--figures FOLDER] [--draw]
-
 Runs every case of `accuracy/cases.py` that the table does not hold yet, one after the other with
 one thread, and appends it, so that a benchmark that was stopped continues where it was. A case that
 would take longer than the limit is left out, and its estimated cost stored. A peer that is not

@@ -1,7 +1,5 @@
 """Tall cylinders that collapse, against Lube 2004: yield surface, dilation, damping, refinement.
 
-    python benchmarks tall_columns    # what is not in the results yet
-
 All runs take about 15 minutes by one thread.
 """
 

@@ -1,7 +1,5 @@
 """Accuracy of bodies and of walls that are inclined to the grid.
 
-    python benchmarks bodies [--only NAME ...] [--again] [--quick] [--out FILE]
-
 Runs the cases of each row (`surfaces/`) and stores their numbers in the JSON file, one by one.
 Cases that are in the file are kept, unless `--again` is given, so that it can be filled piece by
 piece.

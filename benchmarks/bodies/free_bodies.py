@@ -1,7 +1,5 @@
 """Free bodies: what they cost, how light they may be, and the depth of craters.
 
-    python benchmarks free_bodies [cost light craters ...] [--again] [--quick] [--out FILE]
-
 cost: nanoseconds of the processor for each point and step with no body, with a body that stands,
 with one that moves and turns freely, and with one that touches a wall besides; the runs take turns.
 light: the noise of the bed about a disc at rest in it, by its mass over that of a full cell.

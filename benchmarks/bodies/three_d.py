@@ -1,7 +1,5 @@
 """Tools in soil at affordable sizes: runs, records and the numbers of docs/reports/three_d.md.
 
-    python benchmarks three_d wheel_20 excavation_5 --records build/three_d
-
 Without names it lists the cases. Numbers go to benchmarks/results/three_d.json, case by case.
 """
 

@@ -1,7 +1,5 @@
 """Runs of the package beside data of other authors: tables, pictures, results.
 
-    python benchmarks external [--quick] [--only CASE ...] [--out FILE] [--pictures FOLDER]
-
 The cases are those of `granular verify --external`. A case that is run replaces its entry in the
 file of results.
 """

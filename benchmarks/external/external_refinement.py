@@ -1,7 +1,5 @@
 """Cells, points, stiffness and method in the cases of `granular verify --external`: tables.
 
-    python benchmarks external_refinement [--quick] [--only STUDY ...] [--out FILE]
-
 A study that is run replaces its rows in the file of results. `--quick` makes the first run of each
 study.
 """

@@ -1,7 +1,5 @@
 """Earth pressure and bearing capacity: cells, speeds, stiffness and schemes, one at a time.
 
-    python benchmarks limit_analysis [--quick] [--only STUDY ...] [--out FILE]
-
 The problems are those of `granular verify --external limit_analysis`, with a rough base and
 footing. Each row changes what its name says, and nothing else. Walls at 30 degrees of friction,
 where the two friction angles differ most, have a table of their own, by cells and places of the

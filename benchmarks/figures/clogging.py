@@ -1,8 +1,5 @@
 """Phase diagram of clogging silos by the nonlocal law, and its dependence on the numerics.
 
-    python benchmarks clogging [--quick] [--workers N] [--folder build/clogging]
-                                  [--out benchmarks/results/clogging.json]
-
 Half silos of `scenes.clogging_silo` (Dunatunga & Kamrin, Modelling silo clogging, section 7) over
 the amplitude A and the opening W/d of figure 4a, with the scheme of the scene (linear shape
 functions) and with splines; the outflow against the substeps of the fluidity; cells of half the

@@ -1,7 +1,4 @@
-"""A cliff that slides, and the settlement of cliffs as gravity grows, for docs/how-to/cohesion.md.
-
-python benchmarks cohesion [--quick] [--out docs/pictures]
-"""
+"""A cliff that slides, and the settlement of cliffs as gravity grows, for docs/how-to/cohesion.md."""
 
 from __future__ import annotations
 

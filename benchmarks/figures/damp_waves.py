@@ -1,7 +1,5 @@
 """A bed that was pushed, with three restitutions, for docs/how-to/damp_waves.md.
 
-    python benchmarks damp_waves [--quick] [--out docs/pictures]
-
 The whole takes some seconds.
 """
 

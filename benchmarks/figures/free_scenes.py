@@ -1,7 +1,5 @@
 """A wheel that rolls onto a bed and a block that tips over a step, for docs/how-to/free_bodies.md.
 
-    python benchmarks free_scenes [--quick] [--out docs/pictures]
-
 The whole takes some seconds.
 """
 

@@ -1,7 +1,5 @@
 """A heap below a spout, a fed chute and a silo that is kept full, for docs/how-to/inflow.md.
 
-    python benchmarks inflow [--quick] [--out docs/pictures]
-
 The whole takes a minute or two.
 """
 

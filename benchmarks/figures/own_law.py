@@ -1,7 +1,5 @@
 """A cohesive Bingham fluid beside glass beads, for docs/how-to/own_law.md.
 
-    python benchmarks own_law [--quick] [--out docs/pictures]
-
 The function is that of the page. The whole takes some seconds.
 """
 

@@ -1,7 +1,5 @@
 """All figures of Dunatunga & Kamrin (2015), as cheap as a tolerance allows.
 
-    python benchmarks paper_in_half_an_hour [--tolerance 0.02] [--workers 2] [--quick]
-
 Runs the scripts of `benchmarks/figures/` from the paper's own settings (E = 1 GPa) with the
 suggestions of `gr.economy`. Each runs in a separate process with one thread, the longest first. The
 time of each is printed. The pictures go to build/figures, the table to --table.

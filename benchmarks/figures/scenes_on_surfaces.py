@@ -1,8 +1,5 @@
 """Landslide, obstacle, penetration and conveyor: a state of each, and numbers beside a reference.
 
-    python benchmarks scenes_on_surfaces [landslide obstacle ...] [--quick]
-                                                   [--out docs/pictures]
-
 The whole takes a minute or two; --quick, with cells of twice the size, some seconds.
 """
 

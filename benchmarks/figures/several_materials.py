@@ -1,7 +1,5 @@
 """Sand over gravel, and a flow against an elastic plate, for docs/how-to/several_materials.md.
 
-    python benchmarks several_materials [--quick] [--out docs/pictures]
-
 The whole takes a minute.
 """
 

@@ -1,7 +1,5 @@
 """A block that is thrown into a bed and turns, for docs/how-to/free_bodies.md.
 
-    python benchmarks thrown_block [--quick] [--out docs/pictures]
-
 The whole takes some seconds.
 """
 

@@ -4,10 +4,8 @@ The pictures show forces over time, the failure zone before a blade for several 
 finite width, soil below a wheel, an excavator at work, the convergence, and the profile between
 cylinders.
 
-The script draws the records that `benchmarks/bodies/three_d.py` makes:
-
-    python benchmarks three_d narrow_5 narrow_5_local narrow_5_drucker_prager excavator ...
-    python benchmarks tools_in_soil --records build/three_d --out build/figures
+It draws the records that `three_d` makes of narrow_5, narrow_5_local, narrow_5_drucker_prager,
+excavator and others.
 """
 
 from __future__ import annotations

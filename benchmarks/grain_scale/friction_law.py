@@ -1,7 +1,5 @@
 """The friction law over the inertial regime: shear cells by LAMMPS, their averages and fits.
 
-    python benchmarks friction_law [--quick] [--only SET] [--out TABLE]
-
 There are two sets of grains as in chapter 4 of Hurley's thesis, which differ in restitution (its
 figure with the values is lost: 0.5 and 0.85 at an impact speed of a tenth of sqrt(p/rho_s) are
 chosen here), and a shorter set between walls. A row is a flow. Flows that are already in the file

@@ -1,7 +1,5 @@
 """Error against time of the solvers of `granular.grain_scale.inference`.
 
-    python benchmarks inference [--quick] [--out FILE] [--figure FILE]
-
 The forces of packings with known forces are inferred from exact stresses and from stresses with an
 error of 10 %, by each solver that is able to. The packings are the 58 discs of the oedometric test
 and shaken regular arrays, from 100 to 5000 grains in 2D and to 1000 in 3D. Time is processor time

@@ -1,8 +1,5 @@
 """Columns of contact dynamics by this package and by other codes: error against core-seconds.
 
-    python benchmarks peers [--quick] [--limit 100] [--only CODE ...] [--out FILE] [--core N]
-                               [--pictures FOLDER] [--draw]
-
 Runs every case that the file of results does not hold yet, each with one thread and on one core,
 and appends it, so that a benchmark that was stopped continues where it was. A case that would take
 longer than the limit is left out, and its estimated cost stored, as is a code that is not installed

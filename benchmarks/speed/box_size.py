@@ -1,7 +1,5 @@
 """Cost of an empty box: time and memory per point of a heap against the size of its box.
 
-    python benchmarks box_size [--quick] [--out benchmarks/results/box_size.json]
-
 A heap of 8 points per cell rests in 3D, in the corner of a box of 1, 8 and 64 times its volume;
 finite strain, with the local and the nonlocal law (implicit). The time is the processor time of one
 thread, best of several batches. The memory is the growth of the process, all arrays included.

@@ -1,7 +1,5 @@
 """Cost of a step while a silo drains and while a column comes to rest.
 
-    python benchmarks draining [--quick] [--out benchmarks/results/draining.json]
-
 The cases are the silo of the paper (opening 0.2 m) and a column of aspect 1, default scheme,
 E = 1 MPa, one thread. For the silo the table has, for each share of the points that is left, the
 cells that the kernels visit and the processor time of a step. For the column it has over time: the

@@ -1,15 +1,11 @@
 """Cost of what grains may have besides one law: time per point-step with each feature on and off.
 
-    python benchmarks features [--quick] [--only NAME ...]
-                                  [--out benchmarks/results/features.json]
-
 Two simulations of a block of 8,192 points that was thrown over a rough floor differ in one feature
 alone. They make batches of steps in turns, in the order off, on, on, off, with one thread and the
 default scheme. The time is that of the processor, so that other programs on the machine lengthen
 it only by what they take of caches and memory. The cost of a feature is the median over the rounds
 of the ratio of both times per point and step, with the quartiles of the ratio for its noise. Points
 that have entered by an inflow count.
-
 """
 
 from __future__ import annotations

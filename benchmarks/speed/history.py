@@ -1,7 +1,5 @@
 """History of the speed: a few cases for this commit, as a row of results/history.json.
 
-    python benchmarks history [--quick] [--out benchmarks/results/history.json] [--last 8]
-
 A ratio is the time of a particle-step times the peak rate of multiply-adds of the same core, which
 is measured beside each case: how many operations the core could have done meanwhile. So rows of a
 machine that is faster on one day than on another can be compared. Other processors, compilers and

@@ -1,7 +1,5 @@
 """Time per point of the constitutive laws alone, for each instruction set.
 
-    python benchmarks laws [--quick] [--out benchmarks/results/laws.json]
-
 The points are as in a flow: elastic strains of about 1e-3 and strain increments of about 1e-4 per
 step, or of 0.1, beyond the short series of the finite-strain law. All 4,096 points fit in the
 second-level cache. Times are processor times, best of several batches. mu_I is the hypoelastic law,

@@ -1,7 +1,5 @@
 """Time and memory of the set-up of large meshes and height maps, and of a distance.
 
-    python benchmarks mesh_setup [--triangles N] [--posts N] [--library]
-
 Each case runs in a process of its own, on one thread. A ball of 2 m is triangulated by subdividing
 an icosahedron (20 * 4^k triangles, the least that is not below N). Times are processor times, which
 other jobs change little; the memory is what the process holds at most beyond what it held before.

@@ -1,7 +1,5 @@
 """Cost of the nonlocal law: ns per particle-step in addition to the local law of the same run.
 
-    python benchmarks nonlocal_speed [--quick] [--out benchmarks/results/nonlocal_speed.json]
-
 The case is the clogging silo (linear shape functions, 16 points per cell, half, W/d = 5) after
 0.1 s, with the local law (A = 0), and with the nonlocal one by explicit, implicit (A = 1) and
 Runge-Kutta-Legendre steps with one substep and five. Times are processor times of one thread. The

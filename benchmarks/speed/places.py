@@ -1,7 +1,5 @@
 """Places of points: the size of the buffers over that of the points in them.
 
-    python benchmarks places [--quick] [--out benchmarks/results/places.json]
-
 The buffers of the core have more places than there are points, as all cells of a tile have as many
 as the fullest, and one more. Their size is taken at the start and after some flow; they do not
 shrink. Beside it stand what the rows of the fullest cells alone would take then, and the bytes of

@@ -1,8 +1,5 @@
 """Time of the parts of `sim.run` with a record: the kernels, frames, checkpoints and the end.
 
-    python benchmarks record [--quick] [--points N] [--threads N] [--until SECONDS]
-        [--every SECONDS] [--precision double|single] [--folder FOLDER]
-
 The column collapse of figure 2 (aspect 2, E 1e7, a frame each 1/60 s), which is the README's first
 command, is run to its record; with `--points` in cells of another size. Each part is charged with
 its own time, without that of the parts it calls: by the wall clock, which counts waiting for the

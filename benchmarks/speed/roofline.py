@@ -1,7 +1,5 @@
 """Limits of the kernels: their bytes and operations against the capability of the machine.
 
-    python benchmarks roofline [--quick] [--out benchmarks/results/roofline.json]
-
 Measures on one core: the bandwidth of a sum into a third array, in the cache and in memory, and the
 rate of a matrix product as the peak of multiply-adds. Prints beside them the time of a
 particle-step of the plain linear scheme if it were bound by either alone, and its measured time.

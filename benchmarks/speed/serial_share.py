@@ -1,7 +1,5 @@
 """Share of a step that one thread does alone, in states that flow.
 
-    python benchmarks serial_share [--quick] [--out benchmarks/results/serial_share.json]
-
 A block of grains is thrown over a rough floor: 100,000 points in 2D and a million in 3D with the
 default scheme. The steps are run with one thread under `perf record` (Linux, package linux-perf).
 Every sample of the clock has the functions that were active: those within `make_steps` are of a

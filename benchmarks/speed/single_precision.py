@@ -1,9 +1,5 @@
 """Kernels in single precision beside double precision: time, and error beside that of the scheme.
 
-    python benchmarks single_precision [--quick] [--only CASE ...]
-                                          [--out benchmarks/results/single_precision.json]
-                                          [--draw]
-
 Each case runs in double and in single precision, and once more in double precision with cells twice
 as large. What single precision changes of the quantity of a case stands beside the error of the
 scheme: that against the theory, or what the larger cells change. The time is that of the processor

@@ -1,7 +1,5 @@
 """Time per particle-step of the kernels, with the error of the same schemes beside it.
 
-    python benchmarks speed [--quick] [--out benchmarks/results/speed.json] [--again]
-
 Column collapse of aspect 2 with 16 points per cell in double precision: about 8,000 and 200,000
 points, as seeded and after the column has fallen for a while, with one thread and with two. One
 thread is timed by the processor time of the process, two by the wall clock. The best of several

@@ -1,7 +1,5 @@
 """Time of a step of the finite-strain laws in 3D, and the cost of its parts.
 
-    python benchmarks speed_3d [--quick] [--out benchmarks/results/speed_3d.json]
-
 A bed of 8 points per cell flows down a slope of 38 degrees, periodic on its sides. The scheme has
 the quadratic basis, APIC and the particle density. It is run without fluidity (A = 0), with a
 fluidity that diffuses over faces or over all neighbours, and with a blade in the flow, thick or

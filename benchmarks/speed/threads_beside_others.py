@@ -1,7 +1,5 @@
 """Two threads beside other programs that need the processors.
 
-    python benchmarks threads_beside_others [--quick] [--out benchmarks/results/FILE.json]
-
 A column of 8,192 points is run with one thread and with two in turns, alone and beside programs
 that keep a processor busy each. The times are of the wall clock, the mean of all turns: beside
 other programs the operating system decides, so that the fastest turn says nothing.

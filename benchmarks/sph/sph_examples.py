@@ -1,7 +1,5 @@
 """The examples of chapter 5 of Hurley's thesis, with SPH.
 
-    python benchmarks sph_examples [--quick] [--only repose] [--threads 1] [--out FILE]
-
 Runs every case that the table does not hold yet and writes the table after each, so that a
 benchmark that was stopped continues where it was. Then the orderings and exponents are computed;
 docs/reports/sph_examples.md has them.

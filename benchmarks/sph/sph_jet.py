@@ -1,7 +1,5 @@
 """Picture of a gas jet on a bed (Hurley, thesis, figure 6.2): material left, gas right.
 
-python benchmarks sph_jet [--spacing 0.0125] [--to docs/pictures/sph_jet.png] [--record jet.h5]
-
 A record that exists is drawn as it is. The share of the nozzle that is full of gas of the initial
 density is printed for each frame that is drawn.
 """

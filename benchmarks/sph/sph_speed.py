@@ -1,7 +1,5 @@
 """Processor time per particle and step of SPH, with one thread.
 
-    python benchmarks sph_speed [--isa avx512] [--repeats 5]
-
 The cases are beds at rest under their weight and layers that flow, in 2D and 3D; the least of the
 repeats counts. Particles of the material, of walls and of the gas are counted alike.
 """

@@ -1,8 +1,5 @@
 """Growth of short waves in a flow of uniform shear: mu(I), its regularised form, and theory.
 
-    python benchmarks short_waves [--quick]
-        [--out benchmarks/results/short_waves.json] [--to docs/pictures/short_waves.png]
-
 A box of uniform shear between two plates, periodic along them, gets a small wave: the one that
 grows fastest by `granular.theory.shear_waves`, or decays slowest. Its amplitude is that of the
 velocity along the wave fronts, weighed with a window across the box, with the wave vector that the

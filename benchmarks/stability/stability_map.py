@@ -1,8 +1,5 @@
 """The map of failure: measured limits of the methods.
 
-    python benchmarks stability_map [--quick] [--only NAME ...] [--out FILE] [--figures FOLDER]
-    python benchmarks stability_map --draw FILE --figures FOLDER
-
 Each cell of a map is a small run with a number and a verdict: *stable*, *degraded*, or *refused* if
 the package does not start such a run. The number is then that of a run with the limits lifted, to
 show what the limits prevent. All maps are measured, or with --only those of some functions of

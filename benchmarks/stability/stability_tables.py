@@ -1,7 +1,5 @@
 """Tables of docs/reports/stability.md: layers below their angle of repose, closed domains, bodies.
 
-    python benchmarks stability_tables [--only NAME ...] [--quick] [--out FILE]
-
 Each table is measured anew and stored in the JSON file. The longest, of layers, takes some minutes.
 """
 
