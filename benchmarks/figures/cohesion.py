@@ -1,4 +1,4 @@
-"""A cliff that slides, and the settlement of cliffs as gravity grows, for docs/how-to/cohesion.md."""
+"""A cliff that slides, and cliffs that settle as gravity grows, for docs/how-to/cohesion.md."""
 
 from __future__ import annotations
 
