@@ -4,15 +4,47 @@ from __future__ import annotations
 
 import argparse
 import json
-import platform
+import os
+import shlex
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from datetime import date
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 import granular as gr
+from granular.record.provenance import cpu_name
+
+ROOT = Path(__file__).parents[1]
+RESULTS = Path(__file__).parent / "results"
+PICTURES = ROOT / "docs" / "pictures"
+
+
+def scripts() -> dict[str, str]:
+    """First line of the description of each script, by its name."""
+    found = {}
+    for path in sorted(Path(__file__).parent.glob("*/*.py")):
+        text = path.read_text(encoding="utf-8")
+        if "\ndef main(" in text:
+            found[path.stem] = text[3:].partition("\n")[0].removesuffix('"""')
+    return found
+
+
+def module(name: str) -> ModuleType:
+    """Module of this name, with its folder where the name alone is not enough."""
+    (path,) = Path(__file__).parent.rglob(name.replace(".", "/") + ".py")
+    return import_module(f"{path.parent.name}.{path.stem}")
+
+
+def python(name: str) -> list[str]:
+    """Command that runs a script in another process."""
+    return [sys.executable, str(Path(__file__).parent), name]
 
 
 def parser_of(doc: str, quick: str = "small sizes, to see that it runs") -> argparse.ArgumentParser:
@@ -23,16 +55,55 @@ def parser_of(doc: str, quick: str = "small sizes, to see that it runs") -> argp
     return parser
 
 
-def machine() -> dict[str, Any]:
-    """Machine and build, on which the times in a table depend."""
-    return {"machine": platform.machine(), "build": gr.show_config()}
+def commit() -> str:
+    """Commit of the working tree, with a + if files have changed since."""
+    command = ["git", "-C", str(ROOT), "describe", "--always", "--dirty=+"]
+    return subprocess.run(command, capture_output=True, text=True).stdout.strip() or "unknown"
 
 
-def write(out: Path | None, table: Any) -> None:
-    """Write a table as JSON, if a file is given."""
+def stamp() -> dict[str, Any]:
+    """Commit, command, processor, build and date of a result."""
+    return {
+        "commit": commit(),
+        "command": " ".join(["python", sys.argv[0], shlex.join(sys.argv[1:])]).strip(),
+        "processor": cpu_name(),
+        "build": gr.show_config(),
+        "date": date.today().isoformat(),
+    }
+
+
+def stored(out: Path | None, **empty: Any) -> dict[str, Any]:
+    """Results in a file, or what they are before the first one."""
+    return json.loads(out.read_text()) if out and out.exists() else empty
+
+
+def text_of(results: Mapping[str, Any]) -> str:
+    """Results as JSON, with each row of a list and each entry of a dictionary on one line."""
+    parts = []
+    for name, value in results.items():
+        text = json.dumps(value, default=str)
+        if isinstance(value, list) and value:
+            text = "[\n" + ",\n".join(json.dumps(row, default=str) for row in value) + "\n]"
+        elif isinstance(value, dict) and value:
+            lines = (json.dumps({key: row}, default=str)[1:-1] for key, row in value.items())
+            text = "{\n" + ",\n".join(lines) + "\n}"
+        parts.append(f"{json.dumps(name)}: {text}")
+    return "{\n" + ",\n".join(parts) + "\n}\n"
+
+
+def write(out: Path | None, results: dict[str, Any], tables: Iterable[str] = ()) -> None:
+    """Write results as JSON with a stamp, which pages show below their tables, if a file is given.
+
+    Results that are measured table by table have a stamp for each: `tables` are those that are new.
+    """
     if out:
+        results["stamp"] = stamp()
+        if new := dict.fromkeys(tables, results["stamp"]):
+            results["stamps"] = results.get("stamps", {}) | new
         out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_text(json.dumps(table, indent=1, default=str) + "\n")
+        partial = out.with_suffix(".part")
+        partial.write_text(text_of(results))
+        os.replace(partial, out)
 
 
 def least_time(
@@ -60,19 +131,3 @@ def markdown(header: Sequence[object], rows: Iterable[Sequence[object]]) -> list
     """Table in Markdown, line by line."""
     head, *body = ("| " + " | ".join(map(str, row)) + " |" for row in (header, *rows))
     return [head, "|---" * len(header) + "|", *body]
-
-
-def write_tables(page: Path, tables: Mapping[str, Sequence[str]]) -> None:
-    """Replace the lines between the two marks of each table of a page.
-
-    The marks of a table are `<!-- table NAME: begin -->` and `<!-- table NAME: end -->`. The only
-    table of a page may have the name "", and no space for it in its marks.
-    """
-    text = page.read_text()
-    for name, lines in tables.items():
-        word = f"table {name}".rstrip()
-        begin, end = f"<!-- {word}: begin -->", f"<!-- {word}: end -->"
-        before, rest = text.split(begin)
-        _, after = rest.split(end)
-        text = before + "\n".join([begin, "", *lines, "", end]) + after
-    page.write_text(text)

@@ -1,4 +1,4 @@
-"""The scripts of `benchmarks` run, and their tables are those of the pages."""
+"""The scripts of `benchmarks` run, and make tables of their results."""
 
 import json
 import sys
@@ -13,21 +13,18 @@ from granular import verify
 from granular.verify.rows import Check, at_most
 
 RESULTS = Path(__file__).parents[2] / "benchmarks" / "results"
-REPORTS = Path(__file__).parents[2] / "docs" / "reports"
-PAGE = "before\n<!-- table: begin -->\nold\n<!-- table: end -->\nafter\n"
 
 
 def test_a_quick_table_of_bodies_is_written(module, tmp_path, capsys):
-    """Each row has lines with numbers; a second call measures nothing, and renews the page."""
-    script, out, page = module("bodies"), tmp_path / "table.json", tmp_path / "page.md"
+    """Each row has lines with numbers; a second call measures nothing."""
+    script, out = module("bodies"), tmp_path / "table.json"
     script.main(["--quick", "--only", "bed", "box", "plate", "--out", str(out)])
     assert len(capsys.readouterr().out.splitlines()) == 3
-    page.write_text(PAGE)
-    script.main(["--quick", "--only", "bed", "--out", str(out), "--page", str(page)])
+    script.main(["--quick", "--only", "bed", "--out", str(out)])
     assert capsys.readouterr().out == ""
-    table, text = json.loads(out.read_text()), page.read_text()
+    table = json.loads(out.read_text())
+    text = "\n".join(script.tables(table)["bodies"])
     assert all(case["deepest"] < 0.25 for row in table["rows"].values() for case in row.values())
-    assert text.startswith("before") and text.endswith("after\n") and "old" not in text
     for name in table["rows"]:
         assert f"| **{script.ROWS[name].title}** |" in text
     assert "nan" not in text and "inf" not in text
@@ -51,12 +48,12 @@ def test_the_smaller_time_of_two_runs_is_kept(module):
 
     def results(isa, *times):
         rows = [{"scheme": f"scheme {k}", "points": 8192, "ns": ns} for k, ns in enumerate(times)]
-        return {"machine": "x", "build": {"isa": isa}, "rows": rows, "space": rows[:1]}
+        return {"isa": isa, "rows": rows, "space": rows[:1]}
 
     script = module("speed")
     joined = script.least(results("avx2", 9.0, 20.0), results("avx2", 10.0, 19.0))
     assert [row["ns"] for row in joined["rows"]] == [9.0, 19.0] and joined["space"][0]["ns"] == 9.0
-    with pytest.raises(SystemExit, match="another machine"):
+    with pytest.raises(SystemExit, match="another instruction set"):
         script.least(results("avx512", 9.0, 20.0), results("avx2", 10.0, 19.0))
     with pytest.raises(SystemExit, match="other rows"):
         script.least(
@@ -64,18 +61,17 @@ def test_the_smaller_time_of_two_runs_is_kept(module):
         )
 
 
-def test_a_quick_table_of_places_is_written(module, tmp_path, capsys, monkeypatch):
-    """Buffers are larger than the points, and the page gets a row for each case."""
-    script, out, page = module("places"), tmp_path / "places.json", tmp_path / "page.md"
+def test_a_quick_table_of_places_is_written(module, tmp_path, monkeypatch):
+    """Buffers are larger than the points, and the table has a row for each case."""
+    script, out = module("places"), tmp_path / "places.json"
     monkeypatch.setattr(script, "CASES", dict(list(script.CASES.items())[-1:]))
     script.main(["--quick", "--out", str(out)])
-    (sizes,) = json.loads(out.read_text())["cases"].values()
+    results = json.loads(out.read_text())
+    (sizes,) = results["cases"].values()
     assert sizes["points"] == 2048 and 1.0 < sizes["start"] <= sizes["end"] < 2.0
-    page.write_text(PAGE.replace("table", "table places"))
-    monkeypatch.setattr(script, "PAGE", page)
-    monkeypatch.setattr(script, "RESULTS", out)
-    script.main(["--page"])
-    assert "| 2,048 |" in page.read_text() and "old" not in page.read_text()
+    (lines,) = script.tables(results).values()
+    assert len(lines) == 3 and "| 2,048 |" in lines[-1]
+    assert results["stamp"].keys() == {"commit", "command", "processor", "build", "date"}
 
 
 @pytest.mark.slow
@@ -125,15 +121,15 @@ def test_a_quick_roofline_is_written(module, tmp_path, capsys):
         pytest.approx(found["operations a particle-step"])
     )
     committed = json.loads((RESULTS / "roofline.json").read_text())
-    assert [name for name in committed if "points" not in name] == list(found)[:-1]
-    assert len(capsys.readouterr().out.splitlines()) == len(found)
+    assert committed.keys() - found.keys() == {f"measured, {n} points [ns]" for n in (8192, 204800)}
+    assert len(capsys.readouterr().out.splitlines()) == len(found) - 1
 
 
 def test_history_of_the_speed(module, tmp_path, capsys):
     """Each run adds a row; changes are against the last row of the same machine and build."""
     script, out = module("history"), tmp_path / "history.json"
     script.main(["--quick", "--out", str(out)])
-    (row,) = json.loads(out.read_text())
+    (row,) = json.loads(out.read_text())["rows"]
     assert len(row["ratios"]) == 3 * len(script.NAMES) and min(row["ratios"].values()) > 1
     faster = row | {"ratios": {name: 0.5 * ratio for name, ratio in row["ratios"].items()}}
     other = faster | {"kind": row["kind"] | {"isa": "another"}}
@@ -142,7 +138,7 @@ def test_history_of_the_speed(module, tmp_path, capsys):
     assert lines[: len(row["ratios"])] == printed[: len(row["ratios"])]
     assert len(lines) == len(printed) + 1 and "%" not in "".join([*printed, lines[-2]])
     assert lines[-1].count("-50 %") == len(row["ratios"])
-    committed = json.loads((RESULTS / "history.json").read_text())
+    committed = json.loads((RESULTS / "history.json").read_text())["rows"]
     assert all(row.keys() == old.keys() for old in committed)
 
 
@@ -308,23 +304,20 @@ def correction(monkeypatch, module):
     return module("density_correction_table")
 
 
-def test_rows_are_kept_and_written_into_a_page(correction, tmp_path):
-    out, page = tmp_path / "new" / "table.json", tmp_path / "page.md"
-    page.write_text(PAGE)
+def test_rows_are_kept_and_make_a_table(correction, tmp_path):
+    out = tmp_path / "new" / "table.json"
     common = ["--checks", "density_correction_box", "--out", str(out), "--schemes"]
     correction.main([*common, "default", "quadratic APIC"])
-    correction.main([*common, "default", "published", "--page", str(page)])
-    results = json.loads(out.read_text())
+    correction.main([*common, "default", "published"])
+    stored = json.loads(out.read_text())
+    results = stored["rows"]
     assert [r["scheme"] for r in results] == ["quadratic APIC", "default", "published"]
     assert results[0]["rows"][1][:2] == ["RuntimeError: went wrong", "stopped"]
     assert results[1]["rows"] == [["nodes | along an axis", "3", "<= 2.5", False]]
-    assert {"commit", "compiler", "isa", "machine", "seconds"} <= results[1].keys()
-    text = page.read_text()
-    assert text.startswith("before\n") and text.endswith("after\n") and "old" not in text
+    assert {"commit", "seconds"} <= results[1].keys()
+    text = "\n".join(correction.tables(stored)["density correction"])
     assert "| nodes \\| along an axis | <= 2.5 | 3 **!** | 2 | 3 **!** |" in text
     assert "| quantity | asked | default | published | quadratic APIC |" in text
-    correction.write_tables(page, {"": correction.lines(results)})
-    assert page.read_text() == text
 
 
 def test_every_check_is_offered(correction):
@@ -353,7 +346,7 @@ def runs(monkeypatch, module, tmp_path):
         "excavator": lambda: gr.scenes.excavator(cell=0.05, speed=0.4, duration=0.6, ramp=0.02),
     }
     monkeypatch.setattr(script, "CASES", cases)
-    monkeypatch.setattr(script, "RESULTS", tmp_path / "results.json")
+    monkeypatch.setattr(script, "OUT", tmp_path / "results.json")
     return script
 
 
@@ -385,17 +378,6 @@ def test_unknown_cases_are_refused(runs, capsys):
     assert "must be among" in capsys.readouterr().err
     runs.main([])
     assert capsys.readouterr().out.split() == list(runs.CASES)
-
-
-@pytest.mark.parametrize(
-    ("script", "page", "options"),
-    [("three_d", "three_d", []), ("stability_tables", "stability", ["--only"])],
-)
-def test_tables_of_the_page_are_those_of_the_file(module, tmp_path, script, page, options):
-    page, again = REPORTS / f"{page}.md", tmp_path / "page.md"
-    again.write_text(page.read_text())
-    module(script).main([*options, "--page", str(again)])
-    assert again.read_text() == page.read_text()
 
 
 def test_quick_tables_of_limits_are_written(module, tmp_path):
