@@ -11,7 +11,9 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import date
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,29 @@ import granular as gr
 from granular.record.provenance import cpu_name
 
 ROOT = Path(__file__).parents[1]
+RESULTS = Path(__file__).parent / "results"
+PICTURES = ROOT / "docs" / "pictures"
+
+
+def scripts() -> dict[str, str]:
+    """First line of the description of each script, by its name."""
+    found = {}
+    for path in sorted(Path(__file__).parent.glob("*/*.py")):
+        text = path.read_text(encoding="utf-8")
+        if "\ndef main(" in text:
+            found[path.stem] = text[3:].partition("\n")[0].removesuffix('"""')
+    return found
+
+
+def module(name: str) -> ModuleType:
+    """Module of this name, with its folder where the name alone is not enough."""
+    (path,) = Path(__file__).parent.rglob(name.replace(".", "/") + ".py")
+    return import_module(f"{path.parent.name}.{path.stem}")
+
+
+def python(name: str) -> list[str]:
+    """Command that runs a script in another process."""
+    return [sys.executable, str(Path(__file__).parent), name]
 
 
 def parser_of(doc: str, quick: str = "small sizes, to see that it runs") -> argparse.ArgumentParser:
@@ -38,12 +63,9 @@ def commit() -> str:
 
 def stamp() -> dict[str, Any]:
     """Commit, command, processor, build and date of a result."""
-    script = Path(sys.argv[0]).resolve()
-    if script.is_relative_to(ROOT):
-        script = script.relative_to(ROOT)
     return {
         "commit": commit(),
-        "command": shlex.join(["python", str(script), *sys.argv[1:]]),
+        "command": " ".join(["python", sys.argv[0], shlex.join(sys.argv[1:])]).strip(),
         "processor": cpu_name(),
         "build": gr.show_config(),
         "date": date.today().isoformat(),

@@ -1,9 +1,7 @@
 """Fixtures shared by all test folders: small scenes in every scheme that can be built."""
 
-import importlib
 import os
 import signal
-from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # matrices of tests are small
 
@@ -57,12 +55,11 @@ def ctrl_c():
 
 
 @pytest.fixture
-def module(monkeypatch):
-    """Module of the benchmarks or of their figures, by its name."""
-    benchmarks = Path(__file__).parents[1] / "benchmarks"
-    for folder in (benchmarks / "figures", benchmarks):
-        monkeypatch.syspath_prepend(folder)
-    return importlib.import_module
+def module():
+    """Module of the benchmarks, by its name."""
+    from shared import module
+
+    return module
 
 
 @pytest.fixture(params=COMBINATIONS, ids="-".join)

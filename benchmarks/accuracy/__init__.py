@@ -1,1 +1,1 @@
-"""Cases, runs, errors and pictures of `benchmarks/speed_accuracy.py`."""
+"""Errors of the schemes: against their cost, by scene, by law."""

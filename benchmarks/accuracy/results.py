@@ -8,13 +8,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from shared import write
+from shared import ROOT, write
 
 import granular as gr
 from accuracy.cases import Case
 from granular.record.provenance import cpu_name
-
-ROOT = Path(__file__).parents[2]
 
 
 def head() -> dict[str, Any]:

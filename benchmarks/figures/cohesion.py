@@ -1,14 +1,14 @@
 """A cliff that slides, and the settlement of cliffs as gravity grows, for docs/how-to/cohesion.md.
 
-python benchmarks/figures/cohesion.py [--quick] [--out docs/pictures]
+python benchmarks cohesion [--quick] [--out docs/pictures]
 """
 
 from __future__ import annotations
 
 import numpy as np
-from common import parser_of, save, tell
 
 import granular as gr
+from figures.common import parser_of, save, tell
 from granular import plot, theory
 from granular.scenes.cohesive_cliff import cohesive_soil
 
@@ -55,7 +55,3 @@ def main() -> None:
     right.set_ylim(1e-2, 100.0)
     right.legend(loc="upper left", fontsize=8)
     save(picture, chosen, "cohesion")
-
-
-if __name__ == "__main__":
-    main()

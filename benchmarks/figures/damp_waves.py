@@ -1,6 +1,6 @@
 """A bed that was pushed, with three restitutions, for docs/how-to/damp_waves.md.
 
-    python benchmarks/figures/damp_waves.py [--quick] [--out docs/pictures]
+    python benchmarks damp_waves [--quick] [--out docs/pictures]
 
 The whole takes some seconds.
 """
@@ -8,9 +8,9 @@ The whole takes some seconds.
 from __future__ import annotations
 
 import numpy as np
-from common import parser_of, save
 
 import granular as gr
+from figures.common import parser_of, save
 from granular.plot import Picture
 
 HEIGHT, SPEED = 0.2, 1e-3
@@ -65,7 +65,3 @@ def main() -> None:
     ax.set(xlabel="time [s]", ylabel="velocity of the surface [mm/s]")
     ax.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
     save(picture, chosen, "damp_waves")
-
-
-if __name__ == "__main__":
-    main()

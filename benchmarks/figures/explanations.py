@@ -5,16 +5,15 @@
 
 from __future__ import annotations
 
-import sys
 import warnings
 from collections.abc import Callable
 
 import numpy as np
-from common import parser_of, save, tell
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 import granular as gr
+from figures.common import parser_of, save, tell
 from granular.plot import Picture
 
 BLUE, ORANGE, GREEN, RED, GREY = "#0072b2", "#e69f00", "#009e73", "#d55e00", "#8a8f98"
@@ -350,7 +349,3 @@ def main(argv: list[str] | None = None) -> None:
     warnings.simplefilter("ignore", gr.StabilityWarning)  # some runs show what goes wrong
     for page in chosen.pages or PAGES:
         save(PAGES[page](chosen.quick), chosen, f"explain_{page}")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

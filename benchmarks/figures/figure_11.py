@@ -1,10 +1,7 @@
 """Figure 11: a disconnected slug flies, meets a wall, and comes to rest as a heap."""
 
-import sys
-
-from common import options, save, states_at
-
 import granular as gr
+from figures.common import options, save, states_at
 from granular import plot
 
 
@@ -24,7 +21,3 @@ def main(argv: list[str] | None = None) -> None:
         states[: len(flight)], states[len(flight) : -1], states[-1]
     )
     save(picture, chosen, "figure_11")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

@@ -1,11 +1,9 @@
 """Figure 13: the stress update along the path of appendix B against Runge-Kutta."""
 
-import sys
-
 import numpy as np
-from common import RUN, options, save
 
 import granular as gr
+from figures.common import RUN, options, save
 from granular import plot
 from granular.verify.constitutive import DURATION, STEPS, constitutive_path
 
@@ -32,7 +30,3 @@ def main(argv: list[str] | None = None) -> None:
     times = np.linspace(0.0, DURATION, len(finest.times))
     exact = gr.theory.reference(chosen.material, P0, times)
     save(plot.dunatunga_kamrin_2015.figure_13(paths, exact), chosen, "figure_13")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

@@ -1,10 +1,7 @@
 """Figure 2: column collapses of aspect 2, 1 and 0.5."""
 
-import sys
-
-from common import options, save, states_at
-
 import granular as gr
+from figures.common import options, save, states_at
 from granular import plot
 
 
@@ -16,7 +13,3 @@ def main(argv: list[str] | None = None) -> None:
         name = f"a = {aspect:g}"
         columns.append(states_at(scene, (0.0, 0.5, 2.0), chosen, name=name))
     save(plot.dunatunga_kamrin_2015.figure_2(columns), chosen, "figure_2")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

@@ -1,10 +1,7 @@
 """Figure 3: run-out against aspect ratio, of both schemes."""
 
-import sys
-
-from common import SCHEMES, options, save, states_at
-
 import granular as gr
+from figures.common import SCHEMES, options, save, states_at
 from granular import plot
 
 
@@ -25,7 +22,3 @@ def main(argv: list[str] | None = None) -> None:
             (last,) = states_at(scene, (scene.duration,), chosen, name=label)
             runouts[name].append(gr.measure.runout(last))
     save(plot.dunatunga_kamrin_2015.figure_3(aspects, runouts), chosen, "figure_3")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

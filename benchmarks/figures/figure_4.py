@@ -1,10 +1,7 @@
 """Figure 4: silos with orifices of 0.10, 0.14 and 0.18 m after 0, 2 and 5 s."""
 
-import sys
-
-from common import options, save, states_at
-
 import granular as gr
+from figures.common import options, save, states_at
 from granular import plot
 
 
@@ -16,7 +13,3 @@ def main(argv: list[str] | None = None) -> None:
         name = f"D = {orifice:g} m"
         silos.append(states_at(scene, (0.0, 2.0, 5.0), chosen, name=name))
     save(plot.dunatunga_kamrin_2015.figure_4(silos), chosen, "figure_4")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

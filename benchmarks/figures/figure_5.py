@@ -1,11 +1,9 @@
 """Figure 5: mass left in silos, and the rate of discharge against the orifice."""
 
-import sys
-
 import numpy as np
-from common import frames, options, save
 
 import granular as gr
+from figures.common import frames, options, save
 from granular import plot
 
 
@@ -32,7 +30,3 @@ def main(argv: list[str] | None = None) -> None:
     fit = gr.measure.beverloo(list(histories), rates, **unit)
     shown = {d: h for d, h in histories.items() if chosen.quick or round(100 * d) % 4 == 2}
     save(plot.dunatunga_kamrin_2015.figure_5(shown, fit, **unit), chosen, "figure_5")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

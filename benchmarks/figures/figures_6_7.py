@@ -1,10 +1,7 @@
 """Figures 6 and 7: hourglasses after 0, 1, 2 and 5 s, by shear rate and by phase."""
 
-import sys
-
-from common import options, save, states_at
-
 import granular as gr
+from figures.common import options, save, states_at
 from granular import plot
 
 
@@ -22,7 +19,3 @@ def main(argv: list[str] | None = None) -> None:
     save(plot.dunatunga_kamrin_2015.figure_6(flat, sloped), chosen, "figure_6")
     save(plot.dunatunga_kamrin_2015.figure_7(flat, sloped), chosen, "figure_7")
     save(plot.dunatunga_kamrin_2015.figure_7(flat, sloped, by="stress"), chosen, "figure_7_stress")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

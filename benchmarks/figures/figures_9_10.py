@@ -1,10 +1,7 @@
 """Figures 9 and 10: flow down inclines over time, against the angle, and its profile."""
 
-import sys
-
-from common import frames, options, save, states_at
-
 import granular as gr
+from figures.common import frames, options, save, states_at
 from granular import plot
 
 
@@ -29,7 +26,3 @@ def main(argv: list[str] | None = None) -> None:
     picture = plot.dunatunga_kamrin_2015.figure_9(shown, mu_s=grains.mu_s, mu_2=grains.mu_2)
     save(picture, chosen, "figure_9")
     save(plot.dunatunga_kamrin_2015.figure_10(flows, state), chosen, "figure_10")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

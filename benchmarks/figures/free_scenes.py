@@ -1,6 +1,6 @@
 """A wheel that rolls onto a bed and a block that tips over a step, for docs/how-to/free_bodies.md.
 
-    python benchmarks/figures/free_scenes.py [--quick] [--out docs/pictures]
+    python benchmarks free_scenes [--quick] [--out docs/pictures]
 
 The whole takes some seconds.
 """
@@ -10,9 +10,8 @@ from __future__ import annotations
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from common import parser_of, save, tell
-
 import granular as gr
+from figures.common import parser_of, save, tell
 from granular.plot import Picture
 
 SHOWN = {
@@ -40,7 +39,3 @@ def main() -> None:
                 title = f"t = {record[k].time:.2f} s"
                 gr.plot.frame(record[k], "speed", ax=ax, title=title, **common)
     save(made, chosen, "free_scenes")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,17 +1,17 @@
-"""Figures 4.4 to 4.8 of Hurley's thesis, from the table that benchmarks/friction_law.py writes."""
+"""Figures 4.4 to 4.8 of Hurley's thesis, from the results of `friction_law`."""
 
 import argparse
 import json
-import sys
 from pathlib import Path
 
-from common import OUT, save
+from shared import RESULTS
 
 import granular as gr
+from figures.common import OUT, save
 from granular import plot
 from granular.grain_scale.friction_law import SteadyShear
 
-TABLE = Path(__file__).parents[1] / "results" / "friction_law.json"
+TABLE = RESULTS / "friction_law.json"
 NAMES = {"low": "e = 0.5", "high": "e = 0.85", "walls": "walls, e = 0.5"}
 """Names of the sets, by their restitution at an impact speed of a tenth of sqrt(p/rho_s)."""
 
@@ -46,7 +46,3 @@ def main(argv: list[str] | None = None) -> None:
     }
     for name, picture in pictures.items():
         save(picture, chosen, name)
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

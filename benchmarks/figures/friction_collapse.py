@@ -1,22 +1,21 @@
 """From grains to a heap: mu(I) of sheared spheres, then a column of them that collapses.
 
-The flows are those of benchmarks/friction_law.py. Their rheology is used as a continuum material in
+The flows are those of `friction_law`. Their rheology is used as a continuum material in
 the column collapse of figure 2, and compared with the glass beads of the paper.
 """
 
 import json
-import sys
-from pathlib import Path
 
 import numpy as np
-from common import RUN, options, save, tell
+from shared import RESULTS
 
 import granular as gr
+from figures.common import RUN, options, save, tell
 from granular import plot
 from granular.grain_scale import friction_law
 from granular.grain_scale.friction_law import SteadyShear
 
-TABLE = Path(__file__).parents[1] / "results" / "friction_law.json"
+TABLE = RESULTS / "friction_law.json"
 
 
 def rheology() -> tuple[friction_law.MuIFit, dict]:
@@ -59,7 +58,3 @@ def main(argv: list[str] | None = None) -> None:
     for ax in (left, right):
         ax.legend(fontsize="small")
     save(fig, chosen, "friction_collapse")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

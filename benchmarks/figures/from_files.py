@@ -6,9 +6,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from common import BLUE, GREY, ORANGE, WEIGHT, panels, tell
 
 import granular as gr
+from figures.common import BLUE, GREY, ORANGE, WEIGHT, panels, tell
 from granular.grain_scale.dem.process import execute
 from granular.plot import Picture
 

@@ -5,20 +5,19 @@
 
 from __future__ import annotations
 
-import sys
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from common import BLUE, GREEN, GREY, ORANGE, RED, WEIGHT, panels, parser_of, save, tell
-from from_files import dem_runs, meshes
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 from scipy.optimize import brentq
 
 import granular as gr
+from figures.common import BLUE, GREEN, GREY, ORANGE, RED, WEIGHT, panels, parser_of, save, tell
+from figures.from_files import dem_runs, meshes
 from granular.plot import Picture
 
 STILL = gr.Gravity((0.0,), ((0.0, 0.0),))
@@ -455,7 +454,3 @@ def main(argv: list[str] | None = None) -> None:
     warnings.simplefilter("ignore", gr.StabilityWarning)  # some runs show what goes wrong
     for page in chosen.pages or PAGES:
         save(PAGES[page](chosen.quick), chosen, f"guide_{page}")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-import sys
 import warnings
 
 import numpy as np
-from common import parser_of, save, tell
 
 import granular as gr
+from figures.common import parser_of, save, tell
 from granular import plot
 
 ANGLES = (10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0)
@@ -135,7 +134,3 @@ def main(argv: list[str] | None = None) -> None:
     warnings.simplefilter("ignore", gr.StabilityWarning)
     save(drums(0.02 if chosen.quick else 0.01), chosen, "rotating_drum")
     save(hoppers(0.025 if chosen.quick else 0.0125), chosen, "hopper")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

@@ -4,13 +4,13 @@ The bed of smaller discs is that of section 3.4, apart from its depth. The stres
 10 %, and the rotations are unknown.
 """
 
-import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
-from inference_common import chosen_options, grains, quietly, relative_error, with_noise
 
-from common import save  # isort: skip
+from figures.inference_common import chosen_options, grains, quietly, relative_error, with_noise
+
+from figures.common import save  # isort: skip
 from granular import plot
 from granular.grain_scale import inference
 
@@ -117,7 +117,3 @@ def main(argv: list[str] | None = None) -> None:
     for name, one in found.items():
         error = relative_error(np.concatenate(one.forces), np.concatenate(one.true))
         print(f"{name}: error of all forces {error:.3f}")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

@@ -7,17 +7,17 @@ import sys
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from common import parser_of
 from numpy.typing import NDArray
+from shared import ROOT
 
+from figures.common import parser_of
 from granular.grain_scale.inference import InferenceWarning, Packing
 
 # The tests contain a small discrete element code, which is not part of the package.
-sys.path.append(str(Path(__file__).parents[2] / "tests" / "unit"))
+sys.path.append(str(next((ROOT / "tests").rglob("grains.py")).parent))
 import grains
 
 __all__ = ["chosen_options", "grains", "quietly", "relative_error", "with_noise"]

@@ -1,11 +1,10 @@
 """Figures 3.2 and 3.5 of Hurley's thesis: an impact on six discs, from noisy synthetic records."""
 
-import sys
-
 import numpy as np
-from inference_common import chosen_options, grains, quietly, relative_error
 
-from common import save  # isort: skip
+from figures.inference_common import chosen_options, grains, quietly, relative_error
+
+from figures.common import save  # isort: skip
 from granular import plot
 from granular.grain_scale import inference
 
@@ -50,7 +49,3 @@ def main(argv: list[str] | None = None) -> None:
         for pair in largest
     }
     save(plot.force_histories(series, ylabel="force [N/m]"), chosen, "inference_histories")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

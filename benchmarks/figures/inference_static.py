@@ -1,11 +1,10 @@
 """Figures 2.9 to 2.11 of Hurley's thesis, with our own packing: forces, noise, a window."""
 
-import sys
-
 import numpy as np
-from inference_common import chosen_options, grains, quietly, relative_error, with_noise
 
-from common import save  # isort: skip
+from figures.inference_common import chosen_options, grains, quietly, relative_error, with_noise
+
+from figures.common import save  # isort: skip
 from granular import plot
 from granular.grain_scale import inference
 
@@ -53,7 +52,3 @@ def main(argv: list[str] | None = None) -> None:
         ),
     }
     save(plot.force_distribution(statistics), chosen, "inference_statistics")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

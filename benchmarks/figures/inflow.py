@@ -1,6 +1,6 @@
 """A heap below a spout, a fed chute and a silo that is kept full, for docs/how-to/inflow.md.
 
-    python benchmarks/figures/inflow.py [--quick] [--out docs/pictures]
+    python benchmarks inflow [--quick] [--out docs/pictures]
 
 The whole takes a minute or two.
 """
@@ -8,9 +8,9 @@ The whole takes a minute or two.
 from __future__ import annotations
 
 import numpy as np
-from common import parser_of, save, tell
 
 import granular as gr
+from figures.common import parser_of, save, tell
 from granular import plot
 
 
@@ -45,7 +45,3 @@ def main() -> None:
     save(picture, chosen, "inflow")
     rate = np.diff(entered[[len(time) // 2, -1]])[0] / np.diff(time[[len(time) // 2, -1]])[0]
     print(f"the silo takes in {rate:.1f} kg/s per metre in the second half of the run")
-
-
-if __name__ == "__main__":
-    main()

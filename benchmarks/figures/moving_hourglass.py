@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import sys
-
 import matplotlib
-from common import parser_of, tell
 
 import granular as gr
+from figures.common import parser_of, tell
 
 NECK, WIDE, MIDDLE, TOP = 0.035, 0.22, 0.33, 0.6
 """Half-widths of the neck and of the chambers; heights of the neck and of the glass [m]."""
@@ -52,7 +50,3 @@ def main(argv: list[str] | None = None) -> None:
         options = {"color": "speed", "limits": (0.0, 2.0), "fps": 25, "dpi": 60}
         gr.plot.movie(states, path, overwrite=True, **options)
     print(path)
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

@@ -1,16 +1,14 @@
 """Figure 2 of the nonlocal law: flow and rest of layers on a rough incline."""
 
 import math
-import sys
 import time
-from pathlib import Path
 
 import numpy as np
-from common import RUN, options, save, tell
 from matplotlib.axes import Axes
-from shared import write
+from shared import RESULTS, write
 
 import granular as gr
+from figures.common import RUN, options, save, tell
 from granular import plot, theory
 from granular.plot import Picture
 from granular.verify.chute import AT_REST, PROFILES, column, kinetic_energy, velocity
@@ -24,7 +22,7 @@ CELLS_HIGH = (2, 3, 4, 5, 6, 7, 8, 10, 12, 14)
 """Heights of figure 2(b), in cells of 1 mm."""
 MARGIN = 0.02
 """Relative distance from H_stop within which a verdict is not judged."""
-RESULTS = Path(__file__).parents[1] / "results" / "ngf_figure_2.json"
+OUT = RESULTS / "ngf_figure_2.json"
 
 
 def energy_at_end(record: gr.Trajectory) -> float:
@@ -123,7 +121,7 @@ def main(argv: list[str] | None = None) -> None:
     missed = wrong(rows)
     print(f"{len(rows)} layers in {seconds:.0f} s, {len(missed)} on the wrong side", *missed)
     if not chosen.quick:
-        write(RESULTS, {"seconds": round(seconds), "rows": rows})
+        write(OUT, {"seconds": round(seconds), "rows": rows})
     picture = Picture(figsize=(12.5, 4.2), layout="tight")
     below, middle, right = picture.subplots(1, 3)
     draw_diagram(below, rows)
@@ -131,7 +129,3 @@ def main(argv: list[str] | None = None) -> None:
     draw_profiles(middle, few if chosen.quick else PROFILES)
     draw_glass(right)
     save(picture, chosen, "ngf_figure_2")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 import warnings
 from collections.abc import Iterable
-from pathlib import Path
 
 import numpy as np
-from common import frames, options, save
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
+from shared import RESULTS
 
 import granular as gr
+from figures.common import frames, options, save
 from granular import plot
 from granular.measure import GridField
 from granular.measure.silo_clogging.velocity_slices import HEIGHTS
@@ -24,8 +23,8 @@ SCHEMES = {
     "linear": linear_flip,
     "splines": gr.Scheme(basis="quadratic", transfer="tpic", density=gr.ParticleDensity(), dt=1e-4),
 }
-DIAGRAM = Path(__file__).parents[1] / "results" / "clogging.json"
-"""Table made by benchmarks/clogging.py."""
+DIAGRAM = RESULTS / "clogging.json"
+"""Table made by benchmarks/figures/clogging.py."""
 W = 0.14
 """Opening of the scene [m]."""
 FRAME = 1 / 240
@@ -263,7 +262,3 @@ def main(argv: list[str] | None = None) -> None:
     }
     figures_9_10({"coarse": {1: jammed, 5: flowing}, "refined": fine}, chosen)
     figure_4a(chosen)
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

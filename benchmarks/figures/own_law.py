@@ -1,6 +1,6 @@
 """A cohesive Bingham fluid beside glass beads, for docs/how-to/own_law.md.
 
-    python benchmarks/figures/own_law.py [--quick] [--out docs/pictures]
+    python benchmarks own_law [--quick] [--out docs/pictures]
 
 The function is that of the page. The whole takes some seconds.
 """
@@ -11,12 +11,13 @@ import re
 from pathlib import Path
 from typing import Any
 
-from common import parser_of, save, tell
+from shared import ROOT
 
 import granular as gr
+from figures.common import parser_of, save, tell
 from granular import plot
 
-PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "own_law.md"
+PAGE = ROOT / "docs" / "how-to" / "own_law.md"
 
 
 def material_of_page() -> gr.materials.OwnLaw:
@@ -49,7 +50,3 @@ def main() -> None:
         extent = ((0.0, 0.72), (-0.005, 0.16))
         plot.frame(state, "pressure", ax=ax, title=title, extent=extent, limits=(0.0, 1800.0))
     save(picture, chosen, "own_law")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,6 +1,6 @@
 """Landslide, obstacle, penetration and conveyor: a state of each, and numbers beside a reference.
 
-    python benchmarks/figures/scenes_on_surfaces.py [landslide obstacle ...] [--quick]
+    python benchmarks scenes_on_surfaces [landslide obstacle ...] [--quick]
                                                    [--out docs/pictures]
 
 The whole takes a minute or two; --quick, with cells of twice the size, some seconds.
@@ -10,15 +10,14 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 import warnings
 from collections.abc import Callable
 
 import numpy as np
-from common import parser_of, save, tell
 from matplotlib.axes import Axes
 
 import granular as gr
+from figures.common import parser_of, save, tell
 from granular import plot, theory
 
 ANGLE = math.radians(35.0)
@@ -200,7 +199,3 @@ def main(argv: list[str] | None = None) -> None:
     warnings.simplefilter("ignore", gr.StabilityWarning)
     for name in chosen.names or PICTURES:
         save(PICTURES[name](0.02 if chosen.quick else 0.01), chosen, f"scene_{name}")
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

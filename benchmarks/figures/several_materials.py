@@ -1,6 +1,6 @@
 """Sand over gravel, and a flow against an elastic plate, for docs/how-to/several_materials.md.
 
-    python benchmarks/figures/several_materials.py [--quick] [--out docs/pictures]
+    python benchmarks several_materials [--quick] [--out docs/pictures]
 
 The whole takes a minute.
 """
@@ -8,9 +8,9 @@ The whole takes a minute.
 from __future__ import annotations
 
 import numpy as np
-from common import parser_of, save, tell
 
 import granular as gr
+from figures.common import parser_of, save, tell
 from granular import plot
 
 TOP = 0.2
@@ -78,7 +78,3 @@ def main() -> None:
     below.set_ylabel("deflection of the top [mm]")
     save(picture, chosen, "several_materials")
     print(f"largest deflection {1e3 * moved.max():.1f} mm, in the end {1e3 * moved[-1]:.1f} mm")
-
-
-if __name__ == "__main__":
-    main()

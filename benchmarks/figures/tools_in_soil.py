@@ -4,29 +4,27 @@ The pictures show forces over time, the failure zone before a blade for several 
 finite width, soil below a wheel, an excavator at work, the convergence, and the profile between
 cylinders.
 
-The script draws the records that `benchmarks/three_d.py` makes:
+The script draws the records that `benchmarks/bodies/three_d.py` makes:
 
-    python benchmarks/three_d.py narrow_5 narrow_5_local narrow_5_drucker_prager excavator ...
-    python benchmarks/figures/tools_in_soil.py --records build/three_d --out build/figures
+    python benchmarks three_d narrow_5 narrow_5_local narrow_5_drucker_prager excavator ...
+    python benchmarks tools_in_soil --records build/three_d --out build/figures
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
-from common import OUT, save
+from bodies.three_d import arrival, scale
+from shared import RESULTS
 
 import granular as gr
+from figures.common import OUT, save
 from granular import plot
 
-sys.path.append(str(Path(__file__).parents[1]))
-from three_d import arrival, scale
-
-RESULTS = Path(__file__).parents[1] / "results" / "three_d.json"
+TABLE = RESULTS / "three_d.json"
 LAWS = {
     "thin_5": "6 mm, two sides; nonlocal, d = 0.3 mm",
     "thin_5_local": "6 mm, two sides; local (A = 0)",
@@ -268,14 +266,10 @@ def main(argv: list[str] | None = None) -> None:
     """Draw all pictures for which records or numbers exist."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--records", type=Path, default=Path("build/three_d"))
-    parser.add_argument("--results", type=Path, default=RESULTS)
+    parser.add_argument("--results", type=Path, default=TABLE)
     parser.add_argument("--out", type=Path, default=OUT)
     chosen = parser.parse_args(argv)
     table = json.loads(chosen.results.read_text())
     pictures = of_table(table) | of_records(chosen.records)
     for name, picture in pictures.items():
         save(picture, chosen, name)
-
-
-if __name__ == "__main__":
-    main(sys.argv[1:])

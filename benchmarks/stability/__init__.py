@@ -1,1 +1,1 @@
-"""The cases of the map of failure, by their kind."""
+"""Where runs fail: maps, tables of limits, short waves."""

@@ -11,7 +11,7 @@
 
 /* The weight of a node at a foot is its shape function, or m_i/(LIGHT M) if that is less, with the mean mass M = sum N_i m_i
  * at the foot: a light node would take up the impulse alone. As the weight goes to zero with the mass, nothing jumps when
- * rows of points leave a node. Measured with beds at rest and boxes that carry one (benchmarks/bodies.py): with less, the
+ * rows of points leave a node. Measured with beds at rest and boxes that carry one (benchmark bodies): with less, the
  * force on a moving box along the grid has larger spikes, with more, the first row of a bed at rest has more pressure. */
 #define LIGHT 0.15
 

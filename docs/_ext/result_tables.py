@@ -9,7 +9,6 @@ by what command the results were measured.
 
 from __future__ import annotations
 
-import importlib
 import json
 import sys
 from pathlib import Path
@@ -26,11 +25,11 @@ BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 
 def script_of(result: str) -> ModuleType:
     """Script that has written a result."""
-    stem = result.partition("-")[0]
-    (path,) = BENCHMARKS.rglob(f"{stem}.py")
     if str(BENCHMARKS) not in sys.path:
         sys.path.insert(0, str(BENCHMARKS))
-    return importlib.import_module(".".join(path.relative_to(BENCHMARKS).with_suffix("").parts))
+    from shared import module
+
+    return module(result.partition("-")[0])
 
 
 def line_of(stamp: dict[str, Any]) -> str:

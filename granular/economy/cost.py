@@ -55,7 +55,7 @@ _CARRIED = 1.44
 
 _SPH_NANOSECONDS = {(2, False): 200.0, (3, False): 820.0, (2, True): 505.0, (3, True): 3700.0}
 """Time per particle and step of SPH on one core [ns], by dimension and whether there is a gas:
-benchmarks/sph_speed.py on a machine with AVX-512."""
+benchmarks/sph/sph_speed.py on a machine with AVX-512."""
 
 MOST_STEPS = 1e15
 """Number of steps that no run can make: at 1 us each they take 30 years."""

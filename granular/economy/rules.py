@@ -30,7 +30,7 @@ NONLOCAL_AMPLITUDE = (0.48, 0.9)
 ONE_COLUMN = 0.005
 """Relative change of the flow down an incline when many columns become one, with the default scheme
 (the errors against the one-dimensional equation are 0.0026 with 8 columns and 0.0023 with one,
-benchmarks/speed.py)."""
+benchmarks/speed/speed.py)."""
 
 LINEAR_COLUMN = 0.002
 """Relative change of that flow, in one column, from the default scheme to linear functions."""

@@ -53,7 +53,7 @@ def thin_parts(scene: Scene) -> str | None:
     Without duplicate nodes, material behind a thin body of 2, 2.2 and 2.5 cells gets 9, 4 and 1.3 %
     of that speed under the default scheme; it gets none from 2.8 cells on, and with other bases
     than splines none from 2 cells on. The impulse on a disc depends on its position in the grid and
-    on the seeding, see `benchmarks/stability_tables.py`.
+    on the seeding, see `benchmarks/stability/stability_tables.py`.
     """
     reach = _reach(scene.scheme)
     for i, body in enumerate(scene.bodies):
@@ -133,7 +133,7 @@ def mesh_scale(scene: Scene) -> str | None:
 
 
 LIGHTEST = 0.1
-"""Least mass of a free body over that of a full cell, from `benchmarks/free_bodies.py`.
+"""Least mass of a free body over that of a full cell, from `benchmarks/bodies/free_bodies.py`.
 
 Contact finds impulses in 20 sweeps at most, in each of which a body of the mass M passes on the
 part M/(M + m) of what nodes of the mass m, that of a cell at most, press on it with. So M must

@@ -128,7 +128,7 @@ def velocity_decay(scene: Scene, gravity: float) -> float:
     they flow past a cell. Where its impulse decays faster, points have a velocity beside that of
     the grid of the order of that force over the mass and the rate. It does not depend on c_w, and
     counts in flow that is slow against g over the rate. A blade that moves at 0.1 m/s through a bed
-    with c_w = 11 m/s (`benchmarks/three_d.py`, narrow_5, mu(I)) scatters the velocities of the
+    with c_w = 11 m/s (benchmark `three_d`, narrow_5, mu(I)) scatters the velocities of the
     points of a cell by 0.09, 0.06, 0.04, 0.025 and 0.015 of their mean at 0.9, 1.9, 3.1, 6.2 and 16
     sqrt(g/dx).
     """

@@ -149,7 +149,7 @@ def damps_by_step(scheme: Scheme) -> bool:
 def known_failures(scene: Scene) -> list[str]:
     """List the settings of a scene that are known to fail without an error, one sentence each.
 
-    Each of these failures was measured on the maps of stability (`benchmarks/stability_map.py`,
+    Each of these failures was measured on the maps of stability (benchmark `stability_map`,
     the page "Limits and failures").
     """
     checks = (
@@ -346,7 +346,7 @@ FRICTION_RANGE = 1.0
 
 The friction of the points of a cell scatters, and the growth of the fluidity is convex in it. In 10
 cells and at a friction halfway between mu_s and mu_2, layers are 18, 7, 4 and 2 % too fast with
-differences of 0.26, 0.52, 0.82 and 1.12 (`benchmarks/external_refinement.py`).
+differences of 0.26, 0.52, 0.82 and 1.12 (`benchmarks/external/external_refinement.py`).
 """
 
 

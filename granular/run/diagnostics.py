@@ -39,7 +39,7 @@ class StabilityWarning(UserWarning):
 def scene_warnings(scene: BaseScene) -> list[str]:
     """List the settings of a scene that are known to fail without an error, one sentence each.
 
-    Each is a failure that was measured (`benchmarks/stability_map.py`, the page "Limits and
+    Each is a failure that was measured (benchmark `stability_map`, the page "Limits and
     failures"), or a number that is hardly meant (`granular.model.plausible`); a simulation issues
     them as `StabilityWarning`.
     """

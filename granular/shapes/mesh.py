@@ -49,7 +49,7 @@ class Mesh(ComparedByContent, Shape):
     ``GRANULAR_CACHE`` names a folder, the samples are also kept there, for later processes.
 
     1.3 million triangles on a ball 100 spacings wide take 10 s of one core and 0.5 GB, of which
-    5 MB remain; 16 s and 0.6 GB with 200 spacings (``benchmarks/mesh_setup.py``).
+    5 MB remain; 16 s and 0.6 GB with 200 spacings (``benchmarks/speed/mesh_setup.py``).
 
     Walls, and the body as a whole, must be two spacings thick at least, or their inside would fall
     between the samples. The thickness is measured when the surface is sampled. Edges that taper by

@@ -5,7 +5,7 @@ consistent with it. The checks cover shear flows over several columns in 2D and 
 at rest, run-outs under refinement, silos, and the angles at which flow starts and stops. The
 changes of energy and momentum by the correction itself are in
 `granular.verify.density_correction_budget`. Every check takes a scheme, by default the default
-one; `benchmarks/density_correction_table.py` runs the checks for other schemes.
+one; `benchmarks/accuracy/density_correction_table.py` runs the checks for other schemes.
 """
 
 from __future__ import annotations

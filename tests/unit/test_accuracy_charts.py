@@ -53,8 +53,8 @@ def test_a_peer_that_is_not_there_is_named(module, monkeypatch):
     cases, script = module("accuracy.cases"), module("speed_accuracy")
     for package in ("taichi", "newton", "KratosMultiphysics"):
         monkeypatch.setitem(sys.modules, package, None)
-    for name, file in module("accuracy.peers").MODULES.items():
-        monkeypatch.delitem(sys.modules, f"accuracy.peers.{file}", raising=False)
+    for name, file in module("peers.codes").MODULES.items():
+        monkeypatch.delitem(sys.modules, f"peers.{file}", raising=False)
         case = cases.Case(scene="silo", solver=name, scheme=name)
         assert f"{name} cannot be imported" in script.run(case, 1.0)["left_out"]
 
@@ -111,12 +111,12 @@ def test_the_committed_results_are_complete(module):
 
 def test_quick_columns_beside_peers(module, tmp_path, capsys):
     """Our codes run, the errors against the discs are finite, and a second call runs nothing."""
-    script, out = module("peers"), tmp_path / "table.json"
+    script, out = module("peers.peers"), tmp_path / "table.json"
     common = ["--quick", "--out", str(out), "--pictures", str(tmp_path)]
     for lines in (3, 0):
         script.main([*common, "--only", "default", "published"])
         assert len(capsys.readouterr().out.splitlines()) == lines
-    errors = module("accuracy.columns_errors")
+    errors = module("peers.columns_errors")
     rows = json.loads(out.read_text())["rows"]
     assert all(row["core_seconds"] > 0 and row["kept"] == 1.0 for row in rows)
     found = errors.of_panel(rows, "mu_I", 1.42, errors.of_discs(1.42))
@@ -127,4 +127,4 @@ def test_quick_columns_beside_peers(module, tmp_path, capsys):
 
 def test_every_column_has_its_reference(module):
     rows = json.loads((RESULTS / "peers.json").read_text())["rows"]
-    assert len(module("accuracy.columns_errors").references(rows)) == 15
+    assert len(module("peers.columns_errors").references(rows)) == 15

@@ -346,7 +346,7 @@ def runs(monkeypatch, module, tmp_path):
         "excavator": lambda: gr.scenes.excavator(cell=0.05, speed=0.4, duration=0.6, ramp=0.02),
     }
     monkeypatch.setattr(script, "CASES", cases)
-    monkeypatch.setattr(script, "RESULTS", tmp_path / "results.json")
+    monkeypatch.setattr(script, "OUT", tmp_path / "results.json")
     return script
 
 

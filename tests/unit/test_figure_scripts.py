@@ -75,7 +75,7 @@ def test_the_moving_picture_is_written(module, tmp_path):
 def test_every_layer_of_the_nonlocal_figure_was_on_its_side(module):
     """The saved layers are on their sides of the threshold; one on the wrong side is reported."""
     figure = module("ngf_figure_2")
-    rows = json.loads(figure.RESULTS.read_text())["rows"]
+    rows = json.loads(figure.OUT.read_text())["rows"]
     assert len(rows) >= 40
     assert figure.wrong(rows) == []
     near = min(rows, key=lambda row: abs(row["over_stopping"] - 1.06))

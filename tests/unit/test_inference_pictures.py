@@ -1,6 +1,5 @@
 """Pictures of forces show the data they are given; the scripts run and write their files."""
 
-import importlib.util
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -92,15 +91,10 @@ def test_nothing_and_forces_of_another_packing_are_refused():
 
 
 @pytest.mark.filterwarnings("ignore::granular.grain_scale.inference.InferenceWarning")
-def test_the_benchmark_writes_a_table_and_a_chart(monkeypatch, tmp_path):
+def test_the_benchmark_writes_a_table_and_a_chart(module, tmp_path):
     pytest.importorskip("clarabel")
-    # Loaded by its path: the name is also that of a module of the package.
-    spec = importlib.util.spec_from_file_location("bench_inference", FOLDER / "inference.py")
-    module = importlib.util.module_from_spec(spec)
-    monkeypatch.syspath_prepend(FOLDER)
-    spec.loader.exec_module(module)
     out, figure = tmp_path / "table.json", tmp_path / "chart.png"
-    module.main(["--quick", "--out", str(out), "--figure", str(figure)])
+    module("inference").main(["--quick", "--out", str(out), "--figure", str(figure)])
     table = json.loads(out.read_text())["rows"]
     assert {row["solver"] for row in table} == {"auto", "clarabel", "nnls"}
     assert all(row["error"] < 1e-7 for row in table if row["stresses"] == "exact")

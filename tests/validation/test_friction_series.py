@@ -1,6 +1,5 @@
 """The stored series of shear flows: the law, the scalings of the thesis, the figures."""
 
-import importlib
 import json
 from pathlib import Path
 
@@ -68,9 +67,8 @@ def test_the_constants_that_are_kept_are_those_of_the_flows():
         ),
     ],
 )
-def test_figures_are_written(monkeypatch, tmp_path, name, options, expected):
-    monkeypatch.syspath_prepend(BENCHMARKS / "figures")
-    importlib.import_module(name).main([*options, "--out", str(tmp_path)])
+def test_figures_are_written(module, tmp_path, name, options, expected):
+    module(name).main([*options, "--out", str(tmp_path)])
     assert sorted(path.stem for path in tmp_path.iterdir()) == expected
     for path in tmp_path.iterdir():
         with Image.open(path) as picture:

@@ -1,0 +1,1 @@
+"""Cases with data of other authors: refinement, limit analysis."""

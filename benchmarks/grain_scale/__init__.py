@@ -1,0 +1,1 @@
+"""Forces between grains, and the friction of sheared grains."""

@@ -1,0 +1,110 @@
+"""Limits of the kernels: their bytes and operations against the capability of the machine.
+
+    python benchmarks roofline [--quick] [--out benchmarks/results/roofline.json]
+
+Measures on one core: the bandwidth of a sum into a third array, in the cache and in memory, and the
+rate of a matrix product as the peak of multiply-adds. Prints beside them the time of a
+particle-step of the plain linear scheme if it were bound by either alone, and its measured time.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from typing import Any
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is imported
+
+import numpy as np
+from shared import least_time, markdown, parser_of, write
+
+import granular as gr
+from speed.speed import MATERIAL, best_time
+
+COMPONENTS = 9
+"""Numbers read and written per point: x, v, four stresses, log-density; the mass is only read."""
+OPERATIONS = {"gather": 45, "law": 75, "scatter": 80}
+"""Additions and multiplications per point in 2D with linear shape functions, counted by hand; the
+law has three square roots and a division besides."""
+POINTS_PER_CELL, NODE_SUMS = 16, 4 * 5
+
+
+def rate(work: Callable[[], object], amount: float, repeats: int = 20) -> float:
+    """Amount of work per second of processor time, best of several repeats."""
+    return amount / least_time(work, repeats)
+
+
+def bandwidth(megabytes: float) -> float:
+    """Bytes per second of c = a + b; the three arrays together have this size."""
+    n = int(megabytes * 1e6 / 24)
+    a, b, c = np.ones(n), np.ones(n), np.ones(n)
+    passes = max(int(1e7 / n), 1)
+
+    def add() -> None:
+        for _ in range(passes):
+            np.add(a, b, out=c)
+
+    return rate(add, 24.0 * n * passes)
+
+
+def peak(n: int) -> float:
+    """Operations per second of a product of two matrices."""
+    a = np.random.default_rng(0).random((n, n))
+    return rate(lambda: a @ a, 2.0 * n**3)
+
+
+def measured(cell: float) -> tuple[int, float]:
+    """Number of points of a column, and time per particle-step of the plain linear scheme [s]."""
+    scheme = gr.Scheme(basis="linear")
+    scene = gr.scenes.column_collapse(aspect=2.0, cell=cell, material=MATERIAL, scheme=scheme)
+    sim = gr.Simulation(scene, threads=1)
+    sim.step(5)
+    return sim.n_points, best_time(sim, 1, 12)
+
+
+BOUNDS = {
+    "multiply-adds (matrix product)": ("multiply-adds [Gflop/s]", "bound by operations [ns]"),
+    "second-level cache (c = a + b)": ("bandwidth in the cache [GB/s]", "bound by the cache [ns]"),
+    "memory": ("bandwidth of the memory [GB/s]", "bound by the memory [ns]"),
+}
+"""Names of a rate of the machine, with its unit, and of what a particle-step takes at that rate."""
+
+
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Table of the page: what the machine can do, and the time of a particle-step."""
+    lines = [
+        (name, f"{results[rate]:.0f} {rate[rate.index('[') + 1 : -1]}", f"{results[bound]:.1f} ns")
+        for name, (rate, bound) in BOUNDS.items()
+    ]
+    lines += [
+        (f"measured, {int(name.split()[1]):,} points", "", f"{ns:.1f} ns")
+        for name, ns in results.items()
+        if name.startswith("measured")
+    ]
+    return {"roofline": markdown(("", "the machine", "a particle-step alone"), lines)}
+
+
+def main(argv: list[str] | None = None) -> None:
+    arguments = parser_of(__doc__).parse_args(argv)
+    megabytes, order, cells = 300.0, 512, (0.0125, 0.0025)
+    if arguments.quick:
+        megabytes, order, cells = 3.0, 64, (0.025,)
+    bytes_moved = 8 * (2 * COMPONENTS + 1 + 2 * NODE_SUMS / POINTS_PER_CELL)
+    operations = sum(OPERATIONS.values())
+    near, far, flops = bandwidth(0.3), bandwidth(megabytes), peak(order)
+    found = {
+        "bytes a particle-step": bytes_moved,
+        "operations a particle-step": operations,
+        "bandwidth in the cache [GB/s]": near / 1e9,
+        "bandwidth of the memory [GB/s]": far / 1e9,
+        "multiply-adds [Gflop/s]": flops / 1e9,
+        "bound by operations [ns]": operations / flops * 1e9,
+        "bound by the cache [ns]": bytes_moved / near * 1e9,
+        "bound by the memory [ns]": bytes_moved / far * 1e9,
+    }
+    for cell in cells:
+        points, seconds = measured(cell)
+        found[f"measured, {points} points [ns]"] = seconds * 1e9
+    for name, value in found.items():
+        print(f"{name:34s}{value:8.1f}")
+    write(arguments.out, found)

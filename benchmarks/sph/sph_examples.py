@@ -1,0 +1,460 @@
+"""The examples of chapter 5 of Hurley's thesis, with SPH.
+
+    python benchmarks sph_examples [--quick] [--only repose] [--threads 1] [--out FILE]
+
+Runs every case that the table does not hold yet and writes the table after each, so that a
+benchmark that was stopped continues where it was. Then the orderings and exponents are computed;
+docs/reports/sph_examples.md has them.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import curve_fit
+from shared import RESULTS, markdown, parser_of, rounded, stored, write
+
+import granular as gr
+from granular import sph
+
+BETAS = (0.0, 0.5)
+PHIS = (30.0, 20.0, 40.0, 25.0, 35.0)
+GRIT = (1.8, 2.4, 3.2, 4.2, 5.6, 7.5, 10.0, 13.0)
+GLASS = (1.8, 2.4, 3.2, 4.2, 5.6, 7.5, 10.0, 13.0, 18.0)
+SLOPES = {0.0: 0.6, 10.0: 0.7, 16.0: 0.9, 22.0: 1.2}
+"""Angle [deg] and length of the floor [m]."""
+ANGLES = (12.0, 15.0, 18.0, 21.0, 24.0, 27.0, 30.0, 33.0)
+STUDY = {"aspect": 0.65, "length": 0.2, "reach": 0.8}
+FRICTIONS = ((0.74, 0.335), (0.87, 0.364), (0.625, 0.305))
+QUANTILE = 0.99
+DIGITS = 5
+"""Number of digits of the results in the table."""
+
+Case = tuple[str, dict[str, Any]]
+
+
+# ---- measurements ----
+
+
+def far(state: gr.State) -> dict[str, float]:
+    """Farthest and highest particle, and the distance within which 99 % of the mass lies [m]."""
+    order = np.argsort(state.x[:, 0])
+    held = np.cumsum(state.mass[order])
+    quantile = state.x[order[np.searchsorted(held, QUANTILE * held[-1])], 0]
+    return {
+        "L": float(state.x[:, 0].max()),
+        "L99": float(quantile),
+        "H": float(state.x[:, -1].max()),
+    }
+
+
+def slope_deg(state: gr.State) -> float:
+    """Angle of the line through the surface over the middle 75 % of the floor [deg]."""
+    parameters = state.scene.parameters
+    floor = parameters["length"] - parameters["orifice"]
+    top = gr.measure.surface(state, above=0.0, along="x")
+    kept = (top.x > floor / 8) & (top.x < 7 * floor / 8) & np.isfinite(top.top)
+    return float(-np.degrees(np.arctan(np.polyfit(top.x[kept], top.top[kept], 1)[0])))
+
+
+def steady_rate(states: list[gr.State]) -> tuple[float, float, float]:
+    """Shear rate at mid-depth [1/s], and the errors of a line and of Bagnold's profile."""
+    rates, misfits = [], {1.0: [], 1.5: []}
+    for state in states:
+        y, v = state.x[:, -1], state.v[:, 0]
+        height = y.max() + 0.5 * state.scene.grid.cell
+        inside = (y > 0.2 * height) & (y < 0.8 * height)
+        rates.append(np.polyfit(y[inside], v[inside], 1)[0])
+        for power, found in misfits.items():
+            basis = np.stack([height**power - (height - y) ** power, np.ones_like(y)], axis=1)
+            rest = v - basis @ np.linalg.lstsq(basis, v, rcond=None)[0]
+            found.append(rest.std() / v.std())
+    return (float(np.mean(rates)), *(float(np.mean(found)) for found in misfits.values()))
+
+
+def decaying(t: np.ndarray, a: float, b: float, c: float) -> np.ndarray:
+    """The acceleration of eq. 5.31."""
+    return a + (b - a) / (c / t + 1.0)
+
+
+# ---- runs ----
+
+
+def watched(scene: sph.Scene, threads: int, every: float, look: Callable[[gr.State], Any]) -> tuple:
+    """Run a scene; return simulation, times, samples, and the common entries of a row."""
+    times, looks = [], []
+
+    def hook(simulation: gr.Simulation) -> None:
+        times.append(simulation.time)
+        looks.append(look(simulation.state))
+
+    begin = time.process_time()
+    simulation = gr.Simulation(scene, threads=threads)
+    simulation.run(every=every, hooks=(hook,))
+    row = cost(simulation, begin) | {
+        "wall_points": len(scene.wall_points()["wall"]),
+        "mach": simulation.health()["mach"].value,
+    }
+    return simulation, np.array(times), looks, row
+
+
+def cost(simulation: gr.Simulation, begin: float) -> dict[str, float]:
+    """Size of a run, its processor time since `begin`, and the particles that it has lost."""
+    return {
+        "points": simulation.scene.n_points,
+        "steps": simulation.steps,
+        "dt": simulation.dt,
+        "core_seconds": time.process_time() - begin,
+        "dropped": simulation.counts["dropped"],
+        "stopped": simulation.counts["stopped"],
+    }
+
+
+def choices(creeping: bool, cfl: float) -> tuple[sph.Numerics, dict[str, float]]:
+    """Numerics and changes of the material; "creeping" is as close to the thesis as possible."""
+    if not creeping:
+        return sph.Numerics(cfl=cfl), {}
+    return sph.Numerics(cfl=cfl, regularisation=1.0, z_max=1.5), {"nu": 0.5}
+
+
+def repose(
+    threads: int, creeping: bool = False, cfl: float = 1.0, **keywords: Any
+) -> dict[str, Any]:
+    """Angle at the end, averaged over a second, its fall in the two seconds before, and largest.
+
+    A run of less than these three seconds has no fall (None).
+    """
+    numerics, changes = choices(creeping, cfl)
+    scene = gr.scenes.slump_sph(numerics=numerics, **keywords)
+    scene = scene.replace(material=scene.material.replace(**changes))
+
+    def look(state: gr.State) -> tuple[float, float]:
+        return slope_deg(state), float(np.sqrt(np.mean((state.v**2).sum(axis=1))))
+
+    _, times, looks, row = watched(scene, threads, 0.25, look)
+    angles, speeds = (np.array(values) for values in zip(*looks, strict=True))
+    last = angles[times > times[-1] - 1.1].mean()
+    earlier = angles[(times > times[-1] - 3.1) & (times < times[-1] - 1.9)]
+    creep = float((earlier.mean() - last) / 2.0) if len(earlier) else None
+    return row | {
+        "angle_deg": float(last),
+        "creep_deg_per_s": creep,
+        "largest_deg": float(angles.max()),
+        "speed": float(speeds[-1]),
+    }
+
+
+def column(threads: int, material: str, dilation: float, **keywords: Any) -> dict[str, Any]:
+    """Run-out and height at rest, and their changes in the last half second."""
+    creeping = keywords.pop("creeping", False)
+    numerics, changes = choices(creeping, keywords.pop("cfl", 1.0))
+    numerics = replace(numerics, wall_density=keywords.pop("wall_density", None))
+    changes |= {k: keywords.pop(k) for k in ("kappa", "mu_l", "mu_wall") if k in keywords}
+    if "mu_l" in changes:
+        changes["mu_h"] = changes["mu_l"]
+    grains = getattr(sph, material).replace(dilation=dilation, **changes)
+    scene = gr.scenes.column_collapse_sph(material=grains, numerics=numerics, **keywords)
+    if creeping:
+        return at_rest(scene, threads)
+    _, times, looks, row = watched(scene, threads, 0.1, far)
+    before = looks[int(np.searchsorted(times, times[-1] - 0.5))]
+    return row | looks[-1] | {"L99_last_half_second": looks[-1]["L99"] - before["L99"]}
+
+
+def at_rest(scene: sph.Scene, threads: int) -> dict[str, Any]:
+    """A collapse at the time at which it comes to rest, before it creeps."""
+    begin = time.process_time()
+    simulation = gr.Simulation(scene, threads=threads)
+    found = sph.run_to_rest(simulation, after=scene.parameters["settle"], interval=0.05)
+    rest_at = found and found - scene.parameters["settle"]
+    return far(simulation.state) | {"rest_at": rest_at} | cost(simulation, begin)
+
+
+def inclined(threads: int, **keywords: Any) -> dict[str, Any]:
+    """Run-out at three times after the gate lifts, and the height at the upper wall."""
+    scene = gr.scenes.inclined_collapse(**keywords)
+    simulation, times, looks, row = watched(scene, threads, 0.1, far)
+    settle = scene.parameters["settle"]
+    late = [looks[int(np.searchsorted(times, settle + t - 1e-6))] for t in (0.2, 0.4, 0.8)]
+    state = simulation.state
+    top = float(state.x[state.x[:, 0] < 0.05, -1].max())
+    return row | looks[-1] | {"L99_at": [look["L99"] for look in late], "H_upper_wall": top}
+
+
+def layer(threads: int, angle_deg: float, dilation: float, duration: float) -> dict[str, Any]:
+    """Shear rate, profiles, slip, and the acceleration with its fit (figures 5.3 and 5.4)."""
+    scene = gr.scenes.incline_sph(
+        angle_deg=angle_deg,
+        headroom=20,
+        duration=duration,
+        material=sph.Viscoplastic(dilation=dilation),
+    )
+    settle, cell = scene.parameters["settle"], scene.grid.cell
+
+    def look(state: gr.State) -> tuple[float, float, gr.State]:
+        lowest = state.x[:, 1] < cell
+        return float(state.v[:, 0].mean()), float(state.v[lowest, 0].mean()), state
+
+    _, times, looks, row = watched(scene, threads, 0.05, look)
+    after = times > settle + 0.02
+    t = (times[after] - settle)[1:]
+    speeds = np.array([mean for mean, *_ in looks])[after]
+    acceleration = np.diff(speeds) / np.diff(times[after])
+    (a, b, c), _ = curve_fit(
+        decaying, t, acceleration, p0=(acceleration[0], 0.0, 0.3), maxfev=20000
+    )
+    rate, line, bagnold = steady_rate([state for *_, state in looks[-20:]])
+    material, tangent = scene.material, math.tan(math.radians(angle_deg))
+    exact = material.D_star * (tangent - material.mu_l) / (material.mu_h - tangent)
+    return row | {
+        "rate": rate,
+        "rate_of_the_law": exact if 0.0 < exact else 0.0 if tangent < material.mu_l else None,
+        "misfit_line": line,
+        "misfit_bagnold": bagnold,
+        "slip": float(np.mean([slip for _, slip, _ in looks[-20:]])),
+        "fit_a": float(a),
+        "fit_b": float(b),
+        "fit_c": float(c),
+        "last_acceleration": float(acceleration[-20:].mean()),
+    }
+
+
+RUNS = {"repose": repose, "column": column, "inclined": inclined, "incline": layer, "study": column}
+
+
+def cases() -> Iterator[Case]:
+    """All cases in the order in which they are run."""
+    for way in ({}, *OTHERS, CREEPING):
+        for material, aspects, size in (("grit", GRIT, {}), ("glass", GLASS, FINE)):
+            for dilation in BETAS:
+                for aspect in aspects:
+                    of = {"material": material, "dilation": dilation, "aspect": aspect}
+                    yield "column", of | size | way
+    for phi in PHIS:
+        for dilation in BETAS:
+            yield "repose", {"phi_deg": phi, "dilation": dilation, "duration": 16.0}
+    for angle in ANGLES:
+        for dilation in BETAS:
+            yield "incline", {"angle_deg": angle, "dilation": dilation, "duration": 10.0}
+    yield from studies()
+    for phi in PHIS[:3]:
+        for step in (1.0, 0.25):
+            of = {"phi_deg": phi, "dilation": 0.0, "duration": 8.0}
+            yield "repose", of | CREEPING | {"cfl": step}
+    yield from in_space()
+    for side_walls, width in ((False, 0.04), (True, 0.1)):
+        for angle, reach in SLOPES.items():
+            for dilation in BETAS:
+                of = {"angle_deg": angle, "side_walls": side_walls, "width": width}
+                yield "inclined", of | {"dilation": dilation, "reach": reach, "duration": 0.9}
+
+
+CREEPING = {"creeping": True, "cfl": 0.25}
+"""Run without a spring, stopped at rest; a quarter of the time step reduces the creep."""
+OTHERS = tuple({"settle": t} for t in (0.55, 0.6, 0.65))
+"""Settling times other than 0.5 s, which show the random scatter of the run-out."""
+FINE = {"length": 0.025, "spacing": 0.005}
+
+
+def in_space() -> Iterator[Case]:
+    """Columns with a periodic width, as in the thesis."""
+    for dilation in BETAS:
+        for aspect in GRIT[::2]:
+            of = {"material": "grit", "dilation": dilation, "aspect": aspect}
+            yield "column", of | {"width": 0.06}
+
+
+def studies() -> Iterator[Case]:
+    """Stiffness, friction and spacing, changed one at a time, in 2D."""
+    common = {"material": "grit", "dilation": 0.0} | STUDY
+    for kappa in (1e5, 1e6, 1e7):
+        yield "study", common | {"kappa": kappa}
+    for kappa in (1e6, 1e7):
+        yield "study", common | {"kappa": kappa, "wall_density": 0.97}
+    for mu, mu_wall in FRICTIONS[1:]:
+        yield "study", common | {"mu_l": mu, "mu_wall": mu_wall}
+    for spacing in (0.005, 0.0025):
+        yield "study", common | {"spacing": spacing}
+    yield "study", common | {"dilation": 0.5}
+
+
+def quick() -> Iterator[Case]:
+    """A small and short case of each kind, to check that all of them run."""
+    yield "repose", {"length": 0.2, "height": 0.12, "orifice": 0.04, "duration": 0.2}
+    for aspect in (1.8, 2.4):
+        yield "column", {"material": "glass", "dilation": 0.0, "aspect": aspect} | FINE
+    yield "inclined", {"side_walls": False, "width": 0.0, "reach": 0.4, "duration": 0.9}
+    yield "incline", {"angle_deg": 24.0, "dilation": 0.0, "duration": 1.5}
+
+
+# ---- evaluation ----
+
+
+def kind_of_column(row: dict[str, Any]) -> str:
+    """Name of the set of columns to which a row belongs in the fits."""
+    name = f"{row['material']} beta {row['dilation']:g}"
+    creeping = " creeping" if row.get("creeping") else ""
+    return name + creeping + (" 3D" if row.get("width") else "")
+
+
+def exponents(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Fits H0/H = l1 a^a1 and (L - L0)/L0 = l2 a^a2 for a > 1.7, of L and of L99 (eq. 5.32)."""
+    found = {}
+    columns = [row for row in rows if row["kind"] == "column"]
+    for key in dict.fromkeys(map(kind_of_column, columns)):
+        these = [row for row in columns if kind_of_column(row) == key]
+        if len(these) < 2:
+            continue
+        a = np.array([row["aspect"] for row in these])
+        length = these[0].get("length", 0.09)
+        fits = {"1": a * length / [row["H"] for row in these]}
+        for name in ("L", "L99"):
+            fits[name] = np.array([row[name] for row in these]) / length - 1
+        entry = {}
+        for name, values in fits.items():
+            power, log = np.polyfit(np.log(a), np.log(values), 1)
+            entry |= {f"alpha_{name}": float(power), f"lambda_{name}": float(np.exp(log))}
+        found[key] = entry | {"columns": len(these)}
+    return found
+
+
+def orderings(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    """Run-outs of the inclined collapses by angle, side walls and dilation."""
+    found: dict[str, Any] = {}
+    for row in rows:
+        if row["kind"] == "inclined" and "angle_deg" in row:
+            walls = "side walls" if row["side_walls"] else "periodic"
+            name = f"{walls}, beta {row['dilation']:g}"
+            found.setdefault(f"{row['angle_deg']:g} deg", {})[name] = [row["L99"], row["L"]]
+    return found
+
+
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Tables of the page, by their names."""
+    rows = [row for row in results["rows"] if not row.get("creeping")]
+    return {
+        "repose": repose_table([row for row in rows if row["kind"] == "repose"]),
+        "inclines": incline_table([row for row in rows if row["kind"] == "incline"]),
+        "columns": column_table(results["exponents"]),
+        "studies": study_table([row for row in rows if row["kind"] == "study"]),
+        "inclined": inclined_table([row for row in rows if row["kind"] == "inclined"]),
+    }
+
+
+def by_dilation(rows: list[dict[str, Any]], key: str) -> dict[float, list[dict[str, Any]]]:
+    """Rows without and with dilation, by an angle."""
+    return {
+        angle: sorted((row for row in rows if row[key] == angle), key=lambda row: row["dilation"])
+        for angle in sorted({row[key] for row in rows})
+    }
+
+
+def repose_table(rows: list[dict[str, Any]]) -> list[str]:
+    """Slopes, and the speeds of the particles that still roll."""
+    head = ("phi [deg]", "beta = 0", "beta 0 to 0.5", "speed [mm/s]")
+    return markdown(
+        head,
+        [
+            (
+                f"{phi:g}",
+                *(f"{row['angle_deg']:.1f}" for row in pair),
+                ", ".join(f"{1e3 * row['speed']:.0f}" for row in pair),
+            )
+            for phi, pair in by_dilation(rows, "phi_deg").items()
+        ],
+    )
+
+
+def incline_table(rows: list[dict[str, Any]]) -> list[str]:
+    """Shear rates, misfits of a line and of Bagnold's profile, slip and acceleration."""
+    head = (
+        *("angle [deg]", "shear rate of the law, beta = 0 [1/s]", "measured; beta 0 to 0.5"),
+        *("line, Bagnold", "slip of the lowest row [m/s]", "acceleration [m/s2]"),
+    )
+    made = []
+    for angle, pair in by_dilation(rows, "angle_deg").items():
+        law = pair[0]["rate_of_the_law"]
+        flows = max(row["rate"] for row in pair) > 0.1
+        fits = [f"{row['misfit_line']:.2f}, {row['misfit_bagnold']:.2f}" for row in pair]
+        made.append(
+            (
+                f"{angle:g}",
+                "none" if law is None else f"{law:.1f}",
+                "; ".join(f"{abs(row['rate']):.{1 if row['rate'] > 1 else 2}f}" for row in pair),
+                "; ".join(fits) if flows else "",
+                "; ".join(f"{abs(row['slip']):.2f}" for row in pair),
+                "; ".join(f"{abs(row['last_acceleration']):.2f}" for row in pair),
+            )
+        )
+    return markdown(head, made)
+
+
+def column_table(found: dict[str, dict[str, float]]) -> list[str]:
+    """Exponents and prefactors of heights and run-outs."""
+    head = ("", "a1", "a2, farthest", "a2, 99 %", "l1", "l2")
+    keys = ("alpha_1", "alpha_L", "alpha_L99", "lambda_1", "lambda_L")
+    return markdown(
+        head,
+        [
+            (name.replace("creeping", "no spring"), *(f"{fit[key]:.2f}" for key in keys))
+            for name, fit in found.items()
+        ],
+    )
+
+
+def study_table(rows: list[dict[str, Any]]) -> list[str]:
+    """Run-outs and heights, with what was changed."""
+    made = []
+    for row in rows:
+        given = {k: v for k, v in row["case"][1].items() if k not in UNCHANGED and v}
+        words = ", ".join(f"`{k}` = {v:g}" for k, v in given.items())
+        made.append((words, *(f"{100 * row[key]:.1f}" for key in ("L", "L99", "H"))))
+    return markdown(("", "L [cm]", "by 99 % [cm]", "H [cm]"), made)
+
+
+UNCHANGED = ("material", "aspect", "length", "reach")
+"""Keywords that all studies have in common."""
+
+
+def inclined_table(rows: list[dict[str, Any]]) -> list[str]:
+    """Distances within which 99 % of the mass lies, at two times after the gate began to lift."""
+    found: dict[float, dict[str, str]] = {}
+    for row in rows:
+        walls = "side walls" if row["side_walls"] else "periodic"
+        name = f"{walls}, {'beta 0 to 0.5' if row['dilation'] else 'beta = 0'}"
+        late = ", ".join(f"{100 * far:.1f}" for far in row["L99_at"][1:])
+        found.setdefault(row["angle_deg"], {})[name] = late
+    head = ("angle [deg]", *next(iter(found.values()), {}))
+    return markdown(head, [(f"{angle:g}", *cases.values()) for angle, cases in found.items()])
+
+
+def store(rows: list[dict[str, Any]], out: Path) -> None:
+    """The table with its evaluation."""
+    rest = {"exponents": exponents(rows), "inclined": orderings(rows)}
+    write(out, {"rows": rows} | rounded(rest, DIGITS))
+
+
+def main(argv: list[str] | None = None) -> None:
+    parser = parser_of(__doc__, "a few small cases, to see it runs")
+    parser.set_defaults(out=RESULTS / "sph_examples.json")
+    parser.add_argument("--only", choices=tuple(RUNS), help="the cases of this kind")
+    parser.add_argument("--threads", type=int, default=1)
+    chosen = parser.parse_args(argv)
+    rows = stored(chosen.out, rows=[])["rows"]
+    held = {json.dumps(row["case"], sort_keys=True) for row in rows}
+    for kind, keywords in quick() if chosen.quick else cases():
+        case = json.dumps([kind, keywords], sort_keys=True)
+        if case in held or chosen.only not in (None, kind):
+            continue
+        found = rounded(RUNS[kind](chosen.threads, **keywords), DIGITS)
+        rows.append({"case": [kind, keywords], "kind": kind} | keywords | found)
+        print(kind, keywords, found, flush=True)
+        store(rows, chosen.out)
+    store(rows, chosen.out)
