@@ -1,13 +1,11 @@
 """The checks of the density correction, run for several schemes.
 
     python benchmarks/density_correction_table.py [--checks NAME ...] [--schemes NAME ...]
-                                                  [--page FILE]
 
 Runs checks of `granular.verify.density_correction` and
 `granular.verify.density_correction_budget` (all of them by default) with each scheme, and stores
 their rows in the JSON file together with the build and the processor time. Rows of other checks and
 schemes that are in the file stay, so that it can be filled piece by piece: all of it takes hours.
-`--page` writes the table into a page, between two lines that mark its place.
 """
 
 from __future__ import annotations
@@ -15,11 +13,11 @@ from __future__ import annotations
 import argparse
 import json
 import platform
-import subprocess
 import time
 from pathlib import Path
+from typing import Any
 
-from shared import write, write_tables
+from shared import commit, markdown, write
 
 import granular as gr
 from granular import verify
@@ -38,12 +36,6 @@ SCHEMES = {
 }
 
 CHECKS = tuple(name for name in verify.checks if name.startswith("density_correction_"))
-
-
-def commit() -> str:
-    """Commit of the working tree, with a + if files have changed since."""
-    command = ["git", "-C", str(Path(__file__).parent), "describe", "--always", "--dirty=+"]
-    return subprocess.run(command, capture_output=True, text=True).stdout.strip() or "unknown"
 
 
 def run(check: str, scheme: str) -> dict:
@@ -68,24 +60,24 @@ def run(check: str, scheme: str) -> dict:
     }
 
 
-def lines(results: list[dict]) -> list[str]:
-    """The table in Markdown: a row for each quantity, a column for each scheme."""
-    names = [name for name in SCHEMES if any(r["scheme"] == name for r in results)]
-    found = ["| quantity | asked | " + " | ".join(names) + " |", "|---" * (2 + len(names)) + "|"]
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Table of the page: a row for each quantity, a column for each scheme."""
+    runs = results["rows"]
+    names = [name for name in SCHEMES if any(r["scheme"] == name for r in runs)]
+    lines: list[list[str]] = []
     for check in CHECKS:
-        of_check = {r["scheme"]: r["rows"] for r in results if r["check"] == check}
+        of_check = {r["scheme"]: r["rows"] for r in runs if r["check"] == check}
         quantities = {row[0]: row[2] for rows in of_check.values() for row in rows}
         if of_check:
-            found.append(f"| **{check}** | " + " | " * len(names) + " |")
+            lines.append([f"**{check}**", *[""] * (1 + len(names))])
         for quantity, expected in quantities.items():
             cells = []
             for name in names:
                 row = next((r for r in of_check.get(name, ()) if r[0] == quantity), None)
                 mark = "" if row is None or row[3] is not False else " **!**"
                 cells.append("" if row is None else row[1] + mark)
-            text = quantity.replace("|", "\\|")
-            found.append(f"| {text} | {expected} | " + " | ".join(cells) + " |")
-    return found
+            lines.append([quantity.replace("|", "\\|"), expected, *cells])
+    return {"density correction": markdown(("quantity", "asked", *names), lines)}
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -93,16 +85,13 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--checks", nargs="*", choices=CHECKS, default=CHECKS)
     parser.add_argument("--schemes", nargs="*", choices=SCHEMES, default=list(SCHEMES))
     parser.add_argument("--out", type=Path, default=RESULTS, help="JSON file to keep rows in")
-    parser.add_argument("--page", type=Path, help="page whose table is to be renewed")
     given = parser.parse_args(arguments)
-    results = json.loads(given.out.read_text()) if given.out.exists() else []
+    rows = json.loads(given.out.read_text())["rows"] if given.out.exists() else []
     for check in given.checks:
         for scheme in given.schemes:
             new = run(check, scheme)
-            results = [r for r in results if (r["check"], r["scheme"]) != (check, scheme)] + [new]
-            write(given.out, results)
-    if given.page:
-        write_tables(given.page, {"": lines(results)})
+            rows = [r for r in rows if (r["check"], r["scheme"]) != (check, scheme)] + [new]
+            write(given.out, {"rows": rows})
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Cost of what grains may have besides one law: time per point-step with each feature on and off.
 
     python benchmarks/features.py [--quick] [--only NAME ...]
-                                  [--out benchmarks/results/features.json] [--page]
+                                  [--out benchmarks/results/features.json]
 
 Two simulations of a block of 8,192 points that was thrown over a rough floor differ in one feature
 alone. They make batches of steps in turns, in the order off, on, on, off, with one thread and the
@@ -10,7 +10,6 @@ it only by what they take of caches and memory. The cost of a feature is the med
 of the ratio of both times per point and step, with the quartiles of the ratio for its noise. Points
 that have entered by an inflow count.
 
-The table of docs/reports/speed.md is written from the results with --page, which measures nothing.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from typing import Any
 
 import numpy as np
 from own_mu_I import MU_I_IN_C, mu_I, mu_I_by_points
-from shared import machine, markdown, parser_of, rounded, write, write_tables
+from shared import machine, markdown, parser_of, rounded, write
 
 import granular as gr
 
@@ -179,8 +178,9 @@ def measure(pair: Pair, rows: int, rounds: int, steps: int) -> dict[str, Any]:
     }
 
 
-def table(rows: dict[str, Any]) -> list[str]:
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Table of all results in the order of the cases."""
+    rows = results["rows"]
     body = []
     for name, (off, on, _) in CASES.items():
         if name in rows:
@@ -189,20 +189,16 @@ def table(rows: dict[str, Any]) -> list[str]:
             spread = f"{middle:.3g} ({low:.3g} to {high:.3g})"
             body.append((off, on, f"{row['off']:.3g}", f"{row['on']:.3g}", spread))
     head = ("without", "with", "without, ns", "with, ns", "ratio (quartiles)")
-    return markdown(head, body)
+    return {"features": markdown(head, body)}
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Measure the cases that are named, or write the table from the results."""
+    """Measure the cases that are named."""
     parser = parser_of(__doc__)
     parser.add_argument("--only", nargs="+", choices=CASES, default=list(CASES))
-    parser.add_argument("--page", type=Path, nargs="?", const=PAGE, help="write the table")
     arguments = parser.parse_args(argv)
     out = arguments.out or RESULTS
     found: dict[str, Any] = json.loads(out.read_text()) if out.exists() else {"rows": {}}
-    if arguments.page:
-        write_tables(arguments.page, {"features": table(found["rows"])})
-        return
     rows, rounds, steps = (8, 1, 10) if arguments.quick else (32, 60, 40)
     for name in arguments.only:
         off, on, pair = CASES[name]

@@ -71,7 +71,7 @@ def main(argv: list[str] | None = None) -> None:
     parser.set_defaults(out=HISTORY)
     parser.add_argument("--last", type=int, default=8, help="rows to print")
     arguments = parser.parse_args(argv)
-    rows = json.loads(arguments.out.read_text()) if arguments.out.exists() else []
+    rows = json.loads(arguments.out.read_text())["rows"] if arguments.out.exists() else []
     row: dict[str, Any] = {
         "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M"),
         "commit": commit(),
@@ -80,7 +80,7 @@ def main(argv: list[str] | None = None) -> None:
     with warnings.catch_warnings():  # a scheme that is timed need not be the right one
         warnings.simplefilter("ignore", gr.StabilityWarning)
         row["ratios"] = rounded(cases(arguments.quick), 4)
-    write(arguments.out, [*rows, row])
+    write(arguments.out, {"rows": [*rows, row]})
     print(table([*rows, row], arguments.last))
 
 

@@ -125,7 +125,7 @@ def main(argv: list[str] | None = None) -> None:
     table = [] if chosen.quick else rows("58 discs", grains.pressed_discs()[0], 0.5, repeat)
     for shape in QUICK if chosen.quick else LATTICES:
         table += rows("x".join(map(str, shape)), grains.jittered_grid(shape), 0.3, repeat)
-    write(chosen.out, table)
+    write(chosen.out, {"rows": table})
     chart(table).savefig(chosen.figure, dpi=110)
 
 

@@ -1,28 +1,23 @@
 """Places of points: the size of the buffers over that of the points in them.
 
     python benchmarks/places.py [--quick] [--out benchmarks/results/places.json]
-    python benchmarks/places.py --page
 
 The buffers of the core have more places than there are points, as all cells of a tile have as many
 as the fullest, and one more. Their size is taken at the start and after some flow; they do not
 shrink. Beside it stand what the rows of the fullest cells alone would take then, and the bytes of
-a point in both precisions. --page writes the table of docs/reports/speed.md from the results.
+a point in both precisions.
 """
 
 from __future__ import annotations
 
-import json
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from shared import machine, markdown, parser_of, rounded, write, write_tables
+from shared import machine, markdown, parser_of, rounded, write
 
 import granular as gr
 
-RESULTS = Path(__file__).parent / "results" / "places.json"
-PAGE = Path(__file__).parents[1] / "docs" / "reports" / "speed.md"
 COLUMN = partial(gr.scenes.column_collapse, aspect=2.0, cell=0.0125, E=1e7)
 CASES = {
     "silo in 3D, 8 points per cell": gr.scenes.silo_3d,
@@ -65,8 +60,8 @@ def sizes(scene: gr.Scene, until: float) -> dict[str, float | None]:
     return found | {"end": len(sim.buffers["id"]) / sim.n_points, "least": least(sim)}
 
 
-def table(results: dict[str, Any]) -> list[str]:
-    """Return the lines of the table of the page."""
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Table of the page."""
     head = ("scene", "points", "bytes of a point", "in single precision", "at the start")
     head += (f"after {UNTIL:g} s", "rows of the fullest cells then")
     rows = (
@@ -75,19 +70,15 @@ def table(results: dict[str, Any]) -> list[str]:
         + [f"{q[k]:.2f}" for k in ("start", "end", "least")]
         for name, q in results["cases"].items()
     )
-    return markdown(head, rows)
+    return {"places": markdown(head, rows)}
 
 
 def main(argv: list[str] | None = None) -> None:
     parser = parser_of(__doc__, quick="one step of each, to see that it runs")
-    parser.add_argument("--page", action="store_true", help="write the table from the results")
     given = parser.parse_args(argv)
-    if given.page:
-        write_tables(PAGE, {"places": table(json.loads(RESULTS.read_text()))})
-        return
     until = 1e-6 if given.quick else UNTIL
     cases = {name: sizes(scene(), until) for name, scene in CASES.items()}
-    print("\n".join(table({"cases": cases})))
+    print(*tables({"cases": cases})["places"], sep="\n")
     write(given.out, rounded({"machine": machine(), "cases": cases}, 4))
 
 

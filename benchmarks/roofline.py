@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is imported
 
 import numpy as np
-from shared import least_time, parser_of, write
+from shared import least_time, markdown, parser_of, write
 from speed import MATERIAL, best_time
 
 import granular as gr
@@ -59,6 +60,28 @@ def measured(cell: float) -> tuple[int, float]:
     sim = gr.Simulation(scene, threads=1)
     sim.step(5)
     return sim.n_points, best_time(sim, 1, 12)
+
+
+BOUNDS = {
+    "multiply-adds (matrix product)": ("multiply-adds [Gflop/s]", "bound by operations [ns]"),
+    "second-level cache (c = a + b)": ("bandwidth in the cache [GB/s]", "bound by the cache [ns]"),
+    "memory": ("bandwidth of the memory [GB/s]", "bound by the memory [ns]"),
+}
+"""Names of a rate of the machine, with its unit, and of what a particle-step takes at that rate."""
+
+
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Table of the page: what the machine can do, and the time of a particle-step."""
+    lines = [
+        (name, f"{results[rate]:.0f} {rate[rate.index('[') + 1 : -1]}", f"{results[bound]:.1f} ns")
+        for name, (rate, bound) in BOUNDS.items()
+    ]
+    lines += [
+        (f"measured, {int(name.split()[1]):,} points", "", f"{ns:.1f} ns")
+        for name, ns in results.items()
+        if name.startswith("measured")
+    ]
+    return {"roofline": markdown(("", "the machine", "a particle-step alone"), lines)}
 
 
 def main(argv: list[str] | None = None) -> None:

@@ -9,26 +9,23 @@ step, and of these the ones within `gr_team_run` are of work that a team divides
 serial. perf cannot follow the frames of kernels, whose samples break off: they are of divided work,
 too, unless they are of `gr_migrate`. With s the serial share, n threads are at most
 1/(s + (1 - s)/n) times as fast as one.
-With --page the table of docs/reports/speed.md is written from the results.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import subprocess
 import sys
 import tempfile
 import warnings
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
-from shared import machine, markdown, parser_of, rounded, write, write_tables
+from shared import machine, markdown, parser_of, rounded, write
 
 import granular as gr
 
-RESULTS = Path(__file__).parent / "results" / "serial_share.json"
-PAGE = Path(__file__).parents[1] / "docs" / "reports" / "speed.md"
 CELL, SPEED = 0.01, 1.0
 FREQUENCY = 199
 STACK = 65528
@@ -112,23 +109,23 @@ def measure(dim: int, case: tuple[int, ...]) -> dict[str, object]:
     }
 
 
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Table of the page."""
+    head = ("", "points", "samples", "serial share", f"{THREADS} threads over one, at most")
+    lines = [
+        (f"{q['dim']}D", f"{q['points']:,}", q["samples"], f"{q['serial_share']:.2%}",
+         f"{q['most']:.1f}")
+        for q in results["rows"]
+    ]  # fmt: skip
+    return {"serial": markdown(head, lines)}
+
+
 def main(argv: list[str] | None = None) -> None:
     parser = parser_of(__doc__)
-    parser.add_argument("--page", action="store_true", help="write the table from the results")
     parser.add_argument("--case", nargs=6, help=argparse.SUPPRESS)
     arguments = parser.parse_args(argv)
     if arguments.case:
         run(*map(int, arguments.case[:-1]), Path(arguments.case[-1]))
-        return
-    if arguments.page:
-        rows = json.loads(RESULTS.read_text())["rows"]
-        head = ("", "points", "samples", "serial share", f"{THREADS} threads over one, at most")
-        lines = [
-            (f"{q['dim']}D", f"{q['points']:,}", q["samples"], f"{q['serial_share']:.2%}",
-             f"{q['most']:.1f}")
-            for q in rows
-        ]  # fmt: skip
-        write_tables(PAGE, {"serial": markdown(head, lines)})
         return
     rows = []
     for dim, case in CASES.items():

@@ -5,14 +5,21 @@ from __future__ import annotations
 import argparse
 import json
 import platform
+import shlex
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from datetime import date
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import granular as gr
+from granular.record.provenance import cpu_name
+
+ROOT = Path(__file__).parents[1]
 
 
 def parser_of(doc: str, quick: str = "small sizes, to see that it runs") -> argparse.ArgumentParser:
@@ -28,11 +35,36 @@ def machine() -> dict[str, Any]:
     return {"machine": platform.machine(), "build": gr.show_config()}
 
 
-def write(out: Path | None, table: Any) -> None:
-    """Write a table as JSON, if a file is given."""
+def commit() -> str:
+    """Commit of the working tree, with a + if files have changed since."""
+    command = ["git", "-C", str(ROOT), "describe", "--always", "--dirty=+"]
+    return subprocess.run(command, capture_output=True, text=True).stdout.strip() or "unknown"
+
+
+def stamp() -> dict[str, str]:
+    """Commit, command, processor and date of a result, which its page shows."""
+    script = Path(sys.argv[0]).resolve()
+    if script.is_relative_to(ROOT):
+        script = script.relative_to(ROOT)
+    return {
+        "commit": commit(),
+        "command": shlex.join(["python", str(script), *sys.argv[1:]]),
+        "processor": cpu_name(),
+        "date": date.today().isoformat(),
+    }
+
+
+def write(out: Path | None, results: Mapping[str, Any], tables: Iterable[str] = ()) -> None:
+    """Write results as JSON, if a file is given, with a stamp.
+
+    Results that are measured table by table have a stamp for each: `tables` are those that are new.
+    """
     if out:
+        now = stamp()
+        stamps = results.get("stamps", {}) | dict.fromkeys(tables, now)
+        stamped = {**results, "stamp": now} | ({"stamps": stamps} if stamps else {})
         out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_text(json.dumps(table, indent=1, default=str) + "\n")
+        out.write_text(json.dumps(stamped, indent=1, default=str) + "\n")
 
 
 def least_time(

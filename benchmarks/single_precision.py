@@ -1,7 +1,8 @@
 """Kernels in single precision beside double precision: time, and error beside that of the scheme.
 
     python benchmarks/single_precision.py [--quick] [--only CASE ...]
-                                          [--out benchmarks/results/single_precision.json] [--page]
+                                          [--out benchmarks/results/single_precision.json]
+                                          [--draw]
 
 Each case runs in double and in single precision, and once more in double precision with cells twice
 as large. What single precision changes of the quantity of a case stands beside the error of the
@@ -9,7 +10,7 @@ scheme: that against the theory, or what the larger cells change. The time is th
 for steps in turns, double, single, single, double, with one thread; its ratio is the median over
 the rounds. Stiffness enlarges the rounding errors of stress: the incline runs with several E.
 
-The table of docs/reports/speed.md is written, and its picture drawn, from the results with --page,
+The picture of docs/reports/speed.md is drawn from the results with --draw,
 which measures nothing.
 """
 
@@ -23,13 +24,12 @@ from typing import Any, NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
-from shared import machine, markdown, parser_of, rounded, write, write_tables
+from shared import machine, markdown, parser_of, rounded, write
 from stability.flows import mean_speed
 
 import granular as gr
 
 RESULTS = Path(__file__).parent / "results" / "single_precision.json"
-PAGE = Path(__file__).parents[1] / "docs" / "reports" / "speed.md"
 PICTURE = Path(__file__).parents[1] / "docs" / "pictures" / "single_precision.png"
 DPI = 120
 SCHEMES = {
@@ -148,15 +148,15 @@ def measured(case: Case, scheme: gr.Scheme, quick: bool) -> dict[str, float]:
     }
 
 
-def table(results: dict[str, dict[str, dict[str, float]]]) -> list[str]:
-    """Lines of the table."""
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Table of the page."""
     head = ("case", "scheme", "change by single precision", "error of the scheme", "time, ratio")
     rows = [
         (case, scheme, f"{row['change']:.1e}", f"{row['error']:.1e}", f"{row['time']:.2f}")
-        for case, of_schemes in results.items()
+        for case, of_schemes in results["cases"].items()
         for scheme, row in of_schemes.items()
     ]
-    return markdown(head, rows)
+    return {"single precision": markdown(head, rows)}
 
 
 def draw(results: dict[str, dict[str, dict[str, float]]], path: Path) -> None:
@@ -182,12 +182,10 @@ def draw(results: dict[str, dict[str, dict[str, float]]], path: Path) -> None:
 def main() -> None:
     parser = parser_of(__doc__)
     parser.add_argument("--only", nargs="+", choices=CASES, default=list(CASES))
-    parser.add_argument("--page", action="store_true", help="write the table of the page")
+    parser.add_argument("--draw", action="store_true", help="draw the results, run nothing")
     arguments = parser.parse_args()
-    if arguments.page:
-        kept = json.loads(RESULTS.read_text())["cases"]
-        write_tables(PAGE, {"single precision": table(kept)})
-        draw(kept, PICTURE)
+    if arguments.draw:
+        draw(json.loads(RESULTS.read_text())["cases"], PICTURE)
         return
     results: dict[str, Any] = {}
     for name in arguments.only:
@@ -197,7 +195,7 @@ def main() -> None:
         }
         print(name, results[name], flush=True)
         write(arguments.out, {**machine(), "cases": results})
-    print("\n".join(table(results)))
+    print(*tables({"cases": results})["single precision"], sep="\n")
 
 
 if __name__ == "__main__":

@@ -3,24 +3,21 @@
 Cases: a column that collapses and lies; a silo that discharges between corners at rest; a hopper
 that is closed when half of its fill has left; a wheel that rolls, and a plate that is drawn,
 through the end of a long bed; a bed at rest. One thread. Times of the last part of each case are
-given beside those of the whole, since material sleeps only once it rests. With ``--page`` the
-table of docs/reports/speed.md is written anew. Cases that are not named keep their results.
+given beside those of the whole, since material sleeps only once it rests. Cases that are not
+named keep their results.
 """
 
 from __future__ import annotations
 
 import json
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from shared import machine, markdown, parser_of, rounded, write, write_tables
+from shared import machine, markdown, parser_of, rounded, write
 
 import granular as gr
 
-RESULTS = Path(__file__).parent / "results" / "sleep.json"
-PAGE = Path(__file__).parents[1] / "docs" / "reports" / "speed.md"
 SPEED = 1e-3
 SCHEMES = {"default": gr.schemes.default, "cell averaged": gr.schemes.cell_averaged}
 GRAINS = gr.materials.glass_beads.replace(E=1e7)
@@ -165,8 +162,8 @@ def compare(name: str, scheme: gr.Scheme) -> dict[str, Any]:
     return found
 
 
-def table(results: dict[str, Any]) -> list[str]:
-    """Return the lines of the table of the page."""
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Table of the page."""
     head = (
         "case",
         "scheme",
@@ -177,43 +174,31 @@ def table(results: dict[str, Any]) -> list[str]:
         f"the last {LATE:.0%}",
         "points moved otherwise, mean, cells",
     )
-    return markdown(
-        head,
-        [
-            (
-                case,
-                scheme,
-                f"{q['asleep']:.0%}",
-                f"{q['time']:.1f}",
-                f"{q['time'] * q['share']:.1f}",
-                f"{q['share']:.2f}",
-                f"{q['share_late']:.3f}",
-                f"{q['moved_mean']:.4f}",
-            )
-            for case, of_case in results["cases"].items()
-            for scheme, q in of_case.items()
-        ],
-    )
+    rows = [
+        (
+            *(case, scheme, f"{q['asleep']:.0%}", f"{q['time']:.1f}"),
+            *(f"{q['time'] * q['share']:.1f}", f"{q['share']:.2f}", f"{q['share_late']:.3f}"),
+            f"{q['moved_mean']:.4f}",
+        )
+        for case, of_case in results["cases"].items()
+        for scheme, q in of_case.items()
+    ]
+    return {"sleep": markdown(head, rows)}
 
 
 def main() -> None:
     """Run what the command line asks for."""
     parser = parser_of(__doc__)
     parser.add_argument("cases", nargs="*", default=list(CASES))
-    parser.add_argument("--page", action="store_true", help="write the table from the results")
     args = parser.parse_args()
-    if not args.page:
-        names = args.cases[-1:] if args.quick else args.cases
-        known = args.out and args.out.exists()
-        before = json.loads(args.out.read_text())["cases"] if known else {}
-        cases = before | {
-            case: {name: compare(case, scheme) for name, scheme in SCHEMES.items()}
-            for case in names
-        }
-        cases = {case: cases[case] for case in CASES if case in cases}
-        write(args.out, rounded({"machine": machine(), "sleep_speed": SPEED, "cases": cases}, 4))
-        return
-    write_tables(PAGE, {"sleep": table(json.loads(RESULTS.read_text()))})
+    names = args.cases[-1:] if args.quick else args.cases
+    known = args.out and args.out.exists()
+    before = json.loads(args.out.read_text())["cases"] if known else {}
+    cases = before | {
+        case: {name: compare(case, scheme) for name, scheme in SCHEMES.items()} for case in names
+    }
+    cases = {case: cases[case] for case in CASES if case in cases}
+    write(args.out, rounded({"machine": machine(), "sleep_speed": SPEED, "cases": cases}, 4))
 
 
 if __name__ == "__main__":

@@ -9,9 +9,8 @@ batches counts; only the ratios within one run can be compared. Beside each sche
 on the periodic incline of 25 degrees, with one column of cells and with eight, against the
 one-dimensional equation: a fast scheme that is wrong is no bargain. The last lines are those of a
 quarter of a cylinder in 3D, 8 points per cell, one thread. On a machine that others disturb, run it
-several times: with --again the smaller of each time and that in the file is kept. With --page the
-tables of docs/reports/speed.md are written from the results, those of a processor with AVX2 alone
-from results/speed_avx2.json.
+several times: with --again the smaller of each time and that in the file is kept. The results of a
+processor with AVX2 alone are in results/speed-avx2.json.
 
 `granular.economy.cost` contains the times of one thread (small state, mean of seeded and fallen;
 3D). Update its constants after a new results/speed.json; a test compares them.
@@ -21,20 +20,13 @@ from __future__ import annotations
 
 import json
 import time
-from pathlib import Path
 from typing import Any
 
-from shared import least_time, machine, markdown, parser_of, write, write_tables
+from shared import least_time, machine, markdown, parser_of, write
 from stability.flows import error_of_profile
 
 import granular as gr
 
-RESULTS = {
-    "": Path(__file__).parent / "results" / "speed.json",
-    " AVX2": Path(__file__).parent / "results" / "speed_avx2.json",
-}
-"""Results by the end of the names of their tables: with AVX-512 and with AVX2."""
-PAGE = Path(__file__).parents[1] / "docs" / "reports" / "speed.md"
 SCHEMES = {
     "linear flip": gr.Scheme(basis="linear"),
     "ugimp flip": gr.Scheme(basis="ugimp"),
@@ -87,8 +79,8 @@ def incline_error(scheme: gr.Scheme, columns: int, until: float) -> float:
     return error_of_profile(gr.Simulation(scene, threads=1).run(until=until).state)
 
 
-def tables(results: dict[str, Any], end: str) -> dict[str, list[str]]:
-    """Return the lines of the tables of the page, whose names have this end."""
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Tables of the page: times with the errors in 2D, and times in 3D."""
     times: dict[str, dict[tuple[int, str], list[float]]] = {}
     errors = {}
     for row in results["rows"]:
@@ -107,8 +99,8 @@ def tables(results: dict[str, Any], end: str) -> dict[str, list[str]]:
     ]
     space = [[row["scheme"], f"{row['ns']:.0f}"] for row in results["space"]]
     return {
-        f"speed{end}": markdown(head, plane),
-        f"speed 3D{end}": markdown(("scheme", f"{results['space'][0]['points']:,} points"), space),
+        "speed": markdown(head, plane),
+        "speed 3D": markdown(("scheme", f"{results['space'][0]['points']:,} points"), space),
     }
 
 
@@ -127,12 +119,7 @@ def least(before: dict[str, Any], now: dict[str, Any]) -> dict[str, Any]:
 def main(argv: list[str] | None = None) -> None:
     parser = parser_of(__doc__)
     parser.add_argument("--again", action="store_true", help="keep times in the file that are less")
-    parser.add_argument("--page", action="store_true", help="write the tables from the results")
     arguments = parser.parse_args(argv)
-    if arguments.page:
-        for end, results in RESULTS.items():
-            write_tables(PAGE, tables(json.loads(results.read_text()), end))
-        return
     if arguments.again and not (arguments.out and arguments.out.exists()):
         parser.error("--again needs --out with the results of a run")
     sizes = [(0.025, 0.02)] if arguments.quick else [(0.0125, 0.4), (0.0025, 0.15)]

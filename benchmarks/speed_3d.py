@@ -13,9 +13,10 @@ from __future__ import annotations
 
 import math
 import warnings
+from typing import Any
 
 import numpy as np
-from shared import machine, parser_of, write
+from shared import machine, markdown, parser_of, write
 from speed import best_time
 
 import granular as gr
@@ -64,6 +65,27 @@ CASES = {
     "thin blade": (0.48, MLS, "faces", 0.5),
     "default scheme": (0.48, gr.Scheme(), "faces", None),
 }
+
+
+TITLES = {
+    "local": "without a fluidity, A = 0",
+    "nonlocal": "fluidity over faces",
+    "all neighbours": "over all neighbours",
+    "thick blade": "over faces, a blade of 3 cells in the flow",
+    "thin blade": "a blade of half a cell, a thin body with two sides",
+    "default scheme": "the default scheme",
+}
+"""Cases by their words in the table."""
+
+
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Table of the page: times with one thread and with two, and memory of a point."""
+    lines = [
+        [TITLES[row["case"]], *(f"{t:.0f}" for t in row["ns"]), f"{one / two:.2f}", f"{held:.0f}"]
+        for row in results["rows"]
+        for (one, two), held in [(row["ns"], row["bytes_per_point"])]
+    ]
+    return {"laws in 3D": markdown(("", "one", "two", "ratio", "bytes"), lines)}
 
 
 def main(argv: list[str] | None = None) -> None:

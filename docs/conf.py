@@ -28,6 +28,7 @@ extensions = [
     "generated_tables",
     "lessons",
     "linked_names",
+    "result_tables",
 ]
 exclude_patterns = ["_build", "_ext", "paper"]
 templates_path = ["_templates"]
