@@ -1,20 +1,19 @@
 """Accuracy of bodies and of walls that are inclined to the grid.
 
-    python benchmarks/bodies.py [--only NAME ...] [--again] [--quick] [--out FILE] [--page FILE]
+    python benchmarks/bodies.py [--only NAME ...] [--again] [--quick] [--out FILE]
 
 Runs the cases of each row (`surfaces/`) and stores their numbers in the JSON file, one by one.
 Cases that are in the file are kept, unless `--again` is given, so that it can be filled piece by
-piece. `--page` writes the table into a page, between two lines that mark its place.
+piece.
 """
 
 from __future__ import annotations
 
-import json
 import time
 from pathlib import Path
 from typing import Any
 
-from shared import machine, parser_of, rounded, write, write_tables
+from shared import markdown, parser_of, rounded, stored, write
 from surfaces import flow, forces, moving, openings, rest
 from surfaces.rows import Line, Numbers, Row
 
@@ -24,6 +23,9 @@ ROWS: dict[str, Row] = {**rest.ROWS, **forces.ROWS, **flow.ROWS, **openings.ROWS
 
 LEAK = 0.25
 """Depth in a body, in cells, from which on a point counts as leaked (`in_bodies` of the health)."""
+
+
+MET = {True: "yes", False: "**no**", None: ""}
 
 
 def measure(name: str, table: dict[str, Any], again: bool, quick: bool, out: Path) -> None:
@@ -50,20 +52,30 @@ def leaks(rows: dict[str, dict[str, Numbers]]) -> Line:
     return Line("deepest point in a body, all runs", f"{LEAK:g} cells", text, depth < LEAK)
 
 
-def lines(rows: dict[str, dict[str, Numbers]]) -> list[str]:
-    """The table in Markdown."""
-    found = ["| quantity | asked | measured | met |", "|---|---|---|---|"]
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Table of the page, with a heading for each row of cases."""
+    rows: dict[str, dict[str, Numbers]] = results["rows"]
+    parts = [(row.title, row.lines(rows[name])) for name, row in ROWS.items() if rows.get(name)]
+    if parts:
+        parts.append(("Leaks", [leaks(rows)]))
+    lines: list[tuple[str, ...]] = []
+    for title, of_part in parts:
+        lines.append((f"**{title}**", "", "", ""))
+        lines += [(line.quantity, line.asked, line.measured, MET[line.met]) for line in of_part]
+    return {
+        "summary": summary(rows),
+        "bodies": markdown(("quantity", "asked", "measured", "met"), lines),
+    }
+
+
+def summary(rows: dict[str, dict[str, Numbers]]) -> list[str]:
+    """One row for each row of cases: how many bounds are met."""
+    lines = []
     for name, row in ROWS.items():
         if rows.get(name):
-            found.append(f"| **{row.title}** | | | |")
-            found += map(_row, row.lines(rows[name]))
-    found += ["| **Leaks** | | | |", _row(leaks(rows))] if any(rows.values()) else []
-    return found
-
-
-def _row(line: Line) -> str:
-    met = {True: "yes", False: "**no**", None: ""}[line.met]
-    return f"| {line.quantity} | {line.asked} | {line.measured} | {met} |"
+            asked = [line.met for line in row.lines(rows[name]) if line.met is not None]
+            lines.append((row.title, f"{sum(asked)} of {len(asked)}"))
+    return markdown(("case", "bounds met"), lines)
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -71,14 +83,10 @@ def main(arguments: list[str] | None = None) -> None:
     parser.set_defaults(out=RESULTS)
     parser.add_argument("--only", nargs="+", choices=ROWS, default=list(ROWS), metavar="NAME")
     parser.add_argument("--again", action="store_true", help="measure what is in the file anew")
-    parser.add_argument("--page", type=Path, help="page whose table is to be renewed")
     given = parser.parse_args(arguments)
-    table = json.loads(given.out.read_text()) if given.out.exists() else {"rows": {}}
-    table["head"] = machine()
+    table = stored(given.out, rows={})
     for name in given.only:
         measure(name, table, given.again, given.quick, given.out)
-    if given.page:
-        write_tables(given.page, {"": lines(table["rows"])})
 
 
 if __name__ == "__main__":

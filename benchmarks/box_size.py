@@ -14,7 +14,7 @@ import resource
 import warnings
 from pathlib import Path
 
-from shared import machine, parser_of, write
+from shared import parser_of, write
 from speed import best_time
 
 import granular as gr
@@ -91,7 +91,7 @@ def main(argv: list[str] | None = None) -> None:
                 f"{row['bytes_per_point']:13.0f}{row['peak_bytes_per_point']:9.0f}"
             )
             rows.append(row)
-    write(arguments.out, machine() | {"rows": rows})
+    write(arguments.out, {"rows": rows})
 
 
 if __name__ == "__main__":

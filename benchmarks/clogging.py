@@ -22,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from shared import machine, parser_of, write
+from shared import markdown, parser_of, write
 
 import granular as gr
 from granular.measure import GridField
@@ -440,6 +440,24 @@ def show(tables: dict[str, Any]) -> None:
         print(f"  static below {lines['static_below']} A, flowing above {lines['flowing_above']} A")
 
 
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Tables of the page: verdict and outflow of each case, by scheme."""
+    found: dict[str, dict[tuple[float, int], str]] = {}
+    for row in results["diagram"]:
+        amplitude, ratio = row["case"]
+        outflow = f" {row['outflow']:.0f}" if row["outflow"] >= 0.5 else ""
+        agrees = row["verdict"] == row["published_rule"]
+        text = f"{row['verdict'][0]}{outflow}{'' if agrees else ' *'}"
+        found.setdefault(row["scheme"], {})[amplitude, ratio] = text
+    made = {}
+    for scheme, cases in found.items():
+        amplitudes, ratios = (sorted(set(part)) for part in zip(*cases, strict=True))
+        head = ("W/d", *(f"A = {a:g}" for a in amplitudes))
+        rows = [(r, *(cases.get((a, r), "") for a in amplitudes)) for r in reversed(ratios)]
+        made[scheme] = markdown(head, rows)
+    return made
+
+
 def main(argv: list[str] | None = None) -> None:
     parser = parser_of(__doc__, "coarse and short, to see it runs")
     parser.set_defaults(out=OUT)
@@ -456,7 +474,7 @@ def main(argv: list[str] | None = None) -> None:
         "substeps": lambda: rows_of(plan.subdivided(), plan, chosen),
         "seconds": lambda: seconds(tables),
     }
-    tables: dict[str, Any] = machine() | {"paper": PAPER}
+    tables: dict[str, Any] = {"paper": PAPER}
     for name, part in parts.items():
         tables[name] = part()
         write(chosen.out, plain(tables))

@@ -11,13 +11,11 @@ schemes that are in the file stay, so that it can be filled piece by piece: all 
 from __future__ import annotations
 
 import argparse
-import json
-import platform
 import time
 from pathlib import Path
 from typing import Any
 
-from shared import commit, markdown, write
+from shared import commit, markdown, stored, write
 
 import granular as gr
 from granular import verify
@@ -52,7 +50,6 @@ def run(check: str, scheme: str) -> dict:
         "check": check,
         "scheme": scheme,
         "seconds": round(time.process_time() - begin, 1),
-        "machine": platform.machine(),
         "compiler": gr.show_config()["compiler"],
         "isa": gr.show_config()["isa"],
         "commit": commit(),
@@ -86,7 +83,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--schemes", nargs="*", choices=SCHEMES, default=list(SCHEMES))
     parser.add_argument("--out", type=Path, default=RESULTS, help="JSON file to keep rows in")
     given = parser.parse_args(arguments)
-    rows = json.loads(given.out.read_text())["rows"] if given.out.exists() else []
+    rows = stored(given.out, rows=[])["rows"]
     for check in given.checks:
         for scheme in given.schemes:
             new = run(check, scheme)

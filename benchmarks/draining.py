@@ -13,7 +13,7 @@ material at rest costs as much as flowing material.
 from __future__ import annotations
 
 import numpy as np
-from shared import least_time, machine, parser_of, write
+from shared import least_time, parser_of, write
 
 import granular as gr
 
@@ -88,7 +88,7 @@ def main(argv: list[str] | None = None) -> None:
         print(name)
         for row in rows:
             print("  " + "  ".join(f"{key} {value}" for key, value in row.items()), flush=True)
-    write(chosen.out, machine() | tables)
+    write(chosen.out, tables)
 
 
 if __name__ == "__main__":

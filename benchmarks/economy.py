@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from shared import machine, parser_of
+from shared import parser_of, stored, write
 
 import granular as gr
 from granular.verify.quantities import quantities
@@ -184,9 +184,7 @@ def main(argv: list[str] | None = None) -> None:
     parser.set_defaults(out=OUT)
     parser.add_argument("--only", nargs="+", choices=tuple(GROUPS), default=tuple(GROUPS))
     chosen = parser.parse_args(argv)
-    table: dict[str, Any] = machine() | {"rows": []}
-    if chosen.out.exists():
-        table = json.loads(chosen.out.read_text())
+    table = stored(chosen.out, rows=[])
     known = {Case(**row["case"]).key for row in table["rows"]}
     for name in chosen.only:
         cases = list(GROUPS[name]())
@@ -196,8 +194,7 @@ def main(argv: list[str] | None = None) -> None:
             if case.key in known:
                 continue
             table["rows"].append(measured(case))
-            chosen.out.parent.mkdir(parents=True, exist_ok=True)
-            chosen.out.write_text(json.dumps(table, default=str) + "\n")
+            write(chosen.out, table)
             print(case.key, f"{table['rows'][-1]['seconds']} s", flush=True)
 
 

@@ -1,26 +1,24 @@
 """Cells, points, stiffness and method in the cases of `granular verify --external`: tables.
 
-    python benchmarks/external_refinement.py [--quick] [--only STUDY ...] [--out FILE] [--page FILE]
+    python benchmarks/external_refinement.py [--quick] [--only STUDY ...] [--out FILE]
 
-A study that is run replaces its rows in the file of results; the page is written from the whole
-file. `--quick` makes the first run of each study.
+A study that is run replaces its rows in the file of results. `--quick` makes the first run of each
+study.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import time
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-from shared import machine, markdown, parser_of, rounded, write, write_tables
+from shared import markdown, parser_of, rounded, stored, write
 
 from granular import theory
 from granular.mpm import schemes
@@ -304,28 +302,27 @@ STUDIES = {
 """The studies by the name of their table."""
 
 
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Table of each study."""
+    return {name: STUDIES[name].table(rows) for name, rows in results["studies"].items()}
+
+
 def arguments_of(argv: list[str] | None) -> argparse.Namespace:
     """Options of the script."""
     parser = parser_of(__doc__, "the first run of each study")
     parser.add_argument("--only", nargs="*", choices=list(STUDIES), help="studies to run")
-    parser.add_argument("--page", type=Path, help="page whose tables are written")
     return parser.parse_args(argv)
 
 
 def main(argv: list[str] | None = None) -> None:
     arguments = arguments_of(argv)
-    known = arguments.out is not None and arguments.out.exists()
-    results = json.loads(arguments.out.read_text())["studies"] if known else {}
+    results = stored(arguments.out, studies={})
     for name in list(STUDIES) if arguments.only is None else arguments.only:
-        rows = []
+        rows = results["studies"][name] = []
         for row in STUDIES[name].runs(arguments.quick):
-            rows.append(row)
+            rows.append(rounded(row))
             print(name, rounded(row, 4), flush=True)
-            results[name] = rows
-            write(arguments.out, machine() | {"studies": rounded(results)})
-    if arguments.page:
-        tables = {name: STUDIES[name].table(rows) for name, rows in results.items()}
-        write_tables(arguments.page, tables)
+            write(arguments.out, results, [name])
 
 
 if __name__ == "__main__":

@@ -14,7 +14,6 @@ that have entered by an inflow count.
 
 from __future__ import annotations
 
-import json
 import time
 import warnings
 from collections.abc import Callable
@@ -23,7 +22,7 @@ from typing import Any
 
 import numpy as np
 from own_mu_I import MU_I_IN_C, mu_I, mu_I_by_points
-from shared import machine, markdown, parser_of, rounded, write
+from shared import markdown, parser_of, rounded, stored, write
 
 import granular as gr
 
@@ -198,7 +197,7 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--only", nargs="+", choices=CASES, default=list(CASES))
     arguments = parser.parse_args(argv)
     out = arguments.out or RESULTS
-    found: dict[str, Any] = json.loads(out.read_text()) if out.exists() else {"rows": {}}
+    found = stored(out, rows={})
     rows, rounds, steps = (8, 1, 10) if arguments.quick else (32, 60, 40)
     for name in arguments.only:
         off, on, pair = CASES[name]
@@ -208,7 +207,7 @@ def main(argv: list[str] | None = None) -> None:
         found["rows"][name] = rounded(row)
         shown = ", ".join(f"{number:.3g}" for number in row["ratio"])
         print(f"{off} / {on}: {row['off']:.3g}, {row['on']:.3g} ns, ratio {shown}", flush=True)
-        write(out, machine() | found)
+        write(out, found)
 
 
 if __name__ == "__main__":

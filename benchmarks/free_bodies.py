@@ -1,19 +1,16 @@
 """Free bodies: what they cost, how light they may be, and the depth of craters.
 
     python benchmarks/free_bodies.py [cost light craters ...] [--again] [--quick] [--out FILE]
-        [--page FILE]
 
 cost: nanoseconds of the processor for each point and step with no body, with a body that stands,
 with one that moves and turns freely, and with one that touches a wall besides; the runs take turns.
 light: the noise of the bed about a disc at rest in it, by its mass over that of a full cell.
 craters: the depth to which balls fall, over that of Uehara et al. (2003).
-Runs that are in the JSON file are kept, unless `--again` is given. `--page` writes the tables into
-a page, by default docs/explanation/bodies.md.
+Runs that are in the JSON file are kept, unless `--again` is given.
 """
 
 from __future__ import annotations
 
-import json
 import math
 import time
 import warnings
@@ -22,12 +19,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from shared import machine, markdown, parser_of, rounded, write, write_tables
+from shared import markdown, parser_of, rounded, stored, write
 
 import granular as gr
 
 RESULTS = Path(__file__).parent / "results" / "free_bodies.json"
-PAGE = Path(__file__).parents[1] / "docs" / "explanation" / "bodies.md"
 BODIES = ("none", "standing", "free", "free, at a wall")
 MASSES = (1.0, 0.3, 0.1, 0.03, 0.01)
 RADII = (4, 8)
@@ -192,15 +188,18 @@ TABLES = {
 }
 
 
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Tables of the pages."""
+    return {name: TABLES[name][1](results[name]) for name in TABLES if name in results}
+
+
 def main(arguments: list[str] | None = None) -> None:
     parser = parser_of(__doc__, quick="small scenes and few steps, to see that it runs")
     parser.set_defaults(out=RESULTS)
     parser.add_argument("only", nargs="*", choices=[*TABLES, []], metavar="TABLE")
     parser.add_argument("--again", action="store_true", help="measure what is in the file anew")
-    parser.add_argument("--page", type=Path, nargs="?", const=PAGE, help="page of the tables")
     given = parser.parse_args(arguments)
-    table = json.loads(given.out.read_text()) if given.out.exists() else {}
-    table["head"] = machine()
+    table = stored(given.out)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", gr.StabilityWarning)
         for name in given.only or TABLES:
@@ -209,10 +208,7 @@ def main(arguments: list[str] | None = None) -> None:
                 if given.again or case not in found:
                     found[case] = rounded(run(), 4)
                     print(name, case, found[case], flush=True)
-                    write(given.out, table)
-    if given.page:
-        made = {f"free {name}": TABLES[name][1](table[name]) for name in TABLES if name in table}
-        write_tables(given.page, made)
+                    write(given.out, table, [name])
 
 
 if __name__ == "__main__":

@@ -11,14 +11,14 @@ file.
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from shared import parser_of, write
+from shared import markdown, parser_of, stored, write
 
 from granular.grain_scale import dem, friction_law
 from granular.grain_scale.friction_law import SteadyShear
@@ -132,13 +132,37 @@ def line(row: dict) -> str:
     )
 
 
+GRAINS = {"low": "e = 0.5", "high": "e = 0.85", "walls": "walls, e = 0.5"}
+
+
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Table of the page: a row for each flow, by set and inertial number."""
+    head = ("grains", "I", "mu (±)", "law / mu", "balance (±)", "sliding", "phi", "Z", "slipping")
+    rows = [
+        (
+            words,
+            f"{p.inertial_number:.4f}",
+            f"{p.friction:.3f} ({p.friction_error:.3f})",
+            f"{p.friction_by_law / p.friction:.3f}",
+            f"{p.balance:.3f} ({p.law_error:.3f})",
+            f"{p.friction_sliding / p.friction_by_law:.3f}",
+            f"{p.packing_fraction:.4f}",
+            f"{p.coordination:.2f}",
+            f"{p.slipping:.2f}",
+        )
+        for name, words in GRAINS.items()
+        for p in points(results["rows"], name)
+    ]
+    return {"flows": markdown(head, rows)}
+
+
 def main(argv: list[str] | None = None) -> None:
     parser = parser_of(__doc__, "few grains, to see that it runs")
     parser.add_argument("--only", choices=tuple(SERIES), help="one set of grains")
     parser.add_argument("--timeout", type=float, default=7200.0, help="seconds a flow")
     chosen = parser.parse_args(argv)
     out = chosen.out or (RESULTS if not chosen.quick else None)
-    rows = json.loads(out.read_text())["rows"] if out and out.exists() else []
+    rows = stored(out, rows=[])["rows"]
     for name, cases in (QUICK if chosen.quick else SERIES).items():
         for case in cases if chosen.only in (None, name) else ():
             if any(row["set"] == name and row["case"] == asdict(case) for row in rows):

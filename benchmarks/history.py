@@ -11,7 +11,6 @@ thread; the best of several batches. A change of a tenth is noise on a busy mach
 
 from __future__ import annotations
 
-import json
 import os
 import warnings
 from datetime import UTC, datetime
@@ -23,7 +22,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is imported
 from accuracy.results import commit
 from accuracy.results import head as kind_of_machine
 from roofline import peak
-from shared import parser_of, rounded, write
+from shared import parser_of, rounded, stored, write
 from speed import SCHEMES, speed, speed_3d
 
 import granular as gr
@@ -71,7 +70,7 @@ def main(argv: list[str] | None = None) -> None:
     parser.set_defaults(out=HISTORY)
     parser.add_argument("--last", type=int, default=8, help="rows to print")
     arguments = parser.parse_args(argv)
-    rows = json.loads(arguments.out.read_text())["rows"] if arguments.out.exists() else []
+    rows = stored(arguments.out, rows=[])["rows"]
     row: dict[str, Any] = {
         "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M"),
         "commit": commit(),

@@ -1,6 +1,6 @@
 """Earth pressure and bearing capacity: cells, speeds, stiffness and schemes, one at a time.
 
-    python benchmarks/limit_analysis.py [--quick] [--only STUDY ...] [--out FILE] [--page FILE]
+    python benchmarks/limit_analysis.py [--quick] [--only STUDY ...] [--out FILE]
 
 The problems are those of `granular verify --external limit_analysis`, with a rough base and
 footing. Each row changes what its name says, and nothing else. Walls at 30 degrees of friction,
@@ -12,15 +12,14 @@ whole file.
 from __future__ import annotations
 
 import itertools
-import json
 import time
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from pathlib import Path
+from typing import Any
 
 import numpy as np
-from shared import machine, markdown, parser_of, rounded, write, write_tables
+from shared import markdown, parser_of, rounded, stored, write
 
 import granular as gr
 from granular.mpm.schemes import ParticleDensity, Scheme, SmoothedDensity
@@ -183,27 +182,28 @@ def wedge_table(rows: list[dict]) -> list[str]:
     return markdown(head, lines)
 
 
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Tables of the page: walls and footings, and walls at 30 deg by turn and seed."""
+    found = results["studies"]
+    return {
+        "study": table([*found["walls"], *found["footings"]]),
+        "wedges": wedge_table(found["wedges"]),
+    }
+
+
 def main(argv: list[str] | None = None) -> None:
     parser = parser_of(__doc__, "one coarse run of each kind")
     parser.add_argument("--only", nargs="*", choices=list(STUDIES), help="studies to run")
-    parser.add_argument("--page", type=Path, help="page whose table is written")
     arguments = parser.parse_args(argv)
-    known = arguments.out is not None and arguments.out.exists()
-    results = json.loads(arguments.out.read_text())["studies"] if known else {}
+    results = stored(arguments.out, studies={})
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", gr.StabilityWarning)
         for name in list(STUDIES) if arguments.only is None else arguments.only:
-            results[name] = []
+            rows = results["studies"][name] = []
             for found in STUDIES[name](arguments.quick):
                 print(found, flush=True)
-                results[name].append(found)
-                write(arguments.out, machine() | {"studies": rounded(results)})
-    if arguments.page:
-        study = table([*results["walls"], *results["footings"]])
-        wedges = wedge_table(results["wedges"])
-        write_tables(
-            arguments.page, {"limit_analysis_study": study, "limit_analysis_wedges": wedges}
-        )
+                rows.append(rounded(found))
+                write(arguments.out, results)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
-from shared import machine, parser_of, write
+from shared import parser_of, write
 from speed import best_time
 
 import granular as gr
@@ -43,8 +43,8 @@ def simulation(A: float, fluidity: Fluidity, cell: float, until: float) -> gr.Si
 def main(argv: list[str] | None = None) -> None:
     arguments = parser_of(__doc__).parse_args(argv)
     rounds, until = (1, 0.002) if arguments.quick else (15, 0.1)
-    head, table = machine(), []
-    print(f"{head['machine']}, {head['build']['isa']}; ns/particle-step, over the local law")
+    table = []
+    print(f"{gr.show_config()['isa']}; ns/particle-step, over the local law")
     for cell in (0.0175,) if arguments.quick else (0.0175, 0.00875):
         sims = {name: simulation(*case, cell, until) for name, case in CASES.items()}
         ns = dict.fromkeys(sims, np.inf)
@@ -55,7 +55,7 @@ def main(argv: list[str] | None = None) -> None:
             row = {"case": name, "points": sim.n_points, "ns": ns[name]}
             print(f"{name:12s}{sim.n_points:8d}{ns[name]:8.1f}{ns[name] - ns['local']:+8.1f}")
             table.append(row | {"over_local": ns[name] - ns["local"]})
-    write(arguments.out, head | {"rows": table})
+    write(arguments.out, {"rows": table})
 
 
 if __name__ == "__main__":

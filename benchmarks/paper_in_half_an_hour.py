@@ -17,7 +17,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
 
-from shared import machine, write
+from shared import write
 
 FIGURES = Path(__file__).parent / "figures"
 
@@ -85,7 +85,7 @@ def main(argv: list[str] | None = None) -> None:
     total = sum(row["seconds"] for row in rows)
     wall = time.perf_counter() - begin
     print(f"{'together':14s}{total:8.1f} s of a core, {wall:.0f} s with {chosen.workers} workers")
-    head = {"tolerance": chosen.tolerance, "workers": chosen.workers, **machine()}
+    head = {"tolerance": chosen.tolerance, "workers": chosen.workers}
     head |= {"core_seconds": round(total, 1), "wall": round(wall, 1)}
     rows.sort(key=lambda row: SCRIPTS.index(row["script"]))
     write(chosen.table, head | {"rows": rows})

@@ -1,7 +1,7 @@
 """Columns of contact dynamics by this package and by other codes: error against core-seconds.
 
     python benchmarks/peers.py [--quick] [--limit 100] [--only CODE ...] [--out FILE] [--core N]
-                               [--page FILE] [--pictures FOLDER] [--draw]
+                               [--pictures FOLDER] [--draw]
 
 Runs every case that the file of results does not hold yet, each with one thread and on one core,
 and appends it, so that a benchmark that was stopped continues where it was. A case that would take
@@ -19,12 +19,13 @@ import warnings
 from collections.abc import Iterator, Sequence
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 from accuracy import columns, columns_chart, columns_tables
 from accuracy.columns import ASPECTS, CODES, Column
 from accuracy.columns_errors import Row, references
 from accuracy.results import Table
-from shared import parser_of, write_tables
+from shared import parser_of
 
 from granular.run.diagnostics import StabilityWarning
 
@@ -67,6 +68,11 @@ def report(row: Row) -> str:
     )
 
 
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Tables of the page."""
+    return columns_tables.tables(results["rows"])
+
+
 def run_all(chosen: argparse.Namespace) -> Sequence[Row]:
     """Run the cases that the file does not hold yet; all rows."""
     if chosen.core is not None:
@@ -89,17 +95,13 @@ def main(argv: list[str] | None = None) -> None:
         "--only", nargs="*", choices=list(CODES), default=list(CODES), help="codes to run"
     )
     parser.add_argument("--core", type=int, help="number of the core to stay on")
-    parser.add_argument("--page", type=Path, help="page whose tables are written")
     parser.add_argument("--pictures", type=Path, default=FIGURES, help="folder of the pictures")
-    parser.add_argument("--draw", action="store_true", help="draw and write the rows that exist")
+    parser.add_argument("--draw", action="store_true", help="draw the rows that exist")
     chosen = parser.parse_args(argv)
     rows = json.loads(chosen.out.read_text())["rows"] if chosen.draw else run_all(chosen)
-    found = references(rows)
     chosen.pictures.mkdir(parents=True, exist_ok=True)
-    if picture := columns_chart.chart(rows, found):
+    if picture := columns_chart.chart(rows, references(rows)):
         picture.savefig(chosen.pictures / "peers.png", dpi=DPI)
-    if chosen.page:
-        write_tables(chosen.page, columns_tables.tables(rows, found))
 
 
 if __name__ == "__main__":

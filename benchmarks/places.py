@@ -14,7 +14,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from shared import machine, markdown, parser_of, rounded, write
+from shared import markdown, parser_of, rounded, write
 
 import granular as gr
 
@@ -79,7 +79,7 @@ def main(argv: list[str] | None = None) -> None:
     until = 1e-6 if given.quick else UNTIL
     cases = {name: sizes(scene(), until) for name, scene in CASES.items()}
     print(*tables({"cases": cases})["places"], sep="\n")
-    write(given.out, rounded({"machine": machine(), "cases": cases}, 4))
+    write(given.out, {"cases": rounded(cases, 4)})
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from shared import machine, markdown, parser_of, rounded, write
+from shared import markdown, parser_of, rounded, write
 
 import granular as gr
 
@@ -132,7 +132,7 @@ def main(argv: list[str] | None = None) -> None:
         rows.append(measure(dim, (2_000, case[1], 5, 400) if arguments.quick else case))
         for name, value in rows[-1].items():
             print(f"{name:24s}{value}")
-    write(arguments.out, rounded({"machine": machine(), "rows": rows}, 4))
+    write(arguments.out, {"rows": rounded(rows, 4)})
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-import platform
+import os
 import shlex
 import subprocess
 import sys
@@ -30,19 +30,14 @@ def parser_of(doc: str, quick: str = "small sizes, to see that it runs") -> argp
     return parser
 
 
-def machine() -> dict[str, Any]:
-    """Machine and build, on which the times in a table depend."""
-    return {"machine": platform.machine(), "build": gr.show_config()}
-
-
 def commit() -> str:
     """Commit of the working tree, with a + if files have changed since."""
     command = ["git", "-C", str(ROOT), "describe", "--always", "--dirty=+"]
     return subprocess.run(command, capture_output=True, text=True).stdout.strip() or "unknown"
 
 
-def stamp() -> dict[str, str]:
-    """Commit, command, processor and date of a result, which its page shows."""
+def stamp() -> dict[str, Any]:
+    """Commit, command, processor, build and date of a result."""
     script = Path(sys.argv[0]).resolve()
     if script.is_relative_to(ROOT):
         script = script.relative_to(ROOT)
@@ -50,21 +45,43 @@ def stamp() -> dict[str, str]:
         "commit": commit(),
         "command": shlex.join(["python", str(script), *sys.argv[1:]]),
         "processor": cpu_name(),
+        "build": gr.show_config(),
         "date": date.today().isoformat(),
     }
 
 
-def write(out: Path | None, results: Mapping[str, Any], tables: Iterable[str] = ()) -> None:
-    """Write results as JSON, if a file is given, with a stamp.
+def stored(out: Path | None, **empty: Any) -> dict[str, Any]:
+    """Results in a file, or what they are before the first one."""
+    return json.loads(out.read_text()) if out and out.exists() else empty
+
+
+def text_of(results: Mapping[str, Any]) -> str:
+    """Results as JSON, with each row of a list and each entry of a dictionary on one line."""
+    parts = []
+    for name, value in results.items():
+        text = json.dumps(value, default=str)
+        if isinstance(value, list) and value:
+            text = "[\n" + ",\n".join(json.dumps(row, default=str) for row in value) + "\n]"
+        elif isinstance(value, dict) and value:
+            lines = (json.dumps({key: row}, default=str)[1:-1] for key, row in value.items())
+            text = "{\n" + ",\n".join(lines) + "\n}"
+        parts.append(f"{json.dumps(name)}: {text}")
+    return "{\n" + ",\n".join(parts) + "\n}\n"
+
+
+def write(out: Path | None, results: dict[str, Any], tables: Iterable[str] = ()) -> None:
+    """Write results as JSON with a stamp, which pages show below their tables, if a file is given.
 
     Results that are measured table by table have a stamp for each: `tables` are those that are new.
     """
     if out:
-        now = stamp()
-        stamps = results.get("stamps", {}) | dict.fromkeys(tables, now)
-        stamped = {**results, "stamp": now} | ({"stamps": stamps} if stamps else {})
+        results["stamp"] = stamp()
+        if new := dict.fromkeys(tables, results["stamp"]):
+            results["stamps"] = results.get("stamps", {}) | new
         out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_text(json.dumps(stamped, indent=1, default=str) + "\n")
+        partial = out.with_suffix(".part")
+        partial.write_text(text_of(results))
+        os.replace(partial, out)
 
 
 def least_time(
@@ -92,19 +109,3 @@ def markdown(header: Sequence[object], rows: Iterable[Sequence[object]]) -> list
     """Table in Markdown, line by line."""
     head, *body = ("| " + " | ".join(map(str, row)) + " |" for row in (header, *rows))
     return [head, "|---" * len(header) + "|", *body]
-
-
-def write_tables(page: Path, tables: Mapping[str, Sequence[str]]) -> None:
-    """Replace the lines between the two marks of each table of a page.
-
-    The marks of a table are `<!-- table NAME: begin -->` and `<!-- table NAME: end -->`. The only
-    table of a page may have the name "", and no space for it in its marks.
-    """
-    text = page.read_text()
-    for name, lines in tables.items():
-        word = f"table {name}".rstrip()
-        begin, end = f"<!-- {word}: begin -->", f"<!-- {word}: end -->"
-        before, rest = text.split(begin)
-        _, after = rest.split(end)
-        text = before + "\n".join([begin, "", *lines, "", end]) + after
-    page.write_text(text)

@@ -1,6 +1,7 @@
 """Growth of short waves in a flow of uniform shear: mu(I), its regularised form, and theory.
 
-    python benchmarks/short_waves.py [--quick] [--to docs/pictures/short_waves.png] [--page]
+    python benchmarks/short_waves.py [--quick]
+        [--out benchmarks/results/short_waves.json] [--to docs/pictures/short_waves.png]
 
 A box of uniform shear between two plates, periodic along them, gets a small wave: the one that
 grows fastest by `granular.theory.shear_waves`, or decays slowest. Its amplitude is that of the
@@ -9,7 +10,7 @@ shear turns. The rate is the slope of its logarithm over the last two thirds of 
 theory the mean of the rates of the wave vectors on the way. The scheme has quadratic B-splines,
 FLIP and the density of each point: nothing in it damps waves but the grid.
 
-The table goes into docs/explanation/laws.md with --page. It takes some minutes.
+It takes some minutes.
 """
 
 from __future__ import annotations
@@ -20,13 +21,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from shared import markdown, parser_of, write, write_tables
+from shared import markdown, parser_of, write
 
 import granular as gr
 from granular.plot import Picture
 from granular.theory import shear_wave_growth, shear_waves
 
-PAGE = Path(__file__).parents[1] / "docs" / "explanation" / "laws.md"
 PLAIN = gr.MuI(E=1e6, mu_s=0.3819, mu_2=0.6435, I0=0.279, d=0.16)
 REGULARISED = gr.RegularisedMuI(E=1e6, d=0.16)
 PRESSURE = 1000.0
@@ -156,6 +156,12 @@ def rows(quick: bool) -> list[tuple[str, ...]]:
     return found
 
 
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Table of the page."""
+    head = ("I", "wave length, m", "mu(I): theory, 1/s", "found", "regularised: theory", "found")
+    return {"short waves": markdown(head, results["rows"])}
+
+
 def draw(quick: bool) -> Picture:
     """Amplitudes of waves of three lengths with both laws, and of theory."""
     picture = Picture(figsize=(9.0, 3.4), layout="constrained")
@@ -177,18 +183,13 @@ def draw(quick: bool) -> Picture:
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Write the table and the picture."""
+    """Measure the rates, and draw the picture."""
     parser = parser_of(__doc__)
     parser.add_argument("--to", type=Path, help="draw the picture")
-    parser.add_argument("--page", type=Path, nargs="?", const=PAGE, help="write the table")
     chosen = parser.parse_args(argv)
     if chosen.to:
         draw(chosen.quick).savefig(chosen.to, dpi=130)
-    table = rows(chosen.quick)
-    write(chosen.out, {"rows": table})
-    head = ("I", "wave length, m", "mu(I): theory, 1/s", "found", "regularised: theory", "found")
-    if chosen.page:
-        write_tables(chosen.page, {"short waves": markdown(head, table)})
+    write(chosen.out, {"rows": rows(chosen.quick)})
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
-from shared import machine, markdown, parser_of, rounded, write
+from shared import markdown, parser_of, rounded, write
 from stability.flows import mean_speed
 
 import granular as gr
@@ -194,7 +194,7 @@ def main() -> None:
             s: rounded(measured(case, SCHEMES[s], arguments.quick), 8) for s in case.schemes
         }
         print(name, results[name], flush=True)
-        write(arguments.out, {**machine(), "cases": results})
+        write(arguments.out, {"cases": results})
     print(*tables({"cases": results})["single precision"], sep="\n")
 
 

@@ -9,12 +9,11 @@ named keep their results.
 
 from __future__ import annotations
 
-import json
 import time
 from typing import Any
 
 import numpy as np
-from shared import machine, markdown, parser_of, rounded, write
+from shared import markdown, parser_of, rounded, stored, write
 
 import granular as gr
 
@@ -192,13 +191,11 @@ def main() -> None:
     parser.add_argument("cases", nargs="*", default=list(CASES))
     args = parser.parse_args()
     names = args.cases[-1:] if args.quick else args.cases
-    known = args.out and args.out.exists()
-    before = json.loads(args.out.read_text())["cases"] if known else {}
-    cases = before | {
+    cases = stored(args.out, cases={})["cases"] | {
         case: {name: compare(case, scheme) for name, scheme in SCHEMES.items()} for case in names
     }
     cases = {case: cases[case] for case in CASES if case in cases}
-    write(args.out, rounded({"machine": machine(), "sleep_speed": SPEED, "cases": cases}, 4))
+    write(args.out, {"sleep_speed": SPEED, "cases": rounded(cases, 4)})
 
 
 if __name__ == "__main__":

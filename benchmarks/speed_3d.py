@@ -16,7 +16,7 @@ import warnings
 from typing import Any
 
 import numpy as np
-from shared import machine, markdown, parser_of, write
+from shared import markdown, parser_of, write
 from speed import best_time
 
 import granular as gr
@@ -114,7 +114,7 @@ def main(argv: list[str] | None = None) -> None:
         print(f"{name:16s}{sim.n_points:8d}{one:10.1f}{two:8.1f}{one / two:7.2f}{held:7.0f}")
         row = {"case": name, "points": sim.n_points, "ns": [one, two], "bytes_per_point": held}
         table.append(row)
-    write(arguments.out, machine() | {"rows": table})
+    write(arguments.out, {"rows": table})
 
 
 if __name__ == "__main__":

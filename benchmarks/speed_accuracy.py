@@ -1,15 +1,13 @@
 """Error against core-seconds for the schemes of this package and for its peers.
 
-    python benchmarks/speed_accuracy.py [--quick] [--limit 200] [--out FILE] [--figures FOLDER]
-                                        [--page FILE] [--draw]
+    python benchmarks/speed_accuracy.py [--quick] [--limit 200] [--out FILE]
+        [--figures FOLDER] [--draw]
 
 Runs every case of `accuracy/cases.py` that the table does not hold yet, one after the other with
 one thread, and appends it, so that a benchmark that was stopped continues where it was. A case that
 would take longer than the limit is left out, and its estimated cost stored. A peer that is not
-installed (`pip install 'granular-flow[peers]'`) is left out with a message. Then the errors and the
-slopes of the bias are computed and the pictures drawn. docs/reports/accuracy.md explains them;
-`--page` writes the tables into it, between the lines that mark their places. `--draw` runs nothing,
-and works on any machine.
+installed (`pip install 'granular-flow[peers]'`) is left out with a message. Then the pictures of
+docs/reports/accuracy.md are drawn. `--draw` runs nothing, and works on any machine.
 """
 
 from __future__ import annotations
@@ -20,9 +18,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from accuracy import cases, chart, errors, peers, runs, slopes, tables
+from accuracy import cases, chart, errors, peers, runs, slopes
+from accuracy import tables as of_page
 from accuracy.results import Table
-from shared import parser_of, rounded, write_tables
+from shared import parser_of
 
 import granular as gr
 
@@ -62,44 +61,20 @@ def report(row: dict[str, Any]) -> str:
     return f"{name} {row['core_seconds']:8.2f} s {found}"
 
 
-def summary(rows: Sequence[errors.Row]) -> dict[str, Any]:
-    """Evaluate the rows: references, fronts, and the slopes of the bias."""
-    references = errors.references(rows)
-    fronts = {}
-    for panel, reference in references.items():
-        points = errors.of_panel(rows, panel, reference) if reference else []
-        best = errors.front(points, reference.uncertainty) if reference else []
-        names = ("scheme", "E", "cell", "points", "seed", "core_seconds")
-        fronts[panel] = [{n: row[n] for n in names} | {"error": e} for row, e in best]
-    return {
-        "references": {
-            panel: {"source": r.source, "uncertainty": r.uncertainty}
-            for panel, r in references.items()
-            if r
-        },
-        "fronts": fronts,
-        "slopes": slopes.table(rows, references),
-    }
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Tables of the page."""
+    return of_page.tables(results["rows"])
 
 
-def write(rows: Sequence[errors.Row], out: Path, figures: Path) -> None:
-    """Write the summary beside the table, and the pictures."""
-    found = summary(rows)
-    target = out.with_name(f"{out.stem}_summary.json")
-    target.write_text(json.dumps(rounded(found), indent=1, allow_nan=False) + "\n")
+def draw(rows: Sequence[errors.Row], figures: Path) -> None:
+    """Draw the pictures of the page."""
     references = errors.references(rows)
     pictures = {name: chart.chart(rows, references, p) for name, p in PICTURES.items()}
-    pictures["accuracy_trends"] = chart.trends(found["slopes"])
+    pictures["accuracy_trends"] = chart.trends(slopes.table(rows, references))
     figures.mkdir(parents=True, exist_ok=True)
     for name, picture in pictures.items():
         if picture:
             picture.savefig(figures / f"{name}.png", dpi=DPI)
-
-
-def write_page(page: Path, rows: Sequence[errors.Row]) -> None:
-    """Renew the tables of the page."""
-    found = errors.references(rows)
-    write_tables(page, tables.tables(rows, found, slopes.table(rows, found)))
 
 
 def run_all(chosen: argparse.Namespace) -> Sequence[errors.Row]:
@@ -119,16 +94,11 @@ def main(argv: list[str] | None = None) -> None:
     parser.set_defaults(out=RESULTS / "speed_accuracy.json")
     parser.add_argument("--limit", type=float, default=LIMIT, help="core-seconds of a case")
     parser.add_argument("--figures", type=Path, default=FIGURES, help="folder of the pictures")
-    parser.add_argument(
-        "--draw", action="store_true", help="draw and write the tables of the rows that exist"
-    )
-    parser.add_argument("--page", type=Path, help="page whose tables are to be renewed")
+    parser.add_argument("--draw", action="store_true", help="draw the rows that exist")
     parser.add_argument("--only", help="run the cases of this scene, solver or scheme, draw all")
     chosen = parser.parse_args(argv)
     rows = json.loads(chosen.out.read_text())["rows"] if chosen.draw else run_all(chosen)
-    write(rows, chosen.out, chosen.figures)
-    if chosen.page:
-        write_page(chosen.page, rows)
+    draw(rows, chosen.figures)
 
 
 if __name__ == "__main__":

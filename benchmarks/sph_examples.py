@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import curve_fit
-from shared import parser_of, rounded
+from shared import markdown, parser_of, rounded, stored, write
 
 import granular as gr
 from granular import sph
@@ -337,12 +337,109 @@ def orderings(rows: list[dict[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def write(rows: list[dict[str, Any]], out: Path) -> None:
-    """The table with its evaluation, as JSON with one row per line."""
-    lines = ",\n".join(json.dumps(row, allow_nan=False) for row in rows)
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Tables of the page, by their names."""
+    rows = [row for row in results["rows"] if not row.get("creeping")]
+    return {
+        "repose": repose_table([row for row in rows if row["kind"] == "repose"]),
+        "inclines": incline_table([row for row in rows if row["kind"] == "incline"]),
+        "columns": column_table(results["exponents"]),
+        "studies": study_table([row for row in rows if row["kind"] == "study"]),
+        "inclined": inclined_table([row for row in rows if row["kind"] == "inclined"]),
+    }
+
+
+def by_dilation(rows: list[dict[str, Any]], key: str) -> dict[float, list[dict[str, Any]]]:
+    """Rows without and with dilation, by an angle."""
+    return {
+        angle: sorted((row for row in rows if row[key] == angle), key=lambda row: row["dilation"])
+        for angle in sorted({row[key] for row in rows})
+    }
+
+
+def repose_table(rows: list[dict[str, Any]]) -> list[str]:
+    """Slopes, and the speeds of the particles that still roll."""
+    head = ("phi [deg]", "beta = 0", "beta 0 to 0.5", "speed [mm/s]")
+    return markdown(
+        head,
+        [
+            (
+                f"{phi:g}",
+                *(f"{row['angle_deg']:.1f}" for row in pair),
+                ", ".join(f"{1e3 * row['speed']:.0f}" for row in pair),
+            )
+            for phi, pair in by_dilation(rows, "phi_deg").items()
+        ],
+    )
+
+
+def incline_table(rows: list[dict[str, Any]]) -> list[str]:
+    """Shear rates, misfits of a line and of Bagnold's profile, slip and acceleration."""
+    head = (
+        *("angle [deg]", "shear rate of the law, beta = 0 [1/s]", "measured; beta 0 to 0.5"),
+        *("line, Bagnold", "slip of the lowest row [m/s]", "acceleration [m/s2]"),
+    )
+    made = []
+    for angle, pair in by_dilation(rows, "angle_deg").items():
+        law = pair[0]["rate_of_the_law"]
+        flows = max(row["rate"] for row in pair) > 0.1
+        fits = [f"{row['misfit_line']:.2f}, {row['misfit_bagnold']:.2f}" for row in pair]
+        made.append(
+            (
+                f"{angle:g}",
+                "none" if law is None else f"{law:.1f}",
+                "; ".join(f"{abs(row['rate']):.{1 if row['rate'] > 1 else 2}f}" for row in pair),
+                "; ".join(fits) if flows else "",
+                "; ".join(f"{abs(row['slip']):.2f}" for row in pair),
+                "; ".join(f"{abs(row['last_acceleration']):.2f}" for row in pair),
+            )
+        )
+    return markdown(head, made)
+
+
+def column_table(found: dict[str, dict[str, float]]) -> list[str]:
+    """Exponents and prefactors of heights and run-outs."""
+    head = ("", "a1", "a2, farthest", "a2, 99 %", "l1", "l2")
+    keys = ("alpha_1", "alpha_L", "alpha_L99", "lambda_1", "lambda_L")
+    return markdown(
+        head,
+        [
+            (name.replace("creeping", "no spring"), *(f"{fit[key]:.2f}" for key in keys))
+            for name, fit in found.items()
+        ],
+    )
+
+
+def study_table(rows: list[dict[str, Any]]) -> list[str]:
+    """Run-outs and heights, with what was changed."""
+    made = []
+    for row in rows:
+        given = {k: v for k, v in row["case"][1].items() if k not in UNCHANGED and v}
+        words = ", ".join(f"`{k}` = {v:g}" for k, v in given.items())
+        made.append((words, *(f"{100 * row[key]:.1f}" for key in ("L", "L99", "H"))))
+    return markdown(("", "L [cm]", "by 99 % [cm]", "H [cm]"), made)
+
+
+UNCHANGED = ("material", "aspect", "length", "reach")
+"""Keywords that all studies have in common."""
+
+
+def inclined_table(rows: list[dict[str, Any]]) -> list[str]:
+    """Distances within which 99 % of the mass lies, at two times after the gate began to lift."""
+    found: dict[float, dict[str, str]] = {}
+    for row in rows:
+        walls = "side walls" if row["side_walls"] else "periodic"
+        name = f"{walls}, {'beta 0 to 0.5' if row['dilation'] else 'beta = 0'}"
+        late = ", ".join(f"{100 * far:.1f}" for far in row["L99_at"][1:])
+        found.setdefault(row["angle_deg"], {})[name] = late
+    head = ("angle [deg]", *next(iter(found.values()), {}))
+    return markdown(head, [(f"{angle:g}", *cases.values()) for angle, cases in found.items()])
+
+
+def store(rows: list[dict[str, Any]], out: Path) -> None:
+    """The table with its evaluation."""
     rest = {"exponents": exponents(rows), "inclined": orderings(rows)}
-    text = json.dumps(rounded(rest, DIGITS), indent=1, allow_nan=False)[2:]
-    out.write_text(f'{{"rows": [\n{lines}\n],\n{text}\n')
+    write(out, {"rows": rows} | rounded(rest, DIGITS))
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -351,8 +448,7 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--only", choices=tuple(RUNS), help="the cases of this kind")
     parser.add_argument("--threads", type=int, default=1)
     chosen = parser.parse_args(argv)
-    table = json.loads(chosen.out.read_text()) if chosen.out.exists() else {"rows": []}
-    rows = table["rows"]
+    rows = stored(chosen.out, rows=[])["rows"]
     held = {json.dumps(row["case"], sort_keys=True) for row in rows}
     for kind, keywords in quick() if chosen.quick else cases():
         case = json.dumps([kind, keywords], sort_keys=True)
@@ -361,8 +457,8 @@ def main(argv: list[str] | None = None) -> None:
         found = rounded(RUNS[kind](chosen.threads, **keywords), DIGITS)
         rows.append({"case": [kind, keywords], "kind": kind} | keywords | found)
         print(kind, keywords, found, flush=True)
-        write(rows, chosen.out)
-    write(rows, chosen.out)
+        store(rows, chosen.out)
+    store(rows, chosen.out)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from shared import machine, parser_of
+from shared import parser_of, write
 from stability import arrangements, draw, elastic, flows, motions
 from stability.cells import Cell, Map
 
@@ -63,16 +63,14 @@ def read(path: Path) -> dict[str, Map]:
     return {m.name: m for m in maps}
 
 
-def write(path: Path, maps: dict[str, Map]) -> None:
-    """Write maps into a file, with the machine and build on which they were measured."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+def store(path: Path, maps: dict[str, Map]) -> None:
+    """Write maps into a file."""
     head = {
-        **machine(),
         "granular": gr.__version__,
         "seconds": round(sum(c.seconds for m in maps.values() for c in m.cells), 1),
     }
     body = head | {"maps": [asdict(m) for m in maps.values()]}
-    path.write_text(json.dumps(plain(body), indent=1, allow_nan=False) + "\n")
+    write(path, plain(body))
 
 
 def plain(value: Any) -> Any:

@@ -1,14 +1,12 @@
 """Tables of docs/reports/stability.md: layers below their angle of repose, closed domains, bodies.
 
-    python benchmarks/stability_tables.py [--only NAME ...] [--quick] [--out FILE] [--page FILE]
+    python benchmarks/stability_tables.py [--only NAME ...] [--quick] [--out FILE]
 
-Each table is measured anew and stored in the JSON file; `--page` writes all tables of that file
-into the page. The longest, of layers, takes some minutes.
+Each table is measured anew and stored in the JSON file. The longest, of layers, takes some minutes.
 """
 
 from __future__ import annotations
 
-import json
 import math
 import warnings
 from collections.abc import Callable
@@ -16,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from shared import machine, markdown, parser_of, rounded, write, write_tables
+from shared import markdown, parser_of, rounded, stored, write
 
 import granular as gr
 
@@ -226,9 +224,9 @@ TABLES: dict[str, Callable[[bool], Numbers]] = {
 }
 
 
-def lines(rows: dict[str, Numbers]) -> dict[str, list[str]]:
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Tables of the page."""
-    found = {}
+    found, rows = {}, results["rows"]
     if layers := rows.get("resting"):
         head = ("scheme", "slope", "cell [m]", "E [Pa]", "layers that rest", "others [m/s]")
         found["resting"] = markdown(head, map(_resting_line, layers))
@@ -268,15 +266,11 @@ def main(arguments: list[str] | None = None) -> None:
     parser = parser_of(__doc__, quick="one short case of each table, to see that it runs")
     parser.set_defaults(out=RESULTS)
     parser.add_argument("--only", nargs="*", choices=TABLES, default=list(TABLES), metavar="NAME")
-    parser.add_argument("--page", type=Path, help="page whose tables are to be renewed")
     given = parser.parse_args(arguments)
-    table = json.loads(given.out.read_text()) if given.out.exists() else {"rows": {}}
+    table = stored(given.out, rows={})
     for name in given.only:
-        table["head"] = machine()
         table["rows"][name] = rounded(TABLES[name](given.quick), 4)
-        write(given.out, table)
-    if given.page:
-        write_tables(given.page, lines(table["rows"]))
+        write(given.out, table, [name])
 
 
 if __name__ == "__main__":

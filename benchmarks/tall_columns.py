@@ -1,24 +1,22 @@
 """Tall cylinders that collapse, against Lube 2004: yield surface, dilation, damping, refinement.
 
-    python benchmarks/tall_columns.py    # what is not in the results yet, and the tables
+    python benchmarks/tall_columns.py    # what is not in the results yet
 
 All runs take about 15 minutes by one thread.
 """
 
 import argparse
-import json
 import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import own_mohr_coulomb
-from shared import markdown, write_tables
+from shared import markdown, stored, write
 
 import granular as gr
 
 RESULTS = Path(__file__).parent / "results" / "tall_columns.json"
-PAGE = Path(__file__).parents[1] / "docs" / "reports" / "tall_columns.md"
 RADIUS = 0.2
 NAMES = {
     "mu(I)": "mu(I) of glass beads",
@@ -93,6 +91,18 @@ def collapsed(aspect: int, law: str, cells: int, scheme: str) -> dict[str, Any]:
     return {"height": height, "runout": (np.quantile(r, REACHES) / RADIUS - 1.0).tolist()}
 
 
+def by_case(rows: list[dict[str, Any]]) -> dict[tuple, dict[str, Any]]:
+    """Rows by aspect, law, cells and scheme."""
+    return {(r["aspect"], r["law"], r["cells"], r["scheme"]): r for r in rows}
+
+
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Tables of the page."""
+    done = by_case(results["rows"])
+    done = {case: done[case] for case in RUNS if case in done}
+    return {"columns": heights_and_runouts(done), "exponents": exponents(done)}
+
+
 def heights_and_runouts(done: dict[tuple, dict[str, Any]]) -> list[str]:
     """Table of the runs."""
     lines = []
@@ -122,19 +132,16 @@ def exponents(done: dict[tuple, dict[str, Any]]) -> list[str]:
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Run the cases that the results lack, and write the tables."""
+    """Run the cases that the results lack."""
     argparse.ArgumentParser(description=__doc__.splitlines()[0]).parse_args(argv)
-    rows = json.loads(RESULTS.read_text()) if RESULTS.exists() else []
-    done = {(r["aspect"], r["law"], r["cells"], r["scheme"]): r for r in rows}
+    done = by_case(stored(RESULTS, rows=[])["rows"])
     for case in RUNS:
         if case not in done:
             aspect, law, cells, scheme = case
             done[case] = {"aspect": aspect, "law": law, "cells": cells, "scheme": scheme}
             done[case] |= collapsed(*case)
             kept = [done[k] for k in RUNS if k in done]
-            RESULTS.write_text(json.dumps(kept, indent=1) + "\n")
-    done = {case: done[case] for case in RUNS}
-    write_tables(PAGE, {"": heights_and_runouts(done), "exponents": exponents(done)})
+            write(RESULTS, {"rows": kept})
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from shared import machine, parser_of, write
+from shared import parser_of, write
 
 import granular as gr
 
@@ -58,7 +58,7 @@ def main(argv: list[str] | None = None) -> None:
         one, two = seconds.values()
         print(f"{others:15d}{one:13.3f}{two:14.3f}{two / one:7.2f}")
         rows.append({"others": others, "steps": steps, "points": sim.n_points, "seconds": seconds})
-    write(arguments.out, machine() | {"rows": rows})
+    write(arguments.out, {"rows": rows})
 
 
 if __name__ == "__main__":

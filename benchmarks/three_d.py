@@ -1,22 +1,19 @@
 """Tools in soil at affordable sizes: runs, records and the numbers of docs/reports/three_d.md.
 
     python benchmarks/three_d.py wheel_20 excavation_5 --records build/three_d
-    python benchmarks/three_d.py --page docs/reports/three_d.md
 
-Without names it lists the cases. Numbers go to benchmarks/results/three_d.json, case by case;
-`--page` writes the tables of the page from it.
+Without names it lists the cases. Numbers go to benchmarks/results/three_d.json, case by case.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from shared import markdown, write_tables
+from shared import markdown, stored, write
 
 import granular as gr
 
@@ -326,19 +323,16 @@ def main(argv: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("names", nargs="*", metavar="CASE")
     parser.add_argument("--records", type=Path, default=RECORDS)
-    parser.add_argument("--page", type=Path, help="page whose tables are to be renewed")
     chosen = parser.parse_args(argv)
     unknown = [name for name in chosen.names if name not in CASES]
     if unknown:
         parser.error(f"{unknown} must be among {list(CASES)}")
     for name in chosen.names:
         row = run(name, chosen.records)
-        known = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
-        RESULTS.write_text(json.dumps(known | {name: row}, indent=1) + "\n")
+        table = {"couette": "flows", "wheel": "wheels"}.get(CASES[name]().name, "blades")
+        write(RESULTS, stored(RESULTS) | {name: row}, [table])
         print(name, {key: value for key, value in row.items() if key not in LONG}, flush=True)
-    if chosen.page:
-        write_tables(chosen.page, tables(json.loads(RESULTS.read_text())))
-    elif not chosen.names:
+    if not chosen.names:
         print("\n".join(CASES))
 
 

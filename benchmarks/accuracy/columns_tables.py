@@ -22,6 +22,7 @@ from accuracy.columns_errors import (
     is_ours,
     key,
     of_panel,
+    references,
 )
 from accuracy.errors import front
 
@@ -179,13 +180,14 @@ def left_out(rows: Sequence[Row]) -> list[str]:
     return markdown(("code", "law", "a", "cells / points", "reason"), lines)
 
 
-def tables(rows: Sequence[Row], references: References) -> dict[str, list[str]]:
-    """Tables of the page by the names of their marks."""
+def tables(rows: Sequence[Row]) -> dict[str, list[str]]:
+    """Tables of the page by their names."""
+    found = references(rows)
     return {
-        "agreement": agreement(rows, references),
-        "fronts": fronts(rows, references),
-        "against ours": against_ours(rows, references),
-        "ratios": ratios(rows, references),
-        "measures": measures(rows, references),
+        "agreement": agreement(rows, found),
+        "fronts": fronts(rows, found),
+        "against ours": against_ours(rows, found),
+        "ratios": ratios(rows, found),
+        "measures": measures(rows, found),
         "left out": left_out(rows),
     }

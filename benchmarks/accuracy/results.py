@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+from shared import write
 
 import granular as gr
 from accuracy.cases import Case
@@ -69,9 +70,4 @@ class Table:
     def add(self, row: Mapping[str, Any]) -> None:
         """Append a row and write the file, atomically."""
         self.rows.append(dict(row) | {"commit": self.commit})
-        lines = ",\n".join(json.dumps(row, allow_nan=False) for row in self.rows)
-        text = f'{{"head": {json.dumps(self.head)},\n"rows": [\n{lines}\n]}}\n'
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        partial = self.path.with_suffix(".part")
-        partial.write_text(text)
-        os.replace(partial, self.path)
+        write(self.path, {"head": self.head, "rows": self.rows})

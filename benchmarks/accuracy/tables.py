@@ -7,9 +7,10 @@ from typing import Any
 
 from shared import markdown
 
+from accuracy import slopes
 from accuracy.cases import HYDRODYNAMICS, SCHEMES
 from accuracy.chart import LOST
-from accuracy.errors import Reference, Row, error, front, of_panel, select
+from accuracy.errors import Reference, Row, error, front, of_panel, references, select
 
 PANELS = {
     "incline": "incline, one column",
@@ -198,16 +199,43 @@ def others(rows: Rows, references: References, names: Sequence[str]) -> list[str
     return markdown((*header, "core-seconds of default", "error of default"), found)
 
 
-def tables(rows: Rows, references: References, slopes: Sequence[Entry]) -> dict[str, list[str]]:
-    """All tables of the page by the names of their places."""
+def summary(rows: Rows, references: References) -> list[str]:
+    """Error and cost of the two schemes with a density correction, by the size of the cells."""
+    lines = []
+    for scene, setting in COMPARED.items():
+        panel, fixed = panels_of(scene)[0], {k: v for k, v in setting.items() if k != "cell"}
+        reference = references[panel]
+        if reference is None:
+            continue
+        by = {
+            (run["scheme"], run["cell"]): (
+                percent(error(run, panel, reference)),
+                seconds(run["core_seconds"]),
+            )
+            for scheme in ("default", "cell_averaged")
+            for run in select(rows, scene=scene, scheme=scheme, until=None, **fixed)
+            if error(run, panel, reference) > 0  # not the reference itself
+        }
+        for cell in sorted({cell for _, cell in by}, reverse=True):
+            cells = [by.get((scheme, cell), ("", "")) for scheme in ("default", "cell_averaged")]
+            lines.append((PANELS[panel], millimetres(cell), *cells[0], *cells[1]))
+    header = ("error of", "cell [mm]", "default", "core-seconds", "cell_averaged", "core-seconds")
+    return markdown(header, lines)
+
+
+def tables(rows: Rows) -> dict[str, list[str]]:
+    """All tables of the page by their names."""
+    found = references(rows)
+    biases = slopes.table(rows, found)
     return {
-        "references": uncertainties(references),
-        "fronts": fronts(rows, references),
-        "schemes": schemes(rows, references),
+        "summary": summary(rows, found),
+        "references": uncertainties(found),
+        "fronts": fronts(rows, found),
+        "schemes": schemes(rows, found),
         "layers": layers(rows),
-        "softness": softness(slopes),
-        "cells": resolution(slopes, "cell"),
-        "points": resolution(slopes, "points"),
-        "peers": others(rows, references, ("published", "taichi", "newton")),
-        "sph": others(rows, references, (HYDRODYNAMICS,)),
+        "softness": softness(biases),
+        "cells": resolution(biases, "cell"),
+        "points": resolution(biases, "points"),
+        "peers": others(rows, found, ("published", "taichi", "newton")),
+        "sph": others(rows, found, (HYDRODYNAMICS,)),
     }

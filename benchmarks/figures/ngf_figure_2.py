@@ -1,6 +1,5 @@
 """Figure 2 of the nonlocal law: flow and rest of layers on a rough incline."""
 
-import json
 import math
 import sys
 import time
@@ -9,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from common import RUN, options, save, tell
 from matplotlib.axes import Axes
+from shared import write
 
 import granular as gr
 from granular import plot, theory
@@ -123,7 +123,7 @@ def main(argv: list[str] | None = None) -> None:
     missed = wrong(rows)
     print(f"{len(rows)} layers in {seconds:.0f} s, {len(missed)} on the wrong side", *missed)
     if not chosen.quick:
-        RESULTS.write_text(json.dumps({"seconds": round(seconds), "rows": rows}, indent=1) + "\n")
+        write(RESULTS, {"seconds": round(seconds), "rows": rows})
     picture = Picture(figsize=(12.5, 4.2), layout="tight")
     below, middle, right = picture.subplots(1, 3)
     draw_diagram(below, rows)

@@ -33,9 +33,11 @@ def script_of(result: str) -> ModuleType:
     return importlib.import_module(".".join(path.relative_to(BENCHMARKS).with_suffix("").parts))
 
 
-def line_of(stamp: dict[str, str]) -> str:
+def line_of(stamp: dict[str, Any]) -> str:
     """Markdown of when, where and how a result was measured."""
-    return "Result of {date}, commit {commit}, {processor}: `{command}`".format_map(stamp)
+    isa = "".join(f", {isa}" for isa in [stamp.get("build", {}).get("isa")] if isa)
+    where = f"processor {stamp['processor']}{isa}"
+    return f"Result of {stamp['date']}, commit {stamp['commit']}, {where}: `{stamp['command']}`"
 
 
 class ResultTable(SphinxDirective):

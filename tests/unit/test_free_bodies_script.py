@@ -1,16 +1,18 @@
 """The script that measures free bodies."""
 
+import json
+
 
 def test_quick_tables_of_free_bodies_are_written(module, tmp_path, capsys):
-    """A second call measures nothing, and renews the page."""
-    script, out, page = module("free_bodies"), tmp_path / "table.json", tmp_path / "page.md"
+    """A second call measures nothing; each table has a stamp of its own."""
+    script, out = module("free_bodies"), tmp_path / "table.json"
     names = ("light", "craters")
     script.main([*names, "--quick", "--out", str(out)])
     assert len(capsys.readouterr().out.splitlines()) == 2
-    marks = (f"<!-- table free {n}: begin -->\nold\n<!-- table free {n}: end -->" for n in names)
-    page.write_text("before\n" + "\n".join(marks) + "\nafter\n")
-    script.main([*names, "--quick", "--out", str(out), "--page", str(page)])
+    script.main([*names, "--quick", "--out", str(out)])
     assert capsys.readouterr().out == ""
-    text = page.read_text()
-    assert text.startswith("before") and text.endswith("after\n") and "old" not in text
-    assert "| mass over that of a cell | radius of 4 cells |" in text and "| 0.2 | 2.5 |" in text
+    results = json.loads(out.read_text())
+    assert results["stamps"].keys() == set(names)
+    made = script.tables(results)
+    assert made["light"][0] == "| mass over that of a cell | radius of 4 cells |"
+    assert made["craters"][2].startswith("| 0.2 | 2.5 |")
