@@ -9,6 +9,7 @@ import shlex
 import subprocess
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import date
 from importlib import import_module
@@ -22,6 +23,8 @@ import granular as gr
 from granular.record.provenance import cpu_name
 
 ROOT = Path(__file__).parents[1]
+warnings.simplefilter("ignore", gr.StabilityWarning)  # many runs are at a limit on purpose
+
 RESULTS = Path(__file__).parent / "results"
 PICTURES = ROOT / "docs" / "pictures"
 
@@ -47,12 +50,31 @@ def python(name: str) -> list[str]:
     return [sys.executable, str(Path(__file__).parent), name]
 
 
-def parser_of(doc: str, quick: str = "small sizes, to see that it runs") -> argparse.ArgumentParser:
-    """Parser of a script with --quick and --out."""
-    parser = argparse.ArgumentParser(description=doc.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help=quick)
-    parser.add_argument("--out", type=Path, help="write the table as JSON")
-    return parser
+class Parser(argparse.ArgumentParser):
+    """Parser of a script, whose results go to its file in `results`, or to --out.
+
+    A run with --quick stores nothing without --out.
+    """
+
+    def __init__(self, name: str, doc: str, quick: str) -> None:
+        super().__init__(description=doc.splitlines()[0])
+        self.file = RESULTS / f"{name.rpartition('.')[2]}.json"
+        self.add_argument("--quick", action="store_true", help=quick)
+        self.add_argument("--out", type=Path, help=f"JSON file ({self.file.relative_to(ROOT)})")
+
+    def parse_args(self, argv: list[str] | None = None) -> argparse.Namespace:  # type: ignore
+        """Options; without --out and --quick the file is that of the script."""
+        chosen = super().parse_args(argv)
+        if not (chosen.out or chosen.quick):
+            chosen.out = self.file
+        return chosen
+
+
+def parser_of(
+    name: str, doc: str, quick: str = "small sizes, to see that it runs; stores nothing"
+) -> Parser:
+    """Parser of the script of this name, with --quick and --out."""
+    return Parser(name, doc, quick)
 
 
 def commit() -> str:

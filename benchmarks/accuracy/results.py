@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import subprocess
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from shared import ROOT, write
+from shared import commit, write
 
 import granular as gr
 from accuracy.cases import Case
@@ -19,16 +18,6 @@ def head() -> dict[str, Any]:
     """Machine and build, on which the times in a table depend."""
     build = gr.show_config()
     return {"machine": cpu_name(), "compiler": build["compiler"], "isa": build["isa"]}
-
-
-def commit() -> str:
-    """Last commit that touched the package (the benchmark may change)."""
-    command = ["git", "log", "-1", "--format=%h", "--", "csrc", "granular", "setup.py"]
-    try:
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError):
-        return "not in a repository"
-    return done.stdout.strip()
 
 
 class Table:
@@ -48,11 +37,11 @@ class Table:
         If the file is of another machine or build, whose times cannot be compared.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path | None) -> None:
         self.path = path
         self.head, self.commit = head(), commit()
         self.rows: list[dict[str, Any]] = []
-        if path.exists():
+        if path and path.exists():
             stored = json.loads(path.read_text())
             if stored["head"] != self.head:
                 raise ValueError(

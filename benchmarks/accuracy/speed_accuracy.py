@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from peers import codes
-from shared import PICTURES, RESULTS, parser_of
+from shared import PICTURES, parser_of
 
 import granular as gr
 from accuracy import cases, chart, errors, runs, slopes
@@ -86,8 +86,7 @@ def run_all(chosen: argparse.Namespace) -> Sequence[errors.Row]:
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = parser_of(__doc__, "a few coarse cases, to see it runs")
-    parser.set_defaults(out=RESULTS / "speed_accuracy.json")
+    parser = parser_of(__name__, __doc__, "a few coarse cases, to see it runs")
     parser.add_argument("--limit", type=float, default=LIMIT, help="core-seconds of a case")
     parser.add_argument("--figures", type=Path, default=PICTURES, help="folder of the pictures")
     parser.add_argument("--draw", action="store_true", help="draw the rows that exist")

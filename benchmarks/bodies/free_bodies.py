@@ -11,16 +11,14 @@ from __future__ import annotations
 
 import math
 import time
-import warnings
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from shared import RESULTS, markdown, parser_of, rounded, stored, write
+from shared import markdown, parser_of, rounded, stored, write
 
 import granular as gr
 
-OUT = RESULTS / "free_bodies.json"
 BODIES = ("none", "standing", "free", "free, at a wall")
 MASSES = (1.0, 0.3, 0.1, 0.03, 0.01)
 RADII = (4, 8)
@@ -191,18 +189,15 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    parser = parser_of(__doc__, quick="small scenes and few steps, to see that it runs")
-    parser.set_defaults(out=OUT)
+    parser = parser_of(__name__, __doc__, quick="small scenes and few steps, to see that it runs")
     parser.add_argument("only", nargs="*", choices=[*TABLES, []], metavar="TABLE")
     parser.add_argument("--again", action="store_true", help="measure what is in the file anew")
     given = parser.parse_args(arguments)
     table = stored(given.out)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gr.StabilityWarning)
-        for name in given.only or TABLES:
-            found = table.setdefault(name, {})
-            for case, run in TABLES[name][0](given.quick).items():
-                if given.again or case not in found:
-                    found[case] = rounded(run(), 4)
-                    print(name, case, found[case], flush=True)
-                    write(given.out, table, [name])
+    for name in given.only or TABLES:
+        found = table.setdefault(name, {})
+        for case, run in TABLES[name][0](given.quick).items():
+            if given.again or case not in found:
+                found[case] = rounded(run(), 4)
+                print(name, case, found[case], flush=True)
+                write(given.out, table, [name])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -15,8 +14,6 @@ import granular as gr
 from granular.mpm.bodies import Body
 from granular.mpm.body_distances import distance_from_bodies
 from granular.shapes import HalfSpace
-
-warnings.simplefilter("ignore", gr.StabilityWarning)
 
 Array = NDArray[np.float64]
 Numbers = dict[str, float]

@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import math
 import time
-import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import product
@@ -20,7 +19,6 @@ from shared import markdown, parser_of, rounded, stored, write
 
 from granular import theory
 from granular.mpm import schemes
-from granular.run.diagnostics import StabilityWarning
 from granular.verify.external import bagnold, columns, hstop, shallow
 from granular.verify.external.frame import Data, load
 
@@ -46,9 +44,7 @@ class Study:
 def timed(run: Callable[..., Any], *arguments: Any, **named: Any) -> tuple[Any, float]:
     """Result of a call and the processor time that it took [s]."""
     begin = time.process_time()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", StabilityWarning)
-        result = run(*arguments, **named)
+    result = run(*arguments, **named)
     return result, time.process_time() - begin
 
 
@@ -307,7 +303,7 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
 
 def arguments_of(argv: list[str] | None) -> argparse.Namespace:
     """Options of the script."""
-    parser = parser_of(__doc__, "the first run of each study")
+    parser = parser_of(__name__, __doc__, "the first run of each study")
     parser.add_argument("--only", nargs="*", choices=list(STUDIES), help="studies to run")
     return parser.parse_args(argv)
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import itertools
 import time
-import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
@@ -190,15 +189,13 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = parser_of(__doc__, "one coarse run of each kind")
+    parser = parser_of(__name__, __doc__, "one coarse run of each kind")
     parser.add_argument("--only", nargs="*", choices=list(STUDIES), help="studies to run")
     arguments = parser.parse_args(argv)
     results = stored(arguments.out, studies={})
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gr.StabilityWarning)
-        for name in list(STUDIES) if arguments.only is None else arguments.only:
-            rows = results["studies"][name] = []
-            for found in STUDIES[name](arguments.quick):
-                print(found, flush=True)
-                rows.append(rounded(found))
-                write(arguments.out, results)
+    for name in list(STUDIES) if arguments.only is None else arguments.only:
+        rows = results["studies"][name] = []
+        for found in STUDIES[name](arguments.quick):
+            print(found, flush=True)
+            rows.append(rounded(found))
+            write(arguments.out, results)

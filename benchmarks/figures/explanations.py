@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 
 import numpy as np
@@ -346,6 +345,5 @@ def main(argv: list[str] | None = None) -> None:
     parser = parser_of(__doc__)
     parser.add_argument("pages", nargs="*", metavar="PAGE", help=", ".join(PAGES))
     chosen = parser.parse_args(argv)
-    warnings.simplefilter("ignore", gr.StabilityWarning)  # some runs show what goes wrong
     for page in chosen.pages or PAGES:
         save(PAGES[page](chosen.quick), chosen, f"explain_{page}")

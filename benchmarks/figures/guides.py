@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -451,6 +450,5 @@ def main(argv: list[str] | None = None) -> None:
     parser = parser_of(__doc__)
     parser.add_argument("pages", nargs="*", metavar="PAGE", help=", ".join(PAGES))
     chosen = parser.parse_args(argv)
-    warnings.simplefilter("ignore", gr.StabilityWarning)  # some runs show what goes wrong
     for page in chosen.pages or PAGES:
         save(PAGES[page](chosen.quick), chosen, f"guide_{page}")

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import warnings
 from collections.abc import Callable
 
 import numpy as np
@@ -193,6 +192,5 @@ def main(argv: list[str] | None = None) -> None:
     for name in chosen.names:
         if name not in PICTURES:
             parser.error(f"{name!r} must be one of {', '.join(PICTURES)}")
-    warnings.simplefilter("ignore", gr.StabilityWarning)
     for name in chosen.names or PICTURES:
         save(PICTURES[name](0.02 if chosen.quick else 0.01), chosen, f"scene_{name}")

@@ -16,12 +16,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from shared import RESULTS, markdown, parser_of, stored, write
+from shared import markdown, parser_of, stored, write
 
 from granular.grain_scale import dem, friction_law
 from granular.grain_scale.friction_law import SteadyShear
 
-OUT = RESULTS / "friction_law.json"
 PRESSURE = 1e3
 """Pressure [Pa]; kn is 10^6 times as large, so that (kn/p)^(2/3) = 10^4 as in the thesis."""
 SIZE, DENSITY = 1e-3, 2500.0
@@ -155,12 +154,11 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = parser_of(__doc__, "few grains, to see that it runs")
+    parser = parser_of(__name__, __doc__, "few grains, to see that it runs")
     parser.add_argument("--only", choices=tuple(SERIES), help="one set of grains")
     parser.add_argument("--timeout", type=float, default=7200.0, help="seconds a flow")
     chosen = parser.parse_args(argv)
-    out = chosen.out or (OUT if not chosen.quick else None)
-    rows = stored(out, rows=[])["rows"]
+    rows = stored(chosen.out, rows=[])["rows"]
     for name, cases in (QUICK if chosen.quick else SERIES).items():
         for case in cases if chosen.only in (None, name) else ():
             if any(row["set"] == name and row["case"] == asdict(case) for row in rows):
@@ -171,8 +169,8 @@ def main(argv: list[str] | None = None) -> None:
             row = {"set": name, "case": asdict(case), "seconds": seconds, "flow": asdict(found)}
             rows.append(row)
             print(line(row), flush=True)
-            _write(out, rows)
-    _write(out, rows)
+            _write(chosen.out, rows)
+    _write(chosen.out, rows)
 
 
 def _write(out: Path | None, rows: list[dict]) -> None:

@@ -12,16 +12,14 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import warnings
 from collections.abc import Iterator, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 from accuracy.results import Table
-from shared import PICTURES, RESULTS, parser_of
+from shared import PICTURES, parser_of
 
-from granular.run.diagnostics import StabilityWarning
 from peers import columns, columns_chart, columns_tables
 from peers.columns import ASPECTS, CODES, Column
 from peers.columns_errors import Row, references
@@ -73,18 +71,15 @@ def run_all(chosen: argparse.Namespace) -> Sequence[Row]:
     if chosen.core is not None:
         os.sched_setaffinity(0, {chosen.core})
     table = Table(chosen.out)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", StabilityWarning)  # coarse runs are made on purpose
-        for case in cases(chosen.only, chosen.quick):
-            if not table.holds(case):
-                table.add(columns.run(case, chosen.limit))
-                print(report(table.rows[-1]), flush=True)
+    for case in cases(chosen.only, chosen.quick):
+        if not table.holds(case):
+            table.add(columns.run(case, chosen.limit))
+            print(report(table.rows[-1]), flush=True)
     return table.rows
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = parser_of(__doc__, "a coarse case of each code, to see it runs")
-    parser.set_defaults(out=RESULTS / "peers.json")
+    parser = parser_of(__name__, __doc__, "a coarse case of each code, to see it runs")
     parser.add_argument("--limit", type=float, default=LIMIT, help="core-seconds of a case")
     parser.add_argument(
         "--only", nargs="*", choices=list(CODES), default=list(CODES), help="codes to run"

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import multiprocessing
 import resource
-import warnings
 from pathlib import Path
 
 from shared import parser_of, write
@@ -57,26 +56,24 @@ def heap(law: str, cells: int, times: int) -> gr.Scene:
 
 def measure(law: str, cells: int, times: int, batches: int) -> dict:
     """Row of one case, which is run in a separate process."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        sim = gr.Simulation(heap(law, cells, times), threads=1)
-        sim.step(20)
-        grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024
-        with Path("/proc/self/statm").open() as file:
-            held = int(file.read().split()[1]) * resource.getpagesize() - before * 1024
-        return {
-            "law": law,
-            "box": times**3,
-            "points": sim.n_points,
-            "ns": best_time(sim, 1, batches) * 1e9,
-            "bytes_per_point": held / sim.n_points,
-            "peak_bytes_per_point": grown / sim.n_points,
-        }
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    sim = gr.Simulation(heap(law, cells, times), threads=1)
+    sim.step(20)
+    grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024
+    with Path("/proc/self/statm").open() as file:
+        held = int(file.read().split()[1]) * resource.getpagesize() - before * 1024
+    return {
+        "law": law,
+        "box": times**3,
+        "points": sim.n_points,
+        "ns": best_time(sim, 1, batches) * 1e9,
+        "bytes_per_point": held / sim.n_points,
+        "peak_bytes_per_point": grown / sim.n_points,
+    }
 
 
 def main(argv: list[str] | None = None) -> None:
-    arguments = parser_of(__doc__).parse_args(argv)
+    arguments = parser_of(__name__, __doc__).parse_args(argv)
     cells, batches = (6, 1) if arguments.quick else (20, 15)
     rows = []
     print("law       box  points  ns/step  bytes/point  at most")

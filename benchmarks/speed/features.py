@@ -11,17 +11,14 @@ that have entered by an inflow count.
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from shared import RESULTS, markdown, parser_of, rounded, stored, write
+from shared import markdown, parser_of, rounded, stored, write
 
 import granular as gr
 from speed.own_mu_I import MU_I_IN_C, mu_I, mu_I_by_points
-
-OUT = RESULTS / "features.json"
 
 CELL, DIAMETER = 0.01, 2e-3
 SAND = gr.MuI(E=1e6, I0=0.279, d=DIAMETER)
@@ -187,18 +184,15 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
 
 def main(argv: list[str] | None = None) -> None:
     """Measure the cases that are named."""
-    parser = parser_of(__doc__)
+    parser = parser_of(__name__, __doc__)
     parser.add_argument("--only", nargs="+", choices=CASES, default=list(CASES))
     arguments = parser.parse_args(argv)
-    out = arguments.out or OUT
-    found = stored(out, rows={})
+    found = stored(arguments.out, rows={})
     rows, rounds, steps = (8, 1, 10) if arguments.quick else (32, 60, 40)
     for name in arguments.only:
         off, on, pair = CASES[name]
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", gr.StabilityWarning)
-            row = measure(pair, rows, rounds, steps)
+        row = measure(pair, rows, rounds, steps)
         found["rows"][name] = rounded(row)
         shown = ", ".join(f"{number:.3g}" for number in row["ratio"])
         print(f"{off} / {on}: {row['off']:.3g}, {row['on']:.3g} ns, ratio {shown}", flush=True)
-        write(out, found)
+        write(arguments.out, found)

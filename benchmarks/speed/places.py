@@ -72,7 +72,7 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = parser_of(__doc__, quick="one step of each, to see that it runs")
+    parser = parser_of(__name__, __doc__, quick="one step of each, to see that it runs")
     given = parser.parse_args(argv)
     until = 1e-6 if given.quick else UNTIL
     cases = {name: sizes(scene(), until) for name, scene in CASES.items()}

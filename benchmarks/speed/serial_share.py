@@ -14,7 +14,6 @@ from __future__ import annotations
 import argparse
 import subprocess
 import tempfile
-import warnings
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -54,13 +53,11 @@ def scene(dim: int, points: int, per_cell: int) -> gr.Scene:
 
 def run(dim: int, points: int, per_cell: int, before: int, steps: int, control: Path) -> None:
     """Run a case, and let perf take samples of the last steps only."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gr.StabilityWarning)
-        sim = gr.Simulation(scene(dim, points, per_cell), threads=1)
-        sim.step(before)
-        control.write_text("enable\n")
-        sim.step(steps)
-        control.write_text("disable\n")
+    sim = gr.Simulation(scene(dim, points, per_cell), threads=1)
+    sim.step(before)
+    control.write_text("enable\n")
+    sim.step(steps)
+    control.write_text("disable\n")
     print(sim.n_points)
 
 
@@ -118,7 +115,7 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = parser_of(__doc__)
+    parser = parser_of(__name__, __doc__)
     parser.add_argument("--case", nargs=6, help=argparse.SUPPRESS)
     arguments = parser.parse_args(argv)
     if arguments.case:

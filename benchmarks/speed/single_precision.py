@@ -176,7 +176,7 @@ def draw(results: dict[str, dict[str, dict[str, float]]], path: Path) -> None:
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
+    parser = parser_of(__name__, __doc__)
     parser.add_argument("--only", nargs="+", choices=CASES, default=list(CASES))
     parser.add_argument("--draw", action="store_true", help="draw the results, run nothing")
     arguments = parser.parse_args()

@@ -187,7 +187,7 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
 
 def main() -> None:
     """Run what the command line asks for."""
-    parser = parser_of(__doc__)
+    parser = parser_of(__name__, __doc__)
     parser.add_argument("cases", nargs="*", default=list(CASES))
     args = parser.parse_args()
     names = args.cases[-1:] if args.quick else args.cases

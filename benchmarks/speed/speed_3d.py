@@ -10,7 +10,6 @@ turns, and the best of each counts. The memory is that of the arrays of the poin
 from __future__ import annotations
 
 import math
-import warnings
 from typing import Any
 
 import numpy as np
@@ -87,21 +86,17 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
 
 
 def main(argv: list[str] | None = None) -> None:
-    arguments = parser_of(__doc__).parse_args(argv)
+    arguments = parser_of(__name__, __doc__).parse_args(argv)
     edge, steps, rounds = (6, 5, 1) if arguments.quick else (30, 300, 12)
     table = []
     print(f"{'case':16s}{'points':>8s}{'1 thread':>10s}{'2':>8s}{'ratio':>7s}{'bytes':>7s}")
     for name, case in CASES.items():
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            start = gr.Simulation(bed(edge, *case), threads=2)
-            start.step(steps)
-            sims = {
-                threads: gr.Simulation.from_checkpoint(
-                    start.scene, start.checkpoint(), threads=threads
-                )
-                for threads in (1, 2)
-            }
+        start = gr.Simulation(bed(edge, *case), threads=2)
+        start.step(steps)
+        sims = {
+            threads: gr.Simulation.from_checkpoint(start.scene, start.checkpoint(), threads=threads)
+            for threads in (1, 2)
+        }
         ns = dict.fromkeys(sims, np.inf)
         for _ in range(rounds):
             for threads, sim in sims.items():

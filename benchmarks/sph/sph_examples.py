@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import curve_fit
-from shared import RESULTS, markdown, parser_of, rounded, stored, write
+from shared import markdown, parser_of, rounded, stored, write
 
 import granular as gr
 from granular import sph
@@ -440,8 +440,7 @@ def store(rows: list[dict[str, Any]], out: Path) -> None:
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = parser_of(__doc__, "a few small cases, to see it runs")
-    parser.set_defaults(out=RESULTS / "sph_examples.json")
+    parser = parser_of(__name__, __doc__, "a few small cases, to see it runs")
     parser.add_argument("--only", choices=tuple(RUNS), help="the cases of this kind")
     parser.add_argument("--threads", type=int, default=1)
     chosen = parser.parse_args(argv)
