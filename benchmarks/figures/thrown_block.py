@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import granular as gr
-from figures.common import parser_of, save, tell
+from figures.common import tell
 from granular.plot import Picture
 
 
@@ -64,16 +64,15 @@ def draw_motion(
         ax.legend(fontsize=9)
 
 
-def main() -> None:
-    """Draw the picture."""
-    chosen = parser_of(__doc__).parse_args()
+def picture(quick: bool) -> Picture:
+    """Draw the picture of the page."""
     made = Picture(figsize=(9.0, 4.6), layout="compressed")
     axes = made.subplots(2, 3)
-    scene = thrown(chosen.quick)
+    scene = thrown(quick)
     sim = gr.Simulation(scene)
     with TemporaryDirectory() as folder:
         path = Path(folder, "block.h5")
-        tell(sim.run(until=0.1 if chosen.quick else 0.6, save=path, every=0.01))
+        tell(sim.run(until=0.1 if quick else 0.6, save=path, every=0.01))
         record = gr.open(path)
         shown = (0, len(record) // 4, len(record) - 1)
         for ax, k in zip(axes[0], shown, strict=True):
@@ -83,4 +82,4 @@ def main() -> None:
         motion = gr.measure.body_motion(record, body=0)
         force = gr.measure.body_force(record, body=0, window=2)
     draw_motion(axes[1], motion, force, 9.8 * scene.bodies[0].mass)
-    save(made, chosen, "free_bodies")
+    return made
