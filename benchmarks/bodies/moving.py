@@ -28,8 +28,6 @@ from bodies.rows import (
     rows_of_points,
     within,
 )
-from granular.mpm.bodies import Body, Motion
-from granular.shapes import Box, HalfSpace
 
 Cases = dict[str, Callable[[], Numbers]]
 
@@ -76,10 +74,10 @@ def box(
         region = gr.Box(tuple(base), tuple(base + length * t + height * n))
     until = crossed * CELL / speed
     ends = np.concatenate([x, x + until * way])
-    motion = Motion(velocity=(tuple(way),))
+    motion = gr.Motion(velocity=(tuple(way),))
     faces = ((n, base, 0.5), (t, base, 0.0), (-t, base + length * t, 0.0))
     bodies = tuple(
-        Body(HalfSpace(tuple(face)), tuple(at), motion=motion, friction=friction)
+        gr.Body(gr.HalfSpace(tuple(face)), tuple(at), motion=motion, friction=friction)
         for face, at, friction in faces
     )
     scene = gr.Scene(
@@ -167,9 +165,9 @@ def blade_scene(
 ) -> gr.Scene:
     """A blade 4 cells thick and 5 cells deep in a bed of 12 cells, 2D, moved by `start` cells."""
     begin = np.array([0.15, DEEP - 5 * CELL]) + offset * CELL + np.array([start * CELL, 0.0])
-    shape = Box(size=(4 * CELL, 0.2), center=(-2 * CELL, 0.1))
-    motion = Motion(times=(AT_REST, AT_REST + RAMP), velocity=((0.0, 0.0), (speed, 0.0)))
-    body = Body(shape, tuple(begin), rotation_deg=rake_deg, motion=motion, friction=0.3)
+    shape = gr.Box(size=(4 * CELL, 0.2), center=(-2 * CELL, 0.1))
+    motion = gr.Motion(times=(AT_REST, AT_REST + RAMP), velocity=((0.0, 0.0), (speed, 0.0)))
+    body = gr.Body(shape, tuple(begin), rotation_deg=rake_deg, motion=motion, friction=0.3)
     return gr.Scene(
         name="blade",
         grid=gr.Grid((0.0, 0.0), CELL, (round(LONG / CELL), 24)),

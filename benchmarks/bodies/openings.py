@@ -25,8 +25,6 @@ from bodies.rows import (
     plane,
     rows_of_points,
 )
-from granular.mpm.bodies import Body
-from granular.shapes import Box, Cylinder, Difference
 
 Cases = dict[str, Callable[[], Numbers]]
 
@@ -77,8 +75,8 @@ def slot(turned_deg: float, offset: float, cells: int) -> Numbers:
         density=density,
     )
     plates = (
-        Body(
-            Box(size=(0.5, THICK), center=(side * (WIDTH / 2 + 0.25), -THICK / 2)),
+        gr.Body(
+            gr.Box(size=(0.5, THICK), center=(side * (WIDTH / 2 + 0.25), -THICK / 2)),
             tuple(center),
             rotation_deg=turned_deg,
             friction=0.3,
@@ -119,9 +117,9 @@ def hole(offset: float, cells: int, turned_deg: float = 0.0) -> Numbers:
     cell, half, height, radius = WIDTH / cells, 0.08, 0.12, WIDTH / 2
     level, quarter = offset * cell, turned_deg == 0.0
     (t, n), y = axes(turned_deg, 3), np.eye(3)[1]
-    floor = Difference(
-        Box(size=(1.0, 1.0, THICK), center=(0.0, 0.0, -THICK / 2)),
-        Cylinder(radius, center=(0.0, 0.0, 0.0), axis=(0.0, 0.0, 1.0)),
+    floor = gr.Difference(
+        gr.Box(size=(1.0, 1.0, THICK), center=(0.0, 0.0, -THICK / 2)),
+        gr.Cylinder(radius, center=(0.0, 0.0, 0.0), axis=(0.0, 0.0, 1.0)),
     )
     across, low = round(half / cell), -round(0.05 / cell)
     spacing = cell / 2
@@ -136,7 +134,7 @@ def hole(offset: float, cells: int, turned_deg: float = 0.0) -> Numbers:
         np.full(len(along), spacing**3),
         density=density,
     )
-    bodies = [Body(floor, tuple(base), rotation_deg=(0.0, -turned_deg, 0.0), friction=0.3)]
+    bodies = [gr.Body(floor, tuple(base), rotation_deg=(0.0, -turned_deg, 0.0), friction=0.3)]
     if quarter:
         grid = gr.Grid(
             (0.0, 0.0, low * cell),

@@ -11,9 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import granular as gr
-from granular.mpm.bodies import Body
 from granular.mpm.body_distances import distance_from_bodies
-from granular.shapes import HalfSpace
 
 Array = NDArray[np.float64]
 Numbers = dict[str, float]
@@ -130,9 +128,9 @@ def around(corners: Array, cell: float, margin: int = 4, **options: Any) -> gr.G
     return gr.Grid(tuple(cell * low), cell, tuple((high - low).tolist()), **options)
 
 
-def plane(normal: Array, through: Array, **options: Any) -> Body:
+def plane(normal: Array, through: Array, **options: Any) -> gr.Body:
     """Body that fills all behind a plane."""
-    return Body(HalfSpace(tuple(normal)), tuple(through), **options)
+    return gr.Body(gr.HalfSpace(tuple(normal)), tuple(through), **options)
 
 
 def name_of(turned_deg: float, offset: float) -> str:

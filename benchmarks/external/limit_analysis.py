@@ -19,7 +19,6 @@ import numpy as np
 from shared import markdown, parser_of, rounded, stored, write
 
 import granular as gr
-from granular.mpm.schemes import ParticleDensity, Scheme, SmoothedDensity
 from granular.verify.external import limit_analysis as cases
 
 ANGLES, CELLS, SEEDS = (0.0, 17.0, 30.0), (16, 24, 32, 48), (1, 2)
@@ -30,8 +29,8 @@ JITTER = 0.3
 
 HEADER = ("problem", "changed", "cells", "coefficient", "over that of the upper angle", "time [s]")
 SCHEMES = {
-    "no damping of flutter": Scheme(density=SmoothedDensity(flutter_damping=0.0)),
-    "density of each particle": Scheme(density=ParticleDensity()),
+    "no damping of flutter": gr.Scheme(density=gr.SmoothedDensity(flutter_damping=0.0)),
+    "density of each particle": gr.Scheme(density=gr.ParticleDensity()),
     "cell-averaged density": gr.schemes.cell_averaged,
 }
 

@@ -12,21 +12,20 @@ import numpy as np
 from shared import parser_of, write
 
 import granular as gr
-from granular.mpm.schemes import Fluidity
 from speed.speed import best_time
 
 CASES = {
-    "local": (0.0, Fluidity()),
-    "explicit, 1": (0.1, Fluidity(method="explicit")),
-    "implicit, 1": (1.0, Fluidity(method="implicit")),
-    "rkl2, 1": (1.0, Fluidity(method="rkl2")),
-    "explicit, 5": (0.1, Fluidity(method="explicit", substeps=5)),
-    "implicit, 5": (1.0, Fluidity(method="implicit", substeps=5)),
-    "rkl2, 5": (1.0, Fluidity(method="rkl2", substeps=5)),
+    "local": (0.0, gr.Fluidity()),
+    "explicit, 1": (0.1, gr.Fluidity(method="explicit")),
+    "implicit, 1": (1.0, gr.Fluidity(method="implicit")),
+    "rkl2, 1": (1.0, gr.Fluidity(method="rkl2")),
+    "explicit, 5": (0.1, gr.Fluidity(method="explicit", substeps=5)),
+    "implicit, 5": (1.0, gr.Fluidity(method="implicit", substeps=5)),
+    "rkl2, 5": (1.0, gr.Fluidity(method="rkl2", substeps=5)),
 }
 
 
-def simulation(A: float, fluidity: Fluidity, cell: float, until: float) -> gr.Simulation:
+def simulation(A: float, fluidity: gr.Fluidity, cell: float, until: float) -> gr.Simulation:
     """A silo that flows."""
     scene = gr.scenes.clogging_silo(opening_over_d=5.0, A=A, cell=cell)
     scheme = scene.scheme.replace(fluidity=fluidity, dt=1e-4 * cell / 0.0175)

@@ -17,18 +17,11 @@ from shared import markdown, parser_of, write
 
 import granular as gr
 from granular import shapes
-from granular.materials import NGF
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
 from granular.mpm import bodies
-from granular.mpm.schemes import Fluidity
-from granular.mpm.walls import Wall
-from granular.shapes import Box
 from speed.speed import best_time
 
 CELL, SLOPE = 0.01, math.radians(38.0)
-SOIL = NGF(
+SOIL = gr.NGF(
     E=1.5e5, elasticity="hencky", A=0.48, t0=1e-3, mu_s=0.3819, mu_2=0.6435, I0=0.278, d=4e-3,
     rho_s=2550.0,
 )  # fmt: skip
@@ -42,13 +35,15 @@ def bed(edge: int, A: float, scheme: gr.Scheme, stencil: str, blade: float | Non
     middle = (0.5 * length, 0.5 * length, length)
     return gr.Scene(
         name="slope",
-        grid=Grid((0.0,) * 3, CELL, (edge, edge, edge + 10), periodic=(True, True, False)),
-        fills=(Fill(Box((0.0,) * 3, (length,) * 3), 8),),
+        grid=gr.Grid((0.0,) * 3, CELL, (edge, edge, edge + 10), periodic=(True, True, False)),
+        fills=(gr.Fill(gr.Box((0.0,) * 3, (length,) * 3), 8),),
         material=SOIL.replace(A=A),
-        scheme=scheme.replace(fluidity=Fluidity(method="implicit", stencil=stencil, initial=1.0)),
-        walls=(Wall(2, 0.0, kind="no_slip"),),
+        scheme=scheme.replace(
+            fluidity=gr.Fluidity(method="implicit", stencil=stencil, initial=1.0)
+        ),
+        walls=(gr.Wall(2, 0.0, kind="no_slip"),),
         bodies=(bodies.Body(shape, middle, friction=0.4),) if shape else (),
-        gravity=Gravity((0.0,), ((9.81 * math.sin(SLOPE), 0.0, -9.81 * math.cos(SLOPE)),)),
+        gravity=gr.Gravity((0.0,), ((9.81 * math.sin(SLOPE), 0.0, -9.81 * math.cos(SLOPE)),)),
         duration=10.0,
         seed=1,
     )
