@@ -128,6 +128,19 @@ def write(out: Path | None, results: dict[str, Any], tables: Iterable[str] = ())
         os.replace(partial, out)
 
 
+def run_studies(
+    chosen: argparse.Namespace, studies: Mapping[str, Callable[[bool], Iterable[Mapping[str, Any]]]]
+) -> None:
+    """Run studies, which give their rows for --quick, and store each row as it ends."""
+    results = stored(chosen.out, studies={})
+    for name in chosen.only:
+        rows = results["studies"][name] = []
+        for row in studies[name](chosen.quick):
+            rows.append(rounded(row))
+            print(name, rounded(row, 4), flush=True)
+            write(chosen.out, results, [name] if len(rows) == 1 else ())
+
+
 def least_time(
     work: Callable[[], object], repeats: int, clock: Callable[[], float] = time.process_time
 ) -> float:
@@ -147,6 +160,31 @@ def rounded(value: Any, digits: int = 6) -> Any:
     if isinstance(value, (list, tuple)):
         return [rounded(v, digits) for v in value]
     return float(f"{value:.{digits}g}") if isinstance(value, float) else value
+
+
+def by_scheme(cases: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Rows of results that are stored by case and scheme."""
+    return [
+        {"case": case, "scheme": scheme, **row}
+        for case, of_schemes in cases.items()
+        for scheme, row in of_schemes.items()
+    ]
+
+
+def table(rows: Iterable[Mapping[str, Any]], columns: Mapping[str, str]) -> list[str]:
+    """Table in Markdown of rows, by the heading of each column and its text.
+
+    A text is a template of `str.format` with the entries of a row, as "{seconds:.1f} s"; it is left
+    blank if the row lacks an entry.
+    """
+
+    def cell(row: Mapping[str, Any], text: str) -> str:
+        try:
+            return text.format_map(row)
+        except KeyError:
+            return ""
+
+    return markdown(list(columns), ([cell(row, text) for text in columns.values()] for row in rows))
 
 
 def markdown(header: Sequence[object], rows: Iterable[Sequence[object]]) -> list[str]:

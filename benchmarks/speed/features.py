@@ -15,7 +15,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from shared import markdown, parser_of, rounded, stored, write
+from shared import parser_of, rounded, stored, table, write
 
 import granular as gr
 from speed.own_mu_I import MU_I_IN_C, mu_I, mu_I_by_points
@@ -170,16 +170,12 @@ def measure(pair: Pair, rows: int, rounds: int, steps: int) -> dict[str, Any]:
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Table of all results in the order of the cases."""
-    rows = results["rows"]
-    body = []
-    for name, (off, on, _) in CASES.items():
-        if name in rows:
-            row = rows[name]
-            low, middle, high = row["ratio"]
-            spread = f"{middle:.3g} ({low:.3g} to {high:.3g})"
-            body.append((off, on, f"{row['off']:.3g}", f"{row['on']:.3g}", spread))
-    head = ("without", "with", "without, ns", "with, ns", "ratio (quartiles)")
-    return {"features": markdown(head, body)}
+    found = results["rows"]
+    rows = [found[name] | {"case": case} for name, case in CASES.items() if name in found]
+    columns = {"without": "{case[0]}", "with": "{case[1]}"}
+    columns |= {"without, ns": "{off:.3g}", "with, ns": "{on:.3g}"}
+    columns |= {"ratio (quartiles)": "{ratio[1]:.3g} ({ratio[0]:.3g} to {ratio[2]:.3g})"}
+    return {"features": table(rows, columns)}
 
 
 def main(argv: list[str] | None = None) -> None:

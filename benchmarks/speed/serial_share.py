@@ -18,7 +18,7 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from shared import markdown, parser_of, python, rounded, write
+from shared import parser_of, python, rounded, table, write
 
 import granular as gr
 
@@ -105,13 +105,10 @@ def measure(dim: int, case: tuple[int, ...]) -> dict[str, object]:
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Table of the page."""
-    head = ("", "points", "samples", "serial share", f"{THREADS} threads over one, at most")
-    lines = [
-        (f"{q['dim']}D", f"{q['points']:,}", q["samples"], f"{q['serial_share']:.2%}",
-         f"{q['most']:.1f}")
-        for q in results["rows"]
-    ]  # fmt: skip
-    return {"serial": markdown(head, lines)}
+    columns = {"": "{dim}D", "points": "{points:,}", "samples": "{samples}"}
+    columns |= {"serial share": "{serial_share:.2%}"}
+    columns |= {f"{THREADS} threads over one, at most": "{most:.1f}"}
+    return {"serial": table(results["rows"], columns)}
 
 
 def main(argv: list[str] | None = None) -> None:

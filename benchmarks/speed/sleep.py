@@ -13,7 +13,7 @@ import time
 from typing import Any
 
 import numpy as np
-from shared import markdown, parser_of, rounded, stored, write
+from shared import by_scheme, parser_of, rounded, stored, table, write
 
 import granular as gr
 
@@ -163,26 +163,18 @@ def compare(name: str, scheme: gr.Scheme) -> dict[str, Any]:
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Table of the page."""
-    head = (
-        "case",
-        "scheme",
-        "asleep at the end",
-        "processor time without sleep, s per simulated s",
-        "with sleep",
-        "time over that without sleep",
-        f"the last {LATE:.0%}",
-        "points moved otherwise, mean, cells",
-    )
-    rows = [
-        (
-            *(case, scheme, f"{q['asleep']:.0%}", f"{q['time']:.1f}"),
-            *(f"{q['time'] * q['share']:.1f}", f"{q['share']:.2f}", f"{q['share_late']:.3f}"),
-            f"{q['moved_mean']:.4f}",
-        )
-        for case, of_case in results["cases"].items()
-        for scheme, q in of_case.items()
-    ]
-    return {"sleep": markdown(head, rows)}
+    columns = {
+        "case": "{case}",
+        "scheme": "{scheme}",
+        "asleep at the end": "{asleep:.0%}",
+        "processor time without sleep, s per simulated s": "{time:.1f}",
+        "with sleep": "{with_sleep:.1f}",
+        "time over that without sleep": "{share:.2f}",
+        f"the last {LATE:.0%}": "{share_late:.3f}",
+        "points moved otherwise, mean, cells": "{moved_mean:.4f}",
+    }
+    rows = by_scheme(results["cases"])
+    return {"sleep": table((r | {"with_sleep": r["time"] * r["share"]} for r in rows), columns)}
 
 
 def main() -> None:

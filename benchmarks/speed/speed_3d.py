@@ -13,7 +13,7 @@ import math
 from typing import Any
 
 import numpy as np
-from shared import markdown, parser_of, write
+from shared import parser_of, table, write
 
 import granular as gr
 from granular import shapes
@@ -72,12 +72,12 @@ TITLES = {
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Table of the page: times with one thread and with two, and memory of a point."""
-    lines = [
-        [TITLES[row["case"]], *(f"{t:.0f}" for t in row["ns"]), f"{one / two:.2f}", f"{held:.0f}"]
+    columns = {"": "{title}", "one": "{ns[0]:.0f}", "two": "{ns[1]:.0f}", "ratio": "{ratio:.2f}"}
+    rows = [
+        row | {"title": TITLES[row["case"]], "ratio": row["ns"][0] / row["ns"][1]}
         for row in results["rows"]
-        for (one, two), held in [(row["ns"], row["bytes_per_point"])]
     ]
-    return {"laws in 3D": markdown(("", "one", "two", "ratio", "bytes"), lines)}
+    return {"laws in 3D": table(rows, columns | {"bytes": "{bytes_per_point:.0f}"})}
 
 
 def main(argv: list[str] | None = None) -> None:

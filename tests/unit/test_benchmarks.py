@@ -239,7 +239,6 @@ def test_results_have_a_stamp_and_whole_tables(module, result):
     tables = script.tables(stored) if hasattr(script, "tables") else {}
     for stamp in (stored["stamp"], *stored.get("stamps", {}).values()):
         assert {"commit", "command", "processor", "date"} <= stamp.keys()
-    assert stored.get("stamps", {}).keys() <= tables.keys()
     for lines in tables.values():
         rows = [line.replace("\\|", "") for line in lines if line.startswith("|")]
         assert len(rows) > 2 and len({row.count("|") for row in rows}) == 1
