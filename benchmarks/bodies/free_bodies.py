@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+import beds
 import numpy as np
 from shared import markdown, parser_of, rounded, stored, write
 
@@ -44,19 +45,8 @@ def bed(dim: int, quick: bool, kind: str) -> gr.Scene:
     place = (*at, size[-1] + 0.8 * radius)
     free = {"free": "xyz"[:dim], "mass": whole.mass, "inertia": whole.inertia}
     body = gr.Body(shape, place, friction=0.3, **(free if kind.startswith("free") else {}))
-    return gr.Scene(
-        name="bed",
-        grid=gr.Grid((0.0,) * dim, cell, (*cells[:-1], cells[-1] + 14)),
-        fills=[gr.Fill(gr.Box((0.0,) * dim, size), 2**dim, lithostatic=True)],
-        material=gr.materials.glass_beads.replace(E=1e6),
-        walls=[
-            gr.Wall(dim - 1, 0.0),
-            *(gr.Wall(d, x, kind="free_slip") for d in range(dim - 1) for x in (0.0, size[d])),
-        ],
-        bodies=[] if kind == "none" else [body],
-        gravity=gr.Gravity((0.0,), ((*[0.0] * (dim - 1), -9.8),)),
-        duration=1.0,
-    )
+    bodies = [] if kind == "none" else [body]
+    return beds.bed("bed", size, cell, 14, bodies=bodies)
 
 
 def cost(quick: bool) -> dict[str, Callable[[], Row]]:
@@ -93,15 +83,10 @@ def light(quick: bool) -> dict[str, Callable[[], Row]]:
             mass=mass,
             inertia=0.5 * mass * 0.08**2,
         )
-        scene = gr.Scene(
-            name="light",
-            grid=gr.Grid((0.0, 0.0), cell, (round(0.8 / cell), round(0.6 / cell))),
-            fills=[gr.Fill(gr.Box((0.0, 0.0), (0.8, 0.4)), 4, lithostatic=True)],
-            material=gr.materials.glass_beads.replace(E=1e6),
-            walls=[gr.Wall(1, 0.0), *(gr.Wall(0, x, kind="free_slip") for x in (0.0, 0.8))],
-            bodies=[disc],
-            gravity=gr.Gravity((0.0,), ((0.0, -9.81),)),
-            duration=0.2,
+        weight = gr.Gravity((0.0,), ((0.0, -9.81),))
+        rise = round(0.2 / cell)
+        scene = beds.bed(
+            "light", (0.8, 0.4), cell, rise, bodies=[disc], gravity=weight, duration=0.2
         )
         sim, noise = gr.Simulation(scene, threads=1), 0.0
         for end in (0.01,) if quick else (0.05, 0.1, 0.15, 0.2):

@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from beds import bed
 
 import granular as gr
 from bodies.rows import (
@@ -168,20 +169,10 @@ def blade_scene(
     shape = gr.Box(size=(4 * CELL, 0.2), center=(-2 * CELL, 0.1))
     motion = gr.Motion(times=(AT_REST, AT_REST + RAMP), velocity=((0.0, 0.0), (speed, 0.0)))
     body = gr.Body(shape, tuple(begin), rotation_deg=rake_deg, motion=motion, friction=0.3)
-    return gr.Scene(
-        name="blade",
-        grid=gr.Grid((0.0, 0.0), CELL, (round(LONG / CELL), 24)),
-        fills=(gr.Fill(gr.Box((0.0, 0.0), (LONG, DEEP)), 4, lithostatic=True),),
-        material=gr.materials.glass_beads.replace(E=1e6, rho_c=RHO),
-        gravity=gr.Gravity((0.0,), ((0.0, -G),)),
-        walls=(
-            gr.Wall(1, 0.0, kind="no_slip"),
-            *(gr.Wall(0, at, kind="free_slip") for at in (0.0, LONG)),
-        ),
-        bodies=(body,),
-        scheme=scheme,
-        duration=10.0,
-    )
+    parts = {"bodies": (body,), "scheme": scheme, "duration": 10.0}
+    parts["material"] = gr.materials.glass_beads.replace(E=1e6, rho_c=RHO)
+    parts["gravity"] = gr.Gravity((0.0,), ((0.0, -G),))
+    return bed("blade", (LONG, DEEP), CELL, 12, **parts)
 
 
 LONG, DEEP = 0.6, 12 * CELL

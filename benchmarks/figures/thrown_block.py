@@ -9,6 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from beds import bed
 from numpy.typing import NDArray
 
 import granular as gr
@@ -31,19 +32,8 @@ def thrown(quick: bool) -> gr.Scene:
         mass=whole.mass,
         inertia=whole.inertia,
     )
-    return gr.Scene(
-        name="block",
-        grid=gr.Grid((0.0, 0.0), cell, (round(1.2 / cell), round(0.5 / cell))),
-        fills=[gr.Fill(gr.Box((0.0, 0.0), (1.2, 0.2)), 4, lithostatic=True)],
-        material=gr.materials.glass_beads.replace(E=1e6),
-        walls=[
-            gr.Wall(axis=1, at=0.0),
-            *(gr.Wall(axis=0, at=at, kind="free_slip") for at in (0.0, 1.2)),
-        ],
-        bodies=[block],
-        gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
-        duration=0.6,
-    )
+    rise = round(0.3 / cell)
+    return bed("block", (1.2, 0.2), cell, rise, bodies=[block], duration=0.6)
 
 
 def draw_motion(

@@ -12,6 +12,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
+import beds
 import numpy as np
 from shared import by_scheme, parser_of, rounded, stored, table, write
 
@@ -93,20 +94,8 @@ def plate(scheme: gr.Scheme) -> gr.Scene:
     body = gr.Body(
         gr.shapes.Box(size=(0.05, 0.2)), position=(0.3, 0.2), motion=moving, friction=0.3
     )
-    return gr.Scene(
-        name="plate",
-        grid=gr.Grid((0.0, 0.0), cell, (200, 28)),
-        fills=[gr.Fill(gr.Box((0.0, 0.0), (2.5, 0.2)), points_per_cell=4, lithostatic=True)],
-        walls=[
-            gr.Wall(1, 0.0, kind="no_slip"),
-            *(gr.Wall(0, at, kind="free_slip") for at in (0.0, 2.5)),
-        ],
-        bodies=[body],
-        gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
-        material=GRAINS,
-        scheme=scheme,
-        duration=1.5,
-    )
+    parts = {"bodies": [body], "material": GRAINS, "scheme": scheme, "duration": 1.5}
+    return beds.bed("plate", (2.5, 0.2), cell, 12, **parts)
 
 
 def bed(scheme: gr.Scheme) -> gr.Scene:

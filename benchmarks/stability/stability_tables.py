@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from beds import bed
 from shared import markdown, parser_of, rounded, stored, write
 
 import granular as gr
@@ -164,20 +165,8 @@ def impulse(diameter: float, offset: float, seed: int) -> float:
         motion=gr.bodies.Motion(velocity=((0.0, -speed),)),
         friction=0.3,
     )
-    scene = gr.Scene(
-        name="disc",
-        grid=gr.Grid((0.0, 0.0), CELL, (nx, ny)),
-        fills=(gr.Fill(gr.Box((0.0, 0.0), (nx * CELL, top)), 4, jitter=0.5, lithostatic=True),),
-        material=gr.materials.glass_beads.replace(E=1e6),
-        walls=(
-            gr.Wall(1, 0.0),
-            *(gr.Wall(0, at, kind="free_slip") for at in (0.0, nx * CELL)),
-        ),
-        gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
-        bodies=(disc,),
-        duration=0.03 / speed,
-        seed=seed,
-    )
+    parts = {"bodies": (disc,), "duration": 0.03 / speed, "seed": seed}
+    scene = bed("disc", (nx * CELL, top), CELL, ny - 20, jitter=0.5, **parts)
     return float(gr.Simulation(scene, threads=1).run(monitor=False).bodies[0].impulse[1])
 
 
