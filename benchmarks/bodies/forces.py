@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -13,9 +12,11 @@ import numpy as np
 import granular as gr
 from bodies.rows import (
     OFFSETS,
+    PLACES,
     RHO,
     TURNS,
     Array,
+    Cases,
     G,
     Line,
     Numbers,
@@ -25,8 +26,6 @@ from bodies.rows import (
     name_of,
     spread,
 )
-
-Cases = dict[str, Callable[[], Numbers]]
 
 
 @dataclass(frozen=True)
@@ -143,25 +142,18 @@ def rounded_plate(turned_deg: float, offset: float, cells: int, until: float, be
     return {**numbers, "deepest": run.deepest}
 
 
-def places(cells: int) -> Iterator[tuple[float, float]]:
-    """Angles and offsets of a plate of so many cells."""
-    for turned in TURNS:
-        for offset in OFFSETS if cells < 32 else (0.25,):
-            yield turned, offset
-
-
 def plate_cases(quick: bool) -> Cases:
     if quick:
         return {"8 cells": partial(plate, 17.0, 0.25, 8, 0.04, Bed())}
     cases: Cases = {}
     for kind, bed in BEDS.items():
         for cells in (8, 16, 32):
-            for at in places(cells):
+            for at in PLACES if cells < 32 else [(turned, 0.25) for turned in TURNS]:
                 name = f"{kind}{cells} cells, {name_of(*at)}"
                 cases[name] = partial(plate, *at, cells, 0.4, bed)
-        for at in places(16):
+        for at in PLACES:
             cases[f"{kind}rounded, {name_of(*at)}"] = partial(rounded_plate, *at, 16, 0.4, bed)
-    for at in places(16):
+    for at in PLACES:
         cases[f"{ROUGHER}16 cells, {name_of(*at)}"] = partial(plate, *at, 16, 0.4, Bed(0.1))
     return cases
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -15,9 +14,11 @@ import granular as gr
 from bodies.rows import (
     CELL,
     OFFSETS,
+    PLACES,
     RHO,
     TURNS,
     Array,
+    Cases,
     G,
     Line,
     Numbers,
@@ -29,8 +30,6 @@ from bodies.rows import (
     rows_of_points,
     within,
 )
-
-Cases = dict[str, Callable[[], Numbers]]
 
 WINDOWS = 8
 """Windows of time in which a body crosses a cell."""
@@ -126,10 +125,8 @@ def box_cases(quick: bool) -> Cases:
         return {"17 deg, 0": partial(box, 17.0, 0.0, 0.4, 4)}
     cases: Cases = {}
     for speed in (0.1, 0.4):
-        for turned in TURNS:
-            for offset in OFFSETS:
-                name = f"{speed:g} m/s, {name_of(turned, offset)}"
-                cases[name] = partial(box, turned, offset, speed, 10)
+        for at in PLACES:
+            cases[f"{speed:g} m/s, {name_of(*at)}"] = partial(box, *at, speed, 10)
         for offset in OFFSETS:
             name = f"{speed:g} m/s, staggered, {name_of(0.0, offset)}"
             cases[name] = partial(box, 0.0, offset, speed, 10, staggered=True)

@@ -12,9 +12,10 @@ import numpy as np
 import granular as gr
 from bodies.rows import (
     OFFSETS,
+    PLACES,
     RHO,
-    TURNS,
     Array,
+    Cases,
     G,
     Line,
     Numbers,
@@ -25,8 +26,6 @@ from bodies.rows import (
     plane,
     rows_of_points,
 )
-
-Cases = dict[str, Callable[[], Numbers]]
 
 WIDTH = 0.08
 """Width of the slot and diameter of the hole [m]."""
@@ -102,10 +101,8 @@ def slot_cases(quick: bool) -> Cases:
         return {"6 cells, 17 deg, 0": partial(slot, 17.0, 0.0, 6)}
     cases: Cases = {}
     for cells in (6, 8, 10, 12, 16, 24):
-        for turned in TURNS:
-            for offset in OFFSETS:
-                name = f"{cells} cells, {name_of(turned, offset)}"
-                cases[name] = partial(slot, turned, offset, cells)
+        for at in PLACES:
+            cases[f"{cells} cells, {name_of(*at)}"] = partial(slot, *at, cells)
     return cases
 
 

@@ -20,6 +20,11 @@ G, RHO, CELL = 9.81, 1500.0, 0.01
 TURNS, OFFSETS = (0.0, 17.0, 40.0), (0.0, 0.25, 0.5)
 
 
+PLACES = [(turned, offset) for turned in TURNS for offset in OFFSETS]
+"""Angles of a body against the grid, and its distance from a node in cells."""
+Cases = dict[str, Callable[[], Numbers]]
+
+
 @dataclass(frozen=True)
 class Line:
     """A line of the table; `met` is None where nothing is asked."""
@@ -35,7 +40,7 @@ class Row:
     """Cases, by name, and the lines of the table that are made of their numbers."""
 
     title: str
-    cases: Callable[[bool], dict[str, Callable[[], Numbers]]]
+    cases: Callable[[bool], Cases]
     lines: Callable[[dict[str, Numbers]], list[Line]]
 
 
