@@ -2,7 +2,7 @@
 
 Runs every case that the table does not hold yet and writes the table after each, so that a
 benchmark that was stopped continues where it was. Then the orderings and exponents are computed;
-docs/reports/sph_examples.md has them.
+docs/reports/sph.md has them.
 """
 
 from __future__ import annotations
