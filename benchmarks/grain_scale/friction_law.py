@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from shared import markdown, parser_of, stored, write
+from shared import parser_of, stored, table, write
 
 from granular.grain_scale import dem, friction_law
 from granular.grain_scale.friction_law import SteadyShear
@@ -134,23 +134,21 @@ GRAINS = {"low": "e = 0.5", "high": "e = 0.85", "walls": "walls, e = 0.5"}
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Table of the page: a row for each flow, by set and inertial number."""
-    head = ("grains", "I", "mu (±)", "law / mu", "balance (±)", "sliding", "phi", "Z", "slipping")
     rows = [
-        (
-            words,
-            f"{p.inertial_number:.4f}",
-            f"{p.friction:.3f} ({p.friction_error:.3f})",
-            f"{p.friction_by_law / p.friction:.3f}",
-            f"{p.balance:.3f} ({p.law_error:.3f})",
-            f"{p.friction_sliding / p.friction_by_law:.3f}",
-            f"{p.packing_fraction:.4f}",
-            f"{p.coordination:.2f}",
-            f"{p.slipping:.2f}",
-        )
+        {
+            "grains": words,
+            "p": p,
+            "law": p.friction_by_law / p.friction,
+            "sliding": p.friction_sliding / p.friction_by_law,
+        }
         for name, words in GRAINS.items()
         for p in points(results["rows"], name)
     ]
-    return {"flows": markdown(head, rows)}
+    columns = {"grains": "{grains}", "I": "{p.inertial_number:.4f}"}
+    columns |= {"mu (±)": "{p.friction:.3f} ({p.friction_error:.3f})", "law / mu": "{law:.3f}"}
+    columns |= {"balance (±)": "{p.balance:.3f} ({p.law_error:.3f})", "sliding": "{sliding:.3f}"}
+    columns |= {"phi": "{p.packing_fraction:.4f}", "Z": "{p.coordination:.2f}"}
+    return {"flows": table(rows, columns | {"slipping": "{p.slipping:.2f}"})}
 
 
 def main(argv: list[str] | None = None) -> None:
