@@ -9,6 +9,7 @@ import shlex
 import subprocess
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import date
 from importlib import import_module
@@ -22,6 +23,8 @@ import granular as gr
 from granular.record.provenance import cpu_name
 
 ROOT = Path(__file__).parents[1]
+warnings.simplefilter("ignore", gr.StabilityWarning)  # many runs are at a limit on purpose
+
 RESULTS = Path(__file__).parent / "results"
 PICTURES = ROOT / "docs" / "pictures"
 
@@ -47,12 +50,31 @@ def python(name: str) -> list[str]:
     return [sys.executable, str(Path(__file__).parent), name]
 
 
-def parser_of(doc: str, quick: str = "small sizes, to see that it runs") -> argparse.ArgumentParser:
-    """Parser of a script with --quick and --out."""
-    parser = argparse.ArgumentParser(description=doc.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help=quick)
-    parser.add_argument("--out", type=Path, help="write the table as JSON")
-    return parser
+class Parser(argparse.ArgumentParser):
+    """Parser of a script, whose results go to its file in `results`, or to --out.
+
+    A run with --quick stores nothing without --out.
+    """
+
+    def __init__(self, name: str, doc: str, quick: str) -> None:
+        super().__init__(description=doc.splitlines()[0])
+        self.file = RESULTS / f"{name.rpartition('.')[2]}.json"
+        self.add_argument("--quick", action="store_true", help=quick)
+        self.add_argument("--out", type=Path, help=f"JSON file ({self.file.relative_to(ROOT)})")
+
+    def parse_args(self, argv: list[str] | None = None) -> argparse.Namespace:  # type: ignore
+        """Options; without --out and --quick the file is that of the script."""
+        chosen = super().parse_args(argv)
+        if not (chosen.out or chosen.quick):
+            chosen.out = self.file
+        return chosen
+
+
+def parser_of(
+    name: str, doc: str, quick: str = "small sizes, to see that it runs; stores nothing"
+) -> Parser:
+    """Parser of the script of this name, with --quick and --out."""
+    return Parser(name, doc, quick)
 
 
 def commit() -> str:
@@ -106,6 +128,19 @@ def write(out: Path | None, results: dict[str, Any], tables: Iterable[str] = ())
         os.replace(partial, out)
 
 
+def run_studies(
+    chosen: argparse.Namespace, studies: Mapping[str, Callable[[bool], Iterable[Mapping[str, Any]]]]
+) -> None:
+    """Run studies, which give their rows for --quick, and store each row as it ends."""
+    results = stored(chosen.out, studies={})
+    for name in chosen.only:
+        rows = results["studies"][name] = []
+        for row in studies[name](chosen.quick):
+            rows.append(rounded(row))
+            print(name, rounded(row, 4), flush=True)
+            write(chosen.out, results, [name] if len(rows) == 1 else ())
+
+
 def least_time(
     work: Callable[[], object], repeats: int, clock: Callable[[], float] = time.process_time
 ) -> float:
@@ -125,6 +160,31 @@ def rounded(value: Any, digits: int = 6) -> Any:
     if isinstance(value, (list, tuple)):
         return [rounded(v, digits) for v in value]
     return float(f"{value:.{digits}g}") if isinstance(value, float) else value
+
+
+def by_scheme(cases: Mapping[str, Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Rows of results that are stored by case and scheme."""
+    return [
+        {"case": case, "scheme": scheme, **row}
+        for case, of_schemes in cases.items()
+        for scheme, row in of_schemes.items()
+    ]
+
+
+def table(rows: Iterable[Mapping[str, Any]], columns: Mapping[str, str]) -> list[str]:
+    """Table in Markdown of rows, by the heading of each column and its text.
+
+    A text is a template of `str.format` with the entries of a row, as "{seconds:.1f} s"; it is left
+    blank if the row lacks an entry.
+    """
+
+    def cell(row: Mapping[str, Any], text: str) -> str:
+        try:
+            return text.format_map(row)
+        except KeyError:
+            return ""
+
+    return markdown(list(columns), ([cell(row, text) for text in columns.values()] for row in rows))
 
 
 def markdown(header: Sequence[object], rows: Iterable[Sequence[object]]) -> list[str]:

@@ -8,17 +8,13 @@ schemes that are in the file stay, so that it can be filled piece by piece: all 
 
 from __future__ import annotations
 
-import argparse
 import time
-from pathlib import Path
 from typing import Any
 
-from shared import RESULTS, commit, markdown, stored, write
+from shared import commit, markdown, parser_of, stored, write
 
 import granular as gr
 from granular import verify
-
-OUT = RESULTS / "density_correction_table.json"
 
 SCHEMES = {
     "default": gr.schemes.default,
@@ -76,10 +72,9 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = parser_of(__name__, __doc__, "stores nothing")
     parser.add_argument("--checks", nargs="*", choices=CHECKS, default=CHECKS)
     parser.add_argument("--schemes", nargs="*", choices=SCHEMES, default=list(SCHEMES))
-    parser.add_argument("--out", type=Path, default=OUT, help="JSON file to keep rows in")
     given = parser.parse_args(arguments)
     rows = stored(given.out, rows=[])["rows"]
     for check in given.checks:

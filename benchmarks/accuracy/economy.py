@@ -15,12 +15,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from shared import RESULTS, parser_of, stored, write
+from shared import parser_of, stored, write
 
 import granular as gr
 from granular.verify.quantities import quantities
-
-OUT = RESULTS / "economy.json"
 
 SCHEMES = {
     "default": gr.schemes.default,
@@ -177,8 +175,7 @@ def measured(case: Case) -> dict[str, Any]:
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = parser_of(__doc__, "one soft case of each group")
-    parser.set_defaults(out=OUT)
+    parser = parser_of(__name__, __doc__, "one soft case of each group")
     parser.add_argument("--only", nargs="+", choices=tuple(GROUPS), default=tuple(GROUPS))
     chosen = parser.parse_args(argv)
     table = stored(chosen.out, rows=[])

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-import subprocess
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from shared import ROOT, write
+from shared import commit, write
 
 import granular as gr
 from accuracy.cases import Case
@@ -21,16 +20,6 @@ def head() -> dict[str, Any]:
     return {"machine": cpu_name(), "compiler": build["compiler"], "isa": build["isa"]}
 
 
-def commit() -> str:
-    """Last commit that touched the package (the benchmark may change)."""
-    command = ["git", "log", "-1", "--format=%h", "--", "csrc", "granular", "setup.py"]
-    try:
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError):
-        return "not in a repository"
-    return done.stdout.strip()
-
-
 class Table:
     """Rows of results, each with its commit, from which a stopped benchmark continues.
 
@@ -41,6 +30,8 @@ class Table:
     ----------
     path : Path
         File, which is read if it exists.
+    draw : bool
+        True if no row is added, so that the machine does not matter.
 
     Raises
     ------
@@ -48,13 +39,13 @@ class Table:
         If the file is of another machine or build, whose times cannot be compared.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path | None, draw: bool = False) -> None:
         self.path = path
         self.head, self.commit = head(), commit()
         self.rows: list[dict[str, Any]] = []
-        if path.exists():
+        if path and path.exists():
             stored = json.loads(path.read_text())
-            if stored["head"] != self.head:
+            if stored["head"] != self.head and not draw:
                 raise ValueError(
                     f"{path} is of {stored['head']}, this is {self.head}: give another --out"
                 )
@@ -64,6 +55,19 @@ class Table:
         """True if the case has been run, or left out."""
         key = case.row()
         return any(all(row[name] == key[name] for name in key) for row in self.rows)
+
+    def run(
+        self,
+        cases: Iterable[Any],
+        run: Callable[[Any], Mapping[str, Any]],
+        report: Callable[[Mapping[str, Any]], str],
+    ) -> list[dict[str, Any]]:
+        """Run the cases that the file does not hold yet, and report each; all rows."""
+        for case in cases:
+            if not self.holds(case):
+                self.add(run(case))
+                print(report(self.rows[-1]), flush=True)
+        return self.rows
 
     def add(self, row: Mapping[str, Any]) -> None:
         """Append a row and write the file, atomically."""

@@ -9,14 +9,12 @@ docs/reports/accuracy.md are drawn. `--draw` runs nothing, and works on any mach
 
 from __future__ import annotations
 
-import argparse
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from peers import codes
-from shared import PICTURES, RESULTS, parser_of
+from shared import PICTURES, parser_of
 
 import granular as gr
 from accuracy import cases, chart, errors, runs, slopes
@@ -73,25 +71,14 @@ def draw(rows: Sequence[errors.Row], figures: Path) -> None:
             picture.savefig(figures / f"{name}.png", dpi=DPI)
 
 
-def run_all(chosen: argparse.Namespace) -> Sequence[errors.Row]:
-    """Run the cases that the table does not hold yet; all rows."""
-    table = Table(chosen.out)
-    for case in cases.quick() if chosen.quick else cases.full():
-        asked = chosen.only in (None, case.scene, case.solver, case.scheme)
-        if table.holds(case) or not asked:
-            continue
-        table.add(run(case, chosen.limit))
-        print(report(table.rows[-1]), flush=True)
-    return table.rows
-
-
 def main(argv: list[str] | None = None) -> None:
-    parser = parser_of(__doc__, "a few coarse cases, to see it runs")
-    parser.set_defaults(out=RESULTS / "speed_accuracy.json")
+    parser = parser_of(__name__, __doc__, "a few coarse cases, to see it runs")
     parser.add_argument("--limit", type=float, default=LIMIT, help="core-seconds of a case")
     parser.add_argument("--figures", type=Path, default=PICTURES, help="folder of the pictures")
     parser.add_argument("--draw", action="store_true", help="draw the rows that exist")
     parser.add_argument("--only", help="run the cases of this scene, solver or scheme, draw all")
     chosen = parser.parse_args(argv)
-    rows = json.loads(chosen.out.read_text())["rows"] if chosen.draw else run_all(chosen)
+    left = () if chosen.draw else cases.quick() if chosen.quick else cases.full()
+    asked = (c for c in left if chosen.only in (None, c.scene, c.solver, c.scheme))
+    rows = Table(chosen.out, chosen.draw).run(asked, lambda case: run(case, chosen.limit), report)
     draw(rows, chosen.figures)

@@ -11,12 +11,10 @@ import time
 from pathlib import Path
 from typing import Any
 
-from shared import RESULTS, markdown, parser_of, rounded, stored, write
+from shared import markdown, parser_of, rounded, stored, write
 
 from bodies import flow, forces, moving, openings, rest
 from bodies.rows import Line, Numbers, Row
-
-OUT = RESULTS / "bodies.json"
 
 ROWS: dict[str, Row] = {**rest.ROWS, **forces.ROWS, **flow.ROWS, **openings.ROWS, **moving.ROWS}
 
@@ -78,8 +76,7 @@ def summary(rows: dict[str, dict[str, Numbers]]) -> list[str]:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    parser = parser_of(__doc__, quick="one short case of each row, to see that it runs")
-    parser.set_defaults(out=OUT)
+    parser = parser_of(__name__, __doc__, quick="one short case of each row, to see that it runs")
     parser.add_argument("--only", nargs="+", choices=ROWS, default=list(ROWS), metavar="NAME")
     parser.add_argument("--again", action="store_true", help="measure what is in the file anew")
     given = parser.parse_args(arguments)

@@ -16,6 +16,7 @@ from bodies.rows import (
     OFFSETS,
     RHO,
     Array,
+    Cases,
     G,
     Line,
     Numbers,
@@ -26,11 +27,7 @@ from bodies.rows import (
     spread,
     within,
 )
-from granular.mpm.bodies import Body
-from granular.shapes import Box
 from granular.theory import bagnold_profile, chute_profile, couette_flow, stopping_height
-
-Cases = dict[str, Callable[[], Numbers]]
 
 PERIODS = {0.0: (40, 24), 10.0: (102, 18), 17.0: (66, 20), 30.0: (38, 22), 45.0: (26, 26)}
 """Cells of a domain whose diagonal has about this angle, in which a layer fits."""
@@ -81,14 +78,14 @@ def chute_scene(
         velocity=velocity,
         density=RHO * np.exp(p / material.K),
     )
-    bodies: tuple[Body, ...] = ()
+    bodies: tuple[gr.Body, ...] = ()
     if wall is None and turned_deg == 0.0:
         bodies = (plane(n, through, **base),)
     elif wall is None:
         # Bodies that reach farther than half a period have no images: each period has its own.
         bodies = tuple(
-            Body(
-                Box(size=(math.inf, 4 * CELL), center=(0.0, -2 * CELL)),
+            gr.Body(
+                gr.Box(size=(math.inf, 4 * CELL), center=(0.0, -2 * CELL)),
                 (through[0], through[1] + up * CELL * periods[1]),
                 rotation_deg=math.degrees(math.atan2(t[1], t[0])),
                 **base,
@@ -96,7 +93,7 @@ def chute_scene(
             for up in (-1, 0, 1)
         )
     walls = () if wall is None else (gr.Wall(1, float(through[1]), kind=wall, **base),)
-    with mock.patch.object(Body, "check", lambda *_: None):  # it asks for images
+    with mock.patch.object(gr.Body, "check", lambda *_: None):  # it asks for images
         scene = gr.Scene(
             name="chute",
             grid=gr.Grid((0.0, 0.0), CELL, tuple(periods), periodic=(True, turned_deg != 0.0)),

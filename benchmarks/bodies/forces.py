@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -13,9 +12,11 @@ import numpy as np
 import granular as gr
 from bodies.rows import (
     OFFSETS,
+    PLACES,
     RHO,
     TURNS,
     Array,
+    Cases,
     G,
     Line,
     Numbers,
@@ -25,10 +26,6 @@ from bodies.rows import (
     name_of,
     spread,
 )
-from granular.mpm.bodies import Body
-from granular.shapes import Box, Cylinder, Offset, Sphere
-
-Cases = dict[str, Callable[[], Numbers]]
 
 
 @dataclass(frozen=True)
@@ -83,7 +80,9 @@ def spans(until: float) -> tuple[tuple[str, float, float], ...]:
 WHEN = {"early": "0 to 0.1 s", "late": "0.1 to 0.4 s"}
 
 
-def in_a_bed(bodies: tuple[Body, ...], size: tuple[float, ...], cell: float, bed: Bed) -> gr.Scene:
+def in_a_bed(
+    bodies: tuple[gr.Body, ...], size: tuple[float, ...], cell: float, bed: Bed
+) -> gr.Scene:
     """A bed at rest in a box between smooth walls, with bodies in it."""
     dim, level = len(size), size[-1]
     shape = tuple(round(side / cell) for side in size[:-1])
@@ -112,8 +111,8 @@ def plate(turned_deg: float, offset: float, cells: int, until: float, bed: Bed) 
     """
     cell = LENGTH / cells
     center = np.full(2, HEIGHT / 2) + offset * cell
-    shapes = [Box(size=(LENGTH, 3 * cell), center=(0.0, side * cell / 2)) for side in (1, -1)]
-    bodies = tuple(Body(shape, tuple(center), rotation_deg=turned_deg) for shape in shapes)
+    shapes = [gr.Box(size=(LENGTH, 3 * cell), center=(0.0, side * cell / 2)) for side in (1, -1)]
+    bodies = tuple(gr.Body(shape, tuple(center), rotation_deg=turned_deg) for shape in shapes)
     run = Run(in_a_bed(bodies, (HEIGHT, HEIGHT), cell, bed))
     _, n = axes(turned_deg)
     numbers: Numbers = {}
@@ -131,7 +130,7 @@ def rounded_plate(turned_deg: float, offset: float, cells: int, until: float, be
     cell = LENGTH / cells
     radius, center = 1.95 * cell, np.full(2, HEIGHT / 2) + offset * cell
     sides = (LENGTH - 2 * radius, 4 * cell - 2 * radius)
-    body = Body(Offset(Box(size=sides), by=radius), tuple(center), rotation_deg=turned_deg)
+    body = gr.Body(gr.Offset(gr.Box(size=sides), by=radius), tuple(center), rotation_deg=turned_deg)
     run = Run(in_a_bed((body,), (HEIGHT, HEIGHT), cell, bed))
     area = LENGTH * 4 * cell - (4 - math.pi) * radius**2
     weight = displaced(area, HEIGHT - center[1])
@@ -143,25 +142,18 @@ def rounded_plate(turned_deg: float, offset: float, cells: int, until: float, be
     return {**numbers, "deepest": run.deepest}
 
 
-def places(cells: int) -> Iterator[tuple[float, float]]:
-    """Angles and offsets of a plate of so many cells."""
-    for turned in TURNS:
-        for offset in OFFSETS if cells < 32 else (0.25,):
-            yield turned, offset
-
-
 def plate_cases(quick: bool) -> Cases:
     if quick:
         return {"8 cells": partial(plate, 17.0, 0.25, 8, 0.04, Bed())}
     cases: Cases = {}
     for kind, bed in BEDS.items():
         for cells in (8, 16, 32):
-            for at in places(cells):
+            for at in PLACES if cells < 32 else [(turned, 0.25) for turned in TURNS]:
                 name = f"{kind}{cells} cells, {name_of(*at)}"
                 cases[name] = partial(plate, *at, cells, 0.4, bed)
-        for at in places(16):
+        for at in PLACES:
             cases[f"{kind}rounded, {name_of(*at)}"] = partial(rounded_plate, *at, 16, 0.4, bed)
-    for at in places(16):
+    for at in PLACES:
         cases[f"{ROUGHER}16 cells, {name_of(*at)}"] = partial(plate, *at, 16, 0.4, Bed(0.1))
     return cases
 
@@ -215,8 +207,10 @@ def buoyancy(dim: int, cells: int, offset: float, until: float, bed: Bed) -> Num
     """Upward force on a disc or a sphere over the weight of the fluid it displaces."""
     cell, size = RADIUS / cells, SIZES[dim]
     center = np.array(size) / 2 + cell * offset * np.array((1.0, 0.6, 0.4)[:dim])
-    shape = Cylinder(RADIUS, center=(0.0,) * 2) if dim == 2 else Sphere(RADIUS, center=(0.0,) * 3)
-    run = Run(in_a_bed((Body(shape, tuple(center)),), size, cell, bed))
+    shape = (
+        gr.Cylinder(RADIUS, center=(0.0,) * 2) if dim == 2 else gr.Sphere(RADIUS, center=(0.0,) * 3)
+    )
+    run = Run(in_a_bed((gr.Body(shape, tuple(center)),), size, cell, bed))
     volume = math.pi * RADIUS**2 if dim == 2 else 4 / 3 * math.pi * RADIUS**3
     weight = displaced(volume, size[-1] - center[-1])
     numbers: Numbers = {}

@@ -11,16 +11,15 @@ from __future__ import annotations
 
 import math
 import time
-import warnings
 from collections.abc import Callable
 from typing import Any
 
+import beds
 import numpy as np
-from shared import RESULTS, markdown, parser_of, rounded, stored, write
+from shared import markdown, parser_of, rounded, stored, write
 
 import granular as gr
 
-OUT = RESULTS / "free_bodies.json"
 BODIES = ("none", "standing", "free", "free, at a wall")
 MASSES = (1.0, 0.3, 0.1, 0.03, 0.01)
 RADII = (4, 8)
@@ -46,19 +45,8 @@ def bed(dim: int, quick: bool, kind: str) -> gr.Scene:
     place = (*at, size[-1] + 0.8 * radius)
     free = {"free": "xyz"[:dim], "mass": whole.mass, "inertia": whole.inertia}
     body = gr.Body(shape, place, friction=0.3, **(free if kind.startswith("free") else {}))
-    return gr.Scene(
-        name="bed",
-        grid=gr.Grid((0.0,) * dim, cell, (*cells[:-1], cells[-1] + 14)),
-        fills=[gr.Fill(gr.Box((0.0,) * dim, size), 2**dim, lithostatic=True)],
-        material=gr.materials.glass_beads.replace(E=1e6),
-        walls=[
-            gr.Wall(dim - 1, 0.0),
-            *(gr.Wall(d, x, kind="free_slip") for d in range(dim - 1) for x in (0.0, size[d])),
-        ],
-        bodies=[] if kind == "none" else [body],
-        gravity=gr.Gravity((0.0,), ((*[0.0] * (dim - 1), -9.8),)),
-        duration=1.0,
-    )
+    bodies = [] if kind == "none" else [body]
+    return beds.bed("bed", size, cell, 14, bodies=bodies)
 
 
 def cost(quick: bool) -> dict[str, Callable[[], Row]]:
@@ -95,15 +83,10 @@ def light(quick: bool) -> dict[str, Callable[[], Row]]:
             mass=mass,
             inertia=0.5 * mass * 0.08**2,
         )
-        scene = gr.Scene(
-            name="light",
-            grid=gr.Grid((0.0, 0.0), cell, (round(0.8 / cell), round(0.6 / cell))),
-            fills=[gr.Fill(gr.Box((0.0, 0.0), (0.8, 0.4)), 4, lithostatic=True)],
-            material=gr.materials.glass_beads.replace(E=1e6),
-            walls=[gr.Wall(1, 0.0), *(gr.Wall(0, x, kind="free_slip") for x in (0.0, 0.8))],
-            bodies=[disc],
-            gravity=gr.Gravity((0.0,), ((0.0, -9.81),)),
-            duration=0.2,
+        weight = gr.Gravity((0.0,), ((0.0, -9.81),))
+        rise = round(0.2 / cell)
+        scene = beds.bed(
+            "light", (0.8, 0.4), cell, rise, bodies=[disc], gravity=weight, duration=0.2
         )
         sim, noise = gr.Simulation(scene, threads=1), 0.0
         for end in (0.01,) if quick else (0.05, 0.1, 0.15, 0.2):
@@ -191,18 +174,15 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    parser = parser_of(__doc__, quick="small scenes and few steps, to see that it runs")
-    parser.set_defaults(out=OUT)
+    parser = parser_of(__name__, __doc__, quick="small scenes and few steps, to see that it runs")
     parser.add_argument("only", nargs="*", choices=[*TABLES, []], metavar="TABLE")
     parser.add_argument("--again", action="store_true", help="measure what is in the file anew")
     given = parser.parse_args(arguments)
     table = stored(given.out)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gr.StabilityWarning)
-        for name in given.only or TABLES:
-            found = table.setdefault(name, {})
-            for case, run in TABLES[name][0](given.quick).items():
-                if given.again or case not in found:
-                    found[case] = rounded(run(), 4)
-                    print(name, case, found[case], flush=True)
-                    write(given.out, table, [name])
+    for name in given.only or TABLES:
+        found = table.setdefault(name, {})
+        for case, run in TABLES[name][0](given.quick).items():
+            if given.again or case not in found:
+                found[case] = rounded(run(), 4)
+                print(name, case, found[case], flush=True)
+                write(given.out, table, [name])

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
+from beds import bed
 
 import granular as gr
 from bodies.rows import (
     CELL,
     OFFSETS,
+    PLACES,
     RHO,
     TURNS,
     Array,
+    Cases,
     G,
     Line,
     Numbers,
@@ -28,10 +30,6 @@ from bodies.rows import (
     rows_of_points,
     within,
 )
-from granular.mpm.bodies import Body, Motion
-from granular.shapes import Box, HalfSpace
-
-Cases = dict[str, Callable[[], Numbers]]
 
 WINDOWS = 8
 """Windows of time in which a body crosses a cell."""
@@ -76,10 +74,10 @@ def box(
         region = gr.Box(tuple(base), tuple(base + length * t + height * n))
     until = crossed * CELL / speed
     ends = np.concatenate([x, x + until * way])
-    motion = Motion(velocity=(tuple(way),))
+    motion = gr.Motion(velocity=(tuple(way),))
     faces = ((n, base, 0.5), (t, base, 0.0), (-t, base + length * t, 0.0))
     bodies = tuple(
-        Body(HalfSpace(tuple(face)), tuple(at), motion=motion, friction=friction)
+        gr.Body(gr.HalfSpace(tuple(face)), tuple(at), motion=motion, friction=friction)
         for face, at, friction in faces
     )
     scene = gr.Scene(
@@ -127,10 +125,8 @@ def box_cases(quick: bool) -> Cases:
         return {"17 deg, 0": partial(box, 17.0, 0.0, 0.4, 4)}
     cases: Cases = {}
     for speed in (0.1, 0.4):
-        for turned in TURNS:
-            for offset in OFFSETS:
-                name = f"{speed:g} m/s, {name_of(turned, offset)}"
-                cases[name] = partial(box, turned, offset, speed, 10)
+        for at in PLACES:
+            cases[f"{speed:g} m/s, {name_of(*at)}"] = partial(box, *at, speed, 10)
         for offset in OFFSETS:
             name = f"{speed:g} m/s, staggered, {name_of(0.0, offset)}"
             cases[name] = partial(box, 0.0, offset, speed, 10, staggered=True)
@@ -167,23 +163,13 @@ def blade_scene(
 ) -> gr.Scene:
     """A blade 4 cells thick and 5 cells deep in a bed of 12 cells, 2D, moved by `start` cells."""
     begin = np.array([0.15, DEEP - 5 * CELL]) + offset * CELL + np.array([start * CELL, 0.0])
-    shape = Box(size=(4 * CELL, 0.2), center=(-2 * CELL, 0.1))
-    motion = Motion(times=(AT_REST, AT_REST + RAMP), velocity=((0.0, 0.0), (speed, 0.0)))
-    body = Body(shape, tuple(begin), rotation_deg=rake_deg, motion=motion, friction=0.3)
-    return gr.Scene(
-        name="blade",
-        grid=gr.Grid((0.0, 0.0), CELL, (round(LONG / CELL), 24)),
-        fills=(gr.Fill(gr.Box((0.0, 0.0), (LONG, DEEP)), 4, lithostatic=True),),
-        material=gr.materials.glass_beads.replace(E=1e6, rho_c=RHO),
-        gravity=gr.Gravity((0.0,), ((0.0, -G),)),
-        walls=(
-            gr.Wall(1, 0.0, kind="no_slip"),
-            *(gr.Wall(0, at, kind="free_slip") for at in (0.0, LONG)),
-        ),
-        bodies=(body,),
-        scheme=scheme,
-        duration=10.0,
-    )
+    shape = gr.Box(size=(4 * CELL, 0.2), center=(-2 * CELL, 0.1))
+    motion = gr.Motion(times=(AT_REST, AT_REST + RAMP), velocity=((0.0, 0.0), (speed, 0.0)))
+    body = gr.Body(shape, tuple(begin), rotation_deg=rake_deg, motion=motion, friction=0.3)
+    parts = {"bodies": (body,), "scheme": scheme, "duration": 10.0}
+    parts["material"] = gr.materials.glass_beads.replace(E=1e6, rho_c=RHO)
+    parts["gravity"] = gr.Gravity((0.0,), ((0.0, -G),))
+    return bed("blade", (LONG, DEEP), CELL, 12, **parts)
 
 
 LONG, DEEP = 0.6, 12 * CELL

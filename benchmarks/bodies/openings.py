@@ -12,9 +12,10 @@ import numpy as np
 import granular as gr
 from bodies.rows import (
     OFFSETS,
+    PLACES,
     RHO,
-    TURNS,
     Array,
+    Cases,
     G,
     Line,
     Numbers,
@@ -25,10 +26,6 @@ from bodies.rows import (
     plane,
     rows_of_points,
 )
-from granular.mpm.bodies import Body
-from granular.shapes import Box, Cylinder, Difference
-
-Cases = dict[str, Callable[[], Numbers]]
 
 WIDTH = 0.08
 """Width of the slot and diameter of the hole [m]."""
@@ -77,8 +74,8 @@ def slot(turned_deg: float, offset: float, cells: int) -> Numbers:
         density=density,
     )
     plates = (
-        Body(
-            Box(size=(0.5, THICK), center=(side * (WIDTH / 2 + 0.25), -THICK / 2)),
+        gr.Body(
+            gr.Box(size=(0.5, THICK), center=(side * (WIDTH / 2 + 0.25), -THICK / 2)),
             tuple(center),
             rotation_deg=turned_deg,
             friction=0.3,
@@ -104,10 +101,8 @@ def slot_cases(quick: bool) -> Cases:
         return {"6 cells, 17 deg, 0": partial(slot, 17.0, 0.0, 6)}
     cases: Cases = {}
     for cells in (6, 8, 10, 12, 16, 24):
-        for turned in TURNS:
-            for offset in OFFSETS:
-                name = f"{cells} cells, {name_of(turned, offset)}"
-                cases[name] = partial(slot, turned, offset, cells)
+        for at in PLACES:
+            cases[f"{cells} cells, {name_of(*at)}"] = partial(slot, *at, cells)
     return cases
 
 
@@ -119,9 +114,9 @@ def hole(offset: float, cells: int, turned_deg: float = 0.0) -> Numbers:
     cell, half, height, radius = WIDTH / cells, 0.08, 0.12, WIDTH / 2
     level, quarter = offset * cell, turned_deg == 0.0
     (t, n), y = axes(turned_deg, 3), np.eye(3)[1]
-    floor = Difference(
-        Box(size=(1.0, 1.0, THICK), center=(0.0, 0.0, -THICK / 2)),
-        Cylinder(radius, center=(0.0, 0.0, 0.0), axis=(0.0, 0.0, 1.0)),
+    floor = gr.Difference(
+        gr.Box(size=(1.0, 1.0, THICK), center=(0.0, 0.0, -THICK / 2)),
+        gr.Cylinder(radius, center=(0.0, 0.0, 0.0), axis=(0.0, 0.0, 1.0)),
     )
     across, low = round(half / cell), -round(0.05 / cell)
     spacing = cell / 2
@@ -136,7 +131,7 @@ def hole(offset: float, cells: int, turned_deg: float = 0.0) -> Numbers:
         np.full(len(along), spacing**3),
         density=density,
     )
-    bodies = [Body(floor, tuple(base), rotation_deg=(0.0, -turned_deg, 0.0), friction=0.3)]
+    bodies = [gr.Body(floor, tuple(base), rotation_deg=(0.0, -turned_deg, 0.0), friction=0.3)]
     if quarter:
         grid = gr.Grid(
             (0.0, 0.0, low * cell),

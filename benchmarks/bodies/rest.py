@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -13,9 +12,9 @@ import granular as gr
 from bodies.flutter import FLUTTER_HZ, flutter
 from bodies.rows import (
     CELL,
-    OFFSETS,
+    PLACES,
     RHO,
-    TURNS,
+    Cases,
     G,
     Line,
     Numbers,
@@ -29,8 +28,6 @@ from bodies.rows import (
     spread,
     within,
 )
-
-Cases = dict[str, Callable[[], Numbers]]
 
 # ---- a bed on a plane ----
 
@@ -115,7 +112,7 @@ def bed(turned_deg: float, offset: float, until: float, **options: Any) -> Numbe
 
 def bed_cases(quick: bool) -> Cases:
     until = 0.1 if quick else 2.0
-    pairs = [(17.0, 0.25)] if quick else [(a, b) for a in TURNS for b in OFFSETS]
+    pairs = [(17.0, 0.25)] if quick else PLACES
     cases: Cases = {name_of(*pair): partial(bed, *pair, until) for pair in pairs}
     if not quick:
         for pair in pairs:
@@ -243,10 +240,9 @@ def block_cases(quick: bool) -> Cases:
         # With 0.4 the block flutters, and the error falls with the time.
         until = LONG if friction == 0.4 else 0.5
         for slope in SLOPES:
-            for turned in TURNS:
-                for offset in OFFSETS:
-                    name = f"{friction:g}, slope {slope:g}, {name_of(turned, offset)}"
-                    cases[name] = partial(block, turned, offset, friction, slope, until)
+            for at in PLACES:
+                name = f"{friction:g}, slope {slope:g}, {name_of(*at)}"
+                cases[name] = partial(block, *at, friction, slope, until)
         for slope in SLOPES:
             name = f"{friction:g}, wall, slope {slope:g}"
             cases[name] = partial(block, 0.0, 0.0, friction, slope, until, wall=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -12,17 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 import granular as gr
-from granular.mpm.bodies import Body
 from granular.mpm.body_distances import distance_from_bodies
-from granular.shapes import HalfSpace
-
-warnings.simplefilter("ignore", gr.StabilityWarning)
 
 Array = NDArray[np.float64]
 Numbers = dict[str, float]
 
 G, RHO, CELL = 9.81, 1500.0, 0.01
 TURNS, OFFSETS = (0.0, 17.0, 40.0), (0.0, 0.25, 0.5)
+
+
+PLACES = [(turned, offset) for turned in TURNS for offset in OFFSETS]
+"""Angles of a body against the grid, and its distance from a node in cells."""
+Cases = dict[str, Callable[[], Numbers]]
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Row:
     """Cases, by name, and the lines of the table that are made of their numbers."""
 
     title: str
-    cases: Callable[[bool], dict[str, Callable[[], Numbers]]]
+    cases: Callable[[bool], Cases]
     lines: Callable[[dict[str, Numbers]], list[Line]]
 
 
@@ -133,9 +133,9 @@ def around(corners: Array, cell: float, margin: int = 4, **options: Any) -> gr.G
     return gr.Grid(tuple(cell * low), cell, tuple((high - low).tolist()), **options)
 
 
-def plane(normal: Array, through: Array, **options: Any) -> Body:
+def plane(normal: Array, through: Array, **options: Any) -> gr.Body:
     """Body that fills all behind a plane."""
-    return Body(HalfSpace(tuple(normal)), tuple(through), **options)
+    return gr.Body(gr.HalfSpace(tuple(normal)), tuple(through), **options)
 
 
 def name_of(turned_deg: float, offset: float) -> str:

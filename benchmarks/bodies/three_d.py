@@ -9,9 +9,10 @@ import argparse
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from shared import RESULTS, markdown, stored, write
+from shared import RESULTS, markdown, stored, table, write
 
 import granular as gr
 
@@ -269,50 +270,41 @@ FLOWS = {
 }
 
 
-def tables(table: dict) -> dict[str, list[str]]:
-    """Tables of the page by the names of their places."""
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Tables of the page."""
     blades: list[tuple[str, ...]] = []
     for group, cases in BLADES.items():
         blades.append((f"**{group}**", "", "", "", ""))
         for name, words in cases.items():
-            if name not in table:
+            if name not in results:
                 continue
-            row, factor = table[name], scale(name)
+            row, factor = results[name], scale(name)
             early = [f"{factor * force:.1f}" for force in arrival(row)]
             forward = f"{factor * row['forward']:.1f} ± {factor * row['deviation']:.1f}"
             vertical = f"{factor * row['vertical']:.1f}"
             blades.append((words, forward, early[0], vertical, early[1]))
+    forces = ("forward", "forward as it arrives", "vertical", "vertical as it arrives")
     wheels = [
-        (
-            f"{slip} %",
-            *(f"{table[name][key]:.3f}" for key in ("pull_over_load",)),
-            *(f"{table[name][key]:.2f}" for key in ("load", "torque")),
-            f"{1e3 * table[name]['sinkage']:.1f}",
-        )
-        for slip in (20, 40, 70)
-        if (name := f"wheel_{slip}") in table
+        found | {"slip": slip} for slip in (20, 40, 70) if (found := results.get(f"wheel_{slip}"))
     ]
-    flows = [
-        (
-            words,
-            *(f"{table[name][key]:.3f}" for key in ("error", "mean_error", "error_at_rate")),
-        )
-        for name, words in FLOWS.items()
-        if name in table
-    ]
-    forces = (
-        "forward [N]",
-        "forward as it arrives [N]",
-        "vertical [N]",
-        "vertical as it arrives [N]",
-    )
-    against = ("largest error", "mean error", "largest error against `couette_flow`")
+    flows = [results[name] | {"words": words} for name, words in FLOWS.items() if name in results]
+    against = "largest error", "mean error", "largest error against `couette_flow`"
+    errors = "{error:.3f}", "{mean_error:.3f}", "{error_at_rate:.3f}"
     return {
-        "blades": markdown(("blade", *forces), blades),
-        "wheels": markdown(
-            ("slip", "drawbar pull/load", "load [N]", "torque [N m]", "sinkage [mm]"), wheels
+        "blades": markdown(("blade", *(f"{force} [N]" for force in forces)), blades),
+        "wheels": table(
+            [row | {"mm": 1e3 * row["sinkage"]} for row in wheels],
+            {
+                "slip": "{slip} %",
+                "drawbar pull/load": "{pull_over_load:.3f}",
+                "load [N]": "{load:.2f}",
+                "torque [N m]": "{torque:.2f}",
+                "sinkage [mm]": "{mm:.1f}",
+            },
         ),
-        "flows": markdown(("cell between cylinders", *against), flows),
+        "flows": table(
+            flows, {"cell between cylinders": "{words}"} | dict(zip(against, errors, strict=True))
+        ),
     }
 
 

@@ -60,7 +60,7 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = parser_of(__doc__, "coarse runs of seconds")
+    parser = parser_of(__name__, __doc__, "coarse runs of seconds")
     parser.add_argument("--only", nargs="*", choices=list(cases), help="cases to run")
     parser.add_argument("--pictures", type=Path, help="folder of the pictures")
     arguments = parser.parse_args(argv)

@@ -6,49 +6,27 @@ study.
 
 from __future__ import annotations
 
-import argparse
 import math
 import time
-import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
 import numpy as np
-from shared import markdown, parser_of, rounded, stored, write
+from shared import parser_of, run_studies, table
 
 from granular import theory
 from granular.mpm import schemes
-from granular.run.diagnostics import StabilityWarning
 from granular.verify.external import bagnold, columns, hstop, shallow
 from granular.verify.external.frame import Data, load
 
 Row = dict[str, Any]
 
 
-@dataclass(frozen=True)
-class Study:
-    """Runs of a case and the columns of their table: key of the row, heading, format."""
-
-    runs: Callable[[bool], Iterator[Row]]
-    columns: tuple[tuple[str, str, str], ...]
-
-    def table(self, rows: list[Row]) -> list[str]:
-        """Markdown of the rows; a key that a row lacks is left blank."""
-        texts = (
-            [format(row[key], form) if key in row else "" for key, _, form in self.columns]
-            for row in rows
-        )
-        return markdown([heading for _, heading, _ in self.columns], texts)
-
-
 def timed(run: Callable[..., Any], *arguments: Any, **named: Any) -> tuple[Any, float]:
     """Result of a call and the processor time that it took [s]."""
     begin = time.process_time()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", StabilityWarning)
-        result = run(*arguments, **named)
+    result = run(*arguments, **named)
     return result, time.process_time() - begin
 
 
@@ -251,73 +229,61 @@ def near_limit(quick: bool) -> Iterator[Row]:
         yield row
 
 
-STUDIES = {
-    "hstop_refinement": Study(near_limit, (
-        ("mu_2", "mu_2", "g"), ("range", "mu_2 - mu_s", ".2f"),
-        ("share", "(tan(slope) - mu_s)/(mu_2 - mu_s)", "g"), ("angle", "slope [deg]", ".1f"),
-        ("default", "speed, default", "+0.1%"), ("cell_averaged", "cell_averaged", "+0.1%"),
-        ("seconds", "core-seconds", ".1f"),
-    )),
-    "bagnold_refinement": Study(layers, (
-        ("method", "scheme", ""), ("cells", "cells", "d"), ("speed", "mean speed", "+0.2%"),
-        ("profile", "rms error of the profile", "0.2%"), ("order", "order", ".1f"),
-        ("seconds", "core-seconds", ".1f"),
-    )),
-    "shallow_refinement": Study(dams, (
-        ("cells", "cells", "d"), ("softness", "rho g h/E", "g"), ("time", "t in sqrt(h0/g)", "g"),
-        ("front", "front", "+0.1%"), ("thickness", "thickness", "0.1%"),
-        ("velocity", "velocity", "0.1%"),
-        ("seconds", "core-seconds of the run", ".1f"),
-    )),
-    "bars_refinement": Study(bars, (
-        ("method", "method", ""), ("mu", "mu", ""), ("cell", "cell [mm]", "g"),
-        ("points", "points in a cell", "d"), ("surface", "rms of the surface [mm]", ".1f"),
-        ("foot", "foot [m]", ".3f"), ("bar", "1 bar high [m]", ".3f"), ("bars_2", "2 bars", ".3f"),
-        ("bars_3", "3 bars", ".3f"), ("line_05", "rms of the line [mm], moved by 0.5 mm", ".1f"),
-        ("line_1", "1 mm", ".1f"), ("line_2", "2 mm", ".1f"), ("line_4", "4 mm", ".1f"),
-        ("seconds", "core-seconds", ".1f"),
-    )),
-    "bars_causes": Study(causes, (
-        ("changed", "changed", ""), ("surface", "rms of the surface [mm]", ".1f"),
-        ("foot", "foot [m]", ".3f"), ("bar", "1 bar high [m]", ".3f"), ("bars_2", "2 bars", ".3f"),
-        ("bars_3", "3 bars", ".3f"), ("far", "half-width of 99.9 % of the mass [m]", ".3f"),
-        ("line_1", "rms of the line [mm], moved by 1 mm", ".1f"),
-    )),
-    "contact_dynamics_places": Study(places, (
-        ("method", "scheme", ""), ("places", "places of the points", ""),
-        ("L1", "L1 of the deposit", ".3f"), ("mean", "mean distance", "+0.1%"),
-        ("foot", "run-out to the foot", "+0.1%"), ("runout_99", "run-out of 99 %", "+0.1%"),
-        ("runout", "of 99.9 %", "+0.1%"),
-    )),
-    "contact_dynamics_refinement": Study(discs, (
-        ("aspect", "a", "g"), ("method", "method", ""), ("cells", "cells", "g"),
-        ("points", "points in a cell", "d"), ("stiffness", "E/(rho g H)", "g"),
-        ("L1", "L1 of the deposit", ".3f"), ("mean", "mean distance", "+0.1%"),
-        ("energy", "energy", "+0.1%"), ("runout_99", "run-out of 99 %", "+0.1%"),
-        ("runout", "of 99.9 %", "+0.1%"), ("seconds", "core-seconds", ".1f"),
-    )),
+STUDIES: dict[str, tuple[Callable[[bool], Iterator[Row]], dict[str, str]]] = {
+    "hstop_refinement": (near_limit, {
+        "mu_2": "{mu_2:g}", "mu_2 - mu_s": "{range:.2f}",
+        "(tan(slope) - mu_s)/(mu_2 - mu_s)": "{share:g}", "slope [deg]": "{angle:.1f}",
+        "speed, default": "{default:+0.1%}", "cell_averaged": "{cell_averaged:+0.1%}",
+        "core-seconds": "{seconds:.1f}",
+    }),
+    "bagnold_refinement": (layers, {
+        "scheme": "{method}", "cells": "{cells:d}", "mean speed": "{speed:+0.2%}",
+        "rms error of the profile": "{profile:0.2%}", "order": "{order:.1f}",
+        "core-seconds": "{seconds:.1f}",
+    }),
+    "shallow_refinement": (dams, {
+        "cells": "{cells:d}", "rho g h/E": "{softness:g}", "t in sqrt(h0/g)": "{time:g}",
+        "front": "{front:+0.1%}", "thickness": "{thickness:0.1%}",
+        "velocity": "{velocity:0.1%}",
+        "core-seconds of the run": "{seconds:.1f}",
+    }),
+    "bars_refinement": (bars, {
+        "method": "{method}", "mu": "{mu}", "cell [mm]": "{cell:g}",
+        "points in a cell": "{points:d}", "rms of the surface [mm]": "{surface:.1f}",
+        "foot [m]": "{foot:.3f}", "1 bar high [m]": "{bar:.3f}", "2 bars": "{bars_2:.3f}",
+        "3 bars": "{bars_3:.3f}", "rms of the line [mm], moved by 0.5 mm": "{line_05:.1f}",
+        "1 mm": "{line_1:.1f}", "2 mm": "{line_2:.1f}", "4 mm": "{line_4:.1f}",
+        "core-seconds": "{seconds:.1f}",
+    }),
+    "bars_causes": (causes, {
+        "changed": "{changed}", "rms of the surface [mm]": "{surface:.1f}",
+        "foot [m]": "{foot:.3f}", "1 bar high [m]": "{bar:.3f}", "2 bars": "{bars_2:.3f}",
+        "3 bars": "{bars_3:.3f}", "half-width of 99.9 % of the mass [m]": "{far:.3f}",
+        "rms of the line [mm], moved by 1 mm": "{line_1:.1f}",
+    }),
+    "contact_dynamics_places": (places, {
+        "scheme": "{method}", "places of the points": "{places}",
+        "L1 of the deposit": "{L1:.3f}", "mean distance": "{mean:+0.1%}",
+        "run-out to the foot": "{foot:+0.1%}", "run-out of 99 %": "{runout_99:+0.1%}",
+        "of 99.9 %": "{runout:+0.1%}",
+    }),
+    "contact_dynamics_refinement": (discs, {
+        "a": "{aspect:g}", "method": "{method}", "cells": "{cells:g}",
+        "points in a cell": "{points:d}", "E/(rho g H)": "{stiffness:g}",
+        "L1 of the deposit": "{L1:.3f}", "mean distance": "{mean:+0.1%}",
+        "energy": "{energy:+0.1%}", "run-out of 99 %": "{runout_99:+0.1%}",
+        "of 99.9 %": "{runout:+0.1%}", "core-seconds": "{seconds:.1f}",
+    }),
 }  # fmt: skip
-"""The studies by the name of their table."""
+"""Runs by the name of their table, and its columns."""
 
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Table of each study."""
-    return {name: STUDIES[name].table(rows) for name, rows in results["studies"].items()}
-
-
-def arguments_of(argv: list[str] | None) -> argparse.Namespace:
-    """Options of the script."""
-    parser = parser_of(__doc__, "the first run of each study")
-    parser.add_argument("--only", nargs="*", choices=list(STUDIES), help="studies to run")
-    return parser.parse_args(argv)
+    return {name: table(rows, STUDIES[name][1]) for name, rows in results["studies"].items()}
 
 
 def main(argv: list[str] | None = None) -> None:
-    arguments = arguments_of(argv)
-    results = stored(arguments.out, studies={})
-    for name in list(STUDIES) if arguments.only is None else arguments.only:
-        rows = results["studies"][name] = []
-        for row in STUDIES[name].runs(arguments.quick):
-            rows.append(rounded(row))
-            print(name, rounded(row, 4), flush=True)
-            write(arguments.out, results, [name])
+    parser = parser_of(__name__, __doc__, "the first run of each study")
+    parser.add_argument("--only", nargs="*", choices=STUDIES, default=list(STUDIES))
+    run_studies(parser.parse_args(argv), {name: study for name, (study, _) in STUDIES.items()})

@@ -11,16 +11,14 @@ from __future__ import annotations
 
 import itertools
 import time
-import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from shared import markdown, parser_of, rounded, stored, write
+from shared import markdown, parser_of, run_studies, table
 
 import granular as gr
-from granular.mpm.schemes import ParticleDensity, Scheme, SmoothedDensity
 from granular.verify.external import limit_analysis as cases
 
 ANGLES, CELLS, SEEDS = (0.0, 17.0, 30.0), (16, 24, 32, 48), (1, 2)
@@ -29,10 +27,17 @@ ANGLES, CELLS, SEEDS = (0.0, 17.0, 30.0), (16, 24, 32, 48), (1, 2)
 JITTER = 0.3
 """Amplitude of the random places, in spacings of the points."""
 
-HEADER = ("problem", "changed", "cells", "coefficient", "over that of the upper angle", "time [s]")
+COLUMNS = {
+    "problem": "{problem}",
+    "changed": "{changed}",
+    "cells": "{cells}",
+    "coefficient": "{coefficient:.4g}",
+    "over that of the upper angle": "{share:.3f}",
+    "time [s]": "{seconds:.0f}",
+}
 SCHEMES = {
-    "no damping of flutter": Scheme(density=SmoothedDensity(flutter_damping=0.0)),
-    "density of each particle": Scheme(density=ParticleDensity()),
+    "no damping of flutter": gr.Scheme(density=gr.SmoothedDensity(flutter_damping=0.0)),
+    "density of each particle": gr.Scheme(density=gr.ParticleDensity()),
     "cell-averaged density": gr.schemes.cell_averaged,
 }
 
@@ -149,17 +154,6 @@ STUDIES = {"walls": walls, "footings": footings, "wedges": wedges}
 """Rows by their names in the file of results."""
 
 
-def table(rows: list[dict]) -> list[str]:
-    """Markdown of the rows."""
-    return markdown(HEADER, [
-        (
-            r["problem"], r["changed"], r["cells"], f"{r['coefficient']:.4g}",
-            f"{r['share']:.3f}", f"{r['seconds']:.0f}",
-        )
-        for r in rows
-    ])  # fmt: skip
-
-
 def wedge_table(rows: list[dict]) -> list[str]:
     """Markdown of the walls at 30 deg: a line for each turn or seed, a column for each size."""
     found = {(r["problem"], r["changed"], r["seed"], r["cells"]): r for r in rows}
@@ -184,21 +178,13 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Tables of the page: walls and footings, and walls at 30 deg by turn and seed."""
     found = results["studies"]
     return {
-        "study": table([*found["walls"], *found["footings"]]),
+        "study": table([*found["walls"], *found["footings"]], COLUMNS),
         "wedges": wedge_table(found["wedges"]),
     }
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = parser_of(__doc__, "one coarse run of each kind")
-    parser.add_argument("--only", nargs="*", choices=list(STUDIES), help="studies to run")
+    parser = parser_of(__name__, __doc__, "one coarse run of each kind")
+    parser.add_argument("--only", nargs="*", choices=STUDIES, default=list(STUDIES))
     arguments = parser.parse_args(argv)
-    results = stored(arguments.out, studies={})
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gr.StabilityWarning)
-        for name in list(STUDIES) if arguments.only is None else arguments.only:
-            rows = results["studies"][name] = []
-            for found in STUDIES[name](arguments.quick):
-                print(found, flush=True)
-                rows.append(rounded(found))
-                write(arguments.out, results)
+    run_studies(arguments, STUDIES)

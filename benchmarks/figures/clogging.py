@@ -19,14 +19,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from shared import RESULTS, markdown, parser_of, write
+from shared import markdown, parser_of, write
 
 import granular as gr
 from granular.measure import GridField
 from granular.measure.silo_clogging.velocity_slices import HEIGHTS
 from granular.run.sweeping import Sweep
 
-OUT = RESULTS / "clogging.json"
 FOLDER = Path("build/clogging")
 COMPARED = (1, 5)
 """Openings W/d that are run with cells of half the size, at A = 1."""
@@ -456,8 +455,7 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = parser_of(__doc__, "coarse and short, to see it runs")
-    parser.set_defaults(out=OUT)
+    parser = parser_of(__name__, __doc__, "coarse and short, to see it runs")
     parser.add_argument("--workers", type=int, help="processes, by default all processors")
     parser.add_argument("--folder", type=Path, default=FOLDER, help=f"of the records ({FOLDER})")
     chosen = parser.parse_args(argv)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import granular as gr
-from figures.common import parser_of, save, tell
+from figures.common import tell
 from granular import plot, theory
 from granular.scenes.cohesive_cliff import cohesive_soil
 
@@ -29,10 +29,9 @@ def settlement(cell: float, gravities: np.ndarray, material: gr.DruckerPrager) -
     return np.array(sunk)
 
 
-def main() -> None:
-    """Draw the picture."""
-    chosen = parser_of(__doc__).parse_args()
-    cell = 0.025 if chosen.quick else 0.00625
+def picture(quick: bool) -> plot.Picture:
+    """Draw the picture of the page."""
+    cell = 0.025 if quick else 0.00625
     picture = plot.Picture(figsize=(9.0, 3.6), layout="constrained")
     left, right = picture.subplots(1, 2, width_ratios=(1, 1.1))
     sim = tell(gr.Simulation(gr.scenes.cohesive_cliff(cell=cell)).run(until=0.4))
@@ -51,4 +50,4 @@ def main() -> None:
     right.set_ylabel("settlement of the crest [mm]")
     right.set_ylim(1e-2, 100.0)
     right.legend(loc="upper left", fontsize=8)
-    save(picture, chosen, "cohesion")
+    return picture

@@ -160,3 +160,16 @@ def save(picture: Picture, chosen: argparse.Namespace, name: str) -> None:
     path = chosen.out / f"{name}.png"
     picture.savefig(path, dpi=DPI)
     tqdm.write(str(path))
+
+
+def draw_pages(
+    doc: str, argv: Sequence[str] | None, pages: Mapping[str, Any], prefix: str = ""
+) -> None:
+    """Draw the pictures that the command line names, by default all."""
+    parser = parser_of(doc)
+    parser.add_argument("names", nargs="*", help=f"of {', '.join(pages)}; all by default")
+    chosen = parser.parse_args(argv)
+    for name in set(chosen.names) - pages.keys():
+        parser.error(f"{name!r} must be one of {', '.join(pages)}")
+    for name in chosen.names or pages:
+        save(pages[name](chosen.quick), chosen, f"{prefix}{name}")

@@ -8,7 +8,6 @@ from __future__ import annotations
 import numpy as np
 
 import granular as gr
-from figures.common import parser_of, save
 from granular.plot import Picture
 
 HEIGHT, SPEED = 0.2, 1e-3
@@ -44,13 +43,12 @@ def ring(scene: gr.Scene) -> tuple[np.ndarray, np.ndarray]:
     return np.array(times), np.array(velocities)
 
 
-def main() -> None:
-    """Draw the picture."""
-    chosen = parser_of(__doc__).parse_args()
+def picture(quick: bool) -> Picture:
+    """Draw the picture of the page."""
     picture = Picture(figsize=(9.0, 3.4), layout="constrained")
     ax = picture.subplots()
     for restitution, colour in COLOURS.items():
-        scene = bed(restitution, 10 if chosen.quick else 20)
+        scene = bed(restitution, 10 if quick else 20)
         times, velocities = ring(scene)
         ax.plot(times, 1e3 * velocities, color=colour, lw=1, label=f"restitution {restitution}")
         rate = gr.theory.wave_decay(
@@ -62,4 +60,4 @@ def main() -> None:
             ax.plot(times, 1e3 * SPEED * np.exp(-rate * times), color=colour, ls="--", lw=1.5)
     ax.set(xlabel="time [s]", ylabel="velocity of the surface [mm/s]")
     ax.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    save(picture, chosen, "damp_waves")
+    return picture

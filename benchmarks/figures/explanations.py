@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 
 import numpy as np
@@ -13,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
 import granular as gr
-from figures.common import parser_of, save, tell
+from figures.common import draw_pages, tell
 from granular.plot import Picture
 
 BLUE, ORANGE, GREEN, RED, GREY = "#0072b2", "#e69f00", "#009e73", "#d55e00", "#8a8f98"
@@ -343,9 +342,4 @@ PAGES: dict[str, Callable[[bool], Picture]] = {
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = parser_of(__doc__)
-    parser.add_argument("pages", nargs="*", metavar="PAGE", help=", ".join(PAGES))
-    chosen = parser.parse_args(argv)
-    warnings.simplefilter("ignore", gr.StabilityWarning)  # some runs show what goes wrong
-    for page in chosen.pages or PAGES:
-        save(PAGES[page](chosen.quick), chosen, f"explain_{page}")
+    draw_pages(__doc__, argv, PAGES, "explain_")

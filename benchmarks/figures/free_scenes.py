@@ -9,7 +9,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import granular as gr
-from figures.common import parser_of, save, tell
+from figures.common import tell
 from granular.plot import Picture
 
 SHOWN = {
@@ -19,16 +19,15 @@ SHOWN = {
 """Times [s] of the frames of each scene, the extent of its picture [m], and the speeds [m/s]."""
 
 
-def main() -> None:
-    """Draw the picture."""
-    chosen = parser_of(__doc__).parse_args()
+def picture(quick: bool) -> Picture:
+    """Draw the picture of the page."""
     made = Picture(figsize=(9.0, 3.6), layout="compressed")
     axes = made.subplots(2, 3)
     for row, (name, (times, extent, limits)) in zip(axes, SHOWN.items(), strict=True):
-        scene = gr.scenes.registry[name](cell=0.02 if chosen.quick else 0.01)
+        scene = gr.scenes.registry[name](cell=0.02 if quick else 0.01)
         with TemporaryDirectory() as folder:
             path = Path(folder, "run.h5")
-            until = 0.02 if chosen.quick else max(times) + 0.01
+            until = 0.02 if quick else max(times) + 0.01
             tell(gr.Simulation(scene).run(until=until, save=path, every=0.02))
             record = gr.open(path)
             for ax, time in zip(row, times, strict=True):
@@ -36,4 +35,4 @@ def main() -> None:
                 common = {"limits": limits, "extent": extent, "bar": ax is row[-1]}
                 title = f"t = {record[k].time:.2f} s"
                 gr.plot.frame(record[k], "speed", ax=ax, title=title, **common)
-    save(made, chosen, "free_scenes")
+    return made

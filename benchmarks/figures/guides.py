@@ -1,11 +1,10 @@
 """Pictures of the pages of docs/how-to/ and docs/tutorials/: guide_*.png of docs/pictures/.
 
-`python guides.py walls restart` makes only these. The whole takes some minutes.
+`python benchmarks guides walls restart` makes only these. The whole takes some minutes.
 """
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,7 +15,7 @@ from matplotlib.image import imread
 from scipy.optimize import brentq
 
 import granular as gr
-from figures.common import BLUE, GREEN, GREY, ORANGE, RED, WEIGHT, panels, parser_of, save, tell
+from figures.common import BLUE, GREEN, GREY, ORANGE, RED, WEIGHT, draw_pages, panels, tell
 from figures.from_files import dem_runs, meshes
 from granular.plot import Picture
 
@@ -448,9 +447,4 @@ PAGES: dict[str, Callable[[bool], Figure]] = {
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = parser_of(__doc__)
-    parser.add_argument("pages", nargs="*", metavar="PAGE", help=", ".join(PAGES))
-    chosen = parser.parse_args(argv)
-    warnings.simplefilter("ignore", gr.StabilityWarning)  # some runs show what goes wrong
-    for page in chosen.pages or PAGES:
-        save(PAGES[page](chosen.quick), chosen, f"guide_{page}")
+    draw_pages(__doc__, argv, PAGES, "guide_")

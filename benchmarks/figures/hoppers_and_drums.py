@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 
 import numpy as np
 
@@ -131,6 +130,5 @@ def drums(cell: float) -> plot.Picture:
 
 def main(argv: list[str] | None = None) -> None:
     chosen = parser_of(__doc__).parse_args(argv)
-    warnings.simplefilter("ignore", gr.StabilityWarning)
     save(drums(0.02 if chosen.quick else 0.01), chosen, "rotating_drum")
     save(hoppers(0.025 if chosen.quick else 0.0125), chosen, "hopper")

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 import granular as gr
-from figures.common import parser_of, save, tell
+from figures.common import tell
 from granular import plot
 
 
@@ -23,10 +23,9 @@ def history(scene: gr.Scene, every: float) -> tuple[gr.State, np.ndarray]:
     return sim.state, np.array(rows).T
 
 
-def main() -> None:
-    """Draw the picture."""
-    chosen = parser_of(__doc__).parse_args()
-    coarse = chosen.quick
+def picture(quick: bool) -> plot.Picture:
+    """Draw the picture of the page."""
+    coarse = quick
     picture = plot.Picture(figsize=(7.5, 7.6), layout="constrained")
     heap_axes, chute_axes, below = picture.subplots(3, 1, height_ratios=(1, 0.55, 1))
     heap, _ = history(gr.scenes.conveyor_heap(cell=0.02 if coarse else 0.01), 0.1)
@@ -40,6 +39,6 @@ def main() -> None:
     below.set(xlabel="time [s]", ylabel="mass of half the silo [kg/m]")
     below.set_title("silo that is kept full")
     below.legend(frameon=False)
-    save(picture, chosen, "inflow")
     rate = np.diff(entered[[len(time) // 2, -1]])[0] / np.diff(time[[len(time) // 2, -1]])[0]
     print(f"the silo takes in {rate:.1f} kg/s per metre in the second half of the run")
+    return picture

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import warnings
 from collections.abc import Iterable
 
 import numpy as np
@@ -67,16 +66,14 @@ class Silos:
             **self.size,
         )
         asked = set(wanted)
-        with warnings.catch_warnings():  # these grains are larger than the cells, on purpose
-            warnings.simplefilter("ignore", gr.StabilityWarning)
-            seen = frames(
-                scene,
-                (max(asked) + 0.01) * self.frame,
-                self.frame,
-                lambda state: state if round(state.time / self.frame) in asked else None,
-                self.chosen,
-                name=f"A = {A:g}, W/d = {ratio:g}{', refined' * refined}",
-            )
+        seen = frames(
+            scene,
+            (max(asked) + 0.01) * self.frame,
+            self.frame,
+            lambda state: state if round(state.time / self.frame) in asked else None,
+            self.chosen,
+            name=f"A = {A:g}, W/d = {ratio:g}{', refined' * refined}",
+        )
         return {round(s.time / self.frame): s for s in seen if s is not None}
 
 

@@ -12,7 +12,7 @@ from typing import Any
 from shared import ROOT
 
 import granular as gr
-from figures.common import parser_of, save, tell
+from figures.common import tell
 from granular import plot
 
 PAGE = ROOT / "docs" / "how-to" / "own_law.md"
@@ -33,10 +33,9 @@ def material_of_page() -> gr.materials.OwnLaw:
         module.unlink()
 
 
-def main() -> None:
-    """Draw the picture."""
-    chosen = parser_of(__doc__).parse_args()
-    cell = 0.04 if chosen.quick else 0.01
+def picture(quick: bool) -> plot.Picture:
+    """Draw the picture of the page."""
+    cell = 0.04 if quick else 0.01
     beads = gr.materials.glass_beads.replace(E=1e6)
     picture = plot.Picture(figsize=(7.5, 4.4), layout="constrained")
     panels = picture.subplots(2, 1)
@@ -47,4 +46,4 @@ def main() -> None:
         state = tell(gr.Simulation(scene).run()).state
         extent = ((0.0, 0.72), (-0.005, 0.16))
         plot.frame(state, "pressure", ax=ax, title=title, extent=extent, limits=(0.0, 1800.0))
-    save(picture, chosen, "own_law")
+    return picture

@@ -1,8 +1,8 @@
 """All figures of Dunatunga & Kamrin (2015), as cheap as a tolerance allows.
 
-Runs the scripts of `benchmarks/figures/` from the paper's own settings (E = 1 GPa) with the
-suggestions of `gr.economy`. Each runs in a separate process with one thread, the longest first. The
-time of each is printed. The pictures go to build/figures, the table to --table.
+Draws those of `dunatunga_kamrin_2015` from the paper's own settings (E = 1 GPa) with the
+suggestions of `gr.economy`. Each is drawn in a separate process with one thread, the longest first,
+and its time is printed. The pictures go to build/figures, the table to --table.
 """
 
 from __future__ import annotations
@@ -13,32 +13,23 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
 
-from shared import module, write
+from shared import write
 
-SCRIPTS = (
-    "figure_5",
-    "figure_3",
-    "figure_4",
-    "figures_6_7",
-    "figure_2",
-    "figures_9_10",
-    "figure_11",
-    "figure_13",
-)
-"""Scripts, the longest first, so that no worker waits long for the other at the end."""
+from figures import dunatunga_kamrin_2015 as paper
 
+SCRIPTS = tuple(paper.FIGURES)
 LEAST = {"figure_2": 0.03, "figure_3": 0.13, "figure_11": 0.04}
 """Smallest tolerances that can be promised for run-outs (default scheme; both schemes) and for the
 slug, see docs/reports/economy.md."""
 
 WITHOUT_RUNS = ("figure_13",)
-"""Scripts that simulate nothing, so that no cost can be saved."""
+"""Figures that simulate nothing, so that no cost can be saved."""
 
 
 def draw(script: str, arguments: list[str]) -> dict[str, float | str]:
-    """Run a script in this process and return its processor and wall time [s]."""
+    """Draw a figure in this process and return its processor and wall time [s]."""
     begin, wall = time.process_time(), time.perf_counter()
-    module(script).main(arguments)
+    paper.main([script, *arguments])
     return {
         "script": script,
         "seconds": round(time.process_time() - begin, 1),
@@ -47,7 +38,7 @@ def draw(script: str, arguments: list[str]) -> dict[str, float | str]:
 
 
 def arguments_of(script: str, chosen: argparse.Namespace) -> list[str]:
-    """Command line of a script."""
+    """Options of a figure."""
     words = ["--out", str(chosen.out)] + (["--quick"] if chosen.quick else [])
     if script in WITHOUT_RUNS:
         return words

@@ -5,16 +5,14 @@ The whole takes a minute or two; --quick, with cells of twice the size, some sec
 
 from __future__ import annotations
 
-import argparse
 import math
-import warnings
 from collections.abc import Callable
 
 import numpy as np
 from matplotlib.axes import Axes
 
 import granular as gr
-from figures.common import parser_of, save, tell
+from figures.common import draw_pages, tell
 from granular import plot, theory
 
 ANGLE = math.radians(35.0)
@@ -179,20 +177,11 @@ def conveyor(cell: float) -> plot.Picture:
     return picture
 
 
-PICTURES: dict[str, Callable[[float], plot.Picture]] = {
-    f.__name__: f for f in (landslide, obstacle, penetration, conveyor)
+PAGES: dict[str, Callable[[bool], plot.Picture]] = {
+    f.__name__: lambda quick, f=f: f(0.02 if quick else 0.01)
+    for f in (landslide, obstacle, penetration, conveyor)
 }
 
 
 def main(argv: list[str] | None = None) -> None:
-    """Run the scenes that are named, or all, and draw them."""
-    parser = parser_of(__doc__)
-    parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument("names", nargs="*", help=f"of {', '.join(PICTURES)}; all by default")
-    chosen = parser.parse_args(argv)
-    for name in chosen.names:
-        if name not in PICTURES:
-            parser.error(f"{name!r} must be one of {', '.join(PICTURES)}")
-    warnings.simplefilter("ignore", gr.StabilityWarning)
-    for name in chosen.names or PICTURES:
-        save(PICTURES[name](0.02 if chosen.quick else 0.01), chosen, f"scene_{name}")
+    draw_pages(__doc__, argv, PAGES, "scene_")

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 import granular as gr
-from figures.common import parser_of, save, tell
+from figures.common import tell
 from granular import plot
 
 TOP = 0.2
@@ -48,11 +48,9 @@ def deflection(cell: float, times: np.ndarray) -> tuple[list[gr.State], np.ndarr
     return states, np.array(places) - places[0]
 
 
-def main() -> None:
-    """Draw the picture."""
-    parser = parser_of(__doc__)
-    chosen = parser.parse_args()
-    cell = 0.025 if chosen.quick else 0.00625
+def picture(quick: bool) -> plot.Picture:
+    """Draw the picture of the page."""
+    cell = 0.025 if quick else 0.00625
     picture = plot.Picture(figsize=(7.5, 7.0), layout="constrained")
     above, middle, below = picture.subplots(3, 1, height_ratios=(1, 1, 0.8))
     state = tell(gr.Simulation(layered(cell)).run()).state
@@ -74,5 +72,5 @@ def main() -> None:
     below.plot(times, 1e3 * moved)
     below.set_xlabel("time [s]")
     below.set_ylabel("deflection of the top [mm]")
-    save(picture, chosen, "several_materials")
     print(f"largest deflection {1e3 * moved.max():.1f} mm, in the end {1e3 * moved[-1]:.1f} mm")
+    return picture

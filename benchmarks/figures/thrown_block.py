@@ -9,10 +9,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from beds import bed
 from numpy.typing import NDArray
 
 import granular as gr
-from figures.common import parser_of, save, tell
+from figures.common import tell
 from granular.plot import Picture
 
 
@@ -31,19 +32,8 @@ def thrown(quick: bool) -> gr.Scene:
         mass=whole.mass,
         inertia=whole.inertia,
     )
-    return gr.Scene(
-        name="block",
-        grid=gr.Grid((0.0, 0.0), cell, (round(1.2 / cell), round(0.5 / cell))),
-        fills=[gr.Fill(gr.Box((0.0, 0.0), (1.2, 0.2)), 4, lithostatic=True)],
-        material=gr.materials.glass_beads.replace(E=1e6),
-        walls=[
-            gr.Wall(axis=1, at=0.0),
-            *(gr.Wall(axis=0, at=at, kind="free_slip") for at in (0.0, 1.2)),
-        ],
-        bodies=[block],
-        gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
-        duration=0.6,
-    )
+    rise = round(0.3 / cell)
+    return bed("block", (1.2, 0.2), cell, rise, bodies=[block], duration=0.6)
 
 
 def draw_motion(
@@ -64,16 +54,15 @@ def draw_motion(
         ax.legend(fontsize=9)
 
 
-def main() -> None:
-    """Draw the picture."""
-    chosen = parser_of(__doc__).parse_args()
+def picture(quick: bool) -> Picture:
+    """Draw the picture of the page."""
     made = Picture(figsize=(9.0, 4.6), layout="compressed")
     axes = made.subplots(2, 3)
-    scene = thrown(chosen.quick)
+    scene = thrown(quick)
     sim = gr.Simulation(scene)
     with TemporaryDirectory() as folder:
         path = Path(folder, "block.h5")
-        tell(sim.run(until=0.1 if chosen.quick else 0.6, save=path, every=0.01))
+        tell(sim.run(until=0.1 if quick else 0.6, save=path, every=0.01))
         record = gr.open(path)
         shown = (0, len(record) // 4, len(record) - 1)
         for ax, k in zip(axes[0], shown, strict=True):
@@ -83,4 +72,4 @@ def main() -> None:
         motion = gr.measure.body_motion(record, body=0)
         force = gr.measure.body_force(record, body=0, window=2)
     draw_motion(axes[1], motion, force, 9.8 * scene.bodies[0].mass)
-    save(made, chosen, "free_bodies")
+    return made

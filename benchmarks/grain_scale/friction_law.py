@@ -16,12 +16,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from shared import RESULTS, markdown, parser_of, stored, write
+from shared import parser_of, stored, table, write
 
 from granular.grain_scale import dem, friction_law
 from granular.grain_scale.friction_law import SteadyShear
 
-OUT = RESULTS / "friction_law.json"
 PRESSURE = 1e3
 """Pressure [Pa]; kn is 10^6 times as large, so that (kn/p)^(2/3) = 10^4 as in the thesis."""
 SIZE, DENSITY = 1e-3, 2500.0
@@ -135,32 +134,29 @@ GRAINS = {"low": "e = 0.5", "high": "e = 0.85", "walls": "walls, e = 0.5"}
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Table of the page: a row for each flow, by set and inertial number."""
-    head = ("grains", "I", "mu (±)", "law / mu", "balance (±)", "sliding", "phi", "Z", "slipping")
     rows = [
-        (
-            words,
-            f"{p.inertial_number:.4f}",
-            f"{p.friction:.3f} ({p.friction_error:.3f})",
-            f"{p.friction_by_law / p.friction:.3f}",
-            f"{p.balance:.3f} ({p.law_error:.3f})",
-            f"{p.friction_sliding / p.friction_by_law:.3f}",
-            f"{p.packing_fraction:.4f}",
-            f"{p.coordination:.2f}",
-            f"{p.slipping:.2f}",
-        )
+        {
+            "grains": words,
+            "p": p,
+            "law": p.friction_by_law / p.friction,
+            "sliding": p.friction_sliding / p.friction_by_law,
+        }
         for name, words in GRAINS.items()
         for p in points(results["rows"], name)
     ]
-    return {"flows": markdown(head, rows)}
+    columns = {"grains": "{grains}", "I": "{p.inertial_number:.4f}"}
+    columns |= {"mu (±)": "{p.friction:.3f} ({p.friction_error:.3f})", "law / mu": "{law:.3f}"}
+    columns |= {"balance (±)": "{p.balance:.3f} ({p.law_error:.3f})", "sliding": "{sliding:.3f}"}
+    columns |= {"phi": "{p.packing_fraction:.4f}", "Z": "{p.coordination:.2f}"}
+    return {"flows": table(rows, columns | {"slipping": "{p.slipping:.2f}"})}
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = parser_of(__doc__, "few grains, to see that it runs")
+    parser = parser_of(__name__, __doc__, "few grains, to see that it runs")
     parser.add_argument("--only", choices=tuple(SERIES), help="one set of grains")
     parser.add_argument("--timeout", type=float, default=7200.0, help="seconds a flow")
     chosen = parser.parse_args(argv)
-    out = chosen.out or (OUT if not chosen.quick else None)
-    rows = stored(out, rows=[])["rows"]
+    rows = stored(chosen.out, rows=[])["rows"]
     for name, cases in (QUICK if chosen.quick else SERIES).items():
         for case in cases if chosen.only in (None, name) else ():
             if any(row["set"] == name and row["case"] == asdict(case) for row in rows):
@@ -171,8 +167,8 @@ def main(argv: list[str] | None = None) -> None:
             row = {"set": name, "case": asdict(case), "seconds": seconds, "flow": asdict(found)}
             rows.append(row)
             print(line(row), flush=True)
-            _write(out, rows)
-    _write(out, rows)
+            _write(chosen.out, rows)
+    _write(chosen.out, rows)
 
 
 def _write(out: Path | None, rows: list[dict]) -> None:

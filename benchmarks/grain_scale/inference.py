@@ -20,7 +20,7 @@ from typing import Any
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is imported
 
 import numpy as np
-from shared import PICTURES, RESULTS, ROOT, parser_of, write
+from shared import PICTURES, ROOT, parser_of, write
 
 from granular.grain_scale import inference
 from granular.grain_scale.inference import InferenceWarning
@@ -29,7 +29,6 @@ from granular.plot import Picture
 sys.path.append(str(next((ROOT / "tests").rglob("grains.py")).parent))
 import grains
 
-OUT = RESULTS / "inference.json"
 FIGURE = PICTURES / "inference_speed.png"
 LATTICES = ((12, 12), (24, 24), (46, 46), (73, 73), (7, 7, 7), (9, 9, 9), (12, 12, 12))
 QUICK = ((8, 8), (5, 5, 5))
@@ -114,8 +113,7 @@ def chart(table: list[dict[str, Any]]) -> Picture:
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = parser_of(__doc__, "small packings, to see it runs")
-    parser.set_defaults(out=OUT)
+    parser = parser_of(__name__, __doc__, "small packings, to see it runs")
     parser.add_argument("--figure", type=Path, default=FIGURE)
     chosen = parser.parse_args(argv)
     warnings.simplefilter("ignore", InferenceWarning)

@@ -9,19 +9,15 @@ result.
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
-import warnings
 from collections.abc import Iterator, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 from accuracy.results import Table
-from shared import PICTURES, RESULTS, parser_of
+from shared import PICTURES, parser_of
 
-from granular.run.diagnostics import StabilityWarning
 from peers import columns, columns_chart, columns_tables
 from peers.columns import ASPECTS, CODES, Column
 from peers.columns_errors import Row, references
@@ -68,23 +64,8 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     return columns_tables.tables(results["rows"])
 
 
-def run_all(chosen: argparse.Namespace) -> Sequence[Row]:
-    """Run the cases that the file does not hold yet; all rows."""
-    if chosen.core is not None:
-        os.sched_setaffinity(0, {chosen.core})
-    table = Table(chosen.out)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", StabilityWarning)  # coarse runs are made on purpose
-        for case in cases(chosen.only, chosen.quick):
-            if not table.holds(case):
-                table.add(columns.run(case, chosen.limit))
-                print(report(table.rows[-1]), flush=True)
-    return table.rows
-
-
 def main(argv: list[str] | None = None) -> None:
-    parser = parser_of(__doc__, "a coarse case of each code, to see it runs")
-    parser.set_defaults(out=RESULTS / "peers.json")
+    parser = parser_of(__name__, __doc__, "a coarse case of each code, to see it runs")
     parser.add_argument("--limit", type=float, default=LIMIT, help="core-seconds of a case")
     parser.add_argument(
         "--only", nargs="*", choices=list(CODES), default=list(CODES), help="codes to run"
@@ -93,7 +74,12 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--pictures", type=Path, default=PICTURES, help="folder of the pictures")
     parser.add_argument("--draw", action="store_true", help="draw the rows that exist")
     chosen = parser.parse_args(argv)
-    rows = json.loads(chosen.out.read_text())["rows"] if chosen.draw else run_all(chosen)
+    if chosen.core is not None:
+        os.sched_setaffinity(0, {chosen.core})
+    left = [] if chosen.draw else cases(chosen.only, chosen.quick)
+    rows = Table(chosen.out, chosen.draw).run(
+        left, lambda case: columns.run(case, chosen.limit), report
+    )
     chosen.pictures.mkdir(parents=True, exist_ok=True)
     if picture := columns_chart.chart(rows, references(rows)):
         picture.savefig(chosen.pictures / "peers.png", dpi=DPI)

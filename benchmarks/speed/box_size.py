@@ -9,25 +9,17 @@ from __future__ import annotations
 
 import multiprocessing
 import resource
-import warnings
 from pathlib import Path
 
 from shared import parser_of, write
 
 import granular as gr
-from granular.materials import NGF, MuI
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.mpm.schemes import Fluidity
-from granular.mpm.walls import Wall
-from granular.shapes import Box
 from speed.speed import best_time
 
 FRICTION = {"mu_s": 0.3819, "mu_2": 0.6435, "I0": 0.278, "d": 4e-3, "rho_s": 2550.0}
 LAWS = {
-    "local": MuI(E=1e5, elasticity="hencky", **FRICTION),
-    "nonlocal": NGF(E=1e5, elasticity="hencky", A=0.48, t0=1e-3, **FRICTION),
+    "local": gr.MuI(E=1e5, elasticity="hencky", **FRICTION),
+    "nonlocal": gr.NGF(E=1e5, elasticity="hencky", A=0.48, t0=1e-3, **FRICTION),
 }
 
 
@@ -37,19 +29,19 @@ def heap(law: str, cells: int, times: int) -> gr.Scene:
     edge = cells * cell
     return gr.Scene(
         name="heap",
-        grid=Grid((0.0,) * 3, cell, (cells * times,) * 3),
-        fills=(Fill(Box((0.0,) * 3, (edge, edge, 0.75 * edge)), 8, lithostatic=True),),
+        grid=gr.Grid((0.0,) * 3, cell, (cells * times,) * 3),
+        fills=(gr.Fill(gr.Box((0.0,) * 3, (edge, edge, 0.75 * edge)), 8, lithostatic=True),),
         material=LAWS[law],
         scheme=gr.Scheme(
             transfer="apic",
             density=gr.ParticleDensity(),
-            fluidity=Fluidity(method="implicit", initial=1.0),
+            fluidity=gr.Fluidity(method="implicit", initial=1.0),
         ),
         walls=(
-            Wall(2, 0.0, kind="no_slip"),
-            *(Wall(axis, 0.0, kind="free_slip") for axis in (0, 1)),
+            gr.Wall(2, 0.0, kind="no_slip"),
+            *(gr.Wall(axis, 0.0, kind="free_slip") for axis in (0, 1)),
         ),
-        gravity=Gravity((0.0,), ((0.0, 0.0, -9.81),)),
+        gravity=gr.Gravity((0.0,), ((0.0, 0.0, -9.81),)),
         duration=1.0,
         seed=1,
     )
@@ -57,26 +49,24 @@ def heap(law: str, cells: int, times: int) -> gr.Scene:
 
 def measure(law: str, cells: int, times: int, batches: int) -> dict:
     """Row of one case, which is run in a separate process."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        sim = gr.Simulation(heap(law, cells, times), threads=1)
-        sim.step(20)
-        grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024
-        with Path("/proc/self/statm").open() as file:
-            held = int(file.read().split()[1]) * resource.getpagesize() - before * 1024
-        return {
-            "law": law,
-            "box": times**3,
-            "points": sim.n_points,
-            "ns": best_time(sim, 1, batches) * 1e9,
-            "bytes_per_point": held / sim.n_points,
-            "peak_bytes_per_point": grown / sim.n_points,
-        }
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    sim = gr.Simulation(heap(law, cells, times), threads=1)
+    sim.step(20)
+    grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024
+    with Path("/proc/self/statm").open() as file:
+        held = int(file.read().split()[1]) * resource.getpagesize() - before * 1024
+    return {
+        "law": law,
+        "box": times**3,
+        "points": sim.n_points,
+        "ns": best_time(sim, 1, batches) * 1e9,
+        "bytes_per_point": held / sim.n_points,
+        "peak_bytes_per_point": grown / sim.n_points,
+    }
 
 
 def main(argv: list[str] | None = None) -> None:
-    arguments = parser_of(__doc__).parse_args(argv)
+    arguments = parser_of(__name__, __doc__).parse_args(argv)
     cells, batches = (6, 1) if arguments.quick else (20, 15)
     rows = []
     print("law       box  points  ns/step  bytes/point  at most")

@@ -76,7 +76,7 @@ def resting(cell: float, batches: int) -> list[dict]:
 
 
 def main(argv: list[str] | None = None) -> None:
-    chosen = parser_of(__doc__, "coarse, to see that it runs").parse_args(argv)
+    chosen = parser_of(__name__, __doc__, "coarse, to see that it runs").parse_args(argv)
     factor, batches = (2, 2) if chosen.quick else (1, 10)
     tables = {
         "silo": draining(0.01 * factor, batches),

@@ -11,17 +11,14 @@ that have entered by an inflow count.
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from shared import RESULTS, markdown, parser_of, rounded, stored, write
+from shared import parser_of, rounded, stored, table, write
 
 import granular as gr
 from speed.own_mu_I import MU_I_IN_C, mu_I, mu_I_by_points
-
-OUT = RESULTS / "features.json"
 
 CELL, DIAMETER = 0.01, 2e-3
 SAND = gr.MuI(E=1e6, I0=0.279, d=DIAMETER)
@@ -173,32 +170,25 @@ def measure(pair: Pair, rows: int, rounds: int, steps: int) -> dict[str, Any]:
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Table of all results in the order of the cases."""
-    rows = results["rows"]
-    body = []
-    for name, (off, on, _) in CASES.items():
-        if name in rows:
-            row = rows[name]
-            low, middle, high = row["ratio"]
-            spread = f"{middle:.3g} ({low:.3g} to {high:.3g})"
-            body.append((off, on, f"{row['off']:.3g}", f"{row['on']:.3g}", spread))
-    head = ("without", "with", "without, ns", "with, ns", "ratio (quartiles)")
-    return {"features": markdown(head, body)}
+    found = results["rows"]
+    rows = [found[name] | {"case": case} for name, case in CASES.items() if name in found]
+    columns = {"without": "{case[0]}", "with": "{case[1]}"}
+    columns |= {"without, ns": "{off:.3g}", "with, ns": "{on:.3g}"}
+    columns |= {"ratio (quartiles)": "{ratio[1]:.3g} ({ratio[0]:.3g} to {ratio[2]:.3g})"}
+    return {"features": table(rows, columns)}
 
 
 def main(argv: list[str] | None = None) -> None:
     """Measure the cases that are named."""
-    parser = parser_of(__doc__)
+    parser = parser_of(__name__, __doc__)
     parser.add_argument("--only", nargs="+", choices=CASES, default=list(CASES))
     arguments = parser.parse_args(argv)
-    out = arguments.out or OUT
-    found = stored(out, rows={})
+    found = stored(arguments.out, rows={})
     rows, rounds, steps = (8, 1, 10) if arguments.quick else (32, 60, 40)
     for name in arguments.only:
         off, on, pair = CASES[name]
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", gr.StabilityWarning)
-            row = measure(pair, rows, rounds, steps)
+        row = measure(pair, rows, rounds, steps)
         found["rows"][name] = rounded(row)
         shown = ", ".join(f"{number:.3g}" for number in row["ratio"])
         print(f"{off} / {on}: {row['off']:.3g}, {row['on']:.3g} ns, ratio {shown}", flush=True)
-        write(out, found)
+        write(arguments.out, found)

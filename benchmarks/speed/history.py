@@ -10,17 +10,14 @@ thread; the best of several batches. A change of a tenth is noise on a busy mach
 from __future__ import annotations
 
 import os
-import warnings
 from datetime import UTC, datetime
 from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is imported
 
-from accuracy.results import commit
 from accuracy.results import head as kind_of_machine
-from shared import RESULTS, parser_of, rounded, stored, write
+from shared import RESULTS, commit, parser_of, rounded, stored, write
 
-import granular as gr
 from speed.roofline import peak
 from speed.speed import SCHEMES, speed, speed_3d
 
@@ -63,8 +60,7 @@ def table(rows: list[dict[str, Any]], last: int) -> str:
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = parser_of(__doc__)
-    parser.set_defaults(out=HISTORY)
+    parser = parser_of(__name__, __doc__)
     parser.add_argument("--last", type=int, default=8, help="rows to print")
     arguments = parser.parse_args(argv)
     rows = stored(arguments.out, rows=[])["rows"]
@@ -73,8 +69,6 @@ def main(argv: list[str] | None = None) -> None:
         "commit": commit(),
         "kind": kind_of_machine(),
     }
-    with warnings.catch_warnings():  # a scheme that is timed need not be the right one
-        warnings.simplefilter("ignore", gr.StabilityWarning)
-        row["ratios"] = rounded(cases(arguments.quick), 4)
+    row["ratios"] = rounded(cases(arguments.quick), 4)
     write(arguments.out, {"rows": [*rows, row]})
     print(table([*rows, row], arguments.last))

@@ -68,7 +68,7 @@ def best_time(call: Callable[[], None], batches: int) -> float:
 
 
 def main(argv: list[str] | None = None) -> None:
-    arguments = parser_of(__doc__, "few batches, to see that it runs").parse_args(argv)
+    arguments = parser_of(__name__, __doc__, "few batches, to see that it runs").parse_args(argv)
     batches, rows = 2 if arguments.quick else 40, []
     print(f"compiler {gr.show_config()['compiler']}; ns/point")
     print(f"{'law':24s}{'strain':>8s}{'isa':>10s}{'plane':>8s}{'space':>8s}")

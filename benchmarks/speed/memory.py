@@ -13,7 +13,6 @@ import argparse
 import resource
 import subprocess
 import tempfile
-import warnings
 from pathlib import Path
 
 from shared import python
@@ -100,7 +99,6 @@ def peak() -> float:
 
 def measure(scheme: str, kind: str, dim: int, per_axis: int, count: int) -> None:
     """Print one row of the table."""
-    warnings.simplefilter("ignore")
     one = scene(scheme, kind, dim, per_axis, count)
     sim = gr.Simulation(one, threads=1, force=True)
     sim.step(3)

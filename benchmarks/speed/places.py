@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from shared import markdown, parser_of, rounded, write
+from shared import parser_of, rounded, table, write
 
 import granular as gr
 
@@ -60,19 +60,18 @@ def sizes(scene: gr.Scene, until: float) -> dict[str, float | None]:
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Table of the page."""
-    head = ("scene", "points", "bytes of a point", "in single precision", "at the start")
-    head += (f"after {UNTIL:g} s", "rows of the fullest cells then")
-    rows = (
-        [name, f"{q['points']:,}", f"{q['bytes']:.0f}"]
-        + [f"{q['bytes_single']:.0f}" if q["bytes_single"] else "not for its law"]
-        + [f"{q[k]:.2f}" for k in ("start", "end", "least")]
-        for name, q in results["cases"].items()
-    )
-    return {"places": markdown(head, rows)}
+    columns = {"scene": "{scene}", "points": "{points:,}", "bytes of a point": "{bytes:.0f}"}
+    columns |= {"in single precision": "{single}", "at the start": "{start:.2f}"}
+    columns |= {f"after {UNTIL:g} s": "{end:.2f}", "rows of the fullest cells then": "{least:.2f}"}
+    rows = []
+    for name, q in results["cases"].items():
+        single = f"{q['bytes_single']:.0f}" if q["bytes_single"] else "not for its law"
+        rows.append(q | {"scene": name, "single": single})
+    return {"places": table(rows, columns)}
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = parser_of(__doc__, quick="one step of each, to see that it runs")
+    parser = parser_of(__name__, __doc__, quick="one step of each, to see that it runs")
     given = parser.parse_args(argv)
     until = 1e-6 if given.quick else UNTIL
     cases = {name: sizes(scene(), until) for name, scene in CASES.items()}

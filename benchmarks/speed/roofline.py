@@ -83,7 +83,7 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
 
 
 def main(argv: list[str] | None = None) -> None:
-    arguments = parser_of(__doc__).parse_args(argv)
+    arguments = parser_of(__name__, __doc__).parse_args(argv)
     megabytes, order, cells = 300.0, 512, (0.0125, 0.0025)
     if arguments.quick:
         megabytes, order, cells = 3.0, 64, (0.025,)

@@ -14,12 +14,11 @@ from __future__ import annotations
 import argparse
 import subprocess
 import tempfile
-import warnings
 from collections import Counter
 from pathlib import Path
 from typing import Any
 
-from shared import markdown, parser_of, python, rounded, write
+from shared import parser_of, python, rounded, table, write
 
 import granular as gr
 
@@ -54,13 +53,11 @@ def scene(dim: int, points: int, per_cell: int) -> gr.Scene:
 
 def run(dim: int, points: int, per_cell: int, before: int, steps: int, control: Path) -> None:
     """Run a case, and let perf take samples of the last steps only."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gr.StabilityWarning)
-        sim = gr.Simulation(scene(dim, points, per_cell), threads=1)
-        sim.step(before)
-        control.write_text("enable\n")
-        sim.step(steps)
-        control.write_text("disable\n")
+    sim = gr.Simulation(scene(dim, points, per_cell), threads=1)
+    sim.step(before)
+    control.write_text("enable\n")
+    sim.step(steps)
+    control.write_text("disable\n")
     print(sim.n_points)
 
 
@@ -108,17 +105,14 @@ def measure(dim: int, case: tuple[int, ...]) -> dict[str, object]:
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Table of the page."""
-    head = ("", "points", "samples", "serial share", f"{THREADS} threads over one, at most")
-    lines = [
-        (f"{q['dim']}D", f"{q['points']:,}", q["samples"], f"{q['serial_share']:.2%}",
-         f"{q['most']:.1f}")
-        for q in results["rows"]
-    ]  # fmt: skip
-    return {"serial": markdown(head, lines)}
+    columns = {"": "{dim}D", "points": "{points:,}", "samples": "{samples}"}
+    columns |= {"serial share": "{serial_share:.2%}"}
+    columns |= {f"{THREADS} threads over one, at most": "{most:.1f}"}
+    return {"serial": table(results["rows"], columns)}
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = parser_of(__doc__)
+    parser = parser_of(__name__, __doc__)
     parser.add_argument("--case", nargs=6, help=argparse.SUPPRESS)
     arguments = parser.parse_args(argv)
     if arguments.case:

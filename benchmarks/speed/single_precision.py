@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import matplotlib.pyplot as plt
 import numpy as np
-from shared import PICTURES, RESULTS, markdown, parser_of, rounded, write
+from shared import PICTURES, RESULTS, by_scheme, parser_of, rounded, table, write
 from stability.flows import mean_speed
 
 import granular as gr
@@ -146,13 +146,9 @@ def measured(case: Case, scheme: gr.Scheme, quick: bool) -> dict[str, float]:
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Table of the page."""
-    head = ("case", "scheme", "change by single precision", "error of the scheme", "time, ratio")
-    rows = [
-        (case, scheme, f"{row['change']:.1e}", f"{row['error']:.1e}", f"{row['time']:.2f}")
-        for case, of_schemes in results["cases"].items()
-        for scheme, row in of_schemes.items()
-    ]
-    return {"single precision": markdown(head, rows)}
+    columns = {"case": "{case}", "scheme": "{scheme}", "change by single precision": "{change:.1e}"}
+    columns |= {"error of the scheme": "{error:.1e}", "time, ratio": "{time:.2f}"}
+    return {"single precision": table(by_scheme(results["cases"]), columns)}
 
 
 def draw(results: dict[str, dict[str, dict[str, float]]], path: Path) -> None:
@@ -176,7 +172,7 @@ def draw(results: dict[str, dict[str, dict[str, float]]], path: Path) -> None:
 
 
 def main() -> None:
-    parser = parser_of(__doc__)
+    parser = parser_of(__name__, __doc__)
     parser.add_argument("--only", nargs="+", choices=CASES, default=list(CASES))
     parser.add_argument("--draw", action="store_true", help="draw the results, run nothing")
     arguments = parser.parse_args()

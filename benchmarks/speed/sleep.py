@@ -12,8 +12,9 @@ from __future__ import annotations
 import time
 from typing import Any
 
+import beds
 import numpy as np
-from shared import markdown, parser_of, rounded, stored, write
+from shared import by_scheme, parser_of, rounded, stored, table, write
 
 import granular as gr
 
@@ -93,20 +94,8 @@ def plate(scheme: gr.Scheme) -> gr.Scene:
     body = gr.Body(
         gr.shapes.Box(size=(0.05, 0.2)), position=(0.3, 0.2), motion=moving, friction=0.3
     )
-    return gr.Scene(
-        name="plate",
-        grid=gr.Grid((0.0, 0.0), cell, (200, 28)),
-        fills=[gr.Fill(gr.Box((0.0, 0.0), (2.5, 0.2)), points_per_cell=4, lithostatic=True)],
-        walls=[
-            gr.Wall(1, 0.0, kind="no_slip"),
-            *(gr.Wall(0, at, kind="free_slip") for at in (0.0, 2.5)),
-        ],
-        bodies=[body],
-        gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
-        material=GRAINS,
-        scheme=scheme,
-        duration=1.5,
-    )
+    parts = {"bodies": [body], "material": GRAINS, "scheme": scheme, "duration": 1.5}
+    return beds.bed("plate", (2.5, 0.2), cell, 12, **parts)
 
 
 def bed(scheme: gr.Scheme) -> gr.Scene:
@@ -163,31 +152,23 @@ def compare(name: str, scheme: gr.Scheme) -> dict[str, Any]:
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Table of the page."""
-    head = (
-        "case",
-        "scheme",
-        "asleep at the end",
-        "processor time without sleep, s per simulated s",
-        "with sleep",
-        "time over that without sleep",
-        f"the last {LATE:.0%}",
-        "points moved otherwise, mean, cells",
-    )
-    rows = [
-        (
-            *(case, scheme, f"{q['asleep']:.0%}", f"{q['time']:.1f}"),
-            *(f"{q['time'] * q['share']:.1f}", f"{q['share']:.2f}", f"{q['share_late']:.3f}"),
-            f"{q['moved_mean']:.4f}",
-        )
-        for case, of_case in results["cases"].items()
-        for scheme, q in of_case.items()
-    ]
-    return {"sleep": markdown(head, rows)}
+    columns = {
+        "case": "{case}",
+        "scheme": "{scheme}",
+        "asleep at the end": "{asleep:.0%}",
+        "processor time without sleep, s per simulated s": "{time:.1f}",
+        "with sleep": "{with_sleep:.1f}",
+        "time over that without sleep": "{share:.2f}",
+        f"the last {LATE:.0%}": "{share_late:.3f}",
+        "points moved otherwise, mean, cells": "{moved_mean:.4f}",
+    }
+    rows = by_scheme(results["cases"])
+    return {"sleep": table((r | {"with_sleep": r["time"] * r["share"]} for r in rows), columns)}
 
 
 def main() -> None:
     """Run what the command line asks for."""
-    parser = parser_of(__doc__)
+    parser = parser_of(__name__, __doc__)
     parser.add_argument("cases", nargs="*", default=list(CASES))
     args = parser.parse_args()
     names = args.cases[-1:] if args.quick else args.cases

@@ -134,7 +134,7 @@ def least(before: dict[str, Any], now: dict[str, Any]) -> dict[str, Any]:
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = parser_of(__doc__)
+    parser = parser_of(__name__, __doc__)
     parser.add_argument("--again", action="store_true", help="keep times in the file that are less")
     arguments = parser.parse_args(argv)
     if arguments.again and not (arguments.out and arguments.out.exists()):

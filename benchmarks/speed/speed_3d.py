@@ -10,26 +10,18 @@ turns, and the best of each counts. The memory is that of the arrays of the poin
 from __future__ import annotations
 
 import math
-import warnings
 from typing import Any
 
 import numpy as np
-from shared import markdown, parser_of, write
+from shared import parser_of, table, write
 
 import granular as gr
 from granular import shapes
-from granular.materials import NGF
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
 from granular.mpm import bodies
-from granular.mpm.schemes import Fluidity
-from granular.mpm.walls import Wall
-from granular.shapes import Box
 from speed.speed import best_time
 
 CELL, SLOPE = 0.01, math.radians(38.0)
-SOIL = NGF(
+SOIL = gr.NGF(
     E=1.5e5, elasticity="hencky", A=0.48, t0=1e-3, mu_s=0.3819, mu_2=0.6435, I0=0.278, d=4e-3,
     rho_s=2550.0,
 )  # fmt: skip
@@ -43,13 +35,15 @@ def bed(edge: int, A: float, scheme: gr.Scheme, stencil: str, blade: float | Non
     middle = (0.5 * length, 0.5 * length, length)
     return gr.Scene(
         name="slope",
-        grid=Grid((0.0,) * 3, CELL, (edge, edge, edge + 10), periodic=(True, True, False)),
-        fills=(Fill(Box((0.0,) * 3, (length,) * 3), 8),),
+        grid=gr.Grid((0.0,) * 3, CELL, (edge, edge, edge + 10), periodic=(True, True, False)),
+        fills=(gr.Fill(gr.Box((0.0,) * 3, (length,) * 3), 8),),
         material=SOIL.replace(A=A),
-        scheme=scheme.replace(fluidity=Fluidity(method="implicit", stencil=stencil, initial=1.0)),
-        walls=(Wall(2, 0.0, kind="no_slip"),),
+        scheme=scheme.replace(
+            fluidity=gr.Fluidity(method="implicit", stencil=stencil, initial=1.0)
+        ),
+        walls=(gr.Wall(2, 0.0, kind="no_slip"),),
         bodies=(bodies.Body(shape, middle, friction=0.4),) if shape else (),
-        gravity=Gravity((0.0,), ((9.81 * math.sin(SLOPE), 0.0, -9.81 * math.cos(SLOPE)),)),
+        gravity=gr.Gravity((0.0,), ((9.81 * math.sin(SLOPE), 0.0, -9.81 * math.cos(SLOPE)),)),
         duration=10.0,
         seed=1,
     )
@@ -78,30 +72,26 @@ TITLES = {
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Table of the page: times with one thread and with two, and memory of a point."""
-    lines = [
-        [TITLES[row["case"]], *(f"{t:.0f}" for t in row["ns"]), f"{one / two:.2f}", f"{held:.0f}"]
+    columns = {"": "{title}", "one": "{ns[0]:.0f}", "two": "{ns[1]:.0f}", "ratio": "{ratio:.2f}"}
+    rows = [
+        row | {"title": TITLES[row["case"]], "ratio": row["ns"][0] / row["ns"][1]}
         for row in results["rows"]
-        for (one, two), held in [(row["ns"], row["bytes_per_point"])]
     ]
-    return {"laws in 3D": markdown(("", "one", "two", "ratio", "bytes"), lines)}
+    return {"laws in 3D": table(rows, columns | {"bytes": "{bytes_per_point:.0f}"})}
 
 
 def main(argv: list[str] | None = None) -> None:
-    arguments = parser_of(__doc__).parse_args(argv)
+    arguments = parser_of(__name__, __doc__).parse_args(argv)
     edge, steps, rounds = (6, 5, 1) if arguments.quick else (30, 300, 12)
     table = []
     print(f"{'case':16s}{'points':>8s}{'1 thread':>10s}{'2':>8s}{'ratio':>7s}{'bytes':>7s}")
     for name, case in CASES.items():
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            start = gr.Simulation(bed(edge, *case), threads=2)
-            start.step(steps)
-            sims = {
-                threads: gr.Simulation.from_checkpoint(
-                    start.scene, start.checkpoint(), threads=threads
-                )
-                for threads in (1, 2)
-            }
+        start = gr.Simulation(bed(edge, *case), threads=2)
+        start.step(steps)
+        sims = {
+            threads: gr.Simulation.from_checkpoint(start.scene, start.checkpoint(), threads=threads)
+            for threads in (1, 2)
+        }
         ns = dict.fromkeys(sims, np.inf)
         for _ in range(rounds):
             for threads, sim in sims.items():

@@ -10,7 +10,6 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -35,14 +34,12 @@ def busy_programs(number: int) -> Iterator[None]:
 
 
 def main(argv: list[str] | None = None) -> None:
-    arguments = parser_of(__doc__).parse_args(argv)
+    arguments = parser_of(__name__, __doc__).parse_args(argv)
     turns, steps = (2, 20) if arguments.quick else (40, 300)
     scene = gr.scenes.column_collapse(
         aspect=2.0, cell=0.0125, points_per_cell=16, material=gr.materials.glass_beads
     )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        sims = {threads: gr.Simulation(scene, threads=threads) for threads in (1, 2)}
+    sims = {threads: gr.Simulation(scene, threads=threads) for threads in (1, 2)}
     rows = []
     print(f"{'other programs':>15s}{'1 thread, s':>13s}{'2 threads, s':>14s}{'ratio':>7s}")
     for others in (0, 1, 2):

@@ -2,7 +2,7 @@
 
 Runs every case that the table does not hold yet and writes the table after each, so that a
 benchmark that was stopped continues where it was. Then the orderings and exponents are computed;
-docs/reports/sph_examples.md has them.
+docs/reports/sph.md has them.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import curve_fit
-from shared import RESULTS, markdown, parser_of, rounded, stored, write
+from shared import markdown, parser_of, rounded, stored, table, write
 
 import granular as gr
 from granular import sph
@@ -346,65 +346,60 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     }
 
 
-def by_dilation(rows: list[dict[str, Any]], key: str) -> dict[float, list[dict[str, Any]]]:
-    """Rows without and with dilation, by an angle."""
-    return {
-        angle: sorted((row for row in rows if row[key] == angle), key=lambda row: row["dilation"])
-        for angle in sorted({row[key] for row in rows})
-    }
+def by_dilation(rows: list[dict[str, Any]], key: str) -> list[dict[str, Any]]:
+    """Rows without (a) and with dilation (b), by an angle."""
+    found: dict[float, list[dict[str, Any]]] = {}
+    for row in sorted(rows, key=lambda row: (row[key], row["dilation"])):
+        found.setdefault(row[key], []).append(row)
+    return [{"angle": angle, "a": pair[0], "b": pair[1]} for angle, pair in found.items()]
 
 
 def repose_table(rows: list[dict[str, Any]]) -> list[str]:
     """Slopes, and the speeds of the particles that still roll."""
-    head = ("phi [deg]", "beta = 0", "beta 0 to 0.5", "speed [mm/s]")
-    return markdown(
-        head,
-        [
-            (
-                f"{phi:g}",
-                *(f"{row['angle_deg']:.1f}" for row in pair),
-                ", ".join(f"{1e3 * row['speed']:.0f}" for row in pair),
-            )
-            for phi, pair in by_dilation(rows, "phi_deg").items()
-        ],
-    )
+    pairs = by_dilation(rows, "phi_deg")
+    for pair in pairs:
+        pair["mm"] = [1e3 * pair[k]["speed"] for k in "ab"]
+    columns = {"phi [deg]": "{angle:g}", "beta = 0": "{a[angle_deg]:.1f}"}
+    columns |= {"beta 0 to 0.5": "{b[angle_deg]:.1f}", "speed [mm/s]": "{mm[0]:.0f}, {mm[1]:.0f}"}
+    return table(pairs, columns)
 
 
 def incline_table(rows: list[dict[str, Any]]) -> list[str]:
     """Shear rates, misfits of a line and of Bagnold's profile, slip and acceleration."""
-    head = (
-        *("angle [deg]", "shear rate of the law, beta = 0 [1/s]", "measured; beta 0 to 0.5"),
-        *("line, Bagnold", "slip of the lowest row [m/s]", "acceleration [m/s2]"),
+
+    def both(pair: dict[str, Any], key: str) -> str:
+        sizes = [abs(pair[k][key]) for k in "ab"]
+        return "; ".join(f"{v:.{1 if key == 'rate' and v > 1 else 2}f}" for v in sizes)
+
+    pairs = by_dilation(rows, "angle_deg")
+    for pair in pairs:
+        law = pair["a"]["rate_of_the_law"]
+        fits = [
+            f"{r['misfit_line']:.2f}, {r['misfit_bagnold']:.2f}" for r in (pair["a"], pair["b"])
+        ]
+        flows = max(pair["a"]["rate"], pair["b"]["rate"]) > 0.1
+        pair |= {name: both(pair, name) for name in ("rate", "slip", "last_acceleration")}
+        pair |= {"law": "none" if law is None else f"{law:.1f}"}
+        pair |= {"fits": "; ".join(fits) if flows else ""}
+    return table(
+        pairs,
+        {
+            "angle [deg]": "{angle:g}",
+            "shear rate of the law, beta = 0 [1/s]": "{law}",
+            "measured; beta 0 to 0.5": "{rate}",
+            "line, Bagnold": "{fits}",
+            "slip of the lowest row [m/s]": "{slip}",
+            "acceleration [m/s2]": "{last_acceleration}",
+        },
     )
-    made = []
-    for angle, pair in by_dilation(rows, "angle_deg").items():
-        law = pair[0]["rate_of_the_law"]
-        flows = max(row["rate"] for row in pair) > 0.1
-        fits = [f"{row['misfit_line']:.2f}, {row['misfit_bagnold']:.2f}" for row in pair]
-        made.append(
-            (
-                f"{angle:g}",
-                "none" if law is None else f"{law:.1f}",
-                "; ".join(f"{abs(row['rate']):.{1 if row['rate'] > 1 else 2}f}" for row in pair),
-                "; ".join(fits) if flows else "",
-                "; ".join(f"{abs(row['slip']):.2f}" for row in pair),
-                "; ".join(f"{abs(row['last_acceleration']):.2f}" for row in pair),
-            )
-        )
-    return markdown(head, made)
 
 
 def column_table(found: dict[str, dict[str, float]]) -> list[str]:
     """Exponents and prefactors of heights and run-outs."""
-    head = ("", "a1", "a2, farthest", "a2, 99 %", "l1", "l2")
-    keys = ("alpha_1", "alpha_L", "alpha_L99", "lambda_1", "lambda_L")
-    return markdown(
-        head,
-        [
-            (name.replace("creeping", "no spring"), *(f"{fit[key]:.2f}" for key in keys))
-            for name, fit in found.items()
-        ],
-    )
+    rows = [{"name": name.replace("creeping", "no spring")} | fit for name, fit in found.items()]
+    columns = {"": "{name}", "a1": "{alpha_1:.2f}", "a2, farthest": "{alpha_L:.2f}"}
+    columns |= {"a2, 99 %": "{alpha_L99:.2f}", "l1": "{lambda_1:.2f}", "l2": "{lambda_L:.2f}"}
+    return table(rows, columns)
 
 
 def study_table(rows: list[dict[str, Any]]) -> list[str]:
@@ -440,8 +435,7 @@ def store(rows: list[dict[str, Any]], out: Path) -> None:
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = parser_of(__doc__, "a few small cases, to see it runs")
-    parser.set_defaults(out=RESULTS / "sph_examples.json")
+    parser = parser_of(__name__, __doc__, "a few small cases, to see it runs")
     parser.add_argument("--only", choices=tuple(RUNS), help="the cases of this kind")
     parser.add_argument("--threads", type=int, default=1)
     chosen = parser.parse_args(argv)

@@ -8,18 +8,13 @@ from typing import Any
 import numpy as np
 
 import granular as gr
-from granular.materials import Elastic, MuI
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.shapes import Box, Cylinder, Sphere
 from stability.cells import SCHEMES, Map, at_courant, chosen, refuses, simulate
 
 CELL = 0.1
-WEIGHTLESS = Gravity((0.0,), ((0.0, 0.0),))
+WEIGHTLESS = gr.Gravity((0.0,), ((0.0, 0.0),))
 BASES = ("linear", "ugimp", "quadratic")
-ELASTIC = Elastic(E=1e6)
-DISC = Sphere(0.43, center=(0.8, 0.8))
+ELASTIC = gr.Elastic(E=1e6)
+DISC = gr.Sphere(0.43, center=(0.8, 0.8))
 
 
 def places(sim: gr.Simulation) -> np.ndarray:
@@ -36,11 +31,11 @@ def body(region: Any, points: int, scheme: gr.Scheme, **options: Any) -> gr.Scen
     still, periodic = (0.0,) * len(shape), options.pop("periodic", (True,) * len(shape))
     return gr.Scene(
         name="body",
-        grid=Grid(still, CELL, shape, periodic=periodic),
-        fills=(Fill(region, points, **({"jitter": 1.0} | options)),),
+        grid=gr.Grid(still, CELL, shape, periodic=periodic),
+        fills=(gr.Fill(region, points, **({"jitter": 1.0} | options)),),
         material=material,
         scheme=scheme,
-        gravity=Gravity((0.0,), (still,)),
+        gravity=gr.Gravity((0.0,), (still,)),
         duration=1.0,
         seed=seed,
     )
@@ -55,12 +50,12 @@ def patch_error(basis: str, points: int, jitter: float, seed: int) -> float:
     The seeded body first flies a quarter of a cell, so that points lie on both sides of cell
     borders.
     """
-    region = Box((0.3, 0.3), (1.9, 1.9))
+    region = gr.Box((0.3, 0.3), (1.9, 1.9))
     scene = body(
         region,
         points,
         gr.Scheme(basis=basis, transfer="flip"),
-        material=MuI(E=1e6),
+        material=gr.MuI(E=1e6),
         shape=(24, 24),
         periodic=(False, False),
         jitter=jitter,
@@ -194,7 +189,7 @@ def courant_nu(quick: bool) -> Map:
     title = "Time step and Poisson's ratio, default scheme: a disc in flight"
     found = flights("courant_nu", title, "nu")
     for nu in chosen((0.0, 0.3, 0.45, 0.49, 0.499), quick):
-        material = Elastic(E=1e6, nu=nu)
+        material = gr.Elastic(E=1e6, nu=nu)
         bar = math.sqrt(material.E / material.rho_c)
         for courant in chosen((0.25, 0.5, 0.75, 1.0, 1.2), quick):
             fixed = at_courant(gr.schemes.default, courant, CELL, material)
@@ -211,7 +206,7 @@ def courant_space(quick: bool) -> Map:
     title = "Time step in 3D: a cylinder in flight"
     found = flights("courant_space", title, "scheme, points per cell", seedings=2)
     cylinder = {
-        "region": Cylinder(0.23, center=(0.4, 0.4, 0.4), axis=(0.0, 0.0, 1.0), length=0.5),
+        "region": gr.Cylinder(0.23, center=(0.4, 0.4, 0.4), axis=(0.0, 0.0, 1.0), length=0.5),
         "shape": (8, 8, 8),
         "seedings": 2,
     }

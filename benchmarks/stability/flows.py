@@ -10,8 +10,6 @@ from typing import Any
 import numpy as np
 
 import granular as gr
-from granular.materials import MuI, glass_beads
-from granular.mpm.walls import Wall
 from stability.cells import SCHEMES, Map, at_courant, chosen, off, refuses, simulate
 
 HEIGHT = 0.2
@@ -59,7 +57,7 @@ def incline_courant(quick: bool) -> Map:
         columns="c dt/dx",
         sound=0.02,
     )
-    material, cell = glass_beads.replace(E=1e6), 0.01
+    material, cell = gr.materials.glass_beads.replace(E=1e6), 0.01
     for name in (FEW[0], "quadratic, flip", *FEW[2:]):
         for courant in chosen((0.5, 0.7, 0.75, 0.8, 0.85, 0.9, 1.0, 1.1, 1.2, 1.4), quick):
             scheme = at_courant(SCHEMES[name], courant, cell, material)
@@ -72,7 +70,7 @@ def incline_courant(quick: bool) -> Map:
 ANGLES = (22.0, 23.5, 25.0, 27.0, 29.0, 30.0, 31.5)
 
 
-def angle_label(angle: float, material: MuI) -> str:
+def angle_label(angle: float, material: gr.MuI) -> str:
     """Slope [deg] and its inertial number."""
     return f"{angle:g}: {gr.theory.scaled_inertial_number_of_slope(angle, material):.2g}"
 
@@ -85,7 +83,7 @@ def incline_angles(quick: bool) -> Map:
         columns="slope [deg] and its inertial number I/I0",
     )
     layer = {"cell": 0.01, "columns": 8, "jitter": 0.6, "seed": 4}
-    layer["material"] = glass_beads.replace(E=1e6)
+    layer["material"] = gr.materials.glass_beads.replace(E=1e6)
     for name in (FEW[0], "quadratic, flip", *FEW[1:]):
         for angle in chosen(ANGLES, quick):
             scene = gr.scenes.incline(angle_deg=angle, scheme=SCHEMES[name], **layer)
@@ -116,7 +114,7 @@ def incline_seeding(quick: bool) -> Map:
                 points_per_cell=points,
                 jitter=0.6,
                 ramp=0.7 * math.sqrt(height / 9.8),
-                material=glass_beads.replace(E=5e6 * height),
+                material=gr.materials.glass_beads.replace(E=5e6 * height),
                 seed=5,
             )
             until = (1 if quick else 20) * math.sqrt(height / 9.8)
@@ -132,7 +130,7 @@ def incline_refinement(quick: bool) -> Map:
         rows="columns, cells over the height",
         columns="slope [deg] and its inertial number I/I0",
     )
-    layer = {"jitter": 0.6, "material": glass_beads.replace(E=3e6), "seed": 6}
+    layer = {"jitter": 0.6, "material": gr.materials.glass_beads.replace(E=3e6), "seed": 6}
     for cells in chosen((10, 20, 40), quick):
         for columns in (1, round(0.4 * cells)):
             for angle in chosen((22.0, 25.0, 28.0, 31.5), quick):
@@ -154,7 +152,7 @@ def law_ends(quick: bool) -> Map:
         quantity="L2 error of v(y) over max(|v|, 0.01 sqrt(g h))",
         columns="slope [deg]",
     )
-    material = glass_beads.replace(E=1e7)
+    material = gr.materials.glass_beads.replace(E=1e7)
     low, high = (math.degrees(math.atan(mu)) for mu in (material.mu_s, material.mu_2))
     angles = {f"{angle:g}": angle for angle in (0.0, 19.0, 21.5, 32.0, 34.0, 40.0)}
     angles |= {"mu_s": low, "mu_2": high}
@@ -178,14 +176,14 @@ def incline_columns(quick: bool) -> Map:
                 cell=0.01,
                 columns=columns,
                 jitter=0.6 if columns > 1 else 0.0,
-                material=glass_beads.replace(E=1e6),
+                material=gr.materials.glass_beads.replace(E=1e6),
                 scheme=SCHEMES[name],
             )
             found.add(name, f"{columns}", flow, scene, 0.05 if quick else 6.0)
     return found
 
 
-def layer_at_rest(scheme: gr.Scheme, angle: float, material: MuI) -> gr.Scene:
+def layer_at_rest(scheme: gr.Scheme, angle: float, material: gr.MuI) -> gr.Scene:
     """Periodic layer 10 cells high."""
     return gr.scenes.incline(
         angle_deg=angle,
@@ -198,10 +196,10 @@ def layer_at_rest(scheme: gr.Scheme, angle: float, material: MuI) -> gr.Scene:
     )
 
 
-def column_at_rest(scheme: gr.Scheme, material: MuI) -> gr.Scene:
+def column_at_rest(scheme: gr.Scheme, material: gr.MuI) -> gr.Scene:
     """Level layer between free_slip walls in place of periodic ends."""
     scene = layer_at_rest(scheme, 0.0, material)
-    walls = [Wall(0, at, kind="free_slip") for at in (0.0, scene.grid.upper[0])]
+    walls = [gr.Wall(0, at, kind="free_slip") for at in (0.0, scene.grid.upper[0])]
     grid = replace(scene.grid, periodic=(False, False))
     return scene.replace(name="column", grid=grid, walls=(*scene.walls, *walls))
 
@@ -226,7 +224,7 @@ def rest(quick: bool) -> list[Map]:
     title, quantity = "Rest: cell pressure off the surface", "relative error against the weight"
     pressures = Map("rest_pressure", title, quantity, "scheme", "slope [deg]", 0.03)
     for name in FEW:
-        scheme, material = SCHEMES[name], glass_beads.replace(E=1e6)
+        scheme, material = SCHEMES[name], gr.materials.glass_beads.replace(E=1e6)
         scenes = {f"{angle:g}": layer_at_rest(scheme, angle, material) for angle in (0.0, 15.0)}
         scenes["0, between walls"] = column_at_rest(scheme, material)
         for column, scene in scenes.items():
@@ -240,7 +238,9 @@ def slug(scheme: gr.Scheme, quick: bool) -> tuple[float, dict[str, Any]]:
 
     The notes are the largest stress in flight and the change of mass, which must be zero.
     """
-    scene = gr.scenes.slug(cell=0.02, material=glass_beads.replace(E=1e6), scheme=scheme)
+    scene = gr.scenes.slug(
+        cell=0.02, material=gr.materials.glass_beads.replace(E=1e6), scheme=scheme
+    )
     sim = simulate(scene)
     mass = sim.state.mass.sum()
     sim.run(until=0.3)
@@ -273,7 +273,7 @@ def reconsolidation(quick: bool) -> Map:
 
 def discharge(E: float, quick: bool) -> float:
     """Discharge [kg/s] of the silo with an orifice of 0.2 m, cells of 0.02 m, default scheme."""
-    material = glass_beads.replace(E=E)
+    material = gr.materials.glass_beads.replace(E=E)
     scene = gr.scenes.silo(orifice=0.2, cell=0.02, material=material)
     states: list[gr.State] = []
     sim = simulate(scene)
@@ -300,7 +300,9 @@ def softness(quick: bool) -> Map:
         found.add("silo, discharge at D = 0.2 m", f"{E:.0e}", off, stiff, discharge, E, quick)
     for angle in (25.0, 32.0):
         for E in moduli[1:]:
-            scene = gr.scenes.incline(angle_deg=angle, cell=0.01, material=glass_beads.replace(E=E))
+            scene = gr.scenes.incline(
+                angle_deg=angle, cell=0.01, material=gr.materials.glass_beads.replace(E=E)
+            )
             row = f"incline, depth average, {angle:g} deg"
             found.add(row, f"{E:.0e}", depth_average_error, scene, 0.3 if quick else 10.0)
     return found

@@ -8,12 +8,6 @@ from typing import Any
 import numpy as np
 
 import granular as gr
-from granular.materials import Elastic
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.mpm.walls import Wall
-from granular.shapes import Box
 from stability.cells import SCHEMES, Map, chosen, off, simulate
 from stability.elastic import BASES, WEIGHTLESS, body, places
 
@@ -35,7 +29,7 @@ TRANSFERS = {
 def bar(scheme: gr.Scheme, points: int = 4) -> gr.Simulation:
     """A bar of 32 cells along x, periodic along both axes."""
     cell = LENGTH / 32
-    scene = body(Box((0.0, 0.0), (LENGTH, cell)), points, scheme, shape=(32, 1), jitter=0.0)
+    scene = body(gr.Box((0.0, 0.0), (LENGTH, cell)), points, scheme, shape=(32, 1), jitter=0.0)
     return simulate(scene)
 
 
@@ -67,7 +61,7 @@ def wave_energy(scheme: gr.Scheme) -> float:
 
 def turning(scheme: gr.Scheme, turns: float, rate: float = 0.1) -> tuple[float, float]:
     """Relative errors of angular momentum and kinetic energy of a free block after some turns."""
-    scene = body(Box((0.6, 0.6), (1.0, 1.0)), 4, scheme, periodic=(False, False), seed=11)
+    scene = body(gr.Box((0.6, 0.6), (1.0, 1.0)), 4, scheme, periodic=(False, False), seed=11)
     sim = simulate(scene)
     at, r = places(sim), sim.state.x - 0.8
     sim.buffers["v"][:, at] = rate * np.stack([-r[:, 1], r[:, 0]])
@@ -114,17 +108,17 @@ def settlement(scheme: gr.Scheme, nu: float, cell: float) -> float:
     Half of the block is simulated; x = 0 is its plane of symmetry. Gravity grows over 20 wave
     times, then the block comes to rest by the damping of a dissipative transfer.
     """
-    material = Elastic(E=1e5, nu=nu)
+    material = gr.Elastic(E=1e5, nu=nu)
     n = round(0.8 / cell)
     slow = 20 * 0.8 / material.wave_speed * max(1.0, 0.3 / math.sqrt(1 - 2 * nu))
     scene = gr.Scene(
         name="block",
-        grid=Grid((0.0, 0.0), cell, (n, round(1.2 / cell))),
-        fills=(Fill(Box((0.0, 0.0), (0.4, 0.8)), 9),),
+        grid=gr.Grid((0.0, 0.0), cell, (n, round(1.2 / cell))),
+        fills=(gr.Fill(gr.Box((0.0, 0.0), (0.4, 0.8)), 9),),
         material=material,
         scheme=scheme,
-        walls=(Wall(1, 0.0, kind="no_slip"), Wall(0, 0.0, kind="free_slip")),
-        gravity=Gravity((0.0, slow), ((0.0, 0.0), (0.0, -1.0))),
+        walls=(gr.Wall(1, 0.0, kind="no_slip"), gr.Wall(0, 0.0, kind="free_slip")),
+        gravity=gr.Gravity((0.0, slow), ((0.0, 0.0), (0.0, -1.0))),
         duration=4 * slow,
     )
     sim = simulate(scene)
@@ -167,11 +161,11 @@ def tear(scheme: gr.Scheme, points: int, most: float) -> tuple[float, dict[str, 
     them. The note is the stretch at which `granular.measure.gap_fraction` finds the first gap.
     """
     cell, rate = 0.1, 1.0
-    material = Elastic(E=1.0, nu=0.0)
+    material = gr.Elastic(E=1.0, nu=0.0)
     scene = gr.Scene(
         name="drawn",
-        grid=Grid((0.0, 0.0), cell, (48, 3)),
-        fills=(Fill(Box((1.9, 0.1), (2.9, 0.2)), points),),
+        grid=gr.Grid((0.0, 0.0), cell, (48, 3)),
+        fills=(gr.Fill(gr.Box((1.9, 0.1), (2.9, 0.2)), points),),
         material=material,
         scheme=scheme.replace(dt=2e-3),
         gravity=WEIGHTLESS,

@@ -15,13 +15,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from shared import RESULTS, parser_of, write
+from shared import parser_of, write
 
 import granular as gr
 from stability import arrangements, draw, elastic, flows, motions
 from stability.cells import Cell, Map
-
-OUT = RESULTS / "stability_map.json"
 
 MAKERS: dict[str, Callable[[bool], Map | list[Map]]] = {
     "patch": elastic.patches,
@@ -60,7 +58,7 @@ def read(path: Path) -> dict[str, Map]:
     return {m.name: m for m in maps}
 
 
-def store(path: Path, maps: dict[str, Map]) -> None:
+def store(path: Path | None, maps: dict[str, Map]) -> None:
     """Write maps into a file."""
     head = {
         "granular": gr.__version__,
@@ -92,8 +90,7 @@ def show(found: Map) -> None:
 
 
 def main(argv: list[str] | None = None) -> None:
-    parser = parser_of(__doc__, "a few short cases, to see it run")
-    parser.set_defaults(out=OUT)
+    parser = parser_of(__name__, __doc__, "a few short cases, to see it run")
     parser.add_argument("--only", nargs="+", choices=MAKERS, default=list(MAKERS), metavar="NAME")
     parser.add_argument("--figures", type=Path, help="folder for the figures")
     parser.add_argument("--draw", type=Path, help="draw a table, measure nothing")
@@ -101,11 +98,11 @@ def main(argv: list[str] | None = None) -> None:
     if arguments.draw:
         maps = read(arguments.draw)
     else:
-        maps = read(arguments.out) if arguments.out.exists() else {}
+        maps = read(arguments.out) if arguments.out and arguments.out.exists() else {}
         for name in arguments.only:
             for found in measured(name, arguments.quick):
                 show(found)
                 maps[found.name] = found
-            write(arguments.out, maps)
+            store(arguments.out, maps)
     if arguments.figures:
         draw.figures(maps, arguments.figures)

@@ -6,16 +6,15 @@ Each table is measured anew and stored in the JSON file. The longest, of layers,
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from shared import RESULTS, markdown, parser_of, rounded, stored, write
+from beds import bed
+from shared import markdown, parser_of, rounded, stored, write
 
 import granular as gr
 
-OUT = RESULTS / "stability_tables.json"
 CELL = 0.01
 """Size of the cells [m] of all scenes."""
 RESTS = 1e-4
@@ -31,7 +30,7 @@ def speed_at_last(scene: gr.Scene) -> float:
     layer that does not yield. A layer that rests and does not become faster for a second is not
     followed further.
     """
-    sim, length = quiet(scene), float(scene.grid.upper[0] - scene.grid.lower[0])
+    sim, length = gr.Simulation(scene, threads=1), float(scene.grid.upper[0] - scene.grid.lower[0])
     before, last = sim.state.x[np.argsort(sim.state.id), 0], 0.0
     for end in np.arange(1.0, scene.duration + 0.5):
         state = sim.run(until=float(end), monitor=False).state
@@ -98,7 +97,7 @@ def closed(quick: bool) -> Numbers:
             gravity=gr.Gravity((0.0,), ((0.0, 0.0),)),
             duration=8.0,
         )
-        sim = quiet(scene)
+        sim = gr.Simulation(scene, threads=1)
         sim.buffers["v"][0] = rate * sim.buffers["x"][1]
         for time in (0.1,) if quick else (0.1, 0.5, 2.0, 8.0):
             state = sim.run(until=time, monitor=False).state
@@ -134,7 +133,7 @@ def reached(offset: float) -> list[float]:
         duration=1.0,
         seed=2,
     )
-    sim = quiet(scene)
+    sim = gr.Simulation(scene, threads=1)
     before = sim.state
     sim.step(1)
     behind = (before.x[:, 1] < middle) & (before.x[:, 0] < edge)
@@ -166,21 +165,9 @@ def impulse(diameter: float, offset: float, seed: int) -> float:
         motion=gr.bodies.Motion(velocity=((0.0, -speed),)),
         friction=0.3,
     )
-    scene = gr.Scene(
-        name="disc",
-        grid=gr.Grid((0.0, 0.0), CELL, (nx, ny)),
-        fills=(gr.Fill(gr.Box((0.0, 0.0), (nx * CELL, top)), 4, jitter=0.5, lithostatic=True),),
-        material=gr.materials.glass_beads.replace(E=1e6),
-        walls=(
-            gr.Wall(1, 0.0),
-            *(gr.Wall(0, at, kind="free_slip") for at in (0.0, nx * CELL)),
-        ),
-        gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
-        bodies=(disc,),
-        duration=0.03 / speed,
-        seed=seed,
-    )
-    return float(quiet(scene).run(monitor=False).bodies[0].impulse[1])
+    parts = {"bodies": (disc,), "duration": 0.03 / speed, "seed": seed}
+    scene = bed("disc", (nx * CELL, top), CELL, ny - 20, jitter=0.5, **parts)
+    return float(gr.Simulation(scene, threads=1).run(monitor=False).bodies[0].impulse[1])
 
 
 def discs(quick: bool) -> Numbers:
@@ -204,13 +191,6 @@ def discs(quick: bool) -> Numbers:
         )
         print(rows[-1], flush=True)
     return rows
-
-
-def quiet(scene: gr.Scene) -> gr.Simulation:
-    """Simulation of a scene that is known to be at a limit."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", gr.StabilityWarning)
-        return gr.Simulation(scene, threads=1)
 
 
 TABLES: dict[str, Callable[[bool], Numbers]] = {
@@ -260,8 +240,7 @@ def _resting_line(row: dict[str, Any]) -> tuple[object, ...]:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    parser = parser_of(__doc__, quick="one short case of each table, to see that it runs")
-    parser.set_defaults(out=OUT)
+    parser = parser_of(__name__, __doc__, quick="one short case of each table, to see that it runs")
     parser.add_argument("--only", nargs="*", choices=TABLES, default=list(TABLES), metavar="NAME")
     given = parser.parse_args(arguments)
     table = stored(given.out, rows={})

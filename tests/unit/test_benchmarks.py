@@ -1,6 +1,7 @@
 """The scripts of `benchmarks` run, and make tables of their results."""
 
 import json
+import re
 import sys
 from pathlib import Path
 
@@ -218,6 +219,29 @@ def test_digests_of_bits(module, tmp_path, monkeypatch, capsys):
     assert bits.compare(before, after, ["state v"]) == 1
     del after["slug, baseline, 1"]
     assert bits.compare(before, after, ["state v"]) == 2
+
+
+# ---- results and tables ----
+
+
+def test_the_readme_names_every_script():
+    from shared import scripts
+
+    text = (RESULTS.parent / "README.md").read_text()
+    assert sorted(re.findall(r"^\| `(\w+)` \|", text, re.M)) == sorted(scripts())
+
+
+@pytest.mark.parametrize("result", [path.stem for path in sorted(RESULTS.glob("*.json"))])
+def test_results_have_a_stamp_and_whole_tables(module, result):
+    """Each row of each table has as many cells as its head."""
+    stored = json.loads((RESULTS / f"{result}.json").read_text())
+    script = module(result.partition("-")[0])
+    tables = script.tables(stored) if hasattr(script, "tables") else {}
+    for stamp in (stored["stamp"], *stored.get("stamps", {}).values()):
+        assert {"commit", "command", "processor", "date"} <= stamp.keys()
+    for lines in tables.values():
+        rows = [line.replace("\\|", "") for line in lines if line.startswith("|")]
+        assert len(rows) > 2 and len({row.count("|") for row in rows}) == 1
 
 
 # ---- clogging silos ----

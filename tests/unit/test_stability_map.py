@@ -1,5 +1,7 @@
 """The stability map: the script runs, and the committed map agrees with the package."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -7,6 +9,7 @@ from PIL import Image
 import granular as gr
 from granular.mpm.limits import COURANT_LIMIT, LOCKING
 
+RESULTS = Path(__file__).parents[2] / "benchmarks" / "results" / "stability_map.json"
 FAST = ("patch", "arrangement", "courant", "courant_space", "courant_speed", "transfers", "tearing")
 """Maps that take a few seconds together."""
 
@@ -67,7 +70,7 @@ def test_every_quick_map_is_written(script, tmp_path):
 
 
 def test_the_committed_map_is_whole(script):
-    maps = script.read(script.OUT)
+    maps = script.read(RESULTS)
     assert set(maps) == {name for members, _ in script.draw.FIGURES.values() for name in members}
     for found in maps.values():
         for cell in found.cells:
@@ -76,7 +79,7 @@ def test_the_committed_map_is_whole(script):
 
 def test_what_the_map_shows_as_failing_is_refused(script):
     """No accepted time step gains energy on the map, except with linear shape functions."""
-    maps = script.read(script.OUT)
+    maps = script.read(RESULTS)
     seen = 0
     for name, found in maps.items():
         if not name.startswith("courant_") or "published" in name or "cell_averaged" in name:
@@ -93,7 +96,7 @@ def test_what_the_map_shows_as_failing_is_refused(script):
 
 def test_no_arrangement_on_the_map_is_beyond_the_limits(script):
     """The analysis bounds the limits in every dimension, except for linear shape functions."""
-    for cell in script.read(script.OUT)["arrangement"].cells:
+    for cell in script.read(RESULTS)["arrangement"].cells:
         dim = max(int(cell.column[0]), 2)
         basis = cell.row.partition(",")[0]
         if basis != "linear":
@@ -102,7 +105,7 @@ def test_no_arrangement_on_the_map_is_beyond_the_limits(script):
 
 def test_locking_begins_at_the_limits(script):
     """Stable up to the limit of the basis; beyond it linear shape functions lock."""
-    for cell in script.read(script.OUT)["locking"].cells:
+    for cell in script.read(RESULTS)["locking"].cells:
         shape = script.elastic.SCHEMES[cell.row].basis
         if float(cell.column) <= LOCKING[shape]:
             assert cell.verdict == "stable"
@@ -113,7 +116,7 @@ def test_locking_begins_at_the_limits(script):
 
 def test_what_the_page_says_of_refinement_is_on_the_map(script):
     """Errors fall with the cell, but not those of several columns near the angle of repose."""
-    cells = script.read(script.OUT)["incline_refinement"].cells
+    cells = script.read(RESULTS)["incline_refinement"].cells
     values = {(cell.row, cell.column): cell.value for cell in cells}
     for angle in {column for _, column in values}:
         one = [values[row, angle] for row in ("1, 10", "1, 20", "1, 40")]
