@@ -28,7 +28,7 @@ from granular.grain_scale import inference
 from granular.grain_scale.inference import InferenceWarning
 from granular.plot import Picture
 
-sys.path.append(str(Path(__file__).parents[1] / "tests" / "unit"))
+sys.path.append(str(Path(__file__).parents[1] / "tests/shared"))
 import grains
 
 RESULTS = Path(__file__).parent / "results" / "inference.json"

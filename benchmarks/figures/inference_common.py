@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from granular.grain_scale.inference import InferenceWarning, Packing
 
 # The tests contain a small discrete element code, which is not part of the package.
-sys.path.append(str(Path(__file__).parents[2] / "tests" / "unit"))
+sys.path.append(str(Path(__file__).parents[2] / "tests/shared"))
 import grains
 
 __all__ = ["chosen_options", "grains", "quietly", "relative_error", "with_noise"]

@@ -1,6 +1,7 @@
 """Pictures against stored ones, with a tolerance, and without text, which depends on fonts.
 
-`python tests/unit/test_plot_compare.py` draws the stored ones anew; look at them before a commit.
+`python tests/plot/test_unit_stored_pictures.py` draws the stored ones anew; look at them before
+a commit.
 """
 
 from pathlib import Path

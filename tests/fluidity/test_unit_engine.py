@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_kernels import stages
+from stages import stages
 
 import granular as gr
 from granular.materials import NGF

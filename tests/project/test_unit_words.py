@@ -1,6 +1,6 @@
 """One word for one thing, the field's own: words of the past do not come back.
 
-`python tests/unit/test_words.py [path ...]` lists where they stand.
+`python tests/project/test_unit_words.py [path ...]` lists where they stand.
 """
 
 import re
@@ -84,7 +84,7 @@ def hits(paths):
     """File, line, word and what stands for it now."""
     present = any_of([word for word, _, _ in WORDS])
     for name in files(paths):
-        if name == "tests/unit/test_words.py":
+        if name == "tests/project/test_unit_words.py":
             continue
         text = (ROOT / name).read_text()
         if not present.search(text):  # of most files; one by one the words take ten times as long

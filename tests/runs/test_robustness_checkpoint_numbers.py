@@ -12,8 +12,7 @@ from pathlib import Path
 import inlets
 import numpy as np
 import pytest
-from inlets import stream
-from test_sph_inflow import fed_gas
+from inlets import fed_gas, stream
 
 import granular as gr
 from granular import sph
@@ -135,7 +134,8 @@ def test_mutants_are_refused_or_survived(tmp_path, count):
     program = (
         f"import sys; sys.path[:0] = {[str(Path(__file__).parent), *sys.path]!r}\n"
         f"import pathlib, warnings; warnings.simplefilter('ignore')\n"
-        f"import test_checkpoint_numbers as t; t.fuzz({count}, pathlib.Path({str(tmp_path)!r}))"
+        f"from test_robustness_checkpoint_numbers import fuzz\n"
+        f"fuzz({count}, pathlib.Path({str(tmp_path)!r}))"
     )
     run = [sys.executable, "-c", program]
     done = subprocess.run(run, capture_output=True, text=True, timeout=60 + count)

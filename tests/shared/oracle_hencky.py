@@ -18,6 +18,15 @@ SAND = {
     "t0": 1e-4, "p_averaging": 0.0, "reconnect_fluidity": 1.0,
 }  # fmt: skip
 FLOWS = ("elastic", "drucker_prager", "linear_mu_I", "mu_I", "linear_ngf", "ngf")
+FLOW_OF = {
+    "hencky_elastic": ("elastic", "elastic"),
+    "hencky_drucker_prager": ("drucker_prager", "drucker_prager"),
+    "hencky_mu_I": ("mu_I", "mu_I"),
+    "hencky_linear_mu_I": ("linear_mu_I", "linear_mu_I"),
+    "hencky_ngf": ("ngf", "mu_I"),
+    "hencky_linear_ngf": ("linear_ngf", "linear_mu_I"),
+}
+"""Flow rule of each law, and that of its local phase."""
 
 
 # ---- between the arrays of the core and matrices ----

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from inlets import fed_gas
 from refusals import refused
 
 import granular as gr
@@ -33,11 +34,6 @@ def scene_of(*, inflows=None, **more):
         }
         | more
     )
-
-
-def fed_gas(**more):
-    given = {"speed": 50.0, "width": 0.2, "depth": 0.06, "headroom": 0.12, "spacing": 0.02}
-    return gr.scenes.jet_on_bed(**given | {"nozzle": 0.08, "duration": 0.01} | more)
 
 
 def test_what_sph_does_not_have_is_refused():

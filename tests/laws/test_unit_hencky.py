@@ -7,6 +7,7 @@ import numpy as np
 import oracle_hencky as oracle
 import pytest
 from oracle_fluidity import available
+from oracle_hencky import FLOW_OF
 
 from granular import _core
 
@@ -225,15 +226,6 @@ def test_extreme_numbers_stay_finite(flow, isa, dim):
 
 # ---- at the points of the engine ----
 
-FLOW_OF = {
-    "hencky_elastic": ("elastic", "elastic"),
-    "hencky_drucker_prager": ("drucker_prager", "drucker_prager"),
-    "hencky_mu_I": ("mu_I", "mu_I"),
-    "hencky_linear_mu_I": ("linear_mu_I", "linear_mu_I"),
-    "hencky_ngf": ("ngf", "mu_I"),
-    "hencky_linear_ngf": ("linear_ngf", "linear_mu_I"),
-}
-"""Flow rule of each law, and that of its local phase."""
 PARAMETERS = oracle.SAND | {"A": 0.48, "reconnect_fluidity": 0.0}
 
 

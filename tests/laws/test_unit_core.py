@@ -10,7 +10,7 @@ import oracle_fluidity
 import oracle_law as oracle
 import oracle_nonlocal
 import pytest
-from test_hencky import FLOW_OF
+from oracle_hencky import FLOW_OF
 
 from granular import _core
 from granular.materials import NGF, DruckerPrager, Elastic, MuI, RegularisedMuI
@@ -450,8 +450,9 @@ def test_2d_is_3d_without_its_third_axis(law):
 
 
 def test_every_registered_law_is_tested():
-    """Each law is tested here; those of finite strain in test_hencky*.py and test_hardening.py,
-    and that of the user in tests/verification/test_own_laws.py.
+    """Each law is tested here, except those of finite strain and that of the user.
+
+    They are in test_unit_hencky.py, test_unit_hardening.py and test_verification_own_laws.py.
     """
     finite = {law for law in _core.laws() if law.startswith("hencky_")}
     assert finite == set(FLOW_OF) | {"hencky_hardening_drucker_prager"}

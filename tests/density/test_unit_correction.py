@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_kernels import disturbed, living
+from stages import disturbed, living
 
 import granular as gr
 from granular.model.gravity import Gravity

@@ -53,3 +53,9 @@ def chute(*, speed=0.8, height=0.12, angle_deg=24.0, end=np.inf, **more):
         }
         | more
     )
+
+
+def fed_gas(**more):
+    """A bed into which a jet of gas blows, by SPH."""
+    given = {"speed": 50.0, "width": 0.2, "depth": 0.06, "headroom": 0.12, "spacing": 0.02}
+    return gr.scenes.jet_on_bed(**given | {"nozzle": 0.08, "duration": 0.01} | more)

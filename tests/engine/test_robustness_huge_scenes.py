@@ -105,7 +105,7 @@ def test_a_large_box_costs_nothing(scene):
     code = f"""
 import resource
 import numpy as np
-from test_huge_scenes import box, half_solid, staircase
+from test_robustness_huge_scenes import box, half_solid, staircase
 import granular as gr
 def peak():
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
