@@ -11,12 +11,7 @@ import pytest
 from schemes_by_name import scheme_of
 
 import granular as gr
-from granular.materials import MuI
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.mpm.walls import Solid, SpongeLayer, Wall
-from granular.shapes import Box, Difference
+from granular import Box, Difference, Fill, Gravity, Grid, MuI, Solid, SpongeLayer, Wall
 
 COMBINATIONS = [
     (basis, transfer, "particle")

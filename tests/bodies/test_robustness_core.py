@@ -7,10 +7,9 @@ from hypothesis import strategies as st
 from spoiled import DOCUMENTED, QUICK, WAYS, arguments, spoiled
 
 import granular as gr
-from granular import _core
-from granular.mpm.bodies import Body, Motion, mass_properties
+from granular import Body, Box, Motion, _core
+from granular.mpm.bodies import mass_properties
 from granular.mpm.rigid_contact import contact_balls, obstacles
-from granular.shapes import Box
 
 pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 

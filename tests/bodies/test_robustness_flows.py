@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.mpm.bodies import Body
+from granular import Body
 from granular.shapes import (
     Box,
     Capsule,

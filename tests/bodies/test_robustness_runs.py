@@ -4,14 +4,8 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.materials import MuI
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.mpm.bodies import Body, Motion
+from granular import Body, Box, Cylinder, Fill, Gravity, Grid, Motion, MuI, Union, Wall
 from granular.mpm.body_distances import distance_from_bodies
-from granular.mpm.walls import Wall
-from granular.shapes import Box, Cylinder, Union
 
 pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 

@@ -9,13 +9,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 import granular as gr
-from granular import _core
-from granular.materials import Elastic, MuI
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.mpm.bodies import Body, Motion
-from granular.mpm.walls import Wall
+from granular import Body, Elastic, Fill, Gravity, Grid, Motion, MuI, Wall, _core
 from granular.shapes import Box, Cylinder, HalfSpace, Union
 from granular.shapes.measures import extents
 

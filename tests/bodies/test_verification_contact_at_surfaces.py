@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.mpm.bodies import Body
-from granular.shapes import Box, Cylinder, HalfSpace
+from granular import Body, Box, Cylinder, HalfSpace
 
 G, RHO, CELL = 9.81, 1500.0, 0.01
 

@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.materials import MuI
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.mpm.bodies import Body, Motion
-from granular.mpm.walls import Wall
-from granular.shapes import Box, Cylinder, Difference, Sphere
+from granular import Body, Box, Cylinder, Difference, Fill, Gravity, Grid, Motion, MuI, Sphere, Wall
 
 G = 9.8
 

@@ -5,12 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import granular as gr
-from granular.materials import MuI
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.mpm.bodies import Body, Motion
-from granular.shapes import Box, Cylinder
+from granular import Body, Box, Cylinder, Fill, Gravity, Grid, Motion, MuI
 
 
 def scene_of(body, *, gravity=-9.8, transfer="apic", dt=None):

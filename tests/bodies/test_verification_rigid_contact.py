@@ -6,12 +6,8 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.materials import MuI
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.mpm.bodies import Body, Motion, mass_properties
-from granular.mpm.walls import Solid, Wall
+from granular import Body, Fill, Gravity, Grid, Motion, MuI, Solid, Wall
+from granular.mpm.bodies import mass_properties
 from granular.shapes import Box, Cylinder, HalfSpace, Sphere
 
 CELL = 0.05

@@ -4,14 +4,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.materials import NGF, MuI
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.mpm.bodies import Body, Motion
-from granular.mpm.schemes import Fluidity
-from granular.mpm.walls import Wall
-from granular.shapes import Box, Mesh, Union
+from granular import NGF, Body, Box, Fill, Fluidity, Gravity, Grid, Mesh, Motion, MuI, Union, Wall
 from granular.shapes.shape import turned
 
 CELL = 0.05

@@ -6,8 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from granular import theory, verify
-from granular.mpm import schemes
+from granular import schemes, theory, verify
 from granular.verify.incline import profile_error, states
 from granular.verify.rows import at_least, at_most, beside, checks, holds, within
 from granular.verify.slug import fly, parabola

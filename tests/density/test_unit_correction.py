@@ -5,7 +5,7 @@ import pytest
 from stages import disturbed, living
 
 import granular as gr
-from granular.model.gravity import Gravity
+from granular import Gravity
 from granular.mpm.cell_codes import FLAG_WALL, cell_flags
 
 CELL_AVERAGED = ("linear", "tpic", "cell_averaged")

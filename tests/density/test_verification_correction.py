@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from granular import measure, scenes, theory
-from granular.mpm import schemes
-from granular.run.simulation import Simulation
+from granular import Simulation, measure, scenes, schemes, theory
 from granular.verify import density_correction, density_correction_budget, layers, silo
 from granular.verify.incline import mean_speed
 

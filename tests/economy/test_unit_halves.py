@@ -5,11 +5,7 @@ import pytest
 from economy_scenes import full_silo, item
 
 import granular as gr
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.mpm.walls import Solid, Wall
-from granular.shapes import Box
+from granular import Box, Fill, Gravity, Grid, Solid, Wall
 
 
 def test_half_of_a_silo_is_the_silo_of_the_paper():

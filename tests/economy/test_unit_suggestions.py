@@ -9,12 +9,12 @@ from economy_scenes import full_silo, item
 from schemes_by_name import scheme_of
 
 import granular as gr
+from granular import DruckerPrager, Elastic, Wall
 from granular.economy import bias
 from granular.economy.suggestion import rebuilt
-from granular.materials import DruckerPrager, Elastic, glass_beads, glass_beads_5mm
+from granular.materials import glass_beads, glass_beads_5mm
 from granular.mpm.limits import check_time_step, damps_by_step
 from granular.mpm.schemes import BASES, TRANSFERS
-from granular.mpm.walls import Wall
 from granular.run.memory import MARGIN
 
 PAPER = [

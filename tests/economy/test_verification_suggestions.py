@@ -4,15 +4,11 @@ import numpy as np
 import pytest
 
 import granular as gr
+from granular import Box, Fill, Gravity, Grid, Wall
 from granular.economy import rules
 from granular.materials import glass_beads
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
 from granular.mpm.limits import damps_by_step
 from granular.mpm.schemes import BASES, TRANSFERS
-from granular.mpm.walls import Wall
-from granular.shapes import Box
 from granular.verify.quantities import change, quantities
 
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import granular as gr
+from granular import Solid, SpongeLayer, Wall
 from granular.model.grid import COARSEST
 from granular.mpm.cell_codes import cell_flags, fluidity_faces
 from granular.mpm.node_codes import node_codes
 from granular.mpm.rigid_contact import FAR, obstacles
 from granular.mpm.wall_owners import wall_owners
-from granular.mpm.walls import Solid, SpongeLayer, Wall
 
 CELL = 0.013
 SHIFTS = [(5e5, 5e6), (-3e4, 1e3), (4.5e5, 5.2e6 + 1 / 3)]

@@ -5,10 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from granular.model.fill import Fill
-from granular.model.grid import Grid
+from granular import Box, Cylinder, Difference, Fill, Grid, Intersection, Sphere, Union
 from granular.model.seeding import seed_points
-from granular.shapes import Box, Cylinder, Difference, Intersection, Sphere, Union
 
 UNIT = Grid((0.0, 0.0), 0.1, (10, 10))
 UNIT_BOX = Box((0, 0), (1, 1))

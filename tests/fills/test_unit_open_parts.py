@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import granular as gr
+from granular import Box, Cylinder, HalfSpace
 from granular.model.open_parts import LEAST_SHARE, plane_cut
 from granular.mpm.body_distances import distance_from_bodies
-from granular.shapes import Box, Cylinder, HalfSpace
 
 CELL = 0.1
 SPACING = CELL / 2

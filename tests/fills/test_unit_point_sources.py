@@ -8,9 +8,9 @@ import pytest
 from refusals import refused
 
 import granular as gr
+from granular import Box, Cylinder, HalfSpace
 from granular.model.seeding import seed_points
 from granular.mpm.scaling import Froude
-from granular.shapes import Box, Cylinder, HalfSpace
 
 GRID = gr.Grid((0.0, 0.0), 0.1, (10, 10))
 SPACE = gr.Grid((0.0,) * 3, 0.1, (10,) * 3)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.shapes import Box, HalfSpace
+from granular import Box, HalfSpace
 
 G, RHO, CELL = 9.81, 1500.0, 0.01
 LENGTH, HEIGHT = 0.2, 0.1

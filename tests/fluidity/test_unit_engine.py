@@ -5,14 +5,8 @@ import pytest
 from stages import stages
 
 import granular as gr
-from granular.materials import NGF
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
+from granular import NGF, Box, Fill, Fluidity, Gravity, Grid, Solid, Wall
 from granular.mpm.cell_codes import FACE_LINK, FACE_OPEN, FACE_ROUGH, cell_flags, fluidity_faces
-from granular.mpm.schemes import Fluidity
-from granular.mpm.walls import Solid, Wall
-from granular.shapes import Box
 
 LINEAR = gr.Scheme(basis="linear", transfer="flip", density=gr.ParticleDensity())
 SOFT = NGF(E=1e5, A=0.5, d=0.1, t0=1e-3)

@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.materials import NGF, MuI
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.mpm.bodies import Body, Motion
-from granular.mpm.schemes import Fluidity
-from granular.mpm.walls import Wall
+from granular import NGF, Body, Fill, Fluidity, Gravity, Grid, Motion, MuI, Wall
 from granular.shapes import Box, Cylinder, HalfSpace
 
 CELL, HEIGHT, BELOW = 0.01, 8, 3

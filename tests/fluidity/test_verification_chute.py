@@ -13,9 +13,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from granular import scenes
-from granular.mpm import schemes
-from granular.mpm.schemes import Fluidity
+from granular import Fluidity, scenes, schemes
 from granular.theory import bagnold_profile, chute_profile, chute_transient
 from granular.theory.stopping import fluidity_growth
 from granular.verify.chute import (

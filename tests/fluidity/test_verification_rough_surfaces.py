@@ -12,13 +12,7 @@ import pytest
 from oracle_fluidity import ROUGH, diffuse, faces_of, random_parts
 
 import granular as gr
-from granular.materials import NGF
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.mpm.bodies import Body
-from granular.mpm.schemes import Fluidity
-from granular.shapes import Box, HalfSpace
+from granular import NGF, Body, Box, Fill, Fluidity, Gravity, Grid, HalfSpace
 from granular.theory import chute_profile, stopping_height
 
 RATE = 0.25 * 0.005**2 / 1e-3

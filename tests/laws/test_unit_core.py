@@ -12,8 +12,7 @@ import oracle_nonlocal
 import pytest
 from oracle_hencky import FLOW_OF
 
-from granular import _core
-from granular.materials import NGF, DruckerPrager, Elastic, MuI, RegularisedMuI
+from granular import NGF, DruckerPrager, Elastic, MuI, RegularisedMuI, _core
 
 MATERIALS = {
     "elastic": Elastic(E=1e7),

@@ -9,8 +9,7 @@ from oracle_fluidity import available
 from scipy.optimize import brentq
 
 import granular as gr
-from granular import _core, materials
-from granular.materials import DruckerPrager, HardeningDruckerPrager, MuI
+from granular import DruckerPrager, HardeningDruckerPrager, MuI, _core, materials
 
 LAW = "hencky_hardening_drucker_prager"
 SOIL = HardeningDruckerPrager(E=1.2e6, nu=0.3, h0_deg=44.0, h1_deg=9.0, h2=0.2, h3_deg=9.0)

@@ -5,16 +5,8 @@ import pickle
 
 import pytest
 
-from granular import materials, scenes
-from granular.materials import (
-    NGF,
-    DruckerPrager,
-    Elastic,
-    Material,
-    MuI,
-    OwnLaw,
-    RegularisedMuI,
-)
+from granular import NGF, DruckerPrager, Elastic, MuI, RegularisedMuI, materials, scenes
+from granular.materials import Material, OwnLaw
 
 OWN = {"name": "law", "language": "c", "source": ""}
 

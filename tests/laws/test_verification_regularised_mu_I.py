@@ -8,8 +8,7 @@ import pytest
 import scipy
 
 import granular as gr
-from granular import _core, theory
-from granular.materials import RegularisedMuI
+from granular import RegularisedMuI, _core, theory
 
 GRAINS = RegularisedMuI(E=1e6)
 STEEP = RegularisedMuI(E=1e6, mu_s=0.6, mu_2=1.2, alpha=1.7, mu_inf=0.1)

@@ -7,12 +7,8 @@ import pytest
 from schemes_by_name import scheme_of
 
 import granular as gr
-from granular.materials import NGF, DruckerPrager, Elastic, MuI
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
+from granular import NGF, Box, DruckerPrager, Elastic, Fill, Gravity, Grid, MuI
 from granular.mpm.limits import dt_limit
-from granular.shapes import Box
 from granular.theory import bar_restitution, wave_decay
 
 LENGTH = 1.6

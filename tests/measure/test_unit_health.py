@@ -5,7 +5,7 @@ import pytest
 from refusals import refused
 from synthetic import RHO_C, XI, isotropic, material, regular_points, scene, state
 
-from granular import Simulation, State, scenes, theory
+from granular import Gravity, Simulation, State, scenes, theory
 from granular.materials import glass_beads
 from granular.measure import (
     density_drift,
@@ -20,7 +20,6 @@ from granular.measure import (
     speed_percentile,
     string_fraction,
 )
-from granular.model.gravity import Gravity
 
 CELL = 0.01
 

@@ -6,12 +6,7 @@ from refusals import refused
 from synthetic import RHO_C
 
 import granular as gr
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.model.state import State
-from granular.mpm.bodies import Body, Motion
-from granular.shapes import Box, Cylinder
+from granular import Body, Box, Cylinder, Fill, Gravity, Grid, Motion, State
 
 CELL = 0.02
 

@@ -5,11 +5,9 @@ import pytest
 from matplotlib.figure import Figure
 
 import granular as gr
-from granular import plot
-from granular.mpm.bodies import Body, Motion
+from granular import Body, Box, Cylinder, HalfSpace, Motion, Polygon, Sphere, plot
 from granular.plot.bodies import Bodies, boxes_of_bodies
 from granular.plot.canvas import View
-from granular.shapes import Box, Cylinder, HalfSpace, Polygon, Sphere
 
 EXTENT = ((0.0, 1.0), (0.0, 1.0))
 

@@ -7,11 +7,9 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 import granular as gr
-from granular import plot
-from granular.mpm.bodies import Body, Motion
+from granular import Body, Box, Cylinder, Motion, plot
 from granular.plot.scene import FILLS, MOVING
 from granular.plot.scenery import BLOCK
-from granular.shapes import Box, Cylinder
 
 LEFT = gr.Box((0.0, 0.0), (0.4, 0.3))
 RIGHT = gr.Box((0.7, 0.0), (1.0, 0.5))

@@ -19,7 +19,8 @@ import records
 from records import abandon, content, make_checkpoint, make_record, make_state, unfinished
 
 import granular as gr
-from granular.record import RecordError, TrajectoryWriter, layout, open_trajectory
+from granular import open_trajectory
+from granular.record import RecordError, TrajectoryWriter, layout
 from granular.record.growing import DATA, LOG
 from granular.record.index import parts_folder
 from granular.record.log import read_log

@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 from records import SCENE, abandon, make_record, make_state, unfinished
 
-from granular.record import RecordError, TrajectoryWriter, open_trajectory
+from granular import open_trajectory
+from granular.record import RecordError, TrajectoryWriter
 from granular.record.frame import Texts
 from granular.record.growing import LOG
 from granular.record.index import Points, parts_folder

@@ -24,7 +24,8 @@ from records import (
     put,
 )
 
-from granular.record import TrajectoryWriter, open_trajectory
+from granular import open_trajectory
+from granular.record import TrajectoryWriter
 
 
 def expected(steps, checkpoint):

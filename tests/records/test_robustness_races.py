@@ -22,7 +22,8 @@ from records import (
     put,
 )
 
-from granular.record import RecordError, TrajectoryWriter, open_trajectory
+from granular import open_trajectory
+from granular.record import RecordError, TrajectoryWriter
 from granular.record.index import parts_folder
 
 RACER = textwrap.dedent("""

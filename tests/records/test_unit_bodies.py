@@ -8,12 +8,8 @@ from paraview_reader import as_array, paraview
 from scipy.stats import qmc
 
 import granular as gr
+from granular import Body, Fill, Gravity, Grid, Motion, MuI
 from granular.export.surfaces import surface
-from granular.materials import MuI
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.mpm.bodies import Body, Motion
 from granular.shapes import (
     Box,
     Capsule,

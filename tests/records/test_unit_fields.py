@@ -8,9 +8,8 @@ import pytest
 from paraview_reader import as_array, paraview
 
 import granular as gr
-from granular.mpm.bodies import Body, Motion
+from granular import Body, Box, Motion
 from granular.record import RecordError
-from granular.shapes import Box
 
 SOFT = gr.MuI(E=1e5, xi=None, I0=0.279, d=1e-3)
 ASKED = ("pressure", "speed", "density", "inertial_number", "phase")

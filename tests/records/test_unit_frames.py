@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from paraview_reader import as_array, paraview
 
-from granular.record import Checkpoint, RecordError, TrajectoryWriter, info, open_trajectory
+from granular import open_trajectory
+from granular.record import Checkpoint, RecordError, TrajectoryWriter, info
 from granular.record.chunks import Packed, Packer, corners
 from granular.record.fresh import Fresh
 

@@ -15,11 +15,10 @@ import pytest
 from inlets import fed_gas, stream
 
 import granular as gr
-from granular import sph
-from granular.mpm.bodies import Body, mass_properties
+from granular import Body, Box, sph
+from granular.mpm.bodies import mass_properties
 from granular.record import RecordError, TrajectoryWriter
 from granular.record.restart import read_restart, write_restart
-from granular.shapes import Box
 
 pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 

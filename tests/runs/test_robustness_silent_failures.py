@@ -7,13 +7,9 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.materials import Elastic
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
+from granular import Box, Elastic, Fill, Gravity, Grid
 from granular.mpm import limits
 from granular.run.monitor import SPACING
-from granular.shapes import Box
 
 BEADS = gr.materials.glass_beads.replace(E=1e6)
 

@@ -7,9 +7,9 @@ import pytest
 
 import granular as gr
 import granular.model.grid
+from granular import Gravity
 from granular.cli import main
 from granular.measure.bulk import Bulk
-from granular.model.gravity import Gravity
 from granular.run import diagnostics, monitor
 from granular.run.diagnostics import health
 from granular.run.monitor import LEAST, SPACING, Account, Energies, Monitor, later

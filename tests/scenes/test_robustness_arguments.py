@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import scenes
-from granular.materials import MuI
-from granular.mpm.scene import Scene
+from granular import MuI, Scene, scenes
 
 NOT_ABOVE_ZERO = {
     *("angle_deg", "jitter", "A", "omega", "rake_deg", "friction"),

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import materials, shapes
-from granular.mpm.walls import Solid, SpongeLayer, Wall
+from granular import Solid, SpongeLayer, Wall, materials, shapes
 from granular.tools.serializable import arguments_of
 
 SIZES = (1e-300, 1e-30, 1e-8, 1e30, 1e300)

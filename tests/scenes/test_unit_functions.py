@@ -9,13 +9,10 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import materials, scenes
-from granular.mpm import schemes
+from granular import Scene, Solid, SpongeLayer, materials, scenes, schemes
 from granular.mpm.axis_nodes import c0_lines, node_positions
 from granular.mpm.engine import initial_points
 from granular.mpm.node_codes import node_codes
-from granular.mpm.scene import Scene
-from granular.mpm.walls import Solid, SpongeLayer
 
 
 def mass(scene):

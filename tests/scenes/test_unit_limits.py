@@ -6,13 +6,8 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
+from granular import Box, Fill, Gravity, Grid, Solid, Wall, scene_warnings
 from granular.mpm.limits import COURANT_LIMIT, dt_limit
-from granular.mpm.walls import Solid, Wall
-from granular.run.diagnostics import scene_warnings
-from granular.shapes import Box
 
 BEADS = gr.materials.glass_beads.replace(E=1e6)
 

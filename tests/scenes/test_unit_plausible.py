@@ -7,9 +7,8 @@ import warnings
 import pytest
 
 import granular as gr
-from granular import cli, materials, shapes
+from granular import Wall, cli, materials, shapes
 from granular.model.plausible import suspect_numbers
-from granular.mpm.walls import Wall
 
 GRAINS = gr.MuI(E=1e6)
 HARDENING = materials.HardeningDruckerPrager(E=1e6)

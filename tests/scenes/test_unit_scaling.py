@@ -7,14 +7,20 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular.materials import Elastic, MuI
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.mpm import scaling
-from granular.mpm.bodies import Body, Motion
+from granular import (
+    Body,
+    Elastic,
+    Fill,
+    Gravity,
+    Grid,
+    Motion,
+    MuI,
+    Solid,
+    SpongeLayer,
+    Wall,
+    scaling,
+)
 from granular.mpm.scaling import POWERS, Froude
-from granular.mpm.walls import Solid, SpongeLayer, Wall
 from granular.shapes import Box, Cylinder, Difference, HalfSpace, Sphere, Union
 
 FIELDS = {

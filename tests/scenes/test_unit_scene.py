@@ -7,13 +7,8 @@ import pickle
 import numpy as np
 import pytest
 
-from granular import materials
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.mpm import schemes
-from granular.mpm.scene import Parameters, Scene
-from granular.mpm.walls import Solid, SpongeLayer, Wall
+from granular import Fill, Gravity, Grid, Scene, Solid, SpongeLayer, Wall, materials, schemes
+from granular.mpm.scene import Parameters
 from granular.shapes import Box, Cylinder, Difference, Intersection, Sphere, Union
 
 PARTS = {

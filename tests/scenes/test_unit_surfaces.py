@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import scenes
-from granular.shapes import HeightMap
+from granular import HeightMap, scenes
 
 
 def mass(scene):

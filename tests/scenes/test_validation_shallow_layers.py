@@ -6,8 +6,7 @@ The runs and the comparison are those of `granular verify --external shallow`.
 import numpy as np
 import pytest
 
-from granular import theory
-from granular.mpm import schemes
+from granular import schemes, theory
 from granular.verify.external import shallow
 
 ASKED = np.array(list(shallow.TOLERANCES.values()))

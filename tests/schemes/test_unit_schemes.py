@@ -5,13 +5,13 @@ import math
 import pytest
 
 import granular as gr
-from granular.mpm import schemes
-from granular.mpm.schemes import (
+from granular import (
     CellAveragedDensity,
     Fluidity,
     ParticleDensity,
     Scheme,
     SmoothedDensity,
+    schemes,
 )
 
 

@@ -8,11 +8,7 @@ import pytest
 from schemes_by_name import scheme_of
 
 import granular as gr
-from granular.materials import Elastic, MuI
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.shapes import Box
+from granular import Box, Elastic, Fill, Gravity, Grid, MuI
 from granular.verify.invariants import momentum
 
 

@@ -7,11 +7,7 @@ import pytest
 from schemes_by_name import scheme_of
 
 import granular as gr
-from granular.materials import Elastic
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.shapes import Box
+from granular import Box, Elastic, Fill, Gravity, Grid
 
 CELL = 0.1
 SOLID = Elastic(E=1e6)

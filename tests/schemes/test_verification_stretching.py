@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 import granular as gr
+from granular import Body, Cloud, HalfSpace, Motion
 from granular.measure import string_fraction
-from granular.model.regions import Cloud
-from granular.mpm.bodies import Body, Motion
-from granular.shapes import HalfSpace
 
 CELL, RATE, WIDTH, HEIGHT, STRAIN = 0.01, 2.0, 8, 45, 1.5
 

@@ -8,7 +8,7 @@ import warnings
 import numpy as np
 import pytest
 
-from granular.shapes import HeightMap
+from granular import HeightMap
 from granular.shapes.rasters import largest_rectangle
 
 pytestmark = pytest.mark.filterwarnings("ignore::PendingDeprecationWarning")  # affine, in rasterio

@@ -9,8 +9,7 @@ from oracle_body_shapes import SOLIDS, nearest
 from scipy.spatial.transform import Rotation
 
 import granular as gr
-from granular import _core
-from granular.mpm.bodies import Body
+from granular import Body, _core
 from granular.mpm.scaling import Froude
 from granular.shapes import (
     Box,

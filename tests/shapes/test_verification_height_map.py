@@ -5,14 +5,8 @@ import pytest
 from scipy.optimize import minimize
 
 import granular as gr
-from granular import _core
+from granular import Body, Box, Fill, Gravity, Grid, HalfSpace, HeightMap, MuI, Union, _core
 from granular.export.surfaces import surface
-from granular.materials import MuI
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.mpm.bodies import Body
-from granular.shapes import Box, HalfSpace, HeightMap, Union
 from granular.shapes.shape import turned
 
 

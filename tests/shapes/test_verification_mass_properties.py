@@ -7,7 +7,8 @@ import pytest
 from cube import CORNERS, FACES
 
 import granular as gr
-from granular.mpm.bodies import Body, mass_properties
+from granular import Body
+from granular.mpm.bodies import mass_properties
 from granular.shapes import (
     Box,
     Capsule,

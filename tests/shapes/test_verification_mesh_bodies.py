@@ -8,14 +8,8 @@ import pytest
 from cube import CORNERS, FACES
 
 import granular as gr
-from granular import _core
-from granular.materials import MuI
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.mpm.bodies import Body, Motion
-from granular.mpm.walls import Wall
-from granular.shapes import Box, Mesh, Union, mesh_samples
+from granular import Body, Box, Fill, Gravity, Grid, Mesh, Motion, MuI, Union, Wall, _core
+from granular.shapes import mesh_samples
 
 CUBE, FACES = tuple(map(tuple, CORNERS)), tuple(map(tuple, FACES))
 SOUP = np.arange(36).reshape(-1, 3)

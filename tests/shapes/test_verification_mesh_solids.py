@@ -10,8 +10,8 @@ from cube import CORNERS, FACES
 from scipy.spatial.transform import Rotation
 
 import granular as gr
-from granular.mpm.bodies import Body
-from granular.shapes import Box, Mesh, MeshWarning, Union
+from granular import Body, Box, Mesh, Union
+from granular.shapes import MeshWarning
 
 TURN = Rotation.from_rotvec((0.3, 0.5, 0.7)).as_matrix()
 

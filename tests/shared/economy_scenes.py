@@ -1,12 +1,8 @@
 """Parts that tests of suggestions share."""
 
 import granular as gr
+from granular import Box, Fill, Gravity, Grid, Wall
 from granular.materials import glass_beads
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.mpm.walls import Wall
-from granular.shapes import Box
 
 
 def full_silo(**changes):

@@ -7,7 +7,7 @@ from oracle_shapes import Shapes
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from granular.shapes import Box, Cylinder, Union
+from granular import Box, Cylinder, Union
 
 
 def _turn(rotation_deg):

@@ -7,7 +7,8 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from granular.shapes import Capsule, Frustum, Prism, Revolve, Shape, Sphere, Torus
+from granular import Capsule, Frustum, Prism, Revolve, Sphere, Torus
+from granular.shapes import Shape
 
 CENTER = (0.02, -0.01, 0.03)
 AXIS = (0.3, -0.5, 1.0)

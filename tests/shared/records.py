@@ -5,7 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from granular.record import Checkpoint, TrajectoryWriter, open_trajectory
+from granular import open_trajectory
+from granular.record import Checkpoint, TrajectoryWriter
 
 SCENE = SimpleNamespace(to_json=lambda: '{"name": "heap"}')
 

@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from granular.model.gravity import Gravity
+from granular import Gravity
 
 RHO_C = 1500.0
 RHO_S = 2450.0

@@ -9,11 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from spoiled import DOCUMENTED, QUICK
 
-from granular import Simulation, _core, scenes, sph
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.shapes import Box
+from granular import Box, Fill, Gravity, Grid, Simulation, _core, scenes, sph
 from granular.sph.simulation import _build
 from granular.sph.walls import Wall
 

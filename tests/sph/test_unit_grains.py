@@ -9,11 +9,7 @@ from oracle_fluidity import available
 from oracle_law import tensor
 from oracle_sph import evaluate, seeding_gradient
 
-from granular import _core, sph
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.shapes import Box
+from granular import Box, Fill, Gravity, Grid, _core, sph
 
 G = 9.81
 DX = 0.01

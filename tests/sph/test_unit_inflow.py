@@ -8,8 +8,7 @@ from inlets import fed_gas
 from refusals import refused
 
 import granular as gr
-from granular import sph
-from granular.model.gravity import Gravity
+from granular import Gravity, sph
 from granular.sph import simulation
 
 DX = 0.01

@@ -15,13 +15,9 @@ import pytest
 from paraview_reader import as_array, paraview
 
 import granular as gr
-from granular import _core, sph
+from granular import Box, Fill, Gravity, Grid, _core, sph
 from granular.cli import main
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
 from granular.record import RecordError, TrajectoryWriter
-from granular.shapes import Box
 
 DX = 0.01
 

@@ -7,11 +7,7 @@ import numpy as np
 import pytest
 from oracle_sph import images, kernel
 
-from granular import scenes, sph
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.shapes import Box
+from granular import Box, Fill, Gravity, Grid, scenes, sph
 
 DX = 0.01
 HEAVY = 1e6

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import sph
-from granular.model.gravity import Gravity
+from granular import Gravity, sph
 
 DX, G = 0.01, 9.81
 

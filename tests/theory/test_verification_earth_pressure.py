@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import _core
+from granular import Body, HalfSpace, Motion, _core
 from granular.measure.stress import friction_of
-from granular.mpm.bodies import Body, Motion
-from granular.shapes import HalfSpace
 from granular.theory import earth_pressure, reference
 from granular.verify.constitutive import law_parameters
 

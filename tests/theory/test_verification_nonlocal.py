@@ -13,7 +13,7 @@ import pytest
 from scipy.integrate import quad, solve_bvp, solve_ivp
 from scipy.optimize import brentq
 
-from granular.materials import NGF
+from granular import NGF
 from granular.theory import (
     bagnold_profile,
     bagnold_shape,

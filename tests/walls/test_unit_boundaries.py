@@ -9,14 +9,9 @@ from schemes_by_name import scheme_of
 from scipy.interpolate import BSpline
 
 import granular as gr
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
+from granular import Box, Fill, Gravity, Grid, Scheme, Solid, SpongeLayer, Wall
 from granular.mpm.axis_nodes import c0_lines, node_positions
 from granular.mpm.node_codes import WallRow, node_codes
-from granular.mpm.schemes import Scheme
-from granular.mpm.walls import Solid, SpongeLayer, Wall
-from granular.shapes import Box
 
 BASES = ("linear", "ugimp", "quadratic")
 

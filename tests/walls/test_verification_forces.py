@@ -6,14 +6,11 @@ import numpy as np
 import pytest
 
 import granular as gr
-from granular import measure
+from granular import Body, Box, CellAveragedDensity, Motion, ParticleDensity, measure
 from granular.measure.cut_forces import of_whole, torques_of_whole
-from granular.mpm.bodies import Body, Motion
 from granular.mpm.engine import averaging_interval, build
 from granular.mpm.node_codes import node_codes
-from granular.mpm.schemes import CellAveragedDensity, ParticleDensity
 from granular.mpm.wall_owners import wall_owners
-from granular.shapes import Box
 
 CELL, CELLS, LOW = 0.05, 12, 0.1
 HIGH = LOW + CELLS * CELL
