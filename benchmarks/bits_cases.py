@@ -92,7 +92,7 @@ DENSITY = {
 
 def _tests() -> object:
     """The module of the tests that makes small scenes in every scheme."""
-    sys.path.insert(0, str(TESTS / "unit"))
+    sys.path.insert(0, f"{TESTS}/shared")
     spec = importlib.util.spec_from_file_location("scenes_of_tests", TESTS / "conftest.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

@@ -9,12 +9,7 @@ import pytest
 from schemes_by_name import scheme_of
 
 import granular as gr
-from granular.materials import MuI
-from granular.model.fill import Fill
-from granular.model.gravity import Gravity
-from granular.model.grid import Grid
-from granular.mpm.walls import Solid, SpongeLayer, Wall
-from granular.shapes import Box, Difference
+from granular import Box, Difference, Fill, Gravity, Grid, MuI, Solid, SpongeLayer, Wall
 
 COMBINATIONS = [
     (basis, transfer, "particle")
@@ -25,9 +20,20 @@ COMBINATIONS = [
 CELL = 0.1
 
 
+KINDS_OF_TESTS = ("unit", "verification", "validation", "robustness")
+
+
+@pytest.hookimpl(tryfirst=True)  # before `-m` selects
 def pytest_collection_modifyitems(items):
-    """Let schemes that warn run in tests of every scheme; all other warnings are errors."""
+    """Mark each test with the kind that the name of its file begins with, as test_unit_*.py.
+
+    Schemes that warn run in tests of every scheme; all other warnings are errors.
+    """
     for item in items:
+        kind = item.path.name.split("_")[1]
+        if kind not in KINDS_OF_TESTS:
+            raise pytest.UsageError(f"{item.path} must begin with test_ and {KINDS_OF_TESTS}")
+        item.add_marker(kind)
         item.add_marker(pytest.mark.filterwarnings("ignore::granular.StabilityWarning"))
 
 

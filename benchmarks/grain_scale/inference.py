@@ -26,7 +26,7 @@ from granular.grain_scale import inference
 from granular.grain_scale.inference import InferenceWarning
 from granular.plot import Picture
 
-sys.path.append(str(next((ROOT / "tests").rglob("grains.py")).parent))
+sys.path.append(str(ROOT / "tests/shared"))
 import grains
 
 FIGURE = PICTURES / "inference_speed.png"

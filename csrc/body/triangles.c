@@ -10,7 +10,7 @@
 enum { LEAF = 4, DEEPEST = 64 };
 
 /* Distance in radii from which a node is a dipole. With 2 the winding numbers of closed surfaces err by less than 0.1, as
- * measured (tests/verification/test_mesh_solids.py); a sign needs 0.5. */
+ * measured (tests/shapes/test_verification_mesh_solids.py); a sign needs 0.5. */
 #define FAR 2.0
 
 /* Share of a distance that is free of the surface for certain, whatever the rounding. */

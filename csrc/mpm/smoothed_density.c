@@ -11,7 +11,7 @@
 /* Share of the residual force that a node on an inner wall line takes part with along the normal of that line. The
  * functions are only C0 there, and their slopes large: the largest eigenvalue of the descent on the sum of E^2 is 3.6 in
  * place of 1.5, so that with a weight_correction above 0.55 the weights would grow. With this share it is 1.8, and 1.9
- * where two lines are close (tests/verification/test_layers_at_rest.py). */
+ * where two lines are close (tests/density/test_verification_layers_at_rest.py). */
 #define LINE_SHARE 0.25
 
 /* A field of the nodes that belongs to an averaging of the density. */

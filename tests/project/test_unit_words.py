@@ -1,0 +1,106 @@
+"""One word for one thing, the field's own: words of the past do not come back.
+
+`python tests/project/test_unit_words.py [path ...]` lists where they stand.
+"""
+
+import re
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+ROOMS = ("csrc", "granular", "tests", "benchmarks", "docs", "notebooks")
+ROOMS += ("README.md", "CHANGELOG.md")
+ENDINGS = (".c", ".h", ".inl", ".py", ".pyi", ".md", ".ipynb", ".sh")
+ANY, CORE = ("",), ("csrc/",)
+ENGINE = ("csrc/", "granular/mpm/", "granular/run/diagnostics.py")
+OUTSIDE_GRAIN_SCALE = (
+    *("csrc/", "granular/mpm/", "granular/scenes/", "granular/sph/", "granular/measure/"),
+    *("granular/theory/", "granular/verify/", "granular/plot/", "granular/economy/"),
+    *("docs/tutorials/", "docs/how-to/", "docs/reference/", "docs/explanation/core.md"),
+    *("docs/explanation/limits.md", "docs/reports/stability.md"),
+)
+
+WORDS = (
+    (r"\b([Hh]ats?|HATS?)\b", "linear shape functions", ANY),
+    (r"\b[Cc]reas(e|es|ed)\b", "C0 line", ANY),
+    (r"\b[Ss]catter\w*", "P2G", CORE),
+    (r"\b[Gg]ather\w*", "G2P, or sum over cells", ENGINE),
+    (r"\b[Cc]ure[sd]?\b|\bgr_cure|\bcure_", "density correction", ANY),
+    (r"[\"'`](tracked|diffused|shared)[\"'`]", "particle, smoothed, cell_averaged", ANY),
+    (r"\b(tracked|diffused|shared) density", "particle, smoothed, cell-averaged density", ANY),
+    (r"\bfullness\b", "filling fraction", ANY),
+    (r"\brooms?\b", "volume, or capacity where it is memory", ANY),
+    (r"\bfeedback\w*", "relaxation to the nodal density", ANY),
+    (r"\bpull(s|ed)? (to|towards)\b|\bpull_to", "relax to", ANY),
+    (r"\bcrowd\w*", "over-compressed", ANY),
+    (r"\blent\b|\blent_", "shift momentum, or borrowed", ANY),
+    (r"\boverweight|\bunevenness\b", "quadrature weight correction, residual force", ANY),
+    (r"\btension_reach\b", "separation_strain", ANY),
+    (r"\bloose(r|ly)?\b", "disconnected, stress-free, or less dense", OUTSIDE_GRAIN_SCALE),
+    (r"\bbears? nothing\b", "is stress-free", ANY),
+    (r"\bgifts?\b|\blook_around\b", "contribution, cell_state", ANY),
+    (r"\bsets?_out\b|\bsets? out\b", "begin substeps", ANY),
+    (r"\bleavers?\b", "migrants", ANY),
+    (r"\bplates?(\b|_)", "thin body", CORE),
+    (r"_plates?\b", "thin body", CORE),
+    (r"\btwins?\b", "duplicate node", ANY),
+    (r"\bkindl\w+", "reconnect_fluidity", ANY),
+    (r"\bfrictionless\b", "free-slip", OUTSIDE_GRAIN_SCALE),
+    (r"\brough walls?\b", "no-slip wall", OUTSIDE_GRAIN_SCALE),
+    (r"\b[Aa]bsorb(er|ers|s|ing)\b", "sponge layer", ANY),
+    (r"\b[Dd]oubt(s|ful|ed)?\b", "scene_warnings; suspect", ANY),
+    (r"\b(a|the|each|all|no|these|two|many) looks?\b", "sample", ANY),
+    (r"\bthrift\w*|\badvi[sc]e[sd]?\b|\beconomy\.half\b", "cheaper, suggest, mirror_half", ANY),
+    (r"\bWritten\b\)|\bclass Written\b|\b_kept\b|\bcalled_with\b", "see the glossary", ANY),
+    (r"\bin space\b(?! and)", "3D", ANY),
+    (r"\bin the plane\b(?! of)", "2D", ANY),
+    (r"(?<![Ss]moothed )[Pp]article hydrodynamics", "SPH", ANY),
+    (r"(?<![Ss]eeding )\b[Ll]attices?\b", "grid, seeding lattice, averaging grid", ANY),
+    (r"\bschemes\.published\b", "schemes.dunatunga_kamrin_2015", ANY),
+    (r"\b(mu_i|local_saturating|hencky_mu_i)\b", "mu_I", ANY),
+    (r"[\"']saturating[\"']", "mu_I", ANY),
+    (r"\"\"\"(What|Whether|How)\b", "a noun or a verb", ANY),
+    (r"(?<!:[+-])(?<=[\s(=<>~+-])\.\d", "a zero before the point", ANY),
+)
+
+
+def any_of(words):
+    """One expression for all: those that begin with a boundary are tried there alone."""
+    first = [word.removeprefix(r"\b") for word in words if word.startswith(r"\b")]
+    rest = [word for word in words if not word.startswith(r"\b")]
+    return re.compile("|".join([rf"\b({'|'.join(first)})", *rest]))
+
+
+def files(paths):
+    """Files that are read, as paths from the root; also in a copy without the history of git."""
+    found = []
+    for path in (ROOT / p for p in paths):
+        found += [path] if path.is_file() else sorted(path.rglob("*"))
+    names = [path.relative_to(ROOT).as_posix() for path in found if path.is_file()]
+    return [name for name in names if name.endswith(ENDINGS) and "__pycache__" not in name]
+
+
+def hits(paths):
+    """File, line, word and what stands for it now."""
+    present = any_of([word for word, _, _ in WORDS])
+    for name in files(paths):
+        if name == "tests/project/test_unit_words.py":
+            continue
+        text = (ROOT / name).read_text()
+        if not present.search(text):  # of most files; one by one the words take ten times as long
+            continue
+        for word, now in [(word, now) for word, now, where in WORDS if name.startswith(where)]:
+            for found in re.finditer(word, text):
+                before = text[: found.start()].split("\n")
+                line = (before[-1] + text[found.start() :].partition("\n")[0]).strip()
+                yield f"{name}:{len(before)}: {found.group()!r}: {now}: {line[:90]}"
+
+
+def test_words_that_are_gone():
+    assert len(files(ROOMS)) > 300
+    found = list(hits(ROOMS))
+    assert not found, "\n".join(found[:50])
+
+
+if __name__ == "__main__":
+    print("\n".join(hits(sys.argv[1:] or ROOMS)))
