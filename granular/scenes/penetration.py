@@ -8,11 +8,10 @@ from typing import Any
 from granular.materials import Material
 from granular.mpm import schemes
 from granular.mpm.bodies import Body, Motion
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import block, gravity_down, smooth_sides, soft_beads, whole_cells
-from granular.scenes._registry import scene_function
+from granular.scenes._registry import Parts, scene_function
 from granular.shapes import Box, Cylinder, Frustum, Shape, Sphere, Union
 from granular.tools.checks import in_range, integer, non_negative, one_of, positive
 
@@ -39,7 +38,7 @@ def penetration(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Intruder driven vertically into a level bed, whose surface is at z = 0 (y = 0 in 2D).
 
     All numbers are chosen here. The lowest place of the intruder begins at the surface, in the
@@ -71,8 +70,6 @@ def penetration(
         Extent of the bed along x (and y), its depth, and the height above it [m], whole cells.
     dim : {2, 3}
         Dimension.
-    points_per_cell, jitter
-        See `granular.Fill`; by default 2 along an edge of a cell.
     {common}; also if the intruder would reach the floor or the sides.
     """
     cell, dim = positive("cell", cell), integer("dim", dim, 2, 3)
@@ -99,11 +96,8 @@ def penetration(
     )
     # The shaft is longer than the way, so that the bed never closes above it.
     shape = _shape(kind, 0.5 * diameter, cone_deg, soil + headroom, dim)
-    return Scene(
-        name="penetration",
+    return Parts(
         **bed,
-        material=material,
-        scheme=scheme,
         walls=(Wall(dim - 1, -n_z * cell, kind="no_slip"), *smooth_sides(bed["grid"])),
         bodies=(
             Body(
@@ -114,8 +108,6 @@ def penetration(
             ),
         ),
         gravity=gravity_down(dim, gravity),
-        duration=duration,
-        seed=seed,
     )
 
 

@@ -10,17 +10,15 @@ from granular.model.fill import Fill
 from granular.model.grid import Grid
 from granular.mpm import schemes
 from granular.mpm.bodies import Body, mass_properties
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import (
     enough_cells,
-    gravity_down,
     smooth_sides,
     soft_beads,
     whole_cells,
 )
-from granular.scenes._registry import scene_function
+from granular.scenes._registry import Parts, scene_function
 from granular.shapes import Box, Cylinder, Polygon
 from granular.tools.checks import in_range, non_negative, positive
 
@@ -44,7 +42,7 @@ def rolling_wheel(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Wheel that is let go on a rigid ramp, rolls down, and onto a level bed, where it sinks in.
 
     The scene is 2D, and all numbers are chosen here. The surface of the bed is at y = 0, and the
@@ -84,8 +82,7 @@ def rolling_wheel(
     ramp = Polygon(((far, lower[1]), (0.0, lower[1]), (0.0, 0.0), (far, -far * math.tan(angle))))
     wheel = Cylinder(radius, center=(0.0, 0.0))
     whole = mass_properties(wheel, positive("density", density))
-    return Scene(
-        name="rolling_wheel",
+    return Parts(
         grid=grid,
         fills=(
             Fill(
@@ -95,8 +92,6 @@ def rolling_wheel(
                 lithostatic=True,
             ),
         ),
-        material=material,
-        scheme=scheme,
         walls=(Wall(1, lower[1], kind="no_slip"), *smooth_sides(grid)),
         bodies=(
             Body(ramp, (0.0, 0.0), friction=friction),
@@ -109,7 +104,4 @@ def rolling_wheel(
                 inertia=whole.inertia,
             ),
         ),
-        gravity=gravity_down(2, gravity),
-        duration=duration,
-        seed=seed,
     )

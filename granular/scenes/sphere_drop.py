@@ -8,11 +8,10 @@ from typing import Any
 from granular.materials import Material
 from granular.mpm import schemes
 from granular.mpm.bodies import Body, Motion
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import block, gravity_down, smooth_sides, soft_beads, whole_cells
-from granular.scenes._registry import scene_function
+from granular.scenes._build import block, smooth_sides, soft_beads, whole_cells
+from granular.scenes._registry import Parts, scene_function
 from granular.shapes import Cylinder, Shape, Sphere
 from granular.tools.checks import integer, non_negative, positive
 
@@ -37,7 +36,7 @@ def sphere_drop(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Ball that falls on a level bed, whose surface is at z = 0 (y = 0 in 2D), and makes a crater.
 
     The diameter of an inch and the density of Teflon are among those of Uehara et al. (2003); all
@@ -62,8 +61,6 @@ def sphere_drop(
         Extent of the bed along x (and y), its depth, and the height above it [m], whole cells.
     dim : {2, 3}
         Dimension.
-    points_per_cell, jitter
-        See `granular.Fill`; by default 2 along an edge of a cell.
     {common}; also if the ball is wider than the bed.
     """
     cell, dim = positive("cell", cell), integer("dim", dim, 2, 3)
@@ -85,11 +82,8 @@ def sphere_drop(
         lithostatic=True,
     )
     shape, mass, inertia = _ball(radius, density, dim)
-    return Scene(
-        name="sphere_drop",
+    return Parts(
         **bed,
-        material=material,
-        scheme=scheme,
         walls=(Wall(dim - 1, -n_z * cell, kind="no_slip"), *smooth_sides(bed["grid"])),
         bodies=(
             Body(
@@ -102,9 +96,6 @@ def sphere_drop(
                 inertia=inertia,
             ),
         ),
-        gravity=gravity_down(dim, gravity),
-        duration=duration,
-        seed=seed,
     )
 
 

@@ -10,17 +10,15 @@ from granular.model.fill import Fill
 from granular.model.grid import Grid
 from granular.mpm import schemes
 from granular.mpm.bodies import Body, mass_properties
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import (
     enough_cells,
-    gravity_down,
     smooth_sides,
     soft_beads,
     whole_cells,
 )
-from granular.scenes._registry import scene_function
+from granular.scenes._registry import Parts, scene_function
 from granular.shapes import Box
 from granular.tools.checks import in_range, non_negative, positive
 
@@ -46,7 +44,7 @@ def tumbling_block(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Block that lies on a rigid step, its middle beyond the edge: it tips and falls on a bed.
 
     The scene is 2D, and all numbers are chosen here. The surface of the bed is at y = 0, the edge
@@ -83,8 +81,7 @@ def tumbling_block(
     grid = Grid(lower, cell, (behind + n_x, n_soil + above), open_sides=frozenset({"y+"}))
     whole = mass_properties(shapes.Box(size=(long, thick)), positive("density", density))
     rock = shapes.Box(size=(2 * behind * cell, 2 * step + 2 * n_soil * cell))
-    return Scene(
-        name="tumbling_block",
+    return Parts(
         grid=grid,
         fills=(
             Fill(
@@ -94,8 +91,6 @@ def tumbling_block(
                 lithostatic=True,
             ),
         ),
-        material=material,
-        scheme=scheme,
         walls=(Wall(1, lower[1], kind="no_slip"), *smooth_sides(grid)),
         bodies=(
             Body(rock, (lower[0], lower[1]), friction=friction),
@@ -109,7 +104,4 @@ def tumbling_block(
                 restitution=restitution,
             ),
         ),
-        gravity=gravity_down(2, gravity),
-        duration=duration,
-        seed=seed,
     )
