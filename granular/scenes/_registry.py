@@ -15,7 +15,7 @@ from granular import sph
 from granular.materials import Material
 from granular.mpm import scene as mpm
 from granular.mpm import schemes
-from granular.scenes._build import gravity_down
+from granular.scenes._build import Parts, gravity_down
 from granular.scenes._stiffness import stiff_enough
 from granular.tools.checks import one_of
 
@@ -58,9 +58,6 @@ Raises
 TypeError, ValueError
     Naming argument, value and allowed range"""
 """Last part of the docstrings of scene functions; each of them ends this sentence."""
-
-Parts = dict[str, Any]
-"""What a scene function returns: parts of its scene by name."""
 
 P = ParamSpec("P")
 S_co = TypeVar("S_co", bound="mpm.Scene | sph.Scene", covariant=True)

@@ -12,8 +12,8 @@ from granular.model.grid import Grid
 from granular.mpm import schemes
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import HEADROOM, enough_cells, smooth_sides
-from granular.scenes._registry import Parts, scene_function
+from granular.scenes._build import HEADROOM, Parts, enough_cells, smooth_sides
+from granular.scenes._registry import scene_function
 from granular.shapes import Box, Cylinder, Intersection
 from granular.tools.checks import one_of, positive
 

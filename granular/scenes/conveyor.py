@@ -15,12 +15,13 @@ from granular.mpm.walls import Wall
 from granular.scenes._build import (
     HEADROOM,
     MARGIN,
+    Parts,
     cells_across,
     down_slope,
     soft_beads,
     whole_cells,
 )
-from granular.scenes._registry import Parts, scene_function
+from granular.scenes._registry import scene_function
 from granular.shapes import Box, HalfSpace
 from granular.tools.checks import finite, in_range, non_negative, positive
 

@@ -12,8 +12,15 @@ from granular.model.grid import Grid
 from granular.mpm.bodies import Body, Motion
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import HEADROOM, enough_cells, gravity_down, reconnected, whole_cells
-from granular.scenes._registry import Parts, scene_function
+from granular.scenes._build import (
+    HEADROOM,
+    Parts,
+    enough_cells,
+    gravity_down,
+    reconnected,
+    whole_cells,
+)
+from granular.scenes._registry import scene_function
 from granular.shapes import Cylinder, Region, Sphere
 from granular.tools.checks import finite, in_range, positive
 

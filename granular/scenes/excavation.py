@@ -8,8 +8,8 @@ from typing import Any
 from granular.materials import Material, grc_1
 from granular.mpm.bodies import Body
 from granular.mpm.schemes import Scheme
-from granular.scenes._build import PROMPT, reconnected, sided
-from granular.scenes._registry import Parts, scene_function
+from granular.scenes._build import PROMPT, Parts, gravity_down, reconnected, sided
+from granular.scenes._registry import scene_function
 from granular.scenes._tools import bed, legs, thickness_of
 from granular.shapes import Box, Union
 from granular.tools.checks import finite, in_range, non_negative, positive, truth, vector
@@ -118,15 +118,14 @@ def excavation(
     middle = 0.0 if half else width / 2
     return Parts(
         **bed(
-            length=length,
-            width=width / 2 if half else width,
-            depth=soil,
+            (("length", length), ("width", width / 2 if half else width)),
+            soil=soil,
             headroom=headroom,
             cell=cell,
             points_per_cell=points_per_cell,
             jitter=jitter,
-            gravity=gravity,
         ),
+        gravity=gravity_down(3, gravity),
         bodies=(
             Body(
                 shape,
@@ -229,15 +228,14 @@ def excavator(
     across = 0.0 if half else positive("width", width) / 2
     return Parts(
         **bed(
-            length=length,
-            width=positive("width", width) / 2 if half else width,
-            depth=soil,
+            (("length", length), ("width", positive("width", width) / 2 if half else width)),
+            soil=soil,
             headroom=headroom,
             cell=cell,
             points_per_cell=points_per_cell,
             jitter=jitter,
-            gravity=gravity,
         ),
+        gravity=gravity_down(3, gravity),
         bodies=(
             Body(
                 _bucket(size, sheet),

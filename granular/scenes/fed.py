@@ -14,12 +14,13 @@ from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import (
     HEADROOM,
+    Parts,
     down_slope,
     smooth_sides,
     soft_beads,
     whole_cells,
 )
-from granular.scenes._registry import Parts, scene_function
+from granular.scenes._registry import scene_function
 from granular.shapes import Box
 from granular.tools.checks import finite, positive
 

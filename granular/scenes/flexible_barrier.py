@@ -11,8 +11,8 @@ from granular.model.grid import Grid
 from granular.mpm import schemes
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import down_slope, enough_cells, soft_beads, whole_cells
-from granular.scenes._registry import Parts, scene_function
+from granular.scenes._build import Parts, down_slope, enough_cells, soft_beads, whole_cells
+from granular.scenes._registry import scene_function
 from granular.shapes import Box
 from granular.tools.checks import in_range, non_negative, positive
 

@@ -10,8 +10,8 @@ from granular.mpm import schemes
 from granular.mpm.bodies import Body
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import HEADROOM, MARGIN, block, enough_cells, whole_cells
-from granular.scenes._registry import Parts, scene_function
+from granular.scenes._build import HEADROOM, MARGIN, Parts, block, enough_cells, whole_cells
+from granular.scenes._registry import scene_function
 from granular.shapes import Revolve
 from granular.tools.checks import in_range, integer, non_negative, positive
 

@@ -12,8 +12,8 @@ from granular.model.grid import Grid
 from granular.mpm import schemes
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Solid, Wall
-from granular.scenes._build import HEADROOM, whole_cells
-from granular.scenes._registry import Parts, scene_function
+from granular.scenes._build import HEADROOM, Parts, whole_cells
+from granular.scenes._registry import scene_function
 from granular.shapes import Box, Difference, Region, Union
 from granular.tools.checks import in_range, non_negative, one_of, positive
 

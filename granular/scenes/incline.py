@@ -8,8 +8,8 @@ from granular.materials import NGF, Material, glass_beads
 from granular.mpm import schemes
 from granular.mpm.schemes import ParticleDensity, Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import block, down_slope, level_cells, ramped, whole_cells
-from granular.scenes._registry import Parts, scene_function
+from granular.scenes._build import Parts, block, down_slope, level_cells, ramped, whole_cells
+from granular.scenes._registry import scene_function
 from granular.tools.checks import integer, positive
 
 

@@ -20,10 +20,11 @@ from granular.scenes._build import (
     HEADROOM,
     MARGIN,
     ROUND_OFF,
+    Parts,
     enough_cells,
     soft_beads,
 )
-from granular.scenes._registry import Parts, scene_function
+from granular.scenes._registry import scene_function
 from granular.shapes import HeightMap
 from granular.tools.checks import array, finite, in_range, integer, non_negative, positive, vector
 

@@ -14,13 +14,14 @@ from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import (
     MARGIN,
+    Parts,
     cells_across,
     down_slope,
     enough_cells,
     soft_beads,
     whole_cells,
 )
-from granular.scenes._registry import Parts, scene_function
+from granular.scenes._registry import scene_function
 from granular.shapes import Box, Cylinder, HalfSpace
 from granular.tools.checks import non_negative, one_of, positive
 

@@ -13,8 +13,8 @@ from granular.model.grid import Grid
 from granular.mpm import schemes
 from granular.mpm.bodies import Body, Motion
 from granular.mpm.schemes import Scheme
-from granular.scenes._build import MARGIN, cells_across, enough_cells, soft_beads
-from granular.scenes._registry import Parts, scene_function
+from granular.scenes._build import MARGIN, Parts, cells_across, enough_cells, soft_beads
+from granular.scenes._registry import scene_function
 from granular.shapes import Cylinder, Polygon, Prism
 from granular.tools.checks import finite, in_range, non_negative, positive
 

@@ -13,12 +13,13 @@ from granular.run.diagnostics import StabilityWarning
 from granular.scenes._build import (
     HEADROOM,
     PROMPT,
+    Parts,
     block,
     in_soft_soil,
     smooth_sides,
     whole_cells,
 )
-from granular.scenes._registry import Parts, scene_function
+from granular.scenes._registry import scene_function
 from granular.tools.checks import in_range, non_negative, one_of, positive, truth
 
 

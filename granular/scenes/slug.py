@@ -10,8 +10,8 @@ from granular.model.grid import Grid
 from granular.mpm import schemes
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import enough_cells, smooth_sides
-from granular.scenes._registry import Parts, scene_function
+from granular.scenes._build import Parts, enough_cells, smooth_sides
+from granular.scenes._registry import scene_function
 from granular.shapes import Sphere
 from granular.tools.checks import non_negative, positive, vector
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from granular.scenes._build import (
     SETTLE,
+    Parts,
     block,
     cells_across,
     down_slope,
@@ -14,7 +15,7 @@ from granular.scenes._build import (
     settling_gravity,
     whole_cells,
 )
-from granular.scenes._registry import Parts, scene_function
+from granular.scenes._registry import scene_function
 from granular.sph.material import Viscoplastic, grit
 from granular.sph.numerics import Numerics
 from granular.sph.walls import Wall
@@ -194,6 +195,7 @@ def inclined_collapse(
             Wall(1, at, side, span=ends, layers=thin) for at, side in ((0.0, 1), (sides[0][1], -1))
         )
     return Parts(
+        name="inclined_collapse_sph",
         **block(
             spacing,
             (n_x, *n_y, n_z + ABOVE_CHANNEL),

@@ -5,8 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 from granular.model.fill import Fill
-from granular.scenes._build import block, cells_across, gravity_down, level_cells, whole_cells
-from granular.scenes._registry import Parts, scene_function
+from granular.scenes._build import (
+    Parts,
+    block,
+    cells_across,
+    gravity_down,
+    level_cells,
+    whole_cells,
+)
+from granular.scenes._registry import scene_function
 from granular.shapes import Box
 from granular.sph.gas import SOUND_SPEED, Gas, Jet
 from granular.sph.material import Viscoplastic

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from granular.model.gravity import Gravity
-from granular.scenes._build import block, down_slope, level_cells, whole_cells
-from granular.scenes._registry import Parts, scene_function
+from granular.scenes._build import Parts, block, down_slope, level_cells, whole_cells
+from granular.scenes._registry import scene_function
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
 from granular.sph.walls import Wall

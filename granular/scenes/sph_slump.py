@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular.scenes._build import SETTLE, block, cells_across, settling_gravity, whole_cells
-from granular.scenes._registry import Parts, scene_function
+from granular.scenes._build import SETTLE, Parts, block, cells_across, settling_gravity, whole_cells
+from granular.scenes._registry import scene_function
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
 from granular.sph.walls import Wall

@@ -7,8 +7,8 @@ from typing import Any
 from granular.materials import Material
 from granular.mpm.bodies import Body
 from granular.mpm.schemes import Scheme
-from granular.scenes._build import in_soft_soil
-from granular.scenes._registry import Parts, scene_function
+from granular.scenes._build import Parts, gravity_down, in_soft_soil
+from granular.scenes._registry import scene_function
 from granular.scenes._tools import bed, legs
 from granular.scenes.excavation import soft_grc_1
 from granular.shapes import Cylinder
@@ -96,15 +96,14 @@ def wheel(
     shape = Cylinder(radius, center=(0.0, 0.0, 0.0), axis=(0.0, 1.0, 0.0), length=2 * tread)
     return Parts(
         **bed(
-            length=length,
-            width=width,
-            depth=soil,
+            (("length", length), ("width", width)),
+            soil=soil,
             headroom=headroom,
             cell=cell,
             points_per_cell=points_per_cell,
             jitter=jitter,
-            gravity=gravity,
         ),
+        gravity=gravity_down(3, gravity),
         bodies=(
             Body(
                 shape,
