@@ -26,8 +26,6 @@ from granular.tools.checks import (
 )
 from granular.tools.serializable import ComparedByContent
 
-__all__ = ["Heights", "Layer"]
-
 Array = NDArray[np.float64]
 Vector = tuple[float, ...]
 
@@ -86,11 +84,7 @@ class Heights(ComparedByContent):
         Place of the first height [m].
     spacing : float
         Distance between heights along each axis [m], > 0.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     z: Array
@@ -238,11 +232,7 @@ class Layer(ComparedByContent, Region):
     spacing : float, optional
         Distance at which what is no number and no `Heights` is sampled [m]: at most that of the
         seeding lattice is recommended.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     on: float | Heights

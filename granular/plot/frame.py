@@ -85,11 +85,7 @@ def frame(
     -------
     Figure
         The figure of `ax`; its `savefig` needs no backend.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     if not isinstance(state, State):
         raise TypeError(f"state = {state!r} must be a State, such as `simulation.state`")

@@ -18,6 +18,7 @@ from granular.mpm import schemes
 from granular.scenes._build import Parts, gravity_down
 from granular.scenes._stiffness import stiff_enough
 from granular.tools.checks import one_of
+from granular.tools.docstrings import RAISES
 
 METHODS: dict[str, type[mpm.Scene | sph.Scene]] = {"mpm": mpm.Scene, "sph": sph.Scene}
 """Classes of scenes by their method of solution."""
@@ -51,13 +52,6 @@ COMMON = (
     ("**material_numbers", "Numbers of the material to change, such as `nu`."),
 )
 """Arguments that many scene functions have, as they stand in docstrings, and what they mean."""
-
-RAISES = """
-Raises
-------
-TypeError, ValueError
-    Naming argument, value and allowed range"""
-"""Last part of the docstrings of scene functions; each of them ends this sentence."""
 
 P = ParamSpec("P")
 S_co = TypeVar("S_co", bound="mpm.Scene | sph.Scene", covariant=True)

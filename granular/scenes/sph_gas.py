@@ -21,8 +21,6 @@ from granular.sph.numerics import Numerics
 from granular.sph.walls import Wall
 from granular.tools.checks import in_range, non_negative, positive
 
-__all__ = ["fluidised_bed", "jet_on_bed"]
-
 LAYERS = 5
 """Layers of particles in a wall, as in the thesis."""
 bed_soil = Viscoplastic(rho0=1600.0, mu_l=0.8, mu_h=0.8)

@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike
 from granular.theory.incline import Array
 from granular.tools.checks import positive
 
-__all__ = ["crater_depth"]
-
 
 def crater_depth(drop: ArrayLike, D: float, mu: float, density_ratio: float) -> Array:
     """Depth to which a ball goes that falls on a bed of dry grains (Uehara et al. 2003).
@@ -36,11 +34,7 @@ def crater_depth(drop: ArrayLike, D: float, mu: float, density_ratio: float) -> 
     ndarray
         Depth d of the lowest place of the ball below the initial surface [m], of the shape of
         `drop`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is out of range.
+    {raises}.
     """
     drop = np.asarray(drop, dtype=float)
     if not np.all(np.isfinite(drop) & (drop >= 0)):

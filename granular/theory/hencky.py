@@ -94,11 +94,7 @@ def hencky_column(
     Returns
     -------
     HenckyColumn
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is out of range.
+    {raises}.
     """
     Y = np.asarray(reference_height, dtype=float)
     height0 = positive("height0", height0)
@@ -162,11 +158,7 @@ def standing_wave(
     -------
     StandingWave
         Arrays of the broadcast shape.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is out of range.
+    {raises}.
     """
     x, t = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(t, dtype=float))
     length, amplitude = positive("length", length), finite("amplitude", amplitude)
