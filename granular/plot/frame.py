@@ -1,5 +1,7 @@
 """A picture of one state."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 from matplotlib.artist import Artist

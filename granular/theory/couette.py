@@ -12,6 +12,8 @@ last term is negligible: any multiple of a solution g is a solution, and mu_w is
 which one exists.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

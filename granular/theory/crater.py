@@ -4,6 +4,8 @@ An empirical law: J. S. Uehara, M. A. Ambroso, R. P. Ojha & D. J. Durian, Phys. 
 194301 (2003).
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 

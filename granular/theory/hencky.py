@@ -5,6 +5,8 @@ with the modulus M = K + 4G/3. The force per unit area of the undeformed section
 P = M e exp(-e).
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 

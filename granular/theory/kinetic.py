@@ -14,6 +14,8 @@ rate of *compression*. The theory diverges at Phi = 0.6, below Phi_c = 0.612 of 
 the text allows in (A11).
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 

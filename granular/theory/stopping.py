@@ -10,6 +10,8 @@ is cos(pi z/2H). It grows at the rate (lambda - (pi A d/2H)^2)/t0, which is posi
 H > H_stop.
 """
 
+from __future__ import annotations
+
 import math
 from typing import Any
 
