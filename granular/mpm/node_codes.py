@@ -110,7 +110,7 @@ def driven(scene: Scene) -> list[Inflow]:
 
 
 def _wall_hold(wall: WallOrBlock, axis: int, grid: Grid) -> WallRow:
-    """What a wall normal to an axis holds."""
+    """Row of a wall normal to an axis."""
     everything, normal = (1 << grid.dim) - 1, 1 << axis
     if wall.rule.sticks:
         vx, vy, vz = (*(wall.velocity or ()), 0.0, 0.0, 0.0)[:3]

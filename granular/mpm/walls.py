@@ -38,7 +38,7 @@ Face = tuple[NDArray[np.float64], NDArray[np.float64], int, int]
 
 @dataclass(frozen=True)
 class Rule:
-    """How walls and blocks of a kind hold the material at them.
+    """A rule by which walls and blocks hold the material at them.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ class WallOrBlock(Boundary):
 
     @property
     def rule(self) -> Rule:
-        """How it holds material."""
+        """Rule by which it holds material."""
         return RULES[self.kind]
 
     @property
