@@ -39,7 +39,7 @@ from granular.mpm.schemes import (
     Scheme,
     SmoothedDensity,
 )
-from granular.mpm.walls import Solid, SpongeLayer, Step, Wall
+from granular.mpm.walls import Solid, SpongeLayer, Wall
 from granular.record import Trajectory, open_trajectory
 from granular.record import open_trajectory as open
 from granular.run.diagnostics import StabilityWarning, scene_warnings
@@ -146,7 +146,6 @@ __all__ = [
     "SpongeLayer",
     "StabilityWarning",
     "State",
-    "Step",
     "Torus",
     "Trajectory",
     "Union",

@@ -310,45 +310,7 @@ class Solid(WallOrBlock):
             grid.line(f"{name}.upper[{axis}]", axis, self.upper[axis])
 
 
-@dataclass(frozen=True)
-class Step(WallOrBlock):
-    """A block in the lower corner of the grid, across the whole of it.
-
-    Parameters
-    ----------
-    length, height : float
-        Extents along x and upwards [m], whole cells.
-    kind : {"no_slip", "free_slip"}
-        See `Solid`.
-    """
-
-    length: float
-    height: float
-    _: KW_ONLY
-    kind: str = "no_slip"
-    axis = span = velocity = pressure = None
-    friction, opens_at = 0.0, math.inf
-    quantities: ClassVar = {"length": "length", "height": "length"}
-    order, faces, in_words = Solid.order, Solid.faces, Solid.in_words
-
-    def __post_init__(self) -> None:
-        check_fields(self, positive, "length", "height")
-
-    def extent(self, grid: Grid, axis: int) -> Span:
-        size = {0: self.length, grid.dim - 1: self.height}
-        low = grid.lower[axis]
-        return low, low + size[axis] if axis in size else grid.upper[axis]
-
-    def above(self, grid: Grid, at: float, beyond: float) -> Self | None:
-        left = grid.lower[0] + self.length - at
-        return replace(self, length=left) if left > beyond - at else None
-
-    def check(self, name: str, grid: Grid) -> None:
-        for axis in (0, grid.dim - 1):
-            grid.line(f"{name} along {AXES[axis]}", axis, self.extent(grid, axis)[1])
-
-
-BOUNDARIES: tuple[type[WallOrBlock], ...] = (Wall, Solid, Step)
+BOUNDARIES: tuple[type[WallOrBlock], ...] = (Wall, Solid)
 """Classes of the walls and blocks of a scene."""
 
 

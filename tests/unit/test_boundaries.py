@@ -398,18 +398,3 @@ def test_at_once_by_default_and_only_above():
     assert above.any() and not above.all()
     np.testing.assert_array_equal(state.v[above, 1], 0.0)
     assert state.v[~above, 1] == pytest.approx(1.0, rel=1e-12)
-
-
-def test_a_step_is_the_block_in_the_corner():
-    scene = gr.scenes.column_collapse(cell=0.05)
-    step, block = gr.Step(0.1, 0.05), gr.Solid((0.0, 0.0), (0.1, 0.05))
-    runs = []
-    for wall in (step, block):
-        changed = scene.replace(walls=(*scene.walls, wall))
-        assert type(changed).from_json(changed.to_json()) == changed
-        assert gr.scaling.Froude(4.0).scene(changed).walls[-1] != wall
-        gr.plot.scene(changed)
-        sim = gr.Simulation(changed, threads=1)
-        sim.step(50)
-        runs.append(sim.state.x)
-    assert (runs[0] == runs[1]).all()
