@@ -72,10 +72,6 @@ def cylinder_profile(
     axis : (x, y)
         Position of the axis [m].
 
-    Returns
-    -------
-    CylinderProfile
-
     Raises
     ------
     ValueError
