@@ -14,15 +14,12 @@ from granular.model.state import State
 from granular.tools.checks import instance
 from granular.tools.extras import imported
 
-__all__ = ["to_pyvista"]
-
 
 def to_pyvista(state: State, fields: Collection[str] = STANDARD) -> Any:
     """Return a `pyvista.MultiBlock` of "material" and "gas" (points), "body0", "body1", ...
 
     Parameters
     ----------
-    state : State
     fields : collection of str
         Derived quantities besides the stored fields, of `granular.measure.derived`.
 

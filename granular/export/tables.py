@@ -17,8 +17,6 @@ from granular.record.reader import Trajectory
 from granular.tools.checks import instance
 from granular.tools.extras import imported
 
-__all__ = ["to_pandas", "to_xarray"]
-
 COMPONENTS = {2: ("xx", "yy", "zz", "xy"), 3: ("xx", "yy", "zz", "xy", "yz", "xz")}
 QUATERNION = ("w", "x", "y", "z")
 UNITS = {
@@ -44,7 +42,6 @@ def to_pandas(state: State, fields: Collection[str] = STANDARD) -> Any:
 
     Parameters
     ----------
-    state : State
     fields : collection of str
         Derived quantities, of `granular.measure.derived`.
 
@@ -78,7 +75,6 @@ def to_xarray(record: Trajectory, fields: Collection[str] = STANDARD) -> Any:
 
     Parameters
     ----------
-    record : Trajectory
     fields : collection of str
         Derived quantities besides the stored fields, of `granular.measure.derived`.
 

@@ -15,8 +15,6 @@ from granular.grain_scale.dump_tables import Table, tables
 from granular.model.regions import Cloud
 from granular.tools.checks import in_range, integer, positive
 
-__all__ = ["Dump", "DumpFrame", "read_dump"]
-
 Array = NDArray[np.float64]
 
 AXES = "xyz"
@@ -291,10 +289,6 @@ def read_dump(
         Radius of all grains [m], > 0, for a dump without.
     density : float, optional
         Density of all grains [kg/m3], > 0, for a dump without masses.
-
-    Returns
-    -------
-    Dump
 
     Raises
     ------

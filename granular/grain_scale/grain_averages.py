@@ -13,8 +13,6 @@ from granular.grain_scale.dump import AXES, DumpFrame, depth_along
 from granular.measure.averaging_grid import mean_of, sums_of
 from granular.model.grid import Grid
 
-__all__ = ["GrainAverages", "average_grains"]
-
 Array = NDArray[np.float64]
 
 
@@ -74,10 +72,6 @@ def average_grains(
     columns : sequence of 5 str
         Names of its columns: the ids of the grains i and j of a pair, and the three components of
         the force on grain i, in units of the file.
-
-    Returns
-    -------
-    GrainAverages
 
     Raises
     ------

@@ -28,8 +28,6 @@ from granular.tools.checks import check_fields, finite, in_range, kinds_of, one_
 from granular.tools.serializable import Ordered, Serializable
 from granular.tools.shown_code import MARK, escaped, marked
 
-__all__ = ["OwnLaw", "code_of", "from_function", "trust_code"]
-
 LANGUAGES = ("numpy", "numba", "c")
 MOST_SHOWN = 4000
 """Characters of a source, and lines of a difference of two, that an error shows."""
@@ -75,11 +73,7 @@ class OwnLaw(Material):
         densest stress-free state has the density rho_c. The density corrections leave out the
         points that are less dense by more than the `separation_strain` of the scheme, so that a law
         with stress there, such as one that dilates, should say so. Must be 0 if it bears tension.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     name: str
@@ -293,10 +287,6 @@ def from_function(
     separation : float
         Logarithm of rho/rho_c below which the law bears no stress, from -1 to 1: of a law with
         p = K max(log_density - a, 0) it is a. See `OwnLaw`.
-
-    Returns
-    -------
-    OwnLaw
 
     Raises
     ------

@@ -1,5 +1,7 @@
 """Averages over frames on the grid, and what follows from them: centre-line pressure, contours."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import cast
@@ -90,10 +92,6 @@ def frame_average(
     at : {"cells", "nodes"}
         Average over the cells, or about the nodes.
 
-    Returns
-    -------
-    GridField
-
     Raises
     ------
     TypeError, ValueError
@@ -149,8 +147,6 @@ def centre_line_pressure(
     columns : int
         Number of columns of cells on each modelled side of the axis. If the axis cuts cells in
         half, the columns whose centres are less than this many cells away.
-    opening : Opening, optional
-        By default the opening of the scene.
 
     Returns
     -------

@@ -4,6 +4,8 @@ The code is plain NumPy. It uses multilinear shape functions whatever basis the 
 because a measurement must not depend on the scheme.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -54,7 +56,6 @@ def values(state: State, field: str | ArrayLike) -> Array:
 
     Parameters
     ----------
-    state : State
     field : str or array_like, shape (n,) or (n, k)
         The name of an attribute of the state, or one value (or row) per point.
 

@@ -1,5 +1,7 @@
 """Flow about a vertical axis: velocity as a function of the distance from it."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -69,10 +71,6 @@ def cylinder_profile(
         Keep the points between these elevations [m] at the later frame; in 3D only.
     axis : (x, y)
         Position of the axis [m].
-
-    Returns
-    -------
-    CylinderProfile
 
     Raises
     ------

@@ -27,11 +27,7 @@ class Opening:
         Elevation of the bottom that it is in [m].
     half : bool
         True if only one side of the axis is modelled.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     width: float

@@ -35,10 +35,6 @@ def wall_force(
         for the part that is modelled.
         A wall that no plane cuts has its image in another one, and is as it is; so is the plane.
 
-    Returns
-    -------
-    MeanForce
-
     Raises
     ------
     ValueError

@@ -30,15 +30,6 @@ from granular.tools.checks import (
 if TYPE_CHECKING:
     from granular.model.scene import BaseScene
 
-__all__ = [
-    "Inflow",
-    "InflowState",
-    "across",
-    "inlet_points",
-    "points_between",
-    "standing_points",
-    "stored_inflow",
-]
 
 FULL = 1 + 1e-9
 """Largest filling fraction of what enters; the excess over 1 is for rounding."""
@@ -103,11 +94,7 @@ class Inflow:
         nodes of the grid that its points touch have this velocity, to the sides and upstream also
         those beyond it. It must begin at time 0. SPH has driven inflows only: its particles in the
         region have this velocity.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     region: Region

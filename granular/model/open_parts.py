@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from granular.model.open_space import Distance, OpenSpace
 from granular.shapes.region import Region
 
-__all__ = ["open_parts", "plane_cut"]
-
 Array = NDArray[np.float64]
 
 LEVELS = 3
@@ -208,7 +206,6 @@ def open_parts(sites: Array, edge: float, region: Region, space: OpenSpace) -> t
         Centres [m] of the squares of the seeding lattice that may be in the region.
     edge : float
         Edge of the squares [m].
-    region : Region
     space : OpenSpace
         Where the points may lie.
 

@@ -19,16 +19,6 @@ from granular.shapes.boxes import Box
 from granular.shapes.region import Region
 from granular.tools.checks import integer, positive
 
-__all__ = [
-    "DEEPEST",
-    "Points",
-    "estimated_points",
-    "joined",
-    "most_points",
-    "nothing",
-    "seed_points",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class Points:
@@ -397,7 +387,6 @@ def seed_points(
 
     Parameters
     ----------
-    grid : Grid
     fills : sequence of Fill
     seed : int
         Seed of the random jitter, >= 0; the same seed gives the same points.
@@ -412,10 +401,6 @@ def seed_points(
         default.
     even : bool
         If True, all points have the volume of a whole square of the seeding lattice.
-
-    Returns
-    -------
-    Points
 
     Raises
     ------

@@ -26,8 +26,6 @@ from granular.tools.checks import (
 )
 from granular.tools.serializable import ComparedByContent
 
-__all__ = ["Heights", "Layer"]
-
 Array = NDArray[np.float64]
 Vector = tuple[float, ...]
 
@@ -47,7 +45,7 @@ class Surface(Protocol):
 
 
 @runtime_checkable
-class Solid(Protocol):
+class HasDistance(Protocol):
     """Something with a signed distance, such as a `granular.Body`."""
 
     @property
@@ -58,7 +56,7 @@ class Solid(Protocol):
         """Signed distance [m], shape (n,), and outward normal, shape (n, dim)."""
 
 
-Source = float | Callable[..., ArrayLike] | Surface | Solid
+Source = float | Callable[..., ArrayLike] | Surface | HasDistance
 
 
 def _level(name: str, value: object, dim: int | None = None) -> Vector:
@@ -86,11 +84,7 @@ class Heights(ComparedByContent):
         Place of the first height [m].
     spacing : float
         Distance between heights along each axis [m], > 0.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     z: Array
@@ -183,14 +177,14 @@ class Heights(ComparedByContent):
 def _heights_of(source: Source, x: Array) -> ArrayLike:
     if isinstance(source, Surface):
         return source.height(x)
-    if isinstance(source, Solid):
+    if isinstance(source, HasDistance):
         return _uppermost(source, x)
     if callable(source):
         return source(*x.T)
     return finite("source", source)
 
 
-def _uppermost(body: Solid, x: Array) -> Array:
+def _uppermost(body: HasDistance, x: Array) -> Array:
     """Height of the uppermost surface of a body above or below its position, at places (n, d - 1).
 
     The search goes down, by the distance from the surface, which no step can cross: from the
@@ -238,11 +232,7 @@ class Layer(ComparedByContent, Region):
     spacing : float, optional
         Distance at which what is no number and no `Heights` is sampled [m]: at most that of the
         seeding lattice is recommended.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     on: float | Heights
@@ -278,7 +268,7 @@ class Layer(ComparedByContent, Region):
             raise ValueError(f"spacing = None must be a number where {name} is to be sampled")
         if isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, str):
             return Heights(np.asarray(value), self.lower, self.spacing)
-        if not (callable(value) or isinstance(value, (Surface, Solid))):
+        if not (callable(value) or isinstance(value, (Surface, HasDistance))):
             raise TypeError(f"{name} = {value!r} must be a number, an array, a function or a body")
         return Heights.of(value, self.lower, self.upper, self.spacing)
 

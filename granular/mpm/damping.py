@@ -39,8 +39,6 @@ from granular.materials import (
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import CellAveragedDensity, SmoothedDensity
 
-__all__ = ["damping", "velocity_decay"]
-
 UNBOUNDED = 1e100
 STEADY_CROSSINGS = 20.0  # M
 SLOW_FLOW = 4.0  # N
@@ -118,7 +116,6 @@ def velocity_decay(scene: Scene, gravity: float) -> float:
 
     Parameters
     ----------
-    scene : Scene
     gravity : float
         Largest gravity of the scene [m/s2].
 

@@ -9,12 +9,9 @@ from numpy.typing import NDArray
 
 from granular.model.grid import combined
 from granular.mpm.body_distances import distances
-from granular.mpm.walls import Solid
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
-
-__all__ = ["has_material", "is_full", "middle_points"]
 
 
 MOST_PLACES = (5, 40)
@@ -55,8 +52,7 @@ def _outside(scene: Scene, places: NDArray[np.float64]) -> NDArray[np.bool_]:
     """True for places outside of blocks and bodies."""
     found = np.ones(len(places), dtype=bool)
     for wall in scene.walls:
-        if isinstance(wall, Solid):
-            found &= ~((places > wall.lower) & (places < wall.upper)).all(axis=1)
+        found &= ~wall.encloses(scene.grid, places)
     for body in scene.bodies:
         if not found.any():
             break

@@ -13,14 +13,12 @@ from granular import _core
 from granular.model.grid import AXES, combined
 from granular.mpm.blocks import solid_cells
 from granular.mpm.body_distances import distance_at
-from granular.mpm.walls import Solid, Wall
 from granular.shapes.measures import extents, reach
 
 if TYPE_CHECKING:
     from granular.mpm.bodies import Body, BodyState
     from granular.mpm.scene import Scene
 
-__all__ = ["INTERVAL", "FreeBodies", "places_of"]
 
 INTERVAL = 50
 """Steps between two checks of the bodies, in which a body moves by a few cells at most if its speed
@@ -60,7 +58,7 @@ class FreeBodies:
         free = (i for i, body in enumerate(scene.bodies) if body.free or body.inertia is not None)
         self._places = {i: places_of(scene, scene.bodies[i], scene.grid.cell) for i in free}
         self._solid = None
-        if self._places and any(isinstance(wall, Solid) for wall in scene.walls):
+        if self._places and any(wall.is_block for wall in scene.walls):
             self._solid = solid_cells(scene.grid, scene.walls)
         self._allowed: dict[tuple[int, str], float] = {}
         start = [body.at_start() for body in scene.bodies]
@@ -120,16 +118,17 @@ class FreeBodies:
         scene, grid = self._scene, self._scene.grid
         axes = [d for d in range(grid.dim) if body.inertia is not None or AXES[d] in body.free]
         for k, wall in enumerate(scene.walls):
-            if not isinstance(wall, Wall) or wall.axis not in axes or time >= wall.opens_at:
+            if wall.axis is None or wall.axis not in axes or time >= wall.opens_at:
                 continue
             beside = np.ones(len(x), dtype=bool)
             for axis in range(grid.dim):
                 if axis != wall.axis and wall.span is not None:
                     low, high = wall.extent(grid, axis)
                     beside &= (x[:, axis] > low) & (x[:, axis] < high)
-            off = x[beside, wall.axis] - wall.at
+            at = wall.extent(grid, wall.axis)[0]
+            off = x[beside, wall.axis] - at
             if len(off) and off.min() < 0 < off.max():
-                name = f"walls[{k}], normal to {AXES[wall.axis]} at {wall.at:.6g} m"
+                name = f"walls[{k}], normal to {AXES[wall.axis]} at {at:.6g} m"
                 yield name, float(min(-off.min(), off.max()))
         for axis in axes:
             for sign, end in ((-1, grid.lower[axis]), (1, grid.upper[axis])):

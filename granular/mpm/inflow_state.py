@@ -15,8 +15,6 @@ from granular.model.state import State
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
 
-__all__ = ["account"]
-
 
 def account(
     scene: Scene, fields: Mapping[str, NDArray], state: NDArray[np.int64], row: NDArray[np.float64]
@@ -25,7 +23,6 @@ def account(
 
     Parameters
     ----------
-    scene : Scene
     fields : mapping of str to ndarray
         Fields of the points that enter at the sites.
     state : ndarray of int64

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from granular.model.seeding import Points
     from granular.mpm.scene import Scene
 
-__all__ = ["rest_compression", "stress_shape"]
 
 Array = NDArray[np.float64]
 
@@ -43,8 +42,6 @@ def stress_shape(
 
     Parameters
     ----------
-    scene : Scene
-    points : Points
     weight : ndarray, shape (n,)
         Weight of the material above per area [Pa].
     friction, cohesion : ndarray, shape (n,)

@@ -28,7 +28,7 @@ from granular.mpm import bodies as rigid
 from granular.mpm.scene import Scene
 from granular.mpm.scheme_numbers import Numbers
 from granular.mpm.schemes import DENSITIES, Fluidity, Scheme
-from granular.mpm.walls import Solid, SpongeLayer, Wall
+from granular.mpm.walls import BOUNDARIES, SpongeLayer
 from granular.tools.checks import check_fields, one_of, positive
 from granular.tools.serializable import arguments_of
 
@@ -79,7 +79,6 @@ _MATERIAL = {
     "tensile_strength": "stress",
 }
 _SECTION = {"center": "length", "thickness": "length"}
-_MOVING = {"velocity": "velocity", "pressure": "stress"}
 _QUANTITIES: dict[type, dict[str, str]] = {
     Grid: {"lower": "length", "cell": "length"},
     Fill: {"velocity": "velocity"},
@@ -91,8 +90,7 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     # numbers of a law of the user's own may be of any unit: such a scene is refused
     **{law: _MATERIAL for law in materials.Material.__subclasses__() if law is not OwnLaw},
     **{kind: _of_units(kind) for kind in (Fluidity, Scheme, *DENSITIES.values())},
-    Wall: {"at": "length", "span": "length", "opens_at": "time", **_MOVING},
-    Solid: {"lower": "length", "upper": "length"},
+    **{kind: kind.quantities for kind in BOUNDARIES},
     SpongeLayer: {"above": "length", "damping": "rate"},
     Gravity: {"times": "time"},
     shapes.Box: {name: "length" for name in ("lower", "upper", "size", "center")},
@@ -129,11 +127,7 @@ class Froude:
     length : float
         Length in the scaled world over that in the real one, > 0. With 1/4 or another power of 4
         all factors are powers of 2, and a run gives the same digits.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     length: float

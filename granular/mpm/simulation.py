@@ -28,7 +28,7 @@ from granular.mpm.inflow_state import account
 from granular.mpm.rigid_contact import touch_solids
 from granular.mpm.scene import Scene
 from granular.mpm.wall_owners import wall_owners
-from granular.mpm.walls import Solid, WallState, split_impulses
+from granular.mpm.walls import WallState, split_impulses
 from granular.record import Checkpoint
 from granular.record.fresh import Streamed
 from granular.run import diagnostics, simulation
@@ -36,8 +36,6 @@ from granular.run.monitor import Energies
 from granular.run.restarts import LARGEST, LEAST, check_range
 from granular.tools.buffers import allocate, default_isa, fill, stored_type
 from granular.tools.checks import positive, truth
-
-__all__ = ["Simulation"]
 
 CARRIED = frozenset(
     {
@@ -315,7 +313,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
             found["weights_at_limit"] = weights_at_limit(state, limit)
         if not thorough or not state.n:
             return found
-        if any(isinstance(wall, Solid) for wall in self.scene.walls):
+        if any(wall.is_block for wall in self.scene.walls):
             within = deep_within(self.scene.grid, self.scene.walls, state.x)
             found["in_solids"] = float(state.mass[within].sum() / state.mass.sum())
         if self.scene.bodies:

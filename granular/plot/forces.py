@@ -4,6 +4,8 @@ The functions take results and infer nothing; the runs are in `benchmarks/figure
 figures are those of chapters 2 and 3 of Hurley's thesis.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from typing import Any
 
@@ -130,7 +132,6 @@ def pareto_front(front: ParetoFront, *, errors: ArrayLike | None = None) -> Pict
 
     Parameters
     ----------
-    front : ParetoFront
     errors : array_like, shape (k,), optional
         Error of the forces for each weight, if the true forces are known; drawn against the
         weights.

@@ -1,5 +1,7 @@
 """A picture of one state."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 from matplotlib.artist import Artist
@@ -46,7 +48,6 @@ def frame(
 
     Parameters
     ----------
-    state : State
     color : str or array_like, shape (n,)
         A field: stored ("shear_rate", "log_density", ...), a component ("v_x", "stress_xy"),
         or derived ("pressure", "speed", "density", "shear_stress", "mu", "inertial_number",
@@ -85,11 +86,7 @@ def frame(
     -------
     Figure
         The figure of `ax`; its `savefig` needs no backend.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     if not isinstance(state, State):
         raise TypeError(f"state = {state!r} must be a State, such as `simulation.state`")

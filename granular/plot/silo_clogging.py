@@ -1,5 +1,7 @@
 """Phase diagrams of static and flowing cases."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -51,10 +53,6 @@ def phase_diagram(
         an array of x and may return nan or infinity where it has no value.
     ax : Axes, optional
         Axes to draw into; by default those of a new picture.
-
-    Returns
-    -------
-    Figure
 
     Raises
     ------

@@ -1,5 +1,7 @@
 """Views, pictures and movies of 3D states and their bodies, drawn by pyvista."""
 
+from __future__ import annotations
+
 import math
 import os
 import sys
@@ -140,10 +142,6 @@ def view_movie(
         See `granular.plot.movie`.
     color, style, slab, camera, limits, log, cmap, opacity, window
         See `view`. Scale and camera are fitted to 16 of the frames.
-
-    Returns
-    -------
-    Movie
 
     Raises
     ------

@@ -269,10 +269,6 @@ def open_trajectory(path: str | os.PathLike[str]) -> Trajectory:
     path : path
         File of the record, as `Simulation.run` was told to `save` it.
 
-    Returns
-    -------
-    Trajectory
-
     Raises
     ------
     FileNotFoundError

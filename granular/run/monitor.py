@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from granular.model.state import State
     from granular.record.checkpoint import Checkpoint
 
-__all__ = ["LEAST", "SPACING", "Energies", "Monitor", "known", "unwatched"]
 
 Array = NDArray[np.float64]
 
@@ -153,7 +152,6 @@ class Monitor:
 
         Parameters
         ----------
-        state : State
         own : mapping
             Numbers of the method; of those that any state has the larger ones count.
         energies : Energies, optional

@@ -13,8 +13,6 @@ from granular.shapes.moments import moments_of
 from granular.shapes.shape import Array, Shape
 from granular.tools.checks import finite, in_range, positive, vector
 
-__all__ = ["MassProperties", "inertia_of", "mass_properties", "principal"]
-
 TOLERANCE = 1e-3
 TOO_MUCH = 0.01
 """Relative error from which masses are refused."""
@@ -100,15 +98,7 @@ def mass_properties(
     tolerance : float
         Relative error to be reached, from 1e-6 to 0.01, as that of `MassProperties`; it may stay
         larger, by 1 % at most.
-
-    Returns
-    -------
-    MassProperties
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range; also for an endless shape, for one with nothing
+    {raises}; also for an endless shape, for one with nothing
         inside, and for one whose error remains above 1 %.
     """
     if not isinstance(shape, Shape):

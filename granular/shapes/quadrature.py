@@ -16,8 +16,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Moments", "Solid", "is_empty", "joined", "moments"]
-
 Array = NDArray[np.float64]
 Sides = NDArray[np.int8]
 FIRST = {2: 16, 3: 8}
@@ -32,7 +30,7 @@ RELATIVE_GROWTH = 1 + 1e-9
 """Growth of the box about a shape, so that rounding leaves nothing out."""
 
 
-class Solid(Protocol):
+class HasSides(Protocol):
     """A solid, by what can be told of places (n, 3)."""
 
     def sides(self, x: Array, radius: float) -> Sides:
@@ -102,12 +100,13 @@ def joined(parts: list[tuple[float, Moments]]) -> Moments | None:
     return Moments(whole.volume, whole.center, whole.second, float(errors.max()))
 
 
-def moments(solid: Solid, low: Array, high: Array, tolerance: float, most: int) -> Moments | None:
+def moments(
+    solid: HasSides, low: Array, high: Array, tolerance: float, most: int
+) -> Moments | None:
     """Return the moments of what is inside, or None if nothing is.
 
     Parameters
     ----------
-    solid : Solid
     low, high : ndarray, shape (dim,)
         Corners of a box that contains the solid [m].
     tolerance : float
@@ -143,7 +142,7 @@ def moments(solid: Solid, low: Array, high: Array, tolerance: float, most: int) 
     return Moments(volume, middle + center, second, error)
 
 
-def is_empty(solid: Solid, low: Array, high: Array) -> bool:
+def is_empty(solid: HasSides, low: Array, high: Array) -> bool:
     """True if nothing in a box is inside for certain; False if something is, or it is too near."""
     if not (low < high).all():
         return True

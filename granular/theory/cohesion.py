@@ -31,8 +31,6 @@ from dataclasses import dataclass
 from granular.model.gravity import EARTH
 from granular.tools.checks import in_range, non_negative, positive
 
-__all__ = ["CliffHeight", "cliff_height"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class CliffHeight:
@@ -66,12 +64,6 @@ def cliff_height(
         Friction coefficient of the law, such as `mu_s`, 0 to 1 (1 not included).
     density : float
         Density of the material [kg/m3], > 0.
-    gravity : float
-        Magnitude of gravity [m/s2], > 0.
-
-    Returns
-    -------
-    CliffHeight
 
     Raises
     ------

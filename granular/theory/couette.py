@@ -12,6 +12,8 @@ last term is negligible: any multiple of a solution g is a solution, and mu_w is
 which one exists.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -81,11 +83,7 @@ def couette_decay_length(mu: ArrayLike, material: NGF) -> Array:
     -------
     ndarray
         Length [m], of the shape of `mu`; infinite from mu_s on.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is out of range.
+    {raises}.
     """
     mu = np.asarray(mu, dtype=float)
     if not np.all(mu >= 0):
@@ -125,15 +123,7 @@ def couette_quasi_static(
         Boundary condition at both cylinders: g = 0, or dg/dr = 0.
     points : int
         Number of radii, 101 to 100 001.
-
-    Returns
-    -------
-    CouetteFlow
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is out of range.
+    {raises}.
     RuntimeError
         If there is no solution with mu_w below mu_2, as in a gap of a few A d.
     """
@@ -172,15 +162,7 @@ def couette_flow(
         Angular velocity of the inner cylinder [rad/s], > 0.
     pressure : float
         Uniform pressure p [Pa], > 0.
-
-    Returns
-    -------
-    CouetteFlow
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is out of range.
+    {raises}.
     RuntimeError
         If there is no solution with mu_w below mu_2.
     """

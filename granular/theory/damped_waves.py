@@ -9,8 +9,6 @@ from scipy.optimize import brentq
 
 from granular.tools.checks import non_negative, positive
 
-__all__ = ["bar_restitution", "wave_decay"]
-
 _MODES = 4000
 """Modes of a bar: the force of a bar with T c/L = 1e-3 is then exact to 1e-6."""
 
@@ -29,10 +27,6 @@ def wave_decay(*, wavenumber: float, wave_speed: float, damping_time: float) -> 
         Speed c of waves without damping [m/s], > 0.
     damping_time : float
         Ratio T of the viscosities to the moduli [s], >= 0 (`Material.damping_time`).
-
-    Returns
-    -------
-    float
 
     Raises
     ------
@@ -64,10 +58,6 @@ def bar_restitution(*, length: float, wave_speed: float, damping_time: float) ->
     damping_time : float
         Ratio T of the viscosities to the moduli [s] (`Material.damping_time`), at least 0.001 L/c,
         below which the series converges slowly, and at most L/c.
-
-    Returns
-    -------
-    float
 
     Raises
     ------

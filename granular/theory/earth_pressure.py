@@ -23,8 +23,6 @@ from dataclasses import dataclass
 
 from granular.tools.checks import in_range
 
-__all__ = ["EarthPressure", "earth_pressure"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class EarthPressure:
@@ -66,10 +64,6 @@ def earth_pressure(mu: float) -> EarthPressure:
     mu : float
         Friction coefficient of the law, such as `mu_s`, 0 to 1 (1 not included: beyond it no
         coaxial state of plane strain is at yield without tension).
-
-    Returns
-    -------
-    EarthPressure
 
     Raises
     ------

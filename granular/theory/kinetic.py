@@ -14,6 +14,8 @@ rate of *compression*. The theory diverges at Phi = 0.6, below Phi_c = 0.612 of 
 the text allows in (A11).
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 
@@ -68,8 +70,6 @@ def gas_pressure(
     ----------
     packing_fraction, temperature : array_like
         Phi and the granular temperature [m2/s2], broadcast together.
-    restitution : float
-        Effective coefficient of restitution, in [0, 1].
     material : MuI
         Or any object with ``rho_s`` [kg/m3].
     """
@@ -88,8 +88,6 @@ def packing_fraction_of_inertial_number(inertial_number: ArrayLike, restitution:
     ----------
     inertial_number : array_like
         Inertial number I >= 0, any shape.
-    restitution : float
-        Effective coefficient of restitution, in [0, 1].
 
     Returns
     -------
@@ -155,8 +153,6 @@ def shear_pressure(
         Shear rate [1/s].
     diameter : float
         Grain diameter [m].
-    restitution : float
-        Effective coefficient of restitution, in [0, 1].
     material : MuI
         Or any object with ``rho_s`` [kg/m3].
     """
@@ -181,18 +177,12 @@ def temperature_coefficients(
         -tr D [1/s]; a positive value heats the gas (the tr D of the text has the opposite sign).
     diameter : float
         Grain diameter d [m], > 0.
-    restitution : float
-        Effective coefficient of restitution, in [0, 1].
 
     Returns
     -------
     tuple of 2 floats
         A and B.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     positive("packing_fraction", packing_fraction)
     g = float(radial_function(packing_fraction))
@@ -258,11 +248,7 @@ def compression_temperature(
         Grain diameter [m].
     restitution : float
         Effective coefficient of restitution, in [0, 1).
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is out of range.
+    {raises}.
     """
     lam = _lambda(restitution)
     if lam == 1:
@@ -350,11 +336,7 @@ def coupled_shear(
         Or any object with ``rho_s``, ``rho_c``, ``K``.
     offset : float
         The delta of the text, > -Phi. With ``0.6 - Phi_c`` the flowing volume jams at Phi_c.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is out of range.
+    {raises}.
     """
     inverse = 1 / positive("packing_fraction + offset", packing_fraction + offset)
     speed = non_negative("shear_rate", shear_rate) * positive("diameter", diameter)

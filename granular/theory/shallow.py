@@ -18,15 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 from granular.model.gravity import EARTH
 from granular.tools.checks import array, in_range, positive
 
-__all__ = [
-    "DamBreak",
-    "SpreadingCap",
-    "SpreadingEllipse",
-    "dam_break",
-    "spreading_cap",
-    "spreading_ellipse",
-]
-
 Array = NDArray[np.float64]
 
 _START = 1e-6
@@ -152,17 +143,7 @@ def dam_break(
         Thickness h0 [m], > 0.
     K : float
         Coefficient of earth pressure along the plane, > 0, see `sliding_earth_pressure`.
-    gravity : float
-        Magnitude of gravity [m/s2], > 0.
-
-    Returns
-    -------
-    DamBreak
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     x, t, h0 = array("x", x, (None,)), positive("time", time), positive("thickness", thickness)
     across, pull = _inclined(angle_deg, mu, gravity)
@@ -208,17 +189,7 @@ def spreading_cap(
     K : float
         Coefficient of earth pressure along the plane, > 0: 1 in a liquid, less (active) in material
         that spreads, see `sliding_earth_pressure`.
-    gravity : float
-        Magnitude of gravity [m/s2], > 0.
-
-    Returns
-    -------
-    SpreadingCap
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     t = _ascending(times)
     across, pull = _sliding(angle_deg, mu, gravity)
@@ -267,17 +238,7 @@ def spreading_ellipse(
         Initial radius of the base L and thickness in the centre H [m], > 0.
     K : float
         Coefficient of earth pressure in both directions, > 0.
-    gravity : float
-        Magnitude of gravity [m/s2], > 0.
-
-    Returns
-    -------
-    SpreadingEllipse
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     t = _ascending(times)
     across, pull = _sliding(angle_deg, mu, gravity)

@@ -64,7 +64,6 @@ def macroscopic_stress(
 
     Parameters
     ----------
-    packing : Packing
     forces : array_like, shape (c, d)
         Forces on the first bodies [N], in 2D [N/m].
     volume : float
@@ -77,11 +76,7 @@ def macroscopic_stress(
     -------
     ndarray, shape (d, d)
         Stress [Pa].
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     forces = _check_forces(packing, forces)
     positive("volume", volume)
@@ -140,7 +135,6 @@ def force_chains(
 
     Parameters
     ----------
-    packing : Packing
     stresses : array_like, shape (n, d, d), optional
         Average stresses of the grains [Pa]; those of the packing by default.
     angle_deg : float
@@ -152,11 +146,7 @@ def force_chains(
     -------
     list of ndarray of int
         Grains of each chain, the longest first.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     in_range("angle_deg", angle_deg, 0.0, 90.0, open_low=True)
     integer("least", least, 2)
@@ -247,11 +237,7 @@ def largest_by_distance(
     -------
     ndarray, shape (bins,)
         Largest force of the contacts from k to k + 1 widths away [N]; nan where there are none.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range; for different numbers of frames or contacts.
+    {raises}; for different numbers of frames or contacts.
     """
     positive("bin_width", bin_width)
     integer("bins", bins, 1)

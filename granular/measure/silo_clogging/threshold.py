@@ -1,5 +1,7 @@
 """Lines through the origin of a phase diagram that separate static from flowing cases."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -54,10 +56,6 @@ def flow_threshold(A: ArrayLike, ratio: ArrayLike, verdicts: Sequence[str]) -> F
         Openings in grain diameters W/d, > 0.
     verdicts : sequence of k str
         "static", "flowing" or "unsure".
-
-    Returns
-    -------
-    FlowThreshold
 
     Raises
     ------
