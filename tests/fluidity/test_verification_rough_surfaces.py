@@ -10,9 +10,10 @@ import math
 import numpy as np
 import pytest
 from oracle_fluidity import ROUGH, diffuse, faces_of, random_parts
+from scenes_by_hand import scene_with
 
 import granular as gr
-from granular import NGF, Body, Box, Fill, Fluidity, Gravity, Grid, HalfSpace
+from granular import NGF, Body, Box, Fill, Fluidity, Grid, HalfSpace
 from granular.theory import chute_profile, stopping_height
 
 RATE = 0.25 * 0.005**2 / 1e-3
@@ -155,16 +156,13 @@ def turned_layer(angle_deg, offset, ratio, rows, width, threads=1):
     density = GRAINS.rho_c * np.exp(-np.log1p(-p / GRAINS.K))
     x = base + s[:, None] * along + z[:, None] * normal + y[:, None] * np.eye(3)[1]
     cloud = gr.Cloud(x, np.full(len(x), h**3), density=density)
-    scene = gr.Scene(
-        name="turned layer",
+    scene = scene_with(
         grid=Grid((low[0] * CELL, 0.0, low[1] * CELL), CELL, shape, periodic=(False, True, False)),
         fills=(Fill(cloud, 8),),
         material=grains_of(ratio, rows),
         scheme=gr.Scheme(fluidity=Fluidity(initial=1.0)),
         bodies=(Body(HalfSpace(tuple(normal)), tuple(base), contact="sticky", rough=True), *blocks),
-        gravity=Gravity(
-            (0.0,), (tuple(9.81 * (math.sin(slope) * np.eye(3)[1] - math.cos(slope) * normal)),)
-        ),
+        gravity=9.81 * (math.sin(slope) * np.eye(3)[1] - math.cos(slope) * normal),
         duration=10.0,
     )
     return gr.Simulation(scene, threads=threads), base, along, normal

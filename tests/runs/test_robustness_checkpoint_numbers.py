@@ -13,6 +13,7 @@ import inlets
 import numpy as np
 import pytest
 from inlets import fed_gas, stream
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular import Body, Box, sph
@@ -39,15 +40,12 @@ def choked():
 
 
 def bed(*walls, bodies=()):
-    return gr.Scene(
-        name="bed",
+    return scene_with(
         grid=gr.Grid((0.0, 0.0), 0.1, (6, 8)),
         fills=[gr.Fill(gr.Box((0.0, 0.0), (0.6, 0.4)), 4)],
         material=gr.MuI(E=1e5),
         walls=[gr.Wall(0, 0.0), gr.Wall(0, 0.6), gr.Wall(1, 0.0), *walls],
         bodies=bodies,
-        gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
-        duration=1.0,
     )
 
 
