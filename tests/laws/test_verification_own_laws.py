@@ -5,10 +5,10 @@ import importlib.util
 
 import numpy as np
 import pytest
-from own_mohr_coulomb import material as mohr_coulomb
-from own_mu_I import MU_I_IN_C, mu_I, mu_I_by_points
+from accuracy.own_mohr_coulomb import material as mohr_coulomb
 from same_bits import same_bits
 from scenes_by_hand import scene_with
+from speed.own_mu_I import MU_I_IN_C, mu_I, mu_I_by_points
 
 import granular as gr
 from granular.materials import from_function
