@@ -12,8 +12,6 @@ from granular import Body, Box, Motion, _core
 from granular.mpm.bodies import mass_properties
 from granular.mpm.rigid_contact import contact_balls, obstacles
 
-pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
-
 
 def scene_of(dim):
     """A bed, and a block that falls on it and beside a wall."""

@@ -26,8 +26,6 @@ from granular.shapes import (
     Union,
 )
 
-pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
-
 
 def scene_of(name, cell, shape, fill, *bodies):
     dim = len(shape)

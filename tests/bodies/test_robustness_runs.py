@@ -9,8 +9,6 @@ import granular as gr
 from granular import Body, Box, Cylinder, Fill, Grid, Motion, Union, Wall
 from granular.mpm.body_distances import distance_from_bodies
 
-pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
-
 
 def scene_of(dim, thin=False):
     """A bed with a rotating bucket, a free box and a disc that moves back and forth."""

@@ -11,8 +11,6 @@ from granular import Body, Box, Cylinder, HalfSpace
 
 G, RHO, CELL = 9.81, 1500.0, 0.01
 
-pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
-
 
 def axes(turned_deg, dim=2):
     """Directions along and out of a plane that is turned about y against the grid."""

@@ -10,7 +10,6 @@ from granular import NGF, Body, Box, Fill, Fluidity, Gravity, Grid, Mesh, Motion
 from granular.shapes.shape import turned
 
 CELL = 0.05
-pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 
 
 def scheme(**changes):

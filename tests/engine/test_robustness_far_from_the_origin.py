@@ -15,8 +15,6 @@ from granular.mpm.wall_owners import wall_owners
 CELL = 0.013
 SHIFTS = [(5e5, 5e6), (-3e4, 1e3), (4.5e5, 5.2e6 + 1 / 3)]
 
-pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
-
 
 def scene_at(shift, basis="quadratic"):
     """Walls with spans and a gate, blocks, a piston and a free body on one, all on grid lines."""

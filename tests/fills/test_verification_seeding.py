@@ -12,8 +12,6 @@ from granular import Box, HalfSpace
 G, RHO, CELL = 9.81, 1500.0, 0.01
 LENGTH, HEIGHT = 0.2, 0.1
 
-pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
-
 
 def bed(turned_deg, offset):
     """A bed between three planes, all turned with gravity against the grid; origin, along, up."""

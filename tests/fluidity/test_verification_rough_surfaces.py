@@ -192,7 +192,6 @@ def on_a_grid_line():
     return flow(angle_deg=0.0, offset=0.0, **FLOW)
 
 
-@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 @pytest.mark.parametrize(
     ("angle_deg", "offset"),
     [(17.0, 0.0), (45.0, 0.3), pytest.param(36.0, 0.0, marks=pytest.mark.slow)],
@@ -220,7 +219,6 @@ def stopping_height_of(mean, ratio, rows):
     return np.interp(-mean, -np.array(means), share)
 
 
-@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_the_stopping_height_does_not_depend_on_the_angle():
     """At 1.25 H_stop the flow is an eighth of what it is without cooperation.
 
@@ -235,7 +233,6 @@ def test_the_stopping_height_does_not_depend_on_the_angle():
     assert stop[1] == pytest.approx(stop[0], rel=0.02)
 
 
-@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_bits_do_not_depend_on_threads_or_restarts():
     case = {"angle_deg": 36.0, "offset": 0.2, "ratio": 2.0, "rows": 8, "width": 6}
     sims = [turned_layer(**case, threads=n)[0] for n in (1, 2)]

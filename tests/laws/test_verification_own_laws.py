@@ -118,7 +118,6 @@ def borne(sim):
     return np.mean(shares)
 
 
-@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 @pytest.mark.parametrize("a", [-0.05, -0.03, 0.1])
 @pytest.mark.parametrize(
     "density", [gr.SmoothedDensity(), gr.CellAveragedDensity(), gr.ParticleDensity()]
@@ -129,7 +128,6 @@ def test_a_law_says_where_it_separates(a, density):
     assert "weights_at_limit" not in {found.name for found in sim.health().suspect}
 
 
-@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_points_that_count_as_disconnected_keep_their_weights():
     """A law that does not say that it bears pressure there: the stress was 0.64 of the weight."""
     scene = bed_of(-0.03, gr.SmoothedDensity(), 0.0)
@@ -140,7 +138,6 @@ def test_points_that_count_as_disconnected_keep_their_weights():
     assert borne(sim) == pytest.approx(1.0, abs=0.02)
 
 
-@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_weights_at_their_limit_make_a_run_suspect():
     """Points at random places, whose weights are hardly allowed to differ."""
     narrow = gr.SmoothedDensity(weight_correction_limit=1e-3)

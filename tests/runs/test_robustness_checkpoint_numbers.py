@@ -21,8 +21,6 @@ from granular.mpm.bodies import mass_properties
 from granular.record import RecordError, TrajectoryWriter
 from granular.record.restart import read_restart, write_restart
 
-pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
-
 FLOATS = (np.inf, -np.inf, np.nan, 0.0, -1.0, 1e300, -1e300, 1e59, 1e20, 5e-324, 2.0**63)
 INTEGERS = (0, -1, 1, 5, 2**31, -(2**31), 2**32, 2**62, 2**63 - 1, -(2**63))
 FACTORS = (1e3, -1.0, 1e-3, 1e10, 1 + 1e-6)

@@ -9,7 +9,6 @@ from scipy.integrate import solve_ivp
 
 import granular as gr
 
-pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 G = 9.81
 
 

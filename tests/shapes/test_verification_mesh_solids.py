@@ -287,7 +287,6 @@ def scene_of(shape, **scheme):
     )
 
 
-@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_thin_plates_are_refused_as_boxes_are():
     """Below two cells of 0.05 m, and below three they are warned of."""
     for plate in (lambda size: Box(size=size), lambda size: Mesh(*block(size), spacing=0.02)):

@@ -38,7 +38,6 @@ def fastest(scheme, sign, cells, shift):
     return largest / (1e-3 * material.wave_speed)
 
 
-@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 @pytest.mark.parametrize("scheme", SCHEMES, ids=lambda s: f"{s.basis}-{s.transfer}")
 def test_points_at_an_end_are_not_thrown(scheme):
     """At the upper end they lie within the rounding of its coordinate, far from the origin most.

@@ -15,8 +15,6 @@ SCHEMES = {
     "cell_averaged": gr.schemes.cell_averaged,
     **{transfer: gr.Scheme(transfer=transfer) for transfer in ("flip", "apic", "xpic")},
 }
-
-pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 each_scheme = pytest.mark.parametrize("name", list(SCHEMES))
 
 
