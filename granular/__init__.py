@@ -62,6 +62,7 @@ from granular.shapes import (
     Revolve,
     Shell,
     Sphere,
+    Tablet,
     Torus,
     Union,
 )
@@ -141,6 +142,7 @@ __all__ = [
     "SmoothedDensity",
     "Solid",
     "Sphere",
+    "Tablet",
     "SpongeLayer",
     "StabilityWarning",
     "State",
