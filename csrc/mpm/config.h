@@ -90,10 +90,7 @@ int gr_nonlocal_material(const struct gr_config *config);
 static inline double gr_damped_dt(double dt, double T) { return T > 0 ? dt * dt / (sqrt(dt * dt + T * T) + T) : dt; }
 
 /* True if points have a viscous stress (elastic_damping.inl). */
-static inline int gr_has_viscous_stress(const struct gr_config *c)
-{
-    return c->largest.damping_time > 0 || c->largest.bulk_damping_time > 0;
-}
+static inline int gr_has_viscous_stress(const struct gr_config *c) { return c->largest.damping_time > 0; }
 
 /* The longest time step that the engine takes, s. */
 static inline double gr_longest_dt(const struct gr_config *c)

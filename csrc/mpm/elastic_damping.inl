@@ -12,8 +12,7 @@
 GR_INLINE void store_viscous_stress(const int dim, const struct gr_engine *e, const gr_real *gradient, int64_t at)
 {
     const vd none = v_zero(), rate = v_set(e->clock.inv_dt), T = gr_of_material(e, GR_MATERIAL_DAMPING_TIME, at);
-    const vd bulk = gr_of_material(e, GR_MATERIAL_BULK_DAMPING_TIME, at);
-    const vd K = (T + bulk) * gr_of_material(e, GR_MATERIAL_BULK_MODULUS, at),
+    const vd K = T * gr_of_material(e, GR_MATERIAL_BULK_MODULUS, at),
              G = T * gr_of_material(e, GR_MATERIAL_SHEAR_MODULUS, at);
     struct gr_stress s, viscous;
     vd largest = none;
