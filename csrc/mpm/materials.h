@@ -22,7 +22,6 @@ enum { GR_MAX_MATERIALS = 8 };
     X(slow_rate, 0, "1/s", "shear rate over sqrt(ln(rho/rho_c)) from which flow in averaged cells is not slow")     \
     X(damping_rate, 0, "1/s", "of slow flow in averaged cells")                                                     \
     X(damping_time, 0, "s", "viscosities of the elastic deformation over the moduli")                               \
-    X(bulk_damping_time, 0, "s", "bulk viscosity over the bulk modulus")                                            \
     X(flutter_time, 0, "s", "of the damping of flutter (flutter.inl): its viscosity over the pressure")             \
     X(flutter_memory, 0, "s/Pa", "of the damping of flutter: time of the mean of the shear rate over the pressure") \
     X(flutter_end, 0, "s", "of the damping of flutter: friction over the shear rate from which nothing is damped")  \
@@ -76,7 +75,6 @@ static inline double gr_stressed_from(const struct gr_material *m)
     X(FLUTTER_END, m->flutter_end, "friction over the shear rate from which there is none, s")              \
     X(FLUTTER_DEPTH, first->K * m->flutter_depth, "K of the first over rho_c g: depth over log-density, m") \
     X(DAMPING_TIME, m->damping_time, "damping time of elastic waves, s")                                    \
-    X(BULK_DAMPING_TIME, m->bulk_damping_time, "damping time of changes of volume, s")                      \
     X(BULK_MODULUS, m->K, "K, Pa")                                                                          \
     X(SHEAR_MODULUS, gr_parameter_of(m, "G"), "G, Pa")
 

@@ -33,8 +33,6 @@ class Material:
     restitution : float
         Coefficient of restitution of a contact of two grains, 0.01 to 1. It gives the viscosity
         that damps elastic waves (`damping_time`); 1 is no damping.
-    bulk_damping_time : float
-        Bulk viscosity over the bulk modulus [s], >= 0.
     contact_diameter : float, optional
         Diameter of the grains whose contacts damp [m], > 0; the grain diameter `d` of the law if
         not given. Only used with a restitution below 1, which needs one of the two.
@@ -51,7 +49,6 @@ class Material:
     rho_c: float = 1500.0
     elasticity: str = "hypoelastic"
     restitution: float = 1.0
-    bulk_damping_time: float = 0.0
     contact_diameter: float | None = None
 
     flow: ClassVar[str]

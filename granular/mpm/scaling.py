@@ -75,7 +75,6 @@ _MATERIAL = {
     "d": "length",
     "t0": "time",
     "contact_diameter": "length",
-    "bulk_damping_time": "time",
     "cohesion": "stress",
     "tensile_strength": "stress",
 }
