@@ -62,7 +62,6 @@ from granular.shapes import (
     Revolve,
     Shell,
     Sphere,
-    Tablet,
     Torus,
     Union,
 )
@@ -142,7 +141,6 @@ __all__ = [
     "SmoothedDensity",
     "Solid",
     "Sphere",
-    "Tablet",
     "SpongeLayer",
     "StabilityWarning",
     "State",

@@ -75,16 +75,6 @@ static double revolved_distance(const struct gr_part *part, const double y[3], d
     return distance;
 }
 
-/* Of a tablet: within a radius of a flat disc. */
-static double tablet_distance(const struct gr_part *part, const double y[3], double normal[3])
-{
-    const double radius = from_axis(y), off = fmax(radius - part->size[0], 0), arm = sqrt(off * off + y[2] * y[2]);
-    normal[0] = arm > 0 && radius > 0 ? off / arm * y[0] / radius : 0;
-    normal[1] = arm > 0 && radius > 0 ? off / arm * y[1] / radius : 0;
-    normal[2] = arm > 0 ? y[2] / arm : 1;
-    return arm - part->size[1];
-}
-
 static double box_distance(const struct gr_part *part, const double y[3], double normal[3])
 {
     double beyond[3], face[3][3] = {{0}};
@@ -125,9 +115,6 @@ double gr_part_distance(const struct gr_part *part, const double x[3], double no
         break;
     case GR_PART_CAPSULE:
         distance = capsule_distance(part, y, local);
-        break;
-    case GR_PART_TABLET:
-        distance = tablet_distance(part, y, local);
         break;
     case GR_PART_POLYGON:
         distance = prism_distance(part, y, local);
@@ -205,7 +192,6 @@ double gr_part_cover(const struct gr_part *part, double half[3])
     case GR_PART_CAPSULE:
         half[2] = size[1];
         return size[0];
-    case GR_PART_TABLET:
     case GR_PART_TORUS:
         half[0] = half[1] = size[0];
         return size[1];

@@ -16,7 +16,6 @@ enum { GR_MAX_BODIES = 64, GR_MAX_PARTS = 256 };
     X(GR_PART_SAMPLED, sampled)           \
     X(GR_PART_CAPSULE, capsule)           \
     X(GR_PART_TORUS, torus)               \
-    X(GR_PART_TABLET, tablet)             \
     X(GR_PART_POLYGON, polygon)           \
     X(GR_PART_REVOLVED, revolved)         \
     X(GR_PART_UNION, union)               \

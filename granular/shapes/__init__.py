@@ -16,7 +16,7 @@ from granular.shapes.operations import (
     Union,
 )
 from granular.shapes.region import Region
-from granular.shapes.round import Capsule, Cylinder, Frustum, Sphere, Tablet, Torus
+from granular.shapes.round import Capsule, Cylinder, Frustum, Sphere, Torus
 from granular.shapes.sections import Polygon, Prism, Revolve
 from granular.shapes.shape import Shape
 
@@ -40,7 +40,6 @@ __all__ = [
     "Shape",
     "Shell",
     "Sphere",
-    "Tablet",
     "Torus",
     "Union",
 ]

@@ -28,7 +28,7 @@ from granular.tools.checks import (
     vector,
 )
 
-__all__ = ["Capsule", "Cylinder", "Frustum", "Sphere", "Tablet", "Torus"]
+__all__ = ["Capsule", "Cylinder", "Frustum", "Sphere", "Torus"]
 
 
 @dataclass(frozen=True)
@@ -233,54 +233,6 @@ class Torus(Shape):
 
     def _breadth(self) -> float:
         return 2 * self.tube
-
-
-@dataclass(frozen=True)
-class Tablet(Shape):
-    """A tablet in 3D: all within half the thickness of a flat disc.
-
-    Parameters
-    ----------
-    radius : float
-        Radius of the disc [m], > 0.
-    thickness : float
-        Thickness of the tablet [m], > 0.
-    center, axis : tuple of 3 floats
-        Centre [m], and the direction of the axis.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
-    """
-
-    radius: float
-    thickness: float
-    _: KW_ONLY
-    center: tuple[float, float, float]
-    axis: tuple[float, float, float]
-
-    def __post_init__(self) -> None:
-        check_fields(self, positive, "radius", "thickness")
-        check_fields(self, vector, "center", dim=3)
-        set_fields(self, axis=direction("axis", self.axis, 3))
-
-    @property
-    def dim(self) -> int:
-        return 3
-
-    def rows(self) -> Array:
-        size = (self.radius, self.thickness / 2, 0.0)
-        return row_of("tablet", False, self.center, axes_about(self.axis), size)[None]
-
-    def covers(self) -> list[Cover]:
-        axes, none = axes_about(self.axis), (0.0, 0.0, 0.0)
-        return [
-            Cover.of(self.center, axes, none, radius=self.radius, beyond=self.thickness / 2)
-        ]
-
-    def _breadth(self) -> float:
-        return self.thickness
 
 
 @dataclass(frozen=True)

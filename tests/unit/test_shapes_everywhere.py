@@ -51,7 +51,6 @@ def shapes_of(dim):
     triangle = [(-0.3, -0.3), (0.3, -0.3), (0.0, 0.3)]
     return found | {
         "cylinder": gr.Cylinder(0.3, length=0.5, **about),
-        "tablet": gr.Tablet(0.25, 0.24, **about),
         "torus": gr.Torus(0.25, 0.12, **about),
         "prism": gr.Prism(triangle, 0.5, axis="y", center=middle),
         "mesh": gr.Mesh(0.2 + 0.6 * CORNERS, FACES, spacing=0.0125),
