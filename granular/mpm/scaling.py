@@ -78,7 +78,14 @@ _MATERIAL = {
     "cohesion": "stress",
     "tensile_strength": "stress",
 }
-_SECTION = {"center": "length", "thickness": "length"}
+_SHAPE = dict.fromkeys(
+    (
+        *("lower", "upper", "size", "center", "through", "origin", "radius", "radii", "tube"),
+        *("length", "thickness", "by", "vertices", "profile", "spacing", "z"),
+    ),
+    "length",
+)
+"""All that has a unit in a shape is a length."""
 _QUANTITIES: dict[type, dict[str, str]] = {
     Grid: {"lower": "length", "cell": "length"},
     Fill: {"velocity": "velocity"},
@@ -93,24 +100,7 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     **{kind: kind.quantities for kind in BOUNDARIES},
     SpongeLayer: {"above": "length", "damping": "rate"},
     Gravity: {"times": "time"},
-    shapes.Box: {name: "length" for name in ("lower", "upper", "size", "center")},
-    shapes.Cylinder: {"radius": "length", "length": "length", "center": "length"},
-    shapes.HalfSpace: {"through": "length"},
-    shapes.Mesh: {"vertices": "length", "spacing": "length", "thickness": "length"},
-    shapes.HeightMap: {"z": "length", "spacing": "length", "origin": "length"},
-    shapes.Sphere: {"radius": "length", "center": "length"},
-    shapes.Capsule: {"radius": "length", "length": "length", "center": "length"},
-    shapes.Torus: {"radius": "length", "tube": "length", "center": "length"},
-    shapes.Frustum: {**_SECTION, "radii": "length", "length": "length"},
-    shapes.Polygon: {**_SECTION, "vertices": "length"},
-    shapes.Prism: {**_SECTION, "vertices": "length", "length": "length"},
-    shapes.Revolve: {**_SECTION, "profile": "length"},
-    shapes.Union: {},
-    shapes.Intersection: {},
-    shapes.Difference: {},
-    shapes.Complement: {},
-    shapes.Offset: {"by": "length"},
-    shapes.Shell: {"thickness": "length"},
+    **{shape: _SHAPE for shape in vars(shapes).values() if is_dataclass(shape)},
     rigid.Motion: {"times": "time", "velocity": "velocity", "angular_velocity": "angular_velocity"},
     rigid.Body: {"position": "length", "mass": "mass", "inertia": "inertia"},
     Scene: {"duration": "time"},
