@@ -26,7 +26,7 @@ from granular.record.reader import Trajectory
 from granular.shapes.boxes import Box, HalfSpace
 from granular.shapes.height_map import HeightMap
 from granular.shapes.mesh import Mesh
-from granular.shapes.operations import Complement, Union
+from granular.shapes.operations import Union
 from granular.shapes.round import Capsule, Cylinder, Frustum, Sphere, Torus
 from granular.shapes.sections import Polygon, Prism, Revolve, Section
 from granular.shapes.shape import Shape, frame_of
@@ -36,6 +36,8 @@ Array = NDArray[np.float64]
 
 POSE = ("position", "quaternion")
 """Numbers of a body that say where it is."""
+DRAWN = (Box, Capsule, Cylinder, Frustum, HalfSpace, Section, Sphere, Torus)
+"""Shapes whose surface is made of their numbers."""
 MOST_POSTS = 500
 """Posts of a height map that are drawn along an axis at most."""
 _FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
@@ -128,6 +130,7 @@ def surface(shape: Shape, dim: int, size: float) -> Patches:
     """Surface of a shape (of a union part by part) in the coordinates of its body.
 
     Of a sheet its middle is drawn, of a height map the posts, or some of them if there are many.
+    Where nothing else is known of a shape, its surface is that of its distance.
     """
     if isinstance(shape, Union):
         parts: Any = shape.parts
@@ -137,7 +140,7 @@ def surface(shape: Shape, dim: int, size: float) -> Patches:
     if isinstance(shape, HeightMap):
         return _posts(shape, size)
     hollow = shape.inside and not isinstance(shape, Cylinder)
-    if len(shape.rows()) > shape.results or isinstance(shape, Complement) or (dim == 2 and hollow):
+    if len(shape.rows()) > shape.results or not isinstance(shape, DRAWN) or (dim == 2 and hollow):
         return contoured(shape, size)
     if isinstance(shape, Frustum) and shape.walls:
         boxes = [(at, axes, _box(np.minimum(half, size), dim)) for at, axes, half in shape.walls]
