@@ -13,7 +13,7 @@ BY_SCENE, UNSET = "chosen by the scene", "none"
 """Default of a keyword of a scene and of its material that is None."""
 
 OWN_OPTIONS = ("material", "scheme", "numerics")
-"""Arguments of scene functions that have options of their own."""
+"""Arguments of scene functions that have separate options."""
 ARRAYS = ("release",)
 """Arguments of scene functions that are arrays, which only Python can give."""
 

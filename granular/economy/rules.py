@@ -1,6 +1,6 @@
 """The rules of `suggest`: each considers one aspect of a scene.
 
-Each rule may use the part of the tolerance that those before it have left.
+Each rule may use the part of the tolerance that remains after the rules before it.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ LINEAR_COLUMN = 0.002
 """Relative change of that flow, in one column, from the default scheme to linear functions."""
 
 HALVED = 0.007
-"""Relative change of a rate when a scene is halved and its shape functions are not linear: they
-change near the wall in the symmetry plane. For a silo with an opening of 0.2 m, the default scheme
-and cells of 0.02 m it is 0.0008 to 0.0064."""
+"""Relative change of a rate when a scene with shape functions that are not linear is halved: the
+functions change near the wall in the symmetry plane. For a silo with an opening of 0.2 m, the
+default scheme and cells of 0.02 m it is 0.0008 to 0.0064."""
 
 LEAST_ROWS = 10
 """Least number of cells over the height of a layer; fewer were not tested."""

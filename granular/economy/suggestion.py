@@ -26,7 +26,7 @@ class Suggestion:
     reason : str
         Explanation why a change is suggested or not.
     error : float
-        Expected relative change of the quantity of interest; nan where nothing is known.
+        Expected relative change of the quantity of interest; nan where it is unknown.
     saving : float
         Factor by which the changes lower the cost, 1 if there are none.
     changes : mapping

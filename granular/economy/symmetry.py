@@ -119,7 +119,7 @@ def mirror_half(scene: Scene) -> Scene:
     With linear shape functions the flow is the same up to round-off, but for the cell-averaged
     density, which takes no second differences across a wall: single velocities then differed by
     0.4 % in 2D and 3 % in 3D. Other shape functions change near the wall, so that the flow differs,
-    too. The parameter `half` is set, which tells measures of the mass to double it.
+    too. The parameter `half` is set, by which measures of the mass double it.
 
     Raises
     ------

@@ -31,7 +31,7 @@ def to_pyvista(state: State, fields: Collection[str] = STANDARD) -> Any:
     ModuleNotFoundError
         If pyvista is not installed: ``pip install 'granular-flow[pictures3d]'``.
     TypeError, ValueError
-        If there is no such quantity, or the scene has not what it takes.
+        If there is no such quantity, or the scene lacks the numbers that it needs.
     """
     instance("state", state, State)
     pyvista = imported("pyvista", "pictures3d")

@@ -19,7 +19,7 @@ Patches = tuple[Array, list[tuple[int, ...]]]
 """Vertices, shape (n, 3), and polygons as tuples of indices of vertices."""
 
 SIDES = 64
-"""Number of sides of the prisms and cones that represent what is round."""
+"""Number of sides of the prisms and cones that represent round surfaces."""
 SKIN = 0.02
 """Thickness at which unbounded 2D solids are drawn, in sizes of the grid."""
 CELLS = {2: 128, 3: 64}
@@ -118,7 +118,7 @@ def _sampling(shape: Shape, size: float) -> tuple[Array, NDArray[np.intp], float
     dim = shape.dim
     far = np.minimum(extents(shape, np.eye(3), np.zeros((1, 3)))[:dim], size)
     lower, upper = -far, far
-    for _ in range(3):  # towards a part beside the position of the body
+    for _ in range(3):  # towards a part away from the position of the body
         step = (upper - lower).max() / 32
         counts = np.maximum(np.ceil((upper - lower) / step - 1e-9).astype(int), 1)
         middles = lower + step * (_indices(counts).reshape(-1, dim) + 0.5)

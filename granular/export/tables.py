@@ -53,7 +53,7 @@ def to_pandas(state: State, fields: Collection[str] = STANDARD) -> Any:
     ModuleNotFoundError
         If pandas is not installed: ``pip install 'granular-flow[tables]'``.
     TypeError, ValueError
-        If there is no such quantity, or the scene has not what it takes.
+        If there is no such quantity, or the scene lacks the numbers that it needs.
     """
     instance("state", state, State)
     pandas = imported("pandas", "tables")
@@ -72,9 +72,9 @@ def to_pandas(state: State, fields: Collection[str] = STANDARD) -> Any:
 def to_xarray(record: Trajectory, fields: Collection[str] = STANDARD) -> Any:
     """Return a `xarray.Dataset` of the frames of a record, all in memory.
 
-    Fields of points have the dimensions time and id, and are nan where a point is not there any
-    more; those of a gas begin with "gas_", the motion and impulses of bodies with "body_", and
-    what monitors measured with "sample_". For a part of the frames, slice the record.
+    Fields of points have the dimensions time and id, and are nan where a point has left; those of a
+    gas begin with "gas_", the motion and impulses of bodies with "body_", and the samples of the
+    monitor with "sample_". For a part of the frames, slice the record.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def to_xarray(record: Trajectory, fields: Collection[str] = STANDARD) -> Any:
     ModuleNotFoundError
         If xarray is not installed: ``pip install 'granular-flow[tables]'``.
     TypeError, ValueError
-        If there are no frames or no such quantity, or the scene has not what it takes.
+        If there are no frames or no such quantity, or the scene lacks the numbers that it needs.
     """
     instance("record", record, Trajectory)
     xarray = imported("xarray", "tables")
@@ -118,7 +118,7 @@ def to_xarray(record: Trajectory, fields: Collection[str] = STANDARD) -> Any:
 
 
 def _stacked(frames: Sequence[dict[str, NDArray[Any]]], of: str, prefix: str, dim: int) -> dict:
-    """Fields of all frames by the ids of points; nan where a frame has not the point."""
+    """Fields of all frames by the ids of points; nan where a frame does not have the point."""
     ids = np.unique(np.concatenate([frame["id"] for frame in frames if frame]))
     found: dict[str, Any] = {of: (of, ids)}
     first = next(frame for frame in frames if frame)

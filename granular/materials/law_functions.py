@@ -1,4 +1,4 @@
-"""Functions that the core can call for laws of the user's own; see csrc/law/own.inl."""
+"""Functions that the core can call for user-defined laws; see csrc/law/own.inl."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ CAPSULE = b"granular.own_law"
 
 
 class LawFunction:
-    """A function that the core can call, with all that it needs to live.
+    """A function that the core can call, with the objects that it needs.
 
-    No exception can pass through the core: the first one is kept. The core calls a function again
-    that is not done, so that an exception from elsewhere, as of a time limit, spoils nothing.
+    No exception can pass through the core: the first one is stored. The core repeats a call that
+    was not completed, so that an exception from elsewhere, such as a time limit, does no damage.
     """
 
     def __init__(
@@ -71,17 +71,17 @@ class LawFunction:
         return True
 
     def take_failure(self) -> BaseException | None:
-        """Return the exception that was kept, if there is one, and forget it."""
+        """Return the stored exception, if there is one, and clear it."""
         failure, self.failure = self.failure, None
         return failure
 
 
 @contextmanager
 def keeping_exceptions(functions: Sequence[LawFunction]) -> Iterator[None]:
-    """Keep what is raised where functions cannot keep it, and Python only reports it.
+    """Store exceptions that functions cannot store themselves and Python only reports.
 
-    That is in functions compiled by numba, and in those of Python before their first line, where
-    exceptions are raised that another thread has set, as for a time limit.
+    This concerns functions compiled by numba, and functions of Python before their first line,
+    where exceptions set by another thread, such as a time limit, are raised.
     """
     before = sys.unraisablehook
 
@@ -204,7 +204,8 @@ FLAGS = (
 )
 """Flags of the compiler; none of them changes a result, whatever instructions the machine has."""
 ENVIRONMENT = ("PATH", "HOME", "TMPDIR", "LD_LIBRARY_PATH", "SDKROOT", "DEVELOPER_DIR")
-"""Variables that the compiler is given; others, such as CPATH, can change what a source means."""
+"""Environment variables of the compiler; others, such as CPATH, can change the meaning of a
+source."""
 HEADERS = ("math", "stdint", "stddef", "stdbool", "string", "float", "limits", "complex", "tgmath")
 """Headers that a source may include: those of the language that hold no state."""
 QUOTED = "|".join(rf"{q}(?:\\.|[^{q}\\\n])*{q}" for q in "\"'")
@@ -219,7 +220,7 @@ DIRECTIVES = (
     *("error", "pragma", ""),
 )
 MOST_TOLD = 3000
-"""Characters of the messages of the compiler that are told."""
+"""Number of characters of the messages of the compiler that are shown."""
 
 
 def _without_comments(source: str) -> str:
@@ -229,7 +230,7 @@ def _without_comments(source: str) -> str:
 
 
 def _check_words(name: str, source: str) -> None:
-    """Refuse C source with words by which it passes the other checks by."""
+    """Refuse C source with words by which it would evade the other checks."""
     code = re.sub(QUOTED, '""', _without_comments(source))
     if found := re.search("|".join(PASSING_BY), code):
         raise ValueError(
@@ -252,7 +253,7 @@ def _check_includes(name: str, source: str) -> None:
 
 
 def _check_variables(name: str, source: str) -> None:
-    """Refuse variables that last, a slip; what is hidden in macros is not seen."""
+    """Refuse variables that last from call to call; those hidden in macros are not detected."""
     code = re.sub(r"^\s*(?:#|%:)[^\n]*", "", _without_comments(source), flags=re.M)
     for variable in _lasting(code):
         raise ValueError(

@@ -1,7 +1,7 @@
-"""Names in the code of a law of the user's own, and values that are known by their name alone.
+"""Names in the code of a user-defined law, and values that are identified by their name alone.
 
-Such are those that installed packages and Python define. A law may have them by name and version,
-but not those that return another value at each call, or read what is outside of the process.
+These are the values that installed packages and Python define. A law may contain them by name and
+version, except those that return another value at each call, or read data outside of the process.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ REFUSED_BUILTINS = (
     *("eval", "exec", "compile", "globals", "locals", "vars", "open", "input", "getattr"),
     *("breakpoint", "setattr", "delattr", "__import__", "__builtins__", "__loader__", "__spec__"),
 )
-"""Built-in names by which code reaches what its text does not name."""
+"""Built-in names by which code accesses objects that its text does not name."""
 CHANCE = ("random", "_random", "secrets", "time", "datetime", "uuid", "numpy.random")
 """Modules whose functions return another value at each call, which is no part of a law."""
 OUTSIDE = (
@@ -53,7 +53,7 @@ READING = (
 )
 """Functions and classes that do so in modules that are allowed otherwise."""
 FRAMES = ("gi_frame", "gi_code", "f_globals", "f_builtins", "f_locals", "f_back")
-"""Attributes that lead to all that a module has, besides those with two underscores."""
+"""Attributes that give access to all names of a module, besides those with two underscores."""
 FOLDERS = {"site-packages", "dist-packages"}
 """Names of the folders of installed packages."""
 
@@ -77,8 +77,8 @@ def chains_of(name: str, code: CodeType) -> dict[str, set[Chain]]:
     Raises
     ------
     ValueError
-        If the code changes what is outside of it, or takes attributes by which it could reach
-        anything.
+        If the code changes objects outside of it, or uses attributes by which it could access any
+        object.
     """
     found: dict[str, set[Chain]] = {}
     for part in (code, *codes_within(code)):
@@ -99,7 +99,7 @@ def chains_of(name: str, code: CodeType) -> dict[str, set[Chain]]:
 
 
 def _check_step(name: str, kind: str, told: str) -> None:
-    """Refuse an instruction with which a law is more than its text and its values."""
+    """Refuse an instruction whose effect the text and the values of a law do not determine."""
     if kind in ("STORE_GLOBAL", "DELETE_GLOBAL"):
         raise ValueError(f"{name} must not change the global {told}: take history=")
     if kind == "IMPORT_NAME":
@@ -117,7 +117,7 @@ def _check_step(name: str, kind: str, told: str) -> None:
 
 
 def check_in_place(name: str, code: CodeType) -> None:
-    """Refuse a law that binds the name of a result to another array, which changes nothing."""
+    """Refuse a law that binds the name of a result to another array, which has no effect."""
     results, before = code.co_varnames[4:7], ""
     for step in dis.get_instructions(code):
         if step.opname in SKIPPED:
@@ -154,7 +154,8 @@ def _is_within(name: str, refused: tuple[str, ...]) -> bool:
 
 
 def name_of_installed(where: str, value: Any) -> str:
-    """Name and version by which an installed package, or Python, has a value; else an empty text.
+    """Name and version under which an installed package, or Python, has a value; else an empty
+    text.
 
     Raises
     ------
@@ -185,7 +186,7 @@ def name_of_installed(where: str, value: Any) -> str:
 
 
 def _defines(module: str, value: Any) -> bool:
-    """Return if a function is of a module, and not one that was only put there."""
+    """Return whether a function belongs to a module and was not only assigned there."""
     if not isinstance(value, FunctionType):
         return True
     origin = str(value.__globals__.get("__name__", ""))
@@ -195,7 +196,7 @@ def _defines(module: str, value: Any) -> bool:
 def version_of(module: str) -> str:
     """Version of the installed package of a module, or of Python; empty for the user's own.
 
-    It is where the file lies that tells: a module of the user may have the name of another one.
+    The location of the file decides, because a module of the user may have the name of another one.
     """
     found = sys.modules.get(module)
     if not isinstance(found, ModuleType):
@@ -225,7 +226,7 @@ def _distributed(top: str) -> str:
 
 @cache
 def _is_in_library(path: Path) -> bool:
-    """Return if a file lies in the folder of the standard library."""
+    """Return whether a file is in the folder of the standard library."""
     folders = (sysconfig.get_path(name) for name in ("stdlib", "platstdlib"))
     places = [Path(folder) for folder in folders if folder]
     places.append(Path(sys.base_prefix, "DLLs"))  # of Windows

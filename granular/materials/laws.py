@@ -47,7 +47,7 @@ def _check_grain_density(
 def _check_cohesion(material: MuI | DruckerPrager, mu: float) -> None:
     """Check the cohesion, and make the tensile strength that of the apex of the cone if not given.
 
-    The field `_own_strength` keeps whether it was given.
+    The field `_own_strength` records whether it was given.
     """
     check_fields(material, non_negative, "cohesion")
     if material.cohesion and material.elasticity == "hencky":
@@ -119,7 +119,7 @@ class MuI(Material):
         Coulomb (`granular.theory.cliff_height`).
     tensile_strength : float, optional
         Tension -p at which the material separates [Pa], 0 to cohesion/mu_s, where the yield stress
-        is 0. The latter if not given. What has separated is stress-free until its density is rho_c
+        is 0. The latter if not given. Separated material is stress-free until its density is rho_c
         again; then it coheres as before. A `Scene` needs it to be less than `separation_strain` K.
 
     Raises
@@ -330,7 +330,7 @@ class DruckerPrager(Material):
         Coulomb (`granular.theory.cliff_height`).
     tensile_strength : float, optional
         Tension -p at which the material separates [Pa], 0 to cohesion/mu, where the yield stress
-        is 0. The latter if not given. What has separated is stress-free until its density is rho_c
+        is 0. The latter if not given. Separated material is stress-free until its density is rho_c
         again; then it coheres as before. A `Scene` needs it to be less than `separation_strain` K.
 
     Raises

@@ -1,8 +1,9 @@
 """The verdict on a run, from the indicators of failure of its monitor (`granular.run.monitor`).
 
-Failures that are known before a run are refused or warned of (`granular.mpm.limits`). The others
-happen during the run and without an error: the bulk loses its contacts, densities no longer match
-the volume that the points occupy, energy is created, or the law is ill posed in the flow at hand.
+Failures that are known before a run are refused or raise a warning (`granular.mpm.limits`). The
+others happen during the run and without an error: the bulk loses its contacts, densities no longer
+match the volume that the points occupy, energy is created, or the law is ill posed in the flow at
+hand.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ def scene_warnings(scene: BaseScene) -> list[str]:
     """List the settings of a scene that are known to fail without an error, one sentence each.
 
     Each is a failure that was measured (`benchmarks/stability_map.py`, the page "Limits and
-    failures"), or a number that is hardly meant (`granular.model.plausible`); a simulation issues
+    failures"), or an implausible number (`granular.model.plausible`); a simulation issues
     them as `StabilityWarning`.
     """
     return scene.known_failures() + suspect_numbers(scene)

@@ -1,4 +1,4 @@
-"""Samples of a run, at equal numbers of steps, and what its indicators of failure are made of.
+"""Samples of a run, at equal numbers of steps, from which its indicators of failure are computed.
 
 Samples depend on the steps alone: neither on how long a run is meant to be, nor on the frames that
 are recorded, nor on how it is divided into calls of `run`. A checkpoint holds them, so that a run
@@ -38,12 +38,12 @@ run of 10,000 steps, and 1 % of one of 100,000.
 """
 
 THOROUGH = 4
-"""Samples from one that looks for points within bodies and blocks to the next: it takes three times
-as long as another one."""
+"""Samples from one that counts points within bodies and blocks to the next: it takes three times as
+long as another one."""
 
 FEWEST = 50
-"""Least number of points in a bulk of which the stress-free share is told: a share of a tenth is
-then known to within 0.04."""
+"""Least number of points in a bulk whose stress-free share is reported: a share of a tenth is then
+accurate to 0.04."""
 
 PACKED = 0.9
 """Density, as a fraction of rho_c, from which material in the bulk should bear stress.
@@ -62,7 +62,8 @@ class Energies(NamedTuple):
     lost : float
         Plastic work since the start, and the energy with which points left.
     work : float
-        Work of gravity, of bodies, of walls, and of what has entered, since the start.
+        Work of gravity, of bodies, of walls, and energy of points that have entered, since the
+        start.
     """
 
     held: float
@@ -73,19 +74,19 @@ class Energies(NamedTuple):
 class Account:
     """Energy that the scheme has created, from the energies at tallies.
 
-    What has been created since the first sample is the change of the held and the lost energy less
-    the work. Energy that transfers and disconnections lose, an unknown amount, makes it smaller;
-    energy that the scheme creates makes it larger. It never rises if the scheme creates none.
+    The energy created since the first sample is the change of the held and the lost energy less the
+    work. Energy that transfers and disconnections lose, an unknown amount, makes it smaller; energy
+    that the scheme creates makes it larger. It never rises if the scheme creates none.
     """
 
     def __init__(self) -> None:
         self.numbers = np.full(6, np.nan)
-        """Turnover; work; energy that was there at first; least of what was created; its rise; time
-        of the last entry."""
+        """Turnover; work; energy at the start; least of the energy created; its rise; time of the
+        last entry."""
 
     def enter(self, now: Energies, time: float, known: bool = True) -> None:
-        """Enter the energies at a time [s]; if the work since the last entry is not `known`, what
-        has been created since then is not, either."""
+        """Enter the energies at a time [s]; if the work since the last entry is not `known`,
+        neither is the energy created since then."""
         balance = now.held + now.lost - now.work
         turnover, work, begin, least, rise, _ = self.numbers
         if np.isnan(turnover):
@@ -119,7 +120,7 @@ class Monitor:
     names : tuple of str
         Names of the indicators of the scene.
     rows : list of ndarray
-        Samples that are kept, at equal distances; each holds one number for each of `names`.
+        Retained samples, at equal distances; each holds one number for each of `names`.
     spacing : int
         Steps between two samples now.
     count : int
@@ -145,7 +146,7 @@ class Monitor:
 
     @property
     def thorough(self) -> bool:
-        """True if the next sample is to look at what takes long, too."""
+        """True if the next sample includes numbers that take long."""
         return self.count % THOROUGH == 0
 
     def sample(self, state: State, own: Mapping[str, float], energies: Energies | None) -> None:
@@ -175,7 +176,7 @@ class Monitor:
             self.spacing *= 2
 
     def row(self, state: State, own: Mapping[str, float]) -> Array:
-        """Return the numbers of a sample of a state, without keeping it; see `sample`."""
+        """Return the numbers of a sample of a state, without storing it; see `sample`."""
         if not state.n:
             return np.full(len(self.names), np.nan)
         bulk = Bulk(state, packed=PACKED)
@@ -259,7 +260,7 @@ def unwatched(checkpoint: Checkpoint) -> Checkpoint:
 
 
 def known(values: Mapping[str, float]) -> dict[str, float]:
-    """Return the values that are there, for a frame of a record."""
+    """Return the existing values, for a frame of a record."""
     return {name: value for name, value in values.items() if not np.isnan(value)}
 
 
@@ -286,8 +287,8 @@ def _knows_inertia(state: State) -> bool:
 def _drift(bulk: Bulk, state: State) -> float:
     """Drift of the density, without its sign.
 
-    Particles of SPH, of which a cell holds one, leave cells empty where they lie unevenly: of them
-    only those count that have collapsed into one another.
+    Particles of SPH, one per cell, leave cells empty where they are distributed unevenly: only
+    particles that have collapsed into one another count.
     """
     drift = bulk.drift()
     return max(drift, 0.0) if state.scene.method == "sph" else abs(drift)

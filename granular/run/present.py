@@ -41,7 +41,7 @@ class Present(Method):
 
     @property
     def dt(self) -> float:
-        """Time step [s] of the last step, or before the first step the one it will have."""
+        """Time step [s] of the last step, or before the first step that of the first one."""
         return self._engine.scalars()["dt"] or self._engine.stable_dt()
 
     @property
@@ -79,7 +79,8 @@ class Present(Method):
         return State(scene=self.scene, time=time, step=step, dt=dt, fields=fields, **extra)
 
     def _streamed(self) -> State | Streamed:
-        """Return what a record keeps of the present state, in memory only column by column."""
+        """Return the part of the present state that a record stores, one column in memory at a
+        time."""
         return self._snapshot(kept=True)
 
     def __repr__(self) -> str:

@@ -23,7 +23,7 @@ class Turns:
     def take(self, what: str) -> threading.Lock:
         """Return the lock that is held while steps are made; RuntimeError if it is held already.
 
-        It is for a `with` of its own: a signal that arrives when a function has taken a lock, but
+        Use it in a separate `with`: a signal that arrives when a function has taken a lock, but
         not yet returned, would leave it locked for ever.
         """
         if self._lock.locked():
@@ -55,7 +55,7 @@ class Turns:
 
 
 def alone(method: M) -> M:
-    """Let a method of a simulation, which makes steps, be called only when nothing else does."""
+    """Let a method of a simulation that makes steps be called only while no other one does."""
 
     @wraps(method)
     def call(sim: Any, *args: Any, **options: Any) -> Any:

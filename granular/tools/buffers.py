@@ -1,4 +1,4 @@
-"""The build of the core, and the arrays that it borrows: what the engines of both methods share."""
+"""The build of the core, and the arrays that it borrows, for the engines of both methods."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ def default_isa() -> str:
 
 
 def stored_type(dtype: np.dtype[Any]) -> np.dtype[Any]:
-    """Return the type in which the numbers of a buffer are stored: doubles in place of floats."""
+    """Return the type in which the numbers of a buffer are stored: doubles instead of floats."""
     return np.dtype(np.float64) if dtype == np.float32 else dtype
 
 
 def fill(buffers: Mapping[str, NDArray], stored: Mapping[str, NDArray], places: NDArray) -> None:
-    """Put the arrays of a checkpoint into buffers, at `places` of the last axis.
+    """Put the arrays of a checkpoint into buffers, at slots `places` of the last axis.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def allocate(engine: _core.Engine | _core.Sph, capacity: int) -> dict[str, NDArr
 
     All rows lie in one block at multiples of 64 bytes. The same index in different rows has
     different offsets in a memory page, so that the processor does not take loads from one row for
-    stores to another (a precaution: on the one machine tried it changed nothing).
+    stores to another (a precaution: on the one machine that was tried it had no effect).
     """
     rows = {name: (count, dtype) for name, count, _, _, dtype in engine.fields()}
     rows["id"] = 1, np.dtype(np.int64)

@@ -1,9 +1,9 @@
 """Argument checks: each returns its value, or raises naming argument, value and allowed range.
 
 Wrong kinds raise ``TypeError``; wrong values, lengths and numbers out of range, NaN among them,
-raise ``ValueError``. A bool is never a number here: ``half_width=True`` is a slip, not one metre.
-NumPy's numbers are numbers. Numbers in SI units are at most `LARGEST`, and those above zero at
-least `LEAST`, so that no product or ratio of a few of them overflows or vanishes.
+raise ``ValueError``. A bool is never a number here: ``half_width=True`` is a mistake, not one
+metre. NumPy's numbers are numbers. Numbers in SI units are at most `LARGEST`, and those above zero
+at least `LEAST`, so that no product or ratio of a few of them overflows or vanishes.
 """
 
 from __future__ import annotations
@@ -163,7 +163,7 @@ def vector(
 
 
 def truth(name: str, value: object) -> bool:
-    """Return `value` if it is True or False; others are of a wrong kind."""
+    """Return `value` if it is True or False."""
     if not isinstance(value, bool):
         raise TypeError(f"{name} = {value!r} must be True or False")
     return value
@@ -177,7 +177,7 @@ def sequence(name: str, value: object) -> tuple[Any, ...]:
 
 
 def _unmasked(name: str, value: Any) -> None:
-    """Refuse an array of which NumPy would drop the mask, and show what is below it."""
+    """Refuse an array whose mask NumPy would drop, with the positions of the masked entries."""
     if np.ma.is_masked(value):
         masked = np.argwhere(np.ma.getmaskarray(value))
         first = ", ".join(map(str, masked[0]))
@@ -290,7 +290,7 @@ def set_fields(part: object, **values: object) -> None:
 def check_fields(
     part: object, check: Callable[..., Any], *names: str, optional: bool = False, **limits: Any
 ) -> None:
-    """Replace attributes of a frozen dataclass by what `check` makes of them.
+    """Replace attributes of a frozen dataclass by the results of `check`.
 
     `limits` are further arguments of `check`. Where `optional`, None is left as it is.
     """

@@ -22,7 +22,7 @@ def described(documented: object, *others: object) -> dict[str, str]:
     documented : function or class
         Its docstring has a section "Parameters" in the style of NumPy.
     *others : function or class
-        Where descriptions are looked up of which the docstring says: see there.
+        Where descriptions are looked up that the docstring replaces by a reference.
     """
     found: dict[str, str] = {}
     for part in reversed(getattr(documented, "__mro__", (documented,))):

@@ -7,7 +7,7 @@ __all__ = ["bar", "progress_bar"]
 
 
 class _Silent:
-    """A progress bar that shows nothing."""
+    """A progress bar without output."""
 
     n = 0.0
 
@@ -23,7 +23,7 @@ def bar(**options: Any) -> Any:
 
 
 def progress_bar(name: str, time: float, until: float, shown: bool) -> AbstractContextManager[Any]:
-    """Progress bar of a run from a time to the time `until` [s], or one that shows nothing."""
+    """Progress bar of a run from a time to the time `until` [s], or one without output."""
     if not shown:
         return nullcontext(_Silent())
     form = "{l_bar}{bar}| {n:.3f}/{total:.3f} s [{elapsed}<{remaining}]"

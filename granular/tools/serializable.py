@@ -111,8 +111,8 @@ class Serializable:
         Raises
         ------
         TypeError
-            For a region or material of a class that is not registered. Of a region of one's own
-            `Mask.of(region.contains, ...)` can be written.
+            For a region or material of a class that is not registered. For a user-defined region
+            use `Mask.of(region.contains, ...)`.
         """
         return json.dumps({"format": FORMAT, "scene": _encode(self)}, allow_nan=False)
 
@@ -257,7 +257,7 @@ def _decode_array(dtype: str, shape: list[int], data: str) -> NDArray[Any]:
         raise ValueError(f"shape = {shape} must have at most {MOST_BYTES} bytes")
     inflater = zlib.decompressobj()
     packed = base64.b64decode(data, validate=True)
-    unpacked = inflater.decompress(packed, size + 1)  # no more than this, whatever is in there
+    unpacked = inflater.decompress(packed, size + 1)  # no more, whatever the file contains
     if len(unpacked) != size:
         raise ValueError(f"data must hold {size} bytes for the shape {shape}")
     return np.frombuffer(unpacked, dtype=kind).reshape(counts)
