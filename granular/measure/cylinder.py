@@ -56,7 +56,8 @@ def cylinder_profile(
     Figure 9 of Haeri & Skonieczny 2021 shows the velocity about the axis, divided by that of the
     inner cylinder, at the top surface. Here velocities are displacements from one frame to the
     next divided by the time between them. The velocity that a point stores is not used: it differs
-    from that of the grid by what its transfer retains, a sixth of it next to a no-slip wall.
+    from that of the grid by the part that the transfer retains, a sixth of it next to a no-slip
+    wall.
 
     Parameters
     ----------
@@ -66,7 +67,7 @@ def cylinder_profile(
         Radii of the edges of the rings [m], ascending, >= 0; by default rings about one cell wide
         between the scene's parameters ``inner`` and ``outer``.
     above, below : float, optional
-        Keep the points between these elevations [m] at the later frame; in 3D only.
+        Use the points between these elevations [m] at the later frame; in 3D only.
     axis : (x, y)
         Position of the axis [m].
 

@@ -38,7 +38,7 @@ class MassHistory:
     total : bool
         True if `mass` is that of the full silo.
     opening : EffectiveOpening or None
-        Width as which the opening acts, if that is known.
+        Effective width of the opening, if that is known.
     """
 
     times: Array
@@ -70,10 +70,10 @@ class Discharge:
         Mass in the silo at these times [kg; in 2D per metre of depth], of the same part as the
         rate.
     opening : EffectiveOpening or None
-        Width as which the opening acts in these cells; None where that was not measured.
+        Effective width of the opening in these cells; None where that was not measured.
     corrected : float
-        Rate of an opening that acts as wide as it is between its edges, ``opening.width``: `rate`
-        times ``opening.factor`` [kg/s]; nan where that is not known.
+        Rate of an opening whose effective width is that between its edges, ``opening.width``:
+        `rate` times ``opening.factor`` [kg/s]; nan where that is not known.
     corrected_uncertainty : float
         Uncertainty of `corrected` by that of the effective opening and by half of `window_spread`,
         added in squares [kg/s].

@@ -99,7 +99,7 @@ def mean_pressure_error(
     depth_cells : int
         Leave out cells with fewer than this many filled cells above them.
     per_column : bool
-        True to compare with the weight of each column by itself (the overburden error of a heap),
+        True to compare with the weight of each single column (the overburden error of a heap),
         False to compare with that of the mean layer.
 
     Returns

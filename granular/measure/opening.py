@@ -24,7 +24,7 @@ class Opening:
     axis : float
         Position of its middle along x [m]; for half a silo this is the plane of symmetry.
     floor : float
-        Elevation of the bottom that it is in [m].
+        Elevation of the bottom that contains it [m].
     half : bool
         True if only one side of the axis is modelled.
 

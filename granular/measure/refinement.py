@@ -1,4 +1,4 @@
-"""Extrapolation of a number to cells without end in fineness."""
+"""Extrapolation of a number to infinitely fine cells."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Extrapolation:
     slope : float
         a of y = y_0 + a dx^p.
     residual : float
-        Root mean square of what the values differ from the fit by.
+        Root mean square of the differences between the values and the fit.
     """
 
     limit: float
@@ -66,11 +66,11 @@ def richardson(cells: ArrayLike, values: ArrayLike, *, order: float | None = Non
     """Richardson extrapolation: the limit y_0 of y = y_0 + a dx^p as dx tends to 0.
 
     All values have the same weight. Where the result of a run scatters, for instance with the
-    place of an opening in the grid, give several values for each size of the cells.
+    position of an opening in the grid, give several values for each size of the cells.
 
     The uncertainty is the standard error of the limit in a least-squares fit, linear about it,
-    times the quantile of Student's t for 95 %. With as many values as parameters nothing is left
-    to tell the scatter; then it is the grid convergence index of Roache (1994, J. Fluids Eng. 116,
+    times the quantile of Student's t for 95 %. With as many values as parameters the scatter is
+    unknown; the uncertainty is then the grid convergence index of Roache (1994, J. Fluids Eng. 116,
     405): the distance between limit and finest value, times 1.25 with an order that is fitted and
     times 3 with one that is assumed.
 

@@ -67,7 +67,7 @@ class WheelHistory:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FailureSurface:
-    """Lower boundary of the moving material, column by column; nan where nothing moves.
+    """Lower boundary of the moving material, column by column; nan where no cell moves.
 
     Attributes
     ----------
@@ -254,7 +254,7 @@ def strain_history(states: States) -> StrainHistory:
     """Elastic strain of Hencky materials (Haeri & Skonieczny 2021, figure 6).
 
     The strain follows from the stored stress and density: the Kirchhoff stress is rho_c/rho times
-    the stress, and its deviator is 2 G h. Plastic flow keeps the volume in each step, so that
+    the stress, and its deviator is 2 G h. Plastic flow preserves the volume in each step, so that
     det F^p of figure 7 is 1 to round-off and needs no history. `granular.measure.density_drift`
     measures how far the density of the points is from the volume that they occupy.
 

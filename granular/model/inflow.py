@@ -1,4 +1,4 @@
-"""Inflows: places where material enters a running simulation."""
+"""Inflows: regions where material enters a running simulation."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ __all__ = [
 ]
 
 FULL = 1 + 1e-9
-"""Largest filling fraction of what enters; the excess over 1 is for rounding."""
+"""Largest filling fraction of entering material; the excess over 1 is for rounding."""
 
 
 def _times(name: str, value: object) -> tuple[float, float]:
@@ -63,9 +63,9 @@ class Inflow:
     The inlet is the upstream end of `region`, along the axis along which the velocity is largest; a
     column of points enters at each site of the seeding lattice across the stream. Columns
     enter one after the other, so that the mass that has entered is the rate times the time to
-    within a point, and the points of a column enter at the distance of the seeding lattice whatever
-    the time step. What enters depends on the time alone, so that a run is the same with any output
-    and any number of threads, and after a restart.
+    within a point, and the points of a column enter at the distance of the seeding lattice for any
+    time step. The points that enter depend on the time alone, so that a run is the same with any
+    output and any number of threads, and after a restart.
 
     Parameters
     ----------
@@ -79,30 +79,30 @@ class Inflow:
         inflow, and 1 in SPH.
     rate : float or None
         Mass that enters per time [kg/s; in 2D per metre of depth], which determines the density,
-        rate/(A v), with the area A of the inlet and the velocity v through it. None for what
-        `density` gives, rho A v. Must be None with a `density`, if `lithostatic`, and in SPH.
+        rate/(A v), with the area A of the inlet and the velocity v through it. None for the rate
+        that follows from `density`, rho A v. Must be None with a `density`, if `lithostatic`, and
+        in SPH.
     density : float or None
-        Density of what enters [kg/m3]; None for `rho_c` of the material, or what `rate` gives. It
-        must not exceed `rho_c`: such material is stress-free. Must be None if `lithostatic`, and in
-        SPH.
+        Density of the entering material [kg/m3]; None for `rho_c` of the material, or the density
+        that follows from `rate`. It must not exceed `rho_c`: such material is stress-free. Must be
+        None if `lithostatic`, and in SPH.
     lithostatic : bool
-        If True, what enters bears its weight from the start: its pressure is that of the depth
-        below the top of the region under the gravity across the stream, as of a layer that flows
-        down a slope. It is the same in all directions, as in a flow.
+        If True, the entering material bears its weight from the start: its pressure is that of the
+        depth below the top of the region under the gravity across the stream, as of a layer that
+        flows down a slope. It is the same in all directions, as in a flow.
     material : Material or None
         Material that enters; None for that of the scene.
     times : tuple of (begin, end)
         Times [s] between which points enter; the end may be infinite.
     driven : bool
-        If False, points are free from the moment in which they enter. If the place of a point is
-        taken by others of its column, it waits for it, and those that are due in the meantime are
-        missed: the inlet is choked, and feeds what the flow below takes. `Simulation.inflows`
-        counts them.
-        If True, the region is full from the start, and all that is in it moves with the velocity,
-        whatever is in its way, up to the end of `times`: a piston, which does not yield. The
-        nodes of the grid that its points touch have this velocity, to the sides and upstream also
-        those beyond it. It must begin at time 0. SPH has driven inflows only: its particles in the
-        region have this velocity.
+        If False, points are free from the moment in which they enter. If the position of a point is
+        occupied by others of its column, it waits until it is free, and points that are due in the
+        meantime are missed: the inlet is choked, and feeds as much as the flow below admits.
+        `Simulation.inflows` counts the missed points. If True, the region is full from the start,
+        and all material in it moves with the velocity, whatever is in its way, up to the end of
+        `times`, like a piston that does not yield. The nodes of the grid that its points touch have
+        this velocity, to the sides and upstream also those beyond it. It must begin at time 0. SPH
+        has driven inflows only: its particles in the region have this velocity.
 
     Raises
     ------
@@ -124,7 +124,7 @@ class Inflow:
     def __post_init__(self) -> None:
         kinds_of(self, region=Region)
         if isinstance(self.region, Cloud):
-            raise TypeError("region must not be a Cloud, whose points have places of their own")
+            raise TypeError("region must not be a Cloud, whose points have given positions")
         check_fields(self, vector, "velocity", dim=self.region.dim)
         if not any(self.velocity):
             raise ValueError(f"velocity = {self.velocity} must not be 0: nothing would enter")
@@ -167,7 +167,7 @@ class Inflow:
         return (lower if self.velocity[self.axis] > 0 else upper)[self.axis]
 
     def _fill(self, density: float | None = None) -> Fill:
-        """Fill of the region with what enters."""
+        """Fill of the region with the entering material."""
         return Fill(
             self.region,
             self.points_per_cell,
@@ -178,7 +178,7 @@ class Inflow:
         )
 
     def check(self, name: str, grid: Grid, rho_c: float) -> None:
-        """Refuse what does not fit the grid, or is denser than its material."""
+        """Refuse an inflow that does not fit the grid, or is denser than its material."""
         check_inside(name, grid, self.region)
         if not estimated_points(grid, replace(self, rate=None)._fill(), even=True):
             raise ValueError(f"{name} = {self} must hold at least one site of the seeding lattice")
@@ -205,7 +205,8 @@ class Inflow:
         return len(self._sites(grid).x) * (grid.cell / self.points_per_axis) ** (grid.dim - 1)
 
     def density_in(self, grid: Grid, rho_c: float) -> float:
-        """Density of what enters [kg/m3], stress-free; `rho_c` is that of its material."""
+        """Density of the entering material [kg/m3], stress-free; `rho_c` is that of its
+        material."""
         if self.rate is not None:
             return self.rate / (self.area(grid) * self.speed)
         return rho_c if self.density is None else self.density
@@ -250,7 +251,7 @@ class InflowState:
     points : int
         Number of points that have entered.
     missed : int
-        Number of points that were due and did not enter because their places were taken.
+        Number of points that were due and did not enter because their positions were occupied.
     mass : float
         Mass that has entered [kg; in 2D per metre of depth].
     momentum : ndarray, shape (dim,)
@@ -295,7 +296,7 @@ def inlet_points(scene: BaseScene, i: int) -> Points:
 def standing_points(scene: BaseScene, i: int) -> Points:
     """Points that fill the region of a driven inflow at the start.
 
-    They are those that would have entered before, had it begun long ago.
+    They are the points that would have entered before if it had begun long ago.
     """
     inflow, grid = scene.inflows[i], scene.grid
     points, h = inlet_points(scene, i), grid.cell / inflow.points_per_axis

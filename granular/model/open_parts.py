@@ -1,8 +1,9 @@
 """Open parts of the squares (cubes) of a seeding lattice that bodies cut.
 
 Where a body cuts a square, its point lies at the centroid of the part outside of the body, and has
-the volume of that part: on a level floor half its own thickness off it. Where that is no place for
-it, as in a wedge between a ball and the end of the grid, it lies in the nearest piece of the part.
+the volume of that part: on a level floor at a height of half the thickness of the part. Where the
+centroid is not allowed, as in a wedge between a ball and the end of the grid, the point lies in the
+nearest piece of the part.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ Array = NDArray[np.float64]
 LEVELS = 3
 """Number of times that a cut square is halved: the parts that are integrated are its eighths."""
 LEAST_SHARE = 0.1
-"""Least share of a square that is a point by itself; less is merged with a neighbour.
+"""Least share of a square that makes a separate point; smaller ones are merged with a neighbour.
 
 In a bed at rest on planes at 17 and 40 degrees, at three offsets, the pressure in the first half
 cell is 0.8 to 4 % above that of the depth with this share, 0.5 to 5 % with 0.2 and 0.3, and 3 to
 11 % with 0.5.
 """
 OPPOSITE = -0.5
-"""Cosine of the angle between normals below which two places count as on two sides of a body."""
+"""Cosine of the angle between normals below which two positions count as on two sides of a body."""
 NEIGHBOURS = 8
 """Nearest points among which the neighbour of a small part is looked for."""
 LEAST_NORMAL = 1e-3
@@ -94,10 +95,10 @@ def _pieces(
     normal: Array,
     mixed: NDArray[np.bool_],
 ) -> tuple[NDArray[np.int64], Array, Array, Array]:
-    """Open pieces of cut squares: index of the square, place, volume, and normal of the body.
+    """Open pieces of cut squares: index of the square, position, volume, and normal of the body.
 
-    Given are the signed distances `phi` of the squares from the body, the normals there, and which
-    squares are `mixed`, so that the boundary of the region cuts them.
+    `phi` are the signed distances of the squares from the body, with the normals there; the
+    boundary of the region cuts the `mixed` squares.
     """
     dim = centres.shape[1]
     owner, found = np.arange(len(centres)), []
@@ -108,7 +109,7 @@ def _pieces(
         owner, phi = np.repeat(owner, 2**dim), np.repeat(phi, 2**dim)
         mixed = np.repeat(mixed, 2**dim)
         normal = np.repeat(normal, 2**dim, axis=0)
-        # The centre of a piece is at most `reach` away from that of what it is a part of.
+        # The centre of a piece is at most `reach` away from that of its square.
         near = np.abs(phi) < 2 * reach
         phi[near], normal[near] = distance(centres[near])
         mixed[mixed] = region.cuts(centres[mixed], reach)
@@ -139,7 +140,8 @@ def _grouped(
 ) -> tuple[NDArray[np.int64], Array, Array, NDArray[np.bool_]]:
     """Sum the pieces of each square, those on two sides of a thin body apart.
 
-    Returned are the squares, the places and volumes of the sums, and which of them have a place.
+    Returned are the squares, the positions and volumes of the sums, and which positions are
+    allowed.
     """
     _, first, of = np.unique(owner, return_index=True, return_inverse=True)
     away = (np.einsum("ij,ij->i", normal, normal[first][of]) < OPPOSITE).astype(np.int64)
@@ -156,7 +158,8 @@ def _grouped(
 def _put_in_pieces(
     x: Array, placed: NDArray[np.bool_], of: NDArray[np.int64], at: Array, space: OpenSpace
 ) -> None:
-    """Put sums that have no place where the nearest of their pieces that is open is, if any is."""
+    """Move sums without an allowed position to the nearest of their pieces that is open, if any
+    is."""
     pieces = np.flatnonzero(~placed[of])
     pieces = pieces[space.is_open(at[pieces])]
     gaps = np.linalg.norm(at[pieces] - x[of[pieces]], axis=1)
@@ -168,9 +171,11 @@ def _put_in_pieces(
 def _merged(
     x: Array, volume: Array, placed: NDArray[np.bool_], edge: float, space: OpenSpace
 ) -> tuple[Array, Array]:
-    """Merge small parts, and those without a place, with the nearest point on the same side.
+    """Merge small parts, and those without an allowed position, with the nearest point on the same
+    side.
 
-    Small parts that have no such neighbour remain. What has no place for itself is then left out.
+    Small parts that have no such neighbour remain. Parts without an allowed position are then left
+    out.
     """
     distance = space.distance
     small = (volume < LEAST_SHARE * edge ** x.shape[1]) | ~placed
@@ -200,7 +205,7 @@ def _merged(
 
 
 def open_parts(sites: Array, edge: float, region: Region, space: OpenSpace) -> tuple[Array, Array]:
-    """Places and volumes of the points of a region that bodies are in.
+    """Positions and volumes of the points of a region that contains bodies.
 
     Parameters
     ----------

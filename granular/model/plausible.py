@@ -1,7 +1,7 @@
-"""Numbers of a scene that no material or set-up has: slips of unit, of axis and of sign.
+"""Implausible numbers of a scene: mistakes of unit, of axis and of sign.
 
-Each limit has its source beside it, and all of them are here. They warn and refuse nothing: a run
-with such numbers goes on, and its results may be those of another material.
+All limits are here, each with its source. They only raise warnings: a run with such numbers goes
+on, and its results may be those of another material.
 """
 
 from __future__ import annotations
@@ -35,38 +35,40 @@ SOLID = (5.0, 23e3)
 22,590."""
 LARGEST_LOADING = 10.0
 """Largest mass of a body over that of a cube of osmium that contains it: a plate may bear a load
-that is not seen, but steel in grams is 100 times more."""
+that is not modelled, but steel in grams is 100 times more."""
 STIFFEST = 1.2e12
 """Largest Young's modulus of a solid, that of diamond [Pa]."""
 LARGEST_STRAIN = 0.0177
 """Largest weight of the material above its base over the modulus of compression K. Up to it the
 errors of softer grains were measured (`granular.economy.bias`): the run-out of a column is 3 % too
-short there, and what falls over its own height does so at a sixth of the speed of its waves."""
+short there, and material that falls over its own height has a sixth of the speed of its waves."""
 STIFF = 1e-3
-"""The same over E that guides ask for (docs/how-to/choose_a_stiffness.md)."""
+"""The same over E that guides recommend (docs/how-to/choose_a_stiffness.md)."""
 LARGEST_GRAVITY = 5e3
 """Largest gravity [m/s2], that of geotechnical centrifuges: 500 times that of the earth."""
 CENTRIFUGE = (0.01, 2.0)
-"""Cell and longest side of a domain [m] that are meant in a centrifuge: its boxes have 0.3 to
+"""Cell and longest side of a domain [m] that are plausible in a centrifuge: its boxes have 0.3 to
 1.5 m, and cells of a hundredth resolve them."""
 WEAKEST = 1.0
-"""Gravity [m/s2] that is meant as one; the moon has 1.62."""
+"""Gravity [m/s2] that is plausible; the moon has 1.62."""
 FASTEST_RIM = 120.0
 """Largest speed [m/s] of the rim of a tool: grinding and cut-off discs have 80 to 100."""
 LARGEST_GRAIN = 0.5
 """Largest diameter of a grain over the longest side of the domain; a silo may be five grains wide,
 a column of a layer three."""
 BOULDER = 0.5
-"""Diameter of a grain [m] from which it is hardly meant to be resolved by cells."""
+"""Diameter of a grain [m] from which it is implausible that cells resolve it."""
 LIKELY = 200.0
-"""Density [kg/m3] below which none is offered for a slip; that of cork and expanded perlite."""
+"""Least density [kg/m3] that is suggested instead of a mistake; that of cork and expanded
+perlite."""
 DENSE, DILUTE = 1.05, 0.05
 """Densities of fills over rho_c. Above, the pressure at the start is a part of the stiffness;
-below, it is a gas, and not what these laws are for. An inflow may be a rain of any density."""
+below, the material is a gas, for which these laws are not made. An inflow may be a rain of any
+density."""
 MOST_STEPS = 1e9
-"""Steps after which nobody waits: at least a week where a step takes a millisecond."""
+"""Implausibly many steps: at least a week where a step takes a millisecond."""
 INERTIA = (1e-6, 1e3)
-"""Moments of inertia over m R^2, R the distance of the farthest place of a body. That of a rod a
+"""Moments of inertia over m R^2, R the distance of the farthest point of a body. That of a rod a
 hundred times as long as thick, about its axis, is 5e-5. A motor behind a gear may add a hundred
 times that of its wheel; moments in kg cm2 are 1000 to 10,000 times too large."""
 UNITS_OF_INERTIA = {1e4: "kg cm2", 1e6: "kg mm2", 1e7: "g cm2", 1e9: "g mm2"}
@@ -76,7 +78,7 @@ TYPED = 5e-6
 
 
 def suspect_numbers(scene: BaseScene) -> list[str]:
-    """List the numbers of a scene that are hardly meant, a sentence each, with the likely slip."""
+    """List the implausible numbers of a scene, one sentence each, with the likely mistake."""
     checks: tuple[Callable[[BaseScene], Iterator[str]], ...] = (
         _friction,
         _angles,
@@ -125,7 +127,7 @@ def _friction(scene: BaseScene) -> Iterator[str]:
 
 
 def _angles(scene: BaseScene) -> Iterator[str]:
-    """Angles that are to be in degrees, and are whole ones in radians."""
+    """Angles that should be in degrees, and are whole degrees in radians."""
     named = [(f"parameters[{name!r}]", value) for name, value in scene.parameters.items()]
     for kind in ("materials", "bodies"):
         for i, part in enumerate(getattr(scene, kind, ())):
@@ -170,7 +172,7 @@ def _densities(scene: BaseScene) -> Iterator[str]:
 
 
 def _thousands(density: float, low: float, high: float) -> str:
-    """Return the density that is meant by one in g/cm3, or in g/m3, if it is in a range."""
+    """Return the density if the number is in g/cm3, or in g/m3, if it is in a range."""
     for factor in (1000, 0.001):
         if low <= density * factor <= high:
             return f": did you mean {density * factor:g}?"
@@ -178,7 +180,8 @@ def _thousands(density: float, low: float, high: float) -> str:
 
 
 def _grains(scene: BaseScene) -> Iterator[str]:
-    """Grains of nonlocal laws and of contacts that damp; those of others are seen by the cells."""
+    """Grains of nonlocal laws and of elastic damping; the cells of a scene limit those of
+    others."""
     cell, longest = scene.grid.cell, max(scene.grid.shape) * scene.grid.cell
     for material in scene.materials:
         nonlocal_ = getattr(material, "has_fluidity", False)
@@ -222,7 +225,7 @@ def stiffness_hint(scene: BaseScene) -> str:
 
 
 def largest_load(scene: BaseScene) -> tuple[float, float]:
-    """Pressure [Pa] at the foot of a fill or inflow, or of a servo, and E [Pa]: the softest case.
+    """Pressure [Pa] at the base of a fill or inflow, or of a servo, and E [Pa]: the softest case.
 
     Zero and one if no material of the scene has an E.
     """
@@ -237,8 +240,8 @@ def rounded(E: float) -> float:
 
 
 def _loads(scene: BaseScene) -> Iterator[tuple[float, Any]]:
-    """Yield the pressure [Pa] at the foot of each fill and inflow, and of a servo, and what bears
-    it: materials with an E."""
+    """Yield the pressure [Pa] at the base of each fill and inflow, and of a servo, and the
+    materials with an E that bear it."""
     g = max(abs(vector[-1]) for vector in scene.gravity.vectors)
     sources: tuple[Any, ...] = (*scene.fills, *scene.inflows)
     for source in sources:
@@ -299,7 +302,7 @@ def _is_laid(scene: BaseScene, vectors: Any, largest: float) -> bool:
 
 
 def _idle(scene: BaseScene) -> Iterator[str]:
-    """Scenes in which nothing moves the material."""
+    """Scenes without anything that moves the material."""
     moving = [getattr(part, "velocity", None) for part in (*scene.fills, *scene.walls)]
     moving += [fill.region.velocity for fill in scene.fills if isinstance(fill.region, Cloud)]
     bodies = scene.bodies
@@ -328,7 +331,7 @@ def _speeds(scene: BaseScene) -> Iterator[str]:
 
 
 def _turning(scene: BaseScene) -> Iterator[str]:
-    """Angular velocities that are those of no tool, or whole turns in degrees."""
+    """Angular velocities that no tool has, or whole turns in degrees."""
     for i, body in enumerate(scene.bodies):
         half, omegas = body.extents(), body.motion.rows()[:, 4:]
         half = np.where(np.isfinite(half), half, 0.0)
@@ -367,7 +370,7 @@ def _small(scene: BaseScene) -> Iterator[str]:
 
 
 def _outside(scene: BaseScene) -> Iterator[str]:
-    """Bodies that are outside of the domain and do not come in."""
+    """Bodies that are outside of the domain and do not enter it."""
     grid, g = scene.grid, np.array(scene.gravity.vectors)
     near, longest = grid.cell, max(grid.shape) * grid.cell
     for i, body in enumerate(scene.bodies):
@@ -389,7 +392,7 @@ def _outside(scene: BaseScene) -> Iterator[str]:
 
 
 def _is_beside(scene: BaseScene, i: int) -> bool:
-    """True if the box about a body meets that of another one, on which it may roll or rest."""
+    """True if the box about a body meets that of another one, on which it may roll or stand."""
     body = scene.bodies[i]
     return any(
         (
@@ -402,7 +405,7 @@ def _is_beside(scene: BaseScene, i: int) -> bool:
 
 
 def _way(times: Any, velocity: Any, duration: float) -> float:
-    """Largest way along an axis with a velocity that is linear between times."""
+    """Largest displacement along an axis with a velocity that is linear between times."""
     t = np.unique(np.concatenate([np.linspace(0.0, duration, 200), times.clip(0.0, duration)]))
     v = np.interp(t, times, velocity)
     return float(np.max(np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t)), initial=0.0))
@@ -432,7 +435,8 @@ def _masses(scene: BaseScene) -> Iterator[str]:
 
 
 def _inertias(i: int, body: Any, most: float) -> Iterator[str]:
-    """Moments of inertia far from those of a body, at most `most` for what turns as a whole."""
+    """Moments of inertia far from those of a body, at most `most` for a body that turns as a
+    whole."""
     moments = np.linalg.eigvalsh(_tensor(body.inertia))
     largest = float(moments.max()) / most
     if INERTIA[0] * most <= moments.min() and largest <= INERTIA[1]:

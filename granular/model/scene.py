@@ -67,7 +67,7 @@ class BaseScene(Serializable):
 
     @property
     def sources(self) -> tuple[Fill | Inflow, ...]:
-        """Fills and inflows, where the material comes from."""
+        """Fills and inflows, the sources of the material."""
         return (*self.fills, *self.inflows)
 
     @property

@@ -1,4 +1,4 @@
-"""Bodies that the grid cannot resolve: refused, or warned of before a run."""
+"""Bodies that the grid cannot resolve: an error or a warning before a run."""
 
 from __future__ import annotations
 
@@ -50,10 +50,10 @@ def thin_parts(scene: Scene) -> str | None:
     """Bodies that are so thin or small that the grid hardly resolves them.
 
     The limits were measured with layers thrown at 0.8 m/s against a thin body and against discs.
-    Without duplicate nodes, material behind a thin body of 2, 2.2 and 2.5 cells gets 9, 4 and 1.3 %
-    of that speed under the default scheme; it gets none from 2.8 cells on, and with other bases
-    than splines none from 2 cells on. The impulse on a disc depends on its position in the grid and
-    on the seeding, see `benchmarks/stability_tables.py`.
+    Without duplicate nodes, material behind a thin body of 2, 2.2 and 2.5 cells reaches 9, 4 and
+    1.3 % of that speed with the default scheme; it stays at rest from 2.8 cells on, and with other
+    bases than splines from 2 cells on. The impulse on a disc depends on its position in the grid
+    and on the seeding, see `benchmarks/stability_tables.py`.
     """
     reach = _reach(scene.scheme)
     for i, body in enumerate(scene.bodies):
@@ -86,9 +86,9 @@ NEAR = 5.5
 
 
 def near_thin_parts(scene: Scene) -> str | None:
-    """Thin bodies that are near each other at the start, each with a front and a back of its own.
+    """Thin bodies that are near each other at the start, each with a separate front and back.
 
-    The two sides of a cell near several thin parts are those of one body, which knows the fronts of
+    The two sides of a cell near several thin parts are those of a single body, with the fronts of
     all its parts. A bin of three plates one cell thick lost 60 % of its points in 0.3 s, and none
     as one body (ParticleDensity, 10 cells deep).
     """
@@ -135,15 +135,15 @@ def mesh_scale(scene: Scene) -> str | None:
 LIGHTEST = 0.1
 """Least mass of a free body over that of a full cell, from `benchmarks/free_bodies.py`.
 
-Contact finds impulses in 20 sweeps at most, in each of which a body of the mass M passes on the
-part M/(M + m) of what nodes of the mass m, that of a cell at most, press on it with. So M must
-exceed m/20. The noise about a body at rest in a bed is 1.5 times that of a heavy one at a tenth of
-the mass of a cell, and 6 to 50 times at a hundredth.
+Contact computes impulses in 20 sweeps at most, in each of which a body of the mass M passes on the
+part M/(M + m) of the impulse of nodes of the mass m, that of a cell at most. So M must exceed m/20.
+The noise around a body at rest in a bed is 1.5 times that of a heavy one at a tenth of the mass of
+a cell, and 6 to 50 times at a hundredth.
 """
 
 
 def light_bodies(scene: Scene) -> str | None:
-    """Free bodies that hardly have any mass beside the nodes that press on them."""
+    """Free bodies that have hardly any mass compared with the nodes that press on them."""
     full = max(material.rho_c for material in scene.materials) * scene.grid.cell**scene.dim
     for i, body in enumerate(scene.bodies):
         if body.mass is not None and body.mass < LIGHTEST * full * (1 - 1e-9):

@@ -1,4 +1,4 @@
-"""Places that the material, blocks and bodies of a scene take at the start."""
+"""Positions that the material, blocks and bodies of a scene occupy at the start."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MOST_PLACES = (5, 40)
 
 
 def is_full(scene: Scene) -> bool:
-    """True if fills, blocks and bodies leave none of the cells looked at empty at the start."""
+    """True if fills, blocks and bodies leave none of the sampled cells empty at the start."""
     return all(_leave_none(scene, most) for most in MOST_PLACES)
 
 
@@ -38,7 +38,7 @@ def _leave_none(scene: Scene, most: int) -> bool:
 
 
 def has_material(scene: Scene, places: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """True for places of shape (n, dim) with material at the start: not in blocks or bodies."""
+    """True for positions of shape (n, dim) with material at the start: not in blocks or bodies."""
     found = _in_fills(scene, places)
     found[found] = _outside(scene, places[found])
     return found
@@ -52,7 +52,7 @@ def _in_fills(scene: Scene, places: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def _outside(scene: Scene, places: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """True for places outside of blocks and bodies."""
+    """True for positions outside of blocks and bodies."""
     found = np.ones(len(places), dtype=bool)
     for wall in scene.walls:
         if isinstance(wall, Solid):

@@ -27,28 +27,28 @@ INTERVAL = 50
 is a tenth of that of elastic waves."""
 
 MARGIN = 0.5
-"""Overlap [cells] that is no collision yet: what is known of a surface on the grid."""
+"""Overlap [cells] that is no collision yet: the resolution of a surface on the grid."""
 
 THE_END = "the end of the domain"
 
 ACROSS = 24
-"""Places in which a body is sampled along the edge of a cube of its volume, or fewer."""
+"""Largest number of sample points of a body along the edge of a cube of its volume."""
 
 Array = NDArray[np.float64]
 
 
 class Places(NamedTuple):
-    """Places in and on a body in its coordinates, shape (n, dim), and how deep they are in it."""
+    """Sample points in and on a body in its coordinates, shape (n, dim), and their depths in it."""
 
     own: Array
     depth: Array
 
 
 class FreeBodies:
-    """The bodies of a scene that move freely, and what each of them must not enter.
+    """The bodies of a scene that move freely, and the obstacles that each of them must not enter.
 
-    These are the ends of the domain that are not open, and what they touch by contact, which fails
-    where prescribed motions press them together: walls, blocks and other bodies. A body may
+    These are the ends of the domain that are not open, and the walls, blocks and other bodies that
+    they touch by contact, which fails where prescribed motions press them together. A body may
     overlap them as far as it does at the start, such as a wheel that a symmetry plane cuts (see
     `body_overlaps`), and begin beyond an end, such as a ball that falls into the domain. Unless it
     turns freely, it may reach ends and walls that are normal to an axis along which it follows its
@@ -65,7 +65,7 @@ class FreeBodies:
         self._allowed: dict[tuple[int, str], float] = {}
         start = [body.at_start() for body in scene.bodies]
         for i, what, depth in self._overlaps(start, 0.0):
-            # Beyond a side there is more of an endless body than the places that stand for it.
+            # Beyond a side there is more of an endless body than its sample points show.
             endless = not np.isfinite(_half_extents(scene.bodies[i])).all()
             self._allowed[i, what] = math.inf if endless and _is_flat(what) else depth
 
@@ -73,7 +73,8 @@ class FreeBodies:
         return bool(self._places)
 
     def check(self, states: Sequence[BodyState], time: float, step: int) -> None:
-        """Raise a `SimulationError` if a free body is where contact does not hold it."""
+        """Raise a `SimulationError` if a free body is at a position where contact does not hold
+        it."""
         for i, what, depth in self._overlaps(states, time):
             excess = depth - max(self._allowed.get((i, what), 0.0), 0.0)
             if excess > MARGIN * self._scene.grid.cell:
@@ -92,7 +93,7 @@ class FreeBodies:
     def _overlaps(
         self, states: Sequence[BodyState], time: float
     ) -> Iterator[tuple[int, str, float]]:
-        """Yield free bodies, what is near them, and how far they overlap [m]."""
+        """Yield free bodies, the obstacles near them, and their overlaps [m]."""
         for i, places in self._places.items():
             body, pose = self._scene.bodies[i], states[i]
             x = pose.position + places.own @ pose.rotation.T
@@ -140,7 +141,7 @@ class FreeBodies:
                     yield f"{THE_END} at {AXES[axis]} = {end:.6g} m", beyond
 
     def _in_blocks(self, x: Array) -> NDArray[np.bool_]:
-        """True for the places (n, dim) in blocks; none is beyond the ends of the grid."""
+        """True for the positions (n, dim) in blocks; none is beyond the ends of the grid."""
         grid, solid = self._scene.grid, self._solid
         assert solid is not None
         at = np.floor((x - np.array(grid.lower)) / grid.cell)
@@ -156,7 +157,7 @@ def _is_flat(what: str) -> bool:
 
 
 def _half_extents(body: Body) -> Array:
-    """Half the extents of a body along its axes [m], infinite of an endless one."""
+    """Half the extents of a body along its axes [m]; infinite for an endless one."""
     return extents(body.shape, np.eye(3), np.zeros((0, 3)))[: body.dim]
 
 
@@ -165,10 +166,11 @@ def _is_open(scene: Scene, axis: int, sign: int) -> bool:
 
 
 def places_of(scene: Scene, body: Body, deep: float) -> Places:
-    """Sample a body: places on its surface, as `deep` [m] below it, and on a grid within it.
+    """Sample a body: points on its surface, at the depth `deep` [m] below it, and on a grid within
+    it.
 
-    Those below it find blocks, whose depth at a place is not known, where the grid is coarse. Of an
-    endless body, the part is sampled that could be in the domain.
+    Those below it detect blocks, whose depth at a point is not known, where the grid is coarse. Of
+    an endless body, the part is sampled that could be in the domain.
     """
     grid, shape, dim = scene.grid, body.shape, body.dim
     largest = float(np.linalg.norm(np.array(grid.shape) * grid.cell))

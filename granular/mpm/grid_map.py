@@ -1,7 +1,7 @@
 """Bytes for the nodes or cells of a grid, stored once for all that are alike.
 
 Walls and blocks hold products of ranges of indices. The ranges cut each axis into intervals, the
-classes, so that a byte for each combination of classes is all that is needed. A box with four walls
+classes, so that one byte for each combination of classes suffices. A box with four walls
 has 3 classes along each axis, however many cells it has.
 """
 
@@ -72,13 +72,13 @@ class GridMap(NamedTuple):
         return np.ascontiguousarray(self.values[np.ix_(*classes[::-1])])
 
     def at(self, indices: Sequence[NDArray[np.intp]]) -> NDArray[Any]:
-        """Values at places that are given by their indices along x, y (and z)."""
+        """Values at positions given by their indices along x, y (and z)."""
         classes = (own[along] for own, along in zip(self.classes, indices, strict=True))
         return self.values[tuple(classes)[::-1]]
 
 
 def _classes(n: int, ranges: Iterable[NDArray[np.intp]], cuts: ArrayLike) -> NDArray[np.int32]:
-    """Number the intervals into which ends of ranges, and cuts, divide an axis of n places."""
+    """Number the intervals into which ends of ranges, and cuts, divide an axis of n indices."""
     begins = np.zeros(n + 1, dtype=bool)
     begins[0] = True
     begins[np.asarray(cuts, dtype=np.intp)] = True

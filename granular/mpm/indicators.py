@@ -1,4 +1,4 @@
-"""Indicators of failure of MPM runs, and what to do about those beyond their limits."""
+"""Indicators of failure of MPM runs, and remedies for those beyond their limits."""
 
 from __future__ import annotations
 
@@ -24,7 +24,8 @@ strings."""
 
 STRAIN_STEP = 0.2
 """Largest norm of the velocity gradient times dt. The step is the first order of a finite strain:
-what it leaves out, half of the square, is then a tenth of it. The ready scenes have 0.1 at most."""
+the neglected second order, half of the square, is then a tenth of it. The ready scenes have 0.1 at
+most."""
 
 OWN = (
     Row(
@@ -101,7 +102,7 @@ def remedies(scene: Scene) -> dict[str, str]:
         "weights_at_limit": _weigh(scene),
         "wall_strain": _fill(scene, stiffer),
     }
-    if unsupported(scene):  # nothing else would help: what falls to the end of the grid lies flat
+    if unsupported(scene):  # no other remedy would help: material at the end of the grid lies flat
         floor = "put a Wall below the material"
         found |= dict.fromkeys(
             ("disconnected", "density_drift", "dilution", "energy_created"), floor

@@ -1,4 +1,4 @@
-"""Failures that are known before a run: limits that are refused, settings that are warned of."""
+"""Failures that are known before a run: limits that are refused, settings that raise a warning."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def courant_limit(scene: Scene) -> float:
 def dt_limit(scene: Scene) -> float:
     """Largest stable time step at rest [s]: courant_limit dx/c with c = sqrt((K + 4G/3)/rho_c).
 
-    The damping of elastic waves reduces it (`damped_step`).
+    Elastic damping reduces it (`damped_step`).
     """
     return damped_step(scene, courant_limit(scene) * scene.grid.cell / scene.wave_speed)
 
@@ -84,7 +84,7 @@ def step_at_rest(scene: Scene) -> float:
 
 
 def damped_step(scene: Scene, dt: float) -> float:
-    """Time step [s] that is as far from its limit with the damping of elastic waves as dt without.
+    """Time step [s] that is as far from its limit with elastic damping as dt is without it.
 
     The wave of the largest frequency 2/dt obeys u" = -(2/dt)^2 (u + T u'). An explicit step h of it
     is stable if h^2 + 2 T h <= dt^2, so that the limit is sqrt(dt^2 + T^2) - T.
@@ -133,12 +133,12 @@ def _speed(fill: Fill | Inflow) -> float:
 
 
 def damps_by_step(scheme: Scheme) -> bool:
-    """True if a transfer damps by an amount per step, not per second.
+    """True if the numerical damping of a transfer is per step, not per second.
 
     The flow then depends on the time step. On an incline of 25 degrees (one column of 10 cells,
     E = 1e6), reducing the step to a tenth takes away 2.7 % of the mean velocity under "apic" with
     quadratic splines and half of it under "xpic". The change is 0.01 % under "flip" and "tpic",
-    whose damping is a rate, and under "apic" with linear shape functions.
+    whose numerical damping is a rate, and under "apic" with linear shape functions.
     """
     return scheme.transfer == "xpic" or (scheme.transfer == "apic" and scheme.basis != "linear")
 
@@ -197,7 +197,7 @@ def _elastic(scene: Scene) -> str | None:
 def _density(scene: Scene) -> str | None:
     """A density integrated by each point alone, in a flow that varies along the layer.
 
-    Such a flow is kept only by a density that is averaged over neighbouring points.
+    Such a flow is stable only with a density that is averaged over neighbouring points.
     """
     if not _granular(scene) or scene.scheme.density.name != "particle" or not _many_columns(scene):
         return None
@@ -208,10 +208,10 @@ def _density(scene: Scene) -> str | None:
 
 
 def _damping(scene: Scene) -> str | None:
-    """Transfers that damp by the step, in one column.
+    """Transfers with numerical damping per step, in one column.
 
-    With more columns `_density` warns of the density that goes with these transfers, which is the
-    more serious failure.
+    With more columns `_density` warns of the density of these transfers, which is the more serious
+    failure.
     """
     if not _granular(scene) or _many_columns(scene) or not damps_by_step(scene.scheme):
         return None
@@ -320,12 +320,12 @@ def _response(scene: Scene) -> str | None:
 UNRESOLVED = 150.0
 """Time step over t0 from which a nonlocal law responds like the local one, within a step.
 
-In between the response is late: at 6, 20, 60 and 190 the force on a blade is 16, 13, 9 and 2 % less
-than with A = 0, and at 6 a wheel sinks by 40 % more (docs/explanation/fluidity.md)."""
+In between the response is delayed: at 6, 20, 60 and 190 the force on a blade is 16, 13, 9 and 2 %
+less than with A = 0, and at 6 a wheel sinks by 40 % more (docs/explanation/fluidity.md)."""
 
 
 def _late(scene: Scene) -> str | None:
-    """Fluidity whose response a substep neither resolves nor contains."""
+    """Fluidity whose response time is neither resolved by a substep nor much shorter."""
     fluid = scene.nonlocal_material
     if not isinstance(fluid, NGF) or not fluid.is_local(scene.grid.cell):
         return None

@@ -170,7 +170,7 @@ class WallNodes:
         self.driven: list[Where] = [self.zeros.of(nodes) for nodes in moved]
 
     def block_holds(self) -> Iterator[tuple[Where, WallRow]]:
-        """Yield what blocks hold; faces are those of the union of all blocks."""
+        """Yield the components that blocks hold; faces are those of the union of all blocks."""
         slips = np.zeros(self.zeros.values.shape, dtype=bool)
         for wall, where in zip(self._walls, self.where, strict=True):
             if _slips(wall):
@@ -195,7 +195,7 @@ T = TypeVar("T")
 def collected(
     shape: tuple[int, ...], parts: Iterable[tuple[Where, T]]
 ) -> tuple[NDArray[np.int32], list[frozenset[T]]]:
-    """Collect for each place of an array what lies there: numbers of sets, and the sets."""
+    """Collect the members of each entry of an array: numbers of sets, and the sets."""
     state = np.zeros(shape, dtype=np.int32)
     known: dict[frozenset[T], int] = {frozenset(): 0}
     for where, thing in parts:
@@ -229,7 +229,7 @@ class _Rows:
             fx = fy = fz = 0.0  # no component is left for friction
         velocity = _in_common(holds, lambda hold: hold.velocity, 0.0)
         row = WallRow(fixed, away, (fx, fy, fz), velocity=velocity)
-        if after:  # if another wall holds the node after the opening, nothing changes
+        if after:  # if another wall holds the node after the opening, there is no change
             remaining = list(self.codes)[after - 1]
             if remaining._replace(opens_at=math.inf, after=0) == row:
                 return after

@@ -1,4 +1,4 @@
-"""Contact of free bodies with what is solid: what the core needs of shapes, walls and blocks."""
+"""Contact of free bodies with solids: the data of shapes, walls and blocks for the core."""
 
 from __future__ import annotations
 
@@ -38,18 +38,19 @@ FAR = 1e50
 """Position [m] of a side that is infinitely far, as in the core."""
 
 SPACING = 0.5
-"""Distance of the places of a surface [cells] at which it touches others."""
+"""Distance [cells] of the sample points of a surface at which it touches others."""
 
 MOST_ACROSS = {2: 400, 3: 24}
-"""Places along the edge of a cube of the volume of a body at most, by dimension."""
+"""Largest number of sample points along the edge of a cube of the volume of a body, by
+dimension."""
 
 MOST_PLACES = 2_000_000
-"""Places about a body that are looked at, of which those on its surface are kept. A body as long
-as wide takes 170,000 of them at most; what takes more is longer than wide by 10,000 times in 2D and
-by 1,000 in 3D, or far from its position."""
+"""Largest number of points about a body from which the sample points on its surface are selected. A
+body as long as wide needs 170,000 of them at most; one that needs more is longer than wide by
+10,000 times in 2D and by 1,000 in 3D, or far from its position."""
 
 BAND = 2.5
-"""Distance from the surface [spacings] from which places are projected on it: those outside find
+"""Distance from the surface [spacings] from which points are projected on it: those outside reach
 the corners, also obtuse ones."""
 
 
@@ -61,9 +62,9 @@ def moves_freely(body: Body) -> bool:
 def contact_balls(shape: Shape, cell: float, name: str = "shape") -> Array:
     """Balls with which a shape touches others, shape (n, 4): centre in its coordinates and radius.
 
-    A ball, a disc in 2D and a rod with round ends are exact. Of other shapes these are places of
+    A ball, a disc in 2D and a rod with round ends are exact. For other shapes these are points of
     the surface, half a cell apart, with all corners, of the radius 0. An endless shape has none;
-    one that would take more than `MOST_PLACES` is refused by its `name`.
+    one that would need more than `MOST_PLACES` is refused by its `name`.
     """
     dim = shape.dim
     if not math.isfinite(reach(shape)):
@@ -99,7 +100,7 @@ def _check_count(name: str, size: float, count: float) -> None:
 
 
 def _surface(shape: Shape, cell: float, name: str) -> Array:
-    """Places of the surface of a finite shape, shape (n, dim), with all its corners."""
+    """Sample points of the surface of a finite shape, shape (n, dim), with all its corners."""
     dim = shape.dim
     low, high = np.array(shape.bounds)
     half = 0.5 * (high - low)
@@ -139,9 +140,9 @@ def _corners(shape: Shape) -> Array:
 
 
 def _thinned(places: Array, width: float) -> Array:
-    """Keep one of the places in each cell of a fine grid: the one on which most have come.
+    """Select one of the points in each cell of a fine grid: the one on which most were projected.
 
-    Many places are projected on a corner, fewer on an edge, and fewest on a face.
+    Many points are projected on a corner, fewer on an edge, and fewest on a face.
     """
     _, first, count = np.unique(
         np.rint(places / (1e-6 * width)), axis=0, return_index=True, return_counts=True
@@ -156,7 +157,7 @@ def _thinned(places: Array, width: float) -> Array:
 def obstacles(scene: Scene) -> Array:
     """Walls and blocks of a scene as the core needs them, shape (n, 12): see `touch_solids` there.
 
-    A wall at an end of the domain, and a block that reaches it, go on beyond it.
+    A wall at an end of the domain, and a block that reaches it, are extended beyond it.
     """
     rows = [np.zeros((0, 12))]
     for wall in scene.walls:

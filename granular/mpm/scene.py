@@ -58,20 +58,20 @@ class Scene(BaseScene):
     fills : sequence of Fill
         Material at the start, at least one unless there are inflows.
     material : Material
-        Material of the fills and inflows that have none of their own. A scene has at most 8
+        Material of the fills and inflows without a material. A scene has at most 8
         different materials, one of them nonlocal; several are not for a `CellAveragedDensity`.
     scheme : Scheme, optional
         By default `granular.schemes.cell_averaged` for a nonlocal law that is the only material and
         whose friction has a limit, else `granular.schemes.default`.
     walls : sequence of Wall and Solid
-        Walls and blocks. A side of the grid that is neither open nor has a wall only keeps points
-        from leaving.
+        Walls and blocks. A side of the grid that is neither open nor has a wall only prevents
+        points from leaving.
     gravity : Gravity
         Gravity, of the dimension of the grid.
     duration : float
         Time to simulate [s], > 0.
     sponge_layers : sequence of SpongeLayer
-        Layers that damp elastic waves, at most one along an axis.
+        Layers with sponge damping of elastic waves, at most one along an axis.
     bodies : sequence of Body
         Rigid bodies, at most 64. Fills leave out their volume: points begin outside of them and
         follow their surfaces, see `granular.Fill`.

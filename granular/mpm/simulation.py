@@ -59,9 +59,9 @@ these fields.
 
 
 SPARSE = 16
-"""Largest id, in multiples of the number of places, up to which points are ordered by a table.
+"""Largest id, in multiples of the number of slots, up to which points are ordered by a table.
 
-The table is faster than sorting, but its size is that of the largest id: 128 bytes per place.
+The table is faster than sorting, but its size is that of the largest id: 128 bytes per slot.
 """
 
 
@@ -199,7 +199,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         self._raise_of_laws(None)
 
     def _raise_of_laws(self, error: RuntimeError | None) -> None:
-        """Raise what was raised in laws of the user's own; the core knows only that they failed."""
+        """Raise the exceptions of user-defined laws; the core reports only that they failed."""
         for function in self._own_laws:
             failure = function.take_failure()
             if failure is not None:
@@ -214,7 +214,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
     def fluidity(self) -> _core.Fluidity | None:
         """Method of the diffusion of the fluidity, number of substeps and their limit [s].
 
-        Also the number of iterations, and of cells that were kept from becoming negative, since
+        Also the number of iterations, and of cells in which negative values were set to zero, since
         this object was made. None for a local law.
         """
         return self._engine.fluidity()
@@ -228,10 +228,11 @@ class Simulation(simulation.Simulation, scenes=Scene):
     def walls(self) -> tuple[WallState, ...]:
         """Impulses on the walls and blocks of the scene, in their order, and motion of the walls.
 
-        They are what the points lose to the walls, so that the momentum of the points changes by
-        the impulse of gravity less those on the walls and bodies (less what a sponge layer takes
-        and what leaves the domain). Where several meet, a component counts for a wall to which it
-        is normal, else for a no-slip wall, a no-slip block, the roughest Coulomb wall, or a block.
+        They are the momentum that the points lose to the walls, so that the momentum of the points
+        changes by the impulse of gravity less those on the walls and bodies (less the momentum lost
+        to a sponge layer and by points that leave the domain). Where several meet, a component
+        counts for a wall to which it is normal, else for a no-slip wall, a no-slip block, the
+        roughest Coulomb wall, or a block.
 
         Raises
         ------
@@ -245,7 +246,8 @@ class Simulation(simulation.Simulation, scenes=Scene):
 
     @property
     def inflows(self) -> tuple[InflowState, ...]:
-        """Account of each inflow of the scene, in their order: what has entered, and was missed."""
+        """Account of each inflow of the scene, in their order: points that have entered or were
+        missed."""
         rows = iter(self._engine.walls()[len(self.scene.walls) :] if self._watches_walls else ())
         states, at = self._engine.inflow()[1:], 0
         found = []
@@ -260,7 +262,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
     def buffers(self) -> dict[str, NDArray]:
         """Arrays of the core, not copied: {field: (component, capacity)} and "id".
 
-        Points are grouped by cell; places with a negative id are unused. When points spread, the
+        Points are grouped by cell; slots with a negative id are unused. When points spread, the
         core may replace the arrays by larger ones. Values written into them take effect from the
         next step on, if this property was read after the last step.
         """
@@ -268,7 +270,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         return dict(self._buffers)
 
     def _places(self) -> NDArray[np.int64]:
-        """Return the places of the points in the buffers, in the order of their ids."""
+        """Return the slots of the points in the buffers, in the order of their ids."""
         ids = self._buffers["id"]
         living = np.flatnonzero(ids >= 0)
         if (end := int(ids.max(initial=-1)) + 1) <= SPARSE * len(ids):
@@ -385,7 +387,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
     def _adapted(cls, before: Any, scene: Any, checkpoint: Checkpoint) -> Checkpoint:
         """Return a checkpoint of one scene with which a run goes on under a changed one.
 
-        Material that rested may move, the time step may be too long, and the densities of
+        Material at rest may move, the time step may be too long, and the densities of
         hypoelastic materials follow from their stresses.
         """
         arrays = {name: array for name, array in checkpoint.arrays.items() if name != "calm"}
@@ -395,7 +397,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         share = np.where(hencky, 1.0, old / new)[number]
         stressed = np.any(arrays["stress"], axis=0)
         arrays["log_density"] = np.where(stressed, share, 1.0) * arrays["log_density"]
-        # The damping of flutter, which is there with gravity, begins anew with it.
+        # The flutter damping, which depends on gravity, begins anew with it.
         for name in {"overstress", "mean_shear_rate"} - set(arrays):
             arrays[name] = np.zeros((1, len(arrays["id"])))
         scalars = {  # another account of energy

@@ -317,7 +317,7 @@ def _check_measure(measure: object, executor: object) -> None:
         ) from error
     import __main__
 
-    # The processes import the script again; they cannot find what was typed into a session.
+    # The processes import the script again; they cannot find objects of an interactive session.
     script = Path(getattr(__main__, "__file__", "")).is_file()
     if executor is None and b"__main__" in data and not script:
         raise TypeError(f"measure = {measure!r} must be in a module that the workers can import")
@@ -372,7 +372,7 @@ def _stage(case: _Case) -> str:
 
 
 def _run(case: _Case) -> Any:
-    """Run what is left of a case and return its measure, or a `_Failure`.
+    """Run the rest of a case and return its measure, or a `_Failure`.
 
     Errors are returned, not raised: an exception that cannot be unpickled would break the pool for
     all cases.

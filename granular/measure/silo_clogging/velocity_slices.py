@@ -108,7 +108,7 @@ def velocity_slices(
     ------
     TypeError, ValueError
         As `frame_average`; also if the heights are not positive and ascending, one is not within
-        the grid, or no material is found there.
+        the grid, or there is no material.
     """
     states = list(each_state(states))
     where = opening_of(states[0], opening)
