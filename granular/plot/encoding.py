@@ -91,7 +91,8 @@ def make_movie(
     overwrite: bool,
     progress: bool,
 ) -> Movie:
-    """Write the pictures `shot(i)` of `count` frames to a file, or without a path keep them.
+    """Write the pictures `shot(i)` of `count` frames to a file, or without a path store them in
+    memory.
 
     The pictures have the shape (height, width, 3), height and width even.
     """
@@ -152,7 +153,7 @@ def _write_gif(
     fps: float,
 ) -> None:
     """Write pictures as an animated GIF, with a palette that suits the pictures of a sample."""
-    # One palette for all frames, without dithering: pixels at rest do not change and cost nothing.
+    # One palette for all frames, without dithering: pixels at rest do not change and take no space.
     palette = Image.fromarray(np.concatenate(sample[:: max(1, len(sample) // 4)])).quantize(255)
     frames = (
         Image.fromarray(shot).quantize(palette=palette, dither=Image.Dither.NONE) for shot in shots

@@ -40,9 +40,9 @@ def frame(
 ) -> Figure:
     """Draw the material of a state, with its bodies, walls, blocks and outlets.
 
-    The material is an area without gaps, in which each place has the colour of the nearest point;
-    its free surface is as far from the points as their volumes say, and a single point is a disc of
-    its volume. Bodies are drawn where they are at the time of the state.
+    The material is an area without gaps, in which each pixel has the colour of the nearest point;
+    the distance of its free surface from the points follows from their volumes, and a single point
+    is a disc of its volume. Bodies are drawn in their poses at the time of the state.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def new_axes(extent: Extent) -> Axes:
     """Make the axes of a new figure whose shape suits the extent."""
     (left, right), (bottom, top) = extent
     ratio = (top - bottom) / (right - left)
-    # Besides the axes there are labels and the title above, and the colour bar beside or below.
+    # Besides the axes there are labels and the title above, and the colour bar next to it or below.
     wide, high = (1.6, 0.9) if beside(extent) == "right" else (0.7, 1.5)
     height = min(max((WIDTH - wide) * ratio + high, 1.9), 9.0)
     return Picture(figsize=(WIDTH, height), layout="compressed").add_subplot()

@@ -20,7 +20,7 @@ class Live:
 
     It is a hook of `Simulation.run`: ``sim.run(hooks=[gr.plot.Live("speed", every=10)])``. In a
     notebook the picture stands below the cell and changes in place; with a path it is a file, which
-    is replaced as a whole, so that a viewer never finds half of it.
+    is replaced as a whole, so that a viewer never reads an incomplete one.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ class Live:
     every : int
         Draw the first of each so many frames; the times of frames are those of `Simulation.run`.
     path : path, optional
-        Picture to write, in the format that its ending tells, such as ".png"; by default the
+        Picture to write, in the format given by its ending, such as ".png"; by default the
         picture is shown in the notebook.
     **options
         See `granular.plot.frame`: `limits` and `extent` keep the scale and the region the same in

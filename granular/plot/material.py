@@ -26,12 +26,13 @@ Rows = NDArray[np.intp]
 PIXELS = 1200
 """Pixels along the longer side of a picture that is not a movie."""
 PER_RADIUS = 10
-"""Most pixels to the radius of a point: more would show nothing."""
+"""Largest number of pixels to the radius of a point: more would not be visible."""
 REACH = (1.0, 1.5)
 """Half the width of the gaps that are closed, in cells and in spacings of points, the greater.
 
-Points of a deposit at rest lie in strings: of 16 to a cell, the empty circles between them have a
-radius beyond 0.25 cells at a tenth of places and beyond 0.7 cells at a fiftieth (column collapse).
+Points of a deposit at rest lie in strings: with 16 to a cell, the empty circles between them have a
+radius beyond 0.25 cells at a tenth of positions and beyond 0.7 cells at a fiftieth (column
+collapse).
 """
 
 
@@ -141,7 +142,7 @@ class Raster:
         return shown.closed(0.0, (reach - radius) / self.pixel)
 
     def _blank(self, beyond: float) -> _Padded:
-        """Pixels that show nothing, with a margin beyond the region [m]."""
+        """Empty pixels, with a margin beyond the region [m]."""
         pad = math.ceil(beyond / self.pixel) + 1
         return _Padded(np.full(tuple(n + 2 * pad for n in self.counts), -1, dtype=np.intp), pad)
 
@@ -154,7 +155,7 @@ class _Padded:
     pad: int
 
     def closed(self, radius: float, reach: float) -> Rows:
-        """Close gaps narrower than twice the reach; what is shown grows by a radius [pixels]."""
+        """Close gaps narrower than twice the reach; the visible part grows by a radius [pixels]."""
         shown, pad = self.pixels, self.pad
         core = (slice(pad, -pad), slice(pad, -pad))
         if (shown < 0).all() or reach <= 0.0:
@@ -181,7 +182,7 @@ class Material:
         Region to draw [m].
     size : float, optional
         Diameter of points that are drawn as discs [m]. By default they are an area, or where 3D
-        points lie behind one another discs of which the nearest are seen, with the gaps closed.
+        points lie behind one another discs of which the nearest are visible, with the gaps closed.
     pixels : int
         Pixels along the longer side of the region.
     """

@@ -45,7 +45,7 @@ def movie(
     record : Trajectory or sequence of State
     path : path, optional
         File to write, ending in .gif or .mp4. It appears when it is complete. Without a path the
-        movie is kept in memory, for a notebook: as MP4 if there is an ffmpeg, else as GIF.
+        movie is stored in memory, for a notebook: as MP4 if there is an ffmpeg, else as GIF.
     color, limits, log, cmap, smooth, size, extent, view, slab
         As in `frame`, but `color` must be a name. Scale and extent are the same for all frames; by
         default they are fitted to 16 of them.

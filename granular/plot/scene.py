@@ -1,4 +1,4 @@
-"""A picture of a scene before it is run: what is where, with a legend."""
+"""A picture of a scene before it is run, with a legend."""
 
 import math
 from collections.abc import Iterable
@@ -199,7 +199,7 @@ def _draw_bodies(ax: Axes, scene: AnyScene, view: View, extent: Extent) -> Itera
 def _arrow(
     ax: Axes, start: NDArray, along: NDArray, view: View, extent: Extent, colour: str
 ) -> None:
-    """Draw an arrow of an eighth of the picture from a place in the picture."""
+    """Draw an arrow of an eighth of the picture from a point in the picture."""
     size = float(np.hypot(along[view.across], along[view.up]))
     if size == 0:
         return

@@ -28,7 +28,7 @@ STYLES = ("surface", "points")
 TOOL = "#9aa0a6"
 """Colour of bodies."""
 GLOSS = {"ambient": 0.25, "diffuse": 0.8, "specular": 0.15, "specular_power": 20.0}
-"""Light on material and bodies: no part is black, and edges are seen."""
+"""Light on material and bodies: no part is black, and edges are visible."""
 BAR = {
     "vertical": True, "position_x": 0.86, "position_y": 0.15, "height": 0.7, "width": 0.06,
     "n_labels": 3, "fmt": "%.3g", "title_font_size": 14, "label_font_size": 12, "color": "black",
@@ -60,7 +60,7 @@ def view(
     Parameters
     ----------
     source : State, Simulation or Trajectory
-        State to draw, with its bodies where they are.
+        State to draw, with its bodies in their poses.
     path : path, optional
         PNG file to write.
     color, limits, log, cmap
@@ -70,7 +70,7 @@ def view(
     style : {"surface", "points"}
         Draw the body of the material, up to its free surface, or its points as spheres. The free
         surface is where the filling fraction is one half, after smoothing over 1.5 spacings of the
-        points; within a spacing or two of it single points are not seen.
+        points; within a spacing or two of it single points are not visible.
     slab : (axis, low, high), optional
         Draw only the slice of material between two coordinates [m] along the axis "x", "y" or "z",
         whose cut faces have the colours of the inside.
@@ -193,7 +193,7 @@ class _Stage:
         self._size = tuple(integer(f"window[{k}]", n, 16) for k, n in enumerate(window))
         self._surfaces = _surfaces(self._pyvista, states[0])
         direction = _direction(camera)
-        # pyvista itself decides on a window or a part of a notebook if it is not told.
+        # by default pyvista itself decides between a window and a part of a notebook
         off_screen = None if shown else True
         self.plotter = self._pyvista.Plotter(off_screen=off_screen, window_size=self._size)
         self.plotter.set_background("white")
@@ -229,7 +229,7 @@ class _Stage:
             self.plotter.view_vector(tuple(direction), viewup=up)
 
     def show(self, state: State) -> None:
-        """Show a state in place of another one."""
+        """Show another state."""
         plotter, brush = self.plotter, self._brush
         plotter.clear_actors()
         scale = {

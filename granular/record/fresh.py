@@ -23,7 +23,7 @@ AHEAD = 50_000
 
 
 class Columns(Protocol):
-    """A field whose columns are made as they are asked for, of shape (n,) or (n, columns)."""
+    """A field whose columns are made on demand, of shape (n,) or (n, columns)."""
 
     dtype: np.dtype
     shape: tuple[int, ...]
@@ -62,7 +62,7 @@ class _Whole:
 
 
 class Fresh:
-    """A field of a frame that is not stored yet; its chunks are packed as they are asked for."""
+    """A field of a frame that is not stored yet; its chunks are packed on demand."""
 
     def __init__(
         self, given: np.ndarray | Columns, chunk: int, packer: Packer, name: str, single: bool
@@ -118,7 +118,7 @@ class Fresh:
         return self._packer.pack((self._name, *corner), part)
 
     def read(self, row: int, n: int) -> np.ndarray:
-        """Return ``n`` rows from ``row``; of what is not stored yet nothing can be read."""
+        """Return ``n`` rows from ``row``; an unstored field cannot be read."""
         raise NotImplementedError
 
 

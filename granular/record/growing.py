@@ -3,12 +3,13 @@
 They lie in the folder of the record, under a name that no other writer uses:
 
     log             head and frames of the record, see `granular.record.log`
-    <name>.data     the HDF5 file in the making
+    <name>.data     the unfinished HDF5 file
     <name>.restart  the newest restart state, see `granular.record.restart`
 
-The columns of a frame go to their place in the HDF5 file at once. What HDF5 has to tell about them
-waits in memory for the end, when the file needs nothing but that and its new name. Until then the
-log tells where they are, to readers as well as to the writer that goes on after a killed one.
+The columns of a frame are written to their final position in the HDF5 file at once. The metadata of
+HDF5 remain in memory until the end, when the file needs only these and its new name. Until then the
+log contains the positions of the columns, for readers as well as for a writer that continues after
+a killed one.
 """
 
 import os
@@ -53,9 +54,9 @@ class _Points:
         self._chunk, self._rows = 1, 0
 
     def put(self, frame: Frame) -> Frame:
-        """Store a frame behind the others; return it with its new place.
+        """Store a frame behind the others; return it with its new position.
 
-        The next one takes the same place unless `advance` is called.
+        The next one is stored at the same position unless `advance` is called.
         """
         copied = not isinstance(frame.source, New)
         with (
@@ -84,11 +85,11 @@ class _Points:
         return replace(frame, digest=digest, row=0, source=source)
 
     def advance(self, n: int) -> None:
-        """Leave the place that the last frame, of ``n`` points, has taken."""
+        """Move on from the position of the last frame, of ``n`` points."""
         self._rows += rows_of(n, self._chunk)
 
     def finish(self, own: h5py.Group, frames: Sequence[Frame]) -> Table:
-        """Write all that describes the frames: what ParaView reads, and all else."""
+        """Write the description of the frames, for ParaView and for the package."""
         begin_poly_data(self._vtk)
         if not self._targets:
             self._vtk.create_dataset("Points", shape=(0, 3), maxshape=(None, 3), dtype="<f8")
@@ -127,7 +128,7 @@ def _keep_in_memory(file: h5py.File) -> None:
 
 
 class Growing:
-    """The unfinished record at a path, which takes the place of what was unfinished there.
+    """The unfinished record at a path, which replaces an unfinished one there.
 
     Parameters
     ----------
@@ -138,12 +139,12 @@ class Growing:
     head
         Its name is one that no files in the folder have.
     frames, checkpoint
-        What it holds from the beginning; it is copied.
+        Its initial content; it is copied.
 
     Raises
     ------
     OSError
-        If something could not be written. All is then as before.
+        If it could not be written. All files are then as before.
     """
 
     def __init__(
@@ -188,7 +189,7 @@ class Growing:
         remove_others(folder, head.name)
 
     def _began(self) -> bool:
-        """True if the log is in its place, though an error followed."""
+        """True if the log has been written, though an error followed."""
         with suppress(OSError):
             return os.path.samestat(os.fstat(self._log_fd), os.stat(self._log))
         return False
@@ -211,7 +212,7 @@ class Growing:
     def append(self, frame: Frame) -> None:
         """Add a frame, whose digest may be missing.
 
-        OSError if it could not be written; all is then as before.
+        OSError if it could not be written; all files are then as before.
         """
         placed = self._put(frame)
         entry = frame_entry(placed)
@@ -263,7 +264,7 @@ class Growing:
             self.discard()
 
     def discard(self) -> None:
-        """Let go of the files, which remain as they are for readers of the log."""
+        """Release the files, which remain unchanged for readers of the log."""
         if self._file is not None:
             self._sink.error = OSError("not finished")  # HDF5 must not write any more
             with suppress(Exception):

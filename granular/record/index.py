@@ -31,7 +31,7 @@ from granular.record.storage import followed, identity, open_hdf5
 
 
 def _samples(own: h5py.Group) -> dict[str, np.ndarray]:
-    """Values that monitors measured, one column per name; the gas has none."""
+    """Values of the monitor, one column per name; the gas has none."""
     if not has(own, "samples"):
         return {}
     group = hard(own, "samples", h5py.Group)
@@ -138,9 +138,9 @@ class Contents:
     """All contents of a record; call `close` when done.
 
     ``frames`` are in order of time. ``main`` is the finished file; it is None if the record is not
-    finished. ``restart`` reads the newest restart state. ``spoilt`` says what is missing at the end
-    of an unfinished record because it is damaged. If a writer changes the record later,
-    `read` and `checkpoint` find what they ask for where it is then.
+    finished. ``restart`` reads the newest restart state. ``spoilt`` describes what is missing at
+    the end of an unfinished record because it is damaged. If a writer changes the record later,
+    `read` and `checkpoint` use its new state.
     """
 
     path: Path
@@ -153,7 +153,7 @@ class Contents:
 
     @property
     def finished(self) -> bool:
-        """True if the record was one closed file when it was last looked at."""
+        """True if the record was one closed file when it was last read."""
         return (self._now or self).main is not None
 
     @property
@@ -195,7 +195,7 @@ class Contents:
                 main.close()
 
     def _insist(self, read: Callable[[], Any]) -> Any:
-        """Read something, and again if a writer has changed the record meanwhile."""
+        """Read by a function, and again if a writer has changed the record meanwhile."""
         for _ in range(ATTEMPTS):
             try:
                 return read()
@@ -205,7 +205,7 @@ class Contents:
         return read()
 
     def _placed(self, frame: Frame) -> Frame:
-        """Return a frame with its present place."""
+        """Return a frame with its present position."""
         if self._now is None:
             return frame
         for now in self._now.each():
@@ -221,7 +221,7 @@ class Contents:
                 yield frame.gas
 
     def _renew(self) -> bool:
-        """Load the record again; False if it is as it was."""
+        """Load the record again; False if it has not changed."""
         known = self._now or self
         if known.main:  # all is in the file that is held open
             return False
@@ -238,7 +238,7 @@ class Contents:
 
 
 ATTEMPTS = 10
-"""Number of times that a record is looked at again while a writer changes it."""
+"""Number of times that a record is read again while a writer changes it."""
 
 
 def parts_folder(path: Path) -> Path:
@@ -271,7 +271,8 @@ def load(path: Path) -> Contents:
 
 
 def _stamp(path: Path) -> list[tuple[int, int] | None]:
-    """Return what changes whenever a writer makes, replaces or removes a file of a record."""
+    """Return a value that changes whenever a writer makes, replaces or removes a file of a
+    record."""
     folder = parts_folder(path)
     stamp: list[tuple[int, int] | None] = []
     for watched in (path, folder, folder / LOG):
@@ -284,7 +285,7 @@ def _stamp(path: Path) -> list[tuple[int, int] | None]:
 
 
 def unfinished(path: Path) -> Contents | None:
-    """Return an unfinished record if there is one that holds anything.
+    """Return an unfinished record if there is one that is not empty.
 
     Once its file has been renamed to that of the record, the record is finished.
 

@@ -23,8 +23,8 @@ class Lock:
     """Exclusive right to write into a folder of parts; the end of the process releases it too.
 
     It is taken before anything is written or removed. The file ``lock`` in the folder is locked,
-    which nothing replaces. It is removed only by its holder, and only if nothing else is in the
-    folder; whoever has opened a removed one notices and begins again.
+    which nothing replaces. It is removed only by its holder, and only if the folder is otherwise
+    empty; a process that has opened a removed one detects this and begins again.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Lock:
     Warns
     -----
     RuntimeWarning
-        If the file system knows no locks. The run then goes on without one.
+        If the file system does not support locks. The run then goes on without one.
     """
 
     def __init__(self, folder: Path, mode: int = 0o777) -> None:
@@ -85,7 +85,7 @@ class Lock:
         return False
 
     def release(self) -> None:
-        """Release the lock, and remove the folder if nothing else is in it."""
+        """Release the lock, and remove the folder if it is then empty."""
         fd = self._fd
         with suppress(OSError):
             if fd is not None and os.listdir(self.folder) == [NAME] and self._own(fd):

@@ -101,9 +101,9 @@ class Trajectory(Resource):
     def walls(self) -> np.ndarray:
         """Numbers of the walls and blocks at every frame, shape (frames, walls, 9).
 
-        Impulse, angular impulse and what `granular.mpm.walls.WallState` tells of walls that move.
-        There are no walls unless the simulation was made with `wall_forces`, or has such a wall.
-        See `granular.measure.wall_force`.
+        Impulse, angular impulse and, for moving walls, the numbers of
+        `granular.mpm.walls.WallState`. There are no walls unless the simulation was made with
+        `wall_forces`, or has such a wall. See `granular.measure.wall_force`.
         """
         return self._rows_of(WALL)
 
@@ -190,7 +190,7 @@ class Trajectory(Resource):
             yield self[i]
 
     def checkpoint(self, frame: int | None = None) -> Checkpoint:
-        """Read and verify the newest restart state, or that which was kept of a frame.
+        """Read and verify the newest restart state, or that of a frame.
 
         Parameters
         ----------
@@ -200,7 +200,7 @@ class Trajectory(Resource):
         Raises
         ------
         ValueError
-            If none was kept of the frame.
+            If none was stored of the frame.
         RecordError
             If there is none, or it is damaged.
         """
@@ -214,7 +214,7 @@ class Trajectory(Resource):
 
     @property
     def kept(self) -> list[int]:
-        """Indices of the frames of which checkpoints were kept, for `Simulation.resume`."""
+        """Indices of the frames with stored checkpoints, for `Simulation.resume`."""
         return kept(self.path, self._frames)
 
     def damage(self) -> list[str]:
@@ -267,7 +267,7 @@ def open_trajectory(path: str | os.PathLike[str]) -> Trajectory:
     Parameters
     ----------
     path : path
-        File of the record, as `Simulation.run` was told to `save` it.
+        File of the record, as given to `Simulation.run` by `save`.
 
     Returns
     -------

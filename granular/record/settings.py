@@ -1,4 +1,4 @@
-"""Settings of a run that its record keeps, for a run that continues it."""
+"""Settings of a run that its record stores, for a run that continues it."""
 
 from __future__ import annotations
 
@@ -37,12 +37,12 @@ PRECISIONS = (DOUBLE, "single")
 
 
 def _kind(scene: AnyScene) -> dict[str, object]:
-    """Parts of a scene that determine what its checkpoints hold."""
+    """Parts of a scene that determine the content of its checkpoints."""
     found: dict[str, object] = {
         "grid": scene.grid,
         "material": type(scene.material).__name__,
         "walls": len(scene.walls),
-        "inflows": scene.inflows,  # what has entered is that of their rates
+        "inflows": scene.inflows,  # the material that has entered follows from their rates
     }
     if isinstance(scene, MpmScene):
         found |= {
@@ -101,8 +101,8 @@ def fields_to_store(
     Raises
     ------
     TypeError, ValueError
-        If they are not names of `granular.measure.derived.DERIVED`, the scene has not what one
-        takes, or the run goes on with a record that has others.
+        If they are not names of `granular.measure.derived.DERIVED`, the scene lacks a number that
+        one needs, or the run goes on with a record that has others.
     """
     if given is None:
         return before
@@ -138,7 +138,7 @@ def precision_to_store(given: str | None, before: str, *, goes_on: bool) -> str:
 
 
 def frames_to_a_checkpoint(checkpoints: object) -> int:
-    """Frames from one checkpoint that is kept to the next; 0 for none."""
+    """Frames from one stored checkpoint to the next; 0 for none."""
     if checkpoints is None:
         return 0
     if isinstance(checkpoints, str):

@@ -36,12 +36,12 @@ TOKEN = re.compile(r'"(?:[^"]|"")*"|[^\s\[\](),"]+|[\[\](),]')
 
 
 class UnclearUnits(ValueError):
-    """A text that does not say what a unit of length is, as someone who knows it can."""
+    """A text that does not define its unit of length, which the user may know."""
 
 
 @dataclass(frozen=True)
 class Units:
-    """Metres in a unit of the coordinates and of the heights; None where that is not said."""
+    """Metres in a unit of the coordinates and of the heights; None where that is not specified."""
 
     horizontal: float | None = None
     vertical: float | None = None

@@ -33,7 +33,7 @@ def read_surface(
     OSError
         If the file cannot be read.
     ValueError
-        Naming the path, whatever is wrong with the file.
+        Naming the path, for any fault of the file.
     """
     name = f"path = {str(path)!r}"
     content, ending = _content(Path(path), name)
@@ -62,7 +62,7 @@ def read_surface(
 
 
 def _content(path: Path, name: str) -> tuple[bytes, str]:
-    """Bytes and format of a file, after it is known that it is one and not too large."""
+    """Bytes and format of a file, after checks of its kind and size."""
     ending = path.suffix.lower().removeprefix(".")
     if ending not in FORMATS:
         raise ValueError(f"{name} must end in one of .{', .'.join(FORMATS)}: convert it")

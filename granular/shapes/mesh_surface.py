@@ -1,4 +1,4 @@
-"""Surfaces of triangles made closed solids: shells, their orientation, and which lie in others."""
+"""Closed solids from surfaces of triangles: shells, their orientation and nesting."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ PROBES = 64
 
 
 class MeshWarning(UserWarning):
-    """A surface of triangles was mended, or may not be what was meant."""
+    """A surface of triangles was repaired, or may not be the intended one."""
 
 
 def mended(vertices: Array, faces: Faces) -> tuple[Faces, list[str]]:
-    """Return the triangles of closed shells that are oriented, and sentences on what was changed.
+    """Return the triangles of closed shells that are oriented, and sentences on the changes.
 
-    A solid is what is inside of a shell of positive volume, less the cavities in it: shells of
+    A solid is the inside of a shell of positive volume, less the cavities in it: shells of
     negative volume that lie in solids. The body is the union of its solids.
 
     Raises
@@ -79,7 +79,8 @@ def mended(vertices: Array, faces: Faces) -> tuple[Faces, list[str]]:
 
 
 def solids(vertices: Array, faces: Faces) -> Indices:
-    """Return the number of the solid to which each triangle of a mended surface belongs, from 0."""
+    """Return the number of the solid to which each triangle of a repaired surface belongs, from
+    0."""
     shells = _Shells.of(vertices, faces, _Edges.of(faces, len(vertices)))
     if len(shells.volume) == 1:
         return shells.label
@@ -122,7 +123,7 @@ class _Edges:
         return rising
 
     def pairs(self) -> tuple[Indices, Indices, NDArray[np.bool_]]:
-        """Both triangles at the edges that have two, and whether one of them must be turned."""
+        """Both triangles at the edges that have two, and whether one of them must be reversed."""
         first = self.begins[self.counts == 2]
         same = self.rises[first] == self.rises[first + 1]
         return self.order[first] // 3, self.order[first + 1] // 3, same
@@ -144,7 +145,7 @@ def _flipped(faces: Faces, which: NDArray[np.bool_]) -> Faces:
 
 
 def _without_copies(faces: Faces, edges: _Edges, count: int) -> Faces:
-    """Leave out triangles that stand twice.
+    """Leave out duplicate triangles.
 
     Of those of equal direction one stays. Two of opposite directions are a wall between parts that
     touch, of which none stays, or a surface with triangles on both its sides, of which one does:
@@ -191,11 +192,12 @@ def _open(faces: Faces, count: int) -> bool:
 
 
 def _oriented(faces: Faces, edges: _Edges) -> Faces:
-    """Turn triangles so that those at the edges of two agree, as few as possible in each part."""
+    """Reverse triangles so that those at the edges of two agree, as few as possible in each
+    part."""
     first, second, same = edges.pairs()
     if not same.any():
         return faces
-    # two copies of each triangle, one turned: those that agree are connected
+    # two copies of each triangle, one reversed: those that agree are connected
     n = len(faces)
     _, label = _components(
         2 * n,
@@ -215,7 +217,7 @@ def _oriented(faces: Faces, edges: _Edges) -> Faces:
 
 
 def _refuse_open(vertices: Array, faces: Faces, edges: _Edges) -> None:
-    """Refuse a surface unless as many triangles lie on the one side of each edge as the other."""
+    """Refuse a surface unless each edge has as many triangles on one side as on the other."""
     rising, of = edges.rising(), len(edges.counts)
     bad = np.flatnonzero(2 * rising != edges.counts)
     if not len(bad):
@@ -331,7 +333,7 @@ def _held(shells: _Shells) -> Iterator[tuple[int, Indices, Array]]:
 
 
 def _inside_out(shells: _Shells) -> tuple[NDArray[np.bool_], int]:
-    """Shells that must be turned, and the number of solids that lie wholly within others."""
+    """Shells that must be reversed, and the number of solids that lie wholly within others."""
     negative = shells.volume < 0
     if len(negative) == 1:
         return negative, 0

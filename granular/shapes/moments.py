@@ -1,7 +1,8 @@
-"""Volume and moments of shapes, from formulas of their parts where these are apart.
+"""Volume and moments of shapes, from formulas of their parts where these do not overlap.
 
-Parts of a union that are apart are added, and what is cut out of the inside of a shape is taken
-away: these sums are exact. Only parts that overlap need quadrature, each cluster in its own box.
+Parts of a union that are apart are added, and parts that are cut out of the inside of a shape are
+subtracted: these sums are exact. Only parts that overlap need quadrature, each cluster in its own
+box.
 """
 
 from __future__ import annotations
@@ -40,14 +41,14 @@ MOST_OF_MESH = 20_000
 MOST_TRIANGLES = 2_000_000_000
 """Product of these cells and the triangles at most."""
 STEEP = math.sqrt(3.0)
-"""Largest slope of samples that are linear between places, of a distance of slope 1."""
+"""Largest slope of samples that are interpolated linearly, of a distance of slope 1."""
 TOUCH = 1e-12
 """Overlap of boxes, over their size, up to which they only touch."""
 CONVEX = (Box, Cylinder, Capsule, Sphere)
 
 
 def moments_of(shape: Shape, tolerance: float) -> Moments | None:
-    """Return the moments of a shape of finite size; None if nothing is inside."""
+    """Return the moments of a shape of finite size; None if it is empty."""
     if (exact := _formula(shape)) is not None:
         return exact
     if isinstance(shape, Mesh):
@@ -64,7 +65,7 @@ def moments_of(shape: Shape, tolerance: float) -> Moments | None:
 
 
 def has_no_inside(shape: Shape) -> bool:
-    """True if an operation on shapes of finite size leaves nothing for certain."""
+    """True if an operation on shapes of finite size is certainly empty."""
     if len(shape.rows()) == shape.results or _is_sampled(shape):  # no operation, or rounded edges
         return False
     low, high = np.array(shape.bounds)
@@ -201,7 +202,7 @@ def _separate(low: Array, high: Array, other_low: Array, other_high: Array) -> N
 
 
 def _apart(a: Shape, b: Shape) -> bool:
-    """True if two shapes overlap nowhere for certain."""
+    """True if two shapes certainly do not overlap."""
     axes = np.eye(3)[: a.dim]
     if len(a.rows()) + len(b.rows()) <= 2:
         axes = np.concatenate([axes, frame_of(a)[1].T, frame_of(b)[1].T])
@@ -217,7 +218,7 @@ def _apart(a: Shape, b: Shape) -> bool:
 
 
 def _within(part: Shape, base: Shape) -> bool:
-    """True if a shape is wholly in another one for certain."""
+    """True if a shape is certainly within another one."""
     low, high = np.array(part.bounds)
     if not np.isfinite([low, high]).all() or _is_sampled(part) or _is_sampled(base):
         return False
@@ -271,7 +272,7 @@ def _of_polygon(shape: Polygon | Prism) -> Moments | None:
     length = getattr(shape, "length", 1.0)
     if shape.thickness is not None or not math.isfinite(length):
         return None
-    vertices = np.asarray(shape.samples()[0])[0]  # about that place
+    vertices = np.asarray(shape.samples()[0])[0]  # about that point
     first = vertices[0]
     x = vertices - first
     following = np.roll(x, -1, axis=0)

@@ -33,7 +33,7 @@ LINES = 2**22
 
 @dataclass(frozen=True)
 class Raster:
-    """A raster as its file has it.
+    """A raster as it is stored in its file.
 
     Attributes
     ----------
@@ -41,7 +41,8 @@ class Raster:
     shape : tuple of int
         Numbers of rows and columns.
     first, spacing : tuple of 2 floats
-        Place of the post at the lowest x and y, and distances along x and y, in units of the file.
+        Position of the post at the lowest x and y, and distances along x and y, in units of the
+        file.
     read : callable
         Values of a part, given by slices of rows and columns, y ascending with the rows, and True
         where a value is missing.
@@ -175,7 +176,7 @@ def _is_number(word: str) -> bool:
 
 
 def _frame(name: str, head: dict[str, float]) -> tuple[tuple[int, int], Pair, Pair]:
-    """Shape, spacing and place of the first post, from the numbers of a header."""
+    """Shape, spacing and position of the first post, from the numbers of a header."""
     corners, centers = (all(key in head for key in keys) for keys in (CORNERS, CENTERS))
     steps = "cellsize" in head, "dx" in head and "dy" in head
     places = sum(key in head for key in CORNERS + CENTERS)

@@ -64,7 +64,7 @@ def _chain(name: str, value: Sequence[Sequence[float]], *, closed: bool, radial:
 
 
 def _crossing(x: Array) -> tuple[int, int] | None:
-    """Return two edges of a polygon that meet at another place than the vertex between them."""
+    """Return two edges of a polygon that meet at another point than the vertex between them."""
     n, a, b = len(x), x, np.roll(x, -1, axis=0)
     edge = b - a
 
@@ -121,7 +121,8 @@ def chain_cover(kind: str, row: Array, array: Array, dim: int) -> Cover:
 def inradius(kind: str, array: Array) -> float:
     """Radius [m] of the largest circle in a polygon or in the section of a solid of revolution.
 
-    It touches the surface: the largest circles that touch it at some places are found by bisection.
+    It touches the surface: the largest circles that touch it at some points are computed by
+    bisection.
     """
     revolved = kind == "revolved"
     own = row_of(kind, size=(0.0 if revolved else math.inf, 0, 0))
@@ -179,7 +180,7 @@ class Polygon(Section):
         Vertices [m] relative to `center`, in either sense, 3 to 1000, or 2 to 1000 with a
         `thickness`. The polygon may be concave; its edges must not cross or touch.
     center : tuple of 2 floats
-        Place of the origin of the vertices [m].
+        Position of the origin of the vertices [m].
     rotation_deg : float
         Rotation about the centre [degrees].
     thickness : float, optional
@@ -236,7 +237,7 @@ class Prism(Section):
     axis : {"x", "y", "z"}
         Axis along which the section is extended.
     center : tuple of 3 floats
-        Place of the origin of the vertices [m].
+        Position of the origin of the vertices [m].
     rotation_deg : tuple of 3 floats, or 0
         Rotation about the centre, a rotation vector [degrees]; 0 for none.
     thickness : float, optional

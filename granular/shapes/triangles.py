@@ -1,4 +1,4 @@
-"""Exact distances from surfaces of triangles, and the thickness of what they enclose."""
+"""Exact distances from surfaces of triangles, and the thickness of the solids that they enclose."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ planes the radius that fits is their distance over 1 + CLEAR thereby.
 OPPOSITE = 0.01
 """Distance of the surface from the far end of a ball, in radii, up to which it touches there.
 
-In a wedge of the angle a it is 1 - cos a: walls are what tapers by less than 8 degrees.
+In a wedge of the angle a it is 1 - cos a: parts that taper by less than 8 degrees are walls.
 """
 LARGEST = 16
 """Balls of the largest radii, whose depth is measured without this."""
 BEYOND = 1.2
-"""Place in radii from which the other side of a wall is the nearest."""
+"""Position in radii from which the other side of a wall is the nearest."""
 OFF = 1e-6
-"""Distance from the surface, over its size, at which it is tested what is beside it."""
+"""Distance from the surface, over its size, at which its two sides are tested."""
 
 
 class Triangles:
@@ -81,10 +81,10 @@ class Triangles:
         return len(self._faces)
 
     def distance(self, x: Array) -> Array:
-        """Signed distance [m] of places (n, 3).
+        """Signed distance [m] of points (n, 3).
 
         It is that of the solid whose surface is nearest, and inside the greatest depth in a solid:
-        walls of one within another are none.
+        walls of one solid within another vanish.
         """
         places = np.ascontiguousarray(x - self.origin)
         distance = _core.mesh_distance(self._tree, places, self.closed) - self._half
@@ -101,7 +101,7 @@ class Triangles:
         return distance
 
     def winding(self, x: Array) -> Array:
-        """Number of times that the surface goes around places (n, 3)."""
+        """Number of times that the surface goes around points (n, 3)."""
         return _core.mesh_winding(self._tree, np.ascontiguousarray(x - self.origin))
 
     def points(self, count: int) -> tuple[Array, Array, NDArray[np.intp]]:
@@ -127,7 +127,7 @@ class Triangles:
     def overlaps(self, count: int) -> NDArray[np.bool_]:
         """True for solids of a closed surface that lie in others, or cross them or themselves.
 
-        It is seen at points of the surface.
+        It is tested at points of the surface.
         """
         at, normal, solid = self.points(count)
         found = np.zeros(len(self._parts), dtype=bool)
@@ -151,7 +151,8 @@ class Triangles:
         return Triangles(self._vertices[used] + self.origin, faces, label, 2 * self._half)
 
     def sides(self, x: Array, radius: float) -> NDArray[np.int8]:
-        """Return -1 where all within a radius is inside, 1 where nothing is, 0 near triangles."""
+        """Return -1 where a ball of this radius is inside, 1 where it is outside, 0 near
+        triangles."""
         places = np.ascontiguousarray(x - self.origin)
         sides = np.zeros(len(x), dtype=np.int8)
         if not self.closed:
@@ -162,7 +163,7 @@ class Triangles:
         return sides
 
     def inside(self, x: Array) -> NDArray[np.bool_]:
-        """True for places (n, 3) in a solid."""
+        """True for points (n, 3) in a solid."""
         if self.closed:
             return self.winding(x) > 0.5
         places = np.ascontiguousarray(x - self.origin)
@@ -174,7 +175,7 @@ class Triangles:
         return along.min(axis=0) - self._half, along.max(axis=0) + self._half
 
     def moments(self) -> Moments:
-        """Moments of what a closed surface encloses, by the theorem of Gauss.
+        """Moments of the solid that a closed surface encloses, by the theorem of Gauss.
 
         They are sums over the tetrahedra of each triangle with the middle of the box.
         """
