@@ -109,8 +109,8 @@ def couette_quasi_static(
     In x = -ln r the equation is g'' + Q g = 0 with Q = lambda r^2/(A d)^2. It is integrated from
     the outer cylinder inwards, the direction in which g grows. The unknowns are Pruefer's angle a
     and the logarithm of q, where g = q sin(a) and g' = q cos(a), so that no digit of the tail is
-    lost however far it falls. The angle at the inner cylinder grows with mu_w; the solution is the
-    least mu_w for which it is pi (rough) or pi/2 (smooth).
+    lost, however small it becomes. The angle at the inner cylinder grows with mu_w; the solution is
+    the least mu_w for which it is pi (rough) or pi/2 (smooth).
 
     Parameters
     ----------
@@ -158,14 +158,14 @@ def couette_flow(
     """Flow at any rate, by finite differences of second order in 1/`points`.
 
     For each mu_w Newton's method converges from above to the only positive g. The angular velocity
-    grows with mu_w, which is found by a search for the given rate.
+    grows with mu_w, which is determined by a search for the given rate.
 
     Parameters
     ----------
     inner, outer, walls
         As in `couette_quasi_static`.
     points : int
-        Number of radii, odd, because the error is found with every other one, 101 to 100 001.
+        Number of radii, odd, because the error is estimated with every other one, 101 to 100 001.
     material : NGF
         As in `couette_quasi_static`, with ``rho_s`` and ``b`` in addition.
     rate : float

@@ -27,7 +27,7 @@ SEPARATION = 500.0
 """The disconnected start is stress-free, at rho = rho_c exp(-SEPARATION/K) [Pa]."""
 
 
-@lru_cache(maxsize=8)  # as `constitutive_path` asks for them at each step
+@lru_cache(maxsize=8)  # as `constitutive_path` needs them at each step
 def law_parameters(material: Material) -> dict[str, float]:
     """Parameters of the material by the names of the C core."""
     known = {**material.arguments(), "K": material.K, "G": material.G}
@@ -114,7 +114,7 @@ def constitutive_path(
     at : float
         Instant of a step at which L is evaluated: 1 is its end, as in the paper, 0.5 its middle.
     pressure_from_density : bool
-        If True, the law takes the pressure from the density in place of integrating it.
+        If True, the law takes the pressure from the density instead of integrating it.
     duration : float
         Duration [s].
     velocity_gradient : callable
@@ -170,8 +170,8 @@ def random_states(material: MuI, n: int, seed: int = 0) -> tuple[Array, Array, A
     """Increments L dt, log-densities and stresses of dense points, away from branch switches.
 
     The pressures are 1 Pa to 1 MPa. The increments change the stress by a thousandth of the
-    pressure up to a few times the pressure. Only states are kept whose trial pressure is at least
-    a tenth of the scale of their stress and whose trial friction differs from mu_s by 1 % or more.
+    pressure up to a few times the pressure. Only states are used whose trial pressure is at least a
+    tenth of the scale of their stress and whose trial friction differs from mu_s by 1 % or more.
     """
     rng = np.random.default_rng(seed)
     p = 10 ** rng.uniform(0, 6, 4 * n)

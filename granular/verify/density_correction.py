@@ -1,11 +1,11 @@
-"""The checks of the density correction: does a scheme keep what the published one loses?
+"""The checks of the density correction, which should prevent the failures of the published scheme.
 
-The density correction keeps the points evenly distributed over the cells and their densities
-consistent with it. The checks cover shear flows over several columns in 2D and 3D, heaps and boxes
-at rest, run-outs under refinement, silos, and the angles at which flow starts and stops. The
-changes of energy and momentum by the correction itself are in
-`granular.verify.density_correction_budget`. Every check takes a scheme, by default the default
-one; `benchmarks/density_correction_table.py` runs the checks for other schemes.
+The density correction distributes the points evenly over the cells and makes their densities
+consistent with this distribution. The checks cover shear flows over several columns in 2D and 3D,
+heaps and boxes at rest, run-outs under refinement, silos, and the angles at which flow starts and
+stops. The changes of energy and momentum by the correction itself are in
+`granular.verify.density_correction_budget`. Every check takes a scheme, by default the default one;
+`benchmarks/density_correction_table.py` runs the checks for other schemes.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ SEEDS = (0, 1, 2)
 """Seeds of the jitter; the worst result of them counts."""
 
 WINDOW = 15
-"""Width [columns] of the window in which the steepest slope is sought. In a window of 5 columns
+"""Width [columns] of the window in which the steepest slope is determined. In a window of 5 columns
 the result depends on where the highest point of each column happens to lie: points seeded below
 an exact plane of 21.0 deg give 26.4 deg with 4 points per cell."""
 
@@ -161,7 +161,7 @@ def box_rows(state: State) -> Iterator[Row]:
     """Rows of a box at rest: the stress of the cells against the weight above them.
 
     The stress compared is the normal stress across the layer. The pressure p is not determined by
-    the weight where nothing flows: it depends on the material.
+    the weight in material at rest: it depends on the material.
     """
     yield at_most("rms error of the stress by cell", measure.mean_pressure_error(state), 0.03)
     yield at_most("99th percentile of speed [m/s]", measure.speed_percentile(state), 0.01)

@@ -18,7 +18,7 @@ from granular.verify.quantities import Outcome, change, quantities
 from granular.verify.rows import Row, at_least, at_most, beside, check
 
 TOLERANCE = 0.02
-"""Tolerance that is asked of the suggestion and that the measured change must meet."""
+"""Tolerance of the suggestion, which the measured change must meet."""
 
 LOOSER, LOOSEST = 0.03, 0.04
 """Tolerances for columns and for slugs, where no smaller error is promised."""
@@ -38,9 +38,9 @@ def published(name: str, scheme: Scheme, **parameters: Any) -> Scene:
 def reference(scene: Scene, E: float) -> Outcome:
     """Run a scene at the lower `E` and its adaptive step, as a reference for the scene itself.
 
-    The damping of the default scheme is held constant where a suggestion does so. The processor
-    time is that of the scene itself: the time of the run, times the number of steps of the scene
-    over that of the run, as one step of one point costs the same at any E.
+    The numerical damping of the default scheme is held constant where a suggestion does so. The
+    processor time is that of the scene itself: the time of the run, times the number of steps of
+    the scene over that of the run, as one step of one point costs the same at any E.
     """
     name = getattr(scene_function(scene), "__name__", "")
     run = quantities(changed(scene, {"dt": None} | softening(scene, name, E)))

@@ -89,7 +89,7 @@ def states_as_figure_7(
 
 
 def heap(state: State) -> measure.Repose:
-    """Slope of the heap on the base, beside the falling column and the pit that it digs.
+    """Slope of the heap on the base, outside of the falling column and the pit that it digs.
 
     The window is 15 columns wide. With 4 points per cell the steepest slope over 5 columns depends
     on where their highest points happen to lie: on a plane of 21.0 deg it is 26.4 +- 1.8 deg, while

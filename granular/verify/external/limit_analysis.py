@@ -38,10 +38,10 @@ if TYPE_CHECKING:
 G, RHO = 9.81, 1500.0
 
 SIZE = 0.1
-"""Height of the bed beside a wall, and width of a footing [m]."""
+"""Height of the bed next to a wall, and width of a footing [m]."""
 
 TOLERANCE = 0.05
-"""Relative difference asked for."""
+"""Tolerance of relative differences."""
 
 
 @dataclass(frozen=True)
@@ -93,8 +93,8 @@ def soil(phi_deg: float, E: float, rho: float = RHO) -> DruckerPrager:
 
 
 SPEED = {"wall": 0.01, "self-weight": 0.001, "surcharge": 0.015}
-"""Speeds of the body [m/s]. The inertia is below 0.1 % of the force; what counts is the damping of
-short waves, a viscosity that grows with the speed of waves."""
+"""Speeds of the body [m/s]. The inertia is below 0.1 % of the force; the relevant effect is the
+numerical damping of short waves, a viscosity that grows with the speed of waves."""
 
 RAMP = 0.02
 """Time in which a body takes up its speed [s]."""
@@ -139,11 +139,11 @@ def footing_scene(
     phi_deg: float, *, rough: bool, surcharge: bool, angle_deg: float, cells: int,
     speed: float | None = None,
 ) -> Scene:  # fmt: skip
-    """Half of a strip footing 0.1 m wide on a bed, beside a plane of symmetry, pushed down.
+    """Half of a strip footing 0.1 m wide on a bed, at a plane of symmetry, pushed down.
 
-    A surcharge beside it is a layer of a material that is 30 times as dense and hardly bears shear
-    (a friction coefficient of 0.01): the soil itself then is light, and what it bears is due to the
-    surcharge.
+    A surcharge next to it is a layer of a material that is 30 times as dense and bears hardly any
+    shear (a friction coefficient of 0.01): the soil itself is light in comparison, and its bearing
+    capacity is due to the surcharge.
     """
     frame, cell = Frame(angle_deg), SIZE / cells
     length, depth, top = (
@@ -201,7 +201,7 @@ class Reaction:
     points: tuple[Array, Array]
 
     def at_rest(self, begin: float) -> float:
-        """Force on the undeformed bed [N/m]: the line through what is beyond `begin`, at 0."""
+        """Force on the undeformed bed [N/m]: the line through the values beyond `begin`, at 0."""
         kept = self.displacement > begin
         return float(np.polyfit(self.displacement[kept], self.force[kept], 1)[1])
 
@@ -275,7 +275,7 @@ def rankine(phi_deg: float, passive: bool) -> float:
 
 
 def wall_reference(phi_deg: float, passive: bool, base: str) -> float | tuple[float, float]:
-    """Coefficient with the upper friction angle, or both if a wedge tells them apart."""
+    """Coefficient with the upper friction angle, or both if a wedge distinguishes them."""
     upper, lower = (rankine(value, passive) for value in limits(phi_deg))
     apart = base == "rough" and abs(upper - lower) > TOLERANCE * upper
     return (upper, lower) if apart else upper

@@ -1,4 +1,4 @@
-"""Run-out of columns and cylinders beside the power laws that experiments and simulations gave."""
+"""Run-out of columns and cylinders against power laws from experiments and simulations."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def picture(outcome: Outcome) -> Figure:
 
 @case(picture)
 def runout_laws(quick: bool) -> Outcome:
-    """Run-out of columns and cylinders of several aspect ratios beside laws of other authors."""
+    """Run-out of columns and cylinders of several aspect ratios against laws of other authors."""
     outcome = Outcome()
     kinds = {"planar": (0.5, 1.0, 2.0, 4.0, 8.0), "axisym": (0.5, 1.0, 2.0)}
     for kind, aspects in kinds.items():

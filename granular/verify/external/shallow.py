@@ -33,14 +33,14 @@ if TYPE_CHECKING:
 G, RHO = 9.81, 1500.0
 
 TOLERANCES = {"front": 0.05, "thickness": 0.1, "velocity": 0.1}
-"""Relative differences asked for."""
+"""Tolerances of relative differences."""
 
 ACROSS = TOLERANCES | {"side": 0.05}
 """Those of the cap in 3D: "side" is its half-axis across the slope."""
 
 
 SOFTNESS = 1e-3
-"""Weight of the layer over Young's modulus: what the layer is compressed by, a hundredth of the
+"""Weight of the layer over Young's modulus: the compression of the layer, a hundredth of the
 tolerances of thickness and velocity."""
 
 
