@@ -1,4 +1,5 @@
-"""Grains of a discrete-element run by others, from dumps of LAMMPS and LIGGGHTS, in SI units."""
+"""Grains of a discrete-element run of other authors, from dumps of LAMMPS and LIGGGHTS, in SI
+units."""
 
 from __future__ import annotations
 
@@ -33,7 +34,7 @@ class DumpFrame:
     step : int
         Number of the time step.
     time : float
-        Time [s]; nan if the dump does not say, and no `dt` was given.
+        Time [s]; nan if the dump does not contain it, and no `dt` was given.
     lower, upper : ndarray, shape (3,)
         Ends of the box [m].
     periodic : tuple of 3 bools
@@ -58,7 +59,7 @@ class DumpFrame:
         Raises
         ------
         ValueError
-            Naming those that are missing, and those that are there.
+            Naming those that are missing, and those that exist.
         """
         missing = [name for name in names if name not in self.columns]
         if missing:
@@ -146,10 +147,10 @@ class DumpFrame:
         """Material points that continue the run as a continuum: one for each grain.
 
         The volume of a point is that of its grain over the packing fraction, and its density
-        the mass of the grain over that volume, so that mass and momentum are kept. In 2D both are
-        those of a metre of depth: the sums over the depth of the box, divided by it. Use it as
-        ``gr.Fill(region=frame.cloud(0.6))``; for a lithostatic fill, whose density follows from
-        its depth, take ``dataclasses.replace(cloud, density=None)``.
+        the mass of the grain over that volume, so that mass and momentum are conserved. In 2D both
+        are those of a metre of depth: the sums over the depth of the box, divided by it. Use it as
+        ``gr.Fill(region=frame.cloud(0.6))``; for a lithostatic fill, whose density follows from its
+        depth, take ``dataclasses.replace(cloud, density=None)``.
 
         Parameters
         ----------
@@ -172,9 +173,9 @@ class DumpFrame:
 
 
 def depth_along(frame: DumpFrame, axes: str) -> tuple[list[int], float]:
-    """Return the numbers of the axes that are kept, and the extent of the box along the other [m].
+    """Return the numbers of the selected axes, and the extent of the box along the other [m].
 
-    The extent is 1 where all are kept.
+    The extent is 1 where all are selected.
     """
     kept = [AXES.find(axis) for axis in axes] if isinstance(axes, str) else [-1]
     if not 2 <= len(kept) <= 3 or -1 in kept or len(set(kept)) < len(kept):
@@ -275,10 +276,10 @@ def read_dump(
     A dump of grains has the columns ``x y z`` (or those of unwrapped or scaled coordinates, ``xu``,
     ``xs``, ``xsu``), as a rule ``id``, ``vx vy vz``, ``radius`` or ``diameter``, and ``mass`` or
     ``density``. A dump of pairs (``ITEM: ENTRIES``) has columns of any names; see
-    `average_grains`. Columns are only asked for when they are used.
+    `average_grains`. Columns are only required when they are used.
 
-    A dump does not say which units it has, unless written with ``dump_modify units yes``: units
-    ``si`` and ``cgs`` are then known, and others must be given. Without a word it is in SI units.
+    A dump does not contain its units, unless it is written with ``dump_modify units yes``: units
+    ``si`` and ``cgs`` are then known, and others must be given. Otherwise SI units are assumed.
 
     Parameters
     ----------
@@ -301,7 +302,7 @@ def read_dump(
     OSError
         If the file cannot be read.
     TypeError, ValueError
-        Naming the argument or the file, its line, and what is wrong. Frames after the first are
+        Naming the argument or the file, its line, and the fault. Frames after the first are
         checked when they are read.
     """
     units = next((table.units for table in tables(path, only=-1)), "")

@@ -1,4 +1,4 @@
-"""The text of dumps of LAMMPS and LIGGGHTS: a table of numbers for each frame, read when asked."""
+"""The text of dumps of LAMMPS and LIGGGHTS: a table of numbers for each frame, read on demand."""
 
 from __future__ import annotations
 

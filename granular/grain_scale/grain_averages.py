@@ -181,7 +181,7 @@ class _Sums:
         return row
 
     def _cells(self, x: Array) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """Flat cells of the places in the grid, and which places these are."""
+        """Flat cells of the positions in the grid, and the indices of these positions."""
         grid = self.grid
         place = np.floor((x[:, : grid.dim] - np.array(grid.lower)) / grid.cell).astype(np.int64)
         inside = ((place >= 0) & (place < np.array(grid.shape))).all(axis=1)

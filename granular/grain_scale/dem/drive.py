@@ -1,4 +1,4 @@
-"""Shear cells and packings by LAMMPS: its input is written, it is run, its output is read."""
+"""Shear cells and packings by LAMMPS: writing its input, running it, reading its output."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def shear(
     ----------
     settings : Shear
     measure : callable, optional
-        Called with each `Frame` in the order of time; only its return values are kept. Without it
+        Called with each `Frame` in the order of time; only its return values are stored. Without it
         the frames themselves are returned, some hundred kilobytes each.
     timeout : float
         Time after which LAMMPS is ended [s].
@@ -144,7 +144,7 @@ class Pack:
         return self.x[self.i] + self.arm_i
 
     def for_inference(self) -> tuple[inference.Packing, Array]:
-        """Input of `granular.grain_scale.inference`, and the forces that it should find.
+        """Input of `granular.grain_scale.inference`, and the forces that it should infer.
 
         Returns
         -------

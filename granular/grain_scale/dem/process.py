@@ -1,4 +1,4 @@
-"""LAMMPS as a separate process: it is found, run and watched, and failures raise exceptions."""
+"""LAMMPS as a separate process that is located, run and monitored; failures raise exceptions."""
 
 from __future__ import annotations
 

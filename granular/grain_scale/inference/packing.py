@@ -32,7 +32,7 @@ class Packing:
     ----------
     bodies : array_like of int, shape (c, 2)
         The two bodies of each contact: grains are numbered from 0 on, walls (and other bodies
-        without a balance of their own) by any negative numbers. One of the two must be a grain.
+        without a balance) by any negative numbers. One of the two must be a grain.
     positions : array_like, shape (c, d)
         Positions of the contacts [m].
     shifts : array_like, shape (c, d), optional
@@ -252,7 +252,8 @@ class Packing:
         return self.positions if shifts is None else self.positions + shifts
 
     def clusters(self) -> Index:
-        """Number of the connected cluster of each grain, shape (n,). Walls connect nothing."""
+        """Number of the connected cluster of each grain, shape (n,). Walls do not connect
+        grains."""
         joined = self.bodies[(self.bodies >= 0).all(axis=1)]
         graph = coo_array((np.ones(len(joined)), joined.T), (self.n, self.n))
         return connected_components(graph, directed=False)[1].astype(np.intp)
@@ -311,7 +312,7 @@ _PER_GRAIN = (
     *("angular_accelerations", "stress_errors", "acceleration_errors"),
 )
 _DERIVED_FROM = ("bodies", "positions", "normals", "shifts", "strains", "stiffness")
-"""Fields that a subset does not take over: it has other contacts, and its stresses are known."""
+"""Fields that a subset does not inherit: it has other contacts, and its stresses are known."""
 
 
 def isotropic_stiffness(E: float, nu: float, dim: int, *, plane: str = "stress") -> Array:

@@ -7,7 +7,7 @@ their errors where these are known. Let L be the rows that hold exactly and l a 
 
     min  sum_i w_i |K_i x - b_i|^2 + l^2 |x|^2   s.t.  L x = c,  n >= 0,  |t| <= mu n.
 
-The thesis has norms in place of squares; both have the same set of solutions as the weight varies,
+The thesis has norms instead of squares; both have the same set of solutions as the weight varies,
 see `weight_of_norms`.
 """
 

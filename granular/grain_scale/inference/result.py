@@ -26,7 +26,7 @@ BALANCE = 1e-6
 
 
 class InferenceWarning(UserWarning):
-    """Inferred forces that are not reliable as they are."""
+    """Inferred forces that are not reliable."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Inference:
     carried : float
         (K_st f).b_st/(b_st.b_st): 1 for forces that carry the measured stresses, 0 for f = 0.
     unknowns, rank : int
-        Number of force components to be found, and number of them that the rows determine without
+        Number of unknown force components, and number of them that the rows determine without
         the inequalities. Redundant rows average out noise.
     undetermined : ndarray of bool, shape (c,)
         Contacts whose forces the rows do not determine.
@@ -79,12 +79,12 @@ class Inference:
     excess : float
         Largest violation of repulsion or friction, divided by the mean force; 0 if there is none.
     weight_of_norms : float
-        With norms in place of squares the same forces minimise ``|K f - b| + w |f|`` (2.14, w the
+        With norms instead of squares the same forces minimise ``|K f - b| + w |f|`` (2.14, w the
         thesis' lambda^2, in metres) or ``|K_s f - b_s| + w |K_m f - b_m|`` (3.18, in metres; its
         moments over R). nan where a norm vanishes or errors are known.
     solver : str
     flags : tuple of Flag
-        Defects; empty if none was found. Each is also issued as a warning.
+        Defects; empty if there is none. Each is also issued as a warning.
     """
 
     packing: Packing
@@ -135,7 +135,7 @@ def report(
     scale: float = 1.0,
     flags: tuple[Flag, ...] = (),
 ) -> Inference:
-    """Make the inference of a solution, and warn of the given flags and of those found."""
+    """Make the inference of a solution, and issue warnings for the given and the detected flags."""
     rank, undetermined = determined(problem)
     mean = np.linalg.norm((problem.frame @ x).reshape(-1, problem.dim), axis=1).mean()
     stress, balance = problem.residuals(x)

@@ -32,11 +32,11 @@ DENSE = 400_000_000
 
 
 class InferenceError(RuntimeError):
-    """No forces were found, because the constraints contradict each other or the solver failed."""
+    """There is no solution, because the constraints contradict each other or the solver failed."""
 
 
 def solve(problem: Problem, solver: str = "auto") -> tuple[Array, str]:
-    """Solve a problem; return its unknowns and the name of the method that found them.
+    """Solve a problem; return its unknowns and the name of the method that solved it.
 
     Parameters
     ----------
