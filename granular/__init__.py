@@ -66,6 +66,7 @@ from granular.shapes import (
     Union,
 )
 from granular.tools.buffers import show_config
+from granular.tools.docstrings import complete as _complete
 from granular.tools.notebook import pictures
 
 if TYPE_CHECKING:
@@ -85,6 +86,7 @@ def _picture_of_scene(scene: Any) -> Any:
 
 
 pictures["scene"] = _picture_of_scene
+_complete(__name__)
 
 
 def __getattr__(name: str) -> ModuleType | str:

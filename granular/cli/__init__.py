@@ -14,10 +14,8 @@ import sys
 from collections.abc import Sequence
 
 from granular.cli.commands import FAILED, INTERRUPTED, REFUSED
-from granular.cli.parser import command_parser
+from granular.cli.parser import command_parser as command_parser
 from granular.tools.shown_code import MARK, escaped
-
-__all__ = ["command_parser", "main"]
 
 USER_ERRORS = (
     ValueError,

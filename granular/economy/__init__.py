@@ -5,20 +5,12 @@ or law), each with a reason and an expected error. `apply` makes the cheaper sce
 estimates the cost of a run. docs/reports/economy.md has the runs from which the numbers come.
 """
 
-from granular.economy.bias import held_decay
-from granular.economy.cost import Cost, cost, time_step
-from granular.economy.rules import suggest
-from granular.economy.suggestion import Suggestion, Suggestions, apply
-from granular.economy.symmetry import mirror_half
-
-__all__ = [
-    "Cost",
-    "Suggestion",
-    "Suggestions",
-    "apply",
-    "cost",
-    "held_decay",
-    "mirror_half",
-    "suggest",
-    "time_step",
-]
+from granular.economy.bias import held_decay as held_decay
+from granular.economy.cost import Cost as Cost
+from granular.economy.cost import cost as cost
+from granular.economy.cost import time_step as time_step
+from granular.economy.rules import suggest as suggest
+from granular.economy.suggestion import Suggestion as Suggestion
+from granular.economy.suggestion import Suggestions as Suggestions
+from granular.economy.suggestion import apply as apply
+from granular.economy.symmetry import mirror_half as mirror_half

@@ -1,7 +1,6 @@
 """States and records for other programs: pandas, xarray, pyvista, ParaView."""
 
-from granular.export.meshes import to_pyvista
-from granular.export.surfaces import write_bodies
-from granular.export.tables import to_pandas, to_xarray
-
-__all__ = ["to_pandas", "to_pyvista", "to_xarray", "write_bodies"]
+from granular.export.meshes import to_pyvista as to_pyvista
+from granular.export.surfaces import write_bodies as write_bodies
+from granular.export.tables import to_pandas as to_pandas
+from granular.export.tables import to_xarray as to_xarray

@@ -14,8 +14,6 @@ from granular.model.state import State
 from granular.tools.checks import instance
 from granular.tools.extras import imported
 
-__all__ = ["to_pyvista"]
-
 
 def to_pyvista(state: State, fields: Collection[str] = STANDARD) -> Any:
     """Return a `pyvista.MultiBlock` of "material" and "gas" (points), "body0", "body1", ...

@@ -12,8 +12,6 @@ from numpy.typing import NDArray
 from granular.shapes.measures import extents
 from granular.shapes.shape import Shape
 
-__all__ = ["contoured", "extended", "revolved", "thickened"]
-
 Array = NDArray[np.float64]
 Patches = tuple[Array, list[tuple[int, ...]]]
 """Vertices, shape (n, 3), and polygons as tuples of indices of vertices."""

@@ -17,8 +17,6 @@ from granular.record.reader import Trajectory
 from granular.tools.checks import instance
 from granular.tools.extras import imported
 
-__all__ = ["to_pandas", "to_xarray"]
-
 COMPONENTS = {2: ("xx", "yy", "zz", "xy"), 3: ("xx", "yy", "zz", "xy", "yz", "xz")}
 QUATERNION = ("w", "x", "y", "z")
 UNITS = {

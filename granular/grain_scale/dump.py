@@ -16,8 +16,6 @@ from granular.grain_scale.dump_tables import Table, tables
 from granular.model.regions import Cloud
 from granular.tools.checks import in_range, integer, positive
 
-__all__ = ["Dump", "DumpFrame", "read_dump"]
-
 Array = NDArray[np.float64]
 
 AXES = "xyz"

@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 
 from granular.tools.files import check_file
 
-__all__ = ["Table", "tables"]
-
 Array = NDArray[np.float64]
 
 ROWS = ("ATOMS", "ENTRIES")

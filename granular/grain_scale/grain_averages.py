@@ -13,8 +13,6 @@ from granular.grain_scale.dump import AXES, DumpFrame, depth_along
 from granular.measure.averaging_grid import mean_of, sums_of
 from granular.model.grid import Grid
 
-__all__ = ["GrainAverages", "average_grains"]
-
 Array = NDArray[np.float64]
 
 

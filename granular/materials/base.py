@@ -9,8 +9,6 @@ from typing import Any, ClassVar, Self
 from granular.tools.checks import check_fields, in_range, one_of, positive
 from granular.tools.notebook import table
 
-__all__ = ["Material"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class Material:
@@ -36,11 +34,7 @@ class Material:
     contact_diameter : float, optional
         Diameter of the grains of these contacts [m], > 0; the grain diameter `d` of the law if
         not given. Only used with a restitution below 1, which needs one of the two.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range; TypeError for `Material` itself, which is
+    {raises}; TypeError for `Material` itself, which is
         abstract.
     """
 

@@ -21,15 +21,6 @@ import numpy as np
 
 from granular.tools.extras import imported
 
-__all__ = [
-    "MOST_HISTORY",
-    "MOST_NUMBERS",
-    "LawFunction",
-    "from_c",
-    "from_python",
-    "keeping_exceptions",
-]
-
 MOST_NUMBERS = 30
 """Largest number of parameters besides K and G, that of csrc/law/law.h."""
 MOST_HISTORY = 4

@@ -28,8 +28,6 @@ from granular.materials.law_names import (
     refuse_module,
 )
 
-__all__ = ["frozen"]
-
 PLAIN = (type(None), bool, int, float, complex, str, bytes, range, type(Ellipsis))
 """Types of values that their `repr` determines."""
 SHOWN_VALUES = 16

@@ -19,15 +19,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = [
-    "Chain",
-    "chains_of",
-    "check_in_place",
-    "codes_within",
-    "name_of_installed",
-    "refuse_module",
-]
-
 Chain = tuple[str, ...]
 """Names of the attributes of a global value, each of the one before."""
 

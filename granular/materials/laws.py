@@ -23,13 +23,6 @@ from granular.tools.checks import (
 if TYPE_CHECKING:
     from granular.materials.regularised import RegularisedMuI
 
-__all__ = [
-    "NGF",
-    "DruckerPrager",
-    "Elastic",
-    "HardeningDruckerPrager",
-    "MuI",
-]
 
 SHORT_LENGTH = 0.1
 """Length A d of a nonlocal law, over the cell, up to which it acts as the local one: diffusion
@@ -332,11 +325,7 @@ class DruckerPrager(Material):
         Tension -p at which the material separates [Pa], 0 to cohesion/mu, where the yield stress
         is 0. The latter if not given. Separated material is stress-free until its density is rho_c
         again; then it coheres as before. A `Scene` needs it to be less than `separation_strain` K.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     mu: float = 0.3819
@@ -384,11 +373,7 @@ class HardeningDruckerPrager(Material):
         Rate at which phi approaches h0, > 0.
     rho_s : float
         Density of the grains themselves [kg/m3], >= rho_c.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     elasticity: str = "hencky"
@@ -453,11 +438,7 @@ class Elastic(Material):
     ----------
     E, nu, rho_c, elasticity, restitution, contact_diameter
         See `Material`; `rho_c` is the density of the unstressed solid.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     flow = "elastic"

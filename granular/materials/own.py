@@ -28,8 +28,6 @@ from granular.tools.checks import check_fields, finite, in_range, kinds_of, one_
 from granular.tools.serializable import Ordered, Serializable
 from granular.tools.shown_code import MARK, escaped, marked
 
-__all__ = ["OwnLaw", "code_of", "from_function", "trust_code"]
-
 LANGUAGES = ("numpy", "numba", "c")
 MOST_SHOWN = 4000
 """Characters of a source, and lines of a difference of two, that an error shows."""
@@ -76,11 +74,7 @@ class OwnLaw(Material):
         points that are less dense by more than the `separation_strain` of the scheme, so that a law
         with stress at these densities, such as one that dilates, needs a lower value. Must be 0 if
         it bears tension.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     name: str

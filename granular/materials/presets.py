@@ -2,15 +2,6 @@
 
 from granular.materials.laws import NGF, HardeningDruckerPrager, MuI
 
-__all__ = [
-    "couette_beads",
-    "glass_beads",
-    "glass_beads_5mm",
-    "grc_1",
-    "grc_1_hardening",
-    "silo_grains",
-]
-
 glass_beads = MuI(E=1e9, nu=0.3, mu_s=0.3819, mu_2=0.6435, rho_s=2450.0, rho_c=1500.0, xi=1.1233)
 """Glass beads of Dunatunga & Kamrin 2015, table 1 (after Jop et al. 2006)."""
 

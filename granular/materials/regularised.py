@@ -12,8 +12,6 @@ from granular.materials.base import Material
 from granular.materials.laws import MuI, check_friction
 from granular.tools.checks import check_fields, in_range, non_negative, positive, set_fields
 
-__all__ = ["RegularisedMuI"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class RegularisedMuI(Material):

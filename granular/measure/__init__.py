@@ -78,3 +78,6 @@ from granular.measure.slide import deposit as deposit
 from granular.measure.slide import slide_history as slide_history
 from granular.measure.stress import friction as friction
 from granular.measure.wall import wall_force as wall_force
+from granular.tools.docstrings import complete as _complete
+
+_complete(__name__)

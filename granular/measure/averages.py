@@ -1,5 +1,7 @@
 """Averages over frames on the grid, and results of them: centre-line pressure, contours."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import cast

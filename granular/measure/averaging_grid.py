@@ -4,6 +4,8 @@ The code is plain NumPy. It uses multilinear shape functions whatever basis the 
 because a measurement must not depend on the scheme.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from itertools import product
 from typing import Any

@@ -4,6 +4,8 @@ The bulk consists of the points deep below the surface of their column. One `Bul
 these measures, so that the sums over cells are computed only once.
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

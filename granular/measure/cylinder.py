@@ -1,5 +1,7 @@
 """Flow about a vertical axis: velocity as a function of the distance from it."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from itertools import pairwise
 

@@ -1,5 +1,7 @@
 """Silos: the remaining mass, the discharge rate, Beverloo's law."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from granular.model.typing import AnyScene
 from granular.mpm.scene import Scene
 
-__all__ = ["EffectiveOpening"]
-
 WIDER = {
     ("quadratic", "SmoothedDensity"): (-1.05, 0.1),
     ("linear", "CellAveragedDensity"): (-1.4, 0.1),

@@ -1,5 +1,7 @@
 """Point fields on the grid: nodal smoothing, the nodal density, averages by cell."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

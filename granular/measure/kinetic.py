@@ -3,6 +3,8 @@
 Dunatunga & Kamrin 2015, appendix A; the closed forms are those of `granular.theory.kinetic`.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from itertools import product
 from typing import Any, cast

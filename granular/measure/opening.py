@@ -27,11 +27,7 @@ class Opening:
         Elevation of the bottom that contains it [m].
     half : bool
         True if only one side of the axis is modelled.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     width: float

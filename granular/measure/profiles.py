@@ -3,6 +3,8 @@
 Heights are along the last axis, so that a scene with tilted gravity is measured across its layer.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import numpy as np

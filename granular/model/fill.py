@@ -21,8 +21,6 @@ from granular.tools.checks import (
     vector,
 )
 
-__all__ = ["Fill", "check_inside"]
-
 Vector = tuple[float, ...]
 
 
@@ -75,11 +73,7 @@ class Fill:
     material : Material or None
         Material of this fill; None for that of the scene. Several materials share one velocity
         field, so that they stick to each other where they meet.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     region: Region

@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from granular.tools.checks import ascending, check_fields, finite, sequence, set_fields, vector
 
-__all__ = ["DUNATUNGA_KAMRIN", "EARTH", "Gravity"]
-
 EARTH = 9.81
 """Gravity of the earth [m/s2]: the default of all of `granular.theory`. Scenes of a paper have the
 gravity of the paper, so that a comparison with them must pass it on."""
@@ -30,11 +28,7 @@ class Gravity:
         Times [s], >= 0, ascending.
     vectors : tuple of k tuples of float, length dim
         Acceleration at these times [m/s2].
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     times: tuple[float, ...] = (0.0, 0.1)

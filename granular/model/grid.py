@@ -18,8 +18,6 @@ from granular.tools.checks import (
     vector,
 )
 
-__all__ = ["AXES", "Grid"]
-
 AXES = "xyz"
 LINE_TOLERANCE = 1e-9
 """Largest distance, in cells, at which a coordinate still counts as on a grid line, near the
@@ -52,11 +50,7 @@ class Grid:
     open_sides : collection of str, optional
         Sides ("x-", "y+", ...) through which points leave for good; none by default, and none along
         a periodic axis.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     lower: Vector

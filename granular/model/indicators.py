@@ -11,8 +11,6 @@ from granular.materials.own import OwnLaw
 if TYPE_CHECKING:
     from granular.model.scene import BaseScene
 
-__all__ = ["Row", "common"]
-
 
 class Row(NamedTuple):
     """An indicator of a scene.

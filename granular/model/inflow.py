@@ -30,15 +30,6 @@ from granular.tools.checks import (
 if TYPE_CHECKING:
     from granular.model.scene import BaseScene
 
-__all__ = [
-    "Inflow",
-    "InflowState",
-    "across",
-    "inlet_points",
-    "points_between",
-    "standing_points",
-    "stored_inflow",
-]
 
 FULL = 1 + 1e-9
 """Largest filling fraction of entering material; the excess over 1 is for rounding."""
@@ -98,16 +89,13 @@ class Inflow:
         If False, points are free from the moment in which they enter. If the position of a point is
         occupied by others of its column, it waits until it is free, and points that are due in the
         meantime are missed: the inlet is choked, and feeds as much as the flow below admits.
-        `Simulation.inflows` counts the missed points. If True, the region is full from the start,
-        and all material in it moves with the velocity, whatever is in its way, up to the end of
-        `times`, like a piston that does not yield. The nodes of the grid that its points touch have
-        this velocity, to the sides and upstream also those beyond it. It must begin at time 0. SPH
-        has driven inflows only: its particles in the region have this velocity.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+        `Simulation.inflows` counts the missed points.
+        If True, the region is full from the start, and all material in it moves with the velocity,
+        whatever is in its way, up to the end of `times`, like a piston that does not yield. The
+        nodes of the grid that its points touch have this velocity, to the sides and upstream also
+        those beyond it. It must begin at time 0. SPH has driven inflows only: its particles in the
+        region have this velocity.
+    {raises}.
     """
 
     region: Region

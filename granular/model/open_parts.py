@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 from granular.model.open_space import Distance, OpenSpace
 from granular.shapes.region import Region
 
-__all__ = ["open_parts", "plane_cut"]
-
 Array = NDArray[np.float64]
 
 LEVELS = 3

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 from granular.model.grid import Grid
 from granular.shapes.region import Region
 
-__all__ = ["Distance", "OpenSpace", "last_place", "nowhere"]
-
 Array = NDArray[np.float64]
 Distance = Callable[[Array], tuple[Array, Array]]
 """Signed distances of positions from the nearest surface, negative in the solid, and its

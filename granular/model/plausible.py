@@ -21,7 +21,6 @@ from granular.model.surfaces import Heights, Layer
 if TYPE_CHECKING:
     from granular.model.scene import BaseScene
 
-__all__ = ["BOULDER", "STIFFEST", "largest_load", "rounded", "stiffness_hint", "suspect_numbers"]
 
 FRICTION = (0.02, 1.5)
 """Friction coefficients of grains: those of rounded smooth grains are 0.2 to 0.4, of broken rock

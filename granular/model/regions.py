@@ -22,8 +22,6 @@ from granular.tools.checks import (
 )
 from granular.tools.serializable import ComparedByContent
 
-__all__ = ["Cloud", "Mask"]
-
 Array = NDArray[np.float64]
 Vector = tuple[float, ...]
 
@@ -40,11 +38,7 @@ class Mask(ComparedByContent, Region):
         Lower corner of the first square [m].
     spacing : float
         Edge of a square [m], > 0.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     inside: NDArray[np.bool_]
@@ -118,11 +112,7 @@ class Cloud(ComparedByContent, Region):
     density : array_like, shape (n,), optional
         Densities [kg/m3], > 0; only used in a `Fill` without a `density`. Must be None
         in a lithostatic fill.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     x: Array

@@ -16,8 +16,6 @@ from granular.tools.checks import check_fields, integer, kinds_of, positive, set
 from granular.tools.notebook import image, pictures, table
 from granular.tools.serializable import Parameters, Serializable
 
-__all__ = ["BaseScene"]
-
 
 class BaseScene(Serializable):
     """Base class of the scenes; the frozen dataclasses below it declare the fields."""

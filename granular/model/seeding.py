@@ -19,16 +19,6 @@ from granular.shapes.boxes import Box
 from granular.shapes.region import Region
 from granular.tools.checks import integer, positive
 
-__all__ = [
-    "DEEPEST",
-    "Points",
-    "estimated_points",
-    "joined",
-    "most_points",
-    "nothing",
-    "seed_points",
-]
-
 
 @dataclass(frozen=True, eq=False)
 class Points:

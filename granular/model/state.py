@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from granular.mpm.bodies import BodyState
     from granular.sph.gas import GasState
 
-__all__ = ["State", "States"]
 
 Array = NDArray[np.float64]
 

@@ -26,8 +26,6 @@ from granular.tools.checks import (
 )
 from granular.tools.serializable import ComparedByContent
 
-__all__ = ["Heights", "Layer"]
-
 Array = NDArray[np.float64]
 Vector = tuple[float, ...]
 
@@ -87,11 +85,7 @@ class Heights(ComparedByContent):
         Position of the first height [m].
     spacing : float
         Distance between heights along each axis [m], > 0.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     z: Array
@@ -240,11 +234,7 @@ class Layer(ComparedByContent, Region):
     spacing : float, optional
         Distance at which functions and bodies are sampled [m]: at most that of the seeding lattice
         is recommended.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     on: float | Heights

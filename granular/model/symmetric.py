@@ -9,8 +9,6 @@ from __future__ import annotations
 from granular.model.grid import AXES
 from granular.model.typing import AnyScene
 
-__all__ = ["mirror_axes", "modelled_share"]
-
 
 def mirror_axes(scene: AnyScene) -> tuple[int, ...]:
     """Axes of the grid whose lower end is a plane of symmetry.

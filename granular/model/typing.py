@@ -6,7 +6,6 @@ if TYPE_CHECKING:
     from granular.mpm.scene import Scene as MpmScene
     from granular.sph.scene import Scene as SphScene
 
-__all__ = ["AnyScene"]
 
 AnyScene: TypeAlias = "MpmScene | SphScene"
 """A scene of either method."""

@@ -12,8 +12,6 @@ from granular.model.grid import Grid
 from granular.mpm.walls import Solid, Wall
 from granular.tools.checks import integer, one_of
 
-__all__ = ["c0_lines", "check_c0_lines", "node_positions"]
-
 CORE_BASES = _core.enumerations()["basis"]
 
 

@@ -17,8 +17,6 @@ from granular.model.grid import LINE_TOLERANCE, Grid
 from granular.mpm.grid_map import GridMap, Ranges
 from granular.mpm.walls import Solid
 
-__all__ = ["deep_within", "held_components", "outlook", "solid_cells"]
-
 FACE_DEPTH = 0.5 + LINE_TOLERANCE
 """Largest depth [cells] at which nodes of a block belong to its face.
 

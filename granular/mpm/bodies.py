@@ -72,11 +72,7 @@ class Motion:
     angular_velocity : tuple of k floats, or of k tuples of 3 floats, optional
         Angular velocity [rad/s], a number in 2D, a vector about fixed axes in 3D; 0 by default. One
         of the two must be given.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     times: tuple[float, ...] = (0.0,)
@@ -166,11 +162,7 @@ class Body:
     restitution : float
         Coefficient of restitution of its impacts on walls, blocks and other bodies, 0 to 1; of two
         free bodies the lesser. Must be 0 unless the body moves freely.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     shape: Shape

@@ -17,8 +17,6 @@ from granular.shapes.shape import padded, turned
 if TYPE_CHECKING:
     from granular.mpm.bodies import Body, BodyState
 
-__all__ = ["distance_at", "distance_from_bodies", "distances", "nearest", "periods", "surface_at"]
-
 
 def periods(grid: Grid, body: Body) -> NDArray[np.float64]:
     """Periods [m] with which a body has images along x, y and z; inf without images.

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from granular.mpm.scene import Scene
     from granular.mpm.schemes import Scheme
 
-__all__ = ["check_blades", "light_bodies", "mesh_scale", "near_thin_parts", "thin_parts"]
 
 THIN = 2.0
 """Thickness of a body [cells] below which its sides are coupled, unless nodes are duplicated."""

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from granular.mpm.bodies import Body
     from granular.mpm.scene import Scene
 
-__all__ = ["OVERLAP", "check_overlaps"]
 
 Array = NDArray[np.float64]
 

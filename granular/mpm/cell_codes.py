@@ -21,7 +21,6 @@ from granular.mpm.walls import Solid, Wall
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
 
-__all__ = ["cell_flags", "fluidity_faces"]
 
 _ENUMERATIONS = _core.enumerations()
 FLAG_SOLID, FLAG_NO_SHIFTING, FLAG_WALL = (

@@ -39,8 +39,6 @@ from granular.materials import (
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import CellAveragedDensity, SmoothedDensity
 
-__all__ = ["damping", "velocity_decay"]
-
 UNBOUNDED = 1e100
 STEADY_CROSSINGS = 20.0  # M
 SLOW_FLOW = 4.0  # N

@@ -25,15 +25,6 @@ from granular.mpm.scene import Scene, Servo
 from granular.mpm.schemes import SmoothedDensity
 from granular.tools.buffers import allocate, rows_of
 
-__all__ = [
-    "add_inlets",
-    "build",
-    "entering_masses",
-    "fields_of",
-    "initial_buffers",
-    "initial_points",
-]
-
 CORE = _core.enumerations()
 UNBOUNDED = 1e300
 LOCAL_PHASE = 10.0

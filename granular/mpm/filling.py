@@ -14,8 +14,6 @@ from granular.mpm.walls import Solid
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
 
-__all__ = ["has_material", "is_full", "middle_points"]
-
 
 MOST_PLACES = (5, 40)
 """Cells along an axis that `is_full` looks at, first few and then more; the ends are among them."""

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from granular.mpm.bodies import Body, BodyState
     from granular.mpm.scene import Scene
 
-__all__ = ["INTERVAL", "FreeBodies", "places_of"]
 
 INTERVAL = 50
 """Steps between two checks of the bodies, in which a body moves by a few cells at most if its speed

@@ -13,8 +13,6 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["GridMap", "Ranges"]
-
 Ranges = tuple[NDArray[np.intp], ...]
 """Ascending indices along each axis, x first; they mean all combinations."""
 

@@ -13,7 +13,6 @@ from granular.mpm.support import unsupported
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
 
-__all__ = ["POINTS_PER_CELL", "indicators", "remedies"]
 
 POINTS_PER_CELL = 4
 """Least number of points per cell in a flow, from the map "incline_seeding"."""

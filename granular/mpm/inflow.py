@@ -11,8 +11,6 @@ from granular.mpm.walls import Solid
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
 
-__all__ = ["check_inflows"]
-
 
 def check_inflows(scene: Scene) -> None:
     """Refuse inflows that do not fit their scene, or that overlap solids or fills at the start."""

@@ -15,8 +15,6 @@ from granular.model.state import State
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
 
-__all__ = ["account"]
-
 
 def account(
     scene: Scene, fields: Mapping[str, NDArray], state: NDArray[np.int64], row: NDArray[np.float64]

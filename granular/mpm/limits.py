@@ -14,7 +14,9 @@ from granular.model.regions import Cloud
 from granular.model.surfaces import Heights, Layer
 from granular.mpm.body_limits import light_bodies, mesh_scale, near_thin_parts, thin_parts
 from granular.mpm.filling import has_material, is_full, middle_points
-from granular.mpm.indicators import POINTS_PER_CELL, indicators, remedies
+from granular.mpm.indicators import POINTS_PER_CELL
+from granular.mpm.indicators import indicators as indicators
+from granular.mpm.indicators import remedies as remedies
 from granular.mpm.support import unsupported
 from granular.mpm.walls import Solid, Wall
 from granular.theory.well_posed import well_posed_slopes
@@ -23,18 +25,6 @@ if TYPE_CHECKING:
     from granular.model.inflow import Inflow
     from granular.mpm.scene import Scene
     from granular.mpm.schemes import Scheme
-
-__all__ = [
-    "check_time_step",
-    "courant_limit",
-    "damped_step",
-    "damps_by_step",
-    "dt_limit",
-    "height",
-    "indicators",
-    "known_failures",
-    "remedies",
-]
 
 
 COURANT_LIMIT = {

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from granular.model.seeding import Points
     from granular.mpm.scene import Scene
 
-__all__ = ["rest_compression", "stress_shape"]
 
 Array = NDArray[np.float64]
 

@@ -29,8 +29,6 @@ from granular.run import memory
 from granular.run.memory import BASE, MARGIN, entering, refuse
 from granular.tools.checks import truth
 
-__all__ = ["check", "growth", "size"]
-
 _BODIES = 15 * 2**20
 """Memory of the distances from bodies at the samples of a scene [bytes]."""
 

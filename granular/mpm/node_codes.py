@@ -26,13 +26,6 @@ if TYPE_CHECKING:
     from granular.model.inflow import Inflow
     from granular.mpm.scene import Scene
 
-__all__ = [
-    "WallNodes",
-    "WallRow",
-    "collected",
-    "driven",
-    "node_codes",
-]
 
 CORE_BASES = _core.enumerations()["basis"]
 MAX_ROWS = 255

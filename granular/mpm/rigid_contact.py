@@ -22,15 +22,6 @@ if TYPE_CHECKING:
     from granular.mpm.bodies import Body
     from granular.mpm.scene import Scene
 
-__all__ = [
-    "SPACING",
-    "balls_of",
-    "contact_balls",
-    "moves_freely",
-    "obstacles",
-    "row_of_wall",
-    "touch_solids",
-]
 
 Array = NDArray[np.float64]
 

@@ -130,11 +130,7 @@ class Froude:
     length : float
         Length in the scaled world over that in the real one, > 0. With 1/4 or another power of 4
         all factors are powers of 2, and a run gives the same digits.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     length: float

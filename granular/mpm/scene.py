@@ -27,10 +27,8 @@ from granular.mpm.schemes import DENSITIES, Fluidity, Scheme, suited_to
 from granular.mpm.walls import Solid, SpongeLayer, Wall
 from granular.shapes.shape import shape_kinds
 from granular.tools.checks import check_fields, kinds_of, set_fields, tuple_of
-from granular.tools.serializable import Parameters, register
-
-__all__ = ["Parameters", "Scene", "Servo"]
-
+from granular.tools.serializable import Parameters as Parameters
+from granular.tools.serializable import register
 
 MOST_MATERIALS = 8
 """Largest number of materials of a scene, that of csrc/mpm/materials.h."""

@@ -16,15 +16,6 @@ from typing import Any, ClassVar, Self
 from granular import _core
 from granular.tools.checks import check_fields, in_range, integer
 
-__all__ = [
-    "CellAveragedNumbers",
-    "FluidityNumbers",
-    "Numbers",
-    "ParticleNumbers",
-    "SchemeNumbers",
-    "SmoothedNumbers",
-]
-
 _NUMBERS = _core.scheme_numbers()
 _CLASSES = {
     "particle": "ParticleNumbers",

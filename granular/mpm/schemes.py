@@ -143,11 +143,7 @@ class Fluidity(FluidityNumbers):
         With Hencky elasticity: if True, points that reconnect begin with the fluidity
         sqrt(2) abs(D)/mu_2 (Haeri & Skonieczny 2021, eq. 23); if False, with 0.
     {numbers}
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     method: str = "auto"
@@ -188,11 +184,7 @@ class Scheme(SchemeNumbers):
         has rounding errors of 6e-8 in each step. For the default combination of basis, transfer and
         density, and for quadratic "apic"; not for elasticity = "hencky" and user-defined laws.
     {numbers}
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     basis: str = None  # type: ignore[assignment]  # a name once made

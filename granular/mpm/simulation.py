@@ -37,8 +37,6 @@ from granular.run.restarts import LARGEST, LEAST, check_range
 from granular.tools.buffers import allocate, default_isa, fill, stored_type
 from granular.tools.checks import positive, truth
 
-__all__ = ["Simulation"]
-
 CARRIED = frozenset(
     {
         "affine",

@@ -12,8 +12,6 @@ from granular.mpm.walls import Solid, Wall
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
 
-__all__ = ["unsupported"]
-
 
 def unsupported(scene: Scene) -> str | None:
     """Sentence on the first source of a scene without support against gravity; None if all have it.

@@ -14,8 +14,6 @@ from granular.mpm.walls import Solid, Wall
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
 
-__all__ = ["WallOwners", "wall_owners"]
-
 
 class WallOwners(NamedTuple):
     """Owners of the components of the impulse on each node; the core has these arrays.

@@ -22,8 +22,6 @@ from granular.tools.checks import (
     vector,
 )
 
-__all__ = ["Solid", "SpongeLayer", "Wall", "WallState"]
-
 Span = tuple[float, float]
 
 
@@ -69,11 +67,7 @@ class Wall:
         area of that side of the grid, and T the time in which a compression wave crosses 8 cells.
         `WallState.displacement` is u. The wall waits while material fills less than half of its
         nodes, and after `opens_at`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     axis: int
@@ -154,11 +148,7 @@ class Solid:
         "no_slip" holds all velocity components at zero. "free_slip" faces hold the component normal
         to them; where two faces meet at an edge, both components are held. Ends of the grid are not
         faces.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     lower: tuple[float, ...]
@@ -232,11 +222,7 @@ class SpongeLayer:
         exp(-damping dt), so that a rising wave decays over the length c/damping. The default,
         infinity, stops them at once, as published; but then over-compressed material expands no
         faster than g dt, and a compressed bed stays so for many thousand steps.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     axis: int

@@ -26,3 +26,6 @@ from granular.plot.movie import movie as movie
 from granular.plot.scene import scene as scene
 from granular.plot.view_3d import view as view
 from granular.plot.view_3d import view_movie as view_movie
+from granular.tools.docstrings import complete as _complete
+
+_complete(__name__)

@@ -69,11 +69,7 @@ class View:
         along the third axis.
     slab : (float, float), optional
         Interval of the third coordinate whose points are drawn [m]; in 3D only.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     def __init__(

@@ -1,5 +1,7 @@
 """Colours of a picture: values, names, units and scales."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

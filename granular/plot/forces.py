@@ -4,6 +4,8 @@ The functions take results and infer nothing; the runs are in `benchmarks/figure
 figures are those of chapters 2 and 3 of Hurley's thesis.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping
 from typing import Any
 

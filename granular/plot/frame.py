@@ -1,5 +1,7 @@
 """A picture of one state."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 
 from matplotlib.artist import Artist
@@ -85,11 +87,7 @@ def frame(
     -------
     Figure
         The figure of `ax`; its `savefig` needs no backend.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     if not isinstance(state, State):
         raise TypeError(f"state = {state!r} must be a State, such as `simulation.state`")

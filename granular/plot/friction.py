@@ -1,5 +1,7 @@
 """Figures 4.4 to 4.8 of Hurley's thesis: friction of sheared grains from their contacts."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np

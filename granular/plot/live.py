@@ -12,8 +12,6 @@ from granular.run.simulation import Simulation
 from granular.tools.checks import integer
 from granular.tools.notebook import in_notebook
 
-__all__ = ["Live"]
-
 
 class Live:
     """Picture of the present state, drawn again while a simulation runs.
@@ -34,11 +32,7 @@ class Live:
     **options
         See `granular.plot.frame`: `limits` and `extent` keep the scale and the region the same in
         all pictures.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range; ValueError if neither a path is given nor a
+    {raises}; ValueError if neither a path is given nor a
         notebook runs.
     FileNotFoundError
         If the folder of the picture does not exist.

@@ -81,11 +81,7 @@ def scene(
     -------
     Figure
         The figure of `ax`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     if isinstance(scene, State) or not hasattr(scene, "fills"):
         raise TypeError(f"scene = {scene!r} must be a scene; a state is drawn by plot.frame")

@@ -1,5 +1,7 @@
 """Phase diagrams of static and flowing cases."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Sequence
 from typing import Any

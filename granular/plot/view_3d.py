@@ -1,5 +1,7 @@
 """Views, pictures and movies of 3D states and their bodies, drawn by pyvista."""
 
+from __future__ import annotations
+
 import math
 import os
 import sys

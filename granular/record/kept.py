@@ -13,8 +13,6 @@ from granular.record.checkpoint import Checkpoint
 from granular.record.frame import Frame
 from granular.record.restart import read_restart, write_restart
 
-__all__ = ["folder_of", "forget", "keep", "kept", "read_kept"]
-
 
 def folder_of(path: Path) -> Path:
     """Folder of the older checkpoints of a record."""

@@ -14,7 +14,6 @@ from granular.run.running import spoils_state
 if TYPE_CHECKING:
     from granular.model.typing import AnyScene
 
-__all__ = ["Session", "bodies_file"]
 
 FOR_PARAVIEW = ".vtkhdf"
 """End of the names of records that ParaView opens directly."""

@@ -20,16 +20,6 @@ from granular.tools.checks import integer, one_of, positive
 if TYPE_CHECKING:
     from granular.model.typing import AnyScene
 
-__all__ = [
-    "DOUBLE",
-    "PRECISIONS",
-    "check_alike",
-    "fields_to_store",
-    "frames_to_a_checkpoint",
-    "precision_to_store",
-    "settings_of",
-    "usable_isa",
-]
 
 DOUBLE = "double"
 PRECISIONS = (DOUBLE, "single")

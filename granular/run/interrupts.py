@@ -18,8 +18,6 @@ from signal import raise_signal, valid_signals
 from types import FrameType
 from typing import Any, Self
 
-__all__ = ["DeferredSignals"]
-
 NUMBERS = tuple(sorted(int(number) for number in valid_signals()))
 
 

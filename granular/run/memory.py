@@ -10,8 +10,6 @@ from pathlib import Path
 from granular.model.inflow import Inflow, points_between, standing_points
 from granular.model.scene import BaseScene
 
-__all__ = ["BASE", "MARGIN", "available_memory", "entering", "gigabytes", "refuse"]
-
 MARGIN = 1.12
 """Factor by which an estimate exceeds the fits, which a peak exceeded by 1.1 at most."""
 

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from granular.record.checkpoint import Checkpoint
     from granular.run.monitor import Energies, Monitor
 
-__all__ = ["Method"]
 
 _METHODS: dict[type, type[Method]] = {}
 """Class of the simulation for each class of scenes."""

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from granular.model.state import State
     from granular.record.checkpoint import Checkpoint
 
-__all__ = ["LEAST", "SPACING", "Energies", "Monitor", "known", "unwatched"]
 
 Array = NDArray[np.float64]
 

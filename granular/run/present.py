@@ -14,8 +14,6 @@ from granular.run.method import Method
 from granular.run.running import default_threads
 from granular.tools.notebook import table
 
-__all__ = ["Present"]
-
 
 class Present(Method):
     """The present state of a simulation, by whatever method; the base of `granular.Simulation`."""

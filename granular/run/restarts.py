@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 from granular.record import Checkpoint
 from granular.tools.checks import finite, integer
 
-__all__ = ["check_numbers", "check_range"]
-
 LARGEST = 1e60
 """Largest number of an array, as in the core: products of smaller numbers stay finite."""
 LEAST = float(np.finfo(float).tiny)

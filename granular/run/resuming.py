@@ -17,8 +17,6 @@ from granular.tools.checks import integer, truth
 if TYPE_CHECKING:
     from granular.model.typing import AnyScene
 
-__all__ = ["resumed"]
-
 
 def resumed(
     cls: Any,

@@ -19,19 +19,6 @@ if TYPE_CHECKING:
     from granular.record.writer import TrajectoryWriter
     from granular.run.monitor import Monitor
 
-__all__ = [
-    "CHECKPOINT_MINUTES",
-    "EVERY",
-    "MOST_STEPS",
-    "Chunks",
-    "Saver",
-    "Soundness",
-    "check_interval",
-    "default_threads",
-    "next_frame",
-    "spoils_state",
-    "warn_of_threads",
-]
 
 SMALL = 4000
 """Number of points up to which one thread is the default.

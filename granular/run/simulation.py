@@ -46,7 +46,6 @@ if TYPE_CHECKING:
     from granular.sph.scene import Scene as SphScene
     from granular.sph.simulation import Simulation as SphSimulation
 
-__all__ = ["Hook", "Simulation", "SimulationError"]
 
 SimulationError = _core.SimulationError
 

@@ -7,8 +7,6 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any, TypeVar, cast
 
-__all__ = ["Turns", "alone"]
-
 M = TypeVar("M", bound=Callable[..., Any])
 
 

@@ -15,6 +15,9 @@ from granular.mpm.walls import Wall
 from granular.shapes import Box
 from granular.tools.checks import in_range, integer, non_negative, positive
 
+Parts = dict[str, Any]
+"""Parts of a scene by name; a scene function returns those that are its own."""
+
 ROUND_OFF = 1e-9
 """Fraction of a cell by which a length may differ from a whole number of cells."""
 
@@ -92,7 +95,7 @@ def block(
     open_sides: Collection[str] = (),
     points_per_cell: int = 1,
     **fill: Any,
-) -> dict[str, Any]:
+) -> Parts:
     """Grid and fills of a scene that begins as a box of material.
 
     The box reaches from `base` to `upper` [m]. The grid begins at `lower`, by default in the

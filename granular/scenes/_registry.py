@@ -9,16 +9,19 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import fields
 from numbers import Integral, Real
-from typing import Any, ParamSpec, Protocol, TypeVar, cast
+from typing import Any, Literal, ParamSpec, Protocol, TypeVar, cast, overload
 
 from granular import sph
 from granular.materials import Material
 from granular.mpm import scene as mpm
 from granular.mpm import schemes
+from granular.scenes._build import Parts, gravity_down
 from granular.scenes._stiffness import stiff_enough
 from granular.tools.checks import one_of
+from granular.tools.docstrings import RAISES
 
-METHODS = ("mpm", "sph")
+METHODS: dict[str, type[mpm.Scene | sph.Scene]] = {"mpm": mpm.Scene, "sph": sph.Scene}
+"""Classes of scenes by their method of solution."""
 
 PARTS = ("duration", "material", "method", "numerics", "scheme", "seed")
 """Arguments that are not recorded as parameters, because the scene has a part of the same name."""
@@ -34,6 +37,7 @@ COMMON = (
     ("cell : float", "Cell size [m]."),
     ("spacing : float", "Spacing of the particles [m]."),
     ("points_per_cell, jitter", "See `granular.Fill`."),
+    ("points_per_cell", "See `granular.Inflow`."),
     ("gravity, ramp : float", "Magnitude [m/s2], reached from zero within the time `ramp` [s]."),
     ("gravity : float", "Magnitude [m/s2], constant from the start."),
     ("duration : float", "Duration [s]."),
@@ -49,15 +53,7 @@ COMMON = (
 )
 """Arguments that many scene functions have, as they stand in docstrings, and what they mean."""
 
-RAISES = """
-Raises
-------
-TypeError, ValueError
-    Naming argument, value and allowed range"""
-"""Last part of the docstrings of scene functions; each of them ends this sentence."""
-
 P = ParamSpec("P")
-S = TypeVar("S", bound="mpm.Scene | sph.Scene")
 S_co = TypeVar("S_co", bound="mpm.Scene | sph.Scene", covariant=True)
 
 
@@ -80,12 +76,29 @@ functions: dict[str, SceneFunction[..., Any]] = {}
 """Registered functions by name, in the order of their definition."""
 
 
-def scene_function(*methods: str) -> Callable[[Callable[P, S]], SceneFunction[P, S]]:
+@overload
+def scene_function(
+    method: Literal["mpm"], /
+) -> Callable[[Callable[P, Parts]], SceneFunction[P, mpm.Scene]]: ...
+@overload
+def scene_function(
+    method: Literal["sph"], /
+) -> Callable[[Callable[P, Parts]], SceneFunction[P, sph.Scene]]: ...
+@overload
+def scene_function(
+    *methods: str,
+) -> Callable[[Callable[P, Parts]], SceneFunction[P, mpm.Scene | sph.Scene]]: ...
+def scene_function(*methods: str) -> Callable[[Callable[P, Parts]], SceneFunction[P, Any]]:
     """Register a function as that of a ready scene, and complete what it does.
 
     The function takes keyword arguments only, all with a default. One of them is `material`, and
-    the last is ``**material_numbers``. The decorated function differs from it in five ways.
+    the last is ``**material_numbers``. It returns what is its own of the parts of the scene. The
+    decorated function differs from it in six ways.
 
+    - It returns a scene with the name of the function. Parts that the function does not return are
+      its arguments of the same name (`PARTS`); its `gravity` is directed downwards and grows within
+      the time `ramp`, if there is this argument. Where there are two methods, the argument `method`
+      chooses the class of the scene.
     - Numbers of the material may be given as keywords: ``column_collapse(E=1e7)`` is
       ``column_collapse(material=m.replace(E=1e7))``, m being the material given or the default one.
       The function itself receives the changed material only, so that all that it derives from the
@@ -115,12 +128,26 @@ def scene_function(*methods: str) -> Callable[[Callable[P, S]], SceneFunction[P,
     for method in methods:
         one_of("method", method, METHODS)
 
-    def decorate(function: Callable[P, S]) -> SceneFunction[P, S]:
+    def decorate(function: Callable[P, Parts]) -> SceneFunction[P, Any]:
         signature = inspect.signature(function)
         own = own_keywords(signature)
 
+        def make(**given: Any) -> Any:
+            parts: Parts = function(**given)  # type: ignore[call-arg]
+            arguments = own | given
+            kind = METHODS[arguments.get("method", methods[0])]
+            taken = {name: arguments[name] for name in PARTS if name in arguments}
+            taken = {part.name: taken[part.name] for part in fields(kind) if part.name in taken}
+            if taken.get("numerics", ...) is None:
+                del taken["numerics"]
+            whole = {"name": function.__name__} | taken | parts
+            if "gravity" not in whole:
+                ramp = arguments.get("ramp", 0.0)
+                whole["gravity"] = gravity_down(whole["grid"].dim, arguments["gravity"], ramp)
+            return kind(**whole)
+
         @functools.wraps(function)
-        def made_with(**keywords: Any) -> S:
+        def made_with(**keywords: Any) -> Any:
             given = {name: value for name, value in keywords.items() if name in own}
             numbers = {name: value for name, value in keywords.items() if name not in own}
             if numbers:
@@ -128,23 +155,24 @@ def scene_function(*methods: str) -> Callable[[Callable[P, S]], SceneFunction[P,
                 given["material"] = _changed(function.__name__, material, numbers, tuple(own))
             if own.get("scheme") is schemes.default and "scheme" not in given:
                 given["scheme"] = suited(own | given)
-            scene = function(**given)  # type: ignore[call-arg]
+            scene = make(**given)
             if "material" not in keywords and "E" not in numbers:
                 material = given.get("material", own["material"])
-                if stiffer := stiff_enough(function, scene, material):
+                if stiffer := stiff_enough(make, scene, material):
                     given["material"] = stiffer
-                    scene = function(**given)  # type: ignore[call-arg]
+                    scene = make(**given)
             if numbers:
                 _check_kept(function.__name__, given["material"], scene.material, numbers)
             arguments = {
                 name: _plain(value) for name, value in (own | given).items() if name not in PARTS
             }
-            recorded = arguments | dict(scene.parameters)
-            return cast("S", scene.replace(parameters=recorded))
+            return scene.replace(parameters=arguments | dict(scene.parameters))
 
-        registered = cast("SceneFunction[P, S]", made_with)
+        registered = cast("SceneFunction[P, Any]", made_with)
         registered.methods = methods
-        registered.__doc__ = _completed(inspect.getdoc(function) or "", tuple(signature.parameters))
+        registered.__doc__ = _completed(inspect.getdoc(function) or "", signature)
+        kinds = " | ".join("Scene" if name == "mpm" else f"{name}.Scene" for name in methods)
+        made_with.__signature__ = signature.replace(return_annotation=kinds)  # type: ignore[attr-defined]
         functions[function.__name__] = registered
         return registered
 
@@ -158,13 +186,19 @@ def suited(arguments: Mapping[str, Any]) -> schemes.Scheme:
     return schemes.suited_to(arguments["material"], cell=float(known))
 
 
-def _completed(doc: str, arguments: tuple[str, ...]) -> str:
+def _completed(doc: str, signature: inspect.Signature) -> str:
     """Put what ``{common}`` stands for into the docstring of a scene function."""
     heads = re.findall(r"^\**([\w, ]+?)(?: :.*)?\n    ", doc, re.MULTILINE)
+    parameters = signature.parameters
     described, lines = set(", ".join(heads).split(", ")), []
     for head, text in COMMON:
         names = set(head.partition(" :")[0].removeprefix("**").split(", "))
-        if names <= set(arguments) - described:
+        if names <= set(parameters) - described:
+            if (
+                "points_per_cell" in names
+                and signature.parameters["points_per_cell"].default is None
+            ):
+                text = f"{text.removesuffix('.')}; by default 2 along an edge of a cell."
             lines += [head, f"    {text}"]
             described |= names
     return doc.replace("{common}", "\n".join([*lines, RAISES]))

@@ -9,8 +9,6 @@ from typing import Any
 from granular.materials import Material
 from granular.model.plausible import STIFFEST, largest_load, rounded
 
-__all__ = ["LARGEST_SHARE", "stiff_enough"]
-
 LARGEST_SHARE = 1e-3
 """Largest pressure at the foot of a ready scene over E, the rule of the guide "Choose a stiffness".
 A scene that ships with softer grains, as its paper has them, keeps its own ratio."""

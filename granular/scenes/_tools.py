@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import pairwise
+from typing import Any
 
+from granular.model.grid import Grid
 from granular.mpm.bodies import Motion
 from granular.mpm.body_limits import THIN, keeps_sides
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import block, gravity_down, smooth_sides, whole_cells
+from granular.scenes._build import Parts, block, smooth_sides, whole_cells
 from granular.tools.checks import positive
 
 Leg = tuple[float, tuple[float, ...], float]
@@ -55,33 +57,44 @@ def thickness_of(name: str, thickness: float, cell: float, scheme: Scheme) -> fl
 
 
 def bed(
+    level: Sequence[tuple[str, float]],
     *,
-    length: float,
-    width: float,
-    depth: float,
+    soil: float,
     headroom: float,
     cell: float,
-    points_per_cell: int,
-    jitter: float,
-    gravity: float,
-) -> dict:
-    """Grid, fill, walls and gravity of a level bed with its surface at z = 0.
+    open_sides: Collection[str] = (),
+    **fill: Any,
+) -> Parts:
+    """Grid, fill and walls of a level bed with its surface at elevation 0.
 
-    x and y begin at 0. The floor is no_slip and the sides are free_slip.
+    `level` has the names and lengths of its horizontal axes, which begin at 0, and `fill` further
+    arguments of `Fill`. The floor is no_slip and the sides are free_slip.
     """
     cell = positive("cell", cell)
-    lengths = (("length", length), ("width", width), ("soil", depth))
-    n_x, n_y, n_z = (whole_cells(name, value, cell) for name, value in lengths)
-    n_up = whole_cells("headroom", headroom, cell)
-    z = -n_z * cell
-    soil = block(
-        cell,
-        (n_x, n_y, n_z + n_up),
-        (n_x * cell, n_y * cell, 0.0),
-        lower=(0.0, 0.0, z),
-        points_per_cell=points_per_cell,
-        jitter=jitter,
-        lithostatic=True,
+    *across, n_z = (whole_cells(name, value, cell) for name, value in (*level, ("soil", soil)))
+    cells = (*across, n_z + whole_cells("headroom", headroom, cell))
+    upper, lower = (*(n * cell for n in across), 0.0), (*(0.0 for _ in across), -n_z * cell)
+    return _on_floor(
+        block(cell, cells, upper, lower=lower, open_sides=open_sides, lithostatic=True, **fill)
     )
-    walls = (Wall(2, z, kind="no_slip"), *smooth_sides(soil["grid"]))
-    return soil | {"walls": walls, "gravity": gravity_down(3, gravity)}
+
+
+def bed_beyond(
+    length: float, soil: float, cell: float, *, behind: int, above: int, **fill: Any
+) -> Parts:
+    """Grid, fill and walls of a bed in 2D, with its surface at y = 0 and its beginning at x = 0.
+
+    The grid begins `behind` cells before the bed, is open above, and ends `above` cells over it.
+    """
+    n_x, n_y = whole_cells("length", length, cell), whole_cells("soil", soil, cell)
+    lower, cells = (-behind * cell, -n_y * cell), (behind + n_x, n_y + above)
+    upper, base = (n_x * cell, 0.0), (0.0, lower[1])
+    fill |= {"lithostatic": True}
+    return _on_floor(block(cell, cells, upper, lower=lower, base=base, open_sides={"y+"}, **fill))
+
+
+def _on_floor(parts: Parts) -> Parts:
+    """Add a no_slip floor and free_slip sides to the grid and the fill of a bed."""
+    grid: Grid = parts["grid"]
+    floor = Wall(grid.dim - 1, grid.lower[-1], kind="no_slip")
+    return parts | {"walls": (floor, *smooth_sides(grid))}

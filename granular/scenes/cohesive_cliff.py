@@ -8,10 +8,9 @@ from granular.materials import DruckerPrager, Material
 from granular.model.fill import Fill
 from granular.model.grid import Grid
 from granular.mpm import schemes
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import HEADROOM, enough_cells, gravity_down, whole_cells
+from granular.scenes._build import HEADROOM, Parts, enough_cells, whole_cells
 from granular.scenes._registry import scene_function
 from granular.shapes import Box
 from granular.tools.checks import positive
@@ -36,7 +35,7 @@ def cohesive_cliff(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Vertical cliff of cohesive material on a rough floor, as gravity grows.
 
     All numbers are chosen here. The cliff has a smooth wall at its back, x = 0, and its face at
@@ -58,14 +57,8 @@ def cohesive_cliff(
     cell = positive("cell", cell)
     n_x, n_y = whole_cells("width", width, cell), whole_cells("height", height, cell)
     columns = n_x + enough_cells(positive("floor", floor), cell)
-    return Scene(
-        name="cohesive_cliff",
+    return Parts(
         grid=Grid((0.0, 0.0), cell, (columns, n_y + HEADROOM), open_sides=frozenset({"x+"})),
         fills=(Fill(Box((0.0, 0.0), (n_x * cell, n_y * cell)), points_per_cell, jitter=jitter),),
-        material=material,
-        scheme=scheme,
         walls=(Wall(0, 0.0, kind="free_slip"), Wall(1, 0.0, kind="no_slip")),
-        gravity=gravity_down(2, gravity, ramp),
-        duration=duration,
-        seed=seed,
     )

@@ -10,10 +10,9 @@ from granular.materials import Material, MuI, glass_beads
 from granular.model.fill import Fill
 from granular.model.grid import Grid
 from granular.mpm import schemes
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import HEADROOM, enough_cells, gravity_down, smooth_sides
+from granular.scenes._build import HEADROOM, Parts, enough_cells, smooth_sides
 from granular.scenes._registry import scene_function
 from granular.shapes import Box, Cylinder, Intersection
 from granular.tools.checks import one_of, positive
@@ -50,7 +49,7 @@ def column_collapse(
     seed: int = 0,
     method: str = "mpm",
     **material_numbers: Any,
-) -> Scene | sph.Scene:
+) -> Parts:
     """Right half of a column that collapses (Dunatunga & Kamrin 2015, section 4.1).
 
     From the paper: half-width 0.2 m, aspect = height over half-width, cells of 0.0125 m (0.00625 m
@@ -94,37 +93,27 @@ def column_collapse(
     n_x = enough_cells(lip, cell)
     n_y = enough_cells(height, cell) + HEADROOM
     grid = Grid((0.0, 0.0), cell, (n_x, n_y))
-    parameters = {"cell": cell, "lip": n_x * cell, "half": True}
-    fill = Fill(Box((0.0, 0.0), (half_width, height)), points_per_cell, jitter=jitter)
-    falls = gravity_down(2, gravity, ramp)
-    if one_of("method", method, ("mpm", "sph")) == "sph":
-        per = fill.points_per_axis
-        if isinstance(material, Material):
-            weight = material.rho_c * positive("gravity", gravity) * height
-            material = sph.Viscoplastic.matching(cast(MuI, material), 0.5 * weight)
-        return sph.Scene(
-            name="column_collapse_sph",
-            grid=Grid((0.0, 0.0), cell / per, (n_x * per, n_y * per)),
-            fills=(replace(fill, points_per_cell=1),),
-            material=material,
-            walls=(sph.Wall(1, 0.0, 1), sph.Wall(0, 0.0, 1), sph.Wall(0, n_x * cell, -1)),
-            gravity=falls,
-            duration=duration,
-            seed=seed,
-            parameters=parameters | {"method": method},
-        )
-    return Scene(
-        name="column_collapse",
+    parts = Parts(
         grid=grid,
-        fills=(fill,),
-        material=cast(Material, material),
-        scheme=scheme,
+        fills=(Fill(Box((0.0, 0.0), (half_width, height)), points_per_cell, jitter=jitter),),
         walls=(Wall(1, 0.0, kind="no_slip"), *smooth_sides(grid)),
-        gravity=falls,
-        duration=duration,
-        seed=seed,
-        parameters=parameters,
+        parameters={"cell": cell, "lip": n_x * cell, "half": True},
     )
+    if one_of("method", method, ("mpm", "sph")) == "mpm":
+        return parts
+    (fill,) = parts["fills"]
+    per = fill.points_per_axis
+    if isinstance(material, Material):
+        weight = material.rho_c * positive("gravity", gravity) * height
+        material = sph.Viscoplastic.matching(cast(MuI, material), 0.5 * weight)
+    return parts | {
+        "name": "column_collapse_sph",
+        "grid": Grid((0.0, 0.0), cell / per, (n_x * per, n_y * per)),
+        "fills": (replace(fill, points_per_cell=1),),
+        "material": material,
+        "walls": (sph.Wall(1, 0.0, 1), sph.Wall(0, 0.0, 1), sph.Wall(0, n_x * cell, -1)),
+        "parameters": parts["parameters"] | {"method": method},
+    }
 
 
 def _runout_of_cylinder(aspect: float) -> float:
@@ -148,7 +137,7 @@ def cylinder_collapse(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """A quarter of a cylinder that collapses: the column collapse of section 4.1, in 3D.
 
     Dunatunga & Kamrin 2015 study 2D flows only. This scene is the experiment of Lube et al. 2004
@@ -180,15 +169,9 @@ def cylinder_collapse(
             Box((0.0, 0.0, 0.0), (radius, radius, height)),
         )
     )
-    return Scene(
-        name="cylinder_collapse",
+    return Parts(
         grid=grid,
         fills=(Fill(quarter, points_per_cell, jitter=jitter),),
-        material=material,
-        scheme=scheme,
         walls=(Wall(2, 0.0, kind="no_slip"), *smooth_sides(grid)),
-        gravity=gravity_down(3, gravity, ramp),
-        duration=duration,
-        seed=seed,
         parameters={"lip": n * cell, "quarter": True},
     )

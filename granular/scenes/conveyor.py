@@ -10,12 +10,12 @@ from granular.model.gravity import Gravity
 from granular.model.grid import Grid
 from granular.mpm import schemes
 from granular.mpm.bodies import Body, Motion
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import (
     HEADROOM,
     MARGIN,
+    Parts,
     cells_across,
     down_slope,
     soft_beads,
@@ -49,7 +49,7 @@ def conveyor(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Belt that draws material from a bin through a gate; body 0 is the belt and body 1 the gate.
 
     All numbers are chosen here. The belt is a half-space that moves along its own plane, up a slope
@@ -81,10 +81,6 @@ def conveyor(
         Coulomb friction coefficients of the belt and of the gate, >= 0.
     ramp : float
         Time in which the belt takes up its velocity [s].
-    points_per_cell, jitter
-        See `granular.Fill`; by default 2 along an edge of a cell.
-    gravity : float
-        Magnitude [m/s2], constant from the start.
     {common}; also if the gate does not end within the run.
     """
     cell, speed, ramp = positive("cell", cell), finite("speed", speed), positive("ramp", ramp)
@@ -107,8 +103,7 @@ def conveyor(
     across = tuple(2 * n * cell for n in side)
     middle = tuple(0.5 * n * cell for n in side)
     down, *_, up = down_slope(dim, gravity, angle_deg)
-    return Scene(
-        name="conveyor",
+    return Parts(
         grid=grid,
         fills=(
             Fill(
@@ -118,8 +113,6 @@ def conveyor(
                 lithostatic=True,
             ),
         ),
-        material=material,
-        scheme=scheme,
         walls=(
             Wall(0, grid.lower[0], kind="free_slip"),
             *(Wall(1, at, kind="free_slip") for n in side for at in (0.0, n * cell)),
@@ -140,6 +133,4 @@ def conveyor(
             ),
         ),
         gravity=Gravity((0.0,), ((-down, *level, up),)),
-        duration=duration,
-        seed=seed,
     )

@@ -10,10 +10,16 @@ from granular.model.fill import Fill
 from granular.model.gravity import Gravity
 from granular.model.grid import Grid
 from granular.mpm.bodies import Body, Motion
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import HEADROOM, enough_cells, gravity_down, reconnected, whole_cells
+from granular.scenes._build import (
+    HEADROOM,
+    Parts,
+    enough_cells,
+    gravity_down,
+    reconnected,
+    whole_cells,
+)
 from granular.scenes._registry import scene_function
 from granular.shapes import Cylinder, Region, Sphere
 from granular.tools.checks import finite, in_range, positive
@@ -42,7 +48,7 @@ def couette(
     scheme: Scheme = reconnected,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Taylor-Couette cell (Haeri & Skonieczny 2021, section 4.1, figures 9 and 10).
 
     From the paper: B = 10 MPa, S = 1 MPa, the beads of its table 1, cells of 4 mm, 22 s; the inner
@@ -78,8 +84,6 @@ def couette(
         Initial pressure of the 2D flow [Pa]; None for 3D.
     rough : bool
         If true, the fluidity is 0 at the cylinders; otherwise the cylinders do not affect it.
-    points_per_cell, jitter
-        See `granular.Fill`; by default 2 along an edge of a cell.
     gravity : float
         Magnitude [m/s2], constant from the start; unused in 2D.
     {common}; also if the gap has less than 4 cells.
@@ -112,20 +116,15 @@ def couette(
             length=n_z * cell,
         )
         fill |= {"lithostatic": True, "K0": 1.0}
-    return Scene(
-        name="couette",
+    return Parts(
         grid=grid,
         fills=(Fill(around, **fill),),
-        material=material,
-        scheme=scheme,
         walls=() if flat else (Wall(2, 0.0, kind="free_slip"),),
         bodies=(
             _cylinder(inner, dim, finite("omega", omega), rough=rough),
             _cylinder(outer, dim, 0.0, rough=rough, inside=True),
         ),
         gravity=Gravity((0.0,), ((0.0, 0.0),)) if flat else gravity_down(3, gravity),
-        duration=duration,
-        seed=seed,
     )
 
 

@@ -7,9 +7,8 @@ from typing import Any
 
 from granular.materials import Material, grc_1
 from granular.mpm.bodies import Body
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
-from granular.scenes._build import PROMPT, reconnected, sided
+from granular.scenes._build import PROMPT, Parts, gravity_down, reconnected, sided
 from granular.scenes._registry import scene_function
 from granular.scenes._tools import bed, legs, thickness_of
 from granular.shapes import Box, Union
@@ -45,7 +44,7 @@ def excavation(
     scheme: Scheme = sided,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Excavation by a blade (Haeri & Skonieczny 2021, section 4.2, figures 11 to 15).
 
     From the paper: GRC-1 with E = 15 MPa, or a hundredth of it, which is faster and changes the
@@ -117,20 +116,16 @@ def excavation(
     across = wide + 4 * cell if wide == width else wide
     shape = Box(size=(thick, across, high), center=(-thick / 2, 0.0, high / 2))
     middle = 0.0 if half else width / 2
-    return Scene(
-        name="excavation",
+    return Parts(
         **bed(
-            length=length,
-            width=width / 2 if half else width,
-            depth=soil,
+            (("length", length), ("width", width / 2 if half else width)),
+            soil=soil,
             headroom=headroom,
             cell=cell,
             points_per_cell=points_per_cell,
             jitter=jitter,
-            gravity=gravity,
         ),
-        material=material,
-        scheme=scheme,
+        gravity=gravity_down(3, gravity),
         bodies=(
             Body(
                 shape,
@@ -141,7 +136,6 @@ def excavation(
             ),
         ),
         duration=settle * 2 + 2 * down + travel / speed if duration is None else duration,
-        seed=seed,
         parameters={"symmetry": "y"} if half else {},
     )
 
@@ -175,7 +169,7 @@ def excavator(
     scheme: Scheme = reconnected,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Industrial excavator (Haeri & Skonieczny 2021, section 4.3, figure 1), a demonstration.
 
     From the paper: soil in a bucket (solid), soil that slides back into the bin (liquid), soil
@@ -232,20 +226,16 @@ def excavator(
     size = vector("bucket", bucket, 3)
     sheet = thickness_of("thickness", thickness, cell, scheme)
     across = 0.0 if half else positive("width", width) / 2
-    return Scene(
-        name="excavator",
+    return Parts(
         **bed(
-            length=length,
-            width=positive("width", width) / 2 if half else width,
-            depth=soil,
+            (("length", length), ("width", positive("width", width) / 2 if half else width)),
+            soil=soil,
             headroom=headroom,
             cell=cell,
             points_per_cell=points_per_cell,
             jitter=jitter,
-            gravity=gravity,
         ),
-        material=material,
-        scheme=scheme,
+        gravity=gravity_down(3, gravity),
         bodies=(
             Body(
                 _bucket(size, sheet),
@@ -255,8 +245,6 @@ def excavator(
                 friction=friction,
             ),
         ),
-        duration=duration,
-        seed=seed,
         parameters={"symmetry": "y"} if half else {},
     )
 

@@ -10,13 +10,12 @@ from granular.model.gravity import Gravity
 from granular.model.grid import Grid
 from granular.model.inflow import Inflow
 from granular.mpm import schemes
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import (
     HEADROOM,
+    Parts,
     down_slope,
-    gravity_down,
     smooth_sides,
     soft_beads,
     whole_cells,
@@ -43,7 +42,7 @@ def conveyor_heap(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Heap that grows below a spout, on ground at rest or on a belt that carries it away.
 
     All numbers are chosen here. Material falls from the spout in the middle, x = 0, onto no-slip
@@ -67,10 +66,6 @@ def conveyor_heap(
         Length of the ground [m], an even number of cells, more than the spout.
     belt_speed : float
         Velocity of the ground along x [m/s].
-    points_per_cell
-        See `granular.Inflow`.
-    gravity : float
-        Magnitude [m/s2], constant from the start.
     {common}; also if more falls than a full spout gives.
     """
     cell = positive("cell", cell)
@@ -87,17 +82,11 @@ def conveyor_heap(
         open_sides=frozenset({"x-", "x+"}),
     )
     above = Box((-n_spout * cell, (n_drop - 1) * cell), (n_spout * cell, n_drop * cell))
-    return Scene(
-        name="conveyor_heap",
+    return Parts(
         grid=grid,
         fills=(),
         inflows=(Inflow(above, (0.0, -fall_speed), points_per_cell, rate=positive("rate", rate)),),
-        material=material,
-        scheme=scheme,
         walls=(Wall(1, 0.0, velocity=(speed, 0.0) if speed else None),),
-        gravity=gravity_down(2, gravity),
-        duration=duration,
-        seed=seed,
     )
 
 
@@ -117,7 +106,7 @@ def chute_fed(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Rough chute that a feeder supplies with a layer at a given velocity.
 
     All numbers are chosen here. Within the feeder the layer moves as a block, in equilibrium across
@@ -136,10 +125,6 @@ def chute_fed(
         Thickness, whole cells, and velocity of the layer in the feeder [m, m/s].
     length, feeder : float
         Lengths of the chute and of the feeder at its beginning [m], whole cells.
-    points_per_cell
-        See `granular.Inflow`.
-    gravity : float
-        Magnitude [m/s2], constant from the start.
     {common}; also if the feeder is longer than the chute.
     """
     cell, speed = positive("cell", cell), positive("speed", speed)
@@ -149,17 +134,12 @@ def chute_fed(
         raise ValueError(f"feeder = {feeder} must be less than length = {length}")
     grid = Grid((0.0, 0.0), cell, (n_x, n_y + HEADROOM), open_sides=frozenset({"x+"}))
     box = Box((0.0, 0.0), (n_feeder * cell, n_y * cell))
-    return Scene(
-        name="chute_fed",
+    return Parts(
         grid=grid,
         fills=(),
         inflows=(Inflow(box, (speed, 0.0), points_per_cell, lithostatic=True, driven=True),),
-        material=material,
-        scheme=scheme,
         walls=(Wall(1, 0.0),),
         gravity=Gravity((0.0,), (down_slope(2, gravity, angle_deg),)),
-        duration=duration,
-        seed=seed,
     )
 
 
@@ -179,7 +159,7 @@ def silo_fed(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Right half of a silo that is kept full: what leaves through the orifice enters at the top.
 
     All numbers are chosen here. The inlet has the width of the silo and would feed
@@ -198,8 +178,6 @@ def silo_fed(
         Velocity downwards at the inlet [m/s].
     points_per_cell, jitter
         See `granular.Fill` and `granular.Inflow`.
-    gravity : float
-        Magnitude [m/s2], constant from the start.
     {common}; also if the orifice leaves no bottom.
     """
     cell = positive("cell", cell)
@@ -211,8 +189,7 @@ def silo_fed(
     x, top, edge = n_x * cell, n_y * cell, n_open * cell
     grid = Grid((0.0, 0.0), cell, (n_x, n_y + HEADROOM), open_sides=frozenset({"y-"}))
     inlet = Box((0.0, top - cell), (x, top))
-    return Scene(
-        name="silo_fed",
+    return Parts(
         grid=grid,
         fills=(
             Fill(
@@ -220,16 +197,11 @@ def silo_fed(
             ),
         ),
         inflows=(Inflow(inlet, (0.0, -positive("fall_speed", fall_speed)), points_per_cell),),
-        material=material,
-        scheme=scheme,
         walls=(
             Wall(1, 0.0, span=((edge, x),)),
             # Open from the start, so that all that is done near outlets is done near it.
             Wall(1, 0.0, span=((0.0, edge),), opens_at=0.0),
             *smooth_sides(grid),
         ),
-        gravity=gravity_down(2, gravity),
-        duration=duration,
-        seed=seed,
         parameters={"half": True},
     )

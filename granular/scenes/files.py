@@ -27,16 +27,6 @@ from granular.tools.checks import one_of
 from granular.tools.docstrings import described
 from granular.tools.files import read_text
 
-__all__ = [
-    "SUFFIXES",
-    "SceneFile",
-    "changed",
-    "explanations",
-    "function_of",
-    "read_scene",
-    "template",
-]
-
 SUFFIXES = (".toml", ".json")
 """Ends of the names of files of scenes."""
 SECTIONS = ("scene", "arguments", "material", "scheme", "run")

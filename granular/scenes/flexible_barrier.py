@@ -9,10 +9,9 @@ from granular.model.fill import Fill
 from granular.model.gravity import Gravity
 from granular.model.grid import Grid
 from granular.mpm import schemes
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import down_slope, enough_cells, soft_beads, whole_cells
+from granular.scenes._build import Parts, down_slope, enough_cells, soft_beads, whole_cells
 from granular.scenes._registry import scene_function
 from granular.shapes import Box
 from granular.tools.checks import in_range, non_negative, positive
@@ -42,7 +41,7 @@ def flexible_barrier(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Column of grains that runs down a slope against an elastic plate clamped to the ground.
 
     All numbers are chosen here; those of the plate are of soft rubber. The plate is a second
@@ -73,8 +72,6 @@ def flexible_barrier(
         See `granular.Fill`; the plate is not jittered.
     headroom : float
         Height of the domain above the column or the plate, whichever is higher [m].
-    gravity : float
-        Magnitude [m/s2], constant from the start.
     {common}.
     """
     cell = positive("cell", cell)
@@ -90,8 +87,7 @@ def flexible_barrier(
         nu=in_range("plate_nu", plate_nu, 0.0, 0.5, open_high=True),
         rho_c=positive("plate_density", plate_density),
     )
-    return Scene(
-        name="flexible_barrier",
+    return Parts(
         grid=Grid((begin, 0.0), cell, (cells, rows), open_sides=frozenset({"x+"})),
         fills=(
             Fill(
@@ -103,13 +99,9 @@ def flexible_barrier(
             ),
             Fill(Box((0.0, 0.0), (n_thick * cell, n_tall * cell)), points_per_cell, material=plate),
         ),
-        material=material,
-        scheme=scheme,
         walls=(
             Wall(0, begin, kind="free_slip"),
             Wall(1, 0.0, kind="no_slip"),
         ),
         gravity=Gravity((0.0,), (down_slope(2, gravity, angle_deg),)),
-        duration=duration,
-        seed=seed,
     )

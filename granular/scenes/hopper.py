@@ -8,10 +8,9 @@ from typing import Any
 from granular.materials import Material, glass_beads
 from granular.mpm import schemes
 from granular.mpm.bodies import Body
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import HEADROOM, MARGIN, block, enough_cells, gravity_down, whole_cells
+from granular.scenes._build import HEADROOM, MARGIN, Parts, block, enough_cells, whole_cells
 from granular.scenes._registry import scene_function
 from granular.shapes import Revolve
 from granular.tools.checks import in_range, integer, non_negative, positive
@@ -42,7 +41,7 @@ def hopper(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Hopper that empties through its opening, below a bin with upright walls.
 
     A plane hopper (2D) is modelled by its right half, a conical one (3D) by a quarter, between
@@ -75,8 +74,6 @@ def hopper(
         Height of the fill above the opening [m], whole cells.
     friction : float
         Coefficient of Coulomb friction of the walls.
-    points_per_cell, jitter
-        See `granular.Fill`; by default 2 along an edge of a cell.
     opens_at : float
         Time at which the lid opens [s].
     gravity, ramp : float
@@ -105,11 +102,8 @@ def hopper(
         jitter=jitter,
         lithostatic=non_negative("ramp", ramp) == 0.0,
     )
-    return Scene(
-        name="hopper",
+    return Parts(
         **filled,
-        material=material,
-        scheme=scheme,
         walls=(
             *(Wall(axis, 0.0, kind="free_slip") for axis in range(across)),
             # As wide as the domain: an end within it would be a line across the material.
@@ -124,9 +118,6 @@ def hopper(
             dim=dim,
             friction=non_negative("friction", friction),
         ),
-        gravity=gravity_down(dim, gravity, ramp),
-        duration=duration,
-        seed=seed,
         parameters={"half": True} if dim == 2 else {"quarter": True},
     )
 

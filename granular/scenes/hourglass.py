@@ -10,10 +10,9 @@ from granular.materials import Material, glass_beads
 from granular.model.fill import Fill
 from granular.model.grid import Grid
 from granular.mpm import schemes
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Solid, Wall
-from granular.scenes._build import HEADROOM, gravity_down, whole_cells
+from granular.scenes._build import HEADROOM, Parts, whole_cells
 from granular.scenes._registry import scene_function
 from granular.shapes import Box, Difference, Region, Union
 from granular.tools.checks import in_range, non_negative, one_of, positive
@@ -88,7 +87,7 @@ def hourglass(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Right half of an hourglass (Dunatunga & Kamrin 2015, section 4.3).
 
     From the paper: divider 0.5 m above the base, opening radius 0.02 m, fill 0.25 m high, cells
@@ -143,7 +142,7 @@ def hourglass(
             region = Difference(region, Union(tuple(Box(b.lower, b.upper) for b in blocks)))
         walls += blocks
     n_x = lines.half * (FLOOR_OVER_WIDTH if kind == "flat" else 1)
-    return Scene(
+    return Parts(
         name=f"hourglass_{kind}",
         grid=Grid(
             (0.0, 0.0),
@@ -152,11 +151,6 @@ def hourglass(
             open_sides=frozenset({"x+"} if kind == "flat" else ()),
         ),
         fills=(Fill(region, points_per_cell, jitter=jitter),),
-        material=material,
-        scheme=scheme,
         walls=tuple(walls),
-        gravity=gravity_down(2, gravity, ramp),
-        duration=duration,
-        seed=seed,
         parameters={"width": width, "half": True},
     )

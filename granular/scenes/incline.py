@@ -6,10 +6,9 @@ from typing import Any
 
 from granular.materials import NGF, Material, glass_beads
 from granular.mpm import schemes
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import ParticleDensity, Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import block, down_slope, level_cells, ramped, whole_cells
+from granular.scenes._build import Parts, block, down_slope, level_cells, ramped, whole_cells
 from granular.scenes._registry import scene_function
 from granular.tools.checks import integer, positive
 
@@ -32,7 +31,7 @@ def incline(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Layer on an incline, with x down the slope (Dunatunga & Kamrin 2015, section 4.4).
 
     From the paper: 0.2 m high, cells of 0.005 m with 4 points, one column of cells, periodic in x,
@@ -57,25 +56,31 @@ def incline(
         Number of free cells above the surface, >= 1.
     {common}.
     """
+    slope = (angle_deg, height, cell, columns, columns_across, headroom, gravity, ramp)
+    return _layer(*slope, points_per_cell=points_per_cell, jitter=jitter)
+
+
+def _layer(
+    angle_deg: float,
+    height: float,
+    cell: float,
+    columns: int,
+    columns_across: int,
+    headroom: int,
+    gravity: float,
+    ramp: float,
+    **fill: Any,
+) -> Parts:
+    """Layer that is periodic along the slope and across it; `fill` has arguments of `Fill`."""
     cell, level = positive("cell", cell), level_cells(columns, columns_across)
     n_y = whole_cells("height", height, cell)
-    full = down_slope(len(level) + 1, gravity, angle_deg)
-    return Scene(
-        name="incline",
-        **block(
-            cell,
-            (*level, n_y + integer("headroom", headroom, 1)),
-            tuple(n * cell for n in (*level, n_y)),
-            periodic=range(len(level)),
-            points_per_cell=points_per_cell,
-            jitter=jitter,
-        ),
-        material=material,
-        scheme=scheme,
+    rows = n_y + integer("headroom", headroom, 1)
+    top, periodic = tuple(n * cell for n in (*level, n_y)), range(len(level))
+    return Parts(
+        **block(cell, (*level, rows), top, periodic=periodic, **fill),
         walls=(Wall(len(level), 0.0, kind="no_slip"),),
-        gravity=ramped(full, ramp),
-        duration=duration,
-        seed=seed,
+        gravity=ramped(down_slope(len(level) + 1, gravity, angle_deg), ramp),
+        parameters={"columns_across": columns_across},
     )
 
 
@@ -103,7 +108,7 @@ def chute_ngf(
     scheme: Scheme = linear_flip,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Layer on a rough incline by the nonlocal law (Dunatunga & Kamrin, "Modeling silo clogging
     with nonlocal granular rheology", section 6).
 
@@ -126,18 +131,5 @@ def chute_ngf(
     """
     if not isinstance(material, NGF):
         raise TypeError(f"material = {material!r} must be an NGF")
-    return incline(
-        angle_deg=angle_deg,
-        height=height,
-        cell=cell,
-        columns=columns,
-        points_per_cell=points_per_cell,
-        jitter=jitter,
-        headroom=headroom,
-        gravity=gravity,
-        ramp=ramp,
-        duration=duration,
-        material=material,
-        scheme=scheme,
-        seed=seed,
-    ).replace(name="chute_ngf")
+    slope = (angle_deg, height, cell, columns, 0, headroom, gravity, ramp)
+    return _layer(*slope, points_per_cell=points_per_cell, jitter=jitter)

@@ -15,14 +15,13 @@ from granular.model.grid import MAX_COUNT, Grid
 from granular.model.surfaces import Heights, Layer
 from granular.mpm import schemes
 from granular.mpm.bodies import Body
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.scenes._build import (
     HEADROOM,
     MARGIN,
     ROUND_OFF,
+    Parts,
     enough_cells,
-    gravity_down,
     soft_beads,
 )
 from granular.scenes._registry import scene_function
@@ -56,7 +55,7 @@ def landslide(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Landslide: material released on a slope, or on terrain of one's own.
 
     All numbers are chosen here. By default the terrain is a plane that runs out into a level plane,
@@ -95,8 +94,6 @@ def landslide(
         Coulomb friction coefficient of the ground, >= 0.
     dim : {2, 3}
         Dimension of the default terrain.
-    points_per_cell, jitter
-        See `granular.Fill`; by default 2 along an edge of a cell.
     {common}; also if the release does not lie on the terrain.
     """
     cell, friction = positive("cell", cell), non_negative("friction", friction)
@@ -115,8 +112,7 @@ def landslide(
     bottom = float(ground.z.min()) - MARGIN * cell
     rows = enough_cells(max(float(ground.z.max()), layer.bounds[1][-1]) - bottom, cell) + HEADROOM
     count = 2**ground.dim if points_per_cell is None else points_per_cell
-    return Scene(
-        name="landslide",
+    return Parts(
         grid=Grid(
             (*ground.origin, bottom),
             cell,
@@ -124,12 +120,7 @@ def landslide(
             open_sides=frozenset(f"{axis}{end}" for axis in "xy"[: len(counts)] for end in "-+"),
         ),
         fills=(Fill(layer, count, jitter=jitter, lithostatic=True),),
-        material=material,
-        scheme=scheme,
         bodies=(Body(ground, (0.0,) * ground.dim, friction=friction),),
-        gravity=gravity_down(ground.dim, gravity),
-        duration=duration,
-        seed=seed,
         parameters={
             "dim": ground.dim,
             **({"terrain": "given"} if isinstance(terrain, HeightMap) else {}),

@@ -10,11 +10,11 @@ from granular.model.gravity import Gravity
 from granular.model.grid import Grid
 from granular.mpm import schemes
 from granular.mpm.bodies import Body
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import (
     MARGIN,
+    Parts,
     cells_across,
     down_slope,
     enough_cells,
@@ -52,7 +52,7 @@ def obstacle(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Flow against an obstacle on an incline, with x down the slope; body 0 is the obstacle
     and body 1 the bed.
 
@@ -92,10 +92,6 @@ def obstacle(
         Coulomb friction coefficients of the bed and of the obstacle, >= 0.
     headroom : float
         Height of the domain above the layer or the obstacle, whichever is higher [m].
-    points_per_cell, jitter
-        See `granular.Fill`; by default 2 along an edge of a cell.
-    gravity : float
-        Magnitude [m/s2], constant from the start.
     {common}; also if the obstacle is wider than the channel.
     """
     cell, gap = positive("cell", cell), non_negative("gap", gap)
@@ -114,12 +110,9 @@ def obstacle(
     moving = (non_negative("speed", speed), *(0.0,) * (dim - 1))
     count = 2**dim if points_per_cell is None else points_per_cell
     layer = Box((*grid.lower[:-1], 0.0), (0.0, *(n * cell for n in side), n_z * cell))
-    return Scene(
-        name="obstacle",
+    return Parts(
         grid=grid,
         fills=(Fill(layer, count, velocity=moving, jitter=jitter, lithostatic=True),),
-        material=material,
-        scheme=scheme,
         walls=(
             Wall(0, grid.lower[0], kind="free_slip"),
             *(Wall(1, at, kind="free_slip") for n in side for at in (0.0, n * cell)),
@@ -137,8 +130,6 @@ def obstacle(
             ),
         ),
         gravity=Gravity((0.0,), (down_slope(dim, gravity, angle_deg),)),
-        duration=duration,
-        seed=seed,
     )
 
 

@@ -8,11 +8,10 @@ from typing import Any
 from granular.materials import Material
 from granular.mpm import schemes
 from granular.mpm.bodies import Body, Motion
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
-from granular.mpm.walls import Wall
-from granular.scenes._build import block, gravity_down, smooth_sides, soft_beads, whole_cells
+from granular.scenes._build import Parts, gravity_down, soft_beads
 from granular.scenes._registry import scene_function
+from granular.scenes._tools import bed
 from granular.shapes import Box, Cylinder, Frustum, Shape, Sphere, Union
 from granular.tools.checks import in_range, integer, non_negative, one_of, positive
 
@@ -39,7 +38,7 @@ def penetration(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Intruder driven vertically into a level bed, whose surface is at z = 0 (y = 0 in 2D).
 
     All numbers are chosen here. The lowest place of the intruder begins at the surface, in the
@@ -71,51 +70,40 @@ def penetration(
         Extent of the bed along x (and y), its depth, and the height above it [m], whole cells.
     dim : {2, 3}
         Dimension.
-    points_per_cell, jitter
-        See `granular.Fill`; by default 2 along an edge of a cell.
     {common}; also if the intruder would reach the floor or the sides.
     """
     cell, dim = positive("cell", cell), integer("dim", dim, 2, 3)
-    n_x, n_z = whole_cells("width", width, cell), whole_cells("soil", soil, cell)
-    n_up = whole_cells("headroom", headroom, cell)
     speed, ramp = positive("speed", speed), positive("ramp", ramp)
     deepest = speed * max(positive("duration", duration) - ramp / 2, ramp / 2)
-    if positive("diameter", diameter) >= width:
+    if positive("diameter", diameter) >= positive("width", width):
         raise ValueError(f"diameter = {diameter} must be less than width = {width}")
-    if deepest >= soil:
+    if deepest >= positive("soil", soil):
         raise ValueError(
             f"duration = {duration} must be so short that the intruder stays above the floor at "
             f"soil = {soil}: it goes down by {deepest:.6g}"
         )
     level = (0.0,) * (dim - 1)
-    bed = block(
-        cell,
-        (*(n_x,) * (dim - 1), n_z + n_up),
-        (*(n_x * cell,) * (dim - 1), 0.0),
-        lower=(*level, -n_z * cell),
+    parts = bed(
+        (("width", width),) * (dim - 1),
+        soil=soil,
+        headroom=headroom,
+        cell=cell,
         points_per_cell=2**dim if points_per_cell is None else points_per_cell,
         jitter=jitter,
-        lithostatic=True,
     )
     # The shaft is longer than the way, so that the bed never closes above it.
     shape = _shape(kind, 0.5 * diameter, cone_deg, soil + headroom, dim)
-    return Scene(
-        name="penetration",
-        **bed,
-        material=material,
-        scheme=scheme,
-        walls=(Wall(dim - 1, -n_z * cell, kind="no_slip"), *smooth_sides(bed["grid"])),
+    return Parts(
+        **parts,
         bodies=(
             Body(
                 shape,
-                (*(0.5 * n_x * cell,) * (dim - 1), 0.0),
+                (*(0.5 * parts["grid"].upper[0],) * (dim - 1), 0.0),
                 motion=Motion(times=(0.0, ramp), velocity=((*level, 0.0), (*level, -speed))),
                 friction=non_negative("friction", friction),
             ),
         ),
         gravity=gravity_down(dim, gravity),
-        duration=duration,
-        seed=seed,
     )
 
 

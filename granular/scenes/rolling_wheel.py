@@ -6,22 +6,17 @@ import math
 from typing import Any
 
 from granular.materials import Material
-from granular.model.fill import Fill
-from granular.model.grid import Grid
 from granular.mpm import schemes
 from granular.mpm.bodies import Body, mass_properties
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
-from granular.mpm.walls import Wall
 from granular.scenes._build import (
+    Parts,
     enough_cells,
-    gravity_down,
-    smooth_sides,
     soft_beads,
-    whole_cells,
 )
 from granular.scenes._registry import scene_function
-from granular.shapes import Box, Cylinder, Polygon
+from granular.scenes._tools import bed_beyond
+from granular.shapes import Cylinder, Polygon
 from granular.tools.checks import in_range, non_negative, positive
 
 
@@ -44,7 +39,7 @@ def rolling_wheel(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Wheel that is let go on a rigid ramp, rolls down, and onto a level bed, where it sinks in.
 
     The scene is 2D, and all numbers are chosen here. The surface of the bed is at y = 0, and the
@@ -67,8 +62,7 @@ def rolling_wheel(
     {common}; also if the wheel is wider than the bed.
     """
     cell, radius = positive("cell", cell), positive("radius", radius)
-    n_x, n_soil = whole_cells("length", length, cell), whole_cells("soil", soil, cell)
-    if 2 * radius >= length:
+    if 2 * radius >= positive("length", length):
         raise ValueError(f"radius = {radius} must be less than length/2 = {length / 2}")
     angle = math.radians(in_range("angle_deg", angle_deg, 0.0, 60.0, open_low=True, open_high=True))
     run, friction = positive("run", run), non_negative("friction", friction)
@@ -78,26 +72,15 @@ def rolling_wheel(
     )
     behind = enough_cells(radius - start[0], cell) + 2
     above = enough_cells(start[1] + radius, cell) + 2
-    lower = (-behind * cell, -n_soil * cell)
-    grid = Grid(lower, cell, (behind + n_x, n_soil + above), open_sides=frozenset({"y+"}))
-    far = lower[0] - radius
-    ramp = Polygon(((far, lower[1]), (0.0, lower[1]), (0.0, 0.0), (far, -far * math.tan(angle))))
+    filling = {"points_per_cell": points_per_cell, "jitter": jitter}
+    parts = bed_beyond(length, soil, cell, behind=behind, above=above, **filling)
+    left, bottom = parts["grid"].lower
+    far = left - radius
+    ramp = Polygon(((far, bottom), (0.0, bottom), (0.0, 0.0), (far, -far * math.tan(angle))))
     wheel = Cylinder(radius, center=(0.0, 0.0))
     whole = mass_properties(wheel, positive("density", density))
-    return Scene(
-        name="rolling_wheel",
-        grid=grid,
-        fills=(
-            Fill(
-                Box((0.0, lower[1]), (n_x * cell, 0.0)),
-                points_per_cell,
-                jitter=jitter,
-                lithostatic=True,
-            ),
-        ),
-        material=material,
-        scheme=scheme,
-        walls=(Wall(1, lower[1], kind="no_slip"), *smooth_sides(grid)),
+    return Parts(
+        **parts,
         bodies=(
             Body(ramp, (0.0, 0.0), friction=friction),
             Body(
@@ -109,7 +92,4 @@ def rolling_wheel(
                 inertia=whole.inertia,
             ),
         ),
-        gravity=gravity_down(2, gravity),
-        duration=duration,
-        seed=seed,
     )

@@ -12,9 +12,8 @@ from granular.model.fill import Fill
 from granular.model.grid import Grid
 from granular.mpm import schemes
 from granular.mpm.bodies import Body, Motion
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
-from granular.scenes._build import MARGIN, cells_across, enough_cells, gravity_down, soft_beads
+from granular.scenes._build import MARGIN, Parts, cells_across, enough_cells, soft_beads
 from granular.scenes._registry import scene_function
 from granular.shapes import Cylinder, Polygon, Prism
 from granular.tools.checks import finite, in_range, non_negative, positive
@@ -37,7 +36,7 @@ def rotating_drum(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Rotating drum: a bed that turns with the wall, below a layer that flows down its surface.
 
     The drum, ``bodies[0]``, turns about the origin from the start. The fill is level at first and
@@ -64,8 +63,6 @@ def rotating_drum(
         Coefficient of Coulomb friction of the drum. The default exceeds that of the grains, so that
         material that is pressed to the drum does not slip. None for a wall that material sticks to:
         it holds single points and carries them round.
-    points_per_cell, jitter
-        See `granular.Fill`; by default 2 along an edge of a cell.
     {common}.
     """
     cell, radius = positive("cell", cell), positive("radius", radius)
@@ -82,8 +79,7 @@ def rotating_drum(
     turning: Any = (0.0, -omega, 0.0) if across else omega
     axis = (0.0, 1.0, 0.0) if across else None
     sticky = friction is None
-    return Scene(
-        name="rotating_drum",
+    return Parts(
         grid=Grid(
             (-n * cell, *(0.0,) * len(across), -n * cell),
             cell,
@@ -100,8 +96,6 @@ def rotating_drum(
                 lithostatic=True,
             ),
         ),
-        material=material,
-        scheme=scheme,
         bodies=(
             Body(
                 Cylinder(radius, center=origin, axis=axis, inside=True),
@@ -112,9 +106,6 @@ def rotating_drum(
                 rough=sticky,
             ),
         ),
-        gravity=gravity_down(dim, g),
-        duration=duration,
-        seed=seed,
         parameters={"froude": omega**2 * radius / g},
     )
 

@@ -9,10 +9,9 @@ from granular.materials import Material
 from granular.model.fill import Fill
 from granular.model.grid import Grid
 from granular.mpm import schemes
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import HEADROOM, gravity_down, soft_beads, whole_cells
+from granular.scenes._build import HEADROOM, Parts, soft_beads, whole_cells
 from granular.scenes._registry import scene_function
 from granular.shapes import Box
 from granular.theory import bar_restitution, wave_decay
@@ -40,7 +39,7 @@ def settling_bed(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Bed that falls on a rough floor and comes to rest by the restitution of its contacts.
 
     All numbers are chosen here. The bed is stress-free at first and meets its weight at once. Its
@@ -76,8 +75,7 @@ def settling_bed(
     if duration is None:
         duration = _time_to_rest(material, height, fall, g)
     rise = math.ceil(fall**2 / (2.0 * g) / cell)
-    return Scene(
-        name="settling_bed",
+    return Parts(
         grid=Grid((0.0, 0.0), cell, (columns, rows + HEADROOM + rise), periodic=(True, False)),
         fills=(
             Fill(
@@ -87,12 +85,8 @@ def settling_bed(
                 jitter=jitter,
             ),
         ),
-        material=material,
-        scheme=scheme,
         walls=(Wall(1, 0.0),),
-        gravity=gravity_down(2, g),
         duration=duration,
-        seed=seed,
         parameters={"duration": duration},
     )
 

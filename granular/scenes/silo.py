@@ -7,15 +7,14 @@ from typing import Any
 
 from granular.materials import NGF, Material, glass_beads, grc_1, silo_grains
 from granular.mpm import schemes
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import ParticleDensity, Scheme
 from granular.mpm.walls import SpongeLayer, Wall
 from granular.run.diagnostics import StabilityWarning
 from granular.scenes._build import (
     HEADROOM,
     PROMPT,
+    Parts,
     block,
-    gravity_down,
     in_soft_soil,
     smooth_sides,
     whole_cells,
@@ -42,7 +41,7 @@ def silo(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Right half of a silo that empties (Dunatunga & Kamrin 2015, section 4.2).
 
     From the paper: 1 m wide, filled 1 m high, half of it modelled, no_slip bottom, free_slip
@@ -86,11 +85,8 @@ def silo(
         points_per_cell=points_per_cell,
         jitter=jitter,
     )
-    return Scene(
-        name="silo",
+    return Parts(
         **filled,
-        material=material,
-        scheme=scheme,
         walls=(
             Wall(1, 0.0, kind="no_slip", span=((begin * cell, n_x * cell),)),
             # The lid has the width of the outlet, so that all that is done near outlets is done
@@ -98,9 +94,6 @@ def silo(
             Wall(1, 0.0, kind="no_slip", span=((0.0, begin * cell),), opens_at=opens_at),
             *smooth_sides(filled["grid"]),
         ),
-        gravity=gravity_down(2, gravity, ramp),
-        duration=duration,
-        seed=seed,
         parameters={"half": True},
     )
 
@@ -124,7 +117,7 @@ def silo_3d(
     scheme: Scheme = in_soft_soil,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Silo with a slot at its left wall, across its whole width (Haeri & Skonieczny 2021, section
     4.3, figure 19).
 
@@ -165,20 +158,14 @@ def silo_3d(
         jitter=jitter,
         lithostatic=True,
     )
-    return Scene(
-        name="silo_3d",
+    return Parts(
         **filled,
-        material=material,
-        scheme=scheme,
         walls=(
             Wall(2, 0.0, kind="no_slip", span=((edge, x), across)),
             # Open from the start, so that all that is done near outlets is done near it.
             Wall(2, 0.0, kind="no_slip", span=((0.0, edge), across), opens_at=0.0),
             *smooth_sides(filled["grid"]),
         ),
-        gravity=gravity_down(3, gravity),
-        duration=duration,
-        seed=seed,
     )
 
 
@@ -208,7 +195,7 @@ def clogging_silo(
     scheme: Scheme = linear_flip,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Silo with grains that are nearly as large as its opening (Dunatunga & Kamrin, "Modeling silo
     clogging with nonlocal granular rheology", section 7).
 
@@ -257,7 +244,7 @@ def clogging_silo(
             f"mu_2 = {material.mu_2} is below 1: the face of a 2D arch bears friction 1,"
             " so that this silo cannot jam",
             StabilityWarning,
-            stacklevel=3,
+            stacklevel=4,
         )
     n_x = whole_cells("width/2", positive("width", width) / 2, cell)
     n_y = whole_cells("height", height, cell)
@@ -276,8 +263,7 @@ def clogging_silo(
     ]
     if not half:
         bottoms.append(Wall(1, 0.0, kind="no_slip", span=((low, -edge),)))
-    return Scene(
-        name="clogging_silo",
+    return Parts(
         **block(
             cell,
             (n_x if half else 2 * n_x, n_y + HEADROOM),
@@ -289,10 +275,6 @@ def clogging_silo(
             lithostatic=True,
         ),
         material=material,
-        scheme=scheme,
         walls=(*bottoms, *(Wall(0, at, kind="free_slip") for at in (low, side))),
         sponge_layers=() if sponge is None else (SpongeLayer(1, sponge, sponge_damping),),
-        gravity=gravity_down(2, gravity),
-        duration=duration,
-        seed=seed,
     )

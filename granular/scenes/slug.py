@@ -8,10 +8,9 @@ from granular.materials import Material, glass_beads
 from granular.model.fill import Fill
 from granular.model.grid import Grid
 from granular.mpm import schemes
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import enough_cells, gravity_down, smooth_sides
+from granular.scenes._build import Parts, enough_cells, smooth_sides
 from granular.scenes._registry import scene_function
 from granular.shapes import Sphere
 from granular.tools.checks import non_negative, positive, vector
@@ -35,7 +34,7 @@ def slug(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """A disconnected disc that flies into a wall (Dunatunga & Kamrin 2015, section 4.5).
 
     From the paper: a disc at 1200 kg/m3 with the velocity (1.2, 3.0) m/s, gravity 9.8 m/s2 in
@@ -75,15 +74,9 @@ def slug(
     apex = top + rise * rise / (2.0 * gravity)
     n_y = enough_cells(apex + non_negative("headroom", headroom), cell)
     grid = Grid((0.0, 0.0), cell, (n_x, n_y))
-    return Scene(
-        name="slug",
+    return Parts(
         grid=grid,
         fills=(Fill(disc, points_per_cell, density=density, velocity=velocity, jitter=jitter),),
-        material=material,
-        scheme=scheme,
         walls=(Wall(1, 0.0, kind="no_slip"), *smooth_sides(grid)),
-        gravity=gravity_down(2, gravity),
-        duration=duration,
-        seed=seed,
         parameters={"center": disc.center, "velocity": velocity, "wall_at": n_x * cell},
     )

@@ -7,6 +7,7 @@ from typing import Any
 
 from granular.scenes._build import (
     SETTLE,
+    Parts,
     block,
     cells_across,
     down_slope,
@@ -17,7 +18,6 @@ from granular.scenes._build import (
 from granular.scenes._registry import scene_function
 from granular.sph.material import Viscoplastic, grit
 from granular.sph.numerics import Numerics
-from granular.sph.scene import Scene
 from granular.sph.walls import Wall
 from granular.tools.checks import positive
 
@@ -38,7 +38,7 @@ def column_collapse_sph(
     material: Viscoplastic = grit,
     numerics: Numerics | None = None,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Column between a wall and a gate that vanishes (Hurley, section 5.4.3).
 
     From the thesis: columns of grit, 9 cm long with particles 1 cm apart, or of fine glass, 2.5 cm
@@ -82,16 +82,13 @@ def column_collapse_sph(
     n_y, settle = cells_across("width", width, spacing), positive("settle", settle)
     still, sides = (0.0,) * len(n_y), tuple((0.0, k * spacing) for k in n_y)
     up = (0.0, (n_z + ABOVE_COLUMN) * spacing)
-    return Scene(
-        name="column_collapse_sph",
+    return Parts(
         **block(
             spacing,
             (n_x, *n_y, n_z + ABOVE_COLUMN),
             (length, *(k * spacing for k in n_y), height),
             periodic=range(1, 1 + len(n_y)),
         ),
-        material=material,
-        numerics=numerics or Numerics(),
         walls=(
             Wall(1 + len(n_y), 0.0, 1),
             Wall(0, 0.0, 1),
@@ -131,7 +128,7 @@ def inclined_collapse(
     material: Viscoplastic = channel_sand,
     numerics: Numerics | None = None,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Block behind a gate that lifts, in a channel with x down the slope (Hurley, section 5.4.4).
 
     From the thesis: 20 x 14 cm, 10 cm across, periodic or between side walls of the same friction
@@ -197,7 +194,7 @@ def inclined_collapse(
         channel = tuple(
             Wall(1, at, side, span=ends, layers=thin) for at, side in ((0.0, 1), (sides[0][1], -1))
         )
-    return Scene(
+    return Parts(
         name="inclined_collapse_sph",
         **block(
             spacing,
@@ -205,7 +202,6 @@ def inclined_collapse(
             tuple(k * spacing for k in (n, *n_y, n_z)),
             periodic=() if side_walls else range(1, 1 + len(n_y)),
         ),
-        material=material,
         numerics=numerics,
         walls=(*(Wall(axis, 0.0, 1, layers=thin) for axis in (1 + len(n_y), 0)), *channel, gate),
         gravity=settling_gravity(down_slope(2 + len(n_y), gravity, angle_deg), settle),

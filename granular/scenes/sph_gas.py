@@ -5,17 +5,21 @@ from __future__ import annotations
 from typing import Any
 
 from granular.model.fill import Fill
-from granular.scenes._build import block, cells_across, gravity_down, level_cells, whole_cells
+from granular.scenes._build import (
+    Parts,
+    block,
+    cells_across,
+    gravity_down,
+    level_cells,
+    whole_cells,
+)
 from granular.scenes._registry import scene_function
 from granular.shapes import Box
 from granular.sph.gas import SOUND_SPEED, Gas, Jet
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
-from granular.sph.scene import Scene
 from granular.sph.walls import Wall
 from granular.tools.checks import in_range, non_negative, positive
-
-__all__ = ["fluidised_bed", "jet_on_bed"]
 
 LAYERS = 5
 """Layers of particles in a wall, as in the thesis."""
@@ -49,7 +53,7 @@ def fluidised_bed(
     material: Viscoplastic = bed_soil,
     numerics: Numerics | None = None,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Bed on a sieve through which a piston below presses gas; periodic sides, open above.
 
     The pressure gradient of Darcy's law carries the bed if the volume flux of the gas exceeds
@@ -91,8 +95,7 @@ def fluidised_bed(
     sieve = (counts["plenum"] + LAYERS) * spacing
     top = (counts["plenum"] + LAYERS + counts["height"]) * spacing
     rows = sum(counts.values()) + LAYERS
-    return Scene(
-        name="fluidised_bed",
+    return Parts(
         **block(
             spacing,
             (*level, rows + counts["plenum"]),
@@ -100,7 +103,6 @@ def fluidised_bed(
             base=(*still, sieve),
             periodic=range(axis),
         ),
-        material=material,
         numerics=numerics or wide,
         walls=(
             Wall(axis, 0.0, 1, layers=LAYERS, velocity=(*still, velocity)),
@@ -114,7 +116,6 @@ def fluidised_bed(
             viscosity=viscosity,
         ),
         gravity=gravity_down(axis + 1, gravity, 0.02),
-        duration=duration,
         parameters={"duration": duration},
     )
 
@@ -138,7 +139,7 @@ def jet_on_bed(
     material: Viscoplastic = bed_soil,
     numerics: Numerics | None = None,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Jet of gas directed at a bed (Hurley, thesis, section 6.2.2, figure 6.2).
 
     From the thesis: 0.5 m wide and 0.1 m across, both periodic, 0.25 m of soil on an impermeable
@@ -186,10 +187,8 @@ def jet_on_bed(
     low = max(top - 2.0 / 3.0 * nozzle, soil * spacing)
     middle = 0.5 * width
     box = Box((middle - 0.5 * nozzle, *still[1:], low), (middle + 0.5 * nozzle, *ends[1:], top))
-    return Scene(
-        name="jet_on_bed",
+    return Parts(
         **block(spacing, (*level, soil + above), (*ends, soil * spacing), periodic=range(axis)),
-        material=material,
         numerics=numerics or wide,
         walls=(Wall(axis, 0.0, 1, layers=LAYERS),),
         gas=Gas(
@@ -200,7 +199,5 @@ def jet_on_bed(
             viscosity=viscosity,
             jets=(Jet(box, (*still, -speed), density),),
         ),
-        gravity=gravity_down(axis + 1, gravity),
-        duration=duration,
         parameters={"duration": duration},
     )

@@ -5,11 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from granular.model.gravity import Gravity
-from granular.scenes._build import block, down_slope, level_cells, whole_cells
+from granular.scenes._build import Parts, block, down_slope, level_cells, whole_cells
 from granular.scenes._registry import scene_function
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
-from granular.sph.scene import Scene
 from granular.sph.walls import Wall
 from granular.tools.checks import integer, non_negative, positive
 
@@ -37,7 +36,7 @@ def incline_sph(
     material: Viscoplastic = sand,
     numerics: Numerics | None = None,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Layer on an incline, with x down the slope (Hurley, thesis, section 5.4.2).
 
     From the thesis: 0.1 x 0.15 x 0.05 m with particles 0.01 m apart, periodic along both horizontal
@@ -72,16 +71,13 @@ def incline_sph(
     settle, still = positive("settle", settle), (0.0,) * len(level)
     down = (*still, -positive("gravity", gravity))
     tilted = down_slope(len(level) + 1, gravity, angle_deg)
-    return Scene(
-        name="incline_sph",
+    return Parts(
         **block(
             spacing,
             (*level, layers + integer("headroom", headroom, 1)),
             tuple(n * spacing for n in (*level, layers)),
             periodic=range(len(level)),
         ),
-        material=material,
-        numerics=numerics or Numerics(),
         walls=(Wall(len(level), 0.0, 1),),
         gravity=Gravity(
             (0.0, 0.2 * settle, settle, settle * (1.0 + SWITCH)),

@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from granular.scenes._build import SETTLE, block, cells_across, settling_gravity, whole_cells
+from granular.scenes._build import SETTLE, Parts, block, cells_across, settling_gravity, whole_cells
 from granular.scenes._registry import scene_function
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
-from granular.sph.scene import Scene
 from granular.sph.walls import Wall
 from granular.tools.checks import in_range, positive
 
@@ -36,7 +35,7 @@ def slump_sph(
     material: Viscoplastic = sand,
     numerics: Numerics | None = None,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Slope that remains after the material has left through an orifice (Hurley, section 5.4.1).
 
     From the thesis: 60 x 50 cm, periodic across with a period of 6 cm, an orifice of 5 cm at the
@@ -86,8 +85,7 @@ def slump_sph(
     if not isinstance(material, Viscoplastic):
         raise TypeError(f"material = {material!r} must be a Viscoplastic")
     material = material.replace(mu_l=mu, mu_h=mu, kappa=kappa, dilation=dilation)
-    return Scene(
-        name="slump_sph",
+    return Parts(
         **block(
             spacing,
             (n_x, *n_y, n_z + 2 * LAYERS),
@@ -97,7 +95,6 @@ def slump_sph(
             periodic=range(1, 1 + len(n_y)),
         ),
         material=material,
-        numerics=numerics or Numerics(),
         walls=(
             Wall(0, 0.0, 1, span=(*sides, up)),
             Wall(0, x, -1, span=(*sides, up)),

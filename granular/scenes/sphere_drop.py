@@ -8,11 +8,10 @@ from typing import Any
 from granular.materials import Material
 from granular.mpm import schemes
 from granular.mpm.bodies import Body, Motion
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
-from granular.mpm.walls import Wall
-from granular.scenes._build import block, gravity_down, smooth_sides, soft_beads, whole_cells
+from granular.scenes._build import Parts, soft_beads
 from granular.scenes._registry import scene_function
+from granular.scenes._tools import bed
 from granular.shapes import Cylinder, Shape, Sphere
 from granular.tools.checks import integer, non_negative, positive
 
@@ -37,7 +36,7 @@ def sphere_drop(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Ball that falls on a level bed, whose surface is at z = 0 (y = 0 in 2D), and makes a crater.
 
     The diameter of an inch and the density of Teflon are among those of Uehara et al. (2003); all
@@ -62,39 +61,30 @@ def sphere_drop(
         Extent of the bed along x (and y), its depth, and the height above it [m], whole cells.
     dim : {2, 3}
         Dimension.
-    points_per_cell, jitter
-        See `granular.Fill`; by default 2 along an edge of a cell.
     {common}; also if the ball is wider than the bed.
     """
     cell, dim = positive("cell", cell), integer("dim", dim, 2, 3)
-    n_x, n_z = whole_cells("width", width, cell), whole_cells("soil", soil, cell)
-    n_up = whole_cells("headroom", headroom, cell)
     radius, density = 0.5 * positive("diameter", diameter), positive("density", density)
-    if diameter >= width:
+    if diameter >= positive("width", width):
         raise ValueError(f"diameter = {diameter} must be less than width = {width}")
     speed = math.sqrt(2 * positive("gravity", gravity) * non_negative("drop", drop))
     level = (0.0,) * (dim - 1)
-    bed = block(
-        cell,
-        (*(n_x,) * (dim - 1), n_z + n_up),
-        (*(n_x * cell,) * (dim - 1), 0.0),
-        lower=(*level, -n_z * cell),
+    parts = bed(
+        (("width", width),) * (dim - 1),
+        soil=soil,
+        headroom=headroom,
+        cell=cell,
         open_sides={"xyz"[dim - 1] + "+"},
         points_per_cell=2**dim if points_per_cell is None else points_per_cell,
         jitter=jitter,
-        lithostatic=True,
     )
     shape, mass, inertia = _ball(radius, density, dim)
-    return Scene(
-        name="sphere_drop",
-        **bed,
-        material=material,
-        scheme=scheme,
-        walls=(Wall(dim - 1, -n_z * cell, kind="no_slip"), *smooth_sides(bed["grid"])),
+    return Parts(
+        **parts,
         bodies=(
             Body(
                 shape,
-                (*(0.5 * n_x * cell,) * (dim - 1), radius),
+                (*(0.5 * parts["grid"].upper[0],) * (dim - 1), radius),
                 motion=Motion(velocity=((*level, -speed),)),
                 friction=non_negative("friction", friction),
                 free="xyz"[:dim],
@@ -102,9 +92,6 @@ def sphere_drop(
                 inertia=inertia,
             ),
         ),
-        gravity=gravity_down(dim, gravity),
-        duration=duration,
-        seed=seed,
     )
 
 

@@ -4,23 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from granular import shapes
 from granular.materials import Material
-from granular.model.fill import Fill
-from granular.model.grid import Grid
 from granular.mpm import schemes
 from granular.mpm.bodies import Body, mass_properties
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
-from granular.mpm.walls import Wall
 from granular.scenes._build import (
+    Parts,
     enough_cells,
-    gravity_down,
-    smooth_sides,
     soft_beads,
-    whole_cells,
 )
 from granular.scenes._registry import scene_function
+from granular.scenes._tools import bed_beyond
 from granular.shapes import Box
 from granular.tools.checks import in_range, non_negative, positive
 
@@ -46,7 +40,7 @@ def tumbling_block(
     scheme: Scheme = schemes.default,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Block that lies on a rigid step, its middle beyond the edge: it tips and falls on a bed.
 
     The scene is 2D, and all numbers are chosen here. The surface of the bed is at y = 0, the edge
@@ -72,35 +66,24 @@ def tumbling_block(
     {common}; also if the block is longer than the bed.
     """
     cell, long, thick = positive("cell", cell), positive("long", long), positive("thick", thick)
-    n_x, n_soil = whole_cells("length", length, cell), whole_cells("soil", soil, cell)
-    if long >= length:
+    if long >= positive("length", length):
         raise ValueError(f"long = {long} must be less than length = {length}")
     overhang = in_range("overhang", overhang, 0.0, 0.5 * long, open_low=True, open_high=True)
     step, friction = positive("step", step), non_negative("friction", friction)
     behind = enough_cells(long, cell) + 2
     above = enough_cells(step + thick + 0.5 * long, cell) + 2
-    lower = (-behind * cell, -n_soil * cell)
-    grid = Grid(lower, cell, (behind + n_x, n_soil + above), open_sides=frozenset({"y+"}))
-    whole = mass_properties(shapes.Box(size=(long, thick)), positive("density", density))
-    rock = shapes.Box(size=(2 * behind * cell, 2 * step + 2 * n_soil * cell))
-    return Scene(
-        name="tumbling_block",
-        grid=grid,
-        fills=(
-            Fill(
-                Box((0.0, lower[1]), (n_x * cell, 0.0)),
-                points_per_cell,
-                jitter=jitter,
-                lithostatic=True,
-            ),
-        ),
-        material=material,
-        scheme=scheme,
-        walls=(Wall(1, lower[1], kind="no_slip"), *smooth_sides(grid)),
+    filling = {"points_per_cell": points_per_cell, "jitter": jitter}
+    parts = bed_beyond(length, soil, cell, behind=behind, above=above, **filling)
+    lower = parts["grid"].lower
+    stone = Box(size=(long, thick))
+    whole = mass_properties(stone, positive("density", density))
+    rock = Box(size=(2 * behind * cell, 2 * step - 2 * lower[1]))
+    return Parts(
+        **parts,
         bodies=(
-            Body(rock, (lower[0], lower[1]), friction=friction),
+            Body(rock, lower, friction=friction),
             Body(
-                shapes.Box(size=(long, thick)),
+                stone,
                 (overhang, step + 0.5 * thick),
                 friction=friction,
                 free="xy",
@@ -109,7 +92,4 @@ def tumbling_block(
                 restitution=restitution,
             ),
         ),
-        gravity=gravity_down(2, gravity),
-        duration=duration,
-        seed=seed,
     )

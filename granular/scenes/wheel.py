@@ -6,9 +6,8 @@ from typing import Any
 
 from granular.materials import Material
 from granular.mpm.bodies import Body
-from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
-from granular.scenes._build import in_soft_soil
+from granular.scenes._build import Parts, gravity_down, in_soft_soil
 from granular.scenes._registry import scene_function
 from granular.scenes._tools import bed, legs
 from granular.scenes.excavation import soft_grc_1
@@ -41,7 +40,7 @@ def wheel(
     scheme: Scheme = in_soft_soil,
     seed: int = 0,
     **material_numbers: Any,
-) -> Scene:
+) -> Parts:
     """Single wheel in a soil bin (Haeri & Skonieczny 2021, section 4.3, figures 16 to 18).
 
     From the paper: GRC-1, a smooth wheel 30 cm across and 12.5 cm wide against a window, a bin of
@@ -95,20 +94,16 @@ def wheel(
     )
     # The cylinder is twice as long as the tread: the window at y = 0 cuts it in its middle.
     shape = Cylinder(radius, center=(0.0, 0.0, 0.0), axis=(0.0, 1.0, 0.0), length=2 * tread)
-    return Scene(
-        name="wheel",
+    return Parts(
         **bed(
-            length=length,
-            width=width,
-            depth=soil,
+            (("length", length), ("width", width)),
+            soil=soil,
             headroom=headroom,
             cell=cell,
             points_per_cell=points_per_cell,
             jitter=jitter,
-            gravity=gravity,
         ),
-        material=material,
-        scheme=scheme,
+        gravity=gravity_down(3, gravity),
         bodies=(
             Body(
                 shape,
@@ -119,6 +114,4 @@ def wheel(
                 mass=load / gravity,
             ),
         ),
-        duration=duration,
-        seed=seed,
     )

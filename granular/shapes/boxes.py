@@ -24,8 +24,6 @@ from granular.shapes.shape import (
 )
 from granular.tools.checks import check_fields, positive, set_fields, vector
 
-__all__ = ["Box", "HalfSpace"]
-
 
 @dataclass(frozen=True)
 class Box(Shape):
@@ -47,11 +45,7 @@ class Box(Shape):
     rotation_deg : float or tuple of 3 floats
         Rotation of a box given by its size about its centre: an angle in 2D, a rotation vector in
         3D [degrees].
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     lower: tuple[float, ...] = None  # type: ignore[assignment]  # a corner once made
@@ -179,11 +173,7 @@ class HalfSpace(Shape):
         Normal of the plane, out of the solid, of any length.
     through : tuple of float, length dim, optional
         A point of the plane [m]; the origin by default.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     normal: tuple[float, ...]

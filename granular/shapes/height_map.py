@@ -23,8 +23,6 @@ from granular.tools.checks import (
 )
 from granular.tools.serializable import ComparedByContent
 
-__all__ = ["HeightMap"]
-
 Array = NDArray[np.float64]
 
 TILE = 8
@@ -54,11 +52,7 @@ class HeightMap(ComparedByContent, Shape):
     extended : bool
         If True the surface goes on beyond the edges of the map with the heights of its edges.
         By default a domain must not reach beyond the map.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range; for heights that are not finite, the first.
+    {raises}; for heights that are not finite, the first.
     """
 
     z: NDArray

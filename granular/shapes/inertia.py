@@ -13,8 +13,6 @@ from granular.shapes.moments import moments_of
 from granular.shapes.shape import Array, Shape
 from granular.tools.checks import finite, in_range, positive, vector
 
-__all__ = ["MassProperties", "inertia_of", "mass_properties", "principal"]
-
 TOLERANCE = 1e-3
 TOO_MUCH = 0.01
 """Relative error from which masses are refused."""
@@ -104,12 +102,8 @@ def mass_properties(
     Returns
     -------
     MassProperties
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range; also for an endless shape, for an empty one, and
-        for one whose error remains above 1 %.
+    {raises}; also for an endless shape, for an empty one, and for one
+        whose error remains above 1 %.
     """
     if not isinstance(shape, Shape):
         raise TypeError(f"shape = {shape!r} must be a shape of granular.shapes")

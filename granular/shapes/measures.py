@@ -14,16 +14,6 @@ from granular.shapes.round import Frustum
 from granular.shapes.shape import TINY, Array, Cover, Measure, Shape
 from granular.tools.checks import LEAST
 
-__all__ = [
-    "extents",
-    "hull",
-    "largest_speed",
-    "mesh_size",
-    "mesh_thickness",
-    "reach",
-    "thicknesses",
-]
-
 HULL = 256
 """Corners of a polygon about a disc, 8e-5 of the radius beyond it."""
 

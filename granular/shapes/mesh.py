@@ -18,8 +18,6 @@ from granular.shapes.triangles import Triangles
 from granular.tools.checks import positive, real_array, set_fields
 from granular.tools.serializable import ComparedByContent
 
-__all__ = ["Mesh"]
-
 Array = NDArray[np.float64]
 
 MOST_COARSE = 2**25
@@ -71,11 +69,7 @@ class Mesh(ComparedByContent, Shape):
         Thickness [m], >= 2 spacings, of a sheet about the triangles, which then may be open, cross
         each other and have any orientation. By default the surface must be closed, and the solid is
         the inside.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range; also for a surface without a thickness that is not
+    {raises}; also for a surface without a thickness that is not
         closed or cannot be oriented. Walls thinner than two spacings are detected when it is
         sampled.
 

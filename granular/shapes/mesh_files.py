@@ -10,8 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["read_surface"]
-
 FORMATS = ("stl", "obj", "ply", "off")
 """Formats that hold triangles alone: no archives that unpack to more, no references to follow."""
 ALL_WHOLE = 2**23

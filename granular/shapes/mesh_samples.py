@@ -19,7 +19,6 @@ from granular.tools.progress import bar
 if TYPE_CHECKING:
     from granular.shapes.mesh import Mesh
 
-__all__ = ["BAND", "CUBE", "MOST_BLOCKS", "THIN", "Tables", "sampled"]
 
 Array = NDArray[np.float64]
 Tables = tuple[NDArray, ...]

@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from granular import _core
 
-__all__ = ["MeshWarning", "mended", "solids"]
-
 Array = NDArray[np.float64]
 Faces = NDArray[np.int32]
 Indices = NDArray[np.intp]

@@ -28,8 +28,6 @@ from granular.shapes.sections import Polygon, Prism
 from granular.shapes.shape import MOST_SHAPES, Array, Shape, frame_of
 from granular.shapes.triangles import Triangles
 
-__all__ = ["has_no_inside", "moments_of"]
-
 PROBES = 20_000
 """Points of a mesh at which it is tested whether parts of it overlap."""
 MOST_CELLS = {2: 100_000, 3: 300_000}

@@ -15,17 +15,6 @@ from granular.shapes.region import Region
 from granular.shapes.shape import Array, Measure, Shape, row_of
 from granular.tools.checks import check_fields, finite, positive, truth, tuple_of
 
-__all__ = [
-    "Complement",
-    "Difference",
-    "Intersection",
-    "Offset",
-    "Shell",
-    "Union",
-    "least",
-    "united",
-]
-
 Corners = tuple[tuple[float, ...], tuple[float, ...]]
 
 
@@ -181,11 +170,7 @@ class Union(Joined):
     ----------
     parts : sequence of shapes
         At least one shape, all of one dimension; for a fill also other regions.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     @property
@@ -221,11 +206,7 @@ class Intersection(Joined):
     ----------
     parts : sequence of shapes
         At least one shape, all of one dimension; for a fill also other regions.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     def rows(self) -> Array:
@@ -259,11 +240,7 @@ class Difference(Shape):
     shape : shape
     without : shape
         What is cut out, of the same dimension. For a fill both may be other regions, too.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     shape: Region
@@ -374,11 +351,7 @@ class Offset(Altered):
     shape : shape
     by : float
         Distance between the surfaces [m], not 0; negative inwards.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     _: KW_ONLY
@@ -418,11 +391,7 @@ class Shell(Altered):
         Thickness of the wall [m], > 0.
     inward : bool
         If True, the wall is inside the surface of the shape.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     _: KW_ONLY

@@ -16,8 +16,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Moments", "Solid", "is_empty", "joined", "moments"]
-
 Array = NDArray[np.float64]
 Sides = NDArray[np.int8]
 FIRST = {2: 16, 3: 8}

@@ -17,8 +17,6 @@ from granular.shapes.coordinate_systems import LENGTHS, UnclearUnits, Units, uni
 from granular.tools.checks import integer
 from granular.tools.files import check_file
 
-__all__ = ["Raster", "missing", "open_raster"]
-
 MOST_HEIGHTS = 2**31 - 1
 """Largest number of heights of a raster."""
 

@@ -18,8 +18,6 @@ from granular.shapes.coordinate_systems import UnclearUnits, Units
 from granular.shapes.raster_files import Raster, missing, open_raster
 from granular.tools.checks import finite, one_of, positive, vector
 
-__all__ = ["read_heights"]
-
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 Part = tuple[slice, slice]

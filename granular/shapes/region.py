@@ -8,8 +8,6 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["Region"]
-
 Vector = tuple[float, ...]
 
 

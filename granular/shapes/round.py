@@ -28,8 +28,6 @@ from granular.tools.checks import (
     vector,
 )
 
-__all__ = ["Capsule", "Cylinder", "Frustum", "Sphere", "Torus"]
-
 
 @dataclass(frozen=True)
 class Sphere(Shape):
@@ -41,11 +39,7 @@ class Sphere(Shape):
         Radius [m], > 0.
     center : tuple of float, length dim
         Centre [m]; its length, 2 or 3, is the dimension.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     radius: float
@@ -89,11 +83,7 @@ class Cylinder(Shape):
     inside : bool
         If True, the material is inside, as in a drum: the solid is all that lies outside of the
         surface.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     radius: float
@@ -151,11 +141,7 @@ class Capsule(Shape):
         Middle of the line [m].
     axis : tuple of float, length dim
         Direction of the line, of any length.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     radius: float
@@ -199,11 +185,7 @@ class Torus(Shape):
         Centre [m].
     axis : tuple of 3 floats
         Direction of the axis of the circle, of any length.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     radius: float
@@ -260,11 +242,7 @@ class Frustum(Shape):
     inside : bool
         If True, the material is inside, as in a drum: the solid is all that lies outside of the
         surface, which has two ends.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     radii: tuple[float, float]

@@ -26,8 +26,6 @@ from granular.shapes.shape import (
 )
 from granular.tools.checks import check_fields, one_of, positive, sequence, set_fields, vector
 
-__all__ = ["Polygon", "Prism", "Revolve"]
-
 MOST_VERTICES = 1000
 
 Vertices = tuple[tuple[float, ...], ...]
@@ -186,11 +184,7 @@ class Polygon(Section):
     thickness : float, optional
         If given, the vertices are those of an open line, and the solid is a wall of this thickness
         [m] about it, with round ends and outer corners.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     vertices: Vertices
@@ -242,11 +236,7 @@ class Prism(Section):
         Rotation about the centre, a rotation vector [degrees]; 0 for none.
     thickness : float, optional
         As for a `Polygon`: the section is a wall of this thickness [m] along an open line.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     vertices: Vertices
@@ -310,11 +300,7 @@ class Revolve(Section):
     thickness : float, optional
         If given, the profile is an open line, and the solid is a wall of this thickness [m] about
         it, with round ends and outer corners.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     profile: Vertices

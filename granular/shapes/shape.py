@@ -22,8 +22,6 @@ from granular import _core
 from granular.shapes.region import Region
 from granular.tools.checks import finite, vector
 
-__all__ = ["Cover", "Measure", "Shape", "shape_kinds"]
-
 Array = NDArray[np.float64]
 
 MOST_SHAPES = 256

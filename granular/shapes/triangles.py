@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 from granular import _core
 from granular.shapes.quadrature import Moments
 
-__all__ = ["Triangles"]
-
 Array = NDArray[np.float64]
 
 POINTS = 2048

@@ -1,23 +1,16 @@
 """Smoothed particle hydrodynamics of a dilative viscoplastic material."""
 
-from granular.sph.gas import Gas, GasState, Jet
-from granular.sph.material import Viscoplastic, glass, grit
-from granular.sph.numerics import Numerics
-from granular.sph.rest import run_to_rest
-from granular.sph.scene import Scene
-from granular.sph.simulation import Simulation
-from granular.sph.walls import Wall
+from granular.sph.gas import Gas as Gas
+from granular.sph.gas import GasState as GasState
+from granular.sph.gas import Jet as Jet
+from granular.sph.material import Viscoplastic as Viscoplastic
+from granular.sph.material import glass as glass
+from granular.sph.material import grit as grit
+from granular.sph.numerics import Numerics as Numerics
+from granular.sph.rest import run_to_rest as run_to_rest
+from granular.sph.scene import Scene as Scene
+from granular.sph.simulation import Simulation as Simulation
+from granular.sph.walls import Wall as Wall
+from granular.tools.docstrings import complete as _complete
 
-__all__ = [
-    "Gas",
-    "GasState",
-    "Jet",
-    "Numerics",
-    "Scene",
-    "Simulation",
-    "Viscoplastic",
-    "Wall",
-    "glass",
-    "grit",
-    "run_to_rest",
-]
+_complete(__name__)

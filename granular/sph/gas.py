@@ -16,8 +16,6 @@ from granular.shapes import Box
 from granular.tools.checks import check_fields, in_range, kinds_of, positive, tuple_of, vector
 from granular.tools.notebook import table
 
-__all__ = ["Gas", "GasState", "Jet"]
-
 MAX_JETS = 16
 """Largest number of jets of a gas, by the capacity of the core."""
 ERGUN = 150.0
@@ -51,11 +49,7 @@ class Jet:
     density : float or None
         Density of gas that enters at the upstream end of the box with this velocity [kg/m3], as by
         a driven `granular.Inflow`; None if nothing enters: the jet then draws gas from its sides.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     region: Box
@@ -122,11 +116,7 @@ class Gas:
         differ from particle to particle, and vanishes for a constant pressure gradient.
     jets : sequence of Jet
         Boxes in which the gas is driven, at most 16.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     fills: tuple[Fill, ...]

@@ -17,7 +17,6 @@ from granular.tools.buffers import rows_of
 if TYPE_CHECKING:
     from granular.sph.scene import Scene
 
-__all__ = ["Inlets", "check_inflows"]
 
 Place = tuple[float, float, float]
 

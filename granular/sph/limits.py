@@ -14,7 +14,6 @@ from granular.model.indicators import MACH, Row, common
 if TYPE_CHECKING:
     from granular.sph.scene import Scene
 
-__all__ = ["courant_limit", "indicators", "known_failures", "remedies"]
 
 COURANT = 0.5
 """Largest (c + speed) dt/h of SPH. The time step dt = h/(4 c) reaches it if the particles are as

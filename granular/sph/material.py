@@ -13,8 +13,6 @@ from granular.materials import MuI
 from granular.tools.checks import check_fields, in_range, non_negative, positive
 from granular.tools.notebook import table
 
-__all__ = ["Viscoplastic", "glass", "grit"]
-
 LARGEST_DILATION = 0.5
 """Largest rate of dilation in the thesis (section 5.2.3)."""
 
@@ -53,11 +51,7 @@ class Viscoplastic:
         Friction between material and walls, >= 0; None for that of the bulk, which it cannot
         exceed. If it is constant and lower than the tangent of the slope, the slip grows without
         bound.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     rho0: float = 1550.0
@@ -109,11 +103,7 @@ class Viscoplastic:
             Typical pressure of the flow [Pa], > 0.
         **changes
             Other parameters of `Viscoplastic`, such as the dilation.
-
-        Raises
-        ------
-        TypeError, ValueError
-            Naming argument, value and allowed range.
+        {raises}.
         """
         if not isinstance(material, MuI):
             raise TypeError(f"material = {material!r} must be a MuI")

@@ -10,8 +10,6 @@ from granular.run.memory import BASE, MARGIN, entering, refuse
 from granular.sph.scene import Scene
 from granular.tools.checks import truth
 
-__all__ = ["check", "fed_by", "size"]
-
 _PARTICLE = {2: (745, 480), 3: (1150, 850)}
 """Memory of a particle of SPH with its neighbours [bytes], of the material and of a wall, by
 dimension: fits to recorded layers of 40,000 to 200,000 particles on floors of 10,000 to 112,000."""

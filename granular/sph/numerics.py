@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from granular.sph.material import Viscoplastic
 from granular.tools.checks import check_fields, in_range, positive
 
-__all__ = ["Numerics"]
-
 WALL_PUSH, SOFT = 0.03, 1e5
 """Fraction by which rho0 of walls is lower than that of the material, and the kappa [Pa] up to
 which it has this value (from the thesis)."""
@@ -57,11 +55,7 @@ class Numerics:
         Largest factor of the artificial velocity of walls (eq. 5.24), 1 to 2. With 1 the wall
         particles have the velocity of the wall; the thesis takes 1.5. Above 1 a wall has more
         weight in the strain rates than in the forces.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     smoothing: float = 1.2

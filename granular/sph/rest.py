@@ -10,8 +10,6 @@ from granular.model.state import State
 from granular.run.simulation import Hook, Simulation
 from granular.tools.checks import in_range, non_negative, positive
 
-__all__ = ["run_to_rest"]
-
 
 def _speed(state: State) -> float:
     """Root mean square of the speed [m/s], weighted by mass; 0 without particles."""
@@ -55,11 +53,7 @@ def run_to_rest(
     -------
     float or None
         Time at which the profile was frozen [s]; None if it was not.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     after, interval = non_negative("after", after), positive("interval", interval)
     share = in_range("share", share, 0.0, 1.0)

@@ -24,8 +24,6 @@ from granular.sph.walls import Wall, wall_points
 from granular.tools.checks import check_fields, tuple_of
 from granular.tools.serializable import Parameters, register
 
-__all__ = ["Scene", "seeding_gradient", "seeding_weight"]
-
 
 def _lattice(dim: int, smoothing: float) -> tuple[np.ndarray, np.ndarray, float]:
     """Kernel data of a square or cubic seeding lattice.

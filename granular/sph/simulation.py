@@ -24,8 +24,6 @@ from granular.sph.walls import wall_rows
 from granular.tools.buffers import allocate, default_isa, fill
 from granular.tools.checks import integer
 
-__all__ = ["Simulation"]
-
 SHOWN = ("x", "v", "a", "stress", "rho", "shear_rate", "mass")
 """Fields from which a state is made, besides the id; `rho` becomes the log-density."""
 

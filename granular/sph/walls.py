@@ -22,8 +22,6 @@ from granular.tools.checks import (
     vector,
 )
 
-__all__ = ["Wall", "wall_points", "wall_rows"]
-
 MAX_LAYERS = 100
 
 
@@ -56,11 +54,7 @@ class Wall:
         Time at which the wall is removed [s], > 0; infinite by default.
     permeable : bool
         If true, a gas passes through the wall without resistance; the material never does.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     axis: int

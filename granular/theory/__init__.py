@@ -79,3 +79,6 @@ from granular.theory.well_posed import short_wave_growth as short_wave_growth
 from granular.theory.well_posed import viscous_growth as viscous_growth
 from granular.theory.well_posed import well_posed_range as well_posed_range
 from granular.theory.well_posed import well_posed_slopes as well_posed_slopes
+from granular.tools.docstrings import complete as _complete
+
+_complete(__name__)

@@ -15,8 +15,6 @@ from numpy.typing import NDArray
 
 from granular.tools.checks import in_range
 
-__all__ = ["BearingCapacity", "bearing_capacity"]
-
 Array = NDArray[np.float64]
 
 _NEAR = 1e-5
@@ -58,11 +56,7 @@ def bearing_capacity(phi_deg: float) -> BearingCapacity:
     Returns
     -------
     BearingCapacity
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     phi = math.radians(in_range("phi_deg", phi_deg, 15.0, 45.0))
     passive = math.tan(0.25 * math.pi + 0.5 * phi) ** 2

@@ -1,5 +1,7 @@
 """Discharge of a silo through an orifice."""
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 

@@ -11,6 +11,8 @@ base. The stress is in static balance with gravity at every time, as in a layer 
 slowly, or in a simulation long after its start. y = height - z is the distance from the base.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -156,7 +158,7 @@ def chute_transient(
 
 def _layers(
     angle_deg: float, height: float, material: NGF, gravity: float, cells: int
-) -> tuple["Layer", "Layer"]:
+) -> tuple[Layer, Layer]:
     """Return the layer, and one of half as many cells for the estimate of the error."""
     if integer("cells", cells, 8, 100_000) % 2:
         raise ValueError(f"cells = {cells} must be even: the error is found with half of them")

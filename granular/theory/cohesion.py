@@ -31,8 +31,6 @@ from dataclasses import dataclass
 from granular.model.gravity import EARTH
 from granular.tools.checks import in_range, non_negative, positive
 
-__all__ = ["CliffHeight", "cliff_height"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class CliffHeight:

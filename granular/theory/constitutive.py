@@ -4,6 +4,8 @@ The rate law of Dunatunga & Kamrin 2015 (eqs 2.4-2.15) in plane strain, integrat
 adaptive Runge-Kutta method to a tolerance far below that of any stepping scheme (appendix B).
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -12,6 +12,8 @@ last term is negligible: any multiple of a solution g is a solution, and mu_w is
 which one exists.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -81,11 +83,7 @@ def couette_decay_length(mu: ArrayLike, material: NGF) -> Array:
     -------
     ndarray
         Length [m], of the shape of `mu`; infinite from mu_s on.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is out of range.
+    {raises}.
     """
     mu = np.asarray(mu, dtype=float)
     if not np.all(mu >= 0):
@@ -129,11 +127,7 @@ def couette_quasi_static(
     Returns
     -------
     CouetteFlow
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is out of range.
+    {raises}.
     RuntimeError
         If there is no solution with mu_w below mu_2, as in a gap of a few A d.
     """
@@ -176,11 +170,7 @@ def couette_flow(
     Returns
     -------
     CouetteFlow
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is out of range.
+    {raises}.
     RuntimeError
         If there is no solution with mu_w below mu_2.
     """

@@ -4,13 +4,13 @@ An empirical law: J. S. Uehara, M. A. Ambroso, R. P. Ojha & D. J. Durian, Phys. 
 194301 (2003).
 """
 
+from __future__ import annotations
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from granular.theory.incline import Array
 from granular.tools.checks import positive
-
-__all__ = ["crater_depth"]
 
 
 def crater_depth(drop: ArrayLike, D: float, mu: float, density_ratio: float) -> Array:
@@ -36,11 +36,7 @@ def crater_depth(drop: ArrayLike, D: float, mu: float, density_ratio: float) -> 
     ndarray
         Depth d of the lowest point of the ball below the initial surface [m], of the shape of
         `drop`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is out of range.
+    {raises}.
     """
     drop = np.asarray(drop, dtype=float)
     if not np.all(np.isfinite(drop) & (drop >= 0)):

@@ -10,8 +10,6 @@ from scipy.optimize import brentq
 
 from granular.tools.checks import non_negative, positive
 
-__all__ = ["bar_restitution", "wave_decay"]
-
 _MODES = 4000
 """Modes of a bar: the force of a bar with T c/L = 1e-3 is then exact to 1e-6."""
 

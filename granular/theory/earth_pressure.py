@@ -23,8 +23,6 @@ from dataclasses import dataclass
 
 from granular.tools.checks import in_range
 
-__all__ = ["EarthPressure", "earth_pressure"]
-
 
 @dataclass(frozen=True, kw_only=True)
 class EarthPressure:

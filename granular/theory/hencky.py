@@ -5,6 +5,8 @@ with the modulus M = K + 4G/3. The force per unit area of the undeformed section
 P = M e exp(-e).
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 
@@ -94,11 +96,7 @@ def hencky_column(
     Returns
     -------
     HenckyColumn
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is out of range.
+    {raises}.
     """
     Y = np.asarray(reference_height, dtype=float)
     height0 = positive("height0", height0)
@@ -162,11 +160,7 @@ def standing_wave(
     -------
     StandingWave
         Arrays of the broadcast shape.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is out of range.
+    {raises}.
     """
     x, t = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(t, dtype=float))
     length, amplitude = positive("length", length), finite("amplitude", amplitude)

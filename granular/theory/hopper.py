@@ -10,8 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 from granular.model.gravity import EARTH
 from granular.tools.checks import in_range, integer, non_negative, positive
 
-__all__ = ["hourglass_rate", "janssen_pressure", "mass_flow_limit", "rose_tanaka_factor"]
-
 
 def mass_flow_limit(wall_deg: float, effective_deg: float, *, dim: int = 2) -> float:
     """Largest half angle of a hopper in which all the material moves (Jenike 1964, Bulletin 123).
@@ -40,11 +38,7 @@ def mass_flow_limit(wall_deg: float, effective_deg: float, *, dim: int = 2) -> f
     float
         Half angle to the vertical [deg], at most 90. For a cone it is at least 0; the fit for a
         plane hopper falls below 0 at a large `wall_deg`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     dim = integer("dim", dim, 2, 3)
     d = in_range("effective_deg", effective_deg, 20.0, 70.0)
@@ -103,11 +97,7 @@ def hourglass_rate(
     -------
     float
         Rate [kg/s; in 2D per metre of depth].
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     dim = integer("dim", dim, 2, 3)
     a = math.radians(in_range("angle_deg", angle_deg, 0.0, 90.0, open_low=True, open_high=True))
@@ -143,11 +133,7 @@ def rose_tanaka_factor(angle_deg: ArrayLike, stagnant_deg: float) -> NDArray[np.
     Returns
     -------
     ndarray, of the shape of `angle_deg`
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     angle = np.asarray(angle_deg, dtype=float)
     if not np.all((angle > 0) & (angle < 90)):
@@ -194,11 +180,7 @@ def janssen_pressure(
     -------
     ndarray, of the shape of `depth`
         Stress [Pa].
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     z = np.asarray(depth, dtype=float)
     if not np.all((z >= 0) & np.isfinite(z)):

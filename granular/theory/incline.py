@@ -4,6 +4,8 @@ Axes as in Dunatunga & Kamrin 2015, figure 8: x down the slope, y normal to it, 
 rough base, y = height at the free surface.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -14,6 +14,8 @@ And tr D in (A16)-(A23) is the rate of *compression*. The theory diverges at Phi
 is shifted by the delta that the text allows in (A11).
 """
 
+from __future__ import annotations
+
 import math
 from dataclasses import dataclass
 
@@ -188,11 +190,7 @@ def temperature_coefficients(
     -------
     tuple of 2 floats
         A and B.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     positive("packing_fraction", packing_fraction)
     g = float(radial_function(packing_fraction))
@@ -258,11 +256,7 @@ def compression_temperature(
         Grain diameter [m].
     restitution : float
         Effective coefficient of restitution, in [0, 1).
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is out of range.
+    {raises}.
     """
     lam = _lambda(restitution)
     if lam == 1:
@@ -350,11 +344,7 @@ def coupled_shear(
         Or any object with ``rho_s``, ``rho_c``, ``K``.
     offset : float
         The delta of the text, > -Phi. With ``0.6 - Phi_c`` the flowing volume jams at Phi_c.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is out of range.
+    {raises}.
     """
     inverse = 1 / positive("packing_fraction + offset", packing_fraction + offset)
     speed = non_negative("shear_rate", shear_rate) * positive("diameter", diameter)

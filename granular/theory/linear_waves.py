@@ -31,8 +31,6 @@ from granular.theory.incline import check_cohesionless
 from granular.theory.well_posed import _friction
 from granular.tools.checks import positive, vector
 
-__all__ = ["shear_wave_growth", "shear_waves"]
-
 
 def _base(
     material: MuI | RegularisedMuI, inertial_number: float, pressure: float
@@ -75,11 +73,7 @@ def shear_waves(
         Complex rates [1/s]; a wave grows if the real part is positive. The fastest comes first.
     shapes : ndarray, shape (6, 6)
         Columns (v_x, v_y, s_xx, s_yy, s_xy, c) of each [m/s, Pa, 1], up to a factor.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     number = positive("inertial_number", inertial_number)
     p = positive("pressure", pressure)

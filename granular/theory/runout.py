@@ -4,6 +4,8 @@ Run-out is (final half-width - initial half-width)/initial half-width, aspect ra
 height/initial half-width (Dunatunga & Kamrin 2015, section 4.1 and table 3).
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -18,15 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 from granular.model.gravity import EARTH
 from granular.tools.checks import array, in_range, positive
 
-__all__ = [
-    "DamBreak",
-    "SpreadingCap",
-    "SpreadingEllipse",
-    "dam_break",
-    "spreading_cap",
-    "spreading_ellipse",
-]
-
 Array = NDArray[np.float64]
 
 _START = 1e-6
@@ -158,11 +149,7 @@ def dam_break(
     Returns
     -------
     DamBreak
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     x, t, h0 = array("x", x, (None,)), positive("time", time), positive("thickness", thickness)
     across, pull = _inclined(angle_deg, mu, gravity)
@@ -214,11 +201,7 @@ def spreading_cap(
     Returns
     -------
     SpreadingCap
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     t = _ascending(times)
     across, pull = _sliding(angle_deg, mu, gravity)
@@ -273,11 +256,7 @@ def spreading_ellipse(
     Returns
     -------
     SpreadingEllipse
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     t = _ascending(times)
     across, pull = _sliding(angle_deg, mu, gravity)

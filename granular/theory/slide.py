@@ -11,8 +11,6 @@ import math
 from granular.model.gravity import EARTH
 from granular.tools.checks import in_range, non_negative, positive
 
-__all__ = ["block_runout", "sliding_earth_pressure"]
-
 
 def sliding_earth_pressure(mu: float, base: float) -> float:
     """Active coefficient of earth pressure above a base that slides (Savage & Hutter 1989).
@@ -31,11 +29,7 @@ def sliding_earth_pressure(mu: float, base: float) -> float:
     Returns
     -------
     float
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     mu = in_range("mu", mu, 0.0, 1.0, open_low=True, open_high=True)
     cos2 = 1.0 - mu**2
@@ -72,11 +66,7 @@ def block_runout(
     -------
     float
         Distance from the origin at which the block stops on level ground [m].
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range; also if the block stops on the arc.
+    {raises}; also if the block stops on the arc.
     """
     angle = math.radians(in_range("angle_deg", angle_deg, 0.0, 90.0, open_low=True, open_high=True))
     mu = in_range("mu", mu, 0.0, math.tan(angle), open_low=True, open_high=True)

@@ -10,6 +10,8 @@ is cos(pi z/2H). It grows at the rate (lambda - (pi A d/2H)^2)/t0, which is posi
 H > H_stop.
 """
 
+from __future__ import annotations
+
 import math
 from typing import Any
 
@@ -46,11 +48,7 @@ def stopping_height(angle_deg: ArrayLike, A: float, d: float, mu_s: float, mu_2:
     ndarray
         H_stop [m], of the shape of `angle_deg`. It is infinite up to the angle atan(mu_s), where no
         layer flows, and 0 from atan(mu_2) on, where every layer flows.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is out of range.
+    {raises}.
     """
     angle_deg = np.asarray(angle_deg, dtype=float)
     if not np.all((angle_deg >= 0) & (angle_deg < 90)):
@@ -77,11 +75,7 @@ def stopping_angle(height: ArrayLike, A: float, d: float, mu_s: float, mu_2: flo
     -------
     ndarray
         Angle [degrees], of the shape of `height`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is out of range.
+    {raises}.
     """
     height = np.asarray(height, dtype=float)
     if not np.all(height > 0):

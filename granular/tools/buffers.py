@@ -11,8 +11,6 @@ from numpy.typing import NDArray
 
 from granular import _core
 
-__all__ = ["allocate", "default_isa", "fill", "rows_of", "show_config", "stored_type"]
-
 PAGE, LINE = 4096, 64  # bytes
 
 

@@ -17,28 +17,6 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "LARGEST",
-    "LEAST",
-    "array",
-    "ascending",
-    "check_fields",
-    "finite",
-    "in_range",
-    "integer",
-    "kinds_of",
-    "non_negative",
-    "one_of",
-    "positive",
-    "real_array",
-    "sequence",
-    "set_fields",
-    "spans",
-    "truth",
-    "tuple_of",
-    "vector",
-]
-
 T = TypeVar("T")
 
 LARGEST, LEAST = 1e30, 1e-30

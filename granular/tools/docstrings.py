@@ -1,15 +1,44 @@
-"""Descriptions of arguments from docstrings, for help and files of scenes."""
+"""The common part of docstrings, and descriptions of arguments for help and files of scenes."""
 
 from __future__ import annotations
 
 import inspect
 import re
+import sys
+from types import FunctionType
 
-__all__ = ["described"]
+RAISES = """
+Raises
+------
+TypeError, ValueError
+    Naming argument, value and allowed range"""
+"""Last part of many docstrings, which end this sentence; there it is written ``{raises}``."""
 
 _HEAD = re.compile(r"^\**(\w[\w, *]*?)(?: : .*)?$")
 
 _SEE = "See `"
+
+
+def complete(package: str) -> None:
+    """Put `RAISES` into the docstrings of the modules of a package that are imported."""
+    for name, module in list(sys.modules.items()):
+        if f"{name}.".startswith(f"{package}."):
+            for part in list(vars(module).values()):
+                if getattr(part, "__module__", None) == name:
+                    _complete(part)
+
+
+def _complete(part: object) -> None:
+    """Complete the docstring of a function, or of a class and its methods."""
+    part = getattr(part, "__func__", part)
+    if isinstance(part, type):
+        for member in vars(part).values():
+            _complete(member)
+    doc = part.__doc__
+    if isinstance(part, FunctionType | type | property) and doc and "{raises}" in doc:
+        part.__doc__ = re.sub(
+            r"\n( *)\{raises\}", lambda m: "\n" + RAISES.replace("\n", f"\n{m[1]}"), doc
+        )
 
 
 def described(documented: object, *others: object) -> dict[str, str]:

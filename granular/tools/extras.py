@@ -3,8 +3,6 @@
 from importlib import import_module
 from typing import Any
 
-__all__ = ["imported"]
-
 
 def imported(package: str, extra: str) -> Any:
     """Import a package that an extra brings.

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-__all__ = ["embedded", "image", "in_notebook", "pictures", "table"]
 
 pictures: dict[str, Callable[[Any], Figure]] = {}
 """Functions that draw an object for a notebook, by its kind. `granular` registers them, because

@@ -3,8 +3,6 @@
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
-__all__ = ["bar", "progress_bar"]
-
 
 class _Silent:
     """A progress bar without output."""

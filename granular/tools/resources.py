@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import ClassVar, NoReturn
 
-__all__ = ["Resource"]
-
 
 class Resource:
     """Base of objects whose copies would share something: `copy` and `pickle` raise TypeError."""

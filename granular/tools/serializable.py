@@ -19,8 +19,6 @@ from numpy.typing import NDArray
 
 from granular.tools.checks import integer, one_of
 
-__all__ = ["ComparedByContent", "Ordered", "Parameters", "Serializable", "register"]
-
 FORMAT = 1
 """Version of the JSON format; older versions are read, newer ones refused."""
 

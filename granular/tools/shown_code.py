@@ -3,8 +3,6 @@ characters."""
 
 from __future__ import annotations
 
-__all__ = ["MARK", "escaped", "marked"]
-
 MARK = "    | "
 """Text before each line of a source, so that the lines of a message itself differ from those."""
 

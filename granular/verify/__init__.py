@@ -18,8 +18,11 @@ from granular.verify import (  # isort: skip  # noqa: F401
     density_correction,
     density_correction_budget,
 )
-from granular.verify.constitutive import constitutive_path
-from granular.verify.rows import Check, Row, check, checks
-from granular.verify.table import failures, main, rows_of
-
-__all__ = ["Check", "Row", "check", "checks", "constitutive_path", "failures", "main", "rows_of"]
+from granular.verify.constitutive import constitutive_path as constitutive_path
+from granular.verify.rows import Check as Check
+from granular.verify.rows import Row as Row
+from granular.verify.rows import check as check
+from granular.verify.rows import checks as checks
+from granular.verify.table import failures as failures
+from granular.verify.table import main as main
+from granular.verify.table import rows_of as rows_of

@@ -40,11 +40,7 @@ class Grains:
         Contact damping [1/(m s)], >= 0: see `restitution` and `with_restitution`.
     mu_p : float
         Friction coefficient of a contact, >= 0.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     d: float = 1e-3

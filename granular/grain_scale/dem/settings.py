@@ -92,11 +92,7 @@ class Shear:
         between two rough walls made of grains, with the pressure on the upper one.
     seed : int
         Seed of the initial arrangement, from 0 to 10^8.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     grains: Grains = field(default_factory=Grains)
@@ -167,11 +163,7 @@ class Packing:
         counts as at rest, > 0.
     seed : int
         Seed of the initial arrangement, from 0 to 10^8.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     grains: Grains = field(default_factory=Grains)

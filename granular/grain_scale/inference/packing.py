@@ -333,11 +333,7 @@ def isotropic_stiffness(E: float, nu: float, dim: int, *, plane: str = "stress")
     -------
     ndarray, shape (dim, dim, dim, dim)
         Stiffness [Pa].
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     positive("E", E)
     one_of("dim", dim, (2, 3))

@@ -37,11 +37,7 @@ class BoundaryForce:
         Force of the wall on the packing along the direction [N], in 2D [N/m]; > 0.
     opposite : int, optional
         Number of the wall that carries the same force on the other side, for `by="virial"`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
 
     body: int
@@ -93,11 +89,7 @@ def infer_static(
     Returns
     -------
     Inference
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     ImportError
         If Clarabel is needed and missing.
     InferenceError

@@ -77,11 +77,7 @@ def macroscopic_stress(
     -------
     ndarray, shape (d, d)
         Stress [Pa].
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     forces = _check_forces(packing, forces)
     positive("volume", volume)
@@ -152,11 +148,7 @@ def force_chains(
     -------
     list of ndarray of int
         Grains of each chain, the longest first.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range.
+    {raises}.
     """
     in_range("angle_deg", angle_deg, 0.0, 90.0, open_low=True)
     integer("least", least, 2)
@@ -247,11 +239,7 @@ def largest_by_distance(
     -------
     ndarray, shape (bins,)
         Largest force of the contacts from k to k + 1 widths away [N]; nan where there are none.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming argument, value and allowed range; for different numbers of frames or contacts.
+    {raises}; for different numbers of frames or contacts.
     """
     positive("bin_width", bin_width)
     integer("bins", bins, 1)

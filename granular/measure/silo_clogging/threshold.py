@@ -1,5 +1,7 @@
 """Lines through the origin of a phase diagram that separate static from flowing cases."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,5 +1,7 @@
 """Vertical velocity across a flowing silo, and a diffusing Gaussian fitted to it."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -3,6 +3,8 @@
 The functions take results and simulate nothing; the runs are in `benchmarks/figures`.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
