@@ -87,11 +87,11 @@ def _columns(asked: _Asked) -> _Advice:
     """Suggest one column for an incline."""
     scene = asked.scene
     if _flat(asked):
-        return _Advice("One column of cells is the least there is.")
+        return _Advice("The scene already has a single column of cells.")
     if scene.dim == 3:
         return _Advice(
             "The flow is the same all across as well: a 2D scene shows it (columns_across = 0)."
-            " What that changes has not been measured.",
+            " The effect of that has not been measured.",
             math.nan,
         )
     if SHARE * asked.tolerance < ONE_COLUMN:
@@ -102,8 +102,8 @@ def _columns(asked: _Asked) -> _Advice:
     )
     if scene.scheme.density.name == "particle":
         reason += (
-            " This one does: what it makes of many columns is not within this error"
-            " (off by 0.16 on 8, linear functions), of one it is."
+            " This one does: its result for many columns is not within this error"
+            " (off by 0.16 on 8, linear functions), that for one column is."
         )
     return _Advice(reason, ONE_COLUMN, {"columns": 1})
 
@@ -114,10 +114,10 @@ def _dimension(asked: _Asked) -> _Advice:
         return _columns(asked)
     if called.get("half", False):
         where = "2D, and half" if scene.dim == 2 else "Half"
-        return _Advice(f"{where} by symmetry: all there is.")
+        return _Advice(f"{where} by symmetry already.")
     if called.get("quarter", False):
         return _Advice(
-            "A quarter by symmetry. It spreads in two directions: in 2D it is another flow."
+            "A quarter by symmetry already. It spreads in two directions: in 2D the flow differs."
         )
     reason = obstacle(scene)
     if reason:
@@ -140,27 +140,29 @@ def _basis(asked: _Asked) -> _Advice:
     scheme, dim = asked.scene.scheme, asked.scene.dim
     flat = _flat(asked)
     if scheme.density.name == "cell_averaged":
-        return _Advice("Linear functions that keep shear flows: none is cheaper.")
+        return _Advice("Linear functions that remain stable in shear flows: none is cheaper.")
     if scheme.basis == "linear":
         dearer = nanoseconds(default, dim) / nanoseconds(scheme, dim)
         reason = "Linear functions are the cheapest." + (
             ""
             if flat
-            else " They lose two-dimensional shear flows; a scheme that keeps them costs"
-            f" {dearer:.2g} times as much for a point and step."
+            else " They fail in two-dimensional shear flows; a scheme that does not costs"
+            f" {dearer:.2g} times as much per point and step."
         )
         return _Advice(reason)
     if not flat:
         share = nanoseconds(_LINEAR, dim) / nanoseconds(scheme, dim)
         return _Advice(
-            f"Kept: linear functions cost {share:.2g} of it, but the layers they shear in two"
+            f"No change: linear functions cost {share:.2g} of it, but layers sheared in two"
             " dimensions collapse; on the incline of 8 columns the profile is off by 0.16 in 4 s."
         )
     if not bias.with_numbers_of_default(scheme):
-        reason = "Kept: what linear functions change was measured against the default scheme alone."
+        reason = (
+            "No change: the effect of linear functions was measured with the default scheme only."
+        )
         return _Advice(reason, math.nan)
     if SHARE * asked.tolerance < LINEAR_COLUMN:
-        return _Advice(f"Kept: linear functions change the flow by about {LINEAR_COLUMN:.2g}.")
+        return _Advice(f"No change: linear functions change the flow by about {LINEAR_COLUMN:.2g}.")
     reason = "One column cannot fail in two dimensions: linear functions serve as well."
     changes = {"basis": "linear", "transfer": "flip", "density": ParticleDensity()}
     return _Advice(reason, LINEAR_COLUMN, changes)
@@ -170,15 +172,15 @@ def _resolution(asked: _Asked) -> _Advice:
     scene, called = asked.scene, asked.scene.parameters
     if asked.name != "incline":
         return _Advice(
-            "Cells and points are kept. Openings act wider by a part of a cell, and a front"
-            " is told to a cell: other cells are another answer. Fewer points a cell: see"
+            "No change of cells and points. Openings act wider by a part of a cell, and a front"
+            " is known to a cell: results depend on the cells. Fewer points per cell: see"
             " docs/reports/economy.md."
         )
     scheme, grains = scene.scheme, scene.material
     if not _flat(asked) or damps_by_step(scheme) or not isinstance(grains, MuI):
         return _Advice(
-            "Cells are kept: what larger ones change was measured in one column, with the mu(I)"
-            " law and a damping that does not depend on the step.",
+            "No change: the effect of larger cells was measured in one column, with the mu(I)"
+            " law and a numerical damping that does not depend on the step.",
             math.nan,
         )
     rows = round(called["height"] / called["cell"])
@@ -188,7 +190,7 @@ def _resolution(asked: _Asked) -> _Advice:
         if error <= SHARE * asked.tolerance:
             reason = f"{coarse} cells over the height are enough: the error falls as their square."
             return _Advice(reason, error, {"cell": cell})
-    return _Advice(f"{rows} cells over the height are none too many.")
+    return _Advice(f"{rows} cells over the height are needed.")
 
 
 def _stiffness(asked: _Asked) -> _Advice:
@@ -199,20 +201,18 @@ def _stiffness(asked: _Asked) -> _Advice:
 
     own = error(scene.material.E)
     if math.isnan(own):
-        reason = "What softer grains would change here has not been measured: E is kept."
+        reason = "No change: the effect of softer grains has not been measured here."
         return _Advice(reason, math.nan)
     E = bias.softest(scene, error, asked.tolerance)
     if math.isnan(E):
-        reason = (
-            f"Runs that should be the same differ by as much as is left, {asked.tolerance:.2g}."
-        )
+        reason = f"Runs that should agree differ by the remaining tolerance, {asked.tolerance:.2g}."
         return _Advice(reason, own)
     if E >= scene.material.E:
         fits = "is soft enough" if own <= asked.tolerance else "is too soft for this tolerance"
-        known = f"about {own:.2g}" if math.isfinite(own) else "beyond what has been measured"
+        known = f"about {own:.2g}" if math.isfinite(own) else "beyond the measured range"
         reason = (
-            f"E = {scene.material.E:.2g} Pa {fits}: its own error is {known},"
-            f" and the tolerance asks for {E:.2g} Pa or more."
+            f"E = {scene.material.E:.2g} Pa {fits}: its error is {known},"
+            f" and the tolerance needs {E:.2g} Pa or more."
         )
         return _Advice(reason, own)
     softer = error(E / 10)
@@ -224,7 +224,7 @@ def _stiffness(asked: _Asked) -> _Advice:
     )
     changes = bias.softening(scene, asked.name, E)
     if len(changes) > 1:
-        reason += " The damping of the scheme, which goes with the stiffness, is held."
+        reason += " The numerical damping, which depends on the stiffness, is held constant."
     return _Advice(reason, error(E), changes)
 
 
@@ -234,10 +234,16 @@ def _time_step(asked: _Asked) -> _Advice:
         reason = f"Adaptive at {scheme.cfl:g} of dx/c already; beyond it runs can fail silently."
         return _Advice(reason)
     if damps_by_step(scheme):
-        reason = f'Kept: "{scheme.transfer}" damps so much a step, and longer steps flow faster.'
+        reason = (
+            f'No change: "{scheme.transfer}" has numerical damping per step, and longer steps make'
+            " the flow faster."
+        )
         return _Advice(reason, math.nan)
     if scheme.density.name != "particle":
-        reason = "Kept: the density is averaged each so many steps, less often if they are longer."
+        reason = (
+            "No change: the density is averaged at intervals of a number of steps, which are longer"
+            " with longer steps."
+        )
         return _Advice(reason, math.nan)
     limit = courant_limit(scene)
     if scheme.cfl > limit:
@@ -322,7 +328,7 @@ _WANTED = {
     "incline": ("the mean velocity and its profile", "x, v and mass"),
     "column_collapse": ("the run-out", "x and mass at the end"),
     "cylinder_collapse": ("the run-out", "x and mass at the end"),
-    "silo": ("the rate of discharge", "the mass left, a series that a record keeps by itself"),
+    "silo": ("the rate of discharge", "the remaining mass, a series in every record"),
     "hourglass": ("the rate and the slope of the heap", "x and mass"),
     "slug": ("impact and final shape", "x, v and mass"),
 }
@@ -333,10 +339,10 @@ def _fields(asked: _Asked) -> _Advice:
     carried = engine.build(scene, 1.0, runs=False).fields()
     size = sum(components * dtype.itemsize for _, components, *_, dtype in carried)
     names = ", ".join(name for name, *_ in carried)
-    text = f"The scheme carries {names}: {size} bytes a point, all of which it needs"
+    text = f"The scheme carries {names}: {size} bytes per point, all of which it needs"
     if asked.name in _WANTED:
         quantity, needed = _WANTED[asked.name]
-        text += f"; for {quantity} it is enough to look at {needed}"
+        text += f"; for {quantity}, {needed} are enough"
     return _Advice(f"{text}.")
 
 

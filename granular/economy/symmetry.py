@@ -84,9 +84,9 @@ def obstacle(scene: Scene) -> str:
     """Reason why a scene is not its own mirror image about the middle of its grid; "" if it is."""
     grid, mirror = scene.grid, _Mirror(scene)
     if scene.bodies:
-        return "what its bodies do is not looked at"
+        return "bodies are not supported"
     if scene.inflows:
-        return "its inflows are not looked at"
+        return "inflows are not supported"
     if grid.periodic[0]:
         return "the domain is periodic along x"
     if grid.shape[0] % 2:
@@ -98,7 +98,7 @@ def obstacle(scene: Scene) -> str:
     if any(sponge.axis == 0 for sponge in scene.sponge_layers):
         return "waves are absorbed on one side"
     if any(mirror.divides(wall) for wall in scene.walls):
-        return "a wall stands on the plane of symmetry"
+        return "a wall is on the plane of symmetry"
     views: tuple[tuple[str, tuple[Any, ...], Callable[[Any, int], object]], ...] = (
         ("walls", scene.walls, mirror.wall),
         ("fills", scene.fills, mirror.fill),

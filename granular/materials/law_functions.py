@@ -94,7 +94,7 @@ def from_python(update: Callable[..., None], language: str) -> LawFunction:
 
 RETURNS = (
     "the law {!r} returned {}: it must change stress, shear_rate and history in place, as by "
-    "stress[:] = ..., and return nothing"
+    "stress[:] = ..., and return None"
 )
 
 # ---- NumPy ----

@@ -135,7 +135,7 @@ def refuse_module(where: str, name: str) -> None:
         )
     if _is_within(name, (*OUTSIDE, *READING)):
         raise ValueError(
-            f"{where}: {name} must not be used, as it reaches what is no part of the law, such as "
+            f"{where}: {name} must not be used, as it accesses data outside of the law, such as "
             "files: read it outside, before"
         )
 

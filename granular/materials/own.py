@@ -91,7 +91,7 @@ class OwnLaw(Material):
         super().__post_init__()
         if self.restitution != 1.0:
             raise ValueError(
-                f"restitution = {self.restitution} must be 1 with a law of one's own, whose "
+                f"restitution = {self.restitution} must be 1 with a user-defined law, whose "
                 "plastic strain rate is not known"
             )
         if self.elasticity != "hypoelastic":
@@ -182,7 +182,7 @@ def _shown(source: str) -> str:
     if size <= MOST_SHOWN:
         return f"It is:\n{marked(source)}"
     return (
-        f"It has {size} characters, too many to be told here. Read all of it: "
+        f"It has {size} characters, too many to show here. Read all of it: "
         "print(granular.materials.code_of(scene)), where the scene is that of "
         "granular.open(path).scene or granular.scenes.read_scene(path).scene. Only the first "
         f"{MOST_SHOWN} are:\n{marked(source[:MOST_SHOWN])}\n"

@@ -115,7 +115,7 @@ class Inflow:
             raise TypeError("region must not be a Cloud, whose points have given positions")
         check_fields(self, vector, "velocity", dim=self.region.dim)
         if not any(self.velocity):
-            raise ValueError(f"velocity = {self.velocity} must not be 0: nothing would enter")
+            raise ValueError(f"velocity = {self.velocity} must not be 0: no material would enter")
         check_fields(self, positive, "rate", "density", optional=True)
         check_fields(self, _times, "times")
         set_fields(self, points_per_cell=self._fill().points_per_cell)

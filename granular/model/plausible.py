@@ -158,7 +158,7 @@ def _densities(scene: BaseScene) -> Iterator[str]:
         for name, value, (low, high) in (("rho_c", material.rho_c, BULK), ("rho_s", solid, SOLID)):
             if value is not None and not low <= value <= high:
                 meant = _thousands(value, max(low, LIKELY), high)
-                yield f"{kind}: {name} = {value:g} kg/m3 is no density of grains{meant}"
+                yield f"{kind}: {name} = {value:g} kg/m3 is not a density of grains{meant}"
                 break
     for i, fill in enumerate(scene.fills):
         rho_c = (fill.material or scene.material).rho_c
@@ -202,7 +202,7 @@ def _stiffness(scene: BaseScene) -> Iterator[str]:
         if E > STIFFEST:
             yield (
                 f"{type(material).__name__}: E = {E:g} Pa is stiffer than diamond: the time step "
-                "goes with 1/sqrt(E), and grains need only be stiff against their weight"
+                "is proportional to 1/sqrt(E), and E need only be large compared with the load"
             )
     yield from filter(None, [stiffness_hint(scene)])
 
@@ -310,7 +310,7 @@ def _idle(scene: BaseScene) -> Iterator[str]:
     other = scene.inflows or pressed or getattr(scene, "servos", ()) or getattr(scene, "jets", ())
     still = all(velocity is None or not np.any(velocity) for velocity in moving)
     if still and not (moves or other or np.any(scene.gravity.vectors)):
-        yield "gravity is 0, and nothing has a velocity: nothing will move"
+        yield "gravity is 0, and no part has a velocity: there will be no motion"
 
 
 def _speeds(scene: BaseScene) -> Iterator[str]:
@@ -352,7 +352,7 @@ def _steps(scene: BaseScene) -> Iterator[str]:
     if scene.duration > MOST_STEPS * dt:
         yield (
             f"duration = {scene.duration:g} s takes {scene.duration / dt:.2g} steps of {dt:.2g} s: "
-            "times are in s; the step goes with cell/sqrt(E/rho)"
+            "times are in s; the step is proportional to cell/sqrt(E/rho)"
         )
 
 
@@ -386,7 +386,7 @@ def _outside(scene: BaseScene) -> Iterator[str]:
                 if not comes:
                     yield (
                         f"bodies[{i}] at {at:g} m is outside of the domain along {AXES[axis]}, by "
-                        f"{gap:.3g} m beyond {end:g} m, and does not come in: lengths are in m"
+                        f"{gap:.3g} m beyond {end:g} m, and does not enter it: lengths are in m"
                     )
 
 
@@ -446,8 +446,8 @@ def _inertias(i: int, body: Any, most: float) -> Iterator[str]:
         said = f"{moments.max() / unit:.3g} kg m2, this in {UNITS_OF_INERTIA[unit]}"
         meant = f": did you mean {said}? It is"
     yield (
-        f"bodies[{i}].inertia = {body.inertia} kg m2 is none of a body of {body.mass:g} kg within "
-        f"{math.sqrt(most / body.mass):.3g} m{meant} about {0.3 * most:.2g}, see "
+        f"bodies[{i}].inertia = {body.inertia} kg m2 is impossible for a body of {body.mass:g} kg "
+        f"within {math.sqrt(most / body.mass):.3g} m{meant} about {0.3 * most:.2g}, see "
         "mass_properties"
     )
 

@@ -182,7 +182,7 @@ class Body:
         if not isinstance(self.shape, Shape):
             raise TypeError(f"shape = {self.shape!r} must be a shape of granular.shapes")
         if has_no_inside(self.shape):
-            raise ValueError(f"shape = {self.shape!r} must have an inside: nothing is in it")
+            raise ValueError(f"shape = {self.shape!r} must have an inside: it is empty")
         dim = self.shape.dim
         motion = Motion(velocity=((0.0,) * dim,)) if self.motion is None else self.motion
         if not isinstance(motion, Motion):

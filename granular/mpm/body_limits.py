@@ -60,7 +60,7 @@ def thin_parts(scene: Scene) -> str | None:
         if other < THIN * scene.grid.cell * (1 - 1e-9):
             return (
                 f"bodies[{i}] has a part of {other:.4g} m: below 2 cells the force on it depends "
-                "on its position in the grid, by a tenth, and what is behind it is coupled to it"
+                "on its position in the grid, by a tenth, and material behind it is coupled to it"
             )
         mesh = mesh_thickness(body.shape)
         if min(box, mesh) >= reach * scene.grid.cell * (1 - 1e-9):
@@ -75,7 +75,7 @@ def thin_parts(scene: Scene) -> str | None:
             "the material on one side is coupled to that on the other through common nodes; make "
             f"it {reach:.0f} cells thick, or take {'' if box <= mesh else 'a Box, and '}"
             'ParticleDensity() with "apic", "tpic" or "flip", '
-            "which separates them but suits no flow that varies in two directions"
+            "which separates them but is not suited to flow that varies in two directions"
         )
     return None
 
@@ -107,7 +107,7 @@ def near_thin_parts(scene: Scene) -> str | None:
     for i, j in combinations(thin, 2):
         if (apart[i] + apart[j]).min() < NEAR * grid.cell:
             return (
-                f"bodies[{i}] and bodies[{j}] have thin parts nearer than {NEAR:g} cells: what is "
+                f"bodies[{i}] and bodies[{j}] have thin parts nearer than {NEAR:g} cells: material "
                 "between them may be on the wrong side of one and leak; make them one body, a Union"
             )
     return None
@@ -148,6 +148,6 @@ def light_bodies(scene: Scene) -> str | None:
         if body.mass is not None and body.mass < LIGHTEST * full * (1 - 1e-9):
             return (
                 f"bodies[{i}].mass = {body.mass:.4g} kg is below {LIGHTEST * full:.4g}, a tenth of "
-                "the mass of a full cell: under load it is thrown about by noise of the contact"
+                "the mass of a full cell: under load, noise of the contact accelerates it"
             )
     return None

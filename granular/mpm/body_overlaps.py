@@ -69,8 +69,8 @@ def check_overlaps(scene: Scene) -> None:
             place = ", ".join(f"{x:.9g}" for x in found.place)
             raise ValueError(
                 f"bodies[{i}] begins {found.depth:.4g} m within {found.what}, at ({place}): must be"
-                f" at most {most:.4g} m, {OVERLAP} cells, as contact does not hold what overlaps by"
-                " more; move it out"
+                f" at most {most:.4g} m, {OVERLAP} cells, as contact has no effect on larger"
+                " overlaps; move it out"
             )
 
 

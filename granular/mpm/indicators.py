@@ -91,11 +91,10 @@ def remedies(scene: Scene) -> dict[str, str]:
         "gaps": "take more points per cell",
         "courant": "take no fixed dt" if fixed else "take a smaller cfl",
         "mach": stiffer,
-        "compression": f"{stiffer}, and look at the law and at what it is given",
-        "dilution": "look at the law and at what it is given: with its material at rest the "
-        "density is rho_c",
+        "compression": f"{stiffer}, and check the law and its input",
+        "dilution": "check the law and its input: with its material at rest the density is rho_c",
         "energy_created": f"take {_scheme(scene)}{step}, and compare",
-        "strain_step": f"take {step}, and look at what moves so fast",
+        "strain_step": f"take {step}, and check the fastest points",
         "in_bodies": f"take smaller cells, {step}, or a thicker body",
         "in_solids": "put a Wall on the faces that material hits fast, and fill no blocks",
         "weights_at_limit": _weigh(scene),
@@ -117,7 +116,7 @@ def _fill(scene: Scene, otherwise: str) -> str:
 
 def _weigh(scene: Scene) -> str:
     own = any(isinstance(material, OwnLaw) for material in scene.materials)
-    law = "say where a law of your own separates (`separation`), or " if own else ""
+    law = "give the `separation` of the user-defined law, or " if own else ""
     return f"{law}take more points per cell"
 
 

@@ -193,7 +193,7 @@ def _density(scene: Scene) -> str | None:
         return None
     return (
         "ParticleDensity() loses contacts and volume in flows that are truly two-dimensional: most "
-        "points go stress-free, layers compact; take SmoothedDensity() (the default)"
+        "points become stress-free, layers compact; take SmoothedDensity() (the default)"
     )
 
 
@@ -206,8 +206,8 @@ def _damping(scene: Scene) -> str | None:
     if not _granular(scene) or _many_columns(scene) or not damps_by_step(scene.scheme):
         return None
     return (
-        f'transfer = "{scene.scheme.transfer}" damps by the step, not by the second: the flow '
-        'depends on the time step and falls short; take "tpic" or "flip"'
+        f'transfer = "{scene.scheme.transfer}" has numerical damping per step, not per second: the '
+        'flow depends on the time step and is too slow; take "tpic" or "flip"'
     )
 
 
@@ -302,7 +302,7 @@ def _response(scene: Scene) -> str | None:
         return None
     return (
         f"t0 = {fluid.t0:g} s is longer than a wave takes to cross the material, {crossing:.2g} s: "
-        "until the fluidity has grown it is elastic, and its waves are not damped; take a smaller "
+        "until the fluidity has grown it is elastic, and its waves do not decay; take a smaller "
         "t0 or E"
     )
 
@@ -326,7 +326,7 @@ def _late(scene: Scene) -> str | None:
     substeps, smaller = math.ceil(dt / fluid.t0), 10 ** math.floor(math.log10(short))
     return (
         f"t0 = {fluid.t0:g} s of the fluidity is less than the time step of {dt:.2g} s, but not so "
-        "small that the law flows within the step: it responds late, and the material is weaker; "
+        "small that the law flows within the step: its response is late, and the material weaker; "
         f"take t0 = {smaller:g} or Fluidity(substeps={substeps})"
     )
 
@@ -361,8 +361,8 @@ def _clipped(scene: Scene) -> str | None:
     if scene.scheme.transfer != "apic" or scene.scheme.basis != "ugimp" or all(scene.grid.periodic):
         return None
     return (
-        'transfer = "apic" with basis = "ugimp" makes momentum and energy in points at the ends of '
-        'the grid; take "tpic" or "flip", or another basis'
+        'transfer = "apic" with basis = "ugimp" creates momentum and energy in points at the ends '
+        'of the grid; take "tpic" or "flip", or another basis'
     )
 
 
@@ -413,8 +413,8 @@ def _closed(scene: Scene) -> str | None:
             return None
         return (
             f"walls[{servo.wall}] keeps a pressure, but the material does not fill the domain: "
-            "below a free surface its weight makes the pressure, and the servo changes only its "
-            "density; fill the domain, or give the wall no pressure"
+            "below a free surface its weight determines the pressure, and the servo changes only "
+            "its density; fill the domain, or give the wall no pressure"
         )
     opens = any(getattr(wall, "opens_at", math.inf) < math.inf for wall in scene.walls)
     if not full or opens or scene.grid.open_sides:

@@ -86,7 +86,7 @@ def _check_count(name: str, size: float, count: float) -> None:
     if count > MOST_PLACES:
         raise ValueError(
             f"{name} reaches over {size:.4g} m, must be shorter, or endless, or about its position:"
-            f" what it touches is found at {count:.2g} places, must be at most {MOST_PLACES}"
+            f" its contact needs {count:.2g} sample points, must be at most {MOST_PLACES}"
         )
 
 

@@ -304,7 +304,7 @@ def unfinished(path: Path) -> Contents | None:
     has_restart, now = restart.exists(), identity(path)
     if not data.exists():
         if now is None:
-            raise RecordError(f"{data} is missing, without which the log beside it is of no use")
+            raise RecordError(f"{data} is missing, without which the log next to it is useless")
         return None
     if not (frames or has_restart):
         return None

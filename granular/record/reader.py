@@ -209,7 +209,7 @@ class Trajectory(Resource):
         found = self.kept
         index = range(len(self))[frame] if -len(self) <= frame < len(self) else frame
         if index not in found:
-            raise ValueError(f"frame = {frame} must be one of those kept: {found or 'none'}")
+            raise ValueError(f"frame = {frame} must be one of those stored: {found or 'none'}")
         return read_kept(self.path, self._frames[index])
 
     @property

@@ -46,7 +46,7 @@ class Turns:
             name = getattr(self._hook, "__qualname__", type(self._hook).__qualname__)
             by = f"its run has called the hook {name}"
         return (
-            f"{what}: the simulation makes steps already, and {by}, which may look at it, but not "
+            f"{what}: the simulation makes steps already, and {by}, which may read it, but not "
             "step or run it. Call it after the run, in a loop of runs to one time after the other; "
             "or step a copy, Simulation.from_checkpoint(sim.scene, sim.checkpoint())"
         )

@@ -113,7 +113,7 @@ def mass_properties(
         raise ValueError(f"shape = {shape!r} must be of finite size")
     found = moments_of(shape, tolerance)
     if found is None:
-        raise ValueError(f"shape = {shape!r} must have an inside: nothing is in it")
+        raise ValueError(f"shape = {shape!r} must have an inside: it is empty")
     if found.error > TOO_MUCH:
         raise ValueError(
             f"shape = {shape!r}: its mass and inertia are known to {100 * found.error:.2g} % only, "

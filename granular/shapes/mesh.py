@@ -166,7 +166,7 @@ class Mesh(ComparedByContent, Shape):
         vertices, faces, rounding = read_surface(path)
         if scale * rounding > ROUNDED * spacing:
             told = (
-                f"path = {str(path)!r} rounds places by {scale * rounding:.3g} m, more than "
+                f"path = {str(path)!r} rounds positions by {scale * rounding:.3g} m, more than "
                 f"{'' if scale * rounding > spacing else 'a tenth of '}spacing = {spacing}: its "
                 f"coordinates of up to {scale * abs(vertices).max():.3g} m are single precision; "
                 "shift it to the origin before it is written, or write another format"

@@ -42,7 +42,7 @@ def mended(vertices: Array, faces: Faces) -> tuple[Faces, list[str]]:
     if (edges.counts > 2).any():
         faces = _without_copies(faces, edges, len(vertices))
     if before > len(faces):
-        told.append(f"left out {before - len(faces)} of {before} triangles that stand twice")
+        told.append(f"left out {before - len(faces)} of {before} triangles, which are duplicates")
         edges = _Edges.of(faces, len(vertices))
     given = faces
     faces = _oriented(faces, edges)
@@ -63,15 +63,15 @@ def mended(vertices: Array, faces: Faces) -> tuple[Faces, list[str]]:
         shells = _Shells.of(vertices, faces, _Edges.of(faces, len(vertices)))
     wrong, idle = _inside_out(shells)
     if wrong.any():
-        told.append(f"turned {wrong.sum()} of {len(wrong)} closed parts that were inside out")
+        told.append(f"reversed {wrong.sum()} of {len(wrong)} closed parts that were inside out")
     turned = (faces != given).any(axis=1)
     single = turned & ~wrong[shells.label]
     if single.any():
-        told.append(f"turned {single.sum()} of {len(faces)} triangles, to agree with others")
+        told.append(f"reversed {single.sum()} of {len(faces)} triangles, to agree with others")
     if idle:
         told.append(
-            f"{idle} of {len(wrong)} closed parts lie within others and add nothing; a cavity has "
-            "triangles that are anticlockwise as seen from within it"
+            f"{idle} of {len(wrong)} closed parts lie within others and have no effect; a cavity "
+            "has triangles that are anticlockwise as seen from within it"
         )
     return _flipped(faces, wrong[shells.label]), told
 

@@ -184,7 +184,7 @@ def _frame(name: str, head: dict[str, float]) -> tuple[tuple[int, int], Pair, Pa
             f"yllcenter; found {head}"
         )
     if all(steps) or places != 2:
-        raise ValueError(f"{name} must give its cells and its place once, found {head}")
+        raise ValueError(f"{name} must give its cells and its position once, has {head}")
     for key in ("nrows", "ncols"):
         if not 1 <= head[key] <= MOST_HEIGHTS or head[key] != int(head[key]):
             raise ValueError(f"{name}: {key} = {head[key]:g} must be a whole number >= 1")
@@ -193,7 +193,7 @@ def _frame(name: str, head: dict[str, float]) -> tuple[tuple[int, int], Pair, Pa
         raise ValueError(f"{name}: its cells of {spacing} must have finite sizes > 0")
     place = [head[key] for key in (CORNERS if corners else CENTERS)]
     if not all(map(math.isfinite, place)):
-        raise ValueError(f"{name}: its place {tuple(place)} must be finite")
+        raise ValueError(f"{name}: its position {tuple(place)} must be finite")
     half = 0.5 if corners else 0.0
     first = (place[0] + half * spacing[0], place[1] + half * spacing[1])
     shape = int(head["nrows"]), int(head["ncols"])

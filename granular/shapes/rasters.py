@@ -116,8 +116,8 @@ def _factors(raster: Raster, scale: float | Sequence[float] | None) -> tuple[flo
     along = 1.0 if said.horizontal is None else said.horizontal
     if said.vertical is None and along != 1.0:
         raise ValueError(
-            f"{raster.name}: its coordinates have a unit of {along:.10g} m, and nothing says which "
-            f"that of its heights is: give scale = {along:.10g} if it is the same, or scale = "
+            f"{raster.name}: its coordinates have a unit of {along:.10g} m, and does not "
+            f"specify that of its heights: give scale = {along:.10g} if it is the same, or scale = "
             f"({along:.10g}, 1.0) if heights are in metres"
         )
     return along, 1.0 if said.vertical is None else said.vertical
@@ -175,8 +175,8 @@ def _part_of(raster: Raster, window: Sequence[float] | None) -> Part:
         stand = f"{raster.name}, whose posts stand for {axis} = {lower:.12g} to {upper:.12g}"
         if not low < high:
             raise ValueError(
-                f"window = {tuple(window)} must reach along {axis} from a lower to a higher place "
-                f"of {stand}"
+                f"window = {tuple(window)} must reach along {axis} from a lower to a higher "
+                f"position of {stand}"
             )
         if low < lower - near or high > upper + near:
             raise ValueError(

@@ -161,7 +161,7 @@ def _layers(
 ) -> tuple[Layer, Layer]:
     """Return the layer, and one of half as many cells for the estimate of the error."""
     if integer("cells", cells, 8, 100_000) % 2:
-        raise ValueError(f"cells = {cells} must be even: the error is found with half of them")
+        raise ValueError(f"cells = {cells} must be even: the error is estimated with half of them")
     fine, half = (Layer(angle_deg, height, material, gravity, n) for n in (cells, cells // 2))
     return fine, half
 
@@ -255,7 +255,9 @@ class Layer:
             u = u - change
             if np.max(np.abs(change)) <= 1e-12 * np.max(u):
                 return u
-        raise RuntimeError(f"no steady flow found in 100 iterations, last change {change}")
+        raise RuntimeError(
+            f"no convergence to a steady flow in 100 iterations, last change {change}"
+        )
 
     def start(self, g0: float | Callable[[Array], ArrayLike]) -> Array:
         """Initial u from a fluidity `g0` as in `chute_transient`."""

@@ -175,7 +175,9 @@ def couette_flow(
         If there is no solution with mu_w below mu_2.
     """
     if integer("points", points, *POINTS) % 2 == 0:
-        raise ValueError(f"points = {points} must be odd: the error is found with every other one")
+        raise ValueError(
+            f"points = {points} must be odd: the error is estimated with every other one"
+        )
     pressure, rate = positive("pressure", pressure), positive("rate", rate)
     fine = _Gap(inner, outer, material, walls, points).driven(rate, pressure)
     rough = _Gap(inner, outer, material, walls, (points + 1) // 2).driven(rate, pressure)
@@ -233,7 +235,7 @@ class _Gap:
             rates, (0.0, end), start, "DOP853", stops, rtol=rtol, atol=1e-14, max_step=longest
         )
         if not found.success:
-            raise RuntimeError(f"no fluidity found for mu_wall = {mu_wall}: {found.message}")
+            raise RuntimeError(f"no fluidity for mu_wall = {mu_wall}: {found.message}")
         return tuple(found.y[:, ::-1])
 
     def friction(self, u: float) -> float:
@@ -317,7 +319,7 @@ class _Gap:
             done = np.max(np.abs(change)) <= 1e-11 * np.max(g)
             if done or self.turn(g, mu_wall)[0] < 1e-3 * rate:
                 return g
-        raise RuntimeError(f"no flow found in 200 iterations for mu_wall = {mu_wall}")
+        raise RuntimeError(f"no convergence in 200 iterations for mu_wall = {mu_wall}")
 
     def flow(self, g: Array, omega: Array, mu_wall: float, error: float) -> CouetteFlow:
         mu = mu_wall * self.share

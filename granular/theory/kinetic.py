@@ -260,7 +260,7 @@ def compression_temperature(
     """
     lam = _lambda(restitution)
     if lam == 1:
-        raise ValueError("restitution = 1 must be below 1: nothing bounds the temperature")
+        raise ValueError("restitution = 1 must be below 1: the temperature has no bound")
     g = radial_function(packing_fraction)
     if not np.all(g > 0):
         raise ValueError(f"packing_fraction = {packing_fraction!s} must be > 0")

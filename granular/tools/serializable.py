@@ -215,8 +215,8 @@ def _encode(value: Any) -> Any:
     if kind not in _TAGS:
         known = ", ".join(part.__name__ for part in _PARTS.values())
         raise TypeError(
-            f"{value!r} cannot be written: its class must be one of {known}; for a region of your "
-            "own take granular.Mask.of(region.contains, lower, upper, spacing)"
+            f"{value!r} cannot be written: its class must be one of {known}; for a user-defined "
+            "region use granular.Mask.of(region.contains, lower, upper, spacing)"
         )
     return {"type": _TAGS[kind]} | {n: _encode(entry) for n, entry in arguments_of(value).items()}
 
@@ -262,4 +262,4 @@ def _decode_array(dtype: str, shape: list[int], data: str) -> NDArray[Any]:
 
 
 def _refuse_constant(name: str) -> float:
-    raise ValueError(f"{name} must not stand in the JSON of a scene")
+    raise ValueError(f"{name} must not be in the JSON of a scene")

@@ -155,7 +155,7 @@ def _slug(watch: _Watch, scene: Scene) -> dict[str, Array | float]:
         before = now
         state = watch.to(state.time + 1 / 240)
     if before is None:
-        raise ValueError(f"scene {scene.name!r} met its wall before the first look at it")
+        raise ValueError(f"scene {scene.name!r} met its wall before the first sample")
     (t0, p0), (t1, p1) = before, now
     impact = t0 + (t1 - t0) * (p0 - full) / (p0 - p1)
     state = watch.to(scene.duration)

@@ -47,7 +47,7 @@ def test_other_frames_follow_a_change(record):
 
 
 def test_without_a_checkpoint_a_frame_is_refused(record):
-    for frame, named in ((3, "frame = 3 must be one of those kept: [0, 4, 8]"), (11, "frame = 11")):
+    for frame, named in ((3, "frame = 3 must be one of those stored: [0, 4, 8]"), (11, "frame = 11")):
         with pytest.raises(ValueError) as error:
             gr.Simulation.resume(record, frame=frame)
         assert named in str(error.value)

@@ -165,7 +165,7 @@ class Packing:
         inward = np.count_nonzero(outward <= 0)
         if 2 * inward > len(outward):
             raise ValueError(
-                f"normals point into the first body at {inward} of {len(outward)} places, "
+                f"normals point into the first body at {inward} of {len(outward)} contacts, "
                 "must point out of it"
             )
 

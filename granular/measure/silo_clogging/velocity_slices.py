@@ -178,7 +178,8 @@ def gaussian_fit(slices: VelocitySlices, *, d: float | None = None) -> GaussianF
         known = np.isfinite(v)
         if known.sum() < 4:
             raise ValueError(
-                f"slices have {known.sum()} places at height {height:.6g} m, at least 4 are needed"
+                f"slices have {known.sum()} nodes with material at height {height:.6g} m, at least "
+                "4 are needed"
             )
         rows.append((slices.x[known] ** 2 / (4 * height), v[known]))
     tried = _tried(slices)
