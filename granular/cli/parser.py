@@ -129,7 +129,7 @@ def _add_run(commands: Any, words: Sequence[str]) -> None:
     text = "simulate a scene, given by its name or by a file (.toml, .json), and record it"
     command = _add_command(commands, "run", text)
     scenes = command.add_subparsers(required=True, metavar="SCENE|FILE")
-    places = dict.fromkeys(found[1] for word in words if (found := PLACE.fullmatch(word)))
+    places = dict.fromkeys(match[1] for word in words if (match := PLACE.fullmatch(word)))
     for name in words[1:2]:
         if Path(name).suffix in SUFFIXES or _is_path(name, registry):
             scene = scenes.add_parser(name)

@@ -118,7 +118,7 @@ def to_xarray(record: Trajectory, fields: Collection[str] = STANDARD) -> Any:
 def _stacked(frames: Sequence[dict[str, NDArray[Any]]], of: str, prefix: str, dim: int) -> dict:
     """Fields of all frames by the ids of points; nan where a frame does not have the point."""
     ids = np.unique(np.concatenate([frame["id"] for frame in frames if frame]))
-    found: dict[str, Any] = {of: (of, ids)}
+    variables: dict[str, Any] = {of: (of, ids)}
     first = next(frame for frame in frames if frame)
     for name, array in first.items():
         if name == "id":
@@ -133,17 +133,17 @@ def _stacked(frames: Sequence[dict[str, NDArray[Any]]], of: str, prefix: str, di
             is_known = name == "stress" or array.shape[1] == dim
             dims.append(known[array.shape[1]] if is_known else f"{prefix}{name}_component")
         units = {"units": UNITS[name]} if name in UNITS else {}
-        found[prefix + name] = (dims, whole, units)
-    return found
+        variables[prefix + name] = (dims, whole, units)
+    return variables
 
 
 def _bodies(record: Trajectory) -> dict[str, Any]:
     """Motion and impulses of the bodies at all frames."""
     sizes = {4: "quaternion", 3: "space"}
-    found: dict[str, Any] = {}
+    variables: dict[str, Any] = {}
     for name, values in split(record.bodies, 3).items():
         more = [sizes[values.shape[2]]] if values.ndim == 3 else []
-        found[f"body_{name}"] = (["time", "body", *more], values)
-    if any(values.size == 0 for _, values in found.values()):
+        variables[f"body_{name}"] = (["time", "body", *more], values)
+    if any(values.size == 0 for _, values in variables.values()):
         raise RecordError(f"{record.path}: damaged record: no numbers of its bodies")
-    return found
+    return variables

@@ -65,8 +65,8 @@ class DumpFrame:
                 f"{self._source.name} must have the columns {', '.join(missing)}, has "
                 f"{', '.join(self.columns)}"
             )
-        found = np.stack([self.columns[name] for name in names], axis=1)
-        return found if len(names) > 1 else found[:, 0]
+        values = np.stack([self.columns[name] for name in names], axis=1)
+        return values if len(names) > 1 else values[:, 0]
 
     def _first_of(self, *choices: str) -> str | None:
         return next((name for name in choices if name in self.columns), None)
@@ -222,8 +222,8 @@ class Dump:
     def __getitem__(self, index: int) -> DumpFrame:
         index = integer("index", index)
         place = index if index >= 0 else len(self) + index
-        found = islice(tables(self.path, only=place), max(place, 0), None)
-        table = next(found, None) if place >= 0 else None
+        frames = islice(tables(self.path, only=place), max(place, 0), None)
+        table = next(frames, None) if place >= 0 else None
         if table is None:
             raise IndexError(f"index = {index} must be that of one of the {len(self)} frames")
         return self._frame(table)

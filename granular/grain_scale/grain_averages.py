@@ -93,14 +93,14 @@ def average_grains(
     total: list[Array] = []
     count = 0
     for frame in _each("frames", frames):
-        found = _Sums(frame, grid, axes)
+        sums = _Sums(frame, grid, axes)
         if pairs is not None:
             other = next(pairs, None)
             if other is None or other.step != frame.step:
                 step = "no further frame" if other is None else f"step {other.step}"
                 raise ValueError(f"contacts have {step}, frames step {frame.step}")
-            found.add_contacts(other, columns)
-        parts = found.volume, found.mass, found.momentum, found.stress
+            sums.add_contacts(other, columns)
+        parts = sums.volume, sums.mass, sums.momentum, sums.stress
         total = [a + b for a, b in zip(total, parts, strict=True)] if total else list(parts)
         count += 1
     if not count:

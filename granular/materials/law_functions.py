@@ -223,9 +223,9 @@ def _without_comments(source: str) -> str:
 def _check_words(name: str, source: str) -> None:
     """Refuse C source with words by which it would evade the other checks."""
     code = re.sub(QUOTED, '""', _without_comments(source))
-    if found := re.search("|".join(PASSING_BY), code):
+    if word := re.search("|".join(PASSING_BY), code):
         raise ValueError(
-            f"the C source of the law {name!r} must not have {found[0]}: with it, what the source "
+            f"the C source of the law {name!r} must not have {word[0]}: with it, what the source "
             "says would not be all that it does"
         )
 
@@ -233,10 +233,10 @@ def _check_words(name: str, source: str) -> None:
 def _check_includes(name: str, source: str) -> None:
     """Refuse C source that is not all of the law."""
     for line in _without_comments(source).splitlines():
-        found = re.match(r"\s*(?:#|%:)\s*(\w*)\s*(.*)", line)
-        if not found or found[1] in DIRECTIVES:
+        directive = re.match(r"\s*(?:#|%:)\s*(\w*)\s*(.*)", line)
+        if not directive or directive[1] in DIRECTIVES:
             continue
-        if found[1] != "include" or found[2].strip() not in {f"<{h}.h>" for h in HEADERS}:
+        if directive[1] != "include" or directive[2].strip() not in {f"<{h}.h>" for h in HEADERS}:
             raise ValueError(
                 f"the C source of the law {name!r} has {line.strip()!r}: it must be all of the "
                 f"law, so that it may include <math.h> and the like only, {', '.join(HEADERS)}"
@@ -275,7 +275,7 @@ def _lasting(code: str) -> list[str]:
         elif depth == 0:
             outside[-1] += part
     declared = [" ".join(part.partition("=")[0].split()) for part in outside]
-    found = [
+    variables = [
         text
         for text in declared
         if text
@@ -284,7 +284,7 @@ def _lasting(code: str) -> list[str]:
         and not re.fullmatch(r"(?:struct|union|enum)\b\s*\w*", text)
     ]
     inner = re.findall(r"\bstatic\b[^;{}()=]*[;=]", code)
-    return found + [text.strip("; =") for text in inner if not re.search(r"\bconst\b", text)]
+    return variables + [text.strip("; =") for text in inner if not re.search(r"\bconst\b", text)]
 
 
 def from_c(name: str, source: str) -> LawFunction:

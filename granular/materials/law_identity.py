@@ -164,8 +164,8 @@ class _Law:
             text = ", ".join(f"{key}: {entry}" for (_, key), (_, entry) in pairs)
             return {key: entry for (key, _), (entry, _) in pairs}, _short(f"{{{text}}}")
         parts = (value.start, value.stop, value.step) if kind is slice else value
-        found = [self._of_value(where, part, within) for part in parts]
-        copies, texts = [copy for copy, _ in found], [text for _, text in found]
+        results = [self._of_value(where, part, within) for part in parts]
+        copies, texts = [copy for copy, _ in results], [text for _, text in results]
         if kind in (set, frozenset):
             texts.sort()
         return (slice(*copies) if kind is slice else kind(copies)), _short(

@@ -71,7 +71,7 @@ def chains_of(name: str, code: CodeType) -> dict[str, set[Chain]]:
         If the code changes objects outside of it, or uses attributes by which it could access any
         object.
     """
-    found: dict[str, set[Chain]] = {}
+    chains: dict[str, set[Chain]] = {}
     for part in (code, *codes_within(code)):
         chain: list[str] = []  # that of the instructions before, empty if there is none
         for step in dis.get_instructions(part):
@@ -80,13 +80,13 @@ def chains_of(name: str, code: CodeType) -> dict[str, set[Chain]]:
             told = str(step.argval)
             _check_step(name, step.opname, told)
             if chain and step.opname not in ("LOAD_ATTR", "LOAD_METHOD"):
-                found.setdefault(chain[0], set()).add(tuple(chain[1:]))
+                chains.setdefault(chain[0], set()).add(tuple(chain[1:]))
                 chain = []
             if step.opname in ("LOAD_GLOBAL", "LOAD_NAME"):
                 chain = [told]
             elif chain:
                 chain.append(told)
-    return found
+    return chains
 
 
 def _check_step(name: str, kind: str, told: str) -> None:
@@ -162,10 +162,10 @@ def name_of_installed(where: str, value: Any) -> str:
         modules = [getattr(value, "__module__", None) or ""]
     names = getattr(value, "__qualname__", None) or getattr(value, "__name__", "")
     for module in modules:
-        found: Any = sys.modules.get(module) if isinstance(module, str) else None
+        target: Any = sys.modules.get(module) if isinstance(module, str) else None
         for name in str(names).split("."):
-            found = getattr(found, name, None)
-        if found is None or found is not value or not _defines(module, value):
+            target = getattr(target, name, None)
+        if target is None or target is not value or not _defines(module, value):
             continue
         if version := version_of(module):
             if module != "builtins":
@@ -189,13 +189,13 @@ def version_of(module: str) -> str:
 
     The location of the file decides, because a module of the user may have the name of another one.
     """
-    found = sys.modules.get(module)
-    if not isinstance(found, ModuleType):
+    owner = sys.modules.get(module)
+    if not isinstance(owner, ModuleType):
         return ""
     top = module.partition(".")[0]
-    file = getattr(found, "__file__", None)
+    file = getattr(owner, "__file__", None)
     if file is None:
-        spec = getattr(found, "__spec__", None)
+        spec = getattr(owner, "__spec__", None)
         own = spec is None or spec.origin not in ("built-in", "frozen")
         return "" if own or top not in sys.stdlib_module_names else "of Python"
     path = Path(file).resolve()

@@ -65,8 +65,8 @@ def derived(state: State, name: str) -> NDArray[Any]:
     """
     if state.n == 0:
         return np.zeros(0, dtype=np.int64 if name in ("dense", "phase") else float)
-    found = np.asarray(DERIVED[name][0](state))
-    return found.astype(np.int64) if found.dtype == bool else found.astype(float)
+    values = np.asarray(DERIVED[name][0](state))
+    return values.astype(np.int64) if values.dtype == bool else values.astype(float)
 
 
 def with_derived(state: State, names: Iterable[str]) -> dict[str, NDArray[Any]]:

@@ -288,12 +288,12 @@ def _sides(state: State, centre: float) -> list[tuple[bool, list[float]]]:
     """For each horizontal axis, whether a symmetry plane at the centre cuts it, and the distances
     from the centre of its other sides."""
     grid = state.scene.grid
-    found = []
+    sides = []
     for axis, middle in enumerate((centre,) if len(grid.shape) == 2 else (0.0, 0.0)):
         low, high = grid.lower[axis], grid.lower[axis] + grid.cell * grid.shape[axis]
         cut = bool(low > middle - grid.cell / 2)
-        found.append((cut, [high - middle] if cut else [middle - low, high - middle]))
-    return found
+        sides.append((cut, [high - middle] if cut else [middle - low, high - middle]))
+    return sides
 
 
 def _nearest_side(state: State, centre: float) -> float:

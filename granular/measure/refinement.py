@@ -47,8 +47,8 @@ class Extrapolation:
 def _fit(cells: Array, values: Array, order: float) -> tuple[Array, float]:
     """Limit and slope that fit best at an order, and the sum of the squared differences."""
     terms = np.column_stack([np.ones_like(cells), cells**order])
-    found = np.asarray(np.linalg.lstsq(terms, values, rcond=None)[0], float)
-    return found, float(np.sum((terms @ found - values) ** 2))
+    parameters = np.asarray(np.linalg.lstsq(terms, values, rcond=None)[0], float)
+    return parameters, float(np.sum((terms @ parameters - values) ** 2))
 
 
 def _best_order(cells: Array, values: Array) -> float:
@@ -56,10 +56,10 @@ def _best_order(cells: Array, values: Array) -> float:
     tried = np.linspace(*ORDERS, 36)
     best = int(np.argmin([_fit(cells, values, p)[1] for p in tried]))
     around = (tried[max(best - 1, 0)], tried[min(best + 1, len(tried) - 1)])
-    found = scipy.optimize.minimize_scalar(
+    minimum = scipy.optimize.minimize_scalar(
         lambda p: _fit(cells, values, p)[1], bounds=around, method="bounded"
     )
-    return float(found.x)
+    return float(minimum.x)
 
 
 def richardson(cells: ArrayLike, values: ArrayLike, *, order: float | None = None) -> Extrapolation:

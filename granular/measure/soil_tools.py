@@ -241,10 +241,10 @@ def failure_surface(
         below = np.flatnonzero(~moving[column, : highest[column] + 1])
         lowest[column] = below[-1] + 1 if len(below) else 0
     base = grid.lower[2]
-    found = filled.any(axis=1) & (lowest <= highest)
+    exists = filled.any(axis=1) & (lowest <= highest)
     return FailureSurface(
         x=grid.lower[0] + grid.cell * (np.arange(shape[0], dtype=float) + 0.5),
-        z=np.where(found, base + grid.cell * lowest, np.nan),
+        z=np.where(exists, base + grid.cell * lowest, np.nan),
         top=np.where(filled.any(axis=1), base + grid.cell * (highest + 1), np.nan),
         speed=limit,
     )

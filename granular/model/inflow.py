@@ -206,16 +206,16 @@ class Inflow:
     def _sites(self, grid: Grid, up: Sequence[float] | None = None, density: float = 1.0) -> Points:
         """Points at the upstream end of each column of the region along the stream."""
         fill = self._fill(None if self.lithostatic else density)
-        found = seed_points(grid, (fill,), 0, density, up=up, even=True)
-        along = found.x[:, self.axis] * math.copysign(1.0, self.velocity[self.axis])
-        place = (found.x - grid.lower) * (self.points_per_axis / grid.cell)
+        points = seed_points(grid, (fill,), 0, density, up=up, even=True)
+        along = points.x[:, self.axis] * math.copysign(1.0, self.velocity[self.axis])
+        place = (points.x - grid.lower) * (self.points_per_axis / grid.cell)
         across = np.floor(np.delete(place, self.axis, axis=1))
         _, column = np.unique(across, axis=0, return_inverse=True)
         order = np.lexsort((along, column.ravel()))
         begins = np.diff(column.ravel()[order], prepend=-1) != 0
         first = np.zeros(len(along), dtype=bool)
         first[order[begins]] = True
-        return Points(*(array[first] for array in vars(found).values()))
+        return Points(*(array[first] for array in vars(points).values()))
 
     def entering(self, grid: Grid, rho_c: float, up: Sequence[float] | None = None) -> Points:
         """Points that enter, one for each site, in their order; `rho_c` as of `rate_in`.
@@ -223,11 +223,11 @@ class Inflow:
         They enter at the upstream end of the region: a column of points, each of which stands for
         a spacing, then begins there in the mean over the columns.
         """
-        found = self._sites(grid, up, rho_c if self.lithostatic else self.density_in(grid, rho_c))
-        x = found.x.copy()
+        points = self._sites(grid, up, rho_c if self.lithostatic else self.density_in(grid, rho_c))
+        x = points.x.copy()
         x[:, self.axis] = self.plane
         # The upper end of a grid does not belong to any cell.
-        return replace(found, x=np.minimum(x, np.nextafter(grid.upper, grid.lower)))
+        return replace(points, x=np.minimum(x, np.nextafter(grid.upper, grid.lower)))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -275,10 +275,10 @@ def inlet_points(scene: BaseScene, i: int) -> Points:
         size = math.hypot(*gravity)
         up = tuple((-gravity / size).tolist())
         share = size / math.hypot(*scene.gravity.at(0.0))
-    found = inflow.entering(grid, rho_c, up)
+    points = inflow.entering(grid, rho_c, up)
     # The depth that has the same pressure under the whole gravity.
-    fill = np.full(len(found.x), len(scene.fills) + i)
-    return replace(found, depth=found.depth * share, fill=fill)
+    fill = np.full(len(points.x), len(scene.fills) + i)
+    return replace(points, depth=points.depth * share, fill=fill)
 
 
 def standing_points(scene: BaseScene, i: int) -> Points:

@@ -99,7 +99,7 @@ def _pieces(
     boundary of the region cuts the `mixed` squares.
     """
     dim = centres.shape[1]
-    owner, found = np.arange(len(centres)), []
+    owner, pieces = np.arange(len(centres)), []
     for _ in range(LEVELS):
         edge *= 0.5
         reach = REACH * edge
@@ -112,7 +112,9 @@ def _pieces(
         phi[near], normal[near] = distance(centres[near])
         mixed[mixed] = region.cuts(centres[mixed], reach)
         whole = (phi >= reach) & ~mixed
-        found.append((owner[whole], centres[whole], np.full(whole.sum(), edge**dim), normal[whole]))
+        pieces.append(
+            (owner[whole], centres[whole], np.full(whole.sum(), edge**dim), normal[whole])
+        )
         left = (phi > -reach) & ~whole
         owner, centres, mixed = owner[left], centres[left], mixed[left]
         phi, normal = phi[left], normal[left]
@@ -126,9 +128,9 @@ def _pieces(
     plane = np.clip(plane, -edge * dim, edge * dim)
     share, height = plane_cut(plane, across, edge)
     at = centres + (height - plane)[:, None] * across
-    found.append((owner, at, share * edge**dim, normal))
-    index = np.concatenate([part[0] for part in found])
-    at, volume, normal = (np.concatenate([part[k] for part in found]) for k in (1, 2, 3))
+    pieces.append((owner, at, share * edge**dim, normal))
+    index = np.concatenate([part[0] for part in pieces])
+    at, volume, normal = (np.concatenate([part[k] for part in pieces]) for k in (1, 2, 3))
     inside = region.contains(at) & (volume > 0)
     return index[inside], at[inside], volume[inside], normal[inside]
 
@@ -162,8 +164,8 @@ def _put_in_pieces(
     pieces = pieces[space.is_open(at[pieces])]
     gaps = np.linalg.norm(at[pieces] - x[of[pieces]], axis=1)
     pieces = pieces[np.argsort(gaps, kind="stable")]
-    found, first = np.unique(of[pieces], return_index=True)
-    x[found], placed[found] = at[pieces[first]], True
+    owners, first = np.unique(of[pieces], return_index=True)
+    x[owners], placed[owners] = at[pieces[first]], True
 
 
 def _merged(

@@ -51,15 +51,15 @@ class OpenSpace:
     def contains(self, x: Array) -> NDArray[np.bool_]:
         """True for the positions, shape (n, dim) [m], that belong to the fill, apart from
         bodies."""
-        found: NDArray[np.bool_] = np.all((x >= self.grid.lower) & (x < self.grid.upper), axis=1)
+        inside: NDArray[np.bool_] = np.all((x >= self.grid.lower) & (x < self.grid.upper), axis=1)
         if self.region is not None:
-            found[found] = self.region.contains(x[found])
+            inside[inside] = self.region.contains(x[inside])
         for other in self.others:
-            found[found] = ~other.contains(x[found])
-        return found
+            inside[inside] = ~other.contains(x[inside])
+        return inside
 
     def is_open(self, x: Array) -> NDArray[np.bool_]:
         """True for the positions that belong to the fill and are in no body."""
-        found = self.contains(x)
-        found[found] = self.distance(x[found])[0] >= 0
-        return found
+        is_inside = self.contains(x)
+        is_inside[is_inside] = self.distance(x[is_inside])[0] >= 0
+        return is_inside

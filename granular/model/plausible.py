@@ -209,10 +209,10 @@ def _stiffness(scene: BaseScene) -> Iterator[str]:
 
 def stiffness_hint(scene: BaseScene) -> str:
     """Sentence on material that is too soft for its load; empty for one that is not."""
-    found = max(_loads(scene), key=lambda load: load[0] / load[1].K, default=None)
-    if found is None or found[0] <= LARGEST_STRAIN * found[1].K:
+    worst = max(_loads(scene), key=lambda load: load[0] / load[1].K, default=None)
+    if worst is None or worst[0] <= LARGEST_STRAIN * worst[1].K:
         return ""
-    load, (E, K) = found[0], (found[1].E, found[1].K)
+    load, (E, K) = worst[0], (worst[1].E, worst[1].K)
     needed = load / LARGEST_STRAIN * E / K
     unit = next((factor for factor in (1e3, 1e6, 1e9) if needed <= E * factor <= STIFFEST), None)
     meant = "" if unit is None or E > 1e5 else f"did you mean E = {E * unit:g} Pa, or "

@@ -89,9 +89,9 @@ class Mask(ComparedByContent, Region):
     def _inside(self, x: Array) -> NDArray[np.bool_]:
         place = np.floor((x - self.lower) / self.spacing)
         among = np.all((place >= 0) & (place < self.inside.shape), axis=1)
-        found = np.zeros(len(x), dtype=bool)
-        found[among] = self.inside[tuple(place[among].astype(np.int64).T)]
-        return found
+        inside = np.zeros(len(x), dtype=bool)
+        inside[among] = self.inside[tuple(place[among].astype(np.int64).T)]
+        return inside
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -157,6 +157,6 @@ class Cloud(ComparedByContent, Region):
         gap, nearest = scipy.spatial.cKDTree(self.x).query(
             x, p=np.inf, distance_upper_bound=half.max()
         )
-        found = np.isfinite(gap)
-        found[found] = gap[found] < half[nearest[found]]
-        return found
+        inside = np.isfinite(gap)
+        inside[inside] = gap[inside] < half[nearest[inside]]
+        return inside

@@ -298,25 +298,25 @@ class Layer(ComparedByContent, Region):
         bottom, top = np.abs(z - low) <= margin, np.abs(z - high) <= margin
         gaps = np.minimum(np.abs(level - self.lower), np.abs(level - self.upper))
         sides = (gaps <= reach).any(axis=1) & (z >= low - margin) & (z <= high + margin)
-        found: NDArray[np.bool_] = bottom | top | sides
-        return found
+        near: NDArray[np.bool_] = bottom | top | sides
+        return near
 
     def cut(self, x: Array) -> tuple[Array, Array]:
         level = x[:, :-1]
-        found = []
+        surfaces = []
         slope = np.zeros_like(level)
         for sign, z, part in zip((1, -1), self._ends(x), (self.on, self.thickness), strict=True):
             if isinstance(part, Heights):
                 slope = slope + part.slope(level)
             upwards = np.column_stack([-slope, np.ones(len(x))])
             size = np.linalg.norm(upwards, axis=1)
-            found.append((sign * (x[:, -1] - z) / size, sign * upwards / size[:, None]))
+            surfaces.append((sign * (x[:, -1] - z) / size, sign * upwards / size[:, None]))
         for axis, ends in enumerate(zip(self.lower, self.upper, strict=True)):
             for sign, end in zip((1, -1), ends, strict=True):
                 inwards = np.zeros_like(x)
                 inwards[:, axis] = sign
-                found.append((sign * (x[:, axis] - end), inwards))
-        depth, inwards = least(found)
+                surfaces.append((sign * (x[:, axis] - end), inwards))
+        depth, inwards = least(surfaces)
         return -depth, -inwards
 
     def _ends(self, x: Array) -> tuple[Array, Array]:

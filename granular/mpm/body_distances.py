@@ -103,9 +103,9 @@ def distance_from_bodies(
             return least, normal
         places = np.pad(x, ((0, 0), (0, 3 - dim)))
         for body, (turn, position) in zip(bodies, poses, strict=True):
-            found, away = _from_body(grid, body, places, turn, position)
-            nearer = found < least
-            least[nearer], normal[nearer] = found[nearer], away[nearer, :dim]
+            phi, away = _from_body(grid, body, places, turn, position)
+            nearer = phi < least
+            least[nearer], normal[nearer] = phi[nearer], away[nearer, :dim]
         return least, normal
 
     return distance

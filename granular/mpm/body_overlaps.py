@@ -64,12 +64,12 @@ def check_overlaps(scene: Scene) -> None:
     the domain without a wall are not solid, and so are walls that open at once.
     """
     most = (OVERLAP + scene.grid.slack) * scene.grid.cell
-    for i, found in _overlaps(scene):
-        if found.depth > most:
-            place = ", ".join(f"{x:.9g}" for x in found.place)
+    for i, overlap in _overlaps(scene):
+        if overlap.depth > most:
+            place = ", ".join(f"{x:.9g}" for x in overlap.place)
             raise ValueError(
-                f"bodies[{i}] begins {found.depth:.4g} m within {found.what}, at ({place}): must be"
-                f" at most {most:.4g} m, {OVERLAP} cells, as contact has no effect on larger"
+                f"bodies[{i}] begins {overlap.depth:.4g} m within {overlap.what}, at ({place}): must "
+                f"be at most {most:.4g} m, {OVERLAP} cells, as contact has no effect on larger"
                 " overlaps; move it out"
             )
 
@@ -86,13 +86,13 @@ def _overlaps(scene: Scene) -> Iterator[tuple[int, Overlap]]:
             continue
         for k, wall in enumerate(scene.walls):
             if isinstance(wall, Wall) and AXES[wall.axis] in scene.bodies[i].free:
-                yield from ((i, found) for found in _in_wall(scene, k, i, balls[i]))
+                yield from ((i, overlap) for overlap in _in_wall(scene, k, i, balls[i]))
         if _is_near_blocks(scene, solid, scene.bodies[i]):
-            yield from ((i, found) for found in _in_blocks(scene, scene.bodies[i]))
+            yield from ((i, overlap) for overlap in _in_blocks(scene, scene.bodies[i]))
     for i, j in combinations(range(len(scene.bodies)), 2):
         if (i in free or j in free) and _are_near(scene, i, j):
             one, other = (i, j) if i in free else (j, i)
-            yield from ((one, found) for found in _in_body(scene, one, other, balls))
+            yield from ((one, overlap) for overlap in _in_body(scene, one, other, balls))
 
 
 def _placed(grid: Grid, body: Body, rows: Array) -> Balls:
@@ -189,11 +189,13 @@ def _in_blocks(scene: Scene, body: Body) -> Iterator[Overlap]:
         inside: NDArray[np.bool_] = solid.at(at.astype(np.intp).T)
         return inside
 
-    found = within(x)
-    surrounded = found.copy()
+    reaches = within(x)
+    surrounded = reaches.copy()
     for step in product((-1.0, 1.0), repeat=grid.dim):
         surrounded[surrounded] = within(x[surrounded] + (1 + MARGIN) * most * np.array(step))
-    depth = np.where(surrounded, np.maximum(depth, (1 + MARGIN) * most), np.where(found, depth, 0))
+    depth = np.where(
+        surrounded, np.maximum(depth, (1 + MARGIN) * most), np.where(reaches, depth, 0)
+    )
     if len(depth):
         deepest = int(depth.argmax())
         yield Overlap(_block_at(scene, x[deepest]), float(depth[deepest]), x[deepest])

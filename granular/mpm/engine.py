@@ -317,7 +317,7 @@ def entering_masses(scene: Scene) -> NDArray[np.float64]:
 
 def add_inlets(engine: _core.Engine, scene: Scene) -> list[dict[str, NDArray]]:
     """Register the inflows of a scene, and return the fields of the points of their sites."""
-    found = []
+    inlets = []
     for i, inflow in enumerate(scene.inflows):
         points = inlet_points(scene, i)
         fields = fields_of(scene, points)
@@ -326,8 +326,8 @@ def add_inlets(engine: _core.Engine, scene: Scene) -> list[dict[str, NDArray]]:
         rows = rows_of(engine, fields, len(points.x))
         yields = not inflow.driven
         engine.add_inlet(rows, inflow.axis, (vx, vy, vz), spacing, *inflow.times, yields)
-        found.append(fields)
-    return found
+        inlets.append(fields)
+    return inlets
 
 
 def initial_buffers(engine: _core.Engine, points: Mapping[str, NDArray]) -> dict[str, NDArray]:

@@ -37,30 +37,30 @@ def _leave_none(scene: Scene, most: int) -> bool:
 
 def has_material(scene: Scene, places: NDArray[np.float64]) -> NDArray[np.bool_]:
     """True for positions of shape (n, dim) with material at the start: not in blocks or bodies."""
-    found = _in_fills(scene, places)
-    found[found] = _outside(scene, places[found])
-    return found
+    inside = _in_fills(scene, places)
+    inside[inside] = _outside(scene, places[inside])
+    return inside
 
 
 def _in_fills(scene: Scene, places: NDArray[np.float64]) -> NDArray[np.bool_]:
-    found = np.zeros(len(places), dtype=bool)
+    inside = np.zeros(len(places), dtype=bool)
     for fill in scene.fills:
-        found[~found] = fill.region.contains(places[~found])
-    return found
+        inside[~inside] = fill.region.contains(places[~inside])
+    return inside
 
 
 def _outside(scene: Scene, places: NDArray[np.float64]) -> NDArray[np.bool_]:
     """True for positions outside of blocks and bodies."""
-    found = np.ones(len(places), dtype=bool)
+    outside = np.ones(len(places), dtype=bool)
     for wall in scene.walls:
         if isinstance(wall, Solid):
-            found &= ~((places > wall.lower) & (places < wall.upper)).all(axis=1)
+            outside &= ~((places > wall.lower) & (places < wall.upper)).all(axis=1)
     for body in scene.bodies:
-        if not found.any():
+        if not outside.any():
             break
-        left = np.pad(places[found], ((0, 0), (0, 3 - body.dim)))
-        found[found] = distances(scene.grid, body, left) > 0
-    return found
+        left = np.pad(places[outside], ((0, 0), (0, 3 - body.dim)))
+        outside[outside] = distances(scene.grid, body, left) > 0
+    return outside
 
 
 def middle_points(

@@ -99,7 +99,7 @@ class FreeBodies:
             grid = self._scene.grid
             lower, size = np.array(grid.lower), grid.cell * np.array(grid.shape)
             x = np.where(grid.periodic, lower + (x - lower) % size, x)
-            yield from ((i, *found) for found in self._flat(body, x, time))
+            yield from ((i, *overlap) for overlap in self._flat(body, x, time))
             if self._solid is not None:
                 within = self._in_blocks(x)
                 if within.any():

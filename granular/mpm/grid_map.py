@@ -52,8 +52,8 @@ class GridMap(NamedTuple):
 
     def of(self, ranges: Ranges) -> tuple[NDArray[np.intp], ...]:
         """Index of the combinations of classes in `values` that make up the ranges."""
-        found = (np.unique(own[held]) for own, held in zip(self.classes, ranges, strict=True))
-        return np.ix_(*tuple(found)[::-1])
+        classes = (np.unique(own[held]) for own, held in zip(self.classes, ranges, strict=True))
+        return np.ix_(*tuple(classes)[::-1])
 
     def firsts(self) -> tuple[NDArray[np.intp], ...]:
         """Index of the first member of each class along each axis."""

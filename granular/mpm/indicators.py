@@ -84,7 +84,7 @@ def remedies(scene: Scene) -> dict[str, str]:
     fixed = scene.scheme.dt is not None
     step = "a smaller dt" if fixed else "half of cfl"
     stiffer = "take a larger E"
-    found = {
+    texts = {
         "disconnected": _connect(scene),
         "density_drift": _keep_volume(scene),
         "strings": _spread(scene),
@@ -102,10 +102,10 @@ def remedies(scene: Scene) -> dict[str, str]:
     }
     if unsupported(scene):  # no other remedy would help: material at the end of the grid lies flat
         floor = "put a Wall below the material"
-        found |= dict.fromkeys(
+        texts |= dict.fromkeys(
             ("disconnected", "density_drift", "dilution", "energy_created"), floor
         )
-    return found
+    return texts
 
 
 def _fill(scene: Scene, otherwise: str) -> str:

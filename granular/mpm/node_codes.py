@@ -77,10 +77,10 @@ class _Axes:
         """Indices of the nodes from `low` to `high` [cells], ends included."""
         x = self.positions[axis]
         slack = self.grid.slack
-        found = (x >= low - slack) & (x <= high + slack)
+        inside = (x >= low - slack) & (x <= high + slack)
         if self.grid.periodic[axis]:  # node 0 is also node n
-            found |= x + self.grid.shape[axis] <= high + slack
-        return np.flatnonzero(found)
+            inside |= x + self.grid.shape[axis] <= high + slack
+        return np.flatnonzero(inside)
 
     def of(self, wall: Wall | Solid) -> Ranges:
         """Nodes on a wall, or in and at a block."""

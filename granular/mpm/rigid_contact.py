@@ -74,12 +74,12 @@ def contact_balls(shape: Shape, cell: float, name: str = "shape") -> Array:
 
 def balls_of(scene: Scene) -> list[Array]:
     """Balls of each body of a scene; those of one shape are made once."""
-    found: dict[Shape, Array] = {}
+    balls: dict[Shape, Array] = {}
     for i, body in enumerate(scene.bodies):
-        if body.shape not in found:
+        if body.shape not in balls:
             name = f"bodies[{i}].shape"
-            found[body.shape] = contact_balls(body.shape, scene.grid.cell, name)
-    return [found[body.shape] for body in scene.bodies]
+            balls[body.shape] = contact_balls(body.shape, scene.grid.cell, name)
+    return [balls[body.shape] for body in scene.bodies]
 
 
 def _check_count(name: str, size: float, count: float) -> None:
@@ -114,7 +114,7 @@ def _surface(shape: Shape, cell: float, name: str) -> Array:
 
 def _corners(shape: Shape) -> Array:
     """Corners of the boxes and polygons that a shape consists of, shape (n, dim)."""
-    dim, found = shape.dim, [np.zeros((0, shape.dim))]
+    dim, corners = shape.dim, [np.zeros((0, shape.dim))]
     for leaf in shape.leaves():
         parts = []
         if isinstance(leaf, Box):
@@ -123,11 +123,11 @@ def _corners(shape: Shape) -> Array:
             parts = [(at, axes, np.array(half[:dim])) for at, axes, half in leaf.walls]
         elif isinstance(leaf, Polygon):
             centre, axes = frame_of(leaf)
-            found.append(centre[:dim] + leaf.samples()[0][0] @ axes[:dim, :dim].T)
+            corners.append(centre[:dim] + leaf.samples()[0][0] @ axes[:dim, :dim].T)
         for centre, axes, half in parts:
             own = combined([np.array([-s, s]) for s in half])
-            found.append(centre[:dim] + own @ axes[:dim, :dim].T)
-    return np.concatenate(found)
+            corners.append(centre[:dim] + own @ axes[:dim, :dim].T)
+    return np.concatenate(corners)
 
 
 def _thinned(places: Array, width: float) -> Array:

@@ -248,13 +248,13 @@ class Simulation(simulation.Simulation, scenes=Scene):
         missed."""
         rows = iter(self._engine.walls()[len(self.scene.walls) :] if self._watches_walls else ())
         states, at = self._engine.inflow()[1:], 0
-        found = []
+        accounts = []
         for inflow, fields in zip(self.scene.inflows, self._inlets, strict=True):
             size = 2 + 2 * len(fields["mass"])
             row = next(rows) if inflow.driven else np.zeros(9)
-            found.append(account(self.scene, fields, states[at : at + size], row))
+            accounts.append(account(self.scene, fields, states[at : at + size], row))
             at += size
-        return tuple(found)
+        return tuple(accounts)
 
     @property
     def buffers(self) -> dict[str, NDArray]:
@@ -281,14 +281,14 @@ class Simulation(simulation.Simulation, scenes=Scene):
         """Return the fields of a state, to be made column by column."""
         places, without = self._places(), CARRIED if kept else frozenset()
         names = [name for name, *_ in self._engine.fields() if name not in without]
-        found = {name: _Gathered(self._buffers[name], places) for name in ("id", *names)}
+        columns = {name: _Gathered(self._buffers[name], places) for name in ("id", *names)}
         grid = self.scene.grid
         # Positions are wrapped into the domain along periodic axes: ugimp groups by shifted cells.
-        found["x"].wrap = {
+        columns["x"].wrap = {
             int(d): (grid.lower[d], grid.shape[d] * grid.cell)
             for d in np.flatnonzero(grid.periodic)
         }
-        return found
+        return columns
 
     def _fields(self, kept: bool) -> dict[str, NDArray]:
         return {name: field.whole() for name, field in self._gathered(kept).items()}
@@ -301,7 +301,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
     def _indicators(self, state: State, thorough: bool) -> dict[str, float]:
         self._engine.tally()
         tally = self._engine.scalars()
-        found: dict[str, float] = {
+        numbers: dict[str, float] = {
             "mach": tally["tally_fastest"] / self.scene.wave_speed,
             "compression": tally["tally_densest"],
             "dilution": abs(tally["tally_loosest"]),
@@ -309,20 +309,20 @@ class Simulation(simulation.Simulation, scenes=Scene):
         }
         for servo in self.scene.servos:
             moved = abs(float(self.walls[servo.wall].displacement))
-            found["wall_strain"] = moved / core.extent(self.scene, servo.axis)
+            numbers["wall_strain"] = moved / core.extent(self.scene, servo.axis)
         if "weight_correction" in state.fields:
             limit = self.scene.scheme.density.numbers()["weight_correction_limit"]
-            found["weights_at_limit"] = weights_at_limit(state, limit)
+            numbers["weights_at_limit"] = weights_at_limit(state, limit)
         if not thorough or not state.n:
-            return found
+            return numbers
         if any(isinstance(wall, Solid) for wall in self.scene.walls):
             within = deep_within(self.scene.grid, self.scene.walls, state.x)
-            found["in_solids"] = float(state.mass[within].sum() / state.mass.sum())
+            numbers["in_solids"] = float(state.mass[within].sum() / state.mass.sum())
         if self.scene.bodies:
             phi, _ = distance_from_bodies(self.scene.grid, self.scene.bodies, self.bodies)(state.x)
             within = phi < -DEEPEST * self.scene.grid.cell
-            found["in_bodies"] = float(state.mass[within].sum() / state.mass.sum())
-        return found
+            numbers["in_bodies"] = float(state.mass[within].sum() / state.mass.sum())
+        return numbers
 
     # ---- restart ----
 

@@ -29,14 +29,14 @@ least two."""
 
 def ffmpeg() -> str | None:
     """Path of ffmpeg: that of the system, else that of imageio-ffmpeg; None if there is none."""
-    found = shutil.which("ffmpeg")
-    if found is None:
+    path = shutil.which("ffmpeg")
+    if path is None:
         # RuntimeError: the package is there, but brought no program for this machine.
         with suppress(ImportError, RuntimeError):
             import imageio_ffmpeg
 
-            found = imageio_ffmpeg.get_ffmpeg_exe()
-    return found
+            path = imageio_ffmpeg.get_ffmpeg_exe()
+    return path
 
 
 def sampled(count: int) -> list[int]:

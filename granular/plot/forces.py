@@ -239,16 +239,16 @@ def force_distribution(statistics: Mapping[str, ForceStatistics]) -> Picture:
     fig = Picture(figsize=(5.2, 3.8), layout="tight")
     ax = fig.subplots()
     end = 1.0
-    for (name, found), shade in zip(statistics.items(), SHADES, strict=False):
-        count = len(found.scaled)
+    for (name, distribution), shade in zip(statistics.items(), SHADES, strict=False):
+        count = len(distribution.scaled)
         ax.semilogy(
-            found.scaled,
+            distribution.scaled,
             1 - np.arange(count) / count,
             drawstyle="steps-pre",
             color=shade,
-            label=f"{name}: b = {found.decay:.2f} ± {found.decay_error:.2f}",
+            label=f"{name}: b = {distribution.decay:.2f} ± {distribution.decay_error:.2f}",
         )
-        end = max(end, found.scaled[-1])
+        end = max(end, distribution.scaled[-1])
     along = np.array([1.0, end])
     ax.semilogy(along, 0.4 * np.exp(1 - along), "--", color="0.5", label="0.4 exp(1 - F/mean)")
     ax.set(xlabel="force / mean", ylabel="share of contacts beyond")

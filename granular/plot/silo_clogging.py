@@ -66,9 +66,9 @@ def phase_diagram(
     """
     x, y = phase_points(x, y, verdicts, names=("x", "y"))
     ax = Picture(figsize=(5.5, 4.4), layout="tight").add_subplot() if ax is None else ax
-    found = np.array(verdicts)
+    kinds = np.array(verdicts)
     for verdict, style in STYLES.items():
-        here = found == verdict
+        here = kinds == verdict
         if here.any():
             ax.plot(x[here], y[here], linestyle="", markersize=7, label=verdict, **style)
     low_x, right = _ends(x, origin=threshold is not None)

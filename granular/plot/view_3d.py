@@ -207,12 +207,12 @@ class _Stage:
 
     def _bounds(self, states: Sequence[State]) -> tuple[NDArray, NDArray]:
         """Box of the material and of the bodies of some states."""
-        found = []
+        points = []
         for state in states:
             seen = state.x[inside_slab(state.x, self._slab)]
-            found += [seen] if len(seen) else []
-            found += [np.asarray(mesh.points) for mesh in self._placed(state)]
-        every = np.concatenate(found) if found else np.array([states[0].scene.grid.lower])
+            points += [seen] if len(seen) else []
+            points += [np.asarray(mesh.points) for mesh in self._placed(state)]
+        every = np.concatenate(points) if points else np.array([states[0].scene.grid.lower])
         return every.min(axis=0), every.max(axis=0)
 
     def _placed(self, state: State) -> list[Any]:
@@ -279,13 +279,13 @@ def _pixels(state: State, width: int) -> float:
 
 def _surfaces(pyvista: Any, state: State) -> list[Any]:
     """Surfaces of the bodies in their own coordinates."""
-    grid, found = state.scene.grid, []
+    grid, meshes = state.scene.grid, []
     far = math.dist(grid.upper, grid.lower)
     for body in state.scene.bodies:
         vertices, polygons = surface(body.shape, 3, far)
         faces = np.concatenate([(len(polygon), *polygon) for polygon in polygons])
-        found.append(pyvista.PolyData(vertices, faces))
-    return found
+        meshes.append(pyvista.PolyData(vertices, faces))
+    return meshes
 
 
 def _check_display(pyvista: Any) -> None:

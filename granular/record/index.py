@@ -171,10 +171,10 @@ class Contents:
         """
 
         def restart() -> Checkpoint:
-            found = (self._now or self).restart
-            if not found:
+            restart = (self._now or self).restart
+            if not restart:
                 raise RecordError(f"{self.path}: holds no checkpoint")
-            return found()
+            return restart()
 
         return self._insist(restart)
 
@@ -277,8 +277,8 @@ def _stamp(path: Path) -> list[tuple[int, int] | None]:
     stamp: list[tuple[int, int] | None] = []
     for watched in (path, folder, folder / LOG):
         try:
-            found = os.stat(watched)
-            stamp.append((found.st_ino, found.st_mtime_ns))
+            status = os.stat(watched)
+            stamp.append((status.st_ino, status.st_mtime_ns))
         except OSError:
             stamp.append(None)
     return stamp
@@ -318,9 +318,9 @@ def unfinished(path: Path) -> Contents | None:
 
 
 def _load_once(path: Path) -> Contents:
-    found = unfinished(path)
-    if found:
-        return found
+    contents = unfinished(path)
+    if contents:
+        return contents
     main = Main(path)
     restart = main.checkpoint if main.has_checkpoint else None
     return Contents(path, main.texts, main.frames, main, restart)

@@ -206,10 +206,10 @@ class Trajectory(Resource):
         """
         if frame is None:
             return self._contents.checkpoint()
-        found = self.kept
+        frames = self.kept
         index = range(len(self))[frame] if -len(self) <= frame < len(self) else frame
-        if index not in found:
-            raise ValueError(f"frame = {frame} must be one of those stored: {found or 'none'}")
+        if index not in frames:
+            raise ValueError(f"frame = {frame} must be one of those stored: {frames or 'none'}")
         return read_kept(self.path, self._frames[index])
 
     @property
@@ -219,19 +219,19 @@ class Trajectory(Resource):
 
     def damage(self) -> list[str]:
         """Read everything; return one message for each damaged part, none if all is well."""
-        found = list(self._contents.spoilt)
+        messages = list(self._contents.spoilt)
         for frame in self._frames:
             try:
                 for part in filter(None, (frame, frame.gas)):
                     self._contents.read(part)
             except RecordError as error:
-                found.append(str(error))
+                messages.append(str(error))
         try:
             if self.has_checkpoint:
                 self.checkpoint()
         except RecordError as error:
-            found.append(str(error))
-        return found
+            messages.append(str(error))
+        return messages
 
     def close(self) -> None:
         """Close the file, also for the slices of this trajectory."""

@@ -28,14 +28,14 @@ PRECISIONS = (DOUBLE, "single")
 
 def _kind(scene: AnyScene) -> dict[str, object]:
     """Parts of a scene that determine the content of its checkpoints."""
-    found: dict[str, object] = {
+    parts: dict[str, object] = {
         "grid": scene.grid,
         "material": type(scene.material).__name__,
         "walls": len(scene.walls),
         "inflows": scene.inflows,  # the material that has entered follows from their rates
     }
     if isinstance(scene, MpmScene):
-        found |= {
+        parts |= {
             "material.elasticity": scene.material.elasticity,
             "materials": len(scene.materials),
             "scheme.basis": scene.scheme.basis,
@@ -44,13 +44,13 @@ def _kind(scene: AnyScene) -> dict[str, object]:
             "bodies": len(scene.bodies),
         }
         for k, material in enumerate(scene.materials):
-            found[f"materials[{k}]"] = type(material).__name__
-            found[f"materials[{k}].source"] = getattr(material, "source", None)
-            found[f"materials[{k}].history"] = (*getattr(material, "history", ()),)  # in its order
+            parts[f"materials[{k}]"] = type(material).__name__
+            parts[f"materials[{k}].source"] = getattr(material, "source", None)
+            parts[f"materials[{k}].history"] = (*getattr(material, "history", ()),)  # in its order
         for i, body in enumerate(scene.bodies):
             names = ("shape", "position", "rotation_deg")
-            found |= {f"bodies[{i}].{name}": getattr(body, name) for name in names}
-    return found
+            parts |= {f"bodies[{i}].{name}": getattr(body, name) for name in names}
+    return parts
 
 
 def check_alike(before: AnyScene, scene: AnyScene) -> None:
@@ -144,10 +144,10 @@ def usable_isa(isa: str | None, path: Path) -> str | None:
     try:
         return _core.build_info(isa)["isa"]
     except ValueError:
-        found = _core.build_info(default_isa())["isa"]
+        available = _core.build_info(default_isa())["isa"]
     warnings.warn(
         f"{path} was made with the instruction set {isa!r}, which this machine does not have: the "
-        f"run continues with {found!r}, not to the last bit as if it had never stopped",
+        f"run continues with {available!r}, not to the last bit as if it had never stopped",
         stacklevel=3,
     )
     return None

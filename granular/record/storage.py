@@ -49,10 +49,10 @@ def followed(path: str | os.PathLike[str]) -> Path:
 def identity(path: Path) -> tuple[int, int] | None:
     """Size [bytes] and time of modification [ns] of a file, which identify it; or None."""
     try:
-        found = os.stat(path)
+        status = os.stat(path)
     except FileNotFoundError:
         return None
-    return found.st_size, found.st_mtime_ns
+    return status.st_size, status.st_mtime_ns
 
 
 def permissions(path: Path) -> int | None:

@@ -133,15 +133,15 @@ def _results(a: State, b: State) -> Iterator[tuple[str, float, float]]:
 
 def _summary(state: State) -> dict[str, float]:
     """Results of a state by name and unit; in 2D per metre of depth."""
-    found: dict[str, float] = {"points": state.n}
+    results: dict[str, float] = {"points": state.n}
     if not state.n:
-        return found
+        return results
     x, mass = np.asarray(state.x), np.asarray(state.mass)
-    found["mass [kg]"] = float(mass.sum())
+    results["mass [kg]"] = float(mass.sum())
     centre = np.average(x, axis=0, weights=mass)
     for axis, middle, end in zip("xyz", centre, x.max(axis=0), strict=False):
-        found[f"centre of mass, {axis} [m]"] = float(middle)
-        found[f"farthest along {axis} [m]"] = float(end)
-    found["kinetic energy [J]"] = 0.5 * float(mass @ np.sum(np.asarray(state.v) ** 2, axis=1))
-    found["mean pressure [Pa]"] = float(np.mean(state.pressure))
-    return found
+        results[f"centre of mass, {axis} [m]"] = float(middle)
+        results[f"farthest along {axis} [m]"] = float(end)
+    results["kinetic energy [J]"] = 0.5 * float(mass @ np.sum(np.asarray(state.v) ** 2, axis=1))
+    results["mean pressure [Pa]"] = float(np.mean(state.pressure))
+    return results

@@ -124,7 +124,7 @@ class Health:
     @property
     def suspect(self) -> tuple[Indicator, ...]:
         """Indicators beyond their limits."""
-        return tuple(found for found in self.indicators if found.verdict == "suspect")
+        return tuple(indicator for indicator in self.indicators if indicator.verdict == "suspect")
 
     @property
     def verdict(self) -> str:
@@ -134,7 +134,9 @@ class Health:
         "unknown" if there is none, or "failed" with the error; further lines explain those beyond
         their limits.
         """
-        judged = [found for found in self.indicators if found.verdict in ("ok", "suspect")]
+        judged = [
+            indicator for indicator in self.indicators if indicator.verdict in ("ok", "suspect")
+        ]
         if self.failure:
             before = f"; before: {', '.join(map(str, judged))}" if judged else ""
             return "\n".join([f"verdict: failed, {self.failure}{before}", *self.warnings()])
@@ -148,7 +150,10 @@ class Health:
 
     def warnings(self) -> list[str]:
         """One sentence for each indicator beyond its limit: what it means, and what to do."""
-        return [f"{found} is suspect: {found.doc}; {found.remedy}" for found in self.suspect]
+        return [
+            f"{indicator} is suspect: {indicator.doc}; {indicator.remedy}"
+            for indicator in self.suspect
+        ]
 
     def __getitem__(self, name: str) -> Indicator:
         for indicator in self.indicators:

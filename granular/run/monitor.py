@@ -205,14 +205,14 @@ class Monitor:
         rows, largest, count = self.rows, self._largest, self.count
         if not rows and present is not None:
             rows, largest, count = [present], present, 1
-        found = {"samples": float(count)}
+        numbers = {"samples": float(count)}
         for name, column, most in zip(
             self.names, np.reshape(rows, (-1, len(self.names))).T, largest, strict=True
         ):
-            found[name] = float(most) if self._how[name] == "largest" else later(column)
-        if "energy_created" in found:
-            found["energy_created"] = self._account.created
-        return found
+            numbers[name] = float(most) if self._how[name] == "largest" else later(column)
+        if "energy_created" in numbers:
+            numbers["energy_created"] = self._account.created
+        return numbers
 
     # ---- restart ----
 

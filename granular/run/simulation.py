@@ -346,8 +346,8 @@ class Simulation(Present):
 
     def _warn_of_health(self) -> None:
         """Issue a warning for each indicator that has become suspect since the last warning."""
-        found = self.health()
-        for indicator, text in zip(found.suspect, found.warnings(), strict=True):
+        health = self.health()
+        for indicator, text in zip(health.suspect, health.warnings(), strict=True):
             if indicator.name not in self._told:
                 self._told.add(indicator.name)
                 warnings.warn(text, StabilityWarning, stacklevel=4)

@@ -135,13 +135,13 @@ class Sweep(Sequence):
             else pandas.Index(self.keys, name=told[0])
         )
         rows = [_row(value) for value in self._values]
-        found = pandas.DataFrame(rows, index=index)
+        table = pandas.DataFrame(rows, index=index)
         if self.errors:
-            found["error"] = [
+            table["error"] = [
                 None if error is None else f"{type(error).__name__}: {error}"
                 for error in map(self.errors.get, self.keys)
             ]
-        return found
+        return table
 
     def __repr__(self) -> str:
         return f"<Sweep of {len(self)} cases, {len(self.errors)} failed>"

@@ -148,8 +148,8 @@ class Box(Shape):
     def _inside(self, x: Array) -> NDArray[np.bool_]:
         if self.is_turned:
             return super()._inside(x)
-        found: NDArray[np.bool_] = np.all((x >= self.lower) & (x < self.upper), axis=1)
-        return found
+        inside: NDArray[np.bool_] = np.all((x >= self.lower) & (x < self.upper), axis=1)
+        return inside
 
     def depth(self, x: Array, up: Array, step: float) -> Array:
         if self.is_turned:

@@ -101,14 +101,14 @@ def _parsed(text: str) -> list[_Node]:
                 stack[-1].values.append(node)
         else:
             word = token
-    found = [value for value in root.values if isinstance(value, _Node)]
+    nodes = [value for value in root.values if isinstance(value, _Node)]
     for wrapper in ("BOUNDCRS", "SOURCECRS", "COMPD_CS", "COMPOUNDCRS"):
-        inner = [node for one in found if one.keyword == wrapper for node in one.values]
+        inner = [node for one in nodes if one.keyword == wrapper for node in one.values]
         kept = [node for node in inner if isinstance(node, _Node) and node.values]
         known = (*GEOGRAPHIC, *PROJECTED, *VERTICAL, "GEOCCS", "SOURCECRS", "COMPD_CS")
         kept = [node for node in kept if node.keyword in (*known, "COMPOUNDCRS")]
-        found = [node for node in found if node.keyword != wrapper] + kept
-    return found
+        nodes = [node for node in nodes if node.keyword != wrapper] + kept
+    return nodes
 
 
 def _of_places(node: _Node) -> tuple[float, float | None]:

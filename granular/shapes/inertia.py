@@ -111,16 +111,16 @@ def mass_properties(
     tolerance = in_range("tolerance", tolerance, 1e-6, TOO_MUCH)
     if not math.isfinite(reach(shape)):
         raise ValueError(f"shape = {shape!r} must be of finite size")
-    found = moments_of(shape, tolerance)
-    if found is None:
+    moments = moments_of(shape, tolerance)
+    if moments is None:
         raise ValueError(f"shape = {shape!r} must have an inside: it is empty")
-    if found.error > TOO_MUCH:
+    if moments.error > TOO_MUCH:
         raise ValueError(
-            f"shape = {shape!r}: its mass and inertia are known to {100 * found.error:.2g} % only, "
-            f"must be {100 * TOO_MUCH:g} %: it has parts too small or thin for its size"
+            f"shape = {shape!r}: its mass and inertia are known to {100 * moments.error:.2g} % "
+            f"only, must be {100 * TOO_MUCH:g} %: it has parts too small or thin for its size"
         )
-    mass, second, dim = density * found.volume, density * found.second, shape.dim
+    mass, second, dim = density * moments.volume, density * moments.second, shape.dim
     trace = float(np.trace(second))
     tensor = trace * np.eye(dim) - second
     inertia = trace if dim == 2 else tuple(tuple(map(float, row)) for row in tensor)
-    return MassProperties(mass, tuple(float(c) for c in found.center), inertia, found.error)
+    return MassProperties(mass, tuple(float(c) for c in moments.center), inertia, moments.error)

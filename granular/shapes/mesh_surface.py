@@ -130,8 +130,10 @@ class _Edges:
 def _components(count: int, first: Indices, second: Indices) -> tuple[int, Indices]:
     """Number of connected parts of `count` things with links, and the part of each thing."""
     links = scipy.sparse.coo_matrix((np.ones(len(first), bool), (first, second)), (count, count))
-    found: tuple[int, Indices] = scipy.sparse.csgraph.connected_components(links, directed=False)
-    return found
+    components: tuple[int, Indices] = scipy.sparse.csgraph.connected_components(
+        links, directed=False
+    )
+    return components
 
 
 def _flipped(faces: Faces, which: NDArray[np.bool_]) -> Faces:

@@ -77,8 +77,8 @@ def _is_sampled(shape: Shape) -> bool:
 
 def _added(shapes: Sequence[Sequence[Shape]], tolerance: float) -> Moments | None:
     """Sum over unions that are apart; the errors of far ones count twice at most."""
-    found = [moments_of(_union(parts), 0.5 * tolerance) for parts in shapes]
-    return joined([(1.0, part) for part in found if part is not None])
+    terms = [moments_of(_union(parts), 0.5 * tolerance) for parts in shapes]
+    return joined([(1.0, part) for part in terms if part is not None])
 
 
 def _of_difference(shape: Difference, tolerance: float) -> Moments | None:
@@ -98,11 +98,11 @@ def _of_difference(shape: Difference, tolerance: float) -> Moments | None:
     if whole is None or not inner:
         return whole
     gone = [moments_of(_union(parts), 0.5 * tolerance) for parts in inner]
-    found = joined([(1.0, whole), *((-1.0, part) for part in gone if part is not None)])
-    if found is not None and found.error <= tolerance:
-        return found
+    total = joined([(1.0, whole), *((-1.0, part) for part in gone if part is not None)])
+    if total is not None and total.error <= tolerance:
+        return total
     direct = _of_cells(Difference(base, _union(cut)), tolerance)
-    return direct if found is None or direct is None or direct.error < found.error else found
+    return direct if total is None or direct is None or direct.error < total.error else total
 
 
 def _of_cells(shape: Shape, tolerance: float) -> Moments | None:
@@ -146,14 +146,14 @@ def _of_mesh(mesh: Mesh, tolerance: float) -> Moments | None:
     overlapping = whole.overlaps(PROBES)
     if not overlapping.any():
         return whole.moments()
-    found = []
+    terms = []
     for group in whole.clusters():
         part = whole.part(group)
         if overlapping[group].any():
-            found.append(_of_triangles(part, 0.5 * tolerance))
+            terms.append(_of_triangles(part, 0.5 * tolerance))
         else:
-            found.append(part.moments())
-    return joined([(1.0, part) for part in found if part is not None])
+            terms.append(part.moments())
+    return joined([(1.0, part) for part in terms if part is not None])
 
 
 def _of_triangles(triangles: Triangles, tolerance: float) -> Moments | None:

@@ -97,7 +97,7 @@ class Region(ABC):
         Parameters are those of `depth`.
         """
         low, high = np.array(self._box)
-        x, found = np.asarray(x), np.full(len(x), np.inf)
+        x, distance = np.asarray(x), np.full(len(x), np.inf)
         with np.errstate(divide="ignore", invalid="ignore"):
             ends = np.sort([(low - x) / along, (high - x) / along], axis=0)
         ends[:, :, along == 0] = np.array([-np.inf, np.inf])[:, None, None]
@@ -107,26 +107,26 @@ class Region(ABC):
         if hits.any():
             longest = float((end - begin)[hits].max()) + step
             start = np.maximum(begin[hits] - 1e-6 * step, 0.0)
-            found[hits] = start + self._first_inside(
+            distance[hits] = start + self._first_inside(
                 x[hits] + start[:, None] * along, along, step, longest
             )
-        return found
+        return distance
 
     def _first_inside(
         self, x: NDArray[np.float64], along: NDArray[np.float64], step: float, longest: float
     ) -> NDArray[np.float64]:
         """Distance at which rays from positions outside enter the region [m]; inf if they do
         not."""
-        found = np.full(len(x), np.inf)
+        distance = np.full(len(x), np.inf)
         left = np.arange(len(x))
         for n in range(math.ceil(longest / step) + 1):
             hit = self._inside(x[left] + (n * step) * along)
-            found[left[hit]] = n * step
+            distance[left[hit]] = n * step
             left = left[~hit]
             if not len(left):
                 break
-        outside, inside = np.maximum(found - step, 0.0), found.copy()
-        some = np.isfinite(found)
+        outside, inside = np.maximum(distance - step, 0.0), distance.copy()
+        some = np.isfinite(distance)
         for _ in range(40):
             middle = 0.5 * (outside[some] + inside[some])
             within = self._inside(x[some] + middle[:, None] * along)

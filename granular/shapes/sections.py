@@ -81,8 +81,8 @@ def _crossing(x: Array) -> tuple[int, int] | None:
     cross = edge[:, 0] * edge[after, 1] - edge[:, 1] * edge[after, 0]
     back = (cross == 0) & (np.einsum("nd,nd->n", edge, edge[after]) < 0)
     meet[places, after] = meet[after, places] = back
-    found = np.argwhere(meet)
-    return (int(found[0, 0]), int(found[0, 1])) if len(found) else None
+    pairs = np.argwhere(meet)
+    return (int(pairs[0, 0]), int(pairs[0, 1])) if len(pairs) else None
 
 
 def chain_rows(

@@ -77,10 +77,10 @@ def axes_about(normal: Sequence[float]) -> Array:
 
 def direction(name: str, value: object, dim: int | None = None) -> tuple[float, ...]:
     """Check a vector that must not be zero."""
-    found = vector(name, value, dim)
-    if not math.hypot(*found) > 0:
-        raise ValueError(f"{name} = {found} must not be zero")
-    return found
+    components = vector(name, value, dim)
+    if not math.hypot(*components) > 0:
+        raise ValueError(f"{name} = {components} must not be zero")
+    return components
 
 
 TINY = 1e-12

@@ -128,10 +128,10 @@ class Triangles:
         It is tested at points of the surface.
         """
         at, normal, solid = self.points(count)
-        found = np.zeros(len(self._parts), dtype=bool)
+        mask = np.zeros(len(self._parts), dtype=bool)
         inner, outer = self._sides(at, normal)
-        found[solid[(abs(inner - 1) > 0.5) | (abs(outer) > 0.5)]] = True
-        return found
+        mask[solid[(abs(inner - 1) > 0.5) | (abs(outer) > 0.5)]] = True
+        return mask
 
     def clusters(self) -> list[NDArray[np.intp]]:
         """Solids in groups, whose boxes are apart from those of all others."""

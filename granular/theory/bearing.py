@@ -63,13 +63,13 @@ def bearing_capacity(phi_deg: float) -> BearingCapacity:
     N_q = math.exp(math.pi * math.tan(phi)) * passive
     # N_gamma is 0.76 to 0.89 times this; far above it the fan has no such end.
     guess = (N_q - 1.0) * math.tan(phi)
-    found = scipy.optimize.brentq(
+    root = scipy.optimize.brentq(
         lambda N: _end_of_fan(phi, N) - (0.25 * math.pi - 0.5 * phi),
         0.5 * guess,
         1.05 * guess,
         rtol=1e-7,
     )
-    return BearingCapacity(surcharge=N_q, smooth_self_weight=found)
+    return BearingCapacity(surcharge=N_q, smooth_self_weight=root)
 
 
 def _end_of_fan(phi: float, N_gamma: float) -> float:

@@ -283,7 +283,7 @@ class Layer:
                 )
             )
 
-        found = scipy.integrate.solve_ivp(
+        solution = scipy.integrate.solve_ivp(
             lambda _, u: self.rate(u) / self.t0,
             (0.0, stops[-1]),
             u,
@@ -293,9 +293,9 @@ class Layer:
             rtol=rtol,
             atol=1e-9 * rtol * scale,
         )
-        if not found.success:
-            raise RuntimeError(f"no solution up to t = {stops[-1]} s: {found.message}")
-        return found.y.T[where[:-1]]
+        if not solution.success:
+            raise RuntimeError(f"no solution up to t = {stops[-1]} s: {solution.message}")
+        return solution.y.T[where[:-1]]
 
     def velocity(self, u: Array) -> Array:
         """Velocity at the faces [m/s], shape (..., cells + 1)."""

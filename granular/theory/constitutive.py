@@ -332,7 +332,7 @@ class _DensityHistory:
 
     def crossings(self, level: float) -> list[float]:
         """Times at which ln(rho/rho_c) passes through a level, in order."""
-        found = []
+        roots = []
         for part in self._parts:
 
             def above(t: float, part: Any = part) -> float:
@@ -341,8 +341,8 @@ class _DensityHistory:
             # The steps are short (1/16 of a smooth piece); a root is searched for in each.
             side = part.y[0] > level
             for k in np.flatnonzero(side[1:] != side[:-1]):
-                found.append(scipy.optimize.brentq(above, part.t[k], part.t[k + 1], xtol=1e-15))
-        return found
+                roots.append(scipy.optimize.brentq(above, part.t[k], part.t[k + 1], xtol=1e-15))
+        return roots
 
     def events(self) -> tuple[Event, ...]:
         """Times at which the density passes through rho_c, and the kind of each passage."""

@@ -231,12 +231,12 @@ class _Gap:
         stops = end - self.x[::-1] if everywhere else [0.0, end]
         # The interpolation between steps is of lower order than the steps.
         longest = end / 400 if everywhere else math.inf
-        found = scipy.integrate.solve_ivp(
+        solution = scipy.integrate.solve_ivp(
             rates, (0.0, end), start, "DOP853", stops, rtol=rtol, atol=1e-14, max_step=longest
         )
-        if not found.success:
-            raise RuntimeError(f"no fluidity for mu_wall = {mu_wall}: {found.message}")
-        return tuple(found.y[:, ::-1])
+        if not solution.success:
+            raise RuntimeError(f"no fluidity for mu_wall = {mu_wall}: {solution.message}")
+        return tuple(solution.y[:, ::-1])
 
     def friction(self, u: float) -> float:
         """Friction coefficient as a function of u: from mu_s at u = 0 to its limit at infinity."""

@@ -169,26 +169,26 @@ def array(name: str, value: Any, shape: Sequence[int | None], dtype: type = floa
     """
     _unmasked(name, value)
     try:
-        found = np.array(value)
+        numbers = np.array(value)
     except ValueError:
         raise ValueError(f"{name} must be an array: its rows must be of one length") from None
     kinds = "b" if dtype is bool else "fiu"
-    if found.dtype.kind not in kinds:
-        raise TypeError(f"{name} of {found.dtype} must be an array of {dtype.__name__}")
+    if numbers.dtype.kind not in kinds:
+        raise TypeError(f"{name} of {numbers.dtype} must be an array of {dtype.__name__}")
     wanted = tuple("any" if n is None else n for n in shape)
-    fits = found.ndim == len(shape) and all(
-        n in (None, length) for n, length in zip(shape, found.shape, strict=True)
+    fits = numbers.ndim == len(shape) and all(
+        n in (None, length) for n, length in zip(shape, numbers.shape, strict=True)
     )
     if not fits:
-        raise ValueError(f"{name} of shape {found.shape} must have the shape {wanted}")
-    if not np.isfinite(found).all():
-        place = tuple(int(i) for i in np.argwhere(~np.isfinite(found))[0])
+        raise ValueError(f"{name} of shape {numbers.shape} must have the shape {wanted}")
+    if not np.isfinite(numbers).all():
+        place = tuple(int(i) for i in np.argwhere(~np.isfinite(numbers))[0])
         raise ValueError(f"{name}[{', '.join(map(str, place))}] must be a finite number")
-    if dtype is not bool and found.size:
-        _of_size(f"{name}, its largest,", float(max(found.max(), -found.min(), key=abs)))
-    found = np.ascontiguousarray(found, dtype=dtype)
-    found.setflags(write=False)
-    return found
+    if dtype is not bool and numbers.size:
+        _of_size(f"{name}, its largest,", float(max(numbers.max(), -numbers.min(), key=abs)))
+    numbers = np.ascontiguousarray(numbers, dtype=dtype)
+    numbers.setflags(write=False)
+    return numbers
 
 
 def real_array(name: str, value: object, *, float32: bool = False) -> NDArray[Any]:
@@ -227,13 +227,13 @@ def spans(name: str, value: object) -> tuple[tuple[float, float], ...]:
     pairs = sequence(name, value)
     if len(pairs) not in (1, 2):
         raise ValueError(f"{name} = {value!r} must be pairs (low, high), one for each other axis")
-    found = []
+    result = []
     for i, pair in enumerate(pairs):
         low, high = vector(f"{name}[{i}]", pair, 2)
         if not high > low:
             raise ValueError(f"{name}[{i}] = {(low, high)} must have its low end first")
-        found.append((low, high))
-    return tuple(found)
+        result.append((low, high))
+    return tuple(result)
 
 
 def kinds_of(owner: object, **kinds: type) -> None:

@@ -53,24 +53,24 @@ def described(documented: object, *others: object) -> dict[str, str]:
     *others : function or class
         Where descriptions are looked up that the docstring replaces by a reference.
     """
-    found: dict[str, str] = {}
+    descriptions: dict[str, str] = {}
     for part in reversed(getattr(documented, "__mro__", (documented,))):
         for name, text in _parameters(inspect.cleandoc(part.__doc__ or "")).items():
-            if name not in found or not text.startswith(_SEE):
-                found[name] = text
+            if name not in descriptions or not text.startswith(_SEE):
+                descriptions[name] = text
     elsewhere: dict[str, str] = {}
     for other in others:
         elsewhere |= {name: text for name, text in described(other).items() if text}
     return {
         name: elsewhere.get(name, "") if text.startswith(_SEE) else text
-        for name, text in found.items()
+        for name, text in descriptions.items()
     }
 
 
 def _parameters(doc: str) -> dict[str, str]:
     """Names and descriptions of the section "Parameters" of a docstring."""
     _, _, section = doc.partition("Parameters\n----------\n")
-    found: dict[str, str] = {}
+    descriptions: dict[str, str] = {}
     names: list[str] = []
     lines: list[str] = []
     # A line that is underlined begins the next section.
@@ -80,6 +80,6 @@ def _parameters(doc: str) -> dict[str, str]:
             lines.append(line.strip())
             continue
         text = " ".join(filter(None, lines))
-        found |= dict.fromkeys(names, text)
+        descriptions |= dict.fromkeys(names, text)
         names, lines = head[1].replace("*", "").split(", "), []
-    return found
+    return descriptions

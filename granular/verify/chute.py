@@ -101,12 +101,12 @@ def growth_rate(ratio: float, **parameters: Any) -> float:
     simulation = column(ratio, **parameters)
     simulation.run(until=0.25)
     still(simulation, 1e-6)
-    found = []
+    energies = []
     for until in (0.3, 0.35):  # the higher modes have decayed by the first of these times
         simulation.run(until=until)
         state = simulation.state
-        found.append((state.time, math.log(np.average(state.g, weights=state.mass))))
-    (begin, before), (end, after) = found
+        energies.append((state.time, math.log(np.average(state.g, weights=state.mass))))
+    (begin, before), (end, after) = energies
     return (after - before) / (end - begin)
 
 

@@ -62,14 +62,14 @@ def collapse_slope_quick() -> Iterator[Row]:
 @check(slow=True)
 def collapse_runout() -> Iterator[Row]:
     """Run-outs of `published` for aspects 0.5 to 8, E = 1e7 Pa: quantile, toe, contiguous."""
-    found = []
+    quantiles = []
     for aspect in ASPECTS:
         runout = measure.runout(collapse(aspect, 1e7, scheme=PUBLISHED).state)
-        found.append(runout.quantile)
+        quantiles.append(runout.quantile)
         paper = float(RUNOUT_LAWS["dunatunga"](aspect))
         off = runout.quantile / paper - 1
         yield beside(f"run-outs, a = {aspect:g}", three(runout), f"{paper:.2f}, {off:+.0%}")
-    a, runouts = np.log([ASPECTS, found])
+    a, runouts = np.log([ASPECTS, quantiles])
     flat = np.array(ASPECTS) < KINK
     low, high = (float(np.polyfit(a[part], runouts[part], 1)[0]) for part in (flat, ~flat))
     yield within("exponent above a = 2.83", high, 0.7, 0.1)

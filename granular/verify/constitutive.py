@@ -155,9 +155,9 @@ def path_errors(
     exact = reference(cast(MuI, material), p0, times, log_density0).stress
     errors = []
     for dt in steps:
-        _, found = constitutive_path(material, p0, dt, log_density0=log_density0, **path)
-        stride = finest // (len(found) - 1)
-        errors.append(np.abs(found - exact[::stride]).max() / np.abs(exact).max())
+        _, stress = constitutive_path(material, p0, dt, log_density0=log_density0, **path)
+        stride = finest // (len(stress) - 1)
+        errors.append(np.abs(stress - exact[::stride]).max() / np.abs(exact).max())
     return np.array(errors)
 
 
@@ -229,7 +229,7 @@ def stress_update() -> Iterator[Row]:
     """The stress update against 50-digit arithmetic, 10^4 random states, dt = 1e-5 s."""
     material, dt = materials.glass_beads, 1e-5
     gradient, log_density, stress = random_states(material, 10_000)
-    found = update(material, dt, gradient, log_density, stress)[0]
+    result = update(material, dt, gradient, log_density, stress)[0]
     exact = np.array(
         [update_50_digits(material, dt, g, s) for g, s in zip(gradient, stress, strict=True)]
     )
@@ -244,8 +244,8 @@ def stress_update() -> Iterator[Row]:
         axis=1,
     )
     scale = np.maximum(np.abs(stress).max(axis=1), np.abs(change).max(axis=1))
-    yield within("states", len(found), 10_000, 0)
-    yield at_most("largest error", float((np.abs(found - exact).max(axis=1) / scale).max()), 1e-13)
+    yield within("states", len(result), 10_000, 0)
+    yield at_most("largest error", float((np.abs(result - exact).max(axis=1) / scale).max()), 1e-13)
 
 
 @check()

@@ -116,12 +116,12 @@ def density_correction_refinement(scheme: Scheme = DEFAULT) -> Iterator[Row]:
     E is 1e7 Pa: with 1e6 Pa the error due to the stiffness, 0.7 % of v, would hide the error that
     falls with the cells.
     """
-    found = {}
+    error_of = {}
     for cell in (0.02, 0.01, 0.005):
         flows = layers.several(20.0, SEEDS[:1], steady=True, cell=cell, E=1e7, scheme=scheme)
-        found[cell] = flows[0].error
+        error_of[cell] = flows[0].error
         yield beside(f"L2 error of v, cells of {cell:g} m", f"{flows[0].error:.4g}", "falls")
-    errors = list(found.values())
+    errors = list(error_of.values())
     yield holds("the error falls", errors[0] > errors[1] > errors[2])
 
 
@@ -182,14 +182,14 @@ def density_correction_heap(scheme: Scheme = DEFAULT) -> Iterator[Row]:
 
 def ill_posed_work(sim: Simulation, until: float, frames: int = 20) -> float:
     """Share of the plastic work of a run done by points in the ill-posed range of the law."""
-    found = []
+    powers = []
     for time in np.linspace(sim.time, until, frames + 1)[1:]:
         state = sim.run(until=float(time)).state
         power = state.quadrature_volume * state.shear_stress * state.shear_rate
         scaled = np.nan_to_num(measure.scaled_inertial_number(state))  # stress-free: no power
         bad = (scaled > 0) & (ill_posedness(scaled, cast(MuI, state.scene.material)) > 0)
-        found.append((power.sum(), power[bad].sum()))
-    total, ill_posed = np.sum(found, axis=0)
+        powers.append((power.sum(), power[bad].sum()))
+    total, ill_posed = np.sum(powers, axis=0)
     return float(ill_posed / total)
 
 
@@ -202,18 +202,18 @@ def density_correction_runout(scheme: Scheme = DEFAULT) -> Iterator[Row]:
 
 def runouts(aspect: float, cells: tuple[float, ...], scheme: Scheme) -> Iterator[Row]:
     """Rows of the run-outs of a column under refinement, by mass, toe and contiguous columns."""
-    found = []
+    runs = []
     for cell in cells:
         scene = scenes.column_collapse(aspect=aspect, material=SOFT, cell=cell, scheme=scheme)
         sim = Simulation(scene, threads=1)
         bad = ill_posed_work(sim, 2.0)
         run = measure.runout(sim.state)
-        found.append(run.quantile)
+        runs.append(run.quantile)
         name = f"a = {aspect:g}, cells of {cell:g} m"
         paper = float(RUNOUT_LAWS["dunatunga"](aspect))
         yield beside(f"run-outs, {name}", three(run), f"paper {paper:.2f}")
         yield beside(f"plastic work in the ill-posed range, {name}", f"{bad:.2f}", "reported")
-    steps = np.abs(np.diff(found))
+    steps = np.abs(np.diff(runs))
     yield holds(
         f"steps of the run-out fall, a = {aspect:g}",
         bool(len(steps) > 1 and np.all(np.diff(steps) < 0)),

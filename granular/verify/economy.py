@@ -58,8 +58,8 @@ def rows(
     tolerance: float = TOLERANCE,
 ) -> Iterator[Row]:
     """Rows of the change of each quantity, and of the cost that is saved."""
-    for quantity, found in cheaper.numbers.items():
-        moved = change(found, full.numbers[quantity])
+    for quantity, value in cheaper.numbers.items():
+        moved = change(value, full.numbers[quantity])
         text = f"change of the {quantity}, {name}"
         if quantity in bounded:
             yield at_most(text, moved, tolerance)

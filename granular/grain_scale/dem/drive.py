@@ -196,13 +196,13 @@ def pack(
         raise TypeError(f"settings must be Packing, not {type(settings).__name__}")
     script = packing_script(settings)
     (frame,) = _run(settings, script, 1, lambda frame: frame, timeout, command)
-    found = packed(frame)
-    if not found.imbalance <= settings.imbalance:
+    result = packed(frame)
+    if not result.imbalance <= settings.imbalance:
         raise DemError(
-            f"imbalance = {found.imbalance:.3g} of the packing must be <= {settings.imbalance:g}: "
+            f"imbalance = {result.imbalance:.3g} of the packing must be <= {settings.imbalance:g}: "
             "it has not come to rest"
         )
-    return found
+    return result
 
 
 def packed(frame: Frame) -> Pack:

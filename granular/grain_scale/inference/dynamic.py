@@ -165,8 +165,8 @@ def pareto_front(
         ),
         knee=knee,
         inferences=tuple(
-            report(packing, problem.replace(weight=chosen[knee]), *found)
-            for packing, problem, found in zip(frames, problems, solved[knee], strict=True)
+            report(packing, problem.replace(weight=chosen[knee]), *solution)
+            for packing, problem, solution in zip(frames, problems, solved[knee], strict=True)
         ),
     )
 

@@ -238,13 +238,13 @@ class Packing:
             The force on the grain is the contact's force times the sign; the arms are the vectors
             from the centroids to the contacts [m].
         """
-        found = []
+        views = []
         for side, sign in enumerate((1.0, -1.0)):
             contacts = np.flatnonzero(self.bodies[:, side] >= 0)
             grains = self.bodies[contacts, side]
             arms = self.seen_from(side)[contacts] - self.centroids[grains]
-            found.append((contacts, grains, sign, arms))
-        return found
+            views.append((contacts, grains, sign, arms))
+        return views
 
     def seen_from(self, side: int) -> Array:
         """Positions of the contacts at the first (0) or second (1) bodies [m], shape (c, d)."""
@@ -349,13 +349,13 @@ def isotropic_stiffness(E: float, nu: float, dim: int, *, plane: str = "stress")
 
 def _numbers(name: str, value: ArrayLike) -> Array:
     try:
-        found = np.asarray(value, dtype=np.float64)
+        numbers = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise TypeError(f"{name} must be an array of real numbers") from None
-    if not np.isfinite(found).all():
-        where = np.argwhere(~np.isfinite(np.atleast_1d(found)))[0].tolist()
+    if not np.isfinite(numbers).all():
+        where = np.argwhere(~np.isfinite(np.atleast_1d(numbers)))[0].tolist()
         raise ValueError(f"{name}{where} must be finite")
-    return found
+    return numbers
 
 
 def _fits(shape: tuple[int, ...], wanted: tuple[int | None, ...]) -> bool:

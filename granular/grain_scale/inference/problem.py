@@ -122,13 +122,13 @@ class Problem:
     def excess(self, x: Array) -> Array:
         """Distance by which each contact leaves its cone, negative inside, shape (c,)."""
         push = x[: len(self.mu)]
-        found = -push
+        distance = -push
         slip = np.linalg.norm(self.tangents(x), axis=1)
         slipping = self.slipping
         finite = np.isfinite(self.mu[slipping])
         inner = slipping[finite]
-        found[inner] = np.maximum(found[inner], slip[finite] - self.mu[inner] * push[inner])
-        return found
+        distance[inner] = np.maximum(distance[inner], slip[finite] - self.mu[inner] * push[inner])
+        return distance
 
     def replace(self, **changes: Any) -> Problem:
         """Copy with another weight or regularisation."""

@@ -237,10 +237,10 @@ def _best(rows: Sequence[Row], tried: Array) -> float | None:
     i = int(np.argmin([_left(at, rows) for at in log_B]))
     if i in (0, len(tried) - 1):
         return None
-    found = scipy.optimize.minimize_scalar(
+    minimum = scipy.optimize.minimize_scalar(
         _left, args=(rows,), bounds=log_B[[i - 1, i + 1]], method="bounded", options={"xatol": 1e-9}
     )
-    return float(np.exp(found.x))
+    return float(np.exp(minimum.x))
 
 
 def _standard_error(rows: Sequence[Row], B: float, parts: Array, squares: float) -> float:

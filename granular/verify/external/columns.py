@@ -239,10 +239,10 @@ def collapse_of_discs(
     """
     scene = column_of_discs(data, cells, scheme=scheme, points_per_cell=points, **numbers)
     sim = Simulation(scene, threads=1)
-    found = [moments(sim.state)]
+    history = [moments(sim.state)]
     for t in data.facts["t"][1:]:
-        found.append(moments(sim.run(until=float(t) / math.sqrt(G)).state))
-    mean, energy, reach = zip(*found, strict=True)
+        history.append(moments(sim.run(until=float(t) / math.sqrt(G)).state))
+    mean, energy, reach = zip(*history, strict=True)
     h = height_at(sim.state, data.places())
     ends = foot(*surface_of(sim.state), DIAMETERS[data.aspect]) - data.half_width
     return {
@@ -259,25 +259,25 @@ def contact_dynamics_rows(outcome: Outcome, aspect: float, quick: bool) -> None:
         cells = 10 if quick else CELLS[name]
         tag = f"a = {aspect:g}, {name}, {cells} cells"
         with outcome.timed():
-            found = collapse_of_discs(data, cells, SCHEMES[name])
+            result = collapse_of_discs(data, cells, SCHEMES[name])
         for k in (1, 2):  # while it moves; the times of the data are inferred
             for what, column, fact, share in (
                 ("energy", "energy", "pe", 0.04), ("mean distance", "mean", "xm", 0.03)
             ):  # fmt: skip
-                ours, theirs = found[column][k], data.facts[fact][k]
+                ours, theirs = result[column][k], data.facts[fact][k]
                 quantity = f"{what} at t = {k}, {tag}"
                 outcome.rows.append(near(quantity, ours, theirs, share, gate=False))
         cell = min(data.half_width, 1.0) / cells
         resolved = cell <= THIN * DIAMETERS[aspect]
-        mean, (out_99, out_999) = data.facts["xm"][-1], map(float, found["runout"])
+        mean, (out_99, out_999) = data.facts["xm"][-1], map(float, result["runout"])
         outcome.rows += [
-            below(f"L1 of the deposit over the area, {tag}", found["L1"], 0.06),
-            near(f"mean distance of the deposit, {tag}", found["mean"][-1], mean, 0.03),
-            near(f"run-out to the foot in H, {tag}", found["foot"], data.foot, 0.15, resolved),
+            below(f"L1 of the deposit over the area, {tag}", result["L1"], 0.06),
+            near(f"mean distance of the deposit, {tag}", result["mean"][-1], mean, 0.03),
+            near(f"run-out to the foot in H, {tag}", result["foot"], data.foot, 0.15, resolved),
             near(f"run-out of 99 % in H, {tag}", out_99, data.runout("q99"), 0.15),
             near(f"run-out of 99.9 % in H, {tag}", out_999, data.runout(), 0.15, gate=False),
         ]
-        x, h = data.places()[::10], found["deposit"][::10]
+        x, h = data.places()[::10], result["deposit"][::10]
         curves[name] = [x.tolist(), h.tolist()]
     outcome.curves[f"a = {aspect:g}"] = curves
 

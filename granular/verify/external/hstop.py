@@ -105,7 +105,7 @@ def stopping_grains(angle_deg: float, beads: NGF = BEADS) -> float:
     return float(stopping_height(angle_deg, beads.A, 1.0, beads.mu_s, beads.mu_2))
 
 
-def found_stop(angle_deg: float, cells: int, scheme: Scheme) -> float:
+def stopping_ratio(angle_deg: float, cells: int, scheme: Scheme) -> float:
     """Thickness in stopping heights of the law between layers that stop and that flow."""
     low, high = SEARCH
     for _ in range(HALVINGS):
@@ -120,7 +120,7 @@ def found_stop(angle_deg: float, cells: int, scheme: Scheme) -> float:
 def _stops(outcome: Outcome, angle: float, name: str) -> None:
     """Stopping height of the runs and of the law."""
     with outcome.timed():
-        ratio = found_stop(angle, 10, SCHEMES[name])
+        ratio = stopping_ratio(angle, 10, SCHEMES[name])
     law = stopping_grains(angle)
     tag = f"{angle:g} deg, 10 cells, {name}"
     quantity, gate = f"stopping height in grains, {tag}", name == DECIDES

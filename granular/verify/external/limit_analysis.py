@@ -288,8 +288,8 @@ def _wall(
     unit, kind = 0.5 * RHO * G * SIZE**2, "K_p" if passive else "K_a"
     scene = wall_scene(phi, passive=passive, rough=base == "rough", angle_deg=angle, cells=cells)
     with outcome.timed():
-        found = reaction(scene, STOPS[kind])
-    K = found.at_rest(STEADY[kind]) / unit
+        result = reaction(scene, STOPS[kind])
+    K = result.at_rest(STEADY[kind]) / unit
     angles = "phi = {:g}, phi* = {:.1f} deg".format(*limits(phi))
     name = f"{kind}, {angles}, {base} base, turned by {angle:g} deg, {cells} cells"
     outcome.rows.append(near(name, K, wall_reference(phi, passive, base), TOLERANCE, gate))
@@ -297,15 +297,15 @@ def _wall(
         outcome.curves["walls"].append({
             "kind": kind, "phi": phi, "angle": angle,
             "known": tuple(rankine(value, passive) for value in limits(phi)),
-            "curve": ((100 * found.displacement).tolist(), (found.force / unit).tolist()),
+            "curve": ((100 * result.displacement).tolist(), (result.force / unit).tolist()),
         })  # fmt: skip
         if passive:
-            outcome.curves["wedge"] = map_of(found, angle)
+            outcome.curves["wedge"] = map_of(result, angle)
 
 
-def map_of(found: Reaction, angle: float) -> dict[str, Any]:
+def map_of(result: Reaction, angle: float) -> dict[str, Any]:
     """Positions and speeds of the points, for a picture."""
-    x, speed = found.points
+    x, speed = result.points
     return {"angle": angle, "x": (x / SIZE).T.tolist(), "speed": speed.tolist()}
 
 
@@ -317,7 +317,7 @@ def _footing(outcome: Outcome, surcharge: bool, rough: bool, angle: float, cells
     else:
         kind, unit = "self-weight", 0.25 * RHO * G * SIZE**2
     with outcome.timed():
-        found = reaction(
+        result = reaction(
             footing_scene(20.0, rough=rough, surcharge=surcharge, angle_deg=angle, cells=cells),
             STOPS[kind],
         )
@@ -325,11 +325,11 @@ def _footing(outcome: Outcome, surcharge: bool, rough: bool, angle: float, cells
     outcome.curves["footings"].append({
         "kind": kind, "rough": rough, "angle": angle, "cells": cells,
         "known": known,
-        "curve": ((100 * found.displacement).tolist(), (found.force / unit).tolist()),
+        "curve": ((100 * result.displacement).tolist(), (result.force / unit).tolist()),
     })  # fmt: skip
     if surcharge and rough:
-        outcome.curves["footing"] = map_of(found, angle)
-    N = found.at_rest(STEADY[kind]) / unit
+        outcome.curves["footing"] = map_of(result, angle)
+    N = result.at_rest(STEADY[kind]) / unit
     name = f"{'N_q' if surcharge else 'N_gamma'}, {surface} footing, turned by {angle:g} deg"
     # N_gamma of a rough footing is recalled in the file; for a smooth one the finest cells decide
     gate = surcharge or not (rough or cells < 40)
@@ -374,11 +374,11 @@ def _draw_curves(axes: Any, curves: list[dict[str, Any]], label: Callable[[dict]
     axes.legend(fontsize="x-small", loc="center right")
 
 
-def _draw_map(axes: Any, found: dict[str, Any], title: str, ends: Array) -> None:
+def _draw_map(axes: Any, data: dict[str, Any], title: str, ends: Array) -> None:
     """Speed of the points, and a line from one end to another along and across the surface."""
-    x, y = found["x"]
-    axes.scatter(x, y, c=found["speed"], s=1.5, cmap="viridis", vmin=0.0, vmax=1.5, lw=0)
-    frame = Frame(found["angle"])
+    x, y = data["x"]
+    axes.scatter(x, y, c=data["speed"], s=1.5, cmap="viridis", vmin=0.0, vmax=1.5, lw=0)
+    frame = Frame(data["angle"])
     axes.plot(*np.transpose([frame.turned(*end) for end in ends]), "r-", lw=2)
     axes.set(title=title, aspect="equal", xlabel="$x$ / size", ylabel="$y$ / size")
 
