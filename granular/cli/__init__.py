@@ -58,7 +58,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _complain(error: BaseException, code: int) -> int:
     """Print an error with its notes in one line, below it source code; return the exit code."""
     text, *source = (str(error) or type(error).__name__).split(f"\n{MARK}")
-    told = "; ".join([text, *getattr(error, "__notes__", ())])
-    lines = [f"granular: error: {' '.join(told.split())}", *(MARK + line for line in source)]
+    message = "; ".join([text, *getattr(error, "__notes__", ())])
+    lines = [f"granular: error: {' '.join(message.split())}", *(MARK + line for line in source)]
     print(escaped("\n".join(lines)), file=sys.stderr)
     return code

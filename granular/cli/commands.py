@@ -15,9 +15,9 @@ from granular.cli.words import (
     BY_SCENE,
     METAVARS,
     UNSET,
+    default_text,
     keywords_of,
     material_keywords,
-    shown,
     summary,
 )
 
@@ -179,9 +179,9 @@ def info(arguments: argparse.Namespace) -> int:
         if name in provenance:
             print(f"{name:>16}  {provenance[name]}")
     with open_trajectory(arguments.file) as record:
-        seen = record.health()
-        print(seen)
-        print(seen.verdict)
+        health = record.health()
+        print(health)
+        print(health.verdict)
     for message in damage:
         print(f"{'damage':>16}  {message}")
     return FAILED if damage else 0
@@ -287,8 +287,8 @@ def list_scenes(arguments: argparse.Namespace) -> int:
     for name, function in registry.items():
         print(f"{name}: {summary(function)} [{', '.join(function.methods)}]")
         for keyword, kind, default in keywords_of(function):
-            print(f"    --{keyword} {METAVARS[kind]}  ({shown(default, BY_SCENE)})")
+            print(f"    --{keyword} {METAVARS[kind]}  ({default_text(default, BY_SCENE)})")
         print("  material")
         for keyword, kind, default in material_keywords(function):
-            print(f"    --{keyword} {METAVARS[kind]}  ({shown(default, UNSET)})")
+            print(f"    --{keyword} {METAVARS[kind]}  ({default_text(default, UNSET)})")
     return 0

@@ -15,11 +15,11 @@ from granular.cli.words import (
     BY_SCENE,
     METAVARS,
     UNSET,
+    default_text,
     keywords_of,
     material_keywords,
     names,
     number,
-    shown,
     summary,
     whole,
 )
@@ -172,7 +172,7 @@ def _add_numbers(
             # Each may be spelled with hyphens too.
             spelled = dict.fromkeys((f"--{name}", f"--{name.replace('_', '-')}"))
             text = f"{_explained(name, texts)}Default: "
-            text += "that of the file" if by_file else shown(default, none)
+            text += "that of the file" if by_file else default_text(default, none)
             group.add_argument(
                 *spelled,
                 dest=f"scene_{name}",

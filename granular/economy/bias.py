@@ -92,12 +92,12 @@ def kind(scheme: Scheme) -> str:
     step it was not measured.
     """
     if scheme.density.name == "smoothed":
-        own = (
+        held = (
             scheme.replace(tpic_decay=default.tpic_decay)
             if scheme.tpic_decay > default.tpic_decay
             else scheme
         )
-        return "default" if scheme.dt is None and with_numbers_of_default(own) else ""
+        return "default" if scheme.dt is None and with_numbers_of_default(held) else ""
     plain = scheme.basis == "linear" and scheme.transfer == "flip" and not scheme.flip_decay
     return "published" if plain and scheme.mass_cutoff == dunatunga_kamrin_2015.mass_cutoff else ""
 

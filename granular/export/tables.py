@@ -111,8 +111,8 @@ def to_xarray(record: Trajectory, fields: Collection[str] = STANDARD) -> Any:
         coordinates |= {"quaternion": list(QUATERNION), "space": list(AXES)}
     for name, values in record.samples.items():
         variables[f"sample_{name}"] = ("time", values)
-    told = {"scene": record.scene.name, "file": str(record.path)}
-    return xarray.Dataset(variables, coordinates, told)
+    attributes = {"scene": record.scene.name, "file": str(record.path)}
+    return xarray.Dataset(variables, coordinates, attributes)
 
 
 def _stacked(frames: Sequence[dict[str, NDArray[Any]]], of: str, prefix: str, dim: int) -> dict:

@@ -161,12 +161,15 @@ class DumpFrame:
         share = in_range(
             "packing_fraction", packing_fraction, 0.0, 1.0, open_low=True, open_high=True
         )
-        kept, depth = depth_along(self, axes)
+        numbers, depth = depth_along(self, axes)
         if not len(self):
             raise ValueError(f"{self._source.name} holds no grains at step {self.step}")
         volume = self.volume / share
         return Cloud(
-            self.x[:, kept], volume / depth, velocity=self.v[:, kept], density=self.mass / volume
+            self.x[:, numbers],
+            volume / depth,
+            velocity=self.v[:, numbers],
+            density=self.mass / volume,
         )
 
 
@@ -175,13 +178,13 @@ def depth_along(frame: DumpFrame, axes: str) -> tuple[list[int], float]:
 
     The extent is 1 where all are selected.
     """
-    kept = [AXES.find(axis) for axis in axes] if isinstance(axes, str) else [-1]
-    if not 2 <= len(kept) <= 3 or -1 in kept or len(set(kept)) < len(kept):
+    numbers = [AXES.find(axis) for axis in axes] if isinstance(axes, str) else [-1]
+    if not 2 <= len(numbers) <= 3 or -1 in numbers or len(set(numbers)) < len(numbers):
         raise ValueError(f"axes = {axes!r} must be two or three of x, y and z, each once")
-    if len(kept) == 3:
-        return kept, 1.0
-    other = 3 - sum(kept)
-    return kept, float(frame.upper[other] - frame.lower[other])
+    if len(numbers) == 3:
+        return numbers, 1.0
+    other = 3 - sum(numbers)
+    return numbers, float(frame.upper[other] - frame.lower[other])
 
 
 @dataclass(frozen=True, eq=False)

@@ -131,9 +131,11 @@ class _Sums:
     """Sums over the cells of one frame, in 2D per metre of depth."""
 
     def __init__(self, frame: DumpFrame, grid: Grid, axes: str) -> None:
-        kept, self.depth = depth_along(frame, axes)
+        axis_numbers, self.depth = depth_along(frame, axes)
         self.frame, self.grid = frame, grid
-        self.order = kept if len(kept) == 3 else [*kept, 3 - sum(kept)]
+        self.order = (
+            axis_numbers if len(axis_numbers) == 3 else [*axis_numbers, 3 - sum(axis_numbers)]
+        )
         self.x = frame.x[:, self.order]
         here, self.inside = self._cells(self.x)
         if not self.inside.any():

@@ -55,8 +55,8 @@ class LawFunction:
         """Keep an exception that could only be reported, if it was in a call of this function."""
         if self._called is None:
             return False
-        told = lost.err_msg or ""  # Python 3.13 names the function there
-        if lost.object != self._called and repr(self._called) not in told:
+        message = lost.err_msg or ""  # Python 3.13 names the function there
+        if lost.object != self._called and repr(self._called) not in message:
             return False
         self.failure = self.failure or lost.exc_value
         return True
@@ -150,7 +150,7 @@ def _by_numba(update: Callable[..., None]) -> LawFunction:
         numba.types.CPointer(kind) for kind in (numba.types.float64, numba.types.int64)
     )
     integer, real = numba.types.int64, numba.types.float64
-    most, kept = MOST_NUMBERS + 2, MOST_HISTORY
+    most, states = MOST_NUMBERS + 2, MOST_HISTORY
 
     @numba.cfunc(numba.types.void(integer, integer, real, *(numbers,) * 6, integers))
     def call(n, dim, dt, numbers, gradient, c, stress, rate, history, done):  # type: ignore[no-untyped-def]
@@ -161,7 +161,7 @@ def _by_numba(update: Callable[..., None]) -> LawFunction:
             numba.carray(c, (n,)),
             numba.carray(stress, (2 * dim, n)),
             numba.carray(rate, (n,)),
-            numba.carray(history, (kept, n)),
+            numba.carray(history, (states, n)),
         )
         done[0] = 1
 
@@ -301,10 +301,14 @@ def from_c(name: str, source: str) -> LawFunction:
         text, path = Path(folder, "law.c"), Path(folder, "law.so")
         text.write_text(BEFORE + source + AFTER, encoding="utf-8")
         command = [*_compiler(), *FLAGS, "-o", str(path), str(text), "-lm"]
-        kept = {key: os.environ[key] for key in ENVIRONMENT if key in os.environ}
+        environment = {key: os.environ[key] for key in ENVIRONMENT if key in os.environ}
         try:
             ran = subprocess.run(
-                command, capture_output=True, text=True, env=kept | {"LC_ALL": "C"}, check=False
+                command,
+                capture_output=True,
+                text=True,
+                env=environment | {"LC_ALL": "C"},
+                check=False,
             )
             if ran.returncode:
                 raise OSError(ran.stderr.replace(str(text), "law.c").strip()[:MOST_TOLD])

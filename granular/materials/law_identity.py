@@ -52,7 +52,7 @@ def frozen(update: Callable[..., None]) -> tuple[str, Callable[..., None]]:
     law = _Law()
     copy = law.of_function("update", update)
     check_in_place("update", getattr(copy, "py_func", copy).__code__)
-    return "\n".join(law.told()), copy
+    return "\n".join(law.lines()), copy
 
 
 class _Law:
@@ -63,7 +63,7 @@ class _Law:
         self._copies: dict[int, tuple[int, Any, Any]] = {}
         # by the id of a function: its number, its copy, and itself, so that the id is not reused
 
-    def told(self) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         for number, lines in enumerate(self._texts):
             yield from [f"# function {number}:"] * (number > 0) + lines
 
@@ -89,8 +89,8 @@ class _Law:
         for used, chains in sorted(chains_of(name, plain.__code__).items()):
             if used in plain.__globals__:
                 value = plain.__globals__[used]
-                values[used], told = self._of_named(f"{name}: {used}", used, value, chains)
-                lines += told
+                values[used], reading = self._of_named(f"{name}: {used}", used, value, chains)
+                lines += reading
             elif not hasattr(builtins, used):
                 raise ValueError(f"{name}: {used} is not defined: {ADVICE}")
 
@@ -122,14 +122,14 @@ class _Law:
         for attribute in sorted({chain[0] for chain in chains}):
             if not hasattr(value, attribute):
                 raise ValueError(f"{where}.{attribute} is not defined: {ADVICE}")
-            copy, told = self._of_named(
+            copy, reading = self._of_named(
                 f"{where}.{attribute}",
                 f"{name}.{attribute}",
                 getattr(value, attribute),
                 {chain[1:] for chain in chains if chain[0] == attribute},
             )
             setattr(stand_in, attribute, copy)
-            lines += told
+            lines += reading
         return stand_in, lines
 
     def _of_value(self, where: str, value: Any, within: tuple[int, ...] = ()) -> tuple[Any, str]:
@@ -275,7 +275,7 @@ def _text_of(name: str, function: FunctionType) -> str:
     alike = [
         other for other in codes_within(made) if (other.co_name, other.co_firstlineno) == place
     ]
-    if len(alike) != 1 or _told_of(alike[0]) != _told_of(code):
+    if len(alike) != 1 or _content_of(alike[0]) != _content_of(code):
         raise ValueError(
             f"{name} = {function!r} must be the function that its source shows, alone in its line: "
             "was the file changed after it was imported?"
@@ -283,12 +283,12 @@ def _text_of(name: str, function: FunctionType) -> str:
     return textwrap.dedent(text)
 
 
-def _told_of(code: CodeType) -> tuple[Any, ...]:
+def _content_of(code: CodeType) -> tuple[Any, ...]:
     """All parts of a code object that determine its result."""
     constants = []
     for value in code.co_consts:
         if isinstance(value, CodeType):
-            constants.append(repr(_told_of(value)))
+            constants.append(repr(_content_of(value)))
         elif isinstance(value, frozenset):
             constants.append(repr(sorted(map(repr, value))))
         else:

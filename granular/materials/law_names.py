@@ -77,34 +77,34 @@ def chains_of(name: str, code: CodeType) -> dict[str, set[Chain]]:
         for step in dis.get_instructions(part):
             if step.opname in SKIPPED:
                 continue
-            told = str(step.argval)
-            _check_step(name, step.opname, told)
+            argument = str(step.argval)
+            _check_step(name, step.opname, argument)
             if chain and step.opname not in ("LOAD_ATTR", "LOAD_METHOD"):
                 chains.setdefault(chain[0], set()).add(tuple(chain[1:]))
                 chain = []
             if step.opname in ("LOAD_GLOBAL", "LOAD_NAME"):
-                chain = [told]
+                chain = [argument]
             elif chain:
-                chain.append(told)
+                chain.append(argument)
     return chains
 
 
-def _check_step(name: str, kind: str, told: str) -> None:
+def _check_step(name: str, kind: str, argument: str) -> None:
     """Refuse an instruction whose effect the text and the values of a law do not determine."""
     if kind in ("STORE_GLOBAL", "DELETE_GLOBAL"):
-        raise ValueError(f"{name} must not change the global {told}: take history=")
+        raise ValueError(f"{name} must not change the global {argument}: take history=")
     if kind == "IMPORT_NAME":
-        raise ValueError(f"{name} must not import {told}: import it outside, before")
+        raise ValueError(f"{name} must not import {argument}: import it outside, before")
     if kind == "LOAD_BUILD_CLASS":
         raise ValueError(f"{name} must not define a class")
     if kind in ("STORE_ATTR", "DELETE_ATTR"):
-        raise ValueError(f"{name} must not change the attribute {told}: take history=")
+        raise ValueError(f"{name} must not change the attribute {argument}: take history=")
     if kind in ("LOAD_ATTR", "LOAD_METHOD", "LOAD_SUPER_ATTR") and (
-        told in FRAMES or (told.startswith("__") and told.endswith("__"))
+        argument in FRAMES or (argument.startswith("__") and argument.endswith("__"))
     ):
-        raise ValueError(f"{name} must not use the attribute {told}, as it can reach anything")
-    if kind in ("LOAD_GLOBAL", "LOAD_NAME") and told in REFUSED_BUILTINS:
-        raise ValueError(f"{name}: {told} must not be used, as it can reach anything")
+        raise ValueError(f"{name} must not use the attribute {argument}, as it can reach anything")
+    if kind in ("LOAD_GLOBAL", "LOAD_NAME") and argument in REFUSED_BUILTINS:
+        raise ValueError(f"{name}: {argument} must not be used, as it can reach anything")
 
 
 def check_in_place(name: str, code: CodeType) -> None:
@@ -196,8 +196,8 @@ def version_of(module: str) -> str:
     file = getattr(owner, "__file__", None)
     if file is None:
         spec = getattr(owner, "__spec__", None)
-        own = spec is None or spec.origin not in ("built-in", "frozen")
-        return "" if own or top not in sys.stdlib_module_names else "of Python"
+        by_user = spec is None or spec.origin not in ("built-in", "frozen")
+        return "" if by_user or top not in sys.stdlib_module_names else "of Python"
     path = Path(file).resolve()
     if top == "granular" or FOLDERS & {*path.parts}:
         return _distributed(top)

@@ -118,8 +118,8 @@ class OwnLaw(Material):
     @cached_property
     def digest(self) -> str:
         """Digest of the source of the law, which identifies it in records."""
-        told = f"{self.language}\n{self.source}".encode()
-        return hashlib.blake2b(told, digest_size=16).hexdigest()
+        text = f"{self.language}\n{self.source}".encode()
+        return hashlib.blake2b(text, digest_size=16).hexdigest()
 
     def numbers(self) -> tuple[float, ...]:
         """K, G and the parameters, as they are passed to the function."""
@@ -146,7 +146,7 @@ class OwnLaw(Material):
                     f"the law {self.name!r} is C code that came with a file or a scene. It can do "
                     "whatever you can do, and does not run unless you allow it: read it, and then "
                     "call granular.materials.trust_code(scene), resume with trust_code=True, or "
-                    f"give the command --trust-code. {_shown(self.source)}"
+                    f"give the command --trust-code. {_excerpt(self.source)}"
                 )
             _FUNCTIONS[self.digest] = from_c(self.name, self.source)
         return _FUNCTIONS[self.digest]
@@ -176,7 +176,7 @@ def difference(source: str, other: str) -> str:
     return "".join(f"\n{escaped(line)}" for line in changes[:MOST_LINES] + more)
 
 
-def _shown(source: str) -> str:
+def _excerpt(source: str) -> str:
     """Text of a source, or its beginning and how to see all of it."""
     size = len(source)
     if size <= MOST_SHOWN:

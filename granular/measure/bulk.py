@@ -71,20 +71,22 @@ class Bulk:
         self.state, self.shape = state, tuple(last - first + 1)
         self.at_ends = np.array([first == 0, last == np.array(grid.shape) - 1]).T
         self.cell_volume = grid.cell ** len(self.shape)
-        self.own = np.ravel_multi_index(tuple((cells - first).T), self.shape)
+        self.cell_of = np.ravel_multi_index(tuple((cells - first).T), self.shape)
         self.mass = self.sum(state.mass)
         solid = self.sum(state.rest_volume)
         filled = solid >= FILLED * self.cell_volume
         top = uppermost(filled)
         up = (np.asarray(state.x, dtype=float)[:, -1] - grid.lower[-1]) / grid.cell
-        deep = filled.ravel()[self.own] & (top.ravel()[self.own] + first[-1] + 1 - up > depth_cells)
+        deep = filled.ravel()[self.cell_of] & (
+            top.ravel()[self.cell_of] + first[-1] + 1 - up > depth_cells
+        )
         if packed:
-            deep &= (self.around(solid) >= packed * self.cell_volume).ravel()[self.own]
+            deep &= (self.around(solid) >= packed * self.cell_volume).ravel()[self.cell_of]
         self.points: NDArray[np.bool_] = deep
 
     def sum(self, values: ArrayLike) -> Array:
         """Sum of a point field over each cell, an array of the shape of the box."""
-        return sums_of(self.own, values, int(np.prod(self.shape))).reshape(self.shape)
+        return sums_of(self.cell_of, values, int(np.prod(self.shape))).reshape(self.shape)
 
     def around(self, cells: Array) -> Array:
         """Mean of a cell field over each cell and its occupied neighbours, corners included.
@@ -111,7 +113,7 @@ class Bulk:
         """Mean pressure over the cell of each point and its neighbours [Pa]."""
         volume = np.asarray(self.state.rest_volume, dtype=float)
         sums = _pooled(self.sum(pressure * volume)) / np.maximum(_pooled(self.sum(volume)), 1e-300)
-        return sums.ravel()[self.own]
+        return sums.ravel()[self.cell_of]
 
     def _weight_of_a_cell(self) -> Array:
         """Weight of a cell of the material of each point, per area of its face [Pa]."""
@@ -126,7 +128,7 @@ class Bulk:
         """
         volume = np.minimum(self.state.volume, 2.0 * self.cell_volume)
         around = self.around(self.sum(volume)) / self.cell_volume
-        return self._mean(around.ravel()[self.own]) - 1.0
+        return self._mean(around.ravel()[self.cell_of]) - 1.0
 
     def strings(self) -> float:
         """Share of the cells inside the material whose fillings alternate; nan without any."""
@@ -311,10 +313,10 @@ def ill_posed_fraction(state: State) -> float:
     number = np.asarray(getattr(state, "material", np.zeros(state.n)))[flowing]
     ill = np.zeros(len(mass), dtype=bool)
     for k, material in enumerate(state.scene.materials):
-        own = number == k
+        mask = number == k
         if hasattr(material, "xi"):
-            p = state.pressure[flowing][own]
-            ill[own] = ill_posedness(scaled[flowing][own], material, p) > 0
+            p = state.pressure[flowing][mask]
+            ill[mask] = ill_posedness(scaled[flowing][mask], material, p) > 0
     return float(mass[ill].sum() / mass.sum())
 
 

@@ -92,12 +92,12 @@ def cylinder_profile(
     high = np.inf if below is None else finite("below", below)
     sums = np.zeros((5, len(bounds) - 1))
     for before, after in pairwise(states):
-        r, omega, outward, kept = _turned(before, after, centre)
+        r, omega, outward, rows = _turned(before, after, centre)
         keep = (r >= bounds[0]) & (r < bounds[-1]) & (r > 0)
         if after.x.shape[1] == 3:
-            up = np.asarray(after.x)[kept, 2]
+            up = np.asarray(after.x)[rows, 2]
             keep &= (up >= low) & (up < high)
-        m = np.asarray(after.mass, dtype=float)[kept][keep]
+        m = np.asarray(after.mass, dtype=float)[rows][keep]
         r, omega, outward = r[keep], omega[keep], outward[keep]
         ring = np.searchsorted(bounds, r, side="right") - 1
         parts = (m, m * r, m * omega, m * omega**2, m * outward)

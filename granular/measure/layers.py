@@ -121,11 +121,11 @@ def mean_pressure_error(
     axis = weight.ndim - 1
     field = -np.asarray(state.stress)[:, axis] if of == "normal" else state.pressure
     mean = cell_average(state, field, weight="volume")
-    own = tuple(mean.cells.T)
-    deep = filled[own] & (top[own] - mean.cells[:, axis] >= depth_cells)
+    occupied = tuple(mean.cells.T)
+    deep = filled[occupied] & (top[occupied] - mean.cells[:, axis] >= depth_cells)
     if not deep.any():
         raise ValueError(f"no cell has depth_cells = {depth_cells} filled cells above it")
-    expected, volume = weight[own][deep], mean.weight[deep]
+    expected, volume = weight[occupied][deep], mean.weight[deep]
     error = np.sum(volume * (mean.value[deep] - expected) ** 2)
     return float(np.sqrt(error / np.sum(volume * expected**2)))
 

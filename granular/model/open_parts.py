@@ -180,12 +180,12 @@ def _merged(
     distance = space.distance
     small = (volume < LEAST_SHARE * edge ** x.shape[1]) | ~placed
     stay = placed.copy()
-    kept = np.flatnonzero(~small)
-    if not small.any() or not len(kept):
+    large = np.flatnonzero(~small)
+    if not small.any() or not len(large):
         return x[stay], volume[stay]
-    count = min(NEIGHBOURS, len(kept))
-    gaps, order = scipy.spatial.cKDTree(x[kept]).query(x[small], k=[*range(1, count + 1)])
-    normal, others = distance(x[small])[1], kept[order]
+    count = min(NEIGHBOURS, len(large))
+    gaps, order = scipy.spatial.cKDTree(x[large]).query(x[small], k=[*range(1, count + 1)])
+    normal, others = distance(x[small])[1], large[order]
     facing = distance(x[others.ravel()])[1].reshape(*others.shape, -1)
     cosine = np.einsum("ij,ikj->ik", normal, facing)
     suits = (gaps < 1.5 * edge) & (cosine > OPPOSITE)

@@ -113,10 +113,10 @@ def _friction(scene: BaseScene) -> Iterator[str]:
         ]
     for name, mu, least in named:
         if mu > FRICTION[1]:
-            meant = f"did you mean tan({mu:g} deg) = {math.tan(math.radians(mu)):.3g}?"
+            hint = f"did you mean tan({mu:g} deg) = {math.tan(math.radians(mu)):.3g}?"
             rough = 'contact = "sticky"' if name.startswith("bodies") else 'kind = "no_slip"'
             other = f"for a rough surface take {rough}" if "friction" in name else "it has no unit"
-            text = meant if 3 <= mu < 80 else other
+            text = hint if 3 <= mu < 80 else other
             yield f"{name} = {mu:g} is beyond the friction of any grains, {FRICTION[1]}: {text}"
         elif mu < least:
             yield (
@@ -157,8 +157,8 @@ def _densities(scene: BaseScene) -> Iterator[str]:
         solid = getattr(material, "rho_s", None)
         for name, value, (low, high) in (("rho_c", material.rho_c, BULK), ("rho_s", solid, SOLID)):
             if value is not None and not low <= value <= high:
-                meant = _thousands(value, max(low, LIKELY), high)
-                yield f"{kind}: {name} = {value:g} kg/m3 is not a density of grains{meant}"
+                hint = _thousands(value, max(low, LIKELY), high)
+                yield f"{kind}: {name} = {value:g} kg/m3 is not a density of grains{hint}"
                 break
     for i, fill in enumerate(scene.fills):
         rho_c = (fill.material or scene.material).rho_c
@@ -215,11 +215,11 @@ def stiffness_hint(scene: BaseScene) -> str:
     load, (E, K) = worst[0], (worst[1].E, worst[1].K)
     needed = load / LARGEST_STRAIN * E / K
     unit = next((factor for factor in (1e3, 1e6, 1e9) if needed <= E * factor <= STIFFEST), None)
-    meant = "" if unit is None or E > 1e5 else f"did you mean E = {E * unit:g} Pa, or "
+    hint = "" if unit is None or E > 1e5 else f"did you mean E = {E * unit:g} Pa, or "
     return (
         f"E = {E:g} Pa is too soft: under the load of {load:.3g} Pa, p/E = {load / E:.3g}, the "
-        f"density rises by a share of {load / K:.2g}, and flows change by some per cent: {meant}"
-        f"take E >= {load / STIFF:.2g}, 1000 times the load" + ("?" if meant else "")
+        f"density rises by a share of {load / K:.2g}, and flows change by some per cent: {hint}"
+        f"take E >= {load / STIFF:.2g}, 1000 times the load" + ("?" if hint else "")
     )
 
 
@@ -270,8 +270,8 @@ def _gravity(scene: BaseScene) -> Iterator[str]:
     spins = cell < CENTRIFUGE[0] and longest <= CENTRIFUGE[1]
     for factor, unit in ((100, "cm/s2"), (1000, "mm/s2")):
         if abs(largest / (factor * EARTH) - 1) < 0.01 and (largest > LARGEST_GRAVITY or not spins):
-            meant = f"{largest / factor:g}, this in {unit}"
-            yield f"gravity of {largest:g} m/s2: did you mean {meant}?"
+            hint = f"{largest / factor:g}, this in {unit}"
+            yield f"gravity of {largest:g} m/s2: did you mean {hint}?"
             return
     if largest > LARGEST_GRAVITY:
         yield f"gravity of {largest:g} m/s2 is beyond that of a centrifuge, {LARGEST_GRAVITY:g}"
@@ -377,7 +377,7 @@ def _outside(scene: BaseScene) -> Iterator[str]:
             reach, at, free = body.extents()[axis], body.position[axis], AXES[axis] in body.free
             for sign, end in ((-1, grid.lower[axis]), (1, grid.upper[axis])):
                 gap = sign * (at - end) - reach
-                if gap <= near or (gap <= longest and _is_beside(scene, i)):
+                if gap <= near or (gap <= longest and _is_near_another(scene, i)):
                     continue
                 inwards = -sign * body.motion.rows()[:, 1 + axis]
                 comes = (inwards.max() > 0 or (-sign * g[:, axis]).max() > 0) if free else False
@@ -390,7 +390,7 @@ def _outside(scene: BaseScene) -> Iterator[str]:
                     )
 
 
-def _is_beside(scene: BaseScene, i: int) -> bool:
+def _is_near_another(scene: BaseScene, i: int) -> bool:
     """True if the box about a body meets that of another one, on which it may roll or stand."""
     body = scene.bodies[i]
     return any(
@@ -441,13 +441,13 @@ def _inertias(i: int, body: Any, most: float) -> Iterator[str]:
     if INERTIA[0] * most <= moments.min() and largest <= INERTIA[1]:
         return
     unit = next((n for n in UNITS_OF_INERTIA if INERTIA[1] < largest <= n), None)
-    meant = ":"
+    hint = ":"
     if unit is not None:
-        said = f"{moments.max() / unit:.3g} kg m2, this in {UNITS_OF_INERTIA[unit]}"
-        meant = f": did you mean {said}? It is"
+        value = f"{moments.max() / unit:.3g} kg m2, this in {UNITS_OF_INERTIA[unit]}"
+        hint = f": did you mean {value}? It is"
     yield (
         f"bodies[{i}].inertia = {body.inertia} kg m2 is impossible for a body of {body.mass:g} kg "
-        f"within {math.sqrt(most / body.mass):.3g} m{meant} about {0.3 * most:.2g}, see "
+        f"within {math.sqrt(most / body.mass):.3g} m{hint} about {0.3 * most:.2g}, see "
         "mass_properties"
     )
 

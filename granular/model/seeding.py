@@ -153,10 +153,10 @@ def most_points(grid: Grid, fill: Fill) -> int:
     return 2 * math.prod((np.ceil((upper - lower) / spacing) + 1).astype(np.int64).tolist())
 
 
-def _space(grid: Grid, fills: Sequence[Fill], own: int, distance: Distance) -> OpenSpace:
+def _space(grid: Grid, fills: Sequence[Fill], index: int, distance: Distance) -> OpenSpace:
     """Where the points of one of several fills may lie; a cloud's also beyond its squares."""
-    region = fills[own].region
-    others = tuple(fill.region for k, fill in enumerate(fills) if k != own)
+    region = fills[index].region
+    others = tuple(fill.region for k, fill in enumerate(fills) if k != index)
     return OpenSpace(grid, None if isinstance(region, Cloud) else region, distance, others)
 
 
@@ -209,9 +209,9 @@ def _check(grid: Grid, fills: Sequence[Fill], distance: Distance) -> None:
 
 def _deep_in(region: Region, x: NDArray[np.float64], grid: Grid) -> NDArray[np.bool_]:
     """True for places that are in a region by more than the rounding of coordinates."""
-    found = region.contains(x)
-    found[found] = region.cut(x[found])[0] < -grid.slack * grid.cell
-    return found
+    inside = region.contains(x)
+    inside[inside] = region.cut(x[inside])[0] < -grid.slack * grid.cell
+    return inside
 
 
 FINE = 4
@@ -262,20 +262,20 @@ def _is_box(region: Region) -> bool:
 
 def _loads(
     fills: Sequence[Fill],
-    own: int,
+    index: int,
     x: NDArray[np.float64],
     above: NDArray[np.float64],
     rho_c: Sequence[float],
     step: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Depth [m] below the top of a fill, and mass per area [kg/m2] of the others above."""
-    load = _overburden(fills, own, x, above, rho_c, step)
-    return fills[own].region.depth(x, above, step), load
+    load = _overburden(fills, index, x, above, rho_c, step)
+    return fills[index].region.depth(x, above, step), load
 
 
 def _slopes(
     fills: Sequence[Fill],
-    own: int,
+    index: int,
     x: NDArray[np.float64],
     above: NDArray[np.float64],
     rho_c: Sequence[float],
@@ -286,17 +286,17 @@ def _slopes(
     The smaller of the differences over a cell on either side, or of the next two on one side at the
     ends of the fill, and 0 where they differ in sign: the edge of a load is a jump, not a slope.
     """
-    found, region = np.zeros_like(x), fills[own].region
+    slopes, region = np.zeros_like(x), fills[index].region
     alone = sum(fill.lithostatic for fill in fills) == 1
     level = _is_box(region) and np.count_nonzero(above) == 1 and alone
     # Squares of single points have no slope of their own.
     if level or isinstance(region, (Cloud, Mask)):
-        return found
-    reach = 4 * fills[own].points_per_axis * step  # what fills gaps of others is known to a step
+        return slopes
+    reach = 4 * fills[index].points_per_axis * step  # what fills gaps of others is known to a step
 
     def load(places: NDArray[np.float64]) -> NDArray[np.float64]:
-        depth, others = _loads(fills, own, places, above, rho_c, step)
-        loads = depth + others / rho_c[own]
+        depth, others = _loads(fills, index, places, above, rho_c, step)
+        loads = depth + others / rho_c[index]
         return np.where(region.contains(places), loads, np.nan)
 
     here = load(x)
@@ -310,25 +310,25 @@ def _slopes(
             sides.append(sign * change / reach)
         agree = sides[0] * sides[1] > 0  # not where a place is outside the fill
         smaller = np.where(np.abs(sides[0]) < np.abs(sides[1]), *sides)
-        found += np.where(agree, smaller, 0.0)[:, None] * along
-    return found
+        slopes += np.where(agree, smaller, 0.0)[:, None] * along
+    return slopes
 
 
 def _level_axes(above: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     """Directions of length 1 across a direction, and across each other."""
     axes = np.delete(np.eye(len(above)), np.argmax(np.abs(above)), axis=0)
-    known, found = [above], []
+    known, directions = [above], []
     for axis in axes:
         for direction in known:
             axis = axis - (axis @ direction) * direction
         known.append(axis / np.linalg.norm(axis))
-        found.append(known[-1])
-    return found
+        directions.append(known[-1])
+    return directions
 
 
 def _overburden(
     fills: Sequence[Fill],
-    own: int,
+    index: int,
     x: NDArray[np.float64],
     above: NDArray[np.float64],
     rho_c: Sequence[float],
@@ -338,39 +338,39 @@ def _overburden(
 
     It makes good for what the depth in a fill has too much, where others lie in its gaps.
     """
-    found = np.zeros(len(x))
-    others = [k for k, fill in enumerate(fills) if fill.lithostatic and k != own]
+    mass = np.zeros(len(x))
+    others = [k for k, fill in enumerate(fills) if fill.lithostatic and k != index]
     for i in others:
         ahead = fills[i].region.ahead(x, above, step)
         below = np.isfinite(ahead)
         entered = x[below] + ahead[below, None] * above
         depth = fills[i].region.depth(entered, above, step)
         gaps = _within_others(fills, i, entered, above, depth, step)
-        found[below] += rho_c[i] * (depth - gaps)
+        mass[below] += rho_c[i] * (depth - gaps)
     if others:
-        depth = fills[own].region.depth(x, above, step)
-        found -= rho_c[own] * _within_others(fills, own, x, above, depth, step)
-    return found
+        depth = fills[index].region.depth(x, above, step)
+        mass -= rho_c[index] * _within_others(fills, index, x, above, depth, step)
+    return mass
 
 
 def _within_others(
     fills: Sequence[Fill],
-    own: int,
+    index: int,
     x: NDArray[np.float64],
     above: NDArray[np.float64],
     length: NDArray[np.float64],
     step: float,
 ) -> NDArray[np.float64]:
     """Length [m] of rays, to the top of a fill, that is in other lithostatic fills: in its gaps."""
-    found = np.zeros(len(x))
-    if _is_box(fills[own].region) or not len(x):  # no gaps
-        return found
-    others = [fill.region for fill in fills if fill.lithostatic and fill is not fills[own]]
+    total = np.zeros(len(x))
+    if _is_box(fills[index].region) or not len(x):  # no gaps
+        return total
+    others = [fill.region for fill in fills if fill.lithostatic and fill is not fills[index]]
     for k in range(math.ceil(float(length.max()) / step)):
         below = (k + 0.5) * step < length
         places = x[below] + (k + 0.5) * step * above
-        found[below] += step * np.any([region.contains(places) for region in others], axis=0)
-    return found
+        total[below] += step * np.any([region.contains(places) for region in others], axis=0)
+    return total
 
 
 def seed_points(

@@ -68,10 +68,10 @@ def deep_within(grid: Grid, walls: Iterable[object], x: NDArray[np.float64]) -> 
     deep: Mask = solid.at(cells.T)
     inside = np.flatnonzero(deep)  # few or none, so that the other cells are looked up for few
     for step in product((-1, 0, 1), repeat=grid.dim):
-        beside = cells[inside] + step
+        neighbours = cells[inside] + step
         places = [
             _on_grid(along, n, periodic)
-            for along, n, periodic in zip(beside.T, grid.shape, grid.periodic, strict=True)
+            for along, n, periodic in zip(neighbours.T, grid.shape, grid.periodic, strict=True)
         ]
         deep[inside] &= solid.at(places)
     return deep

@@ -75,9 +75,9 @@ def _from_body(
     position: Sequence[float],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Signed distances [m] of positions (n, 3) from a body, or its nearest image, and normals."""
-    own = turn.inv().apply(nearest(places - position, periods(grid, body)))
+    local = turn.inv().apply(nearest(places - position, periods(grid, body)))
     rows, samples = body.shape.rows(), body.shape.samples()
-    distance, normal = _core.body_distance(rows, samples, np.ascontiguousarray(own))
+    distance, normal = _core.body_distance(rows, samples, np.ascontiguousarray(local))
     return distance, turn.apply(normal)
 
 

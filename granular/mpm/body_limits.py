@@ -121,12 +121,13 @@ def mesh_scale(scene: Scene) -> str | None:
     cell, longest = scene.grid.cell, scene.grid.cell * max(scene.grid.shape)
     for i, body in enumerate(scene.bodies):
         size = mesh_size(body.shape)
-        told = f"bodies[{i}] has a mesh of {size:.4g} m in a domain of {longest:.4g} m: "
+        sentence = f"bodies[{i}] has a mesh of {size:.4g} m in a domain of {longest:.4g} m: "
         if size > 10 * longest and cell <= MILLIMETRE * size <= longest:
-            return told + f"if its lengths are in millimetres, take scale = {MILLIMETRE}"
+            return sentence + f"if its lengths are in millimetres, take scale = {MILLIMETRE}"
         if 0 < size < cell and cell <= size / MILLIMETRE <= longest:
             return (
-                told + f"below a cell; if its lengths are in metres, take no scale = {MILLIMETRE}"
+                sentence
+                + f"below a cell; if its lengths are in metres, take no scale = {MILLIMETRE}"
             )
     return None
 

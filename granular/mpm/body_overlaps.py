@@ -68,8 +68,8 @@ def check_overlaps(scene: Scene) -> None:
         if overlap.depth > most:
             place = ", ".join(f"{x:.9g}" for x in overlap.place)
             raise ValueError(
-                f"bodies[{i}] begins {overlap.depth:.4g} m within {overlap.what}, at ({place}): must "
-                f"be at most {most:.4g} m, {OVERLAP} cells, as contact has no effect on larger"
+                f"bodies[{i}] begins {overlap.depth:.4g} m within {overlap.what}, at ({place}): "
+                f"must be at most {most:.4g} m, {OVERLAP} cells, as contact has no effect on larger"
                 " overlaps; move it out"
             )
 
@@ -179,8 +179,8 @@ def _in_blocks(scene: Scene, body: Body) -> Iterator[Overlap]:
     """
     grid, pose = scene.grid, body.at_start()
     most = OVERLAP * grid.cell
-    own, depth = places_of(scene, body, (1 + MARGIN) * most)
-    x = pose.position + own @ pose.rotation.T
+    local, depth = places_of(scene, body, (1 + MARGIN) * most)
+    x = pose.position + local @ pose.rotation.T
     solid, last = solid_cells(grid, scene.walls), np.array(grid.shape) - 1
 
     def within(places: Array) -> NDArray[np.bool_]:
@@ -216,8 +216,8 @@ def _block_at(scene: Scene, x: Array) -> str:
 
 def _in_body(scene: Scene, i: int, j: int, balls: Sequence[Balls]) -> Iterator[Overlap]:
     """Yield the overlap of two bodies, evaluated at the sample points of both."""
-    for own, other in ((i, j), (j, i)):
-        x, radius = balls[own]
+    for one, other in ((i, j), (j, i)):
+        x, radius = balls[one]
         if not len(x):
             continue
         body = scene.bodies[other]

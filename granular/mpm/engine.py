@@ -94,18 +94,18 @@ def _material_row(scene: Scene, material: Material, runs: bool) -> _core.Materia
         "damping_time": material.damping_time,
         **damping(scene, material, largest_gravity(scene)),
     }
-    own = None
+    law = None
     if isinstance(material, OwnLaw):
         capsule = material.function().capsule if runs else None
-        own = capsule, material.numbers(), bool(material.history)
-    return material.law, numbers, _parameters(scene, material), own
+        law = capsule, material.numbers(), bool(material.history)
+    return material.law, numbers, _parameters(scene, material), law
 
 
 def largest_gravity(scene: Scene) -> float:
     """Largest gravity of a scene [m/s2]; under a wall that keeps P at least P/(rho_c H)."""
-    own = float(np.linalg.norm(scene.gravity.vectors, axis=1).max())
+    magnitude = float(np.linalg.norm(scene.gravity.vectors, axis=1).max())
     loads = [s.pressure / extent(scene, s.axis) / scene.material.rho_c for s in scene.servos]
-    return max([own, *loads])
+    return max([magnitude, *loads])
 
 
 def extent(scene: Scene, axis: int) -> float:

@@ -39,7 +39,7 @@ Array = NDArray[np.float64]
 class Places(NamedTuple):
     """Sample points in and on a body in its coordinates, shape (n, dim), and their depths in it."""
 
-    own: Array
+    local: Array
     depth: Array
 
 
@@ -95,7 +95,7 @@ class FreeBodies:
         """Yield free bodies, the obstacles near them, and their overlaps [m]."""
         for i, places in self._places.items():
             body, pose = self._scene.bodies[i], states[i]
-            x = pose.position + places.own @ pose.rotation.T
+            x = pose.position + places.local @ pose.rotation.T
             grid = self._scene.grid
             lower, size = np.array(grid.lower), grid.cell * np.array(grid.shape)
             x = np.where(grid.periodic, lower + (x - lower) % size, x)
@@ -122,12 +122,12 @@ class FreeBodies:
         for k, wall in enumerate(scene.walls):
             if not isinstance(wall, Wall) or wall.axis not in axes or time >= wall.opens_at:
                 continue
-            beside = np.ones(len(x), dtype=bool)
+            facing = np.ones(len(x), dtype=bool)
             for axis in range(grid.dim):
                 if axis != wall.axis and wall.span is not None:
                     low, high = wall.extent(grid, axis)
-                    beside &= (x[:, axis] > low) & (x[:, axis] < high)
-            off = x[beside, wall.axis] - wall.at
+                    facing &= (x[:, axis] > low) & (x[:, axis] < high)
+            off = x[facing, wall.axis] - wall.at
             if len(off) and off.min() < 0 < off.max():
                 name = f"walls[{k}], normal to {AXES[wall.axis]} at {wall.at:.6g} m"
                 yield name, float(min(-off.min(), off.max()))
@@ -188,8 +188,8 @@ def places_of(scene: Scene, body: Body, deep: float) -> Places:
     surface = points[near] - phi[near, None] * normal[near]
     below = surface - deep * normal[near]
     depth = -shape.distance(below)[0]
-    inside, kept = phi <= 0, depth > 0
+    inside, is_deep = phi <= 0, depth > 0
     return Places(
-        np.concatenate([surface, below[kept], points[inside]]),
-        np.concatenate([np.zeros(len(surface)), depth[kept], -phi[inside]]),
+        np.concatenate([surface, below[is_deep], points[inside]]),
+        np.concatenate([np.zeros(len(surface)), depth[is_deep], -phi[inside]]),
     )

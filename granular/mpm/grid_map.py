@@ -52,12 +52,14 @@ class GridMap(NamedTuple):
 
     def of(self, ranges: Ranges) -> tuple[NDArray[np.intp], ...]:
         """Index of the combinations of classes in `values` that make up the ranges."""
-        classes = (np.unique(own[held]) for own, held in zip(self.classes, ranges, strict=True))
+        classes = (
+            np.unique(numbers[held]) for numbers, held in zip(self.classes, ranges, strict=True)
+        )
         return np.ix_(*tuple(classes)[::-1])
 
     def firsts(self) -> tuple[NDArray[np.intp], ...]:
         """Index of the first member of each class along each axis."""
-        return tuple(np.flatnonzero(np.diff(own, prepend=-1)) for own in self.classes)
+        return tuple(np.flatnonzero(np.diff(numbers, prepend=-1)) for numbers in self.classes)
 
     def dense(self, part: Sequence[slice] | None = None) -> NDArray[Any]:
         """Array with a value for every node or cell, shape (..., n_y, n_x).
@@ -66,12 +68,12 @@ class GridMap(NamedTuple):
         """
         classes = self.classes
         if part is not None:
-            classes = tuple(own[along] for own, along in zip(classes, part, strict=True))
+            classes = tuple(numbers[along] for numbers, along in zip(classes, part, strict=True))
         return np.ascontiguousarray(self.values[np.ix_(*classes[::-1])])
 
     def at(self, indices: Sequence[NDArray[np.intp]]) -> NDArray[Any]:
         """Values at positions given by their indices along x, y (and z)."""
-        classes = (own[along] for own, along in zip(self.classes, indices, strict=True))
+        classes = (numbers[along] for numbers, along in zip(self.classes, indices, strict=True))
         return self.values[tuple(classes)[::-1]]
 
 

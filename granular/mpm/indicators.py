@@ -115,8 +115,8 @@ def _fill(scene: Scene, otherwise: str) -> str:
 
 
 def _weigh(scene: Scene) -> str:
-    own = any(isinstance(material, OwnLaw) for material in scene.materials)
-    law = "give the `separation` of the user-defined law, or " if own else ""
+    is_user_defined = any(isinstance(material, OwnLaw) for material in scene.materials)
+    law = "give the `separation` of the user-defined law, or " if is_user_defined else ""
     return f"{law}take more points per cell"
 
 

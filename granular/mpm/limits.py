@@ -275,9 +275,9 @@ def _grains(scene: Scene) -> str | None:
     d = max(sizes, default=0.0)
     if scene.grid.cell >= d:
         return None
-    meant = f"; did you mean d = {d / 1000:g}, in m?" if d > BOULDER else ""
+    hint = f"; did you mean d = {d / 1000:g}, in m?" if d > BOULDER else ""
     cell = scene.grid.cell
-    return f"cell = {cell} is smaller than the grains, d = {d}: there is no continuum{meant}"
+    return f"cell = {cell} is smaller than the grains, d = {d}: there is no continuum{hint}"
 
 
 def _fluidity(scene: Scene) -> str | None:

@@ -157,7 +157,9 @@ class WallNodes:
         moved = [axes.driven(inflow, scene.scheme.basis) for inflow in driven(scene)]
         cuts = None
         if any(map(_slips, scene.walls)):
-            cuts = [np.flatnonzero(np.diff(seen).any(axis=0)) + 1 for seen in self._outlooks]
+            cuts = [
+                np.flatnonzero(np.diff(outlook_).any(axis=0)) + 1 for outlook_ in self._outlooks
+            ]
         self.zeros = GridMap.zeros([len(x) for x in axes.positions], [*ranges, *moved], cuts)
         self.where: list[Where] = [self.zeros.of(nodes) for nodes in ranges]
         self.driven: list[Where] = [self.zeros.of(nodes) for nodes in moved]
@@ -172,7 +174,7 @@ class WallNodes:
                 yield where, WallRow(fixed=self._everything)
         if slips.any():
             firsts = zip(self._outlooks, self.zeros.firsts(), strict=True)
-            held = held_components(self._solid, [seen[:, first] for seen, first in firsts])
+            held = held_components(self._solid, [outlook_[:, first] for outlook_, first in firsts])
             for fixed in np.unique(held[slips]):
                 yield slips & (held == fixed), WallRow(fixed=int(fixed))
 
@@ -286,8 +288,8 @@ def node_codes(scene: Scene) -> tuple[GridMap, tuple[WallRow, ...]]:
         code_of[i] = rows.code(sets[i])
     values = code_of[state]
     for inflow, where in zip(driven(scene), nodes.driven, strict=True):
-        own = {i: rows.driven_code(inflow, sets[i]) for i in np.unique(state[where])}
-        values[where] = np.vectorize(own.__getitem__, otypes=[np.int64])(state[where])
+        driven_codes = {i: rows.driven_code(inflow, sets[i]) for i in np.unique(state[where])}
+        values[where] = np.vectorize(driven_codes.__getitem__, otypes=[np.int64])(state[where])
     if len(rows.codes) > MAX_ROWS:
         raise ValueError(f"walls make {len(rows.codes)} kinds of nodes, must be <= {MAX_ROWS}")
     return codes._replace(values=values.astype(np.uint8)), tuple(rows.codes)

@@ -125,8 +125,8 @@ def _corners(shape: Shape) -> Array:
             centre, axes = frame_of(leaf)
             corners.append(centre[:dim] + leaf.samples()[0][0] @ axes[:dim, :dim].T)
         for centre, axes, half in parts:
-            own = combined([np.array([-s, s]) for s in half])
-            corners.append(centre[:dim] + own @ axes[:dim, :dim].T)
+            box = combined([np.array([-s, s]) for s in half])
+            corners.append(centre[:dim] + box @ axes[:dim, :dim].T)
     return np.concatenate(corners)
 
 
@@ -139,9 +139,9 @@ def _thinned(places: Array, width: float) -> Array:
         np.rint(places / (1e-6 * width)), axis=0, return_index=True, return_counts=True
     )
     order = np.lexsort((first, -count))
-    kept = places[first[order]]
-    chosen = np.unique(np.floor(kept / (0.7 * width) + 0.5), axis=0, return_index=True)[1]
-    thinned: Array = kept[np.sort(chosen)]
+    points = places[first[order]]
+    chosen = np.unique(np.floor(points / (0.7 * width) + 0.5), axis=0, return_index=True)[1]
+    thinned: Array = points[np.sort(chosen)]
     return thinned
 
 

@@ -263,9 +263,9 @@ class Scene(BaseScene):
                 )
 
     def _walls_in_words(self) -> str:
-        kept = (f", walls[{s.wall}] keeps {s.pressure:g} Pa" for s in self.servos)
+        servos = (f", walls[{s.wall}] keeps {s.pressure:g} Pa" for s in self.servos)
         entering = f", {len(self.inflows)} inflows" if self.inflows else ""
-        return f"{len(self.walls)}" + "".join(kept) + entering
+        return f"{len(self.walls)}" + "".join(servos) + entering
 
     def _method_in_words(self) -> str:
         scheme = self.scheme

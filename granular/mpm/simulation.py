@@ -144,7 +144,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
     ) -> None:
         engine = core.build(scene, mean_mass, default_isa() if isa is None else isa)
         self._start(scene, engine, threads)
-        self._own_laws = [m.function() for m in scene.materials if isinstance(m, OwnLaw)]
+        self._user_laws = [m.function() for m in scene.materials if isinstance(m, OwnLaw)]
         self._watches_walls = scene.moves_walls or (wall_forces and bool(scene.walls))
         if self._watches_walls:
             pistons = sum(inflow.driven for inflow in scene.inflows)
@@ -183,9 +183,9 @@ class Simulation(simulation.Simulation, scenes=Scene):
                 self._free_bodies.check(self.bodies, self.time, self.steps)
 
     def _advance_core(self, max_steps: int, until: float) -> None:
-        kept = keeping_exceptions(self._own_laws) if self._own_laws else nullcontext()
+        guard = keeping_exceptions(self._user_laws) if self._user_laws else nullcontext()
         try:
-            with kept:
+            with guard:
                 needed = self._engine.advance(max_steps, until, self.threads)
         except RuntimeError as error:  # a SimulationError, too
             self._raise_of_laws(error)
@@ -198,7 +198,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
 
     def _raise_of_laws(self, error: RuntimeError | None) -> None:
         """Raise the exceptions of user-defined laws; the core reports only that they failed."""
-        for function in self._own_laws:
+        for function in self._user_laws:
             failure = function.take_failure()
             if failure is not None:
                 raise failure from error
@@ -277,9 +277,9 @@ class Simulation(simulation.Simulation, scenes=Scene):
             return ordered if len(living) == end else ordered[ordered >= 0]
         return living[np.argsort(ids[living], kind="stable")]
 
-    def _gathered(self, kept: bool) -> dict[str, _Gathered]:
+    def _gathered(self, recorded: bool) -> dict[str, _Gathered]:
         """Return the fields of a state, to be made column by column."""
-        places, without = self._places(), CARRIED if kept else frozenset()
+        places, without = self._places(), CARRIED if recorded else frozenset()
         names = [name for name, *_ in self._engine.fields() if name not in without]
         columns = {name: _Gathered(self._buffers[name], places) for name in ("id", *names)}
         grid = self.scene.grid
@@ -290,13 +290,13 @@ class Simulation(simulation.Simulation, scenes=Scene):
         }
         return columns
 
-    def _fields(self, kept: bool) -> dict[str, NDArray]:
-        return {name: field.whole() for name, field in self._gathered(kept).items()}
+    def _fields(self, recorded: bool) -> dict[str, NDArray]:
+        return {name: field.whole() for name, field in self._gathered(recorded).items()}
 
     def _streamed(self) -> Streamed:
         scalars = self._engine.scalars()
         time, step, dt = scalars["time"], int(scalars["step"]), scalars["dt"]
-        return Streamed(time, step, dt, self._gathered(kept=True))
+        return Streamed(time, step, dt, self._gathered(recorded=True))
 
     def _indicators(self, state: State, thorough: bool) -> dict[str, float]:
         self._engine.tally()

@@ -198,8 +198,8 @@ def _write_mp4(target: Path, shots: Iterator[NDArray[np.uint8]], fps: float) -> 
             raise
         if process.wait() != 0:
             messages.seek(0)
-            said = messages.read().decode(errors="replace").strip().splitlines()
-            raise RuntimeError(f"ffmpeg failed: {said[-1] if said else 'without a word'}")
+            lines = messages.read().decode(errors="replace").strip().splitlines()
+            raise RuntimeError(f"ffmpeg failed: {lines[-1] if lines else 'without a word'}")
 
 
 @contextmanager

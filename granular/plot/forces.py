@@ -97,12 +97,12 @@ def _extent(packing: Packing, axes: tuple[int, int] | None) -> tuple[Array, Arra
 def _network(
     ax: Axes, packing: Packing, forces: Array, largest: float, axes: tuple[int, int] | None
 ) -> None:
-    seen, size = _seen(packing, axes), 2 * packing.radii
-    x = packing.centroids[:, seen]
+    positions, size = _seen(packing, axes), 2 * packing.radii
+    x = packing.centroids[:, positions]
     _discs(ax, size, x, facecolors=FACE, edgecolors=EDGE, linewidths=0.6)
     # Lines join centroids; to a wall or a missing grain they end at the contact. Across a periodic
     # boundary a line has a gap, the nan.
-    at = [packing.seen_from(side)[:, seen] for side in (0, 1)]
+    at = [packing.seen_from(side)[:, positions] for side in (0, 1)]
     near = np.linalg.norm(at[1] - at[0], axis=1) < packing.radius
     gap = np.where(near[:, None], at[0], np.nan)
     ends = [
@@ -123,8 +123,8 @@ def _network(
     ax.tick_params(labelsize="x-small")
     ax.spines[:].set_color("0.8")
     names = "xyz"
-    ax.set_xlabel(f"{names[seen[0]]} [m]", fontsize="x-small")
-    ax.set_ylabel(f"{names[seen[1]]} [m]", fontsize="x-small")
+    ax.set_xlabel(f"{names[positions[0]]} [m]", fontsize="x-small")
+    ax.set_ylabel(f"{names[positions[1]]} [m]", fontsize="x-small")
 
 
 def pareto_front(front: ParetoFront, *, errors: ArrayLike | None = None) -> Picture:

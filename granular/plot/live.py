@@ -50,7 +50,7 @@ class Live:
         self._every = integer("every", every, 1)
         self._path = None if path is None else Path(path)
         self._frames = 0
-        self._shown: Any = None
+        self._display: Any = None
         if self._path is None and not in_notebook():
             raise ValueError("path = None must name a picture to write outside a notebook")
         if self._path is not None and not self._path.parent.is_dir():
@@ -66,9 +66,9 @@ class Live:
         if self._path is not None:
             with replacing(self._path) as target:
                 picture.savefig(target)
-        elif self._shown is None:
+        elif self._display is None:
             from IPython.display import display  # there is one, as a notebook runs
 
-            self._shown = display(picture, display_id=True)
+            self._display = display(picture, display_id=True)
         else:
-            self._shown.update(picture)
+            self._display.update(picture)

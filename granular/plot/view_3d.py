@@ -104,8 +104,8 @@ def view(
     if path is None:
         _check_display(pyvista)
     brush = Brush.fitted([state], color, limits=limits, log=log, cmap=cmap)
-    shown = path is None
-    stage = _Stage([state], brush, style, slab, camera, opacity, window, shown=shown)
+    interactive = path is None
+    stage = _Stage([state], brush, style, slab, camera, opacity, window, interactive=interactive)
     stage.show(state)
     if path is None:
         return stage.plotter.show(return_viewer=True)
@@ -186,7 +186,7 @@ class _Stage:
         opacity: float,
         window: tuple[int, int],
         *,
-        shown: bool = False,
+        interactive: bool = False,
     ) -> None:
         self._pyvista = imported("pyvista", "pictures3d")
         self._brush, self._slab = brush, _checked(slab)
@@ -196,7 +196,7 @@ class _Stage:
         self._surfaces = _surfaces(self._pyvista, states[0])
         direction = _direction(camera)
         # by default pyvista itself decides between a window and a part of a notebook
-        off_screen = None if shown else True
+        off_screen = None if interactive else True
         self.plotter = self._pyvista.Plotter(off_screen=off_screen, window_size=self._size)
         self.plotter.set_background("white")
         low, high = self._bounds(states)
@@ -209,8 +209,8 @@ class _Stage:
         """Box of the material and of the bodies of some states."""
         points = []
         for state in states:
-            seen = state.x[inside_slab(state.x, self._slab)]
-            points += [seen] if len(seen) else []
+            visible = state.x[inside_slab(state.x, self._slab)]
+            points += [visible] if len(visible) else []
             points += [np.asarray(mesh.points) for mesh in self._placed(state)]
         every = np.concatenate(points) if points else np.array([states[0].scene.grid.lower])
         return every.min(axis=0), every.max(axis=0)
@@ -262,11 +262,11 @@ class _Stage:
         if self._style == "surface":
             mesh = filled_volume(self._pyvista, state, values, self._brush, self._slab)
             return None if mesh is None else mesh.extract_surface(algorithm="dataset_surface")
-        seen = inside_slab(state.x, self._slab)
-        if not seen.any():
+        visible = inside_slab(state.x, self._slab)
+        if not visible.any():
             return None
-        cloud = self._pyvista.PolyData(np.ascontiguousarray(state.x[seen]))
-        cloud[self._brush.quantity.title] = values[seen]
+        cloud = self._pyvista.PolyData(np.ascontiguousarray(state.x[visible]))
+        cloud[self._brush.quantity.title] = values[visible]
         return cloud
 
 

@@ -88,8 +88,8 @@ class Texts:
         for name in ("record", "scene", "provenance"):
             if not isinstance(getattr(self, name), str):
                 raise ValueError(f"{name} is not a text")
-        told = json.loads(self.provenance)
-        if not isinstance(told, dict) or not isinstance(told.get("earlier", []), list):
+        entries = json.loads(self.provenance)
+        if not isinstance(entries, dict) or not isinstance(entries.get("earlier", []), list):
             raise ValueError("the provenance is not one of a record")
 
 

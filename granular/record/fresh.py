@@ -94,7 +94,7 @@ class Fresh:
         """Return memory for two columns, which all frames use again."""
         return self._packer.space(self.n)
 
-    def told(self) -> bytes:
+    def checksums(self) -> bytes:
         """Return the `granular.record.layout.checksums` of the field."""
         count, out = max(self.columns, 1), self.space()[0]
         for k in range(count):
@@ -147,9 +147,9 @@ class New:
                     field.ahead = None
 
 
-def told(fields: Mapping[str, Field]) -> dict[str, bytes]:
+def checksums_of(fields: Mapping[str, Field]) -> dict[str, bytes]:
     """Checksums of fields that are not stored yet, of which no column need be made again."""
-    return {name: field.told() for name, field in fields.items() if isinstance(field, Fresh)}
+    return {name: field.checksums() for name, field in fields.items() if isinstance(field, Fresh)}
 
 
 def _made_ahead(fields: Iterable[Fresh], pool: ThreadPoolExecutor) -> Iterator[np.ndarray]:

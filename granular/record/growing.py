@@ -24,7 +24,7 @@ import numpy as np
 from granular.record import chunks
 from granular.record.checkpoint import Checkpoint, write_checkpoint
 from granular.record.frame import SCALARS, Frame, Head, Table, samples_of
-from granular.record.fresh import New, told
+from granular.record.fresh import New, checksums_of
 from granular.record.layout import (
     DIGEST_SIZE,
     FORMAT,
@@ -79,7 +79,7 @@ class _Points:
                     target.resize(end, axis=0)
                 places = chunks.copy(field, frame.row, target, self._rows, frame.n, self._sink)
                 placed[name] = (*layout[name], places)
-            digest = frame.digest or frame.digest_of(told(fields))
+            digest = frame.digest or frame.digest_of(checksums_of(fields))
         self._sink.check()
         source = Stretch(self._path, frame.n, placed)
         return replace(frame, digest=digest, row=0, source=source)
@@ -88,7 +88,7 @@ class _Points:
         """Move on from the position of the last frame, of ``n`` points."""
         self._rows += rows_of(n, self._chunk)
 
-    def finish(self, own: h5py.Group, frames: Sequence[Frame]) -> Table:
+    def finish(self, group: h5py.Group, frames: Sequence[Frame]) -> Table:
         """Write the description of the frames, for ParaView and for the package."""
         begin_poly_data(self._vtk)
         if not self._targets:
@@ -101,7 +101,7 @@ class _Points:
         for name in self._inside:
             offsets[name] = steps["PointOffsets"]  # a second name of the same data
         for name in ("step", "dt", "mass", "digest"):
-            own[name] = getattr(table, name)
+            group[name] = getattr(table, name)
         return table
 
 
@@ -165,7 +165,7 @@ class Growing:
             self._sink = Sink(self._fd)
             self._file = h5py.File(self._sink, "w", libver=LIBVER)
             _keep_in_memory(self._file)
-            self._own = self._file.create_group("granular")
+            self._group = self._file.create_group("granular")
             self._points = _Points(self._file.create_group("VTKHDF"), self.data, self._sink)
             self._gas: _Points | None = None
             if checkpoint:
@@ -198,7 +198,7 @@ class Growing:
         placed, gas = self._points.put(frame), frame.gas
         if gas:
             if self._gas is None:
-                vtk = self._own.create_group("gas/VTKHDF")
+                vtk = self._group.create_group("gas/VTKHDF")
                 self._gas = _Points(vtk, self.data, self._sink)
             gas = self._gas.put(gas)
         return replace(placed, gas=gas)
@@ -239,21 +239,21 @@ class Growing:
         The frames are where they were, as the log tells.
         """
         assert self._file is not None
-        texts, own, frames = self.head.texts, self._own, self.frames
+        texts, group, frames = self.head.texts, self._group, self.frames
         checkpoint = read_restart(self.restart) if self.restart.exists() else None
-        table = self._points.finish(own, frames)
+        table = self._points.finish(group, frames)
         gas = [frame.gas for frame in frames if frame.gas]
-        gas_table = self._gas.finish(own["gas"], gas) if self._gas else None
+        gas_table = self._gas.finish(group["gas"], gas) if self._gas else None
         for name in ("record", "scene", "provenance"):
-            write_text(own, name, getattr(texts, name))
-        samples = own.create_group("samples")
+            write_text(group, name, getattr(texts, name))
+        samples = group.create_group("samples")
         for name, column in table.samples.items():
             samples[name] = column
         if checkpoint:
-            write_checkpoint(own.create_group("checkpoint"), checkpoint)
+            write_checkpoint(group.create_group("checkpoint"), checkpoint)
         digest = checkpoint.digest if checkpoint else b""
-        own.attrs["format"] = FORMAT
-        own.attrs["seal"] = as_attribute(table.seal(texts, digest, gas_table))
+        group.attrs["format"] = FORMAT
+        group.attrs["seal"] = as_attribute(table.seal(texts, digest, gas_table))
         self._file.close()
         self._file = None
         self._sink.check()

@@ -30,11 +30,11 @@ from granular.record.restart import read_restart
 from granular.record.storage import followed, identity, open_hdf5
 
 
-def _samples(own: h5py.Group) -> dict[str, np.ndarray]:
+def _samples(data: h5py.Group) -> dict[str, np.ndarray]:
     """Values of the monitor, one column per name; the gas has none."""
-    if not has(own, "samples"):
+    if not has(data, "samples"):
         return {}
-    group = hard(own, "samples", h5py.Group)
+    group = hard(data, "samples", h5py.Group)
     return {name: checked(group, name, ("<f8",), 1)[:] for name in group}
 
 
@@ -44,18 +44,18 @@ class Points:
     ``vtk`` is the group that ParaView reads, ``own`` the group with all other data.
     """
 
-    def __init__(self, path: Path, vtk: h5py.Group, own: h5py.Group) -> None:
+    def __init__(self, path: Path, vtk: h5py.Group, group: h5py.Group) -> None:
         self.path, self._vtk = path, vtk
         steps = hard(vtk, "Steps", h5py.Group)
         self.table = Table(
             time=checked(steps, "Values", ("<f8",), 1)[:],
             n=checked(vtk, "NumberOfPoints", ("<i8",), 1)[:],
             row=checked(steps, "PointOffsets", ("<i8",), 1)[:],
-            step=checked(own, "step", ("<i8",), 1)[:],
-            dt=checked(own, "dt", ("<f8",), 1)[:],
-            mass=checked(own, "mass", ("<f8",), 1)[:],
-            digest=checked(own, "digest", ("|u1",), 2)[:],
-            samples=_samples(own),
+            step=checked(group, "step", ("<i8",), 1)[:],
+            dt=checked(group, "dt", ("<f8",), 1)[:],
+            mass=checked(group, "mass", ("<f8",), 1)[:],
+            digest=checked(group, "digest", ("|u1",), 2)[:],
+            samples=_samples(group),
         )
 
     @contextmanager
@@ -108,20 +108,20 @@ class Main:
         self.file.close()
 
     def _load(self) -> None:
-        own = hard(self.file, "granular", h5py.Group)
-        check_format(self.path, int(attribute(own, "format", "i")))
-        self.texts = Texts(*(read_text(own, name) for name in ("record", "scene", "provenance")))
-        points = Points(self.path, hard(self.file, "VTKHDF", h5py.Group), own)
+        data = hard(self.file, "granular", h5py.Group)
+        check_format(self.path, int(attribute(data, "format", "i")))
+        self.texts = Texts(*(read_text(data, name) for name in ("record", "scene", "provenance")))
+        points = Points(self.path, hard(self.file, "VTKHDF", h5py.Group), data)
         gas = None
-        if has(own, "gas"):
-            group = hard(own, "gas", h5py.Group)
+        if has(data, "gas"):
+            group = hard(data, "gas", h5py.Group)
             gas = Points(self.path, hard(group, "VTKHDF", h5py.Group), group)
-        self.has_checkpoint = has(own, "checkpoint")
+        self.has_checkpoint = has(data, "checkpoint")
         checkpoint = b""
         if self.has_checkpoint:
-            checkpoint = attribute(hard(own, "checkpoint", h5py.Group), "digest", "u")
+            checkpoint = attribute(hard(data, "checkpoint", h5py.Group), "digest", "u")
         expected = points.table.seal(self.texts, checkpoint, gas.table if gas else None)
-        if attribute(own, "seal", "u") != expected:
+        if attribute(data, "seal", "u") != expected:
             raise ValueError("the table of contents does not match its digest")
         below = {frame.step: frame for frame in gas.frames({})} if gas else {}
         self.frames = points.frames(below)
@@ -129,8 +129,8 @@ class Main:
     def checkpoint(self) -> Checkpoint:
         """Read and verify the checkpoint."""
         with reading(self.path):
-            own = hard(self.file, "granular", h5py.Group)
-            return read_checkpoint(hard(own, "checkpoint", h5py.Group))
+            group = hard(self.file, "granular", h5py.Group)
+            return read_checkpoint(hard(group, "checkpoint", h5py.Group))
 
 
 @dataclass

@@ -86,17 +86,17 @@ def reading(path: Path, what: str = DAMAGED) -> Iterator[None]:
             raise
         if system is not None:
             raise system from error
-        said: object = error
+        cause: object = error
         if isinstance(error, KeyError) and error.args:
-            said = error.args[0]  # without quotation marks
+            cause = error.args[0]  # without quotation marks
             what = "not a granular record, or damaged" if what == DAMAGED else what
-        raise RecordError(f"{path}: {what}: {said or type(error).__name__}") from error
+        raise RecordError(f"{path}: {what}: {cause or type(error).__name__}") from error
 
 
 def _system_error(path: Path, error: Exception) -> Exception | None:
     """Return the error of the system that an exception stands for; None if it is none."""
-    said = _CODE.search(str(error))
-    code = (isinstance(error, OSError) and error.errno) or (int(said[1]) if said else 0)
+    match = _CODE.search(str(error))
+    code = (isinstance(error, OSError) and error.errno) or (int(match[1]) if match else 0)
     if code == errno.ENOMEM or (_NO_MEMORY.search(str(error)) and not _memory_left()):
         return MemoryError(f"{path}: {error}")
     if code:

@@ -57,7 +57,7 @@ class Lock:
                 self._fd = os.open(self._file, os.O_RDWR | os.O_CREAT, 0o666)
                 try:
                     self._take(self._fd)
-                    if self._own(self._fd):
+                    if self._is_current(self._fd):
                         return
                 except BaseException:
                     os.close(self._fd)
@@ -78,7 +78,7 @@ class Lock:
             text = f"{self.folder}: the file system has no locks; start one run at a time"
             warnings.warn(text, RuntimeWarning, stacklevel=5)
 
-    def _own(self, fd: int) -> bool:
+    def _is_current(self, fd: int) -> bool:
         """True if the locked file is still the one in the folder."""
         with suppress(FileNotFoundError):
             return os.path.samestat(os.fstat(fd), os.stat(self._file))
@@ -88,7 +88,7 @@ class Lock:
         """Release the lock, and remove the folder if it is then empty."""
         fd = self._fd
         with suppress(OSError):
-            if fd is not None and os.listdir(self.folder) == [NAME] and self._own(fd):
+            if fd is not None and os.listdir(self.folder) == [NAME] and self._is_current(fd):
                 os.unlink(self._file)
         if fd is not None:
             self._fd = None

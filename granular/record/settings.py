@@ -62,8 +62,10 @@ def check_alike(before: AnyScene, scene: AnyScene) -> None:
         if now[name] == part:
             continue
         if name.endswith(".source"):
-            told = difference(str(part), str(now[name]))
-            raise ValueError(f"scene: {name} must be that of the record (-), it differs in{told}")
+            differences = difference(str(part), str(now[name]))
+            raise ValueError(
+                f"scene: {name} must be that of the record (-), it differs in{differences}"
+            )
         raise ValueError(f"scene: {name} = {now[name]} must be {part}, as in the record")
 
 

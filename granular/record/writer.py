@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from granular.record import kept
+from granular.record import older_checkpoints
 from granular.record import provenance as origin
 from granular.record.checkpoint import Checkpoint
 from granular.record.chunks import Field, Packer
 from granular.record.frame import BODY, WALL, Frame, Head, Texts, names_of
-from granular.record.fresh import Columns, Fresh, New, Streamed, told
+from granular.record.fresh import Columns, Fresh, New, Streamed, checksums_of
 from granular.record.growing import Growing, remove_all
 from granular.record.index import Contents, load, parts_folder, unfinished
 from granular.record.layout import (
@@ -72,7 +72,7 @@ def _with_digest(frame: Frame) -> Frame:
     """Return a frame that is not stored yet with its digest, for which all columns are made."""
     assert isinstance(frame.source, New)
     gas = frame.gas and _with_digest(frame.gas)
-    return replace(frame, digest=frame.digest_of(told(frame.source.given)), gas=gas)
+    return replace(frame, digest=frame.digest_of(checksums_of(frame.source.given)), gas=gas)
 
 
 @dataclass
@@ -170,7 +170,7 @@ class TrajectoryWriter(Resource):
             if not overwrite:
                 self._refuse_existing()
             self._begin(texts)
-            kept.forget(path)
+            older_checkpoints.delete(path)
 
     @classmethod
     def resume(
@@ -198,9 +198,9 @@ class TrajectoryWriter(Resource):
         writer = cls.__new__(cls)
         with writer._opening(followed(path)), writer._stored() as contents:
             frames = _sound(contents)
-            for said in contents.spoilt:
+            for message in contents.spoilt:
                 warnings.warn(
-                    f"{said}, unless the run makes it again", RuntimeWarning, stacklevel=4
+                    f"{message}, unless the run makes it again", RuntimeWarning, stacklevel=4
                 )
             parent = frames[-1].digest.hex() if frames else None
             if contents.has_checkpoint:
@@ -361,11 +361,11 @@ class TrajectoryWriter(Resource):
         frame = self._layout.frame(self.path, state, state.fields, single)
         if gas is not None:
             frame = replace(frame, gas=self._gas_layout.frame(self.path, state, gas, single))
-        told = dict(samples or {})
+        values = dict(samples or {})
         for prefix, rows in ((BODY, bodies), (WALL, walls)):
             if rows is not None:
-                told |= zip(names_of(prefix, *rows.shape), rows.ravel().tolist(), strict=True)
-        frame = replace(frame, samples=told)
+                values |= zip(names_of(prefix, *rows.shape), rows.ravel().tolist(), strict=True)
+        frame = replace(frame, samples=values)
         index = bisect_left(self._frames, frame.step, key=lambda old: old.step)
         known = self._frames[index] if index < len(self._frames) else None
         if known and known.step == frame.step:
@@ -401,7 +401,7 @@ class TrajectoryWriter(Resource):
 
     def keep(self, index: int, checkpoint: Checkpoint) -> None:
         """Store the restart state of a frame separately, where no later one replaces it."""
-        kept.keep(self.path, self._frames[index], checkpoint)
+        older_checkpoints.store(self.path, self._frames[index], checkpoint)
 
     def close(self) -> None:
         """Complete the file and give it its name; a second call does nothing.

@@ -51,8 +51,8 @@ class Method(Resource):
         """Run the core for `max_steps` steps or up to the time `until`, whichever is first."""
         raise NotImplementedError
 
-    def _fields(self, kept: bool) -> dict[str, NDArray]:
-        """Return the fields of a state, ordered by id; `kept`: only those that a record stores."""
+    def _fields(self, recorded: bool) -> dict[str, NDArray]:
+        """Return the fields of a state, ordered by id; `recorded`: only those of records."""
         raise NotImplementedError
 
     def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:

@@ -148,7 +148,7 @@ class Monitor:
         """True if the next sample includes numbers that take long."""
         return self.count % THOROUGH == 0
 
-    def sample(self, state: State, own: Mapping[str, float], energies: Energies | None) -> None:
+    def sample(self, state: State, extra: Mapping[str, float], energies: Energies | None) -> None:
         """Take a sample of a state.
 
         Parameters
@@ -166,7 +166,7 @@ class Monitor:
             self._account.enter(energies, state.time, known)
         if not state.step:
             return
-        row = self.row(state, own)
+        row = self.row(state, extra)
         self.count += 1
         self.rows.append(row)
         self._largest = np.fmax(self._largest, row)
@@ -174,7 +174,7 @@ class Monitor:
             self.rows = self.rows[1::2]  # those at multiples of the new distance
             self.spacing *= 2
 
-    def row(self, state: State, own: Mapping[str, float]) -> Array:
+    def row(self, state: State, extra: Mapping[str, float]) -> Array:
         """Return the numbers of a sample of a state, without storing it; see `sample`."""
         if not state.n:
             return np.full(len(self.names), np.nan)
@@ -191,7 +191,7 @@ class Monitor:
             "dilution": max(float(-np.min(state.log_density)), 0.0),
             "gaps": np.nan if granular else gaps(bulk),
         }
-        row |= {name: max(value, row.get(name, value)) for name, value in own.items()}
+        row |= {name: max(value, row.get(name, value)) for name, value in extra.items()}
         return np.array([row.get(name, np.nan) for name in self.names])
 
     def values(self, present: Array | None = None) -> dict[str, float]:
@@ -254,8 +254,10 @@ class Monitor:
 
 def unwatched(checkpoint: Checkpoint) -> Checkpoint:
     """Return a checkpoint without its samples, for a scene that has changed."""
-    kept = {name: a for name, a in checkpoint.arrays.items() if name not in ("samples", "sampling")}
-    return replace(checkpoint, arrays=kept)
+    arrays = {
+        name: a for name, a in checkpoint.arrays.items() if name not in ("samples", "sampling")
+    }
+    return replace(checkpoint, arrays=arrays)
 
 
 def known(values: Mapping[str, float]) -> dict[str, float]:
@@ -268,8 +270,8 @@ def later(column: Array) -> float:
 
     It is neither affected by an impact nor by the beginning, when all points are stress-free.
     """
-    seen = column[~np.isnan(column)]
-    return float(np.median(seen[len(seen) // 2 :])) if len(seen) else np.nan
+    known = column[~np.isnan(column)]
+    return float(np.median(known[len(known) // 2 :])) if len(known) else np.nan
 
 
 def _disconnected(bulk: Bulk, state: State) -> float:

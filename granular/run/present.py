@@ -67,8 +67,8 @@ class Present(Method):
         """A snapshot of the points, ordered by id."""
         return self._snapshot()
 
-    def _snapshot(self, kept: bool = False) -> State:
-        return self._state_of(self._fields(kept), **self._extra_state())
+    def _snapshot(self, recorded: bool = False) -> State:
+        return self._state_of(self._fields(recorded), **self._extra_state())
 
     def _state_of(self, fields: dict[str, NDArray], **extra: Any) -> State:
         """Make a state of the present time, step and time step from fields."""
@@ -79,7 +79,7 @@ class Present(Method):
     def _streamed(self) -> State | Streamed:
         """Return the part of the present state that a record stores, one column in memory at a
         time."""
-        return self._snapshot(kept=True)
+        return self._snapshot(recorded=True)
 
     def __repr__(self) -> str:
         return (

@@ -53,8 +53,8 @@ def default_threads(n_points: int) -> int:
     """Threads for a number of points: one for few, else all processors of this process."""
     if n_points <= SMALL:
         return 1
-    own = getattr(os, "sched_getaffinity", None)  # Linux
-    return min(len(own(0)) if own else os.cpu_count() or 1, _core.MAX_THREADS)
+    affinity = getattr(os, "sched_getaffinity", None)  # Linux
+    return min(len(affinity(0)) if affinity else os.cpu_count() or 1, _core.MAX_THREADS)
 
 
 def warn_of_threads(wanted: int, refused: int) -> None:

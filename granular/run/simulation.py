@@ -128,7 +128,7 @@ class Simulation(Present):
         self._soundness = Soundness()
         self._due: int | None = None  # step of a frame that could not be taken or stored
         self._monitor = Monitor(scene)
-        self._told: set[str] = set()
+        self._warned: set[str] = set()
         self._turns = Turns()
 
     # ---- stepping ----
@@ -145,8 +145,8 @@ class Simulation(Present):
         with DeferredSignals(), self._soundness:
             self._make_steps(max_steps, until)
             refused = self._engine.refused_threads
-        if refused and "threads" not in self._told:
-            self._told.add("threads")
+        if refused and "threads" not in self._warned:
+            self._warned.add("threads")
             warn_of_threads(self.threads, refused)
 
     @alone
@@ -299,7 +299,7 @@ class Simulation(Present):
         self._due = self.steps
         if writer:
             if self._stored:
-                state = self._snapshot(kept=True)
+                state = self._snapshot(recorded=True)
                 state.fields.update(with_derived(state, self._stored))
             frame = state if self._stored else self._streamed()
             index = writer.append(
@@ -319,15 +319,15 @@ class Simulation(Present):
 
     def _sample_if_due(self) -> None:
         if self._monitor.due(self.steps):
-            state = self._snapshot(kept=True)
-            own = self._indicators(state, self._monitor.thorough)
-            self._monitor.sample(state, own, self._energies())
+            state = self._snapshot(recorded=True)
+            extra = self._indicators(state, self._monitor.thorough)
+            self._monitor.sample(state, extra, self._energies())
 
     def _values(self) -> dict[str, float]:
         """Return the values of the indicators so far; without a sample those of this state."""
         if self._monitor.rows or not self.steps or self._soundness.failure:
             return self._monitor.values()
-        state = self._snapshot(kept=True)
+        state = self._snapshot(recorded=True)
         return self._monitor.values(self._monitor.row(state, self._indicators(state, True)))
 
     def health(self) -> Health:
@@ -348,8 +348,8 @@ class Simulation(Present):
         """Issue a warning for each indicator that has become suspect since the last warning."""
         health = self.health()
         for indicator, text in zip(health.suspect, health.warnings(), strict=True):
-            if indicator.name not in self._told:
-                self._told.add(indicator.name)
+            if indicator.name not in self._warned:
+                self._warned.add(indicator.name)
                 warnings.warn(text, StabilityWarning, stacklevel=4)
 
     # ---- restart ----
@@ -424,9 +424,9 @@ class Simulation(Present):
             material follows from its strain. The record of the run is not changed: name another one
             in `run`.
         frame : int, optional
-            Index of the frame to begin with, one whose checkpoint was stored (`Trajectory.kept`),
-            by default the newest checkpoint. Frames that equal the recorded ones are not stored
-            again; from the first one that differs, the record is replaced.
+            Index of the frame to begin with, one of `Trajectory.checkpoint_frames`; by default the
+            newest checkpoint. Frames that equal the recorded ones are not stored again; from the
+            first one that differs, the record is replaced.
         threads : int, optional
             See `Simulation`.
         isa : str, optional

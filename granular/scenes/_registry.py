@@ -130,11 +130,11 @@ def scene_function(*methods: str) -> Callable[[Callable[P, Parts]], SceneFunctio
 
     def decorate(function: Callable[P, Parts]) -> SceneFunction[P, Any]:
         signature = inspect.signature(function)
-        own = own_keywords(signature)
+        defaults = keyword_defaults(signature)
 
         def make(**given: Any) -> Any:
             parts: Parts = function(**given)  # type: ignore[call-arg]
-            arguments = own | given
+            arguments = defaults | given
             kind = METHODS[arguments.get("method", methods[0])]
             taken = {name: arguments[name] for name in PARTS if name in arguments}
             taken = {part.name: taken[part.name] for part in fields(kind) if part.name in taken}
@@ -148,23 +148,25 @@ def scene_function(*methods: str) -> Callable[[Callable[P, Parts]], SceneFunctio
 
         @functools.wraps(function)
         def made_with(**keywords: Any) -> Any:
-            given = {name: value for name, value in keywords.items() if name in own}
-            numbers = {name: value for name, value in keywords.items() if name not in own}
+            given = {name: value for name, value in keywords.items() if name in defaults}
+            numbers = {name: value for name, value in keywords.items() if name not in defaults}
             if numbers:
-                material = given.get("material", own["material"])
-                given["material"] = _changed(function.__name__, material, numbers, tuple(own))
-            if own.get("scheme") is schemes.default and "scheme" not in given:
-                given["scheme"] = suited(own | given)
+                material = given.get("material", defaults["material"])
+                given["material"] = _changed(function.__name__, material, numbers, tuple(defaults))
+            if defaults.get("scheme") is schemes.default and "scheme" not in given:
+                given["scheme"] = suited(defaults | given)
             scene = make(**given)
             if "material" not in keywords and "E" not in numbers:
-                material = given.get("material", own["material"])
+                material = given.get("material", defaults["material"])
                 if stiffer := stiff_enough(make, scene, material):
                     given["material"] = stiffer
                     scene = make(**given)
             if numbers:
-                _check_kept(function.__name__, given["material"], scene.material, numbers)
+                _check_unchanged(function.__name__, given["material"], scene.material, numbers)
             arguments = {
-                name: _plain(value) for name, value in (own | given).items() if name not in PARTS
+                name: _plain(value)
+                for name, value in (defaults | given).items()
+                if name not in PARTS
             }
             return scene.replace(parameters=arguments | dict(scene.parameters))
 
@@ -204,7 +206,7 @@ def _completed(doc: str, signature: inspect.Signature) -> str:
     return doc.replace("{common}", "\n".join([*lines, RAISES]))
 
 
-def own_keywords(signature: inspect.Signature) -> dict[str, Any]:
+def keyword_defaults(signature: inspect.Signature) -> dict[str, Any]:
     """Keywords of a scene function with their defaults, without numbers of the material."""
     kind = inspect.Parameter.KEYWORD_ONLY
     return {name: p.default for name, p in signature.parameters.items() if p.kind is kind}
@@ -224,21 +226,21 @@ def material_numbers(material: object) -> tuple[str, ...]:
 
 
 def _changed(
-    name: str, material: Any, numbers: Mapping[str, Any], own: tuple[str, ...]
+    name: str, material: Any, numbers: Mapping[str, Any], keywords: tuple[str, ...]
 ) -> Material | sph.Viscoplastic:
     """Material with some numbers changed."""
     known = material_numbers(material)
     for keyword in numbers:
         if keyword not in known:
-            free = (number for number in known if number not in own)
+            free = (number for number in known if number not in keywords)
             raise TypeError(
-                f"{name}() has no keyword {keyword!r}: its own are {', '.join(own)}; those of its "
-                f"material, {type(material).__name__}, are {', '.join(free)}"
+                f"{name}() has no keyword {keyword!r}: its own are {', '.join(keywords)}; those of "
+                f"its material, {type(material).__name__}, are {', '.join(free)}"
             )
     return material.replace(**numbers)
 
 
-def _check_kept(name: str, changed: object, used: object, numbers: Mapping[str, Any]) -> None:
+def _check_unchanged(name: str, changed: object, used: object, numbers: Mapping[str, Any]) -> None:
     """Refuse numbers of the material that the scene function replaced by its own."""
     if type(used) is not type(changed):
         return  # the material of the other method, made from the changed one

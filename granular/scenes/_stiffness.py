@@ -27,7 +27,7 @@ def stiff_enough(function: Callable[..., Any], scene: Any, material: Any) -> Mat
     load, E = largest_load(scene)
     if not load > LARGEST_SHARE * E or not hasattr(material, "E"):
         return None
-    share = max(LARGEST_SHARE, _own_share(function))
+    share = max(LARGEST_SHARE, _default_share(function))
     needed = material.E * load / (share * E)
     if needed <= material.E or needed > STIFFEST:  # a slip of gravity or size, which is told
         return None
@@ -36,7 +36,7 @@ def stiff_enough(function: Callable[..., Any], scene: Any, material: Any) -> Mat
 
 
 @functools.cache
-def _own_share(function: Callable[..., Any]) -> float:
+def _default_share(function: Callable[..., Any]) -> float:
     """Load over E of the scene that a function makes without arguments."""
     load, E = largest_load(function())
     return load / E

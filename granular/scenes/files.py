@@ -20,7 +20,7 @@ from granular.model.typing import AnyScene
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import CellAveragedDensity, ParticleDensity, Scheme, SmoothedDensity
-from granular.scenes._registry import functions, own_keywords, suited
+from granular.scenes._registry import functions, keyword_defaults, suited
 from granular.scenes.incline import incline
 from granular.sph.gas import Gas
 from granular.tools.checks import one_of
@@ -118,19 +118,19 @@ def _from_tables(tables: Mapping[str, Any], numbers: Mapping[str, Any]) -> Scene
         if not isinstance(section, dict):
             raise TypeError(f"{name} = {section!r} must be a table, [{name}]")
     _known("[run]", sections["run"], tuple(RUN))
-    own = own_keywords(inspect.signature(function))
+    defaults = keyword_defaults(inspect.signature(function))
     for name, value in numbers.items():
-        place = "arguments" if name in own else "material"
+        place = "arguments" if name in defaults else "material"
         sections[place] = sections[place] | {name: value}
-    _known("[arguments]", sections["arguments"], [name for name in own if name not in PARTS])
+    _known("[arguments]", sections["arguments"], [name for name in defaults if name not in PARTS])
     given = {name: _plain(value) for name, value in sections["arguments"].items()}
-    given |= _material(own["material"], sections["material"])
+    given |= _material(defaults["material"], sections["material"])
     if sections["scheme"]:
-        if "scheme" not in own:
+        if "scheme" not in defaults:
             raise ValueError(f"[scheme] must not be given: {function.__name__} has no scheme")
-        base = own["scheme"]
+        base = defaults["scheme"]
         if base is schemes.default:
-            base = suited(own | given)
+            base = suited(defaults | given)
         given["scheme"] = _scheme(base, sections["scheme"])
     return SceneFile(function(**given), sections["run"])
 
@@ -256,28 +256,28 @@ def template(name: str) -> str:
     """
     function = functions[one_of("name", name, tuple(functions))]
     summary = (inspect.getdoc(function) or "").partition("\n\n")[0]
-    own = own_keywords(inspect.signature(function))
+    defaults = keyword_defaults(inspect.signature(function))
     lines = [*_comment(summary), "#", f"# granular run {name}.toml", ""]
     lines += [f'scene = "{name}"', "", "[arguments]"]
-    arguments = {key: value for key, value in own.items() if key not in PARTS}
+    arguments = {key: value for key, value in defaults.items() if key not in PARTS}
     of_scene, of_material = explanations(function)
     lines += _entries(arguments, of_scene)
-    material = own["material"]
+    material = defaults["material"]
     kind = type(material)
     lines += ["", "[material]"]
     lines += _comment(
         f'Another law is chosen by law = "...", with all of its numbers; here '
         f"{kind.__name__}, {_first_line(kind)}"
     )
-    lines += _entries(_numbers(material, own, function().material), of_material)
-    scheme = own.get("scheme")
+    lines += _entries(_numbers(material, defaults, function().material), of_material)
+    scheme = defaults.get("scheme")
     if scheme is not None:
         lines += ["", "[scheme]"]
-        lines += _entries(_own_numbers(scheme), described(Scheme), shown=False)
+        lines += _entries(_field_values(scheme), described(Scheme), active=False)
         lines += ["", "[scheme.density]"]
         lines += _comment(_first_line(type(scheme.density)))
-        density = _own_numbers(scheme.density)
-        lines += _entries(density, described(type(scheme.density)), shown=False)
+        density = _field_values(scheme.density)
+        lines += _entries(density, described(type(scheme.density)), active=False)
     lines += ["", "[run]", *_entries(dict.fromkeys(RUN), RUN)]
     return "\n".join(lines) + "\n"
 
@@ -288,13 +288,17 @@ def explanations(function: Callable[..., Any]) -> tuple[dict[str, str], dict[str
     return described(function, *EXPLAINED), described(type(material))
 
 
-def _numbers(material: Any, own: Mapping[str, Any], used: object) -> dict[str, Any]:
+def _numbers(material: Any, defaults: Mapping[str, Any], used: object) -> dict[str, Any]:
     """Numbers of a material; None for those that follow from others or that the scene sets."""
     given = material.arguments() if isinstance(material, Material) else vars(material)
-    names = [part.name for part in fields(material) if part.name not in own]
-    kept = type(used) is not type(material)  # the material of another method is made from this one
+    names = [part.name for part in fields(material) if part.name not in defaults]
+    is_other = type(used) is not type(
+        material
+    )  # the material of another method is made from this one
     return {
-        name: given.get(name) if kept or getattr(used, name) == getattr(material, name) else None
+        name: given.get(name)
+        if is_other or getattr(used, name) == getattr(material, name)
+        else None
         for name in names
     }
 
@@ -303,20 +307,20 @@ def _first_line(documented: object) -> str:
     return (inspect.getdoc(documented) or "").partition("\n")[0]
 
 
-def _own_numbers(part: Any) -> dict[str, Any]:
+def _field_values(part: Any) -> dict[str, Any]:
     """Values of the fields of a scheme or density, without parts of it."""
-    found = {entry.name: getattr(part, entry.name) for entry in fields(part)}
+    values = {entry.name: getattr(part, entry.name) for entry in fields(part)}
     return {
         key: value
-        for key, value in found.items()
+        for key, value in values.items()
         if not hasattr(value, "replace") or isinstance(value, str)
     }
 
 
 def _entries(
-    values: Mapping[str, Any], texts: Mapping[str, str], *, shown: bool = True
+    values: Mapping[str, Any], texts: Mapping[str, str], *, active: bool = True
 ) -> Iterator[str]:
-    """Lines of a section; what has no default, or is not `shown`, is commented out.
+    """Lines of a section; what has no default, or is not `active`, is commented out.
 
     Entries that share a text stand together below it.
     """
@@ -328,7 +332,7 @@ def _entries(
             yield from _comment(text)
         before = text
         written = _written(value)
-        mark = "" if shown and written else "# "
+        mark = "" if active and written else "# "
         yield f"{mark}{name} = {written or '...'}"
 
 

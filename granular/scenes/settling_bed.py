@@ -98,6 +98,6 @@ def _time_to_rest(material: Material, height: float, fall: float, g: float) -> f
     if not material.damping_time:
         raise ValueError("duration = None must be a time with restitution = 1: the bed rings on")
     waves = {"wave_speed": material.wave_speed, "damping_time": material.damping_time}
-    kept = bar_restitution(length=height, **waves) if fall else 0.0
+    rebound = bar_restitution(length=height, **waves) if fall else 0.0
     rate = wave_decay(wavenumber=math.pi / (2.0 * height), **waves)
-    return 2.0 * fall * kept / (g * (1.0 - kept)) + math.log(1.0 / QUIET) / rate
+    return 2.0 * fall * rebound / (g * (1.0 - rebound)) + math.log(1.0 / QUIET) / rate

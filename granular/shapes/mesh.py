@@ -93,10 +93,10 @@ class Mesh(ComparedByContent, Shape):
         faces = _checked_faces(self.faces, len(vertices))
         spacing, thickness = positive("spacing", self.spacing), self.thickness
         if thickness is None:
-            faces, told = mended(vertices, faces)
+            faces, changes = mended(vertices, faces)
             faces.flags.writeable = False
-            if told:
-                warnings.warn(f"faces: {'; '.join(told)}", MeshWarning, stacklevel=3)
+            if changes:
+                warnings.warn(f"faces: {'; '.join(changes)}", MeshWarning, stacklevel=3)
         elif positive("thickness", thickness) < THIN * spacing:
             raise ValueError(f"thickness = {thickness} must be >= {THIN:g} spacings of {spacing} m")
         else:
@@ -165,15 +165,15 @@ class Mesh(ComparedByContent, Shape):
         scale, spacing = positive("scale", scale), positive("spacing", spacing)
         vertices, faces, rounding = read_surface(path)
         if scale * rounding > ROUNDED * spacing:
-            told = (
+            warning = (
                 f"path = {str(path)!r} rounds positions by {scale * rounding:.3g} m, more than "
                 f"{'' if scale * rounding > spacing else 'a tenth of '}spacing = {spacing}: its "
                 f"coordinates of up to {scale * abs(vertices).max():.3g} m are single precision; "
                 "shift it to the origin before it is written, or write another format"
             )
             if scale * rounding > spacing:
-                raise ValueError(told)
-            warnings.warn(told, MeshWarning, stacklevel=2)
+                raise ValueError(warning)
+            warnings.warn(warning, MeshWarning, stacklevel=2)
         try:
             return cls(scale * vertices, faces, spacing=spacing, thickness=thickness)
         except ValueError as error:

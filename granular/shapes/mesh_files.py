@@ -43,8 +43,8 @@ def read_surface(
     except IndexError as error:
         raise ValueError(f"{name} has triangles of vertices that it does not hold") from error
     except Exception as error:  # of any kind: files are of any kind
-        said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        raise ValueError(f"{name} cannot be read as {ending.upper()}: {said}") from error
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        raise ValueError(f"{name} cannot be read as {ending.upper()}: {reason}") from error
     if given.ndim != 2 or triangles.ndim != 2 or not triangles.size:
         raise ValueError(f"{name} must hold a surface of triangles")
     if triangles.min() < 0 or triangles.max() >= len(given):

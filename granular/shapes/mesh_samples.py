@@ -143,8 +143,8 @@ def _sample(mesh: Mesh) -> Tables:
     block = np.full(cells[::-1], -1, dtype=np.int32)
     block[tuple(near.T)] = np.arange(len(near))
     inside = np.arange(CUBE + 1)
-    own = np.stack(np.meshgrid(inside, inside, inside, indexing="ij"), axis=-1)
-    at = CUBE * near[:, None, None, None, :] + own  # (z, y, x) of each sample of each block
+    offsets = np.stack(np.meshgrid(inside, inside, inside, indexing="ij"), axis=-1)
+    at = CUBE * near[:, None, None, None, :] + offsets  # (z, y, x) of each sample of each block
     numbers = np.ravel_multi_index(tuple(np.moveaxis(at, -1, 0)), fine_counts[::-1])
     keys, place = np.unique(numbers, return_inverse=True)
     place = place.reshape(numbers.shape)

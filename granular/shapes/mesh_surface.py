@@ -36,13 +36,15 @@ def mended(vertices: Array, faces: Faces) -> tuple[Faces, list[str]]:
     ValueError
         If shells are not closed, have no orientation or no volume.
     """
-    told = []
+    changes = []
     before = len(faces)
     edges = _Edges.of(faces, len(vertices))
     if (edges.counts > 2).any():
         faces = _without_copies(faces, edges, len(vertices))
     if before > len(faces):
-        told.append(f"left out {before - len(faces)} of {before} triangles, which are duplicates")
+        changes.append(
+            f"left out {before - len(faces)} of {before} triangles, which are duplicates"
+        )
         edges = _Edges.of(faces, len(vertices))
     given = faces
     faces = _oriented(faces, edges)
@@ -57,23 +59,23 @@ def mended(vertices: Array, faces: Faces) -> tuple[Faces, list[str]]:
             "needs a thickness"
         )
     if flat.any():
-        told.append(f"left out {flat.sum()} of {len(flat)} closed parts, which hold no volume")
-        kept = ~flat[shells.label]
-        faces, given = np.ascontiguousarray(faces[kept]), given[kept]
+        changes.append(f"left out {flat.sum()} of {len(flat)} closed parts, which hold no volume")
+        solid = ~flat[shells.label]
+        faces, given = np.ascontiguousarray(faces[solid]), given[solid]
         shells = _Shells.of(vertices, faces, _Edges.of(faces, len(vertices)))
     wrong, idle = _inside_out(shells)
     if wrong.any():
-        told.append(f"reversed {wrong.sum()} of {len(wrong)} closed parts that were inside out")
+        changes.append(f"reversed {wrong.sum()} of {len(wrong)} closed parts that were inside out")
     turned = (faces != given).any(axis=1)
     single = turned & ~wrong[shells.label]
     if single.any():
-        told.append(f"reversed {single.sum()} of {len(faces)} triangles, to agree with others")
+        changes.append(f"reversed {single.sum()} of {len(faces)} triangles, to agree with others")
     if idle:
-        told.append(
+        changes.append(
             f"{idle} of {len(wrong)} closed parts lie within others and have no effect; a cavity "
             "has triangles that are anticlockwise as seen from within it"
         )
-    return _flipped(faces, wrong[shells.label]), told
+    return _flipped(faces, wrong[shells.label]), changes
 
 
 def solids(vertices: Array, faces: Faces) -> Indices:
@@ -320,8 +322,8 @@ def _held(shells: _Shells) -> Iterator[tuple[int, Indices, Array]]:
         before = largest[:rank]
         apart = (shells.low[before] > shells.high[i]) | (shells.high[before] < shells.low[i])
         holders = before[~apart.any(axis=1)]
-        own = by_shell[(ends[i - 1] if i else 0) : ends[i]]
-        chosen = own[np.linspace(0, len(own) - 1, min(PROBES, len(own))).astype(int)]
+        shell = by_shell[(ends[i - 1] if i else 0) : ends[i]]
+        chosen = shell[np.linspace(0, len(shell) - 1, min(PROBES, len(shell))).astype(int)]
         places = np.ascontiguousarray(vertices[shells.faces[chosen, 0]])
         winding = np.zeros((len(holders), len(places)))
         for row, j in enumerate(holders):

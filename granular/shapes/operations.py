@@ -100,17 +100,17 @@ def _check_band(name: str, distance: float, shape: Shape) -> None:
             )
 
 
-def least(found: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+def least(pairs: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
     """Least of several distances, and the normals that go with it."""
-    distances, normals = (np.array(part) for part in zip(*found, strict=True))
+    distances, normals = (np.array(part) for part in zip(*pairs, strict=True))
     of = distances.argmin(axis=0)
     every = np.arange(len(of))
     return distances[of, every], normals[of, every]
 
 
-def _greatest(found: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+def _greatest(pairs: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
     """Greatest of several distances, and the normals that go with it."""
-    away, normal = least([(-distance, normal) for distance, normal in found])
+    away, normal = least([(-distance, normal) for distance, normal in pairs])
     return -away, normal
 
 
@@ -409,8 +409,8 @@ class Shell(Altered):
         return _followed(rows, "shell", 0.5 * self.thickness)
 
     def narrowest(self, inverted: bool = False) -> float:
-        own = np.inf if inverted else self.thickness
-        return min(own, self.shape.narrowest(self.inward))
+        width = np.inf if inverted else self.thickness
+        return min(width, self.shape.narrowest(self.inward))
 
     def bound(self, measure: Measure) -> tuple[Any, Any]:
         solid, rest = self.shape.bound(measure)

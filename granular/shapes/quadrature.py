@@ -186,8 +186,8 @@ def _products(places: Array) -> Array:
 def _cells(places: Array, width: float) -> Array:
     """Integrals of the products of (1, x) over cells."""
     dim = places.shape[1]
-    own = np.diag([0.0] + [width**2 / 12] * dim)
-    sums: Array = width**dim * (_products(places) + len(places) * own)
+    within = np.diag([0.0] + [width**2 / 12] * dim)
+    sums: Array = width**dim * (_products(places) + len(places) * within)
     return sums
 
 

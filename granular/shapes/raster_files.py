@@ -124,18 +124,18 @@ def _of_esri(path: str | os.PathLike) -> Raster:
         return part, missing(part, mark)
 
     def units() -> Units:
-        beside = _beside(Path(path).with_suffix(".prj"))
-        if beside is None:
+        companion = _companion(Path(path).with_suffix(".prj"))
+        if companion is None:
             return Units()
         try:
-            return units_of(beside.read_text(encoding="utf-8", errors="replace"))
+            return units_of(companion.read_text(encoding="utf-8", errors="replace"))
         except ValueError as error:
-            raise type(error)(f"{error}, by {beside.name}") from None
+            raise type(error)(f"{error}, by {companion.name}") from None
 
     return Raster(str(path), shape, first, spacing, read, units)
 
 
-def _beside(path: Path) -> Path | None:
+def _companion(path: Path) -> Path | None:
     """Return the file of that name, written as it is or else in other letters, A.PRJ as a.prj."""
     if path.is_file():
         return path
@@ -291,12 +291,12 @@ def _of_gdal(path: str | os.PathLike, band: int | None) -> Raster:
         return np.ascontiguousarray(z[order]), gaps[order]
 
     def units() -> Units:
-        said = units_of(system) if system else Units()
+        of_system = units_of(system) if system else Units()
         if not unit:
-            return said
+            return of_system
         if unit.lower() not in LENGTHS:
             raise UnclearUnits(f"the unit {unit!r} of its band {number} is no length")
-        return Units(said.horizontal, LENGTHS[unit.lower()])
+        return Units(of_system.horizontal, LENGTHS[unit.lower()])
 
     return Raster(str(path), shape, (first[0], first[1]), spacing, read, units, numbers)
 

@@ -98,14 +98,14 @@ def _checked_mark(value: Any) -> float:
 def _factors(raster: Raster, scale: float | Sequence[float] | None) -> tuple[float, float]:
     """Metres in a unit of the coordinates and of the heights of a raster."""
     try:
-        said = raster.units()
+        units = raster.units()
     except UnclearUnits as error:
         if scale is None:
             raise ValueError(
                 f"{raster.name}: {error}: reproject it (gdalwarp -t_srs EPSG:...), or give scale = "
                 "(metres in a unit along the ground, metres in a unit of height)"
             ) from None
-        said = Units()
+        units = Units()
     except ValueError as error:
         raise ValueError(f"{raster.name}: {error}{_advice(raster)}") from None
     if scale is not None:
@@ -113,14 +113,14 @@ def _factors(raster: Raster, scale: float | Sequence[float] | None) -> tuple[flo
             along, up = vector("scale", scale, 2, positive)
             return along, up
         return (positive("scale", scale),) * 2
-    along = 1.0 if said.horizontal is None else said.horizontal
-    if said.vertical is None and along != 1.0:
+    along = 1.0 if units.horizontal is None else units.horizontal
+    if units.vertical is None and along != 1.0:
         raise ValueError(
             f"{raster.name}: its coordinates have a unit of {along:.10g} m, and does not "
             f"specify that of its heights: give scale = {along:.10g} if it is the same, or scale = "
             f"({along:.10g}, 1.0) if heights are in metres"
         )
-    return along, 1.0 if said.vertical is None else said.vertical
+    return along, 1.0 if units.vertical is None else units.vertical
 
 
 def _advice(raster: Raster) -> str:

@@ -281,15 +281,15 @@ class Frustum(Shape):
         slope = np.array([outer - inner, self.length]) / side
         middle = 0.5 * (inner + outer) * np.array([1.0, 0.0])
         middle += 0.5 * (self.thickness or 0.0) * np.array([slope[1], -slope[0]])
-        found = []
+        boxes = []
         for sign in (1, -1):
             across, along = axes_about(self.axis)[:, [0, 2]].T * [[sign], [1]]
             first = slope[0] * across + slope[1] * along
             axes = np.column_stack([first, [-first[1], first[0], 0.0], [0.0, 0.0, 1.0]])
             place = np.array(padded(self.center)) + middle[0] * across + middle[1] * along
             size = (0.5 * side, 0.5 * (self.thickness or 0.0), math.inf)
-            found.append((place, axes, size))
-        return tuple(found)
+            boxes.append((place, axes, size))
+        return tuple(boxes)
 
     def _row(self) -> tuple[Array, Array]:
         half, (first, second) = 0.5 * self.length, self.radii

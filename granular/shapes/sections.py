@@ -72,8 +72,8 @@ def _crossing(x: Array) -> tuple[int, int] | None:
 
     apart = sides(a) * sides(b) > 0
     low, high = np.minimum(a, b), np.maximum(a, b)
-    beside = ((low[:, None] > high[None]) | (high[:, None] < low[None])).any(axis=2)
-    meet = ~(apart | apart.T | beside)
+    separate = ((low[:, None] > high[None]) | (high[:, None] < low[None])).any(axis=2)
+    meet = ~(apart | apart.T | separate)
     places = np.arange(n)
     meet[places, places] = False
     # Neighbours always meet: they may not lie on one another.
@@ -123,12 +123,12 @@ def inradius(kind: str, array: Array) -> float:
     bisection.
     """
     revolved = kind == "revolved"
-    own = row_of(kind, size=(0.0 if revolved else math.inf, 0, 0))
+    row = row_of(kind, size=(0.0 if revolved else math.inf, 0, 0))
     a, b = array[0], np.roll(array[0], -1, axis=0)
     edge = b - a
     if revolved:
-        kept = (a[:, 0] > 0) | (b[:, 0] > 0)
-        a, edge = a[kept], edge[kept]
+        off_axis = (a[:, 0] > 0) | (b[:, 0] > 0)
+        a, edge = a[off_axis], edge[off_axis]
     share = (np.arange(count := max(64 // len(a), 1)) + 0.5)[:, None, None] / count
     start = (a + share * edge).reshape(-1, 2)
     inward = np.stack([-edge[:, 1], edge[:, 0]], axis=1) / np.linalg.norm(edge, axis=1)[:, None]
@@ -138,7 +138,7 @@ def inradius(kind: str, array: Array) -> float:
         radius = 0.5 * (low + high)
         at = np.zeros((len(start), 3))
         at[:, [0, 2] if revolved else [0, 1]] = start + radius[:, None] * inward
-        depth = -_core.body_distance(own[None], (array,), at)[0]
+        depth = -_core.body_distance(row[None], (array,), at)[0]
         touches = depth > radius * (1 - 1e-9)
         low, high = np.where(touches, radius, low), np.where(touches, high, radius)
     return float(low.max())

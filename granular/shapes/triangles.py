@@ -93,8 +93,8 @@ class Triangles:
                     ((places[inside] >= low) & (places[inside] <= high)).all(axis=1)
                 )
                 if len(here):
-                    own = _core.mesh_distance(tree, places[inside[here]], True)
-                    depth[here] = np.maximum(depth[here], -own)
+                    signed = _core.mesh_distance(tree, places[inside[here]], True)
+                    depth[here] = np.maximum(depth[here], -signed)
             distance[inside] = np.where(depth > 0, -depth, distance[inside])
         return distance
 
@@ -142,10 +142,10 @@ class Triangles:
 
     def part(self, solids: NDArray[np.intp]) -> Triangles:
         """Return the surface of some of the solids."""
-        own = np.isin(self._solid, solids)
-        used, at = np.unique(self._faces[own], return_inverse=True)
+        mask = np.isin(self._solid, solids)
+        used, at = np.unique(self._faces[mask], return_inverse=True)
         faces = at.reshape(-1, 3).astype(np.int32)
-        label = np.unique(self._solid[own], return_inverse=True)[1].reshape(-1)
+        label = np.unique(self._solid[mask], return_inverse=True)[1].reshape(-1)
         return Triangles(self._vertices[used] + self.origin, faces, label, 2 * self._half)
 
     def sides(self, x: Array, radius: float) -> NDArray[np.int8]:
@@ -201,15 +201,15 @@ class Triangles:
             return 2 * self._half, 2 * self._half
         at, normal, solid = self.points(POINTS)
         inner, outer = self._sides(at, normal)
-        shown = (inner > 0.5) & (outer < 0.5)
+        is_surface = (inner > 0.5) & (outer < 0.5)
         radius, wall = np.zeros(POINTS), np.full(POINTS, np.inf)
         for s, (tree, _, _) in enumerate(self._parts):
-            here = np.flatnonzero(shown & (solid == s))
+            here = np.flatnonzero(is_surface & (solid == s))
             if len(here):
                 radius[here], wall[here] = self._touching(
                     tree, at[here] - self.origin, normal[here]
                 )
-        least = int(np.ceil(SHARE * max(shown.sum(), 1)))
+        least = int(np.ceil(SHARE * max(is_surface.sum(), 1)))
         best = np.argsort(radius)[-LARGEST:]
         depth = -self.distance(at[best] - radius[best, None] * normal[best])
         largest = max(2 * depth.max(), wall[np.isfinite(wall)].max(initial=0.0))

@@ -173,8 +173,8 @@ class Simulation(simulation.Simulation, scenes=Scene):
         """
         scalars = self._engine.scalars()
         names = ("rebuilds", "dropped", "dropped_mass", "stopped", "gas_dropped")
-        found = {name: scalars[name] for name in names}
-        return found | {"gas_entered": self._inlets.gas_entered(self._engine)}
+        counts = {name: scalars[name] for name in names}
+        return counts | {"gas_entered": self._inlets.gas_entered(self._engine)}
 
     @property
     def inflows(self) -> tuple[InflowState, ...]:
@@ -202,7 +202,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         """A snapshot of the particles of the present walls, ordered by id."""
         self._evaluate()
         first, scalars = self._rows.wall_first, self._engine.scalars()
-        return self._state_of(self._shown(slice(first, first + int(scalars["n_walls"]))))
+        return self._state_of(self._fields_of(slice(first, first + int(scalars["n_walls"]))))
 
     @property
     def gas(self) -> GasState:
@@ -213,10 +213,10 @@ class Simulation(simulation.Simulation, scenes=Scene):
         AttributeError
             If the scene has no gas.
         """
-        found = self._extra_state()
-        if "gas" not in found:
+        extra = self._extra_state()
+        if "gas" not in extra:
             raise AttributeError(f"the scene {self.scene.name} has no gas")
-        return found["gas"]
+        return extra["gas"]
 
     def _extra_state(self) -> dict[str, GasState]:
         if self.scene.gas is None:
@@ -229,9 +229,9 @@ class Simulation(simulation.Simulation, scenes=Scene):
         fields["pressure"] = np.ascontiguousarray(-fields.pop("stress")[:, 0])
         return {"gas": GasState(time=self.time, **fields)}
 
-    def _fields(self, kept: bool) -> dict[str, NDArray]:
+    def _fields(self, recorded: bool) -> dict[str, NDArray]:
         self._evaluate()
-        fields = self._shown(slice(0, self.n_points))
+        fields = self._fields_of(slice(0, self.n_points))
         grid = self.scene.grid
         inside = ((fields["x"] >= grid.lower) & (fields["x"] <= grid.upper)).all(axis=1)
         if inside.all():
@@ -258,7 +258,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
             x -= length * np.floor((x - grid.lower[axis]) / length)
         return fields
 
-    def _shown(self, rows: slice) -> dict[str, NDArray]:
+    def _fields_of(self, rows: slice) -> dict[str, NDArray]:
         fields = self._ordered(rows, SHOWN)
         fields["log_density"] = np.log(fields.pop("rho") / self.scene.material.rho_c)
         return fields

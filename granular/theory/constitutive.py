@@ -280,8 +280,8 @@ def _time_arrays(times: ArrayLike, breakpoints: Sequence[float]) -> tuple[Array,
         raise ValueError(f"times = {times} must not begin before breakpoints[0] = {ends[0]}")
     if not ends[0] < times[-1] < math.inf:
         raise ValueError(f"times = {times} must end after breakpoints[0] = {ends[0]}")
-    kept = ends[ends < times[-1]]
-    return times, np.append(kept, times[-1])
+    inner = ends[ends < times[-1]]
+    return times, np.append(inner, times[-1])
 
 
 def _start(material: MuI, p0: float, log_density0: float | None) -> float:

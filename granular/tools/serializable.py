@@ -150,15 +150,15 @@ class ComparedByContent:
     @cached_property
     def digest(self) -> str:
         """Digest of all that is in the fields."""
-        told = hashlib.blake2b(type(self).__name__.encode(), digest_size=20)
+        hasher = hashlib.blake2b(type(self).__name__.encode(), digest_size=20)
         for name, value in arguments_of(self).items():
             if isinstance(value, np.ndarray):
-                told.update(f"{name}{value.dtype.str}{value.shape}".encode())
-                told.update(np.ascontiguousarray(value).data)
+                hasher.update(f"{name}{value.dtype.str}{value.shape}".encode())
+                hasher.update(np.ascontiguousarray(value).data)
             else:
                 content = value.digest if isinstance(value, ComparedByContent) else repr(value)
-                told.update(f"{name}={content}".encode())
-        return told.hexdigest()
+                hasher.update(f"{name}={content}".encode())
+        return hasher.hexdigest()
 
     def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):
@@ -169,11 +169,11 @@ class ComparedByContent:
         return hash(self.digest)
 
     def __repr__(self) -> str:
-        told = []
+        texts = []
         for name, value in arguments_of(self).items():
             is_array = isinstance(value, np.ndarray)
-            told.append(f"{name}=array of {value.shape}" if is_array else f"{name}={value!r}")
-        return f"{type(self).__name__}({', '.join(told)})"
+            texts.append(f"{name}=array of {value.shape}" if is_array else f"{name}={value!r}")
+        return f"{type(self).__name__}({', '.join(texts)})"
 
 
 _PARTS: dict[str, type] = {"Parameters": Parameters}

@@ -55,8 +55,10 @@ def threshold(scene: AnyScene) -> float:
 
 def exact_flow(state: State) -> ChuteFlow:
     """Steady flow of the layer of a state, from the one-dimensional equation."""
-    asked, material = state.scene.parameters, cast(NGF, state.scene.material)
-    return chute_profile(asked["angle_deg"], asked["height"], material, asked["gravity"])
+    parameters, material = state.scene.parameters, cast(NGF, state.scene.material)
+    return chute_profile(
+        parameters["angle_deg"], parameters["height"], material, parameters["gravity"]
+    )
 
 
 def velocity(state: State) -> tuple[Array, Array]:

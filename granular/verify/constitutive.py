@@ -187,9 +187,9 @@ def random_states(material: MuI, n: int, seed: int = 0) -> tuple[Array, Array, A
     shear[:, 3] += material.G * gradient[:, 2]
     shear[:, :3] -= 2 * material.G / 3 * trace[:, None]
     tau = np.sqrt((shear[:, :3] ** 2).sum(axis=1) / 2 + shear[:, 3] ** 2)
-    kept = (p_trial > 0.1 * scale) & (np.abs(tau / (material.mu_s * p_trial) - 1) > 0.01)
-    kept = np.flatnonzero(kept)[:n]
-    return gradient[kept], p[kept] / material.K, stress[kept]
+    usable = (p_trial > 0.1 * scale) & (np.abs(tau / (material.mu_s * p_trial) - 1) > 0.01)
+    usable = np.flatnonzero(usable)[:n]
+    return gradient[usable], p[usable] / material.K, stress[usable]
 
 
 def update_50_digits(material: MuI, dt: float, gradient: Array, stress: Array) -> Array:

@@ -34,7 +34,7 @@ from granular.verify import layers, silo
 from granular.verify.collapse import collapse, three
 from granular.verify.incline import MOVING, mean_speed
 from granular.verify.layers import layer
-from granular.verify.rows import Row, at_most, beside, check, holds, within
+from granular.verify.rows import Row, at_most, check, holds, report, within
 
 DEFAULT = schemes.default
 
@@ -87,7 +87,7 @@ def density_correction_angles(scheme: Scheme = DEFAULT) -> Iterator[Row]:
         yield from layers.rows(f"{angle:g} deg", flows, bound)
     soft = layers.several(20.0, SEEDS[:2], angle_deg=22.0, scheme=scheme)
     each = " ".join(f"{flow.error:.4f}" for flow in soft)
-    yield beside("L2 error by seed, 22 deg, E = 1e6", each, "reported")
+    yield report("L2 error by seed, 22 deg, E = 1e6", each, "reported")
     sim = layer(scheme=scheme)
     start = sim.state
     times = np.arange(20.0, 61.0, 5.0)
@@ -120,7 +120,7 @@ def density_correction_refinement(scheme: Scheme = DEFAULT) -> Iterator[Row]:
     for cell in (0.02, 0.01, 0.005):
         flows = layers.several(20.0, SEEDS[:1], steady=True, cell=cell, E=1e7, scheme=scheme)
         error_of[cell] = flows[0].error
-        yield beside(f"L2 error of v, cells of {cell:g} m", f"{flows[0].error:.4g}", "falls")
+        yield report(f"L2 error of v, cells of {cell:g} m", f"{flows[0].error:.4g}", "falls")
     errors = list(error_of.values())
     yield holds("the error falls", errors[0] > errors[1] > errors[2])
 
@@ -211,8 +211,8 @@ def runouts(aspect: float, cells: tuple[float, ...], scheme: Scheme) -> Iterator
         runs.append(run.quantile)
         name = f"a = {aspect:g}, cells of {cell:g} m"
         paper = float(RUNOUT_LAWS["dunatunga"](aspect))
-        yield beside(f"run-outs, {name}", three(run), f"paper {paper:.2f}")
-        yield beside(f"plastic work in the ill-posed range, {name}", f"{bad:.2f}", "reported")
+        yield report(f"run-outs, {name}", three(run), f"paper {paper:.2f}")
+        yield report(f"plastic work in the ill-posed range, {name}", f"{bad:.2f}", "reported")
     steps = np.abs(np.diff(runs))
     yield holds(
         f"steps of the run-out fall, a = {aspect:g}",
@@ -253,9 +253,9 @@ def silo_rows(orifices: tuple[float, ...], cell: float, E: float, scheme: Scheme
     yield within(f"exponent, free fit, {name}", fit.exponent_free, 1.5, 0.05)
     yield within(f"C at exponent 3/2, {name}", fit.C, silo.PAPER_C, 0.1 * silo.PAPER_C)
     yield at_most(f"99th percentile of density over rho_c, {name}", max(density), 1.1)
-    yield beside(f"the same of blocks 3 wide, {name}", f"{max(small):.3f}", "by chance 1.14")
+    yield report(f"the same of blocks 3 wide, {name}", f"{max(small):.3f}", "by chance 1.14")
     single = rates / beverloo_rate(free, material.rho_c, C=1.0, gravity=DUNATUNGA_KAMRIN)
-    yield beside(f"C of each opening, {name}", " ".join(f"{c:.3f}" for c in single), "reported")
+    yield report(f"C of each opening, {name}", " ".join(f"{c:.3f}" for c in single), "reported")
 
 
 @check(slow=True)
@@ -308,7 +308,7 @@ def density_correction_thresholds(scheme: Scheme = DEFAULT) -> Iterator[Row]:
             yield from pushed(angle, 0.1, scheme, points)
     sim = layer(20.0, push=0.1, scheme=scheme).run(until=0.1 + 10 * stop_time(20.0, 0.1))
     speed = f"{abs(mean_speed(sim.state)):.2g}"
-    yield beside(f"|vbar| [m/s] at {sim.time:.2g} s, 20 deg, E = 1e6", speed, "reported")
+    yield report(f"|vbar| [m/s] at {sim.time:.2g} s, 20 deg, E = 1e6", speed, "reported")
     sim = layer(21.5, scheme=scheme).run(until=20.0)
     mean = mean_speed(sim.state)
     grains = cast(MuI, sim.scene.material)

@@ -21,7 +21,7 @@ from granular.mpm.schemes import Scheme
 from granular.run.simulation import Simulation
 from granular.shapes import Box
 from granular.verify.layers import JITTER, MODULUS, layer
-from granular.verify.rows import Row, at_most, beside, check, holds
+from granular.verify.rows import Row, at_most, check, holds, report
 
 IDLE = dict.fromkeys(
     (
@@ -163,14 +163,14 @@ def budget(samples: int, until: float, scheme: Scheme) -> Iterator[Row]:
     passed = None if made is None else not made
     yield Row("energy given by the density correction over plastic work", text, expected, passed)
     lost = lost_by_all(scheme, until / 2, 5 * samples)
-    yield beside("lost by density correction and transfer together", f"{lost:+.2g}", "reported")
+    yield report("lost by density correction and transfer together", f"{lost:+.2g}", "reported")
     additions = sampled(Simulation(collision(scheme), threads=1), samples, 0.1)
     yield holds("the colliding blocks flow", sum(f.plastic for f in additions) > 0)
     yield at_most("momentum given in a step, over m |v|", max(f.momentum for f in additions), 1e-12)
     spin = max(abs(f.angular) for f in additions)
-    yield beside("angular momentum given in a step, over m |v| y", f"{spin:.2g}", "reported")
+    yield report("angular momentum given in a step, over m |v| y", f"{spin:.2g}", "reported")
     mean = sum(f.angular for f in additions) / samples
-    yield beside("the same, mean with its sign", f"{mean:+.2g}", "reported")
+    yield report("the same, mean with its sign", f"{mean:+.2g}", "reported")
 
 
 @check()

@@ -15,7 +15,7 @@ from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.verify.quantities import Outcome, change, quantities
-from granular.verify.rows import Row, at_least, at_most, beside, check
+from granular.verify.rows import Row, at_least, at_most, check, report
 
 TOLERANCE = 0.02
 """Tolerance of the suggestion, which the measured change must meet."""
@@ -64,10 +64,10 @@ def rows(
         if quantity in bounded:
             yield at_most(text, moved, tolerance)
         else:
-            yield beside(text, f"{moved:.3g}", "reported")
+            yield report(text, f"{moved:.3g}", "reported")
     if timed:
         yield at_least(f"core-seconds spared, {name}", full.seconds / cheaper.seconds, SPARED)
-        yield beside(f"core-seconds, {name}", f"{cheaper.seconds:.3g}", f"{full.seconds:.3g}")
+        yield report(f"core-seconds, {name}", f"{cheaper.seconds:.3g}", f"{full.seconds:.3g}")
     else:
         ratio = full.point_steps / cheaper.point_steps
         yield at_least(f"points times steps spared, {name}", ratio, SPARED)
@@ -82,14 +82,16 @@ def cheaper_run(scene: Scene, tolerance: float = TOLERANCE) -> Outcome:
 def economy_quick() -> Iterator[Row]:
     """The incline of 25 deg up to 2 s, published scheme: suggested at 2 % against the paper's."""
     scene = published("incline", schemes.dunatunga_kamrin_2015, duration=2.0)
-    kept = ("mean velocity", "profile")
-    yield from rows("incline 25 deg", cheaper_run(scene), quantities(scene), kept, timed=False)
+    of_interest = ("mean velocity", "profile")
+    yield from rows(
+        "incline 25 deg", cheaper_run(scene), quantities(scene), of_interest, timed=False
+    )
 
 
 @check(slow=True)
 def economy_incline() -> Iterator[Row]:
     """Inclines, 20 s, both schemes at 25 deg: suggested at 2 % against 1 GPa; cost of 3e-6 s."""
-    kept = ("mean velocity", "profile")
+    quantities = ("mean velocity", "profile")
     for angle, scheme, name in (
         (22.0, schemes.dunatunga_kamrin_2015, "published"),
         (25.0, schemes.dunatunga_kamrin_2015, "published"),
@@ -98,7 +100,7 @@ def economy_incline() -> Iterator[Row]:
     ):
         scene = published("incline", scheme, angle_deg=angle)
         full = reference(scene, materials.glass_beads.E)
-        yield from rows(f"{angle:g} deg, {name}", cheaper_run(scene), full, kept, timed=True)
+        yield from rows(f"{angle:g} deg, {name}", cheaper_run(scene), full, quantities, timed=True)
 
 
 @check(slow=True)
@@ -145,5 +147,5 @@ def economy_slug() -> Iterator[Row]:
     """The slug, default scheme: suggested at 4 % against E = 1 GPa; its outline is random."""
     scene = published("slug", schemes.default)
     full = reference(scene, materials.glass_beads.E)
-    cheaper, kept = cheaper_run(scene, LOOSEST), ("impact", "centre")
-    yield from rows("slug, default", cheaper, full, kept, timed=True, tolerance=LOOSEST)
+    cheaper, quantities = cheaper_run(scene, LOOSEST), ("impact", "centre")
+    yield from rows("slug, default", cheaper, full, quantities, timed=True, tolerance=LOOSEST)

@@ -79,6 +79,6 @@ def holds(quantity: str, truth: bool, expected: str = "yes") -> Row:
     return Row(quantity, "yes" if truth else "no", expected, bool(truth))
 
 
-def beside(quantity: str, value: str, other: str) -> Row:
+def report(quantity: str, value: str, other: str) -> Row:
     """A row that reports a number next to another one, without a bound."""
     return Row(quantity, value, other, None)

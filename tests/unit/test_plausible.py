@@ -102,7 +102,10 @@ SLIPS = [
     (body(at=(0.7, -0.5), free="y", mass=50.0), "outside of the domain along y, by 0.4 m"),
     (body(free="xy", mass=1e6), r"mass = 1e.06 kg .* per metre of depth"),
     (body(free="xy", mass=0.08, shape=shapes.Box(size=(0.2, 0.2))), "mean 80, this in tonnes"),
-    (body(free="xy", mass=50.0, inertia=2500.0), "impossible for .* 50 kg .* mean 0.25 .* kg cm2.* 0.15"),
+    (
+        body(free="xy", mass=50.0, inertia=2500.0),
+        "impossible .* 50 kg .* mean 0.25 .* kg cm2.* 0.15",
+    ),
     (body(free="xy", mass=50.0, inertia=2.5e6), "mean 0.25 kg m2, this in g cm2"),
     (body(free="xy", mass=50.0, inertia=1e-9), "impossible for a body of 50 kg .* about 0.15"),
 ]

@@ -296,10 +296,14 @@ class Packing:
         contacts = np.flatnonzero((bodies >= 0).any(axis=1))
         if not len(contacts):
             raise ValueError(f"grains = {chosen.tolist()} have no contacts")
-        kept = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in _DERIVED_FROM}
-        per_grain = {k: v[chosen] for k, v in kept.items() if v is not None and k in _PER_GRAIN}
+        arguments = {
+            f.name: getattr(self, f.name) for f in fields(self) if f.name not in _DERIVED_FROM
+        }
+        per_grain = {
+            k: v[chosen] for k, v in arguments.items() if v is not None and k in _PER_GRAIN
+        }
         return Packing(
-            **(kept | per_grain),
+            **(arguments | per_grain),
             bodies=bodies[contacts],
             positions=self.positions[contacts],
             normals=self.normals[contacts],

@@ -167,13 +167,13 @@ def _problem(
     d, R = packing.dim, packing.radius
     frame = _frame(packing, mu)
     lengths = np.tile(np.repeat([1.0, 1 / R], [d, rows_of(d) - d]), packing.n)
-    kept = np.tile(np.repeat([True, moments], [d, rows_of(d) - d]), packing.n)
+    mask = np.tile(np.repeat([True, moments], [d, rows_of(d) - d]), packing.n)
     stress_target = stress_vector(packing) / R
-    balance_target = (lengths * momentum_vector(packing))[kept]
+    balance_target = (lengths * momentum_vector(packing))[mask]
     force = _typical([stress_target, balance_target])
-    balance = csr_array(equilibrium_matrix(packing).multiply(lengths[:, None]))[kept]
+    balance = csr_array(equilibrium_matrix(packing).multiply(lengths[:, None]))[mask]
     of_stress, of_balance = _errors(packing)
-    errors = of_stress if np.isinf(weight) else np.concatenate([of_stress, of_balance[kept]])
+    errors = of_stress if np.isinf(weight) else np.concatenate([of_stress, of_balance[mask]])
     usual = float(np.median(errors))
     known = packing.stress_errors is not None
     return Problem(
@@ -184,7 +184,7 @@ def _problem(
         stress_target=stress_target / force,
         balance_target=balance_target / force,
         stress_scale=usual / of_stress,
-        balance_scale=usual / of_balance[kept],
+        balance_scale=usual / of_balance[mask],
         weight=weight,
         regularization=regularization,
         force=force,
@@ -229,5 +229,5 @@ def _frame(packing: Packing, mu: Array) -> csr_array:
 
 def listed(which: NDArray[np.intp]) -> str:
     """List of the first few numbers, for messages."""
-    shown = ", ".join(str(k) for k in which[:8])
-    return shown + (f", ... ({len(which)} in all)" if len(which) > 8 else "")
+    text = ", ".join(str(k) for k in which[:8])
+    return text + (f", ... ({len(which)} in all)" if len(which) > 8 else "")

@@ -85,8 +85,8 @@ def macroscopic_stress(
     total = np.zeros((packing.dim, packing.dim))
     inner = np.all(packing.bodies >= 0, axis=1)
     for contacts, _, sign, arms in packing.sides():
-        kept = np.ones(len(contacts), bool) if walls else inner[contacts]
-        total += sign * np.einsum("ka,kb->ab", forces[contacts[kept]], arms[kept])
+        mask = np.ones(len(contacts), bool) if walls else inner[contacts]
+        total += sign * np.einsum("ka,kb->ab", forces[contacts[mask]], arms[mask])
     return (total + total.T) / (2 * volume)
 
 

@@ -139,7 +139,7 @@ def _speeds(outcome: Outcome, angle: float, ratio: float, name: str, cells: int)
     outcome.curves.setdefault(name, {}).setdefault(angle, []).append((ratio, run))
 
 
-def _beside_experiments(outcome: Outcome, angle: float) -> None:
+def _experiments(outcome: Outcome, angle: float) -> None:
     """The law and the experiments, which are only reported."""
     data = load("incline_hstop_froude")
     k = int(np.flatnonzero(data["theta_deg"] == angle)[0])
@@ -201,7 +201,7 @@ def hstop(quick: bool) -> Outcome:
                 _stops(outcome, angle, name)
             for ratio in RATIOS[:1] if quick else RATIOS:
                 _speeds(outcome, angle, ratio, name, 10)
-        _beside_experiments(outcome, angle)
+        _experiments(outcome, angle)
     if not quick:
         for name in SCHEMES:
             _speeds(outcome, 28.0, 3.0, name, 20)

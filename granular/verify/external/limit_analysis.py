@@ -123,9 +123,9 @@ def wall_scene(
             Wall(1, 0.0, kind="coulomb", friction=friction),
             Wall(0, length, kind="free_slip"),
         )
-    beside = math.ceil(0.25 * cells) * cell
+    margin = math.ceil(0.25 * cells) * cell
     return frame.scene(
-        grid=frame.grid((-beside, 0.0), (length, SIZE + 2 * beside), cell),
+        grid=frame.grid((-margin, 0.0), (length, SIZE + 2 * margin), cell),
         fills=(Fill(frame.box((0.0, 0.0), (length, SIZE)), 4, lithostatic=True),),
         material=material, walls=walls, bodies=tuple(bodies),
     )  # fmt: skip
@@ -202,8 +202,8 @@ class Reaction:
 
     def at_rest(self, begin: float) -> float:
         """Force on the undeformed bed [N/m]: the line through the values beyond `begin`, at 0."""
-        kept = self.displacement > begin
-        return float(np.polyfit(self.displacement[kept], self.force[kept], 1)[1])
+        later = self.displacement > begin
+        return float(np.polyfit(self.displacement[later], self.force[later], 1)[1])
 
 
 def reaction(scene: Scene, stops: Sequence[float]) -> Reaction:

@@ -23,18 +23,18 @@ def _file(path: Path, step: int, mark: bytes) -> Path:
     return folder_of(path) / f"{step:012d}-{mark[:8].hex()}.part"
 
 
-def keep(path: Path, frame: Frame, checkpoint: Checkpoint) -> None:
+def store(path: Path, frame: Frame, checkpoint: Checkpoint) -> None:
     """Store the checkpoint of a frame of a record, completely or not at all."""
     folder_of(path).mkdir(exist_ok=True)
     write_restart(_file(path, frame.step, frame.mark), checkpoint)
 
 
-def kept(path: Path, frames: Iterable[Frame]) -> list[int]:
+def frames_with(path: Path, frames: Iterable[Frame]) -> list[int]:
     """Indices of the frames of which a checkpoint is stored."""
     return [i for i, frame in enumerate(frames) if _file(path, frame.step, frame.mark).exists()]
 
 
-def read_kept(path: Path, frame: Frame) -> Checkpoint:
+def read(path: Path, frame: Frame) -> Checkpoint:
     """Read and verify the checkpoint of a frame.
 
     Raises
@@ -47,7 +47,7 @@ def read_kept(path: Path, frame: Frame) -> Checkpoint:
     return read_restart(_file(path, frame.step, frame.mark))
 
 
-def forget(path: Path) -> None:
+def delete(path: Path) -> None:
     """Delete the older checkpoints of a record, and their folder if it is then empty."""
     folder = folder_of(path)
     if not folder.is_dir():
