@@ -109,7 +109,7 @@ def fed_sph(rows: int) -> tuple[Any, Any]:
                 grid=gr.Grid((0.0, 0.0), CELL, (wide, deep + 22), periodic=(True, False)),
                 fills=(gr.Fill(gr.Box((0.0, 0.0), (wide * CELL, deep * CELL)), 1),),
                 inflows=(gr.Inflow(nozzle, (0.0, -1.0), 1, driven=True),) * inflow,
-                walls=(sph.Wall(1, 0.0, 1),),
+                walls=(sph.ParticleWall(1, 0.0, 1),),
                 gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
                 duration=100.0,
             )

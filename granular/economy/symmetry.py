@@ -8,7 +8,7 @@ from typing import Any
 
 from granular.model.fill import Fill
 from granular.mpm.scene import Scene
-from granular.mpm.walls import Solid, Wall
+from granular.mpm.walls import Wall, WallOrBlock
 from granular.shapes import Box, Cylinder, Difference, Intersection, Region, Sphere, Union
 
 _DIGITS = 9
@@ -34,26 +34,19 @@ class _Mirror:
         first, last = self.key(*sorted((self.place(low, side), self.place(high, side))))
         return first, last
 
-    def divides(self, wall: Wall | Solid) -> bool:
+    def divides(self, wall: WallOrBlock) -> bool:
         """True if a wall stands on the plane and is not just a free_slip symmetry plane."""
-        if isinstance(wall, Solid) or wall.axis != 0 or wall.kind == "free_slip":
+        if wall.axis != 0 or wall.slips:
             return False
-        return self.key(self.place(wall.at, 1)) == (0.0,)
+        return self.ends(*wall.extent(self.grid, 0), 1) == (0.0, 0.0)
 
-    def wall(self, wall: Wall | Solid, side: int) -> tuple[object, ...]:
+    def wall(self, wall: WallOrBlock, side: int) -> tuple[object, ...]:
         """Key of a wall, equal for a wall and for its image seen from the other side."""
-        if isinstance(wall, Solid):
-            across = self.ends(wall.lower[0], wall.upper[0], side)
-            return ("solid", across, wall.lower[1:], wall.upper[1:], wall.kind)
-        spans = [wall.extent(self.grid, axis) for axis in range(self.grid.dim) if axis != wall.axis]
-        if wall.axis == 0:
-            at = self.key(self.place(wall.at, side))
-        else:
-            at = self.key(wall.at)
-            spans[0] = self.ends(*spans[0], side)
+        across, *others = (wall.extent(self.grid, axis) for axis in range(self.grid.dim))
+        extents = (self.ends(*across, side), *(self.key(*ends) for ends in others))
         velocity = wall.velocity or (0.0,) * self.grid.dim
         moves = (side * velocity[0] + 0.0, velocity[1:], wall.pressure)
-        return (wall.axis, at, tuple(spans), wall.kind, wall.friction, wall.opens_at, *moves)
+        return (wall.axis, extents, wall.kind, wall.friction, wall.opens_at, *moves)
 
     def region(self, region: Region, side: int) -> tuple[object, ...]:
         """Key of a region, equal for a region and for its image seen from the other side."""
@@ -134,7 +127,8 @@ def mirror_half(scene: Scene) -> Scene:
     middle = 0.5 * (grid.lower[0] + grid.upper[0])
     keep = Box((middle, *grid.lower[1:]), grid.upper)
     beyond = middle + grid.slack * grid.cell  # so that no empty part is left on the plane
-    walls = [part for wall in scene.walls if (part := _cut_wall(wall, middle, beyond)) is not None]
+    cut = (wall.above(grid, middle, beyond) for wall in scene.walls)
+    walls = [wall for wall in cut if wall is not None]
     fills = [
         fill if fill.region.bounds[0][0] >= middle else _cut_fill(fill, keep)
         for fill in scene.fills
@@ -163,17 +157,3 @@ def _cut_fill(fill: Fill, keep: Box) -> Fill:
         lower, upper = fill.region.bounds
         return replace(fill, region=Box((keep.bounds[0][0], *lower[1:]), upper))
     return replace(fill, region=Intersection((fill.region, keep)))
-
-
-def _cut_wall(wall: Wall | Solid, middle: float, beyond: float) -> Wall | Solid | None:
-    """Part of a wall on the right of the plane; None if there is none."""
-    if isinstance(wall, Solid):
-        if wall.upper[0] <= beyond:
-            return None
-        return replace(wall, lower=(max(wall.lower[0], middle), *wall.lower[1:]))
-    if wall.axis == 0:
-        return wall if wall.at > beyond else None
-    if wall.span is None:
-        return wall
-    (low, high), *rest = wall.span
-    return replace(wall, span=((max(low, middle), high), *rest)) if high > beyond else None

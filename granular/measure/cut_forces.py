@@ -8,11 +8,11 @@ from granular.measure.averaging_grid import Array
 from granular.model.symmetric import mirror_axes
 from granular.mpm.bodies import Body
 from granular.mpm.scene import Scene
-from granular.mpm.walls import Solid, Wall
+from granular.mpm.walls import WallOrBlock
 from granular.shapes.shape import turned
 
 
-def cut_axes(scene: Scene, part: Body | Wall | Solid) -> tuple[int, ...]:
+def cut_axes(scene: Scene, part: Body | WallOrBlock) -> tuple[int, ...]:
     """Axes normal to the planes of symmetry that cut a body, wall or block.
 
     A body or wall that only touches a plane, or is apart from it, has another one as its image in
@@ -21,13 +21,11 @@ def cut_axes(scene: Scene, part: Body | Wall | Solid) -> tuple[int, ...]:
     return tuple(axis for axis in mirror_axes(scene) if _is_cut(scene, part, axis))
 
 
-def _is_cut(scene: Scene, part: Body | Wall | Solid, axis: int) -> bool:
+def _is_cut(scene: Scene, part: Body | WallOrBlock, axis: int) -> bool:
     grid = scene.grid
     plane, near = grid.lower[axis], grid.slack * grid.cell
-    if isinstance(part, Wall):
+    if not isinstance(part, Body):
         return part.axis != axis and part.extent(grid, axis)[0] <= plane + near
-    if isinstance(part, Solid):
-        return part.lower[axis] <= plane + near
     along = turned(part.rotation_deg).inv().apply(np.eye(3)[axis])
     low, _ = part.shape.ends(along[None])
     return float(part.position[axis] + low[0]) < plane - near

@@ -46,7 +46,7 @@ class Surface(Protocol):
 
 
 @runtime_checkable
-class Solid(Protocol):
+class HasDistance(Protocol):
     """Something with a signed distance, such as a `granular.Body`."""
 
     @property
@@ -57,7 +57,7 @@ class Solid(Protocol):
         """Signed distance [m], shape (n,), and outward normal, shape (n, dim)."""
 
 
-Source = float | Callable[..., ArrayLike] | Surface | Solid
+Source = float | Callable[..., ArrayLike] | Surface | HasDistance
 
 
 def _level(name: str, value: object, dim: int | None = None) -> Vector:
@@ -178,16 +178,15 @@ class Heights(ComparedByContent):
 def _heights_of(source: Source, x: Array) -> ArrayLike:
     if isinstance(source, Surface):
         return source.height(x)
-    if isinstance(source, Solid):
+    if isinstance(source, HasDistance):
         return _uppermost(source, x)
     if callable(source):
         return source(*x.T)
     return finite("source", source)
 
 
-def _uppermost(body: Solid, x: Array) -> Array:
-    """Height of the uppermost surface of a body above or below its position, at positions (n, d -
-    1).
+def _uppermost(body: HasDistance, x: Array) -> Array:
+    """Height of the uppermost surface of a body above or below its position, at x (n, d - 1).
 
     The search goes down, by the distance from the surface, which no step can cross: from the
     position where that is in the open, else from above the body, or, if it is endless, from where
@@ -270,7 +269,7 @@ class Layer(ComparedByContent, Region):
             raise ValueError(f"spacing = None must be a number where {name} is to be sampled")
         if isinstance(value, (Sequence, np.ndarray)) and not isinstance(value, str):
             return Heights(np.asarray(value), self.lower, self.spacing)
-        if not (callable(value) or isinstance(value, (Surface, Solid))):
+        if not (callable(value) or isinstance(value, (Surface, HasDistance))):
             raise TypeError(f"{name} = {value!r} must be a number, an array, a function or a body")
         return Heights.of(value, self.lower, self.upper, self.spacing)
 

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from granular import _core
 from granular.model.grid import Grid
-from granular.mpm.walls import Solid, Wall
+from granular.mpm.walls import WallOrBlock
 from granular.tools.checks import integer, one_of
 
 CORE_BASES = _core.enumerations()["basis"]
 
 
-def c0_lines(scene_grid: Grid, walls: Sequence[Wall | Solid], axis: int) -> tuple[int, ...]:
+def c0_lines(scene_grid: Grid, walls: Sequence[WallOrBlock], axis: int) -> tuple[int, ...]:
     """Grid lines of `axis` on which walls stand or end inside the grid, ascending.
 
     Shape functions are only C0 on these lines (quadratic splines have a repeated knot), so that an
@@ -37,7 +37,7 @@ def c0_lines(scene_grid: Grid, walls: Sequence[Wall | Solid], axis: int) -> tupl
     integer("axis", axis, 0, scene_grid.dim - 1)
     lines = set()
     for i, wall in enumerate(walls):
-        if isinstance(wall, Solid):
+        if wall.is_block:
             continue
         ends = wall.extent(scene_grid, axis)
         lines |= {scene_grid.line(f"walls[{i}] {wall}", axis, end) for end in ends}

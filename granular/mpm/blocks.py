@@ -13,9 +13,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from granular.model.boundary import Boundary
 from granular.model.grid import LINE_TOLERANCE, Grid
 from granular.mpm.grid_map import GridMap, Ranges
-from granular.mpm.walls import Solid
 
 FACE_DEPTH = 0.5 + LINE_TOLERANCE
 """Largest depth [cells] at which nodes of a block belong to its face.
@@ -27,12 +27,10 @@ that slides along the face.
 Mask = NDArray[np.bool_]
 
 
-def solid_cells(grid: Grid, walls: Iterable[object]) -> GridMap:
+def solid_cells(grid: Grid, walls: Iterable[Boundary]) -> GridMap:
     """Map of the cells: True for those within blocks."""
     ranges: list[Ranges] = [
-        tuple(np.arange(*ends) for ends in _ends(grid, wall))
-        for wall in walls
-        if isinstance(wall, Solid)
+        tuple(np.arange(*ends) for ends in _ends(grid, wall)) for wall in walls if wall.is_block
     ]
     zeros = GridMap.zeros(grid.shape, ranges)
     solid = zeros._replace(values=zeros.values.astype(bool))
@@ -41,15 +39,15 @@ def solid_cells(grid: Grid, walls: Iterable[object]) -> GridMap:
     return solid
 
 
-def _ends(grid: Grid, block: Solid) -> list[tuple[int, int]]:
+def _ends(grid: Grid, block: Boundary) -> list[tuple[int, int]]:
     """Lines at which a block begins and ends along each axis."""
     return [
         (round((low - zero) / grid.cell), round((high - zero) / grid.cell))
-        for low, high, zero in zip(block.lower, block.upper, grid.lower, strict=True)
+        for low, high, zero in zip(*block.corners(grid), grid.lower, strict=True)
     ]
 
 
-def deep_within(grid: Grid, walls: Iterable[object], x: NDArray[np.float64]) -> Mask:
+def deep_within(grid: Grid, walls: Iterable[Boundary], x: NDArray[np.float64]) -> Mask:
     """True for the positions more than a cell within the union of the blocks, shape (n,).
 
     All cells around such a position are solid; the ends of the grid are no faces. Fast points that

@@ -15,7 +15,7 @@ from granular.mpm.blocks import solid_cells
 from granular.mpm.body_distances import distance_at, nearest, surface_at
 from granular.mpm.free_bodies import places_of
 from granular.mpm.rigid_contact import SPACING, balls_of, obstacles, row_of_wall
-from granular.mpm.walls import Solid, Wall
+from granular.mpm.walls import WallOrBlock
 from granular.shapes.measures import reach, thicknesses
 
 if TYPE_CHECKING:
@@ -80,13 +80,14 @@ def _overlaps(scene: Scene) -> Iterator[tuple[int, Overlap]]:
     if not free:
         return
     balls = list(map(_placed, repeat(scene.grid), scene.bodies, balls_of(scene)))
-    solid = obstacles(scene)[[isinstance(wall, Solid) for wall in scene.walls]]
+    solid = obstacles(scene)[[wall.is_block for wall in scene.walls]]
     for i in free:
         if not len(balls[i].x):  # endless: it may cross other bodies
             continue
         for k, wall in enumerate(scene.walls):
-            if isinstance(wall, Wall) and AXES[wall.axis] in scene.bodies[i].free:
-                yield from ((i, overlap) for overlap in _in_wall(scene, k, i, balls[i]))
+            if wall.axis is not None and AXES[wall.axis] in scene.bodies[i].free:
+                within = _in_wall(scene, k, wall.axis, i, balls[i])
+                yield from ((i, overlap) for overlap in within)
         if _is_near_blocks(scene, solid, scene.bodies[i]):
             yield from ((i, overlap) for overlap in _in_blocks(scene, scene.bodies[i]))
     for i, j in combinations(range(len(scene.bodies)), 2):
@@ -118,22 +119,21 @@ def _are_near(scene: Scene, i: int, j: int) -> bool:
     return float(np.linalg.norm(arm)) < reach(one.shape) + reach(other.shape)
 
 
-def _in_wall(scene: Scene, k: int, i: int, balls: Balls) -> Iterator[Overlap]:
-    """Yield the overlap with a wall, which is extended beyond an end of the domain."""
+def _in_wall(scene: Scene, k: int, axis: int, i: int, balls: Balls) -> Iterator[Overlap]:
+    """Yield the overlap with a wall normal to an axis, extended beyond an end of the domain."""
     grid, wall = scene.grid, scene.walls[k]
-    assert isinstance(wall, Wall)
-    row = row_of_wall(grid, wall)
+    row, (at, _) = row_of_wall(grid, wall), wall.extent(grid, axis)
     lower, upper = row[: grid.dim], row[3 : 3 + grid.dim]
     if wall.opens_at == 0:
         return
-    if lower[wall.axis] < upper[wall.axis]:
+    if lower[axis] < upper[axis]:
         phi = _from_box(balls.x, lower, upper)
         deepest = int(np.argmax(balls.radius - phi))
         depth, place = float(balls.radius[deepest] - phi[deepest]), balls.x[deepest].copy()
-        place[wall.axis] += balls.radius[deepest] * (1 if lower[wall.axis] == wall.at else -1)
+        place[axis] += balls.radius[deepest] * (1 if lower[axis] == at else -1)
     else:
-        depth, place = _across(scene, wall, i, balls)
-    yield Overlap(f"walls[{k}], normal to {AXES[wall.axis]} at {wall.at:.9g} m", depth, place)
+        depth, place = _across(scene, wall, axis, i, balls)
+    yield Overlap(f"walls[{k}], normal to {AXES[axis]} at {at:.9g} m", depth, place)
 
 
 def _from_box(x: Array, lower: Array, upper: Array) -> Array:
@@ -144,7 +144,9 @@ def _from_box(x: Array, lower: Array, upper: Array) -> Array:
     return distance
 
 
-def _across(scene: Scene, wall: Wall, i: int, balls: Balls) -> tuple[float, Array]:
+def _across(
+    scene: Scene, wall: WallOrBlock, normal: int, i: int, balls: Balls
+) -> tuple[float, Array]:
     """Reach beyond a wall within the grid of a body that it cuts, and a common point.
 
     It is the part on the side on which it is smaller; 0 for a body that the wall does not meet.
@@ -153,7 +155,7 @@ def _across(scene: Scene, wall: Wall, i: int, balls: Balls) -> tuple[float, Arra
     half, position, axes = body.extents(), np.array(body.position), []
     for axis in range(grid.dim):
         low, high = wall.extent(grid, axis)
-        if not grid.periodic[axis] and axis != wall.axis:
+        if not grid.periodic[axis] and axis != normal:
             low = max(low, position[axis] - half[axis])
             high = min(high, position[axis] + half[axis])
         if high < low:
@@ -166,7 +168,7 @@ def _across(scene: Scene, wall: Wall, i: int, balls: Balls) -> tuple[float, Arra
     within = min(OVERLAP * grid.cell, 0.25 * min(thicknesses(body.shape)))
     if phi[deepest] > -within:
         return max(-float(phi[deepest]), 0.0), places[deepest]
-    off = balls.x[:, wall.axis] - wall.at
+    off = balls.x[:, normal] - wall.extent(grid, normal)[0]
     return float(min((balls.radius - off).max(), (balls.radius + off).max())), places[deepest]
 
 
@@ -207,9 +209,9 @@ def _block_at(scene: Scene, x: Array) -> str:
     lower, size = np.array(grid.lower), grid.cell * np.array(grid.shape)
     inside = np.where(grid.periodic, lower + (x - lower) % size, x.clip(lower, lower + size))[None]
     far = {
-        k: float(_from_box(inside, np.array(wall.lower), np.array(wall.upper))[0])
+        k: float(_from_box(inside, *wall.corners(grid))[0])
         for k, wall in enumerate(scene.walls)
-        if isinstance(wall, Solid)
+        if wall.is_block
     }
     return f"walls[{min(far, key=far.__getitem__)}], a Solid"
 

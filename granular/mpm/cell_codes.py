@@ -16,7 +16,7 @@ from granular import _core
 from granular.model.grid import Grid
 from granular.mpm.grid_map import GridMap, Ranges
 from granular.mpm.schemes import ParticleDensity
-from granular.mpm.walls import Solid, Wall
+from granular.mpm.walls import ABOVE, BELOW, WallOrBlock
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
@@ -31,26 +31,12 @@ FACE_LINK, FACE_OPEN, FACE_ROUGH = (
 )
 
 _Vector = NDArray[np.float64]
-ABOVE, BELOW = 1, 2
-"""Bits for the sides of a face on which material may be."""
 
 
-def _faces(scene: Scene) -> Iterator[tuple[_Vector, _Vector, int, int, Wall | Solid]]:
+def _faces(scene: Scene) -> Iterator[tuple[_Vector, _Vector, int, int, WallOrBlock]]:
     """Yield the faces of walls and blocks: lower and upper corner [m], axis, sides, owner."""
     for wall in scene.walls:
-        if isinstance(wall, Wall):
-            yield *_ends(wall, scene.grid), wall.axis, ABOVE | BELOW, wall
-            continue
-        low, high = np.array(wall.lower), np.array(wall.upper)
-        for axis, at in enumerate(np.eye(scene.grid.dim, dtype=bool)):
-            yield np.where(at, high, low), high, axis, ABOVE, wall
-            yield low, np.where(at, low, high), axis, BELOW, wall
-
-
-def _ends(wall: Wall, grid: Grid) -> tuple[_Vector, _Vector]:
-    """Lower and upper corner of a wall [m]."""
-    low, high = np.array([wall.extent(grid, axis) for axis in range(grid.dim)]).T
-    return low, high
+        yield from ((*face, wall) for face in wall.faces(scene.grid))
 
 
 class _Cells:
@@ -112,11 +98,11 @@ def _flagged(scene: Scene, cells: _Cells) -> Iterator[tuple[Ranges, int]]:
             yield where, FLAG_WALL << 2 * axis + side
     density = scene.scheme.density
     for wall in scene.walls:
-        if isinstance(wall, Solid):
-            yield cells.within(np.array(wall.lower), np.array(wall.upper)), FLAG_SOLID
+        low, high = wall.corners(scene.grid)
+        if wall.is_block:
+            yield cells.within(low, high), FLAG_SOLID
         elif wall.opens_at < math.inf and not isinstance(density, ParticleDensity):
             reach = density.shifting_outlet_cells * scene.grid.cell
-            low, high = _ends(wall, scene.grid)
             yield cells.within(low - reach, high + reach), FLAG_NO_SHIFTING
 
 
@@ -134,9 +120,9 @@ def fluidity_faces(scene: Scene) -> NDArray[np.uint8]:
     cells = _Cells(scene.grid)
     faces = np.zeros((2 * scene.grid.dim, *cells.shape[::-1]), dtype=np.uint8)
     for low, high, axis, sides, wall in _faces(scene):
-        if isinstance(wall, Wall) and wall.opens_at < math.inf:
+        if wall.opens_at < math.inf:
             continue
-        kind = FACE_ROUGH if wall.kind == "no_slip" else FACE_OPEN
+        kind = FACE_ROUGH if wall.rule.sticks else FACE_OPEN
         for side, where in cells.at_face(low, high, axis, sides):
             face, places = faces[2 * axis + side], np.ix_(*where[::-1])
             face[places] = np.maximum(face[places], kind)

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from granular.model.grid import combined
 from granular.mpm.body_distances import distances
-from granular.mpm.walls import Solid
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
@@ -53,8 +52,7 @@ def _outside(scene: Scene, places: NDArray[np.float64]) -> NDArray[np.bool_]:
     """True for positions outside of blocks and bodies."""
     outside = np.ones(len(places), dtype=bool)
     for wall in scene.walls:
-        if isinstance(wall, Solid):
-            outside &= ~((places > wall.lower) & (places < wall.upper)).all(axis=1)
+        outside &= ~wall.encloses(scene.grid, places)
     for body in scene.bodies:
         if not outside.any():
             break

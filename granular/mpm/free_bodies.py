@@ -13,7 +13,6 @@ from granular import _core
 from granular.model.grid import AXES, combined
 from granular.mpm.blocks import solid_cells
 from granular.mpm.body_distances import distance_at
-from granular.mpm.walls import Solid, Wall
 from granular.shapes.measures import extents, reach
 
 if TYPE_CHECKING:
@@ -59,7 +58,7 @@ class FreeBodies:
         free = (i for i, body in enumerate(scene.bodies) if body.free or body.inertia is not None)
         self._places = {i: places_of(scene, scene.bodies[i], scene.grid.cell) for i in free}
         self._solid = None
-        if self._places and any(isinstance(wall, Solid) for wall in scene.walls):
+        if self._places and any(wall.is_block for wall in scene.walls):
             self._solid = solid_cells(scene.grid, scene.walls)
         self._allowed: dict[tuple[int, str], float] = {}
         start = [body.at_start() for body in scene.bodies]
@@ -120,16 +119,17 @@ class FreeBodies:
         scene, grid = self._scene, self._scene.grid
         axes = [d for d in range(grid.dim) if body.inertia is not None or AXES[d] in body.free]
         for k, wall in enumerate(scene.walls):
-            if not isinstance(wall, Wall) or wall.axis not in axes or time >= wall.opens_at:
+            if wall.axis is None or wall.axis not in axes or time >= wall.opens_at:
                 continue
             facing = np.ones(len(x), dtype=bool)
             for axis in range(grid.dim):
                 if axis != wall.axis and wall.span is not None:
                     low, high = wall.extent(grid, axis)
                     facing &= (x[:, axis] > low) & (x[:, axis] < high)
-            off = x[facing, wall.axis] - wall.at
+            at = wall.extent(grid, wall.axis)[0]
+            off = x[facing, wall.axis] - at
             if len(off) and off.min() < 0 < off.max():
-                name = f"walls[{k}], normal to {AXES[wall.axis]} at {wall.at:.6g} m"
+                name = f"walls[{k}], normal to {AXES[wall.axis]} at {at:.6g} m"
                 yield name, float(min(-off.min(), off.max()))
         for axis in axes:
             for sign, end in ((-1, grid.lower[axis]), (1, grid.upper[axis])):

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from granular.model.inflow import across, standing_points
 from granular.mpm.body_distances import distance_from_bodies
-from granular.mpm.walls import Solid
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
@@ -42,7 +41,7 @@ def _check_free(scene: Scene, i: int, name: str) -> None:
     x, half = inflow._sites(grid).x, 0.5 * grid.cell / inflow.points_per_axis
     touches = half - grid.slack * grid.cell
     for j, wall in enumerate(scene.walls):
-        if isinstance(wall, Solid) and ((x > wall.lower) & (x < wall.upper)).all(axis=1).any():
+        if wall.encloses(grid, x).any():
             raise ValueError(f"{name}.region must lie outside of walls[{j}], a Solid")
     if scene.bodies and (distance_from_bodies(scene.grid, scene.bodies)(x)[0] < touches).any():
         raise ValueError(f"{name}.region must lie outside of the bodies at their start")

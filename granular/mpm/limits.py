@@ -18,7 +18,6 @@ from granular.mpm.indicators import POINTS_PER_CELL
 from granular.mpm.indicators import indicators as indicators
 from granular.mpm.indicators import remedies as remedies
 from granular.mpm.support import unsupported
-from granular.mpm.walls import Solid, Wall
 from granular.theory.well_posed import well_posed_slopes
 
 if TYPE_CHECKING:
@@ -105,7 +104,7 @@ def check_time_step(scene: Scene) -> None:
 
 def _fastest(scene: Scene) -> float:
     """Largest speed [m/s] of the material at the start, of the bodies and of the walls."""
-    moving = (wall.velocity for wall in scene.walls if isinstance(wall, Wall))
+    moving = (wall.velocity for wall in scene.walls)
     walls = (math.hypot(*velocity) for velocity in moving if velocity)
     points = (_speed(source) for source in scene.sources)
     return max(*points, *walls, *(body.largest_speed(scene.grid) for body in scene.bodies), 0.0)
@@ -369,13 +368,10 @@ def _clipped(scene: Scene) -> str | None:
 def _walled_in(scene: Scene) -> str | None:
     """Blocks inside a fill: no force moves the points within a block."""
     for i, wall in enumerate(scene.walls):
-        if not isinstance(wall, Solid):
-            continue
+        lower, upper = wall.corners(scene.grid)
         for j, fill in enumerate(scene.fills):
             low, high = fill.region.bounds
-            middles = middle_points(
-                scene, np.maximum(wall.lower, low), np.minimum(wall.upper, high)
-            )
+            middles = middle_points(scene, np.maximum(lower, low), np.minimum(upper, high))
             if fill.region.contains(middles).any():
                 return (
                     f"fills[{j}] has points within walls[{i}], a Solid, which holds them: leave "
@@ -388,9 +384,9 @@ def _divided(scene: Scene) -> str | None:
     """Walls within the grid that material can slide along on both sides, which share its nodes."""
     grid = scene.grid
     for i, wall in enumerate(scene.walls):
-        if not isinstance(wall, Wall) or wall.kind == "no_slip" or not np.isinf(wall.opens_at):
+        if wall.axis is None or wall.rule.sticks or not np.isinf(wall.opens_at):
             continue
-        low, high = np.array([wall.extent(grid, axis) for axis in range(grid.dim)]).T
+        low, high = wall.corners(grid)
         across = grid.cell * np.eye(grid.dim)[wall.axis]
         above = middle_points(scene, low, high + across)
         facing = has_material(scene, above) & has_material(scene, above - across)

@@ -20,7 +20,7 @@ from granular.model.grid import Grid
 from granular.mpm.axis_nodes import c0_lines, node_positions
 from granular.mpm.blocks import held_components, outlook, solid_cells
 from granular.mpm.grid_map import GridMap, Ranges
-from granular.mpm.walls import Solid, Span, Wall
+from granular.mpm.walls import WallOrBlock
 
 if TYPE_CHECKING:
     from granular.model.inflow import Inflow
@@ -82,11 +82,13 @@ class _Axes:
             inside |= x + self.grid.shape[axis] <= high + slack
         return np.flatnonzero(inside)
 
-    def of(self, wall: Wall | Solid) -> Ranges:
+    def of(self, wall: WallOrBlock) -> Ranges:
         """Nodes on a wall, or in and at a block."""
-        if isinstance(wall, Wall):
-            return self._between(wall.extent(self.grid, axis) for axis in range(self.grid.dim))
-        return self._between(zip(wall.lower, wall.upper, strict=True))
+        extents = (wall.extent(self.grid, axis) for axis in range(self.grid.dim))
+        return tuple(
+            self.within(axis, *(self.cells(axis, end) for end in ends))
+            for axis, ends in enumerate(extents)
+        )
 
     def driven(self, inflow: Inflow, basis: str) -> Ranges:
         """Nodes that points of a driven inflow touch, but for those downstream of its region."""
@@ -96,13 +98,6 @@ class _Axes:
             sign = inflow.velocity[axis] if axis == inflow.axis else 0.0
             ranges.append(self.within(axis, low - reach * (sign >= 0), high + reach * (sign <= 0)))
         return tuple(ranges)
-
-    def _between(self, extents: Iterable[Span]) -> Ranges:
-        """Nodes within lower and upper ends [m] along each axis."""
-        return tuple(
-            self.within(axis, *(self.cells(axis, end) for end in ends))
-            for axis, ends in enumerate(extents)
-        )
 
 
 REACH = {"linear": 1.0, "ugimp": 1.5, "quadratic": 1.5}
@@ -114,17 +109,18 @@ def driven(scene: Scene) -> list[Inflow]:
     return [inflow for inflow in scene.inflows if inflow.driven]
 
 
-def _wall_hold(wall: Wall, grid: Grid) -> WallRow:
-    everything, normal = (1 << grid.dim) - 1, 1 << wall.axis
-    if wall.kind == "no_slip":
+def _wall_hold(wall: WallOrBlock, axis: int, grid: Grid) -> WallRow:
+    """Row of a wall normal to an axis."""
+    everything, normal = (1 << grid.dim) - 1, 1 << axis
+    if wall.rule.sticks:
         vx, vy, vz = (*(wall.velocity or ()), 0.0, 0.0, 0.0)[:3]
         return WallRow(fixed=everything, opens_at=wall.opens_at, velocity=(vx, vy, vz))
-    if wall.kind == "free_slip":
+    if not wall.rule.rubs:
         return WallRow(fixed=normal, opens_at=wall.opens_at)
-    line = grid.line("at", wall.axis, wall.at)
-    side = 1 if line == 0 else -1 if line == grid.shape[wall.axis] else 0
-    ax, ay, az = (side if d == wall.axis else 0 for d in range(3))
-    fx, fy, fz = (wall.friction if d == wall.axis else 0.0 for d in range(3))
+    line = grid.line("at", axis, wall.extent(grid, axis)[0])
+    side = 1 if line == 0 else -1 if line == grid.shape[axis] else 0
+    ax, ay, az = (side if d == axis else 0 for d in range(3))
+    fx, fy, fz = (wall.friction if d == axis else 0.0 for d in range(3))
     return WallRow(normal, (ax, ay, az), (fx, fy, fz), wall.opens_at)
 
 
@@ -170,7 +166,7 @@ class WallNodes:
         for wall, where in zip(self._walls, self.where, strict=True):
             if _slips(wall):
                 slips[where] = True
-            elif isinstance(wall, Solid):
+            elif wall.is_block:
                 yield where, WallRow(fixed=self._everything)
         if slips.any():
             firsts = zip(self._outlooks, self.zeros.firsts(), strict=True)
@@ -179,9 +175,9 @@ class WallNodes:
                 yield slips & (held == fixed), WallRow(fixed=int(fixed))
 
 
-def _slips(wall: Wall | Solid) -> bool:
+def _slips(wall: WallOrBlock) -> bool:
     """True for a free-slip block."""
-    return isinstance(wall, Solid) and wall.kind == "free_slip"
+    return wall.is_block and wall.slips
 
 
 T = TypeVar("T")
@@ -276,9 +272,9 @@ def node_codes(scene: Scene) -> tuple[GridMap, tuple[WallRow, ...]]:
     """
     nodes, grid = WallNodes(scene), scene.grid
     holds: list[tuple[Where, WallRow]] = [
-        (where, _wall_hold(wall, grid))
+        (where, _wall_hold(wall, wall.axis, grid))
         for wall, where in zip(scene.walls, nodes.where, strict=True)
-        if isinstance(wall, Wall)
+        if wall.axis is not None
     ]
     codes = nodes.zeros
     state, sets = collected(codes.values.shape, [*holds, *nodes.block_holds()])

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular.model.grid import Grid, combined
-from granular.mpm.walls import Solid, Wall
+from granular.mpm.walls import WallOrBlock
 from granular.shapes.boxes import Box
 from granular.shapes.measures import reach
 from granular.shapes.round import Capsule, Cylinder, Frustum, Sphere
@@ -150,37 +149,25 @@ def obstacles(scene: Scene) -> Array:
 
     A wall at an end of the domain, and a block that reaches it, are extended beyond it.
     """
-    rows = [np.zeros((0, 12))]
-    for wall in scene.walls:
-        row = row_of_wall(scene.grid, wall) if isinstance(wall, Wall) else None
-        if isinstance(wall, Solid):
-            row = _row(scene.grid, wall.lower, wall.upper, kind=wall.kind)
-        if row is not None:
-            rows.append(row[None])
-    return np.concatenate(rows)
+    rows = [row_of_wall(scene.grid, wall)[None] for wall in scene.walls]
+    return np.concatenate([np.zeros((0, 12)), *rows])
 
 
-def row_of_wall(grid: Grid, wall: Wall) -> Array:
+def row_of_wall(grid: Grid, wall: WallOrBlock) -> Array:
     """Row of a wall, see `obstacles`; within the grid its lower and upper sides are the same."""
-    sides = [wall.extent(grid, axis) for axis in range(grid.dim)]
-    row = _row(grid, *zip(*sides, strict=True), kind=wall.kind)
-    if wall.velocity is not None:
-        row[6 : 6 + grid.dim] = wall.velocity
-    if wall.kind == "coulomb":
-        row[9] = wall.friction
-    row[10] = min(wall.opens_at, FAR)
-    row[11] = wall.axis if row[wall.axis] == row[3 + wall.axis] else -1
-    return row
-
-
-def _row(grid: Grid, lower: Sequence[float], upper: Sequence[float], *, kind: str) -> Array:
     row, near = np.zeros(12), grid.slack * grid.cell
-    row[9], row[10], row[11] = (0.0 if kind == "free_slip" else FAR), FAR, -1
-    for axis, (low, high) in enumerate(zip(lower, upper, strict=True)):
+    for axis in range(grid.dim):
+        low, high = wall.extent(grid, axis)
         begins, ends = low <= grid.lower[axis] + near, high >= grid.upper[axis] - near
         if grid.periodic[axis]:
             begins = ends = begins and ends
         row[axis], row[3 + axis] = (-FAR if begins else low), (FAR if ends else high)
+    if wall.velocity is not None:
+        row[6 : 6 + grid.dim] = wall.velocity
+    row[9] = FAR if wall.rule.sticks else wall.friction
+    row[10] = min(wall.opens_at, FAR)
+    flat = wall.axis is not None and row[wall.axis] == row[3 + wall.axis]
+    row[11] = wall.axis if flat else -1
     return row
 
 

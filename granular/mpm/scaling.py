@@ -29,7 +29,7 @@ from granular.mpm import bodies as rigid
 from granular.mpm.scene import Scene
 from granular.mpm.scheme_numbers import Numbers
 from granular.mpm.schemes import DENSITIES, Fluidity, Scheme
-from granular.mpm.walls import Solid, SpongeLayer, Wall
+from granular.mpm.walls import BOUNDARIES, SpongeLayer
 from granular.tools.checks import check_fields, one_of, positive
 from granular.tools.serializable import arguments_of
 
@@ -80,7 +80,6 @@ _MATERIAL = {
     "tensile_strength": "stress",
 }
 _SECTION = {"center": "length", "thickness": "length"}
-_MOVING = {"velocity": "velocity", "pressure": "stress"}
 _QUANTITIES: dict[type, dict[str, str]] = {
     Grid: {"lower": "length", "cell": "length"},
     Fill: {"velocity": "velocity"},
@@ -92,8 +91,7 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     # numbers of a user-defined law may be of any unit: such a scene is refused
     **{law: _MATERIAL for law in materials.Material.__subclasses__() if law is not OwnLaw},
     **{kind: _of_units(kind) for kind in (Fluidity, Scheme, *DENSITIES.values())},
-    Wall: {"at": "length", "span": "length", "opens_at": "time", **_MOVING},
-    Solid: {"lower": "length", "upper": "length"},
+    **{kind: kind.quantities for kind in BOUNDARIES},
     SpongeLayer: {"above": "length", "damping": "rate"},
     Gravity: {"times": "time"},
     shapes.Box: {name: "length" for name in ("lower", "upper", "size", "center")},

@@ -24,7 +24,7 @@ from granular.mpm.bodies import Body
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.inflow import check_inflows
 from granular.mpm.schemes import DENSITIES, Fluidity, Scheme, suited_to
-from granular.mpm.walls import Solid, SpongeLayer, Wall
+from granular.mpm.walls import BOUNDARIES, SpongeLayer, WallOrBlock
 from granular.shapes.shape import shape_kinds
 from granular.tools.checks import check_fields, kinds_of, set_fields, tuple_of
 from granular.tools.serializable import Parameters as Parameters
@@ -94,7 +94,7 @@ class Scene(BaseScene):
     fills: tuple[Fill, ...]
     material: Material
     scheme: Scheme = None  # type: ignore[assignment]  # a Scheme once made
-    walls: tuple[Wall | Solid, ...] = ()
+    walls: tuple[WallOrBlock, ...] = ()
     gravity: Gravity
     duration: float
     sponge_layers: tuple[SpongeLayer, ...] = ()
@@ -104,7 +104,7 @@ class Scene(BaseScene):
     parameters: Mapping[str, Any] = field(default_factory=Parameters)
 
     def __post_init__(self) -> None:
-        check_fields(self, tuple_of, "walls", kinds=(Wall, Solid))
+        check_fields(self, tuple_of, "walls", kinds=BOUNDARIES)
         check_fields(self, tuple_of, "sponge_layers", kinds=(SpongeLayer,))
         check_fields(self, tuple_of, "bodies", kinds=(Body,))
         self._check_common(material=Material)
@@ -236,15 +236,15 @@ class Scene(BaseScene):
     def servos(self) -> list[Servo]:
         """The walls that keep a pressure, one at most."""
         return [
-            Servo(i, wall.axis, wall.at, wall.pressure)
+            Servo(i, wall.axis, wall.extent(self.grid, wall.axis)[0], wall.pressure)
             for i, wall in enumerate(self.walls)
-            if isinstance(wall, Wall) and wall.pressure is not None
+            if wall.pressure is not None and wall.axis is not None
         ]
 
     @property
     def moves_walls(self) -> bool:
         """True if a wall moves or keeps a pressure, or an inflow is driven: those do work."""
-        moving = any(getattr(wall, "velocity", None) for wall in self.walls)
+        moving = any(wall.velocity for wall in self.walls)
         return bool(self.servos) or moving or any(inflow.driven for inflow in self.inflows)
 
     def _check_servos(self) -> None:
@@ -285,8 +285,7 @@ register(
     Fluidity,
     *DENSITIES.values(),
     Scheme,
-    Wall,
-    Solid,
+    *BOUNDARIES,
     SpongeLayer,
     Gravity,
     Body,

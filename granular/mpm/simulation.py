@@ -28,7 +28,7 @@ from granular.mpm.inflow_state import account
 from granular.mpm.rigid_contact import touch_solids
 from granular.mpm.scene import Scene
 from granular.mpm.wall_owners import wall_owners
-from granular.mpm.walls import Solid, WallState, split_impulses
+from granular.mpm.walls import WallState, split_impulses
 from granular.record import Checkpoint
 from granular.record.fresh import Streamed
 from granular.run import diagnostics, simulation
@@ -315,7 +315,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
             numbers["weights_at_limit"] = weights_at_limit(state, limit)
         if not thorough or not state.n:
             return numbers
-        if any(isinstance(wall, Solid) for wall in self.scene.walls):
+        if any(wall.is_block for wall in self.scene.walls):
             within = deep_within(self.scene.grid, self.scene.walls, state.x)
             numbers["in_solids"] = float(state.mass[within].sum() / state.mass.sum())
         if self.scene.bodies:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from granular.model.grid import AXES
-from granular.mpm.walls import Solid, Wall
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
@@ -45,7 +44,6 @@ def unsupported(scene: Scene) -> str | None:
 
 def _lower_ends(scene: Scene, axis: int, down: float) -> list[float]:
     """Lower ends along an axis of the solids [m], as coordinates times `down`."""
-    ends = [down * wall.at for wall in scene.walls if isinstance(wall, Wall) and wall.axis == axis]
-    blocks = [wall for wall in scene.walls if isinstance(wall, Solid)]
-    ends += [max(down * wall.lower[axis], down * wall.upper[axis]) for wall in blocks]
+    across = [wall.extent(scene.grid, axis) for wall in scene.walls if wall.axis in (axis, None)]
+    ends = [max(down * low, down * high) for low, high in across]
     return ends + [np.inf for _ in scene.bodies]  # they may come from anywhere

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.mpm.node_codes import WallNodes, collected, driven
-from granular.mpm.walls import Solid, Wall
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
@@ -48,7 +47,10 @@ def wall_owners(scene: Scene) -> WallOwners:
     nodes = WallNodes(scene)
     places = enumerate([*nodes.where, *nodes.driven])
     state, sets = collected(nodes.zeros.values.shape, ((where, i) for i, where in places))
-    ends = [*map(_opens_at, scene.walls), *(inflow.times[1] for inflow in driven(scene))]
+    ends = [
+        *(wall.opens_at for wall in scene.walls),
+        *(inflow.times[1] for inflow in driven(scene)),
+    ]
     rows: list[tuple[list[int], float, frozenset[int]]] = []
     numbers: dict[frozenset[int], int] = {}
     waiting = list(sets)
@@ -70,23 +72,13 @@ def wall_owners(scene: Scene) -> WallOwners:
     )
 
 
-def _opens_at(wall: Wall | Solid) -> float:
-    return wall.opens_at if isinstance(wall, Wall) else math.inf
-
-
 def _owner(scene: Scene, walls: frozenset[int], axis: int) -> int:
     """Index of the wall that a component counts for, -1 for none."""
 
     def rank(i: int) -> tuple[float, ...]:
         if i >= len(scene.walls):
             return (-1.0, 0.0, i)
-        wall = scene.walls[i]
-        if isinstance(wall, Solid):
-            return (2.0 if wall.kind == "no_slip" else 4.0, 0.0, i)
-        if wall.axis == axis:
-            return (0.0, 0.0, i)
-        order = {"no_slip": 1.0, "coulomb": 3.0, "free_slip": math.inf}
-        return (order[wall.kind], -wall.friction, i)
+        return (*scene.walls[i].order(axis), i)
 
     best = min(walls, key=rank, default=-1)
     return best if best >= 0 and rank(best)[0] < math.inf else -1

@@ -1,13 +1,20 @@
-"""Walls, blocks and sponge layers, the fixed boundaries of the material."""
+"""Walls, blocks and sponge layers, the fixed boundaries of the material.
+
+A new kind of boundary is a class derived from `WallOrBlock` in `BOUNDARIES`, a new way in which
+boundaries hold material an entry of `RULES`. All else asks them.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import KW_ONLY, dataclass
+from collections.abc import Iterator
+from dataclasses import KW_ONLY, dataclass, replace
+from typing import ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from granular.model.boundary import Boundary, Span
 from granular.model.grid import AXES, Grid
 from granular.shapes import Box
 from granular.tools.checks import (
@@ -22,7 +29,88 @@ from granular.tools.checks import (
     vector,
 )
 
-Span = tuple[float, float]
+ABOVE, BELOW = 1, 2
+"""Bits for the sides of a face on which material may be."""
+
+Face = tuple[NDArray[np.float64], NDArray[np.float64], int, int]
+"""Lower and upper corner [m], axis, and sides of a face."""
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A rule by which walls and blocks hold the material at them.
+
+    Attributes
+    ----------
+    sticks : bool
+        True if all velocity components are held, and the fluidity is 0; else the normal one.
+    rubs : bool
+        True if there is friction along it.
+    order : float
+        Place of a wall among those to which an impulse along them counts; inf if there is none.
+    """
+
+    sticks: bool = False
+    rubs: bool = False
+    order: float = math.inf
+
+
+RULES = {
+    "no_slip": Rule(sticks=True, order=1.0),
+    "free_slip": Rule(),
+    "coulomb": Rule(rubs=True, order=3.0),
+}
+"""Rules by the `kind` of walls; blocks have those without friction."""
+
+
+class WallOrBlock(Boundary):
+    """Base of the walls and blocks of the material point method.
+
+    Attributes
+    ----------
+    quantities : dict
+        Quantities of its fields, see `granular.mpm.scaling`.
+    """
+
+    quantities: ClassVar[dict[str, str]]
+    kind: str
+    friction: float
+    span: tuple[Span, ...] | None
+    opens_at: float
+    pressure: float | None
+
+    @property
+    def rule(self) -> Rule:
+        """Rule by which it holds material."""
+        return RULES[self.kind]
+
+    @property
+    def slips(self) -> bool:
+        return not self.rule.sticks and not self.rule.rubs
+
+    @property
+    def rubs(self) -> bool:
+        return self.rule.rubs
+
+    @property
+    def gone_from(self) -> float:
+        return self.opens_at
+
+    def check(self, name: str, grid: Grid) -> None:
+        """Refuse what does not fit the grid: its dimension, its periodic axes, its lines."""
+        raise NotImplementedError
+
+    def faces(self, grid: Grid) -> Iterator[Face]:
+        """Yield its faces: both sides of a wall, and those of a block."""
+        raise NotImplementedError
+
+    def order(self, axis: int) -> tuple[float, float]:
+        """Order in which an impulse along an axis counts for one of several: the least first."""
+        raise NotImplementedError
+
+    def above(self, grid: Grid, at: float, beyond: float) -> Self | None:
+        """Part at x > `at`; None if nothing of it is at x > `beyond` [m]."""
+        raise NotImplementedError
 
 
 def _check_axis(part: Wall | SpongeLayer, name: str, grid: Grid) -> None:
@@ -34,7 +122,7 @@ def _check_axis(part: Wall | SpongeLayer, name: str, grid: Grid) -> None:
 
 
 @dataclass(frozen=True)
-class Wall:
+class Wall(WallOrBlock):
     """A flat wall on a grid line, at the end of the grid or within it.
 
     Parameters
@@ -79,11 +167,15 @@ class Wall:
     opens_at: float = math.inf
     velocity: tuple[float, ...] | None = None
     pressure: float | None = None
+    quantities: ClassVar = {
+        **{"at": "length", "span": "length", "opens_at": "time"},
+        **{"velocity": "velocity", "pressure": "stress"},
+    }
 
     def __post_init__(self) -> None:
-        kind = one_of("kind", self.kind, ("no_slip", "free_slip", "coulomb"))
+        one_of("kind", self.kind, RULES)
         friction = non_negative("friction", self.friction)
-        if friction and kind != "coulomb":
+        if friction and not self.rule.rubs:
             raise ValueError(f'friction = {friction} must be 0 unless kind is "coulomb"')
         check_fields(self, spans, "span", optional=True)
         check_fields(self, integer, "axis", low=0, high=2 if self.span is None else len(self.span))
@@ -92,7 +184,7 @@ class Wall:
         check_fields(self, non_negative, "opens_at", allow_inf=True)
         if self.velocity is not None:
             set_fields(self, velocity=vector("velocity", self.velocity))
-            if kind != "no_slip":
+            if not self.rule.sticks:
                 raise ValueError(
                     f'velocity = {self.velocity} must be None unless kind is "no_slip"'
                 )
@@ -101,16 +193,42 @@ class Wall:
             if self.span is not None:
                 raise ValueError(f"span = {self.span} must be None with a pressure")
 
+    @property
+    def is_flat(self) -> bool:
+        return True
+
     def extent(self, grid: Grid, axis: int) -> Span:
-        """Lower and upper end of the wall along an axis [m], both `at` along its own."""
         if axis == self.axis:
             return self.at, self.at
         if self.span is None:
             return grid.lower[axis], grid.upper[axis]
         return self.span[axis - (axis > self.axis)]
 
+    def in_words(self) -> str:
+        text = f"{self.kind.replace('_', '-')} wall"
+        if self.rule.rubs:
+            text = f"{self.kind.title()} wall, friction {self.friction:g}"
+        if any(self.velocity or ()):
+            text += f", {math.hypot(*self.velocity or ()):g} m/s"
+        if self.pressure is not None:
+            text += f", keeps {self.pressure:g} Pa"
+        return text if self.opens_at == math.inf else f"{text}, opens at {self.opens_at:g} s"
+
+    def faces(self, grid: Grid) -> Iterator[Face]:
+        yield *self.corners(grid), self.axis, ABOVE | BELOW
+
+    def order(self, axis: int) -> tuple[float, float]:
+        return (0.0, 0.0) if axis == self.axis else (self.rule.order, -self.friction)
+
+    def above(self, grid: Grid, at: float, beyond: float) -> Self | None:
+        low, high = self.extent(grid, 0)
+        if high <= beyond:
+            return None
+        if self.axis == 0 or self.span is None:
+            return self
+        return replace(self, span=((max(low, at), high), *self.span[1:]))
+
     def check(self, name: str, grid: Grid) -> None:
-        """Refuse what does not fit the grid: its dimension, its periodic axes, its lines."""
         _check_axis(self, name, grid)
         if self.span is not None and len(self.span) != grid.dim - 1:
             raise ValueError(f"{name} = {self} must have the grid's dimension {grid.dim}")
@@ -132,7 +250,7 @@ class Wall:
 
 
 @dataclass(frozen=True)
-class Solid:
+class Solid(WallOrBlock):
     """An axis-aligned block that material cannot enter; several of them make a staircase.
 
     Blocks that touch act as one: where they meet there is no face. With quadratic splines the faces
@@ -155,19 +273,45 @@ class Solid:
     upper: tuple[float, ...]
     _: KW_ONLY
     kind: str = "no_slip"
+    axis = span = velocity = pressure = None
+    friction, opens_at = 0.0, math.inf
+    quantities: ClassVar = {"lower": "length", "upper": "length"}
 
     def __post_init__(self) -> None:
         box = Box(self.lower, self.upper)
-        one_of("kind", self.kind, ("no_slip", "free_slip"))
+        one_of("kind", self.kind, (kind for kind, rule in RULES.items() if not rule.rubs))
         set_fields(self, lower=box.lower, upper=box.upper)
 
+    def extent(self, grid: Grid, axis: int) -> Span:
+        return self.lower[axis], self.upper[axis]
+
+    def in_words(self) -> str:
+        return f"block, {self.kind.replace('_', '-')}"
+
+    def faces(self, grid: Grid) -> Iterator[Face]:
+        low, high = self.corners(grid)
+        for axis, at in enumerate(np.eye(grid.dim, dtype=bool)):
+            yield np.where(at, high, low), high, axis, ABOVE
+            yield low, np.where(at, low, high), axis, BELOW
+
+    def order(self, axis: int) -> tuple[float, float]:
+        return (2.0 if self.rule.sticks else 4.0, 0.0)
+
+    def above(self, grid: Grid, at: float, beyond: float) -> Self | None:
+        if self.upper[0] <= beyond:
+            return None
+        return replace(self, lower=(max(self.lower[0], at), *self.lower[1:]))
+
     def check(self, name: str, grid: Grid) -> None:
-        """Refuse what does not fit the grid."""
         if len(self.lower) != grid.dim:
             raise ValueError(f"{name} = {self} must have the grid's dimension {grid.dim}")
         for axis in range(grid.dim):
             grid.line(f"{name}.lower[{axis}]", axis, self.lower[axis])
             grid.line(f"{name}.upper[{axis}]", axis, self.upper[axis])
+
+
+BOUNDARIES: tuple[type[WallOrBlock], ...] = (Wall, Solid)
+"""Classes of the walls and blocks of a scene."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

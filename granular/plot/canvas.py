@@ -11,11 +11,11 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from granular.model.boundary import Boundary
 from granular.model.grid import AXES
 from granular.model.state import State
 from granular.model.symmetric import mirror_axes
 from granular.model.typing import AnyScene
-from granular.mpm.walls import Wall
 from granular.plot.fields import Brush
 from granular.tools.checks import finite, integer
 
@@ -48,13 +48,12 @@ def checked_extent(extent: object) -> Extent:
     return (left, right), (bottom, top)
 
 
-def is_symmetry(scene: AnyScene, wall: Wall) -> bool:
+def is_symmetry(scene: AnyScene, wall: Boundary) -> bool:
     """True for a wall that is the plane of symmetry of a scene of which a part is simulated."""
-    return (
-        wall.axis in mirror_axes(scene)
-        and wall.kind == "free_slip"
-        and scene.grid.line("at", wall.axis, wall.at) == 0
-    )
+    axis, grid = wall.axis, scene.grid
+    if axis is None or axis not in mirror_axes(scene) or not wall.slips:
+        return False
+    return grid.line("at", axis, wall.extent(grid, axis)[0]) == 0
 
 
 class View:
@@ -110,8 +109,7 @@ class View:
             ends = self.slab or (grid.lower[self.depth], grid.upper[self.depth])
             at = 0.5 * (ends[0] + ends[1])
             if self.slab is None and any(
-                isinstance(wall, Wall) and wall.axis == self.depth and is_symmetry(scene, wall)
-                for wall in scene.walls
+                wall.axis == self.depth and is_symmetry(scene, wall) for wall in scene.walls
             ):
                 at = 1e-6 * grid.cell  # on the side of the material
             places[:, self.depth] = at

@@ -17,19 +17,9 @@ from granular.model.grid import AXES
 from granular.model.inflow import Inflow
 from granular.model.state import State
 from granular.model.typing import AnyScene
-from granular.mpm.walls import Solid, Wall
 from granular.plot.bodies import STYLE, Bodies, boxes_of_bodies
 from granular.plot.canvas import Extent, Picture, View, checked_extent, figure_of, is_symmetry
-from granular.plot.scenery import (
-    BLOCK,
-    OUTLET_STYLE,
-    SYMMETRY_STYLE,
-    WALL_STYLES,
-    block,
-    layers,
-    line_of,
-)
-from granular.sph.walls import Wall as LayerWall
+from granular.plot.scenery import BLOCK, OUTLET_STYLE, SYMMETRY_STYLE, drawn, seen, style_of
 
 WIDTH = 7.0
 """Width of a picture [inches]."""
@@ -219,41 +209,15 @@ def _draw_sponges(ax: Axes, scene: AnyScene, view: View) -> Iterable[Key]:
 
 
 def _draw_walls(ax: Axes, scene: AnyScene, view: View) -> Iterable[Key]:
-    for wall in scene.walls:
-        if isinstance(wall, Solid):
-            yield f"block, {_kind(wall.kind)}", Patch(facecolor=BLOCK)
-            block(ax, wall.lower, wall.upper, view)
-        elif wall.axis not in (view.across, view.up):
-            continue
-        elif isinstance(wall, LayerWall):
-            layers(ax, scene.grid, wall, view)
-            text = "wall of particles" + (", moves" if any(wall.velocity or ()) else "")
-            text += f", until {wall.until:g} s" if wall.until < math.inf else ""
-            yield text, Patch(facecolor=BLOCK)
+    for wall in seen(scene, view):
+        if not wall.is_flat:
+            drawn(ax, scene, wall, view, {})
+            yield wall.in_words(), Patch(facecolor=BLOCK)
+        elif is_symmetry(scene, wall):
+            yield "plane of symmetry", drawn(ax, scene, wall, view, SYMMETRY_STYLE)
         else:
-            text, style = _wall_words(scene, wall)
-            line = ax.add_line(line_of(scene, wall, view, style))
-            yield text, line
-
-
-def _kind(kind: str) -> str:
-    return kind.replace("_", "-")
-
-
-def _wall_words(scene: AnyScene, wall: Wall) -> tuple[str, dict[str, Any]]:
-    """Text and style of a flat wall."""
-    if is_symmetry(scene, wall):
-        return "plane of symmetry", SYMMETRY_STYLE
-    text = f"{_kind(wall.kind)} wall"
-    if wall.kind == "coulomb":
-        text = f"Coulomb wall, friction {wall.friction:g}"
-    if wall.velocity is not None and any(wall.velocity):
-        text += f", {math.hypot(*wall.velocity):g} m/s"
-    if wall.pressure is not None:
-        text += f", keeps {wall.pressure:g} Pa"
-    if wall.opens_at < math.inf:
-        return f"{text}, opens at {wall.opens_at:g} s", OUTLET_STYLE
-    return text, WALL_STYLES[wall.kind]
+            style = OUTLET_STYLE if wall.gone_from < math.inf else style_of(scene, wall)
+            yield wall.in_words(), drawn(ax, scene, wall, view, style)
 
 
 def _draw_sides(ax: Axes, scene: AnyScene, view: View) -> Iterable[Key]:
@@ -269,15 +233,11 @@ def _draw_sides(ax: Axes, scene: AnyScene, view: View) -> Iterable[Key]:
                 text, style = "open side", OPEN_STYLE
             elif grid.periodic[axis]:
                 text, style = "periodic side", PERIODIC_STYLE
-            elif any(_is_along(wall, axis, at) for wall in scene.walls):
+            elif any(wall.axis == axis and at in wall.extent(grid, axis) for wall in scene.walls):
                 continue
             line = Line2D(*places, zorder=2.8, **cast(Any, style))
             ax.add_line(line)
             yield text, line
-
-
-def _is_along(wall: Any, axis: int, at: float) -> bool:
-    return not isinstance(wall, Solid) and wall.axis == axis and wall.at == at
 
 
 def _draw_gravity(ax: Axes, scene: AnyScene, view: View) -> None:

@@ -111,7 +111,11 @@ def column_collapse(
         "grid": Grid((0.0, 0.0), cell / per, (n_x * per, n_y * per)),
         "fills": (replace(fill, points_per_cell=1),),
         "material": material,
-        "walls": (sph.Wall(1, 0.0, 1), sph.Wall(0, 0.0, 1), sph.Wall(0, n_x * cell, -1)),
+        "walls": (
+            sph.ParticleWall(1, 0.0, 1),
+            sph.ParticleWall(0, 0.0, 1),
+            sph.ParticleWall(0, n_x * cell, -1),
+        ),
         "parameters": parts["parameters"] | {"method": method},
     }
 

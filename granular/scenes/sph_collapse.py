@@ -18,7 +18,7 @@ from granular.scenes._build import (
 from granular.scenes._registry import scene_function
 from granular.sph.material import Viscoplastic, grit
 from granular.sph.numerics import Numerics
-from granular.sph.walls import Wall
+from granular.sph.walls import ParticleWall
 from granular.tools.checks import positive
 
 ABOVE_COLUMN = 10
@@ -90,9 +90,9 @@ def column_collapse_sph(
             periodic=range(1, 1 + len(n_y)),
         ),
         walls=(
-            Wall(1 + len(n_y), 0.0, 1),
-            Wall(0, 0.0, 1),
-            Wall(0, n * spacing, -1, span=(*sides, up), until=settle),
+            ParticleWall(1 + len(n_y), 0.0, 1),
+            ParticleWall(0, 0.0, 1),
+            ParticleWall(0, n * spacing, -1, span=(*sides, up), until=settle),
         ),
         gravity=settling_gravity((0.0, *still, -g), settle),
         duration=settle + positive("duration", duration),
@@ -179,7 +179,7 @@ def inclined_collapse(
     thin, ends = math.ceil(2.0 * numerics.smoothing), ((0.0, n_x * spacing), (0.0, top))
     # By this time the gate is out of reach of the kernels of all particles.
     clear = settle + (n_z + 2.0 * numerics.smoothing) * spacing / lift
-    gate = Wall(
+    gate = ParticleWall(
         0,
         n * spacing,
         -1,
@@ -189,10 +189,11 @@ def inclined_collapse(
         until=clear,
         layers=thin,
     )
-    channel: tuple[Wall, ...] = ()
+    channel: tuple[ParticleWall, ...] = ()
     if side_walls:
         channel = tuple(
-            Wall(1, at, side, span=ends, layers=thin) for at, side in ((0.0, 1), (sides[0][1], -1))
+            ParticleWall(1, at, side, span=ends, layers=thin)
+            for at, side in ((0.0, 1), (sides[0][1], -1))
         )
     return Parts(
         name="inclined_collapse_sph",
@@ -203,7 +204,11 @@ def inclined_collapse(
             periodic=() if side_walls else range(1, 1 + len(n_y)),
         ),
         numerics=numerics,
-        walls=(*(Wall(axis, 0.0, 1, layers=thin) for axis in (1 + len(n_y), 0)), *channel, gate),
+        walls=(
+            *(ParticleWall(axis, 0.0, 1, layers=thin) for axis in (1 + len(n_y), 0)),
+            *channel,
+            gate,
+        ),
         gravity=settling_gravity(down_slope(2 + len(n_y), gravity, angle_deg), settle),
         duration=settle + positive("duration", duration),
         parameters={"half_width": n * spacing, "reach": n_x * spacing, "duration": duration},

@@ -18,7 +18,7 @@ from granular.shapes import Box
 from granular.sph.gas import SOUND_SPEED, Gas, Jet
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
-from granular.sph.walls import Wall
+from granular.sph.walls import ParticleWall
 from granular.tools.checks import in_range, non_negative, positive
 
 LAYERS = 5
@@ -105,8 +105,8 @@ def fluidised_bed(
         ),
         numerics=numerics or wide,
         walls=(
-            Wall(axis, 0.0, 1, layers=LAYERS, velocity=(*still, velocity)),
-            Wall(axis, sieve, 1, layers=LAYERS, permeable=True),
+            ParticleWall(axis, 0.0, 1, layers=LAYERS, velocity=(*still, velocity)),
+            ParticleWall(axis, sieve, 1, layers=LAYERS, permeable=True),
         ),
         gas=Gas(
             fills=(Fill(Box((*still, 0.0), (*ends, rows * spacing)), 1),),
@@ -190,7 +190,7 @@ def jet_on_bed(
     return Parts(
         **block(spacing, (*level, soil + above), (*ends, soil * spacing), periodic=range(axis)),
         numerics=numerics or wide,
-        walls=(Wall(axis, 0.0, 1, layers=LAYERS),),
+        walls=(ParticleWall(axis, 0.0, 1, layers=LAYERS),),
         gas=Gas(
             fills=(Fill(Box((*still, 0.0), (*ends, top)), 1, density=density),),
             pressure=pressure,

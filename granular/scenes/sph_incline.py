@@ -9,7 +9,7 @@ from granular.scenes._build import Parts, block, down_slope, level_cells, whole_
 from granular.scenes._registry import scene_function
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
-from granular.sph.walls import Wall
+from granular.sph.walls import ParticleWall
 from granular.tools.checks import integer, non_negative, positive
 
 SWITCH = 1e-6
@@ -78,7 +78,7 @@ def incline_sph(
             tuple(n * spacing for n in (*level, layers)),
             periodic=range(len(level)),
         ),
-        walls=(Wall(len(level), 0.0, 1),),
+        walls=(ParticleWall(len(level), 0.0, 1),),
         gravity=Gravity(
             (0.0, 0.2 * settle, settle, settle * (1.0 + SWITCH)),
             ((*still, 0.0), down, down, tilted),

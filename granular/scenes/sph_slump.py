@@ -9,7 +9,7 @@ from granular.scenes._build import SETTLE, Parts, block, cells_across, settling_
 from granular.scenes._registry import scene_function
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
-from granular.sph.walls import Wall
+from granular.sph.walls import ParticleWall
 from granular.tools.checks import in_range, positive
 
 LAYERS = 5
@@ -96,10 +96,10 @@ def slump_sph(
         ),
         material=material,
         walls=(
-            Wall(0, 0.0, 1, span=(*sides, up)),
-            Wall(0, x, -1, span=(*sides, up)),
-            Wall(1 + len(n_y), 0.0, 1, span=((0.0, hole), *sides)),
-            Wall(1 + len(n_y), 0.0, 1, span=((hole, x), *sides), until=settle),
+            ParticleWall(0, 0.0, 1, span=(*sides, up)),
+            ParticleWall(0, x, -1, span=(*sides, up)),
+            ParticleWall(1 + len(n_y), 0.0, 1, span=((0.0, hole), *sides)),
+            ParticleWall(1 + len(n_y), 0.0, 1, span=((hole, x), *sides), until=settle),
         ),
         gravity=settling_gravity((0.0, *still, -g), settle),
         duration=settle + positive("duration", duration),

@@ -30,7 +30,7 @@ RELATIVE_GROWTH = 1 + 1e-9
 """Growth of the box about a shape to allow for rounding."""
 
 
-class Solid(Protocol):
+class HasSides(Protocol):
     """A solid, by tests of points (n, 3)."""
 
     def sides(self, x: Array, radius: float) -> Sides:
@@ -100,12 +100,14 @@ def joined(parts: list[tuple[float, Moments]]) -> Moments | None:
     return Moments(whole.volume, whole.center, whole.second, float(errors.max()))
 
 
-def moments(solid: Solid, low: Array, high: Array, tolerance: float, most: int) -> Moments | None:
+def moments(
+    solid: HasSides, low: Array, high: Array, tolerance: float, most: int
+) -> Moments | None:
     """Return the moments of a solid, or None if it is empty.
 
     Parameters
     ----------
-    solid : Solid
+    solid : HasSides
     low, high : ndarray, shape (dim,)
         Corners of a box that contains the solid [m].
     tolerance : float
@@ -141,7 +143,7 @@ def moments(solid: Solid, low: Array, high: Array, tolerance: float, most: int) 
     return Moments(volume, middle + center, second, error)
 
 
-def is_empty(solid: Solid, low: Array, high: Array) -> bool:
+def is_empty(solid: HasSides, low: Array, high: Array) -> bool:
     """True if a box is certainly outside of the solid; False if it is not, or too near."""
     if not (low < high).all():
         return True

@@ -10,7 +10,7 @@ from granular.sph.numerics import Numerics as Numerics
 from granular.sph.rest import run_to_rest as run_to_rest
 from granular.sph.scene import Scene as Scene
 from granular.sph.simulation import Simulation as Simulation
-from granular.sph.walls import Wall as Wall
+from granular.sph.walls import ParticleWall as ParticleWall
 from granular.tools.docstrings import complete as _complete
 
 _complete(__name__)

@@ -20,7 +20,7 @@ from granular.sph.gas import Gas, Jet
 from granular.sph.inflow import check_inflows
 from granular.sph.material import Viscoplastic
 from granular.sph.numerics import Numerics
-from granular.sph.walls import Wall, wall_points
+from granular.sph.walls import ParticleWall, wall_points
 from granular.tools.checks import check_fields, tuple_of
 from granular.tools.serializable import Parameters, register
 
@@ -77,7 +77,7 @@ class Scene(BaseScene):
         at least one fill unless there are inflows. A region must not be a `Cloud`.
     material : Viscoplastic
     numerics : Numerics
-    walls : sequence of Wall
+    walls : sequence of ParticleWall
     gas : Gas or None
         Gas in the pores of the material and above it; None for no gas.
     inflows : sequence of Inflow
@@ -107,7 +107,7 @@ class Scene(BaseScene):
     fills: tuple[Fill, ...]
     material: Viscoplastic = field(default_factory=Viscoplastic)
     numerics: Numerics = field(default_factory=Numerics)
-    walls: tuple[Wall, ...] = ()
+    walls: tuple[ParticleWall, ...] = ()
     gas: Gas | None = None
     inflows: tuple[Inflow, ...] = ()
     gravity: Gravity
@@ -116,7 +116,7 @@ class Scene(BaseScene):
     parameters: Mapping[str, Any] = field(default_factory=Parameters)
 
     def __post_init__(self) -> None:
-        check_fields(self, tuple_of, "walls", kinds=(Wall,))
+        check_fields(self, tuple_of, "walls", kinds=(ParticleWall,))
         if not isinstance(self.gas, Gas | None):
             raise TypeError(f"gas = {self.gas!r} must be a Gas or None")
         self._check_common(material=Viscoplastic, numerics=Numerics)
@@ -193,4 +193,4 @@ class Scene(BaseScene):
         return "smoothed particle hydrodynamics"
 
 
-register(Scene, Wall, Numerics, Viscoplastic, Gas, Jet, prefix="sph.")
+register(Scene, ParticleWall, Numerics, Viscoplastic, Gas, Jet, prefix="sph.")

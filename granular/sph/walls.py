@@ -9,6 +9,7 @@ from dataclasses import KW_ONLY, dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from granular.model.boundary import Boundary, Span
 from granular.model.grid import AXES, LINE_TOLERANCE, Grid, combined
 from granular.tools.checks import (
     check_fields,
@@ -26,7 +27,7 @@ MAX_LAYERS = 100
 
 
 @dataclass(frozen=True)
-class Wall:
+class ParticleWall(Boundary):
     """Layers of fixed particles behind a plane.
 
     Parameters
@@ -62,7 +63,7 @@ class Wall:
     side: int
     _: KW_ONLY
     layers: int = 5
-    span: tuple[tuple[float, float], ...] | None = None
+    span: tuple[Span, ...] | None = None
     velocity: tuple[float, ...] | None = None
     moves_from: float = 0.0
     until: float = math.inf
@@ -95,11 +96,11 @@ class Wall:
             raise ValueError(f"{name}.span = {self.span} must have {grid.dim - 1} pairs")
         if self.velocity is not None and len(self.velocity) != grid.dim:
             raise ValueError(f"{name}.velocity = {self.velocity} must have {grid.dim} entries")
-        for axis, (first, last) in enumerate(self.extent(name, grid)):
+        for axis, (first, last) in enumerate(self.lines(name, grid)):
             if grid.periodic[axis] and (first < 0 or last > grid.shape[axis]):
                 raise ValueError(f"{name}.span must stay within the period of {AXES[axis]}")
 
-    def extent(self, name: str, grid: Grid) -> list[tuple[int, int]]:
+    def lines(self, name: str, grid: Grid) -> list[tuple[int, int]]:
         """First and past-the-last site along each axis, in spacings from the grid's lower end."""
         sites = []
         others = iter(self.span or ())
@@ -118,14 +119,14 @@ class Wall:
         return sites
 
     def sites(self, name: str, grid: Grid) -> list[tuple[int, int]]:
-        """Those of `extent` that ever are near the grid, and the only ones that get a particle.
+        """Those of `lines` that ever are near the grid, and the only ones that get a particle.
 
         That is within three times the thickness of the layers, which is not below the reach of the
         kernel: the density of the particles within its reach is a sum over sums over their own
         neighbours.
         """
         margin, near = 3 * self.layers, []
-        for axis, (first, last) in enumerate(self.extent(name, grid)):
+        for axis, (first, last) in enumerate(self.lines(name, grid)):
             speed = 0.0 if self.velocity is None else self.velocity[axis]
             way = abs(speed) * max(self.until - self.moves_from, 0.0) if speed else 0.0
             come = math.ceil(way / grid.cell) if way < math.inf else last - first
@@ -134,10 +135,22 @@ class Wall:
             near.append((max(first, low), max(min(last, high), max(first, low))))
         return near
 
+    def extent(self, grid: Grid, axis: int) -> Span:
+        first, last = self.lines("wall", grid)[axis]
+        return grid.lower[axis] + first * grid.cell, grid.lower[axis] + last * grid.cell
+
+    @property
+    def gone_from(self) -> float:
+        return min(self.moves_from if any(self.velocity or ()) else math.inf, self.until)
+
+    def in_words(self) -> str:
+        text = "wall of particles" + (", moves" if any(self.velocity or ()) else "")
+        return text if self.until == math.inf else f"{text}, until {self.until:g} s"
+
     def box(self, name: str, grid: Grid) -> tuple[list[float], list[float]]:
         """Lower and upper ends of the wall at the start [m], infinite along a whole period."""
         low, high = [], []
-        for axis, (first, last) in enumerate(self.extent(name, grid)):
+        for axis, (first, last) in enumerate(self.lines(name, grid)):
             endless = grid.periodic[axis] and last - first == grid.shape[axis]
             low.append(-math.inf if endless else grid.lower[axis] + first * grid.cell)
             high.append(math.inf if endless else grid.lower[axis] + last * grid.cell)
@@ -154,7 +167,7 @@ def _site(name: str, grid: Grid, axis: int, at: float) -> int:
     return round(place)
 
 
-def wall_points(grid: Grid, walls: Sequence[Wall]) -> dict[str, NDArray[np.float64]]:
+def wall_points(grid: Grid, walls: Sequence[ParticleWall]) -> dict[str, NDArray[np.float64]]:
     """Wall particles: x, v and normal (n, dim), depth below the surface [m], porosity for a gas,
     number of the wall.
 
@@ -188,7 +201,7 @@ def wall_points(grid: Grid, walls: Sequence[Wall]) -> dict[str, NDArray[np.float
     return {"x": np.array(grid.lower) + (whole.pop("site") + 0.5) * grid.cell} | whole
 
 
-def wall_rows(grid: Grid, walls: Sequence[Wall]) -> NDArray[np.float64]:
+def wall_rows(grid: Grid, walls: Sequence[ParticleWall]) -> NDArray[np.float64]:
     """Rows of the walls for the core: ends of the box, velocity, times, axis (n, 12)."""
     rows = np.zeros((len(walls), 12))
     for i, (row, wall) in enumerate(zip(rows, walls, strict=True)):

@@ -14,7 +14,6 @@ from granular.model.grid import LINE_TOLERANCE
 from granular.model.state import State
 from granular.mpm.axis_nodes import c0_lines, node_positions
 from granular.mpm.schemes import Scheme
-from granular.mpm.walls import Wall
 from granular.run.simulation import Simulation
 from granular.theory import beverloo_rate
 from granular.verify.incline import PUBLISHED
@@ -65,8 +64,7 @@ def free_opening(orifice: float, cell: float, scheme: Scheme) -> float:
     scene = scenes.silo(orifice=orifice, cell=cell, scheme=scheme)
     lines = c0_lines(scene.grid, scene.walls, 0)
     nodes = node_positions(scheme.basis, scene.grid.shape[0], False, lines)
-    walls = [wall for wall in scene.walls if isinstance(wall, Wall)]
-    begin = min(wall.span[0][0] for wall in walls if wall.opens_at == math.inf and wall.span)
+    begin = min(wall.span[0][0] for wall in scene.walls if wall.opens_at == math.inf and wall.span)
     return 2 * cell * float(nodes[nodes < begin / cell - LINE_TOLERANCE].max())
 
 

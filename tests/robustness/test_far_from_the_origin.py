@@ -84,7 +84,7 @@ def test_samples_maps_and_inlets_end_where_the_grid_does():
     """One square or height more would reach beyond it; an inlet may touch a body."""
     x0, y0 = SHIFTS[-1]
     high = (x0 + 30 * CELL, y0 + 20 * CELL)
-    plate = gr.sph.Wall(1, y0, 1, span=((x0 - 2 * CELL, x0 + 7 * CELL),))
+    plate = gr.sph.ParticleWall(1, y0, 1, span=((x0 - 2 * CELL, x0 + 7 * CELL),))
     assert plate.extent("plate", gr.Grid((x0, y0), CELL, (30, 20))) == [(-2, 7), (-5, 0)]
     mask = gr.Mask.of(lambda x: np.ones(len(x)), SHIFTS[-1], high, CELL / 2)
     assert mask.inside.shape == (60, 40)

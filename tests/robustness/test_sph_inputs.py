@@ -15,7 +15,7 @@ from granular.model.gravity import Gravity
 from granular.model.grid import Grid
 from granular.shapes import Box
 from granular.sph.simulation import _build
-from granular.sph.walls import Wall
+from granular.sph.walls import ParticleWall
 
 SCENE = scenes.incline_sph(height=0.04, columns=6)
 SOIL = scenes.jet_on_bed(spacing=0.025, nozzle=0.05, width=0.2, depth=0.1, headroom=0.1)
@@ -45,14 +45,17 @@ def with_gas(**changes):
         (lambda: sph.Numerics(smoothing=0.5), r"smoothing = 0\.5 must be in \[1\.0, 2\.0\]"),
         (lambda: sph.Numerics(regularisation=2.0), "regularisation"),
         (lambda: sph.Numerics(dt=-1.0), "dt = -1"),
-        (lambda: sph.Wall(0, 0.0, 0), "side = 0 must be one of"),
-        (lambda: sph.Wall(0, math.nan, 1), "at = nan"),
+        (lambda: sph.ParticleWall(0, 0.0, 0), "side = 0 must be one of"),
+        (lambda: sph.ParticleWall(0, math.nan, 1), "at = nan"),
         (
-            lambda: SCENE.replace(walls=(sph.Wall(1, 0.0, 1, layers=2),)),
+            lambda: SCENE.replace(walls=(sph.ParticleWall(1, 0.0, 1, layers=2),)),
             r"walls\[0\].layers = 2 must be at least 3",
         ),
-        (lambda: SCENE.replace(walls=(sph.Wall(0, 0.0, 1),)), "must not be a periodic one"),
-        (lambda: SCENE.replace(walls=(sph.Wall(1, 0.0033, 1),)), r"walls\[0\].at = 0\.0033"),
+        (lambda: SCENE.replace(walls=(sph.ParticleWall(0, 0.0, 1),)), "must not be a periodic one"),
+        (
+            lambda: SCENE.replace(walls=(sph.ParticleWall(1, 0.0033, 1),)),
+            r"walls\[0\].at = 0\.0033",
+        ),
         (lambda: SCENE.replace(numerics=sph.Numerics(dt=0.01)), r"dt = 0\.01 must be at most"),
         (
             lambda: SCENE.replace(fills=(Fill(Box((0.0, 0.0), (0.06, 0.04)), 4),)),
@@ -92,7 +95,7 @@ def with_gas(**changes):
         ),
         (lambda: SOIL.replace(gas=1), "gas = 1 must be a Gas"),
         (lambda: SOIL.replace(numerics=sph.Numerics(dt=1e-3)), r"dt = 0.001 must be at most"),
-        (lambda: sph.Wall(1, 0.0, 1, permeable=1), "permeable = 1"),
+        (lambda: sph.ParticleWall(1, 0.0, 1, permeable=1), "permeable = 1"),
         (lambda: scenes.jet_on_bed(speed=300.0), "speed = 300"),
         (lambda: scenes.jet_on_bed(nozzle=1.0), "nozzle = 1"),
         (lambda: scenes.jet_on_bed(pressure=0.0), "pressure = 0"),
@@ -312,7 +315,7 @@ def test_walls_that_reach_far_outside_cost_nothing():
     def run(times, speed):
         moving = {"velocity": (speed, 0.0)} if speed else {}
         span = ((-times * length, (1 + times) * length),)
-        floor = Wall(1, 0.0, 1, span=span, **moving)
+        floor = ParticleWall(1, 0.0, 1, span=span, **moving)
         made = scene.replace(walls=(floor, *scene.walls[1:]))
         sim = Simulation(made, threads=1)
         sim.step(20)

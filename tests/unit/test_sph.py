@@ -29,7 +29,8 @@ def small_scene(dim, *, periodic=(True, True, False), walls=True, jitter=0.5, **
         grid=Grid((0.0,) * dim, DX, shape, periodic=periodic),
         fills=(fill,),
         material=sph.Viscoplastic(**({"cohesion": 30.0, "dilation": 0.5} | material)),
-        walls=(sph.Wall(dim - 1, 0.0, 1, layers=3, velocity=(0.1,) + (0.0,) * (dim - 1)),) * walls,
+        walls=(sph.ParticleWall(dim - 1, 0.0, 1, layers=3, velocity=(0.1,) + (0.0,) * (dim - 1)),)
+        * walls,
         gravity=Gravity((0.0,), ((0.3,) + (0.0,) * (dim - 2) + (-G,),)),
         duration=1.0,
         seed=3,

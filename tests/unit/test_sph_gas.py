@@ -21,7 +21,7 @@ def small_scene(dim, *, walls=True, permeable=False, **gas):
     shape = (7, 6, 9)[-dim:] if dim == 3 else (7, 9)
     ends = tuple(n * DX for n in shape)
     still = (0.0,) * dim
-    floor = sph.Wall(dim - 1, 0.0, 1, layers=3, permeable=permeable)
+    floor = sph.ParticleWall(dim - 1, 0.0, 1, layers=3, permeable=permeable)
     soil = Fill(Box(still, (*ends[:-1], 5 * DX)), 1, jitter=0.4)
     return sph.Scene(
         name="small",

@@ -27,7 +27,7 @@ def scene_of(*, inflows=None, **more):
             "grid": gr.Grid((0.0, 0.0), DX, (20, 40), periodic=(True, False)),
             "fills": (gr.Fill(gr.Box((0.0, 0.0), (0.2, 0.06)), 1),),
             "inflows": (inlet(),) if inflows is None else inflows,
-            "walls": (sph.Wall(1, 0.0, 1),),
+            "walls": (sph.ParticleWall(1, 0.0, 1),),
             "gravity": Gravity((0.0,), ((0.0, -9.81),)),
             "duration": 0.3,
         }
@@ -57,7 +57,10 @@ def test_what_sph_does_not_have_is_refused():
         (r"length 0.02 along y, must have at least 0.024", of(inlet(short))),
         (r"must not overlap that of fills\[0\]", of(inlet(gr.Box((0.06, 0.05), (0.14, 0.2))))),
         (r"must not overlap that of inflows\[1\]", of(inlet(), inlet(beside))),
-        (r"outside of walls\[1\]", of(inlet(), walls=(sph.Wall(1, 0.0, 1), sph.Wall(1, 0.35, -1)))),
+        (
+            r"outside of walls\[1\]",
+            of(inlet(), walls=(sph.ParticleWall(1, 0.0, 1), sph.ParticleWall(1, 0.35, -1))),
+        ),
         (r"along which the grid is periodic", of(inlet(), grid=rest, walls=())),
         (r"must hold at least one Fill", of(fills=())),
         (r"velocity = \(0.0, 0.0\) must not be 0", lambda: sph.Jet(NOZZLE, (0.0, 0.0), 1.0)),

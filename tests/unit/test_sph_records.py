@@ -32,13 +32,17 @@ def gated(dim=2, **changes):
     shape = (14, *(6,) * (dim - 2), 8)
     across = tuple((0.0, n * DX) for n in shape[1:-1])
     motion = {"velocity": (0.0, *level, 1.0), "moves_from": 0.02, "until": 0.05}
-    gate = sph.Wall(0, 6 * DX, -1, layers=3, span=(*across, (0.0, 8 * DX)), **motion)
+    gate = sph.ParticleWall(0, 6 * DX, -1, layers=3, span=(*across, (0.0, 8 * DX)), **motion)
     scene = sph.Scene(
         name="gated",
         grid=Grid((0.0, *level, 0.0), DX, shape, periodic=(False, *(True for _ in level), False)),
         fills=(Fill(Box((0.0, *level, 0.0), (6 * DX, *(6 * DX for _ in level), 6 * DX)), 1),),
         material=sph.Viscoplastic(mu_l=0.4, mu_h=0.4, dilation=0.5),
-        walls=(sph.Wall(dim - 1, 0.0, 1, layers=3), sph.Wall(0, 0.0, 1, layers=3), gate),
+        walls=(
+            sph.ParticleWall(dim - 1, 0.0, 1, layers=3),
+            sph.ParticleWall(0, 0.0, 1, layers=3),
+            gate,
+        ),
         gravity=Gravity((0.0,), ((0.0, *level, -9.81),)),
         duration=0.1,
         parameters={"half_width": 6 * DX},
@@ -112,7 +116,7 @@ def blown(dim=2):
         grid=Grid(still, DX, shape, periodic=(*(True for _ in shape[1:]), False)),
         fills=(Fill(Box(still, (*ends[:-1], 0.05)), 1),),
         numerics=sph.Numerics(smoothing=1.25),
-        walls=(sph.Wall(dim - 1, 0.0, 1, layers=3),),
+        walls=(sph.ParticleWall(dim - 1, 0.0, 1, layers=3),),
         gas=sph.Gas(fills=(Fill(Box(still, ends), 1),), jets=(jet,)),
         gravity=Gravity((0.0,), ((*still[1:], -9.81),)),
         duration=0.004,
@@ -223,7 +227,7 @@ def test_particles_that_are_too_fast_for_the_step_are_stopped_by_walls(isa):
     They are pressed together, so that the lists of neighbours need more places than at the start,
     and most of them with the instruction set that has the fewest lanes.
     """
-    floor, side = sph.Wall(1, 0.0, 1), sph.Wall(0, 0.0, 1)
+    floor, side = sph.ParticleWall(1, 0.0, 1), sph.ParticleWall(0, 0.0, 1)
     scene = sph.Scene(
         name="soft",
         grid=Grid((0.0, 0.0), DX, (12, 12)),
@@ -340,7 +344,7 @@ def test_command_line_reads_and_resumes(tmp_path, capsys):
 )
 def test_wrong_walls_are_named(change, words):
     with pytest.raises((TypeError, ValueError), match=words):
-        sph.Wall(0, 0.0, 1, **change)
+        sph.ParticleWall(0, 0.0, 1, **change)
 
 
 @pytest.mark.parametrize("column", range(12))

@@ -96,7 +96,7 @@ def test_momentum_is_that_of_what_entered_gravity_and_the_nozzle():
 def test_a_layer_that_is_fed_flows_steadily():
     """A piston pushes a layer over a smooth floor: it keeps its height, and rho0 at the plane."""
     high = 8
-    floor = sph.Wall(1, 0.0, 1)
+    floor = sph.ParticleWall(1, 0.0, 1)
     region = gr.Box((0.0, 0.0), (0.1, high * DX))
     scene = sph.Scene(
         name="pushed",
