@@ -204,7 +204,7 @@ def _add_recording(scene: Any, places: Iterable[str], name: str, *, by_file: boo
     text += f"default {first}double"
     scene.add_argument("--precision", choices=("double", "single"), help=text)
     text = "change a number of the scene; --material.E 1e6 is short for --set material.E=1e6"
-    scene.add_argument("--set", action="append", default=[], metavar="PLACE=VALUE", help=text)
+    scene.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=text)
     for place in places:
         scene.add_argument(place, action=_Place, metavar="VALUE", help="number of the scene")
     text = "run even if the estimated memory exceeds that of the machine"

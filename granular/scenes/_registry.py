@@ -51,7 +51,7 @@ COMMON = (
     ("numerics", "By default those of the thesis."),
     ("**material_numbers", "Numbers of the material to change, such as `nu`."),
 )
-"""Arguments that many scene functions have, as they stand in docstrings, and what they mean."""
+"""Descriptions of the arguments that many scene functions have, as they stand in docstrings."""
 
 P = ParamSpec("P")
 S_co = TypeVar("S_co", bound="mpm.Scene | sph.Scene", covariant=True)
@@ -89,10 +89,10 @@ def scene_function(
     *methods: str,
 ) -> Callable[[Callable[P, Parts]], SceneFunction[P, mpm.Scene | sph.Scene]]: ...
 def scene_function(*methods: str) -> Callable[[Callable[P, Parts]], SceneFunction[P, Any]]:
-    """Register a function as that of a ready scene, and complete what it does.
+    """Register a scene function and complete it.
 
     The function takes keyword arguments only, all with a default. One of them is `material`, and
-    the last is ``**material_numbers``. It returns what is its own of the parts of the scene. The
+    the last is ``**material_numbers``. It returns the parts of the scene that it sets itself. The
     decorated function differs from it in six ways.
 
     - It returns a scene with the name of the function. Parts that the function does not return are
@@ -101,10 +101,10 @@ def scene_function(*methods: str) -> Callable[[Callable[P, Parts]], SceneFunctio
       chooses the class of the scene.
     - Numbers of the material may be given as keywords: ``column_collapse(E=1e7)`` is
       ``column_collapse(material=m.replace(E=1e7))``, m being the material given or the default one.
-      The function itself receives the changed material only, so that all that it derives from the
-      material follows. A keyword that is an argument of the function is never taken for a number
-      of the material.
-    - Unless E is given, or a material, it is as large as the load of the scene asks for
+      The function itself receives the changed material only, so that everything that it derives
+      from the material follows. A keyword that is an argument of the function is never taken for a
+      number of the material.
+    - Unless E is given, or a material, it is as large as the load of the scene requires
       (`granular.scenes._stiffness`).
     - A function with the scheme `schemes.default` takes `schemes.suited_to` the material in its
       place, unless a scheme is given.
@@ -123,7 +123,7 @@ def scene_function(*methods: str) -> Callable[[Callable[P, Parts]], SceneFunctio
     ------
     TypeError, ValueError
         When the decorated function is called: for keywords that neither the function nor the
-        material has, and for numbers of the material that the function replaces by its own.
+        material has, and for numbers of the material that the function itself sets.
     """
     for method in methods:
         one_of("method", method, METHODS)
@@ -189,7 +189,7 @@ def suited(arguments: Mapping[str, Any]) -> schemes.Scheme:
 
 
 def _completed(doc: str, signature: inspect.Signature) -> str:
-    """Put what ``{common}`` stands for into the docstring of a scene function."""
+    """Replace ``{common}`` in the docstring of a scene function."""
     heads = re.findall(r"^\**([\w, ]+?)(?: :.*)?\n    ", doc, re.MULTILINE)
     parameters = signature.parameters
     described, lines = set(", ".join(heads).split(", ")), []
@@ -241,7 +241,7 @@ def _changed(
 
 
 def _check_unchanged(name: str, changed: object, used: object, numbers: Mapping[str, Any]) -> None:
-    """Refuse numbers of the material that the scene function replaced by its own."""
+    """Refuse numbers of the material that the scene function itself sets."""
     if type(used) is not type(changed):
         return  # the material of the other method, made from the changed one
     for number, value in numbers.items():

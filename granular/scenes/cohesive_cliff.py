@@ -48,7 +48,7 @@ def cohesive_cliff(
         Height of the cliff and its extent from the wall to its face [m], whole cells. A wedge that
         slides is ``height tan(45 deg - phi/2)`` wide.
     floor : float
-        Length of floor in front of the cliff [m]. What goes further leaves.
+        Length of floor in front of the cliff [m]. Material beyond it leaves.
     gravity, ramp : float
         Magnitude [m/s2], which grows linearly from 0 in the time `ramp` [s]. The ramp should be
         longer than several periods of elastic waves, 4 height/c_w.

@@ -28,7 +28,7 @@ from granular.tools.docstrings import described
 from granular.tools.files import read_text
 
 SUFFIXES = (".toml", ".json")
-"""Ends of the names of files of scenes."""
+"""Suffixes of scene files."""
 SECTIONS = ("scene", "arguments", "material", "scheme", "run")
 """Keys of a TOML file of a scene."""
 RUN = {
@@ -36,14 +36,14 @@ RUN = {
     "every": "Time between frames [s].",
     "fields": 'Quantities that frames hold too, as ParaView shows them: ["pressure", "speed"].',
     "precision": 'Precision of frames, "double" or "single", which takes less space.',
-    "threads": "Number of threads; by default as many as are worth it.",
+    "threads": "Number of threads; by default as many as speed up the run.",
 }
 """Keys of the section "run", and what they mean."""
 PARTS = ("material", "scheme", "numerics", "method", "release")
-"""Arguments of scene functions that have a section of their own, or that only Python can give."""
+"""Arguments of scene functions that have a separate section, or can be given in Python only."""
 DENSITIES = {kind.name: kind for kind in (SmoothedDensity, CellAveragedDensity, ParticleDensity)}
 EXPLAINED = (Fill, Scene, Gas, incline)
-"""Where docstrings of scene functions refer to."""
+"""Pages to which docstrings of scene functions refer."""
 WIDTH = 100
 
 
@@ -81,7 +81,7 @@ def read_scene(path: str | Path, **numbers: Any) -> SceneFile:
     OSError
         If the file cannot be read.
     TypeError, ValueError
-        Naming the file and what in it is wrong.
+        If the file is not valid; the message names the file and the error.
     """
     path = Path(path)
     if path.suffix not in SUFFIXES:
@@ -95,7 +95,7 @@ def read_scene(path: str | Path, **numbers: Any) -> SceneFile:
         return _from_tables(tomllib.loads(text), numbers)
     except TypeError as error:
         raise TypeError(f"{path}: {error}") from error
-    except ValueError as error:  # among them that the text is no TOML
+    except ValueError as error:  # including text that is not TOML
         raise ValueError(f"{path}: {error}") from error
 
 
@@ -188,14 +188,14 @@ def changed(scene: AnyScene, assignments: Sequence[str]) -> AnyScene:
     ----------
     scene : Scene or sph.Scene
     assignments : sequence of str
-        Each ``place=value``, with the place in the JSON of the scene, its parts joined by dots and
+        Each ``key=value``, with the key in the JSON of the scene, its parts joined by dots and
         counted from 0 in lists, such as ``scheme.cfl=0.3`` or ``bodies.0.friction=0.4``; the value
         as in TOML.
 
     Raises
     ------
     ValueError
-        Naming what cannot be changed.
+        If a key or value is not valid; the message names it.
     """
     if not assignments:
         return scene
@@ -203,7 +203,7 @@ def changed(scene: AnyScene, assignments: Sequence[str]) -> AnyScene:
     for assignment in assignments:
         place, equals, text = assignment.partition("=")
         if not equals:
-            raise ValueError(f"{assignment!r} must be PLACE=VALUE, such as scheme.cfl=0.3")
+            raise ValueError(f"{assignment!r} must be KEY=VALUE, such as scheme.cfl=0.3")
         *way, last = place.strip().split(".")
         part: Any = data["scene"]
         for name in way:
@@ -225,7 +225,7 @@ def _key(place: str, part: Any, name: str) -> str | int:
 
 
 def _value(text: str) -> Any:
-    """Value of an assignment; what is no TOML is a number as Python writes it, or a word."""
+    """Value of an assignment; text that is not TOML is a number as Python writes it, or a word."""
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
@@ -320,7 +320,7 @@ def _field_values(part: Any) -> dict[str, Any]:
 def _entries(
     values: Mapping[str, Any], texts: Mapping[str, str], *, active: bool = True
 ) -> Iterator[str]:
-    """Lines of a section; what has no default, or is not `active`, is commented out.
+    """Lines of a section; an entry without a default, or not `active`, is commented out.
 
     Entries that share a text stand together below it.
     """
@@ -341,7 +341,7 @@ def _comment(text: str) -> list[str]:
 
 
 def _written(value: Any) -> str:
-    """Value as TOML writes it; empty for None and what TOML cannot write."""
+    """Value as TOML writes it; empty for None and values that TOML cannot write."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
