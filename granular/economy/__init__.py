@@ -14,3 +14,6 @@ from granular.economy.suggestion import Suggestion as Suggestion
 from granular.economy.suggestion import Suggestions as Suggestions
 from granular.economy.suggestion import apply as apply
 from granular.economy.symmetry import mirror_half as mirror_half
+from granular.tools.docstrings import complete as _complete
+
+_complete(__name__)

@@ -200,10 +200,8 @@ def stiffness_error(scene: Scene, name: str, material: Material) -> float:
 
     Parameters
     ----------
-    scene : Scene
     name : str
         Name of its scene function.
-    material : Material
 
     Returns
     -------
@@ -270,7 +268,6 @@ def held_decay(scene: Scene, E: float) -> dict[str, float]:
 
     Parameters
     ----------
-    scene : Scene
     E : float
         New Young's modulus of the material [Pa], > 0.
 

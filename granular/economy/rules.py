@@ -367,7 +367,6 @@ def suggest(scene: Scene, tolerance: float = 0.02) -> Suggestions:
 
     Parameters
     ----------
-    scene : Scene
     tolerance : float
         Largest relative change of the quantity of interest by all changes together,
         0 < tolerance <= 1/2. The quantities are the flow down an incline, the run-out of a column,

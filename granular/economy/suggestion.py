@@ -160,13 +160,8 @@ def apply(scene: Scene, suggestion: Suggestion | Iterable[Suggestion]) -> Scene:
 
     Parameters
     ----------
-    scene : Scene
     suggestion : Suggestion or iterable of Suggestion
         All suggestions of `suggest`, or some of them.
-
-    Returns
-    -------
-    Scene
 
     Raises
     ------

@@ -20,7 +20,6 @@ def to_pyvista(state: State, fields: Collection[str] = STANDARD) -> Any:
 
     Parameters
     ----------
-    state : State
     fields : collection of str
         Derived quantities besides the stored fields, of `granular.measure.derived`.
 

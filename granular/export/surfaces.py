@@ -56,15 +56,10 @@ def write_bodies(
 
     Parameters
     ----------
-    record : Trajectory
     path : path
         File to write, usually ending in ``.vtkhdf``.
     overwrite : bool
         True to replace an existing file.
-
-    Returns
-    -------
-    Path
 
     Raises
     ------

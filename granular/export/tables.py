@@ -42,7 +42,6 @@ def to_pandas(state: State, fields: Collection[str] = STANDARD) -> Any:
 
     Parameters
     ----------
-    state : State
     fields : collection of str
         Derived quantities, of `granular.measure.derived`.
 
@@ -76,7 +75,6 @@ def to_xarray(record: Trajectory, fields: Collection[str] = STANDARD) -> Any:
 
     Parameters
     ----------
-    record : Trajectory
     fields : collection of str
         Derived quantities besides the stored fields, of `granular.measure.derived`.
 

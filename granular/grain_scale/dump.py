@@ -294,10 +294,6 @@ def read_dump(
     density : float, optional
         Density of all grains [kg/m3], > 0, for a dump without masses.
 
-    Returns
-    -------
-    Dump
-
     Raises
     ------
     OSError

@@ -73,10 +73,6 @@ def average_grains(
         Names of its columns: the ids of the grains i and j of a pair, and the three components of
         the force on grain i, in units of the file.
 
-    Returns
-    -------
-    GrainAverages
-
     Raises
     ------
     TypeError, ValueError

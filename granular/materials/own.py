@@ -289,10 +289,6 @@ def from_function(
         Logarithm of rho/rho_c below which the law bears no stress, from -1 to 1: of a law with
         p = K max(log_density - a, 0) it is a. See `OwnLaw`.
 
-    Returns
-    -------
-    OwnLaw
-
     Raises
     ------
     TypeError, ValueError

@@ -80,4 +80,10 @@ from granular.measure.stress import friction as friction
 from granular.measure.wall import wall_force as wall_force
 from granular.tools.docstrings import complete as _complete
 
-_complete(__name__)
+_complete(
+    __name__,
+    {
+        "opening": "Opening, optional\n    By default the opening of the scene.",
+        "d": "float, optional\n    Grain diameter [m]; by default the material's.",
+    },
+)

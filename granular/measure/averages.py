@@ -93,10 +93,6 @@ def frame_average(
     at : {"cells", "nodes"}
         Average over the cells, or about the nodes.
 
-    Returns
-    -------
-    GridField
-
     Raises
     ------
     TypeError, ValueError
@@ -152,8 +148,6 @@ def centre_line_pressure(
     columns : int
         Number of columns of cells on each modelled side of the axis. If the axis cuts cells in
         half, the columns whose centres are less than this many cells away.
-    opening : Opening, optional
-        By default the opening of the scene.
 
     Returns
     -------

@@ -56,7 +56,6 @@ def values(state: State, field: str | ArrayLike) -> Array:
 
     Parameters
     ----------
-    state : State
     field : str or array_like, shape (n,) or (n, k)
         The name of an attribute of the state, or one value (or row) per point.
 

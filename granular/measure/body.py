@@ -71,17 +71,12 @@ def body_motion(record: Trajectory, body: int = 0, *, total: bool = True) -> Bod
 
     Parameters
     ----------
-    record : Trajectory
     body : int
         Index into the bodies of the scene, >= 0.
     total : bool
         True for the whole body, also if planes of symmetry cut it (`granular.model.symmetric`):
         across a plane the forces cancel, along it they double. False for the part that is modelled.
         A body that no plane cuts has another body as its image, and is not changed.
-
-    Returns
-    -------
-    BodyMotion
 
     Raises
     ------
@@ -115,7 +110,6 @@ def body_force(
 
     Parameters
     ----------
-    record : Trajectory
     body : int
         Index into the bodies of the scene, >= 0.
     window : int
@@ -123,10 +117,6 @@ def body_force(
     total : bool
         As in `body_motion`: True for the force on the whole body, False for that on the part that
         is modelled.
-
-    Returns
-    -------
-    MeanForce
 
     Raises
     ------

@@ -125,10 +125,6 @@ def step_budget(sim: "Simulation") -> StepBudget:
     sim : Simulation
         It is advanced by one step.
 
-    Returns
-    -------
-    StepBudget
-
     Raises
     ------
     ValueError

@@ -198,7 +198,6 @@ def disconnected_fraction(
 
     Parameters
     ----------
-    state : State
     depth_cells, packed
         Definition of the bulk, see `Bulk`. With `packed` = 0 it includes material in free flight
         inside a body.
@@ -231,7 +230,6 @@ def density_drift(state: State, *, depth_cells: int = 2, packed: float = 0.9) ->
 
     Parameters
     ----------
-    state : State
     depth_cells, packed
         Definition of the bulk, see `Bulk`.
 
@@ -256,10 +254,6 @@ def string_fraction(state: State) -> float:
     of a cell at rho_c and its mean g over the neighbours, with the weights 1, 2, 1 along each axis,
     a cell is inside the material where g is 0.9 or more. It counts where the root mean square of
     f - g over it and its neighbours exceeds 0.45.
-
-    Parameters
-    ----------
-    state : State
 
     Returns
     -------
@@ -291,10 +285,6 @@ def ill_posed_fraction(state: State) -> float:
     is ill posed, the shortest waves grow fastest and refinement need not converge. A point flows if
     it is under pressure and I/I0 > 1e-3.
 
-    Parameters
-    ----------
-    state : State
-
     Returns
     -------
     float
@@ -325,7 +315,6 @@ def weights_at_limit(state: State, limit: float) -> float:
 
     Parameters
     ----------
-    state : State
     limit : float
         Largest magnitude of a correction of a quadrature weight.
     """
@@ -342,10 +331,6 @@ def gap_fraction(state: State) -> float:
     This concerns bodies under tension; grains around such bodies do not count. Once their points
     are a cell apart, cells between them are empty and the grid no longer connects them: the body is
     torn by the discretisation, not by its constitutive law.
-
-    Parameters
-    ----------
-    state : State
 
     Returns
     -------

@@ -73,10 +73,6 @@ def cylinder_profile(
     axis : (x, y)
         Position of the axis [m].
 
-    Returns
-    -------
-    CylinderProfile
-
     Raises
     ------
     ValueError

@@ -134,10 +134,6 @@ def mass_history(trajectory: Iterable[State], *, total: bool = True) -> MassHist
         (`granular.model.symmetric`), the mass is multiplied by 2 or 4. False for that of the
         modelled part.
 
-    Returns
-    -------
-    MassHistory
-
     Raises
     ------
     ValueError
@@ -180,10 +176,6 @@ def discharge(
     total : bool
         True for the rate and the masses of the full silo, False for those of the modelled part.
         The window is in masses of the full silo in either case.
-
-    Returns
-    -------
-    Discharge
 
     Raises
     ------
@@ -276,10 +268,6 @@ def beverloo(
         Of `discharge`, with trajectories only: masses in the full silo [kg; in 2D per metre of
         depth] between which the rates are taken. The default is that of silos of the size of
         Dunatunga & Kamrin 2015.
-
-    Returns
-    -------
-    BeverlooFit
 
     Raises
     ------

@@ -72,14 +72,6 @@ def energy(state: State) -> Energy:
     2015, eq. 2.9). In SPH the elastic energy is that of the equation of state
     (`sph.Viscoplastic.stored_energy`).
 
-    Parameters
-    ----------
-    state : State
-
-    Returns
-    -------
-    Energy
-
     Raises
     ------
     ValueError
@@ -130,10 +122,6 @@ def energy_budget(trajectory: Iterable[State]) -> EnergyBudget:
     Parameters
     ----------
     trajectory : iterable of State
-
-    Returns
-    -------
-    EnergyBudget
 
     Raises
     ------

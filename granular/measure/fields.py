@@ -33,7 +33,6 @@ def smooth(state: State, field: str | ArrayLike) -> Array:
 
     Parameters
     ----------
-    state : State
     field : str or array_like, shape (n,) or (n, k)
         Name of a field of the state, or one value or row per point.
 
@@ -57,7 +56,6 @@ def nodal(state: State, field: str | ArrayLike) -> Array:
 
     Parameters
     ----------
-    state : State
     field : str or array_like, shape (n,) or (n, k)
 
     Returns
@@ -89,7 +87,6 @@ def nodal_density(state: State, *, at: str = "points") -> Array:
 
     Parameters
     ----------
-    state : State
     at : {"points", "nodes"}
         Project the density back onto the points, or return the nodal values.
 
@@ -122,7 +119,6 @@ def phase(state: State, *, tolerance: float = 1e-9) -> NDArray[np.bool_]:
 
     Parameters
     ----------
-    state : State
     tolerance : float
         Relative shortfall that still counts as dense; the default allows for rounding only.
 
@@ -170,14 +166,9 @@ def cell_average(state: State, field: str | ArrayLike, *, weight: str = "mass") 
 
     Parameters
     ----------
-    state : State
     field : str or array_like, shape (n,) or (n, k)
     weight : {"mass", "volume"}
         Volume is the weight of stresses, mass that of velocities.
-
-    Returns
-    -------
-    CellField
 
     Raises
     ------
@@ -195,10 +186,6 @@ def cell_average(state: State, field: str | ArrayLike, *, weight: str = "mass") 
 
 def cell_density(state: State) -> CellField:
     """Mass over volume of each occupied cell [kg/m3]: the density on the grid.
-
-    Parameters
-    ----------
-    state : State
 
     Returns
     -------
@@ -226,13 +213,8 @@ def cell_density_percentile(state: State, *, q: float = 99.0) -> float:
 
     Parameters
     ----------
-    state : State
     q : float
         Percentile, 0 to 100.
-
-    Returns
-    -------
-    float
 
     Raises
     ------

@@ -104,7 +104,6 @@ def surface(
 
     Parameters
     ----------
-    state : State
     region : (x0, x1), optional
         Use the points with x0 <= x < x1 [m] (radii in 3D).
     above, below : float, optional
@@ -114,10 +113,6 @@ def surface(
     along : {"radius", "x"}
         Coordinate of the columns in 3D: "x" takes columns over the whole depth of the grid, for
         heaps between parallel walls. In 2D columns are always along x.
-
-    Returns
-    -------
-    Surface
 
     Raises
     ------
@@ -154,7 +149,6 @@ def runout(
 
     Parameters
     ----------
-    state : State
     half_width : float, optional
         Half-width of the initial column [m]; by default the scene's parameter ``half_width`` or
         ``radius``.
@@ -163,10 +157,6 @@ def runout(
     above : float, optional
         Elevation [m] of the surface of a bed below the column: material below it does not count. By
         default all the material counts, from the floor of the grid on.
-
-    Returns
-    -------
-    Runout
 
     Raises
     ------
@@ -214,7 +204,6 @@ def repose_angle(
 
     Parameters
     ----------
-    state : State
     side : {"auto", "left", "right", "both"}
         Direction downhill from the top: towards smaller x, towards larger x, the one with more
         columns ("auto"), or the mean of both (with the larger of their steepest pieces).
@@ -226,10 +215,6 @@ def repose_angle(
         Number of columns of the steepest piece, >= 3. The positions of the highest points in their
         columns are random: with n points per cell, the slope of a piece of w columns has an error
         of about 16 deg sqrt(12/(n w (w^2 - 1))), 2.5 deg for 4 points and 5 columns.
-
-    Returns
-    -------
-    Repose
 
     Raises
     ------

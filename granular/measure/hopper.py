@@ -58,10 +58,6 @@ def hopper_flow(states: States, *, reach: float = 1.0) -> HopperFlow:
     reach : float
         Distance in cells, > 0.
 
-    Returns
-    -------
-    HopperFlow
-
     Raises
     ------
     TypeError, ValueError

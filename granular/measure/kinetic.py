@@ -34,11 +34,8 @@ def packing_fraction(state: State, *, restitution: float, d: float | None = None
 
     Parameters
     ----------
-    state : State
     restitution : float
         Effective coefficient of restitution, in [0, 1].
-    d : float, optional
-        Grain diameter [m]; by default the material's.
 
     Returns
     -------
@@ -105,11 +102,8 @@ def stress_free_error(
 
     Parameters
     ----------
-    state : State
     restitution : float
         Effective coefficient of restitution, in [0, 1); for elastic grains there is no bound.
-    d : float, optional
-        Grain diameter [m]; by default the material's.
     rate : float, optional
         Strain rate [1/s]; by default the conservative ``u_c/d`` with the largest speed u_c.
     reference : float, optional
@@ -117,10 +111,6 @@ def stress_free_error(
     margin : float
         Distance from 0.6 of the packing fraction at which the gas pressures are evaluated, 0 to
         0.6, ends excluded.
-
-    Returns
-    -------
-    StressFreeError
 
     Raises
     ------
@@ -194,14 +184,8 @@ def mass_balance_error(
         A state of steady flow, because (A25) has no rate of change.
     restitution : float, optional
         Effective coefficient of restitution in [0, 1], for `packing_fraction`.
-    d : float, optional
-        Grain diameter [m]; by default the material's.
     density : str or array_like, shape (n,), optional
         Density [kg/m3] to be examined instead of ``rho_s Phi(I)``.
-
-    Returns
-    -------
-    MassBalance
 
     Raises
     ------

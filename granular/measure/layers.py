@@ -14,13 +14,8 @@ def speed_percentile(state: State, *, q: float = 99.0) -> float:
 
     Parameters
     ----------
-    state : State
     q : float
         Percentile, 0 to 100.
-
-    Returns
-    -------
-    float
 
     Raises
     ------
@@ -37,13 +32,8 @@ def occupied_area(state: State, *, filled: float = 0.0) -> float:
 
     Parameters
     ----------
-    state : State
     filled : float
         Count only cells with more than this share of the mass that fits at rho_c, >= 0.
-
-    Returns
-    -------
-    float
 
     Raises
     ------
@@ -61,13 +51,8 @@ def layer_height(state: State, *, base: float | None = None) -> float:
 
     Parameters
     ----------
-    state : State
     base : float, optional
         Elevation of the layer's floor [m]; by default the floor of the grid.
-
-    Returns
-    -------
-    float
 
     Raises
     ------
@@ -91,7 +76,6 @@ def mean_pressure_error(
 
     Parameters
     ----------
-    state : State
     of : {"normal", "pressure"}
         P is the normal stress across the layer, which balances the weight whatever the
         constitutive law, or the pressure. The pressure equals the weight only where the law makes
@@ -101,10 +85,6 @@ def mean_pressure_error(
     per_column : bool
         True to compare with the weight of each single column (the overburden error of a heap),
         False to compare with that of the mean layer.
-
-    Returns
-    -------
-    float
 
     Raises
     ------

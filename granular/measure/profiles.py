@@ -56,7 +56,6 @@ def profile(
 
     Parameters
     ----------
-    state : State
     field : str or array_like, shape (n,) or (n, k)
         Name of a field of the state, or one value or row per point.
     bins : int or array_like, optional
@@ -65,10 +64,6 @@ def profile(
     weight : {"mass", "volume"}
         Weight of a point in the mean: its mass, or the scheme's quadrature volume
         (`State.quadrature_volume`), as in `cell_average`.
-
-    Returns
-    -------
-    Profile
 
     Raises
     ------
@@ -117,15 +112,10 @@ def velocity_profile(
 
     Parameters
     ----------
-    state : State
     bins
         As in `profile`.
     component : int
         Component of the velocity; 0 is x.
-
-    Returns
-    -------
-    Profile
 
     Raises
     ------
@@ -146,7 +136,6 @@ def friction_profile(state: State, bins: int | ArrayLike | None = None) -> Profi
 
     Parameters
     ----------
-    state : State
     bins
         As in `profile`.
 
@@ -169,7 +158,6 @@ def depth_average(state: State, field: str | ArrayLike) -> float | Array:
 
     Parameters
     ----------
-    state : State
     field : str or array_like, shape (n,) or (n, k)
 
     Returns
@@ -213,9 +201,6 @@ def inertial_number(state: State, *, d: float | None = None, rho_s: float | None
 
     Parameters
     ----------
-    state : State
-    d : float, optional
-        Grain diameter [m]; by default the material's.
     rho_s : float, optional
         Density of the grains [kg/m3]; by default the material's.
 
@@ -243,10 +228,6 @@ def scaled_inertial_number(state: State) -> Array:
     It needs no grain diameter.
 
     Dunatunga & Kamrin 2015, eqs. 2.11-2.13.
-
-    Parameters
-    ----------
-    state : State
 
     Returns
     -------

@@ -83,10 +83,6 @@ def richardson(cells: ArrayLike, values: ArrayLike, *, order: float | None = Non
     order : float, optional
         p, 0.5 to 4; fitted, if it is not given, to at least three sizes.
 
-    Returns
-    -------
-    Extrapolation
-
     Raises
     ------
     ValueError

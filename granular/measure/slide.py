@@ -85,10 +85,6 @@ def slide_history(states: Iterable[State], *, share: float = SHARE) -> SlideHist
     share : float
         Share of the mass behind the front, and before the rear, 0.5 < share < 1.
 
-    Returns
-    -------
-    SlideHistory
-
     Raises
     ------
     TypeError, ValueError
@@ -122,14 +118,6 @@ def deposit(state: State) -> Deposit:
     """Thickness of the material over the columns of cells, whatever solid it lies on.
 
     All the material in the domain counts, also a bed that was there before the slide.
-
-    Parameters
-    ----------
-    state : State
-
-    Returns
-    -------
-    Deposit
 
     Raises
     ------

@@ -123,10 +123,6 @@ def tool_force(
         As in `granular.measure.body_force`: by default the force on the whole tool, also where a
         plane of symmetry cuts it in half.
 
-    Returns
-    -------
-    ToolForce
-
     Raises
     ------
     ValueError
@@ -155,10 +151,6 @@ def wheel_history(
         Record of a scene with a wheel that rolls along x; in 3D its axle is along y.
     body, window, total
         As in `granular.measure.body_force`: by default the forces on the whole wheel.
-
-    Returns
-    -------
-    WheelHistory
 
     Raises
     ------
@@ -201,10 +193,6 @@ def failure_surface(
         Share of the blade's speed from which a cell moves, 0 to 1, ends excluded.
     span : (low, high), optional
         Ends of the slice along y [m]; by default the whole width.
-
-    Returns
-    -------
-    FailureSurface
 
     Raises
     ------

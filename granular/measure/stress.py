@@ -29,10 +29,6 @@ def friction(state: State) -> Array:
 
     ``tau = sqrt(s : s/2)`` with the deviator s (Dunatunga & Kamrin 2015, eq. 2.10).
 
-    Parameters
-    ----------
-    state : State
-
     Returns
     -------
     ndarray, shape (n,)

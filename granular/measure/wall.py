@@ -36,10 +36,6 @@ def wall_force(
         A wall that no plane cuts has another wall as its image, and is not changed; nor is the wall
         on the plane.
 
-    Returns
-    -------
-    MeanForce
-
     Raises
     ------
     ValueError

@@ -213,7 +213,6 @@ def open_parts(sites: Array, edge: float, region: Region, space: OpenSpace) -> t
         Centres [m] of the squares of the seeding lattice that may be in the region.
     edge : float
         Edge of the squares [m].
-    region : Region
     space : OpenSpace
         Where the points may lie.
 

@@ -387,7 +387,6 @@ def seed_points(
 
     Parameters
     ----------
-    grid : Grid
     fills : sequence of Fill
     seed : int
         Seed of the random jitter, >= 0; the same seed gives the same points.
@@ -402,10 +401,6 @@ def seed_points(
         default.
     even : bool
         If True, all points have the volume of a whole square of the seeding lattice.
-
-    Returns
-    -------
-    Points
 
     Raises
     ------

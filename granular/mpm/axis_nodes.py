@@ -25,9 +25,7 @@ def c0_lines(scene_grid: Grid, walls: Sequence[WallOrBlock], axis: int) -> tuple
 
     Parameters
     ----------
-    scene_grid : Grid
     walls : sequence of Wall and Solid
-    axis : int
 
     Raises
     ------
@@ -72,8 +70,6 @@ def node_positions(
     Parameters
     ----------
     basis : {"linear", "ugimp", "quadratic"}
-    n_cells : int
-    periodic : bool
     c0_lines : sequence of int
         Ascending lines with 0 < line < n_cells.
 

@@ -56,7 +56,6 @@ def deep_within(grid: Grid, walls: Iterable[Boundary], x: NDArray[np.float64]) -
 
     Parameters
     ----------
-    grid : Grid
     walls : iterable of Wall and Solid
     x : ndarray, shape (n, dim)
         Positions [m]; those beyond the grid count as in its nearest cell.
@@ -91,7 +90,6 @@ def outlook(x: NDArray[np.float64], classes: NDArray[np.int32], periodic: bool) 
         Positions of the nodes, in cells from the lower end of the axis.
     classes : ndarray of int32
         Classes of the cells along the axis, of the map that `solid_cells` returns.
-    periodic : bool
 
     Returns
     -------

@@ -116,7 +116,6 @@ def velocity_decay(scene: Scene, gravity: float) -> float:
 
     Parameters
     ----------
-    scene : Scene
     gravity : float
         Largest gravity of the scene [m/s2].
 

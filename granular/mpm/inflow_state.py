@@ -23,7 +23,6 @@ def account(
 
     Parameters
     ----------
-    scene : Scene
     fields : mapping of str to ndarray
         Fields of the points that enter at the sites.
     state : ndarray of int64

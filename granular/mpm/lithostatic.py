@@ -42,8 +42,6 @@ def stress_shape(
 
     Parameters
     ----------
-    scene : Scene
-    points : Points
     weight : ndarray, shape (n,)
         Weight of the material above per area [Pa].
     friction, cohesion : ndarray, shape (n,)

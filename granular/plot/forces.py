@@ -132,7 +132,6 @@ def pareto_front(front: ParetoFront, *, errors: ArrayLike | None = None) -> Pict
 
     Parameters
     ----------
-    front : ParetoFront
     errors : array_like, shape (k,), optional
         Error of the forces for each weight, if the true forces are known; drawn against the
         weights.

@@ -48,7 +48,6 @@ def frame(
 
     Parameters
     ----------
-    state : State
     color : str or array_like, shape (n,)
         A field: stored ("shear_rate", "log_density", ...), a component ("v_x", "stress_xy"),
         or derived ("pressure", "speed", "density", "shear_stress", "mu", "inertial_number",

@@ -54,10 +54,6 @@ def phase_diagram(
     ax : Axes, optional
         Axes to draw into; by default those of a new picture.
 
-    Returns
-    -------
-    Figure
-
     Raises
     ------
     TypeError, ValueError

@@ -143,10 +143,6 @@ def view_movie(
     color, style, slab, camera, limits, log, cmap, opacity, window
         See `view`. Scale and camera are fitted to 16 of the frames.
 
-    Returns
-    -------
-    Movie
-
     Raises
     ------
     ModuleNotFoundError

@@ -269,10 +269,6 @@ def open_trajectory(path: str | os.PathLike[str]) -> Trajectory:
     path : path
         File of the record, as given to `Simulation.run` by `save`.
 
-    Returns
-    -------
-    Trajectory
-
     Raises
     ------
     FileNotFoundError

@@ -188,10 +188,6 @@ def health(scene: BaseScene, values: Mapping[str, float], failure: str = "") -> 
         of "samples"; see `granular.run.monitor.Monitor.values`.
     failure : str
         Message of the error that ended the run.
-
-    Returns
-    -------
-    Health
     """
     remedies = scene.remedies
     indicators = tuple(

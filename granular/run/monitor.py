@@ -153,7 +153,6 @@ class Monitor:
 
         Parameters
         ----------
-        state : State
         own : mapping
             Numbers of the method; of those that any state has the larger ones count.
         energies : Energies, optional

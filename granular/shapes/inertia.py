@@ -98,10 +98,6 @@ def mass_properties(
     tolerance : float
         Relative error to be reached, from 1e-6 to 0.01, as that of `MassProperties`; it may remain
         larger, up to 1 %.
-
-    Returns
-    -------
-    MassProperties
     {raises}; also for an endless shape, for an empty one, and for one
         whose error remains above 1 %.
     """

@@ -51,7 +51,6 @@ def extents(shape: Shape, rotation: Array, turning: Array) -> Array:
 
     Parameters
     ----------
-    shape : Shape
     rotation : ndarray, shape (3, 3)
         Rotation of the body at the start.
     turning : ndarray, shape (k, 3)

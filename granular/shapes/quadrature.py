@@ -107,7 +107,6 @@ def moments(
 
     Parameters
     ----------
-    solid : HasSides
     low, high : ndarray, shape (dim,)
         Corners of a box that contains the solid [m].
     tolerance : float

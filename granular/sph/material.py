@@ -98,7 +98,6 @@ class Viscoplastic:
 
         Parameters
         ----------
-        material : MuI
         pressure : float
             Typical pressure of the flow [Pa], > 0.
         **changes

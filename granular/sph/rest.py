@@ -37,7 +37,6 @@ def run_to_rest(
 
     Parameters
     ----------
-    simulation : Simulation
     after : float
         Time before which speeds do not count [s], such as the time at which a gate opens.
     interval : float

@@ -81,4 +81,10 @@ from granular.theory.well_posed import well_posed_range as well_posed_range
 from granular.theory.well_posed import well_posed_slopes as well_posed_slopes
 from granular.tools.docstrings import complete as _complete
 
-_complete(__name__)
+_complete(
+    __name__,
+    {
+        "gravity": "float\n    Magnitude of gravity [m/s2], > 0.",
+        "restitution": "float\n    Effective coefficient of restitution, in [0, 1].",
+    },
+)

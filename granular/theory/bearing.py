@@ -52,10 +52,6 @@ def bearing_capacity(phi_deg: float) -> BearingCapacity:
     ----------
     phi_deg : float
         Friction angle [deg], 15 to 45. A law without dilation has two, see `earth_pressure`.
-
-    Returns
-    -------
-    BearingCapacity
     {raises}.
     """
     phi = math.radians(in_range("phi_deg", phi_deg, 15.0, 45.0))

@@ -39,8 +39,6 @@ def beverloo_rate(
         Width of the empty annulus in grain diameters; 0 for a local law.
     d : float
         Grain diameter [m].
-    gravity : float
-        Magnitude of gravity [m/s2].
     exponent : float, optional
         By default dim - 1/2, which the units require. Other values belong to free fits (1.47 with
         C = 1.31 in section 4.2), in which C has the unit that the exponent requires, so that it

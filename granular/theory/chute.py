@@ -81,8 +81,6 @@ def chute_profile(
     material : NGF
         Of either `rheology`: ``mu_2`` counts as infinite with "linear_mu_I". ``A = 0`` is the
         local law. ``t0`` has no effect.
-    gravity : float
-        Magnitude of gravity [m/s2].
     cells : int
         Number of cells over the height, even, 8 to 100 000.
 

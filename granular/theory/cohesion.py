@@ -64,12 +64,6 @@ def cliff_height(
         Friction coefficient of the law, such as `mu_s`, 0 to 1 (1 not included).
     density : float
         Density of the material [kg/m3], > 0.
-    gravity : float
-        Magnitude of gravity [m/s2], > 0.
-
-    Returns
-    -------
-    CliffHeight
 
     Raises
     ------

@@ -221,10 +221,6 @@ def reference(
     rtol : float
         Relative tolerance of a step.
 
-    Returns
-    -------
-    ConstitutiveReference
-
     Raises
     ------
     TypeError, ValueError

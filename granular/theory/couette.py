@@ -123,10 +123,6 @@ def couette_quasi_static(
         Boundary condition at both cylinders: g = 0, or dg/dr = 0.
     points : int
         Number of radii, 101 to 100 001.
-
-    Returns
-    -------
-    CouetteFlow
     {raises}.
     RuntimeError
         If there is no solution with mu_w below mu_2, as in a gap of a few A d.
@@ -166,10 +162,6 @@ def couette_flow(
         Angular velocity of the inner cylinder [rad/s], > 0.
     pressure : float
         Uniform pressure p [Pa], > 0.
-
-    Returns
-    -------
-    CouetteFlow
     {raises}.
     RuntimeError
         If there is no solution with mu_w below mu_2.

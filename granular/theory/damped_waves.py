@@ -29,10 +29,6 @@ def wave_decay(*, wavenumber: float, wave_speed: float, damping_time: float) -> 
     damping_time : float
         Ratio T of the viscosities to the moduli [s], >= 0 (`Material.damping_time`).
 
-    Returns
-    -------
-    float
-
     Raises
     ------
     ValueError
@@ -63,10 +59,6 @@ def bar_restitution(*, length: float, wave_speed: float, damping_time: float) ->
     damping_time : float
         Ratio T of the viscosities to the moduli [s] (`Material.damping_time`), at least 0.001 L/c,
         below which the series converges slowly, and at most L/c.
-
-    Returns
-    -------
-    float
 
     Raises
     ------

@@ -65,10 +65,6 @@ def earth_pressure(mu: float) -> EarthPressure:
         Friction coefficient of the law, such as `mu_s`, 0 to 1 (1 not included: beyond it no
         coaxial state of plane strain is at yield without tension).
 
-    Returns
-    -------
-    EarthPressure
-
     Raises
     ------
     TypeError, ValueError

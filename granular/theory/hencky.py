@@ -90,12 +90,6 @@ def hencky_column(
         Height of the column without gravity [m].
     material : Material
         Or any object with ``K``, ``G``, ``rho_c``.
-    gravity : float
-        Magnitude of gravity [m/s2].
-
-    Returns
-    -------
-    HenckyColumn
     {raises}.
     """
     Y = np.asarray(reference_height, dtype=float)

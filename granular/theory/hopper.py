@@ -90,8 +90,6 @@ def hourglass_rate(
         Bulk density [kg/m3].
     dim : {2, 3}
         2 for a plane hopper, 3 for a cone.
-    gravity : float
-        Magnitude of gravity [m/s2].
 
     Returns
     -------
@@ -173,8 +171,6 @@ def janssen_pressure(
         Bulk density [kg/m3].
     dim : {2, 3}
         2 for two walls, 3 for a cylinder.
-    gravity : float
-        Magnitude of gravity [m/s2].
 
     Returns
     -------

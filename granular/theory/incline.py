@@ -59,8 +59,6 @@ def bagnold_profile(
         Thickness of the layer, normal to the base [m], > 0.
     material : MuI
         Or any object with ``mu_s``, ``mu_2``, ``xi`` [1/sqrt(kg/m)] and ``rho_c`` [kg/m3].
-    gravity : float
-        Magnitude of gravity [m/s2], > 0.
 
     Returns
     -------
@@ -230,10 +228,6 @@ def transient(
         Number of cells over the height, at least 2.
     rtol : float
         Tolerance of a time step, > 0, relative to the largest velocity reached.
-
-    Returns
-    -------
-    InclineTransient
 
     Raises
     ------

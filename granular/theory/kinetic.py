@@ -70,8 +70,6 @@ def gas_pressure(
     ----------
     packing_fraction, temperature : array_like
         Phi and the granular temperature [m2/s2], broadcast together.
-    restitution : float
-        Effective coefficient of restitution, in [0, 1].
     material : MuI
         Or any object with ``rho_s`` [kg/m3].
     """
@@ -90,8 +88,6 @@ def packing_fraction_of_inertial_number(inertial_number: ArrayLike, restitution:
     ----------
     inertial_number : array_like
         Inertial number I >= 0, any shape.
-    restitution : float
-        Effective coefficient of restitution, in [0, 1].
 
     Returns
     -------
@@ -157,8 +153,6 @@ def shear_pressure(
         Shear rate [1/s].
     diameter : float
         Grain diameter [m].
-    restitution : float
-        Effective coefficient of restitution, in [0, 1].
     material : MuI
         Or any object with ``rho_s`` [kg/m3].
     """
@@ -183,8 +177,6 @@ def temperature_coefficients(
         -tr D [1/s]; a positive value heats the gas (the tr D of the text has the opposite sign).
     diameter : float
         Grain diameter d [m], > 0.
-    restitution : float
-        Effective coefficient of restitution, in [0, 1].
 
     Returns
     -------

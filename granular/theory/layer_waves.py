@@ -63,8 +63,6 @@ def layer_waves(
     material : MuI
         Or any object with ``mu_s``, ``mu_2``, ``xi`` [1/sqrt(kg/m)], ``rho_c`` [kg/m3], ``K``,
         ``G`` [Pa] and ``wave_speed`` [m/s].
-    gravity : float
-        Magnitude of gravity [m/s2].
     cells : int
         Number of cells over the depth, 4 to 1000.
 

@@ -143,12 +143,6 @@ def dam_break(
         Thickness h0 [m], > 0.
     K : float
         Coefficient of earth pressure along the plane, > 0, see `sliding_earth_pressure`.
-    gravity : float
-        Magnitude of gravity [m/s2], > 0.
-
-    Returns
-    -------
-    DamBreak
     {raises}.
     """
     x, t, h0 = array("x", x, (None,)), positive("time", time), positive("thickness", thickness)
@@ -195,12 +189,6 @@ def spreading_cap(
     K : float
         Coefficient of earth pressure along the plane, > 0: 1 in a liquid, less (active) in material
         that spreads, see `sliding_earth_pressure`.
-    gravity : float
-        Magnitude of gravity [m/s2], > 0.
-
-    Returns
-    -------
-    SpreadingCap
     {raises}.
     """
     t = _ascending(times)
@@ -250,12 +238,6 @@ def spreading_ellipse(
         Initial radius of the base L and thickness in the centre H [m], > 0.
     K : float
         Coefficient of earth pressure in both directions, > 0.
-    gravity : float
-        Magnitude of gravity [m/s2], > 0.
-
-    Returns
-    -------
-    SpreadingEllipse
     {raises}.
     """
     t = _ascending(times)

@@ -25,10 +25,6 @@ def sliding_earth_pressure(mu: float, base: float) -> float:
         Friction tau/p of the material in uniform coaxial plane strain, 0 < mu < 1.
     base : float
         Friction coefficient of the base, from 0 to tan(phi).
-
-    Returns
-    -------
-    float
     {raises}.
     """
     mu = in_range("mu", mu, 0.0, 1.0, open_low=True, open_high=True)

@@ -264,10 +264,6 @@ def viscous_growth(mu: float) -> float:
     ----------
     mu : float
         Friction coefficient, > 0; 1 stands for larger ones, where the growth has no bound.
-
-    Returns
-    -------
-    float
     """
     mu = min(positive("mu", mu), 1.0)
     return (mu / (1 + math.sqrt(1 - mu**2))) ** 2

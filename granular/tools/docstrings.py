@@ -5,7 +5,8 @@ from __future__ import annotations
 import inspect
 import re
 import sys
-from types import FunctionType
+from collections.abc import Mapping
+from types import FunctionType, MappingProxyType
 
 RAISES = """
 Raises
@@ -14,31 +15,81 @@ TypeError, ValueError
     Naming argument, value and allowed range"""
 """Last part of many docstrings, which end this sentence; there it is written ``{raises}``."""
 
+_SECTION = re.compile(r"\n\n?(\w[\w ]*)\n---+\n")
+
 _HEAD = re.compile(r"^\**(\w[\w, *]*?)(?: : .*)?$")
 
 _SEE = "See `"
 
+_ENTRY = re.compile(r"^(?=\S)", re.MULTILINE)
 
-def complete(package: str) -> None:
-    """Put `RAISES` into the docstrings of the modules of a package that are imported."""
+
+def complete(package: str, common: Mapping[str, str] = MappingProxyType({})) -> None:
+    """Complete the docstrings of the modules of a package that are imported.
+
+    ``{raises}`` stands for `RAISES`. In functions whose docstring has sections, an argument that
+    they do not describe is one of `common`, or has its type alone; and what they return, if there
+    is no section for it, has the type of the annotation.
+
+    Parameters
+    ----------
+    package : str
+        Its name.
+    common : mapping of str to str
+        Type and description of arguments that many functions have, by their names.
+    """
     for name, module in list(sys.modules.items()):
         if f"{name}.".startswith(f"{package}."):
             for part in list(vars(module).values()):
                 if getattr(part, "__module__", None) == name:
-                    _complete(part)
+                    _complete(part, common)
 
 
-def _complete(part: object) -> None:
+def _complete(part: object, common: Mapping[str, str]) -> None:
     """Complete the docstring of a function, or of a class and its methods."""
     part = getattr(part, "__func__", part)
     if isinstance(part, type):
         for member in vars(part).values():
-            _complete(member)
-    doc = part.__doc__
-    if isinstance(part, FunctionType | type | property) and doc and "{raises}" in doc:
-        part.__doc__ = re.sub(
-            r"\n( *)\{raises\}", lambda m: "\n" + RAISES.replace("\n", f"\n{m[1]}"), doc
-        )
+            _complete(member, common)
+    if not isinstance(part, FunctionType | type | property) or not part.__doc__:
+        return
+    doc = inspect.cleandoc(part.__doc__).replace("\n{raises}", f"\n{RAISES}")
+    summary, *rest = _SECTION.split(doc)
+    if isinstance(part, FunctionType) and rest:
+        sections = dict(zip(rest[::2], rest[1::2], strict=True))
+        signature = inspect.signature(part)
+        first = {"Parameters": _arguments(sections.pop("Parameters", ""), signature, common)}
+        result = _in_words(signature.return_annotation)
+        if not sections.keys() & {"Returns", "Yields"} and result != "None":
+            first["Returns"] = result
+        texts = ((name, text) for name, text in (first | sections).items() if text)
+        doc = summary + "".join(f"\n\n{name}\n{'-' * len(name)}\n{text}" for name, text in texts)
+    part.__doc__ = doc
+
+
+def _arguments(text: str, signature: inspect.Signature, common: Mapping[str, str]) -> str:
+    """Section of the arguments of a function, with those that it does not describe."""
+    entries = [entry.rstrip() for entry in _ENTRY.split(text) if entry.strip()]
+    heads = [entry.partition("\n")[0].partition(" :")[0] for entry in entries]
+    known = [head.replace("*", "").split(", ") for head in heads]
+    place = 0
+    for name, parameter in signature.parameters.items():
+        found = next((i for i, names in enumerate(known) if name in names), None)
+        if found is not None:
+            place = found + 1
+        elif name not in ("self", "cls") and not name.startswith("_"):
+            kind = common.get(name) or _in_words(parameter.annotation)
+            entries.insert(place, f"{name} : {kind}")
+            known.insert(place, [name])
+            place += 1
+    return "\n".join(entries)
+
+
+def _in_words(annotation: object) -> str:
+    """Annotation as it is written."""
+    if isinstance(annotation, str):
+        return annotation
+    return getattr(annotation, "__name__", "") or inspect.formatannotation(annotation)
 
 
 def described(documented: object, *others: object) -> dict[str, str]:

@@ -4,6 +4,8 @@ Each check is a small function that yields rows (quantity, measured, expected, p
 registers it, `main` (``granular verify``) prints its rows and the tests assert them.
 """
 
+from granular.tools.docstrings import complete as _complete
+
 # The modules register their checks on import; this is the order of the table.
 from granular.verify import (  # isort: skip  # noqa: F401
     constitutive,
@@ -26,3 +28,5 @@ from granular.verify.rows import checks as checks
 from granular.verify.table import failures as failures
 from granular.verify.table import main as main
 from granular.verify.table import rows_of as rows_of
+
+_complete(__name__)

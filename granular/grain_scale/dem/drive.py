@@ -49,7 +49,6 @@ def shear(
 
     Parameters
     ----------
-    settings : Shear
     measure : callable, optional
         Called with each `Frame` in the order of time; only its return values are stored. Without it
         the frames themselves are returned, some hundred kilobytes each.
@@ -177,13 +176,8 @@ def pack(
 
     Parameters
     ----------
-    settings : Packing
     timeout, command
         See `shear`.
-
-    Returns
-    -------
-    Pack
 
     Raises
     ------

@@ -21,3 +21,6 @@ from granular.grain_scale.friction_law.fits import fit_rheology as fit_rheology
 from granular.grain_scale.friction_law.steady import SteadyShear as SteadyShear
 from granular.grain_scale.friction_law.steady import average as average
 from granular.grain_scale.friction_law.steady import steady_shear as steady_shear
+from granular.tools.docstrings import complete as _complete
+
+_complete(__name__)

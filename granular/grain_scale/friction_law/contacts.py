@@ -71,7 +71,6 @@ def dissipation(
         The k contacts.
     radius, mass : ndarray, shape (n,)
         Radii [m] and masses [kg] of the grains.
-    grains : Grains
 
     Returns
     -------
@@ -93,8 +92,6 @@ def sample(frame: Frame, grains: Grains, layer: tuple[float, float] | None = Non
 
     Parameters
     ----------
-    frame : Frame
-    grains : Grains
     layer : (float, float), optional
         Layer to evaluate in a flow between walls: its ends as fractions of the height. Its shear
         rate is the slope of the velocity in the layer. By default the whole flow is evaluated;

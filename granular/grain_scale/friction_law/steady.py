@@ -125,7 +125,6 @@ def average(samples: Sequence[Sample], grains: Grains, *, blocks: int = 10) -> S
     ----------
     samples : sequence of Sample
         Samples in the order of time.
-    grains : Grains
     blocks : int
         Number of blocks of equal length from whose scatter the standard errors are estimated, at
         least 2.

@@ -82,10 +82,6 @@ def infer_dynamic(
         If true, the balance of moments is included. Use False if the angular accelerations are not
         known: they would be taken as zero.
 
-    Returns
-    -------
-    Inference
-
     Raises
     ------
     TypeError, ValueError, ImportError, InferenceError
@@ -123,10 +119,6 @@ def pareto_front(
         Weights of the balance, ascending, > 0, at least three.
     moments : bool
         See `infer_dynamic`.
-
-    Returns
-    -------
-    ParetoFront
 
     Raises
     ------

@@ -105,7 +105,6 @@ def admissibility_matrix(packing: Packing, mu: ArrayLike) -> csr_array:
 
     Parameters
     ----------
-    packing : Packing
     mu : float or array_like, shape (c,)
         Friction coefficient of all contacts or of each; finite, >= 0.
 
@@ -139,7 +138,6 @@ def friction_of_contacts(
 
     Parameters
     ----------
-    packing : Packing
     mu : float or array_like, shape (c,)
         Friction coefficient of all contacts or of each, >= 0; infinite where only repulsion is
         required, 0 where tangential forces are known to be zero.

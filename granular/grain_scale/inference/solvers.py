@@ -40,7 +40,6 @@ def solve(problem: Problem, solver: str = "auto") -> tuple[Array, str]:
 
     Parameters
     ----------
-    problem : Problem
     solver : {"auto", "clarabel", "nnls"}
         "auto" first solves the least squares without the inequalities, which is the solution if it
         satisfies them. Otherwise it uses Clarabel, or nnls if Clarabel is missing.

@@ -85,10 +85,6 @@ def infer_static(
         "auto" solves the least squares without the inequalities, and if these are violated takes
         Clarabel, or non-negative least squares ("nnls", small packings in 2D only) if Clarabel is
         missing.
-
-    Returns
-    -------
-    Inference
     {raises}.
     ImportError
         If Clarabel is needed and missing.
@@ -126,7 +122,6 @@ def infer_with_boundary(
     ----------
     packing, mu, mu_wall, solver
         See `infer_static`.
-    known : BoundaryForce
     by : {"regularization", "force", "virial"}
         Method by which the known force is met. "regularization": by the lambda of (2.14), as in the
         thesis, only for overestimated stresses. "force": by scaling the forces of (2.13) until that
@@ -134,10 +129,6 @@ def infer_with_boundary(
         the force between two flat platens, ``sum V d.s.d = -F H``. This averages the noise of all
         grains; it needs `opposite`, no gravity, and no friction along the direction at the other
         walls.
-
-    Returns
-    -------
-    Inference
 
     Raises
     ------

@@ -64,7 +64,6 @@ def macroscopic_stress(
 
     Parameters
     ----------
-    packing : Packing
     forces : array_like, shape (c, d)
         Forces on the first bodies [N], in 2D [N/m].
     volume : float
@@ -136,7 +135,6 @@ def force_chains(
 
     Parameters
     ----------
-    packing : Packing
     stresses : array_like, shape (n, d, d), optional
         Average stresses of the grains [Pa]; those of the packing by default.
     angle_deg : float

@@ -58,12 +58,6 @@ def arch_outline(states: States, *, opening: Opening | None = None) -> Arch:
     Parameters
     ----------
     states : State or iterable of State
-    opening : Opening, optional
-        By default the opening of the scene.
-
-    Returns
-    -------
-    Arch
 
     Raises
     ------

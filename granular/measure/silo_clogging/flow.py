@@ -128,12 +128,6 @@ def silo_history(trajectory: Iterable[State], *, opening: Opening | None = None)
     ----------
     trajectory : iterable of State
         Every frame is read once.
-    opening : Opening, optional
-        By default the opening of the scene.
-
-    Returns
-    -------
-    SiloHistory
 
     Raises
     ------
@@ -195,8 +189,6 @@ def flow_verdict(
     Parameters
     ----------
     trajectory : iterable of State, or SiloHistory
-    opening : Opening, optional
-        By default the opening of the scene.
     quiet, steady : float
         Outflows as shares of ``rho_c sqrt(g) W**(3/2)``: 0 <= quiet <= steady, 0 < steady <= 1.
     persistence : float
@@ -206,10 +198,6 @@ def flow_verdict(
     frame : float
         Time between two frames of the published rule [s]; the loss of points is converted to such
         frames.
-
-    Returns
-    -------
-    FlowVerdict
 
     Raises
     ------

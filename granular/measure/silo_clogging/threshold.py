@@ -57,10 +57,6 @@ def flow_threshold(A: ArrayLike, ratio: ArrayLike, verdicts: Sequence[str]) -> F
     verdicts : sequence of k str
         "static", "flowing" or "unsure".
 
-    Returns
-    -------
-    FlowThreshold
-
     Raises
     ------
     TypeError, ValueError

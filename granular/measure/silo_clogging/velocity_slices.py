@@ -99,12 +99,6 @@ def velocity_slices(
     heights : array_like, shape (m,)
         Heights above the bottom, in widths of the opening, ascending (Dunatunga & Kamrin, Modelling
         silo clogging, figures 6 and 7).
-    opening : Opening, optional
-        By default the opening of the scene.
-
-    Returns
-    -------
-    VelocitySlices
 
     Raises
     ------
@@ -155,13 +149,8 @@ def gaussian_fit(slices: VelocitySlices, *, d: float | None = None) -> GaussianF
 
     Parameters
     ----------
-    slices : VelocitySlices
     d : float, optional
         Grain diameter [m]; by default that of the slices.
-
-    Returns
-    -------
-    GaussianFit
 
     Raises
     ------
