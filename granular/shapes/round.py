@@ -129,7 +129,7 @@ class Cylinder(Shape):
 
 @dataclass(frozen=True)
 class Capsule(Shape):
-    """A rod with round ends: all within a radius of a straight line.
+    """A rod with round ends: the points within a radius of a straight line.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ class Capsule(Shape):
 
 @dataclass(frozen=True)
 class Torus(Shape):
-    """A ring in 3D: all within a radius of a circle.
+    """A ring in 3D: the points within a radius of a circle.
 
     Parameters
     ----------
@@ -274,7 +274,7 @@ class Frustum(Shape):
 
     @property
     def walls(self) -> tuple[tuple[Array, Array, tuple[float, float, float]], ...]:
-        """Places, axes and half edges of the boxes that a hopper in 2D consists of; else none."""
+        """Positions, axes and half edges of the boxes of a hopper in 2D; else none."""
         if self.thickness is None or self.dim == 3:
             return ()
         side, (inner, outer) = math.hypot(self.length, self.radii[1] - self.radii[0]), self.radii

@@ -22,7 +22,7 @@ ERGUN = 150.0
 """Factor of the viscous part of Ergun's equation, k = e^3 d^2/(150 (1 - e)^2) (Ergun 1952)."""
 POSITIVE = ("pressure", "viscosity", "permeability", "grain_density")
 SOUND_SPEED = (1e-3, 1e6)
-"""Range of the speed of sound of a gas [m/s], far beyond any gas: its square is to be a number."""
+"""Range of the speed of sound of a gas [m/s], wide, but so that its square is finite."""
 RANGES = {
     "sound_speed": SOUND_SPEED,
     "darcy_porosity": (0.05, 0.95),
@@ -39,7 +39,7 @@ WIDEST_SPACING = 1.0
 class Jet:
     """A box in which gas is driven: gas particles have this velocity while they are in it.
 
-    The momentum that the drive gives to the gas is not taken from anything else.
+    The momentum that the jet adds to the gas is not balanced by a reaction on other parts.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class Jet:
         Velocity of the gas in it [m/s]; not 0 with a `density`.
     density : float or None
         Density of gas that enters at the upstream end of the box with this velocity [kg/m3], as by
-        a driven `granular.Inflow`; None if nothing enters: the jet then draws gas from its sides.
+        a driven `granular.Inflow`; None for no inflow; the jet then draws gas from its sides.
     {raises}.
     """
 

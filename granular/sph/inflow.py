@@ -1,4 +1,4 @@
-"""Inflows of SPH: what does not fit their scene, and their inlets in the core."""
+"""Inflows of SPH: the checks against their scene, and their inlets in the core."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ class Inlets:
 
     @classmethod
     def add(cls, engine: _core.Sph, scene: Scene) -> Inlets:
-        """Let the inflows of a scene enter, and the gas of its jets."""
+        """Add the particles of the inflows of a scene and the gas of its jets."""
         masses = []
         for i, inflow in enumerate(scene.inflows):
             x = inlet_points(scene, i).x

@@ -33,7 +33,7 @@ OF_NUMERICS = ("regularisation", "z_max", "cfl")
 """Parameters that the core takes as they are, by their names."""
 
 LEAST_SPARE = 256
-"""Rows for particles that enter, beyond a quarter of those that there are."""
+"""Rows for particles that enter, in addition to a quarter of the present number."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class _Rows:
     def of(cls, grains: int, walls: int, gas: int | None = None, *, grows: bool = False) -> Self:
         """Rows for given numbers of particles; `gas` is None if there is no gas.
 
-        If they grow there are spare rows for particles that enter.
+        If the number grows, there are spare rows for particles that enter.
         """
         spare = LEAST_SPARE + max(grains, gas or 0) // 4 if grows else 0
         wall_first = (-(-(grains + spare) // _core.LANES) + 1) * _core.LANES
@@ -178,10 +178,10 @@ class Simulation(simulation.Simulation, scenes=Scene):
 
     @property
     def inflows(self) -> tuple[InflowState, ...]:
-        """Account of each inflow of the scene, in their order: what has entered.
+        """Mass, momentum and energy that have entered by each inflow of the scene, in their order.
 
-        The impulse and the work are those of its region on the particles in it; the momentum of
-        the others changes by what is left when those that have entered are accounted for.
+        The impulse and the work are those of its region on the particles in it; the rest of the
+        change of momentum is that of the other particles.
         """
         return self._inlets.accounts(self._engine)
 
@@ -192,7 +192,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
     def buffers(self) -> dict[str, NDArray]:
         """Arrays on which the core works, not copied: {field: (component, capacity)} and "id".
 
-        Particles are sorted by cell, those of the material first, then those of walls. Spare places
+        Particles are sorted by cell, those of the material first, then those of walls. Spare slots
         have the id -1.
         """
         return dict(self._buffers)
@@ -290,7 +290,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
     # ---- restart ----
 
     def _present(self) -> _Rows:
-        """Rows of the particles that there are now."""
+        """Rows of the present particles."""
         scalars = self._engine.scalars()
         counts = {"grains": "n_points", "walls": "n_walls", "gas": "n_gas"}
         return replace(self._rows, **{name: int(scalars[n]) for name, n in counts.items()})

@@ -119,7 +119,7 @@ class ParticleWall(Boundary):
         return sites
 
     def sites(self, name: str, grid: Grid) -> list[tuple[int, int]]:
-        """Those of `lines` that ever are near the grid, and the only ones that get a particle.
+        """Sites among `lines` that are near the grid at some time; the others get no particle.
 
         That is within three times the thickness of the layers, which is not below the reach of the
         kernel: the density of the particles within its reach is a sum over sums over their own
