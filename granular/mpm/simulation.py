@@ -66,11 +66,11 @@ The table is faster than sorting, but its size is that of the largest id: 128 by
 class _Gathered:
     """A field of the points in the order of their ids; see `granular.record.fresh.Columns`."""
 
-    def __init__(self, rows: NDArray, places: NDArray[np.int64]) -> None:
-        self._rows, self._places = np.atleast_2d(rows), places
+    def __init__(self, rows: NDArray, slots: NDArray[np.int64]) -> None:
+        self._rows, self._slots = np.atleast_2d(rows), slots
         self.dtype = stored_type(rows.dtype)
         wide = (len(rows),) if rows.ndim == 2 and len(rows) > 1 else ()
-        self.shape = (len(places), *wide)
+        self.shape = (len(slots), *wide)
         self.wrap: dict[
             int, tuple[float, float]
         ] = {}  # columns with lower end and length of a period
@@ -79,9 +79,9 @@ class _Gathered:
         """Put a column into an array of numbers of 8 bytes."""
         column = out.view(self.dtype)
         if self._rows.dtype == self.dtype:
-            self._rows[k].take(self._places, out=column, mode="clip")  # "raise" would buffer it
+            self._rows[k].take(self._slots, out=column, mode="clip")  # "raise" would buffer it
         else:
-            column[:] = self._rows[k].take(self._places)
+            column[:] = self._rows[k].take(self._slots)
         if k in self.wrap:
             lower, length = self.wrap[k]
             column[column < lower] += length
@@ -89,7 +89,7 @@ class _Gathered:
 
     def whole(self) -> NDArray:
         """Return the field as an array of its shape, of which each column is contiguous."""
-        columns = np.empty((len(self._rows), len(self._places)), dtype=self.dtype)
+        columns = np.empty((len(self._rows), len(self._slots)), dtype=self.dtype)
         for k, out in enumerate(columns):
             self.column(k, out)
         return columns[0] if len(self.shape) == 1 else columns.T
@@ -267,7 +267,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         self._engine.refresh()
         return dict(self._buffers)
 
-    def _places(self) -> NDArray[np.int64]:
+    def _slots(self) -> NDArray[np.int64]:
         """Return the slots of the points in the buffers, in the order of their ids."""
         ids = self._buffers["id"]
         living = np.flatnonzero(ids >= 0)
@@ -279,9 +279,9 @@ class Simulation(simulation.Simulation, scenes=Scene):
 
     def _gathered(self, recorded: bool) -> dict[str, _Gathered]:
         """Return the fields of a state, to be made column by column."""
-        places, without = self._places(), CARRIED if recorded else frozenset()
+        slots, without = self._slots(), CARRIED if recorded else frozenset()
         names = [name for name, *_ in self._engine.fields() if name not in without]
-        columns = {name: _Gathered(self._buffers[name], places) for name in ("id", *names)}
+        columns = {name: _Gathered(self._buffers[name], slots) for name in ("id", *names)}
         grid = self.scene.grid
         # Positions are wrapped into the domain along periodic axes: ugimp groups by shifted cells.
         columns["x"].wrap = {
@@ -327,9 +327,9 @@ class Simulation(simulation.Simulation, scenes=Scene):
     # ---- restart ----
 
     def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
-        places, _ = self._engine.cells()
+        slots, _ = self._engine.cells()
         arrays = {
-            name: array.take(places, axis=-1).astype(stored_type(array.dtype), copy=False)
+            name: array.take(slots, axis=-1).astype(stored_type(array.dtype), copy=False)
             for name, array in self._buffers.items()
         }
         scalars = self._engine.scalars() | {"mean_mass": self._mean_mass}

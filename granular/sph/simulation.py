@@ -60,7 +60,7 @@ class _Rows:
         gas_first = wall_first + walls + _core.LANES
         return cls(grains, wall_first, walls, gas_first, gas, spare)
 
-    def places(self) -> NDArray[np.int64]:
+    def slots(self) -> NDArray[np.int64]:
         """Rows of all particles."""
         firsts = ((0, self.grains), (self.wall_first, self.walls), (self.gas_first, self.gas))
         return np.concatenate([np.arange(first, first + n) for first, n in firsts])
@@ -283,7 +283,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         )
         larger = allocate(self._engine, rows.capacity)
         for name, array in self._buffers.items():
-            larger[name][..., rows.places()] = array.take(now.places(), axis=-1)
+            larger[name][..., rows.slots()] = array.take(now.slots(), axis=-1)
         self._buffers = larger
         self._bind(rows, fresh=False)
 
@@ -296,8 +296,8 @@ class Simulation(simulation.Simulation, scenes=Scene):
         return replace(self._rows, **{name: int(scalars[n]) for name, n in counts.items()})
 
     def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
-        places = self._present().places()
-        arrays = {name: rows.take(places, axis=-1) for name, rows in self._buffers.items()}
+        slots = self._present().slots()
+        arrays = {name: rows.take(slots, axis=-1) for name, rows in self._buffers.items()}
         if self._inlets:
             arrays |= {"inflow": self._engine.inflow(), "inlet_loads": self._engine.inlet_loads()}
         return self._engine.scalars(), arrays
@@ -319,7 +319,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         has_gas = None if scene.gas is None else gas
         rows = _Rows.of(n, total - n - gas, has_gas, grows=bool(self._inlets))
         self._buffers = allocate(self._engine, rows.capacity)
-        fill(self._buffers, checkpoint.arrays, rows.places())
+        fill(self._buffers, checkpoint.arrays, rows.slots())
         # Before the first step the density of all and the mass of the gas are not known yet.
         least = LEAST if checkpoint.scalars.get("started") else 0.0
         for name, low, high in (("rho", least, LARGEST), ("porosity", 0.0, 1.0)):

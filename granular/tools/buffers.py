@@ -24,8 +24,8 @@ def stored_type(dtype: np.dtype[Any]) -> np.dtype[Any]:
     return np.dtype(np.float64) if dtype == np.float32 else dtype
 
 
-def fill(buffers: Mapping[str, NDArray], stored: Mapping[str, NDArray], places: NDArray) -> None:
-    """Put the arrays of a checkpoint into buffers, at slots `places` of the last axis.
+def fill(buffers: Mapping[str, NDArray], stored: Mapping[str, NDArray], slots: NDArray) -> None:
+    """Put the arrays of a checkpoint into buffers, at `slots` along the last axis.
 
     Raises
     ------
@@ -34,10 +34,10 @@ def fill(buffers: Mapping[str, NDArray], stored: Mapping[str, NDArray], places: 
     """
     for name, array in buffers.items():
         values = stored.get(name)
-        shape = (*array.shape[:-1], len(places))
+        shape = (*array.shape[:-1], len(slots))
         if values is None or values.shape != shape or values.dtype != stored_type(array.dtype):
-            raise ValueError(f"the checkpoint does not hold {name} of {len(places)} points")
-        array[..., places] = values
+            raise ValueError(f"the checkpoint does not hold {name} of {len(slots)} points")
+        array[..., slots] = values
 
 
 def show_config() -> _core.BuildInfo:
@@ -62,14 +62,14 @@ def allocate(engine: _core.Engine | _core.Sph, capacity: int) -> dict[str, NDArr
     rows["id"] = 1, np.dtype(np.int64)
     size = min(dtype.itemsize for _, dtype in rows.values())
     skew = max(PAGE // sum(count for count, _ in rows.values()) // LINE, 1) * LINE
-    places = -(-capacity * size // PAGE) * (PAGE // size) + skew // size
-    length = sum(count * places * dtype.itemsize for count, dtype in rows.values())
+    slots = -(-capacity * size // PAGE) * (PAGE // size) + skew // size
+    length = sum(count * slots * dtype.itemsize for count, dtype in rows.values())
     raw = np.zeros(length + LINE, dtype=np.uint8)
     start = -raw.ctypes.data % LINE
     buffers: dict[str, NDArray] = {}
     for name, (count, dtype) in rows.items():
-        end = start + count * places * dtype.itemsize
-        buffers[name] = raw[start:end].view(dtype).reshape(count, places)
+        end = start + count * slots * dtype.itemsize
+        buffers[name] = raw[start:end].view(dtype).reshape(count, slots)
         start = end
     buffers["id"] = buffers["id"][0]
     buffers["id"][:] = -1
