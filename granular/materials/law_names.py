@@ -185,7 +185,7 @@ def _defines(module: str, value: Any) -> bool:
 
 
 def version_of(module: str) -> str:
-    """Version of the installed package of a module, or of Python; empty for the user's own.
+    """Version of the installed package of a module, or of Python; empty for code of the user.
 
     The location of the file decides, because a module of the user may have the name of another one.
     """

@@ -153,7 +153,7 @@ class Monitor:
 
         Parameters
         ----------
-        own : mapping
+        extra : mapping
             Numbers of the method; of those that any state has the larger ones count.
         energies : Energies, optional
             Those at this time, if the method knows them.

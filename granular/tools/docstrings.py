@@ -74,9 +74,9 @@ def _arguments(text: str, signature: inspect.Signature, common: Mapping[str, str
     known = [head.replace("*", "").split(", ") for head in heads]
     place = 0
     for name, parameter in signature.parameters.items():
-        found = next((i for i, names in enumerate(known) if name in names), None)
-        if found is not None:
-            place = found + 1
+        index = next((i for i, names in enumerate(known) if name in names), None)
+        if index is not None:
+            place = index + 1
         elif name not in ("self", "cls") and not name.startswith("_"):
             kind = common.get(name) or _in_words(parameter.annotation)
             entries.insert(place, f"{name} : {kind}")
