@@ -144,7 +144,7 @@ def _add_run(commands: Any, words: Sequence[str]) -> None:
         _add_numbers(scene, function, explained=not words or name in words)
         if "mpm" in function.methods:
             choices = ("default", "cell_averaged", "dunatunga_kamrin_2015")
-            scene.add_argument("--scheme", choices=choices, help="default: that of the scene")
+            scene.add_argument("--scheme", choices=choices, help="default: the scheme of the scene")
         _add_recording(scene, places, name)
         scene.set_defaults(scene=name, scheme=None, file=None)
 
@@ -159,7 +159,7 @@ def _is_path(word: str, names: Iterable[str]) -> bool:
 def _add_numbers(
     scene: Any, function: Callable[..., Any], *, by_file: bool = False, explained: bool = True
 ) -> None:
-    """Add the keywords of a scene function and those of its material."""
+    """Add the keywords of a scene function and of its material."""
     from granular.scenes.files import explanations
 
     of_scene, of_material = explanations(function) if explained else ({}, {})

@@ -46,7 +46,7 @@ def write_bodies(
 ) -> Path:
     """Write the surfaces of all bodies at all frames, as VTKHDF PolyData.
 
-    The times are those of the record. ParaView reads the points from the record and the bodies from
+    It has the times of the record. ParaView reads the points from the record and the bodies from
     this file: open both. A run whose record ends in ".vtkhdf" writes this file when it ends. The
     cell data "body" is the index of the body. If no body moves, the surfaces are stored once for
     all frames. Round surfaces have 64 sides. Results of operations are drawn by their signed

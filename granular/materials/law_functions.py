@@ -22,9 +22,9 @@ import numpy as np
 from granular.tools.extras import imported
 
 MOST_NUMBERS = 30
-"""Largest number of parameters besides K and G, that of csrc/law/law.h."""
+"""Largest number of parameters besides K and G, as in csrc/law/law.h."""
 MOST_HISTORY = 4
-"""Largest number of variables of the history of a point, that of csrc/law/law.h."""
+"""Largest number of variables of the history of a point, as in csrc/law/law.h."""
 CAPSULE = b"granular.own_law"
 
 
@@ -198,7 +198,7 @@ ENVIRONMENT = ("PATH", "HOME", "TMPDIR", "LD_LIBRARY_PATH", "SDKROOT", "DEVELOPE
 """Environment variables of the compiler; others, such as CPATH, can change the meaning of a
 source."""
 HEADERS = ("math", "stdint", "stddef", "stdbool", "string", "float", "limits", "complex", "tgmath")
-"""Headers that a source may include: those of the language that hold no state."""
+"""Headers that a source may include: headers of the language without state."""
 QUOTED = "|".join(rf"{q}(?:\\.|[^{q}\\\n])*{q}" for q in "\"'")
 """Strings and characters of C."""
 PASSING_BY = (
@@ -324,7 +324,7 @@ def from_c(name: str, source: str) -> LawFunction:
 
 
 def _compiler() -> list[str]:
-    """Command of the C compiler: that of the variable CC, else the usual one."""
+    """Command of the C compiler, from the variable CC, else the usual one."""
     usual = (os.environ.get("CC"), sysconfig.get_config_var("CC"), "cc", "gcc", "clang")
     for words in (shlex.split(command) for command in usual if command):
         if words and shutil.which(words[0]):

@@ -187,7 +187,7 @@ class NGF(Material):
     E, nu, rho_c, elasticity, restitution, contact_diameter
         See `Material`.
     A : float
-        Nonlocal amplitude, >= 0; with 0 the law is local, that of `MuI` or mu = mu_s + b I, and has
+        Nonlocal amplitude, >= 0; with 0 the law is local, as `MuI` or mu = mu_s + b I, and has
         no fluidity.
     d : float
         Grain diameter [m], > 0.
@@ -414,7 +414,7 @@ class HardeningDruckerPrager(Material):
 
     @property
     def limiting_friction(self) -> float:
-        """Friction tau/p that the law never exceeds: that of its largest friction angle."""
+        """Friction tau/p that the law never exceeds, from its largest friction angle."""
         return _cone_friction(max(self._extreme_angles()))
 
     def friction_angle_deg(self, plastic_strain: float) -> float:

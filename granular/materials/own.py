@@ -50,7 +50,7 @@ class OwnLaw(Material):
     E, nu, rho_c : float
         See `Material`. They give the elastic predictor and the time step.
     elasticity : {"hypoelastic"}
-        The predictor is that of the Jaumann rate.
+        The predictor uses the Jaumann rate.
     restitution : float
         Must be 1: elastic damping needs the plastic strain rate, which is not known.
     contact_diameter : float, optional

@@ -38,7 +38,7 @@ class MassHistory:
     share : float
         Part of the full silo that is modelled: 1, or 1/2 or 1/4 between planes of symmetry.
     total : bool
-        True if `mass` is that of the full silo.
+        True if `mass` is the mass of the full silo.
     opening : EffectiveOpening or None
         Effective width of the opening, if that is known.
     """

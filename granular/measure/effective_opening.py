@@ -67,7 +67,7 @@ class EffectiveOpening:
 
     @property
     def factor(self) -> float:
-        """Factor that turns the rate of a run into that of the width between the edges."""
+        """Factor that converts the rate of a run to the width between the edges."""
         return (self.width / self.effective) ** self.power
 
     @property

@@ -84,7 +84,7 @@ def mean_pressure_error(
         Leave out cells with fewer than this many filled cells above them.
     per_column : bool
         True to compare with the weight of each single column (the overburden error of a heap),
-        False to compare with that of the mean layer.
+        False to compare with the mean layer.
 
     Raises
     ------

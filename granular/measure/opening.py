@@ -79,7 +79,7 @@ class Opening:
 
 
 def opening_of(state: State, given: Opening | None) -> Opening:
-    """Return the opening that was given, or else that of the state's scene.
+    """Return the given opening, or else the opening of the state's scene.
 
     Raises
     ------

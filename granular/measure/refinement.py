@@ -13,7 +13,7 @@ from granular.measure.averaging_grid import Array
 from granular.tools.checks import array, in_range
 
 ORDERS = (0.5, 4.0)
-"""Orders among which that of a fit is sought."""
+"""Orders among which a fit is sought."""
 
 AT_END = 1e-3
 """Distance from the ends of this range within which a search ends there."""

@@ -71,8 +71,8 @@ class Fill:
         1944); compaction makes it larger, up to the passive limit. Must be None in a fill that is
         not lithostatic.
     material : Material or None
-        Material of this fill; None for that of the scene. Several materials share one velocity
-        field, so that they stick to each other where they meet.
+        Material of this fill; None for the material of the scene. Several materials share one
+        velocity field, so that they stick to each other where they meet.
     {raises}.
     """
 

@@ -82,7 +82,7 @@ class Inflow:
         depth below the top of the region under the gravity across the stream, as of a layer that
         flows down a slope. It is the same in all directions, as in a flow.
     material : Material or None
-        Material that enters; None for that of the scene.
+        Material that enters; None for the material of the scene.
     times : tuple of (begin, end)
         Times [s] between which points enter; the end may be infinite.
     driven : bool
@@ -140,7 +140,7 @@ class Inflow:
 
     @property
     def axis(self) -> int:
-        """Axis along which the material enters: that of the largest component of the velocity."""
+        """Axis along which the material enters, with the largest component of the velocity."""
         return int(np.argmax(np.abs(self.velocity)))
 
     @property
@@ -189,7 +189,7 @@ class Inflow:
         )
 
     def area(self, grid: Grid) -> float:
-        """Area of the inlet [m2; in 2D m]: that of its sites."""
+        """Area of the sites of the inlet [m2; in 2D m]."""
         return len(self._sites(grid).x) * (grid.cell / self.points_per_axis) ** (grid.dim - 1)
 
     def density_in(self, grid: Grid, rho_c: float) -> float:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 FRICTION = (0.02, 1.5)
-"""Friction coefficients of grains: those of rounded smooth grains are 0.2 to 0.4, of broken rock
+"""Friction coefficients of grains: 0.2 to 0.4 for rounded smooth grains, for broken rock
 under little stress up to tan 55 deg = 1.4 (Leps 1970, J. Soil Mech. Found. Div. ASCE 96), and of
 smooth grains in lubricated contact 0.05 and less."""
 BULK = (5.0, 12e3)
@@ -36,7 +36,7 @@ LARGEST_LOADING = 10.0
 """Largest mass of a body over that of a cube of osmium that contains it: a plate may bear a load
 that is not modelled, but steel in grams is 100 times more."""
 STIFFEST = 1.2e12
-"""Largest Young's modulus of a solid, that of diamond [Pa]."""
+"""Largest Young's modulus of a solid, diamond [Pa]."""
 LARGEST_STRAIN = 0.0177
 """Largest weight of the material above its base over the modulus of compression K. Up to it the
 errors of softer grains were measured (`granular.economy.bias`): the run-out of a column is 3 % too

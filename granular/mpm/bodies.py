@@ -338,7 +338,7 @@ class Body:
 class BodyState:
     """Position, velocity and accumulated impulse of a body.
 
-    Impulses and work are those of the part that is modelled, where planes of symmetry cut the body.
+    Impulses and work refer to the modelled part where planes of symmetry cut the body.
 
     Attributes
     ----------

@@ -67,7 +67,7 @@ def dt_limit(scene: Scene) -> float:
 
 
 def step_at_rest(scene: Scene) -> float:
-    """Time step [s] of a scene at rest: the fixed one, or that of `cfl`."""
+    """Time step [s] of a scene at rest: the fixed one, or from `cfl`."""
     crossing = scene.grid.cell / scene.wave_speed
     return scene.scheme.dt or damped_step(scene, scene.scheme.cfl * crossing)
 

@@ -72,7 +72,7 @@ def contact_balls(shape: Shape, cell: float, name: str = "shape") -> Array:
 
 
 def balls_of(scene: Scene) -> list[Array]:
-    """Balls of each body of a scene; those of one shape are made once."""
+    """Balls of each body of a scene; they are made once for each shape."""
     balls: dict[Shape, Array] = {}
     for i, body in enumerate(scene.bodies):
         if body.shape not in balls:

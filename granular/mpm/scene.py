@@ -31,7 +31,7 @@ from granular.tools.serializable import Parameters as Parameters
 from granular.tools.serializable import register
 
 MOST_MATERIALS = 8
-"""Largest number of materials of a scene, that of csrc/mpm/materials.h."""
+"""Largest number of materials of a scene, as in csrc/mpm/materials.h."""
 
 
 class Servo(NamedTuple):
@@ -174,7 +174,7 @@ class Scene(BaseScene):
 
     @property
     def materials(self) -> tuple[Material, ...]:
-        """The different materials: that of the scene, and others in the order of the sources.
+        """The different materials: the material of the scene, then others as in the sources.
 
         The field `material` of a state numbers them, if there are several.
         """

@@ -59,7 +59,7 @@ these fields.
 SPARSE = 16
 """Largest id, in multiples of the number of slots, up to which points are ordered by a table.
 
-The table is faster than sorting, but its size is that of the largest id: 128 bytes per slot.
+The table is faster than sorting, but its size grows with the largest id: 128 bytes per slot.
 """
 
 

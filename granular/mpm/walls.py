@@ -101,7 +101,7 @@ class WallOrBlock(Boundary):
         raise NotImplementedError
 
     def faces(self, grid: Grid) -> Iterator[Face]:
-        """Yield its faces: both sides of a wall, and those of a block."""
+        """Yield its faces: both sides of a wall, or the faces of a block."""
         raise NotImplementedError
 
     def order(self, axis: int) -> tuple[float, float]:
@@ -130,7 +130,7 @@ class Wall(WallOrBlock):
     axis : int
         Axis normal to the wall, from 0 on; not a periodic one.
     at : float
-        Coordinate along `axis` [m]; must be that of a grid line.
+        Coordinate along `axis` [m]; must be on a grid line.
     kind : {"no_slip", "free_slip", "coulomb"}
         "no_slip" holds all velocity components at zero, "free_slip" only the normal one (as does a
         symmetry plane). "coulomb" holds the normal one, with friction along the wall (Dunatunga &
@@ -318,7 +318,7 @@ BOUNDARIES: tuple[type[WallOrBlock], ...] = (Wall, Solid)
 class WallState:
     """Accumulated impulse of the material on a wall or block, and the motion of a wall.
 
-    Impulses and work are those of the part that is modelled, where planes of symmetry cut the wall.
+    Impulses and work refer to the modelled part where planes of symmetry cut the wall.
 
     Attributes
     ----------

@@ -28,7 +28,7 @@ least two."""
 
 
 def ffmpeg() -> str | None:
-    """Path of ffmpeg: that of the system, else that of imageio-ffmpeg; None if there is none."""
+    """Path of ffmpeg, of the system or else of imageio-ffmpeg; None if there is none."""
     path = shutil.which("ffmpeg")
     if path is None:
         # RuntimeError: the package is there, but brought no program for this machine.

@@ -53,7 +53,7 @@ def frame(
         or derived ("pressure", "speed", "density", "shear_stress", "mu", "inertial_number",
         "dense", ..., see `granular.measure.derived`), or one number per point.
     ax : Axes, optional
-        Axes to draw into; by default those of a new figure.
+        Axes to draw into; by default the axes of a new figure.
     limits : (low, high), optional
         Limits of the colour scale; by default they fit the state.
     log : bool, optional

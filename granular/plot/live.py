@@ -25,7 +25,7 @@ class Live:
     color : str
         See `granular.plot.frame`.
     every : int
-        Draw the first of each so many frames; the times of frames are those of `Simulation.run`.
+        Draw the first of each so many frames; the times of frames are set by `Simulation.run`.
     path : path, optional
         Picture to write, in the format given by its ending, such as ".png"; by default the
         picture is shown in the notebook.

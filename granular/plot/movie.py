@@ -37,7 +37,7 @@ def movie(
 ) -> Movie:
     """Make an animated GIF or an MP4 with every frame of a record.
 
-    MP4 needs ffmpeg: one of the system, or that of ``pip install 'granular-flow[movies]'``. To
+    MP4 needs ffmpeg: one of the system, or the one from ``pip install 'granular-flow[movies]'``. To
     leave out frames, slice the record: `movie(record[::2], ...)`.
 
     Parameters
@@ -62,7 +62,7 @@ def movie(
     Returns
     -------
     Movie
-        It plays where a notebook shows it; `path` is that of its file.
+        It plays where a notebook shows it; `path` is the path of its file.
 
     Raises
     ------

@@ -57,7 +57,7 @@ def scene(
     ----------
     scene : Scene or sph.Scene
     ax : Axes, optional
-        Axes to draw into; by default those of a new figure.
+        Axes to draw into; by default the axes of a new figure.
     extent : ((left, right), (bottom, top)), optional
         Region that is shown [m]; by default the domain.
     view : (int, int), optional

@@ -52,7 +52,7 @@ def phase_diagram(
         A curve y(x) from theory, such as ``theory.stopping_height`` divided by d. It is called with
         an array of x and may return nan or infinity where it has no value.
     ax : Axes, optional
-        Axes to draw into; by default those of a new picture.
+        Axes to draw into; by default the axes of a new figure.
 
     Raises
     ------

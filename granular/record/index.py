@@ -214,7 +214,7 @@ class Contents:
         raise RecordError(f"{self.path}: the frame of step {frame.step} is there no longer")
 
     def each(self) -> Iterator[Frame]:
-        """Return all frames, those of the gas too."""
+        """Return all frames, including those of the gas."""
         for frame in self.frames:
             yield frame
             if frame.gas:

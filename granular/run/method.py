@@ -52,7 +52,7 @@ class Method(Resource):
         raise NotImplementedError
 
     def _fields(self, recorded: bool) -> dict[str, NDArray]:
-        """Return the fields of a state, ordered by id; `recorded`: only those of records."""
+        """Return the fields of a state, ordered by id; with `recorded` only fields of records."""
         raise NotImplementedError
 
     def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:

@@ -39,7 +39,7 @@ class Present(Method):
 
     @property
     def dt(self) -> float:
-        """Time step [s] of the last step, or before the first step that of the first one."""
+        """Time step [s] of the last step; before the first step, of the first one."""
         return self._engine.scalars()["dt"] or self._engine.stable_dt()
 
     @property

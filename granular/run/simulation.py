@@ -187,7 +187,7 @@ class Simulation(Present):
             Quantities that the frames of the record hold in addition, so that ParaView shows them
             at once: "pressure", "speed", "density", "shear_stress", "mu", "inertial_number",
             "volume", "nodal_density", ..., see `granular.measure.derived`. Each makes frames larger
-            by a number per point. By default those of the previous run; none in the first run.
+            by a number per point. By default the fields of the previous run; none in the first run.
         precision : {"double", "single"}, optional
             Precision of the frames of the record. In single precision all but the positions of the
             points are rounded, and they take little more than half of the space; checkpoints, and
@@ -324,7 +324,7 @@ class Simulation(Present):
             self._monitor.sample(state, extra, self._energies())
 
     def _values(self) -> dict[str, float]:
-        """Return the values of the indicators so far; without a sample those of this state."""
+        """Return the values of the indicators so far; without a sample the values of this state."""
         if self._monitor.rows or not self.steps or self._soundness.failure:
             return self._monitor.values()
         state = self._snapshot(recorded=True)

@@ -47,8 +47,8 @@ COMMON = (
         "    ``rho_c g H`` at the foot of the material: it is at least 1000 times as large, or as\n"
         "    many times as in the scene without arguments.",
     ),
-    ("material, numerics", "By default those of the thesis."),
-    ("numerics", "By default those of the thesis."),
+    ("material, numerics", "By default as in the thesis."),
+    ("numerics", "By default as in the thesis."),
     ("**material_numbers", "Numbers of the material to change, such as `nu`."),
 )
 """Descriptions of the arguments that many scene functions have, as they stand in docstrings."""

@@ -40,7 +40,7 @@ def cohesive_cliff(
 
     All numbers are chosen here. The cliff has a smooth wall at its back, x = 0, and its face at
     x = `width`. It stands if it is low enough (`granular.theory.cliff_height`); else a wedge slides
-    out of it. Experiments of this kind are those of Gans et al. 2023 (J. Fluid Mech. 959, A41).
+    out of it. For experiments of this kind see Gans et al. 2023 (J. Fluid Mech. 959, A41).
 
     Parameters
     ----------

@@ -147,7 +147,7 @@ def _plain(value: Any) -> Any:
 
 
 def _material(default: Any, numbers: Mapping[str, Any]) -> dict[str, Any]:
-    """Keywords for the material: numbers of that of the scene, or another one with its law."""
+    """Keywords for the material: numbers of the scene's material, or another one with its law."""
     rest = dict(numbers)
     law = rest.pop("law", None)
     if law is None:
@@ -164,7 +164,7 @@ def _is_law(kind: object) -> bool:
 
 
 def _scheme(default: Scheme, numbers: Mapping[str, Any]) -> Scheme:
-    """Scheme of the file: changes of that of the scene."""
+    """Scheme of the file, given as changes to the scheme of the scene."""
     rest = {name: value for name, value in numbers.items() if not isinstance(value, dict)}
     parts = {name: value for name, value in numbers.items() if isinstance(value, dict)}
     _known("[scheme]", numbers, [part.name for part in fields(Scheme)])

@@ -102,7 +102,7 @@ class _Edges:
     """Sides of triangles, side 3 i + k from vertex k of triangle i to the next, edge by edge."""
 
     order: Indices
-    """Sides, those of an edge together."""
+    """Sides, grouped by edges."""
     begins: Indices
     """First of each edge in this order."""
     counts: Indices

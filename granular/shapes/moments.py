@@ -235,7 +235,7 @@ def _within(part: Shape, base: Shape) -> bool:
 
 
 def _formula(shape: Shape) -> Moments | None:
-    """Return those of shapes that have a formula; None for others."""
+    """Return the moments of shapes that have a formula; None for others."""
     dim = shape.dim
     if shape.inside or len(shape.rows()) > 1:
         return None
@@ -264,7 +264,7 @@ def _formula(shape: Shape) -> Moments | None:
 
 
 def _of_polygon(shape: Polygon | Prism) -> Moments | None:
-    """Return those of a polygon, by the theorem of Green, or of one that is extended in 3D."""
+    """Return the moments of a polygon, by the theorem of Green, or of its extension in 3D."""
     dim = shape.dim
     place, turn = frame_of(shape)
     length = getattr(shape, "length", 1.0)

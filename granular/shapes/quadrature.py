@@ -158,7 +158,7 @@ def is_empty(solid: HasSides, low: Array, high: Array) -> bool:
 
 
 def _first(low: Array, high: Array) -> tuple[Array, float]:
-    """Cells that cover a box: their middles from that of the box, and their width."""
+    """Cells that cover a box: their middles relative to the middle of the box, and their width."""
     width = float((high - low).max()) * RELATIVE_GROWTH / FIRST[len(low)]
     counts = np.ceil((high - low) / width).astype(int).clip(1)
     nodes = np.stack([part.ravel() for part in np.indices(counts.tolist())], axis=1)

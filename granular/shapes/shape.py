@@ -84,7 +84,7 @@ def direction(name: str, value: object, dim: int | None = None) -> tuple[float, 
 
 
 TINY = 1e-12
-"""Largest cosine that counts as that of a right angle."""
+"""Largest cosine that counts as a right angle."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -77,7 +77,7 @@ def _check_free(scene: Scene, i: int, name: str) -> None:
 
 @dataclass(frozen=True)
 class Inlets:
-    """Inlets of an engine: those of the inflows of a scene, then those of the gas.
+    """Inlets of an engine: first the inflows of a scene, then those of the gas.
 
     Attributes
     ----------

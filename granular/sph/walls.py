@@ -46,7 +46,7 @@ class ParticleWall(Boundary):
         Extent along each *other* axis in their order [m], on grid lines, which may lie beyond the
         ends of the grid. None for the whole grid and, along axes that are not periodic, the
         thickness of the layers beyond it, so that walls meet at corners. Of several particles at
-        the same position only that of the first wall is kept.
+        the same position only the one of the first wall remains.
     velocity : tuple of float, length dim, or None
         Velocity of the wall [m/s]; None for rest. A gate that lifts moves along its own plane.
     moves_from : float
@@ -171,7 +171,7 @@ def wall_points(grid: Grid, walls: Sequence[ParticleWall]) -> dict[str, NDArray[
     """Wall particles: x, v and normal (n, dim), depth below the surface [m], porosity for a gas,
     number of the wall.
 
-    Of several particles at the same position only that of the first wall is kept.
+    Of several particles at the same position only the one of the first wall remains.
     """
     dim = grid.dim
     names = ("site", "v", "normal", "depth", "porosity", "wall")

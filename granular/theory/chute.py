@@ -1,8 +1,8 @@
 """Flow of a layer down a rough incline by the nonlocal law: one equation over the depth.
 
-The equation is that of nonlocal granular fluidity (Dunatunga & Kamrin, "Modeling silo clogging with
-nonlocal granular rheology", eqs 2.1 and 2.2), with the stress in a layer on a slope of angle t,
-mu = tan t and p = rho_c g cos t z:
+The equation is the one of nonlocal granular fluidity (Dunatunga & Kamrin, "Modeling silo clogging
+with nonlocal granular rheology", eqs 2.1 and 2.2), with the stress in a layer on a slope of angle
+t, mu = tan t and p = rho_c g cos t z:
 
     t0 dg/dt = A^2 d^2 d2g/dz2 + lambda g - b sqrt(rho_s d^2/p) mu g^2,    dv/dy = g mu,
 

@@ -130,7 +130,7 @@ def plastic_shear_rate(p: ArrayLike, tau: ArrayLike, material: MuI) -> Array:
 def elastic_stress_rate(stress: Array, gradient: Array, material: MuI) -> Array:
     """Time derivative of the stress without plastic flow, ``W sigma - sigma W + C:D``.
 
-    The arguments are those of `stress_rate` (eqs 2.8, 2.9).
+    The arguments are as of `stress_rate` (eqs 2.8, 2.9).
     """
     sxx, syy, _, sxy = stress
     dxx, dyy = gradient[0, 0], gradient[1, 1]

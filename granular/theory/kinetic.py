@@ -1,6 +1,6 @@
 """Pressure of a granular gas from kinetic theory, which the law neglects below rho_c.
 
-The formulas are those of appendix A of Dunatunga & Kamrin 2015, after Jenkins & Berzi (2012) and da
+The formulas are from appendix A of Dunatunga & Kamrin 2015, after Jenkins & Berzi (2012) and da
 Cruz et al. (2005). The disconnected state is stress-free; these estimates, taken at a packing
 fraction close to ``Phi_c = rho_c/rho_s``, show how large the neglected stress is.
 

@@ -148,7 +148,7 @@ def path_errors(
 ) -> Array:
     """Largest error of a stress component at any step, divided by the largest stress, per dt.
 
-    Further keywords are those of `constitutive_path`.
+    Further keywords are passed to `constitutive_path`.
     """
     finest = round(DURATION / min(steps))
     times = np.arange(finest + 1) * (DURATION / finest)

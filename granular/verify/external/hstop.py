@@ -129,7 +129,7 @@ def _stops(outcome: Outcome, angle: float, name: str) -> None:
 
 
 def _speeds(outcome: Outcome, angle: float, ratio: float, name: str, cells: int) -> None:
-    """Speed of a run and that of the law."""
+    """Speed of a run and of the law."""
     layer = Layer(angle, ratio, cells, SCHEMES[name])
     with outcome.timed():
         run = layer.froude(layer.relaxation())

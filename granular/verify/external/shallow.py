@@ -1,6 +1,6 @@
 """Shallow layers on a Coulomb base against depth-averaged theory: a dam break, a spreading cap.
 
-The inclinations and frictions are those of AvaFrame's analytical tests, in a layer 0.1 m thick and
+The inclinations and frictions are from AvaFrame's analytical tests, in a layer 0.1 m thick and
 a cap 2 m long. Lengths along the plane are large compared with the thickness, so that the theory
 should hold.
 """
