@@ -14,8 +14,8 @@ X is `SmoothedDensity.flutter_damping`. Measured on layers at 20 degrees: those 
 come to rest with X from 0.01, M from 3 to 20 and N from 2 to infinity. In those of 80 cells the
 waves are short and hardly move, so that M must be large: they come to rest with M = 20 and N = 4
 but not all with M = 15. Flow whose shear rate changes within T becomes stiffer: a ball that is
-pushed into a bed at 0.1 and 0.2 m/s meets 1.8 and 3.5 % more resistance than without damping (8 and
-14 % if h were p/(rho_c g) there, too).
+pushed into a bed at 0.1 and 0.2 m/s meets 1.8 and 3.5 % more resistance than without flutter
+damping (8 and 14 % if h were p/(rho_c g) there, too).
 
 With a cell-averaged density the points of a cell share their stress, and differences of their
 velocities are noise of the sampling. If they decay everywhere at a rate proportional to c_w/dx,
@@ -53,9 +53,9 @@ _NUMBERS = (
 
 
 def damping(scene: Scene, material: Material, gravity: float) -> dict[str, float]:
-    """Numbers of the damping of the points of a material by their names in the core.
+    """Numbers of slow-flow and flutter damping of a material by their names in the core.
 
-    All are 0 without one. In averaged cells ``damping_rate`` [1/s] is the largest rate and
+    They are 0 without damping. In averaged cells ``damping_rate`` [1/s] is the largest rate and
     ``slow_rate`` the shear rate over sqrt(p/K) from which nothing is damped. ``flutter_time`` [s],
     ``flutter_memory`` [s/Pa], ``flutter_end`` [s] and ``flutter_depth`` [m/Pa] are X c_w/g,
     M/(rho_c g c_w), G/(N rho_c c_w g) and 1/(rho_c g), with the largest gravity g of the scene.

@@ -225,7 +225,8 @@ def clogging_silo(
     sponge : float or None
         Height [m] above which upward motion is damped (a sponge layer); None for no damping.
     sponge_damping : float
-        Rate of the damping [1/s]; infinity as published. See `granular.mpm.walls.SpongeLayer`.
+        Rate of the sponge damping [1/s]; infinity as published. See
+        `granular.mpm.walls.SpongeLayer`.
     {common}.
 
     Warns
