@@ -1,4 +1,4 @@
-"""Surfaces of the rigid bodies of a record, in a file that ParaView opens beside the record."""
+"""Surfaces of the rigid bodies of a record, in a file that ParaView opens with the record."""
 
 import os
 from pathlib import Path
@@ -48,12 +48,13 @@ def write_bodies(
 ) -> Path:
     """Write the surfaces of all bodies at all frames, as VTKHDF PolyData.
 
-    The times are those of the record. ParaView reads the points from the record and the bodies from
-    this file: open both. A run whose record ends in ".vtkhdf" writes the file by itself. The cell
-    data "body" is the index of the body. If no body moves, the surfaces are stored once for all
-    frames. What is round has 64 sides; what operations make is drawn by its signed distance on a
-    grid of 64 intervals, which cuts off edges and leaves out walls thinner than that. Unbounded
-    shapes end at a distance of one size of the grid. In 2D the surfaces are flat.
+    It has the times of the record. ParaView reads the points from the record and the bodies from
+    this file: open both. A run whose record ends in ".vtkhdf" writes this file when it ends. The
+    cell data "body" is the index of the body. If no body moves, the surfaces are stored once for
+    all frames. Round surfaces have 64 sides. Results of operations are drawn by their signed
+    distance on a grid of 64 intervals, which cuts off edges and leaves out walls thinner than an
+    interval. Unbounded shapes end at a distance of one size of the grid. In 2D the surfaces are
+    flat.
 
     Parameters
     ----------
@@ -177,7 +178,7 @@ def _posts(part: HeightMap, size: float) -> Patches:
 
 
 def _patches(shape: Shape, turn: Array, dim: int, size: float) -> Patches:
-    """Surface of a shape of one part, in its own axes; what is endless has a given size."""
+    """Surface of a shape of one part, in its own axes; unbounded parts have a given size."""
     if isinstance(shape, Box):
         return _box(np.minimum(0.5 * np.array((*shape.size, np.inf)[:3]), size), dim)
     if isinstance(shape, Cylinder) or (isinstance(shape, Sphere) and dim == 2):
@@ -192,7 +193,7 @@ def _patches(shape: Shape, turn: Array, dim: int, size: float) -> Patches:
 
 
 def _outline(shape: Shape) -> Array:
-    """Outline of a polygon, or (r, z) of what is round, shape (n, 2)."""
+    """Outline of a polygon, or (r, z) of a solid of revolution, shape (n, 2)."""
     if isinstance(shape, Section):
         vertices = shape.samples()[0][0]
         if shape.thickness is None:

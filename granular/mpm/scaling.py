@@ -1,10 +1,11 @@
-"""Froude scaling: a scene at another size whose flow is the same at corresponding places and times.
+"""Froude scaling: a scene at another size whose flow is the same at corresponding positions and
+times.
 
 Gravity and densities do not change. If lengths are multiplied by s, times and velocities scale with
 sqrt(s), stresses (and so the moduli) with s, forces with s^3. Friction coefficients, strains and
 the inertial number gdot d sqrt(rho/p) do not change if grains are scaled with the rest; the time
 scale t0 of the fluidity scales with sqrt(s). The number of steps and of points is the same, so that
-nothing is gained in cost. The purpose is the comparison with physical models and with runs made at
+the cost is not reduced. The purpose is the comparison with physical models and with runs made at
 another scale, such as those of Haeri & Skonieczny 2021 at a quarter.
 """
 
@@ -94,7 +95,7 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     surfaces.Layer: {name: "length" for name in ("on", "thickness", "lower", "upper", "spacing")},
     regions.Mask: {"lower": "length", "spacing": "length"},
     regions.Cloud: {"x": "length", "volume": "volume", "velocity": "velocity"},
-    # numbers of a law of the user's own may be of any unit: such a scene is refused
+    # numbers of a user-defined law may be of any unit: such a scene is refused
     **{law: _MATERIAL for law in materials.Material.__subclasses__() if law is not OwnLaw},
     **{kind: _of_units(kind) for kind in (Fluidity, Scheme, *DENSITIES.values())},
     **{kind: kind.quantities for kind in BOUNDARIES},
@@ -165,8 +166,8 @@ class Froude:
         Raises
         ------
         TypeError
-            If the units of the numbers of a part of the scene are not known, as those of a law of
-            one's own.
+            If the units of the numbers of a part of the scene are not known, as those of a
+            user-defined law.
         """
         if not isinstance(scene, Scene):
             raise TypeError(f"scene = {scene!r} must be a Scene")

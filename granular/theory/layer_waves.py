@@ -1,4 +1,4 @@
-"""Growth or decay of small waves in a layer that flows down an incline.
+"""Growth or decay of small waves in a layer flowing down an incline.
 
 The equations of the elastic-plastic mu(I) material are linearised about the steady flow (Dunatunga
 & Kamrin 2015, eqs 2.8-2.15 with eq. 4.6), in 2D, with a free surface and a rough base. Barker et

@@ -74,9 +74,9 @@ def _arguments(text: str, signature: inspect.Signature, common: Mapping[str, str
     known = [head.replace("*", "").split(", ") for head in heads]
     place = 0
     for name, parameter in signature.parameters.items():
-        found = next((i for i, names in enumerate(known) if name in names), None)
-        if found is not None:
-            place = found + 1
+        index = next((i for i, names in enumerate(known) if name in names), None)
+        if index is not None:
+            place = index + 1
         elif name not in ("self", "cls") and not name.startswith("_"):
             kind = common.get(name) or _in_words(parameter.annotation)
             entries.insert(place, f"{name} : {kind}")
@@ -102,26 +102,26 @@ def described(documented: object, *others: object) -> dict[str, str]:
     documented : function or class
         Its docstring has a section "Parameters" in the style of NumPy.
     *others : function or class
-        Where descriptions are looked up of which the docstring says: see there.
+        Where descriptions are looked up that the docstring replaces by a reference.
     """
-    found: dict[str, str] = {}
+    descriptions: dict[str, str] = {}
     for part in reversed(getattr(documented, "__mro__", (documented,))):
         for name, text in _parameters(inspect.cleandoc(part.__doc__ or "")).items():
-            if name not in found or not text.startswith(_SEE):
-                found[name] = text
+            if name not in descriptions or not text.startswith(_SEE):
+                descriptions[name] = text
     elsewhere: dict[str, str] = {}
     for other in others:
         elsewhere |= {name: text for name, text in described(other).items() if text}
     return {
         name: elsewhere.get(name, "") if text.startswith(_SEE) else text
-        for name, text in found.items()
+        for name, text in descriptions.items()
     }
 
 
 def _parameters(doc: str) -> dict[str, str]:
     """Names and descriptions of the section "Parameters" of a docstring."""
     _, _, section = doc.partition("Parameters\n----------\n")
-    found: dict[str, str] = {}
+    descriptions: dict[str, str] = {}
     names: list[str] = []
     lines: list[str] = []
     # A line that is underlined begins the next section.
@@ -131,6 +131,6 @@ def _parameters(doc: str) -> dict[str, str]:
             lines.append(line.strip())
             continue
         text = " ".join(filter(None, lines))
-        found |= dict.fromkeys(names, text)
+        descriptions |= dict.fromkeys(names, text)
         names, lines = head[1].replace("*", "").split(", "), []
-    return found
+    return descriptions
