@@ -28,8 +28,8 @@ Array = NDArray[np.float64]
 OVERLAP = 0.5
 """Overlap at the start [cells] up to which bodies, walls and blocks count as touching.
 
-It is that of csrc/contact/rigid.c: the surface of a body is resolved to half a cell, the distance of
-its sample points. Contact keeps such a pair from overlapping more; a pair that overlaps by more
+It is that of csrc/contact/rigid.c: the surface of a body is resolved to half a cell, the distance
+of its sample points. Contact keeps such a pair from overlapping more; a pair that overlaps by more
 than this at the start does not touch at all, so that the body would fall through.
 """
 

@@ -1,6 +1,6 @@
 """Memory of a run, estimated without building it, and the refusal of too large scenes.
 
-The bytes are from `benchmarks/speed/memory.py`: fits to the largest resident memory of runs that are
+The bytes are from the benchmark `memory`: fits to the largest resident memory of runs that are
 recorded, of 230,000 to 430,000 points with 1 to 16 points per cell in 2D and 1 to 27 in 3D. Blocks,
 thin layers, discs, material about a body or under its weight, jittered or with another law take
 0.90 to 1.1 times as much as the fit; hence the `MARGIN`. With it an estimate is 1.03 to 1.25 times

@@ -101,7 +101,7 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     **{kind: kind.quantities for kind in BOUNDARIES},
     SpongeLayer: {"above": "length", "damping": "rate"},
     Gravity: {"times": "time"},
-    **{shape: _SHAPE for shape in vars(shapes).values() if is_dataclass(shape)},
+    **{s: _SHAPE for s in vars(shapes).values() if isinstance(s, type) and is_dataclass(s)},
     rigid.Motion: {"times": "time", "velocity": "velocity", "angular_velocity": "angular_velocity"},
     rigid.Body: {"position": "length", "mass": "mass", "inertia": "inertia"},
     Scene: {"duration": "time"},

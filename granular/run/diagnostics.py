@@ -40,9 +40,9 @@ class StabilityWarning(UserWarning):
 def scene_warnings(scene: BaseScene) -> list[str]:
     """List the settings of a scene that are known to fail without an error, one sentence each.
 
-    Each is a failure that was measured (`benchmarks/stability/stability_map.py`, the page "Limits and
-    failures"), or an implausible number (`granular.model.plausible`); a simulation issues
-    them as `StabilityWarning`.
+    Each is a failure that was measured (benchmark `stability_map`, the page "Stability and
+    limits"), or an implausible number (`granular.model.plausible`); a simulation issues them as
+    `StabilityWarning`.
     """
     return scene.known_failures() + suspect_numbers(scene)
 

@@ -37,8 +37,8 @@ class HeightMap(ComparedByContent, Shape):
     from the post at the lowest x and y to that at the highest; in 2D of straight lines between
     posts. The distance is the exact one from the nearest of these, found by a search over ranges of
     heights of tiles of the map; no mesh is made. The heights are not copied if they are a
-    C-contiguous array of float64 or float32: the array must then not be changed. Ten
-    million posts take 0.3 s, a distance some 4 us near the surface (``benchmarks/speed/mesh_setup.py``).
+    C-contiguous array of float64 or float32: the array must then not be changed. Ten million posts
+    take 0.3 s, a distance some 4 us near the surface (benchmark ``mesh_setup``).
 
     Parameters
     ----------
