@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular.measure.bulk import Bulk
@@ -62,15 +63,13 @@ def hollow(dim, node, far):
     corners. The lower half of the box has twice the pressure of the upper one."""
     n, cell = 6, 0.1
     walls = [gr.Wall(d, end, kind="free_slip") for d in range(dim) for end in (0.0, n * cell)]
-    scene = gr.Scene(
-        name="hollow",
+    scene = scene_with(
         grid=gr.Grid((0.0,) * dim, cell, (n,) * dim),
         fills=(gr.Fill(gr.Box((0.0,) * dim, (n * cell,) * dim), 2**dim, jitter=0.6),),
         material=gr.materials.glass_beads.replace(E=1e6),
         scheme=SCHEME,
         walls=tuple(walls),
-        gravity=gr.Gravity((0.0,), ((0.0,) * dim,)),
-        duration=1.0,
+        gravity=0.0,
     )
     sim = gr.Simulation(scene, threads=1)
     points = np.flatnonzero(sim.buffers["id"] >= 0)
