@@ -29,7 +29,6 @@ from granular.shapes import (
 
 def scene_of(name, cell, shape, fill, *bodies):
     dim = len(shape)
-    up = (0.0,) * (dim - 1)
     return scene_with(
         name=name,
         grid=gr.Grid((0.0,) * dim, cell, shape),
