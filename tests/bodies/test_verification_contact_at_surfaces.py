@@ -111,7 +111,7 @@ def layer(turned_deg, offset, rows=12, width=16):
     ("turned_deg", "offset", "wall", "until"),
     [
         (0.0, 0.0, True, 1.0),
-        (45.0, 0.25, False, 0.5),
+        (45.0, 0.25, False, 0.75),  # where round-off decided whether points were thrown
         *(
             pytest.param(*case, False, 1.0, marks=pytest.mark.slow)
             for case in ((0.0, 0.0), (10.0, 0.25), (17.0, 0.0), (30.0, 0.5), (45.0, 0.25))
@@ -140,6 +140,7 @@ def test_layer_on_a_base_through_the_grid(turned_deg, offset, wall, until):
     assert np.abs(speeds[1] - speeds[0]).max() < 0.012
 
 
+@pytest.mark.slow
 def test_corners_forget_round_off():
     """Runs that differ by round-off stay alike in the corners between a rough base and its sides.
 

@@ -76,8 +76,8 @@ def test_many_more_threads_than_cores(threads):
         walls=(gr.Wall(1, 0.0, kind="no_slip"),),
         material=gr.MuI(E=1e5),
     )
-    expected = bits(stepped(scene, 60, threads=1))
-    assert bits(stepped(scene, 60, threads=threads)) == expected
+    expected = bits(stepped(scene, 20, threads=1))
+    assert bits(stepped(scene, 20, threads=threads)) == expected
 
 
 @pytest.mark.skipif("avx512" not in available(), reason="needs a processor with AVX-512")
