@@ -61,7 +61,7 @@ def test_material_and_bodies_are_there(sim, tmp_path):
 
 
 def test_the_surface_of_a_cylinder_is_where_its_volume_says():
-    pyvista = pytest.importorskip("pyvista")
+    pytest.importorskip("pyvista")
     errors = []
     for cell in (0.04, 0.02):
         start = alone_at(gr.Simulation(gr.scenes.cylinder_collapse(cell=cell), threads=1), 0.0)
