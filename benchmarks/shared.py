@@ -78,9 +78,14 @@ def parser_of(
 
 
 def commit() -> str:
-    """Commit of the working tree, with a + if files have changed since."""
-    command = ["git", "-C", str(ROOT), "describe", "--always", "--dirty=+"]
-    return subprocess.run(command, capture_output=True, text=True).stdout.strip() or "unknown"
+    """Commit of the working tree, with a + if the package or a script has changed since."""
+
+    def git(*words: str) -> str:
+        command = ["git", "-C", str(ROOT), *words]
+        return subprocess.run(command, capture_output=True, text=True).stdout.strip()
+
+    changed = git("status", "--porcelain", "--", "csrc", "granular", "benchmarks/*.py")
+    return git("rev-parse", "--short", "HEAD") + "+" * bool(changed) or "unknown"
 
 
 def stamp() -> dict[str, Any]:
@@ -119,9 +124,11 @@ def write(out: Path | None, results: dict[str, Any], tables: Iterable[str] = ())
     Results that are measured table by table have a stamp for each: `tables` are those that are new.
     """
     if out:
+        stamps = results.pop("stamps", {})
+        results.pop("stamp", None)  # both come last in the file
         results["stamp"] = stamp()
-        if new := dict.fromkeys(tables, results["stamp"]):
-            results["stamps"] = results.get("stamps", {}) | new
+        if stamps := stamps | dict.fromkeys(tables, results["stamp"]):
+            results["stamps"] = stamps
         out.parent.mkdir(parents=True, exist_ok=True)
         partial = out.with_suffix(".part")
         partial.write_text(text_of(results))

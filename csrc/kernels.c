@@ -6,8 +6,8 @@
  * cells. */
 #include "kernels.h"
 
-/* Define the updates of a law in 2D and 3D, and its descriptor. The arguments after the name are members of struct
- * gr_law. A law and what it calls are GR_INLINE, but for the long ones of hencky_blocks.h: one body for both dimensions
+/* Define the updates of a law in 2D and 3D, and its descriptor. The arguments after the name are members of struct gr_law.
+ * A law and the functions it calls are GR_INLINE, but for the long ones of hencky_blocks.h: one body for both dimensions
  * would have its stresses in memory, not in registers. */
 #define GR_DESCRIBE_LAW(law, ...)                                                \
     static void law##_2d(const struct gr_law_call *call) { law_##law(2, call); } \

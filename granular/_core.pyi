@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LANES: Final[int]
-"""Every cell owns a multiple of this many places in the point arrays."""
+"""Every cell owns a multiple of this many slots in the point arrays."""
 MAX_THREADS: Final[int]
 TALLY_INTERVAL: Final[int]
 """Steps between two tallies of an engine (csrc/mpm/tally.h)."""

@@ -127,7 +127,7 @@ double gr_part_distance(const struct gr_part *part, const double x[3], double no
     return sign * distance;
 }
 
-/* The edge of a place at the distances `inset` within n pairs of faces of half lengths size: near two of them. */
+/* The edge of a point at the distances `inset` within n pairs of faces of half lengths size: near two of them. */
 static int edge_of_two(int n, const double inset[], const double size[], double near)
 {
     int faces = 0;

@@ -29,15 +29,14 @@ enum gr_part_kind { GR_PARTS(GR_X) GR_PART_COUNT };
 enum gr_contact { GR_CONTACTS(GR_X) GR_CONTACT_COUNT };
 #undef GR_X
 
-/* A part of a body, in body coordinates: a shape, or an operation on the results of the parts before it, which it takes
- * the place of. A union or an intersection is of the last results, as many as `operands`; an offset moves the surface of
- * the last one outwards; a shell is the wall along the outer side of its surface. The union of the results that are left
- * is the body. */
+/* A part of a body, in body coordinates: a shape, or an operation on the results of the parts before it, which it replaces.
+ * A union or an intersection is of the last results, as many as `operands`; an offset moves the surface of the last one
+ * outwards; a shell is the wall along the outer side of its surface. The union of the results that are left is the body. */
 struct gr_part {
     int kind;
     int inside;         /* 1: the solid is the outside of the surface, and the material is within */
     double center[3];   /* m */
-    double rotation[9]; /* row-major; its columns are the axes of the part. The third is the axis of what is round, the
+    double rotation[9]; /* row-major; its columns are the axes of the part. The third is the axis of a round shape, the
                              direction in which a polygon is extended, or the outward normal of a half-space */
     double
         size[3]; /* m, may be infinite: half edges of a box or of the box about a sampled surface; radius and half length of
@@ -51,7 +50,7 @@ struct gr_part {
     int operands; /* of a union or an intersection */
 };
 
-/* Edges of a surface that a place is near to: the angle within the solid is less than a straight one, or greater. */
+/* Edges of a surface near a point: the angle within the solid is less than a straight one, or greater. */
 enum { GR_EDGE_CONVEX = 1, GR_EDGE_CONCAVE = 2 };
 static inline int gr_edges_inverted(int edges) { return edges >> 1 | (edges & 1) << 1; }
 
@@ -91,15 +90,15 @@ enum { GR_BODY_NUMBERS = sizeof(struct gr_body_state) / sizeof(double) };
 void gr_rotation_matrix(const double orientation[4], double matrix[9]);
 
 /* Signed distance of x from the surface of one shape, negative in the solid, and the outward normal, its gradient. If
- * several surface points are nearest, the normal is that of the first axis. All in body coordinates. */
+ * several surface points are nearest, the normal is along the first axis. All in body coordinates. */
 double gr_part_distance(const struct gr_part *part, const double x[3], double normal[3]);
 
 /* The edges of a shape that x, a point of its surface, is near to: nearer than `near` along the surface, or than a quarter
  * of the face. All of them for samples, whose edges are not known. */
 int gr_part_edges(const struct gr_part *part, const double x[3], double near);
 
-/* The shape lies within the returned distance of a box about its center with these half lengths along its axes; what is
- * round, within the cylinder in that box. */
+/* The shape lies within the returned distance of a box about its center with these half lengths along its axes; a round
+ * shape, within the cylinder in that box. */
 double gr_part_cover(const struct gr_part *part, double half[3]);
 
 /* True if no operation takes part k of n: it is one of those whose union is the body. */

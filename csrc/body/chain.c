@@ -8,7 +8,7 @@
 /* Sines of smaller turns are round-off: the two segments lie on one line. */
 #define STRAIGHT 1e-9
 
-/* The place of a chain that is nearest to a point: on a segment, or at the vertex before or behind it. */
+/* The point of a chain that is nearest to another point: on a segment, or at the vertex before or behind it. */
 struct place {
     int segment, vertex; /* vertex: -1 on the segment */
 };
@@ -32,13 +32,13 @@ static struct place nearest(const struct gr_chain *c, const double p[2])
         const double u[2] = {p[0] - b[0], p[1] - b[1]}, across = e[0] * w[1] - e[1] * w[0];
         const double along = w[0] * e[0] + w[1] * e[1], whole = e[0] * e[0] + e[1] * e[1];
         const double from_end = along > 0 ? u[0] * u[0] + u[1] * u[1] : w[0] * w[0] + w[1] * w[1];
-        const int beside = along > 0 && along < whole;
-        const double num = beside ? across * across : from_end, den = beside ? whole : 1;
+        const int within = along > 0 && along < whole;
+        const double num = within ? across * across : from_end, den = within ? whole : 1;
         a = b;
         if (!(num * over < least * den) || is_on_axis(c, from, b)) continue;
         least = num, over = den;
         best.segment = k ? k - 1 : c->n - 1;
-        best.vertex = beside ? -1 : along > 0 ? k : best.segment;
+        best.vertex = within ? -1 : along > 0 ? k : best.segment;
     }
     return best;
 }

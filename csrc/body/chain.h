@@ -12,6 +12,6 @@ struct gr_chain {
  * the chain, the normal points to its right, which is outwards if it is closed. */
 double gr_chain_distance(const struct gr_chain *chain, const double p[2], double normal[2]);
 
-/* The gr_edge bits of the vertices that the nearest place of the chain is within `near` of, or within a quarter of its
- * segment; for p beside the chain farther by as much as that. */
+/* The gr_edge bits of the vertices within `near` of the nearest point of the chain, or within a quarter of its segment; for
+ * p next to the chain farther by as much. */
 int gr_chain_edges(const struct gr_chain *chain, const double p[2], double near);

@@ -15,7 +15,7 @@ enum { MOST_LEVELS = 48, WAITING = 3 * MOST_LEVELS };
  * smooth, bends by 0.25 in a quarter of a cell. */
 #define EDGE_BEND 0.36502849483824646
 
-/* Cells within the distance of the surface above or below a place that are tried without a search. */
+/* Cells within the distance of the surface above or below a point that are tried without a search. */
 enum { MOST_TRIED = 64 };
 
 /* Steps from post to post that judge the bend, in the distance within which an edge is near: a quarter of 0.35 cells. */
@@ -48,8 +48,8 @@ static void post(const struct gr_height_map *map, int64_t i, int64_t j, double o
     out[2] = height(map, i, j);
 }
 
-/* What is nearest so far: the squared distance, the distance along `normal`, which is of a triangle if that is nearest
- * with its inside. */
+/* The nearest element so far: the squared distance, the distance along `normal`, which is of a triangle if its inside is
+ * nearest. */
 struct nearest {
     double square, at[3], normal[3];
     int on_face;
@@ -110,7 +110,7 @@ static double from_cells(const struct gr_height_map *map, const int64_t from[2],
     return square;
 }
 
-/* The cells, low to high, in which something nearer than the best may lie, by their place.
+/* The cells, low to high, in which something nearer than the best may lie, by position.
  * Returned: their number. */
 static int64_t cells_within(const struct gr_height_map *map, const double x[3], const struct nearest *best, int64_t low[2],
                             int64_t high[2])
@@ -120,7 +120,7 @@ static int64_t cells_within(const struct gr_height_map *map, const double x[3], 
     return (high[0] - low[0] + 1) * (high[1] - low[1] + 1);
 }
 
-/* Try those of the cells low to high that are not farther than the best. */
+/* Try the cells from low to high that are not farther than the best. */
 static void try_cells(const struct gr_height_map *map, const int64_t low[2], const int64_t high[2], const double x[3],
                       struct nearest *best)
 {

@@ -3,7 +3,7 @@
 
 #include <stdint.h>
 
-/* Cells between posts, along each axis, of a tile: the smallest part of which the range of heights is kept. */
+/* Cells between posts, along each axis, of a tile: the smallest part with a stored range of heights. */
 enum { GR_TILE = 8 };
 
 /* Tables are borrowed. The third axis is up. In 2D the map has two equal rows of posts, `stride` 0. */

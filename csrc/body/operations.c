@@ -271,12 +271,12 @@ static int are_parallel(const double a[3], const double b[3])
 int gr_union_is_round(const struct gr_part *parts, int n, const double axis[3])
 {
     for (int k = 0; k < n; k++) {
-        const double *r = parts[k].rotation, own[3] = {r[2], r[5], r[8]};
+        const double *r = parts[k].rotation, of_part[3] = {r[2], r[5], r[8]};
         const int kind = parts[k].kind;
         const int round =
             kind == GR_PART_CYLINDER || kind == GR_PART_CAPSULE || kind == GR_PART_TORUS || kind == GR_PART_REVOLVED;
         if (is_operation(parts + k)) continue;
-        if (!round || !are_parallel(own, axis) || !are_parallel(parts[k].center, axis)) return 0;
+        if (!round || !are_parallel(of_part, axis) || !are_parallel(parts[k].center, axis)) return 0;
     }
     return 1;
 }

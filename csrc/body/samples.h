@@ -14,12 +14,12 @@ struct gr_samples {
     const int32_t *block;   /* n[2] n[1] n[0]: the block of a cell, or -1 */
     int32_t n_blocks;
     const float *fine;    /* n_blocks x GR_CUBE_SIZE signed distances, m */
-    const uint8_t *sharp; /* n_blocks x GR_CUBE_SIZE: 1 at samples beside a convex edge, 2 a concave one */
+    const uint8_t *sharp; /* n_blocks x GR_CUBE_SIZE: 1 at samples next to a convex edge, 2 a concave one */
 };
 
 /* Signed distance and its gradient, a unit vector: linear between the samples. In cells without a block, and outside of
  * the grid, it is a lower bound of the distance; of the right sign. */
 double gr_samples_distance(const struct gr_samples *s, const double x[3], double normal[3]);
 
-/* Edges beside samples nearer than `near` and a spacing: 1 for convex, 2 for concave ones. */
+/* Edges next to samples nearer than `near` and a spacing: 1 for convex, 2 for concave ones. */
 int gr_samples_edges(const struct gr_samples *s, const double x[3], double near);

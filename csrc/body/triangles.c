@@ -76,7 +76,7 @@ struct middle {
     int32_t face;
 };
 
-/* Reorder n middles so that number k along an axis is at its place, none after it lower and none before it higher. */
+/* Reorder n middles so that number k along an axis is in order: none after it lower, none before it higher. */
 static void split(struct middle *m, int64_t n, int64_t k, int axis)
 {
     int64_t low = 0, high = n - 1;
@@ -267,7 +267,7 @@ static double from_box(const struct gr_triangle_box *box, const double x[3])
     return square;
 }
 
-/* What is nearest so far. */
+/* The nearest triangle so far. */
 struct nearest {
     double square;
     int64_t place; /* of the triangle, in the order of the tree */
@@ -383,7 +383,7 @@ void gr_triangles_distances(const struct gr_triangles *t, int64_t n, const doubl
             double way[3];
             for (int d = 0; d < 3; d++) way[d] = x[3 * k + d] - x[3 * (k - 1) + d];
             inside = distance[k - 1] < 0;
-            /* where no surface is between a place and the one before, the sign is the same */
+            /* where no surface is between a point and the one before, the sign is the same */
             const double clear = fmax(far, fabs(distance[k - 1])) * CLEAR;
             if (gr_dot(way, way) >= clear * clear) inside = gr_triangles_winding(t, x + 3 * k) > 0.5;
         } else if (closed) {

@@ -18,7 +18,7 @@ struct gr_triangle_box {
 
 /* Triangles seen from far off: a dipole. */
 struct gr_dipole {
-    double at[3], area[3]; /* m: mean place by area; m2: sum of areas times unit normals */
+    double at[3], area[3]; /* m: mean position by area; m2: sum of areas times unit normals */
     double radius;         /* m: no corner is farther from `at` */
 };
 
@@ -27,7 +27,7 @@ struct gr_triangles {
     int64_t n_vertices, n_faces;
     const double *vertex; /* n_vertices x 3, m */
     const int32_t *face;  /* n_faces x 3 */
-    double *corner;       /* n_faces x 3 x 3: vertices of the triangles, m, leaf by leaf: what is near lies together */
+    double *corner;       /* n_faces x 3 x 3: vertices of the triangles, m, leaf by leaf, so that near ones are adjacent */
     int64_t n_leaves;     /* a power of two */
     struct gr_triangle_box *box; /* a complete binary tree, node 1 the root */
     struct gr_dipole *dipole;    /* of the same nodes */
@@ -37,7 +37,7 @@ struct gr_triangles {
 int gr_triangles_new(struct gr_triangles **out, const struct gr_triangles *tables);
 void gr_triangles_free(struct gr_triangles *t);
 
-/* Distance of x. `guess` is the place in this order of a triangle that is near, of the nearest afterwards. */
+/* Distance of x. `guess` is the index in this order of a triangle nearby, afterwards of the nearest. */
 double gr_triangles_distance(const struct gr_triangles *t, const double x[3], int64_t *guess);
 
 /* 1 if no triangle is nearer to x than a radius; cheaper than the distance. */
@@ -49,5 +49,5 @@ int gr_triangles_clear(const struct gr_triangles *t, const double x[3], double r
  * 43). */
 double gr_triangles_winding(const struct gr_triangles *t, const double x[3]);
 
-/* Distances of n places x; if `closed`, negative where the winding number exceeds a half. */
+/* Distances of n points x; if `closed`, negative where the winding number exceeds a half. */
 void gr_triangles_distances(const struct gr_triangles *t, int64_t n, const double *x, int closed, double *distance);

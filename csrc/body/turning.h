@@ -9,7 +9,7 @@ void gr_inverse_inertia(const struct gr_body *body, int dim, const double orient
 /* Change of the angular velocity by an impulse that acts at `arm` from the position. */
 void gr_spin_up(const double inverse[9], const double arm[3], const double impulse[3], double change[3]);
 
-/* Rotate a body without torque for dt. The angular momentum L in the axes of the scene is kept exactly: the step is a
+/* Rotate a body without torque for dt. The angular momentum L in the axes of the scene is conserved exactly: the step is a
  * symmetric product of rotations about the principal axes, each by the rate L_k/I_k that it leaves unchanged, and so
  * time-reversible and symplectic, of second order (Dullweber, Leimkuhler & McLachlan 1997, J. Chem. Phys. 107, 5840).
  * Given: orientation, angular velocity at its beginning. Changed: both, to those at its end. */

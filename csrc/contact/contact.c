@@ -9,12 +9,13 @@
 #include "mpm/walls.h"
 
 /* Sweeps end when the largest change of a velocity at a contact point in a sweep is this part of the largest that contact
- * makes in the step. As impulses start from those of the last step, that are few; more do not change the forces by 0.1 %. */
+ * makes in the step. Impulses start from the last step, so that few sweeps are enough; more do not change the forces by 0.1
+ * %. */
 #define TOLERANCE 1e-2
 enum { LEAST_SWEEPS = 2, MOST_SWEEPS = 20 };
 
-/* The contacts of bodies with what is solid are few: they are swept over several times for each sweep over the contact
- * points, and in the end until they hold closely, as they keep bodies from sinking into each other. */
+/* The contacts of bodies with solids are few: they are swept over several times for each sweep over the contact points, and
+ * in the end until they hold closely, as they keep bodies from sinking into each other. */
 #define RIGID_TOLERANCE 1e-8
 enum { RIGID_INNER = 5, RIGID_SWEEPS = 100 };
 
@@ -90,9 +91,9 @@ static double correct(struct gr_engine *e, struct gr_contact_point *contact, str
  * the number of cells that its point crosses in the step. */
 #define SMOOTHED 0.01
 
-/* Forget impulses of contact points that may pull where they cancel at all nodes. Such impulses grow as points cross
- * cells, by a quarter in each cell, up to hundreds of times the weight of a bed, and what does not cancel of them is
- * noise. The mean at the nodes has none of them; it keeps the sum, and what is uniform along a surface. */
+/* Forget impulses of contact points that may pull where they cancel at all nodes. Such impulses grow as points cross cells,
+ * by a quarter in each cell, up to hundreds of times the weight of a bed, and their part that does not cancel is noise. The
+ * mean at the nodes has none of them; it retains the sum, and the part that is uniform along a surface. */
 static void forget_cancelling(struct gr_engine *e)
 {
     struct gr_contact_points *contacts = e->bodies.contacts;
@@ -124,9 +125,9 @@ static void forget_cancelling(struct gr_engine *e)
     }
 }
 
-/* Undo the friction of the Coulomb walls of the nodes, which is found anew with contact: it acts against the sliding that
- * is left after it. Friction found before would take up what presses on a body beside the wall, or act backwards where a
- * body moves material against a pressure.
+/* Undo the friction of the Coulomb walls of the nodes, which is computed again with contact: it acts against the sliding
+ * that remains after it. Friction computed before would carry part of the load on a body next to the wall, or act backwards
+ * where a body moves material against a pressure.
  * Returned: whether any wall has friction. */
 static int undo_friction(struct gr_engine *e, const double g[3])
 {
@@ -150,7 +151,7 @@ static int undo_friction(struct gr_engine *e, const double g[3])
     return any;
 }
 
-/* Add up what the contact points press on components of nodes that walls hold. */
+/* Add up the impulses of the contact points on components of nodes that walls hold. */
 static void press_on_walls(struct gr_contact_points *contacts)
 {
     for (int64_t k = 0; k < contacts->n_nodes; k++)
@@ -187,7 +188,7 @@ static double rub(const struct gr_engine *e, struct gr_contact_node *node, struc
 }
 
 /* One sweep over all contact points and all Coulomb walls of their nodes, the contact points in the opposite order if
- * `back`, and some over the contacts of bodies with what is solid. `rubs` tells whether there are such walls.
+ * `back`, and some over the contacts of bodies with solids. `rubs`: whether there are such walls.
  * Changed: largest, at least the velocity that the impulse of any contact point gives it.
  * Returned: the largest change of a velocity, m/s. */
 static double sweep(struct gr_engine *e, int back, int rubs, struct gr_moving *body, double *largest)

@@ -1,4 +1,4 @@
-/* What a contact point is, and the list of all contact points of a step (contact_points.h). */
+/* The struct of a contact point, and the list of all contact points of a step (contact_points.h). */
 #pragma once
 
 #include "mpm/engine.h"
@@ -11,7 +11,7 @@ struct gr_contact_point {
     int32_t node[GR_MAX_NODES];
     double weight[GR_MAX_NODES];
     double arm[3], normal[3];         /* from the position of the body, m; out of the body. The arm of a body that turns
-                                         freely is that of sum N_i x_i, so that it gains the angular momentum that the
+                                         freely is the arm of sum N_i x_i, so that it gains the angular momentum that the
                                          nodes lose */
     double normal_mobility, mobility; /* of the material and of the body along the normal, and at most; 1/kg */
     double bound;                     /* of the velocity along the normal, m/s: <= 0 */
@@ -23,8 +23,8 @@ struct gr_contact_point {
               [3]; /* directions along the surface, normal to each other, in which other contact points of the point act */
 };
 
-/* A node that contact points act on: velocity and inverse mass, 0 where a wall holds the component, also if the node
- * leaves it in this step; what the sweeps read, and nothing else. */
+/* A node that contact points act on: velocity and inverse mass, 0 where a wall holds the component, also if the node leaves
+ * it in this step. Only what the sweeps read. */
 struct gr_contact_node {
     double v[4], mobility[4];
 };
@@ -45,7 +45,7 @@ struct gr_contact_points {
     struct gr_contact_node *node;
     struct gr_contact_origin *origin; /* of the nodes */
     int64_t n_nodes, node_capacity;
-    int32_t *number; /* per node of the mesh: its number + 1 among those of the contact points, 0 for none */
+    int32_t *number; /* per node of the mesh: its number + 1 in the nodes of the contact points, 0 for none */
     int64_t number_capacity;
     int64_t *begin;                  /* per cell near bodies: where its contact points begin in the search */
     int64_t of_chunk[GR_MAX_CHUNKS]; /* number of contact points from each chunk of the search */

@@ -38,7 +38,7 @@ enum { OUT_INTERVAL = 8 };
  * must not decide. */
 #define HOLD 1.5
 
-/* A contact point acts if the mean mass of the nodes about it, over that of a full cell, is more than this. */
+/* A contact point acts if the mean mass of the nodes about it, over the mass of a full cell, is more than this. */
 #define LEAST_FILLING 0.1
 
 /* The surface of another contact point of a point bars a direction along the surface of a contact point if its normal is
@@ -163,7 +163,7 @@ static double moved_since(const struct gr_engine *e)
     return moved;
 }
 
-/* What the centre of a cell tells of the distance of its points from the bodies. */
+/* Bounds for the distance of the points of a cell from the bodies, from its centre. */
 struct about {
     double centre[3], distance;
 };
@@ -201,8 +201,8 @@ static double reach_of(const struct gr_engine *e, int64_t slot, double r, double
     return HOLD * r + 2 * e->clock.dt * (sqrt(gr_speed_squared(e, slot)) + speed + fall);
 }
 
-/* Largest impulse of a contact point of the point at `slot` with half the spacing r, where the normal of the surface is
- * n. The viscous stress of damping is left out: it is small beside what EDGE_STRESS is uncertain by. */
+/* Largest impulse of a contact point of the point at `slot` with half the spacing r, where the normal of the surface is n.
+ * The viscous stress of damping is left out: it is small compared with the uncertainty of EDGE_STRESS. */
 static double most_at_edge(const struct gr_engine *e, int64_t slot, double r, const double n[3])
 {
     const double area = e->config.dim == 2 ? 2 * r : 4 * r * r;
@@ -288,8 +288,8 @@ static void find_barred(const struct gr_engine *e, int n, struct gr_contact_poin
     }
 }
 
-/* Start the impulses of the n contact points of a point, which together gave it its force: each in turn takes what lies
- * along its normal, and the one with the most friction what is left along its surface. */
+/* Start the impulses of the n contact points of a point, which together gave it its force: each in turn takes the component
+ * along its normal, and the one with the most friction the rest along its surface. */
 static void start_from_force(const struct gr_engine *e, int n, struct gr_contact_point *contact)
 {
     double rest[3] = {0}, most = -1;
@@ -367,7 +367,7 @@ GR_SHARED(search, struct search, w->e->bodies.near.n, w)
     }
 }
 
-/* The number of a node among those of the contact points. */
+/* The number of a node in the nodes of the contact points. */
 static int32_t number_of(struct gr_engine *e, int64_t n)
 {
     struct gr_contact_points *contacts = e->bodies.contacts;

@@ -7,16 +7,16 @@
  *   r = (m/rho_c)^(1/dim)/2,
  *
  * or can fall below it within the next two steps; of sticky and bilateral surfaces, if it is below 1.5 r. The impulses at
- * all contact points are found together (contact.c).
+ * all contact points are computed together (contact.c).
  *
  * An impulse is at most m c_w, with the speed c_w of compression waves: a traction of about rho c_w^2. Where material is
  * pinched between surfaces that approach each other no impulse fulfils all conditions, and this alone bounds it.
  *
- * Where the nodes about a contact point have hardly any mass, a point acts at its own place instead: there is its own
- * mass at least. At convex edges the impulse is bounded by the stress of the point (edges.h).
+ * Where the nodes about a contact point have hardly any mass, a point acts at its position instead, where its own mass
+ * contributes. At convex edges the impulse is bounded by the stress of the point (edges.h).
  *
- * In a corner, where a point has contact points on several surfaces, a contact point has no friction in the directions
- * that another surface bars: there only what presses on that surface acts. */
+ * In a corner, where a point has contact points on several surfaces, a contact point has no friction in the directions that
+ * another surface bars: there only the load on that surface acts. */
 #pragma once
 
 #include "contact/contact_point.h"
@@ -30,9 +30,9 @@ void gr_contact_points_free(struct gr_contact_points *contacts);
  * Returned: 0 or GR_ERR_MEMORY. */
 int gr_list_near_bodies(struct gr_engine *e);
 
-/* Find the contact points of this step, by all threads of a team. Call it after the grid stage. The impulses start from
- * those of the last step, which the points have kept as forces: of a point with several contact points, each has the part
- * of the force along its normal. */
+/* Find the contact points of this step, by all threads of a team. Call it after the grid stage. The impulses start from the
+ * last step, which the points have stored as forces: of a point with several contact points, each has the part of the force
+ * along its normal. */
 void gr_find_contact_points(struct gr_engine *e, const double g[3], struct gr_team *team);
 
 /* Keep the impulses of the contact points as forces on their points. */

@@ -10,9 +10,9 @@
 #define EDGE_STEP (EDGE_NEAR / (1 - EDGE_FALL))
 
 /* The normal of a face is looked up so far within the body, in cells. Where bodies touch or overlap, a part of their
- * surfaces is not that of the whole: a contact point does not act if it is deeper than this in another body, or if its
- * normal is between those of faces and it is not farther than this from another body. Two normals are one if the cosine
- * of the angle between them is more than ALIGNED. */
+ * surfaces is inside the union: a contact point does not act if it is deeper than this in another body, or if its normal is
+ * between those of faces and it is not farther than this from another body. Two normals are one if the cosine of the angle
+ * between them is more than ALIGNED. */
 #define WITHIN 0.05
 #define ALIGNED 0.98
 

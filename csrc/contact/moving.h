@@ -12,7 +12,7 @@ struct gr_moving {
 /* True if an impulse can change the motion of a body. */
 static inline int gr_can_be_moved(const struct gr_body *body) { return body->free || body->turns; }
 
-/* Give a body an impulse at `arm` from its position: what is not free stays as it is. */
+/* Give a body an impulse at `arm` from its position: fixed components do not change. */
 static inline void gr_impel(struct gr_moving *m, const double arm[3], const double impulse[3])
 {
     const struct gr_body *body = m->pose.body;
@@ -25,7 +25,7 @@ static inline void gr_impel(struct gr_moving *m, const double arm[3], const doub
     }
 }
 
-/* Velocity of the place of a body at `arm`. */
+/* Velocity of the point of a body at `arm`. */
 static inline void gr_velocity_of(const struct gr_moving *m, const double arm[3], double v[3])
 {
     const double *w = m->omega;
@@ -34,7 +34,7 @@ static inline void gr_velocity_of(const struct gr_moving *m, const double arm[3]
     v[2] = m->v[2] + w[0] * arm[1] - w[1] * arm[0];
 }
 
-/* Velocity along a direction that the turning of a body by a unit impulse along it gives the place at `arm`, 1/kg. */
+/* Velocity along a direction that the turning of a body by a unit impulse along it gives the point at `arm`, 1/kg. */
 static inline double gr_turning_mobility(const double inverse[9], const double arm[3], const double n[3])
 {
     double w[3];

@@ -19,7 +19,7 @@
 /* Variance of the distances of nodes from the surface, in cells^2, below which they are the same but for round-off. */
 #define ONE_DISTANCE 1e-9
 
-/* Roundings of a coordinate by which a place may be off the end of the domain that it lies on, as in
+/* Roundings of a coordinate by which a point may be off the end of the domain that it lies on, as in
  * granular/model/grid.py. */
 #define ROUNDINGS 64
 
@@ -35,7 +35,7 @@ static int64_t node_on_side(const struct gr_engine *e, int64_t id, int side)
     return n + (side < 0 && e->mesh.separated[n]);
 }
 
-/* The nodes of the mesh about a place in the cell `at`, -1 for those that are not active. */
+/* The nodes of the mesh about a point in the cell `at`, -1 for those that are not active. */
 static void nodes_of(const struct gr_engine *e, const int32_t at[3], int side, int64_t node[GR_MAX_NODES])
 {
     const int k = gr_nodes_1d(e->config.basis);

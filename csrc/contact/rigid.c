@@ -6,7 +6,7 @@
 #include "body/vector.h"
 #include "core/memory.h"
 
-/* What a gap may close by in a step beyond what the speeds tell, in cells: the material may push a light body. */
+/* Largest decrease of a gap in a step beyond the one by the speeds, in cells: the material may push a light body. */
 #define SPARE 0.05
 
 /* Balls of a body that touch another one: the nearest, then those farthest from them. In 2D two ends hold an edge, in 3D
@@ -19,7 +19,7 @@ enum { FIRST_CAPACITY = 1024 };
 /* Pairs that overlap by more than this at the start, in cells, do not touch each other. */
 #define OVERLAP 0.5
 
-/* Distances by which it is found out whether a face of a box goes on in another box, in cells. */
+/* Distances to test whether a face of a box continues in another box, in cells. */
 #define FLUSH 1e-3
 
 static int is_endless(const struct gr_near_box *box, int d)
@@ -75,10 +75,10 @@ static int is_flush(const struct gr_engine *e, int k, const double x[3], const d
 {
     const struct gr_rigid *rigid = e->bodies.rigid;
     const double step = FLUSH * e->config.dx;
-    double beside[3], up[3], beyond[3], unused[3];
-    for (int d = 0; d < 3; d++) beside[d] = x[d] + step * n[d];
+    double next[3], up[3], beyond[3], unused[3];
+    for (int d = 0; d < 3; d++) next[d] = x[d] + step * n[d];
     for (int other = 0; other < rigid->n_boxes; other++) {
-        if (other == k || box_distance(e, &rigid->box[other], beside, up) > 0.1 * step) continue;
+        if (other == k || box_distance(e, &rigid->box[other], next, up) > 0.1 * step) continue;
         for (int d = 0; d < 3; d++) beyond[d] = x[d] + step * (up[d] - n[d]);
         if (box_distance(e, &rigid->box[k], beyond, unused) > 0.1 * step) return 1;
     }
@@ -86,20 +86,20 @@ static int is_flush(const struct gr_engine *e, int k, const double x[3], const d
 }
 
 /* The pair of a body with something, and the distance within which they may touch in this step. Impulses act where the
- * surfaces meet; before they do, on that of the body that can be moved, or between both. */
+ * surfaces meet; before they do, on the surface of the body that can be moved, or between both. */
 struct pair {
     int owner;                 /* of the balls */
-    double slack, near, share; /* of the gap between the ball and the place where the impulse acts */
+    double slack, near, share; /* of the gap between the ball and the point where the impulse acts */
 };
 
-/* Note a ball, with the centre at own and the radius r, at the distance phi from the other surface.
+/* Note a ball, with the centre at `owner` and the radius r, at the distance phi from the other surface.
  * Returned: whether it is near. */
 static int take(const struct pair *pair, double phi, double r, struct gr_near_ball *ball)
 {
     const double to_place = r + pair->share * (phi - r);
     ball->gap = phi - r + pair->slack;
     for (int d = 0; d < 3; d++) {
-        ball->own[d] -= to_place * ball->n[d];
+        ball->owner[d] -= to_place * ball->n[d];
         ball->other[d] -= to_place * ball->n[d];
     }
     return ball->gap < pair->near;
@@ -115,8 +115,8 @@ static int64_t near_body(const struct gr_engine *e, const struct pair *pair, con
         const double *centre = rigid->ball + 4 * k;
         struct gr_near_ball *ball = &rigid->near[n];
         double x[3];
-        gr_pose_in_space(pose, centre, ball->own);
-        for (int d = 0; d < 3; d++) x[d] = pose->x[d] + ball->own[d];
+        gr_pose_in_space(pose, centre, ball->owner);
+        for (int d = 0; d < 3; d++) x[d] = pose->x[d] + ball->owner[d];
         const double phi = gr_pose_distance(e, &body[b].pose, x, ball->other, ball->n);
         if (phi - centre[3] + pair->slack >= pair->near) continue;
         n += take(pair, phi, centre[3], ball);
@@ -134,8 +134,8 @@ static int64_t near_box(const struct gr_engine *e, const struct pair *pair, cons
         const double *centre = rigid->ball + 4 * j;
         struct gr_near_ball *ball = &rigid->near[n];
         double x[3];
-        gr_pose_in_space(pose, centre, ball->own);
-        for (int d = 0; d < 3; d++) x[d] = pose->x[d] + ball->own[d], ball->other[d] = 0;
+        gr_pose_in_space(pose, centre, ball->owner);
+        for (int d = 0; d < 3; d++) x[d] = pose->x[d] + ball->owner[d], ball->other[d] = 0;
         const double phi = box_distance(e, &rigid->box[k], x, ball->n);
         if (phi - centre[3] + pair->slack >= pair->near) continue;
         for (int d = 0; d < 3; d++) x[d] -= phi * ball->n[d];
@@ -144,29 +144,30 @@ static int64_t near_box(const struct gr_engine *e, const struct pair *pair, cons
     return n;
 }
 
-/* Keep the nearest of n balls, then in turns the one that is farthest from those that are kept.
+/* Choose the nearest of n balls, then in turn the one that is farthest from those already chosen.
  * Returned: how many, `wanted` at most. */
 static int64_t spread(struct gr_near_ball *ball, int64_t n, int64_t wanted)
 {
-    int64_t kept = 0;
-    while (kept < n && kept < wanted) {
-        int64_t best = kept;
+    int64_t n_chosen = 0;
+    while (n_chosen < n && n_chosen < wanted) {
+        int64_t best = n_chosen;
         double most = -1;
-        for (int64_t k = kept; k < n; k++) {
+        for (int64_t k = n_chosen; k < n; k++) {
             double least = INFINITY;
-            for (int64_t j = 0; j < kept; j++) {
+            for (int64_t j = 0; j < n_chosen; j++) {
                 double square = 0;
-                for (int d = 0; d < 3; d++) square += (ball[k].own[d] - ball[j].own[d]) * (ball[k].own[d] - ball[j].own[d]);
+                for (int d = 0; d < 3; d++)
+                    square += (ball[k].owner[d] - ball[j].owner[d]) * (ball[k].owner[d] - ball[j].owner[d]);
                 least = fmin(least, square);
             }
-            const int better = kept ? least > most : ball[k].gap < ball[best].gap;
+            const int better = n_chosen ? least > most : ball[k].gap < ball[best].gap;
             if (better) best = k, most = least;
         }
         const struct gr_near_ball next = ball[best];
-        ball[best] = ball[kept];
-        ball[kept++] = next;
+        ball[best] = ball[n_chosen];
+        ball[n_chosen++] = next;
     }
-    return kept;
+    return n_chosen;
 }
 
 static double friction_of(const struct gr_body *body)
@@ -174,7 +175,7 @@ static double friction_of(const struct gr_body *body)
     return body->contact == GR_CONTACT_STICKY ? INFINITY : body->friction;
 }
 
-/* Make contacts of the n near balls of body `a` with b or an obstacle; `reverse`: the balls are those of b. */
+/* Make contacts of the n near balls of body `a` with b or an obstacle; `reverse`: the balls belong to b. */
 static int add(struct gr_engine *e, const struct gr_moving *body, int a, int b, const struct gr_obstacle *o, int reverse,
                int64_t n)
 {
@@ -192,8 +193,8 @@ static int add(struct gr_engine *e, const struct gr_moving *body, int a, int b, 
         c.friction = fmin(friction_of(body[a].pose.body), o ? o->friction : friction_of(body[b].pose.body));
         if (!o && gr_can_be_moved(body[b].pose.body)) c.restitution = fmin(c.restitution, rigid->restitution[b]);
         if (o) memcpy(c.velocity, o->velocity, sizeof c.velocity);
-        memcpy(c.arm_a, reverse ? ball->other : ball->own, sizeof c.arm_a);
-        memcpy(c.arm_b, reverse ? ball->own : ball->other, sizeof c.arm_b);
+        memcpy(c.arm_a, reverse ? ball->other : ball->owner, sizeof c.arm_a);
+        memcpy(c.arm_b, reverse ? ball->owner : ball->other, sizeof c.arm_b);
         for (int d = 0; d < 3; d++) c.n[d] = reverse ? -ball->n[d] : ball->n[d];
         c.mobility = gr_rigid_mobility(&c, body, c.n);
         if (c.mobility > 0) rigid->contact[rigid->n++] = c;

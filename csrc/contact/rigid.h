@@ -1,11 +1,11 @@
 /* Contact of bodies that move freely with walls, blocks and other bodies.
  *
  * Each body has balls, in its own coordinates, of which the union represents its surface: one for a ball or a disc, else
- * places of its surface with the radius 0. A ball of one body with the centre x and the radius r touches another one by
- * the gap phi(x) - r, with the signed distance phi of the other. Walls and blocks are boxes along the axes.
+ * points of its surface with the radius 0. A ball of one body with the centre x and the radius r touches another one by the
+ * gap phi(x) - r, with the signed distance phi of the other. Walls and blocks are boxes along the axes.
  *
- * The impulses at all contacts of a step are found together with those at the contact points of the material (contact.c),
- * by sweeps of projected Gauss-Seidel, so that the relative velocity u after the step fulfils
+ * The impulses at all contacts of a step are computed together with those at the contact points of the material
+ * (contact.c), by sweeps of projected Gauss-Seidel, so that the relative velocity u after the step fulfils
  *
  *   J_n >= 0,  u_n >= -gap/dt,  J_n (u_n + gap/dt) = 0,  |J_t| <= mu J_n, against u_t.
  *
@@ -40,7 +40,7 @@ struct gr_obstacle {
 struct gr_rigid_contact {
     int a, b, closing;         /* closing: takes part in the present sweeps */
     double n[3];               /* direction in which a is pushed */
-    double arm_a[3], arm_b[3]; /* from the positions of both to the place of contact, m */
+    double arm_a[3], arm_b[3]; /* from the positions of both to the contact, m */
     double velocity[3];        /* of an obstacle, m/s */
     double gap;                /* m, negative if they overlap */
     double friction, restitution;
@@ -49,10 +49,10 @@ struct gr_rigid_contact {
     double impulse[3], pressing; /* on a, N s; its part along n */
 };
 
-/* A ball near another surface: what is the same for any owner. */
+/* A ball near another surface: the part that is the same for any owner. */
 struct gr_near_ball {
-    double own[3], other[3]; /* arms of the place of contact from the positions of its owner and of the other, m */
-    double n[3], gap;        /* outward normal of the other */
+    double owner[3], other[3]; /* arms of the contact from the positions of its owner and of the other, m */
+    double n[3], gap;          /* outward normal of the other */
 };
 
 /* A box as a body meets it. */
@@ -75,7 +75,7 @@ struct gr_rigid {
     int64_t n, capacity;
 };
 
-/* What a caller describes: balls (first_ball[n_bodies], 4), obstacles, and the restitution of each body. */
+/* Description by the caller: balls (first_ball[n_bodies], 4), obstacles, and the restitution of each body. */
 struct gr_rigid_config {
     int n_obstacles;
     const struct gr_obstacle *obstacle;
@@ -83,7 +83,7 @@ struct gr_rigid_config {
     const int64_t *first_ball;
 };
 
-/* Let the free bodies of an engine, which are where they are at the start, touch what is solid; all is copied.
+/* Let the free bodies of an engine, which are at their initial positions, touch solids; all is copied.
  * Returned: 0 or GR_ERR_MEMORY. */
 int gr_rigid_new(struct gr_engine *e, const struct gr_rigid_config *config);
 void gr_rigid_free(struct gr_rigid *rigid);

@@ -178,11 +178,11 @@ struct gr_node_cells *gr_axis_cells_of_nodes(const struct gr_axis *axis, int bas
     struct gr_node_cells *of = calloc((size_t)axis->n_nodes, sizeof *of);
     for (int32_t c = 0; of && c < axis->n_cells; c++)
         for (int a = 0; a < gr_basis_nodes_1d(basis); a++) {
-            struct gr_node_cells *own = &of[axis->cell[c].node[a]];
+            struct gr_node_cells *cells = &of[axis->cell[c].node[a]];
             const double integral = axis->cell[c].integral[a];
-            if (integral == 0) continue; /* ugimp: a node beyond an end, in the place of which is the last one */
-            own->cell[own->count] = c;
-            own->integral[own->count++] = integral;
+            if (integral == 0) continue; /* ugimp: a node beyond an end, for which the last one stands */
+            cells->cell[cells->count] = c;
+            cells->integral[cells->count++] = integral;
         }
     return of;
 }

@@ -12,9 +12,9 @@
     X(GR_ERR_CONFIG, VALUE, "the configuration is not valid")                                  \
     X(GR_ERR_LIMIT, VALUE, "the time step is too long for the diffusion of the fluidity")      \
     X(GR_ERR_DIVERGED, SIMULATION, "the conjugate gradients of the fluidity did not converge") \
-    X(GR_ERR_LAW, SIMULATION, "the function of a law of one's own failed")                     \
+    X(GR_ERR_LAW, SIMULATION, "the function of a user-defined law failed")                     \
     X(GR_ERR_REPEATED, INTERNAL,                                                               \
-      "the function of a law of one's own was interrupted; it was called again, and the state is sound")
+      "the function of a user-defined law was interrupted; it was called again, and the state is valid")
 
 #define GR_X(code, exception, message) code,
 enum gr_error { GR_ERRORS(GR_X) GR_ERROR_COUNT };

@@ -43,7 +43,7 @@ enum gr_need {
     X(plastic_strain, GR_SCALAR, GR_HARDENING, "1", "norm of the plastic strain, summed over the steps")              \
     X(separated, GR_SCALAR, GR_COHESIVE, "1", "1 where cohesive material came apart and has not touched since")       \
     X(material, GR_SCALAR, GR_SEVERAL, "1", "number of the material in `scene.materials`")                            \
-    X(history, GR_FOUR, GR_REMEMBERS, "1", "variables of a law of one's own, in the order of its `history`")          \
+    X(history, GR_FOUR, GR_REMEMBERS, "1", "variables of a user-defined law, in the order of its `history`")          \
     X(viscous_stress, GR_STRESS, GR_ELASTIC, "Pa", "viscous stress of elastic deformation, added to `stress`")
 
 #define GR_X(name, kind, need, unit, doc) GR_FIELD_##name,

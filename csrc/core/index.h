@@ -1,5 +1,5 @@
-/* From numbers to indices. A cast of what is not finite, or too large for the type, is undefined: wherever a number becomes
- * an index it is by this function, or behind a comparison with both ends of the range, which is false for NaN. */
+/* From numbers to indices. A cast of a number that is not finite, or too large for the type, is undefined. Numbers become
+ * indices only by this function, or behind a comparison with both ends of the range, which is false for NaN. */
 #pragma once
 
 #include <stdint.h>

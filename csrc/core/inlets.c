@@ -72,7 +72,7 @@ void gr_inlets_free(struct gr_inlets *inlets)
 int64_t gr_inlet_most(const struct gr_inlet *inlet, double seconds)
 {
     const int64_t waiting = inlet->yields ? inlet->n_sites : 0;
-    /* Those of as many intervals and one more; and another one, for the rounding of times. */
+    /* The points of as many intervals and one more; and another one, for the rounding of times. */
     return gr_index(seconds / interval(inlet), 0, MOST_AT_ONCE) + 2 + waiting;
 }
 
@@ -86,8 +86,7 @@ double gr_inlets_speed(const struct gr_inlets *inlets)
     return largest;
 }
 
-/* Let the point of a site enter.
- * Returned: 0 if its place is taken. */
+/* Let the point of a site enter. Returned: 0 if its position is occupied. */
 static int enter_at(struct gr_inlet *inlet, int64_t site, double since, double distance, gr_enter *enter, void *engine)
 {
     if (!enter(engine, inlet, site, since, distance)) return 0;

@@ -1,4 +1,4 @@
-/* Inlets: places where material enters a running simulation, of either method.
+/* Inlets: rows of sites where material enters a running simulation, of either method.
  *
  * An inlet is a row of n sites across the stream. The material that enters is a seeding lattice with the spacing h along the
  * axis of the inlet, which moves with the velocity V; point j of it, j = 0, 1, ..., belongs to site j mod n and enters at
@@ -9,9 +9,9 @@
  * point, and the points of a column keep the distance h whatever the time step. What enters, and in which step, depends
  * on the time alone.
  *
- * Where points are not to be pushed into others, a point whose place is taken waits, at most one at each site: it enters in
- * the first step in which no other point of its column is nearer than h (or a little less, if it is in time). A point that
- * is due while one waits is missed. */
+ * Where points are not to be pushed into others, a point whose position is occupied waits, at most one at each site: it
+ * enters in the first step in which no other point of its column is nearer than h (or a little less, if it is in time). A
+ * point that is due while one waits is missed. */
 #pragma once
 
 #include <stdint.h>
@@ -20,10 +20,10 @@
 
 struct gr_inlet {
     int64_t n_sites;
-    int axis, yields;                        /* whether points wait for a free place */
+    int axis, yields;                        /* whether points wait for a free position */
     double velocity[3], spacing, begin, end; /* m/s, m, s */
     double *record;                          /* n_sites x n_components: the points that enter */
-    int64_t due, missed;                     /* points that were due; those of them that found another one waiting */
+    int64_t due, missed;                     /* points that were due; those that were due while another one was waiting */
     int64_t *entered, *waits;                /* per site: points that have entered; whether one waits */
 };
 
@@ -33,10 +33,10 @@ struct gr_inlets {
     struct gr_inlet *inlet;
 };
 
-/* True if the numbers of an inlet are those of one, and its records are finite. */
+/* True if the numbers of an inlet are valid, and its records are finite. */
 int gr_inlet_is_valid(const struct gr_inlet *inlet, int dim, int n_components);
 
-/* Add an inlet to those of an engine, NULL for none. The records are copied.
+/* Add an inlet to the inlets of an engine, NULL for none. The records are copied.
  * Returned: 0 or GR_ERR_MEMORY. */
 int gr_inlets_add(struct gr_inlets **inlets, const struct gr_inlet *inlet, int n_components);
 void gr_inlets_free(struct gr_inlets *inlets);
@@ -48,8 +48,7 @@ int64_t gr_inlet_most(const struct gr_inlet *inlet, double seconds);
 double gr_inlets_speed(const struct gr_inlets *inlets);
 
 /* Put the point of a site into an engine, `since` after it was at the site, if others of its column are farther than
- * `distance` spacings.
- * Returned: 0 if its place is taken. */
+ * `distance` spacings. Returned: 0 if its position is occupied. */
 typedef int gr_enter(void *engine, struct gr_inlet *inlet, int64_t site, double since, double distance);
 
 /* Let the points enter that are due at a time, with `enter` giving each the number next_id and counting that up. No more

@@ -36,7 +36,7 @@ static inline uint8_t gr_map_get(const struct gr_map *m, const int32_t at[3])
     return m->value ? m->value[gr_map_place(m, at)] : 0;
 }
 
-/* Replace what a caller lends by copies.
+/* Replace the arrays of a caller by copies.
  * Returned: 0 or GR_ERR_MEMORY. */
 static inline int gr_map_own(struct gr_map *m)
 {

@@ -1,4 +1,4 @@
-/* Arrays that grow, and copies of what a caller lends. */
+/* Arrays that grow, and copies of the arrays of a caller. */
 #pragma once
 
 #include <stdlib.h>

@@ -2,8 +2,8 @@
 #pragma once
 
 /* The values at time t: linear between the given times, constant before the first and after the last.
- * Given: n times in ascending order, each `time_stride` numbers after the last, and the `components` values of each,
- * which begin `stride` numbers after those of the last. */
+ * Given: n times in ascending order, each `time_stride` numbers after the last, and the `components` values of each, which
+ * begin `stride` numbers after the last. */
 static inline void gr_piecewise(int components, int n, const double *times, int time_stride, const double *values,
                                 int stride, double t, double *out)
 {

@@ -1,8 +1,8 @@
 /* Vectors of GR_W doubles (SIMD lanes), with one definition for each instruction set.
  *
- * `vd` has the ordinary operators + - * /; the functions below add what C has no operator for. `vm` is a lane mask. The
- * width GR_W depends on how a kernel is compiled, never on the data: rows of points always have
- * GR_LANES places, which shorter vectors take in parts.
+ * `vd` has the ordinary operators + - * /; the functions below are operations without an operator in C. `vm` is a lane mask.
+ * The width GR_W depends on how a kernel is compiled, never on the data: rows of points always have GR_LANES slots, which
+ * shorter vectors take in parts.
  *
  * With GR_SINGLE kernels compute in single precision (simd_single.h): `vd` are floats then, `gr_real` is the type of what
  * kernels keep for themselves, and `vx`, of positions, are doubles in any case. */
@@ -13,8 +13,8 @@
 
 #define GR_INLINE static inline __attribute__((always_inline))
 
-/* Put before a loop over components, axes or the nodes of a cell (27 at most), so that all are known when it is compiled
- * and what it works on stays in registers. */
+/* Put before a loop over components, axes or the nodes of a cell (27 at most), so that all are known at compile time and
+ * the operands stay in registers. */
 #define GR_UNROLLED _Pragma("GCC unroll 27")
 
 #define GR_LANES 8 /* cells of a tile; rows of points are this long in all instruction sets */
@@ -106,7 +106,7 @@ static inline vm x_ge(vx a, vx b) { return v_ge(a, b); }
 
 #endif
 
-/* Masks of positions. Where one vector of the others takes two of positions, they are those of both halves. */
+/* Masks of positions. Where one vector of the others takes two of positions, these are the masks of both halves. */
 #ifndef GR_MASK_OF_HALVES
 typedef vm xm;
 static inline xm x_within(vx a, vx begin, vx end) { return m_and(x_ge(a, begin), x_gt(end, a)); }

@@ -91,7 +91,7 @@ GR_SHARED(fill_blocks, struct fill, f->n, f)
     }
 }
 
-/* The number of an item of a table that is emptied is that of its block, less one. */
+/* The number of an item of a table that is emptied is the number of its block, less one. */
 GR_SHARED(forget_blocks, struct fill, f->t->n_blocks - 1, f)
 {
     (void)chunk;
@@ -101,7 +101,7 @@ GR_SHARED(forget_blocks, struct fill, f->t->n_blocks - 1, f)
 int gr_table_fill(struct gr_table *t, const int64_t *index, int64_t n, struct gr_team *team, int64_t chunks)
 {
     struct fill f = {.t = t, .team = team, .index = index, .n = n, .chunks = chunks};
-    int64_t blocks = 1; /* that of the zeros */
+    int64_t blocks = 1; /* the block of zeros */
     int error = GR_ERR_MEMORY;
     forget_blocks(&f);
     t->n_blocks = 1;

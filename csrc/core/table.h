@@ -25,7 +25,7 @@ int gr_table_set(struct gr_table *t, int64_t i, int32_t value);
  * Returned: 0, or GR_ERR_MEMORY, and all entries are 0. */
 int gr_table_fill(struct gr_table *t, const int64_t *index, int64_t n, struct gr_team *team, int64_t chunks);
 
-/* Set all entries to zero. The memory of the blocks is kept, so that setting entries where some were set before cannot
+/* Set all entries to zero. The memory of the blocks is retained, so that setting entries where some were set before cannot
  * fail. */
 void gr_table_clear(struct gr_table *t);
 void gr_table_free(struct gr_table *t);

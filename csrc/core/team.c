@@ -7,16 +7,16 @@
 
 #define CACHE_LINE 64
 
-/* The chunks of a stage that one thread takes first, so that in each stage it works on much the same part of memory.
- * When it has none left it takes those of others. */
+/* The chunks of a stage that one thread takes first, so that in each stage it works on much the same part of memory. When
+ * it has none left it takes chunks of others. */
 struct share {
     _Alignas(CACHE_LINE) _Atomic uint64_t ticket; /* number of the stage, upper half; chunks not taken, lower half */
 };
 
 struct gr_team {
     int threads;
-    /* The stage. Written when no chunk of the last one is left to take; what a thread reads is of the stage of a ticket
-     * if the ticket has not changed meanwhile. */
+    /* The stage. Written when no chunk of the last one is left to take; a thread has read the stage of a ticket if the
+     * ticket has not changed meanwhile. */
     _Atomic(gr_chunk_work *) work;
     _Atomic(void *) context;
     _Atomic int64_t n_chunks;
@@ -52,7 +52,8 @@ static inline void pause_briefly(void)
 }
 
 /* Spin until a condition holds, but not for long: somebody else may need the processor. The numbers of turns are estimates,
- * to cover the work between two stages that the leader does alone, and that of the program between two calls of the core. */
+ * to cover the work between two stages that the leader does alone, and the work of the program between two calls of the
+ * core. */
 enum { TO_NEXT_STAGE = 2000, TO_NEXT_TEAM = 20000 };
 #define SPIN_UNTIL(condition, turns)                                       \
     do {                                                                   \
@@ -96,10 +97,10 @@ static void call_helpers(struct gr_team *team)
     pthread_mutex_unlock(&team->mutex);
 }
 
-/* Sleep until the stage that began at `start` is done. What remains are chunks that others have taken, each a part of
- * what the leader did meanwhile: if they take longer than that, the operating system has put their thread aside for
- * another program. Then the leader works alone for RETREAT times as long, so that beside other programs a team loses at
- * most 1/RETREAT of the time of one thread. */
+/* Sleep until the stage that began at `start` is done. The remaining chunks are being done by others, each a part of the
+ * work of the leader meanwhile: if they take longer than that, the operating system has put their thread aside for another
+ * program. Then the leader works alone for RETREAT times as long, so that next to other programs a team loses at most
+ * 1/RETREAT of the time of one thread. */
 static void wait_for_others(struct gr_team *team, int64_t start)
 {
     enum { RETREAT = 10 };
@@ -240,7 +241,7 @@ static struct helper *call_together(struct gr_team *team, int threads)
         helper->t = team->threads++;
     }
     atomic_store(&team->present, team->threads - 1);
-    for (helper = called; helper; helper = helper->next) { /* what a helper reads of the team does not change any more */
+    for (helper = called; helper; helper = helper->next) { /* a helper reads members that do not change any more */
         atomic_store(&helper->team, team);
         pthread_cond_signal(&helper->called);
     }

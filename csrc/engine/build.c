@@ -40,7 +40,7 @@ static void prepare_materials(struct gr_engine *e)
     }
 }
 
-/* Make the fluidity grid, whose cells are those of the MPM grid, with the kinds of their faces. */
+/* Make the fluidity grid, which has the cells of the MPM grid, with the kinds of their faces. */
 static int build_fluidity(struct gr_engine *e, const uint8_t *face)
 {
     enum { MAX_ITERATIONS = 10000 };
@@ -83,7 +83,7 @@ static int build_bodies(struct gr_engine *e, int64_t n_cells, int64_t n_nodes)
     return gr_contact_points_new(e) || (uses_volume && gr_open_volume_new(e, n_cells, n_nodes)) ? GR_ERR_MEMORY : GR_OK;
 }
 
-/* The axes of the grid, and the tables of the active cells and nodes. The lines of the config are those of the caller. */
+/* The axes of the grid, and the tables of the active cells and nodes. The lines of the config belong to the caller. */
 static int build_grid(struct gr_engine *e, const struct gr_config *config, int64_t *n_cells, int64_t *n_nodes)
 {
     const int k = gr_basis_nodes_1d(config->basis);
@@ -120,7 +120,7 @@ static int build_layout(struct gr_engine *e)
     return e->points.column ? GR_OK : GR_ERR_MEMORY;
 }
 
-/* Set what is not zero at the start. */
+/* Set all that is not zero at the start. */
 static void start(struct gr_engine *e)
 {
     e->clock.dt = e->config.dt;
@@ -186,7 +186,7 @@ void gr_engine_free(struct gr_engine *e)
                            e->nonlocal.substep_gain,
                            e->mesh.tile_state,
                            e->mesh.tile_in_row,
-                           e->mesh.beside,
+                           e->mesh.neighbour,
                            e->nodes.data,
                            e->nodes.single,
                            e->nodes.mass,

@@ -3,7 +3,7 @@
 
 #include "mpm/engine.h"
 
-/* The config is copied, together with what it points to. Returned: 0, GR_ERR_CONFIG or GR_ERR_MEMORY. */
+/* The config is copied, together with the arrays it points to. Returned: 0, GR_ERR_CONFIG or GR_ERR_MEMORY. */
 int gr_engine_new(struct gr_engine **out, const struct gr_config *config);
 void gr_engine_free(struct gr_engine *e);
 

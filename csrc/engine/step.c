@@ -21,7 +21,7 @@
 
 enum { DT_INTERVAL = GR_SLEEP_INTERVAL }; /* steps between two updates of the largest speed */
 
-/* Let material that has been slow fall asleep, and sum over what is left of it. */
+/* Let material that has been slow fall asleep, and sum over the rest. */
 static void look_for_calm(struct gr_run *run)
 {
     struct gr_engine *e = run->e;
@@ -44,7 +44,7 @@ static int load_changes(const struct gr_run *run, double next)
 }
 
 /* Share of the deviations within a cell that a diffusion leaves. The longest wave between smooth ends of a cell decays as
- * exp(-(pi A d/dx)^2 t/t0): where A d is far below a cell each point keeps its own fluidity, as with the local law. */
+ * exp(-(pi A d/dx)^2 t/t0): where A d is far below a cell each point has a fluidity of its own, as with the local law. */
 static double deviation_left(const struct gr_engine *e)
 {
     const double k = M_PI / e->config.dx;
@@ -73,7 +73,7 @@ static int prepare(struct gr_run *run)
     }
     const double next = e->clock.time_anchor + (double)(e->clock.step + 1 - e->clock.step_anchor) * e->clock.dt;
     /* Shear rates are recorded in the last step, where they are seen, in the step before an averaging or a damping of
-     * flutter, which use them, and in that of a tally. The viscous stress needs them in all. */
+     * flutter, which use them, and in the step of a tally. The viscous stress needs them in all. */
     e->record_rates = run->left == 0 || next >= run->until || gr_averages(e, e->clock.step + 1) ||
                       gr_damps_flutter(e, e->clock.step + 1) || (e->clock.step + 1) % GR_TALLY_INTERVAL == 0 ||
                       (config->cell_averaged && config->largest.damping_rate > 0) || gr_has_viscous_stress(config) ||
@@ -125,7 +125,7 @@ static int ready(struct gr_engine *e, struct gr_team *team)
     return e->points.n && e->mesh.n_cells && !e->migration.n_pending && !e->disconnected ? GR_OK : gr_regroup(e, team);
 }
 
-/* Tell of a call of a law of the user's own that has failed; all points are there, but those of the call have no stress. */
+/* Report a call of a user-defined law that has failed; all points are there, but those of the call have no stress. */
 static void check_laws(struct gr_engine *e)
 {
     if (!e->failure.own_calls.failed || (e->failure.code && e->failure.code != GR_ERR_CAPACITY)) return;
@@ -177,8 +177,8 @@ int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t ma
 {
     struct gr_run run = run_of(e, kernels);
     run.left = max_steps, run.until = until;
-    const int asked = e->points.n ? threads : 1;
-    e->refused_threads = asked - gr_team_lead(asked, make_steps, &run);
+    const int wanted = e->points.n ? threads : 1;
+    e->refused_threads = wanted - gr_team_lead(wanted, make_steps, &run);
     if (e->failure.code || !e->failure.own_calls.repeated) return e->failure.code;
     e->failure.own_calls.repeated = 0;
     return GR_ERR_REPEATED;

@@ -30,7 +30,7 @@ static double length_of(const int8_t o[3]) { return sqrt((double)(o[0] * o[0] + 
 void gr_fluidity_set_distance(struct gr_fluidity *f, int64_t i, double phi, double of_points)
 {
     const int border = phi < (0.5 - ROUND_OFF) * f->dx;
-    f->inside[i] = (uint8_t)((f->inside[i] & ~(GR_BORDER | GR_BESIDE_BORDER)) | (border ? GR_BORDER : 0));
+    f->inside[i] = (uint8_t)((f->inside[i] & ~(GR_BORDER | GR_LINKED_TO_BORDER)) | (border ? GR_BORDER : 0));
     f->distance[i] = fmax(border ? of_points : phi, 0) / f->dx;
     for (int k = 0; k < 2 * f->n_links; k++) f->drop[k][i] = 0;
 }
@@ -40,7 +40,7 @@ void gr_fluidity_set_link(struct gr_fluidity *f, int64_t i, int k, double phi)
     const double here = f->distance[i] * f->dx;
     if ((f->inside[i] & GR_BORDER) || !(phi < (0.5 - ROUND_OFF) * f->dx)) return;
     f->drop[k][i] = fmin((here - phi) / here, 2 * length_of(f->offset[k / 2]));
-    f->inside[i] |= GR_BESIDE_BORDER;
+    f->inside[i] |= GR_LINKED_TO_BORDER;
 }
 
 /* The place of the dense cell at an offset from the one at place i, if it has a value of its own, on the same side of a thin

@@ -20,7 +20,7 @@ struct diffusion {
     struct gr_team *team;
     const struct passes *passes;
     double k, dt;
-    double *g, *work[3]; /* those of f, swapped */
+    double *g, *work[3]; /* the arrays of f, swapped */
     int64_t iterations;
     /* arguments of a pass */
     double *in, *out, *other, scale;
@@ -86,7 +86,7 @@ static void drop_at_borders(const int links, struct gr_fluidity *f, int64_t chun
 {
     for (int64_t i = f->pages.chunk_first[chunk] * GR_PAGE; i < f->pages.chunk_first[chunk + 1] * GR_PAGE; i++) {
         if (f->inside[i] & GR_BORDER) f->space.rough[i] = 0;
-        if (!(f->inside[i] & GR_BESIDE_BORDER)) continue;
+        if (!(f->inside[i] & GR_LINKED_TO_BORDER)) continue;
         for (int k = 0; k < 2 * links; k++) f->space.rough[i] += f->drop[k][i];
     }
 }
@@ -130,8 +130,8 @@ static inline vd outflow(const int links, const struct gr_fluidity *f, int64_t i
     return sum;
 }
 
-/* Add the links of f->pages.wrap that belong to a chunk: out[i] += scale (L g)_i.
- * Returned: the sum of g_i times what was added. */
+/* Add the links of f->pages.wrap that belong to a chunk: out[i] += scale (L g)_i. Returned: the sum of g_i times the terms
+ * added. */
 static double add_wraps(const struct gr_fluidity *f, int64_t chunk, double scale, const double *g, double *out)
 {
     double product = 0;
@@ -144,7 +144,7 @@ static double add_wraps(const struct gr_fluidity *f, int64_t chunk, double scale
     return product;
 }
 
-/* Replace g by max(g, 0) in a chunk and count the changes. NaN is kept. */
+/* Replace g by max(g, 0) in a chunk and count the changes. NaN remains. */
 static void clamp(const struct gr_fluidity *f, int64_t chunk, double *g)
 {
     int64_t n = 0;
@@ -180,7 +180,8 @@ static inline void explicit_chunk(const int links, const struct diffusion *w, in
     clamp(w->f, c, w->out);
 }
 
-/* r = p = -k L g, the residual of g itself. Its squared norm goes to partial[1], that of g to partial[2]. */
+/* r = p = -k L g, the residual of g itself. Its squared norm goes to partial[1], and the squared norm of g to
+ * partial[2]. */
 static inline void first_residual_chunk(const int links, const struct diffusion *w, int64_t c)
 {
     const struct gr_fluidity *f = w->f;
@@ -253,7 +254,7 @@ static void clamp_out(void *context, int64_t c, int t)
 /* The coefficients b_j of RKL2: b_j = (j^2 + j - 2)/(2 j (j + 1)), and 1/3 for j < 2. */
 static double legendre(int j) { return j < 2 ? 1.0 / 3.0 : (j * j + j - 2.0) / (2.0 * j * (j + 1.0)); }
 
-/* First stage, Y_1 = Y_0 + mu~_1 dt M Y_0 with dt M = -k L and mu~_1 = legendre(1) scale, to `in`. L Y_0 is kept in
+/* First stage, Y_1 = Y_0 + mu~_1 dt M Y_0 with dt M = -k L and mu~_1 = legendre(1) scale, to `in`. L Y_0 is stored in
  * work[2], and Y_0 takes the place of Y_j-2 for j = 2. */
 static inline void first_stage_chunk(const int links, const struct diffusion *w, int64_t c)
 {

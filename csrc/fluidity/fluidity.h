@@ -1,9 +1,8 @@
 /* The granular fluidity on a grid: the diffusion t0 g' = A^2 d^2 lap g over the cells of dense material.
  *
- * The fluidity grid consists of the cells of the MPM grid, x fastest. A cell exchanges with the next one across a face
- * if both are dense and nothing separates them. At an open face, or where the next cell is not dense, nothing is
- * exchanged (dg/dn = 0). At a rough face, that of a no-slip wall, g = 0 on the face itself, as if the value behind it
- * were -g:
+ * The fluidity grid consists of the cells of the MPM grid, x fastest. A cell exchanges with the next one across a face if
+ * both are dense and nothing separates them. At an open face, or where the next cell is not dense, nothing is exchanged
+ * (dg/dn = 0). At a rough face (a no-slip wall), g = 0 on the face itself, as if the value behind it were -g:
  *
  *     (lap g)_i = 1/dx^2 [ sum over linked neighbours (g_j - g_i) - 2 g_i (number of rough faces) ],
  *
@@ -71,8 +70,8 @@ enum gr_side { GR_SIDE_CLOSED, GR_SIDE_LINKED, GR_SIDE_ROUGH };
 
 /* Position of a cell relative to the bodies, as bits. A *separated* copy holds the fluidity of one side of a thin body,
  * the back if BEHIND is set. Any other cell has one value: BEHIND then tells on which side its centre is, and its copy
- * for the back is HIDDEN. BORDER: at a rough surface, see border.c; BESIDE_BORDER: linked to such a cell. */
-enum gr_inside { GR_BORDER = 1, GR_BEHIND = 2, GR_SEPARATED = 4, GR_HIDDEN = 8, GR_BESIDE_BORDER = 16 };
+ * for the back is HIDDEN. BORDER: at a rough surface, see border.c; LINKED_TO_BORDER: linked to such a cell. */
+enum gr_inside { GR_BORDER = 1, GR_BEHIND = 2, GR_SEPARATED = 4, GR_HIDDEN = 8, GR_LINKED_TO_BORDER = 16 };
 
 /* Kind of the face between two cells, from their gr_inside bits: rough to a border cell. A separated copy exchanges only
  * with its own side, so that every cell has at most one partner behind a face. */
@@ -106,7 +105,7 @@ struct gr_pages {
     int64_t *chunk_first;             /* n_chunks + 1: first page of each chunk */
     int32_t *near;                    /* per page, link and side (low, high): place of the neighbour of its first cell */
     uint8_t *link[2 * GR_MOST_LINKS]; /* stencil of faces: 1 where a cell is linked to the one at that place */
-    int32_t *beside;                  /* isotropic: per place, link and side, the place of that neighbour; -1 where it
+    int32_t *neighbour;               /* isotropic: per place, link and side, the place of that neighbour; -1 where it
                                          cannot be reached */
     int32_t *other;                   /* isotropic: per place, the place of the other copy, -1 without one */
     double *rough_walls;              /* 2 (number of rough faces) */
@@ -120,7 +119,7 @@ struct gr_diffusion_space {
     double *vector[3];
     double *partial[3]; /* parts of the sums, per chunk */
     int64_t *partial_clamped;
-    void *doubles, *bytes; /* what all arrays over places lie in */
+    void *doubles, *bytes; /* memory of all arrays over places */
     int64_t *integers;
     int32_t *places;
 };
@@ -139,8 +138,8 @@ struct gr_fluidity {
     uint8_t *dense;  /* 1 or 0 */
     int has_inside;  /* 1 if `inside` is used */
     uint8_t *inside; /* enum gr_inside */
-    /* with rough bodies only (border.c): distance of the centre from the surface, of a border cell that of its points, in
-     * cells, >= 0; and per link and side (phi_i - phi_j)/phi_i to a border cell, else 0 */
+    /* with rough bodies only (border.c): distance of the centre from the surface, of a border cell the distance of its
+     * points, in cells, >= 0; and per link and side (phi_i - phi_j)/phi_i to a border cell, else 0 */
     double *distance, *drop[2 * GR_MOST_LINKS];
     double *g;           /* 1/s; zero where not dense. A step swaps this pointer: read it again afterwards. */
     double *gain, *mean; /* for use by the caller */
@@ -197,8 +196,8 @@ int64_t gr_fluidity_find(const struct gr_fluidity *f, int64_t cell, int back);
  * lead there are linked, else -1. */
 int64_t gr_fluidity_reach(const struct gr_fluidity *f, int64_t cell, const int offset[3]);
 
-/* border.c: give the distance of the centre of a cell from the surfaces of rough bodies, negative in a body, m, and that of
- * the middle of its points, which is used for a border cell. All its links then lead to no border cell. */
+/* border.c: give the distance of the centre of a cell from the surfaces of rough bodies, negative in a body, m, and the
+ * distance of the middle of its points, which is used for a border cell. All its links then lead to no border cell. */
 void gr_fluidity_set_distance(struct gr_fluidity *f, int64_t i, double phi, double of_points);
 
 /* border.c: then give the distance phi of the centre of the neighbour at link and side k = 2 link + side, which must be
@@ -211,7 +210,7 @@ void gr_fluidity_extrapolate(const struct gr_fluidity *f, int64_t chunk, double 
 /* (phi_i - phi_j)/phi_i if link and side k of a cell lead to a border cell, else 0. */
 static inline double gr_fluidity_drop(const struct gr_fluidity *f, int64_t i, int k)
 {
-    return f->inside[i] & GR_BESIDE_BORDER ? f->drop[k][i] : 0;
+    return f->inside[i] & GR_LINKED_TO_BORDER ? f->drop[k][i] : 0;
 }
 
 /* links.c: half an upper bound of the eigenvalues of L for the isotropic stencil. */

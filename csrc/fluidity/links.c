@@ -44,7 +44,7 @@ enum kind { OPEN, EVEN, ODD };
  * `cut` receives the kind of the face (enum gr_side). */
 static int64_t partner(const struct gr_fluidity *f, int64_t i, int k, int *cut)
 {
-    int32_t j = f->pages.beside[2 * f->n_links * i + k];
+    int32_t j = f->pages.neighbour[2 * f->n_links * i + k];
     *cut = GR_SIDE_LINKED;
     for (int copy = 0; j >= 0 && copy < 2; copy++, j = f->pages.other[j]) {
         *cut = gr_cut_of(f->inside[i], f->inside[j]);

@@ -2,7 +2,7 @@
 #include "core/memory.h"
 #include "fluidity/fluidity.h"
 
-/* Number of possible pages: those of the box, and those of copies for the back. */
+/* Number of possible pages: of the box, and of copies for the back. */
 static int64_t all_pages(const struct gr_fluidity *f) { return f->two_sided ? 2 * f->box_pages : f->box_pages; }
 
 int64_t gr_fluidity_find(const struct gr_fluidity *f, int64_t cell, int back)
@@ -115,7 +115,8 @@ static void forget(struct gr_fluidity *f)
 static int reserve(struct gr_fluidity *f, int64_t n)
 {
     const int sides = 2 * f->n_links, isotropic = f->stencil == GR_STENCIL_isotropic;
-    const int own = 8 + sides, n_vectors = own + (f->rough_bodies ? 1 + sides : 0), n_maps = isotropic ? 2 : 2 + sides;
+    const int n_always = 8 + sides, n_vectors = n_always + (f->rough_bodies ? 1 + sides : 0),
+              n_maps = isotropic ? 2 : 2 + sides;
     if (n > f->pages.capacity || !f->space.doubles) {
         free(f->space.doubles), free(f->space.bytes), free(f->space.integers), free(f->space.places);
         f->pages.capacity = n + n / 2 + 2; /* with the pages of zeros at both ends */
@@ -153,8 +154,8 @@ static int reserve(struct gr_fluidity *f, int64_t n)
     for (int k = 0; k < sides; k++) f->pages.link[k] = isotropic ? 0 : f->inside + (k + 1) * length;
     f->pages.number = f->space.integers, f->pages.chunk_first = f->pages.number + pages;
     f->pages.wrap_first = f->pages.chunk_first + pages, f->space.partial_clamped = f->pages.wrap_first + pages;
-    f->pages.near = f->space.places, f->pages.beside = isotropic ? f->pages.near + sides * pages : 0;
-    f->pages.other = isotropic ? f->pages.beside + sides * length : 0;
+    f->pages.near = f->space.places, f->pages.neighbour = isotropic ? f->pages.near + sides * pages : 0;
+    f->pages.other = isotropic ? f->pages.neighbour + sides * length : 0;
     return GR_OK;
 }
 
@@ -210,13 +211,13 @@ static int link_cell(struct gr_fluidity *f, int64_t q, int lane)
         const int sign = k % 2 ? 1 : -1, offset[3] = {sign * o[0], sign * o[1], sign * o[2]};
         const int64_t to = reach(f, cell, at, offset), j = gr_fluidity_find(f, to, back),
                       across = gr_fluidity_find(f, to, !back);
-        if (f->pages.beside) f->pages.beside[i * sides + k] = (int32_t)(j < 0 ? across : j);
+        if (f->pages.neighbour) f->pages.neighbour[i * sides + k] = (int32_t)(j < 0 ? across : j);
         if (k < 2 * f->dim && gr_fluidity_side(f, cell, k) == GR_SIDE_ROUGH) f->pages.rough_walls[i] += 2;
         if (across >= 0 && to != cell && add_wrap(f, i, across, k)) return GR_ERR_MEMORY;
         if (j < 0 || j == i) continue;
         if (j != f->pages.near[sides * q + k] + lane) {
             if (add_wrap(f, i, j, k)) return GR_ERR_MEMORY;
-        } else if (!f->pages.beside) {
+        } else if (!f->pages.neighbour) {
             f->pages.link[k][i] = 1;
         }
     }

@@ -93,7 +93,7 @@ struct gr_inverse_pressure {
 static inline struct gr_inverse_pressure gr_invert_pressure(const struct gr_fluidity_numbers *n, vd p)
 {
     p = v_max(v_set(GR_LEAST_PRESSURE), p);
-    /* One root uses the division unit, the other runs beside it. */
+    /* One root uses the division unit, the other runs in parallel. */
     const vd roots = v_sqrt(p + n->p_averaging) + v_sqrt(v_max(v_zero(), p - n->p_averaging));
     const vd inverse = v_set(1.0) / (p * roots);
     return (struct gr_inverse_pressure){inverse * roots, n->twice_sink * (p * inverse), p * n->inv_G_dt};

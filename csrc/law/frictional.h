@@ -54,8 +54,8 @@ GR_INLINE vm gr_bears_stress(const int cohesive, const struct gr_cohesion *n, vd
     return v_ge(zero, after);
 }
 
-/* Where the parameters of these laws stand: those that all have; those of mu(I); those of the regularised law. The
- * cohesion and the tensile strength come after those of Drucker-Prager, or of mu(I); the regularised law has none. */
+/* Indices of the parameters of these laws: common to all; of mu(I); of the regularised law. The cohesion and the tensile
+ * strength come after the parameters of Drucker-Prager, or of mu(I); the regularised law has none. */
 enum { P_K, P_G, P_MU_S, P_AFTER_DRUCKER_PRAGER };
 enum { P_MU_2 = P_AFTER_DRUCKER_PRAGER, P_XI, P_AFTER_MU_I };
 enum { P_I0 = P_AFTER_MU_I, P_MU_INF, P_ALPHA, P_I1 };

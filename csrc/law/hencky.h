@@ -180,7 +180,7 @@ GR_INLINE struct gr_hencky_point gr_hencky_update(const int dim, const int flow,
     return gr_hencky_flow(dim, flow, n, &trial, p, gr_hencky_is_connected(stress), reconnected, g_star, rate);
 }
 
-/* A step at the block of points from k on. The rows are those of hencky_points. */
+/* A step at the block of points from k on. The rows have the order of hencky_points. */
 GR_INLINE void hencky_block(const int dim, const int flow, const struct gr_hencky_numbers *n, double *const row[18],
                             int64_t k)
 {

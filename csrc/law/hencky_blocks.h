@@ -1,8 +1,8 @@
 /* The finite-strain law (hencky.h) for blocks of points of the engine. The engine stores the Cauchy stress, which is
  * e^c times the Kirchhoff stress, c = ln(rho/rho_c).
  *
- * Whatever the scheme, the pressure is that of the density. While the fluidity is not yet diffused, a nonlocal flow
- * rule is in its local phase: it uses the flow rule that it equals where the fluidity is uniform, with g = gdot/mu. */
+ * Whatever the scheme, the pressure follows from the density. While the fluidity is not yet diffused, a nonlocal flow rule
+ * is in its local phase: it uses the flow rule that it equals where the fluidity is uniform, with g = gdot/mu. */
 #pragma once
 
 #include "law/hencky.h"
@@ -70,7 +70,7 @@ GR_INLINE struct gr_hencky_point hencky_substep(const int dim, const int flow, c
                                                 const struct gr_law_call *call, const struct gr_hencky_block *block,
                                                 int64_t at, vd g_star, vd rate)
 {
-    const vd p = v_max(v_zero(), n->K * block->c); /* NaN is kept */
+    const vd p = v_max(v_zero(), n->K * block->c); /* NaN remains */
     const vd reconnected = n->reconnect_fluidity * v_set(call->fraction) * gr_stretch_norm(dim, block->L);
     const vm before = gr_hencky_is_connected(&block->stress);
     struct gr_stress turned = {{v_zero()}}, strained = turned;

@@ -59,15 +59,15 @@ int gr_law_index(const char *name);
         "tensile_strength", "Pa", "tension -p at which the material separates" \
     }
 
-/* Variables of the history of a point that a law of the user's own may keep, and numbers that it may have. */
+/* Variables of the history of a point that a user-defined law may have, and numbers that it may have. */
 enum { GR_HISTORY_COUNT = 4, GR_OWN_PARAMETERS = 32 };
 
-/* Update of n points by a law of the user's own, in arrays of n numbers, one component after the other.
+/* Update of n points by a user-defined law, in arrays of n numbers, one component after the other.
  * Given: dim, 2 or 3; dt, s; the parameters: K and G, Pa, then the user's; gradient (dim*dim), L dt, row-major;
  * log_density at the end of the step; in `stress` (4 or 6: xx, yy, zz, xy, yz, xz) the trial stress, Pa.
- * Updated: stress at the end of the step; history (GR_HISTORY_COUNT). Returned: shear_rate, 1/s, 0 before.
- * Spare slots are among the points: their numbers are finite, and what becomes of them does not matter.
- * Returned: done, 1 in the end, 0 before: what ends a function of Python earlier cannot pass through the core. */
+ * Updated: stress at the end of the step; history (GR_HISTORY_COUNT). Returned: shear_rate, 1/s, 0 before. Spare slots are
+ * among the points: their numbers are finite, and their results are not used. Returned: done, 1 in the end, 0 before: an
+ * exception that ends a function of Python earlier cannot pass through the core. */
 typedef void gr_own_update(int64_t n, int64_t dim, double dt, const double *parameters, const double *gradient,
                            const double *log_density, double *stress, double *shear_rate, double *history, int64_t *done);
 
@@ -78,10 +78,10 @@ struct gr_own_calls {
 
 /* One call of a law for `n_blocks` blocks of GR_W points.
  *
- * Given: slot[k], the first place of block k in the point arrays; gradient[k*dim*dim*GR_W...], the increment L dt of
- * the velocity gradient over a step, row-major components of GR_W lanes each; dt, s; log_density at the end of the
- * step, or with `begins` before it; the parameters in the order of the law; g_star[k], the fluidity of block k after
- * its diffusion, 1/s, NULL in the local phase of a nonlocal law.
+ * Given: slot[k], the first slot of block k in the point arrays; gradient[k*dim*dim*GR_W...], the increment L dt of the
+ * velocity gradient over a step, row-major components of GR_W lanes each; dt, s; log_density at the end of the step, or with
+ * `begins` before it; the parameters in the order of the law; g_star[k], the fluidity of block k after its diffusion, 1/s,
+ * NULL in the local phase of a nonlocal law.
  * Updated: stress[c], component arrays, Pa; shear_rate, 1/s, where the pointer is not NULL; plastic_strain, 1, of a law
  * with hardening, and `separated`, 0 or 1, of a cohesive law, where the pointer is not NULL: they count as 0 otherwise.
  * Returned: the fluidity g, 1/s, and gain = g - g_star, 1/s, where the pointers are not NULL. Nonlocal laws need both
@@ -104,7 +104,7 @@ struct gr_law_call {
     int begins;
     gr_real *stress[6];
     gr_real *shear_rate, *g, *gain, *plastic_strain, *separated;
-    gr_own_update *own; /* of a law of the user's own, with its numbers; `history` with `capacity` places per component */
+    gr_own_update *function; /* of a user-defined law, with its numbers; `history` with `capacity` slots per component */
     const double *own_parameter;
     struct gr_own_calls *own_calls;
     gr_real *history;
@@ -172,7 +172,7 @@ enum gr_hencky_flow { GR_HENCKY_FLOWS(GR_X) GR_HENCKY_FLOW_COUNT };
 
 extern const char *const gr_hencky_flow_names[GR_HENCKY_FLOW_COUNT];
 
-/* Parameters of the finite-strain law; those of the fluidity come last, in their order. */
+/* Parameters of the finite-strain law; the parameters of the fluidity come last, in their order. */
 #define GR_HENCKY_PARAMETERS(X)                                                                     \
     X(K, "Pa", "bulk modulus")                                                                      \
     X(reconnect_fluidity, "1",                                                                      \
@@ -188,8 +188,8 @@ extern const struct gr_parameter_info gr_hencky_parameter_table[GR_HENCKY_PARAME
 /* One update by the finite-strain law at n points, with arrays of n numbers; components in the order of the stress, or
  * row-major.
  * Given: dt, s; gradient[dim*dim], L dt; log_density at the end of the step.
- * Updated: stress[4|6], the Kirchhoff stress, Pa; g, the fluidity, 1/s, from its value after diffusion to that after
- * the step; shear_rate, the plastic one, 1/s, from that of the step before to that of this step. */
+ * Updated: stress[4|6], the Kirchhoff stress, Pa; g, the fluidity, 1/s, from its value after diffusion to its value after
+ * the step; shear_rate, the plastic one, 1/s, from the step before to this step. */
 struct gr_hencky_call {
     int64_t n;
     double dt;

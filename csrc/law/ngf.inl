@@ -10,7 +10,7 @@ GR_LAW(ngf)
 #include "law/frictional.h"
 #include "law/substep.h"
 
-/* Order of the parameters; those of the update at a point come last, all together. */
+/* Order of the parameters; the parameters of the update at a point come last, all together. */
 enum { NGF_K, NGF_A, NGF_POINT };
 
 GR_INLINE void local_phase(const int dim, const struct gr_law_call *call)
@@ -36,8 +36,8 @@ struct gr_ngf_numbers {
     struct gr_fluidity_numbers point;
 };
 
-/* The pressure that follows from the log-density c, or the given p; 0 where disconnected. NaN is kept: another substep
- * must not mistake it for disconnected. */
+/* The pressure that follows from the log-density c, or the given p; 0 where disconnected. NaN remains: another substep must
+ * not mistake it for disconnected. */
 GR_INLINE vd pressure_of(const struct gr_law_call *call, vd K, vd c, vd p)
 {
     if (call->pressure_from_density) p = K * c;
@@ -93,7 +93,7 @@ GR_INLINE void trial_block(const int dim, const int many, const struct gr_law_ca
     }
     block->inverse = gr_invert_pressure(&n->point, block->p);
     const vd m = v_sqrt(gr_tau_squared(dim, &t)) * block->inverse.p;
-    block->m = v_min(v_set(GR_LARGEST_FRICTION), m); /* NaN is kept */
+    block->m = v_min(v_set(GR_LARGEST_FRICTION), m); /* NaN remains */
     for (int i = 0; i < GR_STRESSES(dim); i++) v_store(call->stress[i] + at, t.s[i]);
 }
 

@@ -1,5 +1,5 @@
-/* A law of the user's own: a function that is called with arrays of points, after the elastic predictor (law.h,
- * gr_own_update). Without a function it is elastic. */
+/* A user-defined law: a function that is called with arrays of points, after the elastic predictor (law.h, gr_own_update).
+ * Without a function it is elastic. */
 #ifdef GR_LIST_LAWS
 GR_LAW(own)
 #else
@@ -32,16 +32,16 @@ GR_INLINE void gr_gather_own(const int dim, const struct gr_law_call *call, int6
 }
 
 /* Let the function update n blocks from block `first` on. If it is not done it is called once more, with the same data: an
- * exception of Python that has nothing to do with it, as that of a time limit, then changes no result. */
+ * exception of Python that has nothing to do with it, such as a time limit, then changes no result. */
 GR_INLINE void gr_update_own(const int dim, const struct gr_law_call *call, int64_t first, int64_t n,
                              struct gr_own_points *points)
 {
     for (int tries = 0; tries < 2; tries++) {
         int64_t done = 0;
         gr_gather_own(dim, call, first, n, points);
-        if (!call->own) return;
-        call->own(n * GR_W, dim, call->dt, call->own_parameter, points->gradient, points->c, points->stress, points->rate,
-                  points->history, &done);
+        if (!call->function) return;
+        call->function(n * GR_W, dim, call->dt, call->own_parameter, points->gradient, points->c, points->stress,
+                       points->rate, points->history, &done);
         if (done == 1) return;
         __atomic_store_n(tries ? &call->own_calls->failed : &call->own_calls->repeated, 1, __ATOMIC_RELAXED);
     }
@@ -65,5 +65,5 @@ GR_INLINE void law_own(const int dim, const struct gr_law_call *call)
     }
 }
 
-GR_DESCRIBE_LAW(own, .doc = "a law of the user's own, called with the trial stress", .parameter = {GR_ELASTIC_PARAMETERS})
+GR_DESCRIBE_LAW(own, .doc = "a user-defined law, called with the trial stress", .parameter = {GR_ELASTIC_PARAMETERS})
 #endif

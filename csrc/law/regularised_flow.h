@@ -48,8 +48,8 @@ static inline vd gr_fast_friction(const struct gr_regularised_numbers *n, vd m, 
     return v_fma(v_fma(n->k, x, n->mu_2), x, n->mu_s) / (v_set(1.0) + x);
 }
 
-/* Friction below x1 in the lanes of `wanted`, else undefined. A lane stops by itself: its result does not depend on
- * those beside it. */
+/* Friction below x1 in the lanes of `wanted`, else undefined. A lane stops by itself: its result does not depend on other
+ * lanes. */
 static inline vd gr_creep_friction(const struct gr_regularised_numbers *n, vd m, vd B, vm wanted)
 {
     vd mu = v_min(n->mu_1, m);

@@ -1,18 +1,18 @@
 /* Exponentials and logarithms of 3 x 3 matrices in SIMD lanes, without eigenvectors, for finite elastic strains.
  *
- * By the theorem of Cayley and Hamilton a function of a 3 x 3 matrix M is a polynomial a0 + a1 M + a2 M^2. A power
- * series in M is therefore summed by these three coefficients alone; multiplying them by M costs two multiplications
- * where tr M = 0. Matrices are multiplied once, not once per term. All formulas are arranged about the unit matrix (exp
- * - 1, log(1 + .)), so that small strains keep the relative accuracy of the strain, not that of 1 + strain.
+ * By the theorem of Cayley and Hamilton a function of a 3 x 3 matrix M is a polynomial a0 + a1 M + a2 M^2. A power series in
+ * M is therefore summed by these three coefficients alone; multiplying them by M costs two multiplications where tr M = 0.
+ * Matrices are multiplied once, not once per term. All formulas are arranged about the unit matrix (exp - 1, log(1 + .)), so
+ * that small strains keep the relative accuracy of the strain instead of 1 + strain.
  *
  * In 2D (dim = 2) the components xz, yz, zx, zy are taken as zero and never accessed. */
 #pragma once
 
 #include "law/trial.h"
 
-/* Largest Frobenius norm of an exponent; a larger one is scaled down to it. Elastic strains of granular material are of
- * the order pressure/stiffness and the strain of a step is below the Courant number, so that this only keeps finite
- * what has gone wrong elsewhere. */
+/* Largest Frobenius norm of an exponent; a larger one is scaled down to it. Elastic strains of granular material are of the
+ * order pressure/stiffness and the strain of a step is below the Courant number, so that this only keeps numbers finite
+ * after errors elsewhere. */
 #define GR_STRAIN_REACH 2.0
 
 struct gr_matrix {
@@ -89,7 +89,7 @@ GR_INLINE struct gr_matrix gr_quadratic(const int dim, vd a0, vd a1, const struc
     return b;
 }
 
-/* Coefficients of (1 + E)^2 - 1 from those of E = a0 + a1 M + a2 M^2, with M^3 = e2 M + e3. */
+/* Coefficients of (1 + E)^2 - 1 from the coefficients of E = a0 + a1 M + a2 M^2, with M^3 = e2 M + e3. */
 static inline void gr_square_exponential(vd a[3], vd e2, vd e3)
 {
     const vd two = v_set(2.0), a12 = two * a[1] * a[2], a22 = a[2] * a[2];

@@ -17,9 +17,8 @@ GR_INLINE double *gr_substep_at(double *substeps, int64_t at, enum gr_substep_nu
     return substeps + at * GR_SUBSTEP_COUNT + number * GR_W;
 }
 
-/* Set the state of the points before the first substep, from R (`turned`), D (`strained`) and the pressure p.
- * Disconnected points have p = 0: all their products are zero, so that they have neither friction nor plastic rate. NaN
- * is kept. */
+/* Set the state of the points before the first substep, from R (`turned`), D (`strained`) and the pressure p. Disconnected
+ * points have p = 0: all their products are zero, so that they have neither friction nor plastic rate. NaN remains. */
 GR_INLINE void gr_substeps_begin(const int dim, const struct gr_fluidity_numbers *n, const struct gr_stress *turned,
                                  const struct gr_stress *strained, vd p, double *substeps, int64_t at)
 {
@@ -64,7 +63,7 @@ GR_INLINE vd gr_substep(const int linear, const int reconnects, const struct gr_
     const vd across = v_load(gr_substep_at(substeps, at, GR_SUBSTEP_across)),
              strained = v_load(gr_substep_at(substeps, at, GR_SUBSTEP_strained));
     const vd square = v_fma(a, v_fma(a, turned, b * across), b * b * strained);
-    const vd m = v_sqrt(v_max(v_zero(), square)); /* NaN is kept */
+    const vd m = v_sqrt(v_max(v_zero(), square)); /* NaN remains */
     struct gr_fluidity_point point = gr_fluidity_update(linear, n, m, inverse, start, v_load(rate));
     if (reconnects) {
         const vd one = v_set(1.0);

@@ -74,7 +74,7 @@ GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_eng
 {
     const int K = 1 << dim, rows = GR_SUM_DAMPED(dim), stresses = dim == 2 ? 3 : 6;
     const struct summed summed = points_to_sum(e, first, more);
-    gr_real *out = gr_sums(e) + gr_sums_of_cell(e, first), *own = out + K * rows * GR_LANES;
+    gr_real *out = gr_sums(e) + gr_sums_of_cell(e, first), *cell_sum = out + K * rows * GR_LANES;
     struct gr_frame frame;
     struct contribution contribution[MOST_PREPARED];
     vd of_cell[GR_CELL_STRESS + 6], stress[6];
@@ -82,7 +82,8 @@ GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_eng
     if (more && summed.begin == summed.end) return;
     for (int i = 0; !summed.end && i < e->sums.stride; i += GR_LANES) v_store(out + i, v_zero());
     gr_frame_of(dim, GR_LINEAR, 0, e, first, &frame);
-    for (int q = GR_CELL_MC; q < GR_CELL_STRESS + stresses; q++) of_cell[q] = more ? v_load(own + q * GR_LANES) : v_zero();
+    for (int q = GR_CELL_MC; q < GR_CELL_STRESS + stresses; q++)
+        of_cell[q] = more ? v_load(cell_sum + q * GR_LANES) : v_zero();
     const int prepared = gr_prepared(summed.end - summed.begin);
     for (int done = summed.begin; done < summed.end; done += prepared, fresh = 0) {
         const int left = summed.end - done, n = left < prepared ? left : prepared;
@@ -102,7 +103,7 @@ GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_eng
         }
         add_rows(dim, GR_LINEAR, affine, MOMENTUM, &frame, contribution, n, rows, 0, fresh, out);
     }
-    for (int q = GR_CELL_MC; q < GR_CELL_STRESS + stresses; q++) v_store(own + q * GR_LANES, of_cell[q]);
+    for (int q = GR_CELL_MC; q < GR_CELL_STRESS + stresses; q++) v_store(cell_sum + q * GR_LANES, of_cell[q]);
 }
 
 /* State of the cells from `first` on before their forces, from their sums and the masses of their nodes: w (`inside`), ln
@@ -112,7 +113,7 @@ GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_eng
 GR_INLINE void store_state(const int dim, struct gr_engine *e, int64_t first, vm has)
 {
     const int K = 1 << dim, rows = GR_SUM_DAMPED(dim);
-    gr_real *sum = gr_sums(e) + gr_sums_of_cell(e, first), *own = sum + K * rows * GR_LANES;
+    gr_real *sum = gr_sums(e) + gr_sums_of_cell(e, first), *cell_sum = sum + K * rows * GR_LANES;
     const vd per_cell = v_set(e->mass_scale), one = v_set(1.0);
     vd M = v_zero(), mass = v_zero(), volume = v_zero(), high[3] = {v_zero(), v_zero(), v_zero()}, over[8], at[3];
     vd lightest = one, centre[3];
@@ -130,7 +131,7 @@ GR_INLINE void store_state(const int dim, struct gr_engine *e, int64_t first, vm
     }
     const vd inverse = one / v_select(has, M, one), filled = M * per_cell;
     const vd inside = v_min(between(LIGHT_BELOW, LIGHT_UNTIL, lightest), between(SURFACE_BELOW, INSIDE_FROM, mass / volume));
-    const vd c = v_load(own + GR_CELL_MC * GR_LANES) * inverse;
+    const vd c = v_load(cell_sum + GR_CELL_MC * GR_LANES) * inverse;
     v_store(average_of(e, GR_AVERAGE_INSIDE, first), inside);
     v_store(average_of(e, GR_AVERAGE_LOG_PHI, first),
             v_set(2.0) * (mass - volume) / (mass + volume) - v_set(e->servo_strain));
@@ -148,19 +149,18 @@ GR_INLINE void store_state(const int dim, struct gr_engine *e, int64_t first, vm
     }
     vd damped = v_zero();
     if (e->config.largest.damping_rate > 0)
-        damped = v_keep(has, damped_share(e, v_load(own + GR_CELL_M_RATE * GR_LANES) * inverse, c, first));
-    v_store(own + GR_CELL_DAMPED * GR_LANES, damped);
+        damped = v_keep(has, damped_share(e, v_load(cell_sum + GR_CELL_M_RATE * GR_LANES) * inverse, c, first));
+    v_store(cell_sum + GR_CELL_DAMPED * GR_LANES, damped);
 }
 
 /* Volume that a cell represents, over dx^dim, if the node masses bear it, else as much as they bear:
  *
  *   A = w V + (1 - w) min(V, M/(rho_c dx^dim)),   A sum |B_i dx|^2/m_i <= STIFFEST,
  *
- * with V the volume of the cell outside of bodies, over dx^dim, and m_i the part of the mass of node i that the cell
- * brings, or its share of the volume inside the material, over rho_c dx^dim. The square of the frequency of all cells
- * together is not above the largest of the cells one by one (Irons & Treharne 1971). Inside the material all nodes are
- * heavy enough, but for those of cells that the surface of a body cuts: a node within it may be full and yet have next
- * to no mass. */
+ * with V the volume of the cell outside of bodies, over dx^dim, and m_i the part of the mass of node i that the cell brings,
+ * or its share of the volume inside the material, over rho_c dx^dim. The square of the frequency of all cells together is
+ * not above the largest of the cells one by one (Irons & Treharne 1971). Inside the material all nodes are heavy enough,
+ * except in cells that the surface of a body cuts: a node within it may be full and yet have next to no mass. */
 GR_INLINE vd represented_volume(const int dim, const struct gr_engine *e, int64_t first, const vd at[3])
 {
     const int K = 1 << dim, rows = GR_SUM_DAMPED(dim);
@@ -189,7 +189,7 @@ GR_INLINE void apply_forces_of_cells(const int dim, struct gr_engine *e, int64_t
 {
     static const int place[2][3][3] = {{{0, 2, 5}, {2, 1, 4}, {5, 4, 3}}, {{0, 3, 5}, {3, 1, 4}, {5, 4, 2}}};
     const int K = 1 << dim, rows = GR_SUM_DAMPED(dim), stresses = dim == 2 ? 3 : 6;
-    gr_real *sum = gr_sums(e) + gr_sums_of_cell(e, first), *own = sum + K * rows * GR_LANES;
+    gr_real *sum = gr_sums(e) + gr_sums_of_cell(e, first), *cell_sum = sum + K * rows * GR_LANES;
     const vm has = occupied(e, first);
     vd at[3], stress[6];
     if (!m_bits(has)) { /* without points all sums are zero */
@@ -203,7 +203,7 @@ GR_INLINE void apply_forces_of_cells(const int dim, struct gr_engine *e, int64_t
     const vd filled = v_select(has, v_load(average_of(e, GR_AVERAGE_FILLED, first)), v_set(1.0));
     const vd area =
         v_keep(has, represented_volume(dim, e, first, at) * v_set(e->material_number[GR_MATERIAL_FORCE_SCALE][0]) / filled);
-    for (int q = 0; q < stresses; q++) stress[q] = v_keep(has, v_load(own + (GR_CELL_STRESS + q) * GR_LANES));
+    for (int q = 0; q < stresses; q++) stress[q] = v_keep(has, v_load(cell_sum + (GR_CELL_STRESS + q) * GR_LANES));
     for (int i = 0; i < K; i++)
         for (int d = 0; d < dim; d++) {
             vd force = v_zero();
@@ -225,8 +225,8 @@ GR_INLINE vd second_difference(const int dim, const struct gr_engine *e, int64_t
         for (int high = 0; high < 2; high++) {
             double near_c[GR_W];
             for (int l = 0; l < GR_W; l++) {
-                const int64_t beside = e->mesh.beside[(first + l) * 2 * dim + 2 * d + high];
-                near_c[l] = beside < 0 ? EMPTY : c_of[beside];
+                const int64_t neighbour = e->mesh.neighbour[(first + l) * 2 * dim + 2 * d + high];
+                near_c[l] = neighbour < 0 ? EMPTY : c_of[neighbour];
             }
             c[high] = v_load(near_c);
         }
@@ -283,7 +283,7 @@ GR_INLINE vd flow_of_cells(const int dim, const struct gr_engine *e, int64_t fir
 {
     const struct gr_density_numbers *q = &e->config.density;
     const int K = 1 << dim;
-    const vd own = v_load(average_of(e, GR_AVERAGE_C, first)), zero = v_zero();
+    const vd mean = v_load(average_of(e, GR_AVERAGE_C, first)), zero = v_zero();
     vd at[3], trace = zero;
     for (int d = 0; d < dim; d++) at[d] = v_load(average_of(e, GR_AVERAGE_AT + d, first));
     for (int k = 0; k < dim * dim; k++) L[k] = zero;
@@ -294,9 +294,9 @@ GR_INLINE vd flow_of_cells(const int dim, const struct gr_engine *e, int64_t fir
         }
     for (int d = 0; d < dim; d++) trace = trace + L[d * dim + d];
     const vd rate = kinematic_rate(dim, L), origin = v_set(e->material_number[GR_MATERIAL_ORIGIN][0]),
-             eta = averaged_share(e, e->clock.dt, rate, own - origin);
-    vd c = v_fma(eta, second_difference(dim, e, first), own - trace);
-    c = c + v_keep(v_ge(own, v_set(e->material_number[GR_MATERIAL_SEPARATION][0])), v_set(e->servo_shift));
+             eta = averaged_share(e, e->clock.dt, rate, mean - origin);
+    vd c = v_fma(eta, second_difference(dim, e, first), mean - trace);
+    c = c + v_keep(v_ge(mean, v_set(e->material_number[GR_MATERIAL_SEPARATION][0])), v_set(e->servo_shift));
     const vd gap = v_load(average_of(e, GR_AVERAGE_LOG_PHI, first)) - c;
     const vd relaxed = relax_to_nodal_density(q, e->clock.dt, rate, gap);
     const vd raised = c + relaxed, lowered = v_fma(v_load(average_of(e, GR_AVERAGE_INSIDE, first)), relaxed, c);

@@ -1,8 +1,9 @@
-/* How full cells are, and what of their points goes across their faces.
+/* Filling of cells, and the shift of their points across their faces.
  *
- * The sums of the nodes are over the cells around them. What alternates from cell to cell, or from one pair of cells to the
- * next, changes neither their masses nor the forces on them: a seeding lattice that is stretched falls into strings
- * with empty cells between them, while every node has its mass. So cells compare what they hold with their neighbours. */
+ * The sums of the nodes are over the cells around them. Differences that alternate from cell to cell, or from one pair of
+ * cells to the next, change neither their masses nor the forces on them: a seeding lattice that is stretched falls into
+ * strings with empty cells between them, while every node has its mass. So cells compare their content with their
+ * neighbours. */
 #include "mpm/density_correction.h"
 #include "mpm/open_volume.h"
 
@@ -12,8 +13,8 @@ GR_INLINE double *average_of(const struct gr_engine *e, int which, int64_t first
     return e->sums.average + which * e->mesh.cell_capacity + first;
 }
 
-/* The parts of the cells from `first` on that are outside of bodies: their volume over that of the cell, and the centroid in
- * local coordinates. */
+/* The parts of the cells from `first` on that are outside of bodies: their volume over the volume of the cell, and the
+ * centroid in local coordinates. */
 GR_INLINE vd open_parts(const int dim, const struct gr_engine *e, int64_t first, vd centre[3])
 {
     double volume[GR_W], at[3][GR_W];
@@ -40,8 +41,8 @@ GR_INLINE void store_filling(const struct gr_engine *e, int64_t first, vd filled
     v_store(average_of(e, GR_AVERAGE_EXCESS, first), excess);
 }
 
-/* Differences of the excess of the cells from `first` on to their neighbours, for each face that of its low side less
- * that of its high side. Cells hold whole points: differences up to so many `points` are left. */
+/* Differences of the excess of the cells from `first` on to their neighbours, for each face the low side less the high
+ * side. Cells hold whole points: differences up to so many `points` are left. */
 GR_INLINE void face_drops(const int dim, const struct gr_engine *e, int64_t first, double points, vd drop[3][2])
 {
     const double *const excess = average_of(e, GR_AVERAGE_EXCESS, 0);
@@ -51,9 +52,10 @@ GR_INLINE void face_drops(const int dim, const struct gr_engine *e, int64_t firs
     for (int d = 0; d < dim; d++)
         for (int high = 0; high < 2; high++) {
             for (int l = 0; l < GR_W; l++) {
-                const int64_t beside = e->mesh.beside[(first + l) * 2 * dim + 2 * d + high];
-                const double own = excess[first + l], other = beside < 0 ? 0 : excess[beside];
-                rise[l] = beside == GR_BESIDE_CLOSED || own == GR_NO_EXCESS || other == GR_NO_EXCESS ? 0 : other - own;
+                const int64_t neighbour = e->mesh.neighbour[(first + l) * 2 * dim + 2 * d + high];
+                const double here = excess[first + l], other = neighbour < 0 ? 0 : excess[neighbour];
+                rise[l] =
+                    neighbour == GR_NEIGHBOUR_CLOSED || here == GR_NO_EXCESS || other == GR_NO_EXCESS ? 0 : other - here;
             }
             const vd up = v_load(rise), much = v_max(v_abs(up) - v_set(points) * point, v_zero());
             drop[d][high] = v_select(v_gt(up, v_zero()), much, -much) * v_set(high ? -1.0 : 1.0);

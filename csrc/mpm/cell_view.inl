@@ -35,7 +35,7 @@ static void call_law(struct gr_engine *e, int k, const struct batch *batch, int6
                                .gain = e->points.field[GR_FIELD_g_gain],
                                .plastic_strain = e->points.field[GR_FIELD_plastic_strain],
                                .separated = e->points.field[GR_FIELD_separated],
-                               .own = material->own,
+                               .function = material->function,
                                .own_parameter = material->own_parameter,
                                .own_calls = &e->failure.own_calls,
                                .history = material->remembers ? e->points.field[GR_FIELD_history] : 0,
@@ -50,7 +50,8 @@ static const enum gr_field changed_by_laws[] = {GR_FIELD_stress, GR_FIELD_shear_
                                                 GR_FIELD_history};
 enum { MOST_CHANGED = 15 };
 
-/* Copy what laws change of a block of points to a buffer, or from it to the lanes whose points are not of material k. */
+/* Copy the fields that laws change of a block of points to a buffer, or from it to the lanes whose points are not of
+ * material k. */
 static void keep_others(const struct gr_engine *e, int64_t at, int k, gr_real *buffer, int back)
 {
     for (size_t f = 0; f < sizeof changed_by_laws / sizeof *changed_by_laws; f++)
@@ -70,36 +71,36 @@ static void keep_others(const struct gr_engine *e, int64_t at, int k, gr_real *b
 enum { MIXED = -1 };
 static int material_of_block(const struct gr_engine *e, int64_t at)
 {
-    int found = MIXED;
-    const gr_real *own = gr_numbers(e, GR_FIELD_material, 0, at);
-    const vd all = v_load(own), first = v_set(own[0]);
+    int material = MIXED;
+    const gr_real *numbers = gr_numbers(e, GR_FIELD_material, 0, at);
+    const vd all = v_load(numbers), first = v_set(numbers[0]);
     if (m_bits(m_and(v_ge(all, first), v_ge(first, all))) == GR_ALL_LANES) return gr_material_at(e, at);
     for (int l = 0; l < GR_W; l++) {
         if (e->points.id[at + l] < 0) continue; /* a spare slot */
         const int k = gr_material_at(e, at + l);
-        if (found != MIXED && found != k) return MIXED;
-        found = k;
+        if (material != MIXED && material != k) return MIXED;
+        material = k;
     }
-    return found;
+    return material;
 }
 
 /* Call the laws of several materials: for runs of blocks of one material, and for a mixed block one after the other, where
- * the points of other materials get back what they had. */
+ * the fields of points of other materials are restored. */
 static __attribute__((noinline)) void call_laws(struct gr_engine *e, const struct batch *batch, int begins)
 {
-    gr_real kept[MOST_CHANGED * GR_W];
+    gr_real buffer[MOST_CHANGED * GR_W];
     for (int64_t b = 0, n; b < batch->n; b += n) {
-        const int own = material_of_block(e, batch->slot[b]);
+        const int material = material_of_block(e, batch->slot[b]);
         n = 1;
-        if (own != MIXED) {
-            while (b + n < batch->n && material_of_block(e, batch->slot[b + n]) == own) n++;
-            call_law(e, own, batch, b, n, begins);
+        if (material != MIXED) {
+            while (b + n < batch->n && material_of_block(e, batch->slot[b + n]) == material) n++;
+            call_law(e, material, batch, b, n, begins);
             continue;
         }
         for (int k = 0; k < e->config.n_materials; k++) {
-            keep_others(e, batch->slot[b], k, kept, 0);
+            keep_others(e, batch->slot[b], k, buffer, 0);
             call_law(e, k, batch, b, 1, begins);
-            keep_others(e, batch->slot[b], k, kept, 1);
+            keep_others(e, batch->slot[b], k, buffer, 1);
         }
     }
 }
@@ -154,8 +155,8 @@ GR_INLINE void load_nodes(const int K, const struct gr_engine *e, int64_t first,
     }
 }
 
-/* Look at the cells from `first` on.
- * Given: what the variant needs of the nodes; `averages`, with the fields of an averaging of the density. */
+/* Look at the cells from `first` on. Given: the fields of the nodes that the variant needs; `averages`, with the fields of
+ * an averaging of the density. */
 GR_INLINE void look_at_cells(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
                              const int averages, const struct gr_engine *e, int64_t first, struct view *view)
 {

@@ -76,7 +76,7 @@ static int law_exists(int law)
     return law >= 0 && law < n;
 }
 
-/* What is not for several materials: two with a fluidity, substeps of it, cells with one density, and walls that keep a
+/* Not available with several materials: two with a fluidity, substeps of it, cells with one density, and walls that keep a
  * pressure (servo.h), which the scene refuses. */
 static int materials_are_valid(const struct gr_config *c)
 {

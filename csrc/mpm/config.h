@@ -1,4 +1,4 @@
-/* Configuration of the MPM engine: what the scene and its scheme say, in numbers. */
+/* Configuration of the MPM engine: the scene and its scheme in numbers. */
 #pragma once
 
 #include <math.h>
@@ -11,7 +11,7 @@
 
 /* Effect of a wall on the velocity of a node (see granular/mpm/walls.py). */
 struct gr_wall {
-    int32_t fixed;      /* bit d: component d is that of the wall */
+    int32_t fixed;      /* bit d: component d is given by the wall */
     int32_t away[3];    /* of such a component: +1 or -1, the direction in which the node may leave; 0: held both ways */
     double friction[3]; /* Coulomb coefficient of the wall normal to each axis */
     double opens_at;    /* s; from this time on row `after` applies to the node */
@@ -75,7 +75,7 @@ enum gr_cell_flag { GR_CELL_FLAGS(GR_X) };
 /* Whether the engine takes the configuration. */
 int gr_config_is_valid(const struct gr_config *config);
 
-/* Make what the configuration points to its own, and find the largest numbers of its materials. Returned: 0 or
+/* Copy the arrays that the configuration points to, and find the largest numbers of its materials. Returned: 0 or
  * GR_ERR_MEMORY. */
 int gr_config_own(struct gr_config *config);
 

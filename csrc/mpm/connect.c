@@ -173,13 +173,13 @@ static void find_rows(struct gr_engine *e, int64_t tile)
     }
 }
 
-/* Place of the node `id` of the grid, the last of all if it is not active. It mostly is at `guess`, as nodes of a row follow
- * each other; where nodes have copies, that might be the second one. */
+/* Index of the node `id` of the grid, the last of all if it is not active. It mostly is at `guess`, as nodes of a row
+ * follow each other; where nodes have copies, that might be the second one. */
 static int32_t place_of_node(const struct gr_engine *e, int64_t id, int32_t guess)
 {
     if (!e->bodies.n_thin && guess < e->mesh.n_nodes && e->mesh.node_id[guess] == id) return guess;
-    const int32_t found = gr_table_get(&e->mesh.node_of, id);
-    return found ? found - 1 : (int32_t)e->nodes.capacity - 1;
+    const int32_t number = gr_table_get(&e->mesh.node_of, id);
+    return number ? number - 1 : (int32_t)e->nodes.capacity - 1;
 }
 
 /* Find the nodes about node n, and whether it is at an end or on a grid line. */
@@ -209,7 +209,7 @@ static void find_about(struct gr_engine *e, int64_t n)
     }
 }
 
-/* Find the nodes about all. Those of the last group that are not there have themselves about them. */
+/* Find the nodes about all. Nodes of the last group beyond the number of nodes are their own neighbours. */
 GR_SHARED(find_all_about, struct connect, (q->n_nodes + GR_LANES - 1) / GR_LANES, q)
 {
     struct gr_engine *e = q->e;
@@ -224,7 +224,7 @@ GR_SHARED(find_all_about, struct connect, (q->n_nodes + GR_LANES - 1) / GR_LANES
         }
 }
 
-/* Set what the last place has, which stands for nodes that are not there: no gap that counts, and no volume. */
+/* Set the last entry, which stands for absent nodes: no gap that counts, and no volume. */
 static void describe_none(struct gr_engine *e)
 {
     const int gap = GR_NODE_DENSITY(e->config.dim) + GR_NODE_OWN_GAP(e->config.dim);
@@ -258,28 +258,29 @@ GR_SHARED(find_runs, struct connect, (q->n_nodes + GR_LANES - 1) / GR_LANES, q)
         }
 }
 
-/* Index of the neighbour of a cell along axis d, low or high; see enum gr_beside. */
-static int64_t cell_beside(const struct gr_engine *e, const struct gr_cell *cell, int d, int high)
+/* Index of the neighbour of a cell along axis d, low or high; see enum gr_neighbour. */
+static int64_t neighbour_of_cell(const struct gr_engine *e, const struct gr_cell *cell, int d, int high)
 {
     int32_t at[3];
     memcpy(at, cell->at, sizeof at);
-    if (cell->flags / GR_CELL_WALL >> (2 * d + high) & 1) return GR_BESIDE_CLOSED;
+    if (cell->flags / GR_CELL_WALL >> (2 * d + high) & 1) return GR_NEIGHBOUR_CLOSED;
     at[d] += high ? 1 : -1;
     if (at[d] < 0 || at[d] >= e->axis[d].n_cells) {
-        if (!e->axis[d].periodic) return GR_BESIDE_CLOSED;
+        if (!e->axis[d].periodic) return GR_NEIGHBOUR_CLOSED;
         at[d] = high ? 0 : e->axis[d].n_cells - 1;
     }
     const int64_t index = (int64_t)gr_table_get(&e->mesh.cell_of, gr_cell_id(e, at)) - 1;
-    return index < 0 ? GR_BESIDE_NO_POINTS : index;
+    return index < 0 ? GR_NEIGHBOUR_NO_POINTS : index;
 }
 
 static void find_neighbours(struct gr_engine *e, int64_t c)
 {
     const int sides = 2 * e->config.dim;
-    for (int k = 0; k < sides; k++) e->mesh.beside[c * sides + k] = (int32_t)cell_beside(e, &e->mesh.cell[c], k / 2, k % 2);
+    for (int k = 0; k < sides; k++)
+        e->mesh.neighbour[c * sides + k] = (int32_t)neighbour_of_cell(e, &e->mesh.cell[c], k / 2, k % 2);
 }
 
-/* Find the nodes and the neighbours of the cells of tiles. Each source of a node is that of one cell. */
+/* Find the nodes and the neighbours of the cells of tiles. Each source of a node belongs to one cell. */
 GR_SHARED(connect_tiles, struct connect, q->e->mesh.n_tiles, q)
 {
     struct gr_engine *e = q->e;
@@ -295,7 +296,7 @@ GR_SHARED(connect_tiles, struct connect, q->e->mesh.n_tiles, q)
             mesh->node_source[(int64_t)n * K + K - 1 - a] =
                 gr_sums_of_cell(e, c) + a * GR_SUM_DAMPED(e->config.dim) * GR_LANES;
         }
-        if (mesh->beside) find_neighbours(e, c);
+        if (mesh->neighbour) find_neighbours(e, c);
     }
     for (int64_t tile = first; tile < last; tile++) find_rows(e, tile);
 }

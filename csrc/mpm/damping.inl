@@ -1,9 +1,9 @@
 /* Damping of slow plastic flow in averaged cells (granular/mpm/damping.py): points lose a share of the difference between
- * their velocity and that of the grid, which is noise of the sampling. */
+ * their velocity and the velocity of the grid, which is noise of the sampling. */
 #include "mpm/contribution.h"
 
-/* Share of the largest damping for points with the plastic shear rate `flow` and the log-density c = p/K, at the places from
- * `at` on: 1 - gdot/(r sqrt(c)) in slow flow, gdot < r sqrt(c), and none where nothing flows. */
+/* Share of the largest damping for points with the plastic shear rate `flow` and the log-density c = p/K, in the slots from
+ * `at` on: 1 - gdot/(r sqrt(c)) in slow flow, gdot < r sqrt(c), and none without flow. */
 GR_INLINE vd damped_share(const struct gr_engine *e, vd flow, vd c, int64_t at)
 {
     const vd most = gr_of_material(e, GR_MATERIAL_SLOW, at) * c; /* of its square */
@@ -37,7 +37,7 @@ GR_INLINE void damping_of_cells(const int K, struct damping *damping)
 
 /* Damp the points in the slots from `at` on by the shares b_i of the nodes, all at once so that momentum is conserved:
  *
- *   v <- v - sum S_i b_i (v + C (x_i - x)),   v and C those that were carried to the grid.
+ *   v <- v - sum S_i b_i (v + C (x_i - x)),   v and C as carried to the grid.
  *
  * The update w has the velocities v_i^n of the nodes that take their place (grid.c). For linear fields the two are
  * equal. Where all b_i are alike, sum S_i (x_i - x) = 0. */

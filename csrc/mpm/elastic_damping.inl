@@ -1,4 +1,4 @@
-/* Damping of elastic waves: the viscous stress of points, which P2G adds to that of their law.
+/* Damping of elastic waves: the viscous stress of points, which P2G adds to the stress of their law.
  *
  *   sigma_v = T C : (D - D_p) = T (K tr(D) 1 + 2 G dev(D) - G gdot s/tau)
  *
@@ -8,7 +8,7 @@
 #include "law/trial.h"
 #include "mpm/contribution.h"
 
-/* Set it for the points in the slots from `at` on, from their gradient L dt and what the law made of them. */
+/* Set it for the points in the slots from `at` on, from their gradient L dt and their stress after the law. */
 GR_INLINE void store_viscous_stress(const int dim, const struct gr_engine *e, const gr_real *gradient, int64_t at)
 {
     const vd none = v_zero(), rate = v_set(e->clock.inv_dt), T = gr_of_material(e, GR_MATERIAL_DAMPING_TIME, at);
@@ -42,8 +42,8 @@ static __attribute__((noinline)) void damp_elastic(const struct gr_engine *e, in
     }
 }
 
-/* Stress of the points in the slots from `at` on that makes forces: that of the law, and where the scene has them what the
- * dampings of flutter and of elastic waves add. */
+/* Stress of the points in the slots from `at` on that makes forces: the stress of the law, and where the scene has them the
+ * terms of the dampings of flutter and of elastic waves. */
 GR_INLINE void acting_stress(const int dim, const struct gr_engine *e, int64_t at, vd stress[6])
 {
     struct gr_stress s;

@@ -22,7 +22,7 @@ enum gr_side_of_cell { GR_FRONT = 1, GR_BACK = -1, GR_WHOLE_IN_FRONT = 2, GR_WHO
 
 struct gr_cell {
     int64_t offset; /* first slot in the point arrays; the next ones follow at distances of GR_LANES */
-    int64_t apart;  /* what is added to the slots from number `rows` on (slots.h) */
+    int64_t apart;  /* added to the slots from number `rows` on (slots.h) */
     int32_t count, capacity, rows;
     int32_t summed; /* number of its first points that are in its sums */
     int32_t calm;   /* checks in a row at which its points were slow, or GR_ASLEEP (mpm/sleep.h) */
@@ -40,14 +40,14 @@ static inline int64_t gr_slot(const struct gr_cell *cell, int64_t k)
 #define GR_IS_DOUBLE(cell) ((cell)->side == GR_FRONT || (cell)->side == GR_BACK)
 
 /* Where the sums of GR_LANES nodes that follow each other begin. They lie in pieces, as nodes of a row of the grid do in
- * those of the cells of a tile: the sums of node l of piece k, l >= begin[k], are at[k] + l. */
+ * the sums of the cells of a tile: the sums of node l of piece k, l >= begin[k], are at[k] + l. */
 enum { GR_RUN_PIECES = 4, GR_RUN_BROKEN = 0 };
 struct gr_node_run {
     int64_t at[GR_RUN_PIECES];
     int8_t pieces, begin[GR_RUN_PIECES]; /* GR_RUN_BROKEN pieces if there are more than fit */
 };
 
-/* What is to be done with the sums of a tile after the points have moved. */
+/* State of the sums of a tile after the points have moved. */
 enum gr_tile_state { GR_TILE_SUMMED, GR_TILE_GAINED, GR_TILE_CHANGED };
 
 /* The active part of the grid: the cells and nodes that material may touch before the next regrouping. GR_LANES cells
@@ -61,9 +61,9 @@ struct gr_mesh {
     uint8_t *tile_state;   /* enum gr_tile_state */
     uint32_t *tile_in_row; /* bit i: local nodes number i of its cells follow each other */
     int32_t *cell_node;    /* n_tiles x K x GR_LANES */
-    int32_t *beside; /* n_cells x 2 dim: neighbours across the faces (enum gr_beside); NULL with a density of each point */
-    int32_t *place;  /* of its cells on the fluidity grid (fluidity.h); NULL without one */
-    int64_t *node_source;         /* n_nodes x K: entry i: where its sums over the cell begin in which it is local node
+    int32_t *neighbour;    /* n_cells x 2 dim: across the faces (enum gr_neighbour); NULL with a density of each point */
+    int32_t *place;        /* of its cells on the fluidity grid (fluidity.h); NULL without one */
+    int64_t *node_source;  /* n_nodes x K: entry i: where its sums over the cell begin in which it is local node
                                K - 1 - i; in the zero tile where there is no such cell */
     struct gr_node_run *node_run; /* (n_nodes/GR_LANES, rounded up) x K: the same for GR_LANES nodes together */
     /* with a smoothed density: in groups of GR_LANES nodes, gr_about x GR_LANES indices of the nodes about each. Entry a
@@ -109,7 +109,7 @@ struct gr_points {
     void **column;               /* where each component begins */
 };
 
-/* What the cells sum over their points. */
+/* The sums of cells over their points. */
 struct gr_cell_sums {
     void *data;      /* n_tiles + 1 blocks of `stride` numbers (gr_sums); the last block is zero */
     double *average; /* gr_averages_of_cell x cell_capacity, see enum gr_average; NULL with a density of each point */
@@ -142,8 +142,8 @@ struct gr_bodies {
     struct gr_body_state *now, *next; /* and after the current step */
     struct gr_near_bodies near;
     struct gr_contact_points *contacts; /* where the material touches them (contact/contact_point.h) */
-    struct gr_rigid *rigid;             /* what free bodies touch besides (contact/rigid.h); NULL unless asked for */
-    struct gr_open_volume *open;        /* what they take of the nodes (mpm/open_volume.h); NULL if nothing uses it */
+    struct gr_rigid *rigid;             /* other contacts of free bodies (contact/rigid.h); NULL unless requested */
+    struct gr_open_volume *open;        /* their volume at nodes (mpm/open_volume.h); NULL if nothing uses it */
     int n_thin;
     struct gr_thin_part *thin;
     struct gr_split_pose *split; /* per body */
@@ -185,7 +185,7 @@ struct gr_failure {
     int code;
     int64_t id, step;
     double x[3];
-    struct gr_own_calls own_calls; /* of laws of the user's own */
+    struct gr_own_calls own_calls; /* of user-defined laws */
 };
 
 struct gr_engine {
@@ -236,8 +236,8 @@ static inline int gr_damps_flutter(const struct gr_engine *e, int64_t step)
  * the law then is in fluidity->gain. */
 static inline int gr_is_balanced(const struct gr_engine *e) { return e->config.nonlocal.method == GR_DIFFUSION_implicit; }
 
-/* Plan the sums that the next P2G computes, those of `step`. They contain the density if this step averages it. The
- * momentum that the shift gave to the points is subtracted if the step before averaged. */
+/* Plan the sums of the next P2G, which belongs to `step`. They contain the density if this step averages it. The momentum
+ * that the shift gave to the points is subtracted if the step before averaged. */
 static inline void gr_plan_sums(struct gr_engine *e, int64_t step)
 {
     e->sums.averages = gr_averages(e, step);
@@ -251,12 +251,12 @@ static inline void gr_plan_sums(struct gr_engine *e, int64_t step)
  *
  * In the sums of the density a point counts by its volume at rho_c, as the mass of as much of the first material. With
  * several materials two more sums follow, at volume_sums: that mass of all points, and with quadrature weights their
- * pressure over K of the first material, which is what neighbours of different materials have in common.
+ * pressure over K of the first material, which neighbours of different materials have in common.
  *
  * The block of a tile is an array of vectors, with a lane for each of its cells. The first GR_SUM_DAMPED sums of the nodes
- * come first, then enum gr_cell_sum, which are the same for all nodes, and at density_sums those of the density, which are
- * left as they are in other steps. Each sum is over the points in their order, so that points that arrive are added to
- * it, with the same bits as in a sum over all. */
+ * come first, then enum gr_cell_sum, which are the same for all nodes, and at density_sums the sums of the density, which
+ * do not change in other steps. Each sum is over the points in their order, so that points that arrive are added to it, with
+ * the same bits as in a sum over all. */
 enum gr_node_sum { GR_SUM_MASS, GR_SUM_MOMENTUM };
 enum gr_cell_sum { GR_CELL_DAMPED, GR_CELL_MC, GR_CELL_M_RATE, GR_CELL_STRESS }; /* with cell_averaged */
 #define GR_CELL_AVERAGED_SUMS(dim) (GR_CELL_STRESS + ((dim) == 2 ? 3 : 6))
@@ -269,12 +269,12 @@ enum gr_volume_sum { GR_SUM_VOLUME, GR_SUM_PRESSURE, GR_VOLUME_SUMS };
 #define GR_NODE_SUMS(dim) (GR_SUM_DENSITY(dim) + GR_DENSITY_SUMS(dim))
 
 /* Neighbours that are not there: a cell outside the active part; beyond a wall or an end. */
-enum gr_beside { GR_BESIDE_NO_POINTS = -1, GR_BESIDE_CLOSED = -2 };
+enum gr_neighbour { GR_NEIGHBOUR_NO_POINTS = -1, GR_NEIGHBOUR_CLOSED = -2 };
 
-/* State of a cell (mpm/cell_filling.inl): its mass over that of a full cell; what it has beyond its open volume, or too
- * little inside the material, which points exchange with neighbours. With a cell-averaged density (mpm/cell_averaged.inl)
- * also the log-density of its points; the logarithm of its filling fraction; from 0 at a surface to 1 inside the material;
- * its volume outside of bodies, over dx^dim; then the local coordinates of its quadrature point, and the gradient of the
+/* State of a cell (mpm/cell_filling.inl): its mass over the mass of a full cell; the excess over its open volume, or the
+ * lack inside the material, which points exchange with neighbours. With a cell-averaged density (mpm/cell_averaged.inl) also
+ * the log-density of its points; the logarithm of its filling fraction; from 0 at a surface to 1 inside the material; its
+ * volume outside of bodies, over dx^dim; then the local coordinates of its quadrature point, and the gradient of the
  * over-compression of its nodes, against which its points shift. */
 enum gr_average {
     GR_AVERAGE_FILLED,

@@ -66,7 +66,7 @@ static void middle_of_points(const struct gr_engine *e, const struct gr_cell *ce
     for (int d = 0; d < e->config.dim && mass > 0; d++) x[d] = moment[d] / mass;
 }
 
-/* Set the distances of the copy of a cell in a slot, and those of its neighbours that may be border cells. */
+/* Set the distances of the copy of a cell in a slot, and of its neighbours that may be border cells. */
 static void set_distances(const struct rough_bodies *rough, const struct gr_cell *cell, int64_t i, int side)
 {
     const struct gr_engine *e = rough->e;

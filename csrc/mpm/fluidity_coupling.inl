@@ -24,14 +24,14 @@ GR_INLINE void store_gain(struct gr_engine *e, int64_t place, double g, double g
     e->nonlocal.fluidity->g[place] = g;
 }
 
-/* Points of the material that has a fluidity, in the slots from `at` on. To the fluidity others are what empty cells are:
- * nothing flows into them, as with the law itself for A = 0. */
+/* Points of the material that has a fluidity, in the slots from `at` on. For the fluidity others are like empty cells: no
+ * fluidity diffuses into them, as with the law itself for A = 0. */
 GR_INLINE vm is_nonlocal(const struct gr_engine *e, int64_t at)
 {
     const int k = gr_nonlocal_material(&e->config);
-    double own[GR_W];
-    for (int l = 0; l < GR_W; l++) own[l] = gr_material_at(e, at + l) == k;
-    return v_gt(v_load(own), v_zero());
+    double is_k[GR_W];
+    for (int l = 0; l < GR_W; l++) is_k[l] = gr_material_at(e, at + l) == k;
+    return v_gt(v_load(is_k), v_zero());
 }
 
 /* Points with pressure in the slots from `at` on. */
@@ -96,11 +96,11 @@ GR_INLINE double fluidity_of_cell(const struct gr_engine *e, int64_t place)
 {
     double g = e->nonlocal.fluidity->g[place];
     if (gr_is_balanced(e)) g -= e->nonlocal.fluidity->gain[place];
-    return g < e->config.nonlocal.floor ? e->config.nonlocal.floor : g; /* NaN is kept */
+    return g < e->config.nonlocal.floor ? e->config.nonlocal.floor : g; /* NaN remains */
 }
 
-/* Fluidities from which the law starts in GR_W cells: that of the cells after the diffusion; what this changed, so that
- * a point with pressure starts from deviation * g + change, g its own. */
+/* Fluidities from which the law starts in GR_W cells: the fluidity of the cells after the diffusion; its change, so that a
+ * point with pressure starts from deviation * g + change, with its fluidity g. */
 struct fluidity_start {
     vd of_cell, change, deviation;
 };
@@ -119,12 +119,12 @@ GR_INLINE void fluidity_starts(const struct gr_engine *e, int64_t first, struct 
     start->change = start->of_cell - start->deviation * v_load(mean);
 }
 
-/* That of the points in the slots from `at` on. Points without pressure have no fluidity of their own: if they reconnect,
- * they start from that of their cell. */
+/* Fluidities from which the law starts at the points in the slots from `at` on. Points without pressure have none: if they
+ * reconnect, they start from the fluidity of their cell. */
 GR_INLINE vd start_of_points(const struct gr_engine *e, const struct fluidity_start *start, vm with_pressure, int64_t at)
 {
-    const vd own = v_fma(start->deviation, component(e, GR_FIELD_g, 0, at), start->change);
-    return v_select(with_pressure, v_max(v_set(e->config.nonlocal.floor), own), start->of_cell); /* NaN is kept */
+    const vd g = v_fma(start->deviation, component(e, GR_FIELD_g, 0, at), start->change);
+    return v_select(with_pressure, v_max(v_set(e->config.nonlocal.floor), g), start->of_cell); /* NaN remains */
 }
 
 /* True if a cell represents a fluidity, as any cell but the back of a double one without its own, and it has points. */

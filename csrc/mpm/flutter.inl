@@ -1,13 +1,13 @@
 /* Damping of flutter: growing waves of a whole layer in slow plastic flow (docs/explanation/flutter.md).
  *
  * Pressure makes strength, but flow makes no pressure: the elasticity of a layer at yield feeds shear waves that grow until
- * all of it flows. What is not steady in the plastic shear rate meets a viscosity eta, in forces alone:
+ * all of it flows. The unsteady part of the plastic shear rate meets a viscosity eta, in forces alone:
  *
  *   sigma' = sigma + mu' p s/tau,   mu' = (eta/p) unsteady max(0, 1 - <gdot>/gdot_end) where gdot > 0,
- *   unsteady = what of gdot - <gdot> is beyond STEADY <gdot>,   T d<gdot>/dt = gdot - <gdot>,
+ *   unsteady = the part of gdot - <gdot> beyond STEADY <gdot>,   T d<gdot>/dt = gdot - <gdot>,
  *   eta = X rho_c c_w h,   T = M h/c_w,   h = p/max(rho_c g, |grad p|),   gdot_end = N c_w g mu rho_c/G.
  *
- * h is the depth of a point in a layer, and the size of what is pressed where a body presses it: the lengths are those of
+ * h is the depth of a point in a layer, and the size of the loaded region where a body presses it: the lengths belong to
  * the material, and T is M times the time in which a compression wave crosses h. Faster flow turns stress back to its own
  * direction, at the rate G gdot/tau, before a wave can use it. X, M, N: granular/mpm/damping.py. */
 #include "law/trial.h"
@@ -17,7 +17,7 @@
  * (measured). */
 #define LARGEST_OVERSTRESS 0.25
 
-/* Largest eta times the time between two updates, over rho_c dx^2: what an update takes off the velocity of a wave is
+/* Largest eta times the time between two updates, over rho_c dx^2: the decrease of the velocity of a wave in an update is
  * this times (k S dx)^2, and must not be more than twice of it. S is the Fourier transform of the splines, and k S dx is
  * 1.19 at most. */
 #define MOST_DIFFUSED 1.4
@@ -27,7 +27,7 @@
 #define STEADY 0.1
 
 /* Update the overstress of the points in the slots from `at` on, from the stress and the plastic shear rate that the law
- * gave them in the step before. It is kept until the next update. */
+ * gave them in the step before. It remains until the next update. */
 GR_INLINE void damp_flutter(const int dim, const struct gr_engine *e, int64_t at)
 {
     const vd zero = v_zero(), nothing = v_set(GR_NOTHING);

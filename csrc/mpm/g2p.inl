@@ -15,19 +15,19 @@
 static __attribute__((noinline)) int64_t list_migrants(struct gr_engine *e, int64_t first, int row, unsigned inside,
                                                        struct gr_migrant *migrant)
 {
-    int64_t found = 0;
+    int64_t n = 0;
     for (int lane = 0; lane < GR_W; lane++) {
         struct gr_cell *cell = &e->mesh.cell[first + lane];
         if (inside >> lane & 1u) continue;
         if (row < cell->count)
-            migrant[found++] = (struct gr_migrant){.cell = first + lane, .slot = gr_slot(cell, row)};
+            migrant[n++] = (struct gr_migrant){.cell = first + lane, .slot = gr_slot(cell, row)};
         else
             gr_clear_slot(e, cell, gr_slot(cell, row));
     }
-    return found;
+    return n;
 }
 
-/* Weights w r/D of APIC's C = B D^-1 in place of derivatives. Where D vanishes, at a wall, those of the gradient. */
+/* Weights w r/D of APIC's C = B D^-1 in place of derivatives. Where D vanishes, at a wall, the weights of the gradient. */
 GR_INLINE void moment_weights(const int dim, const int basis, const struct gr_shape *s, vd moment[3][3])
 {
     const int k = gr_nodes_1d(basis);
@@ -121,8 +121,8 @@ GR_INLINE unsigned move_row(const int dim, const int basis, const int affine, co
     return x_bits(inside) & m_bits(v_ge(v_set(NO_DENSITY), v_abs(c))); /* a NaN counts as outside */
 }
 
-/* What the law starts from at the points in the slots from `at` on. After substeps those have pressure whose weight in
- * the mean is not zero. */
+/* Fluidity from which the law starts at the points in the slots from `at` on. After substeps the points with pressure are
+ * those with a weight in the mean that is not zero. */
 GR_INLINE vd start_of_row(const struct gr_engine *e, const struct fluidity_start *start, int64_t at)
 {
     if (e->config.nonlocal.substeps < 2) return start_of_points(e, start, has_pressure(e, at), at);
@@ -137,7 +137,7 @@ GR_INLINE int64_t g2p_tile(const int dim, const int basis, const int affine, con
                            struct gr_migrant *migrant)
 {
     struct view view[GR_VECTORS];
-    int64_t found = 0, first = tile * GR_LANES;
+    int64_t n = 0, first = tile * GR_LANES;
     int rows = 0;
     for (int part = 0; part < GR_VECTORS; part++) {
         look_at_cells(dim, basis, affine, smoothed, cell_averaged, averages, e, first + part * GR_W, &view[part]);
@@ -154,7 +154,7 @@ GR_INLINE int64_t g2p_tile(const int dim, const int basis, const int affine, con
             if (e->nonlocal.diffuses) v_store(batch->g_star + batch->n * GR_W, start_of_row(e, &view[part].fluidity, at));
             batch->slot[batch->n++] = at;
             if (__builtin_expect(inside != GR_ALL_LANES, 0))
-                found += list_migrants(e, first + part * GR_W, row, inside, migrant + found);
+                n += list_migrants(e, first + part * GR_W, row, inside, migrant + n);
         }
-    return found;
+    return n;
 }

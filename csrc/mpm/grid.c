@@ -12,7 +12,8 @@
 #include "mpm/wall_impulse.h"
 #include "mpm/walls.h"
 
-/* What nodes have besides their motion: the damping of averaged cells, or the sums of a step that averages the density. */
+/* Fields of nodes in addition to their motion: the damping of averaged cells, or the sums of a step that averages the
+ * density. */
 enum further { NOTHING, DAMPING, DENSITY };
 
 /* Number of the sums of a node. */
@@ -28,7 +29,7 @@ GR_INLINE int64_t joined_with(const struct gr_engine *e, int64_t n)
     return e->bodies.n_thin && e->mesh.duplicate[n] >= 0 && !e->mesh.separated[n] ? e->mesh.duplicate[n] : -1;
 }
 
-/* Add the sums of the nodes to which those of a group are joined. */
+/* Add the sums of the nodes to which the nodes of a group are joined. */
 static __attribute__((noinline)) void add_joined(const int dim, const enum further further, const struct gr_engine *e,
                                                  const struct gr_kernels *kernels, int64_t first, int lanes, double *sums)
 {
@@ -54,33 +55,33 @@ void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last)
     }
 }
 
-/* True if a node has so little mass that it is at rest. A NaN has mass: it is found at the points. */
+/* True if a node has so little mass that it is at rest. A NaN has mass: it is detected at the points. */
 static inline int is_empty(const struct gr_engine *e, double m) { return m <= e->config.mass_cutoff; }
 
 /* Note the impulse on the wall of node `lane` of the group from `first` on (wall_impulse.h), which changed the velocities in
  * `motion` to v and `next`. Not inline: the loop over nodes is for those who do not ask. */
-static __attribute__((noinline)) void note_impulse(struct gr_engine *e, int64_t first, int lane, double kept,
+static __attribute__((noinline)) void note_impulse(struct gr_engine *e, int64_t first, int lane, double keep,
                                                    const struct gr_node_motion *motion, const double *v, const double *next)
 {
-    const double m = e->nodes.mass[first + lane]; /* its own mass, that of a duplicate not included */
+    const double m = e->nodes.mass[first + lane]; /* without the mass of a duplicate */
     double *impulse = e->watch->node + (first + lane) * e->config.dim;
     for (int d = 0; d < e->config.dim; d++)
-        impulse[d] = m * ((motion->next[d][lane] - next[d]) - kept * (motion->v[d][lane] - v[d]));
+        impulse[d] = m * ((motion->next[d][lane] - next[d]) - keep * (motion->v[d][lane] - v[d]));
 }
 
 /* Apply the wall of node `lane` of the group from `first` on. */
 static void apply_wall(struct gr_engine *e, int64_t first, int lane, double m, struct gr_node_motion *motion)
 {
     const int dim = e->config.dim;
-    const double kept = e->keep_velocity - motion->damping[lane];
+    const double keep = e->keep_velocity - motion->damping[lane];
     double v[3], next[3];
     if (is_empty(e, m)) {
         if (e->watch) memset(e->watch->node + (first + lane) * dim, 0, sizeof(double) * (size_t)dim);
         return;
     }
     for (int d = 0; d < dim; d++) v[d] = motion->v[d][lane], next[d] = motion->next[d][lane];
-    gr_apply_wall(gr_wall_now(e, e->mesh.node_code[first + lane]), dim, kept, v, next);
-    if (e->watch) note_impulse(e, first, lane, kept, motion, v, next);
+    gr_apply_wall(gr_wall_now(e, e->mesh.node_code[first + lane]), dim, keep, v, next);
+    if (e->watch) note_impulse(e, first, lane, keep, motion, v, next);
     for (int d = 0; d < dim; d++) motion->v[d][lane] = v[d], motion->next[d][lane] = next[d];
 }
 
@@ -92,10 +93,10 @@ GR_INLINE int is_closed(const struct gr_engine *e, int64_t n)
 }
 
 /* Part of the volume of a node that must be of material that is averaged, for a residual force that its weights are to
- * balance: beside an elastic body it is that of a surface. */
+ * balance: next to an elastic body it is the force of a surface. */
 #define LEAST_AVERAGED 0.99
 
-/* With several materials, the sums that they add to those of an averaging (enum gr_volume_sum), for the nodes of a group. */
+/* With several materials, the additional sums of an averaging (enum gr_volume_sum), for the nodes of a group. */
 static __attribute__((noinline)) void sum_mixture(const struct gr_engine *e, const struct gr_kernels *kernels, int64_t first,
                                                   int lanes, double *volumes)
 {
@@ -109,7 +110,7 @@ static __attribute__((noinline)) void sum_mixture(const struct gr_engine *e, con
     }
 }
 
-/* With several materials neighbours have the pressure in common, in place of the log-density. */
+/* With several materials neighbours have the pressure in common instead of the log-density. */
 static __attribute__((noinline)) void describe_mixture(const int dim, struct gr_engine *e, int64_t first, int lanes,
                                                        const double *sums, const double *volumes)
 {
@@ -124,7 +125,7 @@ static __attribute__((noinline)) void describe_mixture(const int dim, struct gr_
     }
 }
 
-/* Store what an averaging needs of the nodes of a group, from their sums. */
+/* Store the fields of an averaging at the nodes of a group, from their sums. */
 GR_INLINE void store_density(const int dim, struct gr_engine *e, const struct gr_kernels *kernels, int64_t first, int lanes,
                              const double *sums)
 {
@@ -198,7 +199,7 @@ void gr_grid_smooth(struct gr_engine *e, int64_t first, int64_t last, int pass)
     const int dim = e->config.dim, K = e->K, order = e->config.xpic_order;
     double share = pass % 2 ? 1 : -1;
     for (int r = 1; r <= pass; r++) share = share * (order - r + 1) / r;
-    double rest = share, later = share; /* what this pass and the later ones would have added of what a wall takes here */
+    double rest = share, later = share; /* momentum on a wall from this pass and the later ones */
     for (int r = pass + 1; r <= order; r++) later *= -(double)(order - r + 1) / r, rest += later;
     for (int64_t n = first; n < last; n++) {
         double sum[3] = {0}, after[3] = {0};

@@ -17,14 +17,14 @@ void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last);
  *
  *   v = p/m,  v' = v + dt (f/m + g), walls;  w = f (v' - v) + (1 - f) v'.
  *
- * In w, f is the share of the old velocity that a point keeps. v', w and what the averaging of the density needs go to
+ * In w, f is the share of the old velocity that a point keeps. v', w and the fields of the averaging of the density go to
  * node_data, m to node_mass and v to node_v. */
 void gr_grid_nodes(struct gr_engine *e, const struct gr_kernels *kernels, int64_t first, int64_t last, const double g[3]);
 
 /* Velocities v and v' of a node with mass as they would be without walls, from the same sums. */
 void gr_grid_without_walls(const struct gr_engine *e, int64_t n, const double g[3], double v[3], double next[3]);
 
-/* Share of their own velocity that the points keep of node n in this step, after the grid stage. */
+/* Share of their velocity that the points keep of node n in this step, after the grid stage. */
 static inline double gr_kept_at(const struct gr_engine *e, int64_t n)
 {
     return e->keep_velocity - (e->config.cell_averaged ? gr_node_field(e, GR_NODE_DAMPING(e->config.dim))[n] : 0);

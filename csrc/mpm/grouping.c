@@ -32,7 +32,7 @@ int gr_compare_ids(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* Points that are listed together: those of a share of the old cells, or the pending ones. */
+/* Points that are listed together: of a share of the old cells, or the pending ones. */
 struct list {
     int64_t first, n;        /* numbers of its points */
     int64_t n_cells;         /* length of its list of their cells */
@@ -47,7 +47,7 @@ struct regroup {
     struct gr_engine *e;
     struct gr_team *team;
     int64_t chunks, n, n_cells, n_occupied, total; /* points; new cells, and how many of them hold points; slots */
-    struct list *list;                             /* chunks + 1; the last is that of the pending points */
+    struct list *list;                             /* chunks + 1; the last is of the pending points */
     int64_t *source;                               /* per point: its old slot, or -1 - k for pending point k */
     int64_t *slot;   /* per point: index of its cell in the grid; then its number in the new cell; then its new slot */
     int32_t *cell;   /* per point: number of its new cell */
@@ -154,12 +154,12 @@ static int list_points(struct regroup *r)
     return GR_OK;
 }
 
-/* Merge the cells of the lists into one ascending list without repetitions, at `listed`. Those of the points in cells ascend
- * already, unless these have been given anew.
+/* Merge the cells of the lists into one ascending list without repetitions, at `listed`. The cells of the points in cells
+ * ascend already, unless the points have been replaced.
  * Returned: its length. */
 static int64_t merge_listed(struct regroup *r)
 {
-    int64_t n = 0, sorted = 1, kept = 0;
+    int64_t n = 0, sorted = 1, n_unique = 0;
     for (int64_t c = 0; c < r->chunks; c++) {
         memmove(r->listed + n, r->listed + r->list[c].first, sizeof *r->listed * (size_t)r->list[c].n_cells);
         n += r->list[c].n_cells;
@@ -173,10 +173,10 @@ static int64_t merge_listed(struct regroup *r)
     for (int64_t k = 0, at = 0; k < n || at < left;) { /* to `merged`, behind them */
         const int64_t next = at == left || (k < n && r->listed[k] <= late[at]) ? r->listed[k++] : late[at++];
         int64_t *merged = r->listed + r->n;
-        if (!kept || merged[kept - 1] != next) merged[kept++] = next;
+        if (!n_unique || merged[n_unique - 1] != next) merged[n_unique++] = next;
     }
-    memmove(r->listed, r->listed + r->n, sizeof *r->listed * (size_t)kept);
-    return kept;
+    memmove(r->listed, r->listed + r->n, sizeof *r->listed * (size_t)n_unique);
+    return n_unique;
 }
 
 /* ---- The new cells ---- */
@@ -312,7 +312,7 @@ static int reserve_mesh(struct gr_engine *e, int64_t n_cells)
     if (e->nonlocal.fluidity) GR_RESIZE(mesh->place, capacity);
     if (e->bodies.n_thin) GR_RESIZE(mesh->paired, capacity);
     if (gr_averages_of_cell(&e->config)) {
-        GR_RESIZE(mesh->beside, capacity * 2 * e->config.dim);
+        GR_RESIZE(mesh->neighbour, capacity * 2 * e->config.dim);
         GR_RESIZE(e->sums.average, capacity * gr_averages_of_cell(&e->config));
     }
     if (e->nonlocal.fluidity && e->config.nonlocal.substeps > 1) {
@@ -329,7 +329,7 @@ static int reserve_mesh(struct gr_engine *e, int64_t n_cells)
     return GR_OK;
 }
 
-/* Calm of the new cells (mpm/sleep.h): what it was, but an asleep cell wakes if points have come to it. */
+/* Calm of the new cells (mpm/sleep.h): as before, but a sleeping cell wakes if points have come to it. */
 GR_SHARED(keep_calm, struct regroup, r->n_cells, r)
 {
     (void)chunk;
@@ -338,8 +338,8 @@ GR_SHARED(keep_calm, struct regroup, r->n_cells, r)
         if (r->sides && abs(r->sides[c]) == GR_FRONT) continue; /* double cells do not sleep */
         const int64_t before = (int64_t)gr_table_get(&r->e->mesh.cell_of, r->cells[c]) - 1;
         const struct gr_cell *cell = before < 0 ? 0 : &r->e->mesh.cell[before];
-        const int kept = cell && (cell->count == r->counts[c] || (cell->count && cell->calm != GR_ASLEEP));
-        if (kept) r->calm[c] = cell->calm;
+        const int unchanged = cell && (cell->count == r->counts[c] || (cell->count && cell->calm != GR_ASLEEP));
+        if (unchanged) r->calm[c] = cell->calm;
     }
 }
 
@@ -351,15 +351,15 @@ GR_SHARED(place_tiles, struct regroup, tiles_of(r), r)
     (void)chunk;
     for (int64_t c = first * GR_LANES; c < last * GR_LANES; c++) {
         struct gr_cell *cell = &e->mesh.cell[c];
-        const int64_t tile = c / GR_LANES, own = c < r->n_cells ? c : r->n_cells - 1;
+        const int64_t tile = c / GR_LANES, source = c < r->n_cells ? c : r->n_cells - 1;
         cell->offset = r->offset[tile] + c % GR_LANES;
-        cell->count = own == c ? r->counts[c] : 0;
+        cell->count = source == c ? r->counts[c] : 0;
         cell->summed = 0;
-        cell->calm = r->calm && own == c ? r->calm[c] : 0;
+        cell->calm = r->calm && source == c ? r->calm[c] : 0;
         cell->capacity = cell->rows = (int32_t)((r->offset[tile + 1] - r->offset[tile]) / GR_LANES);
         cell->apart = 0;
-        cell->side = r->sides && own == c ? r->sides[c] : 0;
-        decode(e, r->cells[own], cell->at);
+        cell->side = r->sides && source == c ? r->sides[c] : 0;
+        decode(e, r->cells[source], cell->at);
         cell->flags = gr_map_get(&e->config.cell_flags, cell->at);
     }
     memset(e->mesh.tile_state + first, GR_TILE_SUMMED, (size_t)(last - first));
@@ -466,7 +466,7 @@ int gr_regroup(struct gr_engine *e, struct gr_team *team)
     }
     if (!error) error = reserve_slots(&r);
     if (!error) error = reserve_mesh(e, r.n_cells);
-    if (error) goto out; /* the old cells are kept */
+    if (error) goto out; /* the old cells remain */
     place_cells(&r);
     move_points(&r);
     e->migration.n_pending = 0;

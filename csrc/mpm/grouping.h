@@ -7,7 +7,8 @@
  * capacity that is required. */
 int gr_regroup(struct gr_engine *e, struct gr_team *team);
 
-/* True, in some steps, if a quarter of the cells that held points at the last grouping hold none. What flows away leaves its
- * cells behind, which are visited in each step until the points are grouped again; that changes no bit. */
+/* True, in some steps, if a quarter of the cells that held points at the last grouping hold none. Material that flows away
+ * leaves its cells behind, which are visited in each step until the points are grouped again; the results do not depend on
+ * it. */
 int gr_has_emptied(const struct gr_engine *e);
 int gr_compare_ids(const void *a, const void *b); /* for qsort: int64_t, ascending */

@@ -43,7 +43,7 @@ int64_t gr_inflow_most(const struct gr_engine *e)
     return most;
 }
 
-/* True if places x and y [component stride `stride`] are nearer than `reach` along each axis. */
+/* True if positions x and y [component stride `stride`] are nearer than `reach` along each axis. */
 static int are_near(int dim, const double *x, const double *y, int64_t stride, const double *reach)
 {
     for (int d = 0; d < dim; d++)
@@ -62,9 +62,8 @@ static int cell_is_near(const struct gr_engine *e, const int32_t at[3], const do
     return 0;
 }
 
-/* True if a point at x would have another one nearer than distance h along the axis, and than h/2
- * across it. Those that wait for a
- * place in their cell count, as they would have one if the points had been grouped at another time. */
+/* True if a point at x would have another one nearer than distance h along the axis, and than h/2 across it. Points that
+ * wait for a slot in their cell count, as they would have one if the points had been grouped at another time. */
 static int is_taken(const struct gr_engine *e, const struct gr_inlet *inlet, const double x[3], double distance)
 {
     int32_t low[3] = {0}, high[3] = {0}, at[3];

@@ -11,5 +11,5 @@ int gr_inflow_add(struct gr_engine *e, const struct gr_inlet *inlet);
 /* Largest number of points that enter in a step. */
 int64_t gr_inflow_most(const struct gr_engine *e);
 
-/* Let the points enter that are due at the time of the engine. Those without a free place in their cell become pending. */
+/* Let the points enter that are due at the time of the engine. Points without a free slot in their cell become pending. */
 void gr_inflow_enter(struct gr_engine *e);

@@ -35,7 +35,7 @@ struct gr_material {
     GR_MATERIAL(GR_X)
 #undef GR_X
     double parameter[GR_LAW_MAX_PARAMETERS];
-    gr_own_update *own; /* of a law of the user's own */
+    gr_own_update *function; /* of a user-defined law */
     double own_parameter[GR_OWN_PARAMETERS];
     int remembers; /* 1 if that law has a history */
 };
@@ -63,8 +63,8 @@ static inline double gr_stressed_from(const struct gr_material *m)
  * size dx. X(name, value, description) */
 #define GR_MATERIAL_NUMBERS(X)                                                                              \
     X(FORCE_SCALE, -1.0 / (m->rho_c * dx), "-1/(rho_c dx)")                                                 \
-    X(FILLING, first->rho_c / m->rho_c, "rho_c of the first material over its own: volumes as masses")      \
-    X(STIFFNESS, m->K / first->K, "its K over that of the first: log-densities as pressures")               \
+    X(FILLING, first->rho_c / m->rho_c, "rho_c of the first material over its rho_c: volumes as masses")    \
+    X(STIFFNESS, m->K / first->K, "its K over the K of the first: log-densities as pressures")              \
     X(SOFTNESS, first->K / m->K, "the inverse")                                                             \
     X(SEPARATION, m->separation - m->separation_strain, "log-density below which points are disconnected")  \
     X(ORIGIN, m->separation, "log-density at which its law separates")                                      \

@@ -8,8 +8,9 @@
  * of the cell does not face the thin body. */
 static inline int64_t gr_place_of_cell(const struct gr_engine *e, const struct gr_cell *cell)
 {
-    const int32_t *own = e->mesh.place + (cell - e->mesh.cell);
-    return cell->side != GR_BACK || (*own >= 0 && e->nonlocal.fluidity->inside[*own] & GR_SEPARATED) ? own[0] : own[-1];
+    const int32_t *place = e->mesh.place + (cell - e->mesh.cell);
+    return cell->side != GR_BACK || (*place >= 0 && e->nonlocal.fluidity->inside[*place] & GR_SEPARATED) ? place[0]
+                                                                                                         : place[-1];
 }
 
 /* Number of cells, from this one on, that share one fluidity: 2 for the front of a double cell whose sides are not
@@ -38,9 +39,8 @@ static inline void gr_clear_migrants(struct gr_migrants *list)
  * their new cells. */
 void gr_pack_migrants(struct gr_engine *e, struct gr_migrants *out, int64_t first);
 
-/* Insert the packed points into their new cells, in the order of the lists, which is that of cells and slots. Points that
- * leave through an open side are dropped; points without a free slot become pending. Cells that gain points are listed
- * in `dirty`. */
+/* Insert the packed points into their new cells, in the order of the lists, by cells and slots. Points that leave through
+ * an open side are dropped; points without a free slot become pending. Cells that gain points are listed in `dirty`. */
 int gr_migrate(struct gr_engine *e, struct gr_migrants *list, int lists, struct gr_team *team);
 
 /* Move points of double cells to the other side if they have crossed over where they do not face the thin body. */

@@ -1,10 +1,10 @@
-/* The motion of GR_LANES nodes at once, and what an averaging of the density needs of them. What is beyond the last node has
- * places of its own, which nothing reads. */
+/* The motion of GR_LANES nodes at once, and the fields of an averaging of the density. Lanes beyond the last node have
+ * entries that nothing reads. */
 #include "mpm/grid.h"
 #include "mpm/smoothed_density.h"
 
-/* Motion of the nodes of a group from their sums, with gravity g. Nodes with hardly any mass are at rest; a NaN passes,
- * and is found at the points. */
+/* Motion of the nodes of a group from their sums, with gravity g. Nodes with hardly any mass are at rest; a NaN passes, and
+ * is detected at the points. */
 GR_INLINE void move_group(const int dim, const int damps, const struct gr_engine *e, const double g[3], const double *sums,
                           struct gr_node_motion *motion)
 {
@@ -35,11 +35,11 @@ GR_INLINE void store_group(const int dim, const int damps, struct gr_engine *e, 
     const vd order = v_set(e->config.xpic_order);
     for (int lane = 0; lane < GR_LANES; lane += GR_W) {
         const int64_t n = first + lane;
-        const vd damping = v_load(motion->damping + lane), kept = v_set(e->keep_velocity) - damping;
+        const vd damping = v_load(motion->damping + lane), keep = v_set(e->keep_velocity) - damping;
         if (damps) v_store(gr_node_field(e, GR_NODE_DAMPING(dim)) + n, damping);
         for (int d = 0; d < dim; d++) {
             const vd v = v_load(motion->v[d] + lane), next = v_load(motion->next[d] + lane);
-            vd update = kept * (next - v) + (v_set(1.0) - kept) * next;
+            vd update = keep * (next - v) + (v_set(1.0) - keep) * next;
             if (e->config.xpic_order > 0) update = next - v + order * v; /* its pass r = 1 */
             v_store(gr_node_field(e, GR_NODE_VELOCITY + d) + n, next);
             v_store(gr_node_field(e, GR_NODE_UPDATE(dim) + d) + n, update);
@@ -47,7 +47,8 @@ GR_INLINE void store_group(const int dim, const int damps, struct gr_engine *e, 
     }
 }
 
-/* Store what an averaging needs of the nodes from `first` on, but for that of the nodes around (smoothed_density.h).
+/* Store the fields of an averaging at the nodes from `first` on, except for those from the nodes around
+ * (smoothed_density.h).
  * Given: their sums, and the volume of their points, as a mass of the first material. */
 GR_INLINE void describe_group(const int dim, struct gr_engine *e, int64_t first, const double *sums, const double *filled)
 {
@@ -75,7 +76,7 @@ GR_INLINE void describe_group(const int dim, struct gr_engine *e, int64_t first,
     }
 }
 
-/* The values of a field at the places `at` of GR_W nodes. */
+/* The values of a field at the indices `at` of GR_W nodes. */
 GR_INLINE vd of_places(const double *field, const int32_t *at)
 {
     double each[GR_W];
@@ -89,7 +90,7 @@ GR_INLINE vd of_places(const double *field, const int32_t *at)
  * Returned: a bit for each node that is inside. */
 GR_INLINE unsigned mean_gaps_of_group(const int dim, struct gr_engine *e, int64_t first)
 {
-    const int n = gr_about(dim), own = n / 2;
+    const int n = gr_about(dim), middle = n / 2;
     const double *gap = gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP(dim));
     const vd least = v_set(GR_LEAST_GAP), closed = v_set(GR_CLOSED_GAP);
     unsigned inside = 0;
@@ -97,9 +98,9 @@ GR_INLINE unsigned mean_gaps_of_group(const int dim, struct gr_engine *e, int64_
         const int32_t *about = gr_about_node(e, first + lane);
         vd gaps[27], sum = v_zero(), weights = v_zero();
         for (int k = 0; k < n; k++) gaps[k] = of_places(gap, about + k * GR_LANES);
-        vm full = v_gt(gaps[own], least);
+        vm full = v_gt(gaps[middle], least);
         for (int d = 0, apart = 1; d < dim; d++, apart *= 3)
-            full = m_and(full, m_and(v_gt(gaps[own - apart], least), v_gt(gaps[own + apart], least)));
+            full = m_and(full, m_and(v_gt(gaps[middle - apart], least), v_gt(gaps[middle + apart], least)));
         for (int k = 0; k < n; k++) {
             const double share = (k % 3 == 1 ? 0.5 : 0.25) * (k / 3 % 3 == 1 ? 0.5 : 0.25);
             vd weight = v_set(dim == 2 ? share : share * (k / 9 == 1 ? 0.5 : 0.25));
@@ -108,7 +109,7 @@ GR_INLINE unsigned mean_gaps_of_group(const int dim, struct gr_engine *e, int64_
                 weights = weights + weight;
             }
             const vm counts = m_and(v_gt(gaps[k], least), v_gt(closed, gaps[k]));
-            sum = sum + weight * v_select(counts, gaps[k], gaps[own]);
+            sum = sum + weight * v_select(counts, gaps[k], gaps[middle]);
         }
         if (e->bodies.open) sum = sum / weights;
         v_store(gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_GAP) + first + lane, v_keep(full, sum));

@@ -2,7 +2,7 @@
  * they are the same local node, except where a tile ends (struct gr_node_run). */
 #include "mpm/engine.h"
 
-/* The places of the sums over one cell of GR_W nodes, from node `lane` of a group on. */
+/* The positions of the sums over one cell of GR_W nodes, from node `lane` of a group on. */
 struct places {
     const gr_real *piece[GR_RUN_PIECES];
     vm from[GR_RUN_PIECES];    /* lanes of this piece, and of those after it */
@@ -76,8 +76,8 @@ GR_INLINE void add_cells(const int dim, const int K, const int damps, const int 
         call(GR_RUN_BROKEN);    \
     }
 
-/* Sums of the nodes of a group, in rows of GR_LANES: those of each step, the damping if the density is smoothed, and those
- * of an averaging. */
+/* Sums of the nodes of a group, in rows of GR_LANES: of each step, the damping if the density is smoothed, and of an
+ * averaging. */
 GR_INLINE void sum_group(const int dim, const int K, const int damps, const int averages, const struct gr_engine *e,
                          int64_t group, double *out)
 {
@@ -97,13 +97,13 @@ GR_INLINE void sum_group(const int dim, const int K, const int damps, const int 
     }
 }
 
-/* The same for the sums that several materials add to those of an averaging. */
+/* The same for the additional sums of an averaging with several materials. */
 GR_INLINE void add_volumes(const int K, const int pieces, const struct gr_engine *e, int64_t group, int i, int lane, vd *sum)
 {
     const int rows = GR_SUM_DAMPED(K == 9 ? 2 : 3);
     const struct places places = places_of(K, pieces, e, group, i, lane);
-    const int64_t own = e->sums.of_volume + (K - 1 - i) * (GR_VOLUME_SUMS - rows) * GR_LANES;
-    for (int q = 0; q < GR_VOLUME_SUMS; q++) sum[q] = sum[q] + sum_at(pieces, &places, own + q * GR_LANES);
+    const int64_t first = e->sums.of_volume + (K - 1 - i) * (GR_VOLUME_SUMS - rows) * GR_LANES;
+    for (int q = 0; q < GR_VOLUME_SUMS; q++) sum[q] = sum[q] + sum_at(pieces, &places, first + q * GR_LANES);
 }
 
 GR_INLINE void sum_volumes_of_group(const int K, const struct gr_engine *e, int64_t group, double *out)

@@ -18,8 +18,8 @@ GR_INLINE vd gr_of_material(const struct gr_engine *e, int which, int64_t at)
     double value[GR_W];
     if (__builtin_expect(e->config.n_materials == 1, 1)) return v_set(number[0]);
     const gr_real *const numbers = gr_numbers(e, GR_FIELD_material, 0, at);
-    const vd own = v_load(numbers), first = v_set(numbers[0]);
-    if (m_bits(m_and(v_ge(own, first), v_ge(first, own))) == GR_ALL_LANES) return v_set(number[gr_material_at(e, at)]);
+    const vd all = v_load(numbers), first = v_set(numbers[0]);
+    if (m_bits(m_and(v_ge(all, first), v_ge(first, all))) == GR_ALL_LANES) return v_set(number[gr_material_at(e, at)]);
     for (int l = 0; l < GR_W; l++) value[l] = number[gr_material_at(e, at + l)];
     return v_load(value);
 }

@@ -1,7 +1,7 @@
-/* What bodies take of the volume of the nodes near their surface.
+/* Volume of bodies at the nodes near their surface.
  *
  * The density correction compares the mass of a node with its volume, and the residual force with zero. Near a body both
- * are those of the open part of the support of the node, outside of the bodies:
+ * are of the open part of the support of the node, outside of the bodies:
  *
  *   V_i = V_i0 - s_i,  s_i = int S_i,   E_i -> E_i + G_i,  G_i = int grad S_i,   over the solid, lengths in cells.
  *
@@ -13,20 +13,20 @@
 /* Nodes with less open volume than this, over dx^dim, say nothing about the density. */
 #define GR_LEAST_OPEN 0.1
 
-/* The open part of a cell: its volume over that of the cell, and its centroid in local coordinates. */
+/* The open part of a cell: its volume over the volume of the cell, and its centroid in local coordinates. */
 struct gr_open_part {
     double volume, centre[3];
 };
 
 /* Integrals over the bodies for the nodes near their surfaces, and for the cells. */
 struct gr_open_volume {
-    struct gr_table place;    /* of a node of the grid: its place + 1, 0 for none */
+    struct gr_table place;    /* of a node of the grid: its index + 1, 0 for none */
     double *solid, *slope;    /* s_i; G_i, dim numbers */
     int64_t *id, n, capacity; /* the nodes */
-    struct gr_table part_of;  /* of a cell of the grid: the place of its part + 1, 0 if it is open */
+    struct gr_table part_of;  /* of a cell of the grid: the index of its part + 1, 0 if it is open */
     struct gr_open_part *part;
     int64_t n_parts, part_capacity;
-    int known; /* the integrals are those of the poses `split` */
+    int known; /* the integrals are for the poses `split` */
 };
 
 int gr_open_volume_new(struct gr_engine *e, int64_t n_cells, int64_t n_nodes);
@@ -34,7 +34,7 @@ void gr_open_volume_free(struct gr_open_volume *open);
 
 /* Compute the integrals for the poses `split`, unless they are known, and the volumes of the nodes. If `follow`, the poses
  * first follow bodies whose surfaces have moved, however little: where they lag by a hundredth of a cell, the force on a box
- * that moves through a bed is 2 to 8 % off. What is round about the axis of its rotation has not moved by it.
+ * that moves through a bed is 2 to 8 % off. A body that is round about the axis of its rotation has not moved by it.
  * Returned: 0 or GR_ERR_MEMORY. */
 int gr_open_volumes(struct gr_engine *e, int follow);
 

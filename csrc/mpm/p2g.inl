@@ -8,7 +8,7 @@
  * weight. Particle shifting adds -m shift_velocity/dt to the force, which takes back the momentum that the shift gave.
  * Where the density is averaged, further sums follow (smoothed_density.inl).
  *
- * Each cell has sums of its own, in the order of its points. The grid stage then sums over the cells of a node in a fixed
+ * Each cell has separate sums, in the order of its points. The grid stage then sums over the cells of a node in a fixed
  * order (grid.c), so that the result depends neither on the number of threads nor on the cells of a tile.
  *
  * A lane is a cell. A few rows of points are worked on at a time: first their contributions are prepared, and then they are
@@ -121,8 +121,8 @@ GR_INLINE void add_force(const int dim, const int basis, const int shifts, const
     }
 }
 
-/* Sums of a pass over the rows: m and p; f, with SHIFT also what takes back the momentum of a shift; those of the
- * density, or those of the density with several materials. */
+/* Sums of a pass over the rows: m and p; f, with SHIFT also the term that subtracts the momentum of a shift; the sums of
+ * the density, or of the density with several materials. */
 enum { MOMENTUM = 1, FORCE = 2, DENSITY = 4, VOLUME = 8, SHIFT = 16 };
 
 /* Add the contributions of n rows of points to the sums `what`, row of nodes by row: sums first... of each node, which has
@@ -161,18 +161,18 @@ struct summed {
 /* All points of the cells from `first` on, or those that are not in their sums yet. */
 GR_INLINE struct summed points_to_sum(struct gr_engine *e, int64_t first, int more)
 {
-    struct summed found = {more ? INT32_MAX : 0, 0, v_zero()};
+    struct summed rows = {more ? INT32_MAX : 0, 0, v_zero()};
     double done[GR_W];
     for (int l = 0; l < GR_W; l++) {
         struct gr_cell *cell = &e->mesh.cell[first + l];
         done[l] = more ? cell->summed : 0;
-        if (more && cell->count > cell->summed && cell->summed < found.begin) found.begin = cell->summed;
-        if (cell->count > found.end) found.end = cell->count;
+        if (more && cell->count > cell->summed && cell->summed < rows.begin) rows.begin = cell->summed;
+        if (cell->count > rows.end) rows.end = cell->count;
         cell->summed = cell->count;
     }
-    if (found.begin > found.end) found.begin = found.end;
-    found.first = v_load(done);
-    return found;
+    if (rows.begin > rows.end) rows.begin = rows.end;
+    rows.first = v_load(done);
+    return rows;
 }
 
 /* P2G of the cells from `first` on, for all their points or for those that arrived (`more`). */
@@ -184,7 +184,7 @@ GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const
     gr_real *out = gr_sums(e) + gr_sums_of_cell(e, first);
     struct gr_frame frame;
     struct contribution contribution[MOST_PREPARED];
-    /* with those of the density beside cells that are asleep, too: they are not made again when they are needed */
+    /* with the density next to sleeping cells, too: these sums are not made again when they are needed */
     const int averages = smoothed && (e->sums.averages || (e->sleep && gr_lanes_asleep(e, first / GR_LANES)));
     int fresh = !more;
     if (more && summed.begin == summed.end) return;

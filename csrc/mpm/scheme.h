@@ -17,7 +17,7 @@
 
 #define GR_SCHEME(X)                                                                                                  \
     X(flip_decay, 0, "[0, inf)", "1/s",                                                                               \
-      "Rate at which the difference between the velocity of a point and that of the grid dies out under FLIP: "       \
+      "Rate at which the difference between the velocities of a point and the grid decays under FLIP: "               \
       "f = exp(-flip_decay dt) of it survives a step. A rate, so that the result does not depend on the step.")       \
     X(tpic_decay, GR_NONE, "[0, inf)", "1",                                                                           \
       "Under TPIC the velocity is v_pic + f (v + dv - v_pic) with f = exp(-rate dt), rate = tpic_decay c_w/dx. By "   \
@@ -44,7 +44,7 @@
       "method is balanced with the law, so that a steady flow does not depend on them; more resolve what changes "      \
       "within t0.")                                                                                                     \
     X(tolerance, 1e-4, "(0, 1)", "1",                                                                                   \
-      "Of the conjugate gradients, residual over the first one: so much of what the diffusion changes in a step may "   \
+      "Of the conjugate gradients, residual over the first one: such a part of the change by diffusion in a step may "  \
       "be wrong.")                                                                                                      \
     X(initial, GR_NONE, "[0, inf)", "1/s",                                                                              \
       "Fluidity of all points at the start. None for a local phase: the law of `MuI` for 10 t0, then "                  \
@@ -70,7 +70,7 @@
       "dd: c relaxes towards the mean of its neighbours, extrapolated linearly so that a hydrostatic gradient is "       \
       "untouched, at the rate dd c_w/dx + ds gdot/c.")                                                                   \
     X(strain_diffusion, 20, 0, GR_NONE, "[0, inf)", "1",                                                                 \
-      "ds, see diffusion. Strain makes the noise that is averaged, and a strain of c/ds averages it: what is left is a " \
+      "ds, see diffusion. Strain makes the noise that is averaged, and a strain of c/ds averages it: the rest is a "     \
       "share of c for any stiffness, and a heap at rest keeps the density it has come to.")                              \
     X(relaxation, 0.3, 0.7, GR_NONE, "[0, inf)", "1",                                                                    \
       "kappa: c relaxes to the nodal density at the rate kappa gdot d, d the gap ln phi - c of the nodes inside the "    \
@@ -80,7 +80,7 @@
       "eps: the rate of relaxation is eps g/c_w at most, with the largest gravity g of the scene: across a cell such a " \
       "source of pressure accelerates by about a share eps of g. Without it the noise of phi drowns the small "          \
       "compressions of stiff materials.")                                                                                \
-    X(dead_band, 0.03, 0.1, GR_NONE, "[0, inf)", "1", "Gap d that may be noise of the places of the points.")            \
+    X(dead_band, 0.03, 0.1, GR_NONE, "[0, inf)", "1", "Gap d that may be noise of the positions of the points.")         \
     X(compression_rate, 3, 0.7, GR_NONE, "[0, inf)", "1",                                                                \
       "kappa_c: over-compressed material, with a gap beyond the dead band, relaxes at the rate kappa_c gdot "            \
       "(d - dead_band) without a limit, as material that converges on an outlet must.")                                  \
@@ -96,22 +96,22 @@
       "Time between two averagings of the density in dx/c_w, in whole steps and at least one; the steps between cost "   \
       "no more than plain ones. A time and not a number of steps, so that the result does not depend on the step.")      \
     X(weight_correction, 0.7, GR_NONE, GR_NONE, "[0, 1]", "1",                                                           \
-      "Quadrature weight correction. The residual force E_i = sum_p q_p V_p grad S_i is what a uniform pressure would "  \
-      "make on a node inside the material; an averaging takes this part of it away by the weights q_p of the points in " \
-      "the force, q_p += -weight_correction sum_i grad S_i . E_i in lengths of cells. The local mean of q_p is kept at " \
-      "exp(c)/phi, so that the weighted volumes fill the volume they have. 0 for no weights.")                           \
+      "Quadrature weight correction. The residual force E_i = sum_p q_p V_p grad S_i is the force of a uniform "         \
+      "pressure on a node inside the material; an averaging takes this part of it away by the weights q_p of the "       \
+      "points in the force, q_p += -weight_correction sum_i grad S_i . E_i in lengths of cells. The local mean of "      \
+      "q_p is held at exp(c)/phi, so that the weighted volumes fill the volume they have. 0 for no weights.")            \
     X(weight_correction_limit, 0.5, GR_NONE, GR_NONE, "[0, 0.8]", "1",                                                   \
       "Largest abs(q_p - 1): a point of more weight is as much stiffer.")                                                \
     X(weight_correction_decay, 0.005, GR_NONE, GR_NONE, "[0, 1]", "1",                                                   \
       "Part of q_p - 1 that a point loses in an averaging: it forgets where it has been.")                               \
     X(flutter_damping, 0.04, GR_NONE, GR_NONE, "[0, 1]", "1",                                                            \
-      "X: in slow plastic flow what is not steady in the shear rate meets the viscosity X rho_c c_w h, with the depth "  \
+      "X: in slow plastic flow the unsteady part of the shear rate meets the viscosity X rho_c c_w h, with the depth "   \
       "h = p/max(rho_c g, |grad p|). Pressure makes strength but flow makes no pressure, so that waves of a whole "      \
       "layer grow close to yield; without damping layers flow at slopes below their angle of repose. Steady flow is "    \
-      "left alone, and so is flow so fast that it turns stress back to its own direction before a wave can use it. "     \
+      "not damped, nor is flow so fast that it turns stress back to its own direction before a wave can use it. "        \
       "0 for none.")                                                                                                     \
     X(slow_decay, GR_NONE, 3, GR_NONE, "[0, inf)", "1",                                                                  \
-      "Rate, over c_w/dx, at which the velocity of points that flow slowly relaxes to that of the grid, besides "        \
+      "Rate, over c_w/dx, at which the velocity of points that flow slowly relaxes to that of the grid, added to "       \
       "tpic_decay: all of it where I/I0 is 0, none from slow_inertial_number on. Differences between the points of a "   \
       "cell, which share their stress, are noise there. 0 for none.")                                                    \
     X(slow_inertial_number, GR_NONE, 0.3, GR_NONE, "(0, inf)", "1",                                                      \

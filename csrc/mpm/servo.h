@@ -7,10 +7,10 @@
  *
  *   s += dt (F/A - P)/(K T),   c -= change of s,   gap = ln phi - s - c,
  *
- * with F the force of the material on the wall, the mean over the steps since the wall moved last, and T = 8 dx/c_w. At
- * rest F/A tends to P as exp(-t/T). The filling fraction phi of nodes and cells is that of the volume before the
- * motion, so that the gap to which the density relaxes (density_correction.h) is that of the volume which the material
- * has now. A servo that changed nothing but c would work against this relaxation for ever.
+ * with F the force of the material on the wall, the mean over the steps since the wall moved last, and T = 8 dx/c_w. At rest
+ * F/A tends to P as exp(-t/T). The filling fraction phi of nodes and cells is for the volume before the motion, so that the
+ * gap to which the density relaxes (density_correction.h) is for the present volume of the material. A servo that changed
+ * nothing but c would work against this relaxation for ever.
  *
  * The wall moves in the steps that average the density, and waits while no material fills half of its nodes. Its state
  * is among the numbers of the wall (wall_impulse.h). */

@@ -20,7 +20,7 @@ struct gr_knots {
     vd clipped;   /* ugimp: 1 where the boxes of points end at the node of the cell, else 0 */
 };
 
-/* Those of one cell. */
+/* The functions of one cell. */
 GR_INLINE struct gr_knots gr_knots_of(const struct gr_axis_cell *cell)
 {
     return (struct gr_knots){v_set(cell->coefficient[0][2]), v_set(cell->coefficient[2][2]), v_set(cell->clip)};
@@ -39,8 +39,8 @@ GR_INLINE int gr_power(int k, int dim) { return dim == 2 ? k * k : k * k * k; }
 GR_INLINE int gr_nodes_1d(const int basis) { return basis == GR_LINEAR ? 2 : 3; }
 
 /* Numbers of the GR_W cells from `first` on, along axis d: member(cell) of each. Most tiles are a part of a row of cells:
- * along the other axes they have the same place. Cells follow each other along the first axis, then the second, then the
- * third, so that those between two of one row are of that row; with two of different layers, rows lie between. */
+ * along the other axes they have the same index. Cells follow each other along the first axis, then the second, then the
+ * third, so that cells between two of one row are of that row; with two of different layers, rows lie between. */
 #define GR_LANES_OF_CELLS(e, first, d, member, vector, set, load)                                             \
     ({                                                                                                        \
         const struct gr_cell *const of_cell = (e)->mesh.cell + (first);                                       \
@@ -164,7 +164,7 @@ GR_INLINE void gr_along(const int basis, const int nodal, const struct gr_shape 
 }
 
 /* Value at the points of the field with these modes, and its gradient per cell. If `nodal`, g are the weights of the
- * derivatives. The compiler omits what a caller does not use. */
+ * derivatives. The compiler omits results that a caller does not use. */
 GR_INLINE vd gr_interpolate(const int dim, const int basis, const int nodal, const vd *mode, const struct gr_shape *s,
                             const vd g[3][3], vd gradient[3])
 {

@@ -2,21 +2,21 @@
  *
  * Cells fall asleep if no point in them, nor in a cell with which they have a node in common, has been faster than
  * sleep_speed in GR_CALM_CHECKS checks, one every GR_SLEEP_INTERVAL steps. Their points lose their velocity and its
- * gradient, and keep position, stress and density. Their sums then remain what they are, and so do nodes that have no
- * other cells: both are kept and not computed. Cells without points fall asleep by the same rule, so that the surface of
- * material at rest costs nothing. A cell wakes if one of its nodes would move faster than sleep_speed, if a point
- * arrives, before gravity changes or a wall opens, and while a body moves near it.
+ * gradient, and keep position, stress and density. Their sums then do not change, nor do nodes that have no other cells:
+ * both are stored and not computed. Cells without points fall asleep by the same rule, so that the surface of material at
+ * rest costs nothing. A cell wakes if one of its nodes would move faster than sleep_speed, if a point arrives, before
+ * gravity changes or a wall opens, and while a body moves near it.
  *
- * Whether a cell is asleep is a matter of that cell and its nodes alone. What is skipped, tiles of which all cells are
- * asleep and groups of nodes, saves time and does not bear on the results: these depend neither on the number of threads
- * nor on when the points were grouped. */
+ * Whether a cell is asleep is a matter of that cell and its nodes alone. Skipping tiles of which all cells are asleep and
+ * groups of nodes saves time and does not affect the results: these depend neither on the number of threads nor on when the
+ * points were grouped. */
 #pragma once
 
 #include "core/team.h"
 #include "mpm/engine.h"
 
-/* The interval is that of dt. The checks take so long that waves cross 150 cells at the usual time steps: what swings
- * slowly is seen to move. */
+/* The interval is the one of dt. The checks take so long that waves cross 150 cells at the usual time steps: slow
+ * oscillations are noticed. */
 enum { GR_SLEEP_INTERVAL = 16, GR_CALM_CHECKS = 32, GR_ASLEEP = INT32_MAX };
 
 /* Who needs the values of a node in each step: nobody; a cell that is awake; one that it may wake. */
@@ -27,7 +27,7 @@ struct gr_sleep {
     uint8_t *restless;   /* of the nodes: whether points about them were too fast, while cells fall asleep */
     uint8_t *tile_rests; /* of the tiles: whether all their nodes are unused, so that all their cells are asleep */
     int64_t capacity, tile_capacity;
-    int changed;    /* whether a cell has woken or fallen asleep since the uses were found */
+    int changed;    /* whether a cell has woken or fallen asleep since the uses were computed */
     int all_nodes;  /* whether the values of all nodes are to be computed in this step */
     int64_t asleep; /* number of cells that are asleep */
 };
@@ -39,7 +39,7 @@ void gr_sleep_free(struct gr_sleep *sleep);
 int gr_sleep_begin(struct gr_engine *e);
 
 /* Look whether the points are slow, and let cells fall asleep. Their tiles are listed in `dirty`: their sums are to be made
- * again, with those of the density. */
+ * again, with the sums of the density. */
 void gr_sleep_look(struct gr_engine *e, struct gr_team *team);
 
 /* Find the uses of the nodes if they have changed. */
@@ -72,7 +72,7 @@ static inline void gr_wake_for_arrival(struct gr_engine *e, struct gr_cell *cell
     if (!cell->count) cell->calm = 0;
 }
 
-/* True if the values of the group of nodes that begins with `first`, a multiple of GR_LANES, are those of the last step. */
+/* True if the values of the group of nodes that begins with `first`, a multiple of GR_LANES, are from the last step. */
 static inline int gr_group_rests(const struct gr_engine *e, int64_t first)
 {
     uint64_t uses;

@@ -8,10 +8,10 @@
 /* Smallest open volume of a node near a body, over dx^dim, whose residual force is balanced. */
 #define LEAST_BALANCED 0.02
 
-/* Share of the residual force that a node on an inner wall line takes part with along the normal of that line. The
- * functions are only C0 there, and their slopes large: the largest eigenvalue of the descent on the sum of E^2 is 3.6 in
- * place of 1.5, so that with a weight_correction above 0.55 the weights would grow. With this share it is 1.8, and 1.9
- * where two lines are close (tests/density/test_verification_layers_at_rest.py). */
+/* Share of the residual force that a node on an inner wall line takes part with along the normal of that line. The functions
+ * are only C0 there, and their slopes large: the largest eigenvalue of the descent on the sum of E^2 is 3.6 instead of 1.5,
+ * so that with a weight_correction above 0.55 the weights would grow. With this share it is 1.8, and 1.9 where two lines are
+ * close (tests/density/test_verification_layers_at_rest.py). */
 #define LINE_SHARE 0.25
 
 /* A field of the nodes that belongs to an averaging of the density. */
@@ -20,8 +20,8 @@ static double *density_field(const struct gr_engine *e, int field)
     return gr_node_field(e, GR_NODE_DENSITY(e->config.dim) + field);
 }
 
-/* Over-compression at a node in a body: the mean of that of the nodes about it that are open, so that it has no slope
- * across the surface and points do not shift into the body. */
+/* Over-compression at a node in a body: the mean over the open nodes about it, so that it has no slope across the surface
+ * and points do not shift into the body. */
 static double excess_about(const struct gr_engine *e, int64_t n)
 {
     const int dim = e->config.dim;
@@ -43,17 +43,17 @@ static void complete(const int dim, struct gr_engine *e, int64_t n, int inside)
     const int held = (e->mesh.node_at[n] & AXES) | gr_wall_now(e, e->mesh.node_code[n])->fixed,
               lines = e->mesh.node_at[n] >> 3;
     const int64_t cut = gr_open_place(e->bodies.open, e->mesh.node_id[n]);
-    const double own = density_field(e, GR_NODE_OWN_GAP(dim))[n];
-    const int closed = !(own < GR_CLOSED_GAP);
+    const double gap = density_field(e, GR_NODE_OWN_GAP(dim))[n];
+    const int closed = !(gap < GR_CLOSED_GAP);
     if (closed) density_field(e, GR_NODE_GAP)[n] = 0;
     if (closed && e->bodies.open) density_field(e, GR_NODE_EXCESS)[n] = excess_about(e, n);
     if (inside && !closed) /* subtract the mean weight with which volumes m/rho fill the volume of the node */
-        density_field(e, GR_NODE_WEIGHT)[n] += 1 - exp(-(own + e->servo_strain));
-    const int kept = inside && (cut < 0 || e->mesh.node_volume[n] > LEAST_BALANCED);
+        density_field(e, GR_NODE_WEIGHT)[n] += 1 - exp(-(gap + e->servo_strain));
+    const int balanced = inside && (cut < 0 || e->mesh.node_volume[n] > LEAST_BALANCED);
     for (int d = 0; d < dim; d++) {
         double *residual = density_field(e, GR_NODE_RESIDUAL + d) + n;
         if (cut >= 0) *residual += e->bodies.open->slope[cut * dim + d];
-        if (!kept || held >> d & 1) *residual = 0;
+        if (!balanced || held >> d & 1) *residual = 0;
         if (lines >> d & 1) *residual *= LINE_SHARE;
     }
 }

@@ -14,11 +14,11 @@
 /* Smallest gap of a node inside the material: that at the filling fraction 0.6. */
 #define GR_LEAST_GAP -0.5
 
-/* In place of the gap of a node that lies nearly all within a body: it counts as full, and says nothing else. */
+/* Instead of the gap of a node that lies nearly all within a body: it counts as full, and has no other meaning. */
 #define GR_CLOSED_GAP 1e3
 
-/* Complete the fields that an averaging needs of groups of nodes with those of the adjacent nodes; call it after
- * gr_grid_nodes for all nodes. The gap is averaged over them. The mean quadrature weight is reduced by the weight that fills
- * the volume. The residual force is kept only inside the material, where a uniform pressure should make no force; elsewhere
- * it is the force on the surface, or a wall balances it. */
+/* Complete the fields of an averaging at groups of nodes from the adjacent nodes; call it after gr_grid_nodes for all nodes.
+ * The gap is averaged over them. The mean quadrature weight is reduced by the weight that fills the volume. The residual
+ * force is used only inside the material, where a uniform pressure should make no force; elsewhere it is the force on the
+ * surface, or a wall balances it. */
 void gr_grid_surroundings(struct gr_engine *e, const struct gr_kernels *kernels, int64_t first_group, int64_t last_group);

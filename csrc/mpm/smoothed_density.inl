@@ -3,7 +3,7 @@
 #include "mpm/density_correction.h"
 
 /* Log-density of the points in the slots from `at` on, its gradient, and their volume. With several materials the stored
- * gradient is that of the pressure over K of the first. */
+ * gradient is of the pressure over K of the first. */
 GR_INLINE void prepare_density(const int dim, const int basis, const struct gr_engine *e, const struct gr_frame *frame,
                                int64_t at, struct contribution *contribution)
 {
@@ -93,15 +93,15 @@ GR_INLINE void correct_weights(const int dim, const int basis, struct gr_engine 
     const vd old = u;
     u = v_fnma(v_set(q->weight_correction), divergence, v_fnma(v_set(q->weight_correction_decay), u, u) - excess);
     u = v_clamp(u, -q->weight_correction_limit, q->weight_correction_limit);
-    if (__builtin_expect(e->config.n_materials > 1, 0)) /* an elastic body beside grains keeps its weights */
+    if (__builtin_expect(e->config.n_materials > 1, 0)) /* an elastic body next to grains keeps its weights */
         u = v_select(v_gt(gr_of_material(e, GR_MATERIAL_SEPARATION, at), v_set(-NO_SEPARATION)), u, old);
     v_store(place, v_select(connected, u, old));
 }
 
-/* Differences between cells that are left, in points, and the share of what is beyond that goes across a face, over that
- * of the shift of the nodes. By trial in a steady extension: with (1.5, 1), (1, 1) and (1.5, 2) 15, 10 and 9 % of the
- * cells hold more than 1.3 times what they should; (0.5, 1) has 9 %, too, but moves points in slow flow where they need
- * not be, and (1, 2) makes the flow between cylinders worse. */
+/* Differences between cells that are left, in points, and the share of the rest that goes across a face, over the share of
+ * the shift of the nodes. By trial in a steady extension: with (1.5, 1), (1, 1) and (1.5, 2) 15, 10 and 9 % of the cells
+ * hold more than 1.3 times the right number; (0.5, 1) has 9 %, too, but moves points in slow flow where they need not be,
+ * and (1, 2) makes the flow between cylinders worse. */
 #define LEFT_POINTS 1.5
 #define ACROSS_FACES 2.0
 
@@ -113,12 +113,12 @@ GR_INLINE void correct_weights(const int dim, const int basis, struct gr_engine 
 #define SURFACE_GAP -0.353
 #define INSIDE_GAP -0.105
 
-/* Open part of a cell below which a body cuts it. That of a cell which a body touches is one but for round-off. */
+/* Open part of a cell below which a body cuts it. For a cell which a body only touches it is one but for round-off. */
 #define CUT_BELOW 0.99
 
-/* What the cells from `first` on hold, from their sums over the nodes, and whether they are inside, from the node at
- * their middle. Blocks and cells that a body cuts take no part: what points do there would change the friction on it, by
- * 1 % of the speed in the flow between cylinders. Call it after the nodes are described. */
+/* Content of the cells from `first` on, from their sums over the nodes, and whether they are inside, from the node at their
+ * middle. Blocks and cells that a body cuts take no part: shifts of points there would change the friction on it, by 1 % of
+ * the speed in the flow between cylinders. Call it after the nodes are described. */
 GR_INLINE void fill_cells(const int dim, const struct gr_engine *e, int64_t first)
 {
     const int K = gr_power(3, dim), several = e->config.n_materials > 1;
@@ -141,8 +141,8 @@ GR_INLINE void fill_cells(const int dim, const struct gr_engine *e, int64_t firs
 }
 
 /* Part of a shift that each of the points in the slots from `at` on takes: from 0 to 2 by a hash of its number, 1 on
- * average. Points of a column of the seeding lattice are at one place along an axis. With equal parts the column would go
- * to and fro as a whole, and leave an empty cell behind each time. */
+ * average. Points of a column of the seeding lattice have one coordinate along an axis. With equal parts the column would
+ * go to and fro as a whole, and leave an empty cell behind each time. */
 GR_INLINE vd own_parts(const struct gr_engine *e, int64_t at)
 {
     double part[GR_W];
@@ -158,10 +158,10 @@ GR_INLINE vd own_parts(const struct gr_engine *e, int64_t at)
  *   c += eta (cbar - c) + relaxation(gap),   eta: averaged_share, relaxation: relax_to_nodal_density,
  *   delta = -beta gdot dt dx^2 sum max(0, phi_i - 1) grad S_i,   |delta| <= min(limit dx, gdot dt dx/2),
  *         + the part of each point (own_parts) of the shift of the faces, linear between them (shift_at_face), for the
- *           strain ACROSS_FACES gdot dt min(1, 2 e_d/rate), e_d = min(|L_dd|, lasting_rate), rate that of L.
+ *           strain ACROSS_FACES gdot dt min(1, 2 e_d/rate), e_d = min(|L_dd|, lasting_rate), with the rate of L.
  *
- * The last is for what stretches along an axis for long, which makes cells uneven along it; simple shear is left alone.
- * dt and gdot dt include all the steps that the averaging stands for. gdot is the plastic shear rate of points with
+ * The last is for material that stretches along an axis for long, which makes cells uneven along it; simple shear is left
+ * alone. dt and gdot dt include all the steps that the averaging stands for. gdot is the plastic shear rate of points with
  * stress, and the shear rate of the flow for stress-free points.
  * Given: L dt and dt tr L of this step, the modes of the gap, cbar, max(0, phi - 1), x and E, and face_drops.
  * Returned: the new log-density; delta, m; and L delta, m/s, the change of velocity. */

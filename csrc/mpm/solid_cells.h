@@ -1,4 +1,4 @@
-/* Solid cells: what they take of the volume of nodes. */
+/* Solid cells: their part of the volume of nodes. */
 #pragma once
 
 #include "mpm/engine.h"

@@ -1,8 +1,8 @@
 /* Lists of the cells about given cells, and of their nodes (spread.h).
  *
- * A row is what has the same indices along all axes but x. Each row of cells leads to a few rows; these are sorted, and each
- * gets a bit for each of its places, which are set by all rows that lead to it. The bits are read in order. So each row of
- * the result is made by one chunk, and the result does not depend on the number of threads. */
+ * A row has the same indices along all axes but x. Each row of cells leads to a few rows; these are sorted, and each gets a
+ * bit for each of its indices, which are set by all rows that lead to it. The bits are read in order. So each row of the
+ * result is made by one chunk, and the result does not depend on the number of threads. */
 #include "mpm/spread.h"
 
 #include "core/memory.h"
@@ -17,7 +17,7 @@ struct lead {
 /* A row of the result: its number, what leads to it, its bits and where its indices begin in the list. */
 struct row {
     int64_t number, lead, n_leads;
-    int64_t low, word, n_words; /* bit 0 is place `low` of the row */
+    int64_t low, word, n_words; /* bit 0 is index `low` of the row */
     int64_t begin;
 };
 
@@ -25,7 +25,7 @@ struct spread {
     const struct gr_engine *e;
     enum gr_spread what;
     struct gr_team *team;
-    int64_t chunks, n_x[2]; /* cells in a row; places in a row of the result */
+    int64_t chunks, n_x[2]; /* cells in a row; indices in a row of the result */
     const int64_t *cell;
     int64_t n_given, *given; /* where the rows of the given cells begin; n_given + 1 */
     int64_t n_leads, n_rows;
@@ -35,18 +35,18 @@ struct spread {
     int64_t *out;
 };
 
-/* Places along axis d to which index i of a cell leads; -1 where there is none. */
+/* Indices along axis d to which index i of a cell leads; -1 where there is none. */
 static void lead_along(const struct gr_engine *e, enum gr_spread what, int d, int64_t i, int64_t to[3])
 {
     const struct gr_axis *axis = &e->axis[d];
     for (int a = 0; a < 3; a++) {
-        const int64_t beside = i + a - 1, n = axis->n_cells;
+        const int64_t near = i + a - 1, n = axis->n_cells;
         if (d >= e->config.dim)
             to[a] = a ? -1 : 0;
         else if (what == GR_SPREAD_NODES)
             to[a] = a < gr_basis_nodes_1d(e->config.basis) ? axis->cell[i].node[a] : -1;
         else
-            to[a] = axis->periodic ? (beside + n) % n : beside < n ? beside : -1;
+            to[a] = axis->periodic ? (near + n) % n : near < n ? near : -1;
     }
 }
 
@@ -105,7 +105,7 @@ static void list_leads(struct spread *s)
     sort_leads(s, largest);
 }
 
-/* Widen the range [low, high] of a row by the places to which a cell leads. */
+/* Widen the range [low, high] of a row by the indices to which a cell leads. */
 static void widen(const struct spread *s, int64_t cell, int64_t *low, int64_t *high)
 {
     int64_t to[3];
@@ -161,7 +161,7 @@ GR_SHARED(set_bits, struct spread, s->n_rows, s)
     }
 }
 
-/* List what the bits say. */
+/* List the indices of the bits. */
 GR_SHARED(read_bits, struct spread, s->n_rows, s)
 {
     (void)chunk;

@@ -6,7 +6,7 @@
 
 enum gr_spread { GR_SPREAD_CELLS, GR_SPREAD_NODES };
 
-/* List what the given cells lead to: the cells themselves and their neighbours, or their nodes.
+/* List the indices to which the given cells lead: the cells themselves and their neighbours, or their nodes.
  *
  * Given: n indices in the whole grid, ascending, each once or more often.
  * Returned: 0 or GR_ERR_MEMORY; `out`, *n_out indices, ascending, each once, to be freed by the caller. */

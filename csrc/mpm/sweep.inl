@@ -2,7 +2,7 @@
  * and written once per step. */
 
 /* P2G of a tile with the density of the scheme, for all points or for those that arrived (`more`), and the mean fluidity of
- * its cells. That of a double cell follows when it is known whether its sides are separated (mean_pairs). */
+ * its cells. The mean of a double cell follows when it is known whether its sides are separated (mean_pairs). */
 GR_INLINE void p2g_tile(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
                         struct gr_engine *e, int64_t tile, int more)
 {
@@ -47,7 +47,7 @@ GR_INLINE unsigned wake_lanes(const int dim, const int basis, struct gr_engine *
     return gr_lanes_asleep(e, tile);
 }
 
-/* Copy the points of a tile to a buffer, or what the lanes `asleep` had there back to it. */
+/* Copy the points of a tile to a buffer, or restore the lanes `asleep` from it. */
 static void keep_points(struct gr_engine *e, int64_t tile, unsigned asleep, double *buffer, int back)
 {
     const struct gr_cell *cell = &e->mesh.cell[tile * GR_LANES];
@@ -67,15 +67,15 @@ static void keep_points(struct gr_engine *e, int64_t tile, unsigned asleep, doub
  * Returned: the length of the list. */
 static int64_t drop_asleep(const struct gr_engine *e, struct gr_migrant *migrant, int64_t n)
 {
-    int64_t kept = 0;
+    int64_t n_awake = 0;
     for (int64_t k = 0; k < n; k++)
-        if (e->mesh.cell[migrant[k].cell].calm != GR_ASLEEP) migrant[kept++] = migrant[k];
-    return kept;
+        if (e->mesh.cell[migrant[k].cell].calm != GR_ASLEEP) migrant[n_awake++] = migrant[k];
+    return n_awake;
 }
 
 enum { MOVED = 8 };
 
-/* Sort the points that left a tile by cell and place. They are found row by row: in that order it would matter to the cells
+/* Sort the points that left a tile by cell and slot. They are listed row by row: in that order it would matter to the cells
  * that they enter which cells are a tile, so that the bits would depend on when the points were grouped. */
 static void sort_by_cell(struct gr_migrant *migrant, int64_t n)
 {

@@ -8,9 +8,9 @@
  * of both. (The idea of sides: Hu et al. 2018, ACM Trans. Graph. 37, CPIC. There points and nodes have sides, and a
  * contribution that does not reach a node becomes an impulse on the body at once.)
  *
- * A point keeps its side while it faces the thin part, even if a step has carried it inside; elsewhere its position
- * decides. Which cells are double is decided at the poses `split`. They follow those of the bodies when these have
- * moved by a cell, so that the result depends neither on the times of regroupings nor on a restart. */
+ * A point keeps its side while it faces the thin part, even if a step has carried it inside; elsewhere its position decides.
+ * Which cells are double is decided at the poses `split`. They follow the bodies when these have moved by a cell, so that
+ * the result depends neither on the times of regroupings nor on a restart. */
 #pragma once
 
 #include <stdint.h>
@@ -43,7 +43,7 @@ struct gr_facing {
  * Returned: their number. */
 int gr_list_thin(const struct gr_config *config, struct gr_thin_part *thin);
 
-/* Find the thin part nearest to x, at the present poses (`now`) or at those of the split. */
+/* Find the thin part nearest to x, at the present poses (`now`) or at the poses of the split. */
 void gr_nearest_thin(const struct gr_engine *e, const double x[3], int now, struct gr_facing *side);
 
 /* Find whether a cell is double, and the side of its centre.
@@ -60,7 +60,7 @@ int gr_point_side(const struct gr_engine *e, const double x[3], int current);
 void gr_split_nodes(struct gr_engine *e, int64_t first, int64_t last);
 
 /* Bound of the distance by which the surface of a body has moved from a pose, within the domain, m: the arm of an unbounded
- * body is at most the diagonal of the domain; what is round about the axis of its rotation has not moved by that. */
+ * body is at most the diagonal of the domain; a body that is round about the axis of its rotation has not moved by that. */
 double gr_body_moved(const struct gr_engine *e, int b, const struct gr_split_pose *pose);
 
 /* Let the pose `split` of a body follow if the body has moved farther.

@@ -1,12 +1,12 @@
-/* Impulses of the material on the walls, for those who ask.
+/* Impulses of the material on the walls, on request.
  *
  * A wall changes the velocity of a node from (v, v') to (v_w, v'_w), before and after the forces of a step. The points
  * receive f (v' - v) + (1 - f) v' (mpm/grid.h), so that the momentum they give to the wall at a node of mass m is
  *
  *   J = m (v' - v'_w) - f m (v - v_w).
  *
- * The sum over the walls, the bodies and gravity is the change of the momentum of the points, but for what a sponge layer
- * takes and what leaves the domain; under uGIMP with an affine transfer the momentum of the points is not kept itself. */
+ * The sum over the walls, the bodies and gravity is the change of the momentum of the points, but for losses in a sponge
+ * layer and through open sides; under uGIMP with an affine transfer the momentum of the points itself is not conserved. */
 #pragma once
 
 #include "mpm/servo.h"
@@ -42,6 +42,6 @@ int gr_watch_walls(struct gr_engine *e, int n_walls, const struct gr_wall_share 
 int gr_watch_servo(struct gr_engine *e, const struct gr_servo *servo);
 void gr_watch_free(struct gr_wall_watch *watch);
 
-/* Sum the impulses of the nodes over each wall, in the order of the nodes; and add those of a step that is done. */
+/* Sum the impulses of the nodes over each wall, in the order of the nodes; and add the sums of a finished step. */
 void gr_sum_wall_impulses(struct gr_engine *e);
 void gr_add_wall_impulses(struct gr_engine *e);

@@ -23,16 +23,16 @@ static inline int gr_holds(const struct gr_wall *wall, int dim, const double *ne
     return held;
 }
 
-/* What a wall takes of component d of a node that it holds, over the mass of the node: the part of w (mpm/grid.h) that the
- * points would receive, so that with kept = 1 it is the impulse of the forces.
- * Given: the velocities v and v' of the node, and the share `kept` of their own velocity that the points keep. */
-static inline double gr_taken(const struct gr_wall *wall, int d, double kept, const double *v, const double *next)
+/* Momentum that a wall takes of component d of a node that it holds, over the mass of the node: the part of w (mpm/grid.h)
+ * that the points would receive, so that with keep = 1 it is the impulse of the forces.
+ * Given: the velocities v and v' of the node, and the share `keep` of their velocity that the points keep. */
+static inline double gr_taken(const struct gr_wall *wall, int d, double keep, const double *v, const double *next)
 {
-    return next[d] - wall->velocity[d] - kept * (v[d] - wall->velocity[d]);
+    return next[d] - wall->velocity[d] - keep * (v[d] - wall->velocity[d]);
 }
 
-/* What friction takes at most along the wall normal to axis d, which takes `taken` of component d: of either sign, if the
- * wall holds both ways. */
+/* Most that friction takes along the wall normal to axis d, which takes `taken` of component d: of either sign, if the wall
+ * holds both ways. */
 static inline double gr_friction(const struct gr_wall *wall, int d, double taken)
 {
     return wall->friction[d] * (wall->away[d] ? fmax(taken * -wall->away[d], 0) : fabs(taken));
@@ -41,13 +41,13 @@ static inline double gr_friction(const struct gr_wall *wall, int d, double taken
 /* Apply a wall to the velocity `next` that a node would have. The impulse on a component that is held does not enter the
  * increment that points receive: v is set together with `next`, so that the wall neither pushes nor drags them.
  * Coulomb friction is a force and does enter it. Inline: the loop over nodes is compiled for each dimension. */
-static inline void gr_apply_wall(const struct gr_wall *wall, int dim, double kept, double *v, double *next)
+static inline void gr_apply_wall(const struct gr_wall *wall, int dim, double keep, double *v, double *next)
 {
     const int held = gr_holds(wall, dim, next);
     double most = 0, sliding = 0;
     for (int d = 0; d < dim; d++) {
         if (held >> d & 1)
-            most += gr_friction(wall, d, gr_taken(wall, d, kept, v, next));
+            most += gr_friction(wall, d, gr_taken(wall, d, keep, v, next));
         else
             sliding += next[d] * next[d];
     }

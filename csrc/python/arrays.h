@@ -1,4 +1,4 @@
-/* What this folder shares: checks of NumPy arrays, and the one place where core errors become exceptions. */
+/* Shared by this folder: checks of NumPy arrays, and the one place where core errors become exceptions. */
 #pragma once
 
 #define PY_SSIZE_T_CLEAN
@@ -21,7 +21,7 @@ PyArrayObject *gr_array(PyObject *object, const char *name, int type, int ndim, 
 /* Refuse arrays that share memory; NULL is none. Returned: 0, or -1 with ValueError set. */
 int gr_refuse_overlap(PyArrayObject *const *arrays, const char *const *names, int n);
 
-#define GR_LARGEST 1e60 /* of numbers in arrays: the products of what is below it stay finite */
+#define GR_LARGEST 1e60 /* of numbers in arrays: products of smaller numbers stay finite */
 
 /* What follows returns 0, or -1 with an exception set. */
 
@@ -37,7 +37,7 @@ int gr_refuse_number(const char *name, double value, int may_be_zero);
 /* Any number of an array of doubles outside of low to GR_LARGEST. */
 int gr_refuse_values(const char *name, PyArrayObject *array, double low);
 
-/* A number from a dict; `kind` says in a message what it is. */
+/* A number from a dict; `kind` describes it in a message. */
 int gr_take_float(PyObject *dict, const char *kind, const char *name, double *out);
 
 /* The n parameters of a table from a dict of numbers, those checked by gr_refuse_number; may_be_zero: one bit each. */
@@ -63,10 +63,10 @@ struct gr_failed_at {
 PyObject *gr_raise(int error, const struct gr_engine *engine);
 PyObject *gr_raise_at(int error, const struct gr_failed_at *at);
 
-/* A table of gravity; n may be 0. The numbers stay those of the arrays. */
+/* A table of gravity; n may be 0. The numbers are not copied. */
 int gr_take_gravity(int dim, PyObject *times, PyObject *vectors, int *n, const double **time, const double **vector);
 
-/* Space for what the configuration of an engine is made of. */
+/* Space for the parts of the configuration of an engine. */
 struct gr_tables {
     struct gr_wall wall[256];
     struct gr_body body[GR_MAX_BODIES];
@@ -86,7 +86,7 @@ PyObject *gr_python_laws(PyObject *module, PyObject *unused);
 /* fluidity.c: function of the module. */
 PyObject *gr_python_fluidity_diffuse(PyObject *module, PyObject *args, PyObject *kwargs);
 
-/* bodies.c: those of a configuration, from rows (parts, samples, pose, motion, contact, free, rough, friction, mass,
+/* bodies.c: the bodies of a configuration, from rows (parts, samples, pose, motion, contact, free, rough, friction, mass,
  * inertia) */
 int gr_take_bodies(struct gr_config *c, PyObject *rows, struct gr_tables *tables);
 

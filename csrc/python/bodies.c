@@ -13,16 +13,16 @@ static int take_vertices(PyArrayObject *array, struct gr_part *part)
     const npy_intp n = PyArray_DIM(array, 1);
     const double *vertex = PyArray_DATA(array);
     const int closed = !(part->size[1] > 0), revolved = part->kind == GR_PART_REVOLVED;
-    int beside = 0; /* the axis */
+    int off_axis = 0; /* the axis */
     if (PyArray_DIM(array, 0) != 1 || PyArray_DIM(array, 2) != 2 || n < 2 + closed || n > 4096)
         return gr_refuse("vertices must have the shape (1, n, 2), n from 2 (closed chains 3) to 4096");
     for (npy_intp k = 0; k < n; k++) {
         const double *a = vertex + 2 * k, *b = vertex + 2 * ((k + 1) % n), x = b[0] - a[0], y = b[1] - a[1];
         if ((closed || k + 1 < n) && !(x * x + y * y > 0)) return gr_refuse("vertices that follow must be different");
         if (revolved && !(a[0] >= 0)) return gr_refuse("vertices of a revolved chain must have r >= 0");
-        beside |= (closed || k + 1 < n) && (a[0] > 0 || b[0] > 0);
+        off_axis |= (closed || k + 1 < n) && (a[0] > 0 || b[0] > 0);
     }
-    if (revolved && !beside) return gr_refuse("vertices of a revolved chain must not all lie on the axis");
+    if (revolved && !off_axis) return gr_refuse("vertices of a revolved chain must not all lie on the axis");
     part->chain = (struct gr_chain){vertex, (int)n, closed, revolved};
     return 0;
 }

@@ -1,4 +1,4 @@
-/* What the core declares once, for Python: the numbers of schemes, enumerations, laws. */
+/* Declarations of the core for Python: the numbers of schemes, enumerations, laws. */
 #include <math.h>
 
 #include "kernels.h"

@@ -46,7 +46,7 @@ Py_ssize_t gr_take_buffers(const struct gr_object *self, PyObject *dict, PyArray
     const char *names[GR_MAX_FIELDS + 1];
     const int n = self->n_fields;
     npy_intp shape[2] = {0, -1};
-    for (int k = n; k >= 0; k--) { /* the ids first, which have the number of places */
+    for (int k = n; k >= 0; k--) { /* the ids first, which have the number of slots */
         const int components = k < n ? self->components[k] : 1;
         arrays[k] = NULL;
         if (!components) continue;

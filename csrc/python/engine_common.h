@@ -1,5 +1,5 @@
-/* What the two engine types, `Engine` and `Sph`, have in common: they borrow the buffers of the points, and step them
- * with the GIL released. */
+/* Common parts of the two engine types, `Engine` and `Sph`: they borrow the buffers of the points, and step them with the
+ * GIL released. */
 #pragma once
 
 #include <stddef.h>
@@ -21,7 +21,7 @@ struct gr_object {
     int is_bound, busy, refused_threads;
 };
 
-/* The type, with what is common to both: deallocation, isa. Returned: NULL with an exception set. */
+/* The type, with the parts common to both: deallocation, isa. Returned: NULL with an exception set. */
 PyTypeObject *gr_make_type(PyObject *module, const char *name, const char *doc, initproc init, destructor dealloc,
                            PyMethodDef *methods);
 
@@ -33,14 +33,14 @@ void gr_free_object(struct gr_object *self);
 int gr_begin_object(struct gr_object *self, const char *isa);
 
 /* The engine. Returned: NULL with RuntimeError set if it is not built, has no points where it must be bound, or runs in
- * another thread. What comes from the caller is to be read before, as that may run code. */
+ * another thread. Arguments of the caller are to be read before, as that may run code. */
 void *gr_ready(const struct gr_object *self, int must_be_bound);
 
 /* fields() -> [(name, components, unit, doc, dtype)] that this engine carries. */
 PyObject *gr_python_fields(struct gr_object *self, PyObject *unused);
 
-/* The arrays of a dict that the engine needs: those of its fields, NULL for one it does not carry, and the ids last.
- * All are checked. Returned: their number of places, or -1 with an exception set. */
+/* The arrays of a dict that the engine needs: of its fields, NULL for one it does not carry, and the ids last. All are
+ * checked. Returned: their number of slots, or -1 with an exception set. */
 Py_ssize_t gr_take_buffers(const struct gr_object *self, PyObject *dict, PyArrayObject **arrays);
 
 /* Keep arrays alive as long as the engine borrows them. */

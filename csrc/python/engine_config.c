@@ -4,7 +4,7 @@
 #include "core/index.h"
 #include "python/arrays.h"
 
-/* What the configuration has of each axis, from its row. */
+/* The numbers of each axis, from its row. */
 static int take_axes(struct gr_config *c, PyObject *rows)
 {
     const npy_intp any[1] = {-1};
@@ -91,7 +91,7 @@ static int take_map(const struct gr_config *c, PyObject *object, const char *nam
     return 0;
 }
 
-/* What stands at the faces of the cells, (2 dim, ..., cells along y, along x), and how the fluidity is diffused. */
+/* The faces of the cells, (2 dim, ..., cells along y, along x), and how the fluidity is diffused. */
 static int take_nonlocal(struct gr_config *c, PyObject *faces, const char *method, const char *stencil)
 {
     npy_intp shape[4] = {2 * c->dim};
@@ -183,25 +183,26 @@ static int take_all_numbers(struct gr_config *c, PyObject *numbers, PyObject *fl
     return 0;
 }
 
-/* A law of the user's own, None or a tuple (capsule of a gr_own_update, its numbers, 1 if it has a history). Instead of the
- * capsule None, of an engine that makes no steps. */
-static int take_own(struct gr_material *m, PyObject *own)
+/* The function of a user-defined law, None or a tuple (capsule of a gr_own_update, its numbers, 1 if it has a history).
+ * The capsule is None for an engine that makes no steps. */
+static int take_own(struct gr_material *m, PyObject *function)
 {
     PyObject *capsule, *numbers;
-    if (own == Py_None) return 0;
-    if (!PyTuple_Check(own)) return gr_refuse("the function of a law must be a tuple (capsule, numbers, remembers) or None");
-    if (!PyArg_ParseTuple(own, "OO!p", &capsule, &PyTuple_Type, &numbers, &m->remembers)) return -1;
+    if (function == Py_None) return 0;
+    if (!PyTuple_Check(function))
+        return gr_refuse("the function of a law must be a tuple (capsule, numbers, remembers) or None");
+    if (!PyArg_ParseTuple(function, "OO!p", &capsule, &PyTuple_Type, &numbers, &m->remembers)) return -1;
     if (capsule != Py_None && !PyCapsule_IsValid(capsule, "granular.own_law"))
         return gr_refuse("the function of a law must be a capsule named granular.own_law");
     if (PyTuple_GET_SIZE(numbers) > GR_OWN_PARAMETERS)
         return gr_refuse("a law has %zd numbers, must have %d at most", PyTuple_GET_SIZE(numbers), GR_OWN_PARAMETERS);
     for (Py_ssize_t k = 0; k < PyTuple_GET_SIZE(numbers); k++)
         m->own_parameter[k] = PyFloat_AsDouble(PyTuple_GET_ITEM(numbers, k));
-    if (capsule != Py_None) m->own = (gr_own_update *)PyCapsule_GetPointer(capsule, "granular.own_law");
+    if (capsule != Py_None) m->function = (gr_own_update *)PyCapsule_GetPointer(capsule, "granular.own_law");
     return PyErr_Occurred() ? -1 : 0;
 }
 
-/* The materials, a list of tuples (law, numbers, parameters of the law, function of a law of the user's own). */
+/* The materials, a list of tuples (law, numbers, parameters of the law, function of a user-defined law). */
 static int take_materials(struct gr_config *c, PyObject *list)
 {
     if (!PyList_Check(list) || PyList_GET_SIZE(list) < 1 || PyList_GET_SIZE(list) > GR_MAX_MATERIALS)
@@ -209,12 +210,12 @@ static int take_materials(struct gr_config *c, PyObject *list)
     c->n_materials = (int)PyList_GET_SIZE(list);
     for (int k = 0; k < c->n_materials; k++) {
         struct gr_material *m = &c->material[k];
-        PyObject *numbers, *parameters, *own;
+        PyObject *numbers, *parameters, *function;
         const char *name;
         if (!PyTuple_Check(PyList_GET_ITEM(list, k)))
-            return gr_refuse("materials[%d] must be a tuple (law, numbers, parameters, own)", k);
+            return gr_refuse("materials[%d] must be a tuple (law, numbers, parameters, function)", k);
         if (!PyArg_ParseTuple(PyList_GET_ITEM(list, k), "sO!O!O", &name, &PyDict_Type, &numbers, &PyDict_Type, &parameters,
-                              &own))
+                              &function))
             return -1;
         m->law = gr_law_index(name);
         if (m->law < 0) return gr_refuse("there is no law \"%s\"", name);
@@ -222,7 +223,7 @@ static int take_materials(struct gr_config *c, PyObject *list)
     if (take_number(numbers, #name, &m->name)) return -1;
         GR_MATERIAL(GR_X)
 #undef GR_X
-        if (take_own(m, own)) return -1;
+        if (take_own(m, function)) return -1;
         const struct gr_law *law = gr_law_at(m->law);
         for (int q = 0; q < gr_law_parameters(law); q++)
             if (take_number(parameters, law->parameter[q].name, &m->parameter[q])) return -1;

@@ -73,7 +73,7 @@ static PyObject *engine_bind(struct gr_object *self, PyObject *args)
     const Py_ssize_t capacity = e ? gr_take_buffers(self, buffers, arrays) : -1;
     if (capacity < 0) return NULL;
     if (n_points < 0 || n_points > capacity || (!fresh && capacity < e->points.capacity))
-        return PyErr_Format(PyExc_ValueError, "%zd points do not fit buffers of %zd places", n_points, capacity);
+        return PyErr_Format(PyExc_ValueError, "%zd points do not fit buffers of %zd slots", n_points, capacity);
     gr_keep_buffers(self, arrays);
     void *field[GR_FIELD_COUNT];
     for (int f = 0; f < GR_FIELD_COUNT; f++) field[f] = arrays[f] ? PyArray_DATA(arrays[f]) : NULL;
@@ -90,7 +90,7 @@ static PyObject *engine_bind(struct gr_object *self, PyObject *args)
 
 /* ---- stepping ---- */
 
-/* The places that the buffers must have to go on, 0 if those they have are enough; or NULL with an exception set. */
+/* The slots that the buffers need to go on, 0 if there are enough; or NULL with an exception set. */
 static PyObject *needed_capacity(const struct gr_engine *e, int error)
 {
     if (error && error != GR_ERR_CAPACITY) return gr_raise(error, e);
@@ -422,10 +422,10 @@ static PyMethodDef methods[] = {
      "add_inlet(records, axis, velocity, spacing, begin, end, yields)\n--\n\nLet points enter, from before the points are "
      "bound. records: float64 (sites, components), what\nenters at each site, all fields in the order of fields(); velocity: "
      "3 numbers, m/s; spacing of the\npoints along the axis, m; times at which they begin and end, s; yields: whether a point "
-     "waits while its\nplace is taken."},
+     "waits while its\nposition is occupied."},
     {"touch_solids", (PyCFunction)engine_touch_solids, METH_VARARGS,
      "touch_solids(balls, first_ball, restitution, obstacles)\n--\n\nLet the bodies that move freely touch each other and "
-     "what is solid. balls: float64 (n, 4), centre in\ncoordinates of the body and radius, m; first_ball: int64 "
+     "solids. balls: float64 (n, 4), centre in\ncoordinates of the body and radius, m; first_ball: int64 "
      "(bodies + 1,); restitution: float64 (bodies,),\n0 to 1; obstacles: float64 (m, 12): lower, upper, m; velocity, m/s; "
      "friction; opens_at, s; axis of a wall\nwithin the domain, or -1. Sides beyond 1e50 are infinitely far."},
     {"inflow", (PyCFunction)engine_inflow, METH_NOARGS,

@@ -14,7 +14,7 @@ static int refuse_numbers(const struct gr_fluidity_config *c, const struct gr_di
     return 0;
 }
 
-/* Shape and maps of the grid; dim is that of `g`. */
+/* Shape and maps of the grid; dim as in `g`. */
 static int take_grid(struct gr_fluidity_config *c, PyObject *periodic, PyObject *const objects[4], PyArrayObject *arrays[4])
 {
     static const char *const names[] = {"g", "dense", "faces", "distance"};
@@ -63,7 +63,7 @@ static PyObject *raise_diffusion(int error, const struct gr_fluidity *f, const s
     return NULL;
 }
 
-/* Give the distances of all cells from a rough surface. Those of the points of a border cell are the same. */
+/* Give the distances of all cells from a rough surface. The distances of the points of a border cell are the same. */
 static void set_distances(struct gr_fluidity *f, const double *distance)
 {
     f->has_inside = 1;
@@ -78,7 +78,7 @@ static void set_distances(struct gr_fluidity *f, const double *distance)
     }
 }
 
-/* The diffusion on a grid made for it, in place; g is left alone where it fails. */
+/* The diffusion on a grid made for it, in place; g does not change where it fails. */
 static PyObject *diffuse(struct gr_fluidity *f, const struct gr_kernels *kernels, const struct gr_diffusion_call *call,
                          PyArrayObject *const arrays[4], int threads)
 {

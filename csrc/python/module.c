@@ -70,24 +70,24 @@ static PyMethodDef functions[] = {
      "One step of the finite-strain law of n points, in place: gradient (dim*dim, n) is L dt, log_density (n,) at its end;\n"
      "the Kirchhoff stress (4|6, n), g (n,), given after diffusion, and the plastic shear_rate (n,) are updated."},
     {"body_distance", gr_python_body_distance, METH_VARARGS,
-     "body_distance(parts, samples, x)\n--\n\n(distance (n,), outward normal (n, 3)) of places x (n, 3) to the union of parts: rows (kind, inside, center[3],\n"
+     "body_distance(parts, samples, x)\n--\n\n(distance (n,), outward normal (n, 3)) of points x (n, 3) to the union of parts: rows (kind, inside, center[3],\n"
      "rotation[9], size[3])."},
     {"mesh_tree", gr_python_mesh_tree, METH_VARARGS,
      "mesh_tree(vertices, faces)\n--\n\nTree of triangles (n, 3) of vertices (k, 3)."},
     {"mesh_distance", gr_python_mesh_distance, METH_VARARGS,
-     "mesh_distance(tree, x, closed)\n--\n\nExact distance (n,) of places x (n, 3) from triangles; if they are closed, negative\n"
+     "mesh_distance(tree, x, closed)\n--\n\nExact distance (n,) of points x (n, 3) from triangles; if they are closed, negative\n"
      "where the winding number exceeds a half."},
     {"mesh_winding", gr_python_mesh_winding, METH_VARARGS,
-     "mesh_winding(tree, x)\n--\n\nNumber of times that a closed surface goes around places x (n, 3), shape (n,)."},
+     "mesh_winding(tree, x)\n--\n\nNumber of times that a closed surface goes around points x (n, 3), shape (n,)."},
     {"mesh_clear", gr_python_mesh_clear, METH_VARARGS,
-     "mesh_clear(tree, x, radius)\n--\n\nTrue (n,) where no triangle is nearer to a place x (n, 3) than a radius (n,)."},
+     "mesh_clear(tree, x, radius)\n--\n\nTrue (n,) where no triangle is nearer to a point x (n, 3) than a radius (n,)."},
     {"scheme_numbers", gr_python_scheme_numbers, METH_NOARGS,
      "scheme_numbers()\n--\n\n{group: [(name, default, range, unit, doc)]}: the numbers of schemes, of the diffusion of the\n"
      "fluidity and of the densities."},
     {"material_numbers", gr_python_material_numbers, METH_NOARGS,
-     "material_numbers()\n--\n\n{name: (unit, doc)}: the numbers of a material besides the parameters of its law."},
+     "material_numbers()\n--\n\n{name: (unit, doc)}: the numbers of a material in addition to the parameters of its law."},
     {"enumerations", gr_python_enumerations, METH_NOARGS,
-     "enumerations()\n--\n\n{enumeration: {name: value}} of what is passed to the core as a number."},
+     "enumerations()\n--\n\n{enumeration: {name: value}} of arguments passed to the core as a number."},
     {"laws", gr_python_laws, METH_NOARGS,
      "laws()\n--\n\n{name: (doc, [(parameter, unit, doc)], in_single)} of the constitutive "
      "laws; in_single: kernels in single precision have it."},

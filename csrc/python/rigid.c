@@ -1,4 +1,4 @@
-/* What free bodies touch besides the material (contact/rigid.h). */
+/* Contacts of free bodies with solids (contact/rigid.h). */
 #include "contact/rigid.h"
 
 #include "python/arrays.h"

@@ -130,7 +130,7 @@ static int refuse_gas_rows(const struct gr_sph *s, Py_ssize_t walls_end, Py_ssiz
 {
     if (!s->gas && !first && !n) return 0;
     if (s->gas && n >= 0 && first >= walls_end + GR_LANES && first <= capacity && n <= capacity - first - GR_LANES) return 0;
-    return gr_refuse("%zd points of gas from row %zd on do not fit %s of %zd places with %d spare ones", n, first,
+    return gr_refuse("%zd points of gas from row %zd on do not fit %s of %zd slots with %d spare ones", n, first,
                      s->gas ? "buffers" : "a scene without gas, nor buffers", capacity, GR_LANES);
 }
 
@@ -151,7 +151,7 @@ static PyObject *sph_bind(struct gr_object *self, PyObject *args)
         n_particles > wall_first - GR_LANES || n_walls > capacity - wall_first - GR_LANES)
         return PyErr_Format(
             PyExc_ValueError,
-            "%zd particles and %zd wall points from row %zd on do not fit buffers of %zd places with %d spare "
+            "%zd particles and %zd wall points from row %zd on do not fit buffers of %zd slots with %d spare "
             "ones behind each",
             n_particles, n_walls, wall_first, capacity, GR_LANES);
     if (refuse_gas_rows(s, wall_first + n_walls, gas_first, n_gas, capacity)) return NULL;
@@ -208,7 +208,7 @@ static PyObject *sph_restore(struct gr_object *self, PyObject *dict)
 {
     struct gr_sph new, *s;
     if (gr_take_scalars(dict, scalars, OF_RESTART, &new) || !(s = gr_ready(self, 0))) return NULL;
-    const double least = s->speed2; /* that of sound in the material at rest, since no step has been made */
+    const double least = s->speed2; /* of sound in the material at rest, since no step has been made */
     if (gr_refuse_range("time", new.time, 0, GR_LARGEST) || gr_refuse_range("dt", new.dt, DBL_MIN, GR_LARGEST) ||
         gr_refuse_range("speed2", new.speed2, DBL_MIN, GR_LARGEST) ||
         gr_refuse_range("acceleration2", new.acceleration2, 0, GR_LARGEST) ||

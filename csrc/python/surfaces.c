@@ -18,7 +18,7 @@ static int refuse_floats(const char *name, PyArrayObject *array)
     return 0;
 }
 
-/* Numbers of a grid: places, then distances > 0. */
+/* Numbers of a grid: coordinates, then distances > 0. */
 static const double *take_grid(PyObject *object, int places, int distances)
 {
     const npy_intp shape[1] = {places + distances};
@@ -106,7 +106,7 @@ static int refuse_indices(const char *name, PyArrayObject *array, npy_intp n)
     return 0;
 }
 
-/* A tree, with copies of what it was made of: indices that are written to later would lead astray. */
+/* A tree, with copies of its arrays: indices that are changed later would be wrong. */
 struct owned_tree {
     struct gr_triangles *tree, tables;
 };
@@ -148,7 +148,7 @@ PyObject *gr_python_mesh_tree(PyObject *Py_UNUSED(module), PyObject *args)
     return capsule;
 }
 
-/* The tree and the places (n, 3) of a call. Returned: the tree, NULL with an exception. */
+/* The tree and the points (n, 3) of a call. Returned: the tree, NULL with an exception. */
 static const struct gr_triangles *take_places(PyObject *capsule, PyObject *places, PyArrayObject **x)
 {
     const npy_intp three[2] = {-1, 3};

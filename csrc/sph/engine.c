@@ -126,21 +126,21 @@ struct share {
 static struct share share_of(const struct gr_sph *s, int64_t chunk, int64_t chunks)
 {
     const int64_t n[KINDS] = {s->n_particles, s->n_walls, s->n_gas}, begin[KINDS] = {0, s->wall_first, s->gas_first};
-    struct share own;
+    struct share share;
     for (int k = 0; k < KINDS; k++) {
-        gr_share(n[k], chunk, chunks, &own.first[k], &own.last[k]);
-        own.first[k] += begin[k], own.last[k] += begin[k];
+        gr_share(n[k], chunk, chunks, &share.first[k], &share.last[k]);
+        share.first[k] += begin[k], share.last[k] += begin[k];
     }
-    return own;
+    return share;
 }
 
 /* List the blocks of a share.
  * Returned: the largest number of them that a row needs. */
-static int64_t list_blocks(struct gr_sph *s, struct share own)
+static int64_t list_blocks(struct gr_sph *s, struct share share)
 {
     int64_t most = 0;
     for (int k = 0; k < KINDS; k++) {
-        const int64_t n = gr_sph_list_blocks(s, own.first[k], own.last[k]);
+        const int64_t n = gr_sph_list_blocks(s, share.first[k], share.last[k]);
         if (n > most) most = n;
     }
     return most;
@@ -179,9 +179,8 @@ int gr_sph_bind(struct gr_sph *s, double *const *row, int64_t *id, int64_t capac
 }
 
 /* Largest stable time step: the smaller of h/(4 c), with a gas also h/(4 (c + |v|)) of the gas, and sqrt(h/|a|)/4 (eq.
- * 5.28). Here c is the speed of sound or that of the fastest particle, so that no particle moves more than h/4 in a
- * step. The third limit, of the viscosity, cannot be exceeded: the regularisation bounds the viscosity by what the step
- * allows. */
+ * 5.28). Here c is the speed of sound or of the fastest particle, so that no particle moves more than h/4 in a step. The
+ * third limit, of the viscosity, cannot be exceeded: the regularisation bounds the viscosity accordingly. */
 double gr_sph_stable_dt(const struct gr_sph *s)
 {
     const double *p = s->config.parameter, h = p[GR_SPH_P_h];
@@ -202,7 +201,7 @@ struct run {
     const struct stage *stage;
 };
 
-/* Of the points that are bad the first one is kept, whatever the order of chunks. */
+/* Of the bad points the first one is recorded, whatever the order of chunks. */
 static void note_bad(struct gr_sph_extremes *extremes, int64_t i)
 {
     if (extremes->bad < 0 || i < extremes->bad) extremes->bad = i;
@@ -355,7 +354,7 @@ static void rebuild(struct run *run)
         over_chunks(run, list_chunk);
         const int64_t most = combined(run).blocks;
         if (most <= s->stride) return;
-        s->error = gr_sph_widen(s, most); /* what was listed is gone */
+        s->error = gr_sph_widen(s, most); /* the lists are gone */
         if (s->error) return;
     }
 }
@@ -375,20 +374,20 @@ static const struct stage *const plan_end = plan + sizeof plan / sizeof *plan;
 static void stage_chunk(void *context, int64_t c, int t)
 {
     const struct run *run = context;
-    const struct share own = share_of_chunk(run, c);
+    const struct share share = share_of_chunk(run, c);
     const struct stage *k = run->stage;
     do {
         if (k->stage < GR_SPH_GAS_VOLUMES || run->s->gas)
-            run->kernel(run->s, k->stage, own.first[k->kind], own.last[k->kind], &run->s->extremes[t]);
+            run->kernel(run->s, k->stage, share.first[k->kind], share.last[k->kind], &run->s->extremes[t]);
     } while (++k < plan_end && !k->waits);
 }
 
 static void kick_chunk(void *context, int64_t c, int t)
 {
     const struct run *run = context;
-    const struct share own = share_of_chunk(run, c);
-    kick(run->s, run->kick_dt, own.first[PARTICLES], own.last[PARTICLES], &run->s->extremes[t]);
-    if (run->s->gas) gr_sph_kick_gas(run->s, run->kick_dt, own.first[GAS], own.last[GAS], &run->s->extremes[t]);
+    const struct share share = share_of_chunk(run, c);
+    kick(run->s, run->kick_dt, share.first[PARTICLES], share.last[PARTICLES], &run->s->extremes[t]);
+    if (run->s->gas) gr_sph_kick_gas(run->s, run->kick_dt, share.first[GAS], share.last[GAS], &run->s->extremes[t]);
 }
 
 static void forget(struct run *run)
@@ -417,11 +416,11 @@ static void drift_chunk(void *context, int64_t c, int t)
 {
     const struct run *run = context;
     struct gr_sph *s = run->s;
-    const struct share own = share_of_chunk(run, c);
-    drift(s, own.first[PARTICLES], own.last[PARTICLES], &s->extremes[t]);
-    gr_sph_move_walls(s, own.first[WALLS], own.last[WALLS]);
-    if (s->gas) gr_sph_drift_gas(s, own.first[GAS], own.last[GAS]);
-    for (int k = 0; k < KINDS; k++) measure(s, own.first[k], own.last[k], &s->extremes[t]);
+    const struct share share = share_of_chunk(run, c);
+    drift(s, share.first[PARTICLES], share.last[PARTICLES], &s->extremes[t]);
+    gr_sph_move_walls(s, share.first[WALLS], share.last[WALLS]);
+    if (s->gas) gr_sph_drift_gas(s, share.first[GAS], share.last[GAS]);
+    for (int k = 0; k < KINDS; k++) measure(s, share.first[k], share.last[k], &s->extremes[t]);
 }
 
 static void make_steps(void *context, struct gr_team *team)

@@ -44,7 +44,7 @@ struct gr_sph_gas {
     double *drag[3];         /* drag force of the particles around it, N */
     double *gain, *carry[3]; /* rates of change of mass and momentum by the exchange, kg/s, N */
     double *load;            /* of a particle: mass of the gas assigned to it, over its own mass */
-    int64_t *end;            /* end of the blocks of gas, which follow those of walls */
+    int64_t *end;            /* end of the blocks of gas, which follow the blocks of walls */
 };
 
 struct gr_sph;

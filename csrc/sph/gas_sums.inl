@@ -5,7 +5,7 @@
  *
  *     rho D v_s = div sigma - (1 - e) grad p + rho g + B (v_g - v_s)
  *     e rho_g D v_g =        -      e grad p + e rho_g g - B (v_g - v_s),    p = c^2 rho_g
- *     B = e^2 eta/k (Darcy) for small e, that of Wen and Yu (1966) for large e.
+ *     B = e^2 eta/k (Darcy) for small e, of Wen and Yu (1966) for large e.
  *
  * Their sum contains the stress of the granular material and the whole gradient of the gas pressure (effective stress).
  * Particles and walls exclude gas from their volume. The pressure forces derive from one energy, act along the line
@@ -97,7 +97,7 @@ GR_INLINE void sph_gas_forces(int dim, struct gr_sph *s, int64_t first, int64_t 
     const double *depth = gr_sph_rows(s, GR_SPH_FIELD_depth)[0];
     const vd one = v_set(1.0), zero = v_set(0.0), wall = v_set(gas->parameter[GR_SPH_GAS_P_wall_volume]);
     for (int64_t a = first; a < last; a++) {
-        const vd own = v_set(gas->own_pull[a]), m = v_set(mass[a]), volume = v_set(gas->volume[a]);
+        const vd pull = v_set(gas->own_pull[a]), m = v_set(mass[a]), volume = v_set(gas->volume[a]);
         struct sph_place place = {.shift = -1};
         vd sum[3] = {zero, zero, zero}, walls[3] = {zero, zero, zero}, stop[3] = {zero, zero, zero}, wall_sum = zero, d[3];
         for (int64_t k = s->middle[a]; k < s->end[a]; k++) {
@@ -122,7 +122,7 @@ GR_INLINE void sph_gas_forces(int dim, struct gr_sph *s, int64_t first, int64_t 
             /* m_a m_b/R = 2 m_a m_b V_a V_b/(m_a V_b + m_b V_a), zero for spare rows */
             const vd both = v_set(2.0) * m * mb * volume * vb / v_max(m * vb + mb * volume, v_set(1e-290));
             const vd q = v_set(alpha) * both * u * v_fma(v_set(2.0), u, v_set(-c));
-            const vd weight = (own + v_load(gas->own_pull + place.row) + q) * sph_slope(r2, h);
+            const vd weight = (pull + v_load(gas->own_pull + place.row) + q) * sph_slope(r2, h);
             for (int i = 0; i < dim; i++) sum[i] = v_fma(weight, d[i], sum[i]);
         }
         const double about = v_sum(wall_sum), stiff = about > 0.0 ? mass[a] * c * c * per_h / about : 0.0;
@@ -131,7 +131,7 @@ GR_INLINE void sph_gas_forces(int dim, struct gr_sph *s, int64_t first, int64_t 
     }
 }
 
-/* Mass of the gas assigned to a particle over its own mass: sum_a m_a w/(sum_j m_j w). */
+/* Mass of the gas assigned to a particle over its pull mass: sum_a m_a w/(sum_j m_j w). */
 GR_INLINE void sph_gas_loads(int dim, struct gr_sph *s, int64_t first, int64_t last)
 {
     const struct gr_sph_gas *gas = s->gas;

@@ -1,11 +1,11 @@
-/* Inlets (core/inlets.h) of SPH: particles enter at the upstream end of a box, in which all particles have the velocity
- * of the inlet. The box is as long as the kernel reaches, so that particles have all their neighbours when they become
- * free at its other end; what is in it is a reservoir that does not yield.
+/* Inlets (core/inlets.h) of SPH: particles enter at the upstream end of a box, in which all particles have the velocity of
+ * the inlet. The box is as long as the kernel reaches, so that particles have all their neighbours when they become free at
+ * its other end; the box is a reservoir that does not yield.
  *
- * The particles in the box are those that were in it when the neighbour list was made, which is whenever one enters.
- * They are given the velocity V and no acceleration in place of a, so that the box gives them -m a and their free
- * neighbours nothing else than before: the impulses of a box and on the free particles add up to 0. Points of gas have no
- * box of their own: a jet (sph/gas.h) moves them. */
+ * The particles in the box are those that were in it when the neighbour list was made, which is whenever one enters. They
+ * are given the velocity V and no acceleration instead of a, so that the box gives them -m a and their free neighbours
+ * nothing else than before: the impulses of a box and on the free particles add up to 0. Points of gas have no box: a jet
+ * (sph/gas.h) moves them. */
 #pragma once
 
 #include <stdint.h>
@@ -24,7 +24,7 @@ struct gr_sph_box {
 struct gr_sph_inflow {
     struct gr_inlets *inlets;
     struct gr_sph_box *box; /* of each inlet */
-    int32_t *held, *by;     /* rows of the particles in boxes, and the inlets of those; as many as there are places */
+    int32_t *held, *by;     /* rows of the particles in boxes, and their inlets; as many as there are slots */
     int64_t n_held;
 };
 

@@ -22,8 +22,8 @@ static int32_t cell_at(const struct gr_sph *s, const double *x)
     return (int32_t)cell;
 }
 
-/* Whether a wall particle is so far outside that it changes nothing in the domain: what is within reach of it has a density
- * by the Shepard filter, a sum over densities that are sums themselves: three times the reach in all. */
+/* Whether a wall particle is so far outside that it changes nothing in the domain: particles within its reach have a
+ * density by the Shepard filter, a sum over densities that are sums themselves: three times the reach in all. */
 static int is_far_outside(const struct gr_sph *s, const double *x)
 {
     const double far = 3 * s->reach;
@@ -71,7 +71,7 @@ static void make_spare(struct gr_sph *s, int64_t first, int64_t last)
         for (int64_t a = first; a < last; a++) s->pull[k][a] = 0.0;
 }
 
-/* Bring the rows from `first` on into the order s->order, in all fields that are kept from step to step. */
+/* Bring the rows from `first` on into the order s->order, in all fields that persist from step to step. */
 static void permute(struct gr_sph *s, int64_t first, int64_t n)
 {
     const int is_wall = first == s->wall_first;
@@ -89,23 +89,23 @@ static void permute(struct gr_sph *s, int64_t first, int64_t n)
 
 /* Sort the n rows from `first` on by the cells of their anchors, stably; rows with cell -1 are removed, those with cell
  * n_cells come last, and no search finds them.
- * Returned: the number of rows kept. */
+ * Returned: the number of rows left. */
 static int64_t sort_rows(struct gr_sph *s, int64_t first, int64_t n, int32_t *start)
 {
-    const int64_t bins = s->n_cells + 1; /* with that of what no search finds */
+    const int64_t bins = s->n_cells + 1; /* with the last one, which no search finds */
     memset(start, 0, sizeof(int32_t) * (size_t)(bins + 1));
     for (int64_t a = first; a < first + n; a++)
         if (s->cell[a] >= 0) start[s->cell[a] + 1]++;
     for (int64_t c = 0; c < bins; c++) start[c + 1] += start[c];
-    const int64_t kept = start[bins];
+    const int64_t n_left = start[bins];
     for (int64_t a = first; a < first + n; a++)
         if (s->cell[a] >= 0) s->order[start[s->cell[a]]++] = (int32_t)a;
     /* each entry is now the end of its cell, which is the start of the next */
     memmove(start + 1, start, sizeof(int32_t) * (size_t)bins);
     start[0] = 0;
     for (int64_t c = 0; c <= bins; c++) start[c] += (int32_t)first;
-    permute(s, first, kept);
-    return kept;
+    permute(s, first, n_left);
+    return n_left;
 }
 
 void gr_sph_sort(struct gr_sph *s, int fresh)

@@ -17,8 +17,8 @@
 #include "core/field.h"
 #include "law/law.h"
 
-/* X(name, kind, needed by, unit, description). First the fields kept from step to step, then those of wall points and
- * gas alone, then those that each step computes anew and that are not sorted. */
+/* X(name, kind, needed by, unit, description). First the fields that persist from step to step, then those of wall points
+ * and gas alone, then those that each step computes anew and that are not sorted. */
 #define GR_SPH_FIELDS(X)                                                                                        \
     X(x, GR_VECTOR, GR_ALWAYS, "m", "position; wrapped into the period when the list is made")                  \
     X(v, GR_VECTOR, GR_ALWAYS, "m/s", "velocity; prescribed for wall points")                                   \
@@ -44,7 +44,7 @@ extern const struct gr_field_info gr_sph_field_table[GR_SPH_FIELD_COUNT];
 /* X(name, may be zero, unit, description) */
 #define GR_SPH_PARAMETERS(X)                                                                       \
     X(h, 0, "m", "smoothing length; the kernel reaches 2 h")                                       \
-    X(skin, 0, "m", "reach of the neighbour list beyond that of the kernel")                       \
+    X(skin, 0, "m", "reach of the neighbour list beyond the kernel")                               \
     X(rho0, 0, "kg/m^3", "density above which there is pressure")                                  \
     X(rho0_wall, 0, "kg/m^3", "the same for wall points")                                          \
     X(kappa, 0, "Pa", "stiffness of the equation of state")                                        \
@@ -53,7 +53,7 @@ extern const struct gr_field_info gr_sph_field_table[GR_SPH_FIELD_COUNT];
     X(D_star, 0, "1/s", "shear rate at which friction is halfway between the two")                 \
     X(cohesion, 1, "Pa", "shear strength without pressure")                                        \
     X(shear_modulus, 1, "Pa", "elastic shear modulus; 0: viscous below the strength")              \
-    X(mu_wall, 1, "1", "friction on walls, if it is lower than that of the material")              \
+    X(mu_wall, 1, "1", "friction on walls, if it is lower than in the material")                   \
     X(dilation, 1, "1", "largest dilation rate that is added to the friction")                     \
     X(regularisation, 0, "1", "largest viscosity, in rho h^2/dt")                                  \
     X(z_max, 0, "1", "largest factor of the artificial velocity of walls")                         \
@@ -80,7 +80,7 @@ struct gr_sph_config {
     int dim;
     int periodic[3];
     double lower[3], upper[3]; /* of the domain, m; particles that leave it are dropped */
-    int wall_friction;         /* 1 if mu_wall is the friction on walls, else that of the material */
+    int wall_friction;         /* 1 if mu_wall is the friction on walls, 0 if it is the friction of the material */
     double parameter[GR_SPH_PARAMETER_COUNT];
     int n_gravity;
     const double *gravity_times, *gravity_vectors; /* s; m/s^2, n_gravity x dim: copied */

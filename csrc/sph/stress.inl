@@ -67,9 +67,9 @@ GR_INLINE void sph_slip(int dim, const struct sph_strength *law, double cohesion
         const vd root = v_sqrt(v_max(v_fma(tau2 * B, B, R2 * above), zero));
         const vd flowing = v_max((A * root - tau2 * B) / v_select(slips, above, one), zero);
         const vd most = v_select(v_gt(v_fma(elastic, elastic, R2), tau2), flowing, elastic);
-        const vd kept = v_select(slips, sph_share(most, v_sqrt(t2)), one);
-        T[shear[d][0]] *= kept;
-        if (dim == 3) T[shear[d][1]] *= kept;
+        const vd factor = v_select(slips, sph_share(most, v_sqrt(t2)), one);
+        T[shear[d][0]] *= factor;
+        if (dim == 3) T[shear[d][1]] *= factor;
     }
 }
 
@@ -107,8 +107,8 @@ GR_INLINE void sph_relax(vd stiffness, vd eta, vd tau, const vd *shear, vd *elas
         if (k < 3) deviator -= mean;
         elastic[k] += share * (deviator - elastic[k]);
     }
-    const vd kept = sph_share(tau, sph_size(elastic));
-    for (int k = 0; k < 6; k++) elastic[k] *= kept;
+    const vd factor = sph_share(tau, sph_size(elastic));
+    for (int k = 0; k < 6; k++) elastic[k] *= factor;
 }
 
 /* Stress sigma = -p I + (mu p + c) D/|D| (eq. 5.3), as sigma/rho^2, of the points of one vector from index i on. Below

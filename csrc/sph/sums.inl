@@ -32,7 +32,7 @@ struct sph_place {
     int32_t row;   /* first row of the block */
 };
 
-/* Vectors d from a point to those of a block.
+/* Vectors d from a point to the points of a block.
  * Returned: their squared lengths. */
 GR_INLINE vd sph_ways(int dim, const struct gr_sph *s, int64_t a, struct gr_block block, struct sph_place *place, vd *d)
 {
@@ -135,7 +135,7 @@ GR_INLINE vd sph_factor(int pair, const struct gr_sph *s, double *const *normal,
 struct sph_sums {
     vd D[6];    /* V_b G (dv_i d_j + dv_j d_i): xx, yy, zz, which are halved, xy, yz, xz */
     vd spin[3]; /* for an elastic material: V_b G (dv_j d_i - dv_i d_j): yx, zy, xz */
-    vd near[3]; /* with friction of its own at walls: V_b G |n_b|, n the normals of walls */
+    vd near[3]; /* with a different friction at walls: V_b G |n_b|, n the normals of walls */
 };
 
 /* Add the blocks [first, last) of neighbours to the sums of a point. */
@@ -173,7 +173,7 @@ GR_INLINE void sph_add_rates(int dim, int pair, int elastic, const struct gr_sph
 }
 
 /* Strain rates and, for an elastic material, spins (eqs. 5.2, 5.21) of a tile at most, divided by the slope norm; and, with
- * friction of its own at walls, numbers above 0 for the axes along which a point feels a wall. */
+ * different friction at walls, numbers above 0 for the axes along which a point feels a wall. */
 GR_INLINE void sph_rates(int dim, int elastic, const struct gr_sph *s, int64_t first, int64_t last,
                          double (*rates)[SPH_TILE], double (*near)[SPH_TILE])
 {

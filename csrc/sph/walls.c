@@ -61,9 +61,9 @@ static void rub(const struct gr_sph *s, const double *wall_v, int axis, double l
     const double mu = s->config.parameter[s->config.wall_friction ? GR_SPH_P_mu_wall : GR_SPH_P_mu_l];
     for (int d = 0; d < s->config.dim; d++)
         if (d != axis) along2 += (v[d][a] - wall_v[d]) * (v[d][a] - wall_v[d]);
-    const double along = sqrt(along2), kept = along > mu * lost ? 1.0 - mu * lost / along : 0.0;
+    const double along = sqrt(along2), share = along > mu * lost ? 1.0 - mu * lost / along : 0.0;
     for (int d = 0; d < s->config.dim; d++)
-        if (d != axis) v[d][a] = wall_v[d] + kept * (v[d][a] - wall_v[d]);
+        if (d != axis) v[d][a] = wall_v[d] + share * (v[d][a] - wall_v[d]);
 }
 
 /* Put a particle that entered a wall in this step, coming from `before`, back onto the face through which it came, at

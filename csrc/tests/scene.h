@@ -45,7 +45,7 @@ void scene_seed(uint64_t seed);
 /* Let the engine borrow the arrays of a scene. */
 void scene_bind(struct scene *s);
 
-/* Component c of a field at a place, in double precision. */
+/* Component c of a field in a slot, in double precision. */
 double *scene_at(const struct scene *s, int field, int c, int64_t slot);
 /* Sums of a node in row q (see mpm/p2g.inl), and its position in m. */
 double scene_sum(const struct scene *s, int64_t node, int q);

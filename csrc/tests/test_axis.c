@@ -76,10 +76,10 @@ TEST(quadratic_is_the_spline)
     for (int c = 0; c < N; c++)
         for (double xi = 0; xi < 1; xi += 1.0 / 16)
             for (int i = 0; i < axis.n_nodes; i++) {
-                double found = 0;
+                double sum = 0;
                 for (int a = 0; a < 3; a++)
-                    if (axis.cell[c].node[a] == i) found += value(&axis.cell[c], a, xi);
-                CHECK_NEAR(found, b_spline(knot, i, 2, c + xi), 1e-14);
+                    if (axis.cell[c].node[a] == i) sum += value(&axis.cell[c], a, xi);
+                CHECK_NEAR(sum, b_spline(knot, i, 2, c + xi), 1e-14);
             }
     gr_axis_free(&axis);
 }
@@ -258,7 +258,8 @@ TEST(refuses)
     gr_axis_free(&axis);
 }
 
-/* The cells of each node are those that list it, in ascending order, and their integrals add up to that of the node. */
+/* The cells of each node are those that list it, in ascending order, and their integrals add up to the integral of the
+ * node. */
 TEST(cells_of_nodes)
 {
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++)

@@ -155,7 +155,7 @@ TEST(convex_edges_of_shapes)
 
 TEST(convex_edges_of_operations)
 {
-    /* a slab with a hole; a hole that is filled again; what is rounded; two boxes that meet at a concave edge */
+    /* a slab with a hole; a hole that is filled again; rounded shapes; two boxes that meet at a concave edge */
     struct gr_part parts[4] = {part(GR_PART_BOX, 4, 4, 1), part(GR_PART_CYLINDER, 1, INFINITY, 0),
                                operation(GR_PART_INTERSECTION, 2), part(GR_PART_CYLINDER, 1, 1, 0)};
     parts[1].inside = 1;
@@ -165,7 +165,7 @@ TEST(convex_edges_of_operations)
     CHECK(!at_edge(parts, 3, 1, 0, 0.95) && !at_edge(parts, 3, 4, 0, 0.95));
     struct gr_part round[3] = {part(GR_PART_BOX, 1, 1, 1), operation(GR_PART_OFFSET, 0.2), operation(GR_PART_OFFSET, 0.2)};
     CHECK(!at_edge(round, 2, 1 + 0.12, 1 + 0.16, 0));
-    round[1].size[0] = 0.05; /* a radius that is less than what is near */
+    round[1].size[0] = 0.05; /* a radius that is less than the distance `near` */
     CHECK(at_edge(round, 2, 1 + 0.03, 1 + 0.04, 0) && !at_edge(round, 2, 1.05, 0, 0));
     round[0].inside = 1, round[1].inside = 1, round[1].size[0] = 0.2; /* inwards: sharp as before */
     CHECK(at_edge(round, 2, 0.8, 0.75, 0) && !at_edge(round, 2, 0.8, 0.5, 0));

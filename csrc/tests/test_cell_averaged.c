@@ -70,7 +70,7 @@ TEST(a_uniform_stress_makes_no_force)
     }
 }
 
-/* A cell has the mean log-density of its points, and after a step all of them have that of the cell. */
+/* A cell has the mean log-density of its points, and after a step all of them have the density of the cell. */
 TEST(points_share)
 {
     struct scene s;

@@ -18,7 +18,7 @@ TEST(lives_and_dies)
     gr_engine_free(NULL);
 }
 
-/* The engine owns copies: the caller may change or free what the configuration pointed to. */
+/* The engine owns copies: the caller may change or free the arrays of the configuration. */
 TEST(owns_its_config)
 {
     struct scene s;

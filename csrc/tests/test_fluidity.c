@@ -279,7 +279,7 @@ TEST(places_do_not_matter)
             }
 }
 
-/* At rest below yield nothing flows. In steady flow at a constant rate the friction is that of mu(I). */
+/* At rest below yield nothing flows. In steady flow at a constant rate the friction follows mu(I). */
 TEST(points)
 {
     const double G = 3e5, mu_s = 0.38, mu_2 = 0.64, I0 = 0.28, rho_s = 2450, d = 5e-3, t0 = 1e-3, p = 1000, rate = 5;

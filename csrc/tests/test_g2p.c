@@ -54,8 +54,8 @@ static void remember(const struct scene *s, struct before *b)
     }
 }
 
-/* v <- f v + w, x <- x + dt v', c <- c - dt tr L for the log-density c, and L becomes the affine field. In APIC
- * C = B D^-1 is L, and the velocity is that of the grid. */
+/* v <- f v + w, x <- x + dt v', c <- c - dt tr L for the log-density c, and L becomes the affine field. In APIC C = B D^-1
+ * is L, and the velocity is the one of the grid. */
 TEST(linear_fields_are_exact)
 {
     static struct before b;
@@ -87,7 +87,7 @@ TEST(linear_fields_are_exact)
             }
 }
 
-/* A uniform nodal velocity changes neither density nor stress, and spare places keep no mass. */
+/* A uniform nodal velocity changes neither density nor stress, and spare slots have no mass. */
 TEST(translation_is_free)
 {
     struct scene s, before;

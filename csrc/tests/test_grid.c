@@ -177,12 +177,12 @@ TEST(cutoff_spares_nan)
     CHECK(gr_p2g(s.engine, gr_kernels_select("")) == GR_OK);
     gr_sums(s.engine)[0] = NAN;
     CHECK(gr_grid(s.engine, gr_kernels_select("")) == GR_OK);
-    int found = 0;
+    int n_nan = 0;
     for (int64_t n = 0; n < s.engine->mesh.n_nodes; n++) {
-        found += isnan(out(&s, n, 0));
+        n_nan += isnan(out(&s, n, 0));
         if (!isnan(s.engine->nodes.mass[n])) CHECK(out(&s, n, 0) == 0 && out(&s, n, 2) == 0);
     }
-    CHECK(found == 1);
+    CHECK(n_nan == 1);
     scene_free(&s);
 }
 

@@ -7,7 +7,7 @@
 #include "tests/check.h"
 #include "tests/scene.h"
 
-/* Every point occurs once, in a place of its own cell; cells of a tile have as many places; spare places are clear; the
+/* Every point occurs once, in a slot of its cell; cells of a tile have equally many slots; spare slots are clear; the
  * tables are inverse to each other. */
 static void check_mesh(const struct scene *s)
 {
@@ -164,7 +164,7 @@ TEST(asks_for_capacity)
     const int64_t used = s.engine->points.used;
     shrink(&s, used + used / 32);
     CHECK(gr_regroup(s.engine, NULL) == GR_OK && s.engine->points.used == used);
-    shrink(&s, used); /* a place for each row, but none for rows to come */
+    shrink(&s, used); /* a slot for each row, but none for rows to come */
     CHECK(gr_regroup(s.engine, NULL) == GR_ERR_CAPACITY && s.engine->migration.needed_capacity > used + used / 32);
     check_mesh(&s);
     scene_free(&s);
@@ -213,7 +213,7 @@ static void take_out(struct scene *s)
     }
 }
 
-/* A team puts all points into the same places as one thread, and makes the same mesh. */
+/* A team puts all points into the same slots as one thread, and makes the same mesh. */
 TEST(by_a_team)
 {
     for (int dim = 2; dim <= 3; dim++) {

@@ -1,4 +1,4 @@
-/* Tests of mpm/inflow.c: when, where and with which number points enter, memory, and what is refused. */
+/* Tests of mpm/inflow.c: when, where and with which number points enter, memory, and refused input. */
 #include "mpm/inflow.h"
 
 #include <string.h>
@@ -11,7 +11,7 @@
 enum { SITES = 4, MOST = 300 };
 static const double SPACING = 0.05, SPEED = 2, MASS = 3.75;
 
-/* The records of a stream of single points: x, v and mass at SITES places of the left end, 0.05 m from each other. */
+/* The records of a stream of single points: x, v and mass at SITES sites of the left end, 0.05 m from each other. */
 static void give_records(const struct gr_engine *e, double *record)
 {
     memset(record, 0, sizeof *record * (size_t)(SITES * e->points.n_components));
@@ -28,7 +28,7 @@ static struct gr_inlet default_inlet(double *record)
         .n_sites = SITES, .velocity = {SPEED}, .spacing = SPACING, .end = INFINITY, .record = record, .yields = 0};
 }
 
-/* An empty scene whose right end is open, with places for `capacity` points, and an inlet at the left end if asked for. */
+/* An empty scene whose right end is open, with slots for `capacity` points, and an inlet at the left end if asked for. */
 static void empty(struct scene *s, int64_t capacity, int has_inlet)
 {
     double record[SITES * 16];
@@ -106,7 +106,7 @@ TEST(mass_is_exact_to_a_point)
     scene_free(&s);
 }
 
-/* Memory grows with the points, and the growth changes no bit. In the steady state places are used again. */
+/* Memory grows with the points, and the growth changes no bit. In the steady state slots are used again. */
 TEST(places_grow_and_are_used_again)
 {
     struct scene small, large;
@@ -119,7 +119,7 @@ TEST(places_grow_and_are_used_again)
     CHECK(dropped > 0);
     grown = advance_to(&small, 3600);
     advance_to(&large, 3600);
-    CHECK(small.engine->dropped > dropped + capacity); /* more points than places have passed */
+    CHECK(small.engine->dropped > dropped + capacity); /* more points than slots have passed */
     CHECK(grown <= 1);
     for (int64_t k = 0; k < small.capacity; k++)
         for (int64_t j = k + 1; small.id[k] >= 0 && j < small.capacity; j++) CHECK(small.id[j] != small.id[k]);
@@ -140,18 +140,18 @@ TEST(a_blocked_inlet_waits)
     inlet.yields = 1;
     CHECK(gr_inflow_add(e, &inlet) == GR_OK);
     CHECK(gr_regroup(e, NULL) == GR_OK && gr_reserve_pending(e, 64) == GR_OK);
-    const struct gr_inlet *own = &e->inflow->inlet[0];
+    const struct gr_inlet *state = &e->inflow->inlet[0];
     for (int n = 1; n <= 5 * SITES; n++) { /* nothing moves on: the first of each site stands in the way */
         e->clock.time = n * interval() * (1 + 1e-12);
         gr_inflow_enter(e);
     }
-    CHECK(e->migration.n_pending == SITES && own->due == 5 * SITES && own->missed == 3 * SITES);
-    for (int i = 0; i < SITES; i++) CHECK(own->entered[i] == 1 && own->waits[i] == 1);
+    CHECK(e->migration.n_pending == SITES && state->due == 5 * SITES && state->missed == 3 * SITES);
+    for (int i = 0; i < SITES; i++) CHECK(state->entered[i] == 1 && state->waits[i] == 1);
     for (int k = 0; k < SITES; k++) e->migration.pending[k * e->points.n_components] += SPACING; /* now it has moved */
     e->clock.time += 0.1 * interval();
     gr_inflow_enter(e);
-    for (int i = 0; i < SITES; i++) CHECK(own->entered[i] == 2 && own->waits[i] == 0);
-    CHECK(e->migration.n_pending == 2 * SITES && own->due == 5 * SITES && own->missed == 3 * SITES);
+    for (int i = 0; i < SITES; i++) CHECK(state->entered[i] == 2 && state->waits[i] == 0);
+    CHECK(e->migration.n_pending == 2 * SITES && state->due == 5 * SITES && state->missed == 3 * SITES);
     scene_free(&s);
 }
 
@@ -284,7 +284,7 @@ TEST(advancing_fails)
     scene_free(&good);
 }
 
-/* The reserve of points is one more than the largest number that can enter in a step: the one that waits, and those of
+/* The reserve of points is one more than the largest number that can enter in a step: the one that waits, and the points of
  * nearly two intervals, the last of which is nearly a spacing away from its site. */
 TEST(reserve_is_enough)
 {

@@ -189,8 +189,8 @@ TEST_OF_EACH_ISA(drucker_prager_returns)
     }
 }
 
-/* The regularised mu(I): below x1 the rate is that of the creep, above it that of mu(I) with mu_inf; the root of the
- * implicit step is met by both. */
+/* The regularised mu(I): below x1 the rate is the creep rate, above it the rate of mu(I) with mu_inf; both satisfy the
+ * implicit step. */
 TEST_OF_EACH_ISA(regularised_mu_I_creeps_and_flows)
 {
     struct points q, old;

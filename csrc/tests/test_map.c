@@ -38,7 +38,7 @@ TEST(without_memory)
         const int error = gr_map_own(&m);
         const int hit = faults_end();
         CHECK(error == (hit ? GR_ERR_MEMORY : GR_OK));
-        gr_map_free(&m); /* what was not copied is not freed */
+        gr_map_free(&m); /* arrays that were not copied are not freed */
         if (!hit) break;
     }
 }

@@ -85,7 +85,7 @@ TEST(engine_new_fails)
     }
 }
 
-/* Regroup with a fault, then without: the points are those of an engine that never failed. */
+/* Regroup with a fault, then without: the points are the same as in an engine that never failed. */
 TEST(regroup_fails)
 {
     for (int moved = 0; moved < 2; moved++)

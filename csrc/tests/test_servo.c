@@ -1,4 +1,4 @@
-/* Tests of mpm/servo.c: what is refused, the direction and the limit of the motion, equal bits for any number of threads. */
+/* Tests of mpm/servo.c: refused input, the direction and the limit of the motion, equal bits for any number of threads. */
 #include "mpm/servo.h"
 
 #include <stdlib.h>

@@ -92,16 +92,16 @@ TEST(list_holds_every_pair_once)
         for (int64_t b = 0; b < CAPACITY; b++)
             for (int image = 0; image < GR_SPH_SHIFTS; image++) {
                 if (bed.id[b] < 0 || image / 9 != 1 || image / 3 % 3 != 1) continue;
-                int found = 0;
+                int listed = 0;
                 for (int64_t k = s->begin[a]; k < s->end[a]; k++)
-                    found += s->block[k].shift == image && b >= s->block[k].row && b < s->block[k].row + s->lanes;
+                    listed += s->block[k].shift == image && b >= s->block[k].row && b < s->block[k].row + s->lanes;
                 double r2 = 0;
                 for (int d = 0; d < 2; d++) {
                     const double r = bed.row[d][b] + s->shift[image][d] - bed.row[d][a];
                     r2 += r * r;
                 }
-                CHECK(found <= 1);
-                if (r2 <= s->reach * s->reach) CHECK(found == 1);
+                CHECK(listed <= 1);
+                if (r2 <= s->reach * s->reach) CHECK(listed == 1);
             }
     gr_sph_free(s);
 }

@@ -15,7 +15,7 @@ struct task {
     int64_t n, cells[CELLS];
 };
 
-/* Mark what the cells lead to, one after the other. */
+/* Mark the indices to which the cells lead, one after the other. */
 static void mark(const struct task *task, uint8_t *marks)
 {
     const struct gr_engine *e = task->e;
@@ -27,10 +27,10 @@ static void mark(const struct task *task, uint8_t *marks)
             int64_t rest = task->cells[k], index = 0, stride = 1, inside = 1;
             for (int d = 0; d < dim; d++) {
                 const struct gr_axis *axis = &e->axis[d];
-                const int64_t own = rest % axis->n_cells;
-                int64_t to = own + part[d] - 1, all = axis->n_cells;
+                const int64_t at = rest % axis->n_cells;
+                int64_t to = at + part[d] - 1, all = axis->n_cells;
                 if (task->what == GR_SPREAD_NODES)
-                    to = axis->cell[own].node[part[d]], all = axis->n_nodes;
+                    to = axis->cell[at].node[part[d]], all = axis->n_nodes;
                 else if (axis->periodic)
                     to = (to + all) % all;
                 inside &= to >= 0 && to < all;

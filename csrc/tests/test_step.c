@@ -112,7 +112,7 @@ TEST(stable_dt_follows_the_fastest)
     scene_free(&s);
 }
 
-/* The mass is exact, and the momentum of free flight is that of gravity. */
+/* The mass is exact, and the momentum of free flight grows by gravity alone. */
 TEST(conserves)
 {
     struct scene s;
@@ -234,20 +234,20 @@ TEST(capacity_may_be_refused)
     }
     CHECK(gr_regroup(s.engine, NULL) == GR_OK);
     const int64_t stride = s.capacity, used = s.engine->points.used;
-    for (int f = 0; f < GR_FIELD_COUNT; f++) /* move the components together: no place beyond those in use */
+    for (int f = 0; f < GR_FIELD_COUNT; f++) /* move the components together: no slot beyond those in use */
         for (int c = 1; s.field[f] && c < gr_field_components(f, 2); c++)
             for (int64_t k = 0; k < used; k++) s.field[f][c * used + k] = s.field[f][c * stride + k];
     s.capacity = used;
     scene_bind(&s);
-    int asked = 0;
+    int refused = 0;
     for (int k = 0; k < 60; k++) {
         const int error = gr_advance(s.engine, gr_kernels_select(""), 1, INFINITY, 1);
         CHECK(error == GR_OK || error == GR_ERR_CAPACITY);
         CHECK(s.engine->points.n == 300);
-        asked += error == GR_ERR_CAPACITY;
+        refused += error == GR_ERR_CAPACITY;
     }
-    CHECK(asked > 1);
-    if (asked) CHECK(scene_grow(&s) == 0);
+    CHECK(refused > 1);
+    if (refused) CHECK(scene_grow(&s) == 0);
     CHECK(gr_regroup(s.engine, NULL) == GR_OK);
     for (int64_t id = 0; id < 300; id++) CHECK(scene_find(&s, id) >= 0);
     scene_free(&s);

@@ -66,7 +66,7 @@ static void count_late(void *context, int64_t chunk, int t)
     count(context, chunk, t);
 }
 
-static void stages_beside_others(void *context, struct gr_team *team)
+static void stages_after_a_delay(void *context, struct gr_team *team)
 {
     struct counts *counts = context;
     while (!atomic_load(&counts->delayed) && counts->stages++ < 1000) {
@@ -89,7 +89,7 @@ static void stages_beside_others(void *context, struct gr_team *team)
 TEST(after_a_delay_the_leader_works_alone)
 {
     struct counts counts = {0};
-    gr_team_lead(THREADS, stages_beside_others, &counts);
+    gr_team_lead(THREADS, stages_after_a_delay, &counts);
 }
 
 static void one_stage(void *context, struct gr_team *team)

@@ -1,4 +1,4 @@
-/* Tests of mpm/wall_impulse.c: what the walls get is what the points lose. */
+/* Tests of mpm/wall_impulse.c: the walls gain the momentum that the points lose. */
 #include "mpm/wall_impulse.h"
 
 #include <stdlib.h>
@@ -39,7 +39,7 @@ static void between_walls(struct scene *s, int dim, int basis, int affine, int s
     CHECK(scene_build(s, 400, 0.02, 0.98) == GR_OK);
 }
 
-/* Watch the walls: the codes of the nodes are those of the walls. */
+/* Watch the walls: the codes of the nodes are the codes of the walls. */
 static int watch(struct scene *s, double changes_at)
 {
     const int64_t n = scene_grid_nodes(s);
@@ -129,7 +129,7 @@ TEST(a_wall_that_opens_hands_over)
     scene_free(&s);
 }
 
-/* The angular impulse is that of the impulses of the nodes about the origin. */
+/* The angular impulse is the moment of the impulses of the nodes about the origin. */
 TEST(angular_impulse)
 {
     for (int dim = 2; dim <= 3; dim++) {
@@ -192,7 +192,7 @@ TEST(refuses)
 #undef REFUSED
     free(code);
     CHECK(go(&s, 1) == GR_OK);
-    CHECK(watch(&s, INFINITY) == GR_ERR_CONFIG); /* the nodes have no place for impulses any more */
+    CHECK(watch(&s, INFINITY) == GR_ERR_CONFIG); /* the nodes have no memory for impulses any more */
     scene_free(&s);
 }
 

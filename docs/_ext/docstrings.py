@@ -22,9 +22,9 @@ def text_below(name: str, value: Any) -> list[str]:
         if module_name != source or not source.startswith("granular."):
             continue
         if vars(module).get(last) is value:
-            found = ModuleAnalyzer.for_module(source).find_attr_docs().get(("", last))
-            if found:
-                return list(found)
+            lines = ModuleAnalyzer.for_module(source).find_attr_docs().get(("", last))
+            if lines:
+                return list(lines)
     log.warning("%s has no docstring", name)
     return []
 
@@ -66,16 +66,16 @@ def shorten(_: Sphinx, what: str, __: str, value: Any, ___: Any, text: str, ____
         return None
     import granular.mpm
 
-    if value is granular.Simulation:  # its own only dispatches to the method of the scene
+    if value is granular.Simulation:  # its signature only dispatches to the method of the scene
         value = granular.mpm.simulation.Simulation
     try:
-        found = inspect.signature(value)
+        signature = inspect.signature(value)
     except (TypeError, ValueError):
         return None
     empty = inspect.Parameter.empty
     parameters = [
         p.replace(annotation=empty, default=p.default if p.default is empty else short(p.default))
-        for p in found.parameters.values()
+        for p in signature.parameters.values()
         if p.name != "self"
     ]
     return str(inspect.Signature(parameters)), None

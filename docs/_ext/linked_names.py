@@ -19,12 +19,12 @@ def is_known(name: str) -> bool:
     """True if the package has an attribute of this dotted name."""
     import granular
 
-    found: Any = granular
+    value: Any = granular
     for part in name.split("."):
-        fields = getattr(found, "__dataclass_fields__", {})
-        if not hasattr(found, part) and part not in fields:
+        fields = getattr(value, "__dataclass_fields__", {})
+        if not hasattr(value, part) and part not in fields:
             return False
-        found = getattr(found, part, None)
+        value = getattr(value, part, None)
     return True
 
 
@@ -41,9 +41,9 @@ class LinkNames(SphinxPostTransform):
             if not match or isinstance(literal.parent, nodes.reference):
                 continue
             name = match[1].split("(")[0]
-            found = domain.objects.get(f"granular.{name}")
-            if found is not None:
-                link = make_refnode(builder, self.env.docname, found.docname, found.node_id, [])
+            entry = domain.objects.get(f"granular.{name}")
+            if entry is not None:
+                link = make_refnode(builder, self.env.docname, entry.docname, entry.node_id, [])
                 literal.replace_self(link)
                 link += literal
             elif not is_known(name):
@@ -53,7 +53,7 @@ class LinkNames(SphinxPostTransform):
 def find(app: Sphinx, env: Any, node: nodes.Element, content: nodes.Node) -> nodes.Node | None:
     """Link of a name that a docstring writes from the top of the package, such as `measure.phase`.
 
-    A name with a capital alone, such as `Trajectory`, is that of the first class of this name.
+    A name with a capital alone, such as `Trajectory`, refers to the first class of this name.
     """
     target = node.get("reftarget", "")
     if node.get("refdomain") != "py" or not target:
@@ -64,9 +64,9 @@ def find(app: Sphinx, env: Any, node: nodes.Element, content: nodes.Node) -> nod
         names += sorted(name for name in objects if name.endswith(f".{target}"))
     for name in names:
         if name in objects:
-            found = objects[name]
+            entry = objects[name]
             return make_refnode(
-                app.builder, node["refdoc"], found.docname, found.node_id, content.deepcopy()
+                app.builder, node["refdoc"], entry.docname, entry.node_id, content.deepcopy()
             )
     return None
 

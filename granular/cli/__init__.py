@@ -1,8 +1,8 @@
 """The command `granular`: new, run, resume, info, open, compare, plot, verify,
 list, completion.
 
-Exit codes: 0 all is well, 1 the run or a check failed, or two records differ, 2 the user asked for
-something impossible (one line on stderr says what), 3 with `--strict`: the run ended, but an
+Exit codes: 0 all is well, 1 the run or a check failed, or two records differ, 2 an argument or a
+file cannot be used (one line on stderr says which), 3 with `--strict`: the run ended, but an
 indicator of failure is suspect (stderr says which, and what to do), 130 Ctrl-C.
 """
 
@@ -44,7 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("granular: interrupted", file=sys.stderr)
         return INTERRUPTED
-    except BrokenPipeError:  # the reader of our output has left, as `head` does
+    except BrokenPipeError:  # the reader of the output has closed it, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
     except USER_ERRORS as error:
@@ -58,7 +58,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _complain(error: BaseException, code: int) -> int:
     """Print an error with its notes in one line, below it source code; return the exit code."""
     text, *source = (str(error) or type(error).__name__).split(f"\n{MARK}")
-    told = "; ".join([text, *getattr(error, "__notes__", ())])
-    lines = [f"granular: error: {' '.join(told.split())}", *(MARK + line for line in source)]
+    message = "; ".join([text, *getattr(error, "__notes__", ())])
+    lines = [f"granular: error: {' '.join(message.split())}", *(MARK + line for line in source)]
     print(escaped("\n".join(lines)), file=sys.stderr)
     return code

@@ -15,9 +15,9 @@ from granular.cli.words import (
     BY_SCENE,
     METAVARS,
     UNSET,
+    default_text,
     keywords_of,
     material_keywords,
-    shown,
     summary,
 )
 
@@ -82,11 +82,11 @@ def _scene(arguments: argparse.Namespace) -> AnyScene:
         if name.startswith("scene_") and value is not None
     }
     if arguments.file is not None:
-        found = read_scene(arguments.file, **given)
-        for name, value in found.run.items():
+        scene_file = read_scene(arguments.file, **given)
+        for name, value in scene_file.run.items():
             if getattr(arguments, name) is None:
                 setattr(arguments, name, value)
-        return changed(found.scene, arguments.set)
+        return changed(scene_file.scene, arguments.set)
     if arguments.scheme is not None:
         given["scheme"] = getattr(schemes, arguments.scheme)
     return changed(registry[arguments.scene](**given), arguments.set)
@@ -102,9 +102,9 @@ def new(arguments: argparse.Namespace) -> int:
 def compare(arguments: argparse.Namespace) -> int:
     from granular.run.comparing import compare
 
-    found = compare(arguments.first, arguments.second)
-    print(found)
-    return 0 if found.same_bits and not found.numbers else FAILED
+    comparison = compare(arguments.first, arguments.second)
+    print(comparison)
+    return 0 if comparison.same_bits and not comparison.numbers else FAILED
 
 
 def completion(arguments: argparse.Namespace) -> int:
@@ -168,10 +168,10 @@ def _judge(health: Health, quiet: bool, strict: bool) -> int:
 def info(arguments: argparse.Namespace) -> int:
     from granular.record import info, open_trajectory
 
-    found = info(arguments.file)
-    provenance = found.pop("provenance")
-    damage = found.pop("damage")
-    for name, value in found.items():
+    summary = info(arguments.file)
+    provenance = summary.pop("provenance")
+    damage = summary.pop("damage")
+    for name, value in summary.items():
         if isinstance(value, tuple):
             value = " to ".join(f"{end:g}" for end in value)
         print(f"{name:>16}  {value}")
@@ -179,9 +179,9 @@ def info(arguments: argparse.Namespace) -> int:
         if name in provenance:
             print(f"{name:>16}  {provenance[name]}")
     with open_trajectory(arguments.file) as record:
-        seen = record.health()
-        print(seen)
-        print(seen.verdict)
+        health = record.health()
+        print(health)
+        print(health.verdict)
     for message in damage:
         print(f"{'damage':>16}  {message}")
     return FAILED if damage else 0
@@ -287,8 +287,8 @@ def list_scenes(arguments: argparse.Namespace) -> int:
     for name, function in registry.items():
         print(f"{name}: {summary(function)} [{', '.join(function.methods)}]")
         for keyword, kind, default in keywords_of(function):
-            print(f"    --{keyword} {METAVARS[kind]}  ({shown(default, BY_SCENE)})")
+            print(f"    --{keyword} {METAVARS[kind]}  ({default_text(default, BY_SCENE)})")
         print("  material")
         for keyword, kind, default in material_keywords(function):
-            print(f"    --{keyword} {METAVARS[kind]}  ({shown(default, UNSET)})")
+            print(f"    --{keyword} {METAVARS[kind]}  ({default_text(default, UNSET)})")
     return 0

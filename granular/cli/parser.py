@@ -15,11 +15,11 @@ from granular.cli.words import (
     BY_SCENE,
     METAVARS,
     UNSET,
+    default_text,
     keywords_of,
     material_keywords,
     names,
     number,
-    shown,
     summary,
     whole,
 )
@@ -50,7 +50,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 class _Place(argparse.Action):
-    """An option named like a place in the scene, such as --material.mu_s 0.5."""
+    """An option named by a path in the scene, such as --material.mu_s 0.5."""
 
     def __call__(
         self,
@@ -70,7 +70,7 @@ PLACE = re.compile(r"(--[A-Za-z_]\w*(?:\.\w+)+)(?:=.*)?", re.S)
 def command_parser(words: Sequence[str] = ()) -> argparse.ArgumentParser:
     """Parser of the command.
 
-    A file of a scene among the words is one of its scenes, and places in a scene are options.
+    A file of a scene among the words is one of its scenes, and paths in a scene are options.
     """
     from granular import __version__
 
@@ -95,11 +95,11 @@ def command_parser(words: Sequence[str] = ()) -> argparse.ArgumentParser:
     command.add_argument("--quiet", action="store_true", help="no progress bar")
     text = "show the movie, verdict and scene of a record in a browser"
     command = _add_file_command(commands, do.show, text, "open")
-    command.add_argument("-o", "--output", metavar="HTML", help="write the page, open nothing")
+    command.add_argument("-o", "--output", metavar="HTML", help="write the page without opening it")
     text = "field that the movie shows, such as pressure; default speed"
     command.add_argument("--color", default="speed", metavar="F", help=text)
     command.add_argument("--overwrite", action="store_true", help="replace an existing page")
-    text = "print in what two records and their scenes differ; exit code 1 if they do"
+    text = "print the differences between two records; exit code 1 if there are any"
     command = _add_command(commands, "compare", text)
     command.add_argument("first", metavar="FILE", help="record of a run")
     command.add_argument("second", metavar="FILE", help="the other record")
@@ -110,12 +110,12 @@ def command_parser(words: Sequence[str] = ()) -> argparse.ArgumentParser:
     kind.add_argument("--slow", action="store_true", help="the long checks too, about an hour")
     text = "compare with data of other authors instead; all cases, or those named"
     kind.add_argument("--external", nargs="*", metavar="CASE", help=text)
-    text = "with --external: coarse runs of seconds, to see that the cases work"
+    text = "with --external: coarse runs of seconds, to check that the cases work"
     command.add_argument("--quick", action="store_true", help=text)
     command.set_defaults(command=do.verify)
     command = _add_command(commands, "list", "print the scenes, their keywords and defaults")
     command.set_defaults(command=do.list_scenes)
-    text = "print a script with which a shell completes the words of this command"
+    text = "print a script for a shell to complete the words of this command"
     command = _add_command(commands, "completion", text)
     command.add_argument("shell", choices=("bash", "zsh", "tcsh"), help="shell of the script")
     command.set_defaults(command=do.completion, parser=parser)
@@ -129,7 +129,7 @@ def _add_run(commands: Any, words: Sequence[str]) -> None:
     text = "simulate a scene, given by its name or by a file (.toml, .json), and record it"
     command = _add_command(commands, "run", text)
     scenes = command.add_subparsers(required=True, metavar="SCENE|FILE")
-    places = dict.fromkeys(found[1] for word in words if (found := PLACE.fullmatch(word)))
+    places = dict.fromkeys(match[1] for word in words if (match := PLACE.fullmatch(word)))
     for name in words[1:2]:
         if Path(name).suffix in SUFFIXES or _is_path(name, registry):
             scene = scenes.add_parser(name)
@@ -144,13 +144,13 @@ def _add_run(commands: Any, words: Sequence[str]) -> None:
         _add_numbers(scene, function, explained=not words or name in words)
         if "mpm" in function.methods:
             choices = ("default", "cell_averaged", "dunatunga_kamrin_2015")
-            scene.add_argument("--scheme", choices=choices, help="default: that of the scene")
+            scene.add_argument("--scheme", choices=choices, help="default: the scheme of the scene")
         _add_recording(scene, places, name)
         scene.set_defaults(scene=name, scheme=None, file=None)
 
 
 def _is_path(word: str, names: Iterable[str]) -> bool:
-    """True for a word that means a file and no scene, whatever is there."""
+    """True for a word that means a file and no scene, even if there is no such file."""
     if word.startswith("-") or word in names:
         return False
     return bool(Path(word).suffix) or os.sep in word or Path(word).exists()
@@ -159,7 +159,7 @@ def _is_path(word: str, names: Iterable[str]) -> bool:
 def _add_numbers(
     scene: Any, function: Callable[..., Any], *, by_file: bool = False, explained: bool = True
 ) -> None:
-    """Add the keywords of a scene function and those of its material."""
+    """Add the keywords of a scene function and of its material."""
     from granular.scenes.files import explanations
 
     of_scene, of_material = explanations(function) if explained else ({}, {})
@@ -172,7 +172,7 @@ def _add_numbers(
             # Each may be spelled with hyphens too.
             spelled = dict.fromkeys((f"--{name}", f"--{name.replace('_', '-')}"))
             text = f"{_explained(name, texts)}Default: "
-            text += "that of the file" if by_file else shown(default, none)
+            text += "that of the file" if by_file else default_text(default, none)
             group.add_argument(
                 *spelled,
                 dest=f"scene_{name}",
@@ -192,7 +192,7 @@ def _explained(name: str, texts: Mapping[str, str]) -> str:
 
 
 def _add_recording(scene: Any, places: Iterable[str], name: str, *, by_file: bool = False) -> None:
-    """Add the options of a run of a scene or file, and these places in it."""
+    """Add the options of a run of a scene or file, and these paths in it."""
     first = "that of the file, else " if by_file else ""
     _add_run_options(scene, first, every="1/60")
     text = "record to write (HDF5), for ParaView ending in .vtkhdf; "
@@ -204,7 +204,7 @@ def _add_recording(scene: Any, places: Iterable[str], name: str, *, by_file: boo
     text += f"default {first}double"
     scene.add_argument("--precision", choices=("double", "single"), help=text)
     text = "change a number of the scene; --material.E 1e6 is short for --set material.E=1e6"
-    scene.add_argument("--set", action="append", default=[], metavar="PLACE=VALUE", help=text)
+    scene.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help=text)
     for place in places:
         scene.add_argument(place, action=_Place, metavar="VALUE", help="number of the scene")
     text = "run even if the estimated memory exceeds that of the machine"
@@ -238,9 +238,9 @@ def _add_run_options(command: Any, first: str = "", *, every: str) -> None:
     command.add_argument("--threads", type=whole, metavar="N", help=text)
     text = f"time between frames [s]; default {first}{every}"
     command.add_argument("--every", type=number, metavar="T", help=text)
-    text = "no progress bar, and nothing printed but warnings and a suspect verdict"
+    text = "no progress bar; print only warnings and a suspect verdict"
     command.add_argument("--quiet", action="store_true", help=text)
-    text = "run the code in C that a law of the file is made of; read it before"
+    text = "run the code in C of a law of the file; read it before"
     command.add_argument("--trust-code", action="store_true", help=text)
     text = "exit code 3 if an indicator of failure is suspect at the end"
     command.add_argument("--strict", action="store_true", help=text)

@@ -13,7 +13,7 @@ BY_SCENE, UNSET = "chosen by the scene", "none"
 """Default of a keyword of a scene and of its material that is None."""
 
 OWN_OPTIONS = ("material", "scheme", "numerics")
-"""Arguments of scene functions that have options of their own."""
+"""Arguments of scene functions that have separate options."""
 ARRAYS = ("release",)
 """Arguments of scene functions that are arrays, which only Python can give."""
 
@@ -75,25 +75,25 @@ def converter(hint: Any) -> Callable[[str], Any]:
 
 def keywords_of(function: Callable[..., Any]) -> list[Keyword]:
     """Keywords of a scene function, from its signature."""
-    from granular.scenes._registry import own_keywords
+    from granular.scenes._registry import keyword_defaults
 
     hints = get_type_hints(function)
     return [
         (name, converter(hints[name]), default)
-        for name, default in own_keywords(inspect.signature(function)).items()
+        for name, default in keyword_defaults(inspect.signature(function)).items()
         if name not in (*OWN_OPTIONS, *ARRAYS)
     ]
 
 
 def material_keywords(function: Callable[..., Any]) -> list[Keyword]:
     """Numbers of the default material of a scene function, except its own keywords."""
-    own = inspect.signature(function).parameters
-    material = own["material"].default
+    parameters = inspect.signature(function).parameters
+    material = parameters["material"].default
     hints = get_type_hints(type(material))
     return [
         (field.name, converter(hints[field.name]), getattr(material, field.name))
         for field in fields(material)
-        if field.name not in own
+        if field.name not in parameters
     ]
 
 
@@ -102,7 +102,7 @@ def summary(function: Callable[..., Any]) -> str:
     return " ".join((inspect.getdoc(function) or "").partition("\n\n")[0].split())
 
 
-def shown(value: Any, none: str) -> str:
+def default_text(value: Any, none: str) -> str:
     """Default value in the help; `none` stands for None."""
     if isinstance(value, tuple):
         return ",".join(f"{part:g}" for part in value)

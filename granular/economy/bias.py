@@ -41,16 +41,16 @@ class StiffnessLaw:
     Attributes
     ----------
     scatter : float
-        Error that remains for stiff grains: the difference of runs that should be the same.
+        Error that remains for stiff grains: the difference between runs that should agree.
     prefactor : float
         Chosen so large that runs (or means of several runs) differ from the stiffest one by no more
         than the law, within their own uncertainty.
     largest : float
-        Pressure strain of the softest of these runs; nothing is known beyond it.
+        Pressure strain of the softest of these runs; the error beyond it is unknown.
     held : bool
         True if the decay rate of the default scheme was held constant (`held_decay`).
     damping : float
-        Largest damping (`grid_damping`) of a stiff scene with which the soft runs agree.
+        Largest numerical damping (`grid_damping`) of a stiff scene with which the soft runs agree.
     """
 
     scatter: float
@@ -92,12 +92,12 @@ def kind(scheme: Scheme) -> str:
     step it was not measured.
     """
     if scheme.density.name == "smoothed":
-        own = (
+        held = (
             scheme.replace(tpic_decay=default.tpic_decay)
             if scheme.tpic_decay > default.tpic_decay
             else scheme
         )
-        return "default" if scheme.dt is None and with_numbers_of_default(own) else ""
+        return "default" if scheme.dt is None and with_numbers_of_default(held) else ""
     plain = scheme.basis == "linear" and scheme.transfer == "flip" and not scheme.flip_decay
     return "published" if plain and scheme.mass_cutoff == dunatunga_kamrin_2015.mass_cutoff else ""
 
@@ -141,7 +141,7 @@ def _flow(angle: float, depth: float, grains: MuI, g: float, ramp: float, end: f
 
 @lru_cache(maxsize=64)
 def _weakened(grains: MuI, weaker: float) -> MuI:
-    """Grains whose friction is reduced by the fraction `weaker`.
+    """Material whose friction is reduced by the fraction `weaker`.
 
     E has no effect on a rigid layer: with a fixed value `_flow` solves once for all E.
     """
@@ -175,8 +175,8 @@ def incline_error(scene: Scene, material: MuI) -> float:
 
     It is the sum of the change of the flow due to the lower friction, by the one-dimensional
     equation, and of the slip of the ramp. It is nan if the ramp differs from the measured one, and
-    for schemes that do not follow the equation: those whose damping depends on the time step, or
-    that lose the flow of several columns.
+    for schemes that do not follow the equation: those whose numerical damping depends on the time
+    step, or that lose the flow of several columns.
     """
     if scene.parameters["ramp"] != 0.1:
         return math.nan
@@ -206,8 +206,8 @@ def stiffness_error(scene: Scene, name: str, material: Material) -> float:
     Returns
     -------
     float
-        nan where nothing was measured, such as with cohesion and for all laws but mu(I); inf beyond
-        the measured range.
+        nan where the error was not measured, such as with cohesion and for all laws but mu(I); inf
+        beyond the measured range.
     """
     if not isinstance(material, MuI) or material.cohesion or len(scene.materials) > 1:
         return math.nan
@@ -218,7 +218,7 @@ def stiffness_error(scene: Scene, name: str, material: Material) -> float:
 
 
 STIFFNESSES = (0.1, 1e10)
-"""Least and largest E among which one is looked for, over rho g H."""
+"""Least and largest E of the search, over rho g H."""
 
 
 def softest(scene: Scene, error: Callable[[float], float], tolerance: float) -> float:
@@ -234,7 +234,7 @@ def softest(scene: Scene, error: Callable[[float], float], tolerance: float) -> 
 
 
 def law_of(scene: Scene, name: str) -> StiffnessLaw | None:
-    """Error law for a scene, by the name of its function; None where nothing was measured."""
+    """Error law for a scene, by the name of its function; None where it was not measured."""
     scheme = scene.scheme
     law = LAWS.get((name, kind(scheme)))
     if law is None or grid_damping(scene) > law.damping:
@@ -244,8 +244,8 @@ def law_of(scene: Scene, name: str) -> StiffnessLaw | None:
 
 
 def grid_damping(scene: Scene) -> float:
-    """Ratio of decay c_w dx to H sqrt(g H): the damping of motions at the size of the cells,
-    compared to the flow."""
+    """Ratio of decay c_w dx to H sqrt(g H): the numerical damping of motions at the size of the
+    cells, compared with the flow."""
     flow = height(scene) * math.sqrt(gravity(scene) * height(scene))
     return velocity_decay(scene, gravity(scene)) * scene.grid.cell**2 / flow
 
@@ -263,8 +263,8 @@ def held_decay(scene: Scene, E: float) -> dict[str, float]:
     """Change of `tpic_decay` with which the decay rate of the scheme stays the same as E changes.
 
     The decay rate is tpic_decay c_w/dx [1/s] where that is above its least one. Without this change
-    softer grains would be damped less, which affects the rate of a silo or the path of a slug more
-    than their elasticity does.
+    softer grains would have less numerical damping, which affects the rate of a silo or the path of
+    a slug more than their elasticity does.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Estimates of the points, steps, time and memory of a run, made before anything is built."""
+"""Estimates of the points, steps, time and memory of a run, made without building it."""
 
 from __future__ import annotations
 
@@ -86,19 +86,19 @@ class Cost:
         Memory of a run with these points and a record [bytes]: 1.03 to 1.25 times the peak, and 1.1
         to 1.35 times (in single precision to 1.65) that of a run without a record.
     peak_memory : float
-        Memory [bytes] while the buffers of the points grow, the old and the new ones being there at
-        the same time. That happens only to material that spreads over many more cells: a
-        column that collapses does not, one that flies apart does. The same as `memory` for SPH.
+        Memory [bytes] while the buffers of the points grow, when the old and the new ones exist at
+        the same time. This occurs only if material spreads over many more cells: not for a
+        collapsing column, but for one that flies apart. The same as `memory` for SPH.
     E : float
         Young's modulus of the material [Pa]; nan for SPH.
     enough_E : float
-        Young's modulus that would be enough [Pa]; nan if nothing is known. The number of steps is
+        Young's modulus that would be enough [Pa]; nan if it is unknown. The number of steps is
         proportional to sqrt(E).
     error : float
         Error of the quantity of interest with it; nan if `enough_E` is that of the pressure strain
         `STRAIN`, with which the error was not measured.
     unborn : float
-        Mean number over the run of the points that are still to enter.
+        Mean number over the run of the points that have not entered yet.
     pressure : float
         Pressure rho_c g H at the foot of the material [Pa]; nan for SPH.
     """
@@ -164,7 +164,7 @@ def nanoseconds(scheme: Scheme, dim: int) -> float:
 def cost(scene: AnyScene) -> Cost:
     """Estimate points, steps, time on one core and memory of a scene, and the stiffness it needs.
 
-    Nothing is built, so that this takes well below a second for any scene.
+    The simulation is not built, so that this takes well below a second for any scene.
 
     Raises
     ------
@@ -189,7 +189,7 @@ def cost(scene: AnyScene) -> Cost:
 
 
 def _unborn(scene: AnyScene) -> float:
-    """Mean number over the run of the points that are still to enter."""
+    """Mean number over the run of the points that have not entered yet."""
     mean = 0.0
     inflows = scene.inflows if isinstance(scene, Scene) else of_sph.fed_by(scene)
     for inflow in inflows:
@@ -209,7 +209,7 @@ def _steps(scene: AnyScene) -> int:
 
 
 def _enough(scene: Scene) -> tuple[float, float]:
-    """Young's modulus that is enough [Pa], and the error with it; nan where nothing is known."""
+    """Young's modulus that is enough [Pa], and the error with it; nan where they are unknown."""
     function, material = scene_function(scene), scene.material
     name = function.__name__ if function else ""
 

@@ -1,6 +1,6 @@
 """The rules of `suggest`: each considers one aspect of a scene.
 
-Each rule may use the part of the tolerance that those before it have left.
+Each rule may use the part of the tolerance that remains after the rules before it.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ LINEAR_COLUMN = 0.002
 """Relative change of that flow, in one column, from the default scheme to linear functions."""
 
 HALVED = 0.007
-"""Relative change of a rate when a scene is halved and its shape functions are not linear: they
-change near the wall in the symmetry plane. For a silo with an opening of 0.2 m, the default scheme
-and cells of 0.02 m it is 0.0008 to 0.0064."""
+"""Relative change of a rate when a scene with shape functions that are not linear is halved: the
+functions change near the wall in the symmetry plane. For a silo with an opening of 0.2 m, the
+default scheme and cells of 0.02 m it is 0.0008 to 0.0064."""
 
 LEAST_ROWS = 10
 """Least number of cells over the height of a layer; fewer were not tested."""
@@ -53,7 +53,7 @@ lower."""
 
 
 @dataclass(frozen=True)
-class _Asked:
+class _Request:
     """A scene with the changes suggested so far.
 
     Attributes
@@ -78,23 +78,23 @@ class _Advice(NamedTuple):
     changes: Mapping[str, Any] = MappingProxyType({})
 
 
-def _flat(asked: _Asked) -> bool:
+def _flat(request: _Request) -> bool:
     """True if the scene is an incline of one column of cells."""
-    return asked.name == "incline" and bias.one_column(asked.scene)
+    return request.name == "incline" and bias.one_column(request.scene)
 
 
-def _columns(asked: _Asked) -> _Advice:
+def _columns(request: _Request) -> _Advice:
     """Suggest one column for an incline."""
-    scene = asked.scene
-    if _flat(asked):
-        return _Advice("One column of cells is the least there is.")
+    scene = request.scene
+    if _flat(request):
+        return _Advice("The scene already has a single column of cells.")
     if scene.dim == 3:
         return _Advice(
             "The flow is the same all across as well: a 2D scene shows it (columns_across = 0)."
-            " What that changes has not been measured.",
+            " The effect of that has not been measured.",
             math.nan,
         )
-    if SHARE * asked.tolerance < ONE_COLUMN:
+    if SHARE * request.tolerance < ONE_COLUMN:
         return _Advice(f"One column would change the flow by about {ONE_COLUMN:.2g}.")
     reason = (
         "The flow is the same all along the slope: one periodic column shows it. It cannot"
@@ -102,22 +102,22 @@ def _columns(asked: _Asked) -> _Advice:
     )
     if scene.scheme.density.name == "particle":
         reason += (
-            " This one does: what it makes of many columns is not within this error"
-            " (off by 0.16 on 8, linear functions), of one it is."
+            " This one does: its result for many columns is not within this error"
+            " (off by 0.16 on 8, linear functions), that for one column is."
         )
     return _Advice(reason, ONE_COLUMN, {"columns": 1})
 
 
-def _dimension(asked: _Asked) -> _Advice:
-    scene, called = asked.scene, asked.scene.parameters
-    if asked.name == "incline":
-        return _columns(asked)
+def _dimension(request: _Request) -> _Advice:
+    scene, called = request.scene, request.scene.parameters
+    if request.name == "incline":
+        return _columns(request)
     if called.get("half", False):
         where = "2D, and half" if scene.dim == 2 else "Half"
-        return _Advice(f"{where} by symmetry: all there is.")
+        return _Advice(f"{where} by symmetry already.")
     if called.get("quarter", False):
         return _Advice(
-            "A quarter by symmetry. It spreads in two directions: in 2D it is another flow."
+            "A quarter by symmetry already. It spreads in two directions: in 2D the flow differs."
         )
     reason = obstacle(scene)
     if reason:
@@ -125,7 +125,7 @@ def _dimension(asked: _Asked) -> _Advice:
     # The cell-averaged density has no second differences across a wall.
     alike = scene.scheme.basis == "linear" and scene.scheme.density.name != "cell_averaged"
     error = 0.0 if alike else HALVED
-    if SHARE * asked.tolerance < error:
+    if SHARE * request.tolerance < error:
         return _Advice(
             f"It is its own mirror image, but half of it would change the flow by {error:.2g}."
         )
@@ -136,85 +136,89 @@ def _dimension(asked: _Asked) -> _Advice:
 _LINEAR = Scheme(basis="linear")
 
 
-def _basis(asked: _Asked) -> _Advice:
-    scheme, dim = asked.scene.scheme, asked.scene.dim
-    flat = _flat(asked)
+def _basis(request: _Request) -> _Advice:
+    scheme, dim = request.scene.scheme, request.scene.dim
+    flat = _flat(request)
     if scheme.density.name == "cell_averaged":
-        return _Advice("Linear functions that keep shear flows: none is cheaper.")
+        return _Advice("Linear functions that remain stable in shear flows: none is cheaper.")
     if scheme.basis == "linear":
         dearer = nanoseconds(default, dim) / nanoseconds(scheme, dim)
         reason = "Linear functions are the cheapest." + (
             ""
             if flat
-            else " They lose two-dimensional shear flows; a scheme that keeps them costs"
-            f" {dearer:.2g} times as much for a point and step."
+            else " They fail in two-dimensional shear flows; a scheme that does not costs"
+            f" {dearer:.2g} times as much per point and step."
         )
         return _Advice(reason)
     if not flat:
         share = nanoseconds(_LINEAR, dim) / nanoseconds(scheme, dim)
         return _Advice(
-            f"Kept: linear functions cost {share:.2g} of it, but the layers they shear in two"
+            f"No change: linear functions cost {share:.2g} of it, but layers sheared in two"
             " dimensions collapse; on the incline of 8 columns the profile is off by 0.16 in 4 s."
         )
     if not bias.with_numbers_of_default(scheme):
-        reason = "Kept: what linear functions change was measured against the default scheme alone."
+        reason = (
+            "No change: the effect of linear functions was measured with the default scheme only."
+        )
         return _Advice(reason, math.nan)
-    if SHARE * asked.tolerance < LINEAR_COLUMN:
-        return _Advice(f"Kept: linear functions change the flow by about {LINEAR_COLUMN:.2g}.")
+    if SHARE * request.tolerance < LINEAR_COLUMN:
+        return _Advice(f"No change: linear functions change the flow by about {LINEAR_COLUMN:.2g}.")
     reason = "One column cannot fail in two dimensions: linear functions serve as well."
     changes = {"basis": "linear", "transfer": "flip", "density": ParticleDensity()}
     return _Advice(reason, LINEAR_COLUMN, changes)
 
 
-def _resolution(asked: _Asked) -> _Advice:
-    scene, called = asked.scene, asked.scene.parameters
-    if asked.name != "incline":
+def _resolution(request: _Request) -> _Advice:
+    scene, called = request.scene, request.scene.parameters
+    if request.name != "incline":
         return _Advice(
-            "Cells and points are kept. Openings act wider by a part of a cell, and a front"
-            " is told to a cell: other cells are another answer. Fewer points a cell: see"
+            "No change of cells and points. Openings act wider by a part of a cell, and a front"
+            " is known to a cell: results depend on the cells. Fewer points per cell: see"
             " docs/reports/economy.md."
         )
     scheme, grains = scene.scheme, scene.material
-    if not _flat(asked) or damps_by_step(scheme) or not isinstance(grains, MuI):
+    if not _flat(request) or damps_by_step(scheme) or not isinstance(grains, MuI):
         return _Advice(
-            "Cells are kept: what larger ones change was measured in one column, with the mu(I)"
-            " law and a damping that does not depend on the step.",
+            "No change: the effect of larger cells was measured in one column, with the mu(I)"
+            " law and a numerical damping that does not depend on the step.",
             math.nan,
         )
     rows = round(called["height"] / called["cell"])
     for coarse in (n for n in range(LEAST_ROWS, rows) if rows % n == 0):
         cell = called["cell"] * (rows // coarse)
         error = bias.incline_resolution_error(scene, cell)
-        if error <= SHARE * asked.tolerance:
+        if error <= SHARE * request.tolerance:
             reason = f"{coarse} cells over the height are enough: the error falls as their square."
             return _Advice(reason, error, {"cell": cell})
-    return _Advice(f"{rows} cells over the height are none too many.")
+    return _Advice(f"{rows} cells over the height are needed.")
 
 
-def _stiffness(asked: _Asked) -> _Advice:
-    scene = asked.scene
+def _stiffness(request: _Request) -> _Advice:
+    scene = request.scene
 
     def error(E: float) -> float:
-        return bias.stiffness_error(scene, asked.name, scene.material.replace(E=E))
+        return bias.stiffness_error(scene, request.name, scene.material.replace(E=E))
 
-    own = error(scene.material.E)
-    if math.isnan(own):
-        reason = "What softer grains would change here has not been measured: E is kept."
+    present = error(scene.material.E)
+    if math.isnan(present):
+        reason = "No change: the effect of softer grains has not been measured here."
         return _Advice(reason, math.nan)
-    E = bias.softest(scene, error, asked.tolerance)
+    E = bias.softest(scene, error, request.tolerance)
     if math.isnan(E):
         reason = (
-            f"Runs that should be the same differ by as much as is left, {asked.tolerance:.2g}."
+            f"Runs that should agree differ by the remaining tolerance, {request.tolerance:.2g}."
         )
-        return _Advice(reason, own)
+        return _Advice(reason, present)
     if E >= scene.material.E:
-        fits = "is soft enough" if own <= asked.tolerance else "is too soft for this tolerance"
-        known = f"about {own:.2g}" if math.isfinite(own) else "beyond what has been measured"
-        reason = (
-            f"E = {scene.material.E:.2g} Pa {fits}: its own error is {known},"
-            f" and the tolerance asks for {E:.2g} Pa or more."
+        fits = (
+            "is soft enough" if present <= request.tolerance else "is too soft for this tolerance"
         )
-        return _Advice(reason, own)
+        known = f"about {present:.2g}" if math.isfinite(present) else "beyond the measured range"
+        reason = (
+            f"E = {scene.material.E:.2g} Pa {fits}: its error is {known},"
+            f" and the tolerance needs {E:.2g} Pa or more."
+        )
+        return _Advice(reason, present)
     softer = error(E / 10)
     beyond = "not known" if not math.isfinite(softer) else f"about {softer:.2g}"
     strain = bias.pressure_strain(scene, scene.material.replace(E=E))
@@ -222,22 +226,28 @@ def _stiffness(asked: _Asked) -> _Advice:
         f"Grains need only be stiff against their load: p/K = {strain:.2g} at the foot."
         f" Ten times softer still, the error is {beyond}: not suggested."
     )
-    changes = bias.softening(scene, asked.name, E)
+    changes = bias.softening(scene, request.name, E)
     if len(changes) > 1:
-        reason += " The damping of the scheme, which goes with the stiffness, is held."
+        reason += " The numerical damping, which depends on the stiffness, is held constant."
     return _Advice(reason, error(E), changes)
 
 
-def _time_step(asked: _Asked) -> _Advice:
-    scene, scheme = asked.scene, asked.scene.scheme
+def _time_step(request: _Request) -> _Advice:
+    scene, scheme = request.scene, request.scene.scheme
     if scheme.dt is None:
         reason = f"Adaptive at {scheme.cfl:g} of dx/c already; beyond it runs can fail silently."
         return _Advice(reason)
     if damps_by_step(scheme):
-        reason = f'Kept: "{scheme.transfer}" damps so much a step, and longer steps flow faster.'
+        reason = (
+            f'No change: "{scheme.transfer}" has numerical damping per step, and longer steps make'
+            " the flow faster."
+        )
         return _Advice(reason, math.nan)
     if scheme.density.name != "particle":
-        reason = "Kept: the density is averaged each so many steps, less often if they are longer."
+        reason = (
+            "No change: the density is averaged at intervals of a number of steps, which are longer"
+            " with longer steps."
+        )
         return _Advice(reason, math.nan)
     limit = courant_limit(scene)
     if scheme.cfl > limit:
@@ -265,30 +275,30 @@ def inertia(scene: Scene, name: str) -> float:
     return 1.0 / (grains.xi * math.sqrt(grains.rho_c) * (opening or height(scene)))
 
 
-def _rate(asked: _Asked) -> _Advice:
-    grains = asked.scene.material
+def _rate(request: _Request) -> _Advice:
+    grains = request.scene.material
     if isinstance(grains, DruckerPrager | Elastic):
         return _Advice("The material does not depend on the rate.")
     if not isinstance(grains, MuI):
         return _Advice("What the rate changes has not been measured for this law.", math.nan)
-    if asked.name == "incline" and grains.cohesion:
+    if request.name == "incline" and grains.cohesion:
         reason = "Not estimated: with cohesion I/I0 of a layer on a slope depends on the depth."
         return _Advice(reason, math.nan)
-    ratio = inertia(asked.scene, asked.name)
+    ratio = inertia(request.scene, request.name)
     share = 1.0 if math.isinf(ratio) else ratio / (1 + ratio)
     gain = (grains.mu_2 - grains.mu_s) / grains.mu_s * share
     about = f"I/I0 is about {ratio:.2g}, friction {gain:.1%} above mu_s"
-    if asked.name == "incline" and ratio > 0.0:
+    if request.name == "incline" and ratio > 0.0:
         return _Advice(f"It decides how fast the layer flows: {about}.", math.inf)
     error = FRICTION_SHARE * gain
-    if error > asked.tolerance:
+    if error > request.tolerance:
         return _Advice(f"It matters: {about}.", error)
     reason = f"It does not matter: {about}. Coulomb friction mu_s would do, and costs as much."
     return _Advice(reason, error)
 
 
-def _grains(asked: _Asked) -> _Advice:
-    scene, called = asked.scene, asked.scene.parameters
+def _grains(request: _Request) -> _Advice:
+    scene, called = request.scene, request.scene.parameters
     d = getattr(scene.material, "d", None)
     if d is None:
         reason = "The material has no grain size; with I0 and d in place of xi it can be judged."
@@ -300,9 +310,9 @@ def _grains(asked: _Asked) -> _Advice:
         f"The size of grains is felt over A d = {1e3 * low:.2g} to {1e3 * high:.2g} mm, "
         f"{high / size:.2g} of the {what} of {size:.3g} m"
     )
-    if asked.name == "incline":
+    if request.name == "incline":
         text += _stopping_height(scene, d)
-    verdict = "The local law leaves it out" if high / size > asked.tolerance else "Negligible"
+    verdict = "The local law leaves it out" if high / size > request.tolerance else "Negligible"
     return _Advice(f"{text}. {verdict}.", high / size)
 
 
@@ -322,25 +332,25 @@ _WANTED = {
     "incline": ("the mean velocity and its profile", "x, v and mass"),
     "column_collapse": ("the run-out", "x and mass at the end"),
     "cylinder_collapse": ("the run-out", "x and mass at the end"),
-    "silo": ("the rate of discharge", "the mass left, a series that a record keeps by itself"),
+    "silo": ("the rate of discharge", "the remaining mass, a series in every record"),
     "hourglass": ("the rate and the slope of the heap", "x and mass"),
     "slug": ("impact and final shape", "x, v and mass"),
 }
 
 
-def _fields(asked: _Asked) -> _Advice:
-    scene = asked.scene
+def _fields(request: _Request) -> _Advice:
+    scene = request.scene
     carried = engine.build(scene, 1.0, runs=False).fields()
     size = sum(components * dtype.itemsize for _, components, *_, dtype in carried)
     names = ", ".join(name for name, *_ in carried)
-    text = f"The scheme carries {names}: {size} bytes a point, all of which it needs"
-    if asked.name in _WANTED:
-        quantity, needed = _WANTED[asked.name]
-        text += f"; for {quantity} it is enough to look at {needed}"
+    text = f"The scheme carries {names}: {size} bytes per point, all of which it needs"
+    if request.name in _WANTED:
+        quantity, needed = _WANTED[request.name]
+        text += f"; for {quantity}, {needed} are enough"
     return _Advice(f"{text}.")
 
 
-_RULES: Mapping[str, Callable[[_Asked], _Advice]] = {
+_RULES: Mapping[str, Callable[[_Request], _Advice]] = {
     "dimension": _dimension,
     "basis": _basis,
     "resolution": _resolution,
@@ -380,15 +390,15 @@ def suggest(scene: Scene, tolerance: float = 0.02) -> Suggestions:
     check_time_step(scene)
     tolerance = in_range("tolerance", tolerance, 0.0, 0.5, open_low=True)
     function = scene_function(scene)
-    asked = _Asked(scene, function.__name__ if function else "", tolerance)
+    request = _Request(scene, function.__name__ if function else "", tolerance)
     items = []
     for topic, rule in _RULES.items():
-        reason, error, changes = rule(asked)
+        reason, error, changes = rule(request)
         gain = 1.0
         if changes:
-            cheaper = changed(asked.scene, changes)
-            gain = cost(asked.scene).seconds / cost(cheaper).seconds
-            asked = replace(asked, scene=cheaper, tolerance=asked.tolerance - error)
+            cheaper = changed(request.scene, changes)
+            gain = cost(request.scene).seconds / cost(cheaper).seconds
+            request = replace(request, scene=cheaper, tolerance=request.tolerance - error)
         items.append(
             Suggestion(
                 topic=topic, reason=reason, error=error, saving=gain, changes=changes, scene=scene

@@ -26,7 +26,7 @@ class Suggestion:
     reason : str
         Explanation why a change is suggested or not.
     error : float
-        Expected relative change of the quantity of interest; nan where nothing is known.
+        Expected relative change of the quantity of interest; nan where it is unknown.
     saving : float
         Factor by which the changes lower the cost, 1 if there are none.
     changes : mapping
@@ -193,18 +193,18 @@ def changed(scene: Scene, changes: Mapping[str, Any]) -> Scene:
         material = material.replace(E=rest.pop("E"))
         scene = scene.replace(
             fills=[
-                replace(fill, material=own and own.replace(E=ratio * own.E))
+                replace(fill, material=part and part.replace(E=ratio * part.E))
                 for fill in scene.fills
-                for own in (fill.material,)
+                for part in (fill.material,)
             ],
             inflows=[
-                replace(inflow, material=own and own.replace(E=ratio * own.E))
+                replace(inflow, material=part and part.replace(E=ratio * part.E))
                 for inflow in scene.inflows
-                for own in (inflow.material,)
+                for part in (inflow.material,)
             ],
         )
-    own = {f.name for f in fields(scheme)}
-    scheme = scheme.replace(**{name: rest.pop(name) for name in tuple(rest) if name in own})
+    names = {f.name for f in fields(scheme)}
+    scheme = scheme.replace(**{name: rest.pop(name) for name in tuple(rest) if name in names})
     if rest:
         scene = rebuilt(scene, **rest)
     return scene.replace(material=material, scheme=scheme)

@@ -77,9 +77,9 @@ def obstacle(scene: Scene) -> str:
     """Reason why a scene is not its own mirror image about the middle of its grid; "" if it is."""
     grid, mirror = scene.grid, _Mirror(scene)
     if scene.bodies:
-        return "what its bodies do is not looked at"
+        return "bodies are not supported"
     if scene.inflows:
-        return "its inflows are not looked at"
+        return "inflows are not supported"
     if grid.periodic[0]:
         return "the domain is periodic along x"
     if grid.shape[0] % 2:
@@ -91,7 +91,7 @@ def obstacle(scene: Scene) -> str:
     if any(sponge.axis == 0 for sponge in scene.sponge_layers):
         return "waves are absorbed on one side"
     if any(mirror.divides(wall) for wall in scene.walls):
-        return "a wall stands on the plane of symmetry"
+        return "a wall is on the plane of symmetry"
     views: tuple[tuple[str, tuple[Any, ...], Callable[[Any, int], object]], ...] = (
         ("walls", scene.walls, mirror.wall),
         ("fills", scene.fills, mirror.fill),
@@ -112,7 +112,7 @@ def mirror_half(scene: Scene) -> Scene:
     With linear shape functions the flow is the same up to round-off, but for the cell-averaged
     density, which takes no second differences across a wall: single velocities then differed by
     0.4 % in 2D and 3 % in 3D. Other shape functions change near the wall, so that the flow differs,
-    too. The parameter `half` is set, which tells measures of the mass to double it.
+    too. The parameter `half` is set, by which measures of the mass double it.
 
     Raises
     ------

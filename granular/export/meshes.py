@@ -28,19 +28,19 @@ def to_pyvista(state: State, fields: Collection[str] = STANDARD) -> Any:
     ModuleNotFoundError
         If pyvista is not installed: ``pip install 'granular-flow[pictures3d]'``.
     TypeError, ValueError
-        If there is no such quantity, or the scene has not what it takes.
+        If there is no such quantity, or the scene lacks the numbers that it needs.
     """
     instance("state", state, State)
     pyvista = imported("pyvista", "pictures3d")
-    found = pyvista.MultiBlock()
-    found["material"] = _cloud(pyvista, with_derived(state, check_derived("fields", fields)))
+    blocks = pyvista.MultiBlock()
+    blocks["material"] = _cloud(pyvista, with_derived(state, check_derived("fields", fields)))
     if hasattr(state, "gas"):
-        found["gas"] = _cloud(pyvista, state.gas.fields)
+        blocks["gas"] = _cloud(pyvista, state.gas.fields)
     for k, (body, pose) in enumerate(zip(state.scene.bodies, state.bodies, strict=True)):
         vertices, polygons = placed_surface(state.scene.grid, body, pose)
         faces = np.concatenate([(len(polygon), *polygon) for polygon in polygons])
-        found[f"body{k}"] = pyvista.PolyData(vertices, faces)
-    return found
+        blocks[f"body{k}"] = pyvista.PolyData(vertices, faces)
+    return blocks
 
 
 def _cloud(pyvista: Any, fields: dict[str, NDArray[Any]]) -> Any:

@@ -17,7 +17,7 @@ Patches = tuple[Array, list[tuple[int, ...]]]
 """Vertices, shape (n, 3), and polygons as tuples of indices of vertices."""
 
 SIDES = 64
-"""Number of sides of the prisms and cones that represent what is round."""
+"""Number of sides of the prisms and cones that represent round surfaces."""
 SKIN = 0.02
 """Thickness at which unbounded 2D solids are drawn, in sizes of the grid."""
 CELLS = {2: 128, 3: 64}
@@ -33,25 +33,25 @@ def thickened(line: Array, half: float, *, radial: bool) -> Array:
     around = np.concatenate([line, line[-2:0:-1]])
     edge = np.roll(around, -1, axis=0) - around
     edge /= np.linalg.norm(edge, axis=1)[:, None]
-    found: list[Array] = []
+    outline: list[Array] = []
     for at, before, after in zip(around, np.roll(edge, 1, axis=0), edge, strict=True):
         cosine, turn = before @ after, before[0] * after[1] - before[1] * after[0]
         right = np.array([[before[1], -before[0]], [after[1], -after[0]]])
         if cosine < -1 + 1e-9 and radial and at[0] == 0:
-            found += list(at + half * right)
+            outline += list(at + half * right)
         elif turn > 0 or cosine < -1 + 1e-9:
             whole = math.pi if cosine < -1 + 1e-9 else math.atan2(turn, cosine)
             angle = math.atan2(right[0, 1], right[0, 0]) + whole * np.linspace(0, 1, SIDES // 4)
-            found += list(at + half * np.stack([np.cos(angle), np.sin(angle)], axis=1))
+            outline += list(at + half * np.stack([np.cos(angle), np.sin(angle)], axis=1))
         else:
-            found.append(at + half * right.sum(axis=0) / (1 + cosine))
-    return np.array(found)
+            outline.append(at + half * right.sum(axis=0) / (1 + cosine))
+    return np.array(outline)
 
 
 def _triangles(x: Array) -> list[tuple[int, ...]]:
     """Triangles of a simple polygon that runs anticlockwise: ears are cut off one by one."""
     left = list(range(len(x)))
-    found = []
+    triangles = []
 
     def area(a: Array, b: Array, c: Array) -> Array:
         return np.asarray((b[0] - a[0]) * (c[..., 1] - a[1]) - (b[1] - a[1]) * (c[..., 0] - a[0]))
@@ -67,9 +67,9 @@ def _triangles(x: Array) -> list[tuple[int, ...]]:
 
     while len(left) > 3:
         ear = next((k for k in range(len(left)) if is_ear(k)), 0)
-        found.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
+        triangles.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
         del left[ear]
-    return [*found, tuple(left)]
+    return [*triangles, tuple(left)]
 
 
 def extended(outline: Array, half: float, dim: int) -> Patches:
@@ -116,7 +116,7 @@ def _sampling(shape: Shape, size: float) -> tuple[Array, NDArray[np.intp], float
     dim = shape.dim
     far = np.minimum(extents(shape, np.eye(3), np.zeros((1, 3)))[:dim], size)
     lower, upper = -far, far
-    for _ in range(3):  # towards a part beside the position of the body
+    for _ in range(3):  # towards a part away from the position of the body
         step = (upper - lower).max() / 32
         counts = np.maximum(np.ceil((upper - lower) / step - 1e-9).astype(int), 1)
         middles = lower + step * (_indices(counts).reshape(-1, dim) + 0.5)
@@ -186,7 +186,7 @@ def _cell_corners(drawn: NDArray[np.bool_]) -> NDArray[np.intp]:
 
 def _outer_faces(solid: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Numbers of the corners of the faces between cells in the solid and others, shape (n, 4)."""
-    found = []
+    faces = []
     for axis in range(3):
         low = np.moveaxis(solid, axis, 0)
         first, second = np.eye(3, dtype=int)[(axis + 1) % 3], np.eye(3, dtype=int)[(axis + 2) % 3]
@@ -194,5 +194,5 @@ def _outer_faces(solid: NDArray[np.bool_]) -> NDArray[np.intp]:
         for sign in (1, -1):
             is_face = (low[:-1] if sign > 0 else low[1:]) & ~(low[1:] if sign > 0 else low[:-1])
             at = np.argwhere(np.moveaxis(is_face, 0, axis)) + np.eye(3, dtype=int)[axis]
-            found.append(_numbers(at[:, None] + around[::sign], solid.shape))
-    return np.concatenate(found)
+            faces.append(_numbers(at[:, None] + around[::sign], solid.shape))
+    return np.concatenate(faces)

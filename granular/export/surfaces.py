@@ -1,4 +1,4 @@
-"""Surfaces of the rigid bodies of a record, in a file that ParaView opens beside the record."""
+"""Surfaces of the rigid bodies of a record, in a file that ParaView opens with the record."""
 
 import os
 from pathlib import Path
@@ -26,7 +26,7 @@ from granular.record.reader import Trajectory
 from granular.shapes.boxes import Box, HalfSpace
 from granular.shapes.height_map import HeightMap
 from granular.shapes.mesh import Mesh
-from granular.shapes.operations import Complement, Union
+from granular.shapes.operations import Union
 from granular.shapes.round import Capsule, Cylinder, Frustum, Sphere, Torus
 from granular.shapes.sections import Polygon, Prism, Revolve, Section
 from granular.shapes.shape import Shape, frame_of
@@ -36,6 +36,8 @@ Array = NDArray[np.float64]
 
 POSE = ("position", "quaternion")
 """Numbers of a body that say where it is."""
+DRAWN = (Box, Capsule, Cylinder, Frustum, HalfSpace, Section, Sphere, Torus)
+"""Shapes whose surface is made of their numbers."""
 MOST_POSTS = 500
 """Posts of a height map that are drawn along an axis at most."""
 _FACES = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
@@ -46,12 +48,13 @@ def write_bodies(
 ) -> Path:
     """Write the surfaces of all bodies at all frames, as VTKHDF PolyData.
 
-    The times are those of the record. ParaView reads the points from the record and the bodies from
-    this file: open both. A run whose record ends in ".vtkhdf" writes the file by itself. The cell
-    data "body" is the index of the body. If no body moves, the surfaces are stored once for all
-    frames. What is round has 64 sides; what operations make is drawn by its signed distance on a
-    grid of 64 intervals, which cuts off edges and leaves out walls thinner than that. Unbounded
-    shapes end at a distance of one size of the grid. In 2D the surfaces are flat.
+    It has the times of the record. ParaView reads the points from the record and the bodies from
+    this file: open both. A run whose record ends in ".vtkhdf" writes this file when it ends. The
+    cell data "body" is the index of the body. If no body moves, the surfaces are stored once for
+    all frames. Round surfaces have 64 sides. Results of operations are drawn by their signed
+    distance on a grid of 64 intervals, which cuts off edges and leaves out walls thinner than an
+    interval. Unbounded shapes end at a distance of one size of the grid. In 2D the surfaces are
+    flat.
 
     Parameters
     ----------
@@ -128,6 +131,7 @@ def surface(shape: Shape, dim: int, size: float) -> Patches:
     """Surface of a shape (of a union part by part) in the coordinates of its body.
 
     Of a sheet its middle is drawn, of a height map the posts, or some of them if there are many.
+    Where nothing else is known of a shape, its surface is that of its distance.
     """
     if isinstance(shape, Union):
         parts: Any = shape.parts
@@ -137,7 +141,7 @@ def surface(shape: Shape, dim: int, size: float) -> Patches:
     if isinstance(shape, HeightMap):
         return _posts(shape, size)
     hollow = shape.inside and not isinstance(shape, Cylinder)
-    if len(shape.rows()) > shape.results or isinstance(shape, Complement) or (dim == 2 and hollow):
+    if len(shape.rows()) > shape.results or not isinstance(shape, DRAWN) or (dim == 2 and hollow):
         return contoured(shape, size)
     if isinstance(shape, Frustum) and shape.walls:
         boxes = [(at, axes, _box(np.minimum(half, size), dim)) for at, axes, half in shape.walls]
@@ -174,7 +178,7 @@ def _posts(part: HeightMap, size: float) -> Patches:
 
 
 def _patches(shape: Shape, turn: Array, dim: int, size: float) -> Patches:
-    """Surface of a shape of one part, in its own axes; what is endless has a given size."""
+    """Surface of a shape of one part, in its own axes; unbounded parts have a given size."""
     if isinstance(shape, Box):
         return _box(np.minimum(0.5 * np.array((*shape.size, np.inf)[:3]), size), dim)
     if isinstance(shape, Cylinder) or (isinstance(shape, Sphere) and dim == 2):
@@ -189,7 +193,7 @@ def _patches(shape: Shape, turn: Array, dim: int, size: float) -> Patches:
 
 
 def _outline(shape: Shape) -> Array:
-    """Outline of a polygon, or (r, z) of what is round, shape (n, 2)."""
+    """Outline of a polygon, or (r, z) of a solid of revolution, shape (n, 2)."""
     if isinstance(shape, Section):
         vertices = shape.samples()[0][0]
         if shape.thickness is None:

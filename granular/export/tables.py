@@ -50,7 +50,7 @@ def to_pandas(state: State, fields: Collection[str] = STANDARD) -> Any:
     ModuleNotFoundError
         If pandas is not installed: ``pip install 'granular-flow[tables]'``.
     TypeError, ValueError
-        If there is no such quantity, or the scene has not what it takes.
+        If there is no such quantity, or the scene lacks the numbers that it needs.
     """
     instance("state", state, State)
     pandas = imported("pandas", "tables")
@@ -69,9 +69,9 @@ def to_pandas(state: State, fields: Collection[str] = STANDARD) -> Any:
 def to_xarray(record: Trajectory, fields: Collection[str] = STANDARD) -> Any:
     """Return a `xarray.Dataset` of the frames of a record, all in memory.
 
-    Fields of points have the dimensions time and id, and are nan where a point is not there any
-    more; those of a gas begin with "gas_", the motion and impulses of bodies with "body_", and
-    what monitors measured with "sample_". For a part of the frames, slice the record.
+    Fields of points have the dimensions time and id, and are nan where a point has left; those of a
+    gas begin with "gas_", the motion and impulses of bodies with "body_", and the samples of the
+    monitor with "sample_". For a part of the frames, slice the record.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def to_xarray(record: Trajectory, fields: Collection[str] = STANDARD) -> Any:
     ModuleNotFoundError
         If xarray is not installed: ``pip install 'granular-flow[tables]'``.
     TypeError, ValueError
-        If there are no frames or no such quantity, or the scene has not what it takes.
+        If there are no frames or no such quantity, or the scene lacks the numbers that it needs.
     """
     instance("record", record, Trajectory)
     xarray = imported("xarray", "tables")
@@ -109,14 +109,14 @@ def to_xarray(record: Trajectory, fields: Collection[str] = STANDARD) -> Any:
         coordinates |= {"quaternion": list(QUATERNION), "space": list(AXES)}
     for name, values in record.samples.items():
         variables[f"sample_{name}"] = ("time", values)
-    told = {"scene": record.scene.name, "file": str(record.path)}
-    return xarray.Dataset(variables, coordinates, told)
+    attributes = {"scene": record.scene.name, "file": str(record.path)}
+    return xarray.Dataset(variables, coordinates, attributes)
 
 
 def _stacked(frames: Sequence[dict[str, NDArray[Any]]], of: str, prefix: str, dim: int) -> dict:
-    """Fields of all frames by the ids of points; nan where a frame has not the point."""
+    """Fields of all frames by the ids of points; nan where a frame does not have the point."""
     ids = np.unique(np.concatenate([frame["id"] for frame in frames if frame]))
-    found: dict[str, Any] = {of: (of, ids)}
+    variables: dict[str, Any] = {of: (of, ids)}
     first = next(frame for frame in frames if frame)
     for name, array in first.items():
         if name == "id":
@@ -131,17 +131,17 @@ def _stacked(frames: Sequence[dict[str, NDArray[Any]]], of: str, prefix: str, di
             is_known = name == "stress" or array.shape[1] == dim
             dims.append(known[array.shape[1]] if is_known else f"{prefix}{name}_component")
         units = {"units": UNITS[name]} if name in UNITS else {}
-        found[prefix + name] = (dims, whole, units)
-    return found
+        variables[prefix + name] = (dims, whole, units)
+    return variables
 
 
 def _bodies(record: Trajectory) -> dict[str, Any]:
     """Motion and impulses of the bodies at all frames."""
     sizes = {4: "quaternion", 3: "space"}
-    found: dict[str, Any] = {}
+    variables: dict[str, Any] = {}
     for name, values in split(record.bodies, 3).items():
         more = [sizes[values.shape[2]]] if values.ndim == 3 else []
-        found[f"body_{name}"] = (["time", "body", *more], values)
-    if any(values.size == 0 for _, values in found.values()):
+        variables[f"body_{name}"] = (["time", "body", *more], values)
+    if any(values.size == 0 for _, values in variables.values()):
         raise RecordError(f"{record.path}: damaged record: no numbers of its bodies")
-    return found
+    return variables

@@ -1,4 +1,5 @@
-"""Grains of a discrete-element run by others, from dumps of LAMMPS and LIGGGHTS, in SI units."""
+"""Grains of a discrete-element run of other authors, from dumps of LAMMPS and LIGGGHTS, in SI
+units."""
 
 from __future__ import annotations
 
@@ -31,7 +32,7 @@ class DumpFrame:
     step : int
         Number of the time step.
     time : float
-        Time [s]; nan if the dump does not say, and no `dt` was given.
+        Time [s]; nan if the dump does not contain it, and no `dt` was given.
     lower, upper : ndarray, shape (3,)
         Ends of the box [m].
     periodic : tuple of 3 bools
@@ -56,7 +57,7 @@ class DumpFrame:
         Raises
         ------
         ValueError
-            Naming those that are missing, and those that are there.
+            Naming those that are missing, and those that exist.
         """
         missing = [name for name in names if name not in self.columns]
         if missing:
@@ -64,8 +65,8 @@ class DumpFrame:
                 f"{self._source.name} must have the columns {', '.join(missing)}, has "
                 f"{', '.join(self.columns)}"
             )
-        found = np.stack([self.columns[name] for name in names], axis=1)
-        return found if len(names) > 1 else found[:, 0]
+        values = np.stack([self.columns[name] for name in names], axis=1)
+        return values if len(names) > 1 else values[:, 0]
 
     def _first_of(self, *choices: str) -> str | None:
         return next((name for name in choices if name in self.columns), None)
@@ -144,10 +145,10 @@ class DumpFrame:
         """Material points that continue the run as a continuum: one for each grain.
 
         The volume of a point is that of its grain over the packing fraction, and its density
-        the mass of the grain over that volume, so that mass and momentum are kept. In 2D both are
-        those of a metre of depth: the sums over the depth of the box, divided by it. Use it as
-        ``gr.Fill(region=frame.cloud(0.6))``; for a lithostatic fill, whose density follows from
-        its depth, take ``dataclasses.replace(cloud, density=None)``.
+        the mass of the grain over that volume, so that mass and momentum are conserved. In 2D both
+        are those of a metre of depth: the sums over the depth of the box, divided by it. Use it as
+        ``gr.Fill(region=frame.cloud(0.6))``; for a lithostatic fill, whose density follows from its
+        depth, take ``dataclasses.replace(cloud, density=None)``.
 
         Parameters
         ----------
@@ -160,27 +161,30 @@ class DumpFrame:
         share = in_range(
             "packing_fraction", packing_fraction, 0.0, 1.0, open_low=True, open_high=True
         )
-        kept, depth = depth_along(self, axes)
+        numbers, depth = depth_along(self, axes)
         if not len(self):
             raise ValueError(f"{self._source.name} holds no grains at step {self.step}")
         volume = self.volume / share
         return Cloud(
-            self.x[:, kept], volume / depth, velocity=self.v[:, kept], density=self.mass / volume
+            self.x[:, numbers],
+            volume / depth,
+            velocity=self.v[:, numbers],
+            density=self.mass / volume,
         )
 
 
 def depth_along(frame: DumpFrame, axes: str) -> tuple[list[int], float]:
-    """Return the numbers of the axes that are kept, and the extent of the box along the other [m].
+    """Return the numbers of the selected axes, and the extent of the box along the other [m].
 
-    The extent is 1 where all are kept.
+    The extent is 1 where all are selected.
     """
-    kept = [AXES.find(axis) for axis in axes] if isinstance(axes, str) else [-1]
-    if not 2 <= len(kept) <= 3 or -1 in kept or len(set(kept)) < len(kept):
+    numbers = [AXES.find(axis) for axis in axes] if isinstance(axes, str) else [-1]
+    if not 2 <= len(numbers) <= 3 or -1 in numbers or len(set(numbers)) < len(numbers):
         raise ValueError(f"axes = {axes!r} must be two or three of x, y and z, each once")
-    if len(kept) == 3:
-        return kept, 1.0
-    other = 3 - sum(kept)
-    return kept, float(frame.upper[other] - frame.lower[other])
+    if len(numbers) == 3:
+        return numbers, 1.0
+    other = 3 - sum(numbers)
+    return numbers, float(frame.upper[other] - frame.lower[other])
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,8 +225,8 @@ class Dump:
     def __getitem__(self, index: int) -> DumpFrame:
         index = integer("index", index)
         place = index if index >= 0 else len(self) + index
-        found = islice(tables(self.path, only=place), max(place, 0), None)
-        table = next(found, None) if place >= 0 else None
+        frames = islice(tables(self.path, only=place), max(place, 0), None)
+        table = next(frames, None) if place >= 0 else None
         if table is None:
             raise IndexError(f"index = {index} must be that of one of the {len(self)} frames")
         return self._frame(table)
@@ -273,10 +277,10 @@ def read_dump(
     A dump of grains has the columns ``x y z`` (or those of unwrapped or scaled coordinates, ``xu``,
     ``xs``, ``xsu``), as a rule ``id``, ``vx vy vz``, ``radius`` or ``diameter``, and ``mass`` or
     ``density``. A dump of pairs (``ITEM: ENTRIES``) has columns of any names; see
-    `average_grains`. Columns are only asked for when they are used.
+    `average_grains`. Columns are only required when they are used.
 
-    A dump does not say which units it has, unless written with ``dump_modify units yes``: units
-    ``si`` and ``cgs`` are then known, and others must be given. Without a word it is in SI units.
+    A dump does not contain its units, unless it is written with ``dump_modify units yes``: units
+    ``si`` and ``cgs`` are then known, and others must be given. Otherwise SI units are assumed.
 
     Parameters
     ----------
@@ -295,7 +299,7 @@ def read_dump(
     OSError
         If the file cannot be read.
     TypeError, ValueError
-        Naming the argument or the file, its line, and what is wrong. Frames after the first are
+        Naming the argument or the file, its line, and the fault. Frames after the first are
         checked when they are read.
     """
     units = next((table.units for table in tables(path, only=-1)), "")

@@ -1,4 +1,4 @@
-"""The text of dumps of LAMMPS and LIGGGHTS: a table of numbers for each frame, read when asked."""
+"""The text of dumps of LAMMPS and LIGGGHTS: a table of numbers for each frame, read on demand."""
 
 from __future__ import annotations
 
@@ -158,7 +158,7 @@ def _table(lines: _Lines, head: dict[str, str], item: str, numbers: bool) -> Tab
         raise lines.error("BOX BOUNDS must hold two ends along each of three axes")
     first = lines.number + 1
     rows = _rows(lines, int(count), names, numbers)
-    kept = [name not in TEXT for name in names]
+    is_number = [name not in TEXT for name in names]
     return Table(
         step=int(_number(lines, "TIMESTEP", head.get("TIMESTEP", "-1"))),
         time=_number(lines, "TIME", head["TIME"]) if "TIME" in head else math.nan,
@@ -166,7 +166,7 @@ def _table(lines: _Lines, head: dict[str, str], item: str, numbers: bool) -> Tab
         bounds=np.array(bounds),
         box=tuple(flags.split()),
         kind=kind,
-        columns=tuple(name for name, keep in zip(names, kept, strict=True) if keep),
+        columns=tuple(name for name, keep in zip(names, is_number, strict=True) if keep),
         rows=rows,
         line=first,
     )

@@ -89,14 +89,14 @@ def average_grains(
     total: list[Array] = []
     count = 0
     for frame in _each("frames", frames):
-        found = _Sums(frame, grid, axes)
+        sums = _Sums(frame, grid, axes)
         if pairs is not None:
             other = next(pairs, None)
             if other is None or other.step != frame.step:
                 step = "no further frame" if other is None else f"step {other.step}"
                 raise ValueError(f"contacts have {step}, frames step {frame.step}")
-            found.add_contacts(other, columns)
-        parts = found.volume, found.mass, found.momentum, found.stress
+            sums.add_contacts(other, columns)
+        parts = sums.volume, sums.mass, sums.momentum, sums.stress
         total = [a + b for a, b in zip(total, parts, strict=True)] if total else list(parts)
         count += 1
     if not count:
@@ -127,9 +127,11 @@ class _Sums:
     """Sums over the cells of one frame, in 2D per metre of depth."""
 
     def __init__(self, frame: DumpFrame, grid: Grid, axes: str) -> None:
-        kept, self.depth = depth_along(frame, axes)
+        axis_numbers, self.depth = depth_along(frame, axes)
         self.frame, self.grid = frame, grid
-        self.order = kept if len(kept) == 3 else [*kept, 3 - sum(kept)]
+        self.order = (
+            axis_numbers if len(axis_numbers) == 3 else [*axis_numbers, 3 - sum(axis_numbers)]
+        )
         self.x = frame.x[:, self.order]
         here, self.inside = self._cells(self.x)
         if not self.inside.any():
@@ -175,7 +177,7 @@ class _Sums:
         return row
 
     def _cells(self, x: Array) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-        """Flat cells of the places in the grid, and which places these are."""
+        """Flat cells of the positions in the grid, and the indices of these positions."""
         grid = self.grid
         place = np.floor((x[:, : grid.dim] - np.array(grid.lower)) / grid.cell).astype(np.int64)
         inside = ((place >= 0) & (place < np.array(grid.shape))).all(axis=1)

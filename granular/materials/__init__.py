@@ -1,4 +1,4 @@
-"""Materials: constitutive laws with their parameters, ready materials, and laws of one's own."""
+"""Materials: constitutive laws with their parameters, ready materials, and user-defined laws."""
 
 from granular.materials.base import Material as Material
 from granular.materials.laws import NGF as NGF

@@ -1,4 +1,4 @@
-"""Base class of the materials: elasticity, reference density and damping of elastic waves."""
+"""Base class of the materials: elasticity, reference density and elastic damping."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ class Material:
         and its pressure is always that of its density, K c exp(c) with c = ln(rho/rho_c) (Haeri &
         Skonieczny 2021). It takes longer.
     restitution : float
-        Coefficient of restitution of a contact of two grains, 0.01 to 1. It gives the viscosity
-        that damps elastic waves (`damping_time`); 1 is no damping.
+        Coefficient of restitution of a contact of two grains, 0.01 to 1. It determines the elastic
+        damping (`damping_time`); 1 means none.
     contact_diameter : float, optional
-        Diameter of the grains whose contacts damp [m], > 0; the grain diameter `d` of the law if
+        Diameter of the grains of these contacts [m], > 0; the grain diameter `d` of the law if
         not given. Only used with a restitution below 1, which needs one of the two.
     {raises}; TypeError for `Material` itself, which is
         abstract.
@@ -129,7 +129,7 @@ class Material:
         """Least and largest ratio of horizontal to vertical stress at which it does not yield.
 
         With two equal horizontal stresses, K times the vertical one, tau/p is
-        sqrt(3) abs(1 - K)/(1 + 2 K). Cohesion, which bears more, is left out.
+        sqrt(3) abs(1 - K)/(1 + 2 K). Cohesion, with which the range is larger, is not included.
         """
         mu, root = self.static_friction, math.sqrt(3.0)
         low = (root - mu) / (root + 2 * mu) if mu < root else 0.0

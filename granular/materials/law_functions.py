@@ -1,4 +1,4 @@
-"""Functions that the core can call for laws of the user's own; see csrc/law/own.inl."""
+"""Functions that the core can call for user-defined laws; see csrc/law/own.inl."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ import numpy as np
 from granular.tools.extras import imported
 
 MOST_NUMBERS = 30
-"""Largest number of parameters besides K and G, that of csrc/law/law.h."""
+"""Largest number of parameters besides K and G, as in csrc/law/law.h."""
 MOST_HISTORY = 4
-"""Largest number of variables of the history of a point, that of csrc/law/law.h."""
+"""Largest number of variables of the history of a point, as in csrc/law/law.h."""
 CAPSULE = b"granular.own_law"
 
 
 class LawFunction:
-    """A function that the core can call, with all that it needs to live.
+    """A function that the core can call, with the objects that it needs.
 
-    No exception can pass through the core: the first one is kept. The core calls a function again
-    that is not done, so that an exception from elsewhere, as of a time limit, spoils nothing.
+    No exception can pass through the core: the first one is stored. The core repeats a call that
+    was not completed, so that an exception from elsewhere, such as a time limit, does no damage.
     """
 
     def __init__(
@@ -55,24 +55,24 @@ class LawFunction:
         """Keep an exception that could only be reported, if it was in a call of this function."""
         if self._called is None:
             return False
-        told = lost.err_msg or ""  # Python 3.13 names the function there
-        if lost.object != self._called and repr(self._called) not in told:
+        message = lost.err_msg or ""  # Python 3.13 names the function there
+        if lost.object != self._called and repr(self._called) not in message:
             return False
         self.failure = self.failure or lost.exc_value
         return True
 
     def take_failure(self) -> BaseException | None:
-        """Return the exception that was kept, if there is one, and forget it."""
+        """Return the stored exception, if there is one, and clear it."""
         failure, self.failure = self.failure, None
         return failure
 
 
 @contextmanager
 def keeping_exceptions(functions: Sequence[LawFunction]) -> Iterator[None]:
-    """Keep what is raised where functions cannot keep it, and Python only reports it.
+    """Store exceptions that functions cannot store themselves and Python only reports.
 
-    That is in functions compiled by numba, and in those of Python before their first line, where
-    exceptions are raised that another thread has set, as for a time limit.
+    This concerns functions compiled by numba, and functions of Python before their first line,
+    where exceptions set by another thread, such as a time limit, are raised.
     """
     before = sys.unraisablehook
 
@@ -94,7 +94,7 @@ def from_python(update: Callable[..., None], language: str) -> LawFunction:
 
 RETURNS = (
     "the law {!r} returned {}: it must change stress, shear_rate and history in place, as by "
-    "stress[:] = ..., and return nothing"
+    "stress[:] = ..., and return None"
 )
 
 # ---- NumPy ----
@@ -150,7 +150,7 @@ def _by_numba(update: Callable[..., None]) -> LawFunction:
         numba.types.CPointer(kind) for kind in (numba.types.float64, numba.types.int64)
     )
     integer, real = numba.types.int64, numba.types.float64
-    most, kept = MOST_NUMBERS + 2, MOST_HISTORY
+    most, states = MOST_NUMBERS + 2, MOST_HISTORY
 
     @numba.cfunc(numba.types.void(integer, integer, real, *(numbers,) * 6, integers))
     def call(n, dim, dt, numbers, gradient, c, stress, rate, history, done):  # type: ignore[no-untyped-def]
@@ -161,7 +161,7 @@ def _by_numba(update: Callable[..., None]) -> LawFunction:
             numba.carray(c, (n,)),
             numba.carray(stress, (2 * dim, n)),
             numba.carray(rate, (n,)),
-            numba.carray(history, (kept, n)),
+            numba.carray(history, (states, n)),
         )
         done[0] = 1
 
@@ -195,9 +195,10 @@ FLAGS = (
 )
 """Flags of the compiler; none of them changes a result, whatever instructions the machine has."""
 ENVIRONMENT = ("PATH", "HOME", "TMPDIR", "LD_LIBRARY_PATH", "SDKROOT", "DEVELOPER_DIR")
-"""Variables that the compiler is given; others, such as CPATH, can change what a source means."""
+"""Environment variables of the compiler; others, such as CPATH, can change the meaning of a
+source."""
 HEADERS = ("math", "stdint", "stddef", "stdbool", "string", "float", "limits", "complex", "tgmath")
-"""Headers that a source may include: those of the language that hold no state."""
+"""Headers that a source may include: headers of the language without state."""
 QUOTED = "|".join(rf"{q}(?:\\.|[^{q}\\\n])*{q}" for q in "\"'")
 """Strings and characters of C."""
 PASSING_BY = (
@@ -210,7 +211,7 @@ DIRECTIVES = (
     *("error", "pragma", ""),
 )
 MOST_TOLD = 3000
-"""Characters of the messages of the compiler that are told."""
+"""Number of characters of the messages of the compiler that are shown."""
 
 
 def _without_comments(source: str) -> str:
@@ -220,11 +221,11 @@ def _without_comments(source: str) -> str:
 
 
 def _check_words(name: str, source: str) -> None:
-    """Refuse C source with words by which it passes the other checks by."""
+    """Refuse C source with words by which it would evade the other checks."""
     code = re.sub(QUOTED, '""', _without_comments(source))
-    if found := re.search("|".join(PASSING_BY), code):
+    if word := re.search("|".join(PASSING_BY), code):
         raise ValueError(
-            f"the C source of the law {name!r} must not have {found[0]}: with it, what the source "
+            f"the C source of the law {name!r} must not have {word[0]}: with it, what the source "
             "says would not be all that it does"
         )
 
@@ -232,10 +233,10 @@ def _check_words(name: str, source: str) -> None:
 def _check_includes(name: str, source: str) -> None:
     """Refuse C source that is not all of the law."""
     for line in _without_comments(source).splitlines():
-        found = re.match(r"\s*(?:#|%:)\s*(\w*)\s*(.*)", line)
-        if not found or found[1] in DIRECTIVES:
+        directive = re.match(r"\s*(?:#|%:)\s*(\w*)\s*(.*)", line)
+        if not directive or directive[1] in DIRECTIVES:
             continue
-        if found[1] != "include" or found[2].strip() not in {f"<{h}.h>" for h in HEADERS}:
+        if directive[1] != "include" or directive[2].strip() not in {f"<{h}.h>" for h in HEADERS}:
             raise ValueError(
                 f"the C source of the law {name!r} has {line.strip()!r}: it must be all of the "
                 f"law, so that it may include <math.h> and the like only, {', '.join(HEADERS)}"
@@ -243,7 +244,7 @@ def _check_includes(name: str, source: str) -> None:
 
 
 def _check_variables(name: str, source: str) -> None:
-    """Refuse variables that last, a slip; what is hidden in macros is not seen."""
+    """Refuse variables that last from call to call; those hidden in macros are not detected."""
     code = re.sub(r"^\s*(?:#|%:)[^\n]*", "", _without_comments(source), flags=re.M)
     for variable in _lasting(code):
         raise ValueError(
@@ -274,7 +275,7 @@ def _lasting(code: str) -> list[str]:
         elif depth == 0:
             outside[-1] += part
     declared = [" ".join(part.partition("=")[0].split()) for part in outside]
-    found = [
+    variables = [
         text
         for text in declared
         if text
@@ -283,7 +284,7 @@ def _lasting(code: str) -> list[str]:
         and not re.fullmatch(r"(?:struct|union|enum)\b\s*\w*", text)
     ]
     inner = re.findall(r"\bstatic\b[^;{}()=]*[;=]", code)
-    return found + [text.strip("; =") for text in inner if not re.search(r"\bconst\b", text)]
+    return variables + [text.strip("; =") for text in inner if not re.search(r"\bconst\b", text)]
 
 
 def from_c(name: str, source: str) -> LawFunction:
@@ -300,10 +301,14 @@ def from_c(name: str, source: str) -> LawFunction:
         text, path = Path(folder, "law.c"), Path(folder, "law.so")
         text.write_text(BEFORE + source + AFTER, encoding="utf-8")
         command = [*_compiler(), *FLAGS, "-o", str(path), str(text), "-lm"]
-        kept = {key: os.environ[key] for key in ENVIRONMENT if key in os.environ}
+        environment = {key: os.environ[key] for key in ENVIRONMENT if key in os.environ}
         try:
             ran = subprocess.run(
-                command, capture_output=True, text=True, env=kept | {"LC_ALL": "C"}, check=False
+                command,
+                capture_output=True,
+                text=True,
+                env=environment | {"LC_ALL": "C"},
+                check=False,
             )
             if ran.returncode:
                 raise OSError(ran.stderr.replace(str(text), "law.c").strip()[:MOST_TOLD])
@@ -319,7 +324,7 @@ def from_c(name: str, source: str) -> LawFunction:
 
 
 def _compiler() -> list[str]:
-    """Command of the C compiler: that of the variable CC, else the usual one."""
+    """Command of the C compiler, from the variable CC, else the usual one."""
     usual = (os.environ.get("CC"), sysconfig.get_config_var("CC"), "cc", "gcc", "clang")
     for words in (shlex.split(command) for command in usual if command):
         if words and shutil.which(words[0]):

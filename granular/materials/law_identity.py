@@ -1,8 +1,8 @@
-"""Identity of laws of the user's own in Python: their text, and all that they read elsewhere.
+"""Identity of user-defined laws in Python: their text, and all that they read elsewhere.
 
-The text of functions does not determine what they compute: it names values, helpers and modules. A
-law is the text of its function and of all helpers, with the values that they read. It runs as a
-copy that reads copies of these values, so that it stays what its text says.
+The text of a function does not determine its result alone, because it names values, helpers and
+modules. A law is the text of its function and of all helpers, with the values that they read. It
+runs as a copy that reads copies of these values, so that it cannot change.
 """
 
 from __future__ import annotations
@@ -41,29 +41,29 @@ ADVICE = "give it as parameters=, or define it in the function"
 
 
 def frozen(update: Callable[..., None]) -> tuple[str, Callable[..., None]]:
-    """Return the text that identifies a function, and a copy of it that nothing can change.
+    """Return the text that identifies a function, and a copy of it that cannot be changed.
 
     Raises
     ------
     ValueError
-        Naming what the function reads that cannot be a part of it, or a result that it does not
-        change in place.
+        Naming a value that the function reads but that cannot be a part of it, or a result that it
+        does not change in place.
     """
     law = _Law()
     copy = law.of_function("update", update)
     check_in_place("update", getattr(copy, "py_func", copy).__code__)
-    return "\n".join(law.told()), copy
+    return "\n".join(law.lines()), copy
 
 
 class _Law:
-    """Functions of a law, in the order in which they are found, and the lines that tell of them."""
+    """Functions of a law, in the order of their discovery, and the lines that describe them."""
 
     def __init__(self) -> None:
         self._texts: list[list[str]] = []
         self._copies: dict[int, tuple[int, Any, Any]] = {}
-        # by the id of a function: its number, its copy, and itself, so that the id stays its own
+        # by the id of a function: its number, its copy, and itself, so that the id is not reused
 
-    def told(self) -> Iterator[str]:
+    def lines(self) -> Iterator[str]:
         for number, lines in enumerate(self._texts):
             yield from [f"# function {number}:"] * (number > 0) + lines
 
@@ -89,20 +89,20 @@ class _Law:
         for used, chains in sorted(chains_of(name, plain.__code__).items()):
             if used in plain.__globals__:
                 value = plain.__globals__[used]
-                values[used], told = self._of_named(f"{name}: {used}", used, value, chains)
-                lines += told
+                values[used], reading = self._of_named(f"{name}: {used}", used, value, chains)
+                lines += reading
             elif not hasattr(builtins, used):
                 raise ValueError(f"{name}: {used} is not defined: {ADVICE}")
 
-    # ---- what they read ----
+    # ---- values that they read ----
 
     def _of_named(
         self, where: str, name: str, value: Any, chains: set[Chain]
     ) -> tuple[Any, list[str]]:
-        """Copy of a global value, or of an attribute of a module, and the lines that tell of it.
+        """Copy of a global value, or of an attribute of a module, and the lines that describe it.
 
         Of a module it is a stand-in with copies of the attributes that are used, so that the law
-        can reach nothing else.
+        can access no others.
         """
         if not isinstance(value, ModuleType):
             copy, text = self._of_value(where, value)
@@ -122,14 +122,14 @@ class _Law:
         for attribute in sorted({chain[0] for chain in chains}):
             if not hasattr(value, attribute):
                 raise ValueError(f"{where}.{attribute} is not defined: {ADVICE}")
-            copy, told = self._of_named(
+            copy, reading = self._of_named(
                 f"{where}.{attribute}",
                 f"{name}.{attribute}",
                 getattr(value, attribute),
                 {chain[1:] for chain in chains if chain[0] == attribute},
             )
             setattr(stand_in, attribute, copy)
-            lines += told
+            lines += reading
         return stand_in, lines
 
     def _of_value(self, where: str, value: Any, within: tuple[int, ...] = ()) -> tuple[Any, str]:
@@ -164,8 +164,8 @@ class _Law:
             text = ", ".join(f"{key}: {entry}" for (_, key), (_, entry) in pairs)
             return {key: entry for (key, _), (entry, _) in pairs}, _short(f"{{{text}}}")
         parts = (value.start, value.stop, value.step) if kind is slice else value
-        found = [self._of_value(where, part, within) for part in parts]
-        copies, texts = [copy for copy, _ in found], [text for _, text in found]
+        results = [self._of_value(where, part, within) for part in parts]
+        copies, texts = [copy for copy, _ in results], [text for _, text in results]
         if kind in (set, frozenset):
             texts.sort()
         return (slice(*copies) if kind is slice else kind(copies)), _short(
@@ -177,7 +177,7 @@ class _Law:
 
 
 def _is_unchangeable(value: Any) -> bool:
-    """Return if nothing can set attributes of a function or class, as of those made in C."""
+    """Return whether the attributes of a function or class cannot be set, as of those made in C."""
     return isinstance(value, np.ufunc) or (
         isinstance(value, type) and bool(value.__flags__ & UNCHANGEABLE)
     )
@@ -195,7 +195,7 @@ def _digest(data: bytes) -> str:
 
 
 def _is_number(dtype: np.dtype) -> bool:
-    """Return if the bytes of numbers of a type are all theirs; a long double has some to spare."""
+    """Return whether numbers of a type use all their bytes; a long double has padding."""
     return dtype.kind in "biufc" and dtype.itemsize <= (16 if dtype.kind == "c" else 8)
 
 
@@ -212,7 +212,7 @@ def _of_array(array: np.ndarray) -> tuple[np.ndarray, str]:
 
 
 def _is_compiled(function: Any) -> bool:
-    """Return if a function is one that numba compiles when it is called."""
+    """Return whether a function is one that numba compiles when it is called."""
     numba = sys.modules.get("numba")
     return numba is not None and isinstance(function, numba.core.registry.CPUDispatcher)
 
@@ -241,7 +241,7 @@ def _compiled_alike(name: str, function: Any, copy: FunctionType) -> Any:
 
 
 def _check_plain(name: str, function: Any) -> None:
-    """Refuse what the text of a function does not show."""
+    """Refuse properties of a function that its text does not show."""
     if not isinstance(function, FunctionType) or function.__defaults__ or function.__kwdefaults__:
         raise ValueError(
             f"{name} = {function!r} must be a plain function without default values, which are no "
@@ -263,7 +263,7 @@ def _text_of(name: str, function: FunctionType) -> str:
     code = function.__code__
     try:
         text = inspect.getsource(code)
-        # The whole file: what the names of the module are is a part of how code is compiled.
+        # The whole file: the names of the module affect how code is compiled.
         file = "".join(inspect.findsource(code)[0])
         made = compile(file, "law", "exec", code.co_flags & FUTURE, dont_inherit=True)
     except (OSError, TypeError, SyntaxError) as error:
@@ -275,7 +275,7 @@ def _text_of(name: str, function: FunctionType) -> str:
     alike = [
         other for other in codes_within(made) if (other.co_name, other.co_firstlineno) == place
     ]
-    if len(alike) != 1 or _told_of(alike[0]) != _told_of(code):
+    if len(alike) != 1 or _content_of(alike[0]) != _content_of(code):
         raise ValueError(
             f"{name} = {function!r} must be the function that its source shows, alone in its line: "
             "was the file changed after it was imported?"
@@ -283,12 +283,12 @@ def _text_of(name: str, function: FunctionType) -> str:
     return textwrap.dedent(text)
 
 
-def _told_of(code: CodeType) -> tuple[Any, ...]:
-    """All of a code that determines what it does."""
+def _content_of(code: CodeType) -> tuple[Any, ...]:
+    """All parts of a code object that determine its result."""
     constants = []
     for value in code.co_consts:
         if isinstance(value, CodeType):
-            constants.append(repr(_told_of(value)))
+            constants.append(repr(_content_of(value)))
         elif isinstance(value, frozenset):
             constants.append(repr(sorted(map(repr, value))))
         else:

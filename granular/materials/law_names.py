@@ -1,7 +1,7 @@
-"""Names in the code of a law of the user's own, and values that are known by their name alone.
+"""Names in the code of a user-defined law, and values that are identified by their name alone.
 
-Such are those that installed packages and Python define. A law may have them by name and version,
-but not those that return another value at each call, or read what is outside of the process.
+These are the values that installed packages and Python define. A law may contain them by name and
+version, except those that return another value at each call, or read data outside of the process.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ REFUSED_BUILTINS = (
     *("eval", "exec", "compile", "globals", "locals", "vars", "open", "input", "getattr"),
     *("breakpoint", "setattr", "delattr", "__import__", "__builtins__", "__loader__", "__spec__"),
 )
-"""Built-in names by which code reaches what its text does not name."""
+"""Built-in names by which code accesses objects that its text does not name."""
 CHANCE = ("random", "_random", "secrets", "time", "datetime", "uuid", "numpy.random")
 """Modules whose functions return another value at each call, which is no part of a law."""
 OUTSIDE = (
@@ -44,7 +44,7 @@ READING = (
 )
 """Functions and classes that do so in modules that are allowed otherwise."""
 FRAMES = ("gi_frame", "gi_code", "f_globals", "f_builtins", "f_locals", "f_back")
-"""Attributes that lead to all that a module has, besides those with two underscores."""
+"""Attributes that give access to all names of a module, besides those with two underscores."""
 FOLDERS = {"site-packages", "dist-packages"}
 """Names of the folders of installed packages."""
 
@@ -68,47 +68,47 @@ def chains_of(name: str, code: CodeType) -> dict[str, set[Chain]]:
     Raises
     ------
     ValueError
-        If the code changes what is outside of it, or takes attributes by which it could reach
-        anything.
+        If the code changes objects outside of it, or uses attributes by which it could access any
+        object.
     """
-    found: dict[str, set[Chain]] = {}
+    chains: dict[str, set[Chain]] = {}
     for part in (code, *codes_within(code)):
         chain: list[str] = []  # that of the instructions before, empty if there is none
         for step in dis.get_instructions(part):
             if step.opname in SKIPPED:
                 continue
-            told = str(step.argval)
-            _check_step(name, step.opname, told)
+            argument = str(step.argval)
+            _check_step(name, step.opname, argument)
             if chain and step.opname not in ("LOAD_ATTR", "LOAD_METHOD"):
-                found.setdefault(chain[0], set()).add(tuple(chain[1:]))
+                chains.setdefault(chain[0], set()).add(tuple(chain[1:]))
                 chain = []
             if step.opname in ("LOAD_GLOBAL", "LOAD_NAME"):
-                chain = [told]
+                chain = [argument]
             elif chain:
-                chain.append(told)
-    return found
+                chain.append(argument)
+    return chains
 
 
-def _check_step(name: str, kind: str, told: str) -> None:
-    """Refuse an instruction with which a law is more than its text and its values."""
+def _check_step(name: str, kind: str, argument: str) -> None:
+    """Refuse an instruction whose effect the text and the values of a law do not determine."""
     if kind in ("STORE_GLOBAL", "DELETE_GLOBAL"):
-        raise ValueError(f"{name} must not change the global {told}: take history=")
+        raise ValueError(f"{name} must not change the global {argument}: take history=")
     if kind == "IMPORT_NAME":
-        raise ValueError(f"{name} must not import {told}: import it outside, before")
+        raise ValueError(f"{name} must not import {argument}: import it outside, before")
     if kind == "LOAD_BUILD_CLASS":
         raise ValueError(f"{name} must not define a class")
     if kind in ("STORE_ATTR", "DELETE_ATTR"):
-        raise ValueError(f"{name} must not change the attribute {told}: take history=")
+        raise ValueError(f"{name} must not change the attribute {argument}: take history=")
     if kind in ("LOAD_ATTR", "LOAD_METHOD", "LOAD_SUPER_ATTR") and (
-        told in FRAMES or (told.startswith("__") and told.endswith("__"))
+        argument in FRAMES or (argument.startswith("__") and argument.endswith("__"))
     ):
-        raise ValueError(f"{name} must not use the attribute {told}, as it can reach anything")
-    if kind in ("LOAD_GLOBAL", "LOAD_NAME") and told in REFUSED_BUILTINS:
-        raise ValueError(f"{name}: {told} must not be used, as it can reach anything")
+        raise ValueError(f"{name} must not use the attribute {argument}, as it can reach anything")
+    if kind in ("LOAD_GLOBAL", "LOAD_NAME") and argument in REFUSED_BUILTINS:
+        raise ValueError(f"{name}: {argument} must not be used, as it can reach anything")
 
 
 def check_in_place(name: str, code: CodeType) -> None:
-    """Refuse a law that binds the name of a result to another array, which changes nothing."""
+    """Refuse a law that binds the name of a result to another array, which has no effect."""
     results, before = code.co_varnames[4:7], ""
     for step in dis.get_instructions(code):
         if step.opname in SKIPPED:
@@ -135,7 +135,7 @@ def refuse_module(where: str, name: str) -> None:
         )
     if _is_within(name, (*OUTSIDE, *READING)):
         raise ValueError(
-            f"{where}: {name} must not be used, as it reaches what is no part of the law, such as "
+            f"{where}: {name} must not be used, as it accesses data outside of the law, such as "
             "files: read it outside, before"
         )
 
@@ -145,7 +145,8 @@ def _is_within(name: str, refused: tuple[str, ...]) -> bool:
 
 
 def name_of_installed(where: str, value: Any) -> str:
-    """Name and version by which an installed package, or Python, has a value; else an empty text.
+    """Name and version under which an installed package, or Python, has a value; else an empty
+    text.
 
     Raises
     ------
@@ -161,10 +162,10 @@ def name_of_installed(where: str, value: Any) -> str:
         modules = [getattr(value, "__module__", None) or ""]
     names = getattr(value, "__qualname__", None) or getattr(value, "__name__", "")
     for module in modules:
-        found: Any = sys.modules.get(module) if isinstance(module, str) else None
+        target: Any = sys.modules.get(module) if isinstance(module, str) else None
         for name in str(names).split("."):
-            found = getattr(found, name, None)
-        if found is None or found is not value or not _defines(module, value):
+            target = getattr(target, name, None)
+        if target is None or target is not value or not _defines(module, value):
             continue
         if version := version_of(module):
             if module != "builtins":
@@ -176,7 +177,7 @@ def name_of_installed(where: str, value: Any) -> str:
 
 
 def _defines(module: str, value: Any) -> bool:
-    """Return if a function is of a module, and not one that was only put there."""
+    """Return whether a function belongs to a module and was not only assigned there."""
     if not isinstance(value, FunctionType):
         return True
     origin = str(value.__globals__.get("__name__", ""))
@@ -184,19 +185,19 @@ def _defines(module: str, value: Any) -> bool:
 
 
 def version_of(module: str) -> str:
-    """Version of the installed package of a module, or of Python; empty for the user's own.
+    """Version of the installed package of a module, or of Python; empty for code of the user.
 
-    It is where the file lies that tells: a module of the user may have the name of another one.
+    The location of the file decides, because a module of the user may have the name of another one.
     """
-    found = sys.modules.get(module)
-    if not isinstance(found, ModuleType):
+    owner = sys.modules.get(module)
+    if not isinstance(owner, ModuleType):
         return ""
     top = module.partition(".")[0]
-    file = getattr(found, "__file__", None)
+    file = getattr(owner, "__file__", None)
     if file is None:
-        spec = getattr(found, "__spec__", None)
-        own = spec is None or spec.origin not in ("built-in", "frozen")
-        return "" if own or top not in sys.stdlib_module_names else "of Python"
+        spec = getattr(owner, "__spec__", None)
+        by_user = spec is None or spec.origin not in ("built-in", "frozen")
+        return "" if by_user or top not in sys.stdlib_module_names else "of Python"
     path = Path(file).resolve()
     if top == "granular" or FOLDERS & {*path.parts}:
         return _distributed(top)
@@ -216,7 +217,7 @@ def _distributed(top: str) -> str:
 
 @cache
 def _is_in_library(path: Path) -> bool:
-    """Return if a file lies in the folder of the standard library."""
+    """Return whether a file is in the folder of the standard library."""
     folders = (sysconfig.get_path(name) for name in ("stdlib", "platstdlib"))
     places = [Path(folder) for folder in folders if folder]
     places.append(Path(sys.base_prefix, "DLLs"))  # of Windows

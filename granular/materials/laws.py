@@ -40,7 +40,7 @@ def _check_grain_density(
 def _check_cohesion(material: MuI | DruckerPrager, mu: float) -> None:
     """Check the cohesion, and make the tensile strength that of the apex of the cone if not given.
 
-    The field `_own_strength` keeps whether it was given.
+    The field `_given_strength` records whether it was given.
     """
     check_fields(material, non_negative, "cohesion")
     if material.cohesion and material.elasticity == "hencky":
@@ -49,7 +49,7 @@ def _check_cohesion(material: MuI | DruckerPrager, mu: float) -> None:
             '"hypoelastic" has it'
         )
     apex = material.cohesion / mu
-    set_fields(material, _own_strength=material.tensile_strength is not None)
+    set_fields(material, _given_strength=material.tensile_strength is not None)
     if material.tensile_strength is None:
         set_fields(material, tensile_strength=apex)
         return
@@ -65,7 +65,7 @@ def _without_derived_strength(
     material: MuI | DruckerPrager, arguments: dict[str, Any]
 ) -> dict[str, Any]:
     """Return the arguments without a tensile strength that follows from the cohesion."""
-    if not material.__dict__["_own_strength"]:
+    if not material.__dict__["_given_strength"]:
         del arguments["tensile_strength"]
     return arguments
 
@@ -112,7 +112,7 @@ class MuI(Material):
         Coulomb (`granular.theory.cliff_height`).
     tensile_strength : float, optional
         Tension -p at which the material separates [Pa], 0 to cohesion/mu_s, where the yield stress
-        is 0. The latter if not given. What has separated is stress-free until its density is rho_c
+        is 0. The latter if not given. Separated material is stress-free until its density is rho_c
         again; then it coheres as before. A `Scene` needs it to be less than `separation_strain` K.
 
     Raises
@@ -162,12 +162,12 @@ class MuI(Material):
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some arguments changed; `xi` replaces `I0` and `d`, and vice versa."""
-        kept = self.arguments()
+        arguments = self.arguments()
         if changes.get("xi") is not None:
-            kept = {name: v for name, v in kept.items() if name not in ("I0", "d")}
+            arguments = {name: v for name, v in arguments.items() if name not in ("I0", "d")}
         elif changes.get("I0") is not None and changes.get("d") is not None:
-            kept.pop("xi", None)
-        return type(self)(**(kept | changes))
+            arguments.pop("xi", None)
+        return type(self)(**(arguments | changes))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,7 +187,7 @@ class NGF(Material):
     E, nu, rho_c, elasticity, restitution, contact_diameter
         See `Material`.
     A : float
-        Nonlocal amplitude, >= 0; with 0 the law is local, that of `MuI` or mu = mu_s + b I, and has
+        Nonlocal amplitude, >= 0; with 0 the law is local, as `MuI` or mu = mu_s + b I, and has
         no fluidity.
     d : float
         Grain diameter [m], > 0.
@@ -292,11 +292,11 @@ class NGF(Material):
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some arguments changed; `b` replaces `I0`, and vice versa."""
-        kept = self.arguments()
+        arguments = self.arguments()
         for name, other in (("I0", "b"), ("b", "I0")):
             if changes.get(name) is not None:
-                kept.pop(other, None)
-        return type(self)(**(kept | changes))
+                arguments.pop(other, None)
+        return type(self)(**(arguments | changes))
 
 
 LARGEST_MU_2 = 1e6
@@ -323,7 +323,7 @@ class DruckerPrager(Material):
         Coulomb (`granular.theory.cliff_height`).
     tensile_strength : float, optional
         Tension -p at which the material separates [Pa], 0 to cohesion/mu, where the yield stress
-        is 0. The latter if not given. What has separated is stress-free until its density is rho_c
+        is 0. The latter if not given. Separated material is stress-free until its density is rho_c
         again; then it coheres as before. A `Scene` needs it to be less than `separation_strain` K.
     {raises}.
     """
@@ -414,7 +414,7 @@ class HardeningDruckerPrager(Material):
 
     @property
     def limiting_friction(self) -> float:
-        """Friction tau/p that the law never exceeds: that of its largest friction angle."""
+        """Friction tau/p that the law never exceeds, from its largest friction angle."""
         return _cone_friction(max(self._extreme_angles()))
 
     def friction_angle_deg(self, plastic_strain: float) -> float:

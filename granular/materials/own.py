@@ -1,8 +1,8 @@
-"""Constitutive laws of the user's own, in NumPy, compiled by numba, or in C.
+"""User-defined constitutive laws, in NumPy, compiled by numba, or in C.
 
 The core calls the function of such a law with arrays of some hundred points after the elastic
-predictor; see csrc/law/own.inl. Functions are known in this process by the digest of their source,
-with which records are marked.
+predictor; see csrc/law/own.inl. Functions are identified by the digest of their source, which
+records store.
 """
 
 from __future__ import annotations
@@ -43,16 +43,16 @@ _TRUSTED: set[str] = set()
 
 @dataclass(frozen=True, kw_only=True)
 class OwnLaw(Material):
-    """Material with a law of the user's own; `granular.materials.from_function` makes one.
+    """Material with a user-defined law; `granular.materials.from_function` makes one.
 
     Parameters
     ----------
     E, nu, rho_c : float
         See `Material`. They give the elastic predictor and the time step.
     elasticity : {"hypoelastic"}
-        The predictor is that of the Jaumann rate.
+        The predictor uses the Jaumann rate.
     restitution : float
-        Must be 1: damping needs the plastic strain rate, which is not known.
+        Must be 1: elastic damping needs the plastic strain rate, which is not known.
     contact_diameter : float, optional
         Not used.
     name : str
@@ -63,16 +63,17 @@ class OwnLaw(Material):
         Source of the function. Runs are resumed with the same source only. C code runs only if it
         was given to `from_function` or allowed by `trust_code`.
     parameters : mapping of str to float
-        Numbers that the function is given after K and G, in this order; 30 at most.
+        Numbers that are passed to the function after K and G, in this order; 30 at most.
     history : mapping of str to float
-        Variables that every point keeps, with their initial values; 4 at most.
+        State variables of every point, with their initial values; 4 at most.
     bears_tension : bool
         True for a material that is never disconnected, such as a solid.
     separation : float
         Logarithm of rho/rho_c below which the law bears no stress, from -1 to 1; 0 for one whose
         densest stress-free state has the density rho_c. The density corrections leave out the
         points that are less dense by more than the `separation_strain` of the scheme, so that a law
-        with stress there, such as one that dilates, should say so. Must be 0 if it bears tension.
+        with stress at these densities, such as one that dilates, needs a lower value. Must be 0 if
+        it bears tension.
     {raises}.
     """
 
@@ -90,7 +91,7 @@ class OwnLaw(Material):
         super().__post_init__()
         if self.restitution != 1.0:
             raise ValueError(
-                f"restitution = {self.restitution} must be 1 with a law of one's own, whose "
+                f"restitution = {self.restitution} must be 1 with a user-defined law, whose "
                 "plastic strain rate is not known"
             )
         if self.elasticity != "hypoelastic":
@@ -116,12 +117,12 @@ class OwnLaw(Material):
 
     @cached_property
     def digest(self) -> str:
-        """Digest of the source of the law, by which records know it."""
-        told = f"{self.language}\n{self.source}".encode()
-        return hashlib.blake2b(told, digest_size=16).hexdigest()
+        """Digest of the source of the law, which identifies it in records."""
+        text = f"{self.language}\n{self.source}".encode()
+        return hashlib.blake2b(text, digest_size=16).hexdigest()
 
     def numbers(self) -> tuple[float, ...]:
-        """K, G and the parameters, as the function is given them."""
+        """K, G and the parameters, as they are passed to the function."""
         return (self.K, self.G, *self.parameters.values())
 
     def function(self) -> LawFunction:
@@ -145,13 +146,13 @@ class OwnLaw(Material):
                     f"the law {self.name!r} is C code that came with a file or a scene. It can do "
                     "whatever you can do, and does not run unless you allow it: read it, and then "
                     "call granular.materials.trust_code(scene), resume with trust_code=True, or "
-                    f"give the command --trust-code. {_shown(self.source)}"
+                    f"give the command --trust-code. {_excerpt(self.source)}"
                 )
             _FUNCTIONS[self.digest] = from_c(self.name, self.source)
         return _FUNCTIONS[self.digest]
 
     def _difference(self) -> str:
-        """Tell in what the source differs from that of a known law of this name."""
+        """Text of the differences from the source of a known law of this name."""
         known = _SOURCES.get((self.language, self.name))
         if known is None:
             return ""
@@ -168,20 +169,20 @@ class OwnLaw(Material):
 
 
 def difference(source: str, other: str) -> str:
-    """Lines in which two sources differ, each in a line of its own."""
+    """Lines in which two sources differ, each on a separate line."""
     lines = difflib.unified_diff(source.splitlines(), other.splitlines(), n=0, lineterm="")
     changes = [line for line in [*lines][2:] if not line.startswith("@@")]
     more = ["..."] if len(changes) > MOST_LINES else []
     return "".join(f"\n{escaped(line)}" for line in changes[:MOST_LINES] + more)
 
 
-def _shown(source: str) -> str:
-    """Tell a source, or its beginning and how to see all of it."""
+def _excerpt(source: str) -> str:
+    """Text of a source, or its beginning and how to see all of it."""
     size = len(source)
     if size <= MOST_SHOWN:
         return f"It is:\n{marked(source)}"
     return (
-        f"It has {size} characters, too many to be told here. Read all of it: "
+        f"It has {size} characters, too many to show here. Read all of it: "
         "print(granular.materials.code_of(scene)), where the scene is that of "
         "granular.open(path).scene or granular.scenes.read_scene(path).scene. Only the first "
         f"{MOST_SHOWN} are:\n{marked(source[:MOST_SHOWN])}\n"
@@ -192,13 +193,13 @@ def _shown(source: str) -> str:
 def code_of(scene: Any) -> str:
     """Return the code in C of the laws of a scene, to be read before `trust_code`.
 
-    Control characters and others that are not seen stand as their codes, and each line of code has
-    a mark before it.
+    Control characters and other invisible ones are replaced by their codes, and each line of code
+    has a mark before it.
 
     Parameters
     ----------
     scene : Scene
-        What was read from a file or from a record, such as ``gr.open(path).scene``; or a material.
+        A scene from a file or a record, such as ``gr.open(path).scene``; or a material.
 
     Returns
     -------
@@ -217,12 +218,12 @@ def trust_code(scene: Any) -> None:
     """Allow the code in C that came with a scene to run in this process.
 
     Such code is a part of scenes with a law that was made by `from_function` from source in C. It
-    can do whatever you can do: read it before, as `code_of` returns it.
+    has all your permissions: read it first, as `code_of` returns it.
 
     Parameters
     ----------
     scene : Scene
-        What was read from a file or from a record, such as ``gr.open(path).scene``; or a material.
+        A scene from a file or a record, such as ``gr.open(path).scene``; or a material.
 
     Raises
     ------
@@ -253,7 +254,7 @@ def from_function(
     bears_tension: bool = False,
     separation: float = 0.0,
 ) -> OwnLaw:
-    """Make a material with a constitutive law of one's own.
+    """Make a material with a user-defined constitutive law.
 
     Parameters
     ----------
@@ -269,11 +270,11 @@ def from_function(
         - `stress` (4 or 6, n): xx, yy, zz, xy (and yz, xz) [Pa, tension positive], on entry the
           trial stress of the elastic predictor, on return the stress at the end of the step;
         - `shear_rate` (n,): 0 on entry, the plastic shear rate [1/s] on return;
-        - `history` (4, n): the variables that a point keeps, in the order given here.
+        - `history` (4, n): the state variables of a point, in the order given here.
     parameters : mapping of str to float, optional
         Numbers of the law, 30 at most.
     history : mapping of str to float, optional
-        Variables that every point keeps, 4 at most, and their values at the start. A state has them
+        State variables of every point, 4 at most, and their values at the start. A state has them
         as `history`, shape (n, 4).
     compiler : {None, "numba"}, optional
         How a callable is run: None as it is, with NumPy; "numba" compiled, for which loops over the
@@ -300,22 +301,21 @@ def from_function(
 
     Notes
     -----
-    Points far from contact are among those given: stress-free ones with a log_density below 0.
-    What the pressure is, and when material separates, is for the function to decide, and
-    `separation` tells the scheme; the laws here take ``p = K log_density`` where log_density >= 0,
+    The points include disconnected ones: stress-free points with a log_density below 0. The
+    function determines the pressure and the separation of the material, and `separation` passes the
+    latter to the scheme. The laws of the package use ``p = K log_density`` where log_density >= 0,
     and no stress elsewhere.
 
-    Spare places are among the points, too. Their numbers are finite, and what becomes of them does
-    not matter. A function must treat each point by itself, or the result depends on the number of
-    threads.
+    The points also include spare slots. Their numbers are finite, and their results are not used. A
+    function must treat each point independently, or the result depends on the number of threads.
 
-    The law is the function with all that it reads: numbers, strings, arrays, and tuples, lists and
-    dictionaries of them, functions of yours, for which the same holds, and by name and version what
-    is in installed packages. It runs as a copy with copies of these values: changes of them
-    afterwards have no effect, and a function with others is another law.
+    The law is the function with everything that it reads: numbers, strings, arrays, and tuples,
+    lists and dictionaries of them; your own functions, for which the same holds; and, by name and
+    version, objects of installed packages. It runs as a copy with copies of these values: later
+    changes of them have no effect, and a function with other values is another law.
 
-    What the function raises ends the run and is raised there. It is then called twice with the same
-    points: once more in case that the exception came from elsewhere.
+    An exception in the function ends the run and is raised there. The function is then called a
+    second time with the same points, in case the exception came from elsewhere.
 
     The C function is ``void update(int64_t n, int64_t dim, double dt, const double *parameters,
     const double *gradient, const double *log_density, double *stress, double *shear_rate, double

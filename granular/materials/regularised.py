@@ -32,7 +32,7 @@ class RegularisedMuI(Material):
     E, nu, rho_c, restitution, contact_diameter
         See `Material`.
     elasticity : {"hypoelastic"}
-        The law has no other.
+        Only this one is available.
     mu_s : float
         Static friction coefficient of mu(I), > 0. Here it is not that of a yield stress.
     mu_2 : float

@@ -1,4 +1,4 @@
-"""Averages over frames on the grid, and what follows from them: centre-line pressure, contours."""
+"""Averages over frames on the grid, and results of them: centre-line pressure, contours."""
 
 from __future__ import annotations
 
@@ -76,8 +76,9 @@ def frame_average(
     holds ``sum S_ip w_p f_p / sum S_ip w_p`` with multilinear shape functions S. A frame in which
     a cell is empty does not count in that cell. For example, the fluidity is averaged over dense
     points (Dunatunga & Kamrin, Modelling silo clogging, figure 8, which shows 0 where this
-    function returns nan), and the stress by volume. Frames that keep step with a periodic motion,
-    such as that of a shaker, see few of its phases: take some 50 frames a period.
+    function returns nan), and the stress by volume. Frames at intervals commensurate with a
+    periodic motion, such as that of a shaker, sample only few of its phases: use some 50 frames per
+    period.
 
     Parameters
     ----------
@@ -171,7 +172,7 @@ def centre_line_pressure(
     x, y = field.axes[0] - where.axis, field.axes[1] - where.floor
     near, above = np.abs(x) < (columns - 1e-6) * cell, y > 0
     if not near.any():
-        raise ValueError(f"opening.axis = {where.axis} has no column of cells beside it")
+        raise ValueError(f"opening.axis = {where.axis} has no column of cells next to it")
     w = field.weight[near][:, above]
     moment = np.nansum(field.value[near][:, above] * w[..., None], axis=0)
     total = w.sum(axis=0)

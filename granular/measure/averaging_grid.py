@@ -124,7 +124,7 @@ def cells_of(state: State) -> Indices:
 
 
 def sums_of(place: NDArray[np.integer], weights: ArrayLike, count: int = 0) -> Array:
-    """Sums of the weights by place, for places from 0 to the last one or to `count` - 1.
+    """Sums of the weights by index, for indices from 0 to the last one or to `count` - 1.
 
     Weights of shape (n, k) are summed column by column.
     """

@@ -32,8 +32,8 @@ class BodyMotion:
     angular_impulse : ndarray, shape (k,) in 2D, (k, 3) in 3D
         Angular impulse since then about the position, which moves with the body [N m s].
     work : ndarray, shape (k,)
-        Work of the contact on the material since then [J; in 2D per metre of depth], without what
-        friction dissipates at the surface of the body.
+        Work of the contact on the material since then [J; in 2D per metre of depth], without the
+        dissipation by friction at the surface of the body.
     """
 
     times: Array
@@ -76,7 +76,7 @@ def body_motion(record: Trajectory, body: int = 0, *, total: bool = True) -> Bod
     total : bool
         True for the whole body, also if planes of symmetry cut it (`granular.model.symmetric`):
         across a plane the forces cancel, along it they double. False for the part that is modelled.
-        A body that no plane cuts has its image in another one, and is as it is.
+        A body that no plane cuts has another body as its image, and is not changed.
 
     Raises
     ------

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 class StepBudget:
     """Energy budget of one step [J; in 2D per metre of depth].
 
-    Two identities follow from the scheme; this table does not enforce them. Their residuals tell
-    how well they hold. The residual of the grid is round-off, but for the work of bodies, which is
-    not among the terms. The residual of the strain is the error of the time integration and, with
-    an averaged density, what the averaging does to the elastic energy::
+    Two identities follow from the scheme; this table does not enforce them. Their residuals show
+    how well they hold. The residual of the grid is round-off, except for the work of bodies, which
+    is not among the terms. The residual of the strain is the error of the time integration and,
+    with an averaged density, the effect of the averaging on the elastic energy::
 
         change of grid kinetic energy = internal + external + wall work + grid_residual
         change of elastic energy = -internal work - plastic_dissipation - disconnection_loss

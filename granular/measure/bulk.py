@@ -31,7 +31,7 @@ FLOWING = 1e-3
 
 
 AT_LIMIT = 0.999
-"""Share of the limit of a quadrature weight from which it counts as held there."""
+"""Share of the limit of a quadrature weight from which it counts as being at the limit."""
 
 
 class Bulk:
@@ -39,7 +39,7 @@ class Bulk:
 
     The bulk consists of the points more than `depth_cells` cells below the surface of their
     column. The surface is the upper edge of the run of filled cells that leads up from the point's
-    own cell without a gap. A cell is filled at half or more if its points are taken at rho_c, so
+    own cell without a gap. A cell is filled if its points, at rho_c, fill at least half of it, so
     that neither spray above a heap nor free fall below an orifice counts as bulk.
 
     Arrays of cells are those of the box around the points, not of the whole grid.
@@ -51,7 +51,7 @@ class Bulk:
         Number of cells below the surface that are not bulk.
     packed : float
         Least density, as a share of rho_c, averaged over the cell of a bulk point and its occupied
-        neighbours. Less dense material that flies inside a body is rightly free of stress.
+        neighbours. Less dense material in free flight inside a body is rightly free of stress.
 
     Raises
     ------
@@ -71,25 +71,27 @@ class Bulk:
         self.state, self.shape = state, tuple(last - first + 1)
         self.at_ends = np.array([first == 0, last == np.array(grid.shape) - 1]).T
         self.cell_volume = grid.cell ** len(self.shape)
-        self.own = np.ravel_multi_index(tuple((cells - first).T), self.shape)
+        self.cell_of = np.ravel_multi_index(tuple((cells - first).T), self.shape)
         self.mass = self.sum(state.mass)
         solid = self.sum(state.rest_volume)
         filled = solid >= FILLED * self.cell_volume
         top = uppermost(filled)
         up = (np.asarray(state.x, dtype=float)[:, -1] - grid.lower[-1]) / grid.cell
-        deep = filled.ravel()[self.own] & (top.ravel()[self.own] + first[-1] + 1 - up > depth_cells)
+        deep = filled.ravel()[self.cell_of] & (
+            top.ravel()[self.cell_of] + first[-1] + 1 - up > depth_cells
+        )
         if packed:
-            deep &= (self.around(solid) >= packed * self.cell_volume).ravel()[self.own]
+            deep &= (self.around(solid) >= packed * self.cell_volume).ravel()[self.cell_of]
         self.points: NDArray[np.bool_] = deep
 
     def sum(self, values: ArrayLike) -> Array:
         """Sum of a point field over each cell, an array of the shape of the box."""
-        return sums_of(self.own, values, int(np.prod(self.shape))).reshape(self.shape)
+        return sums_of(self.cell_of, values, int(np.prod(self.shape))).reshape(self.shape)
 
     def around(self, cells: Array) -> Array:
         """Mean of a cell field over each cell and its occupied neighbours, corners included.
 
-        Of particles of SPH a cell holds one on average, and may hold none in the midst of others.
+        With SPH a cell holds one particle on average, and may be empty in the midst of others.
         """
         occupied = self.mass > 0
         if self.state.scene.method == "sph":
@@ -99,7 +101,7 @@ class Bulk:
     def disconnected(self, pressed: float = 0.0) -> float:
         """Share, by mass, of the stress-free points of grains in the bulk; nan without a bulk.
 
-        Only those count about which the mean pressure is at least that of `pressed` cells.
+        Only points count around which the mean pressure is at least that of `pressed` cells.
         """
         pressure = np.asarray(self.state.pressure, dtype=float)
         free = (pressure == 0) & (self.state.of_material("granular") > 0)
@@ -111,7 +113,7 @@ class Bulk:
         """Mean pressure over the cell of each point and its neighbours [Pa]."""
         volume = np.asarray(self.state.rest_volume, dtype=float)
         sums = _pooled(self.sum(pressure * volume)) / np.maximum(_pooled(self.sum(volume)), 1e-300)
-        return sums.ravel()[self.own]
+        return sums.ravel()[self.cell_of]
 
     def _weight_of_a_cell(self) -> Array:
         """Weight of a cell of the material of each point, per area of its face [Pa]."""
@@ -122,12 +124,11 @@ class Bulk:
     def drift(self) -> float:
         """Mass-weighted mean over the bulk of particle volume over cell volume, minus one.
 
-        A point that was flung away may have any volume; it counts with two cells at most. nan
-        without a bulk.
+        An ejected point may have any volume; it counts with two cells at most. nan without a bulk.
         """
         volume = np.minimum(self.state.volume, 2.0 * self.cell_volume)
         around = self.around(self.sum(volume)) / self.cell_volume
-        return self._mean(around.ravel()[self.own]) - 1.0
+        return self._mean(around.ravel()[self.cell_of]) - 1.0
 
     def strings(self) -> float:
         """Share of the cells inside the material whose fillings alternate; nan without any."""
@@ -198,12 +199,12 @@ def disconnected_fraction(
     Parameters
     ----------
     depth_cells, packed
-        Definition of the bulk, see `Bulk`. With `packed` = 0 it includes material that flies
+        Definition of the bulk, see `Bulk`. With `packed` = 0 it includes material in free flight
         inside a body.
     pressed : float
-        Count only points about which the mean pressure, over their cell and its neighbours, is at
-        least the weight of so many cells. With 1 material that flies, or hardly bears anything, as
-        above an outlet, does not count as disconnected.
+        Count only points around which the mean pressure, over their cell and its neighbours, is at
+        least the weight of so many cells. With 1, material in free flight or under hardly any
+        pressure, as above an outlet, does not count as disconnected.
 
     Returns
     -------
@@ -224,7 +225,7 @@ def density_drift(state: State, *, depth_cells: int = 2, packed: float = 0.9) ->
 
     In each cell and its occupied neighbours the sum of the particle volumes m/rho is divided by
     the volume of these cells; the ratio minus one is averaged, by mass, over the bulk. It is
-    positive where points have come closer together than their densities say, as with the scheme
+    positive where points have come closer together than their densities imply, as with the scheme
     of Dunatunga & Kamrin 2015 in 2D shear flow.
 
     Parameters
@@ -287,7 +288,7 @@ def ill_posed_fraction(state: State) -> float:
     Returns
     -------
     float
-        nan if nothing flows.
+        nan if no point flows.
 
     Raises
     ------
@@ -302,15 +303,15 @@ def ill_posed_fraction(state: State) -> float:
     number = np.asarray(getattr(state, "material", np.zeros(state.n)))[flowing]
     ill = np.zeros(len(mass), dtype=bool)
     for k, material in enumerate(state.scene.materials):
-        own = number == k
+        mask = number == k
         if hasattr(material, "xi"):
-            p = state.pressure[flowing][own]
-            ill[own] = ill_posedness(scaled[flowing][own], material, p) > 0
+            p = state.pressure[flowing][mask]
+            ill[mask] = ill_posedness(scaled[flowing][mask], material, p) > 0
     return float(mass[ill].sum() / mass.sum())
 
 
 def weights_at_limit(state: State, limit: float) -> float:
-    """Share, by mass, of the stressed points whose weights are held at their limit; nan of none.
+    """Share, by mass, of the stressed points whose weights are at their limit; nan of none.
 
     Parameters
     ----------
@@ -327,7 +328,7 @@ def weights_at_limit(state: State, limit: float) -> float:
 def gap_fraction(state: State) -> float:
     """Number of empty cells between cells with stressed points, over the number of the latter.
 
-    This concerns bodies under tension; beside such bodies grains do not count. Once their points
+    This concerns bodies under tension; grains around such bodies do not count. Once their points
     are a cell apart, cells between them are empty and the grid no longer connects them: the body is
     torn by the discretisation, not by its constitutive law.
 

@@ -1,4 +1,4 @@
-"""Forces on bodies and walls of which planes of symmetry leave a part."""
+"""Forces on bodies and walls that planes of symmetry cut."""
 
 from collections.abc import Sequence
 
@@ -15,8 +15,8 @@ from granular.shapes.shape import turned
 def cut_axes(scene: Scene, part: Body | WallOrBlock) -> tuple[int, ...]:
     """Axes normal to the planes of symmetry that cut a body, wall or block.
 
-    What only touches a plane, or stands apart from it, has its image in another body or wall of the
-    whole set-up; and a wall on the plane of symmetry is not a wall of it.
+    A body or wall that only touches a plane, or is apart from it, has another one as its image in
+    the whole set-up; a wall on the plane of symmetry does not belong to the whole set-up.
     """
     return tuple(axis for axis in mirror_axes(scene) if _is_cut(scene, part, axis))
 
@@ -47,7 +47,7 @@ def torques_of_whole(
     """The same for torques, shape (n,) in 2D and (n, 3) in 3D, of some forces (n, dim).
 
     An image has the component normal to its plane, and the opposite of the others; in 2D the torque
-    is in the plane of symmetry. The torques are about places whose distances from the planes are
+    is in the plane of symmetry. The torques are about points whose distances from the planes are
     `arms` (n, dim), by default 0.
     """
     if not axes:

@@ -58,7 +58,8 @@ def cylinder_profile(
     Figure 9 of Haeri & Skonieczny 2021 shows the velocity about the axis, divided by that of the
     inner cylinder, at the top surface. Here velocities are displacements from one frame to the
     next divided by the time between them. The velocity that a point stores is not used: it differs
-    from that of the grid by what its transfer retains, a sixth of it next to a no-slip wall.
+    from that of the grid by the part that the transfer retains, a sixth of it next to a no-slip
+    wall.
 
     Parameters
     ----------
@@ -68,7 +69,7 @@ def cylinder_profile(
         Radii of the edges of the rings [m], ascending, >= 0; by default rings about one cell wide
         between the scene's parameters ``inner`` and ``outer``.
     above, below : float, optional
-        Keep the points between these elevations [m] at the later frame; in 3D only.
+        Use the points between these elevations [m] at the later frame; in 3D only.
     axis : (x, y)
         Position of the axis [m].
 
@@ -87,12 +88,12 @@ def cylinder_profile(
     high = np.inf if below is None else finite("below", below)
     sums = np.zeros((5, len(bounds) - 1))
     for before, after in pairwise(states):
-        r, omega, outward, kept = _turned(before, after, centre)
+        r, omega, outward, rows = _turned(before, after, centre)
         keep = (r >= bounds[0]) & (r < bounds[-1]) & (r > 0)
         if after.x.shape[1] == 3:
-            up = np.asarray(after.x)[kept, 2]
+            up = np.asarray(after.x)[rows, 2]
             keep &= (up >= low) & (up < high)
-        m = np.asarray(after.mass, dtype=float)[kept][keep]
+        m = np.asarray(after.mass, dtype=float)[rows][keep]
         r, omega, outward = r[keep], omega[keep], outward[keep]
         ring = np.searchsorted(bounds, r, side="right") - 1
         parts = (m, m * r, m * omega, m * omega**2, m * outward)

@@ -29,7 +29,7 @@ DERIVED: dict[str, tuple[Callable[[State], Any], str]] = {
 """Function of a state and unit of each quantity; units in 2D are per metre of depth."""
 
 STANDARD = ("pressure", "shear_stress", "density", "speed")
-"""Quantities that are exported unless others are asked for."""
+"""Quantities that are exported by default."""
 
 
 def check_derived(name: str, value: object) -> tuple[str, ...]:
@@ -55,17 +55,18 @@ def check_derived(name: str, value: object) -> tuple[str, ...]:
 
 
 def derived(state: State, name: str) -> NDArray[Any]:
-    """Values of the points, shape (n,), of float64, or of int64 for what is true or false.
+    """Values of the points, shape (n,), of float64, or of int64 for quantities that are true or
+    false.
 
     Raises
     ------
     ValueError
-        If the scene has not what it takes, such as a grain diameter.
+        If the scene lacks a number that it needs, such as a grain diameter.
     """
     if state.n == 0:
         return np.zeros(0, dtype=np.int64 if name in ("dense", "phase") else float)
-    found = np.asarray(DERIVED[name][0](state))
-    return found.astype(np.int64) if found.dtype == bool else found.astype(float)
+    values = np.asarray(DERIVED[name][0](state))
+    return values.astype(np.int64) if values.dtype == bool else values.astype(float)
 
 
 def with_derived(state: State, names: Iterable[str]) -> dict[str, NDArray[Any]]:

@@ -38,9 +38,9 @@ class MassHistory:
     share : float
         Part of the full silo that is modelled: 1, or 1/2 or 1/4 between planes of symmetry.
     total : bool
-        True if `mass` is that of the full silo.
+        True if `mass` is the mass of the full silo.
     opening : EffectiveOpening or None
-        Width as which the opening acts, if that is known.
+        Effective width of the opening, if that is known.
     """
 
     times: Array
@@ -72,10 +72,10 @@ class Discharge:
         Mass in the silo at these times [kg; in 2D per metre of depth], of the same part as the
         rate.
     opening : EffectiveOpening or None
-        Width as which the opening acts in these cells; None where that was not measured.
+        Effective width of the opening in these cells; None where that was not measured.
     corrected : float
-        Rate of an opening that acts as wide as it is between its edges, ``opening.width``: `rate`
-        times ``opening.factor`` [kg/s]; nan where that is not known.
+        Rate of an opening whose effective width is that between its edges, ``opening.width``:
+        `rate` times ``opening.factor`` [kg/s]; nan where that is not known.
     corrected_uncertainty : float
         Uncertainty of `corrected` by that of the effective opening and by half of `window_spread`,
         added in squares [kg/s].

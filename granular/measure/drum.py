@@ -39,8 +39,7 @@ class DrumFlow:
     flux : ndarray, shape (k,)
         ``thickness * speed`` [m2/s].
     balance : ndarray, shape (k,)
-        Flux that brings down what the rigid bed below the layer carries up [m2/s]; see
-        `drum_flow`.
+        Flux down the slope that balances the rigid bed below the layer [m2/s]; see `drum_flow`.
     frames : int
         Number of frames.
     """
@@ -82,9 +81,9 @@ def drum_flow(
 
     For a thin layer on a half-filled drum this is omega (R^2 - s^2)/2 (Elperin & Vikhansky 1998,
     Europhys. Lett. 42, 619; Orpe & Khakhar 2001, Phys. Rev. E 64, 031302). While the slope still
-    grows, less flows down: the volume (at rho_c) by which the material beyond the section grows
-    from the first frame to the last, over the time between them, is taken off the balance. Flux
-    and balance agree only if material keeps its density and does not slip at the wall.
+    grows, the flux is smaller: the volume (at rho_c) by which the material beyond the section grows
+    from the first frame to the last, over the time between them, is subtracted from the balance.
+    Flux and balance agree only if material keeps its density and does not slip at the wall.
 
     Parameters
     ----------
@@ -101,7 +100,7 @@ def drum_flow(
     Returns
     -------
     DrumFlow
-        Of the sections in which a layer was found above a bed, none if there is no flow.
+        Of the sections with a layer above a bed; none if there is no flow.
 
     Raises
     ------
@@ -152,7 +151,7 @@ def drum_flow(
 
 
 def _known(parameters: object, name: str, given: float | None) -> float:
-    """Return what was given, or else the parameter of the scene."""
+    """Return the given value, or else the parameter of the scene."""
     if given is not None:
         return given
     if name not in parameters:  # type: ignore[operator]

@@ -1,8 +1,8 @@
-"""Width as which an opening acts: cells make it seem wider or narrower by a part of a cell.
+"""Effective width of an opening: in cells it acts wider or narrower by a part of a cell.
 
-A rate of discharge goes with the power dim - 1/2 of the width. Its limit in fine cells so gives the
-width as which an opening of n cells acts, and that differs from its own by about the same part of a
-cell for any n (`docs/how-to/choose_a_scheme.md` has the runs).
+A rate of discharge is proportional to the power dim - 1/2 of the width. Its limit in fine cells
+thus gives the effective width of an opening of n cells, which differs from the width between its
+edges by about the same part of a cell for any n (`docs/how-to/choose_a_scheme.md` has the runs).
 """
 
 from dataclasses import dataclass
@@ -14,11 +14,11 @@ WIDER = {
     ("quadratic", "SmoothedDensity"): (-1.05, 0.1),
     ("linear", "CellAveragedDensity"): (-1.4, 0.1),
 }
-"""Cells by which a slot acts wider than it is between its edges, and half of the scatter.
-
-Of slots in a 2D floor of grid walls, 8 to 32 cells and two seeds, against the limit of each scheme,
-for a mu(I) law. The limits differ by 2 % in the rate. Edges of bodies are not among them, as they
-depend on the contact: -1.1 cells between plates with friction, -2.3 where material sticks.
+"""Cells by which the effective width of a slot exceeds that between its edges, and half of the
+scatter. Measured with slots in a 2D floor of grid walls, 8 to 32 cells and two seeds, against the
+limit of each scheme, for a mu(I) law. The limits differ by 2 % in the rate. Edges of bodies are not
+included, because they depend on the contact: -1.1 cells between plates with friction, -2.3 where
+material sticks.
 """
 EDGES = 2.0
 """Cells between the edges of the bottom of `scenes.silo` beyond its orifice, if that is counted
@@ -27,7 +27,7 @@ from the last free node as in the paper."""
 
 @dataclass(frozen=True, kw_only=True)
 class EffectiveOpening:
-    """Width as which an opening acts.
+    """Effective width of an opening.
 
     Attributes
     ----------
@@ -35,11 +35,11 @@ class EffectiveOpening:
         Width between its edges [m]: that of the orifice, or two cells more in a `scenes.silo` whose
         `edge` is "last_free_node".
     effective : float
-        Width as which it acts in cells of this size [m].
+        Effective width in cells of this size [m].
     uncertainty : float
-        Of that width [m]: the half width of what was measured.
+        Uncertainty of that width [m], half of the measured scatter.
     power : float
-        Power of the width with which a rate goes, dim - 1/2.
+        Power of the width to which a rate is proportional, dim - 1/2.
     """
 
     width: float
@@ -67,7 +67,7 @@ class EffectiveOpening:
 
     @property
     def factor(self) -> float:
-        """Factor that turns the rate of a run into that of the width between the edges."""
+        """Factor that converts the rate of a run to the width between the edges."""
         return (self.width / self.effective) ** self.power
 
     @property

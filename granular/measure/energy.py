@@ -20,7 +20,7 @@ class Energy:
     ----------
     kinetic, gravitational, elastic : float
         The three energies. Gravitational energy is zero at the grid's lower corner. Periodic axes
-        are left out of it, because a force along them has no potential.
+        do not contribute, because a force along them has no potential.
     """
 
     kinetic: float
@@ -51,8 +51,8 @@ class EnergyBudget:
     dissipated : ndarray
         The remainder: gravity_work - (change of kinetic + elastic) - outflow. It should never
         decrease beyond the error of the finite differences; otherwise the scheme creates energy.
-        What bodies and walls that move do on the material is not part of it: with them it is the
-        dissipation less their work (`body_motion` has that of bodies).
+        The work of moving bodies and walls is not part of it: with them it is the dissipation less
+        their work (`body_motion` has that of bodies).
     """
 
     times: Array

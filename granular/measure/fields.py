@@ -29,7 +29,7 @@ def smooth(state: State, field: str | ArrayLike) -> Array:
 
     ``f_i = sum_p S_ip m_p f_p / sum_p S_ip m_p``, then ``f_p = sum_i S_ip f_i``, with multilinear
     shape functions S (Dunatunga & Kamrin 2015, eqs. 4.1-4.3). This is meant for plots of stress and
-    pressure; rates and other measures of deformation are best shown as they are.
+    pressure; rates and other measures of deformation are best plotted without it.
 
     Parameters
     ----------
@@ -115,8 +115,7 @@ def phase(state: State, *, tolerance: float = 1e-9) -> NDArray[np.bool_]:
     """Mask of the points that are dense (True) or disconnected (False) by the nodal density.
 
     A point is dense if `nodal_density` there is at least rho_c (Dunatunga & Kamrin 2015, figure
-    7). This depends on the positions of the points only; ``state.dense`` depends on the pressure
-    that they carry.
+    7). This depends on the positions of the points only; ``state.dense`` depends on their pressure.
 
     Parameters
     ----------

@@ -105,9 +105,9 @@ def surface(
     Parameters
     ----------
     region : (x0, x1), optional
-        Keep the points with x0 <= x < x1 [m] (radii in 3D).
+        Use the points with x0 <= x < x1 [m] (radii in 3D).
     above, below : float, optional
-        Keep the points with elevations from `above` to `below` [m], for example the crater or the
+        Use the points with elevations from `above` to `below` [m], for example the crater or the
         lower heap of an hourglass. Heights are counted from `above` if given, otherwise from the
         floor of the grid.
     along : {"radius", "x"}
@@ -144,8 +144,8 @@ def runout(
     The half-width is the distance from the plane x = `centre` (in 3D from the vertical axis
     through the origin). Halves and quarters cut by symmetry planes at the centre are recognised by
     the grid's lower corner. ``max(x)`` is not offered, because single points fly far.
-    The measure is that of Dunatunga & Kamrin 2015, section 4.1. A warning tells of material that is
-    connected up to a side of the grid: its edge is then that of the grid, or of a bed below.
+    The measure is that of Dunatunga & Kamrin 2015, section 4.1. Material that is connected up to a
+    side of the grid raises a warning, because its edge is then that of the grid, or of a bed below.
 
     Parameters
     ----------
@@ -155,8 +155,8 @@ def runout(
     centre : float
         Centre of the initial column along x [m]; in 2D only, and on a grid line.
     above : float, optional
-        Elevation [m] of the surface of a bed that the column stands on: what is below does not
-        count. By default all the material counts, from the floor of the grid on.
+        Elevation [m] of the surface of a bed below the column: material below it does not count. By
+        default all the material counts, from the floor of the grid on.
 
     Raises
     ------
@@ -273,12 +273,12 @@ def _sides(state: State, centre: float) -> list[tuple[bool, list[float]]]:
     """For each horizontal axis, whether a symmetry plane at the centre cuts it, and the distances
     from the centre of its other sides."""
     grid = state.scene.grid
-    found = []
+    sides = []
     for axis, middle in enumerate((centre,) if len(grid.shape) == 2 else (0.0, 0.0)):
         low, high = grid.lower[axis], grid.lower[axis] + grid.cell * grid.shape[axis]
         cut = bool(low > middle - grid.cell / 2)
-        found.append((cut, [high - middle] if cut else [middle - low, high - middle]))
-    return found
+        sides.append((cut, [high - middle] if cut else [middle - low, high - middle]))
+    return sides
 
 
 def _nearest_side(state: State, centre: float) -> float:

@@ -1,4 +1,4 @@
-"""Mode of flow of a hopper: the speed at its walls beside that at its axis."""
+"""Mode of flow of a hopper: the speed at its walls over the speed at its axis."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Errors of the stress-free gas and of the constant density, estimated after the run.
 
-Dunatunga & Kamrin 2015, appendix A; the closed forms are those of `granular.theory.kinetic`.
+Dunatunga & Kamrin 2015, appendix A; the closed forms are in `granular.theory.kinetic`.
 """
 
 from __future__ import annotations

@@ -83,8 +83,8 @@ def mean_pressure_error(
     depth_cells : int
         Leave out cells with fewer than this many filled cells above them.
     per_column : bool
-        True to compare with the weight of each column by itself (the overburden error of a heap),
-        False to compare with that of the mean layer.
+        True to compare with the weight of each single column (the overburden error of a heap),
+        False to compare with the mean layer.
 
     Raises
     ------
@@ -101,11 +101,11 @@ def mean_pressure_error(
     axis = weight.ndim - 1
     field = -np.asarray(state.stress)[:, axis] if of == "normal" else state.pressure
     mean = cell_average(state, field, weight="volume")
-    own = tuple(mean.cells.T)
-    deep = filled[own] & (top[own] - mean.cells[:, axis] >= depth_cells)
+    occupied = tuple(mean.cells.T)
+    deep = filled[occupied] & (top[occupied] - mean.cells[:, axis] >= depth_cells)
     if not deep.any():
         raise ValueError(f"no cell has depth_cells = {depth_cells} filled cells above it")
-    expected, volume = weight[own][deep], mean.weight[deep]
+    expected, volume = weight[occupied][deep], mean.weight[deep]
     error = np.sum(volume * (mean.value[deep] - expected) ** 2)
     return float(np.sqrt(error / np.sum(volume * expected**2)))
 

@@ -24,7 +24,7 @@ class Opening:
     axis : float
         Position of its middle along x [m]; for half a silo this is the plane of symmetry.
     floor : float
-        Elevation of the bottom that it is in [m].
+        Elevation of the bottom that contains it [m].
     half : bool
         True if only one side of the axis is modelled.
     {raises}.
@@ -79,7 +79,7 @@ class Opening:
 
 
 def opening_of(state: State, given: Opening | None) -> Opening:
-    """Return the opening that was given, or else that of the state's scene.
+    """Return the given opening, or else the opening of the state's scene.
 
     Raises
     ------

@@ -188,8 +188,8 @@ def grain_diameter(state: State, d: float | None = None) -> float:
     given = next(iter(known)) if d is None else d
     if given is None:
         raise ValueError(
-            "d = None: the material knows no grain diameter (a MuI that is given by xi alone, or a "
-            "law of one's own); give it I0 and d in place of xi, or pass d in metres"
+            "d = None: the material has no grain diameter (a MuI that is given by xi alone, or a "
+            "user-defined law); give it I0 and d in place of xi, or pass d in metres"
         )
     return positive("d", given)
 
@@ -218,9 +218,7 @@ def inertial_number(state: State, *, d: float | None = None, rho_s: float | None
     require_points(state)
     given = state.of_material("rho_s") if rho_s is None else positive("rho_s", rho_s)
     if np.isnan(given).all():
-        raise ValueError(
-            "rho_s = None: the material knows no density of grains; pass rho_s [kg/m3]"
-        )
+        raise ValueError("rho_s = None: the material has no density of grains; pass rho_s [kg/m3]")
     return grain_diameter(state, d) * np.sqrt(given) * _rate_over_root_pressure(state)
 
 

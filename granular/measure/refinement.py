@@ -1,4 +1,4 @@
-"""Extrapolation of a number to cells without end in fineness."""
+"""Extrapolation of a number to infinitely fine cells."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from granular.measure.averaging_grid import Array
 from granular.tools.checks import array, in_range
 
 ORDERS = (0.5, 4.0)
-"""Orders among which that of a fit is sought."""
+"""Orders among which a fit is sought."""
 
 AT_END = 1e-3
 """Distance from the ends of this range within which a search ends there."""
@@ -34,7 +34,7 @@ class Extrapolation:
     slope : float
         a of y = y_0 + a dx^p.
     residual : float
-        Root mean square of what the values differ from the fit by.
+        Root mean square of the differences between the values and the fit.
     """
 
     limit: float
@@ -47,8 +47,8 @@ class Extrapolation:
 def _fit(cells: Array, values: Array, order: float) -> tuple[Array, float]:
     """Limit and slope that fit best at an order, and the sum of the squared differences."""
     terms = np.column_stack([np.ones_like(cells), cells**order])
-    found = np.asarray(np.linalg.lstsq(terms, values, rcond=None)[0], float)
-    return found, float(np.sum((terms @ found - values) ** 2))
+    parameters = np.asarray(np.linalg.lstsq(terms, values, rcond=None)[0], float)
+    return parameters, float(np.sum((terms @ parameters - values) ** 2))
 
 
 def _best_order(cells: Array, values: Array) -> float:
@@ -56,21 +56,21 @@ def _best_order(cells: Array, values: Array) -> float:
     tried = np.linspace(*ORDERS, 36)
     best = int(np.argmin([_fit(cells, values, p)[1] for p in tried]))
     around = (tried[max(best - 1, 0)], tried[min(best + 1, len(tried) - 1)])
-    found = scipy.optimize.minimize_scalar(
+    minimum = scipy.optimize.minimize_scalar(
         lambda p: _fit(cells, values, p)[1], bounds=around, method="bounded"
     )
-    return float(found.x)
+    return float(minimum.x)
 
 
 def richardson(cells: ArrayLike, values: ArrayLike, *, order: float | None = None) -> Extrapolation:
     """Richardson extrapolation: the limit y_0 of y = y_0 + a dx^p as dx tends to 0.
 
     All values have the same weight. Where the result of a run scatters, for instance with the
-    place of an opening in the grid, give several values for each size of the cells.
+    position of an opening in the grid, give several values for each size of the cells.
 
     The uncertainty is the standard error of the limit in a least-squares fit, linear about it,
-    times the quantile of Student's t for 95 %. With as many values as parameters nothing is left
-    to tell the scatter; then it is the grid convergence index of Roache (1994, J. Fluids Eng. 116,
+    times the quantile of Student's t for 95 %. With as many values as parameters the scatter is
+    unknown; the uncertainty is then the grid convergence index of Roache (1994, J. Fluids Eng. 116,
     405): the distance between limit and finest value, times 1.25 with an order that is fitted and
     times 3 with one that is assumed.
 

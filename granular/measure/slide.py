@@ -22,7 +22,7 @@ class SlideHistory:
     times : ndarray, shape (k,)
         Times [s].
     front, rear : ndarray, shape (k,)
-        Places x behind which, and before which, the share of the mass lies [m].
+        Positions x behind which, and before which, the share of the mass lies [m].
     centre : ndarray, shape (k, dim)
         Centre of mass [m].
     velocity : ndarray, shape (k, dim)
@@ -42,8 +42,9 @@ class SlideHistory:
     def energy_line(self) -> float:
         """Drop of the centre of mass from first to last over its horizontal distance.
 
-        The drop pays the friction. For a block that rides on its friction alone it is the friction
-        coefficient; bends and what is dissipated inside make it more.
+        The energy of the drop is dissipated by friction. For a block with friction at its base
+        alone the ratio is the friction coefficient; bends and dissipation in the material make it
+        larger.
         """
         way = self.centre[-1] - self.centre[0]
         return float(-way[-1] / np.linalg.norm(way[:-1]))

@@ -67,7 +67,7 @@ class WheelHistory:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class FailureSurface:
-    """Lower boundary of the moving material, column by column; nan where nothing moves.
+    """Lower boundary of the moving material, column by column; nan where no cell moves.
 
     Attributes
     ----------
@@ -229,10 +229,10 @@ def failure_surface(
         below = np.flatnonzero(~moving[column, : highest[column] + 1])
         lowest[column] = below[-1] + 1 if len(below) else 0
     base = grid.lower[2]
-    found = filled.any(axis=1) & (lowest <= highest)
+    exists = filled.any(axis=1) & (lowest <= highest)
     return FailureSurface(
         x=grid.lower[0] + grid.cell * (np.arange(shape[0], dtype=float) + 0.5),
-        z=np.where(found, base + grid.cell * lowest, np.nan),
+        z=np.where(exists, base + grid.cell * lowest, np.nan),
         top=np.where(filled.any(axis=1), base + grid.cell * (highest + 1), np.nan),
         speed=limit,
     )
@@ -242,7 +242,7 @@ def strain_history(states: States) -> StrainHistory:
     """Elastic strain of Hencky materials (Haeri & Skonieczny 2021, figure 6).
 
     The strain follows from the stored stress and density: the Kirchhoff stress is rho_c/rho times
-    the stress, and its deviator is 2 G h. Plastic flow keeps the volume in each step, so that
+    the stress, and its deviator is 2 G h. Plastic flow preserves the volume in each step, so that
     det F^p of figure 7 is 1 to round-off and needs no history. `granular.measure.density_drift`
     measures how far the density of the points is from the volume that they occupy.
 

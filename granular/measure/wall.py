@@ -18,8 +18,8 @@ def wall_force(
     """Window averages of the force and the torque of the material on a wall or block.
 
     Each average is a difference of impulses over a difference of times, hence the exact mean over
-    all steps in between. See `granular.mpm.simulation.Simulation.walls` for what counts for which
-    wall.
+    all steps in between. See `granular.mpm.simulation.Simulation.walls` for the impulses that count
+    for each wall.
 
     Parameters
     ----------
@@ -33,7 +33,8 @@ def wall_force(
         True for the whole wall or block, also if planes of symmetry cut it
         (`granular.model.symmetric`): across a plane the forces cancel, along it they double. False
         for the part that is modelled.
-        A wall that no plane cuts has its image in another one, and is as it is; so is the plane.
+        A wall that no plane cuts has another wall as its image, and is not changed; nor is the wall
+        on the plane.
 
     Raises
     ------

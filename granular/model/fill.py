@@ -28,7 +28,7 @@ Vector = tuple[float, ...]
 class Fill:
     """Material that fills a region at the start, as points on a regular seeding lattice.
 
-    Points keep out of the bodies of a scene: where a body cuts the square (cube) of a site, the
+    Points are outside of the bodies of a scene: where a body cuts the square (cube) of a site, the
     point is at the centroid of the open part and has the volume of that part, so that the first row
     follows the surface. Parts of less than a tenth go to a neighbour. Where the centroid is within
     a body, outside of the region or in another fill, as in a wedge, the point is in the nearest
@@ -38,41 +38,41 @@ class Fill:
     ----------
     region : Region
         Region to fill: every site of the seeding lattice that lies inside gets a point. The surface
-        of a shape, or of a `Layer`, cuts squares as bodies do; a box that is not turned, by itself,
+        of a shape, or of a `Layer`, cuts squares as bodies do; a single box that is not turned
         holds whole squares. A `Cloud` holds the points itself. In SPH all squares are whole.
     points_per_cell : int
         Points in a full cell: q^2 in 2D, q^3 in 3D, with an integer q.
     density : float or None
-        Initial density [kg/m3]; None for the material's `rho_c`. Grains have the pressure that
-        goes with it, K ln(rho/rho_c) if that is positive; cohesive ones that are looser have come
-        apart, and cohere once they touch. Must be None in a lithostatic fill.
+        Initial density [kg/m3]; None for the material's `rho_c`. Grains have the corresponding
+        pressure, K ln(rho/rho_c) if that is positive; cohesive ones of a lower density are
+        separated, and cohere once they touch. Must be None in a lithostatic fill.
     velocity : tuple of float, length dim, or None
         Initial velocity [m/s]; None for rest.
     jitter : float
         Amplitude of a random displacement, 0 to 1: it is uniform within +- jitter/2 point spacings
-        along each axis. A point that would leave the region, or come nearer to a body beside it,
-        stays where it is.
+        along each axis. A point that would leave the region, or come nearer to a body, is not
+        displaced.
     stagger : bool
-        If True, each column of points along the last axis is raised or lowered by its own part of
-        half a point spacing. For material that a body carries across the grid: the points of a row
-        then cross a line of nodes one after the other and not all at once. A `Cloud` stays as it
-        is.
+        If True, each column of points along the last axis is raised or lowered by a different part
+        of half a point spacing. Use it for material that a body carries across the grid: the points
+        of a row then cross a line of nodes one after the other and not all at once. A `Cloud` is
+        not changed.
     lithostatic : bool
         If True, the material bears its weight from the start: each point has the vertical stress of
-        the depth below the top of the region above it, against gravity, and the density that goes
-        with the mean of its stresses. This is an equilibrium where the top is level, and below a
-        slope of one angle. The weight of other lithostatic fills above it is added. If False,
-        grains have the pressure of their density, and an elastic material is stress-free; with
-        Hencky's law it too has the pressure of its density.
+        the depth below the top of the region above it, against gravity, and the density that
+        corresponds to the mean of its stresses. This is an equilibrium where the top is level, and
+        below a slope of one angle. The weight of other lithostatic fills above it is added. If
+        False, grains have the pressure of their density, and an elastic material is stress-free;
+        with Hencky's law it also has the pressure of its density.
     K0 : float or None
         Ratio of the horizontal to the vertical stress of a lithostatic fill, > 0, within yield of
-        its material. None for that of material that has settled by its weight alone,
+        its material. None for the ratio of material that has settled by its weight alone,
         `Material.K0`: nu/(1 - nu), or more if that yields. It is 1 - sin(phi) in many sands (Jaky
         1944); compaction makes it larger, up to the passive limit. Must be None in a fill that is
         not lithostatic.
     material : Material or None
-        Material of this fill; None for that of the scene. Several materials share one velocity
-        field, so that they stick to each other where they meet.
+        Material of this fill; None for the material of the scene. Several materials share one
+        velocity field, so that they stick to each other where they meet.
     {raises}.
     """
 

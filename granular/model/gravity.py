@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from granular.tools.checks import ascending, check_fields, finite, sequence, set_fields, vector
 
 EARTH = 9.81
-"""Gravity of the earth [m/s2]: the default of all of `granular.theory`. Scenes that follow a paper
-have that of the paper, so that a comparison with them passes it on."""
+"""Gravity of the earth [m/s2]: the default of all of `granular.theory`. Scenes of a paper have the
+gravity of the paper, so that a comparison with them must pass it on."""
 DUNATUNGA_KAMRIN = 9.8
 """Gravity of Dunatunga & Kamrin 2015 and of the scenes after it [m/s2]."""
 
@@ -54,10 +54,11 @@ class Gravity:
         return np.array([np.interp(t, self.times, g) for g in zip(*self.vectors, strict=True)])
 
     def swings(self, begin: float, end: float, window: float) -> bool:
-        """True if gravity takes a longer way than to its change, by a hundredth, in a window [s].
+        """True if the path of gravity in a window [s] is longer, by a hundredth, than its net
+        change.
 
-        The windows follow each other from `begin` to `end` [s]. Work of such a gravity does not
-        follow from what is known at the ends of the windows.
+        The windows follow each other from `begin` to `end` [s]. The work of such a gravity does not
+        follow from the states at the ends of the windows.
         """
         times = np.array(self.times)
         inside = times[(times > begin) & (times < end)]

@@ -1,4 +1,4 @@
-"""The grid, and places on it."""
+"""The grid, and positions on it."""
 
 from __future__ import annotations
 
@@ -23,9 +23,10 @@ LINE_TOLERANCE = 1e-9
 """Largest distance, in cells, at which a coordinate still counts as on a grid line, near the
 origin; see `Grid.slack`."""
 ROUNDINGS = 64
-"""Roundings of a coordinate that add up in places made of sums and products of a few numbers."""
+"""Rounding errors of a coordinate that add up in positions made of sums and products of a few
+numbers."""
 COARSEST = 0.01
-"""Largest `Grid.slack`: what is nearer to a line than this would have no cell of its own."""
+"""Largest `Grid.slack`: points nearer to a line than this could not be assigned to a cell."""
 MAX_COUNT = 2**31 - 1
 """Largest number of cells or points; the core counts them with 32 bits."""
 

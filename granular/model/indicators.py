@@ -44,20 +44,20 @@ spheres. That of the ready scenes is 0.15 at most, under a wheel on sand of E = 
 
 TWICE = math.log(2.0)
 """Largest log-density of other materials, and the least of elastic bodies: twice or half of the
-density at rest. What rho_c is in a law of one's own is up to the law."""
+density at rest. The meaning of rho_c in a user-defined law depends on the law."""
 
 LOOSEST = math.log(1e6)
-"""Largest negative log-density of what may fly apart: the density of air over that of sand is
-1e-3, that of a spray that has grown a hundred times as wide 1e-6. The ready scenes have 2.5."""
+"""Largest negative log-density of material that may fly apart: the density of air over that of sand
+is 1e-3, that of a spray that has become a hundred times as wide 1e-6. The ready scenes have 2.5."""
 
 ENERGY = 0.05
 """Largest energy created that is ok, over the first energy and the sum of all work.
 
-Between what is sound and what is not: linear FLIP on an incline has 1e-6 up to c dt/dx = 0.7 and
-0.006 at 0.85, but 0.3 from 0.9 on, where it is unstable; ready scenes have up to 0.04. Sources that
-an account of every step has found there are the relaxation of the density, p dc, of material that
-is over-compressed (obstacle, 0.04), and quadrature weights whose descent overshoots in cells that
-hold half as much again as they should."""
+The limit separates sound runs from unsound ones: linear FLIP on an incline has 1e-6 up to c dt/dx =
+0.7 and 0.006 at 0.85, but 0.3 from 0.9 on, where it is unstable; ready scenes have up to 0.04. By
+an account of every step, the sources there are the relaxation of the density, p dc, of
+over-compressed material (obstacle, 0.04), and quadrature weights whose descent overshoots in cells
+that hold half as much again as a full cell."""
 
 
 def common(scene: BaseScene, limited: Collection[str]) -> tuple[Row, ...]:

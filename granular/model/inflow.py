@@ -1,4 +1,4 @@
-"""Inflows: places where material enters a running simulation."""
+"""Inflows: regions where material enters a running simulation."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 FULL = 1 + 1e-9
-"""Largest filling fraction of what enters; the excess over 1 is for rounding."""
+"""Largest filling fraction of entering material; the excess over 1 is for rounding."""
 
 
 def _times(name: str, value: object) -> tuple[float, float]:
@@ -54,9 +54,9 @@ class Inflow:
     The inlet is the upstream end of `region`, along the axis along which the velocity is largest; a
     column of points enters at each site of the seeding lattice across the stream. Columns
     enter one after the other, so that the mass that has entered is the rate times the time to
-    within a point, and the points of a column enter at the distance of the seeding lattice whatever
-    the time step. What enters depends on the time alone, so that a run is the same with any output
-    and any number of threads, and after a restart.
+    within a point, and the points of a column enter at the distance of the seeding lattice for any
+    time step. The points that enter depend on the time alone, so that a run is the same with any
+    output and any number of threads, and after a restart.
 
     Parameters
     ----------
@@ -70,27 +70,28 @@ class Inflow:
         inflow, and 1 in SPH.
     rate : float or None
         Mass that enters per time [kg/s; in 2D per metre of depth], which determines the density,
-        rate/(A v), with the area A of the inlet and the velocity v through it. None for what
-        `density` gives, rho A v. Must be None with a `density`, if `lithostatic`, and in SPH.
+        rate/(A v), with the area A of the inlet and the velocity v through it. None for the rate
+        that follows from `density`, rho A v. Must be None with a `density`, if `lithostatic`, and
+        in SPH.
     density : float or None
-        Density of what enters [kg/m3]; None for `rho_c` of the material, or what `rate` gives. It
-        must not exceed `rho_c`: such material is stress-free. Must be None if `lithostatic`, and in
-        SPH.
+        Density of the entering material [kg/m3]; None for `rho_c` of the material, or the density
+        that follows from `rate`. It must not exceed `rho_c`: such material is stress-free. Must be
+        None if `lithostatic`, and in SPH.
     lithostatic : bool
-        If True, what enters bears its weight from the start: its pressure is that of the depth
-        below the top of the region under the gravity across the stream, as of a layer that flows
-        down a slope. It is the same in all directions, as in a flow.
+        If True, the entering material bears its weight from the start: its pressure is that of the
+        depth below the top of the region under the gravity across the stream, as of a layer that
+        flows down a slope. It is the same in all directions, as in a flow.
     material : Material or None
-        Material that enters; None for that of the scene.
+        Material that enters; None for the material of the scene.
     times : tuple of (begin, end)
         Times [s] between which points enter; the end may be infinite.
     driven : bool
-        If False, points are free from the moment in which they enter. If the place of a point is
-        taken by others of its column, it waits for it, and those that are due in the meantime are
-        missed: the inlet is choked, and feeds what the flow below takes. `Simulation.inflows`
-        counts them.
-        If True, the region is full from the start, and all that is in it moves with the velocity,
-        whatever is in its way, up to the end of `times`: a piston, which does not yield. The
+        If False, points are free from the moment in which they enter. If the position of a point is
+        occupied by others of its column, it waits until it is free, and points that are due in the
+        meantime are missed: the inlet is choked, and feeds as much as the flow below admits.
+        `Simulation.inflows` counts the missed points.
+        If True, the region is full from the start, and all material in it moves with the velocity,
+        whatever is in its way, up to the end of `times`, like a piston that does not yield. The
         nodes of the grid that its points touch have this velocity, to the sides and upstream also
         those beyond it. It must begin at time 0. SPH has driven inflows only: its particles in the
         region have this velocity.
@@ -111,10 +112,10 @@ class Inflow:
     def __post_init__(self) -> None:
         kinds_of(self, region=Region)
         if isinstance(self.region, Cloud):
-            raise TypeError("region must not be a Cloud, whose points have places of their own")
+            raise TypeError("region must not be a Cloud, whose points have given positions")
         check_fields(self, vector, "velocity", dim=self.region.dim)
         if not any(self.velocity):
-            raise ValueError(f"velocity = {self.velocity} must not be 0: nothing would enter")
+            raise ValueError(f"velocity = {self.velocity} must not be 0: no material would enter")
         check_fields(self, positive, "rate", "density", optional=True)
         check_fields(self, _times, "times")
         set_fields(self, points_per_cell=self._fill().points_per_cell)
@@ -139,7 +140,7 @@ class Inflow:
 
     @property
     def axis(self) -> int:
-        """Axis along which the material enters: that of the largest component of the velocity."""
+        """Axis along which the material enters, with the largest component of the velocity."""
         return int(np.argmax(np.abs(self.velocity)))
 
     @property
@@ -154,7 +155,7 @@ class Inflow:
         return (lower if self.velocity[self.axis] > 0 else upper)[self.axis]
 
     def _fill(self, density: float | None = None) -> Fill:
-        """Fill of the region with what enters."""
+        """Fill of the region with the entering material."""
         return Fill(
             self.region,
             self.points_per_cell,
@@ -165,7 +166,7 @@ class Inflow:
         )
 
     def check(self, name: str, grid: Grid, rho_c: float) -> None:
-        """Refuse what does not fit the grid, or is denser than its material."""
+        """Refuse an inflow that does not fit the grid, or is denser than its material."""
         check_inside(name, grid, self.region)
         if not estimated_points(grid, replace(self, rate=None)._fill(), even=True):
             raise ValueError(f"{name} = {self} must hold at least one site of the seeding lattice")
@@ -188,11 +189,12 @@ class Inflow:
         )
 
     def area(self, grid: Grid) -> float:
-        """Area of the inlet [m2; in 2D m]: that of its sites."""
+        """Area of the sites of the inlet [m2; in 2D m]."""
         return len(self._sites(grid).x) * (grid.cell / self.points_per_axis) ** (grid.dim - 1)
 
     def density_in(self, grid: Grid, rho_c: float) -> float:
-        """Density of what enters [kg/m3], stress-free; `rho_c` is that of its material."""
+        """Density of the entering material [kg/m3], stress-free; `rho_c` is that of its
+        material."""
         if self.rate is not None:
             return self.rate / (self.area(grid) * self.speed)
         return rho_c if self.density is None else self.density
@@ -204,16 +206,16 @@ class Inflow:
     def _sites(self, grid: Grid, up: Sequence[float] | None = None, density: float = 1.0) -> Points:
         """Points at the upstream end of each column of the region along the stream."""
         fill = self._fill(None if self.lithostatic else density)
-        found = seed_points(grid, (fill,), 0, density, up=up, even=True)
-        along = found.x[:, self.axis] * math.copysign(1.0, self.velocity[self.axis])
-        place = (found.x - grid.lower) * (self.points_per_axis / grid.cell)
+        points = seed_points(grid, (fill,), 0, density, up=up, even=True)
+        along = points.x[:, self.axis] * math.copysign(1.0, self.velocity[self.axis])
+        place = (points.x - grid.lower) * (self.points_per_axis / grid.cell)
         across = np.floor(np.delete(place, self.axis, axis=1))
         _, column = np.unique(across, axis=0, return_inverse=True)
         order = np.lexsort((along, column.ravel()))
         begins = np.diff(column.ravel()[order], prepend=-1) != 0
         first = np.zeros(len(along), dtype=bool)
         first[order[begins]] = True
-        return Points(*(array[first] for array in vars(found).values()))
+        return Points(*(array[first] for array in vars(points).values()))
 
     def entering(self, grid: Grid, rho_c: float, up: Sequence[float] | None = None) -> Points:
         """Points that enter, one for each site, in their order; `rho_c` as of `rate_in`.
@@ -221,11 +223,11 @@ class Inflow:
         They enter at the upstream end of the region: a column of points, each of which stands for
         a spacing, then begins there in the mean over the columns.
         """
-        found = self._sites(grid, up, rho_c if self.lithostatic else self.density_in(grid, rho_c))
-        x = found.x.copy()
+        points = self._sites(grid, up, rho_c if self.lithostatic else self.density_in(grid, rho_c))
+        x = points.x.copy()
         x[:, self.axis] = self.plane
         # The upper end of a grid does not belong to any cell.
-        return replace(found, x=np.minimum(x, np.nextafter(grid.upper, grid.lower)))
+        return replace(points, x=np.minimum(x, np.nextafter(grid.upper, grid.lower)))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -237,7 +239,7 @@ class InflowState:
     points : int
         Number of points that have entered.
     missed : int
-        Number of points that were due and did not enter because their places were taken.
+        Number of points that were due and did not enter because their positions were occupied.
     mass : float
         Mass that has entered [kg; in 2D per metre of depth].
     momentum : ndarray, shape (dim,)
@@ -273,16 +275,16 @@ def inlet_points(scene: BaseScene, i: int) -> Points:
         size = math.hypot(*gravity)
         up = tuple((-gravity / size).tolist())
         share = size / math.hypot(*scene.gravity.at(0.0))
-    found = inflow.entering(grid, rho_c, up)
+    points = inflow.entering(grid, rho_c, up)
     # The depth that has the same pressure under the whole gravity.
-    fill = np.full(len(found.x), len(scene.fills) + i)
-    return replace(found, depth=found.depth * share, fill=fill)
+    fill = np.full(len(points.x), len(scene.fills) + i)
+    return replace(points, depth=points.depth * share, fill=fill)
 
 
 def standing_points(scene: BaseScene, i: int) -> Points:
     """Points that fill the region of a driven inflow at the start.
 
-    They are those that would have entered before, had it begun long ago.
+    They are the points that would have entered before if it had begun long ago.
     """
     inflow, grid = scene.inflows[i], scene.grid
     points, h = inlet_points(scene, i), grid.cell / inflow.points_per_axis

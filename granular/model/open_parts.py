@@ -1,8 +1,9 @@
 """Open parts of the squares (cubes) of a seeding lattice that bodies cut.
 
 Where a body cuts a square, its point lies at the centroid of the part outside of the body, and has
-the volume of that part: on a level floor half its own thickness off it. Where that is no place for
-it, as in a wedge between a ball and the end of the grid, it lies in the nearest piece of the part.
+the volume of that part: on a level floor at a height of half the thickness of the part. Where the
+centroid is not allowed, as in a wedge between a ball and the end of the grid, the point lies in the
+nearest piece of the part.
 """
 
 from __future__ import annotations
@@ -21,14 +22,14 @@ Array = NDArray[np.float64]
 LEVELS = 3
 """Number of times that a cut square is halved: the parts that are integrated are its eighths."""
 LEAST_SHARE = 0.1
-"""Least share of a square that is a point by itself; less is merged with a neighbour.
+"""Least share of a square that makes a separate point; smaller ones are merged with a neighbour.
 
 In a bed at rest on planes at 17 and 40 degrees, at three offsets, the pressure in the first half
 cell is 0.8 to 4 % above that of the depth with this share, 0.5 to 5 % with 0.2 and 0.3, and 3 to
 11 % with 0.5.
 """
 OPPOSITE = -0.5
-"""Cosine of the angle between normals below which two places count as on two sides of a body."""
+"""Cosine of the angle between normals below which two positions count as on two sides of a body."""
 NEIGHBOURS = 8
 """Nearest points among which the neighbour of a small part is looked for."""
 LEAST_NORMAL = 1e-3
@@ -92,13 +93,13 @@ def _pieces(
     normal: Array,
     mixed: NDArray[np.bool_],
 ) -> tuple[NDArray[np.int64], Array, Array, Array]:
-    """Open pieces of cut squares: index of the square, place, volume, and normal of the body.
+    """Open pieces of cut squares: index of the square, position, volume, and normal of the body.
 
-    Given are the signed distances `phi` of the squares from the body, the normals there, and which
-    squares are `mixed`, so that the boundary of the region cuts them.
+    `phi` are the signed distances of the squares from the body, with the normals there; the
+    boundary of the region cuts the `mixed` squares.
     """
     dim = centres.shape[1]
-    owner, found = np.arange(len(centres)), []
+    owner, pieces = np.arange(len(centres)), []
     for _ in range(LEVELS):
         edge *= 0.5
         reach = REACH * edge
@@ -106,12 +107,14 @@ def _pieces(
         owner, phi = np.repeat(owner, 2**dim), np.repeat(phi, 2**dim)
         mixed = np.repeat(mixed, 2**dim)
         normal = np.repeat(normal, 2**dim, axis=0)
-        # The centre of a piece is at most `reach` away from that of what it is a part of.
+        # The centre of a piece is at most `reach` away from that of its square.
         near = np.abs(phi) < 2 * reach
         phi[near], normal[near] = distance(centres[near])
         mixed[mixed] = region.cuts(centres[mixed], reach)
         whole = (phi >= reach) & ~mixed
-        found.append((owner[whole], centres[whole], np.full(whole.sum(), edge**dim), normal[whole]))
+        pieces.append(
+            (owner[whole], centres[whole], np.full(whole.sum(), edge**dim), normal[whole])
+        )
         left = (phi > -reach) & ~whole
         owner, centres, mixed = owner[left], centres[left], mixed[left]
         phi, normal = phi[left], normal[left]
@@ -125,9 +128,9 @@ def _pieces(
     plane = np.clip(plane, -edge * dim, edge * dim)
     share, height = plane_cut(plane, across, edge)
     at = centres + (height - plane)[:, None] * across
-    found.append((owner, at, share * edge**dim, normal))
-    index = np.concatenate([part[0] for part in found])
-    at, volume, normal = (np.concatenate([part[k] for part in found]) for k in (1, 2, 3))
+    pieces.append((owner, at, share * edge**dim, normal))
+    index = np.concatenate([part[0] for part in pieces])
+    at, volume, normal = (np.concatenate([part[k] for part in pieces]) for k in (1, 2, 3))
     inside = region.contains(at) & (volume > 0)
     return index[inside], at[inside], volume[inside], normal[inside]
 
@@ -137,7 +140,8 @@ def _grouped(
 ) -> tuple[NDArray[np.int64], Array, Array, NDArray[np.bool_]]:
     """Sum the pieces of each square, those on two sides of a thin body apart.
 
-    Returned are the squares, the places and volumes of the sums, and which of them have a place.
+    Returned are the squares, the positions and volumes of the sums, and which positions are
+    allowed.
     """
     _, first, of = np.unique(owner, return_index=True, return_inverse=True)
     away = (np.einsum("ij,ij->i", normal, normal[first][of]) < OPPOSITE).astype(np.int64)
@@ -154,31 +158,34 @@ def _grouped(
 def _put_in_pieces(
     x: Array, placed: NDArray[np.bool_], of: NDArray[np.int64], at: Array, space: OpenSpace
 ) -> None:
-    """Put sums that have no place where the nearest of their pieces that is open is, if any is."""
+    """Move sums without an allowed position to the nearest of their pieces that is open, if any
+    is."""
     pieces = np.flatnonzero(~placed[of])
     pieces = pieces[space.is_open(at[pieces])]
     gaps = np.linalg.norm(at[pieces] - x[of[pieces]], axis=1)
     pieces = pieces[np.argsort(gaps, kind="stable")]
-    found, first = np.unique(of[pieces], return_index=True)
-    x[found], placed[found] = at[pieces[first]], True
+    owners, first = np.unique(of[pieces], return_index=True)
+    x[owners], placed[owners] = at[pieces[first]], True
 
 
 def _merged(
     x: Array, volume: Array, placed: NDArray[np.bool_], edge: float, space: OpenSpace
 ) -> tuple[Array, Array]:
-    """Merge small parts, and those without a place, with the nearest point on the same side.
+    """Merge small parts, and those without an allowed position, with the nearest point on the same
+    side.
 
-    Small parts that have no such neighbour remain. What has no place for itself is then left out.
+    Small parts that have no such neighbour remain. Parts without an allowed position are then left
+    out.
     """
     distance = space.distance
     small = (volume < LEAST_SHARE * edge ** x.shape[1]) | ~placed
     stay = placed.copy()
-    kept = np.flatnonzero(~small)
-    if not small.any() or not len(kept):
+    large = np.flatnonzero(~small)
+    if not small.any() or not len(large):
         return x[stay], volume[stay]
-    count = min(NEIGHBOURS, len(kept))
-    gaps, order = scipy.spatial.cKDTree(x[kept]).query(x[small], k=[*range(1, count + 1)])
-    normal, others = distance(x[small])[1], kept[order]
+    count = min(NEIGHBOURS, len(large))
+    gaps, order = scipy.spatial.cKDTree(x[large]).query(x[small], k=[*range(1, count + 1)])
+    normal, others = distance(x[small])[1], large[order]
     facing = distance(x[others.ravel()])[1].reshape(*others.shape, -1)
     cosine = np.einsum("ij,ikj->ik", normal, facing)
     suits = (gaps < 1.5 * edge) & (cosine > OPPOSITE)
@@ -198,7 +205,7 @@ def _merged(
 
 
 def open_parts(sites: Array, edge: float, region: Region, space: OpenSpace) -> tuple[Array, Array]:
-    """Places and volumes of the points of a region that bodies are in.
+    """Positions and volumes of the points of a region that contains bodies.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Where the points of a fill may lie: the one rule for all that places them."""
+"""Positions allowed for the points of a fill, for all modules that place them."""
 
 from __future__ import annotations
 
@@ -13,23 +13,24 @@ from granular.shapes.region import Region
 
 Array = NDArray[np.float64]
 Distance = Callable[[Array], tuple[Array, Array]]
-"""Signed distances of places from the nearest surface, negative in the solid, and its normals."""
+"""Signed distances of positions from the nearest surface, negative in the solid, and its
+normals."""
 
 
 def nowhere(x: Array) -> tuple[Array, Array]:
-    """Return the distance from no body at all."""
+    """Return the infinite distance without any body."""
     return np.full(len(x), np.inf), np.zeros_like(x)
 
 
 def last_place(grid: Grid) -> Array:
-    """Last place of a grid [m]: its upper end does not belong to any cell."""
+    """Last position within a grid [m]: its upper end does not belong to any cell."""
     last: Array = np.nextafter(grid.upper, grid.lower)
     return last
 
 
 @dataclass(frozen=True)
 class OpenSpace:
-    """The places that are open to the points of a fill.
+    """The positions that are open to the points of a fill.
 
     Attributes
     ----------
@@ -48,16 +49,17 @@ class OpenSpace:
     others: Sequence[Region] = ()
 
     def contains(self, x: Array) -> NDArray[np.bool_]:
-        """True for the places, shape (n, dim) [m], that are the fill's own, bodies aside."""
-        found: NDArray[np.bool_] = np.all((x >= self.grid.lower) & (x < self.grid.upper), axis=1)
+        """True for the positions, shape (n, dim) [m], that belong to the fill, apart from
+        bodies."""
+        inside: NDArray[np.bool_] = np.all((x >= self.grid.lower) & (x < self.grid.upper), axis=1)
         if self.region is not None:
-            found[found] = self.region.contains(x[found])
+            inside[inside] = self.region.contains(x[inside])
         for other in self.others:
-            found[found] = ~other.contains(x[found])
-        return found
+            inside[inside] = ~other.contains(x[inside])
+        return inside
 
     def is_open(self, x: Array) -> NDArray[np.bool_]:
-        """True for the places that are the fill's own and in no body."""
-        found = self.contains(x)
-        found[found] = self.distance(x[found])[0] >= 0
-        return found
+        """True for the positions that belong to the fill and are in no body."""
+        is_inside = self.contains(x)
+        is_inside[is_inside] = self.distance(x[is_inside])[0] >= 0
+        return is_inside

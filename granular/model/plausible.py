@@ -1,7 +1,7 @@
-"""Numbers of a scene that no material or set-up has: slips of unit, of axis and of sign.
+"""Implausible numbers of a scene: mistakes of unit, of axis and of sign.
 
-Each limit has its source beside it, and all of them are here. They warn and refuse nothing: a run
-with such numbers goes on, and its results may be those of another material.
+All limits are here, each with its source. They only raise warnings: a run with such numbers goes
+on, and its results may be those of another material.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 FRICTION = (0.02, 1.5)
-"""Friction coefficients of grains: those of rounded smooth grains are 0.2 to 0.4, of broken rock
+"""Friction coefficients of grains: 0.2 to 0.4 for rounded smooth grains, for broken rock
 under little stress up to tan 55 deg = 1.4 (Leps 1970, J. Soil Mech. Found. Div. ASCE 96), and of
 smooth grains in lubricated contact 0.05 and less."""
 BULK = (5.0, 12e3)
@@ -34,38 +34,40 @@ SOLID = (5.0, 23e3)
 22,590."""
 LARGEST_LOADING = 10.0
 """Largest mass of a body over that of a cube of osmium that contains it: a plate may bear a load
-that is not seen, but steel in grams is 100 times more."""
+that is not modelled, but steel in grams is 100 times more."""
 STIFFEST = 1.2e12
-"""Largest Young's modulus of a solid, that of diamond [Pa]."""
+"""Largest Young's modulus of a solid, diamond [Pa]."""
 LARGEST_STRAIN = 0.0177
 """Largest weight of the material above its base over the modulus of compression K. Up to it the
 errors of softer grains were measured (`granular.economy.bias`): the run-out of a column is 3 % too
-short there, and what falls over its own height does so at a sixth of the speed of its waves."""
+short there, and material that falls over its own height has a sixth of the speed of its waves."""
 STIFF = 1e-3
-"""The same over E that guides ask for (docs/how-to/choose_a_stiffness.md)."""
+"""The same over E that guides recommend (docs/how-to/choose_a_stiffness.md)."""
 LARGEST_GRAVITY = 5e3
 """Largest gravity [m/s2], that of geotechnical centrifuges: 500 times that of the earth."""
 CENTRIFUGE = (0.01, 2.0)
-"""Cell and longest side of a domain [m] that are meant in a centrifuge: its boxes have 0.3 to
+"""Cell and longest side of a domain [m] that are plausible in a centrifuge: its boxes have 0.3 to
 1.5 m, and cells of a hundredth resolve them."""
 WEAKEST = 1.0
-"""Gravity [m/s2] that is meant as one; the moon has 1.62."""
+"""Gravity [m/s2] that is plausible; the moon has 1.62."""
 FASTEST_RIM = 120.0
 """Largest speed [m/s] of the rim of a tool: grinding and cut-off discs have 80 to 100."""
 LARGEST_GRAIN = 0.5
 """Largest diameter of a grain over the longest side of the domain; a silo may be five grains wide,
 a column of a layer three."""
 BOULDER = 0.5
-"""Diameter of a grain [m] from which it is hardly meant to be resolved by cells."""
+"""Diameter of a grain [m] from which it is implausible that cells resolve it."""
 LIKELY = 200.0
-"""Density [kg/m3] below which none is offered for a slip; that of cork and expanded perlite."""
+"""Least density [kg/m3] that is suggested instead of a mistake; that of cork and expanded
+perlite."""
 DENSE, DILUTE = 1.05, 0.05
 """Densities of fills over rho_c. Above, the pressure at the start is a part of the stiffness;
-below, it is a gas, and not what these laws are for. An inflow may be a rain of any density."""
+below, the material is a gas, for which these laws are not made. An inflow may be a rain of any
+density."""
 MOST_STEPS = 1e9
-"""Steps after which nobody waits: at least a week where a step takes a millisecond."""
+"""Implausibly many steps: at least a week where a step takes a millisecond."""
 INERTIA = (1e-6, 1e3)
-"""Moments of inertia over m R^2, R the distance of the farthest place of a body. That of a rod a
+"""Moments of inertia over m R^2, R the distance of the farthest point of a body. That of a rod a
 hundred times as long as thick, about its axis, is 5e-5. A motor behind a gear may add a hundred
 times that of its wheel; moments in kg cm2 are 1000 to 10,000 times too large."""
 UNITS_OF_INERTIA = {1e4: "kg cm2", 1e6: "kg mm2", 1e7: "g cm2", 1e9: "g mm2"}
@@ -75,7 +77,7 @@ TYPED = 5e-6
 
 
 def suspect_numbers(scene: BaseScene) -> list[str]:
-    """List the numbers of a scene that are hardly meant, a sentence each, with the likely slip."""
+    """List the implausible numbers of a scene, one sentence each, with the likely mistake."""
     checks: tuple[Callable[[BaseScene], Iterator[str]], ...] = (
         _friction,
         _angles,
@@ -111,10 +113,10 @@ def _friction(scene: BaseScene) -> Iterator[str]:
         ]
     for name, mu, least in named:
         if mu > FRICTION[1]:
-            meant = f"did you mean tan({mu:g} deg) = {math.tan(math.radians(mu)):.3g}?"
+            hint = f"did you mean tan({mu:g} deg) = {math.tan(math.radians(mu)):.3g}?"
             rough = 'contact = "sticky"' if name.startswith("bodies") else 'kind = "no_slip"'
             other = f"for a rough surface take {rough}" if "friction" in name else "it has no unit"
-            text = meant if 3 <= mu < 80 else other
+            text = hint if 3 <= mu < 80 else other
             yield f"{name} = {mu:g} is beyond the friction of any grains, {FRICTION[1]}: {text}"
         elif mu < least:
             yield (
@@ -124,7 +126,7 @@ def _friction(scene: BaseScene) -> Iterator[str]:
 
 
 def _angles(scene: BaseScene) -> Iterator[str]:
-    """Angles that are to be in degrees, and are whole ones in radians."""
+    """Angles that should be in degrees, and are whole degrees in radians."""
     named = [(f"parameters[{name!r}]", value) for name, value in scene.parameters.items()]
     for kind in ("materials", "bodies"):
         for i, part in enumerate(getattr(scene, kind, ())):
@@ -155,8 +157,8 @@ def _densities(scene: BaseScene) -> Iterator[str]:
         solid = getattr(material, "rho_s", None)
         for name, value, (low, high) in (("rho_c", material.rho_c, BULK), ("rho_s", solid, SOLID)):
             if value is not None and not low <= value <= high:
-                meant = _thousands(value, max(low, LIKELY), high)
-                yield f"{kind}: {name} = {value:g} kg/m3 is no density of grains{meant}"
+                hint = _thousands(value, max(low, LIKELY), high)
+                yield f"{kind}: {name} = {value:g} kg/m3 is not a density of grains{hint}"
                 break
     for i, fill in enumerate(scene.fills):
         rho_c = (fill.material or scene.material).rho_c
@@ -169,7 +171,7 @@ def _densities(scene: BaseScene) -> Iterator[str]:
 
 
 def _thousands(density: float, low: float, high: float) -> str:
-    """Return the density that is meant by one in g/cm3, or in g/m3, if it is in a range."""
+    """Return the density if the number is in g/cm3, or in g/m3, if it is in a range."""
     for factor in (1000, 0.001):
         if low <= density * factor <= high:
             return f": did you mean {density * factor:g}?"
@@ -177,7 +179,8 @@ def _thousands(density: float, low: float, high: float) -> str:
 
 
 def _grains(scene: BaseScene) -> Iterator[str]:
-    """Grains of nonlocal laws and of contacts that damp; those of others are seen by the cells."""
+    """Grains of nonlocal laws and of elastic damping; the cells of a scene limit those of
+    others."""
     cell, longest = scene.grid.cell, max(scene.grid.shape) * scene.grid.cell
     for material in scene.materials:
         nonlocal_ = getattr(material, "has_fluidity", False)
@@ -199,29 +202,29 @@ def _stiffness(scene: BaseScene) -> Iterator[str]:
         if E > STIFFEST:
             yield (
                 f"{type(material).__name__}: E = {E:g} Pa is stiffer than diamond: the time step "
-                "goes with 1/sqrt(E), and grains need only be stiff against their weight"
+                "is proportional to 1/sqrt(E), and E need only be large compared with the load"
             )
     yield from filter(None, [stiffness_hint(scene)])
 
 
 def stiffness_hint(scene: BaseScene) -> str:
     """Sentence on material that is too soft for its load; empty for one that is not."""
-    found = max(_loads(scene), key=lambda load: load[0] / load[1].K, default=None)
-    if found is None or found[0] <= LARGEST_STRAIN * found[1].K:
+    worst = max(_loads(scene), key=lambda load: load[0] / load[1].K, default=None)
+    if worst is None or worst[0] <= LARGEST_STRAIN * worst[1].K:
         return ""
-    load, (E, K) = found[0], (found[1].E, found[1].K)
+    load, (E, K) = worst[0], (worst[1].E, worst[1].K)
     needed = load / LARGEST_STRAIN * E / K
     unit = next((factor for factor in (1e3, 1e6, 1e9) if needed <= E * factor <= STIFFEST), None)
-    meant = "" if unit is None or E > 1e5 else f"did you mean E = {E * unit:g} Pa, or "
+    hint = "" if unit is None or E > 1e5 else f"did you mean E = {E * unit:g} Pa, or "
     return (
         f"E = {E:g} Pa is too soft: under the load of {load:.3g} Pa, p/E = {load / E:.3g}, the "
-        f"density rises by a share of {load / K:.2g}, and flows change by some per cent: {meant}"
-        f"take E >= {load / STIFF:.2g}, 1000 times the load" + ("?" if meant else "")
+        f"density rises by a share of {load / K:.2g}, and flows change by some per cent: {hint}"
+        f"take E >= {load / STIFF:.2g}, 1000 times the load" + ("?" if hint else "")
     )
 
 
 def largest_load(scene: BaseScene) -> tuple[float, float]:
-    """Pressure [Pa] at the foot of a fill or inflow, or of a servo, and E [Pa]: the softest case.
+    """Pressure [Pa] at the base of a fill or inflow, or of a servo, and E [Pa]: the softest case.
 
     Zero and one if no material of the scene has an E.
     """
@@ -236,8 +239,8 @@ def rounded(E: float) -> float:
 
 
 def _loads(scene: BaseScene) -> Iterator[tuple[float, Any]]:
-    """Yield the pressure [Pa] at the foot of each fill and inflow, and of a servo, and what bears
-    it: materials with an E."""
+    """Yield the pressure [Pa] at the base of each fill and inflow, and of a servo, and the
+    materials with an E that bear it."""
     g = max(abs(vector[-1]) for vector in scene.gravity.vectors)
     sources: tuple[Any, ...] = (*scene.fills, *scene.inflows)
     for source in sources:
@@ -267,8 +270,8 @@ def _gravity(scene: BaseScene) -> Iterator[str]:
     spins = cell < CENTRIFUGE[0] and longest <= CENTRIFUGE[1]
     for factor, unit in ((100, "cm/s2"), (1000, "mm/s2")):
         if abs(largest / (factor * EARTH) - 1) < 0.01 and (largest > LARGEST_GRAVITY or not spins):
-            meant = f"{largest / factor:g}, this in {unit}"
-            yield f"gravity of {largest:g} m/s2: did you mean {meant}?"
+            hint = f"{largest / factor:g}, this in {unit}"
+            yield f"gravity of {largest:g} m/s2: did you mean {hint}?"
             return
     if largest > LARGEST_GRAVITY:
         yield f"gravity of {largest:g} m/s2 is beyond that of a centrifuge, {LARGEST_GRAVITY:g}"
@@ -298,7 +301,7 @@ def _is_laid(scene: BaseScene, vectors: Any, largest: float) -> bool:
 
 
 def _idle(scene: BaseScene) -> Iterator[str]:
-    """Scenes in which nothing moves the material."""
+    """Scenes without anything that moves the material."""
     moving = [getattr(part, "velocity", None) for part in (*scene.fills, *scene.walls)]
     moving += [fill.region.velocity for fill in scene.fills if isinstance(fill.region, Cloud)]
     bodies = scene.bodies
@@ -307,7 +310,7 @@ def _idle(scene: BaseScene) -> Iterator[str]:
     other = scene.inflows or pressed or getattr(scene, "servos", ()) or getattr(scene, "jets", ())
     still = all(velocity is None or not np.any(velocity) for velocity in moving)
     if still and not (moves or other or np.any(scene.gravity.vectors)):
-        yield "gravity is 0, and nothing has a velocity: nothing will move"
+        yield "gravity is 0, and no part has a velocity: there will be no motion"
 
 
 def _speeds(scene: BaseScene) -> Iterator[str]:
@@ -327,7 +330,7 @@ def _speeds(scene: BaseScene) -> Iterator[str]:
 
 
 def _turning(scene: BaseScene) -> Iterator[str]:
-    """Angular velocities that are those of no tool, or whole turns in degrees."""
+    """Angular velocities that no tool has, or whole turns in degrees."""
     for i, body in enumerate(scene.bodies):
         half, omegas = body.extents(), body.motion.rows()[:, 4:]
         half = np.where(np.isfinite(half), half, 0.0)
@@ -349,7 +352,7 @@ def _steps(scene: BaseScene) -> Iterator[str]:
     if scene.duration > MOST_STEPS * dt:
         yield (
             f"duration = {scene.duration:g} s takes {scene.duration / dt:.2g} steps of {dt:.2g} s: "
-            "times are in s; the step goes with cell/sqrt(E/rho)"
+            "times are in s; the step is proportional to cell/sqrt(E/rho)"
         )
 
 
@@ -366,7 +369,7 @@ def _small(scene: BaseScene) -> Iterator[str]:
 
 
 def _outside(scene: BaseScene) -> Iterator[str]:
-    """Bodies that are outside of the domain and do not come in."""
+    """Bodies that are outside of the domain and do not enter it."""
     grid, g = scene.grid, np.array(scene.gravity.vectors)
     near, longest = grid.cell, max(grid.shape) * grid.cell
     for i, body in enumerate(scene.bodies):
@@ -374,7 +377,7 @@ def _outside(scene: BaseScene) -> Iterator[str]:
             reach, at, free = body.extents()[axis], body.position[axis], AXES[axis] in body.free
             for sign, end in ((-1, grid.lower[axis]), (1, grid.upper[axis])):
                 gap = sign * (at - end) - reach
-                if gap <= near or (gap <= longest and _is_beside(scene, i)):
+                if gap <= near or (gap <= longest and _is_near_another(scene, i)):
                     continue
                 inwards = -sign * body.motion.rows()[:, 1 + axis]
                 comes = (inwards.max() > 0 or (-sign * g[:, axis]).max() > 0) if free else False
@@ -383,12 +386,12 @@ def _outside(scene: BaseScene) -> Iterator[str]:
                 if not comes:
                     yield (
                         f"bodies[{i}] at {at:g} m is outside of the domain along {AXES[axis]}, by "
-                        f"{gap:.3g} m beyond {end:g} m, and does not come in: lengths are in m"
+                        f"{gap:.3g} m beyond {end:g} m, and does not enter it: lengths are in m"
                     )
 
 
-def _is_beside(scene: BaseScene, i: int) -> bool:
-    """True if the box about a body meets that of another one, on which it may roll or rest."""
+def _is_near_another(scene: BaseScene, i: int) -> bool:
+    """True if the box about a body meets that of another one, on which it may roll or stand."""
     body = scene.bodies[i]
     return any(
         (
@@ -401,7 +404,7 @@ def _is_beside(scene: BaseScene, i: int) -> bool:
 
 
 def _way(times: Any, velocity: Any, duration: float) -> float:
-    """Largest way along an axis with a velocity that is linear between times."""
+    """Largest displacement along an axis with a velocity that is linear between times."""
     t = np.unique(np.concatenate([np.linspace(0.0, duration, 200), times.clip(0.0, duration)]))
     v = np.interp(t, times, velocity)
     return float(np.max(np.cumsum(0.5 * (v[1:] + v[:-1]) * np.diff(t)), initial=0.0))
@@ -431,19 +434,20 @@ def _masses(scene: BaseScene) -> Iterator[str]:
 
 
 def _inertias(i: int, body: Any, most: float) -> Iterator[str]:
-    """Moments of inertia far from those of a body, at most `most` for what turns as a whole."""
+    """Moments of inertia far from those of a body, at most `most` for a body that turns as a
+    whole."""
     moments = np.linalg.eigvalsh(_tensor(body.inertia))
     largest = float(moments.max()) / most
     if INERTIA[0] * most <= moments.min() and largest <= INERTIA[1]:
         return
     unit = next((n for n in UNITS_OF_INERTIA if INERTIA[1] < largest <= n), None)
-    meant = ":"
+    hint = ":"
     if unit is not None:
-        said = f"{moments.max() / unit:.3g} kg m2, this in {UNITS_OF_INERTIA[unit]}"
-        meant = f": did you mean {said}? It is"
+        value = f"{moments.max() / unit:.3g} kg m2, this in {UNITS_OF_INERTIA[unit]}"
+        hint = f": did you mean {value}? It is"
     yield (
-        f"bodies[{i}].inertia = {body.inertia} kg m2 is none of a body of {body.mass:g} kg within "
-        f"{math.sqrt(most / body.mass):.3g} m{meant} about {0.3 * most:.2g}, see "
+        f"bodies[{i}].inertia = {body.inertia} kg m2 is impossible for a body of {body.mass:g} kg "
+        f"within {math.sqrt(most / body.mass):.3g} m{hint} about {0.3 * most:.2g}, see "
         "mass_properties"
     )
 

@@ -56,11 +56,11 @@ class Mask(ComparedByContent, Region):
     def of(
         cls, function: Callable[[Array], ArrayLike], lower: Any, upper: Any, spacing: float
     ) -> Self:
-        """Sample a function of places, shape (n, dim) [m], that is True inside, shape (n,).
+        """Sample a function of positions, shape (n, dim) [m], that is True inside, shape (n,).
 
-        A function cannot be written into a record, its samples can; so can those of the
-        `contains` of a region of one's own. With the spacing of the seeding lattice, from the
-        corner of a cell on, they are exact at its sites.
+        A function cannot be written into a record, its samples can; so can those of the `contains`
+        of a user-defined region. With the spacing of the seeding lattice, from the corner of a cell
+        on, they are exact at its sites.
         """
         low = vector("lower", lower)
         high = vector("upper", upper, len(low))
@@ -89,17 +89,17 @@ class Mask(ComparedByContent, Region):
     def _inside(self, x: Array) -> NDArray[np.bool_]:
         place = np.floor((x - self.lower) / self.spacing)
         among = np.all((place >= 0) & (place < self.inside.shape), axis=1)
-        found = np.zeros(len(x), dtype=bool)
-        found[among] = self.inside[tuple(place[among].astype(np.int64).T)]
-        return found
+        inside = np.zeros(len(x), dtype=bool)
+        inside[among] = self.inside[tuple(place[among].astype(np.int64).T)]
+        return inside
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Cloud(ComparedByContent, Region):
     """Points given one by one; as a region, the squares (cubes) of their volumes about them.
 
-    A `Fill` of a cloud has just these points. Its `points_per_cell` then only says how dense they
-    are about.
+    A `Fill` of a cloud has just these points. Its `points_per_cell` is then only their approximate
+    density.
 
     Parameters
     ----------
@@ -108,9 +108,9 @@ class Cloud(ComparedByContent, Region):
     volume : float or array_like, shape (n,)
         Volumes [m^dim], > 0. The mass of a point is its volume times its density.
     velocity : array_like, shape (n, dim), optional
-        Velocities [m/s]; only used in a `Fill` without a `velocity` of its own.
+        Velocities [m/s]; only used in a `Fill` without a `velocity`.
     density : array_like, shape (n,), optional
-        Densities [kg/m3], > 0; only used in a `Fill` without a `density` of its own. Must be None
+        Densities [kg/m3], > 0; only used in a `Fill` without a `density`. Must be None
         in a lithostatic fill.
     {raises}.
     """
@@ -157,6 +157,6 @@ class Cloud(ComparedByContent, Region):
         gap, nearest = scipy.spatial.cKDTree(self.x).query(
             x, p=np.inf, distance_upper_bound=half.max()
         )
-        found = np.isfinite(gap)
-        found[found] = gap[found] < half[nearest[found]]
-        return found
+        inside = np.isfinite(gap)
+        inside[inside] = gap[inside] < half[nearest[inside]]
+        return inside

@@ -65,12 +65,12 @@ class BaseScene(Serializable):
 
     @property
     def sources(self) -> tuple[Fill | Inflow, ...]:
-        """Fills and inflows, where the material comes from."""
+        """Fills and inflows, the sources of the material."""
         return (*self.fills, *self.inflows)
 
     @property
     def materials(self) -> tuple[Any, ...]:
-        """The different materials: that of the scene, and others in the order of the fills."""
+        """The different materials: the material of the scene, then others as in the fills."""
         return (self.material,)
 
     @property
@@ -86,8 +86,8 @@ class BaseScene(Serializable):
     def points(self) -> seeding.Points:
         """Make the points of the material at the start.
 
-        They are those of the fills (`granular.model.seeding.seed_points`), then those that fill the
-        regions of driven inflows; their number of the fill is that in `sources`.
+        They are the points of the fills (`granular.model.seeding.seed_points`), then the points
+        that fill the regions of driven inflows; their number of the fill is that in `sources`.
         """
         parts = [seeding.nothing(self.dim)]
         if self.fills:

@@ -58,7 +58,7 @@ class Points:
 
 
 def nothing(dim: int) -> Points:
-    """Make the points of no fill."""
+    """Return no points."""
     place, number = np.empty((0, dim)), np.empty(0)
     return Points(place, place, number, number, number, number, place, np.empty(0, dtype=np.int64))
 
@@ -77,7 +77,7 @@ have heights far apart. They are powers of the golden ratio, r^2 = r + 1, and of
 def _lattice(grid: Grid, fill: Fill) -> NDArray[np.float64]:
     """Sites of the seeding lattice about a region, shape (n, dim), the first axis fastest.
 
-    With the ends of staggered columns, whose squares are in the grid in part.
+    These include the ends of staggered columns, whose squares are partly in the grid.
     """
     spacing = grid.cell / fill.points_per_axis
     axes, columns = [], []
@@ -101,7 +101,7 @@ def _lattice(grid: Grid, fill: Fill) -> NDArray[np.float64]:
 def _sites(grid: Grid, fill: Fill) -> NDArray[np.float64]:
     """Sites of the seeding lattice in the region of a fill, shape (n, dim), first axis fastest.
 
-    Those of a cloud are its points.
+    The sites of a cloud are its points.
     """
     if isinstance(fill.region, Cloud):
         return fill.region.x
@@ -120,8 +120,8 @@ def estimated_points(
 ) -> int:
     """Number of points of a fill, without making them: exact for few, else from samples.
 
-    The share of a region in the box around it is that of samples, one at random in each of equal
-    parts.
+    The fraction of the box around a region that is in it is estimated from samples, one at random
+    in each of equal parts.
     """
     if isinstance(fill.region, Cloud):
         return len(fill.region.x)
@@ -142,9 +142,8 @@ def estimated_points(
 
 
 def most_points(grid: Grid, fill: Fill) -> int:
-    """Bound of the number of points of a fill: the squares in the box around it, twice.
-
-    They are those of the seeding lattice; a thin body may part one into two points.
+    """Bound of the number of points of a fill: twice the squares of the seeding lattice around it.
+    A thin body may divide a square into two points.
     """
     if isinstance(fill.region, Cloud):
         return len(fill.region.x)
@@ -153,17 +152,17 @@ def most_points(grid: Grid, fill: Fill) -> int:
     return 2 * math.prod((np.ceil((upper - lower) / spacing) + 1).astype(np.int64).tolist())
 
 
-def _space(grid: Grid, fills: Sequence[Fill], own: int, distance: Distance) -> OpenSpace:
+def _space(grid: Grid, fills: Sequence[Fill], index: int, distance: Distance) -> OpenSpace:
     """Where the points of one of several fills may lie; a cloud's also beyond its squares."""
-    region = fills[own].region
-    others = tuple(fill.region for k, fill in enumerate(fills) if k != own)
+    region = fills[index].region
+    others = tuple(fill.region for k, fill in enumerate(fills) if k != index)
     return OpenSpace(grid, None if isinstance(region, Cloud) else region, distance, others)
 
 
 def _seeded(
     fill: Fill, space: OpenSpace, even: bool = False
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Places and volumes of the points of a fill, before any jitter."""
+    """Positions and volumes of the points of a fill, before any jitter."""
     region, grid = fill.region, space.grid
     if isinstance(region, Cloud):
         return np.clip(region.x, grid.lower, last_place(grid)), region.volume
@@ -208,18 +207,18 @@ def _check(grid: Grid, fills: Sequence[Fill], distance: Distance) -> None:
 
 
 def _deep_in(region: Region, x: NDArray[np.float64], grid: Grid) -> NDArray[np.bool_]:
-    """True for places that are in a region by more than the rounding of coordinates."""
-    found = region.contains(x)
-    found[found] = region.cut(x[found])[0] < -grid.slack * grid.cell
-    return found
+    """True for positions in a region, by more than the rounding of coordinates."""
+    inside = region.contains(x)
+    inside[inside] = region.cut(x[inside])[0] < -grid.slack * grid.cell
+    return inside
 
 
 FINE = 4
-"""Places along an edge of a square at which two fills that both cut it must not overlap."""
+"""Number of positions along an edge of a square at which two fills that cut it are compared."""
 
 
 def _cut_by_both(grid: Grid, fill: Fill, other: Region) -> NDArray[np.float64]:
-    """Places in the squares of a fill that its own boundary and that of another one cut."""
+    """Positions in the squares of a fill that are cut by its boundary and by another one."""
     if isinstance(fill.region, Cloud):
         return np.empty((0, grid.dim))
     spacing = grid.cell / fill.points_per_axis
@@ -233,7 +232,7 @@ def _cut_by_both(grid: Grid, fill: Fill, other: Region) -> NDArray[np.float64]:
 def _jittered(
     rng: np.random.Generator, fill: Fill, x: NDArray[np.float64], space: OpenSpace
 ) -> NDArray[np.float64]:
-    """Displace points at random, none out of its fill or towards a body that is near."""
+    """Displace points at random, but not out of their fill or towards a body nearby."""
     grid = space.grid
     spacing = grid.cell / fill.points_per_axis
     moved = x + rng.uniform(-0.5, 0.5, x.shape) * (fill.jitter * spacing)
@@ -262,41 +261,41 @@ def _is_box(region: Region) -> bool:
 
 def _loads(
     fills: Sequence[Fill],
-    own: int,
+    index: int,
     x: NDArray[np.float64],
     above: NDArray[np.float64],
     rho_c: Sequence[float],
     step: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Depth [m] below the top of a fill, and mass per area [kg/m2] of the others above."""
-    load = _overburden(fills, own, x, above, rho_c, step)
-    return fills[own].region.depth(x, above, step), load
+    load = _overburden(fills, index, x, above, rho_c, step)
+    return fills[index].region.depth(x, above, step), load
 
 
 def _slopes(
     fills: Sequence[Fill],
-    own: int,
+    index: int,
     x: NDArray[np.float64],
     above: NDArray[np.float64],
     rho_c: Sequence[float],
     step: float,
 ) -> NDArray[np.float64]:
-    """Horizontal gradient of the load above places in a fill, over its density, shape (n, dim).
+    """Horizontal gradient of the load above positions in a fill, over its density, shape (n, dim).
 
     The smaller of the differences over a cell on either side, or of the next two on one side at the
     ends of the fill, and 0 where they differ in sign: the edge of a load is a jump, not a slope.
     """
-    found, region = np.zeros_like(x), fills[own].region
+    slopes, region = np.zeros_like(x), fills[index].region
     alone = sum(fill.lithostatic for fill in fills) == 1
     level = _is_box(region) and np.count_nonzero(above) == 1 and alone
-    # Squares of single points have no slope of their own.
+    # Squares of single points have no slope.
     if level or isinstance(region, (Cloud, Mask)):
-        return found
-    reach = 4 * fills[own].points_per_axis * step  # what fills gaps of others is known to a step
+        return slopes
+    reach = 4 * fills[index].points_per_axis * step  # gaps of others are known to a step
 
     def load(places: NDArray[np.float64]) -> NDArray[np.float64]:
-        depth, others = _loads(fills, own, places, above, rho_c, step)
-        loads = depth + others / rho_c[own]
+        depth, others = _loads(fills, index, places, above, rho_c, step)
+        loads = depth + others / rho_c[index]
         return np.where(region.contains(places), loads, np.nan)
 
     here = load(x)
@@ -308,69 +307,68 @@ def _slopes(
             inward = x[ends] - sign * reach * along
             change[ends] = load(inward) - load(inward - sign * reach * along)
             sides.append(sign * change / reach)
-        agree = sides[0] * sides[1] > 0  # not where a place is outside the fill
+        agree = sides[0] * sides[1] > 0  # not at positions outside the fill
         smaller = np.where(np.abs(sides[0]) < np.abs(sides[1]), *sides)
-        found += np.where(agree, smaller, 0.0)[:, None] * along
-    return found
+        slopes += np.where(agree, smaller, 0.0)[:, None] * along
+    return slopes
 
 
 def _level_axes(above: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     """Directions of length 1 across a direction, and across each other."""
     axes = np.delete(np.eye(len(above)), np.argmax(np.abs(above)), axis=0)
-    known, found = [above], []
+    known, directions = [above], []
     for axis in axes:
         for direction in known:
             axis = axis - (axis @ direction) * direction
         known.append(axis / np.linalg.norm(axis))
-        found.append(known[-1])
-    return found
+        directions.append(known[-1])
+    return directions
 
 
 def _overburden(
     fills: Sequence[Fill],
-    own: int,
+    index: int,
     x: NDArray[np.float64],
     above: NDArray[np.float64],
     rho_c: Sequence[float],
     step: float,
 ) -> NDArray[np.float64]:
-    """Mass per area [kg/m2] of the other lithostatic fills above places in a fill.
-
-    It makes good for what the depth in a fill has too much, where others lie in its gaps.
+    """Mass per area [kg/m2] of the other lithostatic fills above positions in a fill. It corrects
+    the depth in a fill, which is too large where others lie in its gaps.
     """
-    found = np.zeros(len(x))
-    others = [k for k, fill in enumerate(fills) if fill.lithostatic and k != own]
+    mass = np.zeros(len(x))
+    others = [k for k, fill in enumerate(fills) if fill.lithostatic and k != index]
     for i in others:
         ahead = fills[i].region.ahead(x, above, step)
         below = np.isfinite(ahead)
         entered = x[below] + ahead[below, None] * above
         depth = fills[i].region.depth(entered, above, step)
         gaps = _within_others(fills, i, entered, above, depth, step)
-        found[below] += rho_c[i] * (depth - gaps)
+        mass[below] += rho_c[i] * (depth - gaps)
     if others:
-        depth = fills[own].region.depth(x, above, step)
-        found -= rho_c[own] * _within_others(fills, own, x, above, depth, step)
-    return found
+        depth = fills[index].region.depth(x, above, step)
+        mass -= rho_c[index] * _within_others(fills, index, x, above, depth, step)
+    return mass
 
 
 def _within_others(
     fills: Sequence[Fill],
-    own: int,
+    index: int,
     x: NDArray[np.float64],
     above: NDArray[np.float64],
     length: NDArray[np.float64],
     step: float,
 ) -> NDArray[np.float64]:
-    """Length [m] of rays, to the top of a fill, that is in other lithostatic fills: in its gaps."""
-    found = np.zeros(len(x))
-    if _is_box(fills[own].region) or not len(x):  # no gaps
-        return found
-    others = [fill.region for fill in fills if fill.lithostatic and fill is not fills[own]]
+    """Length [m] of rays to the top of a fill that is in other lithostatic fills, in its gaps."""
+    total = np.zeros(len(x))
+    if _is_box(fills[index].region) or not len(x):  # no gaps
+        return total
+    others = [fill.region for fill in fills if fill.lithostatic and fill is not fills[index]]
     for k in range(math.ceil(float(length.max()) / step)):
         below = (k + 0.5) * step < length
         places = x[below] + (k + 0.5) * step * above
-        found[below] += step * np.any([region.contains(places) for region in others], axis=0)
-    return found
+        total[below] += step * np.any([region.contains(places) for region in others], axis=0)
+    return total
 
 
 def seed_points(
@@ -393,9 +391,9 @@ def seed_points(
     rho_c : float
         Density [kg/m3] of the fills whose `density` and `material` are None.
     distance : callable, optional
-        Signed distance from bodies at places, shape (n,) [m], and normals, shape (n, dim). Squares
-        (cubes) of the seeding lattice that bodies cut get a point at the centroid of their open
-        part, with the volume of that part.
+        Signed distance from bodies at positions, shape (n,) [m], and normals, shape (n, dim).
+        Squares (cubes) of the seeding lattice that bodies cut get a point at the centroid of their
+        open part, with the volume of that part.
     up : sequence of float, length dim, optional
         Direction against gravity, of length 1, along which the depth is measured; the last axis by
         default.

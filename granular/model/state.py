@@ -98,14 +98,14 @@ class State:
         return self.fields["x"].shape[1]
 
     def within(self, region: Region) -> State:
-        """Return the state of the points that lie in a shape, or in another region, alone.
+        """Return the state of only those points that lie in a shape, or in another region.
 
         Any measure takes it, such as ``gr.measure.repose_angle(state.within(box))``.
 
         Raises
         ------
         TypeError, ValueError
-            If it is no region, or has not the dimension of the state.
+            If it is no region, or does not have the dimension of the state.
         """
         instance("region", region, Region)
         inside = region.contains(self.x)

@@ -30,10 +30,11 @@ Array = NDArray[np.float64]
 Vector = tuple[float, ...]
 
 MOST_ROUNDS = 2000
-"""Steps by the distance from a body after which a search for its surface from above gives up."""
+"""Number of steps by the distance from a body after which a search for its surface from above
+fails."""
 
 FARTHEST = 1e9
-"""Distance from the position of a body within which its surface is looked for, over its size."""
+"""Distance from the position of a body within which its surface is searched, over its size."""
 
 
 @runtime_checkable
@@ -41,7 +42,7 @@ class Surface(Protocol):
     """Something with a height."""
 
     def height(self, x: ArrayLike) -> Array:
-        """Height [m] at horizontal places, shape (n, dim - 1) [m]; shape (n,)."""
+        """Height [m] at horizontal positions, shape (n, dim - 1) [m]; shape (n,)."""
 
 
 @runtime_checkable
@@ -50,7 +51,7 @@ class HasDistance(Protocol):
 
     @property
     def position(self) -> tuple[float, ...]:
-        """A place from which its surface is looked for [m]."""
+        """A position from which its surface is searched [m]."""
 
     def distance(self, x: Array) -> tuple[Array, Array]:
         """Signed distance [m], shape (n,), and outward normal, shape (n, dim)."""
@@ -60,7 +61,7 @@ Source = float | Callable[..., ArrayLike] | Surface | HasDistance
 
 
 def _level(name: str, value: object, dim: int | None = None) -> Vector:
-    """Return a horizontal place as a tuple of 1 or 2 floats; a number is one in 2D."""
+    """Return a horizontal position as a tuple of 1 or 2 floats; in 2D a number is allowed."""
     if isinstance(value, (int, float, np.number)):
         value = (value,)
     count = len(value) if isinstance(value, (Sequence, np.ndarray)) else 0
@@ -81,7 +82,7 @@ class Heights(ComparedByContent):
     z : array_like, shape (n_x,) in 2D, (n_x, n_y) in 3D
         Heights [m], at least 2 along each axis.
     lower : tuple of float, length dim - 1
-        Place of the first height [m].
+        Position of the first height [m].
     spacing : float
         Distance between heights along each axis [m], > 0.
     {raises}.
@@ -99,7 +100,7 @@ class Heights(ComparedByContent):
             raise ValueError(f"z of shape {self.z.shape} must have at least 2 heights each way")
 
     def between(self, lower: Vector, upper: Vector) -> Array:
-        """Heights between two places and next to them, which bound the surface there."""
+        """Heights between two positions and next to them, which bound the surface there."""
         ends = zip(lower, upper, self.lower, self.z.shape, strict=True)
         part = tuple(
             slice(
@@ -128,7 +129,7 @@ class Heights(ComparedByContent):
         Raises
         ------
         ValueError
-            Also if a body has no surface above or below a place.
+            Also if a body has no surface above or below a position.
         """
         low = _level("lower", lower)
         high = _level("upper", upper, len(low))
@@ -149,7 +150,7 @@ class Heights(ComparedByContent):
         return math.hypot(*slopes) / self.spacing
 
     def slope(self, x: ArrayLike) -> Array:
-        """Slopes of the surface at horizontal places, shape (n, dim - 1)."""
+        """Slopes of the surface at horizontal positions, shape (n, dim - 1)."""
         small = 1e-3 * self.spacing
         x = np.asarray(x, dtype=float)
         slopes = [
@@ -159,7 +160,7 @@ class Heights(ComparedByContent):
         return np.stack(slopes, axis=1)
 
     def height(self, x: ArrayLike) -> Array:
-        """Heights [m] at horizontal places, shape (n, dim - 1) [m]; shape (n,)."""
+        """Heights [m] at horizontal positions, shape (n, dim - 1) [m]; shape (n,)."""
         place = (np.asarray(x, dtype=float) - self.lower) / self.spacing
         last = np.array(self.z.shape) - 1
         place = np.clip(place, 0.0, last)
@@ -185,7 +186,7 @@ def _heights_of(source: Source, x: Array) -> ArrayLike:
 
 
 def _uppermost(body: HasDistance, x: Array) -> Array:
-    """Height of the uppermost surface of a body above or below its position, at places (n, d - 1).
+    """Height of the uppermost surface of a body above or below its position, at x (n, d - 1).
 
     The search goes down, by the distance from the surface, which no step can cross: from the
     position where that is in the open, else from above the body, or, if it is endless, from where
@@ -219,7 +220,7 @@ def _uppermost(body: HasDistance, x: Array) -> Array:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Layer(ComparedByContent, Region):
-    """The places above a surface by less than a thickness, measured vertically.
+    """The region above a surface up to a thickness, measured vertically.
 
     Parameters
     ----------
@@ -230,8 +231,8 @@ class Layer(ComparedByContent, Region):
     lower, upper : float or tuple of float, length dim - 1
         Horizontal ends [m].
     spacing : float, optional
-        Distance at which what is no number and no `Heights` is sampled [m]: at most that of the
-        seeding lattice is recommended.
+        Distance at which functions and bodies are sampled [m]: at most that of the seeding lattice
+        is recommended.
     {raises}.
     """
 
@@ -296,25 +297,25 @@ class Layer(ComparedByContent, Region):
         bottom, top = np.abs(z - low) <= margin, np.abs(z - high) <= margin
         gaps = np.minimum(np.abs(level - self.lower), np.abs(level - self.upper))
         sides = (gaps <= reach).any(axis=1) & (z >= low - margin) & (z <= high + margin)
-        found: NDArray[np.bool_] = bottom | top | sides
-        return found
+        near: NDArray[np.bool_] = bottom | top | sides
+        return near
 
     def cut(self, x: Array) -> tuple[Array, Array]:
         level = x[:, :-1]
-        found = []
+        surfaces = []
         slope = np.zeros_like(level)
         for sign, z, part in zip((1, -1), self._ends(x), (self.on, self.thickness), strict=True):
             if isinstance(part, Heights):
                 slope = slope + part.slope(level)
             upwards = np.column_stack([-slope, np.ones(len(x))])
             size = np.linalg.norm(upwards, axis=1)
-            found.append((sign * (x[:, -1] - z) / size, sign * upwards / size[:, None]))
+            surfaces.append((sign * (x[:, -1] - z) / size, sign * upwards / size[:, None]))
         for axis, ends in enumerate(zip(self.lower, self.upper, strict=True)):
             for sign, end in zip((1, -1), ends, strict=True):
                 inwards = np.zeros_like(x)
                 inwards[:, axis] = sign
-                found.append((sign * (x[:, axis] - end), inwards))
-        depth, inwards = least(found)
+                surfaces.append((sign * (x[:, axis] - end), inwards))
+        depth, inwards = least(surfaces)
         return -depth, -inwards
 
     def _ends(self, x: Array) -> tuple[Array, Array]:

@@ -1,7 +1,7 @@
 """Planes of symmetry that cut a scene, of which only one side is modelled.
 
-Measures of forces and masses are those of the whole set-up, with their argument ``total`` False
-those of the part that is modelled.
+Measures return the forces and masses of the whole set-up, with their argument ``total`` False those
+of the modelled part.
 """
 
 from __future__ import annotations

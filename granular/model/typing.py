@@ -1,4 +1,4 @@
-"""Type of the scenes, for modules that know scenes but no method."""
+"""Type of the scenes, for modules that do not depend on a method."""
 
 from typing import TYPE_CHECKING, TypeAlias
 

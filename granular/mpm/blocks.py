@@ -1,4 +1,4 @@
-"""Union of the blocks (`Solid`) of a scene: its cells, its faces, and what is within it.
+"""Union of the blocks (`Solid`) of a scene: its cells, its faces, and the points within it.
 
 Blocks that touch have no face between them, so that rows of one cell each, a staircase, act like
 one piece of rock. All is computed for classes of cells and nodes that are alike (`GridMap`), so
@@ -52,7 +52,7 @@ def deep_within(grid: Grid, walls: Iterable[Boundary], x: NDArray[np.float64]) -
 
     All cells around such a position are solid; the ends of the grid are no faces. Fast points that
     hit a block end up to half a cell within it, single ones up to a cell: there they are out of
-    reach of the nodes outside, and nothing moves them on.
+    reach of the nodes outside, and no force moves them.
 
     Parameters
     ----------
@@ -65,10 +65,10 @@ def deep_within(grid: Grid, walls: Iterable[Boundary], x: NDArray[np.float64]) -
     deep: Mask = solid.at(cells.T)
     inside = np.flatnonzero(deep)  # few or none, so that the other cells are looked up for few
     for step in product((-1, 0, 1), repeat=grid.dim):
-        beside = cells[inside] + step
+        neighbours = cells[inside] + step
         places = [
             _on_grid(along, n, periodic)
-            for along, n, periodic in zip(beside.T, grid.shape, grid.periodic, strict=True)
+            for along, n, periodic in zip(neighbours.T, grid.shape, grid.periodic, strict=True)
         ]
         deep[inside] &= solid.at(places)
     return deep
@@ -80,7 +80,7 @@ def _on_grid(cells: NDArray[np.intp], n: int, periodic: bool) -> NDArray[np.intp
 
 
 def outlook(x: NDArray[np.float64], classes: NDArray[np.int32], periodic: bool) -> NDArray[np.intp]:
-    """All that matters to the nodes along an axis of the cells about them.
+    """The properties of the cells around the nodes along an axis that matter to the nodes.
 
     Nodes with the same outlook along every axis are held alike, see `held_components`.
 

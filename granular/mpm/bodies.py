@@ -121,7 +121,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class Body:
-    """A rigid body; it acts on the material at its surface, where the points near it have feet.
+    """A rigid body; it acts on the material at contact points on its surface.
 
     Parameters
     ----------
@@ -157,8 +157,8 @@ class Body:
         Moment of inertia about the position, which must be the centre of mass [kg m2; in 2D per
         metre of depth]: a number > 0 in 2D; in 3D the moments about the axes of the body, or the
         tensor in them. If given, the torque of the material turns the body about its position
-        instead of its `motion`, from whose angular velocity it starts. See `mass_properties`. Must
-        be None for an endless shape.
+        instead of its `motion`, whose angular velocity is the initial one. See `mass_properties`.
+        Must be None for an endless shape.
     restitution : float
         Coefficient of restitution of its impacts on walls, blocks and other bodies, 0 to 1; of two
         free bodies the lesser. Must be 0 unless the body moves freely.
@@ -182,7 +182,7 @@ class Body:
         if not isinstance(self.shape, Shape):
             raise TypeError(f"shape = {self.shape!r} must be a shape of granular.shapes")
         if has_no_inside(self.shape):
-            raise ValueError(f"shape = {self.shape!r} must have an inside: nothing is in it")
+            raise ValueError(f"shape = {self.shape!r} must have an inside: it is empty")
         dim = self.shape.dim
         motion = Motion(velocity=((0.0,) * dim,)) if self.motion is None else self.motion
         if not isinstance(motion, Motion):
@@ -246,12 +246,13 @@ class Body:
         return turned(self.rotation_deg).inv().apply(arms)[:, : self.dim]
 
     def extents(self) -> Array:
-        """Distance of its surface from its position along x, y, z at most, in all its motion."""
+        """Largest distance of its surface from its position along x, y, z, in all its motion."""
         turning = self._turning()
         return extents(self.shape, turned(self.rotation_deg).as_matrix(), turning)
 
     def least_volume(self) -> float:
-        """Volume [m3], in 2D area [m2], that it has at least: of a ball within it, if it is whole.
+        """Lower bound of its volume [m3], in 2D area [m2]: that of a ball within it, if it is
+        whole.
 
         It is 0 for shapes of several parts, which may be hollow.
         """
@@ -337,7 +338,7 @@ class Body:
 class BodyState:
     """Position, velocity and accumulated impulse of a body.
 
-    Impulses and work are those of the part that is modelled, where planes of symmetry cut the body.
+    Impulses and work refer to the modelled part where planes of symmetry cut the body.
 
     Attributes
     ----------
@@ -355,8 +356,9 @@ class BodyState:
         Angular impulse [N m s] about the position, which moves with the body.
     work : ndarray, shape ()
         Work of the contact on the material since the start of the run [J; in 2D per metre of
-        depth]: the impulse on each node times the velocity of the node after it. What friction
-        dissipates at the surface is not in it: the body itself does more work by that much.
+        depth]: the impulse on each node times the velocity of the node after it. It does not
+        include the dissipation by friction at the surface: the work of the body itself is larger by
+        that.
     """
 
     position: Array

@@ -1,4 +1,4 @@
-"""Distances of places from bodies on a grid and from their images in periodic directions."""
+"""Distances of positions from bodies on a grid and from their images in periodic directions."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ def nearest(arms: NDArray[np.floating], period: float | NDArray[np.float64]) -> 
 
 
 def distances(grid: Grid, body: Body, places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signed distances [m] of places (n, 3) from a body, or its nearest image, at the start."""
+    """Signed distances [m] of positions (n, 3) from a body, or its nearest image, at the start."""
     return _from_body(grid, body, places, turned(body.rotation_deg), padded(body.position))[0]
 
 
 def distance_at(
     grid: Grid, body: Body, x: NDArray[np.float64], pose: BodyState
 ) -> NDArray[np.float64]:
-    """Signed distances [m] of places (n, dim) from a body, or its nearest image, in a pose."""
+    """Signed distances [m] of positions (n, dim) from a body, or its nearest image, in a pose."""
     return surface_at(grid, body, x, pose)[0]
 
 
@@ -74,19 +74,19 @@ def _from_body(
     turn: scipy.spatial.transform.Rotation,
     position: Sequence[float],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Signed distances [m] of places (n, 3) from a body, or its nearest image, and normals."""
-    own = turn.inv().apply(nearest(places - position, periods(grid, body)))
+    """Signed distances [m] of positions (n, 3) from a body, or its nearest image, and normals."""
+    local = turn.inv().apply(nearest(places - position, periods(grid, body)))
     rows, samples = body.shape.rows(), body.shape.samples()
-    distance, normal = _core.body_distance(rows, samples, np.ascontiguousarray(own))
+    distance, normal = _core.body_distance(rows, samples, np.ascontiguousarray(local))
     return distance, turn.apply(normal)
 
 
 def distance_from_bodies(
     grid: Grid, bodies: Sequence[Body], states: Sequence[BodyState] = ()
 ) -> Distance:
-    """Make the function of the distance of places (n, dim) from the nearest body, and its normal.
+    """Make the function of the distance of positions from the nearest body, and its normal.
 
-    Bodies are where the `states` have them, or where they are at the start.
+    Bodies are in the poses of the `states`, or in those at the start.
     """
     if not bodies:
         return nowhere
@@ -103,9 +103,9 @@ def distance_from_bodies(
             return least, normal
         places = np.pad(x, ((0, 0), (0, 3 - dim)))
         for body, (turn, position) in zip(bodies, poses, strict=True):
-            found, away = _from_body(grid, body, places, turn, position)
-            nearer = found < least
-            least[nearer], normal[nearer] = found[nearer], away[nearer, :dim]
+            phi, away = _from_body(grid, body, places, turn, position)
+            nearer = phi < least
+            least[nearer], normal[nearer] = phi[nearer], away[nearer, :dim]
         return least, normal
 
     return distance

@@ -1,4 +1,4 @@
-"""Bodies that the grid cannot resolve: refused, or warned of before a run."""
+"""Bodies that the grid cannot resolve: an error or a warning before a run."""
 
 from __future__ import annotations
 
@@ -49,10 +49,10 @@ def thin_parts(scene: Scene) -> str | None:
     """Bodies that are so thin or small that the grid hardly resolves them.
 
     The limits were measured with layers thrown at 0.8 m/s against a thin body and against discs.
-    Without duplicate nodes, material behind a thin body of 2, 2.2 and 2.5 cells gets 9, 4 and 1.3 %
-    of that speed under the default scheme; it gets none from 2.8 cells on, and with other bases
-    than splines none from 2 cells on. The impulse on a disc depends on its position in the grid and
-    on the seeding, see `benchmarks/stability/stability_tables.py`.
+    Without duplicate nodes, material behind a thin body of 2, 2.2 and 2.5 cells reaches 9, 4 and
+    1.3 % of that speed with the default scheme; it stays at rest from 2.8 cells on, and with other
+    bases than splines from 2 cells on. The impulse on a disc depends on its position in the grid
+    and on the seeding, see `benchmarks/stability/stability_tables.py`.
     """
     reach = _reach(scene.scheme)
     for i, body in enumerate(scene.bodies):
@@ -60,7 +60,7 @@ def thin_parts(scene: Scene) -> str | None:
         if other < THIN * scene.grid.cell * (1 - 1e-9):
             return (
                 f"bodies[{i}] has a part of {other:.4g} m: below 2 cells the force on it depends "
-                "on its position in the grid, by a tenth, and what is behind it is coupled to it"
+                "on its position in the grid, by a tenth, and material behind it is coupled to it"
             )
         mesh = mesh_thickness(body.shape)
         if min(box, mesh) >= reach * scene.grid.cell * (1 - 1e-9):
@@ -75,7 +75,7 @@ def thin_parts(scene: Scene) -> str | None:
             "the material on one side is coupled to that on the other through common nodes; make "
             f"it {reach:.0f} cells thick, or take {'' if box <= mesh else 'a Box, and '}"
             'ParticleDensity() with "apic", "tpic" or "flip", '
-            "which separates them but suits no flow that varies in two directions"
+            "which separates them but is not suited to flow that varies in two directions"
         )
     return None
 
@@ -85,9 +85,9 @@ NEAR = 5.5
 
 
 def near_thin_parts(scene: Scene) -> str | None:
-    """Thin bodies that are near each other at the start, each with a front and a back of its own.
+    """Thin bodies that are near each other at the start, each with a separate front and back.
 
-    The two sides of a cell near several thin parts are those of one body, which knows the fronts of
+    The two sides of a cell near several thin parts are those of a single body, with the fronts of
     all its parts. A bin of three plates one cell thick lost 60 % of its points in 0.3 s, and none
     as one body (ParticleDensity, 10 cells deep).
     """
@@ -107,7 +107,7 @@ def near_thin_parts(scene: Scene) -> str | None:
     for i, j in combinations(thin, 2):
         if (apart[i] + apart[j]).min() < NEAR * grid.cell:
             return (
-                f"bodies[{i}] and bodies[{j}] have thin parts nearer than {NEAR:g} cells: what is "
+                f"bodies[{i}] and bodies[{j}] have thin parts nearer than {NEAR:g} cells: material "
                 "between them may be on the wrong side of one and leak; make them one body, a Union"
             )
     return None
@@ -121,12 +121,13 @@ def mesh_scale(scene: Scene) -> str | None:
     cell, longest = scene.grid.cell, scene.grid.cell * max(scene.grid.shape)
     for i, body in enumerate(scene.bodies):
         size = mesh_size(body.shape)
-        told = f"bodies[{i}] has a mesh of {size:.4g} m in a domain of {longest:.4g} m: "
+        sentence = f"bodies[{i}] has a mesh of {size:.4g} m in a domain of {longest:.4g} m: "
         if size > 10 * longest and cell <= MILLIMETRE * size <= longest:
-            return told + f"if its lengths are in millimetres, take scale = {MILLIMETRE}"
+            return sentence + f"if its lengths are in millimetres, take scale = {MILLIMETRE}"
         if 0 < size < cell and cell <= size / MILLIMETRE <= longest:
             return (
-                told + f"below a cell; if its lengths are in metres, take no scale = {MILLIMETRE}"
+                sentence
+                + f"below a cell; if its lengths are in metres, take no scale = {MILLIMETRE}"
             )
     return None
 
@@ -134,20 +135,20 @@ def mesh_scale(scene: Scene) -> str | None:
 LIGHTEST = 0.1
 """Least mass of a free body over that of a full cell, from `benchmarks/bodies/free_bodies.py`.
 
-Contact finds impulses in 20 sweeps at most, in each of which a body of the mass M passes on the
-part M/(M + m) of what nodes of the mass m, that of a cell at most, press on it with. So M must
-exceed m/20. The noise about a body at rest in a bed is 1.5 times that of a heavy one at a tenth of
-the mass of a cell, and 6 to 50 times at a hundredth.
+Contact computes impulses in 20 sweeps at most, in each of which a body of the mass M passes on the
+part M/(M + m) of the impulse of nodes of the mass m, that of a cell at most. So M must exceed m/20.
+The noise around a body at rest in a bed is 1.5 times that of a heavy one at a tenth of the mass of
+a cell, and 6 to 50 times at a hundredth.
 """
 
 
 def light_bodies(scene: Scene) -> str | None:
-    """Free bodies that hardly have any mass beside the nodes that press on them."""
+    """Free bodies that have hardly any mass compared with the nodes that press on them."""
     full = max(material.rho_c for material in scene.materials) * scene.grid.cell**scene.dim
     for i, body in enumerate(scene.bodies):
         if body.mass is not None and body.mass < LIGHTEST * full * (1 - 1e-9):
             return (
                 f"bodies[{i}].mass = {body.mass:.4g} kg is below {LIGHTEST * full:.4g}, a tenth of "
-                "the mass of a full cell: under load it is thrown about by noise of the contact"
+                "the mass of a full cell: under load, noise of the contact accelerates it"
             )
     return None

@@ -28,20 +28,21 @@ Array = NDArray[np.float64]
 OVERLAP = 0.5
 """Overlap at the start [cells] up to which bodies, walls and blocks count as touching.
 
-It is that of csrc/contact/rigid.c: the surface of a body is known to half a cell, the distance of
-the places with which it touches. Contact keeps such a pair as it is; a pair that overlaps by more
-does not touch at all, so that the body would fall through.
+It is that of csrc/contact/rigid.c: the surface of a body is resolved to half a cell, the distance
+of its sample points. Contact keeps such a pair from overlapping more; a pair that overlaps by more
+than this at the start does not touch at all, so that the body would fall through.
 """
 
 MARGIN = 0.02
-"""Part by which an overlap must exceed that where it is seen at single places."""
+"""Part by which an overlap must exceed that where it is evaluated at single points."""
 
 MOST_ACROSS = {2: 1000, 3: 200}
-"""Places along an edge of the part of a wall that a body may cross, by dimension."""
+"""Sample points along an edge of the part of a wall that a body may cross, by dimension."""
 
 
 class Overlap(NamedTuple):
-    """Name of the thing that a body begins within, its depth in it [m], and the deepest place."""
+    """Name of the obstacle that a body begins within, its depth in it [m], and the deepest
+    point."""
 
     what: str
     depth: float
@@ -56,43 +57,43 @@ class Balls(NamedTuple):
 
 
 def check_overlaps(scene: Scene) -> None:
-    """Refuse free bodies that begin deeper than `OVERLAP` within what is solid at that time.
+    """Refuse free bodies that begin deeper than `OVERLAP` within a solid of that time.
 
-    A body may overlap what its motion leads it along or turns it in: walls normal to an axis along
-    which it is not free, such as a symmetry plane that cuts it, and all that a body without free
-    axes is hinged in. Ends of the domain without a wall are not solid, and so are walls that open
-    at once.
+    A body may overlap walls normal to an axis along which it is not free, such as a symmetry plane
+    that cuts it, and a body without free axes may overlap the solids in which it is hinged. Ends of
+    the domain without a wall are not solid, and so are walls that open at once.
     """
     most = (OVERLAP + scene.grid.slack) * scene.grid.cell
-    for i, found in _overlaps(scene):
-        if found.depth > most:
-            place = ", ".join(f"{x:.9g}" for x in found.place)
+    for i, overlap in _overlaps(scene):
+        if overlap.depth > most:
+            place = ", ".join(f"{x:.9g}" for x in overlap.place)
             raise ValueError(
-                f"bodies[{i}] begins {found.depth:.4g} m within {found.what}, at ({place}): must be"
-                f" at most {most:.4g} m, {OVERLAP} cells, as contact does not hold what overlaps by"
-                " more; move it out"
+                f"bodies[{i}] begins {overlap.depth:.4g} m within {overlap.what}, at ({place}): "
+                f"must be at most {most:.4g} m, {OVERLAP} cells, as contact has no effect on larger"
+                " overlaps; move it out"
             )
 
 
 def _overlaps(scene: Scene) -> Iterator[tuple[int, Overlap]]:
-    """Yield free bodies and what they overlap."""
+    """Yield free bodies and the obstacles that they overlap."""
     free = [i for i, body in enumerate(scene.bodies) if body.free]
     if not free:
         return
     balls = list(map(_placed, repeat(scene.grid), scene.bodies, balls_of(scene)))
     solid = obstacles(scene)[[wall.is_block for wall in scene.walls]]
     for i in free:
-        if not len(balls[i].x):  # endless: it goes through what is beside it
+        if not len(balls[i].x):  # endless: it may cross other bodies
             continue
         for k, wall in enumerate(scene.walls):
             if wall.axis is not None and AXES[wall.axis] in scene.bodies[i].free:
-                yield from ((i, found) for found in _in_wall(scene, k, wall.axis, i, balls[i]))
+                within = _in_wall(scene, k, wall.axis, i, balls[i])
+                yield from ((i, overlap) for overlap in within)
         if _is_near_blocks(scene, solid, scene.bodies[i]):
-            yield from ((i, found) for found in _in_blocks(scene, scene.bodies[i]))
+            yield from ((i, overlap) for overlap in _in_blocks(scene, scene.bodies[i]))
     for i, j in combinations(range(len(scene.bodies)), 2):
         if (i in free or j in free) and _are_near(scene, i, j):
             one, other = (i, j) if i in free else (j, i)
-            yield from ((one, found) for found in _in_body(scene, one, other, balls))
+            yield from ((one, overlap) for overlap in _in_body(scene, one, other, balls))
 
 
 def _placed(grid: Grid, body: Body, rows: Array) -> Balls:
@@ -119,7 +120,7 @@ def _are_near(scene: Scene, i: int, j: int) -> bool:
 
 
 def _in_wall(scene: Scene, k: int, axis: int, i: int, balls: Balls) -> Iterator[Overlap]:
-    """Yield the overlap with a wall normal to an axis; it goes on beyond an end of the domain."""
+    """Yield the overlap with a wall normal to an axis, extended beyond an end of the domain."""
     grid, wall = scene.grid, scene.walls[k]
     row, (at, _) = row_of_wall(grid, wall), wall.extent(grid, axis)
     lower, upper = row[: grid.dim], row[3 : 3 + grid.dim]
@@ -136,7 +137,7 @@ def _in_wall(scene: Scene, k: int, axis: int, i: int, balls: Balls) -> Iterator[
 
 
 def _from_box(x: Array, lower: Array, upper: Array) -> Array:
-    """Signed distance of places from a box."""
+    """Signed distance of points from a box."""
     beyond = np.maximum(lower - x, x - upper)
     outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=1)
     distance: Array = outside + np.minimum(beyond.max(axis=1), 0.0)
@@ -146,7 +147,7 @@ def _from_box(x: Array, lower: Array, upper: Array) -> Array:
 def _across(
     scene: Scene, wall: WallOrBlock, normal: int, i: int, balls: Balls
 ) -> tuple[float, Array]:
-    """Reach beyond a wall within the grid of a body that it passes through, and a place of both.
+    """Reach beyond a wall within the grid of a body that it cuts, and a common point.
 
     It is the part on the side on which it is smaller; 0 for a body that the wall does not meet.
     """
@@ -172,15 +173,16 @@ def _across(
 
 
 def _in_blocks(scene: Scene, body: Body) -> Iterator[Overlap]:
-    """Yield the overlap with the union of the blocks, which go on beyond the ends of the grid.
+    """Yield the overlap with the union of the blocks, which are extended beyond the ends of the
+    grid.
 
-    It is seen at places as deep in the body as counts, and at those of its surface with nothing
-    but blocks about them as far.
+    It is evaluated at points at the depth in the body that counts, and at points of its surface
+    that are surrounded by blocks to this distance.
     """
     grid, pose = scene.grid, body.at_start()
     most = OVERLAP * grid.cell
-    own, depth = places_of(scene, body, (1 + MARGIN) * most)
-    x = pose.position + own @ pose.rotation.T
+    local, depth = places_of(scene, body, (1 + MARGIN) * most)
+    x = pose.position + local @ pose.rotation.T
     solid, last = solid_cells(grid, scene.walls), np.array(grid.shape) - 1
 
     def within(places: Array) -> NDArray[np.bool_]:
@@ -189,18 +191,20 @@ def _in_blocks(scene: Scene, body: Body) -> Iterator[Overlap]:
         inside: NDArray[np.bool_] = solid.at(at.astype(np.intp).T)
         return inside
 
-    found = within(x)
-    surrounded = found.copy()
+    reaches = within(x)
+    surrounded = reaches.copy()
     for step in product((-1.0, 1.0), repeat=grid.dim):
         surrounded[surrounded] = within(x[surrounded] + (1 + MARGIN) * most * np.array(step))
-    depth = np.where(surrounded, np.maximum(depth, (1 + MARGIN) * most), np.where(found, depth, 0))
+    depth = np.where(
+        surrounded, np.maximum(depth, (1 + MARGIN) * most), np.where(reaches, depth, 0)
+    )
     if len(depth):
         deepest = int(depth.argmax())
         yield Overlap(_block_at(scene, x[deepest]), float(depth[deepest]), x[deepest])
 
 
 def _block_at(scene: Scene, x: Array) -> str:
-    """Name of the block that a place is in, which goes on beyond an end of the grid."""
+    """Name of the block that contains a point, extended beyond an end of the grid."""
     grid = scene.grid
     lower, size = np.array(grid.lower), grid.cell * np.array(grid.shape)
     inside = np.where(grid.periodic, lower + (x - lower) % size, x.clip(lower, lower + size))[None]
@@ -213,9 +217,9 @@ def _block_at(scene: Scene, x: Array) -> str:
 
 
 def _in_body(scene: Scene, i: int, j: int, balls: Sequence[Balls]) -> Iterator[Overlap]:
-    """Yield the overlap of two bodies, seen from the places of both."""
-    for own, other in ((i, j), (j, i)):
-        x, radius = balls[own]
+    """Yield the overlap of two bodies, evaluated at the sample points of both."""
+    for one, other in ((i, j), (j, i)):
+        x, radius = balls[one]
         if not len(x):
             continue
         body = scene.bodies[other]

@@ -1,6 +1,6 @@
 """Codes of the cells of the grid: which are solid, near outlets, or at walls.
 
-The core has one byte for each cell, those of the cells' flags as a map (`GridMap`).
+The core has one byte of flags for each cell, as a map (`GridMap`).
 """
 
 from __future__ import annotations

@@ -94,18 +94,18 @@ def _material_row(scene: Scene, material: Material, runs: bool) -> _core.Materia
         name: of_scene[name] if name in of_scene else getattr(material, name, 0.0)
         for name in _core.material_numbers()
     }
-    own = None
+    law = None
     if isinstance(material, OwnLaw):
         capsule = material.function().capsule if runs else None
-        own = capsule, material.numbers(), bool(material.history)
-    return material.law, numbers, _parameters(scene, material), own
+        law = capsule, material.numbers(), bool(material.history)
+    return material.law, numbers, _parameters(scene, material), law
 
 
 def largest_gravity(scene: Scene) -> float:
     """Largest gravity of a scene [m/s2]; under a wall that keeps P at least P/(rho_c H)."""
-    own = float(np.linalg.norm(scene.gravity.vectors, axis=1).max())
+    magnitude = float(np.linalg.norm(scene.gravity.vectors, axis=1).max())
     loads = [s.pressure / extent(scene, s.axis) / scene.material.rho_c for s in scene.servos]
-    return max([own, *loads])
+    return max([magnitude, *loads])
 
 
 def extent(scene: Scene, axis: int) -> float:
@@ -132,7 +132,7 @@ def averaging_interval(scene: Scene) -> int:
 
 
 def flutter_interval(scene: Scene) -> int:
-    """Number of steps between two updates of the damping of flutter: one in dx/c_w."""
+    """Number of steps between two updates of the flutter damping: one in dx/c_w."""
     return max(round(min(_steps_per_crossing(scene), MOST_STEPS)), 1)
 
 
@@ -222,7 +222,7 @@ SERVO_CELLS = 8.0
 """Cells that a compression wave crosses in the time of the servo of a wall, T in csrc/mpm/servo.h.
 
 Four times the usual interval of 2 dx/c_w between two averagings, after which the force on the wall
-shows what the servo did: an integrating servo overshoots if T is less than e times the delay.
+shows the effect of the servo: an integrating servo overshoots if T is less than e times the delay.
 """
 
 MOST_STRAIN = 0.1
@@ -245,13 +245,12 @@ def initial_points(scene: Scene) -> dict[str, NDArray]:
     """Return the fields of the points at the start, in the order of their ids.
 
     Lithostatic fills are in equilibrium below a level top: the vertical stress grows with the depth
-    against gravity as rho g, the horizontal one is `K0` of the fill times it, and the density goes
-    with their mean by the law of the material; see `granular.mpm.lithostatic`, also for slopes.
-    Below other lithostatic fills this is exact for the same K, law and K0, else to the order of
-    p/K. Grains of a given density above
-    rho_c have its pressure, and so has an elastic material with Hencky's law, whose pressure is
-    that of its density always. All other points are stress-free; cohesive ones of a density below
-    rho_c have come apart.
+    against gravity as rho g, the horizontal one is `K0` of the fill times it, and the density
+    follows from their mean by the law of the material; see `granular.mpm.lithostatic`, also for
+    slopes. Below other lithostatic fills this is exact for the same K, law and K0, else to the
+    order of p/K. Grains of a given density above rho_c have its pressure, and so has an elastic
+    material with Hencky's law, whose pressure is that of its density always. All other points are
+    stress-free; cohesive ones of a density below rho_c are separated.
     """
     return fields_of(scene, scene.points())
 
@@ -317,8 +316,8 @@ def entering_masses(scene: Scene) -> NDArray[np.float64]:
 
 
 def add_inlets(engine: _core.Engine, scene: Scene) -> list[dict[str, NDArray]]:
-    """Let the inflows of a scene enter, and return the fields of the points of their sites."""
-    found = []
+    """Register the inflows of a scene, and return the fields of the points of their sites."""
+    inlets = []
     for i, inflow in enumerate(scene.inflows):
         points = inlet_points(scene, i)
         fields = fields_of(scene, points)
@@ -327,8 +326,8 @@ def add_inlets(engine: _core.Engine, scene: Scene) -> list[dict[str, NDArray]]:
         rows = rows_of(engine, fields, len(points.x))
         yields = not inflow.driven
         engine.add_inlet(rows, inflow.axis, (vx, vy, vz), spacing, *inflow.times, yields)
-        found.append(fields)
-    return found
+        inlets.append(fields)
+    return inlets
 
 
 def initial_buffers(engine: _core.Engine, points: Mapping[str, NDArray]) -> dict[str, NDArray]:

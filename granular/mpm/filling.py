@@ -1,4 +1,4 @@
-"""Places that the material, blocks and bodies of a scene take at the start."""
+"""Positions that the material, blocks and bodies of a scene occupy at the start."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MOST_PLACES = (5, 40)
 
 
 def is_full(scene: Scene) -> bool:
-    """True if fills, blocks and bodies leave none of the cells looked at empty at the start."""
+    """True if fills, blocks and bodies leave none of the sampled cells empty at the start."""
     return all(_leave_none(scene, most) for most in MOST_PLACES)
 
 
@@ -35,30 +35,30 @@ def _leave_none(scene: Scene, most: int) -> bool:
 
 
 def has_material(scene: Scene, places: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """True for places of shape (n, dim) with material at the start: not in blocks or bodies."""
-    found = _in_fills(scene, places)
-    found[found] = _outside(scene, places[found])
-    return found
+    """True for positions of shape (n, dim) with material at the start: not in blocks or bodies."""
+    inside = _in_fills(scene, places)
+    inside[inside] = _outside(scene, places[inside])
+    return inside
 
 
 def _in_fills(scene: Scene, places: NDArray[np.float64]) -> NDArray[np.bool_]:
-    found = np.zeros(len(places), dtype=bool)
+    inside = np.zeros(len(places), dtype=bool)
     for fill in scene.fills:
-        found[~found] = fill.region.contains(places[~found])
-    return found
+        inside[~inside] = fill.region.contains(places[~inside])
+    return inside
 
 
 def _outside(scene: Scene, places: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """True for places outside of blocks and bodies."""
-    found = np.ones(len(places), dtype=bool)
+    """True for positions outside of blocks and bodies."""
+    outside = np.ones(len(places), dtype=bool)
     for wall in scene.walls:
-        found &= ~wall.encloses(scene.grid, places)
+        outside &= ~wall.encloses(scene.grid, places)
     for body in scene.bodies:
-        if not found.any():
+        if not outside.any():
             break
-        left = np.pad(places[found], ((0, 0), (0, 3 - body.dim)))
-        found[found] = distances(scene.grid, body, left) > 0
-    return found
+        left = np.pad(places[outside], ((0, 0), (0, 3 - body.dim)))
+        outside[outside] = distances(scene.grid, body, left) > 0
+    return outside
 
 
 def middle_points(

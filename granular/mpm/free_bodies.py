@@ -25,28 +25,28 @@ INTERVAL = 50
 is a tenth of that of elastic waves."""
 
 MARGIN = 0.5
-"""Overlap [cells] that is no collision yet: what is known of a surface on the grid."""
+"""Overlap [cells] that is no collision yet: the resolution of a surface on the grid."""
 
 THE_END = "the end of the domain"
 
 ACROSS = 24
-"""Places in which a body is sampled along the edge of a cube of its volume, or fewer."""
+"""Largest number of sample points of a body along the edge of a cube of its volume."""
 
 Array = NDArray[np.float64]
 
 
 class Places(NamedTuple):
-    """Places in and on a body in its coordinates, shape (n, dim), and how deep they are in it."""
+    """Sample points in and on a body in its coordinates, shape (n, dim), and their depths in it."""
 
-    own: Array
+    local: Array
     depth: Array
 
 
 class FreeBodies:
-    """The bodies of a scene that move freely, and what each of them must not enter.
+    """The bodies of a scene that move freely, and the obstacles that each of them must not enter.
 
-    These are the ends of the domain that are not open, and what they touch by contact, which fails
-    where prescribed motions press them together: walls, blocks and other bodies. A body may
+    These are the ends of the domain that are not open, and the walls, blocks and other bodies that
+    they touch by contact, which fails where prescribed motions press them together. A body may
     overlap them as far as it does at the start, such as a wheel that a symmetry plane cuts (see
     `body_overlaps`), and begin beyond an end, such as a ball that falls into the domain. Unless it
     turns freely, it may reach ends and walls that are normal to an axis along which it follows its
@@ -63,7 +63,7 @@ class FreeBodies:
         self._allowed: dict[tuple[int, str], float] = {}
         start = [body.at_start() for body in scene.bodies]
         for i, what, depth in self._overlaps(start, 0.0):
-            # Beyond a side there is more of an endless body than the places that stand for it.
+            # Beyond a side there is more of an endless body than its sample points show.
             endless = not np.isfinite(_half_extents(scene.bodies[i])).all()
             self._allowed[i, what] = math.inf if endless and _is_flat(what) else depth
 
@@ -71,7 +71,8 @@ class FreeBodies:
         return bool(self._places)
 
     def check(self, states: Sequence[BodyState], time: float, step: int) -> None:
-        """Raise a `SimulationError` if a free body is where contact does not hold it."""
+        """Raise a `SimulationError` if a free body is at a position where contact does not hold
+        it."""
         for i, what, depth in self._overlaps(states, time):
             excess = depth - max(self._allowed.get((i, what), 0.0), 0.0)
             if excess > MARGIN * self._scene.grid.cell:
@@ -90,14 +91,14 @@ class FreeBodies:
     def _overlaps(
         self, states: Sequence[BodyState], time: float
     ) -> Iterator[tuple[int, str, float]]:
-        """Yield free bodies, what is near them, and how far they overlap [m]."""
+        """Yield free bodies, the obstacles near them, and their overlaps [m]."""
         for i, places in self._places.items():
             body, pose = self._scene.bodies[i], states[i]
-            x = pose.position + places.own @ pose.rotation.T
+            x = pose.position + places.local @ pose.rotation.T
             grid = self._scene.grid
             lower, size = np.array(grid.lower), grid.cell * np.array(grid.shape)
             x = np.where(grid.periodic, lower + (x - lower) % size, x)
-            yield from ((i, *found) for found in self._flat(body, x, time))
+            yield from ((i, *overlap) for overlap in self._flat(body, x, time))
             if self._solid is not None:
                 within = self._in_blocks(x)
                 if within.any():
@@ -120,13 +121,13 @@ class FreeBodies:
         for k, wall in enumerate(scene.walls):
             if wall.axis is None or wall.axis not in axes or time >= wall.opens_at:
                 continue
-            beside = np.ones(len(x), dtype=bool)
+            facing = np.ones(len(x), dtype=bool)
             for axis in range(grid.dim):
                 if axis != wall.axis and wall.span is not None:
                     low, high = wall.extent(grid, axis)
-                    beside &= (x[:, axis] > low) & (x[:, axis] < high)
+                    facing &= (x[:, axis] > low) & (x[:, axis] < high)
             at = wall.extent(grid, wall.axis)[0]
-            off = x[beside, wall.axis] - at
+            off = x[facing, wall.axis] - at
             if len(off) and off.min() < 0 < off.max():
                 name = f"walls[{k}], normal to {AXES[wall.axis]} at {at:.6g} m"
                 yield name, float(min(-off.min(), off.max()))
@@ -139,7 +140,7 @@ class FreeBodies:
                     yield f"{THE_END} at {AXES[axis]} = {end:.6g} m", beyond
 
     def _in_blocks(self, x: Array) -> NDArray[np.bool_]:
-        """True for the places (n, dim) in blocks; none is beyond the ends of the grid."""
+        """True for the positions (n, dim) in blocks; none is beyond the ends of the grid."""
         grid, solid = self._scene.grid, self._solid
         assert solid is not None
         at = np.floor((x - np.array(grid.lower)) / grid.cell)
@@ -155,7 +156,7 @@ def _is_flat(what: str) -> bool:
 
 
 def _half_extents(body: Body) -> Array:
-    """Half the extents of a body along its axes [m], infinite of an endless one."""
+    """Half the extents of a body along its axes [m]; infinite for an endless one."""
     return extents(body.shape, np.eye(3), np.zeros((0, 3)))[: body.dim]
 
 
@@ -164,10 +165,11 @@ def _is_open(scene: Scene, axis: int, sign: int) -> bool:
 
 
 def places_of(scene: Scene, body: Body, deep: float) -> Places:
-    """Sample a body: places on its surface, as `deep` [m] below it, and on a grid within it.
+    """Sample a body: points on its surface, at the depth `deep` [m] below it, and on a grid within
+    it.
 
-    Those below it find blocks, whose depth at a place is not known, where the grid is coarse. Of an
-    endless body, the part is sampled that could be in the domain.
+    Those below it detect blocks, whose depth at a point is not known, where the grid is coarse. Of
+    an endless body, the part is sampled that could be in the domain.
     """
     grid, shape, dim = scene.grid, body.shape, body.dim
     largest = float(np.linalg.norm(np.array(grid.shape) * grid.cell))
@@ -186,8 +188,8 @@ def places_of(scene: Scene, body: Body, deep: float) -> Places:
     surface = points[near] - phi[near, None] * normal[near]
     below = surface - deep * normal[near]
     depth = -shape.distance(below)[0]
-    inside, kept = phi <= 0, depth > 0
+    inside, is_deep = phi <= 0, depth > 0
     return Places(
-        np.concatenate([surface, below[kept], points[inside]]),
-        np.concatenate([np.zeros(len(surface)), depth[kept], -phi[inside]]),
+        np.concatenate([surface, below[is_deep], points[inside]]),
+        np.concatenate([np.zeros(len(surface)), depth[is_deep], -phi[inside]]),
     )

@@ -1,7 +1,7 @@
 """Bytes for the nodes or cells of a grid, stored once for all that are alike.
 
 Walls and blocks hold products of ranges of indices. The ranges cut each axis into intervals, the
-classes, so that a byte for each combination of classes is all that is needed. A box with four walls
+classes, so that one byte for each combination of classes suffices. A box with four walls
 has 3 classes along each axis, however many cells it has.
 """
 
@@ -52,12 +52,14 @@ class GridMap(NamedTuple):
 
     def of(self, ranges: Ranges) -> tuple[NDArray[np.intp], ...]:
         """Index of the combinations of classes in `values` that make up the ranges."""
-        found = (np.unique(own[held]) for own, held in zip(self.classes, ranges, strict=True))
-        return np.ix_(*tuple(found)[::-1])
+        classes = (
+            np.unique(numbers[held]) for numbers, held in zip(self.classes, ranges, strict=True)
+        )
+        return np.ix_(*tuple(classes)[::-1])
 
     def firsts(self) -> tuple[NDArray[np.intp], ...]:
         """Index of the first member of each class along each axis."""
-        return tuple(np.flatnonzero(np.diff(own, prepend=-1)) for own in self.classes)
+        return tuple(np.flatnonzero(np.diff(numbers, prepend=-1)) for numbers in self.classes)
 
     def dense(self, part: Sequence[slice] | None = None) -> NDArray[Any]:
         """Array with a value for every node or cell, shape (..., n_y, n_x).
@@ -66,17 +68,17 @@ class GridMap(NamedTuple):
         """
         classes = self.classes
         if part is not None:
-            classes = tuple(own[along] for own, along in zip(classes, part, strict=True))
+            classes = tuple(numbers[along] for numbers, along in zip(classes, part, strict=True))
         return np.ascontiguousarray(self.values[np.ix_(*classes[::-1])])
 
     def at(self, indices: Sequence[NDArray[np.intp]]) -> NDArray[Any]:
-        """Values at places that are given by their indices along x, y (and z)."""
-        classes = (own[along] for own, along in zip(self.classes, indices, strict=True))
+        """Values at positions given by their indices along x, y (and z)."""
+        classes = (numbers[along] for numbers, along in zip(self.classes, indices, strict=True))
         return self.values[tuple(classes)[::-1]]
 
 
 def _classes(n: int, ranges: Iterable[NDArray[np.intp]], cuts: ArrayLike) -> NDArray[np.int32]:
-    """Number the intervals into which ends of ranges, and cuts, divide an axis of n places."""
+    """Number the intervals into which ends of ranges, and cuts, divide an axis of n indices."""
     begins = np.zeros(n + 1, dtype=bool)
     begins[0] = True
     begins[np.asarray(cuts, dtype=np.intp)] = True

@@ -1,4 +1,4 @@
-"""Indicators of failure of MPM runs, and what to do about those beyond their limits."""
+"""Indicators of failure of MPM runs, and remedies for those beyond their limits."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ strings."""
 
 STRAIN_STEP = 0.2
 """Largest norm of the velocity gradient times dt. The step is the first order of a finite strain:
-what it leaves out, half of the square, is then a tenth of it. The ready scenes have 0.1 at most."""
+the neglected second order, half of the square, is then a tenth of it. The ready scenes have 0.1 at
+most."""
 
 OWN = (
     Row(
@@ -69,9 +70,6 @@ OWN = (
     ),
 )
 
-OF_A_FLOOR = ("disconnected", "density_drift", "dilution", "energy_created")
-"""Indicators that are beyond their limits where material falls to an end of the grid."""
-
 
 def indicators(scene: Scene) -> tuple[Row, ...]:
     """Indicators of a scene."""
@@ -83,29 +81,28 @@ def remedies(scene: Scene) -> dict[str, str]:
     fixed = scene.scheme.dt is not None
     step = "a smaller dt" if fixed else "half of cfl"
     stiffer = "take a larger E"
-    found = {
+    texts = {
         "disconnected": _connect(scene),
         "density_drift": _keep_volume(scene),
         "strings": _spread(scene),
         "gaps": "take more points per cell",
         "courant": "take no fixed dt" if fixed else "take a smaller cfl",
         "mach": stiffer,
-        "compression": f"{stiffer}, and look at the law and at what it is given",
-        "dilution": "look at the law and at what it is given: with its material at rest the "
-        "density is rho_c",
+        "compression": f"{stiffer}, and check the law and its input",
+        "dilution": "check the law and its input: with its material at rest the density is rho_c",
         "energy_created": f"take {_scheme(scene)}{step}, and compare",
-        "strain_step": f"take {step}, and look at what moves so fast",
+        "strain_step": f"take {step}, and check the fastest points",
         "in_bodies": f"take smaller cells, {step}, or a thicker body",
         "in_solids": "put a Wall on the faces that material hits fast, and fill no blocks",
         "weights_at_limit": _weigh(scene),
         "wall_strain": _fill(scene, stiffer),
     }
-    if unsupported(scene):  # nothing else would help: what falls to the end of the grid lies flat
+    if unsupported(scene):  # no other remedy would help: material at the end of the grid lies flat
         floor = "put a Wall below the material"
-        found |= dict.fromkeys(
+        texts |= dict.fromkeys(
             ("disconnected", "density_drift", "dilution", "energy_created"), floor
         )
-    return found
+    return texts
 
 
 def _fill(scene: Scene, otherwise: str) -> str:
@@ -115,8 +112,8 @@ def _fill(scene: Scene, otherwise: str) -> str:
 
 
 def _weigh(scene: Scene) -> str:
-    own = any(isinstance(material, OwnLaw) for material in scene.materials)
-    law = "say where a law of your own separates (`separation`), or " if own else ""
+    is_user_defined = any(isinstance(material, OwnLaw) for material in scene.materials)
+    law = "give the `separation` of the user-defined law, or " if is_user_defined else ""
     return f"{law}take more points per cell"
 
 

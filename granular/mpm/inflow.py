@@ -1,4 +1,4 @@
-"""Inflows of the material point method: what does not fit their scene."""
+"""Checks of the inflows of the material point method."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def check_inflows(scene: Scene) -> None:
-    """Refuse inflows that do not fit their scene, or that overlap what is there at the start."""
+    """Refuse inflows that do not fit their scene, or that overlap solids or fills at the start."""
     for i, inflow in enumerate(scene.inflows):
         name = f"inflows[{i}]"
         inflow.check(name, scene.grid, (inflow.material or scene.material).rho_c)

@@ -1,4 +1,4 @@
-"""Account of what has entered a simulation."""
+"""Account of the material that has entered a simulation."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def account(
         scene=scene, time=0.0, step=0, dt=0.0, fields={"stress": np.zeros((n, 4)), **fields}
     )
     mass = entered * fields["mass"]
-    # Gravity works on what has entered from its place at the inlet on.
+    # Gravity works on entered material from its position at the inlet on.
     below = (np.array(scene.grid.lower) - fields["x"]) @ scene.gravity.vectors[-1]
     return InflowState(
         points=int(entered.sum()),

@@ -1,4 +1,4 @@
-"""Failures that are known before a run: limits that are refused, settings that are warned of."""
+"""Failures that are known before a run: limits that are refused, settings that raise a warning."""
 
 from __future__ import annotations
 
@@ -62,19 +62,19 @@ def courant_limit(scene: Scene) -> float:
 def dt_limit(scene: Scene) -> float:
     """Largest stable time step at rest [s]: courant_limit dx/c with c = sqrt((K + 4G/3)/rho_c).
 
-    The damping of elastic waves reduces it (`damped_step`).
+    Elastic damping reduces it (`damped_step`).
     """
     return damped_step(scene, courant_limit(scene) * scene.grid.cell / scene.wave_speed)
 
 
 def step_at_rest(scene: Scene) -> float:
-    """Time step [s] of a scene at rest: the fixed one, or that of `cfl`."""
+    """Time step [s] of a scene at rest: the fixed one, or from `cfl`."""
     crossing = scene.grid.cell / scene.wave_speed
     return scene.scheme.dt or damped_step(scene, scene.scheme.cfl * crossing)
 
 
 def damped_step(scene: Scene, dt: float) -> float:
-    """Time step [s] that is as far from its limit with the damping of elastic waves as dt without.
+    """Time step [s] that is as far from its limit with elastic damping as dt is without it.
 
     The wave of the largest frequency 2/dt obeys u" = -(2/dt)^2 (u + T u'). An explicit step h of it
     is stable if h^2 + 2 T h <= dt^2, so that the limit is sqrt(dt^2 + T^2) - T.
@@ -122,12 +122,12 @@ def _speed(fill: Fill | Inflow) -> float:
 
 
 def damps_by_step(scheme: Scheme) -> bool:
-    """True if a transfer damps by an amount per step, not per second.
+    """True if the numerical damping of a transfer is per step, not per second.
 
     The flow then depends on the time step. On an incline of 25 degrees (one column of 10 cells,
     E = 1e6), reducing the step to a tenth takes away 2.7 % of the mean velocity under "apic" with
     quadratic splines and half of it under "xpic". The change is 0.01 % under "flip" and "tpic",
-    whose damping is a rate, and under "apic" with linear shape functions.
+    whose numerical damping is a rate, and under "apic" with linear shape functions.
     """
     return scheme.transfer == "xpic" or (scheme.transfer == "apic" and scheme.basis != "linear")
 
@@ -186,27 +186,27 @@ def _elastic(scene: Scene) -> str | None:
 def _density(scene: Scene) -> str | None:
     """A density integrated by each point alone, in a flow that varies along the layer.
 
-    Such a flow is kept only by a density that is averaged over neighbouring points.
+    Such a flow is stable only with a density that is averaged over neighbouring points.
     """
     if not _granular(scene) or scene.scheme.density.name != "particle" or not _many_columns(scene):
         return None
     return (
         "ParticleDensity() loses contacts and volume in flows that are truly two-dimensional: most "
-        "points go stress-free, layers compact; take SmoothedDensity() (the default)"
+        "points become stress-free, layers compact; take SmoothedDensity() (the default)"
     )
 
 
 def _damping(scene: Scene) -> str | None:
-    """Transfers that damp by the step, in one column.
+    """Transfers with numerical damping per step, in one column.
 
-    With more columns `_density` warns of the density that goes with these transfers, which is the
-    more serious failure.
+    With more columns `_density` warns of the density of these transfers, which is the more serious
+    failure.
     """
     if not _granular(scene) or _many_columns(scene) or not damps_by_step(scene.scheme):
         return None
     return (
-        f'transfer = "{scene.scheme.transfer}" damps by the step, not by the second: the flow '
-        'depends on the time step and falls short; take "tpic" or "flip"'
+        f'transfer = "{scene.scheme.transfer}" has numerical damping per step, not per second: the '
+        'flow depends on the time step and is too slow; take "tpic" or "flip"'
     )
 
 
@@ -274,9 +274,9 @@ def _grains(scene: Scene) -> str | None:
     d = max(sizes, default=0.0)
     if scene.grid.cell >= d:
         return None
-    meant = f"; did you mean d = {d / 1000:g}, in m?" if d > BOULDER else ""
+    hint = f"; did you mean d = {d / 1000:g}, in m?" if d > BOULDER else ""
     cell = scene.grid.cell
-    return f"cell = {cell} is smaller than the grains, d = {d}: there is no continuum{meant}"
+    return f"cell = {cell} is smaller than the grains, d = {d}: there is no continuum{hint}"
 
 
 def _fluidity(scene: Scene) -> str | None:
@@ -301,7 +301,7 @@ def _response(scene: Scene) -> str | None:
         return None
     return (
         f"t0 = {fluid.t0:g} s is longer than a wave takes to cross the material, {crossing:.2g} s: "
-        "until the fluidity has grown it is elastic, and its waves are not damped; take a smaller "
+        "until the fluidity has grown it is elastic, and its waves do not decay; take a smaller "
         "t0 or E"
     )
 
@@ -309,12 +309,12 @@ def _response(scene: Scene) -> str | None:
 UNRESOLVED = 150.0
 """Time step over t0 from which a nonlocal law responds like the local one, within a step.
 
-In between the response is late: at 6, 20, 60 and 190 the force on a blade is 16, 13, 9 and 2 % less
-than with A = 0, and at 6 a wheel sinks by 40 % more (docs/explanation/fluidity.md)."""
+In between the response is delayed: at 6, 20, 60 and 190 the force on a blade is 16, 13, 9 and 2 %
+less than with A = 0, and at 6 a wheel sinks by 40 % more (docs/explanation/fluidity.md)."""
 
 
 def _late(scene: Scene) -> str | None:
-    """Fluidity whose response a substep neither resolves nor contains."""
+    """Fluidity whose response time is neither resolved by a substep nor much shorter."""
     fluid = scene.nonlocal_material
     if not isinstance(fluid, NGF) or not fluid.is_local(scene.grid.cell):
         return None
@@ -325,7 +325,7 @@ def _late(scene: Scene) -> str | None:
     substeps, smaller = math.ceil(dt / fluid.t0), 10 ** math.floor(math.log10(short))
     return (
         f"t0 = {fluid.t0:g} s of the fluidity is less than the time step of {dt:.2g} s, but not so "
-        "small that the law flows within the step: it responds late, and the material is weaker; "
+        "small that the law flows within the step: its response is late, and the material weaker; "
         f"take t0 = {smaller:g} or Fluidity(substeps={substeps})"
     )
 
@@ -360,8 +360,8 @@ def _clipped(scene: Scene) -> str | None:
     if scene.scheme.transfer != "apic" or scene.scheme.basis != "ugimp" or all(scene.grid.periodic):
         return None
     return (
-        'transfer = "apic" with basis = "ugimp" makes momentum and energy in points at the ends of '
-        'the grid; take "tpic" or "flip", or another basis'
+        'transfer = "apic" with basis = "ugimp" creates momentum and energy in points at the ends '
+        'of the grid; take "tpic" or "flip", or another basis'
     )
 
 
@@ -409,8 +409,8 @@ def _closed(scene: Scene) -> str | None:
             return None
         return (
             f"walls[{servo.wall}] keeps a pressure, but the material does not fill the domain: "
-            "below a free surface its weight makes the pressure, and the servo changes only its "
-            "density; fill the domain, or give the wall no pressure"
+            "below a free surface its weight determines the pressure, and the servo changes only "
+            "its density; fill the domain, or give the wall no pressure"
         )
     opens = any(getattr(wall, "opens_at", math.inf) < math.inf for wall in scene.walls)
     if not full or opens or scene.grid.open_sides:

@@ -37,8 +37,8 @@ def stress_shape(
     """Ratio k of the pressure to the weight above, and the stress over the pressure, -S/k.
 
     Where a slope is steeper than the material bears at rest, its deviator is returned to the yield
-    surface, tau = cohesion + friction p, as the law would do. What enters by inflows, and what is
-    in no lithostatic fill, has equal stresses in all directions.
+    surface, tau = cohesion + friction p, as the law would do. Material of inflows, and of fills
+    that are not lithostatic, has equal stresses in all directions.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def stress_shape(
     # The deviator over the pressure, within yield.
     deviator = S / k[:, None, None] - np.eye(3)
     tau = np.sqrt(0.5 * (deviator**2).sum(axis=(1, 2)))
-    with np.errstate(over="ignore"):  # what bears any deviator
+    with np.errstate(over="ignore"):  # material that bears any deviator
         borne = friction + cohesion / np.maximum(k * weight, _TINY)
         deviator *= np.minimum(1.0, borne / np.maximum(tau, _TINY))[:, None, None]
     shape = (np.eye(3) + deviator)[:, *_COMPONENTS]

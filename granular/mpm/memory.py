@@ -1,6 +1,6 @@
-"""Memory of a run, estimated before anything is built, and the refusal of too large scenes.
+"""Memory of a run, estimated without building it, and the refusal of too large scenes.
 
-The bytes are those of the benchmark `memory`: fits to the largest resident memory of runs that are
+The bytes are from the benchmark `memory`: fits to the largest resident memory of runs that are
 recorded, of 230,000 to 430,000 points with 1 to 16 points per cell in 2D and 1 to 27 in 3D. Blocks,
 thin layers, discs, material about a body or under its weight, jittered or with another law take
 0.90 to 1.1 times as much as the fit; hence the `MARGIN`. With it an estimate is 1.03 to 1.25 times
@@ -43,7 +43,7 @@ _POINT = {
 """Memory of a point with its record [bytes], by dimension and density; with the density of the
 point itself by whether its transfer carries gradients of the velocity."""
 _POINT_IN_SINGLE = {2: {"affine": 385, "smoothed": 475}, 3: {"affine": 460, "smoothed": 590}}
-"""Likewise in single precision, in which the record that is written counts as much."""
+"""Likewise in single precision, in which the record is as large."""
 _CELL = {
     2: {"linear": 495, "ugimp": 910, "quadratic": 780, "cell_averaged": 685, "smoothed": 1340},
     3: {"linear": 960, "ugimp": 2410, "quadratic": 2400, "cell_averaged": 1145, "smoothed": 4010},
@@ -60,12 +60,13 @@ _SITE = {2: 115, 3: 175}
 layers on slopes, of which it fills 1 to 100 %. About bodies it is twice as much."""
 
 _GROWTH = {2: 440, 3: 560}
-"""Memory of a point [bytes] in the larger buffers to which it moves from those it is in, and of new
-cells: what 216,000 to 250,000 points that fly apart take at most beyond the memory at the
-start when their buffers first grow, with the default scheme."""
+"""Memory of a point [bytes] in the larger buffers to which it moves, and of new cells: the largest
+increase of memory when the buffers of 216,000 to 250,000 points that fly apart first grow, with the
+default scheme."""
 
 SAMPLES = 400
-"""Cells of a fill whose neighbourhood is looked at, and the largest number of tries per cell."""
+"""Number of cells of a fill whose neighbourhood is sampled, and the largest number of tries per
+cell."""
 TRIES = 50
 MOST_RATIO = 2.0
 """Active cells of a fill to those with points, where this is not known yet: six layers of cells
@@ -147,8 +148,8 @@ def active_ratio(grid: Grid, fill: Fill) -> float:
     """Number of active cells of a fill, those with points or next to one, to that with points.
 
     It is the mean over cells c with points of ``sum_j 1/k_j`` over the cells j about c, itself
-    included, of which k_j of the cells about j have points. Where a cell has points is tried at one
-    place in it, the same for all cells about c.
+    included, of which k_j of the cells about j have points. A cell is tested at one position in it,
+    the same for all cells about c.
     """
     places = _samples(grid, fill)
     if not len(places):
@@ -172,7 +173,7 @@ def active_ratio(grid: Grid, fill: Fill) -> float:
 
 
 def _samples(grid: Grid, fill: Fill) -> NDArray[np.float64]:
-    """Places in a region, of which each part has as many as it is large."""
+    """Positions in a region, uniformly distributed over its parts."""
     rng = np.random.default_rng(0)
     if isinstance(fill.region, Cloud):
         x = fill.region.x

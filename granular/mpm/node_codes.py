@@ -77,10 +77,10 @@ class _Axes:
         """Indices of the nodes from `low` to `high` [cells], ends included."""
         x = self.positions[axis]
         slack = self.grid.slack
-        found = (x >= low - slack) & (x <= high + slack)
+        inside = (x >= low - slack) & (x <= high + slack)
         if self.grid.periodic[axis]:  # node 0 is also node n
-            found |= x + self.grid.shape[axis] <= high + slack
-        return np.flatnonzero(found)
+            inside |= x + self.grid.shape[axis] <= high + slack
+        return np.flatnonzero(inside)
 
     def of(self, wall: WallOrBlock) -> Ranges:
         """Nodes on a wall, or in and at a block."""
@@ -153,13 +153,15 @@ class WallNodes:
         moved = [axes.driven(inflow, scene.scheme.basis) for inflow in driven(scene)]
         cuts = None
         if any(map(_slips, scene.walls)):
-            cuts = [np.flatnonzero(np.diff(seen).any(axis=0)) + 1 for seen in self._outlooks]
+            cuts = [
+                np.flatnonzero(np.diff(outlook_).any(axis=0)) + 1 for outlook_ in self._outlooks
+            ]
         self.zeros = GridMap.zeros([len(x) for x in axes.positions], [*ranges, *moved], cuts)
         self.where: list[Where] = [self.zeros.of(nodes) for nodes in ranges]
         self.driven: list[Where] = [self.zeros.of(nodes) for nodes in moved]
 
     def block_holds(self) -> Iterator[tuple[Where, WallRow]]:
-        """Yield what blocks hold; faces are those of the union of all blocks."""
+        """Yield the components that blocks hold; faces are those of the union of all blocks."""
         slips = np.zeros(self.zeros.values.shape, dtype=bool)
         for wall, where in zip(self._walls, self.where, strict=True):
             if _slips(wall):
@@ -168,7 +170,7 @@ class WallNodes:
                 yield where, WallRow(fixed=self._everything)
         if slips.any():
             firsts = zip(self._outlooks, self.zeros.firsts(), strict=True)
-            held = held_components(self._solid, [seen[:, first] for seen, first in firsts])
+            held = held_components(self._solid, [outlook_[:, first] for outlook_, first in firsts])
             for fixed in np.unique(held[slips]):
                 yield slips & (held == fixed), WallRow(fixed=int(fixed))
 
@@ -184,7 +186,7 @@ T = TypeVar("T")
 def collected(
     shape: tuple[int, ...], parts: Iterable[tuple[Where, T]]
 ) -> tuple[NDArray[np.int32], list[frozenset[T]]]:
-    """Collect for each place of an array what lies there: numbers of sets, and the sets."""
+    """Collect the members of each entry of an array: numbers of sets, and the sets."""
     state = np.zeros(shape, dtype=np.int32)
     known: dict[frozenset[T], int] = {frozenset(): 0}
     for where, thing in parts:
@@ -218,7 +220,7 @@ class _Rows:
             fx = fy = fz = 0.0  # no component is left for friction
         velocity = _in_common(holds, lambda hold: hold.velocity, 0.0)
         row = WallRow(fixed, away, (fx, fy, fz), velocity=velocity)
-        if after:  # if another wall holds the node after the opening, nothing changes
+        if after:  # if another wall holds the node after the opening, there is no change
             remaining = list(self.codes)[after - 1]
             if remaining._replace(opens_at=math.inf, after=0) == row:
                 return after
@@ -282,8 +284,8 @@ def node_codes(scene: Scene) -> tuple[GridMap, tuple[WallRow, ...]]:
         code_of[i] = rows.code(sets[i])
     values = code_of[state]
     for inflow, where in zip(driven(scene), nodes.driven, strict=True):
-        own = {i: rows.driven_code(inflow, sets[i]) for i in np.unique(state[where])}
-        values[where] = np.vectorize(own.__getitem__, otypes=[np.int64])(state[where])
+        driven_codes = {i: rows.driven_code(inflow, sets[i]) for i in np.unique(state[where])}
+        values[where] = np.vectorize(driven_codes.__getitem__, otypes=[np.int64])(state[where])
     if len(rows.codes) > MAX_ROWS:
         raise ValueError(f"walls make {len(rows.codes)} kinds of nodes, must be <= {MAX_ROWS}")
     return codes._replace(values=values.astype(np.uint8)), tuple(rows.codes)

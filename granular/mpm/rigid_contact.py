@@ -1,4 +1,4 @@
-"""Contact of free bodies with what is solid: what the core needs of shapes, walls and blocks."""
+"""Contact of free bodies with solids: the data of shapes, walls and blocks for the core."""
 
 from __future__ import annotations
 
@@ -28,18 +28,19 @@ FAR = 1e50
 """Position [m] of a side that is infinitely far, as in the core."""
 
 SPACING = 0.5
-"""Distance of the places of a surface [cells] at which it touches others."""
+"""Distance [cells] of the sample points of a surface at which it touches others."""
 
 MOST_ACROSS = {2: 400, 3: 24}
-"""Places along the edge of a cube of the volume of a body at most, by dimension."""
+"""Largest number of sample points along the edge of a cube of the volume of a body, by
+dimension."""
 
 MOST_PLACES = 2_000_000
-"""Places about a body that are looked at, of which those on its surface are kept. A body as long
-as wide takes 170,000 of them at most; what takes more is longer than wide by 10,000 times in 2D and
-by 1,000 in 3D, or far from its position."""
+"""Largest number of points about a body from which the sample points on its surface are selected. A
+body as long as wide needs 170,000 of them at most; one that needs more is longer than wide by
+10,000 times in 2D and by 1,000 in 3D, or far from its position."""
 
 BAND = 2.5
-"""Distance from the surface [spacings] from which places are projected on it: those outside find
+"""Distance from the surface [spacings] from which points are projected on it: those outside reach
 the corners, also obtuse ones."""
 
 
@@ -51,9 +52,9 @@ def moves_freely(body: Body) -> bool:
 def contact_balls(shape: Shape, cell: float, name: str = "shape") -> Array:
     """Balls with which a shape touches others, shape (n, 4): centre in its coordinates and radius.
 
-    A ball, a disc in 2D and a rod with round ends are exact. Of other shapes these are places of
+    A ball, a disc in 2D and a rod with round ends are exact. For other shapes these are points of
     the surface, half a cell apart, with all corners, of the radius 0. An endless shape has none;
-    one that would take more than `MOST_PLACES` is refused by its `name`.
+    one that would need more than `MOST_PLACES` is refused by its `name`.
     """
     dim = shape.dim
     if not math.isfinite(reach(shape)):
@@ -71,25 +72,25 @@ def contact_balls(shape: Shape, cell: float, name: str = "shape") -> Array:
 
 
 def balls_of(scene: Scene) -> list[Array]:
-    """Balls of each body of a scene; those of one shape are made once."""
-    found: dict[Shape, Array] = {}
+    """Balls of each body of a scene; they are made once for each shape."""
+    balls: dict[Shape, Array] = {}
     for i, body in enumerate(scene.bodies):
-        if body.shape not in found:
+        if body.shape not in balls:
             name = f"bodies[{i}].shape"
-            found[body.shape] = contact_balls(body.shape, scene.grid.cell, name)
-    return [found[body.shape] for body in scene.bodies]
+            balls[body.shape] = contact_balls(body.shape, scene.grid.cell, name)
+    return [balls[body.shape] for body in scene.bodies]
 
 
 def _check_count(name: str, size: float, count: float) -> None:
     if count > MOST_PLACES:
         raise ValueError(
             f"{name} reaches over {size:.4g} m, must be shorter, or endless, or about its position:"
-            f" what it touches is found at {count:.2g} places, must be at most {MOST_PLACES}"
+            f" its contact needs {count:.2g} sample points, must be at most {MOST_PLACES}"
         )
 
 
 def _surface(shape: Shape, cell: float, name: str) -> Array:
-    """Places of the surface of a finite shape, shape (n, dim), with all its corners."""
+    """Sample points of the surface of a finite shape, shape (n, dim), with all its corners."""
     dim = shape.dim
     low, high = np.array(shape.bounds)
     half = 0.5 * (high - low)
@@ -112,7 +113,7 @@ def _surface(shape: Shape, cell: float, name: str) -> Array:
 
 def _corners(shape: Shape) -> Array:
     """Corners of the boxes and polygons that a shape consists of, shape (n, dim)."""
-    dim, found = shape.dim, [np.zeros((0, shape.dim))]
+    dim, corners = shape.dim, [np.zeros((0, shape.dim))]
     for leaf in shape.leaves():
         parts = []
         if isinstance(leaf, Box):
@@ -121,32 +122,32 @@ def _corners(shape: Shape) -> Array:
             parts = [(at, axes, np.array(half[:dim])) for at, axes, half in leaf.walls]
         elif isinstance(leaf, Polygon):
             centre, axes = frame_of(leaf)
-            found.append(centre[:dim] + leaf.samples()[0][0] @ axes[:dim, :dim].T)
+            corners.append(centre[:dim] + leaf.samples()[0][0] @ axes[:dim, :dim].T)
         for centre, axes, half in parts:
-            own = combined([np.array([-s, s]) for s in half])
-            found.append(centre[:dim] + own @ axes[:dim, :dim].T)
-    return np.concatenate(found)
+            box = combined([np.array([-s, s]) for s in half])
+            corners.append(centre[:dim] + box @ axes[:dim, :dim].T)
+    return np.concatenate(corners)
 
 
 def _thinned(places: Array, width: float) -> Array:
-    """Keep one of the places in each cell of a fine grid: the one on which most have come.
+    """Select one of the points in each cell of a fine grid: the one on which most were projected.
 
-    Many places are projected on a corner, fewer on an edge, and fewest on a face.
+    Many points are projected on a corner, fewer on an edge, and fewest on a face.
     """
     _, first, count = np.unique(
         np.rint(places / (1e-6 * width)), axis=0, return_index=True, return_counts=True
     )
     order = np.lexsort((first, -count))
-    kept = places[first[order]]
-    chosen = np.unique(np.floor(kept / (0.7 * width) + 0.5), axis=0, return_index=True)[1]
-    thinned: Array = kept[np.sort(chosen)]
+    points = places[first[order]]
+    chosen = np.unique(np.floor(points / (0.7 * width) + 0.5), axis=0, return_index=True)[1]
+    thinned: Array = points[np.sort(chosen)]
     return thinned
 
 
 def obstacles(scene: Scene) -> Array:
     """Walls and blocks of a scene as the core needs them, shape (n, 12): see `touch_solids` there.
 
-    A wall at an end of the domain, and a block that reaches it, go on beyond it.
+    A wall at an end of the domain, and a block that reaches it, are extended beyond it.
     """
     rows = [row_of_wall(scene.grid, wall)[None] for wall in scene.walls]
     return np.concatenate([np.zeros((0, 12)), *rows])

@@ -1,10 +1,11 @@
-"""Froude scaling: a scene at another size whose flow is the same at corresponding places and times.
+"""Froude scaling: a scene at another size whose flow is the same at corresponding positions and
+times.
 
 Gravity and densities do not change. If lengths are multiplied by s, times and velocities scale with
 sqrt(s), stresses (and so the moduli) with s, forces with s^3. Friction coefficients, strains and
 the inertial number gdot d sqrt(rho/p) do not change if grains are scaled with the rest; the time
 scale t0 of the fluidity scales with sqrt(s). The number of steps and of points is the same, so that
-nothing is gained in cost. The purpose is the comparison with physical models and with runs made at
+the cost is not reduced. The purpose is the comparison with physical models and with runs made at
 another scale, such as those of Haeri & Skonieczny 2021 at a quarter.
 """
 
@@ -78,7 +79,14 @@ _MATERIAL = {
     "cohesion": "stress",
     "tensile_strength": "stress",
 }
-_SECTION = {"center": "length", "thickness": "length"}
+_SHAPE = dict.fromkeys(
+    (
+        *("lower", "upper", "size", "center", "through", "origin", "radius", "radii", "tube"),
+        *("length", "thickness", "by", "vertices", "profile", "spacing", "z"),
+    ),
+    "length",
+)
+"""All that has a unit in a shape is a length."""
 _QUANTITIES: dict[type, dict[str, str]] = {
     Grid: {"lower": "length", "cell": "length"},
     Fill: {"velocity": "velocity"},
@@ -87,30 +95,13 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     surfaces.Layer: {name: "length" for name in ("on", "thickness", "lower", "upper", "spacing")},
     regions.Mask: {"lower": "length", "spacing": "length"},
     regions.Cloud: {"x": "length", "volume": "volume", "velocity": "velocity"},
-    # numbers of a law of the user's own may be of any unit: such a scene is refused
+    # numbers of a user-defined law may be of any unit: such a scene is refused
     **{law: _MATERIAL for law in materials.Material.__subclasses__() if law is not OwnLaw},
     **{kind: _of_units(kind) for kind in (Fluidity, Scheme, *DENSITIES.values())},
     **{kind: kind.quantities for kind in BOUNDARIES},
     SpongeLayer: {"above": "length", "damping": "rate"},
     Gravity: {"times": "time"},
-    shapes.Box: {name: "length" for name in ("lower", "upper", "size", "center")},
-    shapes.Cylinder: {"radius": "length", "length": "length", "center": "length"},
-    shapes.HalfSpace: {"through": "length"},
-    shapes.Mesh: {"vertices": "length", "spacing": "length", "thickness": "length"},
-    shapes.HeightMap: {"z": "length", "spacing": "length", "origin": "length"},
-    shapes.Sphere: {"radius": "length", "center": "length"},
-    shapes.Capsule: {"radius": "length", "length": "length", "center": "length"},
-    shapes.Torus: {"radius": "length", "tube": "length", "center": "length"},
-    shapes.Frustum: {**_SECTION, "radii": "length", "length": "length"},
-    shapes.Polygon: {**_SECTION, "vertices": "length"},
-    shapes.Prism: {**_SECTION, "vertices": "length", "length": "length"},
-    shapes.Revolve: {**_SECTION, "profile": "length"},
-    shapes.Union: {},
-    shapes.Intersection: {},
-    shapes.Difference: {},
-    shapes.Complement: {},
-    shapes.Offset: {"by": "length"},
-    shapes.Shell: {"thickness": "length"},
+    **{s: _SHAPE for s in vars(shapes).values() if isinstance(s, type) and is_dataclass(s)},
     rigid.Motion: {"times": "time", "velocity": "velocity", "angular_velocity": "angular_velocity"},
     rigid.Body: {"position": "length", "mass": "mass", "inertia": "inertia"},
     Scene: {"duration": "time"},
@@ -175,8 +166,8 @@ class Froude:
         Raises
         ------
         TypeError
-            If the units of the numbers of a part of the scene are not known, as those of a law of
-            one's own.
+            If the units of the numbers of a part of the scene are not known, as those of a
+            user-defined law.
         """
         if not isinstance(scene, Scene):
             raise TypeError(f"scene = {scene!r} must be a Scene")

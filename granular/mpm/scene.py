@@ -31,7 +31,7 @@ from granular.tools.serializable import Parameters as Parameters
 from granular.tools.serializable import register
 
 MOST_MATERIALS = 8
-"""Largest number of materials of a scene, that of csrc/mpm/materials.h."""
+"""Largest number of materials of a scene, as in csrc/mpm/materials.h."""
 
 
 class Servo(NamedTuple):
@@ -56,20 +56,20 @@ class Scene(BaseScene):
     fills : sequence of Fill
         Material at the start, at least one unless there are inflows.
     material : Material
-        Material of the fills and inflows that have none of their own. A scene has at most 8
+        Material of the fills and inflows without a material. A scene has at most 8
         different materials, one of them nonlocal; several are not for a `CellAveragedDensity`.
     scheme : Scheme, optional
         By default `granular.schemes.cell_averaged` for a nonlocal law that is the only material and
         whose friction has a limit, else `granular.schemes.default`.
     walls : sequence of Wall and Solid
-        Walls and blocks. A side of the grid that is neither open nor has a wall only keeps points
-        from leaving.
+        Walls and blocks. A side of the grid that is neither open nor has a wall only prevents
+        points from leaving.
     gravity : Gravity
         Gravity, of the dimension of the grid.
     duration : float
         Time to simulate [s], > 0.
     sponge_layers : sequence of SpongeLayer
-        Layers that damp elastic waves, at most one along an axis.
+        Layers with sponge damping of elastic waves, at most one along an axis.
     bodies : sequence of Body
         Rigid bodies, at most 64. Fills leave out their volume: points begin outside of them and
         follow their surfaces, see `granular.Fill`.
@@ -174,7 +174,7 @@ class Scene(BaseScene):
 
     @property
     def materials(self) -> tuple[Material, ...]:
-        """The different materials: that of the scene, and others in the order of the sources.
+        """The different materials: the material of the scene, then others as in the sources.
 
         The field `material` of a state numbers them, if there are several.
         """
@@ -263,9 +263,9 @@ class Scene(BaseScene):
                 )
 
     def _walls_in_words(self) -> str:
-        kept = (f", walls[{s.wall}] keeps {s.pressure:g} Pa" for s in self.servos)
+        servos = (f", walls[{s.wall}] keeps {s.pressure:g} Pa" for s in self.servos)
         entering = f", {len(self.inflows)} inflows" if self.inflows else ""
-        return f"{len(self.walls)}" + "".join(kept) + entering
+        return f"{len(self.walls)}" + "".join(servos) + entering
 
     def _method_in_words(self) -> str:
         scheme = self.scheme

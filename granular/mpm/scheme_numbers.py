@@ -26,7 +26,7 @@ _CLASSES = {
 }
 """Names of the classes of the groups of numbers."""
 _SET_ONCE_MADE = ("tpic_decay",)
-"""Numbers without a default that a scheme always has: those of its density."""
+"""Numbers without a default that a scheme always has, from its density."""
 
 
 def _kind(default: float | None, allowed: str) -> str:

@@ -55,8 +55,8 @@ TRANSFERS = tuple(_ENUMERATIONS["transfer"])
 PRECISIONS = ("double", "single")
 """Names of the precisions that the kernels of a `Scheme` may have."""
 IN_SINGLE = (("quadratic", "tpic", "smoothed"), ("quadratic", "apic", "particle"))
-"""Basis, transfer and density of which there are kernels in single precision. With cell averages
-it would save a tenth of the time in 2D, and change a flow as much as the cells do."""
+"""Basis, transfer and density of which there are kernels in single precision. With cell averages it
+would save a tenth of the time in 2D, and change a flow as much as the size of the cells does."""
 DIFFUSIONS = ("auto", *_ENUMERATIONS["diffusion"])
 STENCILS = tuple(_ENUMERATIONS["stencil"])
 
@@ -80,8 +80,8 @@ class ParticleDensity(ParticleNumbers):
 class SmoothedDensity(SmoothedNumbers):
     """Density that is averaged over neighbours and relaxes to the nodal density.
 
-    For quadratic B-splines with TPIC. Points are shifted away from over-compressed places, and
-    their quadrature weights are corrected so that a uniform pressure makes no force.
+    For quadratic B-splines with TPIC. Points are shifted away from over-compressed regions, and
+    their quadrature weights are corrected so that a uniform pressure exerts no force.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ class Scheme(SchemeNumbers):
         Floating-point numbers that the kernels compute with and the points are stored in; positions
         are double in either case. "single" takes 0.5 to 0.75 of the time and 0.6 of the memory, and
         has rounding errors of 6e-8 in each step. For the default combination of basis, transfer and
-        density, and for quadratic "apic"; not for elasticity = "hencky" and laws of one's own.
+        density, and for quadratic "apic"; not for elasticity = "hencky" and user-defined laws.
     {numbers}
     {raises}.
     """
@@ -253,7 +253,8 @@ default = Scheme()
 """Quadratic B-splines, TPIC, smoothed density; it remains accurate in two-dimensional shear."""
 
 cell_averaged = Scheme(density=CellAveragedDensity())
-"""Linear shape functions, TPIC, cell-averaged density; it does the same at a lower cost."""
+"""Linear shape functions, TPIC, cell-averaged density; as accurate in such shear at a lower
+cost."""
 
 
 def suited_to(*materials: Material, cell: float = 0.0) -> Scheme:
@@ -269,7 +270,7 @@ def suited_to(*materials: Material, cell: float = 0.0) -> Scheme:
         All materials of the scene.
     cell : float
         Size of the cells [m]. Where the length `A` d of the law is at most a tenth of it, the law
-        is as good as local, and suited to `default`.
+        is practically local, and suited to `default`.
     """
     cell = non_negative("cell", cell)
     alone = materials[0] if len(materials) == 1 else None

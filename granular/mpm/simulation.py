@@ -57,20 +57,20 @@ these fields.
 
 
 SPARSE = 16
-"""Largest id, in multiples of the number of places, up to which points are ordered by a table.
+"""Largest id, in multiples of the number of slots, up to which points are ordered by a table.
 
-The table is faster than sorting, but its size is that of the largest id: 128 bytes per place.
+The table is faster than sorting, but its size grows with the largest id: 128 bytes per slot.
 """
 
 
 class _Gathered:
     """A field of the points in the order of their ids; see `granular.record.fresh.Columns`."""
 
-    def __init__(self, rows: NDArray, places: NDArray[np.int64]) -> None:
-        self._rows, self._places = np.atleast_2d(rows), places
+    def __init__(self, rows: NDArray, slots: NDArray[np.int64]) -> None:
+        self._rows, self._slots = np.atleast_2d(rows), slots
         self.dtype = stored_type(rows.dtype)
         wide = (len(rows),) if rows.ndim == 2 and len(rows) > 1 else ()
-        self.shape = (len(places), *wide)
+        self.shape = (len(slots), *wide)
         self.wrap: dict[
             int, tuple[float, float]
         ] = {}  # columns with lower end and length of a period
@@ -79,9 +79,9 @@ class _Gathered:
         """Put a column into an array of numbers of 8 bytes."""
         column = out.view(self.dtype)
         if self._rows.dtype == self.dtype:
-            self._rows[k].take(self._places, out=column, mode="clip")  # "raise" would buffer it
+            self._rows[k].take(self._slots, out=column, mode="clip")  # "raise" would buffer it
         else:
-            column[:] = self._rows[k].take(self._places)
+            column[:] = self._rows[k].take(self._slots)
         if k in self.wrap:
             lower, length = self.wrap[k]
             column[column < lower] += length
@@ -89,7 +89,7 @@ class _Gathered:
 
     def whole(self) -> NDArray:
         """Return the field as an array of its shape, of which each column is contiguous."""
-        columns = np.empty((len(self._rows), len(self._places)), dtype=self.dtype)
+        columns = np.empty((len(self._rows), len(self._slots)), dtype=self.dtype)
         for k, out in enumerate(columns):
             self.column(k, out)
         return columns[0] if len(self.shape) == 1 else columns.T
@@ -144,7 +144,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
     ) -> None:
         engine = core.build(scene, mean_mass, default_isa() if isa is None else isa)
         self._start(scene, engine, threads)
-        self._own_laws = [m.function() for m in scene.materials if isinstance(m, OwnLaw)]
+        self._user_laws = [m.function() for m in scene.materials if isinstance(m, OwnLaw)]
         self._watches_walls = scene.moves_walls or (wall_forces and bool(scene.walls))
         if self._watches_walls:
             pistons = sum(inflow.driven for inflow in scene.inflows)
@@ -183,9 +183,9 @@ class Simulation(simulation.Simulation, scenes=Scene):
                 self._free_bodies.check(self.bodies, self.time, self.steps)
 
     def _advance_core(self, max_steps: int, until: float) -> None:
-        kept = keeping_exceptions(self._own_laws) if self._own_laws else nullcontext()
+        guard = keeping_exceptions(self._user_laws) if self._user_laws else nullcontext()
         try:
-            with kept:
+            with guard:
                 needed = self._engine.advance(max_steps, until, self.threads)
         except RuntimeError as error:  # a SimulationError, too
             self._raise_of_laws(error)
@@ -197,8 +197,8 @@ class Simulation(simulation.Simulation, scenes=Scene):
         self._raise_of_laws(None)
 
     def _raise_of_laws(self, error: RuntimeError | None) -> None:
-        """Raise what was raised in laws of the user's own; the core knows only that they failed."""
-        for function in self._own_laws:
+        """Raise the exceptions of user-defined laws; the core reports only that they failed."""
+        for function in self._user_laws:
             failure = function.take_failure()
             if failure is not None:
                 raise failure from error
@@ -212,7 +212,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
     def fluidity(self) -> _core.Fluidity | None:
         """Method of the diffusion of the fluidity, number of substeps and their limit [s].
 
-        Also the number of iterations, and of cells that were kept from becoming negative, since
+        Also the number of iterations, and of cells in which negative values were set to zero, since
         this object was made. None for a local law.
         """
         return self._engine.fluidity()
@@ -226,10 +226,11 @@ class Simulation(simulation.Simulation, scenes=Scene):
     def walls(self) -> tuple[WallState, ...]:
         """Impulses on the walls and blocks of the scene, in their order, and motion of the walls.
 
-        They are what the points lose to the walls, so that the momentum of the points changes by
-        the impulse of gravity less those on the walls and bodies (less what a sponge layer takes
-        and what leaves the domain). Where several meet, a component counts for a wall to which it
-        is normal, else for a no-slip wall, a no-slip block, the roughest Coulomb wall, or a block.
+        They are the momentum that the points lose to the walls, so that the momentum of the points
+        changes by the impulse of gravity less those on the walls and bodies (less the momentum lost
+        to a sponge layer and by points that leave the domain). Where several meet, a component
+        counts for a wall to which it is normal, else for a no-slip wall, a no-slip block, the
+        roughest Coulomb wall, or a block.
 
         Raises
         ------
@@ -243,30 +244,31 @@ class Simulation(simulation.Simulation, scenes=Scene):
 
     @property
     def inflows(self) -> tuple[InflowState, ...]:
-        """Account of each inflow of the scene, in their order: what has entered, and was missed."""
+        """Account of each inflow of the scene, in their order: points that have entered or were
+        missed."""
         rows = iter(self._engine.walls()[len(self.scene.walls) :] if self._watches_walls else ())
         states, at = self._engine.inflow()[1:], 0
-        found = []
+        accounts = []
         for inflow, fields in zip(self.scene.inflows, self._inlets, strict=True):
             size = 2 + 2 * len(fields["mass"])
             row = next(rows) if inflow.driven else np.zeros(9)
-            found.append(account(self.scene, fields, states[at : at + size], row))
+            accounts.append(account(self.scene, fields, states[at : at + size], row))
             at += size
-        return tuple(found)
+        return tuple(accounts)
 
     @property
     def buffers(self) -> dict[str, NDArray]:
         """Arrays of the core, not copied: {field: (component, capacity)} and "id".
 
-        Points are grouped by cell; places with a negative id are unused. When points spread, the
+        Points are grouped by cell; slots with a negative id are unused. When points spread, the
         core may replace the arrays by larger ones. Values written into them take effect from the
         next step on, if this property was read after the last step.
         """
         self._engine.refresh()
         return dict(self._buffers)
 
-    def _places(self) -> NDArray[np.int64]:
-        """Return the places of the points in the buffers, in the order of their ids."""
+    def _slots(self) -> NDArray[np.int64]:
+        """Return the slots of the points in the buffers, in the order of their ids."""
         ids = self._buffers["id"]
         living = np.flatnonzero(ids >= 0)
         if (end := int(ids.max(initial=-1)) + 1) <= SPARSE * len(ids):
@@ -275,31 +277,31 @@ class Simulation(simulation.Simulation, scenes=Scene):
             return ordered if len(living) == end else ordered[ordered >= 0]
         return living[np.argsort(ids[living], kind="stable")]
 
-    def _gathered(self, kept: bool) -> dict[str, _Gathered]:
+    def _gathered(self, recorded: bool) -> dict[str, _Gathered]:
         """Return the fields of a state, to be made column by column."""
-        places, without = self._places(), CARRIED if kept else frozenset()
+        slots, without = self._slots(), CARRIED if recorded else frozenset()
         names = [name for name, *_ in self._engine.fields() if name not in without]
-        found = {name: _Gathered(self._buffers[name], places) for name in ("id", *names)}
+        columns = {name: _Gathered(self._buffers[name], slots) for name in ("id", *names)}
         grid = self.scene.grid
         # Positions are wrapped into the domain along periodic axes: ugimp groups by shifted cells.
-        found["x"].wrap = {
+        columns["x"].wrap = {
             int(d): (grid.lower[d], grid.shape[d] * grid.cell)
             for d in np.flatnonzero(grid.periodic)
         }
-        return found
+        return columns
 
-    def _fields(self, kept: bool) -> dict[str, NDArray]:
-        return {name: field.whole() for name, field in self._gathered(kept).items()}
+    def _fields(self, recorded: bool) -> dict[str, NDArray]:
+        return {name: field.whole() for name, field in self._gathered(recorded).items()}
 
     def _streamed(self) -> Streamed:
         scalars = self._engine.scalars()
         time, step, dt = scalars["time"], int(scalars["step"]), scalars["dt"]
-        return Streamed(time, step, dt, self._gathered(kept=True))
+        return Streamed(time, step, dt, self._gathered(recorded=True))
 
     def _indicators(self, state: State, thorough: bool) -> dict[str, float]:
         self._engine.tally()
         tally = self._engine.scalars()
-        found: dict[str, float] = {
+        numbers: dict[str, float] = {
             "mach": tally["tally_fastest"] / self.scene.wave_speed,
             "compression": tally["tally_densest"],
             "dilution": abs(tally["tally_loosest"]),
@@ -307,27 +309,27 @@ class Simulation(simulation.Simulation, scenes=Scene):
         }
         for servo in self.scene.servos:
             moved = abs(float(self.walls[servo.wall].displacement))
-            found["wall_strain"] = moved / core.extent(self.scene, servo.axis)
+            numbers["wall_strain"] = moved / core.extent(self.scene, servo.axis)
         if "weight_correction" in state.fields:
             limit = self.scene.scheme.density.numbers()["weight_correction_limit"]
-            found["weights_at_limit"] = weights_at_limit(state, limit)
+            numbers["weights_at_limit"] = weights_at_limit(state, limit)
         if not thorough or not state.n:
-            return found
+            return numbers
         if any(wall.is_block for wall in self.scene.walls):
             within = deep_within(self.scene.grid, self.scene.walls, state.x)
-            found["in_solids"] = float(state.mass[within].sum() / state.mass.sum())
+            numbers["in_solids"] = float(state.mass[within].sum() / state.mass.sum())
         if self.scene.bodies:
             phi, _ = distance_from_bodies(self.scene.grid, self.scene.bodies, self.bodies)(state.x)
             within = phi < -DEEPEST * self.scene.grid.cell
-            found["in_bodies"] = float(state.mass[within].sum() / state.mass.sum())
-        return found
+            numbers["in_bodies"] = float(state.mass[within].sum() / state.mass.sum())
+        return numbers
 
     # ---- restart ----
 
     def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
-        places, _ = self._engine.cells()
+        slots, _ = self._engine.cells()
         arrays = {
-            name: array.take(places, axis=-1).astype(stored_type(array.dtype), copy=False)
+            name: array.take(slots, axis=-1).astype(stored_type(array.dtype), copy=False)
             for name, array in self._buffers.items()
         }
         scalars = self._engine.scalars() | {"mean_mass": self._mean_mass}
@@ -383,7 +385,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
     def _adapted(cls, before: Any, scene: Any, checkpoint: Checkpoint) -> Checkpoint:
         """Return a checkpoint of one scene with which a run goes on under a changed one.
 
-        Material that rested may move, the time step may be too long, and the densities of
+        Material at rest may move, the time step may be too long, and the densities of
         hypoelastic materials follow from their stresses.
         """
         arrays = {name: array for name, array in checkpoint.arrays.items() if name != "calm"}
@@ -393,7 +395,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         share = np.where(hencky, 1.0, old / new)[number]
         stressed = np.any(arrays["stress"], axis=0)
         arrays["log_density"] = np.where(stressed, share, 1.0) * arrays["log_density"]
-        # The damping of flutter, which is there with gravity, begins anew with it.
+        # The flutter damping, which depends on gravity, begins anew with it.
         for name in {"overstress", "mean_shear_rate"} - set(arrays):
             arrays[name] = np.zeros((1, len(arrays["id"])))
         scalars = {  # another account of energy

@@ -1,4 +1,4 @@
-"""Material that has nothing below it: ends of the grid stop points without a force."""
+"""Material without support below it: ends of the grid stop points without a force."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ if TYPE_CHECKING:
 
 
 def unsupported(scene: Scene) -> str | None:
-    """Sentence on the first source of a scene that nothing holds against gravity; None if all are.
+    """Sentence on the first source of a scene without support against gravity; None if all have it.
 
-    Gravity counts along its largest component. Anything solid that reaches below the top of a
-    source may hold it: by friction, or where the material gets to. Along a periodic axis material
-    falls round, and through an open side it is to leave.
+    Gravity counts along its largest component. Any solid that reaches below the top of a source may
+    support it: by friction, or where the material arrives. Along a periodic axis material returns
+    at the top, and through an open side it should leave.
     """
     vectors = np.array(scene.gravity.vectors)
     pull = vectors[int(np.linalg.norm(vectors, axis=1).argmax())]
@@ -43,7 +43,7 @@ def unsupported(scene: Scene) -> str | None:
 
 
 def _lower_ends(scene: Scene, axis: int, down: float) -> list[float]:
-    """Lower ends along an axis of what is solid [m], as coordinates times `down`."""
+    """Lower ends along an axis of the solids [m], as coordinates times `down`."""
     across = [wall.extent(scene.grid, axis) for wall in scene.walls if wall.axis in (axis, None)]
     ends = [max(down * low, down * high) for low, high in across]
     return ends + [np.inf for _ in scene.bodies]  # they may come from anywhere

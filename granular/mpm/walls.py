@@ -1,7 +1,7 @@
 """Walls, blocks and sponge layers, the fixed boundaries of the material.
 
-A new kind of boundary is a class derived from `WallOrBlock` in `BOUNDARIES`, a new way in which
-boundaries hold material an entry of `RULES`. All else asks them.
+A new kind of boundary is a class derived from `WallOrBlock` in `BOUNDARIES`, a new boundary
+condition an entry of `RULES`. Other modules use these only.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ Face = tuple[NDArray[np.float64], NDArray[np.float64], int, int]
 
 @dataclass(frozen=True)
 class Rule:
-    """A rule by which walls and blocks hold the material at them.
+    """A boundary condition of walls and blocks.
 
     Attributes
     ----------
     sticks : bool
         True if all velocity components are held, and the fluidity is 0; else the normal one.
     rubs : bool
-        True if there is friction along it.
+        True if there is friction along the surface.
     order : float
-        Place of a wall among those to which an impulse along them counts; inf if there is none.
+        Rank of a wall when an impulse along several is attributed to one; inf if there is none.
     """
 
     sticks: bool = False
@@ -81,7 +81,7 @@ class WallOrBlock(Boundary):
 
     @property
     def rule(self) -> Rule:
-        """Rule by which it holds material."""
+        """Boundary condition of its `kind`."""
         return RULES[self.kind]
 
     @property
@@ -97,19 +97,19 @@ class WallOrBlock(Boundary):
         return self.opens_at
 
     def check(self, name: str, grid: Grid) -> None:
-        """Refuse what does not fit the grid: its dimension, its periodic axes, its lines."""
+        """Raise if it does not fit the dimension, the periodic axes or the lines of the grid."""
         raise NotImplementedError
 
     def faces(self, grid: Grid) -> Iterator[Face]:
-        """Yield its faces: both sides of a wall, and those of a block."""
+        """Yield its faces: both sides of a wall, or the faces of a block."""
         raise NotImplementedError
 
     def order(self, axis: int) -> tuple[float, float]:
-        """Order in which an impulse along an axis counts for one of several: the least first."""
+        """Rank when an impulse along an axis is attributed to one of several; least first."""
         raise NotImplementedError
 
     def above(self, grid: Grid, at: float, beyond: float) -> Self | None:
-        """Part at x > `at`; None if nothing of it is at x > `beyond` [m]."""
+        """Part at x > `at`; None if no part is at x > `beyond` [m]."""
         raise NotImplementedError
 
 
@@ -130,7 +130,7 @@ class Wall(WallOrBlock):
     axis : int
         Axis normal to the wall, from 0 on; not a periodic one.
     at : float
-        Coordinate along `axis` [m]; must be that of a grid line.
+        Coordinate along `axis` [m]; must be on a grid line.
     kind : {"no_slip", "free_slip", "coulomb"}
         "no_slip" holds all velocity components at zero, "free_slip" only the normal one (as does a
         symmetry plane). "coulomb" holds the normal one, with friction along the wall (Dunatunga &
@@ -145,7 +145,7 @@ class Wall(WallOrBlock):
         Time [s], >= 0, from which on the wall does not exist.
     velocity : tuple of float, length dim, or None
         Velocity of a "no_slip" wall along itself [m/s], constant; None for 0. Where it meets
-        another wall or block, components in which the two differ rest.
+        another wall or block, components in which the two differ are 0.
     pressure : float or None
         Mean normal stress on the wall [Pa], > 0, that a servo keeps; None for a wall that is fixed.
         The wall must be an end of the grid, without a `span`, and the only one with a pressure. It
@@ -318,7 +318,7 @@ BOUNDARIES: tuple[type[WallOrBlock], ...] = (Wall, Solid)
 class WallState:
     """Accumulated impulse of the material on a wall or block, and the motion of a wall.
 
-    Impulses and work are those of the part that is modelled, where planes of symmetry cut the wall.
+    Impulses and work refer to the modelled part where planes of symmetry cut the wall.
 
     Attributes
     ----------
@@ -352,7 +352,7 @@ def split_impulses(numbers: NDArray[np.float64], dim: int) -> dict[str, NDArray[
 
 @dataclass(frozen=True)
 class SpongeLayer:
-    """A layer that damps elastic waves: points beyond `above` that move upwards are slowed down.
+    """A sponge layer, which damps elastic waves: it slows points beyond `above` that move upwards.
 
     Parameters
     ----------
@@ -364,8 +364,8 @@ class SpongeLayer:
     damping : float
         Damping rate [1/s], > 0: in each step the upward velocity of the points is multiplied by
         exp(-damping dt), so that a rising wave decays over the length c/damping. The default,
-        infinity, stops them at once, as published; but then over-compressed material expands no
-        faster than g dt, and a compressed bed stays so for many thousand steps.
+        infinity, stops them at once, as published. Over-compressed material then expands no faster
+        than g dt, so that a compressed bed remains compressed for many thousand steps.
     {raises}.
     """
 
@@ -379,7 +379,7 @@ class SpongeLayer:
         check_fields(self, positive, "damping", allow_inf=True)
 
     def check(self, name: str, grid: Grid) -> None:
-        """Refuse what does not fit the grid."""
+        """Raise if it does not fit the grid."""
         _check_axis(self, name, grid)
         low, high = grid.lower[self.axis], grid.upper[self.axis]
         if not low <= self.above < high - grid.slack * grid.cell:

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 STYLE = {"facecolor": "#d5d8dc", "edgecolor": "#3f4650", "linewidth": 0.9}
 INTERVALS = 1200
-"""Intervals along the longer side of the region in which a section is sought."""
+"""Intervals along the longer side of the region in which a section is computed."""
 COARSE = 128
 """The same for the boxes of sections, to which a picture is fitted."""
 BLOCK = 16
@@ -60,7 +60,7 @@ class Section:
             for low, high in extent
         )
         self._step = step
-        # What is thinner than the intervals is drawn as thick as these.
+        # Parts thinner than the intervals are drawn as thick as these.
         thickness = min(thicknesses(body.shape))
         self.level = max(0.0, 0.75 * step - 0.5 * thickness)
 
@@ -140,7 +140,7 @@ class Bodies:
         intervals: int = INTERVALS,
     ) -> None:
         self._poses: list[BodyState | None] = [None] * len(poses)
-        # Points that lie behind one another are not hidden by what is in the middle of them.
+        # Points that lie behind one another are not hidden by the section in their middle.
         filled = dict(STYLE, zorder=1.0 if view.projects else 2.5)
         self.artists: list[PathPatch] = []
         self._sections = []

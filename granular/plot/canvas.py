@@ -67,7 +67,7 @@ class View:
         Axes to the right and up; by default the first and the last. In 3D the line of sight is
         along the third axis.
     slab : (float, float), optional
-        Interval of the third coordinate whose points are kept [m]; in 3D only.
+        Interval of the third coordinate whose points are drawn [m]; in 3D only.
     {raises}.
     """
 
@@ -97,7 +97,7 @@ class View:
         return self.depth is not None and self.slab is None
 
     def in_space(self, scene: AnyScene, x: NDArray, y: NDArray) -> NDArray[np.float64]:
-        """Positions [m], shape (n, dim), of places in the picture.
+        """Positions [m], shape (n, dim), of points in the picture.
 
         In 3D they are in the section halfway through the slab; without one they are in
         the plane of symmetry, or if there is none halfway through the domain.
@@ -181,10 +181,10 @@ def figure_of(ax: Axes) -> Figure:
 def color_bar(fig: Figure, brush: Brush, **options: Any) -> None:
     """Add a colour bar with label and unit, or with two names for a field of two values.
 
-    `options` are those of matplotlib: `ax` to take the place from, or `cax` to fill.
+    `options` are those of matplotlib: `ax` to take the space from, or `cax` to fill.
     """
     if "ax" in options:
-        # A bar along a long side would be thick, as its thickness goes with its length.
+        # A bar along a long side would be thick, as its thickness is proportional to its length.
         options = {"aspect": 30, "pad": 0.02} | options
     bar = fig.colorbar(ScalarMappable(brush.norm, brush.cmap), **options)
     if brush.quantity.two:

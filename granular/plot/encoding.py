@@ -28,15 +28,15 @@ least two."""
 
 
 def ffmpeg() -> str | None:
-    """Path of ffmpeg: that of the system, else that of imageio-ffmpeg; None if there is none."""
-    found = shutil.which("ffmpeg")
-    if found is None:
+    """Path of ffmpeg, of the system or else of imageio-ffmpeg; None if there is none."""
+    path = shutil.which("ffmpeg")
+    if path is None:
         # RuntimeError: the package is there, but brought no program for this machine.
         with suppress(ImportError, RuntimeError):
             import imageio_ffmpeg
 
-            found = imageio_ffmpeg.get_ffmpeg_exe()
-    return found
+            path = imageio_ffmpeg.get_ffmpeg_exe()
+    return path
 
 
 def sampled(count: int) -> list[int]:
@@ -91,7 +91,8 @@ def make_movie(
     overwrite: bool,
     progress: bool,
 ) -> Movie:
-    """Write the pictures `shot(i)` of `count` frames to a file, or without a path keep them.
+    """Write the pictures `shot(i)` of `count` frames to a file, or without a path store them in
+    memory.
 
     The pictures have the shape (height, width, 3), height and width even.
     """
@@ -152,7 +153,7 @@ def _write_gif(
     fps: float,
 ) -> None:
     """Write pictures as an animated GIF, with a palette that suits the pictures of a sample."""
-    # One palette for all frames, without dithering: pixels at rest do not change and cost nothing.
+    # One palette for all frames, without dithering: pixels at rest do not change and take no space.
     palette = Image.fromarray(np.concatenate(sample[:: max(1, len(sample) // 4)])).quantize(255)
     frames = (
         Image.fromarray(shot).quantize(palette=palette, dither=Image.Dither.NONE) for shot in shots
@@ -197,8 +198,8 @@ def _write_mp4(target: Path, shots: Iterator[NDArray[np.uint8]], fps: float) -> 
             raise
         if process.wait() != 0:
             messages.seek(0)
-            said = messages.read().decode(errors="replace").strip().splitlines()
-            raise RuntimeError(f"ffmpeg failed: {said[-1] if said else 'without a word'}")
+            lines = messages.read().decode(errors="replace").strip().splitlines()
+            raise RuntimeError(f"ffmpeg failed: {lines[-1] if lines else 'without a word'}")
 
 
 @contextmanager

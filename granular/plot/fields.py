@@ -176,10 +176,10 @@ class Brush:
             quantity = replace(quantity, label=label, unit="")
         if log is not None:
             quantity = replace(quantity, log=log)
-        found = [values(state, color, smooth=smooth) for state in states]
+        samples = [values(state, color, smooth=smooth) for state in states]
         if quantity.two:
             return cls(color, quantity, Normalize(0.0, 1.0), PHASES, smooth)
-        every = np.concatenate(found) if found else np.zeros(0)
+        every = np.concatenate(samples) if samples else np.zeros(0)
         low, high = _checked(limits, quantity.log) if limits else _limits(every, quantity)
         if quantity.signed and low != -high:
             # Its middle would not be zero.
@@ -194,9 +194,9 @@ class Brush:
 
     def paint(self, state: State) -> np.ma.MaskedArray:
         """Values of a state, clipped to the scale and masked where there are none."""
-        found = values(state, self.color, smooth=self.smooth)
+        numbers = values(state, self.color, smooth=self.smooth)
         # Zero is not on a logarithmic scale and counts as its low end.
-        return np.ma.masked_invalid(np.clip(found, self.norm.vmin, self.norm.vmax))
+        return np.ma.masked_invalid(np.clip(numbers, self.norm.vmin, self.norm.vmax))
 
 
 def _colormap(name: str) -> Colormap:
@@ -214,16 +214,16 @@ def _checked(limits: tuple[float, float], log: bool) -> tuple[float, float]:
     return low, high
 
 
-def _limits(found: Array, quantity: Quantity) -> tuple[float, float]:
+def _limits(numbers: Array, quantity: Quantity) -> tuple[float, float]:
     """Ends of a scale; the outermost 0.5 % of the points do not extend it."""
-    found = found[np.isfinite(found)]
+    numbers = numbers[np.isfinite(numbers)]
     if quantity.log:
-        found = found[found > 0]
-        high = 10.0 ** math.ceil(math.log10(np.percentile(found, 99.5))) if len(found) else 1.0
+        numbers = numbers[numbers > 0]
+        high = 10.0 ** math.ceil(math.log10(np.percentile(numbers, 99.5))) if len(numbers) else 1.0
         return high * 10.0**-DECADES, high
-    if not len(found):
+    if not len(numbers):
         return 0.0, 1.0
-    low, high = np.percentile(found, (0.5, 99.5)).tolist()
+    low, high = np.percentile(numbers, (0.5, 99.5)).tolist()
     if quantity.signed:
         most = max(abs(low), abs(high)) or 1.0
         return -most, most

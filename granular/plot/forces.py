@@ -1,7 +1,7 @@
 """Forces at contacts: force networks, Pareto fronts, histories, statistics.
 
 The functions take results and infer nothing; the runs are in `benchmarks/figures`. Numbers of
-figures are those of chapters 2 and 3 of Hurley's thesis.
+figures are as in chapters 2 and 3 of Hurley's thesis.
 """
 
 from __future__ import annotations
@@ -97,12 +97,12 @@ def _extent(packing: Packing, axes: tuple[int, int] | None) -> tuple[Array, Arra
 def _network(
     ax: Axes, packing: Packing, forces: Array, largest: float, axes: tuple[int, int] | None
 ) -> None:
-    seen, size = _seen(packing, axes), 2 * packing.radii
-    x = packing.centroids[:, seen]
+    positions, size = _seen(packing, axes), 2 * packing.radii
+    x = packing.centroids[:, positions]
     _discs(ax, size, x, facecolors=FACE, edgecolors=EDGE, linewidths=0.6)
     # Lines join centroids; to a wall or a missing grain they end at the contact. Across a periodic
     # boundary a line has a gap, the nan.
-    at = [packing.seen_from(side)[:, seen] for side in (0, 1)]
+    at = [packing.seen_from(side)[:, positions] for side in (0, 1)]
     near = np.linalg.norm(at[1] - at[0], axis=1) < packing.radius
     gap = np.where(near[:, None], at[0], np.nan)
     ends = [
@@ -123,8 +123,8 @@ def _network(
     ax.tick_params(labelsize="x-small")
     ax.spines[:].set_color("0.8")
     names = "xyz"
-    ax.set_xlabel(f"{names[seen[0]]} [m]", fontsize="x-small")
-    ax.set_ylabel(f"{names[seen[1]]} [m]", fontsize="x-small")
+    ax.set_xlabel(f"{names[positions[0]]} [m]", fontsize="x-small")
+    ax.set_ylabel(f"{names[positions[1]]} [m]", fontsize="x-small")
 
 
 def pareto_front(front: ParetoFront, *, errors: ArrayLike | None = None) -> Picture:
@@ -238,16 +238,16 @@ def force_distribution(statistics: Mapping[str, ForceStatistics]) -> Picture:
     fig = Picture(figsize=(5.2, 3.8), layout="tight")
     ax = fig.subplots()
     end = 1.0
-    for (name, found), shade in zip(statistics.items(), SHADES, strict=False):
-        count = len(found.scaled)
+    for (name, distribution), shade in zip(statistics.items(), SHADES, strict=False):
+        count = len(distribution.scaled)
         ax.semilogy(
-            found.scaled,
+            distribution.scaled,
             1 - np.arange(count) / count,
             drawstyle="steps-pre",
             color=shade,
-            label=f"{name}: b = {found.decay:.2f} ± {found.decay_error:.2f}",
+            label=f"{name}: b = {distribution.decay:.2f} ± {distribution.decay_error:.2f}",
         )
-        end = max(end, found.scaled[-1])
+        end = max(end, distribution.scaled[-1])
     along = np.array([1.0, end])
     ax.semilogy(along, 0.4 * np.exp(1 - along), "--", color="0.5", label="0.4 exp(1 - F/mean)")
     ax.set(xlabel="force / mean", ylabel="share of contacts beyond")

@@ -42,9 +42,9 @@ def frame(
 ) -> Figure:
     """Draw the material of a state, with its bodies, walls, blocks and outlets.
 
-    The material is an area without gaps, in which each place has the colour of the nearest point;
-    its free surface is as far from the points as their volumes say, and a single point is a disc of
-    its volume. Bodies are drawn where they are at the time of the state.
+    The material is an area without gaps, in which each pixel has the colour of the nearest point;
+    the distance of its free surface from the points follows from their volumes, and a single point
+    is a disc of its volume. Bodies are drawn in their poses at the time of the state.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def frame(
         or derived ("pressure", "speed", "density", "shear_stress", "mu", "inertial_number",
         "dense", ..., see `granular.measure.derived`), or one number per point.
     ax : Axes, optional
-        Axes to draw into; by default those of a new figure.
+        Axes to draw into; by default the axes of a new figure.
     limits : (low, high), optional
         Limits of the colour scale; by default they fit the state.
     log : bool, optional
@@ -93,12 +93,12 @@ def frame(
     brush = Brush.fitted(
         [state], color, limits=limits, log=log, cmap=cmap, label=label, smooth=smooth
     )
-    seen = View(state.dim, view, slab)
-    box = fitted_extent([state], seen) if extent is None else checked_extent(extent)
+    window = View(state.dim, view, slab)
+    box = fitted_extent([state], window) if extent is None else checked_extent(extent)
     side = "right"
     if ax is None:
-        ax, side = new_axes(box), beside(box)
-    Drawing(ax, state, brush, seen, box, size=size)
+        ax, side = new_axes(box), bar_side(box)
+    Drawing(ax, state, brush, window, box, size=size)
     ax.set_title(f"t = {state.time:.3g} s" if title is None else title)
     if bar:
         color_bar(figure_of(ax), brush, ax=ax, location=side)
@@ -111,7 +111,7 @@ def fitted_extent(states: Sequence[State], view: View) -> Extent:
     return view.extent(states, [box for of_state in boxes for box in of_state])
 
 
-def beside(extent: Extent) -> str:
+def bar_side(extent: Extent) -> str:
     """Side of a picture for the colour bar: below one that is long and low."""
     (left, right), (bottom, top) = extent
     return "right" if top - bottom > LOW * (right - left) else "bottom"
@@ -121,8 +121,8 @@ def new_axes(extent: Extent) -> Axes:
     """Make the axes of a new figure whose shape suits the extent."""
     (left, right), (bottom, top) = extent
     ratio = (top - bottom) / (right - left)
-    # Besides the axes there are labels and the title above, and the colour bar beside or below.
-    wide, high = (1.6, 0.9) if beside(extent) == "right" else (0.7, 1.5)
+    # Besides the axes there are labels and the title above, and the colour bar next to it or below.
+    wide, high = (1.6, 0.9) if bar_side(extent) == "right" else (0.7, 1.5)
     height = min(max((WIDTH - wide) * ratio + high, 1.9), 9.0)
     return Picture(figsize=(WIDTH, height), layout="compressed").add_subplot()
 

@@ -18,16 +18,16 @@ class Live:
 
     It is a hook of `Simulation.run`: ``sim.run(hooks=[gr.plot.Live("speed", every=10)])``. In a
     notebook the picture stands below the cell and changes in place; with a path it is a file, which
-    is replaced as a whole, so that a viewer never finds half of it.
+    is replaced as a whole, so that a viewer never reads an incomplete one.
 
     Parameters
     ----------
     color : str
         See `granular.plot.frame`.
     every : int
-        Draw the first of each so many frames; the times of frames are those of `Simulation.run`.
+        Draw the first of each so many frames; the times of frames are set by `Simulation.run`.
     path : path, optional
-        Picture to write, in the format that its ending tells, such as ".png"; by default the
+        Picture to write, in the format given by its ending, such as ".png"; by default the
         picture is shown in the notebook.
     **options
         See `granular.plot.frame`: `limits` and `extent` keep the scale and the region the same in
@@ -50,7 +50,7 @@ class Live:
         self._every = integer("every", every, 1)
         self._path = None if path is None else Path(path)
         self._frames = 0
-        self._shown: Any = None
+        self._display: Any = None
         if self._path is None and not in_notebook():
             raise ValueError("path = None must name a picture to write outside a notebook")
         if self._path is not None and not self._path.parent.is_dir():
@@ -66,9 +66,9 @@ class Live:
         if self._path is not None:
             with replacing(self._path) as target:
                 picture.savefig(target)
-        elif self._shown is None:
+        elif self._display is None:
             from IPython.display import display  # there is one, as a notebook runs
 
-            self._shown = display(picture, display_id=True)
+            self._display = display(picture, display_id=True)
         else:
-            self._shown.update(picture)
+            self._display.update(picture)

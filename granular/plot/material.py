@@ -26,12 +26,13 @@ Rows = NDArray[np.intp]
 PIXELS = 1200
 """Pixels along the longer side of a picture that is not a movie."""
 PER_RADIUS = 10
-"""Most pixels to the radius of a point: more would show nothing."""
+"""Largest number of pixels to the radius of a point: more would not be visible."""
 REACH = (1.0, 1.5)
 """Half the width of the gaps that are closed, in cells and in spacings of points, the greater.
 
-Points of a deposit at rest lie in strings: of 16 to a cell, the empty circles between them have a
-radius beyond 0.25 cells at a tenth of places and beyond 0.7 cells at a fiftieth (column collapse).
+Points of a deposit at rest lie in strings: with 16 to a cell, the empty circles between them have a
+radius beyond 0.25 cells at a tenth of positions and beyond 0.7 cells at a fiftieth (column
+collapse).
 """
 
 
@@ -114,34 +115,34 @@ class Raster:
         points, and a single point is a disc.
         """
         radius = max(radius, 0.8 * self.pixel)  # a point shows at least as one pixel
-        shown = self._blank(max(reach, radius))
-        row, column = (at + shown.pad for at in self._places(x))
-        rows, columns = shown.pixels.shape
+        indices = self._blank(max(reach, radius))
+        row, column = (at + indices.pad for at in self._places(x))
+        rows, columns = indices.pixels.shape
         inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
-        shown.pixels[row[inside], column[inside]] = np.flatnonzero(inside)
-        return shown.closed(radius / self.pixel, max(reach, radius) / self.pixel)
+        indices.pixels[row[inside], column[inside]] = np.flatnonzero(inside)
+        return indices.closed(radius / self.pixel, max(reach, radius) / self.pixel)
 
     def discs(self, x: Array, radius: float, reach: float = 0.0) -> Rows:
         """Show a disc for each point; later ones cover earlier ones.
 
         Gaps between discs are closed as in `area` if the reach exceeds the radius.
         """
-        shown = self._blank(max(reach - radius, 0.0))
+        indices = self._blank(max(reach - radius, 0.0))
         across = max(1, math.ceil(2 * radius / self.pixel - 0.2))
         side = np.arange(across) - (across - 1) / 2
         off = np.stack(np.meshgrid(side, side, indexing="ij"), axis=-1).reshape(-1, 2)
         # Small points are squares: a disc of three pixels would be a cross.
         off = off[(off**2).sum(axis=1) <= (across / 2 + 0.3) ** 2]
-        at = (x - self.origin)[:, None, ::-1] / self.pixel + off + shown.pad
+        at = (x - self.origin)[:, None, ::-1] / self.pixel + off + indices.pad
         at = np.floor(at).astype(np.intp)
-        inside = ((at >= 0) & (at < shown.pixels.shape)).all(axis=2)
-        flat = shown.pixels.reshape(-1)
+        inside = ((at >= 0) & (at < indices.pixels.shape)).all(axis=2)
+        flat = indices.pixels.reshape(-1)
         # Of equal indices the last one remains.
-        flat[(at @ [shown.pixels.shape[1], 1])[inside]] = np.nonzero(inside)[0]
-        return shown.closed(0.0, (reach - radius) / self.pixel)
+        flat[(at @ [indices.pixels.shape[1], 1])[inside]] = np.nonzero(inside)[0]
+        return indices.closed(0.0, (reach - radius) / self.pixel)
 
     def _blank(self, beyond: float) -> _Padded:
-        """Pixels that show nothing, with a margin beyond the region [m]."""
+        """Empty pixels, with a margin beyond the region [m]."""
         pad = math.ceil(beyond / self.pixel) + 1
         return _Padded(np.full(tuple(n + 2 * pad for n in self.counts), -1, dtype=np.intp), pad)
 
@@ -154,16 +155,16 @@ class _Padded:
     pad: int
 
     def closed(self, radius: float, reach: float) -> Rows:
-        """Close gaps narrower than twice the reach; what is shown grows by a radius [pixels]."""
-        shown, pad = self.pixels, self.pad
+        """Close gaps narrower than twice the reach; the visible part grows by a radius [pixels]."""
+        indices, pad = self.pixels, self.pad
         core = (slice(pad, -pad), slice(pad, -pad))
-        if (shown < 0).all() or reach <= 0.0:
-            return shown[core]
-        away, (i, j) = ndimage.distance_transform_edt(shown < 0, return_indices=True)
+        if (indices < 0).all() or reach <= 0.0:
+            return indices[core]
+        away, (i, j) = ndimage.distance_transform_edt(indices < 0, return_indices=True)
         near = away <= reach
         depth = ndimage.distance_transform_edt(near) if not near.all() else np.inf
         filled = (depth > reach - radius) | (away <= radius)
-        return np.where(filled, shown[i, j], -1)[core]
+        return np.where(filled, indices[i, j], -1)[core]
 
 
 class Material:
@@ -181,7 +182,7 @@ class Material:
         Region to draw [m].
     size : float, optional
         Diameter of points that are drawn as discs [m]. By default they are an area, or where 3D
-        points lie behind one another discs of which the nearest are seen, with the gaps closed.
+        points lie behind one another discs of which the nearest are visible, with the gaps closed.
     pixels : int
         Pixels along the longer side of the region.
     """
@@ -224,18 +225,18 @@ class Material:
         """Index of the point that each pixel shows, or -1, shape (height, width), from below."""
         order, x = np.arange(state.n)[self.view.order(state)], self.view.places(state)
         if self._is_area:
-            images, own = mirror_images(state, self.view, self._reach)
-            order, x = np.concatenate([order, order[own]]), np.concatenate([x, images])
-            shown = self.raster.area(x, self._radius, self._reach)
+            images, owners = mirror_images(state, self.view, self._reach)
+            order, x = np.concatenate([order, order[owners]]), np.concatenate([x, images])
+            indices = self.raster.area(x, self._radius, self._reach)
         else:
-            shown = self.raster.discs(x, self._radius, self._reach if self._closes else 0.0)
-        return np.where(shown < 0, -1, order[shown] if len(order) else -1)
+            indices = self.raster.discs(x, self._radius, self._reach if self._closes else 0.0)
+        return np.where(indices < 0, -1, order[indices] if len(order) else -1)
 
     def update(self, state: State) -> None:
         """Show another state."""
-        shown = self.rows(state)
+        indices = self.rows(state)
         colors = self.brush.cmap(self.brush.norm(self.brush.paint(state)), bytes=True)
-        pixels = np.zeros((*shown.shape, 4), dtype=np.uint8)
+        pixels = np.zeros((*indices.shape, 4), dtype=np.uint8)
         if state.n:
-            pixels = np.where((shown < 0)[..., None], np.uint8(0), colors[shown])
+            pixels = np.where((indices < 0)[..., None], np.uint8(0), colors[indices])
         self.artist.set_data(pixels)

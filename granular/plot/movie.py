@@ -12,7 +12,7 @@ from granular.model.state import State
 from granular.plot.canvas import Extent, View, checked_extent, color_bar, figure_of
 from granular.plot.encoding import Movie, check_movie, make_movie, sampled
 from granular.plot.fields import Brush
-from granular.plot.frame import Drawing, beside, fitted_extent, new_axes
+from granular.plot.frame import Drawing, bar_side, fitted_extent, new_axes
 from granular.record import Trajectory
 from granular.tools.checks import integer
 
@@ -37,7 +37,7 @@ def movie(
 ) -> Movie:
     """Make an animated GIF or an MP4 with every frame of a record.
 
-    MP4 needs ffmpeg: one of the system, or that of ``pip install 'granular-flow[movies]'``. To
+    MP4 needs ffmpeg: one of the system, or the one from ``pip install 'granular-flow[movies]'``. To
     leave out frames, slice the record: `movie(record[::2], ...)`.
 
     Parameters
@@ -45,7 +45,7 @@ def movie(
     record : Trajectory or sequence of State
     path : path, optional
         File to write, ending in .gif or .mp4. It appears when it is complete. Without a path the
-        movie is kept in memory, for a notebook: as MP4 if there is an ffmpeg, else as GIF.
+        movie is stored in memory, for a notebook: as MP4 if there is an ffmpeg, else as GIF.
     color, limits, log, cmap, smooth, size, extent, view, slab
         As in `frame`, but `color` must be a name. Scale and extent are the same for all frames; by
         default they are fitted to 16 of them.
@@ -62,7 +62,7 @@ def movie(
     Returns
     -------
     Movie
-        It plays where a notebook shows it; `path` is that of its file.
+        It plays where a notebook shows it; `path` is the path of its file.
 
     Raises
     ------
@@ -81,12 +81,12 @@ def movie(
         raise ValueError("record has 0 frames, a movie needs at least 1")
     sample = [record[i] for i in sampled(len(record))]
     brush = Brush.fitted(sample, color, limits=limits, log=log, cmap=cmap, smooth=smooth)
-    seen = View(sample[0].dim, view, slab)
+    window = View(sample[0].dim, view, slab)
     stage = _Stage(
         sample[0],
         brush,
-        seen,
-        extent=fitted_extent(sample, seen) if extent is None else checked_extent(extent),
+        window,
+        extent=fitted_extent(sample, window) if extent is None else checked_extent(extent),
         size=size,
         dpi=integer("dpi", dpi, 20, 600),
     )
@@ -116,7 +116,7 @@ class _Stage:
         self._canvas = FigureCanvasAgg(figure)
         view.set_up(ax, extent, state.scene.grid.cell)
         self._title = ax.set_title("t = 0 s")
-        color_bar(figure, brush, ax=ax, location=beside(extent))
+        color_bar(figure, brush, ax=ax, location=bar_side(extent))
         self._canvas.draw()  # the layout is computed with everything in it
         box = ax.get_window_extent()
         pixels = math.ceil(max(box.width, box.height))

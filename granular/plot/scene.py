@@ -1,4 +1,4 @@
-"""A picture of a scene before it is run: what is where, with a legend."""
+"""A picture of a scene before it is run, with a legend."""
 
 import math
 from collections.abc import Iterable
@@ -57,7 +57,7 @@ def scene(
     ----------
     scene : Scene or sph.Scene
     ax : Axes, optional
-        Axes to draw into; by default those of a new figure.
+        Axes to draw into; by default the axes of a new figure.
     extent : ((left, right), (bottom, top)), optional
         Region that is shown [m]; by default the domain.
     view : (int, int), optional
@@ -75,32 +75,32 @@ def scene(
     """
     if isinstance(scene, State) or not hasattr(scene, "fills"):
         raise TypeError(f"scene = {scene!r} must be a scene; a state is drawn by plot.frame")
-    shown, grid = View(scene.dim, view, slab), scene.grid
-    box = _whole(scene, shown) if extent is None else checked_extent(extent)
-    is_own = ax is None
+    window, grid = View(scene.dim, view, slab), scene.grid
+    box = _whole(scene, window) if extent is None else checked_extent(extent)
+    is_new = ax is None
     if ax is None:
         (left, right), (bottom, top) = box
         height = (WIDTH - 0.8) * (top - bottom) / (right - left) + 1.6
         figure = Picture(figsize=(WIDTH, min(max(height, 2.4), 9.0)), layout="compressed")
         ax = figure.add_subplot()
-    shown.set_up(ax, box, grid.cell)
+    window.set_up(ax, box, grid.cell)
     margins = ax.get_xlim(), ax.get_ylim()
     keys = [
-        *_draw_fills(ax, scene, shown, box),
-        *_draw_inflows(ax, scene, shown, box),
-        *_draw_bodies(ax, scene, shown, box),
-        *_draw_sponges(ax, scene, shown),
-        *_draw_walls(ax, scene, shown),
-        *_draw_sides(ax, scene, shown),
+        *_draw_fills(ax, scene, window, box),
+        *_draw_inflows(ax, scene, window, box),
+        *_draw_bodies(ax, scene, window, box),
+        *_draw_sponges(ax, scene, window),
+        *_draw_walls(ax, scene, window),
+        *_draw_sides(ax, scene, window),
     ]
     ax.set(xlim=margins[0], ylim=margins[1])
-    _draw_gravity(ax, scene, shown)
+    _draw_gravity(ax, scene, window)
     cells = " x ".join(map(str, grid.shape))
     ax.set_title(f"{scene.name}: {cells} cells of {grid.cell:g} m" if title is None else title)
     named = dict(reversed(keys))  # one entry for each text, that of its first artist
     texts = [text for text in dict.fromkeys(text for text, _ in keys)]
     handles = [cast(Any, named[text]) for text in texts]
-    if is_own:
+    if is_new:
         outside = {"loc": "outside lower center", "ncols": 3, "frameon": False}
         figure_of(ax).legend(handles, texts, fontsize="small", **cast(Any, outside))
     else:
@@ -185,7 +185,7 @@ def _draw_bodies(ax: Axes, scene: AnyScene, view: View, extent: Extent) -> Itera
 def _arrow(
     ax: Axes, start: NDArray, along: NDArray, view: View, extent: Extent, colour: str
 ) -> None:
-    """Draw an arrow of an eighth of the picture from a place in the picture."""
+    """Draw an arrow of an eighth of the picture from a point in the picture."""
     size = float(np.hypot(along[view.across], along[view.up]))
     if size == 0:
         return

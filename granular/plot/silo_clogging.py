@@ -52,7 +52,7 @@ def phase_diagram(
         A curve y(x) from theory, such as ``theory.stopping_height`` divided by d. It is called with
         an array of x and may return nan or infinity where it has no value.
     ax : Axes, optional
-        Axes to draw into; by default those of a new picture.
+        Axes to draw into; by default the axes of a new figure.
 
     Raises
     ------
@@ -62,9 +62,9 @@ def phase_diagram(
     """
     x, y = phase_points(x, y, verdicts, names=("x", "y"))
     ax = Picture(figsize=(5.5, 4.4), layout="tight").add_subplot() if ax is None else ax
-    found = np.array(verdicts)
+    kinds = np.array(verdicts)
     for verdict, style in STYLES.items():
-        here = found == verdict
+        here = kinds == verdict
         if here.any():
             ax.plot(x[here], y[here], linestyle="", markersize=7, label=verdict, **style)
     low_x, right = _ends(x, origin=threshold is not None)
@@ -83,8 +83,8 @@ def phase_diagram(
         curve = np.asarray(boundary(along), dtype=float)
         if curve.shape != along.shape:
             raise ValueError(f"boundary gives shape {curve.shape}, must give {along.shape}")
-        shown = np.where(np.isfinite(curve), curve, np.nan)
-        ax.plot(along, shown, color="black", linewidth=1.2, label="theory")
+        finite = np.where(np.isfinite(curve), curve, np.nan)
+        ax.plot(along, finite, color="black", linewidth=1.2, label="theory")
     ax.set(xlim=(low_x, right), ylim=(low_y, top), xlabel=labels[0], ylabel=labels[1])
     ax.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
     return figure_of(ax)

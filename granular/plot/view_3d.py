@@ -30,7 +30,7 @@ STYLES = ("surface", "points")
 TOOL = "#9aa0a6"
 """Colour of bodies."""
 GLOSS = {"ambient": 0.25, "diffuse": 0.8, "specular": 0.15, "specular_power": 20.0}
-"""Light on material and bodies: no part is black, and edges are seen."""
+"""Light on material and bodies: no part is black, and edges are visible."""
 BAR = {
     "vertical": True, "position_x": 0.86, "position_y": 0.15, "height": 0.7, "width": 0.06,
     "n_labels": 3, "fmt": "%.3g", "title_font_size": 14, "label_font_size": 12, "color": "black",
@@ -62,7 +62,7 @@ def view(
     Parameters
     ----------
     source : State, Simulation or Trajectory
-        State to draw, with its bodies where they are.
+        State to draw, with its bodies in their poses.
     path : path, optional
         PNG file to write.
     color, limits, log, cmap
@@ -72,7 +72,7 @@ def view(
     style : {"surface", "points"}
         Draw the body of the material, up to its free surface, or its points as spheres. The free
         surface is where the filling fraction is one half, after smoothing over 1.5 spacings of the
-        points; within a spacing or two of it single points are not seen.
+        points; within a spacing or two of it single points are not visible.
     slab : (axis, low, high), optional
         Draw only the slice of material between two coordinates [m] along the axis "x", "y" or "z",
         whose cut faces have the colours of the inside.
@@ -104,8 +104,8 @@ def view(
     if path is None:
         _check_display(pyvista)
     brush = Brush.fitted([state], color, limits=limits, log=log, cmap=cmap)
-    shown = path is None
-    stage = _Stage([state], brush, style, slab, camera, opacity, window, shown=shown)
+    interactive = path is None
+    stage = _Stage([state], brush, style, slab, camera, opacity, window, interactive=interactive)
     stage.show(state)
     if path is None:
         return stage.plotter.show(return_viewer=True)
@@ -182,7 +182,7 @@ class _Stage:
         opacity: float,
         window: tuple[int, int],
         *,
-        shown: bool = False,
+        interactive: bool = False,
     ) -> None:
         self._pyvista = imported("pyvista", "pictures3d")
         self._brush, self._slab = brush, _checked(slab)
@@ -191,8 +191,8 @@ class _Stage:
         self._size = tuple(integer(f"window[{k}]", n, 16) for k, n in enumerate(window))
         self._surfaces = _surfaces(self._pyvista, states[0])
         direction = _direction(camera)
-        # pyvista itself decides on a window or a part of a notebook if it is not told.
-        off_screen = None if shown else True
+        # by default pyvista itself decides between a window and a part of a notebook
+        off_screen = None if interactive else True
         self.plotter = self._pyvista.Plotter(off_screen=off_screen, window_size=self._size)
         self.plotter.set_background("white")
         low, high = self._bounds(states)
@@ -203,12 +203,12 @@ class _Stage:
 
     def _bounds(self, states: Sequence[State]) -> tuple[NDArray, NDArray]:
         """Box of the material and of the bodies of some states."""
-        found = []
+        points = []
         for state in states:
-            seen = state.x[inside_slab(state.x, self._slab)]
-            found += [seen] if len(seen) else []
-            found += [np.asarray(mesh.points) for mesh in self._placed(state)]
-        every = np.concatenate(found) if found else np.array([states[0].scene.grid.lower])
+            visible = state.x[inside_slab(state.x, self._slab)]
+            points += [visible] if len(visible) else []
+            points += [np.asarray(mesh.points) for mesh in self._placed(state)]
+        every = np.concatenate(points) if points else np.array([states[0].scene.grid.lower])
         return every.min(axis=0), every.max(axis=0)
 
     def _placed(self, state: State) -> list[Any]:
@@ -227,7 +227,7 @@ class _Stage:
             self.plotter.view_vector(tuple(direction), viewup=up)
 
     def show(self, state: State) -> None:
-        """Show a state in place of another one."""
+        """Show another state."""
         plotter, brush = self.plotter, self._brush
         plotter.clear_actors()
         scale = {
@@ -256,13 +256,13 @@ class _Stage:
         """Mesh or points of the material with their values; None if there are none."""
         values = self._brush.paint(state).filled(np.nan)
         if self._style == "surface":
-            mesh = filled_volume(self._pyvista, state, values, self._brush, self._slab)
+            mesh = filled_volume(state, values, self._brush, self._slab)
             return None if mesh is None else mesh.extract_surface(algorithm="dataset_surface")
-        seen = inside_slab(state.x, self._slab)
-        if not seen.any():
+        visible = inside_slab(state.x, self._slab)
+        if not visible.any():
             return None
-        cloud = self._pyvista.PolyData(np.ascontiguousarray(state.x[seen]))
-        cloud[self._brush.quantity.title] = values[seen]
+        cloud = self._pyvista.PolyData(np.ascontiguousarray(state.x[visible]))
+        cloud[self._brush.quantity.title] = values[visible]
         return cloud
 
 
@@ -275,13 +275,13 @@ def _pixels(state: State, width: int) -> float:
 
 def _surfaces(pyvista: Any, state: State) -> list[Any]:
     """Surfaces of the bodies in their own coordinates."""
-    grid, found = state.scene.grid, []
+    grid, meshes = state.scene.grid, []
     far = math.dist(grid.upper, grid.lower)
     for body in state.scene.bodies:
         vertices, polygons = surface(body.shape, 3, far)
         faces = np.concatenate([(len(polygon), *polygon) for polygon in polygons])
-        found.append(pyvista.PolyData(vertices, faces))
-    return found
+        meshes.append(pyvista.PolyData(vertices, faces))
+    return meshes
 
 
 def _check_display(pyvista: Any) -> None:

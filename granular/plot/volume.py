@@ -8,15 +8,16 @@ from scipy import ndimage
 
 from granular.model.state import State
 from granular.plot.fields import Brush
+from granular.tools.extras import imported
 
 SMOOTHING = 0.75
 """Standard deviation of the smoothing of the filling fraction, in spacings of the points."""
 MARGIN = 4
-"""Cells around the material: beyond them the smoothed fraction is nothing."""
+"""Cells around the material: beyond them the smoothed fraction is zero."""
 
 
 def inside_slab(x: NDArray, slab: tuple[str, float, float] | None) -> NDArray[np.bool_]:
-    """True for places, shape (n, 3), between the ends of a slab."""
+    """True for positions, shape (n, 3), between the ends of a slab."""
     if slab is None:
         return np.ones(len(x), dtype=bool)
     axis, low, high = slab
@@ -25,13 +26,13 @@ def inside_slab(x: NDArray, slab: tuple[str, float, float] | None) -> NDArray[np
 
 
 def filled_volume(
-    pyvista: Any, state: State, values: NDArray, brush: Brush, slab: tuple[str, float, float] | None
+    state: State, values: NDArray, brush: Brush, slab: tuple[str, float, float] | None
 ) -> Any:
     """Mesh of where the filling fraction is one half or more, cut by the ends of a slab.
 
     The volumes of the points, and their values times these, are spread over a grid whose cells have
-    the mean spacing of the points, and smoothed. At the sides of the domain the fields go on as
-    they are, and the mesh ends there. None if nothing is filled.
+    the mean spacing of the points, and smoothed. At the sides of the domain the fields are
+    continued, and the mesh ends there. None if no cell is filled.
     """
     if not state.n:
         return None
@@ -48,8 +49,8 @@ def filled_volume(
     low = brush.norm.vmin or 0.0
     mean = np.divide(moment, weight, out=np.full_like(moment, low), where=weight > 1e-3 * volume)
     mean[weight <= 1e-3 * volume] = np.nan
-    # A row of nothing around: between it and the last cells lie the sides of the domain.
-    image = pyvista.ImageData(
+    # A row of zeros around: between it and the last cells are the sides of the domain.
+    image = imported("pyvista", "pictures3d").ImageData(
         dimensions=counts + 2, spacing=tuple(edges), origin=tuple(lower - 0.5 * edges)
     )
     image["filled"] = np.pad(fraction, 1).ravel(order="F")
@@ -80,7 +81,7 @@ def _cells(state: State, spacing: float) -> tuple[NDArray, NDArray[np.intp], NDA
 
 
 def _spread(x: NDArray, amount: NDArray, counts: NDArray[np.intp]) -> NDArray:
-    """Sums of amounts over the cells around places given in cells, by linear weights."""
+    """Sums of amounts over the cells around positions given in cells, by linear weights."""
     total = np.zeros(counts)
     first = np.floor(x).astype(np.intp)
     share = x - first

@@ -1,8 +1,8 @@
 """HDF5 record of a run: append, read, resume, provenance; readable by ParaView.
 
-A record is one file per run. While the run is going on, its frames go into the file in the making,
-and a log tells where they are. A frame is there completely or not at all, and killing the run loses
-none.
+A record is one file per run. While the run is going on, its frames are written to an unfinished
+file, and a log contains their positions. A frame is stored completely or not at all, and killing
+the run loses none.
 """
 
 from granular.record.checkpoint import Checkpoint as Checkpoint

@@ -2,7 +2,7 @@
 
 Mantissas of a flowing state are noise: deflate spends 18 ms on a frame of 8192 points to save
 a tenth of their size. Masses, ids, the z coordinate in 2D and fields at rest, however, shrink to
-almost nothing. Every column is therefore a separate chunk, whose filter mask tells if it is
+almost nothing. Every column is therefore a separate chunk, whose filter mask shows whether it is
 compressed. HDF5 readers decompress it automatically.
 """
 
@@ -47,7 +47,8 @@ def size_of(dtype: str, rows: int) -> int:
 
 
 def most_of(dtype: str, rows: int) -> int:
-    """Largest size of a packed column [bytes]; HDF5 keeps what deflate makes a little larger."""
+    """Largest size of a packed column [bytes]; HDF5 also stores results of deflate that are
+    slightly larger."""
     size = size_of(dtype, rows)
     return size + size // 1000 + 13
 
@@ -64,7 +65,7 @@ def _raw(column: np.ndarray) -> tuple[int, Raw]:
 def pack(column: np.ndarray) -> tuple[int, Raw]:
     """Return filter mask and bytes of a contiguous column, compressed if a sample of it shrinks.
 
-    What is not compressed is not copied.
+    Data that are not compressed are not copied.
     """
     sample = np.ascontiguousarray(column[:: max(1, len(column) // SAMPLE)][:SAMPLE])
     if len(zlib.compress(_shuffled(sample), LEVEL)) < WORTHWHILE * sample.nbytes:
@@ -97,7 +98,7 @@ class Packer:
         return self._space[:, :n]
 
     def pack(self, place: tuple, column: np.ndarray) -> tuple[int, Raw]:
-        """Do as `pack` for the column at a place in a frame."""
+        """Pack the column at a position in a frame, as `pack` does."""
         last, packed = self._shrunk.get(place, (None, (RAW, b"")))
         if last is not None and np.array_equal(last, column.view(last.dtype)):
             return packed
@@ -204,11 +205,11 @@ class Stored:
         """
         size = size_of(
             self.dtype, self.chunk
-        )  # HDF5 keeps what deflate makes larger, by 0.1 % and 12 bytes
+        )  # HDF5 also stores results of deflate that are larger, by 0.1 % and 12 bytes
         buffer = np.empty(size + size // 1000 + 13, dtype=np.uint8)
         try:
             mask, raw = self.data.id.read_direct_chunk(corner, out=buffer)
-        except ValueError as error:  # HDF5 has no other one for a place that is too small
+        except ValueError as error:  # HDF5 has no other one for a buffer that is too small
             raise ValueError(f"{self.data.name}: the chunk at {corner}: {error}") from error
         return mask if self._filtered else RAW, bytes(raw)
 
@@ -272,7 +273,7 @@ def copy(
     Returns
     -------
     list
-        Filter mask, place in the file and size [bytes] of each chunk.
+        Filter mask, position in the file and size [bytes] of each chunk.
     """
     placed = []
     for shift, *rest in corners(n, source.chunk, source.columns):

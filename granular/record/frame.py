@@ -1,4 +1,4 @@
-"""A frame: its scalars, its digest and the place of its fields; and the table of all frames."""
+"""A frame: its scalars, its digest and the position of its fields; and the table of all frames."""
 
 import json
 import math
@@ -16,7 +16,7 @@ from granular.record.layout import RecordError, checksums, frame_digest, reading
 
 
 class Source(Protocol):
-    """Place where the fields of frames are stored."""
+    """Storage of the fields of frames."""
 
     @property
     def path(self) -> Path:
@@ -32,9 +32,9 @@ SCALARS = {"time": "<f8", "step": "<i8", "dt": "<f8", "n": "<i8", "mass": "<f8"}
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """One frame: its scalars, and its place, ``n`` rows from ``row`` of ``source``.
+    """One frame: its scalars, and its position, ``n`` rows from ``row`` of ``source``.
 
-    ``samples`` are the values that monitors measured, if they sampled this frame, and the numbers
+    ``samples`` are the values of the monitor, if it sampled this frame, and the numbers
     of its bodies and walls by the names of `names_of`. ``gas`` is the frame of the gas particles at
     the same time.
     """
@@ -88,8 +88,8 @@ class Texts:
         for name in ("record", "scene", "provenance"):
             if not isinstance(getattr(self, name), str):
                 raise ValueError(f"{name} is not a text")
-        told = json.loads(self.provenance)
-        if not isinstance(told, dict) or not isinstance(told.get("earlier", []), list):
+        entries = json.loads(self.provenance)
+        if not isinstance(entries, dict) or not isinstance(entries.get("earlier", []), list):
             raise ValueError("the provenance is not one of a record")
 
 
@@ -120,7 +120,7 @@ class Table:
     samples: Mapping[str, np.ndarray]
 
     def sample(self, i: int) -> dict[str, float]:
-        """Values that monitors measured at a frame; empty if they did not sample it."""
+        """Values of the monitor at a frame; empty if it did not sample it."""
         row = {name: float(column[i]) for name, column in self.samples.items()}
         return {} if all(math.isnan(value) for value in row.values()) else row
 
@@ -150,6 +150,6 @@ def names_of(prefix: str, count: int, numbers: int) -> list[str]:
 
 
 def samples_of(frames: Sequence[Frame]) -> dict[str, np.ndarray]:
-    """Values that monitors measured, one column per name; nan where there are none."""
+    """Values of the monitor, one column per name; nan where there are none."""
     names = sorted({name for frame in frames for name in frame.samples})
     return {name: np.array([f.samples.get(name, math.nan) for f in frames]) for name in names}

@@ -23,7 +23,7 @@ AHEAD = 50_000
 
 
 class Columns(Protocol):
-    """A field whose columns are made as they are asked for, of shape (n,) or (n, columns)."""
+    """A field whose columns are made on demand, of shape (n,) or (n, columns)."""
 
     dtype: np.dtype
     shape: tuple[int, ...]
@@ -62,7 +62,7 @@ class _Whole:
 
 
 class Fresh:
-    """A field of a frame that is not stored yet; its chunks are packed as they are asked for."""
+    """A field of a frame that is not stored yet; its chunks are packed on demand."""
 
     def __init__(
         self, given: np.ndarray | Columns, chunk: int, packer: Packer, name: str, single: bool
@@ -94,7 +94,7 @@ class Fresh:
         """Return memory for two columns, which all frames use again."""
         return self._packer.space(self.n)
 
-    def told(self) -> bytes:
+    def checksums(self) -> bytes:
         """Return the `granular.record.layout.checksums` of the field."""
         count, out = max(self.columns, 1), self.space()[0]
         for k in range(count):
@@ -118,7 +118,7 @@ class Fresh:
         return self._packer.pack((self._name, *corner), part)
 
     def read(self, row: int, n: int) -> np.ndarray:
-        """Return ``n`` rows from ``row``; of what is not stored yet nothing can be read."""
+        """Return ``n`` rows from ``row``; an unstored field cannot be read."""
         raise NotImplementedError
 
 
@@ -147,9 +147,9 @@ class New:
                     field.ahead = None
 
 
-def told(fields: Mapping[str, Field]) -> dict[str, bytes]:
+def checksums_of(fields: Mapping[str, Field]) -> dict[str, bytes]:
     """Checksums of fields that are not stored yet, of which no column need be made again."""
-    return {name: field.told() for name, field in fields.items() if isinstance(field, Fresh)}
+    return {name: field.checksums() for name, field in fields.items() if isinstance(field, Fresh)}
 
 
 def _made_ahead(fields: Iterable[Fresh], pool: ThreadPoolExecutor) -> Iterator[np.ndarray]:

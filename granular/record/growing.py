@@ -3,12 +3,13 @@
 They lie in the folder of the record, under a name that no other writer uses:
 
     log             head and frames of the record, see `granular.record.log`
-    <name>.data     the HDF5 file in the making
+    <name>.data     the unfinished HDF5 file
     <name>.restart  the newest restart state, see `granular.record.restart`
 
-The columns of a frame go to their place in the HDF5 file at once. What HDF5 has to tell about them
-waits in memory for the end, when the file needs nothing but that and its new name. Until then the
-log tells where they are, to readers as well as to the writer that goes on after a killed one.
+The columns of a frame are written to their final position in the HDF5 file at once. The metadata of
+HDF5 remain in memory until the end, when the file needs only these and its new name. Until then the
+log contains the positions of the columns, for readers as well as for a writer that continues after
+a killed one.
 """
 
 import os
@@ -23,7 +24,7 @@ import numpy as np
 from granular.record import chunks
 from granular.record.checkpoint import Checkpoint, write_checkpoint
 from granular.record.frame import SCALARS, Frame, Head, Table, samples_of
-from granular.record.fresh import New, told
+from granular.record.fresh import New, checksums_of
 from granular.record.layout import (
     DIGEST_SIZE,
     FORMAT,
@@ -53,9 +54,9 @@ class _Points:
         self._chunk, self._rows = 1, 0
 
     def put(self, frame: Frame) -> Frame:
-        """Store a frame behind the others; return it with its new place.
+        """Store a frame behind the others; return it with its new position.
 
-        The next one takes the same place unless `advance` is called.
+        The next one is stored at the same position unless `advance` is called.
         """
         copied = not isinstance(frame.source, New)
         with (
@@ -78,17 +79,17 @@ class _Points:
                     target.resize(end, axis=0)
                 places = chunks.copy(field, frame.row, target, self._rows, frame.n, self._sink)
                 placed[name] = (*layout[name], places)
-            digest = frame.digest or frame.digest_of(told(fields))
+            digest = frame.digest or frame.digest_of(checksums_of(fields))
         self._sink.check()
         source = Stretch(self._path, frame.n, placed)
         return replace(frame, digest=digest, row=0, source=source)
 
     def advance(self, n: int) -> None:
-        """Leave the place that the last frame, of ``n`` points, has taken."""
+        """Move on from the position of the last frame, of ``n`` points."""
         self._rows += rows_of(n, self._chunk)
 
-    def finish(self, own: h5py.Group, frames: Sequence[Frame]) -> Table:
-        """Write all that describes the frames: what ParaView reads, and all else."""
+    def finish(self, group: h5py.Group, frames: Sequence[Frame]) -> Table:
+        """Write the description of the frames, for ParaView and for the package."""
         begin_poly_data(self._vtk)
         if not self._targets:
             self._vtk.create_dataset("Points", shape=(0, 3), maxshape=(None, 3), dtype="<f8")
@@ -100,7 +101,7 @@ class _Points:
         for name in self._inside:
             offsets[name] = steps["PointOffsets"]  # a second name of the same data
         for name in ("step", "dt", "mass", "digest"):
-            own[name] = getattr(table, name)
+            group[name] = getattr(table, name)
         return table
 
 
@@ -127,7 +128,7 @@ def _keep_in_memory(file: h5py.File) -> None:
 
 
 class Growing:
-    """The unfinished record at a path, which takes the place of what was unfinished there.
+    """The unfinished record at a path, which replaces an unfinished one there.
 
     Parameters
     ----------
@@ -138,12 +139,12 @@ class Growing:
     head
         Its name is one that no files in the folder have.
     frames, checkpoint
-        What it holds from the beginning; it is copied.
+        Its initial content; it is copied.
 
     Raises
     ------
     OSError
-        If something could not be written. All is then as before.
+        If it could not be written. All files are then as before.
     """
 
     def __init__(
@@ -164,7 +165,7 @@ class Growing:
             self._sink = Sink(self._fd)
             self._file = h5py.File(self._sink, "w", libver=LIBVER)
             _keep_in_memory(self._file)
-            self._own = self._file.create_group("granular")
+            self._group = self._file.create_group("granular")
             self._points = _Points(self._file.create_group("VTKHDF"), self.data, self._sink)
             self._gas: _Points | None = None
             if checkpoint:
@@ -188,7 +189,7 @@ class Growing:
         remove_others(folder, head.name)
 
     def _began(self) -> bool:
-        """True if the log is in its place, though an error followed."""
+        """True if the log has been written, though an error followed."""
         with suppress(OSError):
             return os.path.samestat(os.fstat(self._log_fd), os.stat(self._log))
         return False
@@ -197,7 +198,7 @@ class Growing:
         placed, gas = self._points.put(frame), frame.gas
         if gas:
             if self._gas is None:
-                vtk = self._own.create_group("gas/VTKHDF")
+                vtk = self._group.create_group("gas/VTKHDF")
                 self._gas = _Points(vtk, self.data, self._sink)
             gas = self._gas.put(gas)
         return replace(placed, gas=gas)
@@ -211,7 +212,7 @@ class Growing:
     def append(self, frame: Frame) -> None:
         """Add a frame, whose digest may be missing.
 
-        OSError if it could not be written; all is then as before.
+        OSError if it could not be written; all files are then as before.
         """
         placed = self._put(frame)
         entry = frame_entry(placed)
@@ -238,21 +239,21 @@ class Growing:
         The frames are where they were, as the log tells.
         """
         assert self._file is not None
-        texts, own, frames = self.head.texts, self._own, self.frames
+        texts, group, frames = self.head.texts, self._group, self.frames
         checkpoint = read_restart(self.restart) if self.restart.exists() else None
-        table = self._points.finish(own, frames)
+        table = self._points.finish(group, frames)
         gas = [frame.gas for frame in frames if frame.gas]
-        gas_table = self._gas.finish(own["gas"], gas) if self._gas else None
+        gas_table = self._gas.finish(group["gas"], gas) if self._gas else None
         for name in ("record", "scene", "provenance"):
-            write_text(own, name, getattr(texts, name))
-        samples = own.create_group("samples")
+            write_text(group, name, getattr(texts, name))
+        samples = group.create_group("samples")
         for name, column in table.samples.items():
             samples[name] = column
         if checkpoint:
-            write_checkpoint(own.create_group("checkpoint"), checkpoint)
+            write_checkpoint(group.create_group("checkpoint"), checkpoint)
         digest = checkpoint.digest if checkpoint else b""
-        own.attrs["format"] = FORMAT
-        own.attrs["seal"] = as_attribute(table.seal(texts, digest, gas_table))
+        group.attrs["format"] = FORMAT
+        group.attrs["seal"] = as_attribute(table.seal(texts, digest, gas_table))
         self._file.close()
         self._file = None
         self._sink.check()
@@ -263,7 +264,7 @@ class Growing:
             self.discard()
 
     def discard(self) -> None:
-        """Let go of the files, which remain as they are for readers of the log."""
+        """Release the files, which remain unchanged for readers of the log."""
         if self._file is not None:
             self._sink.error = OSError("not finished")  # HDF5 must not write any more
             with suppress(Exception):

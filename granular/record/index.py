@@ -30,11 +30,11 @@ from granular.record.restart import read_restart
 from granular.record.storage import followed, identity, open_hdf5
 
 
-def _samples(own: h5py.Group) -> dict[str, np.ndarray]:
-    """Values that monitors measured, one column per name; the gas has none."""
-    if not has(own, "samples"):
+def _samples(data: h5py.Group) -> dict[str, np.ndarray]:
+    """Values of the monitor, one column per name; the gas has none."""
+    if not has(data, "samples"):
         return {}
-    group = hard(own, "samples", h5py.Group)
+    group = hard(data, "samples", h5py.Group)
     return {name: checked(group, name, ("<f8",), 1)[:] for name in group}
 
 
@@ -44,18 +44,18 @@ class Points:
     ``vtk`` is the group that ParaView reads, ``own`` the group with all other data.
     """
 
-    def __init__(self, path: Path, vtk: h5py.Group, own: h5py.Group) -> None:
+    def __init__(self, path: Path, vtk: h5py.Group, group: h5py.Group) -> None:
         self.path, self._vtk = path, vtk
         steps = hard(vtk, "Steps", h5py.Group)
         self.table = Table(
             time=checked(steps, "Values", ("<f8",), 1)[:],
             n=checked(vtk, "NumberOfPoints", ("<i8",), 1)[:],
             row=checked(steps, "PointOffsets", ("<i8",), 1)[:],
-            step=checked(own, "step", ("<i8",), 1)[:],
-            dt=checked(own, "dt", ("<f8",), 1)[:],
-            mass=checked(own, "mass", ("<f8",), 1)[:],
-            digest=checked(own, "digest", ("|u1",), 2)[:],
-            samples=_samples(own),
+            step=checked(group, "step", ("<i8",), 1)[:],
+            dt=checked(group, "dt", ("<f8",), 1)[:],
+            mass=checked(group, "mass", ("<f8",), 1)[:],
+            digest=checked(group, "digest", ("|u1",), 2)[:],
+            samples=_samples(group),
         )
 
     @contextmanager
@@ -108,20 +108,20 @@ class Main:
         self.file.close()
 
     def _load(self) -> None:
-        own = hard(self.file, "granular", h5py.Group)
-        check_format(self.path, int(attribute(own, "format", "i")))
-        self.texts = Texts(*(read_text(own, name) for name in ("record", "scene", "provenance")))
-        points = Points(self.path, hard(self.file, "VTKHDF", h5py.Group), own)
+        data = hard(self.file, "granular", h5py.Group)
+        check_format(self.path, int(attribute(data, "format", "i")))
+        self.texts = Texts(*(read_text(data, name) for name in ("record", "scene", "provenance")))
+        points = Points(self.path, hard(self.file, "VTKHDF", h5py.Group), data)
         gas = None
-        if has(own, "gas"):
-            group = hard(own, "gas", h5py.Group)
+        if has(data, "gas"):
+            group = hard(data, "gas", h5py.Group)
             gas = Points(self.path, hard(group, "VTKHDF", h5py.Group), group)
-        self.has_checkpoint = has(own, "checkpoint")
+        self.has_checkpoint = has(data, "checkpoint")
         checkpoint = b""
         if self.has_checkpoint:
-            checkpoint = attribute(hard(own, "checkpoint", h5py.Group), "digest", "u")
+            checkpoint = attribute(hard(data, "checkpoint", h5py.Group), "digest", "u")
         expected = points.table.seal(self.texts, checkpoint, gas.table if gas else None)
-        if attribute(own, "seal", "u") != expected:
+        if attribute(data, "seal", "u") != expected:
             raise ValueError("the table of contents does not match its digest")
         below = {frame.step: frame for frame in gas.frames({})} if gas else {}
         self.frames = points.frames(below)
@@ -129,8 +129,8 @@ class Main:
     def checkpoint(self) -> Checkpoint:
         """Read and verify the checkpoint."""
         with reading(self.path):
-            own = hard(self.file, "granular", h5py.Group)
-            return read_checkpoint(hard(own, "checkpoint", h5py.Group))
+            group = hard(self.file, "granular", h5py.Group)
+            return read_checkpoint(hard(group, "checkpoint", h5py.Group))
 
 
 @dataclass
@@ -138,9 +138,9 @@ class Contents:
     """All contents of a record; call `close` when done.
 
     ``frames`` are in order of time. ``main`` is the finished file; it is None if the record is not
-    finished. ``restart`` reads the newest restart state. ``spoilt`` says what is missing at the end
-    of an unfinished record because it is damaged. If a writer changes the record later,
-    `read` and `checkpoint` find what they ask for where it is then.
+    finished. ``restart`` reads the newest restart state. ``spoilt`` describes what is missing at
+    the end of an unfinished record because it is damaged. If a writer changes the record later,
+    `read` and `checkpoint` use its new state.
     """
 
     path: Path
@@ -153,7 +153,7 @@ class Contents:
 
     @property
     def finished(self) -> bool:
-        """True if the record was one closed file when it was last looked at."""
+        """True if the record was one closed file when it was last read."""
         return (self._now or self).main is not None
 
     @property
@@ -171,10 +171,10 @@ class Contents:
         """
 
         def restart() -> Checkpoint:
-            found = (self._now or self).restart
-            if not found:
+            restart = (self._now or self).restart
+            if not restart:
                 raise RecordError(f"{self.path}: holds no checkpoint")
-            return found()
+            return restart()
 
         return self._insist(restart)
 
@@ -195,7 +195,7 @@ class Contents:
                 main.close()
 
     def _insist(self, read: Callable[[], Any]) -> Any:
-        """Read something, and again if a writer has changed the record meanwhile."""
+        """Read by a function, and again if a writer has changed the record meanwhile."""
         for _ in range(ATTEMPTS):
             try:
                 return read()
@@ -205,7 +205,7 @@ class Contents:
         return read()
 
     def _placed(self, frame: Frame) -> Frame:
-        """Return a frame with its present place."""
+        """Return a frame with its present position."""
         if self._now is None:
             return frame
         for now in self._now.each():
@@ -214,14 +214,14 @@ class Contents:
         raise RecordError(f"{self.path}: the frame of step {frame.step} is there no longer")
 
     def each(self) -> Iterator[Frame]:
-        """Return all frames, those of the gas too."""
+        """Return all frames, including those of the gas."""
         for frame in self.frames:
             yield frame
             if frame.gas:
                 yield frame.gas
 
     def _renew(self) -> bool:
-        """Load the record again; False if it is as it was."""
+        """Load the record again; False if it has not changed."""
         known = self._now or self
         if known.main:  # all is in the file that is held open
             return False
@@ -238,7 +238,7 @@ class Contents:
 
 
 ATTEMPTS = 10
-"""Number of times that a record is looked at again while a writer changes it."""
+"""Number of times that a record is read again while a writer changes it."""
 
 
 def parts_folder(path: Path) -> Path:
@@ -271,20 +271,21 @@ def load(path: Path) -> Contents:
 
 
 def _stamp(path: Path) -> list[tuple[int, int] | None]:
-    """Return what changes whenever a writer makes, replaces or removes a file of a record."""
+    """Return a value that changes whenever a writer makes, replaces or removes a file of a
+    record."""
     folder = parts_folder(path)
     stamp: list[tuple[int, int] | None] = []
     for watched in (path, folder, folder / LOG):
         try:
-            found = os.stat(watched)
-            stamp.append((found.st_ino, found.st_mtime_ns))
+            status = os.stat(watched)
+            stamp.append((status.st_ino, status.st_mtime_ns))
         except OSError:
             stamp.append(None)
     return stamp
 
 
 def unfinished(path: Path) -> Contents | None:
-    """Return an unfinished record if there is one that holds anything.
+    """Return an unfinished record if there is one that is not empty.
 
     Once its file has been renamed to that of the record, the record is finished.
 
@@ -303,7 +304,7 @@ def unfinished(path: Path) -> Contents | None:
     has_restart, now = restart.exists(), identity(path)
     if not data.exists():
         if now is None:
-            raise RecordError(f"{data} is missing, without which the log beside it is of no use")
+            raise RecordError(f"{data} is missing, without which the log next to it is useless")
         return None
     if not (frames or has_restart):
         return None
@@ -317,9 +318,9 @@ def unfinished(path: Path) -> Contents | None:
 
 
 def _load_once(path: Path) -> Contents:
-    found = unfinished(path)
-    if found:
-        return found
+    contents = unfinished(path)
+    if contents:
+        return contents
     main = Main(path)
     restart = main.checkpoint if main.has_checkpoint else None
     return Contents(path, main.texts, main.frames, main, restart)

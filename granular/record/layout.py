@@ -10,7 +10,7 @@ The finished file::
         scene, provenance   JSON
         step, dt, mass      one value per frame
         digest              (frames, 32) digest of the content of each frame
-        samples/<name>      values that monitors measured at each frame, nan if they did not sample
+        samples/<name>      values of the monitor at each frame, nan if it did not sample
                             it, and the numbers of rigid bodies (body<index>_<number>) and walls
                             (wall<index>_<number>)
         gas                 in scenes with a gas, the frames of its particles in the same form: a
@@ -71,9 +71,9 @@ _NO_MEMORY = re.compile(r"memory allocation failed|(can't|unable to) allocate", 
 
 @contextmanager
 def reading(path: Path, what: str = DAMAGED) -> Iterator[None]:
-    """Turn whatever a malformed file causes into a `RecordError` that says `what` is wrong.
+    """Turn any exception of a malformed file into a `RecordError` that says `what` is wrong.
 
-    An error of the system is no damage: an OSError with a code stays what it is, and so does a
+    An error of the system is no damage: an OSError with a code is raised unchanged, and so is a
     MemoryError. HDF5 has other exceptions for both, with the code in the message.
     """
     try:
@@ -86,17 +86,17 @@ def reading(path: Path, what: str = DAMAGED) -> Iterator[None]:
             raise
         if system is not None:
             raise system from error
-        said: object = error
+        cause: object = error
         if isinstance(error, KeyError) and error.args:
-            said = error.args[0]  # without quotation marks
+            cause = error.args[0]  # without quotation marks
             what = "not a granular record, or damaged" if what == DAMAGED else what
-        raise RecordError(f"{path}: {what}: {said or type(error).__name__}") from error
+        raise RecordError(f"{path}: {what}: {cause or type(error).__name__}") from error
 
 
 def _system_error(path: Path, error: Exception) -> Exception | None:
     """Return the error of the system that an exception stands for; None if it is none."""
-    said = _CODE.search(str(error))
-    code = (isinstance(error, OSError) and error.errno) or (int(said[1]) if said else 0)
+    match = _CODE.search(str(error))
+    code = (isinstance(error, OSError) and error.errno) or (int(match[1]) if match else 0)
     if code == errno.ENOMEM or (_NO_MEMORY.search(str(error)) and not _memory_left()):
         return MemoryError(f"{path}: {error}")
     if code:
@@ -214,8 +214,8 @@ def checked(
 ) -> h5py.Dataset:
     """Return a dataset of expected type and rank, stored in the file, of a size the file can hold.
 
-    Only the fields of points may be `packed`. All else is read as a whole when a record is opened,
-    and takes no more memory than it takes in the file.
+    Only the fields of points may be `packed`. All other datasets are read as a whole when a record
+    is opened, and take no more memory than in the file.
 
     Raises
     ------

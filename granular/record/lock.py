@@ -23,8 +23,8 @@ class Lock:
     """Exclusive right to write into a folder of parts; the end of the process releases it too.
 
     It is taken before anything is written or removed. The file ``lock`` in the folder is locked,
-    which nothing replaces. It is removed only by its holder, and only if nothing else is in the
-    folder; whoever has opened a removed one notices and begins again.
+    which nothing replaces. It is removed only by its holder, and only if the folder is otherwise
+    empty; a process that has opened a removed one detects this and begins again.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class Lock:
     Warns
     -----
     RuntimeWarning
-        If the file system knows no locks. The run then goes on without one.
+        If the file system does not support locks. The run then goes on without one.
     """
 
     def __init__(self, folder: Path, mode: int = 0o777) -> None:
@@ -57,7 +57,7 @@ class Lock:
                 self._fd = os.open(self._file, os.O_RDWR | os.O_CREAT, 0o666)
                 try:
                     self._take(self._fd)
-                    if self._own(self._fd):
+                    if self._is_current(self._fd):
                         return
                 except BaseException:
                     os.close(self._fd)
@@ -78,17 +78,17 @@ class Lock:
             text = f"{self.folder}: the file system has no locks; start one run at a time"
             warnings.warn(text, RuntimeWarning, stacklevel=5)
 
-    def _own(self, fd: int) -> bool:
+    def _is_current(self, fd: int) -> bool:
         """True if the locked file is still the one in the folder."""
         with suppress(FileNotFoundError):
             return os.path.samestat(os.fstat(fd), os.stat(self._file))
         return False
 
     def release(self) -> None:
-        """Release the lock, and remove the folder if nothing else is in it."""
+        """Release the lock, and remove the folder if it is then empty."""
         fd = self._fd
         with suppress(OSError):
-            if fd is not None and os.listdir(self.folder) == [NAME] and self._own(fd):
+            if fd is not None and os.listdir(self.folder) == [NAME] and self._is_current(fd):
                 os.unlink(self._file)
         if fd is not None:
             self._fd = None

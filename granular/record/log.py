@@ -1,10 +1,10 @@
 """The log of an unfinished record: its head, and an entry for each frame.
 
-An entry has the scalars of a frame and tells where in the file of the record its columns lie. It is
-written after them, so that a frame with an entry is complete. What a writer that was killed may
-have left at the end of the log, a part of an entry, does not count. If the last entry is as long as
-it says, but not what it was, a loss of power or damage has spoilt it: the frame is missing, and the
-log is said to be damaged.
+An entry has the scalars of a frame and the positions of its columns in the file of the record. It
+is written after them, so that a frame with an entry is complete. An incomplete entry at the end of
+the log, which a killed writer may leave, does not count. If the last entry has its full length but
+other content, a loss of power or damage has spoilt it: the frame is missing, and the log is
+reported as damaged.
 """
 
 import os
@@ -28,7 +28,8 @@ SCALARS = struct.Struct("<dqddq")  # time, step, dt, mass, n; JSON would lose th
 class Stretch:
     """Fields of one frame, in chunks of a file (a `Source`).
 
-    ``layout`` has dtype, columns, rows per chunk and, for each chunk, filter mask, place and size.
+    ``layout`` has dtype, columns, rows per chunk and, for each chunk, filter mask, position and
+    size.
     """
 
     path: Path
@@ -138,7 +139,7 @@ def read_log(path: Path, data: str) -> tuple[Head, list[Frame], list[str]]:
     Returns
     -------
     head, frames, damage
-        The frames lie in a file with the suffix `data` beside the log. The damage is that of the
+        The frames are in a file with the suffix `data` next to the log. The damage is that of the
         last entry: a message, if it is spoilt.
 
     Raises

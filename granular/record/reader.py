@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, Self, overload
 import numpy as np
 
 from granular.model.symmetric import modelled_share
+from granular.record import older_checkpoints
 from granular.record.checkpoint import Checkpoint
 from granular.record.frame import BODY, NUMBERED, SCALARS, WALL, Frame, names_of, samples_of
 from granular.record.index import Contents, load
-from granular.record.kept import kept, read_kept
 from granular.record.layout import FORMAT, RecordError, reading
 from granular.tools.checks import truth
 from granular.tools.notebook import table
@@ -86,8 +86,8 @@ class Trajectory(Resource):
         Each has shape (frames,), with nan where there is no value; "samples" is the number of
         samples of the monitor by then. The mapping is empty without a monitor.
         """
-        told = samples_of(self._frames)
-        return {name: column for name, column in told.items() if not NUMBERED.fullmatch(name)}
+        columns = samples_of(self._frames)
+        return {name: column for name, column in columns.items() if not NUMBERED.fullmatch(name)}
 
     @cached_property
     def bodies(self) -> np.ndarray:
@@ -101,20 +101,20 @@ class Trajectory(Resource):
     def walls(self) -> np.ndarray:
         """Numbers of the walls and blocks at every frame, shape (frames, walls, 9).
 
-        Impulse, angular impulse and what `granular.mpm.walls.WallState` tells of walls that move.
-        There are no walls unless the simulation was made with `wall_forces`, or has such a wall.
-        See `granular.measure.wall_force`.
+        Impulse, angular impulse and, for moving walls, the numbers of
+        `granular.mpm.walls.WallState`. There are no walls unless the simulation was made with
+        `wall_forces`, or has such a wall. See `granular.measure.wall_force`.
         """
         return self._rows_of(WALL)
 
     def _rows_of(self, prefix: str) -> np.ndarray:
         """Numbers of bodies or walls at every frame, shape (frames, count, numbers)."""
-        told = samples_of(self._frames)
-        parts = [match.groups() for name in told if (match := NUMBERED.fullmatch(name))]
+        samples = samples_of(self._frames)
+        parts = [match.groups() for name in samples if (match := NUMBERED.fullmatch(name))]
         which = [(int(i), int(k)) for kind, i, k in parts if kind == prefix]
         count, numbers = np.max(which, axis=0) + 1 if which else (0, 0)
         with reading(self.path):
-            columns = [told[name] for name in names_of(prefix, count, numbers)]
+            columns = [samples[name] for name in names_of(prefix, count, numbers)]
         return np.array(columns).reshape(count, numbers, len(self)).transpose(2, 0, 1)
 
     def health(self) -> "Health":
@@ -190,48 +190,48 @@ class Trajectory(Resource):
             yield self[i]
 
     def checkpoint(self, frame: int | None = None) -> Checkpoint:
-        """Read and verify the newest restart state, or that which was kept of a frame.
+        """Read and verify the newest restart state, or that of a frame.
 
         Parameters
         ----------
         frame : int, optional
-            Index of a frame, one of `kept`; by default the newest restart state.
+            Index of a frame, one of `checkpoint_frames`; by default the newest restart state.
 
         Raises
         ------
         ValueError
-            If none was kept of the frame.
+            If none was stored of the frame.
         RecordError
             If there is none, or it is damaged.
         """
         if frame is None:
             return self._contents.checkpoint()
-        found = self.kept
+        frames = self.checkpoint_frames
         index = range(len(self))[frame] if -len(self) <= frame < len(self) else frame
-        if index not in found:
-            raise ValueError(f"frame = {frame} must be one of those kept: {found or 'none'}")
-        return read_kept(self.path, self._frames[index])
+        if index not in frames:
+            raise ValueError(f"frame = {frame} must be one of those stored: {frames or 'none'}")
+        return older_checkpoints.read(self.path, self._frames[index])
 
     @property
-    def kept(self) -> list[int]:
-        """Indices of the frames of which checkpoints were kept, for `Simulation.resume`."""
-        return kept(self.path, self._frames)
+    def checkpoint_frames(self) -> list[int]:
+        """Indices of the frames with stored checkpoints, for `Simulation.resume`."""
+        return older_checkpoints.frames_with(self.path, self._frames)
 
     def damage(self) -> list[str]:
         """Read everything; return one message for each damaged part, none if all is well."""
-        found = list(self._contents.spoilt)
+        messages = list(self._contents.spoilt)
         for frame in self._frames:
             try:
                 for part in filter(None, (frame, frame.gas)):
                     self._contents.read(part)
             except RecordError as error:
-                found.append(str(error))
+                messages.append(str(error))
         try:
             if self.has_checkpoint:
                 self.checkpoint()
         except RecordError as error:
-            found.append(str(error))
-        return found
+            messages.append(str(error))
+        return messages
 
     def close(self) -> None:
         """Close the file, also for the slices of this trajectory."""
@@ -267,7 +267,7 @@ def open_trajectory(path: str | os.PathLike[str]) -> Trajectory:
     Parameters
     ----------
     path : path
-        File of the record, as `Simulation.run` was told to `save` it.
+        File of the record, as given to `Simulation.run` by `save`.
 
     Raises
     ------

@@ -36,7 +36,7 @@ def is_whole(raw: memoryview) -> bool:
 
 
 def is_beginning(raw: memoryview) -> bool:
-    """True if some bytes are a part of a header, as a writer leaves that is killed in a write."""
+    """True if some bytes are a part of a header, as left by a writer that is killed in a write."""
     if not MAGIC.startswith(bytes(raw[: len(MAGIC)])):
         return False
     return len(raw) < START.size or not (is_whole(raw) or END in bytes(raw[START.size :]))

@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
 
 FOR_PARAVIEW = ".vtkhdf"
-"""End of the names of records that ParaView opens by themselves."""
+"""End of the names of records that ParaView opens directly."""
 
 
 def bodies_file(path: Path) -> Path:
-    """Path of the file beside a record that holds the surfaces of its bodies."""
+    """Path of the file with the surfaces of the bodies of a record."""
     return path.with_name(f"{path.stem}_bodies{FOR_PARAVIEW}")
 
 
@@ -29,7 +29,7 @@ def _shows_bodies(path: Path, scene: AnyScene) -> bool:
 
 
 def _write_bodies(path: Path) -> None:
-    """Write the surfaces of the bodies of a record beside it, in place of what was there."""
+    """Write the surfaces of the bodies of a record, and replace an older file."""
     # Imported here: only scenes with bodies need them.
     from granular.export import write_bodies
     from granular.record.reader import open_trajectory
@@ -64,7 +64,7 @@ class Session:
         """Yield the writer of a run: of a new record if `save` is given, else of the present one.
 
         It is None without a record. A writer that an earlier run could not close goes on. When a
-        record for ParaView is closed, the surfaces of its bodies are written beside it.
+        record for ParaView is closed, the surfaces of its bodies are also written.
         """
         path = self.path if save is None else Path(save)
         if path is None:

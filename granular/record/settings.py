@@ -1,4 +1,4 @@
-"""Settings of a run that its record keeps, for a run that continues it."""
+"""Settings of a run that its record stores, for a run that continues it."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ PRECISIONS = (DOUBLE, "single")
 
 
 def _kind(scene: AnyScene) -> dict[str, object]:
-    """Parts of a scene that determine what its checkpoints hold."""
-    found: dict[str, object] = {
+    """Parts of a scene that determine the content of its checkpoints."""
+    parts: dict[str, object] = {
         "grid": scene.grid,
         "material": type(scene.material).__name__,
         "walls": len(scene.walls),
-        "inflows": scene.inflows,  # what has entered is that of their rates
+        "inflows": scene.inflows,  # the material that has entered follows from their rates
     }
     if isinstance(scene, MpmScene):
-        found |= {
+        parts |= {
             "material.elasticity": scene.material.elasticity,
             "materials": len(scene.materials),
             "scheme.basis": scene.scheme.basis,
@@ -44,13 +44,13 @@ def _kind(scene: AnyScene) -> dict[str, object]:
             "bodies": len(scene.bodies),
         }
         for k, material in enumerate(scene.materials):
-            found[f"materials[{k}]"] = type(material).__name__
-            found[f"materials[{k}].source"] = getattr(material, "source", None)
-            found[f"materials[{k}].history"] = (*getattr(material, "history", ()),)  # in its order
+            parts[f"materials[{k}]"] = type(material).__name__
+            parts[f"materials[{k}].source"] = getattr(material, "source", None)
+            parts[f"materials[{k}].history"] = (*getattr(material, "history", ()),)  # in its order
         for i, body in enumerate(scene.bodies):
             names = ("shape", "position", "rotation_deg")
-            found |= {f"bodies[{i}].{name}": getattr(body, name) for name in names}
-    return found
+            parts |= {f"bodies[{i}].{name}": getattr(body, name) for name in names}
+    return parts
 
 
 def check_alike(before: AnyScene, scene: AnyScene) -> None:
@@ -62,8 +62,10 @@ def check_alike(before: AnyScene, scene: AnyScene) -> None:
         if now[name] == part:
             continue
         if name.endswith(".source"):
-            told = difference(str(part), str(now[name]))
-            raise ValueError(f"scene: {name} must be that of the record (-), it differs in{told}")
+            differences = difference(str(part), str(now[name]))
+            raise ValueError(
+                f"scene: {name} must be that of the record (-), it differs in{differences}"
+            )
         raise ValueError(f"scene: {name} = {now[name]} must be {part}, as in the record")
 
 
@@ -91,8 +93,8 @@ def fields_to_store(
     Raises
     ------
     TypeError, ValueError
-        If they are not names of `granular.measure.derived.DERIVED`, the scene has not what one
-        takes, or the run goes on with a record that has others.
+        If they are not names of `granular.measure.derived.DERIVED`, the scene lacks a number that
+        one needs, or the run goes on with a record that has others.
     """
     if given is None:
         return before
@@ -128,7 +130,7 @@ def precision_to_store(given: str | None, before: str, *, goes_on: bool) -> str:
 
 
 def frames_to_a_checkpoint(checkpoints: object) -> int:
-    """Frames from one checkpoint that is kept to the next; 0 for none."""
+    """Frames from one stored checkpoint to the next; 0 for none."""
     if checkpoints is None:
         return 0
     if isinstance(checkpoints, str):
@@ -144,10 +146,10 @@ def usable_isa(isa: str | None, path: Path) -> str | None:
     try:
         return _core.build_info(isa)["isa"]
     except ValueError:
-        found = _core.build_info(default_isa())["isa"]
+        available = _core.build_info(default_isa())["isa"]
     warnings.warn(
         f"{path} was made with the instruction set {isa!r}, which this machine does not have: the "
-        f"run continues with {found!r}, not to the last bit as if it had never stopped",
+        f"run continues with {available!r}, not to the last bit as if it had never stopped",
         stacklevel=3,
     )
     return None

@@ -47,12 +47,12 @@ def followed(path: str | os.PathLike[str]) -> Path:
 
 
 def identity(path: Path) -> tuple[int, int] | None:
-    """Size [bytes] and time of modification [ns] of a file, by which it is known again; or None."""
+    """Size [bytes] and time of modification [ns] of a file, which identify it; or None."""
     try:
-        found = os.stat(path)
+        status = os.stat(path)
     except FileNotFoundError:
         return None
-    return found.st_size, found.st_mtime_ns
+    return status.st_size, status.st_mtime_ns
 
 
 def permissions(path: Path) -> int | None:
@@ -105,7 +105,7 @@ def replacing(path: Path, temporary: Path, mode: int | None = None) -> Iterator[
 
 
 class Sink:
-    """File object for HDF5 that keeps the first error, which HDF5 would lose.
+    """File object for HDF5 that stores the first error, which HDF5 would lose.
 
     HDF5 ignores errors that occur while it closes a file. After a failure this sink therefore
     accepts all further writes without effect, HDF5 goes on normally, and `check` raises the error.
@@ -114,7 +114,7 @@ class Sink:
     Attributes
     ----------
     place : int
-        Where the last write began [bytes].
+        Position of the last write [bytes].
     """
 
     def __init__(self, fd: int) -> None:
@@ -150,21 +150,21 @@ class Sink:
         return len(data)
 
     def write(self, data: memoryview) -> int:
-        """Write all of ``data``, or keep the error."""
+        """Write all of ``data``, or store the error."""
         self.place = self.tell()
         self._guard(lambda: write_all(self.fd, data))
         return memoryview(data).nbytes
 
     def truncate(self, size: int) -> int:
-        """Set the length, or keep the error."""
+        """Set the length, or store the error."""
         self._guard(lambda: os.ftruncate(self.fd, size))
         return size
 
     def flush(self) -> None:
-        """Do nothing, as nothing is buffered here."""
+        """Do nothing, because there is no buffer."""
 
     def check(self) -> None:
-        """Raise the error that was kept; writes have an effect again."""
+        """Raise the stored error; writes have an effect again."""
         error, self.error = self.error, None
         if error is not None:
             raise error

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from granular.record import kept
+from granular.record import older_checkpoints
 from granular.record import provenance as origin
 from granular.record.checkpoint import Checkpoint
 from granular.record.chunks import Field, Packer
 from granular.record.frame import BODY, WALL, Frame, Head, Texts, names_of
-from granular.record.fresh import Columns, Fresh, New, Streamed, told
+from granular.record.fresh import Columns, Fresh, New, Streamed, checksums_of
 from granular.record.growing import Growing, remove_all
 from granular.record.index import Contents, load, parts_folder, unfinished
 from granular.record.layout import (
@@ -72,7 +72,7 @@ def _with_digest(frame: Frame) -> Frame:
     """Return a frame that is not stored yet with its digest, for which all columns are made."""
     assert isinstance(frame.source, New)
     gas = frame.gas and _with_digest(frame.gas)
-    return replace(frame, digest=frame.digest_of(told(frame.source.given)), gas=gas)
+    return replace(frame, digest=frame.digest_of(checksums_of(frame.source.given)), gas=gas)
 
 
 @dataclass
@@ -99,7 +99,7 @@ class _Layout:
         _check_fields(given)
         n = given["x"].shape[0]
         chunk = self.chunk or chunk_rows(n)
-        # Positions stay double: the places of points in cells far from the origin need it.
+        # Positions stay double: those of points in cells far from the origin need it.
         new = {
             name: Fresh(a, chunk, self.packer, name, single and name != "x")
             for name, a in given.items()
@@ -125,12 +125,12 @@ class _Layout:
 
 
 class TrajectoryWriter(Resource):
-    """Writer of one record: frames go into the file as they come, and `close` completes it.
+    """Writer of one record: frames are stored one by one, and `close` completes the file.
 
     Until then the file lies in the folder ``<path>.parts`` with a log of its frames. A frame is
-    complete there or does not count. If the process is killed, `open_trajectory` reads what there
-    is, and `resume` goes on with it. After a loss of power the frames since the last checkpoint may
-    be missing; a run that goes on computes them again.
+    complete there or does not count. If the process is killed, `open_trajectory` reads the complete
+    frames, and `resume` goes on with them. After a loss of power the frames since the last
+    checkpoint may be missing; a run that goes on computes them again.
 
     Parameters
     ----------
@@ -170,13 +170,13 @@ class TrajectoryWriter(Resource):
             if not overwrite:
                 self._refuse_existing()
             self._begin(texts)
-            kept.forget(path)
+            older_checkpoints.delete(path)
 
     @classmethod
     def resume(
         cls, path: str | os.PathLike[str], *, provenance: Mapping[str, Any] | None = None
     ) -> Self:
-        """Continue a record, finished or not; its frames are copied into the file in the making.
+        """Continue a record, finished or not; its frames are copied into the new file.
 
         A resumed run computes the frames after its checkpoint again. Frames equal to the recorded
         ones are recognised and not stored again. From the first different frame on, the old record
@@ -198,9 +198,9 @@ class TrajectoryWriter(Resource):
         writer = cls.__new__(cls)
         with writer._opening(followed(path)), writer._stored() as contents:
             frames = _sound(contents)
-            for said in contents.spoilt:
+            for message in contents.spoilt:
                 warnings.warn(
-                    f"{said}, unless the run makes it again", RuntimeWarning, stacklevel=4
+                    f"{message}, unless the run makes it again", RuntimeWarning, stacklevel=4
                 )
             parent = frames[-1].digest.hex() if frames else None
             if contents.has_checkpoint:
@@ -215,10 +215,10 @@ class TrajectoryWriter(Resource):
 
     @contextmanager
     def _opening(self, path: Path) -> Iterator[None]:
-        """Take the lock of a record; leave nothing behind, not even the lock, if the body fails."""
+        """Take the lock of a record; if the body fails, release it and remove all files."""
         self.path, self._folder = path, parts_folder(path)
         self._growing: Growing | None = None
-        self._filled = False  # what was let go of holds something
+        self._filled = False  # released files that are not empty
         self._cursor = 0  # number of the frames that this run has made or recognised
         self.closed = False
         self._lock: Lock | None = self._locked()
@@ -258,7 +258,7 @@ class TrajectoryWriter(Resource):
 
     @contextmanager
     def _stored(self) -> Iterator[Contents]:
-        """Yield what is stored at the path."""
+        """Yield the record that is stored at the path."""
         contents = load(self.path)
         try:
             yield contents
@@ -268,7 +268,7 @@ class TrajectoryWriter(Resource):
     def _begin(
         self, texts: Texts, contents: Contents | None = None, frames: list[Frame] | None = None
     ) -> None:
-        """Begin the file anew, with these frames and the checkpoint of what is stored."""
+        """Begin the file anew, with these frames and the stored checkpoint."""
         frames, checkpoint = frames or [], None
         if contents and contents.has_checkpoint:
             checkpoint = contents.checkpoint()
@@ -283,7 +283,7 @@ class TrajectoryWriter(Resource):
             before.discard()
 
     def _grown(self) -> Growing:
-        """Return the files in the making; take up what is stored after `close` has failed."""
+        """Return the unfinished files; continue the stored ones after `close` has failed."""
         if self.closed:
             raise ValueError(f"{self.path}: the record is closed")
         if self._growing is None:
@@ -337,7 +337,7 @@ class TrajectoryWriter(Resource):
         gas : mapping, optional
             Fields of the gas particles.
         samples : mapping, optional
-            Values that monitors measured.
+            Values of the monitor.
         bodies, walls : ndarray, optional
             States of the rigid bodies and impulses on the walls, shape (count, numbers).
         single : bool
@@ -361,11 +361,11 @@ class TrajectoryWriter(Resource):
         frame = self._layout.frame(self.path, state, state.fields, single)
         if gas is not None:
             frame = replace(frame, gas=self._gas_layout.frame(self.path, state, gas, single))
-        told = dict(samples or {})
+        values = dict(samples or {})
         for prefix, rows in ((BODY, bodies), (WALL, walls)):
             if rows is not None:
-                told |= zip(names_of(prefix, *rows.shape), rows.ravel().tolist(), strict=True)
-        frame = replace(frame, samples=told)
+                values |= zip(names_of(prefix, *rows.shape), rows.ravel().tolist(), strict=True)
+        frame = replace(frame, samples=values)
         index = bisect_left(self._frames, frame.step, key=lambda old: old.step)
         known = self._frames[index] if index < len(self._frames) else None
         if known and known.step == frame.step:
@@ -400,8 +400,8 @@ class TrajectoryWriter(Resource):
         self._grown().keep(checkpoint)
 
     def keep(self, index: int, checkpoint: Checkpoint) -> None:
-        """Store the restart state of a frame beside the record, where no later one replaces it."""
-        kept.keep(self.path, self._frames[index], checkpoint)
+        """Store the restart state of a frame separately, where no later one replaces it."""
+        older_checkpoints.store(self.path, self._frames[index], checkpoint)
 
     def close(self) -> None:
         """Complete the file and give it its name; a second call does nothing.
@@ -411,7 +411,7 @@ class TrajectoryWriter(Resource):
         Raises
         ------
         OSError
-            If the file could not be written. What is stored remains, and the lock is released: the
+            If the file could not be written. The stored data remain, and the lock is released: the
             record may be opened and resumed, or this writer may go on and `close` again, as long as
             no other has written.
         FileExistsError
@@ -448,7 +448,7 @@ class TrajectoryWriter(Resource):
         if kind is None or self._growing.has_content:
             self.close()
         else:
-            self._let_go()  # it may go on once the error is mended
+            self._let_go()  # it may go on once the cause is removed
 
 
 def _sound(contents: Contents) -> list[Frame]:

@@ -1,4 +1,4 @@
-"""Two records beside each other: what differs in their scenes and in their results."""
+"""Comparison of two records: the differences between their scenes and their results."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class Comparison:
     Attributes
     ----------
     numbers : tuple of (str, value, value)
-        Places in the JSON of the scenes, with the values of both where they differ; None where one
-        has no such place.
+        Paths in the JSON of the scenes, with the values of both where they differ; None where one
+        does not have the path.
     results : tuple of (str, float, float)
         Results at the last time that both have: their names with units, and the values of both.
     time : float
@@ -97,7 +97,7 @@ def compare(first: str | Path, second: str | Path) -> Comparison:
 
 
 def _flat(part: Any, place: str = "") -> Iterator[tuple[str, Any]]:
-    """Values of nested dictionaries and lists, with their places."""
+    """Values of nested dictionaries and lists, with their paths."""
     if isinstance(part, dict | list):
         entries = part.items() if isinstance(part, dict) else enumerate(part)
         for name, value in entries:
@@ -124,7 +124,7 @@ def _last_common(a: Array, b: Array) -> tuple[int, int] | None:
 
 
 def _results(a: State, b: State) -> Iterator[tuple[str, float, float]]:
-    """Results of two states that any material has."""
+    """Results of two states that exist for any material."""
     one, other = _summary(a), _summary(b)
     for name, value in one.items():
         if name in other:
@@ -133,15 +133,15 @@ def _results(a: State, b: State) -> Iterator[tuple[str, float, float]]:
 
 def _summary(state: State) -> dict[str, float]:
     """Results of a state by name and unit; in 2D per metre of depth."""
-    found: dict[str, float] = {"points": state.n}
+    results: dict[str, float] = {"points": state.n}
     if not state.n:
-        return found
+        return results
     x, mass = np.asarray(state.x), np.asarray(state.mass)
-    found["mass [kg]"] = float(mass.sum())
+    results["mass [kg]"] = float(mass.sum())
     centre = np.average(x, axis=0, weights=mass)
     for axis, middle, end in zip("xyz", centre, x.max(axis=0), strict=False):
-        found[f"centre of mass, {axis} [m]"] = float(middle)
-        found[f"farthest along {axis} [m]"] = float(end)
-    found["kinetic energy [J]"] = 0.5 * float(mass @ np.sum(np.asarray(state.v) ** 2, axis=1))
-    found["mean pressure [Pa]"] = float(np.mean(state.pressure))
-    return found
+        results[f"centre of mass, {axis} [m]"] = float(middle)
+        results[f"farthest along {axis} [m]"] = float(end)
+    results["kinetic energy [J]"] = 0.5 * float(mass @ np.sum(np.asarray(state.v) ** 2, axis=1))
+    results["mean pressure [Pa]"] = float(np.mean(state.pressure))
+    return results

@@ -1,8 +1,9 @@
 """The verdict on a run, from the indicators of failure of its monitor (`granular.run.monitor`).
 
-Failures that are known before a run are refused or warned of (`granular.mpm.limits`). The others
-happen during the run and without an error: the bulk loses its contacts, densities no longer match
-the volume that the points occupy, energy is created, or the law is ill posed in the flow at hand.
+Failures that are known before a run are refused or raise a warning (`granular.mpm.limits`). The
+others happen during the run and without an error: the bulk loses its contacts, densities no longer
+match the volume that the points occupy, energy is created, or the law is ill posed in the flow at
+hand.
 """
 
 from __future__ import annotations
@@ -39,9 +40,9 @@ class StabilityWarning(UserWarning):
 def scene_warnings(scene: BaseScene) -> list[str]:
     """List the settings of a scene that are known to fail without an error, one sentence each.
 
-    Each is a failure that was measured (benchmark `stability_map`, the page "Limits and
-    failures"), or a number that is hardly meant (`granular.model.plausible`); a simulation issues
-    them as `StabilityWarning`.
+    Each is a failure that was measured (benchmark `stability_map`, the page "Stability and
+    limits"), or an implausible number (`granular.model.plausible`); a simulation issues them as
+    `StabilityWarning`.
     """
     return scene.known_failures() + suspect_numbers(scene)
 
@@ -123,7 +124,7 @@ class Health:
     @property
     def suspect(self) -> tuple[Indicator, ...]:
         """Indicators beyond their limits."""
-        return tuple(found for found in self.indicators if found.verdict == "suspect")
+        return tuple(indicator for indicator in self.indicators if indicator.verdict == "suspect")
 
     @property
     def verdict(self) -> str:
@@ -133,7 +134,9 @@ class Health:
         "unknown" if there is none, or "failed" with the error; further lines explain those beyond
         their limits.
         """
-        judged = [found for found in self.indicators if found.verdict in ("ok", "suspect")]
+        judged = [
+            indicator for indicator in self.indicators if indicator.verdict in ("ok", "suspect")
+        ]
         if self.failure:
             before = f"; before: {', '.join(map(str, judged))}" if judged else ""
             return "\n".join([f"verdict: failed, {self.failure}{before}", *self.warnings()])
@@ -147,7 +150,10 @@ class Health:
 
     def warnings(self) -> list[str]:
         """One sentence for each indicator beyond its limit: what it means, and what to do."""
-        return [f"{found} is suspect: {found.doc}; {found.remedy}" for found in self.suspect]
+        return [
+            f"{indicator} is suspect: {indicator.doc}; {indicator.remedy}"
+            for indicator in self.suspect
+        ]
 
     def __getitem__(self, name: str) -> Indicator:
         for indicator in self.indicators:

@@ -2,8 +2,8 @@
 
 Python runs the handler of a signal in the main thread between any two instructions: within a
 function that the core or HDF5 has called, through which no exception can pass, and between
-assignments that belong together, too. What the handler raises, be it Ctrl-C, an alarm or a time
-limit, would be lost there, or leave half a step or half a record behind.
+assignments that belong together, too. An exception of the handler, such as Ctrl-C, an alarm or a
+time limit, would be lost there, or leave an incomplete step or record.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ NUMBERS = tuple(sorted(int(number) for number in valid_signals()))
 
 
 class DeferredSignals:
-    """A block in which handlers of signals, those that are written in Python, do not run.
+    """A block in which Python handlers of signals do not run.
 
     Signals are noted, and their handlers called when the block ends, or before by `deliver`. As by
-    the system, a signal is noted once until it is delivered. What a handler raises leaves the block
-    or `deliver`. Blocks may be nested. In other threads than the main one, which run no handlers,
-    nothing is done.
+    the system, a signal is noted once until it is delivered. Exceptions of a handler leave the
+    block or `deliver`. Blocks may be nested. In other threads than the main one, which run no
+    handlers, nothing is done.
     """
 
     def __init__(self) -> None:

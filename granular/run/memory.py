@@ -18,10 +18,11 @@ BASE = 105 * 2**20
 
 
 def available_memory() -> float:
-    """Memory that this process may still take [bytes]; inf where the system does not tell.
+    """Memory that this process may still allocate [bytes]; inf where the system does not report it.
 
-    The least of what the system calls available, what is left of the limit of a container (cgroup,
-    version 2 or 1), and what is left of the limit on the address space of the process.
+    The least of the memory that the system reports as available, the rest of the limit of a
+    container (cgroup, version 2 or 1), and the rest of the limit on the address space of the
+    process.
     """
     return min(_of_system(), _of_container(), _of_process())
 

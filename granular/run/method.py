@@ -51,8 +51,8 @@ class Method(Resource):
         """Run the core for `max_steps` steps or up to the time `until`, whichever is first."""
         raise NotImplementedError
 
-    def _fields(self, kept: bool) -> dict[str, NDArray]:
-        """Return the fields of a state, ordered by id; `kept`: only those that a record keeps."""
+    def _fields(self, recorded: bool) -> dict[str, NDArray]:
+        """Return the fields of a state, ordered by id; with `recorded` only fields of records."""
         raise NotImplementedError
 
     def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
@@ -95,13 +95,13 @@ class Method(Resource):
         return None
 
     def _extra_state(self) -> dict[str, Any]:
-        """Return what a state of the method has besides the fields of its points."""
+        """Return the attributes of a state of the method besides the fields of its points."""
         return {}
 
     def _indicators(self, state: State, thorough: bool) -> dict[str, float]:
         """Return the numbers that the method adds to a sample, see `Scene.indicators`.
 
-        Those that take long are looked at only if it is `thorough`.
+        Those that take long are computed only if it is `thorough`.
         """
         return {}
 

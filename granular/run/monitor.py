@@ -1,4 +1,4 @@
-"""Samples of a run, at equal numbers of steps, and what its indicators of failure are made of.
+"""Samples of a run, at equal numbers of steps, from which its indicators of failure are computed.
 
 Samples depend on the steps alone: neither on how long a run is meant to be, nor on the frames that
 are recorded, nor on how it is divided into calls of `run`. A checkpoint holds them, so that a run
@@ -37,12 +37,12 @@ run of 10,000 steps, and 1 % of one of 100,000.
 """
 
 THOROUGH = 4
-"""Samples from one that looks for points within bodies and blocks to the next: it takes three times
-as long as another one."""
+"""Samples from one that counts points within bodies and blocks to the next: it takes three times as
+long as another one."""
 
 FEWEST = 50
-"""Least number of points in a bulk of which the stress-free share is told: a share of a tenth is
-then known to within 0.04."""
+"""Least number of points in a bulk whose stress-free share is reported: a share of a tenth is then
+accurate to 0.04."""
 
 PACKED = 0.9
 """Density, as a fraction of rho_c, from which material in the bulk should bear stress.
@@ -61,7 +61,8 @@ class Energies(NamedTuple):
     lost : float
         Plastic work since the start, and the energy with which points left.
     work : float
-        Work of gravity, of bodies, of walls, and of what has entered, since the start.
+        Work of gravity, of bodies, of walls, and energy of points that have entered, since the
+        start.
     """
 
     held: float
@@ -72,19 +73,19 @@ class Energies(NamedTuple):
 class Account:
     """Energy that the scheme has created, from the energies at tallies.
 
-    What has been created since the first sample is the change of the held and the lost energy less
-    the work. Energy that transfers and disconnections lose, an unknown amount, makes it smaller;
-    energy that the scheme creates makes it larger. It never rises if the scheme creates none.
+    The energy created since the first sample is the change of the held and the lost energy less the
+    work. Energy that transfers and disconnections lose, an unknown amount, makes it smaller; energy
+    that the scheme creates makes it larger. It never rises if the scheme creates none.
     """
 
     def __init__(self) -> None:
         self.numbers = np.full(6, np.nan)
-        """Turnover; work; energy that was there at first; least of what was created; its rise; time
-        of the last entry."""
+        """Turnover; work; energy at the start; least of the energy created; its rise; time of the
+        last entry."""
 
     def enter(self, now: Energies, time: float, known: bool = True) -> None:
-        """Enter the energies at a time [s]; if the work since the last entry is not `known`, what
-        has been created since then is not, either."""
+        """Enter the energies at a time [s]; if the work since the last entry is not `known`,
+        neither is the energy created since then."""
         balance = now.held + now.lost - now.work
         turnover, work, begin, least, rise, _ = self.numbers
         if np.isnan(turnover):
@@ -118,7 +119,7 @@ class Monitor:
     names : tuple of str
         Names of the indicators of the scene.
     rows : list of ndarray
-        Samples that are kept, at equal distances; each holds one number for each of `names`.
+        Retained samples, at equal distances; each holds one number for each of `names`.
     spacing : int
         Steps between two samples now.
     count : int
@@ -144,15 +145,15 @@ class Monitor:
 
     @property
     def thorough(self) -> bool:
-        """True if the next sample is to look at what takes long, too."""
+        """True if the next sample includes numbers that take long."""
         return self.count % THOROUGH == 0
 
-    def sample(self, state: State, own: Mapping[str, float], energies: Energies | None) -> None:
+    def sample(self, state: State, extra: Mapping[str, float], energies: Energies | None) -> None:
         """Take a sample of a state.
 
         Parameters
         ----------
-        own : mapping
+        extra : mapping
             Numbers of the method; of those that any state has the larger ones count.
         energies : Energies, optional
             Those at this time, if the method knows them.
@@ -164,7 +165,7 @@ class Monitor:
             self._account.enter(energies, state.time, known)
         if not state.step:
             return
-        row = self.row(state, own)
+        row = self.row(state, extra)
         self.count += 1
         self.rows.append(row)
         self._largest = np.fmax(self._largest, row)
@@ -172,8 +173,8 @@ class Monitor:
             self.rows = self.rows[1::2]  # those at multiples of the new distance
             self.spacing *= 2
 
-    def row(self, state: State, own: Mapping[str, float]) -> Array:
-        """Return the numbers of a sample of a state, without keeping it; see `sample`."""
+    def row(self, state: State, extra: Mapping[str, float]) -> Array:
+        """Return the numbers of a sample of a state, without storing it; see `sample`."""
         if not state.n:
             return np.full(len(self.names), np.nan)
         bulk = Bulk(state, packed=PACKED)
@@ -189,7 +190,7 @@ class Monitor:
             "dilution": max(float(-np.min(state.log_density)), 0.0),
             "gaps": np.nan if granular else gaps(bulk),
         }
-        row |= {name: max(value, row.get(name, value)) for name, value in own.items()}
+        row |= {name: max(value, row.get(name, value)) for name, value in extra.items()}
         return np.array([row.get(name, np.nan) for name in self.names])
 
     def values(self, present: Array | None = None) -> dict[str, float]:
@@ -203,14 +204,14 @@ class Monitor:
         rows, largest, count = self.rows, self._largest, self.count
         if not rows and present is not None:
             rows, largest, count = [present], present, 1
-        found = {"samples": float(count)}
+        numbers = {"samples": float(count)}
         for name, column, most in zip(
             self.names, np.reshape(rows, (-1, len(self.names))).T, largest, strict=True
         ):
-            found[name] = float(most) if self._how[name] == "largest" else later(column)
-        if "energy_created" in found:
-            found["energy_created"] = self._account.created
-        return found
+            numbers[name] = float(most) if self._how[name] == "largest" else later(column)
+        if "energy_created" in numbers:
+            numbers["energy_created"] = self._account.created
+        return numbers
 
     # ---- restart ----
 
@@ -252,12 +253,14 @@ class Monitor:
 
 def unwatched(checkpoint: Checkpoint) -> Checkpoint:
     """Return a checkpoint without its samples, for a scene that has changed."""
-    kept = {name: a for name, a in checkpoint.arrays.items() if name not in ("samples", "sampling")}
-    return replace(checkpoint, arrays=kept)
+    arrays = {
+        name: a for name, a in checkpoint.arrays.items() if name not in ("samples", "sampling")
+    }
+    return replace(checkpoint, arrays=arrays)
 
 
 def known(values: Mapping[str, float]) -> dict[str, float]:
-    """Return the values that are there, for a frame of a record."""
+    """Return the existing values, for a frame of a record."""
     return {name: value for name, value in values.items() if not np.isnan(value)}
 
 
@@ -266,8 +269,8 @@ def later(column: Array) -> float:
 
     It is neither affected by an impact nor by the beginning, when all points are stress-free.
     """
-    seen = column[~np.isnan(column)]
-    return float(np.median(seen[len(seen) // 2 :])) if len(seen) else np.nan
+    known = column[~np.isnan(column)]
+    return float(np.median(known[len(known) // 2 :])) if len(known) else np.nan
 
 
 def _disconnected(bulk: Bulk, state: State) -> float:
@@ -284,8 +287,8 @@ def _knows_inertia(state: State) -> bool:
 def _drift(bulk: Bulk, state: State) -> float:
     """Drift of the density, without its sign.
 
-    Particles of SPH, of which a cell holds one, leave cells empty where they lie unevenly: of them
-    only those count that have collapsed into one another.
+    Particles of SPH, one per cell, leave cells empty where they are distributed unevenly: only
+    particles that have collapsed into one another count.
     """
     drift = bulk.drift()
     return max(drift, 0.0) if state.scene.method == "sph" else abs(drift)

@@ -39,7 +39,7 @@ class Present(Method):
 
     @property
     def dt(self) -> float:
-        """Time step [s] of the last step, or before the first step the one it will have."""
+        """Time step [s] of the last step; before the first step, of the first one."""
         return self._engine.scalars()["dt"] or self._engine.stable_dt()
 
     @property
@@ -67,8 +67,8 @@ class Present(Method):
         """A snapshot of the points, ordered by id."""
         return self._snapshot()
 
-    def _snapshot(self, kept: bool = False) -> State:
-        return self._state_of(self._fields(kept), **self._extra_state())
+    def _snapshot(self, recorded: bool = False) -> State:
+        return self._state_of(self._fields(recorded), **self._extra_state())
 
     def _state_of(self, fields: dict[str, NDArray], **extra: Any) -> State:
         """Make a state of the present time, step and time step from fields."""
@@ -77,8 +77,9 @@ class Present(Method):
         return State(scene=self.scene, time=time, step=step, dt=dt, fields=fields, **extra)
 
     def _streamed(self) -> State | Streamed:
-        """Return what a record keeps of the present state, in memory only column by column."""
-        return self._snapshot(kept=True)
+        """Return the part of the present state that a record stores, one column in memory at a
+        time."""
+        return self._snapshot(recorded=True)
 
     def __repr__(self) -> str:
         return (

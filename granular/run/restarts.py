@@ -1,8 +1,8 @@
 """The numbers of a restart state, checked before the core takes them.
 
-A checkpoint may come from a file of a stranger, or be made by hand. Here is what can be told from
-the numbers alone, for all methods; the core refuses the numbers of its own clock, of inflows,
-bodies and walls that cannot be, and points outside of the grid.
+A checkpoint may come from a file of a stranger, or be made by hand. These checks use the numbers
+alone, for all methods; the core refuses impossible numbers of its clock, of inflows, bodies and
+walls, and points outside of the grid.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from granular.record import Checkpoint
 from granular.tools.checks import finite, integer
 
 LARGEST = 1e60
-"""Largest number of an array, as in the core: the products of what is below stay finite."""
+"""Largest number of an array, as in the core: products of smaller numbers stay finite."""
 LEAST = float(np.finfo(float).tiny)
 """Smallest number that must not be 0, such as a mass."""
 MAY_LACK = ("samples", "sampling")
-"""Arrays in which NaN stands for a value that is not there; see `granular.run.monitor`."""
+"""Arrays in which NaN stands for a missing value; see `granular.run.monitor`."""
 LARGEST_ID = 2**62
-"""Largest id of a point, far from where that of one which enters would overflow."""
+"""Largest id of a point, far below the overflow of the ids of points that enter."""
 
 
 def check_numbers(checkpoint: object) -> None:

@@ -45,7 +45,7 @@ LEAST_STEP = 1e-3
 """Least time between frames, in time steps.
 
 Each step is a frame anyway if they are closer than steps. The margin is for steps that become
-shorter in the run; what is far below is a slip, and its multiples cannot be told apart.
+shorter in the run. Much smaller values are mistakes, and their multiples cannot be distinguished.
 """
 
 
@@ -53,8 +53,8 @@ def default_threads(n_points: int) -> int:
     """Threads for a number of points: one for few, else all processors of this process."""
     if n_points <= SMALL:
         return 1
-    own = getattr(os, "sched_getaffinity", None)  # Linux
-    return min(len(own(0)) if own else os.cpu_count() or 1, _core.MAX_THREADS)
+    affinity = getattr(os, "sched_getaffinity", None)  # Linux
+    return min(len(affinity(0)) if affinity else os.cpu_count() or 1, _core.MAX_THREADS)
 
 
 def warn_of_threads(wanted: int, refused: int) -> None:
@@ -113,19 +113,20 @@ class Chunks:
 
 
 class Soundness:
-    """Guard of the steps of a simulation, which knows if an error in one has spoiled the state.
+    """Guard of the steps of a simulation, which records whether an error in one has made the state
+    invalid.
 
     Attributes
     ----------
     failure : str
-        Message of that error; empty while the state is sound.
+        Message of that error; empty while the state is valid.
     """
 
     def __init__(self) -> None:
         self.failure = ""
 
     def check(self) -> None:
-        """Refuse to go on from a state that is spoiled."""
+        """Refuse to go on from an invalid state."""
         if self.failure:
             raise _core.SimulationError(
                 "the simulation has failed in a step before, and its state is of no use: make a "
@@ -141,7 +142,7 @@ class Soundness:
 
 
 def spoils_state(error: BaseException | None) -> bool:
-    """Return if an error, or its cause, leaves a state that is of no use."""
+    """Return whether an error, or its cause, leaves an invalid state."""
     causes = (error, getattr(error, "__cause__", None))
     return any(isinstance(cause, _core.SimulationError) for cause in causes)
 
@@ -149,8 +150,8 @@ def spoils_state(error: BaseException | None) -> bool:
 class Saver:
     """Stores checkpoints of a run in its record: at intervals, and in the end however it ends.
 
-    None is stored after an error that spoils the state, nor if a frame could not be stored that was
-    due, because a run that goes on from there would not make it.
+    None is stored after an error that makes the state invalid, or if a frame that was due could not
+    be stored, because a resumed run would not make it.
     """
 
     def __init__(self, sim: Run, writer: TrajectoryWriter | None, seconds: float) -> None:
@@ -177,7 +178,7 @@ class Saver:
         if kind is None:
             self.save()
         elif self._sim.frame_is_stored and not spoils_state(error):
-            with suppress(OSError):  # the first error is to be told
+            with suppress(OSError):  # the first error is the one to report
                 self.save()
 
 

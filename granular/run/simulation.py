@@ -53,7 +53,7 @@ Hook = Callable[["Simulation"], Any]
 
 
 class Simulation(Present):
-    """Advance the points of a scene in time by the method that the scene is made for.
+    """Advance the points of a scene in time, by the method of the scene.
 
     A `granular.Scene` is solved by the material point method (`granular.mpm.simulation`), a
     `granular.sph.Scene` by SPH, smoothed particle hydrodynamics (`granular.sph`).
@@ -124,11 +124,11 @@ class Simulation(Present):
         self._every = EVERY
         self._stored: tuple[str, ...] = ()  # derived fields of frames
         self._precision = DOUBLE  # of frames
-        self._keeps = 0  # frames from one checkpoint that is kept to the next; 0 for none
+        self._keeps = 0  # frames from one stored checkpoint to the next; 0 for none
         self._soundness = Soundness()
         self._due: int | None = None  # step of a frame that could not be taken or stored
         self._monitor = Monitor(scene)
-        self._told: set[str] = set()
+        self._warned: set[str] = set()
         self._turns = Turns()
 
     # ---- stepping ----
@@ -141,12 +141,12 @@ class Simulation(Present):
             pass
 
     def _advance(self, max_steps: int, until: float) -> None:
-        """Call the core; signals wait until the steps and all that belongs to them are made."""
+        """Call the core; signals wait until the steps are complete."""
         with DeferredSignals(), self._soundness:
             self._make_steps(max_steps, until)
             refused = self._engine.refused_threads
-        if refused and "threads" not in self._told:
-            self._told.add("threads")
+        if refused and "threads" not in self._warned:
+            self._warned.add("threads")
             warn_of_threads(self.threads, refused)
 
     @alone
@@ -177,8 +177,8 @@ class Simulation(Present):
             one at or past it.
         save : path, optional
             HDF5 record to write; ParaView opens it if its name ends in ".vtkhdf", and then the
-            surfaces of bodies are written beside it when the run ends, to
-            ``<name>_bodies.vtkhdf``. A simulation that was resumed continues its own record.
+            surfaces of bodies are written to ``<name>_bodies.vtkhdf`` when the run ends. A
+            simulation that was resumed continues its own record.
         every : float, optional
             Time between frames [s]; a frame is the first step at or past its time. By default the
             interval of the previous run, which is also stored in a record, and 1/60 s in the first
@@ -187,19 +187,19 @@ class Simulation(Present):
             Quantities that the frames of the record hold in addition, so that ParaView shows them
             at once: "pressure", "speed", "density", "shear_stress", "mu", "inertial_number",
             "volume", "nodal_density", ..., see `granular.measure.derived`. Each makes frames larger
-            by a number per point. By default those of the previous run; none in the first run.
+            by a number per point. By default the fields of the previous run; none in the first run.
         precision : {"double", "single"}, optional
             Precision of the frames of the record. In single precision all but the positions of the
             points are rounded, and they take little more than half of the space; checkpoints, and
-            with them the results of runs that go on, are as exact as ever. By default that of the
-            previous run; double in the first run.
+            with them the results of resumed runs, remain exact. By default that of the previous
+            run; double in the first run.
         checkpoint_minutes : float
             Wall-clock time between two checkpoints of the record [min], > 0, may be infinite. One
             is also stored at the beginning and at the end of a run, and when it is interrupted or
             an error ends it, except a `SimulationError`.
         checkpoints : int or "all", optional
-            Keep the checkpoints of all frames, or of each so many, so that `resume` can begin with
-            them, in the folder ``<save>.checkpoints``; by default only the newest is kept, in the
+            Store the checkpoints of all frames, or of each so many, so that `resume` can begin with
+            them, in the folder ``<save>.checkpoints``; by default only the newest is stored, in the
             record. Each takes about twice as much space as a frame.
         overwrite : bool
             If True, replace an existing record.
@@ -208,10 +208,10 @@ class Simulation(Present):
             (``pip install 'granular-flow[notebook]'``).
         hooks : sequence of callables
             Called with the simulation at each frame; an exception that one raises ends the run.
-            They may look at it, and write to its `buffers`, but not step or run it: that raises
+            They may read it, and write to its `buffers`, but not step or run it: that raises
             RuntimeError. `granular.plot.Live` is one that shows the run.
         monitor : bool
-            Take samples for the indicators of failure, see `health`; the record keeps these for
+            Take samples for the indicators of failure, see `health`; the record stores these for
             each frame. All samples take as long as some hundred steps (`granular.run.monitor`).
         gas : bool
             For scenes with a gas, store it in the frames of the record; checkpoints hold it in any
@@ -228,23 +228,23 @@ class Simulation(Present):
             If another run is writing the record.
         OSError
             If the record cannot be written; an existing record is intact. The next run of this
-            object goes on with the record, and stores the frame that could not be stored.
+            object continues the record, and stores the missing frame.
         SimulationError
-            If a point is not finite or ran away; the attributes `point` and `step` name it. If a
-            free body has met an end of the domain without a wall, or is pressed into something by
-            prescribed motions; the attributes are `body` and `step`. The record holds the frames
-            before, and the last checkpoint.
+            If a point is not finite or moved too far in a step; the attributes `point` and `step`
+            name it. If a free body has met an end of the domain without a wall, or is pressed into
+            another solid by prescribed motions; the attributes are `body` and `step`. The record
+            holds the frames before, and the last checkpoint.
         RuntimeError
             If this simulation makes steps already: in a hook of its run, or in another thread.
         KeyboardInterrupt
-            On Ctrl-C; the simulation and the record stay valid and can be continued. So it is with
-            whatever a handler of a signal raises: handlers run between steps, within about 0.05 s.
+            On Ctrl-C; the simulation and the record stay valid and can be continued. The same holds
+            for any exception of a signal handler: handlers run between steps, within about 0.05 s.
 
         Warns
         -----
         StabilityWarning
-            At the end, for each indicator that is suspect by the samples of the run, with what to
-            do; see `health`. Once for each indicator, if the run is continued.
+            At the end, for each indicator that is suspect by the samples of the run, with a remedy;
+            see `health`. Once for each indicator, if the run is continued.
         RuntimeWarning
             If the system refuses threads; the run goes on with fewer, and the same results.
         """
@@ -299,7 +299,7 @@ class Simulation(Present):
         self._due = self.steps
         if writer:
             if self._stored:
-                state = self._snapshot(kept=True)
+                state = self._snapshot(recorded=True)
                 state.fields.update(with_derived(state, self._stored))
             frame = state if self._stored else self._streamed()
             index = writer.append(
@@ -319,22 +319,22 @@ class Simulation(Present):
 
     def _sample_if_due(self) -> None:
         if self._monitor.due(self.steps):
-            state = self._snapshot(kept=True)
-            own = self._indicators(state, self._monitor.thorough)
-            self._monitor.sample(state, own, self._energies())
+            state = self._snapshot(recorded=True)
+            extra = self._indicators(state, self._monitor.thorough)
+            self._monitor.sample(state, extra, self._energies())
 
     def _values(self) -> dict[str, float]:
-        """Return the values of the indicators so far; without a sample those of this state."""
+        """Return the values of the indicators so far; without a sample the values of this state."""
         if self._monitor.rows or not self.steps or self._soundness.failure:
             return self._monitor.values()
-        state = self._snapshot(kept=True)
+        state = self._snapshot(recorded=True)
         return self._monitor.values(self._monitor.row(state, self._indicators(state, True)))
 
     def health(self) -> Health:
         """Indicators of failure from the samples so far, or without any from the present state.
 
         They do not depend on the frames, nor on how the run is divided into calls of `run`, and the
-        record of the run has the same. After a `SimulationError`, whose state is of no use, the
+        record of the run has the same. After a `SimulationError`, whose state is invalid, the
         verdict is that the run failed.
 
         Returns
@@ -346,10 +346,10 @@ class Simulation(Present):
 
     def _warn_of_health(self) -> None:
         """Issue a warning for each indicator that has become suspect since the last warning."""
-        found = self.health()
-        for indicator, text in zip(found.suspect, found.warnings(), strict=True):
-            if indicator.name not in self._told:
-                self._told.add(indicator.name)
+        health = self.health()
+        for indicator, text in zip(health.suspect, health.warnings(), strict=True):
+            if indicator.name not in self._warned:
+                self._warned.add(indicator.name)
                 warnings.warn(text, StabilityWarning, stacklevel=4)
 
     # ---- restart ----
@@ -388,7 +388,7 @@ class Simulation(Present):
         scene, threads, isa
             See `Simulation`.
         checkpoint : Checkpoint
-            What `checkpoint` or `Trajectory.checkpoint` returned for this scene.
+            Result of `checkpoint` or `Trajectory.checkpoint` for this scene.
 
         Raises
         ------
@@ -418,15 +418,15 @@ class Simulation(Present):
             A changed scene with which the run goes on, such as
             ``gr.open(path).scene.replace(gravity=...)``: other gravity, numbers of the material or
             the scheme, walls, motions of bodies. The grid, the laws, the basis, the transfer and
-            the kind of density of the scheme, the inflows, how many walls and bodies there are,
-            and the shapes and first places of the bodies must be as before. The stress of a
-            hypoelastic material stays what it is, and its density follows from it; that of a Hencky
-            material follows from its strain. The record of the run is left as it is: name another
-            one in `run`.
+            the kind of density of the scheme, the inflows, the numbers of walls and bodies, and the
+            shapes and initial positions of the bodies must be as before. The stress of a
+            hypoelastic material does not change, and its density follows from it; that of a Hencky
+            material follows from its strain. The record of the run is not changed: name another one
+            in `run`.
         frame : int, optional
-            Index of the frame to begin with, one whose checkpoint was kept (`Trajectory.kept`), by
-            default the newest checkpoint. Frames that then come out as they are recorded are not
-            stored again; from the first one that does not, the record is replaced.
+            Index of the frame to begin with, one of `Trajectory.checkpoint_frames`; by default the
+            newest checkpoint. Frames that equal the recorded ones are not stored again; from the
+            first one that differs, the record is replaced.
         threads : int, optional
             See `Simulation`.
         isa : str, optional
@@ -443,7 +443,7 @@ class Simulation(Present):
             If the file is damaged or holds no checkpoint, or one that does not fit its scene.
         TypeError, ValueError
             If the points of the record do not fit into the changed scene, no checkpoint of the
-            frame was kept, or `threads` or `isa` is out of range.
+            frame was stored, or `threads` or `isa` is out of range.
 
         Warns
         -----

@@ -126,22 +126,22 @@ class Sweep(Sequence):
             raise ValueError(f"keys = {self.keys} must be tuples of one length for a table")
         (count,) = parts
         usual = [f"key_{k}" for k in range(count)] if count else ["case"]
-        told = usual if names is None else list(names)
-        if len(told) != len(usual):
-            raise ValueError(f"names = {told} must name {len(usual)} parts of the keys")
+        labels = usual if names is None else list(names)
+        if len(labels) != len(usual):
+            raise ValueError(f"names = {labels} must name {len(usual)} parts of the keys")
         index = (
-            pandas.MultiIndex.from_tuples(self.keys, names=told)
+            pandas.MultiIndex.from_tuples(self.keys, names=labels)
             if count
-            else pandas.Index(self.keys, name=told[0])
+            else pandas.Index(self.keys, name=labels[0])
         )
         rows = [_row(value) for value in self._values]
-        found = pandas.DataFrame(rows, index=index)
+        table = pandas.DataFrame(rows, index=index)
         if self.errors:
-            found["error"] = [
+            table["error"] = [
                 None if error is None else f"{type(error).__name__}: {error}"
                 for error in map(self.errors.get, self.keys)
             ]
-        return found
+        return table
 
     def __repr__(self) -> str:
         return f"<Sweep of {len(self)} cases, {len(self.errors)} failed>"
@@ -276,7 +276,7 @@ def _scenes(cases: object) -> dict[Hashable, AnyScene]:
 
 def _names(keys: Sequence[Hashable]) -> list[str]:
     """Make the names of the records from the keys; no two are equal on any file system."""
-    seen: dict[str, Hashable] = {}
+    key_of: dict[str, Hashable] = {}
     names = []
     for key in keys:
         parts = key if isinstance(key, tuple) else (key,)
@@ -288,7 +288,7 @@ def _names(keys: Sequence[Hashable]) -> list[str]:
                 f"key {key!r} of cases must make a file name: 1 to 200 letters, digits or "
                 f"any of _+-=,. with none of =,. in front, and not {name!r}"
             )
-        other = seen.setdefault(name.casefold(), key)
+        other = key_of.setdefault(name.casefold(), key)
         if other is not key:
             raise ValueError(f"key {key!r} of cases makes the file name of {other!r}, {name!r}")
         names.append(name)
@@ -317,7 +317,7 @@ def _check_measure(measure: object, executor: object) -> None:
         ) from error
     import __main__
 
-    # The processes import the script again; they cannot find what was typed into a session.
+    # The processes import the script again; they cannot find objects of an interactive session.
     script = Path(getattr(__main__, "__file__", "")).is_file()
     if executor is None and b"__main__" in data and not script:
         raise TypeError(f"measure = {measure!r} must be in a module that the workers can import")
@@ -372,7 +372,7 @@ def _stage(case: _Case) -> str:
 
 
 def _run(case: _Case) -> Any:
-    """Run what is left of a case and return its measure, or a `_Failure`.
+    """Run the rest of a case and return its measure, or a `_Failure`.
 
     Errors are returned, not raised: an exception that cannot be unpickled would break the pool for
     all cases.
@@ -444,8 +444,8 @@ def _submitter(
     if executor is not None:
         yield partial(executor.submit, _run)
         return
-    own = getattr(os, "sched_getaffinity", None)  # Linux: the processors of this process
-    count = workers or (len(own(0)) if own else os.cpu_count() or 1)
+    affinity = getattr(os, "sched_getaffinity", None)  # Linux: the processors of this process
+    count = workers or (len(affinity(0)) if affinity else os.cpu_count() or 1)
     context = get_context("spawn")  # a fork would inherit the threads of the core
     receiver, sender = context.Pipe(duplex=False)
     pool = ProcessPoolExecutor(min(count, most), context, _enlist, (receiver,))

@@ -21,7 +21,7 @@ class Turns:
     def take(self, what: str) -> threading.Lock:
         """Return the lock that is held while steps are made; RuntimeError if it is held already.
 
-        It is for a `with` of its own: a signal that arrives when a function has taken a lock, but
+        Use it in a separate `with`: a signal that arrives when a function has taken a lock, but
         not yet returned, would leave it locked for ever.
         """
         if self._lock.locked():
@@ -46,14 +46,14 @@ class Turns:
             name = getattr(self._hook, "__qualname__", type(self._hook).__qualname__)
             by = f"its run has called the hook {name}"
         return (
-            f"{what}: the simulation makes steps already, and {by}, which may look at it, but not "
+            f"{what}: the simulation makes steps already, and {by}, which may read it, but not "
             "step or run it. Call it after the run, in a loop of runs to one time after the other; "
             "or step a copy, Simulation.from_checkpoint(sim.scene, sim.checkpoint())"
         )
 
 
 def alone(method: M) -> M:
-    """Let a method of a simulation, which makes steps, be called only when nothing else does."""
+    """Let a method of a simulation that makes steps be called only while no other one does."""
 
     @wraps(method)
     def call(sim: Any, *args: Any, **options: Any) -> Any:

@@ -16,7 +16,7 @@ from granular.shapes import Box
 from granular.tools.checks import in_range, integer, non_negative, positive
 
 Parts = dict[str, Any]
-"""Parts of a scene by name; a scene function returns those that are its own."""
+"""Parts of a scene by name; a scene function returns those that it sets itself."""
 
 ROUND_OFF = 1e-9
 """Fraction of a cell by which a length may differ from a whole number of cells."""
@@ -47,8 +47,8 @@ has come to rest can flow again (their code begins with a fluidity of 1 1/s). Po
 dense again get the fluidity of their eq. 23."""
 
 in_soft_soil = reconnected.replace(tpic_least_decay=6.0)
-"""The same for soil so soft that without the least decay the velocities of the points of a cell
-differ by a tenth (docs/explanation/transfers.md)."""
+"""The same for softer soil: without a slight decay its velocities differ by a tenth within a cell
+(docs/explanation/transfers.md)."""
 
 sided = in_soft_soil.replace(transfer="tpic", density=ParticleDensity())
 """The scheme `in_soft_soil` with the density with which the material on the two sides of a thin

@@ -47,11 +47,11 @@ COMMON = (
         "    ``rho_c g H`` at the foot of the material: it is at least 1000 times as large, or as\n"
         "    many times as in the scene without arguments.",
     ),
-    ("material, numerics", "By default those of the thesis."),
-    ("numerics", "By default those of the thesis."),
+    ("material, numerics", "By default as in the thesis."),
+    ("numerics", "By default as in the thesis."),
     ("**material_numbers", "Numbers of the material to change, such as `nu`."),
 )
-"""Arguments that many scene functions have, as they stand in docstrings, and what they mean."""
+"""Descriptions of the arguments that many scene functions have, as they stand in docstrings."""
 
 P = ParamSpec("P")
 S_co = TypeVar("S_co", bound="mpm.Scene | sph.Scene", covariant=True)
@@ -89,10 +89,10 @@ def scene_function(
     *methods: str,
 ) -> Callable[[Callable[P, Parts]], SceneFunction[P, mpm.Scene | sph.Scene]]: ...
 def scene_function(*methods: str) -> Callable[[Callable[P, Parts]], SceneFunction[P, Any]]:
-    """Register a function as that of a ready scene, and complete what it does.
+    """Register a scene function and complete it.
 
     The function takes keyword arguments only, all with a default. One of them is `material`, and
-    the last is ``**material_numbers``. It returns what is its own of the parts of the scene. The
+    the last is ``**material_numbers``. It returns the parts of the scene that it sets itself. The
     decorated function differs from it in six ways.
 
     - It returns a scene with the name of the function. Parts that the function does not return are
@@ -101,10 +101,10 @@ def scene_function(*methods: str) -> Callable[[Callable[P, Parts]], SceneFunctio
       chooses the class of the scene.
     - Numbers of the material may be given as keywords: ``column_collapse(E=1e7)`` is
       ``column_collapse(material=m.replace(E=1e7))``, m being the material given or the default one.
-      The function itself receives the changed material only, so that all that it derives from the
-      material follows. A keyword that is an argument of the function is never taken for a number
-      of the material.
-    - Unless E is given, or a material, it is as large as the load of the scene asks for
+      The function itself receives the changed material only, so that everything that it derives
+      from the material follows. A keyword that is an argument of the function is never taken for a
+      number of the material.
+    - Unless E is given, or a material, it is as large as the load of the scene requires
       (`granular.scenes._stiffness`).
     - A function with the scheme `schemes.default` takes `schemes.suited_to` the material in its
       place, unless a scheme is given.
@@ -123,18 +123,18 @@ def scene_function(*methods: str) -> Callable[[Callable[P, Parts]], SceneFunctio
     ------
     TypeError, ValueError
         When the decorated function is called: for keywords that neither the function nor the
-        material has, and for numbers of the material that the function replaces by its own.
+        material has, and for numbers of the material that the function itself sets.
     """
     for method in methods:
         one_of("method", method, METHODS)
 
     def decorate(function: Callable[P, Parts]) -> SceneFunction[P, Any]:
         signature = inspect.signature(function)
-        own = own_keywords(signature)
+        defaults = keyword_defaults(signature)
 
         def make(**given: Any) -> Any:
             parts: Parts = function(**given)  # type: ignore[call-arg]
-            arguments = own | given
+            arguments = defaults | given
             kind = METHODS[arguments.get("method", methods[0])]
             taken = {name: arguments[name] for name in PARTS if name in arguments}
             taken = {part.name: taken[part.name] for part in fields(kind) if part.name in taken}
@@ -148,23 +148,25 @@ def scene_function(*methods: str) -> Callable[[Callable[P, Parts]], SceneFunctio
 
         @functools.wraps(function)
         def made_with(**keywords: Any) -> Any:
-            given = {name: value for name, value in keywords.items() if name in own}
-            numbers = {name: value for name, value in keywords.items() if name not in own}
+            given = {name: value for name, value in keywords.items() if name in defaults}
+            numbers = {name: value for name, value in keywords.items() if name not in defaults}
             if numbers:
-                material = given.get("material", own["material"])
-                given["material"] = _changed(function.__name__, material, numbers, tuple(own))
-            if own.get("scheme") is schemes.default and "scheme" not in given:
-                given["scheme"] = suited(own | given)
+                material = given.get("material", defaults["material"])
+                given["material"] = _changed(function.__name__, material, numbers, tuple(defaults))
+            if defaults.get("scheme") is schemes.default and "scheme" not in given:
+                given["scheme"] = suited(defaults | given)
             scene = make(**given)
             if "material" not in keywords and "E" not in numbers:
-                material = given.get("material", own["material"])
+                material = given.get("material", defaults["material"])
                 if stiffer := stiff_enough(make, scene, material):
                     given["material"] = stiffer
                     scene = make(**given)
             if numbers:
-                _check_kept(function.__name__, given["material"], scene.material, numbers)
+                _check_unchanged(function.__name__, given["material"], scene.material, numbers)
             arguments = {
-                name: _plain(value) for name, value in (own | given).items() if name not in PARTS
+                name: _plain(value)
+                for name, value in (defaults | given).items()
+                if name not in PARTS
             }
             return scene.replace(parameters=arguments | dict(scene.parameters))
 
@@ -187,7 +189,7 @@ def suited(arguments: Mapping[str, Any]) -> schemes.Scheme:
 
 
 def _completed(doc: str, signature: inspect.Signature) -> str:
-    """Put what ``{common}`` stands for into the docstring of a scene function."""
+    """Replace ``{common}`` in the docstring of a scene function."""
     heads = re.findall(r"^\**([\w, ]+?)(?: :.*)?\n    ", doc, re.MULTILINE)
     parameters = signature.parameters
     described, lines = set(", ".join(heads).split(", ")), []
@@ -204,7 +206,7 @@ def _completed(doc: str, signature: inspect.Signature) -> str:
     return doc.replace("{common}", "\n".join([*lines, RAISES]))
 
 
-def own_keywords(signature: inspect.Signature) -> dict[str, Any]:
+def keyword_defaults(signature: inspect.Signature) -> dict[str, Any]:
     """Keywords of a scene function with their defaults, without numbers of the material."""
     kind = inspect.Parameter.KEYWORD_ONLY
     return {name: p.default for name, p in signature.parameters.items() if p.kind is kind}
@@ -224,22 +226,22 @@ def material_numbers(material: object) -> tuple[str, ...]:
 
 
 def _changed(
-    name: str, material: Any, numbers: Mapping[str, Any], own: tuple[str, ...]
+    name: str, material: Any, numbers: Mapping[str, Any], keywords: tuple[str, ...]
 ) -> Material | sph.Viscoplastic:
     """Material with some numbers changed."""
     known = material_numbers(material)
     for keyword in numbers:
         if keyword not in known:
-            free = (number for number in known if number not in own)
+            free = (number for number in known if number not in keywords)
             raise TypeError(
-                f"{name}() has no keyword {keyword!r}: its own are {', '.join(own)}; those of its "
-                f"material, {type(material).__name__}, are {', '.join(free)}"
+                f"{name}() has no keyword {keyword!r}: its own are {', '.join(keywords)}; those of "
+                f"its material, {type(material).__name__}, are {', '.join(free)}"
             )
     return material.replace(**numbers)
 
 
-def _check_kept(name: str, changed: object, used: object, numbers: Mapping[str, Any]) -> None:
-    """Refuse numbers of the material that the scene function replaced by its own."""
+def _check_unchanged(name: str, changed: object, used: object, numbers: Mapping[str, Any]) -> None:
+    """Refuse numbers of the material that the scene function itself sets."""
     if type(used) is not type(changed):
         return  # the material of the other method, made from the changed one
     for number, value in numbers.items():

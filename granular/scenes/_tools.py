@@ -19,7 +19,7 @@ Leg = tuple[float, tuple[float, ...], float]
 
 
 def legs(parts: Sequence[Leg], ramp: float) -> Motion:
-    """Motion of successive legs of constant velocity, joined by ramps of `ramp` seconds.
+    """Motion in successive legs of constant velocity, joined by ramps of `ramp` seconds.
 
     A ramp lies half in the leg before and half in the leg after it, so that each leg moves the body
     as far as without ramps. The first and the last leg must be at rest.

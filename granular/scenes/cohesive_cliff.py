@@ -40,7 +40,7 @@ def cohesive_cliff(
 
     All numbers are chosen here. The cliff has a smooth wall at its back, x = 0, and its face at
     x = `width`. It stands if it is low enough (`granular.theory.cliff_height`); else a wedge slides
-    out of it. Experiments of this kind are those of Gans et al. 2023 (J. Fluid Mech. 959, A41).
+    out of it. For experiments of this kind see Gans et al. 2023 (J. Fluid Mech. 959, A41).
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def cohesive_cliff(
         Height of the cliff and its extent from the wall to its face [m], whole cells. A wedge that
         slides is ``height tan(45 deg - phi/2)`` wide.
     floor : float
-        Length of floor in front of the cliff [m]. What goes further leaves.
+        Length of floor in front of the cliff [m]. Material beyond it leaves.
     gravity, ramp : float
         Magnitude [m/s2], which grows linearly from 0 in the time `ramp` [s]. The ramp should be
         longer than several periods of elastic waves, 4 height/c_w.

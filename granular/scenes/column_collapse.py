@@ -148,9 +148,9 @@ def cylinder_collapse(
     with the paper's material, gravity ramp and walls: no_slip floor, free_slip symmetry planes
     x = 0 and y = 0, free_slip lips.
 
-    Chosen here: radius 0.2 m, cells of 0.0125 m with 8 points, lips at 2 + 1.5 R radii, R being
-    the run-out that Lube et al. found (1.24 aspect, 1.6 aspect^0.5 from 1.7 on), 2 s. The round
-    side is cut out of the seeding lattice; the height is rounded to rows of points.
+    Chosen here: radius 0.2 m, cells of 0.0125 m with 8 points, lips at 2 + 1.5 R radii, R being the
+    run-out measured by Lube et al. (1.24 aspect, 1.6 aspect^0.5 from 1.7 on), 2 s. The round side
+    is cut out of the seeding lattice; the height is rounded to rows of points.
 
     Parameters
     ----------

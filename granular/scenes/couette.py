@@ -69,8 +69,8 @@ def couette(
 
     With a `pressure` the flow is 2D: a slice without gravity that is everywhere under that pressure
     at the start. This is the case that the theory solves. The ring is closed on every side, and
-    its pressure falls as points creep into the cylinders: a simulation warns of it, and only the
-    beginning of a run is of use. In 3D the free surface keeps the pressure.
+    its pressure falls as points creep into the cylinders. A simulation warns about this, and only
+    the beginning of a run is of use. In 3D the free surface keeps the pressure.
 
     Parameters
     ----------

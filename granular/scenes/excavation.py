@@ -72,7 +72,7 @@ def excavation(
     travel, speed : float
         Distance travelled at that depth [m] and its speed [m/s].
     dive_speed : float
-        Forward and downward speed at the begin, forward and upward speed at the end [m/s].
+        Forward and downward speed at the beginning, forward and upward speed at the end [m/s].
     rake_deg : float
         Angle to the vertical [deg], -60 to 60; positive if the top leans backwards.
     blade : tuple of 3 floats

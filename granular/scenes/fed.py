@@ -1,4 +1,4 @@
-"""Scenes that are fed: a heap below a spout, a chute with a feeder, a silo that is kept full."""
+"""Scenes with inflow: a heap below a spout, a chute with a feeder, a silo that stays full."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def conveyor_heap(
         Length of the ground [m], an even number of cells, more than the spout.
     belt_speed : float
         Velocity of the ground along x [m/s].
-    {common}; also if more falls than a full spout gives.
+    {common}; also if the rate exceeds that of a full spout.
     """
     cell = positive("cell", cell)
     n_half = whole_cells("length/2", positive("length", length) / 2, cell)
@@ -112,10 +112,10 @@ def chute_fed(
     All numbers are chosen here. Within the feeder the layer moves as a block, in equilibrium across
     the slope; then it is free. Far from the feeder it flows as a steady layer that carries the same
     mass, rho height speed, whose thickness and profile are those of `granular.theory.bagnold_mean`
-    and `bagnold_profile`; the default speed is that of the layer in the feeder. It takes a length
-    of the order of speed height^2 over the viscosity, 1 m here. A flow that is slower than its
-    waves, sqrt(g cos(angle) height), thins towards the open end. Points leave for good at the end
-    of the chute.
+    and `bagnold_profile`; the default speed is that of the layer in the feeder. The layer becomes
+    steady over a length of the order of speed height^2 over the viscosity, 1 m here. A flow that is
+    slower than its waves, sqrt(g cos(angle) height), thins towards the open end. Points leave for
+    good at the end of the chute.
 
     Parameters
     ----------
@@ -160,13 +160,13 @@ def silo_fed(
     seed: int = 0,
     **material_numbers: Any,
 ) -> Parts:
-    """Right half of a silo that is kept full: what leaves through the orifice enters at the top.
+    """Right half of a silo that stays full, as new material enters at the top.
 
     All numbers are chosen here. The inlet has the width of the silo and would feed
-    rho fall_speed width/2, far more than the orifice lets out. It is choked by what is in the silo,
-    so that the silo stays full and the flow becomes steady: the mass that enters is that which
-    leaves. No-slip bottom, smooth sides, and the plane of symmetry at x = 0; the orifice is open
-    from the start. Points leave for good as they cross the bottom, y = 0.
+    rho fall_speed width/2, far more than the orifice lets out. The material in the silo chokes it,
+    so that the silo stays full and the flow becomes steady: as much mass enters as leaves. No-slip
+    bottom, smooth sides, and the plane of symmetry at x = 0; the orifice is open from the start.
+    Points leave for good as they cross the bottom, y = 0.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def silo_fed(
         inflows=(Inflow(inlet, (0.0, -positive("fall_speed", fall_speed)), points_per_cell),),
         walls=(
             Wall(1, 0.0, span=((edge, x),)),
-            # Open from the start, so that all that is done near outlets is done near it.
+            # Open from the start, so that the rules for points near outlets apply near it.
             Wall(1, 0.0, span=((0.0, edge),), opens_at=0.0),
             *smooth_sides(grid),
         ),

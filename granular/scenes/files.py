@@ -20,7 +20,7 @@ from granular.model.typing import AnyScene
 from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import CellAveragedDensity, ParticleDensity, Scheme, SmoothedDensity
-from granular.scenes._registry import functions, own_keywords, suited
+from granular.scenes._registry import functions, keyword_defaults, suited
 from granular.scenes.incline import incline
 from granular.sph.gas import Gas
 from granular.tools.checks import one_of
@@ -28,7 +28,7 @@ from granular.tools.docstrings import described
 from granular.tools.files import read_text
 
 SUFFIXES = (".toml", ".json")
-"""Ends of the names of files of scenes."""
+"""Suffixes of scene files."""
 SECTIONS = ("scene", "arguments", "material", "scheme", "run")
 """Keys of a TOML file of a scene."""
 RUN = {
@@ -36,14 +36,14 @@ RUN = {
     "every": "Time between frames [s].",
     "fields": 'Quantities that frames hold too, as ParaView shows them: ["pressure", "speed"].',
     "precision": 'Precision of frames, "double" or "single", which takes less space.',
-    "threads": "Number of threads; by default as many as are worth it.",
+    "threads": "Number of threads; by default as many as speed up the run.",
 }
 """Keys of the section "run", and what they mean."""
 PARTS = ("material", "scheme", "numerics", "method", "release")
-"""Arguments of scene functions that have a section of their own, or that only Python can give."""
+"""Arguments of scene functions that have a separate section, or can be given in Python only."""
 DENSITIES = {kind.name: kind for kind in (SmoothedDensity, CellAveragedDensity, ParticleDensity)}
 EXPLAINED = (Fill, Scene, Gas, incline)
-"""Where docstrings of scene functions refer to."""
+"""Pages to which docstrings of scene functions refer."""
 WIDTH = 100
 
 
@@ -81,7 +81,7 @@ def read_scene(path: str | Path, **numbers: Any) -> SceneFile:
     OSError
         If the file cannot be read.
     TypeError, ValueError
-        Naming the file and what in it is wrong.
+        If the file is not valid; the message names the file and the error.
     """
     path = Path(path)
     if path.suffix not in SUFFIXES:
@@ -95,7 +95,7 @@ def read_scene(path: str | Path, **numbers: Any) -> SceneFile:
         return _from_tables(tomllib.loads(text), numbers)
     except TypeError as error:
         raise TypeError(f"{path}: {error}") from error
-    except ValueError as error:  # among them that the text is no TOML
+    except ValueError as error:  # including text that is not TOML
         raise ValueError(f"{path}: {error}") from error
 
 
@@ -118,19 +118,19 @@ def _from_tables(tables: Mapping[str, Any], numbers: Mapping[str, Any]) -> Scene
         if not isinstance(section, dict):
             raise TypeError(f"{name} = {section!r} must be a table, [{name}]")
     _known("[run]", sections["run"], tuple(RUN))
-    own = own_keywords(inspect.signature(function))
+    defaults = keyword_defaults(inspect.signature(function))
     for name, value in numbers.items():
-        place = "arguments" if name in own else "material"
+        place = "arguments" if name in defaults else "material"
         sections[place] = sections[place] | {name: value}
-    _known("[arguments]", sections["arguments"], [name for name in own if name not in PARTS])
+    _known("[arguments]", sections["arguments"], [name for name in defaults if name not in PARTS])
     given = {name: _plain(value) for name, value in sections["arguments"].items()}
-    given |= _material(own["material"], sections["material"])
+    given |= _material(defaults["material"], sections["material"])
     if sections["scheme"]:
-        if "scheme" not in own:
+        if "scheme" not in defaults:
             raise ValueError(f"[scheme] must not be given: {function.__name__} has no scheme")
-        base = own["scheme"]
+        base = defaults["scheme"]
         if base is schemes.default:
-            base = suited(own | given)
+            base = suited(defaults | given)
         given["scheme"] = _scheme(base, sections["scheme"])
     return SceneFile(function(**given), sections["run"])
 
@@ -147,7 +147,7 @@ def _plain(value: Any) -> Any:
 
 
 def _material(default: Any, numbers: Mapping[str, Any]) -> dict[str, Any]:
-    """Keywords for the material: numbers of that of the scene, or another one with its law."""
+    """Keywords for the material: numbers of the scene's material, or another one with its law."""
     rest = dict(numbers)
     law = rest.pop("law", None)
     if law is None:
@@ -164,7 +164,7 @@ def _is_law(kind: object) -> bool:
 
 
 def _scheme(default: Scheme, numbers: Mapping[str, Any]) -> Scheme:
-    """Scheme of the file: changes of that of the scene."""
+    """Scheme of the file, given as changes to the scheme of the scene."""
     rest = {name: value for name, value in numbers.items() if not isinstance(value, dict)}
     parts = {name: value for name, value in numbers.items() if isinstance(value, dict)}
     _known("[scheme]", numbers, [part.name for part in fields(Scheme)])
@@ -188,14 +188,14 @@ def changed(scene: AnyScene, assignments: Sequence[str]) -> AnyScene:
     ----------
     scene : Scene or sph.Scene
     assignments : sequence of str
-        Each ``place=value``, with the place in the JSON of the scene, its parts joined by dots and
+        Each ``key=value``, with the key in the JSON of the scene, its parts joined by dots and
         counted from 0 in lists, such as ``scheme.cfl=0.3`` or ``bodies.0.friction=0.4``; the value
         as in TOML.
 
     Raises
     ------
     ValueError
-        Naming what cannot be changed.
+        If a key or value is not valid; the message names it.
     """
     if not assignments:
         return scene
@@ -203,7 +203,7 @@ def changed(scene: AnyScene, assignments: Sequence[str]) -> AnyScene:
     for assignment in assignments:
         place, equals, text = assignment.partition("=")
         if not equals:
-            raise ValueError(f"{assignment!r} must be PLACE=VALUE, such as scheme.cfl=0.3")
+            raise ValueError(f"{assignment!r} must be KEY=VALUE, such as scheme.cfl=0.3")
         *way, last = place.strip().split(".")
         part: Any = data["scene"]
         for name in way:
@@ -225,7 +225,7 @@ def _key(place: str, part: Any, name: str) -> str | int:
 
 
 def _value(text: str) -> Any:
-    """Value of an assignment; what is no TOML is a number as Python writes it, or a word."""
+    """Value of an assignment; text that is not TOML is a number as Python writes it, or a word."""
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
@@ -256,28 +256,28 @@ def template(name: str) -> str:
     """
     function = functions[one_of("name", name, tuple(functions))]
     summary = (inspect.getdoc(function) or "").partition("\n\n")[0]
-    own = own_keywords(inspect.signature(function))
+    defaults = keyword_defaults(inspect.signature(function))
     lines = [*_comment(summary), "#", f"# granular run {name}.toml", ""]
     lines += [f'scene = "{name}"', "", "[arguments]"]
-    arguments = {key: value for key, value in own.items() if key not in PARTS}
+    arguments = {key: value for key, value in defaults.items() if key not in PARTS}
     of_scene, of_material = explanations(function)
     lines += _entries(arguments, of_scene)
-    material = own["material"]
+    material = defaults["material"]
     kind = type(material)
     lines += ["", "[material]"]
     lines += _comment(
         f'Another law is chosen by law = "...", with all of its numbers; here '
         f"{kind.__name__}, {_first_line(kind)}"
     )
-    lines += _entries(_numbers(material, own, function().material), of_material)
-    scheme = own.get("scheme")
+    lines += _entries(_numbers(material, defaults, function().material), of_material)
+    scheme = defaults.get("scheme")
     if scheme is not None:
         lines += ["", "[scheme]"]
-        lines += _entries(_own_numbers(scheme), described(Scheme), shown=False)
+        lines += _entries(_field_values(scheme), described(Scheme), active=False)
         lines += ["", "[scheme.density]"]
         lines += _comment(_first_line(type(scheme.density)))
-        density = _own_numbers(scheme.density)
-        lines += _entries(density, described(type(scheme.density)), shown=False)
+        density = _field_values(scheme.density)
+        lines += _entries(density, described(type(scheme.density)), active=False)
     lines += ["", "[run]", *_entries(dict.fromkeys(RUN), RUN)]
     return "\n".join(lines) + "\n"
 
@@ -288,13 +288,17 @@ def explanations(function: Callable[..., Any]) -> tuple[dict[str, str], dict[str
     return described(function, *EXPLAINED), described(type(material))
 
 
-def _numbers(material: Any, own: Mapping[str, Any], used: object) -> dict[str, Any]:
+def _numbers(material: Any, defaults: Mapping[str, Any], used: object) -> dict[str, Any]:
     """Numbers of a material; None for those that follow from others or that the scene sets."""
     given = material.arguments() if isinstance(material, Material) else vars(material)
-    names = [part.name for part in fields(material) if part.name not in own]
-    kept = type(used) is not type(material)  # the material of another method is made from this one
+    names = [part.name for part in fields(material) if part.name not in defaults]
+    is_other = type(used) is not type(
+        material
+    )  # the material of another method is made from this one
     return {
-        name: given.get(name) if kept or getattr(used, name) == getattr(material, name) else None
+        name: given.get(name)
+        if is_other or getattr(used, name) == getattr(material, name)
+        else None
         for name in names
     }
 
@@ -303,20 +307,20 @@ def _first_line(documented: object) -> str:
     return (inspect.getdoc(documented) or "").partition("\n")[0]
 
 
-def _own_numbers(part: Any) -> dict[str, Any]:
+def _field_values(part: Any) -> dict[str, Any]:
     """Values of the fields of a scheme or density, without parts of it."""
-    found = {entry.name: getattr(part, entry.name) for entry in fields(part)}
+    values = {entry.name: getattr(part, entry.name) for entry in fields(part)}
     return {
         key: value
-        for key, value in found.items()
+        for key, value in values.items()
         if not hasattr(value, "replace") or isinstance(value, str)
     }
 
 
 def _entries(
-    values: Mapping[str, Any], texts: Mapping[str, str], *, shown: bool = True
+    values: Mapping[str, Any], texts: Mapping[str, str], *, active: bool = True
 ) -> Iterator[str]:
-    """Lines of a section; what has no default, or is not `shown`, is commented out.
+    """Lines of a section; an entry without a default, or not `active`, is commented out.
 
     Entries that share a text stand together below it.
     """
@@ -328,7 +332,7 @@ def _entries(
             yield from _comment(text)
         before = text
         written = _written(value)
-        mark = "" if shown and written else "# "
+        mark = "" if active and written else "# "
         yield f"{mark}{name} = {written or '...'}"
 
 
@@ -337,7 +341,7 @@ def _comment(text: str) -> list[str]:
 
 
 def _written(value: Any) -> str:
-    """Value as TOML writes it; empty for None and what TOML cannot write."""
+    """Value as TOML writes it; empty for None and values that TOML cannot write."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):

@@ -44,7 +44,7 @@ def flexible_barrier(
 ) -> Parts:
     """Column of grains that runs down a slope against an elastic plate clamped to the ground.
 
-    All numbers are chosen here; those of the plate are of soft rubber. The plate is a second
+    All numbers are chosen here; the plate is of soft rubber. The plate is a second
     material of the scene, number 1 of `scene.materials`: its points are those with
     ``state.material == 1``. Grains stick to the plate where they press against it, and leave it
     where they would pull. Gravity is tilted, not the grid. Points that cross the lower end of the

@@ -46,7 +46,7 @@ def hopper(
 
     A plane hopper (2D) is modelled by its right half, a conical one (3D) by a quarter, between
     free-slip symmetry planes. Its walls are two bodies: ``bodies[0]`` is the inclined wall and
-    ``bodies[1]`` the wall of the bin, so that `measure.body_force` tells the forces on them. The
+    ``bodies[1]`` the wall of the bin, so that `measure.body_force` returns the forces on them. The
     opening is at elevation 0, closed by a free-slip lid until `opens_at`. Below it the material
     falls freely, as the underside of the hopper recedes, and leaves the domain. Without a `ramp`
     the fill begins at the pressure of its depth, in equilibrium without any friction of the walls.
@@ -54,8 +54,8 @@ def hopper(
     friction then bears a part of the weight (`theory.janssen_pressure`).
 
     Jenike (1964, "Storage and flow of solids", Bulletin 123 of the Utah Engineering Experiment
-    Station) tells which hoppers empty in mass flow, where all the material moves:
-    `theory.mass_flow_limit`, and `measure.hopper_flow` for what a run did.
+    Station) states which hoppers empty in mass flow, where all the material moves
+    (`theory.mass_flow_limit`); `measure.hopper_flow` returns the mode of a run.
 
     Chosen here: E is a hundredth of that of `glass_beads`, so that the time steps are ten times
     longer. Where the fill is 0.6 m high, p/E is below 0.001.
@@ -106,7 +106,7 @@ def hopper(
         **filled,
         walls=(
             *(Wall(axis, 0.0, kind="free_slip") for axis in range(across)),
-            # As wide as the domain: an end within it would be a line across the material.
+            # As wide as the domain, because an end within it would be a line across the material.
             Wall(across, 0.0, kind="free_slip", opens_at=non_negative("opens_at", opens_at)),
         ),
         bodies=_walls(
@@ -132,10 +132,10 @@ def _walls(
     dim: int,
     friction: float,
 ) -> tuple[Body, Body]:
-    """The inclined wall and that of the bin.
+    """The inclined wall and the wall of the bin.
 
-    Both are thick, as the two sides of a thin body would be coupled. The inclined surface goes on
-    behind that of the bin, and that of the bin down behind the inclined one, so that neither has
+    Both are thick, as the two sides of a thin body would be coupled. The inclined surface continues
+    behind the surface of the bin, and the latter down behind the inclined one, so that neither has
     an edge where they meet. Below the opening the solid recedes at 45 degrees.
     """
     far = 2.0 * outer + drop

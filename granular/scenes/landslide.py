@@ -56,7 +56,7 @@ def landslide(
     seed: int = 0,
     **material_numbers: Any,
 ) -> Parts:
-    """Landslide: material released on a slope, or on terrain of one's own.
+    """Landslide: material released on a slope, or on a given terrain.
 
     All numbers are chosen here. By default the terrain is a plane that runs out into a level plane,
     joined by an arc of a circle; x points downhill, and the two planes would meet at x = 0, z = 0.
@@ -81,8 +81,8 @@ def landslide(
     length, thickness : float
         Diameter, seen from above, of the released cap and its vertical thickness in the middle [m].
     at : tuple of float, length dim - 1, optional
-        Horizontal place of the middle of the cap [m]; by default its upper end is 5 cells from the
-        upper end of the slope. Required with a `terrain` without a `release`.
+        Horizontal position of the middle of the cap [m]; by default its upper end is 5 cells from
+        the upper end of the slope. Required with a `terrain` without a `release`.
     terrain : HeightMap or path, optional
         Terrain in place of the default one, or the path of a file that `HeightMap.read` can read,
         which the parameters of the scene hold as a string. It gives the dimension and the domain,
@@ -136,7 +136,7 @@ def _ground(
     dim: int,
     cell: float,
 ) -> HeightMap:
-    """Return the terrain that is given, or the default one with posts at half cells."""
+    """Return the given terrain, or the default one with posts at half cells."""
     if isinstance(terrain, (str, os.PathLike)):
         return HeightMap.read(terrain)
     if terrain is not None:

@@ -59,12 +59,12 @@ def obstacle(
     All numbers are chosen here. A layer begins on the bed, at rest or with a velocity along it, its
     front at x = 0 and the face of the obstacle at x = gap. Gravity is tilted, not the grid. Points
     that cross the lower end of the domain leave for good. The bed is a body too: a Coulomb wall of
-    the grid would take up a part of the force at the foot of the obstacle, the friction of one
-    cell.
+    the grid would take up a part of the force at the base of the obstacle, namely the friction of
+    one cell.
 
     `granular.measure.body_force` is the force on the obstacle, per metre of depth in 2D. Compare
-    the impact of a fast layer with its momentum flux rho height v^2, and the force of what has come
-    to rest with `granular.theory.earth_pressure`.
+    the impact of a fast layer with its momentum flux rho height v^2, and the force of the deposit
+    at rest with `granular.theory.earth_pressure`.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def obstacle(
 def _shape(
     kind: str, width: float, *, tall: float, thick: float, across: float
 ) -> tuple[Box | Cylinder, float]:
-    """Shape about the middle of its foot, and the half of its length along x [m].
+    """Shape about the middle of its base, and half of its length along x [m].
 
     It goes as deep below the bed as it is tall.
     """

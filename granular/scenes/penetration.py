@@ -41,16 +41,16 @@ def penetration(
 ) -> Parts:
     """Intruder driven vertically into a level bed, whose surface is at z = 0 (y = 0 in 2D).
 
-    All numbers are chosen here. The lowest place of the intruder begins at the surface, in the
+    All numbers are chosen here. The lowest point of the intruder begins at the surface, in the
     middle of a square bed, and goes down by ``speed (duration - ramp/2)``. In 2D a ball is a disc,
     and a cone a wedge, which has a shaft of its diameter. The floor is no_slip, the sides are
     free_slip.
 
     The force, `granular.measure.body_force`, does not depend on the speed while the inertial number
     is small. That on a disc grows linearly with the depth; that on a cone, as long as its shaft is
-    above the bed, with the square (2D) or cube (3D) of the depth z, because nothing but z has a
-    length then. Feet keep away from sharp edges, so that a cone of 60 degrees acts as if it were
-    deeper by a cell; one of 120 degrees does not.
+    above the bed, with the square (2D) or cube (3D) of the depth z, because z is then the only
+    length. Contact points stay away from sharp edges, so that a cone of 60 degrees acts as if it
+    were deeper by a cell; one of 120 degrees does not.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def penetration(
         points_per_cell=2**dim if points_per_cell is None else points_per_cell,
         jitter=jitter,
     )
-    # The shaft is longer than the way, so that the bed never closes above it.
+    # The shaft is longer than the path, so that the bed never closes above it.
     shape = _shape(kind, 0.5 * diameter, cone_deg, soil + headroom, dim)
     return Parts(
         **parts,
@@ -108,7 +108,7 @@ def penetration(
 
 
 def _shape(kind: str, radius: float, cone_deg: float, shaft: float, dim: int) -> Shape:
-    """Intruder whose lowest place is the origin of its coordinates."""
+    """Intruder whose lowest point is the origin of its coordinates."""
     level = (0.0,) * (dim - 1)
     up = (*level, 1.0)
     cone = in_range("cone_deg", cone_deg, 0.0, 180.0, open_low=True, open_high=True)

@@ -40,7 +40,7 @@ def rolling_wheel(
     seed: int = 0,
     **material_numbers: Any,
 ) -> Parts:
-    """Wheel that is let go on a rigid ramp, rolls down, and onto a level bed, where it sinks in.
+    """Wheel that is released on a rigid ramp and rolls down onto a level bed, where it sinks in.
 
     The scene is 2D, and all numbers are chosen here. The surface of the bed is at y = 0, and the
     ramp ends there, at x = 0. The wheel is a homogeneous disc that moves and turns freely. On the
@@ -56,7 +56,7 @@ def rolling_wheel(
     angle_deg : float
         Angle of the ramp [degrees], above 0 and below 60.
     run : float
-        Distance along the ramp between the first place of contact and its foot [m].
+        Distance along the ramp from the first point of contact to its lower end [m].
     length, soil : float
         Length of the bed and its depth [m], whole cells.
     {common}; also if the wheel is wider than the bed.

@@ -42,8 +42,8 @@ def rotating_drum(
     The drum, ``bodies[0]``, turns about the origin from the start. The fill is level at first and
     under its own weight; it rises with the drum until its surface yields. With omega > 0 it rises
     at larger x, so that the slope of the surface is positive. In 3D the axis is y, and the slice
-    is periodic along it. `measure.drum_flow` tells the slope, and the thickness, speed and flux of
-    the flowing layer.
+    is periodic along it. `measure.drum_flow` returns the slope, and the thickness, speed and flux
+    of the flowing layer.
 
     Chosen here: E is a thousandth of that of `glass_beads`, so that the time steps are thirty times
     longer. With a radius of 0.1 m p/E is below 0.002.

@@ -18,10 +18,10 @@ from granular.theory import bar_restitution, wave_decay
 from granular.tools.checks import integer, non_negative, positive
 
 QUIET = 1e-3
-"""Share of its first amplitude to which the slowest oscillation has fallen at the end."""
+"""Fraction of its initial amplitude to which the slowest oscillation has decayed at the end."""
 
 damped_beads = soft_beads.replace(restitution=0.1, contact_diameter=0.02)
-"""Beads whose waves are damped as those of contacts as large as a cell of the scene."""
+"""Beads with the elastic damping of contacts as large as a cell of the scene."""
 
 
 @scene_function("mpm")
@@ -40,17 +40,17 @@ def settling_bed(
     seed: int = 0,
     **material_numbers: Any,
 ) -> Parts:
-    """Bed that falls on a rough floor and comes to rest by the restitution of its contacts.
+    """Bed that falls on a rough floor and comes to rest by elastic damping.
 
-    All numbers are chosen here. The bed is stress-free at first and meets its weight at once. Its
-    slowest oscillation has the wave number ``k = pi/(2 height)``; with the wave speed c of the
+    All numbers are chosen here. The bed is stress-free at first, and its full weight acts at once.
+    Its slowest oscillation has the wave number ``k = pi/(2 height)``; with the wave speed c of the
     material its surface begins with the velocity ``8 gravity height/(pi^2 c)``, and it decays at
-    the rate of `granular.theory.wave_decay`. At the end it has fallen to a thousandth. With a
-    `drop` the bed bounces before, which the duration contains with the restitution of a bar of
-    this height, `granular.theory.bar_restitution`; bounces of grains are lower.
+    the rate of `granular.theory.wave_decay`. At the end it has decayed to a thousandth. With a
+    `drop` the bed bounces before; the duration includes these bounces, with the restitution of a
+    bar of this height, `granular.theory.bar_restitution`; bounces of grains are lower.
 
-    The contacts of the default material are as large as a cell, larger than grains: it is a number
-    of the method, for a bed that is to be quiet soon. With the diameter of grains and a real
+    The contacts of the default material are as large as a cell, larger than grains. This is a
+    choice of the method, so that the bed comes to rest soon. With the diameter of grains and a real
     stiffness a bed rings for a long time.
 
     Parameters
@@ -96,8 +96,10 @@ def _time_to_rest(material: Material, height: float, fall: float, g: float) -> f
     if not isinstance(material, Material):
         raise TypeError(f"material = {material!r} must be a Material")
     if not material.damping_time:
-        raise ValueError("duration = None must be a time with restitution = 1: the bed rings on")
+        raise ValueError(
+            "duration = None must be a time with restitution = 1: the bed does not come to rest"
+        )
     waves = {"wave_speed": material.wave_speed, "damping_time": material.damping_time}
-    kept = bar_restitution(length=height, **waves) if fall else 0.0
+    rebound = bar_restitution(length=height, **waves) if fall else 0.0
     rate = wave_decay(wavenumber=math.pi / (2.0 * height), **waves)
-    return 2.0 * fall * kept / (g * (1.0 - kept)) + math.log(1.0 / QUIET) / rate
+    return 2.0 * fall * rebound / (g * (1.0 - rebound)) + math.log(1.0 / QUIET) / rate

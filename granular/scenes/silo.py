@@ -89,7 +89,7 @@ def silo(
         **filled,
         walls=(
             Wall(1, 0.0, kind="no_slip", span=((begin * cell, n_x * cell),)),
-            # The lid has the width of the outlet, so that all that is done near outlets is done
+            # The lid has the width of the outlet, so that the rules for points near outlets apply
             # near it.
             Wall(1, 0.0, kind="no_slip", span=((0.0, begin * cell),), opens_at=opens_at),
             *smooth_sides(filled["grid"]),
@@ -162,7 +162,7 @@ def silo_3d(
         **filled,
         walls=(
             Wall(2, 0.0, kind="no_slip", span=((edge, x), across)),
-            # Open from the start, so that all that is done near outlets is done near it.
+            # Open from the start, so that the rules for points near outlets apply near it.
             Wall(2, 0.0, kind="no_slip", span=((0.0, edge), across), opens_at=0.0),
             *smooth_sides(filled["grid"]),
         ),
@@ -203,8 +203,8 @@ def clogging_silo(
     of 0.0175 m with 16 points, dt = 1e-4 s (2.5e-5 s in cells of half the size), 1.5 s; E = 1 MPa,
     nu = 0.45, mu_s = 0.3819, mu_2 = 50, b = 1, t0 = 1 ms; the opening is `opening_over_d` grains
     wide. Rough bottom (no velocity, no fluidity), smooth sides, a lithostatic start with the
-    orifice open, and no upward motion above 0.49 m, to damp elastic waves. Some lengths are printed
-    as a tenth or a fifth of these; only these are consistent with one another.
+    orifice open, and no upward motion above 0.49 m, to damp elastic waves (a sponge layer). Some
+    lengths are printed as a tenth or a fifth of these; only these are consistent with one another.
 
     Chosen here: square cells in place of pairs of triangles, and the right half in place of the
     whole. Points leave for good as they cross the bottom, y = 0. Upward motion above 0.49 m is
@@ -225,7 +225,8 @@ def clogging_silo(
     sponge : float or None
         Height [m] above which upward motion is damped (a sponge layer); None for no damping.
     sponge_damping : float
-        Rate of the damping [1/s]; infinity as published. See `granular.mpm.walls.SpongeLayer`.
+        Rate of the sponge damping [1/s]; infinity as published. See
+        `granular.mpm.walls.SpongeLayer`.
     {common}.
 
     Warns
@@ -258,7 +259,7 @@ def clogging_silo(
     low, edge, side = 0.0 if half else -n_x * cell, n_open * cell, n_x * cell
     bottoms = [
         Wall(1, 0.0, kind="no_slip", span=((edge, side),)),
-        # Open from the start, so that all that is done near outlets is done near it.
+        # Open from the start, so that the rules for points near outlets apply near it.
         Wall(1, 0.0, kind="no_slip", span=((max(low, -edge), edge),), opens_at=0.0),
     ]
     if not half:

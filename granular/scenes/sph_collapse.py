@@ -39,7 +39,7 @@ def column_collapse_sph(
     numerics: Numerics | None = None,
     **material_numbers: Any,
 ) -> Parts:
-    """Column between a wall and a gate that vanishes (Hurley, section 5.4.3).
+    """Column between a wall and a gate that is removed at once (Hurley, section 5.4.3).
 
     From the thesis: columns of grit, 9 cm long with particles 1 cm apart, or of fine glass, 2.5 cm
     long with particles 0.5 cm apart (`granular.sph.grit`, `granular.sph.glass`); periodic across,

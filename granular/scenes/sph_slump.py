@@ -15,7 +15,7 @@ from granular.tools.checks import in_range, positive
 LAYERS = 5
 
 sand = Viscoplastic()
-"""Material of the thesis; the friction is that of the angle."""
+"""Material of the thesis; the friction follows from the angle."""
 
 
 @scene_function("sph")

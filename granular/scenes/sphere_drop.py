@@ -40,17 +40,17 @@ def sphere_drop(
     """Ball that falls on a level bed, whose surface is at z = 0 (y = 0 in 2D), and makes a crater.
 
     The diameter of an inch and the density of Teflon are among those of Uehara et al. (2003); all
-    other numbers are chosen here. The run begins when the ball touches the bed in its middle, with
+    other numbers are chosen here. The run begins when the ball touches the middle of the bed, with
     the velocity ``sqrt(2 gravity drop)``. It moves and turns freely. In 2D it is a disc. The floor
     is no_slip, the sides are free_slip; material that is thrown higher than `headroom` leaves.
 
-    The depth of the lowest place of the ball in the end is that of `granular.theory.crater_depth`,
+    Compare the final depth of the lowest point of the ball with `granular.theory.crater_depth`,
     with the total distance of the fall, `drop` plus depth.
 
     Parameters
     ----------
     drop : float
-        Height of the lowest place of the ball above the bed when it is released [m], >= 0.
+        Height of the lowest point of the ball above the bed when it is released [m], >= 0.
     diameter : float
         Diameter of the ball [m].
     density : float

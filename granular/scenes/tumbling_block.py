@@ -41,7 +41,7 @@ def tumbling_block(
     seed: int = 0,
     **material_numbers: Any,
 ) -> Parts:
-    """Block that lies on a rigid step, its middle beyond the edge: it tips and falls on a bed.
+    """Block that lies on a rigid step with its middle beyond the edge, tips and falls on a bed.
 
     The scene is 2D, and all numbers are chosen here. The surface of the bed is at y = 0, the edge
     of the step at x = 0. The block moves and turns freely from rest. The floor is no_slip, the

@@ -39,7 +39,7 @@ class Box(Shape):
         Corners [m]; their length, 2 or 3, is the dimension. Of a box given by its size they are
         those of the box about it with faces normal to the axes.
     size : tuple of float, length dim, optional
-        Lengths of the edges [m], > 0, may be infinite; in the place of the corners.
+        Lengths of the edges [m], > 0, may be infinite; instead of the corners.
     center : tuple of float, length dim, optional
         Centre [m] of a box given by its size; the origin by default.
     rotation_deg : float or tuple of 3 floats
@@ -148,8 +148,8 @@ class Box(Shape):
     def _inside(self, x: Array) -> NDArray[np.bool_]:
         if self.is_turned:
             return super()._inside(x)
-        found: NDArray[np.bool_] = np.all((x >= self.lower) & (x < self.upper), axis=1)
-        return found
+        inside: NDArray[np.bool_] = np.all((x >= self.lower) & (x < self.upper), axis=1)
+        return inside
 
     def depth(self, x: Array, up: Array, step: float) -> Array:
         if self.is_turned:
@@ -165,7 +165,7 @@ class Box(Shape):
 
 @dataclass(frozen=True)
 class HalfSpace(Shape):
-    """All that lies behind a plane.
+    """The half-space behind a plane.
 
     Parameters
     ----------

@@ -34,12 +34,12 @@ TOKEN = re.compile(r'"(?:[^"]|"")*"|[^\s\[\](),"]+|[\[\](),]')
 
 
 class UnclearUnits(ValueError):
-    """A text that does not say what a unit of length is, as someone who knows it can."""
+    """A text that does not define its unit of length, which the user may know."""
 
 
 @dataclass(frozen=True)
 class Units:
-    """Metres in a unit of the coordinates and of the heights; None where that is not said."""
+    """Metres in a unit of the coordinates and of the heights; None where that is not specified."""
 
     horizontal: float | None = None
     vertical: float | None = None
@@ -79,8 +79,8 @@ def units_of(text: str) -> Units:
         if node.keyword in VERTICAL:
             vertical = _of_heights(node)
         else:
-            horizontal, own = _of_places(node)
-            vertical = own if own is not None else vertical
+            horizontal, heights = _of_places(node)
+            vertical = heights if heights is not None else vertical
     return Units(horizontal, vertical)
 
 
@@ -101,14 +101,14 @@ def _parsed(text: str) -> list[_Node]:
                 stack[-1].values.append(node)
         else:
             word = token
-    found = [value for value in root.values if isinstance(value, _Node)]
+    nodes = [value for value in root.values if isinstance(value, _Node)]
     for wrapper in ("BOUNDCRS", "SOURCECRS", "COMPD_CS", "COMPOUNDCRS"):
-        inner = [node for one in found if one.keyword == wrapper for node in one.values]
-        kept = [node for node in inner if isinstance(node, _Node) and node.values]
+        inner = [node for one in nodes if one.keyword == wrapper for node in one.values]
+        others = [node for node in inner if isinstance(node, _Node) and node.values]
         known = (*GEOGRAPHIC, *PROJECTED, *VERTICAL, "GEOCCS", "SOURCECRS", "COMPD_CS")
-        kept = [node for node in kept if node.keyword in (*known, "COMPOUNDCRS")]
-        found = [node for node in found if node.keyword != wrapper] + kept
-    return found
+        others = [node for node in others if node.keyword in (*known, "COMPOUNDCRS")]
+        nodes = [node for node in nodes if node.keyword != wrapper] + others
+    return nodes
 
 
 def _of_places(node: _Node) -> tuple[float, float | None]:
@@ -132,8 +132,8 @@ def _of_places(node: _Node) -> tuple[float, float | None]:
         raise UnclearUnits(f"its coordinate system {name} names no unit of length")
     height = None
     if len(node.nodes("AXIS")) == 3:
-        own = node.nodes("AXIS")[2].nodes("LENGTHUNIT", "UNIT")
-        height = _metres(own[0] if own else units[0])
+        vertical = node.nodes("AXIS")[2].nodes("LENGTHUNIT", "UNIT")
+        height = _metres(vertical[0] if vertical else units[0])
     return _metres(units[0]), height
 
 
@@ -162,9 +162,9 @@ def _metres(unit: _Node) -> float:
 def _of_keywords(text: str) -> Units:
     """Units in the form of ARC/INFO: lines of a keyword and its value."""
     pairs = (line.split(None, 1) for line in text.splitlines())
-    said = {pair[0].lower(): pair[1].strip().lower() for pair in pairs if len(pair) == 2}
-    unit, heights = said.get("units", ""), said.get("zunits", "no")
-    if said["projection"].startswith("geographic") or unit in ("dd", "dms", "ds", "radians"):
+    entries = {pair[0].lower(): pair[1].strip().lower() for pair in pairs if len(pair) == 2}
+    unit, heights = entries.get("units", ""), entries.get("zunits", "no")
+    if entries["projection"].startswith("geographic") or unit in ("dd", "dms", "ds", "radians"):
         raise ValueError("its coordinates are degrees")
     for name in (unit, *([] if heights == "no" else [heights])):
         if name not in LENGTHS:

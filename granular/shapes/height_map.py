@@ -31,14 +31,14 @@ TILE = 8
 
 @dataclass(frozen=True, eq=False, repr=False)
 class HeightMap(ComparedByContent, Shape):
-    """All that lies below a surface given by heights, in coordinates of its body.
+    """The region below a surface given by heights, in coordinates of its body.
 
     The last axis is up. In 3D the surface is made of two triangles between each four posts, split
     from the post at the lowest x and y to that at the highest; in 2D of straight lines between
     posts. The distance is the exact one from the nearest of these, found by a search over ranges of
     heights of tiles of the map; no mesh is made. The heights are not copied if they are a
-    C-contiguous array of float64 or float32: the array must then not be changed any more. Ten
-    million posts take 0.3 s, a distance some 4 us near the surface (benchmark ``mesh_setup``).
+    C-contiguous array of float64 or float32: the array must then not be changed. Ten million posts
+    take 0.3 s, a distance some 4 us near the surface (benchmark ``mesh_setup``).
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class HeightMap(ComparedByContent, Shape):
     spacing : float, or tuple of float
         Distance of the posts [m], > 0; along x and y if there are two.
     origin : tuple of float, length dim - 1, optional
-        Place of the first post [m]; 0 by default.
+        Position of the first post [m]; 0 by default.
     extended : bool
         If True the surface goes on beyond the edges of the map with the heights of its edges.
         By default a domain must not reach beyond the map.
@@ -94,12 +94,12 @@ class HeightMap(ComparedByContent, Shape):
     ) -> HeightMap:
         """Read a map from an ESRI ASCII grid, or from a GeoTIFF or another raster.
 
-        What the file says of its numbers counts: units of the coordinate system (also of a ``.prj``
-        beside an ASCII grid) and of the band become metres, and the scale and offset of the band
-        are applied. Coordinates in degrees are refused, as are lengths that depend on the latitude,
-        a unit of coordinates other than the metre where nothing says which that of heights is,
-        rasters that are turned, heights that are none on Earth, and values that look like a mark
-        for missing heights which the file does not declare. The error says what to give.
+        The metadata of the file are used: units of the coordinate system (also of a ``.prj`` file
+        next to an ASCII grid) and of the band are converted to metres, and the scale and offset of
+        the band are applied. Coordinates in degrees are refused, as are lengths that depend on the
+        latitude, a unit of coordinates other than the metre if that of the heights is not
+        specified, rotated rasters, heights that do not occur on Earth, and values that look like an
+        undeclared mark for missing heights. The error names the argument to give.
 
         Parameters
         ----------
@@ -110,20 +110,20 @@ class HeightMap(ComparedByContent, Shape):
             Band of the heights, from 1; needed if there are several.
         window : tuple of 4 floats, optional
             Part to be read, (x0, y0, x1, y1) in coordinates of the file: the posts in it and on its
-            edges. It must lie in the raster. What is outside of it may have gaps, and takes no
+            edges. It must lie in the raster. The part outside of it may have gaps, and takes no
             memory except in an ASCII grid.
         nodata : float, optional
-            Value in the file that stands for a missing height, in place of what the file says;
+            Value in the file that stands for a missing height, instead of the value in the file;
             nan if all its values are heights, even those that look like such marks.
         fill : float or "nearest", optional
             Height [m] of posts that have none, or "nearest" for that of the nearest post that has
             one. By default gaps are refused; the error names the largest window without any.
         scale : float or tuple of 2 floats, optional
-            Metres in a unit of the file, > 0, in place of what it says: of coordinates and heights
-            alike, or of each.
+            Metres in a unit of the file, > 0, instead of the units in the file: one for coordinates
+            and heights, or one for each.
         origin : tuple of 2 floats, optional
-            Place of the first post, at the lowest x and y [m]. By default that of the file, where a
-            post is the middle of a pixel.
+            Position of the first post, at the lowest x and y [m]. By default that of the file,
+            where a post is the middle of a pixel.
         extended : bool
             As in `HeightMap`.
 
@@ -134,7 +134,7 @@ class HeightMap(ComparedByContent, Shape):
         OSError
             If the file cannot be read.
         TypeError, ValueError
-            Naming the argument or the file, and what is wrong in which of its lines or posts.
+            Naming the argument or the file, and the line or post with the fault.
         """
         z, spacing, first = read_heights(
             path, band=band, window=window, nodata=nodata, fill=fill, scale=scale
@@ -148,7 +148,7 @@ class HeightMap(ComparedByContent, Shape):
 
     @property
     def upper(self) -> tuple[float, ...]:
-        """Place of the last post [m]."""
+        """Position of the last post [m]."""
         counts = self.z.shape[::-1]
         return tuple(
             low + h * (n - 1) for low, h, n in zip(self.origin, self._spacings, counts, strict=True)

@@ -80,14 +80,14 @@ def mass_properties(
 
     They are exact for a `Box`, `Cylinder`, `Sphere`, `Capsule` and `Torus`, for a `Polygon` and a
     `Prism` without a thickness, and for a closed `Mesh` whose parts neither overlap nor cross
-    themselves, as far as points of its surface tell; and for unions of such shapes that are apart,
-    and for what is left if such are cut out of the inside of others. Shapes that overlap are
-    divided into cells, and random places are counted in those at the surface. The bound of the
+    themselves, as tested at points of its surface; for unions of such shapes that are apart; and
+    for differences in which such shapes are cut out of the inside of others. Shapes that overlap
+    are divided into cells, and random points are counted in those at the surface. The bound of the
     error is three standard deviations, of the largest variance that such cells can have; no part is
-    passed over. Shapes may be anywhere: far from the origin nothing is lost.
+    omitted. The position of the shape does not matter: far from the origin no digits are lost.
 
-    A `Mesh` counts with its triangles, but in an operation, if it overlaps other shapes, with its
-    samples, whose edges are rounded by about a spacing; the error does not include this.
+    A `Mesh` is integrated by its triangles, but in an operation, if it overlaps other shapes, by
+    its samples, whose edges are rounded by about a spacing; the error does not include this.
 
     Parameters
     ----------
@@ -96,10 +96,10 @@ def mass_properties(
     density : float
         Density [kg/m3], > 0.
     tolerance : float
-        Relative error to be reached, from 1e-6 to 0.01, as that of `MassProperties`; it may stay
-        larger, by 1 % at most.
-    {raises}; also for an endless shape, for one with nothing
-        inside, and for one whose error remains above 1 %.
+        Relative error to be reached, from 1e-6 to 0.01, as that of `MassProperties`; it may remain
+        larger, up to 1 %.
+    {raises}; also for an endless shape, for an empty one, and for one
+        whose error remains above 1 %.
     """
     if not isinstance(shape, Shape):
         raise TypeError(f"shape = {shape!r} must be a shape of granular.shapes")
@@ -107,16 +107,16 @@ def mass_properties(
     tolerance = in_range("tolerance", tolerance, 1e-6, TOO_MUCH)
     if not math.isfinite(reach(shape)):
         raise ValueError(f"shape = {shape!r} must be of finite size")
-    found = moments_of(shape, tolerance)
-    if found is None:
-        raise ValueError(f"shape = {shape!r} must have an inside: nothing is in it")
-    if found.error > TOO_MUCH:
+    moments = moments_of(shape, tolerance)
+    if moments is None:
+        raise ValueError(f"shape = {shape!r} must have an inside: it is empty")
+    if moments.error > TOO_MUCH:
         raise ValueError(
-            f"shape = {shape!r}: its mass and inertia are known to {100 * found.error:.2g} % only, "
-            f"must be {100 * TOO_MUCH:g} %: it has parts too small or thin for its size"
+            f"shape = {shape!r}: its mass and inertia are known to {100 * moments.error:.2g} % "
+            f"only, must be {100 * TOO_MUCH:g} %: it has parts too small or thin for its size"
         )
-    mass, second, dim = density * found.volume, density * found.second, shape.dim
+    mass, second, dim = density * moments.volume, density * moments.second, shape.dim
     trace = float(np.trace(second))
     tensor = trace * np.eye(dim) - second
     inertia = trace if dim == 2 else tuple(tuple(map(float, row)) for row in tensor)
-    return MassProperties(mass, tuple(float(c) for c in found.center), inertia, found.error)
+    return MassProperties(mass, tuple(float(c) for c in moments.center), inertia, moments.error)

@@ -1,4 +1,4 @@
-"""Measures of shapes: how far they reach, how fast and how thick they are."""
+"""Measures of shapes: their extent, speed and thickness."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def reach(shape: Shape) -> float:
 
 
 def hull(shape: Shape) -> tuple[Array, float] | None:
-    """Places (n, 3), and a distance from their convex hull within which a shape of one part lies.
+    """Points (n, 3), and a distance from their convex hull within which a shape of one part lies.
 
     None for shapes of several parts, and endless ones.
     """
@@ -124,10 +124,10 @@ def largest_speed(shape: Shape, rotation: Array, velocity: Array, turning: Array
 
 
 def thicknesses(shape: Shape) -> tuple[float, float]:
-    """Least edge [m] of its boxes, whose two sides are kept apart, and thickness of the others.
+    """Least edge [m] of its boxes, whose two sides are separated, and thickness of the others.
 
-    The thickness is the diameter of the largest ball in a part, or in one that an operation takes,
-    and of a mesh that of its thinnest walls; inf if there is none.
+    The thickness is the diameter of the largest ball in a part, or in an operand of an operation,
+    and for a mesh that of its thinnest walls; inf if there is none.
     """
     box = other = math.inf
     for part in united(shape):

@@ -26,25 +26,25 @@ MOST_FACES = 30_000_000
 """Number of triangles at most: their tree takes 8 GB."""
 MILLIMETRE = 1e-3
 ROUNDED = 0.1
-"""Error of places, in spacings, from which it is told."""
+"""Error of positions, in spacings, from which a warning is raised."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mesh(ComparedByContent, Shape):
     """A surface of triangles in 3D: closed, or a sheet.
 
-    A closed surface may have several parts. The solid is the union of what each of them encloses,
+    A closed surface may have several parts. The solid is the union of the solids that they enclose,
     whether they are apart, overlap or lie within each other, less the cavities: parts within a
     solid whose triangles are clockwise as seen from outside. Triangles that do not agree with their
-    neighbours and parts that are inside out are turned, and triangles that stand twice are left
-    out, each with a `MeshWarning`; the fields then hold the mended surface.
+    neighbours and parts that are inside out are reversed, and duplicate triangles are left out,
+    each with a `MeshWarning`; the fields then hold the repaired surface.
 
-    Its signed distance is exact at the places of a sampling grid, with the sign of the winding
+    Its signed distance is exact at the points of a sampling grid, with the sign of the winding
     number (Jacobson et al. 2013), and linear in between, which rounds edges by about one spacing.
-    Samples are kept within 6 spacings of the surface, in blocks; farther off there is a lower bound
-    of the right sign. A surface of area A takes some 180 A/spacing^2 bytes. It is sampled when a
-    body is first asked for it, and once for equal meshes in a process. If the environment variable
-    ``GRANULAR_CACHE`` names a folder, the samples are also kept there, for later processes.
+    Samples are stored within 6 spacings of the surface, in blocks; farther away there is a lower
+    bound of the right sign. A surface of area A takes some 180 A/spacing^2 bytes. It is sampled
+    when it is first needed, and once for equal meshes in a process. If the environment variable
+    ``GRANULAR_CACHE`` names a folder, the samples are also stored there, for later processes.
 
     1.3 million triangles on a ball 100 spacings wide take 10 s of one core and 0.5 GB, of which
     5 MB remain; 16 s and 0.6 GB with 200 spacings (``benchmarks/speed/mesh_setup.py``).
@@ -68,14 +68,16 @@ class Mesh(ComparedByContent, Shape):
     thickness : float, optional
         Thickness [m], >= 2 spacings, of a sheet about the triangles, which then may be open, cross
         each other and have any orientation. By default the surface must be closed, and the solid is
-        all that is inside.
+        the inside.
     {raises}; also for a surface without a thickness that is not
-        closed or cannot be oriented. Walls thinner than two spacings are found when it is sampled.
+        closed or cannot be oriented. Walls thinner than two spacings are detected when it is
+        sampled.
 
     Warns
     -----
     MeshWarning
-        If triangles were turned or left out, and for closed parts within others that add nothing.
+        If triangles were reversed or left out, and for closed parts within others that do not
+        change the solid.
     """
 
     vertices: NDArray[np.float64]
@@ -91,10 +93,10 @@ class Mesh(ComparedByContent, Shape):
         faces = _checked_faces(self.faces, len(vertices))
         spacing, thickness = positive("spacing", self.spacing), self.thickness
         if thickness is None:
-            faces, told = mended(vertices, faces)
+            faces, changes = mended(vertices, faces)
             faces.flags.writeable = False
-            if told:
-                warnings.warn(f"faces: {'; '.join(told)}", MeshWarning, stacklevel=3)
+            if changes:
+                warnings.warn(f"faces: {'; '.join(changes)}", MeshWarning, stacklevel=3)
         elif positive("thickness", thickness) < THIN * spacing:
             raise ValueError(f"thickness = {thickness} must be >= {THIN:g} spacings of {spacing} m")
         else:
@@ -131,8 +133,8 @@ class Mesh(ComparedByContent, Shape):
     ) -> Mesh:
         """Read a surface from a file: STL, OBJ, PLY or OFF.
 
-        Equal vertices are one, and triangles of two equal vertices are left out. Nothing but this
-        file is read: materials and textures that it refers to are not.
+        Equal vertices are merged, and triangles of two equal vertices are left out. Only this file
+        is read, not the materials and textures that it refers to.
 
         Parameters
         ----------
@@ -163,15 +165,15 @@ class Mesh(ComparedByContent, Shape):
         scale, spacing = positive("scale", scale), positive("spacing", spacing)
         vertices, faces, rounding = read_surface(path)
         if scale * rounding > ROUNDED * spacing:
-            told = (
-                f"path = {str(path)!r} rounds places by {scale * rounding:.3g} m, more than "
+            warning = (
+                f"path = {str(path)!r} rounds positions by {scale * rounding:.3g} m, more than "
                 f"{'' if scale * rounding > spacing else 'a tenth of '}spacing = {spacing}: its "
                 f"coordinates of up to {scale * abs(vertices).max():.3g} m are single precision; "
                 "shift it to the origin before it is written, or write another format"
             )
             if scale * rounding > spacing:
-                raise ValueError(told)
-            warnings.warn(told, MeshWarning, stacklevel=2)
+                raise ValueError(warning)
+            warnings.warn(warning, MeshWarning, stacklevel=2)
         try:
             return cls(scale * vertices, faces, spacing=spacing, thickness=thickness)
         except ValueError as error:

@@ -31,7 +31,7 @@ def read_surface(
     OSError
         If the file cannot be read.
     ValueError
-        Naming the path, whatever is wrong with the file.
+        Naming the path, for any fault of the file.
     """
     name = f"path = {str(path)!r}"
     content, ending = _content(Path(path), name)
@@ -43,8 +43,8 @@ def read_surface(
     except IndexError as error:
         raise ValueError(f"{name} has triangles of vertices that it does not hold") from error
     except Exception as error:  # of any kind: files are of any kind
-        said = " ".join(f"{type(error).__name__}: {error}".split())[:200]
-        raise ValueError(f"{name} cannot be read as {ending.upper()}: {said}") from error
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:200]
+        raise ValueError(f"{name} cannot be read as {ending.upper()}: {reason}") from error
     if given.ndim != 2 or triangles.ndim != 2 or not triangles.size:
         raise ValueError(f"{name} must hold a surface of triangles")
     if triangles.min() < 0 or triangles.max() >= len(given):
@@ -60,7 +60,7 @@ def read_surface(
 
 
 def _content(path: Path, name: str) -> tuple[bytes, str]:
-    """Bytes and format of a file, after it is known that it is one and not too large."""
+    """Bytes and format of a file, after checks of its kind and size."""
     ending = path.suffix.lower().removeprefix(".")
     if ending not in FORMATS:
         raise ValueError(f"{name} must end in one of .{', .'.join(FORMATS)}: convert it")

@@ -1,4 +1,4 @@
-"""Sampling of the signed distance of a mesh, and the samples that are kept."""
+"""Sampling of the signed distance of a mesh, and the cache of samples."""
 
 from __future__ import annotations
 
@@ -33,18 +33,20 @@ CUBE = 8
 BAND = 6
 """Spacings from the surface within which all samples are fine; as in `csrc/body/samples.c`.
 
-With the spacing recommended they are the 1.5 cells within which points have feet on a surface.
+With the recommended spacing they are the 1.5 cells within which points have contact points on a
+surface.
 """
 MOST_BLOCKS = 400_000
 """Number of blocks at most: 1.5 GB."""
 THIN = 2.0
 """Least thickness in spacings: the inside of thinner walls may fall between the samples.
 
-Half way between two sides the distance is -1 spacing or less. What is interpolated there errs by
-no more than the distance of the corners of a cube from its middle, 0.87 spacings: it is negative.
+Half way between two sides the distance is -1 spacing or less. The error of the interpolation there
+is at most the distance of the corners of a cube from its middle, 0.87 spacings, so that the
+interpolated distance is negative.
 """
 ROUNDING = 0.99
-"""Share of this thickness that counts as enough, for what the measure of it leaves open."""
+"""Share of this thickness that is sufficient, given the uncertainty of its measurement."""
 BEND = 0.35
 """Second difference of the distance, in spacings, from which a sample outside is at an edge.
 
@@ -53,10 +55,10 @@ A ball of four spacings has 0.25, an edge of 90 degrees 0.5 to 1.4, one of 30 de
 ON_SURFACE = 1e-3
 """Depth in spacings down to which a sample counts as on the surface: floats are not exactly 0."""
 CHUNK = 100_000
-"""Places between two checks for signals and steps of the progress bar."""
+"""Number of points between two checks for signals and steps of the progress bar."""
 CACHE = "GRANULAR_CACHE"
 FORMAT = 2
-"""Version of what is in files of the cache."""
+"""Version of the contents of files of the cache."""
 
 _KEPT: OrderedDict[str, Tables] = OrderedDict()
 _MOST_KEPT = 16
@@ -93,7 +95,7 @@ def _read_cache(digest: str) -> Tables | None:
             tables = tuple(stored[f"arr_{k}"] for k in range(5))
         row = row_of("sampled", False, (0.0,) * 3, np.eye(3), (1.0, 1.0, 1.0))[None]
         _core.body_distance(row, (tables,), np.zeros((1, 3)))
-    except Exception:  # whatever is wrong with a file: it is written anew
+    except Exception:  # a damaged file is written anew
         return None
     return tables
 
@@ -114,7 +116,7 @@ def _write_cache(digest: str, tables: Tables) -> None:
 
 
 def _sample(mesh: Mesh) -> Tables:
-    """Sample a mesh: at coarse places all over, at fine ones in blocks about the surface."""
+    """Sample a mesh: at coarse points everywhere, at fine ones in blocks around the surface."""
     low, cells = mesh.sampling_grid()
     h, triangles = mesh.spacing, mesh.triangles()
     middle, fine_counts = triangles.origin, CUBE * cells + 1
@@ -136,14 +138,7 @@ def _sample(mesh: Mesh) -> Tables:
     near = _cells_near(coarse, reach)
     places = np.ascontiguousarray(low + middle + CUBE * h * (near[:, ::-1] + 0.5))
     near = near[abs(triangles.distance(places)) < reach]
-    if len(near) > MOST_BLOCKS:
-        raise ValueError(f"spacing = {h} leaves {len(near)} blocks, must be <= {MOST_BLOCKS}")
-    block = np.full(cells[::-1], -1, dtype=np.int32)
-    block[tuple(near.T)] = np.arange(len(near))
-    inside = np.arange(CUBE + 1)
-    own = np.stack(np.meshgrid(inside, inside, inside, indexing="ij"), axis=-1)
-    at = CUBE * near[:, None, None, None, :] + own  # (z, y, x) of each sample of each block
-    numbers = np.ravel_multi_index(tuple(np.moveaxis(at, -1, 0)), fine_counts[::-1])
+    block, numbers = _blocks(near, cells, fine_counts, h)
     keys, place = np.unique(numbers, return_inverse=True)
     place = place.reshape(numbers.shape)
     values = distances(keys, fine_counts, h, "samples").astype(np.float32)
@@ -155,8 +150,22 @@ def _sample(mesh: Mesh) -> Tables:
     return (*tables, np.ascontiguousarray(sharp))
 
 
+def _blocks(
+    near: NDArray[np.int64], cells: NDArray[np.int64], counts: NDArray[np.int64], spacing: float
+) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Block of each coarse cell, -1 where there is none, and the numbers of the samples of each."""
+    if len(near) > MOST_BLOCKS:
+        raise ValueError(f"spacing = {spacing} leaves {len(near)} blocks, must be <= {MOST_BLOCKS}")
+    block = np.full(cells[::-1], -1, dtype=np.int32)
+    block[tuple(near.T)] = np.arange(len(near))
+    inside = np.arange(CUBE + 1)
+    offsets = np.stack(np.meshgrid(inside, inside, inside, indexing="ij"), axis=-1)
+    at = CUBE * near[:, None, None, None, :] + offsets  # (z, y, x) of each sample of each block
+    return block, np.ravel_multi_index(tuple(np.moveaxis(at, -1, 0)), counts[::-1])
+
+
 def _checked_thickness(triangles: Triangles, spacing: float) -> tuple[float, float]:
-    """Measure the thickness, and refuse a sampling that loses what is inside."""
+    """Measure the thickness, and refuse a sampling that loses the inside."""
     wall, ball = triangles.thickness()
     if (thickness := min(wall, ball)) < THIN * spacing * ROUNDING:
         raise ValueError(
@@ -184,7 +193,7 @@ def _cells_near(coarse: Array, reach: float) -> NDArray[np.int64]:
 def _sharp(
     mesh: Mesh, tables: Tables, keys: NDArray, values: NDArray, counts: NDArray
 ) -> NDArray[np.uint8]:
-    """1 for samples just outside beside a convex edge, 2 beside a concave one, see `BEND`."""
+    """1 for samples just outside of a convex edge, 2 of a concave one, see `BEND`."""
     sharp, h = np.zeros(len(keys), dtype=np.uint8), mesh.spacing
     chosen = np.flatnonzero((values > -ON_SURFACE * h) & (values < h))
     places = tables[0][:3] + h * _unravelled(keys[chosen], counts)

@@ -1,4 +1,4 @@
-"""Surfaces of triangles made closed solids: shells, their orientation, and which lie in others."""
+"""Closed solids from surfaces of triangles: shells, their orientation and nesting."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ PROBES = 64
 
 
 class MeshWarning(UserWarning):
-    """A surface of triangles was mended, or may not be what was meant."""
+    """A surface of triangles was repaired, or may not be the intended one."""
 
 
 def mended(vertices: Array, faces: Faces) -> tuple[Faces, list[str]]:
-    """Return the triangles of closed shells that are oriented, and sentences on what was changed.
+    """Return the triangles of closed shells that are oriented, and sentences on the changes.
 
-    A solid is what is inside of a shell of positive volume, less the cavities in it: shells of
+    A solid is the inside of a shell of positive volume, less the cavities in it: shells of
     negative volume that lie in solids. The body is the union of its solids.
 
     Raises
@@ -36,13 +36,15 @@ def mended(vertices: Array, faces: Faces) -> tuple[Faces, list[str]]:
     ValueError
         If shells are not closed, have no orientation or no volume.
     """
-    told = []
+    changes = []
     before = len(faces)
     edges = _Edges.of(faces, len(vertices))
     if (edges.counts > 2).any():
         faces = _without_copies(faces, edges, len(vertices))
     if before > len(faces):
-        told.append(f"left out {before - len(faces)} of {before} triangles that stand twice")
+        changes.append(
+            f"left out {before - len(faces)} of {before} triangles, which are duplicates"
+        )
         edges = _Edges.of(faces, len(vertices))
     given = faces
     faces = _oriented(faces, edges)
@@ -57,27 +59,28 @@ def mended(vertices: Array, faces: Faces) -> tuple[Faces, list[str]]:
             "needs a thickness"
         )
     if flat.any():
-        told.append(f"left out {flat.sum()} of {len(flat)} closed parts, which hold no volume")
-        kept = ~flat[shells.label]
-        faces, given = np.ascontiguousarray(faces[kept]), given[kept]
+        changes.append(f"left out {flat.sum()} of {len(flat)} closed parts, which hold no volume")
+        solid = ~flat[shells.label]
+        faces, given = np.ascontiguousarray(faces[solid]), given[solid]
         shells = _Shells.of(vertices, faces, _Edges.of(faces, len(vertices)))
     wrong, idle = _inside_out(shells)
     if wrong.any():
-        told.append(f"turned {wrong.sum()} of {len(wrong)} closed parts that were inside out")
+        changes.append(f"reversed {wrong.sum()} of {len(wrong)} closed parts that were inside out")
     turned = (faces != given).any(axis=1)
     single = turned & ~wrong[shells.label]
     if single.any():
-        told.append(f"turned {single.sum()} of {len(faces)} triangles, to agree with others")
+        changes.append(f"reversed {single.sum()} of {len(faces)} triangles, to agree with others")
     if idle:
-        told.append(
-            f"{idle} of {len(wrong)} closed parts lie within others and add nothing; a cavity has "
-            "triangles that are anticlockwise as seen from within it"
+        changes.append(
+            f"{idle} of {len(wrong)} closed parts lie within others and have no effect; a cavity "
+            "has triangles that are anticlockwise as seen from within it"
         )
-    return _flipped(faces, wrong[shells.label]), told
+    return _flipped(faces, wrong[shells.label]), changes
 
 
 def solids(vertices: Array, faces: Faces) -> Indices:
-    """Return the number of the solid to which each triangle of a mended surface belongs, from 0."""
+    """Return the number of the solid to which each triangle of a repaired surface belongs, from
+    0."""
     shells = _Shells.of(vertices, faces, _Edges.of(faces, len(vertices)))
     if len(shells.volume) == 1:
         return shells.label
@@ -99,7 +102,7 @@ class _Edges:
     """Sides of triangles, side 3 i + k from vertex k of triangle i to the next, edge by edge."""
 
     order: Indices
-    """Sides, those of an edge together."""
+    """Sides, grouped by edges."""
     begins: Indices
     """First of each edge in this order."""
     counts: Indices
@@ -120,7 +123,7 @@ class _Edges:
         return rising
 
     def pairs(self) -> tuple[Indices, Indices, NDArray[np.bool_]]:
-        """Both triangles at the edges that have two, and whether one of them must be turned."""
+        """Both triangles at the edges that have two, and whether one of them must be reversed."""
         first = self.begins[self.counts == 2]
         same = self.rises[first] == self.rises[first + 1]
         return self.order[first] // 3, self.order[first + 1] // 3, same
@@ -129,8 +132,10 @@ class _Edges:
 def _components(count: int, first: Indices, second: Indices) -> tuple[int, Indices]:
     """Number of connected parts of `count` things with links, and the part of each thing."""
     links = scipy.sparse.coo_matrix((np.ones(len(first), bool), (first, second)), (count, count))
-    found: tuple[int, Indices] = scipy.sparse.csgraph.connected_components(links, directed=False)
-    return found
+    components: tuple[int, Indices] = scipy.sparse.csgraph.connected_components(
+        links, directed=False
+    )
+    return components
 
 
 def _flipped(faces: Faces, which: NDArray[np.bool_]) -> Faces:
@@ -142,7 +147,7 @@ def _flipped(faces: Faces, which: NDArray[np.bool_]) -> Faces:
 
 
 def _without_copies(faces: Faces, edges: _Edges, count: int) -> Faces:
-    """Leave out triangles that stand twice.
+    """Leave out duplicate triangles.
 
     Of those of equal direction one stays. Two of opposite directions are a wall between parts that
     touch, of which none stays, or a surface with triangles on both its sides, of which one does:
@@ -189,11 +194,12 @@ def _open(faces: Faces, count: int) -> bool:
 
 
 def _oriented(faces: Faces, edges: _Edges) -> Faces:
-    """Turn triangles so that those at the edges of two agree, as few as possible in each part."""
+    """Reverse triangles so that those at the edges of two agree, as few as possible in each
+    part."""
     first, second, same = edges.pairs()
     if not same.any():
         return faces
-    # two copies of each triangle, one turned: those that agree are connected
+    # two copies of each triangle, one reversed: those that agree are connected
     n = len(faces)
     _, label = _components(
         2 * n,
@@ -213,7 +219,7 @@ def _oriented(faces: Faces, edges: _Edges) -> Faces:
 
 
 def _refuse_open(vertices: Array, faces: Faces, edges: _Edges) -> None:
-    """Refuse a surface unless as many triangles lie on the one side of each edge as the other."""
+    """Refuse a surface unless each edge has as many triangles on one side as on the other."""
     rising, of = edges.rising(), len(edges.counts)
     bad = np.flatnonzero(2 * rising != edges.counts)
     if not len(bad):
@@ -316,8 +322,8 @@ def _held(shells: _Shells) -> Iterator[tuple[int, Indices, Array]]:
         before = largest[:rank]
         apart = (shells.low[before] > shells.high[i]) | (shells.high[before] < shells.low[i])
         holders = before[~apart.any(axis=1)]
-        own = by_shell[(ends[i - 1] if i else 0) : ends[i]]
-        chosen = own[np.linspace(0, len(own) - 1, min(PROBES, len(own))).astype(int)]
+        shell = by_shell[(ends[i - 1] if i else 0) : ends[i]]
+        chosen = shell[np.linspace(0, len(shell) - 1, min(PROBES, len(shell))).astype(int)]
         places = np.ascontiguousarray(vertices[shells.faces[chosen, 0]])
         winding = np.zeros((len(holders), len(places)))
         for row, j in enumerate(holders):
@@ -329,7 +335,7 @@ def _held(shells: _Shells) -> Iterator[tuple[int, Indices, Array]]:
 
 
 def _inside_out(shells: _Shells) -> tuple[NDArray[np.bool_], int]:
-    """Shells that must be turned, and the number of solids that lie wholly within others."""
+    """Shells that must be reversed, and the number of solids that lie wholly within others."""
     negative = shells.volume < 0
     if len(negative) == 1:
         return negative, 0

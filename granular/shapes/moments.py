@@ -1,7 +1,8 @@
-"""Volume and moments of shapes, from formulas of their parts where these are apart.
+"""Volume and moments of shapes, from formulas of their parts where these do not overlap.
 
-Parts of a union that are apart are added, and what is cut out of the inside of a shape is taken
-away: these sums are exact. Only parts that overlap need quadrature, each cluster in its own box.
+Parts of a union that are apart are added, and parts that are cut out of the inside of a shape are
+subtracted: these sums are exact. Only parts that overlap need quadrature, each cluster in its own
+box.
 """
 
 from __future__ import annotations
@@ -38,14 +39,14 @@ MOST_OF_MESH = 20_000
 MOST_TRIANGLES = 2_000_000_000
 """Product of these cells and the triangles at most."""
 STEEP = math.sqrt(3.0)
-"""Largest slope of samples that are linear between places, of a distance of slope 1."""
+"""Largest slope of samples that are interpolated linearly, of a distance of slope 1."""
 TOUCH = 1e-12
 """Overlap of boxes, over their size, up to which they only touch."""
 CONVEX = (Box, Cylinder, Capsule, Sphere)
 
 
 def moments_of(shape: Shape, tolerance: float) -> Moments | None:
-    """Return the moments of a shape of finite size; None if nothing is inside."""
+    """Return the moments of a shape of finite size; None if it is empty."""
     if (exact := _formula(shape)) is not None:
         return exact
     if isinstance(shape, Mesh):
@@ -62,7 +63,7 @@ def moments_of(shape: Shape, tolerance: float) -> Moments | None:
 
 
 def has_no_inside(shape: Shape) -> bool:
-    """True if an operation on shapes of finite size leaves nothing for certain."""
+    """True if an operation on shapes of finite size is certainly empty."""
     if len(shape.rows()) == shape.results or _is_sampled(shape):  # no operation, or rounded edges
         return False
     low, high = np.array(shape.bounds)
@@ -76,8 +77,8 @@ def _is_sampled(shape: Shape) -> bool:
 
 def _added(shapes: Sequence[Sequence[Shape]], tolerance: float) -> Moments | None:
     """Sum over unions that are apart; the errors of far ones count twice at most."""
-    found = [moments_of(_union(parts), 0.5 * tolerance) for parts in shapes]
-    return joined([(1.0, part) for part in found if part is not None])
+    terms = [moments_of(_union(parts), 0.5 * tolerance) for parts in shapes]
+    return joined([(1.0, part) for part in terms if part is not None])
 
 
 def _of_difference(shape: Difference, tolerance: float) -> Moments | None:
@@ -97,11 +98,11 @@ def _of_difference(shape: Difference, tolerance: float) -> Moments | None:
     if whole is None or not inner:
         return whole
     gone = [moments_of(_union(parts), 0.5 * tolerance) for parts in inner]
-    found = joined([(1.0, whole), *((-1.0, part) for part in gone if part is not None)])
-    if found is not None and found.error <= tolerance:
-        return found
+    total = joined([(1.0, whole), *((-1.0, part) for part in gone if part is not None)])
+    if total is not None and total.error <= tolerance:
+        return total
     direct = _of_cells(Difference(base, _union(cut)), tolerance)
-    return direct if found is None or direct is None or direct.error < found.error else found
+    return direct if total is None or direct is None or direct.error < total.error else total
 
 
 def _of_cells(shape: Shape, tolerance: float) -> Moments | None:
@@ -145,14 +146,14 @@ def _of_mesh(mesh: Mesh, tolerance: float) -> Moments | None:
     overlapping = whole.overlaps(PROBES)
     if not overlapping.any():
         return whole.moments()
-    found = []
+    terms = []
     for group in whole.clusters():
         part = whole.part(group)
         if overlapping[group].any():
-            found.append(_of_triangles(part, 0.5 * tolerance))
+            terms.append(_of_triangles(part, 0.5 * tolerance))
         else:
-            found.append(part.moments())
-    return joined([(1.0, part) for part in found if part is not None])
+            terms.append(part.moments())
+    return joined([(1.0, part) for part in terms if part is not None])
 
 
 def _of_triangles(triangles: Triangles, tolerance: float) -> Moments | None:
@@ -199,7 +200,7 @@ def _separate(low: Array, high: Array, other_low: Array, other_high: Array) -> N
 
 
 def _apart(a: Shape, b: Shape) -> bool:
-    """True if two shapes overlap nowhere for certain."""
+    """True if two shapes certainly do not overlap."""
     axes = np.eye(3)[: a.dim]
     if len(a.rows()) + len(b.rows()) <= 2:
         axes = np.concatenate([axes, frame_of(a)[1].T, frame_of(b)[1].T])
@@ -215,7 +216,7 @@ def _apart(a: Shape, b: Shape) -> bool:
 
 
 def _within(part: Shape, base: Shape) -> bool:
-    """True if a shape is wholly in another one for certain."""
+    """True if a shape is certainly within another one."""
     low, high = np.array(part.bounds)
     if not np.isfinite([low, high]).all() or _is_sampled(part) or _is_sampled(base):
         return False
@@ -234,7 +235,7 @@ def _within(part: Shape, base: Shape) -> bool:
 
 
 def _formula(shape: Shape) -> Moments | None:
-    """Return those of shapes that have a formula; None for others."""
+    """Return the moments of shapes that have a formula; None for others."""
     dim = shape.dim
     if shape.inside or len(shape.rows()) > 1:
         return None
@@ -263,13 +264,13 @@ def _formula(shape: Shape) -> Moments | None:
 
 
 def _of_polygon(shape: Polygon | Prism) -> Moments | None:
-    """Return those of a polygon, by the theorem of Green, or of one that is extended in 3D."""
+    """Return the moments of a polygon, by the theorem of Green, or of its extension in 3D."""
     dim = shape.dim
     place, turn = frame_of(shape)
     length = getattr(shape, "length", 1.0)
     if shape.thickness is not None or not math.isfinite(length):
         return None
-    vertices = np.asarray(shape.samples()[0])[0]  # about that place
+    vertices = np.asarray(shape.samples()[0])[0]  # about that point
     first = vertices[0]
     x = vertices - first
     following = np.roll(x, -1, axis=0)

@@ -1,4 +1,4 @@
-"""Shapes and regions made of others: operations on signed distances."""
+"""Shapes and regions composed of others, by operations on signed distances."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Corners = tuple[tuple[float, ...], tuple[float, ...]]
 
 
 def united(shape: Region) -> list[Region]:
-    """Return the parts whose union a shape is, those of unions in a union too."""
+    """Return the parts of a union, including those of unions in it; else the shape itself."""
     if not isinstance(shape, Union):
         return [shape]
     return [part for one in shape.parts for part in united(one)]
@@ -42,7 +42,7 @@ def _joined(region: Region) -> Array:
 
 
 def _inverted(shape: Region) -> Array:
-    """Return the rows of all that is outside of a shape, with one result."""
+    """Return the rows of the complement of a shape, with one result."""
     rows = _joined(shape).copy()
     rows[-1, 1] = 1 - rows[-1, 1]
     return rows
@@ -90,7 +90,7 @@ def _common_box(
 
 
 def _check_band(name: str, distance: float, shape: Shape) -> None:
-    """Refuse a distance from a mesh beyond which its samples do not reach."""
+    """Refuse a distance from a mesh that is beyond its samples."""
     for leaf in shape.leaves():
         band = getattr(leaf, "band", math.inf)
         if distance > band:
@@ -100,27 +100,27 @@ def _check_band(name: str, distance: float, shape: Shape) -> None:
             )
 
 
-def least(found: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+def least(pairs: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
     """Least of several distances, and the normals that go with it."""
-    distances, normals = (np.array(part) for part in zip(*found, strict=True))
+    distances, normals = (np.array(part) for part in zip(*pairs, strict=True))
     of = distances.argmin(axis=0)
     every = np.arange(len(of))
     return distances[of, every], normals[of, every]
 
 
-def _greatest(found: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
+def _greatest(pairs: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
     """Greatest of several distances, and the normals that go with it."""
-    away, normal = least([(-distance, normal) for distance, normal in found])
+    away, normal = least([(-distance, normal) for distance, normal in pairs])
     return -away, normal
 
 
 def _cut(part: Region, x: Array) -> tuple[Array, Array]:
-    """Distance from the boundary of a part; also a box that alone would hold whole squares cuts."""
+    """Distance from the boundary of a part, even of a box, which alone has whole squares."""
     return part.distance(x) if isinstance(part, Shape) and not _is_joined(part) else part.cut(x)
 
 
 def _cuts(part: Region, x: Array, reach: float) -> NDArray[np.bool_]:
-    """True for places whose squares the boundary of a part cuts."""
+    """True for positions whose squares are cut by the boundary of a part."""
     return abs(_cut(part, x)[0]) <= reach if isinstance(part, Shape) else part.cuts(x, reach)
 
 
@@ -163,8 +163,8 @@ class Union(Joined):
     """Several shapes as one; a bucket, for example, is a union of boxes.
 
     Its signed distance is the least of theirs. This is exact outside; where shapes overlap, the
-    depth is underestimated. Shapes that go on as one surface should overlap rather than touch:
-    where they only touch, a point just below the surface is nearest to the face between them.
+    depth is underestimated. Shapes that form one surface should overlap rather than touch. Where
+    they only touch, a point just below the surface is nearest to the face between them.
 
     Parameters
     ----------
@@ -197,10 +197,10 @@ class Union(Joined):
 
 @dataclass(frozen=True)
 class Intersection(Joined):
-    """The common part of several shapes; a wedge, for example, is that of two half-spaces.
+    """The intersection of several shapes, such as a wedge of two half-spaces.
 
     Its signed distance is the greatest of theirs. This is exact inside and next to the faces;
-    beyond an edge or corner it is less than the distance, as if faces went on.
+    beyond an edge or corner it is less than the distance, as the faces are extended.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ class Intersection(Joined):
 
 @dataclass(frozen=True)
 class Difference(Shape):
-    """A shape less another one; a floor with an orifice, for example, is a box less a cylinder.
+    """The difference of two shapes, such as a floor with an orifice: a box without a cylinder.
 
     Its signed distance is the greater of that of `shape` and of the negative one of `without`, as
     in an `Intersection`.
@@ -239,7 +239,7 @@ class Difference(Shape):
     ----------
     shape : shape
     without : shape
-        What is cut out, of the same dimension. For a fill both may be other regions, too.
+        The part to remove, of the same dimension. For a fill both may be other regions, too.
     {raises}.
     """
 
@@ -312,7 +312,7 @@ class Altered(Shape):
 
 @dataclass(frozen=True)
 class Complement(Altered):
-    """All that is outside of a shape: a vessel, with the material inside the shape.
+    """The complement of a shape, such as a vessel with the material inside the shape.
 
     Parameters
     ----------
@@ -321,7 +321,7 @@ class Complement(Altered):
     Raises
     ------
     TypeError
-        If `shape` is none.
+        If `shape` is not a shape.
     """
 
     def __post_init__(self) -> None:
@@ -344,7 +344,7 @@ class Offset(Altered):
 
     Outwards, convex edges become round with the radius `by`, and concave ones stay sharp;
     inwards it is the other way round. Edges made by an operation stay sharp, as its distance is
-    that of faces that go on.
+    that of extended faces.
 
     Parameters
     ----------
@@ -409,8 +409,8 @@ class Shell(Altered):
         return _followed(rows, "shell", 0.5 * self.thickness)
 
     def narrowest(self, inverted: bool = False) -> float:
-        own = np.inf if inverted else self.thickness
-        return min(own, self.shape.narrowest(self.inward))
+        width = np.inf if inverted else self.thickness
+        return min(width, self.shape.narrowest(self.inward))
 
     def bound(self, measure: Measure) -> tuple[Any, Any]:
         solid, rest = self.shape.bound(measure)

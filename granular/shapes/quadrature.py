@@ -1,9 +1,9 @@
 """Volume and moments of shapes by quadrature of their signed distance, with a bound of the error.
 
-Cells that contain the shape are halved, and those are put aside that the signed distance proves to
-be full or empty: nothing is passed over, however small it is. Of the others, which are about the
-surface, random places are counted, which no shape can be in step with. Whatever such a cell holds,
-the share of its places inside has a variance of 1/4 at most, which bounds the error.
+Cells that contain the shape are halved, except those that the signed distance proves to be full or
+empty, so that no part is missed, however small it is. In the others, which are at the surface,
+random points are counted, so that no regular shape can bias the result. For any shape, the share of
+the points of a cell that are inside has a variance of 1/4 at most, which bounds the error.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ Sides = NDArray[np.int8]
 FIRST = {2: 16, 3: 8}
 """Cells along the longest side at the first level, by the dimension."""
 MOST_PLACES = 8
-"""Random places in a cell at most: from there on smaller cells are the cheaper way."""
+"""Largest number of random points in a cell: beyond it smaller cells are cheaper."""
 MOST_PROOF = 20_000
-"""Cells at most at a level of a proof that a shape is empty."""
+"""Largest number of cells at a level of a proof that a shape is empty."""
 DEVIATIONS = 3.0
 """Standard deviations in the bound of the error."""
 RELATIVE_GROWTH = 1 + 1e-9
-"""Growth of the box about a shape, so that rounding leaves nothing out."""
+"""Growth of the box about a shape to allow for rounding."""
 
 
 class HasSides(Protocol):
-    """A solid, by what can be told of places (n, 3)."""
+    """A solid, by tests of points (n, 3)."""
 
     def sides(self, x: Array, radius: float) -> Sides:
-        """Return -1 where all within a radius is inside, 1 where nothing is, 0 if unknown."""
+        """Return -1 where a ball of this radius is inside, 1 where it is outside, 0 if unknown."""
         ...
 
     def inside(self, x: Array) -> NDArray[np.bool_]:
-        """True for places inside."""
+        """True for points inside."""
         ...
 
 
@@ -76,7 +76,7 @@ class Moments:
 
 
 def joined(parts: list[tuple[float, Moments]]) -> Moments | None:
-    """Sum of moments times a sign, of parts that are apart (1) or taken away from one (-1)."""
+    """Sum of moments times a sign, of parts that are apart (1) or subtracted (-1)."""
     volume = sum(sign * part.volume for sign, part in parts)
     if not volume > 0:
         return None
@@ -103,7 +103,7 @@ def joined(parts: list[tuple[float, Moments]]) -> Moments | None:
 def moments(
     solid: HasSides, low: Array, high: Array, tolerance: float, most: int
 ) -> Moments | None:
-    """Return the moments of what is inside, or None if nothing is.
+    """Return the moments of a solid, or None if it is empty.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def moments(
 
 
 def is_empty(solid: HasSides, low: Array, high: Array) -> bool:
-    """True if nothing in a box is inside for certain; False if something is, or it is too near."""
+    """True if a box is certainly outside of the solid; False if it is not, or too near."""
     if not (low < high).all():
         return True
     middle = 0.5 * (low + high)
@@ -158,7 +158,7 @@ def is_empty(solid: HasSides, low: Array, high: Array) -> bool:
 
 
 def _first(low: Array, high: Array) -> tuple[Array, float]:
-    """Cells that cover a box: their middles from that of the box, and their width."""
+    """Cells that cover a box: their middles relative to the middle of the box, and their width."""
     width = float((high - low).max()) * RELATIVE_GROWTH / FIRST[len(low)]
     counts = np.ceil((high - low) / width).astype(int).clip(1)
     nodes = np.stack([part.ravel() for part in np.indices(counts.tolist())], axis=1)
@@ -178,7 +178,7 @@ def _padded(places: Array) -> Array:
 
 
 def _products(places: Array) -> Array:
-    """Sums of the products of (1, x) at places."""
+    """Sums of the products of (1, x) at points."""
     one = np.concatenate([np.ones((len(places), 1)), places], axis=1)
     sums: Array = one.T @ one
     return sums
@@ -187,13 +187,13 @@ def _products(places: Array) -> Array:
 def _cells(places: Array, width: float) -> Array:
     """Integrals of the products of (1, x) over cells."""
     dim = places.shape[1]
-    own = np.diag([0.0] + [width**2 / 12] * dim)
-    sums: Array = width**dim * (_products(places) + len(places) * own)
+    within = np.diag([0.0] + [width**2 / 12] * dim)
+    sums: Array = width**dim * (_products(places) + len(places) * within)
     return sums
 
 
 def _error(total: Array, places: Array, width: float) -> float:
-    """Bound of the relative error of a total if one place is counted in each of the cells."""
+    """Bound of the relative error of a total if one point is counted in each of the cells."""
     if not len(places):
         return 0.0
     dim, volume = len(total) - 1, total[0, 0]

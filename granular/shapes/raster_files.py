@@ -31,7 +31,7 @@ LINES = 2**22
 
 @dataclass(frozen=True)
 class Raster:
-    """A raster as its file has it.
+    """A raster as it is stored in its file.
 
     Attributes
     ----------
@@ -39,7 +39,8 @@ class Raster:
     shape : tuple of int
         Numbers of rows and columns.
     first, spacing : tuple of 2 floats
-        Place of the post at the lowest x and y, and distances along x and y, in units of the file.
+        Position of the post at the lowest x and y, and distances along x and y, in units of the
+        file.
     read : callable
         Values of a part, given by slices of rows and columns, y ascending with the rows, and True
         where a value is missing.
@@ -123,18 +124,18 @@ def _of_esri(path: str | os.PathLike) -> Raster:
         return part, missing(part, mark)
 
     def units() -> Units:
-        beside = _beside(Path(path).with_suffix(".prj"))
-        if beside is None:
+        companion = _companion(Path(path).with_suffix(".prj"))
+        if companion is None:
             return Units()
         try:
-            return units_of(beside.read_text(encoding="utf-8", errors="replace"))
+            return units_of(companion.read_text(encoding="utf-8", errors="replace"))
         except ValueError as error:
-            raise type(error)(f"{error}, by {beside.name}") from None
+            raise type(error)(f"{error}, by {companion.name}") from None
 
     return Raster(str(path), shape, first, spacing, read, units)
 
 
-def _beside(path: Path) -> Path | None:
+def _companion(path: Path) -> Path | None:
     """Return the file of that name, written as it is or else in other letters, A.PRJ as a.prj."""
     if path.is_file():
         return path
@@ -173,7 +174,7 @@ def _is_number(word: str) -> bool:
 
 
 def _frame(name: str, head: dict[str, float]) -> tuple[tuple[int, int], Pair, Pair]:
-    """Shape, spacing and place of the first post, from the numbers of a header."""
+    """Shape, spacing and position of the first post, from the numbers of a header."""
     corners, centers = (all(key in head for key in keys) for keys in (CORNERS, CENTERS))
     steps = "cellsize" in head, "dx" in head and "dy" in head
     places = sum(key in head for key in CORNERS + CENTERS)
@@ -183,7 +184,7 @@ def _frame(name: str, head: dict[str, float]) -> tuple[tuple[int, int], Pair, Pa
             f"yllcenter; found {head}"
         )
     if all(steps) or places != 2:
-        raise ValueError(f"{name} must give its cells and its place once, found {head}")
+        raise ValueError(f"{name} must give its cells and its position once, has {head}")
     for key in ("nrows", "ncols"):
         if not 1 <= head[key] <= MOST_HEIGHTS or head[key] != int(head[key]):
             raise ValueError(f"{name}: {key} = {head[key]:g} must be a whole number >= 1")
@@ -192,7 +193,7 @@ def _frame(name: str, head: dict[str, float]) -> tuple[tuple[int, int], Pair, Pa
         raise ValueError(f"{name}: its cells of {spacing} must have finite sizes > 0")
     place = [head[key] for key in (CORNERS if corners else CENTERS)]
     if not all(map(math.isfinite, place)):
-        raise ValueError(f"{name}: its place {tuple(place)} must be finite")
+        raise ValueError(f"{name}: its position {tuple(place)} must be finite")
     half = 0.5 if corners else 0.0
     first = (place[0] + half * spacing[0], place[1] + half * spacing[1])
     shape = int(head["nrows"]), int(head["ncols"])
@@ -290,12 +291,12 @@ def _of_gdal(path: str | os.PathLike, band: int | None) -> Raster:
         return np.ascontiguousarray(z[order]), gaps[order]
 
     def units() -> Units:
-        said = units_of(system) if system else Units()
+        of_system = units_of(system) if system else Units()
         if not unit:
-            return said
+            return of_system
         if unit.lower() not in LENGTHS:
             raise UnclearUnits(f"the unit {unit!r} of its band {number} is no length")
-        return Units(said.horizontal, LENGTHS[unit.lower()])
+        return Units(of_system.horizontal, LENGTHS[unit.lower()])
 
     return Raster(str(path), shape, (first[0], first[1]), spacing, read, units, numbers)
 

@@ -11,7 +11,7 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
-import scipy.ndimage
+import scipy
 from numpy.typing import NDArray
 
 from granular.shapes.coordinate_systems import UnclearUnits, Units
@@ -23,15 +23,15 @@ Mask = NDArray[np.bool_]
 Part = tuple[slice, slice]
 
 LOWEST, HIGHEST = -11e3, 9e3
-"""Heights of the Earth [m]: what is beyond them is a mark, or has another unit."""
+"""Heights of the Earth [m]: values beyond them are marks, or have another unit."""
 MARKS = (-9999.0, -9998.0, -999.0, -99.0, 999.0)
 """Values from `LOWEST` to `HIGHEST` that writers of rasters put where they have no height."""
 CLIFF = 10.0
-"""Slope that no terrain has everywhere, an angle of 84 degrees. If all posts of one value are apart
-from all others by it, that value is perhaps a mark; if a quarter of all neighbours are, the units
-along the ground and of heights differ: 1 degree is 111,000 m, 1 km 1000 m."""
+"""Slope that no terrain has everywhere, an angle of 84 degrees. If all posts of one value are
+separated from all others by it, that value is perhaps a mark; if a quarter of all neighbours are,
+the units along the ground and of heights differ: 1 degree is 111,000 m, 1 km 1000 m."""
 BUILT = 50.0
-"""Step [m] that floors of models and buildings do not have below all that stands on them: the
+"""Step [m] that floors of models and buildings do not have below the objects on them: the
 largest flume, of 95 m at 31 degrees, begins 49 m above its floor."""
 NEAREST = "nearest"
 MOST_BLOCKS = 512
@@ -54,7 +54,7 @@ def read_heights(
     z : ndarray, shape (ny, nx)
         Heights [m]; y ascends with the rows.
     spacing, first : ndarray, shape (2,)
-        Distance of the posts along x and y, and place of the first post [m].
+        Distance of the posts along x and y, and position of the first post [m].
     """
     if isinstance(fill, str):
         one_of("fill", fill, (NEAREST,))
@@ -98,14 +98,14 @@ def _checked_mark(value: Any) -> float:
 def _factors(raster: Raster, scale: float | Sequence[float] | None) -> tuple[float, float]:
     """Metres in a unit of the coordinates and of the heights of a raster."""
     try:
-        said = raster.units()
+        units = raster.units()
     except UnclearUnits as error:
         if scale is None:
             raise ValueError(
                 f"{raster.name}: {error}: reproject it (gdalwarp -t_srs EPSG:...), or give scale = "
                 "(metres in a unit along the ground, metres in a unit of height)"
             ) from None
-        said = Units()
+        units = Units()
     except ValueError as error:
         raise ValueError(f"{raster.name}: {error}{_advice(raster)}") from None
     if scale is not None:
@@ -113,14 +113,14 @@ def _factors(raster: Raster, scale: float | Sequence[float] | None) -> tuple[flo
             along, up = vector("scale", scale, 2, positive)
             return along, up
         return (positive("scale", scale),) * 2
-    along = 1.0 if said.horizontal is None else said.horizontal
-    if said.vertical is None and along != 1.0:
+    along = 1.0 if units.horizontal is None else units.horizontal
+    if units.vertical is None and along != 1.0:
         raise ValueError(
-            f"{raster.name}: its coordinates have a unit of {along:.10g} m, and nothing says which "
-            f"that of its heights is: give scale = {along:.10g} if it is the same, or scale = "
+            f"{raster.name}: its coordinates have a unit of {along:.10g} m, and does not "
+            f"specify that of its heights: give scale = {along:.10g} if it is the same, or scale = "
             f"({along:.10g}, 1.0) if heights are in metres"
         )
-    return along, 1.0 if said.vertical is None else said.vertical
+    return along, 1.0 if units.vertical is None else units.vertical
 
 
 def _advice(raster: Raster) -> str:
@@ -175,8 +175,8 @@ def _part_of(raster: Raster, window: Sequence[float] | None) -> Part:
         stand = f"{raster.name}, whose posts stand for {axis} = {lower:.12g} to {upper:.12g}"
         if not low < high:
             raise ValueError(
-                f"window = {tuple(window)} must reach along {axis} from a lower to a higher place "
-                f"of {stand}"
+                f"window = {tuple(window)} must reach along {axis} from a lower to a higher "
+                f"position of {stand}"
             )
         if low < lower - near or high > upper + near:
             raise ValueError(
@@ -198,7 +198,7 @@ def _part_of(raster: Raster, window: Sequence[float] | None) -> Part:
 
 
 def _check_marks(name: str, raw: NDArray, z: NDArray, gaps: Mask, spacing: float) -> None:
-    """Refuse heights that are none on Earth, and values that stand for a missing height."""
+    """Refuse heights that do not occur on Earth, and values that stand for a missing height."""
     known, heights = raw[~gaps], z[~gaps].astype(float)  # differences of integers wrap around
     for value in (heights.min(), heights.max()):
         if LOWEST <= value <= HIGHEST:
@@ -238,7 +238,7 @@ def _check_marks(name: str, raw: NDArray, z: NDArray, gaps: Mask, spacing: float
 
 
 def _blank(kind: np.dtype) -> tuple[int, ...]:
-    """Values of posts that nobody has written: 0, and the ends of bytes."""
+    """Values of posts that were never written: 0, and the ends of bytes."""
     ends = np.iinfo(kind) if kind.itemsize == 1 else None
     return (0,) if ends is None else (0, int(ends.min), int(ends.max))
 

@@ -1,4 +1,4 @@
-"""Regions of 2D or 3D space, which fills fill."""
+"""Regions of 2D or 3D space, for fills."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Region(ABC):
 
     @property
     def _box(self) -> tuple[Vector, Vector]:
-        """Corners of the box in which `depth` looks for the top."""
+        """Corners of the box in which `depth` searches the top."""
         return self.bounds
 
     def leaves(self) -> list[Region]:
@@ -38,15 +38,16 @@ class Region(ABC):
         return [self]
 
     def cuts(self, x: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
-        """True for places, shape (n, dim) [m], whose squares the boundary cuts.
+        """True for positions, shape (n, dim) [m], whose squares the boundary cuts.
 
-        They are all that are no farther from it than `reach` [m], and some more. Of regions without
-        such a boundary squares count as a whole, by their centres.
+        They are all positions that are no farther from it than `reach` [m], and some more. For
+        regions without such a boundary, squares count as a whole, by their centres.
         """
         return np.zeros(len(x), dtype=bool)
 
     def cut(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Signed distance of places from the boundary that cuts squares, and its outward normals.
+        """Signed distance of positions from the boundary that cuts squares, and its outward
+        normals.
 
         The distance, shape (n,) [m], is negative inside, and infinite without such a boundary. Near
         to the boundary its error is of second order in the distance.
@@ -56,20 +57,20 @@ class Region(ABC):
     def depth(
         self, x: NDArray[np.float64], up: NDArray[np.float64], step: float
     ) -> NDArray[np.float64]:
-        """Distance of places from the top of the region above them.
+        """Distance of positions from the top of the region above them.
 
-        The top is the last place of the region along a ray, even beyond gaps such as those below
+        The top is the last point of the region along a ray, even beyond gaps such as those below
         an overhang: below a level surface the pressure is the same at one height.
 
         Parameters
         ----------
         x : ndarray, shape (n, dim)
-            Places in the region [m].
+            Positions in the region [m].
         up : ndarray, shape (dim,)
             Direction, of length 1.
         step : float
-            Distance at which the ray is looked at [m]; less is not resolved, but for the top, which
-            is then found by bisection.
+            Distance at which the ray is sampled [m]; less is not resolved, except for the top,
+            which is then located by bisection.
 
         Returns
         -------
@@ -91,12 +92,12 @@ class Region(ABC):
     def ahead(
         self, x: NDArray[np.float64], along: NDArray[np.float64], step: float
     ) -> NDArray[np.float64]:
-        """Distance at which rays from places outside enter the region [m]; inf if they do not.
+        """Distance at which rays from positions outside enter the region [m]; inf if they do not.
 
         Parameters are those of `depth`.
         """
         low, high = np.array(self._box)
-        x, found = np.asarray(x), np.full(len(x), np.inf)
+        x, distance = np.asarray(x), np.full(len(x), np.inf)
         with np.errstate(divide="ignore", invalid="ignore"):
             ends = np.sort([(low - x) / along, (high - x) / along], axis=0)
         ends[:, :, along == 0] = np.array([-np.inf, np.inf])[:, None, None]
@@ -106,25 +107,26 @@ class Region(ABC):
         if hits.any():
             longest = float((end - begin)[hits].max()) + step
             start = np.maximum(begin[hits] - 1e-6 * step, 0.0)
-            found[hits] = start + self._first_inside(
+            distance[hits] = start + self._first_inside(
                 x[hits] + start[:, None] * along, along, step, longest
             )
-        return found
+        return distance
 
     def _first_inside(
         self, x: NDArray[np.float64], along: NDArray[np.float64], step: float, longest: float
     ) -> NDArray[np.float64]:
-        """Distance at which rays from places outside enter the region [m]; inf if they do not."""
-        found = np.full(len(x), np.inf)
+        """Distance at which rays from positions outside enter the region [m]; inf if they do
+        not."""
+        distance = np.full(len(x), np.inf)
         left = np.arange(len(x))
         for n in range(math.ceil(longest / step) + 1):
             hit = self._inside(x[left] + (n * step) * along)
-            found[left[hit]] = n * step
+            distance[left[hit]] = n * step
             left = left[~hit]
             if not len(left):
                 break
-        outside, inside = np.maximum(found - step, 0.0), found.copy()
-        some = np.isfinite(found)
+        outside, inside = np.maximum(distance - step, 0.0), distance.copy()
+        some = np.isfinite(distance)
         for _ in range(40):
             middle = 0.5 * (outside[some] + inside[some])
             within = self._inside(x[some] + middle[:, None] * along)

@@ -129,7 +129,7 @@ class Cylinder(Shape):
 
 @dataclass(frozen=True)
 class Capsule(Shape):
-    """A rod with round ends: all within a radius of a straight line.
+    """A rod with round ends: the points within a radius of a straight line.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ class Capsule(Shape):
 
 @dataclass(frozen=True)
 class Torus(Shape):
-    """A ring in 3D: all within a radius of a circle.
+    """A ring in 3D: the points within a radius of a circle.
 
     Parameters
     ----------
@@ -274,22 +274,22 @@ class Frustum(Shape):
 
     @property
     def walls(self) -> tuple[tuple[Array, Array, tuple[float, float, float]], ...]:
-        """Places, axes and half edges of the boxes that a hopper in 2D consists of; else none."""
+        """Positions, axes and half edges of the boxes of a hopper in 2D; else none."""
         if self.thickness is None or self.dim == 3:
             return ()
         side, (inner, outer) = math.hypot(self.length, self.radii[1] - self.radii[0]), self.radii
         slope = np.array([outer - inner, self.length]) / side
         middle = 0.5 * (inner + outer) * np.array([1.0, 0.0])
         middle += 0.5 * (self.thickness or 0.0) * np.array([slope[1], -slope[0]])
-        found = []
+        boxes = []
         for sign in (1, -1):
             across, along = axes_about(self.axis)[:, [0, 2]].T * [[sign], [1]]
             first = slope[0] * across + slope[1] * along
             axes = np.column_stack([first, [-first[1], first[0], 0.0], [0.0, 0.0, 1.0]])
             place = np.array(padded(self.center)) + middle[0] * across + middle[1] * along
             size = (0.5 * side, 0.5 * (self.thickness or 0.0), math.inf)
-            found.append((place, axes, size))
-        return tuple(found)
+            boxes.append((place, axes, size))
+        return tuple(boxes)
 
     def _row(self) -> tuple[Array, Array]:
         half, (first, second) = 0.5 * self.length, self.radii

@@ -62,7 +62,7 @@ def _chain(name: str, value: Sequence[Sequence[float]], *, closed: bool, radial:
 
 
 def _crossing(x: Array) -> tuple[int, int] | None:
-    """Return two edges of a polygon that meet at another place than the vertex between them."""
+    """Return two edges of a polygon that meet at another point than the vertex between them."""
     n, a, b = len(x), x, np.roll(x, -1, axis=0)
     edge = b - a
 
@@ -72,8 +72,8 @@ def _crossing(x: Array) -> tuple[int, int] | None:
 
     apart = sides(a) * sides(b) > 0
     low, high = np.minimum(a, b), np.maximum(a, b)
-    beside = ((low[:, None] > high[None]) | (high[:, None] < low[None])).any(axis=2)
-    meet = ~(apart | apart.T | beside)
+    separate = ((low[:, None] > high[None]) | (high[:, None] < low[None])).any(axis=2)
+    meet = ~(apart | apart.T | separate)
     places = np.arange(n)
     meet[places, places] = False
     # Neighbours always meet: they may not lie on one another.
@@ -81,8 +81,8 @@ def _crossing(x: Array) -> tuple[int, int] | None:
     cross = edge[:, 0] * edge[after, 1] - edge[:, 1] * edge[after, 0]
     back = (cross == 0) & (np.einsum("nd,nd->n", edge, edge[after]) < 0)
     meet[places, after] = meet[after, places] = back
-    found = np.argwhere(meet)
-    return (int(found[0, 0]), int(found[0, 1])) if len(found) else None
+    pairs = np.argwhere(meet)
+    return (int(pairs[0, 0]), int(pairs[0, 1])) if len(pairs) else None
 
 
 def chain_rows(
@@ -119,15 +119,16 @@ def chain_cover(kind: str, row: Array, array: Array, dim: int) -> Cover:
 def inradius(kind: str, array: Array) -> float:
     """Radius [m] of the largest circle in a polygon or in the section of a solid of revolution.
 
-    It touches the surface: the largest circles that touch it at some places are found by bisection.
+    It touches the surface: the largest circles that touch it at some points are computed by
+    bisection.
     """
     revolved = kind == "revolved"
-    own = row_of(kind, size=(0.0 if revolved else math.inf, 0, 0))
+    row = row_of(kind, size=(0.0 if revolved else math.inf, 0, 0))
     a, b = array[0], np.roll(array[0], -1, axis=0)
     edge = b - a
     if revolved:
-        kept = (a[:, 0] > 0) | (b[:, 0] > 0)
-        a, edge = a[kept], edge[kept]
+        off_axis = (a[:, 0] > 0) | (b[:, 0] > 0)
+        a, edge = a[off_axis], edge[off_axis]
     share = (np.arange(count := max(64 // len(a), 1)) + 0.5)[:, None, None] / count
     start = (a + share * edge).reshape(-1, 2)
     inward = np.stack([-edge[:, 1], edge[:, 0]], axis=1) / np.linalg.norm(edge, axis=1)[:, None]
@@ -137,7 +138,7 @@ def inradius(kind: str, array: Array) -> float:
         radius = 0.5 * (low + high)
         at = np.zeros((len(start), 3))
         at[:, [0, 2] if revolved else [0, 1]] = start + radius[:, None] * inward
-        depth = -_core.body_distance(own[None], (array,), at)[0]
+        depth = -_core.body_distance(row[None], (array,), at)[0]
         touches = depth > radius * (1 - 1e-9)
         low, high = np.where(touches, radius, low), np.where(touches, high, radius)
     return float(low.max())
@@ -177,7 +178,7 @@ class Polygon(Section):
         Vertices [m] relative to `center`, in either sense, 3 to 1000, or 2 to 1000 with a
         `thickness`. The polygon may be concave; its edges must not cross or touch.
     center : tuple of 2 floats
-        Place of the origin of the vertices [m].
+        Position of the origin of the vertices [m].
     rotation_deg : float
         Rotation about the centre [degrees].
     thickness : float, optional
@@ -230,7 +231,7 @@ class Prism(Section):
     axis : {"x", "y", "z"}
         Axis along which the section is extended.
     center : tuple of 3 floats
-        Place of the origin of the vertices [m].
+        Position of the origin of the vertices [m].
     rotation_deg : tuple of 3 floats, or 0
         Rotation about the centre, a rotation vector [degrees]; 0 for none.
     thickness : float, optional

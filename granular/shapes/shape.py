@@ -77,14 +77,14 @@ def axes_about(normal: Sequence[float]) -> Array:
 
 def direction(name: str, value: object, dim: int | None = None) -> tuple[float, ...]:
     """Check a vector that must not be zero."""
-    found = vector(name, value, dim)
-    if not math.hypot(*found) > 0:
-        raise ValueError(f"{name} = {found} must not be zero")
-    return found
+    components = vector(name, value, dim)
+    if not math.hypot(*components) > 0:
+        raise ValueError(f"{name} = {components} must not be zero")
+    return components
 
 
 TINY = 1e-12
-"""Largest cosine that is taken for that of a right angle."""
+"""Largest cosine that counts as a right angle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +113,7 @@ class Cover:
         radius: float = 0.0,
         beyond: float = 0.0,
     ) -> Cover:
-        """Make one about a place of 2 or 3 coordinates; in 2D it is the section at z = 0."""
+        """Make one about a point of 2 or 3 coordinates; in 2D it is the section at z = 0."""
         edges = np.array(half, dtype=float)
         if len(center) == 2 and math.isinf(edges[2]):
             edges[2] = 0.0
@@ -126,7 +126,7 @@ class Cover:
         )
 
     def along(self, direction: Array) -> float:
-        """Largest distance of its places from the origin along a direction, to either side [m]."""
+        """Largest distance of its points from the origin along a direction, to either side [m]."""
         shares, half = abs(self.axes.T @ direction), self.half.copy()
         shares[shares <= TINY] = 0.0
         half[shares == 0.0] = 0.0  # no product of zero and infinity
@@ -136,7 +136,7 @@ class Cover:
 
 @dataclass(frozen=True)
 class Measure:
-    """A convex function of place whose bound in a shape follows from those in covers.
+    """A convex function of position whose bound in a shape follows from those in covers.
 
     Attributes
     ----------
@@ -154,14 +154,14 @@ class Measure:
 
 
 class Shape(Region):
-    """A solid, or all that is outside of one.
+    """A solid, or the complement of one.
 
-    A new shape has `dim`, `rows` and what the methods say that have no default. The signed distance
+    A new shape has `dim`, `rows` and the methods that have no default. The signed distance
     is that of the core, `gr_part_distance` of csrc/body.
     """
 
     inside: bool = False
-    """True if the solid is all that lies outside of the surface."""
+    """True if the solid is outside of the surface."""
 
     @property
     @abstractmethod
@@ -186,13 +186,13 @@ class Shape(Region):
         return ()
 
     def covers(self) -> list[Cover] | None:
-        """Boxes that contain what is within the surface; None if it has no end on all sides."""
+        """Boxes that contain the inside of the surface; None if it is unbounded on all sides."""
         return None
 
     def narrowest(self, inverted: bool = False) -> float:
-        """Diameter [m] of the largest ball in the solid; inf if it is all outside of something.
+        """Diameter [m] of the largest ball in the solid; inf if it is a complement.
 
-        Of several parts it is the least; `inverted`: of what the solid leaves.
+        Of several parts it is the least; `inverted`: of the complement of the solid.
         """
         return math.inf if inverted != self.inside else self._breadth()
 
@@ -205,7 +205,7 @@ class Shape(Region):
         return False
 
     def bound(self, measure: Measure) -> tuple[Any, Any]:
-        """Bounds of a function in the solid, and in all that the solid leaves."""
+        """Bounds of a function in the solid, and in its complement."""
         covers = self.covers()
         solid = math.inf if covers is None else reduce(measure.join, map(measure.of, covers))
         return (math.inf, solid) if self.inside else (solid, math.inf)

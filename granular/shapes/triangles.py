@@ -1,4 +1,4 @@
-"""Exact distances from surfaces of triangles, and the thickness of what they enclose."""
+"""Exact distances from surfaces of triangles, and the thickness of the solids that they enclose."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ planes the radius that fits is their distance over 1 + CLEAR thereby.
 OPPOSITE = 0.01
 """Distance of the surface from the far end of a ball, in radii, up to which it touches there.
 
-In a wedge of the angle a it is 1 - cos a: walls are what tapers by less than 8 degrees.
+In a wedge of the angle a it is 1 - cos a: parts that taper by less than 8 degrees are walls.
 """
 LARGEST = 16
 """Balls of the largest radii, whose depth is measured without this."""
 BEYOND = 1.2
-"""Place in radii from which the other side of a wall is the nearest."""
+"""Position in radii from which the other side of a wall is the nearest."""
 OFF = 1e-6
-"""Distance from the surface, over its size, at which it is tested what is beside it."""
+"""Distance from the surface, over its size, at which its two sides are tested."""
 
 
 class Triangles:
@@ -79,10 +79,10 @@ class Triangles:
         return len(self._faces)
 
     def distance(self, x: Array) -> Array:
-        """Signed distance [m] of places (n, 3).
+        """Signed distance [m] of points (n, 3).
 
         It is that of the solid whose surface is nearest, and inside the greatest depth in a solid:
-        walls of one within another are none.
+        walls of one solid within another vanish.
         """
         places = np.ascontiguousarray(x - self.origin)
         distance = _core.mesh_distance(self._tree, places, self.closed) - self._half
@@ -93,13 +93,13 @@ class Triangles:
                     ((places[inside] >= low) & (places[inside] <= high)).all(axis=1)
                 )
                 if len(here):
-                    own = _core.mesh_distance(tree, places[inside[here]], True)
-                    depth[here] = np.maximum(depth[here], -own)
+                    signed = _core.mesh_distance(tree, places[inside[here]], True)
+                    depth[here] = np.maximum(depth[here], -signed)
             distance[inside] = np.where(depth > 0, -depth, distance[inside])
         return distance
 
     def winding(self, x: Array) -> Array:
-        """Number of times that the surface goes around places (n, 3)."""
+        """Number of times that the surface goes around points (n, 3)."""
         return _core.mesh_winding(self._tree, np.ascontiguousarray(x - self.origin))
 
     def points(self, count: int) -> tuple[Array, Array, NDArray[np.intp]]:
@@ -125,13 +125,13 @@ class Triangles:
     def overlaps(self, count: int) -> NDArray[np.bool_]:
         """True for solids of a closed surface that lie in others, or cross them or themselves.
 
-        It is seen at points of the surface.
+        It is tested at points of the surface.
         """
         at, normal, solid = self.points(count)
-        found = np.zeros(len(self._parts), dtype=bool)
+        mask = np.zeros(len(self._parts), dtype=bool)
         inner, outer = self._sides(at, normal)
-        found[solid[(abs(inner - 1) > 0.5) | (abs(outer) > 0.5)]] = True
-        return found
+        mask[solid[(abs(inner - 1) > 0.5) | (abs(outer) > 0.5)]] = True
+        return mask
 
     def clusters(self) -> list[NDArray[np.intp]]:
         """Solids in groups, whose boxes are apart from those of all others."""
@@ -142,14 +142,15 @@ class Triangles:
 
     def part(self, solids: NDArray[np.intp]) -> Triangles:
         """Return the surface of some of the solids."""
-        own = np.isin(self._solid, solids)
-        used, at = np.unique(self._faces[own], return_inverse=True)
+        mask = np.isin(self._solid, solids)
+        used, at = np.unique(self._faces[mask], return_inverse=True)
         faces = at.reshape(-1, 3).astype(np.int32)
-        label = np.unique(self._solid[own], return_inverse=True)[1].reshape(-1)
+        label = np.unique(self._solid[mask], return_inverse=True)[1].reshape(-1)
         return Triangles(self._vertices[used] + self.origin, faces, label, 2 * self._half)
 
     def sides(self, x: Array, radius: float) -> NDArray[np.int8]:
-        """Return -1 where all within a radius is inside, 1 where nothing is, 0 near triangles."""
+        """Return -1 where a ball of this radius is inside, 1 where it is outside, 0 near
+        triangles."""
         places = np.ascontiguousarray(x - self.origin)
         sides = np.zeros(len(x), dtype=np.int8)
         if not self.closed:
@@ -160,7 +161,7 @@ class Triangles:
         return sides
 
     def inside(self, x: Array) -> NDArray[np.bool_]:
-        """True for places (n, 3) in a solid."""
+        """True for points (n, 3) in a solid."""
         if self.closed:
             return self.winding(x) > 0.5
         places = np.ascontiguousarray(x - self.origin)
@@ -172,7 +173,7 @@ class Triangles:
         return along.min(axis=0) - self._half, along.max(axis=0) + self._half
 
     def moments(self) -> Moments:
-        """Moments of what a closed surface encloses, by the theorem of Gauss.
+        """Moments of the solid that a closed surface encloses, by the theorem of Gauss.
 
         They are sums over the tetrahedra of each triangle with the middle of the box.
         """
@@ -200,15 +201,15 @@ class Triangles:
             return 2 * self._half, 2 * self._half
         at, normal, solid = self.points(POINTS)
         inner, outer = self._sides(at, normal)
-        shown = (inner > 0.5) & (outer < 0.5)
+        is_surface = (inner > 0.5) & (outer < 0.5)
         radius, wall = np.zeros(POINTS), np.full(POINTS, np.inf)
         for s, (tree, _, _) in enumerate(self._parts):
-            here = np.flatnonzero(shown & (solid == s))
+            here = np.flatnonzero(is_surface & (solid == s))
             if len(here):
                 radius[here], wall[here] = self._touching(
                     tree, at[here] - self.origin, normal[here]
                 )
-        least = int(np.ceil(SHARE * max(shown.sum(), 1)))
+        least = int(np.ceil(SHARE * max(is_surface.sum(), 1)))
         best = np.argsort(radius)[-LARGEST:]
         depth = -self.distance(at[best] - radius[best, None] * normal[best])
         largest = max(2 * depth.max(), wall[np.isfinite(wall)].max(initial=0.0))

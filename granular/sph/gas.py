@@ -22,7 +22,7 @@ ERGUN = 150.0
 """Factor of the viscous part of Ergun's equation, k = e^3 d^2/(150 (1 - e)^2) (Ergun 1952)."""
 POSITIVE = ("pressure", "viscosity", "permeability", "grain_density")
 SOUND_SPEED = (1e-3, 1e6)
-"""Range of the speed of sound of a gas [m/s], far beyond any gas: its square is to be a number."""
+"""Range of the speed of sound of a gas [m/s], wide, but so that its square is finite."""
 RANGES = {
     "sound_speed": SOUND_SPEED,
     "darcy_porosity": (0.05, 0.95),
@@ -39,7 +39,7 @@ WIDEST_SPACING = 1.0
 class Jet:
     """A box in which gas is driven: gas particles have this velocity while they are in it.
 
-    The momentum that the drive gives to the gas is not taken from anything else.
+    The momentum that the jet adds to the gas is not balanced by a reaction on other parts.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class Jet:
         Velocity of the gas in it [m/s]; not 0 with a `density`.
     density : float or None
         Density of gas that enters at the upstream end of the box with this velocity [kg/m3], as by
-        a driven `granular.Inflow`; None if nothing enters: the jet then draws gas from its sides.
+        a driven `granular.Inflow`; None for no inflow; the jet then draws gas from its sides.
     {raises}.
     """
 
@@ -72,18 +72,18 @@ class Gas:
     """An ideal isothermal gas, p = c^2 rho, with drag by the grains.
 
     With e the porosity, 1 - (bulk density of the grains)/`grain_density`, the balances of both
-    phases are those of Anderson and Jackson (1967) with a common pressure,
+    phases are as in Anderson and Jackson (1967) with a common pressure,
 
         (1 - e) rho_s D v_s = div sigma - (1 - e) grad p + (1 - e) rho_s g + B (v_g - v_s)
               e rho_g D v_g =           -      e grad p +       e rho_g g - B (v_g - v_s),
 
     with sigma the effective stress of the grains as without gas, and rho_s = `grain_density`; the
-    gas particles carry e rho_g. Up to the porosity `darcy_porosity` the drag is that of Darcy,
-    B = e^2 eta/k, and beyond a range `blend` above it that of Wen and Yu (1966),
-    B = (3/4) C_D e (1 - e) rho_g |v_g - v_s|/d e^-2.65 with C_D = 24/Re (1 + 0.15 Re^0.687), 0.44
-    from Re = 1000 on, and Re = e rho_g |v_g - v_s| d/eta; in between there is a cubic blend. The
-    thesis names both regimes and the switch, but gives no equation. Viscous stresses in the free
-    gas are left out: at the spacings of a scene they are far below the artificial ones.
+    gas particles carry e rho_g. Up to the porosity `darcy_porosity` the drag follows Darcy, B = e^2
+    eta/k, and beyond a range `blend` above it Wen and Yu (1966), B = (3/4) C_D e (1 - e) rho_g |v_g
+    - v_s|/d e^-2.65 with C_D = 24/Re (1 + 0.15 Re^0.687), 0.44 from Re = 1000 on, and Re = e rho_g
+    |v_g - v_s| d/eta; in between there is a cubic blend. The thesis names both regimes and the
+    switch, but gives no equation. Viscous stresses in the free gas are left out: at the spacings of
+    a scene they are far below the artificial ones.
 
     Parameters
     ----------
@@ -102,9 +102,9 @@ class Gas:
     grain_density : float
         Density of the solid of the grains [kg/m3], above rho0 of the material.
     darcy_porosity : float
-        Porosity up to which the drag is that of Darcy, 0.05 to 0.95; the thesis takes 0.38.
+        Porosity up to which the drag follows Darcy's law, 0.05 to 0.95; the thesis takes 0.38.
     blend : float
-        Range of porosity in which the drag changes to that of Wen and Yu, 1e-6 to 0.5.
+        Range of porosity in which the drag changes to Wen and Yu's, 1e-6 to 0.5.
     diameter : float or None
         Diameter of a grain [m], > 0; None for the diameter that gives this permeability at rho0 by
         Ergun's equation.

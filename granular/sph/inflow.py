@@ -1,4 +1,4 @@
-"""Inflows of SPH: what does not fit their scene, and their inlets in the core."""
+"""Inflows of SPH: the checks against their scene, and their inlets in the core."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def _check_free(scene: Scene, i: int, name: str) -> None:
 
 @dataclass(frozen=True)
 class Inlets:
-    """Inlets of an engine: those of the inflows of a scene, then those of the gas.
+    """Inlets of an engine: first the inflows of a scene, then those of the gas.
 
     Attributes
     ----------
@@ -90,7 +90,7 @@ class Inlets:
 
     @classmethod
     def add(cls, engine: _core.Sph, scene: Scene) -> Inlets:
-        """Let the inflows of a scene enter, and the gas of its jets."""
+        """Add the particles of the inflows of a scene and the gas of its jets."""
         masses = []
         for i, inflow in enumerate(scene.inflows):
             x = inlet_points(scene, i).x
@@ -108,11 +108,11 @@ class Inlets:
 
     def entered(self, engine: _core.Sph) -> list[int]:
         """Number of particles that have entered by each inlet."""
-        states, found = engine.inflow()[1:], []
+        states, counts = engine.inflow()[1:], []
         for mass in self.masses:
-            found.append(int(states[0]))
+            counts.append(int(states[0]))
             states = states[2 + 2 * len(mass) :]
-        return found
+        return counts
 
     def gas_entered(self, engine: _core.Sph) -> int:
         """Number of particles of gas that have entered."""
@@ -120,7 +120,7 @@ class Inlets:
 
     def accounts(self, engine: _core.Sph) -> tuple[InflowState, ...]:
         """Accounts of the inflows of the scene."""
-        scene, found = self.scene, []
+        scene, accounts = self.scene, []
         loads, entered = engine.inlet_loads(), self.entered(engine)
         gravity = np.array(scene.gravity.vectors[-1])
         for i, inflow in enumerate(scene.inflows):
@@ -128,7 +128,7 @@ class Inlets:
             x = inlet_points(scene, i).x
             below = (np.array(scene.grid.lower) - x) @ gravity  # energy of 1 kg at each site
             of_site = count // len(x) + (np.arange(len(x)) < count % len(x))
-            found.append(
+            accounts.append(
                 InflowState(
                     points=count,
                     missed=0,
@@ -140,7 +140,7 @@ class Inlets:
                     work=float(loads[i, 6]),
                 )
             )
-        return tuple(found)
+        return tuple(accounts)
 
 
 def _add(

@@ -21,12 +21,12 @@ fast as sound."""
 
 
 def known_failures(scene: Scene) -> list[str]:
-    """List what is known to fail without an error, one sentence each."""
+    """List known failures that raise no error, one sentence each."""
     return _without_walls(scene) + _fast(scene)
 
 
 def _without_walls(scene: Scene) -> list[str]:
-    """Particles that nothing stops: an inflow is a reservoir of its own, and a gas bears others."""
+    """Warn of scenes without walls. An inflow is a reservoir, and a gas carries the particles."""
     pull = np.abs(scene.gravity.vectors).max(axis=0)
     falls = pull.any() and not scene.grid.periodic[int(pull.argmax())]
     if scene.walls or scene.gas or scene.inflows or not falls:
@@ -65,7 +65,7 @@ REMEDIES = MappingProxyType(
         "density_drift": _STIFFER,
         "mach": _STIFFER,
         "compression": _STIFFER,
-        "dilution": "look at what makes particles fly apart",
+        "dilution": "find the cause of particles that fly apart",
         "courant": "take a smaller cfl, or no fixed dt",
     }
 )
@@ -76,7 +76,7 @@ The limit of `disconnected` was measured with MPM alone.
 
 
 def indicators(scene: Scene) -> tuple[Row, ...]:
-    """Indicators of a scene. The energy is not accounted for: walls give and take some."""
+    """Indicators of a scene, without an energy balance, as walls exchange energy."""
     rows = common(scene, remedies(scene))
     return (*(row for row in rows if row.name != "energy_created"), STOPPED)
 
@@ -84,8 +84,8 @@ def indicators(scene: Scene) -> tuple[Row, ...]:
 def remedies(scene: Scene) -> Mapping[str, str]:
     """Remedies for indicators beyond their limits; those without one have no limit.
 
-    A stream that falls freely leaves cells of one particle empty, and its density would seem to
-    have drifted by a fifth.
+    Without a limit of the density: a stream in free fall leaves cells of one particle empty, so
+    that its density would appear to have drifted by a fifth.
     """
     if not scene.inflows:
         return REMEDIES

@@ -13,9 +13,6 @@ from granular.materials import MuI
 from granular.tools.checks import check_fields, in_range, non_negative, positive
 from granular.tools.notebook import table
 
-LARGEST_DILATION = 0.5
-"""Largest rate of dilation in the thesis (section 5.2.3)."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Viscoplastic:
@@ -41,7 +38,7 @@ class Viscoplastic:
         Stiffness [Pa], > 0; the bulk modulus at rho0 is 1.5 kappa. It must be large compared to the
         pressure. The thesis takes a low value, so that the time steps are long.
     nu : float
-        Poisson's ratio of material that does not flow, 0 to 0.5. The thesis defines no stress at
+        Poisson's ratio of material at rest, 0 to 0.5. The thesis defines no stress at
         |D| = 0. Here the shear stress below the strength is that of a spring with the shear modulus
         `shear_modulus`, in addition to the largest viscosity of `Numerics.regularisation`, so that
         slopes below the friction angle stand. With 0.5 there is no spring, and they creep.

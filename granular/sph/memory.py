@@ -18,7 +18,7 @@ _WITH_GAS = 1.3
 
 
 def size(scene: Scene) -> tuple[int, float]:
-    """Number of particles at the end, without those of walls, and the memory needed [bytes]."""
+    """Number of particles at the end, without walls, and the memory needed [bytes]."""
     gas = () if scene.gas is None else scene.gas.fills
     counts = [estimated_points(scene.grid, fill, even=True) for fill in (*scene.fills, *gas)]
     points = sum(counts) + sum(entering(scene, fed_by(scene)))

@@ -1,4 +1,4 @@
-"""Parameters of the SPH discretisation: choices of chapter 5 of Hurley's thesis, and our own."""
+"""Parameters of the SPH discretisation, in part those of chapter 5 of Hurley's thesis."""
 
 from __future__ import annotations
 

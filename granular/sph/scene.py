@@ -174,13 +174,13 @@ class Scene(BaseScene):
 
     def gas_inflows(self) -> list[tuple[Inflow, float]]:
         """Inflows of the gas, and the masses of the particles that enter by them [kg]."""
-        found = []
+        inflows = []
         for inflow in {} if self.gas is None else self.gas.inflows().values():
             spacing = self.grid.cell / inflow.points_per_axis
             weight = seeding_weight(self.dim, self.h / spacing)
             density = inflow.density_in(self.grid, math.inf)
-            found.append((inflow, density * spacing**self.dim / weight))
-        return found
+            inflows.append((inflow, density * spacing**self.dim / weight))
+        return inflows
 
     def _seeding(self) -> dict[str, Any]:
         return {"even": True}

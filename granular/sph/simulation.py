@@ -33,7 +33,7 @@ OF_NUMERICS = ("regularisation", "z_max", "cfl")
 """Parameters that the core takes as they are, by their names."""
 
 LEAST_SPARE = 256
-"""Rows for particles that enter, beyond a quarter of those that there are."""
+"""Rows for particles that enter, in addition to a quarter of the present number."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class _Rows:
     def of(cls, grains: int, walls: int, gas: int | None = None, *, grows: bool = False) -> Self:
         """Rows for given numbers of particles; `gas` is None if there is no gas.
 
-        If they grow there are spare rows for particles that enter.
+        If the number grows, there are spare rows for particles that enter.
         """
         spare = LEAST_SPARE + max(grains, gas or 0) // 4 if grows else 0
         wall_first = (-(-(grains + spare) // _core.LANES) + 1) * _core.LANES
@@ -60,7 +60,7 @@ class _Rows:
         gas_first = wall_first + walls + _core.LANES
         return cls(grains, wall_first, walls, gas_first, gas, spare)
 
-    def places(self) -> NDArray[np.int64]:
+    def slots(self) -> NDArray[np.int64]:
         """Rows of all particles."""
         firsts = ((0, self.grains), (self.wall_first, self.walls), (self.gas_first, self.gas))
         return np.concatenate([np.arange(first, first + n) for first, n in firsts])
@@ -173,15 +173,15 @@ class Simulation(simulation.Simulation, scenes=Scene):
         """
         scalars = self._engine.scalars()
         names = ("rebuilds", "dropped", "dropped_mass", "stopped", "gas_dropped")
-        found = {name: scalars[name] for name in names}
-        return found | {"gas_entered": self._inlets.gas_entered(self._engine)}
+        counts = {name: scalars[name] for name in names}
+        return counts | {"gas_entered": self._inlets.gas_entered(self._engine)}
 
     @property
     def inflows(self) -> tuple[InflowState, ...]:
-        """Account of each inflow of the scene, in their order: what has entered.
+        """Mass, momentum and energy that have entered by each inflow of the scene, in their order.
 
-        The impulse and the work are those of its region on the particles in it; the momentum of
-        the others changes by what is left when those that have entered are accounted for.
+        The impulse and the work are those of its region on the particles in it; the rest of the
+        change of momentum is that of the other particles.
         """
         return self._inlets.accounts(self._engine)
 
@@ -192,7 +192,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
     def buffers(self) -> dict[str, NDArray]:
         """Arrays on which the core works, not copied: {field: (component, capacity)} and "id".
 
-        Particles are sorted by cell, those of the material first, then those of walls. Spare places
+        Particles are sorted by cell, those of the material first, then those of walls. Spare slots
         have the id -1.
         """
         return dict(self._buffers)
@@ -202,7 +202,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         """A snapshot of the particles of the present walls, ordered by id."""
         self._evaluate()
         first, scalars = self._rows.wall_first, self._engine.scalars()
-        return self._state_of(self._shown(slice(first, first + int(scalars["n_walls"]))))
+        return self._state_of(self._fields_of(slice(first, first + int(scalars["n_walls"]))))
 
     @property
     def gas(self) -> GasState:
@@ -213,10 +213,10 @@ class Simulation(simulation.Simulation, scenes=Scene):
         AttributeError
             If the scene has no gas.
         """
-        found = self._extra_state()
-        if "gas" not in found:
+        extra = self._extra_state()
+        if "gas" not in extra:
             raise AttributeError(f"the scene {self.scene.name} has no gas")
-        return found["gas"]
+        return extra["gas"]
 
     def _extra_state(self) -> dict[str, GasState]:
         if self.scene.gas is None:
@@ -229,9 +229,9 @@ class Simulation(simulation.Simulation, scenes=Scene):
         fields["pressure"] = np.ascontiguousarray(-fields.pop("stress")[:, 0])
         return {"gas": GasState(time=self.time, **fields)}
 
-    def _fields(self, kept: bool) -> dict[str, NDArray]:
+    def _fields(self, recorded: bool) -> dict[str, NDArray]:
         self._evaluate()
-        fields = self._shown(slice(0, self.n_points))
+        fields = self._fields_of(slice(0, self.n_points))
         grid = self.scene.grid
         inside = ((fields["x"] >= grid.lower) & (fields["x"] <= grid.upper)).all(axis=1)
         if inside.all():
@@ -258,7 +258,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
             x -= length * np.floor((x - grid.lower[axis]) / length)
         return fields
 
-    def _shown(self, rows: slice) -> dict[str, NDArray]:
+    def _fields_of(self, rows: slice) -> dict[str, NDArray]:
         fields = self._ordered(rows, SHOWN)
         fields["log_density"] = np.log(fields.pop("rho") / self.scene.material.rho_c)
         return fields
@@ -283,21 +283,21 @@ class Simulation(simulation.Simulation, scenes=Scene):
         )
         larger = allocate(self._engine, rows.capacity)
         for name, array in self._buffers.items():
-            larger[name][..., rows.places()] = array.take(now.places(), axis=-1)
+            larger[name][..., rows.slots()] = array.take(now.slots(), axis=-1)
         self._buffers = larger
         self._bind(rows, fresh=False)
 
     # ---- restart ----
 
     def _present(self) -> _Rows:
-        """Rows of the particles that there are now."""
+        """Rows of the present particles."""
         scalars = self._engine.scalars()
         counts = {"grains": "n_points", "walls": "n_walls", "gas": "n_gas"}
         return replace(self._rows, **{name: int(scalars[n]) for name, n in counts.items()})
 
     def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
-        places = self._present().places()
-        arrays = {name: rows.take(places, axis=-1) for name, rows in self._buffers.items()}
+        slots = self._present().slots()
+        arrays = {name: rows.take(slots, axis=-1) for name, rows in self._buffers.items()}
         if self._inlets:
             arrays |= {"inflow": self._engine.inflow(), "inlet_loads": self._engine.inlet_loads()}
         return self._engine.scalars(), arrays
@@ -319,7 +319,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         has_gas = None if scene.gas is None else gas
         rows = _Rows.of(n, total - n - gas, has_gas, grows=bool(self._inlets))
         self._buffers = allocate(self._engine, rows.capacity)
-        fill(self._buffers, checkpoint.arrays, rows.places())
+        fill(self._buffers, checkpoint.arrays, rows.slots())
         # Before the first step the density of all and the mass of the gas are not known yet.
         least = LEAST if checkpoint.scalars.get("started") else 0.0
         for name, low, high in (("rho", least, LARGEST), ("porosity", 0.0, 1.0)):

@@ -46,7 +46,7 @@ class ParticleWall(Boundary):
         Extent along each *other* axis in their order [m], on grid lines, which may lie beyond the
         ends of the grid. None for the whole grid and, along axes that are not periodic, the
         thickness of the layers beyond it, so that walls meet at corners. Of several particles at
-        the same position only that of the first wall is kept.
+        the same position only the one of the first wall remains.
     velocity : tuple of float, length dim, or None
         Velocity of the wall [m/s]; None for rest. A gate that lifts moves along its own plane.
     moves_from : float
@@ -119,7 +119,7 @@ class ParticleWall(Boundary):
         return sites
 
     def sites(self, name: str, grid: Grid) -> list[tuple[int, int]]:
-        """Those of `lines` that ever are near the grid, and the only ones that get a particle.
+        """Sites among `lines` that are near the grid at some time; the others get no particle.
 
         That is within three times the thickness of the layers, which is not below the reach of the
         kernel: the density of the particles within its reach is a sum over sums over their own
@@ -171,7 +171,7 @@ def wall_points(grid: Grid, walls: Sequence[ParticleWall]) -> dict[str, NDArray[
     """Wall particles: x, v and normal (n, dim), depth below the surface [m], porosity for a gas,
     number of the wall.
 
-    Of several particles at the same position only that of the first wall is kept.
+    Of several particles at the same position only the one of the first wall remains.
     """
     dim = grid.dim
     names = ("site", "v", "normal", "depth", "porosity", "wall")

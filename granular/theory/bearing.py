@@ -1,7 +1,7 @@
 """Bearing capacity of a strip footing on cohesionless ground, by limit analysis in plane strain.
 
-The mean pressure at collapse is ``N_q q + N_gamma rho g B/2``, with the surcharge q beside the
-footing and its width B; each coefficient is that of the other load alone.
+The mean pressure at collapse is ``N_q q + N_gamma rho g B/2``, with the surcharge q next to the
+footing and its width B; each coefficient is computed without the other load.
 """
 
 from __future__ import annotations
@@ -43,10 +43,10 @@ def bearing_capacity(phi_deg: float) -> BearingCapacity:
 
     ``N_q = exp(pi tan(phi)) tan(45 deg + phi/2)^2`` (Prandtl 1921, Reissner 1924). Under a smooth
     footing without a surcharge the stress is self-similar around the edge, as Hill's mechanism has
-    two halves that do not feel each other: the mean stress is ``rho g r S(t)``, and equilibrium at
-    yield is an ordinary differential equation for S and for the direction of the principal stress
-    over the angle t (Sokolovskii 1965, Statics of Granular Media). It is integrated from the
-    footing to the passive wedge beside it, and the pressure is that which arrives there.
+    two independent halves: the mean stress is ``rho g r S(t)``, and equilibrium at yield is an
+    ordinary differential equation for S and for the direction of the principal stress over the
+    angle t (Sokolovskii 1965, Statics of Granular Media). It is integrated from the footing to the
+    passive wedge next to it, where the pressure is obtained.
 
     Parameters
     ----------
@@ -59,13 +59,13 @@ def bearing_capacity(phi_deg: float) -> BearingCapacity:
     N_q = math.exp(math.pi * math.tan(phi)) * passive
     # N_gamma is 0.76 to 0.89 times this; far above it the fan has no such end.
     guess = (N_q - 1.0) * math.tan(phi)
-    found = scipy.optimize.brentq(
+    root = scipy.optimize.brentq(
         lambda N: _end_of_fan(phi, N) - (0.25 * math.pi - 0.5 * phi),
         0.5 * guess,
         1.05 * guess,
         rtol=1e-7,
     )
-    return BearingCapacity(surcharge=N_q, smooth_self_weight=found)
+    return BearingCapacity(surcharge=N_q, smooth_self_weight=root)
 
 
 def _end_of_fan(phi: float, N_gamma: float) -> float:

@@ -1,8 +1,8 @@
 """Flow of a layer down a rough incline by the nonlocal law: one equation over the depth.
 
-The equation is that of nonlocal granular fluidity (Dunatunga & Kamrin, "Modeling silo clogging with
-nonlocal granular rheology", eqs 2.1 and 2.2), with the stress in a layer on a slope of angle t,
-mu = tan t and p = rho_c g cos t z:
+The equation is the one of nonlocal granular fluidity (Dunatunga & Kamrin, "Modeling silo clogging
+with nonlocal granular rheology", eqs 2.1 and 2.2), with the stress in a layer on a slope of angle
+t, mu = tan t and p = rho_c g cos t z:
 
     t0 dg/dt = A^2 d^2 d2g/dz2 + lambda g - b sqrt(rho_s d^2/p) mu g^2,    dv/dy = g mu,
 
@@ -159,7 +159,7 @@ def _layers(
 ) -> tuple[Layer, Layer]:
     """Return the layer, and one of half as many cells for the estimate of the error."""
     if integer("cells", cells, 8, 100_000) % 2:
-        raise ValueError(f"cells = {cells} must be even: the error is found with half of them")
+        raise ValueError(f"cells = {cells} must be even: the error is estimated with half of them")
     fine, half = (Layer(angle_deg, height, material, gravity, n) for n in (cells, cells // 2))
     return fine, half
 
@@ -253,7 +253,9 @@ class Layer:
             u = u - change
             if np.max(np.abs(change)) <= 1e-12 * np.max(u):
                 return u
-        raise RuntimeError(f"no steady flow found in 100 iterations, last change {change}")
+        raise RuntimeError(
+            f"no convergence to a steady flow in 100 iterations, last change {change}"
+        )
 
     def start(self, g0: float | Callable[[Array], ArrayLike]) -> Array:
         """Initial u from a fluidity `g0` as in `chute_transient`."""
@@ -279,7 +281,7 @@ class Layer:
                 )
             )
 
-        found = scipy.integrate.solve_ivp(
+        solution = scipy.integrate.solve_ivp(
             lambda _, u: self.rate(u) / self.t0,
             (0.0, stops[-1]),
             u,
@@ -289,9 +291,9 @@ class Layer:
             rtol=rtol,
             atol=1e-9 * rtol * scale,
         )
-        if not found.success:
-            raise RuntimeError(f"no solution up to t = {stops[-1]} s: {found.message}")
-        return found.y.T[where[:-1]]
+        if not solution.success:
+            raise RuntimeError(f"no solution up to t = {stops[-1]} s: {solution.message}")
+        return solution.y.T[where[:-1]]
 
     def velocity(self, u: Array) -> Array:
         """Velocity at the faces [m/s], shape (..., cells + 1)."""

@@ -1,8 +1,8 @@
 """Strength of cohesive laws that do not dilate: of Mohr and Coulomb, and of a vertical cliff.
 
 The laws bound the shear stress by ``tau <= c + mu p`` with tau = sqrt(s:s/2), and their plastic
-flow keeps the volume. In plane strain Mohr's circle then has the centre p and the radius c + mu p
-(`granular.theory.earth_pressure`). Where stress and strain rate are coaxial, that is the law of
+flow preserves the volume. In plane strain Mohr's circle then has the centre p and the radius c + mu
+p (`granular.theory.earth_pressure`). Where stress and strain rate are coaxial, that is the law of
 Mohr and Coulomb with
 
     sin(phi) = mu,  cohesion c/cos(phi);
@@ -17,8 +17,8 @@ A vertical cliff of the height H slides on a plane from its toe if
 
 c_0 being the cohesion on the plane (Drucker & Prager 1952, Q. Appl. Math. 10, 157-165). This is an
 upper bound by one mechanism; a curved surface lowers the factor from 4 to 3.83. A stress field in
-equilibrium proves that a cliff of half the height stands, and that is the height of a cliff whose
-material bears no tension. The theorems are for flow that dilates by the friction angle. Flow
+equilibrium proves that a cliff of half the height is stable, and that is the height of a cliff
+whose material bears no tension. The theorems are for flow that dilates by the friction angle. Flow
 without dilation has no more strength than that with phi on the circle, and in bands that with the
 lower angle.
 """

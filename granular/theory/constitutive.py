@@ -130,7 +130,7 @@ def plastic_shear_rate(p: ArrayLike, tau: ArrayLike, material: MuI) -> Array:
 def elastic_stress_rate(stress: Array, gradient: Array, material: MuI) -> Array:
     """Time derivative of the stress without plastic flow, ``W sigma - sigma W + C:D``.
 
-    The arguments are those of `stress_rate` (eqs 2.8, 2.9).
+    The arguments are as of `stress_rate` (eqs 2.8, 2.9).
     """
     sxx, syy, _, sxy = stress
     dxx, dyy = gradient[0, 0], gradient[1, 1]
@@ -276,8 +276,8 @@ def _time_arrays(times: ArrayLike, breakpoints: Sequence[float]) -> tuple[Array,
         raise ValueError(f"times = {times} must not begin before breakpoints[0] = {ends[0]}")
     if not ends[0] < times[-1] < math.inf:
         raise ValueError(f"times = {times} must end after breakpoints[0] = {ends[0]}")
-    kept = ends[ends < times[-1]]
-    return times, np.append(kept, times[-1])
+    inner = ends[ends < times[-1]]
+    return times, np.append(inner, times[-1])
 
 
 def _start(material: MuI, p0: float, log_density0: float | None) -> float:
@@ -328,7 +328,7 @@ class _DensityHistory:
 
     def crossings(self, level: float) -> list[float]:
         """Times at which ln(rho/rho_c) passes through a level, in order."""
-        found = []
+        roots = []
         for part in self._parts:
 
             def above(t: float, part: Any = part) -> float:
@@ -337,8 +337,8 @@ class _DensityHistory:
             # The steps are short (1/16 of a smooth piece); a root is searched for in each.
             side = part.y[0] > level
             for k in np.flatnonzero(side[1:] != side[:-1]):
-                found.append(scipy.optimize.brentq(above, part.t[k], part.t[k + 1], xtol=1e-15))
-        return found
+                roots.append(scipy.optimize.brentq(above, part.t[k], part.t[k + 1], xtol=1e-15))
+        return roots
 
     def events(self) -> tuple[Event, ...]:
         """Times at which the density passes through rho_c, and the kind of each passage."""

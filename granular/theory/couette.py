@@ -107,8 +107,8 @@ def couette_quasi_static(
     In x = -ln r the equation is g'' + Q g = 0 with Q = lambda r^2/(A d)^2. It is integrated from
     the outer cylinder inwards, the direction in which g grows. The unknowns are Pruefer's angle a
     and the logarithm of q, where g = q sin(a) and g' = q cos(a), so that no digit of the tail is
-    lost however far it falls. The angle at the inner cylinder grows with mu_w; the solution is the
-    least mu_w for which it is pi (rough) or pi/2 (smooth).
+    lost, however small it becomes. The angle at the inner cylinder grows with mu_w; the solution is
+    the least mu_w for which it is pi (rough) or pi/2 (smooth).
 
     Parameters
     ----------
@@ -148,14 +148,14 @@ def couette_flow(
     """Flow at any rate, by finite differences of second order in 1/`points`.
 
     For each mu_w Newton's method converges from above to the only positive g. The angular velocity
-    grows with mu_w, which is found by a search for the given rate.
+    grows with mu_w, which is determined by a search for the given rate.
 
     Parameters
     ----------
     inner, outer, walls
         As in `couette_quasi_static`.
     points : int
-        Number of radii, odd, because the error is found with every other one, 101 to 100 001.
+        Number of radii, odd, because the error is estimated with every other one, 101 to 100 001.
     material : NGF
         As in `couette_quasi_static`, with ``rho_s`` and ``b`` in addition.
     rate : float
@@ -167,7 +167,9 @@ def couette_flow(
         If there is no solution with mu_w below mu_2.
     """
     if integer("points", points, *POINTS) % 2 == 0:
-        raise ValueError(f"points = {points} must be odd: the error is found with every other one")
+        raise ValueError(
+            f"points = {points} must be odd: the error is estimated with every other one"
+        )
     pressure, rate = positive("pressure", pressure), positive("rate", rate)
     fine = _Gap(inner, outer, material, walls, points).driven(rate, pressure)
     rough = _Gap(inner, outer, material, walls, (points + 1) // 2).driven(rate, pressure)
@@ -221,12 +223,12 @@ class _Gap:
         stops = end - self.x[::-1] if everywhere else [0.0, end]
         # The interpolation between steps is of lower order than the steps.
         longest = end / 400 if everywhere else math.inf
-        found = scipy.integrate.solve_ivp(
+        solution = scipy.integrate.solve_ivp(
             rates, (0.0, end), start, "DOP853", stops, rtol=rtol, atol=1e-14, max_step=longest
         )
-        if not found.success:
-            raise RuntimeError(f"no fluidity found for mu_wall = {mu_wall}: {found.message}")
-        return tuple(found.y[:, ::-1])
+        if not solution.success:
+            raise RuntimeError(f"no fluidity for mu_wall = {mu_wall}: {solution.message}")
+        return tuple(solution.y[:, ::-1])
 
     def friction(self, u: float) -> float:
         """Friction coefficient as a function of u: from mu_s at u = 0 to its limit at infinity."""
@@ -309,7 +311,7 @@ class _Gap:
             done = np.max(np.abs(change)) <= 1e-11 * np.max(g)
             if done or self.turn(g, mu_wall)[0] < 1e-3 * rate:
                 return g
-        raise RuntimeError(f"no flow found in 200 iterations for mu_wall = {mu_wall}")
+        raise RuntimeError(f"no convergence in 200 iterations for mu_wall = {mu_wall}")
 
     def flow(self, g: Array, omega: Array, mu_wall: float, error: float) -> CouetteFlow:
         mu = mu_wall * self.share

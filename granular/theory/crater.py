@@ -1,4 +1,4 @@
-"""Depth of the crater that a ball makes which falls on a bed at low speed.
+"""Depth of the crater of a ball that falls on a bed at low speed.
 
 An empirical law: J. S. Uehara, M. A. Ambroso, R. P. Ojha & D. J. Durian, Phys. Rev. Lett. 90,
 194301 (2003).
@@ -14,7 +14,7 @@ from granular.tools.checks import positive
 
 
 def crater_depth(drop: ArrayLike, D: float, mu: float, density_ratio: float) -> Array:
-    """Depth to which a ball goes that falls on a bed of dry grains (Uehara et al. 2003).
+    """Depth that a ball reaches when it falls on a bed of dry grains (Uehara et al. 2003).
 
     ``d = 0.14/mu sqrt(rho_b/rho_g) D^(2/3) H^(1/3)`` with the total distance H of the fall from the
     release to rest. As H = drop + d, the depth is the positive root of a cubic equation. The law
@@ -23,7 +23,7 @@ def crater_depth(drop: ArrayLike, D: float, mu: float, density_ratio: float) -> 
     Parameters
     ----------
     drop : array_like
-        Height of the lowest place of the ball above the bed when it is released [m], >= 0.
+        Height of the lowest point of the ball above the bed when it is released [m], >= 0.
     D : float
         Diameter of the ball [m].
     mu : float
@@ -34,7 +34,7 @@ def crater_depth(drop: ArrayLike, D: float, mu: float, density_ratio: float) -> 
     Returns
     -------
     ndarray
-        Depth d of the lowest place of the ball below the initial surface [m], of the shape of
+        Depth d of the lowest point of the ball below the initial surface [m], of the shape of
         `drop`.
     {raises}.
     """

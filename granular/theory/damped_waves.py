@@ -1,11 +1,12 @@
-"""Waves in a solid of Kelvin and Voigt: viscous stress of T times the elastic rate."""
+"""Waves with elastic damping, in a solid of Kelvin and Voigt: viscous stress of T times the elastic
+rate."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from granular.tools.checks import non_negative, positive
 
@@ -24,7 +25,7 @@ def wave_decay(*, wavenumber: float, wave_speed: float, damping_time: float) -> 
     wavenumber : float
         Wavenumber k [1/m], > 0.
     wave_speed : float
-        Speed c of waves without damping [m/s], > 0.
+        Speed c of waves without elastic damping [m/s], > 0.
     damping_time : float
         Ratio T of the viscosities to the moduli [s], >= 0 (`Material.damping_time`).
 
@@ -46,15 +47,15 @@ def bar_restitution(*, length: float, wave_speed: float, damping_time: float) ->
 
     Until it leaves the wall, its modes sin(k x) with k = (n + 1/2) pi/L obey the equation of
     `wave_decay`. It leaves when the stress at the wall, elastic and viscous, has fallen to zero.
-    The coefficient is the mean velocity then over that of the impact. It depends on T c/L only:
-    what is left of the energy is in vibrations, or was dissipated.
+    The coefficient is the mean velocity then over that of the impact. It depends on T c/L only: the
+    rest of the energy is in vibrations, or was dissipated.
 
     Parameters
     ----------
     length : float
         Length L of the bar [m], > 0.
     wave_speed : float
-        Speed c of waves without damping [m/s], > 0.
+        Speed c of waves without elastic damping [m/s], > 0.
     damping_time : float
         Ratio T of the viscosities to the moduli [s] (`Material.damping_time`), at least 0.001 L/c,
         below which the series converges slowly, and at most L/c.
@@ -82,7 +83,7 @@ def bar_restitution(*, length: float, wave_speed: float, damping_time: float) ->
     # Undamped, the tension arrives at t = 2; damped contacts last a little longer.
     times = np.linspace(1.0, 6.0, 501)
     begin = next(t for t in times if stress(t) < 0.0 <= stress(t + 0.01))
-    end = brentq(stress, begin, begin + 0.01, xtol=1e-12)
+    end = scipy.optimize.brentq(stress, begin, begin + 0.01, xtol=1e-12)
     return float(np.sum(-2.0 / k**2 * _impulse_response(slow, fast, end)[1]))
 
 

@@ -1,7 +1,7 @@
 """Friction angles of laws that do not dilate, and Rankine's pressure on a smooth wall with each.
 
 The laws bound the shear stress by the pressure, tau <= mu p with tau = sqrt(s:s/2), and their
-plastic flow keeps the volume. In plane strain the flow then has no deviatoric stress out of the
+plastic flow preserves the volume. In plane strain the flow then has no deviatoric stress out of the
 plane, so that Mohr's circle has the centre p and the radius mu p. Two angles follow:
 
 - Where stress and strain rate are coaxial and the strain is uniform, the ratio of the principal
@@ -28,7 +28,7 @@ from granular.tools.checks import in_range
 class EarthPressure:
     """Friction angles of a law without dilation, and coefficients of earth pressure with them.
 
-    A coefficient is the ratio of the horizontal to the vertical stress in level ground beside a
+    A coefficient is the ratio of the horizontal to the vertical stress in level ground next to a
     smooth upright wall (Rankine): tan(45 deg + phi/2)^2 if the wall is pushed into the ground
     (passive), and the inverse if it gives way (active).
 
@@ -39,9 +39,9 @@ class EarthPressure:
     triaxial_deg : float
         Friction angle of triaxial compression [deg], where the larger principal stress is along the
         axis: ``sin(phi) = 3 mu/(2 sqrt(3) + mu)``, as tau = (s1 - s3)/sqrt(3) there. It is less
-        than the others: what falls as a tall cylinder has less friction than in plane strain.
+        than the others: the friction is lower in a tall falling cylinder than in plane strain.
     passive_coaxial, passive_band : float
-        Passive coefficients with these angles. A smooth wall that is pushed feels a force between
+        Passive coefficients with these angles. The force on a smooth wall that is pushed is between
         them: bands form in the ground, but the flow is not in bands alone.
     active_coaxial, active_band : float
         Active coefficients.

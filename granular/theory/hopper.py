@@ -70,9 +70,9 @@ def hourglass_rate(
 
         s' - (dim - 1) (K - 1) s/r = (dim - 1) rho A^2/r^(2 dim - 1) - rho g,
 
-    s = sigma_rr = 0 at r_0 and r_1 determines A; r_1 is that of the mass left. As the angle tends
-    to 0 the solution is exact, but for the slow fall of the surface. Here g is the mean of its
-    radial component over the arc, which is right to the second order in the angle. K is that of
+    s = sigma_rr = 0 at r_0 and r_1 determines A; r_1 follows from the remaining mass. As the angle
+    tends to 0 the solution is exact, except for the slow fall of the surface. Here g is the mean of
+    its radial component over the arc, which is right to the second order in the angle. K is that of
     flow without dilation at tau = mu p: (1 + mu)/(1 - mu) in 2D, where it is radial and coaxial,
     and (1 + mu/sqrt 3)/(1 - 2 mu/sqrt 3) in 3D.
 

@@ -1,17 +1,17 @@
 """Pressure of a granular gas from kinetic theory, which the law neglects below rho_c.
 
-The formulas are those of appendix A of Dunatunga & Kamrin 2015, after Jenkins & Berzi (2012) and da
+The formulas are from appendix A of Dunatunga & Kamrin 2015, after Jenkins & Berzi (2012) and da
 Cruz et al. (2005). The disconnected state is stress-free; these estimates, taken at a packing
-fraction close to ``Phi_c = rho_c/rho_s``, tell how large the neglected stress is.
+fraction close to ``Phi_c = rho_c/rho_s``, show how large the neglected stress is.
 
 The printed text disagrees with its own equation of state (2.7), ``p = K (1 - rho_c/rho)``, in two
-places, which are made consistent here. The elastic volume (A24) must read ``v_e/m = -p/(rho_c K)``,
-hence ``p = -Phi_c K/Phi_e`` in place of ``-K Phi_e`` in (A12). The laws of the package integrate
-(A4) instead, ``p = K ln(rho/rho_c)``, which is larger than (2.7) by the share p/2K, to first order;
-only `coupled_shear` depends on the choice, since (A11) adds volumes. And tr D in (A16)-(A23) is the
-rate of *compression*. The theory diverges at Phi = 0.6, below Phi_c = 0.612 of table 1: (A10) and
-(A23) cannot be evaluated at that Phi_c, unless the packing fraction is shifted by the delta that
-the text allows in (A11).
+equations, which are made consistent here. The elastic volume (A24) must read
+``v_e/m = -p/(rho_c K)``, hence ``p = -Phi_c K/Phi_e`` in place of ``-K Phi_e`` in (A12). The laws
+of the package integrate (A4) instead, ``p = K ln(rho/rho_c)``, which is larger than (2.7) by the
+share p/2K, to first order; only `coupled_shear` depends on the choice, since (A11) adds volumes.
+And tr D in (A16)-(A23) is the rate of *compression*. The theory diverges at Phi = 0.6, below Phi_c
+= 0.612 of table 1: (A10) and (A23) cannot be evaluated at that Phi_c, unless the packing fraction
+is shifted by the delta that the text allows in (A11).
 """
 
 from __future__ import annotations
@@ -252,7 +252,7 @@ def compression_temperature(
     """
     lam = _lambda(restitution)
     if lam == 1:
-        raise ValueError("restitution = 1 must be below 1: nothing bounds the temperature")
+        raise ValueError("restitution = 1 must be below 1: the temperature has no bound")
     g = radial_function(packing_fraction)
     if not np.all(g > 0):
         raise ValueError(f"packing_fraction = {packing_fraction!s} must be > 0")

@@ -1,8 +1,9 @@
 """Growth of short waves in a flow of uniform shear, with the elasticity of the material.
 
 `granular.theory.well_posed` has the limit of incompressible flow. Here the equations of the law are
-linearised as they are: the deviator s of the stress has the elastic rate of Jaumann and relaxes by
-the plastic flow, and the pressure is that of the density, p = K c with c = ln(rho/rho_c),
+linearised without further assumptions: the deviator s of the stress has the elastic rate of Jaumann
+and relaxes by the plastic flow, and the pressure is that of the density, p = K c with c =
+ln(rho/rho_c),
 
     rho Dv = div(s - p I),   Dc = -div v,
     Ds = 2 G (dev D - g s/(2 tau)) + W s - s W,   D and W the symmetric and the odd part of grad v,
@@ -15,7 +16,7 @@ stress, a small change of tau and p changes g by
 so that a wave exp(i k.x) of (v_x, v_y, s_xx, s_yy, s_xy, c) changes at rates that are the
 eigenvalues of a matrix. The wave vector is taken as constant, though the shear turns it: its
 component along y changes by -g k_x per time. The differences of normal stress of the base flow, of
-the order of mu p/G, are left out.
+the order of mu p/G, are neglected.
 """
 
 from __future__ import annotations

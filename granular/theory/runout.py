@@ -45,7 +45,7 @@ class RunoutLaw:
     Attributes
     ----------
     source, method : str
-        Publication, and the method by which the law was found.
+        Publication, and the method by which the law was determined.
     pieces : tuple of Piece
         Power laws in the order of the aspect ratio.
     """

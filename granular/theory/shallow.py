@@ -124,9 +124,9 @@ def dam_break(
 ) -> DamBreak:
     """Dam break on an incline with Coulomb friction (Mangeney et al. 2000).
 
-    At first a layer of uniform thickness h0 rests at x < 0, and there is nothing at x > 0. In the
-    frame of a block that slides with ``m = g (sin(angle) - mu cos(angle))`` the friction and the
-    slope cancel, so that Ritter's wave is left: with ``c = sqrt(K g cos(angle) h0)`` and
+    At first a layer of uniform thickness h0 is at rest at x < 0, and the plane is empty at x > 0.
+    In the frame of a block that slides with ``m = g (sin(angle) - mu cos(angle))`` the friction and
+    the slope cancel, and Ritter's wave remains: with ``c = sqrt(K g cos(angle) h0)`` and
     ``s = (x - m t^2/2)/t`` in [-c, 2 c], ``h = h0 (2 - s/c)^2/9`` and ``u = m t + 2 (c + s)/3``.
 
     Parameters
@@ -171,10 +171,10 @@ def spreading_cap(
 ) -> SpreadingCap:
     """Thin parabolic cap that slides down a plane in 2D (Savage & Hutter 1989).
 
-    With the normal stress K rho g h cos(angle) along the plane, the depth-averaged equations keep
-    the parabola ``h = h_m (1 - s^2/L^2)``, h_m L constant, and a velocity linear in the distance s
-    from the centre. The centre is that of a block, ``g (sin(angle) - mu cos(angle)) t^2/2``, and
-    ``L'' = 2 K g cos(angle) h_0 L_0/L^2``.
+    With the normal stress K rho g h cos(angle) along the plane, the depth-averaged equations
+    preserve the parabola ``h = h_m (1 - s^2/L^2)``, h_m L constant, and a velocity linear in the
+    distance s from the centre. The centre is that of a block,
+    ``g (sin(angle) - mu cos(angle)) t^2/2``, and ``L'' = 2 K g cos(angle) h_0 L_0/L^2``.
 
     Parameters
     ----------

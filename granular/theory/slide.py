@@ -1,7 +1,7 @@
 """Slides on a Coulomb slope: earth pressure in a layer that slides, and a block on a bent slope.
 
-A mass that rests on a plane everywhere and slides everywhere feels mu times its weight across the
-plane, whatever its shape, so that its centre moves as a block does.
+The friction on a mass that is in contact with a plane and slides everywhere is mu times its weight
+across the plane, whatever its shape, so that its centre moves like a block.
 """
 
 from __future__ import annotations
@@ -40,8 +40,9 @@ def block_runout(
 
     The arc, of radius R, touches both planes, which would meet in the origin. On the arc the block
     also presses with v^2/R: ``d(v^2)/dphi = 2 g R (sin(psi) - mu cos(psi)) - 2 mu v^2``, psi the
-    slope, falling from the angle of the plane to 0. Without that press the drop divided by the
-    horizontal distance is mu, wherever the block stops: the energy line. With it, it is more.
+    slope, falling from the angle of the plane to 0. Without this additional pressure the drop
+    divided by the horizontal distance, the energy line, is mu, wherever the block stops. With it,
+    it is more.
 
     Parameters
     ----------

@@ -17,10 +17,11 @@ a^2 + b^2 = 1 and q = mu (1 - r/2). This rate grows without bound as the wave ge
 The material enters only by mu_s and mu_2, and the flow only by I/I0.
 
 With a cohesion c the shear stress is c + mu(I) p. The same steps lead to the same C with q as it
-is, d tau/dp, and with d ln tau/d ln I = r mu p/(c + mu p) for r: then the pressure counts, too.
+is, d tau/dp, and with d ln tau/d ln I = r mu p/(c + mu p) for r: then the result depends on the
+pressure, too.
 
-The regularised law of Barker & Gray 2017 (`granular.RegularisedMuI`) has its own mu and
-r. Below I1 r = mu^2/(2 alpha), with which C is not positive from rest on.
+The regularised law of Barker & Gray 2017 (`granular.RegularisedMuI`) has a different mu and r.
+Below I1 r = mu^2/(2 alpha), with which C is not positive from rest on.
 """
 
 import math

@@ -1,1 +1,1 @@
-"""Tools that know nothing of granular flow: checks, files, notebooks, resources."""
+"""Tools that do not depend on granular flow: checks, files, notebooks, resources."""

@@ -1,4 +1,4 @@
-"""The build of the core, and the arrays that it borrows: what the engines of both methods share."""
+"""The build of the core, and the arrays that it borrows, for the engines of both methods."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ def default_isa() -> str:
 
 
 def stored_type(dtype: np.dtype[Any]) -> np.dtype[Any]:
-    """Return the type in which the numbers of a buffer are stored: doubles in place of floats."""
+    """Return the type in which the numbers of a buffer are stored: doubles instead of floats."""
     return np.dtype(np.float64) if dtype == np.float32 else dtype
 
 
-def fill(buffers: Mapping[str, NDArray], stored: Mapping[str, NDArray], places: NDArray) -> None:
-    """Put the arrays of a checkpoint into buffers, at `places` of the last axis.
+def fill(buffers: Mapping[str, NDArray], stored: Mapping[str, NDArray], slots: NDArray) -> None:
+    """Put the arrays of a checkpoint into buffers, at `slots` along the last axis.
 
     Raises
     ------
@@ -34,10 +34,10 @@ def fill(buffers: Mapping[str, NDArray], stored: Mapping[str, NDArray], places: 
     """
     for name, array in buffers.items():
         values = stored.get(name)
-        shape = (*array.shape[:-1], len(places))
+        shape = (*array.shape[:-1], len(slots))
         if values is None or values.shape != shape or values.dtype != stored_type(array.dtype):
-            raise ValueError(f"the checkpoint does not hold {name} of {len(places)} points")
-        array[..., places] = values
+            raise ValueError(f"the checkpoint does not hold {name} of {len(slots)} points")
+        array[..., slots] = values
 
 
 def show_config() -> _core.BuildInfo:
@@ -56,20 +56,20 @@ def allocate(engine: _core.Engine | _core.Sph, capacity: int) -> dict[str, NDArr
 
     All rows lie in one block at multiples of 64 bytes. The same index in different rows has
     different offsets in a memory page, so that the processor does not take loads from one row for
-    stores to another (a precaution: on the one machine tried it changed nothing).
+    stores to another (a precaution: on the one machine that was tried it had no effect).
     """
     rows = {name: (count, dtype) for name, count, _, _, dtype in engine.fields()}
     rows["id"] = 1, np.dtype(np.int64)
     size = min(dtype.itemsize for _, dtype in rows.values())
     skew = max(PAGE // sum(count for count, _ in rows.values()) // LINE, 1) * LINE
-    places = -(-capacity * size // PAGE) * (PAGE // size) + skew // size
-    length = sum(count * places * dtype.itemsize for count, dtype in rows.values())
+    slots = -(-capacity * size // PAGE) * (PAGE // size) + skew // size
+    length = sum(count * slots * dtype.itemsize for count, dtype in rows.values())
     raw = np.zeros(length + LINE, dtype=np.uint8)
     start = -raw.ctypes.data % LINE
     buffers: dict[str, NDArray] = {}
     for name, (count, dtype) in rows.items():
-        end = start + count * places * dtype.itemsize
-        buffers[name] = raw[start:end].view(dtype).reshape(count, places)
+        end = start + count * slots * dtype.itemsize
+        buffers[name] = raw[start:end].view(dtype).reshape(count, slots)
         start = end
     buffers["id"] = buffers["id"][0]
     buffers["id"][:] = -1

@@ -1,9 +1,9 @@
 """Argument checks: each returns its value, or raises naming argument, value and allowed range.
 
 Wrong kinds raise ``TypeError``; wrong values, lengths and numbers out of range, NaN among them,
-raise ``ValueError``. A bool is never a number here: ``half_width=True`` is a slip, not one metre.
-NumPy's numbers are numbers. Numbers in SI units are at most `LARGEST`, and those above zero at
-least `LEAST`, so that no product or ratio of a few of them overflows or vanishes.
+raise ``ValueError``. A bool is never a number here: ``half_width=True`` is a mistake, not one
+metre. NumPy's numbers are numbers. Numbers in SI units are at most `LARGEST`, and those above zero
+at least `LEAST`, so that no product or ratio of a few of them overflows or vanishes.
 """
 
 from __future__ import annotations
@@ -141,7 +141,7 @@ def vector(
 
 
 def truth(name: str, value: object) -> bool:
-    """Return `value` if it is True or False; others are of a wrong kind."""
+    """Return `value` if it is True or False."""
     if not isinstance(value, bool):
         raise TypeError(f"{name} = {value!r} must be True or False")
     return value
@@ -155,7 +155,7 @@ def sequence(name: str, value: object) -> tuple[Any, ...]:
 
 
 def _unmasked(name: str, value: Any) -> None:
-    """Refuse an array of which NumPy would drop the mask, and show what is below it."""
+    """Refuse an array whose mask NumPy would drop, with the positions of the masked entries."""
     if np.ma.is_masked(value):
         masked = np.argwhere(np.ma.getmaskarray(value))
         first = ", ".join(map(str, masked[0]))
@@ -169,26 +169,26 @@ def array(name: str, value: Any, shape: Sequence[int | None], dtype: type = floa
     """
     _unmasked(name, value)
     try:
-        found = np.array(value)
+        numbers = np.array(value)
     except ValueError:
         raise ValueError(f"{name} must be an array: its rows must be of one length") from None
     kinds = "b" if dtype is bool else "fiu"
-    if found.dtype.kind not in kinds:
-        raise TypeError(f"{name} of {found.dtype} must be an array of {dtype.__name__}")
+    if numbers.dtype.kind not in kinds:
+        raise TypeError(f"{name} of {numbers.dtype} must be an array of {dtype.__name__}")
     wanted = tuple("any" if n is None else n for n in shape)
-    fits = found.ndim == len(shape) and all(
-        n in (None, length) for n, length in zip(shape, found.shape, strict=True)
+    fits = numbers.ndim == len(shape) and all(
+        n in (None, length) for n, length in zip(shape, numbers.shape, strict=True)
     )
     if not fits:
-        raise ValueError(f"{name} of shape {found.shape} must have the shape {wanted}")
-    if not np.isfinite(found).all():
-        place = tuple(int(i) for i in np.argwhere(~np.isfinite(found))[0])
+        raise ValueError(f"{name} of shape {numbers.shape} must have the shape {wanted}")
+    if not np.isfinite(numbers).all():
+        place = tuple(int(i) for i in np.argwhere(~np.isfinite(numbers))[0])
         raise ValueError(f"{name}[{', '.join(map(str, place))}] must be a finite number")
-    if dtype is not bool and found.size:
-        _of_size(f"{name}, its largest,", float(max(found.max(), -found.min(), key=abs)))
-    found = np.ascontiguousarray(found, dtype=dtype)
-    found.setflags(write=False)
-    return found
+    if dtype is not bool and numbers.size:
+        _of_size(f"{name}, its largest,", float(max(numbers.max(), -numbers.min(), key=abs)))
+    numbers = np.ascontiguousarray(numbers, dtype=dtype)
+    numbers.setflags(write=False)
+    return numbers
 
 
 def real_array(name: str, value: object, *, float32: bool = False) -> NDArray[Any]:
@@ -227,13 +227,13 @@ def spans(name: str, value: object) -> tuple[tuple[float, float], ...]:
     pairs = sequence(name, value)
     if len(pairs) not in (1, 2):
         raise ValueError(f"{name} = {value!r} must be pairs (low, high), one for each other axis")
-    found = []
+    result = []
     for i, pair in enumerate(pairs):
         low, high = vector(f"{name}[{i}]", pair, 2)
         if not high > low:
             raise ValueError(f"{name}[{i}] = {(low, high)} must have its low end first")
-        found.append((low, high))
-    return tuple(found)
+        result.append((low, high))
+    return tuple(result)
 
 
 def kinds_of(owner: object, **kinds: type) -> None:
@@ -268,7 +268,7 @@ def set_fields(part: object, **values: object) -> None:
 def check_fields(
     part: object, check: Callable[..., Any], *names: str, optional: bool = False, **limits: Any
 ) -> None:
-    """Replace attributes of a frozen dataclass by what `check` makes of them.
+    """Replace attributes of a frozen dataclass by the results of `check`.
 
     `limits` are further arguments of `check`. Where `optional`, None is left as it is.
     """

@@ -21,7 +21,7 @@ def check_file(path: str | os.PathLike) -> Path:
     Raises
     ------
     OSError
-        If there is nothing, or the way to it is not allowed; an IsADirectoryError for a folder.
+        If there is no such file, or no permission; an IsADirectoryError for a folder.
     ValueError
         If it leads to a pipe, a socket or a device.
     """
@@ -35,12 +35,12 @@ def check_file(path: str | os.PathLike) -> Path:
 
 
 def read_text(path: str | os.PathLike) -> str:
-    """Read a file of text in UTF-8, with or without a mark of it at its begin.
+    """Read a file of text in UTF-8, with or without a byte order mark.
 
     Raises
     ------
     OSError, ValueError
-        As `check_file`, and if it is not in UTF-8; with the place of the first byte that is not.
+        As `check_file`, and if it is not in UTF-8; with the position of the first wrong byte.
     """
     raw = check_file(path).read_bytes()
     try:

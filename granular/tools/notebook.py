@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
 
 pictures: dict[str, Callable[[Any], Figure]] = {}
-"""Functions that draw an object for a notebook, by its kind. `granular` enters them:
-`granular.plot` knows scenes, but they do not know it."""
+"""Functions that draw an object for a notebook, by its kind. `granular` registers them, because
+`granular.plot` imports the modules of scenes and not the other way round."""
 
 
 def in_notebook() -> bool:

@@ -5,7 +5,7 @@ from typing import Any
 
 
 class _Silent:
-    """A progress bar that shows nothing."""
+    """A progress bar without output."""
 
     n = 0.0
 
@@ -20,9 +20,11 @@ def bar(**options: Any) -> Any:
     return tqdm(**options)
 
 
-def progress_bar(name: str, time: float, until: float, shown: bool) -> AbstractContextManager[Any]:
-    """Progress bar of a run from a time to the time `until` [s], or one that shows nothing."""
-    if not shown:
+def progress_bar(
+    name: str, time: float, until: float, visible: bool
+) -> AbstractContextManager[Any]:
+    """Progress bar of a run from a time to the time `until` [s], or one without output."""
+    if not visible:
         return nullcontext(_Silent())
     form = "{l_bar}{bar}| {n:.3f}/{total:.3f} s [{elapsed}<{remaining}]"
     return bar(total=until, initial=time, desc=name, bar_format=form)

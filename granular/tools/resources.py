@@ -1,4 +1,4 @@
-"""Owners of memory of the core or of open files, of which there can be no copies."""
+"""Owners of memory of the core or of open files, which cannot be copied."""
 
 from __future__ import annotations
 

@@ -109,8 +109,8 @@ class Serializable:
         Raises
         ------
         TypeError
-            For a region or material of a class that is not registered. Of a region of one's own
-            `Mask.of(region.contains, ...)` can be written.
+            For a region or material of a class that is not registered. For a user-defined region
+            use `Mask.of(region.contains, ...)`.
         """
         return json.dumps({"format": FORMAT, "scene": _encode(self)}, allow_nan=False)
 
@@ -150,15 +150,15 @@ class ComparedByContent:
     @cached_property
     def digest(self) -> str:
         """Digest of all that is in the fields."""
-        told = hashlib.blake2b(type(self).__name__.encode(), digest_size=20)
+        hasher = hashlib.blake2b(type(self).__name__.encode(), digest_size=20)
         for name, value in arguments_of(self).items():
             if isinstance(value, np.ndarray):
-                told.update(f"{name}{value.dtype.str}{value.shape}".encode())
-                told.update(np.ascontiguousarray(value).data)
+                hasher.update(f"{name}{value.dtype.str}{value.shape}".encode())
+                hasher.update(np.ascontiguousarray(value).data)
             else:
                 content = value.digest if isinstance(value, ComparedByContent) else repr(value)
-                told.update(f"{name}={content}".encode())
-        return told.hexdigest()
+                hasher.update(f"{name}={content}".encode())
+        return hasher.hexdigest()
 
     def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):
@@ -169,11 +169,11 @@ class ComparedByContent:
         return hash(self.digest)
 
     def __repr__(self) -> str:
-        told = []
+        texts = []
         for name, value in arguments_of(self).items():
             is_array = isinstance(value, np.ndarray)
-            told.append(f"{name}=array of {value.shape}" if is_array else f"{name}={value!r}")
-        return f"{type(self).__name__}({', '.join(told)})"
+            texts.append(f"{name}=array of {value.shape}" if is_array else f"{name}={value!r}")
+        return f"{type(self).__name__}({', '.join(texts)})"
 
 
 _PARTS: dict[str, type] = {"Parameters": Parameters}
@@ -215,8 +215,8 @@ def _encode(value: Any) -> Any:
     if kind not in _TAGS:
         known = ", ".join(part.__name__ for part in _PARTS.values())
         raise TypeError(
-            f"{value!r} cannot be written: its class must be one of {known}; for a region of your "
-            "own take granular.Mask.of(region.contains, lower, upper, spacing)"
+            f"{value!r} cannot be written: its class must be one of {known}; for a user-defined "
+            "region use granular.Mask.of(region.contains, lower, upper, spacing)"
         )
     return {"type": _TAGS[kind]} | {n: _encode(entry) for n, entry in arguments_of(value).items()}
 
@@ -255,11 +255,11 @@ def _decode_array(dtype: str, shape: list[int], data: str) -> NDArray[Any]:
         raise ValueError(f"shape = {shape} must have at most {MOST_BYTES} bytes")
     inflater = zlib.decompressobj()
     packed = base64.b64decode(data, validate=True)
-    unpacked = inflater.decompress(packed, size + 1)  # no more than this, whatever is in there
+    unpacked = inflater.decompress(packed, size + 1)  # no more, whatever the file contains
     if len(unpacked) != size:
         raise ValueError(f"data must hold {size} bytes for the shape {shape}")
     return np.frombuffer(unpacked, dtype=kind).reshape(counts)
 
 
 def _refuse_constant(name: str) -> float:
-    raise ValueError(f"{name} must not stand in the JSON of a scene")
+    raise ValueError(f"{name} must not be in the JSON of a scene")

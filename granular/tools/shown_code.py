@@ -1,4 +1,5 @@
-"""Source code of others as text that can be read: each line with a mark, nothing hidden."""
+"""Source code of others as text that can be read: each line with a mark, without hidden
+characters."""
 
 from __future__ import annotations
 
@@ -7,7 +8,8 @@ MARK = "    | "
 
 
 def escaped(text: str) -> str:
-    """Text in which characters that a terminal obeys, or does not show, stand as their codes.
+    """Text in which characters that a terminal interprets, or does not show, are replaced by their
+    codes.
 
     Such are control characters, those that turn the direction of writing, and spaces of no or of
     other widths. Line feeds and tabs stay.

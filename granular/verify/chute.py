@@ -55,8 +55,10 @@ def threshold(scene: AnyScene) -> float:
 
 def exact_flow(state: State) -> ChuteFlow:
     """Steady flow of the layer of a state, from the one-dimensional equation."""
-    asked, material = state.scene.parameters, cast(NGF, state.scene.material)
-    return chute_profile(asked["angle_deg"], asked["height"], material, asked["gravity"])
+    parameters, material = state.scene.parameters, cast(NGF, state.scene.material)
+    return chute_profile(
+        parameters["angle_deg"], parameters["height"], material, parameters["gravity"]
+    )
 
 
 def velocity(state: State) -> tuple[Array, Array]:
@@ -87,7 +89,7 @@ def kinetic_energy(state: State) -> float:
 def still(simulation: Simulation, fluidity: float) -> Simulation:
     """Bring a layer that has slipped for a while to rest, with a uniform fluidity [1/s].
 
-    The layer has the stress of the steady flow and keeps it, so that no elastic oscillation
+    The layer has the stress of the steady flow and retains it, so that no elastic oscillation
     starts. A layer that is stopped by the fluidity alone does oscillate, which changes the height
     of `stopping_ratio` by 0.3 %.
     """
@@ -101,12 +103,12 @@ def growth_rate(ratio: float, **parameters: Any) -> float:
     simulation = column(ratio, **parameters)
     simulation.run(until=0.25)
     still(simulation, 1e-6)
-    found = []
+    energies = []
     for until in (0.3, 0.35):  # the higher modes have decayed by the first of these times
         simulation.run(until=until)
         state = simulation.state
-        found.append((state.time, math.log(np.average(state.g, weights=state.mass))))
-    (begin, before), (end, after) = found
+        energies.append((state.time, math.log(np.average(state.g, weights=state.mass))))
+    (begin, before), (end, after) = energies
     return (after - before) / (end - begin)
 
 
@@ -115,7 +117,7 @@ def stopping_ratio(**parameters: Any) -> float:
 
     It is interpolated from the growth rates at heights 2 % below and above, which are linear in
     (H_stop/H)^2. The result is 0.1 to 0.2 % too low, for two reasons of about equal size: the cells
-    are a tenth of the height, and the lowest cell slips least, so that it keeps a part of its
+    are a tenth of the height, and the lowest cell slips least, so that it retains a part of its
     initial sigma_yy - sigma_xx and with it a larger mu.
     """
     low, high = (growth_rate(ratio, **parameters) for ratio in (0.98, 1.02))

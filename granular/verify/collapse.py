@@ -12,7 +12,7 @@ from granular import materials, measure, scenes
 from granular.run.simulation import Simulation
 from granular.theory import RUNOUT_LAWS
 from granular.verify.incline import PUBLISHED
-from granular.verify.rows import Row, at_least, at_most, beside, check, holds, within
+from granular.verify.rows import Row, at_least, at_most, check, holds, report, within
 from granular.verify.silo import mass_is_exact
 
 ASPECTS = (0.5, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0)
@@ -62,14 +62,14 @@ def collapse_slope_quick() -> Iterator[Row]:
 @check(slow=True)
 def collapse_runout() -> Iterator[Row]:
     """Run-outs of `published` for aspects 0.5 to 8, E = 1e7 Pa: quantile, toe, contiguous."""
-    found = []
+    quantiles = []
     for aspect in ASPECTS:
         runout = measure.runout(collapse(aspect, 1e7, scheme=PUBLISHED).state)
-        found.append(runout.quantile)
+        quantiles.append(runout.quantile)
         paper = float(RUNOUT_LAWS["dunatunga"](aspect))
         off = runout.quantile / paper - 1
-        yield beside(f"run-outs, a = {aspect:g}", three(runout), f"{paper:.2f}, {off:+.0%}")
-    a, runouts = np.log([ASPECTS, found])
+        yield report(f"run-outs, a = {aspect:g}", three(runout), f"{paper:.2f}, {off:+.0%}")
+    a, runouts = np.log([ASPECTS, quantiles])
     flat = np.array(ASPECTS) < KINK
     low, high = (float(np.polyfit(a[part], runouts[part], 1)[0]) for part in (flat, ~flat))
     yield within("exponent above a = 2.83", high, 0.7, 0.1)
@@ -96,7 +96,7 @@ def collapse_causes() -> Iterator[Row]:
     }
     for name, (E, changes) in cases.items():
         state = collapse(1.0, E, **{"scheme": PUBLISHED, **changes}).state
-        yield beside(f"run-outs at a = 1, {name}", three(measure.runout(state)), "paper 2.28")
+        yield report(f"run-outs at a = 1, {name}", three(measure.runout(state)), "paper 2.28")
 
 
 @check(slow=True)
@@ -109,5 +109,5 @@ def collapse_slopes() -> Iterator[Row]:
         text = f"largest slope over 5 columns [deg], a = {aspect:g}"
         yield at_most(text, repose.largest_deg, 21.9)
         share, runout = measure.disconnected_fraction(state), measure.runout(state)
-        yield beside(f"stress-free in the bulk, a = {aspect:g}", f"{share:.4f}", "reported")
-        yield beside(f"run-outs, a = {aspect:g}, default", three(runout), f"{2.28 * aspect:.2f}")
+        yield report(f"stress-free in the bulk, a = {aspect:g}", f"{share:.4f}", "reported")
+        yield report(f"run-outs, a = {aspect:g}, default", three(runout), f"{2.28 * aspect:.2f}")

@@ -27,7 +27,7 @@ SEPARATION = 500.0
 """The disconnected start is stress-free, at rho = rho_c exp(-SEPARATION/K) [Pa]."""
 
 
-@lru_cache(maxsize=8)  # as `constitutive_path` asks for them at each step
+@lru_cache(maxsize=8)  # as `constitutive_path` needs them at each step
 def law_parameters(material: Material) -> dict[str, float]:
     """Parameters of the material by the names of the C core."""
     known = {**material.arguments(), "K": material.K, "G": material.G}
@@ -114,7 +114,7 @@ def constitutive_path(
     at : float
         Instant of a step at which L is evaluated: 1 is its end, as in the paper, 0.5 its middle.
     pressure_from_density : bool
-        If True, the law takes the pressure from the density in place of integrating it.
+        If True, the law takes the pressure from the density instead of integrating it.
     duration : float
         Duration [s].
     velocity_gradient : callable
@@ -148,16 +148,16 @@ def path_errors(
 ) -> Array:
     """Largest error of a stress component at any step, divided by the largest stress, per dt.
 
-    Further keywords are those of `constitutive_path`.
+    Further keywords are passed to `constitutive_path`.
     """
     finest = round(DURATION / min(steps))
     times = np.arange(finest + 1) * (DURATION / finest)
     exact = reference(cast(MuI, material), p0, times, log_density0).stress
     errors = []
     for dt in steps:
-        _, found = constitutive_path(material, p0, dt, log_density0=log_density0, **path)
-        stride = finest // (len(found) - 1)
-        errors.append(np.abs(found - exact[::stride]).max() / np.abs(exact).max())
+        _, stress = constitutive_path(material, p0, dt, log_density0=log_density0, **path)
+        stride = finest // (len(stress) - 1)
+        errors.append(np.abs(stress - exact[::stride]).max() / np.abs(exact).max())
     return np.array(errors)
 
 
@@ -170,8 +170,8 @@ def random_states(material: MuI, n: int, seed: int = 0) -> tuple[Array, Array, A
     """Increments L dt, log-densities and stresses of dense points, away from branch switches.
 
     The pressures are 1 Pa to 1 MPa. The increments change the stress by a thousandth of the
-    pressure up to a few times the pressure. Only states are kept whose trial pressure is at least
-    a tenth of the scale of their stress and whose trial friction differs from mu_s by 1 % or more.
+    pressure up to a few times the pressure. Only states are used whose trial pressure is at least a
+    tenth of the scale of their stress and whose trial friction differs from mu_s by 1 % or more.
     """
     rng = np.random.default_rng(seed)
     p = 10 ** rng.uniform(0, 6, 4 * n)
@@ -187,9 +187,9 @@ def random_states(material: MuI, n: int, seed: int = 0) -> tuple[Array, Array, A
     shear[:, 3] += material.G * gradient[:, 2]
     shear[:, :3] -= 2 * material.G / 3 * trace[:, None]
     tau = np.sqrt((shear[:, :3] ** 2).sum(axis=1) / 2 + shear[:, 3] ** 2)
-    kept = (p_trial > 0.1 * scale) & (np.abs(tau / (material.mu_s * p_trial) - 1) > 0.01)
-    kept = np.flatnonzero(kept)[:n]
-    return gradient[kept], p[kept] / material.K, stress[kept]
+    usable = (p_trial > 0.1 * scale) & (np.abs(tau / (material.mu_s * p_trial) - 1) > 0.01)
+    usable = np.flatnonzero(usable)[:n]
+    return gradient[usable], p[usable] / material.K, stress[usable]
 
 
 def update_50_digits(material: MuI, dt: float, gradient: Array, stress: Array) -> Array:
@@ -229,7 +229,7 @@ def stress_update() -> Iterator[Row]:
     """The stress update against 50-digit arithmetic, 10^4 random states, dt = 1e-5 s."""
     material, dt = materials.glass_beads, 1e-5
     gradient, log_density, stress = random_states(material, 10_000)
-    found = update(material, dt, gradient, log_density, stress)[0]
+    result = update(material, dt, gradient, log_density, stress)[0]
     exact = np.array(
         [update_50_digits(material, dt, g, s) for g, s in zip(gradient, stress, strict=True)]
     )
@@ -244,8 +244,8 @@ def stress_update() -> Iterator[Row]:
         axis=1,
     )
     scale = np.maximum(np.abs(stress).max(axis=1), np.abs(change).max(axis=1))
-    yield within("states", len(found), 10_000, 0)
-    yield at_most("largest error", float((np.abs(found - exact).max(axis=1) / scale).max()), 1e-13)
+    yield within("states", len(result), 10_000, 0)
+    yield at_most("largest error", float((np.abs(result - exact).max(axis=1) / scale).max()), 1e-13)
 
 
 @check()

@@ -1,11 +1,11 @@
-"""The checks of the density correction: does a scheme keep what the published one loses?
+"""The checks of the density correction, which should prevent the failures of the published scheme.
 
-The density correction keeps the points evenly distributed over the cells and their densities
-consistent with it. The checks cover shear flows over several columns in 2D and 3D, heaps and boxes
-at rest, run-outs under refinement, silos, and the angles at which flow starts and stops. The
-changes of energy and momentum by the correction itself are in
-`granular.verify.density_correction_budget`. Every check takes a scheme, by default the default
-one; `benchmarks/accuracy/density_correction_table.py` runs the checks for other schemes.
+The density correction distributes the points evenly over the cells and makes their densities
+consistent with this distribution. The checks cover shear flows over several columns in 2D and 3D,
+heaps and boxes at rest, run-outs under refinement, silos, and the angles at which flow starts and
+stops. The changes of energy and momentum by the correction itself are in
+`granular.verify.density_correction_budget`. Every check takes a scheme, by default the default one;
+`benchmarks/accuracy/density_correction_table.py` runs the checks for other schemes.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from granular.verify import layers, silo
 from granular.verify.collapse import collapse, three
 from granular.verify.incline import MOVING, mean_speed
 from granular.verify.layers import layer
-from granular.verify.rows import Row, at_most, beside, check, holds, within
+from granular.verify.rows import Row, at_most, check, holds, report, within
 
 DEFAULT = schemes.default
 
@@ -42,7 +42,7 @@ SEEDS = (0, 1, 2)
 """Seeds of the jitter; the worst result of them counts."""
 
 WINDOW = 15
-"""Width [columns] of the window in which the steepest slope is sought. In a window of 5 columns
+"""Width [columns] of the window in which the steepest slope is determined. In a window of 5 columns
 the result depends on where the highest point of each column happens to lie: points seeded below
 an exact plane of 21.0 deg give 26.4 deg with 4 points per cell."""
 
@@ -87,7 +87,7 @@ def density_correction_angles(scheme: Scheme = DEFAULT) -> Iterator[Row]:
         yield from layers.rows(f"{angle:g} deg", flows, bound)
     soft = layers.several(20.0, SEEDS[:2], angle_deg=22.0, scheme=scheme)
     each = " ".join(f"{flow.error:.4f}" for flow in soft)
-    yield beside("L2 error by seed, 22 deg, E = 1e6", each, "reported")
+    yield report("L2 error by seed, 22 deg, E = 1e6", each, "reported")
     sim = layer(scheme=scheme)
     start = sim.state
     times = np.arange(20.0, 61.0, 5.0)
@@ -116,12 +116,12 @@ def density_correction_refinement(scheme: Scheme = DEFAULT) -> Iterator[Row]:
     E is 1e7 Pa: with 1e6 Pa the error due to the stiffness, 0.7 % of v, would hide the error that
     falls with the cells.
     """
-    found = {}
+    error_of = {}
     for cell in (0.02, 0.01, 0.005):
         flows = layers.several(20.0, SEEDS[:1], steady=True, cell=cell, E=1e7, scheme=scheme)
-        found[cell] = flows[0].error
-        yield beside(f"L2 error of v, cells of {cell:g} m", f"{flows[0].error:.4g}", "falls")
-    errors = list(found.values())
+        error_of[cell] = flows[0].error
+        yield report(f"L2 error of v, cells of {cell:g} m", f"{flows[0].error:.4g}", "falls")
+    errors = list(error_of.values())
     yield holds("the error falls", errors[0] > errors[1] > errors[2])
 
 
@@ -161,7 +161,7 @@ def box_rows(state: State) -> Iterator[Row]:
     """Rows of a box at rest: the stress of the cells against the weight above them.
 
     The stress compared is the normal stress across the layer. The pressure p is not determined by
-    the weight where nothing flows: it depends on the material.
+    the weight in material at rest: it depends on the material.
     """
     yield at_most("rms error of the stress by cell", measure.mean_pressure_error(state), 0.03)
     yield at_most("99th percentile of speed [m/s]", measure.speed_percentile(state), 0.01)
@@ -182,14 +182,14 @@ def density_correction_heap(scheme: Scheme = DEFAULT) -> Iterator[Row]:
 
 def ill_posed_work(sim: Simulation, until: float, frames: int = 20) -> float:
     """Share of the plastic work of a run done by points in the ill-posed range of the law."""
-    found = []
+    powers = []
     for time in np.linspace(sim.time, until, frames + 1)[1:]:
         state = sim.run(until=float(time)).state
         power = state.quadrature_volume * state.shear_stress * state.shear_rate
         scaled = np.nan_to_num(measure.scaled_inertial_number(state))  # stress-free: no power
         bad = (scaled > 0) & (ill_posedness(scaled, cast(MuI, state.scene.material)) > 0)
-        found.append((power.sum(), power[bad].sum()))
-    total, ill_posed = np.sum(found, axis=0)
+        powers.append((power.sum(), power[bad].sum()))
+    total, ill_posed = np.sum(powers, axis=0)
     return float(ill_posed / total)
 
 
@@ -202,18 +202,18 @@ def density_correction_runout(scheme: Scheme = DEFAULT) -> Iterator[Row]:
 
 def runouts(aspect: float, cells: tuple[float, ...], scheme: Scheme) -> Iterator[Row]:
     """Rows of the run-outs of a column under refinement, by mass, toe and contiguous columns."""
-    found = []
+    runs = []
     for cell in cells:
         scene = scenes.column_collapse(aspect=aspect, material=SOFT, cell=cell, scheme=scheme)
         sim = Simulation(scene, threads=1)
         bad = ill_posed_work(sim, 2.0)
         run = measure.runout(sim.state)
-        found.append(run.quantile)
+        runs.append(run.quantile)
         name = f"a = {aspect:g}, cells of {cell:g} m"
         paper = float(RUNOUT_LAWS["dunatunga"](aspect))
-        yield beside(f"run-outs, {name}", three(run), f"paper {paper:.2f}")
-        yield beside(f"plastic work in the ill-posed range, {name}", f"{bad:.2f}", "reported")
-    steps = np.abs(np.diff(found))
+        yield report(f"run-outs, {name}", three(run), f"paper {paper:.2f}")
+        yield report(f"plastic work in the ill-posed range, {name}", f"{bad:.2f}", "reported")
+    steps = np.abs(np.diff(runs))
     yield holds(
         f"steps of the run-out fall, a = {aspect:g}",
         bool(len(steps) > 1 and np.all(np.diff(steps) < 0)),
@@ -253,9 +253,9 @@ def silo_rows(orifices: tuple[float, ...], cell: float, E: float, scheme: Scheme
     yield within(f"exponent, free fit, {name}", fit.exponent_free, 1.5, 0.05)
     yield within(f"C at exponent 3/2, {name}", fit.C, silo.PAPER_C, 0.1 * silo.PAPER_C)
     yield at_most(f"99th percentile of density over rho_c, {name}", max(density), 1.1)
-    yield beside(f"the same of blocks 3 wide, {name}", f"{max(small):.3f}", "by chance 1.14")
+    yield report(f"the same of blocks 3 wide, {name}", f"{max(small):.3f}", "by chance 1.14")
     single = rates / beverloo_rate(free, material.rho_c, C=1.0, gravity=DUNATUNGA_KAMRIN)
-    yield beside(f"C of each opening, {name}", " ".join(f"{c:.3f}" for c in single), "reported")
+    yield report(f"C of each opening, {name}", " ".join(f"{c:.3f}" for c in single), "reported")
 
 
 @check(slow=True)
@@ -308,7 +308,7 @@ def density_correction_thresholds(scheme: Scheme = DEFAULT) -> Iterator[Row]:
             yield from pushed(angle, 0.1, scheme, points)
     sim = layer(20.0, push=0.1, scheme=scheme).run(until=0.1 + 10 * stop_time(20.0, 0.1))
     speed = f"{abs(mean_speed(sim.state)):.2g}"
-    yield beside(f"|vbar| [m/s] at {sim.time:.2g} s, 20 deg, E = 1e6", speed, "reported")
+    yield report(f"|vbar| [m/s] at {sim.time:.2g} s, 20 deg, E = 1e6", speed, "reported")
     sim = layer(21.5, scheme=scheme).run(until=20.0)
     mean = mean_speed(sim.state)
     grains = cast(MuI, sim.scene.material)

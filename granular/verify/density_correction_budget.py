@@ -21,7 +21,7 @@ from granular.mpm.schemes import Scheme
 from granular.run.simulation import Simulation
 from granular.shapes import Box
 from granular.verify.layers import JITTER, MODULUS, layer
-from granular.verify.rows import Row, at_most, beside, check, holds
+from granular.verify.rows import Row, at_most, check, holds, report
 
 IDLE = dict.fromkeys(
     (
@@ -153,9 +153,9 @@ def budget(samples: int, until: float, scheme: Scheme) -> Iterator[Row]:
     The density correction must not create energy: the mean added energy, less twice its standard
     error, must not be positive.
     """
-    found = sampled(layer(steady=True, scheme=scheme), samples, until)
-    work = np.mean([f.plastic for f in found])
-    energy = np.array([f.energy for f in found]) / work
+    additions = sampled(layer(steady=True, scheme=scheme), samples, until)
+    work = np.mean([f.plastic for f in additions])
+    energy = np.array([f.energy for f in additions]) / work
     spread = float(energy.std(ddof=1) / np.sqrt(samples))
     text = f"{energy.mean():+.2g} +- {spread:.1g}"
     made = bool(energy.mean() > 2 * spread) if samples >= ENOUGH else None
@@ -163,14 +163,14 @@ def budget(samples: int, until: float, scheme: Scheme) -> Iterator[Row]:
     passed = None if made is None else not made
     yield Row("energy given by the density correction over plastic work", text, expected, passed)
     lost = lost_by_all(scheme, until / 2, 5 * samples)
-    yield beside("lost by density correction and transfer together", f"{lost:+.2g}", "reported")
-    found = sampled(Simulation(collision(scheme), threads=1), samples, 0.1)
-    yield holds("the colliding blocks flow", sum(f.plastic for f in found) > 0)
-    yield at_most("momentum given in a step, over m |v|", max(f.momentum for f in found), 1e-12)
-    spin = max(abs(f.angular) for f in found)
-    yield beside("angular momentum given in a step, over m |v| y", f"{spin:.2g}", "reported")
-    mean = sum(f.angular for f in found) / samples
-    yield beside("the same, mean with its sign", f"{mean:+.2g}", "reported")
+    yield report("lost by density correction and transfer together", f"{lost:+.2g}", "reported")
+    additions = sampled(Simulation(collision(scheme), threads=1), samples, 0.1)
+    yield holds("the colliding blocks flow", sum(f.plastic for f in additions) > 0)
+    yield at_most("momentum given in a step, over m |v|", max(f.momentum for f in additions), 1e-12)
+    spin = max(abs(f.angular) for f in additions)
+    yield report("angular momentum given in a step, over m |v| y", f"{spin:.2g}", "reported")
+    mean = sum(f.angular for f in additions) / samples
+    yield report("the same, mean with its sign", f"{mean:+.2g}", "reported")
 
 
 @check()

@@ -15,10 +15,10 @@ from granular.mpm import schemes
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.verify.quantities import Outcome, change, quantities
-from granular.verify.rows import Row, at_least, at_most, beside, check
+from granular.verify.rows import Row, at_least, at_most, check, report
 
 TOLERANCE = 0.02
-"""Tolerance that is asked of the suggestion and that the measured change must meet."""
+"""Tolerance of the suggestion, which the measured change must meet."""
 
 LOOSER, LOOSEST = 0.03, 0.04
 """Tolerances for columns and for slugs, where no smaller error is promised."""
@@ -38,9 +38,9 @@ def published(name: str, scheme: Scheme, **parameters: Any) -> Scene:
 def reference(scene: Scene, E: float) -> Outcome:
     """Run a scene at the lower `E` and its adaptive step, as a reference for the scene itself.
 
-    The damping of the default scheme is held constant where a suggestion does so. The processor
-    time is that of the scene itself: the time of the run, times the number of steps of the scene
-    over that of the run, as one step of one point costs the same at any E.
+    The numerical damping of the default scheme is held constant where a suggestion does so. The
+    processor time is that of the scene itself: the time of the run, times the number of steps of
+    the scene over that of the run, as one step of one point costs the same at any E.
     """
     name = getattr(scene_function(scene), "__name__", "")
     run = quantities(changed(scene, {"dt": None} | softening(scene, name, E)))
@@ -58,16 +58,16 @@ def rows(
     tolerance: float = TOLERANCE,
 ) -> Iterator[Row]:
     """Rows of the change of each quantity, and of the cost that is saved."""
-    for quantity, found in cheaper.numbers.items():
-        moved = change(found, full.numbers[quantity])
+    for quantity, value in cheaper.numbers.items():
+        moved = change(value, full.numbers[quantity])
         text = f"change of the {quantity}, {name}"
         if quantity in bounded:
             yield at_most(text, moved, tolerance)
         else:
-            yield beside(text, f"{moved:.3g}", "reported")
+            yield report(text, f"{moved:.3g}", "reported")
     if timed:
         yield at_least(f"core-seconds spared, {name}", full.seconds / cheaper.seconds, SPARED)
-        yield beside(f"core-seconds, {name}", f"{cheaper.seconds:.3g}", f"{full.seconds:.3g}")
+        yield report(f"core-seconds, {name}", f"{cheaper.seconds:.3g}", f"{full.seconds:.3g}")
     else:
         ratio = full.point_steps / cheaper.point_steps
         yield at_least(f"points times steps spared, {name}", ratio, SPARED)
@@ -82,14 +82,16 @@ def cheaper_run(scene: Scene, tolerance: float = TOLERANCE) -> Outcome:
 def economy_quick() -> Iterator[Row]:
     """The incline of 25 deg up to 2 s, published scheme: suggested at 2 % against the paper's."""
     scene = published("incline", schemes.dunatunga_kamrin_2015, duration=2.0)
-    kept = ("mean velocity", "profile")
-    yield from rows("incline 25 deg", cheaper_run(scene), quantities(scene), kept, timed=False)
+    of_interest = ("mean velocity", "profile")
+    yield from rows(
+        "incline 25 deg", cheaper_run(scene), quantities(scene), of_interest, timed=False
+    )
 
 
 @check(slow=True)
 def economy_incline() -> Iterator[Row]:
     """Inclines, 20 s, both schemes at 25 deg: suggested at 2 % against 1 GPa; cost of 3e-6 s."""
-    kept = ("mean velocity", "profile")
+    quantities = ("mean velocity", "profile")
     for angle, scheme, name in (
         (22.0, schemes.dunatunga_kamrin_2015, "published"),
         (25.0, schemes.dunatunga_kamrin_2015, "published"),
@@ -98,7 +100,7 @@ def economy_incline() -> Iterator[Row]:
     ):
         scene = published("incline", scheme, angle_deg=angle)
         full = reference(scene, materials.glass_beads.E)
-        yield from rows(f"{angle:g} deg, {name}", cheaper_run(scene), full, kept, timed=True)
+        yield from rows(f"{angle:g} deg, {name}", cheaper_run(scene), full, quantities, timed=True)
 
 
 @check(slow=True)
@@ -145,5 +147,5 @@ def economy_slug() -> Iterator[Row]:
     """The slug, default scheme: suggested at 4 % against E = 1 GPa; its outline is random."""
     scene = published("slug", schemes.default)
     full = reference(scene, materials.glass_beads.E)
-    cheaper, kept = cheaper_run(scene, LOOSEST), ("impact", "centre")
-    yield from rows("slug, default", cheaper, full, kept, timed=True, tolerance=LOOSEST)
+    cheaper, quantities = cheaper_run(scene, LOOSEST), ("impact", "centre")
+    yield from rows("slug, default", cheaper, full, quantities, timed=True, tolerance=LOOSEST)

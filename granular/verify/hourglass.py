@@ -17,7 +17,7 @@ from granular.mpm.schemes import Scheme
 from granular.run.simulation import Simulation
 from granular.verify.collapse import REPOSE
 from granular.verify.incline import PUBLISHED
-from granular.verify.rows import Row, at_least, at_most, beside, check, holds
+from granular.verify.rows import Row, at_least, at_most, check, holds, report
 from granular.verify.silo import mass_is_exact
 
 STEEPEST = math.degrees(math.asin(materials.glass_beads.mu_s))
@@ -89,16 +89,16 @@ def states_as_figure_7(
 
 
 def heap(state: State) -> measure.Repose:
-    """Slope of the heap on the base, beside the falling column and the pit that it digs.
+    """Slope of the heap on the base, outside of the falling column and the pit that it digs.
 
     The window is 15 columns wide. With 4 points per cell the steepest slope over 5 columns depends
     on where their highest points happen to lie: on a plane of 21.0 deg it is 26.4 +- 1.8 deg, while
     the steepest over 15 columns is 21.9 +- 0.4 deg.
     """
     parameters = state.scene.parameters
-    beside = (2.5 * parameters["orifice_radius"], math.inf)
+    flank = (2.5 * parameters["orifice_radius"], math.inf)
     return measure.repose_angle(
-        state, below=0.9 * parameters["drop"], region=beside, side="right", window=15
+        state, below=0.9 * parameters["drop"], region=flank, side="right", window=15
     )
 
 
@@ -136,8 +136,8 @@ def creep_slope(state: State) -> tuple[float, float]:
     )  # I/I0
     mu = float(material.mu_s + (material.mu_2 - material.mu_s) * over / (1 + over))
     r = -(D_xx - D_yy) / abs(v_x_y + v_y_x)
-    asked = np.arctan(mu / (np.sqrt(1 + r**2) - mu * r))
-    return float(np.degrees(theta)), float(np.degrees(asked))
+    implied = np.arctan(mu / (np.sqrt(1 + r**2) - mu * r))
+    return float(np.degrees(theta)), float(np.degrees(implied))
 
 
 def heaps(state: State, name: str, *, bound: bool) -> Iterator[Row]:
@@ -148,13 +148,13 @@ def heaps(state: State, name: str, *, bound: bool) -> Iterator[Row]:
     except ValueError:  # too few columns for a slope
         if bound:
             raise
-        yield beside(mean, "no flank", f"{REPOSE:.1f}")
+        yield report(mean, "no flank", f"{REPOSE:.1f}")
         return
     if bound:
         yield at_most(mean, repose.mean_deg, REPOSE + 1)
     else:
-        yield beside(mean, f"{repose.mean_deg:.1f}", f"{REPOSE:.1f}")
-    yield beside(largest, f"{repose.largest_deg:.1f}", f"at rest up to {STEEPEST:.1f}")
+        yield report(mean, f"{repose.mean_deg:.1f}", f"{REPOSE:.1f}")
+    yield report(largest, f"{repose.largest_deg:.1f}", f"at rest up to {STEEPEST:.1f}")
 
 
 def frames(sim: Simulation, kind: str) -> list[State]:
@@ -179,16 +179,16 @@ def _full(kind: str, scheme: Scheme, name: str, *, bound: bool) -> Iterator[Row]
     )
     sim.run(until=10.0)
     if kind == "flat" and bound:
-        slope, asked = creep_slope(sim.state)
+        slope, implied = creep_slope(sim.state)
         text = f"slope at 10 s [deg], still fed and creeping, {name}"
-        yield beside(text, f"{slope:.2f}", f"by its creep {asked:.2f}")
+        yield report(text, f"{slope:.2f}", f"by its creep {implied:.2f}")
     sim.run(until=AT_REST[kind] if bound else 10.0)
     exact = mass_is_exact(sim.state, sim.checkpoint().scalars["dropped"])
     yield holds(f"mass is exact, {kind}, {name}", exact)
     if bound:
         yield holds(f"all points are there, {kind}, {name}", sim.n_points == inside)
     else:  # linear shape functions eject single points, see docs/reports/verification.md
-        yield beside(f"points lost, {kind}, {name}", str(inside - sim.n_points), "none")
+        yield report(f"points lost, {kind}, {name}", str(inside - sim.n_points), "none")
     yield from heaps(sim.state, f"{kind}, {name}", bound=bound)
 
 

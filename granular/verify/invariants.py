@@ -20,7 +20,7 @@ from granular.mpm.schemes import Scheme
 from granular.run.simulation import Simulation
 from granular.shapes import Box
 from granular.verify.incline import PUBLISHED
-from granular.verify.rows import Row, at_most, beside, check, holds
+from granular.verify.rows import Row, at_most, check, holds, report
 from granular.verify.silo import mass_is_exact
 
 SOFT = materials.glass_beads.replace(E=1e6)
@@ -147,4 +147,4 @@ def energy() -> Iterator[Row]:
             "loss by disconnection": sum(s.disconnection_loss for s in steps),
             "plastic dissipation": sum(s.plastic_dissipation for s in steps),
         }.items():
-            yield beside(f"{title}, {name}", f"{value / released:.3g}", "over gravity work")
+            yield report(f"{title}, {name}", f"{value / released:.3g}", "over gravity work")

@@ -18,7 +18,7 @@ from granular.mpm import schemes
 from granular.mpm.schemes import Scheme
 from granular.run.simulation import Simulation
 from granular.theory import bagnold_profile, transient
-from granular.verify.rows import Row, at_most, beside, within
+from granular.verify.rows import Row, at_most, report, within
 
 Array = NDArray[np.float64]
 
@@ -170,7 +170,7 @@ def rows(name: str, flows: list[Flow], bound: float, pressure: float = math.inf)
     yield at_most(f"stress-free in the bulk, {name}", max(f.disconnected for f in flows), 0.005)
     worst, noise = max(f.pressure for f in flows), f"rms error of p by cell, {name}"
     bounded = math.isfinite(pressure)
-    yield at_most(noise, worst, pressure) if bounded else beside(noise, f"{worst:.4g}", "reported")
+    yield at_most(noise, worst, pressure) if bounded else report(noise, f"{worst:.4g}", "reported")
     if len(flows) > 1:
         each = " ".join(f"{f.error:.4f}" for f in flows)
-        yield beside(f"L2 error by seed, {name}", each, "reported")
+        yield report(f"L2 error by seed, {name}", each, "reported")

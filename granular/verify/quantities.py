@@ -128,8 +128,8 @@ def _silo(watch: _Watch, scene: Scene) -> dict[str, Array | float]:
         state = watch.to(times[-1] + FRAME)
         times.append(state.time)
         mass.append(2 * float(state.mass.sum()))
-    found = measure.discharge(measure.MassHistory(np.array(times), np.array(mass), 0.5))
-    return {"rate": found.rate, "window spread": found.window_spread}
+    outflow = measure.discharge(measure.MassHistory(np.array(times), np.array(mass), 0.5))
+    return {"rate": outflow.rate, "window spread": outflow.window_spread}
 
 
 def _hourglass(watch: _Watch, scene: Scene) -> dict[str, Array | float]:
@@ -155,7 +155,7 @@ def _slug(watch: _Watch, scene: Scene) -> dict[str, Array | float]:
         before = now
         state = watch.to(state.time + 1 / 240)
     if before is None:
-        raise ValueError(f"scene {scene.name!r} met its wall before the first look at it")
+        raise ValueError(f"scene {scene.name!r} met its wall before the first sample")
     (t0, p0), (t1, p1) = before, now
     impact = t0 + (t1 - t0) * (p0 - full) / (p0 - p1)
     state = watch.to(scene.duration)
@@ -194,6 +194,6 @@ def quantities(scene: Scene) -> Outcome:
     return watch.outcome(_OF[scene.name](watch, scene))
 
 
-def change(found: Array, reference: Array) -> float:
+def change(value: Array, reference: Array) -> float:
     """Root mean square of the difference, divided by that of the reference."""
-    return float(np.linalg.norm(found - reference) / np.linalg.norm(reference))
+    return float(np.linalg.norm(value - reference) / np.linalg.norm(reference))

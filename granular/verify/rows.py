@@ -17,7 +17,7 @@ class Row:
     measured, expected : str
         The number and its bound, as printed.
     passed : bool or None
-        None for a number that is only reported, beside a published one if there is any.
+        None for a number that is only reported, next to a published one if there is any.
     """
 
     quantity: str
@@ -79,6 +79,6 @@ def holds(quantity: str, truth: bool, expected: str = "yes") -> Row:
     return Row(quantity, "yes" if truth else "no", expected, bool(truth))
 
 
-def beside(quantity: str, value: str, other: str) -> Row:
-    """A row that reports a number beside another one, without a bound."""
+def report(quantity: str, value: str, other: str) -> Row:
+    """A row that reports a number next to another one, without a bound."""
     return Row(quantity, value, other, None)

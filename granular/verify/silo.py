@@ -17,7 +17,7 @@ from granular.mpm.schemes import Scheme
 from granular.run.simulation import Simulation
 from granular.theory import beverloo_rate
 from granular.verify.incline import PUBLISHED
-from granular.verify.rows import Row, beside, check, holds, within
+from granular.verify.rows import Row, check, holds, report, within
 
 ORIFICES = (0.06, 0.08, 0.10, 0.12, 0.14, 0.16, 0.18, 0.20)
 """Openings [m]."""
@@ -71,9 +71,9 @@ def free_opening(orifice: float, cell: float, scheme: Scheme) -> float:
 def mass_is_exact(state: State, gone: float = 0) -> bool:
     """True if exactly `gone` points have left and all others have their initial mass."""
     start = Simulation(state.scene, threads=1).state
-    kept = np.isin(start.id, state.id)
-    same = (np.array_equal(start.fields[f][kept], state.fields[f]) for f in ("id", "mass"))
-    return np.count_nonzero(~kept) == gone and all(same)
+    remaining = np.isin(start.id, state.id)
+    same = (np.array_equal(start.fields[f][remaining], state.fields[f]) for f in ("id", "mass"))
+    return np.count_nonzero(~remaining) == gone and all(same)
 
 
 def _rates(**parameters: Any) -> tuple[list[float], float]:
@@ -108,19 +108,19 @@ def silo_beverloo() -> Iterator[Row]:
     fit = measure.beverloo(ORIFICES, rates, rho=stiff.rho_c, gravity=DUNATUNGA_KAMRIN)
     yield within("exponent, free fit", fit.exponent_free, 1.5, 0.05)
     yield within("C at exponent 3/2", fit.C, PAPER_C, 0.08 * PAPER_C)
-    yield beside("C of the free fit", f"{fit.C_free:.4g}", "paper 1.31")
-    yield beside("largest spread of Q over windows", f"{spread:.3f}", "reported")
+    yield report("C of the free fit", f"{fit.C_free:.4g}", "paper 1.31")
+    yield report("largest spread of Q over windows", f"{spread:.3f}", "reported")
     units = beverloo_rate(ORIFICES, stiff.rho_c, C=1.0, gravity=DUNATUNGA_KAMRIN)
     single = " ".join(f"{q / unit:.3f}" for q, unit in zip(rates, units, strict=True))
-    yield beside("C of each opening", single, "reported")
+    yield report("C of each opening", single, "reported")
 
 
 @check(slow=True)
 def silo_default() -> Iterator[Row]:
-    """The same with the default scheme: its coefficient beside that of `published`."""
+    """The same with the default scheme: its coefficient, to compare with the one of `published`."""
     stiff = materials.glass_beads.replace(E=MODULUS)
     rates, spread = _rates(material=stiff)
     fit = measure.beverloo(ORIFICES, rates, rho=stiff.rho_c, gravity=DUNATUNGA_KAMRIN)
-    yield beside("C at exponent 3/2, default", f"{fit.C:.4g}", f"paper {PAPER_C}")
-    yield beside("exponent, free fit, default", f"{fit.exponent_free:.4g}", "1.5")
-    yield beside("largest spread of Q over windows", f"{spread:.3f}", "reported")
+    yield report("C at exponent 3/2, default", f"{fit.C:.4g}", f"paper {PAPER_C}")
+    yield report("exponent, free fit, default", f"{fit.exponent_free:.4g}", "1.5")
+    yield report("largest spread of Q over windows", f"{spread:.3f}", "reported")

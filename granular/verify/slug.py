@@ -13,7 +13,7 @@ from granular.mpm import schemes
 from granular.mpm.schemes import Scheme
 from granular.run.simulation import Simulation
 from granular.verify.hourglass import PHASE_TOLERANCE
-from granular.verify.rows import Row, at_least, at_most, beside, check, holds
+from granular.verify.rows import Row, at_least, at_most, check, holds, report
 from granular.verify.silo import mass_is_exact
 
 Array = NDArray[np.float64]
@@ -77,6 +77,6 @@ def slug_at_rest() -> Iterator[Row]:
     yield holds("mass is exact, default", mass_is_exact(now))
     now = fly(schemes.dunatunga_kamrin_2015, 1e6, 2.0)[1]
     phase = float(measure.phase(now, tolerance=PHASE_TOLERANCE).mean())
-    yield beside("dense by nodal density, published", f"{phase:.3f}", "all")
-    yield beside("share under stress, published", f"{float(now.dense.mean()):.3f}", "all")
+    yield report("dense by nodal density, published", f"{phase:.3f}", "all")
+    yield report("share under stress, published", f"{float(now.dense.mean()):.3f}", "all")
     yield holds("mass is exact, published", mass_is_exact(now))

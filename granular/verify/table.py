@@ -61,7 +61,7 @@ def main(slow: bool = False, out: TextIO | None = None, only: Sequence[str] | No
     Raises
     ------
     ValueError
-        If a name is not that of a check.
+        If a name is not the name of a check.
     """
     out = sys.stdout if out is None else out
     for name in only or ():

@@ -29,13 +29,11 @@ from granular.shapes import (
 
 def scene_of(name, cell, shape, fill, *bodies):
     dim = len(shape)
-    up = (0.0,) * (dim - 1)
     return scene_with(
         name=name,
         grid=gr.Grid((0.0,) * dim, cell, shape),
         fills=(gr.Fill(fill, 2**dim, lithostatic=False),),
         material=gr.MuI(E=2e5),
-        gravity=(*up, -9.8),
         walls=(gr.Wall(dim - 1, 0.0),),
         bodies=bodies,
         seed=1,

@@ -58,7 +58,6 @@ def scene_of(dim, thin=False):
         scheme=gr.Scheme(density=gr.ParticleDensity()) if thin else gr.Scheme(),
         walls=(Wall(up, 0.0, kind="no_slip"),),
         bodies=bodies,
-        gravity=(*rest[1:], -9.8),
         seed=2,
     )
 

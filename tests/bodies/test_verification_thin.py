@@ -200,7 +200,7 @@ def test_what_is_not_held_is_told():
     near = Body(endless().shape, (0.0, 0.3 + 4 * CELL))
     with pytest.warns(gr.StabilityWarning, match=r"bodies\[0\] and bodies\[1\] have thin parts"):
         gr.Simulation(scene.replace(bodies=(endless(), near)))
-    with pytest.warns(gr.StabilityWarning, match='transfer = "apic" with basis = "ugimp" makes'):
+    with pytest.warns(gr.StabilityWarning, match='transfer = "apic" with basis = "ugimp" creates'):
         gr.Simulation(scene.replace(scheme=scheme(basis="ugimp", transfer="apic")))
     rod = Body(gr.shapes.Cylinder(0.02, center=(0.0, 0.0)), (0.1, 0.3))
     pebble = Body(small_mesh(0.12), (0.1, 0.1, 0.3))

@@ -8,7 +8,7 @@ import pytest
 
 from granular import schemes, theory, verify
 from granular.verify.incline import profile_error, states
-from granular.verify.rows import at_least, at_most, beside, checks, holds, within
+from granular.verify.rows import at_least, at_most, checks, holds, report, within
 from granular.verify.slug import fly, parabola
 
 
@@ -17,7 +17,7 @@ from granular.verify.slug import fly, parabola
     [pytest.param(c.name, marks=[pytest.mark.slow] * c.slow) for c in checks.values()],
 )
 def test_table(name):
-    """All rows of the table; tests of what its measures detect are beside those of each subject."""
+    """All rows of the table; tests of what its measures detect are report those of each subject."""
     assert verify.failures(name) == []
 
 
@@ -28,7 +28,7 @@ def test_rows_pass_and_fail():
     assert within("q", 1.5, 1.0, 0.5).passed
     assert not within("q", 1.6, 1.0, 0.5).passed
     assert not holds("q", False).passed
-    assert beside("q", "1", "2").passed is None
+    assert report("q", "1", "2").passed is None
 
 
 @pytest.mark.parametrize("row", [at_most, at_least])

@@ -190,7 +190,7 @@ def test_density_drift_is_the_mass_in_excess(scheme, low, high):
     drift = gr.measure.density_drift(state)
     assert low - 0.01 <= drift < high
     bulk = Bulk(state, packed=0.9)
-    cells = np.unique(bulk.own[bulk.points])
+    cells = np.unique(bulk.cell_of[bulk.points])
     full = scene.material.rho_c * bulk.cell_volume
     density = np.average(np.exp(state.log_density[bulk.points]), weights=state.mass[bulk.points])
     assert bulk.mass.ravel()[cells].mean() / (full * density) - 1 == pytest.approx(drift, abs=0.01)

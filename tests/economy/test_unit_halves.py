@@ -96,5 +96,5 @@ def test_bodies_are_no_mirror_images():
     """A wheel that rolls and a cylinder that turns have no mirror plane."""
     for scene in (gr.scenes.wheel(), gr.scenes.couette(cell=0.02)):
         assert item("dimension", scene).changes == {}
-        with pytest.raises(ValueError, match=r"cannot be halved: .* bodies"):
+        with pytest.raises(ValueError, match=r"cannot be halved: bodies"):
             gr.economy.mirror_half(scene)

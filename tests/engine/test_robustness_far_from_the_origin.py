@@ -81,7 +81,7 @@ def test_samples_maps_and_inlets_end_where_the_grid_does():
     x0, y0 = SHIFTS[-1]
     high = (x0 + 30 * CELL, y0 + 20 * CELL)
     plate = gr.sph.ParticleWall(1, y0, 1, span=((x0 - 2 * CELL, x0 + 7 * CELL),))
-    assert plate.extent("plate", gr.Grid((x0, y0), CELL, (30, 20))) == [(-2, 7), (-5, 0)]
+    assert plate.lines("plate", gr.Grid((x0, y0), CELL, (30, 20))) == [(-2, 7), (-5, 0)]
     mask = gr.Mask.of(lambda x: np.ones(len(x)), SHIFTS[-1], high, CELL / 2)
     assert mask.inside.shape == (60, 40)
     assert gr.Heights.of(1.0, x0, high[0], CELL).z.shape == (31,)

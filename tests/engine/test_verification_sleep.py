@@ -43,7 +43,7 @@ def scene_of(combination, sleep_speed=SPEED, *, dim=2, height=0.3, top=0.5, **mo
         walls=[*sides, gr.Wall(dim - 1, 0.0, kind="no_slip")],
         material=gr.materials.glass_beads.replace(E=1e6),
         scheme=scheme_of(*combination).replace(sleep_speed=sleep_speed),
-        **{} | more,
+        **more,
     )
 
 

@@ -130,7 +130,7 @@ def test_mask_of_a_region_of_ones_own():
             return abs(np.linalg.norm(x - 0.5, axis=1) - 0.3) < 0.1
 
     ring = Ring()
-    with pytest.raises(TypeError, match=r"take granular.Mask.of\(region.contains"):
+    with pytest.raises(TypeError, match=r"use granular.Mask.of\(region.contains"):
         scene_of(ring).to_json()
     mask = gr.Mask.of(ring.contains, (0.1, 0.1), (0.9, 0.9), 0.05)
     ours, theirs = scene_of(mask).points(), scene_of(ring).points()

@@ -111,7 +111,7 @@ def test_an_axis_through_cells_and_points_free_of_stress():
     line = centre_line_pressure(state(s, x, stress=isotropic(p)))
     # the middle of five cells is that of the third cell
     assert np.allclose(line.value, [0.0, 40.0])
-    with pytest.raises(ValueError, match="no column of cells beside"):
+    with pytest.raises(ValueError, match="no column of cells next to"):
         centre_line_pressure(state(s, x), opening=Opening(1.0, axis=-9.0))
     with pytest.raises(ValueError, match="columns = 0"):
         centre_line_pressure(state(s, x), columns=0)

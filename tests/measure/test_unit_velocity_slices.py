@@ -174,7 +174,7 @@ def test_bad_slices_are_refused():
     refused(
         (r"the grid 0\.595 m", lambda: velocity_slices(flow, [1.5, 5.0])),
         (r"no material at 0.588 m", lambda: velocity_slices(low, [4.2])),
-        (r"3 places at height 0\.21 m", lambda: gaussian_fit(few)),
+        (r"3 nodes with material at height 0\.21 m", lambda: gaussian_fit(few)),
         ("B must be between", lambda: gaussian_fit(still)),
         ("B must be between", lambda: gaussian_fit(bent)),
         ("d = 0", lambda: gaussian_fit(exact(), d=0.0)),

@@ -378,7 +378,7 @@ def runs(monkeypatch, module, tmp_path):
 def test_runs_and_pictures(runs, module, tmp_path):
     runs.main([*runs.CASES, "--records", str(tmp_path / "records")])
     table = json.loads((tmp_path / "results.json").read_text())
-    assert list(table) == list(runs.CASES)
+    assert list(table) == [*runs.CASES, "stamp", "stamps"]
     assert table["excavation_5"]["lateral"] == 0 != table["excavation_5_whole"]["lateral"]
     assert 0 < table["couette_shallow"]["mean_error"] < table["couette_shallow"]["error"] < 0.5
     assert table["narrow_5"]["forward"] > 0 and len(table["narrow_5"]["course"]) == 5

@@ -1,4 +1,4 @@
-"""One word for one thing, the field's own: words of the past do not come back.
+"""One standard term for one thing: words of the past do not come back.
 
 `python tests/project/test_unit_words.py [path ...]` lists where they stand.
 """
@@ -19,6 +19,14 @@ OUTSIDE_GRAIN_SCALE = (
     *("docs/tutorials/", "docs/how-to/", "docs/reference/", "docs/explanation/core.md"),
     *("docs/explanation/limits.md", "docs/reports/stability.md"),
 )
+PROSE = (
+    *("granular/", "docs/explanation/", "docs/how-to/", "docs/tutorials/", "docs/reference/"),
+    "docs/reports/",
+    *("docs/contributing.md", "docs/index.md", "notebooks/", "README.md", "CHANGELOG.md"),
+)
+PACKAGE = ("granular/",)
+PARTICIPLES = "(found|told|kept|shown|said|asked|worth|own)"
+"""Not names of variables and functions of the package."""
 
 WORDS = (
     (r"\b([Hh]ats?|HATS?)\b", "linear shape functions", ANY),
@@ -60,6 +68,17 @@ WORDS = (
     (r"\b(mu_i|local_saturating|hencky_mu_i)\b", "mu_I", ANY),
     (r"[\"']saturating[\"']", "mu_I", ANY),
     (r"\"\"\"(What|Whether|How)\b", "a noun or a verb", ANY),
+    (r"\bwarn(ed|s) of it\b|\b(is|are|was|were|be) warned of\b", "a warning reports", PROSE),
+    (r"\b[Hh]eld beside\b", "compared with", PROSE),
+    (r"\b[Bb]eside\b", "next to, or compared with", PACKAGE),
+    (r"\btold\b|\bblame\w*", "reported, cause", PROSE),
+    (r"\bwhat (flows|falls|rests)\b", "moving material, material at rest", PROSE),
+    (r"\bwhat (is|was) (found|told|kept|worth|shown|solid)\b", "a noun", PROSE),
+    (r"\b(one|the user|a user)'s own\b(?=[.,;:)])", "user-defined, given", PROSE),
+    (r"\b[Pp]laces (of|per) (a |the )?points?\b|\bspare places?\b", "slots, capacity", PROSE),
+    (r"\bfeet of (a |the )?(points?|bod(y|ies)|shapes?)\b", "contact points", PROSE),
+    (rf"\b_?{PARTICIPLES}( [-+|&]?= |\.(append|extend|update|add)\()", "a noun", PACKAGE),
+    (rf"\b(for|def|as) _?{PARTICIPLES}\b(,.*)?( in |\()", "a noun", PACKAGE),
     (r"(?<!:[+-])(?<=[\s(=<>~+-])\.\d", "a zero before the point", ANY),
 )
 
@@ -73,10 +92,10 @@ def any_of(words):
 
 def files(paths):
     """Files that are read, as paths from the root; also in a copy without the history of git."""
-    found = []
+    entries = []
     for path in (ROOT / p for p in paths):
-        found += [path] if path.is_file() else sorted(path.rglob("*"))
-    names = [path.relative_to(ROOT).as_posix() for path in found if path.is_file()]
+        entries += [path] if path.is_file() else sorted(path.rglob("*"))
+    names = [path.relative_to(ROOT).as_posix() for path in entries if path.is_file()]
     return [name for name in names if name.endswith(ENDINGS) and "__pycache__" not in name]
 
 
@@ -90,16 +109,16 @@ def hits(paths):
         if not present.search(text):  # of most files; one by one the words take ten times as long
             continue
         for word, now in [(word, now) for word, now, where in WORDS if name.startswith(where)]:
-            for found in re.finditer(word, text):
-                before = text[: found.start()].split("\n")
-                line = (before[-1] + text[found.start() :].partition("\n")[0]).strip()
-                yield f"{name}:{len(before)}: {found.group()!r}: {now}: {line[:90]}"
+            for hit in re.finditer(word, text):
+                before = text[: hit.start()].split("\n")
+                line = (before[-1] + text[hit.start() :].partition("\n")[0]).strip()
+                yield f"{name}:{len(before)}: {hit.group()!r}: {now}: {line[:90]}"
 
 
 def test_words_that_are_gone():
     assert len(files(ROOMS)) > 300
-    found = list(hits(ROOMS))
-    assert not found, "\n".join(found[:50])
+    lines = list(hits(ROOMS))
+    assert not lines, "\n".join(lines[:50])
 
 
 if __name__ == "__main__":

@@ -74,7 +74,7 @@ def test_the_verdict_is_no_lottery_of_the_duration():
 
 
 def springs(dt, parameters, gradient, log_density, stress, shear_rate, history):
-    """A law of one's own: the stress is that of the elastic predictor."""
+    """A user-defined law: the stress is that of the elastic predictor."""
 
 
 MATERIALS = {

@@ -185,7 +185,7 @@ def resumes(sim, path):
 @pytest.mark.parametrize(
     ("act", "kind", "message"),
     [
-        (runs_on, RuntimeError, "run: .* has called the hook test_a_hook.*, which may look at it"),
+        (runs_on, RuntimeError, "run: .* has called the hook test_a_hook.*, which may read it"),
         (lambda sim, path: sim.step(3), RuntimeError, "step: .* step a copy"),
         (resumes, BlockingIOError, "written by a live run"),
     ],

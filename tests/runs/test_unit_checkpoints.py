@@ -18,20 +18,20 @@ def record(tmp_path):
 
 def test_a_run_begins_with_any_frame_that_was_kept(record):
     with gr.open(record) as states:
-        assert len(states) == 11 and states.kept == [0, 4, 8]
+        assert len(states) == 11 and states.checkpoint_frames == [0, 4, 8]
         last, times, fourth = states[-1], list(states.times), states[4].time
     sim = gr.Simulation.resume(record, frame=4, threads=1)
     assert sim.time == fourth
     sim.run(until=0.1)
     assert np.array_equal(sim.state.x, last.x) and np.array_equal(sim.state.stress, last.stress)
     with gr.open(record) as states:  # nothing was stored twice
-        assert list(states.times) == times and states.kept == [0, 4, 8]
+        assert list(states.times) == times and states.checkpoint_frames == [0, 4, 8]
 
 
 def test_frames_keep_their_numbers_in_a_run_that_goes_on(record):
     gr.Simulation.resume(record, threads=1).run(until=0.16, checkpoints=4)
     with gr.open(record) as states:
-        assert len(states) == 17 and states.kept == [0, 4, 8, 12, 16]
+        assert len(states) == 17 and states.checkpoint_frames == [0, 4, 8, 12, 16]
 
 
 def test_other_frames_follow_a_change(record):
@@ -42,12 +42,13 @@ def test_other_frames_follow_a_change(record):
     branch = record.with_name("b.h5")
     sim.run(until=0.12, save=branch, checkpoints="all")
     with gr.open(branch) as states, gr.open(record) as before:
-        assert states.kept == list(range(len(states)))
+        assert states.checkpoint_frames == list(range(len(states)))
         assert before.times[8] < states.times[0] < before.times[9] + 0.01 and len(before) == 11
 
 
 def test_without_a_checkpoint_a_frame_is_refused(record):
-    for frame, named in ((3, "frame = 3 must be one of those kept: [0, 4, 8]"), (11, "frame = 11")):
+    stored = "frame = 3 must be one of those stored: [0, 4, 8]"
+    for frame, named in ((3, stored), (11, "frame = 11")):
         with pytest.raises(ValueError) as error:
             gr.Simulation.resume(record, frame=frame)
         assert named in str(error.value)

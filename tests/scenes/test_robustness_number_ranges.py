@@ -131,4 +131,4 @@ def test_friction_and_inertia_of_any_size():
         gr.Body(shape, (1.0, 0.8), mass=1.0, free="xy", inertia=1e-300)
     body = gr.Body(shape, (1.0, 0.8), mass=1.0, free="xy", inertia=1e-12)
     said = gr.scene_warnings(scene_of(gr.MuI(E=1e6), bodies=(body,)))
-    assert said[-1].startswith("bodies[0].inertia = 1e-12 kg m2 is none of a body of 1 kg")
+    assert said[-1].startswith("bodies[0].inertia = 1e-12 kg m2 is impossible for a body of 1 kg")

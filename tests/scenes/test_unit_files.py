@@ -114,7 +114,7 @@ def test_numbers_anywhere_in_a_scene():
     opened = changed(scenes.silo(), ["walls.3.opens_at=inf"]).walls[3]
     assert opened.opens_at == float("inf")
     for wrong, named in (
-        ("scheme.cfl", "must be PLACE=VALUE"),
+        ("scheme.cfl", "must be KEY=VALUE"),
         ("scheme.cfk=1", "'cfk' must be one of flip_decay"),
         ("bodies.1.friction=1", "'1' must be a number from 0 to 0"),
         ("duration.x=1", "'x' must be one of nothing"),

@@ -135,7 +135,7 @@ def test_transfers_that_damp_by_the_step_are_warned_of_in_one_column():
     """A particle density alone gives no warning in one column."""
     for scheme in (gr.Scheme(transfer="apic"), gr.Scheme(basis="linear", transfer="xpic")):
         (warning,) = scene_warnings(layer(columns=1, scheme=scheme))
-        assert scheme.transfer in warning and "damps by the step" in warning
+        assert scheme.transfer in warning and "has numerical damping per step" in warning
     assert scene_warnings(layer(columns=1, scheme=gr.Scheme(basis="linear", transfer="apic"))) == []
 
 

@@ -364,7 +364,7 @@ def test_gaps_at_the_rim_are_cut_off_or_filled(tmp_path, kind):
     [
         ({"window": (0, 0, 1, 1)}, r"lie along x, from 0 to 1, within .* for x = 10 to 16"),
         ({"window": (10, 20, 16, 25)}, r"lie along y, from 20 to 25, within .* for y = 20 to 24"),
-        ({"window": (14, 20, 10, 24)}, "from a lower to a higher place"),
+        ({"window": (14, 20, 10, 24)}, "from a lower to a higher position"),
         ({"window": (10.5, 20, 12.9, 24)}, "must hold two posts at least along x"),
         ({"window": (10, 20, 16)}, "window = .* must be 4 numbers"),
         ({"window": (10, 20, float("nan"), 24)}, r"window\[2\] = nan"),

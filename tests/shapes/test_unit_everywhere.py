@@ -156,3 +156,18 @@ def test_what_is_not_known_of_a_shape_is_refused():
     cube = gr.Mesh(0.2 + 0.6 * CORNERS, FACES, spacing=0.0125)
     with pytest.raises(ValueError, match=r"by = 0.2 must be at most 0.075 m from a mesh"):
         gr.Offset(cube, by=0.2)
+
+
+def test_a_shape_without_a_drawing_of_its_own_is_drawn_from_its_distance():
+    capsule = gr.Capsule(0.1, 0.3, center=(0.5, 0.5, 0.5), axis=(0.0, 1.0, 1.0))
+
+    class Pill(gr.shapes.Shape):
+        """A new shape: all that is known of it are its rows and boxes."""
+
+        dim = 3
+        rows = staticmethod(capsule.rows)
+        covers = staticmethod(capsule.covers)
+
+    vertices, polygons = surface(Pill(), 3, 2.0)
+    assert len(polygons) > 100
+    assert np.abs(capsule.distance(vertices)[0]).max() < 1e-3

@@ -131,7 +131,7 @@ SOLIDS = {
     "part in a cavity": (
         joined(block(0.4), block(0.3, inside_out=True), block(0.1, inside_out=True)),
         lambda x: in_block(x, 0.4) & ~in_block(x, 0.3) | in_block(x, 0.1),
-        "turned 1 of 3 closed parts",
+        "reversed 1 of 3 closed parts",
     ),
     "filled cavity": (
         joined(block(0.3), block(0.1, inside_out=True), block(0.2, (0.2, 0.0, 0.0))),
@@ -141,12 +141,12 @@ SOLIDS = {
     "all inside out": (
         joined(block(0.3, inside_out=True), block(0.1)),
         lambda x: in_block(x, 0.3) & ~in_block(x, 0.1),
-        "turned 2 of 2 closed parts",
+        "reversed 2 of 2 closed parts",
     ),
     "one of three": (
         joined(block(0.2), block(0.2, (0.15, 0, 0), inside_out=True), block(0.2, (0.3, 0, 0))),
         lambda x: in_block(x, (0.5, 0.2, 0.2), (0.15, 0.0, 0.0)),
-        "turned 1 of 3 closed parts",
+        "reversed 1 of 3 closed parts",
     ),
     "touching": (
         joined(block(0.2), (np.array([(0.2, 0, 0)]) + CORNERS, FACES)),
@@ -220,7 +220,7 @@ def test_flipped_and_double_triangles_are_mended():
     rng, sides = np.random.default_rng(0), len(disc(0.1, 0.1)[1])
     chosen = np.append(rng.permutation(sides)[: sides // 2 - 3], sides + 4)
     faces[chosen] = faces[chosen][:, ::-1]
-    mended = made(good[0], faces, f"turned {len(chosen)} of {len(faces)} triangles", spacing=0.01)
+    mended = made(good[0], faces, f"reversed {len(chosen)} of {len(faces)} triangles", spacing=0.01)
     x = places(1000, 0.3)
     exact = wanted.triangles().distance(x)
     np.testing.assert_allclose(mended.triangles().distance(x), exact, rtol=0, atol=1e-15)
@@ -381,9 +381,9 @@ def test_rounding_far_from_the_origin_is_told(tmp_path, trimesh):
     path = tmp_path / "terrain.stl"
     blocks = trimesh.Trimesh(20 * CORNERS + (5e5 + 0.03, 5.2e6 + 0.03, 0.0), FACES)
     blocks.export(path)
-    with pytest.warns(MeshWarning, match=r"rounds places by 0.25 m, more than a tenth of spacing"):
+    with pytest.warns(MeshWarning, match="rounds positions by 0.25 m, more than a tenth of"):
         Mesh.read(path, spacing=0.5)
-    with pytest.raises(ValueError, match=r"rounds places by 0.25 m, more than spacing = 0.02"):
+    with pytest.raises(ValueError, match=r"rounds positions by 0.25 m, more than spacing = 0.02"):
         Mesh.read(path, spacing=0.02)
 
 

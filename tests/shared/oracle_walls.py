@@ -8,7 +8,7 @@ import numpy as np
 def faces(scene):
     """Axis, coordinate and extents of the faces of walls and blocks."""
     for wall in scene.walls:
-        if hasattr(wall, "axis"):
+        if wall.axis is not None:
             others = set(range(scene.grid.dim)) - {wall.axis}
             yield wall.axis, wall.at, {d: wall.extent(scene.grid, d) for d in others}
         else:

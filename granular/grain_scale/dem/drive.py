@@ -1,4 +1,4 @@
-"""Shear cells and packings by LAMMPS: its input is written, it is run, its output is read."""
+"""Shear cells and packings by LAMMPS: writing its input, running it, reading its output."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def shear(
     Parameters
     ----------
     measure : callable, optional
-        Called with each `Frame` in the order of time; only its return values are kept. Without it
+        Called with each `Frame` in the order of time; only its return values are stored. Without it
         the frames themselves are returned, some hundred kilobytes each.
     timeout : float
         Time after which LAMMPS is ended [s].
@@ -143,7 +143,7 @@ class Pack:
         return self.x[self.i] + self.arm_i
 
     def for_inference(self) -> tuple[inference.Packing, Array]:
-        """Input of `granular.grain_scale.inference`, and the forces that it should find.
+        """Input of `granular.grain_scale.inference`, and the forces that it should infer.
 
         Returns
         -------
@@ -190,13 +190,13 @@ def pack(
         raise TypeError(f"settings must be Packing, not {type(settings).__name__}")
     script = packing_script(settings)
     (frame,) = _run(settings, script, 1, lambda frame: frame, timeout, command)
-    found = packed(frame)
-    if not found.imbalance <= settings.imbalance:
+    result = packed(frame)
+    if not result.imbalance <= settings.imbalance:
         raise DemError(
-            f"imbalance = {found.imbalance:.3g} of the packing must be <= {settings.imbalance:g}: "
+            f"imbalance = {result.imbalance:.3g} of the packing must be <= {settings.imbalance:g}: "
             "it has not come to rest"
         )
-    return found
+    return result
 
 
 def packed(frame: Frame) -> Pack:

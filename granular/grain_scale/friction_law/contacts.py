@@ -153,7 +153,7 @@ def _whole(frame: Frame) -> _Part:
     upper = frame.wall & (frame.x[:, 1] > 0.5 * (low + high))
     lower = frame.wall & ~upper
     if not (upper.any() and lower.any()):
-        raise ValueError("the frame has a wall on one side only: give the layer to look at")
+        raise ValueError("the frame has a wall on one side only: give the layer to evaluate")
     speed = float(frame.v[upper, 0].mean() - frame.v[lower, 0].mean())
     volume = float(frame.box[0] * frame.box[2] * (high - low))
     return _Part(-np.inf, np.inf, volume, free.astype(float), every, speed / (high - low))

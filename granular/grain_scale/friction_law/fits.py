@@ -277,7 +277,7 @@ def fit_mu_I(
     if error is not None:
         error = _points(x, error, 4, "error")[1]
     # mu_2 is a sum of two parameters that are correlated.
-    found = _least_squares(
+    constants = _least_squares(
         lambda i, low, rise, log: low + rise / (1.0 + np.exp(log) / i),
         x,
         y,
@@ -287,7 +287,7 @@ def fit_mu_I(
         error=error,
         combined=np.array([[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
     )
-    fit = MuIFit(**found, residuals=np.zeros(len(x)))
+    fit = MuIFit(**constants, residuals=np.zeros(len(x)))
     if not 0 < fit.mu_s < fit.mu_2:
         raise ValueError(
             f"friction = {y}: the fit has mu_s = {fit.mu_s:.4g} and mu_2 = {fit.mu_2:.4g}, "
@@ -369,10 +369,10 @@ def _least_squares(
     if combined is not None:
         values, covariance = combined @ values, combined @ covariance @ combined.T
     half = factor * np.sqrt(np.diag(covariance))
-    found = {name: (v, v - h, v + h) for name, v, h in zip(guess, values, half, strict=True)}
+    fitted = {name: (v, v - h, v + h) for name, v, h in zip(guess, values, half, strict=True)}
     if logarithmic:
         with np.errstate(over="ignore"):  # an interval without an upper end
-            found[logarithmic] = tuple(np.exp(found[logarithmic]))
-    constants = {name: float(value) for name, (value, _, _) in found.items()}
-    intervals = {name: (float(low), float(high)) for name, (_, low, high) in found.items()}
+            fitted[logarithmic] = tuple(np.exp(fitted[logarithmic]))
+    constants = {name: float(value) for name, (value, _, _) in fitted.items()}
+    intervals = {name: (float(low), float(high)) for name, (_, low, high) in fitted.items()}
     return constants | {"intervals": intervals}

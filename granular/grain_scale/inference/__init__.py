@@ -1,7 +1,7 @@
 """Inference of contact forces from images: positions, contacts and mean stresses of grains (GEM).
 
 This is the method of Hurley's thesis, chapters 2 and 3. `Packing` holds the measured data.
-`infer_static`, `infer_with_boundary` and `infer_dynamic` find the forces, and every `Inference`
+`infer_static`, `infer_with_boundary` and `infer_dynamic` infer the forces, and every `Inference`
 states how reliable they are. docs/reports/inference.md has the equations and the limits.
 """
 

@@ -67,7 +67,7 @@ def infer_dynamic(
 
     With `stress_errors` and `acceleration_errors` of the packing each row is divided by its
     standard deviation, and w = 1 is the solution of maximum likelihood. Stresses with a relative
-    error then count less where they are large, and no knee needs to be found.
+    error then count less where they are large, and no knee is needed.
 
     Parameters
     ----------
@@ -157,8 +157,8 @@ def pareto_front(
         ),
         knee=knee,
         inferences=tuple(
-            report(packing, problem.replace(weight=chosen[knee]), *found)
-            for packing, problem, found in zip(frames, problems, solved[knee], strict=True)
+            report(packing, problem.replace(weight=chosen[knee]), *solution)
+            for packing, problem, solution in zip(frames, problems, solved[knee], strict=True)
         ),
     )
 

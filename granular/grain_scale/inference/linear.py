@@ -21,7 +21,7 @@ PASSES = 30
 
 
 def least_squares(problem: Problem) -> Array | None:
-    """Solution without the inequalities; None if it is not found.
+    """Solution without the inequalities; None if the iteration fails.
 
     The rows that must hold exactly enter by an augmented Lagrangian. Each pass computes the
     residuals anew, so that the passes are also the iterative refinement that normal equations need.

@@ -77,17 +77,17 @@ def momentum_vector(packing: Packing) -> Array:
     gravity.
     """
     d, n = packing.dim, packing.n
-    found = np.zeros((n, rows_of(d)))
+    momenta = np.zeros((n, rows_of(d)))
     for given, sign in ((packing.accelerations, 1.0), (packing.gravity, -1.0)):
         if given is not None and packing.masses is not None:
-            found[:, :d] += sign * packing.masses[:, None] * given
+            momenta[:, :d] += sign * packing.masses[:, None] * given
     if packing.inertias is not None and packing.angular_accelerations is not None:
         alpha = packing.angular_accelerations.reshape(n, -1)
         if packing.inertias.ndim == 1:
-            found[:, d:] = packing.inertias[:, None] * alpha
+            momenta[:, d:] = packing.inertias[:, None] * alpha
         else:
-            found[:, d:] = np.einsum("nab,nb->na", packing.inertias, alpha)
-    return found.ravel()
+            momenta[:, d:] = np.einsum("nab,nb->na", packing.inertias, alpha)
+    return momenta.ravel()
 
 
 def contact_frames(normals: Array) -> Array:
@@ -156,31 +156,31 @@ def friction_of_contacts(
         contacts.
     """
     count = len(packing.bodies)
-    found = _coefficients("mu", mu)
-    if found.ndim and found.shape != (count,):
-        raise ValueError(f"mu has shape {found.shape}, must be () or ({count},)")
-    found = np.broadcast_to(found, (count,)).copy()
+    coefficients = _coefficients("mu", mu)
+    if coefficients.ndim and coefficients.shape != (count,):
+        raise ValueError(f"mu has shape {coefficients.shape}, must be () or ({count},)")
+    coefficients = np.broadcast_to(coefficients, (count,)).copy()
     lowest = packing.bodies.min(axis=1)
     if isinstance(mu_wall, dict):
         for wall, value in mu_wall.items():
             if wall >= 0 or not (lowest == wall).any():
                 walls = np.unique(lowest[lowest < 0]).tolist()
                 raise ValueError(f"mu_wall[{wall!r}] must name one of the walls {walls}")
-            found[lowest == wall] = _coefficients(f"mu_wall[{wall}]", value)
+            coefficients[lowest == wall] = _coefficients(f"mu_wall[{wall}]", value)
     elif mu_wall is not None:
         # A grain that was left out of a subset is not a wall.
-        found[(lowest < 0) & (lowest != OUTSIDE)] = _coefficients("mu_wall", mu_wall)
-    return found
+        coefficients[(lowest < 0) & (lowest != OUTSIDE)] = _coefficients("mu_wall", mu_wall)
+    return coefficients
 
 
 def _coefficients(name: str, value: ArrayLike) -> Array:
     try:
-        found = np.asarray(value, dtype=np.float64)
+        coefficients = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise TypeError(f"{name} = {value!r} must be a number >= 0 or an array of them") from None
-    if not (found >= 0).all():
-        raise ValueError(f"{name} = {found[~(found >= 0)].flat[0]} must be >= 0")
-    return found
+    if not (coefficients >= 0).all():
+        raise ValueError(f"{name} = {coefficients[~(coefficients >= 0)].flat[0]} must be >= 0")
+    return coefficients
 
 
 def _assembled(packing: Packing, arms_in: Array, fixed: Array) -> csr_array:

@@ -32,7 +32,7 @@ class Packing:
     ----------
     bodies : array_like of int, shape (c, 2)
         The two bodies of each contact: grains are numbered from 0 on, walls (and other bodies
-        without a balance of their own) by any negative numbers. One of the two must be a grain.
+        without a balance) by any negative numbers. One of the two must be a grain.
     positions : array_like, shape (c, d)
         Positions of the contacts [m].
     shifts : array_like, shape (c, d), optional
@@ -165,7 +165,7 @@ class Packing:
         inward = np.count_nonzero(outward <= 0)
         if 2 * inward > len(outward):
             raise ValueError(
-                f"normals point into the first body at {inward} of {len(outward)} places, "
+                f"normals point into the first body at {inward} of {len(outward)} contacts, "
                 "must point out of it"
             )
 
@@ -238,13 +238,13 @@ class Packing:
             The force on the grain is the contact's force times the sign; the arms are the vectors
             from the centroids to the contacts [m].
         """
-        found = []
+        views = []
         for side, sign in enumerate((1.0, -1.0)):
             contacts = np.flatnonzero(self.bodies[:, side] >= 0)
             grains = self.bodies[contacts, side]
             arms = self.seen_from(side)[contacts] - self.centroids[grains]
-            found.append((contacts, grains, sign, arms))
-        return found
+            views.append((contacts, grains, sign, arms))
+        return views
 
     def seen_from(self, side: int) -> Array:
         """Positions of the contacts at the first (0) or second (1) bodies [m], shape (c, d)."""
@@ -252,7 +252,8 @@ class Packing:
         return self.positions if shifts is None else self.positions + shifts
 
     def clusters(self) -> Index:
-        """Number of the connected cluster of each grain, shape (n,). Walls connect nothing."""
+        """Number of the connected cluster of each grain, shape (n,). Walls do not connect
+        grains."""
         joined = self.bodies[(self.bodies >= 0).all(axis=1)]
         graph = coo_array((np.ones(len(joined)), joined.T), (self.n, self.n))
         return connected_components(graph, directed=False)[1].astype(np.intp)
@@ -295,10 +296,14 @@ class Packing:
         contacts = np.flatnonzero((bodies >= 0).any(axis=1))
         if not len(contacts):
             raise ValueError(f"grains = {chosen.tolist()} have no contacts")
-        kept = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in _DERIVED_FROM}
-        per_grain = {k: v[chosen] for k, v in kept.items() if v is not None and k in _PER_GRAIN}
+        arguments = {
+            f.name: getattr(self, f.name) for f in fields(self) if f.name not in _DERIVED_FROM
+        }
+        per_grain = {
+            k: v[chosen] for k, v in arguments.items() if v is not None and k in _PER_GRAIN
+        }
         return Packing(
-            **(kept | per_grain),
+            **(arguments | per_grain),
             bodies=bodies[contacts],
             positions=self.positions[contacts],
             normals=self.normals[contacts],
@@ -311,7 +316,7 @@ _PER_GRAIN = (
     *("angular_accelerations", "stress_errors", "acceleration_errors"),
 )
 _DERIVED_FROM = ("bodies", "positions", "normals", "shifts", "strains", "stiffness")
-"""Fields that a subset does not take over: it has other contacts, and its stresses are known."""
+"""Fields that a subset does not inherit: it has other contacts, and its stresses are known."""
 
 
 def isotropic_stiffness(E: float, nu: float, dim: int, *, plane: str = "stress") -> Array:
@@ -348,13 +353,13 @@ def isotropic_stiffness(E: float, nu: float, dim: int, *, plane: str = "stress")
 
 def _numbers(name: str, value: ArrayLike) -> Array:
     try:
-        found = np.asarray(value, dtype=np.float64)
+        numbers = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise TypeError(f"{name} must be an array of real numbers") from None
-    if not np.isfinite(found).all():
-        where = np.argwhere(~np.isfinite(np.atleast_1d(found)))[0].tolist()
+    if not np.isfinite(numbers).all():
+        where = np.argwhere(~np.isfinite(np.atleast_1d(numbers)))[0].tolist()
         raise ValueError(f"{name}{where} must be finite")
-    return found
+    return numbers
 
 
 def _fits(shape: tuple[int, ...], wanted: tuple[int | None, ...]) -> bool:

@@ -7,7 +7,7 @@ their errors where these are known. Let L be the rows that hold exactly and l a 
 
     min  sum_i w_i |K_i x - b_i|^2 + l^2 |x|^2   s.t.  L x = c,  n >= 0,  |t| <= mu n.
 
-The thesis has norms in place of squares; both have the same set of solutions as the weight varies,
+The thesis has norms instead of squares; both have the same set of solutions as the weight varies,
 see `weight_of_norms`.
 """
 
@@ -122,13 +122,13 @@ class Problem:
     def excess(self, x: Array) -> Array:
         """Distance by which each contact leaves its cone, negative inside, shape (c,)."""
         push = x[: len(self.mu)]
-        found = -push
+        distance = -push
         slip = np.linalg.norm(self.tangents(x), axis=1)
         slipping = self.slipping
         finite = np.isfinite(self.mu[slipping])
         inner = slipping[finite]
-        found[inner] = np.maximum(found[inner], slip[finite] - self.mu[inner] * push[inner])
-        return found
+        distance[inner] = np.maximum(distance[inner], slip[finite] - self.mu[inner] * push[inner])
+        return distance
 
     def replace(self, **changes: Any) -> Problem:
         """Copy with another weight or regularisation."""
@@ -167,13 +167,13 @@ def _problem(
     d, R = packing.dim, packing.radius
     frame = _frame(packing, mu)
     lengths = np.tile(np.repeat([1.0, 1 / R], [d, rows_of(d) - d]), packing.n)
-    kept = np.tile(np.repeat([True, moments], [d, rows_of(d) - d]), packing.n)
+    mask = np.tile(np.repeat([True, moments], [d, rows_of(d) - d]), packing.n)
     stress_target = stress_vector(packing) / R
-    balance_target = (lengths * momentum_vector(packing))[kept]
+    balance_target = (lengths * momentum_vector(packing))[mask]
     force = _typical([stress_target, balance_target])
-    balance = csr_array(equilibrium_matrix(packing).multiply(lengths[:, None]))[kept]
+    balance = csr_array(equilibrium_matrix(packing).multiply(lengths[:, None]))[mask]
     of_stress, of_balance = _errors(packing)
-    errors = of_stress if np.isinf(weight) else np.concatenate([of_stress, of_balance[kept]])
+    errors = of_stress if np.isinf(weight) else np.concatenate([of_stress, of_balance[mask]])
     usual = float(np.median(errors))
     known = packing.stress_errors is not None
     return Problem(
@@ -184,7 +184,7 @@ def _problem(
         stress_target=stress_target / force,
         balance_target=balance_target / force,
         stress_scale=usual / of_stress,
-        balance_scale=usual / of_balance[kept],
+        balance_scale=usual / of_balance[mask],
         weight=weight,
         regularization=regularization,
         force=force,
@@ -229,5 +229,5 @@ def _frame(packing: Packing, mu: Array) -> csr_array:
 
 def listed(which: NDArray[np.intp]) -> str:
     """List of the first few numbers, for messages."""
-    shown = ", ".join(str(k) for k in which[:8])
-    return shown + (f", ... ({len(which)} in all)" if len(which) > 8 else "")
+    text = ", ".join(str(k) for k in which[:8])
+    return text + (f", ... ({len(which)} in all)" if len(which) > 8 else "")

@@ -26,7 +26,7 @@ BALANCE = 1e-6
 
 
 class InferenceWarning(UserWarning):
-    """Inferred forces that are not reliable as they are."""
+    """Inferred forces that are not reliable."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Inference:
     carried : float
         (K_st f).b_st/(b_st.b_st): 1 for forces that carry the measured stresses, 0 for f = 0.
     unknowns, rank : int
-        Number of force components to be found, and number of them that the rows determine without
+        Number of unknown force components, and number of them that the rows determine without
         the inequalities. Redundant rows average out noise.
     undetermined : ndarray of bool, shape (c,)
         Contacts whose forces the rows do not determine.
@@ -79,12 +79,12 @@ class Inference:
     excess : float
         Largest violation of repulsion or friction, divided by the mean force; 0 if there is none.
     weight_of_norms : float
-        With norms in place of squares the same forces minimise ``|K f - b| + w |f|`` (2.14, w the
+        With norms instead of squares the same forces minimise ``|K f - b| + w |f|`` (2.14, w the
         thesis' lambda^2, in metres) or ``|K_s f - b_s| + w |K_m f - b_m|`` (3.18, in metres; its
         moments over R). nan where a norm vanishes or errors are known.
     solver : str
     flags : tuple of Flag
-        Defects; empty if none was found. Each is also issued as a warning.
+        Defects; empty if there is none. Each is also issued as a warning.
     """
 
     packing: Packing
@@ -135,11 +135,11 @@ def report(
     scale: float = 1.0,
     flags: tuple[Flag, ...] = (),
 ) -> Inference:
-    """Make the inference of a solution, and warn of the given flags and of those found."""
+    """Make the inference of a solution, and issue warnings for the given and the detected flags."""
     rank, undetermined = determined(problem)
     mean = np.linalg.norm((problem.frame @ x).reshape(-1, problem.dim), axis=1).mean()
     stress, balance = problem.residuals(x)
-    found = Inference(
+    inference = Inference(
         packing=packing,
         forces=scale * problem.force * (problem.frame @ x).reshape(-1, problem.dim),
         mu=problem.mu,
@@ -158,10 +158,10 @@ def report(
         solver=solver,
         flags=flags,
     )
-    raised = (*flags, *_flags(found))
+    raised = (*flags, *_flags(inference))
     for flag in raised:
         warnings.warn(f"{flag.name}: {flag.message}", InferenceWarning, stacklevel=3)
-    return replace(found, flags=raised)
+    return replace(inference, flags=raised)
 
 
 def _over(part: float, whole: float) -> float:
@@ -176,11 +176,11 @@ def _carried(problem: Problem, x: Array) -> float:
 def _at_limit(problem: Problem, x: Array, mean: float) -> NDArray[np.bool_]:
     """Loaded contacts within 1e-4 of their friction limit."""
     push, slipping = x[: len(problem.mu)], problem.slipping
-    found = np.zeros(len(push), bool)
+    mask = np.zeros(len(push), bool)
     slip = np.linalg.norm(problem.tangents(x), axis=1)
     loaded = push[slipping] > 1e-3 * mean
-    found[slipping] = loaded & (slip >= (1 - 1e-4) * problem.mu[slipping] * push[slipping])
-    return found
+    mask[slipping] = loaded & (slip >= (1 - 1e-4) * problem.mu[slipping] * push[slipping])
+    return mask
 
 
 def _weight_of_norms(packing: Packing, problem: Problem, x: Array) -> float:
@@ -198,32 +198,34 @@ def _weight_of_norms(packing: Packing, problem: Problem, x: Array) -> float:
     return float(factor * other / stress * R) if stress and other else float("nan")
 
 
-def _flags(found: Inference) -> Iterator[Flag]:
-    packing, frictional = found.packing, np.isfinite(found.mu) & (found.mu > 0)
-    if found.carried < CARRIED:
-        message = f"the forces carry {found.carried:.2g} of the stresses"
-        if np.isinf(found.weight):
+def _flags(inference: Inference) -> Iterator[Flag]:
+    packing, frictional = inference.packing, np.isfinite(inference.mu) & (inference.mu > 0)
+    if inference.carried < CARRIED:
+        message = f"the forces carry {inference.carried:.2g} of the stresses"
+        if np.isinf(inference.weight):
             message += (
                 ": with these contacts hardly any forces but f = 0 are in balance "
                 "(positions too rough, mu too small); weigh the balance with infer_dynamic"
             )
         yield Flag("zero_forces", message)
-    elif found.stress_residual > MISFIT:
-        message = f"the forces leave {found.stress_residual:.2g} of the stresses unexplained"
+    elif inference.stress_residual > MISFIT:
+        message = f"the forces leave {inference.stress_residual:.2g} of the stresses unexplained"
         yield Flag("misfit", f"{message}: contacts, mu or stresses are wrong")
-    if found.rank < found.unknowns:
-        which = listed(np.flatnonzero(found.undetermined))
-        message = f"rank {found.rank} of {found.unknowns} unknowns; open are contacts {which}"
+    if inference.rank < inference.unknowns:
+        which = listed(np.flatnonzero(inference.undetermined))
+        message = (
+            f"rank {inference.rank} of {inference.unknowns} unknowns; open are contacts {which}"
+        )
         yield Flag("rank", message)
     # In moving packings many contacts really slip.
-    if frictional.any() and packing.accelerations is None and found.carried >= CARRIED:
-        share = np.count_nonzero(found.at_limit) / np.count_nonzero(frictional)
+    if frictional.any() and packing.accelerations is None and inference.carried >= CARRIED:
+        share = np.count_nonzero(inference.at_limit) / np.count_nonzero(frictional)
         if share > AT_LIMIT:
             message = f"{share:.0%} of the frictional contacts are at their limit: is mu too small?"
             yield Flag("friction", message)
-    exact = np.isinf(found.weight) and found.carried >= CARRIED
-    if exact and found.balance_residual > BALANCE:
-        message = f"balance holds only to {found.balance_residual:.1g} of the forces"
+    exact = np.isinf(inference.weight) and inference.carried >= CARRIED
+    if exact and inference.balance_residual > BALANCE:
+        message = f"balance holds only to {inference.balance_residual:.1g} of the forces"
         yield Flag("unbalanced", message)
     rattlers = packing.rattlers()
     size = np.linalg.norm(packing.stresses, axis=(1, 2))

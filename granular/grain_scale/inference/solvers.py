@@ -32,11 +32,11 @@ DENSE = 400_000_000
 
 
 class InferenceError(RuntimeError):
-    """No forces were found, because the constraints contradict each other or the solver failed."""
+    """There is no solution, because the constraints contradict each other or the solver failed."""
 
 
 def solve(problem: Problem, solver: str = "auto") -> tuple[Array, str]:
-    """Solve a problem; return its unknowns and the name of the method that found them.
+    """Solve a problem; return its unknowns and the name of the method that solved it.
 
     Parameters
     ----------
@@ -88,13 +88,13 @@ def conic(problem: Problem) -> Array:
     P = diags_array(np.repeat([2 * problem.regularization**2, 2.0], [n, m]), format="csc")
     kinds = [clarabel.ZeroConeT(m + h), clarabel.NonnegativeConeT(lines.shape[0])]
     kinds += [clarabel.SecondOrderConeT(3)] * (cones.shape[0] // 3)
-    found = clarabel.DefaultSolver(P, np.zeros(n + m), A, b, kinds, _settings()).solve()
-    status = str(found.status)
+    solution = clarabel.DefaultSolver(P, np.zeros(n + m), A, b, kinds, _settings()).solve()
+    status = str(solution.status)
     if status not in ("Solved", "AlmostSolved"):
         if "Infeasible" in status and np.isinf(problem.weight):
             raise _refusal(problem, conic(problem.replace(weight=FIRM)))
         raise InferenceError(f"Clarabel stopped before its tolerance: {status}")
-    return np.array(found.x)[:n]
+    return np.array(solution.x)[:n]
 
 
 def _settings() -> Any:

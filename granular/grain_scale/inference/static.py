@@ -235,6 +235,6 @@ def _virial_scale(packing: Packing, known: BoundaryForce) -> float:
     if expected * measured <= 0 or height <= 0:
         raise InferenceError(
             f"the stresses add up to {measured:.3g} along direction = {known.direction}, "
-            f"the boundary force asks for {expected:.3g}"
+            f"the boundary force requires {expected:.3g}"
         )
     return float(expected / measured)

@@ -49,12 +49,12 @@ class ForceStatistics:
 
 
 def _check_forces(packing: Packing, forces: ArrayLike) -> Array:
-    found = np.asarray(forces, dtype=np.float64)
-    if found.shape != packing.positions.shape:
-        raise ValueError(f"forces has shape {found.shape}, must be {packing.positions.shape}")
-    if not np.isfinite(found).all():
+    array = np.asarray(forces, dtype=np.float64)
+    if array.shape != packing.positions.shape:
+        raise ValueError(f"forces has shape {array.shape}, must be {packing.positions.shape}")
+    if not np.isfinite(array).all():
         raise ValueError("forces must be finite")
-    return found
+    return array
 
 
 def macroscopic_stress(
@@ -84,8 +84,8 @@ def macroscopic_stress(
     total = np.zeros((packing.dim, packing.dim))
     inner = np.all(packing.bodies >= 0, axis=1)
     for contacts, _, sign, arms in packing.sides():
-        kept = np.ones(len(contacts), bool) if walls else inner[contacts]
-        total += sign * np.einsum("ka,kb->ab", forces[contacts[kept]], arms[kept])
+        mask = np.ones(len(contacts), bool) if walls else inner[contacts]
+        total += sign * np.einsum("ka,kb->ab", forces[contacts[mask]], arms[mask])
     return (total + total.T) / (2 * volume)
 
 
@@ -105,10 +105,10 @@ def force_statistics(forces: ArrayLike, *, loaded: float = 1e-3) -> ForceStatist
         For a wrong shape, or forces that all vanish.
     """
     in_range("loaded", loaded, 0.0, 1.0, open_high=True)
-    found = np.asarray(forces, dtype=np.float64)
-    if found.ndim != 2 or not np.isfinite(found).all() or not found.any():
-        raise ValueError(f"forces of shape {found.shape} must be finite, (any, d), not all zero")
-    size = np.linalg.norm(found, axis=1)
+    vectors = np.asarray(forces, dtype=np.float64)
+    if vectors.ndim != 2 or not np.isfinite(vectors).all() or not vectors.any():
+        raise ValueError(f"forces of shape {vectors.shape} must be finite, (any, d), not all zero")
+    size = np.linalg.norm(vectors, axis=1)
     bearing = size[size > loaded * size.max()]
     mean = float(bearing.mean())
     strong = size > mean
@@ -243,12 +243,12 @@ def largest_by_distance(
     integer("bins", bins, 1)
     if len(forces) != len(distances):
         raise ValueError(f"forces has {len(forces)} frames, distances {len(distances)}")
-    found = np.full(bins, -np.inf)
+    largest = np.full(bins, -np.inf)
     for k, (frame, away) in enumerate(zip(forces, distances, strict=True)):
         size, away = np.linalg.norm(np.atleast_2d(frame), axis=-1), np.asarray(away, dtype=float)
         if size.shape != away.shape:
             raise ValueError(f"forces[{k}] has {len(size)} contacts, distances[{k}] {len(away)}")
         place = np.floor(away / bin_width).astype(int)
         inside = (place >= 0) & (place < bins)
-        np.maximum.at(found, place[inside], size[inside])
-    return np.where(np.isfinite(found), found, np.nan)
+        np.maximum.at(largest, place[inside], size[inside])
+    return np.where(np.isfinite(largest), largest, np.nan)

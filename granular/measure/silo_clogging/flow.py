@@ -161,7 +161,7 @@ def flow_verdict(
     speed_floor: float | None = None,
     frame: float = 1 / 240,
 ) -> FlowVerdict:
-    """Decide if a silo flows, has come to rest, or neither can be said.
+    """Decide whether a silo flows, has come to rest, or neither can be determined.
 
     The time judged ends when the material above the opening becomes less high than the opening is
     wide. The verdict is by the last tenth of this time, which is split into two halves. The speed
@@ -174,12 +174,12 @@ def flow_verdict(
     - *flowing*: in both halves the outflow is at least `steady` times that of free fall and the
       speed is above the floor. Half-way (0.45 to 0.55 of the time) the speed was above the floor as
       well, and in both halves it is at least `persistence` times the speed half-way.
-    - *unsure*: anything else. A flow that has stopped is recognised if it stopped before the last
+    - *unsure*: all other cases. A flow that has stopped is recognised if it stopped before the last
       ``LATE persistence/2`` of the time, a fortieth by default.
 
     The published rule (Dunatunga & Kamrin, Modelling silo clogging, section 7.2) is evaluated as
     well. It has two votes that must agree. The mean vertical velocity of the dense material crosses
-    zero at a frame where it is zero or has not the sign of the frame before, the first frame
+    zero at a frame where it is zero or does not have the sign of the frame before, the first frame
     excepted. A last crossing within the last tenth of the whole time is a vote for static; a last
     crossing before half of it, or none, is a vote for flowing. A loss of at most 1 point per frame
     in the last tenth is a vote for static, a loss of more than 10 for flowing. This rule has no

@@ -104,7 +104,7 @@ def velocity_slices(
     ------
     TypeError, ValueError
         As `frame_average`; also if the heights are not positive and ascending, one is not within
-        the grid, or no material is found there.
+        the grid, or there is no material.
     """
     states = list(each_state(states))
     where = opening_of(states[0], opening)
@@ -167,7 +167,8 @@ def gaussian_fit(slices: VelocitySlices, *, d: float | None = None) -> GaussianF
         known = np.isfinite(v)
         if known.sum() < 4:
             raise ValueError(
-                f"slices have {known.sum()} places at height {height:.6g} m, at least 4 are needed"
+                f"slices have {known.sum()} nodes with material at height {height:.6g} m, at least "
+                "4 are needed"
             )
         rows.append((slices.x[known] ** 2 / (4 * height), v[known]))
     tried = _tried(slices)
@@ -225,10 +226,10 @@ def _best(rows: Sequence[Row], tried: Array) -> float | None:
     i = int(np.argmin([_left(at, rows) for at in log_B]))
     if i in (0, len(tried) - 1):
         return None
-    found = scipy.optimize.minimize_scalar(
+    minimum = scipy.optimize.minimize_scalar(
         _left, args=(rows,), bounds=log_B[[i - 1, i + 1]], method="bounded", options={"xatol": 1e-9}
     )
-    return float(np.exp(found.x))
+    return float(np.exp(minimum.x))
 
 
 def _standard_error(rows: Sequence[Row], B: float, parts: Array, squares: float) -> float:

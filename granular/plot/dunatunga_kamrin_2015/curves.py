@@ -61,12 +61,14 @@ def figure_3(aspects: ArrayLike, runouts: Mapping[str, Sequence[measure.Runout]]
         ax.plot(along, law(along), dashes, color="0.5", linewidth=1.2, label=law.source)
     law = theory.RUNOUT_LAWS["dunatunga"]
     ax.plot(along, law(along), color="black", linewidth=1.8, label=law.source)
-    for (name, found), shade, marker in zip(
+    for (name, values), shade, marker in zip(
         runouts.items(), _shades(len(runouts)), MARKERS, strict=False
     ):
-        if len(found) != len(aspects):
-            raise ValueError(f"runouts[{name!r}] holds {len(found)}, not {len(aspects)} as aspects")
-        ways = np.array([(r.quantile, r.toe, r.contiguous) for r in found])
+        if len(values) != len(aspects):
+            raise ValueError(
+                f"runouts[{name!r}] holds {len(values)}, not {len(aspects)} as aspects"
+            )
+        ways = np.array([(r.quantile, r.toe, r.contiguous) for r in values])
         value = ways[:, 0]
         bars = (value - np.nanmin(ways, axis=1), np.nanmax(ways, axis=1) - value)
         ax.errorbar(
@@ -260,12 +262,12 @@ def _speeds(
         time = float(flows[0].times[-1])
         now = [theory.transient(a, height, material, [time], gravity).mean[0] for a in angles]
         ax.plot(angles, np.array(now) / unit, "--", color="C0", label=f"transient, {time:.3g} s")
-    found = [flow.speed[-1] / unit for flow in flows]
-    ax.plot([f.angle_deg for f in flows], found, "o", color="C3", label="measured")
+    speeds = [flow.speed[-1] / unit for flow in flows]
+    ax.plot([f.angle_deg for f in flows], speeds, "o", color="C3", label="measured")
     ax.axvline(limit, color="0.6", linestyle=":", label=r"$\arctan\,\mu_2$")
     ax.set(xlabel="angle [deg]", ylabel=r"mean speed / $\sqrt{g h}$")
     ax.set_xlim(min(angles) - 1, max(angles) + 1)
-    ax.set_ylim(-0.03 * max(found), 1.3 * max(found) + 1e-12)
+    ax.set_ylim(-0.03 * max(speeds), 1.3 * max(speeds) + 1e-12)
     ax.legend(fontsize="small")
 
 

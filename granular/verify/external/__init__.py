@@ -1,8 +1,8 @@
-"""Comparison with data that others made: experiments, other methods and closed forms.
+"""Comparison with data of other authors: experiments, other methods and closed forms.
 
 Each case is a module with a function that runs it and one that draws it, registered by `case`.
-The data lie in `granular/verify/data`; the header of each file has source, units and what is
-uncertain. What a header calls inferred or recalled is reported, and decides nothing.
+The data are in `granular/verify/data`; the header of each file has source, units and uncertainties.
+Numbers that a header calls inferred or recalled are only reported.
 """
 
 # The modules register their cases on import; this is the order of the table.

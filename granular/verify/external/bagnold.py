@@ -61,7 +61,7 @@ def profile_error(y: np.ndarray, v: np.ndarray, surface: float, mean: float) -> 
 
 
 def layer_errors(data: Data, angle: float, cells: int, scheme: Scheme) -> tuple[float, float]:
-    """Relative error of the mean speed, and that of the profile."""
+    """Relative errors of the mean speed and of the profile."""
     surface, mean, d, until = duration(data, angle)
     y, v = speeds(angle, d, cells, scheme, until)
     return float(v.mean()) / mean - 1.0, profile_error(y, v, surface, mean)

@@ -60,21 +60,23 @@ def height_at(state: State, x: Array) -> Array:
 
 
 def toe(x: Array, height: Array, level: float) -> float:
-    """Place [m] at which a surface first falls to a level, between its points."""
+    """Position [m] at which a surface first falls to a level, between its points."""
     k = int(np.argmax(height <= level))
     return float(np.interp(level, height[[k, k - 1]], x[[k, k - 1]]))
 
 
 THIN, THICK = 2.0, 8.0
 """Heights in grains between which a surface is continued to the ground: the foot of a deposit. The
-last grains are left out, as their place is a matter of chance and a continuum has no such thing. A
-foot decides if a cell is at most as high as the lower of the two."""
+last grains are left out, because their position is random and a continuum has no such grains. A
+foot is decisive if a cell is at most as high as the lower of the two."""
 
 
 def foot(x: Array, height: Array, grain: float) -> float:
-    """Place [m] at which the line through a surface of `THICK` to `THIN` grains meets the ground.
+    """Position [m] at which the line through a surface of `THICK` to `THIN` grains meets the
+    ground.
 
-    The line is that of least squares, between the places at which the surface first falls to both.
+    The line is that of least squares, between the positions at which the surface first falls to
+    both.
     """
     places = np.linspace(toe(x, height, THICK * grain), toe(x, height, THIN * grain), 100)
     slope, at_0 = np.polyfit(places, np.interp(places, x, height), 1)
@@ -104,7 +106,7 @@ def _draw_contact_dynamics(outcome: Outcome) -> Figure:
 
 REACHES = np.array([0.99, 0.999])
 """Shares of the mass whose half-width is a run-out. The last thousandth of half a column is two or
-three discs, and its place is only reported."""
+three discs, and its position is only reported."""
 
 
 def moments(state: State) -> tuple[float, float, Array]:
@@ -165,7 +167,7 @@ class Discs:
         return float(self.facts[name][-1] - self.facts[name][0])
 
     def places(self) -> Array:
-        """Places at which deposits are compared."""
+        """Positions at which deposits are compared."""
         return np.linspace(0.0, 2.0 * self.facts["xf"].max(), 2000)
 
     def deviation(self, h: Array) -> float:
@@ -237,10 +239,10 @@ def collapse_of_discs(
     """
     scene = column_of_discs(data, cells, scheme=scheme, points_per_cell=points, **numbers)
     sim = Simulation(scene, threads=1)
-    found = [moments(sim.state)]
+    history = [moments(sim.state)]
     for t in data.facts["t"][1:]:
-        found.append(moments(sim.run(until=float(t) / math.sqrt(G)).state))
-    mean, energy, reach = zip(*found, strict=True)
+        history.append(moments(sim.run(until=float(t) / math.sqrt(G)).state))
+    mean, energy, reach = zip(*history, strict=True)
     h = height_at(sim.state, data.places())
     ends = foot(*surface_of(sim.state), DIAMETERS[data.aspect]) - data.half_width
     return {
@@ -257,25 +259,25 @@ def contact_dynamics_rows(outcome: Outcome, aspect: float, quick: bool) -> None:
         cells = 10 if quick else CELLS[name]
         tag = f"a = {aspect:g}, {name}, {cells} cells"
         with outcome.timed():
-            found = collapse_of_discs(data, cells, SCHEMES[name])
+            result = collapse_of_discs(data, cells, SCHEMES[name])
         for k in (1, 2):  # while it moves; the times of the data are inferred
             for what, column, fact, share in (
                 ("energy", "energy", "pe", 0.04), ("mean distance", "mean", "xm", 0.03)
             ):  # fmt: skip
-                ours, theirs = found[column][k], data.facts[fact][k]
+                ours, theirs = result[column][k], data.facts[fact][k]
                 quantity = f"{what} at t = {k}, {tag}"
                 outcome.rows.append(near(quantity, ours, theirs, share, gate=False))
         cell = min(data.half_width, 1.0) / cells
         resolved = cell <= THIN * DIAMETERS[aspect]
-        mean, (out_99, out_999) = data.facts["xm"][-1], map(float, found["runout"])
+        mean, (out_99, out_999) = data.facts["xm"][-1], map(float, result["runout"])
         outcome.rows += [
-            below(f"L1 of the deposit over the area, {tag}", found["L1"], 0.06),
-            near(f"mean distance of the deposit, {tag}", found["mean"][-1], mean, 0.03),
-            near(f"run-out to the foot in H, {tag}", found["foot"], data.foot, 0.15, resolved),
+            below(f"L1 of the deposit over the area, {tag}", result["L1"], 0.06),
+            near(f"mean distance of the deposit, {tag}", result["mean"][-1], mean, 0.03),
+            near(f"run-out to the foot in H, {tag}", result["foot"], data.foot, 0.15, resolved),
             near(f"run-out of 99 % in H, {tag}", out_99, data.runout("q99"), 0.15),
             near(f"run-out of 99.9 % in H, {tag}", out_999, data.runout(), 0.15, gate=False),
         ]
-        x, h = data.places()[::10], found["deposit"][::10]
+        x, h = data.places()[::10], result["deposit"][::10]
         curves[name] = [x.tolist(), h.tolist()]
     outcome.curves[f"a = {aspect:g}"] = curves
 
@@ -300,7 +302,7 @@ BAR = 1.5e-3
 
 MOVED = 1e-3
 """Horizontal displacement [m] beyond which a point counts as moved. The file names none; this is
-that of the scripts of those who made the file (MaterialPointSolver.jl)."""
+that of the scripts of its authors (MaterialPointSolver.jl)."""
 
 
 def _in_order(state: State) -> Array:
@@ -309,7 +311,7 @@ def _in_order(state: State) -> Array:
 
 
 def failure_line(start: Array, end: Array, x: Array, width: float, moved: float = MOVED) -> Array:
-    """Highest point [m] that has not moved, by its place at the start, within `width` of each x."""
+    """Highest point [m] that has not moved, by its initial position, within `width` of each x."""
     still = start[np.abs(end[:, 0] - start[:, 0]) <= moved]
     near_x = (still[np.abs(still[:, 0] - at) <= 0.5 * width, 1] for at in x)
     return np.array([y.max(initial=0.0) for y in near_x])
@@ -317,7 +319,7 @@ def failure_line(start: Array, end: Array, x: Array, width: float, moved: float 
 
 @dataclass(frozen=True)
 class Heap:
-    """A column of bars that has collapsed: places of the points at the start, and final state."""
+    """A column of bars that has collapsed: initial positions of the points, and final state."""
 
     cell: float
     start: Array
@@ -329,7 +331,7 @@ class Heap:
         return float(np.sqrt(np.mean((h - surface["y_m"]) ** 2)))
 
     def toe(self, level: float) -> float:
-        """Place [m] at which the surface first falls to a level."""
+        """Position [m] at which the surface first falls to a level."""
         return toe(*surface_of(self.state), level)
 
     def foot(self) -> float:
@@ -355,7 +357,7 @@ def collapse_of_bars(
     """Run the column of bars with a friction of the cone `mu`.
 
     With `rate` this is the friction at rest, and it grows as that of the discs. `floor` is the
-    friction of the floor in place of a rough one, and `numbers` are arguments of
+    friction of the floor instead of a rough one, and `numbers` are arguments of
     `granular.scenes.column_collapse`, such as `points_per_cell`.
     """
     elastic: dict[str, Any] = {"E": E, "nu": 0.3, "rho_c": 2650.0, "rho_s": 2650.0}

@@ -32,7 +32,7 @@ class Data:
     Attributes
     ----------
     notes : tuple of str
-        Its header: source, units, what is uncertain.
+        Its header: source, units, uncertainties.
     columns : mapping of str to ndarray
         The numbers, by the name of the column, which has the unit; nan where there is none.
     """
@@ -62,7 +62,7 @@ def load(name: str) -> Data:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A number of ours beside that of the reference.
+    """A number of this package and of the reference.
 
     Attributes
     ----------
@@ -117,7 +117,7 @@ class Outcome:
     ----------
     rows : list of Comparison
     curves : dict
-        What the picture shows, as lists of numbers by name.
+        Data of the picture, as lists of numbers by name.
     core_seconds : float
         Processor time of the runs [s].
     """
@@ -128,7 +128,7 @@ class Outcome:
 
     @contextmanager
     def timed(self) -> Iterator[None]:
-        """Add the processor time of what is done inside."""
+        """Add the processor time of the block."""
         begin = time.process_time()
         try:
             yield
@@ -187,7 +187,7 @@ def main(names: Sequence[str] = (), *, quick: bool = False, out: TextIO | None =
     names : sequence of str
         Cases to run; all if empty.
     quick : bool
-        Coarse runs of seconds, to see that the case works; their rows are those of coarse cells.
+        Coarse runs of seconds, to check that the case works; their rows are those of coarse cells.
     out : text stream, optional
         Stream to print to; standard output by default.
 
@@ -199,7 +199,7 @@ def main(names: Sequence[str] = (), *, quick: bool = False, out: TextIO | None =
     Raises
     ------
     ValueError
-        If a name is not that of a case.
+        If a name is not the name of a case.
     """
     out = sys.stdout if out is None else out
     for name in names:

@@ -1,4 +1,4 @@
-"""Layers on a rough incline by the nonlocal law: stopping height and speed beside experiments.
+"""Layers on a rough incline by the nonlocal law: stopping height and speed, with experiments.
 
 The material is that of the local law of Pouliquen's glass beads, with the nonlocal amplitude 0.48.
 The results depend on H/d alone, so that the size of the grains is changed and the cells are not.
@@ -37,23 +37,23 @@ RATIOS = (1.5, 3.0, 6.0)
 """Thicknesses in stopping heights of the law at which the speed is compared."""
 
 TOLERANCE = 0.03
-"""Relative difference asked for. The cell-averaged scheme is of second order; the speed of thick
-layers, whose shear rate near the surface changes most within a cell, is 1.8 % too large in 10 cells
-and 0.4 % in 20."""
+"""Tolerance of relative differences. The cell-averaged scheme is of second order; the speed of
+thick layers, whose shear rate near the surface changes most within a cell, is 1.8 % too large in 10
+cells and 0.4 % in 20."""
 
 SCHEMES = {"default": schemes.default, "cell_averaged": schemes.cell_averaged}
 DECIDES = "cell_averaged"
-"""Scheme whose rows decide: that of a scene with such a law that names none. The rows of the other,
-for which a scene with such a law is warned of, are reported."""
+"""Scheme whose rows are decisive: the default of a scene with such a law. The rows of the other,
+with which a scene with such a law raises a warning, are reported."""
 
 STILL, REST_TIME = 1e-4, 3.0
-"""Speed over sqrt(g H) below which a layer is at rest, and the time after which it is looked at
-[s]. One 1 % above the stopping height is four times as fast at 24 deg, and 1 % below it the speed
-falls by e in a second."""
+"""Speed over sqrt(g H) below which a layer is at rest, and the time after which it is judged [s].
+One 1 % above the stopping height is four times as fast at 24 deg, and 1 % below it the speed falls
+by e in a second."""
 
 SEARCH, HALVINGS = (0.8, 1.2), 5
-"""Thicknesses in stopping heights of the law between which the height that stops is sought, and the
-number of runs: the interval left is 0.0125."""
+"""Thicknesses in stopping heights of the law between which the stopping height is searched, and the
+number of runs: the final interval is 0.0125."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Layer:
 
     @property
     def material(self) -> NGF:
-        """The beads, of such a size that the layer has the thickness asked for."""
+        """The beads, of such a size that the layer has the given thickness."""
         d = HEIGHT / (self.ratio * stopping_grains(self.angle_deg, self.beads))
         return self.beads.replace(d=d)
 
@@ -105,7 +105,7 @@ def stopping_grains(angle_deg: float, beads: NGF = BEADS) -> float:
     return float(stopping_height(angle_deg, beads.A, 1.0, beads.mu_s, beads.mu_2))
 
 
-def found_stop(angle_deg: float, cells: int, scheme: Scheme) -> float:
+def stopping_ratio(angle_deg: float, cells: int, scheme: Scheme) -> float:
     """Thickness in stopping heights of the law between layers that stop and that flow."""
     low, high = SEARCH
     for _ in range(HALVINGS):
@@ -118,9 +118,9 @@ def found_stop(angle_deg: float, cells: int, scheme: Scheme) -> float:
 
 
 def _stops(outcome: Outcome, angle: float, name: str) -> None:
-    """Stopping height of the runs beside the law's."""
+    """Stopping height of the runs and of the law."""
     with outcome.timed():
-        ratio = found_stop(angle, 10, SCHEMES[name])
+        ratio = stopping_ratio(angle, 10, SCHEMES[name])
     law = stopping_grains(angle)
     tag = f"{angle:g} deg, 10 cells, {name}"
     quantity, gate = f"stopping height in grains, {tag}", name == DECIDES
@@ -129,7 +129,7 @@ def _stops(outcome: Outcome, angle: float, name: str) -> None:
 
 
 def _speeds(outcome: Outcome, angle: float, ratio: float, name: str, cells: int) -> None:
-    """Speed of a run beside that of the law."""
+    """Speed of a run and of the law."""
     layer = Layer(angle, ratio, cells, SCHEMES[name])
     with outcome.timed():
         run = layer.froude(layer.relaxation())
@@ -139,8 +139,8 @@ def _speeds(outcome: Outcome, angle: float, ratio: float, name: str, cells: int)
     outcome.curves.setdefault(name, {}).setdefault(angle, []).append((ratio, run))
 
 
-def _beside_experiments(outcome: Outcome, angle: float) -> None:
-    """The law beside the experiments, which decide nothing."""
+def _experiments(outcome: Outcome, angle: float) -> None:
+    """The law and the experiments, which are only reported."""
     data = load("incline_hstop_froude")
     k = int(np.flatnonzero(data["theta_deg"] == angle)[0])
     h_stop, law = float(data["hstop_over_d"][k]), stopping_grains(angle)
@@ -193,7 +193,7 @@ def picture(outcome: Outcome) -> Figure:
 
 @case(picture)
 def hstop(quick: bool) -> Outcome:
-    """Nonlocal law on a rough incline: stopping height and speed, beside law and experiments."""
+    """Nonlocal law on a rough incline: stopping height and speed against law and experiments."""
     outcome = Outcome()
     for angle in ANGLES[:1] if quick else ANGLES:
         for name in SCHEMES:
@@ -201,7 +201,7 @@ def hstop(quick: bool) -> Outcome:
                 _stops(outcome, angle, name)
             for ratio in RATIOS[:1] if quick else RATIOS:
                 _speeds(outcome, angle, ratio, name, 10)
-        _beside_experiments(outcome, angle)
+        _experiments(outcome, angle)
     if not quick:
         for name in SCHEMES:
             _speeds(outcome, 28.0, 3.0, name, 20)

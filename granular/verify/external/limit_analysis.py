@@ -38,10 +38,10 @@ if TYPE_CHECKING:
 G, RHO = 9.81, 1500.0
 
 SIZE = 0.1
-"""Height of the bed beside a wall, and width of a footing [m]."""
+"""Height of the bed next to a wall, and width of a footing [m]."""
 
 TOLERANCE = 0.05
-"""Relative difference asked for."""
+"""Tolerance of relative differences."""
 
 
 @dataclass(frozen=True)
@@ -93,8 +93,8 @@ def soil(phi_deg: float, E: float, rho: float = RHO) -> DruckerPrager:
 
 
 SPEED = {"wall": 0.01, "self-weight": 0.001, "surcharge": 0.015}
-"""Speeds of the body [m/s]. The inertia is below 0.1 % of the force; what counts is the damping of
-short waves, a viscosity that grows with the speed of waves."""
+"""Speeds of the body [m/s]. The inertia is below 0.1 % of the force; the relevant effect is the
+numerical damping of short waves, a viscosity that grows with the speed of waves."""
 
 RAMP = 0.02
 """Time in which a body takes up its speed [s]."""
@@ -123,9 +123,9 @@ def wall_scene(
             Wall(1, 0.0, kind="coulomb", friction=friction),
             Wall(0, length, kind="free_slip"),
         )
-    beside = math.ceil(0.25 * cells) * cell
+    margin = math.ceil(0.25 * cells) * cell
     return frame.scene(
-        grid=frame.grid((-beside, 0.0), (length, SIZE + 2 * beside), cell),
+        grid=frame.grid((-margin, 0.0), (length, SIZE + 2 * margin), cell),
         fills=(Fill(frame.box((0.0, 0.0), (length, SIZE)), 4, lithostatic=True),),
         material=material, walls=walls, bodies=tuple(bodies),
     )  # fmt: skip
@@ -139,11 +139,11 @@ def footing_scene(
     phi_deg: float, *, rough: bool, surcharge: bool, angle_deg: float, cells: int,
     speed: float | None = None,
 ) -> Scene:  # fmt: skip
-    """Half of a strip footing 0.1 m wide on a bed, beside a plane of symmetry, pushed down.
+    """Half of a strip footing 0.1 m wide on a bed, at a plane of symmetry, pushed down.
 
-    A surcharge beside it is a layer of a material that is 30 times as dense and hardly bears shear
-    (a friction coefficient of 0.01): the soil itself then is light, and what it bears is due to the
-    surcharge.
+    A surcharge next to it is a layer of a material that is 30 times as dense and bears hardly any
+    shear (a friction coefficient of 0.01): the soil itself is light in comparison, and its bearing
+    capacity is due to the surcharge.
     """
     frame, cell = Frame(angle_deg), SIZE / cells
     length, depth, top = (
@@ -201,9 +201,9 @@ class Reaction:
     points: tuple[Array, Array]
 
     def at_rest(self, begin: float) -> float:
-        """Force on the undeformed bed [N/m]: the line through what is beyond `begin`, at 0."""
-        kept = self.displacement > begin
-        return float(np.polyfit(self.displacement[kept], self.force[kept], 1)[1])
+        """Force on the undeformed bed [N/m]: the line through the values beyond `begin`, at 0."""
+        later = self.displacement > begin
+        return float(np.polyfit(self.displacement[later], self.force[later], 1)[1])
 
 
 def reaction(scene: Scene, stops: Sequence[float]) -> Reaction:
@@ -275,7 +275,7 @@ def rankine(phi_deg: float, passive: bool) -> float:
 
 
 def wall_reference(phi_deg: float, passive: bool, base: str) -> float | tuple[float, float]:
-    """Coefficient with the upper friction angle, or both if a wedge tells them apart."""
+    """Coefficient with the upper friction angle, or both if a wedge distinguishes them."""
     upper, lower = (rankine(value, passive) for value in limits(phi_deg))
     apart = base == "rough" and abs(upper - lower) > TOLERANCE * upper
     return (upper, lower) if apart else upper
@@ -288,8 +288,8 @@ def _wall(
     unit, kind = 0.5 * RHO * G * SIZE**2, "K_p" if passive else "K_a"
     scene = wall_scene(phi, passive=passive, rough=base == "rough", angle_deg=angle, cells=cells)
     with outcome.timed():
-        found = reaction(scene, STOPS[kind])
-    K = found.at_rest(STEADY[kind]) / unit
+        result = reaction(scene, STOPS[kind])
+    K = result.at_rest(STEADY[kind]) / unit
     angles = "phi = {:g}, phi* = {:.1f} deg".format(*limits(phi))
     name = f"{kind}, {angles}, {base} base, turned by {angle:g} deg, {cells} cells"
     outcome.rows.append(near(name, K, wall_reference(phi, passive, base), TOLERANCE, gate))
@@ -297,15 +297,15 @@ def _wall(
         outcome.curves["walls"].append({
             "kind": kind, "phi": phi, "angle": angle,
             "known": tuple(rankine(value, passive) for value in limits(phi)),
-            "curve": ((100 * found.displacement).tolist(), (found.force / unit).tolist()),
+            "curve": ((100 * result.displacement).tolist(), (result.force / unit).tolist()),
         })  # fmt: skip
         if passive:
-            outcome.curves["wedge"] = map_of(found, angle)
+            outcome.curves["wedge"] = map_of(result, angle)
 
 
-def map_of(found: Reaction, angle: float) -> dict[str, Any]:
+def map_of(result: Reaction, angle: float) -> dict[str, Any]:
     """Positions and speeds of the points, for a picture."""
-    x, speed = found.points
+    x, speed = result.points
     return {"angle": angle, "x": (x / SIZE).T.tolist(), "speed": speed.tolist()}
 
 
@@ -317,7 +317,7 @@ def _footing(outcome: Outcome, surcharge: bool, rough: bool, angle: float, cells
     else:
         kind, unit = "self-weight", 0.25 * RHO * G * SIZE**2
     with outcome.timed():
-        found = reaction(
+        result = reaction(
             footing_scene(20.0, rough=rough, surcharge=surcharge, angle_deg=angle, cells=cells),
             STOPS[kind],
         )
@@ -325,11 +325,11 @@ def _footing(outcome: Outcome, surcharge: bool, rough: bool, angle: float, cells
     outcome.curves["footings"].append({
         "kind": kind, "rough": rough, "angle": angle, "cells": cells,
         "known": known,
-        "curve": ((100 * found.displacement).tolist(), (found.force / unit).tolist()),
+        "curve": ((100 * result.displacement).tolist(), (result.force / unit).tolist()),
     })  # fmt: skip
     if surcharge and rough:
-        outcome.curves["footing"] = map_of(found, angle)
-    N = found.at_rest(STEADY[kind]) / unit
+        outcome.curves["footing"] = map_of(result, angle)
+    N = result.at_rest(STEADY[kind]) / unit
     name = f"{'N_q' if surcharge else 'N_gamma'}, {surface} footing, turned by {angle:g} deg"
     # N_gamma of a rough footing is recalled in the file; for a smooth one the finest cells decide
     gate = surcharge or not (rough or cells < 40)
@@ -374,11 +374,11 @@ def _draw_curves(axes: Any, curves: list[dict[str, Any]], label: Callable[[dict]
     axes.legend(fontsize="x-small", loc="center right")
 
 
-def _draw_map(axes: Any, found: dict[str, Any], title: str, ends: Array) -> None:
+def _draw_map(axes: Any, data: dict[str, Any], title: str, ends: Array) -> None:
     """Speed of the points, and a line from one end to another along and across the surface."""
-    x, y = found["x"]
-    axes.scatter(x, y, c=found["speed"], s=1.5, cmap="viridis", vmin=0.0, vmax=1.5, lw=0)
-    frame = Frame(found["angle"])
+    x, y = data["x"]
+    axes.scatter(x, y, c=data["speed"], s=1.5, cmap="viridis", vmin=0.0, vmax=1.5, lw=0)
+    frame = Frame(data["angle"])
     axes.plot(*np.transpose([frame.turned(*end) for end in ends]), "r-", lw=2)
     axes.set(title=title, aspect="equal", xlabel="$x$ / size", ylabel="$y$ / size")
 

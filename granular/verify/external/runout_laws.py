@@ -1,4 +1,4 @@
-"""Run-out of columns and cylinders beside the power laws that experiments and simulations gave."""
+"""Run-out of columns and cylinders against power laws from experiments and simulations."""
 
 from __future__ import annotations
 
@@ -41,10 +41,10 @@ NAMES = {
 def laws(kind: str) -> tuple[Array, dict[str, Array]]:
     """Aspect ratios, and the laws of the file of a kind, with that of Staron & Hinch if planar."""
     data = load("column_runout_laws")
-    found = {name: column for name, column in data.columns.items() if name.startswith(kind)}
+    columns = {name: column for name, column in data.columns.items() if name.startswith(kind)}
     if kind == "planar":
-        found["planar_Staron"] = RUNOUT_LAWS["staron"](data["a"])
-    return data["a"], found
+        columns["planar_Staron"] = RUNOUT_LAWS["staron"](data["a"])
+    return data["a"], columns
 
 
 def runouts(aspect: float, axisymmetric: bool) -> measure.Runout:
@@ -79,13 +79,13 @@ def picture(outcome: Outcome) -> Figure:
     figure = Figure(figsize=(8.0, 3.8), layout="constrained")
     panels = figure.subplots(1, 2, sharey=True)
     for axes, kind in zip(panels, ("planar", "axisym"), strict=True):
-        aspects, found = laws(kind)
-        every = np.array(list(found.values()))
+        aspects, curves = laws(kind)
+        every = np.array(list(curves.values()))
         low, high = (1.0 - SPREAD) * np.nanmin(every, 0), (1.0 + SPREAD) * np.nanmax(every, 0)
         axes.fill_between(
             aspects, low, high, color="0.9", label=f"envelope with a scatter of {SPREAD:.0%}"
         )
-        for name, values in found.items():
+        for name, values in curves.items():
             known = np.isfinite(values)
             axes.plot(aspects[known], values[known], lw=1, label=NAMES[name])
         if kind in outcome.curves:
@@ -102,12 +102,12 @@ def picture(outcome: Outcome) -> Figure:
 
 @case(picture)
 def runout_laws(quick: bool) -> Outcome:
-    """Run-out of columns and cylinders of several aspect ratios beside laws of other authors."""
+    """Run-out of columns and cylinders of several aspect ratios against laws of other authors."""
     outcome = Outcome()
     kinds = {"planar": (0.5, 1.0, 2.0, 4.0, 8.0), "axisym": (0.5, 1.0, 2.0)}
     for kind, aspects in kinds.items():
         listed, known = laws(kind)
-        found = []
+        curves = []
         for aspect in (1.0,) if quick else aspects:
             with outcome.timed():
                 run = runouts(aspect, kind == "axisym")
@@ -120,6 +120,6 @@ def runout_laws(quick: bool) -> Outcome:
                     values[np.isfinite(values)],
                 )
             )
-            found.append((aspect, run.quantile, run.contiguous))
-        outcome.curves[kind] = np.transpose(found).tolist()
+            curves.append((aspect, run.quantile, run.contiguous))
+        outcome.curves[kind] = np.transpose(curves).tolist()
     return outcome

@@ -1,6 +1,6 @@
 """Shallow layers on a Coulomb base against depth-averaged theory: a dam break, a spreading cap.
 
-The inclinations and frictions are those of AvaFrame's analytical tests, in a layer 0.1 m thick and
+The inclinations and frictions are from AvaFrame's analytical tests, in a layer 0.1 m thick and
 a cap 2 m long. Lengths along the plane are large compared with the thickness, so that the theory
 should hold.
 """
@@ -33,14 +33,14 @@ if TYPE_CHECKING:
 G, RHO = 9.81, 1500.0
 
 TOLERANCES = {"front": 0.05, "thickness": 0.1, "velocity": 0.1}
-"""Relative differences asked for."""
+"""Tolerances of relative differences."""
 
 ACROSS = TOLERANCES | {"side": 0.05}
 """Those of the cap in 3D: "side" is its half-axis across the slope."""
 
 
 SOFTNESS = 1e-3
-"""Weight of the layer over Young's modulus: what the layer is compressed by, a hundredth of the
+"""Weight of the layer over Young's modulus: the compression of the layer, a hundredth of the
 tolerances of thickness and velocity."""
 
 
@@ -115,7 +115,7 @@ def dam(
     )  # fmt: skip
     sim = Simulation(scene, threads=1)
     edges = np.linspace(-1.4, 2.6, 81)
-    x, found = (edges[1:] + edges[:-1]) / 2, []
+    x, frames = (edges[1:] + edges[:-1]) / 2, []
     for scaled in scaled_times:
         time = scaled * math.sqrt(H0 / G)
         state = sim.run(until=time).state
@@ -127,13 +127,13 @@ def dam(
         wave = x > known.back
         thick = wave & (known.thickness > 0.1 * H0) & (mass > 0.0)
         u, speed = momentum[thick] / mass[thick], known.velocity[thick]
-        found.append({
+        frames.append({
             "front": (outermost(x, h, TIP), outermost(x, known.thickness, TIP)),
             "thickness": np.abs(h - known.thickness)[wave].sum() / known.thickness[wave].sum(),
             "velocity": np.abs(u - speed).mean() / speed.mean(),
             "profile": (x, (h, known.thickness)),
         })  # fmt: skip
-    return found
+    return frames
 
 
 # ---- cap: 35 degrees, base 25 degrees ----
@@ -167,7 +167,7 @@ def cap(
     sim = Simulation(scene, threads=1)
     roots = np.roots([-0.25, 0.0, 0.75, -0.49])  # 0.99 = 1/2 + 3/4 s - s^3/4
     share = float(roots[(roots > 0) & (roots < 1)].real[0])
-    found = []
+    frames = []
     for i, time in enumerate(times):
         state = sim.run(until=float(time)).state
         x, mass = state.x[:, 0], state.mass
@@ -181,7 +181,7 @@ def cap(
         bins = 0.5 * (edges[1:] + edges[:-1])
         h = np.histogram(x, edges, weights=mass)[0] / (RHO * (edges[1] - edges[0]))
         parabola = top * (1.0 - ((bins - known.centre[i]) / known.half_length[i]) ** 2)
-        found.append({
+        frames.append({
             "front": (centre + half, known.centre[i] + known.half_length[i]),
             "thickness": (
                 mass[middle].sum() / (RHO * 0.2 * half) / (1.0 - 0.01 / 3.0), top
@@ -189,7 +189,7 @@ def cap(
             "velocity": (np.average(state.v[:, 0], weights=mass), 2.0 * known.centre[i] / time),
             "profile": (bins, (h, np.maximum(parabola, 0.0))),
         })  # fmt: skip
-    return found
+    return frames
 
 
 # ---- cap with a circular base: 35 degrees, base 25 degrees ----
@@ -221,7 +221,7 @@ def cap_in_3d(
         region, angle_deg=35.0, friction=friction, mu=mu, cell=cell, along=along, rows=cells + 4,
         thickness=H, across=known.half_width[-1] + 0.3 * LENGTH, scheme=scheme, points=points,
     )  # fmt: skip
-    sim, found = Simulation(scene, threads=1), []
+    sim, frames = Simulation(scene, threads=1), []
     for i, time in enumerate(times):
         state = sim.run(until=float(time)).state
         (x, y, _), mass = state.x.T, state.mass
@@ -229,31 +229,31 @@ def cap_in_3d(
         long, wide = (math.sqrt(6.0 * np.average(d**2, weights=mass)) for d in (x - centre, y))
         middle = np.hypot((x - centre) / long, y / wide) < 0.2
         area = 0.5 * math.pi * 0.04 * long * wide
-        found.append({
+        frames.append({
             "front": (centre + long, known.centre[i] + known.half_length[i]),
             "side": (wide, known.half_width[i]),
             "thickness": (mass[middle].sum() / (RHO * area) / (1.0 - 0.02), known.thickness[i]),
             "velocity": (np.average(state.v[:, 0], weights=mass), known.velocity[i]),
         })  # fmt: skip
-    return found
+    return frames
 
 
-def errors(found: list[dict[str, Any]]) -> Array:
+def errors(frames: list[dict[str, Any]]) -> Array:
     """Relative differences, shape (times, 3), in the order of `TOLERANCES`."""
 
     def error(entry: Any) -> float:
         return float(entry[0] / entry[1] - 1.0 if isinstance(entry, tuple) else entry)
 
-    return np.array([[error(moment[name]) for name in TOLERANCES] for moment in found])
+    return np.array([[error(moment[name]) for name in TOLERANCES] for moment in frames])
 
 
 def _add(
     outcome: Outcome, tag: str, unit: str, scaled: Sequence[float],
-    found: list[dict[str, Any]], gate: bool = True,
+    frames: list[dict[str, Any]], gate: bool = True,
 ) -> None:  # fmt: skip
     """Add the rows of a run, and its surfaces if it has them."""
     curves = {}
-    for time, moment in zip(scaled, found, strict=True):
+    for time, moment in zip(scaled, frames, strict=True):
         for name, share in ACROSS.items():
             if name not in moment:
                 continue
@@ -294,15 +294,15 @@ def shallow(quick: bool) -> Outcome:
     resolutions = (10,) if quick else (10, 20)
     for cells in resolutions:
         with outcome.timed():
-            found = dam(mu, K, cells, DAM_TIMES)
+            frames = dam(mu, K, cells, DAM_TIMES)
         tag, finest = f"dam break, {cells} cells", cells == resolutions[-1]
-        _add(outcome, tag, "sqrt(h0/g)", DAM_TIMES, found, finest)
+        _add(outcome, tag, "sqrt(h0/g)", DAM_TIMES, frames, finest)
     with outcome.timed():
-        found = cap(0.05, 0.48, 10, CAP_TIMES)
-    _add(outcome, "cap of aspect 0.05, 10 cells", "sqrt(L/g)", CAP_TIMES, found)
+        frames = cap(0.05, 0.48, 10, CAP_TIMES)
+    _add(outcome, "cap of aspect 0.05, 10 cells", "sqrt(L/g)", CAP_TIMES, frames)
     cells = 3 if quick else 4
     with outcome.timed():
-        found = cap_in_3d(0.1, 0.48, cells, CAP_TIMES, schemes.cell_averaged)
+        frames = cap_in_3d(0.1, 0.48, cells, CAP_TIMES, schemes.cell_averaged)
     tag = f"cap in 3D of aspect 0.1, {cells} cells, cell_averaged"
-    _add(outcome, tag, "sqrt(L/g)", CAP_TIMES, found)
+    _add(outcome, tag, "sqrt(L/g)", CAP_TIMES, frames)
     return outcome

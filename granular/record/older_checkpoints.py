@@ -1,4 +1,4 @@
-"""Checkpoints that a run keeps besides the newest one, in a folder beside its record.
+"""Checkpoints of a run besides the newest one, in a folder next to its record.
 
 The folder ``<path>.checkpoints`` holds a segment for each, named by the step and the beginning of
 the digest of its frame: ``<step>-<digest>.part``. They may be deleted at any time.
@@ -15,7 +15,7 @@ from granular.record.restart import read_restart, write_restart
 
 
 def folder_of(path: Path) -> Path:
-    """Folder of the checkpoints that are kept beside a record."""
+    """Folder of the older checkpoints of a record."""
     return path.with_name(f"{path.name}.checkpoints")
 
 
@@ -23,32 +23,32 @@ def _file(path: Path, step: int, mark: bytes) -> Path:
     return folder_of(path) / f"{step:012d}-{mark[:8].hex()}.part"
 
 
-def keep(path: Path, frame: Frame, checkpoint: Checkpoint) -> None:
-    """Store the checkpoint of a frame beside a record, completely or not at all."""
+def store(path: Path, frame: Frame, checkpoint: Checkpoint) -> None:
+    """Store the checkpoint of a frame of a record, completely or not at all."""
     folder_of(path).mkdir(exist_ok=True)
     write_restart(_file(path, frame.step, frame.mark), checkpoint)
 
 
-def kept(path: Path, frames: Iterable[Frame]) -> list[int]:
-    """Indices of the frames of which a checkpoint is kept."""
+def frames_with(path: Path, frames: Iterable[Frame]) -> list[int]:
+    """Indices of the frames of which a checkpoint is stored."""
     return [i for i, frame in enumerate(frames) if _file(path, frame.step, frame.mark).exists()]
 
 
-def read_kept(path: Path, frame: Frame) -> Checkpoint:
+def read(path: Path, frame: Frame) -> Checkpoint:
     """Read and verify the checkpoint of a frame.
 
     Raises
     ------
     FileNotFoundError
-        If none is kept.
+        If none is stored.
     RecordError
         If it is damaged.
     """
     return read_restart(_file(path, frame.step, frame.mark))
 
 
-def forget(path: Path) -> None:
-    """Delete the checkpoints beside a record, and their folder if nothing else is in it."""
+def delete(path: Path) -> None:
+    """Delete the older checkpoints of a record, and their folder if it is then empty."""
     folder = folder_of(path)
     if not folder.is_dir():
         return
