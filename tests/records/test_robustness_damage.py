@@ -15,8 +15,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-import records
-from records import abandon, content, make_checkpoint, make_record, make_state, unfinished
+from records import abandon, command, content, make_checkpoint, make_record, make_state, unfinished
 
 import granular as gr
 from granular import open_trajectory
@@ -26,10 +25,9 @@ from granular.record.index import parts_folder
 from granular.record.log import read_log
 from granular.record.sealed import MAGIC, unsealed
 
-MUTANTS = textwrap.dedent("""
+MUTANTS = """
     import json, random, sys
     from pathlib import Path
-    sys.path.insert(0, sys.argv[1])
     from granular.record import RecordError, open_trajectory
     from records import content
 
@@ -60,7 +58,7 @@ MUTANTS = textwrap.dedent("""
                 bad[chance.randrange(len(bad))] = chance.randrange(256)
         return bad
 
-    for path, target, count in json.loads(sys.argv[2]):
+    for path, target, count in json.loads(sys.argv[1]):
         (truth, _), good, chance = everything(path), Path(target).read_bytes(), random.Random(7)
         found = {"target": target, "share": 0.0, "wrong": [], "other": []}
         for k in range(count):
@@ -77,7 +75,7 @@ MUTANTS = textwrap.dedent("""
             except Exception as error:
                 found["other"].append(f"{k}: {error!r}")
         print(json.dumps(found), flush=True)
-""")
+"""
 
 
 def test_mutants_are_refused_or_harmless(tmp_path):
@@ -93,9 +91,8 @@ def test_mutants_are_refused_or_harmless(tmp_path):
             writers[-1].close()
         target = next(parts_folder(path).glob(member)) if member else path
         cases.append((str(path), str(target), count))
-    folder = str(Path(records.__file__).parent)
     run = subprocess.run(
-        [sys.executable, "-c", MUTANTS, folder, json.dumps(cases)],
+        command(MUTANTS, json.dumps(cases)),
         capture_output=True,
         text=True,
         timeout=60,
@@ -330,21 +327,20 @@ SHIM = """
     ssize_t pread(int fd, void *to, size_t size, off_t from) { return pread64(fd, to, size, from); }
 """
 
-READERS = textwrap.dedent("""
+READERS = """
     import collections, ctypes, os, sys
-    sys.path.insert(0, sys.argv[1])
     from records import content
     for code in (5, 12):
         os.environ["FAIL_CODE"], found = str(code), collections.Counter()
-        for first in range(0, os.path.getsize(sys.argv[2]), 400):
+        for first in range(0, os.path.getsize(sys.argv[1]), 400):
             os.environ["FAIL_FROM"] = str(first)
             try:
-                content(sys.argv[2])
+                content(sys.argv[1])
             except Exception as error:
                 found[type(error).__name__, getattr(error, "errno", None)] += 1
         print(dict(found))
         del os.environ["FAIL_FROM"]
-""")
+"""
 
 
 @pytest.mark.skipif(sys.platform != "linux" or not shutil.which("cc"), reason="needs LD_PRELOAD")
@@ -355,7 +351,7 @@ def test_a_disk_that_cannot_be_read_is_no_damage(tmp_path):
     source.write_text(textwrap.dedent(SHIM))
     subprocess.run(["cc", "-shared", "-fPIC", source, "-o", library, "-ldl"], check=True)
     run = subprocess.run(
-        [sys.executable, "-c", READERS, str(Path(records.__file__).parent), str(path)],
+        command(READERS, path),
         env=os.environ | {"LD_PRELOAD": str(library)},
         capture_output=True,
         text=True,

@@ -4,15 +4,13 @@ import json
 import random
 import shutil
 import subprocess
-import sys
-import textwrap
 import zlib
 from functools import cache
 
 import h5py
 import numpy as np
 import pytest
-from records import SCENE, abandon, make_record, make_state, unfinished
+from records import SCENE, abandon, command, make_record, make_state, unfinished
 
 from granular import open_trajectory
 from granular.record import RecordError, TrajectoryWriter
@@ -223,7 +221,7 @@ def test_fields_take_no_more_memory_than_their_points(tmp_path):
         shutil.copy(good, path)
         with h5py.File(path, "r+") as file:
             spoil(file)
-    script = textwrap.dedent("""
+    script = """
         import resource, sys
         from granular.record import open_trajectory
         with open_trajectory(sys.argv[1]) as honest:
@@ -234,9 +232,8 @@ def test_fields_take_no_more_memory_than_their_points(tmp_path):
                 resource.setrlimit(resource.RLIMIT_AS, (used + (1 << 27), resource.RLIM_INFINITY))
                 print(record.damage()[0])
                 resource.setrlimit(resource.RLIMIT_AS, (resource.RLIM_INFINITY,) * 2)
-    """)
-    paths = [str(tmp_path / f"{spoil.__name__}.h5") for spoil in cases]
-    run = [sys.executable, "-c", script, str(good), *paths]
+    """
+    run = command(script, good, *(tmp_path / f"{spoil.__name__}.h5" for spoil in cases))
     done = subprocess.run(run, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     for said, message in zip(done.stdout.splitlines(), cases.values(), strict=True):

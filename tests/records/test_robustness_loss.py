@@ -5,18 +5,15 @@ import os
 import random
 import signal
 import subprocess
-import sys
-import textwrap
 from contextlib import nullcontext
-from pathlib import Path
 
 import pytest
-import records
 from records import (
     REMOVED,
     SCENE,
     abandon,
     close_interrupted,
+    command,
     content,
     make_checkpoint,
     make_record,
@@ -39,9 +36,8 @@ def expected(steps, checkpoint):
 
 # --- kills -----------------------------------------------------------------------------------
 
-CHILD = textwrap.dedent("""
+CHILD = """
     import sys
-    sys.path.insert(0, sys.argv[2])
     from records import SCENE, TrajectoryWriter, make_checkpoint, make_state
     writer = TrajectoryWriter(sys.argv[1], SCENE)
     for i in range(100000):
@@ -51,13 +47,12 @@ CHILD = textwrap.dedent("""
         if i % 4 == 3:
             writer.close()
             writer = TrajectoryWriter.resume(sys.argv[1])
-""")
+"""
 
 
 def started(text, path):
     """A child process that writes to this record until it is killed."""
-    command = [sys.executable, "-c", text, str(path), str(Path(records.__file__).parent)]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    return subprocess.Popen(command(text, path), stdout=subprocess.PIPE, text=True)
 
 
 @pytest.mark.parametrize("stored", [True, False])

@@ -4,18 +4,15 @@ import json
 import os
 import shutil
 import subprocess
-import sys
-import textwrap
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
-import records
 from records import (
     REMOVED,
     SCENE,
     close_interrupted,
+    command,
     content,
     make_record,
     make_state,
@@ -26,9 +23,8 @@ from granular import open_trajectory
 from granular.record import RecordError, TrajectoryWriter
 from granular.record.index import parts_folder
 
-RACER = textwrap.dedent("""
+RACER = """
     import json, sys, time
-    sys.path.insert(0, sys.argv[1])
     from records import SCENE, TrajectoryWriter, make_checkpoint, make_state
 
     def begin(path, kind):
@@ -53,7 +49,7 @@ RACER = textwrap.dedent("""
             writer.checkpoint(make_checkpoint(i))
         writer.close()
         print("closed", flush=True)
-""")
+"""
 
 
 def killed(path, frames=2):
@@ -69,9 +65,8 @@ def killed(path, frames=2):
 
 @pytest.fixture(scope="module")
 def racers():
-    command = [sys.executable, "-c", RACER, str(Path(records.__file__).parent)]
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
-    processes = [subprocess.Popen(command, **pipes) for _ in range(3)]
+    processes = [subprocess.Popen(command(RACER), **pipes) for _ in range(3)]
     yield processes
     for process in processes:
         process.stdin.close()
@@ -182,7 +177,7 @@ def test_a_reader_goes_on_when_the_record_is_closed_and_resumed(tmp_path):
         same_frames(record, range(3))
 
 
-RUN = textwrap.dedent("""
+RUN = """
     import sys
     import granular as gr
 
@@ -194,13 +189,13 @@ RUN = textwrap.dedent("""
     scene = gr.scenes.column_collapse(aspect=1.0, E=1e5, cell=0.05, points_per_cell=4)
     sim = gr.Simulation(scene, threads=1)
     sim.run(until=0.05, save=sys.argv[1], every=0.01, hooks=[wait], fields=["pressure"])
-""")
+"""
 
 
 def test_a_record_is_read_while_another_process_writes_it(tmp_path):
     path = tmp_path / "a.vtkhdf"
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
-    with subprocess.Popen([sys.executable, "-c", RUN, str(path)], **pipes) as run:
+    with subprocess.Popen(command(RUN, path), **pipes) as run:
         assert run.stdout.readline() == "third frame\n"
         assert not path.exists()  # other programs see the whole file or none
         deadline = time.monotonic() + 10  # a frame is stored within a second
