@@ -3,17 +3,15 @@
 import os
 import signal
 import subprocess
-import sys
-import textwrap
 import time
 from dataclasses import replace
-from pathlib import Path
 
 import inlets
 import numpy as np
 import pytest
 from inlets import chute, stream
 from paraview_reader import as_array, paraview
+from processes import command
 from schemes_by_name import scheme_of
 
 import granular as gr
@@ -114,23 +112,21 @@ def test_xarray_has_a_gap_where_a_point_had_not_entered(tmp_path):
         assert held.tolist() == [frame.n for frame in record]
 
 
-CHILD = textwrap.dedent("""
+CHILD = """
     import sys
-    sys.path.insert(0, sys.argv[2])
     import granular as gr
     from inlets import stream
     gr.Simulation(stream(gravity=9.81, duration=0.6), threads=1).run(
         save=sys.argv[1], every=0.01, checkpoint_minutes=1e-3,
         hooks=(lambda sim: print(sim.time, flush=True),),
     )
-""")
+"""
 
 
 @pytest.mark.slow
 def test_a_killed_run_goes_on_with_the_same_bits(tmp_path):
     path = tmp_path / "killed.h5"
-    command = [sys.executable, "-c", CHILD, str(path), str(Path(inlets.__file__).parent)]
-    child = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    child = subprocess.Popen(command(CHILD, path), stdout=subprocess.PIPE, text=True)
     for line in child.stdout:
         if float(line) > 0.2:
             break

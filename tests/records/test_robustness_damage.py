@@ -15,7 +15,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from records import abandon, command, content, make_checkpoint, make_record, make_state, unfinished
+from processes import command
+from records import abandon, content, make_checkpoint, make_record, make_state, unfinished
 
 import granular as gr
 from granular import open_trajectory

@@ -10,7 +10,8 @@ from functools import cache
 import h5py
 import numpy as np
 import pytest
-from records import SCENE, abandon, command, make_record, make_state, unfinished
+from processes import command
+from records import SCENE, abandon, make_record, make_state, unfinished
 
 from granular import open_trajectory
 from granular.record import RecordError, TrajectoryWriter

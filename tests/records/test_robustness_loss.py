@@ -8,12 +8,12 @@ import subprocess
 from contextlib import nullcontext
 
 import pytest
+from processes import command
 from records import (
     REMOVED,
     SCENE,
     abandon,
     close_interrupted,
-    command,
     content,
     make_checkpoint,
     make_record,

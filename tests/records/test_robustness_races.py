@@ -8,11 +8,11 @@ import time
 
 import numpy as np
 import pytest
+from processes import command
 from records import (
     REMOVED,
     SCENE,
     close_interrupted,
-    command,
     content,
     make_record,
     make_state,

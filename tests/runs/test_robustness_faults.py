@@ -1,14 +1,12 @@
 """Errors during a run stop it, name the place, and lose no data."""
 
-import os
 import signal
 import subprocess
-import sys
-import textwrap
 from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import command
 from same_bits import shown
 
 import granular as gr
@@ -154,27 +152,22 @@ def test_a_frame_is_stored_before_a_checkpoint_of_its_step(small_scene, tmp_path
         assert made[k + 1] == (made[k][0], "checkpoint")
 
 
-KILLED = textwrap.dedent(
-    """
+KILLED = """
     import os, signal, sys
-    sys.path.insert(0, {tests!r})
     from conftest import make_scene
     import granular as gr
     scene = make_scene("walls", 2, ("quadratic", "tpic", "smoothed"), E=1e5)
     def end(sim):
         if sim.time > 0.1:
             os.kill(os.getpid(), signal.SIGKILL)
-    gr.Simulation(scene, threads=1).run(1.0, save={path!r}, every=0.02, hooks=(end,))
-    """
-)
+    gr.Simulation(scene, threads=1).run(1.0, save=sys.argv[1], every=0.02, hooks=(end,))
+"""
 
 
 def test_a_killed_run_goes_on_to_the_last_bit(small_scene, tmp_path):
     """From the checkpoint at its beginning; the frames since then are recognised."""
     path, whole = tmp_path / "run.h5", tmp_path / "whole.h5"
-    code = KILLED.format(tests=str(ROOT / "tests"), path=str(path))
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    child = subprocess.run([sys.executable, "-c", code], env=environment, timeout=60)
+    child = subprocess.run(command(KILLED, path), timeout=60)
     assert child.returncode == -signal.SIGKILL
     scene = small_scene("walls", 2, ("quadratic", "tpic", "smoothed"), E=1e5)
     gr.Simulation(scene, threads=1).run(0.2, save=whole, every=0.02)
@@ -209,10 +202,8 @@ def test_an_interrupt_in_the_step_of_a_frame_does_not_cost_the_frame(small_scene
         assert record.checkpoint().step == record[-1].step == sim.steps
 
 
-CHILD = textwrap.dedent(
-    """
+CHILD = """
     import os, signal, sys, threading, time
-    sys.path.insert(0, {tests!r})
     from conftest import make_scene
     import granular as gr
 
@@ -230,13 +221,12 @@ CHILD = textwrap.dedent(
     sim = gr.Simulation(scene, threads=1)
     for _ in range(5):
         try:
-            sim.run(until=1e3, save=None if frames else {path!r}, every=0.01, hooks=(count,))
+            sim.run(until=1e3, save=None if frames else sys.argv[1], every=0.01, hooks=(count,))
         except KeyboardInterrupt:
             print(time.perf_counter() - sent[0], time.process_time() - sent[1])
             due.append(len(frames) + 5)
     print(sim.steps, len(frames))
-    """
-)
+"""
 
 
 @pytest.mark.usefixtures("ctrl_c")
@@ -247,11 +237,7 @@ def test_interrupt_returns_at_once_with_a_record_that_goes_on(small_scene, tmp_p
     measures the package itself. The processor time is measured each time.
     """
     path = tmp_path / "run.h5"
-    code = CHILD.format(tests=str(ROOT / "tests"), path=str(path))
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
-    child = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, env=environment, timeout=60
-    )
+    child = subprocess.run(command(CHILD, path), capture_output=True, text=True, timeout=60)
     assert child.returncode == 0, child.stderr
     *latencies, last = [line.split() for line in child.stdout.splitlines()]
     steps, frames = (int(word) for word in last)

@@ -1,7 +1,5 @@
 """Records made by hand, for tests that damage, kill or overwrite them."""
 
-import sys
-import textwrap
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,12 +9,6 @@ from granular import open_trajectory
 from granular.record import Checkpoint, TrajectoryWriter
 
 SCENE = SimpleNamespace(to_json=lambda: '{"name": "heap"}')
-
-
-def command(code, *arguments):
-    """Command that runs Python code in another process, with what tests share on its path."""
-    path = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
-    return [sys.executable, "-c", path + textwrap.dedent(code), *map(str, arguments)]
 
 
 def make_state(i, n=40):
