@@ -31,12 +31,12 @@ PICTURES = ROOT / "docs" / "pictures"
 
 def scripts() -> dict[str, str]:
     """First line of the description of each script, by its name."""
-    found = {}
+    titles = {}
     for path in sorted(Path(__file__).parent.glob("*/*.py")):
         text = path.read_text(encoding="utf-8")
         if "\ndef main(" in text:
-            found[path.stem] = text[3:].partition("\n")[0].removesuffix('"""')
-    return found
+            titles[path.stem] = text[3:].partition("\n")[0].removesuffix('"""')
+    return titles
 
 
 def module(name: str) -> ModuleType:

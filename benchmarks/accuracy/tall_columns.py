@@ -137,5 +137,5 @@ def main(argv: list[str] | None = None) -> None:
             aspect, law, cells, scheme = case
             done[case] = {"aspect": aspect, "law": law, "cells": cells, "scheme": scheme}
             done[case] |= collapsed(*case)
-            kept = [done[k] for k in RUNS if k in done]
-            write(OUT, {"rows": kept})
+            ordered = [done[k] for k in RUNS if k in done]
+            write(OUT, {"rows": ordered})

@@ -161,21 +161,21 @@ def plate_cases(quick: bool) -> Cases:
 def of_fluid(line: Line) -> Line:
     """The line, that asks nothing where friction leaves the force open by more than is asked."""
     rough = any(mark in line.quantity for mark in ("mu 0.01, ", ROUGHER))
-    return replace(line, asked="", met=None) if rough else line
+    return replace(line, criterion="", met=None) if rough else line
 
 
-def plate_lines(found: dict[str, Numbers]) -> list[Line]:
+def plate_lines(results: dict[str, Numbers]) -> list[Line]:
     lines = []
     sharp = [(kind, cells) for kind in BEDS for cells in (8, 16, 32)] + [(ROUGHER, 16)]
     for kind, cells in sharp:
-        some = [v for name, v in found.items() if name.startswith(f"{kind}{cells} cells")]
+        some = [v for name, v in results.items() if name.startswith(f"{kind}{cells} cells")]
         for when, span in WHEN.items():
             if some:
                 values = [v[f"{face}_{when}"] for v in some for face in ("upper", "lower")]
                 text = f"{kind}force on a face, sharp edges, {cells} cells, {span}"
                 lines.append(of_fluid(spread(text, values, 1.0, 0.02)))
     for kind in BEDS:
-        some = [v for name, v in found.items() if name.startswith(f"{kind}rounded")]
+        some = [v for name, v in results.items() if name.startswith(f"{kind}rounded")]
         for when, span in WHEN.items():
             if some:
                 text = f"{kind}buoyancy, edges rounded by 2 cells, 16 cells, {span}"
@@ -237,11 +237,11 @@ def buoyancy_cases(quick: bool) -> Cases:
     return cases
 
 
-def buoyancy_lines(found: dict[str, Numbers]) -> list[Line]:
+def buoyancy_lines(results: dict[str, Numbers]) -> list[Line]:
     lines = []
     discs = [f"{kind}disc, {cells}" for kind in BEDS for cells in (4, 8)]
     for kind in (*discs, "sphere, 4", "sphere, 6", "mu 0.01, sphere, 4"):
-        some = [v for name, v in found.items() if name.startswith(f"{kind} cells")]
+        some = [v for name, v in results.items() if name.startswith(f"{kind} cells")]
         for when, span in WHEN.items():
             if some:
                 values = [v[when] for v in some]

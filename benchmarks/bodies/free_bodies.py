@@ -133,11 +133,11 @@ def table_of_cost(rows: dict[str, Row]) -> list[str]:
 
 def table_of_light(rows: dict[str, Row]) -> list[str]:
     """Noise by mass, a column for each radius."""
-    found = {(row["radius"], row["mass"]): row["noise"] for row in rows.values()}
-    radii = sorted({radius for radius, _ in found})
-    masses = sorted({mass for _, mass in found}, reverse=True)
+    noise = {(row["radius"], row["mass"]): row["noise"] for row in rows.values()}
+    radii = sorted({radius for radius, _ in noise})
+    masses = sorted({mass for _, mass in noise}, reverse=True)
     lines = [
-        (f"{mass:g}", *(f"{found[r, mass]:.2g}" if (r, mass) in found else "" for r in radii))
+        (f"{mass:g}", *(f"{noise[r, mass]:.2g}" if (r, mass) in noise else "" for r in radii))
         for mass in masses
     ]
     return markdown(("mass over that of a cell", *(f"radius of {r} cells" for r in radii)), lines)
@@ -180,9 +180,9 @@ def main(arguments: list[str] | None = None) -> None:
     given = parser.parse_args(arguments)
     table = stored(given.out)
     for name in given.only or TABLES:
-        found = table.setdefault(name, {})
+        results = table.setdefault(name, {})
         for case, run in TABLES[name][0](given.quick).items():
-            if given.again or case not in found:
-                found[case] = rounded(run(), 4)
-                print(name, case, found[case], flush=True)
+            if given.again or case not in results:
+                results[case] = rounded(run(), 4)
+                print(name, case, results[case], flush=True)
                 write(given.out, table, [name])

@@ -244,11 +244,11 @@ def blade_cases(quick: bool) -> Cases:
     return cases
 
 
-def blade_lines(found: dict[str, Numbers]) -> list[Line]:
+def blade_lines(results: dict[str, Numbers]) -> list[Line]:
     """Lines of blades by the density that a scheme has."""
     lines = []
     for text, name in (("default scheme", "default"), ("`ParticleDensity`", "particle")):
-        some = {k: v for k, v in found.items() if k.startswith(name)}
+        some = {k: v for k, v in results.items() if k.startswith(name)}
         lines += [replace(line, quantity=f"{text}: {line.quantity}") for line in _lines(some)]
         of_grid = [v for v in some.values() if "grid" in v]
         if of_grid:
@@ -257,7 +257,7 @@ def blade_lines(found: dict[str, Numbers]) -> list[Line]:
             line = within(f"{text}: {what}", (v["grid"] for v in of_grid), 0.15)
             more = f" (standard error {error:.1f} %, single eighths {scatter:.1f} %)"
             lines.append(replace(line, measured=line.measured + more))
-    return lines or _lines(found)
+    return lines or _lines(results)
 
 
 QUANTITIES = {
@@ -268,10 +268,10 @@ QUANTITIES = {
 }
 
 
-def _lines(found: dict[str, Numbers]) -> list[Line]:
+def _lines(results: dict[str, Numbers]) -> list[Line]:
     lines = []
     for name, text in QUANTITIES.items():
-        some = [v for v in found.values() if name in v]
+        some = [v for v in results.values() if name in v]
         if some:
             crossing = (v[f"{name}_crossing"] for v in some)
             spike = (v[f"{name}_spike"] for v in some)
@@ -282,14 +282,14 @@ def _lines(found: dict[str, Numbers]) -> list[Line]:
     return lines
 
 
-def box_lines(found: dict[str, Numbers]) -> list[Line]:
+def box_lines(results: dict[str, Numbers]) -> list[Line]:
     """Lines of boxes that are turned against the grid, and of those along it."""
     kinds: dict[str, dict[str, Numbers]] = {
         "17 and 40 deg": {},
         "along the grid, points in rows": {},
         "along the grid, a staggered fill": {},
     }
-    for name, numbers in found.items():
+    for name, numbers in results.items():
         kind = 2 if "staggered" in name else ", 0 deg" in name
         list(kinds.values())[kind][name] = numbers
     return [

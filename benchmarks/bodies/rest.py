@@ -121,11 +121,11 @@ def bed_cases(quick: bool) -> Cases:
     return cases
 
 
-def bed_lines(found: dict[str, Numbers]) -> list[Line]:
+def bed_lines(results: dict[str, Numbers]) -> list[Line]:
     lines = []
     kinds = {"points in rows along the plane": False, "points in rows along the grid": True}
     for text, cut in kinds.items():
-        some = [v for name, v in found.items() if name.startswith("grid") == cut]
+        some = [v for name, v in results.items() if name.startswith("grid") == cut]
         if some:
             lines += [
                 within(f"force on the base, {text}", (v["force"] - 1 for v in some), 0.002),
@@ -252,11 +252,11 @@ def block_cases(quick: bool) -> Cases:
     return cases
 
 
-def block_lines(found: dict[str, Numbers]) -> list[Line]:
+def block_lines(results: dict[str, Numbers]) -> list[Line]:
     lines = []
     for friction in ("0", "0.2", "0.4"):
         for where, start in (("", "slope"), ("on a wall of the grid, ", "wall")):
-            some = [v for name, v in found.items() if name.startswith(f"{friction}, {start}")]
+            some = [v for name, v in results.items() if name.startswith(f"{friction}, {start}")]
             if not some:
                 continue
             text = f"{where}friction {friction}, slopes of 25 and 40 deg"
@@ -264,7 +264,7 @@ def block_lines(found: dict[str, Numbers]) -> list[Line]:
                 within(f"{text}: with the impulse", (v["by_impulse"] - 1 for v in some), 0.01),
                 within(f"{text}: plainly", (v["plain"] - 1 for v in some), 0.03),
             ]
-    growth = {k: v for k, v in found.items() if k.startswith("growth")}
+    growth = {k: v for k, v in results.items() if k.startswith("growth")}
     if growth:
         what = ", ".join(name.removeprefix("growth, friction ") for name in growth)
         rates = ", ".join(f"{v['rate']:.0f}/s" for v in growth.values())

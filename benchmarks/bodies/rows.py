@@ -30,7 +30,7 @@ class Line:
     """A line of the table; `met` is None where nothing is asked."""
 
     quantity: str
-    asked: str
+    criterion: str
     measured: str
     met: bool | None
 
@@ -58,9 +58,9 @@ def within(quantity: str, values: Iterable[float], limit: float, unit: str = "%"
 
 def spread(quantity: str, values: Iterable[float], expected: float, limit: float) -> Line:
     """Line that asks for numbers about a value, of which the least and the largest are told."""
-    found = list(values)
-    off = max(abs(value / expected - 1.0) for value in found)
-    text = f"{min(found):.3f} to {max(found):.3f}"
+    numbers = list(values)
+    off = max(abs(value / expected - 1.0) for value in numbers)
+    text = f"{min(numbers):.3f} to {max(numbers):.3f}"
     return Line(quantity, f"{expected:g} within {100 * limit:g} %", text, off <= limit)
 
 

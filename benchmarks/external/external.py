@@ -68,8 +68,8 @@ def main(argv: list[str] | None = None) -> None:
     for name in list(cases) if arguments.only is None else arguments.only:
         outcome = cases[name].outcome(arguments.quick)
         rows = [asdict(row) for row in outcome.rows]
-        found = {"rows": rows, "core_seconds": outcome.core_seconds}
-        results["cases"][name] = rounded(found)
+        result = {"rows": rows, "core_seconds": outcome.core_seconds}
+        results["cases"][name] = rounded(result)
         for row in outcome.rows:
             print(f"{name}: " + " | ".join(cells_of(row)), flush=True)
         write(arguments.out, results, [name])

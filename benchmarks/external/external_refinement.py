@@ -46,15 +46,15 @@ DISCS = [
 """Aspect ratio, cells, scheme, points in a cell, E/(rho g H)."""
 
 
-def compared(data: columns.Discs, found: Row) -> Row:
+def compared(data: columns.Discs, deposit: Row) -> Row:
     """Differences of a deposit from that of the discs."""
     return {
-        "L1": found["L1"],
-        "mean": found["mean"] / data.facts["xm"][-1] - 1.0,
-        "energy": found["energy"] / data.facts["pe"][-1] - 1.0,
-        "foot": found["foot"] / data.foot - 1.0,
-        "runout_99": found["runout"][0] / data.runout("q99") - 1.0,
-        "runout": found["runout"][1] / data.runout() - 1.0,
+        "L1": deposit["L1"],
+        "mean": deposit["mean"] / data.facts["xm"][-1] - 1.0,
+        "energy": deposit["energy"] / data.facts["pe"][-1] - 1.0,
+        "foot": deposit["foot"] / data.foot - 1.0,
+        "runout_99": deposit["runout"][0] / data.runout("q99") - 1.0,
+        "runout": deposit["runout"][1] / data.runout() - 1.0,
     }
 
 
@@ -64,9 +64,9 @@ def volume_of_fluid(data: columns.Discs) -> Iterator[Row]:
     mine = known["a_nominal"] == data.aspect
     for cells in sorted(set(known["cells"][mine])):
         here = mine & (known["cells"] == cells)
-        found = data.of_deposit(known["x_over_H"][here], known["h_over_H"][here])
+        deposit = data.of_deposit(known["x_over_H"][here], known["h_over_H"][here])
         yield {"aspect": data.aspect, "method": "volume of fluid", "cells": cells} | compared(
-            data, found
+            data, deposit
         )
 
 
@@ -76,11 +76,11 @@ def discs(quick: bool) -> Iterator[Row]:
     for aspect in sorted({run[0] for run in runs}):
         data = columns.Discs.load(aspect)
         for _, cells, name, points, stiffness in (run for run in runs if run[0] == aspect):
-            found, seconds = timed(
+            deposit, seconds = timed(
                 columns.collapse_of_discs, data, cells, columns.SCHEMES[name],
                 points=points, stiffness=stiffness,
             )  # fmt: skip
-            last = found | {"mean": found["mean"][-1], "energy": found["energy"][-1]}
+            last = deposit | {"mean": deposit["mean"][-1], "energy": deposit["energy"][-1]}
             label = {"aspect": aspect, "method": name, "cells": cells, "points": points}
             yield label | {"stiffness": stiffness, "seconds": seconds} | compared(data, last)
         yield from volume_of_fluid(data)
@@ -99,8 +99,8 @@ def places(quick: bool) -> Iterator[Row]:
     data = columns.Discs.load(0.5)
     for name, numbers in PLACES[:1] if quick else PLACES:
         cells = 8 if quick else 32
-        found, _ = timed(columns.collapse_of_discs, data, cells, columns.SCHEMES[name], **numbers)
-        last = found | {"mean": found["mean"][-1], "energy": found["energy"][-1]}
+        deposit, _ = timed(columns.collapse_of_discs, data, cells, columns.SCHEMES[name], **numbers)
+        last = deposit | {"mean": deposit["mean"][-1], "energy": deposit["energy"][-1]}
         changed = "random, seed {seed}".format(**numbers) if numbers else "regular"
         yield {"method": name, "places": changed} | compared(data, last)
 
@@ -183,8 +183,8 @@ def dams(quick: bool) -> Iterator[Row]:
     mu = 0.6
     K = theory.sliding_earth_pressure(mu, shallow.DAM["mu"])
     for cells, softness in DAMS[:1] if quick else DAMS:
-        found, seconds = timed(shallow.dam, mu, K, cells, TIMES, softness)
-        for scaled, errors in zip(TIMES, shallow.errors(found), strict=True):
+        wave, seconds = timed(shallow.dam, mu, K, cells, TIMES, softness)
+        for scaled, errors in zip(TIMES, shallow.errors(wave), strict=True):
             row = dict(zip(shallow.TOLERANCES, errors.tolist(), strict=True))
             label = {"cells": cells, "softness": softness, "time": scaled}
             yield label | row | {"seconds": seconds}
@@ -223,8 +223,8 @@ def near_limit(quick: bool) -> Iterator[Row]:
         row = {"mu_2": mu_2, "range": mu_2 - beads.mu_s, "share": share, "angle": slope}
         for name, scheme in hstop.SCHEMES.items():
             layer = hstop.Layer(slope, 3.0, 10, scheme, beads)
-            found, seconds = timed(layer.froude, layer.relaxation())
-            row[name] = found / hstop.scaled(float(layer.expected().mean)) - 1.0
+            froude, seconds = timed(layer.froude, layer.relaxation())
+            row[name] = froude / hstop.scaled(float(layer.expected().mean)) - 1.0
             row["seconds"] = row.get("seconds", 0.0) + seconds
         yield row
 

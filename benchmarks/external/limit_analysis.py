@@ -52,9 +52,9 @@ def row(
     force = reaction.at_rest(cases.STEADY[kind])
     unit = cases.RHO * cases.G * cases.SIZE**2 * (0.5 if kind in ("K_p", "K_a") else 0.25)
     seconds = time.process_time() - begin
-    found = {"problem": problem, "changed": changed, "cells": cells, "coefficient": force / unit}
-    found |= {"share": force / unit / known, "seconds": seconds}
-    return found | ({"band_deg": band(scene, reaction)} if banded else {})
+    entry = {"problem": problem, "changed": changed, "cells": cells, "coefficient": force / unit}
+    entry |= {"share": force / unit / known, "seconds": seconds}
+    return entry | ({"band_deg": band(scene, reaction)} if banded else {})
 
 
 def band(scene: gr.Scene, reaction: cases.Reaction) -> float:
@@ -156,14 +156,14 @@ STUDIES = {"walls": walls, "footings": footings, "wedges": wedges}
 
 def wedge_table(rows: list[dict]) -> list[str]:
     """Markdown of the walls at 30 deg: a line for each turn or seed, a column for each size."""
-    found = {(r["problem"], r["changed"], r["seed"], r["cells"]): r for r in rows}
+    by_case = {(r["problem"], r["changed"], r["seed"], r["cells"]): r for r in rows}
     lines = []
     runs = [(f"turned by {angle:g} deg", None) for angle in ANGLES]
     runs += [(runs[0][0], seed) for seed in SEEDS]
     for problem, (turned, seed) in itertools.product(("K_p", "K_a"), runs):
         ends = [cases.rankine(phi, problem == "K_p") for phi in cases.limits(30.0)]
         name = turned if seed is None else f"{turned}, random places of the points, seed {seed}"
-        here = [found.get((problem, turned, seed, cells), {}) for cells in CELLS]
+        here = [by_case.get((problem, turned, seed, cells), {}) for cells in CELLS]
         if not any(here):
             continue
         texts = [f"{r['coefficient']:.4g}" if r else "" for r in here]
@@ -176,10 +176,10 @@ def wedge_table(rows: list[dict]) -> list[str]:
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Tables of the page: walls and footings, and walls at 30 deg by turn and seed."""
-    found = results["studies"]
+    studies = results["studies"]
     return {
-        "study": table([*found["walls"], *found["footings"]], COLUMNS),
-        "wedges": wedge_table(found["wedges"]),
+        "study": table([*studies["walls"], *studies["footings"]], COLUMNS),
+        "wedges": wedge_table(studies["wedges"]),
     }
 
 

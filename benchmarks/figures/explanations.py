@@ -103,7 +103,7 @@ def turning(scheme: gr.Scheme, turns: float) -> tuple[np.ndarray, np.ndarray]:
         scheme=scheme,
         duration=turns,
     )
-    sim, found = gr.Simulation(scene), []
+    sim, energies = gr.Simulation(scene), []
     x, v = sim.buffers["x"], sim.buffers["v"]
     v[0], v[1] = -omega * (x[1] - middle), omega * (x[0] - middle)
     v *= sim.buffers["id"] >= 0
@@ -112,10 +112,10 @@ def turning(scheme: gr.Scheme, turns: float) -> tuple[np.ndarray, np.ndarray]:
 
     def note(running: gr.Simulation) -> None:
         state = running.state
-        found.append((running.time, 0.5 * float(state.mass @ (state.v**2).sum(axis=1))))
+        energies.append((running.time, 0.5 * float(state.mass @ (state.v**2).sum(axis=1))))
 
     tell(sim.run(every=0.02, hooks=(note,)))
-    times, energy = np.array(found).T
+    times, energy = np.array(energies).T
     return times, energy / energy[0]
 
 
@@ -222,12 +222,14 @@ def determinism(quick: bool) -> Picture:
     until, every = (0.2, 0.1) if quick else (1.0, 0.02)
 
     def history(threads: int, nudge: float = 0.0) -> tuple[np.ndarray, list[np.ndarray]]:
-        sim, found = gr.Simulation(scene, threads=threads), []
+        sim, positions = gr.Simulation(scene, threads=threads), []
         x = sim.buffers["x"]
         x[0] += nudge * (sim.buffers["id"] == 7)
-        sim.run(until=until, every=every, hooks=(lambda running: found.append(running.state.x),))
+        sim.run(
+            until=until, every=every, hooks=(lambda running: positions.append(running.state.x),)
+        )
         tell(sim)
-        return np.arange(len(found)) * every, found
+        return np.arange(len(positions)) * every, positions
 
     times, whole = history(1)
     for threads, nudge, colour, name in (

@@ -20,9 +20,9 @@ PAGE = ROOT / "docs" / "how-to" / "own_law.md"
 
 def material_of_page() -> gr.materials.OwnLaw:
     """Return the material that the first block of the page makes."""
-    found = re.search(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
-    assert found is not None
-    block = found[1].split("scene = ")[0]
+    match = re.search(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    assert match is not None
+    block = match[1].split("scene = ")[0]
     module = Path(__file__).with_name("_own_law_of_page.py")
     module.write_text(block)
     try:

@@ -50,15 +50,15 @@ def timed(packing: inference.Packing, mu: float, solver: str, repeat: float) -> 
     best, spent = np.inf, 0.0
     while spent <= repeat:
         begin = time.process_time()
-        found = inference.infer_static(packing, mu=mu, solver=solver)
+        inferred = inference.infer_static(packing, mu=mu, solver=solver)
         best = min(best, time.process_time() - begin)
         spent += time.process_time() - begin
-    return best, found
+    return best, inferred
 
 
 def rows(name: str, case: grains.Case, mu: float, repeat: float) -> list[dict[str, Any]]:
     """Rows, one for each solver and kind of stresses."""
-    found = []
+    entries = []
     for stresses in ("exact", "noisy"):
         packing = case.packing if stresses == "exact" else noisy(case.packing, 0)
         for solver in MARKERS:
@@ -66,7 +66,7 @@ def rows(name: str, case: grains.Case, mu: float, repeat: float) -> list[dict[st
                 continue
             seconds, inferred = timed(packing, mu, solver, repeat)
             error = np.linalg.norm(inferred.forces - case.forces) / np.linalg.norm(case.forces)
-            found.append(
+            entries.append(
                 {
                     "packing": name,
                     "dim": packing.dim,
@@ -82,10 +82,10 @@ def rows(name: str, case: grains.Case, mu: float, repeat: float) -> list[dict[st
             )
             print(
                 "{packing:14s}{stresses:6s}{solver:9s}{seconds:8.3f} s {error:.2e}".format(
-                    **found[-1]
+                    **entries[-1]
                 )
             )
-    return found
+    return entries
 
 
 def chart(table: list[dict[str, Any]]) -> Picture:

@@ -80,7 +80,7 @@ class Code:
     package: str = "granular"
 
 
-def _own(name: str, laws: tuple[str, ...] = LAWS) -> Code:
+def _granular(name: str, laws: tuple[str, ...] = LAWS) -> Code:
     return Code(f"granular, {name}", laws, gr.Simulation, external.SCHEMES[name])
 
 
@@ -103,9 +103,9 @@ IMPLICIT = {
 """Settings of an implicit run of Kratos, as in its own example of a collapse."""
 
 CODES = {
-    "default": _own("default"),
-    "cell_averaged": _own("cell_averaged"),
-    "published": _own("published", LAWS[:1]),
+    "default": _granular("default"),
+    "cell_averaged": _granular("cell_averaged"),
+    "published": _granular("published", LAWS[:1]),
     "taichi": _peer("Taichi, MLS-MPM", "taichi", "taichi", LAWS),
     "taichi_wall": _peer(
         "Taichi, nodes on the floor free", "taichi", "taichi", LAWS, hold_on_wall=False
@@ -193,13 +193,13 @@ def _version(code: str) -> str:
 def run(case: Column, limit: float) -> dict[str, Any]:
     """Row of a case: its results, or the reason why there are none."""
     try:
-        found = once(case, limit)
-        times = [found["core_seconds"]]
-        while found["core_seconds"] < SHORT and len(times) < REPEATS:
+        result = once(case, limit)
+        times = [result["core_seconds"]]
+        while result["core_seconds"] < SHORT and len(times) < REPEATS:
             times.append(once(case, limit)["core_seconds"])
     except (codes.Missing, TooLong) as reason:
         return case.row() | {"left_out": str(reason)}
     except (gr.SimulationError, ValueError) as error:  # an outcome, too: it is in the table
         return case.row() | {"failed": str(error).splitlines()[0]}
     more = {"repeats": len(times), "core_seconds": round(min(times), 4)}
-    return case.row() | found | more | {"version": _version(case.code)}
+    return case.row() | result | more | {"version": _version(case.code)}

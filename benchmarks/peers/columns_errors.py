@@ -77,8 +77,8 @@ def finest(rows: Sequence[Row], **wanted: Any) -> Row | None:
 
 def _pair(rows: Sequence[Row], cells: int, **wanted: Any) -> list[Row]:
     """The runs of our two schemes with so many cells."""
-    found = [done(rows, code=c, cells=cells, points=4, **wanted) for c in OURS]
-    return [runs[0] for runs in found if runs]
+    by_code = [done(rows, code=c, cells=cells, points=4, **wanted) for c in OURS]
+    return [runs[0] for runs in by_code if runs]
 
 
 def _mean(pair: Sequence[Row]) -> dict[str, Any]:
@@ -126,23 +126,21 @@ def references(rows: Sequence[Row]) -> dict[tuple[str, str, float], Reference]:
         "finest": lambda law, aspect: of_ours(rows, law, aspect),
         "peer": lambda law, aspect: of_peer(rows, law, aspect),
     }
-    found = {
+    candidates = {
         (law, kind, aspect): made[kind](law, aspect)
         for law, kind in PANELS + OTHERS
         for aspect in ASPECTS
     }
-    return {name: reference for name, reference in found.items() if reference}
+    return {name: reference for name, reference in candidates.items() if reference}
 
 
 def of_panel(
     rows: Sequence[Row], law: str, aspect: float, reference: Reference, measure: str = "surface"
 ) -> list[tuple[Row, float]]:
     """Runs with their errors; those that make the reference are left out."""
-    found = done(rows, law=law, aspect=aspect)
+    runs = done(rows, law=law, aspect=aspect)
     return [
-        (r, distance(r, reference.target)[measure])
-        for r in found
-        if key(r) not in reference.made_of
+        (r, distance(r, reference.target)[measure]) for r in runs if key(r) not in reference.made_of
     ]
 
 

@@ -170,8 +170,8 @@ def measure(pair: Pair, rows: int, rounds: int, steps: int) -> dict[str, Any]:
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Table of all results in the order of the cases."""
-    found = results["rows"]
-    rows = [found[name] | {"case": case} for name, case in CASES.items() if name in found]
+    measured = results["rows"]
+    rows = [measured[name] | {"case": case} for name, case in CASES.items() if name in measured]
     columns = {"without": "{case[0]}", "with": "{case[1]}"}
     columns |= {"without, ns": "{off:.3g}", "with, ns": "{on:.3g}"}
     columns |= {"ratio (quartiles)": "{ratio[1]:.3g} ({ratio[0]:.3g} to {ratio[2]:.3g})"}
@@ -183,12 +183,12 @@ def main(argv: list[str] | None = None) -> None:
     parser = parser_of(__name__, __doc__)
     parser.add_argument("--only", nargs="+", choices=CASES, default=list(CASES))
     arguments = parser.parse_args(argv)
-    found = stored(arguments.out, rows={})
+    results = stored(arguments.out, rows={})
     rows, rounds, steps = (8, 1, 10) if arguments.quick else (32, 60, 40)
     for name in arguments.only:
         off, on, pair = CASES[name]
         row = measure(pair, rows, rounds, steps)
-        found["rows"][name] = rounded(row)
-        shown = ", ".join(f"{number:.3g}" for number in row["ratio"])
-        print(f"{off} / {on}: {row['off']:.3g}, {row['on']:.3g} ns, ratio {shown}", flush=True)
-        write(arguments.out, found)
+        results["rows"][name] = rounded(row)
+        ratios = ", ".join(f"{number:.3g}" for number in row["ratio"])
+        print(f"{off} / {on}: {row['off']:.3g}, {row['on']:.3g} ns, ratio {ratios}", flush=True)
+        write(arguments.out, results)

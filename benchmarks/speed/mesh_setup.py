@@ -79,16 +79,16 @@ def mesh(least: int, spacing: float) -> None:
     checked = time.process_time()
     tables = shape.samples()[0]
     sampled = time.process_time()
-    kept = sum(table.nbytes for table in tables) / 1e6
+    retained = sum(table.nbytes for table in tables) / 1e6
     x = places()
     at = time.process_time()
-    found = Body(shape, (0.0,) * 3).distance(x)[0]
+    distance = Body(shape, (0.0,) * 3).distance(x)[0]
     took = (time.process_time() - at) / PLACES * 1e6
-    error = abs(found - (np.linalg.norm(x, axis=1) - 1)).max()
+    error = abs(distance - (np.linalg.norm(x, axis=1) - 1)).max()
     times = f"{checked - start:.1f} + {sampled - checked:.1f}"
     print(
         f"| mesh, {len(faces)} triangles, spacing {spacing} m | {times} "
-        f"| {memory() - before:.0f}, {kept:.1f} | {took:.2f} | {error:.1e} |"
+        f"| {memory() - before:.0f}, {retained:.1f} | {took:.2f} | {error:.1e} |"
     )
 
 
@@ -98,9 +98,11 @@ def library(least: int, spacing: float) -> None:
     vertices, faces = ball(least)
     x = places()
     before, start = memory(), time.process_time()
-    found = igl.signed_distance(x, vertices, faces, sign_type=igl.SIGNED_DISTANCE_TYPE_PSEUDONORMAL)
+    signed = igl.signed_distance(
+        x, vertices, faces, sign_type=igl.SIGNED_DISTANCE_TYPE_PSEUDONORMAL
+    )
     took = time.process_time() - start
-    error = abs(found[0] - (np.linalg.norm(x, axis=1) - 1)).max()
+    error = abs(signed[0] - (np.linalg.norm(x, axis=1) - 1)).max()
     print(
         f"| libigl, {len(faces)} triangles, {PLACES} places | {took:.1f} | {memory() - before:.0f} "
         f"| {took / PLACES * 1e6:.2f} | {error:.1e} |"
@@ -123,10 +125,10 @@ def height_map(posts: int, dtype: str) -> None:
     begin = time.process_time()
     Body(shape, (0.0,) * 3).distance(at)
     each = (time.process_time() - begin) / PLACES * 1e6
-    kept = sum(table.nbytes for table in shape.samples()[0]) / 1e6
+    retained = sum(table.nbytes for table in shape.samples()[0]) / 1e6
     print(
         f"| height map, {n} x {n} posts, {dtype} | {took:.2f} "
-        f"| {memory() - before:.0f}, {kept:.1f} | {each:.2f} | |"
+        f"| {memory() - before:.0f}, {retained:.1f} | {each:.2f} | |"
     )
 
 

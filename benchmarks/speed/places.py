@@ -52,10 +52,10 @@ def least(sim: gr.Simulation) -> float:
 def sizes(scene: gr.Scene, until: float) -> dict[str, float | None]:
     """Bytes that the fields of a point need, and places per point at the start and at the end."""
     sim = gr.Simulation(scene, threads=1)
-    found = {"points": sim.n_points, "start": len(sim.buffers["id"]) / sim.n_points}
-    found |= {"bytes": bytes_of_a_point(sim), "bytes_single": bytes_in_single(scene)}
+    result = {"points": sim.n_points, "start": len(sim.buffers["id"]) / sim.n_points}
+    result |= {"bytes": bytes_of_a_point(sim), "bytes_single": bytes_in_single(scene)}
     sim.run(until=until)
-    return found | {"end": len(sim.buffers["id"]) / sim.n_points, "least": least(sim)}
+    return result | {"end": len(sim.buffers["id"]) / sim.n_points, "least": least(sim)}
 
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:

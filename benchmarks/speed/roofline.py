@@ -90,7 +90,7 @@ def main(argv: list[str] | None = None) -> None:
     bytes_moved = 8 * (2 * COMPONENTS + 1 + 2 * NODE_SUMS / POINTS_PER_CELL)
     operations = sum(OPERATIONS.values())
     near, far, flops = bandwidth(0.3), bandwidth(megabytes), peak(order)
-    found = {
+    results = {
         "bytes a particle-step": bytes_moved,
         "operations a particle-step": operations,
         "bandwidth in the cache [GB/s]": near / 1e9,
@@ -102,7 +102,7 @@ def main(argv: list[str] | None = None) -> None:
     }
     for cell in cells:
         points, seconds = measured(cell)
-        found[f"measured, {points} points [ns]"] = seconds * 1e9
-    for name, value in found.items():
+        results[f"measured, {points} points [ns]"] = seconds * 1e9
+    for name, value in results.items():
         print(f"{name:34s}{value:8.1f}")
-    write(arguments.out, found)
+    write(arguments.out, results)

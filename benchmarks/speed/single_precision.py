@@ -129,12 +129,12 @@ def measured(case: Case, scheme: gr.Scheme, quick: bool) -> dict[str, float]:
     """Quantities of a case in both precisions, their difference and the error of the scheme."""
     until = 0.1 * case.until if quick else case.until
     single = scheme.replace(precision="single")
-    found = [
+    runs = [
         gr.Simulation(case.scene(s, cell)).run(until=until, monitor=False)
         for s, cell in ((scheme, case.cell), (single, case.cell), (scheme, 2 * case.cell))
     ]
-    double, other, coarse = (case.quantity(sim) for sim in found)
-    exact = case.theory(found[0]) if case.theory else coarse
+    double, other, coarse = (case.quantity(sim) for sim in runs)
+    exact = case.theory(runs[0]) if case.theory else coarse
     return {
         "double": double,
         "single": other,

@@ -133,7 +133,7 @@ def compare(name: str, scheme: gr.Scheme) -> dict[str, Any]:
     a, b = whole.state, slept.state
     common = np.isin(a.id, b.id), np.isin(b.id, a.id)
     moved = np.linalg.norm(a.x[common[0]] - b.x[common[1]], axis=1) / whole.scene.grid.cell
-    found = {
+    result = {
         "points": whole.n_points,
         "asleep": float((b.v == 0).all(axis=1).mean()),
         "time": plain,
@@ -146,8 +146,8 @@ def compare(name: str, scheme: gr.Scheme) -> dict[str, Any]:
     }
     if whole.bodies:
         force = [float(sim.bodies[0].impulse[0]) for sim in (whole, slept)]
-        found["impulse_changed"] = force[1] / force[0] - 1
-    return found
+        result["impulse_changed"] = force[1] / force[0] - 1
+    return result
 
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:

@@ -40,7 +40,7 @@ class Growth(NamedTuple):
 
     times: np.ndarray
     amplitudes: np.ndarray
-    found: float
+    measured: float
     theory: float
 
 
@@ -124,12 +124,12 @@ def growth(
     end = GAIN / max(abs(by_theory(0.0)), 1.0)
     sim = gr.Simulation(scene, threads=1)
     disturb(sim, k, rate, number, wave_length)
-    times, found = [], []
+    times, amplitudes = [], []
     while sim.time < end:
         times.append(sim.time)
-        found.append(amplitude(sim.state, k, rate))
+        amplitudes.append(amplitude(sim.state, k, rate))
         sim.step(max(int(end / 60 / (0.5 * scene.grid.cell / material.wave_speed)), 1))
-    t, a = np.array(times), np.array(found)
+    t, a = np.array(times), np.array(amplitudes)
     late = t > end / 3
     theory = np.mean([by_theory(time) for time in t[late]])
     return Growth(t, a / a[0], float(np.polyfit(t[late], np.log(a[late]), 1)[0]), float(theory))
@@ -137,17 +137,17 @@ def growth(
 
 def rows(quick: bool) -> list[tuple[str, ...]]:
     """Rows of the table."""
-    found = []
+    lines = []
     for number in (SLOW, FAST):
         lengths = (1.0, 0.5, 0.25) if number == SLOW else (0.125, 0.0625)
         for length in lengths[:1] if quick else lengths:
             row = [f"{number:g}", f"{length:g}"]
             for material in (PLAIN, REGULARISED):
                 runs = [growth(material, length, n, number=number) for n in (8, 16)[: 2 - quick]]
-                row += [f"{runs[0].theory:.3g}", ", ".join(f"{run.found:.3g}" for run in runs)]
+                row += [f"{runs[0].theory:.3g}", ", ".join(f"{run.measured:.3g}" for run in runs)]
                 print(*row, flush=True)
-            found.append(tuple(row))
-    return found
+            lines.append(tuple(row))
+    return lines
 
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:

@@ -81,10 +81,10 @@ def plain(value: Any) -> Any:
     return value if isinstance(value, (bool, int, str, type(None))) else str(value)
 
 
-def show(found: Map) -> None:
+def show(limits: Map) -> None:
     """Print a map."""
-    print(f"{found.name}: {found.title}; {found.quantity}")
-    for cell in found.cells:
+    print(f"{limits.name}: {limits.title}; {limits.quantity}")
+    for cell in limits.cells:
         line = f"  {cell.row} | {cell.column} | {cell.value:.4g} {cell.verdict}"
         print(line + f" {cell.notes or ''}", flush=True)
 
@@ -100,9 +100,9 @@ def main(argv: list[str] | None = None) -> None:
     else:
         maps = read(arguments.out) if arguments.out and arguments.out.exists() else {}
         for name in arguments.only:
-            for found in measured(name, arguments.quick):
-                show(found)
-                maps[found.name] = found
+            for limits in measured(name, arguments.quick):
+                show(limits)
+                maps[limits.name] = limits
             store(arguments.out, maps)
     if arguments.figures:
         draw.figures(maps, arguments.figures)
