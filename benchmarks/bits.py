@@ -4,9 +4,9 @@
 
 BEFORE and AFTER are commits, or JSON files of `benchmarks/bits_cases.py`; AFTER is the working tree
 by default. Each commit is built in a temporary folder and runs its own `bits_cases.py`, so that
-names may have changed between them. What has another name but the same bits in every case counts as
-renamed and is listed; what AFTER no longer has must be named by --gone. The exit status is 1 where
-bits differ.
+names may have changed between them. Entries with another name but the same bits in every case count
+as renamed and are listed; entries that AFTER lacks must be named by --gone. The exit status is 1
+where bits differ.
 
 A change of form (names, folders, files) must leave every digest as it was.
 """

@@ -68,7 +68,7 @@ CEILING = 3.0
 
 
 def style(scheme: str) -> dict[str, Any]:
-    """Marker by basis and colour by transfer; some schemes have their own."""
+    """Marker by basis and colour by transfer; some schemes have special ones."""
     if scheme in OWN:
         return OWN[scheme]
     basis, transfer = scheme.split()
@@ -87,7 +87,7 @@ def _moduli(ax: Axes, points: Sequence[tuple[Row, float]]) -> None:
 
 
 def _numbers(ax: Axes, best: Sequence[tuple[Row, float]]) -> None:
-    """Number the points of the front, beside the corner of its steps where nothing else is."""
+    """Number the points of the front, next to the corner of its steps where there is room."""
     for i, (row, e) in enumerate(best, 1):
         ax.annotate(
             str(i),

@@ -128,7 +128,7 @@ def references(rows: Sequence[Row]) -> dict[str, Reference | None]:
 def error(row: Row, panel: str, reference: Reference) -> float:
     """Relative error of a run.
 
-    On an incline it is the larger of that of v(y) and that of the depth average, because a layer
+    On an incline it is the larger of the errors of v(y) and of the depth average, because a layer
     that has compacted may have the correct profile for its reduced height.
     """
     if panel.startswith("incline"):

@@ -19,8 +19,8 @@ VARIED = (*PARAMETERS, "seed")
 def observable(row: Row) -> float:
     """Main result of a run.
 
-    It is the depth average divided by that of the one-dimensional equation, the run-out (mass
-    quantile), or the rate of discharge [kg/s].
+    It is the depth average divided by the solution of the one-dimensional equation, the run-out
+    (mass quantile), or the rate of discharge [kg/s].
     """
     if row["scene"].startswith("incline"):
         return 1.0 + row["mean_error"]
@@ -60,10 +60,10 @@ def _softness(runs: Sequence[Row]) -> list[dict[str, float]]:
     """Difference of every run from the next stiffer one.
 
     `step` is the relative difference of the two, and `step_per_p_over_K` this difference divided by
-    that of p/K, so that the bias of a material is about this number times its p/K. A difference
-    does not contain the error of the cells nor, except in its last entries, the dependence of the
-    scheme itself on E. For inclines `predicted_step` is the difference by the theory of steady
-    flow.
+    the difference of p/K, so that the bias of a material is about this number times its p/K. A
+    difference does not contain the error of the cells nor, except in its last entries, the
+    dependence of the scheme itself on E. For inclines `predicted_step` is the difference by the
+    theory of steady flow.
     """
     entries = []
     for soft, stiff in pairwise(runs):
@@ -99,7 +99,7 @@ def table(rows: Sequence[Row], references: Mapping[str, Reference | None]) -> li
 
     Under "E" the steps are signed, see `_softness`, and the law is fitted to those that decrease;
     its exponent is about -1 if the bias is proportional to p/K. Under "cell" and "points" the
-    errors are those of the chart.
+    errors are as in the chart.
     """
     result = []
     for parameter in PARAMETERS:

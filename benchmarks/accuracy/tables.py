@@ -184,7 +184,7 @@ def resolution(slopes: Sequence[Entry], parameter: str) -> list[str]:
 
 
 def others(rows: Rows, references: References, names: Sequence[str]) -> list[str]:
-    """Every run of the named schemes, with the default scheme at the same setting beside it."""
+    """Every run of the named schemes, next to the default scheme at the same setting."""
     lines = []
     for row in (row for name in names for row in select(rows, scheme=name)):
         same = {n: row[n] for n in ("scene", "E", "cell", "points", "angle_deg", "seed", "until")}

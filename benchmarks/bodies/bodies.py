@@ -1,8 +1,8 @@
 """Accuracy of bodies and of walls that are inclined to the grid.
 
 Runs the cases of each row (`surfaces/`) and stores their numbers in the JSON file, one by one.
-Cases that are in the file are kept, unless `--again` is given, so that it can be filled piece by
-piece.
+Cases that are in the file are not repeated, unless `--again` is given, so that it can be filled
+piece by piece.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def summary(rows: dict[str, dict[str, Numbers]]) -> list[str]:
 def main(arguments: list[str] | None = None) -> None:
     parser = parser_of(__name__, __doc__, quick="one short case of each row, to see that it runs")
     parser.add_argument("--only", nargs="+", choices=ROWS, default=list(ROWS), metavar="NAME")
-    parser.add_argument("--again", action="store_true", help="measure what is in the file anew")
+    parser.add_argument("--again", action="store_true", help="repeat the cases in the file")
     given = parser.parse_args(arguments)
     table = stored(given.out, rows={})
     for name in given.only:

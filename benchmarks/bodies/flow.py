@@ -55,7 +55,7 @@ def chute_scene(
 ) -> tuple[gr.Scene, Array, Array]:
     """An endless layer in 2D down a slope, in a domain that is periodic along its diagonal.
 
-    `wall` puts a wall of the grid of that kind in place of the body, for a base along the grid.
+    `wall` puts a wall of the grid of that kind instead of the body, for a base along the grid.
     Returned: the scene, the direction of flow, and the height of each point above the base, in
     cells.
     """
@@ -82,7 +82,7 @@ def chute_scene(
     if wall is None and turned_deg == 0.0:
         bodies = (plane(n, through, **base),)
     elif wall is None:
-        # Bodies that reach farther than half a period have no images: each period has its own.
+        # Bodies that reach farther than half a period have no images: each period has a body.
         bodies = tuple(
             gr.Body(
                 gr.Box(size=(math.inf, 4 * CELL), center=(0.0, -2 * CELL)),
@@ -204,7 +204,7 @@ def _grains(ratio: float, rows: int) -> Any:
 def stopping(
     turned_deg: float, offset: float, ratio: float, until: float, wall: bool = False
 ) -> Numbers:
-    """H_stop with which the exact steady flow has the mean speed found, over that of the grains."""
+    """H_stop whose exact steady flow has the mean speed of the run, over H_stop of the grains."""
     grains, height = _grains(ratio, ROWS_HIGH), ROWS_HIGH * CELL
     scene, t, above = chute_scene(
         turned_deg,
@@ -261,7 +261,7 @@ BEADS = gr.materials.couette_beads.replace(E=1.4e5, nu=0.3, mu_2=math.inf, b=0.9
 
 
 def couette(fineness: float, omega: float, until: float, stiffness: float = 1.0) -> Numbers:
-    """Pressure of rings a cell wide over their mean, and the torque over that of the theory."""
+    """Pressure of rings a cell wide over their mean, and the torque over the theory."""
     cell, beads = BEADS.d / fineness, BEADS.replace(E=BEADS.E * stiffness)
     run = Run(gr.scenes.couette(**RING, cell=cell, omega=omega, material=beads))
     edges = np.linspace(

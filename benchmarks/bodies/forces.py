@@ -105,7 +105,7 @@ LENGTH, HEIGHT = 0.16, 0.32
 
 
 def plate(turned_deg: float, offset: float, cells: int, until: float, bed: Bed) -> Numbers:
-    """Forces on the two faces of a plate 4 cells thick, over those of a fluid.
+    """Forces on the two faces of a plate 4 cells thick, over the forces of a fluid.
 
     It is two bodies that overlap, so that the force on each face is known.
     """
@@ -159,7 +159,7 @@ def plate_cases(quick: bool) -> Cases:
 
 
 def of_fluid(line: Line) -> Line:
-    """The line, that asks nothing where friction leaves the force open by more than is asked."""
+    """The line, without a criterion where friction makes the force uncertain by more than that."""
     rough = any(mark in line.quantity for mark in ("mu 0.01, ", ROUGHER))
     return replace(line, criterion="", met=None) if rough else line
 

@@ -35,7 +35,7 @@ from bodies.rows import (
 def bed_scene(turned_deg: float, offset: float, dim: int = 2, seeded: str = "rows") -> Any:
     """A bed of 20 by 10 cells under its own weight, normal to a plane through the grid.
 
-    Returned: the scene, a place of the plane, and its directions.
+    Returned: the scene, a point of the plane, and its directions.
     """
     (t, n), length, height = axes(turned_deg, dim), 20 * CELL, 10 * CELL
     base = offset * CELL * (np.arange(dim) != 1 if dim == 3 else np.ones(2))
@@ -75,7 +75,7 @@ def bed_scene(turned_deg: float, offset: float, dim: int = 2, seeded: str = "row
 def bed(turned_deg: float, offset: float, until: float, **options: Any) -> Numbers:
     """Force on the base over the weight, pressure of the lowest points, and motion of the top.
 
-    `pressure_nodes` is that of `measure.smooth`, over the weight above in the same average.
+    `pressure_nodes` is the pressure of `measure.smooth`, over the weight above in the same average.
     """
     scene, base, t, n = bed_scene(turned_deg, offset, **options)
     run = Run(scene)
@@ -172,7 +172,7 @@ def block_scene(
     """An elastic block of 10 by 6 cells on a plane; gravity is at an angle to its normal.
 
     Gravity grows slowly, so that the block is in equilibrium with its weight. `wall` puts a wall
-    of the grid in place of a body, for a plane along the grid.
+    of the grid instead of a body, for a plane along the grid.
     """
     (t, n), slope, spacing = axes(turned_deg, dim), math.radians(slope_deg), CELL / 2
     along, above = rows_of_points(0.1, 0.06, spacing)

@@ -45,7 +45,7 @@ ROLL = {"length": 0.5, "start": 0.1625, "duration": 7.0}
 WINDOW = 0.1
 """Time window over which the flow between cylinders is averaged [s]."""
 RINGS = 3
-"""Number of rings (every second one from the inner cylinder on) whose time series is kept."""
+"""Number of rings (every second one from the inner cylinder on) whose time series is stored."""
 
 
 def excavation(depth: float, **changes: object) -> gr.Scene:

@@ -47,7 +47,7 @@ DISCS = [
 
 
 def compared(data: columns.Discs, deposit: Row) -> Row:
-    """Differences of a deposit from that of the discs."""
+    """Differences of a deposit from the deposit of the discs."""
     return {
         "L1": deposit["L1"],
         "mean": deposit["mean"] / data.facts["xm"][-1] - 1.0,
@@ -91,11 +91,11 @@ PLACES = [
     for name in ("default", "cell_averaged")
     for seed in range(4)
 ]
-"""Scheme, and random places of the points at the start."""
+"""Scheme, and random positions of the points at the start."""
 
 
 def places(quick: bool) -> Iterator[Row]:
-    """Run-outs of the column of a = 0.5 in 32 cells by the places of its points at the start."""
+    """Run-outs of the column of a = 0.5 in 32 cells by the initial positions of its points."""
     data = columns.Discs.load(0.5)
     for name, numbers in PLACES[:1] if quick else PLACES:
         cells = 8 if quick else 32
@@ -115,7 +115,7 @@ BARS = [
 """Scheme, cell [m], points in a cell, meaning of the angle of friction."""
 
 HEIGHTS = {"bar": 1.0, "bars_2": 2.0, "bars_3": 3.0}
-"""Heights at which the places of the surface are compared, in bars."""
+"""Heights at which the positions of the surface are compared, in bars."""
 
 MOVES = {"line_05": 0.5e-3, "line_1": 1e-3, "line_2": 2e-3, "line_4": 4e-3}
 """Displacements beyond which a point counts as moved [m]."""
@@ -149,7 +149,10 @@ def held(heap: columns.Heap, surface: Data, line: Data) -> Row:
 UNDAMPED = schemes.cell_averaged.replace(density=schemes.CellAveragedDensity(slow_decay=0.0))
 CAUSES: dict[str, Row] = {
     "nothing": {},
-    **{f"random places of the points, seed {k}": {"jitter": 0.3, "seed": k} for k in range(1, 5)},
+    **{
+        f"random positions of the points, seed {seed}": {"jitter": 0.3, "seed": seed}
+        for seed in range(1, 5)
+    },
     "ten times as stiff": {"E": 8.4e6},
     "a quarter as stiff": {"E": 0.21e6},
     "friction of the floor tan phi": {"floor": math.tan(columns.PHI)},
@@ -161,7 +164,7 @@ CAUSES: dict[str, Row] = {
 
 
 def causes(quick: bool) -> Iterator[Row]:
-    """Foot of the column of bars by places of points, stiffness, floor, rate and damping."""
+    """Foot of the column of bars by positions of points, stiffness, floor, rate and damping."""
     surface, line = load("bui2008_surface"), load("bui2008_failure")
     given = {"mu": math.tan(columns.PHI), "cell": 0.004, "scheme": schemes.cell_averaged}
     for changed, numbers in list(CAUSES.items())[: 1 if quick else None]:
@@ -212,7 +215,7 @@ def layers(quick: bool) -> Iterator[Row]:
 # ---- nonlocal law ----
 
 LIMITS, SHARES = (0.6435, 0.9, 1.2, 1.5), (0.25, 0.5, 0.75)
-"""Limits mu_2 of the friction, and places of the slope between mu_s and mu_2."""
+"""Limits mu_2 of the friction, and positions of the slope between mu_s and mu_2."""
 
 
 def near_limit(quick: bool) -> Iterator[Row]:
@@ -262,7 +265,7 @@ STUDIES: dict[str, tuple[Callable[[bool], Iterator[Row]], dict[str, str]]] = {
         "rms of the line [mm], moved by 1 mm": "{line_1:.1f}",
     }),
     "contact_dynamics_places": (places, {
-        "scheme": "{method}", "places of the points": "{places}",
+        "scheme": "{method}", "positions of the points": "{places}",
         "L1 of the deposit": "{L1:.3f}", "mean distance": "{mean:+0.1%}",
         "run-out to the foot": "{foot:+0.1%}", "run-out of 99 %": "{runout_99:+0.1%}",
         "of 99.9 %": "{runout:+0.1%}",

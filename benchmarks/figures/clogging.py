@@ -52,7 +52,7 @@ PAPER = {
     "boundary": {"A": 0.5, "opening_over_d": [1.0, 1.5]},
 }
 """Verdicts in the text of the paper on cases (A, W/d); figure 4a has the others as symbols only.
-Its boundary at A = 0.5 is that of lines W/d = 2 A to 3 A."""
+Its boundary at A = 0.5 is the one of lines W/d = 2 A to 3 A."""
 
 Key = tuple[str | float, ...]
 
@@ -252,7 +252,7 @@ def compare(coarse: gr.Trajectory, fine: Sequence[gr.Trajectory], ratio: float) 
 
     Pressures are compared in cells that are full in both, at heights above the opening's width and
     two cells below the highest full ones, away from the surface, the rough bottom and the free
-    fall. Times are those of figures 9 and 10 (350 frames of 1/240 s in a static silo, 105 in a
+    fall. Times are as in figures 9 and 10 (350 frames of 1/240 s in a static silo, 105 in a
     flowing one), averaged over 0.05 s. Differences are relative to the largest pressure of the
     region and to the largest speed of the slice.
     """

@@ -63,11 +63,11 @@ def options(
     doc : str
         Description of the script.
     argv : sequence of str or None
-        Arguments; those of the process if None.
+        Arguments; of the process if None.
     E, quick_E : float
         Default of --E, Young's modulus [Pa], without and with --quick.
     without : collection of str
-        Options that the script does not have, such as those of `RUN`.
+        Options that the script does not have, such as `RUN`.
     schemes : mapping of str to Scheme
         Schemes by the names of --scheme; the first is the default.
     grains : Material
@@ -138,7 +138,7 @@ def frames(
     *,
     name: str = "",
 ) -> list[Any]:
-    """Results of `measure` for the state at each frame of a run; the states are not kept."""
+    """Results of `measure` for the state at each frame of a run; the states are not stored."""
     results: list[Any] = []
     simulation = simulation_of(scene, chosen)
     with tqdm(total=until, desc=name or scene.name, unit="s", leave=False) as bar:

@@ -121,7 +121,7 @@ def figures_9_10(chosen: argparse.Namespace) -> None:
 
 def figure_11(chosen: argparse.Namespace) -> None:
     # The paper gives cells of 0.0083 m, 120 to a metre, but no size: here a box of 1 m, so that
-    # the heap ends before the left wall; the way to the right wall is that of the scene.
+    # the heap ends before the left wall; the distance to the right wall is as in the scene.
     cell = 0.025 if chosen.quick else 0.0083
     scene = gr.scenes.slug(center=(0.45, 0.25), wall_at=1.0, cell=cell, **chosen.settings)
     flight, impact = (0.0, 0.1, 0.2, 0.3), (0.34, 0.36, 0.38, 0.40, 0.42, 0.48)

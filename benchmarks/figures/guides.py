@@ -289,7 +289,7 @@ def watch_a_run(quick: bool) -> Picture:
 
     tell(gr.Simulation(scene).run(until=0.3 if quick else 1.0, every=0.02, hooks=(note,)))
     times, speeds = np.array(speeds_in_time).T
-    ax.plot(times, speeds, ".-", color=BLUE, label="what the hook notes")
+    ax.plot(times, speeds, ".-", color=BLUE, label="values stored by the hook")
     ax.axhline(0.02, color=GREY, ls="--", label="taken as rest")
     resting = (times > 0.3) & (speeds < 0.02)
     if resting.any():
@@ -300,7 +300,7 @@ def watch_a_run(quick: bool) -> Picture:
 
 
 def restart(quick: bool) -> Picture:
-    """A run that goes on from one record with its own friction and with another."""
+    """A run that continues one record with its friction and with another."""
     made, axes = panels(1, 3, 2.5, sharey=True)
     cell = 0.04 if quick else 0.0125
     extent, common = ((0.0, 0.7), (0.0, 0.31)), {"bar": False, "limits": (0, 1.5)}

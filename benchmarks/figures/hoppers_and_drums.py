@@ -1,4 +1,4 @@
-"""Hoppers and drums beside their references: hopper.png and rotating_drum.png of docs/pictures/."""
+"""Hoppers and drums compared with references: hopper.png, rotating_drum.png of docs/pictures/."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def drums(cell: float) -> plot.Picture:
         axes[1].axhline(math.degrees(math.atan(mu)), color="k", linestyle=":")
         axes[1].text(froude[0], math.degrees(math.atan(mu)) + 0.2, text)
     axes[1].set(xlabel=r"Froude number $\omega^2 R/g$", ylabel="slope of the surface [deg]")
-    axes[2].set(xlabel="place along the surface [m]", ylabel="flux [m$^2$/s]")
+    axes[2].set(xlabel="position along the surface [m]", ylabel="flux [m$^2$/s]")
     axes[2].locator_params(axis="x", nbins=5)
     axes[2].legend()
     return picture

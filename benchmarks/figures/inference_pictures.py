@@ -1,6 +1,6 @@
 """Figures of Hurley's thesis from synthetic data: `python benchmarks inference_pictures static`.
 
-static: figures 2.9 to 2.11, with our own packing. dynamic: 3.2 and 3.5. bed: 3.7 to 3.10.
+static: figures 2.9 to 2.11, with another packing. dynamic: 3.2 and 3.5. bed: 3.7 to 3.10.
 """
 
 from __future__ import annotations
@@ -164,10 +164,10 @@ def bed(seed: int) -> grains.Grains:
         system.x[-1, 1], system.v[-1] = 2.0, 0.0
     system.drag = 0.0
     # The intruder is as low as possible without a contact.
-    beside = abs(system.x[:-1, 0] - WIDTH / 2)
+    offset = abs(system.x[:-1, 0] - WIDTH / 2)
     reach = INTRUDER + R[:-1]
-    near = beside < reach
-    rise = np.sqrt(reach[near] ** 2 - beside[near] ** 2)
+    near = offset < reach
+    rise = np.sqrt(reach[near] ** 2 - offset[near] ** 2)
     system.x[-1, 1] = (system.x[:-1, 1][near] + rise).max()
     system.v[:] = 0.0
     system.v[-1, 1] = -SPEED
@@ -213,7 +213,7 @@ def lift(one: Experiment, forces: list[np.ndarray]) -> np.ndarray:
 def intruder(chosen: argparse.Namespace) -> None:
     """A heavy disc that falls into a bed.
 
-    The bed of smaller discs is that of section 3.4, apart from its depth. The stresses have an
+    The bed of smaller discs is the one of section 3.4, apart from its depth. The stresses have an
     error of 10 %, and the rotations are unknown.
     """
     every, seeds = (20, (0,)) if chosen.quick else (2, (0, 1, 2))

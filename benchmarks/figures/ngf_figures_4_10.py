@@ -43,7 +43,7 @@ COLORS = ("#c2377e", "#2a8a4a", "#2d5d8f")
 
 
 class Silos:
-    """Runs of half silos, and those of their frames that figures need."""
+    """Runs of half silos, and the frames of them that figures need."""
 
     def __init__(self, chosen: argparse.Namespace) -> None:
         self.chosen = chosen

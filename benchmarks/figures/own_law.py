@@ -1,6 +1,6 @@
-"""A cohesive Bingham fluid beside glass beads, for docs/how-to/own_law.md.
+"""A cohesive Bingham fluid next to glass beads, for docs/how-to/own_law.md.
 
-The function is that of the page. The whole takes some seconds.
+The function is taken from the page. The whole takes some seconds.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Landslide, obstacle, penetration and conveyor: a state of each, and numbers beside a reference.
+"""Landslide, obstacle, penetration and conveyor: a state of each, numbers against a reference.
 
 The whole takes a minute or two; --quick, with cells of twice the size, some seconds.
 """
@@ -51,7 +51,7 @@ def axes_of(count: int, height: float) -> tuple[plot.Picture, list]:
 
 
 def landslide(cell: float) -> plot.Picture:
-    """States on the way, and front, centre and rear beside those of a cap and a block."""
+    """States on the way, and front, centre and rear compared with a cap and a block."""
     scene = gr.scenes.landslide(cell=cell)
     states, times, _ = course(scene, 40)
     slide = gr.measure.slide_history(states)

@@ -25,7 +25,7 @@ PRESSURE = 1e3
 """Pressure [Pa]; kn is 10^6 times as large, so that (kn/p)^(2/3) = 10^4 as in the thesis."""
 SIZE, DENSITY = 1e-3, 2500.0
 IMPACT = 0.1 * (PRESSURE / DENSITY) ** 0.5
-"""Impact speed [m/s] at which the restitution is that of the set."""
+"""Impact speed [m/s] at which the restitution is the one of the set."""
 RESTITUTION = {"low": 0.5, "high": 0.85, "walls": 0.5}
 
 

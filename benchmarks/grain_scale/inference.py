@@ -3,7 +3,7 @@
 The forces of packings with known forces are inferred from exact stresses and from stresses with an
 error of 10 %, by each solver that is able to. The packings are the 58 discs of the oedometric test
 and shaken regular arrays, from 100 to 5000 grains in 2D and to 1000 in 3D. Time is processor time
-of one thread, the best of several repeats; the error is that of all forces (eq. 2.15). The friction
+of one thread, the best of several repeats; the error is over all forces (eq. 2.15). The friction
 in the arrays is 0.3, so that with noise the friction limits are active.
 """
 

@@ -1,4 +1,4 @@
-"""Columns of contact dynamics: the cases of `peers.py` and what is measured in each."""
+"""Columns of contact dynamics: the cases of `peers.py` and the measures of each."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from peers import codes
 ASPECTS = (0.5, 1.42, 6.26)
 """Nominal aspect ratios of the data."""
 FRICTION = 0.32
-"""Friction coefficient of Drucker-Prager, which is that of mu(I) at rest."""
+"""Friction coefficient of Drucker-Prager, which mu(I) has at rest."""
 LAWS = ("mu_I", "drucker_prager")
 REPEATS, SHORT = 3, 1.0
 """Runs that take less than SHORT core-seconds are made so often, and the least time counts."""
 PLACES = 401
-"""Number of places at which the surface of a deposit is stored."""
+"""Number of points at which the surface of a deposit is stored."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +100,7 @@ IMPLICIT = {
     "convergence_criterion": "residual_criterion",
     "linear_solver_settings": {"solver_type": "LinearSolversApplication.sparse_lu"},
 }
-"""Settings of an implicit run of Kratos, as in its own example of a collapse."""
+"""Settings of an implicit run of Kratos, as in the example of a collapse of Kratos."""
 
 CODES = {
     "default": _granular("default"),
@@ -121,7 +121,7 @@ CODES = {
 
 
 def scene_of(case: Column) -> gr.Scene:
-    """The scene of a case. Its half-width is that of the foremost disc."""
+    """The scene of a case. Its half-width reaches the foremost disc."""
     scheme = CODES[case.code].scheme or gr.schemes.default  # not used by peers
     flat = gr.DruckerPrager(E=external.STIFF, mu=FRICTION, rho_c=external.RHO, rho_s=external.RHO)
     data = external.Discs.load(case.aspect)
@@ -136,7 +136,7 @@ def scene_of(case: Column) -> gr.Scene:
 
 
 def places(aspect: float) -> np.ndarray:
-    """Places of the stored surfaces [m]."""
+    """Positions of the stored surfaces [m]."""
     return np.linspace(0.0, 2.0 * external.Discs.load(aspect).facts["xf"].max(), PLACES)
 
 

@@ -46,7 +46,7 @@ class Simulation:
     threads : int
         Must be 1.
     **settings
-        `cfl` in place of `CFL`, and settings of the solver in place of those of `EXPLICIT`.
+        `cfl` instead of `CFL`, and settings of the solver instead of `EXPLICIT`.
 
     Raises
     ------

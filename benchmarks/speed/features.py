@@ -1,11 +1,11 @@
-"""Cost of what grains may have besides one law: time per point-step with each feature on and off.
+"""Cost of features in addition to one law: time per point-step with each feature on and off.
 
 Two simulations of a block of 8,192 points that was thrown over a rough floor differ in one feature
 alone. They make batches of steps in turns, in the order off, on, on, off, with one thread and the
-default scheme. The time is that of the processor, so that other programs on the machine lengthen
-it only by what they take of caches and memory. The cost of a feature is the median over the rounds
-of the ratio of both times per point and step, with the quartiles of the ratio for its noise. Points
-that have entered by an inflow count.
+default scheme. Times are of the processor, so that other programs on the machine lengthen them only
+through caches and memory. The cost of a feature is the median over the rounds of the ratio of both
+times per point and step, with the quartiles of the ratio for its noise. Points that have entered by
+an inflow count.
 """
 
 from __future__ import annotations
@@ -126,13 +126,13 @@ CASES: dict[str, tuple[str, str, Pair]] = {
         "with `restitution=0.5`",
         of_materials(SAND, SAND.replace(restitution=0.5)),
     ),
-    "own NumPy": ("mu(I)", "mu(I) of one's own, NumPy", own_law(mu_I)),
+    "own NumPy": ("mu(I)", "user-defined mu(I), NumPy", own_law(mu_I)),
     "own numba": (
         "mu(I)",
-        "mu(I) of one's own, numba",
+        "user-defined mu(I), numba",
         own_law(mu_I_by_points, compiler="numba"),
     ),
-    "own C": ("mu(I)", "mu(I) of one's own, C", own_law(MU_I_IN_C)),
+    "own C": ("mu(I)", "user-defined mu(I), C", own_law(MU_I_IN_C)),
     "inflow": ("no inflow", "an inflow of 16 columns", fed),
     "body": ("no body", "a body at rest", lambda rows: (block(rows), with_body(rows))),
     "free body": ("a body at rest", "a free body", free_body),

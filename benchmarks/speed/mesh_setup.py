@@ -1,10 +1,10 @@
 """Time and memory of the set-up of large meshes and height maps, and of a distance.
 
-Each case runs in a process of its own, on one thread. A ball of 2 m is triangulated by subdividing
-an icosahedron (20 * 4^k triangles, the least that is not below N). Times are processor times, which
-other jobs change little; the memory is what the process holds at most beyond what it held before.
---library measures libigl too, the fastest of the libraries tried, for as many places as there are
-samples: signed distances by pseudonormals.
+Each case runs in a separate process, on one thread. A ball of 2 m is triangulated by subdividing an
+icosahedron (20 * 4^k triangles, the least that is not below N). Times are processor times, which
+other jobs change little; the memory is the largest increase of the memory of the process. --library
+measures libigl too, the fastest of the libraries tried, for as many points as there are samples:
+signed distances by pseudonormals.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def library(least: int, spacing: float) -> None:
     took = time.process_time() - start
     error = abs(signed[0] - (np.linalg.norm(x, axis=1) - 1)).max()
     print(
-        f"| libigl, {len(faces)} triangles, {PLACES} places | {took:.1f} | {memory() - before:.0f} "
+        f"| libigl, {len(faces)} triangles, {PLACES} points | {took:.1f} | {memory() - before:.0f} "
         f"| {took / PLACES * 1e6:.2f} | {error:.1e} |"
     )
 
@@ -149,7 +149,7 @@ def main() -> None:
     cases = [("mesh", given.triangles, spacing) for spacing in SPACINGS]
     cases += [("library", given.triangles, 0.0)] if given.library else []
     cases += [("map", given.posts, dtype) for dtype in ("float64", "float32")]
-    print("| case | set-up [s] | memory: most, kept [MB] | distance [us] | error [m] |")
+    print("| case | set-up [s] | memory: most, retained [MB] | distance [us] | error [m] |")
     print("|---|---|---|---|---|", flush=True)
     for case in cases:
         subprocess.run([*python("mesh_setup"), "--case", *map(str, case)], check=True)

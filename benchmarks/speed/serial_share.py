@@ -79,7 +79,7 @@ def count(samples: str) -> tuple[Counter[str], int]:
 
 
 def measure(dim: int, case: tuple[int, ...]) -> dict[str, object]:
-    """Take samples of a case in a process of its own."""
+    """Take samples of a case in a separate process."""
     with tempfile.TemporaryDirectory() as name:
         data, control = Path(name, "perf.data"), Path(name, "control")
         subprocess.run(["mkfifo", str(control)], check=True)

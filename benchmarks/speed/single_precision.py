@@ -1,10 +1,10 @@
-"""Kernels in single precision beside double precision: time, and error beside that of the scheme.
+"""Single precision compared with double precision: time, and error compared with the scheme.
 
 Each case runs in double and in single precision, and once more in double precision with cells twice
-as large. What single precision changes of the quantity of a case stands beside the error of the
-scheme: that against the theory, or what the larger cells change. The time is that of the processor
-for steps in turns, double, single, single, double, with one thread; its ratio is the median over
-the rounds. Stiffness enlarges the rounding errors of stress: the incline runs with several E.
+as large. The change of the quantity of a case by single precision is compared with the error of the
+scheme: the difference from theory, or the change by the larger cells. The time is the processor
+time of steps in turns, double, single, single, double, with one thread; its ratio is the median
+over the rounds. Stiffness enlarges the rounding errors of stress: the incline runs with several E.
 
 The picture of docs/reports/speed.md is drawn from the results with --draw,
 which measures nothing.

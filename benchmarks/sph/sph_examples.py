@@ -403,7 +403,7 @@ def column_table(fits: dict[str, dict[str, float]]) -> list[str]:
 
 
 def study_table(rows: list[dict[str, Any]]) -> list[str]:
-    """Run-outs and heights, with what was changed."""
+    """Run-outs and heights, with the change."""
     made = []
     for row in rows:
         given = {k: v for k, v in row["case"][1].items() if k not in UNCHANGED and v}

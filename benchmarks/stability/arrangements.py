@@ -12,7 +12,7 @@ from stability.cells import Map
 
 NU = 0.3
 LAME = NU / (1 - NU)
-"""lambda/(lambda + 2 G). The unit of moduli is that of compression waves, so that c = dx = 1."""
+"""lambda/(lambda + 2 G). The unit of moduli is the one of compression waves, so that c = dx = 1."""
 SHEAR = (1 - LAME) / 2
 LIGHTEST = 1e-14
 """Mass cutoff of the schemes, in point masses."""

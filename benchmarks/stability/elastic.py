@@ -185,7 +185,7 @@ def courant_points(quick: bool) -> list[Map]:
 
 
 def courant_nu(quick: bool) -> Map:
-    """CFL x nu with the default scheme: the wave speed is that of compression waves."""
+    """CFL x nu with the default scheme: the wave speed is for compression waves."""
     title = "Time step and Poisson's ratio, default scheme: a disc in flight"
     result = flights("courant_nu", title, "nu")
     for nu in chosen((0.0, 0.3, 0.45, 0.49, 0.499), quick):

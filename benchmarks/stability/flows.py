@@ -197,7 +197,7 @@ def layer_at_rest(scheme: gr.Scheme, angle: float, material: gr.MuI) -> gr.Scene
 
 
 def column_at_rest(scheme: gr.Scheme, material: gr.MuI) -> gr.Scene:
-    """Level layer between free_slip walls in place of periodic ends."""
+    """Level layer between free_slip walls instead of periodic ends."""
     scene = layer_at_rest(scheme, 0.0, material)
     walls = [gr.Wall(0, at, kind="free_slip") for at in (0.0, scene.grid.upper[0])]
     grid = replace(scene.grid, periodic=(False, False))

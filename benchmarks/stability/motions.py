@@ -46,7 +46,7 @@ def null_space(scheme: gr.Scheme) -> float:
 
 
 def wave_energy(scheme: gr.Scheme) -> float:
-    """Energy kept by a standing wave of 32 cells in one period."""
+    """Energy retained by a standing wave of 32 cells in one period."""
     sim = bar(scheme.replace(cfl=0.2))
     k, amplitude = 2 * np.pi / LENGTH, 1e-3
     at, x = places(sim), sim.state.x[:, 0]
@@ -156,7 +156,7 @@ def locking(quick: bool) -> Map:
 def tear(scheme: gr.Scheme, points: int, most: float) -> tuple[float, dict[str, Any]]:
     """Stretch at which gaps appear in a uniformly stretched bar.
 
-    The bar flies apart with v = rate x, and its own stress has little effect on its motion. A gap
+    The bar flies apart with v = rate x, and its stress has little effect on its motion. A gap
     is a pair of neighbouring points that share no node, so that no force is transmitted between
     them. The note is the stretch at which `granular.measure.gap_fraction` finds the first gap.
     """

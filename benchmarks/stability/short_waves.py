@@ -1,11 +1,11 @@
 """Growth of short waves in a flow of uniform shear: mu(I), its regularised form, and theory.
 
 A box of uniform shear between two plates, periodic along them, gets a small wave: the one that
-grows fastest by `granular.theory.shear_waves`, or decays slowest. Its amplitude is that of the
-velocity along the wave fronts, weighed with a window across the box, with the wave vector that the
-shear turns. The rate is the slope of its logarithm over the last two thirds of the run, and that of
-theory the mean of the rates of the wave vectors on the way. The scheme has quadratic B-splines,
-FLIP and the density of each point: nothing in it damps waves but the grid.
+grows fastest by `granular.theory.shear_waves`, or decays slowest. Its amplitude is the amplitude of
+the velocity along the wave fronts, weighed with a window across the box, with the wave vector that
+the shear turns. The rate is the slope of its logarithm over the last two thirds of the run, and the
+rate of theory is the mean of the rates of the wave vectors on the way. The scheme has quadratic
+B-splines, FLIP and the density of each point: nothing in it damps waves but the grid.
 
 It takes some minutes.
 """
@@ -30,8 +30,8 @@ SLOW, FAST = 0.01, 3.0
 ANGLE = {SLOW: 85.0, FAST: 79.0}
 """Inertial numbers at which mu(I) is ill posed, and angles of the wave vectors from the flow."""
 AMPLITUDE, WAVES, GAIN = 1e-3, 3, 2.5
-"""Velocity of the wave over that of the shear of its length, wave lengths across the box, and
-logarithm of its growth or decay by theory in the run."""
+"""Velocity of the wave over the velocity of the shear of its length, wave lengths across the box,
+and logarithm of its growth or decay by theory in the run."""
 UNDAMPED = gr.Scheme(basis="quadratic", transfer="flip", density=gr.ParticleDensity())
 
 
@@ -113,7 +113,7 @@ def growth(
     number: float = SLOW,
     scheme: gr.Scheme = UNDAMPED,
 ) -> Growth:
-    """Run a wave, and return what it does."""
+    """Run a wave, and return its growth."""
     scene, k, rate = sheared(material, wave_length, cells, number, scheme)
     given = {"material": material, "inertial_number": number, "pressure": PRESSURE}
 

@@ -1,9 +1,9 @@
 """The map of failure: measured limits of the methods.
 
 Each cell of a map is a small run with a number and a verdict: *stable*, *degraded*, or *refused* if
-the package does not start such a run. The number is then that of a run with the limits lifted, to
-show what the limits prevent. All maps are measured, or with --only those of some functions of
-`MAKERS`; the other maps in the file are kept.
+the package does not start such a run. The number is then from a run without the limits, to show the
+failures that the limits prevent. All maps are measured, or with --only those of some functions of
+`MAKERS`; the other maps in the file remain.
 """
 
 from __future__ import annotations

@@ -112,7 +112,8 @@ REACHES = ("up to 0.5", "0.5 to 1", "1 to 1.5", "more")
 
 
 def reached(offset: float) -> list[float]:
-    """Largest speeds behind a thin body after the first step, over that of what hits its front.
+    """Largest speeds behind a thin body after the first step, over the speed of the material that
+    hits its front.
 
     The edge of the body is `offset` cells beyond a grid line. One speed for each of `REACHES`.
     """
@@ -171,9 +172,9 @@ def impulse(diameter: float, offset: float, seed: int) -> float:
 
 
 def discs(quick: bool) -> Numbers:
-    """Least and largest impulse on a disc over its mean, of eight places in a cell.
+    """Least and largest impulse on a disc over its mean, of eight positions in a cell.
 
-    That of each place is a mean over seedings, which scatter as much.
+    Each impulse is a mean over seedings, which scatter as much.
     """
     rows, places, seeds = [], 1 if quick else 8, 1 if quick else 5
     for diameter in (2.0,) if quick else (1.5, 2.0, 3.0, 4.0):
