@@ -70,9 +70,6 @@ OWN = (
     ),
 )
 
-OF_A_FLOOR = ("disconnected", "density_drift", "dilution", "energy_created")
-"""Indicators that are beyond their limits where material falls to an end of the grid."""
-
 
 def indicators(scene: Scene) -> tuple[Row, ...]:
     """Indicators of a scene."""

@@ -256,7 +256,7 @@ class _Stage:
         """Mesh or points of the material with their values; None if there are none."""
         values = self._brush.paint(state).filled(np.nan)
         if self._style == "surface":
-            mesh = filled_volume(self._pyvista, state, values, self._brush, self._slab)
+            mesh = filled_volume(state, values, self._brush, self._slab)
             return None if mesh is None else mesh.extract_surface(algorithm="dataset_surface")
         visible = inside_slab(state.x, self._slab)
         if not visible.any():

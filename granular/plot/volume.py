@@ -8,6 +8,7 @@ from scipy import ndimage
 
 from granular.model.state import State
 from granular.plot.fields import Brush
+from granular.tools.extras import imported
 
 SMOOTHING = 0.75
 """Standard deviation of the smoothing of the filling fraction, in spacings of the points."""
@@ -25,7 +26,7 @@ def inside_slab(x: NDArray, slab: tuple[str, float, float] | None) -> NDArray[np
 
 
 def filled_volume(
-    pyvista: Any, state: State, values: NDArray, brush: Brush, slab: tuple[str, float, float] | None
+    state: State, values: NDArray, brush: Brush, slab: tuple[str, float, float] | None
 ) -> Any:
     """Mesh of where the filling fraction is one half or more, cut by the ends of a slab.
 
@@ -49,7 +50,7 @@ def filled_volume(
     mean = np.divide(moment, weight, out=np.full_like(moment, low), where=weight > 1e-3 * volume)
     mean[weight <= 1e-3 * volume] = np.nan
     # A row of zeros around: between it and the last cells are the sides of the domain.
-    image = pyvista.ImageData(
+    image = imported("pyvista", "pictures3d").ImageData(
         dimensions=counts + 2, spacing=tuple(edges), origin=tuple(lower - 0.5 * edges)
     )
     image["filled"] = np.pad(fraction, 1).ravel(order="F")

@@ -138,14 +138,7 @@ def _sample(mesh: Mesh) -> Tables:
     near = _cells_near(coarse, reach)
     places = np.ascontiguousarray(low + middle + CUBE * h * (near[:, ::-1] + 0.5))
     near = near[abs(triangles.distance(places)) < reach]
-    if len(near) > MOST_BLOCKS:
-        raise ValueError(f"spacing = {h} leaves {len(near)} blocks, must be <= {MOST_BLOCKS}")
-    block = np.full(cells[::-1], -1, dtype=np.int32)
-    block[tuple(near.T)] = np.arange(len(near))
-    inside = np.arange(CUBE + 1)
-    offsets = np.stack(np.meshgrid(inside, inside, inside, indexing="ij"), axis=-1)
-    at = CUBE * near[:, None, None, None, :] + offsets  # (z, y, x) of each sample of each block
-    numbers = np.ravel_multi_index(tuple(np.moveaxis(at, -1, 0)), fine_counts[::-1])
+    block, numbers = _blocks(near, cells, fine_counts, h)
     keys, place = np.unique(numbers, return_inverse=True)
     place = place.reshape(numbers.shape)
     values = distances(keys, fine_counts, h, "samples").astype(np.float32)
@@ -155,6 +148,20 @@ def _sample(mesh: Mesh) -> Tables:
     tables = (grid, coarse.astype(np.float32), block, fine)
     sharp = _sharp(mesh, tables, keys, values, fine_counts)[place]
     return (*tables, np.ascontiguousarray(sharp))
+
+
+def _blocks(
+    near: NDArray[np.int64], cells: NDArray[np.int64], counts: NDArray[np.int64], spacing: float
+) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Block of each coarse cell, -1 where there is none, and the numbers of the samples of each."""
+    if len(near) > MOST_BLOCKS:
+        raise ValueError(f"spacing = {spacing} leaves {len(near)} blocks, must be <= {MOST_BLOCKS}")
+    block = np.full(cells[::-1], -1, dtype=np.int32)
+    block[tuple(near.T)] = np.arange(len(near))
+    inside = np.arange(CUBE + 1)
+    offsets = np.stack(np.meshgrid(inside, inside, inside, indexing="ij"), axis=-1)
+    at = CUBE * near[:, None, None, None, :] + offsets  # (z, y, x) of each sample of each block
+    return block, np.ravel_multi_index(tuple(np.moveaxis(at, -1, 0)), counts[::-1])
 
 
 def _checked_thickness(triangles: Triangles, spacing: float) -> tuple[float, float]:

@@ -11,7 +11,7 @@ from numbers import Real
 from typing import Any
 
 import numpy as np
-import scipy.ndimage
+import scipy
 from numpy.typing import NDArray
 
 from granular.shapes.coordinate_systems import UnclearUnits, Units

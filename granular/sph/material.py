@@ -13,9 +13,6 @@ from granular.materials import MuI
 from granular.tools.checks import check_fields, in_range, non_negative, positive
 from granular.tools.notebook import table
 
-LARGEST_DILATION = 0.5
-"""Largest rate of dilation in the thesis (section 5.2.3)."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Viscoplastic:

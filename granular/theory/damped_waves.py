@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.optimize import brentq
+import scipy
 
 from granular.tools.checks import non_negative, positive
 
@@ -83,7 +83,7 @@ def bar_restitution(*, length: float, wave_speed: float, damping_time: float) ->
     # Undamped, the tension arrives at t = 2; damped contacts last a little longer.
     times = np.linspace(1.0, 6.0, 501)
     begin = next(t for t in times if stress(t) < 0.0 <= stress(t + 0.01))
-    end = brentq(stress, begin, begin + 0.01, xtol=1e-12)
+    end = scipy.optimize.brentq(stress, begin, begin + 0.01, xtol=1e-12)
     return float(np.sum(-2.0 / k**2 * _impulse_response(slow, fast, end)[1]))
 
 

@@ -147,7 +147,9 @@ def _system(
     A = np.zeros((6 * n + 1, 6 * n + 1), dtype=complex)
     u, v, lift = np.arange(n), n + np.arange(n), 6 * n
     sigma = 2 * n + np.arange(4 * n).reshape(4, n)
-    for j in range(n):
+
+    def balance_momentum(j: int) -> None:
+        """Rows of the velocities at the face above cell j."""
         top = j == n - 1
         for row, along, across in ((u[j], _XX, _XY), (v[j], _XY, _YY)):
             A[row, row] -= 1j * k * v_face[j]
@@ -157,6 +159,9 @@ def _system(
             if not top:
                 A[row, sigma[across, j + 1]] += impedance / rho / dy
         A[u[j], v[j]] -= rate[j] if top else (rate[j] + rate[j + 1]) / 2
+
+    def apply_law(j: int) -> None:
+        """Rows of the stresses of cell j."""
         by_stress, by_gradient = _linear(stress[j], rate[j], rho * g * depth[j], material)
         for a in range(4):
             row = sigma[a, j]
@@ -167,6 +172,10 @@ def _system(
                     part = 0.5j * k * by_gradient[a, i, 0] + sign / dy * by_gradient[a, i, 1]
                     A[row, w[face]] += part / impedance
                 A[row, v[face]] -= lapse[j, a] / 2 / impedance
+
+    for j in range(n):
+        balance_momentum(j)
+        apply_law(j)
     # The boundary condition sigma n = 0 holds at the displaced surface.
     A[u[-1], lift] += 2 / dy * g * slope
     A[v[-1], lift] -= 2 / dy * g

@@ -53,13 +53,16 @@ def _complete(part: object, common: Mapping[str, str]) -> None:
             _complete(member, common)
     if not isinstance(part, FunctionType | type | property) or not part.__doc__:
         return
+    of_function = isinstance(part, FunctionType) and "---" in part.__doc__
+    if not of_function and "{raises}" not in part.__doc__:
+        return  # most of them: what is not changed costs no time of the import
     doc = inspect.cleandoc(part.__doc__).replace("\n{raises}", f"\n{RAISES}")
-    summary, *rest = _SECTION.split(doc)
-    if isinstance(part, FunctionType) and rest:
+    if isinstance(part, FunctionType) and of_function:
+        summary, *rest = _SECTION.split(doc)
         sections = dict(zip(rest[::2], rest[1::2], strict=True))
-        signature = inspect.signature(part)
-        first = {"Parameters": _arguments(sections.pop("Parameters", ""), signature, common)}
-        result = _in_words(signature.return_annotation)
+        annotations = _annotations(part)
+        result = _in_words(annotations.pop("return", inspect.Signature.empty))
+        first = {"Parameters": _arguments(sections.pop("Parameters", ""), annotations, common)}
         if not sections.keys() & {"Returns", "Yields"} and result != "None":
             first["Returns"] = result
         texts = ((name, text) for name, text in (first | sections).items() if text)
@@ -67,18 +70,36 @@ def _complete(part: object, common: Mapping[str, str]) -> None:
     part.__doc__ = doc
 
 
-def _arguments(text: str, signature: inspect.Signature, common: Mapping[str, str]) -> str:
+def _annotations(function: FunctionType) -> dict[str, object]:
+    """Annotations of the arguments in their order, and of what is returned, as "return"."""
+    if hasattr(function, "__wrapped__") or hasattr(function, "__signature__"):
+        signature = inspect.signature(function)
+        annotated = {name: given.annotation for name, given in signature.parameters.items()}
+        return annotated | {"return": signature.return_annotation}
+    # as inspect.signature, which takes ten times as long
+    code = function.__code__
+    names, n = list(code.co_varnames), code.co_argcount
+    after = n + code.co_kwonlyargcount
+    arbitrary = [names[after]] if code.co_flags & inspect.CO_VARARGS else []
+    last = after + len(arbitrary)
+    keywords = names[last : last + bool(code.co_flags & inspect.CO_VARKEYWORDS)]
+    ordered = (*names[:n], *arbitrary, *names[n:after], *keywords, "return")
+    given = function.__annotations__
+    return {name: given.get(name, inspect.Signature.empty) for name in ordered}
+
+
+def _arguments(text: str, annotations: Mapping[str, object], common: Mapping[str, str]) -> str:
     """Section of the arguments of a function, with those that it does not describe."""
     entries = [entry.rstrip() for entry in _ENTRY.split(text) if entry.strip()]
     heads = [entry.partition("\n")[0].partition(" :")[0] for entry in entries]
     known = [head.replace("*", "").split(", ") for head in heads]
     place = 0
-    for name, parameter in signature.parameters.items():
+    for name, annotation in annotations.items():
         index = next((i for i, names in enumerate(known) if name in names), None)
         if index is not None:
             place = index + 1
         elif name not in ("self", "cls") and not name.startswith("_"):
-            kind = common.get(name) or _in_words(parameter.annotation)
+            kind = common.get(name) or _in_words(annotation)
             entries.insert(place, f"{name} : {kind}")
             known.insert(place, [name])
             place += 1

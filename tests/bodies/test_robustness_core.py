@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scenes_by_hand import scene_with
 from spoiled import DOCUMENTED, QUICK, WAYS, arguments, spoiled
 
 import granular as gr
 from granular import Body, Box, Motion, _core
 from granular.mpm.bodies import mass_properties
 from granular.mpm.rigid_contact import contact_balls, obstacles
-
-pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 
 
 def scene_of(dim):
@@ -31,15 +30,11 @@ def scene_of(dim):
         restitution=0.5,
     )
     size = tuple(cell * n for n in cells)
-    return gr.Scene(
-        name="block",
+    return scene_with(
         grid=gr.Grid((0.0,) * dim, cell, cells),
         fills=[gr.Fill(gr.Box((0.0,) * dim, (*size[:-1], 0.2)), 2**dim)],
-        material=gr.MuI(E=1e6),
         walls=[gr.Wall(0, 0.0), gr.Wall(dim - 1, 0.0)],
         bodies=[block],
-        gravity=gr.Gravity((0.0,), ((*(0.0,) * (dim - 1), -9.8),)),
-        duration=1.0,
     )
 
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from same_bits import bits, same_bits
+from scenes_by_hand import scene_with
 
 import granular as gr
-from granular import Body, Box, Cylinder, Fill, Gravity, Grid, Motion, MuI, Union, Wall
+from granular import Body, Box, Cylinder, Fill, Grid, Motion, Union, Wall
 from granular.mpm.body_distances import distance_from_bodies
-
-pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 
 
 def scene_of(dim, thin=False):
@@ -52,22 +52,14 @@ def scene_of(dim, thin=False):
         ),
     )
     size = tuple(cell * n for n in shape)
-    return gr.Scene(
-        name="bodies",
+    return scene_with(
         grid=Grid((0.0,) * dim, cell, shape),
         fills=(Fill(Box((0.0,) * dim, (*size[:-1], 0.4)), 2**dim, jitter=1.0),),
-        material=MuI(E=1e6),
         scheme=gr.Scheme(density=gr.ParticleDensity()) if thin else gr.Scheme(),
         walls=(Wall(up, 0.0, kind="no_slip"),),
         bodies=bodies,
-        gravity=Gravity((0.0,), ((*rest[1:], -9.8),)),
-        duration=1.0,
         seed=2,
     )
-
-
-def bits(sim):
-    return [array.tobytes() for _, array in sorted(sim.checkpoint().arrays.items())]
 
 
 @pytest.mark.parametrize(("thin", "single"), [(False, False), (True, False), (True, True)])
@@ -77,18 +69,8 @@ def test_threads_and_restart(dim, thin, single):
     if single:
         apic = gr.Scheme(transfer="apic", density=gr.ParticleDensity(), precision="single")
         scene = scene.replace(scheme=apic)
-    sim = gr.Simulation(scene, threads=1)
-    sim.step(90)
+    sim = same_bits(scene, 37, 53, threads=(2, 4))
     assert all(np.abs(body.impulse).max() > 0 for body in sim.bodies)
-    for threads in (2, 4):
-        other = gr.Simulation(scene, threads=threads)
-        other.step(90)
-        assert bits(other) == bits(sim)
-    part = gr.Simulation(scene, threads=1)
-    part.step(37)
-    resumed = gr.Simulation.from_checkpoint(scene, part.checkpoint(), threads=2)
-    resumed.step(53)
-    assert bits(resumed) == bits(sim)
 
 
 @pytest.mark.parametrize("thin", [False, True])
@@ -112,7 +94,7 @@ def test_stages_are_the_step(thin):
         parts._engine.p2g()
         parts._engine.grid()
         parts._grow(parts._engine.g2p())
-    assert bits(whole) == bits(parts)
+    assert bits(whole)[1] == bits(parts)[1]  # the stages alone make no tallies
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -145,15 +127,7 @@ def test_images_of_bodies_are_looked_for_as_bodies_are(dim):
 
     def made(x, *bodies):
         fills = (gr.Fill(gr.Box((x, *up, 0.8), high), 4 if dim == 2 else 8),)
-        return gr.Scene(
-            name="images",
-            grid=grid,
-            fills=fills,
-            material=gr.MuI(E=1e6),
-            gravity=gr.Gravity((0.0,), ((0.0, *up, -9.8),)),
-            duration=1.0,
-            bodies=bodies,
-        )
+        return scene_with(grid=grid, fills=fills, gravity=(0.0, *up, -9.8), bodies=bodies)
 
     # The image reaches as far as the fill up, and two thirds along y.
     points = (scene := made(length - 0.6, at_end)).points()

@@ -5,11 +5,12 @@ import math
 import numpy as np
 import oracle_bodies
 import pytest
+from scenes_by_hand import scene_with
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 import granular as gr
-from granular import Body, Elastic, Fill, Gravity, Grid, Motion, MuI, Wall, _core
+from granular import Body, Elastic, Fill, Grid, Motion, Wall, _core
 from granular.shapes import Box, Cylinder, HalfSpace, Union
 from granular.shapes.measures import extents
 
@@ -36,16 +37,13 @@ def scene_of(*bodies, dim=2, gravity=-9.8, transfer="flip"):
     shape = (15, 8, 13) if dim == 3 else (15, 13)
     upper = tuple(CELL * n for n in shape)
     walls = [Wall(dim - 1, 0.0, kind="no_slip"), Wall(0, 0.0, kind="free_slip")]
-    return gr.Scene(
-        name="bodies",
+    return scene_with(
         grid=Grid((0.0,) * dim, CELL, shape),
         fills=(Fill(Box((0.0,) * dim, (*upper[:-1], 0.4)), 2**dim, jitter=1.0),),
-        material=MuI(E=1e6),
         scheme=gr.Scheme(basis="quadratic", transfer=transfer, density=gr.ParticleDensity(), dt=DT),
         walls=tuple(walls),
         bodies=bodies,
-        gravity=Gravity((0.0,), ((*(0.0,) * (dim - 1), gravity),)),
-        duration=1.0,
+        gravity=-gravity,
         seed=3,
     )
 
@@ -276,14 +274,13 @@ def test_work_of_a_piston_is_the_energy_of_what_it_presses(contact):
         times=(0.0, 0.5 * end, end), velocity=((0.0, 0.0), (-0.01 / end, 0.0), (0.0, 0.0))
     )
     piston = Body(Box(size=(0.4, 2.0)), (0.7, 0.1), motion=motion, contact=contact)
-    scene = gr.Scene(
-        name="piston",
+    scene = scene_with(
         grid=Grid((0.0, 0.0), 0.05, (20, 4)),
         fills=(Fill(Box((0.0, 0.0), (0.5, 0.2)), 4),),
         material=material,
         walls=(Wall(0, 0.0, kind="free_slip"), Wall(1, 0.0, kind="free_slip")),
         scheme=gr.Scheme(basis="linear", transfer="flip", density=gr.ParticleDensity()),
-        gravity=Gravity((0.0,), ((0.0, 0.0),)),
+        gravity=0.0,
         duration=end,
         bodies=(piston,),
     )

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular.mpm.rigid_contact import FAR, contact_balls, obstacles
@@ -74,18 +75,14 @@ def test_places_do_not_depend_on_the_origin_of_a_shape(far):
 
 def test_rows_of_walls_and_blocks():
     """Beyond the ends of the domain they go on; a wall within it has an axis."""
-    scene = gr.Scene(
-        name="rows",
+    scene = scene_with(
         grid=gr.Grid((0.0, 0.0), CELL, (20, 20)),
         fills=[gr.Fill(gr.Box((0.8, 0.8), (1.0, 1.0)), 4)],
-        material=gr.MuI(E=1e6),
         walls=[
             gr.Wall(1, 0.0),
             gr.Wall(0, 0.5, kind="coulomb", friction=0.3, span=((0.2, 1.0),), opens_at=2.0),
             gr.Solid((0.0, 0.0), (0.2, 0.3), kind="free_slip"),
         ],
-        gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
-        duration=1.0,
     )
     floor, gate, block = obstacles(scene)
     assert (floor[0], floor[1], floor[3], floor[4]) == (-FAR, -FAR, FAR, 0.0)

@@ -4,13 +4,12 @@ import math
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular import Body, Box, Cylinder, HalfSpace
 
 G, RHO, CELL = 9.81, 1500.0, 0.01
-
-pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 
 
 def axes(turned_deg, dim=2):
@@ -33,13 +32,11 @@ def block(turned_deg, offset, friction, dim, slope_deg=20.0):
     material = gr.Elastic(E=1e6, nu=0.3, rho_c=RHO)
     cloud = gr.Cloud(x, np.full(len(x), h**dim), density=RHO * np.exp(p / material.K))
     along = G * (math.sin(slope) * t - math.cos(slope) * n)
-    return gr.Scene(
-        name="block",
+    return scene_with(
         grid=gr.Grid((0.0,) * dim, CELL, (34, *(8,) * (dim - 2), 34)),
         fills=(gr.Fill(cloud, 2**dim),),
         material=material,
-        gravity=gr.Gravity((0.0,), (tuple(along),)),
-        duration=1.0,
+        gravity=along,
         bodies=(Body(HalfSpace(tuple(n)), tuple(origin), friction=friction),),
     )
 
@@ -99,14 +96,11 @@ def layer(turned_deg, offset, rows=12, width=16):
         Body(HalfSpace(tuple(sign * t)), tuple(base + at * t)) for at, sign in ((0, 1), (long, -1))
     ]
     cells = math.ceil((height + long) / CELL) + 14
-    scene = gr.Scene(
-        name="layer",
+    scene = scene_with(
         grid=gr.Grid((0.0,) * 3, CELL, (cells, 1, cells), periodic=(False, True, False)),
         fills=(gr.Fill(cloud, 8),),
         material=material,
-        gravity=gr.Gravity(
-            (0.0,), (tuple(G * (math.sin(slope) * np.eye(3)[1] - math.cos(slope) * n)),)
-        ),
+        gravity=G * (math.sin(slope) * np.eye(3)[1] - math.cos(slope) * n),
         duration=5.0,
         bodies=(Body(HalfSpace(tuple(n)), tuple(base), contact="sticky"), *sides),
     )
@@ -117,7 +111,7 @@ def layer(turned_deg, offset, rows=12, width=16):
     ("turned_deg", "offset", "wall", "until"),
     [
         (0.0, 0.0, True, 1.0),
-        (45.0, 0.25, False, 0.5),
+        (45.0, 0.25, False, 0.75),  # where round-off decided whether points were thrown
         *(
             pytest.param(*case, False, 1.0, marks=pytest.mark.slow)
             for case in ((0.0, 0.0), (10.0, 0.25), (17.0, 0.0), (30.0, 0.5), (45.0, 0.25))
@@ -146,6 +140,7 @@ def test_layer_on_a_base_through_the_grid(turned_deg, offset, wall, until):
     assert np.abs(speeds[1] - speeds[0]).max() < 0.012
 
 
+@pytest.mark.slow
 def test_corners_forget_round_off():
     """Runs that differ by round-off stay alike in the corners between a rough base and its sides.
 
@@ -176,15 +171,13 @@ def test_buoyancy_of_a_disc(cells, offset):
     disc = Body(Cylinder(radius, center=(0.0, 0.0)), center)
     shape = (round(0.32 / cell), round(0.3 / cell))
     walls = [gr.Wall(axis, at, kind="free_slip") for axis, at in ((0, 0.0), (0, 0.32), (1, 0.0))]
-    scene = gr.Scene(
-        name="buoyancy",
+    scene = scene_with(
         grid=gr.Grid((0.0, 0.0), cell, shape),
         fills=(gr.Fill(gr.Box((0.0, 0.0), (0.32, height)), 4, lithostatic=True),),
         material=gr.materials.glass_beads.replace(E=1e6, rho_c=RHO, mu_s=0.001, mu_2=0.002),
-        gravity=gr.Gravity((0.0,), ((0.0, -G),)),
+        gravity=G,
         walls=tuple(walls),
         bodies=(disc,),
-        duration=1.0,
     )
     sim = gr.Simulation(scene, threads=1)
     weight = RHO * G * math.pi * radius**2
@@ -209,15 +202,13 @@ def test_sharp_edges_bear_the_pressure_of_a_fluid(overlapping):
     length = 3 * cell if overlapping else 4 * cell
     shapes = [Box(size=(0.16, length), center=(0.0, side * cell / 2)) for side in sides]
     walls = [gr.Wall(axis, at, kind="free_slip") for axis, at in ((0, 0.0), (0, 0.32), (1, 0.0))]
-    scene = gr.Scene(
-        name="box in a fluid",
+    scene = scene_with(
         grid=gr.Grid((0.0, 0.0), cell, (16, 20)),
         fills=(gr.Fill(gr.Box((0.0, 0.0), (0.32, 0.32)), 4, lithostatic=True),),
         material=slippery,
-        gravity=gr.Gravity((0.0,), ((0.0, -G),)),
+        gravity=G,
         walls=walls,
         bodies=tuple(Body(shape, tuple(center), rotation_deg=turned) for shape in shapes),
-        duration=1.0,
     )
     sim = gr.Simulation(scene, threads=1)
     depths = []
@@ -235,15 +226,13 @@ def test_sharp_edges_bear_the_pressure_of_a_fluid(overlapping):
 def test_coulomb_wall_beside_a_body(rows):
     """A bed at rest presses on a body beside it: the wall below takes up nothing of its force."""
     long, height, left = 0.3, rows * CELL, -4 * CELL
-    scene = gr.Scene(
-        name="beside",
+    scene = scene_with(
         grid=gr.Grid((left, 0.0), CELL, (34, rows + 4)),
         fills=(gr.Fill(gr.Box((left, 0.0), (long, height)), 4, lithostatic=True, K0=1.0),),
         material=gr.materials.glass_beads.replace(E=1e6, rho_c=RHO),
-        gravity=gr.Gravity((0.0,), ((0.0, -G),)),
+        gravity=G,
         walls=(gr.Wall(1, 0.0, kind="coulomb", friction=0.3), gr.Wall(0, long, kind="free_slip")),
         bodies=(Body(HalfSpace((1.0, 0.0)), (0.0, 0.0)),),
-        duration=1.0,
     )
     sim = gr.Simulation(scene, threads=1, wall_forces=True)
     before = sim.state.mass @ sim.state.v
@@ -264,15 +253,13 @@ def test_coulomb_wall_under_a_layer_that_a_body_pushes():
     pusher = Body(
         Box(size=(0.1, 0.2)), (-0.05, 0.1), motion=gr.bodies.Motion(velocity=((speed, 0.0),))
     )
-    scene = gr.Scene(
-        name="pushed",
+    scene = scene_with(
         grid=gr.Grid((-0.1, 0.0), CELL, (50, 8)),
         fills=(gr.Fill(gr.Box((0.0, 0.0), (long, 2 * CELL)), 4, velocity=(speed, 0.0)),),
         material=material,
-        gravity=gr.Gravity((0.0,), ((0.0, -G),)),
+        gravity=G,
         walls=(gr.Wall(1, 0.0, kind="coulomb", friction=friction),),
         bodies=(pusher,),
-        duration=1.0,
     )
     sim = gr.Simulation(scene, threads=1, wall_forces=True)
     sim.run(until=0.1)
@@ -304,13 +291,12 @@ def cell_averaged_box(turned_deg, offset, speed, until):
     motion = gr.bodies.Motion(velocity=(tuple(way),))
     faces = ((n, base, 0.5), (t, base, 0.0), (-t, base + 24 * h * t, 0.0))
     cloud = gr.Cloud(x, np.full(len(x), h**2), density=density)
-    scene = gr.Scene(
-        name="box",
+    scene = scene_with(
         grid=gr.Grid(tuple(low * CELL), CELL, tuple((high - low).astype(int).tolist())),
         fills=(gr.Fill(cloud, 4, velocity=tuple(way)),),
         material=material,
         scheme=gr.schemes.cell_averaged,
-        gravity=gr.Gravity((0.0,), (tuple(-G * n),)),
+        gravity=-G * n,
         bodies=tuple(
             Body(HalfSpace(tuple(face)), tuple(at), motion=motion, friction=friction)
             for face, at, friction in faces
@@ -354,19 +340,17 @@ def test_bed_that_moves_with_its_base(contact, speed):
     density = RHO * np.exp(RHO * G * (rows * CELL - b.ravel()) / material.K)
     velocity = np.tile((speed, 0.0), (len(x), 1))
     cloud = gr.Cloud(x, np.full(len(x), h**2), velocity=velocity, density=density)
-    scene = gr.Scene(
-        name="belt",
+    scene = scene_with(
         grid=gr.Grid((0.0, 0.0), CELL, (columns, rows + 8), periodic=(True, False)),
         fills=(gr.Fill(cloud, 4),),
         material=material,
-        gravity=gr.Gravity((0.0,), ((0.0, -G),)),
+        gravity=G,
         bodies=(
             Body(
                 HalfSpace((0.0, 1.0)), (0.0, low), contact=contact,
                 motion=gr.bodies.Motion(velocity=((speed, 0.0),)),
             ),
         ),
-        duration=1.0,
     )  # fmt: skip
     sim = gr.Simulation(scene, threads=1)
     for _ in range(3):
@@ -380,13 +364,11 @@ def test_bed_that_moves_with_its_base(contact, speed):
 def test_momentum_of_a_body_on_a_thin_layer_over_a_wall(kind):
     """A free plate on half a cell of grains, whose feet reach nodes that the wall holds."""
     friction = {"friction": 0.3} if kind == "coulomb" else {}
-    scene = gr.Scene(
-        name="plate",
+    scene = scene_with(
         grid=gr.Grid((0.0, 0.0), CELL, (20, 8)),
         fills=(gr.Fill(gr.Box((0.05, 0.0), (0.15, CELL / 2)), 4, velocity=(0.2, 0.0)),),
-        material=gr.MuI(E=1e6),
         scheme=gr.Scheme(density=gr.ParticleDensity()),
-        gravity=gr.Gravity((0.0,), ((1.0, -G),)),
+        gravity=(1.0, -G),
         walls=(gr.Wall(1, 0.0, kind=kind, **friction),),
         bodies=(
             Body(
@@ -394,7 +376,6 @@ def test_momentum_of_a_body_on_a_thin_layer_over_a_wall(kind):
                 motion=gr.bodies.Motion(velocity=((0.5, 0.0),)),
             ),
         ),
-        duration=1.0,
     )  # fmt: skip
     sim = gr.Simulation(scene, threads=1, wall_forces=True)
     body, material = sim.bodies[0].velocity, sim.state.mass @ sim.state.v

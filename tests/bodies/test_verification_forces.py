@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
-from granular import Body, Box, Cylinder, Difference, Fill, Gravity, Grid, Motion, MuI, Sphere, Wall
+from granular import Body, Box, Cylinder, Difference, Fill, Grid, Motion, Sphere, Wall
 
 G = 9.8
 
@@ -16,15 +17,13 @@ def bed(*bodies, height=0.4, holes=(), walls=True, gravity=-G, transfer="apic"):
         region = Difference(region, hole)
     sides = (Wall(1, 0.0, kind="no_slip"), Wall(0, 0.0, kind="free_slip"))
     sides += (Wall(0, 1.0, kind="free_slip"),)
-    return gr.Scene(
-        name="bed",
+    return scene_with(
         grid=Grid((0.0, 0.0), 0.05, (20, 16)),
         fills=(Fill(region, 4),),
-        material=MuI(E=1e6),
         scheme=gr.Scheme(basis="quadratic", transfer=transfer, density=gr.ParticleDensity()),
         walls=sides if walls else (),
         bodies=bodies,
-        gravity=Gravity((0.0,), ((0.0, gravity),)),
+        gravity=-gravity,
         duration=2.0,
     )
 

@@ -5,9 +5,10 @@ import re
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
-from granular import Body, Fill, Gravity, Grid, Motion, MuI, Solid, Wall
+from granular import Body, Fill, Grid, Motion, MuI, Solid, Wall
 from granular.shapes import Box, Cylinder, Difference, HalfSpace, Sphere
 
 CELL = 0.05
@@ -15,15 +16,13 @@ CELL = 0.05
 
 def scene_of(*bodies, dim=2, walls=(), **grid):
     """A thin layer far from the bodies, which move without gravity, in a domain of edge 1.6 m."""
-    return gr.Scene(
-        name="meeting",
+    return scene_with(
         grid=Grid((0.0,) * dim, CELL, (32,) * dim, **grid),
         fills=(Fill(Box((0.0,) * dim, (*(0.2,) * (dim - 1), 0.1)), 2**dim),),
         material=MuI(E=1e5),
-        gravity=Gravity((0.0,), ((0.0,) * dim,)),
+        gravity=0.0,
         walls=walls,
         bodies=bodies,
-        duration=1.0,
     )
 
 

@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
-from granular import Body, Fill, Gravity, Grid, Motion, MuI, Solid, Wall
+from granular import Body, Fill, Grid, Motion, MuI, Solid, Wall
 from granular.mpm.bodies import mass_properties
 from granular.shapes import Box, Cylinder, HalfSpace, Sphere
 
@@ -18,8 +19,7 @@ def scene_of(*bodies, walls=(), gravity=G, dt=None, **grid):
     """A domain of edge 1.6 m without material: what it has flies out of the top at once."""
     dim = bodies[0].dim
     high = 32 * CELL
-    return gr.Scene(
-        name="rigid",
+    return scene_with(
         grid=Grid((0.0,) * dim, CELL, (32,) * dim, open_sides={"xyz"[dim - 1] + "+"}, **grid),
         fills=(
             Fill(
@@ -30,7 +30,7 @@ def scene_of(*bodies, walls=(), gravity=G, dt=None, **grid):
         ),
         material=MuI(E=1e5),
         scheme=gr.Scheme(dt=dt),
-        gravity=Gravity((0.0,), ((*(0.0,) * (dim - 1), -gravity),)),
+        gravity=gravity,
         walls=walls,
         bodies=bodies,
         duration=2.0,

@@ -7,6 +7,7 @@ import math
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular.theory import short_wave_growth, viscous_growth
@@ -73,13 +74,10 @@ def test_a_bed_rests_on_walls_that_meet_in_its_floor(ends, weight_correction):
     floor = tuple(
         gr.Wall(1, 0.0, kind="no_slip", span=(span,)) for span in itertools.pairwise(ends)
     )
-    scene = gr.Scene(
-        name="bed",
+    scene = scene_with(
         grid=gr.Grid((0.0, 0.0), CELL, (30, 24)),
         fills=(gr.Fill(gr.Box((0.0, 0.0), (0.3, 0.2)), 4, lithostatic=True),),
-        material=gr.MuI(E=1e6),
         walls=(*floor, gr.Wall(0, 0.0), gr.Wall(0, 0.3)),
-        gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
         duration=0.15,
         scheme=gr.Scheme(density=gr.SmoothedDensity(weight_correction=weight_correction)),
     )
@@ -92,13 +90,12 @@ def test_a_bed_rests_on_walls_that_meet_in_its_floor(ends, weight_correction):
 def test_a_lithostatic_bed_bears_its_weight_where_it_is_compressed_much(law, elasticity):
     """rho g h/K = 0.18, so that K c and K c exp(c) differ by 15 %; the bed stays as it is."""
     g, height = 9.8, 1.0
-    scene = gr.Scene(
-        name="bed",
+    scene = scene_with(
         grid=gr.Grid((0.0, 0.0), 0.05, (4, 24), periodic=(True, False)),
         fills=(gr.Fill(gr.Box((0.0, 0.0), (0.2, height)), 16, lithostatic=True),),
         material=law(E=1e5, elasticity=elasticity, restitution=0.1, contact_diameter=0.05),
         walls=(gr.Wall(1, 0.0),),
-        gravity=gr.Gravity((0.0,), ((0.0, -g),)),
+        gravity=g,
         duration=0.2,
     )
     sim = gr.Simulation(scene, threads=1)
@@ -134,13 +131,12 @@ def test_walls_bear_the_pressure_at_rest(material, K0, expected):
     g, height, side = 9.8, 0.3, {"lithostatic": True, "K0": K0}
     split = gr.Polygon(((0.0, 0.0), (0.2, 0.0), (0.2, 0.1), (0.0, 0.1)))
     above = gr.Box((0.0, 0.1), (0.2, height))
-    scene = gr.Scene(
-        name="bed",
+    scene = scene_with(
         grid=gr.Grid((0.0, 0.0), 0.02, (10, 17)),
         fills=(gr.Fill(split, 16, **side), gr.Fill(above, 16, **side)),
         material=material,
         walls=(gr.Wall(1, 0.0), *(gr.Wall(0, x, kind="free_slip") for x in (0.0, 0.2))),
-        gravity=gr.Gravity((0.0,), ((0.0, -g),)),
+        gravity=g,
         duration=0.1,
     )
     sim = gr.Simulation(scene, threads=1, wall_forces=True).run()
@@ -152,13 +148,11 @@ def test_walls_bear_the_pressure_at_rest(material, K0, expected):
 
 
 def sloping(dim, fills):
-    return gr.Scene(
-        name="slope",
+    return scene_with(
         grid=gr.Grid((0.0,) * dim, 0.05, (20, 12) if dim == 2 else (14, 14, 12)),
         fills=fills,
         material=SANDY.replace(E=1e6),
         walls=(gr.Wall(dim - 1, 0.0),),
-        gravity=gr.Gravity((0.0,), ((0.0,) * (dim - 1) + (-9.8,),)),
         duration=0.1,
         scheme=gr.Scheme(density=gr.ParticleDensity()),
     )

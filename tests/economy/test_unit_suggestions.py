@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from economy_scenes import full_silo, item
+from scenes_by_hand import scene_with
 from schemes_by_name import scheme_of
 
 import granular as gr
@@ -413,13 +414,11 @@ def test_cost_of_a_preset_of_1_gpa_tells_what_would_be_enough():
 
 def test_stiffness_that_is_enough_where_no_error_was_measured():
     """Grains whose elasticity shrinks the foot by 0.001, with H = 0.3 m of the block."""
-    scene = gr.Scene(
-        name="block",
+    scene = scene_with(
         grid=gr.Grid((0.0, 0.0), 0.02, (50, 20)),
         fills=(gr.Fill(gr.Box((0.0, 0.0), (0.3, 0.3)), 4),),
         material=glass_beads.replace(E=1e9),
         gravity=gr.Gravity(),
-        duration=1.0,
     )
     found, grains = gr.economy.cost(scene), scene.material
     strain = grains.rho_c * 9.8 * 0.3 / (grains.K * found.enough_E / grains.E)

@@ -43,7 +43,6 @@ def mean_velocity(scheme):
 
 @pytest.mark.parametrize("basis", BASES)
 @pytest.mark.parametrize("transfer", TRANSFERS)
-@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_which_transfers_damp_by_the_step(transfer, basis):
     """Where a fifth of the step changes the flow, suggestions keep step, cells and E."""
     scheme = gr.Scheme(basis=basis, transfer=transfer, density=gr.ParticleDensity())

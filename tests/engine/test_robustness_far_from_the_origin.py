@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular import Solid, SpongeLayer, Wall
@@ -13,8 +14,6 @@ from granular.mpm.wall_owners import wall_owners
 
 CELL = 0.013
 SHIFTS = [(5e5, 5e6), (-3e4, 1e3), (4.5e5, 5.2e6 + 1 / 3)]
-
-pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 
 
 def scene_at(shift, basis="quadratic"):
@@ -32,8 +31,7 @@ def scene_at(shift, basis="quadratic"):
     piston = gr.Inflow(gr.Box(at(25, 12), at(28, 14)), (0.0, -0.3), 4, driven=True)
     block = gr.shapes.Box(size=(5 * CELL, 4 * CELL))
     corners = [at(7.2, 0.3), at(12.5, 0.0), at(10.0, 5.0)]
-    return gr.Scene(
-        name="shifted",
+    return scene_with(
         grid=gr.Grid(at(0, 0), CELL, (30, 20)),
         fills=(
             gr.Fill(gr.Box(at(0, 0), at(7, 6)), 4, lithostatic=True),
@@ -50,8 +48,6 @@ def scene_at(shift, basis="quadratic"):
             Solid(at(13, 0), at(17, 3)),
             Solid(at(17, 0), at(19, 2), kind="free_slip"),
         ),
-        gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
-        duration=1.0,
         bodies=(gr.Body(block, at(19.5, 5.0), mass=5.0, free="xy", inertia=0.1),),
         inflows=(piston,),
         sponge_layers=(SpongeLayer(1, y(18)),),
@@ -85,7 +81,7 @@ def test_samples_maps_and_inlets_end_where_the_grid_does():
     x0, y0 = SHIFTS[-1]
     high = (x0 + 30 * CELL, y0 + 20 * CELL)
     plate = gr.sph.ParticleWall(1, y0, 1, span=((x0 - 2 * CELL, x0 + 7 * CELL),))
-    assert plate.extent("plate", gr.Grid((x0, y0), CELL, (30, 20))) == [(-2, 7), (-5, 0)]
+    assert plate.lines("plate", gr.Grid((x0, y0), CELL, (30, 20))) == [(-2, 7), (-5, 0)]
     mask = gr.Mask.of(lambda x: np.ones(len(x)), SHIFTS[-1], high, CELL / 2)
     assert mask.inside.shape == (60, 40)
     assert gr.Heights.of(1.0, x0, high[0], CELL).z.shape == (31,)

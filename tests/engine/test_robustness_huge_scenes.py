@@ -6,6 +6,7 @@ import sys
 import time
 
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular import cli
@@ -17,14 +18,11 @@ GIB = 2**30
 def box(cells, walls=()):
     """A small block in the corner of a large box with four walls, and others."""
     length = cells * 0.01
-    return gr.Scene(
-        name="box",
+    return scene_with(
         grid=gr.Grid((0.0, 0.0), 0.01, (cells, cells)),
         fills=(gr.Fill(gr.Box((0.0, 0.0), (0.1, 0.1)), 4),),
         walls=(*(gr.Wall(axis, at) for axis in (0, 1) for at in (0.0, length)), *walls),
-        material=gr.MuI(E=1e6),
         gravity=gr.Gravity(),
-        duration=1.0,
     )
 
 
@@ -117,8 +115,8 @@ for one, other in zip(small, large):
     np.testing.assert_array_equal(one, other)
 print(peak() - before)
 """
-    paths = {"path": __file__.rpartition("/")[0]}
-    run = [sys.executable, "-c", f"import sys; sys.path.insert(0, {paths['path']!r})\n" + code]
+    paths = [__file__.rpartition("/")[0], *sys.path]
+    run = [sys.executable, "-c", f"import sys; sys.path[:0] = {paths!r}\n" + code]
     found = subprocess.run(run, capture_output=True, text=True, check=False)
     assert found.returncode == 0, found.stderr
     assert int(found.stdout) < 60 * 1024

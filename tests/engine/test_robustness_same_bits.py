@@ -11,28 +11,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 from oracle_fluidity import available
+from same_bits import bits, same_bits, stepped
+from scenes_by_hand import scene_with
 from schemes_by_name import scheme_of
 
 import granular as gr
 from granular import cli
 
 
-def bits(sim):
-    """All data that a restart needs, as bytes in the order of the core."""
-    point = sim.checkpoint()
-    return point.scalars, {name: array.tobytes() for name, array in point.arrays.items()}
-
-
 def shown(state):
     """The fields of a state that a user sees, as bytes."""
     return state.time, state.step, state.dt, {k: a.tobytes() for k, a in state.fields.items()}
-
-
-def run(scene, threads, steps, cut=None):
-    sim = gr.Simulation(scene, threads=threads)
-    for n in (steps,) if cut is None else (cut, steps - cut):
-        sim.step(n)
-    return sim
 
 
 # ---- threads ----
@@ -42,12 +31,12 @@ def run(scene, threads, steps, cut=None):
 def test_threads_give_the_same_bits(small_scene, combination, dim, kind):
     """Points change cells, come together at new places and (kind "outlet") leave."""
     scene = small_scene(kind, dim, combination, E=1e5)
-    one = run(scene, 1, 120)
+    one = stepped(scene, 120, threads=1)
     expected = bits(one)
     if kind == "outlet":
         assert one.time > 0.05
     for threads in (2, 5):
-        assert bits(run(scene, threads, 120)) == expected, threads
+        assert bits(stepped(scene, 120, threads=threads)) == expected, threads
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -59,41 +48,36 @@ def test_thousands_of_points_change_cells_in_a_step(dim):
         gr.Box((middle,) * dim, (middle + size,) * dim),
         gr.Box((middle - size,) * dim, (middle,) * dim),
     ]
-    scene = gr.Scene(
-        name="clouds",
+    scene = scene_with(
         grid=gr.Grid((0.0,) * dim, cell, (n,) * dim, periodic=(True,) + (False,) * (dim - 1)),
         fills=tuple(
             gr.Fill(box, 12**2 if dim == 2 else 5**3, jitter=1.0, density=3e3, velocity=velocity)
             for box, velocity in zip(boxes, ((9.0,) * dim, (-6.0,) * dim), strict=True)
         ),
         material=gr.MuI(E=1e5),
-        gravity=gr.Gravity((0.0,), ((0.0,) * dim,)),
-        duration=1.0,
+        gravity=0.0,
     )
-    one = run(scene, 1, 40)
+    one = stepped(scene, 40, threads=1)
     before = np.floor(one.state.x / cell)
     expected = bits(one)
     one.step(1)
     assert (np.floor(one.state.x / cell) != before).any(axis=1).sum() > 1000
     for threads in (2, 3):
-        assert bits(run(scene, threads, 40)) == expected
+        assert bits(stepped(scene, 40, threads=threads)) == expected
 
 
 @pytest.mark.parametrize("threads", [100, gr._core.MAX_THREADS])
 def test_many_more_threads_than_cores(threads):
     """A column that flies apart is grouped anew by them, again and again."""
     cell = 0.05
-    scene = gr.Scene(
-        name="column",
+    scene = scene_with(
         grid=gr.Grid((0.0, 0.0), cell, (60, 20)),
         fills=(gr.Fill(gr.Box((1.0, 0.0), (1.8, 0.7)), 16, jitter=1.0, velocity=(3.0, 0.0)),),
         walls=(gr.Wall(1, 0.0, kind="no_slip"),),
         material=gr.MuI(E=1e5),
-        gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
-        duration=1.0,
     )
-    expected = bits(run(scene, 1, 60))
-    assert bits(run(scene, threads, 60)) == expected
+    expected = bits(stepped(scene, 20, threads=1))
+    assert bits(stepped(scene, 20, threads=threads)) == expected
 
 
 @pytest.mark.skipif("avx512" not in available(), reason="needs a processor with AVX-512")
@@ -122,16 +106,16 @@ def test_avx2_and_avx512_give_the_same_bits(small_scene, combination, dim):
 def test_many_points_leave(small_scene, combination, steps, repeats):
     """Threads may start in any order, also where points change cells and leave."""
     scene = small_scene("outlet", 2, combination, E=1e5, points_per_axis=4)
-    found = [bits(run(scene, n, steps)) for n in (1, 2, 3, 4) for _ in range(repeats)]
+    found = [bits(stepped(scene, steps, threads=n)) for n in (1, 2, 3, 4) for _ in range(repeats)]
     assert found[0][0]["dropped"] > 5
     assert all(one == found[0] for one in found)
 
 
 def test_cuts_between_calls_give_the_same_bits(small_scene, combination):
     scene = small_scene("walls", 2, combination, E=1e5)
-    expected = bits(run(scene, 2, 90))
+    expected = bits(stepped(scene, 90, threads=2))
     for cut in (1, 16, 47):
-        assert bits(run(scene, 2, 90, cut)) == expected
+        assert bits(stepped(scene, cut, 90 - cut, threads=2)) == expected
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -140,15 +124,7 @@ def test_the_regularised_law_has_the_same_bits(small_scene, tmp_path, dim):
     scene = small_scene("walls", dim, ("quadratic", "tpic", "smoothed"), E=1e5)
     creeping = gr.materials.RegularisedMuI(E=1e5, rho_c=scene.material.rho_c)
     scene = scene.replace(material=creeping)
-    one = run(scene, 1, 120)
-    assert (one.state.shear_rate > 0).any()
-    for threads in (2, 3):
-        assert bits(run(scene, threads, 120)) == bits(one), threads
-    cut = run(scene, 2, 50)
-    cut.run(until=cut.time, save=tmp_path / "creep.h5")
-    resumed = gr.Simulation.resume(tmp_path / "creep.h5", threads=3)
-    resumed.step(70)
-    assert bits(resumed) == bits(one)
+    assert (same_bits(scene, 50, 70, path=tmp_path / "creep.h5").state.shear_rate > 0).any()
 
 
 @pytest.mark.parametrize("density", ["particle", "smoothed", "cell_averaged", "of one layer"])
@@ -165,16 +141,8 @@ def test_cohesive_material_has_the_same_bits(tmp_path, density):
         low, high = gr.Box((0.0, 0.0), (0.3, 0.075)), gr.Box((0.0, 0.075), (0.3, 0.3))
         fills = [gr.Fill(low, 4, material=gr.DruckerPrager(E=1e6, mu=0.8)), gr.Fill(high, 4)]
         scene = scene.replace(fills=fills)
-    expected = bits(run(scene, 1, 400))
-    assert 0 < np.frombuffer(expected[1]["separated"]).sum() < 0.9 * scene.n_points
-    for threads in (2, 3):
-        assert bits(run(scene, threads, 400)) == expected, threads
-    cut = gr.Simulation(scene, threads=2)
-    cut.step(150)
-    cut.run(until=cut.time, save=tmp_path / "cliff.h5")
-    resumed = gr.Simulation.resume(tmp_path / "cliff.h5", threads=3)
-    resumed.step(250)
-    assert bits(resumed) == expected
+    one = same_bits(scene, 150, 250, path=tmp_path / "cliff.h5")
+    assert 0 < one.checkpoint().arrays["separated"].sum() < 0.9 * scene.n_points
 
 
 FORK = textwrap.dedent(
@@ -231,7 +199,7 @@ def test_processes_beside_threads(method, tmp_path):
 
 def whole_and_parts(scene, steps, cuts):
     """A run, and the same run resumed at each cut with another number of threads."""
-    whole = run(scene, 1, steps)
+    whole = stepped(scene, steps, threads=1)
     for cut in cuts:
         first = gr.Simulation(scene, threads=1)
         first.step(cut)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular.mpm import engine, simulation
@@ -27,16 +28,13 @@ def cloud(dim):
         gr.Box((middle,) * dim, (middle + 2 * cell,) * dim),
         gr.Box((middle - 2 * cell,) * dim, (middle,) * dim),
     ]
-    return gr.Scene(
-        name="cloud",
+    return scene_with(
         grid=gr.Grid((0.0,) * dim, cell, (n,) * dim),
         fills=tuple(
             gr.Fill(box, 4**dim, jitter=1.0, density=3e3, velocity=(side,) * dim)
             for box, side in zip(boxes, (9.0, -9.0), strict=True)
         ),
-        material=gr.MuI(E=1e6),
-        gravity=gr.Gravity((0.0,), ((0.0,) * dim,)),
-        duration=1.0,
+        gravity=0.0,
     )
 
 

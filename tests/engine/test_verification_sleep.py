@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from same_bits import bits
+from scenes_by_hand import scene_with
 from schemes_by_name import scheme_of
 
 import granular as gr
@@ -35,26 +37,19 @@ def scene_of(combination, sleep_speed=SPEED, *, dim=2, height=0.3, top=0.5, **mo
         fills.append(gr.Fill(block, points_per_cell=4 if dim == 2 else 8))
     sides = [gr.Wall(0, at, kind="free_slip") for at in (0.0, width)]
     sides += [gr.Wall(1, at, kind="free_slip") for at in ((0.0, ACROSS) if dim == 3 else ())]
-    return gr.Scene(
+    return scene_with(
         grid=gr.Grid((0.0,) * dim, CELL, tuple(round(a / CELL) for a in (width, *across, top))),
         fills=fills,
         walls=[*sides, gr.Wall(dim - 1, 0.0, kind="no_slip")],
         material=gr.materials.glass_beads.replace(E=1e6),
         scheme=scheme_of(*combination).replace(sleep_speed=sleep_speed),
-        name="bed",
-        duration=1.0,
-        **{"gravity": gr.Gravity((0.0,), ((0.0,) * (dim - 1) + (-9.8,),))} | more,
+        **more,
     )
 
 
 def asleep(sim):
     """Share of the points that have no velocity at all: no point that is computed has none."""
     return float((sim.state.v == 0).all(axis=1).mean())
-
-
-def bits(sim):
-    point = sim.checkpoint()
-    return point.scalars, {name: array.tobytes() for name, array in point.arrays.items()}
 
 
 @pytest.mark.parametrize(

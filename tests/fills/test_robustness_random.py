@@ -8,8 +8,6 @@ import granular as gr
 from granular.model.grid import combined
 from granular.mpm.body_distances import distance_from_bodies
 
-pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
-
 CUT, WHOLE = 0.02, 0.5
 """Largest error of the volume of a fill over its surface and the edge of a square.
 

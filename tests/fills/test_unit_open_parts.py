@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular import Box, Cylinder, HalfSpace
@@ -13,13 +14,9 @@ SPACING = CELL / 2
 
 
 def scene_of(*bodies, dim=2, **fill):
-    return gr.Scene(
-        name="open parts",
+    return scene_with(
         grid=gr.Grid((0.0,) * dim, CELL, (10,) * dim),
         fills=(gr.Fill(gr.Box((0.0,) * dim, (1.0,) * dim), 2**dim, **fill),),
-        material=gr.MuI(E=1e6),
-        gravity=gr.Gravity((0.0,), ((0.0,) * (dim - 1) + (-9.8,),)),
-        duration=1.0,
         bodies=bodies,
     )
 

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 from refusals import refused
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular import Box, Cylinder, HalfSpace
@@ -20,14 +21,11 @@ TRIANGLE_AREA = 0.5 * (0.8 * 0.7 - 0.1 * 0.25)
 
 def scene_of(region, *bodies, grid=None, gravity=None, scheme=gr.schemes.default, **fill):
     dim = region.dim
-    return gr.Scene(
-        name="regions",
+    return scene_with(
         grid=grid or (GRID, SPACE)[dim - 2],
         fills=(gr.Fill(region, 4 if dim == 2 else 1, **fill),),
-        material=gr.MuI(E=1e6),
         scheme=scheme,
-        gravity=gr.Gravity((0.0,), (gravity or (0.0,) * (dim - 1) + (-9.8,),)),
-        duration=1.0,
+        gravity=gravity or (0.0,) * (dim - 1) + (-9.8,),
         bodies=bodies,
     )
 

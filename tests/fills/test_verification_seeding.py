@@ -4,14 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular import Box, HalfSpace
 
 G, RHO, CELL = 9.81, 1500.0, 0.01
 LENGTH, HEIGHT = 0.2, 0.1
-
-pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 
 
 def bed(turned_deg, offset):
@@ -27,14 +26,13 @@ def bed(turned_deg, offset):
         for x in (-0.02, LENGTH + 0.02)
     ]
     base = gr.Body(HalfSpace(tuple(up)), tuple(origin), friction=0.5)
-    scene = gr.Scene(
-        name="bed",
+    scene = scene_with(
         grid=gr.Grid((0.0, 0.0), CELL, (44, 34)),
         fills=(
             gr.Fill(gr.Polygon([corners[i] for i in (0, 2, 3, 1)]), 4, lithostatic=True, K0=1.0),
         ),
         material=gr.materials.glass_beads.replace(E=1e6, rho_c=RHO),
-        gravity=gr.Gravity((0.0,), (tuple(-G * up),)),
+        gravity=-G * up,
         duration=3.0,
         bodies=(base, *sides),
     )
@@ -78,13 +76,10 @@ def test_volume_about_a_ball_converges(dim):
             2: gr.shapes.Cylinder(radius, center=(0.0, 0.0)),
             3: gr.shapes.Cylinder(radius, center=(0.0,) * 3, axis=(0.2, 1.0, 0.4), length=0.5),
         }[dim]
-        scene = gr.Scene(
-            name="ball",
+        scene = scene_with(
             grid=gr.Grid((0.0,) * dim, cell, (cells,) * dim),
             fills=(gr.Fill(gr.Box((0.0,) * dim, (1.0,) * dim), 2**dim),),
-            material=gr.MuI(E=1e6),
-            gravity=gr.Gravity((0.0,), ((0.0,) * (dim - 1) + (-G,),)),
-            duration=1.0,
+            gravity=G,
             bodies=(gr.Body(shape, center),),
         )
         solid = math.pi * radius**2 * (1.0 if dim == 2 else 0.5)
@@ -103,15 +98,13 @@ def carried_pressure(stagger, speed=0.1, cells=4):
     faces = (((0.0, 1.0), 0.5), ((1.0, 0.0), 0.0), ((-1.0, 0.0), 0.0))
     corners = ((low, low), (low, low), (low + width, low))
     region = gr.Box((low, low), (low + width, low + height))
-    scene = gr.Scene(
-        name="box",
+    scene = scene_with(
         grid=gr.Grid((0.0, 0.0), CELL, (16, 20)),
         fills=(
             gr.Fill(region, 4, velocity=(0.0, speed), stagger=stagger, lithostatic=True, K0=1.0),
         ),
         material=gr.materials.glass_beads.replace(E=1e6, rho_c=RHO),
-        gravity=gr.Gravity((0.0,), ((0.0, -G),)),
-        duration=1.0,
+        gravity=G,
         bodies=tuple(
             gr.Body(HalfSpace(normal), at, motion=motion, friction=friction)
             for (normal, friction), at in zip(faces, corners, strict=True)

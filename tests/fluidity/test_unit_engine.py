@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from same_bits import bits, same_bits, stepped
+from scenes_by_hand import scene_with
 from stages import stages
 
 import granular as gr
-from granular import NGF, Box, Fill, Fluidity, Gravity, Grid, Solid, Wall
+from granular import NGF, Box, Fill, Fluidity, Grid, Solid, Wall
 from granular.mpm.cell_codes import FACE_LINK, FACE_OPEN, FACE_ROUGH, cell_flags, fluidity_faces
 
 LINEAR = gr.Scheme(basis="linear", transfer="flip", density=gr.ParticleDensity())
@@ -23,18 +25,6 @@ def silo(method="implicit", substeps=1, seed=None, cell=0.035, dt=5e-4, **option
     return gr.scenes.clogging_silo(cell=cell, scheme=scheme, **(given | options))
 
 
-def bits(sim):
-    point = sim.checkpoint()
-    return point.scalars, {name: array.tobytes() for name, array in point.arrays.items()}
-
-
-def run(scene, steps, threads=1, cuts=()):
-    sim = gr.Simulation(scene, threads=threads)
-    for n in (*cuts, steps - sum(cuts)):
-        sim.step(n)
-    return sim
-
-
 # ---- without a fluidity ----
 
 
@@ -45,7 +35,7 @@ def test_without_amplitude_it_is_the_local_law_to_the_last_bit(small_scene, comb
     scene = small_scene("walls", dim, combination)
     grains = NGF(E=1e6, A=0.0, d=0.01)
     local = gr.materials.MuI(E=1e6, I0=grains.I0, d=0.01)
-    one, other = (run(scene.replace(material=m), 60) for m in (grains, local))
+    one, other = (stepped(scene.replace(material=m), 60) for m in (grains, local))
     assert bits(one) == bits(other)
     assert one.fluidity is None
     assert "g" not in one.buffers and "g_gain" not in one.buffers
@@ -70,7 +60,7 @@ def test_the_local_phase_is_the_local_law_and_seeds_the_fluidity(method):
         I0=grains.I0,
         d=grains.d,
     )
-    one, other = run(scene, 20), run(scene.replace(material=local), 20)
+    one, other = stepped(scene, 20), stepped(scene.replace(material=local), 20)
     assert one.time == pytest.approx(10 * grains.t0)
     for name in ("x", "v", "stress", "shear_rate", "log_density"):
         assert getattr(one.state, name).tobytes() == getattr(other.state, name).tobytes(), name
@@ -83,11 +73,11 @@ def test_the_local_phase_is_the_local_law_and_seeds_the_fluidity(method):
     tau = np.sqrt(((stress[:, :3] + p[:, None]) ** 2).sum(axis=1) / 2 + stress[:, 3] ** 2)
     np.testing.assert_allclose(g[flows], rate[flows] * p[flows] / tau[flows], rtol=1e-8)
     # fluidity does not grow from zero below the friction that bounds a step
-    assert not run(silo(seed=0.0, cell=0.07), 1).state.fields["g"].any()
+    assert not stepped(silo(seed=0.0, cell=0.07), 1).state.fields["g"].any()
 
 
 def test_what_is_stress_free_has_no_fluidity():
-    sim = run(silo(seed=1.0), 300)
+    sim = stepped(silo(seed=1.0), 300)
     state = sim.state
     free = ~state.stress.any(axis=1)
     assert free.sum() > 10
@@ -104,22 +94,17 @@ def test_threads_and_cuts_give_the_same_bits(method):
     """Nine chunks of 512 cells are needed for threads to share the diffusion."""
     scene = silo(method, 2, seed=1.0, cell=0.00875, dt=5e-5, A=0.05, width=0.595, height=1.05)
     assert np.prod(scene.grid.shape) > 8 * 512
-    expected = bits(run(scene, 12))
-    for threads in (2, 4):
-        assert bits(run(scene, 12, threads, cuts=(5,))) == expected, threads
+    same_bits(scene, 5, 7, threads=(2, 4))
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_restarts_frames_and_threads_do_not_matter(method, tmp_path):
     """The restart is at the end of the local phase or in flow; the checkpoint holds the balance."""
     scene = silo(method, 2, dt=2.5e-4)
-    whole = run(scene, 120)
+    whole = stepped(scene, 120)
     assert ("g_gain" in whole.checkpoint().arrays) == (method == "implicit")
     for cut in (30, 77):
-        first = run(scene, cut)
-        second = gr.Simulation.from_checkpoint(scene, first.checkpoint(), threads=2)
-        second.step(120 - cut)
-        assert bits(second) == bits(whole), cut
+        same_bits(scene, cut, 120 - cut, threads=(2,))
     watched = gr.Simulation(scene, threads=1)
     watched.run(
         until=whole.time,
@@ -137,7 +122,7 @@ def test_restarts_frames_and_threads_do_not_matter(method, tmp_path):
 @pytest.mark.parametrize("substeps", [1, 3])
 def test_fused_and_separate_stages_have_the_same_bits(method, substeps):
     scene = silo(method, substeps, seed=1.0)
-    fused, separate = run(scene, 40), gr.Simulation(scene, threads=1)
+    fused, separate = stepped(scene, 40), gr.Simulation(scene, threads=1)
     stages(separate, 40)
     (one, fields), (other, others) = bits(fused), bits(separate)
     assert fields == others
@@ -151,7 +136,7 @@ def test_fused_and_separate_stages_have_the_same_bits(method, substeps):
 def fluidity_after(substeps, **options):
     """g of the points after five steps, in which strains are about 1e-5."""
     grains = gr.materials.silo_grains.replace(E=2e6, t0=1e-3, **options)
-    state = run(silo("implicit", substeps, 1.0, material=grains, A=0.3, dt=2e-4), 5).state
+    state = stepped(silo("implicit", substeps, 1.0, material=grains, A=0.3, dt=2e-4), 5).state
     return state.fields["g"][np.argsort(state.fields["id"])]
 
 
@@ -175,8 +160,7 @@ def still(dim, dt, method="explicit", substeps=1):
     """A block on no-slip ground in a box with free-slip sides, 8 cells wide."""
     last, n = dim - 1, 8
     size = 0.1 * n
-    return gr.Scene(
-        name="still",
+    return scene_with(
         grid=Grid((0.0,) * dim, 0.1, (n,) * dim),
         fills=(Fill(Box((0.0,) * dim, (size,) * dim), 2**dim, lithostatic=True),),
         material=SOFT,
@@ -187,29 +171,27 @@ def still(dim, dt, method="explicit", substeps=1):
             Wall(last, 0.0, kind="no_slip"),
             *(Wall(d, at, kind="free_slip") for d in range(last) for at in (0.0, size)),
         ),
-        gravity=Gravity((0.0,), ((0.0,) * last + (-9.8,),)),
-        duration=1.0,
     )
 
 
 def test_the_explicit_limit_holds_to_two_percent(dim):
     limit = 0.1**2 * SOFT.t0 / (2 * dim * SOFT.A**2 * SOFT.d**2)
-    sim = run(still(dim, 0.98 * limit), 60)
+    sim = stepped(still(dim, 0.98 * limit), 60)
     assert sim.fluidity["method"] == "explicit"
     assert sim.fluidity["limit"] == pytest.approx(limit)
     assert np.isfinite(sim.state.fields["g"]).all()
     with pytest.raises(ValueError, match=r'the limit of method "explicit".* 2 substeps') as error:
         gr.Simulation(still(dim, 1.02 * limit), threads=1)
     assert "dt = " in str(error.value)
-    run(still(dim, 1.02 * limit, substeps=2), 2)
-    assert run(still(dim, 1.02 * limit, "auto"), 2).fluidity["method"] == "implicit"
-    assert run(still(dim, 0.98 * limit, "auto"), 2).fluidity["method"] == "explicit"
+    stepped(still(dim, 1.02 * limit, substeps=2), 2)
+    assert stepped(still(dim, 1.02 * limit, "auto"), 2).fluidity["method"] == "implicit"
+    assert stepped(still(dim, 0.98 * limit, "auto"), 2).fluidity["method"] == "explicit"
 
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("name", ["g", "stress", "v", "shear_rate"])
 def test_a_point_that_is_not_a_number_is_named(name, method):
-    sim = run(silo(method, 2, seed=1.0, cell=0.07), 10)
+    sim = stepped(silo(method, 2, seed=1.0, cell=0.07), 10)
     place = np.flatnonzero(sim.buffers["id"] == 37)[0]
     sim.buffers[name][0, place] = np.nan
     with pytest.raises(gr.SimulationError) as error:
@@ -226,7 +208,7 @@ def test_points_keep_their_fluidity_where_diffusion_is_negligible(substeps):
     """Points with pressure start from their own g, not from the mean of their cell."""
     # the reaction is negligible in a step, too
     grains = gr.materials.silo_grains.replace(E=2e5, t0=1e3)
-    sim = run(silo("explicit", substeps, seed=1.0, material=grains, A=1e-6), 100)
+    sim = stepped(silo("explicit", substeps, seed=1.0, material=grains, A=1e-6), 100)
     rng, ids = np.random.default_rng(1), sim.buffers["id"]
     living = ids >= 0
     sim.buffers["g"][0, living] = rng.exponential(1.0, living.sum())
@@ -246,15 +228,12 @@ def test_points_keep_their_fluidity_where_diffusion_is_negligible(substeps):
 
 
 def walled(*walls, periodic=(False, False)):
-    return gr.Scene(
-        name="walled",
+    return scene_with(
         grid=Grid((0.0, 0.0), 0.1, (4, 3), periodic=periodic),
         fills=(Fill(Box((0.0, 0.0), (0.4, 0.1)), 4),),
         material=SOFT,
         scheme=LINEAR,
         walls=walls,
-        gravity=Gravity((0.0,), ((0.0, -9.8),)),
-        duration=1.0,
     )
 
 
@@ -321,13 +300,11 @@ def test_ugimp_is_refused():
 
 def test_a_nonlocal_material_of_a_scene_may_be_in_none_of_its_fills():
     bed = gr.Fill(gr.Box((0.0, 0.0), (0.2, 0.1)), 4, material=gr.MuI(E=1e6))
-    scene = gr.Scene(
-        name="local",
+    scene = scene_with(
         grid=gr.Grid((0.0, 0.0), 0.02, (10, 10)),
         fills=(bed,),
         material=gr.NGF(E=1e6, mu_2=1.5),
         walls=(gr.Wall(1, 0.0),),
-        gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
         duration=0.1,
     )
     sim = gr.Simulation(scene, threads=1)

@@ -4,9 +4,10 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
-from granular import NGF, Body, Fill, Fluidity, Gravity, Grid, Motion, MuI, Wall
+from granular import NGF, Body, Fill, Fluidity, Gravity, Grid, Motion, Wall
 from granular.shapes import Box, Cylinder, HalfSpace
 
 CELL, HEIGHT, BELOW = 0.01, 8, 3
@@ -27,8 +28,7 @@ def layer(dim, stencil, elasticity, **scene):
     tilted = 9.8 * np.array([np.sin(np.radians(24)), *(0,) * (dim - 2), -np.cos(np.radians(24))])
     down = (0.0,) * (dim - 1) + (-9.8,)  # at first, for the lithostatic fill
     below = scene.pop("below", 0)
-    return gr.Scene(
-        name="layer",
+    return scene_with(
         grid=Grid(
             (*lower, -below * CELL), CELL, (*length, HEIGHT + 2 + below),
             periodic=(True,) * (dim - 1) + (False,),
@@ -40,7 +40,6 @@ def layer(dim, stencil, elasticity, **scene):
             fluidity=Fluidity(method="implicit", stencil=stencil, initial=1.0),
         ),
         gravity=Gravity((0.0, 1e-6), (down, tuple(tilted))),
-        duration=1.0,
         **scene,
     )  # fmt: skip
 
@@ -89,16 +88,12 @@ def pool(shift, *, dim=2, height=0.15, turning=None, **body):
         angular_velocity=None if turning is None else (turning,),
     )
     paddle = Box(size=(0.15,) * (dim - 1) + (height,))
-    return gr.Scene(
-        name="pool",
+    return scene_with(
         grid=Grid((0.0,) * dim, 0.05, (*length, 10), periodic=(True,) * (dim - 1) + (False,)),
         fills=(Fill(Box((0.0,) * dim, (0.5,) * (dim - 1) + (0.3,)), 2**dim),),
-        material=MuI(E=1e6),
         scheme=gr.Scheme(basis="quadratic", transfer="apic", density=gr.ParticleDensity(), dt=4e-4),
         walls=(Wall(dim - 1, 0.0, kind="no_slip"),),
         bodies=(Body(paddle, position, motion=motion, friction=0.3, **body),),
-        gravity=Gravity((0.0,), ((0.0,) * (dim - 1) + (-9.8,),)),
-        duration=1.0,
     )
 
 

@@ -35,7 +35,7 @@ GRAINS = scenes.chute_ngf().material
 CHUTE_SCHEME = scenes.chute_ngf().scheme
 
 
-def steady(until=1.0, ratio=None, **parameters):
+def steady(until=0.6, ratio=None, **parameters):
     """State of a column at the time `until` [s], when it flows steadily."""
     simulation = column(ratio, **parameters)
     simulation.run(until=until)
@@ -215,9 +215,7 @@ def test_steady_flow_of_any_method_and_step(reference, method, step, substeps):
         with pytest.raises(ValueError, match="explicit"):
             column(material=grains, scheme=scheme)
         return
-    assert top_speed(until=0.6, material=grains, scheme=scheme) == pytest.approx(
-        reference, rel=1e-4
-    )
+    assert top_speed(material=grains, scheme=scheme) == pytest.approx(reference, rel=1e-4)
 
 
 @pytest.mark.parametrize(("step", "substeps"), [(0.17, 1), (0.17, 4), (0.83, 4)])
@@ -225,7 +223,7 @@ def test_steady_flow_of_rkl2_is_that_of_taking_turns(reference, step, substeps):
     """g exp(-k L) after each substep of the law: the flow is too fast, of first order in it."""
     grains = GRAINS.replace(t0=GRAINS.t0 * 0.017 / step)
     scheme = diffused(method="rkl2", substeps=substeps)
-    state = steady(until=0.6, material=grains, scheme=scheme)
+    state = steady(material=grains, scheme=scheme)
     k = state.dt / grains.t0 / substeps
     expected = seeding_speed(0.01, 10, felt=lambda L: (expm(k * L) - np.eye(10)) / k)
     excess = expected / seeding_speed(0.01, 10) - 1

@@ -10,9 +10,10 @@ import math
 import numpy as np
 import pytest
 from oracle_fluidity import ROUGH, diffuse, faces_of, random_parts
+from scenes_by_hand import scene_with
 
 import granular as gr
-from granular import NGF, Body, Box, Fill, Fluidity, Gravity, Grid, HalfSpace
+from granular import NGF, Body, Box, Fill, Fluidity, Grid, HalfSpace
 from granular.theory import chute_profile, stopping_height
 
 RATE = 0.25 * 0.005**2 / 1e-3
@@ -155,16 +156,13 @@ def turned_layer(angle_deg, offset, ratio, rows, width, threads=1):
     density = GRAINS.rho_c * np.exp(-np.log1p(-p / GRAINS.K))
     x = base + s[:, None] * along + z[:, None] * normal + y[:, None] * np.eye(3)[1]
     cloud = gr.Cloud(x, np.full(len(x), h**3), density=density)
-    scene = gr.Scene(
-        name="turned layer",
+    scene = scene_with(
         grid=Grid((low[0] * CELL, 0.0, low[1] * CELL), CELL, shape, periodic=(False, True, False)),
         fills=(Fill(cloud, 8),),
         material=grains_of(ratio, rows),
         scheme=gr.Scheme(fluidity=Fluidity(initial=1.0)),
         bodies=(Body(HalfSpace(tuple(normal)), tuple(base), contact="sticky", rough=True), *blocks),
-        gravity=Gravity(
-            (0.0,), (tuple(9.81 * (math.sin(slope) * np.eye(3)[1] - math.cos(slope) * normal)),)
-        ),
+        gravity=9.81 * (math.sin(slope) * np.eye(3)[1] - math.cos(slope) * normal),
         duration=10.0,
     )
     return gr.Simulation(scene, threads=threads), base, along, normal
@@ -194,7 +192,6 @@ def on_a_grid_line():
     return flow(angle_deg=0.0, offset=0.0, **FLOW)
 
 
-@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 @pytest.mark.parametrize(
     ("angle_deg", "offset"),
     [(17.0, 0.0), (45.0, 0.3), pytest.param(36.0, 0.0, marks=pytest.mark.slow)],
@@ -222,7 +219,6 @@ def stopping_height_of(mean, ratio, rows):
     return np.interp(-mean, -np.array(means), share)
 
 
-@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_the_stopping_height_does_not_depend_on_the_angle():
     """At 1.25 H_stop the flow is an eighth of what it is without cooperation.
 
@@ -237,7 +233,6 @@ def test_the_stopping_height_does_not_depend_on_the_angle():
     assert stop[1] == pytest.approx(stop[0], rel=0.02)
 
 
-@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_bits_do_not_depend_on_threads_or_restarts():
     case = {"angle_deg": 36.0, "offset": 0.2, "ratio": 2.0, "rows": 8, "width": 6}
     sims = [turned_layer(**case, threads=n)[0] for n in (1, 2)]

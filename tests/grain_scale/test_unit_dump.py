@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular.grain_scale import average_grains, read_dump
@@ -79,13 +80,11 @@ def test_a_cloud_has_the_mass_and_momentum(tmp_path, axes):
     depth = 1.0 if axes == "xyz" else 0.2
     mass = DENSITY * 4 / 3 * np.pi * RADIUS**3 * len(frame)
     lower = [0.0, 0.0, -0.1][: len(axes)]
-    scene = gr.Scene(
-        name="goes on",
+    scene = scene_with(
         grid=gr.Grid(lower, 0.02, (20, 20, 10)[: len(axes)]),
         fills=(gr.Fill(cloud, 2 ** len(axes)),),
         material=gr.MuI(E=1e6, rho_c=1250.0),
-        gravity=gr.Gravity((0.0,), ((0.0,) * len(axes),)),
-        duration=1.0,
+        gravity=0.0,
     )
     state = gr.Simulation(scene, threads=1).state
     assert state.mass.sum() == pytest.approx(mass / depth, rel=1e-12)

@@ -1,6 +1,7 @@
 """Forces inferred in motion against the true forces (Hurley's thesis, chapter 3)."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -67,8 +68,15 @@ def without_errors(packings):
     return [replace(p, stress_errors=None, acceleration_errors=None) for p in packings]
 
 
-def errors_along_the_front(packings, **options):
-    """Front, error of all forces at each weight, and that of the worst impulse at the knee."""
+@cache
+def errors_along_the_front(seed, plain=False):
+    """Front, error of all forces at each weight, and that of the worst impulse at the knee.
+
+    Of a noisy record without the balance of moments, or `plain`: with it, and without errors.
+    """
+    packings = noisy_record(impact(), seed)
+    options = {} if plain else {"moments": False}
+    packings = without_errors(packings) if plain else packings
     front = inference.pareto_front(packings, mu=MU, mu_wall=0.0, solver="nnls", **options)
     assert (np.diff(front.stress_residuals) > 0).all()
     assert (np.diff(front.balance_residuals) < 0).all()
@@ -82,9 +90,7 @@ def check_noisy_records(seeds):
     """In each draw the knee and w = 1 are near the best weight; impulses to 0.2 of the largest."""
     worst = []
     for seed in seeds:
-        front, errors, worst_here = errors_along_the_front(
-            noisy_record(impact(), seed), moments=False
-        )
+        front, errors, worst_here = errors_along_the_front(seed)
         assert errors[front.knee] < 1.2 * errors.min()
         assert errors[front.weights == 1.0] < 1.2 * errors.min()
         assert errors[front.knee] < 0.1
@@ -106,9 +112,8 @@ def test_noisy_records_at_length():
 
 def test_noisy_records_as_the_thesis_has_them():
     """Equal weights and no rotation: forces are worse by a quarter at most, impulses by twice."""
-    packings = noisy_record(impact(), 0)
-    _, _, worst = errors_along_the_front(packings, moments=False)
-    front, errors, plain = errors_along_the_front(without_errors(packings))
+    _, _, worst = errors_along_the_front(0)
+    front, errors, plain = errors_along_the_front(0, plain=True)
     assert errors[front.knee] < 1.2 * errors.min()
     assert errors[front.knee] < 0.12
     assert 1.5 * worst < plain < 0.3

@@ -63,7 +63,7 @@ def test_discs_without_noise(solver):
 
 
 def test_spheres_without_noise_and_with():
-    """80 spheres; with noise the friction cones hold and some contacts are at their limit."""
+    """40 spheres; with noise the friction cones hold and some contacts are at their limit."""
     pytest.importorskip("clarabel")
     case = pressed_spheres()
     for solver in ("auto", "clarabel"):

@@ -58,7 +58,6 @@ def bits(sim):
     return sim.checkpoint().digest
 
 
-@pytest.mark.filterwarnings("ignore::granular.run.diagnostics.StabilityWarning")
 @pytest.mark.parametrize(
     "case", [c if c in QUICK else pytest.param(c, marks=pytest.mark.slow) for c in CASES]
 )

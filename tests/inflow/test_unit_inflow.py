@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from inlets import CELL, SAND, H, chute, stream
 from refusals import refused
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular import _core
@@ -163,13 +164,11 @@ def test_driven_inflows_of_both_directions_are_mirror_images(end):
     for way in (1, -1):
         low, high = sorted((end, end + way * 0.1))
         region = gr.Box((low, 0.0), (high, 0.1))
-        scene = gr.Scene(
-            name="piston",
+        scene = scene_with(
             grid=gr.Grid((min(end, end + way * 0.4), 0.0), 0.02, (20, 10)),
             fills=(),
             inflows=(gr.Inflow(region, (float(way), 0.0), 4, driven=True),),
-            material=gr.MuI(E=1e6),
-            gravity=gr.Gravity((0.0,), ((0.0, 0.0),)),
+            gravity=0.0,
             duration=0.1,
         )
         found.append(way * (scene.points().x[:, 0] - end))

@@ -62,7 +62,6 @@ def toml_of(folder):
 REFUSED = r"the law 'evil' is C code that came with a file.*__attribute__"
 
 
-@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_nothing_in_python_runs_it(foreign):
     """Looking, estimates, pictures, checks and copies work without it; simulations name it."""
     marker, path = foreign / "written", foreign / "run.vtkhdf"

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import oracle_law
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular import _core, measure, sph, theory
@@ -221,13 +222,11 @@ def test_health_of_a_cohesive_flow():
 ])  # fmt: skip
 def test_a_fill_starts_with_the_pressure_that_its_law_keeps(material, compression):
     """A uniform density without gravity: cohesive grains that are loose have come apart."""
-    scene = gr.Scene(
-        name="uniform",
+    scene = scene_with(
         grid=gr.Grid((0.0, 0.0), 0.02, (8, 8), periodic=(True, True)),
         fills=(gr.Fill(gr.Box((0.0, 0.0), (0.16, 0.16)), 4, density=1500 * math.exp(compression)),),
         material=material,
-        gravity=gr.Gravity((0.0,), ((0.0, 0.0),)),
-        duration=1.0,
+        gravity=0.0,
     )
     sim = gr.Simulation(scene, threads=1)
     pressure = material.K * compression

@@ -5,8 +5,10 @@ import importlib.util
 
 import numpy as np
 import pytest
-from own_mohr_coulomb import material as mohr_coulomb
-from own_mu_I import MU_I_IN_C, mu_I, mu_I_by_points
+from accuracy.own_mohr_coulomb import material as mohr_coulomb
+from same_bits import same_bits
+from scenes_by_hand import scene_with
+from speed.own_mu_I import MU_I_IN_C, mu_I, mu_I_by_points
 
 import granular as gr
 from granular.materials import from_function
@@ -33,16 +35,13 @@ def own(request):
 
 def scene_of(material, dim=2, **more):
     across = () if dim == 2 else (0.1,)
-    return gr.Scene(
-        name="collapse",
+    return scene_with(
         grid=gr.Grid((0.0,) * dim, 0.025, (24, *([4] * (dim - 2)), 12)),
         fills=[gr.Fill(gr.Box((0.0,) * dim, (0.2, *across, 0.2)), 2**dim)],
         material=material,
         walls=[gr.Wall(0, 0.0, kind="free_slip"), gr.Wall(dim - 1, 0.0)],
         # the damping of ill-posed waves is for laws whose friction the scheme knows
         scheme=gr.schemes.default.replace(density=gr.SmoothedDensity(flutter_damping=0)),
-        gravity=gr.Gravity((0.0,), ((0.0,) * (dim - 1) + (-9.8,),)),
-        duration=1.0,
         **more,
     )
 
@@ -61,15 +60,7 @@ def test_mu_I_of_the_user_is_that_of_the_core(own, dim):
 
 
 def test_bits_for_threads_and_a_restart(own, tmp_path):
-    runs = []
-    for threads in (1, 2, 3):
-        sim = gr.Simulation(scene_of(own), threads=threads)
-        sim.run(until=0.03, save=tmp_path / f"{threads}.h5", every=0.03)
-        sim = gr.Simulation.resume(tmp_path / f"{threads}.h5", threads=threads)
-        sim.step(100)
-        runs.append(sim.checkpoint().arrays)
-    for other in runs[1:]:
-        assert all(runs[0][name].tobytes() == other[name].tobytes() for name in runs[0])
+    same_bits(scene_of(own), 60, 100, path=tmp_path / "own.h5")
 
 
 def worn(dt, parameters, gradient, log_density, stress, shear_rate, history):
@@ -105,15 +96,12 @@ def bed_of(a, density, separation):
     """A bed of points at random places that bears its weight from the start."""
     law = from_function(shifted, parameters={"a": a, "mu": 0.5}, separation=separation)
     cell, averaged = 0.02, isinstance(density, gr.CellAveragedDensity)
-    return gr.Scene(
-        name="bed",
+    return scene_with(
         grid=gr.Grid((0.0, 0.0), cell, (6, 26), periodic=(True, False)),
         fills=(gr.Fill(gr.Box((0.0, 0.0), (0.12, 0.4)), 4, jitter=0.3, lithostatic=True),),
         material=law,
         walls=(gr.Wall(1, 0.0),),
-        gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
         scheme=gr.Scheme(basis="linear" if averaged else "quadratic", density=density),
-        duration=1.0,
     )
 
 
@@ -130,7 +118,6 @@ def borne(sim):
     return np.mean(shares)
 
 
-@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 @pytest.mark.parametrize("a", [-0.05, -0.03, 0.1])
 @pytest.mark.parametrize(
     "density", [gr.SmoothedDensity(), gr.CellAveragedDensity(), gr.ParticleDensity()]
@@ -141,7 +128,6 @@ def test_a_law_says_where_it_separates(a, density):
     assert "weights_at_limit" not in {found.name for found in sim.health().suspect}
 
 
-@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_points_that_count_as_disconnected_keep_their_weights():
     """A law that does not say that it bears pressure there: the stress was 0.64 of the weight."""
     scene = bed_of(-0.03, gr.SmoothedDensity(), 0.0)
@@ -152,7 +138,6 @@ def test_points_that_count_as_disconnected_keep_their_weights():
     assert borne(sim) == pytest.approx(1.0, abs=0.02)
 
 
-@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_weights_at_their_limit_make_a_run_suspect():
     """Points at random places, whose weights are hardly allowed to differ."""
     narrow = gr.SmoothedDensity(weight_correction_limit=1e-3)

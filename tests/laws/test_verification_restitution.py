@@ -4,10 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 from schemes_by_name import scheme_of
 
 import granular as gr
-from granular import NGF, Box, DruckerPrager, Elastic, Fill, Gravity, Grid, MuI
+from granular import NGF, Box, DruckerPrager, Elastic, Fill, Grid, MuI
 from granular.mpm.limits import dt_limit
 from granular.theory import bar_restitution, wave_decay
 
@@ -19,14 +20,12 @@ def wave(material, cells, *, threads=1, dim=2, scheme=None):
     """A standing wave of one wavelength in a periodic solid."""
     cell = LENGTH / cells
     shape, size = (cells, *[4] * (dim - 1)), (LENGTH, *[4 * cell] * (dim - 1))
-    scene = gr.Scene(
-        name="wave",
+    scene = scene_with(
         grid=Grid((0.0,) * dim, cell, shape, periodic=(True,) * dim),
         fills=(Fill(Box((0.0,) * dim, size), 2**dim),),
         material=material,
         scheme=scheme or scheme_of("quadratic", "flip", "particle", flip_decay=0.0),
-        gravity=Gravity((0.0,), ((0.0,) * dim,)),
-        duration=1.0,
+        gravity=0.0,
     )
     sim = gr.Simulation(scene, threads=threads)
     used = sim.buffers["id"] >= 0
@@ -75,15 +74,13 @@ def test_a_standing_wave_decays_as_in_a_solid_of_kelvin_and_voigt(elasticity):
 def rebound(material, cells, length=0.4, speed=1e-4):
     """Largest mean velocity of a bar after it hit a wall, over that before; the force is then 0."""
     cell = length / cells
-    scene = gr.Scene(
-        name="bar",
+    scene = scene_with(
         grid=Grid((0.0, 0.0), cell, (cells + 8, 4), periodic=(False, True)),
         fills=(Fill(Box((0.0, 0.0), (length, 4 * cell)), 4),),
         material=material,
         walls=(gr.Wall(0, 0.0, kind="free_slip"),),
         scheme=scheme_of("quadratic", "tpic", "particle"),
-        gravity=Gravity((0.0,), ((0.0, 0.0),)),
-        duration=1.0,
+        gravity=0.0,
     )
     sim = gr.Simulation(scene, threads=1)
     used = sim.buffers["id"] >= 0
@@ -114,14 +111,11 @@ def bed(*, cells=10, height=0.2, fills=None, **numbers):
     """A bed under its weight on a floor, periodic along it."""
     cell = height / cells
     layer = Box((0.0, 0.0), (4 * cell, height))
-    return gr.Scene(
-        name="bed",
+    return scene_with(
         grid=Grid((0.0, 0.0), cell, (4, cells + 6), periodic=(True, False)),
         fills=fills or (Fill(layer, 4, lithostatic=True, K0=1.0),),  # far from yield
         material=MuI(**numbers),
         walls=(gr.Wall(1, 0.0),),
-        gravity=Gravity((0.0,), ((0.0, -9.8),)),
-        duration=1.0,
     )
 
 
@@ -190,14 +184,12 @@ def test_the_viscous_stress_hardly_pulls(contact):
     """At the end of a contact a dashpot pulls: with this share of the impulse on the floor."""
     cell = 0.01
     material = MuI(E=1e6, restitution=0.5, contact_diameter=contact * cell)
-    scene = gr.Scene(
-        name="rebound",
+    scene = scene_with(
         grid=Grid((0.0, 0.0), cell, (4, 28), periodic=(True, False)),
         fills=(Fill(Box((0.0, 0.0), (4 * cell, 0.2)), 4),),
         material=material,
         walls=(gr.Wall(1, 0.0, kind="free_slip"),),
-        gravity=Gravity((0.0,), ((0.0, 0.0),)),
-        duration=1.0,
+        gravity=0.0,
     )
     sim = gr.Simulation(scene, threads=1, wall_forces=True)
     sim.buffers["v"][1, sim.buffers["id"] >= 0] = -1e-3 * material.wave_speed

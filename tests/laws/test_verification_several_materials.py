@@ -1,10 +1,10 @@
 """Scenes with several materials: layers at rest, flows and waves across their borders."""
 
-import itertools
-
 import numpy as np
 import pytest
 import scipy
+from same_bits import same_bits
+from scenes_by_hand import scene_with
 from schemes_by_name import scheme_of
 
 import granular as gr
@@ -73,15 +73,12 @@ def collapse(scheme, *, upper, obstacle=None, **more):
     ]
     if obstacle:
         fills.append(gr.Fill(gr.Box((0.3, 0.0), (0.36, 0.06)), 4, material=obstacle))
-    return gr.Scene(
-        name="collapse",
+    return scene_with(
         grid=gr.Grid((0.0, 0.0), 0.02, (30, 14)),
         fills=fills,
         material=SAND,
         scheme=SCHEMES[scheme],
         walls=(gr.Wall(1, 0.0, kind="no_slip"), gr.Wall(0, 0.0, kind="free_slip")),
-        gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
-        duration=1.0,
         **more,
     )
 
@@ -145,8 +142,7 @@ def test_a_wave_is_reflected_where_the_impedance_changes():
     stiff = gr.materials.Elastic(E=4e6, nu=0.0, rho_c=2250.0)
     Z1, Z2 = (m.rho_c * m.wave_speed for m in (soft, stiff))
     boxes = [gr.Box((0.0, 0.0), (1.0, 0.02)), gr.Box((1.0, 0.0), (length, 0.02))]
-    scene = gr.Scene(
-        name="bar",
+    scene = scene_with(
         grid=gr.Grid((-0.1, 0.0), cell, (220, 2), periodic=(False, True)),
         fills=[
             gr.Fill(box, 4, material=material)
@@ -154,8 +150,7 @@ def test_a_wave_is_reflected_where_the_impedance_changes():
         ],
         material=soft,
         scheme=SCHEMES["particle"].replace(tpic_decay=0.0),
-        gravity=gr.Gravity((0.0,), ((0.0, 0.0),)),
-        duration=1.0,
+        gravity=0.0,
     )
     sim = gr.Simulation(scene, threads=1)
     x = sim.state.x[:, 0]
@@ -187,23 +182,7 @@ def test_momentum_threads_and_restart(scheme, tmp_path):
     free.step(200)
     gained = free.time * np.array([0.3, 0.2]) * m.sum()
     assert np.allclose(free.state.mass @ free.state.v, gained, rtol=1e-11)
-    points = []
-    for threads in (1, 2, 3):
-        sim = gr.Simulation(scene, threads=threads)
-        sim.step(150)
-        sim.run(until=sim.time + 0.02, save=tmp_path / f"{threads}.h5", every=0.02)
-        sim = gr.Simulation.resume(tmp_path / f"{threads}.h5", threads=threads)
-        sim.step(150)
-        points.append(sim.checkpoint())
-    unbroken = gr.Simulation(scene, threads=2)
-    unbroken.step(150)
-    unbroken.run(until=unbroken.time + 0.02)
-    unbroken.step(150)
-    points.append(unbroken.checkpoint())
-    for one, other in itertools.pairwise(points):
-        assert one.arrays.keys() == other.arrays.keys()
-        for name in one.arrays:
-            assert one.arrays[name].tobytes() == other.arrays[name].tobytes(), name
+    same_bits(scene, 200, 150, path=tmp_path / "several.h5")
 
 
 def nonlocal_layer(y, grains, angle_deg, height, g=9.8):
@@ -294,8 +273,7 @@ def test_what_several_materials_cannot_be_is_refused(what, error, words):
     materials += [SAND.replace(rho_c=1000.0 + k) for k in range(what.get("count", 2) - 2)]
     size = 0.02
     with pytest.raises(error, match=words):
-        gr.Scene(
-            name="refused",
+        scene_with(
             grid=gr.Grid((0.0, 0.0), size, (20, 4)),
             fills=[
                 gr.Fill(gr.Box((k * size, 0.0), ((k + 1) * size, size)), 4, material=material)
@@ -308,7 +286,6 @@ def test_what_several_materials_cannot_be_is_refused(what, error, words):
                 gr.Wall(1, 0.08, kind="free_slip", pressure=what.get("pressure")),
             ],
             gravity=gr.Gravity(),
-            duration=1.0,
         )
 
 
@@ -343,8 +320,7 @@ def test_a_fill_in_the_gap_of_another(gap):
     else:
         inner = gr.Sphere(0.05, center=(0.15, 0.12))
         outer = gr.Difference(gr.Box((0.0, 0.0), (0.3, 0.3)), inner)
-    scene = gr.Scene(
-        name="gap",
+    scene = scene_with(
         grid=gr.Grid((0.0, 0.0), 0.01, (30, 36), periodic=(True, False)),
         fills=(
             gr.Fill(outer, 4, lithostatic=True),
@@ -352,8 +328,7 @@ def test_a_fill_in_the_gap_of_another(gap):
         ),
         material=sand,
         walls=(gr.Wall(1, 0.0),),
-        gravity=gr.Gravity((0.0,), ((0.0, -9.81),)),
-        duration=1.0,
+        gravity=9.81,
     )
     state = gr.Simulation(scene, threads=1).state
     low = state.x[:, 1] < 0.005

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from short_waves import FAST, PLAIN, REGULARISED, SLOW, growth
+from stability.short_waves import FAST, PLAIN, REGULARISED, SLOW, growth
 
 import granular as gr
 from granular.theory import shear_wave_growth, shear_waves

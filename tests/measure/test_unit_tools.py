@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from refusals import refused
+from scenes_by_hand import scene_with
 from synthetic import RHO_C
 
 import granular as gr
@@ -13,15 +14,12 @@ CELL = 0.02
 
 def scene_3d(*bodies, elasticity="hencky", **parameters):
     """A box of 0.4 m x 0.2 m x 0.3 m, two thirds full."""
-    return gr.Scene(
-        name="box",
+    return scene_with(
         grid=Grid((0.0, 0.0, -0.2), CELL, (20, 10, 15)),
         fills=(Fill(Box((0.0, 0.0, -0.2), (0.4, 0.2, 0.0)), 8),),
         material=gr.materials.MuI(E=1e6, rho_c=RHO_C, elasticity=elasticity),
         scheme=gr.schemes.default,
-        gravity=Gravity((0.0,), ((0.0, 0.0, -9.8),)),
         bodies=bodies,
-        duration=1.0,
         parameters=parameters,
     )
 

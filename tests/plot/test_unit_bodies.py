@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular import Body, Box, Cylinder, HalfSpace, Motion, Polygon, Sphere, plot
@@ -15,10 +16,9 @@ EXTENT = ((0.0, 1.0), (0.0, 1.0))
 def scene_of(*bodies, dim=2, **options):
     grid = gr.Grid((0.0,) * dim, 0.05, (20,) * dim, **options)
     corner = gr.Box((0.4,) * dim, (0.6,) * dim)
-    return gr.Scene(
-        name="bodies", grid=grid, fills=[gr.Fill(corner, 4 if dim == 2 else 8)], bodies=bodies,
-        material=gr.MuI(E=1e5), gravity=gr.Gravity((0.0,), ((0.0,) * (dim - 1) + (-9.8,),)),
-        duration=1.0,
+    return scene_with(
+        grid=grid, fills=[gr.Fill(corner, 4 if dim == 2 else 8)], bodies=bodies,
+        material=gr.MuI(E=1e5),
     )  # fmt: skip
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.testing.compare import compare_images
 from matplotlib.testing.decorators import remove_ticks_and_titles
+from scenes_by_hand import scene_with
 
 import granular as gr
 
@@ -33,9 +34,9 @@ def heap():
     grid = gr.Grid((0.0, 0.0), 0.02, (30, 12))
     region = gr.Cloud(points, np.full(len(points), 0.014 * 0.02))
     return at_start(
-        gr.Scene(
-            name="heap", grid=grid, fills=[gr.Fill(region, 4)], walls=[gr.Wall(1, 0.0)],
-            material=gr.MuI(E=1e6), gravity=gr.Gravity(), duration=1.0,
+        scene_with(
+            grid=grid, fills=[gr.Fill(region, 4)], walls=[gr.Wall(1, 0.0)],
+            gravity=gr.Gravity()
         )
     )  # fmt: skip
 

@@ -61,13 +61,13 @@ def test_material_and_bodies_are_there(sim, tmp_path):
 
 
 def test_the_surface_of_a_cylinder_is_where_its_volume_says():
-    pyvista = pytest.importorskip("pyvista")
+    pytest.importorskip("pyvista")
     errors = []
     for cell in (0.04, 0.02):
         start = alone_at(gr.Simulation(gr.scenes.cylinder_collapse(cell=cell), threads=1), 0.0)
         values = np.full(start.n, 7.0)
         brush = Brush.fitted([start], values, limits=(0.0, 10.0))
-        mesh = filled_volume(pyvista, start, values, brush, None)
+        mesh = filled_volume(start, values, brush, None)
         errors.append(1 - mesh.volume / start.volume.sum())
     assert 0 < errors[1] < 0.025
     assert errors[0] / errors[1] > 2**1.7  # second order: edges are rounded
@@ -75,10 +75,10 @@ def test_the_surface_of_a_cylinder_is_where_its_volume_says():
     assert np.reshape(mesh.bounds, (3, 2)) == pytest.approx(sides, abs=1e-3)
     assert np.asarray(mesh[brush.quantity.title]) == pytest.approx(7.0)
     top = 0.1
-    low = filled_volume(pyvista, start, values, brush, ("z", 0.0, 0.5 * top))
+    low = filled_volume(start, values, brush, ("z", 0.0, 0.5 * top))
     assert low.bounds[5] == pytest.approx(0.5 * top)
     assert low.bounds[:4:2] == pytest.approx(mesh.bounds[:4:2])
-    assert filled_volume(pyvista, start, start.mass, brush, ("z", 5 * top, 6 * top)) is None
+    assert filled_volume(start, start.mass, brush, ("z", 5 * top, 6 * top)) is None
 
 
 def test_a_movie_has_a_picture_for_each_state(sim, tmp_path):

@@ -21,6 +21,7 @@ OUTSIDE_GRAIN_SCALE = (
 )
 PROSE = (
     *("granular/", "docs/explanation/", "docs/how-to/", "docs/tutorials/", "docs/reference/"),
+    "docs/reports/",
     *("docs/contributing.md", "docs/index.md", "notebooks/", "README.md", "CHANGELOG.md"),
 )
 PACKAGE = ("granular/",)

@@ -5,10 +5,11 @@ import numpy as np
 import pytest
 from oracle_body_shapes import SOLIDS
 from paraview_reader import as_array, paraview
+from scenes_by_hand import scene_with
 from scipy.stats import qmc
 
 import granular as gr
-from granular import Body, Fill, Gravity, Grid, Motion, MuI
+from granular import Body, Fill, Grid, Motion
 from granular.export.surfaces import surface
 from granular.shapes import (
     Box,
@@ -48,14 +49,10 @@ def bodies_of(dim):
 @pytest.fixture
 def recorded(tmp_path):
     def run(dim, bodies):
-        scene = gr.Scene(
-            name="bodies",
+        scene = scene_with(
             grid=Grid((0.0,) * dim, 0.1, (6,) * dim),
             fills=(Fill(Box((0.0,) * dim, (0.5,) * dim), 2**dim),),
-            material=MuI(E=1e6),
             scheme=gr.Scheme(transfer="apic", density=gr.ParticleDensity()),
-            gravity=Gravity((0.0,), ((0.0,) * (dim - 1) + (-9.8,),)),
-            duration=1.0,
             bodies=bodies,
         )
         sim = gr.Simulation(scene, threads=1)

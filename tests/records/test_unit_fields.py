@@ -6,6 +6,7 @@ import h5py
 import numpy as np
 import pytest
 from paraview_reader import as_array, paraview
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular import Body, Box, Motion
@@ -20,11 +21,10 @@ def block(dim):
     level = (0.2,) * (dim - 2)
     plate = Motion(velocity=((0.1, *(0.0 for _ in level), 0.05),))
     position = (0.5, *(0.1 for _ in level), 0.2)
-    return gr.Scene(
-        name="block", grid=gr.Grid((0.0,) * dim, 0.05, (12, *(4 for _ in level), 8)),
+    return scene_with(
+        grid=gr.Grid((0.0,) * dim, 0.05, (12, *(4 for _ in level), 8)),
         fills=[gr.Fill(gr.Box((0.0,) * dim, (0.2, *level, 0.2)), 2**dim)],
         walls=[gr.Wall(dim - 1, 0.0), gr.Wall(0, 0.0)], material=SOFT, duration=0.04,
-        gravity=gr.Gravity((0.0,), ((0.0,) * (dim - 1) + (-9.8,),)),
         bodies=[Body(Box(size=(0.1,) * dim), position, motion=plate)],
     )  # fmt: skip
 
@@ -128,7 +128,7 @@ def test_a_table_has_a_row_for_each_point(record):
     assert np.array_equal(table["stress_xy"], state.stress[:, 3])
     for name in ("pressure", "shear_stress", "density", "speed"):
         assert np.array_equal(table[name], getattr(state, name))
-    assert table.attrs == {"scene": "block", "time": state.time, "step": state.step}
+    assert table.attrs == {"scene": "test", "time": state.time, "step": state.step}
     assert "mu" in gr.export.to_pandas(state, fields=["mu"])
 
 

@@ -13,14 +13,13 @@ import inlets
 import numpy as np
 import pytest
 from inlets import fed_gas, stream
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular import Body, Box, sph
 from granular.mpm.bodies import mass_properties
 from granular.record import RecordError, TrajectoryWriter
 from granular.record.restart import read_restart, write_restart
-
-pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 
 FLOATS = (np.inf, -np.inf, np.nan, 0.0, -1.0, 1e300, -1e300, 1e59, 1e20, 5e-324, 2.0**63)
 INTEGERS = (0, -1, 1, 5, 2**31, -(2**31), 2**32, 2**62, 2**63 - 1, -(2**63))
@@ -39,15 +38,12 @@ def choked():
 
 
 def bed(*walls, bodies=()):
-    return gr.Scene(
-        name="bed",
+    return scene_with(
         grid=gr.Grid((0.0, 0.0), 0.1, (6, 8)),
         fills=[gr.Fill(gr.Box((0.0, 0.0), (0.6, 0.4)), 4)],
         material=gr.MuI(E=1e5),
         walls=[gr.Wall(0, 0.0), gr.Wall(0, 0.6), gr.Wall(1, 0.0), *walls],
         bodies=bodies,
-        gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
-        duration=1.0,
     )
 
 

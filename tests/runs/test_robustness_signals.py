@@ -10,6 +10,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular.materials import from_function, law_functions, own
@@ -55,19 +56,15 @@ def raising_once(dt, parameters, gradient, log_density, stress, shear_rate, hist
         raise TimeoutError("from elsewhere")
 
 
-def scene_with(law=None):
-    grid, gravity = gr.Grid((0.0, 0.0), 0.1, (6, 4)), gr.Gravity((0.0,), ((0.0, -9.8),))
-    return gr.Scene(
-        name="small",
-        grid=grid,
+def block_of(law=None):
+    return scene_with(
+        grid=gr.Grid((0.0, 0.0), 0.1, (6, 4)),
         fills=[gr.Fill(gr.Box((0.0, 0.0), (0.3, 0.3)), 4)],
         material=gr.materials.glass_beads.replace(E=1e7)
         if law is None
         else from_function(law, E=1e7),
         walls=[gr.Wall(0, 0.0, kind="free_slip"), gr.Wall(1, 0.0)],
         scheme=gr.schemes.default.replace(density=gr.SmoothedDensity(flutter_damping=0)),
-        gravity=gravity,
-        duration=1.0,
     )
 
 
@@ -88,7 +85,7 @@ def unbroken(tmp_path_factory):
     """Digests of checkpoints without a signal."""
     found = {}
     for how in ("step", "run"):
-        sim = gr.Simulation(scene_with(damped), threads=1)
+        sim = gr.Simulation(block_of(damped), threads=1)
         go_on(sim, how, tmp_path_factory.mktemp("signals") / "whole.h5")
         found[how] = sim.checkpoint().digest
     return found
@@ -100,7 +97,7 @@ def ctrl_c_by_alarm(number, frame):
 
 def trial(how, seconds, path, error):
     """Interrupt a simulation after a time and let it go on; return whether it was at work."""
-    sim = gr.Simulation(scene_with(damped), threads=1)
+    sim = gr.Simulation(block_of(damped), threads=1)
     inside = True
     with pytest.raises(error):
         signal.setitimer(signal.ITIMER_REAL, seconds)
@@ -136,7 +133,7 @@ def test_a_signal_at_any_time_loses_nothing(handler, error, how, trials, tmp_pat
 def test_signals_within_a_law_wait_for_the_end_of_the_step(threads):
     """Both handlers are called, each once a call of the core, and no step is lost or changed."""
     seen = []
-    sims = [gr.Simulation(scene_with(law), threads=threads) for law in (interrupting, damped)]
+    sims = [gr.Simulation(block_of(law), threads=threads) for law in (interrupting, damped)]
     with handlers(lambda number, frame: seen.append(sims[0].steps), signal.SIGALRM):
         for made in range(1, 6):
             with pytest.raises(KeyboardInterrupt):
@@ -151,7 +148,7 @@ def test_handlers_that_do_not_raise_change_nothing(tmp_path, unbroken):
     seen = []
     with handlers(lambda number, frame: seen.append(number), signal.SIGALRM, signal.SIGUSR1):
         signal.setitimer(signal.ITIMER_REAL, 1e-3, 1e-3)
-        sim = gr.Simulation(scene_with(damped), threads=1)
+        sim = gr.Simulation(block_of(damped), threads=1)
         go_on(sim, "run", tmp_path / "run.h5")
     assert sim.checkpoint().digest == unbroken["run"]
     assert len(seen) > 3
@@ -160,7 +157,7 @@ def test_handlers_that_do_not_raise_change_nothing(tmp_path, unbroken):
 def test_many_steps_and_sph_heed_signals():
     """So does a law that is not in Python, and a chunk without an end."""
     sph = gr.scenes.incline_sph(height=0.03, columns=6)
-    for scene in (scene_with(), sph):
+    for scene in (block_of(), sph):
         sim = gr.Simulation(scene, threads=1)
         with handlers(raising, signal.SIGALRM):
             signal.setitimer(signal.ITIMER_REAL, 0.05)
@@ -176,18 +173,18 @@ def test_many_steps_and_sph_heed_signals():
 @pytest.mark.usefixtures("ctrl_c")
 def test_signals_in_hooks_and_in_runs_within_them(tmp_path):
     """A hook is code of the user: handlers run at once in it, and wait in what it simulates."""
-    inner = gr.Simulation(scene_with(interrupting), threads=1)
+    inner = gr.Simulation(block_of(interrupting), threads=1)
 
     def hook(sim):
         if sim.steps:
             inner.run(until=0.01, monitor=False)
 
-    sim = gr.Simulation(scene_with(damped), threads=1)
+    sim = gr.Simulation(block_of(damped), threads=1)
     with handlers(lambda number, frame: None, signal.SIGALRM), pytest.raises(KeyboardInterrupt):
         sim.run(until=0.1, save=tmp_path / "run.h5", hooks=(hook,))
     assert inner.steps and np.isfinite(inner.state.stress).all()
     sim.run(until=0.1)
-    other = gr.Simulation(scene_with(damped), threads=1).run(until=0.1)
+    other = gr.Simulation(block_of(damped), threads=1).run(until=0.1)
     assert sim.checkpoint().digest == other.checkpoint().digest
 
 
@@ -226,7 +223,7 @@ def test_all_waiting_signals_are_delivered():
 
 
 def test_other_threads_run_no_handlers():
-    sim = gr.Simulation(scene_with(damped), threads=1)
+    sim = gr.Simulation(block_of(damped), threads=1)
     thread = threading.Thread(target=sim.step, args=(5,))
     thread.start()
     thread.join()
@@ -239,7 +236,7 @@ def test_other_threads_run_no_handlers():
 def test_an_exception_from_elsewhere_leaves_the_state_whole(monkeypatch, unbroken):
     """As a thread sets one: the core calls the function again, and what was raised is raised."""
     monkeypatch.setattr(own, "frozen", lambda law: ("raising once", law))  # which may not read ONCE
-    sim = gr.Simulation(scene_with(raising_once), threads=1)
+    sim = gr.Simulation(block_of(raising_once), threads=1)
     sim.step(10)
     monkeypatch.setenv(ONCE, "1")
     with pytest.raises(TimeoutError, match="from elsewhere"):
@@ -251,7 +248,7 @@ def test_an_exception_from_elsewhere_leaves_the_state_whole(monkeypatch, unbroke
 def test_a_law_that_fails_is_told_at_once_and_costs_no_checkpoint(tmp_path):
     """The state is then of no use, which the next call says; the record has the last good one."""
     path = tmp_path / "run.h5"
-    sim = gr.Simulation(scene_with(failing_late), threads=2)
+    sim = gr.Simulation(block_of(failing_late), threads=2)
     with pytest.raises(ZeroDivisionError, match="too dense"):
         sim.run(until=UNTIL, save=path, every=0.02)
     for use in (sim.step, sim.checkpoint, lambda: sim.run(until=UNTIL)):
@@ -262,7 +259,7 @@ def test_a_law_that_fails_is_told_at_once_and_costs_no_checkpoint(tmp_path):
     again = gr.Simulation.resume(path, threads=1)
     with pytest.raises(ZeroDivisionError, match="too dense"):
         again.run(until=UNTIL)
-    other = gr.Simulation(scene_with(failing_late), threads=1)
+    other = gr.Simulation(block_of(failing_late), threads=1)
     other.step(1)  # not told of what the others raised
 
 
@@ -275,7 +272,7 @@ def failing_late(dt, parameters, gradient, log_density, stress, shear_rate, hist
 @pytest.mark.parametrize("calls", [1, 2])
 def test_a_call_that_never_says_it_is_done_is_told(monkeypatch, calls):
     """As when Python ends a function before its first line, where nothing can be kept."""
-    scene = scene_with(damped)
+    scene = block_of(damped)
     made = law_functions.from_python(damped, "numpy")
     left = [calls]
 

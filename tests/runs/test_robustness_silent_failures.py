@@ -5,9 +5,10 @@ import warnings
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
-from granular import Box, Elastic, Fill, Gravity, Grid
+from granular import Box, Elastic, Fill, Grid
 from granular.mpm import limits
 from granular.run.monitor import SPACING
 
@@ -88,14 +89,12 @@ MATERIALS = {
 def test_nonsense_of_any_material_is_suspect(material):
     """Density of 2.5e15 kg/m3, void ratio of 1e115, speeds of waves and strains of a step."""
     chosen = MATERIALS[material]
-    scene = gr.Scene(
-        name="nonsense",
+    scene = scene_with(
         grid=Grid((0.0, 0.0), 0.1, (8, 8), periodic=(True, True)),
         fills=(Fill(Box((0.0, 0.0), (0.8, 0.8)), 4),),
         material=chosen,
         scheme=gr.Scheme(dt=1e-4),
-        gravity=Gravity((0.0,), ((0.0, 0.0),)),
-        duration=1.0,
+        gravity=0.0,
     )
 
     def suspect(field, change):
@@ -132,13 +131,12 @@ def test_slow_flow_is_ill_posed_and_reported():
 
 def test_a_bar_that_is_torn_by_the_grid():
     """Four points per cell: a bar stretched to twice its length has points a cell apart."""
-    scene = gr.Scene(
-        name="drawn",
+    scene = scene_with(
         grid=Grid((0.0, 0.0), 0.1, (40, 3)),
         fills=(Fill(Box((1.5, 0.1), (2.5, 0.2)), 4),),
         material=Elastic(E=1.0, nu=0.0),
         scheme=gr.Scheme(basis="linear", dt=2e-3),
-        gravity=Gravity((0.0,), ((0.0, 0.0),)),
+        gravity=0.0,
         duration=2.0,
     )
     sim = gr.Simulation(scene, threads=1)

@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
 import granular.model.grid
@@ -310,12 +311,9 @@ def rocks(seed, *, buried=False):
     bottom = 4 if buried else 12
     fill = granular.Box((0.0, bottom * CELL), (16 * CELL, 20 * CELL))
     sides = [gr.Wall(0, at, kind="free_slip") for at in (0.0, 16 * CELL)]
-    return gr.Scene(
-        name="rocks",
+    return scene_with(
         grid=gr.Grid((0.0, 0.0), CELL, (16, 24)),
         fills=(gr.Fill(fill, 4, velocity=(0.0, -1.0)),),
-        material=gr.MuI(E=1e6),
-        gravity=Gravity((0.0,), ((0.0, -9.8),)),
         walls=(*sides, gr.Wall(1, 0.0), *blocks),
         duration=0.4,
     )

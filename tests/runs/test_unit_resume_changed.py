@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular import scenes
@@ -60,16 +61,13 @@ def test_numbers_of_material_and_scheme_change(flying):
 
 
 def bed(E, scheme, bodies=()):
-    return gr.Scene(
-        name="bed",
+    return scene_with(
         grid=gr.Grid((0.0, 0.0), 0.01, (12, 16)),
         fills=(gr.Fill(gr.Box((0.0, 0.0), (0.12, 0.1)), 4, lithostatic=True),),
         material=gr.MuI(E=E),
         scheme=scheme,
         walls=(gr.Wall(1, 0.0), *(gr.Wall(0, x, kind="free_slip") for x in (0.0, 0.12))),
         bodies=bodies,
-        gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
-        duration=1.0,
     )
 
 

@@ -14,8 +14,6 @@ SIZES = (1e-300, 1e-30, 1e-8, 1e30, 1e300)
 MADE_OF = ("duration", "points", "rate", "alpha", "E is too small", "strength", "xi")
 FLOOR = {"walls": (Wall(1, 0.0),)}
 
-pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
-
 
 def scene_of(material, **parts):
     base = {

@@ -4,9 +4,10 @@ import warnings
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
-from granular import Box, Fill, Gravity, Grid, Solid, Wall, scene_warnings
+from granular import Box, Fill, Grid, Solid, Wall, scene_warnings
 from granular.mpm.limits import COURANT_LIMIT, dt_limit
 
 BEADS = gr.materials.glass_beads.replace(E=1e6)
@@ -19,13 +20,11 @@ def layer(**options):
 
 def divided(wall, fill=(0.0, 1.0)):
     """A bed 0.3 m high with a wall at x = 0.5 m."""
-    return gr.Scene(
-        name="bed",
+    return scene_with(
         grid=Grid((0.0, 0.0), 0.02, (50, 25)),
         fills=(Fill(Box((fill[0], 0.0), (fill[1], 0.3)), 4, lithostatic=True),),
         material=BEADS,
         walls=(wall, Wall(1, 0.0), Wall(0, 0.0), Wall(0, 1.0)),
-        gravity=Gravity((0.0,), ((0.0, -9.8),)),
         duration=0.1,
     )
 
@@ -268,15 +267,12 @@ def test_limits_are_those_of_a_single_point():
 def test_a_fixed_step_must_suit_the_speed_at_the_start():
     """Moving material crosses a cell sooner: its speed is added to that of waves."""
     material = gr.materials.MuI(E=1e4)
-    scene = gr.Scene(
-        name="thrown",
+    scene = scene_with(
         grid=Grid((0.0, 0.0), 0.1, (8, 8)),
         fills=(Fill(Box((0.1, 0.1), (0.6, 0.6)), 4, velocity=(3.0, 0.0)),),
         material=material,
         scheme=gr.schemes.default,
         walls=(Wall(1, 0.0, kind="no_slip"),),
-        gravity=Gravity((0.0,), ((0.0, -9.8),)),
-        duration=1.0,
     )
     step = 0.99 * dt_limit(scene)  # stable at rest
     with pytest.raises(ValueError, match=r"dt = .* points or bodies of 3 m/s"):
@@ -300,15 +296,12 @@ def test_several_fills():
     block = gr.Elastic(E=1e6, nu=0.3)
 
     def scene(scheme, count=4, material=None):
-        return gr.Scene(
-            name="two",
+        return scene_with(
             grid=Grid((0.0, 0.0), 0.05, (10, 10)),
             fills=(Fill(halves[0], 4), Fill(halves[1], count, material=material)),
             material=BEADS,
             scheme=scheme,
-            gravity=Gravity((0.0,), ((0.0, -9.8),)),
             walls=(Wall(1, 0.0),),
-            duration=1.0,
         )
 
     linear = gr.Scheme(basis="linear", transfer="flip", density=gr.ParticleDensity())

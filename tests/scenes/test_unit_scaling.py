@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular import (
@@ -14,7 +15,6 @@ from granular import (
     Gravity,
     Grid,
     Motion,
-    MuI,
     Solid,
     SpongeLayer,
     Wall,
@@ -48,11 +48,9 @@ def scene_2d():
     """A 2D scene with all other parts that have a length or a time."""
     shapes = (Cylinder(0.05, center=(0.0, 0.1)), Box(size=(0.1, 0.1), rotation_deg=20.0))
     region = Difference(Box((0.0, 0.0), (0.8, 0.4)), Sphere(0.1, center=(0.4, 0.4)))
-    return gr.Scene(
-        name="everything",
+    return scene_with(
         grid=Grid((0.0, 0.0), 0.05, (20, 14)),
         fills=(Fill(region, 4, velocity=(0.1, 0.0), jitter=0.5),),
-        material=MuI(E=1e6),
         scheme=gr.Scheme(transfer="flip", density=gr.ParticleDensity(), flip_decay=3.0, dt=2e-4),
         walls=(
             Wall(1, 0.0, kind="no_slip", span=((0.0, 0.5),)),
@@ -65,7 +63,6 @@ def scene_2d():
             Body(HalfSpace((-1.0, 0.0), (0.05, 0.0)), (0.9, 0.0)),
         ),
         gravity=Gravity((0.0, 0.05), ((0.0, 0.0), (1.0, -9.8))),
-        duration=1.0,
         seed=3,
     )
 

@@ -8,8 +8,6 @@ import pytest
 
 import granular as gr
 
-pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
-
 SPLINES = gr.Scheme(basis="quadratic", transfer="tpic", density=gr.ParticleDensity(), dt=1e-4)
 
 

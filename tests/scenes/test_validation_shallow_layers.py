@@ -11,8 +11,6 @@ from granular.verify.external import shallow
 
 ASKED = np.array(list(shallow.TOLERANCES.values()))
 
-pytestmark = pytest.mark.filterwarnings("ignore::granular.run.diagnostics.StabilityWarning")
-
 
 @pytest.mark.parametrize(
     "cells", [pytest.param(10), pytest.param(20, marks=pytest.mark.slow)], ids=["10", "20"]

@@ -11,7 +11,6 @@ BELT = {"cell": 0.02, "stock": 0.24, "height": 0.24, "run": 0.4, "duration": 1.2
 LINE = 0.16
 
 
-@pytest.mark.filterwarnings("ignore::granular.run.diagnostics.StabilityWarning")
 def test_a_rising_belt_carries_its_velocity_times_the_thickness():
     """Behind the gate all ride on the belt: their velocity is the belt's (0.3 % were found, 1 % is
     asked for). The layer is as high as the opening, less what it loosens on its way through: 0.88
@@ -33,7 +32,6 @@ def test_a_rising_belt_carries_its_velocity_times_the_thickness():
     assert passed == pytest.approx(1500.0 * thickness * speed, rel=0.03)
 
 
-@pytest.mark.filterwarnings("ignore::granular.run.diagnostics.StabilityWarning")
 def test_a_smooth_belt_carries_nothing_by_itself():
     """Without friction the bin runs out under its weight alone, whatever the belt does."""
     starts = [

@@ -36,7 +36,6 @@ def rate_over_theory(angle_deg, *, begin=0.3, end=0.5):
     return (m0 - m1) / (t1 - t0) / theory
 
 
-@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_a_narrow_smooth_hopper_empties_as_the_hourglass_theory_has_it():
     """The theory is exact as the angle tends to 0, and too high at angles: the free surface of the
     opening is no arc. Measured: 0.96, 0.96, 0.95 and 0.92 at 7, 10, 15 and 20 degrees."""
@@ -78,7 +77,6 @@ def test_walls_of_a_bin_bear_the_weight_that_janssen_says():
     assert across < 0.75 * ratio * np.trapezoid(1500.0 * 9.8 * z, z)  # without friction
 
 
-@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 @pytest.mark.parametrize(("angle_deg", "mass_flow"), [(12.0, True), (35.0, False)])
 def test_mass_flow_on_both_sides_of_the_limit_of_jenike(angle_deg, mass_flow):
     """Friction of 0.5 at the wall and sin d = mu_s = 0.5: the limit is 22 degrees."""

@@ -22,7 +22,6 @@ def slid(scene, times):
     return gr.measure.slide_history(states)
 
 
-@pytest.mark.filterwarnings("ignore::granular.run.diagnostics.StabilityWarning")
 @pytest.mark.parametrize(
     ("given", "spread"),
     [({"cell": 0.02}, 1e-3), ({"dim": 3, "thickness": 0.1, **SMALL}, 0.02)],

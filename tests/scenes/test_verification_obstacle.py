@@ -27,7 +27,6 @@ def test_a_bed_at_rest_presses_as_its_depth(cell):
     assert abs(felt[1]) < 1e-9 * felt[0]  # the face is smooth
 
 
-@pytest.mark.filterwarnings("ignore::granular.run.diagnostics.StabilityWarning")
 def test_a_fast_layer_is_turned_by_its_momentum_flux():
     """All of the momentum along the bed ends at a smooth wall, tall enough that the layer is turned
     by 90 degrees: rho h v^2, less what is stored in the heap at its foot. The first contact, until

@@ -5,10 +5,11 @@ import math
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 from schemes_by_name import scheme_of
 
 import granular as gr
-from granular import Box, Elastic, Fill, Gravity, Grid, MuI
+from granular import Box, Elastic, Fill, Grid, MuI
 from granular.verify.invariants import momentum
 
 
@@ -16,8 +17,7 @@ def closed_box(combination, *, material=None, gravity=(0.0, 0.0), **options):
     """Two streams that meet, without walls, periodic along both axes."""
     basis, transfer, density = combination
     count = 4 if basis == "ugimp" else 9  # whose points are boxes of one size
-    return gr.Scene(
-        name="closed",
+    return scene_with(
         grid=Grid((0.0, 0.0), 0.1, (5, 4), periodic=(True, True)),
         fills=(
             Fill(
@@ -27,8 +27,7 @@ def closed_box(combination, *, material=None, gravity=(0.0, 0.0), **options):
         ),
         material=material or MuI(E=1e6),
         scheme=scheme_of(basis, transfer, density, **options),
-        gravity=Gravity((0.0,), (gravity,)),
-        duration=1.0,
+        gravity=gravity,
         seed=1,
     )
 
@@ -187,13 +186,10 @@ def test_a_narrow_column_falls_as_a_whole(wide):
     cell, high, speed, g = 0.02, 6, -0.5, 9.81
     lower = (2 * cell, 2 * cell, 0.5)
     upper = (*(low + n * cell for low, n in zip(lower, wide, strict=False)), 0.5 + high * cell)
-    scene = gr.Scene(
-        name="column",
+    scene = scene_with(
         grid=Grid((0.0, 0.0, 0.0), cell, (10, 10, 40)),
         fills=(Fill(Box(lower, upper), 8, jitter=0.2, velocity=(0.0, 0.0, speed)),),
-        material=MuI(E=1e6),
-        gravity=Gravity((0.0,), ((0.0, 0.0, -g),)),
-        duration=1.0,
+        gravity=g,
     )
     sim = gr.Simulation(scene, threads=1)
     sim.step(40)

@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 from schemes_by_name import scheme_of
 
 import granular as gr
@@ -17,14 +18,12 @@ REST = Gravity((0.0,), ((0.0, 0.0),))
 
 def scene(combination, shape, fills, *, material=SOLID, periodic=(False, False), **scheme):
     basis, transfer, density = combination
-    return gr.Scene(
-        name="elastic",
+    return scene_with(
         grid=Grid((0.0, 0.0), CELL, shape, periodic=periodic),
         fills=fills,
         material=material,
         scheme=scheme_of(basis, transfer, density, **scheme),
         gravity=REST,
-        duration=1.0,
         seed=11,
     )
 
@@ -225,14 +224,12 @@ def bar(combination, cells, points=4, material=SOLID, **options):
     """A bar along x with one row of cells, periodic along both axes."""
     basis, transfer, density = combination
     cell = 3.2 / cells
-    base = gr.Scene(
-        name="bar",
+    base = scene_with(
         grid=Grid((0.0, 0.0), cell, (cells, 1), periodic=(True, True)),
         fills=(Fill(Box((0.0, 0.0), (3.2, cell)), points),),
         material=material,
         scheme=scheme_of(basis, transfer, density, **options),
         gravity=REST,
-        duration=1.0,
     )
     return gr.Simulation(base, threads=1)
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular import Body, Cloud, HalfSpace, Motion
@@ -22,14 +23,13 @@ def pressed(per_side):
     descent = -RATE * HEIGHT * CELL * np.exp(-RATE * times)
     motion = Motion(times=tuple(times), velocity=tuple((0.0, v) for v in descent))
     volume, count = (CELL / per_side) ** 2, per_side**2
-    return gr.Scene(
-        name="press",
+    return scene_with(
         grid=gr.Grid((0.0, 0.0), CELL, (48, HEIGHT + 6)),
         fills=(gr.Fill(Cloud(x, volume, RATE * x * (1.0, -1.0)), count),),
         material=gr.materials.glass_beads.replace(E=1e6),
         walls=tuple(gr.Wall(axis, 0.0, kind="free_slip") for axis in (0, 1)),
         bodies=(Body(HalfSpace((0.0, -1.0)), (0.0, HEIGHT * CELL), motion=motion),),
-        gravity=gr.Gravity((0.0,), ((-9.8, 0.0),)),
+        gravity=(-9.8, 0.0),
         duration=STRAIN / RATE,
     )
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular.export.surfaces import surface
@@ -65,13 +66,9 @@ CASES = [
 
 
 def scene_of(dim, fills, **more):
-    return gr.Scene(
-        name="shapes",
+    return scene_with(
         grid=gr.Grid((0.0,) * dim, CELLS[dim], (round(1.0 / CELLS[dim]),) * dim),
         fills=fills,
-        material=gr.MuI(E=1e6),
-        gravity=gr.Gravity((0.0,), ((0.0,) * (dim - 1) + (-9.8,),)),
-        duration=1.0,
         **more,
     )
 

@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 from scipy.optimize import minimize
 
 import granular as gr
-from granular import Body, Box, Fill, Gravity, Grid, HalfSpace, HeightMap, MuI, Union, _core
+from granular import Body, Box, Fill, Grid, HalfSpace, HeightMap, Union, _core
 from granular.export.surfaces import surface
 from granular.shapes.shape import turned
 
@@ -115,15 +116,11 @@ def test_beyond_its_edges_the_surface_goes_on():
 
 def bed(shape, **change):
     given = {"lower": (0.0, 0.0, 0.0), "cell": 0.05, "shape": (8, 6, 10)} | change
-    return gr.Scene(
-        name="ground",
+    return scene_with(
         grid=Grid(**given),
         fills=(Fill(Box((0.0, 0.0, 0.25), (0.4, 0.3, 0.35)), 8),),
-        material=MuI(E=1e6),
         scheme=gr.Scheme(dt=4e-4),
         bodies=(Body(shape, (0.0,) * 3, friction=0.3),),
-        gravity=Gravity((0.0,), ((0.0, 0.0, -9.8),)),
-        duration=1.0,
     )
 
 

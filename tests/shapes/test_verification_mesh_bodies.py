@@ -6,9 +6,10 @@ import sys
 import numpy as np
 import pytest
 from cube import CORNERS, FACES
+from scenes_by_hand import scene_with
 
 import granular as gr
-from granular import Body, Box, Fill, Gravity, Grid, Mesh, Motion, MuI, Union, Wall, _core
+from granular import Body, Box, Fill, Grid, Mesh, Motion, Union, Wall, _core
 from granular.shapes import mesh_samples
 
 CUBE, FACES = tuple(map(tuple, CORNERS)), tuple(map(tuple, FACES))
@@ -139,16 +140,12 @@ def test_a_sheet_has_a_thickness(trimesh):
 
 def bed(shape):
     motion = Motion(velocity=((0.3, 0.0, -0.4),))
-    return gr.Scene(
-        name="bed",
+    return scene_with(
         grid=Grid((0.0,) * 3, 0.05, (10, 8, 10)),
         fills=(Fill(Box((0.0,) * 3, (0.5, 0.4, 0.25)), 8),),
-        material=MuI(E=1e6),
         scheme=gr.Scheme(transfer="apic", density=gr.ParticleDensity(), dt=4e-4),
         walls=(Wall(2, 0.0, kind="no_slip"),),
         bodies=(Body(shape, (0.2, 0.2, 0.33), motion=motion, friction=0.3),),
-        gravity=Gravity((0.0,), ((0.0, 0.0, -9.8),)),
-        duration=1.0,
     )
 
 

@@ -7,6 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 from cube import CORNERS, FACES
+from scenes_by_hand import scene_with
 from scipy.spatial.transform import Rotation
 
 import granular as gr
@@ -278,19 +279,14 @@ def test_thickness(surface, spacing, thickness):
 
 
 def scene_of(shape, **scheme):
-    return gr.Scene(
-        name="tool",
+    return scene_with(
         grid=gr.Grid((-0.5,) * 3, 0.05, (20,) * 3),
         fills=(gr.Fill(gr.Box((-0.5, -0.5, -0.5), (0.5, 0.5, -0.3)), 8),),
-        material=gr.MuI(E=1e6),
         scheme=gr.Scheme(**scheme),
         bodies=(Body(shape, (0.0, 0.0, 0.1)),),
-        gravity=gr.Gravity((0.0,), ((0.0, 0.0, -9.8),)),
-        duration=1.0,
     )
 
 
-@pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 def test_thin_plates_are_refused_as_boxes_are():
     """Below two cells of 0.05 m, and below three they are warned of."""
     for plate in (lambda size: Box(size=size), lambda size: Mesh(*block(size), spacing=0.02)):

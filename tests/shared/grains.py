@@ -357,7 +357,7 @@ def pressed_discs(count=10):
 
 
 @cache
-def pressed_spheres(n=80):
+def pressed_spheres(n=40):
     """Spheres compressed in a box."""
     grains = oedometers([0], dim=3, n=n, width=0.026, free=12000, damped=1500)
     return settled(grains, [0])[0]

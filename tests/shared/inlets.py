@@ -1,6 +1,7 @@
 """Scenes with inflows for tests."""
 
 import numpy as np
+from scenes_by_hand import scene_with
 
 import granular as gr
 
@@ -14,14 +15,13 @@ def stream(*, dim=2, gravity=0.0, duration=0.3, inflow=None, **more):
     width, depth = (20, *(8,) * (dim - 2)), 40
     region = gr.Box((0.1, *(0.04,) * (dim - 2), 0.7), (0.3, *(0.12,) * (dim - 2), 0.74))
     given = {"velocity": (0.0,) * (dim - 1) + (-1.0,), "points_per_cell": 2**dim}
-    return gr.Scene(
+    return scene_with(
         **{
-            "name": "stream",
             "grid": gr.Grid((0.0,) * dim, CELL, (*width, depth), open_sides={f"{'yz'[dim - 2]}-"}),
             "fills": (),
             "inflows": (gr.Inflow(region, **given | (inflow or {})),),
             "material": SAND,
-            "gravity": gr.Gravity((0.0,), ((0.0,) * (dim - 1) + (-gravity,),)),
+            "gravity": gravity,
             "duration": duration,
         }
         | more
@@ -31,9 +31,8 @@ def stream(*, dim=2, gravity=0.0, duration=0.3, inflow=None, **more):
 def chute(*, speed=0.8, height=0.12, angle_deg=24.0, end=np.inf, **more):
     """A layer that a piston pushes down a rough chute of 0.6 m."""
     slope = np.radians(angle_deg)
-    return gr.Scene(
+    return scene_with(
         **{
-            "name": "pushed",
             "grid": gr.Grid((0.0, 0.0), CELL, (30, 12), open_sides={"x+"}),
             "fills": (gr.Fill(gr.Box((0.1, 0.0), (0.3, height)), 4, velocity=(speed, 0.0)),),
             "inflows": (
@@ -48,7 +47,7 @@ def chute(*, speed=0.8, height=0.12, angle_deg=24.0, end=np.inf, **more):
             ),
             "walls": (gr.Wall(1, 0.0),),
             "material": SAND,
-            "gravity": gr.Gravity((0.0,), ((9.81 * np.sin(slope), -9.81 * np.cos(slope)),)),
+            "gravity": (9.81 * np.sin(slope), -9.81 * np.cos(slope)),
             "duration": 0.4,
         }
         | more

@@ -3,6 +3,7 @@
 from itertools import pairwise
 
 import numpy as np
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular import shapes
@@ -124,13 +125,10 @@ def random_scene(seed):
                 )
             )
     fills = fills or [gr.Fill(gr.Box(tuple(low.tolist()), tuple(high.tolist())), 2**dim)]
-    return gr.Scene(
+    return scene_with(
         name=f"random {seed}",
         grid=grid,
         fills=tuple(fills),
-        material=gr.MuI(E=1e6),
-        gravity=gr.Gravity((0.0,), ((0.0,) * (dim - 1) + (-9.8,),)),
-        duration=1.0,
         scheme=gr.Scheme(transfer="tpic", density=gr.ParticleDensity()),
         bodies=solid,
         seed=seed,

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular import Body, HalfSpace, Motion, _core
@@ -71,13 +72,11 @@ def test_a_pushed_smooth_wall_lies_between():
     """A wall pushed at 2 cm/s into level ground 0.1 m high and 0.4 m long, for 1 cm."""
     material, height, speed = gr.DruckerPrager(E=1e6, mu=MU), 0.1, 0.02
     motion = Motion(times=(0.0, 0.05), velocity=((0.0, 0.0), (speed, 0.0)))
-    scene = gr.Scene(
-        name="pushed",
+    scene = scene_with(
         grid=gr.Grid((0.0, 0.0), 0.01, (45, 16)),
         fills=(gr.Fill(gr.Box((0.05, 0.0), (0.45, height)), 4, lithostatic=True),),
         walls=(gr.Wall(1, 0.0, kind="no_slip"), gr.Wall(0, 0.45, kind="free_slip")),
         material=material,
-        gravity=gr.Gravity((0.0,), ((0.0, -9.8),)),
         duration=0.5,
         bodies=(Body(HalfSpace((1.0, 0.0)), (0.05, 0.0), motion=motion),),
     )

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 from schemes_by_name import scheme_of
 from scipy.interpolate import BSpline
 
@@ -360,15 +361,13 @@ SCHEMES = [
 def moved(velocity, sponge, combination, steps=10):
     """A cloud without weight that moves as a whole, in the middle of 8 m by 8 m."""
     basis, transfer, density = combination
-    scene = gr.Scene(
-        name="cloud",
+    scene = scene_with(
         grid=Grid((0.0, 0.0), 1.0, (8, 8)),
         fills=(Fill(Box((2.0, 2.0), (6.0, 6.0)), 4, velocity=velocity),),
         material=gr.materials.MuI(E=1e5),
         scheme=scheme_of(basis, transfer, density, dt=1e-3),
         sponge_layers=(sponge,),
-        gravity=Gravity((0.0,), ((0.0, 0.0),)),
-        duration=1.0,
+        gravity=0.0,
     )
     sim = gr.Simulation(scene, threads=1)
     sim.step(steps)

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
 
@@ -14,8 +15,6 @@ SCHEMES = {
     "cell_averaged": gr.schemes.cell_averaged,
     **{transfer: gr.Scheme(transfer=transfer) for transfer in ("flip", "apic", "xpic")},
 }
-
-pytestmark = pytest.mark.filterwarnings("ignore::granular.StabilityWarning")
 each_scheme = pytest.mark.parametrize("name", list(SCHEMES))
 
 
@@ -101,14 +100,12 @@ def test_material_leaves(material, name):
 
     def lag(kind):
         cloud = gr.Cloud(x, np.full(len(x), CELL**2 / 4), velocity=velocity)
-        scene = gr.Scene(
-            name="thrown",
+        scene = scene_with(
             grid=gr.Grid((0.0, 0.0), CELL, (20, 8)),
             fills=(gr.Fill(cloud, 4),),
             material=material,
             scheme=SCHEMES[name],
-            gravity=gr.Gravity((0.0,), ((pull, 0.0),)),
-            duration=1.0,
+            gravity=(pull, 0.0),
             walls=(gr.Wall(0, 0.0, kind=kind),),
         )
         sim = gr.Simulation(scene, threads=1)

@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular import Body, Box, CellAveragedDensity, Motion, ParticleDensity, measure
@@ -53,16 +54,13 @@ def thrown(scheme, dim=2):
     motion = Motion(velocity=(at(0.3, -0.5, dim, 0.1),))
     body = Body(Box(size=(0.16,) * dim), at(0.35, 0.5, dim, 0.4), motion=motion, friction=0.3)
     fill = gr.Box((LOW,) * dim, at(LOW + 8 * CELL, LOW + 6 * CELL, dim, HIGH))
-    return gr.Scene(
-        name="thrown",
+    return scene_with(
         grid=gr.Grid((LOW,) * dim, CELL, (CELLS,) * dim),
         fills=(gr.Fill(fill, 2**dim, velocity=at(1.5, -1.0, dim, 0.4), jitter=0.5),),
-        material=gr.MuI(E=1e6),
         scheme=scheme,
         walls=tuple(walls),
         bodies=(body,),
-        gravity=gr.Gravity((0.0,), (at(0.5, -9.8, dim, 0.2),)),
-        duration=1.0,
+        gravity=at(0.5, -9.8, dim, 0.2),
     )
 
 
@@ -281,16 +279,12 @@ def pressed(dim, cut):
         friction=0.3,
     )
     ends = [(axis, x) for at in (high, low) for axis, x in enumerate(at[:-1])]
-    return gr.Scene(
-        name="pressed",
+    return scene_with(
         grid=gr.Grid(low, CELL, shape),
         fills=(gr.Fill(gr.Box(low, (*high[:-1], 3 * CELL)), 2**dim),),
-        material=gr.MuI(E=1e6),
         scheme=gr.Scheme(basis="linear", transfer="flip", density=ParticleDensity()),
-        gravity=gr.Gravity((0.0,), ((0.0,) * (dim - 1) + (-9.8,),)),
         walls=(gr.Wall(dim - 1, 0.0), *(gr.Wall(*end, kind="free_slip") for end in ends)),
         bodies=(body,),
-        duration=1.0,
         parameters=({}, {"half": True}, {"quarter": True})[(dim - 1) * cut],
     )
 
