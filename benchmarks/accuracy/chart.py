@@ -87,7 +87,7 @@ def _moduli(ax: Axes, points: Sequence[tuple[Row, float]]) -> None:
 
 
 def _numbers(ax: Axes, best: Sequence[tuple[Row, float]]) -> None:
-    """Number the points of the front, next to the corner of its steps where there is room."""
+    """Number the points of the front, next to the corner of its steps where there is space."""
     for i, (row, e) in enumerate(best, 1):
         ax.annotate(
             str(i),
