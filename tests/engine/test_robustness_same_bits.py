@@ -11,18 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from oracle_fluidity import available
-from same_bits import bits, same_bits, stepped
+from same_bits import bits, same_bits, shown, stepped
 from scenes_by_hand import scene_with
 from schemes_by_name import scheme_of
 
 import granular as gr
 from granular import cli
-
-
-def shown(state):
-    """The fields of a state that a user sees, as bytes."""
-    return state.time, state.step, state.dt, {k: a.tobytes() for k, a in state.fields.items()}
-
 
 # ---- threads ----
 

@@ -210,13 +210,13 @@ def test_other_frames_survive_a_damaged_one(tmp_path):
 
 
 def test_damage_of_the_last_entry_of_a_log_is_reported(tmp_path):
-    """Any byte of it; what a writer that was killed leaves of it is none."""
+    """Any byte of it, here every third; what a writer that was killed leaves of it is none."""
     path = tmp_path / "a.h5"
     abandon(unfinished(path))
     log, chance = parts_folder(path) / LOG, random.Random(3)
     good = log.read_bytes()
     last = good.rindex(MAGIC)
-    for at in range(last, len(good)):
+    for at in (*range(last, len(good) - 1, 3), len(good) - 1):
         bad = bytearray(good)
         bad[at] ^= 1 << chance.randrange(8)
         for spoilt in (bad, good[:at] + good[at + 1 :] if at + 1 < len(good) else bad):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from same_bits import shown
 
 import granular as gr
 from granular.mpm.limits import dt_limit
@@ -18,11 +19,6 @@ from granular.run.running import next_frame
 
 ROOT = Path(__file__).parents[2]
 PLAIN = ("linear", "flip", "particle")
-
-
-def shown(state):
-    """The fields of a state that a user sees, as bytes."""
-    return state.time, state.step, state.dt, {k: a.tobytes() for k, a in state.fields.items()}
 
 
 def spoil(sim, name, value):

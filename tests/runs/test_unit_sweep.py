@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from records import abandon
+from same_bits import shown
 
 import granular as gr
 from granular.run import running, sweeping
@@ -56,10 +57,9 @@ def quiet(cases, executor=None, **options):
     return gr.sweep(cases, executor, progress=False, **options)
 
 
-def shown(record):
+def stored(record):
     """All frames of a record and its checkpoint, as bytes."""
-    frames = [(s.time, s.step, {k: a.tobytes() for k, a in s.fields.items()}) for s in record]
-    return frames, record.checkpoint().digest
+    return [shown(state) for state in record], record.checkpoint().digest
 
 
 def final_height(record):
@@ -171,7 +171,7 @@ def test_an_interrupted_sweep_goes_on_to_the_same_bits(
     for one, other in zip(whole, again, strict=True):
         assert one.finished
         assert other.finished
-        assert shown(one) == shown(other)
+        assert stored(one) == stored(other)
         assert other.provenance["threads"] == 1
     assert len(again[1].provenance["earlier"]) == 1  # resumed, not run again
 
@@ -259,7 +259,7 @@ def test_processes(scenes, tmp_path):
         assert times.tobytes() == here[i].times.tobytes()
         assert provenance["threads"] == 1
         with gr.open(there.paths[i]) as record:
-            assert shown(record) == shown(here[i])
+            assert stored(record) == stored(here[i])
 
 
 @pytest.mark.usefixtures("ctrl_c")

@@ -5,6 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
+from scenes_by_hand import scene_with
 
 import granular as gr
 from granular import Solid, SpongeLayer, Wall, materials, shapes
@@ -16,15 +17,13 @@ FLOOR = {"walls": (Wall(1, 0.0),)}
 
 
 def scene_of(material, **parts):
-    base = {
-        "name": "numbers",
-        "grid": gr.Grid((0.0, 0.0), 0.1, (16, 12)),
-        "fills": (gr.Fill(gr.Box((0.0, 0.0), (0.5, 0.4)), 4, velocity=(0.1, 0.0)),),
-        "gravity": gr.Gravity((0.0, 0.1), ((0.0, -1.0), (0.0, -9.8))),
-        "duration": 1.0,
-        "material": material,
-    }
-    return gr.Scene(**base | parts)
+    fill = gr.Fill(gr.Box((0.0, 0.0), (0.5, 0.4)), 4, velocity=(0.1, 0.0))
+    return scene_with(
+        grid=gr.Grid((0.0, 0.0), 0.1, (16, 12)),
+        gravity=gr.Gravity((0.0, 0.1), ((0.0, -1.0), (0.0, -9.8))),
+        material=material,
+        **{"fills": (fill,)} | parts,
+    )
 
 
 def everything():

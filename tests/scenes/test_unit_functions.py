@@ -37,7 +37,11 @@ def fixed_along_y(scene, y, time=0.0):
     return xs, np.array(held)
 
 
-COARSE = {"couette": {"cell": 0.02, "height": 0.06}, "excavation": {"cell": 0.025}}
+COARSE = {
+    "couette": {"cell": 0.025, "height": 0.05},
+    "cylinder_collapse": {"cell": 0.025},
+    "excavation": {"cell": 0.025},
+}
 """Coarse cells for scenes that have very many by default."""
 
 MPM = (
@@ -77,7 +81,7 @@ PARTS = ("duration", "material", "method", "numerics", "scheme", "seed")
 DERIVED = {
     "chute_ngf": {"columns_across": 0},
     "column_collapse": {"cell": 0.0125, "lip": pytest.approx(142 * 0.0125), "half": True},
-    "cylinder_collapse": {"lip": pytest.approx(47 * 0.0125), "quarter": True},
+    "cylinder_collapse": {"lip": pytest.approx(24 * 0.025), "quarter": True},
     "hopper": {"half": True},
     "hourglass": {"width": 1.0, "half": True},
     "rotating_drum": {"froude": pytest.approx(0.1 / 5.0)},

@@ -9,6 +9,16 @@ def bits(sim):
     return point.scalars, {name: array.tobytes() for name, array in point.arrays.items()}
 
 
+def fields(state):
+    """The fields of a state, or of a part of it, as bytes."""
+    return {name: array.tobytes() for name, array in state.fields.items()}
+
+
+def shown(state):
+    """What a user sees of a state, as bytes."""
+    return state.time, state.step, state.dt, fields(state)
+
+
 def stepped(scene, *steps, threads=1):
     """A simulation after these numbers of steps, each in a call of its own."""
     sim = gr.Simulation(scene, threads=threads)

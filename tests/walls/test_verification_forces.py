@@ -105,16 +105,11 @@ def bed(dim=2, **changes):
     walls = [gr.Wall(dim - 1, 0.0), *(gr.Wall(0, x, kind="free_slip") for x in (0.0, 0.4))]
     shape = at(8, 8, dim, 4)
     fill = gr.Fill(gr.Box((0.0,) * dim, at(0.4, 0.3, dim, 0.2)), 2**dim, lithostatic=True)
-    options = {
-        "name": "bed",
-        "grid": gr.Grid((0.0,) * dim, CELL, shape, periodic=at(False, False, dim, True)),
-        "fills": (fill,),
-        "material": gr.MuI(E=1e6),
-        "walls": tuple(walls),
-        "gravity": gr.Gravity((0.0,), (at(0.0, -9.8, dim, 0.0),)),
-        "duration": 0.2,
-    }
-    return gr.Scene(**(options | changes))
+    return scene_with(
+        grid=gr.Grid((0.0,) * dim, CELL, shape, periodic=at(False, False, dim, True)),
+        fills=(fill,),
+        **{"walls": walls, "duration": 0.2} | changes,
+    )
 
 
 @pytest.mark.parametrize("dim", [2, 3])
