@@ -152,7 +152,14 @@ def rows(quick: bool) -> list[tuple[str, ...]]:
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Table of the page."""
-    head = ("I", "wave length, m", "mu(I): theory, 1/s", "found", "regularised: theory", "found")
+    head = (
+        "I",
+        "wave length, m",
+        "mu(I): theory, 1/s",
+        "measured",
+        "regularised: theory",
+        "measured",
+    )
     return {"short waves": markdown(head, results["rows"])}
 
 
