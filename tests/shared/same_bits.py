@@ -15,7 +15,7 @@ def fields(state):
 
 
 def shown(state):
-    """What a user sees of a state, as bytes."""
+    """Time, step, step size and fields of a state, as bytes."""
     return state.time, state.step, state.dt, fields(state)
 
 
