@@ -16,14 +16,24 @@ from granular.verify.rows import Check, at_most
 RESULTS = Path(__file__).parents[2] / "benchmarks" / "results"
 
 
-def test_a_quick_table_of_bodies_is_written(module, tmp_path, capsys):
+@pytest.fixture
+def measure(module, tmp_path, capsys):
+    """Function that runs a script with --quick; returns it, its results and the printed lines."""
+
+    def run(name, *options):
+        script, out = module(name), tmp_path / f"{name}.json"
+        script.main([*options, "--quick", "--out", str(out)])
+        results = json.loads(out.read_text(), parse_constant=pytest.fail)
+        return script, results, capsys.readouterr().out.splitlines()
+
+    return run
+
+
+def test_a_quick_table_of_bodies_is_written(measure):
     """Each row has lines with numbers; a second call measures nothing."""
-    script, out = module("bodies"), tmp_path / "table.json"
-    script.main(["--quick", "--only", "bed", "box", "plate", "--out", str(out)])
-    assert len(capsys.readouterr().out.splitlines()) == 3
-    script.main(["--quick", "--only", "bed", "--out", str(out)])
-    assert capsys.readouterr().out == ""
-    table = json.loads(out.read_text())
+    assert len(measure("bodies", "--only", "bed", "box", "plate")[2]) == 3
+    script, table, printed = measure("bodies", "--only", "bed")
+    assert not printed
     text = "\n".join(script.tables(table)["bodies"])
     assert all(case["deepest"] < 0.25 for row in table["rows"].values() for case in row.values())
     for name in table["rows"]:
@@ -31,17 +41,35 @@ def test_a_quick_table_of_bodies_is_written(module, tmp_path, capsys):
     assert "nan" not in text and "inf" not in text
 
 
+def test_quick_tables_of_free_bodies_are_written(measure):
+    """A second call measures nothing; each table has a stamp of its own."""
+    assert len(measure("free_bodies", "light", "craters")[2]) == 2
+    script, results, printed = measure("free_bodies", "light", "craters")
+    assert not printed and results["stamps"].keys() == {"light", "craters"}
+    made = script.tables(results)
+    assert made["light"][0] == "| mass over that of a cell | radius of 4 cells |"
+    assert made["craters"][2].startswith("| 0.2 | 2.5 |")
+
+
+def test_a_quick_table_of_features_is_written(measure):
+    """Two features are measured in turns; the table has a row for each, in their order."""
+    script, results, printed = measure("features", "--only", "cohesion", "SPH inflow")
+    rows = results["rows"]
+    assert list(rows) == ["cohesion", "SPH inflow"] and len(printed) == 2
+    assert all(1.0 < row["off"] < 1e5 and 0.1 < row["ratio"][1] < 10.0 for row in rows.values())
+    text = "\n".join(script.tables(results)["features"])
+    assert text.index("with cohesion") < text.index("SPH, an inflow")
+
+
 @pytest.mark.slow
-def test_a_quick_table_of_speed_is_written(module, tmp_path, capsys):
+def test_a_quick_table_of_speed_is_written(measure):
     """The table has a time for each scheme and state, with one thread and with two."""
-    script, out = module("speed"), tmp_path / "speed.json"
-    script.main(["--quick", "--out", str(out)])
-    table = json.loads(out.read_text())
+    script, table, printed = measure("speed")
     rows = table["rows"]
     assert {row["scheme"] for row in table["space"]} == set(script.SCHEMES)
     assert len(rows) == 4 * len(script.SCHEMES) and {row["threads"] for row in rows} == {1, 2}
     assert all(1.0 < row["ns"] < 1e4 for row in rows)
-    assert len(capsys.readouterr().out.splitlines()) == 2 + len(rows) / 2 + len(table["space"])
+    assert len(printed) == 2 + len(rows) / 2 + len(table["space"])
 
 
 def test_the_smaller_time_of_two_runs_is_kept(module):
@@ -62,12 +90,11 @@ def test_the_smaller_time_of_two_runs_is_kept(module):
         )
 
 
-def test_a_quick_table_of_places_is_written(module, tmp_path, monkeypatch):
+def test_a_quick_table_of_places_is_written(module, measure, monkeypatch):
     """Buffers are larger than the points, and the table has a row for each case."""
-    script, out = module("places"), tmp_path / "places.json"
-    monkeypatch.setattr(script, "CASES", dict(list(script.CASES.items())[-1:]))
-    script.main(["--quick", "--out", str(out)])
-    results = json.loads(out.read_text())
+    cases = dict(list(module("places").CASES.items())[-1:])
+    monkeypatch.setattr(module("places"), "CASES", cases)
+    script, results, _ = measure("places")
     (sizes,) = results["cases"].values()
     assert sizes["points"] == 2048 and 1.0 < sizes["start"] <= sizes["end"] < 2.0
     (lines,) = script.tables(results).values()
@@ -76,13 +103,11 @@ def test_a_quick_table_of_places_is_written(module, tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_a_quick_table_in_3d_is_written(module, tmp_path, capsys):
-    script, out = module("speed_3d"), tmp_path / "speed.json"
-    script.main(["--quick", "--out", str(out)])
-    rows = json.loads(out.read_text())["rows"]
-    assert [row["case"] for row in rows] == list(script.CASES)
-    assert all(1.0 < t < 1e4 for row in rows for t in row["ns"])
-    assert len(capsys.readouterr().out.splitlines()) == 1 + len(rows)
+def test_a_quick_table_in_3d_is_written(measure):
+    script, table, printed = measure("speed_3d")
+    assert [row["case"] for row in table["rows"]] == list(script.CASES)
+    assert all(1.0 < t < 1e4 for row in table["rows"] for t in row["ns"])
+    assert len(printed) == 1 + len(table["rows"])
 
 
 def test_serial_samples_are_those_outside_of_the_team(module):
@@ -101,20 +126,16 @@ def test_serial_samples_are_those_outside_of_the_team(module):
     assert serial == {"finish": 1, "make_steps": 1, "gr_migrate": 1}
 
 
-def test_a_quick_table_of_threads_beside_others_is_written(module, tmp_path, capsys):
-    out = tmp_path / "threads.json"
-    module("threads_beside_others").main(["--quick", "--out", str(out)])
-    rows = json.loads(out.read_text())["rows"]
-    assert [row["others"] for row in rows] == [0, 1, 2]
-    assert all(seconds > 0 for row in rows for seconds in row["seconds"].values())
-    assert len(capsys.readouterr().out.splitlines()) == 1 + len(rows)
+def test_a_quick_table_of_threads_beside_others_is_written(measure):
+    _, table, printed = measure("threads_beside_others")
+    assert [row["others"] for row in table["rows"]] == [0, 1, 2]
+    assert all(seconds > 0 for row in table["rows"] for seconds in row["seconds"].values())
+    assert len(printed) == 1 + len(table["rows"])
 
 
-def test_a_quick_roofline_is_written(module, tmp_path, capsys):
+def test_a_quick_roofline_is_written(measure):
     """The bounds follow from the rates that were measured in the same run."""
-    out = tmp_path / "roofline.json"
-    module("roofline").main(["--quick", "--out", str(out)])
-    found = json.loads(out.read_text())
+    _, found, printed = measure("roofline")
     assert found["bound by the memory [ns]"] * found["bandwidth of the memory [GB/s]"] == (
         pytest.approx(found["bytes a particle-step"])
     )
@@ -123,19 +144,17 @@ def test_a_quick_roofline_is_written(module, tmp_path, capsys):
     )
     committed = json.loads((RESULTS / "roofline.json").read_text())
     assert committed.keys() - found.keys() == {f"measured, {n} points [ns]" for n in (8192, 204800)}
-    assert len(capsys.readouterr().out.splitlines()) == len(found) - 1
+    assert len(printed) == len(found) - 1
 
 
-def test_history_of_the_speed(module, tmp_path, capsys):
+def test_history_of_the_speed(measure):
     """Each run adds a row; changes are against the last row of the same machine and build."""
-    script, out = module("history"), tmp_path / "history.json"
-    script.main(["--quick", "--out", str(out)])
-    (row,) = json.loads(out.read_text())["rows"]
+    script, table, printed = measure("history")
+    (row,) = table["rows"]
     assert len(row["ratios"]) == 3 * len(script.NAMES) and min(row["ratios"].values()) > 1
     faster = row | {"ratios": {name: 0.5 * ratio for name, ratio in row["ratios"].items()}}
     other = faster | {"kind": row["kind"] | {"isa": "another"}}
     lines = script.table([row, other, faster], last=2).splitlines()
-    printed = capsys.readouterr().out.splitlines()
     assert lines[: len(row["ratios"])] == printed[: len(row["ratios"])]
     assert len(lines) == len(printed) + 1 and "%" not in "".join([*printed, lines[-2]])
     assert lines[-1].count("-50 %") == len(row["ratios"])
@@ -171,13 +190,11 @@ def test_time_is_charged_once(module, monkeypatch):
     assert account.spent["outer"].tolist() == [3.0, 3.0]
 
 
-def test_the_laws_are_timed(module, tmp_path, capsys):
-    out = tmp_path / "laws.json"
-    module("laws").main(["--quick", "--out", str(out)])
-    rows = json.loads(out.read_text())["rows"]
-    assert {row["law"] for row in rows} >= {"mu_I", "loose", "linear_ngf"}
-    assert all(len(row["ns"]) == 2 and min(row["ns"]) > 0 for row in rows)
-    assert len(capsys.readouterr().out.splitlines()) == len(rows) + 2
+def test_the_laws_are_timed(measure):
+    _, table, printed = measure("laws")
+    assert {row["law"] for row in table["rows"]} >= {"mu_I", "loose", "linear_ngf"}
+    assert all(len(row["ns"]) == 2 and min(row["ns"]) > 0 for row in table["rows"])
+    assert len(printed) == len(table["rows"]) + 2
 
 
 @pytest.mark.slow
@@ -404,11 +421,9 @@ def test_unknown_cases_are_refused(runs, capsys):
     assert capsys.readouterr().out.split() == list(runs.CASES)
 
 
-def test_quick_tables_of_limits_are_written(module, tmp_path):
+def test_quick_tables_of_limits_are_written(measure):
     """Behind a thin body speeds fall with the distance from its edge, to nothing."""
-    out = tmp_path / "tables.json"
-    module("stability_tables").main(["--quick", "--out", str(out)])
-    rows = json.loads(out.read_text())["rows"]
+    rows = measure("stability_tables")[1]["rows"]
     assert all(rows[name] for name in ("resting", "closed", "edges", "discs"))
     for row in rows["edges"]:
         near, *_, far = row["shares"]
@@ -422,10 +437,8 @@ def test_all_cases_are_scenes(module):
     assert all(scene.bodies for scene in scenes)
 
 
-def test_a_quick_table_of_the_sph_examples_is_written(module, tmp_path, capsys):
+def test_a_quick_table_of_the_sph_examples_is_written(measure):
     """A repose of 0.2 s has no creep; the table is strict JSON."""
-    script, out = module("sph_examples"), tmp_path / "sph.json"
-    script.main(["--quick", "--only", "repose", "--out", str(out)])
-    rows = json.loads(out.read_text(), parse_constant=pytest.fail)["rows"]
-    assert [row["kind"] for row in rows] == ["repose"]
-    assert rows[0]["creep_deg_per_s"] is None and rows[0]["angle_deg"] > 0
+    (row,) = measure("sph_examples", "--only", "repose")[1]["rows"]
+    assert row["kind"] == "repose"
+    assert row["creep_deg_per_s"] is None and row["angle_deg"] > 0

@@ -104,10 +104,12 @@ class Feet:
         seen = np.all((foot > np.add(grid.lower, away)) & (foot < grid.upper), axis=1)
         seen &= (self.distance > -0.5 * grid.cell) & (self.distance < 1.5 * grid.cell)
         shapes = Shapes(sim.scene, foot[seen])
-        places = np.full((int(np.prod(shapes.counts)), body.dim), np.inf)
-        places[shapes.node] = shapes.at
-        number = np.full(len(places), -1)  # of each node of the grid among the active ones
-        number[cKDTree(places).query(nodes["x"])[1]] = np.arange(len(nodes["x"]))
+        place = np.full((int(np.prod(shapes.counts)), body.dim), np.nan)
+        place[shapes.node] = shapes.at
+        near = np.flatnonzero(np.isfinite(place[:, 0]))
+        number = np.full(len(place), -1)  # of each node of the grid among the active ones
+        apart, active = cKDTree(nodes["x"]).query(place[near])
+        number[near] = np.where(apart < 1e-6 * grid.cell, active, -1)
         number = number[shapes.node]
         mass = np.where(number >= 0, nodes["mass"][number], 0.0)
         mean = shapes.w @ mass
