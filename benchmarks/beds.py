@@ -12,7 +12,7 @@ def bed(
 ) -> gr.Scene:
     """Bed in a box with smooth sides and a rough floor, which is `rise` cells higher.
 
-    `others` are parts of the scene that are there besides or in place of these.
+    `others` are parts of the scene in addition to these or instead of them.
     """
     dim, lower = len(size), (0.0,) * len(size)
     cells = [round(side / cell) for side in size]

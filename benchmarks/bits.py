@@ -4,9 +4,9 @@
 
 BEFORE and AFTER are commits, or JSON files of `benchmarks/bits_cases.py`; AFTER is the working tree
 by default. Each commit is built in a temporary folder and runs its own `bits_cases.py`, so that
-names may have changed between them. What has another name but the same bits in every case counts as
-renamed and is listed; what AFTER no longer has must be named by --gone. The exit status is 1 where
-bits differ.
+names may have changed between them. Entries with another name but the same bits in every case count
+as renamed and are listed; entries that AFTER lacks must be named by --gone. The exit status is 1
+where bits differ.
 
 A change of form (names, folders, files) must leave every digest as it was.
 """
@@ -65,7 +65,7 @@ def digests_of(source: str | None, only: str) -> Digests:
 def renamed(before: Digests, after: Digests) -> dict[str, str]:
     """Names that AFTER lacks, each with the new name that has its bits in every case."""
     old, new = ({name for case in table.values() for name in case} for table in (before, after))
-    found = {}
+    names = {}
     for name in sorted(old - new):
         holders = [case for case in before if name in before[case] and case in after]
         fits = [
@@ -75,8 +75,8 @@ def renamed(before: Digests, after: Digests) -> dict[str, str]:
             and not any(other in after[case] for case in set(after) - set(holders))
         ]
         if fits:
-            found[name] = fits[0]
-    return found
+            names[name] = fits[0]
+    return names
 
 
 def compare(before: Digests, after: Digests, gone: list[str]) -> int:

@@ -175,30 +175,30 @@ def digests(scene: object, steps: int, threads: int, isa: str) -> dict[str, str]
     Some schemes are known to fail; then the step and the point of the failure are included.
     """
     sim = gr.Simulation(scene, threads=threads, isa=isa)
-    found = {}
+    table = {}
     try:
         sim.step(steps)
     except gr.SimulationError as error:
-        found["failure"] = f"step {error.step}, point {error.point}"
+        table["failure"] = f"step {error.step}, point {error.point}"
     state, checkpoint = sim.state, sim.checkpoint()
-    found |= {f"state {name}": digest(values) for name, values in state.fields.items()}
+    table |= {f"state {name}": digest(values) for name, values in state.fields.items()}
     for name, values in getattr(getattr(state, "gas", None), "fields", {}).items():
-        found[f"gas {name}"] = digest(values)
+        table[f"gas {name}"] = digest(values)
     for name, value in checkpoint.scalars.items():
-        found[f"number {name}"] = digest(np.array(value))
-    return found | {f"array {name}": digest(a) for name, a in checkpoint.arrays.items()}
+        table[f"number {name}"] = digest(np.array(value))
+    return table | {f"array {name}": digest(a) for name, a in checkpoint.arrays.items()}
 
 
 def available() -> list[str]:
     """Instruction sets of this machine."""
-    found = []
+    names = []
     for isa in ISAS:
         try:
             gr._core.build_info(isa)
         except ValueError:
             continue
-        found.append(isa)
-    return found
+        names.append(isa)
+    return names
 
 
 def main() -> None:

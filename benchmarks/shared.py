@@ -31,12 +31,12 @@ PICTURES = ROOT / "docs" / "pictures"
 
 def scripts() -> dict[str, str]:
     """First line of the description of each script, by its name."""
-    found = {}
+    titles = {}
     for path in sorted(Path(__file__).parent.glob("*/*.py")):
         text = path.read_text(encoding="utf-8")
         if "\ndef main(" in text:
-            found[path.stem] = text[3:].partition("\n")[0].removesuffix('"""')
-    return found
+            titles[path.stem] = text[3:].partition("\n")[0].removesuffix('"""')
+    return titles
 
 
 def module(name: str) -> ModuleType:
@@ -63,7 +63,7 @@ class Parser(argparse.ArgumentParser):
         self.add_argument("--out", type=Path, help=f"JSON file ({self.file.relative_to(ROOT)})")
 
     def parse_args(self, argv: list[str] | None = None) -> argparse.Namespace:  # type: ignore
-        """Options; without --out and --quick the file is that of the script."""
+        """Options; without --out and --quick the file is named after the script."""
         chosen = super().parse_args(argv)
         if not (chosen.out or chosen.quick):
             chosen.out = self.file
@@ -100,7 +100,7 @@ def stamp() -> dict[str, Any]:
 
 
 def stored(out: Path | None, **empty: Any) -> dict[str, Any]:
-    """Results in a file, or what they are before the first one."""
+    """Results in a file, or the empty ones without a file."""
     return json.loads(out.read_text()) if out and out.exists() else empty
 
 

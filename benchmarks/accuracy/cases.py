@@ -46,7 +46,7 @@ class Case:
     scene : {"incline", "incline_2d", "collapse", "silo"}
     solver : {"granular", "taichi", "newton"}
     scheme : str
-        Name in `SCHEMES`, or `HYDRODYNAMICS`; a peer has its own.
+        Name in `SCHEMES`, or `HYDRODYNAMICS`; a peer has a name of its own.
     E : float
         Young's modulus [Pa].
     cell : float
@@ -58,7 +58,7 @@ class Case:
     seed : int
         Seed of the jitter.
     until : float or None
-        Duration [s], if it differs from that of the scene.
+        Duration [s], if it differs from the scene's.
     """
 
     scene: str

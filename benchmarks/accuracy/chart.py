@@ -68,7 +68,7 @@ CEILING = 3.0
 
 
 def style(scheme: str) -> dict[str, Any]:
-    """Marker by basis and colour by transfer; some schemes have their own."""
+    """Marker by basis and colour by transfer; some schemes have special ones."""
     if scheme in OWN:
         return OWN[scheme]
     basis, transfer = scheme.split()
@@ -87,7 +87,7 @@ def _moduli(ax: Axes, points: Sequence[tuple[Row, float]]) -> None:
 
 
 def _numbers(ax: Axes, best: Sequence[tuple[Row, float]]) -> None:
-    """Number the points of the front, beside the corner of its steps where nothing else is."""
+    """Number the points of the front, next to the corner of its steps where there is space."""
     for i, (row, e) in enumerate(best, 1):
         ax.annotate(
             str(i),
@@ -160,40 +160,40 @@ def chart(
     rows: Sequence[Row], references: Mapping[str, Reference | None], panels: Sequence[str]
 ) -> Picture | None:
     """Panels of error against core-seconds, two in a row; None where nothing was run."""
-    shown = []
+    drawn = []
     for name in panels:
         reference = references[name]
         points = of_panel(rows, name, reference) if reference else []
         if points:
-            shown.append((name, points, reference))
-    if not shown:
+            drawn.append((name, points, reference))
+    if not drawn:
         return None
-    down, across = -(-len(shown) // 2), min(len(shown), 2)
+    down, across = -(-len(drawn) // 2), min(len(drawn), 2)
     fig = Picture(figsize=(5.6 * across, 4.3 * down + 1.1), layout="constrained")
     axes = fig.subplots(down, across, squeeze=False)
-    for ax, (name, points, reference) in zip(axes.ravel(), shown, strict=False):
+    for ax, (name, points, reference) in zip(axes.ravel(), drawn, strict=False):
         panel(ax, name, points, reference)
-    for ax in axes.ravel()[len(shown) :]:
+    for ax in axes.ravel()[len(drawn) :]:
         ax.set_axis_off()
     for ax in axes[:, 0]:
         ax.set_ylabel("relative error")
-    present = {row["scheme"] for _, points, _ in shown for row, _ in points}
+    present = {row["scheme"] for _, points, _ in drawn for row, _ in points}
     _legend(fig, [s for s in (*SCHEMES, HYDRODYNAMICS, *PEERS) if s in present])
     return fig
 
 
 def _trend(ax: Axes, entry: Mapping[str, Any]) -> None:
     """One series of the table of slopes."""
-    found, soft = entry["measured"], entry["parameter"] == "E"
+    measured, soft = entry["measured"], entry["parameter"] == "E"
     other = entry["angle_deg"] not in (None, 25.0)
     coarse = soft and entry["cell"] == COARSE.get(entry["scene"])
     look = LINES[entry["scheme"]] | ({"markerfacecolor": "white"} if coarse else {})
     ax.plot(
         [
             m["p_over_K"] if soft else SCALES[entry["parameter"]] * m[entry["parameter"]]
-            for m in found
+            for m in measured
         ],
-        [abs(m["step" if soft else "error"]) for m in found],
+        [abs(m["step" if soft else "error"]) for m in measured],
         **look,
         color=SHADES[entry["scene"]],
         linewidth=0.7 if other else 1.5,
@@ -205,19 +205,19 @@ def _theory(ax: Axes, entries: Sequence[Mapping[str, Any]]) -> None:
     """Bias of the depth average of a steady flow at 25 degrees, which is linear in p/K."""
     series = [e for e in entries if e["scene"] == "incline" and e["angle_deg"] == 25.0]
     if series:
-        found = max((e["measured"] for e in series), key=len)
-        values = [m["predicted_step"] for m in found]
-        ax.plot([m["p_over_K"] for m in found], values, color="black", linewidth=1.0)
+        longest = max((e["measured"] for e in series), key=len)
+        values = [m["predicted_step"] for m in longest]
+        ax.plot([m["p_over_K"] for m in longest], values, color="black", linewidth=1.0)
 
 
 def _draw_trends(axes: Sequence[Axes], entries: Sequence[Mapping[str, Any]]) -> None:
     """Fill the panels: E for three groups of scenes, cells for two, points per cell for all."""
     for ax, (parameter, scenes) in zip(axes, TREND_PANELS, strict=True):
-        shown = [e for e in entries if e["parameter"] == parameter and e["scene"] in scenes]
-        for entry in shown:
+        chosen = [e for e in entries if e["parameter"] == parameter and e["scene"] in scenes]
+        for entry in chosen:
             _trend(ax, entry)
         if parameter == "E":
-            _theory(ax, shown)
+            _theory(ax, chosen)
             ax.set(xscale="log", xlabel="p/K at the deepest point")
             ax.set_ylabel("change by a ten times stiffer E")
         else:

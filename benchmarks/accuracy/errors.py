@@ -128,7 +128,7 @@ def references(rows: Sequence[Row]) -> dict[str, Reference | None]:
 def error(row: Row, panel: str, reference: Reference) -> float:
     """Relative error of a run.
 
-    On an incline it is the larger of that of v(y) and that of the depth average, because a layer
+    On an incline it is the larger of the errors of v(y) and of the depth average, because a layer
     that has compacted may have the correct profile for its reduced height.
     """
     if panel.startswith("incline"):
@@ -145,12 +145,12 @@ def of_panel(rows: Sequence[Row], panel: str, reference: Reference) -> list[tupl
     An incline of another angle is another problem, and the run that is the reference has no error.
     """
     scene = "collapse" if panel == "runout" else panel
-    found = [
+    errors = [
         (row, error(row, panel, reference))
         for row in select(rows, scene=scene)
         if row["angle_deg"] in (None, 25.0)
     ]
-    return [(row, e) for row, e in found if math.isfinite(e) and e > 0]
+    return [(row, e) for row, e in errors if math.isfinite(e) and e > 0]
 
 
 def front(points: Sequence[tuple[Row, float]], floor: float = 0.0) -> list[tuple[Row, float]]:
@@ -158,12 +158,12 @@ def front(points: Sequence[tuple[Row, float]], floor: float = 0.0) -> list[tuple
 
     All errors below the floor, the uncertainty of the reference, count as equal.
     """
-    best, found = math.inf, []
+    best, unbeaten = math.inf, []
     for row, e in sorted(points, key=lambda pair: (pair[0]["core_seconds"], pair[1])):
         if max(e, floor) < best:
             best = max(e, floor)
-            found.append((row, e))
-    return found
+            unbeaten.append((row, e))
+    return unbeaten
 
 
 def stiffness(row: Row) -> dict[str, float]:
@@ -182,9 +182,11 @@ def stiffness(row: Row) -> dict[str, float]:
     depths = {"collapse": COLUMN, "silo": SILO["height"]}
     p = material.rho_c * GRAVITY * math.cos(angle) * depths.get(row["scene"], HEIGHT)
     mu = math.tan(angle) if angle else material.mu_s
-    found = {"p_over_K": p / material.K, "mu_tau_over_G": mu**2 * p / material.G}
+    strains = {"p_over_K": p / material.K, "mu_tau_over_G": mu**2 * p / material.G}
     if angle:
         gain = mu * (material.mu_2 - material.mu_s)
         gain /= (material.mu_2 - mu) * (mu - material.mu_s)
-        found["predicted"] = 5 / 7 * ((gain - 0.5) * found["mu_tau_over_G"] - found["p_over_K"])
-    return found
+        strains["predicted"] = (
+            5 / 7 * ((gain - 0.5) * strains["mu_tau_over_G"] - strains["p_over_K"])
+        )
+    return strains

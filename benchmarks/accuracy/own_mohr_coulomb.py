@@ -1,4 +1,4 @@
-"""Mohr-Coulomb, and dilation that ends at a critical density, as laws of one's own in C."""
+"""Mohr-Coulomb, and dilation that ends at a critical density, as user-defined laws in C."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def material(
 
     The flow is radial in the deviator. With `dilatancy`, the plastic volumetric over the shear
     strain at first, it dilates: the rate falls linearly to zero as the volume grows by `dilation`,
-    and the friction is that of the critical state plus the rate (Taylor 1948). A point then begins
+    and the friction is the critical friction plus the rate (Taylor 1948). A point then begins
     with the logarithm `dilation` of its density over rho_c, which is the critical density.
     """
     return gr.materials.from_function(

@@ -24,7 +24,7 @@ class Table:
     """Rows of results, each with its commit, from which a stopped benchmark continues.
 
     A row that is deleted from the file is run again. Thus the rows of a scheme that has changed can
-    be renewed and the others kept.
+    be renewed while the others remain.
 
     Parameters
     ----------

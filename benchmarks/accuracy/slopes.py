@@ -19,8 +19,8 @@ VARIED = (*PARAMETERS, "seed")
 def observable(row: Row) -> float:
     """Main result of a run.
 
-    It is the depth average divided by that of the one-dimensional equation, the run-out (mass
-    quantile), or the rate of discharge [kg/s].
+    It is the depth average divided by the solution of the one-dimensional equation, the run-out
+    (mass quantile), or the rate of discharge [kg/s].
     """
     if row["scene"].startswith("incline"):
         return 1.0 + row["mean_error"]
@@ -60,12 +60,12 @@ def _softness(runs: Sequence[Row]) -> list[dict[str, float]]:
     """Difference of every run from the next stiffer one.
 
     `step` is the relative difference of the two, and `step_per_p_over_K` this difference divided by
-    that of p/K, so that the bias of a material is about this number times its p/K. A difference
-    does not contain the error of the cells nor, except in its last entries, the dependence of the
-    scheme itself on E. For inclines `predicted_step` is the difference by the theory of steady
-    flow.
+    the difference of p/K, so that the bias of a material is about this number times its p/K. A
+    difference does not contain the error of the cells nor, except in its last entries, the
+    dependence of the scheme itself on E. For inclines `predicted_step` is the difference by the
+    theory of steady flow.
     """
-    found = []
+    entries = []
     for soft, stiff in pairwise(runs):
         a, b = stiffness(soft), stiffness(stiff)
         step = observable(soft) / observable(stiff) - 1
@@ -73,25 +73,25 @@ def _softness(runs: Sequence[Row]) -> list[dict[str, float]]:
         entry["step_per_p_over_K"] = step / (a["p_over_K"] - b["p_over_K"])
         if "predicted" in a:
             entry["predicted_step"] = entry.pop("predicted") - b["predicted"]
-        found.append(entry)
-    return found
+        entries.append(entry)
+    return entries
 
 
 def _falling(entries: Sequence[dict[str, float]]) -> list[dict[str, float]]:
     """The softest entries, as long as their steps shrink threefold or more; the rest is noise."""
-    kept = list(entries[:1])
+    decreasing = list(entries[:1])
     for before, entry in pairwise(entries):
         if abs(entry["step"]) > abs(before["step"]) / 3:
             break
-        kept.append(entry)
-    return kept
+        decreasing.append(entry)
+    return decreasing
 
 
 def _resolution(runs: Sequence[Row], name: str, reference: Reference) -> list[dict[str, float]]:
     """Errors of the runs against the reference of their scene."""
     scene = runs[0]["scene"]
-    found = [{name: row[name], "error": error(row, scene, reference)} for row in runs]
-    return [entry for entry in found if entry["error"] > 0]
+    entries = [{name: row[name], "error": error(row, scene, reference)} for row in runs]
+    return [entry for entry in entries if entry["error"] > 0]
 
 
 def table(rows: Sequence[Row], references: Mapping[str, Reference | None]) -> list[dict[str, Any]]:
@@ -99,9 +99,9 @@ def table(rows: Sequence[Row], references: Mapping[str, Reference | None]) -> li
 
     Under "E" the steps are signed, see `_softness`, and the law is fitted to those that decrease;
     its exponent is about -1 if the bias is proportional to p/K. Under "cell" and "points" the
-    errors are those of the chart.
+    errors are as in the chart.
     """
-    found = []
+    result = []
     for parameter in PARAMETERS:
         for runs in _series(rows, parameter):
             first, reference = runs[0], references[runs[0]["scene"]]
@@ -118,5 +118,5 @@ def table(rows: Sequence[Row], references: Mapping[str, Reference | None]) -> li
                 fitted = [(m[parameter], m["error"]) for m in measured]
                 entry["uncertainty"] = reference.uncertainty
             law = power_law([v for v, _ in fitted], [e for _, e in fitted])
-            found.append(entry | law | {"measured": measured})
-    return found
+            result.append(entry | law | {"measured": measured})
+    return result

@@ -33,8 +33,8 @@ LIMIT = 200.0
 def run(case: cases.Case, limit: float) -> dict[str, Any]:
     """Row of a case: its results, or the reason why there are none."""
     try:
-        own = case.solver == "granular"
-        return runs.run(case, gr.Simulation if own else codes.simulation(case.solver), limit)
+        ours = case.solver == "granular"
+        return runs.run(case, gr.Simulation if ours else codes.simulation(case.solver), limit)
     except (codes.Missing, runs.TooLong) as reason:
         return case.row() | {"left_out": str(reason)}
     except (gr.SimulationError, ValueError) as error:  # an outcome, too: it is in the table
@@ -51,8 +51,8 @@ def report(row: dict[str, Any]) -> str:
         if word in row:
             return f"{name} {word}: {row[word]}"
     names = ("profile_error", "mean_error", "runout_quantile", "runout_toe", "rate", "stress_free")
-    found = " ".join(f"{n} {row[n]:.4g}" for n in names if row.get(n) is not None)
-    return f"{name} {row['core_seconds']:8.2f} s {found}"
+    text = " ".join(f"{n} {row[n]:.4g}" for n in names if row.get(n) is not None)
+    return f"{name} {row['core_seconds']:8.2f} s {text}"
 
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
@@ -79,6 +79,6 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--only", help="run the cases of this scene, solver or scheme, draw all")
     chosen = parser.parse_args(argv)
     left = () if chosen.draw else cases.quick() if chosen.quick else cases.full()
-    asked = (c for c in left if chosen.only in (None, c.scene, c.solver, c.scheme))
-    rows = Table(chosen.out, chosen.draw).run(asked, lambda case: run(case, chosen.limit), report)
+    wanted = (c for c in left if chosen.only in (None, c.scene, c.solver, c.scheme))
+    rows = Table(chosen.out, chosen.draw).run(wanted, lambda case: run(case, chosen.limit), report)
     draw(rows, chosen.figures)

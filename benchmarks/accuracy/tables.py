@@ -48,8 +48,8 @@ Entry = Mapping[str, Any]
 
 def percent(value: float) -> str:
     """A fraction as a percentage with two digits, without an exponent."""
-    shown = 100 * value
-    return f"{shown:.0f} %" if abs(shown) >= 9.95 else f"{shown:.2g} %"
+    percentage = 100 * value
+    return f"{percentage:.0f} %" if abs(percentage) >= 9.95 else f"{percentage:.2g} %"
 
 
 def seconds(value: float) -> str:
@@ -88,7 +88,7 @@ def uncertainties(references: References) -> list[str]:
 
 def fronts(rows: Rows, references: References) -> list[str]:
     """Runs on the front of each panel, with the numbers that the pictures give them."""
-    found = []
+    lines = []
     for panel, title in PANELS.items():
         reference = references[panel]
         if reference is None:
@@ -97,14 +97,14 @@ def fronts(rows: Rows, references: References) -> list[str]:
         for i, (row, e) in enumerate(best, 1):
             setting = (modulus(row["E"]), millimetres(row["cell"]), row["points"])
             cost = (seconds(row["core_seconds"]), percent(e))
-            found.append((title if i == 1 else "", i, row["scheme"], *setting, *cost))
+            lines.append((title if i == 1 else "", i, row["scheme"], *setting, *cost))
     header = ("error of", "number", "scheme", "E [Pa]", "cell [mm]", "points per cell")
-    return markdown((*header, "core-seconds", "error"), found)
+    return markdown((*header, "core-seconds", "error"), lines)
 
 
 def schemes(rows: Rows, references: References) -> list[str]:
     """Error and cost of every scheme with one setting per scene."""
-    found = []
+    lines = []
     for scheme in SCHEMES:
         line: list[str] = []
         for scene, setting in COMPARED.items():
@@ -115,30 +115,30 @@ def schemes(rows: Rows, references: References) -> list[str]:
             ]
             line += [*errors, seconds(runs[0]["core_seconds"]) if runs else ""]
         if any(line):
-            found.append((scheme, *line))
+            lines.append((scheme, *line))
     header = ["scheme"]
     for scene in COMPARED:
         header += [*(PANELS[panel] for panel in panels_of(scene)), "s"]
-    return markdown(header, found)
+    return markdown(header, lines)
 
 
 def layers(rows: Rows) -> list[str]:
     """State of the layer of eight columns at the end, for every scheme."""
-    found = []
+    lines = []
     for scheme in SCHEMES:
         for points in (4, 9):
             setting = {"E": 1e6, "cell": 0.01, "points": points, "seed": 0}
             for row in select(rows, scene="incline_2d", scheme=scheme, **setting):
-                found.append((scheme, points, f"{row['height']:.3f}", percent(row["stress_free"])))
+                lines.append((scheme, points, f"{row['height']:.3f}", percent(row["stress_free"])))
     header = ("scheme", "points per cell", "height over that at the start", "stress-free points")
-    return markdown(header, found)
+    return markdown(header, lines)
 
 
 def softness(slopes: Sequence[Entry]) -> list[str]:
     """Change of the main result by a ten times stiffer material."""
     steps = ((1e5, 1e6), (1e6, 1e7), (1e7, 1e8), (1e8, 1e9))
     names = {**PANELS, "collapse": PANELS["runout"]}
-    found: list[tuple[str, ...]] = []
+    lines: list[tuple[str, ...]] = []
     entries = [s for s in slopes if s["parameter"] == "E" and s["scheme"] in TRENDS]
     for entry in sorted(entries, key=order):
         if (entry["scene"], entry["scheme"]) in LOST:
@@ -147,15 +147,15 @@ def softness(slopes: Sequence[Entry]) -> list[str]:
         words = (names[entry["scene"]], angle, millimetres(entry["cell"]))
         if entry["scene"] == "incline" and entry["scheme"] == "default":
             by = {m["E"]: m["predicted_step"] for m in entry["measured"]}
-            found.append(
+            lines.append(
                 (*words, "theory", *(percent(by[a]) if a in by else "" for a, _ in steps), "-1")
             )
         by = {m["E"]: m["step"] for m in entry["measured"]}
         law = f"{entry['slope']:.2f}" if entry["scatter"] else ""
         changes = [percent(by[a]) if a in by else "" for a, _ in steps]
-        found.append((*words, entry["scheme"], *changes, law))
+        lines.append((*words, entry["scheme"], *changes, law))
     header = [f"{modulus(a)} to {modulus(b)}" for a, b in steps]
-    return markdown(("result of", "slope", "cell [mm]", "scheme", *header, "exponent"), found)
+    return markdown(("result of", "slope", "cell [mm]", "scheme", *header, "exponent"), lines)
 
 
 def resolution(slopes: Sequence[Entry], parameter: str) -> list[str]:
@@ -164,14 +164,14 @@ def resolution(slopes: Sequence[Entry], parameter: str) -> list[str]:
     entries = [s for s in entries if (s["scene"], s["scheme"]) not in LOST]
     values = sorted({m[parameter] for s in entries for m in s["measured"]}, reverse=True)
     other = "points" if parameter == "cell" else "cell"
-    shown = {"cell": millimetres, "points": str}
-    found = []
+    texts = {"cell": millimetres, "points": str}
+    lines = []
     for entry in sorted(entries, key=order):
         by = {m[parameter]: m["error"] for m in entry["measured"]}
         errors = [percent(by[v]) if v in by else "" for v in values]
-        fixed = (modulus(entry["E"]), shown[other](entry[other]))
+        fixed = (modulus(entry["E"]), texts[other](entry[other]))
         law = [f"{entry['slope']:.1f}"] if parameter == "cell" else []
-        found.append((PANELS[entry["scene"]], entry["scheme"], *fixed, *errors, *law))
+        lines.append((PANELS[entry["scene"]], entry["scheme"], *fixed, *errors, *law))
     unit = {"cell": " mm", "points": " points"}[parameter]
     header = [
         "error of",
@@ -179,13 +179,13 @@ def resolution(slopes: Sequence[Entry], parameter: str) -> list[str]:
         "E [Pa]",
         {"cell": "cell [mm]", "points": "points per cell"}[other],
     ]
-    header += [shown[parameter](v) + unit for v in values]
-    return markdown([*header, "exponent"] if parameter == "cell" else header, found)
+    header += [texts[parameter](v) + unit for v in values]
+    return markdown([*header, "exponent"] if parameter == "cell" else header, lines)
 
 
 def others(rows: Rows, references: References, names: Sequence[str]) -> list[str]:
-    """Every run of the named schemes, with the default scheme at the same setting beside it."""
-    found = []
+    """Every run of the named schemes, next to the default scheme at the same setting."""
+    lines = []
     for row in (row for name in names for row in select(rows, scheme=name)):
         same = {n: row[n] for n in ("scene", "E", "cell", "points", "angle_deg", "seed", "until")}
         line = [row["scheme"], SCENES[row["scene"]]]
@@ -194,9 +194,9 @@ def others(rows: Rows, references: References, names: Sequence[str]) -> list[str
             pairs = [(panel, references[panel]) for panel in panels_of(row["scene"])]
             errors = [percent(error(run, panel, r)) for panel, r in pairs if r]
             line += [seconds(run["core_seconds"]), "; ".join(errors)]
-        found.append(line + [""] * (9 - len(line)))
+        lines.append(line + [""] * (9 - len(line)))
     header = ("code", "scene", "E [Pa]", "cell [mm]", "points per cell", "core-seconds", "error")
-    return markdown((*header, "core-seconds of default", "error of default"), found)
+    return markdown((*header, "core-seconds of default", "error of default"), lines)
 
 
 def summary(rows: Rows, references: References) -> list[str]:
@@ -225,17 +225,17 @@ def summary(rows: Rows, references: References) -> list[str]:
 
 def tables(rows: Rows) -> dict[str, list[str]]:
     """All tables of the page by their names."""
-    found = references(rows)
-    biases = slopes.table(rows, found)
+    targets = references(rows)
+    biases = slopes.table(rows, targets)
     return {
-        "summary": summary(rows, found),
-        "references": uncertainties(found),
-        "fronts": fronts(rows, found),
-        "schemes": schemes(rows, found),
+        "summary": summary(rows, targets),
+        "references": uncertainties(targets),
+        "fronts": fronts(rows, targets),
+        "schemes": schemes(rows, targets),
         "layers": layers(rows),
         "softness": softness(biases),
         "cells": resolution(biases, "cell"),
         "points": resolution(biases, "points"),
-        "peers": others(rows, found, ("published", "taichi", "newton")),
-        "sph": others(rows, found, (HYDRODYNAMICS,)),
+        "peers": others(rows, targets, ("published", "taichi", "newton")),
+        "sph": others(rows, targets, (HYDRODYNAMICS,)),
     }

@@ -43,8 +43,8 @@ RUNS = [
 def material(law: str) -> gr.materials.Material:
     """Glass beads, or a friction angle in triaxial compression [deg]: a cone or Mohr-Coulomb.
 
-    What is not "undamped" is a law of the package, whose friction the schemes know and for which
-    they damp slow flow; the others are laws of one's own.
+    Names without "undamped" are laws of the package. The schemes know their friction and damp slow
+    flow; the others are user-defined laws.
     """
     numbers = {"E": 1e6, "nu": 0.3, "rho_c": 1500.0}
     if law == "mu(I)":
@@ -137,5 +137,5 @@ def main(argv: list[str] | None = None) -> None:
             aspect, law, cells, scheme = case
             done[case] = {"aspect": aspect, "law": law, "cells": cells, "scheme": scheme}
             done[case] |= collapsed(*case)
-            kept = [done[k] for k in RUNS if k in done]
-            write(OUT, {"rows": kept})
+            ordered = [done[k] for k in RUNS if k in done]
+            write(OUT, {"rows": ordered})

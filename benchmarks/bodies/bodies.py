@@ -1,8 +1,8 @@
 """Accuracy of bodies and of walls that are inclined to the grid.
 
 Runs the cases of each row (`surfaces/`) and stores their numbers in the JSON file, one by one.
-Cases that are in the file are kept, unless `--again` is given, so that it can be filled piece by
-piece.
+Cases that are in the file are not repeated, unless `--again` is given, so that it can be filled
+piece by piece.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ MET = {True: "yes", False: "**no**", None: ""}
 
 def measure(name: str, table: dict[str, Any], again: bool, quick: bool, out: Path) -> None:
     """Run the cases of a row that the table has not, and write it after each."""
-    found = table["rows"].setdefault(name, {})
+    results = table["rows"].setdefault(name, {})
     for case, run in ROWS[name].cases(quick).items():
-        if case in found and not again:
+        if case in results and not again:
             continue
         begin = time.process_time()
         numbers = run()
-        found[case] = rounded({**numbers, "seconds": time.process_time() - begin}, 5)
-        print(f"{name} | {case} | {found[case]}", flush=True)
+        results[case] = rounded({**numbers, "seconds": time.process_time() - begin}, 5)
+        print(f"{name} | {case} | {results[case]}", flush=True)
         write(out, table)
 
 
@@ -58,7 +58,7 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     lines: list[tuple[str, ...]] = []
     for title, of_part in parts:
         lines.append((f"**{title}**", "", "", ""))
-        lines += [(line.quantity, line.asked, line.measured, MET[line.met]) for line in of_part]
+        lines += [(line.quantity, line.criterion, line.measured, MET[line.met]) for line in of_part]
     return {
         "summary": summary(rows),
         "bodies": markdown(("quantity", "asked", "measured", "met"), lines),
@@ -70,15 +70,15 @@ def summary(rows: dict[str, dict[str, Numbers]]) -> list[str]:
     lines = []
     for name, row in ROWS.items():
         if rows.get(name):
-            asked = [line.met for line in row.lines(rows[name]) if line.met is not None]
-            lines.append((row.title, f"{sum(asked)} of {len(asked)}"))
+            met = [line.met for line in row.lines(rows[name]) if line.met is not None]
+            lines.append((row.title, f"{sum(met)} of {len(met)}"))
     return markdown(("case", "bounds met"), lines)
 
 
 def main(arguments: list[str] | None = None) -> None:
     parser = parser_of(__name__, __doc__, quick="one short case of each row, to see that it runs")
     parser.add_argument("--only", nargs="+", choices=ROWS, default=list(ROWS), metavar="NAME")
-    parser.add_argument("--again", action="store_true", help="measure what is in the file anew")
+    parser.add_argument("--again", action="store_true", help="repeat the cases in the file")
     given = parser.parse_args(arguments)
     table = stored(given.out, rows={})
     for name in given.only:

@@ -55,7 +55,7 @@ def chute_scene(
 ) -> tuple[gr.Scene, Array, Array]:
     """An endless layer in 2D down a slope, in a domain that is periodic along its diagonal.
 
-    `wall` puts a wall of the grid of that kind in place of the body, for a base along the grid.
+    `wall` puts a wall of the grid of that kind instead of the body, for a base along the grid.
     Returned: the scene, the direction of flow, and the height of each point above the base, in
     cells.
     """
@@ -82,7 +82,7 @@ def chute_scene(
     if wall is None and turned_deg == 0.0:
         bodies = (plane(n, through, **base),)
     elif wall is None:
-        # Bodies that reach farther than half a period have no images: each period has its own.
+        # Bodies that reach farther than half a period have no images: each period has a body.
         bodies = tuple(
             gr.Body(
                 gr.Box(size=(math.inf, 4 * CELL), center=(0.0, -2 * CELL)),
@@ -134,9 +134,9 @@ def incline(kind: str, turned_deg: float, offset: float, until: float, wall: boo
     before = profile(run, t, above)[0]
     run.to(until)
     mean, rows = profile(run, t, above)
-    found = {"mean": mean, "gained": mean - before}
-    found |= {f"row_{k}": float(v) for k, v in enumerate(rows)}
-    return {**found, "deepest": max(run.deepest, -1.0)}
+    numbers = {"mean": mean, "gained": mean - before}
+    numbers |= {f"row_{k}": float(v) for k, v in enumerate(rows)}
+    return {**numbers, "deepest": max(run.deepest, -1.0)}
 
 
 def incline_cases(quick: bool) -> Cases:
@@ -155,7 +155,7 @@ def incline_cases(quick: bool) -> Cases:
     return cases
 
 
-def incline_lines(found: dict[str, Numbers]) -> list[Line]:
+def incline_lines(results: dict[str, Numbers]) -> list[Line]:
     lines = []
     texts = {
         "no_slip": "no-slip base",
@@ -163,10 +163,10 @@ def incline_lines(found: dict[str, Numbers]) -> list[Line]:
         "slides": "friction 0.4, on which it slides",
     }
     for kind, text in texts.items():
-        reference = found.get(f"{kind}, wall")
+        reference = results.get(f"{kind}, wall")
         if reference is None:
             continue
-        some = [v for name, v in found.items() if name.startswith(f"{kind}, ") and "deg" in name]
+        some = [v for name, v in results.items() if name.startswith(f"{kind}, ") and "deg" in name]
         ratios = (v["mean"] / reference["mean"] for v in some)
         lines.append(spread(f"mean speed, {text}", ratios, 1.0, 0.01))
         names = [name for name in reference if name.startswith("row_")]
@@ -180,7 +180,9 @@ def incline_lines(found: dict[str, Numbers]) -> list[Line]:
             lines.append(
                 spread(f"speed gained in 1 s over the exact one, {text}", gained, 1.0, 0.01)
             )
-            on_wall = found["slides, wall"]["gained"] / wanted if "slides, wall" in found else 0.0
+            on_wall = (
+                results["slides, wall"]["gained"] / wanted if "slides, wall" in results else 0.0
+            )
             if on_wall:
                 what = "the same on a Coulomb wall of the grid"
                 lines.append(Line(what, "", f"{on_wall:.3f}", None))
@@ -202,7 +204,7 @@ def _grains(ratio: float, rows: int) -> Any:
 def stopping(
     turned_deg: float, offset: float, ratio: float, until: float, wall: bool = False
 ) -> Numbers:
-    """H_stop with which the exact steady flow has the mean speed found, over that of the grains."""
+    """H_stop whose exact steady flow has the mean speed of the run, over H_stop of the grains."""
     grains, height = _grains(ratio, ROWS_HIGH), ROWS_HIGH * CELL
     scene, t, above = chute_scene(
         turned_deg,
@@ -236,19 +238,19 @@ def stopping_cases(quick: bool) -> Cases:
     return cases
 
 
-def stopping_lines(found: dict[str, Numbers]) -> list[Line]:
+def stopping_lines(results: dict[str, Numbers]) -> list[Line]:
     lines = []
-    for ratio, name, asked in (("1.25", "stop", 0.02), ("2", "mean", math.inf)):
-        reference = found.get(f"{ratio}, wall")
-        some = [(k, v) for k, v in found.items() if k.startswith(f"{ratio}, ") and "deg" in k]
+    for ratio, name, limit in (("1.25", "stop", 0.02), ("2", "mean", math.inf)):
+        reference = results.get(f"{ratio}, wall")
+        some = [(k, v) for k, v in results.items() if k.startswith(f"{ratio}, ") and "deg" in k]
         what = "H_stop" if name == "stop" else "mean speed"
         for turned in PERIODS:
             text = f"{turned:g} deg"
             values = [v[name] for k, v in some if f", {text}" in k]
             if values and reference:
                 whole = f"{what} by a layer of {ratio} H_stop, over that on a wall, {text}"
-                line = spread(whole, (v / reference[name] for v in values), 1.0, asked)
-                lines.append(line if asked < 1 else Line(whole, "", line.measured, None))
+                line = spread(whole, (v / reference[name] for v in values), 1.0, limit)
+                lines.append(line if limit < 1 else Line(whole, "", line.measured, None))
     return lines
 
 
@@ -259,7 +261,7 @@ BEADS = gr.materials.couette_beads.replace(E=1.4e5, nu=0.3, mu_2=math.inf, b=0.9
 
 
 def couette(fineness: float, omega: float, until: float, stiffness: float = 1.0) -> Numbers:
-    """Pressure of rings a cell wide over their mean, and the torque over that of the theory."""
+    """Pressure of rings a cell wide over their mean, and the torque over the theory."""
     cell, beads = BEADS.d / fineness, BEADS.replace(E=BEADS.E * stiffness)
     run = Run(gr.scenes.couette(**RING, cell=cell, omega=omega, material=beads))
     edges = np.linspace(
@@ -279,18 +281,18 @@ def couette(fineness: float, omega: float, until: float, stiffness: float = 1.0)
     begin.append((run.sim.time, *(float(b.angular_impulse) for b in run.sim.bodies)))
     rings = np.mean(seen, axis=0)
     pressure = float(np.average(rings, weights=edges[1:] ** 2 - edges[:-1] ** 2))
-    (span, inside, outside), found = np.diff(begin, axis=0)[0], {}
+    (span, inside, outside), torques = np.diff(begin, axis=0)[0], {}
     if omega:
         flow = couette_flow(0.1, 0.15, beads, rate=omega, pressure=pressure, walls="smooth")
         wanted = 2 * math.pi * 0.1**2 * flow.mu_wall * pressure
-        found = {"inner": -inside / span / wanted, "outer": outside / span / wanted}
+        torques = {"inner": -inside / span / wanted, "outer": outside / span / wanted}
     return {
         "pressure": pressure,
         "least": float(rings.min()) / pressure,
         "largest": float(rings.max()) / pressure,
         "first": float(rings[0]) / pressure,
         "last": float(rings[-1]) / pressure,
-        **found,
+        **torques,
         "deepest": run.deepest,
     }
 
@@ -307,24 +309,24 @@ def couette_cases(quick: bool) -> Cases:
     return cases
 
 
-def couette_lines(found: dict[str, Numbers]) -> list[Line]:
+def couette_lines(results: dict[str, Numbers]) -> list[Line]:
     """Lines of beads as soft as in `RING`, and of stiffer ones, which the theory is for."""
     lines = []
-    for name, v in found.items():
+    for name, v in results.items():
         text = f"pressure of rings over their mean, {name}"
         line = spread(text, (v["least"], v["largest"]), 1.0, 0.03)
         lines.append(Line(text, "", line.measured, None) if " E, " in name else line)
-    for name, v in found.items():
+    for name, v in results.items():
         if "inner" in v:
             values = [v["inner"], v["outer"]]
             line = spread(f"torque over the theory, {name}", values, 1.0, 0.02)
             if not (" E, " in name and name.endswith("/2")):
                 line = Line(line.quantity, "converges", line.measured, None)
             lines.append(line)
-    own = [v["inner"] / v["first"] for v in found.values() if "inner" in v]
-    if own:
+    ratios = [v["inner"] / v["first"] for v in results.values() if "inner" in v]
+    if ratios:
         what = "torque on the inner one with the pressure of the ring there, in the same order"
-        lines.append(Line(what, "", ", ".join(f"{value:.3f}" for value in own), None))
+        lines.append(Line(what, "", ", ".join(f"{value:.3f}" for value in ratios), None))
     return lines
 
 

@@ -105,7 +105,7 @@ LENGTH, HEIGHT = 0.16, 0.32
 
 
 def plate(turned_deg: float, offset: float, cells: int, until: float, bed: Bed) -> Numbers:
-    """Forces on the two faces of a plate 4 cells thick, over those of a fluid.
+    """Forces on the two faces of a plate 4 cells thick, over the forces of a fluid.
 
     It is two bodies that overlap, so that the force on each face is known.
     """
@@ -159,23 +159,23 @@ def plate_cases(quick: bool) -> Cases:
 
 
 def of_fluid(line: Line) -> Line:
-    """The line, that asks nothing where friction leaves the force open by more than is asked."""
+    """The line, without a criterion where friction makes the force uncertain by more than that."""
     rough = any(mark in line.quantity for mark in ("mu 0.01, ", ROUGHER))
-    return replace(line, asked="", met=None) if rough else line
+    return replace(line, criterion="", met=None) if rough else line
 
 
-def plate_lines(found: dict[str, Numbers]) -> list[Line]:
+def plate_lines(results: dict[str, Numbers]) -> list[Line]:
     lines = []
     sharp = [(kind, cells) for kind in BEDS for cells in (8, 16, 32)] + [(ROUGHER, 16)]
     for kind, cells in sharp:
-        some = [v for name, v in found.items() if name.startswith(f"{kind}{cells} cells")]
+        some = [v for name, v in results.items() if name.startswith(f"{kind}{cells} cells")]
         for when, span in WHEN.items():
             if some:
                 values = [v[f"{face}_{when}"] for v in some for face in ("upper", "lower")]
                 text = f"{kind}force on a face, sharp edges, {cells} cells, {span}"
                 lines.append(of_fluid(spread(text, values, 1.0, 0.02)))
     for kind in BEDS:
-        some = [v for name, v in found.items() if name.startswith(f"{kind}rounded")]
+        some = [v for name, v in results.items() if name.startswith(f"{kind}rounded")]
         for when, span in WHEN.items():
             if some:
                 text = f"{kind}buoyancy, edges rounded by 2 cells, 16 cells, {span}"
@@ -237,11 +237,11 @@ def buoyancy_cases(quick: bool) -> Cases:
     return cases
 
 
-def buoyancy_lines(found: dict[str, Numbers]) -> list[Line]:
+def buoyancy_lines(results: dict[str, Numbers]) -> list[Line]:
     lines = []
     discs = [f"{kind}disc, {cells}" for kind in BEDS for cells in (4, 8)]
     for kind in (*discs, "sphere, 4", "sphere, 6", "mu 0.01, sphere, 4"):
-        some = [v for name, v in found.items() if name.startswith(f"{kind} cells")]
+        some = [v for name, v in results.items() if name.startswith(f"{kind} cells")]
         for when, span in WHEN.items():
             if some:
                 values = [v[when] for v in some]

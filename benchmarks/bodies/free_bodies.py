@@ -1,10 +1,10 @@
-"""Free bodies: what they cost, how light they may be, and the depth of craters.
+"""Free bodies: their cost, how light they may be, and the depth of craters.
 
 cost: nanoseconds of the processor for each point and step with no body, with a body that stands,
-with one that moves and turns freely, and with one that touches a wall besides; the runs take turns.
-light: the noise of the bed about a disc at rest in it, by its mass over that of a full cell.
-craters: the depth to which balls fall, over that of Uehara et al. (2003).
-Runs that are in the JSON file are kept, unless `--again` is given.
+with one that moves and turns freely, and with one that also touches a wall; the runs take turns.
+light: the noise of the bed about a disc at rest in it, by its mass over the mass of a full cell.
+craters: the depth to which balls fall, over the law of Uehara et al. (2003).
+Runs that are in the JSON file are not repeated, unless `--again` is given.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def bed(dim: int, quick: bool, kind: str) -> gr.Scene:
 
 
 def cost(quick: bool) -> dict[str, Callable[[], Row]]:
-    """Time the runs of a dimension in turns; each figure is that of the fastest turn."""
+    """Time the runs of a dimension in turns; each figure is from the fastest turn."""
 
     def run(dim: int) -> Row:
         sims = {kind: gr.Simulation(bed(dim, quick, kind), threads=1) for kind in BODIES}
@@ -100,7 +100,7 @@ def light(quick: bool) -> dict[str, Callable[[], Row]]:
 
 
 def craters(quick: bool) -> dict[str, Callable[[], Row]]:
-    """Depth of a ball of an inch, over that of the law with the yield coefficient of the bed."""
+    """Depth of a ball of an inch, over the law with the yield coefficient of the bed."""
 
     def run(drop: float, cell: float) -> Row:
         scene = gr.scenes.sphere_drop(drop=drop, cell=cell, duration=0.01 if quick else 0.1)
@@ -122,7 +122,7 @@ def craters(quick: bool) -> dict[str, Callable[[], Row]]:
 
 
 def table_of_cost(rows: dict[str, Row]) -> list[str]:
-    """Nanoseconds, and what they are over those without a body."""
+    """Nanoseconds, and their ratio to a run without a body."""
     lines = []
     for name, row in rows.items():
         cells = [f"{row['none']:.0f}"]
@@ -133,11 +133,11 @@ def table_of_cost(rows: dict[str, Row]) -> list[str]:
 
 def table_of_light(rows: dict[str, Row]) -> list[str]:
     """Noise by mass, a column for each radius."""
-    found = {(row["radius"], row["mass"]): row["noise"] for row in rows.values()}
-    radii = sorted({radius for radius, _ in found})
-    masses = sorted({mass for _, mass in found}, reverse=True)
+    noise = {(row["radius"], row["mass"]): row["noise"] for row in rows.values()}
+    radii = sorted({radius for radius, _ in noise})
+    masses = sorted({mass for _, mass in noise}, reverse=True)
     lines = [
-        (f"{mass:g}", *(f"{found[r, mass]:.2g}" if (r, mass) in found else "" for r in radii))
+        (f"{mass:g}", *(f"{noise[r, mass]:.2g}" if (r, mass) in noise else "" for r in radii))
         for mass in masses
     ]
     return markdown(("mass over that of a cell", *(f"radius of {r} cells" for r in radii)), lines)
@@ -176,13 +176,13 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
 def main(arguments: list[str] | None = None) -> None:
     parser = parser_of(__name__, __doc__, quick="small scenes and few steps, to see that it runs")
     parser.add_argument("only", nargs="*", choices=[*TABLES, []], metavar="TABLE")
-    parser.add_argument("--again", action="store_true", help="measure what is in the file anew")
+    parser.add_argument("--again", action="store_true", help="repeat the runs in the file")
     given = parser.parse_args(arguments)
     table = stored(given.out)
     for name in given.only or TABLES:
-        found = table.setdefault(name, {})
+        results = table.setdefault(name, {})
         for case, run in TABLES[name][0](given.quick).items():
-            if given.again or case not in found:
-                found[case] = rounded(run(), 4)
-                print(name, case, found[case], flush=True)
+            if given.again or case not in results:
+                results[case] = rounded(run(), 4)
+                print(name, case, results[case], flush=True)
                 write(given.out, table, [name])

@@ -39,10 +39,10 @@ PARTICLE = gr.Scheme(density=gr.ParticleDensity())
 
 
 def _spikes(name: str, values: Array) -> Numbers:
-    """Largest differences of values in eighths of a cell from those of the cell about them.
+    """Largest differences of values in eighths of a cell from the mean of the cell about them.
 
     Relative to the mean of all. `name_crossing`: of the mean over all cells crossed of each eighth,
-    which is what the grid makes; what changes from cell to cell averages out.
+    which is the effect of the grid; changes from cell to cell average out.
     """
     mean = abs(values.mean())
     about = np.convolve(values, np.full(WINDOWS, 1 / WINDOWS), mode="valid")
@@ -59,7 +59,7 @@ def box(
 ) -> Numbers:
     """A box carries a bed of 12 by 10 cells at rest in it through the grid, at 30 deg to x.
 
-    The points stand in rows along the box, as a `Cloud`, or are those of a `Fill` whose columns are
+    The points stand in rows along the box, as a `Cloud`, or belong to a `Fill` whose columns are
     `staggered` along the grid.
     """
     (t, n), length, height = axes(turned_deg), 12 * CELL, 10 * CELL
@@ -193,7 +193,7 @@ def blade(
     crossed: float,
     scheme: gr.Scheme = gr.schemes.default,
 ) -> Numbers:
-    """Force on the blade, over that of a fluid."""
+    """Force on the blade, over the force of a fluid."""
     forward, run = _driven(blade_scene(offset, rake_deg, speed, scheme), speed, crossed)
     scale = -0.5 * RHO * G * (5 - offset) ** 2 * CELL**2
     return {
@@ -204,10 +204,10 @@ def blade(
 
 
 def starts(rake_deg: float, speed: float, crossed: float, scheme: gr.Scheme) -> Numbers:
-    """Part of the force on the blade that repeats with the place in the cell.
+    """Part of the force on the blade that repeats with the position in the cell.
 
     Of runs that start an eighth of a cell apart: the largest difference, from the force over the
-    cell about each eighth, of the mean over all cells and runs at the same place in the cell
+    cell about each eighth, of the mean over all cells and runs at the same position in the cell
     (`grid`); its standard error; and the standard deviation of single eighths, all relative to the
     mean force.
     """
@@ -244,20 +244,20 @@ def blade_cases(quick: bool) -> Cases:
     return cases
 
 
-def blade_lines(found: dict[str, Numbers]) -> list[Line]:
+def blade_lines(results: dict[str, Numbers]) -> list[Line]:
     """Lines of blades by the density that a scheme has."""
     lines = []
     for text, name in (("default scheme", "default"), ("`ParticleDensity`", "particle")):
-        some = {k: v for k, v in found.items() if k.startswith(name)}
+        some = {k: v for k, v in results.items() if k.startswith(name)}
         lines += [replace(line, quantity=f"{text}: {line.quantity}") for line in _lines(some)]
         of_grid = [v for v in some.values() if "grid" in v]
         if of_grid:
             error, scatter = (100 * max(v[key] for v in of_grid) for key in ("error", "scatter"))
-            what = "force, mean over the cells crossed and 8 starts at the same place in the cell"
+            what = "force, mean over the cells crossed and 8 starts at one position in the cell"
             line = within(f"{text}: {what}", (v["grid"] for v in of_grid), 0.15)
             more = f" (standard error {error:.1f} %, single eighths {scatter:.1f} %)"
             lines.append(replace(line, measured=line.measured + more))
-    return lines or _lines(found)
+    return lines or _lines(results)
 
 
 QUANTITIES = {
@@ -268,10 +268,10 @@ QUANTITIES = {
 }
 
 
-def _lines(found: dict[str, Numbers]) -> list[Line]:
+def _lines(results: dict[str, Numbers]) -> list[Line]:
     lines = []
     for name, text in QUANTITIES.items():
-        some = [v for v in found.values() if name in v]
+        some = [v for v in results.values() if name in v]
         if some:
             crossing = (v[f"{name}_crossing"] for v in some)
             spike = (v[f"{name}_spike"] for v in some)
@@ -282,14 +282,14 @@ def _lines(found: dict[str, Numbers]) -> list[Line]:
     return lines
 
 
-def box_lines(found: dict[str, Numbers]) -> list[Line]:
+def box_lines(results: dict[str, Numbers]) -> list[Line]:
     """Lines of boxes that are turned against the grid, and of those along it."""
     kinds: dict[str, dict[str, Numbers]] = {
         "17 and 40 deg": {},
         "along the grid, points in rows": {},
         "along the grid, a staggered fill": {},
     }
-    for name, numbers in found.items():
+    for name, numbers in results.items():
         kind = 2 if "staggered" in name else ", 0 deg" in name
         list(kinds.values())[kind][name] = numbers
     return [

@@ -163,8 +163,8 @@ def hole(offset: float, cells: int, turned_deg: float = 0.0) -> Numbers:
         walls=walls,
         bodies=tuple(bodies),
     )
-    found = _rate(Run(scene), lambda x: (x - base) @ n > -THICK, 0.1, 0.2)
-    return {**found, "rate": found["rate"] * (4 if quarter else 1)}
+    flow = _rate(Run(scene), lambda x: (x - base) @ n > -THICK, 0.1, 0.2)
+    return {**flow, "rate": flow["rate"] * (4 if quarter else 1)}
 
 
 def hole_cases(quick: bool) -> Cases:
@@ -179,14 +179,14 @@ def hole_cases(quick: bool) -> Cases:
     return cases
 
 
-def width_lines(found: dict[str, Numbers], exponent: float, what: str) -> list[Line]:
+def width_lines(results: dict[str, Numbers], exponent: float, what: str) -> list[Line]:
     """Lines on the width as which an opening acts.
 
     The rate goes with a power of the width, so that an opening acts as W (Q/Q_0)^(1/exponent), with
     Q_0 for cells without end in fineness: the width is extrapolated to them, at first order.
     """
-    sizes = np.array([int(name.split(" cells")[0]) for name in found])
-    wide = np.array([numbers["rate"] for numbers in found.values()]) ** (1 / exponent)
+    sizes = np.array([int(name.split(" cells")[0]) for name in results])
+    wide = np.array([numbers["rate"] for numbers in results.values()]) ** (1 / exponent)
     fine = sizes >= LEAST
     if len(np.unique(sizes[fine])) < 3:
         return []

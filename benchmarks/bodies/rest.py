@@ -35,7 +35,7 @@ from bodies.rows import (
 def bed_scene(turned_deg: float, offset: float, dim: int = 2, seeded: str = "rows") -> Any:
     """A bed of 20 by 10 cells under its own weight, normal to a plane through the grid.
 
-    Returned: the scene, a place of the plane, and its directions.
+    Returned: the scene, a point of the plane, and its directions.
     """
     (t, n), length, height = axes(turned_deg, dim), 20 * CELL, 10 * CELL
     base = offset * CELL * (np.arange(dim) != 1 if dim == 3 else np.ones(2))
@@ -75,7 +75,7 @@ def bed_scene(turned_deg: float, offset: float, dim: int = 2, seeded: str = "row
 def bed(turned_deg: float, offset: float, until: float, **options: Any) -> Numbers:
     """Force on the base over the weight, pressure of the lowest points, and motion of the top.
 
-    `pressure_nodes` is that of `measure.smooth`, over the weight above in the same average.
+    `pressure_nodes` is the pressure of `measure.smooth`, over the weight above in the same average.
     """
     scene, base, t, n = bed_scene(turned_deg, offset, **options)
     run = Run(scene)
@@ -121,11 +121,11 @@ def bed_cases(quick: bool) -> Cases:
     return cases
 
 
-def bed_lines(found: dict[str, Numbers]) -> list[Line]:
+def bed_lines(results: dict[str, Numbers]) -> list[Line]:
     lines = []
     kinds = {"points in rows along the plane": False, "points in rows along the grid": True}
     for text, cut in kinds.items():
-        some = [v for name, v in found.items() if name.startswith("grid") == cut]
+        some = [v for name, v in results.items() if name.startswith("grid") == cut]
         if some:
             lines += [
                 within(f"force on the base, {text}", (v["force"] - 1 for v in some), 0.002),
@@ -172,7 +172,7 @@ def block_scene(
     """An elastic block of 10 by 6 cells on a plane; gravity is at an angle to its normal.
 
     Gravity grows slowly, so that the block is in equilibrium with its weight. `wall` puts a wall
-    of the grid in place of a body, for a plane along the grid.
+    of the grid instead of a body, for a plane along the grid.
     """
     (t, n), slope, spacing = axes(turned_deg, dim), math.radians(slope_deg), CELL / 2
     along, above = rows_of_points(0.1, 0.06, spacing)
@@ -252,11 +252,11 @@ def block_cases(quick: bool) -> Cases:
     return cases
 
 
-def block_lines(found: dict[str, Numbers]) -> list[Line]:
+def block_lines(results: dict[str, Numbers]) -> list[Line]:
     lines = []
     for friction in ("0", "0.2", "0.4"):
         for where, start in (("", "slope"), ("on a wall of the grid, ", "wall")):
-            some = [v for name, v in found.items() if name.startswith(f"{friction}, {start}")]
+            some = [v for name, v in results.items() if name.startswith(f"{friction}, {start}")]
             if not some:
                 continue
             text = f"{where}friction {friction}, slopes of 25 and 40 deg"
@@ -264,7 +264,7 @@ def block_lines(found: dict[str, Numbers]) -> list[Line]:
                 within(f"{text}: with the impulse", (v["by_impulse"] - 1 for v in some), 0.01),
                 within(f"{text}: plainly", (v["plain"] - 1 for v in some), 0.03),
             ]
-    growth = {k: v for k, v in found.items() if k.startswith("growth")}
+    growth = {k: v for k, v in results.items() if k.startswith("growth")}
     if growth:
         what = ", ".join(name.removeprefix("growth, friction ") for name in growth)
         rates = ", ".join(f"{v['rate']:.0f}/s" for v in growth.values())

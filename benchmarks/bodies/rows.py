@@ -27,10 +27,10 @@ Cases = dict[str, Callable[[], Numbers]]
 
 @dataclass(frozen=True)
 class Line:
-    """A line of the table; `met` is None where nothing is asked."""
+    """A line of the table; `met` is None without a criterion."""
 
     quantity: str
-    asked: str
+    criterion: str
     measured: str
     met: bool | None
 
@@ -57,10 +57,10 @@ def within(quantity: str, values: Iterable[float], limit: float, unit: str = "%"
 
 
 def spread(quantity: str, values: Iterable[float], expected: float, limit: float) -> Line:
-    """Line that asks for numbers about a value, of which the least and the largest are told."""
-    found = list(values)
-    off = max(abs(value / expected - 1.0) for value in found)
-    text = f"{min(found):.3f} to {max(found):.3f}"
+    """Line of numbers that should be near a value, with the least and the largest of them."""
+    numbers = list(values)
+    off = max(abs(value / expected - 1.0) for value in numbers)
+    text = f"{min(numbers):.3f} to {max(numbers):.3f}"
     return Line(quantity, f"{expected:g} within {100 * limit:g} %", text, off <= limit)
 
 
@@ -127,7 +127,7 @@ def rows_of_points(length: float, height: float, spacing: float) -> tuple[Array,
 
 
 def around(corners: Array, cell: float, margin: int = 4, **options: Any) -> gr.Grid:
-    """Grid with nodes at multiples of a cell about some places, shape (k, dim)."""
+    """Grid with nodes at multiples of a cell about some points, shape (k, dim)."""
     low = np.floor(corners.min(axis=0) / cell).astype(int) - margin
     high = np.ceil(corners.max(axis=0) / cell).astype(int) + margin
     return gr.Grid(tuple(cell * low), cell, tuple((high - low).tolist()), **options)

@@ -45,7 +45,7 @@ ROLL = {"length": 0.5, "start": 0.1625, "duration": 7.0}
 WINDOW = 0.1
 """Time window over which the flow between cylinders is averaged [s]."""
 RINGS = 3
-"""Number of rings (every second one from the inner cylinder on) whose time series is kept."""
+"""Number of rings (every second one from the inner cylinder on) whose time series is stored."""
 
 
 def excavation(depth: float, **changes: object) -> gr.Scene:
@@ -146,15 +146,15 @@ def wheel(record: gr.Trajectory) -> dict:
 
 def couette(sim: gr.Simulation) -> dict:
     """Flow between cylinders at the top, per time window, and its quasi-static limit."""
-    scene, kept, windows = sim.scene, [], []
+    scene, pair, windows = sim.scene, [], []
     size = scene.parameters
     top = size["height"] - 2 * scene.grid.cell
 
     def look(sim: gr.Simulation) -> None:
-        kept.append((sim.state, sim.bodies))
-        if len(kept) == 2:
-            windows.append(window(kept, top))
-            del kept[0]
+        pair.append((sim.state, sim.bodies))
+        if len(pair) == 2:
+            windows.append(window(pair, top))
+            del pair[0]
 
     sim.run(every=WINDOW, hooks=(look,))
     material = scene.material
@@ -179,9 +179,9 @@ def couette(sim: gr.Simulation) -> dict:
     }
 
 
-def window(kept: list, top: float) -> dict:
+def window(pair: list, top: float) -> dict:
     """Rings of one window, and the moments on both cylinders."""
-    (before, earlier), (after, later) = kept
+    (before, earlier), (after, later) = pair
     profile = gr.measure.cylinder_profile((before, after), above=top)
     moments = [
         (now.angular_impulse - then.angular_impulse)[2] / (after.time - before.time)
@@ -204,7 +204,7 @@ def run(name: str, records: Path) -> dict:
     begin = time.process_time()
     records.mkdir(parents=True, exist_ok=True)
     flow = scene.name == "couette"
-    found = couette(sim) if flow else recorded(sim, records / f"{name}.h5")
+    result = couette(sim) if flow else recorded(sim, records / f"{name}.h5")
     seconds = time.process_time() - begin
     return {
         "points": sim.n_points,
@@ -214,7 +214,7 @@ def run(name: str, records: Path) -> dict:
         "nanoseconds": round(1e9 * seconds / sim.steps / sim.n_points, 1),
         "dense": float(sim.state.dense.mean()),
         "health": sim.health().rows(),
-        **found,
+        **result,
     }
 
 
@@ -285,7 +285,7 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
             blades.append((words, forward, early[0], vertical, early[1]))
     forces = ("forward", "forward as it arrives", "vertical", "vertical as it arrives")
     wheels = [
-        found | {"slip": slip} for slip in (20, 40, 70) if (found := results.get(f"wheel_{slip}"))
+        wheel | {"slip": slip} for slip in (20, 40, 70) if (wheel := results.get(f"wheel_{slip}"))
     ]
     flows = [results[name] | {"words": words} for name, words in FLOWS.items() if name in results]
     against = "largest error", "mean error", "largest error against `couette_flow`"

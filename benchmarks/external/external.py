@@ -1,6 +1,6 @@
-"""Runs of the package beside data of other authors: tables, pictures, results.
+"""Runs of the package compared with data of other authors: tables, pictures, results.
 
-The cases are those of `granular verify --external`. A case that is run replaces its entry in the
+The cases are the ones of `granular verify --external`. A case that is run replaces its entry in the
 file of results.
 """
 
@@ -28,11 +28,11 @@ COMPARED_WITH = {
     "runout_laws": ("run-out of columns and cylinders", "laws fitted to experiments"),
     "bars": ("collapse of a column of bars", "experiment, Bui et al. (2008)"),
 }
-"""Cases by their words in the summary, and what they are compared with."""
+"""Cases by their words in the summary, and the data they are compared with."""
 
 
 def summary(cases: dict[str, Any]) -> list[str]:
-    """One row a case: how many tolerances are met, without those of the published scheme."""
+    """One row a case: how many tolerances are met, without the published scheme."""
     lines = []
     for name, words in COMPARED_WITH.items():
         if name not in cases:
@@ -68,8 +68,8 @@ def main(argv: list[str] | None = None) -> None:
     for name in list(cases) if arguments.only is None else arguments.only:
         outcome = cases[name].outcome(arguments.quick)
         rows = [asdict(row) for row in outcome.rows]
-        found = {"rows": rows, "core_seconds": outcome.core_seconds}
-        results["cases"][name] = rounded(found)
+        result = {"rows": rows, "core_seconds": outcome.core_seconds}
+        results["cases"][name] = rounded(result)
         for row in outcome.rows:
             print(f"{name}: " + " | ".join(cells_of(row)), flush=True)
         write(arguments.out, results, [name])

@@ -46,15 +46,15 @@ DISCS = [
 """Aspect ratio, cells, scheme, points in a cell, E/(rho g H)."""
 
 
-def compared(data: columns.Discs, found: Row) -> Row:
-    """Differences of a deposit from that of the discs."""
+def compared(data: columns.Discs, deposit: Row) -> Row:
+    """Differences of a deposit from the deposit of the discs."""
     return {
-        "L1": found["L1"],
-        "mean": found["mean"] / data.facts["xm"][-1] - 1.0,
-        "energy": found["energy"] / data.facts["pe"][-1] - 1.0,
-        "foot": found["foot"] / data.foot - 1.0,
-        "runout_99": found["runout"][0] / data.runout("q99") - 1.0,
-        "runout": found["runout"][1] / data.runout() - 1.0,
+        "L1": deposit["L1"],
+        "mean": deposit["mean"] / data.facts["xm"][-1] - 1.0,
+        "energy": deposit["energy"] / data.facts["pe"][-1] - 1.0,
+        "foot": deposit["foot"] / data.foot - 1.0,
+        "runout_99": deposit["runout"][0] / data.runout("q99") - 1.0,
+        "runout": deposit["runout"][1] / data.runout() - 1.0,
     }
 
 
@@ -64,9 +64,9 @@ def volume_of_fluid(data: columns.Discs) -> Iterator[Row]:
     mine = known["a_nominal"] == data.aspect
     for cells in sorted(set(known["cells"][mine])):
         here = mine & (known["cells"] == cells)
-        found = data.of_deposit(known["x_over_H"][here], known["h_over_H"][here])
+        deposit = data.of_deposit(known["x_over_H"][here], known["h_over_H"][here])
         yield {"aspect": data.aspect, "method": "volume of fluid", "cells": cells} | compared(
-            data, found
+            data, deposit
         )
 
 
@@ -76,11 +76,11 @@ def discs(quick: bool) -> Iterator[Row]:
     for aspect in sorted({run[0] for run in runs}):
         data = columns.Discs.load(aspect)
         for _, cells, name, points, stiffness in (run for run in runs if run[0] == aspect):
-            found, seconds = timed(
+            deposit, seconds = timed(
                 columns.collapse_of_discs, data, cells, columns.SCHEMES[name],
                 points=points, stiffness=stiffness,
             )  # fmt: skip
-            last = found | {"mean": found["mean"][-1], "energy": found["energy"][-1]}
+            last = deposit | {"mean": deposit["mean"][-1], "energy": deposit["energy"][-1]}
             label = {"aspect": aspect, "method": name, "cells": cells, "points": points}
             yield label | {"stiffness": stiffness, "seconds": seconds} | compared(data, last)
         yield from volume_of_fluid(data)
@@ -91,16 +91,16 @@ PLACES = [
     for name in ("default", "cell_averaged")
     for seed in range(4)
 ]
-"""Scheme, and random places of the points at the start."""
+"""Scheme, and random positions of the points at the start."""
 
 
 def places(quick: bool) -> Iterator[Row]:
-    """Run-outs of the column of a = 0.5 in 32 cells by the places of its points at the start."""
+    """Run-outs of the column of a = 0.5 in 32 cells by the initial positions of its points."""
     data = columns.Discs.load(0.5)
     for name, numbers in PLACES[:1] if quick else PLACES:
         cells = 8 if quick else 32
-        found, _ = timed(columns.collapse_of_discs, data, cells, columns.SCHEMES[name], **numbers)
-        last = found | {"mean": found["mean"][-1], "energy": found["energy"][-1]}
+        deposit, _ = timed(columns.collapse_of_discs, data, cells, columns.SCHEMES[name], **numbers)
+        last = deposit | {"mean": deposit["mean"][-1], "energy": deposit["energy"][-1]}
         changed = "random, seed {seed}".format(**numbers) if numbers else "regular"
         yield {"method": name, "places": changed} | compared(data, last)
 
@@ -115,7 +115,7 @@ BARS = [
 """Scheme, cell [m], points in a cell, meaning of the angle of friction."""
 
 HEIGHTS = {"bar": 1.0, "bars_2": 2.0, "bars_3": 3.0}
-"""Heights at which the places of the surface are compared, in bars."""
+"""Heights at which the positions of the surface are compared, in bars."""
 
 MOVES = {"line_05": 0.5e-3, "line_1": 1e-3, "line_2": 2e-3, "line_4": 4e-3}
 """Displacements beyond which a point counts as moved [m]."""
@@ -149,7 +149,10 @@ def held(heap: columns.Heap, surface: Data, line: Data) -> Row:
 UNDAMPED = schemes.cell_averaged.replace(density=schemes.CellAveragedDensity(slow_decay=0.0))
 CAUSES: dict[str, Row] = {
     "nothing": {},
-    **{f"random places of the points, seed {k}": {"jitter": 0.3, "seed": k} for k in range(1, 5)},
+    **{
+        f"random positions of the points, seed {seed}": {"jitter": 0.3, "seed": seed}
+        for seed in range(1, 5)
+    },
     "ten times as stiff": {"E": 8.4e6},
     "a quarter as stiff": {"E": 0.21e6},
     "friction of the floor tan phi": {"floor": math.tan(columns.PHI)},
@@ -161,7 +164,7 @@ CAUSES: dict[str, Row] = {
 
 
 def causes(quick: bool) -> Iterator[Row]:
-    """Foot of the column of bars by places of points, stiffness, floor, rate and damping."""
+    """Foot of the column of bars by positions of points, stiffness, floor, rate and damping."""
     surface, line = load("bui2008_surface"), load("bui2008_failure")
     given = {"mu": math.tan(columns.PHI), "cell": 0.004, "scheme": schemes.cell_averaged}
     for changed, numbers in list(CAUSES.items())[: 1 if quick else None]:
@@ -183,8 +186,8 @@ def dams(quick: bool) -> Iterator[Row]:
     mu = 0.6
     K = theory.sliding_earth_pressure(mu, shallow.DAM["mu"])
     for cells, softness in DAMS[:1] if quick else DAMS:
-        found, seconds = timed(shallow.dam, mu, K, cells, TIMES, softness)
-        for scaled, errors in zip(TIMES, shallow.errors(found), strict=True):
+        wave, seconds = timed(shallow.dam, mu, K, cells, TIMES, softness)
+        for scaled, errors in zip(TIMES, shallow.errors(wave), strict=True):
             row = dict(zip(shallow.TOLERANCES, errors.tolist(), strict=True))
             label = {"cells": cells, "softness": softness, "time": scaled}
             yield label | row | {"seconds": seconds}
@@ -212,7 +215,7 @@ def layers(quick: bool) -> Iterator[Row]:
 # ---- nonlocal law ----
 
 LIMITS, SHARES = (0.6435, 0.9, 1.2, 1.5), (0.25, 0.5, 0.75)
-"""Limits mu_2 of the friction, and places of the slope between mu_s and mu_2."""
+"""Limits mu_2 of the friction, and positions of the slope between mu_s and mu_2."""
 
 
 def near_limit(quick: bool) -> Iterator[Row]:
@@ -223,8 +226,8 @@ def near_limit(quick: bool) -> Iterator[Row]:
         row = {"mu_2": mu_2, "range": mu_2 - beads.mu_s, "share": share, "angle": slope}
         for name, scheme in hstop.SCHEMES.items():
             layer = hstop.Layer(slope, 3.0, 10, scheme, beads)
-            found, seconds = timed(layer.froude, layer.relaxation())
-            row[name] = found / hstop.scaled(float(layer.expected().mean)) - 1.0
+            froude, seconds = timed(layer.froude, layer.relaxation())
+            row[name] = froude / hstop.scaled(float(layer.expected().mean)) - 1.0
             row["seconds"] = row.get("seconds", 0.0) + seconds
         yield row
 
@@ -262,7 +265,7 @@ STUDIES: dict[str, tuple[Callable[[bool], Iterator[Row]], dict[str, str]]] = {
         "rms of the line [mm], moved by 1 mm": "{line_1:.1f}",
     }),
     "contact_dynamics_places": (places, {
-        "scheme": "{method}", "places of the points": "{places}",
+        "scheme": "{method}", "positions of the points": "{places}",
         "L1 of the deposit": "{L1:.3f}", "mean distance": "{mean:+0.1%}",
         "run-out to the foot": "{foot:+0.1%}", "run-out of 99 %": "{runout_99:+0.1%}",
         "of 99.9 %": "{runout:+0.1%}",

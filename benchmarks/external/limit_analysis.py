@@ -1,10 +1,9 @@
 """Earth pressure and bearing capacity: cells, speeds, stiffness and schemes, one at a time.
 
-The problems are those of `granular verify --external limit_analysis`, with a rough base and
-footing. Each row changes what its name says, and nothing else. Walls at 30 degrees of friction,
-where the two friction angles differ most, have a table of their own, by cells and places of the
-points. A study that is run replaces its rows in the file of results; the page is written from the
-whole file.
+The problems are the ones of `granular verify --external limit_analysis`, with a rough base and
+footing. Each row changes only the setting that it names. Walls at 30 degrees of friction, where the
+two friction angles differ most, have a separate table, by cells and positions of the points. A
+study that is run replaces its rows in the file of results; the page is written from the whole file.
 """
 
 from __future__ import annotations
@@ -22,17 +21,17 @@ import granular as gr
 from granular.verify.external import limit_analysis as cases
 
 ANGLES, CELLS, SEEDS = (0.0, 17.0, 30.0), (16, 24, 32, 48), (1, 2)
-"""Angles against the grid [deg], cells over the height, seeds of random places of the points."""
+"""Angles against the grid [deg], cells over the height, seeds of random positions of the points."""
 
 JITTER = 0.3
-"""Amplitude of the random places, in spacings of the points."""
+"""Amplitude of the random displacements, in spacings of the points."""
 
 COLUMNS = {
     "problem": "{problem}",
     "changed": "{changed}",
     "cells": "{cells}",
     "coefficient": "{coefficient:.4g}",
-    "over that of the upper angle": "{share:.3f}",
+    "over the upper angle": "{share:.3f}",
     "time [s]": "{seconds:.0f}",
 }
 SCHEMES = {
@@ -46,22 +45,22 @@ def row(
     problem: str, changed: str, cells: int, scene: gr.Scene, known: float, kind: str,
     banded: bool = False,
 ) -> dict:  # fmt: skip
-    """Coefficient of a run and what it costs, and the inclination of its band if `banded`."""
+    """Coefficient of a run and its cost, and the inclination of its band if `banded`."""
     begin = time.process_time()
     reaction = cases.reaction(scene, cases.STOPS[kind])
     force = reaction.at_rest(cases.STEADY[kind])
     unit = cases.RHO * cases.G * cases.SIZE**2 * (0.5 if kind in ("K_p", "K_a") else 0.25)
     seconds = time.process_time() - begin
-    found = {"problem": problem, "changed": changed, "cells": cells, "coefficient": force / unit}
-    found |= {"share": force / unit / known, "seconds": seconds}
-    return found | ({"band_deg": band(scene, reaction)} if banded else {})
+    entry = {"problem": problem, "changed": changed, "cells": cells, "coefficient": force / unit}
+    entry |= {"share": force / unit / known, "seconds": seconds}
+    return entry | ({"band_deg": band(scene, reaction)} if banded else {})
 
 
 def band(scene: gr.Scene, reaction: cases.Reaction) -> float:
     """Inclination of the edge of a wedge to the surface of the bed [deg], through its heights.
 
-    At a height the edge is the farthest place at which the speed, smoothed over five points, is
-    half of that at the wall above the middle of its height.
+    At a height the edge is the farthest point at which the speed, smoothed over five points, is
+    half of the speed at the wall above the middle of its height.
     """
     along = np.array(scene.bodies[0].motion.velocity[-1])
     along *= np.sign(along[0]) / np.hypot(*along)
@@ -113,7 +112,7 @@ def walls(quick: bool) -> Iterator[dict]:
 
 
 def wedges(quick: bool) -> Iterator[dict]:
-    """Smooth wall, phi = 30 deg, by angle, cells and places of the points."""
+    """Smooth wall, phi = 30 deg, by angle, cells and positions of the points."""
     variants = [(angle, cells, None) for cells in CELLS for angle in ANGLES]
     variants += [(ANGLES[0], 32, seed) for seed in SEEDS]
     variants.sort(key=lambda one: one[1])  # the dear ones last
@@ -156,14 +155,14 @@ STUDIES = {"walls": walls, "footings": footings, "wedges": wedges}
 
 def wedge_table(rows: list[dict]) -> list[str]:
     """Markdown of the walls at 30 deg: a line for each turn or seed, a column for each size."""
-    found = {(r["problem"], r["changed"], r["seed"], r["cells"]): r for r in rows}
+    by_case = {(r["problem"], r["changed"], r["seed"], r["cells"]): r for r in rows}
     lines = []
     runs = [(f"turned by {angle:g} deg", None) for angle in ANGLES]
     runs += [(runs[0][0], seed) for seed in SEEDS]
     for problem, (turned, seed) in itertools.product(("K_p", "K_a"), runs):
         ends = [cases.rankine(phi, problem == "K_p") for phi in cases.limits(30.0)]
-        name = turned if seed is None else f"{turned}, random places of the points, seed {seed}"
-        here = [found.get((problem, turned, seed, cells), {}) for cells in CELLS]
+        name = turned if seed is None else f"{turned}, random positions of the points, seed {seed}"
+        here = [by_case.get((problem, turned, seed, cells), {}) for cells in CELLS]
         if not any(here):
             continue
         texts = [f"{r['coefficient']:.4g}" if r else "" for r in here]
@@ -176,10 +175,10 @@ def wedge_table(rows: list[dict]) -> list[str]:
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Tables of the page: walls and footings, and walls at 30 deg by turn and seed."""
-    found = results["studies"]
+    studies = results["studies"]
     return {
-        "study": table([*found["walls"], *found["footings"]], COLUMNS),
-        "wedges": wedge_table(found["wedges"]),
+        "study": table([*studies["walls"], *studies["footings"]], COLUMNS),
+        "wedges": wedge_table(studies["wedges"]),
     }
 
 

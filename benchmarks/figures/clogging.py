@@ -52,7 +52,7 @@ PAPER = {
     "boundary": {"A": 0.5, "opening_over_d": [1.0, 1.5]},
 }
 """Verdicts in the text of the paper on cases (A, W/d); figure 4a has the others as symbols only.
-Its boundary at A = 0.5 is that of lines W/d = 2 A to 3 A."""
+Its boundary at A = 0.5 is the one of lines W/d = 2 A to 3 A."""
 
 Key = tuple[str | float, ...]
 
@@ -163,8 +163,8 @@ def late(record: gr.Trajectory, duration: float) -> list[gr.State]:
 
 def stress_free(states: Sequence[gr.State]) -> float:
     """Stress-free share of the points above the bottom."""
-    found = [np.mean(~np.asarray(s.dense, dtype=bool)[s.x[:, 1] > 0]) for s in states]
-    return float(np.mean(found))
+    shares = [np.mean(~np.asarray(s.dense, dtype=bool)[s.x[:, 1] > 0]) for s in states]
+    return float(np.mean(shares))
 
 
 def pressure_noise(states: Sequence[gr.State]) -> float:
@@ -173,7 +173,7 @@ def pressure_noise(states: Sequence[gr.State]) -> float:
     It is the standard deviation in a cell, of which the median is taken over cells with 4 dense
     points or more, and then the mean over the states.
     """
-    found = []
+    medians = []
     for state in states:
         dense = np.asarray(state.dense, dtype=bool)
         cell = np.floor(state.x[dense] / state.scene.grid.cell).astype(int)
@@ -183,8 +183,8 @@ def pressure_noise(states: Sequence[gr.State]) -> float:
         n = np.bincount(which)
         mean = np.bincount(which, p) / n
         deviation = np.sqrt(np.bincount(which, (p - mean[which]) ** 2) / n)
-        found.append(np.median((deviation / mean)[n >= 4]))
-    return float(np.mean(found))
+        medians.append(np.median((deviation / mean)[n >= 4]))
+    return float(np.mean(medians))
 
 
 def numbers(record: gr.Trajectory) -> dict[str, Any]:
@@ -252,7 +252,7 @@ def compare(coarse: gr.Trajectory, fine: Sequence[gr.Trajectory], ratio: float) 
 
     Pressures are compared in cells that are full in both, at heights above the opening's width and
     two cells below the highest full ones, away from the surface, the rough bottom and the free
-    fall. Times are those of figures 9 and 10 (350 frames of 1/240 s in a static silo, 105 in a
+    fall. Times are as in figures 9 and 10 (350 frames of 1/240 s in a static silo, 105 in a
     flowing one), averaged over 0.05 s. Differences are relative to the largest pressure of the
     region and to the largest speed of the slice.
     """
@@ -260,18 +260,18 @@ def compare(coarse: gr.Trajectory, fine: Sequence[gr.Trajectory], ratio: float) 
     states = [window(record, at, 0.025) for record in (coarse, *fine)]
     p = [gr.measure.frame_average(s, "pressure", weight="volume") for s in states]
     W = coarse.scene.parameters["orifice"]
-    found = pressure_difference(p[0], mean_field([coarsened(one) for one in p[1:]]), W)
+    differences = pressure_difference(p[0], mean_field([coarsened(one) for one in p[1:]]), W)
     if ratio >= 3:
-        return found | slice_difference(states)
+        return differences | slice_difference(states)
     for name, record, frames in zip(("coarse", "fine"), (coarse, *fine), states, strict=False):
         if gr.measure.silo_clogging.flow_verdict(record).verdict == "static":
             arch = gr.measure.silo_clogging.arch_outline(frames)
-            found[f"arch_{name}"] = {
+            differences[f"arch_{name}"] = {
                 "x": arch.x.round(5).tolist(),
                 "y": arch.y.round(5).tolist(),
                 "relative_crown": round(arch.relative_crown, 4),
             }
-    return found
+    return differences
 
 
 def pressure_difference(coarse: GridField, fine: GridField, W: float) -> dict[str, Any]:
@@ -301,17 +301,17 @@ def slice_difference(states: Sequence[list[gr.State]]) -> dict[str, Any]:
         gr.measure.silo_clogging.velocity_slices(frames, np.array(HEIGHTS) * W[0] / width)
         for frames, width in zip(states, W, strict=True)
     )
-    found: dict[str, Any] = {}
+    differences: dict[str, Any] = {}
     for i, height in enumerate(HEIGHTS):
         v = np.mean([np.interp(coarse.x, f.x, f.velocity[i]) for f in fine], axis=0)
         peak = np.nanmax(np.abs(coarse.velocity[i]))
-        found[f"slice_{height}W"] = {
+        differences[f"slice_{height}W"] = {
             "peak": round(float(peak), 4),
             "peak_ratio": round(float(np.nanmax(np.abs(v)) / peak), 4),
             "mean_ratio": round(float(np.nanmean(v) / np.nanmean(coarse.velocity[i])), 4),
             "largest": round(float(np.nanmax(np.abs(v - coarse.velocity[i])) / peak), 4),
         }
-    return found
+    return differences
 
 
 def slices(record: gr.Trajectory) -> tuple[np.ndarray, np.ndarray]:
@@ -319,8 +319,8 @@ def slices(record: gr.Trajectory) -> tuple[np.ndarray, np.ndarray]:
     W = gr.scenes.clogging_silo().parameters["orifice"]
     at = min(FLOWING_FRAME, record.scene.duration - AROUND)
     heights = np.array(HEIGHTS) * W / record.scene.parameters["orifice"]
-    found = gr.measure.silo_clogging.velocity_slices(window(record, at, AROUND), heights)
-    return found.x, found.velocity
+    sections = gr.measure.silo_clogging.velocity_slices(window(record, at, AROUND), heights)
+    return sections.x, sections.velocity
 
 
 def swept(
@@ -338,12 +338,12 @@ def scatter(plan: Plan, chosen: argparse.Namespace) -> list[dict[str, Any]]:
     its standard error there, and the smallest and largest such difference of single packings.
     """
     results = swept(plan.packed(), slices, 1 / 240, chosen)
-    of = {key[2:]: found for key, found in zip(results.keys, results, strict=True)}
+    of = {key[2:]: result for key, result in zip(results.keys, results, strict=True)}
     x, _ = of["coarse", 0]
 
     def at_coarse(tag: str, seed: int) -> np.ndarray:
-        own, rows = of[tag, seed]
-        return np.array([np.interp(x, own, row) for row in rows])
+        positions, rows = of[tag, seed]
+        return np.array([np.interp(x, positions, row) for row in rows])
 
     seeds = range(plan.packings)
     coarse = np.array([at_coarse("coarse", s) for s in seeds])
@@ -380,17 +380,17 @@ def rows_of(
 
 def thresholds(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Lines through the origin for each scheme, by our verdict and by the paper's rule."""
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for scheme in SCHEMES:
         mine = [row for row in rows if row["scheme"] == scheme]
         A, ratio = np.array([row["case"] for row in mine]).T
-        found[scheme] = {
+        result[scheme] = {
             rule: asdict(
                 gr.measure.silo_clogging.flow_threshold(A, ratio, [row[rule] for row in mine])
             )
             for rule in ("verdict", "published_rule")
         }
-    return found
+    return result
 
 
 def refinement(folder: Path) -> list[dict[str, Any]]:
@@ -430,23 +430,23 @@ def show(tables: dict[str, Any]) -> None:
         amplitudes, openings = (sorted(set(values)) for values in zip(*cases, strict=True))
         print(f"{scheme}: verdict (and by the paper's rule); A = {amplitudes}")
         for ratio in reversed(openings):
-            found = (cases[A, ratio] for A in amplitudes)
-            print(f"  W/d = {ratio}  ", *(f"{r['verdict']}/{r['published_rule']}" for r in found))
+            line = (cases[A, ratio] for A in amplitudes)
+            print(f"  W/d = {ratio}  ", *(f"{r['verdict']}/{r['published_rule']}" for r in line))
         lines = tables["thresholds"][scheme]["verdict"]
         print(f"  static below {lines['static_below']} A, flowing above {lines['flowing_above']} A")
 
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Tables of the page: verdict and outflow of each case, by scheme."""
-    found: dict[str, dict[tuple[float, int], str]] = {}
+    by_scheme: dict[str, dict[tuple[float, int], str]] = {}
     for row in results["diagram"]:
         amplitude, ratio = row["case"]
         outflow = f" {row['outflow']:.0f}" if row["outflow"] >= 0.5 else ""
         agrees = row["verdict"] == row["published_rule"]
         text = f"{row['verdict'][0]}{outflow}{'' if agrees else ' *'}"
-        found.setdefault(row["scheme"], {})[amplitude, ratio] = text
+        by_scheme.setdefault(row["scheme"], {})[amplitude, ratio] = text
     made = {}
-    for scheme, cases in found.items():
+    for scheme, cases in by_scheme.items():
         amplitudes, ratios = (sorted(set(part)) for part in zip(*cases, strict=True))
         head = ("W/d", *(f"A = {a:g}" for a in amplitudes))
         rows = [(r, *(cases.get((a, r), "") for a in amplitudes)) for r in reversed(ratios)]

@@ -63,11 +63,11 @@ def options(
     doc : str
         Description of the script.
     argv : sequence of str or None
-        Arguments; those of the process if None.
+        Arguments; of the process if None.
     E, quick_E : float
         Default of --E, Young's modulus [Pa], without and with --quick.
     without : collection of str
-        Options that the script does not have, such as those of `RUN`.
+        Options that the script does not have, such as `RUN`.
     schemes : mapping of str to Scheme
         Schemes by the names of --scheme; the first is the default.
     grains : Material
@@ -120,13 +120,13 @@ def states_at(
 ) -> list[gr.State]:
     """States of a run at ascending times, each of the first step at or after its time."""
     simulation = simulation_of(scene, chosen)
-    found = []
+    states = []
     for time in tqdm(times, desc=name or scene.name, unit="state"):
         if time > 0:
             simulation.run(until=time)
-        found.append(simulation.state)
+        states.append(simulation.state)
     tell(simulation, name)
-    return found
+    return states
 
 
 def frames(
@@ -138,18 +138,18 @@ def frames(
     *,
     name: str = "",
 ) -> list[Any]:
-    """Results of `measure` for the state at each frame of a run; the states are not kept."""
-    found: list[Any] = []
+    """Results of `measure` for the state at each frame of a run; the states are not stored."""
+    results: list[Any] = []
     simulation = simulation_of(scene, chosen)
     with tqdm(total=until, desc=name or scene.name, unit="s", leave=False) as bar:
 
         def look(running: gr.Simulation) -> None:
-            found.append(measure(running.state))
+            results.append(measure(running.state))
             bar.update(min(running.time, until) - bar.n)
 
         simulation.run(until=until, every=every, hooks=(look,))
     tell(simulation, name)
-    return found
+    return results
 
 
 def save(picture: Picture, chosen: argparse.Namespace, name: str) -> None:

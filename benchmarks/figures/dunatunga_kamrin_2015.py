@@ -83,8 +83,8 @@ def figure_5(chosen: argparse.Namespace) -> None:
     rates = [gr.measure.discharge(history).rate for history in histories.values()]
     unit = {"rho": chosen.material.rho_c, "gravity": 9.8}
     fit = gr.measure.beverloo(list(histories), rates, **unit)
-    shown = {d: h for d, h in histories.items() if chosen.quick or round(100 * d) % 4 == 2}
-    save(plot.figure_5(shown, fit, **unit), chosen, "figure_5")
+    chosen_depths = {d: h for d, h in histories.items() if chosen.quick or round(100 * d) % 4 == 2}
+    save(plot.figure_5(chosen_depths, fit, **unit), chosen, "figure_5")
 
 
 def figures_6_7(chosen: argparse.Namespace) -> None:
@@ -114,14 +114,14 @@ def figures_9_10(chosen: argparse.Namespace) -> None:
         flows.append(plot.InclineFlow.measured(states))
     (state,) = states_at(scene(25), (3 * until,), chosen, name="profile at 25 deg")
     grains = chosen.material
-    shown = [flow for flow in flows if flow.angle_deg in (19, 22, 25, 28, 31, 34)]
-    save(plot.figure_9(shown, mu_s=grains.mu_s, mu_2=grains.mu_2), chosen, "figure_9")
+    chosen_flows = [flow for flow in flows if flow.angle_deg in (19, 22, 25, 28, 31, 34)]
+    save(plot.figure_9(chosen_flows, mu_s=grains.mu_s, mu_2=grains.mu_2), chosen, "figure_9")
     save(plot.figure_10(flows, state), chosen, "figure_10")
 
 
 def figure_11(chosen: argparse.Namespace) -> None:
     # The paper gives cells of 0.0083 m, 120 to a metre, but no size: here a box of 1 m, so that
-    # the heap ends before the left wall; the way to the right wall is that of the scene.
+    # the heap ends before the left wall; the distance to the right wall is as in the scene.
     cell = 0.025 if chosen.quick else 0.0083
     scene = gr.scenes.slug(center=(0.45, 0.25), wall_at=1.0, cell=cell, **chosen.settings)
     flight, impact = (0.0, 0.1, 0.2, 0.3), (0.34, 0.36, 0.38, 0.40, 0.42, 0.48)

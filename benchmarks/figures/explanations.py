@@ -103,7 +103,7 @@ def turning(scheme: gr.Scheme, turns: float) -> tuple[np.ndarray, np.ndarray]:
         scheme=scheme,
         duration=turns,
     )
-    sim, found = gr.Simulation(scene), []
+    sim, energies = gr.Simulation(scene), []
     x, v = sim.buffers["x"], sim.buffers["v"]
     v[0], v[1] = -omega * (x[1] - middle), omega * (x[0] - middle)
     v *= sim.buffers["id"] >= 0
@@ -112,10 +112,10 @@ def turning(scheme: gr.Scheme, turns: float) -> tuple[np.ndarray, np.ndarray]:
 
     def note(running: gr.Simulation) -> None:
         state = running.state
-        found.append((running.time, 0.5 * float(state.mass @ (state.v**2).sum(axis=1))))
+        energies.append((running.time, 0.5 * float(state.mass @ (state.v**2).sum(axis=1))))
 
     tell(sim.run(every=0.02, hooks=(note,)))
-    times, energy = np.array(found).T
+    times, energy = np.array(energies).T
     return times, energy / energy[0]
 
 
@@ -126,8 +126,8 @@ def transfers(quick: bool) -> Picture:
     for function, name, colour in ((linear, "linear", ORANGE), (spline, "quadratic", BLUE)):
         for ax, values in zip((left, middle), function(x), strict=True):
             ax.plot(x, values, color=colour, label=name, lw=1.8)
-    left.set(title="Shape function", xlabel="place [cells]")
-    middle.set(title="Its slope: the force", xlabel="place [cells]")
+    left.set(title="Shape function", xlabel="position [cells]")
+    middle.set(title="Its slope: the force", xlabel="position [cells]")
     left.legend(loc="upper right", fontsize=8)
     particle = gr.ParticleDensity()
     schemes = {
@@ -222,17 +222,19 @@ def determinism(quick: bool) -> Picture:
     until, every = (0.2, 0.1) if quick else (1.0, 0.02)
 
     def history(threads: int, nudge: float = 0.0) -> tuple[np.ndarray, list[np.ndarray]]:
-        sim, found = gr.Simulation(scene, threads=threads), []
+        sim, positions = gr.Simulation(scene, threads=threads), []
         x = sim.buffers["x"]
         x[0] += nudge * (sim.buffers["id"] == 7)
-        sim.run(until=until, every=every, hooks=(lambda running: found.append(running.state.x),))
+        sim.run(
+            until=until, every=every, hooks=(lambda running: positions.append(running.state.x),)
+        )
         tell(sim)
-        return np.arange(len(found)) * every, found
+        return np.arange(len(positions)) * every, positions
 
     times, whole = history(1)
     for threads, nudge, colour, name in (
         (1, 1e-16, BLUE, "one point moved by 1e-16 m"),
-        (2, 0.0, ORANGE, "two threads in place of one"),
+        (2, 0.0, ORANGE, "two threads instead of one"),
     ):
         apart = [abs(a - b).max() for a, b in zip(whole, history(threads, nudge)[1], strict=True)]
         ax.semilogy(times, np.maximum(apart, 1e-18), ".-", color=colour, label=name)
@@ -242,7 +244,7 @@ def determinism(quick: bool) -> Picture:
         [1e-18, 1e-15, 1e-12, 1e-9, 1e-6, 1e-3], ["0", *(f"1e-{k}" for k in (15, 12, 9, 6, 3))]
     )
     ax.set(xlabel="time [s]", ylabel="largest distance [m]", ylim=(3e-19, 1))
-    ax.set_title("How far points are from those of the first run")
+    ax.set_title("Distance of points from the first run")
     ax.legend(loc="center right", fontsize=9)
     return made
 
@@ -251,7 +253,7 @@ def determinism(quick: bool) -> Picture:
 
 
 def bodies(quick: bool) -> Picture:
-    """Points near a surface, their feet, and the nodes on which a foot acts."""
+    """Points near a surface, their contact points, and the nodes on which a contact point acts."""
     made, (ax,) = picture(1.0, height=4.2)
     columns, rows = 8, 4
     body = gr.Body(gr.shapes.HalfSpace((-np.sin(0.3), np.cos(0.3))), (4.0, 1.35))
@@ -264,22 +266,22 @@ def bodies(quick: bool) -> Picture:
     ax.fill_between(ends, -1, level, color="#d5d8dc", zorder=1)
     ax.plot(ends, level, color="#3f4650", zorder=2)
     along = (np.arange(2 * columns) + 0.5) / 2
-    places = np.array([(x, y) for x in along for y in (np.arange(2 * rows) + 0.5) / 2])
-    distance, normal = body.distance(places)
-    places, distance, normal = (a[distance > 0.02] for a in (places, distance, normal))
+    points = np.array([(x, y) for x in along for y in (np.arange(2 * rows) + 0.5) / 2])
+    distance, normal = body.distance(points)
+    points, distance, normal = (a[distance > 0.02] for a in (points, distance, normal))
     near = distance < 0.375
-    ax.plot(*places[~near].T, "o", color=BLUE, ms=5, label="points", zorder=3)
-    feet = places[near] - distance[near, None] * normal[near]
-    for place, foot in zip(places[near], feet, strict=True):
-        ax.plot(*np.transpose([place, foot]), color=RED, lw=1, zorder=3)
-    ax.plot(*places[near].T, "o", color=RED, ms=5, label="points in contact", zorder=4)
-    ax.plot(*feet.T, "x", color="black", ms=5, label="their feet", zorder=4)
-    chosen = feet[np.argmin(abs(feet[:, 0] - 3.6))]
+    ax.plot(*points[~near].T, "o", color=BLUE, ms=5, label="points", zorder=3)
+    contacts = points[near] - distance[near, None] * normal[near]
+    for point, contact in zip(points[near], contacts, strict=True):
+        ax.plot(*np.transpose([point, contact]), color=RED, lw=1, zorder=3)
+    ax.plot(*points[near].T, "o", color=RED, ms=5, label="points in contact", zorder=4)
+    ax.plot(*contacts.T, "x", color="black", ms=5, label="their contact points", zorder=4)
+    chosen = contacts[np.argmin(abs(contacts[:, 0] - 3.6))]
     nodes = np.array([(i, j) for i in range(columns + 1) for j in range(rows + 1)], float)
     reach = (abs(nodes - chosen) < 1.5).all(axis=1)
     for node in nodes[reach]:
         ax.plot(*np.transpose([chosen, node]), color=GREEN, lw=0.9, zorder=3)
-    ax.plot(*nodes[reach].T, "s", color=GREEN, ms=6, label="nodes of one foot", zorder=4)
+    ax.plot(*nodes[reach].T, "s", color=GREEN, ms=6, label="nodes of one contact point", zorder=4)
     ax.text(6.0, 0.6, "body", fontsize=11)
     ax.set(xlim=(0, columns), ylim=(-0.15, rows - 0.4), aspect="equal", xticks=[], yticks=[])
     ax.legend(loc="upper left", fontsize=9, framealpha=1)
@@ -290,7 +292,7 @@ def bodies(quick: bool) -> Picture:
 
 
 def core(quick: bool) -> Picture:
-    """Cells that exist for the kernels, and the places of some of them in memory."""
+    """Cells that exist for the kernels, and the slots of some of them in memory."""
     made = Picture(figsize=(9.0, 4.2), layout="constrained")
     top, bottom = made.subplots(2, 1, height_ratios=(3.0, 2.0))
     scene = gr.scenes.column_collapse(aspect=1.0, E=1e6, cell=0.04, points_per_cell=4)
@@ -303,8 +305,8 @@ def core(quick: bool) -> Picture:
     inside = (at < (columns, rows)).all(axis=1)
     held[tuple(at[inside].T)] = True
     padded = np.pad(held, 1)
-    beside = np.any([np.roll(padded, (i, j), (0, 1)) for i in (-1, 0, 1) for j in (-1, 0, 1)], 0)
-    active = beside[1:-1, 1:-1]
+    near = np.any([np.roll(padded, (i, j), (0, 1)) for i in (-1, 0, 1) for j in (-1, 0, 1)], 0)
+    active = near[1:-1, 1:-1]
     colour = np.where(held, 2, np.where(active, 1, 0)).T
     extent = (0, columns, 0, rows)
     kinds = {"vmin": 0, "vmax": 2, "cmap": "Blues", "alpha": 0.45}
@@ -320,11 +322,11 @@ def core(quick: bool) -> Picture:
     for row, lanes in enumerate(tile):
         for lane, used in enumerate(lanes):
             face, alpha = (BLUE, 1.0) if used else (GREY, 0.3)
-            place = (lane, -row)
-            bottom.add_patch(Rectangle(place, 0.9, 0.9, facecolor=face, alpha=alpha))
+            slot = (lane, -row)
+            bottom.add_patch(Rectangle(slot, 0.9, 0.9, facecolor=face, alpha=alpha))
     bottom.set(xlim=(-0.5, 8.5), ylim=(0.5 - len(tile), 1.5), xticks=[], yticks=[], aspect="equal")
     bottom.set(xlabel="cells of the tile", ylabel="rows")
-    bottom.set_title("Places of a tile: points (blue) and spare places (grey)")
+    bottom.set_title("Slots of a tile: points (blue) and spare slots (grey)")
     for side in bottom.spines.values():
         side.set_visible(False)
     return made

@@ -1,6 +1,6 @@
 """From grains to a heap: mu(I) of sheared spheres, then a column of them that collapses.
 
-The flows are those of `friction_law`. Their rheology is used as a continuum material in
+The flows are from `friction_law`. Their rheology is used as a continuum material in
 the column collapse of figure 2, and compared with the glass beads of the paper.
 """
 
@@ -36,7 +36,7 @@ def heap(material: gr.materials.MuI, quick: bool) -> gr.State:
 def main(argv: list[str] | None = None) -> None:
     chosen = options(__doc__, argv, without=RUN)
     fit, grains = rheology()
-    # The diameter is that of a sphere of the mean volume, as in the table's inertial numbers.
+    # The diameter belongs to a sphere of the mean volume, as in the table's inertial numbers.
     d = gr.grain_scale.dem.Grains(**grains).d_volume
     materials = {
         "sheared grains": fit.material(d=d, rho_s=grains["rho_s"], E=chosen.E),

@@ -56,13 +56,13 @@ def dem_runs(quick: bool) -> Picture:
     with TemporaryDirectory() as name:
         dump = grains_that_collapse(Path(name), quick)
         first, last = dump[1], dump[2]
-        found = gr.grain_scale.average_grains(first, grid, axes="xz")
+        average = gr.grain_scale.average_grains(first, grid, axes="xz")
     limits = {"vmin": 0.0, "vmax": 0.8, "cmap": "viridis"}
     x, speed = first.x, np.linalg.norm(first.v, axis=1)
     axes[0, 0].scatter(x[:, 0], x[:, 2], 9, speed, **limits)
     axes[0, 0].set_title(f"speed of the grains at {first.time:.1f} s [m/s]")
-    mean = np.linalg.norm(found.velocity, axis=-1).T
-    mesh = axes[1, 0].pcolormesh(*found.axes, mean, **limits)
+    mean = np.linalg.norm(average.velocity, axis=-1).T
+    mesh = axes[1, 0].pcolormesh(*average.axes, mean, **limits)
     axes[1, 0].set_title("their average over cells")
     scene = gr.Scene(
         name="goes on",

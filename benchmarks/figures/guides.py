@@ -153,17 +153,17 @@ def choose_a_stiffness(quick: bool) -> Picture:
     """Run-out and number of steps against the stiffness."""
     made, ((left, right),) = panels(1, 2, 3.0)
     stiffness = np.array([3e4, 1e5, 3e5, 1e6, 3e6, 1e7])[: 3 if quick else None]
-    found, steps = [], []
+    runouts, steps = [], []
     for E in stiffness:
         state = column(0.04 if quick else 0.0125, aspect=1.0, E=float(E))
-        found.append(runout(state))
+        runouts.append(runout(state))
         steps.append(state.step)
     largest = 1500 * 9.8 * 0.2
-    left.semilogx(stiffness / largest, found, "o-", color=BLUE)
+    left.semilogx(stiffness / largest, runouts, "o-", color=BLUE)
     left.axvline(1000, color=GREY, ls="--")
     left.text(900, 0.1, "rule of thumb: 1000", color="0.35", fontsize=9, ha="right")
     left.set(xlabel="E over the largest pressure", ylabel="run-out [half-widths]")
-    left.set_ylim(0, 1.15 * max(found))
+    left.set_ylim(0, 1.15 * max(runouts))
     right.loglog(stiffness, steps, "o-", color=ORANGE)
     right.set(xlabel="Young's modulus E [Pa]", ylabel="time steps of the run")
     return made
@@ -282,14 +282,14 @@ def watch_a_run(quick: bool) -> Picture:
     """Speed of a column that collapses, as a hook notes it, and when the hook ends the run."""
     made, ((ax,),) = panels(1, 1, 2.8)
     scene = gr.scenes.column_collapse(aspect=1.2, E=1e6, cell=0.04, points_per_cell=9)
-    found: list[tuple[float, float]] = []
+    speeds_in_time: list[tuple[float, float]] = []
 
     def note(sim: gr.Simulation) -> None:
-        found.append((sim.time, gr.measure.speed_percentile(sim.state)))
+        speeds_in_time.append((sim.time, gr.measure.speed_percentile(sim.state)))
 
     tell(gr.Simulation(scene).run(until=0.3 if quick else 1.0, every=0.02, hooks=(note,)))
-    times, speeds = np.array(found).T
-    ax.plot(times, speeds, ".-", color=BLUE, label="what the hook notes")
+    times, speeds = np.array(speeds_in_time).T
+    ax.plot(times, speeds, ".-", color=BLUE, label="values stored by the hook")
     ax.axhline(0.02, color=GREY, ls="--", label="taken as rest")
     resting = (times > 0.3) & (speeds < 0.02)
     if resting.any():
@@ -300,7 +300,7 @@ def watch_a_run(quick: bool) -> Picture:
 
 
 def restart(quick: bool) -> Picture:
-    """A run that goes on from one record with its own friction and with another."""
+    """A run that continues one record with its friction and with another."""
     made, axes = panels(1, 3, 2.5, sharey=True)
     cell = 0.04 if quick else 0.0125
     extent, common = ((0.0, 0.7), (0.0, 0.31)), {"bar": False, "limits": (0, 1.5)}
@@ -329,12 +329,12 @@ def calibrate_friction(quick: bool) -> Picture:
 
     friction, measured = np.linspace(0.25, 0.6, 3 if quick else 8), 1.6
     left.plot(friction, [runout(heap(mu_s)) for mu_s in friction], "o-", color=BLUE, label="runs")
-    found = float(brentq(lambda mu_s: runout(heap(mu_s)) - measured, 0.25, 0.6, xtol=0.01))
+    fitted = float(brentq(lambda mu_s: runout(heap(mu_s)) - measured, 0.25, 0.6, xtol=0.01))
     left.axhline(measured, color=GREY, ls="--", label="measured run-out")
-    left.plot(found, measured, "D", color=ORANGE, ms=9, label=f"mu_s = {found:.2f}")
+    left.plot(fitted, measured, "D", color=ORANGE, ms=9, label=f"mu_s = {fitted:.2f}")
     left.set(xlabel="mu_s", ylabel="run-out [half-widths]")
     left.legend(fontsize=8)
-    gr.plot.frame(heap(found), "pressure", ax=right, title=f"the heap with mu_s = {found:.2f}")
+    gr.plot.frame(heap(fitted), "pressure", ax=right, title=f"the heap with mu_s = {fitted:.2f}")
     return made
 
 
@@ -359,14 +359,14 @@ def sweep(quick: bool) -> Picture:
     cases = {(mu_s, a): two_numbers(mu_s, a, 0.025) for mu_s in frictions for a in aspects}
     with TemporaryDirectory() as folder:
         measure = measured_runout
-        found = gr.sweep(cases, folder=folder, measure=measure, workers=2, progress=False)
+        results = gr.sweep(cases, folder=folder, measure=measure, workers=2, progress=False)
         left = made.add_subplot(grid[:, 0])
         for k, mu_s in enumerate(frictions):
-            reached = [found[found.keys.index((mu_s, a))] for a in aspects]
+            reached = [results[results.keys.index((mu_s, a))] for a in aspects]
             colour = (BLUE, GREEN, ORANGE)[k]
             left.plot(aspects, reached, "o-", color=colour, label=f"mu_s = {mu_s}")
             ax = made.add_subplot(grid[k, 1])
-            with gr.open(found.paths[found.keys.index((mu_s, 1.0))]) as record:
+            with gr.open(results.paths[results.keys.index((mu_s, 1.0))]) as record:
                 extent = ((0.0, 0.6), (0.0, 0.2))
                 title = f"mu_s = {mu_s}, aspect 1"
                 gr.plot.frame(
@@ -424,11 +424,11 @@ def extrapolate_to_fine_cells(quick: bool) -> Picture:
     made, ((ax,),) = panels(1, 1, 3.4)
     cells = np.repeat((0.03, 0.02, 0.016) if quick else (0.02, 0.016, 0.01), 2)
     rates = np.array([discharge(cell, 1 + k % 2) for k, cell in enumerate(cells)])
-    found = gr.measure.richardson(cells, rates ** (2 / 3), order=1.0)
+    fit = gr.measure.richardson(cells, rates ** (2 / 3), order=1.0)
     fine = np.linspace(0.0, cells.max(), 50)
-    ends = (found.limit + found.uncertainty * np.array([-1.0, 1.0])) ** 1.5
+    ends = (fit.limit + fit.uncertainty * np.array([-1.0, 1.0])) ** 1.5
     ax.plot(1e3 * cells, rates, "o", color=BLUE, label="runs, two seeds of each size")
-    line = (found.limit + found.slope * fine) ** 1.5
+    line = (fit.limit + fit.slope * fine) ** 1.5
     ax.plot(1e3 * fine, line, color=ORANGE, label="fit of rate^(2/3) at first order")
     ax.plot([0, 0], ends, color=GREY, lw=5, solid_capstyle="butt", label="limit, 95 %")
     ax.set(xlabel="size of the cells [mm]", ylabel="rate [kg/(s m)]")

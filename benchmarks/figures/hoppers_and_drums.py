@@ -1,4 +1,4 @@
-"""Hoppers and drums beside their references: hopper.png and rotating_drum.png of docs/pictures/."""
+"""Hoppers and drums compared with references: hopper.png, rotating_drum.png of docs/pictures/."""
 
 from __future__ import annotations
 
@@ -47,19 +47,19 @@ def emptied(angle: float, friction: float, cell: float) -> tuple[gr.State, float
 
 def hoppers(cell: float) -> plot.Picture:
     """Speed in two hoppers; index of mass flow and rate against the half angle."""
-    found = {(a, f): emptied(a, f, cell) for f in FRICTIONS for a in ANGLES}
+    runs = {(a, f): emptied(a, f, cell) for f in FRICTIONS for a in ANGLES}
     picture = plot.Picture(figsize=(12.5, 4), layout="constrained")
     axes = picture.subplots(1, 4, width_ratios=(0.7, 0.7, 1.3, 1.3))
     for ax, angle in zip(axes, (15.0, 40.0), strict=False):
         extent = ((0.0, 0.22), (-0.04, 0.55))
         title = f"{angle:g} deg, friction 0.5"
-        state = found[angle, 0.5][0]
+        state = runs[angle, 0.5][0]
         plot.frame(state, "speed", ax=ax, limits=(0.0, 1.0), extent=extent, title=title)
     effective = gr.theory.earth_pressure(0.5).coaxial_deg
     flat = gr.theory.rose_tanaka_factor(ANGLES, 45.0)
     for k, friction in enumerate(FRICTIONS):
         colour = f"C{k}"
-        indices, rates = ([found[a, friction][i] for a in ANGLES] for i in (2, 1))
+        indices, rates = ([runs[a, friction][i] for a in ANGLES] for i in (2, 1))
         axes[2].plot(ANGLES, indices, "o-", color=colour, label=f"friction {friction:g}")
         limit = gr.theory.mass_flow_limit(math.degrees(math.atan(friction)), effective)
         axes[2].axvline(limit, color=colour, linestyle=":", label=f"limit of theory, {friction:g}")
@@ -122,7 +122,7 @@ def drums(cell: float) -> plot.Picture:
         axes[1].axhline(math.degrees(math.atan(mu)), color="k", linestyle=":")
         axes[1].text(froude[0], math.degrees(math.atan(mu)) + 0.2, text)
     axes[1].set(xlabel=r"Froude number $\omega^2 R/g$", ylabel="slope of the surface [deg]")
-    axes[2].set(xlabel="place along the surface [m]", ylabel="flux [m$^2$/s]")
+    axes[2].set(xlabel="position along the surface [m]", ylabel="flux [m$^2$/s]")
     axes[2].locator_params(axis="x", nbins=5)
     axes[2].legend()
     return picture

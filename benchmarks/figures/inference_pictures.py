@@ -1,6 +1,6 @@
 """Figures of Hurley's thesis from synthetic data: `python benchmarks inference_pictures static`.
 
-static: figures 2.9 to 2.11, with our own packing. dynamic: 3.2 and 3.5. bed: 3.7 to 3.10.
+static: figures 2.9 to 2.11, with another packing. dynamic: 3.2 and 3.5. bed: 3.7 to 3.10.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ def with_noise(
     return replace(packing, stresses=packing.stresses * (noise + np.triu(noise, 1).swapaxes(1, 2)))
 
 
-def relative_error(found: Array, true: Array) -> float:
+def relative_error(inferred: Array, true: Array) -> float:
     """Error of all forces, eq. 2.15."""
-    return float(np.linalg.norm(found - true) / np.linalg.norm(true))
+    return float(np.linalg.norm(inferred - true) / np.linalg.norm(true))
 
 
 def quietly(infer: Callable[..., Any], *arguments: Any, **options: Any) -> Any:
@@ -66,21 +66,21 @@ def static(chosen: argparse.Namespace) -> None:
     ways["noise, virial, no wall friction"] = inference.infer_with_boundary(
         rough, known, mu=0.5, mu_wall=0.0, by="virial"
     )
-    for name, found in ways.items():
-        error = relative_error(found.forces, true)
+    for name, inferred in ways.items():
+        error = relative_error(inferred.forces, true)
         panels[f"{name}: error {error:.1g}" if error < 1e-6 else f"{name}: error {error:.3f}"] = (
             packing,
-            found.forces,
+            inferred.forces,
         )
     middle = np.median(packing.centroids, axis=0)
     live = np.setdiff1d(np.arange(packing.n), packing.rattlers())
     near = np.argsort(np.linalg.norm(packing.centroids[live] - middle, axis=1))
     window, contacts = packing.subset(live[near[:6]])
-    found = quietly(inference.infer_static, window, mu=0.5)
-    error = relative_error(found.forces, true[contacts])
-    panels[f"six grains, rank {found.rank}/{found.unknowns}: error {error:.1g}"] = (
+    inferred = quietly(inference.infer_static, window, mu=0.5)
+    error = relative_error(inferred.forces, true[contacts])
+    panels[f"six grains, rank {inferred.rank}/{inferred.unknowns}: error {error:.1g}"] = (
         window,
-        found.forces,
+        inferred.forces,
     )
     save(plot.force_networks(panels), chosen, "inference_static")
     spheres = grains.pressed_spheres()
@@ -116,12 +116,12 @@ def dynamic(chosen: argparse.Namespace) -> None:
     whole = np.concatenate(true)
     errors = [relative_error(np.concatenate(forces), whole) for forces in front.forces]
     save(plot.pareto_front(front, errors=errors), chosen, "inference_pareto")
-    found = front.forces[front.knee]
+    inferred = front.forces[front.knee]
     panels = {}
     for share in (0.2, 0.5, 0.8):
-        k = int(share * len(found))
+        k = int(share * len(inferred))
         title = f"{1e3 * record.times[record.touching[k]]:.1f} ms"
-        panels[f"inferred, {title}"] = (packings[k], found[k])
+        panels[f"inferred, {title}"] = (packings[k], inferred[k])
         panels[f"true, {title}"] = (packings[k], true[k])
     save(plot.force_networks(panels, columns=2), chosen, "inference_impact")
     pairs = {tuple(pair) for case in record.frames for pair in case.packing.bodies.tolist()}
@@ -129,7 +129,7 @@ def dynamic(chosen: argparse.Namespace) -> None:
     series = {
         f"contact {pair}".replace(str(inference.OUTSIDE), "impactor"): (
             record.times,
-            {"true": history(record, true, pair), "inferred": history(record, found, pair)},
+            {"true": history(record, true, pair), "inferred": history(record, inferred, pair)},
         )
         for pair in largest
     }
@@ -164,10 +164,10 @@ def bed(seed: int) -> grains.Grains:
         system.x[-1, 1], system.v[-1] = 2.0, 0.0
     system.drag = 0.0
     # The intruder is as low as possible without a contact.
-    beside = abs(system.x[:-1, 0] - WIDTH / 2)
+    offset = abs(system.x[:-1, 0] - WIDTH / 2)
     reach = INTRUDER + R[:-1]
-    near = beside < reach
-    rise = np.sqrt(reach[near] ** 2 - beside[near] ** 2)
+    near = offset < reach
+    rise = np.sqrt(reach[near] ** 2 - offset[near] ** 2)
     system.x[-1, 1] = (system.x[:-1, 1][near] + rise).max()
     system.v[:] = 0.0
     system.v[-1, 1] = -SPEED
@@ -194,8 +194,8 @@ def experiment(seed: int, every: int) -> Experiment:
         packing = replace(
             with_noise(case.packing, rng, bias=0.0), inertias=None, angular_accelerations=None
         )
-        found = quietly(inference.infer_dynamic, packing, mu=MU, mu_wall=0.0)
-        forces.append(THICKNESS * found.forces)
+        inferred = quietly(inference.infer_dynamic, packing, mu=MU, mu_wall=0.0)
+        forces.append(THICKNESS * inferred.forces)
         away = np.linalg.norm(packing.positions - record.others[k, 0], axis=1)
         distances.append(np.maximum(away - INTRUDER, 0.0))
     true = [THICKNESS * case.forces for case in record.frames]
@@ -204,21 +204,21 @@ def experiment(seed: int, every: int) -> Experiment:
 
 def lift(one: Experiment, forces: list[np.ndarray]) -> np.ndarray:
     """Vertical force on the intruder in each frame."""
-    found = np.zeros(len(one.record.times))
+    force = np.zeros(len(one.record.times))
     for k, case, f in zip(one.record.touching, one.record.frames, forces, strict=True):
-        found[k] = -f[case.packing.bodies[:, 1] == inference.OUTSIDE, 1].sum()
-    return found
+        force[k] = -f[case.packing.bodies[:, 1] == inference.OUTSIDE, 1].sum()
+    return force
 
 
 def intruder(chosen: argparse.Namespace) -> None:
     """A heavy disc that falls into a bed.
 
-    The bed of smaller discs is that of section 3.4, apart from its depth. The stresses have an
+    The bed of smaller discs is the one of section 3.4, apart from its depth. The stresses have an
     error of 10 %, and the rotations are unknown.
     """
     every, seeds = (20, (0,)) if chosen.quick else (2, (0, 1, 2))
-    found = {f"bed {seed + 1}": experiment(seed, every) for seed in seeds}
-    for name, one in list(found.items())[:2]:
+    experiments = {f"bed {seed + 1}": experiment(seed, every) for seed in seeds}
+    for name, one in list(experiments.items())[:2]:
         frames = np.linspace(0.1, 0.9, 6) * len(one.forces)
         panels = {
             f"{1e3 * one.record.times[one.record.touching[k]]:.1f} ms": (
@@ -231,7 +231,7 @@ def intruder(chosen: argparse.Namespace) -> None:
         save(plot.force_networks(panels, columns=2), chosen, f"inference_bed_{number}")
     series = {
         name: (one.record.times, {"true": lift(one, one.true), "inferred": lift(one, one.forces)})
-        for name, one in found.items()
+        for name, one in experiments.items()
     }
     picture = plot.force_histories(series, ylabel="force on the intruder [N]")
     save(picture, chosen, "inference_intruder")
@@ -239,10 +239,10 @@ def intruder(chosen: argparse.Namespace) -> None:
         name: inference.largest_by_distance(
             one.forces, one.distances, bin_width=2 * RADII[0], bins=10
         )
-        for name, one in found.items()
+        for name, one in experiments.items()
     }
     save(plot.force_distances(curves, 2 * RADII[0]), chosen, "inference_distances")
-    for name, one in found.items():
+    for name, one in experiments.items():
         error = relative_error(np.concatenate(one.forces), np.concatenate(one.true))
         print(f"{name}: error of all forces {error:.3f}")
 

@@ -1,4 +1,4 @@
-"""A heap below a spout, a fed chute and a silo that is kept full, for docs/how-to/inflow.md.
+"""A heap below a spout, a fed chute and a silo that stays full, for docs/how-to/inflow.md.
 
 The whole takes a minute or two.
 """
@@ -37,7 +37,7 @@ def picture(quick: bool) -> plot.Picture:
     below.plot(time, entered, label="entered")
     below.plot(time, entered + held[0] - held, "--", label="left through the orifice")
     below.set(xlabel="time [s]", ylabel="mass of half the silo [kg/m]")
-    below.set_title("silo that is kept full")
+    below.set_title("silo that stays full")
     below.legend(frameon=False)
     rate = np.diff(entered[[len(time) // 2, -1]])[0] / np.diff(time[[len(time) // 2, -1]])[0]
     print(f"the silo takes in {rate:.1f} kg/s per metre in the second half of the run")

@@ -43,7 +43,7 @@ COLORS = ("#c2377e", "#2a8a4a", "#2d5d8f")
 
 
 class Silos:
-    """Runs of half silos, and those of their frames that figures need."""
+    """Runs of half silos, and the frames of them that figures need."""
 
     def __init__(self, chosen: argparse.Namespace) -> None:
         self.chosen = chosen
@@ -65,26 +65,26 @@ class Silos:
             material=self.chosen.material,
             **self.size,
         )
-        asked = set(wanted)
+        numbers = set(wanted)
         seen = frames(
             scene,
-            (max(asked) + 0.01) * self.frame,
+            (max(numbers) + 0.01) * self.frame,
             self.frame,
-            lambda state: state if round(state.time / self.frame) in asked else None,
+            lambda state: state if round(state.time / self.frame) in numbers else None,
             self.chosen,
             name=f"A = {A:g}, W/d = {ratio:g}{', refined' * refined}",
         )
         return {round(s.time / self.frame): s for s in seen if s is not None}
 
 
-def some(found: dict[int, gr.State], wanted: Iterable[int]) -> list[gr.State]:
-    return [found[i] for i in wanted]
+def some(by_frame: dict[int, gr.State], wanted: Iterable[int]) -> list[gr.State]:
+    return [by_frame[i] for i in wanted]
 
 
 # ---- parts of pictures ----
 
 
-def shown(ax: Axes, field: GridField, **style) -> object:
+def image_of(ax: Axes, field: GridField, **style) -> object:
     """Draw a field of half a silo with its mirror image; empty cells are white."""
     cell = field.axes[1][1] - field.axes[1][0]
     x = np.concatenate([-field.axes[0][::-1], field.axes[0]])
@@ -147,10 +147,10 @@ def figure_5(silos: dict[float, dict[int, gr.State]], chosen: argparse.Namespace
     fig = plot.Picture(figsize=(11, 7.5), layout="compressed")
     axes = fig.subplot_mosaic([list("abc"), list("ddd")], height_ratios=(3, 2))
     line = axes["d"]
-    fields = {ratio: pressure(some(found, LATE)) for ratio, found in silos.items()}
+    fields = {ratio: pressure(some(by_frame, LATE)) for ratio, by_frame in silos.items()}
     top = max(np.nanmax(field.value) for field in fields.values())
     for name, color, (ratio, field) in zip("abc", COLORS, fields.items(), strict=True):
-        image = shown(axes[name], field, vmin=0, vmax=top)
+        image = image_of(axes[name], field, vmin=0, vmax=top)
         axes[name].set_title(f"W/d = {ratio:g}")
         centre = gr.measure.centre_line_pressure(some(silos[ratio], LATE))
         line.plot(centre.y, centre.value, "o-", color=color, label=f"W/d = {ratio:g}")
@@ -181,9 +181,9 @@ def figure_6(silos: dict[float, dict[int, gr.State]], chosen: argparse.Namespace
     save(fig, chosen, "ngf_figure_6")
 
 
-def slices(ax: Axes, found: gr.measure.silo_clogging.VelocitySlices, marker: str) -> None:
-    for row, height, color in zip(found.velocity, HEIGHTS, COLORS, strict=True):
-        x, v = (np.concatenate([s * a[:0:-1], a]) for s, a in ((-1, found.x), (1, row)))
+def slices(ax: Axes, sections: gr.measure.silo_clogging.VelocitySlices, marker: str) -> None:
+    for row, height, color in zip(sections.velocity, HEIGHTS, COLORS, strict=True):
+        x, v = (np.concatenate([s * a[:0:-1], a]) for s, a in ((-1, sections.x), (1, row)))
         ax.plot(x, v, marker, color=color, markersize=3, linewidth=1, label=f"y = {height:g} W")
     ax.set(xlabel="x [m]", ylabel="vertical velocity [m/s]")
     ax.legend(fontsize="small")
@@ -192,11 +192,13 @@ def slices(ax: Axes, found: gr.measure.silo_clogging.VelocitySlices, marker: str
 def figure_7(steady: list[gr.State], chosen: argparse.Namespace) -> None:
     fig = plot.Picture(figsize=(6.5, 4.6), layout="compressed")
     ax = fig.add_subplot()
-    found = gr.measure.silo_clogging.velocity_slices(steady)
-    fit = gr.measure.silo_clogging.gaussian_fit(found)
-    slices(ax, found, "o")
-    x = np.linspace(-found.x.max(), found.x.max(), 201)
-    for y, C, offset, color in zip(found.heights, fit.amplitude, fit.offset, COLORS, strict=True):
+    sections = gr.measure.silo_clogging.velocity_slices(steady)
+    fit = gr.measure.silo_clogging.gaussian_fit(sections)
+    slices(ax, sections, "o")
+    x = np.linspace(-sections.x.max(), sections.x.max(), 201)
+    for y, C, offset, color in zip(
+        sections.heights, fit.amplitude, fit.offset, COLORS, strict=True
+    ):
         ax.plot(x, C * np.exp(-(x**2) / (4 * fit.B * y)) + offset, color=color)
     ax.set_title(f"A = 0.5, W/d = 5: B = {fit.B_over_d:.2f} d (paper 0.6 d)")
     save(fig, chosen, "ngf_figure_7")
@@ -207,7 +209,7 @@ def figure_8(silos: dict[float, list[gr.State]], chosen: argparse.Namespace) -> 
     fig = plot.Picture(figsize=(12, 4.6), layout="compressed")
     for ax, (A, states) in zip(fig.subplots(1, 3), silos.items(), strict=True):
         field = gr.measure.frame_average(states, "g", points="dense")
-        image = shown(ax, field, norm=LogNorm(0.01, 100), cmap="inferno")
+        image = image_of(ax, field, norm=LogNorm(0.01, 100), cmap="inferno")
         ax.set_title(f"A = {A:g}")
     fig.colorbar(image, ax=fig.axes, label="fluidity [1/s]")
     save(fig, chosen, "ngf_figure_8")
@@ -221,14 +223,14 @@ def figures_9_10(
         for name in ("ngf_figure_9", "ngf_figure_10")
     }
     grids = {name: fig.subplots(2, 2) for name, fig in drawn.items()}
-    for row, (cells, found) in enumerate(silos.items()):
+    for row, (cells, by_frame) in enumerate(silos.items()):
         for column, (ratio, frame) in enumerate(((1, 350), (5, 105))):
-            state = found[ratio][frame]
+            state = by_frame[ratio][frame]
             ax, size = grids["ngf_figure_9"][row, column], (4, 1)[row]
             v = points(ax, state, speed(state), size=size, vmin=0, vmax=0.5)
             ax.set_title(f"{cells}, W/d = {ratio}, t = {state.time:.3f} s")
             ax = grids["ngf_figure_10"][row, column]
-            p = shown(ax, pressure(some(found[ratio], CENTRED)), vmin=0, vmax=9000)
+            p = image_of(ax, pressure(some(by_frame[ratio], CENTRED)), vmin=0, vmax=9000)
             ax.set_title(f"{cells}, W/d = {ratio}")
     drawn["ngf_figure_9"].colorbar(v, ax=drawn["ngf_figure_9"].axes, label="speed [m/s]")
     drawn["ngf_figure_10"].colorbar(p, ax=drawn["ngf_figure_10"].axes, label="pressure [Pa]")
@@ -252,7 +254,7 @@ def main(argv: list[str] | None = None) -> None:
     figure_6({0.1: local, 1.0: flowing}, chosen)
     figure_7(some(middle, STEADY), chosen)
     amplitudes = {0.1: local, 0.5: middle, 1.0: flowing}
-    figure_8({A: some(found, FLUIDITY) for A, found in amplitudes.items()}, chosen)
+    figure_8({A: some(by_frame, FLUIDITY) for A, by_frame in amplitudes.items()}, chosen)
     fine = {
         1: silos.run(1.0, 1, CENTRED, refined=True),
         5: silos.run(1.0, 5, (105, *CENTRED), refined=True),

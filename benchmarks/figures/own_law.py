@@ -1,6 +1,6 @@
-"""A cohesive Bingham fluid beside glass beads, for docs/how-to/own_law.md.
+"""A cohesive Bingham fluid next to glass beads, for docs/how-to/own_law.md.
 
-The function is that of the page. The whole takes some seconds.
+The function is taken from the page. The whole takes some seconds.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ PAGE = ROOT / "docs" / "how-to" / "own_law.md"
 
 def material_of_page() -> gr.materials.OwnLaw:
     """Return the material that the first block of the page makes."""
-    found = re.search(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
-    assert found is not None
-    block = found[1].split("scene = ")[0]
+    match = re.search(r"```python\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    assert match is not None
+    block = match[1].split("scene = ")[0]
     module = Path(__file__).with_name("_own_law_of_page.py")
     module.write_text(block)
     try:

@@ -1,6 +1,6 @@
 """All figures of Dunatunga & Kamrin (2015), as cheap as a tolerance allows.
 
-Draws those of `dunatunga_kamrin_2015` from the paper's own settings (E = 1 GPa) with the
+Draws the figures of `dunatunga_kamrin_2015` from the settings of the paper (E = 1 GPa) with the
 suggestions of `gr.economy`. Each is drawn in a separate process with one thread, the longest first,
 and its time is printed. The pictures go to build/figures, the table to --table.
 """

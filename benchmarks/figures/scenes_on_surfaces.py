@@ -1,4 +1,4 @@
-"""Landslide, obstacle, penetration and conveyor: a state of each, and numbers beside a reference.
+"""Landslide, obstacle, penetration and conveyor: a state of each, numbers against a reference.
 
 The whole takes a minute or two; --quick, with cells of twice the size, some seconds.
 """
@@ -51,18 +51,18 @@ def axes_of(count: int, height: float) -> tuple[plot.Picture, list]:
 
 
 def landslide(cell: float) -> plot.Picture:
-    """States on the way, and front, centre and rear beside those of a cap and a block."""
+    """States on the way, and front, centre and rear compared with a cap and a block."""
     scene = gr.scenes.landslide(cell=cell)
     states, times, _ = course(scene, 40)
-    found = gr.measure.slide_history(states)
+    slide = gr.measure.slide_history(states)
     picture, axes = axes_of(4, 9.0)
     for ax, k in zip(axes[:3], (6, 14, 40), strict=True):
         draw(ax, states[k], "speed", (0.0, 2.5), ((-1.0, 1.5), (-0.05, 0.75)))
-    ax, start = axes[3], found.centre[0, 0]
+    ax, start = axes[3], slide.centre[0, 0]
     for line, text in (
-        (found.front, "front"),
-        (found.centre[:, 0], "centre"),
-        (found.rear, "rear"),
+        (slide.front, "front"),
+        (slide.centre[:, 0], "centre"),
+        (slide.rear, "rear"),
     ):
         ax.plot(times, line, label=f"{text} (99 % of the mass)" if text == "front" else text)
     on = times[times < 0.42]
@@ -78,7 +78,7 @@ def landslide(cell: float) -> plot.Picture:
         for K in (theory.sliding_earth_pressure(scene.material.mu_2, 0.3), 1.0)
     )
     ends = [
-        found.front[0] + (c.centre + 0.883 * (c.half_length - c.half_length[0])) * math.cos(ANGLE)
+        slide.front[0] + (c.centre + 0.883 * (c.half_length - c.half_length[0])) * math.cos(ANGLE)
         for c in (low, high)
     ]
     ax.fill_between(on, *ends, color="0.8", label="cap, active to hydrostatic")
@@ -87,11 +87,11 @@ def landslide(cell: float) -> plot.Picture:
     ax.axhline(stops, color="black", lw=0.6, label="where a block stops")
     ax.set(ylim=(-1.1, 2.6), xlabel="time [s]", ylabel="x [m]")
     ax.legend(fontsize="small", loc="upper left", ncols=2)
-    error = 100 * (found.centre[-1, 0] / stops - 1)
+    error = 100 * (slide.centre[-1, 0] / stops - 1)
     print(
-        f"landslide {cell}: stops at {found.centre[-1, 0]:.4f}, block {stops:.4f} ({error:.2f} %)"
+        f"landslide {cell}: stops at {slide.centre[-1, 0]:.4f}, block {stops:.4f} ({error:.2f} %)"
     )
-    print(f"  energy line {found.energy_line:.4f}")
+    print(f"  energy line {slide.energy_line:.4f}")
     return picture
 
 

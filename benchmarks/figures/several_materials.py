@@ -19,8 +19,8 @@ def layered(cell: float) -> gr.Scene:
     """A column of sand over gravel that spreads."""
     gravel = gr.DruckerPrager(E=2e6, mu=0.8, rho_c=1700.0)
     fills = [
-        gr.Fill(gr.Box((0.0, low), (0.2, low + 0.1)), 4, material=own, lithostatic=True)
-        for low, own in ((0.0, gravel), (0.1, None))
+        gr.Fill(gr.Box((0.0, low), (0.2, low + 0.1)), 4, material=material, lithostatic=True)
+        for low, material in ((0.0, gravel), (0.1, None))
     ]
     return gr.Scene(
         name="layers",
@@ -60,14 +60,14 @@ def picture(quick: bool) -> plot.Picture:
         above.text(*place, text, color=colour, fontsize=12)
     times = np.linspace(0.0, 1.5, 76)
     states, moved = deflection(cell, times)
-    shown = states[20]
+    state = states[20]
     plot.frame(
-        shown,
+        state,
         "speed",
         ax=middle,
-        title=f"a flow against an elastic plate (grey), t = {shown.time:.2f} s",
+        title=f"a flow against an elastic plate (grey), t = {state.time:.2f} s",
     )
-    plate = shown.x[shown.material == 1]
+    plate = state.x[state.material == 1]
     middle.plot(*plate.T, "s", color="0.7", markersize=2.0, markeredgewidth=0)
     below.plot(times, 1e3 * moved)
     below.set_xlabel("time [s]")

@@ -64,10 +64,10 @@ def picture(quick: bool) -> Picture:
         path = Path(folder, "block.h5")
         tell(sim.run(until=0.1 if quick else 0.6, save=path, every=0.01))
         record = gr.open(path)
-        shown = (0, len(record) // 4, len(record) - 1)
-        for ax, k in zip(axes[0], shown, strict=True):
+        frames = (0, len(record) // 4, len(record) - 1)
+        for ax, k in zip(axes[0], frames, strict=True):
             title = f"t = {record[k].time:.2f} s"
-            common = {"limits": (0, 1), "extent": ((0.2, 1.0), (0.0, 0.5)), "bar": k == shown[-1]}
+            common = {"limits": (0, 1), "extent": ((0.2, 1.0), (0.0, 0.5)), "bar": k == frames[-1]}
             gr.plot.frame(record[k], "speed", ax=ax, title=title, **common)
         motion = gr.measure.body_motion(record, body=0)
         force = gr.measure.body_force(record, body=0, window=2)

@@ -113,7 +113,7 @@ def profile(table: dict, names: list[str]) -> plot.Picture:
     r, _, theory = np.array(table[names[0]]["profile"])
     for ax in axes:
         ax.plot(1e3 * r, theory, color="black", label="slow limit, theory")
-        ax.set(xlabel="r [mm]", ylabel="angular velocity/that of the inner cylinder")
+        ax.set(xlabel="r [mm]", ylabel="angular velocity/angular velocity of the inner cylinder")
     axes[1].set(yscale="log", ylim=(1e-5, 1))
     axes[0].legend(fontsize="small")
     return picture
@@ -135,8 +135,8 @@ def failure(records: dict[str, Path]) -> plot.Picture:
         plot.frame(
             late[-1], "speed", ax=ax, limits=(0.0, speed), extent=extent, title=LAWS.get(name, name)
         )
-        found = gr.measure.soil_tools.failure_surface(late, speed=speed)
-        ax.step(found.x, found.z, where="mid", color="black")
+        surface = gr.measure.soil_tools.failure_surface(late, speed=speed)
+        ax.step(surface.x, surface.z, where="mid", color="black")
     return picture
 
 
@@ -155,7 +155,7 @@ def wide(path: Path) -> plot.Picture:
     height = np.full(grid.shape[:2], np.nan)
     np.fmax.at(height, tuple(column.T), state.x[:, 2])
     across = grid.upper[1]
-    shown = axes[1].imshow(
+    image = axes[1].imshow(
         1e3 * np.concatenate([height[:, ::-1], height], axis=1).T,
         extent=(grid.lower[0], grid.upper[0], -across, across),
         origin="lower",
@@ -166,7 +166,7 @@ def wide(path: Path) -> plot.Picture:
     half = parameters["blade"][1] / 2
     axes[1].plot([blade[0]] * 2, [-half, half], color="black")
     axes[1].set(xlabel="x [m]", ylabel="y [m]", title="highest point of a column")
-    picture.colorbar(shown, ax=axes[1], label="z [mm]", shrink=0.8)
+    picture.colorbar(image, ax=axes[1], label="z [mm]", shrink=0.8)
     return picture
 
 
@@ -193,12 +193,12 @@ def below_wheels(paths: dict[int, Path]) -> plot.Picture:
         mass = weight.sum(axis=1)
         mean = np.divide(moment, mass, out=np.full_like(moment, np.nan), where=mass > 0)
         x, _, z = field.axes
-        shown = ax.pcolormesh(x, z, mean.T, cmap="jet", vmin=0.0, vmax=1.0)
+        mesh = ax.pcolormesh(x, z, mean.T, cmap="jet", vmin=0.0, vmax=1.0)
         turn = np.linspace(0.0, 2 * np.pi, 200)
         ax.plot(axle[0] + radius * np.cos(turn), axle[2] + radius * np.sin(turn), "k", lw=0.8)
         ax.set(ylim=(z[0], 0.06), xlim=(x[0], x[-1]), aspect="equal", title=f"slip {slip} %")
         ax.set(xlabel="x [m]", ylabel="z [m]")
-        picture.colorbar(shown, ax=ax, label="speed/rim speed")
+        picture.colorbar(mesh, ax=ax, label="speed/rim speed")
     return picture
 
 

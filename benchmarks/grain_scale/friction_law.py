@@ -25,7 +25,7 @@ PRESSURE = 1e3
 """Pressure [Pa]; kn is 10^6 times as large, so that (kn/p)^(2/3) = 10^4 as in the thesis."""
 SIZE, DENSITY = 1e-3, 2500.0
 IMPACT = 0.1 * (PRESSURE / DENSITY) ** 0.5
-"""Impact speed [m/s] at which the restitution is that of the set."""
+"""Impact speed [m/s] at which the restitution is the one of the set."""
 RESTITUTION = {"low": 0.5, "high": 0.85, "walls": 0.5}
 
 
@@ -86,23 +86,23 @@ def flow(name: str, case: Case, timeout: float) -> SteadyShear:
 
 def points(rows: Iterable[dict], name: str) -> list[SteadyShear]:
     """Flows of a set in a file, by their inertial number."""
-    found = [SteadyShear(**row["flow"]) for row in rows if row["set"] == name]
-    return sorted(found, key=lambda point: point.inertial_number)
+    flows = [SteadyShear(**row["flow"]) for row in rows if row["set"] == name]
+    return sorted(flows, key=lambda point: point.inertial_number)
 
 
-def fits(found: list[SteadyShear], d: float) -> dict:
+def fits(flows: list[SteadyShear], d: float) -> dict:
     """Constants of the laws of the thesis and of the rheology, with confidence intervals."""
-    inertial = np.array([p.inertial_number for p in found])
+    inertial = np.array([p.inertial_number for p in flows])
     slow = inertial < 0.1
-    rheology = friction_law.fit_rheology(found)
+    rheology = friction_law.fit_rheology(flows)
     table = {
         "rheology": rheology,
-        "packing": friction_law.fit_packing(inertial, [p.packing_fraction for p in found]),
-        "coordination": friction_law.fit_coordination(inertial, [p.coordination for p in found]),
-        "viscoelastic": friction_law.fit_dissipation(found, "viscoelastic"),
-        "sliding": friction_law.fit_dissipation(found, "sliding"),
+        "packing": friction_law.fit_packing(inertial, [p.packing_fraction for p in flows]),
+        "coordination": friction_law.fit_coordination(inertial, [p.coordination for p in flows]),
+        "viscoelastic": friction_law.fit_dissipation(flows, "viscoelastic"),
+        "sliding": friction_law.fit_dissipation(flows, "sliding"),
     }
-    dilation = np.array([p.coordination * p.packing_fraction / p.inertial_number for p in found])
+    dilation = np.array([p.coordination * p.packing_fraction / p.inertial_number for p in flows])
     for key, part in (("dilation_slow", slow), ("dilation_fast", ~slow)):
         if np.count_nonzero(part) >= 3:
             table[key] = friction_law.fit_power(inertial[part], dilation[part])
@@ -162,9 +162,9 @@ def main(argv: list[str] | None = None) -> None:
             if any(row["set"] == name and row["case"] == asdict(case) for row in rows):
                 continue
             begin = time.perf_counter()
-            found = flow(name, case, chosen.timeout)
+            steady = flow(name, case, chosen.timeout)
             seconds = round(time.perf_counter() - begin, 1)
-            row = {"set": name, "case": asdict(case), "seconds": seconds, "flow": asdict(found)}
+            row = {"set": name, "case": asdict(case), "seconds": seconds, "flow": asdict(steady)}
             rows.append(row)
             print(line(row), flush=True)
             _write(chosen.out, rows)
@@ -177,8 +177,8 @@ def _write(out: Path | None, rows: list[dict]) -> None:
         return
     table: dict = {"pressure": PRESSURE, "grains": {n: asdict(grains(n)) for n in RESTITUTION}}
     table["fits"] = {
-        name: fits(found, grains(name).d_volume)
+        name: fits(flows, grains(name).d_volume)
         for name in RESTITUTION
-        if len(found := points(rows, name)) >= 4
+        if len(flows := points(rows, name)) >= 4
     }
     write(out, table | {"rows": rows})

@@ -3,7 +3,7 @@
 The forces of packings with known forces are inferred from exact stresses and from stresses with an
 error of 10 %, by each solver that is able to. The packings are the 58 discs of the oedometric test
 and shaken regular arrays, from 100 to 5000 grains in 2D and to 1000 in 3D. Time is processor time
-of one thread, the best of several repeats; the error is that of all forces (eq. 2.15). The friction
+of one thread, the best of several repeats; the error is over all forces (eq. 2.15). The friction
 in the arrays is 0.3, so that with noise the friction limits are active.
 """
 
@@ -50,15 +50,15 @@ def timed(packing: inference.Packing, mu: float, solver: str, repeat: float) -> 
     best, spent = np.inf, 0.0
     while spent <= repeat:
         begin = time.process_time()
-        found = inference.infer_static(packing, mu=mu, solver=solver)
+        inferred = inference.infer_static(packing, mu=mu, solver=solver)
         best = min(best, time.process_time() - begin)
         spent += time.process_time() - begin
-    return best, found
+    return best, inferred
 
 
 def rows(name: str, case: grains.Case, mu: float, repeat: float) -> list[dict[str, Any]]:
     """Rows, one for each solver and kind of stresses."""
-    found = []
+    entries = []
     for stresses in ("exact", "noisy"):
         packing = case.packing if stresses == "exact" else noisy(case.packing, 0)
         for solver in MARKERS:
@@ -66,7 +66,7 @@ def rows(name: str, case: grains.Case, mu: float, repeat: float) -> list[dict[st
                 continue
             seconds, inferred = timed(packing, mu, solver, repeat)
             error = np.linalg.norm(inferred.forces - case.forces) / np.linalg.norm(case.forces)
-            found.append(
+            entries.append(
                 {
                     "packing": name,
                     "dim": packing.dim,
@@ -82,10 +82,10 @@ def rows(name: str, case: grains.Case, mu: float, repeat: float) -> list[dict[st
             )
             print(
                 "{packing:14s}{stresses:6s}{solver:9s}{seconds:8.3f} s {error:.2e}".format(
-                    **found[-1]
+                    **entries[-1]
                 )
             )
-    return found
+    return entries
 
 
 def chart(table: list[dict[str, Any]]) -> Picture:

@@ -1,4 +1,4 @@
-"""Columns of contact dynamics: the cases of `peers.py` and what is measured in each."""
+"""Columns of contact dynamics: the cases of `peers.py` and the measures of each."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from peers import codes
 ASPECTS = (0.5, 1.42, 6.26)
 """Nominal aspect ratios of the data."""
 FRICTION = 0.32
-"""Friction coefficient of Drucker-Prager, which is that of mu(I) at rest."""
+"""Friction coefficient of Drucker-Prager, which mu(I) has at rest."""
 LAWS = ("mu_I", "drucker_prager")
 REPEATS, SHORT = 3, 1.0
 """Runs that take less than SHORT core-seconds are made so often, and the least time counts."""
 PLACES = 401
-"""Number of places at which the surface of a deposit is stored."""
+"""Number of points at which the surface of a deposit is stored."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,7 +80,7 @@ class Code:
     package: str = "granular"
 
 
-def _own(name: str, laws: tuple[str, ...] = LAWS) -> Code:
+def _granular(name: str, laws: tuple[str, ...] = LAWS) -> Code:
     return Code(f"granular, {name}", laws, gr.Simulation, external.SCHEMES[name])
 
 
@@ -100,12 +100,12 @@ IMPLICIT = {
     "convergence_criterion": "residual_criterion",
     "linear_solver_settings": {"solver_type": "LinearSolversApplication.sparse_lu"},
 }
-"""Settings of an implicit run of Kratos, as in its own example of a collapse."""
+"""Settings of an implicit run of Kratos, as in the example of a collapse of Kratos."""
 
 CODES = {
-    "default": _own("default"),
-    "cell_averaged": _own("cell_averaged"),
-    "published": _own("published", LAWS[:1]),
+    "default": _granular("default"),
+    "cell_averaged": _granular("cell_averaged"),
+    "published": _granular("published", LAWS[:1]),
     "taichi": _peer("Taichi, MLS-MPM", "taichi", "taichi", LAWS),
     "taichi_wall": _peer(
         "Taichi, nodes on the floor free", "taichi", "taichi", LAWS, hold_on_wall=False
@@ -121,7 +121,7 @@ CODES = {
 
 
 def scene_of(case: Column) -> gr.Scene:
-    """The scene of a case. Its half-width is that of the foremost disc."""
+    """The scene of a case. Its half-width reaches the foremost disc."""
     scheme = CODES[case.code].scheme or gr.schemes.default  # not used by peers
     flat = gr.DruckerPrager(E=external.STIFF, mu=FRICTION, rho_c=external.RHO, rho_s=external.RHO)
     data = external.Discs.load(case.aspect)
@@ -136,7 +136,7 @@ def scene_of(case: Column) -> gr.Scene:
 
 
 def places(aspect: float) -> np.ndarray:
-    """Places of the stored surfaces [m]."""
+    """Positions of the stored surfaces [m]."""
     return np.linspace(0.0, 2.0 * external.Discs.load(aspect).facts["xf"].max(), PLACES)
 
 
@@ -193,13 +193,13 @@ def _version(code: str) -> str:
 def run(case: Column, limit: float) -> dict[str, Any]:
     """Row of a case: its results, or the reason why there are none."""
     try:
-        found = once(case, limit)
-        times = [found["core_seconds"]]
-        while found["core_seconds"] < SHORT and len(times) < REPEATS:
+        result = once(case, limit)
+        times = [result["core_seconds"]]
+        while result["core_seconds"] < SHORT and len(times) < REPEATS:
             times.append(once(case, limit)["core_seconds"])
     except (codes.Missing, TooLong) as reason:
         return case.row() | {"left_out": str(reason)}
     except (gr.SimulationError, ValueError) as error:  # an outcome, too: it is in the table
         return case.row() | {"failed": str(error).splitlines()[0]}
     more = {"repeats": len(times), "core_seconds": round(min(times), 4)}
-    return case.row() | found | more | {"version": _version(case.code)}
+    return case.row() | result | more | {"version": _version(case.code)}

@@ -32,7 +32,7 @@ class Reference:
     target : mapping
         Surface [m] at `columns.places`, mean distances [m] over time, and run-out [m].
     uncertainty : mapping
-        Error of each measure below which runs cannot be told apart.
+        Error of each measure below which runs cannot be distinguished.
     made_of : sequence of tuple
         Keys of the runs it is made of, which are not compared with it.
     """
@@ -53,8 +53,8 @@ def distance(row: Row, target: Mapping[str, Any]) -> dict[str, float]:
     Returns
     -------
     dict
-        "surface": L1 of the deposit over its area. "mean": that of the mean distance from the
-        middle, the largest over time. "toe": that of the run-out of 99.9 % of the mass.
+        "surface": L1 of the deposit over its area. "mean": of the mean distance from the middle,
+        the largest over time. "toe": of the run-out of 99.9 % of the mass.
     """
     h, exact = np.asarray(row["surface"]), np.asarray(target["surface"])
     mean, right = np.asarray(row["mean"]), np.asarray(target["mean"])
@@ -77,8 +77,8 @@ def finest(rows: Sequence[Row], **wanted: Any) -> Row | None:
 
 def _pair(rows: Sequence[Row], cells: int, **wanted: Any) -> list[Row]:
     """The runs of our two schemes with so many cells."""
-    found = [done(rows, code=c, cells=cells, points=4, **wanted) for c in OURS]
-    return [runs[0] for runs in found if runs]
+    by_code = [done(rows, code=c, cells=cells, points=4, **wanted) for c in OURS]
+    return [runs[0] for runs in by_code if runs]
 
 
 def _mean(pair: Sequence[Row]) -> dict[str, Any]:
@@ -114,7 +114,7 @@ def of_peer(rows: Sequence[Row], law: str, aspect: float) -> Reference | None:
 
 
 def of_discs(aspect: float) -> Reference:
-    """Contact dynamics; uncertain is what the two halves of its one run differ by."""
+    """Contact dynamics; the uncertainty is the difference of the two halves of its one run."""
     noise = float(external.Discs.load(aspect).facts["asym"][-1])
     return Reference(discs(aspect), {"surface": noise, "mean": 0.0, "toe": 0.0})
 
@@ -126,23 +126,21 @@ def references(rows: Sequence[Row]) -> dict[tuple[str, str, float], Reference]:
         "finest": lambda law, aspect: of_ours(rows, law, aspect),
         "peer": lambda law, aspect: of_peer(rows, law, aspect),
     }
-    found = {
+    candidates = {
         (law, kind, aspect): made[kind](law, aspect)
         for law, kind in PANELS + OTHERS
         for aspect in ASPECTS
     }
-    return {name: reference for name, reference in found.items() if reference}
+    return {name: reference for name, reference in candidates.items() if reference}
 
 
 def of_panel(
     rows: Sequence[Row], law: str, aspect: float, reference: Reference, measure: str = "surface"
 ) -> list[tuple[Row, float]]:
     """Runs with their errors; those that make the reference are left out."""
-    found = done(rows, law=law, aspect=aspect)
+    runs = done(rows, law=law, aspect=aspect)
     return [
-        (r, distance(r, reference.target)[measure])
-        for r in found
-        if key(r) not in reference.made_of
+        (r, distance(r, reference.target)[measure]) for r in runs if key(r) not in reference.made_of
     ]
 
 
@@ -154,7 +152,7 @@ def is_ours(row: Row) -> bool:
 def cheapest_as_good(
     points: Sequence[tuple[Row, float]], row: Row, error: float, floor: float
 ) -> tuple[Row, float] | None:
-    """Cheapest run of this package whose error is not above that of a run, or the floor."""
+    """Cheapest run of this package whose error is not above the error of a run, or the floor."""
     good = [(r, e) for r, e in points if is_ours(r) and e <= max(error, floor)]
     return min(good, key=lambda pair: pair[0]["core_seconds"], default=None)
 

@@ -94,10 +94,10 @@ def against_ours(rows: Sequence[Row], references: References) -> list[str]:
         points = of_panel(rows, law, aspect, reference)
         title = [f"{LAW_NAMES[law]} {KINDS[kind]}", f"{aspect:g}"]
         for code in CODES:
-            found = best(points, code, floor)
-            if found is None or is_ours(found[0]):
+            cheapest = best(points, code, floor)
+            if cheapest is None or is_ours(cheapest[0]):
                 continue
-            row, e = found
+            row, e = cheapest
             ours = cheapest_as_good(points, row, e, floor)
             line = [CODES[code].label, _size(row), f"{row['core_seconds']:.2g}", _percent(e)]
             if ours:
@@ -118,7 +118,7 @@ def against_ours(rows: Sequence[Row], references: References) -> list[str]:
 
 def ratios(rows: Sequence[Row], references: References) -> list[str]:
     """Range of the ratios of costs of `against_ours`, and the time of a step for each point."""
-    found: dict[str, list[float]] = {}
+    by_code: dict[str, list[float]] = {}
     for (law, _, aspect), reference in references.items():
         floor = reference.uncertainty["surface"]
         points = of_panel(rows, law, aspect, reference)
@@ -128,15 +128,15 @@ def ratios(rows: Sequence[Row], references: References) -> list[str]:
                 continue
             ours = cheapest_as_good(points, *top, floor)
             cost = top[0]["core_seconds"] / ours[0]["core_seconds"] if ours else math.inf
-            found.setdefault(code, []).append(cost)
+            by_code.setdefault(code, []).append(cost)
     lines = []
     for code in CODES:
-        all_, row = found.get(code, []), _step_row(rows, code)
-        kept = [value for value in all_ if math.isfinite(value)]
-        span = f"{_ratio(min(kept))} to {_ratio(max(kept))}" if kept else ""
+        all_, row = by_code.get(code, []), _step_row(rows, code)
+        finite = [value for value in all_ if math.isfinite(value)]
+        span = f"{_ratio(min(finite))} to {_ratio(max(finite))}" if finite else ""
         step = 1e9 * row["core_seconds"] / (row["steps"] * row["n_points"]) if row else None
         time = "" if step is None else f"{step:.2g}"
-        lines.append([CODES[code].label, span, str(len(all_) - len(kept)) if all_ else "", time])
+        lines.append([CODES[code].label, span, str(len(all_) - len(finite)) if all_ else "", time])
     header = ("code", "ratio of costs", "references without one of ours as good")
     return markdown((*header, "ns a step and point"), lines)
 
@@ -182,12 +182,12 @@ def left_out(rows: Sequence[Row]) -> list[str]:
 
 def tables(rows: Sequence[Row]) -> dict[str, list[str]]:
     """Tables of the page by their names."""
-    found = references(rows)
+    targets = references(rows)
     return {
-        "agreement": agreement(rows, found),
-        "fronts": fronts(rows, found),
-        "against ours": against_ours(rows, found),
-        "ratios": ratios(rows, found),
-        "measures": measures(rows, found),
+        "agreement": agreement(rows, targets),
+        "fronts": fronts(rows, targets),
+        "against ours": against_ours(rows, targets),
+        "ratios": ratios(rows, targets),
+        "measures": measures(rows, targets),
         "left out": left_out(rows),
     }

@@ -46,7 +46,7 @@ class Simulation:
     threads : int
         Must be 1.
     **settings
-        `cfl` in place of `CFL`, and settings of the solver in place of those of `EXPLICIT`.
+        `cfl` instead of `CFL`, and settings of the solver instead of `EXPLICIT`.
 
     Raises
     ------
@@ -98,8 +98,8 @@ class Simulation:
 
     def _values(self, name: Any) -> np.ndarray:
         info = self._part.ProcessInfo
-        found = [e.CalculateOnIntegrationPoints(name, info)[0] for e in self._part.Elements]
-        return np.array([list(value) if hasattr(value, "__len__") else value for value in found])
+        values = [e.CalculateOnIntegrationPoints(name, info)[0] for e in self._part.Elements]
+        return np.array([list(value) if hasattr(value, "__len__") else value for value in values])
 
     @property
     def state(self) -> gr.State:

@@ -38,7 +38,7 @@ class Simulation:
     threads : int
         Must be 1.
     **settings
-        `step` in place of `STEP`, and numbers of `SolverImplicitMPM.Config`.
+        `step` instead of `STEP`, and numbers of `SolverImplicitMPM.Config`.
 
     Raises
     ------
@@ -110,7 +110,7 @@ class Simulation:
         return material.mu_s + (material.mu_2 - material.mu_s) * share
 
     def _stress(self) -> np.ndarray:
-        """Stress of every point, tension positive; that of Newton is positive in compression."""
+        """Stress of every point, tension positive; in Newton it is positive in compression."""
         return -self._now.mpm.particle_stress.numpy().astype(float)
 
     def _pressure(self) -> np.ndarray:
@@ -133,7 +133,7 @@ class Simulation:
         while self.time < until:
             self._step()
         if not np.isfinite(self._now.particle_q.numpy()).all():
-            raise gr.SimulationError("a place of the peer is not finite")
+            raise gr.SimulationError("a position of the peer is not finite")
         return self
 
     @property

@@ -1,11 +1,11 @@
-"""Cost of what grains may have besides one law: time per point-step with each feature on and off.
+"""Cost of features in addition to one law: time per point-step with each feature on and off.
 
 Two simulations of a block of 8,192 points that was thrown over a rough floor differ in one feature
 alone. They make batches of steps in turns, in the order off, on, on, off, with one thread and the
-default scheme. The time is that of the processor, so that other programs on the machine lengthen
-it only by what they take of caches and memory. The cost of a feature is the median over the rounds
-of the ratio of both times per point and step, with the quartiles of the ratio for its noise. Points
-that have entered by an inflow count.
+default scheme. Times are of the processor, so that other programs on the machine lengthen them only
+through caches and memory. The cost of a feature is the median over the rounds of the ratio of both
+times per point and step, with the quartiles of the ratio for its noise. Points that have entered by
+an inflow count.
 """
 
 from __future__ import annotations
@@ -126,13 +126,13 @@ CASES: dict[str, tuple[str, str, Pair]] = {
         "with `restitution=0.5`",
         of_materials(SAND, SAND.replace(restitution=0.5)),
     ),
-    "own NumPy": ("mu(I)", "mu(I) of one's own, NumPy", own_law(mu_I)),
+    "own NumPy": ("mu(I)", "user-defined mu(I), NumPy", own_law(mu_I)),
     "own numba": (
         "mu(I)",
-        "mu(I) of one's own, numba",
+        "user-defined mu(I), numba",
         own_law(mu_I_by_points, compiler="numba"),
     ),
-    "own C": ("mu(I)", "mu(I) of one's own, C", own_law(MU_I_IN_C)),
+    "own C": ("mu(I)", "user-defined mu(I), C", own_law(MU_I_IN_C)),
     "inflow": ("no inflow", "an inflow of 16 columns", fed),
     "body": ("no body", "a body at rest", lambda rows: (block(rows), with_body(rows))),
     "free body": ("a body at rest", "a free body", free_body),
@@ -170,8 +170,8 @@ def measure(pair: Pair, rows: int, rounds: int, steps: int) -> dict[str, Any]:
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Table of all results in the order of the cases."""
-    found = results["rows"]
-    rows = [found[name] | {"case": case} for name, case in CASES.items() if name in found]
+    measured = results["rows"]
+    rows = [measured[name] | {"case": case} for name, case in CASES.items() if name in measured]
     columns = {"without": "{case[0]}", "with": "{case[1]}"}
     columns |= {"without, ns": "{off:.3g}", "with, ns": "{on:.3g}"}
     columns |= {"ratio (quartiles)": "{ratio[1]:.3g} ({ratio[0]:.3g} to {ratio[2]:.3g})"}
@@ -183,12 +183,12 @@ def main(argv: list[str] | None = None) -> None:
     parser = parser_of(__name__, __doc__)
     parser.add_argument("--only", nargs="+", choices=CASES, default=list(CASES))
     arguments = parser.parse_args(argv)
-    found = stored(arguments.out, rows={})
+    results = stored(arguments.out, rows={})
     rows, rounds, steps = (8, 1, 10) if arguments.quick else (32, 60, 40)
     for name in arguments.only:
         off, on, pair = CASES[name]
         row = measure(pair, rows, rounds, steps)
-        found["rows"][name] = rounded(row)
-        shown = ", ".join(f"{number:.3g}" for number in row["ratio"])
-        print(f"{off} / {on}: {row['off']:.3g}, {row['on']:.3g} ns, ratio {shown}", flush=True)
-        write(arguments.out, found)
+        results["rows"][name] = rounded(row)
+        ratios = ", ".join(f"{number:.3g}" for number in row["ratio"])
+        print(f"{off} / {on}: {row['off']:.3g}, {row['on']:.3g} ns, ratio {ratios}", flush=True)
+        write(arguments.out, results)

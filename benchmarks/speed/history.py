@@ -1,7 +1,7 @@
 """History of the speed: a few cases for this commit, as a row of results/history.json.
 
 A ratio is the time of a particle-step times the peak rate of multiply-adds of the same core, which
-is measured beside each case: how many operations the core could have done meanwhile. So rows of a
+is measured with each case: how many operations the core could have done meanwhile. So rows of a
 machine that is faster on one day than on another can be compared. Other processors, compilers and
 instruction sets are another kind of row: changes are against the last row of the same kind. One
 thread; the best of several batches. A change of a tenth is noise on a busy machine.
@@ -26,7 +26,7 @@ NAMES = ("linear flip", "cell averaged", "default")
 
 
 def cases(quick: bool) -> dict[str, float]:
-    """Time of a particle-step of each case, over that of an operation at the peak rate."""
+    """Time of a particle-step of each case, over the time of an operation at the peak rate."""
     cell, fall, batches, order = (0.025, 0.02, 1, 64) if quick else (0.0125, 0.4, 12, 512)
     ratios = {}
     for name in NAMES:

@@ -3,8 +3,8 @@
 The points are as in a flow: elastic strains of about 1e-3 and strain increments of about 1e-4 per
 step, or of 0.1, beyond the short series of the finite-strain law. All 4,096 points fit in the
 second-level cache. Times are processor times, best of several batches. mu_I is the hypoelastic law,
-for comparison. "loose" are stress-free points: their time is that of the call and its checks, which
-the other times contain, too.
+for comparison. "loose" are stress-free points: their time is the time of the call and its checks,
+which the other times contain, too.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Peak memory of scenes that are built, stepped and recorded, beside the estimate that refuses.
+"""Peak memory of scenes that are built, stepped and recorded, and the estimate that refuses.
 
     PYTHONPATH=. python benchmarks memory [most points, default 300000]
 
-Each scene runs in a process of its own, whose largest resident memory counts: blocks of material
+Each scene runs in a separate process, whose largest resident memory counts: blocks of material
 with every kind of scheme, and other shapes, laws and fills with two of them. The estimate must not
 be below the peak of a recorded run. The modules `memory` of the two methods have the fits.
 """

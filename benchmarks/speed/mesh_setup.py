@@ -1,10 +1,10 @@
 """Time and memory of the set-up of large meshes and height maps, and of a distance.
 
-Each case runs in a process of its own, on one thread. A ball of 2 m is triangulated by subdividing
-an icosahedron (20 * 4^k triangles, the least that is not below N). Times are processor times, which
-other jobs change little; the memory is what the process holds at most beyond what it held before.
---library measures libigl too, the fastest of the libraries tried, for as many places as there are
-samples: signed distances by pseudonormals.
+Each case runs in a separate process, on one thread. A ball of 2 m is triangulated by subdividing an
+icosahedron (20 * 4^k triangles, the least that is not below N). Times are processor times, which
+other jobs change little; the memory is the largest increase of the memory of the process. --library
+measures libigl too, the fastest of the libraries tried, for as many points as there are samples:
+signed distances by pseudonormals.
 """
 
 from __future__ import annotations
@@ -79,16 +79,16 @@ def mesh(least: int, spacing: float) -> None:
     checked = time.process_time()
     tables = shape.samples()[0]
     sampled = time.process_time()
-    kept = sum(table.nbytes for table in tables) / 1e6
+    retained = sum(table.nbytes for table in tables) / 1e6
     x = places()
     at = time.process_time()
-    found = Body(shape, (0.0,) * 3).distance(x)[0]
+    distance = Body(shape, (0.0,) * 3).distance(x)[0]
     took = (time.process_time() - at) / PLACES * 1e6
-    error = abs(found - (np.linalg.norm(x, axis=1) - 1)).max()
+    error = abs(distance - (np.linalg.norm(x, axis=1) - 1)).max()
     times = f"{checked - start:.1f} + {sampled - checked:.1f}"
     print(
         f"| mesh, {len(faces)} triangles, spacing {spacing} m | {times} "
-        f"| {memory() - before:.0f}, {kept:.1f} | {took:.2f} | {error:.1e} |"
+        f"| {memory() - before:.0f}, {retained:.1f} | {took:.2f} | {error:.1e} |"
     )
 
 
@@ -98,11 +98,13 @@ def library(least: int, spacing: float) -> None:
     vertices, faces = ball(least)
     x = places()
     before, start = memory(), time.process_time()
-    found = igl.signed_distance(x, vertices, faces, sign_type=igl.SIGNED_DISTANCE_TYPE_PSEUDONORMAL)
+    signed = igl.signed_distance(
+        x, vertices, faces, sign_type=igl.SIGNED_DISTANCE_TYPE_PSEUDONORMAL
+    )
     took = time.process_time() - start
-    error = abs(found[0] - (np.linalg.norm(x, axis=1) - 1)).max()
+    error = abs(signed[0] - (np.linalg.norm(x, axis=1) - 1)).max()
     print(
-        f"| libigl, {len(faces)} triangles, {PLACES} places | {took:.1f} | {memory() - before:.0f} "
+        f"| libigl, {len(faces)} triangles, {PLACES} points | {took:.1f} | {memory() - before:.0f} "
         f"| {took / PLACES * 1e6:.2f} | {error:.1e} |"
     )
 
@@ -123,10 +125,10 @@ def height_map(posts: int, dtype: str) -> None:
     begin = time.process_time()
     Body(shape, (0.0,) * 3).distance(at)
     each = (time.process_time() - begin) / PLACES * 1e6
-    kept = sum(table.nbytes for table in shape.samples()[0]) / 1e6
+    retained = sum(table.nbytes for table in shape.samples()[0]) / 1e6
     print(
         f"| height map, {n} x {n} posts, {dtype} | {took:.2f} "
-        f"| {memory() - before:.0f}, {kept:.1f} | {each:.2f} | |"
+        f"| {memory() - before:.0f}, {retained:.1f} | {each:.2f} | |"
     )
 
 
@@ -147,7 +149,7 @@ def main() -> None:
     cases = [("mesh", given.triangles, spacing) for spacing in SPACINGS]
     cases += [("library", given.triangles, 0.0)] if given.library else []
     cases += [("map", given.posts, dtype) for dtype in ("float64", "float32")]
-    print("| case | set-up [s] | memory: most, kept [MB] | distance [us] | error [m] |")
+    print("| case | set-up [s] | memory: most, retained [MB] | distance [us] | error [m] |")
     print("|---|---|---|---|---|", flush=True)
     for case in cases:
         subprocess.run([*python("mesh_setup"), "--case", *map(str, case)], check=True)

@@ -1,9 +1,9 @@
-"""Places of points: the size of the buffers over that of the points in them.
+"""Slots of points: the size of the buffers over the size of the points in them.
 
-The buffers of the core have more places than there are points, as all cells of a tile have as many
+The buffers of the core have more slots than there are points, as all cells of a tile have as many
 as the fullest, and one more. Their size is taken at the start and after some flow; they do not
-shrink. Beside it stand what the rows of the fullest cells alone would take then, and the bytes of
-a point in both precisions.
+shrink. The table also has the size of the rows of the fullest cells alone, and the bytes of a point
+in both precisions.
 """
 
 from __future__ import annotations
@@ -43,19 +43,19 @@ def bytes_in_single(scene: gr.Scene) -> float | None:
 
 
 def least(sim: gr.Simulation) -> float:
-    """Places per point of as many rows as the fullest cell of each tile has points."""
+    """Slots per point of as many rows as the fullest cell of each tile has points."""
     counts = sim.cell_counts
     tiles = np.pad(counts, (0, -len(counts) % TILE)).reshape(-1, TILE)
     return float(TILE * tiles.max(axis=1).sum() / sim.n_points)
 
 
 def sizes(scene: gr.Scene, until: float) -> dict[str, float | None]:
-    """Bytes that the fields of a point need, and places per point at the start and at the end."""
+    """Bytes that the fields of a point need, and slots per point at the start and at the end."""
     sim = gr.Simulation(scene, threads=1)
-    found = {"points": sim.n_points, "start": len(sim.buffers["id"]) / sim.n_points}
-    found |= {"bytes": bytes_of_a_point(sim), "bytes_single": bytes_in_single(scene)}
+    result = {"points": sim.n_points, "start": len(sim.buffers["id"]) / sim.n_points}
+    result |= {"bytes": bytes_of_a_point(sim), "bytes_single": bytes_in_single(scene)}
     sim.run(until=until)
-    return found | {"end": len(sim.buffers["id"]) / sim.n_points, "least": least(sim)}
+    return result | {"end": len(sim.buffers["id"]) / sim.n_points, "least": least(sim)}
 
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:

@@ -2,7 +2,7 @@
 
 The column collapse of figure 2 (aspect 2, E 1e7, a frame each 1/60 s), which is the README's first
 command, is run to its record; with `--points` in cells of another size. Each part is charged with
-its own time, without that of the parts it calls: by the wall clock, which counts waiting for the
+its time, without the time of the parts it calls: by the wall clock, which counts waiting for the
 disk, and for other jobs, too; and by the processor time of the process, which counts every thread
 and is the one to compare on a busy machine.
 """
@@ -78,7 +78,7 @@ def now() -> np.ndarray:
 
 
 def table(account: Account, frames: int, steps: int) -> str:
-    """Milliseconds of each part, the share of the kernels, and what a frame takes in steps."""
+    """Milliseconds of each part, the share of the kernels, and the time of a frame in steps."""
     total = sum(account.spent.values())
     lines = [f"{'ms in all':26s}{'wall':>9s}{'processor':>11s}"]
     for part, spent in (*account.spent.items(), ("sum", total)):
@@ -92,8 +92,8 @@ def table(account: Account, frames: int, steps: int) -> str:
 def main(argv: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="coarse and short, to see it runs")
-    parser.add_argument("--points", type=float, help="default: those of the figure, 8192")
-    parser.add_argument("--threads", type=int, help="default: that of a simulation")
+    parser.add_argument("--points", type=float, help="default: as in the figure, 8192")
+    parser.add_argument("--threads", type=int, help="default: as in a simulation")
     parser.add_argument("--until", type=float, help="time to stop at [s]")
     parser.add_argument("--every", type=float, help="time between frames [s]")
     parser.add_argument("--precision", choices=("double", "single"), help="of the frames")

@@ -1,8 +1,8 @@
 """Limits of the kernels: their bytes and operations against the capability of the machine.
 
 Measures on one core: the bandwidth of a sum into a third array, in the cache and in memory, and the
-rate of a matrix product as the peak of multiply-adds. Prints beside them the time of a
-particle-step of the plain linear scheme if it were bound by either alone, and its measured time.
+rate of a matrix product as the peak of multiply-adds. Also prints the time of a particle-step of
+the plain linear scheme if it were bound by either alone, and its measured time.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ COMPONENTS = 9
 """Numbers read and written per point: x, v, four stresses, log-density; the mass is only read."""
 OPERATIONS = {"gather": 45, "law": 75, "scatter": 80}
 """Additions and multiplications per point in 2D with linear shape functions, counted by hand; the
-law has three square roots and a division besides."""
+law also has three square roots and a division."""
 POINTS_PER_CELL, NODE_SUMS = 16, 4 * 5
 
 
@@ -65,11 +65,11 @@ BOUNDS = {
     "second-level cache (c = a + b)": ("bandwidth in the cache [GB/s]", "bound by the cache [ns]"),
     "memory": ("bandwidth of the memory [GB/s]", "bound by the memory [ns]"),
 }
-"""Names of a rate of the machine, with its unit, and of what a particle-step takes at that rate."""
+"""Names of a rate of the machine, with its unit, and of the time of a particle-step at it."""
 
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
-    """Table of the page: what the machine can do, and the time of a particle-step."""
+    """Table of the page: the capability of the machine, and the time of a particle-step."""
     lines = [
         (name, f"{results[rate]:.0f} {rate[rate.index('[') + 1 : -1]}", f"{results[bound]:.1f} ns")
         for name, (rate, bound) in BOUNDS.items()
@@ -90,7 +90,7 @@ def main(argv: list[str] | None = None) -> None:
     bytes_moved = 8 * (2 * COMPONENTS + 1 + 2 * NODE_SUMS / POINTS_PER_CELL)
     operations = sum(OPERATIONS.values())
     near, far, flops = bandwidth(0.3), bandwidth(megabytes), peak(order)
-    found = {
+    results = {
         "bytes a particle-step": bytes_moved,
         "operations a particle-step": operations,
         "bandwidth in the cache [GB/s]": near / 1e9,
@@ -102,7 +102,7 @@ def main(argv: list[str] | None = None) -> None:
     }
     for cell in cells:
         points, seconds = measured(cell)
-        found[f"measured, {points} points [ns]"] = seconds * 1e9
-    for name, value in found.items():
+        results[f"measured, {points} points [ns]"] = seconds * 1e9
+    for name, value in results.items():
         print(f"{name:34s}{value:8.1f}")
-    write(arguments.out, found)
+    write(arguments.out, results)

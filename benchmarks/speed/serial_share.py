@@ -79,26 +79,26 @@ def count(samples: str) -> tuple[Counter[str], int]:
 
 
 def measure(dim: int, case: tuple[int, ...]) -> dict[str, object]:
-    """Take samples of a case in a process of its own."""
+    """Take samples of a case in a separate process."""
     with tempfile.TemporaryDirectory() as name:
         data, control = Path(name, "perf.data"), Path(name, "control")
         subprocess.run(["mkfifo", str(control)], check=True)
         command = ["perf", "record", "--quiet", "--delay=-1", f"--control=fifo:{control}"]
         command += ["-F", str(FREQUENCY), "--call-graph", f"dwarf,{STACK}", "-o", str(data)]
-        own = [*python("serial_share"), "--case", *map(str, (dim, *case)), str(control)]
-        child = subprocess.run([*command, *own], check=True, stdout=subprocess.PIPE, text=True)
+        program = [*python("serial_share"), "--case", *map(str, (dim, *case)), str(control)]
+        child = subprocess.run([*command, *program], check=True, stdout=subprocess.PIPE, text=True)
         script = ["perf", "script", "-i", str(data), "-F", "ip,sym"]
         samples = subprocess.run(
             script, check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
         ).stdout
-    serial, found = count(samples)
-    share = sum(serial.values()) / max(found, 1)
+    serial, total = count(samples)
+    share = sum(serial.values()) / max(total, 1)
     return {
         "dim": dim,
         "points": int(child.stdout.split()[-1]),
-        "samples": found,
+        "samples": total,
         "serial_share": share,
-        "serial": {name: n / found for name, n in serial.most_common(8)},
+        "serial": {name: n / total for name, n in serial.most_common(8)},
         "most": 1 / (share + (1 - share) / THREADS),
     }
 

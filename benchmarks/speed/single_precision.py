@@ -1,10 +1,10 @@
-"""Kernels in single precision beside double precision: time, and error beside that of the scheme.
+"""Single precision compared with double precision: time, and error compared with the scheme.
 
 Each case runs in double and in single precision, and once more in double precision with cells twice
-as large. What single precision changes of the quantity of a case stands beside the error of the
-scheme: that against the theory, or what the larger cells change. The time is that of the processor
-for steps in turns, double, single, single, double, with one thread; its ratio is the median over
-the rounds. Stiffness enlarges the rounding errors of stress: the incline runs with several E.
+as large. The change of the quantity of a case by single precision is compared with the error of the
+scheme: the difference from theory, or the change by the larger cells. The time is the processor
+time of steps in turns, double, single, single, double, with one thread; its ratio is the median
+over the rounds. Stiffness enlarges the rounding errors of stress: the incline runs with several E.
 
 The picture of docs/reports/speed.md is drawn from the results with --draw,
 which measures nothing.
@@ -129,12 +129,12 @@ def measured(case: Case, scheme: gr.Scheme, quick: bool) -> dict[str, float]:
     """Quantities of a case in both precisions, their difference and the error of the scheme."""
     until = 0.1 * case.until if quick else case.until
     single = scheme.replace(precision="single")
-    found = [
+    runs = [
         gr.Simulation(case.scene(s, cell)).run(until=until, monitor=False)
         for s, cell in ((scheme, case.cell), (single, case.cell), (scheme, 2 * case.cell))
     ]
-    double, other, coarse = (case.quantity(sim) for sim in found)
-    exact = case.theory(found[0]) if case.theory else coarse
+    double, other, coarse = (case.quantity(sim) for sim in runs)
+    exact = case.theory(runs[0]) if case.theory else coarse
     return {
         "double": double,
         "single": other,

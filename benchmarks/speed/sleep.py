@@ -2,9 +2,9 @@
 
 Cases: a column that collapses and lies; a silo that discharges between corners at rest; a hopper
 that is closed when half of its fill has left; a wheel that rolls, and a plate that is drawn,
-through the end of a long bed; a bed at rest. One thread. Times of the last part of each case are
-given beside those of the whole, since material sleeps only once it rests. Cases that are not
-named keep their results.
+through the end of a long bed; a bed at rest. One thread. Times are given for the last part of each
+case and for the whole, since material sleeps only once it rests. The results of cases that are not
+named remain.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ def compare(name: str, scheme: gr.Scheme) -> dict[str, Any]:
     a, b = whole.state, slept.state
     common = np.isin(a.id, b.id), np.isin(b.id, a.id)
     moved = np.linalg.norm(a.x[common[0]] - b.x[common[1]], axis=1) / whole.scene.grid.cell
-    found = {
+    result = {
         "points": whole.n_points,
         "asleep": float((b.v == 0).all(axis=1).mean()),
         "time": plain,
@@ -146,8 +146,8 @@ def compare(name: str, scheme: gr.Scheme) -> dict[str, Any]:
     }
     if whole.bodies:
         force = [float(sim.bodies[0].impulse[0]) for sim in (whole, slept)]
-        found["impulse_changed"] = force[1] / force[0] - 1
-    return found
+        result["impulse_changed"] = force[1] / force[0] - 1
+    return result
 
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
@@ -167,7 +167,7 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
 
 
 def main() -> None:
-    """Run what the command line asks for."""
+    """Run the cases of the command line."""
     parser = parser_of(__name__, __doc__)
     parser.add_argument("cases", nargs="*", default=list(CASES))
     args = parser.parse_args()

@@ -1,13 +1,13 @@
-"""Time per particle-step of the kernels, with the error of the same schemes beside it.
+"""Time per particle-step of the kernels, with the error of the same schemes.
 
 Column collapse of aspect 2 with 16 points per cell in double precision: about 8,000 and 200,000
 points, as seeded and after the column has fallen for a while, with one thread and with two. One
 thread is timed by the processor time of the process, two by the wall clock. The best of several
-batches counts; only the ratios within one run can be compared. Beside each scheme stands its error
-on the periodic incline of 25 degrees, with one column of cells and with eight, against the
-one-dimensional equation: a fast scheme that is wrong is no bargain. The last lines are those of a
-quarter of a cylinder in 3D, 8 points per cell, one thread. On a machine that others disturb, run it
-several times: with --again the smaller of each time and that in the file is kept. The results of a
+batches counts; only the ratios within one run can be compared. Each scheme also has its error on
+the periodic incline of 25 degrees, with one column of cells and with eight, against the
+one-dimensional equation: a fast scheme that is wrong is no bargain. The last lines are of a quarter
+of a cylinder in 3D, 8 points per cell, one thread. On a machine that others disturb, run it several
+times: with --again the smaller of each time and the one in the file is stored. The results of a
 processor with AVX2 alone are in results/speed-avx2.json.
 
 `granular.economy.cost` contains the times of one thread (small state, mean of seeded and fallen;

@@ -4,7 +4,7 @@ A bed of 8 points per cell flows down a slope of 38 degrees, periodic on its sid
 the quadratic basis, APIC and the particle density. It is run without fluidity (A = 0), with a
 fluidity that diffuses over faces or over all neighbours, and with a blade in the flow, thick or
 thin; for comparison the default scheme is run, too. The batches of one thread and of two take
-turns, and the best of each counts. The memory is that of the arrays of the points.
+turns, and the best of each counts. The memory is the size of the arrays of the points.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ def main(argv: list[str] | None = None) -> None:
         ns = dict.fromkeys(sims, np.inf)
         for _ in range(rounds):
             for threads, sim in sims.items():
-                sim.step(2)  # what the other one has left in the caches
+                sim.step(2)  # contents of the caches left by the other one
                 ns[threads] = min(ns[threads], best_time(sim, threads, 1) * 1e9)
         one, two = ns.values()
         held = sum(array.nbytes for array in sim.buffers.values()) / sim.n_points

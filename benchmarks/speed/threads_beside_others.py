@@ -1,8 +1,8 @@
-"""Two threads beside other programs that need the processors.
+"""Two threads together with other programs that need the processors.
 
-A column of 8,192 points is run with one thread and with two in turns, alone and beside programs
-that keep a processor busy each. The times are of the wall clock, the mean of all turns: beside
-other programs the operating system decides, so that the fastest turn says nothing.
+A column of 8,192 points is run with one thread and with two in turns, alone and together with
+programs that keep a processor busy each. The times are of the wall clock, the mean of all turns:
+with other programs the operating system decides, so that the fastest turn says nothing.
 """
 
 from __future__ import annotations

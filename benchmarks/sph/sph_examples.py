@@ -58,8 +58,8 @@ def slope_deg(state: gr.State) -> float:
     parameters = state.scene.parameters
     floor = parameters["length"] - parameters["orifice"]
     top = gr.measure.surface(state, above=0.0, along="x")
-    kept = (top.x > floor / 8) & (top.x < 7 * floor / 8) & np.isfinite(top.top)
-    return float(-np.degrees(np.arctan(np.polyfit(top.x[kept], top.top[kept], 1)[0])))
+    inside = (top.x > floor / 8) & (top.x < 7 * floor / 8) & np.isfinite(top.top)
+    return float(-np.degrees(np.arctan(np.polyfit(top.x[inside], top.top[inside], 1)[0])))
 
 
 def steady_rate(states: list[gr.State]) -> tuple[float, float, float]:
@@ -70,11 +70,11 @@ def steady_rate(states: list[gr.State]) -> tuple[float, float, float]:
         height = y.max() + 0.5 * state.scene.grid.cell
         inside = (y > 0.2 * height) & (y < 0.8 * height)
         rates.append(np.polyfit(y[inside], v[inside], 1)[0])
-        for power, found in misfits.items():
+        for power, misfit in misfits.items():
             basis = np.stack([height**power - (height - y) ** power, np.ones_like(y)], axis=1)
             rest = v - basis @ np.linalg.lstsq(basis, v, rcond=None)[0]
-            found.append(rest.std() / v.std())
-    return (float(np.mean(rates)), *(float(np.mean(found)) for found in misfits.values()))
+            misfit.append(rest.std() / v.std())
+    return (float(np.mean(rates)), *(float(np.mean(misfit)) for misfit in misfits.values()))
 
 
 def decaying(t: np.ndarray, a: float, b: float, c: float) -> np.ndarray:
@@ -170,8 +170,8 @@ def at_rest(scene: sph.Scene, threads: int) -> dict[str, Any]:
     """A collapse at the time at which it comes to rest, before it creeps."""
     begin = time.process_time()
     simulation = gr.Simulation(scene, threads=threads)
-    found = sph.run_to_rest(simulation, after=scene.parameters["settle"], interval=0.05)
-    rest_at = found and found - scene.parameters["settle"]
+    end = sph.run_to_rest(simulation, after=scene.parameters["settle"], interval=0.05)
+    rest_at = end and end - scene.parameters["settle"]
     return far(simulation.state) | {"rest_at": rest_at} | cost(simulation, begin)
 
 
@@ -304,7 +304,7 @@ def kind_of_column(row: dict[str, Any]) -> str:
 
 def exponents(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Fits H0/H = l1 a^a1 and (L - L0)/L0 = l2 a^a2 for a > 1.7, of L and of L99 (eq. 5.32)."""
-    found = {}
+    result = {}
     columns = [row for row in rows if row["kind"] == "column"]
     for key in dict.fromkeys(map(kind_of_column, columns)):
         these = [row for row in columns if kind_of_column(row) == key]
@@ -319,19 +319,19 @@ def exponents(rows: list[dict[str, Any]]) -> dict[str, Any]:
         for name, values in fits.items():
             power, log = np.polyfit(np.log(a), np.log(values), 1)
             entry |= {f"alpha_{name}": float(power), f"lambda_{name}": float(np.exp(log))}
-        found[key] = entry | {"columns": len(these)}
-    return found
+        result[key] = entry | {"columns": len(these)}
+    return result
 
 
 def orderings(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Run-outs of the inclined collapses by angle, side walls and dilation."""
-    found: dict[str, Any] = {}
+    result: dict[str, Any] = {}
     for row in rows:
         if row["kind"] == "inclined" and "angle_deg" in row:
             walls = "side walls" if row["side_walls"] else "periodic"
             name = f"{walls}, beta {row['dilation']:g}"
-            found.setdefault(f"{row['angle_deg']:g} deg", {})[name] = [row["L99"], row["L"]]
-    return found
+            result.setdefault(f"{row['angle_deg']:g} deg", {})[name] = [row["L99"], row["L"]]
+    return result
 
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
@@ -348,10 +348,10 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
 
 def by_dilation(rows: list[dict[str, Any]], key: str) -> list[dict[str, Any]]:
     """Rows without (a) and with dilation (b), by an angle."""
-    found: dict[float, list[dict[str, Any]]] = {}
+    pairs: dict[float, list[dict[str, Any]]] = {}
     for row in sorted(rows, key=lambda row: (row[key], row["dilation"])):
-        found.setdefault(row[key], []).append(row)
-    return [{"angle": angle, "a": pair[0], "b": pair[1]} for angle, pair in found.items()]
+        pairs.setdefault(row[key], []).append(row)
+    return [{"angle": angle, "a": pair[0], "b": pair[1]} for angle, pair in pairs.items()]
 
 
 def repose_table(rows: list[dict[str, Any]]) -> list[str]:
@@ -394,16 +394,16 @@ def incline_table(rows: list[dict[str, Any]]) -> list[str]:
     )
 
 
-def column_table(found: dict[str, dict[str, float]]) -> list[str]:
+def column_table(fits: dict[str, dict[str, float]]) -> list[str]:
     """Exponents and prefactors of heights and run-outs."""
-    rows = [{"name": name.replace("creeping", "no spring")} | fit for name, fit in found.items()]
+    rows = [{"name": name.replace("creeping", "no spring")} | fit for name, fit in fits.items()]
     columns = {"": "{name}", "a1": "{alpha_1:.2f}", "a2, farthest": "{alpha_L:.2f}"}
     columns |= {"a2, 99 %": "{alpha_L99:.2f}", "l1": "{lambda_1:.2f}", "l2": "{lambda_L:.2f}"}
     return table(rows, columns)
 
 
 def study_table(rows: list[dict[str, Any]]) -> list[str]:
-    """Run-outs and heights, with what was changed."""
+    """Run-outs and heights, with the change."""
     made = []
     for row in rows:
         given = {k: v for k, v in row["case"][1].items() if k not in UNCHANGED and v}
@@ -418,14 +418,14 @@ UNCHANGED = ("material", "aspect", "length", "reach")
 
 def inclined_table(rows: list[dict[str, Any]]) -> list[str]:
     """Distances within which 99 % of the mass lies, at two times after the gate began to lift."""
-    found: dict[float, dict[str, str]] = {}
+    by_angle: dict[float, dict[str, str]] = {}
     for row in rows:
         walls = "side walls" if row["side_walls"] else "periodic"
         name = f"{walls}, {'beta 0 to 0.5' if row['dilation'] else 'beta = 0'}"
         late = ", ".join(f"{100 * far:.1f}" for far in row["L99_at"][1:])
-        found.setdefault(row["angle_deg"], {})[name] = late
-    head = ("angle [deg]", *next(iter(found.values()), {}))
-    return markdown(head, [(f"{angle:g}", *cases.values()) for angle, cases in found.items()])
+        by_angle.setdefault(row["angle_deg"], {})[name] = late
+    head = ("angle [deg]", *next(iter(by_angle.values()), {}))
+    return markdown(head, [(f"{angle:g}", *cases.values()) for angle, cases in by_angle.items()])
 
 
 def store(rows: list[dict[str, Any]], out: Path) -> None:
@@ -445,8 +445,8 @@ def main(argv: list[str] | None = None) -> None:
         case = json.dumps([kind, keywords], sort_keys=True)
         if case in held or chosen.only not in (None, kind):
             continue
-        found = rounded(RUNS[kind](chosen.threads, **keywords), DIGITS)
-        rows.append({"case": [kind, keywords], "kind": kind} | keywords | found)
-        print(kind, keywords, found, flush=True)
+        result = rounded(RUNS[kind](chosen.threads, **keywords), DIGITS)
+        rows.append({"case": [kind, keywords], "kind": kind} | keywords | result)
+        print(kind, keywords, result, flush=True)
         store(rows, chosen.out)
     store(rows, chosen.out)

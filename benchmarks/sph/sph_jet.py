@@ -19,7 +19,7 @@ EVERY = 0.0075
 
 
 SIZE = 14
-"""Area of a marker [points^2], about that of a particle."""
+"""Area of a marker [points^2], about the area of a particle."""
 
 
 def picture(record: gr.record.Trajectory, ambient: float = 1e5) -> Figure:
@@ -44,7 +44,7 @@ def picture(record: gr.record.Trajectory, ambient: float = 1e5) -> Figure:
 
 
 def filling(frame: gr.State) -> float:
-    """Mass of the gas in the nozzle over that of gas of the initial density."""
+    """Mass of the gas in the nozzle over its mass at the initial density."""
     (jet,), gas = frame.scene.gas.jets, frame.gas
     low, high = (np.array(end) for end in jet.region.bounds)
     within = ((gas.x > low) & (gas.x < high)).all(axis=1)

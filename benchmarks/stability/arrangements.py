@@ -12,7 +12,7 @@ from stability.cells import Map
 
 NU = 0.3
 LAME = NU / (1 - NU)
-"""lambda/(lambda + 2 G). The unit of moduli is that of compression waves, so that c = dx = 1."""
+"""lambda/(lambda + 2 G). The unit of moduli is the one of compression waves, so that c = dx = 1."""
 SHEAR = (1 - LAME) / 2
 LIGHTEST = 1e-14
 """Mass cutoff of the schemes, in point masses."""
@@ -82,12 +82,12 @@ def largest_eigenvalue(
         most = abs(weight_correction).max()
         stiffer = np.sqrt(1 + np.clip(excess, -most, most))
         B = [stiffer[:, None] * g for g in B]
-    own = sum(volume * SHEAR * g.T @ g for g in B)
+    shear = sum(volume * SHEAR * g.T @ g for g in B)
     blocks = [[None] * dim for _ in range(dim)]
     for a, b in product(range(dim), repeat=2):
         blocks[a][b] = volume * (LAME * B[a].T @ B[b] + SHEAR * B[b].T @ B[a])
         if a == b:
-            blocks[a][b] = blocks[a][b] + own
+            blocks[a][b] = blocks[a][b] + shear
     root = np.tile(1 / np.sqrt(mass[used]), dim)
     K = np.block(blocks) * root[:, None] * root[None, :]
     return float(np.linalg.eigvalsh(K)[-1])
@@ -115,14 +115,14 @@ def smallest_step(
                 x = np.vstack([x, rng.uniform(0, cells + 1, dim)])
         x = np.clip(x, 0.0, cells + 1.0 - 1e-9)
         weight_correction = limit * rng.choice([-1.0, 1.0], len(x)) if limit else None
-        found = largest_eigenvalue(x, shape, cells + 1, per_axis**-dim, weight_correction)
-        steps.append(2 / np.sqrt(found))
+        largest = largest_eigenvalue(x, shape, cells + 1, per_axis**-dim, weight_correction)
+        steps.append(2 / np.sqrt(largest))
     return float(min(steps)), {"1 %": float(np.quantile(steps, 0.01)), "tries": tries}
 
 
 def arrangements(quick: bool) -> Map:
     """Time step against arrangement; any larger step creates energy, whatever the motion."""
-    found = Map(
+    result = Map(
         "arrangement",
         "Time step of the worst arrangement of points",
         "smallest 2/sqrt(lambda_max(M^-1 K)) c/dx",
@@ -138,5 +138,5 @@ def arrangements(quick: bool) -> Map:
             for per_axis in (1, 2) if quick or dim == 3 else (1, 2, 3):
                 tries = (60, 60, 6)[dim - 1] if quick else (3000, 600, 150)[dim - 1]
                 column = f"{dim}-D, {per_axis**dim}"
-                found.add(row, column, smallest_step, basis, dim, per_axis, tries, limit)
-    return found
+                result.add(row, column, smallest_step, basis, dim, per_axis, tries, limit)
+    return result

@@ -86,7 +86,7 @@ def refuses(scene: gr.Scene) -> bool:
 
 
 def simulate(scene: gr.Scene) -> gr.Simulation:
-    """Simulation with one thread, without the limits of the time step, to see what they prevent."""
+    """Simulation with one thread and without the limits of the time step, to show their effect."""
     with mock.patch.object(limits, "courant_limit", lambda scene: math.inf):
         return gr.Simulation(scene, threads=1)
 

@@ -73,13 +73,13 @@ def number(value: float) -> str:
     return f"{value:.2g}" if abs(value) < 100 else f"{value:.0f}"
 
 
-def panel(axes: Axes, found: Map) -> None:
+def panel(axes: Axes, limits: Map) -> None:
     """One map."""
-    rows = list(dict.fromkeys(cell.row for cell in found.cells))
-    columns = list(dict.fromkeys(cell.column for cell in found.cells))
+    rows = list(dict.fromkeys(cell.row for cell in limits.cells))
+    columns = list(dict.fromkeys(cell.column for cell in limits.cells))
     order = list(COLOURS)
     table = [[math.nan] * len(columns) for _ in rows]
-    for cell in found.cells:
+    for cell in limits.cells:
         i, j = rows.index(cell.row), columns.index(cell.column)
         table[i][j] = order.index(cell.verdict)
         axes.text(j, i, number(cell.value), ha="center", va="center", fontsize=7)
@@ -91,10 +91,10 @@ def panel(axes: Axes, found: Map) -> None:
     axes.set_yticks([i + 0.5 for i in range(len(rows) - 1)], minor=True)
     axes.grid(which="minor", color="white", linewidth=1.5)
     axes.tick_params(which="both", length=0)
-    axes.set_xlabel(found.columns, fontsize=8)
-    axes.set_ylabel(found.rows, fontsize=8)
-    bound = f"{'>=' if found.least else '<='} {found.sound:g}"
-    axes.set_title(f"{found.title}\n{found.quantity}; stable {bound}", fontsize=8)
+    axes.set_xlabel(limits.columns, fontsize=8)
+    axes.set_ylabel(limits.rows, fontsize=8)
+    bound = f"{'>=' if limits.least else '<='} {limits.sound:g}"
+    axes.set_title(f"{limits.title}\n{limits.quantity}; stable {bound}", fontsize=8)
 
 
 def figures(maps: dict[str, Map], folder: Path) -> None:
@@ -111,8 +111,8 @@ def figures(maps: dict[str, Map], folder: Path) -> None:
         ]
         figure = Figure(figsize=(11, 0.235 * sum(heights) + 0.4), layout="constrained")
         grid = figure.add_gridspec(down, across, height_ratios=heights)
-        for i, found in enumerate(present):
-            panel(figure.add_subplot(grid[i // across, i % across]), found)
+        for i, limits in enumerate(present):
+            panel(figure.add_subplot(grid[i // across, i % across]), limits)
         patches = [Patch(color=colour, label=verdict) for verdict, colour in COLOURS.items()]
         figure.legend(handles=patches, loc="outside lower center", ncols=3, fontsize=8)
         path = folder / f"{name}.png"

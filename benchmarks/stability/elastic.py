@@ -80,7 +80,7 @@ def median_error(basis: str, points: int, jitter: float, seeds: int) -> float:
 
 def patches(quick: bool) -> Map:
     """Cell crossing."""
-    found = Map(
+    result = Map(
         "patch",
         "Cell crossing: force of a uniform pressure",
         "largest nodal force / (p dx), median of 7 seedings",
@@ -92,10 +92,10 @@ def patches(quick: bool) -> Map:
     for basis in BASES:
         for jitter in (0.2, 1.0):
             for points in chosen((1, 4, 9, 16), quick):
-                found.add(
+                result.add(
                     basis, f"{points}, {jitter:g}", median_error, basis, points, jitter, seeds
                 )
-    return found
+    return result
 
 
 # ---- time step ----
@@ -138,7 +138,7 @@ def flights(name: str, title: str, rows: str, columns: str = "c dt/dx", seedings
 
 
 def add_flight(
-    found: Map,
+    result: Map,
     row: str,
     courant: float,
     scheme: gr.Scheme,
@@ -156,7 +156,7 @@ def add_flight(
         for seed in range(1 if quick else seedings)
     ]
     steps = 200 if quick else 2000
-    found.add(
+    result.add(
         row,
         f"{courant:g}",
         lambda: max(growth(scene, steps, scene.seed, flight) for scene in scenes),
@@ -171,7 +171,7 @@ def courant_points(quick: bool) -> list[Map]:
     """CFL x points per cell, one map per scheme: a disc with a ragged edge in flight."""
     maps = []
     for name, scheme in SCHEMES.items():
-        found = flights(
+        result = flights(
             f"courant_{name.split()[0].strip(',').lower()}_{scheme.transfer}",
             f"Time step, {name}: a disc in flight",
             "points per cell",
@@ -179,23 +179,23 @@ def courant_points(quick: bool) -> list[Map]:
         for points in chosen((1, 4, 9, 16), quick):
             for courant in chosen(COURANTS, quick):
                 fixed = at_courant(scheme, courant, CELL, ELASTIC)
-                add_flight(found, f"{points}", courant, fixed, quick, points=points)
-        maps.append(found)
+                add_flight(result, f"{points}", courant, fixed, quick, points=points)
+        maps.append(result)
     return maps
 
 
 def courant_nu(quick: bool) -> Map:
-    """CFL x nu with the default scheme: the wave speed is that of compression waves."""
+    """CFL x nu with the default scheme: the wave speed is for compression waves."""
     title = "Time step and Poisson's ratio, default scheme: a disc in flight"
-    found = flights("courant_nu", title, "nu")
+    result = flights("courant_nu", title, "nu")
     for nu in chosen((0.0, 0.3, 0.45, 0.49, 0.499), quick):
         material = gr.Elastic(E=1e6, nu=nu)
         bar = math.sqrt(material.E / material.rho_c)
         for courant in chosen((0.25, 0.5, 0.75, 1.0, 1.2), quick):
             fixed = at_courant(gr.schemes.default, courant, CELL, material)
-            add_flight(found, f"{nu:g}", courant, fixed, quick, material=material)
-        found.cells[-1].notes["c / sqrt(E/rho)"] = material.wave_speed / bar
-    return found
+            add_flight(result, f"{nu:g}", courant, fixed, quick, material=material)
+        result.cells[-1].notes["c / sqrt(E/rho)"] = material.wave_speed / bar
+    return result
 
 
 SPACE_SCHEMES = {name: scheme for name, scheme in SCHEMES.items() if scheme.basis != "linear"}
@@ -204,7 +204,7 @@ SPACE_SCHEMES = {name: scheme for name, scheme in SCHEMES.items() if scheme.basi
 def courant_space(quick: bool) -> Map:
     """CFL x scheme in 3D: a short cylinder in flight."""
     title = "Time step in 3D: a cylinder in flight"
-    found = flights("courant_space", title, "scheme, points per cell", seedings=2)
+    result = flights("courant_space", title, "scheme, points per cell", seedings=2)
     cylinder = {
         "region": gr.Cylinder(0.23, center=(0.4, 0.4, 0.4), axis=(0.0, 0.0, 1.0), length=0.5),
         "shape": (8, 8, 8),
@@ -215,19 +215,21 @@ def courant_space(quick: bool) -> Map:
             for courant in chosen((0.5, 0.6, 0.7, 0.8, 1.0), quick):
                 fixed = at_courant(scheme, courant, CELL, ELASTIC)
                 row = f"{name}, {points}"
-                add_flight(found, row, courant, fixed, quick, points=points, **cylinder)
-    return found
+                add_flight(result, row, courant, fixed, quick, points=points, **cylinder)
+    return result
 
 
 def courant_speed(quick: bool) -> Map:
     """CFL x speed: the wave speed of a body in flight is c + |v|."""
     title = "Time step of a fast body, default scheme: a disc in flight"
-    found = flights("courant_speed", title, "v/c", "(c + v) dt/dx")
+    result = flights("courant_speed", title, "v/c", "(c + v) dt/dx")
     c = ELASTIC.wave_speed
     for speed in chosen((0.1, 0.5, 1.0, 2.0), quick):
         flight = (0.8 * speed, 0.6 * speed)
         velocity = tuple(c * v for v in flight)
         for courant in chosen((0.25, 0.5, 0.64, 0.8, 1.0, 1.5), quick):
             fixed = gr.schemes.default.replace(dt=courant * CELL / (c * (1 + speed)))
-            add_flight(found, f"{speed:g}", courant, fixed, quick, flight=flight, velocity=velocity)
-    return found
+            add_flight(
+                result, f"{speed:g}", courant, fixed, quick, flight=flight, velocity=velocity
+            )
+    return result

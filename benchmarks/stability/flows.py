@@ -51,7 +51,7 @@ incline_map = partial(Map, quantity="relative L2 error of v(y)", rows="scheme", 
 
 def incline_courant(quick: bool) -> Map:
     """Time steps that are too large but cause no NaN: one column at 25 deg."""
-    found = incline_map(
+    result = incline_map(
         "incline_courant",
         "Too large a step without a NaN: one column of an incline of 25 deg, 10 s",
         columns="c dt/dx",
@@ -63,8 +63,8 @@ def incline_courant(quick: bool) -> Map:
             scheme = at_courant(SCHEMES[name], courant, cell, material)
             scene = gr.scenes.incline(cell=cell, material=material, scheme=scheme)
             until, refused = 0.3 if quick else 10.0, refuses(scene)
-            found.add(name, f"{courant:g}", flow, scene, until, refused=refused)
-    return found
+            result.add(name, f"{courant:g}", flow, scene, until, refused=refused)
+    return result
 
 
 ANGLES = (22.0, 23.5, 25.0, 27.0, 29.0, 30.0, 31.5)
@@ -77,7 +77,7 @@ def angle_label(angle: float, material: gr.MuI) -> str:
 
 def incline_angles(quick: bool) -> Map:
     """Inertial number x scheme: eight columns, slopes on both sides of the well-posed range."""
-    found = incline_map(
+    result = incline_map(
         "incline_angles",
         "Two-dimensional shear flow: an incline of 8 columns, jittered, 6 s",
         columns="slope [deg] and its inertial number I/I0",
@@ -88,13 +88,13 @@ def incline_angles(quick: bool) -> Map:
         for angle in chosen(ANGLES, quick):
             scene = gr.scenes.incline(angle_deg=angle, scheme=SCHEMES[name], **layer)
             label = angle_label(angle, scene.material)
-            found.add(name, label, flow, scene, 0.05 if quick else 6.0)
-    return found
+            result.add(name, label, flow, scene, 0.05 if quick else 6.0)
+    return result
 
 
 def incline_seeding(quick: bool) -> Map:
     """Points per cell x cells over the height, default scheme, 8 columns at 25 deg."""
-    found = Map(
+    result = Map(
         "incline_seeding",
         "Points per cell and thin layers: an incline of 25 deg, 8 columns, default scheme",
         "relative L2 error of v(y) at 20 times sqrt(h/g)",
@@ -118,13 +118,13 @@ def incline_seeding(quick: bool) -> Map:
                 seed=5,
             )
             until = (1 if quick else 20) * math.sqrt(height / 9.8)
-            found.add(f"{points}", f"{cells}", flow, scene, until)
-    return found
+            result.add(f"{points}", f"{cells}", flow, scene, until)
+    return result
 
 
 def incline_refinement(quick: bool) -> Map:
     """Slope x refinement, along the slope as well or in one column, where no wave can grow."""
-    found = incline_map(
+    result = incline_map(
         "incline_refinement",
         "Refinement of an incline, one column or 0.08 m long, jittered, default scheme, 1 s",
         rows="columns, cells over the height",
@@ -138,15 +138,15 @@ def incline_refinement(quick: bool) -> Map:
                     angle_deg=angle, cell=HEIGHT / cells, columns=columns, **layer
                 )
                 label = angle_label(angle, scene.material)
-                found.add(f"{columns}, {cells}", label, flow, scene, 0.05 if quick else 1.0)
+                result.add(f"{columns}, {cells}", label, flow, scene, 0.05 if quick else 1.0)
     # One column first, as the result that the others should have.
-    found.cells.sort(key=lambda cell: not cell.row.startswith("1,"))
-    return found
+    result.cells.sort(key=lambda cell: not cell.row.startswith("1,"))
+    return result
 
 
 def law_ends(quick: bool) -> Map:
     """Slopes near both ends of the law, mu_s = tan 20.90 deg and mu_2 = tan 32.76 deg."""
-    found = incline_map(
+    result = incline_map(
         "law_ends",
         "The ends of the mu(I) law: one column of an incline, 4 s",
         quantity="L2 error of v(y) over max(|v|, 0.01 sqrt(g h))",
@@ -162,14 +162,14 @@ def law_ends(quick: bool) -> Map:
             scene = gr.scenes.incline(
                 angle_deg=angle, cell=0.02, material=material, scheme=SCHEMES[name]
             )
-            found.add(name, label, flow, scene, until, least)
-    return found
+            result.add(name, label, flow, scene, until, least)
+    return result
 
 
 def incline_columns(quick: bool) -> Map:
     """Columns x scheme, to find where the flow of the published scheme becomes two-dimensional."""
     title = "Columns of an incline of 25 deg, jittered, 6 s"
-    found = incline_map("incline_columns", title, columns="columns")
+    result = incline_map("incline_columns", title, columns="columns")
     for name in FEW:
         for columns in chosen((1, 2, 3, 4, 8), quick):
             scene = gr.scenes.incline(
@@ -179,8 +179,8 @@ def incline_columns(quick: bool) -> Map:
                 material=gr.materials.glass_beads.replace(E=1e6),
                 scheme=SCHEMES[name],
             )
-            found.add(name, f"{columns}", flow, scene, 0.05 if quick else 6.0)
-    return found
+            result.add(name, f"{columns}", flow, scene, 0.05 if quick else 6.0)
+    return result
 
 
 def layer_at_rest(scheme: gr.Scheme, angle: float, material: gr.MuI) -> gr.Scene:
@@ -197,7 +197,7 @@ def layer_at_rest(scheme: gr.Scheme, angle: float, material: gr.MuI) -> gr.Scene
 
 
 def column_at_rest(scheme: gr.Scheme, material: gr.MuI) -> gr.Scene:
-    """Level layer between free_slip walls in place of periodic ends."""
+    """Level layer between free_slip walls instead of periodic ends."""
     scene = layer_at_rest(scheme, 0.0, material)
     walls = [gr.Wall(0, at, kind="free_slip") for at in (0.0, scene.grid.upper[0])]
     grid = replace(scene.grid, periodic=(False, False))
@@ -255,7 +255,7 @@ def slug(scheme: gr.Scheme, quick: bool) -> tuple[float, dict[str, Any]]:
 
 def reconsolidation(quick: bool) -> Map:
     """Free flight and reconsolidation: no stress in flight, and hardly any rebound."""
-    found = Map(
+    result = Map(
         "slug",
         "Free flight and impact: a disconnected slug meets a wall",
         "speed of rebound / speed of impact",
@@ -264,8 +264,8 @@ def reconsolidation(quick: bool) -> Map:
         0.2,
     )
     for name, scheme in SCHEMES.items():
-        found.add(name, "rebound", slug, scheme, quick)
-    return found
+        result.add(name, "rebound", slug, scheme, quick)
+    return result
 
 
 # ---- softness ----
@@ -286,7 +286,7 @@ def discharge(E: float, quick: bool) -> float:
 
 def softness(quick: bool) -> Map:
     """Change of the quantity of interest due to a lower E."""
-    found = Map(
+    result = Map(
         "softness",
         "Error of a softer material",
         "relative change against E = 1e7 Pa (silo), error against the equation (inclines, 10 s)",
@@ -297,15 +297,15 @@ def softness(quick: bool) -> Map:
     moduli = (1e6, 1e5) if quick else (1e7, 1e6, 1e5)
     stiff = discharge(moduli[0], quick)
     for E in moduli[1:]:
-        found.add("silo, discharge at D = 0.2 m", f"{E:.0e}", off, stiff, discharge, E, quick)
+        result.add("silo, discharge at D = 0.2 m", f"{E:.0e}", off, stiff, discharge, E, quick)
     for angle in (25.0, 32.0):
         for E in moduli[1:]:
             scene = gr.scenes.incline(
                 angle_deg=angle, cell=0.01, material=gr.materials.glass_beads.replace(E=E)
             )
             row = f"incline, depth average, {angle:g} deg"
-            found.add(row, f"{E:.0e}", depth_average_error, scene, 0.3 if quick else 10.0)
-    return found
+            result.add(row, f"{E:.0e}", depth_average_error, scene, 0.3 if quick else 10.0)
+    return result
 
 
 def depth_average_error(scene: gr.Scene, until: float) -> float:

@@ -46,7 +46,7 @@ def null_space(scheme: gr.Scheme) -> float:
 
 
 def wave_energy(scheme: gr.Scheme) -> float:
-    """Energy kept by a standing wave of 32 cells in one period."""
+    """Energy retained by a standing wave of 32 cells in one period."""
     sim = bar(scheme.replace(cfl=0.2))
     k, amplitude = 2 * np.pi / LENGTH, 1e-3
     at, x = places(sim), sim.state.x[:, 0]
@@ -94,8 +94,8 @@ def transfers(quick: bool) -> list[Map]:
     for name, scheme in TRANSFERS.items():
         null.add(name, "alternating velocity", null_space, scheme)
         waves.add(name, "32 cells", wave_energy, scheme)
-        for i, kept in enumerate(("angular momentum", "kinetic energy")):
-            spin.add(name, kept, lambda s=scheme, i=i: turning(s, 0.2 if quick else 10)[i])
+        for i, quantity in enumerate(("angular momentum", "kinetic energy")):
+            spin.add(name, quantity, lambda s=scheme, i=i: turning(s, 0.2 if quick else 10)[i])
     return [null, waves, spin]
 
 
@@ -133,7 +133,7 @@ def settlement(scheme: gr.Scheme, nu: float, cell: float) -> float:
 
 def locking(quick: bool) -> Map:
     """Volumetric locking: a block that is too stiff because its volume can hardly change."""
-    found = Map(
+    result = Map(
         "locking",
         "Volumetric locking: sinking of a block that bulges, 4 cells across",
         "relative error against cells a quarter the size",
@@ -146,8 +146,8 @@ def locking(quick: bool) -> Map:
     for nu in chosen((0.3, 0.45, 0.49, 0.499), quick):
         exact = settlement(gr.Scheme(transfer="apic"), nu, fine)
         for name in names:
-            found.add(name, f"{nu:g}", off, exact, settlement, SCHEMES[name], nu, 0.1)
-    return found
+            result.add(name, f"{nu:g}", off, exact, settlement, SCHEMES[name], nu, 0.1)
+    return result
 
 
 # ---- tearing ----
@@ -156,7 +156,7 @@ def locking(quick: bool) -> Map:
 def tear(scheme: gr.Scheme, points: int, most: float) -> tuple[float, dict[str, Any]]:
     """Stretch at which gaps appear in a uniformly stretched bar.
 
-    The bar flies apart with v = rate x, and its own stress has little effect on its motion. A gap
+    The bar flies apart with v = rate x, and its stress has little effect on its motion. A gap
     is a pair of neighbouring points that share no node, so that no force is transmitted between
     them. The note is the stretch at which `granular.measure.gap_fraction` finds the first gap.
     """
@@ -202,7 +202,7 @@ def node_span(x: np.ndarray, basis: str) -> tuple[np.ndarray, np.ndarray]:
 
 def tearing(quick: bool) -> Map:
     """Numerical fracture: the stretch at which neighbouring points no longer share a node."""
-    found = Map(
+    result = Map(
         "tearing",
         "Numerical fracture: a bar drawn out from 1 to 4",
         "stretch at which neighbours share no node",
@@ -214,5 +214,5 @@ def tearing(quick: bool) -> Map:
     for basis in BASES:
         scheme = gr.Scheme(basis=basis, transfer="flip")
         for points in chosen((1, 4, 9, 16), quick):
-            found.add(basis, f"{points}", tear, scheme, points, 4.0)
-    return found
+            result.add(basis, f"{points}", tear, scheme, points, 4.0)
+    return result

@@ -1,11 +1,11 @@
 """Growth of short waves in a flow of uniform shear: mu(I), its regularised form, and theory.
 
 A box of uniform shear between two plates, periodic along them, gets a small wave: the one that
-grows fastest by `granular.theory.shear_waves`, or decays slowest. Its amplitude is that of the
-velocity along the wave fronts, weighed with a window across the box, with the wave vector that the
-shear turns. The rate is the slope of its logarithm over the last two thirds of the run, and that of
-theory the mean of the rates of the wave vectors on the way. The scheme has quadratic B-splines,
-FLIP and the density of each point: nothing in it damps waves but the grid.
+grows fastest by `granular.theory.shear_waves`, or decays slowest. Its amplitude is the amplitude of
+the velocity along the wave fronts, weighed with a window across the box, with the wave vector that
+the shear turns. The rate is the slope of its logarithm over the last two thirds of the run, and the
+rate of theory is the mean of the rates of the wave vectors on the way. The scheme has quadratic
+B-splines, FLIP and the density of each point: nothing in it damps waves but the grid.
 
 It takes some minutes.
 """
@@ -30,8 +30,8 @@ SLOW, FAST = 0.01, 3.0
 ANGLE = {SLOW: 85.0, FAST: 79.0}
 """Inertial numbers at which mu(I) is ill posed, and angles of the wave vectors from the flow."""
 AMPLITUDE, WAVES, GAIN = 1e-3, 3, 2.5
-"""Velocity of the wave over that of the shear of its length, wave lengths across the box, and
-logarithm of its growth or decay by theory in the run."""
+"""Velocity of the wave over the velocity of the shear of its length, wave lengths across the box,
+and logarithm of its growth or decay by theory in the run."""
 UNDAMPED = gr.Scheme(basis="quadratic", transfer="flip", density=gr.ParticleDensity())
 
 
@@ -40,7 +40,7 @@ class Growth(NamedTuple):
 
     times: np.ndarray
     amplitudes: np.ndarray
-    found: float
+    measured: float
     theory: float
 
 
@@ -113,7 +113,7 @@ def growth(
     number: float = SLOW,
     scheme: gr.Scheme = UNDAMPED,
 ) -> Growth:
-    """Run a wave, and return what it does."""
+    """Run a wave, and return its growth."""
     scene, k, rate = sheared(material, wave_length, cells, number, scheme)
     given = {"material": material, "inertial_number": number, "pressure": PRESSURE}
 
@@ -124,12 +124,12 @@ def growth(
     end = GAIN / max(abs(by_theory(0.0)), 1.0)
     sim = gr.Simulation(scene, threads=1)
     disturb(sim, k, rate, number, wave_length)
-    times, found = [], []
+    times, amplitudes = [], []
     while sim.time < end:
         times.append(sim.time)
-        found.append(amplitude(sim.state, k, rate))
+        amplitudes.append(amplitude(sim.state, k, rate))
         sim.step(max(int(end / 60 / (0.5 * scene.grid.cell / material.wave_speed)), 1))
-    t, a = np.array(times), np.array(found)
+    t, a = np.array(times), np.array(amplitudes)
     late = t > end / 3
     theory = np.mean([by_theory(time) for time in t[late]])
     return Growth(t, a / a[0], float(np.polyfit(t[late], np.log(a[late]), 1)[0]), float(theory))
@@ -137,22 +137,29 @@ def growth(
 
 def rows(quick: bool) -> list[tuple[str, ...]]:
     """Rows of the table."""
-    found = []
+    lines = []
     for number in (SLOW, FAST):
         lengths = (1.0, 0.5, 0.25) if number == SLOW else (0.125, 0.0625)
         for length in lengths[:1] if quick else lengths:
             row = [f"{number:g}", f"{length:g}"]
             for material in (PLAIN, REGULARISED):
                 runs = [growth(material, length, n, number=number) for n in (8, 16)[: 2 - quick]]
-                row += [f"{runs[0].theory:.3g}", ", ".join(f"{run.found:.3g}" for run in runs)]
+                row += [f"{runs[0].theory:.3g}", ", ".join(f"{run.measured:.3g}" for run in runs)]
                 print(*row, flush=True)
-            found.append(tuple(row))
-    return found
+            lines.append(tuple(row))
+    return lines
 
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Table of the page."""
-    head = ("I", "wave length, m", "mu(I): theory, 1/s", "found", "regularised: theory", "found")
+    head = (
+        "I",
+        "wave length, m",
+        "mu(I): theory, 1/s",
+        "measured",
+        "regularised: theory",
+        "measured",
+    )
     return {"short waves": markdown(head, results["rows"])}
 
 

@@ -1,9 +1,9 @@
 """The map of failure: measured limits of the methods.
 
 Each cell of a map is a small run with a number and a verdict: *stable*, *degraded*, or *refused* if
-the package does not start such a run. The number is then that of a run with the limits lifted, to
-show what the limits prevent. All maps are measured, or with --only those of some functions of
-`MAKERS`; the other maps in the file are kept.
+the package does not start such a run. The number is then from a run without the limits, to show the
+failures that the limits prevent. All maps are measured, or with --only those of some functions of
+`MAKERS`; the other maps in the file remain.
 """
 
 from __future__ import annotations
@@ -81,10 +81,10 @@ def plain(value: Any) -> Any:
     return value if isinstance(value, (bool, int, str, type(None))) else str(value)
 
 
-def show(found: Map) -> None:
+def show(limits: Map) -> None:
     """Print a map."""
-    print(f"{found.name}: {found.title}; {found.quantity}")
-    for cell in found.cells:
+    print(f"{limits.name}: {limits.title}; {limits.quantity}")
+    for cell in limits.cells:
         line = f"  {cell.row} | {cell.column} | {cell.value:.4g} {cell.verdict}"
         print(line + f" {cell.notes or ''}", flush=True)
 
@@ -100,9 +100,9 @@ def main(argv: list[str] | None = None) -> None:
     else:
         maps = read(arguments.out) if arguments.out and arguments.out.exists() else {}
         for name in arguments.only:
-            for found in measured(name, arguments.quick):
-                show(found)
-                maps[found.name] = found
+            for limits in measured(name, arguments.quick):
+                show(limits)
+                maps[limits.name] = limits
             store(arguments.out, maps)
     if arguments.figures:
         draw.figures(maps, arguments.figures)

@@ -112,7 +112,8 @@ REACHES = ("up to 0.5", "0.5 to 1", "1 to 1.5", "more")
 
 
 def reached(offset: float) -> list[float]:
-    """Largest speeds behind a thin body after the first step, over that of what hits its front.
+    """Largest speeds behind a thin body after the first step, over the speed of the material that
+    hits its front.
 
     The edge of the body is `offset` cells beyond a grid line. One speed for each of `REACHES`.
     """
@@ -146,10 +147,10 @@ def reached(offset: float) -> list[float]:
 def edges(quick: bool) -> Numbers:
     """Speeds behind a thin body whose edge is anywhere, or on a grid line."""
     offsets = np.arange(2 if quick else 10) / 10
-    found = np.array([reached(offset) for offset in offsets])
+    shares = np.array([reached(offset) for offset in offsets])
     return [
-        {"edge": "anywhere", "shares": found.max(axis=0).tolist()},
-        {"edge": "on a grid line", "shares": found[0].tolist()},
+        {"edge": "anywhere", "shares": shares.max(axis=0).tolist()},
+        {"edge": "on a grid line", "shares": shares[0].tolist()},
     ]
 
 
@@ -171,21 +172,24 @@ def impulse(diameter: float, offset: float, seed: int) -> float:
 
 
 def discs(quick: bool) -> Numbers:
-    """Least and largest impulse on a disc over its mean, of eight places in a cell.
+    """Least and largest impulse on a disc over its mean, of eight positions in a cell.
 
-    That of each place is a mean over seedings, which scatter as much.
+    Each impulse is a mean over seedings, which scatter as much.
     """
     rows, places, seeds = [], 1 if quick else 8, 1 if quick else 5
     for diameter in (2.0,) if quick else (1.5, 2.0, 3.0, 4.0):
-        found = np.array(
+        impulses = np.array(
             [[impulse(diameter, k / places, seed) for seed in range(seeds)] for k in range(places)]
         )
-        found, scatter = found.mean(axis=1) / found.mean(), found.std(axis=1) / found.mean()
+        impulses, scatter = (
+            impulses.mean(axis=1) / impulses.mean(),
+            impulses.std(axis=1) / impulses.mean(),
+        )
         rows.append(
             {
                 "diameter": diameter,
-                "least": float(found.min()),
-                "most": float(found.max()),
+                "least": float(impulses.min()),
+                "most": float(impulses.max()),
                 "scatter": float(scatter.mean()),
             }
         )
@@ -203,31 +207,31 @@ TABLES: dict[str, Callable[[bool], Numbers]] = {
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Tables of the page."""
-    found, rows = {}, results["rows"]
+    lines_of, rows = {}, results["rows"]
     if layers := rows.get("resting"):
         head = ("scheme", "slope", "cell [m]", "E [Pa]", "layers that rest", "others [m/s]")
-        found["resting"] = markdown(head, map(_resting_line, layers))
+        lines_of["resting"] = markdown(head, map(_resting_line, layers))
     if pressures := rows.get("closed"):
         times = sorted({row["time"] for row in pressures})
         values = {(row["scheme"], row["time"]): row["pressure"] for row in pressures}
-        found["closed"] = markdown(
+        lines_of["closed"] = markdown(
             ("scheme", *(f"{time:g} s" for time in times)),
             [(name, *(f"{values[name, time]:.0f} Pa" for time in times)) for name in SCHEMES],
         )
     if shares := rows.get("edges"):
-        found["edges"] = markdown(
+        lines_of["edges"] = markdown(
             ("edge", *(f"{reach} cells" for reach in REACHES[:-1]), REACHES[-1]),
             [(row["edge"], *(f"{100 * share:.2g} %" for share in row["shares"])) for row in shares],
         )
     if sizes := rows.get("discs"):
-        found["discs"] = markdown(
+        lines_of["discs"] = markdown(
             ("diameter [cells]", *(f"{row['diameter']:g}" for row in sizes)),
             [
                 ("impulse over its mean", *(f"{r['least']:.2f} to {r['most']:.2f}" for r in sizes)),
                 ("scatter between seedings", *(f"{r['scatter']:.2f}" for r in sizes)),
             ],
         )
-    return found
+    return lines_of
 
 
 def _resting_line(row: dict[str, Any]) -> tuple[object, ...]:
