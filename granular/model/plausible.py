@@ -291,7 +291,7 @@ def _is_laid(scene: BaseScene, vectors: Any, largest: float) -> bool:
     axis, last = int(np.abs(vectors).max(axis=0).argmax()), scene.dim - 1
     if scene.grid.periodic[axis] or scene.grid.periodic[last]:
         return True
-    walls: list[Any] = [wall for wall in scene.walls if hasattr(wall, "axis")]
+    walls: list[Any] = [wall for wall in scene.walls if wall.axis is not None]
     sides = {wall.at for wall in walls if wall.axis == last}
     held = any(wall.axis == axis for wall in walls)
     if len(sides) == 1:

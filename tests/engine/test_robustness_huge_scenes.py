@@ -46,8 +46,8 @@ def test_huge_scenes_are_refused_at_once(name, numbers, monkeypatch):
 
 
 def test_force_tries_it_all_the_same(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(memory, "available_memory", lambda: 100.0 * 2**20)
-    with pytest.raises(ValueError, match=r"needs about .* must be at most the 0.098 GB"):
+    monkeypatch.setattr(memory, "available_memory", lambda: 60.0 * 2**20)
+    with pytest.raises(ValueError, match=r"needs about .* must be at most the 0.059 GB"):
         gr.Simulation(box(20))
     assert gr.Simulation(box(20), force=True).n_points == 400
     with pytest.raises(TypeError, match="force = 1"):

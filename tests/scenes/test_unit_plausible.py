@@ -124,6 +124,7 @@ def test_slips_are_told_with_what_was_meant(slip, says):
         grains(rho_c=40.0, rho_s=100.0, E=1e5),  # aerogel
         grains(rho_c=1e4, rho_s=19e3, E=1e7),  # tungsten
         gravity(0.0, -1500.0) | grains(E=1e8),  # a centrifuge
+        gravity(-9.81, 0.0) | {"walls": (gr.Solid((0.0, 0.0), (0.1, 0.6)),)},  # laid on a block
         gravity(0.0, 0.0) | fill(velocity=(1.0, 0.0)),
         gravity(0.0, 0.0) | body(motion={"velocity": ((0.0, -0.1),)}),
         body(at=(0.7, 1.5), motion={"velocity": ((0.0, -2.0),)}),  # comes from above
