@@ -14,8 +14,8 @@ MARGIN = 1.12
 """Factor by which an estimate exceeds the fits, which a peak exceeded by 1.1 at most."""
 
 BASE = 68 * 2**20
-"""Memory of the interpreter and the package in a small run with a record [bytes]. Parts of SciPy that
-a script loads besides take up to 40 MB."""
+"""Memory of the interpreter and the package in a small run with a record [bytes]. Parts of SciPy
+that a script loads as well take up to 40 MB."""
 
 
 def available_memory() -> float:
