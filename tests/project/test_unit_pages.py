@@ -221,6 +221,17 @@ LINK = re.compile(r"\]\(([^)\s#]+)(?:#[^)]*)?\)")
 SITE = re.compile(r"[a-z]+:")
 
 
+def test_no_line_begins_with_a_percent_sign():
+    """To MyST it is a comment: what follows on the line is lost from the page in silence."""
+    lines = [
+        f"{page}:{number}"
+        for page in DOCS.rglob("*.md")
+        for number, line in enumerate(page.read_text(encoding="utf-8").splitlines(), 1)
+        if re.match(r"\s*%", line)
+    ]
+    assert not lines
+
+
 def test_links_within_the_repository_lead_somewhere():
     """Files and pictures that the pages and the README link to exist; Sphinx checks the anchors."""
     pages = [README, DOCS.parent / "CHANGELOG.md", *DOCS.rglob("*.md")]
