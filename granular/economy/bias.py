@@ -1,6 +1,6 @@
 """Errors due to softer grains: laws in dimensionless numbers, with measured prefactors.
 
-docs/reports/economy.md derives each law and shows the runs from which the prefactors come.
+docs/reports/economy.md shows the runs from which the prefactors come.
 """
 
 from __future__ import annotations
