@@ -42,7 +42,8 @@ def scripts() -> dict[str, str]:
 def module(name: str) -> ModuleType:
     """Module of this name, with its folder where the name alone is not enough."""
     (path,) = Path(__file__).parent.rglob(name.replace(".", "/") + ".py")
-    return import_module(f"{path.parent.name}.{path.stem}")
+    room = "" if path.parent == Path(__file__).parent else f"{path.parent.name}."
+    return import_module(f"{room}{path.stem}")
 
 
 def python(name: str) -> list[str]:

@@ -42,18 +42,18 @@ def test_stiff_material_has_the_rates_of_incompressible_flow(number):
 def test_waves_of_mu_I_grow_the_faster_the_shorter_they_are():
     """With 8 cells a wave; the regularised law damps the same waves, the faster the shorter."""
     plain = [growth(PLAIN, length, 8) for length in (1.0, 0.5, 0.25)]
-    rates = [run.found for run in plain]
+    rates = [run.measured for run in plain]
     assert rates[0] > 1.0 and rates[1] > 2.0 * rates[0] and rates[2] > 1.5 * rates[1]
     for run in plain:
-        assert 0.7 * run.theory < run.found < run.theory
+        assert 0.7 * run.theory < run.measured < run.theory
         assert run.amplitudes[-1] > 5.0
-    regular = [growth(REGULARISED, length, 8).found for length in (1.0, 0.5)]
+    regular = [growth(REGULARISED, length, 8).measured for length in (1.0, 0.5)]
     assert 0.0 > regular[0] > regular[1]
 
 
 def test_the_rate_converges_to_that_of_theory():
     """The error falls with the square of the cell: 26, 8 and 3 % with 8, 16 and 32 cells."""
-    errors = [abs(run.found / run.theory - 1) for run in (growth(PLAIN, 1.0, n) for n in (8, 16))]
+    errors = [abs(run.measured / run.theory - 1) for run in (growth(PLAIN, 1.0, n) for n in (8, 16))]
     assert errors[1] < 0.1
     assert errors[1] < 0.4 * errors[0]
 
@@ -61,9 +61,9 @@ def test_the_rate_converges_to_that_of_theory():
 def test_fast_flow_is_ill_posed_too():
     for material, sign in ((PLAIN, 1.0), (REGULARISED, -1.0)):
         runs = [growth(material, length, 8, number=FAST) for length in (0.125, 0.0625)]
-        rates = [sign * run.found for run in runs]
+        rates = [sign * run.measured for run in runs]
         assert rates[0] > 0 and rates[1] > 2.0 * rates[0]
-        assert all(run.found * run.theory > 0 for run in runs)
+        assert all(run.measured * run.theory > 0 for run in runs)
 
 
 def test_bad_input_is_refused():

@@ -288,7 +288,7 @@ def test_a_call_that_never_says_it_is_done_is_told(monkeypatch, calls):
     function = law_functions.LawFunction(address, callback)
     monkeypatch.setitem(own._FUNCTIONS, scene.material.digest, function)
     sim = gr.Simulation(scene, threads=1)
-    error = (RuntimeError, "the state is sound") if calls == 1 else (gr.SimulationError, "failed")
+    error = (RuntimeError, "the state is valid") if calls == 1 else (gr.SimulationError, "failed")
     with pytest.raises(error[0], match=error[1]):
         sim.step(3)
     if calls == 1:
