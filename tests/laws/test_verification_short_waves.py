@@ -53,7 +53,9 @@ def test_waves_of_mu_I_grow_the_faster_the_shorter_they_are():
 
 def test_the_rate_converges_to_that_of_theory():
     """The error falls with the square of the cell: 26, 8 and 3 % with 8, 16 and 32 cells."""
-    errors = [abs(run.measured / run.theory - 1) for run in (growth(PLAIN, 1.0, n) for n in (8, 16))]
+    errors = [
+        abs(run.measured / run.theory - 1) for run in (growth(PLAIN, 1.0, n) for n in (8, 16))
+    ]
     assert errors[1] < 0.1
     assert errors[1] < 0.4 * errors[0]
 
