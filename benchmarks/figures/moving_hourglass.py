@@ -21,9 +21,9 @@ def hourglass(cell: float) -> gr.Scene:
     inner = [(NECK, MIDDLE), (WIDE, high), (WIDE, TOP)]
     glass = [*inner, (outer, TOP), (outer, 0.0), (WIDE, 0.0), (WIDE, low)]
     sides = [gr.shapes.Polygon([(side * x, y) for x, y in glass]) for side in (1, -1)]
-    edge = [(x - 0.25 * cell, y) for x, y in inner[:2]]
-    level = 0.53
-    fill = [*edge, (WIDE - 0.25 * cell, level)]
+    level = 0.53  # below the upper end of the funnel
+    edge = [(NECK, MIDDLE), (NECK + (level - MIDDLE) / SLOPE, level)]
+    fill = [(x - 0.25 * cell, y) for x, y in edge]
     columns, rows = 2 * round(outer / cell), round(TOP / cell)
     return gr.Scene(
         name="hourglass",
