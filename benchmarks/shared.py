@@ -42,8 +42,8 @@ def scripts() -> dict[str, str]:
 def module(name: str) -> ModuleType:
     """Module of this name, with its folder where the name alone is not enough."""
     (path,) = Path(__file__).parent.rglob(name.replace(".", "/") + ".py")
-    room = "" if path.parent == Path(__file__).parent else f"{path.parent.name}."
-    return import_module(f"{room}{path.stem}")
+    at_the_top = path.parent == Path(__file__).parent
+    return import_module(path.stem if at_the_top else f"{path.parent.name}.{path.stem}")
 
 
 def python(name: str) -> list[str]:
