@@ -174,12 +174,10 @@ def wedge_table(rows: list[dict]) -> list[str]:
 
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
-    """Tables of the page: walls and footings, and walls at 30 deg by turn and seed."""
+    """Tables of the page, by study."""
     studies = results["studies"]
-    return {
-        "study": table([*studies["walls"], *studies["footings"]], COLUMNS),
-        "wedges": wedge_table(studies["wedges"]),
-    }
+    tables = {name: table(studies[name], COLUMNS) for name in ("walls", "footings")}
+    return tables | {"wedges": wedge_table(studies["wedges"])}
 
 
 def main(argv: list[str] | None = None) -> None:

@@ -29,8 +29,9 @@ from granular.run import memory
 from granular.run.memory import BASE, MARGIN, entering, refuse
 from granular.tools.checks import truth
 
-_BODIES = 15 * 2**20
-"""Memory of the distances from bodies at the samples of a scene [bytes]."""
+_BODIES = 35 * 2**20
+"""Memory of the distances from bodies at the samples of a scene, and of the parts of SciPy that
+they and mass properties load [bytes]: `rotating_drum` has the most of the ready scenes."""
 
 _LAYER = {2: 0, 3: 65 * 2**20}
 """Memory of the squares of the seeding lattice that a layer cuts, of which a number are integrated

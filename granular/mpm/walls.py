@@ -7,6 +7,7 @@ condition an entry of `RULES`. Other modules use these only.
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import KW_ONLY, dataclass, replace
 from typing import ClassVar, Self
@@ -96,21 +97,21 @@ class WallOrBlock(Boundary):
     def gone_from(self) -> float:
         return self.opens_at
 
+    @abstractmethod
     def check(self, name: str, grid: Grid) -> None:
         """Raise if it does not fit the dimension, the periodic axes or the lines of the grid."""
-        raise NotImplementedError
 
+    @abstractmethod
     def faces(self, grid: Grid) -> Iterator[Face]:
         """Yield its faces: both sides of a wall, or the faces of a block."""
-        raise NotImplementedError
 
+    @abstractmethod
     def order(self, axis: int) -> tuple[float, float]:
         """Rank when an impulse along an axis is attributed to one of several; least first."""
-        raise NotImplementedError
 
+    @abstractmethod
     def above(self, grid: Grid, at: float, beyond: float) -> Self | None:
         """Part at x > `at`; None if no part is at x > `beyond` [m]."""
-        raise NotImplementedError
 
 
 def _check_axis(part: Wall | SpongeLayer, name: str, grid: Grid) -> None:

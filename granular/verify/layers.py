@@ -31,7 +31,8 @@ MODULUS = 1e6
 
 READINGS, APART = 20, 0.015
 """Number of readings of the pressure error, and the time between two of them [s]. Single readings,
-over some 150 cells, differ by a quarter."""
+over some 150 cells, differ by a quarter. The means of such windows still scatter by a fifth between
+seeds: the benchmark `density_correction_table --pressure`."""
 
 
 def layer(
@@ -127,8 +128,7 @@ class Flow:
 def measured(sim: Simulation, start: State, steady: bool = False, readings: int = READINGS) -> Flow:
     """Measure the layer whose initial state was `start`.
 
-    The simulation advances between the readings of the pressure, which are then uncorrelated if
-    the layer flows.
+    The simulation advances between the readings of the pressure.
     """
     state = sim.state
     v = reference(sim, steady, state.x[:, -1])
