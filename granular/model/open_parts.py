@@ -36,8 +36,8 @@ LEAST_NORMAL = 1e-3
 """Least component of a normal in the closed form for the part of a cube above a plane."""
 REACH = 0.5 * np.sqrt(3.0)
 """Distance of the corners of a cube of edge 1 from its centre; for a square a bound."""
-CHUNK = 1000
-"""Squares that are cut at a time, for the sake of memory."""
+PIECES = 2**16
+"""Number of pieces at a time into which squares are cut, for the sake of memory."""
 CORNERS = {dim: np.array(list(product((-0.5, 0.5), repeat=dim))) for dim in (2, 3)}
 """Corners of a square (cube) of edge 1 about the origin."""
 
@@ -234,8 +234,9 @@ def open_parts(sites: Array, edge: float, region: Region, space: OpenSpace) -> t
     clear = np.flatnonzero(whole)
     every = np.ones(len(clear), dtype=bool)
     parts = [(clear, sites[clear], np.full(len(clear), edge**dim), every)]
-    for begin in range(0, len(cut), CHUNK):
-        some = cut[begin : begin + CHUNK]
+    at_once = PIECES >> (LEVELS * dim)
+    for begin in range(0, len(cut), at_once):
+        some = cut[begin : begin + at_once]
         owner, at, volume, away = _pieces(
             sites[some], edge, distance, region, phi[some], normal[some], mixed[some]
         )

@@ -254,7 +254,7 @@ def _carried(fill: Fill, rho_c: float) -> tuple[ArrayLike, ArrayLike]:
     return np.zeros(fill.region.dim) if v is None else v, rho_c if density is None else density
 
 
-def _is_box(region: Region) -> bool:
+def is_level_box(region: Region) -> bool:
     """True for a box with faces normal to the axes."""
     return isinstance(region, Box) and not region.is_turned
 
@@ -287,7 +287,7 @@ def _slopes(
     """
     slopes, region = np.zeros_like(x), fills[index].region
     alone = sum(fill.lithostatic for fill in fills) == 1
-    level = _is_box(region) and np.count_nonzero(above) == 1 and alone
+    level = is_level_box(region) and np.count_nonzero(above) == 1 and alone
     # Squares of single points have no slope.
     if level or isinstance(region, (Cloud, Mask)):
         return slopes
@@ -361,7 +361,7 @@ def _within_others(
 ) -> NDArray[np.float64]:
     """Length [m] of rays to the top of a fill that is in other lithostatic fills, in its gaps."""
     total = np.zeros(len(x))
-    if _is_box(fills[index].region) or not len(x):  # no gaps
+    if is_level_box(fills[index].region) or not len(x):  # no gaps
         return total
     others = [fill.region for fill in fills if fill.lithostatic and fill is not fills[index]]
     for k in range(math.ceil(float(length.max()) / step)):

@@ -19,9 +19,8 @@ from numpy.typing import NDArray
 
 from granular.model.fill import Fill
 from granular.model.grid import Grid, combined
-from granular.model.regions import Cloud
-from granular.model.seeding import estimated_points, most_points
-from granular.model.surfaces import Layer
+from granular.model.regions import Cloud, Mask
+from granular.model.seeding import estimated_points, is_level_box, most_points
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
@@ -29,13 +28,9 @@ from granular.run import memory
 from granular.run.memory import BASE, MARGIN, entering, refuse
 from granular.tools.checks import truth
 
-_BODIES = 35 * 2**20
-"""Memory of the distances from bodies at the samples of a scene, and of the parts of SciPy that
-they and mass properties load [bytes]: `rotating_drum` has the most of the ready scenes."""
-
-_LAYER = {2: 0, 3: 65 * 2**20}
-"""Memory of the squares of the seeding lattice that a layer cuts, of which a number are integrated
-at a time [bytes]."""
+_CUTS = 35 * 2**20
+"""Memory of the parts of SciPy that cut the squares of a seeding lattice, and of the distances from
+bodies at the samples of a scene [bytes]: `rotating_drum` has the most of the ready scenes."""
 
 _POINT = {
     2: {"plain": 300, "affine": 370, "cell_averaged": 365, "smoothed": 470},
@@ -52,6 +47,10 @@ _CELL = {
 """Memory of an active cell and of its nodes [bytes]: one with points, or next to one; by density,
 with the density of the point itself by the basis."""
 _CELL_IN_SINGLE = {2: {"quadratic": 565, "smoothed": 955}, 3: {"quadratic": 1630, "smoothed": 2600}}
+_LITHOSTATIC = 100
+"""Further memory of a point of a scene with the pressure of the weight above [bytes]."""
+_NEAR_BODIES = 70
+"""Further memory of a point of a scene with bodies [bytes]."""
 _NONLOCAL_CELL = {2: 240, 3: 300}
 """Further memory of an active cell with a fluidity [bytes]."""
 _FACE = 4
@@ -109,6 +108,8 @@ def check(scene: Scene, force: bool) -> None:
 def _memory(scene: Scene, counts: Sequence[int], ratios: Sequence[float]) -> float:
     """Memory of a scene with so many points and active cells from its sources [bytes]."""
     point, cell = _bytes(scene.scheme, scene.dim)
+    point += _LITHOSTATIC * any(fill.lithostatic for fill in scene.fills)
+    point += _NEAR_BODIES * bool(scene.bodies)
     running = 0.0
     if scene.nonlocal_material is not None:
         cell += _NONLOCAL_CELL[scene.dim]
@@ -117,9 +118,13 @@ def _memory(scene: Scene, counts: Sequence[int], ratios: Sequence[float]) -> flo
         running += count * (point + cell * ratio / source.points_per_cell)
     seeding = max((_squares(scene.grid, fill) for fill in scene.fills), default=0.0)
     seeding *= _SITE[scene.dim] * (2 if scene.bodies else 1)
-    layers = any(isinstance(fill.region, Layer) for fill in scene.fills)
-    seeding += _LAYER[scene.dim] * layers
-    return MARGIN * (BASE + (_BODIES if scene.bodies else 0) + max(running, seeding))
+    cuts = bool(scene.bodies) or any(_is_cut(fill) for fill in scene.fills)
+    return MARGIN * (BASE + _CUTS * cuts + max(running, seeding))
+
+
+def _is_cut(fill: Fill) -> bool:
+    """True for a region whose boundary cuts the squares of a seeding lattice."""
+    return not isinstance(fill.region, (Cloud, Mask)) and not is_level_box(fill.region)
 
 
 def _bytes(scheme: Scheme, dim: int) -> tuple[int, int]:

@@ -13,7 +13,7 @@ from granular.model.scene import BaseScene
 MARGIN = 1.12
 """Factor by which an estimate exceeds the fits, which a peak exceeded by 1.1 at most."""
 
-BASE = 68 * 2**20
+BASE = 72 * 2**20
 """Memory of the interpreter and the package in a small run with a record [bytes]. Parts of SciPy
 that a script loads as well take up to 40 MB."""
 

@@ -149,6 +149,8 @@ def block(dim, shape, per_axis, scheme):
         block(2, (110, 110), 4, "default"),
         block(3, (29, 29, 29), 2, "cell_averaged"),
         "gr.scenes.rotating_drum()",  # bodies load parts of SciPy
+        "gr.scenes.cylinder_collapse()",  # so does a region that cuts squares
+        "gr.scenes.excavation()",  # the pressure of a weight above, and a body
     ],
 )
 def test_the_estimated_memory_is_that_of_the_run(scene):
