@@ -42,6 +42,7 @@ from granular.mpm.schemes import (
 from granular.mpm.walls import Solid, SpongeLayer, Wall
 from granular.record import Trajectory, open_trajectory
 from granular.record import open_trajectory as open
+from granular.run import stop
 from granular.run.diagnostics import StabilityWarning, scene_warnings
 from granular.run.simulation import Simulation, SimulationError
 from granular.run.sweeping import sweep
@@ -166,6 +167,7 @@ __all__ = [
     "shapes",
     "show_config",
     "sph",
+    "stop",
     "sweep",
     "theory",
 ]

@@ -82,6 +82,10 @@ struct gr_body_state {
     double impulse[3];         /* of the material on the body since the run began, N s */
     double angular_impulse[3]; /* the same about its present position x, N m s */
     double work;               /* of the contact on the material since then: impulses times nodal velocities, J */
+    double driven;             /* 1: the next six replace its prescribed motion, from outside (engine/drive.h) */
+    double drive[6];           /* velocity and angular velocity, m/s, rad/s */
+    double load[6];            /* force and torque from outside on what moves freely, N, N m */
+    double met[7];             /* time when it was last set from outside, s; impulse and angular impulse until then */
 };
 
 enum { GR_BODY_NUMBERS = sizeof(struct gr_body_state) / sizeof(double) };

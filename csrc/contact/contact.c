@@ -244,16 +244,30 @@ static void react(const struct gr_engine *e, const struct gr_contact_point *cont
     next->angular_impulse[2] -= r[0] * given[1] - r[1] * given[0];
 }
 
-/* Start of the step for a body: the mean velocities of its motion, and a share of gravity along free axes. */
+/* Change of the velocity of a body along a free axis in the step, by gravity and the load from outside. */
+static double fallen(const struct gr_engine *e, int b, const double g[3], int d)
+{
+    return e->clock.dt * (g[d] + e->bodies.now[b].load[d] / e->config.bodies[b].mass);
+}
+
+/* Start of the step for a body: the mean velocities of its motion, and a share of gravity and of the load from outside along
+ * free axes. */
 static void begin(struct gr_engine *e, int b, double share, const double g[3], struct gr_moving *m)
 {
     double mean[6];
+    const struct gr_body_state *now = &e->bodies.now[b];
     gr_pose_now(e, b, &m->pose);
-    gr_motion_mean(m->pose.body, e->clock.time, e->clock.dt, mean);
+    if (now->driven)
+        memcpy(mean, now->drive, sizeof mean);
+    else
+        gr_motion_mean(m->pose.body, e->clock.time, e->clock.dt, mean);
     for (int d = 0; d < 3; d++) {
-        m->v[d] = m->pose.body->free >> d & 1 ? e->bodies.now[b].v[d] + share * (e->clock.dt * g[d]) : mean[d];
-        m->omega[d] = m->pose.body->turns ? e->bodies.now[b].omega[d] : mean[3 + d];
+        m->v[d] = m->pose.body->free >> d & 1 ? now->v[d] + share * fallen(e, b, g, d) : mean[d];
+        m->omega[d] = m->pose.body->turns ? now->omega[d] : mean[3 + d];
     }
+    if (m->pose.body->turns)
+        for (int d = 0; d < 3; d++)
+            for (int k = 0; k < 3; k++) m->omega[d] += e->clock.dt * m->pose.inverse_inertia[3 * d + k] * now->load[3 + k];
 }
 
 static void end(struct gr_engine *e, int b, const struct gr_moving *m)
@@ -261,7 +275,10 @@ static void end(struct gr_engine *e, int b, const struct gr_moving *m)
     double prescribed[6];
     const struct gr_body_state *now = &e->bodies.now[b];
     struct gr_body_state *next = &e->bodies.next[b];
-    gr_motion_at(m->pose.body, e->clock.time + e->clock.dt, prescribed);
+    if (now->driven)
+        memcpy(prescribed, now->drive, sizeof prescribed);
+    else
+        gr_motion_at(m->pose.body, e->clock.time + e->clock.dt, prescribed);
     for (int d = 0; d < 3; d++) {
         next->v[d] = m->pose.body->free >> d & 1 ? m->v[d] : prescribed[d];
         next->x[d] = now->x[d] + e->clock.dt * m->v[d];
@@ -286,7 +303,7 @@ static int begin_all(struct gr_engine *e, const double g[3], struct gr_moving *b
         gr_rigid_bounce(e, g, body);
         for (int b = 0; b < e->config.n_bodies; b++)
             for (int d = 0; d < 3; d++)
-                if (body[b].pose.body->free >> d & 1) body[b].v[d] += 0.5 * (e->clock.dt * g[d]);
+                if (body[b].pose.body->free >> d & 1) body[b].v[d] += 0.5 * fallen(e, b, g, d);
     }
     gr_rigid_start(e);
     return GR_OK;

@@ -33,6 +33,11 @@ static void find_fastest(void *context, int64_t chunk, int t)
     fastest->square[chunk] = largest;
 }
 
+static double dt_at(const struct gr_engine *e, double speed)
+{
+    return gr_damped_dt(e->config.cfl * e->config.dx / (e->config.wave_speed + speed), e->config.largest.damping_time);
+}
+
 double gr_stable_dt(const struct gr_engine *e, struct gr_team *team)
 {
     struct fastest fastest = {.e = e, .chunks = gr_chunks(team, e->mesh.n_cells)};
@@ -44,5 +49,16 @@ double gr_stable_dt(const struct gr_engine *e, struct gr_team *team)
         const double *wall = e->config.walls[k].velocity;
         speed = fmax(speed, sqrt(wall[0] * wall[0] + wall[1] * wall[1] + wall[2] * wall[2]));
     }
-    return gr_damped_dt(e->config.cfl * e->config.dx / (e->config.wave_speed + speed), e->config.largest.damping_time);
+    return dt_at(e, speed);
+}
+
+double gr_stable_dt_of_bodies(const struct gr_engine *e) { return dt_at(e, gr_bodies_speed(e)); }
+
+void gr_use_dt(struct gr_engine *e, double dt)
+{
+    if (dt == e->clock.dt) return;
+    e->clock.dt = dt;
+    e->clock.time_anchor = e->clock.time;
+    e->clock.step_anchor = e->clock.step;
+    if (e->sleep) e->sleep->all_nodes = 1;
 }

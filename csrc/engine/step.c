@@ -65,12 +65,7 @@ static int prepare(struct gr_run *run)
                                                                                : e->clock.dt;
     /* The sums contain the momentum of the shift as a force for dt; with another dt they are computed again. */
     run->again = e->sums.correct_shift && e->clock.step > 0 && dt != e->clock.shift_dt;
-    if (dt != e->clock.dt) {
-        e->clock.dt = dt;
-        e->clock.time_anchor = e->clock.time;
-        e->clock.step_anchor = e->clock.step;
-        if (e->sleep) e->sleep->all_nodes = 1;
-    }
+    gr_use_dt(e, dt);
     const double next = e->clock.time_anchor + (double)(e->clock.step + 1 - e->clock.step_anchor) * e->clock.dt;
     /* Shear rates are recorded in the last step, where they are seen, in the step before an averaging or a damping of
      * flutter, which use them, and in the step of a tally. The viscous stress needs them in all. */

@@ -3,6 +3,7 @@
 #include <math.h>
 
 #include "engine/build.h"
+#include "engine/drive.h"
 #include "engine/stable_dt.h"
 #include "engine/step.h"
 #include "mpm/grouping.h"
@@ -264,6 +265,39 @@ static PyObject *engine_restore_bodies(struct gr_object *self, PyObject *array)
     Py_RETURN_NONE;
 }
 
+/* The arguments (body, six numbers) of what sets a body from outside. Returned: the engine, or NULL with an exception. */
+static struct gr_engine *take_outside(struct gr_object *self, PyObject *args, int *b, double numbers[6])
+{
+    struct gr_engine *e;
+    double *n = numbers;
+    if (!PyArg_ParseTuple(args, "i(dddddd)", b, n, n + 1, n + 2, n + 3, n + 4, n + 5) || !(e = gr_ready(self, 0)))
+        return NULL;
+    if (gr_refuse_range("body", *b, 0, e->config.n_bodies - 1)) return NULL;
+    for (int d = 0; d < 6; d++)
+        if (gr_refuse_range("a number of a body", n[d], -GR_LARGEST, GR_LARGEST)) return NULL;
+    return e;
+}
+
+static PyObject *engine_drive(struct gr_object *self, PyObject *args)
+{
+    int b;
+    double rates[6];
+    struct gr_engine *e = take_outside(self, args, &b, rates);
+    if (!e) return NULL;
+    gr_drive(e, b, rates);
+    Py_RETURN_NONE;
+}
+
+static PyObject *engine_load(struct gr_object *self, PyObject *args)
+{
+    int b;
+    double load[6];
+    struct gr_engine *e = take_outside(self, args, &b, load);
+    if (!e) return NULL;
+    gr_load(e, b, load);
+    Py_RETURN_NONE;
+}
+
 /* Poses of the bodies at which the cells about thin ones are double. */
 static PyObject *engine_split(struct gr_object *self, PyObject *Py_UNUSED(unused))
 {
@@ -398,8 +432,13 @@ static PyMethodDef methods[] = {
     {"tally", (PyCFunction)engine_tally, METH_NOARGS, "tally()\n--\n\nMake the tally that is due: scalars() then has it."},
     {"restore", (PyCFunction)engine_restore, METH_O, "restore(scalars)\n--\n\nSet the numbers of a restart."},
     {"bodies", (PyCFunction)engine_bodies, METH_NOARGS,
-     "bodies()\n--\n\nState of the bodies, (n, 20): position, orientation (quaternion), velocity, angular velocity, impulse,\n"
-     "angular impulse, work."},
+     "bodies()\n--\n\nState of the bodies, (n, 40): position, orientation (quaternion), velocity, angular velocity, impulse,\n"
+     "angular impulse, work; whether it is driven from outside, and by which velocities; load from outside;\n"
+     "time when it was last set from outside, and the impulses until then."},
+    {"drive", (PyCFunction)engine_drive, METH_VARARGS,
+     "drive(body, rates)\n--\n\nReplace the prescribed motion of a body by a constant velocity and angular velocity."},
+    {"load", (PyCFunction)engine_load, METH_VARARGS,
+     "load(body, load)\n--\n\nLet a constant force and torque act on what moves freely of a body."},
     {"restore_bodies", (PyCFunction)engine_restore_bodies, METH_O,
      "restore_bodies(state)\n--\n\nSet the state of the bodies, as bodies() gave it."},
     {"split", (PyCFunction)engine_split, METH_NOARGS,

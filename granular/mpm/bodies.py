@@ -39,7 +39,7 @@ from granular.tools.checks import (
 if TYPE_CHECKING:
     from granular.model.grid import Grid
 
-__all__ = ["Body", "BodyState", "MassProperties", "Motion", "mass_properties"]
+__all__ = ["Body", "BodyLoad", "BodyState", "MassProperties", "Motion", "mass_properties"]
 
 Array = NDArray[np.float64]
 
@@ -53,10 +53,21 @@ STATE = (
     ("impulse", 3),
     ("angular_impulse", 3),
     ("work", 1),
+    ("driven", 1),
+    ("drive", 6),
+    ("applied_force", 3),
+    ("applied_torque", 3),
+    ("met", 7),
 )
 """Name and length of the parts of a body's state in the core; quaternions have the scalar first."""
 NUMBERS = sum(length for _, length in STATE)
 """Length of a body's state."""
+
+
+def place_of(first: str, last: str) -> slice:
+    """Place of the parts of a body's state from one to another one."""
+    names, ends = [name for name, _ in STATE], np.cumsum([length for _, length in STATE]).tolist()
+    return slice([0, *ends][names.index(first)], ends[names.index(last)])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -359,6 +370,12 @@ class BodyState:
         depth]: the impulse on each node times the velocity of the node after it. It does not
         include the dissipation by friction at the surface: the work of the body itself is larger by
         that.
+    driven : ndarray of bool, shape ()
+        Whether `Simulation.set_motion` has replaced its `motion`.
+    applied_force : ndarray, shape (dim,)
+        Force that `Simulation.apply_load` has set [N].
+    applied_torque : ndarray, shape () or (3,)
+        Likewise the torque [N m].
     """
 
     position: Array
@@ -368,26 +385,50 @@ class BodyState:
     impulse: Array
     angular_impulse: Array
     work: Array
+    driven: Array
+    applied_force: Array
+    applied_torque: Array
+
+
+@dataclass(frozen=True, eq=False)
+class BodyLoad:
+    """Mean load of the material on a body over an interval: its impulse over the time.
+
+    Attributes
+    ----------
+    force : ndarray, shape (dim,)
+        Force [N; in 2D per metre of depth].
+    torque : ndarray, shape () or (3,)
+        Torque [N m] about the position of the body, which moves with it: a number in 2D.
+    duration : float
+        Length of the interval [s]; without one the load is 0.
+    """
+
+    force: Array
+    torque: Array
+    duration: float
 
 
 def split(numbers: Array, dim: int) -> dict[str, Array]:
-    """Split the 20 numbers of a body by the names of `STATE`; in 2D drop unused components.
+    """Split the numbers of a body by the names of `STATE`; in 2D drop unused components.
 
-    `numbers` has the shape (..., 20).
+    `numbers` has the shape (..., `NUMBERS`). What only a restart needs is left out.
     """
     ends = np.cumsum([count for _, count in STATE])[:-1]
     parts = dict(zip((name for name, _ in STATE), np.split(numbers, ends, axis=-1), strict=True))
-    parts["work"] = parts["work"][..., 0]
+    for name in ("drive", "met"):
+        del parts[name]
+    parts["work"], parts["driven"] = parts["work"][..., 0], parts["driven"][..., 0] != 0
     if dim == 2:
-        for name in ("position", "velocity", "impulse"):
+        for name in ("position", "velocity", "impulse", "applied_force"):
             parts[name] = parts[name][..., :2]
-        for name in ("angular_velocity", "angular_impulse"):
+        for name in ("angular_velocity", "angular_impulse", "applied_torque"):
             parts[name] = parts[name][..., 2]
     return parts
 
 
 def state_of(numbers: Array, dim: int) -> BodyState:
-    """Return the state of one body from its 20 numbers."""
+    """Return the state of one body from its numbers."""
     parts = split(numbers, dim)
     w, x, y, z = parts.pop("quaternion")
     rotation = scipy.spatial.transform.Rotation.from_quat([x, y, z, w]).as_matrix()[:dim, :dim]

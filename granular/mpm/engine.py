@@ -117,6 +117,11 @@ MOST_STEPS = 10**9
 """Largest number of steps between two averagings, an integer of the core."""
 
 
+MOST_DIFFUSED = 1.4
+"""Largest viscosity of the flutter damping times the time between two updates, over rho_c dx^2
+(csrc/mpm/flutter.inl)."""
+
+
 def averaging_interval(scene: Scene) -> int:
     """Number of steps between two averagings of the density."""
     density = scene.scheme.density
@@ -132,8 +137,27 @@ def averaging_interval(scene: Scene) -> int:
 
 
 def flutter_interval(scene: Scene) -> int:
-    """Number of steps between two updates of the flutter damping: one in dx/c_w."""
-    return max(round(min(_steps_per_crossing(scene), MOST_STEPS)), 1)
+    """Number of steps between two updates of the flutter damping: one in dx/c_w.
+
+    There are more if an explicit step of that time would not be stable with the viscosity of the
+    deepest layer, X rho_c c_w h (csrc/mpm/flutter.inl), which would be reduced otherwise.
+    """
+    density = scene.scheme.density
+    if not isinstance(density, SmoothedDensity) or not density.flutter_damping:
+        return 1
+    stable = MOST_DIFFUSED / (density.flutter_damping * _depth(scene) / scene.grid.cell)
+    return max(round(min(_steps_per_crossing(scene) * min(stable, 1.0), MOST_STEPS)), 1)
+
+
+def _depth(scene: Scene) -> float:
+    """Extent of the material at the start along the axis nearest to gravity [m]; of the domain if
+    more enters."""
+    down = np.array(max(scene.gravity.vectors, key=lambda vector: math.hypot(*vector)))
+    axis = int(np.argmax(np.abs(down)))
+    if scene.inflows or not scene.fills:
+        return scene.grid.shape[axis] * scene.grid.cell
+    lower, upper = np.transpose([fill.region.bounds for fill in scene.fills], (1, 0, 2))
+    return float(upper[:, axis].max() - lower[:, axis].min())
 
 
 def _steps_per_crossing(scene: Scene) -> float:

@@ -23,6 +23,7 @@ from granular.mpm import memory
 from granular.mpm.blocks import deep_within
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.body_overlaps import check_overlaps
+from granular.mpm.coupling import Coupled
 from granular.mpm.free_bodies import INTERVAL, FreeBodies
 from granular.mpm.inflow_state import account
 from granular.mpm.rigid_contact import touch_solids
@@ -95,7 +96,7 @@ class _Gathered:
         return columns[0] if len(self.shape) == 1 else columns.T
 
 
-class Simulation(simulation.Simulation, scenes=Scene):
+class Simulation(Coupled, simulation.Simulation, scenes=Scene):
     """Advance the material points of a `granular.Scene` in time; see `granular.Simulation`.
 
     Parameters
@@ -395,6 +396,10 @@ class Simulation(simulation.Simulation, scenes=Scene):
         share = np.where(hencky, 1.0, old / new)[number]
         stressed = np.any(arrays["stress"], axis=0)
         arrays["log_density"] = np.where(stressed, share, 1.0) * arrays["log_density"]
+        for i, (last, now) in enumerate(zip(before.bodies, scene.bodies, strict=True)):
+            if last.motion != now.motion:  # instead of what has driven it from outside
+                arrays["bodies"] = np.array(arrays["bodies"])
+                arrays["bodies"][i, rigid.place_of("driven", "driven")] = 0.0
         # The flutter damping, which depends on gravity, begins anew with it.
         for name in {"overstress", "mean_shear_rate"} - set(arrays):
             arrays[name] = np.zeros((1, len(arrays["id"])))

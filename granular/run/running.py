@@ -102,11 +102,14 @@ class Chunks:
             self._steps = int(min(max(CHUNK_SECONDS / seconds, 1), MAX_CHUNK, 4 * self._steps + 1))
             yield
 
-    def to_time(self, sim: Run, until: float, monitored: bool) -> Iterator[None]:
-        """Advance a simulation to a time [s], and take the samples of its monitor on the way."""
-        while sim.time < until:
+    def to_time(
+        self, sim: Run, until: float, monitored: bool, steps: int = MOST_STEPS
+    ) -> Iterator[None]:
+        """Advance a simulation to a time [s], or a number of steps, and take the samples of its
+        monitor on the way."""
+        while sim.time < until and sim.steps < steps:
             target = sim._monitor.next(sim.steps) if monitored else MOST_STEPS
-            for _ in self.advance(sim, until, target):
+            for _ in self.advance(sim, until, min(target, steps)):
                 if monitored:
                     sim._sample_if_due()
                 yield

@@ -4,35 +4,28 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Callable, Collection
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Literal, Self, cast, overload
 
 import numpy as np
 
 from granular import _core
-from granular.measure.derived import with_derived
-from granular.record import Checkpoint, TrajectoryWriter
+from granular.record import Checkpoint
 from granular.record.session import Session
-from granular.record.settings import (
-    DOUBLE,
-    fields_to_store,
-    frames_to_a_checkpoint,
-    precision_to_store,
-)
+from granular.record.settings import DOUBLE
 from granular.run.diagnostics import Health, StabilityWarning, health
 from granular.run.interrupts import DeferredSignals
-from granular.run.monitor import Monitor, known
+from granular.run.monitor import Monitor
 from granular.run.present import Present
+from granular.run.recorder import Hook, Recorded, Recorder
 from granular.run.resuming import resumed
 from granular.run.running import (
     CHECKPOINT_MINUTES,
     EVERY,
     MOST_STEPS,
     Chunks,
-    Saver,
     Soundness,
-    check_interval,
-    next_frame,
     warn_of_threads,
 )
 from granular.run.turns import Turns, alone
@@ -48,8 +41,6 @@ if TYPE_CHECKING:
 
 
 SimulationError = _core.SimulationError
-
-Hook = Callable[["Simulation"], Any]
 
 
 class Simulation(Present):
@@ -130,13 +121,17 @@ class Simulation(Present):
         self._monitor = Monitor(scene)
         self._warned: set[str] = set()
         self._turns = Turns()
+        self._recorder: Recorder | None = None  # of `recording`
 
     # ---- stepping ----
 
     @alone
     def step(self, n: int = 1) -> None:
-        """Make `n` steps, at least 1; errors as in `run`."""
+        """Make `n` steps, at least 1; errors as in `run`. Frames are stored within `recording`."""
         target = self.steps + integer("n", n, 1, MOST_STEPS - self.steps)
+        if self._recorder:
+            self._recorder.advance(np.inf, target)
+            return
         for _ in self._chunks.advance(self, np.inf, target):
             pass
 
@@ -207,9 +202,10 @@ class Simulation(Present):
             Show a progress bar; in a notebook a widget, if ipywidgets is installed
             (``pip install 'granular-flow[notebook]'``).
         hooks : sequence of callables
-            Called with the simulation at each frame; an exception that one raises ends the run.
-            They may read it, and write to its `buffers`, but not step or run it: that raises
-            RuntimeError. `granular.plot.Live` is one that shows the run.
+            Called with the simulation at each frame. One that returns True ends the run, such as
+            those of `granular.stop`; so does an exception. They may read it, and write to its
+            `buffers`, but not step or run it: that raises RuntimeError. `granular.plot.Live` is one
+            that shows the run.
         monitor : bool
             Take samples for the indicators of failure, see `health`; the record stores these for
             each frame. All samples take as long as some hundred steps (`granular.run.monitor`).
@@ -249,73 +245,95 @@ class Simulation(Present):
             If the system refuses threads; the run goes on with fewer, and the same results.
         """
         until = self.scene.duration if until is None else positive("until", until)
-        self._keeps = frames_to_a_checkpoint(checkpoints)
-        minutes = positive("checkpoint_minutes", checkpoint_minutes, allow_inf=True)
-        every = self._every if every is None else every
-        self._every = every = check_interval(every, self.dt, max(until, self.time))
-        goes_on = save is None and self.record is not None
-        self._stored = fields_to_store(
-            fields, self._stored, goes_on=goes_on, state=lambda: self.state
-        )
-        self._precision = precision_to_store(precision, self._precision, goes_on=goes_on)
-        provenance = {"threads": self.threads, "isa": self.isa, "every": self._every}
-        provenance |= {"fields": self._stored, "precision": self._precision}
-        recorded = self._session.writer(
-            save, self.scene, overwrite=overwrite, provenance=provenance
+        options = Recorded(
+            save=save,
+            every=every,
+            fields=fields,
+            precision=precision,
+            checkpoint_minutes=checkpoint_minutes,
+            checkpoints=checkpoints,
+            overwrite=overwrite,
+            monitor=monitor,
+            gas=gas,
         )
         with (
-            DeferredSignals() as signals,
-            recorded as writer,
+            self._recorder_for(options, until, hooks) as recorder,
             progress_bar(self.scene.name, self.time, until, progress) as bar,
-            Saver(self, writer, 60 * minutes) as saver,
         ):
-            if monitor:
-                self._sample_if_due()
-            if self.steps in (0, self._due):
-                self._frame(writer, hooks, monitor, gas, signals)
-            saver.save()
-            while self.time < until:
-                signals.deliver()
-                frame = min(next_frame(self.time, every), until)
-                for _ in self._chunks.to_time(self, frame, monitor):
-                    bar.update(min(self.time, until) - bar.n)
-                    if self.time < frame:  # the frame comes before a checkpoint or an end
-                        saver.save_if_due()
-                        signals.deliver()
-                self._frame(writer, hooks, monitor, gas, signals)
-                saver.save_if_due()
-        if monitor:
-            self._warn_of_health()
+            recorder.advance(until, MOST_STEPS, hooks, lambda time: bar.update(time - bar.n))
         return self
 
-    def _frame(
+    @contextmanager
+    def recording(
         self,
-        writer: TrajectoryWriter | None,
-        hooks: tuple[Hook, ...],
-        monitor: bool,
-        gas: bool,
-        signals: DeferredSignals,
-    ) -> None:
-        self._due = self.steps
-        if writer:
-            if self._stored:
-                state = self._snapshot(recorded=True)
-                state.fields.update(with_derived(state, self._stored))
-            frame = state if self._stored else self._streamed()
-            index = writer.append(
-                frame,
-                gas=frame.gas.fields if gas and hasattr(frame, "gas") else None,
-                samples=known(self._values()) if monitor else None,
-                bodies=self._body_rows(),
-                walls=self._wall_rows(),
-                single=self._precision == "single",
-            )
-            if self._keeps and index % self._keeps == 0:
-                writer.keep(index, self.checkpoint())
-        self._due = None
-        with signals.released():
-            for hook in hooks:
-                self._turns.call(hook, self)
+        save: str | os.PathLike | None = None,
+        *,
+        every: float | None = None,
+        fields: Collection[str] | None = None,
+        precision: str | None = None,
+        checkpoint_minutes: float = CHECKPOINT_MINUTES,
+        checkpoints: int | Literal["all"] | None = None,
+        overwrite: bool = False,
+        monitor: bool = True,
+        gas: bool = True,
+    ) -> Iterator[Self]:
+        """Record the steps and runs of a ``with`` block, which may do other things between them.
+
+        The record is that of a single run: frames at the multiples of `every`, checkpoints at the
+        beginning, at the end and now and then. A program that exchanges forces and velocities with
+        the simulation uses it, see `granular.mpm.simulation.Simulation.set_motion`. Within the
+        block `run` takes its `hooks` and `progress` alone.
+
+        Parameters
+        ----------
+        save, every, fields, precision, checkpoint_minutes, checkpoints, overwrite, monitor, gas
+            As of `run`. Without `save` the record of an earlier run goes on.
+
+        Raises
+        ------
+        TypeError, ValueError, FileExistsError, BlockingIOError, OSError
+            As by `run`.
+        RuntimeError
+            Within such a block.
+
+        Examples
+        --------
+        >>> sim = gr.Simulation(gr.scenes.column_collapse(cell=0.05, E=1e6))
+        >>> with sim.recording("column.h5", every=0.01):
+        ...     while sim.time < 0.05:
+        ...         sim.step(10)
+        """
+        options = Recorded(
+            save=save,
+            every=every,
+            fields=fields,
+            precision=precision,
+            checkpoint_minutes=checkpoint_minutes,
+            checkpoints=checkpoints,
+            overwrite=overwrite,
+            monitor=monitor,
+            gas=gas,
+        )
+        if self._recorder:
+            raise RuntimeError("recording: the simulation is recorded already, in another block")
+        with options.opened(self, self.time) as self._recorder:
+            try:
+                yield self
+            finally:
+                self._recorder = None
+
+    @contextmanager
+    def _recorder_for(
+        self, options: Recorded, end: float, hooks: tuple[Hook, ...]
+    ) -> Iterator[Recorder]:
+        """Yield what advances a run: of the block of `recording` around it, or its own."""
+        if self._recorder is None:
+            with options.opened(self, end, hooks) as recorder:
+                yield recorder
+            return
+        if options != Recorded():
+            raise ValueError("run: what is recorded is set by the block of `recording` around it")
+        yield self._recorder
 
     def _sample_if_due(self) -> None:
         if self._monitor.due(self.steps):

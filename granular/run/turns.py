@@ -32,11 +32,12 @@ class Turns:
         """Note who holds the lock."""
         self._thread, self._hook = threading.get_ident(), None
 
-    def call(self, hook: Callable[..., Any], sim: Any) -> None:
-        """Call a hook of the run whose turn it is."""
+    def call(self, hook: Callable[..., Any], sim: Any) -> Any:
+        """Call a hook of the run whose turn it is, and return what it does."""
         self._hook = hook
-        hook(sim)
+        answer = hook(sim)
         self._hook = None
+        return answer
 
     def _refusal(self, what: str) -> str:
         if self._thread != threading.get_ident():

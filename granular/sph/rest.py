@@ -7,7 +7,8 @@ import math
 import numpy as np
 
 from granular.model.state import State
-from granular.run.simulation import Hook, Simulation
+from granular.run.recorder import Hook
+from granular.run.simulation import Simulation
 from granular.tools.checks import in_range, non_negative, positive
 
 

@@ -315,7 +315,7 @@ def test_record_tells_of_bodies(tmp_path):
     sim = gr.Simulation(scene_of(still, turning), threads=1)
     sim.run(until=0.05, save=tmp_path / "b.h5", every=0.01)
     with gr.open(tmp_path / "b.h5") as record:
-        assert record.bodies.shape == (6, 2, 20)
+        assert record.bodies.shape == (6, 2, 40)
         assert record.bodies[-1].tolist() == sim._engine.bodies().tolist()
         assert not any(name.startswith("body") for name in record.samples)
         for b in range(2):
