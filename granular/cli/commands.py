@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from granular.run.diagnostics import Health
     from granular.run.simulation import Simulation
 
-FAILED, REFUSED, SUSPECT, INTERRUPTED = 1, 2, 3, 130
+FAILED, REFUSED, SUSPECT, UNFINISHED, INTERRUPTED = 1, 2, 3, 4, 130
 
 PICTURES = (".png", ".pdf", ".svg")
 
@@ -143,16 +143,24 @@ def _simulate(simulation: Simulation, arguments: argparse.Namespace, **options: 
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", StabilityWarning)  # printed below
-            simulation.run(until, every=arguments.every, progress=progress, **options)
+            options |= {"every": arguments.every, "time_limit": arguments.time_limit}
+            simulation.run(until, progress=progress, **options)
     except KeyboardInterrupt:
-        message = f"interrupted at t = {simulation.time:.6g} s"
-        if simulation.record is not None:
-            message += f"; `granular resume {simulation.record}` goes on"
-        print(f"granular: {message}", file=sys.stderr)
-        return INTERRUPTED
+        return _unfinished(simulation, "interrupted", INTERRUPTED)
+    if simulation.time < until:
+        return _unfinished(simulation, "time limit reached", UNFINISHED)
     if not arguments.quiet:
         print(f"{simulation.record}: {simulation}")
     return _judge(simulation.health(), arguments.quiet, arguments.strict)
+
+
+def _unfinished(simulation: Simulation, why: str, code: int) -> int:
+    """Print how far a run has come, and how it goes on; return the exit code."""
+    message = f"{why} at t = {simulation.time:.6g} s"
+    if simulation.record is not None:
+        message += f"; `granular resume {simulation.record}` goes on"
+    print(f"granular: {message}", file=sys.stderr)
+    return code
 
 
 def _judge(health: Health, quiet: bool, strict: bool) -> int:

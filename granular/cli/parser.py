@@ -16,6 +16,7 @@ from granular.cli.words import (
     METAVARS,
     UNSET,
     default_text,
+    duration,
     keywords_of,
     material_keywords,
     names,
@@ -238,6 +239,8 @@ def _add_run_options(command: Any, first: str = "", *, every: str) -> None:
     command.add_argument("--threads", type=whole, metavar="N", help=text)
     text = f"time between frames [s]; default {first}{every}"
     command.add_argument("--every", type=number, metavar="T", help=text)
+    text = "wall-clock time after which the run ends, such as 3h50m, 45m or 600s, to be resumed"
+    command.add_argument("--time-limit", type=duration, metavar="T", help=text)
     text = "no progress bar; print only warnings and a suspect verdict"
     command.add_argument("--quiet", action="store_true", help=text)
     text = "run the code in C of a law of the file; read it before"

@@ -14,11 +14,40 @@ import threading
 from _signal import getsignal, signal  # type: ignore[import-not-found]
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from signal import raise_signal, valid_signals
+from signal import SIG_DFL, Signals, raise_signal, valid_signals
 from types import FrameType
 from typing import Any, Self
 
 NUMBERS = tuple(sorted(int(number) for number in valid_signals()))
+
+
+ENDING = [int(Signals[name]) for name in ("SIGTERM", "SIGUSR1") if name in Signals.__members__]
+"""Signals by which batch systems end a job, with a warning of some time."""
+
+
+@contextmanager
+def ending_as_ctrl_c() -> Iterator[None]:
+    """Let signals of batch systems raise KeyboardInterrupt in a block, as Ctrl-C does.
+
+    Those for which the program has set a handler, or which it ignores, are left to it; so are all
+    in other threads than the main one.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def end(number: int, _: FrameType | None) -> None:
+        raise KeyboardInterrupt(Signals(number).name)
+
+    replaced = [number for number in ENDING if getsignal(number) == int(SIG_DFL)]
+    try:
+        for number in replaced:
+            signal(number, end)
+        yield
+    finally:
+        for number in replaced:
+            if getsignal(number) is end:
+                signal(number, int(SIG_DFL))
 
 
 class DeferredSignals:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
+import time as clock
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,7 +18,7 @@ from granular.record.settings import (
     frames_to_a_checkpoint,
     precision_to_store,
 )
-from granular.run.interrupts import DeferredSignals
+from granular.run.interrupts import DeferredSignals, ending_as_ctrl_c
 from granular.run.monitor import known
 from granular.run.running import CHECKPOINT_MINUTES, Chunks, Run, Saver, check_interval, next_frame
 from granular.tools.checks import positive
@@ -94,6 +96,7 @@ class Recorded:
             self.save, sim.scene, overwrite=self.overwrite, provenance=self._set(sim, end)
         )
         with (
+            ending_as_ctrl_c(),
             DeferredSignals() as signals,
             recorded as writer,
             Saver(sim, writer, 60 * minutes) as saver,
@@ -151,15 +154,17 @@ class Recorder:
         steps: int,
         hooks: tuple[Hook, ...] = (),
         show: Callable[[float], object] = lambda _: None,
+        seconds: float = math.inf,
     ) -> None:
-        """Advance to a time [s], which is a frame if it is reached, or to a number of steps.
+        """Advance to a time [s], which is a frame if it is reached, to a number of steps, or for
+        some seconds.
 
         A hook that returns True ends it.
         `show` is called with the time now and then.
         """
-        sim, saver = self._sim, self._saver
+        sim, saver, end = self._sim, self._saver, clock.monotonic() + seconds
         with DeferredSignals() as signals:
-            while sim.time < until and sim.steps < steps:
+            while sim.time < until and sim.steps < steps and clock.monotonic() < end:
                 signals.deliver()
                 frame = min(next_frame(sim.time, sim._every), until)
                 for _ in sim._chunks.to_time(sim, frame, self._options.monitor, steps):
@@ -167,6 +172,8 @@ class Recorder:
                     if sim.time < frame:  # the frame comes before a checkpoint or an end
                         saver.save_if_due()
                         signals.deliver()
+                        if clock.monotonic() >= end:
+                            break
                 if sim.time >= frame:
                     ends = self._frame(hooks, signals)
                     saver.save_if_due()

@@ -160,6 +160,7 @@ class Simulation(Present):
         hooks: tuple[Hook, ...] = (),
         monitor: bool = True,
         gas: bool = True,
+        time_limit: float | None = None,
     ) -> Self:
         """Run to a time and record frames on the way.
 
@@ -212,6 +213,9 @@ class Simulation(Present):
         gas : bool
             For scenes with a gas, store it in the frames of the record; checkpoints hold it in any
             case.
+        time_limit : float, optional
+            Wall-clock time after which the run ends [s], > 0, between two steps and with a
+            checkpoint. Its `time` is then less than `until`, and another run goes on exactly.
 
         Raises
         ------
@@ -233,8 +237,10 @@ class Simulation(Present):
         RuntimeError
             If this simulation makes steps already: in a hook of its run, or in another thread.
         KeyboardInterrupt
-            On Ctrl-C; the simulation and the record stay valid and can be continued. The same holds
-            for any exception of a signal handler: handlers run between steps, within about 0.05 s.
+            On Ctrl-C, and on SIGTERM and SIGUSR1, by which batch systems end a job, unless the
+            program handles them; the simulation and the record stay valid and can be continued. The
+            same holds for any exception of a signal handler: handlers run between steps, within
+            about 0.05 s.
 
         Warns
         -----
@@ -245,6 +251,7 @@ class Simulation(Present):
             If the system refuses threads; the run goes on with fewer, and the same results.
         """
         until = self.scene.duration if until is None else positive("until", until)
+        limit = np.inf if time_limit is None else positive("time_limit", time_limit)
         options = Recorded(
             save=save,
             every=every,
@@ -260,7 +267,7 @@ class Simulation(Present):
             self._recorder_for(options, until, hooks) as recorder,
             progress_bar(self.scene.name, self.time, until, progress) as bar,
         ):
-            recorder.advance(until, MOST_STEPS, hooks, lambda time: bar.update(time - bar.n))
+            recorder.advance(until, MOST_STEPS, hooks, lambda time: bar.update(time - bar.n), limit)
         return self
 
     @contextmanager

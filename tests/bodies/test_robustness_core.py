@@ -1,5 +1,7 @@
 """Inertia and contact of free bodies, given to the core directly: refused or survived."""
 
+import contextlib
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -141,3 +143,41 @@ def test_any_number_in_them_is_survived(dim, data):
         run((scene, arguments(scene), touches))
     except (*DOCUMENTED, gr.SimulationError):
         return
+
+
+@pytest.mark.parametrize("method", ["drive", "load"])
+@pytest.mark.parametrize(
+    "given",
+    [
+        (),
+        (0,),
+        (-1, (0.0,) * 6),
+        (1, (0.0,) * 6),
+        (2**40, (0.0,) * 6),
+        ("0", (0.0,) * 6),
+        (0, (0.0,) * 5),
+        (0, (0.0,) * 7),
+        (0, None),
+        (0, (*(0.0,) * 5, np.nan)),
+        (0, (np.inf, *(0.0,) * 5)),
+        (0, ("x", *(0.0,) * 5)),
+    ],
+)
+def test_bad_numbers_from_outside_are_refused(parts, method, given):
+    """The body stays as it is, and the run goes on."""
+    sim = run(parts)
+    before = sim._engine.bodies()
+    with pytest.raises(DOCUMENTED):
+        getattr(sim._engine, method)(*given)
+    np.testing.assert_array_equal(sim._engine.bodies(), before)
+    sim.step(2)
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e9, 1e59])
+def test_any_load_from_outside_is_survived(parts, size):
+    """The run goes on, or ends by an exception that says so."""
+    sim = run(parts)
+    sim._engine.load(0, (size,) * 6)
+    sim._engine.drive(0, (size,) * 6)
+    with contextlib.suppress(gr.SimulationError, ValueError):
+        sim.step(20)
