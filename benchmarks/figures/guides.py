@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
+from contextlib import chdir
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -317,6 +319,33 @@ def restart(quick: bool) -> Picture:
             options = common | {"bar": ax is axes[0, 2]}
             gr.plot.frame(state, "speed", ax=ax, extent=extent, title=title, **options)
     return made
+
+
+def couple_with_another_program(quick: bool) -> Picture:
+    """The vehicle of the guide, and its height and the force on it by either program."""
+    del quick  # it takes some seconds
+    made, ((left, middle, right),) = panels(1, 3, 2.8, width_ratios=(1.5, 1.0, 1.0))
+    with TemporaryDirectory() as folder, chdir(folder):
+        exec("\n".join(code_of("couple_with_another_program")), {})
+        own = gr.open("vehicle.h5")
+        gr.plot.frame(own[-1], "speed", ax=left, limits=(0, 0.4), title=f"t = {own.times[-1]:.1f} s")
+        for name, color, line in (("vehicle", BLUE, "-"), ("vehicle_mujoco", ORANGE, "--")):
+            record = gr.open(f"{name}.h5")
+            motion, force = gr.measure.body_motion(record), gr.measure.body_force(record)
+            label = "MuJoCo" if "mujoco" in name else "ten lines"
+            middle.plot(motion.times, 1e3 * motion.position[:, 1], line, color=color, label=label)
+            right.plot(force.times, force.force[:, 1], line, color=color, label=label)
+    right.axhline(80 * 9.8, color=GREY, ls=":", label="weight")
+    middle.set(xlabel="time [s]", ylabel="height of the wheel [mm]")
+    right.set(xlabel="time [s]", ylabel="force of the sand [N/m]")
+    right.legend(fontsize=8)
+    return made
+
+
+def code_of(guide: str) -> list[str]:
+    """Blocks of Python of a guide."""
+    page = Path(__file__).parents[2] / "docs" / "how-to" / f"{guide}.md"
+    return re.findall(r"^```python\n(.*?)^```$", page.read_text(), re.M | re.S)
 
 
 def calibrate_friction(quick: bool) -> Picture:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from granular.measure.averaging_grid import Array
 from granular.measure.cut_forces import cut_axes, of_whole, torques_of_whole
@@ -34,6 +35,11 @@ class BodyMotion:
     work : ndarray, shape (k,)
         Work of the contact on the material since then [J; in 2D per metre of depth], without the
         dissipation by friction at the surface of the body.
+    driven : ndarray of bool, shape (k,)
+        Whether another program has set its velocity, by `set_motion`.
+    applied_force, applied_torque : ndarray
+        Force [N], shape (k, dim), and torque [N m] that it has set by `apply_load`; on the modelled
+        part, whatever `total` is.
     """
 
     times: Array
@@ -44,6 +50,9 @@ class BodyMotion:
     impulse: Array
     angular_impulse: Array
     work: Array
+    driven: NDArray[np.bool_]
+    applied_force: Array
+    applied_torque: Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
