@@ -53,8 +53,8 @@ def test_a_run_that_hangs_is_ended_with_all_it_started(tmp_path):
         "print('step 7', flush=True)\n"
         "child.wait()\n"
     )
-    with pytest.raises(dem.DemError, match=r"timeout = 3 s; its last output: step 7"):
-        dem.shear(SHEAR, command=script(text), timeout=3.0)
+    with pytest.raises(dem.DemError, match=r"timeout = 1.5 s; its last output: step 7"):
+        dem.shear(SHEAR, command=script(text), timeout=1.5)
     pid = int(note.read_text())
     assert _soon(lambda: not _alive(pid), 5)
     with pytest.raises(ValueError, match="timeout = 0"):

@@ -170,7 +170,7 @@ SOFT = (
 """Scenes of `glass_beads` with another E, or of another material."""
 
 
-@pytest.mark.parametrize("basis", ["linear", "ugimp", "quadratic"])
+@pytest.mark.parametrize("basis", ["ugimp", "quadratic"])
 @pytest.mark.parametrize("name", scenes.names("mpm"))
 def test_every_scene_is_whole(name, basis):
     make = scenes.registry[name]
@@ -306,7 +306,7 @@ def test_hopper():
     assert not scenes.hopper(ramp=0.1).fills[0].lithostatic and flat.fills[0].lithostatic
 
 
-@pytest.mark.parametrize("fraction", [0.2, 0.5, 0.7])
+@pytest.mark.parametrize("fraction", [0.2, 0.7])
 def test_rotating_drum(fraction):
     flat = scenes.rotating_drum(fill_fraction=fraction)
     assert flat.points().volume.sum() == pytest.approx(fraction * math.pi * 0.01, rel=1e-3)
