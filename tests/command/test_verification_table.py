@@ -12,9 +12,16 @@ from granular.verify.rows import at_least, at_most, checks, holds, report, withi
 from granular.verify.slug import fly, parabola
 
 
+REPEATED = ("chute_quick", "economy_quick")
+"""Quick checks whose runs other tests make as well: of stopping heights, and of cheaper scenes."""
+
+
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(c.name, marks=[pytest.mark.slow] * c.slow) for c in checks.values()],
+    [
+        pytest.param(c.name, marks=[pytest.mark.slow] * (c.slow or c.name in REPEATED))
+        for c in checks.values()
+    ],
 )
 def test_table(name):
     """All rows of the table; tests of what its measures detect are report those of each subject."""

@@ -39,8 +39,10 @@ def fixed_along_y(scene, y, time=0.0):
 
 COARSE = {
     "couette": {"cell": 0.025, "height": 0.05},
-    "cylinder_collapse": {"cell": 0.025},
+    "cylinder_collapse": {"cell": 0.05},
     "excavation": {"cell": 0.025},
+    "excavator": {"cell": 0.025},
+    "sphere_drop": {"cell": 0.008},
 }
 """Coarse cells for scenes that have very many by default."""
 

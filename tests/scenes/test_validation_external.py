@@ -8,7 +8,7 @@ import pytest
 
 from granular.cli import main as command
 from granular.verify import external
-from granular.verify.external import bagnold, columns, frame, hstop
+from granular.verify.external import bagnold, columns, frame, hstop, limit_analysis
 
 ROOT = Path(__file__).parents[2]
 
@@ -53,7 +53,7 @@ def drawn(name):
 
 def test_coarse_bagnold(monkeypatch):
     """1 % with 10 cells, of softer grains and after a shorter time than in the case."""
-    monkeypatch.setattr(bagnold, "STIFFNESS", 3e3)
+    monkeypatch.setattr(bagnold, "STIFFNESS", 1e3)
     monkeypatch.setattr(bagnold, "RELAXATIONS", 9.0)
     rows = drawn("bagnold")
     assert len(rows) == 4 and all(row.passed for row in rows)
@@ -107,9 +107,10 @@ def test_another_method_with_the_same_law_ends_near():
 
 
 @pytest.mark.parametrize(("name", "number"), [("runout_laws", 2), ("limit_analysis", 5)])
-def test_every_row_of_a_coarse_run_is_met(name, number):
+def test_every_row_of_a_coarse_run_is_met(name, number, monkeypatch):
     """Run-outs lie among the laws; a wall along a turned bed and a surcharged footing, within 5 %
     of limit analysis."""
+    monkeypatch.setitem(limit_analysis.BASES, "rough", (14,))
     rows = drawn(name)
     assert len(rows) == number and all(row.passed for row in rows)
 
