@@ -98,6 +98,8 @@ def test_from_flows_to_the_material_of_a_scene():
     simulation.step(20)
     assert simulation.state.n == scene.n_points
     assert fit.material(d=1e-3, rho_s=2500.0, rho_c=1400.0).rho_c == 1400.0
+    with pytest.raises(ValueError, match="no packing fractions"):
+        friction_law.fit_mu_I(INERTIAL, law(INERTIAL)).material(d=1e-3, rho_s=2500.0)
 
 
 NOT_DETERMINED = r"do not determine|mu_s < mu_2"
@@ -118,8 +120,3 @@ NOT_DETERMINED = r"do not determine|mu_s < mu_2"
 def test_data_that_do_not_determine_the_constants_are_refused(fit, data, options, words):
     with pytest.raises(ValueError, match=words):
         fit(*data, **options)
-
-
-def test_a_material_needs_packing_fractions():
-    with pytest.raises(ValueError, match="no packing fractions"):
-        friction_law.fit_mu_I(INERTIAL, law(INERTIAL)).material(d=1e-3, rho_s=2500.0)

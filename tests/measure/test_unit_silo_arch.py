@@ -174,15 +174,13 @@ def test_a_flow_among_the_static_widens_the_band():
     assert found.flowing_bracket[0] == pytest.approx(2.0)
 
 
-def test_cases_of_one_slope_are_not_parted_by_rounding():
+def test_what_is_not_bounded_has_no_line():
+    """Cases of one slope are not parted by rounding."""
     found = flow_threshold([0.1, 0.3, 1.0], [0.3, 0.9, 5.0], ["static", "unsure", "flowing"])
     assert 0.9 / 0.3 != 0.3 / 0.1
     assert np.isnan(found.static_below)
     assert found.static_bracket[0] == 0.0
     assert not found.overlap
-
-
-def test_what_is_not_bounded_has_no_line():
     found = flow_threshold([1.0, 1.0], [1.0, 2.0], ["static", "static"])
     assert np.isnan(found.static_below)
     assert np.isnan(found.flowing_above)

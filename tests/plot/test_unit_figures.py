@@ -104,9 +104,7 @@ def test_figures_6_and_7_show_both_hourglasses():
     for ax in figure.axes[:8]:
         # Seeded material is dense everywhere.
         assert colours(ax) == [PHASES(1.0, bytes=True)]
-
-
-def test_figure_7_by_stress_shows_who_bears_it():
+    # by stress figure 7 shows who bears it
     scene = gr.scenes.hourglass(cell=0.05, orifice_radius=0.05, width=0.5, material=SOFT)
     stress = np.zeros((scene.n_points, 4))
     stress[::2, :3] = -100.0

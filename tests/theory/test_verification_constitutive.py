@@ -193,14 +193,11 @@ def test_a_first_order_scheme_converges_to_the_reference():
     assert mid < error[0] / 100
 
 
-def test_flow_rule_inverts_mu_of_i():
+def test_flow_rule_inverts_mu_of_i_and_velocity_gradient_of_appendix_b():
     rate, p = np.array([1e-6, 1.0, 1e3]), 300.0
     grown = SOFT.mu_s + (SOFT.mu_2 - SOFT.mu_s) / (SOFT.xi * math.sqrt(p) / rate + 1)
     np.testing.assert_allclose(plastic_shear_rate(p, grown * p, SOFT), rate, rtol=1e-8)
     assert np.all(plastic_shear_rate([p, 0.0, -1.0], [0.3 * p, 1.0, 1.0], SOFT) == 0)
-
-
-def test_velocity_gradient_of_appendix_b():
     at = appendix_b_velocity_gradient(np.array([0.1, 0.375, 0.6, 0.8125, 1.1]))
     assert at.shape == (5, 2, 2)
     np.testing.assert_array_equal(at[:, 0, 0], [0, -1, 0, 0.5, 0])
