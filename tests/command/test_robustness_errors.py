@@ -85,15 +85,12 @@ def test_existing_files_are_kept_unless_overwritten(tmp_path, capsys):
     assert all(path.read_bytes() != b"precious" for path in paths.values())
 
 
-def test_a_foreign_file_is_refused(tmp_path, capsys):
+def test_a_foreign_file_and_a_frame_that_is_not_there(tmp_path, capsys):
     path = tmp_path / "text.h5"
     path.write_text("no record")
     for command in (["info"], ["resume"], ["plot", "-o", str(tmp_path / "a.png")]):
         assert cli.main([command[0], str(path), *command[1:]]) == 2
         assert "text.h5" in capsys.readouterr().err
-
-
-def test_a_frame_that_is_not_there(tmp_path, capsys):
     path = tmp_path / "a.h5"
     assert cli.main(["run", "column_collapse", *QUICK, "-o", str(path)]) == 0
     assert cli.main(["plot", str(path), "--frame", "99", "-o", str(tmp_path / "a.png")]) == 2

@@ -11,7 +11,6 @@ from granular.verify.incline import profile_error, states
 from granular.verify.rows import at_least, at_most, checks, holds, report, within
 from granular.verify.slug import fly, parabola
 
-
 REPEATED = ("chute_quick", "economy_quick")
 """Quick checks whose runs other tests make as well: of stopping heights, and of cheaper scenes."""
 
@@ -90,12 +89,9 @@ def test_a_check_that_raises_fails_and_the_others_run(registered):
     assert "second" in out.getvalue()
 
 
-def test_unknown_name():
+def test_names_are_known_and_every_check_says_what_it_is():
     with pytest.raises(ValueError, match="only"):
         verify.main(only=["no_such_check"], out=io.StringIO())
-
-
-def test_every_check_says_what_it_is():
     assert len(checks) > 40
     assert all(check.doc for check in checks.values())
 

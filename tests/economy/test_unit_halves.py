@@ -85,15 +85,13 @@ def test_half_costs_accuracy_with_other_than_linear_functions():
     assert item("dimension", full_silo(), 0.01).error == 0.0
 
 
-def test_a_block_across_the_plane_is_cut():
+def test_blocks_walls_and_bodies_on_the_plane():
+    # a block is cut
     blocks = (Solid((-0.1, 0.5), (0.1, 0.6)), Solid((-0.5, 0.2), (-0.4, 0.3)))
     whole = full_silo(walls=(*blocks, Solid((0.4, 0.2), (0.5, 0.3))))
     kept = [wall for wall in gr.economy.mirror_half(whole).walls if isinstance(wall, Solid)]
     assert [block.lower[0] for block in kept] == [0.0, 0.4]
-
-
-def test_bodies_are_no_mirror_images():
-    """A wheel that rolls and a cylinder that turns have no mirror plane."""
+    # a wheel that rolls and a cylinder that turns have no mirror plane
     for scene in (gr.scenes.wheel(), gr.scenes.couette(cell=0.02)):
         assert item("dimension", scene).changes == {}
         with pytest.raises(ValueError, match=r"cannot be halved: bodies"):

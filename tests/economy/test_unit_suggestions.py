@@ -159,15 +159,12 @@ def test_a_damping_that_moves_the_run_out_is_not_softened_away():
     assert bias.grid_damping(coarse) == pytest.approx(0.03 * 947.3 * 0.025 / (0.2 * 1.4), rel=1e-3)
 
 
-def test_basis_is_kept_where_linear_functions_fail():
+def test_basis_and_resolution_only_where_they_converge():
     assert not item("basis", gr.scenes.column_collapse(), 0.5).changes
     assert not item("basis", gr.scenes.incline(columns=8), 0.005).changes
     one = item("basis", gr.scenes.incline(), 0.02)
     assert one.changes["basis"] == "linear"
     assert "fail in" in item("basis", PUBLISHED[5], 0.02).reason
-
-
-def test_resolution_only_where_it_converges():
     found = item("resolution", gr.scenes.incline(), 0.02)
     assert 0.2 / found.changes["cell"] == pytest.approx(round(0.2 / found.changes["cell"]))
     assert found.error <= 0.005
@@ -358,14 +355,7 @@ def test_arguments_are_checked_and_a_suggestion_prints_as_a_table():
     assert len(suggestion[:2]) == 2
 
 
-def test_cost_of_a_scene_on_given_terrain():
-    """Its parameters do not hold the map, so that the scene counts as made by hand."""
-    ground = gr.shapes.HeightMap(np.linspace(0.5, 0.0, 21), 0.05)
-    scene = gr.scenes.landslide(terrain=ground, at=(0.3,), cell=0.025, thickness=0.15)
-    assert gr.economy.cost(scene).points == scene.n_points
-
-
-def test_cost_by_hand():
+def test_cost_by_hand_and_on_given_terrain():
     scene = gr.scenes.column_collapse(scheme=gr.schemes.dunatunga_kamrin_2015)
     found = gr.economy.cost(scene)
     assert (found.points, found.steps) == (8192, 666667)
@@ -376,6 +366,10 @@ def test_cost_by_hand():
     stiff = scene.replace(material=glass_beads.replace(E=1e13))
     with pytest.raises(ValueError, match="dt"):
         gr.economy.cost(stiff)
+    # its parameters do not hold the map, so that the scene counts as made by hand
+    ground = gr.shapes.HeightMap(np.linspace(0.5, 0.0, 21), 0.05)
+    scene = gr.scenes.landslide(terrain=ground, at=(0.3,), cell=0.025, thickness=0.15)
+    assert gr.economy.cost(scene).points == scene.n_points
 
 
 def test_cost_of_a_preset_of_1_gpa_tells_what_would_be_enough():

@@ -212,13 +212,19 @@ def test_a_grain_under_stress_without_contact_is_flagged():
     assert "stressed_rattlers" in {flag.name for flag in found.flags}
 
 
-def test_knee_is_the_corner():
+def test_knee_impulses_and_distances_by_hand():
     """Knee of a front like 1/x in any units; of a flat front the weight closest to one."""
     x = np.logspace(-2, 2, 41)
     weights = np.logspace(-3, 3, 41)
     assert knee_of(x, 1 / x, weights=weights) == 20
     assert knee_of(1e6 * x, 1e-3 / x, weights=weights) == 20
     assert knee_of(0 * x, 1 / x, weights=weights) == 20
+    net = np.array([[[0.0, 1.0]], [[2.0, 1.0]], [[4.0, 1.0]]])
+    assert inference.impulses(net, [0.0, 0.5, 1.0]).tolist() == [[2.0, 1.0]]
+    forces = [[[3.0, 4.0], [1.0, 0.0]], [[0.0, 2.0], [9.0, 0.0]]]
+    found = inference.largest_by_distance(forces, [[0.1, 1.5], [1.9, -1.0]], bin_width=1.0, bins=3)
+    assert found[:2].tolist() == [5.0, 2.0]
+    assert np.isnan(found[2])
 
 
 def test_statistics_of_exponential_forces():
@@ -280,12 +286,3 @@ def test_a_grain_may_be_given_in_any_image_of_a_periodic_box():
     window, contacts = image.subset([1, 2, 6])
     assert window.shifts.tolist() == image.shifts[contacts].tolist()
     assert replace(window).shifts.any()
-
-
-def test_impulses_and_distances_by_hand():
-    net = np.array([[[0.0, 1.0]], [[2.0, 1.0]], [[4.0, 1.0]]])
-    assert inference.impulses(net, [0.0, 0.5, 1.0]).tolist() == [[2.0, 1.0]]
-    forces = [[[3.0, 4.0], [1.0, 0.0]], [[0.0, 2.0], [9.0, 0.0]]]
-    found = inference.largest_by_distance(forces, [[0.1, 1.5], [1.9, -1.0]], bin_width=1.0, bins=3)
-    assert found[:2].tolist() == [5.0, 2.0]
-    assert np.isnan(found[2])

@@ -134,7 +134,7 @@ def test_the_discrete_equation_loses_stability_at_the_stopping_height(angle_deg)
 
 
 def test_cells_hold_the_whole_of_a_singular_sink_and_their_jacobian():
-    """int s^-1/2 ds = 2 over the layer, for any number of cells; then the derivative of the rate."""
+    """int s^-1/2 ds = 2 over the layer, for any number of cells."""
     layer = Layer(27.0, 0.01, MATERIAL, GRAVITY, 8)
     assert np.sum(layer.width) == pytest.approx(1.0, rel=1e-14)
     assert np.sum(layer.sink * layer.width) == pytest.approx(2 * layer.slope, rel=1e-14)
