@@ -72,7 +72,7 @@ def test_existing_files_are_kept_unless_overwritten(tmp_path, capsys):
     options = {"-o": "a.h5", "--picture": "a.png", "--gif": "a.gif"}
     paths = {option: tmp_path / name for option, name in options.items()}
     words = [word for option, path in paths.items() for word in (option, str(path))]
-    arguments = ["run", "column_collapse", *QUICK, *words]
+    arguments = ["run", "column_collapse", *QUICK, *words, "--color", "speed"]
     for path in paths.values():
         path.write_text("precious")
         assert cli.main(arguments) == 2
@@ -82,7 +82,8 @@ def test_existing_files_are_kept_unless_overwritten(tmp_path, capsys):
     for path in paths.values():
         path.write_text("precious")
     assert cli.main([*arguments, "--overwrite"]) == 0
-    assert all(path.read_bytes() != b"precious" for path in paths.values())
+    starts = {"-o": b"\x89HDF", "--picture": b"\x89PNG", "--gif": b"GIF89a"}
+    assert all(paths[name].read_bytes().startswith(start) for name, start in starts.items())
 
 
 def test_a_foreign_file_and_a_frame_that_is_not_there(tmp_path, capsys):

@@ -45,13 +45,6 @@ def test_run_writes_the_record_of_the_scene_asked_for(record):
         assert (states[-1].x == simulation.state.x).all()
 
 
-def test_pictures_of_a_run(tmp_path):
-    png, gif = (str(tmp_path / name) for name in ("a.png", "a.gif"))
-    collapse(tmp_path / "a.h5", "--picture", png, "--gif", gif, "--color", "speed", until="0.04")
-    assert (tmp_path / "a.png").read_bytes().startswith(b"\x89PNG")
-    assert (tmp_path / "a.gif").read_bytes().startswith(b"GIF89a")
-
-
 def test_resume_goes_on_bitwise_with_the_same_spacing_or_another(record, tmp_path):
     path = tmp_path / "half.h5"
     collapse(path, until="0.06")

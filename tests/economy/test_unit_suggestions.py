@@ -405,16 +405,11 @@ def test_stiffness_that_is_enough_where_no_error_was_measured():
     assert "enough" not in str(gr.economy.cost(floating))
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=[pytest.mark.slow] * (name == "couette"))  # a million points
-        for name in gr.scenes.registry
-    ],
-)
+@pytest.mark.parametrize("name", gr.scenes.registry)
 def test_points_and_memory_of_every_scene(name):
     """The estimate for many points agrees with their number; SPH has no modulus to lower."""
-    scene = gr.scenes.registry[name]()
+    coarse = {"cell": 0.025} if name in ("couette", "cylinder_collapse") else {}
+    scene = gr.scenes.registry[name](**coarse)
     found = gr.economy.cost(scene)
     gas = getattr(scene, "gas", None)
     points = scene.n_points + (len(gas.points(scene.grid, 0).x) if gas else 0)
