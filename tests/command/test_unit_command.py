@@ -135,7 +135,7 @@ def test_a_run_ends_with_its_verdict(tmp_path, capsys, monkeypatch):
     assert cli.main(["info", words[-1]]) == 0
 
 
-def test_what_is_not_said_is_that_of_the_scene(tmp_path):
+def test_what_is_not_said_is_that_of_the_scene(tmp_path, capsys):
     """Defaults are those of the scene: other numbers of the material, scheme, yes or no."""
     out = tmp_path / "silo.h5"
     words = ["run", "clogging_silo", "--half", "no", "--cell", "0.07", "--width", "0.7"]
@@ -147,6 +147,16 @@ def test_what_is_not_said_is_that_of_the_scene(tmp_path):
     assert cli.main([*words, "--scheme", "default", "--overwrite"]) == 0
     with gr.open(out) as states:
         assert states.scene == gr.scenes.clogging_silo(**given, scheme=gr.schemes.default)
+    # in 2D the published scheme gives warnings on stderr, one line each, and the run goes on
+    capsys.readouterr()
+    options = ["--until", "1e-3", "--quiet", "--cell", "0.05", "-o"]
+    words = ["run", "column_collapse", "--E", "5e5", *options, str(tmp_path / "a.h5")]
+    assert cli.main([*words, "--scheme", "dunatunga_kamrin_2015"]) == 0
+    said = capsys.readouterr().err.splitlines()
+    assert len(said) == 1
+    assert said[0].startswith("granular: warning: ParticleDensity()")
+    assert cli.main([*words, "--overwrite"]) == 0
+    assert capsys.readouterr().err == ""
 
 
 def test_verify_passes_its_exit_code_on_and_help_is_there(monkeypatch, capsys):
@@ -163,15 +173,3 @@ def test_verify_passes_its_exit_code_on_and_help_is_there(monkeypatch, capsys):
     assert gr.__version__ in capsys.readouterr().out
     assert cli.main(["run", "silo", "--help"]) == 0
     assert "--orifice" in capsys.readouterr().out
-
-
-def test_scene_warnings_are_one_line_each(tmp_path, capsys):
-    """In 2D the published scheme gives warnings on stderr, and the run goes on."""
-    options = ["--until", "1e-3", "--quiet", "--cell", "0.05", "-o"]
-    words = ["run", "column_collapse", "--E", "5e5", *options, str(tmp_path / "a.h5")]
-    assert cli.main([*words, "--scheme", "dunatunga_kamrin_2015"]) == 0
-    said = capsys.readouterr().err.splitlines()
-    assert len(said) == 1
-    assert said[0].startswith("granular: warning: ParticleDensity()")
-    assert cli.main([*words, "--overwrite"]) == 0
-    assert capsys.readouterr().err == ""

@@ -48,7 +48,7 @@ def test_what_is_no_mirror_image_is_not_halved(changes, reason):
     assert not item("dimension", scene).changes
 
 
-def test_a_wall_on_the_plane_of_symmetry_is_not_lost():
+def test_what_lies_on_the_plane_of_symmetry():
     """A no-slip partition is not a plane of symmetry; a free-slip one is."""
     whole = full_silo()
     for wall in (Wall(0, 0.0), Wall(0, 0.0, kind="coulomb", friction=0.3)):
@@ -56,10 +56,7 @@ def test_a_wall_on_the_plane_of_symmetry_is_not_lost():
         assert "on the plane" in item("dimension", scene).reason
     scene = whole.replace(walls=(*whole.walls, Wall(0, 0.0, kind="free_slip")))
     assert gr.economy.mirror_half(scene) == gr.economy.mirror_half(whole)
-
-
-def test_what_ends_on_the_plane_is_not_cut_to_nothing():
-    """The middle is off zero by round-off."""
+    # what ends on the plane is not cut to nothing: the middle is off zero by round-off
     grid = Grid((-0.9, 0.0), 0.3, (6, 6))
     middle = 0.5 * (grid.lower[0] + grid.upper[0])
     assert middle < 0.0

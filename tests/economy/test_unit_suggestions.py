@@ -307,7 +307,7 @@ def test_schemes_of_the_same_kind():
     assert bias.kind(published.replace(mass_cutoff=0.01)) == ""
 
 
-def test_pieces_can_be_chosen():
+def test_pieces_can_be_chosen_and_scenes_read_again():
     scene = gr.scenes.incline(columns=4, scheme=gr.schemes.dunatunga_kamrin_2015)
     suggestion = gr.economy.suggest(scene, 0.05)
     some = gr.economy.apply(scene, [i for i in suggestion if i.topic in ("dimension", "time step")])
@@ -316,6 +316,10 @@ def test_pieces_can_be_chosen():
     )
     assert gr.economy.apply(scene, suggestion.about("stiffness")).grid == scene.grid
     assert gr.economy.apply(scene, []) == scene
+    # a scene read again has the same suggestion
+    for scene in PAPER[::3]:
+        again = gr.Scene.from_json(scene.to_json())
+        assert str(gr.economy.suggest(again, 0.02)) == str(gr.economy.suggest(scene, 0.02))
 
 
 def test_a_suggestion_for_another_scene_is_refused_and_one_changed_by_hand_not_rebuilt():
@@ -332,12 +336,6 @@ def test_a_suggestion_for_another_scene_is_refused_and_one_changed_by_hand_not_r
     own = gr.economy.suggest(scene, 0.05)
     assert not own.about("dimension").changes and not own.about("resolution").changes
     assert math.isnan(own.about("stiffness").error) and not own.about("stiffness").changes
-
-
-def test_a_scene_read_again_has_the_same_suggestion():
-    for scene in PAPER[::3]:
-        again = gr.Scene.from_json(scene.to_json())
-        assert str(gr.economy.suggest(again, 0.02)) == str(gr.economy.suggest(scene, 0.02))
 
 
 def test_arguments_are_checked_and_a_suggestion_prints_as_a_table():
@@ -427,7 +425,7 @@ def test_points_and_memory_of_every_scene(name):
     assert math.isnan(found.E) == (scene.method == "sph")
 
 
-def test_memory_of_wall_particles():
+def test_memory_of_wall_particles_and_growing_buffers():
     """They count, with less memory than particles of the material, which the record holds too."""
     for across, each in ((0, 480), (20, 850)):
         scene = gr.scenes.incline_sph(columns=200, height=0.02, columns_across=across)
@@ -437,10 +435,7 @@ def test_memory_of_wall_particles():
         assert added == 4 * 200 * max(across, 1)
         found = [gr.economy.cost(s).memory for s in (scene, more)]
         assert found[1] - found[0] == pytest.approx(MARGIN * each * added)
-
-
-def test_memory_of_growing_buffers():
-    """Old and new buffers are there at the same time; those of SPH do not grow."""
+    # old and new buffers are there at the same time; those of SPH do not grow
     scene = gr.scenes.cylinder_collapse(points_per_cell=8, cell=0.02)
     sim, cost = gr.Simulation(scene, threads=1), gr.economy.cost(scene)
     buffers = sum(array.nbytes for array in sim.buffers.values())

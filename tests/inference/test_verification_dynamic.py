@@ -177,7 +177,7 @@ def test_rows_over_their_errors_are_generalised_least_squares(kind):
     assert np.isnan(found.weight_of_norms)
 
 
-def test_the_front_of_rows_over_their_errors_counts_standard_deviations():
+def test_fronts_count_standard_deviations_or_squares():
     packing = noisy_record(impact(), 0)[20]
     front = inference.pareto_front(packing, mu=MU, weights=[0.1, 1.0, 10.0], moments=False)
     A, b = over_errors(packing, False)
@@ -185,10 +185,7 @@ def test_the_front_of_rows_over_their_errors_counts_standard_deviations():
         left = A @ front.forces[k][0].ravel() - b
         assert front.stress_residuals[k] == pytest.approx(np.linalg.norm(left[:18]), rel=1e-6)
         assert front.balance_residuals[k] == pytest.approx(np.linalg.norm(left[18:]), rel=1e-6)
-
-
-def test_a_front_of_norms_is_the_front_of_squares():
-    """For (3.18) with weights of norms, no point of the front is better by that measure."""
+    # for (3.18) with weights of norms, no point of the front is better by that measure
     packings = without_errors(noisy_record(impact(), 0)[20:21])
     front = inference.pareto_front(packings, mu=MU, mu_wall=0.0, solver="nnls")
     for k in range(2, len(front.weights) - 2):

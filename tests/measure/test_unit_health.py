@@ -59,7 +59,8 @@ def test_what_is_not_bulk_does_not_count_as_disconnected():
     assert disconnected_fraction(state(s, x, stress=isotropic(p))) == 0
 
 
-def test_cells_that_are_full_and_empty_in_turn_are_strings():
+def test_strings_and_gaps():
+    # cells that are full and empty in turn are strings
     points = pool(shape=(12, 20))
     assert string_fraction(points) == 0
     drawn = points.x.copy()
@@ -67,6 +68,14 @@ def test_cells_that_are_full_and_empty_in_turn_are_strings():
     assert string_fraction(state(points.scene, drawn, per_cell=4)) > 0.9
     between_walls = pool(shape=(2, 20))  # beyond the ends of the grid it goes on
     assert string_fraction(between_walls) == 0
+    # gaps are empty cells in a stressed body
+    points = pool()
+    assert gap_fraction(points) == 0
+    column = (points.x[:, 0] > 0.02) & (points.x[:, 0] < 0.03)
+    torn = state(points.scene, points.x[~column], stress=points.stress[~column])
+    assert gap_fraction(torn) == pytest.approx(10 / 40)
+    calm = state(points.scene, points.x[~column])
+    assert np.isnan(gap_fraction(calm))
 
 
 def test_speeds_areas_and_heights():
@@ -174,16 +183,6 @@ def test_ill_posed_fraction_counts_flowing_mass():
     assert np.isnan(ill_posed_fraction(still))
 
 
-def test_gaps_are_empty_cells_in_a_stressed_body():
-    points = pool()
-    assert gap_fraction(points) == 0
-    column = (points.x[:, 0] > 0.02) & (points.x[:, 0] < 0.03)
-    torn = state(points.scene, points.x[~column], stress=points.stress[~column])
-    assert gap_fraction(torn) == pytest.approx(10 / 40)
-    calm = state(points.scene, points.x[~column])
-    assert np.isnan(gap_fraction(calm))
-
-
 def test_bad_health_and_budgets_are_refused():
     points = pool()
     for measure in (disconnected_fraction, mean_pressure_error, density_drift):
@@ -257,7 +256,7 @@ def test_work_of_a_gravity_that_is_switched_on(times, error):
     assert budget.gravity_work[-1] == pytest.approx(budget.kinetic[-1], rel=error)
 
 
-def test_what_leaves_is_outflow_and_what_stops_is_dissipated():
+def test_what_leaves_stops_or_wraps_around_in_the_budget():
     s = scene((1, 10), 1.0)
     first, second = fall(np.arange(5), [0.5, 1.0], s)
     kept = fall(np.arange(1, 5), [1.0], s)[0]
@@ -266,9 +265,7 @@ def test_what_leaves_is_outflow_and_what_stops_is_dissipated():
     assert budget.dissipated[-1] == pytest.approx(0, abs=1e-10)
     second.v = np.zeros_like(second.v)
     assert energy_budget([first, second]).dissipated[-1] == pytest.approx(5 * 2 * 9.8 * 4.9)
-
-
-def test_work_along_a_periodic_axis_survives_the_wrap():
+    # work along a periodic axis survives the wrap
     s = scene((1, 4), 1.0, periodic=(True, False), gravity=(5.0, -9.0))
     frames = [
         state(s, [[(0.3 + 2.5 * t**2) % 1.0, 1.0]], mass=2.0, v=[[5 * t, 0.0]], time=t)

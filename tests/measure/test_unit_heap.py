@@ -82,6 +82,15 @@ def test_an_undisturbed_column_has_not_run_out():
     assert abs(result.quantile) < CELL / 4 / HALF
     assert result.contiguous == pytest.approx(0, abs=1e-12)
     assert np.isnan(result.toe)
+    # a surface by points and by mass
+    layer = filled(scene((4, 6), CELL), 2, lambda x: (x[:, 0] < 0.03) & (x[:, 1] < 0.02))
+    top = surface(layer)
+    assert np.allclose(top.x, [0.005, 0.015, 0.025, 0.035])
+    assert np.allclose(top.top[:3], 0.02)
+    assert np.isnan(top.top[3])
+    assert np.allclose(top.height, [0.02, 0.02, 0.02, 0.0])
+    twice = surface(state(layer.scene, layer.x, mass=2 * layer.mass))
+    assert np.allclose(twice.height, 2 * top.height)
 
 
 def test_a_cone_has_the_height_of_its_mass_and_runs_out_alike_in_a_quarter():
@@ -99,17 +108,6 @@ def test_a_cone_has_the_height_of_its_mass_and_runs_out_alike_in_a_quarter():
     top = surface(disc)
     assert np.allclose(top.height[2:18], 0.3, rtol=0.15)
     assert np.allclose(top.top[1:18], 0.3)
-
-
-def test_the_surface_by_points_and_by_mass():
-    layer = filled(scene((4, 6), CELL), 2, lambda x: (x[:, 0] < 0.03) & (x[:, 1] < 0.02))
-    top = surface(layer)
-    assert np.allclose(top.x, [0.005, 0.015, 0.025, 0.035])
-    assert np.allclose(top.top[:3], 0.02)
-    assert np.isnan(top.top[3])
-    assert np.allclose(top.height, [0.02, 0.02, 0.02, 0.0])
-    twice = surface(state(layer.scene, layer.x, mass=2 * layer.mass))
-    assert np.allclose(twice.height, 2 * top.height)
 
 
 def test_both_sides_of_a_lopsided_heap():

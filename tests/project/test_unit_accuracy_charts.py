@@ -35,14 +35,12 @@ def test_a_quick_chart_is_written(module, tmp_path, capsys):
     assert capsys.readouterr().out == ""
 
 
-def test_what_costs_too_much_is_left_out_and_said(module, tmp_path):
+def test_what_is_left_out_is_said(module, tmp_path):
     rows = run(module, tmp_path, "--limit", "0", "--only", "silo")["rows"]
     assert [row["scene"] for row in rows] == ["silo"]
     assert "foreseen" in rows[0]["left_out"]
     assert "rate" not in rows[0]
-
-
-def test_times_of_two_builds_do_not_mix(module, tmp_path):
+    # times of two builds do not mix
     path = tmp_path / "table.json"
     path.write_text(json.dumps({"head": {"machine": "another"}, "rows": []}))
     with pytest.raises(ValueError, match="another"):
