@@ -68,30 +68,30 @@ def test_refused_in_one_line(arguments, named, tmp_path, monkeypatch, capsys):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("kind", ["record", "picture", "gif"])
-def test_existing_files_are_kept_unless_overwritten(kind, tmp_path, capsys):
-    names = {"record": "a.h5", "picture": "a.png", "gif": "a.gif"}
-    path = tmp_path / names[kind]
-    path.write_text("precious")
-    arguments = ["run", "column_collapse", *QUICK, "-o", str(tmp_path / "a.h5")]
-    if kind != "record":
-        arguments += [f"--{kind}", str(path)]
-    assert cli.main(arguments) == 2
-    assert "exists already; --overwrite" in capsys.readouterr().err
-    assert path.read_text() == "precious"
+def test_existing_files_are_kept_unless_overwritten(tmp_path, capsys):
+    options = {"-o": "a.h5", "--picture": "a.png", "--gif": "a.gif"}
+    paths = {option: tmp_path / name for option, name in options.items()}
+    words = [word for option, path in paths.items() for word in (option, str(path))]
+    arguments = ["run", "column_collapse", *QUICK, *words, "--color", "speed"]
+    for path in paths.values():
+        path.write_text("precious")
+        assert cli.main(arguments) == 2
+        assert "exists already; --overwrite" in capsys.readouterr().err
+        assert path.read_text() == "precious"
+        path.unlink()
+    for path in paths.values():
+        path.write_text("precious")
     assert cli.main([*arguments, "--overwrite"]) == 0
-    assert path.read_bytes() != b"precious"
+    starts = {"-o": b"\x89HDF", "--picture": b"\x89PNG", "--gif": b"GIF89a"}
+    assert all(paths[name].read_bytes().startswith(start) for name, start in starts.items())
 
 
-def test_a_foreign_file_is_refused(tmp_path, capsys):
+def test_a_foreign_file_and_a_frame_that_is_not_there(tmp_path, capsys):
     path = tmp_path / "text.h5"
     path.write_text("no record")
     for command in (["info"], ["resume"], ["plot", "-o", str(tmp_path / "a.png")]):
         assert cli.main([command[0], str(path), *command[1:]]) == 2
         assert "text.h5" in capsys.readouterr().err
-
-
-def test_a_frame_that_is_not_there(tmp_path, capsys):
     path = tmp_path / "a.h5"
     assert cli.main(["run", "column_collapse", *QUICK, "-o", str(path)]) == 0
     assert cli.main(["plot", str(path), "--frame", "99", "-o", str(tmp_path / "a.png")]) == 2

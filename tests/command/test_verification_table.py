@@ -11,10 +11,16 @@ from granular.verify.incline import profile_error, states
 from granular.verify.rows import at_least, at_most, checks, holds, report, within
 from granular.verify.slug import fly, parabola
 
+REPEATED = ("chute_quick", "economy_quick")
+"""Quick checks whose runs other tests make as well: of stopping heights, and of cheaper scenes."""
+
 
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(c.name, marks=[pytest.mark.slow] * c.slow) for c in checks.values()],
+    [
+        pytest.param(c.name, marks=[pytest.mark.slow] * (c.slow or c.name in REPEATED))
+        for c in checks.values()
+    ],
 )
 def test_table(name):
     """All rows of the table; tests of what its measures detect are report those of each subject."""
@@ -83,12 +89,9 @@ def test_a_check_that_raises_fails_and_the_others_run(registered):
     assert "second" in out.getvalue()
 
 
-def test_unknown_name():
+def test_names_are_known_and_every_check_says_what_it_is():
     with pytest.raises(ValueError, match="only"):
         verify.main(only=["no_such_check"], out=io.StringIO())
-
-
-def test_every_check_says_what_it_is():
     assert len(checks) > 40
     assert all(check.doc for check in checks.values())
 

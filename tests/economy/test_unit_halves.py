@@ -48,7 +48,7 @@ def test_what_is_no_mirror_image_is_not_halved(changes, reason):
     assert not item("dimension", scene).changes
 
 
-def test_a_wall_on_the_plane_of_symmetry_is_not_lost():
+def test_what_lies_on_the_plane_of_symmetry():
     """A no-slip partition is not a plane of symmetry; a free-slip one is."""
     whole = full_silo()
     for wall in (Wall(0, 0.0), Wall(0, 0.0, kind="coulomb", friction=0.3)):
@@ -56,10 +56,7 @@ def test_a_wall_on_the_plane_of_symmetry_is_not_lost():
         assert "on the plane" in item("dimension", scene).reason
     scene = whole.replace(walls=(*whole.walls, Wall(0, 0.0, kind="free_slip")))
     assert gr.economy.mirror_half(scene) == gr.economy.mirror_half(whole)
-
-
-def test_what_ends_on_the_plane_is_not_cut_to_nothing():
-    """The middle is off zero by round-off."""
+    # what ends on the plane is not cut to nothing: the middle is off zero by round-off
     grid = Grid((-0.9, 0.0), 0.3, (6, 6))
     middle = 0.5 * (grid.lower[0] + grid.upper[0])
     assert middle < 0.0
@@ -85,15 +82,13 @@ def test_half_costs_accuracy_with_other_than_linear_functions():
     assert item("dimension", full_silo(), 0.01).error == 0.0
 
 
-def test_a_block_across_the_plane_is_cut():
+def test_blocks_walls_and_bodies_on_the_plane():
+    # a block is cut
     blocks = (Solid((-0.1, 0.5), (0.1, 0.6)), Solid((-0.5, 0.2), (-0.4, 0.3)))
     whole = full_silo(walls=(*blocks, Solid((0.4, 0.2), (0.5, 0.3))))
     kept = [wall for wall in gr.economy.mirror_half(whole).walls if isinstance(wall, Solid)]
     assert [block.lower[0] for block in kept] == [0.0, 0.4]
-
-
-def test_bodies_are_no_mirror_images():
-    """A wheel that rolls and a cylinder that turns have no mirror plane."""
+    # a wheel that rolls and a cylinder that turns have no mirror plane
     for scene in (gr.scenes.wheel(), gr.scenes.couette(cell=0.02)):
         assert item("dimension", scene).changes == {}
         with pytest.raises(ValueError, match=r"cannot be halved: bodies"):

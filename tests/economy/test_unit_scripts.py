@@ -21,12 +21,9 @@ def table(module):
     return {case(**row["case"]).key: row["numbers"] for row in rows}
 
 
-def test_the_table_holds_every_case(module, table):
+def test_the_table_holds_every_case_and_its_damping(module, table):
     cases = [case.key for group in module("economy").GROUPS.values() for case in group()]
     assert len(cases) == len(set(cases)) and set(cases) == set(table)
-
-
-def test_cases_hold_the_damping(module):
     case = module("economy").Case
     soft = case("silo", {"orifice": 0.2}, 1e6, held=1e8).build()
     assert soft.material.E == 1e6
@@ -101,15 +98,12 @@ def test_what_runs_are_said_to_cost_was_measured(module):
         assert nanoseconds(scheme, 3) == pytest.approx(space[0], rel=0.3)
 
 
-def test_all_figures_are_drawn(module):
+def test_all_figures_are_drawn_from_the_papers_stiffness(module):
     paper = module("paper_in_half_an_hour")
     chosen = argparse.Namespace(out=Path("there"), quick=False, tolerance=0.02)
     assert "--tolerance" not in paper.arguments_of("figure_13", chosen)
     assert paper.arguments_of("figure_4", chosen)[-1] == "0.02"
     assert float(paper.arguments_of("figure_3", chosen)[-1]) == paper.LEAST["figure_3"]
-
-
-def test_a_tolerance_starts_from_the_papers_stiffness(module):
     common = module("common")
     chosen = common.options("", ["--tolerance", "0.05"])
     assert chosen.E == common.PUBLISHED_E == 1e9 and "at 0.05" in chosen.note

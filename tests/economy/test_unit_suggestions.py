@@ -32,7 +32,7 @@ PAPER = [
 PUBLISHED = [scene.replace(scheme=gr.schemes.dunatunga_kamrin_2015) for scene in PAPER]
 
 
-@pytest.mark.parametrize("tolerance", [0.005, 0.02, 0.1])
+@pytest.mark.parametrize("tolerance", [0.005, 0.1])
 @pytest.mark.parametrize("scene", PAPER + PUBLISHED, ids=lambda s: f"{s.name}-{s.scheme.basis}")
 def test_suggestions_stay_within_the_tolerance(scene, tolerance):
     before = scene.to_json()
@@ -78,7 +78,7 @@ def test_a_silo_a_seventh_off_is_not_suggested():
     """E = 1e5 Pa changes the rate of the published scheme by 14 %, beyond the tolerance."""
     for scheme in (gr.schemes.dunatunga_kamrin_2015, gr.schemes.default):
         scene = gr.scenes.silo(orifice=0.2, scheme=scheme)
-        for tolerance in (0.015, 0.02, 0.05):
+        for tolerance in (0.015, 0.05):
             found = item("stiffness", scene, tolerance)
             assert found.changes.get("E", 1e9) > 1e5
         soft = gr.scenes.silo(material=glass_beads.replace(E=1e5), scheme=scheme)
@@ -115,17 +115,6 @@ def test_soft_layer_loses_friction_as_the_closed_form_says():
     for angle, measured in ((25.0, 0.007), (30.0, 0.018)):
         scene = gr.scenes.incline(angle_deg=angle, duration=200.0)
         assert 0.8 * measured < bias.incline_error(scene, grains) < 2 * measured
-
-
-@pytest.mark.parametrize(
-    ("material", "said"),
-    [
-        (gr.materials.DruckerPrager(), "does not depend"),
-        (gr.materials.RegularisedMuI(), "not been measured"),
-    ],
-)
-def test_whether_the_rate_matters_is_only_said_where_it_is_known(material, said):
-    assert said in item("rate", gr.scenes.silo(material=material), 0.02).reason
 
 
 def test_near_the_threshold_grains_must_be_stiff():
@@ -170,15 +159,12 @@ def test_a_damping_that_moves_the_run_out_is_not_softened_away():
     assert bias.grid_damping(coarse) == pytest.approx(0.03 * 947.3 * 0.025 / (0.2 * 1.4), rel=1e-3)
 
 
-def test_basis_is_kept_where_linear_functions_fail():
+def test_basis_and_resolution_only_where_they_converge():
     assert not item("basis", gr.scenes.column_collapse(), 0.5).changes
     assert not item("basis", gr.scenes.incline(columns=8), 0.005).changes
     one = item("basis", gr.scenes.incline(), 0.02)
     assert one.changes["basis"] == "linear"
     assert "fail in" in item("basis", PUBLISHED[5], 0.02).reason
-
-
-def test_resolution_only_where_it_converges():
     found = item("resolution", gr.scenes.incline(), 0.02)
     assert 0.2 / found.changes["cell"] == pytest.approx(round(0.2 / found.changes["cell"]))
     assert found.error <= 0.005
@@ -214,13 +200,12 @@ def test_rate():
     assert "not depend" in item("rate", simple).reason
     still = item("rate", gr.scenes.incline(angle_deg=19.0))
     assert still.error == 0.0
-
-
-def test_what_cohesion_changes_on_a_slope_is_not_estimated():
-    suggestion = gr.economy.suggest(gr.scenes.incline(cohesion=10.0), 0.1)
-    assert "depends on the depth" in suggestion.about("rate").reason
+    unknown = gr.scenes.silo(material=gr.materials.RegularisedMuI())
+    assert "not been measured" in item("rate", unknown, 0.02).reason
+    cohesive = gr.economy.suggest(gr.scenes.incline(cohesion=10.0), 0.1)
+    assert "depends on the depth" in cohesive.about("rate").reason
     for topic in ("rate", "stiffness"):
-        assert math.isnan(suggestion.about(topic).error) and not suggestion.about(topic).changes
+        assert math.isnan(cohesive.about(topic).error) and not cohesive.about(topic).changes
 
 
 def test_damping_is_held_where_grains_are_softened():
@@ -241,7 +226,7 @@ def test_damping_is_held_where_grains_are_softened():
     assert bias.held_decay(flip, 1e6) == {}
 
 
-def test_grains_are_only_told_of():
+def test_grains_and_fields_are_only_told_of():
     unknown = item("grains", gr.scenes.silo(), 0.02)
     assert math.isnan(unknown.error) and not unknown.changes
     narrow = gr.scenes.silo(orifice=0.06, material=glass_beads_5mm)
@@ -251,9 +236,6 @@ def test_grains_are_only_told_of():
     layer = item("grains", gr.scenes.incline(material=glass_beads_5mm))
     stop = math.pi / 2 * 0.48 * 0.005 * math.sqrt(0.1772 / (0.2616 * 0.0844))
     assert f"{stop:.2g}" in layer.reason
-
-
-def test_fields():
     particle, smoothed = (item("fields", scene).reason for scene in (PUBLISHED[5], PAPER[5]))
     assert "88 bytes" in particle and "176 bytes" in smoothed and "density_gradient" in smoothed
 
@@ -277,7 +259,7 @@ def test_no_scheme_is_refused_or_led_astray(scheme, fixed):
     )
     scenes = [gr.scenes.incline(scheme=scheme, **called) for called in inclines]
     scenes += [scene.replace(scheme=scheme) for scene in (PAPER[4], PAPER[5], full_silo())]
-    for scene in (*scenes, gr.scenes.cylinder_collapse(scheme=scheme)):
+    for scene in (*scenes, gr.scenes.cylinder_collapse(scheme=scheme, cell=0.05)):
         suggestion = gr.economy.suggest(scene, 0.05)
         cheaper = gr.economy.apply(scene, suggestion)
         check_time_step(cheaper)
@@ -298,7 +280,7 @@ def unmeasured():
     yield full_silo(name="incline")
     yield gr.scenes.incline(columns=4).replace(parameters={"angle_deg": "steep"})
     for material in (DruckerPrager(), Elastic(E=1e9)):
-        yield from (scene.replace(material=material) for scene in (*PAPER, *PUBLISHED))
+        yield from (scene.replace(material=material) for scene in (*PAPER[::2], *PUBLISHED[1::2]))
     for changes in ({"shifting": 0.0}, {"relaxation": 0.0}, {"diffusion": 0.3}, {"tpic_decay": 0}):
         yield gr.scenes.silo(scheme=scheme_of("quadratic", "tpic", "smoothed", **changes))
     for changes in ({"transfer": "apic"}, {"flip_decay": 20.0}, {"basis": "ugimp"}):
@@ -325,7 +307,7 @@ def test_schemes_of_the_same_kind():
     assert bias.kind(published.replace(mass_cutoff=0.01)) == ""
 
 
-def test_pieces_can_be_chosen():
+def test_pieces_can_be_chosen_and_scenes_read_again():
     scene = gr.scenes.incline(columns=4, scheme=gr.schemes.dunatunga_kamrin_2015)
     suggestion = gr.economy.suggest(scene, 0.05)
     some = gr.economy.apply(scene, [i for i in suggestion if i.topic in ("dimension", "time step")])
@@ -334,6 +316,10 @@ def test_pieces_can_be_chosen():
     )
     assert gr.economy.apply(scene, suggestion.about("stiffness")).grid == scene.grid
     assert gr.economy.apply(scene, []) == scene
+    # a scene read again has the same suggestion
+    for scene in PAPER[::3]:
+        again = gr.Scene.from_json(scene.to_json())
+        assert str(gr.economy.suggest(again, 0.02)) == str(gr.economy.suggest(scene, 0.02))
 
 
 def test_a_suggestion_for_another_scene_is_refused_and_one_changed_by_hand_not_rebuilt():
@@ -352,21 +338,12 @@ def test_a_suggestion_for_another_scene_is_refused_and_one_changed_by_hand_not_r
     assert math.isnan(own.about("stiffness").error) and not own.about("stiffness").changes
 
 
-def test_a_scene_read_again_has_the_same_suggestion():
-    for scene in PAPER:
-        again = gr.Scene.from_json(scene.to_json())
-        assert str(gr.economy.suggest(again, 0.02)) == str(gr.economy.suggest(scene, 0.02))
-
-
-def test_arguments_are_checked():
+def test_arguments_are_checked_and_a_suggestion_prints_as_a_table():
     for tolerance in (0.0, -0.1, 0.6, math.nan, True, "2 %"):
         with pytest.raises((TypeError, ValueError), match="tolerance"):
             gr.economy.suggest(gr.scenes.silo(), tolerance)
     with pytest.raises(TypeError, match="Scene"):
         gr.economy.suggest("silo")
-
-
-def test_suggestion_prints_as_a_table():
     suggestion = gr.economy.suggest(gr.scenes.silo())
     text = str(suggestion)
     assert text.count("\n") == len(suggestion) and "together" in text
@@ -376,14 +353,7 @@ def test_suggestion_prints_as_a_table():
     assert len(suggestion[:2]) == 2
 
 
-def test_cost_of_a_scene_on_given_terrain():
-    """Its parameters do not hold the map, so that the scene counts as made by hand."""
-    ground = gr.shapes.HeightMap(np.linspace(0.5, 0.0, 21), 0.05)
-    scene = gr.scenes.landslide(terrain=ground, at=(0.3,), cell=0.025, thickness=0.15)
-    assert gr.economy.cost(scene).points == scene.n_points
-
-
-def test_cost_by_hand():
+def test_cost_by_hand_and_on_given_terrain():
     scene = gr.scenes.column_collapse(scheme=gr.schemes.dunatunga_kamrin_2015)
     found = gr.economy.cost(scene)
     assert (found.points, found.steps) == (8192, 666667)
@@ -394,6 +364,10 @@ def test_cost_by_hand():
     stiff = scene.replace(material=glass_beads.replace(E=1e13))
     with pytest.raises(ValueError, match="dt"):
         gr.economy.cost(stiff)
+    # its parameters do not hold the map, so that the scene counts as made by hand
+    ground = gr.shapes.HeightMap(np.linspace(0.5, 0.0, 21), 0.05)
+    scene = gr.scenes.landslide(terrain=ground, at=(0.3,), cell=0.025, thickness=0.15)
+    assert gr.economy.cost(scene).points == scene.n_points
 
 
 def test_cost_of_a_preset_of_1_gpa_tells_what_would_be_enough():
@@ -429,16 +403,11 @@ def test_stiffness_that_is_enough_where_no_error_was_measured():
     assert "enough" not in str(gr.economy.cost(floating))
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=[pytest.mark.slow] * (name == "couette"))  # a million points
-        for name in gr.scenes.registry
-    ],
-)
+@pytest.mark.parametrize("name", gr.scenes.registry)
 def test_points_and_memory_of_every_scene(name):
     """The estimate for many points agrees with their number; SPH has no modulus to lower."""
-    scene = gr.scenes.registry[name]()
+    coarse = {"cell": 0.025} if name in ("couette", "cylinder_collapse") else {}
+    scene = gr.scenes.registry[name](**coarse)
     found = gr.economy.cost(scene)
     gas = getattr(scene, "gas", None)
     points = scene.n_points + (len(gas.points(scene.grid, 0).x) if gas else 0)
@@ -456,7 +425,7 @@ def test_points_and_memory_of_every_scene(name):
     assert math.isnan(found.E) == (scene.method == "sph")
 
 
-def test_memory_of_wall_particles():
+def test_memory_of_wall_particles_and_growing_buffers():
     """They count, with less memory than particles of the material, which the record holds too."""
     for across, each in ((0, 480), (20, 850)):
         scene = gr.scenes.incline_sph(columns=200, height=0.02, columns_across=across)
@@ -466,11 +435,8 @@ def test_memory_of_wall_particles():
         assert added == 4 * 200 * max(across, 1)
         found = [gr.economy.cost(s).memory for s in (scene, more)]
         assert found[1] - found[0] == pytest.approx(MARGIN * each * added)
-
-
-def test_memory_of_growing_buffers():
-    """Old and new buffers are there at the same time; those of SPH do not grow."""
-    scene = gr.scenes.cylinder_collapse(points_per_cell=8)
+    # old and new buffers are there at the same time; those of SPH do not grow
+    scene = gr.scenes.cylinder_collapse(points_per_cell=8, cell=0.02)
     sim, cost = gr.Simulation(scene, threads=1), gr.economy.cost(scene)
     buffers = sum(array.nbytes for array in sim.buffers.values())
     assert 0.5 * buffers < cost.peak_memory - cost.memory < 2 * buffers
@@ -480,7 +446,7 @@ def test_memory_of_growing_buffers():
 
 def test_work_falls_with_what_is_left():
     """When half of a silo has left, half of the points and of the active cells are left."""
-    soft = glass_beads.replace(E=1e6)
+    soft = glass_beads.replace(E=2e5)
     sim = gr.Simulation(gr.scenes.silo(orifice=0.2, cell=0.02, material=soft), threads=1)
     sim.step(5)
     points, cells = sim.n_points, len(sim.cell_counts)

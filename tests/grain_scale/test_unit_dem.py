@@ -17,14 +17,17 @@ from granular.grain_scale.dem.scripts import packing_script, shear_script, start
 from granular.grain_scale.dem.settings import Units
 
 
-def test_grains_of_two_sizes():
+def test_grains_of_two_sizes_in_their_units():
     grains = dem.Grains(d=2.0, spread=0.2)
     assert grains.diameters == pytest.approx((1.6, 2.4))
     assert grains.d_volume**3 == pytest.approx(0.5 * (1.6**3 + 2.4**3))
     assert grains.kt == 0.5 * grains.kn
+    units = Units(2.0, 3.0, 5.0)
+    assert units.mass * units.length / units.time**2 == pytest.approx(units.force)
+    assert units.force / units.length**2 == pytest.approx(units.stress)
 
 
-def test_weak_damping_costs_what_perturbation_theory_says():
+def test_restitution_of_weak_damping_is_that_of_perturbation_theory():
     """1 - e = 2 b int sqrt(x) x' dx along the elastic path, with x'^2 = 1 - (4/5) x^(5/2)."""
     grains = dem.Grains(gamma_n=1e6)
     mass, radius = grains.contact()
@@ -35,19 +38,11 @@ def test_weak_damping_costs_what_perturbation_theory_says():
     assert lost < 2e-3
     assert 1.0 - grains.restitution(speed) == pytest.approx(lost, rel=2 * lost)
     assert dem.Grains().restitution(speed) == 1.0
-
-
-def test_restitution_falls_with_the_speed_and_can_be_asked_for():
+    # it falls with the speed and can be asked for
     grains = dem.Grains().with_restitution(0.6, 0.05)
     assert grains.restitution(0.05) == pytest.approx(0.6, abs=1e-9)
     assert grains.restitution(0.005) > 0.6 > grains.restitution(0.5)
     assert grains.with_restitution(1.0, 0.05).gamma_n == 0.0
-
-
-def test_units_are_consistent():
-    units = Units(2.0, 3.0, 5.0)
-    assert units.mass * units.length / units.time**2 == pytest.approx(units.force)
-    assert units.force / units.length**2 == pytest.approx(units.stress)
 
 
 def positions(data):

@@ -30,9 +30,7 @@ def test_stress_by_hand():
     assert found.stress[0] == pytest.approx([0.0, 0.0, 0.0], abs=1e-12)
     assert (found.contacts, found.grains, found.slipping) == (1, 2, 1)
     assert found.solid == pytest.approx(2 * math.pi / 6)
-
-
-def test_stress_of_motion_is_that_relative_to_the_shear():
+    # the stress of motion is relative to the shear
     still = friction_law.sample(frame(ABOVE, [[0.55, 0, 0], [1.45, 0, 0]]), GRAINS)
     assert still.kinetic == pytest.approx(np.zeros((3, 3)), abs=1e-15)
     moving = friction_law.sample(frame(ABOVE, [[0.55, -2, 0], [1.45, 2, 0]]), GRAINS)
@@ -48,9 +46,7 @@ def test_dissipation_by_hand():
     assert tangential == pytest.approx([1.5 * 4.0])
     back = two(sliding=[[4.0, 0.0, 0.0]])
     assert friction_law.sample(back, GRAINS).sliding == pytest.approx(-6.0)
-
-
-def test_sticking_contacts_count_for_the_power_but_not_as_slipping():
+    # sticking contacts count for the power, but not as slipping
     found = friction_law.sample(two(tangential=[[1.4, 0, 0]], sliding=[[-1.0, 0, 0]]), GRAINS)
     assert (found.slipping, found.sliding) == (0, pytest.approx(1.4))
 
@@ -72,10 +68,7 @@ def test_law_is_the_balance_of_energy():
     # The mass of the handmade grains does not enter, but the volumes of spheres do.
     share = point.friction_viscoelastic / point.friction_by_law
     assert share == pytest.approx(point.viscoelastic / (point.viscoelastic + point.sliding))
-
-
-def test_what_expands_does_work_on_its_load():
-    """The height grows by a tenth during a strain of 4."""
+    # the height grows by a tenth during a strain of 4
     samples = [
         friction_law.sample(two(time=t, box=(2.0, h, 2.0)), GRAINS)
         for t, h in ((1.0, 2.0), (3.0, 2.1), (5.0, 2.2))

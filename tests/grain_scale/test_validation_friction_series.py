@@ -58,13 +58,12 @@ def test_the_constants_that_are_kept_are_those_of_the_flows():
     assert {name: material.arguments()[name] for name in kept} == pytest.approx(kept)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "options", "expected"),
     [
         ("friction_4_4_to_4_8", (), [f"friction_4_{k}" for k in range(4, 9)]),
-        pytest.param(
-            *("friction_collapse", ("--quick",), ["friction_collapse"]), marks=pytest.mark.slow
-        ),
+        ("friction_collapse", ("--quick",), ["friction_collapse"]),
     ],
 )
 def test_figures_are_written(module, tmp_path, name, options, expected):

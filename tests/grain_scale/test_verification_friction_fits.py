@@ -18,11 +18,18 @@ def law(inertial):
     return TRUE["mu_s"] + (TRUE["mu_2"] - TRUE["mu_s"]) / (TRUE["I0"] / inertial + 1)
 
 
-def test_exact_data_give_their_constants():
+def test_exact_data_give_their_constants_and_errors_weigh_the_points():
     fit = friction_law.fit_mu_I(INERTIAL, law(INERTIAL))
     assert (fit.mu_s, fit.mu_2, fit.I0) == pytest.approx(tuple(TRUE.values()), rel=1e-6)
     assert np.abs(fit.residuals).max() < 1e-8
     assert fit(INERTIAL) == pytest.approx(law(INERTIAL))
+    # a wrong point that is known to be uncertain does not change them
+    friction, error = law(INERTIAL), np.full(len(INERTIAL), 1e-4)
+    friction[5] += 0.05
+    error[5] = 1.0
+    fit = friction_law.fit_mu_I(INERTIAL, friction, error)
+    assert (fit.mu_s, fit.mu_2, fit.I0) == pytest.approx(tuple(TRUE.values()), rel=1e-4)
+    assert friction_law.fit_mu_I(INERTIAL, friction).I0 != pytest.approx(TRUE["I0"], rel=0.02)
 
 
 @pytest.mark.parametrize("confidence", [0.95, 0.6])
@@ -39,16 +46,6 @@ def test_intervals_hold_the_constants_as_often_as_they_say(confidence):
     allowed = 4 * math.sqrt(confidence * (1 - confidence) / runs) + 0.015
     for name, count in hits.items():
         assert abs(count / runs - confidence) < allowed, (name, count / runs)
-
-
-def test_errors_weigh_the_points():
-    """A wrong point that is known to be uncertain does not change the constants."""
-    friction, error = law(INERTIAL), np.full(len(INERTIAL), 1e-4)
-    friction[5] += 0.05
-    error[5] = 1.0
-    fit = friction_law.fit_mu_I(INERTIAL, friction, error)
-    assert (fit.mu_s, fit.mu_2, fit.I0) == pytest.approx(tuple(TRUE.values()), rel=1e-4)
-    assert friction_law.fit_mu_I(INERTIAL, friction).I0 != pytest.approx(TRUE["I0"], rel=0.02)
 
 
 def test_laws_of_the_thesis_give_their_constants():
@@ -98,6 +95,8 @@ def test_from_flows_to_the_material_of_a_scene():
     simulation.step(20)
     assert simulation.state.n == scene.n_points
     assert fit.material(d=1e-3, rho_s=2500.0, rho_c=1400.0).rho_c == 1400.0
+    with pytest.raises(ValueError, match="no packing fractions"):
+        friction_law.fit_mu_I(INERTIAL, law(INERTIAL)).material(d=1e-3, rho_s=2500.0)
 
 
 NOT_DETERMINED = r"do not determine|mu_s < mu_2"
@@ -118,8 +117,3 @@ NOT_DETERMINED = r"do not determine|mu_s < mu_2"
 def test_data_that_do_not_determine_the_constants_are_refused(fit, data, options, words):
     with pytest.raises(ValueError, match=words):
         fit(*data, **options)
-
-
-def test_a_material_needs_packing_fractions():
-    with pytest.raises(ValueError, match="no packing fractions"):
-        friction_law.fit_mu_I(INERTIAL, law(INERTIAL)).material(d=1e-3, rho_s=2500.0)

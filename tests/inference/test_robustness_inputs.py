@@ -64,13 +64,22 @@ def test_packings(change, error, words):
         Packing(**(GOOD | change))
 
 
-def test_arrays_are_copies_that_cannot_be_changed():
+def test_arrays_are_copies_and_errors_of_one_kind_are_refused():
     volumes = np.array([np.pi])
     packing = Packing(**(GOOD | {"volumes": volumes}))
     volumes[0] = -1.0
     assert packing.volumes[0] == np.pi
     with pytest.raises(ValueError, match="read-only"):
         packing.volumes[0] = 1.0
+    packing = Packing(**(GOOD | {"stress_errors": [1.0]}))
+    with pytest.raises(ValueError, match="stress_errors and acceleration_errors must be given tog"):
+        inference.infer_dynamic(packing, mu=0.5)
+    turning = {"masses": [1.0], "inertias": [1.0], "angular_accelerations": [1.0]}
+    packing = Packing(**(GOOD | turning))
+    with pytest.raises(ValueError, match="moments = False must not be used with angular"):
+        inference.infer_dynamic(packing, mu=0.5, moments=False)
+    with pytest.raises(TypeError, match="moments = 0"):
+        inference.infer_dynamic(packing, mu=0.5, moments=0)
 
 
 @pytest.mark.parametrize(
@@ -97,18 +106,6 @@ def test_weights(weight):
         inference.infer_dynamic(Packing(**GOOD), mu=0.5, weight=weight)
     with pytest.raises(ValueError, match="weights"):
         inference.pareto_front(Packing(**GOOD), mu=0.5, weights=[weight, 1.0, 2.0])
-
-
-def test_errors_of_one_kind_and_moments():
-    packing = Packing(**(GOOD | {"stress_errors": [1.0]}))
-    with pytest.raises(ValueError, match="stress_errors and acceleration_errors must be given tog"):
-        inference.infer_dynamic(packing, mu=0.5)
-    turning = {"masses": [1.0], "inertias": [1.0], "angular_accelerations": [1.0]}
-    packing = Packing(**(GOOD | turning))
-    with pytest.raises(ValueError, match="moments = False must not be used with angular"):
-        inference.infer_dynamic(packing, mu=0.5, moments=False)
-    with pytest.raises(TypeError, match="moments = 0"):
-        inference.infer_dynamic(packing, mu=0.5, moments=0)
 
 
 @pytest.mark.parametrize(

@@ -58,7 +58,7 @@ def test_blocks_of_the_thesis():
     assert B == pytest.approx(np.array([[-0.6, -0.8], [0.5, -1.0], [-1.1, 0.2]]))
 
 
-def test_frames_are_orthonormal():
+def test_frames_are_orthonormal_and_walls_have_their_friction():
     normals = np.random.default_rng(0).normal(size=(40, 3))
     normals = np.vstack([normals, np.eye(3), -np.eye(3)])
     normals /= np.linalg.norm(normals, axis=1)[:, None]
@@ -67,6 +67,15 @@ def test_frames_are_orthonormal():
         np.tile(np.eye(3), (46, 1, 1))
     )
     assert frames[:, 0] == pytest.approx(normals)
+    # mu_wall is a number for all walls, or one for each by its name
+    packing = square()
+    assert inference.friction_of_contacts(packing, 0.5, 0.0).tolist() == [0, 0, 0, 0]
+    some = inference.friction_of_contacts(packing, 0.5, {-4: 0.1, -1: 0.0})
+    assert some.tolist() == [0.5, 0.0, 0.1, 0.5]
+    window, _ = jittered_grid((5, 5)).packing.subset([0, 1])
+    outside = window.bodies.min(axis=1) == inference.OUTSIDE
+    assert outside.any()
+    assert (inference.friction_of_contacts(window, 0.5, 0.0)[outside] == 0.5).all()
 
 
 @pytest.mark.parametrize("solver", ["auto", "clarabel", "nnls"])
@@ -110,18 +119,6 @@ def test_strains_and_stiffness_give_the_stresses():
     given = ((1 + nu) * stress - nu * np.trace(stress) * np.eye(2)) / E
     from_strains = replace(packing, stresses=None, strains=[given], stiffness=free)
     assert from_strains.stresses[0] == pytest.approx(stress)
-
-
-def test_free_slip_walls_are_known_zeros():
-    """mu_wall is a number for all walls, or one for each wall by its name."""
-    packing = square()
-    assert inference.friction_of_contacts(packing, 0.5, 0.0).tolist() == [0, 0, 0, 0]
-    some = inference.friction_of_contacts(packing, 0.5, {-4: 0.1, -1: 0.0})
-    assert some.tolist() == [0.5, 0.0, 0.1, 0.5]
-    window, _ = jittered_grid((5, 5)).packing.subset([0, 1])
-    outside = window.bodies.min(axis=1) == inference.OUTSIDE
-    assert outside.any()
-    assert (inference.friction_of_contacts(window, 0.5, 0.0)[outside] == 0.5).all()
 
 
 def test_a_subset_keeps_contacts_in_order_and_names_the_rest():
@@ -212,13 +209,19 @@ def test_a_grain_under_stress_without_contact_is_flagged():
     assert "stressed_rattlers" in {flag.name for flag in found.flags}
 
 
-def test_knee_is_the_corner():
+def test_knee_impulses_and_distances_by_hand():
     """Knee of a front like 1/x in any units; of a flat front the weight closest to one."""
     x = np.logspace(-2, 2, 41)
     weights = np.logspace(-3, 3, 41)
     assert knee_of(x, 1 / x, weights=weights) == 20
     assert knee_of(1e6 * x, 1e-3 / x, weights=weights) == 20
     assert knee_of(0 * x, 1 / x, weights=weights) == 20
+    net = np.array([[[0.0, 1.0]], [[2.0, 1.0]], [[4.0, 1.0]]])
+    assert inference.impulses(net, [0.0, 0.5, 1.0]).tolist() == [[2.0, 1.0]]
+    forces = [[[3.0, 4.0], [1.0, 0.0]], [[0.0, 2.0], [9.0, 0.0]]]
+    found = inference.largest_by_distance(forces, [[0.1, 1.5], [1.9, -1.0]], bin_width=1.0, bins=3)
+    assert found[:2].tolist() == [5.0, 2.0]
+    assert np.isnan(found[2])
 
 
 def test_statistics_of_exponential_forces():
@@ -280,12 +283,3 @@ def test_a_grain_may_be_given_in_any_image_of_a_periodic_box():
     window, contacts = image.subset([1, 2, 6])
     assert window.shifts.tolist() == image.shifts[contacts].tolist()
     assert replace(window).shifts.any()
-
-
-def test_impulses_and_distances_by_hand():
-    net = np.array([[[0.0, 1.0]], [[2.0, 1.0]], [[4.0, 1.0]]])
-    assert inference.impulses(net, [0.0, 0.5, 1.0]).tolist() == [[2.0, 1.0]]
-    forces = [[[3.0, 4.0], [1.0, 0.0]], [[0.0, 2.0], [9.0, 0.0]]]
-    found = inference.largest_by_distance(forces, [[0.1, 1.5], [1.9, -1.0]], bin_width=1.0, bins=3)
-    assert found[:2].tolist() == [5.0, 2.0]
-    assert np.isnan(found[2])

@@ -42,7 +42,7 @@ def test_exact_data(weight, solver):
     assert error(infer([c.packing for c in impact().frames], weight=weight, solver=solver)) < 1e-10
 
 
-def test_without_the_angular_momentum():
+def test_what_leaving_rotation_out_does():
     """The term that the thesis drops costs some per cent, more if the balance has more weight."""
     packings = [
         replace(case.packing, inertias=None, angular_accelerations=None) for case in impact().frames
@@ -52,6 +52,12 @@ def test_without_the_angular_momentum():
     assert 0.005 < errors[0]
     assert 0.02 < errors[1] < 0.06
     assert errors[2] < 0.2
+    # impulses of exact data but for a balance of moments that takes grains not to rotate
+    true = impact().v[-1] - impact().v[0]
+    for moments, least, most in ((True, 0.1, 0.2), (False, 0.0, 0.02)):
+        found = infer(packings, weight=1.0, solver="nnls", moments=moments)
+        off = abs(velocity_changes(packings, found) - true).max() / abs(true).max()
+        assert least <= off < most
 
 
 def test_impulses_are_the_changes_of_velocity():
@@ -102,16 +108,7 @@ def check_noisy_records(seeds):
 def test_noisy_records():
     """Errors exceed those of the best weight by 20 % at most; impulses to 0.2 of the largest."""
     check_noisy_records([0])
-
-
-@pytest.mark.slow
-def test_noisy_records_at_length():
-    """Twenty draws, each checked by itself."""
-    assert np.mean(check_noisy_records(range(20))) < 0.11
-
-
-def test_noisy_records_as_the_thesis_has_them():
-    """Equal weights and no rotation: forces are worse by a quarter at most, impulses by twice."""
+    # equal weights and no rotation: forces are worse by a quarter at most, impulses by twice
     _, _, worst = errors_along_the_front(0)
     front, errors, plain = errors_along_the_front(0, plain=True)
     assert errors[front.knee] < 1.2 * errors.min()
@@ -119,16 +116,10 @@ def test_noisy_records_as_the_thesis_has_them():
     assert 1.5 * worst < plain < 0.3
 
 
-def test_what_leaving_rotation_out_does_to_impulses():
-    """Exact data but for a balance of moments that takes grains not to rotate."""
-    packings = [
-        replace(case.packing, inertias=None, angular_accelerations=None) for case in impact().frames
-    ]
-    true = impact().v[-1] - impact().v[0]
-    for moments, least, most in ((True, 0.1, 0.2), (False, 0.0, 0.02)):
-        found = infer(packings, weight=1.0, solver="nnls", moments=moments)
-        off = abs(velocity_changes(packings, found) - true).max() / abs(true).max()
-        assert least <= off < most
+@pytest.mark.slow
+def test_noisy_records_at_length():
+    """Twenty draws, each checked by itself."""
+    assert np.mean(check_noisy_records(range(20))) < 0.11
 
 
 def over_errors(packing, moments):
@@ -186,7 +177,7 @@ def test_rows_over_their_errors_are_generalised_least_squares(kind):
     assert np.isnan(found.weight_of_norms)
 
 
-def test_the_front_of_rows_over_their_errors_counts_standard_deviations():
+def test_fronts_count_standard_deviations_or_squares():
     packing = noisy_record(impact(), 0)[20]
     front = inference.pareto_front(packing, mu=MU, weights=[0.1, 1.0, 10.0], moments=False)
     A, b = over_errors(packing, False)
@@ -194,10 +185,7 @@ def test_the_front_of_rows_over_their_errors_counts_standard_deviations():
         left = A @ front.forces[k][0].ravel() - b
         assert front.stress_residuals[k] == pytest.approx(np.linalg.norm(left[:18]), rel=1e-6)
         assert front.balance_residuals[k] == pytest.approx(np.linalg.norm(left[18:]), rel=1e-6)
-
-
-def test_a_front_of_norms_is_the_front_of_squares():
-    """For (3.18) with weights of norms, no point of the front is better by that measure."""
+    # for (3.18) with weights of norms, no point of the front is better by that measure
     packings = without_errors(noisy_record(impact(), 0)[20:21])
     front = inference.pareto_front(packings, mu=MU, mu_wall=0.0, solver="nnls")
     for k in range(2, len(front.weights) - 2):

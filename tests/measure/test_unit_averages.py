@@ -43,7 +43,7 @@ def test_one_frame_is_the_average_over_its_cells_or_nodes():
     assert np.isnan(at_nodes.value.ravel()[~known]).all()
 
 
-def test_frames_count_by_what_they_hold():
+def test_frames_count_by_what_they_hold_and_stress_by_volume():
     s = scene((2, 1), 1.0)
     first = state(s, [[0.5, 0.5], [1.5, 0.5]], mass=[1.0, 2.0])
     second = state(s, [[0.2, 0.5]], mass=3.0)
@@ -52,6 +52,11 @@ def test_frames_count_by_what_they_hold():
     assert mean.frames == 2
     assert np.allclose(mean.value[:, 0], [(10 + 3 * 2) / 4, 7.0])
     assert np.allclose(mean.weight[:, 0], [2.0, 1.0])
+    s = scene((1, 1), 1.0)
+    frame = state(s, [[0.5, 0.5], [0.6, 0.5]], mass=1.0, rho=[1.0, 0.25])
+    frame.f = np.array([10.0, 20.0])
+    assert frame_average(frame, "f").value.item() == pytest.approx(15)
+    assert frame_average(frame, "f", weight="volume").value.item() == pytest.approx(18)
 
 
 def test_the_fluidity_of_dense_points_alone():
@@ -67,14 +72,6 @@ def test_the_fluidity_of_dense_points_alone():
     assert mean.weight[0, 0] == 1.5
     with pytest.raises(ValueError, match="no such point"):
         frame_average(state(s, [[0.5, 0.5]]), "x", points="dense")
-
-
-def test_stress_goes_by_volume():
-    s = scene((1, 1), 1.0)
-    frame = state(s, [[0.5, 0.5], [0.6, 0.5]], mass=1.0, rho=[1.0, 0.25])
-    frame.f = np.array([10.0, 20.0])
-    assert frame_average(frame, "f").value.item() == pytest.approx(15)
-    assert frame_average(frame, "f", weight="volume").value.item() == pytest.approx(18)
 
 
 @pytest.mark.parametrize("half", [True, False])

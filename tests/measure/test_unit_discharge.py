@@ -124,16 +124,13 @@ def test_beverloo_of_runs():
         beverloo([*runs, *rounds])
 
 
-def test_bad_histories_are_refused():
+def test_bad_histories_and_fits_are_refused():
     refused(
         ("0 frames", lambda: mass_history([])),
         ("0 frames lie in it", lambda: discharge(silo(10.0, end=1.0))),
         ("must fall", lambda: discharge(silo(200.0), window=(900.0, 1200.0))),
         ("at least 3", lambda: discharge(silo(200.0, frames=7))),
     )
-
-
-def test_bad_fits_are_refused():
     refused(
         ("rho = None", lambda: beverloo([0.1, 0.2], [1.0, 2.0])),
         ("at least 2 different", lambda: beverloo([0.1, 0.1], [1.0, 2.0], rho=1500.0)),

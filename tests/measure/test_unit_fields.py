@@ -30,16 +30,14 @@ def irregular(n=300, seed=3, **options):
     return state(s, rng.uniform(0, [0.6, 0.5], (n, 2)), mass=rng.uniform(1, 3, n))
 
 
-def test_weights_sum_to_one_and_place_the_point():
+def test_smoothing_is_the_papers_sum_over_nodes():
+    """With weights that sum to one and place the point."""
     points = irregular()
     shapes = stencil(points)
     assert np.allclose(shapes.weights.sum(axis=0), 1, atol=1e-14)
     i, j = np.meshgrid(np.arange(7), np.arange(6), indexing="ij")
     nodes = CELL * np.stack([i.ravel(), j.ravel()], axis=1)
     assert np.allclose(shapes.to_points(nodes), points.x, atol=1e-14)
-
-
-def test_smoothing_is_the_papers_sum_over_nodes():
     points = irregular(n=12)
     f = np.sin(37 * points.x[:, 0]) + points.x[:, 1]
     nodes = [(CELL * i, CELL * j) for i in range(7) for j in range(6)]
@@ -105,15 +103,12 @@ def test_a_full_box_has_the_density_of_its_points_in_edges_and_corners_too(shape
     assert phase(points).all()
 
 
-def test_a_full_layer_has_the_density_of_its_points_at_the_surface_too():
+def test_the_density_at_the_surface_and_the_phase_are_nodal():
     layer = filled(scene((6, 8), CELL), 2, lambda x: x[:, 1] < 0.35 + 0.1 * (x[:, 0] > 0.3))
     density = nodal_density(layer)
     # whole cells are filled up to 0.3 and 0.4; half-filled cells above have half the density
     assert np.allclose(density[layer.x[:, 1] < 0.2], RHO_C, rtol=1e-13)
     assert np.all(density[layer.x[:, 1] > 0.4] < 0.9 * RHO_C)
-
-
-def test_the_phase_follows_the_nodal_and_not_the_particle_density():
     s = scene((6, 20), CELL)
     heap = regular_points(s, 2, lambda x: x[:, 1] < 0.5)
     rain = regular_points(s, 1, lambda x: x[:, 1] > 1.0)

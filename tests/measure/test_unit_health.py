@@ -38,7 +38,7 @@ def freed(free):
     return pool(stress=np.where(free(points.x[:, 1])[:, None], 0.0, points.stress))
 
 
-def test_only_the_bulk_counts_as_disconnected():
+def test_what_is_not_bulk_does_not_count_as_disconnected():
     assert disconnected_fraction(pool()) == 0
     # the bulk is the eight rows of cells below 0.08, which hold sixteen rows of points
     assert disconnected_fraction(freed(lambda y: y > 0.08)) == 0
@@ -46,24 +46,21 @@ def test_only_the_bulk_counts_as_disconnected():
     assert disconnected_fraction(row) == pytest.approx(1 / 16)
     assert disconnected_fraction(row, depth_cells=0) == pytest.approx(1 / 20)
     assert disconnected_fraction(freed(lambda y: y < 1)) == 1
-
-
-def test_sprays_and_falling_streams_are_not_bulk():
+    # sprays and falling streams
     points = pool(shape=(5, 40))
     stream = regular_points(points.scene, 1, lambda x: (x[:, 1] > 0.15) & (x[:, 0] < 0.02))
     x = np.vstack([points.x, stream])
     stress = np.vstack([points.stress, np.zeros((len(stream), 4))])
     assert disconnected_fraction(state(points.scene, x, stress=stress)) == 0
-
-
-def test_the_upper_heap_of_an_hourglass_has_its_own_surface():
+    # the upper heap of an hourglass has its own surface
     s = scene((5, 40), CELL)
     x = regular_points(s, 2, lambda x: (x[:, 1] < 0.05) | ((x[:, 1] > 0.2) & (x[:, 1] < 0.25)))
     p = np.where((x[:, 1] > 0.23) | (x[:, 1] < 0.05) & (x[:, 1] > 0.03), 0.0, 100.0)
     assert disconnected_fraction(state(s, x, stress=isotropic(p))) == 0
 
 
-def test_cells_that_are_full_and_empty_in_turn_are_strings():
+def test_strings_and_gaps():
+    # cells that are full and empty in turn are strings
     points = pool(shape=(12, 20))
     assert string_fraction(points) == 0
     drawn = points.x.copy()
@@ -71,6 +68,14 @@ def test_cells_that_are_full_and_empty_in_turn_are_strings():
     assert string_fraction(state(points.scene, drawn, per_cell=4)) > 0.9
     between_walls = pool(shape=(2, 20))  # beyond the ends of the grid it goes on
     assert string_fraction(between_walls) == 0
+    # gaps are empty cells in a stressed body
+    points = pool()
+    assert gap_fraction(points) == 0
+    column = (points.x[:, 0] > 0.02) & (points.x[:, 0] < 0.03)
+    torn = state(points.scene, points.x[~column], stress=points.stress[~column])
+    assert gap_fraction(torn) == pytest.approx(10 / 40)
+    calm = state(points.scene, points.x[~column])
+    assert np.isnan(gap_fraction(calm))
 
 
 def test_speeds_areas_and_heights():
@@ -98,7 +103,8 @@ def test_hydrostatic_pressure_has_no_error(shape):
     assert mean_pressure_error(heavy) == pytest.approx(0.1)
 
 
-def test_a_box_at_rest_balances_by_its_normal_stress_and_not_by_its_pressure():
+def test_columns_of_different_height_have_their_own_overburden():
+    """A box at rest balances by its normal stress and not by its pressure."""
     points = pool()
     weight = points.pressure
     stress = isotropic(weight)
@@ -107,9 +113,6 @@ def test_a_box_at_rest_balances_by_its_normal_stress_and_not_by_its_pressure():
     rest = state(points.scene, points.x, stress=stress)
     assert mean_pressure_error(rest) < 1e-12
     assert mean_pressure_error(rest, of="pressure") == pytest.approx(1 - 13 / 21)
-
-
-def test_columns_of_different_height_have_their_own_overburden():
     s = scene((10, 20), CELL)
     height = 0.1
     x = regular_points(s, 2, lambda x: x[:, 1] < height + 0.05 * (x[:, 0] > 0.05))
@@ -119,11 +122,19 @@ def test_columns_of_different_height_have_their_own_overburden():
     assert mean_pressure_error(heap) > 0.1
 
 
-def test_density_that_follows_the_volume_does_not_drift():
+def test_density_drift_is_that_of_the_bulk():
     assert density_drift(pool()) == pytest.approx(0, abs=1e-12)
     # twice the mass at twice the density takes the same volume
     mass = RHO_C * CELL**2 / 2
     assert density_drift(pool(mass=mass, rho=2 * RHO_C)) == pytest.approx(0, abs=1e-12)
+    # a point that was flung away has the volume of 10^5 cells
+    rho = np.full(200, RHO_C)
+    rho[90] = 1e-5 * RHO_C
+    assert abs(density_drift(pool(rho=rho))) < 0.1
+    points = pool()
+    rho = np.where(points.x[:, 1] > 0.09, RHO_C / 2, RHO_C)  # the surface has become less dense
+    assert density_drift(pool(rho=rho)) == pytest.approx(0, abs=1e-12)
+    assert density_drift(pool(rho=rho), depth_cells=0) > 0.01
 
 
 @pytest.mark.parametrize("factor", [1.5, 3.0])
@@ -131,13 +142,6 @@ def test_drift_is_point_volume_over_available_volume(factor):
     """A layer collapsed to 1/factor of its height, while its particle density has not changed."""
     compressed = pool(mass=factor * RHO_C * CELL**2 / 4)
     assert density_drift(compressed) == pytest.approx(factor - 1)
-
-
-def test_a_point_that_was_flung_away_does_not_count_for_all():
-    """Its volume is that of 10^5 cells, by which the density of all would seem to have drifted."""
-    rho = np.full(200, RHO_C)
-    rho[90] = 1e-5 * RHO_C
-    assert abs(density_drift(pool(rho=rho))) < 0.1
 
 
 def test_uneven_particles_of_sph_have_not_collapsed_into_one_another():
@@ -152,13 +156,6 @@ def test_uneven_particles_of_sph_have_not_collapsed_into_one_another():
     fields = bed.fields | {"x": bed.x * (1.0, 0.7)}
     fallen = State(scene=creeping, time=bed.time, step=bed.step, dt=bed.dt, fields=fields)
     assert density_drift(fallen) > 0.2
-
-
-def test_drift_sees_the_bulk_alone():
-    points = pool()
-    rho = np.where(points.x[:, 1] > 0.09, RHO_C / 2, RHO_C)  # the surface has become less dense
-    assert density_drift(pool(rho=rho)) == pytest.approx(0, abs=1e-12)
-    assert density_drift(pool(rho=rho), depth_cells=0) > 0.01
 
 
 def test_disconnected_flight_is_not_a_lost_contact():
@@ -186,17 +183,7 @@ def test_ill_posed_fraction_counts_flowing_mass():
     assert np.isnan(ill_posed_fraction(still))
 
 
-def test_gaps_are_empty_cells_in_a_stressed_body():
-    points = pool()
-    assert gap_fraction(points) == 0
-    column = (points.x[:, 0] > 0.02) & (points.x[:, 0] < 0.03)
-    torn = state(points.scene, points.x[~column], stress=points.stress[~column])
-    assert gap_fraction(torn) == pytest.approx(10 / 40)
-    calm = state(points.scene, points.x[~column])
-    assert np.isnan(gap_fraction(calm))
-
-
-def test_bad_health_is_refused():
+def test_bad_health_and_budgets_are_refused():
     points = pool()
     for measure in (disconnected_fraction, mean_pressure_error, density_drift):
         with pytest.raises(ValueError, match="depth_cells = 30"):
@@ -210,9 +197,14 @@ def test_bad_health_is_refused():
     for measure in (disconnected_fraction, speed_percentile, layer_height, energy):
         with pytest.raises(ValueError, match="0 points"):
             measure(state(points.scene, np.empty((0, 2))))
+    one = fall(np.arange(2), [0.0], scene((1, 10), 1.0))
+    with pytest.raises(ValueError, match="1 frame"):
+        energy_budget(one)
+    with pytest.raises(ValueError, match="0 frames"):
+        energy_budget([])
 
 
-def test_the_energies_of_one_point():
+def test_the_energies_of_one_point_in_2d_and_3d():
     s = scene((4, 4), 1.0)
     stress = [[-3000.0, -6000.0, -3000.0, 2000.0]]
     one = state(s, [[1.0, 2.0]], mass=3.0, v=[[3.0, 4.0]], stress=stress, rho=1500.0)
@@ -225,9 +217,6 @@ def test_the_energies_of_one_point():
     density = ((1 + nu) * square - nu * trace**2) / (2 * E)
     assert result.elastic == pytest.approx(3 / 1500 * density, rel=1e-12)
     assert result.total == result.kinetic + result.gravitational + result.elastic
-
-
-def test_three_dimensional_shear_energy():
     s = scene((1, 1, 1), 1.0, grains=material())
     one = state(s, [[0.5] * 3], mass=1500.0, stress=[[0, 0, 0, 1e3, 2e3, 2e3]])
     assert energy(one).elastic == pytest.approx(9e6 / (2 * s.material.G))
@@ -267,7 +256,7 @@ def test_work_of_a_gravity_that_is_switched_on(times, error):
     assert budget.gravity_work[-1] == pytest.approx(budget.kinetic[-1], rel=error)
 
 
-def test_what_leaves_is_outflow_and_what_stops_is_dissipated():
+def test_what_leaves_stops_or_wraps_around_in_the_budget():
     s = scene((1, 10), 1.0)
     first, second = fall(np.arange(5), [0.5, 1.0], s)
     kept = fall(np.arange(1, 5), [1.0], s)[0]
@@ -276,9 +265,7 @@ def test_what_leaves_is_outflow_and_what_stops_is_dissipated():
     assert budget.dissipated[-1] == pytest.approx(0, abs=1e-10)
     second.v = np.zeros_like(second.v)
     assert energy_budget([first, second]).dissipated[-1] == pytest.approx(5 * 2 * 9.8 * 4.9)
-
-
-def test_work_along_a_periodic_axis_survives_the_wrap():
+    # work along a periodic axis survives the wrap
     s = scene((1, 4), 1.0, periodic=(True, False), gravity=(5.0, -9.0))
     frames = [
         state(s, [[(0.3 + 2.5 * t**2) % 1.0, 1.0]], mass=2.0, v=[[5 * t, 0.0]], time=t)
@@ -288,11 +275,3 @@ def test_work_along_a_periodic_axis_survives_the_wrap():
     assert np.allclose(budget.gravity_work, budget.kinetic)
     assert np.abs(budget.dissipated).max() < 1e-10
     assert energy(frames[-1]).gravitational == pytest.approx(2 * 9 * 1.0)
-
-
-def test_bad_budgets_are_refused():
-    one = fall(np.arange(2), [0.0], scene((1, 10), 1.0))
-    with pytest.raises(ValueError, match="1 frame"):
-        energy_budget(one)
-    with pytest.raises(ValueError, match="0 frames"):
-        energy_budget([])

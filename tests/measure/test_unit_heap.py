@@ -18,13 +18,20 @@ def triangle(*, height=0.2, foot=0.5, top_x=0.0, lower=(0.0, 0.0), shape=(80, 40
     return filled(s, fine, lambda x: x[:, 1] < height * (1 - abs(x[:, 0] - top_x) / foot))
 
 
-def test_the_slope_of_a_triangle_is_its_own():
+def test_slope_toe_and_quantile_of_a_triangle():
     heap = triangle()
     slope = repose_angle(heap)
     assert slope.mean_deg == pytest.approx(np.degrees(np.arctan(0.4)), abs=0.1)
     # 60 % of the height is 60 % of the 50 columns
     assert slope.columns == pytest.approx(30, abs=1)
     assert slope.mean_deg <= slope.largest_deg < slope.mean_deg + 1.5
+    result = runout(triangle())
+    assert result.toe == pytest.approx((0.5 - HALF) / HALF, abs=0.01)
+    # the last thousandth of a triangle's mass lies within sqrt(0.001) of its length
+    reach = 0.5 * (1 - np.sqrt(1e-3))
+    assert result.quantile == pytest.approx((reach - HALF) / HALF, abs=0.02)
+    # the height is dx/4 at 0.00625 m before the foot, in the column that ends at 0.50 or 0.49
+    assert result.contiguous == pytest.approx((0.5 - HALF) / HALF, abs=CELL / HALF + 1e-9)
 
 
 def test_the_steepest_piece_is_found():
@@ -39,22 +46,19 @@ def test_the_steepest_piece_is_found():
     assert slope.mean_deg < 30
 
 
-def test_the_toe_and_the_quantile_of_a_triangle():
-    result = runout(triangle())
-    assert result.toe == pytest.approx((0.5 - HALF) / HALF, abs=0.01)
-    # the last thousandth of a triangle's mass lies within sqrt(0.001) of its length
-    reach = 0.5 * (1 - np.sqrt(1e-3))
-    assert result.quantile == pytest.approx((reach - HALF) / HALF, abs=0.02)
-    # the height is dx/4 at 0.00625 m before the foot, in the column that ends at 0.50 or 0.49
-    assert result.contiguous == pytest.approx((0.5 - HALF) / HALF, abs=CELL / HALF + 1e-9)
-
-
-def test_a_full_heap_runs_out_as_its_half_does():
+def test_full_heaps_and_sprays_change_the_run_out_little():
     half = runout(triangle())
     full = runout(triangle(top_x=0.0, lower=(-0.8, 0.0), shape=(160, 40)))
     assert full.toe == pytest.approx(half.toe, rel=1e-9)
     assert full.quantile == pytest.approx(half.quantile, abs=CELL / HALF / 4)
     assert full.contiguous == pytest.approx(half.contiguous, rel=1e-9)
+    heap = triangle()
+    x = np.vstack([heap.x, [[0.79, 0.2], [0.785, 0.3]]])
+    sprayed = runout(state(heap.scene, x, per_cell=16))
+    calm = runout(heap)
+    assert sprayed.quantile == pytest.approx(calm.quantile, abs=0.03)
+    assert sprayed.toe == calm.toe
+    assert sprayed.contiguous == calm.contiguous
 
 
 def test_a_heap_on_a_bed_runs_out_as_it_does_on_the_floor():
@@ -78,19 +82,18 @@ def test_an_undisturbed_column_has_not_run_out():
     assert abs(result.quantile) < CELL / 4 / HALF
     assert result.contiguous == pytest.approx(0, abs=1e-12)
     assert np.isnan(result.toe)
+    # a surface by points and by mass
+    layer = filled(scene((4, 6), CELL), 2, lambda x: (x[:, 0] < 0.03) & (x[:, 1] < 0.02))
+    top = surface(layer)
+    assert np.allclose(top.x, [0.005, 0.015, 0.025, 0.035])
+    assert np.allclose(top.top[:3], 0.02)
+    assert np.isnan(top.top[3])
+    assert np.allclose(top.height, [0.02, 0.02, 0.02, 0.0])
+    twice = surface(state(layer.scene, layer.x, mass=2 * layer.mass))
+    assert np.allclose(twice.height, 2 * top.height)
 
 
-def test_sprays_change_the_run_out_by_less_than_their_mass():
-    heap = triangle()
-    x = np.vstack([heap.x, [[0.79, 0.2], [0.785, 0.3]]])
-    sprayed = runout(state(heap.scene, x, per_cell=16))
-    calm = runout(heap)
-    assert sprayed.quantile == pytest.approx(calm.quantile, abs=0.03)
-    assert sprayed.toe == calm.toe
-    assert sprayed.contiguous == calm.contiguous
-
-
-def test_a_cone_in_a_quarter_and_whole_runs_out_alike():
+def test_a_cone_has_the_height_of_its_mass_and_runs_out_alike_in_a_quarter():
     def cone(lower, shape):
         s = scene(shape, 0.05, lower=lower, parameters={"radius": 0.5})
         return filled(s, 2, lambda x: x[:, 2] < 0.5 * (1 - np.hypot(x[:, 0], x[:, 1]) / 1.0))
@@ -100,25 +103,11 @@ def test_a_cone_in_a_quarter_and_whole_runs_out_alike():
     assert quarter.toe == pytest.approx(1.0, abs=0.08)
     assert whole.toe == pytest.approx(quarter.toe, rel=1e-6)
     assert whole.quantile == pytest.approx(quarter.quantile, rel=1e-6)
-
-
-def test_a_cone_has_the_height_of_its_mass():
     s = scene((22, 22, 10), 0.05, parameters={"radius": 0.5})
     disc = filled(s, 2, lambda x: (np.hypot(x[:, 0], x[:, 1]) < 1.0) & (x[:, 2] < 0.3))
     top = surface(disc)
     assert np.allclose(top.height[2:18], 0.3, rtol=0.15)
     assert np.allclose(top.top[1:18], 0.3)
-
-
-def test_the_surface_by_points_and_by_mass():
-    layer = filled(scene((4, 6), CELL), 2, lambda x: (x[:, 0] < 0.03) & (x[:, 1] < 0.02))
-    top = surface(layer)
-    assert np.allclose(top.x, [0.005, 0.015, 0.025, 0.035])
-    assert np.allclose(top.top[:3], 0.02)
-    assert np.isnan(top.top[3])
-    assert np.allclose(top.height, [0.02, 0.02, 0.02, 0.0])
-    twice = surface(state(layer.scene, layer.x, mass=2 * layer.mass))
-    assert np.allclose(twice.height, 2 * top.height)
 
 
 def test_both_sides_of_a_lopsided_heap():

@@ -69,9 +69,7 @@ def test_friction_of_the_layer_is_the_tangent_of_its_slope():
     tangent = np.tan(np.radians(27.0))
     assert np.allclose(friction(flow), tangent)
     assert np.allclose(friction_profile(flow).value, tangent)
-
-
-def test_friction_in_three_dimensions_counts_every_shear_twice():
+    # in three dimensions every shear counts twice
     s = scene((1, 1, 1), 1.0)
     stress = [[-10.0, -10, -10, 3, 4, 0], [-13.0, -10, -7, 0, 0, 0], [0, 0, 0, 0, 0, 0]]
     points = state(s, np.full((3, 3), 0.5), stress=stress)
@@ -79,9 +77,7 @@ def test_friction_in_three_dimensions_counts_every_shear_twice():
     # tau = sqrt(sxy^2 + syz^2) = 5; tau = sqrt((9 + 9)/2) = 3
     assert np.allclose(mu[:2], [0.5, 0.3])
     assert np.isnan(mu[2])
-
-
-def test_friction_of_the_row_is_of_the_mean_stress():
+    # of a row it is that of the mean stress
     flow = layer()
     sign = (-1.0) ** np.arange(flow.n)
     stress = flow.stress.copy()

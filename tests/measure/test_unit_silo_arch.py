@@ -61,15 +61,13 @@ def test_the_error_falls_with_the_spacing():
     assert errors[0] > 1.5 * errors[1] > 2.25 * errors[2]
 
 
-def test_points_that_fall_do_not_count_even_if_they_bear_a_little():
+def test_what_does_not_count_and_a_thin_arch():
+    # points that fall do not count, even if they bear a little
     with_strays = arch_outline(jammed())
     points = jammed()
     assert (points.pressure == 10).sum() == 1
     assert points.x[points.pressure == 10, 1].max() < with_strays.y.max() - 2 * CELL
-
-
-def test_a_thin_arch_is_found_in_the_void():
-    points = jammed()
+    # a thin arch is found in the void
     gap = parabola(points.x[:, 0])
     shell = (
         (points.x[:, 1] < gap + 2 * CELL) & (points.x[:, 0] < WIDTH / 2) & (points.pressure > 10)
@@ -154,9 +152,7 @@ def test_lines_are_half_way_between_the_cases_they_part():
     found_verdicts = verdicts(1.9, 2.2)
     assert np.all(found_verdicts[RATIO < found.static_below * A] == "static")
     assert np.all(found_verdicts[RATIO > found.flowing_above * A] == "flowing")
-
-
-def test_without_unsure_cases_there_is_one_line():
+    # without unsure cases there is one line
     found = flow_threshold(A, RATIO, verdicts(1.9, 1.9))
     assert found.static_below == found.flowing_above
     assert found.static_bracket == found.flowing_bracket
@@ -174,15 +170,13 @@ def test_a_flow_among_the_static_widens_the_band():
     assert found.flowing_bracket[0] == pytest.approx(2.0)
 
 
-def test_cases_of_one_slope_are_not_parted_by_rounding():
+def test_what_is_not_bounded_has_no_line():
+    """Cases of one slope are not parted by rounding."""
     found = flow_threshold([0.1, 0.3, 1.0], [0.3, 0.9, 5.0], ["static", "unsure", "flowing"])
     assert 0.9 / 0.3 != 0.3 / 0.1
     assert np.isnan(found.static_below)
     assert found.static_bracket[0] == 0.0
     assert not found.overlap
-
-
-def test_what_is_not_bounded_has_no_line():
     found = flow_threshold([1.0, 1.0], [1.0, 2.0], ["static", "static"])
     assert np.isnan(found.static_below)
     assert np.isnan(found.flowing_above)

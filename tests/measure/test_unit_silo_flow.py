@@ -46,9 +46,17 @@ def test_a_steady_flow():
     assert found.drained_at is None
     assert found.points_per_frame == pytest.approx(FLOW / POINT / 240)
     assert found.speed_floor == pytest.approx(1e-3 * np.sqrt(9.8 * WIDTH))
+    # frames at another interval count the same points
+    coarse = history(-0.1, FLOW)
+    fewer = SiloHistory(
+        *(getattr(coarse, name)[::4] for name in ("times", "mass", "points", "velocity", "head")),
+        WIDTH, RHO_C, 9.8,
+    )  # fmt: skip
+    expected = flow_verdict(coarse).points_per_frame
+    assert flow_verdict(fewer).points_per_frame == pytest.approx(expected)
 
 
-def test_a_jam_that_rings_out():
+def test_a_jam_that_rings_out_or_creeps():
     """A tenth of a second of flow, then decaying waves of 20 Hz that cross zero to the end."""
     sink = -0.3 * np.exp(-TIMES / 0.05)
     ring = 0.02 * np.exp(-TIMES / 0.3) * np.sin(2 * np.pi * 20 * TIMES)
@@ -56,9 +64,7 @@ def test_a_jam_that_rings_out():
     assert (found.verdict, found.published) == ("static", "static")
     assert found.last_crossing > 0.95
     assert found.relative_outflow < 1e-6
-
-
-def test_a_jam_that_creeps_at_1e_5_is_static_though_it_never_crosses_zero():
+    # one that creeps at 1e-5 m/s is static, though it never crosses zero
     creep = -0.3 * np.exp(-TIMES / 0.05) - 1e-5
     found = flow_verdict(history(creep, FLOW * np.exp(-TIMES / 0.05)))
     assert (found.verdict, found.published) == ("static", "unsure")
@@ -103,7 +109,7 @@ def test_half_a_judgement_is_none():
     assert flow_verdict(dying, persistence=0.2).verdict == "flowing"
 
 
-def test_a_silo_that_drained_has_flowed():
+def test_drained_silos_waves_and_velocities_of_nothing():
     """The remainder in the corners is at rest, and the paper's rule sees only that."""
     empty = TIMES >= 1.0
     head = np.where(empty, 0.02, 0.5 - 0.3 * TIMES)
@@ -112,6 +118,23 @@ def test_a_silo_that_drained_has_flowed():
     assert (found.verdict, found.published) == ("flowing", "static")
     assert found.drained_at == pytest.approx(1.0)
     assert found.outflow == pytest.approx(FLOW)
+    # a velocity of nothing is no flow, and zero is a crossing
+    nothing = flow_verdict(history(np.nan, FLOW))
+    assert nothing.verdict == "unsure"
+    assert np.isnan(nothing.speed)
+    assert np.isnan(nothing.decay)
+    assert flow_verdict(history(np.nan, 0.0)).verdict == "unsure"
+    # at rest from the first frame to the last: every frame is a crossing
+    assert flow_verdict(history(0.0, 0.0)).last_crossing == 1.0
+    # starting at rest is not a crossing
+    assert flow_verdict(history(np.where(TIMES > 0, -0.1, 0.0), FLOW)).last_crossing == 0.0
+    # waves longer than the window that exceed the floor are no flow
+    wave = 0.04 * np.cos(2 * np.pi * TIMES / 0.27)
+    found = flow_verdict(history(wave, 0.0))
+    assert found.verdict == "static"
+    assert abs(found.speed) > found.speed_floor
+    assert flow_verdict(history(wave, 0.02 * FREE_FALL)).verdict == "unsure"
+    assert flow_verdict(history(-0.04, 0.0)).verdict == "unsure"
 
 
 @pytest.mark.parametrize(
@@ -133,28 +156,6 @@ def test_the_votes_of_the_published_rule(crossing, lost, published):
         WIDTH, RHO_C, 9.8,
     )  # fmt: skip
     assert flow_verdict(made).published == published
-
-
-def test_frames_at_another_interval_count_the_same_points():
-    coarse = history(-0.1, FLOW)
-    fewer = SiloHistory(
-        *(getattr(coarse, name)[::4] for name in ("times", "mass", "points", "velocity", "head")),
-        WIDTH, RHO_C, 9.8,
-    )  # fmt: skip
-    expected = flow_verdict(coarse).points_per_frame
-    assert flow_verdict(fewer).points_per_frame == pytest.approx(expected)
-
-
-def test_a_velocity_of_nothing_is_no_flow_and_zero_is_a_crossing():
-    nothing = flow_verdict(history(np.nan, FLOW))
-    assert nothing.verdict == "unsure"
-    assert np.isnan(nothing.speed)
-    assert np.isnan(nothing.decay)
-    assert flow_verdict(history(np.nan, 0.0)).verdict == "unsure"
-    # at rest from the first frame to the last: every frame is a crossing
-    assert flow_verdict(history(0.0, 0.0)).last_crossing == 1.0
-    # starting at rest is not a crossing
-    assert flow_verdict(history(np.where(TIMES > 0, -0.1, 0.0), FLOW)).last_crossing == 0.0
 
 
 @pytest.mark.parametrize("half", [True, False])
@@ -180,16 +181,6 @@ def test_the_history_of_states(half):
     elsewhere = silo_history(frames, opening=Opening(0.1, axis=0.2, floor=0.25))
     assert np.allclose(elsewhere.velocity, [(-2 - 0.1 + 0.5) / 4, -2.1 / 3])
     assert np.allclose(elsewhere.head, 1.0 / (RHO_C * 0.1))
-
-
-def test_waves_in_a_closed_silo_are_no_flow():
-    """Their period is longer than the window and they exceed the floor, but there is no outflow."""
-    wave = 0.04 * np.cos(2 * np.pi * TIMES / 0.27)
-    found = flow_verdict(history(wave, 0.0))
-    assert found.verdict == "static"
-    assert abs(found.speed) > found.speed_floor
-    assert flow_verdict(history(wave, 0.02 * FREE_FALL)).verdict == "unsure"
-    assert flow_verdict(history(-0.04, 0.0)).verdict == "unsure"
 
 
 def test_a_record_of_the_local_law_flows_when_it_is_let(tmp_path):

@@ -27,7 +27,7 @@ def titles(figure):
     return [ax.get_title() for ax in figure.axes if ax.get_title()]
 
 
-def test_figure_2_has_a_row_for_each_time_and_one_for_the_pressure():
+def test_figures_2_and_4_have_a_panel_for_each_time_and_column():
     columns = [
         states(gr.scenes.column_collapse(aspect=a, cell=0.05, material=SOFT), 3) for a in (2.0, 1.0)
     ]
@@ -39,6 +39,10 @@ def test_figure_2_has_a_row_for_each_time_and_one_for_the_pressure():
     assert "equivalent plastic shear rate [1/s]" in labels
     with pytest.raises(ValueError, match=r"\[3, 2\]"):
         paper.figure_2([columns[0], columns[1][:2]])
+    silos = [
+        states(gr.scenes.silo(orifice=d, cell=0.05, material=SOFT), 2) for d in (0.1, 0.2, 0.3)
+    ]
+    assert titles(paper.figure_4(silos))[:3] == [f"D = {d} m, t = 0.00 s" for d in (0.1, 0.2, 0.3)]
 
 
 def test_panels_of_a_figure_have_the_shape_of_what_they_show_and_do_not_overlap():
@@ -88,13 +92,6 @@ def test_figure_2_gives_each_column_the_same_width_and_the_static_angle():
         assert x0 == pytest.approx(0.2 - 0.05 / 8)
 
 
-def test_figure_4_has_a_column_for_each_orifice():
-    silos = [
-        states(gr.scenes.silo(orifice=d, cell=0.05, material=SOFT), 2) for d in (0.1, 0.2, 0.3)
-    ]
-    assert titles(paper.figure_4(silos))[:3] == [f"D = {d} m, t = 0.00 s" for d in (0.1, 0.2, 0.3)]
-
-
 def test_figures_6_and_7_show_both_hourglasses():
     small = {"cell": 0.05, "orifice_radius": 0.05, "width": 0.5, "material": SOFT}
     runs = [states(gr.scenes.hourglass(kind=kind, **small), 4) for kind in ("flat", "sloped")]
@@ -104,9 +101,7 @@ def test_figures_6_and_7_show_both_hourglasses():
     for ax in figure.axes[:8]:
         # Seeded material is dense everywhere.
         assert colours(ax) == [PHASES(1.0, bytes=True)]
-
-
-def test_figure_7_by_stress_shows_who_bears_it():
+    # by stress figure 7 shows who bears it
     scene = gr.scenes.hourglass(cell=0.05, orifice_radius=0.05, width=0.5, material=SOFT)
     stress = np.zeros((scene.n_points, 4))
     stress[::2, :3] = -100.0

@@ -63,15 +63,12 @@ def test_law_beside_stress_and_their_ratio():
     assert balance == pytest.approx([f.balance for f in given])
 
 
-def test_shares_add_up():
+def test_shares_add_up_and_scalings_say_their_exponents():
     figure = plot.friction_shares({"one": flows(), "two": flows(2.0)})
     parts, sums = markers(figure.axes[0]), markers(figure.axes[1])
     assert (len(parts), len(sums)) == (4, 2)
     assert parts[0] + parts[1] == pytest.approx(sums[0])
     assert parts[2] == pytest.approx(2.0 * parts[0])
-
-
-def test_scalings_say_their_exponents():
     said = texts(plot.scaling_of_dilation(flows()))
     assert "Z = 0.10 + 1.00/(0.30 + I)" in said
     assert r"$\Gamma_n$, exponent 2.50" in said

@@ -78,16 +78,13 @@ def test_a_body_beyond_the_domain_is_in_the_picture():
     )
 
 
-def test_scenes_of_sph_and_in_3d():
+def test_scenes_of_sph_in_3d_and_in_a_notebook():
     assert "wall of particles" in " ".join(words(plot.scene(gr.scenes.slump_sph())))
     solid = gr.scenes.excavation()
     assert "body that moves" in words(plot.scene(solid))
     ax = Figure().add_subplot()
     assert plot.scene(solid, ax=ax, view=(1, 2), title="from behind") is ax.figure
     assert ax.get_title() == "from behind"
-
-
-def test_a_notebook_shows_the_scene():
     html = scene_of()._repr_html_()
     assert "<table>" in html
     assert "<img alt='picture' src='data:image/png;base64,iVBOR" in html

@@ -56,14 +56,13 @@ def test_smoothing_keeps_a_uniform_field(state):
     assert values(state, "pressure", smooth=True) == pytest.approx(np.full(state.n, 600.0))
 
 
-def test_rates_have_a_logarithmic_scale_on_which_zero_is_the_low_end(state):
+def test_scales_of_rates_signed_fields_and_missing_values(state):
+    # a logarithmic scale on which zero is the low end
     still = moved(state.scene, shear_rate=np.zeros(state.n))
     brush = Brush.fitted([still, state], "shear_rate")
     assert (brush.norm.vmin, brush.norm.vmax) == pytest.approx((1e-2, 1e2))
     assert np.asarray(brush.norm(brush.paint(still))) == pytest.approx(np.zeros(state.n))
-
-
-def test_a_signed_field_has_a_scale_symmetric_about_zero(state):
+    # symmetric about zero
     v = np.column_stack([np.linspace(-1.0, 3.0, state.n), np.zeros(state.n)])
     brush = Brush.fitted([moved(state.scene, v=v)], "v_x")
     assert brush.norm.vmin == -brush.norm.vmax == pytest.approx(-3.0, rel=0.02)
@@ -73,9 +72,7 @@ def test_a_signed_field_has_a_scale_symmetric_about_zero(state):
         "coolwarm",
         "viridis",
     )
-
-
-def test_points_without_a_value_are_masked(state):
+    # points without a value are masked
     mu = np.where(np.arange(state.n) < 3, np.nan, 0.4)
     assert Brush.fitted([state], mu).paint(state).mask.sum() == 3
 
@@ -86,6 +83,8 @@ def test_a_frame_has_axes_a_bar_and_a_title(state):
     assert figure.axes[0].get_title() == "t = 0.5 s"
     assert figure.axes[1].get_ylabel() == "pressure [Pa]"
     assert figure._repr_png_().startswith(b"\x89PNG")
+    with pytest.raises(TypeError, match=r"such as `simulation.state`"):
+        plot.frame(gr.Simulation(state.scene, threads=1))
 
 
 def material_of(state, extent, view=None, **options):
@@ -244,11 +243,6 @@ NO_NUMBER = ("hue", "v", "stress", "v_z", "scene", "time", np.zeros(3), "x")
 def test_bad_options_are_refused(state, solid, options, message):
     with pytest.raises(ValueError, match=message):
         plot.frame(solid if {"view", "slab"} & options.keys() else state, **options)
-
-
-def test_only_a_state_is_drawn(state):
-    with pytest.raises(TypeError, match=r"such as `simulation.state`"):
-        plot.frame(gr.Simulation(state.scene, threads=1))
 
 
 def falling(n=4):

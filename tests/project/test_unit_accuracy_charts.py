@@ -35,14 +35,12 @@ def test_a_quick_chart_is_written(module, tmp_path, capsys):
     assert capsys.readouterr().out == ""
 
 
-def test_what_costs_too_much_is_left_out_and_said(module, tmp_path):
+def test_what_is_left_out_is_said(module, tmp_path):
     rows = run(module, tmp_path, "--limit", "0", "--only", "silo")["rows"]
     assert [row["scene"] for row in rows] == ["silo"]
     assert "foreseen" in rows[0]["left_out"]
     assert "rate" not in rows[0]
-
-
-def test_times_of_two_builds_do_not_mix(module, tmp_path):
+    # times of two builds do not mix
     path = tmp_path / "table.json"
     path.write_text(json.dumps({"head": {"machine": "another"}, "rows": []}))
     with pytest.raises(ValueError, match="another"):
@@ -59,10 +57,16 @@ def test_a_peer_that_is_not_there_is_named(module, monkeypatch):
         assert f"{name} cannot be imported" in script.run(case, 1.0)["left_out"]
 
 
-def test_every_case_is_run_once(module):
+def test_every_case_is_run_once_and_its_committed_result_is_there(module):
+    """The committed table has the results of each case, or the reason for their absence."""
     cases = module("accuracy.cases").full()
     assert len(set(cases)) == len(cases)
     assert {case.scene for case in cases if case.published} == set(module("accuracy.cases").SCENES)
+    table = json.loads((RESULTS / "speed_accuracy.json").read_text())
+    found = {tuple(row[name] for name in cases[0].row()) for row in table["rows"]}
+    assert {tuple(case.row().values()) for case in cases} <= found
+    rows = json.loads((RESULTS / "peers.json").read_text())["rows"]
+    assert len(module("peers.columns_errors").references(rows)) == 15
 
 
 def _row(**entries):
@@ -71,13 +75,10 @@ def _row(**entries):
     return row | entries
 
 
-def test_the_front_holds_what_nothing_beats(module):
+def test_the_front_holds_what_nothing_beats_and_rates_are_extrapolated(module):
     points = [(_row(core_seconds=s), e) for s, e in ((3.0, 0.1), (1.0, 0.3), (2.0, 0.4), (4, 0.1))]
     assert module("accuracy.errors").front(points) == [points[1], points[0]]
-
-
-def test_rates_are_extrapolated_to_no_cell(module):
-    """Q = 600 (1 + a dx), with another a and another limit for each scheme."""
+    # Q = 600 (1 + a dx), with another a and another limit for each scheme
     rows = [
         _row(scheme=scheme, cell=cell, rate=limit * (1 + a * cell))
         for scheme, limit, a in (("default", 606.0, 5.0), ("linear flip", 594.0, -2.0))
@@ -101,14 +102,6 @@ def test_the_slope_of_a_bias_is_found(module):
         assert measured["step_per_p_over_K"] == pytest.approx(3.0, rel=0.02)
 
 
-def test_the_committed_results_are_complete(module):
-    """There is every case of the full list, with its results or the reason for absence."""
-    table = json.loads((RESULTS / "speed_accuracy.json").read_text())
-    cases = module("accuracy.cases").full()
-    found = {tuple(row[name] for name in cases[0].row()) for row in table["rows"]}
-    assert {tuple(case.row().values()) for case in cases} <= found
-
-
 def test_quick_columns_beside_peers(module, tmp_path, capsys):
     """Our codes run, the errors against the discs are finite, and a second call runs nothing."""
     script, out = module("peers.peers"), tmp_path / "table.json"
@@ -123,8 +116,3 @@ def test_quick_columns_beside_peers(module, tmp_path, capsys):
     assert len(found) == 2 and all(0.01 < e < 0.3 for _, e in found)
     with Image.open(tmp_path / "peers.png") as picture:
         assert min(picture.size) > 300
-
-
-def test_every_column_has_its_reference(module):
-    rows = json.loads((RESULTS / "peers.json").read_text())["rows"]
-    assert len(module("peers.columns_errors").references(rows)) == 15

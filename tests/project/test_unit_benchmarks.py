@@ -126,13 +126,6 @@ def test_serial_samples_are_those_outside_of_the_team(module):
     assert serial == {"finish": 1, "make_steps": 1, "gr_migrate": 1}
 
 
-def test_a_quick_table_of_threads_beside_others_is_written(measure):
-    _, table, printed = measure("threads_beside_others")
-    assert [row["others"] for row in table["rows"]] == [0, 1, 2]
-    assert all(seconds > 0 for row in table["rows"] for seconds in row["seconds"].values())
-    assert len(printed) == 1 + len(table["rows"])
-
-
 def test_a_quick_roofline_is_written(measure):
     """The bounds follow from the rates that were measured in the same run."""
     _, found, printed = measure("roofline")
@@ -190,11 +183,15 @@ def test_time_is_charged_once(module, monkeypatch):
     assert account.spent["outer"].tolist() == [3.0, 3.0]
 
 
-def test_the_laws_are_timed(measure):
+def test_the_laws_and_threads_beside_others_are_timed(measure):
     _, table, printed = measure("laws")
     assert {row["law"] for row in table["rows"]} >= {"mu_I", "loose", "linear_ngf"}
     assert all(len(row["ns"]) == 2 and min(row["ns"]) > 0 for row in table["rows"])
     assert len(printed) == len(table["rows"]) + 2
+    _, table, printed = measure("threads_beside_others")
+    assert [row["others"] for row in table["rows"]] == [0, 1, 2]
+    assert all(seconds > 0 for row in table["rows"] for seconds in row["seconds"].values())
+    assert len(printed) == 1 + len(table["rows"])
 
 
 @pytest.mark.slow
@@ -280,23 +277,17 @@ def test_the_table_of_clogging_holds_every_case(module, clogging):
     assert keys(clogging["substeps"]) == set(plan.subdivided())
     assert keys(clogging["refined"]) == set(plan.refined())
     assert len(clogging["refinement"]) == 4
-
-
-def test_the_lines_are_those_of_the_verdicts(module, clogging):
     script = module("clogging")
     assert script.plain(script.thresholds(clogging["diagram"])) == clogging["thresholds"]
 
 
-def test_the_gates_hold_in_the_table(clogging):
+def test_the_gates_hold_and_velocities_of_refined_packings_agree(clogging):
     found = {(row["scheme"], *row["case"]): row["verdict"] for row in clogging["diagram"]}
     schemes = {scheme for scheme, *_ in found}
     assert len(schemes) == 2
     for scheme in schemes:
         assert found[scheme, 1.0, 1] == found[scheme, 2.0, 1] == "static"
         assert found[scheme, 0.1, 1] == found[scheme, 1.0, 5] == "flowing"
-
-
-def test_velocities_of_refined_packings_agree(clogging):
     for row in clogging["packings"]:
         assert row["largest"] <= 0.10
         assert row["standard_error"] < 0.03
@@ -421,6 +412,12 @@ def test_unknown_cases_are_refused(runs, capsys):
     assert capsys.readouterr().out.split() == list(runs.CASES)
 
 
+def test_all_cases_are_scenes(module):
+    """Each case can be built: its sizes fit together."""
+    scenes = [make() for make in module("three_d").CASES.values()]
+    assert all(scene.bodies for scene in scenes)
+
+
 def test_quick_tables_of_limits_are_written(measure):
     """Behind a thin body speeds fall with the distance from its edge, to nothing."""
     rows = measure("stability_tables")[1]["rows"]
@@ -429,12 +426,6 @@ def test_quick_tables_of_limits_are_written(measure):
         near, *_, far = row["shares"]
         assert 0.3 > near > 0.05 and far == 0.0
         assert row["shares"] == sorted(row["shares"], reverse=True)
-
-
-def test_all_cases_are_scenes(module):
-    """Each case can be built: its sizes fit together."""
-    scenes = [make() for make in module("three_d").CASES.values()]
-    assert all(scene.bodies for scene in scenes)
 
 
 def test_a_quick_table_of_the_sph_examples_is_written(measure):

@@ -16,6 +16,16 @@ def test_numbers_come_back_as_floats_and_ints():
     assert checks.in_range("a", 0, 0, 1) == 0.0
     assert checks.one_of("a", None, ("x", None)) is None
     assert checks.vector("a", np.array([1, 2])) == (1.0, 2.0)
+    for value in (1.0, True, "1", np.float64(2)):
+        with pytest.raises(TypeError, match=r"n = .* must be an integer"):
+            checks.integer("n", value)
+    with pytest.raises(TypeError):
+        checks.one_of("a", True, (1, 2))
+    assert checks.in_range("q", 1.0, 0.0, 1.0, open_low=True) == 1.0
+    with pytest.raises(ValueError, match=r"q = 0.0 must be in \(0.0, 1.0\]"):
+        checks.in_range("q", 0.0, 0.0, 1.0, open_low=True)
+    with pytest.raises(ValueError, match=r"in \[0.0, 1.0\)"):
+        checks.in_range("q", 1.0, 0.0, 1.0, open_high=True)
 
 
 @pytest.mark.parametrize(
@@ -57,19 +67,3 @@ def test_nan_is_a_value_error_and_bool_and_text_are_type_errors(check):
     for value in (True, np.True_, "1", None, [1.0], 1j):
         with pytest.raises(TypeError, match=r"q = .* not \w+"):
             check("q", value)
-
-
-def test_open_ends():
-    assert checks.in_range("q", 1.0, 0.0, 1.0, open_low=True) == 1.0
-    with pytest.raises(ValueError, match=r"q = 0.0 must be in \(0.0, 1.0\]"):
-        checks.in_range("q", 0.0, 0.0, 1.0, open_low=True)
-    with pytest.raises(ValueError, match=r"in \[0.0, 1.0\)"):
-        checks.in_range("q", 1.0, 0.0, 1.0, open_high=True)
-
-
-def test_integers_are_not_floats_or_bools():
-    for value in (1.0, True, "1", np.float64(2)):
-        with pytest.raises(TypeError, match=r"n = .* must be an integer"):
-            checks.integer("n", value)
-    with pytest.raises(TypeError):
-        checks.one_of("a", True, (1, 2))

@@ -39,8 +39,8 @@ PICTURES = {
     ],
     "inference_bed": ["inference_bed_1", "inference_distances", "inference_intruder"],
 }
-FAST = ("figure_11", "figure_13")
-"""Figures that take about a second each."""
+FAST = ("figure_13",)
+"""A figure that takes about a second."""
 
 
 def test_every_script_is_known(module):
@@ -93,10 +93,16 @@ def test_every_layer_of_the_nonlocal_figure_was_on_its_side(module):
     assert len(figure.wrong([near | {"verdict": turned}])) == 1
 
 
-def test_pictures_go_where_git_does_not_look(module):
+def test_options_say_what_a_picture_was_made_with_and_where_it_goes(module):
     """Pictures go by default into a folder `build`, which .gitignore names."""
     ignored = (FOLDER.parents[1] / ".gitignore").read_text().split()
     assert module("common").OUT.parts[0] + "/" in ignored
+    chosen = module("common").options("", ["--scheme", "published"], E=2e6)
+    assert chosen.note == "published scheme, E = 2e+06 Pa"
+    assert chosen.scheme.basis == "linear"
+    assert chosen.material.E == 2e6
+    assert module("common").options("", ["--quick"]).E == 1e6
+    assert module("common").options("", ["--E", "3e6"], E=2e6).E == 3e6
 
 
 def test_an_option_that_means_nothing_is_refused(module, capsys):
@@ -105,12 +111,3 @@ def test_an_option_that_means_nothing_is_refused(module, capsys):
         with pytest.raises(SystemExit):
             module("dunatunga_kamrin_2015").main([name, "--scheme", "published"])
         assert "--scheme" in capsys.readouterr().err
-
-
-def test_options_say_what_a_picture_was_made_with(module):
-    chosen = module("common").options("", ["--scheme", "published"], E=2e6)
-    assert chosen.note == "published scheme, E = 2e+06 Pa"
-    assert chosen.scheme.basis == "linear"
-    assert chosen.material.E == 2e6
-    assert module("common").options("", ["--quick"]).E == 1e6
-    assert module("common").options("", ["--E", "3e6"], E=2e6).E == 3e6

@@ -13,8 +13,8 @@ from run_notebooks import FOLDER, LESSONS, execute
 # Warnings of the notebook machinery are not checked; the kernel is a separate process.
 pytestmark = pytest.mark.filterwarnings("default")
 
-QUICK = {"01_first_collapse", "05_materials", "06_cost_and_error", "09_forces_between_grains"}
-"""Lessons of a few seconds."""
+QUICK = {"05_materials", "06_cost_and_error"}
+"""Lessons of two seconds."""
 LARGEST = 400_000
 """Size of a stored lesson [bytes]."""
 

@@ -49,7 +49,7 @@ def found(pattern, file):
     return re.findall(pattern, (ROOT / file).read_text(), re.M)
 
 
-def test_one_version(project):
+def test_one_version_of_package_and_linters(project):
     """pyproject.toml has it; the citation, the recipe and the tag of a release agree."""
     version = project["version"]
     assert gr.__version__ in (version, "unknown")
@@ -60,9 +60,7 @@ def test_one_version(project):
         run = ["git", "-C", str(ROOT), "tag", "--points-at", "HEAD", "v*"]
         tags = subprocess.run(run, capture_output=True, text=True).stdout.split()
         assert tags in ([], [f"v{version}"])
-
-
-def test_one_version_of_each_linter(project):
+    # of each linter
     pins = dict(re.findall(r"(\S+)==(\S+)", "\n".join(project["optional-dependencies"]["dev"])))
     hooks = dict(
         found(

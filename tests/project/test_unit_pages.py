@@ -129,13 +129,17 @@ def run_page(tmp_path, monkeypatch):
 
 FIRST_HOUR = (
     *("index", "tutorials/install", "tutorials/first_collapse", "tutorials/own_scene"),
-    *("tutorials/a_sweep", "how-to/hopper", "how-to/pictures_and_paraview"),
+    *("how-to/hopper", "how-to/pictures_and_paraview"),
 )
 """Pages in the order of someone who begins and wants to empty a hopper."""
 
 
-SLOW = ("how-to/own_law", "how-to/sweep_on_a_cluster")
-"""Pages whose code takes long: numba compiles a law, and processes of a cluster have to start."""
+SLOW = (
+    *("how-to/own_law", "tutorials/a_sweep", "how-to/sweep_on_a_cluster"),
+    "how-to/extrapolate_to_fine_cells",
+)
+"""Pages whose code takes long: numba compiles a law, processes of sweeps have to start, and hoppers
+are run in three sizes of cells."""
 
 
 @pytest.mark.parametrize(

@@ -3,9 +3,11 @@
 import subprocess
 import sys
 
+import pytest
 from words import ROOMS, ROOT, files, hits
 
 
+@pytest.mark.slow  # the linters do the same
 def test_words_that_are_gone():
     assert len(files(ROOMS)) > 300
     lines = list(hits(ROOMS))

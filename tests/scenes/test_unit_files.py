@@ -95,11 +95,13 @@ def test_what_is_wrong_in_a_file_is_named(text, named, file):
     assert named in str(error.value) and "scene.toml" in str(error.value)
 
 
-def test_other_files_are_refused(file):
+def test_other_files_are_refused_and_completion_knows_scenes(file, capsys):
     with pytest.raises(ValueError, match=r"must end in one of \.toml, \.json"):
         read_scene("scene.yaml")
     with pytest.raises(ValueError, match=r"scene\.json: not the JSON of a scene"):
         read_scene(file("{}", "scene.json"))
+    assert cli.main(["completion", "bash"]) == 0
+    assert "column_collapse" in capsys.readouterr().out
 
 
 def test_numbers_anywhere_in_a_scene():
@@ -193,11 +195,6 @@ def test_numbers_of_a_file_are_options(tmp_path, capsys, monkeypatch):
     assert "bin.vtkhdf exists already" in capsys.readouterr().err
     assert cli.main(["run", "whole.json", "--until", "0.005", "--quiet", "--threads", "1"]) == 0
     assert cli.main(["compare", "bin.vtkhdf", "whole.vtkhdf"]) == 0
-
-
-def test_completion_knows_scenes_and_files(capsys):
-    assert cli.main(["completion", "bash"]) == 0
-    assert "column_collapse" in capsys.readouterr().out
 
 
 def test_a_record_as_a_page(tmp_path, monkeypatch):

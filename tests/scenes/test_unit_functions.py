@@ -39,8 +39,10 @@ def fixed_along_y(scene, y, time=0.0):
 
 COARSE = {
     "couette": {"cell": 0.025, "height": 0.05},
-    "cylinder_collapse": {"cell": 0.025},
+    "cylinder_collapse": {"cell": 0.05},
     "excavation": {"cell": 0.025},
+    "excavator": {"cell": 0.025},
+    "sphere_drop": {"cell": 0.008},
 }
 """Coarse cells for scenes that have very many by default."""
 
@@ -135,7 +137,8 @@ def test_numbers_of_the_material_are_keywords(name):
         function(nu=0.2, material="sand")
 
 
-def test_scenes_derive_from_the_changed_material():
+def test_keywords_of_the_scene_come_before_those_of_its_material():
+    """And scenes derive from the changed material."""
     flat = scenes.couette(pressure=1000.0, E=1e5, nu=0.25)
     assert flat.fills[0].density == pytest.approx(0.645 * 2550.0 * math.exp(1000.0 / (1e5 / 1.5)))
     half_weight = 0.5 * 1500.0 * 9.8 * 0.4
@@ -148,9 +151,6 @@ def test_scenes_derive_from_the_changed_material():
     assert stiff.material == gr.sph.grit.replace(kappa=1e6)
     small = scenes.silo(I0=0.3, d=1e-3).material  # in place of xi
     assert small.xi == pytest.approx(0.3 / (1e-3 * math.sqrt(2450.0)))
-
-
-def test_keywords_of_the_scene_come_before_those_of_its_material():
     silo = scenes.clogging_silo(A=0.3, E=2e6)
     assert silo.parameters["A"] == silo.material.A == 0.3 and silo.material.E == 2e6
     slump = scenes.slump_sph(dilation=0.2, nu=0.3)
@@ -170,7 +170,7 @@ SOFT = (
 """Scenes of `glass_beads` with another E, or of another material."""
 
 
-@pytest.mark.parametrize("basis", ["linear", "ugimp", "quadratic"])
+@pytest.mark.parametrize("basis", ["ugimp", "quadratic"])
 @pytest.mark.parametrize("name", scenes.names("mpm"))
 def test_every_scene_is_whole(name, basis):
     make = scenes.registry[name]
@@ -232,14 +232,11 @@ def test_silo_opening_by_the_papers_definition(D):
     assert closed.all()
 
 
-def test_silo_other_bases_and_definition():
+def test_silo_mass_sides_bases_and_definition():
     x, held = fixed_along_y(scenes.silo(orifice=0.1), 0.0, time=0.2)
     assert x[held].min() == pytest.approx(0.06)  # quadratic: a node lies on the edge itself
     x, held = fixed_along_y(scenes.silo(orifice=0.1, edge="wall"), 0.0, time=0.2)
     assert x[held].min() == pytest.approx(0.05)
-
-
-def test_silo_mass_and_sides():
     scene = scenes.silo()
     assert 2 * mass(scene) == pytest.approx(1500.0)
     assert scene.parameters["half"] is True and scene.parameters["orifice"] == 0.1
@@ -306,7 +303,7 @@ def test_hopper():
     assert not scenes.hopper(ramp=0.1).fills[0].lithostatic and flat.fills[0].lithostatic
 
 
-@pytest.mark.parametrize("fraction", [0.2, 0.5, 0.7])
+@pytest.mark.parametrize("fraction", [0.2, 0.7])
 def test_rotating_drum(fraction):
     flat = scenes.rotating_drum(fill_fraction=fraction)
     assert flat.points().volume.sum() == pytest.approx(fraction * math.pi * 0.01, rel=1e-3)
@@ -325,7 +322,7 @@ def test_rotating_drum(fraction):
     assert (smooth.contact, smooth.friction, smooth.rough) == ("separating", 0.3, False)
 
 
-def test_incline():
+def test_incline_in_2d_and_3d():
     scene = scenes.incline(angle_deg=25.0, columns=4, jitter=0.3)
     assert scene.grid.periodic == (True, False)
     assert scene.grid.shape == (4, 48) and scene.grid.cell == 0.005
@@ -334,9 +331,6 @@ def test_incline():
     assert math.hypot(*g) == pytest.approx(9.8)
     assert g[0] / -g[1] == pytest.approx(math.tan(math.radians(25)))
     assert scene.walls[0].kind == "no_slip"
-
-
-def test_incline_in_3d():
     scene = scenes.incline(columns=4, columns_across=3, height=0.1, cell=0.01, points_per_cell=8)
     assert scene.grid.periodic == (True, True, False) and scene.grid.shape == (4, 3, 18)
     assert mass(scene) == pytest.approx(1500 * 0.1 * 0.04 * 0.03)

@@ -131,12 +131,19 @@ def test_what_is_not_warned_of(options):
     assert scene_warnings(layer(**options)) == []
 
 
-def test_transfers_that_damp_by_the_step_are_warned_of_in_one_column():
+def test_transfers_and_functions_that_are_warned_of_in_one_column():
     """A particle density alone gives no warning in one column."""
     for scheme in (gr.Scheme(transfer="apic"), gr.Scheme(basis="linear", transfer="xpic")):
         (warning,) = scene_warnings(layer(columns=1, scheme=scheme))
         assert scheme.transfer in warning and "has numerical damping per step" in warning
     assert scene_warnings(layer(columns=1, scheme=gr.Scheme(basis="linear", transfer="apic"))) == []
+    # quadratic functions, where mu_2 is near mu_s, unless the scheme is left to the package
+    options = {"columns": 1, "material": gr.NGF(E=1e6)}
+    assert scene_warnings(layer(**options)) == []
+    (warning,) = scene_warnings(layer(**options, scheme=gr.schemes.default))
+    assert "nonlocal law of mu_2 = 0.6435" in warning and "take schemes.cell_averaged" in warning
+    wide = gr.NGF(E=1e6, mu_2=1.5)
+    assert scene_warnings(layer(columns=1, material=wide, scheme=gr.schemes.default)) == []
 
 
 @pytest.mark.parametrize(
@@ -172,10 +179,17 @@ def test_one_suspect_setting_is_one_warning(options, names):
     assert caught[0].filename == __file__
 
 
-def test_a_layer_on_a_slope_is_as_high_as_it_is_thick():
+def test_cells_of_layers_and_of_grains_that_are_warned_of():
+    # a layer on a slope is as high as it is thick
     assert scene_warnings(gr.scenes.landslide()) == []
     (warning,) = scene_warnings(gr.scenes.landslide(cell=0.04))
     assert "material of 2 cells in height" in warning
+    # cells smaller than a grain are what a nonlocal law is for
+    scene = gr.scenes.chute_ngf()
+    assert scene.grid.cell < scene.material.d and scene_warnings(scene) == []
+    local = scene.replace(material=scene.material.replace(A=0.0))
+    (warning,) = scene_warnings(local)
+    assert "cell = 0.001 is smaller than the grains, d = 0.005" in warning
 
 
 def test_a_fluidity_of_no_length_that_responds_slowly_is_told():
@@ -194,14 +208,6 @@ def test_a_fluidity_of_no_length_that_responds_slowly_is_told():
     late = gr.scenes.incline(material=gr.materials.grc_1.replace(E=0.15e6), **size)
     resolved = late.scheme.replace(fluidity=gr.Fluidity(substeps=6))
     assert not any("t0 = " in text for text in late.replace(scheme=resolved).known_failures())
-
-
-def test_cells_smaller_than_a_grain_are_what_a_nonlocal_law_is_for():
-    scene = gr.scenes.chute_ngf()
-    assert scene.grid.cell < scene.material.d and scene_warnings(scene) == []
-    local = scene.replace(material=scene.material.replace(A=0.0))
-    (warning,) = scene_warnings(local)
-    assert "cell = 0.001 is smaller than the grains, d = 0.005" in warning
 
 
 @pytest.mark.parametrize(
@@ -224,16 +230,6 @@ def test_a_nonlocal_law_of_no_length_is_taken_for_the_local_one(size):
     assert scene_warnings(short) == scene_warnings(none)
     same = (long.scheme, scene_warnings(long)) == (none.scheme, scene_warnings(none))
     assert same == (size.get("scheme") == gr.schemes.cell_averaged)
-
-
-def test_quadratic_functions_with_a_limited_nonlocal_friction_are_warned_of():
-    """Only where mu_2 is near mu_s, and not if the scheme is left to the package."""
-    options = {"columns": 1, "material": gr.NGF(E=1e6)}
-    assert scene_warnings(layer(**options)) == []
-    (warning,) = scene_warnings(layer(**options, scheme=gr.schemes.default))
-    assert "nonlocal law of mu_2 = 0.6435" in warning and "take schemes.cell_averaged" in warning
-    wide = gr.NGF(E=1e6, mu_2=1.5)
-    assert scene_warnings(layer(columns=1, material=wide, scheme=gr.schemes.default)) == []
 
 
 @pytest.mark.parametrize(

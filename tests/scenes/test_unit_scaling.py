@@ -92,12 +92,17 @@ def test_the_same_flow_to_the_last_bit(make):
         assert np.array_equal(value, getattr(felt, name)), name
 
 
-def test_there_and_back():
+def test_there_and_back_numbers_without_dimension_stay():
     scene = scene_2d()
     back = Froude(16.0).scene(Froude(1 / 16).scene(scene))
     assert back.parameters["froude_length"] == 1.0
     assert back.replace(parameters=scene.parameters) == scene
     assert Froude(0.25).scene(Froude(0.25).scene(scene)).parameters["froude_length"] == 1 / 16
+    grains = gr.materials.grc_1
+    small = Froude(0.25).scene(gr.scenes.silo_3d(material=grains)).material
+    assert (small.E, small.d, small.t0) == (grains.E / 4, grains.d / 4, grains.t0 / 2)
+    kept = ("nu", "mu_s", "mu_2", "I0", "b", "A", "rho_c", "rho_s")
+    assert all(getattr(small, name) == getattr(grains, name) for name in kept)
 
 
 def test_factors_are_those_of_dimensions():
@@ -120,14 +125,6 @@ def test_factors_are_those_of_dimensions():
     quarter = Froude(0.25)
     factors = [quarter.factor(q) for q in ("time", "velocity", "angular_velocity", "force")]
     assert factors == [0.5, 0.5, 2.0, 1 / 64]
-
-
-def test_numbers_of_the_material_without_dimension_stay():
-    grains = gr.materials.grc_1
-    small = Froude(0.25).scene(gr.scenes.silo_3d(material=grains)).material
-    assert (small.E, small.d, small.t0) == (grains.E / 4, grains.d / 4, grains.t0 / 2)
-    kept = ("nu", "mu_s", "mu_2", "I0", "b", "A", "rho_c", "rho_s")
-    assert all(getattr(small, name) == getattr(grains, name) for name in kept)
 
 
 NUMBERS = {

@@ -84,15 +84,19 @@ def test_json_keeps_random_floats_to_the_last_bit():
         assert Scene.from_json(scene.to_json()) == scene
 
 
-def test_a_class_unknown_to_the_format_is_refused():
+def test_json_of_an_unknown_class_or_a_newer_format_is_refused():
     class Mine(materials.Elastic):
         pass
 
     with pytest.raises(TypeError, match="cannot be written"):
         Scene(**PARTS | {"material": Mine()}).to_json()
+    data = json.loads(Scene(**PARTS).to_json())
+    data["format"] += 1
+    with pytest.raises(ValueError, match="format = 2 is newer than 1"):
+        Scene.from_json(json.dumps(data))
 
 
-def test_n_points_is_what_is_seeded_and_replace_checks_anew():
+def test_n_points_is_what_is_seeded_and_html_shows_it():
     scene = Scene(**PARTS)
     assert scene.n_points == 10 * 5 * 4 == len(scene.points().x)
     assert scene.points().density[0] == 1500.0
@@ -100,6 +104,11 @@ def test_n_points_is_what_is_seeded_and_replace_checks_anew():
     assert scene.duration == 1.0
     with pytest.raises(ValueError, match=r"duration = -2.0"):
         scene.replace(duration=-2.0)
+    html = Scene(**PARTS)._repr_html_()
+    assert "1 x 1" in html and ">200<" in html and "MuI" in html
+    html = materials.glass_beads_5mm._repr_html_()
+    assert "mu_2" in html and "0.6435" in html and "947.3" in html
+    assert "quadratic" in schemes.default._repr_html_()
 
 
 def test_parameters_behave_as_a_frozen_mapping():
@@ -158,18 +167,3 @@ SHORT_WALL = {"grid": PERIODIC, "walls": (Wall(1, 0.0, span=((0.2, 0.5),)),)}
 def test_parts_that_do_not_fit_are_refused(changes, error, message):
     with pytest.raises(error, match=message):
         Scene(**PARTS | changes)
-
-
-def test_json_of_a_newer_format_is_refused():
-    data = json.loads(Scene(**PARTS).to_json())
-    data["format"] += 1
-    with pytest.raises(ValueError, match="format = 2 is newer than 1"):
-        Scene.from_json(json.dumps(data))
-
-
-def test_html_shows_sizes_numbers_and_choices():
-    html = Scene(**PARTS)._repr_html_()
-    assert "1 x 1" in html and ">200<" in html and "MuI" in html
-    html = materials.glass_beads_5mm._repr_html_()
-    assert "mu_2" in html and "0.6435" in html and "947.3" in html
-    assert "quadratic" in schemes.default._repr_html_()

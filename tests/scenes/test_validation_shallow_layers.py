@@ -3,6 +3,8 @@
 The runs and the comparison are those of `granular verify --external shallow`.
 """
 
+import math
+
 import numpy as np
 import pytest
 
@@ -12,31 +14,31 @@ from granular.verify.external import shallow
 ASKED = np.array(list(shallow.TOLERANCES.values()))
 
 
-@pytest.mark.parametrize(
-    "cells", [pytest.param(10), pytest.param(20, marks=pytest.mark.slow)], ids=["10", "20"]
-)
+@pytest.mark.parametrize("cells", [8, pytest.param(20, marks=pytest.mark.slow)])
 def test_dam_break_with_the_active_pressure(cells):
     """At 3 sqrt(h0/g) the wave is not yet long, and the velocity differs by more than is asked.
 
-    With 10 cells the front is that of two or three points, and scatters by 0.08 from time to time.
+    With 8 cells the front is that of two or three points, and scatters by 0.08 from time to time.
+    With K = 1, of a liquid without internal friction, the front is 25 % further.
     """
-    asked = ASKED * (2.0 if cells == 10 else 1.0, 1.0, 1.0)
+    asked = ASKED * (2.0 if cells == 8 else 1.0, 1.0, 1.0)
     K = theory.sliding_earth_pressure(0.6, shallow.DAM["mu"])
-    early, *late = shallow.errors(shallow.dam(0.6, K, cells, (3.0, *shallow.DAM_TIMES)))
-    assert (np.abs(late) < asked).all(), late
-    assert early[2] > ASKED[2]
-
-
-def test_dam_break_is_not_that_of_a_liquid():
-    """With K = 1, which has no internal friction, the front is 25 % too far."""
-    errors = shallow.errors(shallow.dam(0.6, 1.0, 10, (6.0, 9.0)))
-    assert (errors[:, 0] < -0.2).all() and (errors[:, 1:] > 0.15).all()
+    softness = 2e-3 if cells == 8 else shallow.SOFTNESS
+    frames = shallow.dam(0.6, K, cells, (3.0, 9.0, *shallow.DAM_TIMES[-1:]), softness)
+    errors = shallow.errors(frames)
+    assert (np.abs(errors[2]) < asked).all(), errors
+    assert errors[0, 2] > ASKED[2]
+    x, (h, _) = frames[1]["profile"]
+    time = 9.0 * math.sqrt(shallow.H0 / shallow.G)
+    liquid = theory.dam_break(x, time, K=1.0, **shallow.DAM).thickness
+    assert frames[1]["front"][0] < 0.8 * shallow.outermost(x, liquid, shallow.TIP)
+    assert np.abs(h - liquid)[liquid < shallow.H0].sum() > 0.15 * liquid[liquid < shallow.H0].sum()
 
 
 @pytest.mark.parametrize("moments", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_cap_twenty_times_as_long_as_thick(moments):
     """The last moment is twice as late as the second."""
-    errors = shallow.errors(shallow.cap(0.05, 0.48, 10, shallow.CAP_TIMES[:moments]))
+    errors = shallow.errors(shallow.cap(0.05, 0.48, 7, shallow.CAP_TIMES[:moments]))
     assert (np.abs(errors) < ASKED).all(), errors
 
 

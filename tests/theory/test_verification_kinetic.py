@@ -60,11 +60,16 @@ def test_shear_pressure_inverts_the_packing_fraction(phi):
     assert gas_pressure(phi, temperature, GAS["restitution"], GRAINS) == pytest.approx(p, rel=1e-12)
 
 
-def test_shear_pressure_as_printed():
+def test_shear_and_compression_pressure_as_printed():
     phi, rate, lam = 0.56, 3.0, 0.85
     printed = GRAINS.rho_s * phi**2 / 81 * (2.52 * lam * phi / (0.6 - phi) + 1) ** 2
     expected = printed * (rate * GAS["diameter"]) ** 2
     assert shear_pressure(phi, rate, **SHEAR) == pytest.approx(expected, rel=1e-12)
+    phi, rate, lam = 0.55, 6.0, 0.85
+    g = 0.63 * phi / (0.6 - phi)
+    printed = math.pi * GRAINS.rho_s * phi * (4 * g * lam + 1) / (144 * (lam - 1) ** 2)
+    printed *= (1 + 1 / (4 * g * lam)) ** 2 * (rate * GAS["diameter"]) ** 2
+    assert compression_pressure(phi, rate, **SHEAR) == pytest.approx(printed, rel=1e-12)
 
 
 def test_radial_function_branches_nearly_meet():
@@ -91,7 +96,7 @@ def test_temperature_solves_its_differential_equation(compression_rate):
     np.testing.assert_allclose(solution, exact, rtol=1e-8)
 
 
-def test_temperature_as_printed():
+def test_temperature_as_printed_and_its_limits():
     """(A21) with its constant C from the initial value."""
     phi, start, times = 0.52, 1e-4, np.array([0.0, 0.01, 0.2])
     A, B = temperature_coefficients(phi, 4.0, **GAS)
@@ -99,6 +104,12 @@ def test_temperature_as_printed():
     AC = 2 * math.log(u0 / (A - B * u0))
     printed = A**2 * np.exp(A * times + AC) / (1 + B * np.exp((A * times + AC) / 2)) ** 2
     np.testing.assert_allclose(granular_temperature(times, start, phi, 4.0, **GAS), printed)
+    assert np.all(granular_temperature([0.0, 1.0, 10.0], 0.0, 0.5, 6.0, **GAS) == 0)
+    assert granular_temperature([1e6], 1.0, 0.5, -6.0, **GAS)[0] == 0
+    assert compression_temperature(0.5, -6.0, **GAS) == 0
+    elastic = granular_temperature([0.1], 1e-4, 0.5, 6.0, diameter=0.005, restitution=1.0)
+    A, _ = temperature_coefficients(0.5, 6.0, diameter=0.005, restitution=1.0)
+    assert elastic[0] == pytest.approx(1e-4 * math.exp(0.1 * A), rel=1e-12)
 
 
 @pytest.mark.parametrize("start", [1e-9, 1.0])
@@ -109,23 +120,6 @@ def test_the_bound_is_where_the_temperature_ends(start):
     assert late == pytest.approx(bound, rel=1e-12)
     A, B = temperature_coefficients(phi, rate, **GAS)
     assert A * bound == pytest.approx(B * bound**1.5, rel=1e-12)
-
-
-def test_limits_of_the_temperature():
-    assert np.all(granular_temperature([0.0, 1.0, 10.0], 0.0, 0.5, 6.0, **GAS) == 0)
-    assert granular_temperature([1e6], 1.0, 0.5, -6.0, **GAS)[0] == 0
-    assert compression_temperature(0.5, -6.0, **GAS) == 0
-    elastic = granular_temperature([0.1], 1e-4, 0.5, 6.0, diameter=0.005, restitution=1.0)
-    A, _ = temperature_coefficients(0.5, 6.0, diameter=0.005, restitution=1.0)
-    assert elastic[0] == pytest.approx(1e-4 * math.exp(0.1 * A), rel=1e-12)
-
-
-def test_compression_pressure_as_printed():
-    phi, rate, lam = 0.55, 6.0, 0.85
-    g = 0.63 * phi / (0.6 - phi)
-    printed = math.pi * GRAINS.rho_s * phi * (4 * g * lam + 1) / (144 * (lam - 1) ** 2)
-    printed *= (1 + 1 / (4 * g * lam)) ** 2 * (rate * GAS["diameter"]) ** 2
-    assert compression_pressure(phi, rate, **SHEAR) == pytest.approx(printed, rel=1e-12)
 
 
 @pytest.mark.parametrize("phi", [0.3, 0.5, 0.59, 0.6, 0.61, 0.65])

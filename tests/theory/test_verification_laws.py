@@ -41,12 +41,9 @@ def test_the_pieces_meet_within_their_precision(name, jump):
     assert below == pytest.approx(above, rel=jump)
 
 
-def test_silence_between_the_ranges_of_lube():
+def test_laws_of_the_run_out_between_their_ranges():
     runout = RUNOUT_LAWS["lube"](np.array([[1.7, 1.8], [2.7, 2.8]]))
     np.testing.assert_array_equal(np.isnan(runout), [[False, True], [True, False]])
-
-
-def test_exponents_without_coefficient():
     narrow = RUNOUT_LAWS["balmforth_narrow"]
     assert narrow.pieces[0].exponent == 0.65
     with pytest.raises(ValueError, match="exponents only"):
@@ -55,7 +52,7 @@ def test_exponents_without_coefficient():
         RUNOUT_LAWS["dunatunga"]([1.0, 0.0])
 
 
-def test_beverloo_by_hand():
+def test_beverloo_by_hand_and_its_scaling():
     # 1.42 * 1500 * sqrt(9.8) * 0.2^1.5 = 596.4 kg/s per metre
     assert beverloo_rate(0.2, 1500.0, gravity=9.8) == pytest.approx(596.4, abs=0.05)
     free = beverloo_rate(0.2, 1500.0, C=1.31, exponent=1.47)
@@ -67,6 +64,10 @@ def test_beverloo_by_hand():
     for wrong in ({"exponent": 2.5}, {"exponent": 1.5, "dim": 3}, {"exponent": 1.47}):
         with pytest.raises(ValueError, match="needs its own C"):
             beverloo_rate(0.1, 1500.0, **wrong)
+    widths = np.array([0.004, 0.008, 0.048, 0.168])
+    rate = beverloo_rate(widths, 1500.0, k=1.6, d=0.005)
+    np.testing.assert_array_equal(rate[:2], 0)
+    assert rate[3] / rate[2] == pytest.approx(8.0, rel=1e-12)
 
 
 def test_one_gravity_in_all_the_theory():
@@ -79,10 +80,3 @@ def test_one_gravity_in_all_the_theory():
     }
     assert len(found) >= 15
     assert {v for v in found.values() if v is not inspect.Parameter.empty} == {9.81}
-
-
-def test_beverloo_scaling_and_blocking():
-    widths = np.array([0.004, 0.008, 0.048, 0.168])
-    rate = beverloo_rate(widths, 1500.0, k=1.6, d=0.005)
-    np.testing.assert_array_equal(rate[:2], 0)
-    assert rate[3] / rate[2] == pytest.approx(8.0, rel=1e-12)
