@@ -110,7 +110,7 @@ def layer(turned_deg, offset, rows=12, width=16):
 @pytest.mark.parametrize(
     ("turned_deg", "offset", "wall", "until"),
     [
-        (0.0, 0.0, True, 1.0),
+        (0.0, 0.0, True, 0.3),
         (45.0, 0.25, False, 0.75),  # where round-off decided whether points were thrown
         *(
             pytest.param(*case, False, 1.0, marks=pytest.mark.slow)

@@ -97,7 +97,8 @@ FLOOR = {
 @pytest.mark.parametrize(
     ("floor", "dim", "e"),
     [
-        *((floor, 2, e) for floor in FLOOR for e in (0.0, 0.6, 1.0)),
+        *((floor, 2, 0.6) for floor in FLOOR),
+        *((floor, 2, e) for floor in ("wall", "body") for e in (0.0, 1.0)),
         ("wall", 3, 0.6),
         ("Solid", 3, 0.6),
         ("body", 3, 0.6),
@@ -281,7 +282,7 @@ def test_a_tower_stands():
         for k in range(5)
     ]
     sim = gr.Simulation(scene_of(*blocks, walls=(Wall(1, 0.0),), dt=4e-4), threads=1)
-    sim.run(until=0.5, monitor=False)
+    sim.run(until=0.3, monitor=False)
     for k, state in enumerate(sim.bodies):
         assert state.position == pytest.approx((0.8, 0.05 + 0.1 * k), abs=1e-5)
 
