@@ -119,11 +119,15 @@ def test_available_memory_is_that_of_the_machine_or_less():
         resource.setrlimit(resource.RLIMIT_AS, limit)
 
 
-def block(dim, shape, per_axis, scheme):
-    """Expression of a full block of material."""
+DISC = "gr.Sphere(0.49, center=(0.5, 0.5))"
+
+
+def block(dim, shape, per_axis, scheme, region=None):
+    """Expression of a scene that is full of material, or filled in a region."""
+    region = region or f"gr.Box((0.0,) * {dim}, tuple(0.01 * n for n in {shape}))"
     return f"""gr.Scene(
     name="block", grid=gr.Grid((0.0,) * {dim}, 0.01, {shape}),
-    fills=(gr.Fill(gr.Box((0.0,) * {dim}, tuple(0.01 * n for n in {shape})), {per_axis**dim}),),
+    fills=(gr.Fill({region}, {per_axis**dim}),),
     material=gr.MuI(E=1e6), scheme=gr.schemes.{scheme},
     gravity=gr.Gravity((0.0,), ((0.0,) * {dim},)), duration=1.0,
 )"""
@@ -135,7 +139,7 @@ def block(dim, shape, per_axis, scheme):
         block(2, (80, 80), 4, "default"),
         block(3, (24, 24, 24), 2, "cell_averaged"),
         "gr.scenes.rotating_drum()",  # bodies load parts of SciPy
-        "gr.scenes.cylinder_collapse(aspect=1.0)",  # so does a region that cuts squares
+        block(2, (100, 100), 4, "default", DISC),  # so does a region that cuts squares
         "gr.scenes.excavation(cell=0.025)",  # the pressure of a weight above, and a body
     ],
 )

@@ -38,7 +38,7 @@ CHUTE_SCHEME = scenes.chute_ngf().scheme
 
 @functools.cache
 def steady(until=0.6, ratio=None, **parameters):
-    """State of a column at the time `until` [s], when it flows steadily; made once for all tests."""
+    """State of a column at `until` [s], when it flows steadily; made once for all tests."""
     simulation = column(ratio, **parameters)
     simulation.run(until=until)
     return simulation.state
@@ -85,7 +85,8 @@ def seeding_speed(height, cells, spread=0.5, felt=None, m=GRAINS, angle_deg=27.0
 
 
 @pytest.mark.parametrize(
-    "height", [pytest.param(h, marks=[pytest.mark.slow] * (h == 0.1)) for h in PROFILES]
+    "height",
+    [pytest.param(h, marks=[pytest.mark.slow] * (h not in (0.01, 0.035))) for h in PROFILES],
 )
 def test_profiles_of_the_figure(height):
     speed, shape = profile_errors(steady(height=height, until=PROFILES[height]))

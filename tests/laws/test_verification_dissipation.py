@@ -70,7 +70,7 @@ def test_no_point_gains_energy_by_flow(name):
     assert max(share) > 0.05  # some points flow
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", [name for name in SCENES if name != "excavation"])
 def test_plastic_power_is_not_negative_with_the_schemes_of_the_scenes(name):
     sim = gr.Simulation(SCENES[name]().replace(scheme=getattr(gr.scenes, name)().scheme), threads=1)
     for time in np.linspace(0.02, 0.3, 15):

@@ -202,9 +202,7 @@ def test_the_viscous_stress_hardly_pulls(contact):
 
 
 @pytest.mark.parametrize(
-    "sand",
-    [gr.materials.glass_beads.replace(E=1e6), NGF(E=1e6, d=4e-3)],
-    ids=["mu_I", "ngf"],
+    "sand", [gr.materials.glass_beads.replace(E=1e6), NGF(E=1e6, d=4e-3)], ids=["mu_I", "ngf"]
 )
 def test_steady_flow_is_left_alone(sand):
     """The viscous stress of a fully plastic flow is zero: velocities on an incline stay."""

@@ -50,7 +50,7 @@ def column(below, above, *, cell, rows, free=2, g=(0.0, -9.8), scheme=gr.schemes
     ],
     ids=["heavier", "stiffer", "both", "elastic"],
 )
-@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("scheme", ["default", "linear"])
 def test_layers_at_rest_bear_the_weight_of_what_is_above(scheme, below, bound):
     """Normal stress = weight, over both layers and their border; less p/K, which is the bound."""
     scene = column(below, SAND, cell=0.02, rows=(8, 5), columns=6, scheme=SCHEMES[scheme])

@@ -32,8 +32,7 @@ def slope_deg(state):
 
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize(
-    ("phi", "dilation"),
-    [pytest.param(20.0, 0.0, marks=pytest.mark.slow), (20.0, 0.5), (30.0, 0.0)],
+    ("phi", "dilation"), [pytest.param(20.0, 0.0, marks=pytest.mark.slow), (20.0, 0.5), (30.0, 0.0)]
 )
 def test_a_slope_stands_near_its_friction(phi, dilation, width):
     """A small box, so that it empties soon; without dilation the slope angle is below phi."""

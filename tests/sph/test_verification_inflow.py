@@ -120,13 +120,7 @@ def test_a_layer_that_is_fed_flows_steadily():
 def test_the_gas_of_a_fed_nozzle_keeps_its_density():
     """Gas that enters has the density and velocity of the nozzle; what enters leaves in the end."""
     scene = gr.scenes.jet_on_bed(
-        speed=50.0,
-        width=0.3,
-        depth=0.1,
-        headroom=0.16,
-        nozzle=0.16,
-        spacing=0.02,
-        duration=0.02,
+        speed=50.0, width=0.3, depth=0.1, headroom=0.16, nozzle=0.16, spacing=0.02, duration=0.02
     )
     sim = sph.Simulation(scene, threads=1).run()
     gas, (jet_,) = sim.gas, scene.gas.jets

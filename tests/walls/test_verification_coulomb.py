@@ -89,9 +89,7 @@ def test_block_that_flutters(name):
 
 @each_scheme
 @pytest.mark.parametrize(
-    "material",
-    [gr.Elastic(E=1e6, nu=0.3), gr.MuI(E=1e6)],
-    ids=["elastic", "mui"],
+    "material", [gr.Elastic(E=1e6, nu=0.3), gr.MuI(E=1e6)], ids=["elastic", "mui"]
 )
 def test_material_leaves(material, name):
     """Grains thrown away from a Coulomb wall fly freely, also where gravity pulls them back."""
