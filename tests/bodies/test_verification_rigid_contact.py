@@ -139,7 +139,7 @@ def test_a_block_slides_down_an_oblique_body(dim, mu):
         friction=1.0,
     )
     sim = gr.Simulation(scene_of(block, ramp, dt=5e-4), threads=1)
-    sim.run(until=0.3, monitor=False)
+    sim.run(until=0.15, monitor=False)
     pull = max(G * (math.sin(slope) - mu * math.cos(slope)), 0.0)
     now = sim.bodies[0]
     assert now.velocity @ along == pytest.approx(pull * sim.time, rel=1e-6, abs=1e-9)
@@ -166,7 +166,7 @@ def test_a_ball_rolls_down_an_oblique_body(dim):
         )
         ramp = Body(HalfSpace(tuple(normal)), (0.8,) * dim, friction=1.0)
         sim = gr.Simulation(scene_of(rolling, ramp, dt=5e-4), threads=1)
-        sim.run(until=0.4, monitor=False)
+        sim.run(until=0.2, monitor=False)
         now = sim.bodies[0]
         rolls = mu > math.tan(slope) * share / (1 + share)
         pull = G * math.sin(slope) / (1 + share)

@@ -40,7 +40,7 @@ CHUTE_SCHEME = scenes.chute_ngf().scheme
 def steady(until=0.6, ratio=None, **parameters):
     """State of a column at `until` [s], when it flows steadily; made once for all tests."""
     simulation = column(ratio, **parameters)
-    simulation.run(until=until)
+    simulation.run(until=until, monitor=False)
     return simulation.state
 
 
@@ -255,12 +255,12 @@ def test_transient(factor):
     """
     grains = GRAINS.replace(t0=0.01)
     simulation = column(material=grains)
-    simulation.run(until=1.5)
+    simulation.run(until=1.5, monitor=False)
     begin, start = simulation.time, factor * float(np.max(simulation.state.g))
     still(simulation, start)
     times, speeds = [], []
     for after in (0.05, 0.1, 0.15, 0.2, 0.3, 0.5):
-        simulation.run(until=begin + after)
+        simulation.run(until=begin + after, monitor=False)
         times.append(simulation.time - begin)
         speeds.append(velocity(simulation.state)[1][-1])
     exact = chute_transient(27.0, 0.01, grains, times, start).v[:, -1]

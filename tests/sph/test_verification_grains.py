@@ -24,6 +24,7 @@ def mean_rate(simulation, seconds=1.0, samples=20):
         simulation.time + seconds,
         every=seconds / samples,
         hooks=(lambda s: rates.append(shear_rate(s.state)),),
+        monitor=False,
     )
     return np.mean(rates)
 
@@ -50,7 +51,7 @@ def test_steady_shear_is_uniform(angle, seconds, rate):
     simulation = sph.Simulation(scenes.incline_sph(angle_deg=angle, columns=6))
     material = simulation.scene.material
     assert uniform_rate(material, angle) == pytest.approx(rate, rel=0.01)
-    simulation.run(seconds)
+    simulation.run(seconds, monitor=False)
     assert mean_rate(simulation) == pytest.approx(rate, rel=0.1)
     assert simulation.counts["dropped"] == 0
     assert misfit(simulation.state, 1.0) < misfit(simulation.state, 1.5)
@@ -63,7 +64,7 @@ def test_layers_come_nearer_to_the_law_with_finer_points():
     for spacing in (0.01, 0.005):
         scene = scenes.incline_sph(angle_deg=24, spacing=spacing, columns=6)
         simulation = sph.Simulation(scene)
-        simulation.run(10.0)  # until then it still accelerates
+        simulation.run(10.0, monitor=False)  # until then it still accelerates
         lost.append(uniform_rate(scene.material, 24) - mean_rate(simulation))
         state = simulation.state
         slip.append(state.v[state.x[:, 1] < spacing, 0].mean())
@@ -76,7 +77,7 @@ def test_layers_come_nearer_to_the_law_with_finer_points():
 def test_below_the_friction_nothing_moves(angle, seconds, rate):
     """At 15 deg the slope is mu_l to 1e-4; half a per cent less friction makes 0.1 1/s."""
     simulation = sph.Simulation(scenes.incline_sph(angle_deg=angle, columns=6))
-    simulation.run(seconds)
+    simulation.run(seconds, monitor=False)
     assert abs(mean_rate(simulation, 0.5)) < rate
 
 
@@ -89,7 +90,7 @@ def test_without_a_spring_slopes_creep():
             angle_deg=12.0, columns=6, numerics=numerics, material=sph.Viscoplastic(nu=0.5)
         )
         simulation = sph.Simulation(scene)
-        simulation.run(1.5)
+        simulation.run(1.5, monitor=False)
         rates.append(mean_rate(simulation, 0.5))
         a = math.radians(12.0)
         # tau/eta at half the depth, by the weight of the layer
@@ -106,7 +107,9 @@ def test_too_steep_a_layer_accelerates():
     assert limit == pytest.approx(0.60, abs=0.005)
     simulation = sph.Simulation(scenes.incline_sph(angle_deg=33, columns=6, headroom=20))
     speeds = []
-    simulation.run(8.5, every=1.0, hooks=(lambda s: speeds.append(s.state.v[:, 0].mean()),))
+    simulation.run(
+        8.5, every=1.0, hooks=(lambda s: speeds.append(s.state.v[:, 0].mean()),), monitor=False
+    )
     accelerations = np.diff(speeds[1:])[[0, 1, 3, 6]]
     assert (np.diff(accelerations) < 0).all()
     assert limit < accelerations[-1] < 1.8 * limit
@@ -161,7 +164,7 @@ def test_pressure_of_a_bed_is_its_overburden(nu):
         angle_deg=0.0, height=0.2, columns=6, material=sph.Viscoplastic(nu=nu)
     )
     simulation = sph.Simulation(scene)
-    simulation.run(1.5)
+    simulation.run(1.5, monitor=False)
     state = simulation.state
     y = state.x[:, 1]
     rows = [np.abs(y - (k + 0.5) * 0.01) < 0.005 for k in range(20)]
@@ -187,5 +190,5 @@ def test_pressure_of_a_bed_is_its_overburden(nu):
 def test_steady_shear_in_3d(angle, seconds, rate):
     scene = scenes.incline_sph(angle_deg=angle, columns=6, columns_across=5)
     simulation = sph.Simulation(scene, threads=2)
-    simulation.run(seconds)
+    simulation.run(seconds, monitor=False)
     assert mean_rate(simulation) == pytest.approx(rate, rel=0.1)
