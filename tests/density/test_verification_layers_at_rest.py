@@ -121,7 +121,6 @@ SANDY = gr.MuI(E=3e6, mu_s=0.6, mu_2=0.8)
         (gr.MuI(E=3e6), None, 0.541),  # tau = mu_s p, as after a slow ramp of gravity
         (gr.Elastic(E=3e6), None, 3 / 7),
         (SANDY.replace(elasticity="hencky"), 0.6, 0.6),
-        (SANDY, 1.0, 1.0),
         (SANDY, 2.0, 2.0),
     ],
 )

@@ -138,9 +138,8 @@ def block(dim, shape, per_axis, scheme, region=None):
     [
         block(2, (80, 80), 4, "default"),
         block(3, (24, 24, 24), 2, "cell_averaged"),
-        "gr.scenes.rotating_drum()",  # bodies load parts of SciPy
-        block(2, (100, 100), 4, "default", DISC),  # so does a region that cuts squares
-        "gr.scenes.excavation(cell=0.025)",  # the pressure of a weight above, and a body
+        block(2, (100, 100), 4, "default", DISC),  # a region that cuts squares loads parts of SciPy
+        "gr.scenes.excavation(cell=0.025)",  # so does a body; the pressure of a weight above
     ],
 )
 def test_the_estimated_memory_is_that_of_the_run(scene):

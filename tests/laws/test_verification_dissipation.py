@@ -57,7 +57,7 @@ def made_again(before, after):
 def test_no_point_gains_energy_by_flow(name):
     sim = gr.Simulation(SCENES[name](), threads=1)
     share = []
-    for time in np.linspace(0.02, 0.3, 15):
+    for time in np.linspace(0.02, 0.2, 10):
         sim.run(until=time, monitor=False)
         before = sim.state
         sim.run(until=np.nextafter(sim.time, 1.0), monitor=False)

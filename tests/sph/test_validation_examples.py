@@ -43,7 +43,7 @@ def test_a_slope_stands_near_its_friction(phi, dilation, width):
         height=0.15,
         width=width,
         orifice=0.06,
-        duration=5.0,
+        duration=4.0,
         settle=0.4,
     )
     simulation = gr.Simulation(scene)
@@ -64,7 +64,7 @@ def test_dilation_shortens_a_collapse_and_taller_columns_run_farther(width):
     for aspect, dilation in ((1.8, 0.0), (3.2, 0.0), (3.2, 0.5)):
         grains = sph.grit.replace(dilation=dilation)
         scene = gr.scenes.column_collapse_sph(
-            aspect=aspect, material=grains, width=width, duration=0.9
+            aspect=aspect, material=grains, width=width, duration=0.75
         )
         found[aspect, dilation] = reach(gr.Simulation(scene).run(monitor=False))
     assert found[3.2, 0.5] < found[3.2, 0.0]
