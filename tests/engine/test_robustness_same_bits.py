@@ -16,7 +16,7 @@ from schemes_by_name import scheme_of
 import granular as gr
 from granular import cli
 
-# ---- threads ----
+# ---- threads and restarts ----
 
 
 def cut_and_whole(scene, steps, cuts):
@@ -32,7 +32,6 @@ def cut_and_whole(scene, steps, cuts):
             part.step(min(23, cut - part.steps))
     assert bits(part) == bits(whole)
     assert shown(part.state) == shown(whole.state)
-    return whole
 
 
 def test_threads_and_restarts_give_the_same_bits(small_scene, combination, dim):
@@ -196,7 +195,7 @@ def test_processes_beside_threads(method, tmp_path):
     assert len(same) > 1 and len(set(same)) == 1 and len(same[0]) == 64
 
 
-# ---- restart ----
+# ---- restarts alone, records ----
 
 
 @pytest.mark.parametrize("density", ["smoothed", "cell_averaged"])
