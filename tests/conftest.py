@@ -9,7 +9,7 @@ import pytest
 from schemes_by_name import scheme_of
 
 import granular as gr
-from granular import Box, Difference, Fill, Gravity, Grid, MuI, Solid, SpongeLayer, Wall
+from granular import Box, Fill, Gravity, Grid, MuI, Solid, SpongeLayer, Wall
 
 COMBINATIONS = [
     (basis, transfer, "particle")
@@ -74,14 +74,25 @@ def combination(request):
     return request.param
 
 
+@pytest.fixture(
+    params=[
+        ("linear", "flip", "particle"),
+        ("ugimp", "apic", "particle"),
+        ("quadratic", "xpic", "particle"),
+        ("quadratic", "tpic", "smoothed"),
+        ("linear", "tpic", "cell_averaged"),
+    ],
+    ids="-".join,
+)
+def typical_combination(request):
+    """Five of the combinations, among which each choice of each part occurs."""
+    return request.param
+
+
 @pytest.fixture(params=[2, 3])
 def dim(request):
     """Dimension."""
     return request.param
-
-
-def _box(dim, lower, upper):
-    return Box(tuple(CELL * a for a in lower[-dim:]), tuple(CELL * a for a in upper[-dim:]))
 
 
 def _walls(dim):
@@ -98,14 +109,13 @@ def _walls(dim):
     ]
     if dim == 3:
         walls += [Wall(1, 0.0, kind="no_slip"), Wall(1, 3 * CELL, kind="coulomb", friction=0.2)]
-    region = Difference(
-        _box(dim, (0, 0, 0), (6, 3, 4) if dim == 3 else (6, 6, 4)),
-        _box(dim, (5, 0, 0) if dim == 3 else (0, 5, 0), (6, 3, 1) if dim == 3 else (0, 6, 1)),
-    )
+    top = (6 * CELL,) + (3 * CELL,) * (dim - 2) + (4 * CELL,)
+    beside_step = Box((0.0,) * dim, (5 * CELL, *top[1:]))
+    above_step = Box((5 * CELL, *(0.0,) * (dim - 2), CELL), top)
     grid = Grid((0.0,) * dim, CELL, (6, 3, 5) if dim == 3 else (6, 5))
     return {
         "grid": grid,
-        "region": region,
+        "regions": (beside_step, above_step),
         "walls": walls,
         "sponge_layers": (SpongeLayer(last, 0.35, 200.0),),
     }
@@ -119,7 +129,7 @@ def _periodic(dim):
         "grid": Grid(
             tuple(0.3 for _ in range(dim)), CELL, shape, periodic=(True,) * last + (False,)
         ),
-        "region": Box((0.3,) * dim, (*(0.3 + CELL * n for n in shape[:last]), 0.3 + 4 * CELL)),
+        "regions": (Box((0.3,) * dim, (*(0.3 + CELL * n for n in shape[:last]), 0.3 + 4 * CELL)),),
         "walls": [Wall(last, 0.3, kind="no_slip")],
         "sponge_layers": (),
     }
@@ -140,7 +150,7 @@ def _outlet(dim):
         walls += [Wall(axis, CELL * shape[axis], kind="free_slip")]
     return {
         "grid": Grid((0.0,) * dim, CELL, shape, open_sides=frozenset({"xyz"[last] + "-"})),
-        "region": _box(dim, (0, 0, 0), tuple(shape) if dim == 3 else (0, *shape)),
+        "regions": (Box((0.0,) * dim, tuple(CELL * n for n in shape)),),
         "walls": walls,
         "sponge_layers": (),
     }
@@ -157,7 +167,9 @@ def make_scene(kind, dim, combination, *, E=1e6, points_per_axis=2, jitter=1.0, 
     return gr.Scene(
         name=kind,
         grid=parts["grid"],
-        fills=(Fill(parts["region"], points_per_axis**dim, jitter=jitter),),
+        fills=tuple(
+            Fill(region, points_per_axis**dim, jitter=jitter) for region in parts["regions"]
+        ),
         material=MuI(E=E),
         scheme=scheme_of(basis, transfer, density, **scheme),
         walls=tuple(parts["walls"]),

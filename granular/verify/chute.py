@@ -101,11 +101,11 @@ def still(simulation: Simulation, fluidity: float) -> Simulation:
 def growth_rate(ratio: float, **parameters: Any) -> float:
     """Growth rate of a small fluidity at H/H_stop = `ratio` [1/s]; negative if it decays."""
     simulation = column(ratio, **parameters)
-    simulation.run(until=0.25)
+    simulation.run(until=0.25, monitor=False)
     still(simulation, 1e-6)
     energies = []
     for until in (0.3, 0.35):  # the higher modes have decayed by the first of these times
-        simulation.run(until=until)
+        simulation.run(until=until, monitor=False)
         state = simulation.state
         energies.append((state.time, math.log(np.average(state.g, weights=state.mass))))
     (begin, before), (end, after) = energies
@@ -127,14 +127,14 @@ def stopping_ratio(**parameters: Any) -> float:
 def energy_at_end(ratio: float, duration: float, **parameters: Any) -> float:
     """Kinetic energy per mass [J/kg] at the end of a run at H/H_stop = `ratio`."""
     simulation = column(ratio, **parameters)
-    simulation.run(until=duration)
+    simulation.run(until=duration, monitor=False)
     return kinetic_energy(simulation.state)
 
 
 def _steady(height: float) -> tuple[float, float]:
     """`profile_errors` of a layer of figure 2(c)."""
     simulation = column(height=height)
-    simulation.run(until=PROFILES[height])
+    simulation.run(until=PROFILES[height], monitor=False)
     return profile_errors(simulation.state)
 
 

@@ -40,10 +40,14 @@ def scene_of(dim):
     )
 
 
-@pytest.fixture(params=[2, 3], ids=["2D", "3D"])
+@pytest.fixture(scope="module", params=[2, 3], ids=["2D", "3D"])
 def parts(request):
+    return parts_of(request.param)
+
+
+def parts_of(dim):
     """A scene, the keywords of its engine, and what its body touches."""
-    scene = scene_of(request.param)
+    scene = scene_of(dim)
     balls = contact_balls(scene.bodies[0].shape, scene.grid.cell)
     touches = [balls, np.array([0, len(balls)]), np.array([0.5]), obstacles(scene)]
     return scene, arguments(scene), touches
@@ -129,18 +133,16 @@ def test_spoiled_arrays_of_what_it_touches(parts, which, how):
 
 @QUICK
 @given(data=st.data())
-@pytest.mark.parametrize("dim", [2, 3])
-def test_any_number_in_them_is_survived(dim, data):
-    scene = scene_of(dim)
-    balls = contact_balls(scene.bodies[0].shape, scene.grid.cell)
-    touches = [balls, np.array([0, len(balls)]), np.array([0.5]), obstacles(scene)]
+def test_any_number_in_them_is_survived(parts, data):
+    scene, keywords, valid = parts
+    touches = list(valid)
     which = data.draw(st.sampled_from([0, 1, 2, 3]))
     array = touches[which].copy()
     number = st.integers(-(2**62), 2**62) if which == 1 else st.floats()
     array.flat[data.draw(st.integers(0, array.size - 1))] = data.draw(number)
     touches[which] = array
     try:
-        run((scene, arguments(scene), touches))
+        run((scene, keywords, touches))
     except (*DOCUMENTED, gr.SimulationError):
         return
 

@@ -30,6 +30,12 @@ SPACE = {
     "half": HalfSpace((0.3, -0.2, 1.0), (0.0, 0.0, -0.05)),
 }
 SHAPES = [pytest.param(s, id=f"{s.dim}d-{name}") for f in (PLANE, SPACE) for name, s in f.items()]
+CONTACTS = ["sticky", "separating", "bilateral"]
+each_shape_and_contact = pytest.mark.parametrize(
+    ("shape", "contact"),
+    [pytest.param(*shape.values, "separating", id=shape.id) for shape in SHAPES]
+    + [(shape, kind) for shape in (PLANE["disc"], SPACE["box"]) for kind in CONTACTS[::2]],
+)
 
 
 def scene_of(*bodies, dim=2, gravity=-9.8, transfer="flip"):
@@ -94,8 +100,6 @@ def test_distance_turns_with_the_body():
 SLACK = 0.1
 """Error of velocities over that which contact makes; the sweeps end at changes of a hundredth."""
 
-CONTACTS = ["sticky", "separating", "bilateral"]
-
 
 def moving(shape, contact, **options):
     """A body with a velocity and a rotation amid the material."""
@@ -118,8 +122,7 @@ def feet_of(sim, nodes, body):
     return oracle_bodies.Feet(sim, nodes, now, velocity, omega)
 
 
-@pytest.mark.parametrize("contact", CONTACTS)
-@pytest.mark.parametrize("shape", SHAPES)
+@each_shape_and_contact
 def test_reaction_is_what_the_nodes_receive(shape, contact):
     """Impulse and angular impulse of the body, those of the nodes, and the forces at the feet."""
     body = moving(shape, contact)
@@ -143,8 +146,7 @@ def test_reaction_is_what_the_nodes_receive(shape, contact):
     assert np.allclose(state.angular_impulse, -DT * torque, rtol=0, atol=atol)
 
 
-@pytest.mark.parametrize("contact", CONTACTS)
-@pytest.mark.parametrize("shape", SHAPES)
+@each_shape_and_contact
 def test_conditions_of_contact_hold_at_the_feet(shape, contact):
     """In a flow about a moving body, to the tolerance of the sweeps."""
     body = moving(shape, contact)

@@ -33,10 +33,10 @@ def test_box_at_rest_weighs_what_it_weighs():
     mass = 100.0
     box = Body(Box(size=(0.3, 0.2)), (0.5, 0.52), friction=0.3, free="y", mass=mass)
     sim = gr.Simulation(bed(box), threads=1)
-    sim.run(until=0.4)
+    sim.run(until=0.4, monitor=False)
     begin, felt = sim.time, sim.bodies[0]
     assert 0.47 < felt.position[1] < 0.52
-    sim.run(until=2.0)
+    sim.run(until=2.0, monitor=False)
     force = (sim.bodies[0].impulse - felt.impulse) / (sim.time - begin)
     assert force[1] == pytest.approx(mass * G, rel=0.005)
     assert abs(force[0]) < 0.005 * mass * G  # 0 by symmetry, but for the order of the sweeps
@@ -67,7 +67,7 @@ def test_momentum_of_material_and_bodies_is_kept(transfer):
     grid = Grid((-0.5, -0.5), 0.05, (40, 36))
     sim = gr.Simulation(scene.replace(grid=grid), threads=1)
     before = _momentum(sim)
-    sim.run(until=0.1)
+    sim.run(until=0.1, monitor=False)
     impulse = sum(body.impulse for body in sim.bodies)
     assert np.linalg.norm(impulse) > 1
     assert np.allclose(_momentum(sim) - before, -impulse, rtol=0, atol=1e-10)
@@ -137,10 +137,10 @@ def test_turning_cylinder_is_held_back():
     The material in between takes up some angular momentum while it starts to rotate.
     """
     sim = _sheared("sticky", 2)
-    sim.run(until=0.2)
+    sim.run(until=0.2, monitor=False)
     begin, felt, stresses = sim.time, sim.bodies[0].angular_impulse, []
     while sim.time < 0.4:
-        sim.run(until=sim.time + 0.01)
+        sim.run(until=sim.time + 0.01, monitor=False)
         stresses.append(_ring_torque(sim.state))
     torque = (sim.bodies[0].angular_impulse - felt) / (sim.time - begin)
     assert torque < 0
@@ -149,5 +149,5 @@ def test_turning_cylinder_is_held_back():
 
 def test_smooth_cylinder_turns_freely():
     sim = _sheared("bilateral", 1)
-    sim.run(until=0.2)
+    sim.run(until=0.2, monitor=False)
     assert abs(sim.bodies[0].angular_impulse) < 1e-10 * np.abs(sim.bodies[0].impulse).max()

@@ -84,7 +84,7 @@ def test_flight_is_that_of_euler_and_galilei():
     for dt in (8e-4, 4e-4):
         sim = gr.Simulation(scene_of(body, dt=dt), threads=1)
         begin = sim.bodies[0]
-        sim.run(until=end)
+        sim.run(until=end, monitor=False)
         now = sim.bodies[0]
         errors.append(np.abs(now.rotation - q).max())
         turning = now.rotation @ inertia @ now.rotation.T @ now.angular_velocity

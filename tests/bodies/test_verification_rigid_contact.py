@@ -97,7 +97,8 @@ FLOOR = {
 @pytest.mark.parametrize(
     ("floor", "dim", "e"),
     [
-        *((floor, 2, e) for floor in FLOOR for e in (0.0, 0.6, 1.0)),
+        *((floor, 2, 0.6) for floor in FLOOR),
+        *((floor, 2, e) for floor in ("wall", "body") for e in (0.0, 1.0)),
         ("wall", 3, 0.6),
         ("Solid", 3, 0.6),
         ("body", 3, 0.6),
@@ -138,7 +139,7 @@ def test_a_block_slides_down_an_oblique_body(dim, mu):
         friction=1.0,
     )
     sim = gr.Simulation(scene_of(block, ramp, dt=5e-4), threads=1)
-    sim.run(until=0.3, monitor=False)
+    sim.run(until=0.15, monitor=False)
     pull = max(G * (math.sin(slope) - mu * math.cos(slope)), 0.0)
     now = sim.bodies[0]
     assert now.velocity @ along == pytest.approx(pull * sim.time, rel=1e-6, abs=1e-9)
@@ -165,7 +166,7 @@ def test_a_ball_rolls_down_an_oblique_body(dim):
         )
         ramp = Body(HalfSpace(tuple(normal)), (0.8,) * dim, friction=1.0)
         sim = gr.Simulation(scene_of(rolling, ramp, dt=5e-4), threads=1)
-        sim.run(until=0.4, monitor=False)
+        sim.run(until=0.2, monitor=False)
         now = sim.bodies[0]
         rolls = mu > math.tan(slope) * share / (1 + share)
         pull = G * math.sin(slope) / (1 + share)
@@ -281,7 +282,7 @@ def test_a_tower_stands():
         for k in range(5)
     ]
     sim = gr.Simulation(scene_of(*blocks, walls=(Wall(1, 0.0),), dt=4e-4), threads=1)
-    sim.run(until=0.5, monitor=False)
+    sim.run(until=0.3, monitor=False)
     for k, state in enumerate(sim.bodies):
         assert state.position == pytest.approx((0.8, 0.05 + 0.1 * k), abs=1e-5)
 

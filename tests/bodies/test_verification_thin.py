@@ -175,11 +175,15 @@ def behind(g, dim, place, turned_deg, stencil, thin_bodies=1, **body):
 
 
 @pytest.mark.parametrize(
-    ("rough", "stencil"), [(False, "isotropic"), (True, "faces"), (True, "isotropic")]
-)
-@pytest.mark.parametrize(
-    ("dim", "place", "turned_deg"),
-    [(2, 5.0, 0.0), (2, 5.25, 0.0), (2, 5.5, 0.0), (2, 5.75, 0.0), (2, 5.3, 25.0), (3, 5.3, 20.0)],
+    ("dim", "place", "turned_deg", "rough", "stencil"),
+    [
+        *((2, place, 0.0, True, "isotropic") for place in (5.0, 5.25, 5.5, 5.75)),
+        (2, 5.3, 25.0, False, "isotropic"),
+        (2, 5.3, 25.0, True, "faces"),
+        (2, 5.3, 25.0, True, "isotropic"),
+        (3, 5.3, 20.0, False, "isotropic"),
+        (3, 5.3, 20.0, True, "faces"),
+    ],
 )
 def test_fluidity_does_not_pass(dim, place, turned_deg, rough, stencil):
     """Fluidity behind a thin body is independent of that in front, wherever cells are cut."""

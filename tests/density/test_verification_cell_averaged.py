@@ -38,7 +38,8 @@ def test_neighbouring_columns_of_a_heap_hold_the_same(jitter, bound):
     flow spreads, one of which is a fifth of what a cell holds.
     """
     scene = gr.scenes.column_collapse(aspect=4.0, scheme=SCHEME, E=1e6, jitter=jitter, seed=1)
-    filled = mass_over_top(gr.Simulation(scene, threads=1).run().state)[:16]
+    state = gr.Simulation(scene, threads=1).run(until=1.5, monitor=False).state
+    filled = mass_over_top(state)[:16]
     assert len(filled) == 16
     assert abs(np.diff(filled)).max() < bound
 
@@ -116,7 +117,9 @@ def test_run_out_hardly_depends_on_the_stiffness(moduli, seeds, bound):
             gr.scenes.column_collapse(aspect=1.0, scheme=SCHEME, E=E, jitter=0.5, seed=seed)
             for seed in range(seeds)
         ]
-        states = [gr.Simulation(scene, threads=1).run(until=1.0).state for scene in scenes]
+        states = [
+            gr.Simulation(scene, threads=1).run(until=1.0, monitor=False).state for scene in scenes
+        ]
         reach.append(np.mean([gr.measure.runout(state).toe for state in states]))
     assert np.ptp(reach) < bound * np.mean(reach)
 
@@ -155,7 +158,7 @@ def discharge(scene):
     """Rate of discharge of the quarter [kg/s] between 0.1 s and 0.3 s."""
     sim = gr.Simulation(scene, threads=1)
     times = np.linspace(0.1, 0.3, 7)
-    mass = [sim.run(until=float(time)).state.mass.sum() for time in times]
+    mass = [sim.run(until=float(time), monitor=False).state.mass.sum() for time in times]
     return -np.polyfit(times, mass, 1)[0]
 
 
@@ -186,7 +189,7 @@ def test_an_orifice_of_twelve_cells():
 def test_density_drift_is_the_mass_in_excess(scheme, low, high):
     """In a 3D orifice the indicator tells what the cells hold; with averaged cells it is 0."""
     scene = orifice(getattr(gr.schemes, scheme), across=8)
-    state = gr.Simulation(scene, threads=1).run().state
+    state = gr.Simulation(scene, threads=1).run(monitor=False).state
     drift = gr.measure.density_drift(state)
     assert low - 0.01 <= drift < high
     bulk = Bulk(state, packed=0.9)

@@ -24,10 +24,9 @@ def mean_speed(scene, until):
     ("cell", "columns", "E", "seed", "until"),
     [
         (0.01, 16, 1e6, 1, 0.8),
-        (0.01, 16, 1e7, 0, 0.4),
         (0.01, 32, 1e7, 0, 0.4),
         (0.005, 16, 1e6, 23, 1.5),
-        (0.005, 16, 1e7, 21, 0.5),
+        pytest.param(0.005, 16, 1e7, 21, 0.5, marks=pytest.mark.slow),
     ],
 )
 def test_a_layer_below_its_angle_of_repose_rests(cell, columns, E, seed, until):
@@ -62,7 +61,7 @@ def test_the_damping_of_flutter_leaves_flow_alone(angle_deg, error):
     """Stiff grains, for which a damping by the speed of waves would do most, at 0.5 s."""
     grains = gr.materials.glass_beads.replace(E=1e8)
     scene = gr.scenes.incline(angle_deg=angle_deg, columns=1, cell=0.005, material=grains)
-    expected = gr.theory.transient(angle_deg, 0.2, grains, [0.5], cells=400, rtol=1e-8).mean[-1]
+    expected = gr.theory.transient(angle_deg, 0.2, grains, [0.5], cells=200, rtol=1e-6).mean[-1]
     assert mean_speed(scene, 0.5) == pytest.approx(expected, rel=error)
 
 
@@ -81,7 +80,7 @@ def test_a_bed_rests_on_walls_that_meet_in_its_floor(ends, weight_correction):
         duration=0.15,
         scheme=gr.Scheme(density=gr.SmoothedDensity(weight_correction=weight_correction)),
     )
-    sim = gr.Simulation(scene, threads=1).run()
+    sim = gr.Simulation(scene, threads=1).run(monitor=False)
     assert np.linalg.norm(sim.state.v, axis=1).max() < 2e-4
 
 
@@ -122,7 +121,6 @@ SANDY = gr.MuI(E=3e6, mu_s=0.6, mu_2=0.8)
         (gr.MuI(E=3e6), None, 0.541),  # tau = mu_s p, as after a slow ramp of gravity
         (gr.Elastic(E=3e6), None, 3 / 7),
         (SANDY.replace(elasticity="hencky"), 0.6, 0.6),
-        (SANDY, 1.0, 1.0),
         (SANDY, 2.0, 2.0),
     ],
 )
@@ -139,7 +137,7 @@ def test_walls_bear_the_pressure_at_rest(material, K0, expected):
         gravity=g,
         duration=0.1,
     )
-    sim = gr.Simulation(scene, threads=1, wall_forces=True).run()
+    sim = gr.Simulation(scene, threads=1, wall_forces=True).run(monitor=False)
     floor, _, wall = (wall.impulse / sim.time for wall in sim.walls)
     weight = material.rho_c * g * height
     assert wall[0] == pytest.approx(expected * weight * height / 2, rel=0.01)
@@ -177,8 +175,7 @@ SLOPES = {
 }
 
 
-@pytest.mark.parametrize("K0", [None, 1.0])
-@pytest.mark.parametrize("name", SLOPES)
+@pytest.mark.parametrize(("name", "K0"), [*((name, None) for name in SLOPES), ("two layers", 1.0)])
 def test_a_slope_begins_in_balance(name, K0):
     """Away from its ends, by 2 % of g; without the shear stress of the slope it were 15 K0 %."""
     dim, regions = SLOPES[name]

@@ -71,52 +71,38 @@ def half_solid(cells):
     return box(cells, [gr.Solid((0.1, 0.0), (cells * 0.01, cells * 0.01), kind="free_slip")])
 
 
-ONE_SCENE = """
-def run(cells):
-    return gr.Simulation(box(cells), threads=1).run(0.002, every=1e-3)
-def outcome(sim):
-    return sim.state.x, sim.health()["courant"].value
-"""
-WITH_WALL_FORCES = """
-def run(cells):
-    return gr.Simulation(staircase(cells), threads=1, wall_forces=True).run(0.03, every=1e-2)
-def outcome(sim):
-    assert any(abs(wall.impulse).sum() > 0 for wall in sim.walls[4:])
-    impulses = np.array([wall.impulse for wall in sim.walls])
-    return sim.state.x, impulses, sim.health()["in_solids"].value, sim.health()["courant"].value
-"""
-
-IN_A_ROCK = """
-def run(cells):
-    return gr.Simulation(half_solid(cells), threads=1).run(0.03, every=1e-2)
-def outcome(sim):
-    return sim.state.x, sim.health()["courant"].value
-"""
-
-
-@pytest.mark.parametrize("scene", [ONE_SCENE, WITH_WALL_FORCES, IN_A_ROCK])
-def test_a_large_box_costs_nothing(scene):
-    """20,000 x 20,000 cells with 400 points, in a process of its own: less than 60 MB more.
-
-    Neither do blocks, the impulses on the walls, and the indicators of failure.
-    """
-    code = f"""
+LARGE_BOXES = """
 import resource
 import numpy as np
 from test_robustness_huge_scenes import box, half_solid, staircase
 import granular as gr
 def peak():
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-{scene}
-small = outcome(run(40))
+def outcomes(cells):
+    alone = gr.Simulation(box(cells), threads=1).run(0.002, every=1e-3)
+    in_a_rock = gr.Simulation(half_solid(cells), threads=1).run(0.03, every=1e-2)
+    on_steps = gr.Simulation(staircase(cells), threads=1, wall_forces=True).run(0.03, every=1e-2)
+    impulses = np.array([wall.impulse for wall in on_steps.walls])
+    assert abs(impulses[4:]).sum() > 0
+    health = [sim.health()["courant"].value for sim in (alone, in_a_rock, on_steps)]
+    positions = [sim.state.x for sim in (alone, in_a_rock, on_steps)]
+    return *positions, impulses, health, on_steps.health()["in_solids"].value
+small = outcomes(40)
 before = peak()
-large = outcome(run(20_000))
+large = outcomes(20_000)
 for one, other in zip(small, large):
     np.testing.assert_array_equal(one, other)
 print(peak() - before)
 """
+
+
+def test_a_large_box_costs_nothing():
+    """20,000 x 20,000 cells with 400 points, in a process of its own: less than 60 MB more.
+
+    Neither do blocks, the impulses on the walls, and the indicators of failure.
+    """
     paths = [__file__.rpartition("/")[0], *sys.path]
-    run = [sys.executable, "-c", f"import sys; sys.path[:0] = {paths!r}\n" + code]
+    run = [sys.executable, "-c", f"import sys; sys.path[:0] = {paths!r}\n" + LARGE_BOXES]
     found = subprocess.run(run, capture_output=True, text=True, check=False)
     assert found.returncode == 0, found.stderr
     assert int(found.stdout) < 60 * 1024
@@ -133,11 +119,15 @@ def test_available_memory_is_that_of_the_machine_or_less():
         resource.setrlimit(resource.RLIMIT_AS, limit)
 
 
-def block(dim, shape, per_axis, scheme):
-    """Expression of a full block of material."""
+DISC = "gr.Sphere(0.49, center=(0.5, 0.5))"
+
+
+def block(dim, shape, per_axis, scheme, region=None):
+    """Expression of a scene that is full of material, or filled in a region."""
+    region = region or f"gr.Box((0.0,) * {dim}, tuple(0.01 * n for n in {shape}))"
     return f"""gr.Scene(
     name="block", grid=gr.Grid((0.0,) * {dim}, 0.01, {shape}),
-    fills=(gr.Fill(gr.Box((0.0,) * {dim}, tuple(0.01 * n for n in {shape})), {per_axis**dim}),),
+    fills=(gr.Fill({region}, {per_axis**dim}),),
     material=gr.MuI(E=1e6), scheme=gr.schemes.{scheme},
     gravity=gr.Gravity((0.0,), ((0.0,) * {dim},)), duration=1.0,
 )"""
@@ -146,11 +136,10 @@ def block(dim, shape, per_axis, scheme):
 @pytest.mark.parametrize(
     "scene",
     [
-        block(2, (110, 110), 4, "default"),
-        block(3, (29, 29, 29), 2, "cell_averaged"),
-        "gr.scenes.rotating_drum()",  # bodies load parts of SciPy
-        "gr.scenes.cylinder_collapse()",  # so does a region that cuts squares
-        "gr.scenes.excavation()",  # the pressure of a weight above, and a body
+        block(2, (80, 80), 4, "default"),
+        block(3, (24, 24, 24), 2, "cell_averaged"),
+        block(2, (100, 100), 4, "default", DISC),  # a region that cuts squares loads parts of SciPy
+        "gr.scenes.excavation(cell=0.025)",  # so does a body; the pressure of a weight above
     ],
 )
 def test_the_estimated_memory_is_that_of_the_run(scene):

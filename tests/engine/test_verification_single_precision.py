@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from oracle_fluidity import available
-from same_bits import bits, same_bits
+from same_bits import bits, same_bits, stepped
 from scenes_by_hand import scene_with
 
 import granular as gr
@@ -79,15 +79,8 @@ def test_features_read_floats(name):
     """Bodies, several materials, inflows and cohesion: the same bits for any number of threads and
     after a restart, and the flow of double precision."""
     scene, scheme = getattr(gr.scenes, name)(), gr.schemes.default
-    double = gr.Simulation(scene.replace(scheme=scheme), threads=1)
-    single = gr.Simulation(scene.replace(scheme=in_single(scheme)), threads=1)
-    for sim in (double, single):
-        sim.step(150)
-    cut = gr.Simulation(single.scene, threads=2)
-    cut.step(97)
-    resumed = gr.Simulation.from_checkpoint(single.scene, cut.checkpoint(), threads=3)
-    resumed.step(53)
-    assert bits(resumed) == bits(single)
+    double = stepped(scene.replace(scheme=scheme), 150)
+    single = same_bits(scene.replace(scheme=in_single(scheme)), 97, 53)
     types = {name: array.dtype for name, array in single.buffers.items()}
     assert types.pop("x") == np.float64
     assert types.pop("id") == np.int64
@@ -99,17 +92,10 @@ def test_features_read_floats(name):
 def test_sleep_in_single_precision():
     """A column at rest falls asleep in part, with the same bits after a restart."""
     scheme = in_single(gr.schemes.default).replace(sleep_speed=0.1)
-    scene = column(scheme, cell=0.1)
-    one = gr.Simulation(scene, threads=1)
-    one.step(2500)
+    one = same_bits(column(scheme, cell=0.1), 2200, 300)
     calm = one.checkpoint().arrays["calm"]
     assert (calm == calm.max()).any()
     assert (one.state.v == 0).all(axis=1).any()
-    cut = gr.Simulation(scene, threads=2)
-    cut.step(2200)
-    resumed = gr.Simulation.from_checkpoint(scene, cut.checkpoint(), threads=3)
-    resumed.step(300)
-    assert bits(resumed) == bits(one)
 
 
 def test_buffers_of_doubles_are_refused():

@@ -50,9 +50,9 @@ def test_bed_at_rest_on_a_plane(turned_deg, offset):
     assert ((points.x - origin) @ up).min() >= 0.04 * CELL / 2
     sim = gr.Simulation(scene, threads=1)
     start = sim.state
-    sim.run(until=0.15)
+    sim.run(until=0.15, monitor=False)
     time, before = sim.time, sim.bodies[0].impulse
-    sim.run(until=0.25)
+    sim.run(until=0.25, monitor=False)
     state = sim.state
     force = -(sim.bodies[0].impulse - before) @ up / (sim.time - time)
     assert force == pytest.approx(state.mass.sum() * G, rel=2e-3)
@@ -115,7 +115,7 @@ def carried_pressure(stagger, speed=0.1, cells=4):
     first = above < CELL / 2
     found = []
     for eighth in range(1, 8 * cells + 1):
-        sim.run(until=eighth * CELL / speed / 8)
+        sim.run(until=eighth * CELL / speed / 8, monitor=False)
         found.append(sim.state.pressure[first].mean() / (RHO * G * (height - above[first])).mean())
     return np.array(found[8:])
 

@@ -124,7 +124,7 @@ def test_points_enter_at_the_sites_of_a_moving_seeding_lattice(dim, cfl):
     sim = gr.Simulation(scene, threads=1)
     rate = scene.inflows[0].rate_in(scene.grid, SAND.rho_c)
     for until in (0.05, 0.1, 0.2):
-        sim.run(until=until)
+        sim.run(until=until, monitor=False)
         state, (entered,) = sim.state, sim.inflows
         x = oracle(scene, sim.time)
         np.testing.assert_array_equal(state.id, np.arange(len(x)))
@@ -139,7 +139,7 @@ def test_points_enter_at_the_sites_of_a_moving_seeding_lattice(dim, cfl):
 
 def test_ids_go_on_from_the_largest_even_if_its_point_has_left():
     scene = stream(fills=[gr.Fill(gr.Box((0.1, 0.0), (0.3, 0.1)), 4, velocity=(0, -3))])
-    sim = gr.Simulation(scene, threads=1).run()
+    sim = gr.Simulation(scene, threads=1).run(monitor=False)
     first = scene.n_points
     assert sim.state.id.min() >= first
     assert sim.state.id.max() == first + sim.inflows[0].points - 1
@@ -149,7 +149,7 @@ def test_a_driven_inflow_is_full_at_the_start_and_moves_as_it_is_told():
     scene = chute()
     rows = 0.1 * 0.12 / H**2
     assert scene.n_points == pytest.approx(rows + 240, abs=1)
-    sim = gr.Simulation(scene, threads=1).run()
+    sim = gr.Simulation(scene, threads=1).run(monitor=False)
     state = sim.state
     within = state.x[:, 0] < 0.06  # beyond, points touch nodes that are free
     np.testing.assert_allclose(state.v[within], np.tile([0.8, 0.0], (within.sum(), 1)), atol=1e-12)
@@ -178,7 +178,7 @@ def test_driven_inflows_of_both_directions_are_mirror_images(end):
 
 def test_cost_and_memory_count_what_will_have_entered():
     scene = stream(duration=0.4)
-    sim = gr.Simulation(scene, threads=1).run()
+    sim = gr.Simulation(scene, threads=1).run(monitor=False)
     cost = gr.economy.cost(scene)
     assert cost.points == sim.inflows[0].points
     assert cost.unborn == pytest.approx(cost.points / 2, rel=0.01)
@@ -257,4 +257,4 @@ def test_cheaper_scenes_and_resumed_ones_know_the_inflows(tmp_path):
     with pytest.raises(ValueError, match=r"inflows = .* must be"):
         gr.Simulation.resume(path, scene=faster)
     on = gr.Simulation.resume(path, scene=scene.replace(gravity=gr.Gravity((0.0,), ((1.0, 0.0),))))
-    assert on.run(until=0.06).inflows[0].points > 100 / 0.1 * 0.05
+    assert on.run(until=0.06, monitor=False).inflows[0].points > 100 / 0.1 * 0.05

@@ -14,7 +14,7 @@ G = 9.81
 def test_the_stream_is_as_full_as_it_should_be():
     """Without forces, every window of 4 x 4 cells of the stream from the inlet on holds rho V."""
     scene = stream(duration=0.3)
-    sim = gr.Simulation(scene, threads=1).run()
+    sim = gr.Simulation(scene, threads=1).run(monitor=False)
     x, mass = sim.state.x, sim.state.mass
     for left in (0.1, 0.16, 0.22):
         for top in (0.74, 0.68, 0.62):
@@ -29,7 +29,7 @@ def deviation(cell):
     grid = gr.Grid((0.0, 0.0), cell, (round(0.32 / cell), round(0.72 / cell)), open_sides={"y-"})
     inflow = gr.Inflow(region, (0.0, -1.0), 4, density=1400.0)
     scene = stream(gravity=G, duration=0.5, grid=grid, inflows=[inflow])
-    state = gr.Simulation(scene, threads=1).run().state
+    state = gr.Simulation(scene, threads=1).run(monitor=False).state
     y, v = state.x[:, 1], state.v[:, 1]
     middle = (y > 0.05) & (y < 0.6)
     np.testing.assert_allclose(state.v[:, 0], 0.0, atol=1e-9)
@@ -91,7 +91,7 @@ def test_energy_that_enters_is_accounted_for():
     The transfer loses 0.6 % of it, where the stream accelerates.
     """
     scene = stream(gravity=G, duration=0.3, inflow={"density": 1400.0})
-    sim = gr.Simulation(scene, threads=1).run()
+    sim = gr.Simulation(scene, threads=1).run(monitor=False)
     state, (entered,) = sim.state, sim.inflows
     kinetic = 0.5 * state.mass @ (state.v**2).sum(axis=1)
     fallen = entered.height_energy - G * state.mass @ state.x[:, 1]
@@ -106,7 +106,7 @@ def test_a_heap_keeps_what_falls_and_its_slope():
     mean over the flank, and steeper near the ground: 20.2 and 19.6 were found on the two sides.
     """
     scene = gr.scenes.conveyor_heap()
-    sim = gr.Simulation(scene, threads=1).run()
+    sim = gr.Simulation(scene, threads=1).run(monitor=False)
     state = sim.state
     assert 0 <= 20.0 * sim.time - state.mass.sum() < state.mass[0] + 1e-9
     slopes = [gr.measure.repose_angle(state, side=side).mean_deg for side in ("left", "right")]
@@ -119,7 +119,7 @@ def test_a_heap_keeps_what_falls_and_its_slope():
 def test_a_belt_carries_away_what_falls():
     """On a belt of 0.5 m/s the layer is rate/(rho u) thick, and the mass does not change."""
     sim = gr.Simulation(gr.scenes.conveyor_heap(belt_speed=0.5, duration=4.0), threads=1)
-    held = [sim.run(until=until).state.mass.sum() for until in (3.0, 4.0)]
+    held = [sim.run(until=until, monitor=False).state.mass.sum() for until in (3.0, 4.0)]
     x, mass, v = sim.state.x, sim.state.mass, sim.state.v
     rides = (x[:, 0] > 0.25) & (x[:, 0] < 0.45)
     assert held[1] == pytest.approx(held[0], rel=0.02)
@@ -134,7 +134,7 @@ def test_a_fed_chute_flows_as_bagnold_says():
     were found beside those of the steady layer of the same flux.
     """
     scene = gr.scenes.chute_fed()
-    sim = gr.Simulation(scene, threads=1).run()
+    sim = gr.Simulation(scene, threads=1).run(monitor=False)
     x, v, mass = sim.state.x[:, 0], sim.state.v[:, 0], sim.state.mass
     here = (x > 1.4) & (x < 1.7)
     thickness = mass[here].sum() / (1500 * 0.3)
@@ -149,9 +149,9 @@ def test_a_fed_chute_flows_as_bagnold_says():
 @pytest.mark.slow
 def test_a_fed_silo_takes_in_what_it_gives_out():
     """In the steady state mass in = mass out to 1 %, and the silo stays full to a row of cells."""
-    sim = gr.Simulation(gr.scenes.silo_fed(), threads=1).run(until=3.0)
+    sim = gr.Simulation(gr.scenes.silo_fed(), threads=1).run(until=3.0, monitor=False)
     before = sim.inflows[0].mass, sim.state.mass.sum()
-    sim.run(until=5.0)
+    sim.run(until=5.0, monitor=False)
     entered, held = sim.inflows[0].mass - before[0], sim.state.mass.sum() - before[1]
     assert abs(held) < 0.01 * entered
     assert 0.48 < sim.state.x[:, 1].max() <= 0.5
@@ -182,7 +182,7 @@ def test_mass_momentum_and_angular_momentum_are_conserved():
     sim = gr.Simulation(scene, threads=1)
     before = totals(sim.state)
     block = sim.state.v.copy()
-    state, (entered,) = sim.run().state, sim.inflows
+    state, (entered,) = sim.run(monitor=False).state, sim.inflows
     site = np.arange(entered.points) % 10  # from below, as the numbers of the points count them
     y, (u, w) = 0.6 + (site + 0.5) * H, scene.inflows[0].velocity
     one = 1450.0 * H**2

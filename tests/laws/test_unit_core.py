@@ -185,7 +185,7 @@ def test_stress_update_against_fifty_digits(law):
     with decimal.localcontext() as context:
         context.prec = 50
         for dt, dim in itertools.product((1e-7, 3e-6, 1e-4, 2e-3), (2, 3)):
-            stress, Ldt, c = random_states(rng, 500, dim, law)
+            stress, Ldt, c = random_states(rng, 250, dim, law)
             found, _ = update(law, dim, stress, Ldt, c, dt)
             expected, size, clear = law_in_decimals(law, dim, stress, Ldt, dt)
             for k, (i, j) in enumerate(oracle.STRESS_PLACES[dim]):
@@ -193,7 +193,7 @@ def test_stress_update_against_fifty_digits(law):
                 worst = max(worst, error[clear].max())
             count += clear.sum()
             dense += (clear & (expected[:, 0, 0] != 0)).sum()
-    assert count >= dense >= 2_500
+    assert count >= dense >= 1_250
     assert worst <= 1e-13
 
 

@@ -145,10 +145,7 @@ def test_what_cannot_be_a_part_of_a_law_is_refused_by_name(made, tmp_path):
         ("must not define a class", lambda: made("", "class A: pass")),
         ("eval must not be used", lambda: made("", "stress *= eval('1')")),
         ("open must not be used", lambda: made("def f():\n    open('x')", "f()")),
-        (
-            "m is a module, of which",
-            lambda: made("import module_of_mine as m", "print(m)"),
-        ),
+        ("m is a module, of which", lambda: made("import module_of_mine as m", "print(m)")),
         (
             "f.* must be a plain function without default",
             lambda: made("def f(x=1):\n    pass", "f()"),

@@ -36,7 +36,7 @@ def test_low_cliff_stands_and_high_cliff_falls(material):
         scene = gr.scenes.cohesive_cliff(height=height, cell=0.025, material=material)
         sim = gr.Simulation(scene)
         top, start = crest(sim.state), sim.state.x.copy()
-        sim.run()
+        sim.run(monitor=False)
         moved[height] = start[top, 1] - sim.state.x[top, 1]
     assert 0.15 < LIMITS.band < LIMITS.coaxial < 0.25
     elastic = DENSITY * 9.8 * 0.15**2 / 2 / 1e6
@@ -57,7 +57,7 @@ def critical_height(cell, material, ramp=10.0, height=0.2, full=25.0):
     top, start = crest(sim.state), sim.state.x.copy()
     elastic = None
     for gravity in np.arange(2.0, full, 0.25):
-        sim.run(until=ramp * gravity / full)
+        sim.run(until=ramp * gravity / full, monitor=False)
         sunk = start[top, 1] - sim.state.x[top, 1]
         elastic = elastic or sunk / gravity
         if sunk > 3 * elastic * gravity:
@@ -104,7 +104,7 @@ def test_hanging_bar_breaks_at_its_tensile_strength():
     sim = gr.Simulation(scene)
     broken = None
     for gravity in np.linspace(0.7, 1.3, 61) * expected:
-        sim.run(until=ramp * gravity / full)
+        sim.run(until=ramp * gravity / full, monitor=False)
         if sim.state.separated.any():
             broken = gravity
             break
@@ -113,5 +113,5 @@ def test_hanging_bar_breaks_at_its_tensile_strength():
         assert sim.state.pressure.max() < strength / 10
     assert broken == pytest.approx(expected, rel=0.06)
     assert sim.state.x[sim.state.separated > 0, 1].min() > 0.6 - 3 * cell
-    sim.run()
+    sim.run(monitor=False)
     assert sim.state.speed.mean() > 0.05  # it falls

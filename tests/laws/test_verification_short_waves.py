@@ -1,12 +1,16 @@
 """Short waves in uniform shear: mu(I) lets them grow, the regularised law does not."""
 
+import functools
 import math
 
 import pytest
-from stability.short_waves import FAST, PLAIN, REGULARISED, SLOW, growth
+from stability import short_waves
+from stability.short_waves import FAST, PLAIN, REGULARISED, SLOW
 
 import granular as gr
 from granular.theory import shear_wave_growth, shear_waves
+
+growth = functools.cache(short_waves.growth)  # runs that two tests make
 
 
 def barker(material, inertial_number, pressure, angle, k):

@@ -151,7 +151,7 @@ FAULTS = [
 def fail_at_each(monkeypatch, name, code, prepare, act, check):
     """Let calls of ``os.name`` within ``act`` fail in turn; return the number of calls.
 
-    Each of the first twelve fails, and of those that follow, which are much alike, every seventh.
+    Each of the first ten fails, and of those that follow, which are much alike, every eleventh.
     """
     hits = 0
     while True:
@@ -170,7 +170,7 @@ def fail_at_each(monkeypatch, name, code, prepare, act, check):
         assert error is not None, "the error was swallowed"
         assert error.errno == code
         check(subject)
-        hits += 1 if hits < 12 else 7
+        hits += 1 if hits < 10 else 11
 
 
 def tree(folder):

@@ -9,15 +9,7 @@ import time
 import numpy as np
 import pytest
 from processes import command
-from records import (
-    REMOVED,
-    SCENE,
-    close_interrupted,
-    content,
-    make_record,
-    make_state,
-    put,
-)
+from records import REMOVED, SCENE, close_interrupted, content, make_record, make_state, put
 
 from granular import open_trajectory
 from granular.record import RecordError, TrajectoryWriter
@@ -92,7 +84,7 @@ def race(racers, path, kind, first):
     return [loser for loser in told if loser[0] != "won"]
 
 
-ROUNDS = 3
+ROUNDS = 2
 
 
 @pytest.mark.parametrize("rounds", [ROUNDS, pytest.param(200, marks=pytest.mark.slow)])

@@ -42,12 +42,7 @@ SMOOTHED, CELLS = SmoothedDensity(), CellAveragedDensity()
         (Scheme, {"flip_decay": -1.0}, ValueError, "flip_decay = -1.0"),
         (Scheme, {"mass_cutoff": 0.1}, ValueError, "mass_cutoff = 0.1"),
         (Scheme, {"basis": "linear", "density": SMOOTHED}, ValueError, 'needs basis = "quadratic"'),
-        (
-            Scheme,
-            {"density": CELLS, "basis": "quadratic"},
-            ValueError,
-            'and transfer = "tpic"',
-        ),
+        (Scheme, {"density": CELLS, "basis": "quadratic"}, ValueError, 'and transfer = "tpic"'),
         (Scheme, {"density": CELLS, "transfer": "flip"}, ValueError, "not 'linear' and 'flip'"),
         (Scheme, {"transfer": "apic", "flip_decay": 1.0}, ValueError, "flip_decay = 1.0 must be 0"),
         (Scheme, {"tpic_decay": "fast"}, TypeError, "tpic_decay = 'fast'"),

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scenes_by_hand import scene_with
 from schemes_by_name import scheme_of
+from stages import living
 
 import granular as gr
 from granular import Box, Elastic, Fill, Gravity, Grid
@@ -26,12 +27,6 @@ def scene(combination, shape, fills, *, material=SOLID, periodic=(False, False),
         gravity=REST,
         seed=11,
     )
-
-
-def places(sim):
-    ids = sim.buffers["id"]
-    at = np.flatnonzero(ids >= 0)
-    return at[np.argsort(ids[at])]
 
 
 def block(combination, points=4, **options):
@@ -55,7 +50,7 @@ def patch_error(basis, seed, jitter):
     sim = gr.Simulation(base.replace(seed=seed), threads=1)
     while sim.time < 0.25 * CELL:
         sim.step()
-    sim.buffers["stress"][:3, places(sim)] = -100.0
+    sim.buffers["stress"][:3, living(sim)] = -100.0
     sim._engine.p2g()
     nodes = sim._engine.nodes()
     inside = ((nodes["x"] > 0.55) & (nodes["x"] < 1.75)).all(axis=1)
@@ -93,7 +88,7 @@ def test_a_uniform_stress_makes_little_force():
 def test_regular_points_make_no_force(basis):
     fills = (Fill(Box((0.0, 0.0), (1.6, 1.6)), 4),)
     sim = gr.Simulation(scene((basis, "flip", "particle"), (16, 16), fills), threads=1)
-    sim.buffers["stress"][:3, places(sim)] = -100.0
+    sim.buffers["stress"][:3, living(sim)] = -100.0
     sim._engine.p2g()
     nodes = sim._engine.nodes()
     inside = ((nodes["x"] > 0.25) & (nodes["x"] < 1.35)).all(axis=1)
@@ -106,7 +101,7 @@ def test_a_linear_velocity_is_carried_exactly(basis, transfer):
     """v = b + A x on points with C = A gives v_i = b + A x_i, and back the same A."""
     sim = block((basis, transfer, "particle"))
     A, b = np.array([[0.3, -0.7], [0.4, 0.2]]), np.array([0.5, -1.0])
-    at, before = places(sim), sim.state
+    at, before = living(sim), sim.state
     sim.buffers["v"][:, at] = b[:, None] + A @ before.x.T
     sim.buffers["affine"][:, at] = A.reshape(4, 1)
     for stage in (sim._engine.p2g, sim._engine.grid):
@@ -165,7 +160,7 @@ def rotating(transfer, rate, material=SOLID):
     fills = (Fill(Box((0.6, 0.6), (1.0, 1.0)), 4, jitter=1.0),)
     base = scene(("quadratic", transfer, "particle"), (16, 16), fills, material=material)
     sim = gr.Simulation(base, threads=1)
-    at, centre = places(sim), np.array([0.8, 0.8])
+    at, centre = living(sim), np.array([0.8, 0.8])
     r = sim.state.x - centre
     sim.buffers["v"][:, at] = rate * np.stack([-r[:, 1], r[:, 0]])
     sim.buffers["affine"][:, at] = np.array([[0.0], [-rate], [rate], [0.0]])
@@ -242,7 +237,7 @@ def wave(transfer, cells, periods, basis="quadratic", cfl=0.2, material=SOLID):
     """
     sim = bar((basis, transfer, "particle"), cells, cfl=cfl, material=material)
     k, amplitude = 2 * np.pi / 3.2, 1e-3
-    at, x = places(sim), sim.state.x[:, 0]
+    at, x = living(sim), sim.state.x[:, 0]
     sim.buffers["v"][0, at] = amplitude * np.sin(k * x)
     if "affine" in sim.buffers:
         sim.buffers["affine"][0, at] = amplitude * k * np.cos(k * x)
@@ -331,7 +326,7 @@ def test_a_velocity_that_the_grid_does_not_see():
     left = {}
     for transfer in ("flip", "apic", "xpic"):
         sim = bar(("quadratic", transfer, "particle"), 32)
-        at, x = places(sim), sim.state.x
+        at, x = living(sim), sim.state.x
         sign = np.where(np.floor(x[:, 0] / 0.05 + 1e-9) % 2, 1.0, -1.0)
         sim.buffers["v"][0, at] = 1e-4 * sign
         before = abs(sim.state.v[:, 0] @ sign)

@@ -40,7 +40,7 @@ def test_stretching_does_not_draw_points_into_strings(per_side):
     0.36 hold more than 1.3 times what they should."""
     sim = gr.Simulation(pressed(per_side))
     for strain in np.arange(0.5, STRAIN + 0.1, 0.25):
-        sim.run(until=strain / RATE * (1 - 1e-9))
+        sim.run(until=strain / RATE * (1 - 1e-9), monitor=False)
         state, wide, high = sim.state, WIDTH * np.exp(strain), HEIGHT * np.exp(-strain)
         filling = np.zeros(state.scene.grid.shape)
         cells = tuple(np.floor(state.x / CELL).astype(int).T)

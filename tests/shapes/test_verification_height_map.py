@@ -143,7 +143,7 @@ def test_a_bed_falls_on_ground(tmp_path):
     assert np.array_equal(impulses[0], impulses[2])
     gr.Simulation(scene, threads=1).run(until=0.02, save=tmp_path / "m.h5", every=0.01)
     again = gr.Simulation.resume(tmp_path / "m.h5").run(until=0.04)
-    whole = gr.Simulation(scene, threads=1).run(until=0.04, every=0.01)
+    whole = gr.Simulation(scene, threads=1).run(until=0.04, every=0.01, monitor=False)
     assert np.array_equal(again.state.x, whole.state.x)
     small = gr.scaling.Froude(length=0.25).scene(scene).bodies[0].shape
     assert small == HeightMap(shape.z * np.float32(0.25), 0.025)

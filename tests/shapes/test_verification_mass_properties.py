@@ -254,10 +254,7 @@ def test_bodies_of_nothing_are_refused(shape):
             ),
             "it is empty",
         ),
-        (
-            lambda: mass_properties(Shell(Box(size=(0.4, 0.3, 0.2)), thickness=5e-5), 1.0),
-            "% only",
-        ),
+        (lambda: mass_properties(Shell(Box(size=(0.4, 0.3, 0.2)), thickness=5e-5), 1.0), "% only"),
     ],
 )
 def test_what_is_refused(make, message):

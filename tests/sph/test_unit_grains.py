@@ -239,7 +239,7 @@ def test_time_step_is_that_of_its_limits():
 def test_particles_that_leave_are_dropped():
     scene = small_scene(2, walls=False, jitter=0.0)
     simulation = sph.Simulation(scene)
-    simulation.run(0.2)
+    simulation.run(0.2, monitor=False)
     assert simulation.n_points == 0
     assert simulation.counts["dropped"] == 24
     assert simulation.counts["dropped_mass"] == pytest.approx(24 * scene.point_mass)

@@ -70,14 +70,14 @@ def test_memory_grows_and_threads_and_restarts_give_the_same_bits(monkeypatch):
     """With few spare rows the buffers grow in the middle, before and after a restart."""
     one = sph.Simulation(scene_of(), threads=1)
     capacity = one.buffers["id"].size
-    one.run(until=0.3)
+    one.run(until=0.3, monitor=False)
     monkeypatch.setattr(simulation, "LEAST_SPARE", 16)
     for threads in (2, 3):
         sim = sph.Simulation(scene_of(), threads=threads)
         assert sim.buffers["id"].size < capacity
-        sim.run(until=0.15)
+        sim.run(until=0.15, monitor=False)
         sim = sph.Simulation.from_checkpoint(scene_of(), sim.checkpoint(), threads=threads)
-        sim.run(until=0.3)
+        sim.run(until=0.3, monitor=False)
         assert sim.n_points > sim.scene.n_points + 200
         assert fields(sim.state) == fields(one.state) and sim.counts == one.counts
         (a,), (b,) = sim.inflows, one.inflows
@@ -88,8 +88,10 @@ def test_gas_that_enters_has_the_same_bits_too(monkeypatch):
     found = []
     for threads, spare in ((1, 256), (3, 4)):
         monkeypatch.setattr(simulation, "LEAST_SPARE", spare)
-        sim = sph.Simulation(fed_gas(), threads=threads).run(until=0.005)
-        sim = sph.Simulation.from_checkpoint(fed_gas(), sim.checkpoint(), threads=threads).run()
+        sim = sph.Simulation(fed_gas(), threads=threads).run(until=0.005, monitor=False)
+        sim = sph.Simulation.from_checkpoint(fed_gas(), sim.checkpoint(), threads=threads).run(
+            monitor=False
+        )
         found.append((fields(sim.state), fields(sim.gas)))
         assert sim.counts["gas_entered"] > 80
     assert found[0] == found[1]
@@ -110,7 +112,7 @@ def test_frames_hold_as_many_particles_as_there_are(tmp_path):
 
 def test_points_are_free_when_the_inflow_ends():
     scene = scene_of(inflows=[inlet(times=(0.0, 0.05))], fills=())
-    sim = sph.Simulation(scene, threads=1).run(until=0.08)
+    sim = sph.Simulation(scene, threads=1).run(until=0.08, monitor=False)
     assert sim.inflows[0].points == 40
     v = sim.state.v[:, 1]
     assert v.max() < -1.2  # all fall

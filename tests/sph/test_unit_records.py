@@ -198,18 +198,18 @@ def test_gate_moves_on_time_and_goes():
     gate = np.array([w == 2 for w in scene.wall_points()["wall"]])
     start = simulation.walls
     low, ids = start.x[gate, 1].min(), start.id[gate]
-    simulation.run(0.019)
+    simulation.run(0.019, monitor=False)
     assert simulation.walls.v.max() == 0.0 and simulation.state.x[:, 0].max() < 6 * DX
-    simulation.run(0.04)
+    simulation.run(0.04, monitor=False)
     walls = simulation.walls
     lifted = np.isin(walls.id, ids)
     assert walls.v[lifted, 1].min() == 1.0 and walls.v[~lifted].max() == 0.0
     # from 0.02 s on, whatever the steps are
     assert walls.x[lifted, 1].min() - low == pytest.approx(simulation.time - 0.02, abs=1e-12)
-    simulation.run(0.055)
+    simulation.run(0.055, monitor=False)
     assert not np.isin(simulation.walls.id, ids).any()
     assert len(simulation.walls.id) == np.count_nonzero(~gate)
-    simulation.run(0.1)
+    simulation.run(0.1, monitor=False)
     assert simulation.state.x[:, 0].max() > 6 * DX and simulation.counts["dropped"] == 0
 
 

@@ -33,7 +33,7 @@ def test_every_scene_is_whole(name):
     assert sph.Scene.from_json(scene.to_json()) == scene
     known = inspect.signature(make).parameters
     assert make(**{k: v for k, v in scene.parameters.items() if k in known}) == scene
-    simulation = gr.Simulation(scene).run(until=min(0.05, scene.duration))
+    simulation = gr.Simulation(scene).run(until=min(0.05, scene.duration), monitor=False)
     assert simulation.counts["dropped"] == 0 and np.isfinite(simulation.state.v).all()
 
 
@@ -139,9 +139,9 @@ def test_gate_of_the_channel_lifts_clear_and_goes():
 def test_orifice_opens_and_particles_fall():
     scene = scenes.slump_sph(**SMALL["slump_sph"] | {"settle": 0.3, "duration": 0.4})
     simulation = gr.Simulation(scene)
-    simulation.run(0.29)
+    simulation.run(0.29, monitor=False)
     assert simulation.state.x[:, 1].min() > 0.0 and simulation.counts["dropped"] == 0
-    simulation.run()
+    simulation.run(monitor=False)
     assert simulation.counts["dropped"] > 5
     left = simulation.state.x[:, 0] < 0.07
     assert simulation.state.x[left, 1].min() >= 0.0

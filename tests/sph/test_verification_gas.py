@@ -112,8 +112,8 @@ def test_flux_is_that_of_darcy(jitter, within):
         slopes.append(np.polyfit(gas.x[away, 0], gas.pressure[away], 1)[0])
         fluxes.append((gas.porosity * gas.v[:, 0])[away].mean())
 
-    simulation.run(0.05)
-    simulation.run(0.1, every=5e-4, hooks=(sample,))
+    simulation.run(0.05, monitor=False)
+    simulation.run(0.1, every=5e-4, hooks=(sample,), monitor=False)
     darcy = -scene.gas.permeability / scene.gas.viscosity * np.mean(slopes)
     assert np.mean(fluxes) > 0.07
     assert darcy == pytest.approx(np.mean(fluxes), rel=within)
@@ -185,7 +185,7 @@ def test_pore_pressure_diffuses_in_a_gas_that_has_come_to_order():
     assert decay_rate(simulation, 1000) == pytest.approx(1.0, abs=0.02)
 
 
-@pytest.mark.parametrize("columns", [48, 64, 96])
+@pytest.mark.parametrize("columns", [48, 96])
 def test_disorder_has_a_rate_of_its_own(columns):
     """Particles that move by -p E change their order, and with it the volume they take.
 
@@ -228,8 +228,8 @@ def bed_means(share, height, begin=0.15, end=0.3):
         rows.append((flux / critical, (below - above) / load, grains.x[:, 1].mean() - base))
 
     simulation = sph.Simulation(scene)
-    simulation.run(begin)
-    simulation.run(end, every=0.002, hooks=(sample,))
+    simulation.run(begin, monitor=False)
+    simulation.run(end, every=0.002, hooks=(sample,), monitor=False)
     return np.mean(rows, axis=0)
 
 

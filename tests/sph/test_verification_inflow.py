@@ -31,7 +31,7 @@ def jet(*, dim=2, gravity=0.0, speed=1.0, duration=0.4, deep=60, **more):
 @pytest.mark.parametrize("dim", [2, 3])
 def test_the_stream_is_as_full_as_it_should_be(dim):
     """Without forces every window of 4 spacings holds rho0 V, and the kernel finds rho0."""
-    sim = sph.Simulation(jet(dim=dim, duration=0.3), threads=1).run()
+    sim = sph.Simulation(jet(dim=dim, duration=0.3), threads=1).run(monitor=False)
     state = sim.state
     x, rho0 = state.x, sim.scene.material.rho0
     middle = np.all(np.abs(x[:, :-1] - [0.1, 0.08][: dim - 1]) < 0.02, axis=1)
@@ -49,7 +49,7 @@ def test_mass_is_exact_to_a_particle_and_ids_are_new():
     first, mass = sim.n_points, sim.scene.point_mass
     rate = 8 / DX  # particles per second at 1 m/s
     for until in (0.05, 0.1, 0.2, 0.4):
-        sim.run(until=until)
+        sim.run(until=until, monitor=False)
         (entered,) = sim.inflows
         assert 0 <= rate * sim.time - entered.points < 1 + 1e-9
         assert sim.n_points == first + entered.points - sim.counts["dropped"]
@@ -60,7 +60,7 @@ def test_mass_is_exact_to_a_particle_and_ids_are_new():
 
 def test_a_free_jet_falls_as_a_stone():
     """v^2 = v0^2 + 2 g s below the nozzle, and no pressure acts back on it."""
-    sim = sph.Simulation(jet(gravity=G), threads=1).run()
+    sim = sph.Simulation(jet(gravity=G), threads=1).run(monitor=False)
     y, v = sim.state.x[:, 1], -sim.state.v[:, 1]
     below = (y < 0.5 - 1e-9) & (y > 0.1)
     fallen = np.sqrt(1.0 + 2 * G * (0.5 - y[below]))
@@ -107,7 +107,7 @@ def test_a_layer_that_is_fed_flows_steadily():
         gravity=Gravity((0.0,), ((0.0, -G),)),
         duration=1.0,
     )
-    sim = sph.Simulation(scene, threads=1).run()
+    sim = sph.Simulation(scene, threads=1).run(monitor=False)
     x = sim.state.x
     counts = [np.sum((x[:, 0] > a) & (x[:, 0] <= a + 5 * DX)) for a in (0.05, 0.1, 0.15)]
     assert counts[0] == pytest.approx(5 * high, abs=1)
@@ -120,15 +120,9 @@ def test_a_layer_that_is_fed_flows_steadily():
 def test_the_gas_of_a_fed_nozzle_keeps_its_density():
     """Gas that enters has the density and velocity of the nozzle; what enters leaves in the end."""
     scene = gr.scenes.jet_on_bed(
-        speed=50.0,
-        width=0.3,
-        depth=0.1,
-        headroom=0.16,
-        nozzle=0.16,
-        spacing=0.02,
-        duration=0.02,
+        speed=50.0, width=0.3, depth=0.1, headroom=0.16, nozzle=0.16, spacing=0.02, duration=0.02
     )
-    sim = sph.Simulation(scene, threads=1).run()
+    sim = sph.Simulation(scene, threads=1).run(monitor=False)
     gas, (jet_,) = sim.gas, scene.gas.jets
     low, high = (np.array(end) for end in jet_.region.bounds)
     within = ((gas.x > low) & (gas.x < high)).all(axis=1)

@@ -63,7 +63,7 @@ def test_layer_that_slides(name):
         velocity=np.stack([speed, 0 * speed], axis=1), density=RHO * np.exp(p / material.K),
     )  # fmt: skip
     sim = gr.Simulation(scene, threads=1, wall_forces=True)
-    sim.run(until=0.5)
+    sim.run(until=0.5, monitor=False)
     gained = (sim.state.v[:, 0].mean() - speed.mean()) / sim.time
     assert friction_of(sim, np.zeros(2)) == pytest.approx(friction, rel=5e-4)
     assert gained == pytest.approx(wanted(friction), rel=5e-3)
@@ -78,9 +78,9 @@ def test_block_that_flutters(name):
     material = gr.Elastic(E=1e6, nu=0.3, rho_c=RHO)
     scene = slide(x, material, friction, (70, 12), False, SCHEMES[name], down)
     sim = gr.Simulation(scene, threads=1, wall_forces=True)
-    sim.run(until=begin)
+    sim.run(until=begin, monitor=False)
     time, before, v = sim.time, sim.walls[0].impulse, sim.state.v[:, 0].mean()
-    sim.run(until=until)
+    sim.run(until=until, monitor=False)
     gained = (sim.state.v[:, 0].mean() - v) / (sim.time - time)
     # A node that sticks for a moment has less friction; 1 % of it is 6 % of the acceleration.
     assert 0.98 * friction < friction_of(sim, before) < 1.001 * friction
@@ -89,9 +89,7 @@ def test_block_that_flutters(name):
 
 @each_scheme
 @pytest.mark.parametrize(
-    "material",
-    [gr.Elastic(E=1e6, nu=0.3), gr.MuI(E=1e6)],
-    ids=["elastic", "mui"],
+    "material", [gr.Elastic(E=1e6, nu=0.3), gr.MuI(E=1e6)], ids=["elastic", "mui"]
 )
 def test_material_leaves(material, name):
     """Grains thrown away from a Coulomb wall fly freely, also where gravity pulls them back."""
@@ -109,7 +107,7 @@ def test_material_leaves(material, name):
             walls=(gr.Wall(0, 0.0, kind=kind),),
         )
         sim = gr.Simulation(scene, threads=1)
-        sim.run(until=0.05)
+        sim.run(until=0.05, monitor=False)
         return np.abs(sim.state.v[:, 0] - (1.0 + pull * sim.time)).max()
 
     assert lag("coulomb") < 1e-9
@@ -139,8 +137,8 @@ def test_block_in_a_channel(name):
         walls=tuple(gr.Wall(i, at, kind="coulomb", friction=friction) for i, at in steel),
     )
     sim = gr.Simulation(scene, threads=1)
-    sim.run(until=0.1)
+    sim.run(until=0.1, monitor=False)
     time, v = sim.time, sim.state.v[:, 0].mean()
-    sim.run(until=0.2)
+    sim.run(until=0.2, monitor=False)
     gained = (sim.state.v[:, 0].mean() - v) / (sim.time - time)
     assert gained == pytest.approx(wanted(friction), rel=0.02)
