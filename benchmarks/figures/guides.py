@@ -324,21 +324,25 @@ def restart(quick: bool) -> Picture:
 def couple_with_another_program(quick: bool) -> Picture:
     """The vehicle of the guide, and its height and the force on it by either program."""
     del quick  # it takes some seconds
-    made, ((left, middle, right),) = panels(1, 3, 2.8, width_ratios=(1.5, 1.0, 1.0))
+    made = Picture(figsize=(9.0, 4.6), layout="constrained")
+    axes = made.subplot_mosaic([["top", "top"], ["left", "right"]])
+    top, left, right = axes["top"], axes["left"], axes["right"]
     with TemporaryDirectory() as folder, chdir(folder):
         exec("\n".join(code_of("couple_with_another_program")), {})
         own = gr.open("vehicle.h5")
-        gr.plot.frame(own[-1], "speed", ax=left, limits=(0, 0.4), title=f"t = {own.times[-1]:.1f} s")
+        gr.plot.frame(
+            own[-1], "speed", ax=left, limits=(0, 0.4), title=f"t = {own.times[-1]:.1f} s"
+        )
         for name, color, line in (("vehicle", BLUE, "-"), ("vehicle_mujoco", ORANGE, "--")):
             record = gr.open(f"{name}.h5")
             motion, force = gr.measure.body_motion(record), gr.measure.body_force(record)
             label = "MuJoCo" if "mujoco" in name else "ten lines"
-            middle.plot(motion.times, 1e3 * motion.position[:, 1], line, color=color, label=label)
+            left.plot(motion.times, 1e3 * motion.position[:, 1], line, color=color, label=label)
             right.plot(force.times, force.force[:, 1], line, color=color, label=label)
     right.axhline(80 * 9.8, color=GREY, ls=":", label="weight")
-    middle.set(xlabel="time [s]", ylabel="height of the wheel [mm]")
-    right.set(xlabel="time [s]", ylabel="force of the sand [N/m]")
-    right.legend(fontsize=8)
+    left.set(xlabel="time [s]", ylabel="height [mm]", title="axle of the wheel")
+    right.set(xlabel="time [s]", ylabel="force [N/m]", title="force of the sand upwards")
+    right.legend(fontsize=9)
     return made
 
 
@@ -469,7 +473,15 @@ PAGES: dict[str, Callable[[bool], Figure]] = {
     made.__name__: made
     for made in (
         *(walls, fill_regions, own_material, choose_a_scheme, choose_a_stiffness, scale_a_model),
-        *(scene_files, shear_cell, own_scene, read_the_verdict, watch_a_run, restart),
+        *(
+            couple_with_another_program,
+            scene_files,
+            shear_cell,
+            own_scene,
+            read_the_verdict,
+            watch_a_run,
+            restart,
+        ),
         *(calibrate_friction, sweep, paraview, extrapolate_to_fine_cells, dem_runs, meshes),
     )
 }

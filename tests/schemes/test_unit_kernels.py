@@ -94,7 +94,7 @@ def test_a_step_with_fluidity_agrees_with_the_oracle(
 
 def compare_stages(scene, step):
     """Compare P2G, grid and G2P of one step from a disturbed state, in all fields."""
-    sim = disturbed(scene, seed=4, step=step)
+    sim = disturbed(scene, seed=3, step=step)
     before, engine = read(sim), sim._engine
     expected = oracle.p2g(scene, before, step)
     assert engine.p2g() == 0

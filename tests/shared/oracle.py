@@ -83,11 +83,10 @@ def _ratio(a, b):
 def _wall(row, kept, v, after):
     """Apply a wall, in place, to the velocities (dim,) before and after the forces.
 
-    Returned: which components it holds.
+    Returned: which components it holds in the end, as friction may stop one that was leaving.
     """
     relative = after - row.velocity[: len(v)]
-    held = [bool(row.fixed >> d & 1) for d in range(len(v))]
-    held = [h and not a * u > 0 for h, a, u in zip(held, row.away, relative, strict=False)]
+    held = _held(row, relative)
     slides = ~np.array(held)
     taken = relative - kept * (v - row.velocity[: len(v)])
     into = [max(-a * u, 0.0) if a else abs(u) for a, u in zip(row.away, taken, strict=False)]
@@ -96,7 +95,13 @@ def _wall(row, kept, v, after):
     if most > 0 and along > 0:
         after[slides] -= min(1.0, most / along) * after[slides]
     v[held] = after[held] = np.array(row.velocity[: len(v)])[held]
-    return held
+    return _held(row, after - row.velocity[: len(v)])
+
+
+def _held(row, relative):
+    """Components that a wall holds at velocities relative to it: those that do not leave it."""
+    held = [bool(row.fixed >> d & 1) for d in range(len(relative))]
+    return [h and not a * u > 0 for h, a, u in zip(held, row.away, relative, strict=False)]
 
 
 def keepshare(scene, dt):
