@@ -1,7 +1,7 @@
 """Motion of the rigid bodies of a record, and the force of the material on them."""
 
 from dataclasses import dataclass
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,7 +105,7 @@ def body_motion(record: Trajectory, body: int = 0, *, total: bool = True) -> Bod
         turning = torques_of_whole(axes, parts["angular_impulse"], force, arms)
         work = parts["work"] * 2.0 ** len(axes)
         parts |= {"impulse": of_whole(axes, force), "angular_impulse": turning, "work": work}
-    return BodyMotion(times=record.times, **parts)
+    return BodyMotion(times=record.times, **cast(dict[str, Any], parts))
 
 
 def body_force(

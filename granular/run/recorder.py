@@ -65,7 +65,6 @@ class Recordable(Run, Protocol):
     def _snapshot(self, recorded: bool = False) -> State: ...
     def _streamed(self) -> State | Streamed: ...
     def _values(self) -> dict[str, float]: ...
-    def _warn_of_health(self) -> None: ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,8 +105,6 @@ class Recorded:
             signals.deliver()
             with signals.released():
                 yield recorder
-        if self.monitor:
-            sim._warn_of_health()
 
     def _set(self, sim: Recordable, end: float) -> dict[str, Any]:
         """Set the attributes of the simulation that its next record has, too, and return them."""

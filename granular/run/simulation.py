@@ -268,6 +268,8 @@ class Simulation(Present):
             progress_bar(self.scene.name, self.time, until, progress) as bar,
         ):
             recorder.advance(until, MOST_STEPS, hooks, lambda time: bar.update(time - bar.n), limit)
+        if monitor and not self._recorder:
+            self._warn_of_health()
         return self
 
     @contextmanager
@@ -328,6 +330,8 @@ class Simulation(Present):
                 yield self
             finally:
                 self._recorder = None
+        if monitor:
+            self._warn_of_health()
 
     @contextmanager
     def _recorder_for(
