@@ -5,6 +5,8 @@ from typing import Any, Final, TypedDict, final
 import numpy as np
 from numpy.typing import NDArray
 
+from granular.tools.arrays import Array, BoolArray, IntArray
+
 LANES: Final[int]
 """Every cell owns a multiple of this many slots in the point arrays."""
 MAX_THREADS: Final[int]
@@ -28,12 +30,12 @@ class BuildInfo(TypedDict):
     flags: str
 
 class Nodes(TypedDict):
-    x: NDArray[np.float64]  # (n, dim) m
-    mass: NDArray[np.float64]  # (n,) kg
-    momentum: NDArray[np.float64]  # (n, dim) kg m/s
-    force: NDArray[np.float64]  # (n, dim) N, internal
-    v: NDArray[np.float64]  # (n, dim) m/s, after the forces and walls
-    w: NDArray[np.float64]  # (n, dim) m/s, what points add to the old velocity they keep
+    x: Array  # (n, dim) m
+    mass: Array  # (n,) kg
+    momentum: Array  # (n, dim) kg m/s
+    force: Array  # (n, dim) N, internal
+    v: Array  # (n, dim) m/s, after the forces and walls
+    w: Array  # (n, dim) m/s, what points add to the old velocity they keep
 
 class Fluidity(TypedDict):
     method: str
@@ -59,26 +61,26 @@ def law_update(
     parameters: dict[str, float],
     dt: float,
     pressure_from_density: int,
-    gradient: NDArray[np.float64],
-    log_density: NDArray[np.float64],
-    stress: NDArray[np.float64],
-    shear_rate: NDArray[np.float64],
+    gradient: Array,
+    log_density: Array,
+    stress: Array,
+    shear_rate: Array,
     isa: str,
-    g_star: NDArray[np.float64] | None = None,
-    g: NDArray[np.float64] | None = None,
-    plastic_strain: NDArray[np.float64] | None = None,
-    separated: NDArray[np.float64] | None = None,
+    g_star: Array | None = None,
+    g: Array | None = None,
+    plastic_strain: Array | None = None,
+    separated: Array | None = None,
     /,
 ) -> None: ...
 def fluidity_update(
     parameters: dict[str, float],
     dt: float,
-    mu_trial: NDArray[np.float64],
-    p: NDArray[np.float64],
-    g_star: NDArray[np.float64],
-    shear_rate: NDArray[np.float64],
-    mu: NDArray[np.float64],
-    g: NDArray[np.float64],
+    mu_trial: Array,
+    p: Array,
+    g_star: Array,
+    shear_rate: Array,
+    mu: Array,
+    g: Array,
     isa: str,
     /,
 ) -> None: ...
@@ -86,11 +88,11 @@ def hencky_update(
     flow: str,
     parameters: dict[str, float],
     dt: float,
-    gradient: NDArray[np.float64],
-    log_density: NDArray[np.float64],
-    stress: NDArray[np.float64],
-    g: NDArray[np.float64],
-    shear_rate: NDArray[np.float64],
+    gradient: Array,
+    log_density: Array,
+    stress: Array,
+    g: Array,
+    shear_rate: Array,
     isa: str,
     /,
 ) -> None: ...
@@ -108,29 +110,26 @@ def fluidity_diffuse(
     max_iterations: int,
     periodic: tuple[bool, ...],
     faces: NDArray[np.uint8],
-    dense: NDArray[np.bool_],
-    g: NDArray[np.float64],
-    distance: NDArray[np.float64] | None,
+    dense: BoolArray,
+    g: Array,
+    distance: Array | None,
     threads: int,
     isa: str,
 ) -> Diffusion: ...
 def body_distance(
-    parts: NDArray[np.float64],
+    parts: Array,
     samples: tuple[Any, ...],
-    x: NDArray[np.float64],
+    x: Array,
     /,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
-def mesh_tree(vertices: NDArray[np.float64], faces: NDArray[np.int32], /) -> object: ...
-def mesh_distance(tree: object, x: NDArray[np.float64], closed: bool, /) -> NDArray[np.float64]: ...
-def mesh_winding(tree: object, x: NDArray[np.float64], /) -> NDArray[np.float64]: ...
-def mesh_clear(
-    tree: object, x: NDArray[np.float64], radius: NDArray[np.float64], /
-) -> NDArray[np.bool_]: ...
+) -> tuple[Array, Array]: ...
+def mesh_tree(vertices: Array, faces: NDArray[np.int32], /) -> object: ...
+def mesh_distance(tree: object, x: Array, closed: bool, /) -> Array: ...
+def mesh_winding(tree: object, x: Array, /) -> Array: ...
+def mesh_clear(tree: object, x: Array, radius: Array, /) -> BoolArray: ...
 def node_positions(
     basis: int, n_cells: int, periodic: bool, c0_lines: NDArray[np.int32], /
-) -> NDArray[np.float64]: ...
+) -> Array: ...
 
-Array = NDArray[np.float64]
 BodyRow = tuple[
     Array, tuple[tuple[NDArray, ...], ...], Array, Array, Array, int, int, int, float, float, Array
 ]
@@ -172,8 +171,8 @@ class Engine:
         ],
         node_codes: Map,
         cell_flags: Map | None,
-        gravity_times: NDArray[np.float64],
-        gravity_vectors: NDArray[np.float64],
+        gravity_times: Array,
+        gravity_vectors: Array,
         numbers: dict[str, float],
         scheme_numbers: dict[str, float],
         density_numbers: dict[str, float],
@@ -189,32 +188,32 @@ class Engine:
     def refused_threads(self) -> int: ...
     def bind(
         self,
-        buffers: dict[str, NDArray[np.float64] | NDArray[np.int64]],
+        buffers: dict[str, Array | IntArray],
         n_points: int,
         fresh: bool,
         /,
     ) -> None: ...
     def regroup(self) -> int: ...
-    def bodies(self) -> NDArray[np.float64]: ...
-    def restore_bodies(self, state: NDArray[np.float64], /) -> None: ...
+    def bodies(self) -> Array: ...
+    def restore_bodies(self, state: Array, /) -> None: ...
     def drive(self, body: int, rates: tuple[float, ...], /) -> None: ...
     def load(self, body: int, load: tuple[float, ...], /) -> None: ...
     def touch_solids(
         self,
-        balls: NDArray[np.float64],
-        first_ball: NDArray[np.int64],
-        restitution: NDArray[np.float64],
-        obstacles: NDArray[np.float64],
+        balls: Array,
+        first_ball: IntArray,
+        restitution: Array,
+        obstacles: Array,
         /,
     ) -> None: ...
-    def split(self) -> NDArray[np.float64]: ...
-    def restore_split(self, poses: NDArray[np.float64], /) -> None: ...
+    def split(self) -> Array: ...
+    def restore_split(self, poses: Array, /) -> None: ...
     def watch_walls(
         self,
         n_walls: int,
         codes: NDArray[np.int32],
         owners: NDArray[np.int32],
-        opens_at: NDArray[np.float64],
+        opens_at: Array,
         after: NDArray[np.int32],
         /,
     ) -> None: ...
@@ -232,7 +231,7 @@ class Engine:
     ) -> None: ...
     def add_inlet(
         self,
-        records: NDArray[np.float64],
+        records: Array,
         axis: int,
         velocity: tuple[float, float, float],
         spacing: float,
@@ -241,19 +240,19 @@ class Engine:
         yields: bool,
         /,
     ) -> None: ...
-    def inflow(self) -> NDArray[np.int64]: ...
-    def restore_inflow(self, state: NDArray[np.int64], /) -> None: ...
-    def walls(self) -> NDArray[np.float64]: ...
-    def restore_walls(self, impulses: NDArray[np.float64], /) -> None: ...
-    def calm(self) -> NDArray[np.int64]: ...
-    def restore_calm(self, calm: NDArray[np.int64], /) -> None: ...
+    def inflow(self) -> IntArray: ...
+    def restore_inflow(self, state: IntArray, /) -> None: ...
+    def walls(self) -> Array: ...
+    def restore_walls(self, impulses: Array, /) -> None: ...
+    def calm(self) -> IntArray: ...
+    def restore_calm(self, calm: IntArray, /) -> None: ...
     def refresh(self) -> None: ...
     def advance(self, max_steps: int, until: float, threads: int, /) -> int: ...
     def p2g(self) -> int: ...
     def grid(self) -> int: ...
     def g2p(self) -> int: ...
     def nodes(self) -> Nodes: ...
-    def cells(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]: ...
+    def cells(self) -> tuple[IntArray, IntArray]: ...
     def scalars(self) -> dict[str, float | int]: ...
     def tally(self) -> None: ...
     def restore(self, scalars: dict[str, float | int], /) -> None: ...
@@ -273,10 +272,10 @@ class Sph:
         isa: str,
         wall_friction: bool,
         parameters: dict[str, float],
-        gravity_times: NDArray[np.float64],
-        gravity_vectors: NDArray[np.float64],
-        walls: NDArray[np.float64],
-        gas: tuple[dict[str, float], NDArray[np.float64]] | None,
+        gravity_times: Array,
+        gravity_vectors: Array,
+        walls: Array,
+        gas: tuple[dict[str, float], Array] | None,
     ) -> None: ...
     @property
     def isa(self) -> str: ...
@@ -284,7 +283,7 @@ class Sph:
     def refused_threads(self) -> int: ...
     def bind(
         self,
-        buffers: dict[str, NDArray[np.float64] | NDArray[np.int64]],
+        buffers: dict[str, Array | IntArray],
         n_grains: int,
         wall_first: int,
         n_walls: int,
@@ -296,7 +295,7 @@ class Sph:
     def advance(self, max_steps: int, until: float, threads: int, /) -> bool: ...
     def add_inlet(
         self,
-        records: NDArray[np.float64],
+        records: Array,
         axis: int,
         velocity: tuple[float, float, float],
         spacing: float,
@@ -307,10 +306,10 @@ class Sph:
         upper: tuple[float, float, float],
         /,
     ) -> None: ...
-    def inflow(self) -> NDArray[np.int64]: ...
-    def restore_inflow(self, state: NDArray[np.int64], /) -> None: ...
-    def inlet_loads(self) -> NDArray[np.float64]: ...
-    def restore_inlet_loads(self, loads: NDArray[np.float64], /) -> None: ...
+    def inflow(self) -> IntArray: ...
+    def restore_inflow(self, state: IntArray, /) -> None: ...
+    def inlet_loads(self) -> Array: ...
+    def restore_inlet_loads(self, loads: Array, /) -> None: ...
     def scalars(self) -> dict[str, float | int]: ...
     def restore(self, scalars: dict[str, float | int], /) -> None: ...
     def stable_dt(self) -> float: ...

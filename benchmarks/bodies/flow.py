@@ -15,7 +15,6 @@ from bodies.rows import (
     CELL,
     OFFSETS,
     RHO,
-    Array,
     Cases,
     G,
     Line,
@@ -28,6 +27,7 @@ from bodies.rows import (
     within,
 )
 from granular.theory import bagnold_profile, chute_profile, couette_flow, stopping_height
+from granular.tools.arrays import Array
 
 PERIODS = {0.0: (40, 24), 10.0: (102, 18), 17.0: (66, 20), 30.0: (38, 22), 45.0: (26, 26)}
 """Cells of a domain whose diagonal has about this angle, in which a layer fits."""

@@ -13,7 +13,8 @@ import math
 import numpy as np
 import scipy.linalg
 
-from bodies.rows import CELL, RHO, Array, Numbers
+from bodies.rows import CELL, RHO, Numbers
+from granular.tools.arrays import Array
 
 FLUTTER_HZ = 93.0
 """Frequency of the lowest vibration of the block that grows [Hz]."""

@@ -15,7 +15,6 @@ from bodies.rows import (
     PLACES,
     RHO,
     TURNS,
-    Array,
     Cases,
     G,
     Line,
@@ -26,6 +25,7 @@ from bodies.rows import (
     name_of,
     spread,
 )
+from granular.tools.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,6 @@ from bodies.rows import (
     PLACES,
     RHO,
     TURNS,
-    Array,
     Cases,
     G,
     Line,
@@ -30,6 +29,7 @@ from bodies.rows import (
     rows_of_points,
     within,
 )
+from granular.tools.arrays import Array
 
 WINDOWS = 8
 """Windows of time in which a body crosses a cell."""

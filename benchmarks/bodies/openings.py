@@ -14,7 +14,6 @@ from bodies.rows import (
     OFFSETS,
     PLACES,
     RHO,
-    Array,
     Cases,
     G,
     Line,
@@ -26,6 +25,7 @@ from bodies.rows import (
     plane,
     rows_of_points,
 )
+from granular.tools.arrays import Array
 
 WIDTH = 0.08
 """Width of the slot and diameter of the hole [m]."""

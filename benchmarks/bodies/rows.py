@@ -8,12 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 import granular as gr
 from granular.mpm.body_distances import distance_from_bodies
+from granular.tools.arrays import Array
 
-Array = NDArray[np.float64]
 Numbers = dict[str, float]
 
 G, RHO, CELL = 9.81, 1500.0, 0.01

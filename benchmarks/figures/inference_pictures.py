@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from shared import ROOT
 
 from figures.common import parser_of, save
@@ -25,7 +24,7 @@ from granular.grain_scale.inference import InferenceWarning, Packing
 sys.path.append(str(next((ROOT / "tests").rglob("grains.py")).parent))
 import grains
 
-Array = NDArray[np.float64]
+from granular.tools.arrays import Array
 
 
 def with_noise(

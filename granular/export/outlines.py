@@ -7,12 +7,11 @@ from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.shapes.measures import extents
 from granular.shapes.shape import Shape
+from granular.tools.arrays import Array, BoolArray, IndexArray
 
-Array = NDArray[np.float64]
 Patches = tuple[Array, list[tuple[int, ...]]]
 """Vertices, shape (n, 3), and polygons as tuples of indices of vertices."""
 
@@ -106,12 +105,12 @@ def revolved(outline: Array, dim: int) -> Patches:
     return vertices.reshape(-1, 3), faces
 
 
-def _indices(counts: NDArray[np.intp]) -> NDArray[np.intp]:
+def _indices(counts: IndexArray) -> IndexArray:
     """Indices of all cells, shape (*counts, dim)."""
     return np.moveaxis(np.asarray(np.indices(tuple(int(n) for n in counts))), 0, -1)
 
 
-def _sampling(shape: Shape, size: float) -> tuple[Array, NDArray[np.intp], float]:
+def _sampling(shape: Shape, size: float) -> tuple[Array, IndexArray, float]:
     """Lower corner and number of cells of a grid about the surface of a shape, and its spacing."""
     dim = shape.dim
     far = np.minimum(extents(shape, np.eye(3), np.zeros((1, 3)))[:dim], size)
@@ -156,16 +155,14 @@ def contoured(shape: Shape, size: float) -> Patches:
     return vertices, [tuple(int(i) for i in polygon) for polygon in polygons]
 
 
-def _has_open_cell(
-    solid: NDArray[np.bool_], at: NDArray[np.intp], offset: NDArray[np.intp]
-) -> NDArray[np.bool_]:
+def _has_open_cell(solid: BoolArray, at: IndexArray, offset: IndexArray) -> BoolArray:
     """True for corners of which the cell on one side exists and is not in the solid."""
     cell, counts = at - offset, np.array(solid.shape)
     exists = ((cell >= 0) & (cell < counts)).all(axis=1)
     return np.asarray(exists & ~solid[tuple(np.clip(cell, 0, counts - 1).T)])
 
 
-def _move_onto(shape: Shape, vertices: Array, which: NDArray[np.bool_]) -> None:
+def _move_onto(shape: Shape, vertices: Array, which: BoolArray) -> None:
     """Move vertices along the normal until they lie on the surface; at an edge that takes a few."""
     places = vertices[which][:, : shape.dim]
     for _ in range(20):
@@ -174,17 +171,17 @@ def _move_onto(shape: Shape, vertices: Array, which: NDArray[np.bool_]) -> None:
     vertices[np.flatnonzero(which), : shape.dim] = places
 
 
-def _numbers(at: NDArray[np.intp], shape: Sequence[int]) -> NDArray[np.intp]:
+def _numbers(at: IndexArray, shape: Sequence[int]) -> IndexArray:
     return np.ravel_multi_index(tuple(np.moveaxis(at, -1, 0)), tuple(n + 1 for n in shape))
 
 
-def _cell_corners(drawn: NDArray[np.bool_]) -> NDArray[np.intp]:
+def _cell_corners(drawn: BoolArray) -> IndexArray:
     """Numbers of the corners of the cells that are drawn in 2D, shape (n, 4)."""
     around = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
     return _numbers(np.argwhere(drawn)[:, None] + around, drawn.shape)
 
 
-def _outer_faces(solid: NDArray[np.bool_]) -> NDArray[np.intp]:
+def _outer_faces(solid: BoolArray) -> IndexArray:
     """Numbers of the corners of the faces between cells in the solid and others, shape (n, 4)."""
     faces = []
     for axis in range(3):

@@ -7,7 +7,6 @@ from typing import Any
 import h5py
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from granular.export.outlines import (
     SIDES,
@@ -30,9 +29,8 @@ from granular.shapes.operations import Union
 from granular.shapes.round import Capsule, Cylinder, Frustum, Sphere, Torus
 from granular.shapes.sections import Polygon, Prism, Revolve, Section
 from granular.shapes.shape import Shape, frame_of
+from granular.tools.arrays import Array, IndexArray
 from granular.tools.checks import instance
-
-Array = NDArray[np.float64]
 
 POSE = ("position", "quaternion")
 """Numbers of a body that say where it is."""
@@ -257,7 +255,7 @@ def _write(
     times: Array,
     points: Array,
     polygons: list[tuple[int, ...]],
-    owner: NDArray[np.intp],
+    owner: IndexArray,
 ) -> None:
     placed, count = points.shape[:2]
     frames = len(times)

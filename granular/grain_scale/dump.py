@@ -10,13 +10,11 @@ from dataclasses import dataclass, field
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.grain_scale.dump_tables import Table, tables
 from granular.model.regions import Cloud
+from granular.tools.arrays import Array, IntArray
 from granular.tools.checks import in_range, integer, positive
-
-Array = NDArray[np.float64]
 
 AXES = "xyz"
 UNITS = {"si": (1.0, 1.0, 1.0), "cgs": (0.01, 1e-3, 1.0)}
@@ -72,7 +70,7 @@ class DumpFrame:
         return next((name for name in choices if name in self.columns), None)
 
     @property
-    def id(self) -> NDArray[np.int64]:
+    def id(self) -> IntArray:
         """Ids of the grains, shape (n,)."""
         return self.column("id").astype(np.int64)
 

@@ -13,11 +13,9 @@ from itertools import islice
 from typing import IO
 
 import numpy as np
-from numpy.typing import NDArray
 
+from granular.tools.arrays import Array
 from granular.tools.files import check_file
-
-Array = NDArray[np.float64]
 
 ROWS = ("ATOMS", "ENTRIES")
 """Items whose rows follow: grains, or pairs of grains and other local values."""

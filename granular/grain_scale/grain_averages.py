@@ -7,13 +7,11 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.grain_scale.dump import AXES, DumpFrame, depth_along
 from granular.measure.averaging_grid import mean_of, sums_of
 from granular.model.grid import Grid
-
-Array = NDArray[np.float64]
+from granular.tools.arrays import Array, BoolArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -167,7 +165,7 @@ class _Sums:
         product = _symmetric(force[inside], branch[inside], self.grid.dim)
         self.stress = self.stress - self._sum(here, product)
 
-    def _row_of(self, ids: NDArray[np.int64], grains: Array) -> NDArray[np.int64]:
+    def _row_of(self, ids: IntArray, grains: Array) -> IntArray:
         row = np.minimum(np.searchsorted(ids, grains), len(ids) - 1)
         unknown = ids[row] != grains
         if unknown.any():
@@ -176,14 +174,14 @@ class _Sums:
             )
         return row
 
-    def _cells(self, x: Array) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    def _cells(self, x: Array) -> tuple[IntArray, BoolArray]:
         """Flat cells of the positions in the grid, and the indices of these positions."""
         grid = self.grid
         place = np.floor((x[:, : grid.dim] - np.array(grid.lower)) / grid.cell).astype(np.int64)
         inside = ((place >= 0) & (place < np.array(grid.shape))).all(axis=1)
         return np.ravel_multi_index(tuple(place[inside].T), tuple(grid.shape)), inside
 
-    def _sum(self, cells: NDArray[np.int64], values: Array) -> Array:
+    def _sum(self, cells: IntArray, values: Array) -> Array:
         return sums_of(cells, values, math.prod(self.grid.shape)) / self.depth
 
 

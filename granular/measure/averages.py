@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular.measure.averaging_grid import (
-    Array,
     cells_of,
     mean_of,
     node_shape,
@@ -23,6 +22,7 @@ from granular.measure.averaging_grid import (
 from granular.measure.opening import Opening, each_state, opening_of
 from granular.measure.profiles import Profile
 from granular.model.state import State, States
+from granular.tools.arrays import Array
 from granular.tools.checks import integer, one_of
 
 Field = str | Callable[[State], ArrayLike]

@@ -15,10 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from granular.model.grid import Grid
 from granular.model.state import State
+from granular.tools.arrays import Array, BoolArray, IntArray
 from granular.tools.checks import one_of
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 _EDGE = 1e-6
 """Distance [cells] a point may lie beyond the grid; it allows for rounding at a wall only."""
@@ -111,7 +109,7 @@ def _positions(state: State) -> Array:
     return cells
 
 
-def cells_of(state: State) -> Indices:
+def cells_of(state: State) -> IntArray:
     """The cell of every point, shape (n, dim); a point on the upper edge is in the last cell.
 
     Raises
@@ -172,7 +170,7 @@ class Stencil:
         Number of nodes along each axis.
     """
 
-    nodes: Indices
+    nodes: IntArray
     weights: Array
     shape: tuple[int, ...]
 
@@ -208,7 +206,7 @@ def stencil(state: State) -> Stencil:
     return Stencil(np.array(nodes), np.array(weights), shape)
 
 
-def filled_neighbours(filled: NDArray[np.bool_], grid: Grid) -> Indices:
+def filled_neighbours(filled: BoolArray, grid: Grid) -> IntArray:
     """Number of filled cells around each node, an array of the shape of the nodes."""
     count = np.zeros(node_shape(grid), dtype=np.int64)
     where = np.nonzero(filled)

@@ -6,11 +6,11 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.measure.averaging_grid import Array
 from granular.measure.cut_forces import cut_axes, of_whole, torques_of_whole
 from granular.mpm.bodies import split
 from granular.mpm.scene import Scene
 from granular.record.reader import Trajectory
+from granular.tools.arrays import Array
 from granular.tools.checks import integer, truth
 
 

@@ -5,13 +5,12 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from granular.measure.averaging_grid import Array
 from granular.measure.energy import elastic_of, kinetic_of, plastic_power
 from granular.mpm.axis_nodes import c0_lines, node_positions
 from granular.mpm.grid_map import GridMap
 from granular.mpm.node_codes import node_codes
+from granular.tools.arrays import Array, BoolArray
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
@@ -94,7 +93,7 @@ def _codes(scene: "Scene") -> tuple[list[Array], GridMap]:
     return positions, node_codes(scene)[0]
 
 
-def _at_walls(scene: "Scene", x: Array) -> NDArray[np.bool_]:
+def _at_walls(scene: "Scene", x: Array) -> BoolArray:
     """Mask of the nodes at `x`, shape (n, dim), on which a wall may act."""
     positions, codes = _codes(scene)
     nearest = []

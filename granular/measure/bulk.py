@@ -7,13 +7,14 @@ these measures, so that the sums over cells are computed only once.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from granular.measure.averaging_grid import Array, cells_of, sums_of
+from granular.measure.averaging_grid import cells_of, sums_of
 from granular.measure.profiles import scaled_inertial_number
 from granular.model.state import State
 from granular.mpm.blocks import solid_cells
 from granular.theory.well_posed import ill_posedness
+from granular.tools.arrays import Array, BoolArray, IntArray
 from granular.tools.checks import integer, non_negative
 
 FILLED = 0.5
@@ -82,7 +83,7 @@ class Bulk:
         )
         if packed:
             deep &= (self.around(solid) >= packed * self.cell_volume).ravel()[self.cell_of]
-        self.points: NDArray[np.bool_] = deep
+        self.points: BoolArray = deep
 
     def sum(self, values: ArrayLike) -> Array:
         """Sum of a point field over each cell, an array of the shape of the box."""
@@ -145,7 +146,7 @@ class Bulk:
         return float((mass * values[self.points]).sum() / mass.sum()) if len(mass) else np.nan
 
 
-def _closed(cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _closed(cells: BoolArray) -> BoolArray:
     """Cells that are true, and those between them: the closing by a cell and its neighbours."""
     near = _pooled(cells.astype(float)) > 0
     return cells | (_pooled((~near).astype(float)) == 0)
@@ -164,7 +165,7 @@ def _pooled(cells: Array) -> Array:
     return cells
 
 
-def _smoothed(cells: Array, at_ends: NDArray[np.bool_]) -> Array:
+def _smoothed(cells: Array, at_ends: BoolArray) -> Array:
     """Mean over each cell and its neighbours, weighted 1, 2, 1 along each axis.
 
     Beyond the cells lies 0, or at the ends of the grid their mirror image.
@@ -183,7 +184,7 @@ def _smoothed(cells: Array, at_ends: NDArray[np.bool_]) -> Array:
     return cells
 
 
-def uppermost(filled: NDArray[np.bool_]) -> NDArray[np.int64]:
+def uppermost(filled: BoolArray) -> IntArray:
     """For each cell, the uppermost one of its run upwards through filled cells."""
     top = np.broadcast_to(np.arange(filled.shape[-1]), filled.shape).copy()
     for j in range(filled.shape[-1] - 2, -1, -1):

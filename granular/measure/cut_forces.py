@@ -4,12 +4,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from granular.measure.averaging_grid import Array
 from granular.model.symmetric import mirror_axes
 from granular.mpm.bodies import Body
 from granular.mpm.scene import Scene
 from granular.mpm.walls import WallOrBlock
 from granular.shapes.shape import turned
+from granular.tools.arrays import Array
 
 
 def cut_axes(scene: Scene, part: Body | WallOrBlock) -> tuple[int, ...]:

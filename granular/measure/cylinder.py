@@ -8,9 +8,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular.measure.averaging_grid import Array, Indices, sums_of
+from granular.measure.averaging_grid import sums_of
 from granular.measure.opening import each_state
 from granular.model.state import State, States
+from granular.tools.arrays import Array, IntArray
 from granular.tools.checks import finite, vector
 
 
@@ -104,7 +105,7 @@ def cylinder_profile(
     return _profile(sums, len(states) - 1)
 
 
-def _turned(before: State, after: State, centre: Array) -> tuple[Array, Array, Array, Indices]:
+def _turned(before: State, after: State, centre: Array) -> tuple[Array, Array, Array, IntArray]:
     """Radius, angular and radial velocity of the points that are in both states, and their
     indices in the later one."""
     span = after.time - before.time

@@ -10,11 +10,11 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular.measure.averaging_grid import Array
 from granular.measure.effective_opening import EffectiveOpening
 from granular.model.gravity import EARTH
 from granular.model.state import State
 from granular.model.symmetric import modelled_share
+from granular.tools.arrays import Array
 from granular.tools.checks import integer, non_negative, positive, truth
 
 WINDOW = (1200.0, 900.0)

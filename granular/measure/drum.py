@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from granular.measure.averaging_grid import Array, mean_of, only_material, require_points, sums_of
+from granular.measure.averaging_grid import mean_of, only_material, require_points, sums_of
 from granular.measure.opening import each_state
 from granular.model.state import State, States
+from granular.tools.arrays import Array
 from granular.tools.checks import in_range, integer, positive
 
 

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.measure.averaging_grid import Array, require_points
+from granular.measure.averaging_grid import require_points
 from granular.measure.stress import deviator_squared, pressure
 from granular.model.gravity import Gravity
 from granular.model.state import State
+from granular.tools.arrays import Array
 
 
 @dataclass(frozen=True)

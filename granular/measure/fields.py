@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from granular.measure.averaging_grid import (
-    Array,
-    Indices,
     cell_mass,
     cells_of,
     filled_neighbours,
@@ -21,6 +19,7 @@ from granular.measure.averaging_grid import (
     values,
 )
 from granular.model.state import State
+from granular.tools.arrays import Array, BoolArray, IntArray
 from granular.tools.checks import in_range, non_negative, one_of
 
 
@@ -111,7 +110,7 @@ def nodal_density(state: State, *, at: str = "points") -> Array:
     return shapes.to_points(density) if at == "points" else density
 
 
-def phase(state: State, *, tolerance: float = 1e-9) -> NDArray[np.bool_]:
+def phase(state: State, *, tolerance: float = 1e-9) -> BoolArray:
     """Mask of the points that are dense (True) or disconnected (False) by the nodal density.
 
     A point is dense if `nodal_density` there is at least rho_c (Dunatunga & Kamrin 2015, figure
@@ -152,7 +151,7 @@ class CellField:
         Mass [kg] or volume [m3] averaged over.
     """
 
-    cells: Indices
+    cells: IntArray
     centres: Array
     value: Array
     weight: Array
@@ -226,6 +225,6 @@ def cell_density_percentile(state: State, *, q: float = 99.0) -> float:
     return float(np.percentile(cell_density(state).value, q) / only_material(state).rho_c)
 
 
-def _centres(state: State, cells: Indices) -> Array:
+def _centres(state: State, cells: IntArray) -> Array:
     grid = state.scene.grid
     return np.asarray(grid.lower) + (cells + 0.5) * grid.cell

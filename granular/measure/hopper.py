@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from granular.measure.averaging_grid import Array, mean_of, require_points, sums_of
+from granular.measure.averaging_grid import mean_of, require_points, sums_of
 from granular.measure.opening import each_state
 from granular.model.state import States
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.scene import Scene
+from granular.tools.arrays import Array
 from granular.tools.checks import positive
 
 MASS_FLOW_INDEX = 0.3

@@ -14,8 +14,6 @@ from numpy.typing import ArrayLike
 
 from granular.materials import MuI
 from granular.measure.averaging_grid import (
-    Array,
-    Indices,
     cell_mass,
     filled_neighbours,
     node_shape,
@@ -26,6 +24,7 @@ from granular.measure.averaging_grid import (
 from granular.measure.fields import nodal
 from granular.measure.profiles import grain_diameter, inertial_number
 from granular.model.state import State
+from granular.tools.arrays import Array, IntArray
 from granular.tools.checks import in_range, positive
 
 
@@ -161,7 +160,7 @@ class MassBalance:
         Root mean square of `residual` divided by that of ``rho |grad v|``; 0 if nothing is sheared.
     """
 
-    cells: Indices
+    cells: IntArray
     residual: Array
     relative: float
 
@@ -215,7 +214,7 @@ def mass_balance_error(
     return MassBalance(cells, residual, float(rms / scale) if scale > 0 else 0.0)
 
 
-def _surrounded(state: State) -> tuple[Indices, Indices]:
+def _surrounded(state: State) -> tuple[IntArray, IntArray]:
     """Cells whose nodes have filled cells only around them, and their nodes, shape (2**dim, k)."""
     grid = state.scene.grid
     filled = cell_mass(state) > 0

@@ -2,10 +2,11 @@
 
 import numpy as np
 
-from granular.measure.averaging_grid import Array, cell_mass, cell_sum, require_points
+from granular.measure.averaging_grid import cell_mass, cell_sum, require_points
 from granular.measure.bulk import FILLED, uppermost
 from granular.measure.fields import cell_average
 from granular.model.state import State
+from granular.tools.arrays import Array
 from granular.tools.checks import finite, in_range, integer, non_negative, one_of
 
 

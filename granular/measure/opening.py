@@ -6,10 +6,10 @@ from typing import Self, cast
 
 import numpy as np
 
-from granular.measure.averaging_grid import Array
 from granular.model.state import State, States
 from granular.model.symmetric import modelled_share
 from granular.model.typing import AnyScene
+from granular.tools.arrays import Array
 from granular.tools.checks import finite, positive
 
 

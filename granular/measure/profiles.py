@@ -10,16 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular.measure.averaging_grid import (
-    Array,
-    mean_of,
-    point_weights,
-    require_points,
-    sums_of,
-    values,
-)
+from granular.measure.averaging_grid import mean_of, point_weights, require_points, sums_of, values
 from granular.measure.stress import friction_of
 from granular.model.state import State
+from granular.tools.arrays import Array
 from granular.tools.checks import integer, positive
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from granular.measure.averaging_grid import Array
+from granular.tools.arrays import Array
 from granular.tools.checks import array, in_range
 
 ORDERS = (0.5, 4.0)

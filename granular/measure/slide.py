@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from granular.measure.averaging_grid import Array, require_points
+from granular.measure.averaging_grid import require_points
 from granular.model.state import State
+from granular.tools.arrays import Array
 from granular.tools.checks import in_range
 
 SHARE = 0.99

@@ -6,11 +6,12 @@ from typing import cast
 import numpy as np
 
 from granular.materials import Material
-from granular.measure.averaging_grid import Array, only_material, require_points
+from granular.measure.averaging_grid import only_material, require_points
 from granular.measure.body import BodyMotion, body_force, body_motion
 from granular.measure.opening import each_state
 from granular.model.state import States
 from granular.record.reader import Trajectory
+from granular.tools.arrays import Array
 from granular.tools.checks import finite, in_range, positive
 
 

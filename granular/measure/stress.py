@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from granular.measure.averaging_grid import Array, values
+from granular.measure.averaging_grid import values
 from granular.model.state import State
+from granular.tools.arrays import Array
 
 
 def pressure(stress: Array) -> Array:

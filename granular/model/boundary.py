@@ -5,9 +5,9 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.model.grid import Grid
+from granular.tools.arrays import Array, BoolArray
 
 Span = tuple[float, float]
 
@@ -59,12 +59,12 @@ class Boundary(ABC):
         """True if it holds the velocity normal to it, with friction along it."""
         return False
 
-    def corners(self, grid: Grid) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def corners(self, grid: Grid) -> tuple[Array, Array]:
         """Lower and upper corner [m], shape (dim,)."""
         low, high = np.array([self.extent(grid, axis) for axis in range(grid.dim)]).T
         return low, high
 
-    def encloses(self, grid: Grid, x: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def encloses(self, grid: Grid, x: Array) -> BoolArray:
         """True for places of shape (n, dim) strictly within it: none for a surface."""
         low, high = self.corners(grid)
         return np.asarray(((x > low) & (x < high)).all(axis=1))

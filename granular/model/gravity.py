@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from granular.tools.arrays import Array
 from granular.tools.checks import ascending, check_fields, finite, sequence, set_fields, vector
 
 EARTH = 9.81
@@ -48,7 +48,7 @@ class Gravity:
         """Dimension, 2 or 3."""
         return len(self.vectors[0])
 
-    def at(self, t: float) -> NDArray[np.float64]:
+    def at(self, t: float) -> Array:
         """Acceleration at time `t` [s], shape (dim,) [m/s2]."""
         t = finite("t", t)
         return np.array([np.interp(t, self.times, g) for g in zip(*self.vectors, strict=True)])

@@ -16,6 +16,7 @@ from granular.model.grid import AXES, Grid
 from granular.model.regions import Cloud
 from granular.model.seeding import Points, estimated_points, seed_points
 from granular.shapes import Box, Region
+from granular.tools.arrays import Array, IntArray
 from granular.tools.checks import (
     check_fields,
     kinds_of,
@@ -258,10 +259,10 @@ class InflowState:
     points: int
     missed: int
     mass: float
-    momentum: NDArray[np.float64]
+    momentum: Array
     energy: float
     height_energy: float
-    impulse: NDArray[np.float64]
+    impulse: Array
     work: float
 
 
@@ -308,7 +309,7 @@ def points_between(inflow: Inflow, grid: Grid, begin: float, end: float) -> int:
     return math.floor(seconds * inflow.speed / h * len(inflow._sites(grid).x) * FULL)
 
 
-def across(scene: BaseScene, inflow: Inflow) -> NDArray[np.float64]:
+def across(scene: BaseScene, inflow: Inflow) -> Array:
     """Gravity across the stream of an inflow at the start [m/s2]; 0 for one along gravity."""
     gravity = scene.gravity.at(0.0)
     along = np.array(inflow.velocity) / math.hypot(*inflow.velocity)
@@ -316,7 +317,7 @@ def across(scene: BaseScene, inflow: Inflow) -> NDArray[np.float64]:
     return np.where(np.abs(rest) > 1e-12 * np.abs(gravity).max(), rest, 0.0)
 
 
-def stored_inflow(arrays: Mapping[str, NDArray], ids: NDArray[np.int64]) -> NDArray[np.int64]:
+def stored_inflow(arrays: Mapping[str, NDArray], ids: IntArray) -> IntArray:
     """State of the inflows of a checkpoint, with points of these ids."""
     state = arrays.get("inflow")
     if state is None:

@@ -12,12 +12,10 @@ from itertools import product
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from granular.model.open_space import Distance, OpenSpace
 from granular.shapes.region import Region
-
-Array = NDArray[np.float64]
+from granular.tools.arrays import Array, BoolArray, IntArray
 
 LEVELS = 3
 """Number of times that a cut square is halved: the parts that are integrated are its eighths."""
@@ -91,8 +89,8 @@ def _pieces(
     region: Region,
     phi: Array,
     normal: Array,
-    mixed: NDArray[np.bool_],
-) -> tuple[NDArray[np.int64], Array, Array, Array]:
+    mixed: BoolArray,
+) -> tuple[IntArray, Array, Array, Array]:
     """Open pieces of cut squares: index of the square, position, volume, and normal of the body.
 
     `phi` are the signed distances of the squares from the body, with the normals there; the
@@ -136,8 +134,8 @@ def _pieces(
 
 
 def _grouped(
-    owner: NDArray[np.int64], at: Array, volume: Array, normal: Array, space: OpenSpace, edge: float
-) -> tuple[NDArray[np.int64], Array, Array, NDArray[np.bool_]]:
+    owner: IntArray, at: Array, volume: Array, normal: Array, space: OpenSpace, edge: float
+) -> tuple[IntArray, Array, Array, BoolArray]:
     """Sum the pieces of each square, those on two sides of a thin body apart.
 
     Returned are the squares, the positions and volumes of the sums, and which positions are
@@ -155,9 +153,7 @@ def _grouped(
     return (keys // 2).astype(np.int64), x, total, placed
 
 
-def _put_in_pieces(
-    x: Array, placed: NDArray[np.bool_], of: NDArray[np.int64], at: Array, space: OpenSpace
-) -> None:
+def _put_in_pieces(x: Array, placed: BoolArray, of: IntArray, at: Array, space: OpenSpace) -> None:
     """Move sums without an allowed position to the nearest of their pieces that is open, if any
     is."""
     pieces = np.flatnonzero(~placed[of])
@@ -169,7 +165,7 @@ def _put_in_pieces(
 
 
 def _merged(
-    x: Array, volume: Array, placed: NDArray[np.bool_], edge: float, space: OpenSpace
+    x: Array, volume: Array, placed: BoolArray, edge: float, space: OpenSpace
 ) -> tuple[Array, Array]:
     """Merge small parts, and those without an allowed position, with the nearest point on the same
     side.

@@ -6,12 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.model.grid import Grid
 from granular.shapes.region import Region
+from granular.tools.arrays import Array, BoolArray
 
-Array = NDArray[np.float64]
 Distance = Callable[[Array], tuple[Array, Array]]
 """Signed distances of positions from the nearest surface, negative in the solid, and its
 normals."""
@@ -48,17 +47,17 @@ class OpenSpace:
     distance: Distance = nowhere
     others: Sequence[Region] = ()
 
-    def contains(self, x: Array) -> NDArray[np.bool_]:
+    def contains(self, x: Array) -> BoolArray:
         """True for the positions, shape (n, dim) [m], that belong to the fill, apart from
         bodies."""
-        inside: NDArray[np.bool_] = np.all((x >= self.grid.lower) & (x < self.grid.upper), axis=1)
+        inside: BoolArray = np.all((x >= self.grid.lower) & (x < self.grid.upper), axis=1)
         if self.region is not None:
             inside[inside] = self.region.contains(x[inside])
         for other in self.others:
             inside[inside] = ~other.contains(x[inside])
         return inside
 
-    def is_open(self, x: Array) -> NDArray[np.bool_]:
+    def is_open(self, x: Array) -> BoolArray:
         """True for the positions that belong to the fill and are in no body."""
         is_inside = self.contains(x)
         is_inside[is_inside] = self.distance(x[is_inside])[0] >= 0

@@ -9,10 +9,11 @@ from typing import Any, Self
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from granular.model.grid import MAX_COUNT, combined, steps_between
 from granular.shapes.region import Region
+from granular.tools.arrays import Array, BoolArray
 from granular.tools.checks import (
     array,
     check_fields,
@@ -22,7 +23,6 @@ from granular.tools.checks import (
 )
 from granular.tools.serializable import ComparedByContent
 
-Array = NDArray[np.float64]
 Vector = tuple[float, ...]
 
 
@@ -41,7 +41,7 @@ class Mask(ComparedByContent, Region):
     {raises}.
     """
 
-    inside: NDArray[np.bool_]
+    inside: BoolArray
     lower: Vector
     spacing: float
 
@@ -86,7 +86,7 @@ class Mask(ComparedByContent, Region):
         lower, upper = zip(*ends, strict=True)
         return lower, upper
 
-    def _inside(self, x: Array) -> NDArray[np.bool_]:
+    def _inside(self, x: Array) -> BoolArray:
         place = np.floor((x - self.lower) / self.spacing)
         among = np.all((place >= 0) & (place < self.inside.shape), axis=1)
         inside = np.zeros(len(x), dtype=bool)
@@ -151,7 +151,7 @@ class Cloud(ComparedByContent, Region):
         lower, upper = (self.x - half).min(axis=0), (self.x + half).max(axis=0)
         return tuple(lower.tolist()), tuple(upper.tolist())
 
-    def _inside(self, x: Array) -> NDArray[np.bool_]:
+    def _inside(self, x: Array) -> BoolArray:
         half = self._half
         # The nearest by the largest component; of squares of one size, it is the one around.
         gap, nearest = scipy.spatial.cKDTree(self.x).query(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import permutations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from granular.model.fill import Fill, check_inside
 from granular.model.grid import MAX_COUNT, Grid, combined
@@ -17,6 +17,7 @@ from granular.model.open_space import Distance, OpenSpace, last_place, nowhere
 from granular.model.regions import Cloud, Mask
 from granular.shapes.boxes import Box
 from granular.shapes.region import Region
+from granular.tools.arrays import Array, BoolArray, IntArray
 from granular.tools.checks import integer, positive
 
 
@@ -43,14 +44,14 @@ class Points:
         Number of the fill of the point.
     """
 
-    x: NDArray[np.float64]
-    v: NDArray[np.float64]
-    volume: NDArray[np.float64]
-    density: NDArray[np.float64]
-    depth: NDArray[np.float64]
-    overburden: NDArray[np.float64]
-    slope: NDArray[np.float64]
-    fill: NDArray[np.int64]
+    x: Array
+    v: Array
+    volume: Array
+    density: Array
+    depth: Array
+    overburden: Array
+    slope: Array
+    fill: IntArray
 
     def __post_init__(self) -> None:
         for array in vars(self).values():
@@ -74,7 +75,7 @@ STAGGER = {2: (1 / 1.618033988749895,), 3: (1 / 1.324717957244746, 1 / 1.3247179
 have heights far apart. They are powers of the golden ratio, r^2 = r + 1, and of r^3 = r + 1."""
 
 
-def _lattice(grid: Grid, fill: Fill) -> NDArray[np.float64]:
+def _lattice(grid: Grid, fill: Fill) -> Array:
     """Sites of the seeding lattice about a region, shape (n, dim), the first axis fastest.
 
     These include the ends of staggered columns, whose squares are partly in the grid.
@@ -98,7 +99,7 @@ def _lattice(grid: Grid, fill: Fill) -> NDArray[np.float64]:
     return x
 
 
-def _sites(grid: Grid, fill: Fill) -> NDArray[np.float64]:
+def _sites(grid: Grid, fill: Fill) -> Array:
     """Sites of the seeding lattice in the region of a fill, shape (n, dim), first axis fastest.
 
     The sites of a cloud are its points.
@@ -159,9 +160,7 @@ def _space(grid: Grid, fills: Sequence[Fill], index: int, distance: Distance) ->
     return OpenSpace(grid, None if isinstance(region, Cloud) else region, distance, others)
 
 
-def _seeded(
-    fill: Fill, space: OpenSpace, even: bool = False
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _seeded(fill: Fill, space: OpenSpace, even: bool = False) -> tuple[Array, Array]:
     """Positions and volumes of the points of a fill, before any jitter."""
     region, grid = fill.region, space.grid
     if isinstance(region, Cloud):
@@ -206,7 +205,7 @@ def _check(grid: Grid, fills: Sequence[Fill], distance: Distance) -> None:
             raise ValueError(f"fills[{i}] and fills[{j}] must not overlap, as they do at {place}")
 
 
-def _deep_in(region: Region, x: NDArray[np.float64], grid: Grid) -> NDArray[np.bool_]:
+def _deep_in(region: Region, x: Array, grid: Grid) -> BoolArray:
     """True for positions in a region, by more than the rounding of coordinates."""
     inside = region.contains(x)
     inside[inside] = region.cut(x[inside])[0] < -grid.slack * grid.cell
@@ -217,7 +216,7 @@ FINE = 4
 """Number of positions along an edge of a square at which two fills that cut it are compared."""
 
 
-def _cut_by_both(grid: Grid, fill: Fill, other: Region) -> NDArray[np.float64]:
+def _cut_by_both(grid: Grid, fill: Fill, other: Region) -> Array:
     """Positions in the squares of a fill that are cut by its boundary and by another one."""
     if isinstance(fill.region, Cloud):
         return np.empty((0, grid.dim))
@@ -229,9 +228,7 @@ def _cut_by_both(grid: Grid, fill: Fill, other: Region) -> NDArray[np.float64]:
     return (x[:, None] + combined([parts] * grid.dim)).reshape(-1, grid.dim)
 
 
-def _jittered(
-    rng: np.random.Generator, fill: Fill, x: NDArray[np.float64], space: OpenSpace
-) -> NDArray[np.float64]:
+def _jittered(rng: np.random.Generator, fill: Fill, x: Array, space: OpenSpace) -> Array:
     """Displace points at random, but not out of their fill or towards a body nearby."""
     grid = space.grid
     spacing = grid.cell / fill.points_per_axis
@@ -262,11 +259,11 @@ def is_level_box(region: Region) -> bool:
 def _loads(
     fills: Sequence[Fill],
     index: int,
-    x: NDArray[np.float64],
-    above: NDArray[np.float64],
+    x: Array,
+    above: Array,
     rho_c: Sequence[float],
     step: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array]:
     """Depth [m] below the top of a fill, and mass per area [kg/m2] of the others above."""
     load = _overburden(fills, index, x, above, rho_c, step)
     return fills[index].region.depth(x, above, step), load
@@ -275,11 +272,11 @@ def _loads(
 def _slopes(
     fills: Sequence[Fill],
     index: int,
-    x: NDArray[np.float64],
-    above: NDArray[np.float64],
+    x: Array,
+    above: Array,
     rho_c: Sequence[float],
     step: float,
-) -> NDArray[np.float64]:
+) -> Array:
     """Horizontal gradient of the load above positions in a fill, over its density, shape (n, dim).
 
     The smaller of the differences over a cell on either side, or of the next two on one side at the
@@ -293,7 +290,7 @@ def _slopes(
         return slopes
     reach = 4 * fills[index].points_per_axis * step  # gaps of others are known to a step
 
-    def load(places: NDArray[np.float64]) -> NDArray[np.float64]:
+    def load(places: Array) -> Array:
         depth, others = _loads(fills, index, places, above, rho_c, step)
         loads = depth + others / rho_c[index]
         return np.where(region.contains(places), loads, np.nan)
@@ -313,7 +310,7 @@ def _slopes(
     return slopes
 
 
-def _level_axes(above: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+def _level_axes(above: Array) -> list[Array]:
     """Directions of length 1 across a direction, and across each other."""
     axes = np.delete(np.eye(len(above)), np.argmax(np.abs(above)), axis=0)
     known, directions = [above], []
@@ -328,11 +325,11 @@ def _level_axes(above: NDArray[np.float64]) -> list[NDArray[np.float64]]:
 def _overburden(
     fills: Sequence[Fill],
     index: int,
-    x: NDArray[np.float64],
-    above: NDArray[np.float64],
+    x: Array,
+    above: Array,
     rho_c: Sequence[float],
     step: float,
-) -> NDArray[np.float64]:
+) -> Array:
     """Mass per area [kg/m2] of the other lithostatic fills above positions in a fill. It corrects
     the depth in a fill, which is too large where others lie in its gaps.
     """
@@ -354,11 +351,11 @@ def _overburden(
 def _within_others(
     fills: Sequence[Fill],
     index: int,
-    x: NDArray[np.float64],
-    above: NDArray[np.float64],
-    length: NDArray[np.float64],
+    x: Array,
+    above: Array,
+    length: Array,
     step: float,
-) -> NDArray[np.float64]:
+) -> Array:
     """Length [m] of rays to the top of a fill that is in other lithostatic fills, in its gaps."""
     total = np.zeros(len(x))
     if is_level_box(fills[index].region) or not len(x):  # no gaps

@@ -7,9 +7,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.shapes.region import Region
+from granular.tools.arrays import Array, BoolArray
 from granular.tools.checks import instance
 from granular.tools.notebook import table
 
@@ -17,9 +17,6 @@ if TYPE_CHECKING:
     from granular.model.typing import AnyScene
     from granular.mpm.bodies import BodyState
     from granular.sph.gas import GasState
-
-
-Array = NDArray[np.float64]
 
 
 class State:
@@ -190,7 +187,7 @@ class State:
         )
 
     @cached_property
-    def dense(self) -> NDArray[np.bool_]:
+    def dense(self) -> BoolArray:
         """True for points under pressure, shape (n,)."""
         return self.pressure > 0
 

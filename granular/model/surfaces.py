@@ -11,11 +11,12 @@ from dataclasses import KW_ONLY, dataclass
 from typing import Any, Protocol, Self, runtime_checkable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from granular.model.grid import MAX_COUNT, combined, steps_between
 from granular.shapes.operations import least
 from granular.shapes.region import Region
+from granular.tools.arrays import Array, BoolArray
 from granular.tools.checks import (
     array,
     check_fields,
@@ -26,7 +27,6 @@ from granular.tools.checks import (
 )
 from granular.tools.serializable import ComparedByContent
 
-Array = NDArray[np.float64]
 Vector = tuple[float, ...]
 
 MOST_ROUNDS = 2000
@@ -289,7 +289,7 @@ class Layer(ComparedByContent, Region):
         top = (bottom + extra).max() if alike else bottom.max() + extra.max()
         return (*self.lower, float(bottom.min())), (*self.upper, float(top))
 
-    def cuts(self, x: Array, reach: float) -> NDArray[np.bool_]:
+    def cuts(self, x: Array, reach: float) -> BoolArray:
         low, high = self._ends(x)
         parts = [part for part in (self.on, self.thickness) if isinstance(part, Heights)]
         margin = reach * math.hypot(1.0, sum(part.steepest for part in parts))
@@ -297,7 +297,7 @@ class Layer(ComparedByContent, Region):
         bottom, top = np.abs(z - low) <= margin, np.abs(z - high) <= margin
         gaps = np.minimum(np.abs(level - self.lower), np.abs(level - self.upper))
         sides = (gaps <= reach).any(axis=1) & (z >= low - margin) & (z <= high + margin)
-        near: NDArray[np.bool_] = bottom | top | sides
+        near: BoolArray = bottom | top | sides
         return near
 
     def cut(self, x: Array) -> tuple[Array, Array]:
@@ -326,10 +326,10 @@ class Layer(ComparedByContent, Region):
         )
         return low, low + extra
 
-    def _inside(self, x: Array) -> NDArray[np.bool_]:
+    def _inside(self, x: Array) -> BoolArray:
         low, high = self._ends(x)
         level = np.all((x[:, :-1] >= self.lower) & (x[:, :-1] < self.upper), axis=1)
-        inside: NDArray[np.bool_] = level & (x[:, -1] >= low) & (x[:, -1] < high)
+        inside: BoolArray = level & (x[:, -1] >= low) & (x[:, -1] < high)
         return inside
 
     def depth(self, x: Array, up: Array, step: float) -> Array:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular import _core
 from granular.model.grid import Grid
 from granular.mpm.walls import WallOrBlock
+from granular.tools.arrays import Array
 from granular.tools.checks import integer, one_of
 
 CORE_BASES = _core.enumerations()["basis"]
@@ -57,9 +57,7 @@ def check_c0_lines(basis: str, n_cells: int, periodic: bool, c0_lines: Sequence[
     return lines
 
 
-def node_positions(
-    basis: str, n_cells: int, periodic: bool, c0_lines: Sequence[int] = ()
-) -> NDArray[np.float64]:
+def node_positions(basis: str, n_cells: int, periodic: bool, c0_lines: Sequence[int] = ()) -> Array:
     """Positions of the nodes along one axis, in cells from its lower end.
 
     Linear shape functions ("linear", "ugimp") have a node on each grid line. Quadratic B-splines

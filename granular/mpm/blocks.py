@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from granular.model.boundary import Boundary
 from granular.model.grid import LINE_TOLERANCE, Grid
 from granular.mpm.grid_map import GridMap, Ranges
+from granular.tools.arrays import Array, BoolArray, IndexArray
 
 FACE_DEPTH = 0.5 + LINE_TOLERANCE
 """Largest depth [cells] at which nodes of a block belong to its face.
@@ -23,8 +24,6 @@ FACE_DEPTH = 0.5 + LINE_TOLERANCE
 The first layer of nodes of quadratic splines lies half a cell inside, and must not stop material
 that slides along the face.
 """
-
-Mask = NDArray[np.bool_]
 
 
 def solid_cells(grid: Grid, walls: Iterable[Boundary]) -> GridMap:
@@ -47,7 +46,7 @@ def _ends(grid: Grid, block: Boundary) -> list[tuple[int, int]]:
     ]
 
 
-def deep_within(grid: Grid, walls: Iterable[Boundary], x: NDArray[np.float64]) -> Mask:
+def deep_within(grid: Grid, walls: Iterable[Boundary], x: Array) -> BoolArray:
     """True for the positions more than a cell within the union of the blocks, shape (n,).
 
     All cells around such a position are solid; the ends of the grid are no faces. Fast points that
@@ -62,7 +61,7 @@ def deep_within(grid: Grid, walls: Iterable[Boundary], x: NDArray[np.float64]) -
     """
     solid, last = solid_cells(grid, walls), np.array(grid.shape) - 1
     cells = np.floor((x - np.array(grid.lower)) / grid.cell).clip(0, last).astype(np.intp)
-    deep: Mask = solid.at(cells.T)
+    deep: BoolArray = solid.at(cells.T)
     inside = np.flatnonzero(deep)  # few or none, so that the other cells are looked up for few
     for step in product((-1, 0, 1), repeat=grid.dim):
         neighbours = cells[inside] + step
@@ -74,12 +73,12 @@ def deep_within(grid: Grid, walls: Iterable[Boundary], x: NDArray[np.float64]) -
     return deep
 
 
-def _on_grid(cells: NDArray[np.intp], n: int, periodic: bool) -> NDArray[np.intp]:
+def _on_grid(cells: IndexArray, n: int, periodic: bool) -> IndexArray:
     """Cells along an axis: wrapped where it is periodic, else the nearest ones of the grid."""
     return cells % n if periodic else cells.clip(0, n - 1)
 
 
-def outlook(x: NDArray[np.float64], classes: NDArray[np.int32], periodic: bool) -> NDArray[np.intp]:
+def outlook(x: Array, classes: NDArray[np.int32], periodic: bool) -> IndexArray:
     """The properties of the cells around the nodes along an axis that matter to the nodes.
 
     Nodes with the same outlook along every axis are held alike, see `held_components`.
@@ -99,7 +98,7 @@ def outlook(x: NDArray[np.float64], classes: NDArray[np.int32], periodic: bool) 
         cells that the node is in, or half a cell from.
     """
 
-    def class_of(cells: NDArray[np.float64]) -> NDArray[np.int32]:
+    def class_of(cells: Array) -> NDArray[np.int32]:
         return classes[_on_grid(cells.astype(np.intp), len(classes), periodic)]
 
     rows: list[NDArray] = []
@@ -111,7 +110,7 @@ def outlook(x: NDArray[np.float64], classes: NDArray[np.int32], periodic: bool) 
     return np.array(rows, dtype=np.intp)
 
 
-def held_components(solid: GridMap, outlooks: Sequence[NDArray[np.intp]]) -> NDArray[np.uint8]:
+def held_components(solid: GridMap, outlooks: Sequence[IndexArray]) -> NDArray[np.uint8]:
     """Velocity components that the nodes within free-slip blocks hold, as bits.
 
     A node holds the components normal to the faces that it lies behind or on, by half a cell at

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from granular import _core
 from granular.model.grid import combined
@@ -22,6 +21,7 @@ from granular.shapes.inertia import MassProperties, inertia_of, mass_properties,
 from granular.shapes.measures import extents, largest_speed, reach, thicknesses
 from granular.shapes.moments import has_no_inside
 from granular.shapes.shape import MOST_SHAPES, Shape, padded, rotation_of, turned
+from granular.tools.arrays import Array
 from granular.tools.checks import (
     ascending,
     check_fields,
@@ -41,7 +41,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Body", "BodyLoad", "BodyState", "MassProperties", "Motion", "mass_properties"]
 
-Array = NDArray[np.float64]
 
 CONTACTS = _core.enumerations()["contact"]
 MOST_BODIES = 64

@@ -13,12 +13,13 @@ from granular import _core
 from granular.model.grid import Grid
 from granular.model.open_space import Distance, nowhere
 from granular.shapes.shape import padded, turned
+from granular.tools.arrays import Array
 
 if TYPE_CHECKING:
     from granular.mpm.bodies import Body, BodyState
 
 
-def periods(grid: Grid, body: Body) -> NDArray[np.float64]:
+def periods(grid: Grid, body: Body) -> Array:
     """Periods [m] with which a body has images along x, y and z; inf without images.
 
     As in the core, there are none along axes on which the body reaches farther than half a period.
@@ -31,28 +32,24 @@ def periods(grid: Grid, body: Body) -> NDArray[np.float64]:
     return periods
 
 
-def nearest(arms: NDArray[np.floating], period: float | NDArray[np.float64]) -> NDArray[np.float64]:
+def nearest(arms: NDArray[np.floating], period: float | Array) -> Array:
     """Distances from a body, or vectors, as from its nearest image."""
     finite = np.where(np.isfinite(period), period, 0.0)
-    nearest: NDArray[np.float64] = arms - finite * np.rint(arms / period)
+    nearest: Array = arms - finite * np.rint(arms / period)
     return nearest
 
 
-def distances(grid: Grid, body: Body, places: NDArray[np.float64]) -> NDArray[np.float64]:
+def distances(grid: Grid, body: Body, places: Array) -> Array:
     """Signed distances [m] of positions (n, 3) from a body, or its nearest image, at the start."""
     return _from_body(grid, body, places, turned(body.rotation_deg), padded(body.position))[0]
 
 
-def distance_at(
-    grid: Grid, body: Body, x: NDArray[np.float64], pose: BodyState
-) -> NDArray[np.float64]:
+def distance_at(grid: Grid, body: Body, x: Array, pose: BodyState) -> Array:
     """Signed distances [m] of positions (n, dim) from a body, or its nearest image, in a pose."""
     return surface_at(grid, body, x, pose)[0]
 
 
-def surface_at(
-    grid: Grid, body: Body, x: NDArray[np.float64], pose: BodyState
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def surface_at(grid: Grid, body: Body, x: Array, pose: BodyState) -> tuple[Array, Array]:
     """Signed distances as of `distance_at`, and the normals of the surface, shape (n, dim)."""
     places = np.pad(x, ((0, 0), (0, 3 - grid.dim)))
     distance, normal = _from_body(grid, body, places, *_placed(pose))
@@ -70,10 +67,10 @@ def _placed(pose: BodyState) -> tuple[scipy.spatial.transform.Rotation, tuple[fl
 def _from_body(
     grid: Grid,
     body: Body,
-    places: NDArray[np.float64],
+    places: Array,
     turn: scipy.spatial.transform.Rotation,
     position: Sequence[float],
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[Array, Array]:
     """Signed distances [m] of positions (n, 3) from a body, or its nearest image, and normals."""
     local = turn.inv().apply(nearest(places - position, periods(grid, body)))
     rows, samples = body.shape.rows(), body.shape.samples()
@@ -96,8 +93,8 @@ def distance_from_bodies(
     ]
 
     def distance(
-        x: NDArray[np.float64],
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        x: Array,
+    ) -> tuple[Array, Array]:
         least, normal = nowhere(x)
         if not len(x):
             return least, normal

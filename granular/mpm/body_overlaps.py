@@ -8,7 +8,6 @@ from itertools import combinations, product, repeat
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.model.grid import AXES, Grid, combined
 from granular.mpm.blocks import solid_cells
@@ -17,13 +16,12 @@ from granular.mpm.free_bodies import places_of
 from granular.mpm.rigid_contact import SPACING, balls_of, obstacles, row_of_wall
 from granular.mpm.walls import WallOrBlock
 from granular.shapes.measures import reach, thicknesses
+from granular.tools.arrays import Array, BoolArray
 
 if TYPE_CHECKING:
     from granular.mpm.bodies import Body
     from granular.mpm.scene import Scene
 
-
-Array = NDArray[np.float64]
 
 OVERLAP = 0.5
 """Overlap at the start [cells] up to which bodies, walls and blocks count as touching.
@@ -185,10 +183,10 @@ def _in_blocks(scene: Scene, body: Body) -> Iterator[Overlap]:
     x = pose.position + local @ pose.rotation.T
     solid, last = solid_cells(grid, scene.walls), np.array(grid.shape) - 1
 
-    def within(places: Array) -> NDArray[np.bool_]:
+    def within(places: Array) -> BoolArray:
         at = np.floor((places - np.array(grid.lower)) / grid.cell)
         at = np.where(grid.periodic, at % grid.shape, at).clip(0, last)
-        inside: NDArray[np.bool_] = solid.at(at.astype(np.intp).T)
+        inside: BoolArray = solid.at(at.astype(np.intp).T)
         return inside
 
     reaches = within(x)

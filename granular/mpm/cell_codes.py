@@ -17,6 +17,7 @@ from granular.model.grid import Grid
 from granular.mpm.grid_map import GridMap, Ranges
 from granular.mpm.schemes import ParticleDensity
 from granular.mpm.walls import ABOVE, BELOW, WallOrBlock
+from granular.tools.arrays import Array
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
@@ -30,10 +31,8 @@ FACE_LINK, FACE_OPEN, FACE_ROUGH = (
     _ENUMERATIONS["face"][name] for name in ("link", "open", "rough")
 )
 
-_Vector = NDArray[np.float64]
 
-
-def _faces(scene: Scene) -> Iterator[tuple[_Vector, _Vector, int, int, WallOrBlock]]:
+def _faces(scene: Scene) -> Iterator[tuple[Array, Array, int, int, WallOrBlock]]:
     """Yield the faces of walls and blocks: lower and upper corner [m], axis, sides, owner."""
     for wall in scene.walls:
         yield from ((*face, wall) for face in wall.faces(scene.grid))
@@ -55,7 +54,7 @@ class _Cells:
             for d, n in enumerate(self.shape)
         ]
 
-    def within(self, lower: _Vector, upper: _Vector) -> Ranges:
+    def within(self, lower: Array, upper: Array) -> Ranges:
         """Indices of the cells whose centre lies between two corners [m]."""
         return tuple(
             np.flatnonzero((x > low) & (x < high))
@@ -63,7 +62,7 @@ class _Cells:
         )
 
     def at_face(
-        self, low: _Vector, high: _Vector, axis: int, sides: int
+        self, low: Array, high: Array, axis: int, sides: int
     ) -> Iterator[tuple[int, Ranges]]:
         """Yield (0, cells above a face) and (1, cells below it), as far as `sides` has them.
 

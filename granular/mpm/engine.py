@@ -23,6 +23,7 @@ from granular.mpm.lithostatic import rest_compression, stress_shape
 from granular.mpm.node_codes import WallRow, node_codes
 from granular.mpm.scene import Scene, Servo
 from granular.mpm.schemes import SmoothedDensity
+from granular.tools.arrays import Array, IntArray
 from granular.tools.buffers import allocate, rows_of
 
 CORE = _core.enumerations()
@@ -327,13 +328,13 @@ def fields_of(scene: Scene, points: Points) -> dict[str, NDArray]:
     return fields
 
 
-def _numbers_of_materials(scene: Scene) -> NDArray[np.int64]:
+def _numbers_of_materials(scene: Scene) -> IntArray:
     """Number of the material of each source, in `scene.materials`."""
     materials = scene.materials
     return np.array([materials.index(part.material or scene.material) for part in scene.sources])
 
 
-def entering_masses(scene: Scene) -> NDArray[np.float64]:
+def entering_masses(scene: Scene) -> Array:
     """Masses of the points of the sites of all inflows [kg]."""
     sites = (fields_of(scene, inlet_points(scene, i)) for i in range(len(scene.inflows)))
     return np.concatenate([fields["mass"] for fields in sites])

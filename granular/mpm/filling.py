@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.model.grid import combined
 from granular.mpm.body_distances import distances
+from granular.tools.arrays import Array, BoolArray
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
@@ -34,21 +34,21 @@ def _leave_none(scene: Scene, most: int) -> bool:
     return not _outside(scene, empty).any()
 
 
-def has_material(scene: Scene, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+def has_material(scene: Scene, places: Array) -> BoolArray:
     """True for positions of shape (n, dim) with material at the start: not in blocks or bodies."""
     inside = _in_fills(scene, places)
     inside[inside] = _outside(scene, places[inside])
     return inside
 
 
-def _in_fills(scene: Scene, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _in_fills(scene: Scene, places: Array) -> BoolArray:
     inside = np.zeros(len(places), dtype=bool)
     for fill in scene.fills:
         inside[~inside] = fill.region.contains(places[~inside])
     return inside
 
 
-def _outside(scene: Scene, places: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _outside(scene: Scene, places: Array) -> BoolArray:
     """True for positions outside of blocks and bodies."""
     outside = np.ones(len(places), dtype=bool)
     for wall in scene.walls:
@@ -61,9 +61,7 @@ def _outside(scene: Scene, places: NDArray[np.float64]) -> NDArray[np.bool_]:
     return outside
 
 
-def middle_points(
-    scene: Scene, lower: NDArray[np.float64], upper: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def middle_points(scene: Scene, lower: Array, upper: Array) -> Array:
     """Centres of the cells between two corners [m], shape (n, dim)."""
     grid, axes = scene.grid, []
     for zero, cells, low, high in zip(grid.lower, grid.shape, lower, upper, strict=True):

@@ -7,13 +7,13 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular import _core
 from granular.model.grid import AXES, combined
 from granular.mpm.blocks import solid_cells
 from granular.mpm.body_distances import distance_at
 from granular.shapes.measures import extents, reach
+from granular.tools.arrays import Array, BoolArray
 
 if TYPE_CHECKING:
     from granular.mpm.bodies import Body, BodyState
@@ -31,8 +31,6 @@ THE_END = "the end of the domain"
 
 ACROSS = 24
 """Largest number of sample points of a body along the edge of a cube of its volume."""
-
-Array = NDArray[np.float64]
 
 
 class Places(NamedTuple):
@@ -139,13 +137,13 @@ class FreeBodies:
                 if beyond > 0 >= sign * (body.position[axis] - end):
                     yield f"{THE_END} at {AXES[axis]} = {end:.6g} m", beyond
 
-    def _in_blocks(self, x: Array) -> NDArray[np.bool_]:
+    def _in_blocks(self, x: Array) -> BoolArray:
         """True for the positions (n, dim) in blocks; none is beyond the ends of the grid."""
         grid, solid = self._scene.grid, self._solid
         assert solid is not None
         at = np.floor((x - np.array(grid.lower)) / grid.cell)
         last = np.array(grid.shape) - 1
-        inside: NDArray[np.bool_] = ((at >= 0) & (at <= last)).all(axis=1)
+        inside: BoolArray = ((at >= 0) & (at <= last)).all(axis=1)
         inside &= solid.at(at.clip(0, last).astype(np.intp).T)
         return inside
 

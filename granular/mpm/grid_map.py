@@ -13,7 +13,9 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-Ranges = tuple[NDArray[np.intp], ...]
+from granular.tools.arrays import IndexArray
+
+Ranges = tuple[IndexArray, ...]
 """Ascending indices along each axis, x first; they mean all combinations."""
 
 
@@ -36,7 +38,7 @@ class GridMap(NamedTuple):
         cls,
         shape: Sequence[int],
         ranges: Iterable[Ranges],
-        cuts: Sequence[NDArray[np.intp]] | None = None,
+        cuts: Sequence[IndexArray] | None = None,
     ) -> Self:
         """Zeros for a grid of this shape, with classes for which each of the ranges is whole.
 
@@ -50,14 +52,14 @@ class GridMap(NamedTuple):
         counts = tuple(int(along[-1]) + 1 for along in classes)
         return cls(classes, np.zeros(counts[::-1], dtype=np.uint8))
 
-    def of(self, ranges: Ranges) -> tuple[NDArray[np.intp], ...]:
+    def of(self, ranges: Ranges) -> tuple[IndexArray, ...]:
         """Index of the combinations of classes in `values` that make up the ranges."""
         classes = (
             np.unique(numbers[held]) for numbers, held in zip(self.classes, ranges, strict=True)
         )
         return np.ix_(*tuple(classes)[::-1])
 
-    def firsts(self) -> tuple[NDArray[np.intp], ...]:
+    def firsts(self) -> tuple[IndexArray, ...]:
         """Index of the first member of each class along each axis."""
         return tuple(np.flatnonzero(np.diff(numbers, prepend=-1)) for numbers in self.classes)
 
@@ -71,13 +73,13 @@ class GridMap(NamedTuple):
             classes = tuple(numbers[along] for numbers, along in zip(classes, part, strict=True))
         return np.ascontiguousarray(self.values[np.ix_(*classes[::-1])])
 
-    def at(self, indices: Sequence[NDArray[np.intp]]) -> NDArray[Any]:
+    def at(self, indices: Sequence[IndexArray]) -> NDArray[Any]:
         """Values at positions given by their indices along x, y (and z)."""
         classes = (numbers[along] for numbers, along in zip(self.classes, indices, strict=True))
         return self.values[tuple(classes)[::-1]]
 
 
-def _classes(n: int, ranges: Iterable[NDArray[np.intp]], cuts: ArrayLike) -> NDArray[np.int32]:
+def _classes(n: int, ranges: Iterable[IndexArray], cuts: ArrayLike) -> NDArray[np.int32]:
     """Number the intervals into which ends of ranges, and cuts, divide an axis of n indices."""
     begins = np.zeros(n + 1, dtype=bool)
     begins[0] = True

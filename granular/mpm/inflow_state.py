@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from granular.measure.energy import elastic_of, kinetic_of
 from granular.model.inflow import InflowState
 from granular.model.state import State
+from granular.tools.arrays import Array, IntArray
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
 
 
 def account(
-    scene: Scene, fields: Mapping[str, NDArray], state: NDArray[np.int64], row: NDArray[np.float64]
+    scene: Scene, fields: Mapping[str, NDArray], state: IntArray, row: Array
 ) -> InflowState:
     """Make the account of an inflow.
 

@@ -16,14 +16,13 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+
+from granular.tools.arrays import Array, BoolArray
 
 if TYPE_CHECKING:
     from granular.model.seeding import Points
     from granular.mpm.scene import Scene
 
-
-Array = NDArray[np.float64]
 
 _TINY = float(np.finfo(float).tiny)
 
@@ -80,7 +79,7 @@ def stress_shape(
     return k, shape[:, :4] if scene.dim == 2 else shape
 
 
-def rest_compression(weight: Array, K: Array, hencky: NDArray[np.bool_]) -> Array:
+def rest_compression(weight: Array, K: Array, hencky: BoolArray) -> Array:
     """ln(rho/rho_c) of material that bears a weight of rho_c g depth, or k times that [Pa].
 
     With p = K c, c = ln(rho/rho_c), dp/dz = k rho g has the solution exp(-c) = 1 - k weight/K. With

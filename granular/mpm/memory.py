@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.model.fill import Fill
 from granular.model.grid import Grid, combined
@@ -26,6 +25,7 @@ from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.run import memory
 from granular.run.memory import BASE, MARGIN, entering, refuse
+from granular.tools.arrays import Array
 from granular.tools.checks import truth
 
 _CUTS = 35 * 2**20
@@ -178,7 +178,7 @@ def active_ratio(grid: Grid, fill: Fill) -> float:
     return float(shares.sum(axis=1).mean())
 
 
-def _samples(grid: Grid, fill: Fill) -> NDArray[np.float64]:
+def _samples(grid: Grid, fill: Fill) -> Array:
     """Positions in a region, uniformly distributed over its parts."""
     rng = np.random.default_rng(0)
     if isinstance(fill.region, Cloud):

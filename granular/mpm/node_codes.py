@@ -21,6 +21,7 @@ from granular.mpm.axis_nodes import c0_lines, node_positions
 from granular.mpm.blocks import held_components, outlook, solid_cells
 from granular.mpm.grid_map import GridMap, Ranges
 from granular.mpm.walls import WallOrBlock
+from granular.tools.arrays import BoolArray, IndexArray
 
 if TYPE_CHECKING:
     from granular.model.inflow import Inflow
@@ -73,7 +74,7 @@ class _Axes:
         """Convert a coordinate [m] to cells from the lower end of the axis."""
         return (at - self.grid.lower[axis]) / self.grid.cell
 
-    def within(self, axis: int, low: float, high: float) -> NDArray[np.intp]:
+    def within(self, axis: int, low: float, high: float) -> IndexArray:
         """Indices of the nodes from `low` to `high` [cells], ends included."""
         x = self.positions[axis]
         slack = self.grid.slack
@@ -124,7 +125,7 @@ def _wall_hold(wall: WallOrBlock, axis: int, grid: Grid) -> WallRow:
     return WallRow(normal, (ax, ay, az), (fx, fy, fz), wall.opens_at)
 
 
-Where = tuple[NDArray[np.intp], ...] | NDArray[np.bool_]
+Where = tuple[IndexArray, ...] | BoolArray
 """Index into an array with a value for each class of nodes."""
 
 

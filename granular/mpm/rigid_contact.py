@@ -6,7 +6,6 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.model.grid import Grid, combined
 from granular.mpm.walls import WallOrBlock
@@ -15,14 +14,13 @@ from granular.shapes.measures import reach
 from granular.shapes.round import Capsule, Cylinder, Frustum, Sphere
 from granular.shapes.sections import Polygon
 from granular.shapes.shape import Shape, frame_of, padded
+from granular.tools.arrays import Array
 
 if TYPE_CHECKING:
     from granular import _core
     from granular.mpm.bodies import Body
     from granular.mpm.scene import Scene
 
-
-Array = NDArray[np.float64]
 
 FAR = 1e50
 """Position [m] of a side that is infinitely far, as in the core."""

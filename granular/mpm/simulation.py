@@ -35,6 +35,7 @@ from granular.record.fresh import Streamed
 from granular.run import diagnostics, simulation
 from granular.run.monitor import Energies
 from granular.run.restarts import LARGEST, LEAST, check_range
+from granular.tools.arrays import IntArray
 from granular.tools.buffers import allocate, default_isa, fill, stored_type
 from granular.tools.checks import positive, truth
 
@@ -67,7 +68,7 @@ The table is faster than sorting, but its size grows with the largest id: 128 by
 class _Gathered:
     """A field of the points in the order of their ids; see `granular.record.fresh.Columns`."""
 
-    def __init__(self, rows: NDArray, slots: NDArray[np.int64]) -> None:
+    def __init__(self, rows: NDArray, slots: IntArray) -> None:
         self._rows, self._slots = np.atleast_2d(rows), slots
         self.dtype = stored_type(rows.dtype)
         wide = (len(rows),) if rows.ndim == 2 and len(rows) > 1 else ()
@@ -205,7 +206,7 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
                 raise failure from error
 
     @property
-    def cell_counts(self) -> NDArray[np.int64]:
+    def cell_counts(self) -> IntArray:
         """Number of points in each active cell, one that has points or a neighbour with points."""
         return self._engine.cells()[1]
 
@@ -268,7 +269,7 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         self._engine.refresh()
         return dict(self._buffers)
 
-    def _slots(self) -> NDArray[np.int64]:
+    def _slots(self) -> IntArray:
         """Return the slots of the points in the buffers, in the order of their ids."""
         ids = self._buffers["id"]
         living = np.flatnonzero(ids >= 0)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.mpm.node_codes import WallNodes, collected, driven
+from granular.tools.arrays import Array
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
@@ -32,7 +33,7 @@ class WallOwners(NamedTuple):
 
     codes: NDArray[np.int32]
     owners: NDArray[np.int32]
-    opens_at: NDArray[np.float64]
+    opens_at: Array
     after: NDArray[np.int32]
 
 

@@ -13,11 +13,11 @@ from dataclasses import KW_ONLY, dataclass, replace
 from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.model.boundary import Boundary, Span
 from granular.model.grid import AXES, Grid
 from granular.shapes import Box
+from granular.tools.arrays import Array
 from granular.tools.checks import (
     check_fields,
     finite,
@@ -33,7 +33,7 @@ from granular.tools.checks import (
 ABOVE, BELOW = 1, 2
 """Bits for the sides of a face on which material may be."""
 
-Face = tuple[NDArray[np.float64], NDArray[np.float64], int, int]
+Face = tuple[Array, Array, int, int]
 """Lower and upper corner [m], axis, and sides of a face."""
 
 
@@ -334,13 +334,13 @@ class WallState:
         Work of a wall that moves on the material [J; in 2D per metre of depth]; else 0.
     """
 
-    impulse: NDArray[np.float64]
-    angular_impulse: NDArray[np.float64]
-    displacement: NDArray[np.float64]
-    work: NDArray[np.float64]
+    impulse: Array
+    angular_impulse: Array
+    displacement: Array
+    work: Array
 
 
-def split_impulses(numbers: NDArray[np.float64], dim: int) -> dict[str, NDArray[np.float64]]:
+def split_impulses(numbers: Array, dim: int) -> dict[str, Array]:
     """Split the numbers of a wall, shape (..., 9), into the attributes of `WallState`."""
     turning = numbers[..., 5] if dim == 2 else numbers[..., 3:6]
     return {

@@ -17,12 +17,12 @@ from granular.model.typing import AnyScene
 from granular.mpm.body_distances import distance_at
 from granular.plot.canvas import Extent, View
 from granular.shapes.measures import thicknesses
+from granular.tools.arrays import Array
 
 if TYPE_CHECKING:
     from granular.mpm.bodies import Body, BodyState
     from granular.mpm.scene import Scene
 
-Array = NDArray[np.float64]
 
 STYLE = {"facecolor": "#d5d8dc", "edgecolor": "#3f4650", "linewidth": 0.9}
 INTERVALS = 1200

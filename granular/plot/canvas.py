@@ -17,6 +17,7 @@ from granular.model.state import State
 from granular.model.symmetric import mirror_axes
 from granular.model.typing import AnyScene
 from granular.plot.fields import Brush
+from granular.tools.arrays import Array
 from granular.tools.checks import finite, integer
 
 Extent = tuple[tuple[float, float], tuple[float, float]]
@@ -96,7 +97,7 @@ class View:
         """True if points of different depths lie behind one another."""
         return self.depth is not None and self.slab is None
 
-    def in_space(self, scene: AnyScene, x: NDArray, y: NDArray) -> NDArray[np.float64]:
+    def in_space(self, scene: AnyScene, x: NDArray, y: NDArray) -> Array:
         """Positions [m], shape (n, dim), of points in the picture.
 
         In 3D they are in the section halfway through the slab; without one they are in

@@ -10,14 +10,13 @@ from typing import Any, Self
 import matplotlib
 import numpy as np
 from matplotlib.colors import Colormap, ListedColormap, LogNorm, Normalize
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from granular import measure
 from granular.measure.derived import DERIVED, derived
 from granular.model.state import State
+from granular.tools.arrays import Array
 from granular.tools.checks import finite
-
-Array = NDArray[np.float64]
 
 SIGNED = "coolwarm"
 """Colour map of fields that are positive and negative; its middle is grey, not white."""

@@ -12,13 +12,12 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection, LineCollection
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from granular.grain_scale.inference import ForceStatistics, Packing, ParetoFront
 from granular.plot.canvas import Picture
+from granular.tools.arrays import Array
 from granular.tools.checks import integer, positive
-
-Array = NDArray[np.float64]
 
 WIDEST = 7.0
 """Width of the line of the largest force [points, 1/72 inch]."""

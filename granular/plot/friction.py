@@ -6,14 +6,14 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from granular.grain_scale import friction_law
 from granular.grain_scale.friction_law import SteadyShear
 from granular.plot.canvas import Picture
 from granular.plot.dunatunga_kamrin_2015.curves import MARKERS
+from granular.tools.arrays import Array
 
-Array = NDArray[np.float64]
 Flows = Sequence[SteadyShear]
 
 

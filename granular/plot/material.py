@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
-from numpy.typing import NDArray
 from scipy import ndimage
 
 from granular.model.grid import AXES
@@ -16,12 +15,11 @@ from granular.model.state import State
 from granular.mpm.body_distances import distance_from_bodies
 from granular.plot.canvas import Extent, View
 from granular.plot.fields import Brush
+from granular.tools.arrays import Array, IndexArray
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
 
-Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
 
 PIXELS = 1200
 """Pixels along the longer side of a picture that is not a movie."""
@@ -48,7 +46,7 @@ def disc_radius(spacing: float, dim: int) -> float:
     return spacing * (1 / math.sqrt(math.pi) if dim == 2 else (0.75 / math.pi) ** (1 / 3))
 
 
-def mirror_images(state: State, view: View, reach: float) -> tuple[Array, Rows]:
+def mirror_images(state: State, view: View, reach: float) -> tuple[Array, IndexArray]:
     """Images, shape (k, 2), of points behind the sides of the domain and surfaces of bodies near.
 
     They close the gaps there, as between points. The second array has the rows of their points in
@@ -102,11 +100,11 @@ class Raster:
         (left, bottom), (rows, columns) = self.origin, self.counts
         return left, left + columns * self.pixel, bottom, bottom + rows * self.pixel
 
-    def _places(self, x: Array) -> tuple[Rows, Rows]:
+    def _places(self, x: Array) -> tuple[IndexArray, IndexArray]:
         column, row = np.floor((x - self.origin) / self.pixel).astype(np.intp).T
         return row, column
 
-    def area(self, x: Array, radius: float, reach: float) -> Rows:
+    def area(self, x: Array, radius: float, reach: float) -> IndexArray:
         """Show the material as an area: the discs of the points with the gaps closed.
 
         A pixel shows the nearest point if it is within `reach` of one, and farther than `reach` -
@@ -122,7 +120,7 @@ class Raster:
         indices.pixels[row[inside], column[inside]] = np.flatnonzero(inside)
         return indices.closed(radius / self.pixel, max(reach, radius) / self.pixel)
 
-    def discs(self, x: Array, radius: float, reach: float = 0.0) -> Rows:
+    def discs(self, x: Array, radius: float, reach: float = 0.0) -> IndexArray:
         """Show a disc for each point; later ones cover earlier ones.
 
         Gaps between discs are closed as in `area` if the reach exceeds the radius.
@@ -151,10 +149,10 @@ class Raster:
 class _Padded:
     """Pixels with a margin around them, in which there may be material too."""
 
-    pixels: Rows
+    pixels: IndexArray
     pad: int
 
-    def closed(self, radius: float, reach: float) -> Rows:
+    def closed(self, radius: float, reach: float) -> IndexArray:
         """Close gaps narrower than twice the reach; the visible part grows by a radius [pixels]."""
         indices, pad = self.pixels, self.pad
         core = (slice(pad, -pad), slice(pad, -pad))
@@ -221,7 +219,7 @@ class Material:
         ax.set_ylim(keep[1])
         self.update(state)
 
-    def rows(self, state: State) -> Rows:
+    def rows(self, state: State) -> IndexArray:
         """Index of the point that each pixel shows, or -1, shape (height, width), from below."""
         order, x = np.arange(state.n)[self.view.order(state)], self.view.places(state)
         if self._is_area:

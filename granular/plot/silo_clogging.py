@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from granular.measure.silo_clogging.threshold import FlowThreshold, phase_points
 from granular.plot.canvas import Picture, figure_of
+from granular.tools.arrays import Array
 
 STYLES: dict[str, dict[str, Any]] = {
     "flowing": {"marker": "o", "color": "#2d5d8f"},
@@ -29,7 +30,7 @@ def phase_diagram(
     *,
     labels: tuple[str, str] = ("nonlocal amplitude A", "W/d"),
     threshold: FlowThreshold | None = None,
-    boundary: Callable[[NDArray[np.float64]], ArrayLike] | None = None,
+    boundary: Callable[[Array], ArrayLike] | None = None,
     ax: Axes | None = None,
 ) -> Figure:
     """Cases in the plane of two numbers: flowing (circles), static (squares), unsure (triangles).
@@ -90,7 +91,7 @@ def phase_diagram(
     return figure_of(ax)
 
 
-def _ends(values: NDArray[np.float64], *, origin: bool) -> tuple[float, float]:
+def _ends(values: Array, *, origin: bool) -> tuple[float, float]:
     """Ends of an axis with a margin; with `origin` the axis begins at zero."""
     low, high = float(values.min()), float(values.max())
     margin = 0.08 * (high - low) or 0.1 * abs(high) or 1.0

@@ -8,6 +8,7 @@ from scipy import ndimage
 
 from granular.model.state import State
 from granular.plot.fields import Brush
+from granular.tools.arrays import BoolArray, IndexArray
 from granular.tools.extras import imported
 
 SMOOTHING = 0.75
@@ -16,7 +17,7 @@ MARGIN = 4
 """Cells around the material: beyond them the smoothed fraction is zero."""
 
 
-def inside_slab(x: NDArray, slab: tuple[str, float, float] | None) -> NDArray[np.bool_]:
+def inside_slab(x: NDArray, slab: tuple[str, float, float] | None) -> BoolArray:
     """True for positions, shape (n, 3), between the ends of a slab."""
     if slab is None:
         return np.ones(len(x), dtype=bool)
@@ -69,7 +70,7 @@ def filled_volume(
     return mesh
 
 
-def _cells(state: State, spacing: float) -> tuple[NDArray, NDArray[np.intp], NDArray]:
+def _cells(state: State, spacing: float) -> tuple[NDArray, IndexArray, NDArray]:
     """Lower corner, number and edges of cells about the material, which end at the domain's."""
     grid = state.scene.grid
     ends = np.array([grid.lower, grid.upper])
@@ -80,7 +81,7 @@ def _cells(state: State, spacing: float) -> tuple[NDArray, NDArray[np.intp], NDA
     return lower, counts, (upper - lower) / counts
 
 
-def _spread(x: NDArray, amount: NDArray, counts: NDArray[np.intp]) -> NDArray:
+def _spread(x: NDArray, amount: NDArray, counts: IndexArray) -> NDArray:
     """Sums of amounts over the cells around positions given in cells, by linear weights."""
     total = np.zeros(counts)
     first = np.floor(x).astype(np.intp)

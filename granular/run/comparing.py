@@ -10,14 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.model.state import State
 from granular.record import open_trajectory
+from granular.tools.arrays import Array
 
 __all__ = ["Comparison", "compare"]
 
-Array = NDArray[np.float64]
 
 MOST_ROWS = 40
 """Largest number of differing numbers of the scenes that are printed."""

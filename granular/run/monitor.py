@@ -16,14 +16,13 @@ from numpy.typing import NDArray
 
 from granular import _core
 from granular.measure.bulk import Bulk, gaps, ill_posed_fraction
+from granular.tools.arrays import Array
 
 if TYPE_CHECKING:
     from granular.model.scene import BaseScene
     from granular.model.state import State
     from granular.record.checkpoint import Checkpoint
 
-
-Array = NDArray[np.float64]
 
 SPACING = _core.TALLY_INTERVAL
 """Steps between two samples at first: those between two tallies of the energy by the core."""

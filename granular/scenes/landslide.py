@@ -26,9 +26,8 @@ from granular.scenes._build import (
 )
 from granular.scenes._registry import scene_function
 from granular.shapes import HeightMap
+from granular.tools.arrays import Array
 from granular.tools.checks import array, finite, in_range, integer, non_negative, positive, vector
-
-Array = NDArray[np.float64]
 
 
 @scene_function("mpm")

@@ -8,12 +8,10 @@ from functools import partial
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.shapes.region import Region
 from granular.shapes.shape import (
     TINY,
-    Array,
     Cover,
     Shape,
     axes_about,
@@ -22,6 +20,7 @@ from granular.shapes.shape import (
     row_of,
     turned,
 )
+from granular.tools.arrays import Array, BoolArray
 from granular.tools.checks import check_fields, positive, set_fields, vector
 
 
@@ -142,13 +141,13 @@ class Box(Shape):
     def cut(self, x: Array) -> tuple[Array, Array]:
         return super().cut(x) if self.is_turned else Region.cut(self, x)
 
-    def cuts(self, x: Array, reach: float) -> NDArray[np.bool_]:
+    def cuts(self, x: Array, reach: float) -> BoolArray:
         return super().cuts(x, reach) if self.is_turned else Region.cuts(self, x, reach)
 
-    def _inside(self, x: Array) -> NDArray[np.bool_]:
+    def _inside(self, x: Array) -> BoolArray:
         if self.is_turned:
             return super()._inside(x)
-        inside: NDArray[np.bool_] = np.all((x >= self.lower) & (x < self.upper), axis=1)
+        inside: BoolArray = np.all((x >= self.lower) & (x < self.upper), axis=1)
         return inside
 
     def depth(self, x: Array, up: Array, step: float) -> Array:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from granular.shapes.rasters import read_heights
 from granular.shapes.shape import TINY, Shape, row_of
+from granular.tools.arrays import Array
 from granular.tools.checks import (
     check_fields,
     finite,
@@ -22,8 +23,6 @@ from granular.tools.checks import (
     truth,
 )
 from granular.tools.serializable import ComparedByContent
-
-Array = NDArray[np.float64]
 
 TILE = 8
 """Cells between posts along an edge of a tile; as in `csrc/body/height_map.h`."""

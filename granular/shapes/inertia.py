@@ -10,7 +10,8 @@ import numpy as np
 
 from granular.shapes.measures import reach
 from granular.shapes.moments import moments_of
-from granular.shapes.shape import Array, Shape
+from granular.shapes.shape import Shape
+from granular.tools.arrays import Array
 from granular.tools.checks import finite, in_range, positive, vector
 
 TOLERANCE = 1e-3

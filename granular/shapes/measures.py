@@ -11,7 +11,8 @@ from granular.shapes.boxes import Box
 from granular.shapes.mesh import Mesh
 from granular.shapes.operations import united
 from granular.shapes.round import Frustum
-from granular.shapes.shape import TINY, Array, Cover, Measure, Shape
+from granular.shapes.shape import TINY, Cover, Measure, Shape
+from granular.tools.arrays import Array
 from granular.tools.checks import LEAST
 
 HULL = 256

@@ -15,10 +15,9 @@ from granular.shapes.mesh_samples import BAND, CUBE, MOST_BLOCKS, THIN, Tables, 
 from granular.shapes.mesh_surface import MeshWarning, mended, solids
 from granular.shapes.shape import Cover, Shape, row_of
 from granular.shapes.triangles import Triangles
+from granular.tools.arrays import Array, IntArray
 from granular.tools.checks import positive, real_array, set_fields
 from granular.tools.serializable import ComparedByContent
-
-Array = NDArray[np.float64]
 
 MOST_COARSE = 2**25
 """Number of coarse samples at most: 0.1 GB."""
@@ -80,7 +79,7 @@ class Mesh(ComparedByContent, Shape):
         change the solid.
     """
 
-    vertices: NDArray[np.float64]
+    vertices: Array
     faces: NDArray[np.int32]
     _: KW_ONLY
     spacing: float
@@ -220,7 +219,7 @@ class Mesh(ComparedByContent, Shape):
         parts = solids(self.vertices, self.faces) if closed else None
         return Triangles(self.vertices, self.faces, parts, self.thickness or 0.0)
 
-    def sampling_grid(self) -> tuple[Array, NDArray[np.int64]]:
+    def sampling_grid(self) -> tuple[Array, IntArray]:
         """Lower corner from the middle of the body, and coarse cells along each axis.
 
         The sampling grid extends a band beyond the solid.

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from granular.tools.arrays import Array
+
 FORMATS = ("stl", "obj", "ply", "off")
 """Formats that hold triangles alone: no archives that unpack to more, no references to follow."""
 ALL_WHOLE = 2**23
@@ -20,7 +22,7 @@ MOST_BYTES = 10**9
 
 def read_surface(
     path: str | os.PathLike[str],
-) -> tuple[NDArray[np.float64], NDArray[np.int32], float]:
+) -> tuple[Array, NDArray[np.int32], float]:
     """Return vertices, of which none are equal, triangles, and the rounding of coordinates.
 
     Triangles of two equal vertices are left out. The rounding is half the distance of single
@@ -74,7 +76,7 @@ def _content(path: Path, name: str) -> tuple[bytes, str]:
     return content, ending
 
 
-def _rounding(vertices: NDArray[np.float64]) -> float:
+def _rounding(vertices: Array) -> float:
     single = vertices.astype(np.float32)
     largest = abs(single).max()
     whole = largest < ALL_WHOLE and (vertices == np.rint(vertices)).all()

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 from granular import _core
 from granular.shapes.shape import row_of
 from granular.shapes.triangles import Triangles
+from granular.tools.arrays import Array, IntArray
 from granular.tools.progress import bar
 
 if TYPE_CHECKING:
     from granular.shapes.mesh import Mesh
 
 
-Array = NDArray[np.float64]
 Tables = tuple[NDArray, ...]
 """Grid (5,), coarse samples, blocks, fine samples and edges; see `csrc/body/samples.h`.
 
@@ -151,8 +151,8 @@ def _sample(mesh: Mesh) -> Tables:
 
 
 def _blocks(
-    near: NDArray[np.int64], cells: NDArray[np.int64], counts: NDArray[np.int64], spacing: float
-) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    near: IntArray, cells: IntArray, counts: IntArray, spacing: float
+) -> tuple[NDArray[np.int32], IntArray]:
     """Block of each coarse cell, -1 where there is none, and the numbers of the samples of each."""
     if len(near) > MOST_BLOCKS:
         raise ValueError(f"spacing = {spacing} leaves {len(near)} blocks, must be <= {MOST_BLOCKS}")
@@ -175,12 +175,12 @@ def _checked_thickness(triangles: Triangles, spacing: float) -> tuple[float, flo
     return wall, ball
 
 
-def _unravelled(keys: NDArray[np.int64], counts: NDArray[np.int64]) -> NDArray[np.int64]:
+def _unravelled(keys: IntArray, counts: IntArray) -> IntArray:
     """Indices (x, y, z) of samples from their numbers, x fastest."""
     return np.stack(np.unravel_index(keys, counts[::-1])[::-1], axis=1)
 
 
-def _cells_near(coarse: Array, reach: float) -> NDArray[np.int64]:
+def _cells_near(coarse: Array, reach: float) -> IntArray:
     """Coarse cells (z, y, x), some of whose corners are nearer to the surface than `reach`."""
     close = abs(coarse) < reach
     for axis in range(3):

@@ -10,10 +10,9 @@ import scipy
 from numpy.typing import NDArray
 
 from granular import _core
+from granular.tools.arrays import Array, BoolArray, IndexArray, IntArray
 
-Array = NDArray[np.float64]
 Faces = NDArray[np.int32]
-Indices = NDArray[np.intp]
 
 LEAST_SIGNS = 1e-9
 """Least ratio of the volume of a shell to the cube of its size."""
@@ -78,7 +77,7 @@ def mended(vertices: Array, faces: Faces) -> tuple[Faces, list[str]]:
     return _flipped(faces, wrong[shells.label]), changes
 
 
-def solids(vertices: Array, faces: Faces) -> Indices:
+def solids(vertices: Array, faces: Faces) -> IndexArray:
     """Return the number of the solid to which each triangle of a repaired surface belongs, from
     0."""
     shells = _Shells.of(vertices, faces, _Edges.of(faces, len(vertices)))
@@ -90,7 +89,7 @@ def solids(vertices: Array, faces: Faces) -> Indices:
             around = [j for j, w in zip(holders, winding, strict=True) if np.median(w) > 0.5]
             if around:
                 parent[i] = min(around, key=lambda j: shells.volume[j])
-    labels: Indices = np.unique(parent, return_inverse=True)[1][shells.label]
+    labels: IndexArray = np.unique(parent, return_inverse=True)[1][shells.label]
     return labels
 
 
@@ -101,12 +100,12 @@ def solids(vertices: Array, faces: Faces) -> Indices:
 class _Edges:
     """Sides of triangles, side 3 i + k from vertex k of triangle i to the next, edge by edge."""
 
-    order: Indices
+    order: IndexArray
     """Sides, grouped by edges."""
-    begins: Indices
+    begins: IndexArray
     """First of each edge in this order."""
-    counts: Indices
-    rises: NDArray[np.bool_]
+    counts: IndexArray
+    rises: BoolArray
     """For each side in this order: its second vertex has the higher index."""
 
     @classmethod
@@ -117,28 +116,28 @@ class _Edges:
         begins = np.flatnonzero(np.diff(key[order], prepend=-1))
         return cls(order, begins, np.diff(begins, append=len(order)), (start < end)[order])
 
-    def rising(self) -> NDArray[np.int64]:
+    def rising(self) -> IntArray:
         """Sides of each edge that rise."""
-        rising: NDArray[np.int64] = np.add.reduceat(self.rises.astype(np.int64), self.begins)
+        rising: IntArray = np.add.reduceat(self.rises.astype(np.int64), self.begins)
         return rising
 
-    def pairs(self) -> tuple[Indices, Indices, NDArray[np.bool_]]:
+    def pairs(self) -> tuple[IndexArray, IndexArray, BoolArray]:
         """Both triangles at the edges that have two, and whether one of them must be reversed."""
         first = self.begins[self.counts == 2]
         same = self.rises[first] == self.rises[first + 1]
         return self.order[first] // 3, self.order[first + 1] // 3, same
 
 
-def _components(count: int, first: Indices, second: Indices) -> tuple[int, Indices]:
+def _components(count: int, first: IndexArray, second: IndexArray) -> tuple[int, IndexArray]:
     """Number of connected parts of `count` things with links, and the part of each thing."""
     links = scipy.sparse.coo_matrix((np.ones(len(first), bool), (first, second)), (count, count))
-    components: tuple[int, Indices] = scipy.sparse.csgraph.connected_components(
+    components: tuple[int, IndexArray] = scipy.sparse.csgraph.connected_components(
         links, directed=False
     )
     return components
 
 
-def _flipped(faces: Faces, which: NDArray[np.bool_]) -> Faces:
+def _flipped(faces: Faces, which: BoolArray) -> Faces:
     if not which.any():
         return faces
     faces = faces.copy()
@@ -173,7 +172,7 @@ def _without_copies(faces: Faces, edges: _Edges, count: int) -> Faces:
     return np.ascontiguousarray(faces if _open(without, count) else without)
 
 
-def _walls(faces: Faces, paired: NDArray[np.bool_], count: int) -> NDArray[np.bool_]:
+def _walls(faces: Faces, paired: BoolArray, count: int) -> BoolArray:
     """Those of the paired triangles that are connected to others by edges, by way of paired ones.
 
     The others are closed parts with triangles on both sides.
@@ -185,7 +184,7 @@ def _walls(faces: Faces, paired: NDArray[np.bool_], count: int) -> NDArray[np.bo
     triangle, edge = edges.order[mine] // 3, edge[mine]
     joined = np.flatnonzero(np.diff(edge) == 0)
     _, patch = _components(len(faces), triangle[joined], triangle[joined + 1])
-    walls: NDArray[np.bool_] = paired & np.isin(patch, patch[triangle[bordering[edge]]])
+    walls: BoolArray = paired & np.isin(patch, patch[triangle[bordering[edge]]])
     return walls
 
 
@@ -255,7 +254,7 @@ class _Shells:
 
     vertices: Array
     faces: Faces
-    label: Indices
+    label: IndexArray
     """Shell of each triangle."""
     volume: Array
     """Negative if inside out [m3]."""
@@ -287,7 +286,7 @@ class _Shells:
         return origin
 
 
-def _shells(count: int, edges: _Edges) -> Indices:
+def _shells(count: int, edges: _Edges) -> IndexArray:
     """Number of the shell of each triangle.
 
     Triangles at edges of two are of one shell. At an edge of more, such as that of two cubes that
@@ -304,11 +303,11 @@ def _shells(count: int, edges: _Edges) -> Indices:
     unpaired = np.bincount(of.ravel(), np.where(edges.rises[more], 1, -1)) != 0
     edge, part = keys[unpaired] // parts, keys[unpaired] % parts
     joined = np.flatnonzero(np.diff(edge) == 0)
-    labels: Indices = _components(parts, part[joined], part[joined + 1])[1][label]
+    labels: IndexArray = _components(parts, part[joined], part[joined + 1])[1][label]
     return labels
 
 
-def _held(shells: _Shells) -> Iterator[tuple[int, Indices, Array]]:
+def _held(shells: _Shells) -> Iterator[tuple[int, IndexArray, Array]]:
     """Shells from large to small; larger ones whose boxes overlap; their winding numbers about it.
 
     The numbers (larger shells, vertices of the shell) are taken as if all were oriented outwards.
@@ -334,7 +333,7 @@ def _held(shells: _Shells) -> Iterator[tuple[int, Indices, Array]]:
         yield int(i), holders, winding
 
 
-def _inside_out(shells: _Shells) -> tuple[NDArray[np.bool_], int]:
+def _inside_out(shells: _Shells) -> tuple[BoolArray, int]:
     """Shells that must be reversed, and the number of solids that lie wholly within others."""
     negative = shells.volume < 0
     if len(negative) == 1:

@@ -14,7 +14,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular import _core
 from granular.shapes.boxes import Box
@@ -25,8 +24,9 @@ from granular.shapes.quadrature import Moments, Sides, is_empty, joined, moments
 from granular.shapes.region import Region
 from granular.shapes.round import Capsule, Cylinder, Sphere, Torus
 from granular.shapes.sections import Polygon, Prism
-from granular.shapes.shape import MOST_SHAPES, Array, Shape, frame_of
+from granular.shapes.shape import MOST_SHAPES, Shape, frame_of
 from granular.shapes.triangles import Triangles
+from granular.tools.arrays import Array, BoolArray
 
 PROBES = 20_000
 """Points of a mesh at which it is tested whether parts of it overlap."""
@@ -134,7 +134,7 @@ class _OfShape:
             radius = STEEP * radius
         return np.where(abs(depth) < radius, 0, -np.sign(depth)).astype(np.int8)
 
-    def inside(self, x: Array) -> NDArray[np.bool_]:
+    def inside(self, x: Array) -> BoolArray:
         return self.depth(x) > 0
 
 
@@ -190,7 +190,7 @@ def _clusters(parts: Sequence[Shape]) -> list[list[Shape]]:
     return [group for group in groups if group]
 
 
-def _separate(low: Array, high: Array, other_low: Array, other_high: Array) -> NDArray[np.bool_]:
+def _separate(low: Array, high: Array, other_low: Array, other_high: Array) -> BoolArray:
     """True for boxes that have no common inside."""
     with np.errstate(invalid="ignore"):
         slack = TOUCH * np.fmin(abs(high - low), abs(other_high - other_low))

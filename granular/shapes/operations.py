@@ -9,10 +9,10 @@ from functools import reduce
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.shapes.region import Region
-from granular.shapes.shape import Array, Measure, Shape, row_of
+from granular.shapes.shape import Measure, Shape, row_of
+from granular.tools.arrays import Array, BoolArray
 from granular.tools.checks import check_fields, finite, positive, truth, tuple_of
 
 Corners = tuple[tuple[float, ...], tuple[float, ...]]
@@ -119,7 +119,7 @@ def _cut(part: Region, x: Array) -> tuple[Array, Array]:
     return part.distance(x) if isinstance(part, Shape) and not _is_joined(part) else part.cut(x)
 
 
-def _cuts(part: Region, x: Array, reach: float) -> NDArray[np.bool_]:
+def _cuts(part: Region, x: Array, reach: float) -> BoolArray:
     """True for positions whose squares are cut by the boundary of a part."""
     return abs(_cut(part, x)[0]) <= reach if isinstance(part, Shape) else part.cuts(x, reach)
 
@@ -154,7 +154,7 @@ class Joined(Shape):
     def is_endless(self, along: Array) -> bool:
         return all(_solid(part).is_endless(along) for part in self.parts)
 
-    def cuts(self, x: Array, reach: float) -> NDArray[np.bool_]:
+    def cuts(self, x: Array, reach: float) -> BoolArray:
         return np.any([_cuts(part, x, reach) for part in self.parts], axis=0)
 
 
@@ -191,7 +191,7 @@ class Union(Joined):
     def cut(self, x: Array) -> tuple[Array, Array]:
         return least([_cut(part, x) for part in self.parts])
 
-    def _inside(self, x: Array) -> NDArray[np.bool_]:
+    def _inside(self, x: Array) -> BoolArray:
         return np.any([part.contains(x) for part in self.parts], axis=0)
 
 
@@ -224,7 +224,7 @@ class Intersection(Joined):
     def cut(self, x: Array) -> tuple[Array, Array]:
         return _greatest([_cut(part, x) for part in self.parts])
 
-    def _inside(self, x: Array) -> NDArray[np.bool_]:
+    def _inside(self, x: Array) -> BoolArray:
         return np.all([part.contains(x) for part in self.parts], axis=0)
 
 
@@ -279,14 +279,14 @@ class Difference(Shape):
     def bounds(self) -> Corners:
         return self.shape._box
 
-    def cuts(self, x: Array, reach: float) -> NDArray[np.bool_]:
+    def cuts(self, x: Array, reach: float) -> BoolArray:
         return _cuts(self.shape, x, reach) | _cuts(self.without, x, reach)
 
     def cut(self, x: Array) -> tuple[Array, Array]:
         away, outwards = _cut(self.without, x)
         return _greatest([_cut(self.shape, x), (-away, -outwards)])
 
-    def _inside(self, x: Array) -> NDArray[np.bool_]:
+    def _inside(self, x: Array) -> BoolArray:
         return self.shape.contains(x) & ~self.without.contains(x)
 
 

@@ -16,7 +16,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from granular.tools.arrays import Array, BoolArray
+
 Sides = NDArray[np.int8]
 FIRST = {2: 16, 3: 8}
 """Cells along the longest side at the first level, by the dimension."""
@@ -37,7 +38,7 @@ class HasSides(Protocol):
         """Return -1 where a ball of this radius is inside, 1 where it is outside, 0 if unknown."""
         ...
 
-    def inside(self, x: Array) -> NDArray[np.bool_]:
+    def inside(self, x: Array) -> BoolArray:
         """True for points inside."""
         ...
 

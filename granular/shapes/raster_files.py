@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.shapes.coordinate_systems import LENGTHS, UnclearUnits, Units, units_of
+from granular.tools.arrays import Array, BoolArray
 from granular.tools.checks import integer
 from granular.tools.files import check_file
 
@@ -21,7 +22,7 @@ MOST_HEIGHTS = 2**31 - 1
 """Largest number of heights of a raster."""
 
 Pair = tuple[float, float]
-Read = Callable[[slice, slice], tuple[NDArray, NDArray[np.bool_]]]
+Read = Callable[[slice, slice], tuple[NDArray, BoolArray]]
 
 CENTERS, CORNERS = ("xllcenter", "yllcenter"), ("xllcorner", "yllcorner")
 KEYS = ("ncols", "nrows", *CENTERS, *CORNERS, "cellsize", "dx", "dy", "nodata_value")
@@ -95,7 +96,7 @@ def open_raster(path: str | os.PathLike, band: int | None) -> Raster:
     return _of_gdal(path, band)
 
 
-def missing(values: NDArray, mark: float) -> NDArray[np.bool_]:
+def missing(values: NDArray, mark: float) -> BoolArray:
     """True where a value is not finite or is the mark, nan for none, of a missing one.
 
     A mark may have lost digits on its way through single precision, as -3.4028235e38 does.
@@ -104,7 +105,7 @@ def missing(values: NDArray, mark: float) -> NDArray[np.bool_]:
         return ~np.isfinite(values)
     near = abs(mark) * np.finfo(np.float32).eps
     with np.errstate(invalid="ignore", over="ignore"):
-        marked: NDArray[np.bool_] = np.abs(values - np.float64(mark)) <= near
+        marked: BoolArray = np.abs(values - np.float64(mark)) <= near
     return marked | ~np.isfinite(values)
 
 
@@ -119,7 +120,7 @@ def _of_esri(path: str | os.PathLike) -> Raster:
         z = _values(name, chain([before], file), row, math.prod(shape)).reshape(shape)[::-1]
     mark = head.get("nodata_value", math.nan)
 
-    def read(rows: slice, columns: slice) -> tuple[NDArray, NDArray[np.bool_]]:
+    def read(rows: slice, columns: slice) -> tuple[NDArray, BoolArray]:
         part = np.ascontiguousarray(z[rows, columns])
         return part, missing(part, mark)
 
@@ -202,7 +203,7 @@ def _frame(name: str, head: dict[str, float]) -> tuple[tuple[int, int], Pair, Pa
     return shape, spacing, first
 
 
-def _values(name: str, lines: Any, number: int, count: int) -> NDArray[np.float64]:
+def _values(name: str, lines: Any, number: int, count: int) -> Array:
     """Numbers of lines, the first of which has this number; exactly `count`."""
     parts, held = [], 0
     while held <= count:
@@ -274,7 +275,7 @@ def _of_gdal(path: str | os.PathLike, band: int | None) -> Raster:
         for begin, step, n in ((to.c, to.a, shape[1]), (to.f, to.e, shape[0]))
     )
 
-    def read(rows: slice, columns: slice) -> tuple[NDArray, NDArray[np.bool_]]:
+    def read(rows: slice, columns: slice) -> tuple[NDArray, BoolArray]:
         parts = [
             (n - part.stop, n - part.start) if back else (part.start, part.stop)
             for part, n, back in zip((rows, columns), shape, flipped[::-1], strict=True)

@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 
 from granular.shapes.coordinate_systems import UnclearUnits, Units
 from granular.shapes.raster_files import Raster, missing, open_raster
+from granular.tools.arrays import Array, BoolArray
 from granular.tools.checks import finite, one_of, positive, vector
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 Part = tuple[slice, slice]
 
 LOWEST, HIGHEST = -11e3, 9e3
@@ -139,7 +138,7 @@ def _advice(raster: Raster) -> str:
     )
 
 
-def _refuse_mixed_units(name: str, z: NDArray, gaps: Mask, spacing: Array) -> None:
+def _refuse_mixed_units(name: str, z: NDArray, gaps: BoolArray, spacing: Array) -> None:
     """Refuse heights that are too steep for their spacing nearly everywhere."""
     high = np.where(gaps, np.nan, z)
     with np.errstate(all="ignore"):
@@ -197,7 +196,7 @@ def _part_of(raster: Raster, window: Sequence[float] | None) -> Part:
 # ---- gaps ----
 
 
-def _check_marks(name: str, raw: NDArray, z: NDArray, gaps: Mask, spacing: float) -> None:
+def _check_marks(name: str, raw: NDArray, z: NDArray, gaps: BoolArray, spacing: float) -> None:
     """Refuse heights that do not occur on Earth, and values that stand for a missing height."""
     known, heights = raw[~gaps], z[~gaps].astype(float)  # differences of integers wrap around
     for value in (heights.min(), heights.max()):
@@ -244,7 +243,7 @@ def _blank(kind: np.dtype) -> tuple[int, ...]:
 
 
 def _filled(
-    raster: Raster, z: NDArray, gaps: Mask, fill: float | str | None, first: Array
+    raster: Raster, z: NDArray, gaps: BoolArray, fill: float | str | None, first: Array
 ) -> NDArray:
     """Heights without gaps."""
     if fill is None:
@@ -260,7 +259,7 @@ def _filled(
     return z
 
 
-def _refuse_gaps(raster: Raster, gaps: Mask, first: Array) -> None:
+def _refuse_gaps(raster: Raster, gaps: BoolArray, first: Array) -> None:
     h = raster.spacing
     rows, columns = (np.flatnonzero(gaps.any(axis=axis)) for axis in (1, 0))
     where = [
@@ -290,7 +289,7 @@ class _Best:
     part: Part = (slice(0, 0), slice(0, 0))
 
 
-def largest_rectangle(there: Mask) -> Part:
+def largest_rectangle(there: BoolArray) -> Part:
     """Rows and columns of the largest rectangle that is true all over.
 
     Beyond `MOST_BLOCKS` entries along an axis it is the largest of whole blocks.

@@ -6,7 +6,9 @@ import math
 from abc import ABC, abstractmethod
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from granular.tools.arrays import Array, BoolArray
 
 Vector = tuple[float, ...]
 
@@ -20,7 +22,7 @@ class Region(ABC):
         """Lower and upper corner of a box that encloses the region [m]."""
 
     @abstractmethod
-    def _inside(self, x: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def _inside(self, x: Array) -> BoolArray:
         """Return `contains` for an array that has been checked."""
 
     @property
@@ -37,7 +39,7 @@ class Region(ABC):
         """Return the regions that operations are made of, or the region itself."""
         return [self]
 
-    def cuts(self, x: NDArray[np.float64], reach: float) -> NDArray[np.bool_]:
+    def cuts(self, x: Array, reach: float) -> BoolArray:
         """True for positions, shape (n, dim) [m], whose squares the boundary cuts.
 
         They are all positions that are no farther from it than `reach` [m], and some more. For
@@ -45,7 +47,7 @@ class Region(ABC):
         """
         return np.zeros(len(x), dtype=bool)
 
-    def cut(self, x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def cut(self, x: Array) -> tuple[Array, Array]:
         """Signed distance of positions from the boundary that cuts squares, and its outward
         normals.
 
@@ -54,9 +56,7 @@ class Region(ABC):
         """
         return np.where(self._inside(x), -np.inf, np.inf), np.zeros_like(x)
 
-    def depth(
-        self, x: NDArray[np.float64], up: NDArray[np.float64], step: float
-    ) -> NDArray[np.float64]:
+    def depth(self, x: Array, up: Array, step: float) -> Array:
         """Distance of positions from the top of the region above them.
 
         The top is the last point of the region along a ray, even beyond gaps such as those below
@@ -89,9 +89,7 @@ class Region(ABC):
         down = self._first_inside(tops[first], -up, step, float(np.linalg.norm(upper - lower)))
         return np.maximum(length - down[of.reshape(-1)], 0.0)
 
-    def ahead(
-        self, x: NDArray[np.float64], along: NDArray[np.float64], step: float
-    ) -> NDArray[np.float64]:
+    def ahead(self, x: Array, along: Array, step: float) -> Array:
         """Distance at which rays from positions outside enter the region [m]; inf if they do not.
 
         Parameters are those of `depth`.
@@ -112,9 +110,7 @@ class Region(ABC):
             )
         return distance
 
-    def _first_inside(
-        self, x: NDArray[np.float64], along: NDArray[np.float64], step: float, longest: float
-    ) -> NDArray[np.float64]:
+    def _first_inside(self, x: Array, along: Array, step: float, longest: float) -> Array:
         """Distance at which rays from positions outside enter the region [m]; inf if they do
         not."""
         distance = np.full(len(x), np.inf)
@@ -134,7 +130,7 @@ class Region(ABC):
             outside[some] = np.where(within, outside[some], middle)
         return inside
 
-    def contains(self, x: ArrayLike) -> NDArray[np.bool_]:
+    def contains(self, x: ArrayLike) -> BoolArray:
         """True for the positions `x`, shape (n, dim) [m], that lie inside; shape (n,).
 
         Raises

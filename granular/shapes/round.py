@@ -8,16 +8,8 @@ from dataclasses import KW_ONLY, dataclass
 import numpy as np
 
 from granular.shapes.sections import chain_cover, chain_rows, inradius
-from granular.shapes.shape import (
-    TINY,
-    Array,
-    Cover,
-    Shape,
-    axes_about,
-    direction,
-    padded,
-    row_of,
-)
+from granular.shapes.shape import TINY, Cover, Shape, axes_about, direction, padded, row_of
+from granular.tools.arrays import Array
 from granular.tools.checks import (
     check_fields,
     non_negative,

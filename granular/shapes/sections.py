@@ -9,12 +9,10 @@ from dataclasses import KW_ONLY, dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular import _core
 from granular.shapes.shape import (
     TINY,
-    Array,
     Cover,
     Shape,
     axes_about,
@@ -24,6 +22,7 @@ from granular.shapes.shape import (
     row_of,
     turned,
 )
+from granular.tools.arrays import Array
 from granular.tools.checks import check_fields, one_of, positive, sequence, set_fields, vector
 
 MOST_VERTICES = 1000
@@ -66,7 +65,7 @@ def _crossing(x: Array) -> tuple[int, int] | None:
     n, a, b = len(x), x, np.roll(x, -1, axis=0)
     edge = b - a
 
-    def sides(places: Array) -> NDArray[np.float64]:
+    def sides(places: Array) -> Array:
         arm = places[None] - a[:, None]
         return np.sign(edge[:, None, 0] * arm[..., 1] - edge[:, None, 1] * arm[..., 0])
 

@@ -16,13 +16,11 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from granular import _core
 from granular.shapes.region import Region
+from granular.tools.arrays import Array, BoolArray
 from granular.tools.checks import finite, vector
-
-Array = NDArray[np.float64]
 
 MOST_SHAPES = 256
 PARTS = _core.enumerations()["part"]
@@ -258,11 +256,11 @@ class Shape(Region):
     def cut(self, x: Array) -> tuple[Array, Array]:
         return self.distance(x)
 
-    def cuts(self, x: Array, reach: float) -> NDArray[np.bool_]:
-        near: NDArray[np.bool_] = abs(self.distance(x)[0]) <= reach
+    def cuts(self, x: Array, reach: float) -> BoolArray:
+        near: BoolArray = abs(self.distance(x)[0]) <= reach
         return near
 
-    def _inside(self, x: Array) -> NDArray[np.bool_]:
+    def _inside(self, x: Array) -> BoolArray:
         return self.distance(x)[0] < 0
 
 

@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 from granular import _core
 from granular.shapes.quadrature import Moments
-
-Array = NDArray[np.float64]
+from granular.tools.arrays import Array, BoolArray, IndexArray
 
 POINTS = 2048
 """Points of a surface at which the thickness is measured."""
@@ -50,7 +49,7 @@ class Triangles:
         self,
         vertices: Array,
         faces: NDArray[np.int32],
-        solids: NDArray[np.intp] | None,
+        solids: IndexArray | None,
         thickness: float,
     ) -> None:
         used = vertices[faces.ravel()]
@@ -102,7 +101,7 @@ class Triangles:
         """Number of times that the surface goes around points (n, 3)."""
         return _core.mesh_winding(self._tree, np.ascontiguousarray(x - self.origin))
 
-    def points(self, count: int) -> tuple[Array, Array, NDArray[np.intp]]:
+    def points(self, count: int) -> tuple[Array, Array, IndexArray]:
         """Points of the surface, spread evenly by area, their normals and the solids."""
         a, b, c = (self._vertices[self._faces[:, k]] for k in range(3))
         twice = np.cross(b - a, c - a)
@@ -122,7 +121,7 @@ class Triangles:
         off = OFF * self._size.max() * normal
         return self.winding(at - off), self.winding(at + off)
 
-    def overlaps(self, count: int) -> NDArray[np.bool_]:
+    def overlaps(self, count: int) -> BoolArray:
         """True for solids of a closed surface that lie in others, or cross them or themselves.
 
         It is tested at points of the surface.
@@ -133,14 +132,14 @@ class Triangles:
         mask[solid[(abs(inner - 1) > 0.5) | (abs(outer) > 0.5)]] = True
         return mask
 
-    def clusters(self) -> list[NDArray[np.intp]]:
+    def clusters(self) -> list[IndexArray]:
         """Solids in groups, whose boxes are apart from those of all others."""
         low, high = (np.array([part[k] for part in self._parts]) for k in (1, 2))
         meet = ((low[:, None] < high) & (low < high[:, None])).all(axis=2)
         count, label = scipy.sparse.csgraph.connected_components(meet, directed=False)
         return [np.flatnonzero(label == group) for group in range(count)]
 
-    def part(self, solids: NDArray[np.intp]) -> Triangles:
+    def part(self, solids: IndexArray) -> Triangles:
         """Return the surface of some of the solids."""
         mask = np.isin(self._solid, solids)
         used, at = np.unique(self._faces[mask], return_inverse=True)
@@ -160,7 +159,7 @@ class Triangles:
         sides[clear] = np.where(self.inside(x[clear]), -1, 1)
         return sides
 
-    def inside(self, x: Array) -> NDArray[np.bool_]:
+    def inside(self, x: Array) -> BoolArray:
         """True for points (n, 3) in a solid."""
         if self.closed:
             return self.winding(x) > 0.5

@@ -13,6 +13,7 @@ from granular.model.fill import Fill, check_inside
 from granular.model.grid import Grid
 from granular.model.inflow import Inflow
 from granular.shapes import Box
+from granular.tools.arrays import Array, IntArray
 from granular.tools.checks import check_fields, in_range, kinds_of, positive, tuple_of, vector
 from granular.tools.notebook import table
 
@@ -241,14 +242,14 @@ class GasState:
     """
 
     time: float
-    id: NDArray[np.int64]
-    x: NDArray[np.float64]
-    v: NDArray[np.float64]
-    a: NDArray[np.float64]
-    mass: NDArray[np.float64]
-    density: NDArray[np.float64]
-    pressure: NDArray[np.float64]
-    porosity: NDArray[np.float64]
+    id: IntArray
+    x: Array
+    v: Array
+    a: Array
+    mass: Array
+    density: Array
+    pressure: Array
+    porosity: Array
 
     def __post_init__(self) -> None:
         for array in self.fields.values():

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular import _core
 from granular.model.grid import AXES
 from granular.model.inflow import Inflow, InflowState, inlet_points, standing_points
+from granular.tools.arrays import Array
 from granular.tools.buffers import rows_of
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ class Inlets:
     """
 
     scene: Scene
-    masses: tuple[NDArray[np.float64], ...]
+    masses: tuple[Array, ...]
 
     @classmethod
     def add(cls, engine: _core.Sph, scene: Scene) -> Inlets:
@@ -146,8 +146,8 @@ class Inlets:
 def _add(
     engine: _core.Sph,
     inflow: Inflow,
-    x: NDArray[np.float64],
-    mass: NDArray[np.float64],
+    x: Array,
+    mass: Array,
     spacing: float,
     *,
     gas: bool,

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.materials import MuI
+from granular.tools.arrays import Array
 from granular.tools.checks import check_fields, in_range, non_negative, positive
 from granular.tools.notebook import table
 
@@ -123,7 +123,7 @@ class Viscoplastic:
         """Copy with some parameters changed, checked like a new material."""
         return replace(self, **changes)
 
-    def stored_energy(self, rho: NDArray[np.float64]) -> NDArray[np.float64]:
+    def stored_energy(self, rho: Array) -> Array:
         """Elastic energy at a density [J/kg]: the integral of p/rho^2 from rho0 on.
 
         The energy of the shear spring is not included.

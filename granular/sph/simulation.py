@@ -21,6 +21,7 @@ from granular.sph.gas import GasState
 from granular.sph.inflow import Inlets
 from granular.sph.scene import Scene, seeding_gradient
 from granular.sph.walls import wall_rows
+from granular.tools.arrays import IntArray
 from granular.tools.buffers import allocate, default_isa, fill
 from granular.tools.checks import integer
 
@@ -60,7 +61,7 @@ class _Rows:
         gas_first = wall_first + walls + _core.LANES
         return cls(grains, wall_first, walls, gas_first, gas, spare)
 
-    def slots(self) -> NDArray[np.int64]:
+    def slots(self) -> IntArray:
         """Rows of all particles."""
         firsts = ((0, self.grains), (self.wall_first, self.walls), (self.gas_first, self.gas))
         return np.concatenate([np.arange(first, first + n) for first, n in firsts])

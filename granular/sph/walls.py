@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from granular.model.boundary import Boundary, Span
 from granular.model.grid import AXES, LINE_TOLERANCE, Grid, combined
+from granular.tools.arrays import Array
 from granular.tools.checks import (
     check_fields,
     finite,
@@ -167,7 +168,7 @@ def _site(name: str, grid: Grid, axis: int, at: float) -> int:
     return round(place)
 
 
-def wall_points(grid: Grid, walls: Sequence[ParticleWall]) -> dict[str, NDArray[np.float64]]:
+def wall_points(grid: Grid, walls: Sequence[ParticleWall]) -> dict[str, Array]:
     """Wall particles: x, v and normal (n, dim), depth below the surface [m], porosity for a gas,
     number of the wall.
 
@@ -201,7 +202,7 @@ def wall_points(grid: Grid, walls: Sequence[ParticleWall]) -> dict[str, NDArray[
     return {"x": np.array(grid.lower) + (whole.pop("site") + 0.5) * grid.cell} | whole
 
 
-def wall_rows(grid: Grid, walls: Sequence[ParticleWall]) -> NDArray[np.float64]:
+def wall_rows(grid: Grid, walls: Sequence[ParticleWall]) -> Array:
     """Rows of the walls for the core: ends of the box, velocity, times, axis (n, 12)."""
     rows = np.zeros((len(walls), 12))
     for i, (row, wall) in enumerate(zip(rows, walls, strict=True)):

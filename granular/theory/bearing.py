@@ -11,11 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
+from granular.tools.arrays import Array
 from granular.tools.checks import in_range
-
-Array = NDArray[np.float64]
 
 _NEAR = 1e-5
 """Distance from the passive wedge at which the fan ends: there the equations are singular."""

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from granular.model.gravity import EARTH
+from granular.tools.arrays import Array
 from granular.tools.checks import integer, non_negative, positive
 
 COEFFICIENT = {2: 1.42, 3: 0.58}
@@ -23,7 +24,7 @@ def beverloo_rate(
     exponent: float | None = None,
     *,
     dim: int = 2,
-) -> NDArray[np.float64]:
+) -> Array:
     """Mass flow rate ``C rho sqrt(g) (D - k d)^exponent`` (Dunatunga & Kamrin 2015, eq. 4.4).
 
     Parameters

@@ -23,8 +23,9 @@ from numpy.typing import ArrayLike
 
 from granular.materials import NGF
 from granular.model.gravity import EARTH
-from granular.theory.incline import Array, output_times
+from granular.theory.incline import output_times
 from granular.theory.stopping import fluidity_growth, limiting_friction, stopping_height
+from granular.tools.arrays import Array
 from granular.tools.checks import in_range, integer, non_negative, positive
 
 

@@ -14,13 +14,13 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from granular.materials import MuI
 from granular.theory.incline import check_mu_I
+from granular.tools.arrays import Array, BoolArray
 from granular.tools.checks import finite, non_negative, one_of, positive
 
-Array = NDArray[np.float64]
 VelocityGradient = Callable[[float], ArrayLike]
 
 #: Kinks of the velocity gradient of appendix B [s], first and last time included.
@@ -70,7 +70,7 @@ class ConstitutiveReference:
     times: Array
     stress: Array
     log_density: Array
-    dense: NDArray[np.bool_]
+    dense: BoolArray
     shear_rate: Array
     events: tuple[Event, ...]
 

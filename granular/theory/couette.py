@@ -23,8 +23,8 @@ import scipy
 from numpy.typing import ArrayLike
 
 from granular.materials import NGF
-from granular.theory.incline import Array
 from granular.theory.stopping import fluidity_growth, limiting_friction
+from granular.tools.arrays import Array
 from granular.tools.checks import integer, one_of, positive
 
 WALLS = ("rough", "smooth")

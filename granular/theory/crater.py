@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular.theory.incline import Array
+from granular.tools.arrays import Array
 from granular.tools.checks import positive
 
 

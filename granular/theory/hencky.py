@@ -12,13 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from granular.materials import Material
 from granular.model.gravity import EARTH
+from granular.tools.arrays import Array
 from granular.tools.checks import finite, integer, one_of, positive
-
-Array = NDArray[np.float64]
 
 _MOST_STRAIN = 1.0
 """ln(lambda) below which P grows with lambda, so that waves propagate."""

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from granular.model.gravity import EARTH
+from granular.tools.arrays import Array
 from granular.tools.checks import in_range, integer, non_negative, positive
 
 
@@ -115,7 +116,7 @@ def hourglass_rate(
     return rho * arc * first ** (dim - 1) * math.sqrt(g * first * weight / inertia)
 
 
-def rose_tanaka_factor(angle_deg: ArrayLike, stagnant_deg: float) -> NDArray[np.float64]:
+def rose_tanaka_factor(angle_deg: ArrayLike, stagnant_deg: float) -> Array:
     """Rate of a hopper over that of a flat bottom (Rose & Tanaka 1959, The Engineer 208, 465).
 
     It is (tan a tan s)^-0.35 for a half angle a below 90 - s, and 1 beyond, where stagnant material
@@ -151,7 +152,7 @@ def janssen_pressure(
     rho: float,
     dim: int = 2,
     gravity: float = EARTH,
-) -> NDArray[np.float64]:
+) -> Array:
     """Mean vertical stress in a bin (Janssen 1895): rho g L (1 - exp(-z/L)).
 
     L = W/(2 (dim - 1) mu K), with the ratio K of the stress on the wall to the mean vertical

@@ -13,13 +13,12 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from granular.materials import MuI, RegularisedMuI
 from granular.model.gravity import EARTH
+from granular.tools.arrays import Array
 from granular.tools.checks import in_range, integer, non_negative, positive
-
-Array = NDArray[np.float64]
 
 # Alexander's (1977) L-stable, stiffly accurate SDIRK method of order 3: the diagonal is the root
 # of x^3 - 3x^2 + 3x/2 - 1/6 in (1/6, 1/2). The first two stages alone give a rule of order 2.

@@ -21,12 +21,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from granular.materials import MuI
+from granular.tools.arrays import Array
 from granular.tools.checks import finite, in_range, non_negative, positive
-
-Array = NDArray[np.float64]
 
 #: Packing fraction at which the kinetic pressure diverges.
 JAMMED = 0.6

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from granular.materials import MuI
 from granular.model.gravity import EARTH
-from granular.theory.constitutive import Array, stress_rate
+from granular.theory.constitutive import stress_rate
 from granular.theory.incline import check_mu_I
+from granular.tools.arrays import Array
 from granular.tools.checks import integer, positive
 
 _XX, _YY, _XY = 0, 1, 3

@@ -12,7 +12,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from granular.tools.arrays import Array
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +56,7 @@ class RunoutLaw:
     method: str
     pieces: tuple[Piece, ...]
 
-    def __call__(self, aspect: ArrayLike) -> NDArray[np.float64]:
+    def __call__(self, aspect: ArrayLike) -> Array:
         """Run-out at aspect ratios, an array of any shape; nan where the source gives no law.
 
         Raises

@@ -13,12 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from granular.model.gravity import EARTH
+from granular.tools.arrays import Array
 from granular.tools.checks import array, in_range, positive
-
-Array = NDArray[np.float64]
 
 _START = 1e-6
 """Time from which the cap is integrated, in sqrt(L/g). A series gives the values there; its error,

@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular.theory.incline import Array, check_not_regularised, relative_depth
+from granular.theory.incline import check_not_regularised, relative_depth
+from granular.tools.arrays import Array
 from granular.tools.checks import non_negative, positive
 
 

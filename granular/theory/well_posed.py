@@ -29,13 +29,12 @@ from typing import Any, overload
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from granular.materials import NGF, MuI, RegularisedMuI
 from granular.theory.incline import check_cohesionless, check_mu_I
+from granular.tools.arrays import Array
 from granular.tools.checks import in_range, positive
 
-Array = NDArray[np.float64]
 _Law = MuI | RegularisedMuI | NGF
 """Laws with mu(I); of a nonlocal one it is that of steady uniform flow."""
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
+from granular.tools.arrays import Array
 
 PAGE, LINE = 4096, 64  # bytes
 
@@ -76,9 +77,7 @@ def allocate(engine: _core.Engine | _core.Sph, capacity: int) -> dict[str, NDArr
     return buffers
 
 
-def rows_of(
-    engine: _core.Engine | _core.Sph, fields: Mapping[str, NDArray], n: int
-) -> NDArray[np.float64]:
+def rows_of(engine: _core.Engine | _core.Sph, fields: Mapping[str, NDArray], n: int) -> Array:
     """Fields of n points as one row for each, as the core packs them; zero for those not given."""
     parts = [
         np.asarray(fields[name], dtype=float).reshape(n, count)

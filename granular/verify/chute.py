@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular import measure, scenes
 from granular.materials import NGF
@@ -17,9 +16,8 @@ from granular.model.typing import AnyScene
 from granular.run.simulation import Simulation
 from granular.theory import chute_profile, stopping_height
 from granular.theory.chute import ChuteFlow
+from granular.tools.arrays import Array
 from granular.verify.rows import Row, at_most, check, holds, within
-
-Array = NDArray[np.float64]
 
 PROFILES = {0.01: 1.0, 0.015: 1.0, 0.025: 1.0, 0.035: 1.5, 0.1: 4.0}
 """Heights of figure 2(c) [m] (2, 3, 5, 7 and 20 grains), and the time at which each flow has

@@ -8,14 +8,12 @@ from functools import lru_cache
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular import _core, materials
 from granular.materials import Material, MuI
 from granular.theory import appendix_b_velocity_gradient, reference
+from granular.tools.arrays import Array
 from granular.verify.rows import Row, at_least, at_most, check, within
-
-Array = NDArray[np.float64]
 
 STEPS = (1e-3, 5e-4, 2.5e-4, 1.25e-4, 6.25e-5)
 """Time steps of appendix B [s]."""

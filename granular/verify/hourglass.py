@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular import materials, measure, scenes
 from granular.materials import MuI
@@ -15,6 +14,7 @@ from granular.model.state import State
 from granular.mpm import schemes
 from granular.mpm.schemes import Scheme
 from granular.run.simulation import Simulation
+from granular.tools.arrays import BoolArray
 from granular.verify.collapse import REPOSE
 from granular.verify.incline import PUBLISHED
 from granular.verify.rows import Row, at_least, at_most, check, holds, report
@@ -47,7 +47,7 @@ def hourglass(kind: str, scheme: Scheme, E: float = 1e6) -> Simulation:
     return Simulation(scenes.hourglass(kind=kind, material=material, scheme=scheme), threads=1)
 
 
-def bearing_and_falling(state: State) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def bearing_and_falling(state: State) -> tuple[BoolArray, BoolArray]:
     """Points that must bear load and points that must fall freely, chosen by their positions.
 
     The first are above the divider, more than five opening radii away from the axis and three

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular import materials, measure, scenes
 from granular.model.fill import Fill
@@ -19,6 +18,7 @@ from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.run.simulation import Simulation
 from granular.shapes import Box
+from granular.tools.arrays import Array
 from granular.verify.incline import PUBLISHED
 from granular.verify.rows import Row, at_most, check, holds, report
 from granular.verify.silo import mass_is_exact
@@ -99,7 +99,7 @@ def closed_system(scheme: Scheme) -> Scene:
     )
 
 
-def momentum(state: State) -> NDArray[np.float64]:
+def momentum(state: State) -> Array:
     """Momentum of the points [kg m/s].
 
     It excludes the momentum correction of the particle shifting, which the next step takes back.

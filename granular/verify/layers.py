@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular import materials, measure, scenes
 from granular.materials import MuI
@@ -18,9 +17,8 @@ from granular.mpm import schemes
 from granular.mpm.schemes import Scheme
 from granular.run.simulation import Simulation
 from granular.theory import bagnold_profile, transient
+from granular.tools.arrays import Array
 from granular.verify.rows import Row, at_most, report, within
-
-Array = NDArray[np.float64]
 
 HEIGHT, CELL, COLUMNS, JITTER = 0.2, 0.01, 8, 0.6
 """Height of the layer and cell size [m], cells along the slope, jitter in point spacings."""

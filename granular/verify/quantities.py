@@ -7,16 +7,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular import measure
 from granular.measure.discharge import WINDOW
 from granular.model.state import State
 from granular.mpm.scene import Scene
 from granular.run.simulation import Simulation
+from granular.tools.arrays import Array
 from granular.verify.hourglass import heap
-
-Array = NDArray[np.float64]
 
 FRAME = 1 / 60
 """Time between two samples of a run [s]."""

@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular import materials, measure, scenes
 from granular.model.state import State
 from granular.mpm import schemes
 from granular.mpm.schemes import Scheme
 from granular.run.simulation import Simulation
+from granular.tools.arrays import Array
 from granular.verify.hourglass import PHASE_TOLERANCE
 from granular.verify.rows import Row, at_least, at_most, check, holds, report
 from granular.verify.silo import mass_is_exact
-
-Array = NDArray[np.float64]
 
 FLIGHT = 0.25
 """Duration of the flight that is checked [s]; the slug meets the wall after a third of a second."""

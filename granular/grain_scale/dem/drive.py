@@ -9,17 +9,16 @@ from pathlib import Path
 from typing import Any, TypeVar, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.grain_scale import inference
 from granular.grain_scale.dem.dumps import Frame, read_frames
 from granular.grain_scale.dem.process import DemError, execute
 from granular.grain_scale.dem.scripts import packing_script, shear_script, start
 from granular.grain_scale.dem.settings import Packing, Shear
+from granular.tools.arrays import Array, IntArray
 from granular.tools.checks import positive
 
 T = TypeVar("T")
-Array = NDArray[np.float64]
 
 
 @overload
@@ -127,8 +126,8 @@ class Pack:
     x: Array
     radius: Array
     volume: Array
-    i: NDArray[np.int64]
-    j: NDArray[np.int64]
+    i: IntArray
+    j: IntArray
     normal: Array
     arm_i: Array
     arm_j: Array

@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.grain_scale.dem.process import DemError
 from granular.grain_scale.dem.settings import Packing, Shear
 from granular.grain_scale.dump_tables import Table, tables
-
-Array = NDArray[np.float64]
+from granular.tools.arrays import Array, BoolArray, IntArray
 
 ATOM_COLUMNS = (
     *("id", "type", "diameter", "mass", "x", "y", "z"),
@@ -51,8 +49,8 @@ class Contacts:
         before, without the part due to a growing box.
     """
 
-    i: NDArray[np.int64]
-    j: NDArray[np.int64]
+    i: IntArray
+    j: IntArray
     normal: Array
     distance: Array
     normal_force: Array
@@ -99,8 +97,8 @@ class Frame:
 
     time: float
     box: Array
-    id: NDArray[np.int64]
-    wall: NDArray[np.bool_]
+    id: IntArray
+    wall: BoolArray
     radius: Array
     mass: Array
     x: Array

@@ -12,12 +12,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.grain_scale.dem.dumps import ATOM_COLUMNS, CONTACT_COLUMNS
 from granular.grain_scale.dem.settings import SPACING, Packing, Shear
-
-Array = NDArray[np.float64]
+from granular.tools.arrays import Array, IntArray
 
 _MIXING = 0.1
 """Inertial number at which a cell is compacted and its grains are mixed."""
@@ -82,7 +80,7 @@ def _wall_grains(settings: Shear) -> int:
 
 def _wall(
     settings: Shear, kind: int, y: float, rng: np.random.Generator
-) -> tuple[NDArray[np.int64], Array, Array]:
+) -> tuple[IntArray, Array, Array]:
     """Types, diameters and positions of the grains of a wall whose inner face is at y."""
     across = _wall_grains(settings)
     d = settings.grains.d / settings.units.length

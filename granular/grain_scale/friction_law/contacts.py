@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.grain_scale.dem import Contacts, Frame, Grains
+from granular.tools.arrays import Array, BoolArray
 from granular.tools.checks import in_range
-
-Array = NDArray[np.float64]
 
 _AT_LIMIT = 1.0 - 1e-3
 """A contact counts as slipping above this share of the largest tangential force."""
@@ -139,7 +137,7 @@ class _Part:
     high: float
     volume: float
     share: Array
-    contacts: NDArray[np.bool_]
+    contacts: BoolArray
     shear_rate: float
 
 
@@ -191,7 +189,7 @@ def _share_between(y: Array, radius: Array, low: float, high: float) -> Array:
     return below(high) - below(low)
 
 
-def _relative_motion(frame: Frame, moving: NDArray[np.bool_], slope: float) -> tuple[float, Array]:
+def _relative_motion(frame: Frame, moving: BoolArray, slope: float) -> tuple[float, Array]:
     """Shear rate (fitted if `slope` is nan), and velocities relative to that shear flow."""
     count = int(np.count_nonzero(moving))
     if count < 2:

@@ -9,15 +9,15 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import OptimizeWarning, curve_fit
 from scipy.special import stdtrit
 
 from granular.grain_scale.friction_law.steady import SteadyShear
 from granular.materials import MuI
+from granular.tools.arrays import Array
 from granular.tools.checks import in_range, non_negative, one_of, positive
 
-Array = NDArray[np.float64]
 Interval = tuple[float, float]
 
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.grain_scale import dem
 from granular.grain_scale.dem import Grains
 from granular.grain_scale.friction_law.contacts import Sample, sample
 from granular.measure.stress import friction_of, pressure
+from granular.tools.arrays import Array
 from granular.tools.checks import integer
 
 
@@ -165,7 +165,7 @@ def _averaged(samples: Sequence[Sample], grains: Grains) -> dict:
     def mean(name: str) -> float:
         return float(np.mean([getattr(s, name) for s in samples]))
 
-    stress: NDArray[np.float64] = np.mean([s.stress for s in samples], axis=0)
+    stress: Array = np.mean([s.stress for s in samples], axis=0)
     kinetic = float(np.mean([s.kinetic[1, 1] for s in samples]))
     normal, rate, contacts = -float(stress[1, 1]), mean("shear_rate"), mean("contacts")
     for name, value in (("normal stress", normal), ("shear rate", rate), ("contacts", contacts)):

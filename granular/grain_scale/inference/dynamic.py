@@ -6,16 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from granular.grain_scale.inference.matrices import friction_of_contacts
 from granular.grain_scale.inference.packing import Packing
 from granular.grain_scale.inference.problem import dynamic_problem
 from granular.grain_scale.inference.result import Inference, report
 from granular.grain_scale.inference.solvers import solve
+from granular.tools.arrays import Array
 from granular.tools.checks import positive
-
-Array = NDArray[np.float64]
 
 WEIGHTS = tuple(np.logspace(-3, 3, 13).tolist())
 """Default weights of the balance relative to the stresses, along a front."""

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csc_array, diags_array, vstack
 from scipy.sparse.linalg import SuperLU, splu
 
 from granular.grain_scale.inference.problem import Problem
-
-Array = NDArray[np.float64]
+from granular.tools.arrays import Array, BoolArray
 
 SMALL = 1e-6
 """Singular values below this fraction of the largest count as zero."""
@@ -48,7 +46,7 @@ def least_squares(problem: Problem) -> Array | None:
     return None
 
 
-def determined(problem: Problem) -> tuple[int, NDArray[np.bool_]]:
+def determined(problem: Problem) -> tuple[int, BoolArray]:
     """Rank of all rows together, and the contacts whose forces the rows do not determine.
 
     The rank follows from the signs of the pivots of ``K'K - s`` with a small s: as many of them are

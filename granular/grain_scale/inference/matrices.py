@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_array, csr_array
 
 from granular.grain_scale.inference.packing import OUTSIDE, Packing
-
-Array = NDArray[np.float64]
+from granular.tools.arrays import Array
 
 MOMENTS = {2: [(0, 1)], 3: [(1, 2), (2, 0), (0, 1)]}
 """Axes of the plane of rotation of each component of x cross f."""

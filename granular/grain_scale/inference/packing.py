@@ -9,10 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from granular.tools.arrays import Array, IndexArray
 from granular.tools.checks import in_range, one_of, positive
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 OUTSIDE = -1_000_000
 """Number of the body that stands for all grains left out of a subset."""
@@ -82,7 +80,7 @@ class Packing:
         The message names the first such contact or grain.
     """
 
-    bodies: Index
+    bodies: IndexArray
     positions: Array
     normals: Array
     centroids: Array
@@ -229,7 +227,7 @@ class Packing:
             return np.sqrt(self.volumes / np.pi)
         return np.cbrt(3 * self.volumes / (4 * np.pi))
 
-    def sides(self) -> list[tuple[Index, Index, float, Array]]:
+    def sides(self) -> list[tuple[IndexArray, IndexArray, float, Array]]:
         """Contacts as seen from the first and from the second body, without walls.
 
         Returns
@@ -251,19 +249,19 @@ class Packing:
         shifts = self.shifts if side == 1 else None
         return self.positions if shifts is None else self.positions + shifts
 
-    def clusters(self) -> Index:
+    def clusters(self) -> IndexArray:
         """Number of the connected cluster of each grain, shape (n,). Walls do not connect
         grains."""
         joined = self.bodies[(self.bodies >= 0).all(axis=1)]
         graph = coo_array((np.ones(len(joined)), joined.T), (self.n, self.n))
         return connected_components(graph, directed=False)[1].astype(np.intp)
 
-    def rattlers(self) -> Index:
+    def rattlers(self) -> IndexArray:
         """Grains without a contact."""
         count = np.bincount(self.bodies[self.bodies >= 0], minlength=self.n)
         return np.flatnonzero(count == 0)
 
-    def subset(self, grains: ArrayLike) -> tuple[Packing, Index]:
+    def subset(self, grains: ArrayLike) -> tuple[Packing, IndexArray]:
         """Some grains with all their contacts, for inference within a window.
 
         Parameters

@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array, vstack
 
 from granular.grain_scale.inference.matrices import (
@@ -31,8 +30,7 @@ from granular.grain_scale.inference.matrices import (
     stress_vector,
 )
 from granular.grain_scale.inference.packing import Packing
-
-Array = NDArray[np.float64]
+from granular.tools.arrays import Array, IndexArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +80,7 @@ class Problem:
         return self.frame.shape[0] // len(self.mu)
 
     @property
-    def slipping(self) -> NDArray[np.intp]:
+    def slipping(self) -> IndexArray:
         """Contacts that have tangential unknowns, in the order of the unknowns."""
         return np.flatnonzero(self.mu > 0)
 
@@ -227,7 +225,7 @@ def _frame(packing: Packing, mu: Array) -> csr_array:
     return sparse_blocks(axes[:, :, None], contact, np.arange(len(axes)), (c, len(axes)))
 
 
-def listed(which: NDArray[np.intp]) -> str:
+def listed(which: IndexArray) -> str:
     """List of the first few numbers, for messages."""
     text = ", ".join(str(k) for k in which[:8])
     return text + (f", ... ({len(which)} in all)" if len(which) > 8 else "")

@@ -7,13 +7,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.grain_scale.inference.linear import determined
 from granular.grain_scale.inference.packing import Packing
 from granular.grain_scale.inference.problem import Problem, listed
-
-Array = NDArray[np.float64]
+from granular.tools.arrays import Array, BoolArray
 
 CARRIED = 0.5
 """Share of the stresses that the forces must carry. Forces f = 0, always in balance, carry none."""
@@ -98,8 +96,8 @@ class Inference:
     carried: float
     unknowns: int
     rank: int
-    undetermined: NDArray[np.bool_]
-    at_limit: NDArray[np.bool_]
+    undetermined: BoolArray
+    at_limit: BoolArray
     excess: float
     weight_of_norms: float
     solver: str
@@ -173,7 +171,7 @@ def _carried(problem: Problem, x: Array) -> float:
     return float((problem.stress @ x) @ target / (target @ target)) if target.any() else 1.0
 
 
-def _at_limit(problem: Problem, x: Array, mean: float) -> NDArray[np.bool_]:
+def _at_limit(problem: Problem, x: Array, mean: float) -> BoolArray:
     """Loaded contacts within 1e-4 of their friction limit."""
     push, slipping = x[: len(problem.mu)], problem.slipping
     mask = np.zeros(len(push), bool)

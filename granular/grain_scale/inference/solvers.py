@@ -6,16 +6,14 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 from scipy.sparse import block_array, coo_array, csr_array, diags_array, vstack
 
 from granular.grain_scale.inference.linear import least_squares
 from granular.grain_scale.inference.matrices import rows_of
 from granular.grain_scale.inference.problem import Problem, listed
+from granular.tools.arrays import Array, IndexArray
 from granular.tools.checks import one_of
-
-Array = NDArray[np.float64]
 
 ADMISSIBLE = 1e-9
 """Largest distance by which a contact may leave its cone, divided by the typical force."""
@@ -145,7 +143,7 @@ def _cones(problem: Problem) -> tuple[csr_array, csr_array]:
     return lines[0], coo_array((values, (rows, columns)), (len(rows), n)).tocsr()
 
 
-def _rows(entries: list[tuple[NDArray[np.intp], Array | float]], n: int) -> csr_array:
+def _rows(entries: list[tuple[IndexArray, Array | float]], n: int) -> csr_array:
     """Matrix with a row for each position in the lists and an entry in the column of each list."""
     count = len(entries[0][0])
     rows = np.tile(np.arange(count), len(entries))

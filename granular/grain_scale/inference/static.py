@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
 from granular.grain_scale.inference.matrices import friction_of_contacts
@@ -13,9 +13,8 @@ from granular.grain_scale.inference.packing import Packing
 from granular.grain_scale.inference.problem import Problem, static_problem
 from granular.grain_scale.inference.result import Flag, Inference, report
 from granular.grain_scale.inference.solvers import InferenceError, solve
+from granular.tools.arrays import Array
 from granular.tools.checks import finite, integer, non_negative, one_of, positive, vector
-
-Array = NDArray[np.float64]
 
 LARGEST = 1e3
 """Largest lambda/R of the search."""

@@ -6,16 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from granular.grain_scale.inference.matrices import equilibrium_matrix, rows_of
 from granular.grain_scale.inference.packing import Packing
+from granular.tools.arrays import Array, BoolArray, IndexArray
 from granular.tools.checks import in_range, integer, positive
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +39,7 @@ class ForceStatistics:
     """
 
     mean: float
-    strong: NDArray[np.bool_]
+    strong: BoolArray
     strong_share: float
     decay: float
     decay_error: float
@@ -126,7 +124,7 @@ def force_statistics(forces: ArrayLike, *, loaded: float = 1e-3) -> ForceStatist
 
 def force_chains(
     packing: Packing, stresses: ArrayLike | None = None, *, angle_deg: float = 45.0, least: int = 3
-) -> list[Index]:
+) -> list[IndexArray]:
     """Nearly straight chains of grains that transmit large compression (Peters et al. 2005).
 
     Two touching grains are linked if both have a largest compression above the mean of the grains

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from granular.measure.averaging_grid import Array, only_material, require_points
+from granular.measure.averaging_grid import only_material, require_points
 from granular.measure.opening import Opening, each_state, opening_of
 from granular.model.state import State, States
+from granular.tools.arrays import Array
 
 _LEVEL = 0.25
 """Difference of height, in point spacings, within which points count as equally low."""

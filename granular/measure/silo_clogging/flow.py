@@ -5,11 +5,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from granular.measure.averaging_grid import Array, only_material
+from granular.measure.averaging_grid import only_material
 from granular.measure.opening import Opening, each_state, opening_of
 from granular.model.state import State
+from granular.tools.arrays import Array, BoolArray
 from granular.tools.checks import in_range, positive
 
 VERDICTS = ("static", "flowing", "unsure")
@@ -276,7 +276,7 @@ def _last_crossing(history: SiloHistory, end: int) -> float:
     times, velocity = history.times[:end], history.velocity[:end]
     known = np.isfinite(velocity)
     sign = np.sign(velocity[known])
-    crossed: NDArray[np.bool_] = (sign[1:] == 0) | (sign[1:] * sign[:-1] < 0)
+    crossed: BoolArray = (sign[1:] == 0) | (sign[1:] * sign[:-1] < 0)
     if not crossed.any():
         return 0.0
     return float((times[known][1:][crossed][-1] - times[0]) / (times[-1] - times[0]))

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from granular.measure.averaging_grid import Array
 from granular.measure.silo_clogging.flow import VERDICTS
+from granular.tools.arrays import Array
 from granular.tools.checks import one_of
 
 

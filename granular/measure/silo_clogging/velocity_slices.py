@@ -10,9 +10,9 @@ import scipy
 from numpy.typing import ArrayLike
 
 from granular.measure.averages import frame_average
-from granular.measure.averaging_grid import Array
 from granular.measure.opening import Opening, each_state, opening_of
 from granular.model.state import States
+from granular.tools.arrays import Array
 from granular.tools.checks import positive
 
 HEIGHTS = (1.5, 2.0, 2.5)

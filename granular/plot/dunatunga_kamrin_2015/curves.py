@@ -14,7 +14,7 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogFormatter
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from granular import measure, theory
 from granular.materials import MuI
@@ -22,8 +22,7 @@ from granular.measure.stress import friction_of
 from granular.model.gravity import EARTH
 from granular.model.state import State
 from granular.plot.canvas import Picture
-
-Array = NDArray[np.float64]
+from granular.tools.arrays import Array
 
 MARKERS = "osD^v<>ph"
 

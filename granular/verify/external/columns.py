@@ -18,7 +18,8 @@ from granular.mpm.scene import Scene
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.run.simulation import Simulation
-from granular.verify.external.frame import Array, Data, Outcome, below, case, load, near
+from granular.tools.arrays import Array
+from granular.verify.external.frame import Data, Outcome, below, case, load, near
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -12,15 +12,14 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any, TextIO
 
 import numpy as np
-from numpy.typing import NDArray
 
 from granular.run.diagnostics import StabilityWarning
+from granular.tools.arrays import Array
 from granular.tools.checks import one_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 FOLDER = files("granular.verify") / "data"
 

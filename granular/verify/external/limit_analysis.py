@@ -30,7 +30,8 @@ from granular.mpm.walls import Wall
 from granular.run.simulation import Simulation
 from granular.shapes import Box, HalfSpace, Polygon, Region
 from granular.theory import bearing_capacity, earth_pressure
-from granular.verify.external.frame import Array, Outcome, case, load, near
+from granular.tools.arrays import Array
+from granular.verify.external.frame import Outcome, case, load, near
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

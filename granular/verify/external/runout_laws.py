@@ -11,8 +11,9 @@ from granular import measure, scenes
 from granular.materials import glass_beads
 from granular.model.typing import AnyScene
 from granular.theory import RUNOUT_LAWS
+from granular.tools.arrays import Array
 from granular.verify.external.columns import G, released
-from granular.verify.external.frame import Array, Comparison, Outcome, case, load
+from granular.verify.external.frame import Comparison, Outcome, case, load
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -25,7 +25,8 @@ from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.run.simulation import Simulation
 from granular.shapes import Box, Polygon, Region
-from granular.verify.external.frame import Array, Outcome, below, case, near
+from granular.tools.arrays import Array
+from granular.verify.external.frame import Outcome, below, case, near
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
