@@ -66,13 +66,7 @@ READY_SPH = {
     "incline_sph": {"height": 0.05},
     "inclined_collapse": {"length": 0.06, "height": 0.06, "width": 0.06, "reach": 0.15},
     "fluidised_bed": {"height": 0.05, "plenum": 0.05, "columns": 4},
-    "jet_on_bed": {
-        "width": 0.2,
-        "depth": 0.1,
-        "headroom": 0.1,
-        "nozzle": 0.05,
-        "spacing": 0.025,
-    },
+    "jet_on_bed": {"width": 0.2, "depth": 0.1, "headroom": 0.1, "nozzle": 0.05, "spacing": 0.025},
     "column_collapse_sph": {"spacing": 0.03},
 }
 

@@ -142,11 +142,7 @@ def drum(omega: float, cell: float, turns: float) -> Numbers:
     run.to(until / 2, crossing / WINDOWS)
     run.to(until, crossing / WINDOWS)
     forces = -run.forces(until / 2)[:, 0, 1] / weight
-    return {
-        "force": float(forces.mean()),
-        **_spikes("force", forces),
-        "deepest": run.deepest,
-    }
+    return {"force": float(forces.mean()), **_spikes("force", forces), "deepest": run.deepest}
 
 
 def drum_cases(quick: bool) -> Cases:

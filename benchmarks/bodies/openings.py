@@ -208,13 +208,9 @@ def width_lines(results: dict[str, Numbers], exponent: float, what: str) -> list
 
 ROWS = {
     "slot": Row(
-        "Slot between two plates, 2D",
-        slot_cases,
-        partial(width_lines, exponent=1.5, what="slot"),
+        "Slot between two plates, 2D", slot_cases, partial(width_lines, exponent=1.5, what="slot")
     ),
     "hole": Row(
-        "Round hole in a plate, 3D",
-        hole_cases,
-        partial(width_lines, exponent=2.5, what="hole"),
+        "Round hole in a plate, 3D", hole_cases, partial(width_lines, exponent=2.5, what="hole")
     ),
 }

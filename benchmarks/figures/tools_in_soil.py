@@ -48,10 +48,7 @@ GRAINS, BEADS = 3e-4, 4e-3
 SHALLOW = ("couette_shallow_8", "couette_shallow_6", "couette_shallow")
 BLADES = {"thin_5_coarse": ("d", 8), "thin_5": ("d", 8), "thin_5_one": ("v", 1)}
 FINEST = "thin_5_fine"
-LABELS = {
-    "thin_5": "blade, against cells of 8.33 mm",
-    "thin_5_one": "the same, one point a cell",
-}
+LABELS = {"thin_5": "blade, against cells of 8.33 mm", "thin_5_one": "the same, one point a cell"}
 STATES = (0.5, 2.5, 4.5, 6.5)
 """Times at which the excavator is drawn [s]."""
 WHEELS = (20, 40, 70)

@@ -78,10 +78,7 @@ def resting(cell: float, batches: int) -> list[dict]:
 def main(argv: list[str] | None = None) -> None:
     chosen = parser_of(__name__, __doc__, "coarse, to see that it runs").parse_args(argv)
     factor, batches = (2, 2) if chosen.quick else (1, 10)
-    tables = {
-        "silo": draining(0.01 * factor, batches),
-        "column": resting(0.0125 * factor, batches),
-    }
+    tables = {"silo": draining(0.01 * factor, batches), "column": resting(0.0125 * factor, batches)}
     for name, rows in tables.items():
         print(name)
         for row in rows:

@@ -127,11 +127,7 @@ CASES: dict[str, tuple[str, str, Pair]] = {
         of_materials(SAND, SAND.replace(restitution=0.5)),
     ),
     "own NumPy": ("mu(I)", "user-defined mu(I), NumPy", own_law(mu_I)),
-    "own numba": (
-        "mu(I)",
-        "user-defined mu(I), numba",
-        own_law(mu_I_by_points, compiler="numba"),
-    ),
+    "own numba": ("mu(I)", "user-defined mu(I), numba", own_law(mu_I_by_points, compiler="numba")),
     "own C": ("mu(I)", "user-defined mu(I), C", own_law(MU_I_IN_C)),
     "inflow": ("no inflow", "an inflow of 16 columns", fed),
     "body": ("no body", "a body at rest", lambda rows: (block(rows), with_body(rows))),

@@ -8,15 +8,7 @@ import h5py
 import numpy as np
 import scipy
 
-from granular.export.outlines import (
-    SIDES,
-    SKIN,
-    Patches,
-    contoured,
-    extended,
-    revolved,
-    thickened,
-)
+from granular.export.outlines import SIDES, SKIN, Patches, contoured, extended, revolved, thickened
 from granular.model.grid import Grid
 from granular.mpm.bodies import Body, BodyState, split
 from granular.record.layout import LIBVER, TOPOLOGIES
@@ -251,11 +243,7 @@ def _half_space(turn: Array, dim: int, size: float) -> Patches:
 
 
 def _write(
-    vtk: h5py.Group,
-    times: Array,
-    points: Array,
-    polygons: list[tuple[int, ...]],
-    owner: IndexArray,
+    vtk: h5py.Group, times: Array, points: Array, polygons: list[tuple[int, ...]], owner: IndexArray
 ) -> None:
     placed, count = points.shape[:2]
     frames = len(times)

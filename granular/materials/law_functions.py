@@ -35,12 +35,7 @@ class LawFunction:
     was not completed, so that an exception from elsewhere, such as a time limit, does no damage.
     """
 
-    def __init__(
-        self,
-        address: int | None,
-        *references: object,
-        called: object = None,
-    ) -> None:
+    def __init__(self, address: int | None, *references: object, called: object = None) -> None:
         new = ctypes.pythonapi.PyCapsule_New
         new.restype, new.argtypes = (
             ctypes.py_object,

@@ -11,14 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 from granular.materials.base import Material
-from granular.tools.checks import (
-    check_fields,
-    finite,
-    non_negative,
-    one_of,
-    positive,
-    set_fields,
-)
+from granular.tools.checks import check_fields, finite, non_negative, one_of, positive, set_fields
 
 if TYPE_CHECKING:
     from granular.materials.regularised import RegularisedMuI

@@ -171,11 +171,7 @@ def wheel_history(
 
 
 def failure_surface(
-    states: States,
-    *,
-    speed: float,
-    share: float = 0.1,
-    span: tuple[float, float] | None = None,
+    states: States, *, speed: float, share: float = 0.1, span: tuple[float, float] | None = None
 ) -> FailureSurface:
     """Surface between the soil that moves with a blade and the soil at rest.
 

@@ -9,14 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.tools.checks import (
-    check_fields,
-    integer,
-    positive,
-    sequence,
-    set_fields,
-    vector,
-)
+from granular.tools.checks import check_fields, integer, positive, sequence, set_fields, vector
 
 AXES = "xyz"
 LINE_TOLERANCE = 1e-9

@@ -14,13 +14,7 @@ from numpy.typing import ArrayLike
 from granular.model.grid import MAX_COUNT, combined, steps_between
 from granular.shapes.region import Region
 from granular.tools.arrays import Array, BoolArray
-from granular.tools.checks import (
-    array,
-    check_fields,
-    positive,
-    set_fields,
-    vector,
-)
+from granular.tools.checks import array, check_fields, positive, set_fields, vector
 from granular.tools.serializable import ComparedByContent
 
 Vector = tuple[float, ...]

@@ -257,12 +257,7 @@ def is_level_box(region: Region) -> bool:
 
 
 def _loads(
-    fills: Sequence[Fill],
-    index: int,
-    x: Array,
-    above: Array,
-    rho_c: Sequence[float],
-    step: float,
+    fills: Sequence[Fill], index: int, x: Array, above: Array, rho_c: Sequence[float], step: float
 ) -> tuple[Array, Array]:
     """Depth [m] below the top of a fill, and mass per area [kg/m2] of the others above."""
     load = _overburden(fills, index, x, above, rho_c, step)
@@ -270,12 +265,7 @@ def _loads(
 
 
 def _slopes(
-    fills: Sequence[Fill],
-    index: int,
-    x: Array,
-    above: Array,
-    rho_c: Sequence[float],
-    step: float,
+    fills: Sequence[Fill], index: int, x: Array, above: Array, rho_c: Sequence[float], step: float
 ) -> Array:
     """Horizontal gradient of the load above positions in a fill, over its density, shape (n, dim).
 
@@ -323,12 +313,7 @@ def _level_axes(above: Array) -> list[Array]:
 
 
 def _overburden(
-    fills: Sequence[Fill],
-    index: int,
-    x: Array,
-    above: Array,
-    rho_c: Sequence[float],
-    step: float,
+    fills: Sequence[Fill], index: int, x: Array, above: Array, rho_c: Sequence[float], step: float
 ) -> Array:
     """Mass per area [kg/m2] of the other lithostatic fills above positions in a fill. It corrects
     the depth in a fill, which is too large where others lie in its gaps.
@@ -349,12 +334,7 @@ def _overburden(
 
 
 def _within_others(
-    fills: Sequence[Fill],
-    index: int,
-    x: Array,
-    above: Array,
-    length: Array,
-    step: float,
+    fills: Sequence[Fill], index: int, x: Array, above: Array, length: Array, step: float
 ) -> Array:
     """Length [m] of rays to the top of a fill that is in other lithostatic fills, in its gaps."""
     total = np.zeros(len(x))

@@ -17,14 +17,7 @@ from granular.model.grid import MAX_COUNT, combined, steps_between
 from granular.shapes.operations import least
 from granular.shapes.region import Region
 from granular.tools.arrays import Array, BoolArray
-from granular.tools.checks import (
-    array,
-    check_fields,
-    finite,
-    positive,
-    set_fields,
-    vector,
-)
+from granular.tools.checks import array, check_fields, finite, positive, set_fields, vector
 from granular.tools.serializable import ComparedByContent
 
 Vector = tuple[float, ...]

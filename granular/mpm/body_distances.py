@@ -92,9 +92,7 @@ def distance_from_bodies(
         (turned(body.rotation_deg), padded(body.position)) for body in bodies
     ]
 
-    def distance(
-        x: Array,
-    ) -> tuple[Array, Array]:
+    def distance(x: Array) -> tuple[Array, Array]:
         least, normal = nowhere(x)
         if not len(x):
             return least, normal

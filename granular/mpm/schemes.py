@@ -18,13 +18,7 @@ from granular.mpm.scheme_numbers import (
     SchemeNumbers,
     SmoothedNumbers,
 )
-from granular.tools.checks import (
-    kinds_of,
-    non_negative,
-    one_of,
-    set_fields,
-    truth,
-)
+from granular.tools.checks import kinds_of, non_negative, one_of, set_fields, truth
 from granular.tools.notebook import table
 
 if TYPE_CHECKING:

@@ -73,10 +73,7 @@ class View:
     """
 
     def __init__(
-        self,
-        dim: int,
-        axes: tuple[int, int] | None = None,
-        slab: tuple[float, float] | None = None,
+        self, dim: int, axes: tuple[int, int] | None = None, slab: tuple[float, float] | None = None
     ) -> None:
         self.across, self.up = (0, dim - 1) if axes is None else axes
         integer("view[0]", self.across, 0, dim - 1)

@@ -23,14 +23,7 @@ if TYPE_CHECKING:
     from granular.model.scene import BaseScene
     from granular.model.state import State
 
-__all__ = [
-    "Health",
-    "Indicator",
-    "StabilityWarning",
-    "health",
-    "scene_warnings",
-    "warn",
-]
+__all__ = ["Health", "Indicator", "StabilityWarning", "health", "scene_warnings", "warn"]
 
 
 class StabilityWarning(UserWarning):

@@ -99,9 +99,6 @@ def flexible_barrier(
             ),
             Fill(Box((0.0, 0.0), (n_thick * cell, n_tall * cell)), points_per_cell, material=plate),
         ),
-        walls=(
-            Wall(0, begin, kind="free_slip"),
-            Wall(1, 0.0, kind="no_slip"),
-        ),
+        walls=(Wall(0, begin, kind="free_slip"), Wall(1, 0.0, kind="no_slip")),
         gravity=Gravity((0.0,), (down_slope(2, gravity, angle_deg),)),
     )

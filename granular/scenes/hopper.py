@@ -123,14 +123,7 @@ def hopper(
 
 
 def _walls(
-    inner: float,
-    outer: float,
-    angle: float,
-    *,
-    top: float,
-    drop: float,
-    dim: int,
-    friction: float,
+    inner: float, outer: float, angle: float, *, top: float, drop: float, dim: int, friction: float
 ) -> tuple[Body, Body]:
     """The inclined wall and the wall of the bin.
 

@@ -16,14 +16,7 @@ from granular.model.surfaces import Heights, Layer
 from granular.mpm import schemes
 from granular.mpm.bodies import Body
 from granular.mpm.schemes import Scheme
-from granular.scenes._build import (
-    HEADROOM,
-    MARGIN,
-    ROUND_OFF,
-    Parts,
-    enough_cells,
-    soft_beads,
-)
+from granular.scenes._build import HEADROOM, MARGIN, ROUND_OFF, Parts, enough_cells, soft_beads
 from granular.scenes._registry import scene_function
 from granular.shapes import HeightMap
 from granular.tools.arrays import Array

@@ -9,11 +9,7 @@ from granular.materials import Material
 from granular.mpm import schemes
 from granular.mpm.bodies import Body, mass_properties
 from granular.mpm.schemes import Scheme
-from granular.scenes._build import (
-    Parts,
-    enough_cells,
-    soft_beads,
-)
+from granular.scenes._build import Parts, enough_cells, soft_beads
 from granular.scenes._registry import scene_function
 from granular.scenes._tools import bed_beyond
 from granular.shapes import Cylinder, Polygon
@@ -84,12 +80,7 @@ def rolling_wheel(
         bodies=(
             Body(ramp, (0.0, 0.0), friction=friction),
             Body(
-                wheel,
-                start,
-                friction=friction,
-                free="xy",
-                mass=whole.mass,
-                inertia=whole.inertia,
+                wheel, start, friction=friction, free="xy", mass=whole.mass, inertia=whole.inertia
             ),
         ),
     )

@@ -8,11 +8,7 @@ from granular.materials import Material
 from granular.mpm import schemes
 from granular.mpm.bodies import Body, mass_properties
 from granular.mpm.schemes import Scheme
-from granular.scenes._build import (
-    Parts,
-    enough_cells,
-    soft_beads,
-)
+from granular.scenes._build import Parts, enough_cells, soft_beads
 from granular.scenes._registry import scene_function
 from granular.scenes._tools import bed_beyond
 from granular.shapes import Box

@@ -20,9 +20,7 @@ MOST_BYTES = 10**9
 """Largest size of a file: 20 million triangles of a binary STL."""
 
 
-def read_surface(
-    path: str | os.PathLike[str],
-) -> tuple[Array, NDArray[np.int32], float]:
+def read_surface(path: str | os.PathLike[str]) -> tuple[Array, NDArray[np.int32], float]:
     """Return vertices, of which none are equal, triangles, and the rounding of coordinates.
 
     Triangles of two equal vertices are left out. The rounding is half the distance of single

@@ -46,11 +46,7 @@ class Triangles:
     """
 
     def __init__(
-        self,
-        vertices: Array,
-        faces: NDArray[np.int32],
-        solids: IndexArray | None,
-        thickness: float,
+        self, vertices: Array, faces: NDArray[np.int32], solids: IndexArray | None, thickness: float
     ) -> None:
         used = vertices[faces.ravel()]
         low, high = used.min(axis=0), used.max(axis=0)

@@ -144,13 +144,7 @@ class Inlets:
 
 
 def _add(
-    engine: _core.Sph,
-    inflow: Inflow,
-    x: Array,
-    mass: Array,
-    spacing: float,
-    *,
-    gas: bool,
+    engine: _core.Sph, inflow: Inflow, x: Array, mass: Array, spacing: float, *, gas: bool
 ) -> None:
     vx, vy, vz = (*inflow.velocity, 0.0)[:3]
     v = np.broadcast_to(inflow.velocity, x.shape)

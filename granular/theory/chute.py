@@ -60,11 +60,7 @@ class ChuteFlow:
 
 
 def chute_profile(
-    angle_deg: float,
-    height: float,
-    material: NGF,
-    gravity: float = EARTH,
-    cells: int = 400,
+    angle_deg: float, height: float, material: NGF, gravity: float = EARTH, cells: int = 400
 ) -> ChuteFlow:
     """Stable steady flow of a layer.
 
@@ -192,12 +188,7 @@ class Layer:
     """
 
     def __init__(
-        self,
-        angle_deg: float,
-        height: float,
-        material: NGF,
-        gravity: float,
-        cells: int,
+        self, angle_deg: float, height: float, material: NGF, gravity: float, cells: int
     ) -> None:
         angle_deg = in_range("angle_deg", angle_deg, 0.0, 90.0, open_high=True)
         self.height, self.cells = positive("height", height), cells

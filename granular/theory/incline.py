@@ -27,21 +27,14 @@ _NODES = (_DIAGONAL, (1 + _DIAGONAL) / 2, 1.0)
 _STAGES = (
     (),
     ((1 - _DIAGONAL) / 2,),
-    (
-        -(6 * _DIAGONAL**2 - 16 * _DIAGONAL + 1) / 4,
-        (6 * _DIAGONAL**2 - 20 * _DIAGONAL + 5) / 4,
-    ),
+    (-(6 * _DIAGONAL**2 - 16 * _DIAGONAL + 1) / 4, (6 * _DIAGONAL**2 - 20 * _DIAGONAL + 5) / 4),
 )
 _LOW_2 = (0.5 - _NODES[0]) / (_NODES[1] - _NODES[0])
 _ERROR_WEIGHTS = (_STAGES[2][0] - (1 - _LOW_2), _STAGES[2][1] - _LOW_2, _DIAGONAL)
 
 
 def bagnold_profile(
-    y: ArrayLike,
-    angle_deg: float,
-    height: float,
-    material: MuI,
-    gravity: float = EARTH,
+    y: ArrayLike, angle_deg: float, height: float, material: MuI, gravity: float = EARTH
 ) -> Array:
     """Steady velocity down a rough incline (Dunatunga & Kamrin 2015, eq. 4.6).
 
@@ -277,13 +270,7 @@ class _Layer:
     """
 
     def __init__(
-        self,
-        angle: float,
-        height: float,
-        material: MuI,
-        gravity: float,
-        ramp: float,
-        cells: int,
+        self, angle: float, height: float, material: MuI, gravity: float, ramp: float, cells: int
     ) -> None:
         check_mu_I(material)
         self.cells, self.ramp = cells, ramp

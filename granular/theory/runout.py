@@ -88,11 +88,7 @@ def _two(source: str, method: str, ends: tuple[float, float], low: tuple, high: 
 
 def _exponent(method: str, exponent: float, error: float) -> RunoutLaw:
     piece = Piece(
-        lower=0.0,
-        upper=math.inf,
-        coefficient=math.nan,
-        exponent=exponent,
-        exponent_error=error,
+        lower=0.0, upper=math.inf, coefficient=math.nan, exponent=exponent, exponent_error=error
     )
     return RunoutLaw(source="Balmforth & Kerswell (2005)", method=method, pieces=(piece,))
 

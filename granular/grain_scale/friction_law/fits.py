@@ -140,14 +140,7 @@ class MuIFit:
                 raise ValueError("rho_c = None: the fit has no packing fractions to take it from")
             rho_c = self.packing.phi_max * positive("rho_s", rho_s)
         return MuI(
-            E=E,
-            nu=nu,
-            rho_c=rho_c,
-            rho_s=rho_s,
-            mu_s=self.mu_s,
-            mu_2=self.mu_2,
-            I0=self.I0,
-            d=d,
+            E=E, nu=nu, rho_c=rho_c, rho_s=rho_s, mu_s=self.mu_s, mu_2=self.mu_2, I0=self.I0, d=d
         )
 
 

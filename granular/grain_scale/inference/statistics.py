@@ -211,11 +211,7 @@ def impulses(net: ArrayLike, times: ArrayLike) -> Array:
 
 
 def largest_by_distance(
-    forces: Sequence[ArrayLike],
-    distances: Sequence[ArrayLike],
-    *,
-    bin_width: float,
-    bins: int,
+    forces: Sequence[ArrayLike], distances: Sequence[ArrayLike], *, bin_width: float, bins: int
 ) -> Array:
     """Largest force over all frames in bins of distance (figure 3.10).
 

@@ -120,10 +120,7 @@ def wall_scene(
         bodies.append(frame.plane((0.0, 1.0), (0.0, 0.0), friction=friction))
         bodies.append(frame.plane((-1.0, 0.0), (length, 0.0)))
     else:
-        walls = (
-            Wall(1, 0.0, kind="coulomb", friction=friction),
-            Wall(0, length, kind="free_slip"),
-        )
+        walls = (Wall(1, 0.0, kind="coulomb", friction=friction), Wall(0, length, kind="free_slip"))
     margin = math.ceil(0.25 * cells) * cell
     return frame.scene(
         grid=frame.grid((-margin, 0.0), (length, SIZE + 2 * margin), cell),
