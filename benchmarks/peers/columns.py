@@ -185,11 +185,6 @@ def once(case: Column, limit: float) -> dict[str, Any]:
     }
 
 
-def _version(code: str) -> str:
-    package = CODES[code].package
-    return gr.__version__ if package == "granular" else version(package)
-
-
 def run(case: Column, limit: float) -> dict[str, Any]:
     """Row of a case: its results, or the reason why there are none."""
     try:
@@ -202,4 +197,6 @@ def run(case: Column, limit: float) -> dict[str, Any]:
     except (gr.SimulationError, ValueError) as error:  # an outcome, too: it is in the table
         return case.row() | {"failed": str(error).splitlines()[0]}
     more = {"repeats": len(times), "core_seconds": round(min(times), 4)}
-    return case.row() | result | more | {"version": _version(case.code)}
+    package = CODES[case.code].package
+    more["version"] = gr.__version__ if package == "granular" else version(package)
+    return case.row() | result | more

@@ -105,16 +105,14 @@ class Simulation:
         D = (L + L.transpose(0, 2, 1)) / 2
         D -= np.trace(D, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
         rate = np.sqrt(2 * np.sum(D**2, axis=(1, 2)))
-        scale = material.xi * np.sqrt(np.maximum(self._pressure(), 0.0))
+        pressure = -np.trace(self._stress(), axis1=1, axis2=2) / 3
+        scale = material.xi * np.sqrt(np.maximum(pressure, 0.0))
         share = rate / np.maximum(rate + scale, 1e-300)
         return material.mu_s + (material.mu_2 - material.mu_s) * share
 
     def _stress(self) -> np.ndarray:
         """Stress of every point, tension positive; in Newton it is positive in compression."""
         return -self._now.mpm.particle_stress.numpy().astype(float)
-
-    def _pressure(self) -> np.ndarray:
-        return -np.trace(self._stress(), axis1=1, axis2=2) / 3
 
     def _step(self) -> None:
         ramp = self.scene.gravity.times[-1]

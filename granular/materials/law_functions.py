@@ -212,7 +212,8 @@ MOST_TOLD = 3000
 def _without_comments(source: str) -> str:
     """Source with its lines joined where they go on in the next one, without comments."""
     joined = re.sub(r"\\[ \t\v\f\r]*\n", "", source)
-    return re.sub(rf"/\*.*?\*/|//[^\n]*|{QUOTED}", _blank, joined, flags=re.S)
+    comment_or_string = rf"/\*.*?\*/|//[^\n]*|{QUOTED}"
+    return re.sub(comment_or_string, lambda t: " " if t[0][0] == "/" else t[0], joined, flags=re.S)
 
 
 def _check_words(name: str, source: str) -> None:
@@ -247,11 +248,6 @@ def _check_variables(name: str, source: str) -> None:
             "call to call, so that results would depend on the threads: take history=, or make it "
             "const"
         )
-
-
-def _blank(text: re.Match[str]) -> str:
-    """Put a string back, and a space for a comment."""
-    return " " if text[0][0] == "/" else text[0]
 
 
 def _lasting(code: str) -> list[str]:

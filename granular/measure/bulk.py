@@ -155,14 +155,17 @@ def _closed(cells: BoolArray) -> BoolArray:
 def _pooled(cells: Array) -> Array:
     """Sum over each cell and its neighbours, corners included, within the grid."""
     for axis in range(cells.ndim):
-        wide = cells.copy()
-        inner = [slice(None)] * cells.ndim
-        outer = [slice(None)] * cells.ndim
-        inner[axis], outer[axis] = slice(1, None), slice(None, -1)
-        wide[tuple(inner)] += cells[tuple(outer)]
-        wide[tuple(outer)] += cells[tuple(inner)]
-        cells = wide
+        cells = _with_neighbours(cells, cells.copy(), axis)
     return cells
+
+
+def _with_neighbours(cells: Array, wide: Array, axis: int) -> Array:
+    """Add to `wide` the neighbours of each cell along an axis."""
+    before = (slice(None),) * axis
+    inner, outer = (*before, slice(1, None)), (*before, slice(None, -1))
+    wide[inner] += cells[outer]
+    wide[outer] += cells[inner]
+    return wide
 
 
 def _smoothed(cells: Array, at_ends: BoolArray) -> Array:
@@ -175,12 +178,7 @@ def _smoothed(cells: Array, at_ends: BoolArray) -> Array:
         for end, place in zip(at_ends[axis], (0, -1), strict=True):
             outermost = (slice(None),) * axis + (place,)
             wide[outermost] += end * cells[outermost]
-        inner = [slice(None)] * cells.ndim
-        outer = [slice(None)] * cells.ndim
-        inner[axis], outer[axis] = slice(1, None), slice(None, -1)
-        wide[tuple(inner)] += cells[tuple(outer)]
-        wide[tuple(outer)] += cells[tuple(inner)]
-        cells = wide / 4.0
+        cells = _with_neighbours(cells, wide, axis) / 4.0
     return cells
 
 

@@ -174,7 +174,9 @@ def runout(
     measure = _ring_measure(state, count, centre)
     base = float(grid.lower[-1] if above is None else above)
     columns = _columns(state, distance, keep, low=0.0, base=base, measure=measure)
-    edge, side = _contiguous(columns), _nearest_side(state, centre)
+    heights = columns.height
+    edge = columns.width * _run(heights >= columns.width / 4, int(np.argmax(heights)))
+    side = min(min(distances) for _, distances in _sides(state, centre))
     if edge > side - grid.cell / 2:
         warnings.warn(
             f"the material reaches the side of the grid, {side:g} m from the centre, so that its "
@@ -282,10 +284,6 @@ def _sides(state: State, centre: float) -> list[tuple[bool, list[float]]]:
     return sides
 
 
-def _nearest_side(state: State, centre: float) -> float:
-    return min(min(distances) for _, distances in _sides(state, centre))
-
-
 def _selected(
     state: State,
     abscissa: Array,
@@ -349,11 +347,6 @@ def _toe(columns: Surface) -> float:
         return float("nan")
     slope, level = np.polyfit(columns.x[band], h[band], 1)
     return float(-level / slope) if slope < 0 else float("nan")
-
-
-def _contiguous(columns: Surface) -> float:
-    crest = int(np.argmax(columns.height))
-    return columns.width * _run(columns.height >= columns.width / 4, crest)
 
 
 def _downhill(columns: Surface, side: str) -> np.ndarray:

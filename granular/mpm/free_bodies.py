@@ -131,7 +131,8 @@ class FreeBodies:
                 yield name, float(min(-off.min(), off.max()))
         for axis in axes:
             for sign, end in ((-1, grid.lower[axis]), (1, grid.upper[axis])):
-                if grid.periodic[axis] or _is_open(scene, axis, sign):
+                side = AXES[axis] + ("-" if sign < 0 else "+")
+                if grid.periodic[axis] or side in grid.open_sides:
                     continue
                 beyond = float((sign * (x[:, axis] - end)).max())
                 if beyond > 0 >= sign * (body.position[axis] - end):
@@ -156,10 +157,6 @@ def _is_flat(what: str) -> bool:
 def _half_extents(body: Body) -> Array:
     """Half the extents of a body along its axes [m]; infinite for an endless one."""
     return extents(body.shape, np.eye(3), np.zeros((0, 3)))[: body.dim]
-
-
-def _is_open(scene: Scene, axis: int, sign: int) -> bool:
-    return AXES[axis] + ("-" if sign < 0 else "+") in scene.grid.open_sides
 
 
 def places_of(scene: Scene, body: Body, deep: float) -> Places:

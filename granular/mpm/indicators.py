@@ -81,6 +81,8 @@ def remedies(scene: Scene) -> dict[str, str]:
     fixed = scene.scheme.dt is not None
     step = "a smaller dt" if fixed else "half of cfl"
     stiffer = "take a larger E"
+    is_user_defined = any(isinstance(material, OwnLaw) for material in scene.materials)
+    separation = "give the `separation` of the user-defined law, or " if is_user_defined else ""
     texts = {
         "disconnected": _connect(scene),
         "density_drift": _keep_volume(scene),
@@ -94,7 +96,7 @@ def remedies(scene: Scene) -> dict[str, str]:
         "strain_step": f"take {step}, and check the fastest points",
         "in_bodies": f"take smaller cells, {step}, or a thicker body",
         "in_solids": "put a Wall on the faces that material hits fast, and fill no blocks",
-        "weights_at_limit": _weigh(scene),
+        "weights_at_limit": f"{separation}take more points per cell",
         "wall_strain": _fill(scene, stiffer),
     }
     if unsupported(scene):  # no other remedy would help: material at the end of the grid lies flat
@@ -109,12 +111,6 @@ def _fill(scene: Scene, otherwise: str) -> str:
     """Fill a domain with a wall that keeps a pressure; that takes long to see in others."""
     filled = not scene.servos or is_full(scene)
     return otherwise if filled else "fill the domain, without a free surface"
-
-
-def _weigh(scene: Scene) -> str:
-    is_user_defined = any(isinstance(material, OwnLaw) for material in scene.materials)
-    law = "give the `separation` of the user-defined law, or " if is_user_defined else ""
-    return f"{law}take more points per cell"
 
 
 def _scheme(scene: Scene) -> str:

@@ -169,14 +169,10 @@ class Drawing:
     def artists(self) -> list[Artist]:
         """All artists, in the order in which they cover each other."""
         walls = (artist for artist, _, _ in self._parts)
-        return sorted([*walls, self._material.artist, *self._bodies.artists], key=_height)
+        return sorted([*walls, self._material.artist, *self._bodies.artists], key=Artist.get_zorder)
 
     def update(self, state: State) -> None:
         """Show another state."""
         self._material.update(state)
         self._bodies.update(state.bodies)
         show_at(self._parts, state.time)
-
-
-def _height(artist: Artist) -> float:
-    return artist.get_zorder()

@@ -100,10 +100,6 @@ class Raster:
         (left, bottom), (rows, columns) = self.origin, self.counts
         return left, left + columns * self.pixel, bottom, bottom + rows * self.pixel
 
-    def _places(self, x: Array) -> tuple[IndexArray, IndexArray]:
-        column, row = np.floor((x - self.origin) / self.pixel).astype(np.intp).T
-        return row, column
-
     def area(self, x: Array, radius: float, reach: float) -> IndexArray:
         """Show the material as an area: the discs of the points with the gaps closed.
 
@@ -114,7 +110,7 @@ class Raster:
         """
         radius = max(radius, 0.8 * self.pixel)  # a point shows at least as one pixel
         indices = self._blank(max(reach, radius))
-        row, column = (at + indices.pad for at in self._places(x))
+        column, row = np.floor((x - self.origin) / self.pixel).astype(np.intp).T + indices.pad
         rows, columns = indices.pixels.shape
         inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
         indices.pixels[row[inside], column[inside]] = np.flatnonzero(inside)

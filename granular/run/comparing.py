@@ -91,7 +91,8 @@ def compare(first: str | Path, second: str | Path) -> Comparison:
         frames = _last_common(*times)
         if frames is None:
             return Comparison(numbers, (), math.nan, same)
-        results = tuple(_results(a[frames[0]], b[frames[1]]))
+        left, right = _summary(a[frames[0]]), _summary(b[frames[1]])
+        results = tuple((name, left[name], right[name]) for name in left if name in right)
         return Comparison(numbers, results, float(times[0][frames[0]]), same)
 
 
@@ -120,14 +121,6 @@ def _last_common(a: Array, b: Array) -> tuple[int, int] | None:
     gaps = np.abs(a[:, None] - b)
     near = np.flatnonzero(gaps.min(axis=1) <= 0.5 * min(spacings, default=0.0))
     return (int(near[-1]), int(gaps[near[-1]].argmin())) if len(near) else None
-
-
-def _results(a: State, b: State) -> Iterator[tuple[str, float, float]]:
-    """Results of two states that exist for any material."""
-    one, other = _summary(a), _summary(b)
-    for name, value in one.items():
-        if name in other:
-            yield name, value, other[name]
 
 
 def _summary(state: State) -> dict[str, float]:

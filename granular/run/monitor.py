@@ -178,11 +178,12 @@ class Monitor:
             return np.full(len(self.names), np.nan)
         bulk = Bulk(state, packed=PACKED)
         granular = all(material.granular for material in state.scene.materials)
+        has_mu_I = any(hasattr(material, "xi") for material in state.scene.materials)
         row = {
             "disconnected": _disconnected(bulk, state),
             "density_drift": _drift(bulk, state) if granular else np.nan,
             "strings": bulk.strings() if granular and "strings" in self.names else np.nan,
-            "ill_posed": ill_posed_fraction(state) if _knows_inertia(state) else np.nan,
+            "ill_posed": ill_posed_fraction(state) if has_mu_I else np.nan,
             "courant": _courant(state),
             "mach": float(np.sqrt(_square(state))) / state.scene.wave_speed,
             "compression": max(float(np.max(state.log_density)), 0.0),
@@ -276,11 +277,6 @@ def _disconnected(bulk: Bulk, state: State) -> float:
     """Stress-free share of the bulk, where it could bear stress; nan of few points."""
     judged = np.count_nonzero(bulk.points) >= FEWEST and _bears(state)
     return bulk.disconnected(pressed=1.0) if judged else np.nan
-
-
-def _knows_inertia(state: State) -> bool:
-    """True if a material has a mu(I) law."""
-    return any(hasattr(material, "xi") for material in state.scene.materials)
 
 
 def _drift(bulk: Bulk, state: State) -> float:

@@ -153,14 +153,11 @@ def _material(default: Any, numbers: Mapping[str, Any]) -> dict[str, Any]:
     if law is None:
         _known("[material]", rest, ["law", *(part.name for part in fields(default))])
         return rest
-    laws = {kind.__name__: kind for kind in vars(materials).values() if _is_law(kind)}
+    kinds = (kind for kind in vars(materials).values() if isinstance(kind, type))
+    laws = {k.__name__: k for k in kinds if issubclass(k, Material) and k is not Material}
     kind = laws[one_of("law", law, tuple(laws))]
     _known("[material]", rest, [part.name for part in fields(kind)])
     return {"material": kind(**rest)}
-
-
-def _is_law(kind: object) -> bool:
-    return isinstance(kind, type) and issubclass(kind, Material) and kind is not Material
 
 
 def _scheme(default: Scheme, numbers: Mapping[str, Any]) -> Scheme:

@@ -90,12 +90,9 @@ class Box(Shape):
 
     def arguments(self) -> dict[str, Any]:
         """Arguments that make an equal box: corners, or size, centre and rotation, as given."""
-        names = ("size", "center", "rotation_deg") if self._is_by_size else ("lower", "upper")
+        by_size = self.__dict__["_by_size"]
+        names = ("size", "center", "rotation_deg") if by_size else ("lower", "upper")
         return {name: getattr(self, name) for name in names}
-
-    @property
-    def _is_by_size(self) -> bool:
-        return bool(self.__dict__["_by_size"])
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some arguments changed."""

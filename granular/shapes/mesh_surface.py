@@ -169,7 +169,8 @@ def _without_copies(faces: Faces, edges: _Edges, count: int) -> Faces:
     paired[at[first]] = net == 0
     faces, paired = _flipped(faces, turn)[once], paired[once]
     without = faces[~_walls(faces, paired, count)]
-    return np.ascontiguousarray(faces if _open(without, count) else without)
+    is_open = (_Edges.of(without, count).counts % 2).any()
+    return np.ascontiguousarray(faces if is_open else without)
 
 
 def _walls(faces: Faces, paired: BoolArray, count: int) -> BoolArray:
@@ -186,10 +187,6 @@ def _walls(faces: Faces, paired: BoolArray, count: int) -> BoolArray:
     _, patch = _components(len(faces), triangle[joined], triangle[joined + 1])
     walls: BoolArray = paired & np.isin(patch, patch[triangle[bordering[edge]]])
     return walls
-
-
-def _open(faces: Faces, count: int) -> bool:
-    return bool((_Edges.of(faces, count).counts % 2).any())
 
 
 def _oriented(faces: Faces, edges: _Edges) -> Faces:

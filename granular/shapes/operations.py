@@ -116,17 +116,14 @@ def _greatest(pairs: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
 
 def _cut(part: Region, x: Array) -> tuple[Array, Array]:
     """Distance from the boundary of a part, even of a box, which alone has whole squares."""
-    return part.distance(x) if isinstance(part, Shape) and not _is_joined(part) else part.cut(x)
+    if isinstance(part, Joined | Difference):  # it may have parts which are no shapes
+        return part.cut(x)
+    return part.distance(x) if isinstance(part, Shape) else part.cut(x)
 
 
 def _cuts(part: Region, x: Array, reach: float) -> BoolArray:
     """True for positions whose squares are cut by the boundary of a part."""
     return abs(_cut(part, x)[0]) <= reach if isinstance(part, Shape) else part.cuts(x, reach)
-
-
-def _is_joined(part: Region) -> bool:
-    """True for an operation that may have parts which are no shapes."""
-    return isinstance(part, Joined | Difference)
 
 
 @dataclass(frozen=True)

@@ -66,7 +66,8 @@ def read_heights(
     if nodata is not None:
         gaps = missing(raw, _checked_mark(nodata))
     if gaps.all():
-        raise ValueError(f"{raster.name}: none of its {raw.size} posts has a height{_in(window)}")
+        where = "" if window is None else " in the window"
+        raise ValueError(f"{raster.name}: none of its {raw.size} posts has a height{where}")
     z = raw if raster.numbers == (1.0, 0.0) else raw * raster.numbers[0] + raster.numbers[1]
     z = z if up == 1.0 else z * up
     spacing = np.array(raster.spacing)
@@ -78,10 +79,6 @@ def read_heights(
     if gaps.any():
         z = _filled(raster, z, gaps, fill, first)
     return z, spacing * along, first * along
-
-
-def _in(window: object) -> str:
-    return "" if window is None else " in the window"
 
 
 def _checked_mark(value: Any) -> float:
