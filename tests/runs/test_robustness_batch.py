@@ -12,6 +12,7 @@ from same_bits import shown
 import granular as gr
 from granular.cli import main
 from granular.cli.words import duration
+from granular.record.index import parts_folder
 
 COMMAND = [sys.executable, "-m", "granular"]
 SCENE = ["column_collapse", "--cell", "0.02", "--E", "1e9", "--threads", "1"]  # takes a minute
@@ -44,7 +45,7 @@ def test_a_signal_of_a_batch_system_is_as_ctrl_c(number, tmp_path):
         [*COMMAND, "run", *SCENE, "-o", str(path), "--quiet"], stderr=subprocess.PIPE, text=True
     )
     deadline = time.monotonic() + 60
-    while not path.exists() and time.monotonic() < deadline:
+    while not list(parts_folder(path).glob("*.restart")) and time.monotonic() < deadline:
         time.sleep(0.02)
     time.sleep(0.1)
     process.send_signal(number)
