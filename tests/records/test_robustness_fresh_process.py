@@ -29,7 +29,7 @@ def heaped():
         grid=gr.Grid((0.0, 0.0), 0.05, (20, 16)),
         fills=(
             gr.Fill(gr.Box((0.0, 0.0), (1.0, 0.2)), 4, material=gr.NGF(E=1e6, d=0.01)),
-            gr.Fill(gr.Difference(gr.Box((0.0, 0.3), (0.3, 0.5)), gr.Sphere(0.1, (0.1, 0.4))), 4),
+            gr.Fill(gr.Difference(gr.Box((0.0, 0.3), (0.3, 0.5)), gr.Sphere(0.1, center=(0.1, 0.4))), 4),
         ),
         material=gr.MuI(E=1e6),
         bodies=(gr.Body(gr.Polygon(((0.0, 0.0), (0.2, 0.0), (0.1, 0.2))), (0.6, 0.3)),),
