@@ -15,6 +15,7 @@ from granular.mpm.limits import courant_limit, damped_step
 from granular.mpm.scene import Scene
 from granular.shapes.measures import extents, reach
 from granular.shapes.shape import padded, turned
+from granular.tools.arrays import Array
 from granular.tools.checks import finite, integer, vector
 
 if TYPE_CHECKING:
@@ -66,7 +67,8 @@ class Coupled:
             axis.
         """
         body, described = self._body(body)
-        rates = self._engine.bodies()[body, RATES].tolist()
+        row = self._engine.bodies()[body]
+        rates = row[RATES].tolist()
         if velocity is not None:
             rates[:3] = padded(vector("velocity", velocity, described.dim))
             for axis in described.free:
@@ -84,9 +86,8 @@ class Coupled:
             rates[3:] = _turning("angular_velocity", angular_velocity, described.dim)
             self._check_turning(body, described, rates[3:])
         self._check_speed(body, rates)
-        load = self.body_load(body)
         self._engine.drive(body, tuple(rates))
-        return load
+        return self._load_of(row)
 
     def apply_load(
         self,
@@ -121,7 +122,8 @@ class Coupled:
             If an argument is out of range, or has no effect as it acts on what is prescribed.
         """
         body, described = self._body(body)
-        load = self._engine.bodies()[body, LOAD].tolist()
+        row = self._engine.bodies()[body]
+        load = row[LOAD].tolist()
         if force is not None:
             load[:3] = padded(vector("force", force, described.dim))
             for d, axis in enumerate("xyz"):
@@ -137,9 +139,8 @@ class Coupled:
                     "rotation is prescribed"
                 )
             load[3:] = _turning("torque", torque, described.dim)
-        met = self.body_load(body)
         self._engine.load(body, tuple(load))
-        return met
+        return self._load_of(row)
 
     def body_load(self, body: int) -> BodyLoad:
         """Mean load of the material on a body since it was last set from outside.
@@ -161,7 +162,10 @@ class Coupled:
             If there is no such body.
         """
         body, _ = self._body(body)
-        row = self._engine.bodies()[body]
+        return self._load_of(self._engine.bodies()[body])
+
+    def _load_of(self, row: Array) -> BodyLoad:
+        """Mean load since the state `row` of a body was set."""
         begin, *before = row[MET].tolist()
         duration = self._engine.scalars()["time"] - begin
         dim, share = self.scene.dim, 1 / duration if duration > 0 else 0.0
@@ -176,6 +180,10 @@ class Coupled:
         return body, bodies[body]
 
     @cached_property
+    def _wave_speed(self) -> float:
+        return self.scene.wave_speed
+
+    @cached_property
     def _reaches(self) -> list[float]:
         """Distance of the surface of each body from its position [m]; the domain ends it."""
         grid = self.scene.grid
@@ -185,7 +193,7 @@ class Coupled:
     def _check_speed(self, body: int, rates: Sequence[float]) -> None:
         """Refuse a body faster than elastic waves, or too fast for a fixed time step."""
         scene = self.scene
-        wave, speed = scene.wave_speed, math.hypot(*rates[:3])
+        wave, speed = self._wave_speed, math.hypot(*rates[:3])
         if any(rates[3:]):
             speed += math.hypot(*rates[3:]) * self._reaches[body]
         if speed > wave:
