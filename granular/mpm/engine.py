@@ -151,14 +151,14 @@ def flutter_interval(scene: Scene) -> int:
 
 
 def _depth(scene: Scene) -> float:
-    """Extent of the material at the start along the axis nearest to gravity [m]; of the domain if
-    more enters."""
+    """Extent of the material at the start along the axis nearest to gravity [m], a cell at least; of
+    the domain if more enters."""
     down = np.array(max(scene.gravity.vectors, key=lambda vector: math.hypot(*vector)))
     axis = int(np.argmax(np.abs(down)))
     if scene.inflows or not scene.fills:
         return scene.grid.shape[axis] * scene.grid.cell
     lower, upper = np.transpose([fill.region.bounds for fill in scene.fills], (1, 0, 2))
-    return float(upper[:, axis].max() - lower[:, axis].min())
+    return max(float(upper[:, axis].max() - lower[:, axis].min()), scene.grid.cell)
 
 
 def _steps_per_crossing(scene: Scene) -> float:

@@ -446,7 +446,7 @@ def test_memory_of_wall_particles_and_growing_buffers():
 
 def test_work_falls_with_what_is_left():
     """When half of a silo has left, half of the points and of the active cells are left."""
-    soft = glass_beads.replace(E=2e5)
+    soft = glass_beads.replace(E=1e6)
     sim = gr.Simulation(gr.scenes.silo(orifice=0.2, cell=0.02, material=soft), threads=1)
     sim.step(5)
     points, cells = sim.n_points, len(sim.cell_counts)
