@@ -329,8 +329,10 @@ def couple_with_another_program(quick: bool) -> Picture:
     top, left, right = axes["top"], axes["left"], axes["right"]
     with TemporaryDirectory() as folder, chdir(folder):
         exec("\n".join(code_of("couple_with_another_program")), {})
-        own = gr.open("vehicle.h5")
-        gr.plot.frame(own[-1], "speed", ax=top, limits=(0, 0.4), title=f"t = {own.times[-1]:.1f} s")
+        vehicle = gr.open("vehicle.h5")
+        gr.plot.frame(
+            vehicle[-1], "speed", ax=top, limits=(0, 0.4), title=f"t = {vehicle.times[-1]:.1f} s"
+        )
         for name, color, line in (("vehicle", BLUE, "-"), ("vehicle_mujoco", ORANGE, "--")):
             record = gr.open(f"{name}.h5")
             motion, force = gr.measure.body_motion(record), gr.measure.body_force(record)

@@ -151,8 +151,10 @@ def flutter_interval(scene: Scene) -> int:
 
 
 def _depth(scene: Scene) -> float:
-    """Extent of the material at the start along the axis nearest to gravity [m], a cell at least; of
-    the domain if more enters."""
+    """Extent of the material at the start along the axis nearest to gravity [m], at least a cell.
+
+    It is that of the domain if more material enters.
+    """
     down = np.array(max(scene.gravity.vectors, key=lambda vector: math.hypot(*vector)))
     axis = int(np.argmax(np.abs(down)))
     if scene.inflows or not scene.fills:

@@ -29,7 +29,9 @@ def heaped():
         grid=gr.Grid((0.0, 0.0), 0.05, (20, 16)),
         fills=(
             gr.Fill(gr.Box((0.0, 0.0), (1.0, 0.2)), 4, material=gr.NGF(E=1e6, d=0.01)),
-            gr.Fill(gr.Difference(gr.Box((0.0, 0.3), (0.3, 0.5)), gr.Sphere(0.1, center=(0.1, 0.4))), 4),
+            gr.Fill(
+                gr.Difference(gr.Box((0.0, 0.3), (0.3, 0.5)), gr.Sphere(0.1, center=(0.1, 0.4))), 4
+            ),
         ),
         material=gr.MuI(E=1e6),
         bodies=(gr.Body(gr.Polygon(((0.0, 0.0), (0.2, 0.0), (0.1, 0.2))), (0.6, 0.3)),),
@@ -47,7 +49,7 @@ SCENES = {
 
 @pytest.mark.parametrize("name", SCENES)
 def test_a_record_says_by_itself_what_it_needs(name, tmp_path):
-    """What it names is imported by its name, for reading and for going on."""
+    """The modules that it names are imported, to read it and to go on with it."""
     path = tmp_path / "a.h5"
     sim = gr.Simulation(SCENES[name](), threads=1)
     sim.run(until=2.5 * sim.dt, save=path, every=sim.dt)
