@@ -138,9 +138,9 @@ def averaging_interval(scene: Scene) -> int:
 
 
 def flutter_interval(scene: Scene) -> int:
-    """Number of steps between two updates of the flutter damping: one in dx/c_w.
+    """Number of steps between two updates of the flutter damping: those in dx/c_w, or fewer.
 
-    There are more if an explicit step of that time would not be stable with the viscosity of the
+    There are fewer if an explicit step of dx/c_w would not be stable with the viscosity of the
     deepest layer, X rho_c c_w h (csrc/mpm/flutter.inl), which would be reduced otherwise.
     """
     density = scene.scheme.density

@@ -156,8 +156,7 @@ class Recorder:
         """Advance to a time [s], which is a frame if it is reached, to a number of steps, or for
         some seconds.
 
-        A hook that returns True ends it.
-        `show` is called with the time now and then.
+        A hook that returns True ends it. `show` is called with the time now and then.
         """
         sim, saver, end = self._sim, self._saver, clock.monotonic() + seconds
         with DeferredSignals() as signals:
@@ -182,10 +181,7 @@ class Recorder:
         sim, options, writer = self._sim, self._options, self._writer
         sim._due = sim.steps
         if writer:
-            frame: State | Streamed = sim._streamed()
-            if sim._stored:
-                frame = sim._snapshot(recorded=True)
-                frame.fields.update(with_derived(frame, sim._stored))
+            frame = self._stored_frame()
             index = writer.append(
                 frame,
                 gas=frame.gas.fields if options.gas and hasattr(frame, "gas") else None,
@@ -200,3 +196,11 @@ class Recorder:
         with signals.released():
             answers = [sim._turns.call(hook, sim) for hook in hooks]
         return any(isinstance(answer, bool | np.bool_) and bool(answer) for answer in answers)
+
+    def _stored_frame(self) -> State | Streamed:
+        """Present state as it is stored; derived fields need all of it in memory."""
+        if not self._sim._stored:
+            return self._sim._streamed()
+        state = self._sim._snapshot(recorded=True)
+        state.fields.update(with_derived(state, self._sim._stored))
+        return state

@@ -36,7 +36,7 @@ MODULES = (
     *("granular.theory.well_posed", "granular.plot", "granular.plot.silo_clogging"),
     *("granular.plot.dunatunga_kamrin_2015", "granular.economy", "granular.sph"),
     *("granular.verify", "granular.record", "granular.run.diagnostics", "granular.run.sweeping"),
-    "granular.run.comparing",
+    *("granular.run.comparing", "granular.run.stop"),
     *("granular.grain_scale.dem", "granular.grain_scale.friction_law"),
     "granular.grain_scale.inference",
 )
