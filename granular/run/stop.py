@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -44,17 +45,23 @@ def at_rest(speed: float = 1e-3, *, over: float = 0.1) -> Hook:
     >>> sim = gr.Simulation(gr.scenes.column_collapse(cell=0.05, E=1e6))
     >>> _ = sim.run(until=10.0, hooks=(gr.stop.at_rest(0.01),))
     """
-    speed, over = positive("speed", speed), non_negative("over", over)
-    since: list[float] = []
+    return _AtRest(positive("speed", speed), non_negative("over", over))
 
-    def rests(sim: Simulation) -> bool:
-        if _kinetic_energy(sim) > 0.5 * speed**2 * _mass(sim):
-            since.clear()
-        else:
-            since.append(sim.time)
-        return bool(since) and sim.time - since[0] >= over
 
-    return rests
+@dataclass
+class _AtRest:
+    """Hook of `at_rest`, which processes of a sweep can receive."""
+
+    speed: float
+    over: float
+    since: float | None = None
+
+    def __call__(self, sim: Simulation) -> bool:
+        if _kinetic_energy(sim) > 0.5 * self.speed**2 * _mass(sim):
+            self.since = None
+        elif self.since is None:
+            self.since = sim.time
+        return self.since is not None and sim.time - self.since >= self.over
 
 
 def steady(
@@ -93,31 +100,44 @@ def steady(
     after, body = non_negative("after", after), integer("body", body, 0)
     if not callable(of):
         of = one_of("of", of, ("kinetic_energy", "discharge", "force"))
-    # The discharge and the force are exact means: differences of the mass and of the impulse.
-    sums: dict[object, Callable[[Simulation], Number]] = {
-        "discharge": lambda sim: -_mass(sim),
-        "force": lambda sim: sim.bodies[body].impulse,  # type: ignore[attr-defined]
-    }
-    value = sums.get(of, _kinetic_energy if of == "kinetic_energy" else of)
-    samples: deque[tuple[float, NDArray[np.float64]]] = deque()
+    return _Steady(of, over, tolerance, after, body)
 
-    def is_steady(sim: Simulation) -> bool:
-        samples.append((sim.time, np.asarray(value(sim), dtype=float)))  # type: ignore[operator]
-        begin = sim.time - over
+
+@dataclass
+class _Steady:
+    """Hook of `steady`, which processes of a sweep can receive."""
+
+    of: str | Callable[[Any], float]
+    over: float
+    tolerance: float
+    after: float
+    body: int
+    samples: deque[tuple[float, NDArray[np.float64]]] = field(default_factory=deque)
+
+    def __call__(self, sim: Simulation) -> bool:
+        samples = self.samples
+        samples.append((sim.time, np.asarray(self._value(sim), dtype=float)))
+        begin = sim.time - self.over
         while len(samples) > 1 and samples[1][0] <= begin:
             samples.popleft()
-        if samples[0][0] > begin or sim.time < after:
+        if samples[0][0] > begin or sim.time < self.after:
             return False
         if len(samples) <= LEAST_FRAMES:
             raise ValueError(
-                f"over = {over} must have at least {LEAST_FRAMES} frames, not {len(samples) - 1}: "
-                "take a smaller every"
+                f"over = {self.over} must have at least {LEAST_FRAMES} frames, "
+                f"not {len(samples) - 1}: take a smaller every"
             )
-        first, second = _means(samples, of in sums)
+        # The discharge and the force are exact means: differences of the mass and of the impulse.
+        first, second = _means(samples, self.of in ("discharge", "force"))
         change, size = np.linalg.norm(second - first), np.linalg.norm([first, second], axis=-1)
-        return bool(change <= tolerance * np.max(size))
+        return bool(change <= self.tolerance * np.max(size))
 
-    return is_steady
+    def _value(self, sim: Simulation) -> Number:
+        if self.of == "discharge":
+            return -_mass(sim)
+        if self.of == "force":
+            return sim.bodies[self.body].impulse  # type: ignore[attr-defined]
+        return self.of(sim) if callable(self.of) else _kinetic_energy(sim)
 
 
 def _means(

@@ -6,34 +6,49 @@ import os
 import pickle
 import re
 import shutil
-import signal
 import tempfile
-import threading
-import traceback
 import warnings
 import weakref
-from _thread import interrupt_main
-from collections.abc import Callable, Generator, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import (
+    Callable,
+    Collection,
+    Generator,
+    Hashable,
+    Iterable,
+    Iterator,
+    Mapping,
+    Sequence,
+)
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import closing, contextmanager, suppress
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from functools import partial
-from multiprocessing import get_context, parent_process
+from multiprocessing import get_context
 from numbers import Real
 from pathlib import Path
 from typing import Any, Protocol
 
 from granular.model.typing import AnyScene
-from granular.record import RecordError, Trajectory, open_trajectory
-from granular.run.simulation import Simulation
-from granular.tools.checks import integer, positive
+from granular.mpm.scene import Scene
+from granular.record import RecordError, open_trajectory
+from granular.run.cases import (
+    Case,
+    Failure,
+    Measure,
+    Options,
+    enlist,
+    run_case,
+    run_in_pool,
+    stage_of,
+)
+from granular.run.recorder import Hook
+from granular.run.running import CHECKPOINT_MINUTES
+from granular.tools.checks import integer, positive, truth
 from granular.tools.extras import imported
 from granular.tools.progress import bar
 from granular.tools.serializable import Serializable
 
 __all__ = ["Executor", "Sweep", "sweep"]
-
-Measure = Callable[[Trajectory], Any]
 
 NAME = re.compile(r"[A-Za-z0-9_+-][A-Za-z0-9_+=,.-]{0,199}")
 """File names of records, without suffix, that every file system accepts."""
@@ -61,7 +76,7 @@ class Sweep(Sequence):
         Exceptions by the keys of the cases that failed; empty if none failed.
     """
 
-    def __init__(self, cases: Sequence[_Case]) -> None:
+    def __init__(self, cases: Sequence[Case]) -> None:
         self.keys = tuple(case.key for case in cases)
         self.paths = tuple(case.path for case in cases)
         self.errors: dict[Hashable, Exception] = {}
@@ -69,7 +84,7 @@ class Sweep(Sequence):
         self._values: list[Any] = [None] * len(cases)
 
     def _take(self, index: int, outcome: Any) -> None:
-        if not isinstance(outcome, _Failure):
+        if not isinstance(outcome, Failure):
             self._values[index] = outcome
             return
         key, error = self.keys[index], outcome.error
@@ -166,6 +181,11 @@ def sweep(
     folder: str | os.PathLike[str] | None = None,
     every: float | None = None,
     workers: int | None = None,
+    hooks: Sequence[Hook] = (),
+    fields: Collection[str] | None = None,
+    precision: str | None = None,
+    checkpoint_minutes: float = CHECKPOINT_MINUTES,
+    wall_forces: bool = False,
     progress: bool = True,
     strict: bool = False,
 ) -> Sweep:
@@ -199,6 +219,15 @@ def sweep(
     workers : int, optional
         Number of processes if no executor is given, >= 1; by default that of the processors that
         this process may use. There are never more than cases.
+    hooks : sequence of callables
+        As of `Simulation.run`, such as those of `granular.stop`: each case has its own copies, in
+        the process that runs it. They must be picklable, as `measure`. A case that one of them has
+        ended is complete; the file ``<name>.stopped`` beside its record says so. In a case that is
+        resumed they begin anew.
+    fields, precision, checkpoint_minutes
+        As of `Simulation.run`, for the records of cases that are begun.
+    wall_forces : bool
+        As of `Simulation`; for scenes of the material point method.
     progress : bool
         Show a progress bar that counts cases.
     strict : bool
@@ -213,8 +242,9 @@ def sweep(
     Raises
     ------
     TypeError, ValueError
-        If a case is not a scene, a key does not make a file name, `measure` cannot be sent to the
-        workers, or the record of a case belongs to another scene. No case has run then.
+        If an argument is out of range, a case is not a scene, a key does not make a file name,
+        `measure` or a hook cannot be sent to the workers, or the record of a case belongs to
+        another scene. No case has run then.
     NotADirectoryError
         If `folder` is not a folder.
     ExceptionGroup
@@ -230,12 +260,22 @@ def sweep(
     """
     scenes = _scenes(cases)
     names = _names(list(scenes))
-    every = None if every is None else positive("every", every)
     _check_executor(executor, workers)
-    _check_measure(measure, executor)
+    if measure is not None:
+        _check_sent("measure", measure, executor)
+    for index, hook in enumerate(hooks):
+        _check_sent(f"hooks[{index}]", hook, executor)
+    options = Options(
+        every=None if every is None else positive("every", every),
+        hooks=tuple(hooks),
+        fields=fields,
+        precision=precision,
+        checkpoint_minutes=positive("checkpoint_minutes", checkpoint_minutes, allow_inf=True),
+        wall_forces=_wall_forces(wall_forces, scenes),
+    )
     place, made = _folder(folder)
     jobs = [
-        _Case(key, scene, place / f"{name}.h5", every, measure)
+        Case(key, scene, place / f"{name}.h5", options, measure)
         for name, (key, scene) in zip(names, scenes.items(), strict=True)
     ]
     results = Sweep(jobs)
@@ -243,7 +283,7 @@ def sweep(
         weakref.finalize(results, shutil.rmtree, place, ignore_errors=True)
     for job in jobs:
         with suppress(RecordError, OSError):  # the run of this case will report it
-            _stage(job)
+            stage_of(job)
     with (
         bar(total=len(jobs), desc="sweep", unit="case", disable=not progress) as done,
         _submitter(executor, workers, len(jobs)) as submit,
@@ -304,23 +344,34 @@ def _check_executor(executor: object, workers: object) -> None:
             raise ValueError(f"workers = {workers} must be None where an executor is given")
 
 
-def _check_measure(measure: object, executor: object) -> None:
-    if measure is None:
-        return
-    if not callable(measure):
-        raise TypeError(f"measure = {measure!r} must be callable")
+def _check_sent(name: str, function: object, executor: object) -> None:
+    """Refuse a function that the processes of the cases cannot receive."""
+    if not callable(function):
+        raise TypeError(f"{name} = {function!r} must be callable")
     try:
-        data = pickle.dumps(measure)
+        data = pickle.dumps(function)
     except Exception as error:
         raise TypeError(
-            f"measure = {measure!r} must be picklable, as a function of a module is: {error}"
+            f"{name} = {function!r} must be picklable, as a function of a module is: {error}"
         ) from error
     import __main__
 
     # The processes import the script again; they cannot find objects of an interactive session.
     script = Path(getattr(__main__, "__file__", "")).is_file()
     if executor is None and b"__main__" in data and not script:
-        raise TypeError(f"measure = {measure!r} must be in a module that the workers can import")
+        raise TypeError(f"{name} = {function!r} must be in a module that the workers can import")
+
+
+def _wall_forces(wall_forces: object, scenes: Mapping[Hashable, AnyScene]) -> bool:
+    if truth("wall_forces", wall_forces):
+        for key, scene in scenes.items():
+            if not isinstance(scene, Scene):
+                raise ValueError(
+                    f"wall_forces = True must be False: cases[{key!r}] is not a scene of the "
+                    "material point method"
+                )
+        return True
+    return False
 
 
 def _folder(folder: object) -> tuple[Path, bool]:
@@ -336,78 +387,11 @@ def _folder(folder: object) -> tuple[Path, bool]:
     return place.resolve(), False  # workers may have another working folder
 
 
-# ---- one case, in a worker ----
-
-
-@dataclass(frozen=True)
-class _Case:
-    key: Hashable
-    scene: AnyScene
-    path: Path
-    every: float | None
-    measure: Measure | None
-
-
-@dataclass(frozen=True)
-class _Failure:
-    error: Exception
-
-
-def _stage(case: _Case) -> str:
-    """Return the stage of the record of a case: "new", "begun" or "done"."""
-    try:
-        record = open_trajectory(case.path)
-    except FileNotFoundError:
-        return "new"
-    with record:
-        if not record.finished and not record.has_checkpoint:
-            return "new"  # killed before its first checkpoint
-        if record.scene.to_json() != case.scene.to_json():
-            raise ValueError(
-                f"case {case.key!r}: the record {case.path} is of another scene; "
-                "the folder must be of this sweep"
-            )
-        reached = len(record) > 0 and record.times[-1] >= case.scene.duration
-        return "done" if record.finished and reached else "begun"
-
-
-def _run(case: _Case) -> Any:
-    """Run the rest of a case and return its measure, or a `_Failure`.
-
-    Errors are returned, not raised: an exception that cannot be unpickled would break the pool for
-    all cases.
-    """
-    try:
-        stage = _stage(case)
-        if stage == "new":
-            sim = Simulation(case.scene, threads=1)
-            sim.run(save=case.path, every=case.every, overwrite=True)
-        elif stage == "begun":
-            Simulation.resume(case.path, threads=1).run(every=case.every)
-        if case.measure is None:
-            return None
-        with open_trajectory(case.path) as record:
-            return case.measure(record)
-    except Exception as error:
-        return _Failure(_portable(error, case.key))
-
-
-def _portable(error: Exception, key: Hashable) -> Exception:
-    """Return an error that can be sent to another process, with its traceback as text."""
-    error.add_note(f"in case {key!r}:\n{''.join(traceback.format_tb(error.__traceback__))}")
-    try:
-        return pickle.loads(pickle.dumps(error))
-    except Exception:
-        plain = RuntimeError(f"{type(error).__name__}: {error}")
-        plain.__notes__ = error.__notes__
-        return plain
-
-
 # ---- all cases ----
 
 
 def _outcomes(
-    cases: Sequence[_Case], submit: Callable[[_Case], Future]
+    cases: Sequence[Case], submit: Callable[[Case], Future]
 ) -> Generator[tuple[int, Any], None, None]:
     """Yield index and outcome of each case as they complete."""
     futures: dict[Future, int] = {}
@@ -433,24 +417,24 @@ def _outcome(future: Future) -> Any:
     try:
         return future.result()
     except Exception as error:  # of the executor: a dead worker, an unpicklable result
-        return _Failure(error)
+        return Failure(error)
 
 
 @contextmanager
 def _submitter(
     executor: Executor | None, workers: int | None, most: int
-) -> Iterator[Callable[[_Case], Future]]:
+) -> Iterator[Callable[[Case], Future]]:
     """Provide the function that submits a case, to the given executor or to an own pool."""
     if executor is not None:
-        yield partial(executor.submit, _run)
+        yield partial(executor.submit, run_case)
         return
     affinity = getattr(os, "sched_getaffinity", None)  # Linux: the processors of this process
     count = workers or (len(affinity(0)) if affinity else os.cpu_count() or 1)
     context = get_context("spawn")  # a fork would inherit the threads of the core
     receiver, sender = context.Pipe(duplex=False)
-    pool = ProcessPoolExecutor(min(count, most), context, _enlist, (receiver,))
+    pool = ProcessPoolExecutor(min(count, most), context, enlist, (receiver,))
     try:
-        yield lambda case: pool.submit(_run_in_pool, case)
+        yield lambda case: pool.submit(run_in_pool, case)
     except BaseException:
         sender.close()
         raise
@@ -458,34 +442,3 @@ def _submitter(
         pool.shutdown(cancel_futures=True)
         sender.close()
         receiver.close()
-
-
-_stop: Any = None
-"""In a process of the pool: a pipe that is closed when the sweep or its process ends."""
-
-
-def _enlist(stop: Any) -> None:
-    """Prepare a process of the pool: Ctrl-C and `stop` take effect only while a case runs."""
-    global _stop
-    _stop = stop
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_watch, daemon=True).start()
-
-
-def _watch() -> None:
-    _stop.poll(None)
-    interrupt_main()  # like Ctrl-C, after which `Simulation.run` leaves a valid record
-    parent = parent_process()
-    if parent is not None:
-        parent.join()
-    os._exit(1)  # otherwise the process would go on without a parent and hold the record open
-
-
-def _run_in_pool(case: _Case) -> Any:
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    try:
-        if _stop.poll(0):
-            raise KeyboardInterrupt
-        return _run(case)
-    finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)

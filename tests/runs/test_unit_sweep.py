@@ -146,6 +146,45 @@ def test_complete_cases_are_not_run_again(scenes, tmp_path, monkeypatch):
     assert [(tmp_path / f"{i}.h5").read_bytes() for i in range(2)] == before
 
 
+class ThirdFrame:
+    """Hook that ends a run at the third frame that it sees."""
+
+    seen = 0
+
+    def __call__(self, sim):
+        self.seen += 1
+        return self.seen == 3
+
+
+def test_hooks_end_cases_which_are_complete_then(scenes, tmp_path, monkeypatch):
+    """Each case has hooks of its own, also in one process; a file says that a hook ended it."""
+    options = {
+        "folder": tmp_path,
+        "every": 1e-3,
+        "hooks": (ThirdFrame(), gr.stop.at_rest(1e-9, over=1.0)),
+        "fields": ["pressure"],
+        "precision": "single",
+        "wall_forces": True,
+    }
+    found = quiet(scenes, AtOnce(), **options)
+    for scene, record in zip(scenes, found, strict=True):
+        with record:
+            assert len(record) == 3 and record.times[-1] < scene.duration
+            assert record.provenance["precision"] == "single"
+            assert record.provenance["fields"] == ["pressure"]
+            assert gr.measure.wall_force(record, 0).force.shape == (len(record) - 1, 2)
+    assert "ended this case at t = 0.0" in (tmp_path / "0.stopped").read_text()
+    (tmp_path / "1.h5").unlink()
+    started = []
+    run = gr.Simulation.run
+    monkeypatch.setattr(
+        gr.Simulation, "run", lambda sim, **rest: started.append(sim.scene) or run(sim, **rest)
+    )
+    again = quiet(scenes, AtOnce(), **options)
+    assert started == [scenes[1]]
+    assert [len(record) for record in again] == [len(record) for record in found]
+
+
 @pytest.mark.usefixtures("ctrl_c")
 @pytest.mark.parametrize("moment", [0.012, 0.019])
 def test_an_interrupted_sweep_goes_on_to_the_same_bits(
@@ -374,13 +413,17 @@ def test_keys_that_make_no_file_or_the_same_are_refused(scenes, tmp_path):
         ({"executor": AtOnce(), "workers": 2}, ValueError, "workers = 2 must be None"),
         ({"measure": 3}, TypeError, "measure = 3 must be callable"),
         ({"measure": lambda record: 1}, TypeError, "measure = .* must be picklable"),
+        ({"hooks": (ThirdFrame(), 3)}, TypeError, r"hooks\[1\] = 3 must be callable"),
+        ({"hooks": (lambda sim: 1,)}, TypeError, r"hooks\[0\] = .* must be picklable"),
+        ({"checkpoint_minutes": 0.0}, ValueError, "checkpoint_minutes = 0.0 must be"),
+        ({"wall_forces": 1}, TypeError, "wall_forces = 1 must be"),
         ({"every": 0.0}, ValueError, "every = 0.0 must be"),
         ({"folder": 3}, TypeError, "folder = 3 must be a path"),
         ({"folder": __file__}, NotADirectoryError, "must be a folder"),
     ],
 )
 def test_bad_options(scenes, options, error, message, monkeypatch):
-    monkeypatch.setattr(sweeping, "_run", None)  # nothing runs
+    monkeypatch.setattr(sweeping, "run_case", None)  # nothing runs
     with pytest.raises(error, match=message):
         gr.sweep(scenes, **options)
 
