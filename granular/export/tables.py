@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from granular.measure.body import BodyMotion
 from granular.measure.derived import DERIVED, STANDARD, check_derived, with_derived
 from granular.model.grid import AXES
 from granular.model.state import State
@@ -23,6 +24,15 @@ UNITS = {
     "x": "m", "v": "m/s", "a": "m/s2", "stress": "Pa", "mass": "kg", "shear_rate": "1/s",
     "log_density": "1", "porosity": "1", "g": "1/s",
 } | {name: unit for name, (_, unit) in DERIVED.items()}  # fmt: skip
+BODY_UNITS = {name: BodyMotion.UNITS[name] for name in BodyMotion.UNITS if name != "times"}
+WITH_DEPTH = {"kg": "kg/m", "m3": "m2"}
+"""Units of what is per metre of depth in 2D."""
+
+
+def unit_in(dim: int, unit: str) -> str:
+    """Unit in this dimension, of one that names that of 2D, or of a quantity of points."""
+    whole, _, plane = unit.removesuffix(" in 2D").partition("; ")
+    return (plane or WITH_DEPTH.get(whole, whole)) if dim == 2 else whole
 
 
 def columns_of(name: str, count: int, dim: int) -> list[str]:
@@ -34,11 +44,11 @@ def columns_of(name: str, count: int, dim: int) -> list[str]:
     return [f"{name}_{k}" for k in range(count)]
 
 
-def to_pandas(state: State, fields: Collection[str] = STANDARD) -> Any:
+def to_dataframe(state: State, fields: Collection[str] = STANDARD) -> Any:
     """Return a `pandas.DataFrame` of a state with one row per point, indexed by id.
 
     Its columns are the stored fields, x, y, v_x, stress_xy and so on, and derived quantities.
-    Its `attrs` are the name of the scene, time and step.
+    Its `attrs` are the name of the scene, time, step, and the units of the columns.
 
     Parameters
     ----------
@@ -55,21 +65,22 @@ def to_pandas(state: State, fields: Collection[str] = STANDARD) -> Any:
     instance("state", state, State)
     pandas = imported("pandas", "tables")
     columns: dict[str, NDArray[Any]] = {}
+    units: dict[str, str] = {}
     for name, array in with_derived(state, check_derived("fields", fields)).items():
-        if array.ndim == 1:
-            columns[name] = array
-        else:
-            names = columns_of(name, array.shape[1], state.dim)
-            columns |= dict(zip(names, array.T, strict=True))
+        names = [name] if array.ndim == 1 else columns_of(name, array.shape[1], state.dim)
+        columns |= dict(zip(names, array.T.reshape(len(names), -1), strict=True))
+        if name in UNITS:
+            units |= dict.fromkeys(names, unit_in(state.dim, UNITS[name]))
     table = pandas.DataFrame(columns).set_index("id")
-    table.attrs.update(scene=state.scene.name, time=state.time, step=state.step)
+    table.attrs.update(scene=state.scene.name, time=state.time, step=state.step, units=units)
     return table
 
 
 def to_xarray(record: Trajectory, fields: Collection[str] = STANDARD) -> Any:
     """Return a `xarray.Dataset` of the frames of a record, all in memory.
 
-    Fields of points have the dimensions time and id, and are nan where a point has left; those of a
+    Each variable that has a unit has it as its attribute "units". Fields of points have the
+    dimensions time and id, and are nan where a point has left; those of a
     gas begin with "gas_", the motion and impulses of bodies with "body_", and the samples of the
     monitor with "sample_". For a part of the frames, slice the record.
 
@@ -130,7 +141,7 @@ def _stacked(frames: Sequence[dict[str, NDArray[Any]]], of: str, prefix: str, di
             known = {dim: "axis", len(COMPONENTS[dim]): "component"}
             is_known = name == "stress" or array.shape[1] == dim
             dims.append(known[array.shape[1]] if is_known else f"{prefix}{name}_component")
-        units = {"units": UNITS[name]} if name in UNITS else {}
+        units = {"units": unit_in(dim, UNITS[name])} if name in UNITS else {}
         variables[prefix + name] = (dims, whole, units)
     return variables
 
@@ -141,7 +152,9 @@ def _bodies(record: Trajectory) -> dict[str, Any]:
     variables: dict[str, Any] = {}
     for name, values in split(record.bodies, 3).items():
         more = [sizes[values.shape[2]]] if values.ndim == 3 else []
-        variables[f"body_{name}"] = (["time", "body", *more], values)
-    if any(values.size == 0 for _, values in variables.values()):
+        unit = BODY_UNITS.get(name, "")
+        units = {"units": unit_in(record.scene.dim, unit)} if unit else {}
+        variables[f"body_{name}"] = (["time", "body", *more], values, units)
+    if any(values.size == 0 for _, values, _ in variables.values()):
         raise RecordError(f"{record.path}: damaged record: no numbers of its bodies")
     return variables

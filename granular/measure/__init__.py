@@ -72,6 +72,7 @@ from granular.measure.profiles import scaled_inertial_number as scaled_inertial_
 from granular.measure.profiles import velocity_profile as velocity_profile
 from granular.measure.refinement import Extrapolation as Extrapolation
 from granular.measure.refinement import richardson as richardson
+from granular.measure.result import Result as Result
 from granular.measure.slide import Deposit as Deposit
 from granular.measure.slide import SlideHistory as SlideHistory
 from granular.measure.slide import deposit as deposit

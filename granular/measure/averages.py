@@ -21,6 +21,7 @@ from granular.measure.averaging_grid import (
 )
 from granular.measure.opening import Opening, each_state, opening_of
 from granular.measure.profiles import Profile
+from granular.measure.result import Result, Table, mesh_columns, mesh_units
 from granular.model.state import State, States
 from granular.tools.arrays import Array
 from granular.tools.checks import integer, one_of
@@ -30,7 +31,7 @@ Field = str | Callable[[State], ArrayLike]
 
 
 @dataclass(frozen=True)
-class GridField:
+class GridField(Result):
     """A field on all cells or nodes of the grid, averaged over frames.
 
     Attributes
@@ -50,9 +51,13 @@ class GridField:
     weight: Array
     frames: int
 
+    def _table(self) -> Table:
+        columns = mesh_columns(self.axes, value=self.value, weight=self.weight)
+        return Table(columns, {"frames": self.frames}, mesh_units(self.axes))
+
 
 @dataclass(frozen=True)
-class Contour:
+class Contour(Result):
     """The lines along which a field has one given value.
 
     Attributes
@@ -65,6 +70,12 @@ class Contour:
 
     level: float
     lines: tuple[Array, ...]
+
+    def _table(self) -> Table:
+        lengths = [len(line) for line in self.lines]
+        x, y = np.concatenate([np.empty((0, 2)), *self.lines]).T
+        columns = {"line": np.repeat(np.arange(len(lengths)), lengths), "x": x, "y": y}
+        return Table(columns, {"level": self.level}, {"x": "m", "y": "m"})
 
 
 def frame_average(

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.measure.cut_forces import cut_axes, of_whole, torques_of_whole
+from granular.measure.result import ANGULAR_IMPULSE, ENERGY, FORCE, IMPULSE, TORQUE, Result
 from granular.mpm.bodies import split
 from granular.mpm.scene import Scene
 from granular.record.reader import Trajectory
@@ -15,7 +16,18 @@ from granular.tools.checks import integer, truth
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class BodyMotion:
+class BodyMotion(
+    Result,
+    times="s",
+    position="m",
+    velocity="m/s",
+    angular_velocity="rad/s",
+    impulse=IMPULSE,
+    angular_impulse=ANGULAR_IMPULSE,
+    work=ENERGY,
+    applied_force=FORCE,
+    applied_torque=TORQUE,
+):
     """Motion of a body at the frames of a record.
 
     Attributes
@@ -56,7 +68,7 @@ class BodyMotion:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class MeanForce:
+class MeanForce(Result, times="s", force=FORCE, torque=TORQUE):
     """Force and torque of the material on a body, a wall or a block, averaged between frames.
 
     Attributes

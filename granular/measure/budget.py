@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from granular.measure.energy import elastic_of, kinetic_of, plastic_power
+from granular.measure.result import ENERGY, Result
 from granular.mpm.axis_nodes import c0_lines, node_positions
 from granular.mpm.grid_map import GridMap
 from granular.mpm.node_codes import node_codes
@@ -18,7 +19,28 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True)
-class StepBudget:
+class StepBudget(
+    Result,
+    time="s",
+    dt="s",
+    kinetic_before=ENERGY,
+    kinetic_after=ENERGY,
+    grid_kinetic_before=ENERGY,
+    grid_kinetic_after=ENERGY,
+    p2g_loss=ENERGY,
+    g2p_loss=ENERGY,
+    internal_work=ENERGY,
+    external_work=ENERGY,
+    wall_work=ENERGY,
+    grid_residual=ENERGY,
+    elastic_before=ENERGY,
+    elastic_after=ENERGY,
+    plastic_dissipation=ENERGY,
+    disconnection_loss=ENERGY,
+    kinetic_outflow=ENERGY,
+    elastic_outflow=ENERGY,
+    strain_residual=ENERGY,
+):
     """Energy budget of one step [J; in 2D per metre of depth].
 
     Two identities follow from the scheme; this table does not enforce them. Their residuals show

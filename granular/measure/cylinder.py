@@ -10,13 +10,16 @@ from numpy.typing import ArrayLike
 
 from granular.measure.averaging_grid import sums_of
 from granular.measure.opening import each_state
+from granular.measure.result import MASS, Result
 from granular.model.state import State, States
 from granular.tools.arrays import Array, IntArray
 from granular.tools.checks import finite, vector
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class CylinderProfile:
+class CylinderProfile(
+    Result, r="m", omega="rad/s", speed="m/s", spread="rad/s", radial="m/s", mass=MASS
+):
     """Angular velocity of the material in rings about an axis; nan in rings without points.
 
     Attributes

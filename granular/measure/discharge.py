@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular.measure.effective_opening import EffectiveOpening
+from granular.measure.result import MASS, RATE, Result
 from granular.model.gravity import EARTH
 from granular.model.state import State
 from granular.model.symmetric import modelled_share
@@ -25,7 +26,7 @@ _PARTS = ((0.0, 0.5), (0.25, 0.75), (0.5, 1.0))
 
 
 @dataclass(frozen=True)
-class MassHistory:
+class MassHistory(Result, times="s", mass=MASS):
     """Mass in the domain at every frame.
 
     Attributes
@@ -51,7 +52,16 @@ class MassHistory:
 
 
 @dataclass(frozen=True)
-class Discharge:
+class Discharge(
+    Result,
+    rate=RATE,
+    standard_error=RATE,
+    window_spread=RATE,
+    times="s",
+    mass=MASS,
+    corrected=RATE,
+    corrected_uncertainty=RATE,
+):
     """Rate of discharge in a window of mass.
 
     Attributes
@@ -93,7 +103,7 @@ class Discharge:
 
 
 @dataclass(frozen=True)
-class BeverlooFit:
+class BeverlooFit(Result, orifices="m", rates=RATE):
     """Beverloo's law with k = 0, ``Q = C rho sqrt(g) D**(dim - 1/2)``, fitted to rates.
 
     Attributes

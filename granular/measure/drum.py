@@ -9,13 +9,25 @@ import numpy as np
 
 from granular.measure.averaging_grid import mean_of, only_material, require_points, sums_of
 from granular.measure.opening import each_state
+from granular.measure.result import Result
 from granular.model.state import State, States
 from granular.tools.arrays import Array
 from granular.tools.checks import in_range, integer, positive
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class DrumFlow:
+class DrumFlow(
+    Result,
+    slope_deg="deg",
+    slope_spread_deg="deg",
+    s="m",
+    surface="m",
+    thickness="m",
+    speed="m/s",
+    surface_speed="m/s",
+    flux="m2/s",
+    balance="m2/s",
+):
     """Flow of a drum, averaged over frames, in sections across its surface.
 
     The coordinates are s along the surface, towards larger x, and n out of it, from the axis of the

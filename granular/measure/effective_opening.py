@@ -7,6 +7,7 @@ edges by about the same part of a cell for any n (`docs/how-to/choose_a_scheme.m
 
 from dataclasses import dataclass
 
+from granular.measure.result import Result
 from granular.model.typing import AnyScene
 from granular.mpm.scene import Scene
 
@@ -26,7 +27,7 @@ from the last free node as in the paper."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class EffectiveOpening:
+class EffectiveOpening(Result, width="m", effective="m", uncertainty="m"):
     """Effective width of an opening.
 
     Attributes

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.measure.averaging_grid import require_points
+from granular.measure.result import ENERGY, Result
 from granular.measure.stress import deviator_squared, pressure
 from granular.model.gravity import Gravity
 from granular.model.state import State
@@ -14,7 +15,7 @@ from granular.tools.arrays import Array
 
 
 @dataclass(frozen=True)
-class Energy:
+class Energy(Result, kinetic=ENERGY, gravitational=ENERGY, elastic=ENERGY):
     """Energy of a state [J; in 2D per metre of depth].
 
     Attributes
@@ -35,7 +36,15 @@ class Energy:
 
 
 @dataclass(frozen=True)
-class EnergyBudget:
+class EnergyBudget(
+    Result,
+    times="s",
+    kinetic=ENERGY,
+    elastic=ENERGY,
+    gravity_work=ENERGY,
+    outflow=ENERGY,
+    dissipated=ENERGY,
+):
     """Energy budget of a run over its k frames [J; in 2D per metre of depth], each of shape (k,).
 
     Attributes

@@ -18,6 +18,7 @@ from granular.measure.averaging_grid import (
     sums_of,
     values,
 )
+from granular.measure.result import Result
 from granular.model.state import State
 from granular.tools.arrays import Array, BoolArray, IntArray
 from granular.tools.checks import in_range, non_negative, one_of
@@ -136,7 +137,7 @@ def phase(state: State, *, tolerance: float = 1e-9) -> BoolArray:
 
 
 @dataclass(frozen=True)
-class CellField:
+class CellField(Result, centres="m"):
     """A field on the occupied cells.
 
     Attributes

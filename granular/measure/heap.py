@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from granular.measure.averaging_grid import require_points
+from granular.measure.result import Result
 from granular.model.state import State
 from granular.tools.arrays import Array
 from granular.tools.checks import finite, integer, one_of, positive
@@ -24,7 +25,7 @@ WINDOW = 5
 
 
 @dataclass(frozen=True)
-class Surface:
+class Surface(Result, x="m", top="m", top_x="m", height="m", base="m", width="m"):
     """The free surface, column by column; nan (height 0) where a column is empty.
 
     Attributes
@@ -52,7 +53,7 @@ class Surface:
 
 
 @dataclass(frozen=True)
-class Runout:
+class Runout(Result):
     """Run-out ``(final half-width - initial)/initial``, measured in three ways.
 
     Attributes
@@ -74,13 +75,13 @@ class Runout:
 
 
 @dataclass(frozen=True)
-class Repose:
-    """Slope of a heap in degrees.
+class Repose(Result, mean_deg="deg", largest_deg="deg"):
+    """Slope of a heap [deg].
 
     Attributes
     ----------
     mean_deg : float
-        Slope of the line through the surface between 20 and 80 % of its height.
+        Slope of the line through the surface between 20 and 80 % of its height [deg].
     largest_deg : float
         Slope of the steepest line through `window` successive columns within that band (through
         all of them if there are fewer).

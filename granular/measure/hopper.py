@@ -8,6 +8,7 @@ import numpy as np
 
 from granular.measure.averaging_grid import mean_of, require_points, sums_of
 from granular.measure.opening import each_state
+from granular.measure.result import Result
 from granular.model.state import States
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.scene import Scene
@@ -19,7 +20,7 @@ MASS_FLOW_INDEX = 0.3
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class HopperFlow:
+class HopperFlow(Result, z="m", wall="m/s", axis="m/s"):
     """Speeds at the wall and at the axis of a hopper by elevation; nan where there are no points.
 
     Attributes

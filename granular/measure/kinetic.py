@@ -23,6 +23,7 @@ from granular.measure.averaging_grid import (
 )
 from granular.measure.fields import nodal
 from granular.measure.profiles import grain_diameter, inertial_number
+from granular.measure.result import Result
 from granular.model.state import State
 from granular.tools.arrays import Array, IntArray
 from granular.tools.checks import in_range, positive
@@ -57,7 +58,7 @@ def packing_fraction(state: State, *, restitution: float, d: float | None = None
 
 
 @dataclass(frozen=True)
-class StressFreeError:
+class StressFreeError(Result, rate="1/s", reference="Pa"):
     """Neglected pressures of material below rho_c, which the law takes as stress-free.
 
     All are divided by a reference pressure.
@@ -147,7 +148,7 @@ def _mean_pressure(state: State) -> float:
 
 
 @dataclass(frozen=True)
-class MassBalance:
+class MassBalance(Result, residual="kg/(m3 s)"):
     """Residual of steady mass conservation on the grid's cells.
 
     Attributes

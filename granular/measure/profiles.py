@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular.measure.averaging_grid import mean_of, point_weights, require_points, sums_of, values
+from granular.measure.result import Result
 from granular.measure.stress import friction_of
 from granular.model.state import State
 from granular.tools.arrays import Array
@@ -18,7 +19,7 @@ from granular.tools.checks import integer, positive
 
 
 @dataclass(frozen=True)
-class Profile:
+class Profile(Result, y="m", centroid="m"):
     """A quantity as a function of height; nan in rows without points.
 
     Attributes

@@ -9,6 +9,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from granular.measure.result import Result
 from granular.tools.arrays import Array
 from granular.tools.checks import array, in_range
 
@@ -20,7 +21,7 @@ AT_END = 1e-3
 
 
 @dataclass(frozen=True)
-class Extrapolation:
+class Extrapolation(Result):
     """Limit of a number in fine cells, from values in cells of several sizes.
 
     Attributes

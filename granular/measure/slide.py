@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from granular.measure.averaging_grid import require_points
+from granular.measure.result import Result, Table, mesh_columns, mesh_units
 from granular.model.state import State
 from granular.tools.arrays import Array
 from granular.tools.checks import in_range
@@ -15,7 +16,9 @@ SHARE = 0.99
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class SlideHistory:
+class SlideHistory(
+    Result, times="s", front="m", rear="m", centre="m", velocity="m/s", front_speed="m/s"
+):
     """A slide at several times, by its mass in the domain.
 
     Attributes
@@ -52,7 +55,7 @@ class SlideHistory:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Deposit:
+class Deposit(Result, thickness="m", area="m2; m in 2D", highest="m"):
     """Thickness of the material on the ground, over the columns of cells.
 
     Attributes
@@ -62,7 +65,7 @@ class Deposit:
     thickness : ndarray, shape (n_x,) or (n_x, n_y)
         Vertical thickness that the mass of a column would have at rho_c [m].
     area : float
-        Length [m] in 2D, area [m2] in 3D, of the columns in which the thickness is at least a
+        Area [m2; in 2D their length in m] of the columns in which the thickness is at least a
         quarter of a cell.
     highest : float
         Largest thickness [m].
@@ -72,6 +75,11 @@ class Deposit:
     thickness: Array
     area: float
     highest: float
+
+    def _table(self) -> Table:
+        columns = mesh_columns(self.axes, thickness=self.thickness)
+        constants = {"area": self.area, "highest": self.highest}
+        return Table(columns, constants, {**mesh_units(self.axes), **self.UNITS})
 
 
 def slide_history(states: Iterable[State], *, share: float = SHARE) -> SlideHistory:

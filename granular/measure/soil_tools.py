@@ -9,6 +9,7 @@ from granular.materials import Material
 from granular.measure.averaging_grid import only_material, require_points
 from granular.measure.body import BodyMotion, body_force, body_motion
 from granular.measure.opening import each_state
+from granular.measure.result import FORCE, TORQUE, Result
 from granular.model.state import States
 from granular.record.reader import Trajectory
 from granular.tools.arrays import Array
@@ -16,7 +17,7 @@ from granular.tools.checks import finite, in_range, positive
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ToolForce:
+class ToolForce(Result, times="s", position="m", forward="N", lateral="N", vertical="N"):
     """Force on a tool that moves along x, averaged between frames.
 
     Attributes
@@ -40,7 +41,7 @@ class ToolForce:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class WheelHistory:
+class WheelHistory(Result, times="s", drawbar_pull=FORCE, load=FORCE, torque=TORQUE, sinkage="m"):
     """Motion of a wheel and the forces on it, averaged between frames.
 
     Attributes
@@ -67,7 +68,7 @@ class WheelHistory:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class FailureSurface:
+class FailureSurface(Result, x="m", z="m", top="m", speed="m/s"):
     """Lower boundary of the moving material, column by column; nan where no cell moves.
 
     Attributes
@@ -89,7 +90,7 @@ class FailureSurface:
 
 
 @dataclass(frozen=True, eq=False)
-class StrainHistory:
+class StrainHistory(Result, times="s"):
     """Mass-weighted elastic strain of the dense material over time.
 
     Attributes

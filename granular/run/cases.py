@@ -53,7 +53,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Failure:
-    """What a case that failed returns."""
+    """Result of a case that failed."""
 
     error: Exception
 

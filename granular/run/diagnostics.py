@@ -8,13 +8,15 @@ hand.
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from granular.measure.result import Table
 from granular.model.plausible import suspect_numbers
 from granular.run.monitor import Monitor
 from granular.tools.notebook import table
@@ -160,6 +162,42 @@ class Health:
     def rows(self) -> dict[str, str]:
         """Table of the indicators: name -> "value (limit): verdict"."""
         return {indicator.name: indicator.row for indicator in self.indicators}
+
+    def to_dataframe(self) -> Any:
+        """Return a `pandas.DataFrame` with a row for each indicator: value, limit, verdict, remedy.
+
+        Raises
+        ------
+        ModuleNotFoundError
+            If pandas is not installed: ``pip install 'granular-flow[tables]'``.
+        """
+        return self._table().to_dataframe().set_index("name")
+
+    def to_csv(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write the rows of `to_dataframe` as text with commas, which spreadsheets open.
+
+        Parameters
+        ----------
+        path : path
+            File to write.
+        overwrite : bool
+            If True, replace an existing file.
+
+        Raises
+        ------
+        FileExistsError
+            If the file exists and `overwrite` is not set.
+        """
+        self._table().to_csv(path, overwrite)
+
+    def _table(self) -> Table:
+        names = ("name", "value", "limit", "verdict", "doc", "remedy")
+        columns = {name: [getattr(one, name) for one in self.indicators] for name in names}
+        constants = {"samples": self.samples, **({"failure": self.failure} if self.failure else {})}
+        return Table(columns, constants, {})
+
+    def __repr__(self) -> str:
+        return f"<Health of {self.samples} samples: {self.verdict.splitlines()[0]}>"
 
     def __str__(self) -> str:
         failed = [f"failed: {self.failure}"] if self.failure else []

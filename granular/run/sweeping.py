@@ -28,6 +28,7 @@ from numbers import Real
 from pathlib import Path
 from typing import Any, Protocol
 
+from granular.measure.result import Result, Table
 from granular.model.typing import AnyScene
 from granular.mpm.scene import Scene
 from granular.record import RecordError, open_trajectory
@@ -108,8 +109,8 @@ class Sweep(Sequence):
             return self._values[index]
         return open_trajectory(self.paths[index])
 
-    def table(self, names: Sequence[str] | None = None) -> Any:
-        """Return the results as a table of pandas, with a row for each case.
+    def to_dataframe(self, names: Sequence[str] | None = None) -> Any:
+        """Return the results as a `pandas.DataFrame` with a row for each case.
 
         Its method ``to_xarray`` makes a data set of it, with a dimension for each part of the keys.
 
@@ -124,7 +125,8 @@ class Sweep(Sequence):
         pandas.DataFrame
             The keys are its index. A result that is a mapping or a dataclass has a column for each
             of its entries; other results are the column "result". Cases that failed have nan, and
-            their errors are the column "error", which is there if a case failed.
+            their errors are the column "error", which is there if a case failed. The units of
+            results of `granular.measure` are in ``attrs["units"]``.
 
         Raises
         ------
@@ -134,6 +136,52 @@ class Sweep(Sequence):
             If the sweep was made without a `measure`, or `names` do not fit the keys.
         """
         pandas = imported("pandas", "tables")
+        labels = self._labels(names)
+        index = (
+            pandas.MultiIndex.from_tuples(self.keys, names=labels)
+            if isinstance(self.keys[0], tuple)
+            else pandas.Index(self.keys, name=labels[0])
+        )
+        table = pandas.DataFrame(self._rows(), index=index)
+        table.attrs["units"] = self._units()
+        return table
+
+    def to_csv(
+        self,
+        path: str | os.PathLike[str],
+        names: Sequence[str] | None = None,
+        *,
+        overwrite: bool = False,
+    ) -> None:
+        """Write the results as text with commas, which spreadsheets open: a row for each case.
+
+        The columns are the parts of the keys and those of `to_dataframe`, with their units.
+
+        Parameters
+        ----------
+        path : path
+            File to write.
+        names : sequence of str, optional
+            As of `to_dataframe`.
+        overwrite : bool
+            If True, replace an existing file.
+
+        Raises
+        ------
+        FileExistsError
+            If the file exists and `overwrite` is not set.
+        ValueError
+            As by `to_dataframe`.
+        """
+        labels, rows = self._labels(names), self._rows()
+        keys = [key if isinstance(key, tuple) else (key,) for key in self.keys]
+        columns = dict(zip(labels, zip(*keys, strict=True), strict=True))
+        for name in dict.fromkeys(name for row in rows for name in row):
+            columns[name] = tuple(row.get(name) for row in rows)
+        Table(columns, {}, self._units()).to_csv(path, overwrite)
+
+    def _labels(self, names: Sequence[str] | None) -> list[str]:
+        """Names of the parts of the keys."""
         if not self._measured:
             raise ValueError("measure = None: a table needs a sweep with a measure")
         parts = {len(key) if isinstance(key, tuple) else 0 for key in self.keys}
@@ -144,19 +192,21 @@ class Sweep(Sequence):
         labels = usual if names is None else list(names)
         if len(labels) != len(usual):
             raise ValueError(f"names = {labels} must name {len(usual)} parts of the keys")
-        index = (
-            pandas.MultiIndex.from_tuples(self.keys, names=labels)
-            if count
-            else pandas.Index(self.keys, name=labels[0])
-        )
+        return labels
+
+    def _rows(self) -> list[dict[str, Any]]:
+        """Columns of each result, with the error of each case if one failed."""
         rows = [_row(value) for value in self._values]
-        table = pandas.DataFrame(rows, index=index)
         if self.errors:
-            table["error"] = [
-                None if error is None else f"{type(error).__name__}: {error}"
-                for error in map(self.errors.get, self.keys)
-            ]
-        return table
+            for row, key in zip(rows, self.keys, strict=True):
+                error = self.errors.get(key)
+                row["error"] = None if error is None else f"{type(error).__name__}: {error}"
+        return rows
+
+    def _units(self) -> dict[str, str]:
+        """Units of the columns of results of `granular.measure`."""
+        known = [value.UNITS for value in self._values if isinstance(value, Result)]
+        return dict(known[0]) if known else {}
 
     def __repr__(self) -> str:
         return f"<Sweep of {len(self)} cases, {len(self.errors)} failed>"
@@ -222,7 +272,7 @@ def sweep(
     hooks : sequence of callables
         As of `Simulation.run`, such as those of `granular.stop`: each case has its own copies, in
         the process that runs it. They must be picklable, as `measure`. A case that one of them has
-        ended is complete; the file ``<name>.stopped`` beside its record says so. In a case that is
+        ended is complete; the file ``<name>.stopped`` next to its record says so. In a case that is
         resumed they begin anew.
     fields, precision, checkpoint_minutes
         As of `Simulation.run`, for the records of cases that are begun.

@@ -105,7 +105,7 @@ def test_unknown_fields_are_named_before_the_run(tmp_path, fields, error, messag
     with pytest.raises(error, match=message):
         sim.run(save=tmp_path / "a.vtkhdf", fields=fields)
     assert not list(tmp_path.iterdir())
-    for call in (gr.export.to_pandas, gr.export.to_pyvista):
+    for call in (gr.export.to_dataframe, gr.export.to_pyvista):
         with pytest.raises(error, match=message):
             call(sim.state, fields=fields)
 
@@ -120,7 +120,7 @@ def test_a_field_that_the_scene_cannot_have_is_named(tmp_path):
 def test_a_table_has_a_row_for_each_point(record):
     pytest.importorskip("pandas")
     state = record[-1]
-    table = gr.export.to_pandas(state)
+    table = gr.export.to_dataframe(state)
     assert list(table.index) == list(state.id)
     up = "y" if state.dim == 2 else "z"
     assert np.array_equal(table[up], state.x[:, -1])
@@ -128,8 +128,10 @@ def test_a_table_has_a_row_for_each_point(record):
     assert np.array_equal(table["stress_xy"], state.stress[:, 3])
     for name in ("pressure", "shear_stress", "density", "speed"):
         assert np.array_equal(table[name], getattr(state, name))
+    units = table.attrs.pop("units")
     assert table.attrs == {"scene": "test", "time": state.time, "step": state.step}
-    assert "mu" in gr.export.to_pandas(state, fields=["mu"])
+    assert units["mass"] == {2: "kg/m", 3: "kg"}[state.dim] and units[f"v_{up}"] == "m/s"
+    assert "mu" in gr.export.to_dataframe(state, fields=["mu"])
 
 
 def test_a_data_set_has_points_by_time_and_id_and_the_bodies(record):
@@ -146,6 +148,7 @@ def test_a_data_set_has_points_by_time_and_id_and_the_bodies(record):
     place = found["body_position"].isel(body=0).values[: last.dim]
     assert np.array_equal(place, body.position)
     assert data["body_work"].dims == ("time", "body")
+    assert data["body_work"].attrs["units"] == {2: "J/m", 3: "J"}[last.dim]
     assert np.array_equal(data["time"], record.times)
     with pytest.raises(ValueError, match="must have frames"):
         gr.export.to_xarray(record[:0])
@@ -236,7 +239,7 @@ def test_pyvista_reads_the_bodies_beside_the_record(record):
 @pytest.mark.parametrize(
     ("package", "extra", "call"),
     [
-        ("pandas", "tables", lambda record: gr.export.to_pandas(record[0])),
+        ("pandas", "tables", lambda record: gr.export.to_dataframe(record[0])),
         ("xarray", "tables", lambda record: gr.export.to_xarray(record)),
         ("pyvista", "pictures3d", lambda record: gr.export.to_pyvista(record[0])),
     ],

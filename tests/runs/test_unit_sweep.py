@@ -112,17 +112,19 @@ def test_results_are_a_table(scenes):
     cases = dict(zip([("a", 1.0), ("a", 2.0), ("b", 3.0)], scenes, strict=True))
     with pytest.warns(RuntimeWarning, match="too stiff"):
         found = quiet(cases, AtOnce(), measure=height_and_time)
-    table = found.table(["name", "E"])
+    table = found.to_dataframe(["name", "E"])
     assert table.index.names == ["name", "E"] and list(table) == ["height", "time", "error"]
     assert table.loc[("a", 2.0), "height"] == found[1]["height"]
     assert np.isnan(table.loc[("b", 3.0), "time"])
     assert list(table["error"].dropna()) == ["RuntimeError: too stiff"]
     with pytest.raises(ValueError, match="must name 2 parts of the keys"):
-        found.table(["E"])
+        found.to_dataframe(["E"])
     plain = quiet(scenes[:2], AtOnce(), measure=final_height)
-    assert plain.table().index.name == "case" and list(plain.table()["result"]) == list(plain)
+    assert plain.to_dataframe().index.name == "case" and list(
+        plain.to_dataframe()["result"]
+    ) == list(plain)
     with pytest.raises(ValueError, match="measure = None"):
-        quiet(scenes[:1], AtOnce()).table()
+        quiet(scenes[:1], AtOnce()).to_dataframe()
 
 
 def test_keys_name_the_records(scenes, tmp_path):

@@ -7,6 +7,7 @@ import scipy
 
 from granular.measure.averaging_grid import only_material, require_points
 from granular.measure.opening import Opening, each_state, opening_of
+from granular.measure.result import Result
 from granular.model.state import State, States
 from granular.tools.arrays import Array
 
@@ -15,7 +16,7 @@ _LEVEL = 0.25
 
 
 @dataclass(frozen=True)
-class Arch:
+class Arch(Result, x="m", y="m", spread="m", crown="m"):
     """The lower boundary of the dense material over the opening, from one side to the other.
 
     Attributes

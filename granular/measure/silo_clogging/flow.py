@@ -8,6 +8,7 @@ import numpy as np
 
 from granular.measure.averaging_grid import only_material
 from granular.measure.opening import Opening, each_state, opening_of
+from granular.measure.result import Result
 from granular.model.state import State
 from granular.tools.arrays import Array, BoolArray
 from granular.tools.checks import in_range, positive
@@ -28,7 +29,16 @@ _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
-class SiloHistory:
+class SiloHistory(
+    Result,
+    times="s",
+    mass="kg/m",
+    velocity="m/s",
+    head="m",
+    width="m",
+    rho_c="kg/m3",
+    gravity="m/s2",
+):
     """Quantities at every frame by which the flow of a silo is judged.
 
     Attributes
@@ -74,12 +84,12 @@ class SiloHistory:
 
     @property
     def free_fall(self) -> float:
-        """Scale of the outflow, ``rho_c sqrt(g) W**(3/2)`` [kg/s per metre of depth]."""
+        """Scale of the outflow, ``rho_c sqrt(g) W**(3/2)`` [kg/(s m)]."""
         return self.rho_c * math.sqrt(self.gravity) * self.width**1.5
 
 
 @dataclass(frozen=True)
-class FlowVerdict:
+class FlowVerdict(Result, outflow="kg/(s m)", speed="m/s", speed_floor="m/s", drained_at="s"):
     """Verdict on the flow of a silo, by two rules.
 
     Attributes
@@ -87,7 +97,7 @@ class FlowVerdict:
     verdict : {"static", "flowing", "unsure"}
         Verdict by outflow and decay.
     outflow : float
-        Late outflow of the full silo [kg/s per metre of depth].
+        Late outflow of the full silo [kg/(s m)].
     relative_outflow : float
         `outflow` divided by `SiloHistory.free_fall`.
     speed : float

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from granular.measure.result import Result
 from granular.measure.silo_clogging.flow import VERDICTS
 from granular.tools.arrays import Array
 from granular.tools.checks import one_of
 
 
 @dataclass(frozen=True)
-class FlowThreshold:
+class FlowThreshold(Result):
     """Slopes ``c = (W/d)/A`` of the lines that bound the static and the flowing cases.
 
     Cases that are neither static nor flowing are unsure.

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from granular.measure.averages import frame_average
 from granular.measure.opening import Opening, each_state, opening_of
+from granular.measure.result import Result, Table
 from granular.model.state import States
 from granular.tools.arrays import Array
 from granular.tools.checks import positive
@@ -23,7 +24,7 @@ _SCAN = 40
 
 
 @dataclass(frozen=True)
-class VelocitySlices:
+class VelocitySlices(Result, x="m", heights="m", velocity="m/s", d="m"):
     """Vertical velocity along horizontal lines.
 
     Attributes
@@ -46,9 +47,15 @@ class VelocitySlices:
     d: float | None
     frames: int
 
+    def _table(self) -> Table:
+        height, x = (part.ravel() for part in np.meshgrid(self.heights, self.x, indexing="ij"))
+        columns = {"height": height, "x": x, "velocity": self.velocity.ravel()}
+        constants = {"d": self.d, "frames": self.frames}
+        return Table(columns, constants, {**self.UNITS, "height": "m"})
+
 
 @dataclass(frozen=True)
-class GaussianFit:
+class GaussianFit(Result, B="m", B_error="m", amplitude="m/s", offset="m/s", B_each="m", rms="m/s"):
     """Fit of ``v = C exp(-x**2/(4 B y)) + offset`` over several heights y, with one common B.
 
     Attributes
