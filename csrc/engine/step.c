@@ -3,6 +3,7 @@
 
 #include <math.h>
 
+#include "contact/body_patches.h"
 #include "contact/contact_points.h"
 #include "core/piecewise.h"
 #include "engine/sharing.h"
@@ -13,6 +14,7 @@
 #include "mpm/inflow.h"
 #include "mpm/migrate.h"
 #include "mpm/open_volume.h"
+#include "mpm/patches.h"
 #include "mpm/sleep.h"
 #include "mpm/smoothed_density.h"
 #include "mpm/tally.h"
@@ -86,6 +88,13 @@ static int prepare(struct gr_run *run)
     return 1;
 }
 
+/* Add the impulses on the patches of walls and bodies. */
+static int add_patches(struct gr_engine *e)
+{
+    if (gr_add_wall_patches(e)) return GR_ERR_MEMORY;
+    return e->bodies.contacts ? gr_add_body_patches(e) : GR_OK;
+}
+
 /* Finish the step: move the points that left their cells, and the bodies. */
 static void finish(struct gr_run *run)
 {
@@ -94,6 +103,10 @@ static void finish(struct gr_run *run)
     e->sums.valid = e->sums.valid && !e->failure.code;
     if (e->failure.code) return;
     if (e->watch) gr_add_wall_impulses(e);
+    if (e->watch && e->watch->patches && add_patches(e)) {
+        e->failure.code = GR_ERR_MEMORY;
+        return;
+    }
     for (int b = 0; b < e->config.n_bodies; b++) e->bodies.now[b] = e->bodies.next[b];
     if (e->bodies.n_thin) gr_change_sides(e);
     if (e->bodies.contacts) gr_move_out_of_bodies(e);

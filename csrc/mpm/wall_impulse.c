@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "mpm/patches.h"
 #include "mpm/pose.h"
 #include "mpm/walls.h"
 
@@ -73,7 +74,17 @@ void gr_watch_free(struct gr_wall_watch *watch)
     free(watch->node);
     free(watch->step);
     free(watch->total);
+    gr_patches_free(watch->patches);
     free(watch);
+}
+
+const struct gr_wall_share *gr_wall_share_of(const struct gr_engine *e, int64_t n, int32_t at[3])
+{
+    const struct gr_wall_watch *watch = e->watch;
+    gr_node_indices(e, n, at);
+    const struct gr_wall_share *share = &watch->share[watch->code[gr_map_place(&e->config.node_codes, at)]];
+    while (e->clock.time >= share->opens_at) share = &watch->share[share->after];
+    return share;
 }
 
 void gr_sum_wall_impulses(struct gr_engine *e)
@@ -86,9 +97,7 @@ void gr_sum_wall_impulses(struct gr_engine *e)
     for (int64_t n = 0; n < e->mesh.n_nodes; n++) {
         if (!e->mesh.node_code[n]) continue;
         int32_t at[3];
-        gr_node_indices(e, n, at);
-        const struct gr_wall_share *share = &watch->share[watch->code[gr_map_place(&e->config.node_codes, at)]];
-        while (e->clock.time >= share->opens_at) share = &watch->share[share->after];
+        const struct gr_wall_share *share = gr_wall_share_of(e, n, at);
         const double *velocity = gr_wall_now(e, e->mesh.node_code[n])->velocity;
         double x[3];
         gr_node_position(e, n, x);

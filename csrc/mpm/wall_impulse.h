@@ -30,6 +30,7 @@ struct gr_wall_watch {
     double *node;                /* n_nodes x dim, N s: the impulse in this step */
     double *step, *total;        /* n_walls x GR_WALL_NUMBERS: in this step; since the run began */
     struct gr_servo servo;       /* height 0: no wall keeps a pressure */
+    struct gr_patches *patches;  /* patches.h; NULL unless asked for */
 };
 
 /* Begin to add up the impulses; before the points are grouped. The arguments are copied; `code` is per combination of
@@ -41,6 +42,10 @@ int gr_watch_walls(struct gr_engine *e, int n_walls, const struct gr_wall_share 
  * Returned: 0 or GR_ERR_CONFIG. */
 int gr_watch_servo(struct gr_engine *e, const struct gr_servo *servo);
 void gr_watch_free(struct gr_wall_watch *watch);
+
+/* The owners of the impulse on a node of a wall in this step.
+ * Set: at, the indices of the node. */
+const struct gr_wall_share *gr_wall_share_of(const struct gr_engine *e, int64_t n, int32_t at[3]);
 
 /* Sum the impulses of the nodes over each wall, in the order of the nodes; and add the sums of a finished step. */
 void gr_sum_wall_impulses(struct gr_engine *e);

@@ -108,6 +108,9 @@ PyObject *gr_python_watch_walls(struct gr_engine *e, int n_walls, PyObject *code
                                 PyObject *after);
 PyObject *gr_python_wall_impulses(const struct gr_engine *e);
 PyObject *gr_python_restore_walls(struct gr_engine *e, PyObject *array);
+PyObject *gr_python_watch_patches(struct gr_engine *e);
+PyObject *gr_python_patches(const struct gr_engine *e);
+PyObject *gr_python_restore_patches(struct gr_engine *e, PyObject *args);
 
 /* rigid.c: e->bodies.rigid. */
 PyObject *gr_python_touch_solids(struct gr_engine *e, PyObject *args);

@@ -340,6 +340,24 @@ static PyObject *engine_restore_walls(struct gr_object *self, PyObject *array)
     return e ? gr_python_restore_walls(e, array) : NULL;
 }
 
+static PyObject *engine_watch_patches(struct gr_object *self, PyObject *Py_UNUSED(unused))
+{
+    struct gr_engine *e = gr_ready(self, 0);
+    return e ? gr_python_watch_patches(e) : NULL;
+}
+
+static PyObject *engine_patches(struct gr_object *self, PyObject *Py_UNUSED(unused))
+{
+    const struct gr_engine *e = gr_ready(self, 0);
+    return e ? gr_python_patches(e) : NULL;
+}
+
+static PyObject *engine_restore_patches(struct gr_object *self, PyObject *args)
+{
+    struct gr_engine *e = gr_ready(self, 0);
+    return e ? gr_python_restore_patches(e, args) : NULL;
+}
+
 static PyObject *engine_add_inlet(struct gr_object *self, PyObject *args)
 {
     struct gr_engine *e = gr_ready(self, 0);
@@ -457,6 +475,14 @@ static PyMethodDef methods[] = {
      "walls()\n--\n\nImpulse and angular impulse about the origin of the material on each wall, its displacement and\nwork, and its excess of pressure, (n, 9)."},
     {"restore_walls", (PyCFunction)engine_restore_walls, METH_O,
      "restore_walls(impulses)\n--\n\nSet the impulses, as walls() gave them."},
+    {"watch_patches", (PyCFunction)engine_watch_patches, METH_NOARGS,
+     "watch_patches()\n--\n\nAdd up the impulses on patches of walls and bodies, too; after watch_walls."},
+    {"patches", (PyCFunction)engine_patches, METH_NOARGS,
+     "patches()\n--\n\nThe patches that were touched, int64 (n, 4): index of a wall, or that of a body behind all walls, "
+     "and\nindices of its node, or of its cell in coordinates of the body. And their numbers, float64 (n, 7):\nimpulse of "
+     "the material; for bodies, its part along the surface and that along the normal."},
+    {"restore_patches", (PyCFunction)engine_restore_patches, METH_VARARGS,
+     "restore_patches(places, numbers)\n--\n\nSet the patches, as patches() gave them."},
     {"add_inlet", (PyCFunction)engine_add_inlet, METH_VARARGS,
      "add_inlet(records, axis, velocity, spacing, begin, end, yields)\n--\n\nLet points enter, from before the points are "
      "bound. records: float64 (sites, components), what\nenters at each site, all fields in the order of fields(); velocity: "

@@ -1,5 +1,5 @@
-/* Impulses on the walls: from the arrays of Python to the core, and back. */
-#include "mpm/wall_impulse.h"
+/* Impulses on the walls, and on patches of walls and bodies: from the arrays of Python to the core, and back. */
+#include "mpm/patches.h"
 
 #include "python/arrays.h"
 
@@ -71,5 +71,64 @@ PyObject *gr_python_restore_walls(struct gr_engine *e, PyObject *array)
     PyArrayObject *from = gr_array(array, "walls", NPY_DOUBLE, 2, shape, 0);
     if (!from || gr_refuse_values("walls", from, -GR_LARGEST)) return NULL;
     memcpy(e->watch->total, PyArray_DATA(from), (size_t)PyArray_NBYTES(from));
+    Py_RETURN_NONE;
+}
+
+PyObject *gr_python_watch_patches(struct gr_engine *e)
+{
+    if (refuse_unwatched(e)) return NULL;
+    const int error = gr_watch_patches(e);
+    if (error == GR_ERR_CONFIG) return PyErr_Format(PyExc_ValueError, "watch_patches: once");
+    if (error) return gr_raise(error, NULL);
+    Py_RETURN_NONE;
+}
+
+static int refuse_without_patches(const struct gr_engine *e)
+{
+    if (e->watch && e->watch->patches) return 0;
+    PyErr_SetString(PyExc_ValueError, "the impulses on patches are not watched");
+    return -1;
+}
+
+PyObject *gr_python_patches(const struct gr_engine *e)
+{
+    if (refuse_without_patches(e)) return NULL;
+    const struct gr_patches *patches = e->watch->patches;
+    const npy_intp shapes[2][2] = {{patches->n, 4}, {patches->n, GR_PATCH_NUMBERS}};
+    PyObject *places = PyArray_SimpleNew(2, shapes[0], NPY_INT64), *numbers = PyArray_SimpleNew(2, shapes[1], NPY_DOUBLE);
+    for (int64_t k = 0; places && numbers && k < patches->n; k++) {
+        const struct gr_patch *patch = &patches->patch[k];
+        int64_t *place = (int64_t *)PyArray_DATA((PyArrayObject *)places) + 4 * k;
+        place[0] = patch->solid;
+        for (int d = 0; d < 3; d++) place[1 + d] = patch->at[d];
+        memcpy((double *)PyArray_DATA((PyArrayObject *)numbers) + GR_PATCH_NUMBERS * k, patch->number, sizeof patch->number);
+    }
+    return Py_BuildValue("(NN)", places, numbers);
+}
+
+PyObject *gr_python_restore_patches(struct gr_engine *e, PyObject *args)
+{
+    PyObject *places, *numbers;
+    const npy_intp of_places[2] = {-1, 4};
+    if (refuse_without_patches(e) || !PyArg_ParseTuple(args, "OO:restore_patches", &places, &numbers)) return NULL;
+    PyArrayObject *place = gr_array(places, "places", NPY_INT64, 2, of_places, 0);
+    if (!place) return NULL;
+    const npy_intp of_numbers[2] = {PyArray_DIM(place, 0), GR_PATCH_NUMBERS};
+    PyArrayObject *number = gr_array(numbers, "numbers", NPY_DOUBLE, 2, of_numbers, 0);
+    if (!number || gr_refuse_values("numbers", number, -GR_LARGEST)) return NULL;
+    const int64_t *row = PyArray_DATA(place);
+    const int solids = e->watch->n_walls + e->config.n_bodies;
+    for (npy_intp k = 0; k < 4 * of_numbers[0]; k++)
+        if (k % 4 ? row[k] < INT32_MIN || row[k] > INT32_MAX : row[k] < 0 || row[k] >= solids)
+            return PyErr_Format(PyExc_ValueError, "places must hold a solid from 0 to %d and indices of 32 bits",
+                                solids - 1);
+    e->watch->patches->n = 0;
+    memset(e->watch->patches->place, 0, sizeof(int64_t) * (size_t)e->watch->patches->n_places);
+    for (npy_intp k = 0; k < of_numbers[0]; k++) {
+        const int32_t at[3] = {(int32_t)row[4 * k + 1], (int32_t)row[4 * k + 2], (int32_t)row[4 * k + 3]};
+        struct gr_patch *patch;
+        if (gr_patch_at(e->watch->patches, (int32_t)row[4 * k], at, &patch)) return PyErr_NoMemory();
+        memcpy(patch->number, (const double *)PyArray_DATA(number) + GR_PATCH_NUMBERS * k, sizeof patch->number);
+    }
     Py_RETURN_NONE;
 }

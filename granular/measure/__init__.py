@@ -78,6 +78,9 @@ from granular.measure.slide import SlideHistory as SlideHistory
 from granular.measure.slide import deposit as deposit
 from granular.measure.slide import slide_history as slide_history
 from granular.measure.stress import friction as friction
+from granular.measure.traction import TractionProfile as TractionProfile
+from granular.measure.traction import WallTraction as WallTraction
+from granular.measure.traction import wall_traction as wall_traction
 from granular.measure.wall import wall_force as wall_force
 from granular.tools.docstrings import complete as _complete
 

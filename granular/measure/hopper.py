@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ from granular.model.state import States
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.scene import Scene
 from granular.tools.arrays import Array
-from granular.tools.checks import positive
+from granular.tools.checks import integer, positive, sequence
 
 MASS_FLOW_INDEX = 0.3
 """Index above which the flow counts as mass flow."""
@@ -45,13 +46,15 @@ class HopperFlow(Result, z="m", wall="m/s", axis="m/s"):
         return bool(len(known) and np.all(known > MASS_FLOW_INDEX))
 
 
-def hopper_flow(states: States, *, reach: float = 1.0) -> HopperFlow:
+def hopper_flow(
+    states: States, *, reach: float = 1.0, walls: Sequence[int] | None = None
+) -> HopperFlow:
     """Mass flow index of a hopper about the last axis, by elevation.
 
-    It is the mean speed of the points less than `reach` cells from the walls, which are the bodies
-    of the scene, over that of the points less than `reach` cells from the axis. Flow with an index
-    above 0.3 counts as mass flow (Johanson & Jenike 1962, Bulletin 116 of the Utah Engineering
-    Experiment Station, as used by Ketterhagen et al. 2009, Powder Technol. 195, 1).
+    It is the mean speed of the points less than `reach` cells from the walls over that of the
+    points less than `reach` cells from the axis. Flow with an index above 0.3 counts as mass flow
+    (Johanson & Jenike 1962, Bulletin 116 of the Utah Engineering Experiment Station, as used by
+    Ketterhagen et al. 2009, Powder Technol. 195, 1).
 
     Parameters
     ----------
@@ -59,18 +62,24 @@ def hopper_flow(states: States, *, reach: float = 1.0) -> HopperFlow:
         Of a hopper whose axis is at x = 0 (and y = 0) and whose opening is at elevation 0.
     reach : float
         Distance in cells, > 0.
+    walls : sequence of int, optional
+        Indices of the bodies of the scene that are the walls; by default all of them. Name the
+        walls if there are other bodies, such as an insert.
 
     Raises
     ------
     TypeError, ValueError
-        If there are no states or points, the scene has no bodies, or `reach` is not positive.
+        If there are no states or points, the scene has no such bodies, or `reach` is not positive.
     """
     reach = positive("reach", reach)
     frames = list(each_state(states))
     scene = frames[0].scene
     if not isinstance(scene, Scene) or not scene.bodies:
         raise ValueError(f"scene {scene.name!r} has no bodies, which are the walls of a hopper")
-    from_walls = distance_from_bodies(scene.grid, scene.bodies)
+    count = len(scene.bodies)
+    chosen = range(count) if walls is None else sequence("walls", walls)
+    solids = [scene.bodies[integer("walls", index, 0, count - 1)] for index in chosen]
+    from_walls = distance_from_bodies(scene.grid, solids)
     cell, upper = scene.grid.cell, scene.grid.upper[-1]
     count = max(round(upper / cell), 1)
     sums = np.zeros((2, 2, count))

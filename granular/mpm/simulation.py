@@ -26,6 +26,7 @@ from granular.mpm.body_overlaps import check_overlaps
 from granular.mpm.coupling import Coupled
 from granular.mpm.free_bodies import INTERVAL, FreeBodies
 from granular.mpm.inflow_state import account
+from granular.mpm.patches import patch_fields, stored_patches, watched_solids
 from granular.mpm.rigid_contact import touch_solids
 from granular.mpm.scene import Scene
 from granular.mpm.wall_owners import wall_owners
@@ -108,6 +109,9 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         Add up the impulses on the walls and blocks of the scene, see `walls`. Frames of records and
         checkpoints then hold them. They do not affect the motion. They are added
         up in any case where a wall has a velocity or keeps a pressure.
+    tractions : bool
+        Add up the impulses on patches of walls, blocks and bodies, about a cell wide each, for
+        `granular.measure.wall_traction`; with those of `wall_forces`.
     """
 
     scene: Scene
@@ -121,14 +125,15 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         isa: str | None = None,
         force: bool = False,
         wall_forces: bool = False,
+        tractions: bool = False,
     ) -> None:
-        truth("wall_forces", wall_forces)
+        wall_forces = truth("tractions", tractions) or truth("wall_forces", wall_forces)
         memory.check(scene, force)
         check_overlaps(scene)
         diagnostics.warn(scene)
         points = core.initial_points(scene)
         mass = points["mass"] if len(points["mass"]) else core.entering_masses(scene)
-        self._build(scene, float(mass.mean()), threads, isa, wall_forces)
+        self._build(scene, float(mass.mean()), threads, isa, wall_forces, tractions)
         self._buffers = core.initial_buffers(self._engine, points)
         self._bind(len(points["mass"]))
         if scene.inflows:
@@ -143,14 +148,17 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         threads: int | None,
         isa: str | None,
         wall_forces: bool,
+        tractions: bool,
     ) -> None:
         engine = core.build(scene, mean_mass, default_isa() if isa is None else isa)
         self._start(scene, engine, threads)
         self._user_laws = [m.function() for m in scene.materials if isinstance(m, OwnLaw)]
         self._watches_walls = scene.moves_walls or (wall_forces and bool(scene.walls))
-        if self._watches_walls:
-            pistons = sum(inflow.driven for inflow in scene.inflows)
-            engine.watch_walls(len(scene.walls) + pistons, *wall_owners(scene))
+        if self._watches_walls or tractions:
+            engine.watch_walls(watched_solids(scene), *wall_owners(scene))
+        self._has_tractions = tractions
+        if tractions:
+            engine.watch_patches()
         for servo in scene.servos:
             engine.hold_pressure(*core.servo_arguments(scene, servo))
         self._inlets = core.add_inlets(engine, scene)
@@ -339,6 +347,9 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
             arrays |= {"bodies": self._engine.bodies(), "split": self._engine.split()}
         if self._watches_walls:
             arrays |= {"walls": self._engine.walls()}
+        if self._has_tractions:
+            places, numbers = self._engine.patches()
+            arrays |= {"patch_places": places, "patch_numbers": numbers}
         if self.scene.inflows:
             arrays |= {"inflow": self._engine.inflow()}
         if self.scene.scheme.sleep_speed:
@@ -354,8 +365,10 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         if "mean_mass" not in scalars:
             raise ValueError("the checkpoint has no mean_mass: it is not one of a simulation")
         mean_mass = positive("mean_mass of the checkpoint", scalars.pop("mean_mass"))
-        watches = "walls" in checkpoint.arrays
-        self._build(scene, mean_mass, threads, isa, watches)
+        watches, patches = "walls" in checkpoint.arrays, stored_patches(checkpoint.arrays)
+        self._build(scene, mean_mass, threads, isa, watches, patches is not None)
+        if patches is not None:
+            self._engine.restore_patches(*patches)
         if watches:
             self._engine.restore_walls(checkpoint.arrays["walls"])
         ids = checkpoint.arrays.get("id", np.empty(0, dtype=np.int64))
@@ -421,6 +434,9 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         if not self._watches_walls:
             return np.empty((0, 9))
         return self._engine.walls()[: len(self.scene.walls)]
+
+    def _patches(self) -> dict[str, NDArray] | None:
+        return patch_fields(self.scene, self._engine) if self._has_tractions else None
 
     def _energies(self) -> Energies | None:
         self._engine.tally()

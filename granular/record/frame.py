@@ -3,7 +3,7 @@
 import json
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -35,8 +35,8 @@ class Frame:
     """One frame: its scalars, and its position, ``n`` rows from ``row`` of ``source``.
 
     ``samples`` are the values of the monitor, if it sampled this frame, and the numbers
-    of its bodies and walls by the names of `names_of`. ``gas`` is the frame of the gas particles at
-    the same time.
+    of its bodies and walls by the names of `names_of`. ``others`` are frames at the same time of
+    other sets of points, by the names of `granular.record.layout.OTHERS`.
     """
 
     time: float
@@ -48,12 +48,18 @@ class Frame:
     row: int
     source: Source
     samples: Mapping[str, float] = field(default_factory=dict)
-    gas: "Frame | None" = None
+    others: "Mapping[str, Frame]" = field(default_factory=dict)
 
     @property
     def mark(self) -> bytes:
         """Digest of all that is stored for this time."""
-        return self.digest + (self.gas.digest if self.gas else b"")
+        return b"".join(frame.digest for frame in self.each())
+
+    def each(self) -> "Iterator[Frame]":
+        """This frame, and those of the other sets in the order of their names."""
+        yield self
+        for name in sorted(self.others):
+            yield self.others[name]
 
     def digest_of(self, fields: Mapping[str, bytes]) -> bytes:
         """Digest of a frame with these scalars, and with fields of these `checksums`."""
@@ -129,11 +135,13 @@ class Table:
         """All columns except the samples."""
         return (self.time, self.n, self.row, self.step, self.dt, self.mass, self.digest)
 
-    def seal(self, texts: Texts, checkpoint: bytes, gas: "Table | None") -> bytes:
+    def seal(self, texts: Texts, checkpoint: bytes, others: "Mapping[str, Table]") -> bytes:
         """Digest of everything in the file that no other digest covers."""
         texts_of = (texts.record, texts.scene, texts.provenance)
         samples = [part for name in sorted(self.samples) for part in (name, self.samples[name])]
-        more = gas.columns if gas else ()
+        more: list[str | np.ndarray] = []
+        for name in sorted(others):
+            more += [name, *others[name].columns]
         return seal(*texts_of, checkpoint, *self.columns, *samples, *more)
 
 

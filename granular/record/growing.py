@@ -167,7 +167,7 @@ class Growing:
             _keep_in_memory(self._file)
             self._group = self._file.create_group("granular")
             self._points = _Points(self._file.create_group("VTKHDF"), self.data, self._sink)
-            self._gas: _Points | None = None
+            self._others: dict[str, _Points] = {}
             if checkpoint:
                 write_restart(self.restart, checkpoint)
             fsync_folder(path.parent)  # which holds the folder
@@ -195,19 +195,19 @@ class Growing:
         return False
 
     def _put(self, frame: Frame) -> Frame:
-        placed, gas = self._points.put(frame), frame.gas
-        if gas:
-            if self._gas is None:
-                vtk = self._group.create_group("gas/VTKHDF")
-                self._gas = _Points(vtk, self.data, self._sink)
-            gas = self._gas.put(gas)
-        return replace(placed, gas=gas)
+        placed, others = self._points.put(frame), {}
+        for name, other in frame.others.items():
+            if name not in self._others:
+                vtk = self._group.create_group(f"{name}/VTKHDF")
+                self._others[name] = _Points(vtk, self.data, self._sink)
+            others[name] = self._others[name].put(other)
+        return replace(placed, others=others)
 
     def _add(self, placed: Frame) -> None:
         self.frames.append(placed)
         self._points.advance(placed.n)
-        if placed.gas and self._gas:
-            self._gas.advance(placed.gas.n)
+        for name, other in placed.others.items():
+            self._others[name].advance(other.n)
 
     def append(self, frame: Frame) -> None:
         """Add a frame, whose digest may be missing.
@@ -242,8 +242,10 @@ class Growing:
         texts, group, frames = self.head.texts, self._group, self.frames
         checkpoint = read_restart(self.restart) if self.restart.exists() else None
         table = self._points.finish(group, frames)
-        gas = [frame.gas for frame in frames if frame.gas]
-        gas_table = self._gas.finish(group["gas"], gas) if self._gas else None
+        others = {
+            name: points.finish(group[name], [f.others[name] for f in frames if name in f.others])
+            for name, points in self._others.items()
+        }
         for name in ("record", "scene", "provenance"):
             write_text(group, name, getattr(texts, name))
         samples = group.create_group("samples")
@@ -253,7 +255,7 @@ class Growing:
             write_checkpoint(group.create_group("checkpoint"), checkpoint)
         digest = checkpoint.digest if checkpoint else b""
         group.attrs["format"] = FORMAT
-        group.attrs["seal"] = as_attribute(table.seal(texts, digest, gas_table))
+        group.attrs["seal"] = as_attribute(table.seal(texts, digest, others))
         self._file.close()
         self._file = None
         self._sink.check()

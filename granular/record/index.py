@@ -16,6 +16,7 @@ from granular.record.chunks import Stored
 from granular.record.frame import SCALARS, Frame, Table, Texts
 from granular.record.growing import DATA, LOG, RESTART
 from granular.record.layout import (
+    OTHERS,
     RecordError,
     attribute,
     check_format,
@@ -31,7 +32,7 @@ from granular.record.storage import followed, identity, open_hdf5
 
 
 def _samples(data: h5py.Group) -> dict[str, np.ndarray]:
-    """Values of the monitor, one column per name; the gas has none."""
+    """Values of the monitor, one column per name; other sets of points have none."""
     if not has(data, "samples"):
         return {}
     group = hard(data, "samples", h5py.Group)
@@ -75,8 +76,8 @@ class Points:
             raise ValueError(f"{data.name}: frames of {n} points do not fit its {rows} rows")
         return fields
 
-    def frames(self, gas: Mapping[int, Frame]) -> list[Frame]:
-        """Return all frames, each with the gas of its step if there is one."""
+    def frames(self, others: Mapping[str, Mapping[int, Frame]]) -> list[Frame]:
+        """Return all frames, each with those of other sets of points at its step."""
         table, scalars = self.table, (*SCALARS, "row")
         return [
             Frame(
@@ -84,9 +85,9 @@ class Points:
                 digest=table.digest[i].tobytes(),
                 source=self,
                 samples=table.sample(i),
-                gas=gas.get(int(table.step[i])),
+                others={name: by_step[step] for name, by_step in others.items() if step in by_step},
             )
-            for i in range(len(table.time))
+            for i, step in enumerate(table.step.tolist())
         ]
 
 
@@ -112,18 +113,23 @@ class Main:
         check_format(self.path, int(attribute(data, "format", "i")))
         self.texts = Texts(*(read_text(data, name) for name in ("record", "scene", "provenance")))
         points = Points(self.path, hard(self.file, "VTKHDF", h5py.Group), data)
-        gas = None
-        if has(data, "gas"):
-            group = hard(data, "gas", h5py.Group)
-            gas = Points(self.path, hard(group, "VTKHDF", h5py.Group), group)
+        others = {}
+        for name in OTHERS:
+            if has(data, name):
+                group = hard(data, name, h5py.Group)
+                others[name] = Points(self.path, hard(group, "VTKHDF", h5py.Group), group)
         self.has_checkpoint = has(data, "checkpoint")
         checkpoint = b""
         if self.has_checkpoint:
             checkpoint = attribute(hard(data, "checkpoint", h5py.Group), "digest", "u")
-        expected = points.table.seal(self.texts, checkpoint, gas.table if gas else None)
+        tables = {name: other.table for name, other in others.items()}
+        expected = points.table.seal(self.texts, checkpoint, tables)
         if attribute(data, "seal", "u") != expected:
             raise ValueError("the table of contents does not match its digest")
-        below = {frame.step: frame for frame in gas.frames({})} if gas else {}
+        below = {
+            name: {frame.step: frame for frame in other.frames({})}
+            for name, other in others.items()
+        }
         self.frames = points.frames(below)
 
     def checkpoint(self) -> Checkpoint:
@@ -179,7 +185,7 @@ class Contents:
         return self._insist(restart)
 
     def read(self, frame: Frame) -> dict[str, np.ndarray]:
-        """Read and verify all fields of a frame, of the grains or of the gas.
+        """Read and verify all fields of a frame, of the material or of another set of points.
 
         Raises
         ------
@@ -214,11 +220,9 @@ class Contents:
         raise RecordError(f"{self.path}: the frame of step {frame.step} is there no longer")
 
     def each(self) -> Iterator[Frame]:
-        """Return all frames, including those of the gas."""
+        """Return all frames, including those of other sets of points."""
         for frame in self.frames:
-            yield frame
-            if frame.gas:
-                yield frame.gas
+            yield from frame.each()
 
     def _renew(self) -> bool:
         """Load the record again; False if it has not changed."""

@@ -15,6 +15,7 @@ The finished file::
                             (wall<index>_<number>)
         gas                 in scenes with a gas, the frames of its particles in the same form: a
                             group VTKHDF, and step, dt, mass and digest of the frames with gas
+        patches             of simulations with tractions, the patches of walls and bodies, likewise
         checkpoint          the newest restart state (optional)
 
 Every frame begins on a chunk boundary, so that its columns are stored as they are packed.
@@ -36,8 +37,11 @@ from typing import Literal, overload
 import h5py
 import numpy as np
 
-FORMAT = 3
+FORMAT = 4
 """Version of the format; files of another version are refused."""
+
+OTHERS = ("gas", "patches")
+"""Names of the sets of points besides the material that a frame may have."""
 
 LIBVER = ("v110", "v110")
 """Version of HDF5 objects: in 1.10 all metadata have checksums, and ParaView can read it."""

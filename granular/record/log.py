@@ -17,7 +17,14 @@ from typing import Any
 
 from granular.record.chunks import RAW, Field, Packed, check_chunks, most_of, size_of
 from granular.record.frame import Frame, Head, Texts
-from granular.record.layout import FIELD_DTYPES, FORMAT, MAX_DEFLATE, check_format, reading
+from granular.record.layout import (
+    FIELD_DTYPES,
+    FORMAT,
+    MAX_DEFLATE,
+    OTHERS,
+    check_format,
+    reading,
+)
 from granular.record.sealed import MAGIC, is_beginning, is_whole, sealed, unsealed, whole
 
 SPOILT = "damaged, or was not written whole before a loss of power: the frame is missing"
@@ -87,7 +94,8 @@ def _head(path: Path, header: Mapping[str, Any]) -> Head:
 
 def frame_entry(frame: Frame) -> bytes:
     """Return the bytes of the entry of a frame whose source is a `Stretch`."""
-    return sealed({"frames": [_packed(part) for part in (frame, frame.gas) if part]})
+    others = {name: _packed(other) for name, other in frame.others.items()}
+    return sealed({"frame": _packed(frame), "others": others})
 
 
 def _packed(frame: Frame) -> dict[str, Any]:
@@ -100,10 +108,12 @@ def _packed(frame: Frame) -> dict[str, Any]:
     }
 
 
-def _unpacked(path: Path, entry: Mapping[str, Any], gas: Frame | None = None) -> Frame:
+def _unpacked(
+    path: Path, entry: Mapping[str, Any], others: Mapping[str, Frame], needed: set[str]
+) -> Frame:
     time, step, dt, mass, n = SCALARS.unpack(bytes.fromhex(entry["scalars"]))
     layout = {name: tuple(field) for name, field in entry["layout"].items()}
-    _check_layout(layout, n)
+    _check_layout(layout, n, needed)
     return Frame(
         time=time,
         step=step,
@@ -114,11 +124,11 @@ def _unpacked(path: Path, entry: Mapping[str, Any], gas: Frame | None = None) ->
         row=0,
         source=Stretch(path, n, layout),
         samples={name: float.fromhex(value) for name, value in entry["samples"].items()},
-        gas=gas,
+        others=others,
     )
 
 
-def _check_layout(layout: Mapping[str, Any], n: int) -> None:
+def _check_layout(layout: Mapping[str, Any], n: int, needed: set[str]) -> None:
     """Refuse fields that cannot be those of a frame of ``n`` points, before they are read."""
     for dtype, columns, chunk, chunks in layout.values():
         if dtype not in FIELD_DTYPES:
@@ -129,8 +139,8 @@ def _check_layout(layout: Mapping[str, Any], n: int) -> None:
             whole(place)
             if mask not in (0, RAW) or not least <= whole(size) <= most:
                 raise ValueError(f"a chunk of {chunk} rows cannot be {size} bytes")
-    if not {"x", "mass"} <= set(layout):
-        raise ValueError(f"fields {sorted(layout)} must have x and mass")
+    if not needed <= set(layout):
+        raise ValueError(f"fields {sorted(layout)} must have {' and '.join(sorted(needed))}")
 
 
 def read_log(path: Path, data: str) -> tuple[Head, list[Frame], list[str]]:
@@ -159,9 +169,11 @@ def read_log(path: Path, data: str) -> tuple[Head, list[Frame], list[str]]:
             except ValueError:  # it is spoilt
                 break
             at += size
-            entry, *below = header["frames"]
-            gas = _unpacked(source, *below) if below else None
-            frames.append(_unpacked(source, entry, gas))
+            others = {name: header["others"][name] for name in sorted(header["others"])}
+            if not set(others) <= set(OTHERS):
+                raise ValueError(f"sets of points {sorted(others)} must be of {OTHERS}")
+            below = {name: _unpacked(source, entry, {}, {"x"}) for name, entry in others.items()}
+            frames.append(_unpacked(source, header["frame"], below, {"x", "mass"}))
         if MAGIC in bytes(raw[at + 1 :]):
             raise ValueError(f"entry {len(frames)} is damaged")
         if at < len(raw) and not is_beginning(raw[at:]):

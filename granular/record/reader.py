@@ -57,7 +57,12 @@ class Trajectory(Resource):
     @property
     def has_gas(self) -> bool:
         """True if there are frames with gas particles, the attribute `gas` of a state."""
-        return any(frame.gas for frame in self._frames)
+        return any("gas" in frame.others for frame in self._frames)
+
+    @property
+    def has_tractions(self) -> bool:
+        """True if there are frames with patches of walls and bodies."""
+        return any("patches" in frame.others for frame in self._frames)
 
     @cached_property
     def scene(self) -> "AnyScene":
@@ -117,6 +122,16 @@ class Trajectory(Resource):
             columns = [samples[name] for name in names_of(prefix, count, numbers)]
         return np.array(columns).reshape(count, numbers, len(self)).transpose(2, 0, 1)
 
+    def patches(self) -> list[dict[str, np.ndarray]]:
+        """Read the patches of walls and bodies at every frame, of a simulation with `tractions`.
+
+        Later frames have those of earlier ones first, in the same order. See
+        `granular.mpm.patches.patch_fields` for the fields; frames before the first contact have
+        none.
+        """
+        frames = (frame.others.get("patches") for frame in self._frames)
+        return [self._fields(frame) if frame else {} for frame in frames]
+
     def health(self) -> "Health":
         """Judge the run up to the last of these frames, as the simulation itself did.
 
@@ -153,7 +168,9 @@ class Trajectory(Resource):
         from granular.model.state import State
 
         scene, fields = self.scene, self._fields(frame)
-        extra: dict[str, Any] = {"gas": self._gas(frame.gas)} if frame.gas else {}
+        extra: dict[str, Any] = {}
+        if "gas" in frame.others:
+            extra["gas"] = self._gas(frame.others["gas"])
         if scene.bodies:
             extra["bodies"] = self._body_states(frame)
         with reading(self.path):
@@ -222,7 +239,7 @@ class Trajectory(Resource):
         messages = list(self._contents.spoilt)
         for frame in self._frames:
             try:
-                for part in filter(None, (frame, frame.gas)):
+                for part in frame.each():
                     self._contents.read(part)
             except RecordError as error:
                 messages.append(str(error))

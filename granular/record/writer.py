@@ -5,7 +5,7 @@ import os
 import uuid
 import warnings
 from bisect import bisect_left
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -24,6 +24,7 @@ from granular.record.index import Contents, load, parts_folder, unfinished
 from granular.record.layout import (
     FIELD_DTYPES,
     MAX_COLUMNS,
+    OTHERS,
     RecordError,
     check_type,
     chunk_rows,
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
 Given = Mapping[str, np.ndarray | Columns]
 
 
-def _check_fields(fields: Given) -> None:
+def _check_fields(fields: Given, needed: Sequence[str]) -> None:
     """Refuse fields that are not those of points, or cannot be stored without loss."""
     for name, array in fields.items():
         if not name.isidentifier() or not name.isascii():
@@ -52,7 +53,7 @@ def _check_fields(fields: Given) -> None:
             raise ValueError(
                 f"field {name} has shape {array.shape}, must be (n,) or (n, 1..{MAX_COLUMNS})"
             )
-    for name in ("x", "mass"):
+    for name in needed:
         if name not in fields:
             raise ValueError(f"fields = {sorted(fields)} must have {name}")
     x = fields["x"]
@@ -63,6 +64,10 @@ def _check_fields(fields: Given) -> None:
             raise ValueError(f"field {name} has {array.shape[0]} rows, x has {x.shape[0]}")
 
 
+PATCHES = 1024
+"""Rows per chunk of patches, of which there are few in the first frames."""
+
+
 def _spec(fields: Mapping[str, Field]) -> dict[str, tuple[str, int]]:
     """Types and columns of fields."""
     return {name: (field.dtype, field.columns) for name, field in fields.items()}
@@ -71,8 +76,8 @@ def _spec(fields: Mapping[str, Field]) -> dict[str, tuple[str, int]]:
 def _with_digest(frame: Frame) -> Frame:
     """Return a frame that is not stored yet with its digest, for which all columns are made."""
     assert isinstance(frame.source, New)
-    gas = frame.gas and _with_digest(frame.gas)
-    return replace(frame, digest=frame.digest_of(checksums_of(frame.source.given)), gas=gas)
+    others = {name: _with_digest(other) for name, other in frame.others.items()}
+    return replace(frame, digest=frame.digest_of(checksums_of(frame.source.given)), others=others)
 
 
 @dataclass
@@ -81,22 +86,27 @@ class _Layout:
 
     spec: dict[str, tuple[str, int]] | None = None
     chunk: int | None = None
+    needed: tuple[str, ...] = ("x", "mass")
     packer: Packer = field(default_factory=Packer)
 
     @classmethod
-    def of(cls, frame: Frame | None) -> Self:
-        """Return the layout of a stored frame, or one that the first frame will determine."""
-        if frame is None:
-            return cls()
+    def of(cls, frame: Frame | None, name: str = "") -> Self:
+        """Return the layout of a stored frame, or one that the first frame will determine.
+
+        Patches have no mass.
+        """
+        needed = ("x",) if name == "patches" else ("x", "mass")
+        if frame is None:  # patches are few at first
+            return cls(needed=needed, chunk=PATCHES if name == "patches" else None)
         with frame.source.fields() as stored:
-            return cls(_spec(stored), stored["x"].chunk)
+            return cls(_spec(stored), stored["x"].chunk, needed)
 
     def frame(self, path: Path, state: "State | Streamed", given: Given, single: bool) -> Frame:
         """Return a frame of these fields, which is not stored yet and has no digest.
 
         ValueError if they are not those of the frames before.
         """
-        _check_fields(given)
+        _check_fields(given, self.needed)
         n = given["x"].shape[0]
         chunk = self.chunk or chunk_rows(n)
         # Positions stay double: those of points in cells far from the origin need it.
@@ -111,7 +121,7 @@ class _Layout:
             time=float(state.time),
             step=int(state.step),
             dt=float(state.dt),
-            mass=new["mass"].total(),
+            mass=new["mass"].total() if "mass" in new else 0.0,
             n=n,
             digest=b"",
             row=0,
@@ -273,9 +283,9 @@ class TrajectoryWriter(Resource):
         if contents and contents.has_checkpoint:
             checkpoint = contents.checkpoint()
         with reading(self.path):
-            gases = (frame.gas for frame in reversed(frames) if frame.gas)
             self._layout = _Layout.of(frames[-1] if frames else None)
-            self._gas_layout = _Layout.of(next(gases, None))
+            last = {name: other for frame in frames for name, other in frame.others.items()}
+            self._layouts = {name: _Layout.of(last.get(name), name) for name in OTHERS}
         before, head = self._growing, Head(texts, uuid.uuid4().hex, identity(self.path))
         self._growing = Growing(self.path, self._folder, head, frames, checkpoint)
         self._texts, self._replaces, self._frames = texts, head.replaces, self._growing.frames
@@ -321,7 +331,7 @@ class TrajectoryWriter(Resource):
         self,
         state: "State | Streamed",
         *,
-        gas: Mapping[str, np.ndarray] | None = None,
+        others: Mapping[str, Mapping[str, np.ndarray]] | None = None,
         samples: Mapping[str, float] | None = None,
         bodies: np.ndarray | None = None,
         walls: np.ndarray | None = None,
@@ -334,8 +344,9 @@ class TrajectoryWriter(Resource):
         Parameters
         ----------
         state : State or Streamed
-        gas : mapping, optional
-            Fields of the gas particles.
+        others : mapping of str to mapping, optional
+            Fields of other sets of points, by the names of `granular.record.layout.OTHERS`. The
+            patches are stored in double precision.
         samples : mapping, optional
             Values of the monitor.
         bodies, walls : ndarray, optional
@@ -359,8 +370,11 @@ class TrajectoryWriter(Resource):
         """
         growing = self._grown()
         frame = self._layout.frame(self.path, state, state.fields, single)
-        if gas is not None:
-            frame = replace(frame, gas=self._gas_layout.frame(self.path, state, gas, single))
+        more = {
+            name: self._layouts[name].frame(self.path, state, fields, single and name != "patches")
+            for name, fields in (others or {}).items()
+        }
+        frame = replace(frame, others=more)
         values = dict(samples or {})
         for prefix, rows in ((BODY, bodies), (WALL, walls)):
             if rows is not None:
@@ -378,14 +392,14 @@ class TrajectoryWriter(Resource):
             raise ValueError(f"step = {frame.step} must exceed the last recorded step {last}")
         if known:  # from here on the record is another one
             with self._stored() as contents:
-                layouts = self._layout, self._gas_layout
+                layouts = self._layout, self._layouts
                 self._begin(self._texts, contents, contents.frames[:index])
-                self._layout, self._gas_layout = layouts
+                self._layout, self._layouts = layouts
             growing = self._grown()
         growing.append(frame)
-        for layout, part in ((self._layout, frame), (self._gas_layout, frame.gas)):
-            if part:
-                layout.fix(part)
+        self._layout.fix(frame)
+        for name, other in more.items():
+            self._layouts[name].fix(other)
         self._cursor = index + 1
         return index
 
@@ -463,7 +477,7 @@ def _sound(contents: Contents) -> list[Frame]:
     for i, frame in enumerate(frames):
         if frame.step > last:
             try:
-                for part in filter(None, (frame, frame.gas)):
+                for part in frame.each():
                     contents.read(part)
             except RecordError:
                 return frames[:i]

@@ -32,7 +32,7 @@ class Options:
     fields: Collection[str] | None
     precision: str | None
     checkpoint_minutes: float
-    wall_forces: bool
+    watched: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ def run_case(case: Case) -> Any:
 def _complete(case: Case, new: bool) -> None:
     """Run a case that is new, or the rest of one that was begun."""
     options = case.options
-    watch: dict[str, Any] = {"wall_forces": True} if options.wall_forces else {}
+    watch: dict[str, Any] = dict.fromkeys(options.watched, True)
     hooks = copy.deepcopy(options.hooks)  # an executor may run all cases in one process
     minutes = options.checkpoint_minutes
     sim: Simulation

@@ -94,6 +94,10 @@ class Method(Resource):
         """Return the impulses on the walls for a frame; none for a method that has none."""
         return None
 
+    def _patches(self) -> dict[str, NDArray] | None:
+        """Return the patches of walls and bodies for a frame; None if they are not asked for."""
+        return None
+
     def _extra_state(self) -> dict[str, Any]:
         """Return the attributes of a state of the method besides the fields of its points."""
         return {}

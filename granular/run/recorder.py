@@ -62,6 +62,7 @@ class Recordable(Run, Protocol):
     def state(self) -> State: ...
     def _body_rows(self) -> NDArray | None: ...
     def _wall_rows(self) -> NDArray | None: ...
+    def _patches(self) -> dict[str, NDArray] | None: ...
     def _snapshot(self, recorded: bool = False) -> State: ...
     def _streamed(self) -> State | Streamed: ...
     def _values(self) -> dict[str, float]: ...
@@ -184,7 +185,7 @@ class Recorder:
             frame = self._stored_frame()
             index = writer.append(
                 frame,
-                gas=frame.gas.fields if options.gas and hasattr(frame, "gas") else None,
+                others=self._others(frame),
                 samples=known(sim._values()) if options.monitor else None,
                 bodies=sim._body_rows(),
                 walls=sim._wall_rows(),
@@ -196,6 +197,13 @@ class Recorder:
         with signals.released():
             answers = [sim._turns.call(hook, sim) for hook in hooks]
         return any(isinstance(answer, bool | np.bool_) and bool(answer) for answer in answers)
+
+    def _others(self, frame: State | Streamed) -> dict[str, dict[str, NDArray]]:
+        """Fields of the other sets of points: of the gas, or of patches of walls and bodies."""
+        gas = getattr(frame, "gas", None)
+        others = {"gas": dict(gas.fields)} if self._options.gas and gas is not None else {}
+        patches = self._sim._patches()
+        return others | ({"patches": patches} if patches is not None else {})
 
     def _stored_frame(self) -> State | Streamed:
         """Present state as it is stored; derived fields need all of it in memory."""

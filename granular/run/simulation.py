@@ -64,6 +64,9 @@ class Simulation(Present):
     wall_forces : bool
         For the material point method: add up the impulses on walls and blocks, see
         `granular.measure.wall_force`.
+    tractions : bool
+        For the material point method: add up the impulses on patches of walls and bodies, too, see
+        `granular.measure.wall_traction`.
 
     Raises
     ------
@@ -88,6 +91,7 @@ class Simulation(Present):
         isa: str | None = None,
         force: bool = False,
         wall_forces: bool = False,
+        tractions: bool = False,
     ) -> MpmSimulation: ...
     @overload
     def __new__(

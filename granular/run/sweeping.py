@@ -236,6 +236,7 @@ def sweep(
     precision: str | None = None,
     checkpoint_minutes: float = CHECKPOINT_MINUTES,
     wall_forces: bool = False,
+    tractions: bool = False,
     progress: bool = True,
     strict: bool = False,
 ) -> Sweep:
@@ -276,7 +277,7 @@ def sweep(
         resumed they begin anew.
     fields, precision, checkpoint_minutes
         As of `Simulation.run`, for the records of cases that are begun.
-    wall_forces : bool
+    wall_forces, tractions : bool
         As of `Simulation`; for scenes of the material point method.
     progress : bool
         Show a progress bar that counts cases.
@@ -321,7 +322,7 @@ def sweep(
         fields=fields,
         precision=precision,
         checkpoint_minutes=positive("checkpoint_minutes", checkpoint_minutes, allow_inf=True),
-        wall_forces=_wall_forces(wall_forces, scenes),
+        watched=_watched(scenes, wall_forces=wall_forces, tractions=tractions),
     )
     place, made = _folder(folder)
     jobs = [
@@ -412,16 +413,16 @@ def _check_sent(name: str, function: object, executor: object) -> None:
         raise TypeError(f"{name} = {function!r} must be in a module that the workers can import")
 
 
-def _wall_forces(wall_forces: object, scenes: Mapping[Hashable, AnyScene]) -> bool:
-    if truth("wall_forces", wall_forces):
-        for key, scene in scenes.items():
-            if not isinstance(scene, Scene):
-                raise ValueError(
-                    f"wall_forces = True must be False: cases[{key!r}] is not a scene of the "
-                    "material point method"
-                )
-        return True
-    return False
+def _watched(scenes: Mapping[Hashable, AnyScene], **options: object) -> tuple[str, ...]:
+    """Names of the options of `Simulation` that are set; only those of one method have them."""
+    names = tuple(name for name, value in options.items() if truth(name, value))
+    for key, scene in scenes.items():
+        if names and not isinstance(scene, Scene):
+            raise ValueError(
+                f"{names[0]} = True must be False: cases[{key!r}] is not a scene of the material "
+                "point method"
+            )
+    return names
 
 
 def _folder(folder: object) -> tuple[Path, bool]:

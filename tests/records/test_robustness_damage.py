@@ -134,11 +134,11 @@ def test_newer_versions_are_refused_with_a_message(tmp_path):
     make_record(path)
     with h5py.File(path, "r+") as file:
         file["granular"].attrs["format"] = layout.FORMAT + 1
-    with pytest.raises(RecordError, match=r"format version 4 is newer than 3.*update granular"):
+    with pytest.raises(RecordError, match=r"format version 5 is newer than 4.*update granular"):
         open_trajectory(path)
     with h5py.File(path, "r+") as file:
         file["granular"].attrs["format"] = layout.FORMAT - 1
-    with pytest.raises(RecordError, match=r"format version 2 must be 3"):
+    with pytest.raises(RecordError, match=r"format version 3 must be 4"):
         open_trajectory(path)
 
 

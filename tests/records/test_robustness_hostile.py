@@ -157,7 +157,7 @@ def test_frames_lie_in_their_file(tmp_path, name, value):
         own = file["granular"]
         texts = Texts(*(read_text(own, text) for text in ("record", "scene", "provenance")))
         digest = own["checkpoint"].attrs["digest"].tobytes()
-        seal = Points(path, file["VTKHDF"], own).table.seal(texts, digest, None)
+        seal = Points(path, file["VTKHDF"], own).table.seal(texts, digest, {})
         own.attrs["seal"] = as_attribute(seal)
     with open_trajectory(path) as record:
         assert all("do not fit" in said for said in record.damage()) and record.damage()

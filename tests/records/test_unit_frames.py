@@ -366,11 +366,11 @@ def test_a_frame_with_gas_supersedes_the_same_without(tmp_path):
     gas = {"x": np.random.default_rng(3).random((7, 2)), "mass": np.ones(7)}
     for _ in range(2):
         with TrajectoryWriter.resume(path) as writer:
-            writer.append(states[1], gas=gas)
+            writer.append(states[1], others={"gas": gas})
         with open_trajectory(path) as record:
             frames = record._contents.frames
-            assert len(frames) == 2 and record.has_gas and frames[0].gas is None
-            assert {k: a.tobytes() for k, a in frames[1].gas.read().items()} == {
+            assert len(frames) == 2 and record.has_gas and not frames[0].others
+            assert {k: a.tobytes() for k, a in frames[1].others["gas"].read().items()} == {
                 k: a.tobytes() for k, a in gas.items()
             }
             assert record.damage() == []
@@ -380,14 +380,20 @@ def test_wrong_gas_is_refused(tmp_path):
     states, x = [make_state(i, 20) for i in range(3)], np.zeros((7, 2))
     with TrajectoryWriter(tmp_path / "a.h5", SceneDouble()) as writer:
         with pytest.raises(ValueError, match="must have mass"):
-            writer.append(states[0], gas={"x": x})
-        writer.append(states[0], gas={"x": x, "mass": np.ones(7)})
+            writer.append(states[0], others={"gas": {"x": x}})
+        writer.append(states[0], others={"gas": {"x": x, "mass": np.ones(7)}})
         with pytest.raises(ValueError, match="must be those of frame 0"):
-            writer.append(states[1], gas={"x": x, "mass": np.ones(7), "rho": np.ones(7)})
+            writer.append(
+                states[1], others={"gas": {"x": x, "mass": np.ones(7), "rho": np.ones(7)}}
+            )
         writer.append(states[1])
-        writer.append(states[2], gas={"x": x[:3], "mass": np.ones(3)})
+        writer.append(states[2], others={"gas": {"x": x[:3], "mass": np.ones(3)}})
     with open_trajectory(tmp_path / "a.h5") as record:
-        assert [f.gas.n if f.gas else None for f in record._contents.frames] == [7, None, 3]
+        assert [f.others["gas"].n if f.others else None for f in record._contents.frames] == [
+            7,
+            None,
+            3,
+        ]
 
 
 def test_the_file_is_what_the_vtkhdf_specification_asks(tmp_path):

@@ -40,9 +40,8 @@ def content(path):
     with open_trajectory(path) as record:
         frames = [
             (f.step, f.time, {k: a.tobytes() for k, a in f.read().items()})
-            for with_gas in record._contents.frames
-            for f in (with_gas, with_gas.gas)
-            if f
+            for frame in record._contents.frames
+            for f in frame.each()
         ]
         checkpoint = record.checkpoint().step if record._contents.has_checkpoint else None
     return frames, checkpoint
@@ -92,7 +91,7 @@ def unfinished(path, gas=0):
     """An unfinished record whose frames hold this number of gas particles."""
     writer = TrajectoryWriter(path, SCENE)
     for i in range(2):
-        more = {"gas": make_state(i + 5, n=gas - i).fields} if gas else {}
-        writer.append(make_state(i, n=12), **more)
+        others = {"gas": make_state(i + 5, n=gas - i).fields} if gas else {}
+        writer.append(make_state(i, n=12), others=others)
     writer.checkpoint(make_checkpoint(1))
     return writer

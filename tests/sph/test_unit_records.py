@@ -175,7 +175,7 @@ def test_damaged_gas_is_found(tmp_path):
 def test_foreign_gas_is_refused(tmp_path):
     simulation = gr.Simulation(blown())
     with TrajectoryWriter(tmp_path / "a.h5", simulation.scene) as writer:
-        writer.append(simulation.state, gas={"x": np.zeros((3, 2)), "mass": np.ones(3)})
+        writer.append(simulation.state, others={"gas": {"x": np.zeros((3, 2)), "mass": np.ones(3)}})
     with gr.open(tmp_path / "a.h5") as record, pytest.raises(RecordError, match="missing"):
         _ = record[0]
 

@@ -231,6 +231,30 @@ def test_the_core_refuses_bad_owners():
         fresh.restore_walls(np.full((3, 6), np.nan))
     with pytest.raises((TypeError, ValueError)):
         fresh.restore_walls(np.zeros((2, 6)))
+    for call in (fresh.patches, lambda: fresh.restore_patches(np.zeros((0, 4)), np.zeros((0, 7)))):
+        with pytest.raises((TypeError, ValueError)):  # they are not watched
+            call()
+    with pytest.raises(ValueError):
+        build(scene, 1.0).watch_patches()  # without watch_walls
+    fresh.watch_patches()
+    with pytest.raises(ValueError, match="once"):
+        fresh.watch_patches()
+    places, numbers = np.array([[0, 1, -2, 0], [2, 5, 0, 0]]), np.ones((2, 7))
+    fresh.restore_patches(places, numbers)
+    assert [part.tolist() for part in fresh.patches()] == [places.tolist(), numbers.tolist()]
+    for bad in (
+        (places.astype(float), numbers),
+        (places[:, :3], numbers),
+        (places, numbers[:1]),
+        (places, numbers * np.nan),
+        (places + 99, numbers),
+        (places - 1, numbers),
+        (np.array([[0, 2**40, 0, 0]]), numbers[:1]),
+        (places,),
+    ):
+        with pytest.raises((TypeError, ValueError)):
+            fresh.restore_patches(*bad)
+    assert fresh.patches()[0].tolist() == places.tolist()
 
 
 @pytest.mark.parametrize(("dim", "axes"), [(2, (0,)), (3, (1,)), (3, (0, 1))])
