@@ -23,7 +23,7 @@ static int64_t place_of(const struct gr_patches *patches, int32_t solid, const i
     }
 }
 
-/* Make room for more patches. */
+/* Grow the list and its table. */
 static int grow(struct gr_patches *patches)
 {
     const int64_t capacity = patches->capacity ? 2 * patches->capacity : FIRST;

@@ -1,6 +1,6 @@
 /* Patches of walls and bodies, about a cell wide each, and the impulses of the material on them, on request.
  *
- * A patch of a wall or a block is one of its nodes. A patch of a body is a cell of a lattice that moves with the body: its
+ * A patch of a wall or a block is one of its nodes. A patch of a body is a cell of a grid that moves with the body: its
  * cells begin at multiples of dx from the position of the body, along the axes of the body. Patches are listed when they are
  * touched first, and never leave the list. */
 #pragma once

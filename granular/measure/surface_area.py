@@ -68,7 +68,7 @@ def _shares(nodes: Array, low: float, high: float) -> Array:
 
 
 def body_surface(scene: Scene, index: int) -> Surface:
-    """Cells of the lattice of a body that its surface crosses, each with the area in it.
+    """Cells of the grid of a body that its surface crosses, each with the area in it.
 
     The area is the volume in which the surface is smoothed, over the width, by samples. What lies
     at an end of the domain or on another body does not count for a body that does not move.
@@ -114,12 +114,12 @@ def _near_surface(grid: Grid, body: Body) -> Array:
         (np.arange(math.floor(a / cell), math.ceil(b / cell)) + 0.5) * cell
         for a, b in zip(low, high, strict=True)
     ]
-    found = []
+    near: list[Array] = []
     for first in axes[0]:  # a slice at a time: all cells of a large box would take much memory
         rest = np.meshgrid([first], *axes[1:], indexing="ij")
         x = np.stack([a.ravel() for a in rest], axis=1)
-        found.append(x[np.abs(body.shape.distance(x)[0]) < 0.5 * math.sqrt(dim) * cell])
-    return np.concatenate(found) if found else np.empty((0, dim))
+        near.append(x[np.abs(body.shape.distance(x)[0]) < 0.5 * math.sqrt(dim) * cell])
+    return np.concatenate(near) if near else np.empty((0, dim))
 
 
 def _smoothed(body: Body, x: Array, half: float) -> Array:

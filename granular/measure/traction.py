@@ -166,7 +166,7 @@ def wall_traction(
     """Pressure and friction of the material along a wall, a block or a body.
 
     The core adds up the impulses on patches about a cell wide: the nodes of a wall or block, and
-    the cells of a lattice that moves with a body. A window average is a difference of impulses over
+    the cells of a grid that moves with a body. A window average is a difference of impulses over
     a difference of times, hence the exact mean over all steps in between, and the sum over all bins
     is the force on the whole. A bin has the patches whose middles are in it, and their area: bins
     should be at least two cells wide.
