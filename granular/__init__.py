@@ -30,7 +30,8 @@ from granular.model.regions import Cloud, Mask
 from granular.model.state import State
 from granular.model.surfaces import Heights, Layer
 from granular.mpm import bodies, scaling, schemes
-from granular.mpm.bodies import Body, Motion
+from granular.mpm.bodies import Body
+from granular.mpm.motion import Motion
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import (
     CellAveragedDensity,

@@ -16,6 +16,7 @@ import scipy
 
 from granular import _core
 from granular.model.grid import combined
+from granular.mpm.motion import Motion
 from granular.shapes.height_map import HeightMap
 from granular.shapes.inertia import MassProperties, inertia_of, mass_properties, principal
 from granular.shapes.measures import extents, largest_speed, reach, thicknesses
@@ -23,14 +24,11 @@ from granular.shapes.moments import has_no_inside
 from granular.shapes.shape import MOST_SHAPES, Shape, padded, rotation_of, turned
 from granular.tools.arrays import Array
 from granular.tools.checks import (
-    ascending,
     check_fields,
-    finite,
     in_range,
     non_negative,
     one_of,
     positive,
-    sequence,
     set_fields,
     truth,
     vector,
@@ -39,7 +37,7 @@ from granular.tools.checks import (
 if TYPE_CHECKING:
     from granular.model.grid import Grid
 
-__all__ = ["Body", "BodyLoad", "BodyState", "MassProperties", "Motion", "mass_properties"]
+__all__ = ["Body", "BodyLoad", "BodyState", "MassProperties", "mass_properties"]
 
 
 CONTACTS = _core.enumerations()["contact"]
@@ -67,66 +65,6 @@ def place_of(first: str, last: str) -> slice:
     """Place of the parts of a body's state from one to another one."""
     names, ends = [name for name, _ in STATE], np.cumsum([length for _, length in STATE]).tolist()
     return slice([0, *ends][names.index(first)], ends[names.index(last)])
-
-
-@dataclass(frozen=True, kw_only=True)
-class Motion:
-    """Velocity and angular velocity, linear between given times and constant before and after them.
-
-    Parameters
-    ----------
-    times : tuple of float, length k >= 1
-        Times [s], >= 0, ascending.
-    velocity : tuple of k tuples of float, length dim, optional
-        Velocity of the position of the body [m/s]; 0 by default.
-    angular_velocity : tuple of k floats, or of k tuples of 3 floats, optional
-        Angular velocity [rad/s], a number in 2D, a vector about fixed axes in 3D; 0 by default. One
-        of the two must be given.
-    {raises}.
-    """
-
-    times: tuple[float, ...] = (0.0,)
-    velocity: tuple[tuple[float, ...], ...] = None  # type: ignore[assignment]  # some once made
-    angular_velocity: tuple[float, ...] | tuple[tuple[float, ...], ...] | None = None
-
-    def __post_init__(self) -> None:
-        check_fields(self, sequence, "velocity", optional=True)
-        check_fields(self, sequence, "angular_velocity", optional=True)
-        check_fields(self, ascending, "times")
-        count = len(self.times)
-        if self.velocity is None:
-            if self.angular_velocity is None:
-                raise TypeError("velocity = None and angular_velocity = None: one must be given")
-            dim = 3 if any(np.ndim(w) for w in self.angular_velocity) else 2
-            set_fields(self, velocity=((0.0,) * dim,) * count)
-        if len(self.velocity) != count:
-            raise ValueError(f"velocity = {self.velocity} must be as many as times, {count}")
-        dim = len(vector("velocity[0]", self.velocity[0]))
-        velocity = tuple(vector(f"velocity[{i}]", v, dim) for i, v in enumerate(self.velocity))
-        given = self.angular_velocity
-        turning = (0.0 if dim == 2 else (0.0,) * 3,) * count if given is None else given
-        if len(turning) != count:
-            raise ValueError(f"angular_velocity = {turning} must be as many as times, {count}")
-        checked = tuple(
-            finite(f"angular_velocity[{i}]", w)
-            if dim == 2
-            else vector(f"angular_velocity[{i}]", w, 3)
-            for i, w in enumerate(turning)
-        )
-        set_fields(self, velocity=velocity, angular_velocity=checked)
-
-    @property
-    def dim(self) -> int:
-        """Dimension, 2 or 3."""
-        return len(self.velocity[0])
-
-    def rows(self) -> Array:
-        """Return time, velocity and angular velocity for the core, shape (k, 7)."""
-        out = np.zeros((len(self.times), 7))
-        out[:, 0] = self.times
-        out[:, 1 : 1 + self.dim] = self.velocity
-        out[:, 6 if self.dim == 2 else slice(4, 7)] = self.angular_velocity
-        return out
 
 
 @dataclass(frozen=True)

@@ -26,6 +26,7 @@ from granular.model.gravity import Gravity
 from granular.model.grid import Grid
 from granular.model.inflow import Inflow
 from granular.mpm import bodies as rigid
+from granular.mpm.motion import Motion
 from granular.mpm.scene import Scene
 from granular.mpm.scheme_numbers import Numbers
 from granular.mpm.schemes import DENSITIES, Fluidity, Scheme
@@ -102,7 +103,7 @@ _QUANTITIES: dict[type, dict[str, str]] = {
     SpongeLayer: {"above": "length", "damping": "rate"},
     Gravity: {"times": "time"},
     **{s: _SHAPE for s in vars(shapes).values() if isinstance(s, type) and is_dataclass(s)},
-    rigid.Motion: {"times": "time", "velocity": "velocity", "angular_velocity": "angular_velocity"},
+    Motion: {"times": "time", "velocity": "velocity", "angular_velocity": "angular_velocity"},
     rigid.Body: {"position": "length", "mass": "mass", "inertia": "inertia"},
     Scene: {"duration": "time"},
 }

@@ -23,6 +23,7 @@ from granular.mpm.axis_nodes import c0_lines, check_c0_lines
 from granular.mpm.bodies import Body
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.inflow import check_inflows
+from granular.mpm.motion import Motion
 from granular.mpm.schemes import DENSITIES, Fluidity, Scheme, suited_to
 from granular.mpm.walls import BOUNDARIES, SpongeLayer, WallOrBlock
 from granular.shapes.shape import shape_kinds
@@ -290,5 +291,5 @@ register(
     Gravity,
     Body,
     Inflow,
-    rigid.Motion,
+    Motion,
 )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 import contourpy
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from numpy.typing import NDArray
@@ -31,6 +32,8 @@ COARSE = 128
 """The same for the boxes of sections, to which a picture is fitted."""
 BLOCK = 16
 """Nodes along the side of a block; only blocks near a surface are sampled at every node."""
+MARK = 0.85
+"""Length of the mark of a body that turns, over the depth of its position in the solid."""
 MARGIN = 1.5
 """Factor on the distance at which a block counts as near, as sampled distances have errors."""
 
@@ -103,6 +106,19 @@ class Section:
             codes.append(code)
         return Path(np.concatenate(vertices), np.concatenate(codes))
 
+    def mark(self, pose: BodyState, shown: bool) -> Array:
+        """Line from the position of a body in a direction that turns with it, shape (2, 2).
+
+        Its columns are the ends; it has no length where the position is not in the solid, or the
+        section is not `shown`.
+        """
+        axes = [self._view.across, self._view.up]
+        place = np.asarray(pose.position)
+        depth = -distance_at(self._scene.grid, self._body, place[None], pose)[0]
+        length = MARK * depth if shown and 0.0 < depth < np.inf else 0.0
+        heading = np.asarray(pose.rotation)[axes, self._view.across]
+        return np.stack([place[axes], place[axes] + length * heading], axis=1)
+
     def boxes(self, pose: BodyState) -> Iterator[Extent]:
         """Boxes of the closed lines of the surface; those that leave the region have none."""
         generator: Any = contourpy.contour_generator(self.x, self.y, self.distances(pose))
@@ -115,7 +131,8 @@ class Section:
 class Bodies:
     """The sections of the bodies of a scene in an axes, which can show another state.
 
-    They are made anew only for bodies that have moved.
+    They are made anew only for bodies that have moved. A body that turns has a mark, a line from
+    its position, by which its turning is seen.
 
     Parameters
     ----------
@@ -144,6 +161,8 @@ class Bodies:
         filled = dict(STYLE, zorder=1.0 if view.projects else 2.5)
         self.artists: list[PathPatch] = []
         self._sections = []
+        self._mark_of = [_mark(ax) if _turns(body) else None for body in scene.bodies]
+        self.marks = [mark for mark in self._mark_of if mark is not None]
         for body in scene.bodies:
             self._sections.append(Section(cast("Scene", scene), body, view, extent, intervals))
             self.artists.append(PathPatch(Path(np.zeros((0, 2))), **cast(Any, filled)))
@@ -154,8 +173,24 @@ class Bodies:
         """Show the bodies in other poses."""
         for k, (pose, before) in enumerate(zip(poses, self._poses, strict=True)):
             if before is None or _has_moved(pose, before):
-                self.artists[k].set_path(self._sections[k].outline(pose))
+                outline = self._sections[k].outline(pose)
+                self.artists[k].set_path(outline)
+                mark = self._mark_of[k]
+                if mark is not None:
+                    shown = bool(np.size(outline.vertices))
+                    mark.set_data(*self._sections[k].mark(pose, shown))
                 self._poses[k] = pose
+
+
+def _mark(ax: Axes) -> Line2D:
+    """The mark of a body that turns, not placed yet."""
+    (line,) = ax.plot([], [], color=cast(str, STYLE["edgecolor"]), lw=1.2, zorder=2.6)
+    return line
+
+
+def _turns(body: Body) -> bool:
+    """True if a motion or forces turn a body."""
+    return body.inertia is not None or bool(np.any(body.motion.rows()[:, 4:]))
 
 
 def _has_moved(pose: BodyState, before: BodyState) -> bool:

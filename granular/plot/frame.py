@@ -169,7 +169,8 @@ class Drawing:
     def artists(self) -> list[Artist]:
         """All artists, in the order in which they cover each other."""
         walls = (artist for artist, _, _ in self._parts)
-        return sorted([*walls, self._material.artist, *self._bodies.artists], key=Artist.get_zorder)
+        bodies = [*self._bodies.artists, *self._bodies.marks]
+        return sorted([*walls, self._material.artist, *bodies], key=Artist.get_zorder)
 
     def update(self, state: State) -> None:
         """Show another state."""

@@ -7,8 +7,8 @@ from itertools import pairwise
 from typing import Any
 
 from granular.model.grid import Grid
-from granular.mpm.bodies import Motion
 from granular.mpm.body_limits import THIN, keeps_sides
+from granular.mpm.motion import Motion
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import Parts, block, smooth_sides, whole_cells

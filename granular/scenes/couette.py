@@ -9,7 +9,8 @@ from granular.materials import Material, couette_beads
 from granular.model.fill import Fill
 from granular.model.gravity import Gravity
 from granular.model.grid import Grid
-from granular.mpm.bodies import Body, Motion
+from granular.mpm.bodies import Body
+from granular.mpm.motion import Motion
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
 from granular.scenes._build import (

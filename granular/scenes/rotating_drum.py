@@ -11,7 +11,8 @@ from granular.materials import Material
 from granular.model.fill import Fill
 from granular.model.grid import Grid
 from granular.mpm import schemes
-from granular.mpm.bodies import Body, Motion
+from granular.mpm.bodies import Body
+from granular.mpm.motion import Motion
 from granular.mpm.schemes import Scheme
 from granular.scenes._build import MARGIN, Parts, cells_across, enough_cells, soft_beads
 from granular.scenes._registry import scene_function

@@ -7,7 +7,8 @@ from typing import Any
 
 from granular.materials import Material
 from granular.mpm import schemes
-from granular.mpm.bodies import Body, Motion
+from granular.mpm.bodies import Body
+from granular.mpm.motion import Motion
 from granular.mpm.schemes import Scheme
 from granular.scenes._build import Parts, soft_beads
 from granular.scenes._registry import scene_function

@@ -1,9 +1,10 @@
-"""A smooth wheel that rolls and slips over a bed under a load."""
+"""A wheel that rolls and slips over a bed under a load."""
 
 from __future__ import annotations
 
 from typing import Any
 
+from granular import shapes
 from granular.materials import Material
 from granular.mpm.bodies import Body
 from granular.mpm.schemes import Scheme
@@ -11,8 +12,10 @@ from granular.scenes._build import Parts, gravity_down, in_soft_soil
 from granular.scenes._registry import scene_function
 from granular.scenes._tools import bed, legs
 from granular.scenes.excavation import soft_grc_1
-from granular.shapes import Cylinder
 from granular.tools.checks import in_range, non_negative, positive
+
+MOST_SKID = -10.0
+"""Least slip: the wheel moves eleven times as fast as it rolls."""
 
 
 @scene_function("mpm")
@@ -22,6 +25,9 @@ def wheel(
     load: float = 164.0,
     diameter: float = 0.3,
     tread: float = 0.125,
+    grousers: int = 0,
+    grouser_height: float = 0.0,
+    grouser_thickness: float | None = None,
     omega: float = 0.13,
     friction: float = 0.4,
     length: float = 0.9,
@@ -57,11 +63,16 @@ def wheel(
     Parameters
     ----------
     slip : float
-        Slip, 0 <= slip < 1.
+        Slip, less than 1. A negative one is the skid of a wheel that is braked: it moves faster
+        than it rolls, at -1 twice as fast.
     load : float
         Weight of the wheel [N].
     diameter, tread : float
-        Diameter and width of the wheel [m].
+        Diameter, without grousers, and width of the wheel [m].
+    grousers : int
+        Number of bars across the tread, see `granular.shapes.wheel`.
+    grouser_height, grouser_thickness : float
+        Their height above the tread and their thickness [m].
     omega : float
         Angular velocity [rad/s].
     friction : float
@@ -74,16 +85,20 @@ def wheel(
         Time before the wheel turns, and time in which it takes up its velocity [s].
     {common}; also if the wheel would leave the bed.
     """
-    slip = in_range("slip", slip, 0.0, 1.0, open_high=True)
+    slip = in_range("slip", slip, MOST_SKID, 1.0, open_high=True)
     load, gravity = positive("load", load), positive("gravity", gravity)
     radius, omega = positive("diameter", diameter) / 2, positive("omega", omega)
+    thickness = grouser_thickness
+    if thickness is not None:
+        thickness = positive("grouser_thickness", thickness)
     settle, duration = non_negative("settle", settle), positive("duration", duration)
     speed = (1.0 - slip) * omega * radius
     rolling = max(duration - settle, 2 * positive("ramp", ramp))
     begin, end = positive("start", start), start + speed * rolling
-    if begin < radius or end > positive("length", length) - radius:
+    reach = radius + non_negative("grouser_height", grouser_height)
+    if begin < reach or end > positive("length", length) - reach:
         raise ValueError(
-            f"start = {start} must keep the wheel, of radius {radius:.6g}, in the bed of "
+            f"start = {start} must keep the wheel, of radius {reach:.6g}, in the bed of "
             f"length = {length}: it goes to {end:.6g}"
         )
     if positive("tread", tread) > positive("width", width):
@@ -92,8 +107,14 @@ def wheel(
         ((settle, (0.0, 0.0, 0.0), 0.0), (rolling, (speed, 0.0, 0.0), omega)),
         positive("ramp", ramp),
     )
-    # The cylinder is twice as long as the tread: the window at y = 0 cuts it in its middle.
-    shape = Cylinder(radius, center=(0.0, 0.0, 0.0), axis=(0.0, 1.0, 0.0), length=2 * tread)
+    # The wheel is twice as wide as the tread: the window at y = 0 cuts it in its middle.
+    shape = shapes.wheel(
+        radius,
+        2 * tread,
+        grousers=grousers,
+        height=grouser_height,
+        thickness=thickness,
+    )
     return Parts(
         **bed(
             (("length", length), ("width", width)),
@@ -107,7 +128,7 @@ def wheel(
         bodies=(
             Body(
                 shape,
-                (begin, 0.0, radius),
+                (begin, 0.0, reach),
                 motion=motion,
                 friction=friction,
                 free="z",

@@ -24,3 +24,4 @@ from granular.shapes.sections import Polygon as Polygon
 from granular.shapes.sections import Prism as Prism
 from granular.shapes.sections import Revolve as Revolve
 from granular.shapes.shape import Shape as Shape
+from granular.shapes.wheels import wheel as wheel

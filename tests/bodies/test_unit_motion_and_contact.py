@@ -359,7 +359,7 @@ BOX = Box(size=(1.0, 1.0))
         (lambda: Union(()), r"parts = \(\)"),
         (lambda: Union((BOX, Box(size=(1.0,) * 3))), r"parts\[1\]"),
         (lambda: Motion(times=(1.0, 1.0), velocity=((0, 0), (0, 0))), "ascend"),
-        (lambda: Motion(velocity=((0, 0), (0, 0))), "as many as times"),
+        (lambda: Motion(velocity=((0, 0), (0, 0))), "must be one value for each of the times, 1"),
         (lambda: Motion(velocity=((0, math.nan),)), "velocity"),
         (lambda: Motion(), "one must be given"),
         (lambda: Motion(velocity=((0, 0, 0),), angular_velocity=(1.0,)), r"angular_velocity\[0\]"),

@@ -250,9 +250,7 @@ def test_coulomb_wall_under_a_layer_that_a_body_pushes():
     """A body pushes a thin layer along a wall: the wall resists with mu times its whole weight."""
     speed, friction, long, end = 0.2, 0.3, 0.12, 0.4
     material = gr.Elastic(E=1e6, nu=0.0, rho_c=RHO)
-    pusher = Body(
-        Box(size=(0.1, 0.2)), (-0.05, 0.1), motion=gr.bodies.Motion(velocity=((speed, 0.0),))
-    )
+    pusher = Body(Box(size=(0.1, 0.2)), (-0.05, 0.1), motion=gr.Motion(velocity=((speed, 0.0),)))
     scene = scene_with(
         grid=gr.Grid((-0.1, 0.0), CELL, (50, 8)),
         fills=(gr.Fill(gr.Box((0.0, 0.0), (long, 2 * CELL)), 4, velocity=(speed, 0.0)),),
@@ -288,7 +286,7 @@ def cell_averaged_box(turned_deg, offset, speed, until):
     x = base + a[:, None] * t + b[:, None] * n
     ends = np.concatenate([x, x + until * way])
     low, high = np.floor(ends.min(axis=0) / CELL) - 4, np.ceil(ends.max(axis=0) / CELL) + 4
-    motion = gr.bodies.Motion(velocity=(tuple(way),))
+    motion = gr.Motion(velocity=(tuple(way),))
     faces = ((n, base, 0.5), (t, base, 0.0), (-t, base + 24 * h * t, 0.0))
     cloud = gr.Cloud(x, np.full(len(x), h**2), density=density)
     scene = scene_with(
@@ -348,7 +346,7 @@ def test_bed_that_moves_with_its_base(contact, speed):
         bodies=(
             Body(
                 HalfSpace((0.0, 1.0)), (0.0, low), contact=contact,
-                motion=gr.bodies.Motion(velocity=((speed, 0.0),)),
+                motion=gr.Motion(velocity=((speed, 0.0),)),
             ),
         ),
     )  # fmt: skip
@@ -373,7 +371,7 @@ def test_momentum_of_a_body_on_a_thin_layer_over_a_wall(kind):
         bodies=(
             Body(
                 Box(size=(0.08, 0.03)), (0.1, 0.0205), friction=0.3, free="xy", mass=3.0,
-                motion=gr.bodies.Motion(velocity=((0.5, 0.0),)),
+                motion=gr.Motion(velocity=((0.5, 0.0),)),
             ),
         ),
     )  # fmt: skip

@@ -155,7 +155,7 @@ def test_the_verdict_is_that_of_the_scene(scene, tmp_path, capsys):
 def test_work_of_bodies_is_in_the_account(scene, free):
     """A disc pressed into the layer does ten times the work of gravity: no energy is created."""
     disc = gr.shapes.Cylinder(0.1, center=(0.0, 0.0))
-    motion = gr.bodies.Motion(velocity=((0.0, -1.0),))
+    motion = gr.Motion(velocity=((0.0, -1.0),))
     x, y = scene.grid.lower[0] + 0.2, scene.grid.lower[1] + 0.45
     body = gr.bodies.Body(disc, (x, y), motion=motion, free=free, mass=1e3 if free else None)
     sim = gr.Simulation(scene.replace(bodies=(body,)))

@@ -16,7 +16,14 @@ NOT_ABOVE_ZERO = {
     *("hopper.ramp", "rotating_drum.width", "cohesive_cliff.ramp"),
     *("conveyor.speed", "conveyor.width", "gate_friction", "obstacle_friction"),
     *("belt_speed", "sphere_drop.drop", "settling_bed.drop", "tumbling_block.restitution"),
-    *("obstacle.speed", "obstacle.gap", "obstacle.width", "flexible_barrier.speed", "plate_nu"),
+    *(
+        "obstacle.speed",
+        "obstacle.gap",
+        "obstacle.width",
+        "flexible_barrier.speed",
+        "plate_nu",
+        "grouser_height",
+    ),
 }
 """Numbers that may be 0 or less in all scenes, or in one."""
 CASES = [
@@ -156,8 +163,9 @@ def test_arguments_of_all_scenes(name, arguments, error, message):
         ("excavation", {"blade": (0.01, 0.8, 0.4)}, ValueError, r"blade\[1\] = 0.8 must be <="),
         ("excavation", {"rake_deg": 61.0}, ValueError, "rake_deg = 61.0"),
         ("excavation", {"half": 1}, TypeError, "half = 1 must be True or False"),
-        ("wheel", {"slip": 1.0}, ValueError, r"slip = 1.0 must be in \[0.0, 1.0\)"),
-        ("wheel", {"slip": -0.1}, ValueError, "slip = -0.1"),
+        ("wheel", {"slip": 1.0}, ValueError, r"slip = 1.0 must be in \[-10.0, 1.0\)"),
+        ("wheel", {"slip": -10.5}, ValueError, "slip = -10.5"),
+        ("wheel", {"grousers": 3}, ValueError, "height = 0.0 must be > 0 with grousers"),
         ("wheel", {"start": 0.1}, ValueError, "start = 0.1 must keep the wheel"),
         ("wheel", {"duration": 50.0}, ValueError, "it goes to"),
         ("wheel", {"tread": 0.2}, ValueError, "tread = 0.2 must be <= width"),

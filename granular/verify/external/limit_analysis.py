@@ -24,7 +24,8 @@ from granular.materials import DruckerPrager
 from granular.model.fill import Fill
 from granular.model.gravity import Gravity
 from granular.model.grid import Grid
-from granular.mpm.bodies import Body, Motion
+from granular.mpm.bodies import Body
+from granular.mpm.motion import Motion
 from granular.mpm.scene import Scene
 from granular.mpm.walls import Wall
 from granular.run.simulation import Simulation
