@@ -1,14 +1,15 @@
-"""Pictures of the guides on loads and on soil: pressure on walls."""
+"""Pictures of the guides on loads and on soil: pressure on walls, tools."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
 import granular as gr
-from figures.common import BLUE, GREY, ORANGE, panels, tell
+from figures.common import BLUE, GREY, ORANGE, WEIGHT, panels, tell
 from granular.plot import Picture
 
 
@@ -78,3 +79,86 @@ def _along_bin(
     axes[1].axvline(0.3, color=GREY, ls="--", label="friction of the wall")
     axes[1].set(title="bin", xlabel="mobilised friction", xlim=(0.0, 0.35))
     axes[1].legend(loc="lower left")
+
+
+RADIUS, OMEGA, LOAD = 0.1, 2.0, 300.0
+"""Radius [m], angular velocity [rad/s] and load [N/m] of the wheel."""
+
+
+def bed(cell: float, body: gr.Body, duration: float) -> gr.Scene:
+    """Soil 0.16 m deep with a tool."""
+    return gr.Scene(
+        name="soil",
+        grid=gr.Grid((0.0, 0.0), cell, (round(0.8 / cell), round(0.44 / cell)), open_sides={"y+"}),
+        fills=[gr.Fill(gr.Box((0.0, 0.0), (0.8, 0.16)), 4, lithostatic=True)],
+        material=gr.MuI(E=1e6, mu_s=0.6, mu_2=0.8),
+        walls=[
+            gr.Wall(axis=1, at=0.0),
+            gr.Wall(axis=0, at=0.0, kind="free_slip"),
+            gr.Wall(axis=0, at=0.8, kind="free_slip"),
+        ],
+        bodies=[body],
+        gravity=WEIGHT,
+        duration=duration,
+    )
+
+
+def wheel_on_soil(slip: float, grousers: int, cell: float) -> gr.Scene:
+    """The wheel of the guide, which settles for 0.3 s before it rolls."""
+    height = 0.02 if grousers else 0.0
+    motion = gr.Motion(
+        times=(0.0, 0.3, 0.4),
+        velocity=((0.0, 0.0), (0.0, 0.0), ((1.0 - slip) * OMEGA * RADIUS, 0.0)),
+        angular_velocity=(0.0, 0.0, -OMEGA),
+    )
+    shape = gr.shapes.wheel(RADIUS, grousers=grousers, height=height, thickness=3 * cell)
+    place = (0.2, 0.16 + RADIUS + height)
+    wheel = gr.Body(shape, place, motion=motion, friction=0.5, free="y", mass=LOAD / 9.8)
+    return bed(cell, wheel, 1.5)
+
+
+def tools_in_soil(quick: bool) -> Picture:
+    """A wheel with grousers, its drawbar pull against slip, and a bucket that digs."""
+    cell = 0.02 if quick else 0.01
+    made = Picture(figsize=(9.0, 5.6), layout="compressed")
+    axes = made.subplot_mosaic([["wheel", "bucket"], ["pull", "pull"]])
+    for grousers, color, label in ((0, BLUE, "smooth"), (8, ORANGE, "with grousers")):
+        rows = []
+        for slip in (-0.4, 0.0, 0.15, 0.3, 0.5, 0.7):
+            with TemporaryDirectory() as folder:
+                path = Path(folder, "a.h5")
+                sim = gr.Simulation(wheel_on_soil(slip, grousers, cell)).run(save=path, every=0.02)
+                history = gr.measure.soil_tools.wheel_history(gr.open(path))
+            pull = history.drawbar_pull[history.times > 0.7] / LOAD
+            rows.append((slip, pull.mean(), pull.std()))
+            if grousers and slip == 0.3:
+                extent = ((0.0, 0.8), (0.0, 0.44))
+                gr.plot.frame(
+                    tell(sim).state, "speed", ax=axes["wheel"], extent=extent, title="wheel"
+                )
+        slips, means, scatter = np.transpose(rows)
+        axes["pull"].errorbar(slips, means, yerr=scatter, fmt="o-", color=color, ms=4, label=label)
+    axes["pull"].axhline(0.0, color=GREY, lw=0.8)
+    axes["pull"].set(xlabel="slip", ylabel="drawbar pull over load")
+    axes["pull"].legend(loc="lower right")
+    _bucket(axes["bucket"], cell)
+    return made
+
+
+def _bucket(ax: Any, cell: float) -> None:
+    """The bucket of the guide at its end, and the path of its position."""
+    times = (0.0, 0.4, 0.9, 1.3)
+    places = ((0.2, 0.34), (0.22, 0.24), (0.4, 0.16), (0.45, 0.3))
+    path = gr.Motion.through(times, places, angles_deg=(0.0, 15.0, 60.0, 100.0))
+    side = gr.Polygon(((0.0, 0.12), (0.0, 0.0), (0.14, 0.0)), thickness=3 * cell)
+    bucket = gr.Body(side, places[0], rotation_deg=-60.0, motion=path, friction=0.5)
+    positions = []
+
+    def follow(sim: gr.Simulation) -> None:
+        positions.append(sim.bodies[0].position.copy())
+
+    sim = gr.Simulation(bed(cell, bucket, 1.3)).run(every=0.02, hooks=(follow,))
+    extent = ((0.0, 0.8), (0.0, 0.44))
+    gr.plot.frame(tell(sim).state, "speed", ax=ax, extent=extent, title="bucket")
+    ax.plot(*np.transpose(positions), color=ORANGE, ls="--", lw=1.2)
+    ax.plot(*np.transpose(places), "o", color=ORANGE, ms=3)

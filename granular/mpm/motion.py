@@ -224,8 +224,8 @@ def _of_times(name: str, value: Any, count: int, *, lengths: tuple[int, ...]) ->
     if is_vector and count == 1:
         return (values,)
     if len(values) != count or (flat and name == "velocity"):
-        shown = f"({values}, ...)" if is_vector else "one vector or number each"
-        raise ValueError(f"{name} = {values} must be {wanted}, {count}: {shown}")
+        wanted_form = f"({values}, ...)" if is_vector else "one vector or number each"
+        raise ValueError(f"{name} = {values} must be {wanted}, {count}: {wanted_form}")
     return values
 
 

@@ -177,8 +177,8 @@ class Bodies:
                 self.artists[k].set_path(outline)
                 mark = self._mark_of[k]
                 if mark is not None:
-                    shown = bool(np.size(outline.vertices))
-                    mark.set_data(*self._sections[k].mark(pose, shown))
+                    visible = bool(np.size(outline.vertices))
+                    mark.set_data(*self._sections[k].mark(pose, visible))
                 self._poses[k] = pose
 
 
