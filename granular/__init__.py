@@ -29,7 +29,7 @@ from granular.model.inflow import Inflow
 from granular.model.regions import Cloud, Mask
 from granular.model.state import State
 from granular.model.surfaces import Heights, Layer
-from granular.mpm import bodies, scaling, schemes
+from granular.mpm import bodies, scaling, schemes, stability
 from granular.mpm.bodies import Body
 from granular.mpm.motion import Motion
 from granular.mpm.scene import Scene
@@ -168,6 +168,7 @@ __all__ = [
     "shapes",
     "show_config",
     "sph",
+    "stability",
     "stop",
     "sweep",
     "theory",

@@ -1,4 +1,4 @@
-"""Pictures of the guides on loads and on soil: pressure on walls, tools."""
+"""Pictures of the guides on loads and on soil: walls, tools, slopes, footings, erosion."""
 
 from __future__ import annotations
 
@@ -162,3 +162,110 @@ def _bucket(ax: Any, cell: float) -> None:
     gr.plot.frame(tell(sim).state, "speed", ax=ax, extent=extent, title="bucket")
     ax.plot(*np.transpose(positions), color=ORANGE, ls="--", lw=1.2)
     ax.plot(*np.transpose(places), "o", color=ORANGE, ms=3)
+
+
+def slope_stability(quick: bool) -> Picture:
+    """A slope of weakened soil that slides, and the displacement against the factor."""
+    scene = gr.scenes.slope(cell=0.5 if quick else 0.125)
+    made = Picture(figsize=(9.0, 3.4), layout="compressed")
+    left, right = made.subplots(1, 2, width_ratios=(1.6, 1.0))
+    factor = 1.5
+    weak = scene.replace(material=gr.stability.reduced(scene.material, factor))
+    sim = gr.Simulation(weak).run(until=1.0)
+    start = sim.state
+    state = tell(sim.run()).state
+    moved = np.hypot(*gr.measure.displacement(state, start).T)
+    title = f"strength divided by {factor:g}"
+    gr.plot.frame(state, moved, ax=left, title=title, label="displacement [m]")
+    for cell, color in ((0.5, GREY), (0.25, BLUE), (0.125, ORANGE))[: 2 if quick else 3]:
+        safety = gr.stability.factor_of_safety(
+            gr.scenes.slope(cell=cell), tolerance=0.01, start=1.2, moved=0.05
+        )
+        moves = np.maximum(safety.displacements, 1e-4)
+        right.plot(safety.factors, moves, "o-", color=color, ms=4, label=f"cells of {cell:g} m")
+    right.axvspan(1.38, 1.40, color=GREY, alpha=0.4, lw=0, label="charts, finite elements")
+    right.axhline(0.05, color=GREY, lw=0.8, ls=":")
+    right.set(xlabel="factor", ylabel="displacement [m]", yscale="log", ylim=(3e-4, 2.0))
+    right.legend(fontsize=8, loc="upper left")
+    return made
+
+
+def _pushed(scene: gr.Scene, axis: int, window: int) -> tuple[np.ndarray, np.ndarray]:
+    """Displacement of body 0 along an axis and the force on it."""
+    with TemporaryDirectory() as folder:
+        path = Path(folder, "a.h5")
+        gr.Simulation(scene).run(save=path, every=0.01)
+        record = gr.open(path)
+        force, motion = gr.measure.body_force(record, window=window), gr.measure.body_motion(record)
+    moved = np.interp(force.times, motion.times, motion.position[:, axis])
+    return np.abs(moved), np.abs(force.force[:, axis])
+
+
+def walls_and_footings(quick: bool) -> Picture:
+    """Coefficients of earth pressure over the displacement, and pressures on footings."""
+    made, ((left, right),) = panels(1, 2, 3.4)
+    cell = 0.125 if quick else 0.0625
+    for speed, color, label in ((0.02, ORANGE, "passive"), (-0.02, BLUE, "active")):
+        scene = gr.scenes.retaining_wall(speed=speed, cell=cell)
+        moved, force = _pushed(scene, 0, 5)
+        left.plot(100 * moved, force / (0.5 * 1600.0 * 9.8), color=color, label=label)
+    known = gr.theory.earth_pressure(0.5)
+    for K in (known.passive_coaxial, known.active_coaxial):
+        left.axhline(K, color=GREY, ls="--", label="Rankine" if K > 1 else None)
+    left.set(xlabel="displacement [% of the height]", ylabel="K", yscale="log", ylim=(0.2, 5.0))
+    ticks = (0.33, 0.5, 1, 2, 3, 5)
+    left.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+    left.minorticks_off()
+    left.legend()
+    clay = {"mu": 0.02, "cohesion": 2e4, "tensile_strength": 2e4, "E": 1e8}
+    angle = np.sin(np.radians(20.0))
+    for numbers, unit, exact, color, label in (
+        (clay, 2e4, 5.14, BLUE, "N_c, hardly any friction"),
+        ({"mu": angle}, 0.5 * 1600.0 * 9.8, 2.84, ORANGE, "N_gamma, 20 degrees"),
+    ):
+        scene = gr.scenes.footing(
+            length=2.5, soil=1.5, cell=cell, speed=0.01, settlement=0.02, **numbers
+        )
+        moved, force = _pushed(scene, 1, 10)
+        right.plot(100 * moved, force / unit, color=color, label=label)
+        right.axhline(exact, color=color, ls="--")
+    right.set(xlabel="settlement [% of the width]", ylabel="pressure over its unit", ylim=(0, 6.5))
+    right.legend(loc="lower right")
+    return made
+
+
+def erodible_bed(quick: bool) -> Picture:
+    """A column before and after its collapse on a bed of the same grains."""
+    cell = 0.02 if quick else 0.01
+    regions = (gr.Box((0.0, 0.0), (1.2, 0.08)), gr.Box((0.0, 0.08), (0.2, 0.48)))
+    scene = gr.Scene(
+        name="erodible_bed",
+        grid=gr.Grid((0.0, 0.0), cell, (round(1.2 / cell), round(0.56 / cell))),
+        fills=[gr.Fill(region, 4, lithostatic=True) for region in regions],
+        material=gr.MuI(E=1e6, mu_s=0.38, mu_2=0.64),
+        walls=[
+            gr.Wall(axis=1, at=0.0),
+            gr.Wall(axis=0, at=0.0, kind="free_slip"),
+            gr.Wall(axis=0, at=1.2, kind="free_slip"),
+        ],
+        gravity=WEIGHT,
+        duration=2.0,
+    )
+    made, axes = panels(3, 1, 6.6, sharex=True)
+    sim = gr.Simulation(scene)
+    start = sim.state
+    of_bed = start.id[start.x[:, 1] < 0.08]
+    extent = ((0.0, 1.2), (0.0, 0.5))
+    for ax, until in zip(axes[:2, 0], (0.25, 2.0), strict=True):
+        state = sim.run(until=until).state
+        part = np.isin(state.id, of_bed).astype(float)
+        gr.plot.frame(
+            state, part, ax=ax, extent=extent, title=f"t = {until:g} s",
+            label="grains of the bed", limits=(0.0, 1.0),
+        )  # fmt: skip
+    moved = np.hypot(*gr.measure.displacement(tell(sim).state, start).T)
+    gr.plot.frame(
+        sim.state, moved, ax=axes[2, 0], extent=extent, title="displacement",
+        label="displacement [m]", limits=(0.0, 0.5),
+    )  # fmt: skip
+    return made

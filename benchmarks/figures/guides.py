@@ -18,7 +18,13 @@ from scipy.optimize import brentq
 
 import granular as gr
 from figures.common import BLUE, GREEN, GREY, ORANGE, RED, WEIGHT, draw_pages, panels, tell
-from figures.engineering import tools_in_soil, wall_pressure
+from figures.engineering import (
+    erodible_bed,
+    slope_stability,
+    tools_in_soil,
+    wall_pressure,
+    walls_and_footings,
+)
 from figures.from_files import dem_runs, meshes
 from granular.plot import Picture
 
@@ -484,7 +490,7 @@ PAGES: dict[str, Callable[[bool], Figure]] = {
             restart,
         ),
         *(calibrate_friction, sweep, paraview, extrapolate_to_fine_cells, dem_runs, meshes),
-        *(wall_pressure, tools_in_soil),
+        *(wall_pressure, tools_in_soil, slope_stability, walls_and_footings, erodible_bed),
     )
 }
 

@@ -13,10 +13,10 @@
 #include "mpm/inflow.h"
 #include "mpm/numbers.h"
 #include "mpm/open_volume.h"
+#include "mpm/patches.h"
 #include "mpm/sleep.h"
 #include "mpm/solid_cells.h"
 #include "mpm/thin_bodies.h"
-#include "mpm/wall_impulse.h"
 
 /* Bound of a number without one that kernels in single precision look up: its products with others are finite. */
 #define LARGEST_IN_SINGLE 1e30
@@ -159,6 +159,7 @@ void gr_engine_free(struct gr_engine *e)
     if (!e) return;
     for (int d = 0; d < 3; d++) gr_axis_free(&e->axis[d]);
     gr_fluidity_free(e->nonlocal.fluidity);
+    if (e->watch) gr_patches_free(e->watch->patches);
     gr_watch_free(e->watch);
     gr_inlets_free(e->inflow);
     gr_contact_points_free(e->bodies.contacts);

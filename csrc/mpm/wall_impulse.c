@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "mpm/patches.h"
 #include "mpm/pose.h"
 #include "mpm/walls.h"
 
@@ -74,7 +73,6 @@ void gr_watch_free(struct gr_wall_watch *watch)
     free(watch->node);
     free(watch->step);
     free(watch->total);
-    gr_patches_free(watch->patches);
     free(watch);
 }
 

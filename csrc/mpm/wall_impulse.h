@@ -30,7 +30,7 @@ struct gr_wall_watch {
     double *node;                /* n_nodes x dim, N s: the impulse in this step */
     double *step, *total;        /* n_walls x GR_WALL_NUMBERS: in this step; since the run began */
     struct gr_servo servo;       /* height 0: no wall keeps a pressure */
-    struct gr_patches *patches;  /* patches.h; NULL unless asked for */
+    struct gr_patches *patches;  /* patches.h; NULL unless asked for; freed by their own function */
 };
 
 /* Begin to add up the impulses; before the points are grouped. The arguments are copied; `code` is per combination of

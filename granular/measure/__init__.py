@@ -31,6 +31,7 @@ from granular.measure.discharge import MassHistory as MassHistory
 from granular.measure.discharge import beverloo as beverloo
 from granular.measure.discharge import discharge as discharge
 from granular.measure.discharge import mass_history as mass_history
+from granular.measure.displacement import displacement as displacement
 from granular.measure.drum import DrumFlow as DrumFlow
 from granular.measure.drum import drum_flow as drum_flow
 from granular.measure.effective_opening import EffectiveOpening as EffectiveOpening

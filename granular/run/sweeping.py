@@ -23,6 +23,7 @@ from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import closing, contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from functools import partial
+from inspect import signature
 from multiprocessing import get_context
 from numbers import Real
 from pathlib import Path
@@ -30,7 +31,6 @@ from typing import Any, Protocol
 
 from granular.measure.result import Result, Table
 from granular.model.typing import AnyScene
-from granular.mpm.scene import Scene
 from granular.record import RecordError, open_trajectory
 from granular.run.cases import (
     Case,
@@ -44,6 +44,7 @@ from granular.run.cases import (
 )
 from granular.run.recorder import Hook
 from granular.run.running import CHECKPOINT_MINUTES
+from granular.run.simulation import Simulation
 from granular.tools.checks import integer, positive, truth
 from granular.tools.extras import imported
 from granular.tools.progress import bar
@@ -417,11 +418,12 @@ def _watched(scenes: Mapping[Hashable, AnyScene], **options: object) -> tuple[st
     """Names of the options of `Simulation` that are set; only those of one method have them."""
     names = tuple(name for name, value in options.items() if truth(name, value))
     for key, scene in scenes.items():
-        if names and not isinstance(scene, Scene):
-            raise ValueError(
-                f"{names[0]} = True must be False: cases[{key!r}] is not a scene of the material "
-                "point method"
-            )
+        known = signature(Simulation._of(scene).__init__).parameters
+        for name in names:
+            if name not in known:
+                raise ValueError(
+                    f"{name} = True must be False: the method of cases[{key!r}] does not have it"
+                )
     return names
 
 

@@ -30,6 +30,7 @@ from granular.scenes.rotating_drum import rotating_drum
 from granular.scenes.settling_bed import settling_bed
 from granular.scenes.silo import clogging_silo, silo, silo_3d
 from granular.scenes.slug import slug
+from granular.scenes.soil_works import footing, retaining_wall, slope
 from granular.scenes.sph_collapse import column_collapse_sph, inclined_collapse
 from granular.scenes.sph_gas import fluidised_bed, jet_on_bed
 from granular.scenes.sph_incline import incline_sph
@@ -57,6 +58,7 @@ __all__ = [
     "excavator",
     "flexible_barrier",
     "fluidised_bed",
+    "footing",
     "hopper",
     "hourglass",
     "incline",
@@ -69,12 +71,14 @@ __all__ = [
     "penetration",
     "read_scene",
     "registry",
+    "retaining_wall",
     "rolling_wheel",
     "rotating_drum",
     "settling_bed",
     "silo",
     "silo_3d",
     "silo_fed",
+    "slope",
     "slug",
     "slump_sph",
     "sphere_drop",

@@ -13,7 +13,8 @@ NOT_ABOVE_ZERO = {
     *("angle_deg", "jitter", "A", "omega", "rake_deg", "friction"),
     *("settle", "slope_deg", "opens_at", "slip", "slug.headroom", "column_collapse.ramp"),
     *("cylinder_collapse.ramp", "hourglass.ramp", "incline.ramp", "silo.ramp", "chute_ngf.ramp"),
-    *("hopper.ramp", "rotating_drum.width", "cohesive_cliff.ramp"),
+    *("hopper.ramp", "rotating_drum.width", "cohesive_cliff.ramp", "slope.ramp", "slope.depth"),
+    *("base_friction", "retaining_wall.speed"),
     *("conveyor.speed", "conveyor.width", "gate_friction", "obstacle_friction"),
     *("belt_speed", "sphere_drop.drop", "settling_bed.drop", "tumbling_block.restitution"),
     *(

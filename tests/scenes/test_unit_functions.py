@@ -49,10 +49,12 @@ COARSE = {
 MPM = (
     *("chute_fed", "chute_ngf", "clogging_silo", "cohesive_cliff", "column_collapse", "conveyor"),
     *("conveyor_heap", "couette"),
-    *("cylinder_collapse", "excavation", "excavator", "flexible_barrier", "hopper", "hourglass"),
-    *("incline", "landslide", "obstacle", "penetration", "rolling_wheel", "rotating_drum"),
-    *("settling_bed", "silo", "silo_3d", "silo_fed", "slug", "sphere_drop", "tumbling_block"),
-    *("wheel",),
+    *("cylinder_collapse", "excavation", "excavator", "flexible_barrier", "footing", "hopper"),
+    "hourglass",
+    *("incline", "landslide", "obstacle", "penetration", "retaining_wall", "rolling_wheel"),
+    "rotating_drum",
+    *("settling_bed", "silo", "silo_3d", "silo_fed", "slope", "slug", "sphere_drop"),
+    *("tumbling_block", "wheel"),
 )
 FED = ("chute_fed", "conveyor_heap")
 """Scenes without a fill that could have jitter."""
@@ -84,6 +86,7 @@ DERIVED = {
     "chute_ngf": {"columns_across": 0},
     "column_collapse": {"cell": 0.0125, "lip": pytest.approx(142 * 0.0125), "half": True},
     "cylinder_collapse": {"lip": pytest.approx(24 * 0.025), "quarter": True},
+    "footing": {"half": True},
     "hopper": {"half": True},
     "hourglass": {"width": 1.0, "half": True},
     "rotating_drum": {"froude": pytest.approx(0.1 / 5.0)},
@@ -165,6 +168,7 @@ NONLOCAL = ("chute_ngf", "clogging_silo", "silo_3d", "couette", "excavation", "w
 SOFT = (
     *("conveyor", "flexible_barrier", "hopper", "landslide", "obstacle", "penetration"),
     *("rotating_drum", "chute_fed", "cohesive_cliff", "conveyor_heap", "silo_fed"),
+    *("footing", "retaining_wall", "slope"),
     *("settling_bed", "sphere_drop", "rolling_wheel", "tumbling_block"),
 )
 """Scenes of `glass_beads` with another E, or of another material."""

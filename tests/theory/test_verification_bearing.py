@@ -13,6 +13,13 @@ def test_the_file_of_limit_analysis_is_reproduced():
     found = [theory.bearing_capacity(float(phi)) for phi in data["phi_deg"]]
     assert [f.surcharge for f in found] == pytest.approx(data["Nq"], rel=1e-4)
     assert [f.smooth_self_weight for f in found] == pytest.approx(data["Ngamma_smooth"], rel=3e-4)
+    assert [f.rough_self_weight for f in found] == pytest.approx(data["Ngamma_rough"], rel=0.012)
+    assert found[0].cohesion == pytest.approx(14.835, rel=1e-4)  # at 20 degrees
+    pressure = found[0].pressure(2.0, rho=1500.0, cohesion=100.0, surcharge=50.0, gravity=10.0)
+    parts = (100.0 * found[0].cohesion, 50.0 * data["Nq"][0], 15000.0 * found[0].rough_self_weight)
+    assert pressure == pytest.approx(sum(parts), rel=1e-4)
+    with pytest.raises(ValueError, match="cohesion = -1"):
+        found[0].pressure(1.0, cohesion=-1.0)
     coefficients = [theory.earth_pressure(np.sin(np.radians(phi))) for phi in data["phi_deg"]]
     assert [c.passive_coaxial for c in coefficients] == pytest.approx(
         data["Kp_smooth_wall"], rel=1e-4
