@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
-from typing import Any, ClassVar, Self
+from dataclasses import dataclass
+from typing import ClassVar
 
 from granular.tools.checks import check_fields, in_range, one_of, positive
+from granular.tools.description import Description
 from granular.tools.notebook import table
 
 
 @dataclass(frozen=True, kw_only=True)
-class Material:
+class Material(Description):
     """Base class of the materials: isotropic elasticity and a reference density.
 
     Parameters
@@ -144,14 +145,6 @@ class Material:
         is more: the material then yields as it settles.
         """
         return max(self.nu / (1.0 - self.nu), self.yield_ratios[0])
-
-    def arguments(self) -> dict[str, Any]:
-        """Arguments that make an equal material, floats to the last bit."""
-        return {f.name: getattr(self, f.name) for f in fields(self)}
-
-    def replace(self, **changes: Any) -> Self:
-        """Return a copy with some arguments changed; it is checked like a new material."""
-        return type(self)(**(self.arguments() | changes))
 
     def _repr_html_(self) -> str:
         rows = {name: value for name, value in self.arguments().items() if value is not None}

@@ -7,11 +7,19 @@ list of a law can be filled from a material by name.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import InitVar, dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 from granular.materials.base import Material
-from granular.tools.checks import check_fields, finite, non_negative, one_of, positive, set_fields
+from granular.tools.checks import (
+    check_fields,
+    finite,
+    in_range,
+    non_negative,
+    one_of,
+    positive,
+    set_fields,
+)
 
 if TYPE_CHECKING:
     from granular.materials.regularised import RegularisedMuI
@@ -72,6 +80,16 @@ def check_friction(material: MuI | RegularisedMuI | NGF, *, allow_inf: bool) -> 
     _check_grain_density(material)
 
 
+MU_2 = 0.6435
+"""Limiting friction coefficient of glass beads (Jop, Forterre & Pouliquen 2005)."""
+
+
+def friction_of(phi_deg: float) -> float:
+    """Friction coefficient tan(phi_deg) of an angle [deg]."""
+    ends = {"open_low": True, "open_high": True}
+    return math.tan(math.radians(in_range("phi_deg", phi_deg, 0.0, 60.0, **ends)))
+
+
 @dataclass(frozen=True, kw_only=True)
 class MuI(Material):
     """Granular material with the mu(I) rheology (Dunatunga & Kamrin 2015, eqs 2.13-2.15).
@@ -88,8 +106,11 @@ class MuI(Material):
         See `Material`.
     mu_s : float
         Static friction coefficient, > 0.
-    mu_2 : float
-        Limiting friction coefficient, > mu_s.
+    mu_2 : float, optional
+        Limiting friction coefficient, > mu_s; 0.6435 if not given, or mu_s + 0.2616 with `phi_deg`.
+    phi_deg : float, optional
+        Friction angle [deg], above 0 and below 60, instead of mu_s = tan(phi_deg): the angle of
+        repose, and that of a slope at which a layer begins to flow.
     rho_s : float
         Density of the grains themselves [kg/m3], >= rho_c.
     xi : float, optional
@@ -117,18 +138,25 @@ class MuI(Material):
     """
 
     mu_s: float = 0.3819
-    mu_2: float = 0.6435
+    mu_2: float = None  # type: ignore[assignment]  # a float once made
     rho_s: float = 2450.0
     xi: float = None  # type: ignore[assignment]  # a float once made
     I0: float | None = None
     d: float | None = None
     cohesion: float = 0.0
     tensile_strength: float = None  # type: ignore[assignment]  # a float once made
+    phi_deg: InitVar[float | None] = None
 
     flow = "mu_I"
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, phi_deg: float | None) -> None:
         super().__post_init__()
+        usual = MU_2
+        if phi_deg is not None:
+            set_fields(self, mu_s=friction_of(phi_deg))
+            usual = self.mu_s + MU_2 - MuI.mu_s
+        if self.mu_2 is None:
+            set_fields(self, mu_2=usual)
         check_friction(self, allow_inf=False)
         _check_cohesion(self, self.mu_s)
         if self.I0 is None and self.d is None:
@@ -308,6 +336,9 @@ class DruckerPrager(Material):
         See `Material`.
     mu : float
         Friction coefficient, > 0.
+    phi_deg : float, optional
+        Friction angle [deg], above 0 and below 60, instead of mu = tan(phi_deg): that of a shear
+        band, and of a slope. In uniform plane strain the angle is larger: sin(phi) = mu.
     rho_s : float
         Density of the grains themselves [kg/m3], >= rho_c.
     cohesion : float
@@ -325,11 +356,14 @@ class DruckerPrager(Material):
     rho_s: float = 2450.0
     cohesion: float = 0.0
     tensile_strength: float = None  # type: ignore[assignment]  # a float once made
+    phi_deg: InitVar[float | None] = None
 
     flow = "drucker_prager"
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, phi_deg: float | None) -> None:
         super().__post_init__()
+        if phi_deg is not None:
+            set_fields(self, mu=friction_of(phi_deg))
         check_fields(self, positive, "mu")
         _check_cohesion(self, self.mu)
         _check_grain_density(self)

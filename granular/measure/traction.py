@@ -8,8 +8,8 @@ from itertools import pairwise
 from typing import Any, cast
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from granular.measure.body import window_means
 from granular.measure.result import FORCE, Result, Table
@@ -312,7 +312,7 @@ def _turning(record: Trajectory, body: int | None, frames: tuple[int, int]) -> A
         return np.eye(3)
     first, last = (split(record.bodies[k, body], 3)["quaternion"] for k in frames)
     w, x, y, z = first + (last if first @ last > 0 else -last)
-    return Rotation.from_quat([x, y, z, w]).as_matrix()
+    return scipy.spatial.transform.Rotation.from_quat([x, y, z, w]).as_matrix()
 
 
 def _placed(

@@ -8,11 +8,12 @@ import numpy as np
 
 from granular.model.grid import Grid
 from granular.tools.arrays import Array, BoolArray
+from granular.tools.description import Description
 
 Span = tuple[float, float]
 
 
-class Boundary(ABC):
+class Boundary(Description, ABC):
     """A wall or block of a scene of either method.
 
     Attributes

@@ -9,6 +9,7 @@ import numpy as np
 from granular.materials import Material
 from granular.model.grid import AXES, Grid, combined
 from granular.shapes.height_map import HeightMap
+from granular.shapes.mesh import Mesh
 from granular.shapes.region import Region
 from granular.tools.checks import (
     check_fields,
@@ -20,12 +21,13 @@ from granular.tools.checks import (
     truth,
     vector,
 )
+from granular.tools.description import Description
 
 Vector = tuple[float, ...]
 
 
 @dataclass(frozen=True)
-class Fill:
+class Fill(Description):
     """Material that fills a region at the start, as points on a regular seeding lattice.
 
     Points are outside of the bodies of a scene: where a body cuts the square (cube) of a site, the
@@ -111,6 +113,14 @@ class Fill:
         return round(self.points_per_cell ** (1.0 / self.region.dim))
 
 
+def _hint(grid: Grid, region: Region) -> str:
+    """End of a message on a region that is too large: meshes are often in millimetres."""
+    size = float(np.subtract(*region.bounds[::-1]).max())
+    in_mm = size > 50 * max(grid.shape) * grid.cell
+    has_mesh = any(isinstance(leaf, Mesh) for leaf in region.leaves())
+    return "; did you mean Mesh.read(..., scale=1e-3)?" if in_mm and has_mesh else ""
+
+
 def check_inside(name: str, grid: Grid, region: Region) -> None:
     """Refuse a region whose dimension is not that of the grid, or that extends beyond the grid."""
     if region.dim != grid.dim:
@@ -120,7 +130,7 @@ def check_inside(name: str, grid: Grid, region: Region) -> None:
         if low < grid.lower[axis] - slack or high > grid.upper[axis] + slack:
             raise ValueError(
                 f"{name} reaches from {low} to {high} along {AXES[axis]}, must stay in the grid"
-                f" from {grid.lower[axis]} to {grid.upper[axis]}"
+                f" from {grid.lower[axis]} to {grid.upper[axis]}{_hint(grid, region)}"
             )
     corners = combined([np.array(ends) for ends in zip(*region.bounds, strict=True)])
     for leaf in region.leaves():

@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 from granular.tools.arrays import Array
-from granular.tools.checks import ascending, check_fields, finite, sequence, set_fields, vector
+from granular.tools.checks import (
+    ascending,
+    check_fields,
+    finite,
+    integer,
+    non_negative,
+    sequence,
+    set_fields,
+    vector,
+)
+from granular.tools.description import Description
 
 EARTH = 9.81
 """Gravity of the earth [m/s2]: the default of all of `granular.theory`. Scenes of a paper have the
@@ -17,7 +29,7 @@ DUNATUNGA_KAMRIN = 9.8
 
 
 @dataclass(frozen=True)
-class Gravity:
+class Gravity(Description):
     """Gravity that varies linearly between given times and is constant before and after them.
 
     The default is the 2D ramp of Dunatunga & Kamrin 2015, section 4: 9.8 m/s2 in 0.1 s.
@@ -35,6 +47,11 @@ class Gravity:
     vectors: tuple[tuple[float, ...], ...] = ((0.0, 0.0), (0.0, -DUNATUNGA_KAMRIN))
 
     def __post_init__(self) -> None:
+        if np.ndim(self.times) == 1 and any(np.less(self.times, 0.0)):
+            raise ValueError(
+                f"times = {self.times} must be >= 0: for a constant gravity take "
+                f"Gravity.constant({self.times})"
+            )
         check_fields(self, ascending, "times")
         vectors = sequence("vectors", self.vectors)
         if len(self.times) != len(vectors):
@@ -42,6 +59,32 @@ class Gravity:
         dim = len(vector("vectors[0]", vectors[0]))
         checked = tuple(vector(f"vectors[{i}]", v, dim) for i, v in enumerate(vectors))
         set_fields(self, vectors=checked)
+
+    @classmethod
+    def constant(cls, value: float | Sequence[float], dim: int = 2) -> Self:
+        """Return a gravity that does not change.
+
+        Parameters
+        ----------
+        value : float or sequence of float
+            Magnitude [m/s2], >= 0, against the last axis, or a vector [m/s2].
+        dim : {2, 3}
+            Dimension, for a magnitude.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If an argument is out of range.
+
+        Examples
+        --------
+        >>> moon = gr.Gravity.constant(1.62)
+        >>> tilted = gr.Gravity.constant((3.0, -9.3))
+        """
+        if isinstance(value, Sequence | np.ndarray):
+            return cls((0.0,), (vector("value", value),))
+        size = non_negative("value", value)
+        return cls((0.0,), ((*(0.0,) * (integer("dim", dim, 2, 3) - 1), -size),))
 
     @property
     def dim(self) -> int:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from granular.tools.checks import check_fields, integer, positive, sequence, set_fields, vector
+from granular.tools.description import Description
 
 AXES = "xyz"
 LINE_TOLERANCE = 1e-9
@@ -27,7 +29,7 @@ Vector = tuple[float, ...]
 
 
 @dataclass(frozen=True)
-class Grid:
+class Grid(Description):
     """A box of square (cubic) cells. The last axis is up.
 
     Parameters
@@ -75,6 +77,43 @@ class Grid:
                 f"must be <= {COARSEST}"
             )
         set_fields(self, open_sides=self._checked_sides())
+
+    @classmethod
+    def covering(
+        cls,
+        lower: Sequence[float],
+        upper: Sequence[float],
+        cell: float,
+        *,
+        periodic: Sequence[bool] = (),
+        open_sides: Collection[str] = (),
+    ) -> Self:
+        """Return the smallest grid that begins at one corner and reaches another one.
+
+        Parameters
+        ----------
+        lower, upper : sequence of float, length dim
+            Corners to be covered [m]. The grid ends within a cell beyond `upper`.
+        cell, periodic, open_sides
+            As of `Grid`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If an argument is out of range, or `upper` does not exceed `lower`.
+
+        Examples
+        --------
+        >>> gr.Grid.covering((0.0, 0.0), (1.0, 0.55), 0.1).shape
+        (10, 6)
+        """
+        low, cell = vector("lower", lower), positive("cell", cell)
+        high = vector("upper", upper, len(low))
+        for axis, (a, b) in enumerate(zip(low, high, strict=True)):
+            if not b > a:
+                raise ValueError(f"upper[{axis}] = {b} must exceed lower[{axis}] = {a}")
+        shape = tuple(steps_between(a, b, cell) for a, b in zip(low, high, strict=True))
+        return cls(low, cell, shape, tuple(periodic), frozenset(open_sides))
 
     def _checked_sides(self) -> frozenset[str]:
         if isinstance(self.open_sides, str):

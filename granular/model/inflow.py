@@ -27,6 +27,7 @@ from granular.tools.checks import (
     truth,
     vector,
 )
+from granular.tools.description import Description
 
 if TYPE_CHECKING:
     from granular.model.scene import BaseScene
@@ -49,7 +50,7 @@ def _times(name: str, value: object) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class Inflow:
+class Inflow(Description):
     """Material that enters during the run, as a seeding lattice that moves with a velocity.
 
     The inlet is the upstream end of `region`, along the axis along which the velocity is largest; a

@@ -17,6 +17,7 @@ from granular.model.gravity import EARTH
 from granular.model.grid import AXES
 from granular.model.regions import Cloud
 from granular.model.surfaces import Heights, Layer
+from granular.shapes.mesh import Mesh
 
 if TYPE_CHECKING:
     from granular.model.scene import BaseScene
@@ -64,6 +65,9 @@ DENSE, DILUTE = 1.05, 0.05
 """Densities of fills over rho_c. Above, the pressure at the start is a part of the stiffness;
 below, the material is a gas, for which these laws are not made. An inflow may be a rain of any
 density."""
+LARGEST_MESH = 50.0
+"""Largest edge of the box about the mesh of a body over the longest side of the domain; terrain is
+rarely ten times as long as what is modelled on it, and a drawing in millimetres 1000 times."""
 MOST_STEPS = 1e9
 """Implausibly many steps: at least a week where a step takes a millisecond."""
 INERTIA = (1e-6, 1e3)
@@ -91,6 +95,7 @@ def suspect_numbers(scene: BaseScene) -> list[str]:
         _steps,
         _small,
         _outside,
+        _meshes,
         _masses,
     )
     return [sentence for check in checks for sentence in check(scene)]
@@ -387,6 +392,20 @@ def _outside(scene: BaseScene) -> Iterator[str]:
                     yield (
                         f"bodies[{i}] at {at:g} m is outside of the domain along {AXES[axis]}, by "
                         f"{gap:.3g} m beyond {end:g} m, and does not enter it: lengths are in m"
+                    )
+
+
+def _meshes(scene: BaseScene) -> Iterator[str]:
+    """Meshes of bodies that are far larger than the domain, as those of drawings in millimetres."""
+    longest = max(scene.grid.shape) * scene.grid.cell
+    for i, body in enumerate(scene.bodies):
+        for leaf in body.shape.leaves():
+            if isinstance(leaf, Mesh):
+                size = float(np.subtract(*leaf.bounds[::-1]).max())
+                if size > LARGEST_MESH * longest:
+                    yield (
+                        f"bodies[{i}] has a mesh of {size:.4g} m in a domain of {longest:.4g} m: "
+                        "did you mean Mesh.read(..., scale=1e-3), as its lengths are in mm?"
                     )
 
 

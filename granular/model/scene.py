@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from functools import cached_property
 from typing import Any, ClassVar
 
+import numpy as np
+
 from granular.model import seeding
 from granular.model.fill import Fill, check_inside
 from granular.model.gravity import Gravity
@@ -38,6 +40,8 @@ class BaseScene(Serializable):
 
     def _check_common(self, **kinds: type) -> None:
         """Check the fields of all scenes, and those that must be of the given classes."""
+        if isinstance(self.gravity, tuple | list | np.ndarray):  # a constant vector
+            set_fields(self, gravity=Gravity.constant(tuple(self.gravity)))
         kinds_of(self, name=str, grid=Grid, gravity=Gravity, parameters=Mapping, **kinds)
         check_fields(self, tuple_of, "fills", kinds=(Fill,))
         check_fields(self, tuple_of, "inflows", kinds=(Inflow,))

@@ -18,6 +18,7 @@ from granular.shapes.operations import least
 from granular.shapes.region import Region
 from granular.tools.arrays import Array, BoolArray
 from granular.tools.checks import array, check_fields, finite, positive, set_fields, vector
+from granular.tools.description import Description
 from granular.tools.serializable import ComparedByContent
 
 Vector = tuple[float, ...]
@@ -65,7 +66,7 @@ def _level(name: str, value: object, dim: int | None = None) -> Vector:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Heights(ComparedByContent):
+class Heights(ComparedByContent, Description):
     """A surface by its heights on a regular grid, linear (bilinear) in between.
 
     Beyond the grid it continues at the height of its edge.

@@ -33,6 +33,7 @@ from granular.tools.checks import (
     truth,
     vector,
 )
+from granular.tools.description import Description
 
 if TYPE_CHECKING:
     from granular.model.grid import Grid
@@ -68,7 +69,7 @@ def place_of(first: str, last: str) -> slice:
 
 
 @dataclass(frozen=True)
-class Body:
+class Body(Description):
     """A rigid body; it acts on the material at contact points on its surface.
 
     Parameters

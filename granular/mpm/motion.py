@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.interpolate import PchipInterpolator
 
 from granular.tools.arrays import Array
 from granular.tools.checks import (
@@ -23,6 +23,7 @@ from granular.tools.checks import (
     truth,
     vector,
 )
+from granular.tools.description import Description
 
 __all__ = ["Motion"]
 
@@ -37,7 +38,7 @@ NAMES = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class Motion:
+class Motion(Description):
     """Velocity and angular velocity, linear between given times and constant before and after them.
 
     `Motion.through` makes the motion through given positions, and `Motion.read` that of a file.
@@ -231,7 +232,7 @@ def _of_times(name: str, value: Any, count: int, *, lengths: tuple[int, ...]) ->
 
 def _met(times: Array, values: Array, stops: bool) -> tuple[Array, Array]:
     """Times and rates of change, linear between them, with which values (k, n) are met."""
-    rates = PchipInterpolator(times, values).derivative()(times)
+    rates = scipy.interpolate.PchipInterpolator(times, values).derivative()(times)
     if stops:
         rates[[0, -1]] = 0.0
     means = np.diff(values, axis=0) / np.diff(times)[:, None]

@@ -65,8 +65,8 @@ class Scene(BaseScene):
     walls : sequence of Wall and Solid
         Walls and blocks. A side of the grid that is neither open nor has a wall only prevents
         points from leaving.
-    gravity : Gravity
-        Gravity, of the dimension of the grid.
+    gravity : Gravity or tuple of float
+        Gravity, of the dimension of the grid; a vector [m/s2] is constant.
     duration : float
         Time to simulate [s], > 0.
     sponge_layers : sequence of SpongeLayer

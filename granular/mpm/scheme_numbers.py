@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import field, make_dataclass
-from dataclasses import replace as _replace
 from inspect import cleandoc
 from textwrap import fill
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 from granular import _core
 from granular.tools.checks import check_fields, in_range, integer
+from granular.tools.description import Description
 
 _NUMBERS = _core.scheme_numbers()
 _CLASSES = {
@@ -57,7 +57,7 @@ def _documented(doc: str, group: str) -> str:
     return cleandoc(doc).replace("{numbers}", "\n".join(lines))
 
 
-class Numbers:
+class Numbers(Description):
     """Base class of the classes made from declared numbers."""
 
     units: ClassVar[Mapping[str, str]]
@@ -71,10 +71,6 @@ class Numbers:
     def __post_init__(self) -> None:
         for name, default, allowed, _, _ in _NUMBERS[self._group]:
             check_fields(self, _check, name, default=default, allowed=allowed)
-
-    def replace(self, **changes: Any) -> Self:
-        """Return a copy with some arguments changed; it is checked like a new object."""
-        return _replace(self, **changes)  # type: ignore[type-var]  # subclasses are dataclasses
 
     def numbers(self) -> dict[str, Any]:
         """Return the declared numbers by name."""

@@ -29,6 +29,7 @@ from granular.tools.checks import (
     spans,
     vector,
 )
+from granular.tools.description import Description
 
 ABOVE, BELOW = 1, 2
 """Bits for the sides of a face on which material may be."""
@@ -352,7 +353,7 @@ def split_impulses(numbers: Array, dim: int) -> dict[str, Array]:
 
 
 @dataclass(frozen=True)
-class SpongeLayer:
+class SpongeLayer(Description):
     """A sponge layer, which damps elastic waves: it slows points beyond `above` that move upwards.
 
     Parameters

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -105,7 +105,11 @@ def _component(state: State, name: str) -> Array | None:
     return array[:, column] if column < array.shape[1] else None
 
 
-def values(state: State, color: str | ArrayLike, *, smooth: bool = False) -> Array:
+Color = str | ArrayLike | Callable[[State], ArrayLike]
+"""Name of a field, numbers of the points, or a function of a state that returns them."""
+
+
+def values(state: State, color: Color, *, smooth: bool = False) -> Array:
     """Values of the points by which they are coloured, shape (n,); nan where there is none.
 
     Raises
@@ -116,6 +120,8 @@ def values(state: State, color: str | ArrayLike, *, smooth: bool = False) -> Arr
     if state.n == 0 and isinstance(color, str):
         return np.zeros(0)
     array = _by_name(state, color) if isinstance(color, str) else color
+    if callable(array):
+        array = array(state)
     try:
         array = np.asarray(array, dtype=float)
     except (TypeError, ValueError):
@@ -143,7 +149,7 @@ class Brush:
     `Brush.fitted` makes one; `paint` returns the values of a state, clipped to the scale.
     """
 
-    color: str | ArrayLike
+    color: Color
     quantity: Quantity
     norm: Normalize
     cmap: Colormap
@@ -153,7 +159,7 @@ class Brush:
     def fitted(
         cls,
         states: Sequence[State],
-        color: str | ArrayLike = "shear_rate",
+        color: Color = "shear_rate",
         *,
         limits: tuple[float, float] | None = None,
         log: bool | None = None,

@@ -7,12 +7,11 @@ from collections.abc import Sequence
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import ArrayLike
 
 from granular.model.state import State
 from granular.plot.bodies import Bodies, boxes_of_bodies
 from granular.plot.canvas import Extent, Picture, View, checked_extent, color_bar, figure_of
-from granular.plot.fields import Brush
+from granular.plot.fields import Brush, Color
 from granular.plot.material import PIXELS, Material
 from granular.plot.scenery import scenery, show_at
 from granular.tools.checks import positive
@@ -25,7 +24,7 @@ LOW = 0.4
 
 def frame(
     state: State,
-    color: str | ArrayLike = "shear_rate",
+    color: Color = "shear_rate",
     *,
     ax: Axes | None = None,
     limits: tuple[float, float] | None = None,
@@ -48,10 +47,11 @@ def frame(
 
     Parameters
     ----------
-    color : str or array_like, shape (n,)
+    color : str, array_like, shape (n,), or callable
         A field: stored ("shear_rate", "log_density", ...), a component ("v_x", "stress_xy"),
         or derived ("pressure", "speed", "density", "shear_stress", "mu", "inertial_number",
-        "dense", ..., see `granular.measure.derived`), or one number per point.
+        "dense", ..., see `granular.measure.derived`), one number per point, or a function of the
+        state that returns them.
     ax : Axes, optional
         Axes to draw into; by default the axes of a new figure.
     limits : (low, high), optional

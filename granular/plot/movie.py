@@ -2,16 +2,16 @@
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from granular.model.state import State
 from granular.plot.canvas import Extent, View, checked_extent, color_bar, figure_of
 from granular.plot.encoding import Movie, check_movie, make_movie, sampled
-from granular.plot.fields import Brush
+from granular.plot.fields import Brush, Color
 from granular.plot.frame import Drawing, bar_side, fitted_extent, new_axes
 from granular.record import Trajectory
 from granular.tools.checks import integer
@@ -21,11 +21,12 @@ def movie(
     record: Sequence[State] | Trajectory,
     path: str | os.PathLike[str] | None = None,
     *,
-    color: str = "shear_rate",
+    color: str | Callable[[State], ArrayLike] | Sequence[ArrayLike] = "shear_rate",
     fps: float = 25.0,
     limits: tuple[float, float] | None = None,
     log: bool | None = None,
     cmap: str | None = None,
+    label: str | None = None,
     smooth: bool = False,
     size: float | None = None,
     extent: Extent | None = None,
@@ -46,9 +47,10 @@ def movie(
     path : path, optional
         File to write, ending in .gif or .mp4. It appears when it is complete. Without a path the
         movie is stored in memory, for a notebook: as MP4 if there is an ffmpeg, else as GIF.
-    color, limits, log, cmap, smooth, size, extent, view, slab
-        As in `frame`, but `color` must be a name. Scale and extent are the same for all frames; by
-        default they are fitted to 16 of them.
+    color, limits, log, cmap, label, smooth, size, extent, view, slab
+        As in `frame`, but `color` is a name, a function of a state, or a sequence with the numbers
+        of the points of each frame. Scale and extent are the same for all frames; by default they
+        are fitted to 16 of them.
     fps : float
         Frames per second, > 0, at most 240, and at most 50 in a GIF, where the time of a frame is
         rounded to whole hundredths of a second.
@@ -79,8 +81,11 @@ def movie(
     check_movie(path, fps=fps, overwrite=overwrite)
     if len(record) == 0:
         raise ValueError("record has 0 frames, a movie needs at least 1")
+    of_each = _of_each(record, color)
     sample = [record[i] for i in sampled(len(record))]
-    brush = Brush.fitted(sample, color, limits=limits, log=log, cmap=cmap, smooth=smooth)
+    brush = Brush.fitted(
+        sample, of_each, limits=limits, log=log, cmap=cmap, label=label, smooth=smooth
+    )
     window = View(sample[0].dim, view, slab)
     stage = _Stage(
         sample[0],
@@ -95,6 +100,23 @@ def movie(
         return stage.shot(record[i])
 
     return make_movie(path, len(record), shot, fps=fps, overwrite=overwrite, progress=progress)
+
+
+def _of_each(
+    record: Sequence[State] | Trajectory,
+    color: str | Callable[[State], ArrayLike] | Sequence[ArrayLike],
+) -> Color:
+    """The color, where it is a sequence as a function of a state, found by its step."""
+    if isinstance(color, str) or callable(color):
+        return color
+    if len(color) != len(record):
+        raise ValueError(f"color has {len(color)} entries, must have one for each of {len(record)}")
+    if isinstance(record, Trajectory):
+        steps = record.series["step"].tolist()
+    else:
+        steps = [state.step for state in record]
+    of_step = dict(zip(steps, color, strict=True))
+    return lambda state: of_step[state.step]
 
 
 class _Stage:

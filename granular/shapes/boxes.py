@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import KW_ONLY, dataclass
 from functools import partial
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -93,10 +93,6 @@ class Box(Shape):
         by_size = self.__dict__["_by_size"]
         names = ("size", "center", "rotation_deg") if by_size else ("lower", "upper")
         return {name: getattr(self, name) for name in names}
-
-    def replace(self, **changes: Any) -> Self:
-        """Return a copy with some arguments changed."""
-        return type(self)(**(self.arguments() | changes))
 
     def __repr__(self) -> str:
         given = ", ".join(f"{name}={value!r}" for name, value in self.arguments().items())

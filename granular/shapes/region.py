@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular.tools.arrays import Array, BoolArray
+from granular.tools.description import Description
 
 Vector = tuple[float, ...]
 
 
-class Region(ABC):
+class Region(Description, ABC):
     """A region of 2D or 3D space."""
 
     @property

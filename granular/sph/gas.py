@@ -15,6 +15,7 @@ from granular.model.inflow import Inflow
 from granular.shapes import Box
 from granular.tools.arrays import Array, IntArray
 from granular.tools.checks import check_fields, in_range, kinds_of, positive, tuple_of, vector
+from granular.tools.description import Description
 from granular.tools.notebook import table
 
 MAX_JETS = 16
@@ -37,7 +38,7 @@ WIDEST_SPACING = 1.0
 
 
 @dataclass(frozen=True)
-class Jet:
+class Jet(Description):
     """A box in which gas is driven: gas particles have this velocity while they are in it.
 
     The momentum that the jet adds to the gas is not balanced by a reaction on other parts.
@@ -69,7 +70,7 @@ class Jet:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Gas:
+class Gas(Description):
     """An ideal isothermal gas, p = c^2 rho, with drag by the grains.
 
     With e the porosity, 1 - (bulk density of the grains)/`grain_density`, the balances of both

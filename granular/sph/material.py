@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
@@ -11,11 +11,12 @@ import numpy as np
 from granular.materials import MuI
 from granular.tools.arrays import Array
 from granular.tools.checks import check_fields, in_range, non_negative, positive
+from granular.tools.description import Description
 from granular.tools.notebook import table
 
 
 @dataclass(frozen=True, kw_only=True)
-class Viscoplastic:
+class Viscoplastic(Description):
     """Material with the stress -p I + (mu p + c) D/|D|, D = L + L^T, |D| = sqrt(D:D/2) (eq. 5.3).
 
     The friction is mu = mu_l + (mu_h - mu_l)/(D_star/|D| + 1) + beta (eq. 5.7) with the rate of
@@ -118,10 +119,6 @@ class Viscoplastic:
             "nu": material.nu,
         }
         return cls(**(given | changes))
-
-    def replace(self, **changes: Any) -> Self:
-        """Copy with some parameters changed, checked like a new material."""
-        return replace(self, **changes)
 
     def stored_energy(self, rho: Array) -> Array:
         """Elastic energy at a density [J/kg]: the integral of p/rho^2 from rho0 on.

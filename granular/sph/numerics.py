@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from granular.sph.material import Viscoplastic
 from granular.tools.checks import check_fields, in_range, positive
+from granular.tools.description import Description
 
 WALL_PUSH, SOFT = 0.03, 1e5
 """Fraction by which rho0 of walls is lower than that of the material, and the kappa [Pa] up to
@@ -21,7 +22,7 @@ four times its height with 380.
 
 
 @dataclass(frozen=True, kw_only=True)
-class Numerics:
+class Numerics(Description):
     """Parameters of the discretisation.
 
     Parameters

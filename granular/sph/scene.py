@@ -84,7 +84,8 @@ class Scene(BaseScene):
         Material that enters during the run. They must be driven, with one particle per cell and a
         region at least as long as the reach of the kernel: a reservoir of particles that move with
         the velocity, behind those that have left it.
-    gravity : Gravity
+    gravity : Gravity or tuple of float
+        A vector [m/s2] is constant.
     duration : float
         Time to simulate [s], > 0.
     seed : int

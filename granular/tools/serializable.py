@@ -9,7 +9,6 @@ import math
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
-from dataclasses import replace as _replace
 from functools import cached_property
 from importlib import import_module
 from typing import Any, Self
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular.tools.checks import integer, one_of
+from granular.tools.description import Description
 
 FORMAT = 1
 """Version of the JSON format; older versions are read, newer ones refused."""
@@ -94,12 +94,8 @@ class Ordered(Parameters):
         return hash(self._items)
 
 
-class Serializable:
+class Serializable(Description):
     """A scene that can be written as JSON: a frozen dataclass of registered parts."""
-
-    def replace(self, **changes: Any) -> Self:
-        """Return a copy with some parts changed; it is checked like a new scene."""
-        return _replace(self, **changes)  # type: ignore[type-var]  # subclasses are dataclasses
 
     def to_json(self) -> str:
         """Return the scene as ASCII JSON, from which `from_json` makes an equal one.
