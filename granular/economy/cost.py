@@ -9,49 +9,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from granular.economy import bias
+from granular.economy.pace import seconds_of_step, slowness
 from granular.economy.suggestion import scene_function
 from granular.model.inflow import points_between
 from granular.model.plausible import rounded
 from granular.mpm import memory as of_mpm
 from granular.mpm.limits import check_time_step, step_at_rest
 from granular.mpm.scene import Scene
-from granular.mpm.schemes import Scheme
 from granular.run.memory import gigabytes
 from granular.sph import memory as of_sph
 
 if TYPE_CHECKING:
     from granular.model.typing import AnyScene
-
-_NANOSECONDS = {
-    2: {
-        ("linear", "flip"): 10.4,
-        ("ugimp", "flip"): 19.7,
-        ("quadratic", "flip"): 16.5,
-        ("quadratic", "apic"): 23.8,
-        ("quadratic", "tpic"): 28.0,
-    },
-    3: {
-        ("linear", "flip"): 24.1,
-        ("ugimp", "flip"): 70.4,
-        ("quadratic", "flip"): 61.7,
-        ("quadratic", "apic"): 87.9,
-        ("quadratic", "tpic"): 119.1,
-    },
-}
-"""Time per point and step on one core [ns], by dimension; 16 points per cell in 2D and 8 in 3D. The
-numbers are those of benchmarks/results/speed.json and must be updated with it. They hold for a
-server processor of 2022 with AVX-512 (Zen 4); others were from 0.6 to 2 times as fast."""
-
-_SHARED = {2: 14.9, 3: 39.7}
-"""Time per point and step of a scheme with the cell-averaged density [ns], likewise."""
-
-_IN_SINGLE = {2: 0.70, 3: 0.57}
-"""Time of the default scheme in single precision, relative to double precision, likewise."""
-
-_CARRIED = 1.44
-"""Time of a transfer that is not in the table, relative to "flip". This is the ratio of quadratic
-"apic" in 2D; in other measurements it was 1.1 to 2.2."""
-
 
 _SPH_NANOSECONDS = {(2, False): 200.0, (3, False): 820.0, (2, True): 505.0, (3, True): 3700.0}
 """Time per particle and step of SPH on one core [ns], by dimension and whether there is a gas:
@@ -80,8 +49,8 @@ class Cost:
     steps : int
         Number of steps.
     seconds : float
-        Time on one core [s], within a factor of about two; with 4 points per cell in 2D it is
-        about twice as long, and thin layers of material on a body take up to ten times as long.
+        Time on one core of this machine [s], within a factor of 1.5; material that spreads over
+        many more cells takes longer. The speed of the machine is measured once, in 0.1 s.
     memory : float
         Memory of a run with these points and a record [bytes]: 1.03 to 1.25 times the peak, and 1.1
         to 1.35 times (in single precision to 1.65) that of a run without a record.
@@ -151,20 +120,11 @@ def time_step(scene: AnyScene) -> float:
     return step_at_rest(scene)
 
 
-def nanoseconds(scheme: Scheme, dim: int) -> float:
-    """Approximate time per point and step of a scheme on one core [ns]."""
-    if scheme.density.name == "cell_averaged":
-        return _SHARED[dim]
-    known = _NANOSECONDS[dim]
-    measured = known.get((scheme.basis, scheme.transfer))
-    share = _IN_SINGLE[dim] if scheme.precision == "single" else 1.0
-    return share * (measured or _CARRIED * known[scheme.basis, "flip"])
-
-
 def cost(scene: AnyScene) -> Cost:
     """Estimate points, steps, time on one core and memory of a scene, and the stiffness it needs.
 
-    The simulation is not built, so that this takes well below a second for any scene.
+    The simulation is not built, so that this takes well below a second for any scene. The speed of
+    the machine is measured once in a program, with a small block of grains.
 
     Raises
     ------
@@ -176,13 +136,13 @@ def cost(scene: AnyScene) -> Cost:
         steps = _steps(scene)
         each = _SPH_NANOSECONDS[scene.dim, scene.gas is not None]
         unborn = _unborn(scene)
-        seconds = steps * (points - unborn) * each * 1e-9
+        seconds = steps * (points - unborn) * each * slowness() * 1e-9
         return Cost(points, steps, seconds, needed, needed, unborn=unborn)
     points, needed = of_mpm.size(scene)
     check_time_step(scene)
     steps = _steps(scene)
     unborn = _unborn(scene)
-    seconds = steps * (points - unborn) * nanoseconds(scene.scheme, scene.dim) * 1e-9
+    seconds = steps * seconds_of_step(scene, points - unborn)
     peak = needed + of_mpm.growth(scene, points)
     E, pressure = scene.material.E, bias.pressure_strain(scene) * scene.material.K
     return Cost(points, steps, seconds, needed, peak, E, *_enough(scene), unborn, pressure)

@@ -12,7 +12,8 @@ from types import MappingProxyType
 from typing import Any, NamedTuple, cast
 
 from granular.economy import bias
-from granular.economy.cost import cost, nanoseconds
+from granular.economy.cost import cost
+from granular.economy.pace import nanoseconds
 from granular.economy.suggestion import Suggestion, Suggestions, changed, scene_function
 from granular.economy.symmetry import obstacle
 from granular.materials import DruckerPrager, Elastic, MuI

@@ -94,6 +94,11 @@ def body_surface(scene: Scene, index: int) -> Surface:
     return Surface(centres[area > 0], area[area > 0])
 
 
+def body_cells(scene: Scene, index: int) -> int:
+    """Number of cells that the surface of a body may cross, about the domain."""
+    return len(_near_surface(scene.grid, scene.bodies[index]))
+
+
 def _near_surface(grid: Grid, body: Body) -> Array:
     """Centres of the cells that the surface may cross, in coordinates of the body, shape (n, dim).
 

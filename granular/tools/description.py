@@ -11,8 +11,8 @@ class Description:
 
     def arguments(self) -> dict[str, Any]:
         """Arguments that make an equal object, floats to the last bit."""
-        own = fields(self)  # type: ignore[arg-type]  # subclasses are dataclasses
-        return {part.name: getattr(self, part.name) for part in own if part.init}
+        parts = fields(self)  # type: ignore[arg-type]  # subclasses are dataclasses
+        return {part.name: getattr(self, part.name) for part in parts if part.init}
 
     def replace(self, **changes: Any) -> Self:
         """Return a copy with some arguments changed; it is checked like a new object."""

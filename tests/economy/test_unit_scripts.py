@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from granular.economy import bias
-from granular.economy.cost import nanoseconds
+from granular.economy.pace import nanoseconds
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 

@@ -152,7 +152,7 @@ SHORT_WALL = {"grid": PERIODIC, "walls": (Wall(1, 0.0, span=((0.2, 0.5),)),)}
         ({"sponge_layers": (SpongeLayer(2, 0.5),)}, ValueError, "dimension 2"),
         ({"sponge_layers": (SpongeLayer(1, 0.5),) * 2}, ValueError, "one along an axis"),
         ({"sponge_layers": (SpongeLayer(1, 1.0),)}, ValueError, r"above = 1.0 .* \[0.0, 1.0\)"),
-        ({"gravity": (0, -9.8)}, TypeError, "must be a Gravity"),
+        ({"gravity": -9.8}, TypeError, "must be a Gravity"),
         ({"gravity": Gravity((0,), ((0, 0, 0),))}, ValueError, "gravity of dimension 3"),
         ({"duration": 0}, ValueError, "duration = 0.0"),
         ({"duration": math.inf}, ValueError, "duration = inf"),
