@@ -11,7 +11,7 @@ from schemes_by_name import scheme_of
 
 import granular as gr
 from granular import DruckerPrager, Elastic, Wall
-from granular.economy import bias
+from granular.economy import bias, pace
 from granular.economy.suggestion import rebuilt
 from granular.materials import glass_beads, glass_beads_5mm
 from granular.mpm.limits import check_time_step, damps_by_step
@@ -128,7 +128,7 @@ def test_near_the_threshold_grains_must_be_stiff():
 def test_dimension():
     many = gr.economy.suggest(gr.scenes.incline(columns=8), 0.05)
     assert many.about("dimension").changes == {"columns": 1}
-    assert many.about("dimension").saving == 8
+    assert many.about("dimension").saving == pytest.approx(8, rel=0.2)  # and a fixed part
     assert not item("dimension", gr.scenes.incline(columns=8), 0.005).changes
     assert not item("dimension", gr.scenes.incline(), 0.05).changes
     for scene in (gr.scenes.silo(), gr.scenes.cylinder_collapse()):
@@ -357,10 +357,12 @@ def test_cost_by_hand_and_on_given_terrain():
     scene = gr.scenes.column_collapse(scheme=gr.schemes.dunatunga_kamrin_2015)
     found = gr.economy.cost(scene)
     assert (found.points, found.steps) == (8192, 666667)
-    assert found.seconds == pytest.approx(found.point_steps * 10.4e-9)
+    each = 10.4e-9 * pace.of_cells(2, 8192, 16)
+    known = pace.slowness() * (found.point_steps * each + found.steps * 1e-6 * pace.STEP)
+    assert found.seconds == pytest.approx(known)
     single = scene.replace(scheme=gr.schemes.default.replace(precision="single"))
     double = gr.economy.cost(single.replace(scheme=gr.schemes.default))
-    assert gr.economy.cost(single).seconds == pytest.approx(0.70 * double.seconds)
+    assert gr.economy.cost(single).seconds == pytest.approx(0.70 * double.seconds, rel=0.01)
     stiff = scene.replace(material=glass_beads.replace(E=1e13))
     with pytest.raises(ValueError, match="dt"):
         gr.economy.cost(stiff)
