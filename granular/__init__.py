@@ -72,11 +72,21 @@ from granular.tools.docstrings import complete as _complete
 from granular.tools.notebook import pictures
 
 if TYPE_CHECKING:
-    from granular import economy, export, grain_scale, measure, plot, scenes, sph, theory
+    from granular import calibrate, economy, export, grain_scale, measure, plot, scenes, sph, theory
 
     __version__: str
 
-LATER = ("economy", "export", "grain_scale", "measure", "plot", "scenes", "sph", "theory")
+LATER = (
+    "calibrate",
+    "economy",
+    "export",
+    "grain_scale",
+    "measure",
+    "plot",
+    "scenes",
+    "sph",
+    "theory",
+)
 """Subpackages that are imported when they are used first: some take longer than a small run."""
 
 
@@ -153,6 +163,7 @@ __all__ = [
     "Union",
     "Wall",
     "bodies",
+    "calibrate",
     "economy",
     "export",
     "grain_scale",

@@ -269,3 +269,39 @@ def erodible_bed(quick: bool) -> Picture:
         label="displacement [m]", limits=(0.0, 0.5),
     )  # fmt: skip
     return made
+
+
+def slope_in_drum(record: gr.Trajectory) -> float:
+    """Slope of the surface in the second half of a run [deg]; processes import it."""
+    return gr.measure.drum_flow(record[len(record) // 2 :]).slope_deg
+
+
+def calibrate_friction(quick: bool) -> Picture:
+    """Slopes in a drum against the friction, and the interval that a measured slope leaves."""
+    made = Picture(figsize=(9.0, 3.6), layout="compressed")
+    left, right = made.subplots(1, 2, width_ratios=(1.3, 1.0))
+    values, seeds = ((0.35, 0.42, 0.5), (1, 2)) if quick else ((0.35, 0.4, 0.45, 0.5), (1, 2, 3))
+    cases = {
+        (mu_s, seed): gr.scenes.rotating_drum(
+            cell=0.01, omega=0.6, duration=3.0, jitter=0.3, seed=seed, mu_s=mu_s, mu_2=mu_s + 0.26
+        )
+        for mu_s in values
+        for seed in seeds
+    }
+    with TemporaryDirectory() as folder:
+        results = gr.sweep(
+            cases, folder=folder, measure=slope_in_drum, every=0.1, workers=2, progress=False
+        )
+        state = gr.open(results.paths[-1])[-1]
+    numbers = [mu_s for mu_s, _ in results.keys]
+    measured, error = 28.0, 0.5
+    known = gr.calibrate.invert(numbers, list(results), measured, error=error)
+    along = np.linspace(values[0], values[-1], 50)
+    left.plot(numbers, list(results), "o", color=BLUE, ms=4, label="runs, several seeds")
+    left.plot(along, known(along), color=BLUE, lw=1, label="fit")
+    left.axhspan(measured - error, measured + error, color=GREY, alpha=0.3, lw=0, label="measured")
+    left.axvspan(*known.interval, color=ORANGE, alpha=0.3, lw=0, label="interval, 95 %")
+    left.set(xlabel="mu_s", ylabel="slope in the drum [degrees]")
+    left.legend(fontsize=8)
+    gr.plot.frame(state, "speed", ax=right, title="mu_s = 0.5")
+    return made

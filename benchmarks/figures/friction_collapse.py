@@ -11,14 +11,14 @@ from shared import RESULTS
 
 import granular as gr
 from figures.common import RUN, options, save, tell
-from granular import plot
+from granular import calibrate, plot
 from granular.grain_scale import friction_law
 from granular.grain_scale.friction_law import SteadyShear
 
 TABLE = RESULTS / "friction_law.json"
 
 
-def rheology() -> tuple[friction_law.MuIFit, dict]:
+def rheology() -> tuple[calibrate.MuIFit, dict]:
     """Fit to the flows of the table, and the grains of these flows."""
     table = json.loads(TABLE.read_text())
     flows = [SteadyShear(**row["flow"]) for row in table["rows"] if row["set"] == "low"]
@@ -46,7 +46,7 @@ def main(argv: list[str] | None = None) -> None:
     left, right = fig.subplots(1, 2, width_ratios=(2, 3))
     inertial, end = np.geomspace(1e-3, 1.0, 200), 0.0
     for name, material in materials.items():
-        mu_I = friction_law.MuIFit(material.mu_s, material.mu_2, material.I0, {}, np.zeros(0))
+        mu_I = calibrate.MuIFit(material.mu_s, material.mu_2, material.I0, {}, np.zeros(0))
         left.plot(inertial, mu_I(inertial), label=name)
         state = heap(material, chosen.quick)
         runout, surface = gr.measure.runout(state), gr.measure.surface(state)

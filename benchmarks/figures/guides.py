@@ -14,11 +14,11 @@ from tempfile import TemporaryDirectory
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.image import imread
-from scipy.optimize import brentq
 
 import granular as gr
 from figures.common import BLUE, GREEN, GREY, ORANGE, RED, WEIGHT, draw_pages, panels, tell
 from figures.engineering import (
+    calibrate_friction,
     erodible_bed,
     slope_stability,
     tools_in_soil,
@@ -357,25 +357,6 @@ def code_of(guide: str) -> list[str]:
     """Blocks of Python of a guide."""
     page = Path(__file__).parents[2] / "docs" / "how-to" / f"{guide}.md"
     return re.findall(r"^```python\n(.*?)^```$", page.read_text(), re.M | re.S)
-
-
-def calibrate_friction(quick: bool) -> Picture:
-    """Run-out against the friction, the measured one, and the heap that has it."""
-    cell = 0.04 if quick else 0.02
-    made, ((left, right),) = panels(1, 2, 3.0, width_ratios=(1.0, 1.3))
-
-    def heap(mu_s: float) -> gr.State:
-        return column(cell, aspect=1.2, E=1e6, mu_s=mu_s, mu_2=mu_s + 0.26)
-
-    friction, measured = np.linspace(0.25, 0.6, 3 if quick else 8), 1.6
-    left.plot(friction, [runout(heap(mu_s)) for mu_s in friction], "o-", color=BLUE, label="runs")
-    fitted = float(brentq(lambda mu_s: runout(heap(mu_s)) - measured, 0.25, 0.6, xtol=0.01))
-    left.axhline(measured, color=GREY, ls="--", label="measured run-out")
-    left.plot(fitted, measured, "D", color=ORANGE, ms=9, label=f"mu_s = {fitted:.2f}")
-    left.set(xlabel="mu_s", ylabel="run-out [half-widths]")
-    left.legend(fontsize=8)
-    gr.plot.frame(heap(fitted), "pressure", ax=right, title=f"the heap with mu_s = {fitted:.2f}")
-    return made
 
 
 def two_numbers(mu_s: float, aspect: float, cell: float) -> gr.Scene:

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from shared import parser_of, stored, table, write
 
+from granular import calibrate
 from granular.grain_scale import dem, friction_law
 from granular.grain_scale.friction_law import SteadyShear
 
@@ -93,7 +94,7 @@ def fits(flows: list[SteadyShear], d: float) -> dict:
     rheology = friction_law.fit_rheology(flows)
     table = {
         "rheology": rheology,
-        "packing": friction_law.fit_packing(inertial, [p.packing_fraction for p in flows]),
+        "packing": calibrate.fit_packing(inertial, [p.packing_fraction for p in flows]),
         "coordination": friction_law.fit_coordination(inertial, [p.coordination for p in flows]),
         "viscoelastic": friction_law.fit_dissipation(flows, "viscoelastic"),
         "sliding": friction_law.fit_dissipation(flows, "sliding"),

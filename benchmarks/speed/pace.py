@@ -1,4 +1,4 @@
-"""Time per point and step beside the estimate of `granular.economy.cost`, on one thread.
+"""Time per point and step compared with the estimate of `granular.economy.cost`, on one thread.
 
 Blocks at rest have 4, 9 and 16 points in a cell in 2D, and 8 and 27 in 3D; with them are the ready
 scenes with fills of at most 400,000 points, after 50 steps. The speed of the machine is measured by

@@ -136,8 +136,8 @@ def seconds_of_step(scene: Scene, points: float) -> float:
         each *= _NONLOCAL
     if len(scene.materials) > 1:
         each *= _SEVERAL
-    own = [m.language for m in scene.materials if isinstance(m, OwnLaw)]
-    each += max((OF_OWN_LAW[language] for language in own), default=0.0)
+    languages = [m.language for m in scene.materials if isinstance(m, OwnLaw)]
+    each += max((OF_OWN_LAW[language] for language in languages), default=0.0)
     return slowness() * (1e-9 * each * points + 1e-6 * (STEP + _of_bodies(scene)))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import ArrayLike
 
+from granular import calibrate
 from granular.grain_scale import friction_law
 from granular.grain_scale.friction_law import SteadyShear
 from granular.plot.canvas import Picture
@@ -178,7 +179,7 @@ def scaling_of_dilation(flows: Flows) -> Picture:
     upper.plot(along, number(along), color="black", label=label)
     upper.errorbar(inertial, z, _column(flows, "coordination_error"), fmt="o", color="C0")
     upper.set(ylabel="coordination Z", ylim=(0.0, None))
-    law = friction_law.fit_packing(inertial, phi)
+    law = calibrate.fit_packing(inertial, phi)
     label = rf"$\phi$ = {law.phi_max:.3f} - {law.m:.3f} I"
     packing.plot(along, law(along), color="black", label=label)
     packing.errorbar(inertial, phi, _column(flows, "packing_error"), fmt="o", color="C0")

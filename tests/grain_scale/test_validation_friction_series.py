@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from granular import calibrate
 from granular.grain_scale import dem, friction_law
 from granular.grain_scale.friction_law import SteadyShear
 
@@ -41,7 +42,7 @@ def test_scalings_are_those_of_the_thesis():
         assert fit.exponent == pytest.approx(exponent, abs=0.2)
         slow = [flow for flow in flows if flow.inertial_number < 0.02]
         assert friction_law.fit_dissipation(slow, kind, slowest=0.0).exponent < fit.exponent - 0.5
-    packing = friction_law.fit_packing(inertial, [flow.packing_fraction for flow in flows])
+    packing = calibrate.fit_packing(inertial, [flow.packing_fraction for flow in flows])
     assert packing.phi_max == pytest.approx(0.595, abs=0.015)
     assert packing.m == pytest.approx(0.135, abs=0.015)
     number = friction_law.fit_coordination(inertial, [flow.coordination for flow in flows])

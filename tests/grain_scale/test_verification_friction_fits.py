@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import granular as gr
+from granular import calibrate
 from granular.grain_scale import friction_law
 from granular.grain_scale.friction_law import SteadyShear
 
@@ -19,7 +20,7 @@ def law(inertial):
 
 
 def test_exact_data_give_their_constants_and_errors_weigh_the_points():
-    fit = friction_law.fit_mu_I(INERTIAL, law(INERTIAL))
+    fit = calibrate.fit_mu_I(INERTIAL, law(INERTIAL))
     assert (fit.mu_s, fit.mu_2, fit.I0) == pytest.approx(tuple(TRUE.values()), rel=1e-6)
     assert np.abs(fit.residuals).max() < 1e-8
     assert fit(INERTIAL) == pytest.approx(law(INERTIAL))
@@ -27,9 +28,9 @@ def test_exact_data_give_their_constants_and_errors_weigh_the_points():
     friction, error = law(INERTIAL), np.full(len(INERTIAL), 1e-4)
     friction[5] += 0.05
     error[5] = 1.0
-    fit = friction_law.fit_mu_I(INERTIAL, friction, error)
+    fit = calibrate.fit_mu_I(INERTIAL, friction, error)
     assert (fit.mu_s, fit.mu_2, fit.I0) == pytest.approx(tuple(TRUE.values()), rel=1e-4)
-    assert friction_law.fit_mu_I(INERTIAL, friction).I0 != pytest.approx(TRUE["I0"], rel=0.02)
+    assert calibrate.fit_mu_I(INERTIAL, friction).I0 != pytest.approx(TRUE["I0"], rel=0.02)
 
 
 @pytest.mark.parametrize("confidence", [0.95, 0.6])
@@ -39,7 +40,7 @@ def test_intervals_hold_the_constants_as_often_as_they_say(confidence):
     hits, runs = dict.fromkeys(TRUE, 0), 300
     for _ in range(runs):
         noisy = law(inertial) + rng.normal(0.0, 0.002, len(inertial))
-        found = friction_law.fit_mu_I(inertial, noisy, confidence=confidence).intervals
+        found = calibrate.fit_mu_I(inertial, noisy, confidence=confidence).intervals
         for name, value in TRUE.items():
             hits[name] += found[name][0] <= value <= found[name][1]
     # Four standard deviations of a binomial count, and 0.015 for nonlinearity.
@@ -52,7 +53,7 @@ def test_laws_of_the_thesis_give_their_constants():
     coordination = friction_law.fit_coordination(INERTIAL, -0.3 + 1.2 / (0.28 + INERTIAL) + 0.5)
     assert (coordination.Z1, coordination.Z2, coordination.b) == pytest.approx((0.2, 1.2, 0.28))
     assert coordination.quasi_static == pytest.approx(0.2 + 1.2 / 0.28)
-    packing = friction_law.fit_packing(INERTIAL, 0.595 - 0.135 * INERTIAL)
+    packing = calibrate.fit_packing(INERTIAL, 0.595 - 0.135 * INERTIAL)
     assert (packing.phi_max, packing.m) == pytest.approx((0.595, 0.135))
     power = friction_law.fit_power(INERTIAL, 1.7 * INERTIAL**2.4)
     assert (power.coefficient, power.exponent) == pytest.approx((1.7, 2.4))
@@ -96,7 +97,7 @@ def test_from_flows_to_the_material_of_a_scene():
     assert simulation.state.n == scene.n_points
     assert fit.material(d=1e-3, rho_s=2500.0, rho_c=1400.0).rho_c == 1400.0
     with pytest.raises(ValueError, match="no packing fractions"):
-        friction_law.fit_mu_I(INERTIAL, law(INERTIAL)).material(d=1e-3, rho_s=2500.0)
+        calibrate.fit_mu_I(INERTIAL, law(INERTIAL)).material(d=1e-3, rho_s=2500.0)
 
 
 NOT_DETERMINED = r"do not determine|mu_s < mu_2"
@@ -105,12 +106,12 @@ NOT_DETERMINED = r"do not determine|mu_s < mu_2"
 @pytest.mark.parametrize(
     ("fit", "data", "options", "words"),
     [
-        (friction_law.fit_mu_I, (INERTIAL, np.full(12, 0.4)), {}, NOT_DETERMINED),
-        (friction_law.fit_mu_I, (INERTIAL, law(INERTIAL)[::-1]), {}, NOT_DETERMINED),
-        (friction_law.fit_mu_I, ([0.1, 0.2, 0.2, 0.3], [0.4, 0.5, 0.5, 0.6]), {}, "at least 4"),
-        (friction_law.fit_mu_I, (INERTIAL, law(INERTIAL)), {"confidence": 1.0}, "confidence = 1"),
+        (calibrate.fit_mu_I, (INERTIAL, np.full(12, 0.4)), {}, NOT_DETERMINED),
+        (calibrate.fit_mu_I, (INERTIAL, law(INERTIAL)[::-1]), {}, NOT_DETERMINED),
+        (calibrate.fit_mu_I, ([0.1, 0.2, 0.2, 0.3], [0.4, 0.5, 0.5, 0.6]), {}, "at least 4"),
+        (calibrate.fit_mu_I, (INERTIAL, law(INERTIAL)), {"confidence": 1.0}, "confidence = 1"),
         (friction_law.fit_power, ([0.1, 0.2, -0.3], [1.0, 2.0, 3.0]), {}, "finite and > 0"),
-        (friction_law.fit_packing, ([0.1, 0.2], [0.5]), {}, "equal length"),
+        (calibrate.fit_packing, ([0.1, 0.2], [0.5]), {}, "equal length"),
         (friction_law.fit_rheology, ([flow(0.1, 0.4, 0.5)] * 3,), {}, "3 flows"),
     ],
 )

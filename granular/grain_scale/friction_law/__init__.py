@@ -9,13 +9,9 @@ from granular.grain_scale.friction_law.contacts import Sample as Sample
 from granular.grain_scale.friction_law.contacts import dissipation as dissipation
 from granular.grain_scale.friction_law.contacts import sample as sample
 from granular.grain_scale.friction_law.fits import CoordinationFit as CoordinationFit
-from granular.grain_scale.friction_law.fits import MuIFit as MuIFit
-from granular.grain_scale.friction_law.fits import PackingFit as PackingFit
 from granular.grain_scale.friction_law.fits import PowerFit as PowerFit
 from granular.grain_scale.friction_law.fits import fit_coordination as fit_coordination
 from granular.grain_scale.friction_law.fits import fit_dissipation as fit_dissipation
-from granular.grain_scale.friction_law.fits import fit_mu_I as fit_mu_I
-from granular.grain_scale.friction_law.fits import fit_packing as fit_packing
 from granular.grain_scale.friction_law.fits import fit_power as fit_power
 from granular.grain_scale.friction_law.fits import fit_rheology as fit_rheology
 from granular.grain_scale.friction_law.steady import SteadyShear as SteadyShear
