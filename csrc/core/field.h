@@ -19,7 +19,8 @@ enum gr_need {
     GR_COHESIVE,
     GR_SEVERAL,
     GR_REMEMBERS,
-    GR_ELASTIC
+    GR_ELASTIC,
+    GR_STRAINED
 };
 
 /* X(name, kind, needed by, unit, description) */
@@ -44,7 +45,8 @@ enum gr_need {
     X(separated, GR_SCALAR, GR_COHESIVE, "1", "1 where cohesive material came apart and has not touched since")       \
     X(material, GR_SCALAR, GR_SEVERAL, "1", "number of the material in `scene.materials`")                            \
     X(history, GR_FOUR, GR_REMEMBERS, "1", "variables of a user-defined law, in the order of its `history`")          \
-    X(viscous_stress, GR_STRESS, GR_ELASTIC, "Pa", "viscous stress of elastic deformation, added to `stress`")
+    X(viscous_stress, GR_STRESS, GR_ELASTIC, "Pa", "viscous stress of elastic deformation, added to `stress`")        \
+    X(shear_strain, GR_SCALAR, GR_STRAINED, "1", "equivalent plastic shear strain: shear_rate summed over the time")
 
 #define GR_X(name, kind, need, unit, doc) GR_FIELD_##name,
 enum gr_field { GR_FIELDS(GR_X) GR_FIELD_COUNT };

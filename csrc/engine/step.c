@@ -74,7 +74,7 @@ static int prepare(struct gr_run *run)
     e->record_rates = run->left == 0 || next >= run->until || gr_averages(e, e->clock.step + 1) ||
                       gr_damps_flutter(e, e->clock.step + 1) || (e->clock.step + 1) % GR_TALLY_INTERVAL == 0 ||
                       (config->cell_averaged && config->largest.damping_rate > 0) || gr_has_viscous_stress(config) ||
-                      e->nonlocal.fluidity;
+                      e->nonlocal.fluidity || config->scheme.shear_strain > 0;
     e->nonlocal.diffuses = e->nonlocal.fluidity && !(e->clock.time < config->nonlocal.begins_at);
     if (e->nonlocal.diffuses) e->nonlocal.deviation_left = deviation_left(e);
     const double rate = config->keep_velocity_rate;

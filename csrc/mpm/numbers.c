@@ -24,6 +24,7 @@ int gr_config_uses(const struct gr_config *config, int field)
                           [GR_COHESIVE] = coheres,
                           [GR_SEVERAL] = config->n_materials > 1,
                           [GR_REMEMBERS] = remembers,
-                          [GR_ELASTIC] = gr_has_viscous_stress(config)};
+                          [GR_ELASTIC] = gr_has_viscous_stress(config),
+                          [GR_STRAINED] = config->scheme.shear_strain > 0};
     return needed[gr_field_table[field].need];
 }

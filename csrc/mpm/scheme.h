@@ -35,7 +35,9 @@
       "tenth of a point changes a run-out by a fifth.")                                                               \
     X(sleep_speed, 0, "[0, inf)", "m/s",                                                                              \
       "Cells in which no point has been faster for 512 steps are not computed until one of their nodes would move "   \
-      "faster. 0 to compute all. Not for nonlocal laws, xpic and walls that keep a pressure.")
+      "faster. 0 to compute all. Not for nonlocal laws, xpic and walls that keep a pressure.")                        \
+    X(shear_strain, 0, "integer [0, 1]", "1",                                                                         \
+      "1 to sum up the plastic shear strain of each point since the start, as the field `shear_strain`.")
 
 /* Parameters of the diffusion of the fluidity of a nonlocal law. */
 #define GR_FLUIDITY_SCHEME(X)                                                                                           \

@@ -93,11 +93,25 @@ struct moved {
     struct batch batch;
 };
 
+/* Add the plastic shear strain of the step to that of the points of a tile. */
+GR_INLINE void add_shear_strain(struct gr_engine *e, int64_t tile)
+{
+    const struct gr_cell *cell = &e->mesh.cell[tile * GR_LANES];
+    const vd dt = v_set(e->clock.dt);
+    for (int32_t row = 0; row < cell->capacity; row++)
+        for (int part = 0; part < GR_VECTORS; part++) {
+            const int64_t at = gr_slot(cell, row) + part * GR_W;
+            gr_real *const strain = gr_numbers(e, GR_FIELD_shear_strain, 0, at);
+            v_store(strain, v_load(strain) + dt * component(e, GR_FIELD_shear_rate, 0, at));
+        }
+}
+
 /* Call the law for the tiles that have moved, pack the points that left them and sum over the others. */
 GR_INLINE void end_tiles(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
                          struct gr_engine *e, struct moved *moved, struct gr_migrants *out, int fused)
 {
     if (moved->batch.n) run_law(e, &moved->batch, 0);
+    for (int64_t k = 0; e->points.field[GR_FIELD_shear_strain] && k < moved->n; k++) add_shear_strain(e, moved->tile[k]);
     if (out->count > moved->packed) gr_pack_migrants(e, out, moved->packed);
     moved->packed = out->count;
     for (int64_t k = 0; fused && k < moved->n; k++)

@@ -61,6 +61,7 @@ class Quantity:
 
 QUANTITIES: dict[str, Quantity] = {
     "shear_rate": Quantity("equivalent plastic shear rate", "1/s", log=True, cmap="plasma"),
+    "shear_strain": Quantity("accumulated plastic shear strain", cmap="plasma"),
     "pressure": Quantity("pressure", "Pa"),
     "shear_stress": Quantity("equivalent shear stress", "Pa"),
     "mu": Quantity("friction, shear stress/pressure", cmap="cividis"),
