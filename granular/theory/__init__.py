@@ -1,5 +1,9 @@
 """Closed forms and reference solutions with which simulations are compared."""
 
+from granular.theory.arching import CriticalOutlet as CriticalOutlet
+from granular.theory.arching import arch_factor as arch_factor
+from granular.theory.arching import critical_outlet as critical_outlet
+from granular.theory.arching import flow_factor as flow_factor
 from granular.theory.bearing import BearingCapacity as BearingCapacity
 from granular.theory.bearing import bearing_capacity as bearing_capacity
 from granular.theory.beverloo import beverloo_rate as beverloo_rate
@@ -7,7 +11,9 @@ from granular.theory.chute import ChuteFlow as ChuteFlow
 from granular.theory.chute import chute_profile as chute_profile
 from granular.theory.chute import chute_transient as chute_transient
 from granular.theory.cohesion import CliffHeight as CliffHeight
+from granular.theory.cohesion import UnconfinedStrength as UnconfinedStrength
 from granular.theory.cohesion import cliff_height as cliff_height
+from granular.theory.cohesion import unconfined_strength as unconfined_strength
 from granular.theory.constitutive import APPENDIX_B_BREAKPOINTS as APPENDIX_B_BREAKPOINTS
 from granular.theory.constitutive import ConstitutiveReference as ConstitutiveReference
 from granular.theory.constitutive import Event as Event

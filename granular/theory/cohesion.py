@@ -11,11 +11,12 @@ on a shear band that does not widen it is one with
 
     tan(phi) = mu,  cohesion c.
 
-A vertical cliff of the height H slides on a plane from its toe if
+The unconfined strength, the major stress of a free-standing sample at yield, is
 
-    H >= (4 c_0/(rho g)) tan(45 deg + phi/2),
+    f = 2 c_0 tan(45 deg + phi/2)
 
-c_0 being the cohesion on the plane (Drucker & Prager 1952, Q. Appl. Math. 10, 157-165). This is an
+with the cohesion c_0 of Mohr and Coulomb. A vertical cliff of the height H slides on a plane from
+its toe if H >= 2 f/(rho g) (Drucker & Prager 1952, Q. Appl. Math. 10, 157-165). This is an
 upper bound by one mechanism; a curved surface lowers the factor from 4 to 3.83. A stress field in
 equilibrium proves that a cliff of half the height is stable, and that is the height of a cliff
 whose material bears no tension. The theorems are for flow that dilates by the friction angle. Flow
@@ -30,6 +31,42 @@ from dataclasses import dataclass
 
 from granular.model.gravity import EARTH
 from granular.tools.checks import in_range, non_negative, positive
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnconfinedStrength:
+    """Major stress at which a sample yields whose sides are free, in plane strain.
+
+    Attributes
+    ----------
+    coaxial, band : float
+        Strength of uniform coaxial plane strain, and on a shear band [Pa].
+    """
+
+    coaxial: float
+    band: float
+
+
+def unconfined_strength(cohesion: float, mu: float) -> UnconfinedStrength:
+    """Unconfined yield strength of a cohesive law in plane strain, 2 c_0 tan(45 deg + phi/2).
+
+    Parameters
+    ----------
+    cohesion : float
+        Shear stress at yield without pressure [Pa], >= 0: `cohesion` of a material.
+    mu : float
+        Friction coefficient of the law, such as `mu_s`, 0 to 1 (1 not included).
+    {raises}.
+    """
+    cohesion, mu = non_negative("cohesion", cohesion), in_range("mu", mu, 0.0, 1.0, open_high=True)
+    coaxial, band = (
+        2.0 * c * math.tan(math.pi / 4 + phi / 2)
+        for c, phi in (
+            (cohesion / math.sqrt(1.0 - mu**2), math.asin(mu)),
+            (cohesion, math.atan(mu)),
+        )
+    )
+    return UnconfinedStrength(coaxial=coaxial, band=band)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,17 +107,11 @@ def cliff_height(
     TypeError, ValueError
         If an argument is not a number in its range.
     """
-    cohesion, mu = non_negative("cohesion", cohesion), in_range("mu", mu, 0.0, 1.0, open_high=True)
+    strength = unconfined_strength(cohesion, mu)
     weight = positive("density", density) * positive("gravity", gravity)
-    coaxial, band = math.asin(mu), math.atan(mu)
-    strengths = (cohesion / math.cos(coaxial), cohesion)
-    heights = [
-        4 * c / weight * math.tan(math.pi / 4 + phi / 2)
-        for c, phi in zip(strengths, (coaxial, band), strict=True)
-    ]
     return CliffHeight(
-        coaxial_cohesion=strengths[0],
-        band_cohesion=strengths[1],
-        coaxial=heights[0],
-        band=heights[1],
+        coaxial_cohesion=cohesion / math.sqrt(1.0 - mu**2),
+        band_cohesion=float(cohesion),
+        coaxial=2.0 * strength.coaxial / weight,
+        band=2.0 * strength.band / weight,
     )

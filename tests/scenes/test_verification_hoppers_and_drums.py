@@ -118,3 +118,26 @@ def test_the_layer_of_a_drum_brings_down_what_its_bed_carries_up():
     assert (flow.flux / flow.balance)[middle].mean() == pytest.approx(1.0, abs=0.03)
     assert (flow.flux / flow.balance)[middle] == pytest.approx(1.0, abs=0.1)
     assert 20.9 < flow.slope_deg < 32.8
+
+
+@pytest.mark.parametrize(("ratio", "arches"), [(1.0, False), (1.8, True)])
+def test_cohesive_material_arches_near_the_strength_of_jenike(ratio, arches):
+    """The method is cautious: arches form at 1.4 to 1.6 times the cohesion of its outlet, for half
+    angles of 15 to 45 degrees, mu of 0.38 and 0.6 and cells of B/6 to B/24."""
+    orifice, mu = 0.12, 0.38
+    unit = gr.theory.unconfined_strength(1.0, mu).coaxial
+    cohesion = ratio * orifice * 1500.0 * 9.8 / gr.theory.arch_factor(30.0) / unit
+    scene = gr.scenes.hopper(
+        orifice=orifice,
+        width=0.4,
+        fill_height=0.4,
+        friction=mu,
+        cell=0.02,
+        opens_at=0.0,
+        ramp=1.0,
+        material=gr.DruckerPrager(E=1e6, mu=mu, cohesion=cohesion),
+    )
+    sim = gr.Simulation(scene)
+    sim.run(until=1.4, monitor=False)
+    left = 1 - sim.state.mass[sim.state.x[:, 1] > 0].sum() / gr.Simulation(scene).state.mass.sum()
+    assert left < 1e-3 if arches else left > 0.05

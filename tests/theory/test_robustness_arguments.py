@@ -163,6 +163,24 @@ CASES = [
         ({"phi_deg": 46.0}, "phi_deg = 46.0"),
         ({"phi_deg": nan}, "phi_deg = nan"),
     ]),
+    ("flow_factor", {"angle_deg": 20.0, "wall_deg": 15.0, "effective_deg": 40.0}, [
+        ({"angle_deg": 0.5}, "angle_deg = 0.5"),
+        ({"wall_deg": 40.0}, "wall_deg = 40.0"),
+        ({"effective_deg": nan}, "effective_deg = nan"),
+        ({"dim": 1}, "dim = 1"),
+    ]),
+    ("arch_factor", {"angle_deg": 20.0}, [({"angle_deg": -1.0}, "angle_deg = -1.0")]),
+    ("critical_outlet", {"strength": 100.0, "angle_deg": 20.0, "wall_deg": 15.0,
+                         "effective_deg": 40.0, "density": 1e3}, [
+        ({"strength": -1.0}, "strength = -1.0"),
+        ({"strength": nan}, "strength = nan"),
+        ({"density": 0.0}, "density = 0.0"),
+        ({"gravity": 0.0}, "gravity = 0.0"),
+    ]),
+    ("unconfined_strength", {"cohesion": 100.0, "mu": 0.4}, [
+        ({"cohesion": -1.0}, "cohesion = -1.0"),
+        ({"mu": 1.0}, "mu = 1.0"),
+    ]),
     ("sliding_earth_pressure", {"mu": 0.4, "base": 0.3}, [
         ({"mu": 0.0}, "mu = 0.0"),
         ({"mu": 1.0}, "mu = 1.0"),
