@@ -123,7 +123,8 @@ def test_the_layer_of_a_drum_brings_down_what_its_bed_carries_up():
 @pytest.mark.parametrize(("ratio", "arches"), [(1.0, False), (1.8, True)])
 def test_cohesive_material_arches_near_the_strength_of_jenike(ratio, arches):
     """The method is cautious: arches form at 1.4 to 1.6 times the cohesion of its outlet, for half
-    angles of 15 to 45 degrees, mu of 0.38 and 0.6 and cells of B/6 to B/24."""
+    angles of 15 to 45 degrees, mu of 0.38 and 0.6 and cells of B/6 to B/24; with walls of friction
+    1 at 1.3 times."""
     orifice, mu = 0.12, 0.38
     unit = gr.theory.unconfined_strength(1.0, mu).coaxial
     cohesion = ratio * orifice * 1500.0 * 9.8 / gr.theory.arch_factor(30.0) / unit
