@@ -25,8 +25,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
 
 from granular.model.gravity import EARTH
 from granular.tools.arrays import Array
@@ -156,6 +154,8 @@ def critical_outlet(
 def _meeting(flow_function: Callable[[float], float], factor: float) -> float:
     """The largest stress at which the flow function crosses s1/ff from above; 0 or inf if none."""
 
+    from scipy.optimize import brentq  # not with the package: it takes time and memory
+
     def excess(stress: float) -> float:
         name = f"strength({stress:.6g})"
         return non_negative(name, flow_function(stress)) - stress / factor
@@ -175,6 +175,8 @@ def _major_stress_at_wall(angle: float, wall: float, sine: float, dim: int) -> f
     The field is integrated from the axis with the mean stress there that leads to the friction of
     the wall. A smaller one turns the major stress faster.
     """
+    from scipy.integrate import solve_ivp  # not with the package: it takes time and memory
+
     m = dim - 2
     at_wall = 0.5 * (wall + math.asin(math.sin(wall) / sine))
     # There a slip line is parallel to the ray, and the derivatives are infinite.
