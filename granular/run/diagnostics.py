@@ -8,7 +8,6 @@ hand.
 
 from __future__ import annotations
 
-import os
 import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from granular.measure.result import Table
+from granular.measure.result import Result, Table
 from granular.model.plausible import suspect_numbers
 from granular.run.monitor import Monitor
 from granular.tools.notebook import table
@@ -95,7 +94,7 @@ class Indicator:
 
 
 @dataclass(frozen=True)
-class Health:
+class Health(Result):
     """Indicators of failure of a run.
 
     Attributes
@@ -172,23 +171,6 @@ class Health:
             If pandas is not installed: ``pip install 'granular-flow[tables]'``.
         """
         return self._table().to_dataframe().set_index("name")
-
-    def to_csv(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-        """Write the rows of `to_dataframe` as text with commas, which spreadsheets open.
-
-        Parameters
-        ----------
-        path : path
-            File to write.
-        overwrite : bool
-            If True, replace an existing file.
-
-        Raises
-        ------
-        FileExistsError
-            If the file exists and `overwrite` is not set.
-        """
-        self._table().to_csv(path, overwrite)
 
     def _table(self) -> Table:
         names = ("name", "value", "limit", "verdict", "doc", "remedy")

@@ -153,7 +153,6 @@ def critical_outlet(
 
 def _meeting(flow_function: Callable[[float], float], factor: float) -> float:
     """The largest stress at which the flow function crosses s1/ff from above; 0 or inf if none."""
-
     from scipy.optimize import brentq  # not with the package: it takes time and memory
 
     def excess(stress: float) -> float:
