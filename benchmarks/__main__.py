@@ -2,6 +2,7 @@
 
 import sys
 
+from matplotlib import style
 from shared import module, scripts
 
 
@@ -11,6 +12,7 @@ def main() -> None:
     if len(sys.argv) > 1 and sys.argv[1] in names:
         name = sys.argv.pop(1)
         sys.argv[0] += f" {name}"
+        style.use("granular.plot.pages")
         module(name).main()
     else:
         print("\n".join(f"{name:28s}{line}" for name, line in names.items()))

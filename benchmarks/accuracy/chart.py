@@ -96,7 +96,6 @@ def _numbers(ax: Axes, best: Sequence[tuple[Row, float]]) -> None:
             xytext=(-5, -5),
             ha="right",
             va="top",
-            fontsize=9,
             fontweight="bold",
             zorder=4,
             path_effects=[withStroke(linewidth=2.0, foreground="white")],
@@ -113,7 +112,7 @@ def panel(ax: Axes, name: str, points: Sequence[tuple[Row, float]], reference: R
             row["core_seconds"],
             e,
             linestyle="",
-            markersize={"published": 15}.get(row["scheme"], 7.5 if big else 5.5),
+            markersize={"published": 10}.get(row["scheme"], 5 if big else 3.7),
             markeredgecolor="black" if big else "white",
             markeredgewidth=0.6,
             zorder=3 if big else 2,
@@ -148,12 +147,12 @@ def _legend(fig: Picture, schemes: Sequence[str]) -> None:
     for handle, scheme in zip(handles, schemes, strict=True):
         look = style(scheme)
         handle.set(marker=look["marker"], markerfacecolor=look["color"])
-        handle.set_markersize(11 if scheme == "published" else 7)
+        handle.set_markersize(8 if scheme == "published" else 5)
     handles.append(
         Line2D([], [], color="black", linewidth=1.0, label="front, numbers of the table")
     )
     handles.append(Line2D([], [], color="0.85", linewidth=8, label="uncertainty of the reference"))
-    fig.legend(handles=handles, loc="outside lower center", ncols=5, fontsize=8, frameon=False)
+    fig.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)
 
 
 def chart(
@@ -169,7 +168,7 @@ def chart(
     if not drawn:
         return None
     down, across = -(-len(drawn) // 2), min(len(drawn), 2)
-    fig = Picture(figsize=(5.6 * across, 4.3 * down + 1.1), layout="constrained")
+    fig = Picture(figsize=(3.5 * across, 2.7 * down + 0.8), layout="constrained")
     axes = fig.subplots(down, across, squeeze=False)
     for ax, (name, points, reference) in zip(axes.ravel(), drawn, strict=False):
         panel(ax, name, points, reference)
@@ -244,7 +243,7 @@ def trends(slopes: Sequence[Mapping[str, Any]]) -> Picture | None:
     ]
     if not entries:
         return None
-    fig = Picture(figsize=(11.0, 7.4), layout="constrained")
+    fig = Picture(figsize=(7.0, 5.2), layout="constrained")
     _draw_trends(fig.subplots(2, 3).ravel(), entries)
     handles = [Line2D([], [], color=c, linewidth=3, label=SCENES[s]) for s, c in SHADES.items()]
     handles += [Line2D([], [], color="0.3", label=s, **look) for s, look in LINES.items()]
@@ -253,5 +252,5 @@ def trends(slopes: Sequence[Mapping[str, Any]]) -> Picture | None:
         Line2D([], [], color="black", linewidth=1.0, label="theory, 25 deg"),
         Line2D([], [], color="0.3", marker="o", mfc="white", ls="", label="coarser cells, top row"),
     ]
-    fig.legend(handles=handles, loc="outside lower center", ncols=5, fontsize=8, frameon=False)
+    fig.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)
     return fig

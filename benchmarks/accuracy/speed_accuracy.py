@@ -25,7 +25,6 @@ SHOWN = {
     "accuracy_inclines": ("incline", "incline_2d"),
     "accuracy_scenes": ("collapse", "runout", "silo"),
 }
-DPI = 110
 LIMIT = 200.0
 """Largest cost of a case [core-seconds]."""
 
@@ -68,7 +67,7 @@ def draw(rows: Sequence[errors.Row], figures: Path) -> None:
     figures.mkdir(parents=True, exist_ok=True)
     for name, picture in pictures.items():
         if picture:
-            picture.savefig(figures / f"{name}.png", dpi=DPI)
+            picture.savefig(figures / f"{name}.png")
 
 
 def main(argv: list[str] | None = None) -> None:

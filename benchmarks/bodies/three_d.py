@@ -41,7 +41,11 @@ THIN = SIDED | {"width": 0.05, "blade": (0.006, 0.05, 0.457)}
 LOCAL = {"material": SOFT.replace(A=0.0)}
 STIFF = {"material": SOFT.replace(E=1.5e6)}
 FINE = {"cell": BED["cell"] / 1.5}
-ROLL = {"length": 0.5, "start": 0.1625, "duration": 7.0}
+ROLL = {
+    **{"length": 0.49, "width": 0.1925, "headroom": 0.0525, "cell": 0.00875},
+    **{"start": 0.1625, "duration": 7.0},
+}
+"""Cells of a tenth of the soil's depth; the bed has the width of the paper to half a millimetre."""
 WINDOW = 0.1
 """Time window over which the flow between cylinders is averaged [s]."""
 RINGS = 3
@@ -74,6 +78,7 @@ CASES: dict[str, Callable[[], gr.Scene]] = {
     "thin_5_local": lambda: excavation(0.05, **THIN, **LOCAL),
     "thin_5_stiff": lambda: excavation(0.05, **THIN, **STIFF),
     "thin_5_fine": lambda: excavation(0.05, **THIN, **FINE),
+    "thin_5_local_fine": lambda: excavation(0.05, **THIN, **LOCAL, **FINE),
     "narrow_2": lambda: excavation(0.02, **NARROW),
     "narrow_5": lambda: excavation(0.05, **NARROW),
     "narrow_5_local": lambda: excavation(0.05, **NARROW, **LOCAL),
@@ -86,15 +91,14 @@ CASES: dict[str, Callable[[], gr.Scene]] = {
     "narrow_5_slow": lambda: excavation(0.05, speed=0.02, dive_speed=0.0125, **NARROW),
     "narrow_5_fine": lambda: excavation(0.05, **NARROW, **FINE),
     "narrow_5_local_fine": lambda: excavation(0.05, **NARROW, **LOCAL, **FINE),
+    "narrow_5_drucker_prager_fine": lambda: excavation(0.05, material=PLASTIC, **NARROW, **FINE),
     "narrow_5_substeps": lambda: excavation(0.05, material=LATE, scheme=SUBSTEPS, **NARROW),
     "narrow_5_finer": lambda: excavation(0.05, cell=BED["cell"] / 2, **NARROW),
     "thin_5_one": lambda: excavation(0.05, points_per_cell=1, **THIN),
     "thin_5_coarse": lambda: excavation(0.05, cell=BED["cell"] * 2, **THIN),
     "excavation_2": lambda: excavation(0.02, **SIDED),
     "excavation_5": lambda: excavation(0.05, **SIDED),
-    "excavation_5_fine": lambda: excavation(
-        0.05, length=0.6, width=0.5, travel=0.02, **SIDED, **FINE
-    ),
+    "excavation_5_fine": lambda: excavation(0.05, **SIDED, **FINE),
     "excavation_5_whole": lambda: excavation(
         0.05, half=False, cell=BED["cell"] * 2, jitter=0.5, **SIDED
     ),
@@ -235,7 +239,7 @@ BLADES = {
     "0.305 m wide in a bin of 0.70 m, 6 mm thick": {
         "excavation_2": "2 cm deep",
         "excavation_5": "5 cm deep",
-        "excavation_5_fine": "5 cm, cells of 8.33 mm, 2 cm of way, bin of 0.60 x 0.50 m",
+        "excavation_5_fine": "5 cm deep, cells of 8.33 mm",
         "excavation_5_whole": "5 cm, cells of 25 mm, whole width, irregular points",
     },
     "between walls, 6 mm thick": {
@@ -244,6 +248,7 @@ BLADES = {
         "thin_5_local": "5 cm, A = 0",
         "thin_5_coarse": "5 cm, cells of 25 mm",
         "thin_5_fine": "5 cm, cells of 8.33 mm",
+        "thin_5_local_fine": "5 cm, cells of 8.33 mm, A = 0",
         "thin_5_one": "5 cm, one point per cell",
         "thin_5_stiff": "5 cm, E = 1.5 MPa",
     },
@@ -259,6 +264,7 @@ BLADES = {
         "narrow_5_stiff": "5 cm, E = 1.5 MPa",
         "narrow_5_fine": "5 cm, cells of 8.33 mm",
         "narrow_5_local_fine": "5 cm, cells of 8.33 mm, A = 0",
+        "narrow_5_drucker_prager_fine": "5 cm, cells of 8.33 mm, Drucker-Prager, mu = mu_s",
         "narrow_5_thick": "5 cm, 50 mm thick",
     },
 }

@@ -76,4 +76,4 @@ def main(argv: list[str] | None = None) -> None:
         if arguments.pictures:
             arguments.pictures.mkdir(parents=True, exist_ok=True)
             path = arguments.pictures / f"external_{name}.png"
-            cases[name].picture(outcome).savefig(path, dpi=100)
+            cases[name].picture(outcome).savefig(path)

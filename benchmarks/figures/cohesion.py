@@ -32,7 +32,7 @@ def settlement(cell: float, gravities: np.ndarray, material: gr.DruckerPrager) -
 def picture(quick: bool) -> plot.Picture:
     """Draw the picture of the page."""
     cell = 0.025 if quick else 0.00625
-    picture = plot.Picture(figsize=(9.0, 3.6), layout="constrained")
+    picture = plot.Picture(figsize=(7.0, 2.8), layout="constrained")
     left, right = picture.subplots(1, 2, width_ratios=(1, 1.1))
     sim = tell(gr.Simulation(gr.scenes.cohesive_cliff(cell=cell)).run(until=0.4))
     plot.frame(sim.state, "speed", ax=left, title=f"a cliff of 0.3 m slides, t = {sim.time:.2f} s")
@@ -49,5 +49,5 @@ def picture(quick: bool) -> plot.Picture:
     right.set_xlabel("height of the cliff under 9.8 m/s$^2$ [m]")
     right.set_ylabel("settlement of the crest [mm]")
     right.set_ylim(1e-2, 100.0)
-    right.legend(loc="upper left", fontsize=8)
+    right.legend(loc="upper left")
     return picture

@@ -15,7 +15,6 @@ from granular.plot import Picture
 
 OUT = Path("build/figures")
 """Folder of the pictures, which git ignores."""
-DPI = 200
 BLUE, ORANGE, GREEN, RED, GREY = "#0072b2", "#e69f00", "#009e73", "#d55e00", "#8a8f98"
 WEIGHT = gr.Gravity((0.0,), ((0.0, -9.8),))
 PUBLISHED_E = 1e9
@@ -34,7 +33,7 @@ RUN = ("scheme", "threads", "tolerance")
 
 def panels(rows: int, columns: int, height: float, **options: object) -> tuple[Picture, np.ndarray]:
     """Empty picture of this height [inches] with panels."""
-    made = Picture(figsize=(9.0, height), layout="compressed")
+    made = Picture(figsize=(7.0, height), layout="compressed")
     return made, made.subplots(rows, columns, squeeze=False, **options)
 
 
@@ -158,7 +157,7 @@ def save(picture: Picture, chosen: argparse.Namespace, name: str) -> None:
     picture.text(0.995, 0.005, note, ha="right", va="bottom", fontsize=6, color="0.4")
     chosen.out.mkdir(parents=True, exist_ok=True)
     path = chosen.out / f"{name}.png"
-    picture.savefig(path, dpi=DPI)
+    picture.savefig(path)
     tqdm.write(str(path))
 
 

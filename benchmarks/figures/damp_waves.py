@@ -45,7 +45,7 @@ def ring(scene: gr.Scene) -> tuple[np.ndarray, np.ndarray]:
 
 def picture(quick: bool) -> Picture:
     """Draw the picture of the page."""
-    picture = Picture(figsize=(9.0, 3.4), layout="constrained")
+    picture = Picture(figsize=(7.0, 2.6), layout="constrained")
     ax = picture.subplots()
     for restitution, colour in COLOURS.items():
         scene = bed(restitution, 10 if quick else 20)
@@ -59,5 +59,5 @@ def picture(quick: bool) -> Picture:
         if rate:
             ax.plot(times, 1e3 * SPEED * np.exp(-rate * times), color=colour, ls="--", lw=1.5)
     ax.set(xlabel="time [s]", ylabel="velocity of the surface [mm/s]")
-    ax.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     return picture

@@ -22,7 +22,7 @@ def wall_pressure(quick: bool) -> Picture:
     )  # fmt: skip
     wedge = gr.Polygon(((0.0, 0.18), (0.03, 0.24), (0.0, 0.30), (-0.03, 0.24)))
     insert = gr.Body(wedge, (0.0, 0.0), friction=0.3)
-    made, (axes,) = panels(1, 3, 3.8, sharey=True)
+    made, (axes,) = panels(1, 3, 3.0, sharey=True)
     changed = scene.replace(bodies=(*scene.bodies, insert))
     with TemporaryDirectory() as folder:
         records = []
@@ -120,7 +120,7 @@ def wheel_on_soil(slip: float, grousers: int, cell: float) -> gr.Scene:
 def tools_in_soil(quick: bool) -> Picture:
     """A wheel with grousers, its drawbar pull against slip, and a bucket that digs."""
     cell = 0.02 if quick else 0.01
-    made = Picture(figsize=(9.0, 5.6), layout="compressed")
+    made = Picture(figsize=(7.0, 4.4), layout="compressed")
     axes = made.subplot_mosaic([["wheel", "bucket"], ["pull", "pull"]])
     for grousers, color, label in ((0, BLUE, "smooth"), (8, ORANGE, "with grousers")):
         rows = []
@@ -167,7 +167,7 @@ def _bucket(ax: Any, cell: float) -> None:
 def slope_stability(quick: bool) -> Picture:
     """A slope of weakened soil that slides, and the displacement against the factor."""
     scene = gr.scenes.slope(cell=0.5 if quick else 0.125)
-    made = Picture(figsize=(9.0, 3.4), layout="compressed")
+    made = Picture(figsize=(7.0, 2.6), layout="compressed")
     left, right = made.subplots(1, 2, width_ratios=(1.6, 1.0))
     factor = 1.5
     weak = scene.replace(material=gr.stability.reduced(scene.material, factor))
@@ -186,7 +186,7 @@ def slope_stability(quick: bool) -> Picture:
     right.axvspan(1.38, 1.40, color=GREY, alpha=0.4, lw=0, label="charts, finite elements")
     right.axhline(0.05, color=GREY, lw=0.8, ls=":")
     right.set(xlabel="factor", ylabel="displacement [m]", yscale="log", ylim=(3e-4, 2.0))
-    right.legend(fontsize=8, loc="upper left")
+    right.legend(loc="upper left")
     return made
 
 
@@ -203,7 +203,7 @@ def _pushed(scene: gr.Scene, axis: int, window: int) -> tuple[np.ndarray, np.nda
 
 def walls_and_footings(quick: bool) -> Picture:
     """Coefficients of earth pressure over the displacement, and pressures on footings."""
-    made, ((left, right),) = panels(1, 2, 3.4)
+    made, ((left, right),) = panels(1, 2, 2.7)
     cell = 0.125 if quick else 0.0625
     for speed, color, label in ((0.02, ORANGE, "passive"), (-0.02, BLUE, "active")):
         scene = gr.scenes.retaining_wall(speed=speed, cell=cell)
@@ -251,7 +251,7 @@ def erodible_bed(quick: bool) -> Picture:
         gravity=WEIGHT,
         duration=2.0,
     )
-    made, axes = panels(3, 1, 6.6, sharex=True)
+    made, axes = panels(3, 1, 5.3, sharex=True)
     sim = gr.Simulation(scene)
     start = sim.state
     of_bed = start.id[start.x[:, 1] < 0.08]
@@ -278,7 +278,7 @@ def slope_in_drum(record: gr.Trajectory) -> float:
 
 def calibrate_friction(quick: bool) -> Picture:
     """Slopes in a drum against the friction, and the interval that a measured slope leaves."""
-    made = Picture(figsize=(9.0, 3.6), layout="compressed")
+    made = Picture(figsize=(7.0, 2.8), layout="compressed")
     left, right = made.subplots(1, 2, width_ratios=(1.3, 1.0))
     values, seeds = ((0.35, 0.42, 0.5), (1, 2)) if quick else ((0.35, 0.4, 0.45, 0.5), (1, 2, 3))
     cases = {
@@ -302,6 +302,6 @@ def calibrate_friction(quick: bool) -> Picture:
     left.axhspan(measured - error, measured + error, color=GREY, alpha=0.3, lw=0, label="measured")
     left.axvspan(*known.interval, color=ORANGE, alpha=0.3, lw=0, label="interval, 95 %")
     left.set(xlabel="mu_s", ylabel="slope in the drum [degrees]")
-    left.legend(fontsize=8)
+    left.legend()
     gr.plot.frame(state, "speed", ax=right, title="mu_s = 0.5")
     return made

@@ -21,7 +21,7 @@ STILL = gr.Gravity((0.0,), ((0.0, 0.0),))
 
 def picture(*widths: float, height: float = 3.4) -> tuple[Picture, list[Axes]]:
     """Empty picture with panels of these relative widths."""
-    made = Picture(figsize=(9.0, height), layout="constrained")
+    made = Picture(figsize=(7.0, height), layout="constrained")
     axes = np.atleast_1d(made.subplots(1, len(widths), width_ratios=widths))
     return made, list(axes)
 
@@ -38,9 +38,9 @@ def laws(quick: bool) -> Picture:
     curve.semilogx(rate, mu_s + (mu_2 - mu_s) / (grains.I0 / rate + 1), color=BLUE, lw=2)
     for mu, text, side in ((mu_s, r"$\mu_s$", "top"), (mu_2, r"$\mu_2$", "bottom")):
         curve.axhline(mu, color=GREY, ls=":")
-        curve.text(1.2e-4, mu, text, va=side, fontsize=12)
+        curve.text(1.2e-4, mu, text, va=side)
     curve.axvline(grains.I0, color=GREY, ls="--", lw=1)
-    curve.text(1.15 * grains.I0, 0.33, "$I_0$", fontsize=12)
+    curve.text(1.15 * grains.I0, 0.33, "$I_0$")
     curve.text(4e-4, 0.435, "slow: like a solid\nthat slides")
     curve.text(1.2, 0.52, "fast: grains\ncollide")
     curve.set(xlabel="inertial number $I$", ylabel=r"friction $\mu = \tau/p$", ylim=(0.3, 0.7))
@@ -61,11 +61,11 @@ def laws(quick: bool) -> Picture:
         ((-0.12, 0.1), (0.0, 0.0)),
     ):
         plane.annotate("", end, start, arrowprops=arrow)
-    plane.text(0.73, 0.62, "trial", fontsize=9)
-    plane.text(0.735, 0.395, "new stress", fontsize=9)
+    plane.text(0.73, 0.62, "trial")
+    plane.text(0.735, 0.395, "new stress")
     plane.text(0.62, 0.08, "elastic")
     plane.text(0.86, 0.47, "flow", rotation=24)
-    plane.text(-0.235, 0.35, "disconnected:\nno stress", fontsize=9)
+    plane.text(-0.235, 0.35, "disconnected:\nno stress")
     plane.text(0.15, 0.57, "beyond the law", color="0.35")
     plane.set(xlim=(-0.25, 1.0), ylim=(0, 0.7), xlabel="pressure $p$", xticks=[0], yticks=[0])
     plane.set_ylabel(r"shear stress $\tau$")
@@ -128,7 +128,7 @@ def transfers(quick: bool) -> Picture:
             ax.plot(x, values, color=colour, label=name, lw=1.8)
     left.set(title="Shape function", xlabel="position [cells]")
     middle.set(title="Its slope: the force", xlabel="position [cells]")
-    left.legend(loc="upper right", fontsize=8)
+    left.legend(loc="upper right")
     particle = gr.ParticleDensity()
     schemes = {
         "TPIC": ({"transfer": "tpic", "tpic_decay": 0.0}, BLUE, "-"),
@@ -142,7 +142,7 @@ def transfers(quick: bool) -> Picture:
         right.plot(times, energy, style, color=colour, label=name, lw=1.8)
     right.set(title="A disc that turns freely", xlabel="turns", ylim=(0, 1.05))
     right.set_ylabel("kinetic energy left")
-    right.legend(fontsize=8)
+    right.legend()
     return made
 
 
@@ -175,7 +175,7 @@ def density_correction(quick: bool) -> Picture:
         ax.plot(weight * (height - up), up, color="black", lw=1.2, label="weight above")
         ax.set(title=title, xlabel="pressure [Pa]", xlim=(-100, 5500), ylim=(0, 1.1 * height))
     axes[0].set_ylabel("height above the base [m]")
-    axes[1].legend(fontsize=8)
+    axes[1].legend()
     return made
 
 
@@ -198,7 +198,7 @@ def fluidity(quick: bool) -> Picture:
     stop.text(26.5, 7, "flows")
     stop.set(xlabel="inclination [deg]", ylabel="thickness [grain diameters]", ylim=(0, 15))
     stop.set_title("Where a layer stops")
-    stop.legend(fontsize=8)
+    stop.legend()
     slope, y = 25.0, np.linspace(0, 1, 201)
     least = float(gr.theory.stopping_height(slope, *numbers))
     for ratio, colour in ((1.05, RED), (2.0, ORANGE), (5.0, GREEN), (20.0, BLUE)):
@@ -208,7 +208,7 @@ def fluidity(quick: bool) -> Picture:
     profile.plot(gr.theory.bagnold_shape(y, 1.0), y, "k:", label="local law")
     profile.set(xlabel="speed over that at the surface", ylabel="height over thickness")
     profile.set_title("How it flows")
-    profile.legend(title="thickness over\nthat at which it stops", fontsize=8, title_fontsize=8)
+    profile.legend(title="thickness over\nthat at which it stops")
     return made
 
 
@@ -239,13 +239,13 @@ def determinism(quick: bool) -> Picture:
         apart = [abs(a - b).max() for a, b in zip(whole, history(threads, nudge)[1], strict=True)]
         ax.semilogy(times, np.maximum(apart, 1e-18), ".-", color=colour, label=name)
     ax.axhline(scene.grid.cell, color=GREY, ls=":")
-    ax.text(0.0, 1.3 * scene.grid.cell, "a cell", color="0.35", fontsize=9)
+    ax.text(0.0, 1.3 * scene.grid.cell, "a cell", color="0.35")
     ax.set_yticks(
         [1e-18, 1e-15, 1e-12, 1e-9, 1e-6, 1e-3], ["0", *(f"1e-{k}" for k in (15, 12, 9, 6, 3))]
     )
     ax.set(xlabel="time [s]", ylabel="largest distance [m]", ylim=(3e-19, 1))
     ax.set_title("Distance of points from the first run")
-    ax.legend(loc="center right", fontsize=9)
+    ax.legend(loc="center right")
     return made
 
 
@@ -282,9 +282,9 @@ def bodies(quick: bool) -> Picture:
     for node in nodes[reach]:
         ax.plot(*np.transpose([chosen, node]), color=GREEN, lw=0.9, zorder=3)
     ax.plot(*nodes[reach].T, "s", color=GREEN, ms=6, label="nodes of one contact point", zorder=4)
-    ax.text(6.0, 0.6, "body", fontsize=11)
+    ax.text(6.0, 0.6, "body")
     ax.set(xlim=(0, columns), ylim=(-0.15, rows - 0.4), aspect="equal", xticks=[], yticks=[])
-    ax.legend(loc="upper left", fontsize=9, framealpha=1)
+    ax.legend(loc="upper left", framealpha=1)
     return made
 
 
@@ -293,7 +293,7 @@ def bodies(quick: bool) -> Picture:
 
 def core(quick: bool) -> Picture:
     """Cells that exist for the kernels, and the slots of some of them in memory."""
-    made = Picture(figsize=(9.0, 4.2), layout="constrained")
+    made = Picture(figsize=(7.0, 3.3), layout="constrained")
     top, bottom = made.subplots(2, 1, height_ratios=(3.0, 2.0))
     scene = gr.scenes.column_collapse(aspect=1.0, E=1e6, cell=0.04, points_per_cell=4)
     sim = gr.Simulation(scene, threads=1)

@@ -21,7 +21,7 @@ SHOWN = {
 
 def picture(quick: bool) -> Picture:
     """Draw the picture of the page."""
-    made = Picture(figsize=(9.0, 3.6), layout="compressed")
+    made = Picture(figsize=(7.0, 2.8), layout="compressed")
     axes = made.subplots(2, 3)
     for row, (name, (times, extent, limits)) in zip(axes, SHOWN.items(), strict=True):
         scene = gr.scenes.registry[name](cell=0.02 if quick else 0.01)

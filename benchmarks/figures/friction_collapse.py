@@ -42,7 +42,7 @@ def main(argv: list[str] | None = None) -> None:
         "sheared grains": fit.material(d=d, rho_s=grains["rho_s"], E=chosen.E),
         "glass beads": gr.materials.glass_beads_5mm.replace(E=chosen.E),
     }
-    fig = plot.Picture(figsize=(11.0, 3.6), layout="tight")
+    fig = plot.Picture(figsize=(7.0, 2.5), layout="tight")
     left, right = fig.subplots(1, 2, width_ratios=(2, 3))
     inertial, end = np.geomspace(1e-3, 1.0, 200), 0.0
     for name, material in materials.items():
@@ -56,5 +56,5 @@ def main(argv: list[str] | None = None) -> None:
     left.set(xscale="log", xlabel="inertial number I", ylabel=r"friction $\mu$")
     right.set(xlabel="x [m]", ylabel="height [m]", aspect="equal", xlim=(0.0, 1.05 * end))
     for ax in (left, right):
-        ax.legend(fontsize="small")
+        ax.legend()
     save(fig, chosen, "friction_collapse")

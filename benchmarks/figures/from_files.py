@@ -51,7 +51,7 @@ def grains_that_collapse(folder: Path, quick: bool) -> gr.grain_scale.Dump:
 
 def dem_runs(quick: bool) -> Picture:
     """Grains, their averages, and a continuum that goes on from them."""
-    made, axes = panels(3, 1, 6.6, sharex=True)
+    made, axes = panels(3, 1, 5.3, sharex=True)
     grid = gr.Grid((0.0, 0.0), 0.008, (50, 18))
     with TemporaryDirectory() as name:
         dump = grains_that_collapse(Path(name), quick)
@@ -111,7 +111,7 @@ def wheel_of_shells() -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
 
 def meshes(quick: bool) -> Picture:
     """A wheel as CAD gives it, in closed shells that overlap, and the distance from their union."""
-    made, ((plan, section),) = panels(1, 2, 3.9, sharex=True, sharey=True)
+    made, ((plan, section),) = panels(1, 2, 3.1, sharex=True, sharey=True)
     shells, round_faces, box_faces = wheel_of_shells()
     faces = [round_faces, *[box_faces] * LUGS]
     for corners, triangles, colour in zip(shells, faces, [GREY, *[ORANGE] * LUGS], strict=True):

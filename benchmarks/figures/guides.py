@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 import granular as gr
+from figures.arching import arching
 from figures.common import BLUE, GREEN, GREY, ORANGE, RED, WEIGHT, draw_pages, panels, tell
 from figures.engineering import (
     calibrate_friction,
@@ -46,7 +47,7 @@ def runout(state: gr.State) -> float:
 
 def walls(quick: bool) -> Picture:
     """A block that spreads over a floor of each kind."""
-    made, axes = panels(3, 1, 6.4, sharex=True)
+    made, axes = panels(3, 1, 5.1, sharex=True)
     cell = 0.04 if quick else 0.02
     floors = {
         "no_slip": gr.Wall(axis=1, at=0.0),
@@ -71,7 +72,7 @@ def walls(quick: bool) -> Picture:
 
 def fill_regions(quick: bool) -> Picture:
     """A layer on a slope, and the pressure at the start of several regions."""
-    made, axes = panels(1, 2, 3.0)
+    made, axes = panels(1, 2, 2.4)
     slope = gr.Body(gr.shapes.HalfSpace((np.sin(0.5), np.cos(0.5))), (0.5, 0.25), friction=0.4)
     release = gr.Layer(
         on=slope,
@@ -116,13 +117,13 @@ def fill_regions(quick: bool) -> Picture:
         ("gr.Mask", 0.68, 0.49),
         ("gr.Polygon", 0.8, 0.08),
     ):
-        axes[0, 1].text(x, y, text, fontsize=8)
+        axes[0, 1].text(x, y, text)
     return made
 
 
 def own_material(quick: bool) -> Picture:
     """Friction against the inertial number, and heaps of materials with other friction."""
-    made = Picture(figsize=(9.0, 3.6), layout="compressed")
+    made = Picture(figsize=(7.0, 2.8), layout="compressed")
     grid = made.add_gridspec(2, 2, width_ratios=(1.0, 1.2))
     curve = made.add_subplot(grid[:, 0])
     sand = gr.MuI(E=1e6, nu=0.3, rho_c=1600.0, mu_s=0.6, mu_2=0.9, rho_s=2650.0, I0=0.28, d=1e-3)
@@ -137,7 +138,7 @@ def own_material(quick: bool) -> Picture:
         gr.plot.frame(state, "pressure", ax=ax, extent=extent, title=f"{name}, at rest")
     curve.axhline(0.5, color=GREY, ls="--", label="DruckerPrager, mu = 0.5")
     curve.set(xlabel="inertial number", ylabel="friction", ylim=(0.3, 1.0))
-    curve.legend(fontsize=8, loc="upper left")
+    curve.legend(loc="upper left")
     return made
 
 
@@ -149,18 +150,18 @@ def choose_a_scheme(quick: bool) -> Picture:
         "cell_averaged": gr.schemes.cell_averaged,
         "dunatunga_kamrin_2015": gr.schemes.dunatunga_kamrin_2015.replace(dt=None),
     }
-    cell = 0.05 if quick else 0.01
+    cell = 0.05 if quick else 0.00625
     for ax, (name, scheme) in zip(axes.flat, schemes.items(), strict=True):
         scene = gr.scenes.silo(orifice=0.2, E=1e6, cell=cell, points_per_cell=4, scheme=scheme)
         state = gr.Simulation(scene).run(until=0.6, monitor=False).state
         last = ax is axes.flat[-1]
-        gr.plot.frame(state, "pressure", ax=ax, limits=(0, 9000), title=name, bar=last)
+        gr.plot.frame(state, "pressure", ax=ax, limits=(0, 15000), title=name, bar=last)
     return made
 
 
 def choose_a_stiffness(quick: bool) -> Picture:
     """Run-out and number of steps against the stiffness."""
-    made, ((left, right),) = panels(1, 2, 3.0)
+    made, ((left, right),) = panels(1, 2, 2.4)
     stiffness = np.array([3e4, 1e5, 3e5, 1e6, 3e6, 1e7])[: 3 if quick else None]
     runouts, steps = [], []
     for E in stiffness:
@@ -170,7 +171,7 @@ def choose_a_stiffness(quick: bool) -> Picture:
     largest = 1500 * 9.8 * 0.2
     left.semilogx(stiffness / largest, runouts, "o-", color=BLUE)
     left.axvline(1000, color=GREY, ls="--")
-    left.text(900, 0.1, "rule of thumb: 1000", color="0.35", fontsize=9, ha="right")
+    left.text(900, 0.1, "rule of thumb: 1000", color="0.35", ha="right")
     left.set(xlabel="E over the largest pressure", ylabel="run-out [half-widths]")
     left.set_ylim(0, 1.15 * max(runouts))
     right.loglog(stiffness, steps, "o-", color=ORANGE)
@@ -180,7 +181,7 @@ def choose_a_stiffness(quick: bool) -> Picture:
 
 def scale_a_model(quick: bool) -> Picture:
     """A column and its model of a quarter of the size."""
-    made, axes = panels(1, 2, 2.9, width_ratios=(2.0, 1.0))
+    made, axes = panels(1, 2, 2.3, width_ratios=(2.0, 1.0))
     large = gr.scenes.column_collapse(aspect=1.0, half_width=2.0, cell=0.2 if quick else 0.1, E=1e8)
     small = gr.scaling.Froude(1 / 4).scene(large)
     times = 1.2, 0.6
@@ -209,7 +210,7 @@ def scene_files(quick: bool) -> Figure:
 
 def shear_cell(quick: bool) -> Picture:
     """Velocity and pressure over the height of a shear cell whose lid keeps a pressure."""
-    made, ((left, right),) = panels(1, 2, 3.0, sharey=True)
+    made, ((left, right),) = panels(1, 2, 2.4, sharey=True)
     scene = gr.Scene(
         name="shear_cell",
         grid=gr.Grid((0.0, 0.0), 0.01, (4, 20), periodic=(True, False)),
@@ -224,7 +225,7 @@ def shear_cell(quick: bool) -> Picture:
     left.plot(state.v[:, 0], height, ".", color=BLUE, ms=4, label="points")
     left.plot([0, 2.8], [0, 0.2], color="black", lw=1.2, label="uniform shear")
     left.set(xlabel="velocity along x [m/s]", ylabel="height [m]")
-    left.legend(fontsize=8)
+    left.legend()
     right.plot(state.pressure, height, ".", color=BLUE, ms=4)
     right.axvline(1000.0, color="black", lw=1.2)
     right.set(xlabel="pressure [Pa]", xlim=(0, 2000))
@@ -233,7 +234,7 @@ def shear_cell(quick: bool) -> Picture:
 
 def own_scene(quick: bool) -> Picture:
     """The block and the wedge of the tutorial: the scene, and the flow at two times."""
-    made, axes = panels(1, 3, 2.6, sharey=True)
+    made, axes = panels(1, 3, 2.1, sharey=True)
     cell = 0.05 if quick else 0.02
     wedge = gr.shapes.Polygon([(0.45, 0.0), (0.75, 0.0), (0.75, 0.15)])
     scene = gr.Scene(
@@ -262,7 +263,7 @@ def own_scene(quick: bool) -> Picture:
 
 def read_the_verdict(quick: bool) -> Picture:
     """An indicator of two runs over time, one of which becomes suspect."""
-    made, axes = panels(1, 3, 2.9, width_ratios=(1.5, 1.0, 1.0))
+    made, axes = panels(1, 3, 2.3, width_ratios=(1.5, 1.0, 1.0))
     left, *frames = axes.flat
     schemes = (
         ("default scheme", gr.schemes.default, BLUE),
@@ -283,13 +284,13 @@ def read_the_verdict(quick: bool) -> Picture:
         )
     left.axhline(0.1, color=GREY, ls="--", label="limit")
     left.set(xlabel="time [s]", ylabel="disconnected share of the points", ylim=(-0.01, None))
-    left.legend(fontsize=8)
+    left.legend()
     return made
 
 
 def watch_a_run(quick: bool) -> Picture:
     """Speed of a column that collapses, as a hook notes it, and when the hook ends the run."""
-    made, ((ax,),) = panels(1, 1, 2.8)
+    made, ((ax,),) = panels(1, 1, 2.2)
     scene = gr.scenes.column_collapse(aspect=1.2, E=1e6, cell=0.04, points_per_cell=9)
     speeds_in_time: list[tuple[float, float]] = []
 
@@ -304,13 +305,13 @@ def watch_a_run(quick: bool) -> Picture:
     if resting.any():
         ax.axvline(times[resting][0], color=ORANGE, label="the hook ends the run")
     ax.set(xlabel="time [s]", ylabel="speed of the fastest points [m/s]")
-    ax.legend(fontsize=9)
+    ax.legend()
     return made
 
 
 def restart(quick: bool) -> Picture:
     """A run that continues one record with its friction and with another."""
-    made, axes = panels(1, 3, 2.5, sharey=True)
+    made, axes = panels(1, 3, 2.0, sharey=True)
     cell = 0.04 if quick else 0.0125
     extent, common = ((0.0, 0.7), (0.0, 0.31)), {"bar": False, "limits": (0, 1.5)}
     with TemporaryDirectory() as folder:
@@ -331,7 +332,7 @@ def restart(quick: bool) -> Picture:
 def couple_with_another_program(quick: bool) -> Picture:
     """The vehicle of the guide, and its height and the force on it by either program."""
     del quick  # it takes some seconds
-    made = Picture(figsize=(9.0, 4.6), layout="constrained")
+    made = Picture(figsize=(7.0, 3.6), layout="constrained")
     axes = made.subplot_mosaic([["top", "top"], ["left", "right"]])
     top, left, right = axes["top"], axes["left"], axes["right"]
     with TemporaryDirectory() as folder, chdir(folder):
@@ -349,7 +350,7 @@ def couple_with_another_program(quick: bool) -> Picture:
     right.axhline(80 * 9.8, color=GREY, ls=":", label="weight")
     left.set(xlabel="time [s]", ylabel="height [mm]", title="axle of the wheel")
     right.set(xlabel="time [s]", ylabel="force [N/m]", title="force of the sand upwards")
-    right.legend(fontsize=9)
+    right.legend()
     return made
 
 
@@ -373,11 +374,15 @@ def measured_runout(record: gr.Trajectory) -> float:
 
 def sweep(quick: bool) -> Picture:
     """Run-outs of a sweep over friction and aspect, and heaps of three of its cases."""
-    made = Picture(figsize=(9.0, 3.8), layout="compressed")
-    grid = made.add_gridspec(3, 2, width_ratios=(1.2, 1.0))
+    made = Picture(figsize=(7.0, 3.2), layout="constrained")
+    grid = made.add_gridspec(3, 2, width_ratios=(1.0, 1.3))
     frictions: Sequence[float] = (0.3, 0.4, 0.5)
     aspects = (1.0, 2.0) if quick else (1.0, 1.5, 2.0, 2.5)
-    cases = {(mu_s, a): two_numbers(mu_s, a, 0.025) for mu_s in frictions for a in aspects}
+    cases = {
+        (mu_s, a): two_numbers(mu_s, a, 0.025 if quick else 0.01)
+        for mu_s in frictions
+        for a in aspects
+    }
     with TemporaryDirectory() as folder:
         measure = measured_runout
         results = gr.sweep(cases, folder=folder, measure=measure, workers=2, progress=False)
@@ -388,11 +393,13 @@ def sweep(quick: bool) -> Picture:
             left.plot(aspects, reached, "o-", color=colour, label=f"mu_s = {mu_s}")
             ax = made.add_subplot(grid[k, 1])
             with gr.open(results.paths[results.keys.index((mu_s, 1.0))]) as record:
-                extent = ((0.0, 0.6), (0.0, 0.2))
-                title = f"mu_s = {mu_s}, aspect 1"
-                gr.plot.frame(
-                    record[-1], "pressure", ax=ax, extent=extent, title=title, limits=(0, 1800)
-                )
+                extent = ((0.0, 0.6), (0.0, 0.18))
+                options = {
+                    "extent": extent,
+                    "limits": (0, 2000),
+                    "title": f"mu_s = {mu_s}, aspect 1",
+                }
+                gr.plot.frame(record[-1], "pressure", ax=ax, **options)
     left.set(xlabel="height over half-width of the column", ylabel="run-out [half-widths]")
     left.legend()
     return made
@@ -400,24 +407,27 @@ def sweep(quick: bool) -> Picture:
 
 def paraview(quick: bool) -> Picture:
     """A frame with its bodies, and a view of a 3D state."""
-    made, (axes,) = panels(1, 2, 3.4)
+    made, (axes,) = panels(1, 2, 2.0, width_ratios=(1.2, 1.0))
     scene = gr.scenes.penetration(
-        cell=0.02 if quick else 0.01, duration=0.6, headroom=0.2, speed=0.2
+        cell=0.02 if quick else 0.005, duration=0.6, headroom=0.2, speed=0.2
     )
     left, right = axes
     state = tell(gr.Simulation(scene).run(until=0.1 if quick else 0.6)).state
     gr.plot.frame(state, "pressure", ax=left, title="gr.plot.frame(state, color='pressure')")
     blade = gr.scenes.excavation(
         depth=0.05, travel=0.1, speed=0.2, dive_speed=0.1, settle=0.15, length=0.8, width=0.5,
-        cell=0.025,
+        cell=0.025 if quick else 0.0125,
     )  # fmt: skip
     sim = tell(gr.Simulation(blade).run(until=0.3 if quick else 1.15))
     with TemporaryDirectory() as folder:
         path = Path(folder, "now.png")
         gr.plot.view(
-            sim, path, color="speed", limits=(0.0, 0.2), camera=(0.8, -1.2, 0.6), window=(640, 480)
+            sim, path, color="speed", limits=(0.0, 0.2), camera=(0.8, -1.2, 0.6), window=(800, 600)
         )
-        right.imshow(imread(path))
+        pixels = imread(path)
+        ink = (pixels[..., :3] < 1).any(axis=2)
+        rows, columns = (np.flatnonzero(ink.any(axis=axis)) for axis in (1, 0))
+        right.imshow(pixels[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1])
     right.set_title("gr.plot.view(sim, 'now.png')")
     right.axis("off")
     return made
@@ -442,7 +452,7 @@ def discharge(cell: float, seed: int) -> float:
 
 def extrapolate_to_fine_cells(quick: bool) -> Picture:
     """Rates of a hopper in cells of three sizes, and their limit with its uncertainty."""
-    made, ((ax,),) = panels(1, 1, 3.4)
+    made, ((ax,),) = panels(1, 1, 2.7)
     cells = np.repeat((0.03, 0.02, 0.016) if quick else (0.02, 0.016, 0.01), 2)
     rates = np.array([discharge(cell, 1 + k % 2) for k, cell in enumerate(cells)])
     fit = gr.measure.richardson(cells, rates ** (2 / 3), order=1.0)
@@ -453,7 +463,7 @@ def extrapolate_to_fine_cells(quick: bool) -> Picture:
     ax.plot(1e3 * fine, line, color=ORANGE, label="fit of rate^(2/3) at first order")
     ax.plot([0, 0], ends, color=GREY, lw=5, solid_capstyle="butt", label="limit, 95 %")
     ax.set(xlabel="size of the cells [mm]", ylabel="rate [kg/(s m)]")
-    ax.legend(fontsize=8)
+    ax.legend()
     return made
 
 
@@ -471,7 +481,7 @@ PAGES: dict[str, Callable[[bool], Figure]] = {
             restart,
         ),
         *(calibrate_friction, sweep, paraview, extrapolate_to_fine_cells, dem_runs, meshes),
-        *(wall_pressure, tools_in_soil, slope_stability, walls_and_footings, erodible_bed),
+        *(arching, wall_pressure, tools_in_soil, slope_stability, walls_and_footings, erodible_bed),
     )
 }
 

@@ -48,7 +48,7 @@ def emptied(angle: float, friction: float, cell: float) -> tuple[gr.State, float
 def hoppers(cell: float) -> plot.Picture:
     """Speed in two hoppers; index of mass flow and rate against the half angle."""
     runs = {(a, f): emptied(a, f, cell) for f in FRICTIONS for a in ANGLES}
-    picture = plot.Picture(figsize=(12.5, 4), layout="constrained")
+    picture = plot.Picture(figsize=(7.0, 2.5), layout="constrained")
     axes = picture.subplots(1, 4, width_ratios=(0.7, 0.7, 1.3, 1.3))
     for ax, angle in zip(axes, (15.0, 40.0), strict=False):
         extent = ((0.0, 0.22), (-0.04, 0.55))
@@ -69,12 +69,12 @@ def hoppers(cell: float) -> plot.Picture:
     level = np.exp(np.mean(np.log(scaled / flat)))  # the reference says how it falls, not how much
     axes[3].plot(ANGLES, level * flat, "k--", label="Rose & Tanaka, 45 deg")
     axes[2].axhline(0.3, color="0.6", linewidth=0.8)
-    axes[2].text(10.0, 0.31, "mass flow above", color="0.4", fontsize=9)
+    axes[2].text(10.0, 0.31, "mass flow above", color="0.4")
     axes[2].set(xlabel="half angle [deg]", ylabel="least index of mass flow", ylim=(0, 1))
     axes[3].set(
         xlabel="half angle [deg]", ylabel=r"rate / ($\rho\, \sqrt{g}\, D^{1.5}$)", ylim=(0, None)
     )
-    axes[2].legend(fontsize=8)
+    axes[2].legend()
     axes[3].legend()
     return picture
 
@@ -91,7 +91,7 @@ def turned(omega: float, cell: float) -> list[gr.State]:
 
 def drums(cell: float) -> plot.Picture:
     """Speed in a drum; its slope against the Froude number; flux along the surface."""
-    picture = plot.Picture(figsize=(12, 3.8), layout="constrained")
+    picture = plot.Picture(figsize=(7.0, 2.2), layout="constrained")
     axes = picture.subplots(1, 3)
     slopes, froude = [], []
     for omega in OMEGAS:
@@ -130,5 +130,5 @@ def drums(cell: float) -> plot.Picture:
 
 def main(argv: list[str] | None = None) -> None:
     chosen = parser_of(__doc__).parse_args(argv)
-    save(drums(0.02 if chosen.quick else 0.01), chosen, "rotating_drum")
+    save(drums(0.02 if chosen.quick else 0.005), chosen, "rotating_drum")
     save(hoppers(0.025 if chosen.quick else 0.0125), chosen, "hopper")

@@ -26,7 +26,7 @@ def history(scene: gr.Scene, every: float) -> tuple[gr.State, np.ndarray]:
 def picture(quick: bool) -> plot.Picture:
     """Draw the picture of the page."""
     coarse = quick
-    picture = plot.Picture(figsize=(7.5, 7.6), layout="constrained")
+    picture = plot.Picture(figsize=(7.0, 7.1), layout="constrained")
     heap_axes, chute_axes, below = picture.subplots(3, 1, height_ratios=(1, 0.55, 1))
     heap, _ = history(gr.scenes.conveyor_heap(cell=0.02 if coarse else 0.01), 0.1)
     plot.frame(heap, "speed", ax=heap_axes, title=f"heap below a spout after {heap.time:.1f} s")

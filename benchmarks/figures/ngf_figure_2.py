@@ -97,7 +97,7 @@ def draw_profiles(ax: Axes, heights: dict[float, float]) -> None:
     ax.plot(theory.stopping_shape(y, 1.0), y, "k--", linewidth=1.2, label="$H \\to H_{stop}$")
     ax.plot(theory.bagnold_shape(y, 1.0), y, "k:", linewidth=1.5, label="Bagnold")
     ax.set(xlabel="$v/v(H)$", ylabel="$y/H$", xlim=(0, 1.02), ylim=(0, 1.02), title="(c) profiles")
-    ax.legend(fontsize="small", frameon=False)
+    ax.legend(frameon=False)
 
 
 def draw_glass(ax: Axes) -> None:
@@ -122,7 +122,7 @@ def main(argv: list[str] | None = None) -> None:
     print(f"{len(rows)} layers in {seconds:.0f} s, {len(missed)} on the wrong side", *missed)
     if not chosen.quick:
         write(OUT, {"seconds": round(seconds), "rows": rows})
-    picture = Picture(figsize=(12.5, 4.2), layout="tight")
+    picture = Picture(figsize=(7.0, 2.6), layout="tight")
     below, middle, right = picture.subplots(1, 3)
     draw_diagram(below, rows)
     few = dict(list(PROFILES.items())[:2])

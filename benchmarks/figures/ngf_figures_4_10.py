@@ -123,7 +123,7 @@ def pressure(states: list[gr.State]) -> GridField:
 
 def figure_4a(chosen: argparse.Namespace) -> None:
     table = json.loads(DIAGRAM.read_text())
-    fig = plot.Picture(figsize=(11, 4.6), layout="compressed")
+    fig = plot.Picture(figsize=(7.0, 3.2), layout="compressed")
     for ax, scheme in zip(fig.subplots(1, 2), SCHEMES, strict=True):
         rows = [row for row in table["diagram"] if row["scheme"] == scheme]
         A, ratio = np.array([row["case"] for row in rows]).T
@@ -135,7 +135,7 @@ def figure_4a(chosen: argparse.Namespace) -> None:
 
 
 def figure_4b(jammed: dict[int, gr.State], chosen: argparse.Namespace) -> None:
-    fig = plot.Picture(figsize=(10, 6.4), layout="compressed")
+    fig = plot.Picture(figsize=(7.0, 4.9), layout="compressed")
     for ax, state in zip(fig.subplots(2, 3).flat, some(jammed, FORMATION), strict=True):
         image = points(ax, state, speed(state), size=5, vmin=0, vmax=0.5)
         ax.set(title=f"t = {state.time:.3f} s", xlim=(-0.2, 0.2), ylim=(-0.04, 0.24))
@@ -144,7 +144,7 @@ def figure_4b(jammed: dict[int, gr.State], chosen: argparse.Namespace) -> None:
 
 
 def figure_5(silos: dict[float, dict[int, gr.State]], chosen: argparse.Namespace) -> None:
-    fig = plot.Picture(figsize=(11, 7.5), layout="compressed")
+    fig = plot.Picture(figsize=(7.0, 5.3), layout="compressed")
     axes = fig.subplot_mosaic([list("abc"), list("ddd")], height_ratios=(3, 2))
     line = axes["d"]
     fields = {ratio: pressure(some(by_frame, LATE)) for ratio, by_frame in silos.items()}
@@ -161,7 +161,7 @@ def figure_5(silos: dict[float, dict[int, gr.State]], chosen: argparse.Namespace
 
 
 def figure_6(silos: dict[float, dict[int, gr.State]], chosen: argparse.Namespace) -> None:
-    fig = plot.Picture(figsize=(9, 8.5), layout="compressed")
+    fig = plot.Picture(figsize=(7.0, 6.6), layout="compressed")
     above, below = fig.subplots(2, 2, height_ratios=(3, 2))
     for ax, curve, (A, frame) in zip(above, below, SAME_MASS.items(), strict=True):
         state = silos[A][frame]
@@ -186,7 +186,7 @@ def slices(ax: Axes, sections: gr.measure.silo_clogging.VelocitySlices, marker: 
         x, v = (np.concatenate([s * a[:0:-1], a]) for s, a in ((-1, sections.x), (1, row)))
         ax.plot(x, v, marker, color=color, markersize=3, linewidth=1, label=f"y = {height:g} W")
     ax.set(xlabel="x [m]", ylabel="vertical velocity [m/s]")
-    ax.legend(fontsize="small")
+    ax.legend()
 
 
 def figure_7(steady: list[gr.State], chosen: argparse.Namespace) -> None:
@@ -206,7 +206,7 @@ def figure_7(steady: list[gr.State], chosen: argparse.Namespace) -> None:
 
 def figure_8(silos: dict[float, list[gr.State]], chosen: argparse.Namespace) -> None:
     """Draw means over dense points; cells without any are white here, and 0 in the paper."""
-    fig = plot.Picture(figsize=(12, 4.6), layout="compressed")
+    fig = plot.Picture(figsize=(7.0, 3.0), layout="compressed")
     for ax, (A, states) in zip(fig.subplots(1, 3), silos.items(), strict=True):
         field = gr.measure.frame_average(states, "g", points="dense")
         image = image_of(ax, field, norm=LogNorm(0.01, 100), cmap="inferno")
@@ -219,7 +219,7 @@ def figures_9_10(
     silos: dict[str, dict[float, dict[int, gr.State]]], chosen: argparse.Namespace
 ) -> None:
     drawn = {
-        name: plot.Picture(figsize=(9, 9), layout="compressed")
+        name: plot.Picture(figsize=(7.0, 7.0), layout="compressed")
         for name in ("ngf_figure_9", "ngf_figure_10")
     }
     grids = {name: fig.subplots(2, 2) for name, fig in drawn.items()}

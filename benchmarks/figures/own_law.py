@@ -37,7 +37,7 @@ def picture(quick: bool) -> plot.Picture:
     """Draw the picture of the page."""
     cell = 0.04 if quick else 0.01
     beads = gr.materials.glass_beads.replace(E=1e6)
-    picture = plot.Picture(figsize=(7.5, 4.4), layout="constrained")
+    picture = plot.Picture(figsize=(7.0, 4.1), layout="constrained")
     panels = picture.subplots(2, 1)
     for ax, material, title in zip(
         panels, (material_of_page(), beads), ("cohesive Bingham fluid", "glass beads"), strict=True

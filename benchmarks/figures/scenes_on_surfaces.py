@@ -46,7 +46,7 @@ def draw(
 
 def axes_of(count: int, height: float) -> tuple[plot.Picture, list]:
     """Picture with some panels below one another."""
-    picture = plot.Picture(figsize=(7.5, height), layout="constrained")
+    picture = plot.Picture(figsize=(7.0, height), layout="constrained")
     return picture, list(np.atleast_1d(picture.subplots(count, 1)))
 
 
@@ -86,7 +86,7 @@ def landslide(cell: float) -> plot.Picture:
     stops = theory.block_runout(angle_deg=35.0, bend=0.3, mu=0.3, distance=-start)
     ax.axhline(stops, color="black", lw=0.6, label="where a block stops")
     ax.set(ylim=(-1.1, 2.6), xlabel="time [s]", ylabel="x [m]")
-    ax.legend(fontsize="small", loc="upper left", ncols=2)
+    ax.legend(loc="upper left", ncols=2)
     error = 100 * (slide.centre[-1, 0] / stops - 1)
     print(
         f"landslide {cell}: stops at {slide.centre[-1, 0]:.4f}, block {stops:.4f} ({error:.2f} %)"
@@ -113,12 +113,12 @@ def obstacle(cell: float) -> plot.Picture:
     axes[2].plot(0.5 * (times[1:] + times[:-1]), force[:, 0], label="force on the wall")
     for K, text in ((bounds.active_coaxial, "active"), (1.0, "hydrostatic")):
         axes[2].axhline(K * weight, color="black", lw=0.6)
-        axes[2].text(0.02, K * weight, text, va="bottom", fontsize="small")
+        axes[2].text(0.02, K * weight, text, va="bottom")
     axes[3].plot(0.5 * (hit[1:] + hit[:-1]), impact[:, 0], label="4 m/s, smooth level bed")
     axes[3].axhline(RHO * 0.1 * 16.0, color="black", lw=0.6, label=r"$\rho\, h\, v^2$")
     for ax in axes[2:]:
         ax.set(xlabel="time [s]", ylabel="force [N/m]")
-        ax.legend(fontsize="small")
+        ax.legend()
     mean = impact[5:, 0].mean() / (RHO * 0.1 * 16.0)
     print(f"obstacle {cell}: at rest {force[-1, 0] / weight:.3f} of rho g h^2/2, flux {mean:.3f}")
     return picture
@@ -148,7 +148,7 @@ def penetration(cell: float) -> plot.Picture:
     axes[1].set(xlabel="depth z [mm]", ylabel=r"$F/(\rho g z D)$", ylim=(0, 12))
     axes[2].set(xlabel="depth z [mm]", ylabel=r"$F/(\rho g z^2)$", ylim=(0, 50))
     for ax in axes[1:]:
-        ax.legend(fontsize="small")
+        ax.legend()
     return picture
 
 
@@ -165,7 +165,7 @@ def conveyor(cell: float) -> plot.Picture:
     ax.plot(0.5 * (times[1:] + times[:-1]), -np.diff(held) / np.diff(times), label="x = 0.4 m")
     ax.axhline(RHO * 0.1 * 0.5, color="black", lw=0.6, label=r"$\rho\, v$ times the opening")
     ax.set(xlabel="time [s]", ylabel="mass flow [kg/(s m)]")
-    ax.legend(fontsize="small")
+    ax.legend()
     last = states[-1]
     rides = (last.x[:, 0] > line) & (last.x[:, 0] < line + 0.2)
     speed = np.average(last.v[rides, 0], weights=last.mass[rides])
@@ -178,7 +178,7 @@ def conveyor(cell: float) -> plot.Picture:
 
 
 PAGES: dict[str, Callable[[bool], plot.Picture]] = {
-    f.__name__: lambda quick, f=f: f(0.02 if quick else 0.01)
+    f.__name__: lambda quick, f=f: f(0.02 if quick else 0.005)
     for f in (landslide, obstacle, penetration, conveyor)
 }
 

@@ -50,14 +50,14 @@ def deflection(cell: float, times: np.ndarray) -> tuple[list[gr.State], np.ndarr
 
 def picture(quick: bool) -> plot.Picture:
     """Draw the picture of the page."""
-    cell = 0.025 if quick else 0.00625
-    picture = plot.Picture(figsize=(7.5, 7.0), layout="constrained")
+    cell = 0.025 if quick else 0.005
+    picture = plot.Picture(figsize=(7.0, 6.5), layout="constrained")
     above, middle, below = picture.subplots(3, 1, height_ratios=(1, 1, 0.8))
     state = tell(gr.Simulation(layered(cell)).run()).state
     plot.frame(state, "material", ax=above, bar=False, title="sand over gravel after 1 s")
     for text, place in (("sand", (0.02, 0.12)), ("gravel", (0.02, 0.05))):
         colour = {"sand": "white", "gravel": "black"}[text]
-        above.text(*place, text, color=colour, fontsize=12)
+        above.text(*place, text, color=colour)
     times = np.linspace(0.0, 1.5, 76)
     states, moved = deflection(cell, times)
     state = states[20]

@@ -51,12 +51,12 @@ def draw_motion(
     axes[2].plot(force.times, force.force[:, 0] / weight, label="across")
     axes[2].set(xlabel="time [s]", ylabel="force over weight")
     for ax in (axes[0], axes[2]):
-        ax.legend(fontsize=9)
+        ax.legend()
 
 
 def picture(quick: bool) -> Picture:
     """Draw the picture of the page."""
-    made = Picture(figsize=(9.0, 4.6), layout="compressed")
+    made = Picture(figsize=(7.0, 3.6), layout="compressed")
     axes = made.subplots(2, 3)
     scene = thrown(quick)
     sim = gr.Simulation(scene)

@@ -61,7 +61,7 @@ FLOWS = {
 
 def forces(table: dict, names: list[str]) -> plot.Picture:
     """Forward, vertical and lateral force over time (figure 13)."""
-    picture = plot.Picture(figsize=(12, 4.3), layout="constrained")
+    picture = plot.Picture(figsize=(7.0, 2.8), layout="constrained")
     axes = picture.subplots(1, 3, sharex=True)
     for name in names:
         times, _, forward, vertical, *_ = np.array(table[name]["course"])
@@ -71,11 +71,11 @@ def forces(table: dict, names: list[str]) -> plot.Picture:
     if WHOLE in table:
         times, *_, lateral = np.array(table[WHOLE]["course"])
         axes[2].plot(times, lateral, color="black")
-        axes[2].set_title("whole width, cells of 25 mm", fontsize="medium")
+        axes[2].set_title("whole width, cells of 25 mm")
     for ax, text in zip(axes, ("forward", "vertical", "lateral"), strict=True):
         ax.set(xlabel="t [s]", ylabel=f"{text} force [N]")
     lines = axes[0].get_legend_handles_labels()
-    picture.legend(*lines, fontsize="small", loc="outside lower center", ncols=4)
+    picture.legend(*lines, loc="outside lower center", ncols=4)
     return picture
 
 
@@ -101,7 +101,7 @@ def convergence(table: dict) -> plot.Picture:
 
 def profile(table: dict, names: list[str]) -> plot.Picture:
     """Angular velocity at the top between cylinders, relative to the inner one (figure 9)."""
-    picture = plot.Picture(figsize=(9, 3.8), layout="compressed")
+    picture = plot.Picture(figsize=(7.0, 3.0), layout="compressed")
     axes = picture.subplots(1, 2)
     for name in names:
         r, omega, _ = np.array(table[name]["profile"])
@@ -112,14 +112,14 @@ def profile(table: dict, names: list[str]) -> plot.Picture:
         ax.plot(1e3 * r, theory, color="black", label="slow limit, theory")
         ax.set(xlabel="r [mm]", ylabel="angular velocity/angular velocity of the inner cylinder")
     axes[1].set(yscale="log", ylim=(1e-5, 1))
-    axes[0].legend(fontsize="small")
+    axes[0].legend()
     return picture
 
 
 def failure(records: dict[str, Path]) -> plot.Picture:
     """Speed before the blade at the end, and the boundary of the moving zone, for each law."""
     rows = (len(records) + 1) // 2
-    picture = plot.Picture(figsize=(11, 2.6 * rows), layout="compressed")
+    picture = plot.Picture(figsize=(7.0, 2.6 * rows), layout="compressed")
     axes = picture.subplots(rows, 2, squeeze=False).ravel()
     for ax in axes[len(records) :]:
         ax.set_axis_off()
@@ -143,7 +143,7 @@ def wide(path: Path) -> plot.Picture:
         state, parameters = record[len(record) - 1], record.scene.parameters
         blade = gr.measure.body_motion(record).position[-1]
     grid, speed = state.scene.grid, parameters["speed"]
-    picture = plot.Picture(figsize=(11, 3.2), layout="compressed")
+    picture = plot.Picture(figsize=(7.0, 2.2), layout="compressed")
     axes = picture.subplots(1, 2, width_ratios=(2.2, 1))
     extent = ((grid.lower[0], grid.upper[0]), (grid.lower[2], 0.1))
     options = {"slab": (0.0, 2 * grid.cell), "limits": (0.0, speed), "extent": extent}
@@ -204,7 +204,7 @@ def excavator(path: Path) -> plot.Picture:
     with gr.open(path) as record:
         cell = record.scene.grid.cell
         chosen = [record[int(np.argmin(np.abs(record.times - t)))] for t in STATES]
-    picture = plot.Picture(figsize=(11, 6.5), layout="compressed")
+    picture = plot.Picture(figsize=(7.0, 4.6), layout="compressed")
     for ax, state in zip(picture.subplots(2, 2).ravel(), chosen, strict=True):
         low, high = state.scene.grid.lower, state.scene.grid.upper
         extent = ((low[0], high[0]), (low[2], 0.45))
@@ -218,7 +218,7 @@ def excavator(path: Path) -> plot.Picture:
 
 def wheels(table: dict) -> plot.Picture:
     """Drawbar pull over load, and sinkage, by slip."""
-    picture = plot.Picture(figsize=(8, 3.5), layout="compressed")
+    picture = plot.Picture(figsize=(7.0, 3.1), layout="compressed")
     axes = picture.subplots(1, 2)
     rows = {slip: table[f"wheel_{slip}"] for slip in WHEELS if f"wheel_{slip}" in table}
     quantities = ("pull_over_load", "drawbar pull/load", 1), ("sinkage", "sinkage [mm]", 1e3)

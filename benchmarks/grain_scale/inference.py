@@ -90,7 +90,7 @@ def rows(name: str, case: grains.Case, mu: float, repeat: float) -> list[dict[st
 
 def chart(table: list[dict[str, Any]]) -> Picture:
     """Error against time, exact stresses to the left; time against grains to the right."""
-    fig = Picture(figsize=(10, 4.2), layout="tight")
+    fig = Picture(figsize=(7.0, 3.2), layout="tight")
     left, right = fig.subplots(1, 2)
     for solver, marker in MARKERS.items():
         for dim, shade in ((2, "#1b4f8a"), (3, "#c8502d")):
@@ -105,10 +105,10 @@ def chart(table: list[dict[str, Any]]) -> Picture:
                     values = [[row[name] for row in points] for name in (x, y)]
                     ax.plot(*values, marker, color=shade, fillstyle="none", label=label)
     left.set(xlabel="processor time [s]", ylabel="error of the forces", xscale="log", yscale="log")
-    left.set_title("exact stresses below, noisy ones (10 %) above", fontsize="small")
+    left.set_title("exact stresses below, noisy ones (10 %) above")
     right.set(xlabel="grains", ylabel="processor time [s]", xscale="log", yscale="log")
-    right.set_title("noisy stresses", fontsize="small")
-    right.legend(fontsize="small")
+    right.set_title("noisy stresses")
+    right.legend()
     return fig
 
 
@@ -122,4 +122,4 @@ def main(argv: list[str] | None = None) -> None:
     for shape in QUICK if chosen.quick else LATTICES:
         table += rows("x".join(map(str, shape)), grains.jittered_grid(shape), 0.3, repeat)
     write(chosen.out, {"rows": table})
-    chart(table).savefig(chosen.figure, dpi=110)
+    chart(table).savefig(chosen.figure)

@@ -63,7 +63,7 @@ def chart(
     """A row of panels for each law and reference, a column for each aspect ratio."""
     if not references:
         return None
-    fig = Picture(figsize=(11.0, 10.0), layout="constrained")
+    fig = Picture(figsize=(7.0, 7.0), layout="constrained")
     axes = fig.subplots(len(PANELS), len(ASPECTS), sharex="col")
     for line, (law, kind) in zip(axes, PANELS, strict=True):
         for ax, aspect in zip(line, ASPECTS, strict=True):
@@ -72,7 +72,7 @@ def chart(
                 ax.set_axis_off()
                 continue
             _panel(ax, of_panel(rows, law, aspect, reference), reference)
-            ax.set_title(f"{LAW_NAMES[law]} {KINDS[kind]}, a = {aspect:g}", fontsize=9)
+            ax.set_title(f"{LAW_NAMES[law]} {KINDS[kind]}, a = {aspect:g}")
             if aspect == ASPECTS[0]:
                 ax.set_ylabel("L1 of the deposit over its area")
             if (law, kind) == PANELS[-1]:
@@ -86,5 +86,5 @@ def chart(
     white = {"marker": "o", "color": "0.3", "markerfacecolor": "white", "linestyle": ""}
     handles += [Line2D([], [], label="16 points per cell, else 4", **white)]
     handles += [Line2D([], [], color="black", linewidth=1.4, label="front")]
-    fig.legend(handles=handles, loc="outside lower center", ncols=5, fontsize=8, frameon=False)
+    fig.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)
     return fig

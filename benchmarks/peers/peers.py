@@ -22,7 +22,6 @@ from peers import columns, columns_chart, columns_tables
 from peers.columns import ASPECTS, CODES, Column
 from peers.columns_errors import Row, references
 
-DPI = 100
 LIMIT = 100.0
 """Largest cost of a case [core-seconds]."""
 SIZES = [(4, 4), (8, 4), (16, 4), (4, 16), (8, 16), (32, 4)]
@@ -82,4 +81,4 @@ def main(argv: list[str] | None = None) -> None:
     )
     chosen.pictures.mkdir(parents=True, exist_ok=True)
     if picture := columns_chart.chart(rows, references(rows)):
-        picture.savefig(chosen.pictures / "peers.png", dpi=DPI)
+        picture.savefig(chosen.pictures / "peers.png")

@@ -27,7 +27,6 @@ import granular as gr
 
 OUT = RESULTS / "single_precision.json"
 PICTURE = PICTURES / "single_precision.png"
-DPI = 120
 SCHEMES = {
     "default": gr.schemes.default,
     "APIC": gr.Scheme(transfer="apic", density=gr.ParticleDensity()),
@@ -167,8 +166,8 @@ def draw(results: dict[str, dict[str, dict[str, float]]], path: Path) -> None:
     axes.plot([], [], "v", color="0.4", mfc="none", label="change by single precision")
     axes.set(yscale="log", xlim=(0.0, 1.1), xlabel="time of a step over that in double precision")
     axes.set(ylabel="relative error, relative change")
-    axes.legend(fontsize=7, loc="center left")
-    figure.savefig(path, dpi=DPI)
+    axes.legend(loc="center left")
+    figure.savefig(path)
 
 
 def main() -> None:

@@ -25,7 +25,7 @@ SIZE = 14
 def picture(record: gr.record.Trajectory, ambient: float = 1e5) -> Figure:
     """Speed of the material particles, and pressure of the gas relative to the initial one."""
     frames = record[1::3]
-    figure = Figure(figsize=(8.0, 2.3 * len(frames)), layout="compressed")
+    figure = Figure(figsize=(7.0, 2.3 * len(frames)), layout="compressed")
     axes = figure.subplots(len(frames), 2, sharex=True, sharey=True)
     for (left, right), grains in zip(axes, frames, strict=True):
         gas, speed = grains.gas, np.linalg.norm(grains.v, axis=1)
@@ -64,4 +64,4 @@ def main() -> None:
     with gr.open(given.record) as record:
         for frame in record[1::3]:
             print(f"{1e3 * frame.time:.1f} ms: nozzle full to {filling(frame):.3f}")
-        picture(record).savefig(given.to, dpi=130)
+        picture(record).savefig(given.to)

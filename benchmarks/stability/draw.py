@@ -82,19 +82,19 @@ def panel(axes: Axes, limits: Map) -> None:
     for cell in limits.cells:
         i, j = rows.index(cell.row), columns.index(cell.column)
         table[i][j] = order.index(cell.verdict)
-        axes.text(j, i, number(cell.value), ha="center", va="center", fontsize=7)
+        axes.text(j, i, number(cell.value), ha="center", va="center")
     axes.imshow(table, cmap=ListedColormap(COLOURS.values()), vmin=-0.5, vmax=2.5, aspect="auto")
     heads = [name.replace(": ", " deg\nI/I0 = ") for name in columns]  # of slopes
-    axes.set_xticks(range(len(columns)), heads, fontsize=7)
-    axes.set_yticks(range(len(rows)), rows, fontsize=7)
+    axes.set_xticks(range(len(columns)), heads)
+    axes.set_yticks(range(len(rows)), rows)
     axes.set_xticks([j + 0.5 for j in range(len(columns) - 1)], minor=True)
     axes.set_yticks([i + 0.5 for i in range(len(rows) - 1)], minor=True)
     axes.grid(which="minor", color="white", linewidth=1.5)
     axes.tick_params(which="both", length=0)
-    axes.set_xlabel(limits.columns, fontsize=8)
-    axes.set_ylabel(limits.rows, fontsize=8)
+    axes.set_xlabel(limits.columns)
+    axes.set_ylabel(limits.rows)
     bound = f"{'>=' if limits.least else '<='} {limits.sound:g}"
-    axes.set_title(f"{limits.title}\n{limits.quantity}; stable {bound}", fontsize=8)
+    axes.set_title(f"{limits.title}\n{limits.quantity}; stable {bound}")
 
 
 def figures(maps: dict[str, Map], folder: Path) -> None:
@@ -109,13 +109,13 @@ def figures(maps: dict[str, Map], folder: Path) -> None:
             max(len({c.row for c in m.cells}) for m in present[i : i + across]) + 4.2
             for i in range(0, len(present), across)
         ]
-        figure = Figure(figsize=(11, 0.235 * sum(heights) + 0.4), layout="constrained")
+        figure = Figure(figsize=(7.0, 0.235 * sum(heights) + 0.4), layout="constrained")
         grid = figure.add_gridspec(down, across, height_ratios=heights)
         for i, limits in enumerate(present):
             panel(figure.add_subplot(grid[i // across, i % across]), limits)
         patches = [Patch(color=colour, label=verdict) for verdict, colour in COLOURS.items()]
-        figure.legend(handles=patches, loc="outside lower center", ncols=3, fontsize=8)
+        figure.legend(handles=patches, loc="outside lower center", ncols=3)
         path = folder / f"{name}.png"
-        figure.savefig(path, dpi=100)
+        figure.savefig(path)
         with Image.open(path) as picture:  # few colours: a third of the size
             picture.convert("RGB").quantize(64).save(path, optimize=True)

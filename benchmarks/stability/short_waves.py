@@ -165,7 +165,7 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
 
 def draw(quick: bool) -> Picture:
     """Amplitudes of waves of three lengths with both laws, and of theory."""
-    picture = Picture(figsize=(9.0, 3.4), layout="constrained")
+    picture = Picture(figsize=(7.0, 2.6), layout="constrained")
     colours = {1.0: "#0072b2", 0.5: "#e69f00", 0.25: "#009e73"}
     axes = picture.subplots(1, 2)
     for ax, (name, material) in zip(
@@ -179,7 +179,7 @@ def draw(quick: bool) -> Picture:
             ax.plot(run.times, run.amplitudes[middle] * by_theory, color=colour, ls="--", lw=1)
         ax.set(xlabel="time [s]", yscale="log", title=f"{name}, I = {SLOW:g}")
     axes[0].set_ylabel("amplitude over the first")
-    axes[0].legend(fontsize=8)
+    axes[0].legend()
     return picture
 
 
@@ -189,5 +189,5 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--to", type=Path, help="draw the picture")
     chosen = parser.parse_args(argv)
     if chosen.to:
-        draw(chosen.quick).savefig(chosen.to, dpi=130)
+        draw(chosen.quick).savefig(chosen.to)
     write(chosen.out, {"rows": rows(chosen.quick)})

@@ -1,6 +1,7 @@
 """Surfaces of the rigid bodies of a record, in a file that ParaView opens with the record."""
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import h5py
 import numpy as np
 import scipy
 
+from granular.export.marks import marked
 from granular.export.outlines import SIDES, SKIN, Patches, contoured, extended, revolved, thickened
 from granular.model.grid import Grid
 from granular.mpm.bodies import Body, BodyState, split
@@ -40,11 +42,12 @@ def write_bodies(
 
     It has the times of the record. ParaView reads the points from the record and the bodies from
     this file: open both. A run whose record ends in ".vtkhdf" writes this file when it ends. The
-    cell data "body" is the index of the body. If no body moves, the surfaces are stored once for
-    all frames. Round surfaces have 64 sides. Results of operations are drawn by their signed
-    distance on a grid of 64 intervals, which cuts off edges and leaves out walls thinner than an
-    interval. Unbounded shapes end at a distance of one size of the grid. In 2D the surfaces are
-    flat.
+    cell data "body" is the index of the body. "mark" is 1 on every other sector of a body that
+    turns, by which its turning is seen, and 0 elsewhere. If no body moves, the surfaces are stored
+    turns, by which its turning is seen, and 0 elsewhere. If no body moves, the surfaces are stored
+    signed distance on a grid of 64 intervals, which cuts off edges and leaves out walls thinner
+    than an interval. Unbounded shapes end at a distance of one size of the grid. In 2D the surfaces
+    are flat.
 
     Parameters
     ----------
@@ -66,7 +69,8 @@ def write_bodies(
         raise ValueError(f"record = {record!r} must have bodies and frames")
     grid = scene.grid
     size = float(np.linalg.norm(np.subtract(grid.upper, grid.lower)))
-    meshes = [surface(body.shape, grid.dim, size) for body in scene.bodies]
+    surfaces = [marked_surface(body, grid.dim, size) for body in scene.bodies]
+    meshes, marks = [mesh for mesh, _ in surfaces], [mark for _, mark in surfaces]
     poses = [split(record.bodies[:, k], 3) for k in range(len(meshes))]
     moving = any(np.ptp(pose[name], axis=0).any() for pose in poses for name in POSE)
     points = np.concatenate(
@@ -77,18 +81,25 @@ def write_bodies(
         axis=1,
     )
     polygons = _joined(meshes)[1]
-    owner = np.repeat(np.arange(len(meshes)), [len(mesh[1]) for mesh in meshes])
+    owner = np.repeat(np.arange(len(meshes)), [len(mark) for mark in marks])
+    data = {"body": owner, "mark": np.concatenate(marks)}
     path = Path(path)
     if path.exists() and not overwrite:
         raise FileExistsError(f"{path} exists already; overwrite=True replaces it")
     making = path.with_name(f"{path.name}.{os.getpid()}")  # the file appears as a whole
     try:
         with h5py.File(making, "w", libver=LIBVER) as file:
-            _write(file.create_group("VTKHDF"), record.times, points, polygons, owner)
+            _write(file.create_group("VTKHDF"), record.times, points, polygons, data)
         making.replace(path)
     finally:
         making.unlink(missing_ok=True)
     return path
+
+
+def marked_surface(body: Body, dim: int, size: float) -> tuple[Patches, IndexArray]:
+    """Surface of a body in its own coordinates, and the mark of each polygon, see `marked`."""
+    patches = surface(body.shape, dim, size)
+    return marked(patches) if body.turns else (patches, np.zeros(len(patches[1]), dtype=int))
 
 
 def placed_surface(grid: Grid, body: Body, pose: BodyState) -> Patches:
@@ -108,7 +119,7 @@ def _placed(vertices: Array, pose: dict[str, Array]) -> Array:
     return np.einsum("fij,nj->fni", turn, vertices) + pose["position"][:, None]
 
 
-def _joined(meshes: list[Patches]) -> Patches:
+def _joined(meshes: Sequence[Patches]) -> Patches:
     polygons: list[tuple[int, ...]] = []
     before = 0
     for vertices, faces in meshes:
@@ -243,7 +254,11 @@ def _half_space(turn: Array, dim: int, size: float) -> Patches:
 
 
 def _write(
-    vtk: h5py.Group, times: Array, points: Array, polygons: list[tuple[int, ...]], owner: IndexArray
+    vtk: h5py.Group,
+    times: Array,
+    points: Array,
+    polygons: list[tuple[int, ...]],
+    data: dict[str, IndexArray],
 ) -> None:
     placed, count = points.shape[:2]
     frames = len(times)
@@ -257,7 +272,11 @@ def _write(
         group["NumberOfConnectivityIds"] = np.full(frames, sum(corners) * filled, dtype="<i8")
         group["Connectivity"] = np.concatenate(polygons if filled else [()]).astype("<i8")
         group["Offsets"] = np.cumsum([0, *(corners if filled else ())], dtype="<i8")
-    vtk.create_group("CellData")["body"] = owner.astype("<i8")
+    cells = vtk.create_group("CellData")
+    for name, numbers in data.items():
+        cells[name] = numbers.astype("<i8")
     first = np.arange(frames, dtype="<i8") if placed == frames else np.zeros(frames, dtype="<i8")
     steps = write_steps(vtk, times, count * first)
-    steps.create_group("CellDataOffsets")["body"] = np.zeros(frames, dtype="<i8")
+    offsets = steps.create_group("CellDataOffsets")
+    for name in data:
+        offsets[name] = np.zeros(frames, dtype="<i8")

@@ -209,6 +209,11 @@ class Body(Description):
         whole = len(self.shape.rows()) == 1 and math.isfinite(diameter)
         return math.pi / (2 * self.dim) * diameter**self.dim if whole else 0.0
 
+    @property
+    def turns(self) -> bool:
+        """True if its motion or forces turn it."""
+        return bool(self._turning().any())
+
     def _turning(self) -> Array:
         """Angular velocities of its motion; if it turns freely, some about all its axes."""
         if self.inertia is None:

@@ -161,7 +161,7 @@ class Bodies:
         filled = dict(STYLE, zorder=1.0 if view.projects else 2.5)
         self.artists: list[PathPatch] = []
         self._sections = []
-        self._mark_of = [_mark(ax) if _turns(body) else None for body in scene.bodies]
+        self._mark_of = [_mark(ax) if body.turns else None for body in scene.bodies]
         self.marks = [mark for mark in self._mark_of if mark is not None]
         for body in scene.bodies:
             self._sections.append(Section(cast("Scene", scene), body, view, extent, intervals))
@@ -186,11 +186,6 @@ def _mark(ax: Axes) -> Line2D:
     """The mark of a body that turns, not placed yet."""
     (line,) = ax.plot([], [], color=cast(str, STYLE["edgecolor"]), lw=1.2, zorder=2.6)
     return line
-
-
-def _turns(body: Body) -> bool:
-    """True if a motion or forces turn a body."""
-    return body.inertia is not None or bool(np.any(body.motion.rows()[:, 4:]))
 
 
 def _has_moved(pose: BodyState, before: BodyState) -> bool:

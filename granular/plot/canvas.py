@@ -190,5 +190,4 @@ def color_bar(fig: Figure, brush: Brush, **options: Any) -> None:
         bar.ax.tick_params(length=0, labelrotation=90 if bar.orientation == "vertical" else 0)
         for text in bar.ax.get_yticklabels():
             text.set_verticalalignment("center")
-    bar.set_label(brush.quantity.title, fontsize="small")
-    bar.ax.tick_params(labelsize="small")
+    bar.set_label(brush.quantity.title)

@@ -44,6 +44,8 @@ class Quantity:
         True for a field of two values: disconnected (0) or dense (1).
     signed : bool
         True for a field whose scale is symmetric about zero.
+    counts : bool
+        True for whole numbers, such as that of the material, between which there is nothing.
     """
 
     label: str
@@ -52,6 +54,7 @@ class Quantity:
     cmap: str = "viridis"
     two: bool = False
     signed: bool = False
+    counts: bool = False
 
     @property
     def title(self) -> str:
@@ -73,10 +76,10 @@ QUANTITIES: dict[str, Quantity] = {
     "scaled_inertial_number": Quantity("I/I0", log=True, cmap="plasma"),
     "dense": Quantity("phase by stress borne", two=True),
     "phase": Quantity("phase by nodal density", two=True),
-    "material": Quantity("number of the material", cmap="cividis"),
+    "material": Quantity("number of the material", cmap="cividis", counts=True),
     "mass": Quantity("mass", "kg"),
     "volume": Quantity("volume", "m³"),
-    "id": Quantity("id"),
+    "id": Quantity("id", counts=True),
 } | {f"stress_{ij}": Quantity(f"stress {ij}", "Pa") for ij in ("xx", "yy", "zz")}
 """Known fields; other stored fields are labelled by their name."""
 QUANTITIES |= {
@@ -183,6 +186,9 @@ class Brush:
         if log is not None:
             quantity = replace(quantity, log=log)
         samples = [values(state, color, smooth=smooth) for state in states]
+        if not name and not smooth and states:
+            numbers = np.asarray(color(states[0]) if callable(color) else color)
+            quantity = replace(quantity, counts=numbers.dtype.kind in "iub")
         if quantity.two:
             return cls(color, quantity, Normalize(0.0, 1.0), PHASES, smooth)
         every = np.concatenate(samples) if samples else np.zeros(0)
@@ -203,6 +209,11 @@ class Brush:
         numbers = values(state, self.color, smooth=self.smooth)
         # Zero is not on a logarithmic scale and counts as its low end.
         return np.ma.masked_invalid(np.clip(numbers, self.norm.vmin, self.norm.vmax))
+
+    @property
+    def blends(self) -> bool:
+        """True if there are values between those of neighbouring points."""
+        return not (self.quantity.two or self.quantity.counts)
 
 
 def _colormap(name: str) -> Colormap:

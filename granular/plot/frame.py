@@ -41,9 +41,10 @@ def frame(
 ) -> Figure:
     """Draw the material of a state, with its bodies, walls, blocks and outlets.
 
-    The material is an area without gaps, in which each pixel has the colour of the nearest point;
-    the distance of its free surface from the points follows from their volumes, and a single point
-    is a disc of its volume. Bodies are drawn in their poses at the time of the state.
+    The material is an area without gaps, coloured by interpolation between neighbouring points, or
+    by the nearest point for a number that has no values between (the material, the phase). The
+    distance of its free surface from the points follows from their volumes, and a single point is a
+    disc of its volume. Bodies are drawn in their poses at the time of the state.
 
     Parameters
     ----------

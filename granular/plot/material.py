@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from granular.model.grid import AXES
@@ -161,6 +162,24 @@ class _Padded:
         return np.where(filled, indices[i, j], -1)[core]
 
 
+def blended(
+    shades: np.ma.MaskedArray, filled: NDArray[np.bool_], spacing: float
+) -> np.ma.MaskedArray:
+    """Interpolate between points: the mean over a square as wide as their spacing [pixels].
+
+    Over tiles of that size the mean is the linear interpolation between their centres: the points
+    keep their values, so that noise from point to point stays visible. Where a point has no value,
+    and outside of the material, there is nothing to take the mean of.
+    """
+    width = 2 * round((spacing - 1) / 2) + 1  # odd, or the mean would be half a pixel aside
+    known = filled & ~np.ma.getmaskarray(shades)
+    weight = ndimage.uniform_filter(known.astype(float), width, mode="nearest")
+    total = ndimage.uniform_filter(np.where(known, shades.data, 0.0), width, mode="nearest")
+    # A running sum rounds; the least true weight is that of one pixel.
+    mean = np.divide(total, weight, out=np.zeros_like(total), where=weight > 0.5 / width**2)
+    return np.ma.array(np.clip(mean, 0.0, 1.0), mask=~known)
+
+
 class Material:
     """The material drawn in an axes, which can show another state.
 
@@ -195,6 +214,8 @@ class Material:
         self.brush, self.view = brush, view
         spacing = spacing_of(state)
         self._closes = size is None and view.projects
+        self._blends = size is None and brush.blends
+        self._spacing = spacing
         if self._closes:
             size = math.sqrt(2) * spacing  # the diagonal, without gaps
         self._is_area = size is None
@@ -229,8 +250,10 @@ class Material:
     def update(self, state: State) -> None:
         """Show another state."""
         indices = self.rows(state)
-        colors = self.brush.cmap(self.brush.norm(self.brush.paint(state)), bytes=True)
         pixels = np.zeros((*indices.shape, 4), dtype=np.uint8)
         if state.n:
-            pixels = np.where((indices < 0)[..., None], np.uint8(0), colors[indices])
+            shades = self.brush.norm(self.brush.paint(state))[indices]
+            if self._blends:
+                shades = blended(shades, indices >= 0, self._spacing / self.raster.pixel)
+            pixels[indices >= 0] = self.brush.cmap(shades, bytes=True)[indices >= 0]
         self.artist.set_data(pixels)

@@ -14,7 +14,7 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from numpy.typing import ArrayLike, NDArray
 
-from granular.export.surfaces import surface
+from granular.export.surfaces import marked_surface
 from granular.model.state import State
 from granular.plot.encoding import Movie, check_movie, make_movie, sampled
 from granular.plot.fields import MISSING, Brush
@@ -27,8 +27,8 @@ from granular.tools.notebook import in_notebook
 
 CAMERAS = ("iso", "xy", "xz", "yz", "yx", "zx", "zy")
 STYLES = ("surface", "points")
-TOOL = "#9aa0a6"
-"""Colour of bodies."""
+TOOLS = "#9aa0a6", "#5f666d"
+"""Colours of bodies, and of the mark of those that turn."""
 GLOSS = {"ambient": 0.25, "diffuse": 0.8, "specular": 0.15, "specular_power": 20.0}
 """Light on material and bodies: no part is black, and edges are visible."""
 BAR = {
@@ -247,7 +247,8 @@ class _Stage:
             if self._style == "surface":
                 options["split_sharp_edges"] = True
             plotter.add_mesh(mesh, reset_camera=False, **scale, **options)
-        look = {"color": TOOL, "opacity": self._opacity, "reset_camera": False} | GLOSS
+        look: dict[str, Any] = {"opacity": self._opacity, "reset_camera": False} | GLOSS
+        look |= {"scalars": "mark", "cmap": list(TOOLS), "clim": (0, 1), "show_scalar_bar": False}
         for body in self._placed(state):
             plotter.add_mesh(body, smooth_shading=True, split_sharp_edges=True, **look)
         plotter.add_text(f"t = {state.time:.3g} s", font_size=10, color="black", name="time")
@@ -278,9 +279,10 @@ def _surfaces(pyvista: Any, state: State) -> list[Any]:
     grid, meshes = state.scene.grid, []
     far = math.dist(grid.upper, grid.lower)
     for body in state.scene.bodies:
-        vertices, polygons = surface(body.shape, 3, far)
+        (vertices, polygons), mark = marked_surface(body, 3, far)
         faces = np.concatenate([(len(polygon), *polygon) for polygon in polygons])
         meshes.append(pyvista.PolyData(vertices, faces))
+        meshes[-1].cell_data["mark"] = mark
     return meshes
 
 

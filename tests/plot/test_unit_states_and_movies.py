@@ -159,6 +159,30 @@ def test_the_middle_of_a_picture_has_the_colour_of_its_value(state):
     assert pixels[len(pixels) - up, column, :3].tolist() == [255, 255, 255]
 
 
+def test_colours_are_interpolated_and_points_keep_their_values(state):
+    """A linear field is drawn as it is, alternating noise in full, whole numbers as they are."""
+    start = gr.Simulation(state.scene, threads=1).state
+    height = start.x[:, 1]
+    column = np.round(start.x[:, 0] / (0.5 * state.scene.grid.cell) - 0.5).astype(int) % 2
+
+    def shades(color):
+        brush = Brush.fitted([start], color, limits=(0.0, 1.0), cmap="gray")
+        assert brush.blends != (color is column)
+        material = Material(Figure().add_subplot(), start, brush, View(2), ((0.05, 0.15),) * 2)
+        _, _, bottom, top = material.raster.extent
+        shade = np.asarray(material.artist.get_array())[..., 0] / 255
+        rows = bottom + (np.arange(len(shade)) + 0.5) * (top - bottom) / len(shade)
+        inner = slice(len(shade) // 5, -len(shade) // 5)  # the mean ends at the edge of the region
+        return shade[inner, inner], rows[inner]
+
+    shade, rows = shades(height)
+    assert np.abs(shade - rows[:, None]).max() < 1.5 / 255  # levels of grey
+    shade, _ = shades(column.astype(float))
+    assert shade.min() < 0.06 and shade.max() > 0.94 and len(np.unique(shade)) > 10
+    shade, _ = shades(column)
+    assert set(np.unique(shade)) == {0.0, 1.0}
+
+
 def test_walls_are_drawn_where_they_are_and_outlets_when_they_open():
     scene = gr.scenes.silo(orifice=0.2, cell=0.05, material=SOFT)
     parts = scenery(Figure().add_subplot(), scene, View(2))

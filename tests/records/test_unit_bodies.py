@@ -10,7 +10,7 @@ from scipy.stats import qmc
 
 import granular as gr
 from granular import Body, Fill, Grid, Motion
-from granular.export.surfaces import surface
+from granular.export.surfaces import marked_surface, surface
 from granular.shapes import (
     Box,
     Capsule,
@@ -106,6 +106,39 @@ def test_faces_of_a_box_are_its_sides(recorded, tmp_path):
         a, b, _, d = (np.array(data.GetPoint(cell.GetPointId(j))) for j in range(4))
         area += np.linalg.norm(np.cross(b - a, d - a))
     assert area == pytest.approx(2 * (0.02 + 0.03 + 0.06))
+
+
+@pytest.mark.parametrize(
+    ("shape", "area", "dim"),
+    [
+        (gr.shapes.wheel(0.2, 0.1, grousers=8, height=0.02, thickness=0.02), None, 3),
+        (gr.Sphere(0.1, center=(0.0, 0.0, 0.0)), 4 * np.pi * 0.1**2, 3),
+        (Box(size=(0.1, 0.2)), 0.1 * 0.2, 2),
+    ],
+    ids=["wheel", "ball", "box"],
+)
+def test_every_other_sector_of_a_body_that_turns_is_marked(shape, area, dim):
+    """The surface stays what it is, and half of it is marked, in parts that meet in the middle."""
+    turning = 1.0 if dim == 2 else (0.0, 1.0, 0.0)
+    still = Body(shape, (0.0,) * dim)
+    body = still.replace(motion=Motion(angular_velocity=turning))
+    before, mark = marked_surface(still, dim, 1.0)
+    assert not still.turns and not mark.any() and len(mark) == len(before[1])
+    (vertices, polygons), mark = marked_surface(body, dim, 1.0)
+    areas = np.array([area_of(vertices[list(polygon)]) for polygon in polygons])
+    whole = sum(area_of(before[0][list(polygon)]) for polygon in before[1])
+    assert areas.sum() == pytest.approx(whole, rel=1e-12)
+    assert area is None or whole == pytest.approx(area, rel=3e-3)
+    assert areas[mark == 1].sum() == pytest.approx(whole / 2, rel=1e-9)
+    for polygon in polygons:
+        ends = np.sign(np.round(vertices[list(polygon)], 9))
+        assert (ends.min(axis=0) * ends.max(axis=0) >= 0).all()
+
+
+def area_of(corners):
+    """Area of a plane polygon."""
+    arms = corners - corners[0]
+    return np.linalg.norm(np.cross(arms[1:-1], arms[2:]).sum(axis=0)) / 2
 
 
 def test_a_mesh_is_drawn_as_it_is():

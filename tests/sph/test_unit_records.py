@@ -74,6 +74,30 @@ def test_the_scene_chooses_the_method():
         gr.Simulation("incline")
 
 
+def test_a_block_of_recording_writes_what_a_run_does(tmp_path):
+    """Steps and runs within it, with the gas of a jet: the same frames, bits and verdict; an error
+    in the block leaves a record that is resumed."""
+    scene = gr.scenes.jet_on_bed(spacing=0.05, duration=0.02)
+    whole = gr.Simulation(scene).run(save=tmp_path / "run.h5", every=0.004)
+    sim = gr.Simulation(scene)
+    with sim.recording(tmp_path / "block.h5", every=0.004):
+        while sim.time < 0.01:
+            sim.step(7)
+        sim.run()
+    one, other = gr.open(tmp_path / "run.h5"), gr.open(tmp_path / "block.h5")
+    assert len(one) == len(other) == 6
+    for a, b in zip(one, other, strict=True):
+        assert (a.step, fields(a), fields(a.gas)) == (b.step, fields(b), fields(b.gas))
+    assert sim.health().verdict == whole.health().verdict == other.health().verdict
+    cut = gr.Simulation(scene)
+    with pytest.raises(ZeroDivisionError), cut.recording(tmp_path / "cut.h5", every=0.004):
+        cut.step(20)
+        raise ZeroDivisionError
+    resumed = gr.Simulation.resume(tmp_path / "cut.h5")
+    assert resumed.steps == 20
+    assert fields(resumed.run().state) == fields(whole.state)
+
+
 def test_a_record_goes_on_bitwise(dim, tmp_path):
     """The record is interrupted before the gate moves, while it moves, and after it is removed."""
     scene = gated(dim)

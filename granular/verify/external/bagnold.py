@@ -86,7 +86,7 @@ def picture(outcome: Outcome) -> Figure:
     for scheme, marker in (("default", "o"), ("cell_averaged", "x")):
         axes.plot([], [], marker, ms=4, mfc="none", color="k", label=f"run, {scheme}")
     axes.set(xlabel=r"velocity $v / \sqrt{g h}$", ylabel="height $y / h$")
-    axes.legend(title="closed form at", fontsize="small")
+    axes.legend(title="closed form at")
     return figure
 
 
@@ -122,7 +122,7 @@ def _draw_chute(outcome: Outcome) -> Figure:
         line = axes.plot(x, thickness, "o-", ms=3, lw=1, label=f"thickness, {name}")[0]
         axes.plot(x, speed, "x--", ms=4, lw=1, color=line.get_color(), label=f"speed, {name}")
     axes.set(xlabel="distance from the feeder's beginning [m]", ylabel="run over closed form")
-    axes.legend(fontsize="x-small")
+    axes.legend()
     return figure
 
 

@@ -96,7 +96,7 @@ def _panels(outcome: Outcome, xlabel: str, ylabel: str, data: tuple[str, str]) -
             style, label = ("k.", data[1]) if name == data[0] else ("-", f"run, {name}")
             axes.plot(x[: ends + 1], y[: ends + 1], style, label=label, lw=1)
         axes.set(title=title, xlabel=xlabel, ylabel=ylabel)
-        axes.legend(fontsize="small")
+        axes.legend()
     return figure
 
 

@@ -160,7 +160,7 @@ def picture(outcome: Outcome) -> Figure:
     """Speed over the thickness: law, runs and experiment, in stopping heights and in grains."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9.0, 4.0), layout="constrained")
+    figure = Figure(figsize=(7.0, 3.1), layout="constrained")
     left, right = figure.subplots(1, 2)
     data = load("incline_hstop_froude")
     ratios = np.concatenate([np.linspace(1.001, 1.5, 12), np.geomspace(1.6, 12.0, 20)])
@@ -187,7 +187,7 @@ def picture(outcome: Outcome) -> Figure:
         axes.set(xscale="log", yscale="log", ylim=(1e-3, 3.0))
         axes.set_xticks(ticks, labels=[str(tick) for tick in ticks])
         axes.minorticks_off()
-    left.legend(fontsize="x-small")
+    left.legend()
     return figure
 
 

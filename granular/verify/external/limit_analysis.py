@@ -370,13 +370,20 @@ def _draw_curves(axes: Any, curves: list[dict[str, Any]], label: Callable[[dict]
         axes.plot(*curve["curve"], STYLES[curve["angle"]], color=colour, lw=1.2, label=name)
     for angle, style in STYLES.items():
         axes.plot([], [], style, color="k", lw=1.2, label=f"turned by {angle:g} deg")
-    axes.legend(fontsize="x-small", loc="center right")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
 
 
-def _draw_map(axes: Any, data: dict[str, Any], title: str, ends: Array) -> None:
+def _draw_map(axes: Any, data: dict[str, Any], title: str, pushed: str, ends: Array) -> None:
     """Speed of the points, and a line from one end to another along and across the surface."""
+    from matplotlib.tri import Triangulation
+
     x, y = data["x"]
-    axes.scatter(x, y, c=data["speed"], s=1.5, cmap="viridis", vmin=0.0, vmax=1.5, lw=0)
+    cloud = Triangulation(x, y)
+    corners = np.array([x, y])[:, cloud.triangles]
+    edges = np.hypot(*(corners - np.roll(corners, 1, axis=2)))
+    cloud.set_mask(edges.max(axis=1) > 3 * np.median(edges))  # across what is not material
+    field = axes.tripcolor(cloud, data["speed"], shading="gouraud", vmin=0.0, vmax=1.5)
+    axes.figure.colorbar(field, ax=axes, label=f"speed / speed of the {pushed}")
     frame = Frame(data["angle"])
     axes.plot(*np.transpose([frame.turned(*end) for end in ends]), "r-", lw=2)
     axes.set(title=title, aspect="equal", xlabel="$x$ / size", ylabel="$y$ / size")
@@ -386,7 +393,7 @@ def picture(outcome: Outcome) -> Figure:
     """Coefficients over the displacement, and the speeds of the points of two turned problems."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9.0, 6.4), layout="constrained")
+    figure = Figure(figsize=(7.0, 6.0), layout="constrained")
     panels = figure.subplots(2, 2)
     curves = outcome.curves
     _draw_curves(panels[0, 0], curves["walls"], lambda c: f"${c['kind']}$, {c['phi']:g} deg")
@@ -407,10 +414,10 @@ def picture(outcome: Outcome) -> Figure:
     )
     if "wedge" in curves:
         wall = np.array([[STOPS["K_p"][-1], 0.0], [STOPS["K_p"][-1], 1.0]])
-        _draw_map(panels[1, 0], curves["wedge"], "speed of the points, passive wall", wall)
+        _draw_map(panels[1, 0], curves["wedge"], "passive wall", "wall", wall)
     if "footing" in curves:
         base = np.array([[0.0, -0.01], [0.5, -0.01]])
-        _draw_map(panels[1, 1], curves["footing"], "speed of the points, N_q", base)
+        _draw_map(panels[1, 1], curves["footing"], "footing, surcharge", "footing", base)
     return figure
 
 

@@ -77,7 +77,7 @@ def picture(outcome: Outcome) -> Figure:
     """Envelope of the laws, and our runs as points, for the plane and the axisymmetric case."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(8.0, 3.8), layout="constrained")
+    figure = Figure(figsize=(7.0, 3.3), layout="constrained")
     panels = figure.subplots(1, 2, sharey=True)
     for axes, kind in zip(panels, ("planar", "axisym"), strict=True):
         aspects, curves = laws(kind)
@@ -95,7 +95,7 @@ def picture(outcome: Outcome) -> Figure:
             axes.plot(a, toe, "k+", ms=5, label="run, connected columns")
         axes.set(xscale="log", yscale="log", xlabel="aspect ratio $a = H_0/L_0$")
         axes.set_title("columns, 2D" if kind == "planar" else "cylinders, 3D")
-        axes.legend(fontsize="x-small", loc="lower right")
+        axes.legend(loc="lower right")
     panels[0].set_ylim(0.05, 50.0)
     panels[0].set_ylabel("run-out $(L - L_0)/L_0$")
     return figure

@@ -283,7 +283,7 @@ def picture(outcome: Outcome) -> Figure:
             axes.plot(x, h, ".", ms=3, color=line.get_color())
         axes.set(title=title, xlabel="distance along the plane [m]", ylabel="thickness [m]")
         axes.plot([], [], "k.", ms=3, label="run")
-        axes.legend(fontsize="x-small")
+        axes.legend()
     return figure
 
 
