@@ -167,8 +167,8 @@ def _bucket(ax: Any, cell: float) -> None:
 def slope_stability(quick: bool) -> Picture:
     """A slope of weakened soil that slides, and the displacement against the factor."""
     scene = gr.scenes.slope(cell=0.5 if quick else 0.125)
-    made = Picture(figsize=(7.0, 2.6), layout="compressed")
-    left, right = made.subplots(1, 2, width_ratios=(1.6, 1.0))
+    made = Picture(figsize=(7.0, 2.4), layout="constrained")
+    left, right = made.subplots(1, 2, width_ratios=(1.4, 1.0))
     factor = 1.5
     weak = scene.replace(material=gr.stability.reduced(scene.material, factor))
     sim = gr.Simulation(weak).run(until=1.0)
@@ -185,8 +185,8 @@ def slope_stability(quick: bool) -> Picture:
         right.plot(safety.factors, moves, "o-", color=color, ms=4, label=f"cells of {cell:g} m")
     right.axvspan(1.38, 1.40, color=GREY, alpha=0.4, lw=0, label="charts, finite elements")
     right.axhline(0.05, color=GREY, lw=0.8, ls=":")
-    right.set(xlabel="factor", ylabel="displacement [m]", yscale="log", ylim=(3e-4, 2.0))
-    right.legend(loc="upper left")
+    right.set(xlabel="factor", ylabel="displacement [m]", yscale="log", ylim=(3e-5, 0.2))
+    right.legend(loc="lower right")
     return made
 
 

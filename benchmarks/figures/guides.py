@@ -264,6 +264,7 @@ def own_scene(quick: bool) -> Picture:
 def read_the_verdict(quick: bool) -> Picture:
     """An indicator of two runs over time, one of which becomes suspect."""
     made, axes = panels(1, 3, 2.3, width_ratios=(1.5, 1.0, 1.0))
+    made.set_layout_engine("constrained")
     left, *frames = axes.flat
     schemes = (
         ("default scheme", gr.schemes.default, BLUE),
@@ -283,7 +284,7 @@ def read_the_verdict(quick: bool) -> Picture:
             sim.state, "pressure", ax=ax, limits=(0, 2700), title=name, bar=ax is frames[1]
         )
     left.axhline(0.1, color=GREY, ls="--", label="limit")
-    left.set(xlabel="time [s]", ylabel="disconnected share of the points", ylim=(-0.01, None))
+    left.set(xlabel="time [s]", ylabel="disconnected share", ylim=(-0.01, None))
     left.legend()
     return made
 

@@ -12,10 +12,13 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from pathlib import Path
 
 import numpy as np
-from bodies.three_d import arrival, scale
+from bodies.three_d import SOFT, WIDTH, arrival, scale
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from shared import RESULTS
 
 import granular as gr
@@ -24,12 +27,12 @@ from granular import plot
 
 TABLE = RESULTS / "three_d.json"
 LAWS = {
-    "thin_5": "6 mm, two sides; nonlocal, d = 0.3 mm",
-    "thin_5_local": "6 mm, two sides; local (A = 0)",
-    "narrow_5": "25 mm; nonlocal, d = 0.3 mm",
-    "narrow_5_drucker_prager": "25 mm; Drucker-Prager",
-    "narrow_5_fine": "25 mm, cells of 8.3 mm; nonlocal, d = 0.3 mm",
-    "narrow_5_local_fine": "25 mm, cells of 8.3 mm; local (A = 0)",
+    "thin_5_fine": "6 mm; nonlocal, d = 0.3 mm",
+    "thin_5_local_fine": "6 mm; local (A = 0)",
+    "narrow_5_fine": "25 mm; nonlocal, d = 0.3 mm",
+    "narrow_5_local_fine": "25 mm; local (A = 0)",
+    "narrow_5_drucker_prager_fine": "25 mm; Drucker-Prager",
+    "narrow_5": "25 mm; nonlocal, cells of 12.5 mm",
 }
 FORCES = {
     "excavation_5": ("5 cm", "C0-"),
@@ -60,14 +63,20 @@ FLOWS = {
 
 
 def forces(table: dict, names: list[str]) -> plot.Picture:
-    """Forward, vertical and lateral force over time (figure 13)."""
-    picture = plot.Picture(figsize=(7.0, 2.8), layout="constrained")
+    """Forward, vertical and lateral force over time (figure 13), and Coulomb's on a level bed."""
+    picture = plot.Picture(figsize=(7.0, 3.2), layout="constrained")
     axes = picture.subplots(1, 3, sharex=True)
     for name in names:
         times, _, forward, vertical, *_ = np.array(table[name]["course"])
         label, style = FORCES[name]
         for ax, force in zip(axes, (forward, vertical), strict=False):
             ax.plot(times, force * scale(name), style, label=label)
+    for depth in (0.02, 0.05):
+        force = coulomb(depth)
+        axes[0].axhline(force, color="0.5", lw=0.8, zorder=0)
+        text = f"Coulomb, {100 * depth:g} cm"
+        place = {"ha": "right", "transform": axes[0].get_yaxis_transform()}
+        axes[0].text(0.98, force, text, va="bottom", **place)
     if WHOLE in table:
         times, *_, lateral = np.array(table[WHOLE]["course"])
         axes[2].plot(times, lateral, color="black")
@@ -75,8 +84,16 @@ def forces(table: dict, names: list[str]) -> plot.Picture:
     for ax, text in zip(axes, ("forward", "vertical", "lateral"), strict=True):
         ax.set(xlabel="t [s]", ylabel=f"{text} force [N]")
     lines = axes[0].get_legend_handles_labels()
-    picture.legend(*lines, loc="outside lower center", ncols=4)
+    picture.legend(*lines, loc="outside lower center", ncols=3)
     return picture
+
+
+def coulomb(depth: float) -> float:
+    """Passive force of Coulomb on an upright blade in a level bed [N]: tan(phi) = mu_s, a friction
+    of the blade of 30 degrees."""
+    soil, phi, wall = SOFT, math.atan(SOFT.mu_s), math.radians(30.0)
+    root = math.sqrt(math.sin(phi + wall) * math.sin(phi) / math.cos(wall))
+    return 0.5 * soil.rho_c * 9.81 * depth**2 * WIDTH * (math.cos(phi) / (1 - root)) ** 2
 
 
 def convergence(table: dict) -> plot.Picture:
@@ -119,21 +136,26 @@ def profile(table: dict, names: list[str]) -> plot.Picture:
 def failure(records: dict[str, Path]) -> plot.Picture:
     """Speed before the blade at the end, and the boundary of the moving zone, for each law."""
     rows = (len(records) + 1) // 2
-    picture = plot.Picture(figsize=(7.0, 2.6 * rows), layout="compressed")
-    axes = picture.subplots(rows, 2, squeeze=False).ravel()
+    picture = plot.Picture(figsize=(7.0, 1.5 * rows), layout="compressed")
+    axes = picture.subplots(rows, 2, squeeze=False, sharex=True, sharey=True).ravel()
     for ax in axes[len(records) :]:
         ax.set_axis_off()
     for ax, (name, path) in zip(axes, records.items(), strict=False):
         with gr.open(path) as record:
             late = [record[i] for i in range(max(len(record) - 10, 0), len(record))]
             speed = record.scene.parameters["speed"]
+            blade = gr.measure.body_motion(record).position[-1]
         end = late[-1].scene.grid
         extent = ((end.lower[0], end.upper[0]), (end.lower[2], 0.1))
-        plot.frame(
-            late[-1], "speed", ax=ax, limits=(0.0, speed), extent=extent, title=LAWS.get(name, name)
-        )
+        options = {"limits": (0.0, speed), "extent": extent, "bar": False, "title": LAWS[name]}
+        plot.frame(late[-1], "speed", ax=ax, slab=(0.0, end.upper[1]), **options)
         surface = gr.measure.soil_tools.failure_surface(late, speed=speed)
-        ax.step(surface.x, surface.z, where="mid", color="black")
+        before = surface.x > blade[0]
+        ax.plot(surface.x[before], surface.z[before], color="white", lw=2.2)
+        ax.plot(surface.x[before], surface.z[before], color="black")
+        ax.label_outer()
+    scale = ScalarMappable(Normalize(0.0, speed), "viridis")
+    picture.colorbar(scale, ax=axes.tolist(), label="speed [m/s]", aspect=40)
     return picture
 
 
@@ -143,7 +165,7 @@ def wide(path: Path) -> plot.Picture:
         state, parameters = record[len(record) - 1], record.scene.parameters
         blade = gr.measure.body_motion(record).position[-1]
     grid, speed = state.scene.grid, parameters["speed"]
-    picture = plot.Picture(figsize=(7.0, 2.2), layout="compressed")
+    picture = plot.Picture(figsize=(7.0, 2.1), layout="compressed")
     axes = picture.subplots(1, 2, width_ratios=(2.2, 1))
     extent = ((grid.lower[0], grid.upper[0]), (grid.lower[2], 0.1))
     options = {"slab": (0.0, 2 * grid.cell), "limits": (0.0, speed), "extent": extent}
@@ -151,51 +173,42 @@ def wide(path: Path) -> plot.Picture:
     column = np.floor((state.x[:, :2] - grid.lower[:2]) / grid.cell).astype(int)
     height = np.full(grid.shape[:2], np.nan)
     np.fmax.at(height, tuple(column.T), state.x[:, 2])
-    across = grid.upper[1]
-    image = axes[1].imshow(
-        1e3 * np.concatenate([height[:, ::-1], height], axis=1).T,
-        extent=(grid.lower[0], grid.upper[0], -across, across),
-        origin="lower",
-        cmap="RdBu_r",
-        norm="linear",
-        clim=(-50, 50),
+    x, y = (grid.lower[k] + (np.arange(grid.shape[k]) + 0.5) * grid.cell for k in (0, 1))
+    both = 1e3 * np.concatenate([height[:, ::-1], height], axis=1).T
+    levels = np.linspace(-50.0, 50.0, 21)
+    image = axes[1].contourf(
+        x, np.concatenate([-y[::-1], y]), both, levels, cmap="RdBu_r", extend="both"
     )
     half = parameters["blade"][1] / 2
     axes[1].plot([blade[0]] * 2, [-half, half], color="black")
-    axes[1].set(xlabel="x [m]", ylabel="y [m]", title="highest point of a column")
-    picture.colorbar(image, ax=axes[1], label="z [mm]", shrink=0.8)
+    axes[1].set(xlabel="x [m]", ylabel="y [m]", title="surface from above", aspect="equal")
+    picture.colorbar(image, ax=axes[1], label="z [mm]", ticks=levels[::5])
     return picture
 
 
 def below_wheels(paths: dict[int, Path]) -> plot.Picture:
-    """Speed of the soil at the window, relative to the rim, mean of the last second (figure 17).
+    """Speed of the soil at the window, relative to the rim (figure 17).
 
-    That is from 5 to 6 s of rolling. The frames are not shifted with the wheel, which moves by a
-    cell or less.
+    It is the mean of each point over the last half second of rolling.
     """
-    picture = plot.Picture(figsize=(6.2, 2.2 * len(paths)), layout="constrained")
-    axes = picture.subplots(len(paths), 1, squeeze=False).ravel()
+    picture = plot.Picture(figsize=(7.0, 1.75 * len(paths)), layout="compressed")
+    axes = picture.subplots(len(paths), 1, squeeze=False, sharex=True).ravel()
     for ax, (slip, path) in zip(axes, paths.items(), strict=True):
         with gr.open(path) as record:
-            known, late = record.scene.parameters, record.times >= record.times[-1] - 1.0
+            known, late = record.scene.parameters, record.times >= record.times[-1] - 0.5
             states = [record[i] for i in np.flatnonzero(late)]
-            axle = gr.measure.body_motion(record).position[late].mean(axis=0)
-        radius = known["diameter"] / 2
-        rim = known["omega"] * radius
-        field = gr.measure.frame_average(
-            states, lambda state, rim=rim: np.linalg.norm(state.v, axis=1) / rim
-        )
-        weight = np.where(np.isnan(field.value), 0.0, field.weight)[:, :2]
-        moment = (np.nan_to_num(field.value[:, :2]) * weight).sum(axis=1)
-        mass = weight.sum(axis=1)
-        mean = np.divide(moment, mass, out=np.full_like(moment, np.nan), where=mass > 0)
-        x, _, z = field.axes
-        mesh = ax.pcolormesh(x, z, mean.T, cmap="jet", vmin=0.0, vmax=1.0)
-        turn = np.linspace(0.0, 2 * np.pi, 200)
-        ax.plot(axle[0] + radius * np.cos(turn), axle[2] + radius * np.sin(turn), "k", lw=0.8)
-        ax.set(ylim=(z[0], 0.06), xlim=(x[0], x[-1]), aspect="equal", title=f"slip {slip} %")
-        ax.set(xlabel="x [m]", ylabel="z [m]")
-        picture.colorbar(mesh, ax=ax, label="speed/rim speed")
+        rim = known["omega"] * known["diameter"] / 2
+        assert all((state.id == states[-1].id).all() for state in states)  # none has left
+        speed = np.mean([np.linalg.norm(state.v, axis=1) for state in states], axis=0) / rim
+        grid = states[-1].scene.grid
+        extent = ((grid.lower[0], grid.upper[0]), (grid.lower[2], 0.06))
+        plot.frame(
+            states[-1], speed, ax=ax, slab=(0.0, 2 * grid.cell), extent=extent, limits=(0.0, 0.5),
+            title=f"slip {slip} %", bar=False,
+        )  # fmt: skip
+        ax.label_outer()
+    scale = ScalarMappable(Normalize(0.0, 0.5), "viridis")
+    picture.colorbar(scale, ax=axes.tolist(), label="speed / speed of the rim", aspect=40)
     return picture
 
 
@@ -230,14 +243,14 @@ def wheels(table: dict) -> plot.Picture:
 
 def of_table(table: dict) -> dict[str, plot.Picture]:
     """Pictures of the numbers in the table."""
-    pictures = {"tools_forces": forces(table, [name for name in FORCES if name in table])}
+    pictures = {"three_d_forces": forces(table, [name for name in FORCES if name in table])}
     if any(f"wheel_{slip}" in table for slip in WHEELS):
-        pictures["tools_wheel"] = wheels(table)
+        pictures["three_d_wheel"] = wheels(table)
     if "couette_shallow" in table or FINEST in table:
-        pictures["tools_convergence"] = convergence(table)
+        pictures["three_d_convergence"] = convergence(table)
     flows = [name for name in FLOWS if name in table]
     if flows:
-        pictures["couette_profile"] = profile(table, flows)
+        pictures["three_d_couette"] = profile(table, flows)
     return pictures
 
 
@@ -247,13 +260,13 @@ def of_records(folder: Path) -> dict[str, plot.Picture]:
     pictures = {}
     laws = {name: there[name] for name in LAWS if name in there}
     if laws:
-        pictures["tools_failure"] = failure(laws)
+        pictures["three_d_failure"] = failure(laws)
     rolled = {slip: there[f"wheel_{slip}"] for slip in WHEELS if f"wheel_{slip}" in there}
     if rolled:
-        pictures["tools_below_wheels"] = below_wheels(rolled)
-    for name, picture in (("excavation_5", wide), ("excavator", excavator)):
+        pictures["three_d_below_wheels"] = below_wheels(rolled)
+    for name, picture in (("excavation_5_fine", wide), ("excavator", excavator)):
         if name in there:
-            pictures[f"tools_{name}"] = picture(there[name])
+            pictures[f"three_d_{picture.__name__}"] = picture(there[name])
     return pictures
 
 

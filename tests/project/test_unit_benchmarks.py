@@ -371,7 +371,7 @@ def runs(monkeypatch, module, tmp_path):
     ring = {"inner": 0.05, "outer": 0.1, "height": 0.03, "omega": 1.0, "duration": 0.3}
     cases = {
         "couette_shallow": lambda: gr.scenes.couette(cell=0.01, **ring),
-        "excavation_5": lambda: script.excavation(0.05, **size, **fast),
+        "excavation_5_fine": lambda: script.excavation(0.05, **size, **fast),
         "excavation_5_whole": lambda: script.excavation(0.05, half=False, **size, **fast),
         "narrow_5": lambda: script.excavation(0.05, **size, **fast),
         "wheel_20": lambda: gr.scenes.wheel(cell=0.05, settle=0.1, ramp=0.05, **roll),
@@ -387,7 +387,7 @@ def test_runs_and_pictures(runs, module, tmp_path):
     runs.main([*runs.CASES, "--records", str(tmp_path / "records")])
     table = json.loads((tmp_path / "results.json").read_text())
     assert list(table) == [*runs.CASES, "stamp", "stamps"]
-    assert table["excavation_5"]["lateral"] == 0 != table["excavation_5_whole"]["lateral"]
+    assert table["excavation_5_fine"]["lateral"] == 0 != table["excavation_5_whole"]["lateral"]
     assert 0 < table["couette_shallow"]["mean_error"] < table["couette_shallow"]["error"] < 0.5
     assert table["narrow_5"]["forward"] > 0 and len(table["narrow_5"]["course"]) == 5
     assert table["wheel_20"]["load"] > 0 and table["wheel_20"]["pull_over_load"] == pytest.approx(
@@ -397,11 +397,11 @@ def test_runs_and_pictures(runs, module, tmp_path):
     options = [text for name, at in places.items() for text in (f"--{name}", str(tmp_path / at))]
     module("tools_in_soil").main(options)
     written = sorted(path.stem for path in (tmp_path / "out").iterdir())
-    tools = ("below_wheels", "convergence", "excavation_5", "excavator", "failure", "forces")
-    assert written == ["couette_profile", *(f"tools_{name}" for name in (*tools, "wheel"))]
+    seen = "below_wheels convergence couette excavator failure forces wheel wide"
+    assert written == [f"three_d_{name}" for name in seen.split()]
     for path in (tmp_path / "out").iterdir():
         with Image.open(path) as picture:
-            assert min(picture.size) > 300
+            assert min(picture.size) > 150
 
 
 def test_unknown_cases_are_refused(runs, capsys):

@@ -142,6 +142,43 @@ SLOW = (
 are run in three sizes of cells."""
 
 
+def coupled(names):
+    """Both programs move the wheel alike, and the sand carries the vehicle, 80 kg."""
+    assert np.abs(np.subtract(names["heights"], names["heights_mujoco"])).max() < 1e-3
+    for forces in (names["forces"], names["forces_mujoco"]):
+        assert np.mean(forces[len(forces) // 2 :], axis=0)[1] == pytest.approx(784.0, rel=0.05)
+
+
+def pressed(names):
+    """Janssen's pressure on the bin at rest, and friction that is mobilised in flow."""
+    deep = names["depth"] > 0.1
+    assert names["rest"].normal[deep] == pytest.approx(names["janssen"][deep], rel=0.1)
+    assert names["flow"].friction[deep] == pytest.approx(np.full(deep.sum(), 0.3), abs=0.01)
+
+
+def pushed(names):
+    """The wall of Rankine, and the footings of Prandtl and of the tables."""
+    active = gr.theory.earth_pressure(0.5).active_coaxial
+    assert -names["force"][-1] / names["unit"] == pytest.approx(active, rel=0.1)
+    assert names["pressure"][-1] / 2e4 == pytest.approx(2 + math.pi, rel=0.12)
+    assert names["known"].cohesion == pytest.approx(30.1, abs=0.1)
+
+
+KNOWN = {
+    "how-to/couple_with_another_program": coupled,
+    "how-to/wall_pressure": pressed,
+    "how-to/walls_and_footings": pushed,
+    # Griffiths & Lane 1999, example 1, in cells of a tenth of the height
+    "how-to/slope_stability": lambda names: names["safety"].value == pytest.approx(1.4, rel=0.08),
+    # friction of 0.5 under 300 N
+    "how-to/tools_in_soil": lambda names: 0.0 < names["pull"] < 150.0 and names["efficiency"] < 1.0,
+    "how-to/arching": lambda names: gr.measure.speed_percentile(names["arch"].state) < 0.01,
+    # a hub of 0.2 x 0.2 x 0.1 m and what of the lug is outside of it
+    "how-to/meshes": lambda names: names["whole"].mass == pytest.approx(7800 * 0.00416, rel=0.01),
+}
+"""Jobs of engineers, and what is known of the results that their pages print."""
+
+
 @pytest.mark.parametrize(
     "name",
     [
@@ -151,8 +188,9 @@ are run in three sizes of cells."""
     ],
 )
 def test_code_of_guides_runs(name, run_page):
-    """The blocks of a page run one after the other, and issue no warning."""
-    run_page(DOCS / f"{name}.md")
+    """The blocks of a page run one after the other, issue no warning, and meet what is known."""
+    names = run_page(DOCS / f"{name}.md")
+    assert KNOWN.get(name, lambda _: True)(names) in (True, None)
 
 
 def test_a_first_hour(run_page, tmp_path):
