@@ -139,7 +139,8 @@ def panel(ax: Axes, name: str, points: Sequence[tuple[Row, float]], reference: R
     ax.set_axisbelow(True)
 
 
-def _legend(fig: Picture, schemes: Sequence[str]) -> None:
+def _handles(schemes: Sequence[str]) -> list[Line2D]:
+    """Entries of the legend."""
     handles = [
         Line2D([], [], linestyle="", markeredgecolor="black", markeredgewidth=0.4, label=s)
         for s in schemes
@@ -152,7 +153,7 @@ def _legend(fig: Picture, schemes: Sequence[str]) -> None:
         Line2D([], [], color="black", linewidth=1.0, label="front, numbers of the table")
     )
     handles.append(Line2D([], [], color="0.85", linewidth=8, label="uncertainty of the reference"))
-    fig.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)
+    return handles
 
 
 def chart(
@@ -168,7 +169,7 @@ def chart(
     if not drawn:
         return None
     down, across = -(-len(drawn) // 2), min(len(drawn), 2)
-    fig = Picture(figsize=(3.5 * across, 2.7 * down + 0.8), layout="constrained")
+    fig = Picture(figsize=(3.5 * across, 2.7 * down), layout="constrained")
     axes = fig.subplots(down, across, squeeze=False)
     for ax, (name, points, reference) in zip(axes.ravel(), drawn, strict=False):
         panel(ax, name, points, reference)
@@ -177,7 +178,11 @@ def chart(
     for ax in axes[:, 0]:
         ax.set_ylabel("relative error")
     present = {row["scheme"] for _, points, _ in drawn for row, _ in points}
-    _legend(fig, [s for s in (*SCHEMES, HYDRODYNAMICS, *PEERS) if s in present])
+    handles = _handles([s for s in (*SCHEMES, HYDRODYNAMICS, *PEERS) if s in present])
+    if len(drawn) < axes.size:  # an empty panel has place for it
+        axes[-1, -1].legend(handles=handles, loc="center", ncols=2, frameon=False)
+    else:
+        fig.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
     return fig
 
 
@@ -252,5 +257,5 @@ def trends(slopes: Sequence[Mapping[str, Any]]) -> Picture | None:
         Line2D([], [], color="black", linewidth=1.0, label="theory, 25 deg"),
         Line2D([], [], color="0.3", marker="o", mfc="white", ls="", label="coarser cells, top row"),
     ]
-    fig.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)
+    fig.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
     return fig

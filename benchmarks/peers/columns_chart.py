@@ -45,7 +45,7 @@ def _panel(ax: Axes, points: Sequence[tuple[Row, float]], reference: Reference) 
                 cost = [r["core_seconds"] for r, _ in mine]
                 error = [min(e, CEILING) for _, e in mine]
                 fill = {} if per_cell == 4 else {"markerfacecolor": "white"}
-                ax.plot(cost, error, linewidth=0.8, markersize=6, **look, **fill)
+                ax.plot(cost, error, linewidth=0.8, markersize=4.5, **look, **fill)
     floor = reference.uncertainty["surface"]
     on = front(points, floor)
     if on:
@@ -63,7 +63,7 @@ def chart(
     """A row of panels for each law and reference, a column for each aspect ratio."""
     if not references:
         return None
-    fig = Picture(figsize=(7.0, 7.0), layout="constrained")
+    fig = Picture(figsize=(7.0, 7.2), layout="constrained")
     axes = fig.subplots(len(PANELS), len(ASPECTS), sharex="col")
     for line, (law, kind) in zip(axes, PANELS, strict=True):
         for ax, aspect in zip(line, ASPECTS, strict=True):
@@ -72,7 +72,7 @@ def chart(
                 ax.set_axis_off()
                 continue
             _panel(ax, of_panel(rows, law, aspect, reference), reference)
-            ax.set_title(f"{LAW_NAMES[law]} {KINDS[kind]}, a = {aspect:g}")
+            ax.set_title(f"{LAW_NAMES[law]}, a = {aspect:g}\n{KINDS[kind]}")
             if aspect == ASPECTS[0]:
                 ax.set_ylabel("L1 of the deposit over its area")
             if (law, kind) == PANELS[-1]:
@@ -86,5 +86,5 @@ def chart(
     white = {"marker": "o", "color": "0.3", "markerfacecolor": "white", "linestyle": ""}
     handles += [Line2D([], [], label="16 points per cell, else 4", **white)]
     handles += [Line2D([], [], color="black", linewidth=1.4, label="front")]
-    fig.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)
+    fig.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
     return fig

@@ -9,6 +9,11 @@
 #include "mpm/materials.h"
 #include "mpm/scheme.h"
 
+/* Largest viscosity of the damping of flutter times the time between two updates, over rho_c dx^2: the decrease of the
+ * velocity of a wave in an update is this times (k S dx)^2, and must not be more than twice of it. S is the Fourier
+ * transform of the splines, and k S dx is 1.19 at most. */
+#define GR_MOST_DIFFUSED 1.4
+
 /* Effect of a wall on the velocity of a node (see granular/mpm/walls.py). */
 struct gr_wall {
     int32_t fixed;      /* bit d: component d is given by the wall */

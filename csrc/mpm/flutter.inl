@@ -17,11 +17,6 @@
  * (measured). */
 #define LARGEST_OVERSTRESS 0.25
 
-/* Largest eta times the time between two updates, over rho_c dx^2: the decrease of the velocity of a wave in an update is
- * this times (k S dx)^2, and must not be more than twice of it. S is the Fourier transform of the splines, and k S dx is
- * 1.19 at most. */
-#define MOST_DIFFUSED 1.4
-
 /* Share of the mean by which a steady rate may differ from it: a flow that starts or slows down does, by its rate of change
  * times T, and would be slowed down as if it were heavier. In flutter gdot varies by all of its mean (measured). */
 #define STEADY 0.1
@@ -50,7 +45,7 @@ GR_INLINE void damp_flutter(const int dim, const struct gr_engine *e, int64_t at
         e->clock.step > e->config.flutter_interval ? now : rate; /* a flow that is there at the start is steady */
     v_store(place, mean);
     const vd slow = v_set(1.0) - gr_of_material(e, GR_MATERIAL_FLUTTER_END, at) * mean * p / tau;
-    const vd most = v_set(MOST_DIFFUSED * e->config.dx / interval) * rho_dx / v_max(p, nothing);
+    const vd most = v_set(GR_MOST_DIFFUSED * e->config.dx / interval) * rho_dx / v_max(p, nothing);
     const vd viscous = v_min(gr_of_material(e, GR_MATERIAL_FLUTTER_TIME, at) / steep, most);
     const vd unsteady = rate - v_max(v_min(rate, v_set(1 + STEADY) * mean), v_set(1 - STEADY) * mean);
     const vd over = v_clamp(v_max(slow, zero) * viscous * unsteady * p / tau, -LARGEST_OVERSTRESS, LARGEST_OVERSTRESS);

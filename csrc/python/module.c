@@ -118,7 +118,10 @@ static int exec_module(PyObject *module)
         Py_DECREF(type);
         if (failed) return -1;
     }
-    if (PyModule_AddIntConstant(module, "LANES", GR_LANES)) return -1;
+    PyObject *most = PyFloat_FromDouble(GR_MOST_DIFFUSED);
+    const int failed = PyModule_AddObjectRef(module, "MOST_DIFFUSED", most);
+    Py_XDECREF(most);
+    if (failed || PyModule_AddIntConstant(module, "LANES", GR_LANES)) return -1;
     if (PyModule_AddIntConstant(module, "TALLY_INTERVAL", GR_TALLY_INTERVAL)) return -1;
     return PyModule_AddIntConstant(module, "MAX_THREADS", GR_MAX_THREADS);
 }

@@ -118,11 +118,6 @@ MOST_STEPS = 10**9
 """Largest number of steps between two averagings, an integer of the core."""
 
 
-MOST_DIFFUSED = 1.4
-"""Largest viscosity of the flutter damping times the time between two updates, over rho_c dx^2
-(csrc/mpm/flutter.inl)."""
-
-
 def averaging_interval(scene: Scene) -> int:
     """Number of steps between two averagings of the density."""
     density = scene.scheme.density
@@ -146,7 +141,7 @@ def flutter_interval(scene: Scene) -> int:
     density = scene.scheme.density
     if not isinstance(density, SmoothedDensity) or not density.flutter_damping:
         return 1
-    stable = MOST_DIFFUSED / (density.flutter_damping * _depth(scene) / scene.grid.cell)
+    stable = _core.MOST_DIFFUSED / (density.flutter_damping * _depth(scene) / scene.grid.cell)
     return max(round(min(_steps_per_crossing(scene) * min(stable, 1.0), MOST_STEPS)), 1)
 
 
