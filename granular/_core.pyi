@@ -11,7 +11,7 @@ LANES: Final[int]
 """Every cell owns a multiple of this many slots in the point arrays."""
 MAX_THREADS: Final[int]
 MOST_DIFFUSED: Final[float]
-"""Largest viscosity of the damping of flutter times the time between two updates, over rho_c dx^2."""
+"""Largest viscosity of the damping of flutter times the time of an update, over rho_c dx^2."""
 TALLY_INTERVAL: Final[int]
 """Steps between two tallies of an engine (csrc/mpm/tally.h)."""
 

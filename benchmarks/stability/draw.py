@@ -15,50 +15,41 @@ from stability.cells import DEGRADED, REFUSED, STABLE, Map
 
 COLOURS = {STABLE: "#8fd694", DEGRADED: "#f6a15a", REFUSED: "#c9c9d6"}
 
-FIGURES: dict[str, tuple[tuple[str, ...], int]] = {
+FIGURES: dict[str, tuple[str, ...]] = {
     "stability_time_step": (
-        (
-            "courant_published_flip",
-            "courant_ugimp_flip",
-            "courant_quadratic_flip",
-            "courant_quadratic_apic",
-            "courant_default_tpic",
-            "courant_cell_averaged_tpic",
-            "courant_space",
-            "courant_nu",
-            "courant_speed",
-            "incline_courant",
-            "arrangement",
-        ),
-        2,
+        "courant_published_flip",
+        "courant_ugimp_flip",
+        "courant_quadratic_flip",
+        "courant_quadratic_apic",
+        "courant_default_tpic",
+        "courant_cell_averaged_tpic",
+        "courant_space",
+        "courant_nu",
+        "courant_speed",
+        "incline_courant",
+        "arrangement",
     ),
     "stability_flows": (
-        (
-            "incline_angles",
-            "incline_columns",
-            "incline_seeding",
-            "incline_refinement",
-            "law_ends",
-            "softness",
-        ),
-        1,
+        "incline_angles",
+        "incline_columns",
+        "incline_seeding",
+        "incline_refinement",
+        "law_ends",
+        "softness",
     ),
     "stability_schemes": (
-        (
-            "patch",
-            "locking",
-            "tearing",
-            "null_space",
-            "wave",
-            "rotation",
-            "rest_speed",
-            "rest_pressure",
-            "slug",
-        ),
-        2,
+        "patch",
+        "locking",
+        "tearing",
+        "null_space",
+        "wave",
+        "rotation",
+        "rest_speed",
+        "rest_pressure",
+        "slug",
     ),
 }
-"""Maps of each figure and its number of columns."""
+"""Maps of each figure."""
 
 
 def number(value: float) -> str:
@@ -100,19 +91,15 @@ def panel(axes: Axes, limits: Map) -> None:
 def figures(maps: dict[str, Map], folder: Path) -> None:
     """Write the figures for which maps exist."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name, (members, across) in FIGURES.items():
+    for name, members in FIGURES.items():
         present = [maps[m] for m in members if m in maps]
         if not present:
             continue
-        down = -(-len(present) // across)
-        heights = [
-            max(len({c.row for c in m.cells}) for m in present[i : i + across]) + 4.2
-            for i in range(0, len(present), across)
-        ]
-        figure = Figure(figsize=(7.0, 0.235 * sum(heights) + 0.4), layout="constrained")
-        grid = figure.add_gridspec(down, across, height_ratios=heights)
-        for i, limits in enumerate(present):
-            panel(figure.add_subplot(grid[i // across, i % across]), limits)
+        heights = [len({cell.row for cell in limits.cells}) + 3.6 for limits in present]
+        figure = Figure(figsize=(7.0, 0.19 * sum(heights) + 0.4), layout="constrained")
+        grid = figure.add_gridspec(len(present), 1, height_ratios=heights)
+        for place, limits in zip(grid, present, strict=True):
+            panel(figure.add_subplot(place), limits)
         patches = [Patch(color=colour, label=verdict) for verdict, colour in COLOURS.items()]
         figure.legend(handles=patches, loc="outside lower center", ncols=3)
         path = folder / f"{name}.png"

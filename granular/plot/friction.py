@@ -83,7 +83,7 @@ def friction_and_packing(
     left.set_ylabel(r"friction $\mu$")
     right.set_ylabel(r"packing fraction $\phi$")
     for ax in (left, right):
-        ax.legend(fontsize="small")
+        ax.legend()
     return fig
 
 
@@ -105,7 +105,7 @@ def friction_by_law(flows: Flows) -> Picture:
     left.plot(inertial, by_stress, "o", color="black", fillstyle="none", label="stress, eq. 4.7")
     left.plot(inertial, by_law, "x", color="C3", label="law, eq. 4.6")
     left.set(ylabel=r"friction $\mu$", ylim=(0.0, None))
-    left.legend(fontsize="small")
+    left.legend()
     right.axhspan(0.98, 1.02, color="0.9", label="2 %")
     right.axhline(1.0, color="0.6", linewidth=0.9)
     right.plot(inertial, by_law / by_stress, "x", color="C3", label="law / stress")
@@ -113,7 +113,7 @@ def friction_by_law(flows: Flows) -> Picture:
     style = {"fmt": "o", "fillstyle": "none", "capsize": 2}
     right.errorbar(inertial, balance, error, color="black", label="with dilation", **style)
     right.set_ylabel("ratio")
-    right.legend(fontsize="small")
+    right.legend()
     return fig
 
 
@@ -138,7 +138,7 @@ def friction_shares(sets: Mapping[str, Flows]) -> Picture:
     left.set(ylabel=r"parts of the friction, eq. 4.9", ylim=(0.0, None))
     right.set(ylabel=r"friction $\mu$ by the law", ylim=(0.0, None))
     for ax in (left, right):
-        ax.legend(fontsize="small")
+        ax.legend()
     return fig
 
 
@@ -191,7 +191,7 @@ def scaling_of_dilation(flows: Flows) -> Picture:
         _power_line(dilation, along, exponent, (inertial[k], product[k]), str(exponent))
     dilation.set(yscale="log", ylabel=r"$Z \phi / I$")
     for ax in (upper, packing, rates, dilation):
-        ax.legend(fontsize="small")
+        ax.legend()
     return fig
 
 
@@ -217,5 +217,5 @@ def scaling_of_dissipation(flows: Flows) -> Picture:
     ax.plot(
         few, start[1] * few / start[0], ":", color="black", linewidth=1.2, label="quasi-static, 1"
     )
-    ax.legend(fontsize="small")
+    ax.legend()
     return fig

@@ -8,13 +8,13 @@ from matplotlib.axes import Axes
 
 from granular.plot.canvas import Extent, Picture
 
-WIDTH, HEIGHT = 10.0, 12.0
+WIDTH, HEIGHT = 7.0, 8.5
 """Largest size of a figure [inches]."""
-GAP, HEAD, FOOT = 0.5, 0.32, 0.25
+GAP, HEAD, FOOT = 0.4, 0.24, 0.22
 """Distances between the panels of a row, above a row (titles) and below it (ticks) [inches]."""
-LEFT, RIGHT, BOTTOM = 0.65, 1.25, 0.55
+LEFT, RIGHT, BOTTOM = 0.5, 0.95, 0.4
 """Margins for the labels and, at the right, for the bars [inches]."""
-BAR_GAP, BAR_WIDTH = 0.2, 0.16
+BAR_GAP, BAR_WIDTH = 0.15, 0.12
 
 
 @dataclass(frozen=True)

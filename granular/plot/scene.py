@@ -102,9 +102,9 @@ def scene(
     handles = [cast(Any, named[text]) for text in texts]
     if is_new:
         outside = {"loc": "outside lower center", "ncols": 3, "frameon": False}
-        figure_of(ax).legend(handles, texts, fontsize="small", **cast(Any, outside))
+        figure_of(ax).legend(handles, texts, **cast(Any, outside))
     else:
-        ax.legend(handles, texts, fontsize="x-small")
+        ax.legend(handles, texts)
     return figure_of(ax)
 
 
@@ -258,5 +258,5 @@ def _draw_gravity(ax: Axes, scene: AnyScene, view: View) -> None:
     text = f"g = {size:.3g} m/s$^2$"
     ax.text(
         start[0] - 0.015, start[1], text, transform=ax.transAxes, ha="right", va="center",
-        color="#b3261e", fontsize="small", zorder=5,
+        color="#b3261e", zorder=5,
     )  # fmt: skip

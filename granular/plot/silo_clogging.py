@@ -87,7 +87,7 @@ def phase_diagram(
         finite = np.where(np.isfinite(curve), curve, np.nan)
         ax.plot(along, finite, color="black", linewidth=1.2, label="theory")
     ax.set(xlim=(low_x, right), ylim=(low_y, top), xlabel=labels[0], ylabel=labels[1])
-    ax.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
+    ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
     return figure_of(ax)
 
 

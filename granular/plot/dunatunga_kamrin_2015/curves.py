@@ -76,7 +76,7 @@ def figure_3(aspects: ArrayLike, runouts: Mapping[str, Sequence[measure.Runout]]
     ax.set(xscale="log", yscale="log", xlabel="aspect ratio a", ylabel="run-out / half-width")
     ax.set_xticks(aspects, labels=[f"{a:g}" for a in aspects])
     ax.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
-    ax.legend(fontsize="small")
+    ax.legend()
     return fig
 
 
@@ -108,7 +108,7 @@ def figure_5(
     ):
         left.plot(history.times, history.mass, color=shade, label=f"D = {100 * orifice:.3g} cm")
     left.set(xlabel="time [s]", ylabel="mass in the silo [kg/m]", ylim=(0.0, None))
-    left.legend(fontsize="small")
+    left.legend()
     along = np.geomspace(0.9 * fit.orifices.min(), 1.1 * fit.orifices.max(), 50)
     law = theory.beverloo_rate(along, rho, C=fit.C, gravity=gravity)
     free = theory.beverloo_rate(
@@ -128,7 +128,7 @@ def figure_5(
     right.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
     for axis in (right.yaxis.set_major_formatter, right.yaxis.set_minor_formatter):
         axis(LogFormatter(labelOnlyBase=False, minor_thresholds=(2, 0.5)))
-    right.legend(fontsize="small")
+    right.legend()
     return fig
 
 
@@ -213,7 +213,7 @@ def figure_9(
     left.set(xlabel="time [s]", ylabel=r"friction $\mu$", ylim=(0.9 * mu_s, 1.08 * mu_2))
     centre.set(xlabel="time [s]", ylabel="mean speed [m/s]")
     right.set(xlabel="time [s]", ylabel="mean acceleration [m/s$^2$]")
-    centre.legend(fontsize="small")
+    centre.legend()
     return fig
 
 
@@ -267,7 +267,7 @@ def _speeds(
     ax.set(xlabel="angle [deg]", ylabel=r"mean speed / $\sqrt{g h}$")
     ax.set_xlim(min(angles) - 1, max(angles) + 1)
     ax.set_ylim(-0.03 * max(speeds), 1.3 * max(speeds) + 1e-12)
-    ax.legend(fontsize="small")
+    ax.legend()
 
 
 def _profile(
@@ -286,7 +286,7 @@ def _profile(
     profile = measure.velocity_profile(state)
     ax.plot(profile.value / unit, profile.y / height, ".", color="C3", label="measured")
     ax.set(xlabel=r"$v_x / \sqrt{g h}$", ylabel="y / h", title=f"{angle:g} deg")
-    ax.legend(fontsize="small")
+    ax.legend()
 
 
 @dataclass(frozen=True)
@@ -341,11 +341,11 @@ def figure_13(
         )
         stress.plot(reference.times, reference.stress[:, i], ":", color="black", linewidth=0.9)
     stress.set(xlabel="time [s]", ylabel="stress [Pa]", title=f"dt = {finest.dt:.3g} s")
-    stress.legend(fontsize="small", loc="lower right")
+    stress.legend(loc="lower right")
     rate.plot(finest.times, finest.shear_rate, color="C4", label="stress update")
     rate.plot(reference.times, reference.shear_rate, ":", color="black", label="Runge-Kutta")
     rate.set(xlabel="time [s]", ylabel="plastic shear rate [1/s]")
-    rate.legend(fontsize="small")
+    rate.legend()
     scale = np.abs(reference.stress).max()
     largest = []
     for path, shade in zip(paths, _shades(len(paths)), strict=True):
@@ -354,14 +354,14 @@ def figure_13(
         error.semilogy(path.times, np.maximum(off, 1e-16), color=shade, label=label)
         largest.append((path.dt, off.max()))
     error.set(xlabel="time [s]", ylabel="error / largest stress", ylim=(1e-11, None))
-    error.legend(fontsize="x-small", ncols=2, loc="lower right")
+    error.legend(ncols=2, loc="lower right")
     steps, errors = np.array(sorted(largest)).T
     order.loglog(steps, errors, "o", color="C3", label="largest error")
     order.loglog(steps, errors[-1] * steps / steps[-1], color="black", label="first order")
-    order.set_xticks(steps, labels=[f"{dt:.3g}" for dt in steps], fontsize="x-small")
+    order.set_xticks(steps, labels=[f"{dt:.3g}" for dt in steps], fontsize="small")
     order.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
     order.set(xlabel="time step [s]", ylabel="error / largest stress")
-    order.legend(fontsize="small")
+    order.legend()
     return fig
 
 

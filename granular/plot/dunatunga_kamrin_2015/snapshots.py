@@ -45,17 +45,16 @@ def _panel(ax: Axes, state: State, brush: Brush, extent: Extent, title: str) -> 
 
 
 def _dress(ax: Axes, title: str) -> None:
-    ax.set_title(title, fontsize="small", pad=3)
-    ax.tick_params(labelsize="x-small")
+    ax.set_title(title, pad=3)
     ax.set(xlabel="", ylabel="")
 
 
 def _label(axes: Sequence[Sequence[Axes]]) -> None:
     """Names of the axes where they are not repeated: left and below."""
     for row in axes:
-        row[0].set_ylabel("y [m]", fontsize="small")
+        row[0].set_ylabel("y [m]")
     for ax in axes[-1]:
-        ax.set_xlabel("x [m]", fontsize="small")
+        ax.set_xlabel("x [m]")
 
 
 def _time(state: State) -> str:
@@ -113,15 +112,8 @@ def _steepest(ax: Axes, state: State) -> None:
     mu_s = cast(MuI, state.scene.material).mu_s
     top = ax.get_ylim()[1]
     ax.plot([toe, toe - top / mu_s], [0.0, top], color="0.4", linewidth=0.9, linestyle=":")
-    degrees = math.degrees(math.atan(mu_s))
-    ax.annotate(
-        rf"$\arctan\,\mu_s$ = {degrees:.1f}°",
-        (toe - 0.5 * top / mu_s, 0.5 * top),
-        (4, 2),
-        textcoords="offset points",
-        fontsize="x-small",
-        color="0.3",
-    )
+    text = rf"$\arctan\,\mu_s$ = {math.degrees(math.atan(mu_s)):.1f}°"
+    ax.text(0.97, 0.95, text, ha="right", va="top", color="0.3", transform=ax.transAxes)
 
 
 def figure_4(silos: Sequence[States], *, limits: tuple[float, float] | None = None) -> Picture:
@@ -269,7 +261,7 @@ def figure_11(flight: States, impact: States, heap: State) -> Picture:
     color_bar(fig, brush, cax=bar)
     bar.axhline(rho_c, color="black", linewidth=1.2)
     across = bar.get_yaxis_transform()
-    bar.text(0.5, rho_c, r"$\rho_c$", transform=across, ha="center", va="bottom", fontsize="small")
+    bar.text(0.5, rho_c, r"$\rho_c$", transform=across, ha="center", va="bottom")
     return fig
 
 
