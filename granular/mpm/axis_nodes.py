@@ -20,8 +20,9 @@ def c0_lines(scene_grid: Grid, walls: Sequence[WallOrBlock], axis: int) -> tuple
 
     Shape functions are only C0 on these lines (quadratic splines have a repeated knot), so that an
     inner wall or the edge of an opening is sharp. The lines are that of every wall normal to `axis`
-    and the ends of the spans of the other walls, if they lie strictly inside the grid. Blocks
-    (`Solid`) have none, because a staircase would make a C0 line of every grid line.
+    and the ends of the spans of the other walls, if they lie strictly inside the grid. Of blocks
+    (`Solid`) only a face that crosses the whole domain has one, as the top of a floor: a staircase
+    would make a C0 line of every grid line.
 
     Parameters
     ----------
@@ -35,11 +36,24 @@ def c0_lines(scene_grid: Grid, walls: Sequence[WallOrBlock], axis: int) -> tuple
     integer("axis", axis, 0, scene_grid.dim - 1)
     lines = set()
     for i, wall in enumerate(walls):
-        if wall.is_block:
+        if wall.is_block and not _crosses(wall, scene_grid, axis):
             continue
         ends = wall.extent(scene_grid, axis)
         lines |= {scene_grid.line(f"walls[{i}] {wall}", axis, end) for end in ends}
     return tuple(sorted(line for line in lines if 0 < line < scene_grid.shape[axis]))
+
+
+def _crosses(block: WallOrBlock, grid: Grid, axis: int) -> bool:
+    """True if the faces of a block normal to `axis` cross the domain, which is not periodic."""
+    others = [other for other in range(grid.dim) if other != axis]
+    ends = [
+        [grid.line(f"walls = {block}", other, end) for end in block.extent(grid, other)]
+        for other in others
+    ]
+    return not grid.periodic[axis] and all(
+        low == 0 and high == grid.shape[other]
+        for other, (low, high) in zip(others, ends, strict=True)
+    )
 
 
 def check_c0_lines(basis: str, n_cells: int, periodic: bool, c0_lines: Sequence[int]) -> list[int]:

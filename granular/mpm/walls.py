@@ -255,10 +255,11 @@ class Wall(WallOrBlock):
 class Solid(WallOrBlock):
     """An axis-aligned block that material cannot enter; several of them make a staircase.
 
-    Blocks that touch act as one: where they meet there is no face. With quadratic splines the faces
-    are blurred by up to half a cell, because only walls make C0 lines; single points that hit a
-    block fast can end up to a cell within it. Put a `Wall` on a face that has to be sharp. The
-    indicator "in_solids" of `Simulation.health` is the share of the points deeper than that.
+    Blocks that touch act as one: where they meet there is no face. With quadratic splines only a
+    face that crosses the whole domain, as that of a floor, is sharp. Others are blurred by up to
+    half a cell: a layer that starts on one first drops by a part of a cell, and bounces for long if
+    it is elastic; single points that hit a block fast can end up to a cell within it. Put a `Wall`
+    on a face that has to be sharp. The indicator "in_solids" of `Simulation.health` is the share of the points deeper than that.
 
     Parameters
     ----------

@@ -88,6 +88,16 @@ def test_c0_lines_at_inner_walls_and_ends_of_spans():
     assert c0_lines(grid, [], 0) == ()
 
 
+@pytest.mark.parametrize("periodic", [False, True])
+def test_a_block_across_the_domain_has_a_c0_line_on_its_faces(periodic):
+    grid = Grid((-1.0, 0.0), 0.5, (6, 4), periodic=(periodic, False))
+    floor, ceiling = Solid((-1.0, 0.0), (2.0, 0.5)), Solid((-1.0, 1.5), (2.0, 2.0))
+    assert c0_lines(grid, [floor, ceiling], 1) == (1, 3)
+    assert c0_lines(grid, [floor, ceiling], 0) == ()
+    assert c0_lines(grid, [Solid((-1.0, 0.0), (1.5, 0.5))], 1) == ()  # not all the way across
+    assert c0_lines(grid, [Solid((0.0, 0.0), (0.5, 2.0))], 0) == (() if periodic else (2, 3))
+
+
 def test_a_wall_off_the_grid_lines_is_refused():
     grid = Grid((0.0, 0.0), 0.1, (10, 10))
     with pytest.raises(ValueError, match=r"walls\[0\].* = 0.25 must lie on a grid line of x"):
