@@ -259,7 +259,8 @@ class Solid(WallOrBlock):
     face that crosses the whole domain, as that of a floor, is sharp. Others are blurred by up to
     half a cell: a layer that starts on one first drops by a part of a cell, and bounces for long if
     it is elastic; single points that hit a block fast can end up to a cell within it. Put a `Wall`
-    on a face that has to be sharp. The indicator "in_solids" of `Simulation.health` is the share of the points deeper than that.
+    on a face that has to be sharp. The indicator "in_solids" of `Simulation.health` is the share of
+    the points deeper than that.
 
     Parameters
     ----------
