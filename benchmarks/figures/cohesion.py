@@ -49,5 +49,5 @@ def picture(quick: bool) -> plot.Picture:
     right.set_xlabel("height of the cliff under 9.8 m/s$^2$ [m]")
     right.set_ylabel("settlement of the crest [mm]")
     right.set_ylim(1e-2, 100.0)
-    right.legend(loc="upper left")
+    right.legend(loc="lower right")
     return picture

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 import granular as gr
-from figures.common import BLUE, GREY, ORANGE, WEIGHT, panels, tell
+from figures.common import BLUE, GREEN, GREY, ORANGE, RED, WEIGHT, panels, tell
 from granular.plot import Picture
 
 
@@ -38,13 +38,13 @@ def wall_pressure(quick: bool) -> Picture:
         tell(records[0])
     rest, flow = upright.mean(0.4, 0.5), upright.mean(0.7, 0.9)
     _along_bin(axes, scene, rest, flow, cones[0])
-    for cone, color, label in zip(cones, (ORANGE, BLUE), ("no insert", "with insert"), strict=True):
+    for cone, color, label in zip(cones, (RED, GREEN), ("no insert", "with insert"), strict=True):
         mean = cone.mean(0.7, 0.9)
         axes[2].errorbar(
             1e-3 * mean.normal, mean.position, xerr=1e-3 * mean.normal_scatter, fmt="o-",
             color=color, ms=4, label=label,
         )  # fmt: skip
-    axes[2].set(title="cone in flow", xlabel="pressure [kPa]")
+    axes[2].set(title="inclined wall in flow", xlabel="pressure [kPa]")
     axes[2].legend()
     return made
 
@@ -62,7 +62,7 @@ def _along_bin(
     janssen = ratio * gr.theory.janssen_pressure(
         0.8 - z, 0.3, friction=0.3, ratio=ratio, rho=scene.material.rho_c
     )
-    axes[0].plot(1e-3 * janssen, z, color=GREY, ls="--", label="Janssen")
+    axes[0].plot(1e-3 * janssen, z, color="black", ls="--", label="Janssen", zorder=3)
     for mean, color, label in ((rest, BLUE, "at rest"), (flow, ORANGE, "in flow")):
         axes[0].errorbar(
             1e-3 * mean.normal, mean.position, xerr=1e-3 * mean.normal_scatter, fmt="o-",
@@ -73,8 +73,8 @@ def _along_bin(
         mean = cone.mean(begin, end)
         axes[0].plot(1e-3 * mean.normal, mean.position, "s:", color=color, ms=4)
     axes[0].axhline(0.25, color=GREY, lw=0.8)
-    axes[0].annotate("cone", (0.03, 0.24), xycoords=("axes fraction", "data"), va="top")
-    axes[0].set(title="bin and cone", xlabel="pressure [kPa]", ylabel="elevation [m]")
+    axes[0].annotate("inclined wall", (0.03, 0.24), xycoords=("axes fraction", "data"), va="top")
+    axes[0].set(title="bin and inclined wall", xlabel="pressure [kPa]", ylabel="elevation [m]")
     axes[0].legend()
     axes[1].axvline(0.3, color=GREY, ls="--", label="friction of the wall")
     axes[1].set(title="bin", xlabel="mobilised friction", xlim=(0.0, 0.35))
@@ -184,7 +184,7 @@ def slope_stability(quick: bool) -> Picture:
         moves = np.maximum(safety.displacements, 1e-4)
         right.plot(safety.factors, moves, "o-", color=color, ms=4, label=f"cells of {cell:g} m")
     right.axvspan(1.38, 1.40, color=GREY, alpha=0.4, lw=0, label="charts, finite elements")
-    right.axhline(0.05, color=GREY, lw=0.8, ls=":")
+    right.axhline(0.05, color=GREY, lw=0.8, ls=":", label="counts as failure")
     right.set(xlabel="factor", ylabel="displacement [m]", yscale="log", ylim=(3e-5, 0.2))
     right.legend(loc="lower right")
     return made

@@ -48,13 +48,12 @@ def emptied(angle: float, friction: float, cell: float) -> tuple[gr.State, float
 def hoppers(cell: float) -> plot.Picture:
     """Speed in two hoppers; index of mass flow and rate against the half angle."""
     runs = {(a, f): emptied(a, f, cell) for f in FRICTIONS for a in ANGLES}
-    picture = plot.Picture(figsize=(7.0, 2.5), layout="constrained")
-    axes = picture.subplots(1, 4, width_ratios=(0.7, 0.7, 1.3, 1.3))
+    picture = plot.Picture(figsize=(7.0, 3.0), layout="constrained")
+    axes = picture.subplots(1, 4, width_ratios=(0.6, 0.85, 1.3, 1.3))
     for ax, angle in zip(axes, (15.0, 40.0), strict=False):
-        extent = ((0.0, 0.22), (-0.04, 0.55))
-        title = f"{angle:g} deg, friction 0.5"
+        options = {"extent": ((0.0, 0.22), (-0.04, 0.55)), "title": f"{angle:g} deg"}
         state = runs[angle, 0.5][0]
-        plot.frame(state, "speed", ax=ax, limits=(0.0, 1.0), extent=extent, title=title)
+        plot.frame(state, "speed", ax=ax, limits=(0.0, 1.0), bar=angle > 15.0, **options)
     effective = gr.theory.earth_pressure(0.5).coaxial_deg
     flat = gr.theory.rose_tanaka_factor(ANGLES, 45.0)
     for k, friction in enumerate(FRICTIONS):
@@ -69,13 +68,13 @@ def hoppers(cell: float) -> plot.Picture:
     level = np.exp(np.mean(np.log(scaled / flat)))  # the reference says how it falls, not how much
     axes[3].plot(ANGLES, level * flat, "k--", label="Rose & Tanaka, 45 deg")
     axes[2].axhline(0.3, color="0.6", linewidth=0.8)
-    axes[2].text(10.0, 0.31, "mass flow above", color="0.4")
+    axes[2].text(60.0, 0.32, "mass flow above", color="0.4", ha="right", va="bottom")
     axes[2].set(xlabel="half angle [deg]", ylabel="least index of mass flow", ylim=(0, 1))
     axes[3].set(
         xlabel="half angle [deg]", ylabel=r"rate / ($\rho\, \sqrt{g}\, D^{1.5}$)", ylim=(0, None)
     )
-    axes[2].legend()
-    axes[3].legend()
+    lines = [part for ax in axes[2:] for part in zip(*ax.get_legend_handles_labels(), strict=True)]
+    picture.legend(*zip(*lines, strict=True), loc="outside lower center", ncols=4)
     return picture
 
 
@@ -106,9 +105,9 @@ def drums(cell: float) -> plot.Picture:
             options = {"title": title, "limits": (0.0, 0.3), "extent": extent}
             plot.frame(states[-1], "speed", ax=axes[0], **options)
             R = scene.parameters["radius"]
-            axes[2].plot(flow.s, flow.flux, "o", label="thickness x speed")
-            axes[2].plot(flow.s, flow.balance, "k-", label="balance of mass")
-            axes[2].plot(flow.s, 0.5 * omega * (R**2 - flow.s**2), "k:", label="of a thin layer")
+            axes[2].plot(flow.s, flow.flux, "o", label="run")
+            axes[2].plot(flow.s, flow.balance, "k-", label="balance")
+            axes[2].plot(flow.s, 0.5 * omega * (R**2 - flow.s**2), "k:", label="thin layer")
         middle = abs(flow.s) < 0.06
         ratio = (flow.flux / flow.balance)[middle]
         thick, speed = flow.thickness[middle].mean(), flow.speed[middle].mean()
@@ -120,11 +119,11 @@ def drums(cell: float) -> plot.Picture:
         (scene.material.mu_2, r"$\arctan\ \mu_2$"),
     ):
         axes[1].axhline(math.degrees(math.atan(mu)), color="k", linestyle=":")
-        axes[1].text(froude[0], math.degrees(math.atan(mu)) + 0.2, text)
+        axes[1].text(froude[0], math.degrees(math.atan(mu)) + 0.4, text, va="bottom")
     axes[1].set(xlabel=r"Froude number $\omega^2 R/g$", ylabel="slope of the surface [deg]")
     axes[2].set(xlabel="position along the surface [m]", ylabel="flux [m$^2$/s]")
     axes[2].locator_params(axis="x", nbins=5)
-    axes[2].legend()
+    axes[2].legend(loc="lower center", handlelength=1.0)
     return picture
 
 

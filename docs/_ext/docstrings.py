@@ -50,10 +50,12 @@ class Shown:
 def short(value: Any) -> Any:
     """A default value: the name of a ready material or scheme, and long ones without arguments."""
     import granular
+    from granular.tools.description import Description
 
     for module in (granular.schemes, granular.materials, granular.sph):
         for name, known in vars(module).items():
-            if value is known and not inspect.isclass(value):
+            # other names may be of plain values: False is `typing.TYPE_CHECKING`
+            if value is known and isinstance(value, Description):
                 return Shown(f"{module.__name__.rpartition('.')[2]}.{name}")
     if len(repr(value)) > 40:
         return Shown(f"{type(value).__name__}(...)")

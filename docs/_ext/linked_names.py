@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 from typing import Any
 
@@ -28,6 +29,24 @@ def is_known(name: str) -> bool:
     return True
 
 
+def entries(name: str) -> list[str]:
+    """Names under which the reference may have `gr.name`: its own, and where it is defined."""
+    import granular
+
+    names, value = [f"granular.{name}"], granular
+    *parents, last = name.split(".")
+    for part in parents:
+        value = getattr(value, part, None)
+    if inspect.isclass(value):
+        names += [f"{kind.__module__}.{kind.__qualname__}.{last}" for kind in value.__mro__]
+        names += [f"granular.{kind.__qualname__}.{last}" for kind in value.__mro__]
+    found = getattr(value, last, None)
+    module = getattr(found, "__module__", None) or ""
+    if module.startswith("granular"):
+        names.append(f"{module}.{found.__qualname__}")
+    return names
+
+
 class LinkNames(SphinxPostTransform):
     """Make each `gr.Name` a link; arguments in brackets after it do not matter."""
 
@@ -41,7 +60,7 @@ class LinkNames(SphinxPostTransform):
             if not match or isinstance(literal.parent, nodes.reference):
                 continue
             name = match[1].split("(")[0]
-            entry = domain.objects.get(f"granular.{name}")
+            entry = next(filter(None, map(domain.objects.get, entries(name))), None)
             if entry is not None:
                 link = make_refnode(builder, self.env.docname, entry.docname, entry.node_id, [])
                 literal.replace_self(link)

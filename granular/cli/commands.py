@@ -137,6 +137,10 @@ def _simulate(simulation: Simulation, arguments: argparse.Namespace, **options: 
 
     until = simulation.scene.duration if arguments.until is None else arguments.until
     until = positive("until", until)
+    if until <= simulation.time and arguments.until is None:  # the run has reached its end
+        if not arguments.quiet:
+            print(f"{simulation.record}: {simulation}, the end of the scene; --until goes on")
+        return _judge(simulation.health(), arguments.quiet, arguments.strict)
     if until <= simulation.time:
         raise ValueError(f"until = {until} must exceed the time of the record, {simulation.time}")
     progress = not arguments.quiet

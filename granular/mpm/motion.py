@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +11,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from granular.mpm.path_files import read_path
 from granular.tools.arrays import Array
 from granular.tools.checks import (
     array,
@@ -26,15 +26,6 @@ from granular.tools.checks import (
 from granular.tools.description import Description
 
 __all__ = ["Motion"]
-
-NAMES = {
-    "time": ("time", "times", "t"),
-    "x": ("x", "position_x"),
-    "y": ("y", "position_y"),
-    "z": ("z", "position_z"),
-    "angle": ("angle", "angle_deg"),
-}
-"""Names of the columns of a path, in any case, with units in brackets or without."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,20 +150,25 @@ class Motion(Description):
         cls,
         path: str | os.PathLike[str],
         *,
-        axis: tuple[float, float, float] = (0.0, 1.0, 0.0),
+        axis: tuple[float, float, float] | None = None,
         stops: bool = True,
     ) -> Self:
-        """Return the motion through the positions of a file, a table with commas.
+        """Return the motion through the positions of a file, a table with commas or semicolons.
 
-        Its first line names the columns: time, x, y, z in 3D, and angle, in any order; units in
-        brackets are allowed, [s], [m] and [deg]. Other columns, and lines that begin with ``#``,
-        are left out. The file of a `granular.measure.BodyMotion`, by `to_csv`, is such a table.
+        Its first line names the columns: time, x, y, z in 3D, and angle, in any order. Units may
+        follow in brackets: [s], [ms] or [min], [m], [cm] or [mm], [deg] or [rad]; without one they
+        are s, m and degrees. Other columns, and lines that begin with ``#``, are left out. The file
+        of a `granular.measure.BodyMotion`, by `to_csv`, is such a table; the body turns as its
+        quaternions do.
 
         Parameters
         ----------
         path : path
-            File to read.
-        axis, stops
+            File to read. Only the differences of its positions and angles count: the `Body` begins
+            where it is made.
+        axis : (float, float, float), optional
+            Axis of the turns in 3D; by default that of the quaternions of the file, or y.
+        stops : bool
             As of `through`.
 
         Raises
@@ -180,19 +176,15 @@ class Motion(Description):
         FileNotFoundError
             If there is no such file.
         ValueError
-            If a column is missing, or an entry is no finite number.
+            If a column is missing, its unit is unknown, an entry is no finite number, or the body
+            of a recorded path turns about several axes.
         """
-        columns = _table(Path(path))
-        axes = [name for name in "xyz" if name in columns]
-        for name in ("time", "x", "y"):
-            if name not in columns:
-                known = ", ".join(NAMES[name])
-                raise ValueError(f"{path}: a column {name} is missing, which may be called {known}")
+        known = read_path(Path(path))
         return cls.through(
-            columns["time"],
-            np.stack([columns[name] for name in axes], axis=1),
-            angles_deg=columns.get("angle"),
-            axis=axis,
+            known.times,
+            known.positions,
+            angles_deg=known.angles_deg,
+            axis=axis or known.axis or (0.0, 1.0, 0.0),
             stops=stops,
         )
 
@@ -245,25 +237,3 @@ def _met(times: Array, values: Array, stops: bool) -> tuple[Array, Array]:
     out = np.empty((len(knots), values.shape[1]))
     out[::2], out[1::2] = rates, middle
     return knots, out
-
-
-def _table(path: Path) -> dict[str, list[float]]:
-    """Columns of a table of a path, by the names of `NAMES`."""
-    with open(path, newline="", encoding="utf-8-sig") as file:
-        lines = (line for line in file if line.strip() and not line.startswith("#"))
-        rows = list(csv.reader(lines, skipinitialspace=True))
-    if len(rows) < 3:
-        raise ValueError(f"{path}: must have a line of names and at least two of numbers")
-    names = {alias: name for name, aliases in NAMES.items() for alias in aliases}
-    columns: dict[str, list[float]] = {}
-    for k, title in enumerate(rows[0]):
-        name = names.get(title.partition("[")[0].strip().lower())
-        if name is None:
-            continue
-        try:
-            columns[name] = [float(row[k]) for row in rows[1:]]
-        except (ValueError, IndexError):
-            raise ValueError(
-                f"{path}: the column {title!r} must have a number in each row"
-            ) from None
-    return columns

@@ -94,7 +94,7 @@ def steady(
     Raises
     ------
     TypeError, ValueError
-        If an argument is out of range; in the run, if there are fewer frames.
+        If an argument is out of range; in the run, if there are fewer frames, or no such body.
     """
     over, tolerance = positive("over", over), positive("tolerance", tolerance)
     after, body = non_negative("after", after), integer("body", body, 0)
@@ -136,7 +136,12 @@ class _Steady:
         if self.of == "discharge":
             return -_mass(sim)
         if self.of == "force":
-            return sim.bodies[self.body].impulse  # type: ignore[attr-defined]
+            bodies = sim.bodies  # type: ignore[attr-defined]
+            if self.body >= len(bodies):
+                raise ValueError(
+                    f"body = {self.body} must be < {len(bodies)}, the bodies there are"
+                )
+            return bodies[self.body].impulse
         return self.of(sim) if callable(self.of) else _kinetic_energy(sim)
 
 

@@ -72,7 +72,8 @@ def wheel(
     grousers : int
         Number of bars across the tread, see `granular.shapes.wheel`.
     grouser_height, grouser_thickness : float
-        Their height above the tread and their thickness [m].
+        Their height above the tread and their thickness [m]; by default they are half as thick as
+        high, but at least three cells.
     omega : float
         Angular velocity [rad/s].
     friction : float
@@ -88,9 +89,9 @@ def wheel(
     slip = in_range("slip", slip, MOST_SKID, 1.0, open_high=True)
     load, gravity = positive("load", load), positive("gravity", gravity)
     radius, omega = positive("diameter", diameter) / 2, positive("omega", omega)
-    thickness = grouser_thickness
-    if thickness is not None:
-        thickness = positive("grouser_thickness", thickness)
+    thickness = max(non_negative("grouser_height", grouser_height) / 2, 3 * positive("cell", cell))
+    if grouser_thickness is not None:
+        thickness = positive("grouser_thickness", grouser_thickness)
     settle, duration = non_negative("settle", settle), positive("duration", duration)
     speed = (1.0 - slip) * omega * radius
     rolling = max(duration - settle, 2 * positive("ramp", ramp))

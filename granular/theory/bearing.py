@@ -18,6 +18,9 @@ from granular.tools.checks import in_range, non_negative, positive, truth
 
 _NEAR = 1e-5
 """Distance from the passive wedge at which the fan ends: there the equations are singular."""
+LEAST = math.radians(3.0)
+"""Least angle for which N_gamma of a smooth footing is computed; it is 0.041 there, and taken in
+proportion to the angle below."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,7 +36,8 @@ class BearingCapacity:
     smooth_self_weight : float
         N_gamma of a smooth footing, for the weight of the ground alone.
     rough_self_weight : float
-        N_gamma of a rough footing, about twice as large, within 1 % (from 20 to 45 degrees).
+        N_gamma of a rough footing, about twice as large, within 1 % (from 20 to 45 degrees; 8
+        % too large at 5 degrees).
     """
 
     surcharge: float
@@ -102,28 +106,34 @@ def bearing_capacity(phi_deg: float) -> BearingCapacity:
     Parameters
     ----------
     phi_deg : float
-        Friction angle [deg], 15 to 45. A law without dilation has two, see `earth_pressure`.
+        Friction angle [deg], 0 to 45; 0 is clay that is not drained. A law without dilation has
+        two, see `earth_pressure`.
     {raises}.
     """
-    phi = math.radians(in_range("phi_deg", phi_deg, 15.0, 45.0))
-    passive = math.tan(0.25 * math.pi + 0.5 * phi) ** 2
-    N_q = math.exp(math.pi * math.tan(phi)) * passive
-    # N_gamma is 0.76 to 0.89 times this; far above it the fan has no such end.
-    guess = (N_q - 1.0) * math.tan(phi)
-    root = scipy.optimize.brentq(
-        lambda N: _end_of_fan(phi, N) - (0.25 * math.pi - 0.5 * phi),
-        0.5 * guess,
-        1.05 * guess,
-        rtol=1e-7,
-    )
+    phi = math.radians(in_range("phi_deg", phi_deg, 0.0, 45.0))
     tangent = math.tan(phi)
+    N_q = math.exp(math.pi * tangent) * math.tan(0.25 * math.pi + 0.5 * phi) ** 2
     return BearingCapacity(
         surcharge=N_q,
-        cohesion=(N_q - 1.0) / tangent,
-        smooth_self_weight=root,
+        cohesion=(N_q - 1.0) / tangent if tangent else 2.0 + math.pi,
+        smooth_self_weight=_smooth(max(phi, LEAST)) * min(phi / LEAST, 1.0),
         rough_self_weight=math.exp((math.pi + 3 * math.pi**2 * tangent) / 6)
         * tangent ** (0.4 * math.pi),
     )
+
+
+def _smooth(phi: float) -> float:
+    """N_gamma of a smooth footing, for a friction angle [rad]."""
+
+    def beyond(N: float) -> float:
+        return _end_of_fan(phi, N) - (0.25 * math.pi - 0.5 * phi)
+
+    # From 0.76 of (N_q - 1) tan(phi) at 45 deg to 2.5 times at 3 deg; far above the fan never ends.
+    passive = math.tan(0.25 * math.pi + 0.5 * phi) ** 2
+    high = 0.5 * (math.exp(math.pi * math.tan(phi)) * passive - 1.0) * math.tan(phi)
+    while beyond(high) > 0.0:
+        high *= 1.1
+    return scipy.optimize.brentq(beyond, high / 1.1, high, rtol=1e-7)
 
 
 def _end_of_fan(phi: float, N_gamma: float) -> float:

@@ -67,16 +67,47 @@ def test_a_path_from_a_file_is_that_of_its_arrays(tmp_path):
     assert gr.Motion.read(path, stops=False) != gr.Motion.read(path)
 
 
-def test_the_recorded_path_of_a_body_can_be_read(tmp_path):
-    motion = gr.Motion.through(TIMES, PLANE)
-    grid, fill = gr.Grid((0.0, 0.0), 0.05, (12, 12)), gr.Fill(gr.Box((0.0, 0.0), (0.05, 0.05)), 1)
-    body = gr.Body(gr.Sphere(0.03, center=(0.0, 0.0)), tuple(PLANE[0]), motion=motion)
-    scene = scene_with(grid=grid, fills=(fill,), bodies=(body,), duration=0.1)
-    gr.Simulation(scene).run(save=tmp_path / "a.h5", every=0.01)
-    path = gr.measure.body_motion(gr.open(tmp_path / "a.h5"))
-    path.to_csv(tmp_path / "path.csv")
-    again = gr.Motion.read(tmp_path / "path.csv")
-    assert again == gr.Motion.through(path.times, path.position)
+def test_units_and_separators_of_spreadsheets_are_understood(tmp_path):
+    path = tmp_path / "path.csv"
+    lines = [
+        f"{1e3 * t:.17g};{np.radians(a):.17g};{1e3 * x:.17g};{1e2 * y:.17g}".replace(".", ",")
+        for t, (x, y), a in zip(TIMES, PLANE, ANGLES, strict=True)
+    ]
+    path.write_text("\n".join(["t [ms];angle [rad];x [mm];y [cm]", *lines]))
+    read, known = gr.Motion.read(path), gr.Motion.through(TIMES, PLANE, angles_deg=ANGLES)
+    for name in ("times", "velocity", "angular_velocity"):
+        np.testing.assert_allclose(
+            getattr(read, name), getattr(known, name), rtol=1e-12, atol=1e-12
+        )
+
+
+@pytest.mark.parametrize("axis", [None, (0.0, 1.0, 0.0), (1.0, 0.0, -1.0)], ids=["2D", "y", "xz"])
+def test_the_recorded_path_of_a_body_can_be_read(tmp_path, axis):
+    """It moves and turns as in the record, by more than a whole turn."""
+    dim = 2 if axis is None else 3
+    places = np.array(PLANE) if dim == 2 else np.insert(PLANE, 1, 0.3, axis=1)
+    turns = 5.0 * np.array(ANGLES)
+    options = {} if axis is None else {"axis": axis}
+    motion = gr.Motion.through(TIMES, places, angles_deg=turns, **options)
+    grid = gr.Grid((0.0,) * dim, 0.05, (12,) * dim)
+    fill = gr.Fill(gr.Box((0.0,) * dim, (0.05,) * dim), 1)
+    body = gr.Body(gr.Box(size=(0.1,) * dim), tuple(places[0]), motion=motion)
+    scene = scene_with(grid=grid, fills=(fill,), bodies=(body,), duration=float(TIMES[-1]))
+    gr.Simulation(scene).run(save=tmp_path / "a.h5", every=0.002)
+    gr.measure.body_motion(gr.open(tmp_path / "a.h5")).to_csv(tmp_path / "path.csv")
+    again = scene.replace(bodies=(body.replace(motion=gr.Motion.read(tmp_path / "path.csv")),))
+    one, other = gr.Simulation(scene), gr.Simulation(again)
+    fastest = 2 * np.max(np.abs(motion.velocity)), 2 * np.max(np.abs(motion.angular_velocity))
+    for time in np.linspace(0.0, scene.duration, 12)[1:]:
+        poses = [sim.run(until=float(time), monitor=False).bodies[0] for sim in (one, other)]
+        apart = abs(one.time - other.time)  # by a part of a step
+        # Between two frames the paths differ by the second order of 2 ms.
+        np.testing.assert_allclose(
+            poses[1].position, poses[0].position, atol=1e-4 + fastest[0] * apart
+        )
+        np.testing.assert_allclose(
+            poses[1].rotation, poses[0].rotation, atol=2e-3 + fastest[1] * apart
+        )
 
 
 @pytest.mark.parametrize(
@@ -89,6 +120,15 @@ def test_the_recorded_path_of_a_body_can_be_read(tmp_path):
         ("time,x,y\n0,0,0\n1,1\n", "column 'y' must have a number in each row"),
         ("time,x,y\n0,0,0\n0,1,1\n", "times"),
         ("time,x,y\n0,0,nan\n1,1,1\n", "positions"),
+        ("time [h],x,y\n0,0,0\n1,1,1\n", r"'time \[h\]' must have one of the units s, ms, min"),
+        ("time,x [in],y\n0,0,0\n1,1,1\n", r"'x \[in\]' must have one of the units m, cm, mm"),
+        ("time,x,y,angle [turns]\n0,0,0,0\n1,1,1,1\n", "one of the units deg, °, rad"),
+        ("time,x,y,position_x\n0,0,0,0\n1,1,1,1\n", "must be the only one of x"),
+        (
+            "time,x,y,z,quaternion_w,quaternion_x,quaternion_y,quaternion_z\n"
+            "0,0,0,0,1,0,0,0\n1,1,1,0,0.8,0.6,0,0\n2,1,1,0,0.8,0,0.6,0\n",
+            "about several axes",
+        ),
     ],
 )
 def test_bad_files_of_paths_are_named(tmp_path, text, message):

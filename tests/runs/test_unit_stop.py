@@ -78,6 +78,12 @@ def test_force_and_discharge_are_exact_means():
         (lambda: gr.stop.steady("force", over=1.0, body=-1), "body = -1"),
         (
             lambda: gr.Simulation(column()).run(
+                until=0.1, every=0.01, hooks=(gr.stop.steady("force", over=0.1),)
+            ),
+            "body = 0 must be < 0",
+        ),
+        (
+            lambda: gr.Simulation(column()).run(
                 until=0.1, every=0.02, hooks=(gr.stop.steady(over=0.05),)
             ),
             "over = 0.05 must have at least 8 frames",

@@ -159,7 +159,7 @@ CASES = [
         ({"density_ratio": inf}, "density_ratio = inf"),
     ]),
     ("bearing_capacity", {"phi_deg": 20.0}, [
-        ({"phi_deg": 14.0}, "phi_deg = 14.0"),
+        ({"phi_deg": -1.0}, "phi_deg = -1.0"),
         ({"phi_deg": 46.0}, "phi_deg = 46.0"),
         ({"phi_deg": nan}, "phi_deg = nan"),
     ]),
