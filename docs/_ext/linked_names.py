@@ -42,7 +42,7 @@ def entries(name: str) -> list[str]:
         names += [f"granular.{kind.__qualname__}.{last}" for kind in value.__mro__]
     found = getattr(value, last, None)
     module = getattr(found, "__module__", None) or ""
-    if module.startswith("granular"):
+    if module.startswith("granular") and hasattr(found, "__qualname__"):
         names.append(f"{module}.{found.__qualname__}")
     return names
 
