@@ -60,6 +60,19 @@ def test_resume_goes_on_bitwise_with_the_same_spacing_or_another(record, tmp_pat
         assert states.times == pytest.approx([0.0, 0.02, 0.03, 0.04, 0.05], abs=3.1e-6)
 
 
+def test_resume_of_a_run_at_its_end_says_so(tmp_path, capsys):
+    """A batch script may resume once more; only a time that is asked for has to come."""
+    path = str(tmp_path / "a.h5")
+    scene = gr.scenes.column_collapse(cell=0.1, E=1e5, points_per_cell=4, duration=0.01)
+    gr.Simulation(scene).run(save=path)
+    assert cli.main(["resume", path]) == 0
+    assert "the end of the scene; --until goes on" in capsys.readouterr().out
+    assert cli.main(["resume", path, "--quiet"]) == 0 and not capsys.readouterr().out
+    assert cli.main(["resume", path, "--until", "0.005"]) == 2
+    assert "must exceed the time of the record" in capsys.readouterr().err
+    assert cli.main(["resume", path, "--until", "0.02", "--quiet"]) == 0
+
+
 def test_info_and_a_picture_of_a_record(record, tmp_path, capsys):
     assert cli.main(["info", str(record)]) == 0
     said = capsys.readouterr().out

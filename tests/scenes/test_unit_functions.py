@@ -433,3 +433,11 @@ def test_docstrings_describe_each_argument_once(name):
     heads = re.findall(r"^\**(\w[\w, ]*?)(?: :.*)?$", arguments, re.MULTILINE)
     described = ", ".join(heads).split(", ")
     assert sorted(described) == sorted(inspect.signature(scenes.registry[name]).parameters)
+
+
+def test_a_wheel_with_grousers_needs_no_thickness():
+    """They are at least three cells thick: thinner ones would couple the soil on both sides."""
+    scene = gr.scenes.wheel(grousers=10, grouser_height=0.025, start=0.3)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert gr.Simulation(scene).n_points > 0
