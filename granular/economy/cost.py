@@ -107,10 +107,11 @@ class Cost:
 
 
 def _duration(seconds: float) -> str:
-    for unit, length in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
-        if seconds >= 2 * length:
-            return f"{seconds / length:.2g} {unit}"
-    return f"{seconds:.2g} s"
+    """A time in two digits, without powers of ten: 110 s, 2.2 min."""
+    for unit, length in (("days", 86400.0), ("h", 3600.0), ("min", 60.0), ("s", 1.0)):
+        if seconds >= 2 * length or length == 1.0:
+            break
+    return f"{float(f'{seconds / length:.2g}'):g} {unit}"
 
 
 def time_step(scene: AnyScene) -> float:
