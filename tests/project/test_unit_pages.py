@@ -124,7 +124,8 @@ def run_page(tmp_path, monkeypatch):
         exec(compile(code, str(script), "exec"), names)
         return names
 
-    return run
+    with matplotlib.rc_context():  # a page may choose a style
+        yield run
 
 
 FIRST_HOUR = (

@@ -65,13 +65,13 @@ def test_points_that_weigh_unlike_are_stable_within_the_limits(script, dim):
 
 @pytest.mark.slow
 def test_every_quick_map_is_written(script, tmp_path):
-    drawn = {name for members, _ in script.draw.FIGURES.values() for name in members}
+    drawn = {name for members in script.draw.FIGURES.values() for name in members}
     assert set(ends(script, tmp_path)) == drawn
 
 
 def test_the_committed_map_is_whole_and_within_the_limits(script):
     maps = script.read(RESULTS)
-    assert set(maps) == {name for members, _ in script.draw.FIGURES.values() for name in members}
+    assert set(maps) == {name for members in script.draw.FIGURES.values() for name in members}
     for found in maps.values():
         for cell in found.cells:
             assert cell.verdict in ("refused", found.verdict(cell.value)), (found.name, cell)
