@@ -108,9 +108,8 @@ class Cost:
 
 def _duration(seconds: float) -> str:
     """A time in two digits, without powers of ten: 110 s, 2.2 min."""
-    for unit, length in (("days", 86400.0), ("h", 3600.0), ("min", 60.0), ("s", 1.0)):
-        if seconds >= 2 * length or length == 1.0:
-            break
+    units = ("days", 86400.0), ("h", 3600.0), ("min", 60.0), ("s", 1.0)
+    unit, length = next((known for known in units if seconds >= 2 * known[1]), units[-1])
     return f"{float(f'{seconds / length:.2g}'):g} {unit}"
 
 
