@@ -29,7 +29,7 @@ def test_a_quick_chart_is_written(module, tmp_path, capsys):
         names = {"collapse": "runout_quantile", "silo": "rate"}
         assert row[names.get(row["scene"], "profile_error")] > 0
     with Image.open(tmp_path / "new" / "accuracy_inclines.png") as picture:
-        assert min(picture.size) > 300
+        assert min(picture.size) > 200
     assert len(capsys.readouterr().out.splitlines()) == len(rows)
     assert run(module, tmp_path) == table
     assert capsys.readouterr().out == ""
@@ -115,4 +115,4 @@ def test_quick_columns_beside_peers(module, tmp_path, capsys):
     found = errors.of_panel(rows, "mu_I", 1.42, errors.of_discs(1.42))
     assert len(found) == 2 and all(0.01 < e < 0.3 for _, e in found)
     with Image.open(tmp_path / "peers.png") as picture:
-        assert min(picture.size) > 300
+        assert min(picture.size) > 200
