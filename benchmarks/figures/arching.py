@@ -1,6 +1,6 @@
 """Design charts of hoppers for cohesive material, for docs/how-to/arching.md.
 
-The whole takes three minutes.
+The whole takes a minute.
 """
 
 from __future__ import annotations

@@ -21,8 +21,8 @@ def marked(patches: Patches) -> tuple[Patches, IndexArray]:
     vertices, polygons = patches
     for axis in range(3):
         vertices, polygons = _split(vertices, polygons, axis)
-    middle = np.array([vertices[list(polygon)].mean(axis=0) for polygon in polygons])
-    return (vertices, polygons), (middle > 0).sum(axis=1) % 2
+    middles = [vertices[list(polygon)].mean(axis=0) for polygon in polygons]
+    return (vertices, polygons), (np.reshape(middles, (-1, 3)) > 0).sum(axis=1) % 2
 
 
 def _split(vertices: np.ndarray, polygons: list[tuple[int, ...]], axis: int) -> Patches:

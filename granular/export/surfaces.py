@@ -44,7 +44,7 @@ def write_bodies(
     this file: open both. A run whose record ends in ".vtkhdf" writes this file when it ends. The
     cell data "body" is the index of the body. "mark" is 1 on every other sector of a body that
     turns, by which its turning is seen, and 0 elsewhere. If no body moves, the surfaces are stored
-    turns, by which its turning is seen, and 0 elsewhere. If no body moves, the surfaces are stored
+    once for all frames. Round surfaces have 64 sides. Results of operations are drawn by their
     signed distance on a grid of 64 intervals, which cuts off edges and leaves out walls thinner
     than an interval. Unbounded shapes end at a distance of one size of the grid. In 2D the surfaces
     are flat.

@@ -159,7 +159,7 @@ class Motion(Description):
         follow in brackets: [s], [ms] or [min], [m], [cm] or [mm], [deg] or [rad]; without one they
         are s, m and degrees. Other columns, and lines that begin with ``#``, are left out. The file
         of a `granular.measure.BodyMotion`, by `to_csv`, is such a table; the body turns as its
-        quaternions do.
+        quaternions do, which must be by less than half a turn from one row to the next.
 
         Parameters
         ----------
