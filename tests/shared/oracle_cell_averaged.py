@@ -39,7 +39,7 @@ def cell_averages(scene, points, nodes):
     heavy = np.maximum(brought / scene.material.rho_c, shared)  # [m^dim]
     square = np.sum((here.g * grid.cell) ** 2, axis=2)
     stiffness = np.sum(square / np.where(heavy > 0, heavy, np.where(square > 0, 1e-300, 1)), axis=1)
-    volume = np.where(inside < 1, np.minimum(volume, 16 / stiffness), volume)
+    volume = np.where(inside < 1, np.minimum(volume, 12 / stiffness), volume)
     nodes.force = s.to_nodes(0 * s.g) - here.to_nodes(
         np.einsum("c,cij,ckj->cki", volume, sigma, here.g)
     )
