@@ -101,9 +101,14 @@ static void p2g_of_tile(struct gr_engine *e, int64_t tile, int more)
 static void p2g(struct gr_engine *e, int64_t first, int64_t last)
 {
     for (int64_t tile = first; tile < last; tile++) p2g_of_tile(e, tile, 0);
+    v_streamed();
 }
 
-static void p2g_arrivals(struct gr_engine *e, int64_t tile) { p2g_of_tile(e, tile, 1); }
+static void p2g_arrivals(struct gr_engine *e, int64_t tile)
+{
+    p2g_of_tile(e, tile, 1);
+    v_streamed();
+}
 
 static void sweep(struct gr_engine *e, int64_t first, int64_t last, struct gr_migrants *out, int fused)
 {
@@ -111,6 +116,7 @@ static void sweep(struct gr_engine *e, int64_t first, int64_t last, struct gr_mi
     if (GR_IS(e, d, b, a, q, u)) sweep_##d##b##a##q##u(e, first, last, out, fused);
     GR_VARIANTS(GR_X)
 #undef GR_X
+    v_streamed();
 }
 
 #ifndef GR_SINGLE

@@ -16,9 +16,9 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from matplotlib.tri import Triangulation
 
 import granular as gr
+from granular.plot.canvas import triangles
 from granular.scenes.sph_gas import bed_soil
 
 EVERY = 0.0075
@@ -55,10 +55,7 @@ def picture(record: gr.record.Trajectory, ambient: float = 1e5) -> Figure:
 def blow(ax: Axes, grains: gr.State, above: np.ndarray) -> None:
     """Pressure of the gas, and arrows along its velocity, of a length by its square root."""
     gas = grains.gas
-    mesh = Triangulation(*gas.x.T)
-    corners = gas.x[mesh.triangles]
-    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
-    mesh.set_mask(edges.max(axis=1) > 6 * np.median(edges))  # where there is no gas
+    mesh = triangles(gas.x, longest=6)
     ax.tripcolor(mesh, above, shading="gouraud", cmap="coolwarm", vmin=-HIGHEST, vmax=HIGHEST)
     speed = np.linalg.norm(gas.v, axis=1)
     fast = np.flatnonzero(speed > 1.0)

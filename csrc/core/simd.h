@@ -91,6 +91,15 @@ typedef int64_t vi __attribute__((vector_size(8 * GR_W)));
 typedef double vd_in_memory __attribute__((vector_size(8 * GR_W), aligned(8)));
 static inline vd v_load(const double *p) { return (vd) * (const vd_in_memory *)p; }
 static inline void v_store(double *p, vd a) { *(vd_in_memory *)p = (vd_in_memory)a; }
+/* Store past the caches, where a vector is a whole line of them, aligned to its size: memory is not read first. Other threads
+ * see it from v_streamed() on. */
+#if defined(__AVX512F__)
+static inline void v_stream(double *p, vd a) { _mm512_stream_pd(p, a); }
+static inline void v_streamed(void) { _mm_sfence(); }
+#else
+static inline void v_stream(double *p, vd a) { v_store(p, a); }
+static inline void v_streamed(void) {}
+#endif
 
 /* Positions. x_fma: a b + c; x_minus: a - b; x_within: begin <= a < end, as a mask that x_bits turns into a bit for each
  * lane. */

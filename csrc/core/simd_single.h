@@ -154,6 +154,8 @@ static inline vd v_load_real(const float *p) { return (vd) * (const vd_in_memory
 static inline vd v_load_field(const double *p) { return x_narrow(x_load(p)); }
 static inline void v_store_real(float *p, vd a) { *(vd_in_memory *)p = (vd_in_memory)a; }
 static inline void v_store_field(double *p, vd a) { x_store(p, x_widen(a)); }
+static inline void v_stream(float *p, vd a) { v_store_real(p, a); } /* rows are half a line: not worth it */
+static inline void v_streamed(void) {}
 #define v_load(p) _Generic((p), float * : v_load_real, const float * : v_load_real, default : v_load_field)(p)
 #define v_store(p, a) _Generic((p), float * : v_store_real, default : v_store_field)(p, a)
 static inline vx x_fma(vd a, vd b, vx c) { return x_plus(c, x_widen(a * b)); }

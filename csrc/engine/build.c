@@ -180,7 +180,7 @@ void gr_engine_free(struct gr_engine *e)
                            e->mesh.node_at,
                            e->mesh.node_volume,
                            e->mesh.node_id,
-                           e->sums.data,
+                           e->sums.block,
                            e->sums.average,
                            e->nonlocal.substep_mass,
                            e->nonlocal.substep_flow,

@@ -103,7 +103,7 @@ GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_eng
             if (e->config.largest.damping_rate > 0)
                 of_cell[GR_CELL_M_RATE] = v_fma(m, component(e, GR_FIELD_shear_rate, 0, at), of_cell[GR_CELL_M_RATE]);
         }
-        add_rows(dim, GR_LINEAR, affine, MOMENTUM, &frame, contribution, n, rows, 0, fresh, out);
+        add_rows(dim, GR_LINEAR, affine, MOMENTUM, &frame, contribution, n, rows, 0, fresh, 0, out);
     }
     for (int q = GR_CELL_MC; q < GR_CELL_STRESS + stresses; q++) v_store(cell_sum + q * GR_LANES, of_cell[q]);
 }

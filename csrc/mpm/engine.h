@@ -111,10 +111,12 @@ struct gr_points {
 
 /* The sums of cells over their points. */
 struct gr_cell_sums {
-    void *data;      /* n_tiles + 1 blocks of `stride` numbers (gr_sums); the last block is zero */
+    void *data;      /* n_tiles + 1 blocks of `stride` numbers (gr_sums), aligned to lines; the last block is zero */
+    void *block;     /* of memory, that they lie in */
     double *average; /* gr_averages_of_cell x cell_capacity, see enum gr_average; NULL with a density of each point */
     int stride, of_density, of_volume;
     int valid;
+    int stream; /* 1 if they are stored past the caches, which do not hold them from P2G to the grid stage */
     int averages, correct_shift; /* content for the next step, see gr_plan_sums */
     int64_t *dirty, n_dirty;     /* tiles whose sums lack something */
 };

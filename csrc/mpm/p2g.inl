@@ -129,7 +129,7 @@ enum { MOMENTUM = 1, FORCE = 2, DENSITY = 4, VOLUME = 8, SHIFT = 16 };
  * `rows` sums in all. The sums begin at zero if `fresh`. */
 GR_INLINE void add_rows(const int dim, const int basis, const int affine, const int what, const struct gr_frame *frame,
                         const struct contribution *contribution, int n, const int rows, const int first, int fresh,
-                        gr_real *out)
+                        int stream, gr_real *out)
 {
     const int k = gr_nodes_1d(basis), K = gr_power(k, dim);
     const int width = (what & MOMENTUM ? 1 + dim : 0) + (what & FORCE ? dim : 0) +
@@ -147,8 +147,10 @@ GR_INLINE void add_rows(const int dim, const int basis, const int affine, const 
             if (what & DENSITY) add_density(dim, basis, frame, contribution + i, row, sum);
             if (what & VOLUME) add_volume(dim, basis, frame, contribution + i, row, sum);
         }
-        for (int a = 0; a < k; a++)
+        for (int a = 0; !stream && a < k; a++)
             for (int q = 0; q < width; q++) v_store(out + ((bc * k + a) * rows + first + q) * GR_LANES, sum[a][q]);
+        for (int a = 0; stream && a < k; a++)
+            for (int q = 0; q < width; q++) v_stream(out + ((bc * k + a) * rows + first + q) * GR_LANES, sum[a][q]);
     }
 }
 
@@ -192,7 +194,8 @@ GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const
     gr_frame_of(dim, basis, basis != GR_LINEAR && (affine || averages), e, first, &frame);
     const int prepared = gr_prepared(summed.end - summed.begin);
     for (int done = summed.begin; done < summed.end; done += prepared, fresh = 0) {
-        const int left = summed.end - done, n = left < prepared ? left : prepared;
+        const int left = summed.end - done, n = left < prepared ? left : prepared,
+                  stream = e->sums.stream && n == left; /* before that they are read again */
         for (int i = 0; i < n; i++) {
             const int64_t at = gr_slot(&e->mesh.cell[first], done + i);
             const vm counted = v_ge(v_set(done + i), summed.first);
@@ -201,18 +204,18 @@ GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const
             if (averages) prepare_density(dim, basis, e, &frame, at, &contribution[i]);
         }
         if (K <= 4) { /* all sums of a row fit the registers */
-            add_rows(dim, basis, affine, MOMENTUM | FORCE, &frame, contribution, n, rows, 0, fresh, out);
+            add_rows(dim, basis, affine, MOMENTUM | FORCE, &frame, contribution, n, rows, 0, fresh, stream, out);
         } else {
-            add_rows(dim, basis, affine, MOMENTUM, &frame, contribution, n, rows, 0, fresh, out);
+            add_rows(dim, basis, affine, MOMENTUM, &frame, contribution, n, rows, 0, fresh, stream, out);
             if (smoothed && e->sums.correct_shift)
-                add_rows(dim, basis, 0, FORCE | SHIFT, &frame, contribution, n, rows, GR_SUM_FORCE(dim), fresh, out);
+                add_rows(dim, basis, 0, FORCE | SHIFT, &frame, contribution, n, rows, GR_SUM_FORCE(dim), fresh, stream, out);
             else
-                add_rows(dim, basis, 0, FORCE, &frame, contribution, n, rows, GR_SUM_FORCE(dim), fresh, out);
+                add_rows(dim, basis, 0, FORCE, &frame, contribution, n, rows, GR_SUM_FORCE(dim), fresh, stream, out);
         }
         if (averages)
             add_rows(dim, basis, 0, DENSITY, &frame, contribution, n, GR_DENSITY_SUMS(dim), 0, fresh,
-                     out + e->sums.of_density);
+                     stream, out + e->sums.of_density);
         if (averages && e->config.n_materials > 1)
-            add_rows(dim, basis, 0, VOLUME, &frame, contribution, n, GR_VOLUME_SUMS, 0, fresh, out + e->sums.of_volume);
+            add_rows(dim, basis, 0, VOLUME, &frame, contribution, n, GR_VOLUME_SUMS, 0, fresh, stream, out + e->sums.of_volume);
     }
 }

@@ -28,6 +28,6 @@ GR_INLINE void smooth_cells(const int dim, const int basis, struct gr_engine *e,
         prepare_momentum(dim, basis, 0, e, &frame, at, v_ge(v_zero(), v_zero()), &contribution);
         for (int d = 0; d < dim; d++)
             contribution.v[d] = gr_interpolate(dim, basis, nodal, mode[d], &s, (const vd(*)[3])s.g, unused);
-        add_rows(dim, basis, 0, MOMENTUM, &frame, &contribution, 1, rows, 0, 0, out);
+        add_rows(dim, basis, 0, MOMENTUM, &frame, &contribution, 1, rows, 0, 0, 0, out);
     }
 }

@@ -102,6 +102,10 @@ PyObject *gr_python_poses(const struct gr_engine *e, const void *rows, int numbe
 int gr_take_poses(const struct gr_engine *e, PyObject *object, const char *name, void *rows, int numbers);
 PyObject *gr_python_body_distance(PyObject *module, PyObject *args);
 
+/* mesh.c: nodes() and cells() of an engine. */
+PyObject *gr_python_nodes(const struct gr_engine *e);
+PyObject *gr_python_cells(const struct gr_engine *e);
+
 /* walls.c: impulses on the walls. */
 PyObject *gr_python_hold_pressure(struct gr_engine *e, PyObject *args);
 PyObject *gr_python_watch_walls(struct gr_engine *e, int n_walls, PyObject *codes, PyObject *owners, PyObject *opens_at,

@@ -142,3 +142,32 @@ TEST(log_density_extrapolates)
     CHECK(near > 0.7 * all && near < 0.9 * all);
     scene_free(&s);
 }
+
+/* Sums that are stored past the caches are the same. */
+TEST(streamed_sums_are_the_same)
+{
+    const char *const names[] = {"baseline", "avx2", "avx512"};
+    for (int kernel = 0; kernel < 3; kernel++) {
+        const struct gr_kernels *kernels = gr_kernels_select(names[kernel]);
+        if (!kernels) continue;
+        for (int dim = 2; dim <= 3; dim++) {
+            struct scene s;
+            scene_seed(23);
+            scene_default(&s, dim, GR_QUADRATIC, GR_AFFINE_GRADIENT, 1);
+            CHECK(scene_build(&s, POINTS, 0.001, 0.999) == GR_OK);
+            struct gr_engine *e = s.engine;
+            const size_t size = gr_bytes_of_sums(e, e->mesh.n_tiles * e->sums.stride);
+            CHECK((uintptr_t)e->sums.data % 64 == 0);
+            e->sums.averages = e->sums.correct_shift = 1;
+            CHECK(gr_p2g(e, kernels) == GR_OK);
+            void *stored = malloc(size);
+            memcpy(stored, e->sums.data, size);
+            memset(e->sums.data, 255, size);
+            e->sums.stream = 1;
+            CHECK(gr_p2g(e, kernels) == GR_OK);
+            CHECK(!memcmp(stored, e->sums.data, size));
+            free(stored);
+            scene_free(&s);
+        }
+    }
+}

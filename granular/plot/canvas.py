@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.figure import Figure
+from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
 from granular.model.boundary import Boundary
@@ -47,6 +48,18 @@ def checked_extent(extent: object) -> Extent:
     if not (left < right and bottom < top):
         raise ValueError(f"extent = {extent!r} must have left < right and bottom < top")
     return (left, right), (bottom, top)
+
+
+def triangles(x: Array, longest: float) -> Triangulation:
+    """Triangles between points (n, 2), but those across what is not material.
+
+    These have an edge of more than `longest` times the median.
+    """
+    mesh = Triangulation(*x.T)
+    corners = x[mesh.triangles]
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    mesh.set_mask(edges.max(axis=1) > longest * np.median(edges))
+    return mesh
 
 
 def is_symmetry(scene: AnyScene, wall: Boundary) -> bool:

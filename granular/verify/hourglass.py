@@ -42,8 +42,8 @@ sloped divider empties by itself: of the 80 points that it carries, 40 are left 
 
 
 STARTS = {"flat": 1, "sloped": 8}
-"""Number of runs whose slopes at rest are averaged. The heap of the sloped hourglass is small and is
-laid down by impacts: its slope scatters by 1.4 deg between runs whose E differs by 1e-6 of itself."""
+"""Number of runs whose slopes at rest are averaged. The heap of the sloped hourglass is small and
+laid down by impacts: its slope scatters by 1.4 deg between runs whose E differs by a millionth."""
 
 
 def hourglass(kind: str, scheme: Scheme, E: float = 1e6) -> Simulation:

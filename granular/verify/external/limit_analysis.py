@@ -375,13 +375,9 @@ def _draw_curves(axes: Any, curves: list[dict[str, Any]], label: Callable[[dict]
 
 def _draw_map(axes: Any, data: dict[str, Any], title: str, pushed: str, ends: Array) -> None:
     """Speed of the points, and a line from one end to another along and across the surface."""
-    from matplotlib.tri import Triangulation
+    from granular.plot.canvas import triangles
 
-    x, y = data["x"]
-    cloud = Triangulation(x, y)
-    corners = np.array([x, y])[:, cloud.triangles]
-    edges = np.hypot(*(corners - np.roll(corners, 1, axis=2)))
-    cloud.set_mask(edges.max(axis=1) > 3 * np.median(edges))  # across what is not material
+    cloud = triangles(np.transpose(data["x"]), longest=3)
     field = axes.tripcolor(cloud, data["speed"], shading="gouraud", vmin=0.0, vmax=1.5)
     axes.figure.colorbar(field, ax=axes, label=f"speed / speed of the {pushed}")
     frame = Frame(data["angle"])
