@@ -51,6 +51,20 @@ def test_quick_tables_of_free_bodies_are_written(measure):
     assert made["craters"][2].startswith("| 0.2 | 2.5 |")
 
 
+def test_the_bytes_of_a_step_are_counted(measure):
+    """G2P writes the affine field unread, P2G reads the mass; averages are one step of four."""
+    script, results, _ = measure("traffic")
+    (row,) = results["rows"]
+    arrays = {line["array"]: line for line in row["arrays"]}
+    number = 8 * row["slots"]
+    assert arrays["v"]["g2p read"] == pytest.approx(2 * number, rel=0.01)
+    assert arrays["affine"]["g2p write"] == pytest.approx(4 * number, rel=0.01)
+    assert arrays["affine"]["g2p read"] == arrays["mass"]["g2p read"] == 0
+    assert arrays["mass"]["p2g read"] == pytest.approx(number, rel=0.01)
+    assert arrays["shift_velocity"]["g2p write"] == pytest.approx(2 * number / 4, rel=0.02)
+    assert len(script.tables(results)["arrays"]) == 2 + 18
+
+
 def test_a_quick_table_of_features_is_written(measure):
     """Two features are measured in turns; the table has a row for each, in their order."""
     script, results, printed = measure("features", "--only", "cohesion", "SPH inflow")
