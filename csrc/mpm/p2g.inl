@@ -213,9 +213,10 @@ GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const
                 add_rows(dim, basis, 0, FORCE, &frame, contribution, n, rows, GR_SUM_FORCE(dim), fresh, stream, out);
         }
         if (averages)
-            add_rows(dim, basis, 0, DENSITY, &frame, contribution, n, GR_DENSITY_SUMS(dim), 0, fresh,
-                     stream, out + e->sums.of_density);
+            add_rows(dim, basis, 0, DENSITY, &frame, contribution, n, GR_DENSITY_SUMS(dim), 0, fresh, stream,
+                     out + e->sums.of_density);
         if (averages && e->config.n_materials > 1)
-            add_rows(dim, basis, 0, VOLUME, &frame, contribution, n, GR_VOLUME_SUMS, 0, fresh, stream, out + e->sums.of_volume);
+            add_rows(dim, basis, 0, VOLUME, &frame, contribution, n, GR_VOLUME_SUMS, 0, fresh, stream,
+                     out + e->sums.of_volume);
     }
 }
