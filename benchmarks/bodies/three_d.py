@@ -172,16 +172,17 @@ def couette(sim: gr.Simulation) -> dict:
     r = late[0]["r"]
     omega = np.mean([one["omega"] for one in late], axis=0) / size["omega"]
     expected, at_rate = (np.interp(r, known.r, known.omega) for known in (flow, driven))
-    difference = np.abs(omega - expected) * r / size["inner"]
-    each = [
-        float((np.abs(one["omega"] / size["omega"] - expected) * r).max() / size["inner"])
-        for one in late
-    ]
+
+    def off(omega: np.ndarray, known: np.ndarray) -> np.ndarray:
+        """Error of the speed of each ring, over that of the wall."""
+        return np.abs(omega - known) * r / size["inner"]
+
+    each = [off(one["omega"] / size["omega"], expected).max() for one in late]
     return {
-        "error": float(difference.max()),
-        "window_errors": series(np.array(each), digits=5)[0],
-        "mean_error": float(difference.mean()),
-        "error_at_rate": float((np.abs(omega - at_rate) * r).max() / size["inner"]),
+        "error": float(off(omega, expected).max()),
+        "window_errors": [round(float(error), 5) for error in each],
+        "mean_error": float(off(omega, expected).mean()),
+        "error_at_rate": float(off(omega, at_rate).max()),
         "mu_wall": flow.mu_wall,
         "profile": series(r, omega, expected, digits=6),
         "course": series(*np.transpose(course), digits=6),

@@ -127,7 +127,7 @@ def profile(table: dict, names: list[str]) -> plot.Picture:
     r, _, theory = np.array(table[names[0]]["profile"])
     for ax in axes:
         ax.plot(1e3 * r, theory, color="black", label="slow limit, theory")
-        ax.set(xlabel="r [mm]", ylabel="angular velocity/angular velocity of the inner cylinder")
+        ax.set(xlabel="r [mm]", ylabel="angular velocity/inner cylinder")
     axes[1].set(yscale="log", ylim=(1e-5, 1))
     axes[0].legend()
     return picture

@@ -159,25 +159,41 @@ def bytes_of_grid(sim: gr.Simulation, averaging: float) -> list[dict[str, Any]]:
     """Bytes of the sums, the nodes and the mesh, per point and step.
 
     A processor reads a line of the sums before it writes to it, unless they are stored past the
-    caches. `averaging` is the share of the steps that average the density.
+    caches. `averaging` is the share of the steps that average the density. The forces of averaged
+    cells, which follow when the masses of the nodes are known, count as a part of the grid stage.
     """
     scheme, dim, n = sim.scene.scheme, sim.scene.dim, sim.n_points
-    smoothed, averaged = (scheme.density.name == k for k in ("smoothed", "cell_averaged"))
+    averaged = scheme.density.name == "cell_averaged"
     single = scheme.precision == "single"
-    per_axis, number = (2 if scheme.basis == "linear" else 3), 4 if single else 8
-    local, cells = per_axis**dim, len(sim._engine.cells()[1])
-    sums = local * (1 + 2 * dim) + averaged * (3 + (3 if dim == 2 else 6))
-    sums += smoothed * averaging * local * (3 + dim)
-    nodes, fields = len(sim._engine.nodes()["x"]), 2 * dim + averaged + smoothed * averaging * 7
-    of_sums = sums * cells * number / n
-    of_nodes = (fields * (8 + 4 * single) + 8) * nodes / n
-    of_cells = CELL * cells / n
+    local = (2 if scheme.basis == "linear" else 3) ** dim
+    per_cell = len(sim._engine.cells()[1]) / n
+    per_node = len(sim._engine.nodes()["x"]) / n
+    moments, forces = local * (1 + dim), local * dim
+    of_cell = averaged * (3 + (3 if dim == 2 else 6))  # enum gr_cell_sum
+    of_density = averaging * local * (3 + dim)  # enum gr_density_sum
+    state = averaged * (6 + 2 * dim) + averaging * 2  # enum gr_average
+    seen = 2 * dim + averaged + averaging * (4 + dim)  # GR_NODE_FIELDS
+    sums = per_cell * (4 if single else 8)
     return [
-        {"array": "sums", "p2g write": of_sums, "grid read": of_sums},
-        {"array": "nodes", "grid write": of_nodes, "g2p read": of_nodes},
-        {"array": "cells", "g2p read": of_cells, "p2g read": of_cells},
-        {"array": "nodes of cells", "g2p read": INDEX * local * cells / n},
-        {"array": "cells of nodes", "grid read": NODE_RUN / LANES * local * nodes / n},
+        {
+            "array": "sums",
+            "p2g write": sums * (moments + of_cell + (not averaged) * forces + of_density),
+            "grid read": sums * (moments + forces + of_cell + of_density + averaged * 2 * local),
+            "grid write": sums * averaged * forces,
+        },
+        {
+            "array": "state of cells",
+            "grid write": 8 * state * per_cell,
+            "g2p read": 8 * state * per_cell,
+        },
+        {
+            "array": "nodes",
+            "grid write": per_node * (seen * (12 if single else 8) + 8 * averaging + 8),
+            "g2p read": per_node * seen * (4 if single else 8),
+        },
+        {"array": "cells", "g2p read": CELL * per_cell, "p2g read": CELL * per_cell},
+        {"array": "nodes of cells", "g2p read": INDEX * local * per_cell},
+        {"array": "cells of nodes", "grid read": NODE_RUN / LANES * local * per_node},
     ]
 
 

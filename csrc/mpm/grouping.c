@@ -11,6 +11,7 @@
 
 #include "core/index.h"
 #include "core/memory.h"
+#include "mpm/cell_sums.h"
 #include "mpm/connect.h"
 #include "mpm/migrate.h"
 #include "mpm/sleep.h"
@@ -22,12 +23,6 @@
  * more. Twice as much makes no run faster. Those that would be left with less than half of that to spare are too small as
  * well: tiles that grow would use it up within some steps, and have all points of a flow grouped again. */
 enum { GROWTH = 16 };
-
-enum { LINE = 64 }; /* bytes of a line of the caches */
-
-/* Bytes of points and sums above which a step runs faster if the sums are stored past the caches: between 9 and 14 MB with
- * 32 MB of shared cache (measured; by a sixth at 25 MB, while it is slower by a third at 5 MB). */
-enum { CACHED = 12 << 20 };
 
 /* Steps after which emptied cells are counted again. A count is far cheaper than a step. */
 enum { EMPTIED_INTERVAL = 64 };
@@ -327,12 +322,7 @@ static int reserve_mesh(struct gr_engine *e, int64_t n_cells)
         GR_RESIZE(e->nonlocal.substep_gain, capacity);
     }
     GR_RESIZE(e->sums.dirty, tiles);
-    /* loads of node_sums.inl end beyond the last */
-    void *sums = malloc(gr_bytes_of_sums(e, (tiles + 1) * e->sums.stride + GR_LANES) + LINE);
-    if (!sums) return GR_ERR_MEMORY;
-    free(e->sums.block);
-    e->sums.block = sums;
-    e->sums.data = (char *)sums + (LINE - (uintptr_t)sums % LINE);
+    if (gr_reserve_sums(e, tiles)) return GR_ERR_MEMORY;
     mesh->cell_capacity = capacity;
     return GR_OK;
 }
@@ -375,15 +365,6 @@ GR_SHARED(place_tiles, struct regroup, tiles_of(r), r)
            gr_bytes_of_sums(e, (last - first) * e->sums.stride));
 }
 
-/* True if a step moves too many bytes for the caches to hold its sums. In single precision, where a row of sums is half a
- * line, storing them past the caches saves nothing. */
-static int streams(const struct regroup *r)
-{
-    const struct gr_engine *e = r->e;
-    const size_t points = sizeof(double) * (size_t)((e->points.n_components + 1) * r->total);
-    return !e->config.single && points + gr_bytes_of_sums(e, tiles_of(r) * e->sums.stride) > CACHED;
-}
-
 /* Set up the mesh of the new cells. */
 static void place_cells(struct regroup *r)
 {
@@ -393,7 +374,7 @@ static void place_cells(struct regroup *r)
     mesh->next_of = old;
     mesh->n_cells = r->n_cells;
     mesh->n_tiles = tiles_of(r);
-    r->e->sums.stream = streams(r);
+    gr_choose_stream(r->e, mesh->n_tiles, r->total);
     place_tiles(r);
     /* the tile of zeros, and what loads behind it read */
     memset((char *)r->e->sums.data + gr_bytes_of_sums(r->e, mesh->n_tiles * r->e->sums.stride), 0,

@@ -62,7 +62,7 @@ def test_the_bytes_of_a_step_are_counted(measure):
     assert arrays["affine"]["g2p read"] == arrays["mass"]["g2p read"] == 0
     assert arrays["mass"]["p2g read"] == pytest.approx(number, rel=0.01)
     assert arrays["shift_velocity"]["g2p write"] == pytest.approx(2 * number / 4, rel=0.02)
-    assert len(script.tables(results)["arrays"]) == 2 + 18
+    assert len(script.tables(results)["arrays"]) == 2 + 19
 
 
 def test_a_quick_table_of_features_is_written(measure):
