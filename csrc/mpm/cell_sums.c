@@ -5,8 +5,9 @@
 
 enum { LINE = 64 }; /* bytes of a line of the caches */
 
-/* Bytes of points and sums above which a step runs faster if the sums are stored past the caches: between 9 and 14 MB with
- * 32 MB of shared cache (measured; by a sixth at 25 MB, while it is slower by a third at 5 MB). */
+/* Bytes of points and sums above which a step runs faster if the sums are stored past the caches, and points are fetched
+ * ahead: between 9 and 14 MB with 32 MB of shared cache (measured; by a quarter at 25 MB, while such stores make it slower by a
+ * third at 5 MB). */
 enum { CACHED = 12 << 20 };
 
 int gr_reserve_sums(struct gr_engine *e, int64_t tiles)
@@ -20,9 +21,8 @@ int gr_reserve_sums(struct gr_engine *e, int64_t tiles)
     return GR_OK;
 }
 
-void gr_choose_stream(struct gr_engine *e, int64_t tiles, int64_t slots)
+void gr_note_size(struct gr_engine *e, int64_t tiles, int64_t slots)
 {
     const size_t points = sizeof(double) * (size_t)((e->points.n_components + 1) * slots);
-    /* in single precision a row of sums is half a line, and storing it past the caches saves nothing */
-    e->sums.stream = !e->config.single && points + gr_bytes_of_sums(e, tiles * e->sums.stride) > CACHED;
+    e->out_of_cache = points + gr_bytes_of_sums(e, tiles * e->sums.stride) > CACHED;
 }

@@ -7,5 +7,5 @@
  * Returned: 0 or GR_ERR_MEMORY. */
 int gr_reserve_sums(struct gr_engine *e, int64_t tiles);
 
-/* Decide whether the sums of so many tiles are stored past the caches, with so many slots of points. */
-void gr_choose_stream(struct gr_engine *e, int64_t tiles, int64_t slots);
+/* Note whether the caches hold the sums of so many tiles, and so many slots of points. */
+void gr_note_size(struct gr_engine *e, int64_t tiles, int64_t slots);

@@ -116,7 +116,6 @@ struct gr_cell_sums {
     double *average; /* gr_averages_of_cell x cell_capacity, see enum gr_average; NULL with a density of each point */
     int stride, of_density, of_volume;
     int valid;
-    int stream; /* 1 if they are stored past the caches, which do not hold them from P2G to the grid stage */
     int averages, correct_shift; /* content for the next step, see gr_plan_sums */
     int64_t *dirty, n_dirty;     /* tiles whose sums lack something */
 };
@@ -199,6 +198,7 @@ struct gr_engine {
     struct gr_points points;
     struct gr_mesh mesh;
     struct gr_cell_sums sums;
+    int out_of_cache; /* 1 if the caches do not hold points and sums from one step to the next */
     struct gr_node_values nodes;
     struct gr_bodies bodies;
     struct gr_sleep *sleep;           /* material at rest (mpm/sleep.h); NULL unless asked for */

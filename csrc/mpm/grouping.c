@@ -374,7 +374,7 @@ static void place_cells(struct regroup *r)
     mesh->next_of = old;
     mesh->n_cells = r->n_cells;
     mesh->n_tiles = tiles_of(r);
-    gr_choose_stream(r->e, mesh->n_tiles, r->total);
+    gr_note_size(r->e, mesh->n_tiles, r->total);
     place_tiles(r);
     /* the tile of zeros, and what loads behind it read */
     memset((char *)r->e->sums.data + gr_bytes_of_sums(r->e, mesh->n_tiles * r->e->sums.stride), 0,

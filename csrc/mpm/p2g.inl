@@ -195,7 +195,7 @@ GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const
     const int prepared = gr_prepared(summed.end - summed.begin);
     for (int done = summed.begin; done < summed.end; done += prepared, fresh = 0) {
         const int left = summed.end - done, n = left < prepared ? left : prepared,
-                  stream = e->sums.stream && n == left; /* before that they are read again */
+                  stream = e->out_of_cache && n == left; /* before that they are read again */
         for (int i = 0; i < n; i++) {
             const int64_t at = gr_slot(&e->mesh.cell[first], done + i);
             const vm counted = v_ge(v_set(done + i), summed.first);

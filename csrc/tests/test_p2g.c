@@ -163,7 +163,7 @@ TEST(streamed_sums_are_the_same)
             void *stored = malloc(size);
             memcpy(stored, e->sums.data, size);
             memset(e->sums.data, 255, size);
-            e->sums.stream = 1;
+            e->out_of_cache = 1;
             CHECK(gr_p2g(e, kernels) == GR_OK);
             CHECK(!memcmp(stored, e->sums.data, size));
             free(stored);
