@@ -5,9 +5,9 @@
 
 enum { LINE = 64 }; /* bytes of a line of the caches */
 
-/* Bytes of points and sums above which a step runs faster if the sums are stored past the caches, and points are fetched
- * ahead: between 9 and 14 MB with 32 MB of shared cache (measured; by a quarter at 25 MB, while such stores make it slower by a
- * third at 5 MB). */
+/* Bytes of points and sums above which the sums are stored past the caches, and points are fetched ahead. With 32 MB of
+ * shared cache a step runs faster by the stores from between 9 and 14 MB on (measured; by a sixth at 25 MB, while it is slower
+ * by a third at 5 MB), and by the fetches by another tenth at 12 to 25 MB; less was not tried. */
 enum { CACHED = 12 << 20 };
 
 int gr_reserve_sums(struct gr_engine *e, int64_t tiles)

@@ -153,7 +153,7 @@ GR_INLINE int64_t g2p_tile(const int dim, const int basis, const int affine, con
         look_at_cells(dim, basis, affine, smoothed, cell_averaged, averages, e, first + part * GR_W, &view[part]);
         if (view[part].points > rows) rows = view[part].points;
     }
-    const int fetches = e->out_of_cache && !cell_averaged && tile + 1 < e->mesh.n_tiles; /* no gain with cell averages */
+    const int fetches = e->out_of_cache && !cell_averaged && tile + 1 < e->mesh.n_tiles; /* averages: 2 to 4 % slower */
     const int64_t ahead = fetches ? e->mesh.cell[first + GR_LANES].offset : 0;
     for (int row = 0; row < rows; row++)
         for (int part = 0; part < GR_VECTORS; part++) {
