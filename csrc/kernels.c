@@ -74,9 +74,9 @@ static const struct gr_law *const laws[] = {
 #define GR_VARIANTS(X) GR_VARIANTS_OF(X, 2) GR_VARIANTS_OF(X, 3)
 
 #define GR_X(d, b, a, q, u)                                                                                       \
-    static __attribute__((noinline)) void p2g_##d##b##a##q##u(struct gr_engine *e, int64_t tile, int more)        \
+    static __attribute__((noinline)) void p2g_##d##b##a##q##u(struct gr_engine *e, int64_t tile)                  \
     {                                                                                                             \
-        p2g_tile(d, b, a > 0, q, u, e, tile, more);                                                               \
+        p2g_tile(d, b, a > 0, q, u, e, tile);                                                                     \
     }                                                                                                             \
     static __attribute__((noinline)) void sweep_##d##b##a##q##u(struct gr_engine *e, int64_t first, int64_t last, \
                                                                 struct gr_migrants *out, int fused)               \
@@ -90,23 +90,17 @@ GR_VARIANTS(GR_X)
     ((e)->config.dim == d && (e)->config.basis == b && (e)->config.affine == a && (e)->config.smoothed == q && \
      (e)->config.cell_averaged == u)
 
-static void p2g_of_tile(struct gr_engine *e, int64_t tile, int more)
+static void p2g_of_tile(struct gr_engine *e, int64_t tile)
 {
 #define GR_X(d, b, a, q, u) \
-    if (GR_IS(e, d, b, a, q, u)) p2g_##d##b##a##q##u(e, tile, more);
+    if (GR_IS(e, d, b, a, q, u)) p2g_##d##b##a##q##u(e, tile);
     GR_VARIANTS(GR_X)
 #undef GR_X
 }
 
 static void p2g(struct gr_engine *e, int64_t first, int64_t last)
 {
-    for (int64_t tile = first; tile < last; tile++) p2g_of_tile(e, tile, 0);
-    v_streamed();
-}
-
-static void p2g_arrivals(struct gr_engine *e, int64_t tile)
-{
-    p2g_of_tile(e, tile, 1);
+    for (int64_t tile = first; tile < last; tile++) p2g_of_tile(e, tile);
     v_streamed();
 }
 
@@ -122,11 +116,11 @@ static void sweep(struct gr_engine *e, int64_t first, int64_t last, struct gr_mi
 #ifndef GR_SINGLE
 static void cell_forces(struct gr_engine *e, int64_t first, int64_t last)
 {
-    for (int64_t i = first * GR_LANES; i < last * GR_LANES; i += GR_W)
+    for (int64_t tile = first; tile < last; tile++)
         if (e->config.dim == 2)
-            apply_forces_of_cells(2, e, i);
+            apply_forces_of_tile(2, e, tile);
         else
-            apply_forces_of_cells(3, e, i);
+            apply_forces_of_tile(3, e, tile);
 }
 #endif
 
@@ -139,28 +133,17 @@ static void fillings(struct gr_engine *e, int64_t first, int64_t last)
             fill_cells(3, e, i);
 }
 
-/* The further sums of a group of nodes with several materials, in rows of GR_LANES (enum gr_volume_sum). */
-static void sum_volumes(const struct gr_engine *e, int64_t group, double *sums)
+/* With the numbers of sums of motion of a step as literals, which most calls ask for. */
+static void sum_nodes(const struct gr_engine *e, int group, int begin, int n, int64_t first, int64_t last, double *sums)
 {
-    if (e->config.dim == 2)
-        sum_volumes_of_group(9, e, group, sums);
+    if (e->config.basis == GR_LINEAR)
+        sum_block(2, n, e, group, begin, first, last, sums);
+    else if (n == GR_SUM_DAMPED(2))
+        sum_block(3, GR_SUM_DAMPED(2), e, group, begin, first, last, sums);
+    else if (n == GR_SUM_DAMPED(3))
+        sum_block(3, GR_SUM_DAMPED(3), e, group, begin, first, last, sums);
     else
-        sum_volumes_of_group(27, e, group, sums);
-}
-
-static void sum_nodes(const struct gr_engine *e, int64_t group, int damped, int averages, double *sums)
-{
-#define GR_X(d, k, q, a) \
-    if (e->config.dim == d && e->K == k && damped == q && averages == a) sum_group(d, k, q, a, e, group, sums);
-    GR_X(2, 4, 0, 0)
-    GR_X(2, 4, 1, 0)
-    GR_X(2, 9, 0, 0)
-    GR_X(2, 9, 0, 1)
-    GR_X(3, 8, 0, 0)
-    GR_X(3, 8, 1, 0)
-    GR_X(3, 27, 0, 0)
-    GR_X(3, 27, 0, 1)
-#undef GR_X
+        sum_block(3, n, e, group, begin, first, last, sums);
 }
 
 #ifdef GR_SINGLE
@@ -223,7 +206,7 @@ static void smooth(struct gr_engine *e, int64_t first, int64_t last)
 {
 #define GR_SMOOTH(d, b)                             \
     if (e->config.dim == d && e->config.basis == b) \
-        for (int64_t i = first * GR_LANES; i < last * GR_LANES; i += GR_W) smooth_cells(d, b, e, i);
+        for (int64_t tile = first; tile < last; tile++) smooth_tile(d, b, e, tile);
     GR_2D_AND_3D(GR_SMOOTH, GR_LINEAR)
     GR_2D_AND_3D(GR_SMOOTH, GR_UGIMP)
     GR_2D_AND_3D(GR_SMOOTH, GR_QUADRATIC)
@@ -237,10 +220,19 @@ static void mean_pairs(struct gr_engine *e, int64_t first, int64_t last)
     for (int64_t k = first; k < last; k++) {
         const struct gr_cell *front = &e->mesh.cell[e->mesh.paired[k]];
         mean_of_double_cell(e, front);
-        if (gr_cells_of_fluidity(e, front) == 1)
-            mean_of_double_cell(e, front + 1);
+        if (gr_is_separate(e, front))
+            mean_of_double_cell(e, gr_other_side(e, front));
         else
             e->nonlocal.fluidity->dense[gr_fluidity_place(e->nonlocal.fluidity, gr_cell_id(e, front->at), 1)] = 0;
+    }
+}
+
+/* The fluidity of the double cells after a substep. */
+static void store_pairs(struct gr_engine *e, int64_t first, int64_t last)
+{
+    for (int64_t k = first; k < last; k++) {
+        store_substep(e, e->mesh.paired[k]);
+        store_substep(e, e->mesh.other[e->mesh.paired[k]]);
     }
 }
 
@@ -294,16 +286,15 @@ const struct gr_kernels GR_NAME = {
     .isa = GR_STRING(GR_ISA),
     .lanes = GR_W,
     .p2g = p2g,
-    .p2g_arrivals = p2g_arrivals,
     .sum_nodes = sum_nodes,
     .move_nodes = GR_MOVE_NODES,
     .store_nodes = GR_STORE_NODES,
     .describe_nodes = GR_DESCRIBE_NODES,
     .mean_gaps = GR_MEAN_GAPS,
-    .sum_volumes = sum_volumes,
     .fill_cells = fillings,
     .sweep = sweep,
     .mean_pairs = mean_pairs,
+    .store_pairs = store_pairs,
     .begin_substeps = begin_substeps,
     .substep = substep,
     .laws = laws,

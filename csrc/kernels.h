@@ -15,19 +15,20 @@ struct gr_kernels {
     int lanes;
     /* of the tiles [first, last) */
     void (*p2g)(struct gr_engine *, int64_t first, int64_t last);
-    void (*p2g_arrivals)(struct gr_engine *, int64_t tile); /* of a tile that has gained points */
     void (*sweep)(struct gr_engine *, int64_t first, int64_t last, struct gr_migrants *out, int fused);
-    /* sums of the nodes of a group of GR_LANES; see enum gr_node_sum. damped: with the sum of the damping */
-    void (*sum_nodes)(const struct gr_engine *, int64_t group, int damped, int averages, double *sums);
+    /* `n` sums of a group (enum gr_group_of_sums) from number `begin` on, of nodes [first, last), at most GR_SUM_BLOCK; to rows
+     * of GR_SUM_ROW, with space for GR_SUM_PAD numbers before and behind */
+    void (*sum_nodes)(const struct gr_engine *, int group, int begin, int n, int64_t first, int64_t last, double *sums);
     /* from these sums, in double precision in any case: the motion before walls; damped: the damping, too */
     void (*move_nodes)(const struct gr_engine *, int damped, const double g[3], const double *sums, struct gr_node_motion *);
     /* store the motion of the nodes from `first` on; and the fields of an averaging, with the volume of their points */
     void (*store_nodes)(struct gr_engine *, int damped, int64_t first, const struct gr_node_motion *);
     void (*describe_nodes)(struct gr_engine *, int64_t first, const double *sums, const double *filled);
     unsigned (*mean_gaps)(struct gr_engine *, int64_t first); /* about them; a bit for each that is inside the material */
-    void (*sum_volumes)(const struct gr_engine *, int64_t group, double *sums); /* of a smoothed density */
     void (*fill_cells)(struct gr_engine *, int64_t first, int64_t last); /* tiles, for an averaging of a smoothed density */
+    /* of the double cells: the fluidity before the first substep, and after one */
     void (*mean_pairs)(struct gr_engine *, int64_t first, int64_t last);
+    void (*store_pairs)(struct gr_engine *, int64_t first, int64_t last);
     void (*begin_substeps)(struct gr_engine *, int64_t first, int64_t last);
     void (*substep)(struct gr_engine *, int64_t first, int64_t last);
     const struct gr_law *const *laws; /* the laws of law/registry.inl, then NULL */
@@ -44,6 +45,12 @@ struct gr_kernels {
 };
 
 const struct gr_kernels *gr_kernels_select(const char *name); /* NULL or "": the widest that this machine supports */
+
+/* The kernels of a scheme in single or double precision, from those in double precision. */
+static inline const struct gr_kernels *gr_in_precision(const struct gr_kernels *kernels, int single)
+{
+    return single ? kernels->single : kernels;
+}
 
 /* True if the kernels in single precision have law k. */
 int gr_single_has_law(int k);

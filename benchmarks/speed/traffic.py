@@ -34,8 +34,8 @@ CYCLE = 8
 FLOWS = 0.15
 """Time at which a column or cylinder flows [s]."""
 LANES = 8
-CELL, NODE_RUN, INDEX = 56, 40, 4
-"""Bytes of a cell, of the places of the sums of eight nodes in one cell, and of the index of a node
+CELL, ADDEND, INDEX = 48, 40, 4
+"""Bytes of a cell, of what a run adds to a row of nodes, and of the index of a node
 (csrc/mpm/engine.h)."""
 STAGES = ("p2g", "g2p")
 
@@ -159,27 +159,36 @@ def bytes_of_grid(sim: gr.Simulation, averaging: float) -> list[dict[str, Any]]:
     """Bytes of the sums, the nodes and the mesh, per point and step.
 
     A processor reads a line of the sums before it writes to it, unless they are stored past the
-    caches. `averaging` is the share of the steps that average the density. The forces of averaged
-    cells, which follow when the masses of the nodes are known, count as a part of the grid stage.
+    caches. A tile counts as one run of cells: the second tail of those that a row of cells ends in
+    is left out. `averaging` is the share of the steps that average the density. The forces of
+    averaged cells, which follow when the masses of the nodes are known, count as a part of the grid
+    stage.
     """
     scheme, dim, n = sim.scene.scheme, sim.scene.dim, sim.n_points
     averaged = scheme.density.name == "cell_averaged"
     single = scheme.precision == "single"
-    local = (2 if scheme.basis == "linear" else 3) ** dim
-    per_cell = len(sim._engine.cells()[1]) / n
+    local = 2 if scheme.basis == "linear" else 3
+    rows = local ** (dim - 1)
+    per_tile = len(sim._engine.cells()[1]) / LANES / n
     per_node = len(sim._engine.nodes()["x"]) / n
-    moments, forces = local * (1 + dim), local * dim
-    of_cell = averaged * (3 + (3 if dim == 2 else 6))  # enum gr_cell_sum
-    of_density = averaging * local * (3 + dim)  # enum gr_density_sum
+    per_cell = LANES * per_tile
+    sums = per_tile * (4 if single else 8)
+    row, tail = LANES * rows, (1 if local == 2 else 4) * rows  # numbers of a sum
+    moments, forces = 1 + dim, dim + averaged  # with cell averages also the damping
+    motion = (moments + forces) * (row + tail)
+    of_cells = (
+        LANES * averaged * (local**dim + 2 + (3 if dim == 2 else 6))
+    )  # masses, enum gr_cell_sum
+    density = averaging * ((3 + dim) * (row + tail) + LANES)  # enum gr_density_sum, and the content
     state = averaged * (6 + 2 * dim) + averaging * 2  # enum gr_average
     seen = 2 * dim + averaged + averaging * (4 + dim)  # GR_NODE_FIELDS
-    sums = per_cell * (4 if single else 8)
+    later = averaged * (forces * (row + tail) + moments * tail)
     return [
         {
             "array": "sums",
-            "p2g write": sums * (moments + of_cell + (not averaged) * forces + of_density),
-            "grid read": sums * (moments + forces + of_cell + of_density + averaged * 2 * local),
-            "grid write": sums * averaged * forces,
+            "p2g write": sums * (motion - averaged * forces * row + of_cells + density),
+            "grid read": sums * (motion + averaged * (row + moments * tail) + of_cells + density),
+            "grid write": sums * later,
         },
         {
             "array": "state of cells",
@@ -192,8 +201,8 @@ def bytes_of_grid(sim: gr.Simulation, averaging: float) -> list[dict[str, Any]]:
             "g2p read": per_node * seen * (4 if single else 8),
         },
         {"array": "cells", "g2p read": CELL * per_cell, "p2g read": CELL * per_cell},
-        {"array": "nodes of cells", "g2p read": INDEX * local * per_cell},
-        {"array": "cells of nodes", "grid read": NODE_RUN / LANES * local * per_node},
+        {"array": "nodes of cells", "g2p read": INDEX * rows * per_cell},
+        {"array": "addends", "grid read": ADDEND * rows * per_tile},
     ]
 
 

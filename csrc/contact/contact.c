@@ -129,7 +129,7 @@ static void forget_cancelling(struct gr_engine *e)
  * that remains after it. Friction computed before would carry part of the load on a body next to the wall, or act backwards
  * where a body moves material against a pressure.
  * Returned: whether any wall has friction. */
-static int undo_friction(struct gr_engine *e, const double g[3])
+static int undo_friction(struct gr_engine *e, const struct gr_kernels *kernels, const double g[3])
 {
     int any = 0;
     for (int64_t k = 0; k < e->bodies.contacts->n_nodes; k++) {
@@ -140,7 +140,7 @@ static int undo_friction(struct gr_engine *e, const double g[3])
         double v[3], next[3];
         for (int d = 0; d < dim; d++) origin->rubs |= wall->friction[d] > 0;
         if (!origin->rubs) continue;
-        gr_grid_without_walls(e, origin->n, g, v, next);
+        gr_grid_without_walls(e, kernels, origin->n, g, v, next);
         const int held = gr_holds(wall, dim, next);
         for (int d = 0; d < dim; d++) {
             if (held >> d & 1) origin->taken[d] = gr_taken(wall, d, gr_kept_at(e, origin->n), v, next);
@@ -309,14 +309,14 @@ static int begin_all(struct gr_engine *e, const double g[3], struct gr_moving *b
     return GR_OK;
 }
 
-int gr_bodies_touch(struct gr_engine *e, const double g[3], struct gr_team *team)
+int gr_bodies_touch(struct gr_engine *e, const struct gr_kernels *kernels, const double g[3], struct gr_team *team)
 {
     struct gr_moving body[GR_MAX_BODIES];
     double gravity[3] = {0};
     memcpy(gravity, g, sizeof(double) * (size_t)e->config.dim);
     if (begin_all(e, gravity, body)) return GR_ERR_MEMORY;
     gr_find_contact_points(e, gravity, team);
-    const int rubs = undo_friction(e, gravity);
+    const int rubs = undo_friction(e, kernels, gravity);
     forget_cancelling(e);
     for (int64_t k = 0; k < e->bodies.contacts->n; k++)
         push(e, &e->bodies.contacts->contact[k], e->bodies.contacts->contact[k].impulse,

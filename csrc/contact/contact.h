@@ -19,4 +19,4 @@
  *
  * With e->bodies.rigid, bodies that move freely also touch solids (rigid.h), and these impulses belong to the same sweeps.
  * Returned: 0 or GR_ERR_MEMORY. */
-int gr_bodies_touch(struct gr_engine *e, const double g[3], struct gr_team *team);
+int gr_bodies_touch(struct gr_engine *e, const struct gr_kernels *kernels, const double g[3], struct gr_team *team);

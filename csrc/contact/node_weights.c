@@ -27,12 +27,12 @@
 #define LEAST_MOBILE 0.1
 
 /* The node of the mesh with this index in the whole grid on a side of thin bodies, -1 if it is not active. Of two
- * duplicates that are not separated the first. */
+ * duplicates that are not separated the one in front. */
 static int64_t node_on_side(const struct gr_engine *e, int64_t id, int side)
 {
     const int64_t n = (int64_t)gr_table_get(&e->mesh.node_of, id) - 1;
     if (n < 0 || !e->bodies.n_thin || e->mesh.duplicate[n] < 0) return n;
-    return n + (side < 0 && e->mesh.separated[n]);
+    return side < 0 && e->mesh.separated[n] ? e->mesh.duplicate[n] : n;
 }
 
 /* The nodes of the mesh about a point in the cell `at`, -1 for those that are not active. */

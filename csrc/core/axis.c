@@ -36,21 +36,22 @@ static void build_linear(struct gr_axis *axis, int n)
     }
 }
 
-/* Cell j is centred on node j, which lies at xi = 1/2. The half-cells at the two ends of a walled axis therefore cover
- * [1/2, 1) and [0, 1/2) only. */
+/* Cell j is centred on its middle node, which lies at xi = 1/2. The half-cells at the two ends of a walled axis therefore
+ * cover [1/2, 1) and [0, 1/2) only. Their nodes beyond the ends have no weight. */
 static void build_ugimp(struct gr_axis *axis, int n, const int32_t *c0_lines, int n_c0_lines)
 {
-    const int nodes = axis->periodic ? n : n + 1;
-    axis->n_cells = axis->n_nodes = nodes;
+    const int cells = axis->periodic ? n : n + 1;
+    axis->n_cells = cells;
+    axis->n_nodes = axis->periodic ? n : n + 3;
     axis->shift = 0.5;
-    for (int j = 0; j < nodes; j++) {
+    for (int i = 0; i < axis->n_nodes; i++) axis->node_position[i] = axis->periodic ? (i + n - 1) % n : i - 1;
+    for (int j = 0; j < cells; j++) {
         struct gr_axis_cell *cell = &axis->cell[j];
-        const int first = !axis->periodic && j == 0, last = !axis->periodic && j == nodes - 1;
-        axis->node_position[j] = j;
-        cell->position[0] = -0.5, cell->position[1] = 0.5, cell->position[2] = 1.5;
-        cell->node[0] = first ? j : (j + nodes - 1) % nodes; /* beyond an end: this entry has zero weight */
-        cell->node[1] = j;
-        cell->node[2] = last ? j : (j + 1) % nodes;
+        const int first = !axis->periodic && j == 0, last = !axis->periodic && j == cells - 1;
+        for (int a = 0; a < 3; a++) {
+            cell->node[a] = (j + a) % axis->n_nodes;
+            cell->position[a] = a - 0.5;
+        }
         cell->clip = first || last || is_c0_line(c0_lines, n_c0_lines, j);
         cell->integral[1] = first || last ? 0.5 : 1; /* lumped: a node at an end has half a cell */
     }
@@ -73,12 +74,12 @@ static int build_quadratic(struct gr_axis *axis, int n, const int32_t *c0_lines,
     if (axis->periodic) {
         static const double uniform[6] = {-2, -1, 0, 1, 2, 3};
         axis->n_cells = axis->n_nodes = n;
-        for (int i = 0; i < n; i++) axis->node_position[i] = i + 0.5;
+        for (int i = 0; i < n; i++) axis->node_position[i] = (i + n - 1) % n + 0.5;
         for (int c = 0; c < n; c++) {
             struct gr_axis_cell *cell = &axis->cell[c];
             bspline_span(uniform, cell->coefficient);
             for (int a = 0; a < 3; a++) {
-                cell->node[a] = (c + a - 1 + n) % n;
+                cell->node[a] = (c + a) % n;
                 cell->position[a] = a - 0.5;
             }
             set_integrals(cell, 3);
@@ -110,6 +111,17 @@ static int build_quadratic(struct gr_axis *axis, int n, const int32_t *c0_lines,
     }
     free(knot);
     return GR_OK;
+}
+
+/* Number the nodes by their positions. */
+static void number_nodes(struct gr_axis *axis, int basis)
+{
+    const int beyond = basis == GR_UGIMP && !axis->periodic, rotated = basis != GR_LINEAR && axis->periodic;
+    axis->n_numbers = axis->n_nodes - 2 * beyond;
+    for (int i = 0; i < axis->n_nodes; i++) {
+        const int number = rotated ? (i + axis->n_nodes - 1) % axis->n_nodes : i - beyond;
+        axis->node_number[i] = number < 0 ? 0 : number < axis->n_numbers ? number : axis->n_numbers - 1;
+    }
 }
 
 /* Set the coordinates of the cells. Cells of ugimp would reach half a cell beyond the ends of a walled domain and are
@@ -154,9 +166,10 @@ int gr_axis_build(struct gr_axis *axis, int basis, int n, int periodic, const in
     axis->length = n * dx;
     error = GR_ERR_MEMORY;
     axis->cell = calloc((size_t)n + 1, sizeof *axis->cell);
-    axis->node_position = calloc((size_t)(n + 2 + n_c0_lines), sizeof(double));
-    axis->node_integral = calloc((size_t)(n + 2 + n_c0_lines), sizeof(double));
-    if (!axis->cell || !axis->node_position || !axis->node_integral) goto out;
+    axis->node_position = calloc((size_t)(n + 3 + n_c0_lines), sizeof(double));
+    axis->node_integral = calloc((size_t)(n + 3 + n_c0_lines), sizeof(double));
+    axis->node_number = calloc((size_t)(n + 3 + n_c0_lines), sizeof(int32_t));
+    if (!axis->cell || !axis->node_number || !axis->node_position || !axis->node_integral) goto out;
     error = GR_OK;
     if (basis == GR_LINEAR)
         build_linear(axis, n);
@@ -165,6 +178,7 @@ int gr_axis_build(struct gr_axis *axis, int basis, int n, int periodic, const in
     else
         error = build_quadratic(axis, n, c0_lines, n_c0_lines);
     if (!error) place_cells(axis, dx);
+    if (!error) number_nodes(axis, basis);
     for (int c = 0; !error && c < axis->n_cells; c++)
         for (int a = 0; a < gr_basis_nodes_1d(basis); a++)
             axis->node_integral[axis->cell[c].node[a]] += axis->cell[c].integral[a];
@@ -176,13 +190,12 @@ out:
 struct gr_node_cells *gr_axis_cells_of_nodes(const struct gr_axis *axis, int basis)
 {
     struct gr_node_cells *of = calloc((size_t)axis->n_nodes, sizeof *of);
-    for (int32_t c = 0; of && c < axis->n_cells; c++)
-        for (int a = 0; a < gr_basis_nodes_1d(basis); a++) {
+    for (int a = gr_basis_nodes_1d(basis); of && a-- > 0;)
+        for (int32_t c = 0; c < axis->n_cells; c++) {
             struct gr_node_cells *cells = &of[axis->cell[c].node[a]];
-            const double integral = axis->cell[c].integral[a];
-            if (integral == 0) continue; /* ugimp: a node beyond an end, for which the last one stands */
             cells->cell[cells->count] = c;
-            cells->integral[cells->count++] = integral;
+            cells->local[cells->count] = a;
+            cells->integral[cells->count++] = axis->cell[c].integral[a];
         }
     return of;
 }
@@ -190,6 +203,7 @@ struct gr_node_cells *gr_axis_cells_of_nodes(const struct gr_axis *axis, int bas
 void gr_axis_free(struct gr_axis *axis)
 {
     free(axis->cell);
+    free(axis->node_number);
     free(axis->node_position);
     free(axis->node_integral);
     memset(axis, 0, sizeof *axis);

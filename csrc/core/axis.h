@@ -10,7 +10,10 @@
  *              walls, orifice edges), where the functions are only C0. A node on a wall then interpolates the field
  *              there. 3 nodes per cell.
  *   ugimp      points are boxes of the fixed half-width lambda (in cells). The cells of the grouping are centred on the
- *              nodes, so that a point touches 3 nodes. At walls and c0_lines the box of a point is clipped. */
+ *              nodes, so that a point touches 3 nodes. At walls and c0_lines the box of a point is clipped.
+ *
+ * The nodes of a cell follow each other, and those of the next cell are one further, or two across a c0_line of quadratic
+ * functions. Across a periodic end the last cells have the first nodes. */
 #pragma once
 
 #include <stdint.h>
@@ -43,13 +46,16 @@ struct gr_axis {
     double length; /* length of the domain, m */
     double shift;  /* the cell of x is approximately (x - origin)/dx + shift */
     struct gr_axis_cell *cell;
+    int n_numbers;         /* nodes without those beyond the ends */
+    int32_t *node_number;  /* of a node in the order of positions; beyond an end that of the node at the end */
     double *node_position; /* in cells from the origin */
     double *node_integral; /* of the shape function of a node over the domain, in cells */
 };
 
-/* The cells that have a node, in ascending order, and the shares of its shape function in them. */
+/* The cells that have a node, from the lowest on, also across a periodic end; which of their nodes it is, and the shares of
+ * its shape function in them. */
 struct gr_node_cells {
-    int32_t count, cell[GR_MAX_NODES_1D];
+    int32_t count, cell[GR_MAX_NODES_1D], local[GR_MAX_NODES_1D];
     double integral[GR_MAX_NODES_1D]; /* over each of the cells, in cells */
 };
 

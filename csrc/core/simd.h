@@ -5,7 +5,10 @@
  * shorter vectors take in parts.
  *
  * With GR_SINGLE kernels compute in single precision (simd_single.h): `vd` are floats then, `gr_real` is the type of what
- * kernels keep for themselves, and `vx`, of positions, are doubles in any case. */
+ * kernels keep for themselves, and `vx`, of positions, are doubles in any case.
+ *
+ * v_after_1 and v_after_2 move the lanes of `a` up by one or two; the last lanes of `before` come first. m_of_bits is the
+ * inverse of m_bits. */
 #pragma once
 
 #include <math.h>
@@ -36,9 +39,12 @@ static inline vm v_gt(vd a, vd b) { return _mm512_cmp_pd_mask(a, b, _CMP_GT_OQ);
 static inline vm v_ge(vd a, vd b) { return _mm512_cmp_pd_mask(a, b, _CMP_GE_OQ); }
 static inline vm m_and(vm a, vm b) { return a & b; }
 static inline unsigned m_bits(vm a) { return a; }
+static inline vm m_of_bits(unsigned bits) { return (vm)bits; }
 static inline vd v_select(vm m, vd a, vd b) { return _mm512_mask_blend_pd(m, b, a); }
 static inline vd v_keep(vm m, vd a) { return _mm512_maskz_mov_pd(m, a); }
 static inline double v_sum(vd a) { return _mm512_reduce_add_pd(a); }
+static inline vd v_after_1(vd a, vd before) { return (vd)_mm512_alignr_epi64((__m512i)a, (__m512i)before, 7); }
+static inline vd v_after_2(vd a, vd before) { return (vd)_mm512_alignr_epi64((__m512i)a, (__m512i)before, 6); }
 #elif defined(__AVX2__) && defined(__FMA__)
 #include <immintrin.h>
 #define GR_W 4
@@ -54,6 +60,11 @@ static inline vm v_gt(vd a, vd b) { return _mm256_cmp_pd(a, b, _CMP_GT_OQ); }
 static inline vm v_ge(vd a, vd b) { return _mm256_cmp_pd(a, b, _CMP_GE_OQ); }
 static inline vm m_and(vm a, vm b) { return _mm256_and_pd(a, b); }
 static inline unsigned m_bits(vm a) { return (unsigned)_mm256_movemask_pd(a); }
+static inline vm m_of_bits(unsigned bits)
+{
+    const __m256i lanes = _mm256_set_epi64x(8, 4, 2, 1);
+    return _mm256_castsi256_pd(_mm256_cmpeq_epi64(_mm256_and_si256(_mm256_set1_epi64x((int64_t)bits), lanes), lanes));
+}
 static inline vd v_select(vm m, vd a, vd b) { return _mm256_blendv_pd(b, a, m); }
 static inline vd v_keep(vm m, vd a) { return _mm256_and_pd(m, a); }
 static inline double v_sum(vd a)
@@ -61,6 +72,8 @@ static inline double v_sum(vd a)
     const __m128d b = _mm256_castpd256_pd128(a) + _mm256_extractf128_pd(a, 1);
     return b[0] + b[1];
 }
+static inline vd v_after_2(vd a, vd before) { return _mm256_permute2f128_pd(before, a, 0x21); }
+static inline vd v_after_1(vd a, vd before) { return _mm256_shuffle_pd(v_after_2(a, before), a, 0x5); }
 #else
 /* Portable version: two lanes, written with the vector extension of gcc and clang (SSE2, NEON, ...). */
 #define GR_W 2
@@ -73,6 +86,7 @@ static inline vm v_gt(vd a, vd b) { return (vm)(a > b); }
 static inline vm v_ge(vd a, vd b) { return (vm)(a >= b); }
 static inline vm m_and(vm a, vm b) { return a & b; }
 static inline unsigned m_bits(vm a) { return (unsigned)(a[0] & 1) | (unsigned)(a[1] & 2); }
+static inline vm m_of_bits(unsigned bits) { return (vm){-(int64_t)(bits & 1), -(int64_t)(bits >> 1 & 1)}; }
 static inline vd v_select(vm m, vd a, vd b) { return (vd)((m & (vm)a) | (~m & (vm)b)); }
 static inline vd v_keep(vm m, vd a) { return (vd)(m & (vm)a); }
 /* As the x86 instructions do, return the second operand where the comparison fails, so that NaN behaves the same. */
@@ -80,6 +94,12 @@ static inline vd v_min(vd a, vd b) { return v_select(v_gt(b, a), a, b); }
 static inline vd v_max(vd a, vd b) { return v_select(v_gt(a, b), a, b); }
 static inline vd v_sqrt(vd a) { return (vd){sqrt(a[0]), sqrt(a[1])}; }
 static inline double v_sum(vd a) { return a[0] + a[1]; }
+static inline vd v_after_1(vd a, vd before) { return (vd){before[1], a[0]}; }
+static inline vd v_after_2(vd a, vd before)
+{
+    (void)a;
+    return before;
+}
 #endif
 
 #ifndef GR_SINGLE
@@ -100,6 +120,7 @@ static inline void v_streamed(void) { _mm_sfence(); }
 static inline void v_stream(double *p, vd a) { v_store(p, a); }
 static inline void v_streamed(void) {}
 #endif
+typedef double v_four __attribute__((vector_size(32), aligned(8))); /* the width is the same in all instruction sets */
 
 /* Positions. x_fma: a b + c; x_minus: a - b; x_within: begin <= a < end, as a mask that x_bits turns into a bit for each
  * lane. */
@@ -122,6 +143,26 @@ static inline xm x_within(vx a, vx begin, vx end) { return m_and(x_ge(a, begin),
 static inline xm x_and(xm a, xm b) { return m_and(a, b); }
 static inline unsigned x_bits(xm a) { return m_bits(a); }
 #endif
+
+/* Store four numbers; and copy eight that were stored so, past the caches if asked. They are loaded in fours: a wider load
+ * would wait until they have left the processor. */
+static inline void v_store_four(gr_real *p, gr_real a, gr_real b, gr_real c, gr_real d)
+{
+    *(v_four *)p = (v_four){a, b, c, d};
+}
+static inline void v_copy_eight(gr_real *to, const gr_real *from, int past)
+{
+#if defined(__AVX512F__) && !defined(GR_SINGLE)
+    if (past) {
+        const __m512d low = _mm512_castpd256_pd512(_mm256_loadu_pd(from));
+        v_stream(to, _mm512_insertf64x4(low, _mm256_loadu_pd(from + 4), 1));
+        return;
+    }
+#endif
+    (void)past;
+    *(v_four *)to = *(const v_four *)from;
+    *(v_four *)(to + 4) = *(const v_four *)(from + 4);
+}
 
 /* A number that depends on the round-off and range of what kernels compute with. */
 #ifdef GR_SINGLE

@@ -12,6 +12,16 @@ static inline vd v_fnma(vd a, vd b, vd c) { return _mm256_fnmadd_ps(a, b, c); }
 static inline vd v_min(vd a, vd b) { return _mm256_min_ps(a, b); }
 static inline vd v_max(vd a, vd b) { return _mm256_max_ps(a, b); }
 static inline vd v_sqrt(vd a) { return _mm256_sqrt_ps(a); }
+/* The upper half of `before` and the lower of `a`: with it each half of `a` has what comes before. */
+static inline __m256i v_between(vd a, vd before) { return _mm256_castps_si256(_mm256_permute2f128_ps(before, a, 0x21)); }
+static inline vd v_after_1(vd a, vd before)
+{
+    return _mm256_castsi256_ps(_mm256_alignr_epi8(_mm256_castps_si256(a), v_between(a, before), 12));
+}
+static inline vd v_after_2(vd a, vd before)
+{
+    return _mm256_castsi256_ps(_mm256_alignr_epi8(_mm256_castps_si256(a), v_between(a, before), 8));
+}
 #endif
 
 #if defined(__AVX512F__)
@@ -21,6 +31,7 @@ static inline vm v_gt(vd a, vd b) { return _mm256_cmp_ps_mask(a, b, _CMP_GT_OQ);
 static inline vm v_ge(vd a, vd b) { return _mm256_cmp_ps_mask(a, b, _CMP_GE_OQ); }
 static inline vm m_and(vm a, vm b) { return a & b; }
 static inline unsigned m_bits(vm a) { return a; }
+static inline vm m_of_bits(unsigned bits) { return (vm)bits; }
 static inline vd v_select(vm m, vd a, vd b) { return _mm256_mask_blend_ps(m, b, a); }
 static inline vd v_keep(vm m, vd a) { return _mm256_maskz_mov_ps(m, a); }
 static inline vx x_set(double a) { return _mm512_set1_pd(a); }
@@ -42,6 +53,11 @@ static inline vm v_gt(vd a, vd b) { return _mm256_cmp_ps(a, b, _CMP_GT_OQ); }
 static inline vm v_ge(vd a, vd b) { return _mm256_cmp_ps(a, b, _CMP_GE_OQ); }
 static inline vm m_and(vm a, vm b) { return _mm256_and_ps(a, b); }
 static inline unsigned m_bits(vm a) { return (unsigned)_mm256_movemask_ps(a); }
+static inline vm m_of_bits(unsigned bits)
+{
+    const __m256i lanes = _mm256_set_epi32(128, 64, 32, 16, 8, 4, 2, 1);
+    return _mm256_castsi256_ps(_mm256_cmpeq_epi32(_mm256_and_si256(_mm256_set1_epi32((int)bits), lanes), lanes));
+}
 static inline vd v_select(vm m, vd a, vd b) { return _mm256_blendv_ps(b, a, m); }
 static inline vd v_keep(vm m, vd a) { return _mm256_and_ps(m, a); }
 static inline vx x_set(double a) { return (vx){{_mm256_set1_pd(a), _mm256_set1_pd(a)}}; }
@@ -107,9 +123,15 @@ typedef struct {
 static inline vd v_set(double a) { return (vd){(float)a, (float)a, (float)a, (float)a}; }
 static inline vd v_fma(vd a, vd b, vd c) { return a * b + c; }
 static inline vd v_fnma(vd a, vd b, vd c) { return c - a * b; }
+static inline vd v_after_1(vd a, vd before) { return (vd){before[3], a[0], a[1], a[2]}; }
+static inline vd v_after_2(vd a, vd before) { return (vd){before[2], before[3], a[0], a[1]}; }
 static inline vm v_gt(vd a, vd b) { return (vm)(a > b); }
 static inline vm v_ge(vd a, vd b) { return (vm)(a >= b); }
 static inline vm m_and(vm a, vm b) { return a & b; }
+static inline vm m_of_bits(unsigned bits)
+{
+    return (vm){-(int32_t)(bits & 1), -(int32_t)(bits >> 1 & 1), -(int32_t)(bits >> 2 & 1), -(int32_t)(bits >> 3 & 1)};
+}
 static inline unsigned m_bits(vm a) { return (unsigned)((a[0] & 1) | (a[1] & 2) | (a[2] & 4) | (a[3] & 8)); }
 static inline vd v_select(vm m, vd a, vd b) { return (vd)((m & (vm)a) | (~m & (vm)b)); }
 static inline vd v_keep(vm m, vd a) { return (vd)(m & (vm)a); }
@@ -149,6 +171,7 @@ static inline vm x_ge(vx a, vx b)
 
 typedef float gr_real;
 typedef int32_t vi __attribute__((vector_size(4 * GR_W)));
+typedef float v_four __attribute__((vector_size(16), aligned(4)));
 typedef float vd_in_memory __attribute__((vector_size(4 * GR_W), aligned(4)));
 static inline vd v_load_real(const float *p) { return (vd) * (const vd_in_memory *)p; }
 static inline vd v_load_field(const double *p) { return x_narrow(x_load(p)); }

@@ -53,6 +53,7 @@ struct fill {
     struct gr_table *t;
     struct gr_team *team;
     const int64_t *index;
+    const int32_t *number;
     int64_t n, chunks, *blocks; /* of each chunk: number of its blocks, then its first */
 };
 
@@ -87,7 +88,7 @@ GR_SHARED(fill_blocks, struct fill, f->n, f)
             memset(value, 0, GR_BLOCK * sizeof *value);
         }
         int32_t *entry = &value[f->index[k] % GR_BLOCK];
-        if (!*entry) *entry = (int32_t)(k + 1);
+        if (!*entry) *entry = f->number ? f->number[k] + 1 : (int32_t)(k + 1);
     }
 }
 
@@ -98,9 +99,10 @@ GR_SHARED(forget_blocks, struct fill, f->t->n_blocks - 1, f)
     for (int64_t b = first + 1; b < last + 1; b++) f->t->block_of[f->t->used[b]] = 0;
 }
 
-int gr_table_fill(struct gr_table *t, const int64_t *index, int64_t n, struct gr_team *team, int64_t chunks)
+int gr_table_fill(struct gr_table *t, const int64_t *index, const int32_t *number, int64_t n, struct gr_team *team,
+                  int64_t chunks)
 {
-    struct fill f = {.t = t, .team = team, .index = index, .n = n, .chunks = chunks};
+    struct fill f = {.t = t, .team = team, .index = index, .number = number, .n = n, .chunks = chunks};
     int64_t blocks = 1; /* the block of zeros */
     int error = GR_ERR_MEMORY;
     forget_blocks(&f);

@@ -20,10 +20,11 @@ struct gr_table {
 int gr_table_new(struct gr_table *t, int64_t n);
 int gr_table_set(struct gr_table *t, int64_t i, int32_t value);
 
-/* Set the entries index[k] to k + 1, of equal ones to the least, and all others to 0. The indices ascend. The work is
- * divided into chunks for a team.
+/* Set the entries index[k] to number[k] + 1, or to k + 1 if `number` is NULL; of equal ones to the first; and all others to
+ * 0. The indices ascend. The work is divided into chunks for a team.
  * Returned: 0, or GR_ERR_MEMORY, and all entries are 0. */
-int gr_table_fill(struct gr_table *t, const int64_t *index, int64_t n, struct gr_team *team, int64_t chunks);
+int gr_table_fill(struct gr_table *t, const int64_t *index, const int32_t *number, int64_t n, struct gr_team *team,
+                  int64_t chunks);
 
 /* Set all entries to zero. The memory of the blocks is retained, so that setting entries where some were set before cannot
  * fail. */

@@ -87,7 +87,8 @@ static int build_bodies(struct gr_engine *e, int64_t n_cells, int64_t n_nodes)
 static int build_grid(struct gr_engine *e, const struct gr_config *config, int64_t *n_cells, int64_t *n_nodes)
 {
     const int k = gr_basis_nodes_1d(config->basis);
-    e->K = config->dim == 2 ? k * k : k * k * k;
+    e->n_rows = config->dim == 2 ? k : k * k;
+    e->K = k * e->n_rows;
     *n_cells = *n_nodes = 1;
     for (int d = 0; d < config->dim; d++) {
         const int error =
@@ -96,21 +97,35 @@ static int build_grid(struct gr_engine *e, const struct gr_config *config, int64
         if (error) return error;
         *n_cells *= e->axis[d].n_cells;
         *n_nodes *= e->axis[d].n_nodes;
+        e->cells_of_node[d] = gr_axis_cells_of_nodes(&e->axis[d], config->basis);
+        if (!e->cells_of_node[d]) return GR_ERR_MEMORY;
     }
+    gr_find_solid_cells(e);
     if (gr_table_new(&e->mesh.cell_of, *n_cells) || gr_table_new(&e->mesh.next_of, *n_cells)) return GR_ERR_MEMORY;
-    return gr_table_new(&e->mesh.node_of, *n_nodes) ? GR_ERR_MEMORY : gr_list_solid_cells(e);
+    return gr_table_new(&e->mesh.node_of, *n_nodes) ? GR_ERR_MEMORY : GR_OK;
 }
 
-/* Sizes of the sums of a cell, of the values of a node and of the numbers of a point. */
+/* Reserve a group of sums of nodes in the block of a tile. */
+static void build_rows(struct gr_engine *e, enum gr_group_of_sums group, int width)
+{
+    const int k = e->K / e->n_rows, n = e->n_rows * width;
+    struct gr_cell_sums *sums = &e->sums;
+    sums->rows[group] = (struct gr_rows){sums->of_lanes, sums->of_run, sums->of_apart, width};
+    sums->of_lanes += n * GR_LANES;
+    sums->of_run += (n * GR_TAIL(k) + GR_LANES - 1) / GR_LANES * GR_LANES;
+    sums->of_apart += n * (k - 1) * GR_LANES;
+}
+
+/* Sizes of the sums of a tile, of the values of a node and of the numbers of a point. */
 static int build_layout(struct gr_engine *e)
 {
     const struct gr_config *config = &e->config;
-    e->sums.stride = GR_SUM_DAMPED(config->dim) * e->K;
-    if (config->cell_averaged) e->sums.stride += GR_CELL_AVERAGED_SUMS(config->dim);
-    e->sums.of_density = e->sums.stride *= GR_LANES;
-    if (config->smoothed) e->sums.stride += GR_DENSITY_SUMS(config->dim) * e->K * GR_LANES;
-    e->sums.of_volume = e->sums.stride;
-    if (config->smoothed && config->n_materials > 1) e->sums.stride += GR_VOLUME_SUMS * e->K * GR_LANES;
+    build_rows(e, GR_SUMS_OF_MOTION, GR_SUM_DAMPED(config->dim) + config->cell_averaged);
+    e->sums.of_cells = e->sums.of_lanes;
+    if (config->cell_averaged) e->sums.of_lanes += (GR_CELL_AVERAGED_SUMS(config->dim) + e->K) * GR_LANES;
+    if (config->smoothed) e->sums.of_lanes += GR_LANES;
+    if (config->smoothed) build_rows(e, GR_SUMS_OF_DENSITY, GR_DENSITY_SUMS(config->dim));
+    if (config->smoothed && config->n_materials > 1) build_rows(e, GR_SUMS_OF_VOLUME, GR_VOLUME_SUMS);
     e->nodes.n_fields = GR_NODE_FIELDS(config->dim, config->smoothed);
     e->nodes.n_fields += config->smoothed || config->cell_averaged; /* the gap of the node itself; its damping */
     for (int f = 0; f < GR_FIELD_COUNT; f++)
@@ -171,10 +186,10 @@ void gr_engine_free(struct gr_engine *e)
                            e->bodies.near.bodies,
                            e->bodies.near.clearance,
                            e->mesh.cell,
-                           e->mesh.cell_node,
+                           e->mesh.row_node,
+                           e->mesh.row_begin,
                            e->mesh.place,
-                           e->mesh.node_source,
-                           e->mesh.node_run,
+                           e->mesh.addend,
                            e->mesh.node_code,
                            e->mesh.node_about,
                            e->mesh.node_at,
@@ -185,8 +200,12 @@ void gr_engine_free(struct gr_engine *e)
                            e->nonlocal.substep_mass,
                            e->nonlocal.substep_flow,
                            e->nonlocal.substep_gain,
-                           e->mesh.tile_state,
-                           e->mesh.tile_in_row,
+                           e->mesh.tile_changed,
+                           e->mesh.tile_joins,
+                           e->mesh.tile_in_order,
+                           e->mesh.tile_nodes,
+                           e->mesh.lane_node,
+                           e->mesh.tile_block,
                            e->mesh.neighbour,
                            e->nodes.data,
                            e->nodes.single,
@@ -200,7 +219,9 @@ void gr_engine_free(struct gr_engine *e)
                            e->bodies.next,
                            e->bodies.thin,
                            e->bodies.split,
+                           e->mesh.other,
                            e->mesh.duplicate,
+                           e->mesh.separable,
                            e->mesh.separated,
                            e->mesh.paired,
                            e->migration.migrant,

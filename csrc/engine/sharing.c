@@ -52,7 +52,6 @@ void gr_share_tiles(struct gr_run *run)
     for (int64_t tile = 0; tile < n_tiles; tile++) {
         const struct gr_cell *cell = &e->mesh.cell[tile * GR_LANES];
         places += GR_LANES * cell->capacity;
-        if (cell[GR_LANES - 1].side == GR_FRONT) continue; /* its back must be in the same chunk */
         for (; k < chunks && places * chunks >= all * k; k++) {
             e->migration.cut[k] = tile + 1;
             lend_space(e, k, places);

@@ -12,11 +12,16 @@
 #include "mpm/thin_bodies.h"
 #include "mpm/wall_impulse.h"
 
+/* The end of groups of GR_LANES nodes, of which the last may be incomplete. */
+static int64_t end_of_groups(const struct gr_engine *e, int64_t last_group)
+{
+    return last_group * GR_LANES < e->mesh.n_nodes ? last_group * GR_LANES : e->mesh.n_nodes;
+}
+
 /* The grid stage for groups of GR_LANES nodes. */
 static void grid_nodes(struct gr_run *run, int64_t first_group, int64_t last_group)
 {
-    const int64_t n = run->e->mesh.n_nodes, first = first_group * GR_LANES, end = last_group * GR_LANES;
-    const int64_t last = end < n ? end : n;
+    const int64_t first = first_group * GR_LANES, last = end_of_groups(run->e, last_group);
     if (run->e->bodies.n_thin) gr_split_nodes(run->e, first, last);
     gr_grid_nodes(run->e, run->kernels, first, last, run->gravity);
 }
@@ -35,10 +40,7 @@ static void p2g_listed(struct gr_run *run, int64_t first, int64_t last)
 {
     for (int64_t k = first; k < last; k++) {
         const int64_t tile = run->e->sums.dirty[k];
-        if (run->e->mesh.tile_state[tile] == GR_TILE_GAINED)
-            run->kernels->p2g_arrivals(run->e, tile);
-        else
-            run->kernels->p2g(run->e, tile, tile + 1);
+        run->kernels->p2g(run->e, tile, tile + 1);
     }
 }
 
@@ -74,9 +76,10 @@ GR_CHUNK_OF_TILES(sweep, run->kernels->sweep(run->e, first, last, &run->e->migra
 
 GR_CHUNK_OF(run->e->sums.n_dirty, p2g_dirty, p2g_listed(run, first, last))
 GR_CHUNK_OF(run->e->mesh.n_paired, mean_pairs, run->kernels->mean_pairs(run->e, first, last))
-GR_CHUNK_OF(run->e->mesh.n_nodes, masses, gr_grid_masses(run->e, first, last))
+GR_CHUNK_OF(run->e->mesh.n_paired, store_pairs, run->kernels->store_pairs(run->e, first, last))
+GR_CHUNK_OF(gr_groups(run->e), masses, gr_grid_masses(run->e, run->kernels, first *GR_LANES, end_of_groups(run->e, last)))
 GR_CHUNK_OF(gr_groups(run->e), surroundings, gr_grid_surroundings(run->e, run->kernels, first, last))
-GR_CHUNK_OF(run->e->mesh.n_nodes, smooth_nodes, gr_grid_smooth(run->e, first, last, run->pass))
+GR_CHUNK_OF(run->e->mesh.n_nodes, smooth_nodes, gr_grid_smooth(run->e, run->kernels, first, last, run->pass))
 GR_CHUNK_OF(gr_groups(run->e), narrow, run->kernels->narrow_nodes(run->e, first, last))
 GR_CHUNK_OF(gr_groups(run->e), nodes, grid_nodes(run, first, last))
 
@@ -98,11 +101,11 @@ void gr_stage_grid(struct gr_run *run)
     if (run->again) gr_stage_p2g(run);
     gr_plan_sums(e, e->clock.step + 1);
     if (e->config.cell_averaged) {
-        all_of(run, masses, n_nodes);
+        all_of(run, masses, gr_groups(e));
         all_tiles(run, cell_forces);
     }
     all_of(run, nodes, gr_groups(e));
-    if (e->config.n_bodies) e->failure.code = gr_bodies_touch(e, run->gravity, run->team);
+    if (e->config.n_bodies) e->failure.code = gr_bodies_touch(e, run->kernels, run->gravity, run->team);
     if (e->failure.code) {
         e->sums.valid = 0;
         return;
@@ -144,7 +147,7 @@ int gr_stage_fluidity(struct gr_run *run)
     const struct gr_diffusion_call call = {nonlocal->method, 1.0 / nonlocal->substeps * e->clock.dt, 1};
     for (int made = 0; made < nonlocal->substeps; made++) {
         if (made) all_tiles(run, made == 1 ? begin_substeps : substep);
-        if (!made && e->mesh.n_paired) all_of(run, mean_pairs, e->mesh.n_paired);
+        if (e->mesh.n_paired) all_of(run, made ? store_pairs : mean_pairs, e->mesh.n_paired);
         e->failure.code = run->diffuse(e->nonlocal.fluidity, &call, run->team);
         if (e->failure.code) {
             e->sums.valid = 0;

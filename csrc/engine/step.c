@@ -169,16 +169,13 @@ static void make_steps(void *context, struct gr_team *team)
     }
 }
 
-/* The kernels of a scheme, from those in double precision. */
-static const struct gr_kernels *in_precision(const struct gr_engine *e, const struct gr_kernels *kernels)
-{
-    return e->config.single ? kernels->single : kernels;
-}
-
 static struct gr_run run_of(struct gr_engine *e, const struct gr_kernels *kernels)
 {
-    return (struct gr_run){
-        .e = e, .kernels = in_precision(e, kernels), .diffuse = kernels->diffuse, .left = 1, .until = INFINITY};
+    return (struct gr_run){.e = e,
+                           .kernels = gr_in_precision(kernels, e->config.single),
+                           .diffuse = kernels->diffuse,
+                           .left = 1,
+                           .until = INFINITY};
 }
 
 int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t max_steps, double until, int threads)
@@ -198,10 +195,10 @@ int gr_p2g(struct gr_engine *e, const struct gr_kernels *kernels)
     e->failure.code = ready(e, NULL);
     if (e->failure.code) return e->failure.code;
     gr_plan_sums(e, e->clock.step);
-    kernels = in_precision(e, kernels);
+    kernels = gr_in_precision(kernels, e->config.single);
     kernels->p2g(e, 0, e->mesh.n_tiles);
     if (e->config.cell_averaged) {
-        gr_grid_masses(e, 0, e->mesh.n_nodes);
+        gr_grid_masses(e, kernels, 0, e->mesh.n_nodes);
         kernels->apply_cell_forces(e, 0, e->mesh.n_tiles);
     }
     e->sums.valid = 1;

@@ -39,8 +39,10 @@
 /* Number i of an array with an entry per node, at local node i of the cells from `first` on. */
 GR_INLINE vd at_nodes(const struct gr_engine *e, const double *array, int64_t first, int i)
 {
+    const int64_t tile = first / GR_LANES, row = (tile * e->n_rows + i / 2) * GR_LANES;
     double value[GR_W];
-    for (int l = 0; l < GR_W; l++) value[l] = array[gr_cell_node(e, first + l, i)];
+    if (e->mesh.tile_in_order[tile] == GR_IN_ROW) return v_load(array + e->mesh.row_node[row] + first % GR_LANES + i % 2);
+    for (int l = 0; l < GR_W; l++) value[l] = array[gr_lane_nodes(e, tile, i)[first % GR_LANES + l]];
     return v_load(value);
 }
 
@@ -57,7 +59,8 @@ GR_INLINE vd free_volumes(const struct gr_engine *e, int64_t first, int i)
 {
     double volume[GR_W];
     if (!e->bodies.open) return at_nodes(e, e->mesh.node_volume, first, i);
-    for (int l = 0; l < GR_W; l++) volume[l] = gr_node_volume(e, e->mesh.node_id[gr_cell_node(e, first + l, i)]);
+    for (int l = 0; l < GR_W; l++)
+        volume[l] = gr_node_volume(e, e->mesh.node_id[gr_node_in_row(e, first + l, i / 2, i % 2)]);
     return v_load(volume);
 }
 
@@ -70,29 +73,25 @@ GR_INLINE vd slope_at(const int dim, const vd xi[3], int i, int d)
     return slope;
 }
 
-/* P2G of the cells from `first` on: m and p of their nodes, and their own sums, sum m c and sum m sigma; for all their
- * points or for those that arrived (`more`). */
-GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_engine *e, int64_t first, int more)
+/* P2G of GR_W cells of a tile: m and p of their nodes, and their own sums, sum m c and sum m sigma, and the masses that they
+ * bring to each of their nodes. */
+GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_engine *e, int64_t tile, int part,
+                                  struct pass *pass)
 {
-    const int K = 1 << dim, rows = GR_SUM_DAMPED(dim), stresses = dim == 2 ? 3 : 6;
-    const struct summed summed = points_to_sum(e, first, more);
-    gr_real *out = gr_sums(e) + gr_sums_of_cell(e, first), *cell_sum = out + K * rows * GR_LANES;
+    const int stresses = dim == 2 ? 3 : 6;
+    const int64_t first = tile * GR_LANES + part * GR_W;
+    const int most = most_points(e, first, GR_W);
     struct gr_frame frame;
     struct contribution contribution[MOST_PREPARED];
+    struct stretch stretch = {0};
     vd of_cell[GR_CELL_STRESS + 6], stress[6];
-    int fresh = !more;
-    if (more && summed.begin == summed.end) return;
-    for (int i = 0; !summed.end && i < e->sums.stride; i += GR_LANES) v_store(out + i, v_zero());
     gr_frame_of(dim, GR_LINEAR, 0, e, first, &frame);
-    for (int q = GR_CELL_MC; q < GR_CELL_STRESS + stresses; q++)
-        of_cell[q] = more ? v_load(cell_sum + q * GR_LANES) : v_zero();
-    const int prepared = gr_prepared(summed.end - summed.begin);
-    for (int done = summed.begin; done < summed.end; done += prepared, fresh = 0) {
-        const int left = summed.end - done, n = left < prepared ? left : prepared;
-        for (int i = 0; i < n; i++) {
+    for (int q = 0; q < GR_CELL_STRESS + stresses; q++) of_cell[q] = v_zero();
+    for (int done = 0; !stretch.ends; done += stretch.n) {
+        stretch = next_stretch(part, done, most);
+        for (int i = 0; i < stretch.n; i++) {
             const int64_t at = gr_slot(&e->mesh.cell[first], done + i);
-            const vm counted = v_ge(v_set(done + i), summed.first);
-            prepare_momentum(dim, GR_LINEAR, affine, e, &frame, at, counted, &contribution[i]);
+            prepare_momentum(dim, GR_LINEAR, affine, e, &frame, at, &contribution[i]);
             const vd m = contribution[i].m;
             of_cell[GR_CELL_MC] = v_fma(m, component(e, GR_FIELD_log_density, 0, at), of_cell[GR_CELL_MC]);
             acting_stress(dim, e, at, stress);
@@ -103,26 +102,45 @@ GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_eng
             if (e->config.largest.damping_rate > 0)
                 of_cell[GR_CELL_M_RATE] = v_fma(m, component(e, GR_FIELD_shear_rate, 0, at), of_cell[GR_CELL_M_RATE]);
         }
-        add_rows(dim, GR_LINEAR, affine, MOMENTUM, &frame, contribution, n, rows, 0, fresh, 0, out);
+        add_rows(dim, GR_LINEAR, affine, MOMENTUM | MASSES, &frame, contribution, stretch, 0, pass);
     }
-    for (int q = GR_CELL_MC; q < GR_CELL_STRESS + stresses; q++) v_store(cell_sum + q * GR_LANES, of_cell[q]);
+    for (int q = 0; q < GR_CELL_STRESS + stresses; q++) v_store(gr_cell_sums(e, first, q), of_cell[q]);
+}
+
+/* P2G of the points of a tile. The forces follow. */
+GR_INLINE void p2g_averaged(const int dim, const int affine, struct gr_engine *e, int64_t tile)
+{
+    struct pass pass;
+    if (!most_points(e, tile * GR_LANES, GR_LANES)) {
+        clear_sums(e, tile);
+        return;
+    }
+    begin_pass(e, GR_SUMS_OF_MOTION, tile, 0, &pass);
+    pass.masses = gr_cell_sums(e, tile * GR_LANES, GR_CELL_AVERAGED_SUMS(dim));
+    for (int part = 0; part < GR_VECTORS; part++) p2g_averaged_cells(dim, affine, e, tile, part, &pass);
+    store_ends(2, 1 << (dim - 1), &pass, 0, GR_SUM_FORCE(dim));
+}
+
+/* The masses that the cells from `first` on bring to their node i. */
+GR_INLINE vd own_mass(const int dim, const struct gr_engine *e, int64_t first, int i)
+{
+    return v_load(gr_cell_sums(e, first, GR_CELL_AVERAGED_SUMS(dim) + i));
 }
 
 /* State of the cells from `first` on before their forces, from their sums and the masses of their nodes: w (`inside`), ln
  * phi (as 2 (phi - 1)/(phi + 1)), c, the quadrature point, the over-compression sum max(0, m_i/rho_c - V_i) B_i dx, and
- * the excess of mass; and the damping, from the mean of the plastic shear rate. Only cells with points have a state; for
- * their neighbours the others count as disconnected. */
-GR_INLINE void store_state(const int dim, struct gr_engine *e, int64_t first, vm has)
+ * the excess of mass. Only cells with points have a state; for their neighbours the others count as disconnected.
+ * Returned: the damping of their points, from the mean of the plastic shear rate. */
+GR_INLINE vd store_state(const int dim, struct gr_engine *e, int64_t first, vm has)
 {
-    const int K = 1 << dim, rows = GR_SUM_DAMPED(dim);
-    gr_real *sum = gr_sums(e) + gr_sums_of_cell(e, first), *cell_sum = sum + K * rows * GR_LANES;
+    const int K = 1 << dim;
     const vd per_cell = v_set(e->mass_scale), one = v_set(1.0);
     vd M = v_zero(), mass = v_zero(), volume = v_zero(), high[3] = {v_zero(), v_zero(), v_zero()}, over[8], at[3];
     vd lightest = one, centre[3];
     const vd open = open_parts(dim, e, first, centre);
     for (int i = 0; i < K; i++) {
         const vd m = at_nodes(e, e->nodes.mass, first, i) * per_cell, V = at_nodes(e, e->mesh.node_volume, first, i);
-        const vd part = v_load(sum + i * rows * GR_LANES);
+        const vd part = own_mass(dim, e, first, i);
         M = M + part;
         mass = mass + m;
         volume = volume + V;
@@ -133,7 +151,7 @@ GR_INLINE void store_state(const int dim, struct gr_engine *e, int64_t first, vm
     }
     const vd inverse = one / v_select(has, M, one), filled = M * per_cell;
     const vd inside = v_min(between(LIGHT_BELOW, LIGHT_UNTIL, lightest), between(SURFACE_BELOW, INSIDE_FROM, mass / volume));
-    const vd c = v_load(cell_sum + GR_CELL_MC * GR_LANES) * inverse;
+    const vd c = v_load(gr_cell_sums(e, first, GR_CELL_MC)) * inverse;
     v_store(average_of(e, GR_AVERAGE_INSIDE, first), inside);
     v_store(average_of(e, GR_AVERAGE_LOG_PHI, first),
             v_set(2.0) * (mass - volume) / (mass + volume) - v_set(e->servo_strain));
@@ -149,10 +167,8 @@ GR_INLINE void store_state(const int dim, struct gr_engine *e, int64_t first, vm
         for (int i = 0; i < K; i++) gradient = v_fma(over[i], slope_at(dim, at, i, d), gradient);
         v_store(average_of(e, GR_AVERAGE_OVER_COMPRESSION(dim) + d, first), gradient);
     }
-    vd damped = v_zero();
-    if (e->config.largest.damping_rate > 0)
-        damped = v_keep(has, damped_share(e, v_load(cell_sum + GR_CELL_M_RATE * GR_LANES) * inverse, c, first));
-    v_store(cell_sum + GR_CELL_DAMPED * GR_LANES, damped);
+    if (!(e->config.largest.damping_rate > 0)) return v_zero();
+    return v_keep(has, damped_share(e, v_load(gr_cell_sums(e, first, GR_CELL_M_RATE)) * inverse, c, first));
 }
 
 /* Volume that a cell represents, over dx^dim, if the node masses bear it, else as much as they bear:
@@ -165,8 +181,7 @@ GR_INLINE void store_state(const int dim, struct gr_engine *e, int64_t first, vm
  * except in cells that the surface of a body cuts: a node within it may be full and yet have next to no mass. */
 GR_INLINE vd represented_volume(const int dim, const struct gr_engine *e, int64_t first, const vd at[3])
 {
-    const int K = 1 << dim, rows = GR_SUM_DAMPED(dim);
-    const gr_real *sum = gr_sums(e) + gr_sums_of_cell(e, first);
+    const int K = 1 << dim;
     const vd one = v_set(1.0), w = v_load(average_of(e, GR_AVERAGE_INSIDE, first));
     const vd open = v_load(average_of(e, GR_AVERAGE_OPEN, first));
     const vd volume = v_fma(one - w, v_min(open, v_load(average_of(e, GR_AVERAGE_FILLED, first))), w * open);
@@ -177,41 +192,60 @@ GR_INLINE vd represented_volume(const int dim, const struct gr_engine *e, int64_
         const vd shared = w * at_nodes(e, e->nodes.mass, first, i) / (v_set(K) * free_volumes(e, first, i));
         vd square = v_zero();
         for (int d = 0; d < dim; d++) square = v_fma(slope_at(dim, at, i, d), slope_at(dim, at, i, d), square);
-        stiffness = stiffness + square / v_fma(v_set(e->mass_scale), v_max(shared, v_load(sum + i * rows * GR_LANES)),
-                                               v_set(GR_NOTHING));
+        stiffness =
+            stiffness + square / v_fma(v_set(e->mass_scale), v_max(shared, own_mass(dim, e, first, i)), v_set(GR_NOTHING));
     }
     const vm too_stiff = m_and(at_surface, v_gt(volume * stiffness, v_set(STIFFEST)));
     return v_select(too_stiff, v_set(STIFFEST) / stiffness, volume);
 }
 
-/* State of the cells from `first` on, and their forces on their nodes, which conserve momentum and angular momentum:
+/* State of GR_W cells of a tile, and their forces on their nodes, which conserve momentum and angular momentum:
  *
  *   f_i = -A sigma B_i,   A: represented_volume. */
-GR_INLINE void apply_forces_of_cells(const int dim, struct gr_engine *e, int64_t first)
+GR_INLINE void forces_of_cells(const int dim, struct gr_engine *e, int64_t tile, int part, struct pass *pass)
 {
     static const int place[2][3][3] = {{{0, 2, 5}, {2, 1, 4}, {5, 4, 3}}, {{0, 3, 5}, {3, 1, 4}, {5, 4, 2}}};
-    const int K = 1 << dim, rows = GR_SUM_DAMPED(dim), stresses = dim == 2 ? 3 : 6;
-    gr_real *sum = gr_sums(e) + gr_sums_of_cell(e, first), *cell_sum = sum + K * rows * GR_LANES;
+    const int stresses = dim == 2 ? 3 : 6, width = pass->rows->width;
+    const int64_t first = tile * GR_LANES + part * GR_W;
     const vm has = occupied(e, first);
     vd at[3], stress[6];
-    if (!m_bits(has)) { /* without points all sums are zero */
-        v_store(average_of(e, GR_AVERAGE_C, first), v_set(EMPTY));
-        v_store(average_of(e, GR_AVERAGE_EXCESS, first), v_zero());
-        return;
-    }
-    store_state(dim, e, first, has);
+    const vd damped = store_state(dim, e, first, has);
     for (int d = 0; d < dim; d++) at[d] = v_load(average_of(e, GR_AVERAGE_AT + d, first));
     /* A/(dx M), by mass_scale = 1/(rho_c dx^dim) and -1/(rho_c dx) */
     const vd filled = v_select(has, v_load(average_of(e, GR_AVERAGE_FILLED, first)), v_set(1.0));
     const vd area =
         v_keep(has, represented_volume(dim, e, first, at) * v_set(e->material_number[GR_MATERIAL_FORCE_SCALE][0]) / filled);
-    for (int q = 0; q < stresses; q++) stress[q] = v_keep(has, v_load(cell_sum + (GR_CELL_STRESS + q) * GR_LANES));
-    for (int i = 0; i < K; i++)
+    for (int q = 0; q < stresses; q++) stress[q] = v_keep(has, v_load(gr_cell_sums(e, first, GR_CELL_STRESS + q)));
+    for (int row = 0; row < 1 << (dim - 1); row++) {
         for (int d = 0; d < dim; d++) {
-            vd force = v_zero();
-            for (int j = 0; j < dim; j++) force = v_fma(stress[place[dim - 2][d][j]], slope_at(dim, at, i, j), force);
-            v_store(sum + (i * rows + GR_SUM_FORCE(dim) + d) * GR_LANES, v_keep(has, area * force));
+            vd force[2];
+            for (int a = 0; a < 2; a++) {
+                vd sum = v_zero();
+                for (int j = 0; j < dim; j++)
+                    sum = v_fma(stress[place[dim - 2][d][j]], slope_at(dim, at, 2 * row + a, j), sum);
+                force[a] = v_keep(has, area * sum);
+            }
+            store_lanes(2, pass, part, row * width + GR_SUM_FORCE(dim) + d, force[0], force[1], force[1]);
         }
+        const vd left = damped * own_mass(dim, e, first, 2 * row), right = damped * own_mass(dim, e, first, 2 * row + 1);
+        store_lanes(2, pass, part, row * width + GR_SUM_DAMPED(dim), left, right, right);
+    }
+}
+
+/* The same for a tile; without points all sums are zero. */
+GR_INLINE void apply_forces_of_tile(const int dim, struct gr_engine *e, int64_t tile)
+{
+    struct pass pass;
+    begin_pass(e, GR_SUMS_OF_MOTION, tile, 0, &pass);
+    if (!most_points(e, tile * GR_LANES, GR_LANES)) {
+        for (int64_t first = tile * GR_LANES; first < (tile + 1) * GR_LANES; first += GR_W) {
+            v_store(average_of(e, GR_AVERAGE_C, first), v_set(EMPTY));
+            v_store(average_of(e, GR_AVERAGE_EXCESS, first), v_zero());
+        }
+        return;
+    }
+    for (int part = 0; part < GR_VECTORS; part++) forces_of_cells(dim, e, tile, part, &pass);
+    store_ends(2, 1 << (dim - 1), &pass, GR_SUM_FORCE(dim), GR_SUM_DAMPED(dim) + 1);
 }
 
 /* The second difference of the density of the cells from `first` on, (c- - 2 c + c+)/4, as a mean over the axes. It sees

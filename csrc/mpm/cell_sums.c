@@ -10,19 +10,21 @@ enum { LINE = 64 }; /* bytes of a line of the caches */
  * by a third at 5 MB), and by the fetches by another tenth at 12 to 25 MB; less was not tried. */
 enum { CACHED = 12 << 20 };
 
-int gr_reserve_sums(struct gr_engine *e, int64_t tiles)
+int gr_reserve_sums(struct gr_engine *e, int64_t numbers)
 {
-    /* loads of node_sums.inl end beyond the last */
-    void *block = malloc(gr_bytes_of_sums(e, (tiles + 1) * e->sums.stride + GR_LANES) + LINE);
+    if (numbers <= e->sums.capacity) return GR_OK;
+    const int64_t capacity = numbers + numbers / 2;
+    void *block = malloc(gr_bytes_of_sums(e, capacity + GR_LANES) + LINE); /* loads of whole vectors reach beyond the last */
     if (!block) return GR_ERR_MEMORY;
     free(e->sums.block);
+    e->sums.capacity = capacity;
     e->sums.block = block;
     e->sums.data = (char *)block + (LINE - (uintptr_t)block % LINE);
     return GR_OK;
 }
 
-void gr_note_size(struct gr_engine *e, int64_t tiles, int64_t slots)
+void gr_note_size(struct gr_engine *e, int64_t numbers, int64_t slots)
 {
     const size_t points = sizeof(double) * (size_t)((e->points.n_components + 1) * slots);
-    e->out_of_cache = points + gr_bytes_of_sums(e, tiles * e->sums.stride) > CACHED;
+    e->out_of_cache = points + gr_bytes_of_sums(e, numbers) > CACHED;
 }

@@ -135,23 +135,42 @@ struct view {
     vd mode[GR_NODE_FIELDS(3, 1) * GR_MAX_NODES]; /* field by field */
 };
 
-/* The nodal values of fields [begin, end) times `scale` at the nodes of the cells from `first` on. */
-GR_INLINE void load_nodes(const int K, const struct gr_engine *e, int64_t first, int begin, int end, double scale, vd *value)
+/* The nodal values of fields [begin, end) times `scale` at the nodes of the cells from `first` on, of which some are not in
+ * order. */
+GR_INLINE void load_each_node(const int K, const struct gr_engine *e, int64_t first, int begin, int end, double scale,
+                              vd *value)
 {
     const int64_t tile = first / GR_LANES;
-    const int32_t *node = e->mesh.cell_node + tile * K * GR_LANES + first % GR_LANES;
-    for (int i = 0; i < K; i++, node += GR_LANES) {
+    for (int i = 0; i < K; i++) {
+        const int32_t *const node = gr_lane_nodes(e, tile, i) + first % GR_LANES;
         const gr_real *field = gr_seen_field(e, begin);
-        if (__builtin_expect(e->mesh.tile_in_row[tile] >> i & 1, 1)) {
-            for (int q = begin; q < end; q++, field += e->nodes.capacity)
-                value[(q - begin) * K + i] = v_set(scale) * v_load(field + *node);
-            continue;
-        }
         for (int q = begin; q < end; q++, field += e->nodes.capacity) {
             gr_real each[GR_W];
+            if (e->mesh.tile_in_order[tile] >> i & 1) {
+                value[(q - begin) * K + i] = v_set(scale) * v_load(field + *node);
+                continue;
+            }
             for (int l = 0; l < GR_W; l++) each[l] = field[node[l]];
             value[(q - begin) * K + i] = v_set(scale) * v_load(each);
         }
+    }
+}
+
+/* The same wherever the nodes are. */
+GR_INLINE void load_nodes(const int K, const struct gr_engine *e, int64_t first, int begin, int end, double scale, vd *value)
+{
+    const int k = K % 2 ? 3 : 2, n_rows = K / k;
+    const int64_t tile = first / GR_LANES;
+    if (__builtin_expect(e->mesh.tile_in_order[tile] != GR_IN_ROW, 0)) {
+        load_each_node(K, e, first, begin, end, scale, value);
+        return;
+    }
+    GR_UNROLLED
+    for (int row = 0; row < n_rows; row++) {
+        const int32_t node = e->mesh.row_node[(tile * n_rows + row) * GR_LANES];
+        const gr_real *field = gr_seen_field(e, begin) + node + first % GR_LANES;
+        for (int q = begin; q < end; q++, field += e->nodes.capacity)
+            for (int a = 0; a < k; a++) value[(q - begin) * K + row * k + a] = v_set(scale) * v_load(field + a);
     }
 }
 

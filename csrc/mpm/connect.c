@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "core/memory.h"
+#include "mpm/addends.h"
 #include "mpm/migrate.h"
 #include "mpm/solid_cells.h"
 #include "mpm/spread.h"
@@ -17,8 +18,6 @@ static int reserve_nodes(struct gr_engine *e, int64_t n)
     if (n <= mesh->node_capacity) return GR_OK;
     const int64_t capacity = n + n / 2;
     mesh->node_capacity = 0;
-    GR_RESIZE(mesh->node_source, capacity * e->K);
-    GR_RESIZE(mesh->node_run, (capacity / GR_LANES + 1) * e->K);
     GR_RESIZE(mesh->node_code, capacity);
     GR_RESIZE(mesh->node_id, capacity);
     e->nodes.capacity = capacity + 2 * GR_LANES;
@@ -29,11 +28,12 @@ static int reserve_nodes(struct gr_engine *e, int64_t n)
     }
     GR_RESIZE(e->nodes.data, e->nodes.n_fields * e->nodes.capacity);
     if (e->config.single) GR_RESIZE(e->nodes.single, e->nodes.n_fields * e->nodes.capacity);
-    GR_RESIZE(e->nodes.mass, capacity + GR_LANES);
+    GR_RESIZE(e->nodes.mass, e->nodes.capacity);
     if (e->config.xpic_order > 0) GR_RESIZE(e->nodes.v, capacity * e->config.dim);
     if (e->watch) GR_RESIZE(e->watch->node, capacity * e->config.dim);
     if (e->bodies.n_thin) {
         GR_RESIZE(mesh->duplicate, capacity);
+        GR_RESIZE(mesh->separable, capacity);
         GR_RESIZE(mesh->separated, capacity);
     }
     mesh->node_capacity = capacity;
@@ -47,17 +47,6 @@ static int64_t node_id_of(const struct gr_engine *e, const struct gr_cell *cell,
     int64_t id = 0;
     for (int d = e->config.dim - 1; d >= 0; d--) id = id * e->axis[d].n_nodes + e->axis[d].cell[cell->at[d]].node[part[d]];
     return id;
-}
-
-/* 1 if local node number `local` of a cell would be beyond an end of an axis (ugimp): it has no weight. */
-static int is_beyond(const struct gr_engine *e, const struct gr_cell *cell, int local)
-{
-    const int k = gr_basis_nodes_1d(e->config.basis);
-    for (int d = 0; d < e->config.dim; d++, local /= k) {
-        const int32_t *node = e->axis[d].cell[cell->at[d]].node;
-        if (!e->axis[d].periodic && local % k != 1 && node[local % k] == node[1]) return 1;
-    }
-    return 0;
 }
 
 double gr_node_volume(const struct gr_engine *e, int64_t id)
@@ -79,20 +68,19 @@ static void describe_node(struct gr_engine *e, int64_t n)
     int32_t at[3] = {0};
     mesh->node_volume[n] = gr_node_volume(e, id);
     for (int d = 0; d < e->config.dim; d++) {
-        at[d] = (int32_t)(id % e->axis[d].n_nodes);
+        at[d] = e->axis[d].node_number[id % e->axis[d].n_nodes];
         id /= e->axis[d].n_nodes;
     }
     mesh->node_code[n] = gr_map_get(&e->config.node_codes, at);
-    for (int i = 0; i < e->K; i++)
-        mesh->node_source[n * e->K + i] = gr_sums_of_cell(e, mesh->n_tiles * GR_LANES + n % GR_LANES) +
-                                          (e->K - 1 - i) * GR_SUM_DAMPED(e->config.dim) * GR_LANES;
 }
 
-/* The nodes that are to be connected. A node of double cells is listed twice, its copy for the front first. */
+/* The nodes that are to be connected: of the layers, one after the other. */
 struct connect {
     struct gr_engine *e;
+    const struct gr_tiles *tiles;
     struct gr_team *team;
-    int64_t chunks, n_nodes, *ids;
+    int64_t chunks, n_nodes, *ids[2], n[2],
+        first[2]; /* indices of the nodes of a layer in the grid, their number, the first */
 };
 
 /* Clear the nodal fields, which belong to the old nodes: G2P before the next grid stage then finds all nodes at rest. */
@@ -111,40 +99,39 @@ GR_SHARED(clear_nodes, struct connect, q->e->nodes.capacity, q)
     if (e->nodes.v) memset(e->nodes.v + first * e->config.dim, 0, sizeof(double) * (size_t)((last - first) * e->config.dim));
 }
 
-/* List the second copies of nodes, too. */
-static int list_copies(struct connect *q)
+/* Fill node_of from both layers, of a node in both with the first. */
+static int number_nodes(struct connect *q)
 {
-    const struct gr_engine *e = q->e;
-    int64_t n = q->n_nodes, all = n;
-    int64_t *ids = realloc(q->ids, sizeof *ids * (size_t)(2 * n + 1));
-    if (!ids) return GR_ERR_MEMORY;
-    q->ids = ids;
-    uint8_t *doubled = calloc((size_t)n + 1, 1);
-    if (!doubled) return GR_ERR_MEMORY;
-    for (int64_t k = 0; k < e->mesh.n_paired; k++)
-        for (int a = 0; a < e->K; a++) {
-            uint8_t *copy = &doubled[gr_table_get(&e->mesh.node_of, node_id_of(e, &e->mesh.cell[e->mesh.paired[k]], a)) - 1];
-            all += !*copy;
-            *copy = 1;
-        }
-    q->n_nodes = all;
-    while (n-- > 0) { /* backwards, so that no entry is overwritten that is still needed */
-        ids[--all] = ids[n];
-        if (doubled[n]) ids[--all] = ids[n];
+    const size_t n = (size_t)q->n_nodes + 1;
+    int64_t *ids = malloc(sizeof *ids * n);
+    int32_t *number = malloc(sizeof *number * n);
+    int64_t at[2] = {0, 0}, all = 0;
+    int error = GR_ERR_MEMORY;
+    while (ids && number && (at[0] < q->n[0] || at[1] < q->n[1])) {
+        const int behind = at[0] == q->n[0] || (at[1] < q->n[1] && q->ids[1][at[1]] < q->ids[0][at[0]]);
+        ids[all] = q->ids[behind][at[behind]];
+        number[all++] = (int32_t)(q->first[behind] + at[behind]++);
     }
-    free(doubled);
-    return GR_OK;
+    if (ids && number) error = gr_table_fill(&q->e->mesh.node_of, ids, number, all, q->team, q->chunks);
+    free(ids);
+    free(number);
+    return error;
 }
 
 /* List the nodes of the active cells; node_of gives their numbers. */
-static int list_nodes(struct connect *q, const int64_t *cells)
+static int list_nodes(struct connect *q)
 {
-    struct gr_table *const numbers = &q->e->mesh.node_of;
-    if (gr_spread(q->e, GR_SPREAD_NODES, cells, q->e->mesh.n_cells, q->team, q->chunks, &q->ids, &q->n_nodes) ||
-        gr_table_fill(numbers, q->ids, q->n_nodes, q->team, q->chunks))
-        return GR_ERR_MEMORY;
-    if (!q->e->mesh.n_paired) return GR_OK;
-    return list_copies(q) || gr_table_fill(numbers, q->ids, q->n_nodes, q->team, q->chunks) ? GR_ERR_MEMORY : GR_OK;
+    const struct gr_tiles *tiles = q->tiles;
+    const int64_t begin[3] = {0, tiles->n_front, tiles->n_cells};
+    for (int k = 0; k < (tiles->side ? 2 : 1); k++) {
+        q->first[k] = q->n_nodes;
+        if (gr_spread(q->e, GR_SPREAD_NODES, tiles->cell + begin[k], begin[k + 1] - begin[k], q->team, q->chunks, &q->ids[k],
+                      &q->n[k]))
+            return GR_ERR_MEMORY;
+        q->n_nodes += q->n[k];
+    }
+    if (tiles->side) return number_nodes(q);
+    return gr_table_fill(&q->e->mesh.node_of, q->ids[0], NULL, q->n[0], q->team, q->chunks);
 }
 
 GR_SHARED(describe_nodes, struct connect, q->n_nodes, q)
@@ -152,25 +139,42 @@ GR_SHARED(describe_nodes, struct connect, q->n_nodes, q)
     struct gr_mesh *mesh = &q->e->mesh;
     (void)chunk;
     for (int64_t n = first; n < last; n++) {
-        mesh->node_id[n] = q->ids[n];
-        if (q->e->bodies.n_thin) {
-            const int is_front = n + 1 < q->n_nodes && q->ids[n + 1] == q->ids[n], is_back = n && q->ids[n - 1] == q->ids[n];
-            mesh->duplicate[n] = is_front ? (int32_t)(n + 1) : is_back ? (int32_t)(n - 1) : -1;
-        }
+        mesh->node_id[n] = n < q->n[0] ? q->ids[0][n] : q->ids[1][n - q->n[0]];
         describe_node(q->e, n);
     }
 }
 
-/* Find out which local nodes of the cells of a tile follow each other. */
-static void find_rows(struct gr_engine *e, int64_t tile)
+/* Number of the node of a layer with this index in the grid. */
+static int64_t node_in_layer(const struct connect *q, int k, int64_t id)
 {
-    const int32_t *node = e->mesh.cell_node + tile * e->K * GR_LANES;
-    e->mesh.tile_in_row[tile] = 0;
-    for (int i = 0; i < e->K; i++, node += GR_LANES) {
-        int in_row = 1;
-        for (int l = 1; l < GR_LANES; l++) in_row &= node[l] == node[0] + l;
-        e->mesh.tile_in_row[tile] |= (uint32_t)in_row << i;
+    int64_t low = 0, high = q->n[k];
+    if (!k) return (int64_t)gr_table_get(&q->e->mesh.node_of, id) - 1;
+    while (low < high) {
+        const int64_t middle = (low + high) / 2;
+        if (q->ids[k][middle] < id)
+            low = middle + 1;
+        else
+            high = middle;
     }
+    return q->first[k] + low;
+}
+
+/* Find which nodes are in both layers, and which of them belong to double cells. */
+static void pair_nodes(struct connect *q)
+{
+    struct gr_mesh *mesh = &q->e->mesh;
+    for (int64_t n = 0; n < q->n_nodes; n++) mesh->duplicate[n] = -1, mesh->separable[n] = mesh->separated[n] = 0;
+    for (int64_t n = 0, other = q->first[1]; n < q->n[0]; n++) {
+        while (other < q->n_nodes && mesh->node_id[other] < mesh->node_id[n]) other++;
+        if (other == q->n_nodes || mesh->node_id[other] != mesh->node_id[n]) continue;
+        mesh->duplicate[n] = (int32_t)other;
+        mesh->duplicate[other] = (int32_t)n;
+    }
+    for (int64_t k = 0; k < mesh->n_paired; k++)
+        for (int i = 0; i < q->e->K; i++) {
+            const int64_t n = gr_cell_node(q->e, mesh->paired[k], i);
+            mesh->separable[n] = mesh->separable[mesh->duplicate[n]] = 1;
+        }
 }
 
 /* Index of the node `id` of the grid, the last of all if it is not active. It mostly is at `guess`, as nodes of a row
@@ -233,31 +237,6 @@ static void describe_none(struct gr_engine *e)
     e->mesh.node_volume[e->nodes.capacity - 1] = 0;
 }
 
-/* Find the pieces in which the sums of GR_LANES nodes lie. Nodes beyond the last continue its piece. */
-GR_SHARED(find_runs, struct connect, (q->n_nodes + GR_LANES - 1) / GR_LANES, q)
-{
-    const struct gr_engine *e = q->e;
-    const struct gr_mesh *mesh = &e->mesh;
-    (void)chunk;
-    for (int64_t group = first; group < last; group++)
-        for (int i = 0; i < e->K; i++) {
-            const int64_t *source = mesh->node_source + group * GR_LANES * e->K + i;
-            const int64_t left = mesh->n_nodes - group * GR_LANES, n = left < GR_LANES ? left : GR_LANES;
-            struct gr_node_run run = {.at = {source[0]}, .pieces = 1};
-            for (int l = 1; l < n && run.pieces != GR_RUN_BROKEN; l++) {
-                const int64_t at = source[l * e->K] - l;
-                if (at == run.at[run.pieces - 1]) continue;
-                if (run.pieces == GR_RUN_PIECES || at < 0) {
-                    run.pieces = GR_RUN_BROKEN;
-                } else {
-                    run.begin[run.pieces] = (int8_t)l;
-                    run.at[run.pieces++] = at;
-                }
-            }
-            mesh->node_run[group * e->K + i] = run;
-        }
-}
-
 /* Index of the neighbour of a cell along axis d, low or high; see enum gr_neighbour. */
 static int64_t neighbour_of_cell(const struct gr_engine *e, const struct gr_cell *cell, int d, int high)
 {
@@ -280,45 +259,89 @@ static void find_neighbours(struct gr_engine *e, int64_t c)
         e->mesh.neighbour[c * sides + k] = (int32_t)neighbour_of_cell(e, &e->mesh.cell[c], k / 2, k % 2);
 }
 
-/* Find the nodes and the neighbours of the cells of tiles. Each source of a node belongs to one cell. */
-GR_SHARED(connect_tiles, struct connect, q->e->mesh.n_tiles, q)
+/* Find the rows of nodes of a cell, and where they begin in the grid. Those of the cells that fill up the last tile are those
+ * of its last cell. */
+static void find_rows(const struct connect *q, int64_t c)
 {
     struct gr_engine *e = q->e;
-    struct gr_mesh *mesh = &e->mesh;
-    const int K = e->K;
-    (void)chunk;
-    for (int64_t c = first * GR_LANES; c < last * GR_LANES; c++) {
-        for (int a = 0; a < K; a++) {
-            int32_t n = gr_table_get(&mesh->node_of, node_id_of(e, &mesh->cell[c], a)) - 1;
-            if (e->bodies.n_thin && mesh->duplicate[n] >= 0) n += mesh->cell[c].side < 0;
-            mesh->cell_node[(c / GR_LANES * K + a) * GR_LANES + c % GR_LANES] = n;
-            if (c >= mesh->n_cells || is_beyond(e, &mesh->cell[c], a)) continue;
-            mesh->node_source[(int64_t)n * K + K - 1 - a] =
-                gr_sums_of_cell(e, c) + a * GR_SUM_DAMPED(e->config.dim) * GR_LANES;
-        }
-        if (mesh->neighbour) find_neighbours(e, c);
+    const int64_t source = c < e->mesh.n_cells ? c : e->mesh.n_cells - 1, n_x = e->axis[0].n_nodes;
+    const int k = e->K / e->n_rows, behind = source >= e->mesh.n_front;
+    const struct gr_cell *cell = &e->mesh.cell[source];
+    for (int row = 0; row < e->n_rows; row++) {
+        const int64_t at = (c / GR_LANES * e->n_rows + row) * GR_LANES + c % GR_LANES, id = node_id_of(e, cell, row * k);
+        const int wraps = e->mesh.row_begin && cell->at[0] + k > n_x;
+        e->mesh.row_node[at] = (int32_t)node_in_layer(q, behind, id);
+        if (e->mesh.row_begin) e->mesh.row_begin[at] = wraps ? (int32_t)node_in_layer(q, behind, id - id % n_x) : -1;
     }
-    for (int64_t tile = first; tile < last; tile++) find_rows(e, tile);
 }
 
-int gr_connect(struct gr_engine *e, const int64_t *cells, struct gr_team *team, int64_t chunks)
+/* Find out which nodes of the lanes of a tile follow each other. */
+static uint32_t find_order(const struct gr_engine *e, int64_t tile)
 {
-    struct connect q = {.e = e, .team = team, .chunks = chunks};
+    const int64_t first = tile * GR_LANES;
+    uint32_t in_order = 0;
+    for (int i = 0; i < e->K; i++) {
+        int l = 1;
+        while (l < GR_LANES && gr_cell_node(e, first + l, i) == gr_cell_node(e, first, i) + l) l++;
+        in_order |= (uint32_t)(l == GR_LANES) << i;
+    }
+    const int run = e->mesh.tile_joins[tile] == (1 << GR_LANES) - 2;
+    return run && in_order == (1u << e->K) - 1 ? GR_IN_ROW : in_order;
+}
+
+/* List the nodes of the lanes of tiles in which they are not in a row. */
+static int list_lane_nodes(struct gr_engine *e)
+{
+    struct gr_mesh *mesh = &e->mesh;
+    int64_t n = 0;
+    for (int64_t tile = 0; tile < mesh->n_tiles; tile++) {
+        mesh->tile_nodes[tile] = (int32_t)n;
+        if (mesh->tile_in_order[tile] != GR_IN_ROW) n += e->K * GR_LANES;
+    }
+    if (n > mesh->lane_node_capacity) {
+        mesh->lane_node_capacity = 0;
+        GR_RESIZE(mesh->lane_node, n + n / 2);
+        mesh->lane_node_capacity = n + n / 2;
+    }
+    for (int64_t tile = 0; tile < mesh->n_tiles; tile++)
+        for (int i = 0; mesh->tile_in_order[tile] != GR_IN_ROW && i < e->K; i++)
+            for (int l = 0; l < GR_LANES; l++)
+                mesh->lane_node[mesh->tile_nodes[tile] + i * GR_LANES + l] = gr_cell_node(e, tile * GR_LANES + l, i);
+    return GR_OK;
+}
+
+/* Find the nodes of tiles, and the neighbours of their cells. */
+GR_SHARED(connect_tiles, struct connect, q->e->mesh.n_tiles, q)
+{
+    struct gr_mesh *mesh = &q->e->mesh;
+    (void)chunk;
+    for (int64_t c = first * GR_LANES; c < last * GR_LANES; c++) {
+        find_rows(q, c);
+        if (mesh->neighbour) find_neighbours(q->e, c);
+    }
+    for (int64_t tile = first; tile < last; tile++) mesh->tile_in_order[tile] = find_order(q->e, tile);
+}
+
+int gr_connect(struct gr_engine *e, const struct gr_tiles *tiles, struct gr_team *team, int64_t chunks)
+{
+    struct connect q = {.e = e, .tiles = tiles, .team = team, .chunks = chunks};
     e->mesh.n_nodes = 0;
-    const int error = list_nodes(&q, cells) || reserve_nodes(e, q.n_nodes) ? GR_ERR_MEMORY : GR_OK;
+    int error = list_nodes(&q) || reserve_nodes(e, q.n_nodes) ? GR_ERR_MEMORY : GR_OK;
     if (!error) {
         e->mesh.n_nodes = q.n_nodes;
         clear_nodes(&q);
         describe_nodes(&q);
         connect_tiles(&q);
-        find_runs(&q);
-        if (e->config.smoothed) {
-            find_all_about(&q);
-            describe_none(e);
-        }
-    } else {
-        gr_table_clear(&e->mesh.node_of);
+        if (tiles->side) pair_nodes(&q);
+        error = list_lane_nodes(e) ? GR_ERR_MEMORY : gr_list_addends(e, q.n[0], team, chunks);
     }
-    free(q.ids);
+    if (error) {
+        e->mesh.n_nodes = 0;
+        gr_table_clear(&e->mesh.node_of);
+    } else if (e->config.smoothed) {
+        find_all_about(&q);
+        describe_none(e);
+    }
+    for (int k = 0; k < 2; k++) free(q.ids[k]);
     return error;
 }

@@ -32,6 +32,8 @@ GR_INLINE vd component(const struct gr_engine *e, int field, int c, int64_t at)
     return v_load(gr_numbers(e, field, c, at));
 }
 
+enum { MOST_SUMS = 7 }; /* of a node that are added up together */
+
 /* A row of nodes along the first axis; b and c are their indices along the other two. */
 struct row {
     int b, c;

@@ -24,11 +24,10 @@ struct gr_cell {
     int64_t offset; /* first slot in the point arrays; the next ones follow at distances of GR_LANES */
     int64_t apart;  /* added to the slots from number `rows` on (slots.h) */
     int32_t count, capacity, rows;
-    int32_t summed; /* number of its first points that are in its sums */
-    int32_t calm;   /* checks in a row at which its points were slow, or GR_ASLEEP (mpm/sleep.h) */
-    int32_t at[3];  /* indices along the axes */
-    int8_t side;    /* enum gr_side_of_cell; of a double cell the front is listed first */
+    int32_t calm;  /* checks in a row at which its points were slow, or GR_ASLEEP (mpm/sleep.h) */
+    int32_t at[3]; /* indices along the axes */
     int16_t flags;
+    int8_t side; /* enum gr_side_of_cell */
 };
 
 /* Slot of point k of a cell. */
@@ -39,33 +38,55 @@ static inline int64_t gr_slot(const struct gr_cell *cell, int64_t k)
 
 #define GR_IS_DOUBLE(cell) ((cell)->side == GR_FRONT || (cell)->side == GR_BACK)
 
-/* Where the sums of GR_LANES nodes that follow each other begin. They lie in pieces, as nodes of a row of the grid do in
- * the sums of the cells of a tile: the sums of node l of piece k, l >= begin[k], are at[k] + l. */
-enum { GR_RUN_PIECES = 4, GR_RUN_BROKEN = 0 };
-struct gr_node_run {
-    int64_t at[GR_RUN_PIECES];
-    int8_t pieces, begin[GR_RUN_PIECES]; /* GR_RUN_BROKEN pieces if there are more than fit */
+/* A number of a tile among the sums: none; of a lane for its first node; of the end of a run for the nodes beyond it (enum
+ * gr_node_sum); or of a lane that is a run by itself, for its second and third node. */
+enum gr_kind_of_sum { GR_NO_SUM, GR_OF_LANES, GR_TAIL_1, GR_TAIL_3, GR_TAIL_2, GR_SECOND, GR_THIRD, GR_KINDS_OF_SUMS };
+
+/* What a run of cells adds to nodes that follow each other, or only its end: to the n nodes from `node` on
+ *
+ *   (lanes[0] + first) + before, lanes[1] + second, lanes[2], ...
+ *
+ * or, where lanes that follow each other are `apart` as runs by themselves, (lanes[l] + first[l]) + before[l] to node l. The
+ * positions are those of the block of a tile, or of a run or lane in it (mpm/cell_sums.h); `first` and `second` have that of
+ * the `end` of a run. */
+struct gr_addend {
+    int64_t lanes, end, before;
+    int32_t node;
+    uint8_t n, apart, kind_of_lanes, first, second, kind_before; /* enum gr_kind_of_sum */
 };
 
-/* State of the sums of a tile after the points have moved. */
-enum gr_tile_state { GR_TILE_SUMMED, GR_TILE_GAINED, GR_TILE_CHANGED };
+#define GR_IN_ROW UINT32_MAX
 
-/* The active part of the grid: the cells and nodes that material may touch before the next regrouping. GR_LANES cells
- * that follow each other are a tile. The kernels work on a tile at a time: a lane of a vector is a cell, and row k of a tile
- * has the k-th point of each of its cells, so that no sum is over the lanes. The last tile is filled up with cells that
- * have no nodes of their own, nor points. */
+/* The active part of the grid: the cells and nodes that material may touch before the next regrouping. A tile is GR_LANES
+ * active cells, in the order of the grid, of which those of the last tile may be missing. The kernels work on a tile at a
+ * time: a lane of a vector is a cell, and row k of a tile has the k-th point of each of its cells.
+ *
+ * A run is lanes of a tile that follow each other in a row of the grid, and whose nodes do. The sums over neighbouring cells
+ * for a node they have in common are a sum over these lanes.
+ *
+ * With thin bodies the mesh has two layers, one behind the other: first the cells in front of the bodies and the front of
+ * double cells, then those behind and the back of double cells; and the nodes of either. */
 struct gr_mesh {
     int64_t n_cells, n_tiles, n_nodes, cell_capacity, node_capacity;
+    int64_t n_front;       /* cells of the first layer */
     int64_t n_occupied;    /* cells that held points when it was made */
-    struct gr_cell *cell;  /* of all tiles */
-    uint8_t *tile_state;   /* enum gr_tile_state */
-    uint32_t *tile_in_row; /* bit i: local nodes number i of its cells follow each other */
-    int32_t *cell_node;    /* n_tiles x K x GR_LANES */
-    int32_t *neighbour;    /* n_cells x 2 dim: across the faces (enum gr_neighbour); NULL with a density of each point */
-    int32_t *place;        /* of its cells on the fluidity grid (fluidity.h); NULL without one */
-    int64_t *node_source;  /* n_nodes x K: entry i: where its sums over the cell begin in which it is local node
-                               K - 1 - i; in the zero tile where there is no such cell */
-    struct gr_node_run *node_run; /* (n_nodes/GR_LANES, rounded up) x K: the same for GR_LANES nodes together */
+    struct gr_cell *cell;  /* n_cells, filled up to whole tiles */
+    uint8_t *tile_changed; /* 1 where the sums of a tile are to be made again after the points have moved */
+    uint8_t *tile_joins;   /* bit l: lane l continues the run of lane l - 1; 0 if each lane is a run by itself */
+    uint32_t
+        *tile_in_order;  /* bit i: local node i of the lanes of a tile, from the first on, are nodes that follow each other;
+                                GR_IN_ROW if so do all in each row */
+    int32_t *tile_nodes; /* where the nodes of the lanes of other tiles are in `lane_node` */
+    int32_t *lane_node;  /* local node after local node of these lanes */
+    int64_t lane_node_capacity;
+    int64_t *tile_block; /* n_tiles + 1: where the sums of a tile begin (mpm/cell_sums.h) */
+    int32_t *row_node;   /* of tile after tile, n_rows x GR_LANES: the first node of each row of the nodes of a lane */
+    int32_t *row_begin;  /* the same: the node at the beginning of that row of the grid, where it is periodic; else NULL */
+    int32_t *neighbour;  /* n_cells x 2 dim: across the faces (enum gr_neighbour); NULL with a density of each point */
+    int32_t *place;      /* of its cells on the fluidity grid (fluidity.h); NULL without one */
+    struct gr_addend *addend; /* by rows of the nodes of cells; for each with ascending nodes, to which it is added once: */
+    int32_t row_addends[10];  /* those of row r are from row_addends[r] on, up to row_addends[r + 1] */
+    int64_t addend_capacity;
     /* with a smoothed density: in groups of GR_LANES nodes, gr_about x GR_LANES indices of the nodes about each. Entry a
      * + 3 b + 9 c is a - 1, b - 1 and c - 1 nodes further along x, y and z; beyond an end, the node at it; the last index
      * of all where no node is */
@@ -76,8 +97,10 @@ struct gr_mesh {
     int64_t *node_id;                 /* its index in the whole grid */
     struct gr_table cell_of, node_of; /* for the whole grid: index in the active part + 1, 0 for none */
     struct gr_table next_of;          /* cell_of while a regrouping is under way */
-    /* with thin bodies, see mpm/thin_bodies.h; cell_of and node_of give the front, the back comes next */
-    int32_t *duplicate; /* per node: its duplicate for the other side, or -1 */
+    /* with thin bodies, see mpm/thin_bodies.h; cell_of and node_of give the front if there is one */
+    int32_t *other;     /* per cell: the other side of a double cell, or -1 */
+    int32_t *duplicate; /* per node: the same node in the other layer, or -1 */
+    uint8_t *separable; /* per node: 1 for those of double cells */
     uint8_t *separated; /* per node with a duplicate: 1 where the two move separately */
     int64_t *paired;    /* indices of the front cells of the double cells */
     int64_t n_paired;
@@ -109,12 +132,22 @@ struct gr_points {
     void **column;               /* where each component begins */
 };
 
-/* The sums of cells over their points. */
+/* A group of sums of the nodes of tiles: where they are in the block of a tile, in what a run has behind it, and in what the
+ * lanes have behind it where each is a run by itself; and the number of sums of a node. */
+struct gr_rows {
+    int main, tail, apart, width;
+};
+
+/* The sums of tiles over their points (mpm/cell_sums.h). */
 struct gr_cell_sums {
-    void *data;      /* n_tiles + 1 blocks of `stride` numbers (gr_sums), aligned to lines; the last block is zero */
-    void *block;     /* of memory, that they lie in */
-    double *average; /* gr_averages_of_cell x cell_capacity, see enum gr_average; NULL with a density of each point */
-    int stride, of_density, of_volume;
+    void *data;       /* a line of zeros, then the blocks of the tiles (gr_sums), each aligned to lines */
+    void *block;      /* of memory, that they lie in */
+    int64_t capacity; /* numbers */
+    double *average;  /* gr_averages_of_cell x cell_capacity, see enum gr_average; NULL with a density of each point */
+    int of_lanes, of_run,
+        of_apart;           /* numbers of a block for its lanes; for each run; for lanes that are runs by themselves */
+    struct gr_rows rows[3]; /* enum gr_group_of_sums */
+    int of_cells;           /* enum gr_cell_sum, then the masses of each local node; or GR_CELL_FILLED; vectors */
     int valid;
     int averages, correct_shift; /* content for the next step, see gr_plan_sums */
     int64_t *dirty, n_dirty;     /* tiles whose sums lack something */
@@ -192,9 +225,9 @@ struct gr_failure {
 struct gr_engine {
     struct gr_config config;
     struct gr_axis axis[3];
-    int K; /* number of nodes of a cell */
-    struct gr_node_cells
-        *cells_of_node[3]; /* per node of an axis (solid_cells.h); NULL without solid cells, and along unused axes */
+    int K, n_rows;                          /* number of nodes of a cell, and of rows of nodes along the first axis */
+    struct gr_node_cells *cells_of_node[3]; /* per node of an axis; NULL along unused axes */
+    int has_solid;                          /* whether there are solid cells */
     struct gr_points points;
     struct gr_mesh mesh;
     struct gr_cell_sums sums;
@@ -246,21 +279,29 @@ static inline void gr_plan_sums(struct gr_engine *e, int64_t step)
     e->sums.correct_shift = gr_averages(e, step - 1);
 }
 
-/* Sums of a node over the points of a cell: mass, momentum, force. With a cell-averaged density also: mass times the
+/* Sums of a node over the points about it: mass, momentum, force. With a cell-averaged density also: mass times the
  * damping of the points, over the largest (damping.inl). In a step that averages a smoothed density, from GR_SUM_DENSITY
  * on: the mass of connected points, the same with quadrature weights, their log-density with these weights, and the
  * residual force.
  *
  * In the sums of the density a point counts by its volume at rho_c, as the mass of as much of the first material. With
- * several materials two more sums follow, at volume_sums: that mass of all points, and with quadrature weights their
- * pressure over K of the first material, which neighbours of different materials have in common.
+ * several materials two more sums follow: that mass of all points, and with quadrature weights their pressure over K of the
+ * first material, which neighbours of different materials have in common.
  *
- * The block of a tile is an array of vectors, with a lane for each of its cells. The first GR_SUM_DAMPED sums of the nodes
- * come first, then enum gr_cell_sum, which are the same for all nodes, and at density_sums the sums of the density, which
- * do not change in other steps. Each sum is over the points in their order, so that points that arrive are added to it, with
- * the same bits as in a sum over all. */
+ * The block of a tile has a vector for each row of its nodes and each sum. What the lanes s_a have for node a is added to
+ * the lanes above them in the same run,
+ *
+ *   node l of the row:  (s_0[l] + s_1[l - 1]) + s_2[l - 2],
+ *
+ * and a run whose last lane is l has a tail: s_1[l], s_2[l], s_2[l - 1] and 0; with linear shape functions s_1[l] alone.
+ * It is added to the first lanes of the next run if that follows in the row (struct gr_addend), so that the sum of a node
+ * does not depend on where tiles begin. If tails took more memory than s_1 and s_2 themselves, these are stored, and each lane
+ * is a run by itself. The sums of the density do not change in steps that do not average. */
 enum gr_node_sum { GR_SUM_MASS, GR_SUM_MOMENTUM };
-enum gr_cell_sum { GR_CELL_DAMPED, GR_CELL_MC, GR_CELL_M_RATE, GR_CELL_STRESS }; /* with cell_averaged */
+enum gr_group_of_sums { GR_SUMS_OF_MOTION, GR_SUMS_OF_DENSITY, GR_SUMS_OF_VOLUME };
+#define GR_TAIL(k) ((k) == 2 ? 1 : 4)
+enum gr_cell_sum { GR_CELL_MC, GR_CELL_M_RATE, GR_CELL_STRESS }; /* with cell_averaged */
+enum { GR_CELL_FILLED };                                         /* with smoothed: volume of its points, as a mass */
 #define GR_CELL_AVERAGED_SUMS(dim) (GR_CELL_STRESS + ((dim) == 2 ? 3 : 6))
 #define GR_SUM_FORCE(dim) (GR_SUM_MOMENTUM + (dim))
 #define GR_SUM_DAMPED(dim) (GR_SUM_FORCE(dim) + (dim))
@@ -336,20 +377,30 @@ static inline const gr_real *gr_seen_field(const struct gr_engine *e, int field)
 #endif
 }
 
+/* Node number a in a row of nodes of a cell. */
+static inline int32_t gr_node_in_row(const struct gr_engine *e, int64_t index, int row, int a)
+{
+    const int64_t at = (index / GR_LANES * e->n_rows + row) * GR_LANES + index % GR_LANES;
+    const int n = e->axis[0].n_nodes, along = e->mesh.cell[index].at[0] + a;
+    if (e->mesh.row_begin && along >= n) return e->mesh.row_begin[at] + (n > 1 ? along - n : 0);
+    return e->mesh.row_node[at] + a;
+}
+
+/* Local node i of the lanes of a tile whose nodes are not in a row. */
+static inline const int32_t *gr_lane_nodes(const struct gr_engine *e, int64_t tile, int i)
+{
+    return e->mesh.lane_node + e->mesh.tile_nodes[tile] + i * GR_LANES;
+}
+
 /* Local node i of a cell. */
 static inline int32_t gr_cell_node(const struct gr_engine *e, int64_t index, int i)
 {
-    return e->mesh.cell_node[(index / GR_LANES * e->K + i) * GR_LANES + index % GR_LANES];
+    const int k = e->K / e->n_rows;
+    return gr_node_in_row(e, index, i / k, i % k);
 }
 
 /* The sums, in the precision of the kernels that this is compiled for: double everywhere else. */
 static inline gr_real *gr_sums(const struct gr_engine *e) { return e->sums.data; }
-
-/* One of them, in either precision. */
-static inline double gr_sum_at(const struct gr_engine *e, int64_t at)
-{
-    return e->config.single ? ((const float *)e->sums.data)[at] : ((const double *)e->sums.data)[at];
-}
 
 /* Bytes of n of them. */
 static inline size_t gr_bytes_of_sums(const struct gr_engine *e, int64_t n)
@@ -357,13 +408,29 @@ static inline size_t gr_bytes_of_sums(const struct gr_engine *e, int64_t n)
     return (size_t)n * (e->config.single ? sizeof(float) : sizeof(double));
 }
 
-/* Where the sums of a cell begin. */
-static inline int64_t gr_sums_of_cell(const struct gr_engine *e, int64_t index)
+/* The block of a tile. */
+static inline gr_real *gr_sums_of_tile(const struct gr_engine *e, int64_t tile)
 {
-    return index / GR_LANES * e->sums.stride + index % GR_LANES;
+    return gr_sums(e) + e->mesh.tile_block[tile];
+}
+
+/* Sum number `sum` of the cells from `first` on. */
+static inline gr_real *gr_cell_sums(const struct gr_engine *e, int64_t first, int sum)
+{
+    return gr_sums_of_tile(e, first / GR_LANES) + e->sums.of_cells + sum * GR_LANES + first % GR_LANES;
 }
 
 struct gr_kernels; /* kernels.h */
+
+/* Indices along the axes of a cell of the grid. */
+static inline void gr_indices_of_cell(const struct gr_engine *e, int64_t id, int32_t at[3])
+{
+    at[2] = 0;
+    for (int d = 0; d < e->config.dim; d++) {
+        at[d] = (int32_t)(id % e->axis[d].n_cells);
+        id /= e->axis[d].n_cells;
+    }
+}
 
 /* Index of a cell in the whole grid. */
 static inline int64_t gr_cell_id(const struct gr_engine *e, const int32_t at[3])

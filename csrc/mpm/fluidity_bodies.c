@@ -112,7 +112,7 @@ void gr_bodies_mark(struct gr_engine *e, int64_t first, int64_t last)
         double x[3];
         if (cell->side == GR_BACK) continue; /* set with its front */
         const int is_double = cell->side == GR_FRONT;
-        const int64_t front = e->mesh.place[c], back = is_double ? e->mesh.place[c + 1] : -1;
+        const int64_t front = e->mesh.place[c], back = is_double ? e->mesh.place[e->mesh.other[c]] : -1;
         f->inside[front] = cell->side < 0 ? GR_BEHIND : 0;
         if (is_double) {
             gr_cell_position(e, cell->at, x);
@@ -121,6 +121,6 @@ void gr_bodies_mark(struct gr_engine *e, int64_t first, int64_t last)
         }
         if (!rough.n) continue;
         set_distances(&rough, cell, front, !is_double ? 0 : side.facing || side.mid >= 0 ? 1 : -1);
-        if (side.facing) set_distances(&rough, cell + 1, back, -1);
+        if (side.facing) set_distances(&rough, gr_other_side(e, cell), back, -1);
     }
 }

@@ -16,11 +16,17 @@
  * density. */
 enum further { NOTHING, DAMPING, DENSITY };
 
-/* Number of the sums of a node. */
-GR_INLINE int rows_of(const int dim, const enum further further)
-{
-    return further == DENSITY ? GR_NODE_SUMS(dim) : GR_SUM_DAMPED(dim) + (further == DAMPING);
-}
+/* Number of sums of motion of a node. */
+GR_INLINE int motion_sums(const int dim, const enum further further) { return GR_SUM_DAMPED(dim) + (further == DAMPING); }
+
+/* The sums of a block of nodes, in rows of GR_SUM_ROW: a node has motion_sums, or GR_NODE_SUMS and, with several materials,
+ * GR_VOLUME_SUMS. */
+struct block {
+    _Alignas(64) double sums[(GR_NODE_SUMS(3) + GR_VOLUME_SUMS) * GR_SUM_ROW];
+};
+
+/* Sum number `sum` of a block. */
+GR_INLINE double *row_of(struct block *block, int sum) { return block->sums + sum * GR_SUM_ROW + GR_SUM_PAD; }
 
 /* The node that moves as one with node n, as its duplicate for the other side of a thin body from which it is not
  * separated; -1 if there is none. */
@@ -29,30 +35,40 @@ GR_INLINE int64_t joined_with(const struct gr_engine *e, int64_t n)
     return e->bodies.n_thin && e->mesh.duplicate[n] >= 0 && !e->mesh.separated[n] ? e->mesh.duplicate[n] : -1;
 }
 
-/* Add the sums of the nodes to which the nodes of a group are joined. */
-static __attribute__((noinline)) void add_joined(const int dim, const enum further further, const struct gr_engine *e,
-                                                 const struct gr_kernels *kernels, int64_t first, int lanes, double *sums)
+/* Add the sums of motion of the nodes to which the nodes [first, last) of a block are joined. */
+static __attribute__((noinline)) void add_joined(const struct gr_engine *e, const struct gr_kernels *kernels, int64_t first,
+                                                 int64_t last, struct block *block)
 {
-    double others[GR_NODE_SUMS(3) * GR_LANES];
-    for (int l = 0; l < lanes; l++) {
-        const int64_t other = joined_with(e, first + l);
+    struct block others;
+    const int n_sums = GR_SUM_DAMPED(e->config.dim);
+    for (int64_t n = first, end; n < last; n = end) {
+        const int64_t other = joined_with(e, n);
+        for (end = n + 1; other >= 0 && end < last && joined_with(e, end) == other + end - n;) end++;
         if (other < 0) continue;
-        kernels->sum_nodes(e, other / GR_LANES, further == DAMPING, further == DENSITY, others);
-        for (int q = 0; q < rows_of(dim, further); q++) sums[q * GR_LANES + l] += others[q * GR_LANES + other % GR_LANES];
+        kernels->sum_nodes(e, GR_SUMS_OF_MOTION, 0, n_sums, other, other + end - n, row_of(&others, 0));
+        for (int q = 0; q < n_sums; q++)
+            for (int64_t i = 0; i < end - n; i++) row_of(block, q)[n - first + i] += row_of(&others, q)[i];
     }
 }
 
-void gr_grid_masses(struct gr_engine *e, int64_t first, int64_t last)
+void gr_grid_masses(struct gr_engine *e, const struct gr_kernels *kernels, int64_t first, int64_t last)
 {
-    for (int64_t n = first; n < last; n++) {
-        if (gr_group_rests(e, n - n % GR_LANES)) {
-            n += GR_LANES - 1 - n % GR_LANES;
-            continue;
-        }
-        double m = 0;
-        for (int i = 0; i < e->K; i++) m += gr_sums(e)[e->mesh.node_source[n * e->K + i]];
-        e->nodes.mass[n] = m;
+    struct block block;
+    for (int64_t n = first, end; n < last; n = end) {
+        end = n + GR_LANES;
+        if (gr_group_rests(e, n)) continue;
+        while (end < last && end - n < GR_SUM_BLOCK && !gr_group_rests(e, end)) end += GR_LANES;
+        if (end > last) end = last;
+        kernels->sum_nodes(e, GR_SUMS_OF_MOTION, GR_SUM_MASS, 1, n, end, row_of(&block, 0));
+        memcpy(e->nodes.mass + n, row_of(&block, 0), sizeof(double) * (size_t)(end - n));
     }
+}
+
+void gr_sum_node(const struct gr_engine *e, const struct gr_kernels *kernels, int64_t n, double *sums)
+{
+    struct block block;
+    kernels->sum_nodes(e, GR_SUMS_OF_MOTION, 0, GR_SUM_DAMPED(e->config.dim), n, n + 1, row_of(&block, 0));
+    for (int q = 0; q < GR_SUM_DAMPED(e->config.dim); q++) sums[q] = row_of(&block, q)[0];
 }
 
 /* True if a node has so little mass that it is at rest. A NaN has mass: it is detected at the points. */
@@ -96,31 +112,19 @@ GR_INLINE int is_closed(const struct gr_engine *e, int64_t n)
  * balance: next to an elastic body it is the force of a surface. */
 #define LEAST_AVERAGED 0.99
 
-/* With several materials, the additional sums of an averaging (enum gr_volume_sum), for the nodes of a group. */
-static __attribute__((noinline)) void sum_mixture(const struct gr_engine *e, const struct gr_kernels *kernels, int64_t first,
-                                                  int lanes, double *volumes)
-{
-    double others[GR_VOLUME_SUMS * GR_LANES];
-    kernels->sum_volumes(e, first / GR_LANES, volumes);
-    for (int l = 0; l < lanes; l++) {
-        const int64_t other = joined_with(e, first + l);
-        if (other < 0) continue;
-        kernels->sum_volumes(e, other / GR_LANES, others);
-        for (int q = 0; q < GR_VOLUME_SUMS; q++) volumes[q * GR_LANES + l] += others[q * GR_LANES + other % GR_LANES];
-    }
-}
-
-/* With several materials neighbours have the pressure in common instead of the log-density. */
+/* With several materials neighbours have the pressure in common instead of the log-density. `sums` are those of the nodes
+ * from `first` on. */
 static __attribute__((noinline)) void describe_mixture(const int dim, struct gr_engine *e, int64_t first, int lanes,
-                                                       const double *sums, const double *volumes)
+                                                       const double *sums)
 {
-    const double *of_density = sums + GR_SUM_DENSITY(dim) * GR_LANES;
+    const double *const of_density = sums + GR_SUM_DENSITY(dim) * GR_SUM_ROW, *const volumes =
+                                                                                  sums + GR_NODE_SUMS(dim) * GR_SUM_ROW;
     const int log_density = GR_NODE_DENSITY(dim) + GR_NODE_LOG_DENSITY, residual = GR_NODE_DENSITY(dim) + GR_NODE_RESIDUAL;
     for (int l = 0; l < lanes; l++) {
-        const double weighted = of_density[GR_SUM_WEIGHTED * GR_LANES + l];
-        if (is_empty(e, sums[GR_SUM_MASS * GR_LANES + l])) continue;
-        gr_node_field(e, log_density)[first + l] = weighted > 0 ? volumes[GR_SUM_PRESSURE * GR_LANES + l] / weighted : 0;
-        if (of_density[GR_SUM_CONNECTED * GR_LANES + l] < LEAST_AVERAGED * volumes[GR_SUM_VOLUME * GR_LANES + l])
+        const double weighted = of_density[GR_SUM_WEIGHTED * GR_SUM_ROW + l];
+        if (is_empty(e, sums[GR_SUM_MASS * GR_SUM_ROW + l])) continue;
+        gr_node_field(e, log_density)[first + l] = weighted > 0 ? volumes[GR_SUM_PRESSURE * GR_SUM_ROW + l] / weighted : 0;
+        if (of_density[GR_SUM_CONNECTED * GR_SUM_ROW + l] < LEAST_AVERAGED * volumes[GR_SUM_VOLUME * GR_SUM_ROW + l])
             for (int d = 0; d < dim; d++) gr_node_field(e, residual + d)[first + l] = 0;
     }
 }
@@ -130,10 +134,8 @@ GR_INLINE void store_density(const int dim, struct gr_engine *e, const struct gr
                              const double *sums)
 {
     const int several = e->config.n_materials > 1;
-    _Alignas(64) double volumes[GR_VOLUME_SUMS * GR_LANES];
-    if (several) sum_mixture(e, kernels, first, lanes, volumes);
-    kernels->describe_nodes(e, first, sums, several ? volumes + GR_SUM_VOLUME * GR_LANES : sums + GR_SUM_MASS * GR_LANES);
-    if (several) describe_mixture(dim, e, first, lanes, sums, volumes);
+    kernels->describe_nodes(e, first, sums, sums + (several ? GR_NODE_SUMS(dim) + GR_SUM_VOLUME : GR_SUM_MASS) * GR_SUM_ROW);
+    if (several) describe_mixture(dim, e, first, lanes, sums);
     for (int64_t n = first; e->bodies.open && n < first + lanes; n++)
         if (is_closed(e, n)) {
             gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP(dim))[n] = GR_CLOSED_GAP;
@@ -141,26 +143,50 @@ GR_INLINE void store_density(const int dim, struct gr_engine *e, const struct gr
         }
 }
 
-/* The grid stage for the nodes [first, last). */
-GR_INLINE void grid_nodes(const int dim, const enum further further, struct gr_engine *e, const struct gr_kernels *kernels,
+/* The sums of the nodes [first, last), a block. */
+GR_INLINE void sum_nodes(const int dim, const enum further further, struct gr_engine *e, const struct gr_kernels *kernels,
+                         int64_t first, int64_t last, struct block *block)
+{
+    const int averages = further == DENSITY;
+    kernels->sum_nodes(e, GR_SUMS_OF_MOTION, 0, motion_sums(dim, further), first, last, row_of(block, 0));
+    if (averages)
+        kernels->sum_nodes(e, GR_SUMS_OF_DENSITY, 0, GR_DENSITY_SUMS(dim), first, last, row_of(block, GR_SUM_DENSITY(dim)));
+    if (averages && e->config.n_materials > 1)
+        kernels->sum_nodes(e, GR_SUMS_OF_VOLUME, 0, GR_VOLUME_SUMS, first, last, row_of(block, GR_NODE_SUMS(dim)));
+    memcpy(e->nodes.mass + first, row_of(block, GR_SUM_MASS), sizeof(double) * (size_t)(last - first));
+    if (e->bodies.n_thin) add_joined(e, kernels, first, last, block);
+}
+
+/* The grid stage for the nodes [first, last), a block. */
+GR_INLINE void grid_block(const int dim, const enum further further, struct gr_engine *e, const struct gr_kernels *kernels,
                           int64_t first, int64_t last, const double g[3])
 {
-    const int damps = further == DAMPING, averages = further == DENSITY;
-    _Alignas(64) double sums[GR_NODE_SUMS(3) * GR_LANES];
+    const int damps = further == DAMPING;
+    struct block block;
     _Alignas(64) struct gr_node_motion motion;
+    sum_nodes(dim, further, e, kernels, first, last, &block);
     for (int64_t n = first; n < last; n += GR_LANES) {
         const int lanes = last - n < GR_LANES ? (int)(last - n) : GR_LANES;
-        if (gr_group_rests(e, n)) continue;
-        kernels->sum_nodes(e, n / GR_LANES, damps, averages, sums);
-        memcpy(e->nodes.mass + n, sums + GR_SUM_MASS * GR_LANES, GR_LANES * sizeof *sums);
-        if (e->bodies.n_thin) add_joined(dim, further, e, kernels, n, lanes, sums);
+        const double *const sums = row_of(&block, 0) + (n - first);
         kernels->move_nodes(e, damps, g, sums, &motion);
         for (int l = 0; l < lanes; l++)
-            if (e->mesh.node_code[n + l] || e->watch) apply_wall(e, n, l, sums[GR_SUM_MASS * GR_LANES + l], &motion);
+            if (e->mesh.node_code[n + l] || e->watch) apply_wall(e, n, l, sums[GR_SUM_MASS * GR_SUM_ROW + l], &motion);
         kernels->store_nodes(e, damps, n, &motion);
         for (int l = 0; e->nodes.v && l < lanes; l++)
             for (int d = 0; d < dim; d++) e->nodes.v[(n + l) * dim + d] = motion.v[d][l];
-        if (averages) store_density(dim, e, kernels, n, lanes, sums);
+        if (further == DENSITY) store_density(dim, e, kernels, n, lanes, sums);
+    }
+}
+
+/* The same for nodes that begin with a whole group, block by block; groups that rest are left out. */
+GR_INLINE void grid_nodes(const int dim, const enum further further, struct gr_engine *e, const struct gr_kernels *kernels,
+                          int64_t first, int64_t last, const double g[3])
+{
+    for (int64_t n = first, end; n < last; n = end) {
+        end = n + GR_LANES;
+        if (gr_group_rests(e, n)) continue;
+        while (end < last && end - n < GR_SUM_BLOCK && !gr_group_rests(e, end)) end += GR_LANES;
+        grid_block(dim, further, e, kernels, n, end < last ? end : last, g);
     }
 }
 
@@ -178,15 +204,15 @@ void gr_grid_nodes(struct gr_engine *e, const struct gr_kernels *kernels, int64_
 #undef GR_GRID
 }
 
-void gr_grid_without_walls(const struct gr_engine *e, int64_t n, const double g[3], double v[3], double next[3])
+void gr_grid_without_walls(const struct gr_engine *e, const struct gr_kernels *kernels, int64_t n, const double g[3],
+                           double v[3], double next[3])
 {
     const int dim = e->config.dim;
-    const int64_t nodes[2] = {n, joined_with(e, n)};
-    double sum[GR_SUM_DAMPED(3)] = {0};
-    for (int k = 0; k < 2 && nodes[k] >= 0; k++)
-        for (int i = 0; i < e->K; i++)
-            for (int q = 0; q < GR_SUM_DAMPED(dim); q++)
-                sum[q] += gr_sum_at(e, e->mesh.node_source[nodes[k] * e->K + i] + q * GR_LANES);
+    const int64_t other = joined_with(e, n);
+    double sum[GR_SUM_DAMPED(3)], others[GR_SUM_DAMPED(3)] = {0};
+    gr_sum_node(e, kernels, n, sum);
+    if (other >= 0) gr_sum_node(e, kernels, other, others);
+    for (int q = 0; q < GR_SUM_DAMPED(dim); q++) sum[q] += others[q];
     const double m = sum[GR_SUM_MASS];
     for (int d = 0; d < dim; d++) {
         v[d] = sum[GR_SUM_MOMENTUM + d] / m;
@@ -194,26 +220,27 @@ void gr_grid_without_walls(const struct gr_engine *e, int64_t n, const double g[
     }
 }
 
-void gr_grid_smooth(struct gr_engine *e, int64_t first, int64_t last, int pass)
+void gr_grid_smooth(struct gr_engine *e, const struct gr_kernels *kernels, int64_t first, int64_t last, int pass)
 {
-    const int dim = e->config.dim, K = e->K, order = e->config.xpic_order;
+    const int dim = e->config.dim, order = e->config.xpic_order;
+    struct block block;
     double share = pass % 2 ? 1 : -1;
     for (int r = 1; r <= pass; r++) share = share * (order - r + 1) / r;
     double rest = share, later = share; /* momentum on a wall from this pass and the later ones */
     for (int r = pass + 1; r <= order; r++) later *= -(double)(order - r + 1) / r, rest += later;
     for (int64_t n = first; n < last; n++) {
-        double sum[3] = {0}, after[3] = {0};
-        for (int i = 0; i < K; i++) {
-            const double *part = gr_sums(e) + e->mesh.node_source[n * K + i];
-            for (int d = 0; d < dim; d++) sum[d] += part[(GR_SUM_MOMENTUM + d) * GR_LANES];
-        }
+        const int64_t i = (n - first) % GR_SUM_BLOCK, left = last - n;
+        double after[3] = {0};
+        if (!i)
+            kernels->sum_nodes(e, GR_SUMS_OF_MOTION, GR_SUM_MOMENTUM, dim, n,
+                               n + (left < GR_SUM_BLOCK ? left : GR_SUM_BLOCK), row_of(&block, 0));
         const double m = e->nodes.mass[n];
         for (int d = 0; d < dim; d++) after[d] = gr_node_field(e, GR_NODE_VELOCITY + d)[n];
         const int held = gr_holds(gr_wall_now(e, e->mesh.node_code[n]), dim, after);
         for (int d = 0; d < dim; d++) {
-            const double v = m > e->config.mass_cutoff && !(held >> d & 1) ? sum[d] / m : 0;
+            const double sum = row_of(&block, d)[i], v = m > e->config.mass_cutoff && !(held >> d & 1) ? sum / m : 0;
             e->nodes.v[n * dim + d] = v;
-            if (e->watch && held >> d & 1) e->watch->node[n * dim + d] += rest * sum[d];
+            if (e->watch && held >> d & 1) e->watch->node[n * dim + d] += rest * sum;
             if (m > e->config.mass_cutoff) gr_node_field(e, GR_NODE_UPDATE(dim) + d)[n] += share * v;
         }
     }

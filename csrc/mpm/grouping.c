@@ -18,6 +18,7 @@
 #include "mpm/slots.h"
 #include "mpm/spread.h"
 #include "mpm/thin_bodies.h"
+#include "mpm/tiles.h"
 
 /* Buffers that are too small become larger than needed by one part in this number, as material that spreads soon needs
  * more. Twice as much makes no run faster. Those that would be left with less than half of that to spare are too small as
@@ -47,30 +48,22 @@ struct list {
 struct regroup {
     struct gr_engine *e;
     struct gr_team *team;
-    int64_t chunks, n, n_cells, n_occupied, total; /* points; new cells, and how many of them hold points; slots */
-    struct list *list;                             /* chunks + 1; the last is of the pending points */
-    int64_t *source;                               /* per point: its old slot, or -1 - k for pending point k */
+    int64_t chunks, n, n_active, n_occupied, total; /* points; active cells, and how many of them hold points; slots */
+    struct list *list;                              /* chunks + 1; the last is of the pending points */
+    int64_t *source;                                /* per point: its old slot, or -1 - k for pending point k */
     int64_t *slot;   /* per point: index of its cell in the grid; then its number in the new cell; then its new slot */
     int32_t *cell;   /* per point: number of its new cell */
     int64_t *listed; /* indices of the cells of the points in the grid; of each list only where they change */
     int64_t *cells;  /* indices of the active cells in the grid, ascending; double cells twice */
-    int8_t *sides;   /* side of each cell; NULL without thin parts */
-    int32_t *counts; /* points of each cell */
+    int8_t *sides;   /* side of each of these; NULL without thin parts */
+    struct gr_tiles tiles;
+    int32_t *counts; /* points of each new cell, which are the lanes of the tiles */
     int32_t *calm;   /* of the new cells; NULL without sleep */
     int64_t *offset; /* of the new tiles; number of tiles + 1 */
     struct gr_moves moves;
 };
 
 enum { FEW_POINTS = 2048 }; /* an estimate: fewer are grouped sooner than a team is called */
-
-static void decode(const struct gr_engine *e, int64_t id, int32_t at[3])
-{
-    at[2] = 0;
-    for (int d = 0; d < e->config.dim; d++) {
-        at[d] = (int32_t)(id % e->axis[d].n_cells);
-        id /= e->axis[d].n_cells;
-    }
-}
 
 /* ---- The points and their cells ---- */
 
@@ -204,7 +197,7 @@ static int find_side(const struct regroup *r, int64_t p, int of_cell)
 /* Make the cells near thin parts double. */
 static int split_cells(struct regroup *r)
 {
-    const int64_t n = r->n_cells;
+    const int64_t n = r->n_active;
     int64_t last = n, *cells = realloc(r->cells, sizeof(int64_t) * (size_t)(2 * n + 1));
     if (!cells) return GR_ERR_MEMORY;
     r->cells = cells;
@@ -212,11 +205,11 @@ static int split_cells(struct regroup *r)
     if (!r->sides) return GR_ERR_MEMORY;
     for (int64_t c = 0; c < n; c++) {
         int32_t at[3];
-        decode(r->e, cells[c], at);
+        gr_indices_of_cell(r->e, cells[c], at);
         r->sides[c] = (int8_t)gr_cell_side(r->e, at);
         last += abs(r->sides[c]) == GR_FRONT;
     }
-    r->n_cells = last;
+    r->n_active = last;
     for (int64_t c = n; c-- > 0;) { /* backwards, so that no entry is overwritten that is still needed */
         const int8_t side = r->sides[c], is_double = abs(side) == GR_FRONT;
         if (is_double) cells[--last] = cells[c], r->sides[last] = GR_BACK;
@@ -237,13 +230,13 @@ static int split_cells(struct regroup *r)
     static void pass(struct regroup *r) { gr_team_run(r->chunks > 1 ? r->team : 0, pass##_chunk, r, r->chunks + 1); } \
     static void pass##_list(struct regroup *r, struct list *list)
 
-/* Find the number of the active cell of each point, of the back of a double cell if the point is there. */
+/* Find the number of the new cell of each point, of the back of a double cell if the point is there. */
 GR_LISTED(number_cells)
 {
     list->lowest = INT64_MAX, list->highest = -1;
     for (int64_t p = list->first; p < list->first + list->n; p++) {
         int64_t c = (int64_t)gr_table_get(&r->e->mesh.next_of, r->slot[p]) - 1;
-        if (r->sides) c += find_side(r, p, r->sides[c]) < 0;
+        if (r->sides && find_side(r, p, r->tiles.side[c]) < 0 && r->tiles.side[c] == GR_FRONT) c = r->tiles.other[c];
         r->cell[p] = (int32_t)c;
         if (c < list->lowest) list->lowest = c;
         if (c > list->highest) list->highest = c;
@@ -251,7 +244,7 @@ GR_LISTED(number_cells)
 }
 
 /* Count the points of each new cell, and number them. */
-GR_SHARED(count_new, struct regroup, r->n_cells, r)
+GR_SHARED(count_new, struct regroup, r->tiles.n_cells, r)
 {
     (void)chunk;
     for (const struct list *list = r->list; list <= r->list + r->chunks; list++) {
@@ -261,57 +254,65 @@ GR_SHARED(count_new, struct regroup, r->n_cells, r)
     }
 }
 
-static int64_t tiles_of(const struct regroup *r) { return (r->n_cells + GR_LANES - 1) / GR_LANES; }
-
 /* Find the number of slots of each tile. */
-GR_SHARED(size_tiles, struct regroup, tiles_of(r), r)
+GR_SHARED(size_tiles, struct regroup, gr_number_of_tiles(&r->tiles), r)
 {
     (void)chunk;
     for (int64_t tile = first; tile < last; tile++) {
         int32_t most = 0;
-        for (int64_t c = tile * GR_LANES; c < (tile + 1) * GR_LANES && c < r->n_cells; c++)
+        for (int64_t c = tile * GR_LANES; c < (tile + 1) * GR_LANES && c < r->tiles.n_cells; c++)
             most = r->counts[c] > most ? r->counts[c] : most;
         r->offset[tile] = GR_LANES * gr_rows_of_tile(most);
     }
 }
 
-/* List the occupied cells and their neighbours, and count the points of each. next_of, set here, becomes cell_of. */
+/* List the occupied cells and their neighbours, make tiles of them, and count the points of each. next_of, set here,
+ * becomes cell_of. */
 static int list_cells(struct regroup *r)
 {
     struct gr_engine *e = r->e;
     const int64_t occupied = merge_listed(r);
     r->n_occupied = occupied;
-    if (gr_spread(e, GR_SPREAD_CELLS, r->listed, occupied, r->team, r->chunks, &r->cells, &r->n_cells)) return GR_ERR_MEMORY;
+    if (gr_spread(e, GR_SPREAD_CELLS, r->listed, occupied, r->team, r->chunks, &r->cells, &r->n_active))
+        return GR_ERR_MEMORY;
     if (e->bodies.n_thin && split_cells(r)) return GR_ERR_MEMORY;
-    if (gr_table_fill(&e->mesh.next_of, r->cells, r->n_cells, r->team, r->chunks)) return GR_ERR_MEMORY;
-    r->counts = calloc((size_t)r->n_cells + 1, sizeof *r->counts);
-    r->offset = malloc(sizeof *r->offset * (size_t)(tiles_of(r) + 1));
+    if (gr_make_tiles(&r->tiles, e, r->cells, r->sides, r->n_active) ||
+        gr_table_fill(&e->mesh.next_of, r->cells, r->tiles.lane, r->n_active, r->team, r->chunks))
+        return GR_ERR_MEMORY;
+    const int64_t n_tiles = gr_number_of_tiles(&r->tiles);
+    r->counts = calloc((size_t)r->tiles.n_cells + 1, sizeof *r->counts);
+    r->offset = malloc(sizeof *r->offset * (size_t)(n_tiles + 1));
     if (!r->counts || !r->offset) return GR_ERR_MEMORY;
     number_cells(r);
     count_new(r);
     size_tiles(r);
-    for (int64_t tile = 0; tile <= tiles_of(r); tile++) {
+    for (int64_t tile = 0; tile <= n_tiles; tile++) {
         const int64_t slots = r->offset[tile];
         r->offset[tile] = r->total;
-        if (tile < tiles_of(r)) r->total += slots;
+        if (tile < n_tiles) r->total += slots;
     }
     r->moves = (struct gr_moves){
         .e = e, .team = r->team, .chunks = r->chunks, .used = r->total > e->points.used ? r->total : e->points.used};
     return GR_OK;
 }
 
-static int reserve_mesh(struct gr_engine *e, int64_t n_cells)
+static int reserve_mesh(struct gr_engine *e, int64_t n_tiles)
 {
     struct gr_mesh *mesh = &e->mesh;
-    if (n_cells <= mesh->cell_capacity && e->sums.data) return GR_OK;
-    const int64_t tiles = (n_cells + n_cells / 2) / GR_LANES + 2, capacity = tiles * GR_LANES;
+    if (n_tiles * GR_LANES <= mesh->cell_capacity && mesh->tile_block) return GR_OK;
+    const int64_t tiles = n_tiles + n_tiles / 2 + 2, capacity = tiles * GR_LANES;
     mesh->cell_capacity = 0;
     GR_RESIZE(mesh->cell, capacity);
-    GR_RESIZE(mesh->cell_node, capacity * e->K);
-    GR_RESIZE(mesh->tile_state, tiles);
-    GR_RESIZE(mesh->tile_in_row, tiles);
+    GR_RESIZE(mesh->row_node, capacity * e->n_rows);
+    if (e->axis[0].periodic) GR_RESIZE(mesh->row_begin, capacity * e->n_rows);
+    GR_RESIZE(mesh->tile_changed, tiles);
+    GR_RESIZE(mesh->tile_joins, tiles);
+    GR_RESIZE(mesh->tile_in_order, tiles);
+    GR_RESIZE(mesh->tile_nodes, tiles);
+    GR_RESIZE(mesh->tile_block, tiles + 1);
     if (e->nonlocal.fluidity) GR_RESIZE(mesh->place, capacity);
     if (e->bodies.n_thin) GR_RESIZE(mesh->paired, capacity);
+    if (e->bodies.n_thin) GR_RESIZE(mesh->other, capacity);
     if (gr_averages_of_cell(&e->config)) {
         GR_RESIZE(mesh->neighbour, capacity * 2 * e->config.dim);
         GR_RESIZE(e->sums.average, capacity * gr_averages_of_cell(&e->config));
@@ -322,19 +323,18 @@ static int reserve_mesh(struct gr_engine *e, int64_t n_cells)
         GR_RESIZE(e->nonlocal.substep_gain, capacity);
     }
     GR_RESIZE(e->sums.dirty, tiles);
-    if (gr_reserve_sums(e, tiles)) return GR_ERR_MEMORY;
     mesh->cell_capacity = capacity;
     return GR_OK;
 }
 
 /* Calm of the new cells (mpm/sleep.h): as before, but a sleeping cell wakes if points have come to it. */
-GR_SHARED(keep_calm, struct regroup, r->n_cells, r)
+GR_SHARED(keep_calm, struct regroup, r->tiles.n_cells, r)
 {
     (void)chunk;
     for (int64_t c = first; c < last; c++) {
         r->calm[c] = 0;
-        if (r->sides && abs(r->sides[c]) == GR_FRONT) continue; /* double cells do not sleep */
-        const int64_t before = (int64_t)gr_table_get(&r->e->mesh.cell_of, r->cells[c]) - 1;
+        if (r->tiles.side && abs(r->tiles.side[c]) == GR_FRONT) continue; /* double cells do not sleep */
+        const int64_t before = (int64_t)gr_table_get(&r->e->mesh.cell_of, r->tiles.cell[c]) - 1;
         const struct gr_cell *cell = before < 0 ? 0 : &r->e->mesh.cell[before];
         const int unchanged = cell && (cell->count == r->counts[c] || (cell->count && cell->calm != GR_ASLEEP));
         if (unchanged) r->calm[c] = cell->calm;
@@ -343,45 +343,49 @@ GR_SHARED(keep_calm, struct regroup, r->n_cells, r)
 
 /* Set up the cells of the new tiles and clear their sums. The last tile is filled up with cells that lie where its last
  * does. */
-GR_SHARED(place_tiles, struct regroup, tiles_of(r), r)
+GR_SHARED(place_tiles, struct regroup, gr_number_of_tiles(&r->tiles), r)
 {
     struct gr_engine *e = r->e;
+    const struct gr_tiles *tiles = &r->tiles;
     (void)chunk;
     for (int64_t c = first * GR_LANES; c < last * GR_LANES; c++) {
         struct gr_cell *cell = &e->mesh.cell[c];
-        const int64_t tile = c / GR_LANES, source = c < r->n_cells ? c : r->n_cells - 1;
+        const int64_t tile = c / GR_LANES, source = c < tiles->n_cells ? c : tiles->n_cells - 1;
         cell->offset = r->offset[tile] + c % GR_LANES;
         cell->count = source == c ? r->counts[c] : 0;
-        cell->summed = 0;
         cell->calm = r->calm && source == c ? r->calm[c] : 0;
         cell->capacity = cell->rows = (int32_t)((r->offset[tile + 1] - r->offset[tile]) / GR_LANES);
         cell->apart = 0;
-        cell->side = r->sides && source == c ? r->sides[c] : 0;
-        decode(e, r->cells[source], cell->at);
+        cell->side = tiles->side && source == c ? tiles->side[c] : 0;
+        gr_indices_of_cell(e, tiles->cell[source], cell->at);
         cell->flags = gr_map_get(&e->config.cell_flags, cell->at);
     }
-    memset(e->mesh.tile_state + first, GR_TILE_SUMMED, (size_t)(last - first));
-    memset((char *)e->sums.data + gr_bytes_of_sums(e, first * e->sums.stride), 0,
-           gr_bytes_of_sums(e, (last - first) * e->sums.stride));
+    memset(e->mesh.tile_changed + first, 0, (size_t)(last - first));
+    memset((char *)e->sums.data + gr_bytes_of_sums(e, tiles->block[first]), 0,
+           gr_bytes_of_sums(e, tiles->block[last] - tiles->block[first]));
 }
 
 /* Set up the mesh of the new cells. */
 static void place_cells(struct regroup *r)
 {
     struct gr_mesh *mesh = &r->e->mesh;
+    const struct gr_tiles *tiles = &r->tiles;
     const struct gr_table old = mesh->cell_of;
     mesh->cell_of = mesh->next_of;
     mesh->next_of = old;
-    mesh->n_cells = r->n_cells;
-    mesh->n_tiles = tiles_of(r);
-    gr_note_size(r->e, mesh->n_tiles, r->total);
+    mesh->n_cells = tiles->n_cells;
+    mesh->n_front = tiles->n_front;
+    mesh->n_tiles = gr_number_of_tiles(tiles);
+    memcpy(mesh->tile_joins, tiles->joins, (size_t)mesh->n_tiles);
+    memcpy(mesh->tile_block, tiles->block, sizeof *tiles->block * (size_t)(mesh->n_tiles + 1));
+    gr_note_size(r->e, tiles->block[mesh->n_tiles], r->total);
+    memset(r->e->sums.data, 0, gr_bytes_of_sums(r->e, GR_FIRST_BLOCK));
     place_tiles(r);
-    /* the tile of zeros, and what loads behind it read */
-    memset((char *)r->e->sums.data + gr_bytes_of_sums(r->e, mesh->n_tiles * r->e->sums.stride), 0,
-           gr_bytes_of_sums(r->e, r->e->sums.stride + GR_LANES));
     mesh->n_paired = 0;
-    for (int64_t c = 0; r->sides && c < r->n_cells; c++)
-        if (r->sides[c] == 1) mesh->paired[mesh->n_paired++] = c;
+    for (int64_t c = 0; r->sides && c < mesh->n_cells; c++) {
+        mesh->other[c] = tiles->other[c];
+        if (tiles->side[c] == GR_FRONT) mesh->paired[mesh->n_paired++] = c;
+    }
 }
 
 /* ---- The points in their new slots ---- */
@@ -407,12 +411,14 @@ static void move_points(struct regroup *r)
 }
 
 /* Find the places of the active cells on the fluidity grid. */
-GR_SHARED(find_fluidity, struct regroup, r->n_cells, r)
+GR_SHARED(find_fluidity, struct regroup, r->tiles.n_cells, r)
 {
     const struct gr_engine *e = r->e;
     (void)chunk;
-    for (int64_t c = first; c < last; c++)
-        e->mesh.place[c] = (int32_t)gr_fluidity_place(e->nonlocal.fluidity, r->cells[c], e->mesh.cell[c].side == GR_BACK);
+    for (int64_t c = first; c < last; c++) {
+        const int back = e->mesh.cell[c].side == GR_BACK;
+        e->mesh.place[c] = (int32_t)gr_fluidity_place(e->nonlocal.fluidity, r->tiles.cell[c], back);
+    }
 }
 
 static int reserve_points(struct regroup *r)
@@ -431,7 +437,7 @@ static int reserve_slots(struct regroup *r)
     const int error = gr_reserve_moves(&r->moves);
     if (error) return error;
     if (!r->e->sleep) return GR_OK;
-    r->calm = malloc(sizeof *r->calm * ((size_t)r->n_cells + 1));
+    r->calm = malloc(sizeof *r->calm * ((size_t)r->tiles.n_cells + 1));
     if (!r->calm) return GR_ERR_MEMORY;
     keep_calm(r);
     return GR_OK;
@@ -442,6 +448,7 @@ static void free_regroup(struct regroup *r)
     void *const owned[] = {r->list,  r->source, r->slot,   r->cell,   r->listed,
                            r->cells, r->sides,  r->counts, r->offset, r->calm};
     for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
+    gr_free_tiles(&r->tiles);
     gr_free_moves(&r->moves);
 }
 
@@ -464,7 +471,8 @@ int gr_regroup(struct gr_engine *e, struct gr_team *team)
         error = GR_ERR_CAPACITY;
     }
     if (!error) error = reserve_slots(&r);
-    if (!error) error = reserve_mesh(e, r.n_cells);
+    if (!error) error = reserve_mesh(e, gr_number_of_tiles(&r.tiles));
+    if (!error) error = gr_reserve_sums(e, r.tiles.block[gr_number_of_tiles(&r.tiles)]);
     if (error) goto out; /* the old cells remain */
     place_cells(&r);
     move_points(&r);
@@ -472,8 +480,8 @@ int gr_regroup(struct gr_engine *e, struct gr_team *team)
     e->sums.valid = 0;
     e->sums.n_dirty = 0;
     e->mesh.n_occupied = r.n_occupied;
-    error = gr_connect(e, r.cells, team, r.chunks);
-    if (!error && e->nonlocal.fluidity) error = gr_fluidity_cover(e->nonlocal.fluidity, r.cells, r.sides, r.n_cells);
+    error = gr_connect(e, &r.tiles, team, r.chunks);
+    if (!error && e->nonlocal.fluidity) error = gr_fluidity_cover(e->nonlocal.fluidity, r.cells, r.sides, r.n_active);
     if (!error && e->nonlocal.fluidity) find_fluidity(&r);
     e->disconnected = error != GR_OK; /* the points are grouped, but the mesh must be made again */
 out:

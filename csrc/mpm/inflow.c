@@ -55,8 +55,8 @@ static int are_near(int dim, const double *x, const double *y, int64_t stride, c
 static int cell_is_near(const struct gr_engine *e, const int32_t at[3], const double *x, const double *reach)
 {
     const int64_t first = (int64_t)gr_table_get(&e->mesh.cell_of, gr_cell_id(e, at)) - 1;
-    if (first < 0) return 0;
-    for (int64_t c = first; c <= first + (e->mesh.cell[first].side == GR_FRONT); c++)
+    const int64_t both[2] = {first, first >= 0 && e->bodies.n_thin ? e->mesh.other[first] : -1};
+    for (int64_t side = 0, c; side < 2 && (c = both[side]) >= 0; side++)
         for (int32_t k = 0; k < e->mesh.cell[c].count; k++)
             if (are_near(e->config.dim, x, gr_x(e, 0) + gr_slot(&e->mesh.cell[c], k), e->points.capacity, reach)) return 1;
     return 0;

@@ -19,10 +19,10 @@ static int is_closed(const struct gr_engine *e, const int32_t from[3], int d, in
     const double end = high ? e->axis[d].length / e->config.dx : 0;
     for (int n = 0; n < e->K; n++) {
         const int local[3] = {n % k, n / k % k, n / (k * k)};
-        int32_t node[3] = {0};
-        for (int j = 0; j < dim; j++) node[j] = e->axis[j].cell[from[j]].node[local[j]];
-        const int on_face = fabs(e->axis[d].node_position[node[d]] - end) < 1e-9;
-        if (on_face && !(gr_wall_now(e, gr_map_get(&e->config.node_codes, node))->fixed >> d & 1)) return 0;
+        int32_t number[3] = {0};
+        for (int j = 0; j < dim; j++) number[j] = e->axis[j].node_number[e->axis[j].cell[from[j]].node[local[j]]];
+        const int on_face = fabs(e->axis[d].node_position[e->axis[d].cell[from[d]].node[local[d]]] - end) < 1e-9;
+        if (on_face && !(gr_wall_now(e, gr_map_get(&e->config.node_codes, number))->fixed >> d & 1)) return 0;
     }
     return 1;
 }
@@ -124,7 +124,7 @@ static int64_t find_cell(const struct gr_engine *e, const int64_t at[3], const d
     const int64_t index = (int64_t)gr_table_get(&e->mesh.cell_of, gr_cell_id(e, to)) - 1;
     if (index < 0) return GR_TO_NO_CELL;
     if (!e->bodies.n_thin || e->mesh.cell[index].side != GR_FRONT) return index;
-    return index + (gr_point_side(e, x, gr_sign(record[gr_component_of(e, GR_FIELD_side)])) < 0);
+    return gr_point_side(e, x, gr_sign(record[gr_component_of(e, GR_FIELD_side)])) < 0 ? e->mesh.other[index] : index;
 }
 
 /* Check point k of a list, find its new cell, and count it. */
@@ -170,15 +170,15 @@ static int refuse(struct gr_engine *e, const struct gr_migrants *list, int lists
     return error;
 }
 
-/* Note that the sums of a tile lack something, and list the tile unless it is listed already. */
-static void mark(struct gr_engine *e, int64_t index, enum gr_tile_state state, int64_t *dirty, int64_t *n_dirty)
+/* Note that the points of a tile have changed, and list the tile unless it is listed already. */
+static void mark(struct gr_engine *e, int64_t index, int64_t *dirty, int64_t *n_dirty)
 {
-    uint8_t *now = &e->mesh.tile_state[index / GR_LANES];
-    if (*now == GR_TILE_SUMMED) dirty[(*n_dirty)++] = index / GR_LANES;
-    if (*now < state) *now = (uint8_t)state;
+    uint8_t *now = &e->mesh.tile_changed[index / GR_LANES];
+    if (!*now) dirty[(*n_dirty)++] = index / GR_LANES;
+    *now = 1;
 }
 
-/* Put a point into an active cell; `dirty` lists the tiles that gain points.
+/* Put a point into an active cell; `dirty` lists the tiles whose points have changed.
  * Returned: 0 if the cell is full. */
 static int put(struct gr_engine *e, int64_t index, double *record, int64_t id, int64_t *dirty, int64_t *n_dirty)
 {
@@ -187,7 +187,7 @@ static int put(struct gr_engine *e, int64_t index, double *record, int64_t id, i
     if (cell->count == cell->capacity) return 0;
     gr_wake_for_arrival(e, cell);
     unpack(e, gr_slot(cell, cell->count++), record, id);
-    mark(e, index, GR_TILE_GAINED, dirty, n_dirty);
+    mark(e, index, dirty, n_dirty);
     return 1;
 }
 
@@ -339,13 +339,13 @@ void gr_insert_new(struct gr_engine *e, double *record, int64_t id)
 static void mark_changed(struct gr_engine *e, int64_t index)
 {
     gr_wake(e, &e->mesh.cell[index]);
-    mark(e, index, GR_TILE_CHANGED, e->sums.dirty, &e->sums.n_dirty);
+    mark(e, index, e->sums.dirty, &e->sums.n_dirty);
 }
 
 void gr_change_sides(struct gr_engine *e)
 {
     for (int64_t k = 0; k < 2 * e->mesh.n_paired; k++) {
-        const int64_t index = e->mesh.paired[k / 2] + k % 2;
+        const int64_t front = e->mesh.paired[k / 2], index = k % 2 ? e->mesh.other[front] : front;
         struct gr_cell *cell = &e->mesh.cell[index];
         if (!cell->count || gr_cell_faces_thin(e, cell->at)) continue;
         for (int32_t s = 0; s < cell->count; s++) {
@@ -357,7 +357,7 @@ void gr_change_sides(struct gr_engine *e)
             pack(e, slot, record);
             close_hole(e, cell, slot), s--;
             mark_changed(e, index);
-            insert(e, index + cell->side, record, id);
+            insert(e, e->mesh.other[index], record, id);
         }
     }
 }

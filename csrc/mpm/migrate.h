@@ -4,25 +4,40 @@
 #include "core/team.h"
 #include "mpm/numbers.h"
 
-/* Place of a cell on the fluidity grid. The two sides of a double cell use the place of the front alone if the centre
- * of the cell does not face the thin body. */
+/* The other side of a double cell. */
+static inline const struct gr_cell *gr_other_side(const struct gr_engine *e, const struct gr_cell *cell)
+{
+    return &e->mesh.cell[e->mesh.other[cell - e->mesh.cell]];
+}
+
+/* True if a cell has a fluidity of its own: it is not double, or its sides are separated. */
+static inline int gr_is_separate(const struct gr_engine *e, const struct gr_cell *cell)
+{
+    const int32_t place = e->mesh.place[cell - e->mesh.cell];
+    return !GR_IS_DOUBLE(cell) || (place >= 0 && e->nonlocal.fluidity->inside[place] & GR_SEPARATED);
+}
+
+/* Place of a cell on the fluidity grid. The two sides of a double cell use the place of the front alone if the centre of the
+ * cell does not face the thin body. */
 static inline int64_t gr_place_of_cell(const struct gr_engine *e, const struct gr_cell *cell)
 {
-    const int32_t *place = e->mesh.place + (cell - e->mesh.cell);
-    return cell->side != GR_BACK || (*place >= 0 && e->nonlocal.fluidity->inside[*place] & GR_SEPARATED) ? place[0]
-                                                                                                         : place[-1];
+    if (cell->side == GR_BACK && !gr_is_separate(e, cell)) cell = gr_other_side(e, cell);
+    return e->mesh.place[cell - e->mesh.cell];
 }
 
-/* Number of cells, from this one on, that share one fluidity: 2 for the front of a double cell whose sides are not
- * separated, and then 0 for its back; else 1. */
-static inline int gr_cells_of_fluidity(const struct gr_engine *e, const struct gr_cell *cell)
+/* The cells that share the fluidity of a cell which represents it: both sides of a double cell from its front on, or the cell
+ * alone. The back of a double cell that is not separated represents none. */
+static inline const struct gr_cell *gr_next_of_fluidity(const struct gr_engine *e, const struct gr_cell *cell,
+                                                        const struct gr_cell *last)
 {
-    if (!GR_IS_DOUBLE(cell) || e->nonlocal.fluidity->inside[gr_place_of_cell(e, cell)] & GR_SEPARATED) return 1;
-    return cell->side == GR_FRONT ? 2 : 0;
+    if (gr_is_separate(e, cell)) return last ? NULL : cell;
+    if (cell->side == GR_BACK) return NULL;
+    return !last ? cell : last == cell ? gr_other_side(e, cell) : NULL;
 }
 
-#define GR_EACH_OF_FLUIDITY(e, cell, name) \
-    for (const struct gr_cell *name = (cell), *end_##name = name + gr_cells_of_fluidity(e, cell); name < end_##name; name++)
+#define GR_EACH_OF_FLUIDITY(e, cell, name)                                              \
+    for (const struct gr_cell *name = gr_next_of_fluidity(e, cell, NULL); name != NULL; \
+         name = gr_next_of_fluidity(e, cell, name))
 
 /* Where a point goes that no active cell takes. */
 enum gr_destination { GR_TO_NO_CELL = -1, GR_TO_OUTSIDE = -2, GR_TO_NOWHERE = -3 };

@@ -10,18 +10,18 @@ GR_INLINE void move_group(const int dim, const int damps, const struct gr_engine
 {
     const vd cutoff = v_set(e->config.mass_cutoff), keep = v_set(e->keep_velocity), dt = v_set(e->clock.dt), zero = v_zero();
     for (int lane = 0; lane < GR_LANES; lane += GR_W) {
-        const vd m = v_load(sums + GR_SUM_MASS * GR_LANES + lane);
+        const vd m = v_load(sums + GR_SUM_MASS * GR_SUM_ROW + lane);
         const vm empty = v_ge(cutoff, m);
         vd damping = zero;
         if (damps) {
             const vd share = v_set(e->config.largest.damping_rate * e->clock.dt) *
-                             v_load(sums + GR_SUM_DAMPED(dim) * GR_LANES + lane) / m;
+                             v_load(sums + GR_SUM_DAMPED(dim) * GR_SUM_ROW + lane) / m;
             damping = v_select(empty, zero, keep * v_min(share, v_set(1.0)));
         }
         v_store(motion->damping + lane, damping);
         for (int d = 0; d < dim; d++) {
-            const vd v = v_load(sums + (GR_SUM_MOMENTUM + d) * GR_LANES + lane) / m;
-            const vd a = v_load(sums + (GR_SUM_FORCE(dim) + d) * GR_LANES + lane) / m + v_set(g[d]);
+            const vd v = v_load(sums + (GR_SUM_MOMENTUM + d) * GR_SUM_ROW + lane) / m;
+            const vd a = v_load(sums + (GR_SUM_FORCE(dim) + d) * GR_SUM_ROW + lane) / m + v_set(g[d]);
             v_store(motion->v[d] + lane, v_select(empty, zero, v));
             v_store(motion->next[d] + lane, v_select(empty, zero, v + dt * a));
         }
@@ -54,12 +54,13 @@ GR_INLINE void describe_group(const int dim, struct gr_engine *e, int64_t first,
 {
     const vd zero = v_zero(), one = v_set(1.0), two = v_set(2.0), cell_mass = v_set(e->cell_mass);
     for (int lane = 0; lane < GR_LANES; lane += GR_W) {
-        const double *sum = sums + GR_SUM_DENSITY(dim) * GR_LANES + lane;
-        const vm empty = v_ge(v_set(e->config.mass_cutoff), v_load(sums + GR_SUM_MASS * GR_LANES + lane));
+        const double *sum = sums + GR_SUM_DENSITY(dim) * GR_SUM_ROW + lane;
+        const vm empty = v_ge(v_set(e->config.mass_cutoff), v_load(sums + GR_SUM_MASS * GR_SUM_ROW + lane));
         const vd volume = v_load(e->mesh.node_volume + first + lane), m = v_load(filled + lane);
         const vd phi = v_keep(v_gt(volume, v_set(GR_NO_VOLUME)), m / (cell_mass * volume)); /* 0 in solid cells */
-        const vd connected = v_load(sum + GR_SUM_CONNECTED * GR_LANES), weighted = v_load(sum + GR_SUM_WEIGHTED * GR_LANES);
-        const vd c = v_keep(v_gt(weighted, zero), v_load(sum + GR_SUM_LOG_DENSITY * GR_LANES) / weighted);
+        const vd connected = v_load(sum + GR_SUM_CONNECTED * GR_SUM_ROW),
+                 weighted = v_load(sum + GR_SUM_WEIGHTED * GR_SUM_ROW);
+        const vd c = v_keep(v_gt(weighted, zero), v_load(sum + GR_SUM_LOG_DENSITY * GR_SUM_ROW) / weighted);
         vd field[GR_NODE_OWN_GAP(3) + 1];
         field[GR_NODE_GAP] = zero; /* until gr_grid_surroundings */
         field[GR_NODE_LOG_DENSITY] = c;
@@ -68,7 +69,7 @@ GR_INLINE void describe_group(const int dim, struct gr_engine *e, int64_t first,
         /* ln phi to 4 % at phi = 1/2, less c */
         field[GR_NODE_OWN_GAP(dim)] = two * (phi - one) / (phi + one) - c - v_set(e->servo_strain);
         for (int d = 0; d < dim; d++)
-            field[GR_NODE_RESIDUAL + d] = v_load(sum + (GR_SUM_RESIDUAL + d) * GR_LANES) / cell_mass;
+            field[GR_NODE_RESIDUAL + d] = v_load(sum + (GR_SUM_RESIDUAL + d) * GR_SUM_ROW) / cell_mass;
         for (int q = 0; q <= GR_NODE_OWN_GAP(dim); q++) {
             const vd of_empty = q == GR_NODE_OWN_GAP(dim) ? v_set(GR_EMPTY_GAP) : zero;
             v_store(gr_node_field(e, GR_NODE_DENSITY(dim) + q) + first + lane, v_select(empty, of_empty, field[q]));

@@ -1,121 +1,125 @@
-/* Sums over the cells of GR_LANES nodes at once. Nodes of a row of the grid follow each other, and so do the cells in which
- * they are the same local node, except where a tile ends (struct gr_node_run). */
-#include "mpm/engine.h"
+/* Sums of nodes: over the runs of cells about them (struct gr_addend). */
+#include "mpm/grid.h"
 
-/* The positions of the sums over one cell of GR_W nodes, from node `lane` of a group on. */
-struct places {
-    const gr_real *piece[GR_RUN_PIECES];
-    vm from[GR_RUN_PIECES];    /* lanes of this piece, and of those after it */
-    const gr_real *each[GR_W]; /* of nodes whose sums are in more pieces */
+/* Where the sums of a group for a row of nodes begin, from the position of an addend on, and how far apart they are. */
+struct sums_of_row {
+    int64_t begin[GR_KINDS_OF_SUMS];
+    int apart[GR_KINDS_OF_SUMS];
 };
 
-GR_INLINE struct places places_of(const int K, const int pieces, const struct gr_engine *e, int64_t group, int i, int lane)
+static struct sums_of_row sums_of_row(const int k, const struct gr_engine *e, enum gr_group_of_sums group, int row, int sum)
 {
-    const struct gr_node_run *run = &e->mesh.node_run[group * K + i];
-    struct places places;
-    double number[GR_W];
-    for (int l = 0; l < GR_W; l++) number[l] = lane + l;
-    GR_UNROLLED
-    for (int k = 0; k < pieces; k++) {
-        places.piece[k] = gr_sums(e) + run->at[k] + lane;
-        places.from[k] = v_ge(v_load(number), v_set(run->begin[k]));
+    const struct gr_rows *const rows = &e->sums.rows[group];
+    const int64_t at = (int64_t)row * rows->width + sum, all = (int64_t)e->n_rows * rows->width;
+    struct sums_of_row of = {{0}, {0}};
+    of.begin[GR_OF_LANES] = rows->main + at * GR_LANES;
+    of.begin[GR_SECOND] = rows->apart + at * GR_LANES;
+    of.begin[GR_THIRD] = rows->apart + (all + at) * GR_LANES;
+    of.apart[GR_OF_LANES] = of.apart[GR_SECOND] = of.apart[GR_THIRD] = GR_LANES;
+    for (int j = 0; j < 3; j++) {
+        of.begin[GR_TAIL_1 + j] = rows->tail + at * GR_TAIL(k) + j;
+        of.apart[GR_TAIL_1 + j] = GR_TAIL(k);
     }
-    for (int l = 0; pieces == GR_RUN_BROKEN && l < GR_W; l++) {
-        const int64_t n = group * GR_LANES + lane + l;
-        places.each[l] = gr_sums(e) + e->mesh.node_source[(n < e->mesh.n_nodes ? n : e->mesh.n_nodes - 1) * K + i];
-    }
-    return places;
+    return of;
 }
 
-GR_INLINE vd sum_at(const int pieces, const struct places *places, int64_t at)
+/* The numbers of an addend, of one sum after another. */
+struct numbers {
+    const gr_real *lanes, *first, *second, *before;
+    int64_t lanes_apart, first_apart, second_apart, before_apart;
+};
+
+GR_INLINE struct numbers numbers_of(const struct gr_engine *e, const struct sums_of_row *of, const struct gr_addend *addend)
 {
-    if (pieces == GR_RUN_BROKEN) {
-        gr_real each[GR_W];
-        for (int l = 0; l < GR_W; l++) each[l] = places->each[l][at];
-        return v_load(each);
-    }
-    vd sum = v_load(places->piece[0] + at);
-    GR_UNROLLED
-    for (int k = 1; k < pieces; k++) sum = v_select(places->from[k], v_load(places->piece[k] + at), sum);
-    return sum;
+    const gr_real *const sums = gr_sums(e), *const end = sums + addend->end;
+    return (struct numbers){.lanes = sums + addend->lanes + of->begin[addend->kind_of_lanes],
+                            .first = end + of->begin[addend->first],
+                            .second = (addend->second ? end : sums) + of->begin[addend->second],
+                            .before = sums + addend->before + of->begin[addend->kind_before],
+                            .lanes_apart = of->apart[addend->kind_of_lanes],
+                            .first_apart = of->apart[addend->first],
+                            .second_apart = of->apart[addend->second],
+                            .before_apart = of->apart[addend->kind_before]};
 }
 
-/* Add the sums over the cells in which the nodes are local node K - 1 - i. */
-GR_INLINE void add_cells(const int dim, const int K, const int damps, const int averages, const int pieces,
-                         const struct gr_engine *e, int64_t group, int i, int lane, vd *sum)
+GR_INLINE void next_sum(struct numbers *at)
 {
-    const int rows = GR_SUM_DAMPED(dim), of_density = GR_DENSITY_SUMS(dim), before = rows + damps;
-    const struct places places = places_of(K, pieces, e, group, i, lane);
-    const vd m = sum_at(pieces, &places, 0);
-    sum[0] = sum[0] + m;
-    GR_UNROLLED
-    for (int q = 1; q < rows; q++) sum[q] = sum[q] + sum_at(pieces, &places, q * GR_LANES);
-    if (damps) sum[rows] = sum[rows] + v_mul(sum_at(pieces, &places, (i + 1) * rows * GR_LANES), m);
-    const int64_t density = e->sums.of_density + (K - 1 - i) * (of_density - rows) * GR_LANES;
-    GR_UNROLLED
-    for (int q = 0; q < averages * of_density; q++)
-        sum[before + q] = sum[before + q] + sum_at(pieces, &places, density + q * GR_LANES);
+    at->lanes += at->lanes_apart;
+    at->first += at->first_apart;
+    at->second += at->second_apart;
+    at->before += at->before_apart;
 }
 
-/* call(pieces) with the number of pieces of a run as a literal. */
-#define GR_BY_PIECES(run, call) \
-    switch ((run).pieces) {     \
-    case 1:                     \
-        call(1);                \
-        break;                  \
-    case 2:                     \
-        call(2);                \
-        break;                  \
-    case 3:                     \
-        call(3);                \
-        break;                  \
-    case GR_RUN_PIECES:         \
-        call(GR_RUN_PIECES);    \
-        break;                  \
-    default:                    \
-        call(GR_RUN_BROKEN);    \
-    }
-
-/* Sums of the nodes of a group, in rows of GR_LANES: of each step, the damping if the density is smoothed, and of an
- * averaging. */
-GR_INLINE void sum_group(const int dim, const int K, const int damps, const int averages, const struct gr_engine *e,
-                         int64_t group, double *out)
+GR_INLINE vd two_numbers(gr_real a, gr_real b)
 {
-    const int n = GR_SUM_DAMPED(dim) + damps + averages * GR_DENSITY_SUMS(dim);
-    for (int lane = 0; lane < GR_LANES; lane += GR_W) {
-        vd sum[GR_NODE_SUMS(3)];
-        GR_UNROLLED
-        for (int q = 0; q < n; q++) sum[q] = v_zero();
-        GR_ROLLED
-        for (int i = 0; i < K; i++) {
-#define GR_ADD(pieces) add_cells(dim, K, damps, averages, pieces, e, group, i, lane, sum)
-            GR_BY_PIECES(e->mesh.node_run[group * K + i], GR_ADD)
-#undef GR_ADD
+    const vd v = {a, b};
+    return v;
+}
+
+/* Add n sums of an addend to its nodes, in rows of `out`. */
+GR_INLINE void add_addend(struct numbers at, const struct gr_addend *addend, int n, double *out)
+{
+    const int nodes = addend->n;
+    if (!addend->apart && nodes <= 2) {
+        for (int q = 0; q < n; q++, out += GR_SUM_ROW, next_sum(&at)) {
+            out[0] = (gr_real)out[0] + ((at.lanes[0] + *at.first) + *at.before);
+            if (nodes == 2) out[1] = (gr_real)out[1] + (at.lanes[1] + *at.second);
         }
-        GR_UNROLLED
-        for (int q = 0; q < n; q++) v_store(out + q * GR_LANES + lane, sum[q]);
+        return;
     }
-}
-
-/* The same for the additional sums of an averaging with several materials. */
-GR_INLINE void add_volumes(const int K, const int pieces, const struct gr_engine *e, int64_t group, int i, int lane, vd *sum)
-{
-    const int rows = GR_SUM_DAMPED(K == 9 ? 2 : 3);
-    const struct places places = places_of(K, pieces, e, group, i, lane);
-    const int64_t first = e->sums.of_volume + (K - 1 - i) * (GR_VOLUME_SUMS - rows) * GR_LANES;
-    for (int q = 0; q < GR_VOLUME_SUMS; q++) sum[q] = sum[q] + sum_at(pieces, &places, first + q * GR_LANES);
-}
-
-GR_INLINE void sum_volumes_of_group(const int K, const struct gr_engine *e, int64_t group, double *out)
-{
-    for (int lane = 0; lane < GR_LANES; lane += GR_W) {
-        vd sum[GR_VOLUME_SUMS] = {v_zero(), v_zero()};
-        GR_ROLLED
-        for (int i = 0; i < K; i++) {
-#define GR_ADD(pieces) add_volumes(K, pieces, e, group, i, lane, sum)
-            GR_BY_PIECES(e->mesh.node_run[group * K + i], GR_ADD)
-#undef GR_ADD
+    for (int q = 0; q < n; q++, out += GR_SUM_ROW, next_sum(&at))
+        for (int lane = 0; lane < nodes; lane += GR_W) {
+            vd v = v_load(at.lanes + lane);
+            if (addend->apart)
+                v = (v + v_load(at.first + lane)) + v_load(at.before + lane);
+            else if (!lane)
+                v = (v + two_numbers(*at.first, *at.second)) + two_numbers(*at.before, 0);
+            if (nodes < lane + GR_W) v = v_keep(m_of_bits((1u << (nodes - lane)) - 1), v);
+            v_store(out + lane, v_load(out + lane) + v);
         }
-        for (int q = 0; q < GR_VOLUME_SUMS; q++) v_store(out + q * GR_LANES + lane, sum[q]);
+}
+
+enum { AHEAD = 2 };
+
+/* Fetch n sums of an addend into the caches, before they are needed. */
+GR_INLINE void fetch_addend(const struct gr_engine *e, const struct sums_of_row *of, const struct gr_addend *addend, int n)
+{
+    const gr_real *const lanes = gr_sums(e) + addend->lanes + of->begin[addend->kind_of_lanes], *const end =
+                                                                                                    gr_sums(e) +
+                                                                                                    addend->end +
+                                                                                                    of->begin[addend->first];
+    for (int q = 0; q < n; q++) __builtin_prefetch(lanes + q * of->apart[addend->kind_of_lanes]);
+    for (int q = 0; q < n; q += 2) __builtin_prefetch(end + q * of->apart[addend->first]);
+}
+
+/* Number of the first of the addends [low, high) that may reach node n. */
+static int32_t first_reaching(const struct gr_engine *e, int32_t low, int32_t high, int64_t n)
+{
+    while (low < high) {
+        const int32_t middle = (low + high) / 2;
+        if (e->mesh.addend[middle].node + GR_LANES <= n)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+/* n sums of a group, from `begin` on, for the nodes [first, last), at most GR_SUM_BLOCK; rows of `out` are GR_SUM_ROW apart,
+ * and have space for GR_SUM_PAD numbers on either side of these nodes. Lower rows of cells come first. */
+GR_INLINE void sum_block(const int k, const int n, const struct gr_engine *e, enum gr_group_of_sums group, int begin,
+                         int64_t first, int64_t last, double *out)
+{
+    const int32_t *const list = e->mesh.row_addends;
+    for (int q = 0; q < n; q++)
+        memset(out + q * GR_SUM_ROW - GR_SUM_PAD, 0, sizeof *out * (size_t)(last - first + 2 * GR_SUM_PAD));
+    for (int row = e->n_rows; row-- > 0;) {
+        const struct sums_of_row of = sums_of_row(k, e, group, row, begin);
+        for (int32_t i = first_reaching(e, list[row], list[row + 1], first); i < list[row + 1]; i++) {
+            const struct gr_addend *addend = &e->mesh.addend[i];
+            if (addend->node >= last) break;
+            if (e->out_of_cache && i + AHEAD < list[row + 1]) fetch_addend(e, &of, addend + AHEAD, n);
+            add_addend(numbers_of(e, &of, addend), addend, n, out + (addend->node - first));
+        }
     }
 }

@@ -8,11 +8,11 @@
  * weight. Particle shifting adds -m shift_velocity/dt to the force, which takes back the momentum that the shift gave.
  * Where the density is averaged, further sums follow (smoothed_density.inl).
  *
- * Each cell has separate sums, in the order of its points. The grid stage then sums over the cells of a node in a fixed
- * order (grid.c), so that the result depends neither on the number of threads nor on the cells of a tile.
- *
- * A lane is a cell. A few rows of points are worked on at a time: first their contributions are prepared, and then they are
- * added to one row of nodes after the other, because the running sums of a row fit the registers. */
+ * A lane is a cell, whose sums are in the order of its points. A few rows of points are worked on at a time: first their
+ * contributions are prepared, and then they are added to one row of nodes after the other, because the running sums of a row
+ * fit the registers. When all points are in them, what the lanes of a run have for a node is added, and stored (engine.h). The
+ * grid stage then sums over the runs about a node in a fixed order, so that the result depends neither on the number of
+ * threads nor on where tiles begin. */
 #include "mpm/contribution.h"
 
 /* exp(-c), for V = m exp(-c)/rho_c. It matters only in the lanes that `carry` stress; in others the result is finite
@@ -38,9 +38,9 @@ GR_INLINE int at_stress(const int d, const int j)
     return place[d][j];
 }
 
-/* Prepare w, grad w, m, v and C dx of the points in the slots from `at` on, which count where `counted`. */
+/* Prepare w, grad w, m, v and C dx of the points in the slots from `at` on. */
 GR_INLINE void prepare_momentum(const int dim, const int basis, const int affine, const struct gr_engine *e,
-                                const struct gr_frame *frame, int64_t at, vm counted, struct contribution *contribution)
+                                const struct gr_frame *frame, int64_t at, struct contribution *contribution)
 {
     const int k = gr_nodes_1d(basis);
     struct gr_shape s;
@@ -55,7 +55,7 @@ GR_INLINE void prepare_momentum(const int dim, const int basis, const int affine
             contribution->affine[d][j] = v_set(e->config.dx) * component(e, GR_FIELD_affine, d * dim + j, at);
         if (affine) contribution->v[d] = at_edge(dim, &s, contribution->v[d], contribution->affine[d]);
     }
-    contribution->m = v_keep(counted, component(e, GR_FIELD_mass, 0, at));
+    contribution->m = component(e, GR_FIELD_mass, 0, at);
 }
 
 /* Prepare -V sigma/dx and the force that takes back the momentum of the shift. */
@@ -81,7 +81,7 @@ GR_INLINE void prepare_force(const int dim, const int smoothed, const struct gr_
 
 /* For the nodes of a row: m_i += w m, p_i += w m (v + C (x_i - x)). */
 GR_INLINE void add_momentum(const int dim, const int basis, const int affine, const struct gr_frame *frame,
-                            const struct contribution *p, const struct row row, vd sum[3][7])
+                            const struct contribution *p, const struct row row, vd sum[3][MOST_SUMS])
 {
     const vd m_yz = p->m * weight_yz(dim, basis, p, row, 0);
     vd u_yz[3];
@@ -103,7 +103,7 @@ GR_INLINE void add_momentum(const int dim, const int basis, const int affine, co
 /* For the nodes of a row: f_i += -V sigma grad w, in sum[a][first...]. The derivative along x is split off, because w
  * along y and z is common to the row. */
 GR_INLINE void add_force(const int dim, const int basis, const int shifts, const struct contribution *p,
-                         const struct row row, const int first, vd sum[3][7])
+                         const struct row row, const int first, vd sum[3][MOST_SUMS])
 {
     const vd w_yz = weight_yz(dim, basis, p, row, 0);
     for (int d = 0; d < dim; d++) {
@@ -122,101 +122,224 @@ GR_INLINE void add_force(const int dim, const int basis, const int shifts, const
 }
 
 /* Sums of a pass over the rows: m and p; f, with SHIFT also the term that subtracts the momentum of a shift; the sums of
- * the density, or of the density with several materials. */
-enum { MOMENTUM = 1, FORCE = 2, DENSITY = 4, VOLUME = 8, SHIFT = 16 };
+ * the density, or of the density with several materials. With MASSES the masses of each lane are stored, too. */
+enum { MOMENTUM = 1, FORCE = 2, DENSITY = 4, VOLUME = 8, SHIFT = 16, MASSES = 32 };
 
-/* Add the contributions of n rows of points to the sums `what`, row of nodes by row: sums first... of each node, which has
- * `rows` sums in all. The sums begin at zero if `fresh`. */
+/* Sums of a pass over GR_W cells after another of a tile. */
+struct pass {
+    const struct gr_rows *rows;
+    gr_real *lanes, *ends;     /* the block of the tile, and where in it are the ends of its runs */
+    gr_real *masses;           /* where the masses of the lanes go, if they do */
+    unsigned joins;            /* gr_mesh.tile_joins */
+    int n, of_run, stream;     /* lanes that are cells; numbers of a run; whether sums are stored past the caches */
+    vm follows[GR_VECTORS][2]; /* lanes that are in a run with the one before, and with that two before */
+    vd partial[GR_MAX_NODES * MOST_SUMS]; /* between parts of the rows of points, in each lane */
+    gr_real *next[2]; /* what the lanes have for their second and their last node; where they are runs by */
+    gr_real buffer[2][9 * MOST_SUMS * GR_LANES]; /* themselves that is the ends of the block, else this buffer */
+};
+
+/* Store a vector of sums. */
+GR_INLINE void put(gr_real *at, int stream, vd sum)
+{
+    if (stream)
+        v_stream(at, sum);
+    else
+        v_store(at, sum);
+}
+
+/* Add the sums of the lanes for the first, second and last node of a row, and store them; `at` is the number of the sum in
+ * all rows. */
+GR_INLINE void store_lanes(const int k, struct pass *pass, int part, int at, vd first, vd second, vd last)
+{
+    const int place = at * GR_LANES + part * GR_W;
+    gr_real *const next[2] = {pass->next[0] + place, pass->next[1] + place};
+    vd sum = first;
+    if (pass->joins) {
+        const vd zero = v_zero();
+        sum = sum + v_keep(pass->follows[part][0], v_after_1(second, part ? v_load(next[0] - GR_W) : zero));
+        if (k == 3) sum = sum + v_keep(pass->follows[part][1], v_after_2(last, part ? v_load(next[1] - GR_W) : zero));
+    }
+    put(pass->lanes + pass->rows->main + place, pass->stream, sum);
+    put(next[0], pass->stream && !pass->joins, second);
+    if (k == 3) put(next[1], pass->stream && !pass->joins, last);
+}
+
+/* Store the tail of a run that ends with lane l, for the sums [begin, end) of each row. */
+GR_INLINE void store_tail(const int k, const int n_rows, const struct pass *pass, int run, int l, int begin, int end)
+{
+    const int width = pass->rows->width;
+    const unsigned two = pass->joins >> l & 1;
+    gr_real buffer[(9 * MOST_SUMS + 2) * GR_TAIL(3)];
+    gr_real *const out = pass->ends + run * pass->of_run + pass->rows->tail, *const tail = pass->stream ? buffer : out;
+    for (int row = 0; row < n_rows; row++)
+        for (int at = row * width + begin; at < row * width + end; at++) {
+            const gr_real *const second = pass->next[0] + at * GR_LANES + l, *const last = pass->next[1] + at * GR_LANES + l;
+            if (k == 3)
+                v_store_four(tail + at * GR_TAIL(3), *second, *last, two ? last[-1] : 0, 0);
+            else
+                tail[at] = *second;
+        }
+    if (!pass->stream) return;
+    const int n = n_rows * width * GR_TAIL(k);
+    for (int i = n; i % GR_LANES; i++) buffer[i] = 0;
+    for (int i = 0; i < n; i += GR_LANES) v_copy_eight(out + i, buffer + i, 1);
+}
+
+/* The same for all runs of a tile. */
+static __attribute__((noinline)) void store_tails(int k, int n_rows, const struct pass *pass, int begin, int end)
+{
+    int run = 0;
+    for (int l = 0; l < pass->n; l++)
+        if (l == pass->n - 1 || !(pass->joins >> (l + 1) & 1)) store_tail(k, n_rows, pass, run++, l, begin, end);
+}
+
+/* Store what the lanes have for the nodes beyond their runs: the sums [begin, end) of each row. */
+GR_INLINE void store_ends(const int k, const int n_rows, const struct pass *pass, int begin, int end)
+{
+    if (pass->joins == (1 << GR_LANES) - 2)
+        store_tail(k, n_rows, pass, 0, GR_LANES - 1, begin, end);
+    else if (pass->joins)
+        store_tails(k, n_rows, pass, begin, end);
+}
+
+/* Where a pass is in the rows of points of GR_W cells: n of them are added, the first if it `begins`, the last if it
+ * `ends`. */
+struct stretch {
+    int part, n, begins, ends;
+};
+
+/* Add the contributions of rows of points to the sums `what`, row of nodes by row: sums first... of each node. */
 GR_INLINE void add_rows(const int dim, const int basis, const int affine, const int what, const struct gr_frame *frame,
-                        const struct contribution *contribution, int n, const int rows, const int first, int fresh,
-                        int stream, gr_real *out)
+                        const struct contribution *contribution, struct stretch stretch, const int first, struct pass *pass)
 {
     const int k = gr_nodes_1d(basis), K = gr_power(k, dim);
     const int width = (what & MOMENTUM ? 1 + dim : 0) + (what & FORCE ? dim : 0) +
                       (what & DENSITY ? GR_DENSITY_SUMS(dim) : 0) + (what & VOLUME ? GR_VOLUME_SUMS : 0);
     for (int bc = 0; bc < K / k; bc++) {
         const struct row row = {bc % k, bc / k};
-        vd sum[3][7];
-        for (int i = 0; i < k * width; i++) sum[i / width][i % width] = v_zero();
-        for (int i = 0; !fresh && i < k * width; i++)
-            sum[i / width][i % width] = v_load(out + ((bc * k + i / width) * rows + first + i % width) * GR_LANES);
+        vd sum[3][MOST_SUMS], *const partial = pass->partial + (bc * MOST_SUMS + first) * k;
+        GR_UNROLLED
+        for (int i = 0; i < k * width; i++) sum[i / width][i % width] = stretch.begins ? v_zero() : partial[i];
         GR_ROLLED
-        for (int i = 0; i < n; i++) {
+        for (int i = 0; i < stretch.n; i++) {
             if (what & MOMENTUM) add_momentum(dim, basis, affine, frame, contribution + i, row, sum);
             if (what & FORCE) add_force(dim, basis, what & SHIFT, contribution + i, row, what & MOMENTUM ? 1 + dim : 0, sum);
             if (what & DENSITY) add_density(dim, basis, frame, contribution + i, row, sum);
             if (what & VOLUME) add_volume(dim, basis, frame, contribution + i, row, sum);
         }
-        for (int a = 0; !stream && a < k; a++)
-            for (int q = 0; q < width; q++) v_store(out + ((bc * k + a) * rows + first + q) * GR_LANES, sum[a][q]);
-        for (int a = 0; stream && a < k; a++)
-            for (int q = 0; q < width; q++) v_stream(out + ((bc * k + a) * rows + first + q) * GR_LANES, sum[a][q]);
+        if (!stretch.ends) {
+            GR_UNROLLED
+            for (int i = 0; i < k * width; i++) partial[i] = sum[i / width][i % width];
+            continue;
+        }
+        for (int a = 0; what & MASSES && a < k; a++)
+            v_store(pass->masses + (bc * k + a) * GR_LANES + stretch.part * GR_W, sum[a][GR_SUM_MASS]);
+        GR_UNROLLED
+        for (int q = 0; q < width; q++)
+            store_lanes(k, pass, stretch.part, bc * pass->rows->width + first + q, sum[0][q], sum[1][q], sum[k - 1][q]);
     }
 }
 
-/* The points of GR_W cells of a tile that P2G adds to their sums: rows [begin, end), in a lane from its first row on. */
-struct summed {
-    int begin, end;
-    vd first;
+/* Largest number of points of n cells from `first` on. */
+GR_INLINE int most_points(const struct gr_engine *e, int64_t first, int n)
+{
+    int most = 0;
+    for (int l = 0; l < n; l++) most = e->mesh.cell[first + l].count > most ? e->mesh.cell[first + l].count : most;
+    return most;
+}
+
+/* Begin a pass over the cells of a tile. The members that are not set are set before they are read. */
+GR_INLINE void begin_pass(const struct gr_engine *e, enum gr_group_of_sums group, int64_t tile, int stream,
+                          struct pass *pass)
+{
+    const int64_t left = e->mesh.n_cells - tile * GR_LANES;
+    const unsigned joins = e->mesh.tile_joins[tile];
+    pass->rows = &e->sums.rows[group];
+    pass->lanes = gr_sums_of_tile(e, tile);
+    pass->ends = pass->lanes + e->sums.of_lanes;
+    pass->joins = joins;
+    pass->n = left < GR_LANES ? (int)left : GR_LANES;
+    pass->of_run = e->sums.of_run;
+    pass->stream = stream;
+    pass->next[0] = joins ? pass->buffer[0] : pass->ends + pass->rows->apart;
+    pass->next[1] = joins ? pass->buffer[1] : pass->next[0] + e->n_rows * pass->rows->width * GR_LANES;
+    for (int part = 0; part < GR_VECTORS; part++) {
+        pass->follows[part][0] = m_of_bits((joins >> (part * GR_W)) & GR_ALL_LANES);
+        pass->follows[part][1] = m_of_bits(((joins & joins << 1) >> (part * GR_W)) & GR_ALL_LANES);
+    }
+}
+
+/* The next rows of points to be worked on together. */
+GR_INLINE struct stretch next_stretch(int part, int done, int most)
+{
+    const int prepared = gr_prepared(most), left = most - done, n = left < prepared ? left : prepared;
+    return (struct stretch){.part = part, .n = n, .begins = !done, .ends = n == left};
+}
+
+GR_INLINE void clear_sums(const struct gr_engine *e, int64_t tile)
+{
+    for (gr_real *out = gr_sums_of_tile(e, tile); out < gr_sums_of_tile(e, tile + 1); out += GR_W) v_store(out, v_zero());
+}
+
+/* The passes over the points of a tile. */
+struct p2g_passes {
+    struct pass motion, density, volume;
 };
 
-/* All points of the cells from `first` on, or those that are not in their sums yet. */
-GR_INLINE struct summed points_to_sum(struct gr_engine *e, int64_t first, int more)
-{
-    struct summed rows = {more ? INT32_MAX : 0, 0, v_zero()};
-    double done[GR_W];
-    for (int l = 0; l < GR_W; l++) {
-        struct gr_cell *cell = &e->mesh.cell[first + l];
-        done[l] = more ? cell->summed : 0;
-        if (more && cell->count > cell->summed && cell->summed < rows.begin) rows.begin = cell->summed;
-        if (cell->count > rows.end) rows.end = cell->count;
-        cell->summed = cell->count;
-    }
-    if (rows.begin > rows.end) rows.begin = rows.end;
-    rows.first = v_load(done);
-    return rows;
-}
-
-/* P2G of the cells from `first` on, for all their points or for those that arrived (`more`). */
+/* P2G of GR_W cells of a tile. */
 GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const int smoothed, struct gr_engine *e,
-                         int64_t first, int more)
+                         int64_t tile, int part, int averages, struct p2g_passes *passes)
 {
-    const int K = gr_power(gr_nodes_1d(basis), dim), rows = GR_SUM_DAMPED(dim);
-    const struct summed summed = points_to_sum(e, first, more);
-    gr_real *out = gr_sums(e) + gr_sums_of_cell(e, first);
+    const int K = gr_power(gr_nodes_1d(basis), dim), shifts = smoothed && e->sums.correct_shift;
+    const int64_t first = tile * GR_LANES + part * GR_W;
+    const int most = most_points(e, first, GR_W);
     struct gr_frame frame;
     struct contribution contribution[MOST_PREPARED];
-    /* with the density next to sleeping cells, too: these sums are not made again when they are needed */
-    const int averages = smoothed && (e->sums.averages || (e->sleep && gr_lanes_asleep(e, first / GR_LANES)));
-    int fresh = !more;
-    if (more && summed.begin == summed.end) return;
-    for (int i = 0; !summed.end && i < e->sums.stride; i += GR_LANES) v_store(out + i, v_zero());
+    struct stretch stretch = {0};
+    vd filled = v_zero();
     gr_frame_of(dim, basis, basis != GR_LINEAR && (affine || averages), e, first, &frame);
-    const int prepared = gr_prepared(summed.end - summed.begin);
-    for (int done = summed.begin; done < summed.end; done += prepared, fresh = 0) {
-        const int left = summed.end - done, n = left < prepared ? left : prepared,
-                  stream = e->out_of_cache && n == left; /* before that they are read again */
-        for (int i = 0; i < n; i++) {
+    for (int done = 0; !stretch.ends; done += stretch.n) {
+        stretch = next_stretch(part, done, most);
+        for (int i = 0; i < stretch.n; i++) {
             const int64_t at = gr_slot(&e->mesh.cell[first], done + i);
-            const vm counted = v_ge(v_set(done + i), summed.first);
-            prepare_momentum(dim, basis, affine, e, &frame, at, counted, &contribution[i]);
+            prepare_momentum(dim, basis, affine, e, &frame, at, &contribution[i]);
             prepare_force(dim, smoothed, e, at, &contribution[i]);
             if (averages) prepare_density(dim, basis, e, &frame, at, &contribution[i]);
+            if (averages) filled = filled + contribution[i].filled;
         }
         if (K <= 4) { /* all sums of a row fit the registers */
-            add_rows(dim, basis, affine, MOMENTUM | FORCE, &frame, contribution, n, rows, 0, fresh, stream, out);
+            add_rows(dim, basis, affine, MOMENTUM | FORCE, &frame, contribution, stretch, 0, &passes->motion);
         } else {
-            add_rows(dim, basis, affine, MOMENTUM, &frame, contribution, n, rows, 0, fresh, stream, out);
-            if (smoothed && e->sums.correct_shift)
-                add_rows(dim, basis, 0, FORCE | SHIFT, &frame, contribution, n, rows, GR_SUM_FORCE(dim), fresh, stream, out);
+            add_rows(dim, basis, affine, MOMENTUM, &frame, contribution, stretch, 0, &passes->motion);
+            if (shifts)
+                add_rows(dim, basis, 0, FORCE | SHIFT, &frame, contribution, stretch, GR_SUM_FORCE(dim), &passes->motion);
             else
-                add_rows(dim, basis, 0, FORCE, &frame, contribution, n, rows, GR_SUM_FORCE(dim), fresh, stream, out);
+                add_rows(dim, basis, 0, FORCE, &frame, contribution, stretch, GR_SUM_FORCE(dim), &passes->motion);
         }
-        if (averages)
-            add_rows(dim, basis, 0, DENSITY, &frame, contribution, n, GR_DENSITY_SUMS(dim), 0, fresh, stream,
-                     out + e->sums.of_density);
+        if (averages) add_rows(dim, basis, 0, DENSITY, &frame, contribution, stretch, 0, &passes->density);
         if (averages && e->config.n_materials > 1)
-            add_rows(dim, basis, 0, VOLUME, &frame, contribution, n, GR_VOLUME_SUMS, 0, fresh, stream,
-                     out + e->sums.of_volume);
+            add_rows(dim, basis, 0, VOLUME, &frame, contribution, stretch, 0, &passes->volume);
     }
+    if (averages) v_store(gr_cell_sums(e, first, GR_CELL_FILLED), filled);
+}
+
+/* P2G of the points of a tile. */
+GR_INLINE void p2g_points(const int dim, const int basis, const int affine, const int smoothed, struct gr_engine *e,
+                          int64_t tile)
+{
+    const int k = gr_nodes_1d(basis), n_rows = gr_power(k, dim) / k, stream = e->out_of_cache;
+    /* with the density next to sleeping cells, too: these sums are not made again when they are needed */
+    const int averages = smoothed && (e->sums.averages || (e->sleep && gr_lanes_asleep(e, tile)));
+    struct p2g_passes passes;
+    if (!most_points(e, tile * GR_LANES, GR_LANES)) {
+        clear_sums(e, tile);
+        return;
+    }
+    begin_pass(e, GR_SUMS_OF_MOTION, tile, stream, &passes.motion);
+    begin_pass(e, GR_SUMS_OF_DENSITY, tile, stream, &passes.density);
+    begin_pass(e, GR_SUMS_OF_VOLUME, tile, stream, &passes.volume);
+    for (int part = 0; part < GR_VECTORS; part++) p2g_cells(dim, basis, affine, smoothed, e, tile, part, averages, &passes);
+    store_ends(k, n_rows, &passes.motion, 0, GR_SUM_DAMPED(dim));
+    if (averages) store_ends(k, n_rows, &passes.density, 0, GR_DENSITY_SUMS(dim));
+    if (averages && e->config.n_materials > 1) store_ends(k, n_rows, &passes.volume, 0, GR_VOLUME_SUMS);
 }

@@ -82,14 +82,14 @@ static inline void gr_node_position(const struct gr_engine *e, int64_t node, dou
     }
 }
 
-/* Indices of a node along each axis; 0 along unused ones. */
-static inline void gr_node_indices(const struct gr_engine *e, int64_t node, int32_t at[3])
+/* Numbers of a node along each axis (axis.h); 0 along unused ones. */
+static inline void gr_node_numbers(const struct gr_engine *e, int64_t node, int32_t at[3])
 {
     int64_t id = e->mesh.node_id[node];
     for (int d = 0; d < 3; d++) {
         at[d] = 0;
         if (d >= e->config.dim) continue;
-        at[d] = (int32_t)(id % e->axis[d].n_nodes);
+        at[d] = e->axis[d].node_number[id % e->axis[d].n_nodes];
         id /= e->axis[d].n_nodes;
     }
 }

@@ -94,7 +94,7 @@ GR_INLINE void gr_shape_1d(const int basis, const struct gr_knots *knots, double
             h[side] = v_fma(t * t, v_set(0.25 / lambda), v_max(q - v_set(lambda), zero));
             slope[side] = t * v_set(0.5 / lambda);
             if (!m_bits(clipped)) continue;
-            const vm inside = v_ge(q, zero); /* the box of a point ends at the node */
+            const vm inside = side ? v_ge(q, zero) : v_gt(q, zero); /* the box of a point ends at the node */
             h[side] = v_select(clipped, v_keep(inside, v_max(q, v_set(0.5) * (q + v_set(lambda)))), h[side]);
             slope[side] = v_select(clipped, v_keep(inside, one), slope[side]);
         }

@@ -124,7 +124,7 @@ GR_PASS(fall_asleep, n_cells)
     look->fell[chunk]++;
     if (!cell->count) return;
     stop(e, cell);
-    set(&e->mesh.tile_state[c / GR_LANES], GR_TILE_CHANGED);
+    set(&e->mesh.tile_changed[c / GR_LANES], 1);
 }
 
 static int moves(const struct gr_body_state *body)
@@ -165,14 +165,14 @@ void gr_sleep_look(struct gr_engine *e, struct gr_team *team)
     if (!calm) return;
     memset(e->sleep->restless, 0, (size_t)e->mesh.n_nodes);
     gr_team_run(team, note_restless, &look, look.chunks);
-    memset(e->mesh.tile_state, GR_TILE_SUMMED, (size_t)e->mesh.n_tiles);
+    memset(e->mesh.tile_changed, 0, (size_t)e->mesh.n_tiles);
     gr_team_run(team, fall_asleep, &look, look.chunks);
     for (int64_t c = 0; c < look.chunks; c++) fell += look.fell[c];
     if (!fell) return;
     e->sleep->asleep += fell;
     e->sleep->changed = e->sleep->all_nodes = 1;
     for (int64_t tile = 0; tile < e->mesh.n_tiles; tile++)
-        if (e->mesh.tile_state[tile] == GR_TILE_CHANGED) e->sums.dirty[e->sums.n_dirty++] = tile;
+        if (e->mesh.tile_changed[tile]) e->sums.dirty[e->sums.n_dirty++] = tile;
 }
 
 /* Note the nodes of cells that are awake. */
@@ -199,10 +199,10 @@ GR_PASS(watch_nodes, n_cells)
 /* Find out which tiles are left alone. */
 GR_PASS(find_resting, n_tiles)
 {
-    const int32_t *node = e->mesh.cell_node + c * e->K * GR_LANES;
     int used = 0;
     (void)look, (void)chunk;
-    for (int i = 0; i < e->K * GR_LANES && !used; i++) used = e->sleep->use[node[i]];
+    for (int64_t lane = c * GR_LANES; lane < (c + 1) * GR_LANES; lane++)
+        for (int i = 0; i < e->K && !used; i++) used = e->sleep->use[gr_cell_node(e, lane, i)];
     e->sleep->tile_rests[c] = !used;
 }
 

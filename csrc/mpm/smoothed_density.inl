@@ -35,7 +35,7 @@ GR_INLINE void prepare_density(const int dim, const int basis, const struct gr_e
  *
  *   sum w m,  sum w q m,  sum w q m (c + grad c (x_i - x)),  sum q m grad w,  over the connected points. */
 GR_INLINE void add_density(const int dim, const int basis, const struct gr_frame *frame, const struct contribution *p,
-                           const struct row row, vd sum[3][7])
+                           const struct row row, vd sum[3][MOST_SUMS])
 {
     const vd m_yz = p->joined * weight_yz(dim, basis, p, row, 0), c = linear_yz(dim, basis, frame, row, p->c, p->slope);
     vd qm_yz[3];
@@ -55,7 +55,7 @@ GR_INLINE void add_density(const int dim, const int basis, const struct gr_frame
  *
  *   sum w m,  sum w q m (p + grad p (x_i - x)). */
 GR_INLINE void add_volume(const int dim, const int basis, const struct gr_frame *frame, const struct contribution *p,
-                          const struct row row, vd sum[3][7])
+                          const struct row row, vd sum[3][MOST_SUMS])
 {
     const vd w_yz = weight_yz(dim, basis, p, row, 0),
              pressed = linear_yz(dim, basis, frame, row, p->pressed, p->pressure_slope);
@@ -116,24 +116,20 @@ GR_INLINE void correct_weights(const int dim, const int basis, struct gr_engine 
 /* Open part of a cell below which a body cuts it. For a cell which a body only touches it is one but for round-off. */
 #define CUT_BELOW 0.99
 
-/* Content of the cells from `first` on, from their sums over the nodes, and whether they are inside, from the node at their
+/* Content of the cells from `first` on, and whether they are inside, from the node at their
  * middle. Blocks and cells that a body cuts take no part: shifts of points there would change the friction on it, by 1 % of
  * the speed in the flow between cylinders. Call it after the nodes are described. */
 GR_INLINE void fill_cells(const int dim, const struct gr_engine *e, int64_t first)
 {
-    const int K = gr_power(3, dim), several = e->config.n_materials > 1;
-    const gr_real *sum =
-        gr_sums(e) + gr_sums_of_cell(e, first) + (several ? e->sums.of_volume + GR_SUM_VOLUME * GR_LANES : 0);
-    const int64_t stride = (several ? GR_VOLUME_SUMS : GR_SUM_DAMPED(dim)) * GR_LANES;
+    const int K = gr_power(3, dim);
     const double *gap = gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP(dim));
     double at_middle[GR_W], solid[GR_W];
-    vd centre[3], filled = v_zero();
-    for (int i = 0; i < K; i++) filled = filled + v_load(sum + i * stride);
+    vd centre[3];
     for (int l = 0; l < GR_W; l++) {
-        at_middle[l] = gap[gr_cell_node(e, first + l, K / 2)];
+        at_middle[l] = gap[gr_node_in_row(e, first + l, K / 6, 1)];
         solid[l] = e->mesh.cell[first + l].flags & GR_CELL_SOLID;
     }
-    filled = filled * v_set(e->mass_scale);
+    const vd filled = v_load(gr_cell_sums(e, first, GR_CELL_FILLED)) * v_set(e->mass_scale);
     const vd open = open_parts(dim, e, first, centre);
     const vd excess = excess_of(filled, open, between(SURFACE_GAP, INSIDE_GAP, v_load(at_middle)));
     const vd space = v_select(v_gt(v_load(solid), v_zero()), v_zero(), open);

@@ -1,23 +1,19 @@
 /* Solid cells (solid_cells.h). */
 #include "mpm/solid_cells.h"
 
-int gr_list_solid_cells(struct gr_engine *e)
+void gr_find_solid_cells(struct gr_engine *e)
 {
     const struct gr_map *flags = &e->config.cell_flags;
     int any = 0;
     for (int64_t k = 0; flags->value && k < gr_map_size(flags); k++) any |= flags->value[k] & GR_CELL_SOLID;
-    for (int d = 0; any && d < e->config.dim; d++) {
-        e->cells_of_node[d] = gr_axis_cells_of_nodes(&e->axis[d], e->config.basis);
-        if (!e->cells_of_node[d]) return GR_ERR_MEMORY;
-    }
-    return GR_OK;
+    e->has_solid = any != 0;
 }
 
 double gr_solid_volume(const struct gr_engine *e, const int32_t at[3])
 {
     static const struct gr_node_cells flat = {.count = 1, .integral = {1}};
     const struct gr_map *flags = &e->config.cell_flags;
-    if (!e->cells_of_node[0]) return 0;
+    if (!e->has_solid) return 0;
     const struct gr_node_cells *x = &e->cells_of_node[0][at[0]], *y = &e->cells_of_node[1][at[1]];
     const struct gr_node_cells *z = e->config.dim == 3 ? &e->cells_of_node[2][at[2]] : &flat;
     double volume = 0;

@@ -62,7 +62,7 @@ GR_INLINE void store_substep(struct gr_engine *e, int64_t index)
 }
 
 /* The first of many substeps, before the points move: for tiles [first, last), the state of their points and the
- * fluidity. */
+ * fluidity. That of double cells follows when both sides are known (store_pairs), as in all substeps. */
 GR_INLINE void begin_substeps_of_tiles(const int dim, const int basis, const int cell_averaged, struct gr_engine *e,
                                        int64_t first, int64_t last)
 {
@@ -72,7 +72,8 @@ GR_INLINE void begin_substeps_of_tiles(const int dim, const int basis, const int
     for (int64_t tile = first; tile < last; tile++) strain_tile(dim, basis, cell_averaged, e, tile, &batch);
     if (batch.n) run_law(e, &batch, 1);
     for (int64_t c = begin; c < end; c += GR_W) weigh_cells(e, c);
-    for (int64_t c = begin; c < end && c < e->mesh.n_cells; c++) store_substep(e, c);
+    for (int64_t c = begin; c < end && c < e->mesh.n_cells; c++)
+        if (!GR_IS_DOUBLE(&e->mesh.cell[c])) store_substep(e, c);
 }
 
 /* One substep of the points, and the new fluidity of the tiles [first, last). */
@@ -101,5 +102,6 @@ GR_INLINE void substep_tiles(const int linear, struct gr_engine *e, int64_t firs
         v_store(e->nonlocal.substep_flow + c, flow);
         v_store(e->nonlocal.substep_gain + c, gain);
     }
-    for (int64_t c = begin; c < end && c < e->mesh.n_cells; c++) store_substep(e, c);
+    for (int64_t c = begin; c < end && c < e->mesh.n_cells; c++)
+        if (!GR_IS_DOUBLE(&e->mesh.cell[c])) store_substep(e, c);
 }

@@ -1,19 +1,16 @@
 /* Sweep over a run of tiles: G2P, the law, and P2G of the next step in one pass, so that the points of a tile are read
  * and written once per step. */
 
-/* P2G of a tile with the density of the scheme, for all points or for those that arrived (`more`), and the mean fluidity of
- * its cells. The mean of a double cell follows when it is known whether its sides are separated (mean_pairs). */
+/* P2G of a tile with the density of the scheme, and the mean fluidity of its cells. The mean of a double cell follows when it
+ * is known whether its sides are separated (mean_pairs). */
 GR_INLINE void p2g_tile(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
-                        struct gr_engine *e, int64_t tile, int more)
+                        struct gr_engine *e, int64_t tile)
 {
-    for (int part = 0; part < GR_VECTORS; part++) {
-        const int64_t first = tile * GR_LANES + part * GR_W;
-        if (cell_averaged)
-            p2g_averaged_cells(dim, affine, e, first, more);
-        else
-            p2g_cells(dim, basis, affine, smoothed, e, first, more);
-        if (e->nonlocal.fluidity) means_of_cells(e, first);
-    }
+    if (cell_averaged)
+        p2g_averaged(dim, affine, e, tile);
+    else
+        p2g_points(dim, basis, affine, smoothed, e, tile);
+    for (int part = 0; e->nonlocal.fluidity && part < GR_VECTORS; part++) means_of_cells(e, tile * GR_LANES + part * GR_W);
 }
 
 /* Number of points of a tile that are not asleep. */
@@ -115,7 +112,7 @@ GR_INLINE void end_tiles(const int dim, const int basis, const int affine, const
     if (out->count > moved->packed) gr_pack_migrants(e, out, moved->packed);
     moved->packed = out->count;
     for (int64_t k = 0; fused && k < moved->n; k++)
-        p2g_tile(dim, basis, affine > 0, smoothed, cell_averaged, e, moved->tile[k], 0);
+        p2g_tile(dim, basis, affine > 0, smoothed, cell_averaged, e, moved->tile[k]);
     moved->n = 0;
 }
 
@@ -129,7 +126,7 @@ GR_INLINE void sweep_tiles(const int dim, const int basis, const int affine, con
     moved.n = moved.packed = moved.batch.n = 0;
     gr_clear_migrants(out);
     for (int64_t tile = first; tile < last; tile++) {
-        e->mesh.tile_state[tile] = GR_TILE_SUMMED;
+        e->mesh.tile_changed[tile] = 0;
         if (gr_tile_rests(e, tile)) continue;
         const unsigned asleep = e->sleep && e->sleep->asleep ? wake_lanes(dim, basis, e, tile) : 0;
         if (!awake_points(e, tile, asleep)) continue;

@@ -130,7 +130,7 @@ void gr_split_nodes(struct gr_engine *e, int64_t first, int64_t last)
     for (int64_t n = first; n < last; n++) {
         struct gr_facing side;
         double x[3];
-        if (e->mesh.duplicate[n] < 0) continue;
+        if (!e->mesh.separable[n]) continue;
         gr_node_position(e, n, x);
         gr_nearest_thin(e, x, 1, &side);
         e->mesh.separated[n] = (uint8_t)side.facing;

@@ -79,7 +79,7 @@ void gr_watch_free(struct gr_wall_watch *watch)
 const struct gr_wall_share *gr_wall_share_of(const struct gr_engine *e, int64_t n, int32_t at[3])
 {
     const struct gr_wall_watch *watch = e->watch;
-    gr_node_indices(e, n, at);
+    gr_node_numbers(e, n, at);
     const struct gr_wall_share *share = &watch->share[watch->code[gr_map_place(&e->config.node_codes, at)]];
     while (e->clock.time >= share->opens_at) share = &watch->share[share->after];
     return share;

@@ -103,7 +103,7 @@ int gr_take_poses(const struct gr_engine *e, PyObject *object, const char *name,
 PyObject *gr_python_body_distance(PyObject *module, PyObject *args);
 
 /* mesh.c: nodes() and cells() of an engine. */
-PyObject *gr_python_nodes(const struct gr_engine *e);
+PyObject *gr_python_nodes(const struct gr_engine *e, const struct gr_kernels *kernels);
 PyObject *gr_python_cells(const struct gr_engine *e);
 
 /* walls.c: impulses on the walls. */

@@ -138,7 +138,7 @@ static PyObject *engine_g2p(struct gr_object *self, PyObject *Py_UNUSED(unused))
 static PyObject *engine_nodes(struct gr_object *self, PyObject *Py_UNUSED(unused))
 {
     const struct gr_engine *e = gr_ready(self, 1);
-    return e ? gr_python_nodes(e) : NULL;
+    return e ? gr_python_nodes(e, gr_in_precision(self->kernels, e->config.single)) : NULL;
 }
 
 static PyObject *engine_cells(struct gr_object *self, PyObject *Py_UNUSED(unused))

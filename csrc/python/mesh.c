@@ -1,12 +1,28 @@
 /* The mesh of an engine as arrays: its nodes with their sums and velocities, and the points of its cells. */
-#include "mpm/engine.h"
+#include "kernels.h"
+#include "mpm/grid.h"
 #include "python/arrays.h"
 
-PyObject *gr_python_nodes(const struct gr_engine *e)
+/* True for the nodes of ugimp beyond the ends of the domain, which have no weight. */
+static int is_beyond(const struct gr_engine *e, int64_t id)
+{
+    for (int d = 0; d < e->config.dim; d++) {
+        const struct gr_axis *axis = &e->axis[d];
+        const double position = axis->node_position[id % axis->n_nodes];
+        if (position < 0 || position > axis->length / e->config.dx + 0.5) return 1;
+        id /= axis->n_nodes;
+    }
+    return 0;
+}
+
+PyObject *gr_python_nodes(const struct gr_engine *e, const struct gr_kernels *kernels)
 {
     enum { X, MASS, MOMENTUM, FORCE, V, W, ARRAYS };
     static const char *const names[ARRAYS] = {"x", "mass", "momentum", "force", "v", "w"};
-    const npy_intp n = e->mesh.n_nodes, dim = e->config.dim, shape[2] = {n, dim};
+    const npy_intp dim = e->config.dim;
+    npy_intp n = 0, i = 0;
+    for (int64_t node = 0; node < e->mesh.n_nodes; node++) n += !is_beyond(e, e->mesh.node_id[node]);
+    const npy_intp shape[2] = {n, dim};
     double *data[ARRAYS];
     PyObject *out = PyDict_New();
     for (int k = 0; out && k < ARRAYS; k++) {
@@ -14,13 +30,11 @@ PyObject *gr_python_nodes(const struct gr_engine *e)
         data[k] = array ? PyArray_DATA((PyArrayObject *)array) : NULL;
         out = gr_put(out, names[k], array);
     }
-    for (npy_intp i = 0; out && i < n; i++) {
-        int64_t id = e->mesh.node_id[i];
-        double sum[7] = {0};
-        for (int k = 0; k < e->K; k++) {
-            const int64_t part = e->mesh.node_source[i * e->K + k];
-            for (int q = 0; q < 1 + 2 * dim; q++) sum[q] += gr_sum_at(e, part + q * GR_LANES);
-        }
+    for (int64_t node = 0; out && node < e->mesh.n_nodes; node++) {
+        int64_t id = e->mesh.node_id[node];
+        double sum[GR_SUM_DAMPED(3)];
+        if (is_beyond(e, id)) continue;
+        gr_sum_node(e, kernels, node, sum);
         data[MASS][i] = sum[GR_SUM_MASS];
         for (npy_intp d = 0, at = i * dim; d < dim; d++, at++) {
             const struct gr_axis *axis = &e->axis[d];
@@ -28,9 +42,10 @@ PyObject *gr_python_nodes(const struct gr_engine *e)
             id /= axis->n_nodes;
             data[MOMENTUM][at] = sum[GR_SUM_MOMENTUM + d];
             data[FORCE][at] = sum[GR_SUM_FORCE(dim) + d];
-            data[V][at] = gr_node_field(e, GR_NODE_VELOCITY + (int)d)[i];
-            data[W][at] = gr_node_field(e, GR_NODE_UPDATE((int)dim) + (int)d)[i];
+            data[V][at] = gr_node_field(e, GR_NODE_VELOCITY + (int)d)[node];
+            data[W][at] = gr_node_field(e, GR_NODE_UPDATE((int)dim) + (int)d)[node];
         }
+        i++;
     }
     return out;
 }

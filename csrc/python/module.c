@@ -33,9 +33,11 @@ static PyObject *node_positions(PyObject *Py_UNUSED(module), PyObject *args)
     const int error =
         gr_axis_build(&axis, basis, n, periodic, PyArray_DATA(c0_lines), (int)PyArray_DIM(c0_lines, 0), 0.25, 0, 1);
     if (error) return gr_raise(error, NULL);
-    const npy_intp shape[1] = {axis.n_nodes};
+    const npy_intp shape[1] = {axis.n_numbers};
     PyObject *out = PyArray_SimpleNew(1, shape, NPY_DOUBLE);
-    if (out) memcpy(PyArray_DATA((PyArrayObject *)out), axis.node_position, sizeof(double) * (size_t)axis.n_nodes);
+    for (int i = 0; out && i < axis.n_nodes; i++)
+        if (axis.node_position[i] >= 0 && axis.node_position[i] <= n)
+            ((double *)PyArray_DATA((PyArrayObject *)out))[axis.node_number[i]] = axis.node_position[i];
     gr_axis_free(&axis);
     return out;
 }

@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "kernels.h"
+#include "mpm/grid.h"
 #include "mpm/numbers.h"
 
 static uint64_t seed = 1;
@@ -193,14 +195,11 @@ double *scene_at(const struct scene *s, int field, int c, int64_t slot) { return
 double scene_sum(const struct scene *s, int64_t node, int q)
 {
     const struct gr_engine *e = s->engine;
-    double sum = 0;
-    const int dim = e->config.dim, first = GR_SUM_DAMPED(dim), later = GR_DENSITY_SUMS(dim);
-    for (int i = 0; i < e->K; i++) {
-        const double *part = gr_sums(e) + e->mesh.node_source[node * e->K + i];
-        const int at = (e->K - 1 - i) * (later - first) + q - GR_SUM_DENSITY(dim);
-        sum += q < first ? part[q * GR_LANES] : part[e->sums.of_density + at * GR_LANES];
-    }
-    return sum;
+    const int first = GR_SUM_DENSITY(e->config.dim);
+    double sums[GR_SUM_ROW];
+    gr_kernels_select("")->sum_nodes(e, q < first ? GR_SUMS_OF_MOTION : GR_SUMS_OF_DENSITY, q < first ? q : q - first, 1,
+                                     node, node + 1, sums + GR_SUM_PAD);
+    return sums[GR_SUM_PAD];
 }
 
 double scene_node_x(const struct scene *s, int64_t node, int d)

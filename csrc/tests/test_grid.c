@@ -155,10 +155,8 @@ TEST(velocity_decays_as_a_rate)
     const double f = exp(-0.2);
     CHECK_NEAR(s.engine->keep_velocity, f, 1e-16);
     for (int64_t n = 0; n < s.engine->mesh.n_nodes; n++) {
-        double sums[GR_NODE_SUMS(2) * GR_LANES];
-        gr_kernels_select("")->sum_nodes(s.engine, n / GR_LANES, 0, 0, sums);
         for (int d = 0; d < 2; d++) {
-            const double m = sums[n % GR_LANES], p = sums[(GR_SUM_MOMENTUM + d) * GR_LANES + n % GR_LANES];
+            const double m = scene_sum(&s, n, GR_SUM_MASS), p = scene_sum(&s, n, GR_SUM_MOMENTUM + d);
             const double next = out(&s, n, d), v = m > 0 ? p / m : 0;
             CHECK_NEAR(out(&s, n, 2 + d), f * (next - v) + (1 - f) * next, 1e-12 * (1 + fabs(next)));
         }
@@ -175,7 +173,7 @@ TEST(cutoff_spares_nan)
     s.config.mass_cutoff = 1e9;
     CHECK(scene_build(&s, 100, 0.1, 0.9) == GR_OK);
     CHECK(gr_p2g(s.engine, gr_kernels_select("")) == GR_OK);
-    gr_sums(s.engine)[0] = NAN;
+    gr_sums_of_tile(s.engine, 0)[0] = NAN;
     CHECK(gr_grid(s.engine, gr_kernels_select("")) == GR_OK);
     int n_nan = 0;
     for (int64_t n = 0; n < s.engine->mesh.n_nodes; n++) {

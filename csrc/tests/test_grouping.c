@@ -1,4 +1,5 @@
 /* Tests of mpm/grouping.c: properties of the mesh and the points after a regrouping. */
+#include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -6,6 +7,42 @@
 #include "mpm/slots.h"
 #include "tests/check.h"
 #include "tests/scene.h"
+
+/* The nodes of a cell; the lanes of a run follow each other in a row of the grid, and their nodes in the mesh. */
+static void check_cell(const struct gr_engine *e, int64_t c)
+{
+    const struct gr_cell *cell = &e->mesh.cell[c];
+    const int k = gr_basis_nodes_1d(e->config.basis);
+    CHECK(gr_table_get(&e->mesh.cell_of, gr_cell_id(e, cell->at)) == c + 1);
+    for (int i = 0; i < e->K; i++) {
+        const int part[3] = {i % k, i / k % k, i / (k * k)};
+        int64_t id = 0;
+        for (int d = e->config.dim - 1; d >= 0; d--)
+            id = id * e->axis[d].n_nodes + e->axis[d].cell[cell->at[d]].node[part[d]];
+        CHECK(e->mesh.node_id[gr_cell_node(e, c, i)] == id);
+    }
+    if (!(e->mesh.tile_joins[c / GR_LANES] >> c % GR_LANES & 1)) return;
+    CHECK(c % GR_LANES && cell->at[0] == cell[-1].at[0] + 1 && cell->at[1] == cell[-1].at[1] &&
+          cell->at[2] == cell[-1].at[2]);
+    CHECK(gr_cell_node(e, c, 0) == gr_cell_node(e, c - 1, 0) + 1);
+}
+
+/* To a node each row of the nodes of cells is added once at most, and all cells are. */
+static void check_addends(const struct gr_engine *e)
+{
+    const struct gr_mesh *mesh = &e->mesh;
+    for (int row = 0; row < e->n_rows; row++) {
+        int64_t lanes = 0, end = 0;
+        for (int32_t k = mesh->row_addends[row]; k < mesh->row_addends[row + 1]; k++) {
+            const struct gr_addend *addend = &mesh->addend[k];
+            CHECK(addend->node >= end && addend->node + addend->n <= mesh->n_nodes && addend->n > 0);
+            CHECK(addend->n <= GR_LANES);
+            end = addend->node + addend->n;
+            if (addend->kind_of_lanes == GR_OF_LANES) lanes += addend->n;
+        }
+        CHECK(lanes == mesh->n_cells);
+    }
+}
 
 /* Every point occurs once, in a slot of its cell; cells of a tile have equally many slots; spare slots are clear; the
  * tables are inverse to each other. */
@@ -19,8 +56,8 @@ static void check_mesh(const struct scene *s)
         const struct gr_cell *cell = &mesh->cell[c];
         CHECK(cell->offset == end + c % GR_LANES && cell->count <= cell->capacity);
         CHECK(cell->capacity > 0 && cell->capacity == cell[-(c % GR_LANES)].capacity);
-        CHECK(gr_table_get(&mesh->cell_of, gr_cell_id(e, cell->at)) == c + 1);
         if (c) CHECK(gr_cell_id(e, mesh->cell[c - 1].at) < gr_cell_id(e, cell->at));
+        check_cell(e, c);
         if ((c + 1) % GR_LANES == 0) end += GR_LANES * cell->capacity;
         points += cell->count;
         for (int32_t place = 0; place < cell->capacity; place++) {
@@ -42,26 +79,7 @@ static void check_mesh(const struct scene *s)
     CHECK(points == e->points.n && end == e->points.used && end <= s->capacity);
     for (int64_t k = end; k < s->capacity; k++) CHECK(s->id[k] < 0);
     for (int64_t n = 0; n < mesh->n_nodes; n++) CHECK(gr_table_get(&mesh->node_of, mesh->node_id[n]) == n + 1);
-    const int64_t sums = GR_SUM_DAMPED(dim);
-    int64_t linked = 0;
-    for (int64_t n = 0; n < mesh->n_nodes; n++)
-        for (int i = 0; i < e->K; i++) {
-            const int64_t source = mesh->node_source[n * e->K + i];
-            const int64_t tile = source / e->sums.stride, place = source % e->sums.stride / GR_LANES;
-            if (tile >= mesh->n_tiles) continue;
-            const int64_t cell = tile * GR_LANES + source % GR_LANES;
-            CHECK(place % sums == 0 && cell < mesh->n_cells && gr_cell_node(e, cell, (int)(place / sums)) == n);
-            CHECK(place / sums == e->K - 1 - i);
-            linked++;
-        }
-    int64_t different = 0; /* ugimp repeats the number of a node at an end of an axis for the one beyond it */
-    for (int64_t c = 0; c < mesh->n_cells; c++)
-        for (int a = 0; a < e->K; a++) {
-            int repeats = 0;
-            for (int b = 0; b < a; b++) repeats |= gr_cell_node(e, c, b) == gr_cell_node(e, c, a);
-            different += !repeats;
-        }
-    CHECK(linked == different);
+    check_addends(e);
 }
 
 /* The neighbours of every occupied cell are active. */
@@ -130,7 +148,7 @@ TEST(nodes_fill_the_domain)
         scene_default(&s, 2, basis, GR_AFFINE_NONE, 0);
         CHECK(scene_build(&s, 2000, 0.001, 0.999) == GR_OK);
         CHECK(gr_regroup(s.engine, NULL) == GR_OK);
-        CHECK(s.engine->mesh.n_nodes == scene_grid_nodes(&s));
+        CHECK(s.engine->mesh.n_nodes == s.engine->axis[0].n_nodes * s.engine->axis[1].n_nodes);
         double sum = 0;
         for (int64_t n = 0; n < s.engine->mesh.n_nodes; n++) sum += s.engine->mesh.node_volume[n];
         CHECK_NEAR(sum, 36, 1e-12);
@@ -231,14 +249,17 @@ TEST(by_a_team)
                 check_mesh(&s[copy]);
             }
             const struct gr_engine *a = s[0].engine, *b = s[1].engine;
-            const size_t places = (size_t)a->points.used, nodes = (size_t)(a->mesh.n_nodes * a->K);
+            const size_t places = (size_t)a->points.used, rows = (size_t)(a->mesh.n_tiles * a->n_rows * GR_LANES);
             CHECK(a->points.used == b->points.used && a->mesh.n_nodes == b->mesh.n_nodes && !a->migration.n_pending &&
                   !b->migration.n_pending);
             CHECK(!memcmp(a->points.id, b->points.id, sizeof *a->points.id * places));
             for (int d = 0; d < dim; d++)
                 CHECK(
                     !memcmp(scene_at(&s[0], GR_FIELD_v, d, 0), scene_at(&s[1], GR_FIELD_v, d, 0), sizeof(double) * places));
-            CHECK(!memcmp(a->mesh.node_source, b->mesh.node_source, sizeof *a->mesh.node_source * nodes));
+            CHECK(!memcmp(a->mesh.row_node, b->mesh.row_node, sizeof *a->mesh.row_node * rows));
+            for (int r = 0; r <= a->n_rows; r++) CHECK(a->mesh.row_addends[r] == b->mesh.row_addends[r]);
+            for (int32_t i = 0; i < a->mesh.row_addends[a->n_rows]; i++)
+                CHECK(!memcmp(&a->mesh.addend[i], &b->mesh.addend[i], offsetof(struct gr_addend, kind_before) + 1));
             CHECK(!scene_differs(&s[0], &s[1]));
         }
         for (int copy = 0; copy < 2; copy++) scene_free(&s[copy]);

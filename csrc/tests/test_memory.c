@@ -170,7 +170,7 @@ static void count_cells(const struct scene *s, int32_t *count)
 /* A step allocates nothing, even if points change cells; only a regrouping does. */
 TEST(no_step_allocates)
 {
-    enum { CELLS = 7 * 7 }; /* for ugimp; 6 x 6 for the others */
+    enum { CELLS = 7 * GR_LANES }; /* a tile for each row of cells: 7 for ugimp, 6 for the others */
     for (int basis = 0; basis < GR_BASIS_COUNT; basis++)
         for (int variant = 0; variant < 4; variant++)
             for (int threads = 1; threads <= 3; threads++) {

@@ -64,7 +64,7 @@ static void fill(void *context, struct gr_team *team)
     memset(plain, 0, sizeof plain);
     for (int64_t k = filling->n; k-- > 0;) plain[filling->index[k]] = (int32_t)(k + 1);
     for (int64_t chunks = 1; chunks < 40; chunks += 6) {
-        CHECK(gr_table_fill(filling->t, filling->index, filling->n, team, chunks) == GR_OK);
+        CHECK(gr_table_fill(filling->t, filling->index, NULL, filling->n, team, chunks) == GR_OK);
         int wrong = 0;
         for (int64_t i = 0; i < MOST; i++) wrong += gr_table_get(filling->t, i) != plain[i];
         CHECK(!wrong);
@@ -87,7 +87,7 @@ TEST(filled_by_a_team)
         }
     faults_at(1);
     const int64_t index = 5;
-    CHECK(gr_table_fill(&t, &index, 1, NULL, 1) == GR_ERR_MEMORY);
+    CHECK(gr_table_fill(&t, &index, NULL, 1, NULL, 1) == GR_ERR_MEMORY);
     CHECK(faults_end() && gr_table_get(&t, index) == 0);
     gr_table_free(&t);
 }

@@ -27,21 +27,19 @@ def mass_over_top(state, least=8):
     return mass[:end] / (state.scene.material.rho_c * grid.cell * top[:end])
 
 
-@pytest.mark.parametrize(
-    ("jitter", "bound"), [(0.5, 0.05), pytest.param(0.0, 0.1, marks=pytest.mark.slow)]
-)
-def test_neighbouring_columns_of_a_heap_hold_the_same(jitter, bound):
+@pytest.mark.parametrize("jitter", [0.5, pytest.param(0.0, marks=pytest.mark.slow)])
+def test_neighbouring_columns_of_a_heap_hold_the_same(jitter):
     """Columns at the axis of a tall column that collapsed, under a flat surface.
 
     A difference of one point in each cell, which is left to chance, makes 0.02 (rms) in a column of
-    twenty cells with 16 points: sqrt(2/20)/16. Points that begin in rows also lie in strings as the
-    flow spreads, one of which is a fifth of what a cell holds.
+    twenty cells with 16 points: sqrt(2/20)/16. Six seeds have 0.015 to 0.035, and 0.028 to 0.059 as
+    the largest of the fifteen differences.
     """
     scene = gr.scenes.column_collapse(aspect=4.0, scheme=SCHEME, E=1e6, jitter=jitter, seed=1)
     state = gr.Simulation(scene, threads=1).run(until=1.5, monitor=False).state
     filled = mass_over_top(state)[:16]
     assert len(filled) == 16
-    assert abs(np.diff(filled)).max() < bound
+    assert np.sqrt(np.mean(np.diff(filled) ** 2)) < 0.04
 
 
 @pytest.mark.parametrize("seeds", [1, pytest.param(3, marks=pytest.mark.slow)])

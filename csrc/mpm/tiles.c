@@ -1,0 +1,84 @@
+/* Which cells are a tile (tiles.h). */
+#include "mpm/tiles.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "mpm/cell_sums.h"
+
+/* Give lanes to the cells in front of thin bodies, and then to those behind. */
+static int order_layers(struct gr_tiles *tiles, const int64_t *cells, const int8_t *sides, int64_t n)
+{
+    const size_t size = (size_t)n + 1;
+    int64_t at = 0;
+    tiles->side = malloc(size * sizeof *tiles->side);
+    tiles->other = malloc(size * sizeof *tiles->other);
+    tiles->lane = malloc(size * sizeof *tiles->lane);
+    if (!tiles->side || !tiles->other || !tiles->lane) return GR_ERR_MEMORY;
+    for (int behind = 0; behind < 2; behind++) {
+        for (int64_t k = 0; k < n; k++) {
+            if ((sides[k] < 0) != behind) continue;
+            tiles->cell[at] = cells[k];
+            tiles->side[at] = sides[k];
+            tiles->other[at] = sides[k] == GR_BACK ? tiles->lane[k - 1] : -1;
+            if (sides[k] == GR_BACK) tiles->other[tiles->lane[k - 1]] = (int32_t)at;
+            tiles->lane[k] = (int32_t)at++;
+        }
+        if (!behind) tiles->n_front = at;
+    }
+    return GR_OK;
+}
+
+/* Whether a lane may continue the run of the lane before. */
+static int continues(const struct gr_tiles *tiles, const struct gr_engine *e, int64_t c)
+{
+    const int64_t x = tiles->cell[c] % e->axis[0].n_cells;
+    const struct gr_axis_cell *cell = e->axis[0].cell + x;
+    if (c == tiles->n_front || tiles->cell[c] != tiles->cell[c - 1] + 1) return 0;
+    return x > 0 && cell[0].node[0] == cell[-1].node[0] + 1;
+}
+
+/* Find the runs of a tile.
+ * Returned: the numbers of its block. */
+static int find_runs(struct gr_tiles *tiles, const struct gr_engine *e, int64_t tile)
+{
+    const int64_t first = tile * GR_LANES, left = tiles->n_cells - first, n = left < GR_LANES ? left : GR_LANES;
+    unsigned joins = 0;
+    int runs = 1;
+    for (int l = 1; l < n; l++) {
+        const unsigned joined = (unsigned)continues(tiles, e, first + l);
+        joins |= joined << l;
+        runs += !joined;
+    }
+    if (runs * e->sums.of_run >= e->sums.of_apart) joins = 0;
+    tiles->joins[tile] = (uint8_t)joins;
+    return e->sums.of_lanes + (joins ? runs * e->sums.of_run : e->sums.of_apart);
+}
+
+int gr_make_tiles(struct gr_tiles *tiles, const struct gr_engine *e, const int64_t *cells, const int8_t *sides, int64_t n)
+{
+    tiles->n_cells = tiles->n_front = n;
+    const size_t n_tiles = (size_t)gr_number_of_tiles(tiles);
+    tiles->cell = malloc(((size_t)n + 1) * sizeof *tiles->cell);
+    tiles->joins = malloc(n_tiles + 1);
+    tiles->block = malloc((n_tiles + 1) * sizeof *tiles->block);
+    if (!tiles->cell || !tiles->joins || !tiles->block) return GR_ERR_MEMORY;
+    if (!sides)
+        memcpy(tiles->cell, cells, (size_t)n * sizeof *cells);
+    else if (order_layers(tiles, cells, sides, n))
+        return GR_ERR_MEMORY;
+    tiles->block[0] = GR_FIRST_BLOCK;
+    for (size_t tile = 0; tile < n_tiles; tile++)
+        tiles->block[tile + 1] = tiles->block[tile] + find_runs(tiles, e, (int64_t)tile);
+    return GR_OK;
+}
+
+void gr_free_tiles(struct gr_tiles *tiles)
+{
+    free(tiles->cell);
+    free(tiles->side);
+    free(tiles->other);
+    free(tiles->lane);
+    free(tiles->joins);
+    free(tiles->block);
+}
