@@ -116,9 +116,9 @@ GR_INLINE void correct_weights(const int dim, const int basis, struct gr_engine 
 /* Open part of a cell below which a body cuts it. For a cell which a body only touches it is one but for round-off. */
 #define CUT_BELOW 0.99
 
-/* Content of the cells from `first` on, and whether they are inside, from the node at their
- * middle. Blocks and cells that a body cuts take no part: shifts of points there would change the friction on it, by 1 % of
- * the speed in the flow between cylinders. Call it after the nodes are described. */
+/* Content of the cells from `first` on, and whether they are inside, from the node at their middle. Blocks and cells that a
+ * body cuts take no part: shifts of points there would change the friction on it, by 1 % of the speed in the flow between
+ * cylinders. Call it after the nodes are described. */
 GR_INLINE void fill_cells(const int dim, const struct gr_engine *e, int64_t first)
 {
     const int K = gr_power(3, dim);
