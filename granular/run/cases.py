@@ -19,6 +19,7 @@ from granular.model.typing import AnyScene
 from granular.record import Trajectory, open_trajectory
 from granular.run.recorder import Hook
 from granular.run.simulation import Simulation
+from granular.run.turns import name_of
 
 Measure = Callable[[Trajectory], Any]
 
@@ -117,8 +118,9 @@ def _complete(case: Case, new: bool) -> None:
     else:
         sim = Simulation.resume(case.path, threads=1)
         sim.run(every=options.every, checkpoint_minutes=minutes, hooks=hooks)
-    if sim.time < case.scene.duration:
-        case.stopped.write_text(f"A hook ended this case at t = {sim.time} s.\n")
+    if sim.ended_by is not None and sim.time < case.scene.duration:
+        hook = name_of(sim.ended_by)
+        case.stopped.write_text(f"The hook {hook} ended this case at t = {sim.time} s.\n")
 
 
 def _portable(error: Exception, key: Hashable) -> Exception:

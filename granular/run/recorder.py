@@ -45,6 +45,7 @@ class Recordable(Run, Protocol):
     _session: Session
     _turns: Turns
     _due: int | None
+    _ended_by: Hook | None
     _every: float
     _keeps: int
     _precision: str
@@ -157,9 +158,11 @@ class Recorder:
         """Advance to a time [s], which is a frame if it is reached, to a number of steps, or for
         some seconds.
 
-        A hook that returns True ends it. `show` is called with the time now and then.
+        A hook that returns True ends it, and is `_ended_by` of the simulation. `show` is called
+        with the time now and then.
         """
         sim, saver, end = self._sim, self._saver, clock.monotonic() + seconds
+        sim._ended_by = None
         with DeferredSignals() as signals:
             while sim.time < until and sim.steps < steps and clock.monotonic() < end:
                 signals.deliver()
@@ -172,13 +175,13 @@ class Recorder:
                         if clock.monotonic() >= end:
                             break
                 if sim.time >= frame:
-                    ends = self._frame(hooks, signals)
+                    sim._ended_by = self._frame(hooks, signals)
                     saver.save_if_due()
-                    if ends:
+                    if sim._ended_by is not None:
                         break
 
-    def _frame(self, hooks: tuple[Hook, ...], signals: DeferredSignals) -> bool:
-        """Append a frame, and call the hooks. Returned: whether one of them ends the run."""
+    def _frame(self, hooks: tuple[Hook, ...], signals: DeferredSignals) -> Hook | None:
+        """Append a frame, and call the hooks. Returned: the first of them that ends the run."""
         sim, options, writer = self._sim, self._options, self._writer
         sim._due = sim.steps
         if writer:
@@ -196,7 +199,10 @@ class Recorder:
         sim._due = None
         with signals.released():
             answers = [sim._turns.call(hook, sim) for hook in hooks]
-        return any(isinstance(answer, bool | np.bool_) and bool(answer) for answer in answers)
+        for hook, answer in zip(hooks, answers, strict=True):
+            if isinstance(answer, bool | np.bool_) and answer:
+                return hook
+        return None
 
     def _others(self, frame: State | Streamed) -> dict[str, dict[str, NDArray]]:
         """Fields of the other sets of points: of the gas, or of patches of walls and bodies."""

@@ -122,10 +122,16 @@ class Simulation(Present):
         self._keeps = 0  # frames from one stored checkpoint to the next; 0 for none
         self._soundness = Soundness()
         self._due: int | None = None  # step of a frame that could not be taken or stored
+        self._ended_by: Hook | None = None
         self._monitor = Monitor(scene)
         self._warned: set[str] = set()
         self._turns = Turns()
         self._recorder: Recorder | None = None  # of `recording`
+
+    @property
+    def ended_by(self) -> Hook | None:
+        """The hook that ended the last run; None if no hook did."""
+        return self._ended_by
 
     # ---- stepping ----
 
@@ -208,9 +214,9 @@ class Simulation(Present):
             (``pip install 'granular-flow[notebook]'``).
         hooks : sequence of callables
             Called with the simulation at each frame. One that returns True ends the run, such as
-            those of `granular.stop`; so does an exception. They may read it, and write to its
-            `buffers`, but not step or run it: that raises RuntimeError. `granular.plot.Live` is one
-            that shows the run.
+            those of `granular.stop`, and is `ended_by` then; so does an exception. They may read
+            it, and write to its `buffers`, but not step or run it: that raises RuntimeError.
+            `granular.plot.Live` is one that shows the run.
         monitor : bool
             Take samples for the indicators of failure, see `health`; the record stores these for
             each frame. All samples take as long as some hundred steps (`granular.run.monitor`).

@@ -44,13 +44,17 @@ class Turns:
             return f"{what}: the simulation makes steps in another thread; wait until they are made"
         by = "a run of it calls back"
         if self._hook is not None:
-            name = getattr(self._hook, "__qualname__", type(self._hook).__qualname__)
-            by = f"its run has called the hook {name}"
+            by = f"its run has called the hook {name_of(self._hook)}"
         return (
             f"{what}: the simulation makes steps already, and {by}, which may read it, but not "
             "step or run it. Call it after the run, in a loop of runs to one time after the other; "
             "or step a copy, Simulation.from_checkpoint(sim.scene, sim.checkpoint())"
         )
+
+
+def name_of(hook: Callable[..., Any]) -> str:
+    """Name of a hook for messages."""
+    return getattr(hook, "__qualname__", None) or type(hook).__qualname__.lstrip("_")
 
 
 def alone(method: M) -> M:

@@ -18,11 +18,13 @@ def test_a_hook_that_returns_true_ends_the_run(tmp_path):
     sim = gr.Simulation(column())
     hooks = (lambda sim: sim.steps, lambda sim: np.bool_(sim.time > 0.05))
     sim.run(until=1.0, save=tmp_path / "a.h5", every=0.02, hooks=hooks)
-    assert 0.06 <= sim.time < 0.07
+    assert 0.06 <= sim.time < 0.07 and sim.ended_by is hooks[-1]
     assert gr.open(tmp_path / "a.h5").times[-1] == sim.time
     with sim.recording():
         sim.run(until=1.0, hooks=hooks)
     assert 0.08 <= sim.time < 0.09
+    sim.run(until=sim.time + 0.01)
+    assert sim.ended_by is None
 
 
 def test_a_collapse_is_over_when_it_rests():

@@ -175,7 +175,7 @@ def test_hooks_end_cases_which_are_complete_then(scenes, tmp_path, monkeypatch):
             assert record.provenance["precision"] == "single"
             assert record.provenance["fields"] == ["pressure"]
             assert gr.measure.wall_force(record, 0).force.shape == (len(record) - 1, 2)
-    assert "ended this case at t = 0.0" in (tmp_path / "0.stopped").read_text()
+    assert "hook ThirdFrame ended this case at t = 0.0" in (tmp_path / "0.stopped").read_text()
     (tmp_path / "1.h5").unlink()
     started = []
     run = gr.Simulation.run
