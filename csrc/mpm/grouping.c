@@ -299,7 +299,7 @@ static int list_cells(struct regroup *r)
 static int reserve_mesh(struct gr_engine *e, int64_t n_tiles)
 {
     struct gr_mesh *mesh = &e->mesh;
-    if (n_tiles * GR_LANES <= mesh->cell_capacity && mesh->tile_block) return GR_OK;
+    if (n_tiles * GR_LANES <= mesh->cell_capacity && mesh->cell_capacity) return GR_OK; /* also without tiles */
     const int64_t tiles = n_tiles + n_tiles / 2 + 2, capacity = tiles * GR_LANES;
     mesh->cell_capacity = 0;
     GR_RESIZE(mesh->cell, capacity);
