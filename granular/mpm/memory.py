@@ -41,12 +41,12 @@ point itself by whether its transfer carries gradients of the velocity."""
 _POINT_IN_SINGLE = {2: {"affine": 385, "smoothed": 475}, 3: {"affine": 460, "smoothed": 590}}
 """Likewise in single precision, in which the record is as large."""
 _CELL = {
-    2: {"linear": 495, "ugimp": 910, "quadratic": 780, "cell_averaged": 685, "smoothed": 1340},
-    3: {"linear": 960, "ugimp": 2410, "quadratic": 2400, "cell_averaged": 1145, "smoothed": 4010},
+    2: {"linear": 510, "ugimp": 690, "quadratic": 560, "cell_averaged": 660, "smoothed": 880},
+    3: {"linear": 720, "ugimp": 1400, "quadratic": 1270, "cell_averaged": 960, "smoothed": 2240},
 }
 """Memory of an active cell and of its nodes [bytes]: one with points, or next to one; by density,
 with the density of the point itself by the basis."""
-_CELL_IN_SINGLE = {2: {"quadratic": 565, "smoothed": 955}, 3: {"quadratic": 1630, "smoothed": 2600}}
+_CELL_IN_SINGLE = {2: {"quadratic": 425, "smoothed": 700}, 3: {"quadratic": 900, "smoothed": 1540}}
 _LITHOSTATIC = 100
 """Further memory of a point of a scene with the pressure of the weight above [bytes]."""
 _NEAR_BODIES = 70
