@@ -144,24 +144,21 @@ static inline xm x_and(xm a, xm b) { return m_and(a, b); }
 static inline unsigned x_bits(xm a) { return m_bits(a); }
 #endif
 
-/* Store four numbers; and copy eight that were stored so, past the caches if asked. They are loaded in fours: a wider load
- * would wait until they have left the processor. */
+/* Store four numbers; and copy eight that were stored so, past the caches. They are loaded in fours: a wider load would wait
+ * until they have left the processor. */
 static inline void v_store_four(gr_real *p, gr_real a, gr_real b, gr_real c, gr_real d)
 {
     *(v_four *)p = (v_four){a, b, c, d};
 }
-static inline void v_copy_eight(gr_real *to, const gr_real *from, int past)
+static inline void v_copy_eight(gr_real *to, const gr_real *from)
 {
 #if defined(__AVX512F__) && !defined(GR_SINGLE)
-    if (past) {
-        const __m512d low = _mm512_castpd256_pd512(_mm256_loadu_pd(from));
-        v_stream(to, _mm512_insertf64x4(low, _mm256_loadu_pd(from + 4), 1));
-        return;
-    }
-#endif
-    (void)past;
+    const __m512d low = _mm512_castpd256_pd512(_mm256_loadu_pd(from));
+    v_stream(to, _mm512_insertf64x4(low, _mm256_loadu_pd(from + 4), 1));
+#else
     *(v_four *)to = *(const v_four *)from;
     *(v_four *)(to + 4) = *(const v_four *)(from + 4);
+#endif
 }
 
 /* A number that depends on the round-off and range of what kernels compute with. */

@@ -9,7 +9,8 @@
 /* A row of active nodes along the first axis, and the number of addends of each row of the nodes of cells to them; then where
  * these begin. */
 struct line {
-    int32_t node, n[9];
+    int64_t n[9];
+    int32_t node;
 };
 
 /* What is being listed: first the addends are counted; then there is memory for them. */
@@ -38,7 +39,7 @@ struct adding {
     int row, k;
     int64_t last; /* the end of the row of cells */
     struct gr_addend *out;
-    int32_t n;
+    int64_t n;
 };
 
 /* ---- Rows of nodes, and of cells ---- */
@@ -213,13 +214,13 @@ GR_SHARED(list_addends, struct listing, l->n_lines, l)
 
 /* Give the addends of each row and line their places.
  * Returned: their number. */
-static int32_t place_addends(struct listing *l)
+static int64_t place_addends(struct listing *l)
 {
-    int32_t n = 0;
+    int64_t n = 0;
     for (int row = 0; row < l->e->n_rows; row++) {
         l->e->mesh.row_addends[row] = n;
         for (struct line *line = l->line; line < l->line + l->n_lines; line++) {
-            const int32_t more = line->n[row];
+            const int64_t more = line->n[row];
             line->n[row] = n;
             n += more;
         }
@@ -239,9 +240,9 @@ static int follows(const struct gr_addend *a, const struct gr_addend *b)
 static void join_apart(struct gr_engine *e)
 {
     struct gr_addend *const addend = e->mesh.addend;
-    int32_t n = 0;
-    for (int row = 0, i = 0; row < e->n_rows; row++) {
-        const int32_t begin = n;
+    int64_t n = 0, i = 0;
+    for (int row = 0; row < e->n_rows; row++) {
+        const int64_t begin = n;
         for (; i < e->mesh.row_addends[row + 1]; i++) {
             if (n > begin && follows(&addend[n - 1], &addend[i]))
                 addend[n - 1].n++;
@@ -258,7 +259,7 @@ static int list(struct listing *l)
     struct gr_mesh *mesh = &l->e->mesh;
     if (list_lines(l)) return GR_ERR_MEMORY;
     list_addends(l);
-    const int32_t n = place_addends(l);
+    const int64_t n = place_addends(l);
     if (n > mesh->addend_capacity) {
         mesh->addend_capacity = 0;
         GR_RESIZE(mesh->addend, n + n / 2);

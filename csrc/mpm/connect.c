@@ -285,7 +285,7 @@ static uint32_t find_order(const struct gr_engine *e, int64_t tile)
         while (l < GR_LANES && gr_cell_node(e, first + l, i) == gr_cell_node(e, first, i) + l) l++;
         in_order |= (uint32_t)(l == GR_LANES) << i;
     }
-    const int run = e->mesh.tile_joins[tile] == (1 << GR_LANES) - 2;
+    const int run = e->mesh.tile_joins[tile] == GR_ONE_RUN;
     return run && in_order == (1u << e->K) - 1 ? GR_IN_ROW : in_order;
 }
 
@@ -295,7 +295,7 @@ static int list_lane_nodes(struct gr_engine *e)
     struct gr_mesh *mesh = &e->mesh;
     int64_t n = 0;
     for (int64_t tile = 0; tile < mesh->n_tiles; tile++) {
-        mesh->tile_nodes[tile] = (int32_t)n;
+        mesh->tile_nodes[tile] = n;
         if (mesh->tile_in_order[tile] != GR_IN_ROW) n += e->K * GR_LANES;
     }
     if (n > mesh->lane_node_capacity) {

@@ -55,7 +55,8 @@ struct gr_addend {
     uint8_t n, apart, kind_of_lanes, first, second, kind_before; /* enum gr_kind_of_sum */
 };
 
-#define GR_IN_ROW UINT32_MAX
+#define GR_ONE_RUN ((1 << GR_LANES) - 2) /* of tile_joins: all lanes of a tile are one run */
+#define GR_IN_ROW UINT32_MAX             /* of tile_in_order */
 
 /* The active part of the grid: the cells and nodes that material may touch before the next regrouping. A tile is GR_LANES
  * active cells, in the order of the grid, of which those of the last tile may be missing. The kernels work on a tile at a
@@ -76,7 +77,7 @@ struct gr_mesh {
     uint32_t
         *tile_in_order;  /* bit i: local node i of the lanes of a tile, from the first on, are nodes that follow each other;
                                 GR_IN_ROW if so do all in each row */
-    int32_t *tile_nodes; /* where the nodes of the lanes of other tiles are in `lane_node` */
+    int64_t *tile_nodes; /* where the nodes of the lanes of other tiles are in `lane_node` */
     int32_t *lane_node;  /* local node after local node of these lanes */
     int64_t lane_node_capacity;
     int64_t *tile_block; /* n_tiles + 1: where the sums of a tile begin (mpm/cell_sums.h) */
@@ -85,7 +86,7 @@ struct gr_mesh {
     int32_t *neighbour;  /* n_cells x 2 dim: across the faces (enum gr_neighbour); NULL with a density of each point */
     int32_t *place;      /* of its cells on the fluidity grid (fluidity.h); NULL without one */
     struct gr_addend *addend; /* by rows of the nodes of cells; for each with ascending nodes, to which it is added once: */
-    int32_t row_addends[10];  /* those of row r are from row_addends[r] on, up to row_addends[r + 1] */
+    int64_t row_addends[10];  /* those of row r are from row_addends[r] on, up to row_addends[r + 1] */
     int64_t addend_capacity;
     /* with a smoothed density: in groups of GR_LANES nodes, gr_about x GR_LANES indices of the nodes about each. Entry a
      * + 3 b + 9 c is a - 1, b - 1 and c - 1 nodes further along x, y and z; beyond an end, the node at it; the last index

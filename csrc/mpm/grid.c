@@ -51,14 +51,21 @@ static __attribute__((noinline)) void add_joined(const struct gr_engine *e, cons
     }
 }
 
+/* The end of the block that begins with node n: at most GR_SUM_BLOCK nodes, in groups that do not rest; or of a group that
+ * does. */
+static int64_t end_of_block(const struct gr_engine *e, int64_t n, int64_t last)
+{
+    int64_t end = n + GR_LANES;
+    while (!gr_group_rests(e, n) && end < last && end - n < GR_SUM_BLOCK && !gr_group_rests(e, end)) end += GR_LANES;
+    return end < last ? end : last;
+}
+
 void gr_grid_masses(struct gr_engine *e, const struct gr_kernels *kernels, int64_t first, int64_t last)
 {
     struct block block;
     for (int64_t n = first, end; n < last; n = end) {
-        end = n + GR_LANES;
+        end = end_of_block(e, n, last);
         if (gr_group_rests(e, n)) continue;
-        while (end < last && end - n < GR_SUM_BLOCK && !gr_group_rests(e, end)) end += GR_LANES;
-        if (end > last) end = last;
         kernels->sum_nodes(e, GR_SUMS_OF_MOTION, GR_SUM_MASS, 1, n, end, row_of(&block, 0));
         memcpy(e->nodes.mass + n, row_of(&block, 0), sizeof(double) * (size_t)(end - n));
     }
@@ -183,10 +190,9 @@ GR_INLINE void grid_nodes(const int dim, const enum further further, struct gr_e
                           int64_t first, int64_t last, const double g[3])
 {
     for (int64_t n = first, end; n < last; n = end) {
-        end = n + GR_LANES;
+        end = end_of_block(e, n, last);
         if (gr_group_rests(e, n)) continue;
-        while (end < last && end - n < GR_SUM_BLOCK && !gr_group_rests(e, end)) end += GR_LANES;
-        grid_block(dim, further, e, kernels, n, end < last ? end : last, g);
+        grid_block(dim, further, e, kernels, n, end, g);
     }
 }
 

@@ -79,24 +79,21 @@ GR_INLINE void add_addend(struct numbers at, const struct gr_addend *addend, int
         }
 }
 
-enum { AHEAD = 2 };
+enum { AHEAD = 2 }; /* addends that are fetched before they are needed; more was not tried */
 
 /* Fetch n sums of an addend into the caches, before they are needed. */
 GR_INLINE void fetch_addend(const struct gr_engine *e, const struct sums_of_row *of, const struct gr_addend *addend, int n)
 {
-    const gr_real *const lanes = gr_sums(e) + addend->lanes + of->begin[addend->kind_of_lanes], *const end =
-                                                                                                    gr_sums(e) +
-                                                                                                    addend->end +
-                                                                                                    of->begin[addend->first];
-    for (int q = 0; q < n; q++) __builtin_prefetch(lanes + q * of->apart[addend->kind_of_lanes]);
-    for (int q = 0; q < n; q += 2) __builtin_prefetch(end + q * of->apart[addend->first]);
+    const struct numbers at = numbers_of(e, of, addend);
+    for (int q = 0; q < n; q++) __builtin_prefetch(at.lanes + q * at.lanes_apart);
+    for (int q = 0; q < n; q += 2) __builtin_prefetch(at.first + q * at.first_apart);
 }
 
 /* Number of the first of the addends [low, high) that may reach node n. */
-static int32_t first_reaching(const struct gr_engine *e, int32_t low, int32_t high, int64_t n)
+static int64_t first_reaching(const struct gr_engine *e, int64_t low, int64_t high, int64_t n)
 {
     while (low < high) {
-        const int32_t middle = (low + high) / 2;
+        const int64_t middle = (low + high) / 2;
         if (e->mesh.addend[middle].node + GR_LANES <= n)
             low = middle + 1;
         else
@@ -110,12 +107,12 @@ static int32_t first_reaching(const struct gr_engine *e, int32_t low, int32_t hi
 GR_INLINE void sum_block(const int k, const int n, const struct gr_engine *e, enum gr_group_of_sums group, int begin,
                          int64_t first, int64_t last, double *out)
 {
-    const int32_t *const list = e->mesh.row_addends;
+    const int64_t *const list = e->mesh.row_addends;
     for (int q = 0; q < n; q++)
         memset(out + q * GR_SUM_ROW - GR_SUM_PAD, 0, sizeof *out * (size_t)(last - first + 2 * GR_SUM_PAD));
     for (int row = e->n_rows; row-- > 0;) {
         const struct sums_of_row of = sums_of_row(k, e, group, row, begin);
-        for (int32_t i = first_reaching(e, list[row], list[row + 1], first); i < list[row + 1]; i++) {
+        for (int64_t i = first_reaching(e, list[row], list[row + 1], first); i < list[row + 1]; i++) {
             const struct gr_addend *addend = &e->mesh.addend[i];
             if (addend->node >= last) break;
             if (e->out_of_cache && i + AHEAD < list[row + 1]) fetch_addend(e, &of, addend + AHEAD, n);

@@ -134,8 +134,8 @@ struct pass {
     int n, of_run, stream;     /* lanes that are cells; numbers of a run; whether sums are stored past the caches */
     vm follows[GR_VECTORS][2]; /* lanes that are in a run with the one before, and with that two before */
     vd partial[GR_MAX_NODES * MOST_SUMS]; /* between parts of the rows of points, in each lane */
-    gr_real *next[2]; /* what the lanes have for their second and their last node; where they are runs by */
-    gr_real buffer[2][9 * MOST_SUMS * GR_LANES]; /* themselves that is the ends of the block, else this buffer */
+    /* what the lanes have for their second and their last node: in the block where each is a run by itself, else in `buffer` */
+    gr_real *next[2], buffer[2][9 * MOST_SUMS * GR_LANES];
 };
 
 /* Store a vector of sums. */
@@ -182,7 +182,7 @@ GR_INLINE void store_tail(const int k, const int n_rows, const struct pass *pass
     if (!pass->stream) return;
     const int n = n_rows * width * GR_TAIL(k);
     for (int i = n; i % GR_LANES; i++) buffer[i] = 0;
-    for (int i = 0; i < n; i += GR_LANES) v_copy_eight(out + i, buffer + i, 1);
+    for (int i = 0; i < n; i += GR_LANES) v_copy_eight(out + i, buffer + i);
 }
 
 /* The same for all runs of a tile. */
@@ -196,7 +196,7 @@ static __attribute__((noinline)) void store_tails(int k, int n_rows, const struc
 /* Store what the lanes have for the nodes beyond their runs: the sums [begin, end) of each row. */
 GR_INLINE void store_ends(const int k, const int n_rows, const struct pass *pass, int begin, int end)
 {
-    if (pass->joins == (1 << GR_LANES) - 2)
+    if (pass->joins == GR_ONE_RUN)
         store_tail(k, n_rows, pass, 0, GR_LANES - 1, begin, end);
     else if (pass->joins)
         store_tails(k, n_rows, pass, begin, end);
@@ -336,7 +336,7 @@ GR_INLINE void p2g_points(const int dim, const int basis, const int affine, cons
         return;
     }
     begin_pass(e, GR_SUMS_OF_MOTION, tile, stream, &passes.motion);
-    begin_pass(e, GR_SUMS_OF_DENSITY, tile, stream, &passes.density);
+    begin_pass(e, GR_SUMS_OF_DENSITY, tile, stream, &passes.density); /* always, or compilers warn of what is not set */
     begin_pass(e, GR_SUMS_OF_VOLUME, tile, stream, &passes.volume);
     for (int part = 0; part < GR_VECTORS; part++) p2g_cells(dim, basis, affine, smoothed, e, tile, part, averages, &passes);
     store_ends(k, n_rows, &passes.motion, 0, GR_SUM_DAMPED(dim));

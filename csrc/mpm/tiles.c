@@ -32,9 +32,9 @@ static int order_layers(struct gr_tiles *tiles, const int64_t *cells, const int8
 /* Whether a lane may continue the run of the lane before. */
 static int continues(const struct gr_tiles *tiles, const struct gr_engine *e, int64_t c)
 {
+    if (c == tiles->n_front || tiles->cell[c] != tiles->cell[c - 1] + 1) return 0;
     const int64_t x = tiles->cell[c] % e->axis[0].n_cells;
     const struct gr_axis_cell *cell = e->axis[0].cell + x;
-    if (c == tiles->n_front || tiles->cell[c] != tiles->cell[c - 1] + 1) return 0;
     return x > 0 && cell[0].node[0] == cell[-1].node[0] + 1;
 }
 

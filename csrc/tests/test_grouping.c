@@ -33,7 +33,7 @@ static void check_addends(const struct gr_engine *e)
     const struct gr_mesh *mesh = &e->mesh;
     for (int row = 0; row < e->n_rows; row++) {
         int64_t lanes = 0, end = 0;
-        for (int32_t k = mesh->row_addends[row]; k < mesh->row_addends[row + 1]; k++) {
+        for (int64_t k = mesh->row_addends[row]; k < mesh->row_addends[row + 1]; k++) {
             const struct gr_addend *addend = &mesh->addend[k];
             CHECK(addend->node >= end && addend->node + addend->n <= mesh->n_nodes && addend->n > 0);
             CHECK(addend->n <= GR_LANES);
@@ -258,7 +258,7 @@ TEST(by_a_team)
                     !memcmp(scene_at(&s[0], GR_FIELD_v, d, 0), scene_at(&s[1], GR_FIELD_v, d, 0), sizeof(double) * places));
             CHECK(!memcmp(a->mesh.row_node, b->mesh.row_node, sizeof *a->mesh.row_node * rows));
             for (int r = 0; r <= a->n_rows; r++) CHECK(a->mesh.row_addends[r] == b->mesh.row_addends[r]);
-            for (int32_t i = 0; i < a->mesh.row_addends[a->n_rows]; i++)
+            for (int64_t i = 0; i < a->mesh.row_addends[a->n_rows]; i++)
                 CHECK(!memcmp(&a->mesh.addend[i], &b->mesh.addend[i], offsetof(struct gr_addend, kind_before) + 1));
             CHECK(!scene_differs(&s[0], &s[1]));
         }
