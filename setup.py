@@ -6,6 +6,7 @@ tenth of the size).
 """
 
 import os
+import subprocess
 import sysconfig
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
@@ -15,6 +16,8 @@ from pathlib import Path
 import numpy
 from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
+from setuptools.command.build_py import build_py
+from setuptools.command.sdist import sdist
 from setuptools.modified import newer_group
 
 ROOT = Path(__file__).parent
@@ -114,6 +117,35 @@ class BuildCore(build_ext):
         record.write_text(made)
 
 
+def store_commit(folder: str) -> None:
+    """Write the commit of the checkout, if this is one, for granular/tools/version.py."""
+    if not (ROOT / ".git").exists():
+        return
+    command = ["git", "-C", str(ROOT), "rev-parse", "--short=8", "HEAD"]
+    try:
+        head = subprocess.run(command, capture_output=True, text=True).stdout
+    except OSError:  # no git
+        return
+    Path(folder, "granular", "commit.txt").write_text(head)
+
+
+class BuildPython(build_py):
+    """Copy the modules and store the commit."""
+
+    def run(self) -> None:
+        super().run()
+        if not self.editable_mode:
+            store_commit(self.build_lib)
+
+
+class SourceArchive(sdist):
+    """Archive the sources and store the commit."""
+
+    def make_release_tree(self, base_dir: str, files: list[str]) -> None:
+        super().make_release_tree(base_dir, files)
+        store_commit(base_dir)
+
+
 setup(
     ext_modules=[
         Extension(
@@ -128,5 +160,5 @@ setup(
             ],
         )
     ],
-    cmdclass={"build_ext": BuildCore},
+    cmdclass={"build_ext": BuildCore, "build_py": BuildPython, "sdist": SourceArchive},
 )

@@ -6,7 +6,6 @@ import argparse
 import json
 import os
 import shlex
-import subprocess
 import sys
 import time
 import warnings
@@ -21,6 +20,7 @@ import numpy as np
 
 import granular as gr
 from granular.record.provenance import cpu_name
+from granular.tools.version import commit
 
 ROOT = Path(__file__).parents[1]
 warnings.simplefilter("ignore", gr.StabilityWarning)  # many runs are at a limit on purpose
@@ -78,21 +78,10 @@ def parser_of(
     return Parser(name, doc, quick)
 
 
-def commit() -> str:
-    """Commit of the working tree, with a + if the package or a script has changed since."""
-
-    def git(*words: str) -> str:
-        command = ["git", "-C", str(ROOT), *words]
-        return subprocess.run(command, capture_output=True, text=True).stdout.strip()
-
-    changed = git("status", "--porcelain", "--", "csrc", "granular", "benchmarks/*.py")
-    return git("rev-parse", "--short", "HEAD") + "+" * bool(changed) or "unknown"
-
-
 def stamp() -> dict[str, Any]:
     """Commit, command, processor, build and date of a result."""
     return {
-        "commit": commit(),
+        "commit": commit("benchmarks/*.py"),
         "command": " ".join(["python", sys.argv[0], shlex.join(sys.argv[1:])]).strip(),
         "processor": cpu_name(),
         "build": gr.show_config(),

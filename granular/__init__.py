@@ -70,9 +70,21 @@ from granular.shapes import (
 from granular.tools.buffers import show_config
 from granular.tools.docstrings import complete as _complete
 from granular.tools.notebook import pictures
+from granular.tools.version import package_version
 
 if TYPE_CHECKING:
-    from granular import calibrate, economy, export, grain_scale, measure, plot, scenes, sph, theory
+    from granular import (
+        calibrate,
+        economy,
+        export,
+        grain_scale,
+        measure,
+        papers,
+        plot,
+        scenes,
+        sph,
+        theory,
+    )
 
     __version__: str
 
@@ -82,6 +94,7 @@ LATER = (
     "export",
     "grain_scale",
     "measure",
+    "papers",
     "plot",
     "scenes",
     "sph",
@@ -105,11 +118,7 @@ def __getattr__(name: str) -> ModuleType | str:
     if name in LATER:
         return import_module(f"granular.{name}")
     if name == "__version__":
-        metadata = import_module("importlib.metadata")
-        try:
-            return str(metadata.version("granular-flow"))
-        except metadata.PackageNotFoundError:  # compiled in the folder of the sources
-            return "unknown"
+        return package_version()
     raise AttributeError(f"module 'granular' has no attribute {name!r}")
 
 
@@ -171,6 +180,7 @@ __all__ = [
     "measure",
     "open",
     "open_trajectory",
+    "papers",
     "plot",
     "scaling",
     "scene_warnings",

@@ -9,35 +9,33 @@ thread; the best of several batches. A change of a tenth is noise on a busy mach
 
 from __future__ import annotations
 
-import os
 from datetime import UTC, datetime
 from typing import Any
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is imported
-
 from accuracy.results import head as kind_of_machine
-from shared import RESULTS, commit, parser_of, rounded, stored, write
+from shared import commit, parser_of, rounded, stored, write
 
-from speed.roofline import peak
-from speed.speed import SCHEMES, speed, speed_3d
+from speed.machine import peak
+from speed.speed import FLOWS, times
 
-HISTORY = RESULTS / "history.json"
 NAMES = ("linear flip", "cell averaged", "default")
+
+
+CASES = ((2, 10_000, 0.0), (2, 10_000, FLOWS), (2, 100_000, 0.0), (3, 10_000, 0.0))
+"""Dimension, points and time of a state, with 4 points in a cell in 2D and 8 in 3D."""
 
 
 def cases(quick: bool) -> dict[str, float]:
     """Time of a particle-step of each case, over the time of an operation at the peak rate."""
-    cell, fall, batches, order = (0.025, 0.02, 1, 64) if quick else (0.0125, 0.4, 12, 512)
+    batches, turns = (1, 10_000) if quick else (12, 1_000_000)
     ratios = {}
     for name in NAMES:
-        before = peak(order)
-        rows = speed(SCHEMES[name], cell, fall, batches)
-        rows.append(speed_3d(SCHEMES[name], 2 * cell, batches) | {"state": "3D"})
-        rate = max(before, peak(order))
-        for row in rows:
-            if row["threads"] == 1:
-                state = "fallen" if row["state"].startswith("after") else row["state"]
-                ratios[f"{name}, {state}"] = row["ns"] * 1e-9 * rate
+        for dim, points, fall in CASES:
+            few, short = (2000, min(fall, 0.01)) if quick else (points, fall)
+            before = peak(turns)
+            row, _ = times(name, few, dim, 2**dim, short, batches)
+            rate = max(before, peak(turns))
+            ratios[f"{name}, {dim}D {points:,}, {row['state']}"] = row["ns"] * 1e-9 * rate
     return ratios
 
 
@@ -66,7 +64,7 @@ def main(argv: list[str] | None = None) -> None:
     rows = stored(arguments.out, rows=[])["rows"]
     row: dict[str, Any] = {
         "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M"),
-        "commit": commit(),
+        "commit": commit("benchmarks/*.py"),
         "kind": kind_of_machine(),
     }
     row["ratios"] = rounded(cases(arguments.quick), 4)

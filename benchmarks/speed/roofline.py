@@ -1,22 +1,18 @@
 """Limits of the kernels: their bytes and operations against the capability of the machine.
 
 Measures on one core: the bandwidth of a sum into a third array, in the cache and in memory, and the
-rate of a matrix product as the peak of multiply-adds. Also prints the time of a particle-step of
-the plain linear scheme if it were bound by either alone, and its measured time.
+rate of a loop of multiply-adds. Also prints the time of a particle-step of the plain linear scheme
+if it were bound by either alone, and its measured time.
 """
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable
 from typing import Any
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is imported
-
-import numpy as np
-from shared import least_time, markdown, parser_of, write
+from shared import markdown, parser_of, write
 
 import granular as gr
+from speed.machine import capability
 from speed.speed import MATERIAL, best_time
 
 COMPONENTS = 9
@@ -25,30 +21,6 @@ OPERATIONS = {"gather": 45, "law": 75, "scatter": 80}
 """Additions and multiplications per point in 2D with linear shape functions, counted by hand; the
 law also has three square roots and a division."""
 POINTS_PER_CELL, NODE_SUMS = 16, 4 * 5
-
-
-def rate(work: Callable[[], object], amount: float, repeats: int = 20) -> float:
-    """Amount of work per second of processor time, best of several repeats."""
-    return amount / least_time(work, repeats)
-
-
-def bandwidth(megabytes: float) -> float:
-    """Bytes per second of c = a + b; the three arrays together have this size."""
-    n = int(megabytes * 1e6 / 24)
-    a, b, c = np.ones(n), np.ones(n), np.ones(n)
-    passes = max(int(1e7 / n), 1)
-
-    def add() -> None:
-        for _ in range(passes):
-            np.add(a, b, out=c)
-
-    return rate(add, 24.0 * n * passes)
-
-
-def peak(n: int) -> float:
-    """Operations per second of a product of two matrices."""
-    a = np.random.default_rng(0).random((n, n))
-    return rate(lambda: a @ a, 2.0 * n**3)
 
 
 def measured(cell: float) -> tuple[int, float]:
@@ -61,9 +33,9 @@ def measured(cell: float) -> tuple[int, float]:
 
 
 BOUNDS = {
-    "multiply-adds (matrix product)": ("multiply-adds [Gflop/s]", "bound by operations [ns]"),
-    "second-level cache (c = a + b)": ("bandwidth in the cache [GB/s]", "bound by the cache [ns]"),
-    "memory": ("bandwidth of the memory [GB/s]", "bound by the memory [ns]"),
+    "multiply-adds": ("multiply-adds [Gflop/s]", "bound by operations [ns]"),
+    "second-level cache (c = a + b)": ("second-level cache [GB/s]", "bound by the cache [ns]"),
+    "memory": ("memory [GB/s]", "bound by the memory [ns]"),
 }
 """Names of a rate of the machine, with its unit, and of the time of a particle-step at it."""
 
@@ -84,22 +56,18 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
 
 def main(argv: list[str] | None = None) -> None:
     arguments = parser_of(__name__, __doc__).parse_args(argv)
-    megabytes, order, cells = 300.0, 512, (0.0125, 0.0025)
-    if arguments.quick:
-        megabytes, order, cells = 3.0, 64, (0.025,)
+    cells = (0.025,) if arguments.quick else (0.0125, 0.0025)
     bytes_moved = 8 * (2 * COMPONENTS + 1 + 2 * NODE_SUMS / POINTS_PER_CELL)
     operations = sum(OPERATIONS.values())
-    near, far, flops = bandwidth(0.3), bandwidth(megabytes), peak(order)
-    results = {
+    rates = capability(arguments.quick)
+    results: dict[str, float] = {
         "bytes a particle-step": bytes_moved,
         "operations a particle-step": operations,
-        "bandwidth in the cache [GB/s]": near / 1e9,
-        "bandwidth of the memory [GB/s]": far / 1e9,
-        "multiply-adds [Gflop/s]": flops / 1e9,
-        "bound by operations [ns]": operations / flops * 1e9,
-        "bound by the cache [ns]": bytes_moved / near * 1e9,
-        "bound by the memory [ns]": bytes_moved / far * 1e9,
+        **rates,
     }
+    amounts = (operations, bytes_moved, bytes_moved)
+    for (rate, bound), amount in zip(BOUNDS.values(), amounts, strict=True):
+        results[bound] = amount / rates[rate]  # 1e9 a second is one a nanosecond
     for cell in cells:
         points, seconds = measured(cell)
         results[f"measured, {points} points [ns]"] = seconds * 1e9

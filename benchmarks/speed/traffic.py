@@ -19,43 +19,19 @@ import numpy as np
 from shared import markdown, parser_of, write
 
 import granular as gr
-from speed.roofline import bandwidth
-from speed.speed import MATERIAL, best_time
+from speed.machine import bandwidth
+from speed.speed import FLOWS, best_time, scene_of, started
+from speed.speed import SCHEMES as ALL
 
-SCHEMES = {
-    "linear flip": gr.Scheme(basis="linear"),
-    "quadratic apic": gr.Scheme(basis="quadratic", transfer="apic"),
-    "cell averaged": gr.schemes.cell_averaged,
-    "default": gr.schemes.default,
-    "default, single precision": gr.schemes.default.replace(precision="single"),
-}
+NAMES = ("linear flip", "quadratic apic", "cell averaged", "default", "default, single precision")
+SCHEMES = {name: ALL[name] for name in NAMES}
 CYCLE = 8
 """Steps that are looked at: twice the interval of the averages."""
-FLOWS = 0.15
-"""Time at which a column or cylinder flows [s]."""
 LANES = 8
 CELL, ADDEND, INDEX = 48, 40, 4
 """Bytes of a cell, of what a run adds to a row of nodes, and of the index of a node
 (csrc/mpm/engine.h)."""
 STAGES = ("p2g", "g2p")
-
-
-def scene_of(scheme: gr.Scheme, points: float, dim: int) -> gr.Scene:
-    """A column of about so many points, 4 in a cell; in 3D a quarter of a cylinder, 8 in a cell."""
-    make: Any = gr.scenes.column_collapse if dim == 2 else gr.scenes.cylinder_collapse
-    given: dict[str, Any] = {"material": MATERIAL, "scheme": scheme}
-    given |= {"aspect": 2.0, "points_per_cell": 4} if dim == 2 else {}
-    length = 0.2  # half width, or radius
-    coarse = gr.Simulation(make(cell=length / 10, **given), threads=1).n_points
-    cells = max(round(10 * (points / coarse) ** (1 / dim)), 2)
-    return make(cell=length / cells, **given)
-
-
-def started(scene: gr.Scene, fall: float) -> gr.Checkpoint:
-    """State in which cells are equally full (`fall` 0), or after a time [s]."""
-    sim = gr.Simulation(scene, threads=2)
-    sim.step(5)
-    return (sim.run(until=fall, monitor=False) if fall else sim).checkpoint()
 
 
 def slots_of(buffers: Mapping[str, np.ndarray]) -> np.ndarray:
@@ -225,9 +201,9 @@ def measured(name: str, points: float, dim: int, fall: float, small: float) -> d
     that was the same before.
     """
     scheme = SCHEMES[name]
-    few = scene_of(scheme, small, dim)
+    few = scene_of(scheme, small, dim, 2**dim)
     steps = list(cycle(few, started(few, FLOWS)))
-    scene = scene_of(scheme, points, dim)
+    scene = scene_of(scheme, points, dim, 2**dim)
     sim = gr.Simulation.from_checkpoint(scene, started(scene, fall), threads=1)
     sim.step(3)
     averaging = float(np.mean(["density_gradient" in step["g2p"]["write"] for step in steps]))

@@ -1,5 +1,5 @@
 """The command `granular`: new, run, resume, info, open, compare, plot, verify,
-list, completion.
+figure, list, completion.
 
 Exit codes: 0 all is well, 1 the run or a check failed, or two records differ, 2 an argument or a
 file cannot be used (one line on stderr says which), 3 with `--strict`: the run ended, but an

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from granular.cli import commands as do
+from granular.cli.figure import add_figure
 from granular.cli.words import (
     BY_SCENE,
     METAVARS,
@@ -114,6 +115,7 @@ def command_parser(words: Sequence[str] = ()) -> argparse.ArgumentParser:
     text = "with --external: coarse runs of seconds, to check that the cases work"
     command.add_argument("--quick", action="store_true", help=text)
     command.set_defaults(command=do.verify)
+    add_figure(commands, _add_command)
     command = _add_command(commands, "list", "print the scenes, their keywords and defaults")
     command.set_defaults(command=do.list_scenes)
     text = "print a script for a shell to complete the words of this command"

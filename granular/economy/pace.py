@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import functools
+import json
 import time
+from importlib.resources import files
+from typing import Any
 
 import numpy as np
 
@@ -19,35 +22,6 @@ from granular.mpm.scene import Scene
 from granular.mpm.schemes import ParticleDensity, Scheme
 from granular.mpm.walls import Wall
 from granular.shapes import Box, Cylinder, HeightMap, Mesh, Sphere
-
-_NANOSECONDS = {
-    2: {
-        ("linear", "flip"): 10.4,
-        ("ugimp", "flip"): 19.7,
-        ("quadratic", "flip"): 16.5,
-        ("quadratic", "apic"): 23.8,
-        ("quadratic", "tpic"): 28.0,
-    },
-    3: {
-        ("linear", "flip"): 24.1,
-        ("ugimp", "flip"): 70.4,
-        ("quadratic", "flip"): 61.7,
-        ("quadratic", "apic"): 87.9,
-        ("quadratic", "tpic"): 119.1,
-    },
-}
-"""Time per point and step on one core [ns], by dimension; 16 points per cell in 2D and 8 in 3D. The
-numbers are those of benchmarks/results/speed.json and must be updated with it. They hold for a
-server processor of 2022 with AVX-512 (Zen 4)."""
-
-REFERENCE = _NANOSECONDS[2]["quadratic", "tpic"]
-"""Time per point and step [ns] of the block with which `slowness` measures a machine."""
-
-_SHARED = {2: 14.9, 3: 39.7}
-"""Time per point and step of a scheme with the cell-averaged density [ns], likewise."""
-
-_IN_SINGLE = {2: 0.70, 3: 0.57}
-"""Time of the default scheme in single precision, relative to double precision, likewise."""
 
 _CARRIED = 1.44
 """Time of a transfer that is not in the table, relative to "flip". This is the ratio of quadratic
@@ -74,27 +48,20 @@ MOST_POINTS = 300_000
 """Number of points up to which those near bodies are counted; of more the contact is left out."""
 
 
-def of_cells(dim: int, points: float, per_cell: float) -> float:
-    """Time of a step relative to that of the table, by the number of points in a cell.
-
-    A step has a part for each point and one for each cell. In 2D the part of a cell grows as the
-    sums of the cells outgrow the cache, at some 7,000 of them. The numbers were fitted to blocks of
-    11,000 to 220,000 points with 4, 9 and 16 points in a cell in 2D, and 8 and 27 in 3D, in two
-    runs that differed by up to 40 % themselves (`python benchmarks pace`).
-    """
-    cells = max(points / per_cell, 1.0)
-    if dim == 2:
-        of_cell = 1.3 + 7.5 * cells**2 / (cells**2 + 7000.0**2)
-        return 0.92 + of_cell / per_cell
-    return 0.78 + 4.66 / per_cell
-
-
 @functools.cache
-def slowness() -> float:
-    """Time of a step on this machine, relative to the table: measured once, in about 0.1 s.
+def _measured() -> dict[str, Any]:
+    """Times that `python benchmarks speed` has measured, with one thread.
 
-    A block of 12,800 points is run for some steps in one thread, and the shortest time counts.
+    "reference": `reference_time` [ns]; dimension: scheme: points in a cell: rows of a number of
+    points and the time per point and step [ns], the mean of states as seeded and in flow.
     """
+    text = files("granular.economy").joinpath("step_times.json").read_text(encoding="utf-8")
+    known: dict[str, Any] = json.loads(text)
+    return known
+
+
+def reference_time() -> float:
+    """Time per point and step [s] of a block of 12,800 points at rest, the shortest of 30."""
     # Imported here: a scene is described without the engine.
     from granular.materials import MuI
     from granular.run.simulation import Simulation
@@ -116,22 +83,56 @@ def slowness() -> float:
         begin = time.perf_counter()
         sim.step(5)
         least = min(least, (time.perf_counter() - begin) / 5)
-    return float(least * 1e9 / scene.n_points / REFERENCE)
+    return float(least / scene.n_points)
 
 
-def nanoseconds(scheme: Scheme, dim: int) -> float:
-    """Time per point and step of a scheme [ns], by the table."""
+@functools.cache
+def slowness() -> float:
+    """Time of a step on this machine, relative to the table: measured once, in about 0.1 s."""
+    return 1e9 * reference_time() / float(_measured()["reference"])
+
+
+def nanoseconds(
+    scheme: Scheme, dim: int, points: float = 10_000, per_cell: float | None = None
+) -> float:
+    """Time per point and step of a scheme [ns] on the machine of the table.
+
+    A step has a part for each point and one for each cell, and both grow as the points and the sums
+    of the cells outgrow the caches. Between the measured states the time is therefore linear in the
+    number of cells for a point, and in the logarithm of the number of points. Without `per_cell`
+    a cell has 2**dim points.
+    """
+    known, share = _measured()[str(dim)], 1.0
+
+    def at(name: str) -> float:
+        return _between(known[name], points, per_cell or 2**dim)
+
     if scheme.density.name == "cell_averaged":
-        return _SHARED[dim]
-    known = _NANOSECONDS[dim]
-    measured = known.get((scheme.basis, scheme.transfer))
-    share = _IN_SINGLE[dim] if scheme.precision == "single" else 1.0
-    return share * (measured or _CARRIED * known[scheme.basis, "flip"])
+        name = "cell averaged"
+    elif (scheme.basis, scheme.transfer) == ("quadratic", "tpic"):
+        name = "default"
+    else:
+        name = f"{scheme.basis} {scheme.transfer}"
+    if name not in known:
+        name, share = f"{scheme.basis} flip", _CARRIED
+    if scheme.precision == "single":
+        share *= at("default, single precision") / at("default")
+    return share * at(name)
+
+
+def _between(times: dict[str, list[list[float]]], points: float, per_cell: float) -> float:
+    """Time [ns] between the measured ones: points in a cell: rows of points and time."""
+    (few, of_few), (many, of_many) = sorted((int(n), np.transpose(t)) for n, t in times.items())
+    first, last = (
+        float(np.interp(np.log(max(points, 1.0)), np.log(sizes), ns))
+        for sizes, ns in (of_few, of_many)
+    )
+    return first + (last - first) * (1 / few - 1 / per_cell) / (1 / few - 1 / many)
 
 
 def seconds_of_step(scene: Scene, points: float) -> float:
     """Time of a step with these points on one core of this machine [s]."""
-    each = nanoseconds(scene.scheme, scene.dim) * of_cells(scene.dim, points, _per_cell(scene))
+    each = nanoseconds(scene.scheme, scene.dim, points, _per_cell(scene))
     if scene.nonlocal_material is not None:
         each *= _NONLOCAL
     if len(scene.materials) > 1:

@@ -22,6 +22,8 @@ from granular.tools.arrays import Array
 from granular.tools.checks import finite, integer
 
 Extent = tuple[tuple[float, float], tuple[float, float]]
+MARKERS = "osD^v<>ph"
+"""Markers of curves, in their order."""
 
 
 class Picture(Figure):

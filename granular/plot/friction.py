@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 from granular import calibrate
 from granular.grain_scale import friction_law
 from granular.grain_scale.friction_law import SteadyShear
-from granular.plot.canvas import Picture
-from granular.plot.dunatunga_kamrin_2015.curves import MARKERS
+from granular.plot.canvas import MARKERS, Picture
 from granular.tools.arrays import Array
 
 Flows = Sequence[SteadyShear]

@@ -5,19 +5,13 @@ import platform
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
-
-def _granular_version() -> str:
-    try:
-        return version("granular-flow")
-    except PackageNotFoundError:
-        return "not installed"
+from granular.tools.version import commit, package_version
 
 
 def _build() -> dict[str, Any] | None:
@@ -50,7 +44,8 @@ def collect(extra: Mapping[str, Any] | None = None, *, parent: str | None = None
         Digest (hex) of the checkpoint or frame that the run continues from.
     """
     return {
-        "granular": _granular_version(),
+        "granular": package_version(),
+        "commit": commit(),
         "python": platform.python_version(),
         "numpy": np.__version__,
         "h5py": h5py.__version__,

@@ -1,0 +1,124 @@
+"""The command `granular figure`: figures of the documents that the package implements."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import textwrap
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from granular.papers import Document, Drawn, Figure
+
+ALL = "all"
+
+
+def add_figure(commands: Any, add_command: Any) -> None:
+    """Add the command and its options."""
+    text = "draw a figure of a document that the package implements, beside the numbers in it"
+    command = add_command(commands, "figure", text)
+    command.add_argument("document", nargs="?", metavar="DOCUMENT", help="name; see --list")
+    text = f"number, such as 5, 4a or table_3, or {ALL}; without it, list those of the document"
+    command.add_argument("figure", nargs="?", metavar="FIGURE", help=text)
+    command.add_argument("--list", action="store_true", help="print what all documents have")
+    size = command.add_mutually_exclusive_group()
+    size.add_argument("--quick", action="store_true", help="coarse and short, to look at")
+    text = "sizes and times of the document where they are reduced otherwise"
+    size.add_argument("--full", action="store_true", help=text)
+    command.add_argument("--scheme", metavar="NAME", help="scheme, such as published")
+    command.add_argument("--E", type=float, metavar="E", help="Young's modulus [Pa]")
+    text = (
+        "start from the document's modulus, or from --E, and apply what granular.economy suggests"
+    )
+    command.add_argument("--tolerance", type=float, metavar="T", help=text)
+    text = "threads of each simulation; no result depends on it"
+    command.add_argument("--threads", type=int, metavar="N", help=text)
+    text = "displace all points at the start, to see how far numbers are determined"
+    command.add_argument("--shift", type=float, default=0.0, metavar="M", help=text)
+    text = "folder of the pictures and of the records of long runs; default ."
+    command.add_argument("-o", "--output", type=Path, default=Path(), metavar="FOLDER", help=text)
+    command.add_argument(
+        "--numbers", type=Path, metavar="JSON", help="file to write the numbers to"
+    )
+    command.set_defaults(command=figure)
+
+
+def figure(arguments: argparse.Namespace) -> int:
+    """Draw a figure, or list what there is."""
+    from granular.papers import DOCUMENTS, document
+
+    if arguments.list or arguments.document is None:
+        for name in [arguments.document] if arguments.document else DOCUMENTS:
+            print(listing(document(name)))
+        return 0
+    paper = document(arguments.document)
+    if arguments.figure is None:
+        print(listing(paper))
+        return 0
+    drawn = [one.name for one in paper.figures.values() if one.function]
+    results = {}
+    for name in drawn if arguments.figure == ALL else [arguments.figure]:
+        results[name] = _draw(paper, name, arguments)
+    if arguments.numbers:
+        arguments.numbers.write_text(json.dumps(results, indent=1) + "\n", encoding="utf-8")
+    return 0
+
+
+def _draw(paper: Document, name: str, arguments: argparse.Namespace) -> dict[str, Any]:
+    """Draw one figure, save its pictures, print its numbers, and return them with the cost."""
+    from granular.papers import Settings, draw
+
+    size = "quick" if arguments.quick else "full" if arguments.full else "normal"
+    settings = Settings(
+        size=size,
+        scheme=arguments.scheme,
+        E=arguments.E,
+        tolerance=arguments.tolerance,
+        threads=arguments.threads,
+        shift=arguments.shift,
+        folder=arguments.output / "records",
+    )
+    begin = time.process_time()
+    drawn = draw(paper.name, name, settings)
+    seconds = time.process_time() - begin
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    label = name if name.startswith("table") else f"figure_{name}"
+    for part, picture in drawn.pictures.items():
+        path = arguments.output / "_".join(filter(None, (paper.name, label, part)))
+        path = path.with_name(f"{path.name}.png")
+        picture.savefig(path, dpi=150)
+        print(path)
+    print(numbers_table(paper.figures[name], drawn))
+    return {"numbers": dict(drawn.numbers), "seconds": round(seconds, 1)}
+
+
+def numbers_table(figure: Figure, drawn: Drawn) -> str:
+    """Numbers of a figure compared with those of the document."""
+    names = list(dict.fromkeys([*drawn.numbers, *figure.paper]))
+    if not names:
+        return ""
+    here, there = ({n: _text(part.get(n, "")) for n in names} for part in
+                   (drawn.numbers, figure.paper))  # fmt: skip
+    width, middle = (max(map(len, part)) for part in (names, here.values()))
+    head = f"{'':{width}s}  {'here':{middle}s}  document"
+    return "\n".join([head, *(f"{n:{width}s}  {here[n]:{middle}s}  {there[n]}" for n in names)])
+
+
+def _text(number: float | str) -> str:
+    return number if isinstance(number, str) else f"{number:.4g}"
+
+
+def listing(paper: Document) -> str:
+    """Figures and tables of a document: what they show, their state, cost and numbers."""
+    lines = [f"{paper.name}: {paper.citation}"]
+    indent = " " * 36
+    for one in paper.figures.values():
+        cost = "" if math.isnan(one.seconds) else f"{max(one.seconds, 1):.0f} s"
+        reason = f" ({one.reason})" if one.reason else ""
+        lines.append(f"  {one.name:8s} {one.state:16s} {cost:>7s}  {one.title}{reason}")
+        numbers = "; ".join(f"{name}: {_text(number)}" for name, number in one.paper.items())
+        lines += textwrap.wrap(numbers, 100, initial_indent=indent, subsequent_indent=indent)
+    return "\n".join(lines) + "\n"
