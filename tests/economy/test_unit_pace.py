@@ -25,12 +25,33 @@ def each(scene):
     return 1e9 * found.seconds / found.point_steps
 
 
-def test_fewer_points_in_a_cell_take_longer_each_and_more_so_out_of_the_cache():
-    """As measured by `python benchmarks pace`, within a fifth."""
-    small = {count: each(bed(count, (56, 56))) for count in (4, 16)}
-    assert small[4] == pytest.approx(44.0, rel=0.2) and small[16] == pytest.approx(28.0, rel=0.2)
-    large = each(bed(4, (320, 160)))
-    assert 1.8 < large / small[4] < 2.6
+def test_times_between_the_measured_ones_are_linear_in_cells_per_point_and_in_the_log_of_points():
+    scheme, table = gr.schemes.default, pace._measured()["2"]["default"]
+    (few, first), (_, second) = table["4"][:2]
+    (least, ns), *_ = table["16"]
+    between = pace.nanoseconds(scheme, 2, (few * table["4"][1][0]) ** 0.5, 4)
+    assert between == pytest.approx((first + second) / 2, rel=1e-12)
+    # 6.4 in a cell are half-way in cells per point; fewer points than were measured are as many
+    points = min(few, least) / 2
+    assert pace.nanoseconds(scheme, 2, points, 6.4) == pytest.approx((first + ns) / 2, rel=1e-12)
+    one = pace.nanoseconds(scheme, 2, points, 1)
+    assert one - first == pytest.approx(4 * (first - ns), rel=1e-12)  # three cells more, not 3/4
+
+
+def test_what_was_not_measured_is_estimated_from_what_is_like_it():
+    xpic = gr.Scheme(basis="linear", transfer="xpic")
+    flip = pace.nanoseconds(xpic.replace(transfer="flip"), 3)
+    assert pace.nanoseconds(xpic, 3) == pytest.approx(pace._CARRIED * flip)
+    apic = gr.Scheme(basis="quadratic", transfer="apic")
+    default = gr.schemes.default
+    times = [
+        pace.nanoseconds(scheme.replace(precision=precision), 2)
+        for scheme in (apic, default)
+        for precision in ("single", "double")
+    ]
+    assert times[0] / times[1] == pytest.approx(times[2] / times[3])
+    averaged = gr.schemes.cell_averaged
+    assert pace.nanoseconds(averaged, 2) < pace.nanoseconds(default, 2)
 
 
 def test_bodies_take_time_for_contact_and_for_their_motion():

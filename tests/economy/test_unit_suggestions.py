@@ -357,12 +357,12 @@ def test_cost_by_hand_and_on_given_terrain():
     scene = gr.scenes.column_collapse(scheme=gr.schemes.dunatunga_kamrin_2015)
     found = gr.economy.cost(scene)
     assert (found.points, found.steps) == (8192, 666667)
-    each = 10.4e-9 * pace.of_cells(2, 8192, 16)
+    each = 1e-9 * pace.nanoseconds(scene.scheme, 2, 8192, 16)
     known = pace.slowness() * (found.point_steps * each + found.steps * 1e-6 * pace.STEP)
     assert found.seconds == pytest.approx(known)
     single = scene.replace(scheme=gr.schemes.default.replace(precision="single"))
     double = gr.economy.cost(single.replace(scheme=gr.schemes.default))
-    assert gr.economy.cost(single).seconds == pytest.approx(0.70 * double.seconds, rel=0.01)
+    assert 0.4 * double.seconds < gr.economy.cost(single).seconds < 0.8 * double.seconds
     stiff = scene.replace(material=glass_beads.replace(E=1e13))
     with pytest.raises(ValueError, match="dt"):
         gr.economy.cost(stiff)

@@ -1,0 +1,127 @@
+"""Numbers of all figures of the documents that the package implements, with their scatter.
+
+Each figure is drawn by `granular figure` in a separate process with one thread, and a second time
+with all points displaced by 1 µm at the start: the difference of a number is its scatter. Figures
+that are already in the file are not drawn again, so that a series can be stopped and continued.
+With --tolerance the figures start from the modulus of the document, with what gr.economy suggests.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+import tempfile
+import time
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any
+
+from shared import markdown, parser_of, rounded, stored, write
+
+from granular.papers import DOCUMENTS, document
+
+SHIFT = 1e-6
+"""Displacement of all points in the second run [m]."""
+PICTURES = Path("build/figures")
+
+
+def command(name: str, figure: str, options: list[str]) -> list[str]:
+    """Command that draws a figure."""
+    words = [sys.executable, "-m", "granular", "figure", name, figure, "--threads", "1"]
+    return [*words, *options]
+
+
+def numbers_of(name: str, figure: str, options: list[str]) -> dict[str, Any]:
+    """Numbers of a figure, and the processor time that it took."""
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder, "numbers.json")
+        done = subprocess.run(
+            command(name, figure, [*options, "--numbers", str(out)]), capture_output=True, text=True
+        )
+        if done.returncode:
+            raise RuntimeError(f"{name} {figure}: {done.stderr.strip()}")
+        found: dict[str, Any] = json.loads(out.read_text())[figure]
+        return found
+
+
+def row_of(name: str, figure: str, options: list[str], pictures: Path) -> dict[str, Any]:
+    """Numbers of a figure and their scatter."""
+    first = numbers_of(name, figure, [*options, "-o", str(pictures)])
+    with tempfile.TemporaryDirectory() as folder:
+        second = numbers_of(name, figure, [*options, "--shift", str(SHIFT), "-o", folder])
+    scatter = {
+        key: abs(value - second["numbers"][key])
+        for key, value in first["numbers"].items()
+        if not isinstance(value, str)
+    }
+    numbers = {"numbers": first["numbers"], "scatter": scatter}
+    return {"document": name, "figure": figure, **rounded(numbers, 6), "seconds": first["seconds"]}
+
+
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Tables of the pages: numbers of each document, and those of each of its figures."""
+    by_document: dict[str, list[dict[str, Any]]] = {}
+    for row in results["rows"]:
+        by_document.setdefault(row["document"], []).append(row)
+    found = {}
+    for name, rows in by_document.items():
+        order = list(document(name).figures)
+        rows.sort(key=lambda row: order.index(row["figure"]))
+        lines = [line for row in rows for line in lines_of(row)]
+        found[name] = markdown(HEAD, lines)
+        for row in rows:
+            found[f"{name} {row['figure']}"] = markdown(HEAD, lines_of(row))
+    return found
+
+
+HEAD = ("figure", "number", "here", "scatter", "document")
+
+
+def lines_of(row: dict[str, Any]) -> list[tuple[str, ...]]:
+    """Lines of a table: the numbers of a figure."""
+    paper = document(row["document"]).figures[row["figure"]].paper
+    figure = row["figure"].replace("_", " ")
+    return [
+        (figure, name, text(value), text(row["scatter"].get(name, "")), text(paper.get(name, "")))
+        for name, value in row["numbers"].items()
+    ]
+
+
+def text(number: float | str) -> str:
+    if isinstance(number, str):
+        return number
+    return "none" if math.isnan(number) else f"{number:.3g}"
+
+
+def main(argv: list[str] | None = None) -> None:
+    parser = parser_of(__name__, __doc__)
+    parser.add_argument("documents", nargs="*", help=f"of {', '.join(DOCUMENTS)}; all by default")
+    parser.add_argument("--only", nargs="+", help="figures of one document")
+    parser.add_argument("--tolerance", help="of gr.economy.suggest, from the document's modulus")
+    parser.add_argument("--workers", type=int, default=2, help="processes at a time (2)")
+    parser.add_argument("--pictures", type=Path, default=PICTURES, help=f"folder ({PICTURES})")
+    chosen = parser.parse_args(argv)
+    results = stored(chosen.out, rows=[])
+    there = {(row["document"], row["figure"]) for row in results["rows"]}
+    jobs = [
+        (name, figure.name)
+        for name in chosen.documents or DOCUMENTS
+        for figure in sorted(document(name).figures.values(), key=lambda f: -f.seconds)
+        if figure.function and (name, figure.name) not in there
+        if not chosen.only or figure.name in chosen.only
+    ]
+    options = ["--quick"] * chosen.quick
+    options += ["--tolerance", chosen.tolerance] if chosen.tolerance else []
+    begin = time.perf_counter()
+    with ThreadPoolExecutor(chosen.workers) as pool:
+        running = [pool.submit(row_of, *job, options, chosen.pictures) for job in jobs]
+        for job in as_completed(running):
+            row = job.result()
+            results["rows"].append(row)
+            label = f"{row['document']} {row['figure']}"
+            print(f"{label:28s}{row['seconds']:8.1f} s of a core", flush=True)
+            write(chosen.out, results, [label])
+    total = sum(row["seconds"] for row in results["rows"])
+    print(f"{total:.0f} s of a core, {time.perf_counter() - begin:.0f} s now")
