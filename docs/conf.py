@@ -28,6 +28,7 @@ extensions = [
     "generated_tables",
     "lessons",
     "linked_names",
+    "papers",
     "result_tables",
 ]
 exclude_patterns = ["_build", "_ext", "paper"]

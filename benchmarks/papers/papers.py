@@ -42,8 +42,8 @@ def numbers_of(name: str, figure: str, options: list[str]) -> dict[str, Any]:
         )
         if done.returncode:
             raise RuntimeError(f"{name} {figure}: {done.stderr.strip()}")
-        found: dict[str, Any] = json.loads(out.read_text())[figure]
-        return found
+        numbers: dict[str, Any] = json.loads(out.read_text())[figure]
+        return numbers
 
 
 def row_of(name: str, figure: str, options: list[str], pictures: Path) -> dict[str, Any]:
@@ -65,15 +65,15 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     by_document: dict[str, list[dict[str, Any]]] = {}
     for row in results["rows"]:
         by_document.setdefault(row["document"], []).append(row)
-    found = {}
+    made = {}
     for name, rows in by_document.items():
         order = list(document(name).figures)
         rows.sort(key=lambda row: order.index(row["figure"]))
         lines = [line for row in rows for line in lines_of(row)]
-        found[name] = markdown(HEAD, lines)
+        made[name] = markdown(HEAD, lines)
         for row in rows:
-            found[f"{name} {row['figure']}"] = markdown(HEAD, lines_of(row))
-    return found
+            made[f"{name} {row['figure']}"] = markdown(HEAD, lines_of(row))
+    return made
 
 
 HEAD = ("figure", "number", "here", "scatter", "document")

@@ -1,4 +1,4 @@
-"""What one core of this machine can do: multiply-adds, and bytes of its caches and its memory."""
+"""Capability of one core of this machine: multiply-adds, bandwidth of a cache and of the memory."""
 
 from __future__ import annotations
 

@@ -4,9 +4,9 @@ Columns of aspect 2 with 4 and 16 points in a cell, and quarters of cylinders wi
 thousand to a million points, with one thread and with two. They are timed as seeded, the smaller
 ones also after 0.15 s of their collapse. One thread is timed by the processor time of the process,
 two by the wall clock. The best of several batches counts; only the ratios within one run can be
-compared, and what the machine can do is measured beside them. Each scheme also has its error on the
-periodic incline of 25 degrees, with one column of cells and with eight, against the one-dimensional
-equation: a fast scheme that is wrong is no bargain.
+compared, and the capability of the machine is measured with them. Each scheme also has its error on
+the periodic incline of 25 degrees, with one column of cells and with eight, against the
+one-dimensional equation: a fast scheme that is wrong is no bargain.
 
 On a machine that others disturb, run it several times: with --again the smaller of each time and
 the one in the file is stored. The results of a processor with AVX2 alone are in
@@ -102,11 +102,11 @@ def incline_error(scheme: gr.Scheme, columns: int, until: float) -> float:
 
 def of(results: dict[str, Any], scheme: str, **chosen: Any) -> dict[int, list[float]]:
     """Times [ns] of a scheme by the number of points that was asked for, one thread first."""
-    found: dict[int, list[float]] = {}
+    by_size: dict[int, list[float]] = {}
     for row in results["rows"]:
         if row["scheme"] == scheme and all(row[key] == value for key, value in chosen.items()):
-            found.setdefault(row["size"], []).append(row["ns"])
-    return found
+            by_size.setdefault(row["size"], []).append(row["ns"])
+    return by_size
 
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
@@ -117,14 +117,14 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
         (scheme, *(f"{error:.2g}" for error in found.values()))
         for scheme, found in results["errors"].items()
     ]
-    found = {
+    made = {
         "summary": summary(results),
         "machine": markdown(("one core", "rate"), machine),
         "errors": markdown(("scheme", "1 column", "8 columns"), errors),
     }
     for dim, per_cell in sorted({(row["dim"], row["per_cell"]) for row in results["rows"]}):
-        found[f"{dim}D, {per_cell} in a cell"] = times_table(results, dim, per_cell)
-    return found
+        made[f"{dim}D, {per_cell} in a cell"] = times_table(results, dim, per_cell)
+    return made
 
 
 def times_table(results: dict[str, Any], dim: int, per_cell: int) -> list[str]:
@@ -161,13 +161,13 @@ def step_times(results: dict[str, Any]) -> dict[str, Any]:
     A row has a number of points and the time [ns], the mean of seeded and flowing: that of the
     largest flow for all sizes beyond it.
     """
-    found: dict[str, Any] = {"2": {}, "3": {}}
+    known: dict[str, Any] = {"2": {}, "3": {}}
     for row in results["rows"]:
         if row["threads"] == 1 and row["state"] == "seeded":
-            of_scheme = found[str(row["dim"])].setdefault(row["scheme"], {})
+            of_scheme = known[str(row["dim"])].setdefault(row["scheme"], {})
             ns = rounded(row["ns"] * (1 + slower(results, row)) / 2, 3)
             of_scheme.setdefault(str(row["per_cell"]), []).append([row["points"], ns])
-    return {"reference": rounded(results["reference"], 3), **found}
+    return {"reference": rounded(results["reference"], 3), **known}
 
 
 def slower(results: dict[str, Any], row: dict[str, Any]) -> float:

@@ -18,7 +18,7 @@ ALL = "all"
 
 def add_figure(commands: Any, add_command: Any) -> None:
     """Add the command and its options."""
-    text = "draw a figure of a document that the package implements, beside the numbers in it"
+    text = "draw a figure of one of the four documents, and compare its numbers"
     command = add_command(commands, "figure", text)
     command.add_argument("document", nargs="?", metavar="DOCUMENT", help="name; see --list")
     text = f"number, such as 5, 4a or table_3, or {ALL}; without it, list those of the document"
@@ -69,6 +69,8 @@ def figure(arguments: argparse.Namespace) -> int:
 
 def _draw(paper: Document, name: str, arguments: argparse.Namespace) -> dict[str, Any]:
     """Draw one figure, save its pictures, print its numbers, and return them with the cost."""
+    from matplotlib import style
+
     from granular.papers import Settings, draw
 
     size = "quick" if arguments.quick else "full" if arguments.full else "normal"
@@ -82,17 +84,23 @@ def _draw(paper: Document, name: str, arguments: argparse.Namespace) -> dict[str
         folder=arguments.output / "records",
     )
     begin = time.process_time()
-    drawn = draw(paper.name, name, settings)
+    with style.context("granular.plot.pages"):
+        drawn = draw(paper.name, name, settings)
+        _save(drawn, paper.name, name, arguments.output)
     seconds = time.process_time() - begin
-    arguments.output.mkdir(parents=True, exist_ok=True)
-    label = name if name.startswith("table") else f"figure_{name}"
-    for part, picture in drawn.pictures.items():
-        path = arguments.output / "_".join(filter(None, (paper.name, label, part)))
-        path = path.with_name(f"{path.name}.png")
-        picture.savefig(path, dpi=150)
-        print(path)
     print(numbers_table(paper.figures[name], drawn))
     return {"numbers": dict(drawn.numbers), "seconds": round(seconds, 1)}
+
+
+def _save(drawn: Drawn, document: str, name: str, folder: Path) -> None:
+    """Save the pictures of a figure, and print their paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    label = name if name.startswith("table") else f"figure_{name}"
+    for part, picture in drawn.pictures.items():
+        stem = "_".join(filter(None, (document, label, part)))
+        path = folder / f"{stem}.png"
+        picture.savefig(path, dpi=150)
+        print(path)
 
 
 def numbers_table(figure: Figure, drawn: Drawn) -> str:

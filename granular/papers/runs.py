@@ -21,11 +21,12 @@ from granular.tools.version import commit
 
 SIZES = ("quick", "normal", "full")
 T = TypeVar("T")
+M = TypeVar("M", bound=Material)
 
 
 @dataclass(frozen=True)
 class Settings:
-    """How a figure is drawn.
+    """Settings of a figure.
 
     Parameters
     ----------
@@ -90,10 +91,11 @@ class Runs:
         name = self.settings.scheme or next(iter(schemes))
         return schemes[one_of("scheme", name, tuple(schemes))]
 
-    def grains(self, material: Material) -> Material:
+    def grains(self, material: M) -> M:
         """The material with the Young's modulus of the figure."""
-        self.materials.append(material if self.E is None else material.replace(E=self.E))
-        return self.materials[-1]
+        changed = material if self.E is None else material.replace(E=self.E)
+        self.materials.append(changed)
+        return changed
 
     # ---- simulations ----
 
@@ -108,7 +110,7 @@ class Runs:
         if self.settings.tolerance is not None and isinstance(scene, Scene):
             scene = apply(scene, suggest(scene, self.settings.tolerance))
         threads = self.settings.threads
-        simulation = Simulation(scene, threads=threads)
+        simulation: Simulation = Simulation(scene, threads=threads)
         if self.settings.shift:
             simulation = _shifted(simulation, self.settings.shift, threads)
         self.scenes.append(scene)

@@ -27,7 +27,8 @@ def commit(*paths: str) -> str:
     Parameters
     ----------
     *paths : str
-        Patterns of paths in the repository whose changes count, beside csrc and granular.
+        Patterns of paths in the repository whose changes count, in addition to those of csrc and
+        granular.
     """
     root = PACKAGE.parent
     if not (root / ".git").exists():

@@ -34,7 +34,7 @@ MODULES = (
     *("granular.scenes", "granular.measure", "granular.measure.silo_clogging"),
     *("granular.measure.soil_tools", "granular.theory", "granular.theory.layer_waves"),
     *("granular.theory.well_posed", "granular.plot", "granular.plot.silo_clogging"),
-    *("granular.plot.dunatunga_kamrin_2015", "granular.economy", "granular.sph"),
+    *("granular.papers", "granular.economy", "granular.sph"),
     *("granular.verify", "granular.record", "granular.run.diagnostics", "granular.run.sweeping"),
     *("granular.run.comparing", "granular.run.stop"),
     *("granular.grain_scale.dem", "granular.grain_scale.friction_law"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -29,6 +29,13 @@ from granular.plot.canvas import MARKERS, Picture, View, color_bar
 from granular.plot.fields import Brush
 from granular.plot.mosaic import Panel, mosaic
 
+OTHERS: dict[str, Any] = {
+    "lube": "-.",
+    "lagree": ":",
+    "staron": "--",
+    "mast": (0, (5, 1, 1, 1, 1, 1)),
+}
+"""Lines of the other laws of table 3."""
 ASPECTS = (0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
 TRANSITION = 2.83
 """Aspect ratio of the transition between the two regimes (table 3)."""
@@ -49,7 +56,9 @@ TRANSITION = 2.83
 def collapses(runs: Runs) -> Drawn:
     """Run three columns to 2 s, and measure the slopes and the pressure on the floor."""
     scheme, grains = runs.choose(SCHEMES), runs.grains(glass_beads)
-    cell, columns, numbers = 0.02 if runs.quick else None, [], {}
+    cell = 0.02 if runs.quick else None
+    columns: list[list[State]] = []
+    numbers: dict[str, float] = {}
     for aspect in (2.0, 1.0, 0.5):
         scene = scenes.column_collapse(aspect=aspect, cell=cell, material=grains, scheme=scheme)
         columns.append(runs.states_at(scene, (0.0, 0.5, 2.0), f"a = {aspect:g}"))
@@ -95,7 +104,8 @@ def floor_pressure(state: State) -> tuple[float, float]:
 def runouts(runs: Runs) -> Drawn:
     """Run columns with both schemes, and fit the exponents of both regimes."""
     aspects = (0.5, 1.0, 2.0, 4.0, 6.0) if runs.quick else ASPECTS
-    measured, numbers = measured_runouts(runs, aspects), {}
+    measured = measured_runouts(runs, aspects)
+    numbers: dict[str, float] = {}
     for name, values in measured.items():
         numbers |= {f"{key}, {name}": number for key, number in fits(aspects, values).items()}
     return Drawn({"": figure_3(aspects, measured)}, numbers)
@@ -141,7 +151,7 @@ def measured_runouts(runs: Runs, aspects: Sequence[float]) -> dict[str, list[mea
 def fits(aspects: Sequence[float], values: Sequence[measure.Runout]) -> dict[str, float]:
     """Power laws of the run-out below and above the transition, and two of the run-outs."""
     a, r = np.array(aspects), np.array([value.quantile for value in values])
-    numbers = {}
+    numbers: dict[str, float] = {}
     for side, chosen in (("below", a < TRANSITION), ("above", a > TRANSITION)):
         exponent, log = np.polyfit(np.log(a[chosen]), np.log(r[chosen]), 1)
         at = f" a = {TRANSITION:g}" if side == "below" else ""
@@ -224,11 +234,12 @@ def figure_3(aspects: ArrayLike, runouts: Mapping[str, Sequence[measure.Runout]]
     aspects = np.asarray(aspects, dtype=float)
     fig, ((ax,),) = axes_grid(1, height=4.4)
     along = np.geomspace(0.8 * aspects.min(), 1.25 * aspects.max(), 200)
-    for name, dashes in (("lube", "-."), ("lagree", ":"), ("staron", "--")):
+    for name, dashes in OTHERS.items():
         law = theory.RUNOUT_LAWS[name]
-        ax.plot(along, law(along), dashes, color="0.5", linewidth=1.2, label=law.source)
+        ax.plot(along, law(along), linestyle=dashes, color="0.5", linewidth=1.2, label=law.source)
     law = theory.RUNOUT_LAWS["dunatunga"]
     ax.plot(along, law(along), color="black", linewidth=1.8, label=law.source)
+    _slopes(ax, law)
     for (name, values), shade, marker in zip(
         runouts.items(), shades(len(runouts)), MARKERS, strict=False
     ):
@@ -247,3 +258,17 @@ def figure_3(aspects: ArrayLike, runouts: Mapping[str, Sequence[measure.Runout]]
     ax.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
     ax.legend()
     return fig
+
+
+def _slopes(ax: Axes, law: theory.RunoutLaw) -> None:
+    """Draw the exponents of a source that gives no coefficients, below the run-outs of a law."""
+    for key, ends, dashes in (
+        ("balmforth_wide", (0.5, TRANSITION), "-"),
+        ("balmforth_narrow", (TRANSITION, 8.0), "--"),
+    ):
+        known = theory.RUNOUT_LAWS[key]
+        a, exponent = np.array(ends), known.pieces[0].exponent
+        middle = math.sqrt(ends[0] * ends[1])
+        below = 0.6 * float(law(middle))
+        label = f"{known.source}, {known.method.partition(', ')[2]}: slope {exponent:g}"
+        ax.plot(a, below * (a / middle) ** exponent, dashes, color="C4", linewidth=1.2, label=label)

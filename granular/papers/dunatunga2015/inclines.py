@@ -67,15 +67,15 @@ def over_time(runs: Runs) -> Drawn:
     The numbers of the document are the limits that it names: tan(angle), mu_2, and g (sin(angle) -
     mu_2 cos(angle)).
     """
-    found, grains = runs.once("flows", lambda: flows(runs)), runs.grains(glass_beads)
-    by_angle = {round(flow.angle_deg): flow for flow in found}
+    measured, grains = runs.once("flows", lambda: flows(runs)), runs.grains(glass_beads)
+    by_angle = {round(flow.angle_deg): flow for flow in measured}
     numbers = {
         "friction at 25 deg at the end": float(by_angle[25].friction[-1]),
         "friction at 34 deg at the end": float(by_angle[34].friction[-1]),
         "acceleration at 34 deg at the end [m/s2]": float(by_angle[34].acceleration[1][-1]),
     }
-    shown = [by_angle[angle] for angle in SHOWN]
-    return Drawn({"": figure_9(shown, mu_s=grains.mu_s, mu_2=grains.mu_2)}, numbers)
+    chosen = [by_angle[angle] for angle in SHOWN]
+    return Drawn({"": figure_9(chosen, mu_s=grains.mu_s, mu_2=grains.mu_2)}, numbers)
 
 
 @PAPER.figure(
@@ -95,7 +95,7 @@ def speeds(runs: Runs) -> Drawn:
     Errors are relative to the solution of the one-dimensional equation at the same time, which the
     flow has reached below 27 degrees in 20 s.
     """
-    found = runs.once("flows", lambda: flows(runs))
+    measured = runs.once("flows", lambda: flows(runs))
     until = DURATION[runs.settings.size]
     longer = until if runs.full else 3 * until
     (state,) = runs.states_at(incline(runs, 25), (longer,), "profile at 25 deg")
@@ -106,7 +106,7 @@ def speeds(runs: Runs) -> Drawn:
     errors = [
         abs(flow.speed[-1] / theory.transient(
             flow.angle_deg, height, grains, [flow.times[-1]], 9.8).mean[0] - 1)
-        for flow in found
+        for flow in measured
         if 22 <= flow.angle_deg <= 26
     ]  # fmt: skip
     numbers = {
@@ -115,7 +115,7 @@ def speeds(runs: Runs) -> Drawn:
         ),
         "largest error of the mean speed, 22 to 26 deg": float(max(errors)),
     }
-    return Drawn({"": figure_10(found, state)}, numbers)
+    return Drawn({"": figure_10(measured, state)}, numbers)
 
 
 @dataclass(frozen=True)

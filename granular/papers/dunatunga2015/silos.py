@@ -46,7 +46,8 @@ GRAVITY = 9.8
 def silos(runs: Runs) -> Drawn:
     """Run three silos to 5 s, and measure the mass that is left."""
     grains, scheme = runs.grains(glass_beads), runs.choose(SCHEMES)
-    cell, rows, numbers = 0.02 if runs.quick else CELL, [], {}
+    cell, rows = 0.02 if runs.quick else CELL, []
+    numbers: dict[str, float] = {}
     for orifice in (0.10, 0.14, 0.18) if not runs.quick else (0.12, 0.16, 0.20):
         scene = scenes.silo(orifice=orifice, cell=cell, material=grains, scheme=scheme)
         rows.append(runs.states_at(scene, (0.0, 2.0, 5.0), f"D = {orifice:g} m"))
@@ -85,16 +86,18 @@ def discharge(runs: Runs) -> Drawn:
         times, mass = np.array(runs.frames(scene, until, 1 / 60, mass_left, f"D = {orifice:g} m")).T
         histories[float(orifice)] = measure.MassHistory(times, 2 * mass, 0.5)
     rates = [measure.discharge(history).rate for history in histories.values()]
-    unit = {"rho": grains.rho_c, "gravity": GRAVITY}
+    rho = grains.rho_c
     widths = np.array(list(histories))
-    by_nodes, by_width = (measure.beverloo(D, rates, **unit) for D in (widths + cell, widths))
-    shown = {d: h for d, h in histories.items() if runs.quick or round(100 * d) % 4 == 2}
+    by_nodes, by_width = (
+        measure.beverloo(D, rates, rho=rho, gravity=GRAVITY) for D in (widths + cell, widths)
+    )
+    few = {d: h for d, h in histories.items() if runs.quick or round(100 * d) % 4 == 2}
     numbers = beverloo_numbers(by_nodes)
     numbers |= {f"{name}, by the width of the scene": n for name, n in
                 beverloo_numbers(by_width).items()}  # fmt: skip
     pictures = {
-        "": figure_5(shown, by_nodes, **unit),
-        "by_width": figure_5(shown, by_width, **unit),
+        "": figure_5(few, by_nodes, rho=rho, gravity=GRAVITY),
+        "by_width": figure_5(few, by_width, rho=rho, gravity=GRAVITY),
     }
     return Drawn(pictures, numbers)
 

@@ -48,7 +48,7 @@ def volumes(runs: Runs) -> Drawn:
         label="step and elastic",
     )  # fmt: skip
     for ax, name in ((left, "flowing"), (middle, "elastic"), (right, "sum")):
-        ax.set(xlabel=r"$\rho_s v/m$", ylabel="pressure [Pa]", title=name)
+        ax.set(xlabel=r"$\rho_s v/m$", ylabel="pressure [Pa]", title=name, ylim=(-100, 4000))
         ax.legend()
     for ax in (left, right):
         ax.set_xlim(1.4, 2.6)

@@ -8,7 +8,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import granular as gr
 from granular import measure, theory
-from granular.plot import dunatunga_kamrin_2015 as paper
+from granular.papers.dunatunga2015 import (
+    columns,
+    hourglasses,
+    inclines,
+    silos,
+    slug,
+    stress_update,
+)
 from granular.plot.fields import PHASES
 from granular.plot.mosaic import Panel, mosaic
 
@@ -28,21 +35,23 @@ def titles(figure):
 
 
 def test_figures_2_and_4_have_a_panel_for_each_time_and_column():
-    columns = [
+    heaps = [
         states(gr.scenes.column_collapse(aspect=a, cell=0.05, material=SOFT), 3) for a in (2.0, 1.0)
     ]
-    figure = paper.figure_2(columns)
+    figure = columns.figure_2(heaps)
     assert len(titles(figure)) == 2 * 4
     assert titles(figure)[0] == "a = 2, t = 0.00 s"
     labels = [ax.get_ylabel() for ax in figure.axes]
     assert "pressure [Pa]" in labels
     assert "equivalent plastic shear rate [1/s]" in labels
     with pytest.raises(ValueError, match=r"\[3, 2\]"):
-        paper.figure_2([columns[0], columns[1][:2]])
-    silos = [
+        columns.figure_2([heaps[0], heaps[1][:2]])
+    draining = [
         states(gr.scenes.silo(orifice=d, cell=0.05, material=SOFT), 2) for d in (0.1, 0.2, 0.3)
     ]
-    assert titles(paper.figure_4(silos))[:3] == [f"D = {d} m, t = 0.00 s" for d in (0.1, 0.2, 0.3)]
+    assert titles(silos.figure_4(draining))[:3] == [
+        f"D = {d} m, t = 0.00 s" for d in (0.1, 0.2, 0.3)
+    ]
 
 
 def test_panels_of_a_figure_have_the_shape_of_what_they_show_and_do_not_overlap():
@@ -78,10 +87,10 @@ def colours(ax):
 
 
 def test_figure_2_gives_each_column_the_same_width_and_the_static_angle():
-    columns = [
+    heaps = [
         states(gr.scenes.column_collapse(aspect=a, cell=0.05, material=SOFT), 2) for a in (2.0, 0.5)
     ]
-    figure = paper.figure_2(columns)
+    figure = columns.figure_2(heaps)
     panels = [ax for ax in figure.axes if ax.get_title()]
     widths = [ax.get_position(original=True).width for ax in panels]
     assert widths == pytest.approx(np.full(len(panels), widths[0]))
@@ -95,8 +104,8 @@ def test_figure_2_gives_each_column_the_same_width_and_the_static_angle():
 def test_figures_6_and_7_show_both_hourglasses():
     small = {"cell": 0.05, "orifice_radius": 0.05, "width": 0.5, "material": SOFT}
     runs = [states(gr.scenes.hourglass(kind=kind, **small), 4) for kind in ("flat", "sloped")]
-    assert len(titles(paper.figure_6(*runs))) == 8
-    figure = paper.figure_7(*runs)
+    assert len(titles(hourglasses.figure_6(*runs))) == 8
+    figure = hourglasses.figure_7(*runs)
     assert len(titles(figure)) == 8
     for ax in figure.axes[:8]:
         # Seeded material is dense everywhere.
@@ -106,38 +115,42 @@ def test_figures_6_and_7_show_both_hourglasses():
     stress = np.zeros((scene.n_points, 4))
     stress[::2, :3] = -100.0
     loaded = states(scene, 1, stress=stress)
-    figure = paper.figure_7(loaded, loaded, by="stress")
+    figure = hourglasses.figure_7(loaded, loaded, by="stress")
     for ax in figure.axes[:2]:
         assert colours(ax) == sorted(PHASES(phase, bytes=True) for phase in (0.0, 1.0))
     assert "stress" in figure.axes[-1].get_ylabel()
-    assert "density" in paper.figure_7(loaded, loaded).axes[-1].get_ylabel()
+    assert "density" in hourglasses.figure_7(loaded, loaded).axes[-1].get_ylabel()
     with pytest.raises(ValueError, match="by"):
-        paper.figure_7(loaded, loaded, by="colour")
+        hourglasses.figure_7(loaded, loaded, by="colour")
 
 
 def test_figure_11_draws_the_flight_on_its_parabola():
     scene = gr.scenes.slug(cell=0.05, material=SOFT)
     found = states(scene, 4)
-    figure = paper.figure_11(found[:2], found[2:3], found[3])
+    figure = slug.figure_11(found[:2], found[2:3], found[3])
     path = figure.axes[0].lines[-1].get_xydata()
     centre = found[0].x.mean(axis=0)
     assert path[0] == pytest.approx(centre)
     t = 0.5
     assert path[-1] == pytest.approx(centre + np.array([1.2 * t, 3.0 * t - 4.9 * t * t]))
     with pytest.raises(ValueError, match="at least 1"):
-        paper.figure_11([], found[2:3], found[3])
+        slug.figure_11([], found[2:3], found[3])
 
 
 def test_figure_3_draws_run_outs_and_the_paper():
     runouts = {"mine": [measure.Runout(1.0, 0.9, 1.2), measure.Runout(2.0, 1.9, 2.1)]}
-    figure = paper.figure_3([0.5, 1.0], runouts)
+    figure = columns.figure_3([0.5, 1.0], runouts)
     lines = {line.get_label(): line for line in figure.axes[0].lines}
     x, y = lines["Dunatunga & Kamrin (2015)"].get_data()
     assert np.interp(1.0, x, y) == pytest.approx(2.28, rel=1e-3)
+    assert {"Mast et al. (2015)", "Lube et al. (2005)"} < lines.keys()
+    (narrow,) = (line for label, line in lines.items() if label.endswith("narrow slot: slope 0.65"))
+    (x0, x1), (y0, y1) = narrow.get_data()
+    assert np.log(y1 / y0) / np.log(x1 / x0) == pytest.approx(0.65)
     points = [c for c in figure.axes[0].containers if c.get_label() == "mine"]
     assert points[0].lines[0].get_ydata().tolist() == [1.0, 2.0]
     with pytest.raises(ValueError, match="mine"):
-        paper.figure_3([0.5], runouts)
+        columns.figure_3([0.5], runouts)
 
 
 def figure_5(orifices):
@@ -145,7 +158,7 @@ def figure_5(orifices):
     fit = measure.beverloo(orifices, theory.beverloo_rate(orifices, 1500.0, C=1.3), rho=1500.0)
     times = np.linspace(0, 5, 50)
     histories = {0.1: measure.MassHistory(times, 1500 - 100 * times, 1.0)}
-    return paper.figure_5(histories, fit, rho=1500.0)
+    return silos.figure_5(histories, fit, rho=1500.0)
 
 
 def test_figure_5_draws_the_fit_and_the_rates():
@@ -162,7 +175,7 @@ def test_the_ticks_of_all_orifices_and_aspects_can_be_read():
     """Tick labels of the scripts must not overlap."""
     aspects = [0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0]
     runouts = {"mine": [measure.Runout(a, a, a) for a in aspects]}
-    for figure in (figure_5(np.arange(6, 21, 2) / 100), paper.figure_3(aspects, runouts)):
+    for figure in (figure_5(np.arange(6, 21, 2) / 100), columns.figure_3(aspects, runouts)):
         canvas = FigureCanvasAgg(figure)
         canvas.draw()
         labels = figure.axes[-1].get_xticklabels()
@@ -174,13 +187,13 @@ def test_the_ticks_of_all_orifices_and_aspects_can_be_read():
 
 def flow(angle, speed):
     times = np.linspace(0.0, 2.0, 5)
-    return paper.InclineFlow(angle, times, np.full(5, 0.45), speed * times)
+    return inclines.InclineFlow(angle, times, np.full(5, 0.45), speed * times)
 
 
 def test_figure_9_draws_friction_speed_and_acceleration_and_where_flows_end():
     """Shows tan(angle) in the range of steady flow; beyond it mu_2 and the remaining gravity."""
     flows = [flow(19.0, 0.0), flow(25.0, 0.3), flow(34.0, 0.6)]
-    left, centre, right = paper.figure_9(flows, mu_s=0.3819, mu_2=0.6435).axes
+    left, centre, right = inclines.figure_9(flows, mu_s=0.3819, mu_2=0.6435).axes
     assert centre.lines[2].get_ydata()[-1] == pytest.approx(1.2)
     assert right.lines[1].get_ydata() == pytest.approx(np.full(4, 0.3))
     assert right.lines[1].get_xdata() == pytest.approx([0.25, 0.75, 1.25, 1.75])
@@ -202,19 +215,19 @@ def incline(time):
 
 
 def test_flow_down_an_incline_is_measured():
-    found = paper.InclineFlow.measured([incline(1.0), incline(2.0)])
+    found = inclines.InclineFlow.measured([incline(1.0), incline(2.0)])
     assert found.angle_deg == 25.0
     assert found.friction == pytest.approx([0.45, 0.45])
     assert found.speed == pytest.approx(
         np.full(2, theory.bagnold_mean(25.0, 0.2, SOFT, 9.8)), rel=5e-3
     )
     with pytest.raises(ValueError, match="at least 2"):
-        paper.InclineFlow.measured([incline(1.0)])
+        inclines.InclineFlow.measured([incline(1.0)])
 
 
 def test_figure_10_draws_speeds_and_the_profile_on_the_steady_one():
     """Flows are shown up to 2 s, a profile at 6 s."""
-    left, right = paper.figure_10([flow(22.0, 0.1), flow(25.0, 0.4)], incline(6.0)).axes
+    left, right = inclines.figure_10([flow(22.0, 0.1), flow(25.0, 0.4)], incline(6.0)).axes
     speeds, lines = ({line.get_label(): line for line in ax.lines} for ax in (left, right))
     expected = [theory.transient(a, 0.2, SOFT, [2.0], 9.8).mean[0] for a in (22.0, 25.0)]
     unit = np.sqrt(9.8 * 0.2)
@@ -233,12 +246,12 @@ def test_figure_13_draws_the_error_of_each_step():
         times, exact, np.zeros(5), np.ones(5, bool), np.zeros(5), ()
     )
     paths = [
-        paper.ConstitutivePath(0.25, times, exact + 2.0, np.zeros(5)),
-        paper.ConstitutivePath(0.5, times[::2], exact[::2] + 4.0, np.zeros(3)),
+        stress_update.ConstitutivePath(0.25, times, exact + 2.0, np.zeros(5)),
+        stress_update.ConstitutivePath(0.5, times[::2], exact[::2] + 4.0, np.zeros(3)),
     ]
-    *_, order = paper.figure_13(paths, reference).axes
+    *_, order = stress_update.figure_13(paths, reference).axes
     assert order.lines[0].get_xdata().tolist() == [0.25, 0.5]
     assert order.lines[0].get_ydata() == pytest.approx([0.01, 0.02])
-    late = paper.ConstitutivePath(0.3, times + 0.1, exact, np.zeros(5))
+    late = stress_update.ConstitutivePath(0.3, times + 0.1, exact, np.zeros(5))
     with pytest.raises(ValueError, match="among the reference"):
-        paper.figure_13([late], reference)
+        stress_update.figure_13([late], reference)
