@@ -9,8 +9,7 @@ the periodic incline of 25 degrees, with one column of cells and with eight, aga
 one-dimensional equation: a fast scheme that is wrong is no bargain.
 
 On a machine that others disturb, run it several times: with --again the smaller of each time and
-the one in the file is stored. The results of a processor with AVX2 alone are in
-results/speed-avx2.json.
+the one in the file is stored.
 
 `granular.economy.cost` reads `granular/economy/step_times.json`, which this script writes with
 results/speed.json.

@@ -88,6 +88,8 @@ def _draw(paper: Document, name: str, arguments: argparse.Namespace) -> dict[str
         drawn = draw(paper.name, name, settings)
         _save(drawn, paper.name, name, arguments.output)
     seconds = time.process_time() - begin
+    for run, verdict in drawn.runs.items():
+        print(f"{run}: {verdict}")
     print(numbers_table(paper.figures[name], drawn))
     return {"numbers": dict(drawn.numbers), "seconds": round(seconds, 1)}
 
@@ -99,7 +101,7 @@ def _save(drawn: Drawn, document: str, name: str, folder: Path) -> None:
     for part, picture in drawn.pictures.items():
         stem = "_".join(filter(None, (document, label, part)))
         path = folder / f"{stem}.png"
-        picture.savefig(path, dpi=150)
+        picture.savefig(path, bbox_inches="tight")
         print(path)
 
 

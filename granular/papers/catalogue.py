@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import textwrap
+import warnings
+from dataclasses import replace
 from importlib import import_module
 
 from granular.papers.figure import Document, Drawn
 from granular.papers.runs import Runs, Settings
 from granular.plot.canvas import Picture
+from granular.run.diagnostics import StabilityWarning
 from granular.tools.checks import one_of
 
 DOCUMENTS = ("dunatunga2015", "silo_clogging", "haeri2021", "hurley_thesis")
 """Names of the documents, which are those of modules of `granular.papers`."""
+
+CHARACTER = 0.042
+"""Mean width of a character of 6 points [inches]."""
 
 
 def document(name: str) -> Document:
@@ -45,8 +52,9 @@ def draw(name: str, figure: str, settings: Settings | None = None) -> Drawn:
     Returns
     -------
     Drawn
-        Pictures, each marked in its corner with the schemes, moduli and cells that were run and the
-        commit, and the numbers that they show.
+        Pictures, and the numbers that they show. Below the right corner of a picture stand the
+        schemes, moduli and cells that were run and the commit; save it with
+        ``bbox_inches="tight"``, so that they are not cut off.
 
     Raises
     ------
@@ -61,12 +69,16 @@ def draw(name: str, figure: str, settings: Settings | None = None) -> Drawn:
     chosen = settings or Settings()
     E = known.quick_E if chosen.size == "quick" else known.E
     runs = Runs(chosen, E, paper.E)
-    drawn = known.function(runs)
+    with warnings.catch_warnings():
+        # Many figures are at a limit on purpose; `Drawn.runs` has the verdicts.
+        warnings.simplefilter("ignore", StabilityWarning)
+        drawn = replace(known.function(runs), runs=runs.verdicts)
     for picture in drawn.pictures.values():
         mark(picture, runs.note)
     return drawn
 
 
 def mark(picture: Picture, note: str) -> None:
-    """Write what made a picture into its corner."""
-    picture.text(0.995, 0.005, note, ha="right", va="bottom", fontsize=6, color="0.4")
+    """Write what made a picture below its right corner."""
+    lines = textwrap.fill(note, round(picture.get_figwidth() / CHARACTER))
+    picture.text(0.995, -0.005, lines, ha="right", va="top", fontsize=6, color="0.4")

@@ -28,10 +28,13 @@ class Drawn:
         Pictures by their name, which is "" for the figure itself.
     numbers : mapping of str to float or str
         Numbers and verdicts that the figure shows, by their name with unit.
+    runs : mapping of str to str
+        Verdict on each run, by its name: "ok", or the indicators that are suspect.
     """
 
     pictures: Mapping[str, Picture]
     numbers: Mapping[str, Number] = field(default_factory=dict)
+    runs: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -73,6 +74,10 @@ class Runs:
     ----------
     quick, full : bool
         Size of the figure.
+    remarks : list of str
+        What else made the picture, where it is not made by scenes.
+    verdicts : dict of str to str
+        Verdict on each run, by its name: "ok", or the indicators that are suspect.
     """
 
     def __init__(self, settings: Settings, E: float | None, published_E: float | None) -> None:
@@ -82,6 +87,8 @@ class Runs:
         self.E = settings.E if settings.E is not None else start
         self.scenes: list[AnyScene] = []
         self.materials: list[Material] = []
+        self.remarks: list[str] = []
+        self.verdicts: dict[str, str] = {}
         self._known: dict[str, Any] = {}
 
     # ---- parts of scenes ----
@@ -107,8 +114,14 @@ class Runs:
 
     def simulation(self, scene: AnyScene) -> Simulation:
         """Simulation of a scene, or with a tolerance of the cheaper one that is suggested."""
-        if self.settings.tolerance is not None and isinstance(scene, Scene):
-            scene = apply(scene, suggest(scene, self.settings.tolerance))
+        return self._made(self._suggested(scene))
+
+    def _suggested(self, scene: AnyScene) -> AnyScene:
+        if self.settings.tolerance is None or not isinstance(scene, Scene):
+            return scene
+        return apply(scene, suggest(scene, self.settings.tolerance))
+
+    def _made(self, scene: AnyScene) -> Simulation:
         threads = self.settings.threads
         simulation: Simulation = Simulation(scene, threads=threads)
         if self.settings.shift:
@@ -117,10 +130,17 @@ class Runs:
         return simulation
 
     def run(self, simulation: Simulation, name: str = "", **options: Any) -> Simulation:
-        """Run a simulation, print the verdict, and return it."""
+        """Run a simulation, note the verdict on it, and return it."""
         simulation.run(**options)
-        bar_write(f"{name or simulation.scene.name}: {simulation.health().verdict}")
+        self.judge(simulation, name)
         return simulation
+
+    def judge(self, simulation: Simulation, name: str = "") -> None:
+        """Note the verdict on a run."""
+        health = simulation.health()
+        suspect = ", ".join(indicator.name for indicator in health.suspect)
+        text = health.failure or (f"suspect: {suspect}" if suspect else "ok")
+        self.verdicts[name or simulation.scene.name] = text
 
     def states_at(self, scene: AnyScene, times: Sequence[float], name: str = "") -> list[State]:
         """States of a run at ascending times, each of the first step at or after its time."""
@@ -129,7 +149,7 @@ class Runs:
             if time > 0:
                 simulation.run(until=time)
             states.append(simulation.state)
-        bar_write(f"{name or scene.name}: {simulation.health().verdict}")
+        self.judge(simulation, name)
         return states
 
     def frames(
@@ -150,19 +170,25 @@ class Runs:
                 progress.update(min(running.time, until) - progress.n)
 
             simulation.run(until=until, every=every, hooks=(look,))
-        bar_write(f"{name or scene.name}: {simulation.health().verdict}")
+        self.judge(simulation, name)
         return results
 
-    def record(self, scene: AnyScene, name: str, *, every: float) -> Trajectory:
-        """Record of a whole run in the folder of the settings, which is made only once."""
-        path = self.settings.folder / f"{name}.h5"
+    def record(self, scene: AnyScene, name: str, *, every: float, **options: Any) -> Trajectory:
+        """Record of a whole run in the folder of the settings, which is made only once.
+
+        The name of the file ends with a digest of all that the run depends on, so that each size,
+        scheme or displacement has a record of its own. `options` are those of `Simulation.run`.
+        """
+        scene = self._suggested(scene)
+        run = f"{scene.to_json()} {every} {self.settings.shift} {options} {commit()}"
+        digest = hashlib.sha256(run.encode()).hexdigest()[:8]
+        path = self.settings.folder / f"{name}-{digest}.h5"
         if path.exists():
             self.scenes.append(scene)
             return open_trajectory(path)
         path.parent.mkdir(parents=True, exist_ok=True)
         partial = path.with_suffix(".part.h5")
-        simulation = self.simulation(scene)
-        self.run(simulation, name, every=every, save=partial, overwrite=True)
+        self.run(self._made(scene), name, every=every, save=partial, overwrite=True, **options)
         partial.replace(path)
         return open_trajectory(path)
 
@@ -170,27 +196,26 @@ class Runs:
 
     @property
     def note(self) -> str:
-        """Schemes, moduli and cells of the scenes that were run, and the commit."""
+        """Schemes, moduli and cells or spacings of the scenes, remarks, and the commit."""
         mpm = [scene for scene in self.scenes if isinstance(scene, Scene)]
         materials = [scene.material for scene in mpm] or self.materials
         parts = [
             _list(_words(scene.scheme) for scene in mpm),
             _list(f"E = {material.E:g} Pa" for material in materials),
             _list(f"cells of {1e3 * scene.grid.cell:.4g} mm" for scene in mpm),
+            _list(_particles(scene) for scene in self.scenes if not isinstance(scene, Scene)),
+            _list(self.remarks),
         ]
         return "; ".join([*filter(None, parts), f"commit {commit()}"])
-
-
-def bar_write(text: str) -> None:
-    """Print a line above the progress bars."""
-    from tqdm.auto import tqdm
-
-    tqdm.write(text)
 
 
 def _words(scheme: Scheme) -> str:
     single = ", single precision" if scheme.precision == "single" else ""
     return f"{scheme.basis} {scheme.transfer}, {scheme.density.name} density{single}"
+
+
+def _particles(scene: AnyScene) -> str:
+    return f"SPH in {scene.dim}D, particles {1e3 * scene.grid.cell:.4g} mm apart"
 
 
 def _list(texts: Iterable[str]) -> str:
@@ -205,6 +230,9 @@ def _shifted(simulation: Simulation, by: float, threads: int | None) -> Simulati
     """Simulation that has not begun, with all points displaced along the first axis."""
     start = simulation.checkpoint()
     x = start.arrays["x"].copy()
-    x[:, 0] += by
+    if isinstance(simulation.scene, Scene):
+        x[:, 0] += by
+    else:  # of SPH: a row for each component, and the particles of the material first
+        x[0, : simulation.n_points] += by
     moved = replace(start, arrays={**start.arrays, "x": x})
     return Simulation.from_checkpoint(simulation.scene, moved, threads=threads)

@@ -59,7 +59,7 @@ def silos(runs: Runs) -> Drawn:
 @PAPER.figure(
     "5",
     "mass left in silos over time, and the rate of discharge against the opening",
-    seconds=330.0,
+    seconds=145.0,
     paper={
         "C at the exponent 3/2": 1.42,
         "C with a free exponent": 1.31,
@@ -194,5 +194,5 @@ def figure_5(
     right.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
     for axis in (right.yaxis.set_major_formatter, right.yaxis.set_minor_formatter):
         axis(LogFormatter(labelOnlyBase=False, minor_thresholds=(2, 0.5)))
-    right.legend()
+    right.legend(loc="lower right")
     return fig
