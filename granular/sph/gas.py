@@ -33,8 +33,21 @@ RANGES = {
     "diffusion": (0.0, 0.5),
 }
 """Numbers of a gas that are positive, and those in a range; the core has them by the same names."""
+DENSEST, MOST_VISCOUS = 200.0, 1e-4
+"""Density [kg/m3] and viscosity [Pa s] above which a fluid is a liquid and no ideal gas: air has
+200 kg/m3 at 20 MPa, liquids 400 and more; gases have 1e-6 to 8e-5 Pa s, liquids 2e-4 and more."""
 WIDEST_SPACING = 1.0
 """Largest spacing of gas particles, in smoothing lengths of the kernel."""
+
+
+def check_fluid(name: str, value: float, limit: float, unit: str) -> None:
+    """Raise if a number is that of a liquid, which p = c^2 rho does not describe."""
+    if value > limit:
+        raise ValueError(
+            f"{name} = {value:.4g} {unit} must be at most {limit:g}: this is a liquid, and the "
+            "fluid in the pores is an ideal gas, p = c^2 rho, without the pressure at rest, the "
+            "buoyancy and the stiffness of a liquid"
+        )
 
 
 @dataclass(frozen=True)
@@ -62,6 +75,7 @@ class Jet(Description):
         kinds_of(self, region=Box)
         check_fields(self, vector, "velocity", dim=self.region.dim)
         check_fields(self, positive, "density", optional=True)
+        check_fluid("density", self.density or 0.0, DENSEST, "kg/m3")
         if self.density is not None and not any(self.velocity):
             raise ValueError(
                 f"velocity = {self.velocity} must not be 0 with density = {self.density}: nothing "
@@ -71,7 +85,8 @@ class Jet(Description):
 
 @dataclass(frozen=True, kw_only=True)
 class Gas(Description):
-    """An ideal isothermal gas, p = c^2 rho, with drag by the grains.
+    """An ideal isothermal gas, p = c^2 rho, with drag by the grains; the numbers of a liquid are
+    refused.
 
     With e the porosity, 1 - (bulk density of the grains)/`grain_density`, the balances of both
     phases are as in Anderson and Jackson (1967) with a common pressure,
@@ -96,9 +111,10 @@ class Gas(Description):
     pressure : float
         Ambient pressure [Pa], > 0; it acts on free surfaces of the gas.
     sound_speed : float
-        Isothermal speed of sound c = sqrt(R T) [m/s], 1e-3 to 1e6.
+        Isothermal speed of sound c = sqrt(R T) [m/s], 1e-3 to 1e6. The density that follows,
+        pressure/sound_speed^2, is at most 200 kg/m3, as are those of fills and jets.
     viscosity : float
-        eta [Pa s], > 0.
+        eta [Pa s], > 0, at most 1e-4.
     permeability : float
         k [m2], > 0.
     grain_density : float
@@ -143,6 +159,10 @@ class Gas(Description):
         check_fields(self, positive, "diameter", optional=True)
         if not self.fills:
             raise ValueError("fills = () must hold at least one Fill")
+        check_fluid("pressure/sound_speed^2", self.density, DENSEST, "kg/m3")
+        check_fluid("viscosity", self.viscosity, MOST_VISCOUS, "Pa s")
+        for i, fill in enumerate(self.fills):
+            check_fluid(f"fills[{i}].density", fill.density or 0.0, DENSEST, "kg/m3")
         if len(self.jets) > MAX_JETS:
             raise ValueError(f"jets holds {len(self.jets)}, must hold at most {MAX_JETS}")
 

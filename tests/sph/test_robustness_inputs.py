@@ -275,6 +275,24 @@ def test_any_number_of_the_gas_is_survived(field, value):
         pass
 
 
+@pytest.mark.parametrize(
+    ("numbers", "name"),
+    [
+        ({"sound_speed": 10.0}, r"pressure/sound_speed\^2 = 1000 kg/m3"),
+        ({"pressure": 2.2e9, "sound_speed": 1480.0}, r"pressure/sound_speed\^2"),
+        ({"viscosity": 1e-3}, "viscosity = 0.001 Pa s"),
+        ({"fills": (Fill(Box((0.0, 0.0), (1.0, 1.0)), 4, density=1000.0),)}, r"fills\[0\].density"),
+    ],
+)
+def test_the_numbers_of_a_liquid_are_refused(numbers, name):
+    """Water, by its density, its stiffness, its viscosity, and the density of a fill and a jet."""
+    parts = {"fills": (Fill(Box((0.0, 0.0), (1.0, 1.0)), 4),)} | numbers
+    with pytest.raises(ValueError, match=f"{name}.*this is a liquid"):
+        sph.Gas(**parts)
+    with pytest.raises(ValueError, match=r"density = 1000 kg/m3.*this is a liquid"):
+        sph.Jet(Box((0.0, 0.0), (1.0, 1.0)), (0.0, -1.0), density=1000.0)
+
+
 def test_checkpoint_without_its_gas_is_refused():
     checkpoint = sph.Simulation(SOIL).checkpoint()
     with pytest.raises(ValueError, match="n_gas"):
