@@ -23,7 +23,7 @@ from shared import markdown, parser_of, write
 
 import granular as gr
 from granular.measure import GridField
-from granular.measure.silo_clogging.velocity_slices import HEIGHTS
+from granular.papers.silo_clogging.velocity_slices import HEIGHTS
 from granular.run.sweeping import Sweep
 
 FOLDER = Path("build/clogging")
@@ -189,8 +189,8 @@ def pressure_noise(states: Sequence[gr.State]) -> float:
 
 def numbers(record: gr.Trajectory) -> dict[str, Any]:
     """Verdicts, outflow, arch, and noise of a record."""
-    history = gr.measure.silo_clogging.silo_history(record)
-    verdict = gr.measure.silo_clogging.flow_verdict(history)
+    history = gr.papers.silo_clogging.silo_history(record)
+    verdict = gr.papers.silo_clogging.flow_verdict(history)
     duration = record.scene.duration
     middle = np.interp((duration / 3, 2 * duration / 3), history.times, history.mass)
     states = late(record, duration)
@@ -209,7 +209,7 @@ def numbers(record: gr.Trajectory) -> dict[str, Any]:
         "seconds": record.path.stat().st_mtime - begin,
     }
     if verdict.verdict == "static":
-        row["crown"] = gr.measure.silo_clogging.arch_outline(states).relative_crown
+        row["crown"] = gr.papers.silo_clogging.arch_outline(states).relative_crown
     return {name: round(v, 6) if isinstance(v, float) else v for name, v in row.items()}
 
 
@@ -264,8 +264,8 @@ def compare(coarse: gr.Trajectory, fine: Sequence[gr.Trajectory], ratio: float) 
     if ratio >= 3:
         return differences | slice_difference(states)
     for name, record, frames in zip(("coarse", "fine"), (coarse, *fine), states, strict=False):
-        if gr.measure.silo_clogging.flow_verdict(record).verdict == "static":
-            arch = gr.measure.silo_clogging.arch_outline(frames)
+        if gr.papers.silo_clogging.flow_verdict(record).verdict == "static":
+            arch = gr.papers.silo_clogging.arch_outline(frames)
             differences[f"arch_{name}"] = {
                 "x": arch.x.round(5).tolist(),
                 "y": arch.y.round(5).tolist(),
@@ -298,7 +298,7 @@ def slice_difference(states: Sequence[list[gr.State]]) -> dict[str, Any]:
     """Velocities of the coarse states and mean of the others, at heights in units of coarse W."""
     W = [frames[0].scene.parameters["orifice"] for frames in states]
     coarse, *fine = (
-        gr.measure.silo_clogging.velocity_slices(frames, np.array(HEIGHTS) * W[0] / width)
+        gr.papers.silo_clogging.velocity_slices(frames, np.array(HEIGHTS) * W[0] / width)
         for frames, width in zip(states, W, strict=True)
     )
     differences: dict[str, Any] = {}
@@ -319,7 +319,7 @@ def slices(record: gr.Trajectory) -> tuple[np.ndarray, np.ndarray]:
     W = gr.scenes.clogging_silo().parameters["orifice"]
     at = min(FLOWING_FRAME, record.scene.duration - AROUND)
     heights = np.array(HEIGHTS) * W / record.scene.parameters["orifice"]
-    sections = gr.measure.silo_clogging.velocity_slices(window(record, at, AROUND), heights)
+    sections = gr.papers.silo_clogging.velocity_slices(window(record, at, AROUND), heights)
     return sections.x, sections.velocity
 
 
@@ -386,7 +386,7 @@ def thresholds(rows: list[dict[str, Any]]) -> dict[str, Any]:
         A, ratio = np.array([row["case"] for row in mine]).T
         result[scheme] = {
             rule: asdict(
-                gr.measure.silo_clogging.flow_threshold(A, ratio, [row[rule] for row in mine])
+                gr.papers.silo_clogging.flow_threshold(A, ratio, [row[rule] for row in mine])
             )
             for rule in ("verdict", "published_rule")
         }

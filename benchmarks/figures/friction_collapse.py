@@ -10,7 +10,7 @@ import numpy as np
 from shared import RESULTS
 
 import granular as gr
-from figures.common import RUN, options, save, tell
+from figures.common import parser_of, save, tell
 from granular import calibrate, plot
 from granular.grain_scale import friction_law
 from granular.grain_scale.friction_law import SteadyShear
@@ -34,7 +34,10 @@ def heap(material: gr.materials.MuI, quick: bool) -> gr.State:
 
 
 def main(argv: list[str] | None = None) -> None:
-    chosen = options(__doc__, argv, without=RUN)
+    parser = parser_of(__doc__)
+    parser.add_argument("--E", type=float, default=1e7, help="Young's modulus [Pa] (1e7)")
+    chosen = parser.parse_args(argv)
+    chosen.note = f"E = {chosen.E:g} Pa"
     fit, grains = rheology()
     # The diameter belongs to a sphere of the mean volume, as in the table's inertial numbers.
     d = gr.grain_scale.dem.Grains(**grains).d_volume

@@ -88,8 +88,7 @@ def _draw(paper: Document, name: str, arguments: argparse.Namespace) -> dict[str
         drawn = draw(paper.name, name, settings)
         _save(drawn, paper.name, name, arguments.output)
     seconds = time.process_time() - begin
-    for run, verdict in drawn.runs.items():
-        print(f"{run}: {verdict}")
+    print(verdicts(drawn))
     print(numbers_table(paper.figures[name], drawn))
     return {"numbers": dict(drawn.numbers), "seconds": round(seconds, 1)}
 
@@ -103,6 +102,14 @@ def _save(drawn: Drawn, document: str, name: str, folder: Path) -> None:
         path = folder / f"{stem}.png"
         picture.savefig(path, bbox_inches="tight")
         print(path)
+
+
+def verdicts(drawn: Drawn) -> str:
+    """Runs whose verdict is not ok, and the number of the others."""
+    lines = [f"{run}: {verdict}" for run, verdict in drawn.runs.items() if verdict != "ok"]
+    if ok := len(drawn.runs) - len(lines):
+        lines.append(f"{ok} of {len(drawn.runs)} runs are ok")
+    return "\n".join(lines)
 
 
 def numbers_table(figure: Figure, drawn: Drawn) -> str:

@@ -4,7 +4,6 @@ Every function takes a `State` (or an iterable of states) and returns plain numb
 small frozen dataclass. No function changes its arguments.
 """
 
-from granular.measure import silo_clogging as silo_clogging
 from granular.measure import soil_tools as soil_tools
 from granular.measure.averages import Contour as Contour
 from granular.measure.averages import GridField as GridField

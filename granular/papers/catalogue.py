@@ -7,7 +7,7 @@ import warnings
 from dataclasses import replace
 from importlib import import_module
 
-from granular.papers.figure import Document, Drawn
+from granular.papers.figure import Document, Drawn, Figure
 from granular.papers.runs import Runs, Settings
 from granular.plot.canvas import Picture
 from granular.run.diagnostics import StabilityWarning
@@ -67,6 +67,7 @@ def draw(name: str, figure: str, settings: Settings | None = None) -> Drawn:
         reason = f": {known.reason}" if known.reason else ""
         raise ValueError(f"figure = {figure!r} of {name} is a {known.state}{reason}")
     chosen = settings or Settings()
+    check_settings(name, known, chosen)
     E = known.quick_E if chosen.size == "quick" else known.E
     runs = Runs(chosen, E, paper.E)
     with warnings.catch_warnings():
@@ -76,6 +77,20 @@ def draw(name: str, figure: str, settings: Settings | None = None) -> Drawn:
     for picture in drawn.pictures.values():
         mark(picture, runs.note)
     return drawn
+
+
+def check_settings(name: str, figure: Figure, settings: Settings) -> None:
+    """Refuse settings that a figure would not follow."""
+    label = f"figure {figure.name} of {name}"
+    if settings.scheme is not None:
+        if not figure.schemes:
+            raise ValueError(f"scheme = {settings.scheme!r}: {label} has no choice of a scheme")
+        one_of("scheme", settings.scheme, figure.schemes)
+    for option in ("E", "tolerance"):
+        if figure.E is None and getattr(settings, option) is not None:
+            raise ValueError(
+                f"{option} = {getattr(settings, option)}: {label} has no modulus to be changed"
+            )
 
 
 def mark(picture: Picture, note: str) -> None:

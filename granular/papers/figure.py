@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
@@ -58,7 +58,9 @@ class Figure:
         What the document states, by the names of the numbers in `Drawn`.
     E, quick_E : float or None
         Young's modulus of the runs [Pa] by default, and in coarse ones; None for that of the
-        scenes. A figure with a modulus of its own takes no other.
+        scenes, which cannot be changed.
+    schemes : tuple of str
+        Names of the schemes that it can be drawn with, the default one first; () for no choice.
     """
 
     name: str
@@ -69,6 +71,7 @@ class Figure:
     paper: Mapping[str, Number] = field(default_factory=dict)
     E: float | None = None
     quick_E: float | None = None
+    schemes: tuple[str, ...] = ()
     function: Callable[[Runs], Drawn] | None = None
 
 
@@ -126,13 +129,14 @@ class Document:
         paper: Mapping[str, Number] | None = None,
         E: float | None = None,
         quick_E: float | None = None,
+        schemes: Iterable[str] = (),
     ) -> Callable[[Callable[[Runs], Drawn]], Callable[[Runs], Drawn]]:
         """Register the decorated function as the one that draws a figure."""
 
         def register(function: Callable[[Runs], Drawn]) -> Callable[[Runs], Drawn]:
             known = Figure(
                 name, title, seconds=seconds, paper=paper or {}, E=E, quick_E=quick_E or E,
-                function=function,
+                schemes=tuple(schemes), function=function,
             )  # fmt: skip
             self._add(known)
             return function

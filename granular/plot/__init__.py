@@ -3,7 +3,6 @@
 `view` and `view_movie` draw in 3D with pyvista, if it is installed.
 """
 
-from granular.plot import silo_clogging as silo_clogging
 from granular.plot.canvas import Picture as Picture
 from granular.plot.encoding import Movie as Movie
 from granular.plot.encoding import check_movie as check_movie

@@ -16,6 +16,7 @@ from granular.measure import (
     scaled_inertial_number,
     velocity_profile,
 )
+from granular.papers import silo_clogging
 
 CELL = 0.01
 
@@ -117,7 +118,7 @@ def test_bad_profiles_are_refused():
 
 
 def test_every_public_name_has_a_docstring():
-    for module in (measure, measure.silo_clogging, measure.soil_tools):
+    for module in (measure, silo_clogging, measure.soil_tools):
         for name, value in vars(module).items():
             if getattr(value, "__module__", "").startswith("granular.measure") and name[0] != "_":
                 assert isinstance(value.__doc__, str)

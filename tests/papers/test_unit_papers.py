@@ -100,6 +100,8 @@ def test_a_list_of_all_figures(capsys):
         (("dunatunga2015", "8"), "is a diagram"),
         (("dunatunga2015", "2", "--scheme", "other"), "scheme = 'other' must be one of"),
         (("dunatunga2015", "13", "--E", "-1"), "E = -1.0"),
+        (("dunatunga2015", "3", "--scheme", "published"), "has no choice of a scheme"),
+        (("dunatunga2015", "table_1", "--tolerance", "0.1"), "has no modulus to be changed"),
         (("dunatunga2015", "13", "--threads", "0"), "threads = 0"),
     ],
 )

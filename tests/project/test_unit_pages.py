@@ -31,9 +31,9 @@ PROSE = [*GUIDES, *DOCS.glob("reference/*.md"), *DOCS.glob("explanation/*.md")]
 
 MODULES = (
     *("granular", "granular.materials", "granular.schemes", "granular.bodies", "granular.scaling"),
-    *("granular.scenes", "granular.measure", "granular.measure.silo_clogging"),
+    *("granular.scenes", "granular.measure", "granular.papers.silo_clogging"),
     *("granular.measure.soil_tools", "granular.theory", "granular.theory.layer_waves"),
-    *("granular.theory.well_posed", "granular.plot", "granular.plot.silo_clogging"),
+    *("granular.theory.well_posed", "granular.plot"),
     *("granular.papers", "granular.economy", "granular.sph"),
     *("granular.verify", "granular.record", "granular.run.diagnostics", "granular.run.sweeping"),
     *("granular.run.comparing", "granular.run.stop"),

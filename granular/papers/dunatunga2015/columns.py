@@ -52,6 +52,7 @@ TRANSITION = 2.83
     },
     E=E,
     quick_E=QUICK_E,
+    schemes=SCHEMES,
 )
 def collapses(runs: Runs) -> Drawn:
     """Run three columns to 2 s, and measure the slopes and the pressure on the floor."""

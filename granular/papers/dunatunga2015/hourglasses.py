@@ -58,6 +58,7 @@ def hourglasses(runs: Runs) -> list[States]:
     },
     E=E,
     quick_E=QUICK_E,
+    schemes=SCHEMES,
 )
 def by_shear_rate(runs: Runs) -> Drawn:
     """Run both hourglasses, and measure what is left above the dividers."""
@@ -80,6 +81,7 @@ def by_shear_rate(runs: Runs) -> Drawn:
     },
     E=E,
     quick_E=QUICK_E,
+    schemes=SCHEMES,
 )
 def by_phase(runs: Runs) -> Drawn:
     """Draw the hourglasses by both criteria for dense points."""

@@ -60,6 +60,7 @@ def incline(runs: Runs, angle: float) -> Scene:
     },
     E=E,
     quick_E=QUICK_E,
+    schemes=SCHEMES,
 )
 def over_time(runs: Runs) -> Drawn:
     """Run inclines of 19 to 34 degrees, for 20 s or in full size for the 500 s of the document.
@@ -88,6 +89,7 @@ def over_time(runs: Runs) -> Drawn:
     },
     E=E,
     quick_E=QUICK_E,
+    schemes=SCHEMES,
 )
 def speeds(runs: Runs) -> Drawn:
     """Run the same inclines, and one of 25 degrees three times as long.

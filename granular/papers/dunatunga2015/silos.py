@@ -42,6 +42,7 @@ GRAVITY = 9.8
     },
     E=E,
     quick_E=QUICK_E,
+    schemes=SCHEMES,
 )
 def silos(runs: Runs) -> Drawn:
     """Run three silos to 5 s, and measure the mass that is left."""
@@ -67,6 +68,7 @@ def silos(runs: Runs) -> Drawn:
     },
     E=1e6,  # at 1e7 it takes three times as long
     quick_E=QUICK_E,
+    schemes=SCHEMES,
 )
 def discharge(runs: Runs) -> Drawn:
     """Drain silos until half of their material has left, and fit Beverloo's law.

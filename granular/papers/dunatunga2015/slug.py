@@ -31,6 +31,7 @@ FLIGHT, IMPACT = (0.0, 0.1, 0.2, 0.3), (0.34, 0.36, 0.38, 0.40, 0.42, 0.48)
     },
     E=E,
     quick_E=QUICK_E,
+    schemes=SCHEMES,
 )
 def slug(runs: Runs) -> Drawn:
     """Throw the slug, with cells of the document.

@@ -24,12 +24,12 @@ def frames(duration, **keywords):
 
 
 def verdict(duration, **keywords):
-    return gr.measure.silo_clogging.flow_verdict(frames(duration, **keywords)).verdict
+    return gr.papers.silo_clogging.flow_verdict(frames(duration, **keywords)).verdict
 
 
 def outflow(states, start):
     """Mean outflow [kg/s] from a time to the end."""
-    history = gr.measure.silo_clogging.silo_history(states)
+    history = gr.papers.silo_clogging.silo_history(states)
     mass = np.interp((start, history.times[-1]), history.times, history.mass)
     return (mass[0] - mass[1]) / (history.times[-1] - start)
 

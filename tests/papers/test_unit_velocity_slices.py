@@ -7,7 +7,7 @@ from scipy.optimize import curve_fit
 from synthetic import material, regular_points, silo, state
 
 from granular.measure import Opening
-from granular.measure.silo_clogging import VelocitySlices, gaussian_fit, velocity_slices
+from granular.papers.silo_clogging import VelocitySlices, gaussian_fit, velocity_slices
 
 WIDTH, D = 0.14, 0.028
 B = 0.6 * D

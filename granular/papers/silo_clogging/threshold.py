@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from granular.measure.result import Result
-from granular.measure.silo_clogging.flow import VERDICTS
+from granular.papers.silo_clogging.flow import VERDICTS
 from granular.tools.arrays import Array
 from granular.tools.checks import one_of
 

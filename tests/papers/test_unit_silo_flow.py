@@ -9,7 +9,7 @@ from synthetic import RHO_C, isotropic, silo, state
 
 import granular as gr
 from granular.measure import Opening, centre_line_pressure
-from granular.measure.silo_clogging import SiloHistory, flow_verdict, silo_history
+from granular.papers.silo_clogging import SiloHistory, flow_verdict, silo_history
 
 TIMES = np.arange(361) / 240
 """1.5 s in the frames of the paper."""

@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 from refusals import refused
 from synthetic import isotropic, regular_points, silo, state
 
-from granular import plot, theory
+from granular import theory
 from granular.measure import Opening
-from granular.measure.silo_clogging import arch_outline, flow_threshold
+from granular.papers.silo_clogging import arch_outline, flow_threshold, phase_diagram
 
 WIDTH, CELL = 0.14, 0.0175
 SPACING = CELL / 4
@@ -202,7 +202,7 @@ def test_bad_diagrams_are_refused():
 def test_the_picture_shows_every_case_and_both_lines():
     found = verdicts(1.9, 2.2)
     threshold = flow_threshold(A, RATIO, found)
-    figure = plot.silo_clogging.phase_diagram(A, RATIO, found, threshold=threshold)
+    figure = phase_diagram(A, RATIO, found, threshold=threshold)
     ax = figure.axes[0]
     drawn = {line.get_label(): line for line in ax.lines}
     for verdict, marker in (("static", "s"), ("flowing", "o"), ("unsure", "^")):
@@ -228,7 +228,7 @@ def test_the_picture_of_layers_has_the_curve_of_theory():
         return np.array([theory.stopping_height(a, **numbers) for a in angle])
 
     ax = Figure().add_subplot()
-    figure = plot.silo_clogging.phase_diagram(
+    figure = phase_diagram(
         angles, heights, ["unsure", "static", "flowing"], labels=("angle [deg]", "H/d"),
         boundary=boundary, ax=ax,
     )  # fmt: skip
@@ -241,6 +241,6 @@ def test_the_picture_of_layers_has_the_curve_of_theory():
     # without lines through the origin it is not needed
     assert ax.get_xlim()[0] > 20
     with pytest.raises(ValueError, match="boundary gives shape"):
-        plot.silo_clogging.phase_diagram(angles, heights, ["static"] * 3, boundary=lambda x: 1.0)
+        phase_diagram(angles, heights, ["static"] * 3, boundary=lambda x: 1.0)
     with pytest.raises(ValueError, match="x has shape"):
-        plot.silo_clogging.phase_diagram([1.0], heights, ["static"] * 3)
+        phase_diagram([1.0], heights, ["static"] * 3)

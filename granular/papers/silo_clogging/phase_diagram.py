@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from granular.measure.silo_clogging.threshold import FlowThreshold, phase_points
+from granular.papers.silo_clogging.threshold import FlowThreshold, phase_points
 from granular.plot.canvas import Picture, figure_of
 from granular.tools.arrays import Array
 

@@ -1,0 +1,17 @@
+"""The document and the schemes with which its figures are drawn."""
+
+from granular.mpm.schemes import ParticleDensity, Scheme
+from granular.papers.figure import Document
+from granular.scenes.silo import linear_flip
+
+PAPER = Document(
+    "silo_clogging",
+    "S. Dunatunga & K. Kamrin, Modelling silo clogging with nonlocal granular rheology",
+    E=1e6,
+)
+SCHEMES = {
+    "published": linear_flip,
+    "splines": Scheme(basis="quadratic", transfer="tpic", density=ParticleDensity(), dt=1e-4),
+}
+E = 1e6
+"""Young's modulus of the silos [Pa], that of the document."""

@@ -1,0 +1,56 @@
+"""Equations of the document, and where the package has them."""
+
+from granular.papers.figure import Equation
+from granular.papers.silo_clogging.document import PAPER
+
+UPDATE = "csrc/law/fluidity_update.h:gr_fluidity_update"
+LAW = "csrc/law/ngf.inl:law_ngf"
+
+PAPER.equations += [
+    Equation("2.1", "evolution of the fluidity", (UPDATE, "csrc/fluidity/diffuse.inl:outflow")),
+    Equation("2.2", "shear rate of a fluidity", (LAW,)),
+    Equation(
+        "3.1",
+        "thickness below which a layer does not flow",
+        ("granular/theory/stopping.py:stopping_height",),
+    ),
+    Equation(
+        "5.1",
+        "Laplacian of the fluidity of the cells",
+        ("csrc/fluidity/diffuse.inl:outflow",),
+        'the same with `stencil="faces"`; cells without material have no face',
+    ),
+    Equation("5.2", "the evolution again, with b = (mu_2 - mu_s)/I0", (UPDATE,)),
+    Equation(
+        "5.3",
+        "step of diffusion",
+        ("csrc/fluidity/diffuse.inl:explicit_chunk", "csrc/mpm/fluidity_coupling.inl:store_gain"),
+        "backward Euler, balanced with the law, where an explicit step would not be stable",
+    ),
+    Equation(
+        "5.4",
+        "step of the law, with g^2 split over its beginning and end",
+        (UPDATE,),
+        "the pressure under the root is averaged over half a cell with linear functions "
+        "(`pressure_averaging`)",
+    ),
+    Equation("5.5", "shear stress after a step", (UPDATE,)),
+    Equation(
+        "5.6-5.7",
+        "quadratic equation of the fluidity",
+        (UPDATE,),
+        "f = dt (mu_2 - mu_s)/t0: the document leaves t0 out, without which f has a dimension",
+    ),
+    Equation(
+        "5.8",
+        "its root",
+        ("csrc/law/fluidity_update.h:gr_fluidity_of_root",),
+        "without cancellation, for a fluidity relative to that of the friction mu_2",
+    ),
+    Equation("5.9", "stress after a step", (LAW,)),
+    Equation("B 5", "lumped mass", ("csrc/mpm/p2g.inl:p2g_cells",)),
+    Equation("C 1-C 6", "mass, momentum and forces of the nodes", ("csrc/mpm/p2g.inl:p2g_cells",)),
+    Equation("C 7-C 9", "velocity of the nodes", ("csrc/mpm/node_motion.inl:move_group",)),
+    Equation("C 10-C 13", "motion and volume of the points", ("csrc/mpm/g2p.inl:move_row",)),
+    Equation("C 14", "update of the stress", ("csrc/mpm/cell_view.inl:call_law",)),
+]
