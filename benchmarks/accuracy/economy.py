@@ -15,7 +15,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
-from shared import parser_of, stored, write
+import numpy as np
+from shared import markdown, parser_of, stored, write
 
 import granular as gr
 from granular.verify.quantities import quantities
@@ -172,6 +173,49 @@ def measured(case: Case) -> dict[str, Any]:
         "steps": run.steps,
         "point_steps": run.point_steps,
     }
+
+
+QUANTITIES = {
+    "column_collapse": ("toe", "toe of the run-out of a column"),
+    "silo": ("rate", "rate of a silo"),
+    "hourglass": ("rate", "rate of an hourglass"),
+    "slug": ("centre", "centre of a slug"),
+}
+"""Quantity of each scene that the error laws are for, and its words in the table."""
+SOFTER = (1e6, 3e6, 1e7, 1e8)
+
+
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Table of the page: change of the quantities of softer grains, default scheme.
+
+    Each is compared with the stiffest grains of the same cells, with the damping of the scheme.
+    """
+    values: dict[tuple[str, float, float], dict[float, list[np.ndarray]]] = {}
+    for row in results["rows"]:
+        case = row["case"]
+        plain = case["scheme"] == "default" and case["law"] == "mu_I" and not case["changes"]
+        if plain and case["scene"] in QUANTITIES and "points_per_cell" not in case["keywords"]:
+            kind = (case["scene"], case["keywords"].get("cell", 0.0), case["held"] or 0.0)
+            value = np.ravel(row["numbers"][QUANTITIES[case["scene"]][0]])
+            values.setdefault(kind, {}).setdefault(case["E"], []).append(value)
+    means = {
+        kind: {E: np.mean(several, axis=0) for E, several in by_E.items()}
+        for kind, by_E in values.items()
+    }
+    lines = []
+    for (scene, cell, held), by_E in sorted(means.items()):
+        of_scheme = means[scene, cell, 0.0]
+        stiff = max(of_scheme)
+        if held not in (0.0, stiff):
+            continue
+        scale = float(np.linalg.norm(of_scheme[stiff]))
+        off = {E: float(np.linalg.norm(v - of_scheme[stiff])) / scale for E, v in by_E.items()}
+        cells = f"{cell:g} m" if cell else "of the paper"
+        damping = f"of {stiff:g} Pa" if held else "of the scheme"
+        texts = [f"{100 * off[E]:.1f} %" if E in off and E < stiff else "" for E in SOFTER]
+        lines.append((QUANTITIES[scene][1], cells, f"{stiff:g} Pa", damping, *texts))
+    head = ("quantity", "cells", "compared with", "damping", *(f"E = {E:g}" for E in SOFTER))
+    return {"stiffness": markdown(head, lines)}
 
 
 def main(argv: list[str] | None = None) -> None:

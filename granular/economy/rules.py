@@ -331,8 +331,8 @@ def _stopping_height(scene: Scene, d: float) -> str:
 
 _WANTED = {
     "incline": ("the mean velocity and its profile", "x, v and mass"),
-    "column_collapse": ("the run-out", "x and mass at the end"),
-    "cylinder_collapse": ("the run-out", "x and mass at the end"),
+    "column_collapse": ("the toe of the run-out", "x and mass at the end"),
+    "cylinder_collapse": ("the toe of the run-out", "x and mass at the end"),
     "silo": ("the rate of discharge", "the remaining mass, a series in every record"),
     "hourglass": ("the rate and the slope of the heap", "x and mass"),
     "slug": ("impact and final shape", "x, v and mass"),
@@ -370,9 +370,9 @@ def suggest(scene: Scene, tolerance: float = 0.02) -> Suggestions:
     ----------
     tolerance : float
         Largest relative change of the quantity of interest by all changes together,
-        0 < tolerance <= 1/2. The quantities are the flow down an incline, the run-out of a column,
-        the rate of a silo, the rate and slope of an hourglass, the impact and final shape of a
-        slug.
+        0 < tolerance <= 1/2. The quantities are the flow down an incline, the toe of the run-out of
+        a column, the rate of a silo, the rate and slope of an hourglass, the impact and final shape
+        of a slug.
 
     Returns
     -------

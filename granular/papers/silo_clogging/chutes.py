@@ -69,7 +69,7 @@ def rest_or_flow(runs: Runs) -> Drawn:
             a, GRAINS.A, GRAINS.d, GRAINS.mu_s, GRAINS.mu_2) / GRAINS.d,
         ax=ax,
     )  # fmt: skip
-    ax.legend(loc="upper right")
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=3, frameon=False)
     resting = [r for r, v in zip(ratios, verdicts, strict=True) if v == "static"]
     moving = [r for r, v in zip(ratios, verdicts, strict=True) if v == "flowing"]
     numbers = {
