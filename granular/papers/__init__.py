@@ -13,9 +13,6 @@ Each is a module with one function for each figure or table that contains data:
 The command ``granular figure`` draws them: ``granular figure dunatunga2015 5``.
 """
 
-from importlib import import_module
-from types import ModuleType
-
 from granular.papers.catalogue import DOCUMENTS as DOCUMENTS
 from granular.papers.catalogue import document as document
 from granular.papers.catalogue import draw as draw
@@ -26,8 +23,10 @@ from granular.papers.figure import Figure as Figure
 from granular.papers.runs import Settings as Settings
 
 
-def __getattr__(name: str) -> ModuleType:
+def __getattr__(name: str) -> object:
     """Import the module of a document when it is used first."""
+    from importlib import import_module
+
     if name in DOCUMENTS:
         return import_module(f"granular.papers.{name}")
     raise AttributeError(f"module 'granular.papers' has no attribute {name!r}")

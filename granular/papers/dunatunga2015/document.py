@@ -9,6 +9,7 @@ PAPER = Document(
     "their many phases, J. Fluid Mech. 779, 483-513",
     E=1e9,
 )
+"""The document, with its figures, tables and equations."""
 SCHEMES = {
     "default": schemes.default,
     # The published step of 3e-6 s is for 1 GPa; softer material does not need so small a one.

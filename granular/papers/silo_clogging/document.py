@@ -9,6 +9,7 @@ PAPER = Document(
     "S. Dunatunga & K. Kamrin, Modelling silo clogging with nonlocal granular rheology",
     E=1e6,
 )
+"""The document, with its figures, tables and equations."""
 SCHEMES = {
     "published": linear_flip,
     "splines": Scheme(basis="quadratic", transfer="tpic", density=ParticleDensity(), dt=1e-4),
