@@ -3,7 +3,8 @@
 Each figure is drawn by `granular figure` in a separate process with one thread, and a second time
 with all points displaced by 1 µm at the start: the difference of a number is its scatter. Figures
 that are already in the file are not drawn again, so that a series can be stopped and continued.
-With --tolerance the figures start from the modulus of the document, with what gr.economy suggests.
+With --tolerance the figures start from the modulus of the document, with what gr.economy suggests,
+and are drawn once.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from granular.papers import DOCUMENTS, document
 SHIFT = 1e-6
 """Displacement of all points in the second run [m]."""
 PICTURES = Path("build/figures")
-LEAST = {("dunatunga2015", "2"): 0.03, ("dunatunga2015", "11"): 0.04} | {
+LEAST = {("dunatunga2015", "2"): 0.05, ("dunatunga2015", "11"): 0.04} | {
     ("dunatunga2015", name): 0.13 for name in ("3", "table_3")
 }
 """Smallest tolerances that can be promised: for run-outs with the default scheme and with both, and
@@ -49,15 +50,24 @@ def numbers_of(name: str, figure: str, words: list[str]) -> dict[str, Any]:
 def row_of(name: str, figure: str, words: list[str], pictures: Path) -> dict[str, Any]:
     """Numbers of a figure and their scatter."""
     first = numbers_of(name, figure, [*words, "-o", str(pictures)])
+    scatter: dict[str, float] = {}
+    if "--tolerance" not in words:
+        scatter = scatter_of(name, figure, words, first["numbers"])
+    numbers = rounded({"numbers": first["numbers"], "scatter": scatter}, 6)
+    return {"document": name, "figure": figure, **numbers, "seconds": first["seconds"]}
+
+
+def scatter_of(
+    name: str, figure: str, words: list[str], numbers: dict[str, Any]
+) -> dict[str, float]:
+    """Changes of the numbers of a figure by a displacement of all points."""
     with tempfile.TemporaryDirectory() as folder:
         second = numbers_of(name, figure, [*words, "--shift", str(SHIFT), "-o", folder])
-    scatter = {
+    return {
         key: abs(value - second["numbers"][key])
-        for key, value in first["numbers"].items()
+        for key, value in numbers.items()
         if not isinstance(value, str)
     }
-    numbers = {"numbers": first["numbers"], "scatter": scatter}
-    return {"document": name, "figure": figure, **rounded(numbers, 6), "seconds": first["seconds"]}
 
 
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:

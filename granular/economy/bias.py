@@ -68,7 +68,7 @@ class StiffnessLaw:
 LAWS: Mapping[tuple[str, str], StiffnessLaw] = MappingProxyType(
     {
         ("column_collapse", "published"): StiffnessLaw(0.12, 20.0, 3.6e-3),
-        ("column_collapse", "default"): StiffnessLaw(0.025, 5.0, 3.6e-3, damping=1.3),
+        ("column_collapse", "default"): StiffnessLaw(0.04, 5.0, 3.6e-3, damping=1.3),
         ("silo", "published"): StiffnessLaw(0.03, 2.8, 0.0177),
         ("silo", "default"): StiffnessLaw(0.015, 0.5, 0.0177, held=True, damping=0.19),
         ("hourglass", "published"): StiffnessLaw(0.03, 1.0, 4.5e-3),

@@ -33,8 +33,8 @@ TOLERANCE = 0.02
 """Error with which a stiffness is enough."""
 STRAIN = 1e-3
 """Pressure strain p/K at the foot of the material up to which grains are stiff enough where the
-error was not measured. The laws that were measured give errors of 0.012 to 0.03 at this strain with
-the default scheme, nearly all of which is the scatter of stiff runs."""
+error was not measured. The laws that were measured give errors of 0.012 to 0.045 at this strain
+with the default scheme, nearly all of which is the scatter of stiff runs."""
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from granular.verify.rows import Row, at_least, at_most, check, report
 TOLERANCE = 0.02
 """Tolerance of the suggestion, which the measured change must meet."""
 
-LOOSER, LOOSEST = 0.03, 0.04
+FOR_COLUMNS, FOR_SLUGS = 0.05, 0.04
 """Tolerances for columns and for slugs, where no smaller error is promised."""
 
 SPARED = 10.0
@@ -105,19 +105,20 @@ def economy_incline() -> Iterator[Row]:
 
 @check(slow=True)
 def economy_collapse() -> Iterator[Row]:
-    """Columns of aspect 1, mean of three seedings: suggested at 3 % against E = 1 GPa.
+    """Columns of aspect 1, mean of three seedings: suggested at 5 % against E = 1 GPa.
 
-    No smaller error is promised, because toes of single runs scatter by 1.5 %
-    (docs/reports/economy.md). The bound allows for the standard errors of both means, 2 % together.
+    No smaller error than 4 % is promised, because the toe is 3 to 4 % further at 1 GPa than from 1
+    to 100 MPa (docs/reports/economy.md). The bound allows for the standard errors of both means, 2 %
+    together.
     """
     cheaper, full = [], []
     for seed in (1, 2, 3):
         scene = published("column_collapse", schemes.default, aspect=1.0, jitter=0.5, seed=seed)
-        cheaper.append(cheaper_run(scene, LOOSER))
+        cheaper.append(cheaper_run(scene, FOR_COLUMNS))
         full.append(reference(scene, materials.glass_beads.E))
     means = [np.mean([run.numbers["toe"] for run in runs]) for runs in (cheaper, full)]
     moved = float(abs(means[0] / means[1] - 1))
-    yield at_most("change of the toe of the run-out, mean of 3", moved, LOOSER + 0.02)
+    yield at_most("change of the toe of the run-out, mean of 3", moved, FOR_COLUMNS + 0.02)
     spared = sum(run.seconds for run in full) / sum(run.seconds for run in cheaper)
     yield at_least("core-seconds spared, collapse", spared, SPARED)
 
@@ -147,5 +148,5 @@ def economy_slug() -> Iterator[Row]:
     """The slug, default scheme: suggested at 4 % against E = 1 GPa; its outline is random."""
     scene = published("slug", schemes.default)
     full = reference(scene, materials.glass_beads.E)
-    cheaper, quantities = cheaper_run(scene, LOOSEST), ("impact", "centre")
-    yield from rows("slug, default", cheaper, full, quantities, timed=True, tolerance=LOOSEST)
+    cheaper, quantities = cheaper_run(scene, FOR_SLUGS), ("impact", "centre")
+    yield from rows("slug, default", cheaper, full, quantities, timed=True, tolerance=FOR_SLUGS)

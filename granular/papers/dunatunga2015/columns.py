@@ -44,7 +44,7 @@ TRANSITION = 2.83
 @PAPER.figure(
     "2",
     "columns of aspect 2, 1 and 0.5 at three times: shear rate, and pressure at the end",
-    seconds=60.0,
+    seconds=30.0,
     paper={f"mean slope at a = {aspect:g} [deg]": "below 20.9" for aspect in (2.0, 1.0, 0.5)}
     | {
         f"pressure on the axis over the largest on the floor, a = {a:g}": "a dip"
@@ -88,7 +88,7 @@ def floor_pressure(state: State) -> tuple[float, float]:
 @PAPER.figure(
     "3",
     "run-out over half-width against the aspect ratio, with the laws of table 3",
-    seconds=190.0,
+    seconds=195.0,
     paper={
         f"{what}, {name} scheme": value
         for name in ("published", "default")
@@ -115,7 +115,7 @@ def runouts(runs: Runs) -> Drawn:
 @PAPER.figure(
     "table_3",
     "coefficients and exponents of the run-out in both regimes",
-    seconds=190.0,
+    seconds=195.0,
     paper={
         f"{what}, {name} scheme": value
         for name in ("published", "default")

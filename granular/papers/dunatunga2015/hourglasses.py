@@ -51,7 +51,7 @@ def hourglasses(runs: Runs) -> list[States]:
 @PAPER.figure(
     "6",
     "hourglasses with a flat and a sloped divider after 0, 1, 2 and 5 s: shear rate",
-    seconds=30.0,
+    seconds=45.0,
     paper={
         "left above the flat divider at 5 s": "nearly none",
         "left above the sloped one": "nearly none",
@@ -74,7 +74,7 @@ def by_shear_rate(runs: Runs) -> Drawn:
 @PAPER.figure(
     "7",
     "the same by phase: dense or disconnected",
-    seconds=30.0,
+    seconds=45.0,
     paper={
         "dense by the nodal density at 5 s, flat": "the heap",
         "under stress at 5 s, flat": "the heap",

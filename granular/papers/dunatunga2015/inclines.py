@@ -52,7 +52,7 @@ def incline(runs: Runs, angle: float) -> Scene:
 @PAPER.figure(
     "9",
     "friction, mean speed and mean acceleration on inclines over time",
-    seconds=40.0,
+    seconds=95.0,
     paper={
         "friction at 25 deg at the end": 0.4663,
         "friction at 34 deg at the end": 0.6435,
@@ -82,7 +82,7 @@ def over_time(runs: Runs) -> Drawn:
 @PAPER.figure(
     "10",
     "mean speed against the angle, and the velocity profile at 25 degrees",
-    seconds=45.0,
+    seconds=115.0,
     paper={
         "error of the profile at 25 deg": "0 within the line",
         "largest error of the mean speed, 22 to 26 deg": "0 within the markers",

@@ -35,7 +35,7 @@ GRAVITY = 9.8
 @PAPER.figure(
     "4",
     "silos with openings of 0.10, 0.14 and 0.18 m after 0, 2 and 5 s: shear rate",
-    seconds=90.0,
+    seconds=175.0,
     paper={
         "mass left at 5 s, D = 0.1 m": "over half",
         "mass left at 5 s, D = 0.18 m": "nearly empty",

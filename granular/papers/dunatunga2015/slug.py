@@ -24,7 +24,7 @@ FLIGHT, IMPACT = (0.0, 0.1, 0.2, 0.3), (0.34, 0.36, 0.38, 0.40, 0.42, 0.48)
 @PAPER.figure(
     "11",
     "a slug of initially stress-free material: flight, impact and heap, by the nodal density",
-    seconds=60.0,
+    seconds=15.0,
     paper={
         "distance of the centre of mass from the parabola at 0.3 s [m]": "0 within the line",
         "share of the heap under stress": "the heap",
