@@ -1,5 +1,6 @@
 """Tools in soil at affordable sizes: runs, records and the numbers of docs/reports/three_d.md.
 
+Its scenes and measurements are those of `granular.papers.haeri2021`, which draws the figures.
 Without names it lists the cases. Numbers go to benchmarks/results/three_d.json, case by case.
 """
 
@@ -7,7 +8,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,102 +16,75 @@ import numpy as np
 from shared import RESULTS, markdown, stored, table, write
 
 import granular as gr
+from granular.papers.haeri2021.blades import (
+    BED,
+    FINE,
+    SOIL,
+    THICK,
+    THIN,
+    WIDTH,
+    BladeForces,
+    blade_scene,
+    plastic,
+)
+from granular.papers.haeri2021.cylinders import BEADS, HIGH, LOW, CylinderFlow
+from granular.papers.haeri2021.document import EVERY
+from granular.papers.haeri2021.excavation import WHOLE
+from granular.papers.haeri2021.wheels import ROLL, Rolling, wheel_scene
 
 OUT = RESULTS / "three_d.json"
 RECORDS = Path("build/three_d")
 
-SOFT = gr.scenes.excavation().material
-PLASTIC = gr.materials.DruckerPrager(
-    E=SOFT.E, nu=SOFT.nu, rho_c=SOFT.rho_c, rho_s=SOFT.rho_s, mu=SOFT.mu_s, elasticity="hencky"
-)
-BEADS = gr.scenes.couette().material
-RECONNECTED = gr.scenes.wheel().scheme
-SUBSTEPS = RECONNECTED.replace(fluidity=RECONNECTED.fluidity.replace(substeps=8))
-LATE = SOFT.replace(t0=1e-4)
+LATE = SOIL.replace(t0=1e-4)
 """The t0 of the paper, of which the time step is six times as long: it takes substeps."""
-BED = {"length": 0.65, "width": 0.7, "start": 0.25, "travel": 0.1, "cell": 0.0125}
-"""Bed as wide as the paper's, and so long that the wedge before the blade does not fill it."""
-BLADE = (0.025, 0.305, 0.457)
-"""Blade two of these cells thick; it has the same thickness with finer cells."""
-NARROW = {"width": 0.05, "blade": (0.025, 0.05, 0.457)}
-"""Bed as wide as the blade, as between glass walls, in which nothing depends on y."""
-SIDED = {"blade": (0.006, 0.305, 0.457), "scheme": gr.scenes.excavation().scheme}
-"""Blade of the paper, with a scheme that separates the material on its two sides."""
-THIN = SIDED | {"width": 0.05, "blade": (0.006, 0.05, 0.457)}
-"""The same blade between walls."""
-LOCAL = {"material": SOFT.replace(A=0.0)}
-STIFF = {"material": SOFT.replace(E=1.5e6)}
-FINE = {"cell": BED["cell"] / 1.5}
-ROLL = {
-    **{"length": 0.49, "width": 0.1925, "headroom": 0.0525, "cell": 0.00875},
-    **{"start": 0.1625, "duration": 7.0},
-}
-"""Cells of a tenth of the soil's depth; the bed has the width of the paper to half a millimetre."""
-WINDOW = 0.1
-"""Time window over which the flow between cylinders is averaged [s]."""
+SUBSTEPS = THICK["scheme"].replace(fluidity=THICK["scheme"].fluidity.replace(substeps=8))
+LOCAL = {"material": SOIL.replace(A=0.0)}
+STIFF = {"material": SOIL.replace(E=1.5e6)}
+PLASTIC = {"material": plastic(SOIL)}
 RINGS = 3
 """Number of rings (every second one from the inner cylinder on) whose time series is stored."""
-
-
-def excavation(depth: float, **changes: object) -> gr.Scene:
-    """Scene without the way out, for the force while the blade dives and moves forward."""
-    known = BED | {"depth": depth, "blade": BLADE, "scheme": RECONNECTED}
-    scene = gr.scenes.excavation(**(known | changes))
-    down = depth / scene.parameters["dive_speed"]
-    forward = scene.parameters["travel"] / scene.parameters["speed"]
-    return scene.replace(duration=scene.parameters["settle"] + down + forward)
-
-
-WIDTH = 0.305
-"""Width of the blade [m]; forces between walls 0.05 m apart are scaled to it."""
-ARRIVED = 0.5
-"""Time at depth over which forces with different cells are compared [s]."""
 LONG = ("course", "profile")
 """Entries that are not printed."""
 CASES: dict[str, Callable[[], gr.Scene]] = {
-    **{
-        f"wheel_{slip}": lambda slip=slip: gr.scenes.wheel(slip=slip / 100, **ROLL)
-        for slip in (20, 40, 70)
-    },
-    "wheel_70_stiff": lambda: gr.scenes.wheel(slip=0.7, material=SOFT.replace(E=1.5e6), **ROLL),
-    "thin_2": lambda: excavation(0.02, **THIN),
-    "thin_5": lambda: excavation(0.05, **THIN),
-    "thin_5_local": lambda: excavation(0.05, **THIN, **LOCAL),
-    "thin_5_stiff": lambda: excavation(0.05, **THIN, **STIFF),
-    "thin_5_fine": lambda: excavation(0.05, **THIN, **FINE),
-    "thin_5_local_fine": lambda: excavation(0.05, **THIN, **LOCAL, **FINE),
-    "narrow_2": lambda: excavation(0.02, **NARROW),
-    "narrow_5": lambda: excavation(0.05, **NARROW),
-    "narrow_5_local": lambda: excavation(0.05, **NARROW, **LOCAL),
-    "narrow_5_coarse_grains": lambda: excavation(0.05, material=SOFT.replace(d=0.01), **NARROW),
-    "narrow_5_no_length": lambda: excavation(0.05, material=SOFT.replace(A=1e-6), **NARROW),
-    "narrow_5_late": lambda: excavation(0.05, material=LATE, **NARROW),
-    "narrow_5_drucker_prager": lambda: excavation(0.05, material=PLASTIC, **NARROW),
-    "narrow_5_stiff": lambda: excavation(0.05, **NARROW, **STIFF),
-    "narrow_5_thick": lambda: excavation(0.05, width=0.05, blade=(0.05, 0.05, 0.457)),
-    "narrow_5_slow": lambda: excavation(0.05, speed=0.02, dive_speed=0.0125, **NARROW),
-    "narrow_5_fine": lambda: excavation(0.05, **NARROW, **FINE),
-    "narrow_5_local_fine": lambda: excavation(0.05, **NARROW, **LOCAL, **FINE),
-    "narrow_5_drucker_prager_fine": lambda: excavation(0.05, material=PLASTIC, **NARROW, **FINE),
-    "narrow_5_substeps": lambda: excavation(0.05, material=LATE, scheme=SUBSTEPS, **NARROW),
-    "narrow_5_finer": lambda: excavation(0.05, cell=BED["cell"] / 2, **NARROW),
-    "thin_5_one": lambda: excavation(0.05, points_per_cell=1, **THIN),
-    "thin_5_coarse": lambda: excavation(0.05, cell=BED["cell"] * 2, **THIN),
-    "excavation_2": lambda: excavation(0.02, **SIDED),
-    "excavation_5": lambda: excavation(0.05, **SIDED),
-    "excavation_5_fine": lambda: excavation(0.05, **SIDED, **FINE),
-    "excavation_5_whole": lambda: excavation(
-        0.05, half=False, cell=BED["cell"] * 2, jitter=0.5, **SIDED
-    ),
-    "couette": lambda: gr.scenes.couette(omega=0.1, duration=1.1),
-    "couette_shallow": lambda: gr.scenes.couette(height=0.024, duration=1.0),
-    "couette_shallow_8": lambda: gr.scenes.couette(height=0.024, duration=0.7, cell=0.008),
-    "couette_shallow_6": lambda: gr.scenes.couette(height=0.024, duration=0.7, cell=0.006),
+    **{f"wheel_{slip}": lambda slip=slip: wheel_scene(slip, **ROLL) for slip in (20, 40, 70)},
+    "wheel_70_stiff": lambda: wheel_scene(70, **STIFF, **ROLL),
+    "thin_2": lambda: blade_scene(0.02, **THIN),
+    "thin_5": lambda: blade_scene(0.05, **THIN),
+    "thin_5_local": lambda: blade_scene(0.05, **THIN, **LOCAL),
+    "thin_5_stiff": lambda: blade_scene(0.05, **THIN, **STIFF),
+    "thin_5_fine": lambda: blade_scene(0.05, **THIN, **FINE),
+    "thin_5_local_fine": lambda: blade_scene(0.05, **THIN, **LOCAL, **FINE),
+    "narrow_2": lambda: blade_scene(0.02, **THICK),
+    "narrow_5": lambda: blade_scene(0.05, **THICK),
+    "narrow_5_local": lambda: blade_scene(0.05, **THICK, **LOCAL),
+    "narrow_5_coarse_grains": lambda: blade_scene(0.05, material=SOIL.replace(d=0.01), **THICK),
+    "narrow_5_no_length": lambda: blade_scene(0.05, material=SOIL.replace(A=1e-6), **THICK),
+    "narrow_5_late": lambda: blade_scene(0.05, material=LATE, **THICK),
+    "narrow_5_drucker_prager": lambda: blade_scene(0.05, **THICK, **PLASTIC),
+    "narrow_5_stiff": lambda: blade_scene(0.05, **THICK, **STIFF),
+    "narrow_5_thick": lambda: blade_scene(0.05, **(THICK | {"blade": (0.05, 0.05, 0.457)})),
+    "narrow_5_slow": lambda: blade_scene(0.05, speed=0.02, dive_speed=0.0125, **THICK),
+    "narrow_5_fine": lambda: blade_scene(0.05, **THICK, **FINE),
+    "narrow_5_local_fine": lambda: blade_scene(0.05, **THICK, **LOCAL, **FINE),
+    "narrow_5_drucker_prager_fine": lambda: blade_scene(0.05, **THICK, **PLASTIC, **FINE),
+    "narrow_5_substeps": lambda: blade_scene(0.05, material=LATE, **(THICK | {"scheme": SUBSTEPS})),
+    "narrow_5_finer": lambda: blade_scene(0.05, cell=BED["cell"] / 2, **THICK),
+    "thin_5_one": lambda: blade_scene(0.05, points_per_cell=1, **THIN),
+    "thin_5_coarse": lambda: blade_scene(0.05, cell=BED["cell"] * 2, **THIN),
+    "excavation_2": lambda: blade_scene(0.02),
+    "excavation_5": lambda: blade_scene(0.05),
+    "excavation_5_fine": lambda: blade_scene(0.05, **FINE),
+    "excavation_5_whole": lambda: blade_scene(0.05, **WHOLE),
+    "couette": lambda: gr.scenes.couette(**HIGH),
+    "couette_shallow": lambda: gr.scenes.couette(**LOW),
+    "couette_shallow_8": lambda: gr.scenes.couette(**(LOW | {"duration": 0.7, "cell": 0.008})),
+    "couette_shallow_6": lambda: gr.scenes.couette(**(LOW | {"duration": 0.7, "cell": 0.006})),
     "couette_shallow_local": lambda: gr.scenes.couette(
-        height=0.024, duration=0.5, material=BEADS.replace(A=0.0)
+        **(LOW | {"duration": 0.5, "material": BEADS.replace(A=0.0)})
     ),
     "excavator": lambda: gr.scenes.excavator(cell=0.02),
 }
+"""Cases of the figures, and others that show what results depend on."""
 
 
 def series(*rows: np.ndarray, digits: int) -> list[list[float]]:
@@ -120,89 +94,47 @@ def series(*rows: np.ndarray, digits: int) -> list[list[float]]:
 
 def tool(record: gr.Trajectory) -> dict:
     """Mean forces at depth, and their time series."""
-    force = gr.measure.soil_tools.tool_force(record, window=2)
-    height, deepest = force.position[:, 2], force.position[:, 2].min()
-    level = height - deepest < 0.01 * abs(deepest)
-    parts = {name: getattr(force, name) for name in ("forward", "vertical", "lateral")}
-    return {name: float(part[level].mean()) for name, part in parts.items()} | {
-        "deviation": float(force.forward[level].std()),
-        "lateral_deviation": float(force.lateral[level].std()),
-        "course": series(force.times, height, *parts.values(), digits=4),
-    }
+    force = BladeForces.measured(record)
+    rows = force.times, force.height, force.forward, force.vertical, force.lateral
+    return force.means() | {"course": series(*rows, digits=4)}
 
 
 def wheel(record: gr.Trajectory) -> dict:
     """Means over the second half of the time in which the wheel rolls."""
-    history = gr.measure.soil_tools.wheel_history(record, window=2)
-    late = history.times > (record.times[-1] + record.scene.parameters["settle"]) / 2
-    load = float(history.load[late].mean())
-    return {
-        "drawbar_pull": float(history.drawbar_pull[late].mean()),
-        "load": load,
-        "pull_over_load": float(history.drawbar_pull[late].mean() / load),
-        "torque": float(history.torque[late].mean()),
-        "sinkage": float(history.sinkage[-1]),
-        "course": series(
-            history.times, history.drawbar_pull, history.load, history.sinkage, digits=5
-        ),
-    }
+    rolling = Rolling.measured(record)
+    names = "drawbar_pull", "load", "pull_over_load", "torque", "sinkage"
+    rows = (getattr(rolling.history, name) for name in ("times", "drawbar_pull", "load", "sinkage"))
+    return {name: getattr(rolling, name) for name in names} | {"course": series(*rows, digits=5)}
 
 
 def couette(sim: gr.Simulation) -> dict:
     """Flow between cylinders at the top, per time window, and its quasi-static limit."""
-    scene, pair, windows = sim.scene, [], []
-    size = scene.parameters
-    top = size["height"] - 2 * scene.grid.cell
-
-    def look(sim: gr.Simulation) -> None:
-        pair.append((sim.state, sim.bodies))
-        if len(pair) == 2:
-            windows.append(window(pair, top))
-            del pair[0]
-
-    sim.run(every=WINDOW, hooks=(look,))
-    material = scene.material
-    gap = (size["inner"], size["outer"], material.replace(A=material.A or BEADS.A))
-    flow = gr.theory.couette_quasi_static(*gap, walls="smooth")
-    # Pressure in the middle of the evaluated layer.
-    state = {"rate": size["omega"], "pressure": material.rho_c * size["gravity"] * scene.grid.cell}
-    driven = gr.theory.couette_flow(*gap, **state, walls="smooth")
-    course = [[one["time"], *one["moments"], *one["omega"][: 2 * RINGS : 2]] for one in windows]
-    late = windows[-(len(windows) // 3) :]
-    r = late[0]["r"]
-    omega = np.mean([one["omega"] for one in late], axis=0) / size["omega"]
-    expected, at_rate = (np.interp(r, known.r, known.omega) for known in (flow, driven))
-
-    def off(omega: np.ndarray, known: np.ndarray) -> np.ndarray:
-        """Error of the speed of each ring, over that of the wall."""
-        return np.abs(omega - known) * r / size["inner"]
-
-    each = [off(one["omega"] / size["omega"], expected).max() for one in late]
+    flow = CylinderFlow.measured(frames(sim))
+    errors = flow.errors(flow.slow)
+    course = [[one.time, *one.moments, *one.omega[: 2 * RINGS : 2]] for one in flow.windows]
+    each = flow.errors(flow.slow, flow.each).max(axis=1)
+    expected = np.interp(flow.r, flow.slow.r, flow.slow.omega)
     return {
-        "error": float(off(omega, expected).max()),
-        "window_errors": [round(float(error), 5) for error in each],
-        "mean_error": float(off(omega, expected).mean()),
-        "error_at_rate": float(off(omega, at_rate).max()),
-        "mu_wall": flow.mu_wall,
-        "profile": series(r, omega, expected, digits=6),
+        "error": float(errors.max()),
+        "window_errors": each.round(5).tolist(),
+        "mean_error": float(errors.mean()),
+        "error_at_rate": float(flow.errors(flow.driven).max()),
+        "mu_wall": flow.slow.mu_wall,
+        "profile": series(flow.r, flow.omega, expected, digits=6),
         "course": series(*np.transpose(course), digits=6),
     }
 
 
-def window(pair: list, top: float) -> dict:
-    """Rings of one window, and the moments on both cylinders."""
-    (before, earlier), (after, later) = pair
-    profile = gr.measure.cylinder_profile((before, after), above=top)
-    moments = [
-        (now.angular_impulse - then.angular_impulse)[2] / (after.time - before.time)
-        for then, now in zip(earlier, later, strict=True)
-    ]
-    return {"time": after.time, "r": profile.r, "omega": profile.omega, "moments": moments}
+def frames(sim: gr.Simulation) -> Iterator[gr.State]:
+    """States of a run, which take too much space to be recorded."""
+    yield sim.state
+    for k in range(1, round(sim.scene.duration / EVERY) + 1):
+        yield sim.run(until=k * EVERY).state
 
 
 def recorded(sim: gr.Simulation, path: Path) -> dict:
     """Run a scene into a record, and measure its quantities of interest."""
-    sim.run(save=path, every=0.05, overwrite=True)
+    sim.run(save=path, every=EVERY, overwrite=True)
     with gr.open(path) as record:
         return wheel(record) if sim.scene.name == "wheel" else tool(record)
 
@@ -228,17 +160,10 @@ def run(name: str, records: Path) -> dict:
     }
 
 
-def scale(name: str) -> float:
-    """Factor from the force on a blade between walls to that on the whole width."""
-    return WIDTH / 0.05 if name.startswith(("thin", "narrow")) else 1.0
-
-
-def arrival(row: dict) -> tuple[float, float]:
-    """Mean forward and vertical force just after the blade has reached its depth [N]."""
-    times, height, forward, vertical, *_ = np.array(row["course"])
-    level = height < 0.99 * height.min()
-    early = level & (times < times[level][0] + ARRIVED)
-    return float(forward[early].mean()), float(vertical[early].mean())
+def on_width(name: str, row: dict) -> BladeForces:
+    """Forces of a row, scaled to the whole width if they are those of a blade between walls."""
+    between = name.startswith(("thin", "narrow"))
+    return BladeForces(*np.array(row["course"])).scaled(WIDTH / 0.05 if between else 1.0)
 
 
 BLADES = {
@@ -290,10 +215,10 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
         for name, words in cases.items():
             if name not in results:
                 continue
-            row, factor = results[name], scale(name)
-            early = [f"{factor * force:.1f}" for force in arrival(row)]
-            forward = f"{factor * row['forward']:.1f} ± {factor * row['deviation']:.1f}"
-            vertical = f"{factor * row['vertical']:.1f}"
+            force = on_width(name, results[name])
+            mean, early = force.means(), [f"{one:.1f}" for one in force.arrival()]
+            forward = f"{mean['forward']:.1f} ± {mean['deviation']:.1f}"
+            vertical = f"{mean['vertical']:.1f}"
             blades.append((words, forward, early[0], vertical, early[1]))
     forces = ("forward", "forward as it arrives", "vertical", "vertical as it arrives")
     wheels = [

@@ -73,33 +73,6 @@ def test_with_the_fluidity_held_friction_is_shear_rate_over_fluidity(flow):
     np.testing.assert_allclose(g, after, rtol=1e-4)
 
 
-def published_pressure(gdot, until, q, dt):
-    point, p = oracle.Published(q, 800.0), 800.0
-    for _ in range(round(until / dt)):
-        p, _ = point.step(gdot * SHEAR, dt)
-        if p == 0:
-            break
-    return p
-
-
-def test_the_published_form_loses_pressure_in_shear():
-    """p falls by K dt gdot^2 t/4, the growth of det F^p; in this package it is constant."""
-    q, dt = SAND | {"K": 1e7, "G": 1e6}, 1e-4
-    for gdot, until in ((1.0, 0.2), (5.0, 0.1)):
-        lost = q["K"] * dt * gdot**2 * until / 4
-        assert 800.0 - published_pressure(gdot, until, q, dt) == pytest.approx(lost, rel=0.02)
-    assert published_pressure(5.0, 0.13, q, dt) == 0
-    stress, _, _ = sheared("linear_ngf", q, [5.0], dt, gamma=0.65)
-    assert -np.trace(stress[0]) / 3 == pytest.approx(800.0, rel=1e-14)
-
-
-@pytest.mark.slow
-def test_the_published_form_over_seconds():
-    q = SAND | {"K": 1e7, "G": 1e6}
-    assert published_pressure(0.3, 3.0, q, 1e-4) == pytest.approx(732.5, abs=0.5)
-    assert published_pressure(1.0, 2.0, q, 1e-4) == pytest.approx(300.0, abs=0.5)
-
-
 # ---- rotation ----
 
 

@@ -1,4 +1,4 @@
-"""Plain reference for the finite-strain law: matrix functions, ODEs, the published form.
+"""Plain reference for the finite-strain law: matrix functions, ODEs.
 
 Full matrices (..., 3, 3) throughout; only `update` calls `granular._core`.
 """
@@ -199,38 +199,3 @@ def continuous(flow, q, gradient, times, *, p0, g0=1.0, rtol=1e-10):
         stress.append(s - p * np.eye(3))
         g.append(fluidity)
     return np.array(stress), np.array(g)
-
-
-# ---- the published form ----
-
-
-class Published:
-    """One point as in Haeri & Skonieczny (2021): F and F^p, eqs 18-31, pressure from F^e."""
-
-    def __init__(self, q, p0):
-        self.q, self.p = q, p0
-        self.F = np.eye(3) * math.exp(-p0 / q["K"] / 3)
-        self.Fp = np.eye(3)
-        self.g, self.mu = 1.0, 0.0
-
-    def step(self, L, dt):
-        """Take a step in the local limit A = 0; return pressure and shear stress."""
-        q = self.q
-        self.F = (np.eye(3) + dt * L) @ self.F
-        Fe = self.F @ np.linalg.inv(self.Fp)
-        E = function_of(Fe.T @ Fe, lambda value: np.log(value) / 2)
-        p = -q["K"] * np.trace(E)
-        if p <= 0 or np.linalg.det(self.F) >= 1:
-            self.p = 0.0
-            return 0.0, 0.0
-        b = (q["mu_2"] - q["mu_s"]) / q["I0"]
-        grain = q["d"] * math.sqrt(q["rho_s"] / self.p) if self.p else 0.0
-        change = (self.mu - q["mu_s"]) * self.g - b * grain * self.mu * self.g**2
-        self.g = max(self.g + dt / q["t0"] * change, 0.0)
-        trial = 2 * q["G"] * deviator(E)
-        tau = shear(trial)
-        after = tau * p / (p + q["G"] * dt * self.g)
-        self.mu, self.p = after / p, p
-        direction = trial / (math.sqrt(2) * tau) if tau else np.zeros((3, 3))
-        self.Fp = (np.eye(3) + dt * self.mu * self.g / math.sqrt(2) * direction) @ self.Fp
-        return p, after

@@ -1,0 +1,45 @@
+"""The document, and the materials and schemes with which its figures are drawn."""
+
+from __future__ import annotations
+
+from typing import TypeVar
+
+from granular.materials import NGF, HardeningDruckerPrager, couette_beads, grc_1
+from granular.mpm.schemes import ParticleDensity, Scheme
+from granular.papers.figure import Document
+from granular.papers.runs import Runs
+from granular.scenes._build import PROMPT
+
+PAPER = Document(
+    "haeri2021",
+    "A. Haeri & K. Skonieczny (2021), Three-dimensional granular flow continuum modeling via "
+    "material point method with hyperelastic nonlocal granular fluidity, arXiv:2111.01523",
+    E=grc_1.E,
+)
+SOFTER = 100.0
+"""Young's moduli of the document divided by those of the figures. The document itself takes a
+hundredth in its fast excavation, whose force has an error of 15.8 %."""
+SOIL_E, BEADS_E = grc_1.E / SOFTER, couette_beads.E / SOFTER
+SCHEMES = ("default", "published")
+EVERY = 0.1
+"""Time between the frames of records [s]."""
+M = TypeVar("M", NGF, HardeningDruckerPrager)
+
+
+def softened(runs: Runs, published: M) -> M:
+    """Material with the modulus of the figure: by default a hundredth of the document's.
+
+    Its fluidity responds within a step, as the time steps, which become ten times as long, do not
+    resolve the document's 1e-4 s. A tolerance starts from the published numbers.
+    """
+    if runs.settings.tolerance is not None and runs.settings.E is None:
+        runs.materials.append(published)
+        return published
+    changes = {"t0": PROMPT} if isinstance(published, NGF) else {}
+    return runs.grains(published.replace(E=published.E / SOFTER, **changes))
+
+
+def chosen_scheme(runs: Runs, own: Scheme) -> Scheme:
+    """Scheme of a scene, or the published one: APIC, with the density of each point by itself."""
+    published = own.replace(transfer="apic", density=ParticleDensity())
+    return runs.choose(dict(zip(SCHEMES, (own, published), strict=True)))
