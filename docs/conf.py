@@ -28,7 +28,7 @@ extensions = [
     "generated_tables",
     "lessons",
     "linked_names",
-    "papers",
+    "paper_lists",
     "result_tables",
 ]
 exclude_patterns = ["_build", "_ext", "paper"]

@@ -51,6 +51,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return _complain(error, REFUSED)
     except OSError as error:
         return _complain(error, REFUSED if error.errno in WRONG_PATHS else FAILED)
+    except ImportError as error:  # of an extra, with the command that installs it
+        return _complain(error, REFUSED)
     except (RuntimeError, MemoryError) as error:  # SimulationError is a RuntimeError
         return _complain(error, FAILED)
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import granular as gr
-
-SPLINES = gr.Scheme(basis="quadratic", transfer="tpic", density=gr.ParticleDensity(), dt=1e-4)
+from granular.papers.silo_clogging.document import SCHEMES
 
 
 @cache
@@ -49,7 +48,7 @@ def test_large_openings_flow(A, opening):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scheme", [None, SPLINES], ids=["linear", "splines"])
+@pytest.mark.parametrize("scheme", SCHEMES)
 @pytest.mark.parametrize(
     ("A", "opening", "expected"),
     [
@@ -65,8 +64,8 @@ def test_large_openings_flow(A, opening):
     ],
 )
 def test_gates_at_the_published_time(A, opening, expected, scheme):
-    chosen = {} if scheme is None else {"scheme": scheme}
-    assert verdict(1.5, A=A, opening_over_d=opening, **chosen) == expected
+    chosen = SCHEMES[scheme]
+    assert verdict(1.5, A=A, opening_over_d=opening, scheme=chosen) == expected
 
 
 def test_friction_below_one_bears_no_arch():

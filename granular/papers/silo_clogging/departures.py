@@ -54,7 +54,7 @@ def local(basis: str) -> Scene:
     "departures",
     "outflow of a silo, A = 1 and W/d = 5, with each departure from the published numerics over "
     "that without it",
-    seconds=15.0,
+    seconds=27.0,
 )
 def departures(runs: Runs) -> Drawn:
     """Run a silo with each departure and without it."""

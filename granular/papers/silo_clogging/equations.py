@@ -39,7 +39,8 @@ PAPER.equations += [
         "5.6-5.7",
         "quadratic equation of the fluidity",
         (UPDATE,),
-        "f = dt (mu_2 - mu_s)/t0: the document leaves t0 out, without which f has a dimension",
+        "f = dt (mu_2 - mu_s)/t0, and the first coefficient has mu_2 + mu_s f, as 5.4 and 5.5 "
+        "give: the document leaves t0 out, without which f has a dimension, and prints a minus",
     ),
     Equation(
         "5.8",
@@ -48,8 +49,32 @@ PAPER.equations += [
         "without cancellation, for a fluidity relative to that of the friction mu_2",
     ),
     Equation("5.9", "stress after a step", (LAW,)),
+    Equation(
+        "B 1-B 2",
+        "weak form of the balance of momentum, and the same with shape functions",
+        ("csrc/mpm/p2g.inl:p2g_cells",),
+    ),
+    Equation(
+        "B 3-B 4",
+        "integrals as sums over the points in each cell",
+        ("csrc/mpm/p2g.inl:p2g_cells",),
+        "a point has no extent: the document has a fixed one, similar to uGIMP, which is refused "
+        "with the nonlocal law",
+    ),
     Equation("B 5", "lumped mass", ("csrc/mpm/p2g.inl:p2g_cells",)),
-    Equation("C 1-C 6", "mass, momentum and forces of the nodes", ("csrc/mpm/p2g.inl:p2g_cells",)),
+    Equation("C 1-C 2", "momentum and mass of the nodes", ("csrc/mpm/p2g.inl:p2g_cells",)),
+    Equation(
+        "C 3",
+        "forces of the stress",
+        ("csrc/mpm/p2g.inl:prepare_force",),
+        "with a minus, as follows from B 2: the document prints none, and C 6 adds the forces",
+    ),
+    Equation(
+        "C 4-C 6",
+        "other forces of the nodes, and their sum",
+        ("csrc/mpm/p2g.inl:p2g_cells", "csrc/mpm/node_motion.inl:move_group"),
+        "no tractions (C 5), which are zero in the document too",
+    ),
     Equation("C 7-C 9", "velocity of the nodes", ("csrc/mpm/node_motion.inl:move_group",)),
     Equation("C 10-C 13", "motion and volume of the points", ("csrc/mpm/g2p.inl:move_row",)),
     Equation("C 14", "update of the stress", ("csrc/mpm/cell_view.inl:call_law",)),

@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 
 from granular import measure
-from granular.model.state import State
 from granular.papers.figure import Drawn
 from granular.papers.runs import Runs
+from granular.papers.silo_clogging.arch import arch_outline
 from granular.papers.silo_clogging.document import PAPER, SCHEMES, E
 from granular.papers.silo_clogging.silos import (
     COLORS,
@@ -38,12 +38,18 @@ FLUIDITY = range(280, 301)
 SAME_MASS = {0.1: 70, 1.0: 86}
 """Frames of figure 6, by A: nearly as much mass is left in both."""
 SPEEDS = np.arange(0.05, 0.351, 0.05)
+CROWN = "height of the arch over W"
+LARGEST = "largest pressure on the centre line, W/d = {:g} [Pa]"
+LEAST_PRESSURE = "least pressure on the centre line below y = W, W/d = {:g} [Pa]"
+AT_WALL = "speed at the wall over that on the axis at 2.5 W, A = {:g}"
+LEAST = "least fluidity over the largest at 2.5 W, A = {:g}"
+MASS_LEFT = "share of the mass left in the last frame, A = {:g}"
 
 
 @PAPER.figure(
     "4b",
     "formation of the arch, A = 1, W/d = 1: speed at six times",
-    seconds=2.0,
+    seconds=3.0,
     paper={"mean speed of dense points in the last frame [m/s]": "static"},
     E=E,
     schemes=SCHEMES,
@@ -51,27 +57,34 @@ SPEEDS = np.arange(0.05, 0.351, 0.05)
 def arch(runs: Runs) -> Drawn:
     """Run the silo that jams."""
     states = some(states_of(runs, 1.0, 1, FORMATION), FORMATION)
-    picture = Picture(figsize=(7.0, 4.9), layout="compressed")
+    picture = Picture(figsize=(7.0, 3.3), layout="compressed")
     for ax, state in zip(picture.subplots(2, 3).flat, states, strict=True):
         image = points(ax, state, speed(state), size=5, vmin=0, vmax=0.5)
         ax.set(title=f"t = {state.time:.3f} s", xlim=(-0.2, 0.2), ylim=(-0.04, 0.24))
     picture.colorbar(image, ax=picture.axes, label="speed [m/s]")
     last = states[-1]
     mean = float(speed(last)[last.dense].mean())
-    return Drawn({"": picture}, {"mean speed of dense points in the last frame [m/s]": mean})
+    numbers = {"mean speed of dense points in the last frame [m/s]": mean}
+    return Drawn({"": picture}, numbers | {CROWN: arch_outline(last).relative_crown})
 
 
 @PAPER.figure(
     "5",
     "pressure in silos with A = 1 and W/d = 1, 2 and 5, and on their centre lines",
-    seconds=6.0,
+    seconds=8.0,
+    paper={
+        LEAST_PRESSURE.format(1): "low, not zero",
+        LEAST_PRESSURE.format(2): "lower, not zero",
+        LEAST_PRESSURE.format(5): "zero",
+        LARGEST.format(5): "the smallest of the three",
+    },
     E=E,
     schemes=SCHEMES,
 )
 def pressures(runs: Runs) -> Drawn:
     """Run three silos, and average frames 350 to 360."""
     late = {ratio: some(states_of(runs, 1.0, ratio, LATE), LATE) for ratio in (1, 2, 5)}
-    picture = Picture(figsize=(7.0, 5.3), layout="compressed")
+    picture = Picture(figsize=(7.0, 4.2), layout="compressed")
     axes = picture.subplot_mosaic([list("abc"), list("ddd")], height_ratios=(3, 2))
     fields = {ratio: pressure(states) for ratio, states in late.items()}
     top = max(np.nanmax(field.value) for field in fields.values())
@@ -81,11 +94,9 @@ def pressures(runs: Runs) -> Drawn:
         axes[name].set_title(f"W/d = {ratio:g}")
         centre = measure.centre_line_pressure(late[ratio])
         axes["d"].plot(centre.y, centre.value, "o-", color=color, label=f"W/d = {ratio:g}")
-        numbers[f"largest pressure on the centre line, W/d = {ratio} [Pa]"] = float(
-            np.nanmax(centre.value)
-        )
-        near = np.abs(centre.y - W / 2).argmin()
-        numbers[f"pressure W/2 above the opening, W/d = {ratio} [Pa]"] = float(centre.value[near])
+        numbers[LARGEST.format(ratio)] = float(np.nanmax(centre.value))
+        low = centre.value[centre.y < W]
+        numbers[LEAST_PRESSURE.format(ratio)] = float(np.nanmin(low))
     picture.colorbar(image, ax=[axes[n] for n in "abc"], label="pressure [Pa]")
     axes["d"].set(xlabel="y [m], on the centre line", ylabel="pressure [Pa]")
     axes["d"].legend()
@@ -95,7 +106,8 @@ def pressures(runs: Runs) -> Drawn:
 @PAPER.figure(
     "6",
     "speed and contours of it with A = 0.1 and 1, W/d = 5, and vertical velocity at three heights",
-    seconds=3.0,
+    seconds=2.0,
+    paper={AT_WALL.format(0.1): "a plug, sharply cut off", AT_WALL.format(1): "spread further"},
     E=E,
     schemes=SCHEMES,
 )
@@ -104,7 +116,7 @@ def widths_of_flow(runs: Runs) -> Drawn:
 
     The numbers are the vertical velocity 2.5 W above the opening at the wall over that on the axis.
     """
-    picture = Picture(figsize=(7.0, 6.6), layout="compressed")
+    picture = Picture(figsize=(7.0, 6.2), layout="compressed")
     above, below = picture.subplots(2, 2, height_ratios=(3, 2))
     numbers = {}
     for ax, curve, (A, frame) in zip(above, below, SAME_MASS.items(), strict=True):
@@ -118,9 +130,7 @@ def widths_of_flow(runs: Runs) -> Drawn:
         slices = velocity_slices(state)
         draw_slices(curve, slices, "o-")
         highest = slices.velocity[-1][np.isfinite(slices.velocity[-1])]
-        numbers[f"speed at the wall over that on the axis at 2.5 W, A = {A:g}"] = float(
-            highest[-1] / highest[0]
-        )
+        numbers[AT_WALL.format(A)] = float(highest[-1] / highest[0])
         for height, color in zip(HEIGHTS, COLORS, strict=True):
             ax.axhline(height * W, color=color, linewidth=1)
     picture.colorbar(image, ax=list(above), label="speed [m/s]")
@@ -167,25 +177,27 @@ def diffusing_gaussian(runs: Runs) -> Drawn:
 @PAPER.figure(
     "8",
     "fluidity in silos with W/d = 5 and A = 0.1, 0.5 and 1",
-    seconds=5.0,
+    seconds=7.0,
+    paper={LEAST.format(0.1): "spreads least", MASS_LEFT.format(0.1): "least of the three"},
     E=E,
     schemes=SCHEMES,
 )
 def fluidities(runs: Runs) -> Drawn:
     """Draw means over dense points; cells without any are white here, and 0 in the document.
 
-    The numbers are the least fluidity across the silo 2.5 W above the opening over the largest.
+    The numbers are the least fluidity across the silo 2.5 W above the opening over the largest, and
+    the mass that is left, which is the less the faster the flow is.
     """
-    picture = Picture(figsize=(7.0, 3.0), layout="compressed")
+    picture = Picture(figsize=(7.0, 2.4), layout="compressed")
     numbers = {}
     for ax, A in zip(picture.subplots(1, 3), (0.1, 0.5, 1.0), strict=True):
-        states: list[State] = some(states_of(runs, A, 5, FLUIDITY), FLUIDITY)
+        by_frame = states_of(runs, A, 5, (0, *FLUIDITY))
+        states = some(by_frame, FLUIDITY)
         field = measure.frame_average(states, "g", points="dense")
         image = image_of(ax, field, norm=LogNorm(0.01, 100), cmap="inferno")
         ax.set_title(f"A = {A:g}")
         row = field.value[:, np.abs(field.axes[1] - 2.5 * W).argmin()]
-        numbers[f"least fluidity over the largest at 2.5 W, A = {A:g}"] = float(
-            np.nanmin(row) / np.nanmax(row)
-        )
+        numbers[LEAST.format(A)] = float(np.nanmin(row) / np.nanmax(row))
+        numbers[MASS_LEFT.format(A)] = float(states[-1].mass.sum() / by_frame[0].mass.sum())
     picture.colorbar(image, ax=picture.axes, label="fluidity [1/s]")
     return Drawn({"": picture}, numbers)

@@ -23,6 +23,8 @@ FRAME = 1 / 240
 """Time between two frames of the document [s]."""
 FINE_STEP = 2.5e-5
 """Time step in cells of half the size (table 2) [s]."""
+ByFrame = dict[int, State]
+"""States by the number of their frame."""
 COLORS = ("#c2377e", "#2a8a4a", "#2d5d8f")
 """Pink, green and blue, as in the document."""
 
@@ -44,7 +46,7 @@ def silo(runs: Runs, A: float, ratio: float, *, refined: bool = False) -> Scene:
 
 def states_of(
     runs: Runs, A: float, ratio: float, wanted: Iterable[int], *, refined: bool = False
-) -> dict[int, State]:
+) -> ByFrame:
     """States by the number of their frame; those of a quick run come in a sixth of the time."""
     frame, numbers = FRAME / 6 if runs.quick else FRAME, set(wanted)
     name = f"A = {A:g}, W/d = {ratio:g}{', refined' * refined}"
@@ -58,7 +60,7 @@ def states_of(
     return {round(s.time / frame): s for s in seen if s is not None}
 
 
-def some(by_frame: dict[int, State], wanted: Iterable[int]) -> list[State]:
+def some(by_frame: ByFrame, wanted: Iterable[int]) -> list[State]:
     """States of these frames."""
     return [by_frame[i] for i in wanted]
 
@@ -94,7 +96,7 @@ def points(ax: Axes, state: State, value: Array, *, size: float, **style: Any) -
 
 
 def dress(ax: Axes) -> None:
-    """Labels, limits, and the bottom beside the opening."""
+    """Labels, limits, and the bottom to both sides of the opening."""
     ax.set(aspect="equal", xlabel="x [m]", ylabel="y [m]", ylim=(-0.05, 0.62))
     for side in (-1, 1):
         ax.plot((side * W / 2, side * 0.2975), (0, 0), color="black", linewidth=2.5)
