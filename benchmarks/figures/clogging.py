@@ -22,7 +22,11 @@ import numpy as np
 from shared import markdown, parser_of, write
 
 import granular as gr
-from granular.measure import GridField
+from figures.refined_silos import AROUND, FLOWING_FRAME, compare, window
+from granular.papers import silo_clogging
+from granular.papers.silo_clogging.diagram import AMPLITUDES, BEADS, EVERY, OPENINGS, STATED
+from granular.papers.silo_clogging.document import SCHEMES as CHOICE
+from granular.papers.silo_clogging.silos import FINE_STEP, FRAME, W
 from granular.papers.silo_clogging.velocity_slices import HEIGHTS
 from granular.run.sweeping import Sweep
 
@@ -30,16 +34,9 @@ FOLDER = Path("build/clogging")
 COMPARED = (1, 5)
 """Openings W/d that are run with cells of half the size, at A = 1."""
 
-STATIC_FRAME, FLOWING_FRAME = 350 / 240, 105 / 240
-"""Times of figures 9 and 10 [s], of a silo that jams and of one that flows."""
-AROUND = 0.05
-"""Half-width of the time window for the velocity of packings [s]."""
-
-LINEAR = "linear"  # name in the table of results
-SCHEMES = {
-    LINEAR: gr.scenes.clogging_silo().scheme,
-    "splines": gr.Scheme(basis="quadratic", transfer="tpic", density=gr.ParticleDensity(), dt=1e-4),
-}
+LINEAR = "linear"
+"""Name of the published scheme in the results."""
+SCHEMES = {LINEAR: CHOICE["published"], "splines": CHOICE["splines"]}
 SUBSTEPS = (
     *(("implicit", n) for n in (1, 2, 5, 20)),
     # one explicit substep is refused at A = 1, W/d = 5
@@ -47,10 +44,9 @@ SUBSTEPS = (
 )
 
 PAPER = {
-    "static": [[1.0, 1], [1.0, 2]],
-    "flowing": [[0.1, 5], [0.5, 5], [1.0, 5]],
-    "boundary": {"A": 0.5, "opening_over_d": [1.0, 1.5]},
-}
+    kind: [list(case) for case, verdict in STATED.items() if verdict == kind]
+    for kind in ("static", "flowing")
+} | {"boundary": {"A": BEADS, "opening_over_d": [1.0, 1.5]}}
 """Verdicts in the text of the paper on cases (A, W/d); figure 4a has the others as symbols only.
 Its boundary at A = 0.5 is the one of lines W/d = 2 A to 3 A."""
 
@@ -61,13 +57,13 @@ Key = tuple[str | float, ...]
 class Plan:
     """Cases to run: amplitudes, openings, packings, sizes, duration and frame interval [s]."""
 
-    amplitudes: Sequence[float] = (0.1, 0.5, 1.0, 1.5, 2.0, 2.5, 3.0)
-    openings: Sequence[int] = (1, 2, 3, 4, 5)
+    amplitudes: Sequence[float] = AMPLITUDES
+    openings: Sequence[int] = OPENINGS
     substeps: Sequence[tuple[str, int]] = SUBSTEPS
     packings: int = 8
     size: dict[str, float] = field(default_factory=lambda: {"cell": 0.0175})
     duration: float = 1.5
-    every: float = 1 / 120
+    every: float = EVERY
 
     def silo(self, scheme: gr.Scheme, **keywords: Any) -> gr.Scene:
         return gr.scenes.clogging_silo(
@@ -102,7 +98,7 @@ class Plan:
         free part can be compared, the same grains also flow out of an opening two fine cells
         narrower: the mean of the two has the free part of the coarse one.
         """
-        cell, W = self.size["cell"], gr.scenes.clogging_silo().parameters["orifice"]
+        cell = self.size["cell"]
         return {
             (LINEAR, tag, ratio): self.fine(orifice, ratio * orifice / W)
             for tag, orifice in (("refined", W), ("narrow", W - cell))
@@ -111,7 +107,7 @@ class Plan:
 
     def fine(self, orifice: float, ratio: float, **keywords: Any) -> gr.Scene:
         return self.silo(
-            SCHEMES[LINEAR].replace(dt=2.5e-5),
+            SCHEMES[LINEAR].replace(dt=FINE_STEP),
             opening_over_d=ratio,
             orifice=orifice,
             A=1.0,
@@ -124,7 +120,7 @@ class Plan:
 
         The points are displaced by a tenth of a cell at random, to measure the scatter of runs.
         """
-        cell, W = self.size["cell"], gr.scenes.clogging_silo().parameters["orifice"]
+        cell = self.size["cell"]
         scenes: dict[Key, gr.Scene] = {}
         for seed in range(self.packings):
             one = {"jitter": 0.1, "seed": seed}
@@ -189,8 +185,8 @@ def pressure_noise(states: Sequence[gr.State]) -> float:
 
 def numbers(record: gr.Trajectory) -> dict[str, Any]:
     """Verdicts, outflow, arch, and noise of a record."""
-    history = gr.papers.silo_clogging.silo_history(record)
-    verdict = gr.papers.silo_clogging.flow_verdict(history)
+    history = silo_clogging.silo_history(record)
+    verdict = silo_clogging.flow_verdict(history)
     duration = record.scene.duration
     middle = np.interp((duration / 3, 2 * duration / 3), history.times, history.mass)
     states = late(record, duration)
@@ -209,117 +205,15 @@ def numbers(record: gr.Trajectory) -> dict[str, Any]:
         "seconds": record.path.stat().st_mtime - begin,
     }
     if verdict.verdict == "static":
-        row["crown"] = gr.papers.silo_clogging.arch_outline(states).relative_crown
+        row["crown"] = silo_clogging.arch_outline(states).relative_crown
     return {name: round(v, 6) if isinstance(v, float) else v for name, v in row.items()}
-
-
-# ---- coarse against refined ----
-
-
-def window(record: gr.Trajectory, at: float, half: float) -> list[gr.State]:
-    """Frames around a time."""
-    near = np.flatnonzero(np.abs(record.times - at) <= half + 1e-4)
-    return [record[int(i)] for i in near]
-
-
-def coarsened(field: GridField) -> GridField:
-    """Means of two by two cells."""
-    nx, ny = (n // 2 for n in field.value.shape)
-
-    def blocks(values: np.ndarray) -> np.ndarray:
-        return values[: 2 * nx, : 2 * ny].reshape(nx, 2, ny, 2).sum(axis=(1, 3))
-
-    w = blocks(field.weight)
-    total = blocks(np.nan_to_num(field.value) * field.weight)
-    mean = np.divide(total, w, out=np.full_like(total, np.nan), where=w > 0)
-    axes = tuple(
-        a[: 2 * n].reshape(n, 2).mean(axis=1) for a, n in zip(field.axes, (nx, ny), strict=True)
-    )
-    return GridField(axes, mean, w, field.frames)
-
-
-def mean_field(fields: Sequence[GridField]) -> GridField:
-    """Mean of fields of equal size; nan where one of them is nan."""
-    weight = np.min([f.weight for f in fields], axis=0)
-    value = np.mean([f.value for f in fields], axis=0)
-    return GridField(fields[0].axes, value, weight, fields[0].frames)
-
-
-def compare(coarse: gr.Trajectory, fine: Sequence[gr.Trajectory], ratio: float) -> dict[str, Any]:
-    """Differences in pressure, vertical velocity and arch of coarse and refined records.
-
-    If there are several refined records, their fields are averaged.
-
-    Pressures are compared in cells that are full in both, at heights above the opening's width and
-    two cells below the highest full ones, away from the surface, the rough bottom and the free
-    fall. Times are as in figures 9 and 10 (350 frames of 1/240 s in a static silo, 105 in a
-    flowing one), averaged over 0.05 s. Differences are relative to the largest pressure of the
-    region and to the largest speed of the slice.
-    """
-    at = min(STATIC_FRAME if ratio < 3 else FLOWING_FRAME, 0.9 * coarse.scene.duration)
-    states = [window(record, at, 0.025) for record in (coarse, *fine)]
-    p = [gr.measure.frame_average(s, "pressure", weight="volume") for s in states]
-    W = coarse.scene.parameters["orifice"]
-    differences = pressure_difference(p[0], mean_field([coarsened(one) for one in p[1:]]), W)
-    if ratio >= 3:
-        return differences | slice_difference(states)
-    for name, record, frames in zip(("coarse", "fine"), (coarse, *fine), states, strict=False):
-        if gr.papers.silo_clogging.flow_verdict(record).verdict == "static":
-            arch = gr.papers.silo_clogging.arch_outline(frames)
-            differences[f"arch_{name}"] = {
-                "x": arch.x.round(5).tolist(),
-                "y": arch.y.round(5).tolist(),
-                "relative_crown": round(arch.relative_crown, 4),
-            }
-    return differences
-
-
-def pressure_difference(coarse: GridField, fine: GridField, W: float) -> dict[str, Any]:
-    rows = min(coarse.value.shape[1], fine.value.shape[1])
-    pc, pf = coarse.value[:, :rows], fine.value[:, :rows]
-    full = (coarse.weight[:, :rows] > 0) & (fine.weight[:, :rows] > 0)
-    top = np.array([np.flatnonzero(column).max(initial=0) for column in full])
-    j = np.arange(rows)
-    inside = full & (j[None, :] <= top[:, None] - 2) & (coarse.axes[1][:rows][None, :] > W)
-    scale = np.nanmax(pc[inside])
-    apart = np.abs(pf - pc)[inside] / scale
-    local = np.abs(pf - pc)[inside] / np.maximum(pc, 0.1 * scale)[inside]
-    return {
-        "cells": int(inside.sum()),
-        "pressure_mean": round(float((pf[inside].mean() / pc[inside].mean()) - 1), 4),
-        "pressure_median": round(float(np.median(apart)), 4),
-        "pressure_90": round(float(np.quantile(apart, 0.9)), 4),
-        "pressure_local_median": round(float(np.median(local)), 4),
-        "pressure_within_10": round(float(np.mean(local <= 0.1)), 4),
-    }
-
-
-def slice_difference(states: Sequence[list[gr.State]]) -> dict[str, Any]:
-    """Velocities of the coarse states and mean of the others, at heights in units of coarse W."""
-    W = [frames[0].scene.parameters["orifice"] for frames in states]
-    coarse, *fine = (
-        gr.papers.silo_clogging.velocity_slices(frames, np.array(HEIGHTS) * W[0] / width)
-        for frames, width in zip(states, W, strict=True)
-    )
-    differences: dict[str, Any] = {}
-    for i, height in enumerate(HEIGHTS):
-        v = np.mean([np.interp(coarse.x, f.x, f.velocity[i]) for f in fine], axis=0)
-        peak = np.nanmax(np.abs(coarse.velocity[i]))
-        differences[f"slice_{height}W"] = {
-            "peak": round(float(peak), 4),
-            "peak_ratio": round(float(np.nanmax(np.abs(v)) / peak), 4),
-            "mean_ratio": round(float(np.nanmean(v) / np.nanmean(coarse.velocity[i])), 4),
-            "largest": round(float(np.nanmax(np.abs(v - coarse.velocity[i])) / peak), 4),
-        }
-    return differences
 
 
 def slices(record: gr.Trajectory) -> tuple[np.ndarray, np.ndarray]:
     """x [m] and vertical velocity [m/s] around the frame, by height in units of W of the scene."""
-    W = gr.scenes.clogging_silo().parameters["orifice"]
     at = min(FLOWING_FRAME, record.scene.duration - AROUND)
     heights = np.array(HEIGHTS) * W / record.scene.parameters["orifice"]
-    sections = gr.papers.silo_clogging.velocity_slices(window(record, at, AROUND), heights)
+    sections = silo_clogging.velocity_slices(window(record, at, AROUND), heights)
     return sections.x, sections.velocity
 
 
@@ -337,7 +231,7 @@ def scatter(plan: Plan, chosen: argparse.Namespace) -> list[dict[str, Any]]:
     For each height: the largest difference of the two means, divided by the peak of the coarse one,
     its standard error there, and the smallest and largest such difference of single packings.
     """
-    results = swept(plan.packed(), slices, 1 / 240, chosen)
+    results = swept(plan.packed(), slices, FRAME, chosen)
     of = {key[2:]: result for key, result in zip(results.keys, results, strict=True)}
     x, _ = of["coarse", 0]
 
@@ -385,9 +279,7 @@ def thresholds(rows: list[dict[str, Any]]) -> dict[str, Any]:
         mine = [row for row in rows if row["scheme"] == scheme]
         A, ratio = np.array([row["case"] for row in mine]).T
         result[scheme] = {
-            rule: asdict(
-                gr.papers.silo_clogging.flow_threshold(A, ratio, [row[rule] for row in mine])
-            )
+            rule: asdict(silo_clogging.flow_threshold(A, ratio, [row[rule] for row in mine]))
             for rule in ("verdict", "published_rule")
         }
     return result

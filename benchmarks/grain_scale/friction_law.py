@@ -1,17 +1,13 @@
 """The friction law over the inertial regime: shear cells by LAMMPS, their averages and fits.
 
-There are two sets of grains as in chapter 4 of Hurley's thesis, which differ in restitution (its
-figure with the values is lost: 0.5 and 0.85 at an impact speed of a tenth of sqrt(p/rho_s) are
-chosen here), and a shorter set between walls. A row is a flow. Flows that are already in the file
-are not run again, so that a series can be stopped and continued. The figures are drawn from the
-file.
+The flows are those of `granular figure hurley_thesis 4.4`: two sets of grains, which differ in
+restitution, and a shorter set between walls. A row is a flow. Flows that are already in the file
+are not run again, so that a series can be stopped and continued.
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -19,72 +15,21 @@ import numpy as np
 from shared import parser_of, stored, table, write
 
 from granular import calibrate
-from granular.grain_scale import dem, friction_law
+from granular.grain_scale import friction_law
 from granular.grain_scale.friction_law import SteadyShear
-
-PRESSURE = 1e3
-"""Pressure [Pa]; kn is 10^6 times as large, so that (kn/p)^(2/3) = 10^4 as in the thesis."""
-SIZE, DENSITY = 1e-3, 2500.0
-IMPACT = 0.1 * (PRESSURE / DENSITY) ** 0.5
-"""Impact speed [m/s] at which the restitution is the one of the set."""
-RESTITUTION = {"low": 0.5, "high": 0.85, "walls": 0.5}
-
-
-@dataclass(frozen=True)
-class Case:
-    """One flow of the series."""
-
-    inertial_number: float
-    approach: float
-    strain: float
-    frames: int
-    count: int = 800
-    seed: int = 0
-
-
-SERIES = {
-    "low": (
-        Case(0.1, 2.0, 6.0, 1000),
-        Case(0.4, 4.0, 14.0, 1000),
-        Case(1.1, 6.0, 40.0, 2500),
-        Case(0.01, 0.4, 1.2, 600),
-        Case(0.03, 0.8, 2.0, 600),
-        Case(0.2, 2.0, 6.0, 600),
-        Case(0.7, 5.0, 30.0, 2000),
-        Case(0.003, 0.5, 2.0, 1000, 500),
-        Case(0.001, 0.3, 1.2, 1000, 500),
-    ),
-    "high": (Case(0.1, 2.0, 5.0, 600), Case(0.4, 3.0, 14.0, 1000), Case(1.1, 6.0, 40.0, 2500)),
-    "walls": (Case(0.3, 5.0, 8.0, 500),),
-}
-QUICK = {
-    "low": tuple(Case(i, 1.0, 3.0, 60, 100) for i in (0.1, 0.3, 0.6, 1.0)),
-    "walls": (Case(0.3, 2.0, 2.0, 60, 200),),
-}
-
-
-def grains(name: str) -> dem.Grains:
-    """The grains of a set."""
-    plain = dem.Grains(d=SIZE, rho_s=DENSITY, kn=1e6 * PRESSURE)
-    return plain.with_restitution(RESTITUTION[name], IMPACT)
-
-
-def flow(name: str, case: Case, timeout: float) -> SteadyShear:
-    """Run one case."""
-    settings = dem.Shear(
-        grains=grains(name),
-        pressure=PRESSURE,
-        drive="walls" if name == "walls" else "homogeneous",
-        aspect=2.0 if name == "walls" else 1.0,
-        **asdict(case),
-    )
-    return friction_law.steady_shear(settings, timeout=timeout)
-
-
-def points(rows: Iterable[dict], name: str) -> list[SteadyShear]:
-    """Flows of a set in a file, by their inertial number."""
-    flows = [SteadyShear(**row["flow"]) for row in rows if row["set"] == name]
-    return sorted(flows, key=lambda point: point.inertial_number)
+from granular.papers.hurley_thesis.shear_flows import (
+    DENSITY,
+    NAMES,
+    PRESSURE,
+    QUICK,
+    RESTITUTION,
+    SERIES,
+    Case,
+    grains,
+    missing,
+    points,
+    row_of,
+)
 
 
 def fits(flows: list[SteadyShear], d: float) -> dict:
@@ -126,9 +71,6 @@ def line(row: dict) -> str:
     )
 
 
-GRAINS = {"low": "e = 0.5", "high": "e = 0.85", "walls": "walls, e = 0.5"}
-
-
 def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Table of the page: a row for each flow, by set and inertial number."""
     rows = [
@@ -138,7 +80,7 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
             "law": p.friction_by_law / p.friction,
             "sliding": p.friction_sliding / p.friction_by_law,
         }
-        for name, words in GRAINS.items()
+        for name, words in NAMES.items()
         for p in points(results["rows"], name)
     ]
     columns = {"grains": "{grains}", "I": "{p.inertial_number:.4f}"}
@@ -154,17 +96,13 @@ def main(argv: list[str] | None = None) -> None:
     parser.add_argument("--timeout", type=float, default=7200.0, help="seconds a flow")
     chosen = parser.parse_args(argv)
     rows = stored(chosen.out, rows=[])["rows"]
-    for name, cases in (QUICK if chosen.quick else SERIES).items():
-        for case in cases if chosen.only in (None, name) else ():
-            if any(row["set"] == name and row["case"] == asdict(case) for row in rows):
-                continue
-            begin = time.perf_counter()
-            steady = flow(name, case, chosen.timeout)
-            seconds = round(time.perf_counter() - begin, 1)
-            row = {"set": name, "case": asdict(case), "seconds": seconds, "flow": asdict(steady)}
-            rows.append(row)
-            print(line(row), flush=True)
-            _write(chosen.out, rows)
+    series: dict[str, tuple[Case, ...]] = QUICK if chosen.quick else SERIES
+    if chosen.only:
+        series = {chosen.only: series[chosen.only]}
+    for name, case in list(missing(rows, series)):
+        rows.append(row_of(name, case, chosen.timeout))
+        print(line(rows[-1]), flush=True)
+        _write(chosen.out, rows)
     _write(chosen.out, rows)
 
 

@@ -10,24 +10,21 @@ in the arrays is 0.3, so that with noise the friction limits are active.
 from __future__ import annotations
 
 import os
-import sys
 import time
 import warnings
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is imported
 
 import numpy as np
-from shared import PICTURES, ROOT, parser_of, write
+from shared import PICTURES, parser_of, write
 
 from granular.grain_scale import inference
 from granular.grain_scale.inference import InferenceWarning
+from granular.papers.hurley_thesis.errors import relative_error, with_noise
+from granular.papers.hurley_thesis.packings import Case, jittered_grid, pressed_discs
 from granular.plot import Picture
-
-sys.path.append(str(ROOT / "tests/shared"))
-import grains
 
 FIGURE = PICTURES / "inference_speed.png"
 LATTICES = ((12, 12), (24, 24), (46, 46), (73, 73), (7, 7, 7), (9, 9, 9), (12, 12, 12))
@@ -39,10 +36,9 @@ REPEAT = 0.3
 MARKERS = {"auto": "o", "clarabel": "s", "nnls": "^"}
 
 
-def noisy(packing: inference.Packing, seed: int) -> inference.Packing:
+def noisy(packing: inference.Packing) -> inference.Packing:
     """Packing with a random error of 10 % in each component of the stresses."""
-    noise = np.triu(np.random.default_rng(seed).normal(1, 0.1, packing.stresses.shape))
-    return replace(packing, stresses=packing.stresses * (noise + np.triu(noise, 1).swapaxes(1, 2)))
+    return with_noise(packing, np.random.default_rng(0), bias=0.0)
 
 
 def timed(packing: inference.Packing, mu: float, solver: str, repeat: float) -> tuple[float, Any]:
@@ -56,16 +52,16 @@ def timed(packing: inference.Packing, mu: float, solver: str, repeat: float) -> 
     return best, inferred
 
 
-def rows(name: str, case: grains.Case, mu: float, repeat: float) -> list[dict[str, Any]]:
+def rows(name: str, case: Case, mu: float, repeat: float) -> list[dict[str, Any]]:
     """Rows, one for each solver and kind of stresses."""
     entries = []
     for stresses in ("exact", "noisy"):
-        packing = case.packing if stresses == "exact" else noisy(case.packing, 0)
+        packing = case.packing if stresses == "exact" else noisy(case.packing)
         for solver in MARKERS:
             if solver == "nnls" and (packing.dim == 3 or packing.n > LARGEST_DENSE):
                 continue
             seconds, inferred = timed(packing, mu, solver, repeat)
-            error = np.linalg.norm(inferred.forces - case.forces) / np.linalg.norm(case.forces)
+            error = relative_error(inferred.forces, case.forces)
             entries.append(
                 {
                     "packing": name,
@@ -118,8 +114,8 @@ def main(argv: list[str] | None = None) -> None:
     chosen = parser.parse_args(argv)
     warnings.simplefilter("ignore", InferenceWarning)
     repeat = 0.0 if chosen.quick else REPEAT
-    table = [] if chosen.quick else rows("58 discs", grains.pressed_discs()[0], 0.5, repeat)
+    table = [] if chosen.quick else rows("58 discs", pressed_discs()[0], 0.5, repeat)
     for shape in QUICK if chosen.quick else LATTICES:
-        table += rows("x".join(map(str, shape)), grains.jittered_grid(shape), 0.3, repeat)
+        table += rows("x".join(map(str, shape)), jittered_grid(shape), 0.3, repeat)
     write(chosen.out, {"rows": table})
     chart(table).savefig(chosen.figure)

@@ -1,1 +1,1 @@
-"""Smoothed particle hydrodynamics: examples, speed, a jet."""
+"""Smoothed particle hydrodynamics: examples, speed."""

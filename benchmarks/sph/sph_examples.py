@@ -1,85 +1,39 @@
-"""The examples of chapter 5 of Hurley's thesis, with SPH.
+"""The examples of chapter 5 of Hurley's thesis, with SPH, in more variants than its figures.
 
-Runs every case that the table does not hold yet and writes the table after each, so that a
-benchmark that was stopped continues where it was. Then the orderings and exponents are computed;
-docs/reports/sph.md has them.
+The figures are drawn by `granular figure hurley_thesis 5.2`. Here are runs without a spring, with
+other times to settle, and columns in 3D. Runs every case that the table does not hold yet and
+writes the table after each, so that a benchmark that was stopped continues where it was. Then the
+orderings and exponents are computed; docs/reports/sph.md has them.
 """
 
 from __future__ import annotations
 
 import json
-import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.optimize import curve_fit
 from shared import markdown, parser_of, rounded, stored, table, write
 
 import granular as gr
 from granular import sph
+from granular.papers.hurley_thesis import studies
+from granular.papers.hurley_thesis.channels import FLOORS, height_at_wall
+from granular.papers.hurley_thesis.columns import GLASS, GRIT
+from granular.papers.hurley_thesis.inclines import ANGLES, LayerFlow, layer, sample
+from granular.papers.hurley_thesis.sph_measures import far, power_laws, rate_of_the_law, slope_deg
 
 BETAS = (0.0, 0.5)
 PHIS = (30.0, 20.0, 40.0, 25.0, 35.0)
-GRIT = (1.8, 2.4, 3.2, 4.2, 5.6, 7.5, 10.0, 13.0)
-GLASS = (1.8, 2.4, 3.2, 4.2, 5.6, 7.5, 10.0, 13.0, 18.0)
-SLOPES = {0.0: 0.6, 10.0: 0.7, 16.0: 0.9, 22.0: 1.2}
-"""Angle [deg] and length of the floor [m]."""
-ANGLES = (12.0, 15.0, 18.0, 21.0, 24.0, 27.0, 30.0, 33.0)
-STUDY = {"aspect": 0.65, "length": 0.2, "reach": 0.8}
-FRICTIONS = ((0.74, 0.335), (0.87, 0.364), (0.625, 0.305))
-QUANTILE = 0.99
+STUDY = {"aspect": studies.ASPECT, "length": studies.LENGTH, "reach": studies.REACH}
 DIGITS = 5
 """Number of digits of the results in the table."""
 
 Case = tuple[str, dict[str, Any]]
-
-
-# ---- measurements ----
-
-
-def far(state: gr.State) -> dict[str, float]:
-    """Farthest and highest particle, and the distance within which 99 % of the mass lies [m]."""
-    order = np.argsort(state.x[:, 0])
-    held = np.cumsum(state.mass[order])
-    quantile = state.x[order[np.searchsorted(held, QUANTILE * held[-1])], 0]
-    return {
-        "L": float(state.x[:, 0].max()),
-        "L99": float(quantile),
-        "H": float(state.x[:, -1].max()),
-    }
-
-
-def slope_deg(state: gr.State) -> float:
-    """Angle of the line through the surface over the middle 75 % of the floor [deg]."""
-    parameters = state.scene.parameters
-    floor = parameters["length"] - parameters["orifice"]
-    top = gr.measure.surface(state, above=0.0, along="x")
-    inside = (top.x > floor / 8) & (top.x < 7 * floor / 8) & np.isfinite(top.top)
-    return float(-np.degrees(np.arctan(np.polyfit(top.x[inside], top.top[inside], 1)[0])))
-
-
-def steady_rate(states: list[gr.State]) -> tuple[float, float, float]:
-    """Shear rate at mid-depth [1/s], and the errors of a line and of Bagnold's profile."""
-    rates, misfits = [], {1.0: [], 1.5: []}
-    for state in states:
-        y, v = state.x[:, -1], state.v[:, 0]
-        height = y.max() + 0.5 * state.scene.grid.cell
-        inside = (y > 0.2 * height) & (y < 0.8 * height)
-        rates.append(np.polyfit(y[inside], v[inside], 1)[0])
-        for power, misfit in misfits.items():
-            basis = np.stack([height**power - (height - y) ** power, np.ones_like(y)], axis=1)
-            rest = v - basis @ np.linalg.lstsq(basis, v, rcond=None)[0]
-            misfit.append(rest.std() / v.std())
-    return (float(np.mean(rates)), *(float(np.mean(misfit)) for misfit in misfits.values()))
-
-
-def decaying(t: np.ndarray, a: float, b: float, c: float) -> np.ndarray:
-    """The acceleration of eq. 5.31."""
-    return a + (b - a) / (c / t + 1.0)
 
 
 # ---- runs ----
@@ -181,50 +135,37 @@ def inclined(threads: int, **keywords: Any) -> dict[str, Any]:
     simulation, times, looks, row = watched(scene, threads, 0.1, far)
     settle = scene.parameters["settle"]
     late = [looks[int(np.searchsorted(times, settle + t - 1e-6))] for t in (0.2, 0.4, 0.8)]
-    state = simulation.state
-    top = float(state.x[state.x[:, 0] < 0.05, -1].max())
+    top = height_at_wall(simulation.state)
     return row | looks[-1] | {"L99_at": [look["L99"] for look in late], "H_upper_wall": top}
 
 
-def layer(threads: int, angle_deg: float, dilation: float, duration: float) -> dict[str, Any]:
+def incline(threads: int, angle_deg: float, dilation: float, duration: float) -> dict[str, Any]:
     """Shear rate, profiles, slip, and the acceleration with its fit (figures 5.3 and 5.4)."""
-    scene = gr.scenes.incline_sph(
-        angle_deg=angle_deg,
-        headroom=20,
-        duration=duration,
-        material=sph.Viscoplastic(dilation=dilation),
-    )
-    settle, cell = scene.parameters["settle"], scene.grid.cell
-
-    def look(state: gr.State) -> tuple[float, float, gr.State]:
-        lowest = state.x[:, 1] < cell
-        return float(state.v[:, 0].mean()), float(state.v[lowest, 0].mean()), state
-
-    _, times, looks, row = watched(scene, threads, 0.05, look)
-    after = times > settle + 0.02
-    t = (times[after] - settle)[1:]
-    speeds = np.array([mean for mean, *_ in looks])[after]
-    acceleration = np.diff(speeds) / np.diff(times[after])
-    (a, b, c), _ = curve_fit(
-        decaying, t, acceleration, p0=(acceleration[0], 0.0, 0.3), maxfev=20000
-    )
-    rate, line, bagnold = steady_rate([state for *_, state in looks[-20:]])
-    material, tangent = scene.material, math.tan(math.radians(angle_deg))
-    exact = material.D_star * (tangent - material.mu_l) / (material.mu_h - tangent)
+    scene = layer(angle_deg, dilation, duration)
+    _, _, looks, row = watched(scene, threads, 0.05, partial(sample, scene.duration - 1.0))
+    last = [state for _, state in looks if state is not None]
+    flow = LayerFlow.of(scene, [seen for seen, _ in looks], last)
+    (a, b, c), (rate, line, bagnold) = flow.decay, flow.rates
     return row | {
         "rate": rate,
-        "rate_of_the_law": exact if 0.0 < exact else 0.0 if tangent < material.mu_l else None,
+        "rate_of_the_law": rate_of_the_law(scene, angle_deg),
         "misfit_line": line,
         "misfit_bagnold": bagnold,
-        "slip": float(np.mean([slip for _, slip, _ in looks[-20:]])),
-        "fit_a": float(a),
-        "fit_b": float(b),
-        "fit_c": float(c),
-        "last_acceleration": float(acceleration[-20:].mean()),
+        "slip": flow.slip,
+        "fit_a": a,
+        "fit_b": b,
+        "fit_c": c,
+        "last_acceleration": float(flow.accelerations[1][-20:].mean()),
     }
 
 
-RUNS = {"repose": repose, "column": column, "inclined": inclined, "incline": layer, "study": column}
+RUNS = {
+    "repose": repose,
+    "column": column,
+    "inclined": inclined,
+    "incline": incline,
+    "study": column,
+}
 
 
 def cases() -> Iterator[Case]:
@@ -241,14 +182,14 @@ def cases() -> Iterator[Case]:
     for angle in ANGLES:
         for dilation in BETAS:
             yield "incline", {"angle_deg": angle, "dilation": dilation, "duration": 10.0}
-    yield from studies()
+    yield from changed()
     for phi in PHIS[:3]:
         for step in (1.0, 0.25):
             of = {"phi_deg": phi, "dilation": 0.0, "duration": 8.0}
             yield "repose", of | CREEPING | {"cfl": step}
     yield from in_space()
     for side_walls, width in ((False, 0.04), (True, 0.1)):
-        for angle, reach in SLOPES.items():
+        for angle, reach in FLOORS.items():
             for dilation in BETAS:
                 of = {"angle_deg": angle, "side_walls": side_walls, "width": width}
                 yield "inclined", of | {"dilation": dilation, "reach": reach, "duration": 0.9}
@@ -269,16 +210,16 @@ def in_space() -> Iterator[Case]:
             yield "column", of | {"width": 0.06}
 
 
-def studies() -> Iterator[Case]:
+def changed() -> Iterator[Case]:
     """Stiffness, friction and spacing, changed one at a time, in 2D."""
     common = {"material": "grit", "dilation": 0.0} | STUDY
-    for kappa in (1e5, 1e6, 1e7):
+    for kappa in studies.KAPPAS:
         yield "study", common | {"kappa": kappa}
     for kappa in (1e6, 1e7):
         yield "study", common | {"kappa": kappa, "wall_density": 0.97}
-    for mu, mu_wall in FRICTIONS[1:]:
+    for mu, mu_wall in studies.FRICTIONS[1:]:
         yield "study", common | {"mu_l": mu, "mu_wall": mu_wall}
-    for spacing in (0.005, 0.0025):
+    for spacing in studies.SPACINGS[1:]:
         yield "study", common | {"spacing": spacing}
     yield "study", common | {"dilation": 0.5}
 
@@ -310,15 +251,7 @@ def exponents(rows: list[dict[str, Any]]) -> dict[str, Any]:
         these = [row for row in columns if kind_of_column(row) == key]
         if len(these) < 2:
             continue
-        a = np.array([row["aspect"] for row in these])
-        length = these[0].get("length", 0.09)
-        fits = {"1": a * length / [row["H"] for row in these]}
-        for name in ("L", "L99"):
-            fits[name] = np.array([row[name] for row in these]) / length - 1
-        entry = {}
-        for name, values in fits.items():
-            power, log = np.polyfit(np.log(a), np.log(values), 1)
-            entry |= {f"alpha_{name}": float(power), f"lambda_{name}": float(np.exp(log))}
+        entry = power_laws([row["aspect"] for row in these], these[0].get("length", 0.09), these)
         result[key] = entry | {"columns": len(these)}
     return result
 

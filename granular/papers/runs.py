@@ -198,12 +198,14 @@ class Runs:
     def note(self) -> str:
         """Schemes, moduli and cells or spacings of the scenes, remarks, and the commit."""
         mpm = [scene for scene in self.scenes if isinstance(scene, Scene)]
+        sph = [scene for scene in self.scenes if not isinstance(scene, Scene)]
         materials = [scene.material for scene in mpm] or self.materials
         parts = [
             _list(_words(scene.scheme) for scene in mpm),
             _list(f"E = {material.E:g} Pa" for material in materials),
             _list(f"cells of {1e3 * scene.grid.cell:.4g} mm" for scene in mpm),
-            _list(_particles(scene) for scene in self.scenes if not isinstance(scene, Scene)),
+            _list(f"SPH in {scene.dim}D" for scene in sph),
+            _list(f"particles {1e3 * scene.grid.cell:.4g} mm apart" for scene in sph),
             _list(self.remarks),
         ]
         return "; ".join([*filter(None, parts), f"commit {commit()}"])
@@ -212,10 +214,6 @@ class Runs:
 def _words(scheme: Scheme) -> str:
     single = ", single precision" if scheme.precision == "single" else ""
     return f"{scheme.basis} {scheme.transfer}, {scheme.density.name} density{single}"
-
-
-def _particles(scene: AnyScene) -> str:
-    return f"SPH in {scene.dim}D, particles {1e3 * scene.grid.cell:.4g} mm apart"
 
 
 def _list(texts: Iterable[str]) -> str:
@@ -230,9 +228,7 @@ def _shifted(simulation: Simulation, by: float, threads: int | None) -> Simulati
     """Simulation that has not begun, with all points displaced along the first axis."""
     start = simulation.checkpoint()
     x = start.arrays["x"].copy()
-    if isinstance(simulation.scene, Scene):
-        x[:, 0] += by
-    else:  # of SPH: a row for each component, and the particles of the material first
-        x[0, : simulation.n_points] += by
+    # A row for each component; with SPH the particles of the material come first.
+    x[0, : simulation.n_points] += by
     moved = replace(start, arrays={**start.arrays, "x": x})
     return Simulation.from_checkpoint(simulation.scene, moved, threads=threads)

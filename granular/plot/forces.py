@@ -1,7 +1,7 @@
 """Forces at contacts: force networks, Pareto fronts, histories, statistics.
 
-The functions take results and infer nothing; the runs are in `benchmarks/figures`. Numbers of
-figures are as in chapters 2 and 3 of Hurley's thesis.
+The functions take results and infer nothing; the runs are in `granular.papers.hurley_thesis`.
+Numbers of figures are as in chapters 2 and 3 of Hurley's thesis.
 """
 
 from __future__ import annotations

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from grains import jittered_grid, pressed_discs, sums
 
 from granular.grain_scale import inference
 from granular.grain_scale.inference import BoundaryForce, InferenceError, InferenceWarning, Packing
 from granular.grain_scale.inference.dynamic import knee_of
+from granular.papers.hurley_thesis.packings import jittered_grid, pressed_discs, sums
 
 
 def square():

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from grains import jittered_grid
 from matplotlib.collections import LineCollection
 from PIL import Image
 from refusals import refused
 
 from granular import plot
 from granular.grain_scale import inference
+from granular.papers.hurley_thesis.packings import jittered_grid
 
 FOLDER = Path(__file__).parents[2] / "benchmarks"
 

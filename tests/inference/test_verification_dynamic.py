@@ -5,9 +5,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from grains import DISC, impact, jittered_grid, noisy_record
 
 from granular.grain_scale import inference
+from granular.papers.hurley_thesis import dynamic_forces
+from granular.papers.hurley_thesis.errors import relative_error
+from granular.papers.hurley_thesis.impacts import DISC, impact, noisy_record
+from granular.papers.hurley_thesis.packings import jittered_grid
 
 MU = 0.6
 pytestmark = pytest.mark.filterwarnings("ignore::granular.grain_scale.inference.InferenceWarning")
@@ -16,8 +19,7 @@ pytestmark = pytest.mark.filterwarnings("ignore::granular.grain_scale.inference.
 def error(found):
     """Relative error of all forces of all frames."""
     true = [case.forces for case in impact().frames]
-    wrong = sum(((f - t) ** 2).sum() for f, t in zip(found, true, strict=True))
-    return np.sqrt(wrong / sum((t**2).sum() for t in true))
+    return relative_error(np.concatenate(found), np.concatenate(true))
 
 
 def infer(packings, **options):
@@ -28,12 +30,7 @@ def infer(packings, **options):
 
 
 def velocity_changes(packings, forces):
-    """Impulses over masses; nothing touches in the frames between."""
-    record = impact()
-    net = np.zeros((len(record.times), 6, 2))
-    for k, packing, f in zip(record.touching, packings, forces, strict=True):
-        net[k] = inference.net_forces(packing, f)
-    return inference.impulses(net, record.times) / record.masses[:, None]
+    return dynamic_forces.velocity_changes(impact(), packings, forces)
 
 
 @pytest.mark.parametrize("weight, solver", [(1e-2, "auto"), (1e2, "nnls")])

@@ -4,37 +4,26 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from grains import jittered_grid, oedometers, pressed_discs, pressed_spheres, settled
 
 from granular.grain_scale import inference
-from granular.grain_scale.inference import BoundaryForce, InferenceWarning
+from granular.grain_scale.inference import InferenceWarning
+from granular.papers.hurley_thesis.errors import relative_error as error
+from granular.papers.hurley_thesis.errors import with_noise
+from granular.papers.hurley_thesis.packings import (
+    BOTTOM,
+    TOP,
+    jittered_grid,
+    oedometers,
+    pressed_discs,
+    pressed_spheres,
+    settled,
+)
+from granular.papers.hurley_thesis.static_forces import load_of
 
 FLAGS_MAY_WARN = pytest.mark.filterwarnings(
     "ignore::granular.grain_scale.inference.InferenceWarning"
 )
 MU = 0.5
-TOP, BOTTOM = -4, -3
-
-
-def error(found, true):
-    """Relative error of the forces, eq. 2.15."""
-    return np.linalg.norm(found - true) / np.linalg.norm(true)
-
-
-def with_noise(packing, rng, *, bias=0.15, spread=0.1):
-    """Stresses with the errors of eq. 2.16: too stiff by 15 %, and each component off by 10 %."""
-    noise = 1 + bias + rng.normal(0, spread, packing.stresses.shape)
-    upper = np.triu(noise)
-    symmetric = upper + np.triu(noise, 1).transpose(0, 2, 1)
-    return replace(packing, stresses=packing.stresses * symmetric)
-
-
-def load_of(case):
-    """Force on the load cell at the top."""
-    value = inference.boundary_force(
-        case.packing, case.forces, BoundaryForce(body=TOP, direction=(0, -1), value=1.0)
-    )
-    return BoundaryForce(body=TOP, direction=(0, -1), value=value, opposite=BOTTOM)
 
 
 def test_known_forces_are_in_balance_and_admissible():

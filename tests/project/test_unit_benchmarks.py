@@ -315,7 +315,7 @@ def test_two_by_two_cells_keep_means(module):
     value, weight = rng.random((2, 4, 6))
     value[:2, :2], weight[:2, :2] = np.nan, 0.0
     value[2, 2], weight[2, 2] = np.nan, 0.0
-    coarse = module("clogging").coarsened(gr.measure.GridField(axes, value, weight, 1))
+    coarse = module("refined_silos").coarsened(gr.measure.GridField(axes, value, weight, 1))
     assert coarse.axes[1] == pytest.approx([1, 3, 5])
     assert np.isnan(coarse.value[0, 0])
     expected = np.nansum((value * weight)[2:, 2:4]) / weight[2:, 2:4].sum()

@@ -7,8 +7,6 @@ from PIL import Image
 
 FOLDER = Path(__file__).parents[2] / "benchmarks" / "figures"
 PICTURES = {
-    "inference_static": ["inference_static", "inference_statistics"],
-    "inference_dynamic": ["inference_histories", "inference_impact", "inference_pareto"],
     "explanations": [
         f"explain_{page}"
         for page in ("bodies", "core", "density_correction", "determinism", "fluidity", "laws")
@@ -23,7 +21,6 @@ PICTURES = {
             *("scale_a_model", "scene_files", "shear_cell", "sweep", "walls", "watch_a_run"),
         )
     ],
-    "inference_bed": ["inference_bed_1", "inference_distances", "inference_intruder"],
 }
 
 
@@ -31,21 +28,13 @@ def test_every_script_is_known(module):
     found = {
         p.stem for name in ("figure", "explanations", "guides") for p in FOLDER.glob(f"*{name}*.py")
     }
-    found |= {f"inference_{name}" for name in module("inference_pictures").FIGURES}
     assert found == PICTURES.keys()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PICTURES)
-@pytest.mark.filterwarnings("ignore::granular.grain_scale.inference.InferenceWarning")
 def test_a_quick_figure_is_written(module, name, tmp_path):
-    if name.startswith("inference"):
-        pytest.importorskip("clarabel")
-    words = ["--quick", "--out", str(tmp_path / "new")]
-    if name.startswith("inference"):
-        module("inference_pictures").main([name.removeprefix("inference_"), *words])
-    else:
-        module(name).main(words)
+    module(name).main(["--quick", "--out", str(tmp_path / "new")])
     written = sorted(path.stem for path in (tmp_path / "new").iterdir())
     assert written == PICTURES[name]
     for stem in written:

@@ -8,26 +8,20 @@ import pytest
 
 import granular as gr
 from granular import sph
+from granular.papers.hurley_thesis.columns import TABLE_5_4
+from granular.papers.hurley_thesis.sph_measures import BETAS, slope_deg
+from granular.papers.hurley_thesis.sph_measures import far as distances
 
 RESULTS = Path(__file__).parents[2] / "benchmarks" / "results" / "sph_examples.json"
 
 
-def reach(simulation, share=0.99):
-    state = simulation.state
-    order = np.argsort(state.x[:, 0])
-    held = np.cumsum(state.mass[order])
-    return state.x[order[np.searchsorted(held, share * held[-1])], 0]
+def reach(simulation):
+    """Distance within which 99 % of the mass lies [m]."""
+    return distances(simulation.state)["L99"]
 
 
 WIDTHS = (0.0, pytest.param(0.06, marks=pytest.mark.slow))
 """Widths for 2D and for 3D with a periodic axis."""
-
-
-def slope_deg(state):
-    """Angle of the line through the surface over the middle 75 % of a floor of 0.24 m."""
-    top = gr.measure.surface(state, above=0.0, along="x")
-    kept = (top.x > 0.03) & (top.x < 0.21) & np.isfinite(top.top)
-    return -np.degrees(np.arctan(np.polyfit(top.x[kept], top.top[kept], 1)[0]))
 
 
 @pytest.mark.parametrize("width", WIDTHS)
@@ -151,10 +145,8 @@ def rows(table, kind, **entries):
 
 
 THESIS = {
-    "grit beta 0": (0.55, 0.72),
-    "grit beta 0.5": (0.61, 1.01),
-    "glass beta 0": (0.61, 0.72),
-    "glass beta 0.5": (0.68, 0.96),
+    f"{name} beta {BETAS[words]:g}": (alpha_1, alpha_2)
+    for (name, words), (_, alpha_1, _, alpha_2) in TABLE_5_4.items()
 }
 """Exponents of the height and of the run-out (table 5.4)."""
 
