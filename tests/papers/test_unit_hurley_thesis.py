@@ -61,7 +61,7 @@ def test_grains_of_a_column_bear_the_load():
 
 
 def test_grains_that_still_move_are_refused():
-    grains = packings.oedometers([0], n=20, free=10, damped=10)
+    grains = packings.oedometers([0], n=20, free=400, damped=50)
     with pytest.raises(RuntimeError, match="still move"):
         packings.settled(grains, [0], rounds=1)
 
@@ -209,7 +209,7 @@ def test_heaps_are_measured_by_column():
     """A triangle of particles: the highest in each column, and a slope of 45 degrees."""
     scene = gr.scenes.slump_sph(length=0.2, height=0.2, orifice=0.02, spacing=0.02)
     start = gr.Simulation(scene, threads=1).state
-    low = start.x[:, 0] + start.x[:, 1] < 0.2
+    low = start.x[:, 0] + start.x[:, 1] < 0.19
     fields = {name: array[low] for name, array in start.fields.items()}
     heap = gr.State(scene=scene, time=0.0, step=0, dt=1e-4, fields=fields)
     x, tops = sph_measures.highest(heap)
@@ -227,7 +227,7 @@ def test_samples_begin_after_the_tilt():
     )
     last = [state for _, state in seen if state is not None]
     flow = inclines.LayerFlow.of(scene, [sample for sample, _ in seen], last)
-    assert flow.times[0] == pytest.approx(0.04, abs=0.005)
+    assert inclines.AFTER < flow.times[0] < inclines.AFTER + 0.025
     t, acceleration = flow.accelerations
     assert len(t) == len(acceleration) == len(flow.times) - 1
     # at first nearly that of gravity less the friction at rest

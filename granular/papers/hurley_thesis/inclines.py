@@ -104,7 +104,7 @@ def look(state: State) -> tuple[float, float, float]:
 
 
 def sample(late: float, state: State) -> tuple[tuple[float, float, float], State | None]:
-    """What `look` returns, and the state itself after a time [s]."""
+    """Result of `look`, and the state itself after a time [s]."""
     return look(state), state if state.time > late else None
 
 
@@ -227,7 +227,7 @@ def draw_profiles(ax: Axes, by_angle: Mapping[float, LayerFlow]) -> None:
 
 
 def left(angle: float) -> str:
-    """What the thesis states of the acceleration that is left in the end."""
+    """Statement of the thesis on the acceleration that is left in the end."""
     return "0 or very close" if angle <= 27 else "tends to 0" if angle == 30 else "not 0"
 
 

@@ -36,10 +36,10 @@ NEAR = 0.05
 @PAPER.figure(
     "6.2",
     "a jet of gas on a bed: speed of the sand, and pressure of the gas",
-    seconds=120.0,
+    seconds=105.0,
     paper={
         "largest excess pressure in the bed below the jet [kPa]": "a region of high pressure",
-        "the same at the end [kPa]": "diminished",
+        "excess pressure there at the end [kPa]": "diminished",
         "depth of the crater at the end [m]": "a crater",
         "rise of the highest sand at the end [m]": "outward and upward",
     },
@@ -61,7 +61,7 @@ def jet(runs: Runs) -> Drawn:
     pressures = [excess_below(state) for state in states]
     numbers: dict[str, Number] = {
         "largest excess pressure in the bed below the jet [kPa]": max(pressures),
-        "the same at the end [kPa]": pressures[-1],
+        "excess pressure there at the end [kPa]": pressures[-1],
         "depth of the crater at the end [m]": height_below(first) - height_below(last),
         "rise of the highest sand at the end [m]": float(
             last.x[:, -1].max() - first.x[:, -1].max()

@@ -38,7 +38,7 @@ class Slope:
 
 
 def below(phi: float) -> dict[str, str]:
-    """What the thesis states of the slopes of an angle of friction."""
+    """Statements of the thesis on the slopes of an angle of friction."""
     words = (f"slightly below {phi:g}", f"near {phi:g}") if phi <= 30 else ("deviates",) * 2
     return {
         f"slope at phi = {phi:g} deg, {name} [deg]": text
@@ -69,10 +69,10 @@ def repose(runs: Runs) -> Drawn:
         angles = [one.angle_deg for one in many]
         numbers[f"slope at phi = {phi:g} deg, {name} [deg]"] = float(np.mean(angles))
         numbers[f"standard error at phi = {phi:g} deg, {name} [deg]"] = standard_error(angles)
-    shown = slopes[30.0, "no dilation"]
-    ratios = [lowest_pressure(one.end) for one in shown]
+    drawn = slopes[30.0, "no dilation"]
+    ratios = [lowest_pressure(one.end) for one in drawn]
     numbers["pressure of the lowest layer over that of the second"] = float(np.mean(ratios))
-    return Drawn({"": figure_5_2(shown[0], slopes)}, numbers)
+    return Drawn({"": figure_5_2(drawn[0], slopes)}, numbers)
 
 
 def box(runs: Runs, phi: float, beta: float, seed: int) -> Scene:

@@ -1,4 +1,4 @@
-"""What the figures of chapter 5 measure: run-outs, slopes, shear rates, profiles, fits.
+"""Measures of the figures of chapter 5: run-outs, slopes, shear rates, profiles, fits.
 
 The benchmark `sph_examples` measures the same in other cases.
 """
