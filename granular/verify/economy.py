@@ -108,8 +108,8 @@ def economy_collapse() -> Iterator[Row]:
     """Columns of aspect 1, mean of three seedings: suggested at 5 % against E = 1 GPa.
 
     No smaller error than 4 % is promised, because the toe is 3 to 4 % further at 1 GPa than from 1
-    to 100 MPa (docs/reports/economy.md). The bound allows for the standard errors of both means, 2 %
-    together.
+    to 100 MPa (docs/reports/economy.md). The bound allows for the standard errors of both means,
+    2 % together.
     """
     cheaper, full = [], []
     for seed in (1, 2, 3):

@@ -76,8 +76,8 @@ def friction_and_packing(runs: Runs) -> Drawn:
     numbers["friction from the slowest flow to the fastest"] = (
         f"{slowest.friction:.2f} to {fastest.friction:.2f}"
     )
-    of = glass_beads_5mm
-    beads = calibrate.MuIFit(of.mu_s, of.mu_2, of.I0, {}, np.zeros(0))
+    of, I0 = glass_beads_5mm, float(glass_beads_5mm.I0 or 0.0)
+    beads = calibrate.MuIFit(of.mu_s, of.mu_2, I0, {}, np.zeros(0))
     return Drawn({"": plot.friction_and_packing(sets, {"glass beads": beads})}, numbers)
 
 

@@ -68,7 +68,7 @@ def at_rest(runs: Runs, name: str, case: Case) -> State:
 @PAPER.figure(
     "5.7",
     "heaps of grit for three stiffnesses, frictions and spacings",
-    seconds=115.0,
+    seconds=75.0,
     paper={
         "run-out of 10 MPa over that of 0.1 MPa": "no significant change",
         "run-out of the lowest friction over that of the highest": "above 1, minor",
