@@ -3,8 +3,8 @@
 `{result-table} RESULT [TABLE]` reads `benchmarks/results/RESULT.json` and renders the table of this
 name among those that `tables(results)` of the script gives. The script is the file of the
 benchmarks with the name of the result; what follows a hyphen in it names a variant, as in
-`papers-suggested`. Without a name it renders the only table of the script. Below stands where, when
-and by what command the results were measured.
+`speed-avx2`. Without a name it renders the only table of the script. Below stands where, when and
+by what command the results were measured.
 """
 
 from __future__ import annotations

@@ -169,7 +169,7 @@ def snapshots(runs: Runs) -> Drawn:
     The particles that lie along the upper wall do not move, as in the thesis.
     """
     angles = tuple(FLOORS)[1:2] if runs.quick else tuple(FLOORS)
-    picture = Picture(figsize=(12.0, 1.7 * len(angles) + 0.6), layout="compressed")
+    picture = Picture(figsize=(13.0, 0.85 * len(angles) + 0.6), layout="compressed")
     grid = picture.subplots(len(angles), 1 + len(TIMES), squeeze=False)
     numbers: dict[str, Number] = {}
     for row, angle in zip(grid, angles, strict=True):
@@ -187,7 +187,7 @@ def snapshots(runs: Runs) -> Drawn:
 def draw_row(row: np.ndarray, states: Sequence[State], angle: float) -> None:
     """The middle at the first time, and the particles next to a wall at all three."""
     width = states[0].scene.grid.upper[1]
-    extent = ((0.0, FLOORS[angle]), (0.0, 0.17))
+    extent = ((0.0, max(FLOORS.values())), (0.0, 0.17))
     cell = states[0].scene.grid.cell
     middle, near = (0.5 * width - cell, 0.5 * width + cell), (0.0, 1.5 * cell)
     panels = [(states[0], middle, "middle"), *((state, near, "wall") for state in states)]
