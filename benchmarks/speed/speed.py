@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import json
 import time
-from pathlib import Path
 from typing import Any
 
 from shared import RESULTS, ROOT, least_time, markdown, parser_of, rounded, write
@@ -46,7 +45,7 @@ FLOWS = 0.15
 """Time at which a column or cylinder flows [s]."""
 FLOWING = {(2, 4): (10_000, 100_000), (2, 16): (10_000,), (3, 8): (10_000, 100_000)}
 """Numbers of points of the states that are also timed in flow."""
-TIMES = Path(pace.__file__).with_name("step_times.json")
+TIMES = ROOT / "granular" / "economy" / "step_times.json"
 
 
 def best_time(sim: gr.Simulation, threads: int, batches: int) -> float:
