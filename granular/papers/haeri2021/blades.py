@@ -9,11 +9,11 @@ from typing import Any, Self, cast
 import numpy as np
 
 from granular import measure, scenes
-from granular.materials import NGF, DruckerPrager, grc_1
+from granular.materials import NGF, DruckerPrager
 from granular.measure.soil_tools import FailureSurface
 from granular.model.state import State
 from granular.mpm.scene import Scene
-from granular.papers.haeri2021.document import EVERY, chosen_scheme, softened
+from granular.papers.haeri2021.document import EVERY, chosen_scheme, soft_soil
 from granular.papers.runs import Runs
 from granular.record import Trajectory
 from granular.tools.arrays import Array, BoolArray
@@ -51,7 +51,7 @@ def recorded_blade(runs: Runs, depth: float, name: str, **changes: Any) -> Traje
     """Record of a blade that dives and moves forward."""
     parts: dict[str, Any] = {"scheme": scenes.excavation().scheme} | changes
     parts["scheme"] = chosen_scheme(runs, parts["scheme"])
-    parts.setdefault("material", softened(runs, grc_1))
+    parts.setdefault("material", soft_soil(runs))
     if runs.quick:
         parts |= QUICK | {"cell": 2 * max(parts.get("cell", 0.0), BED["cell"])}
     return runs.record(blade_scene(depth, **parts), name, every=EVERY, precision="single")

@@ -18,7 +18,7 @@ from granular.papers.haeri2021.blades import (
     forces_on_width,
 )
 from granular.papers.haeri2021.cylinders import COARSE, CylinderFlow, recorded_flow
-from granular.papers.haeri2021.document import EVERY, PAPER, SCHEMES, chosen_scheme, softened
+from granular.papers.haeri2021.document import EVERY, PAPER, SCHEMES, chosen_scheme, soft_soil
 from granular.papers.runs import Runs
 from granular.plot.canvas import Picture
 from granular.scenes import excavation
@@ -74,23 +74,22 @@ def flow_errors(runs: Runs) -> dict[float, float]:
 def blade_errors(runs: Runs) -> dict[str, tuple[float, float]]:
     """dx/(d ppc) and errors of the force [%], by what has changed from the finest cells."""
     coarse = {"cell": 2 * BED["cell"]}
-    cases: dict[str, tuple[dict[str, Any], int]] = {
-        "coarse": (coarse, POINTS),
-        "cells of 12.5 mm": ({}, POINTS),
-        "one point a cell": ({"points_per_cell": 1}, 1),
-        "finest": (FINE, POINTS),
+    cases: dict[str, tuple[str, dict[str, Any], int]] = {
+        "cells of 25 mm": ("thin_5_coarse", coarse, POINTS),
+        "cells of 12.5 mm": ("thin_5", {}, POINTS),
+        "one point a cell": ("thin_5_one", {"points_per_cell": 1}, 1),
+        "finest": ("thin_5_fine", FINE, POINTS),
     }
     if runs.quick:  # the finest cells take twenty times as long as the next
         cases["finest"] = cases.pop("cells of 12.5 mm")
     forces = {}
-    for label, (changes, ppc) in cases.items():
+    for label, (name, changes, ppc) in cases.items():
         scene = blade_scene(
             0.05,
-            material=softened(runs, grc_1),
+            material=soft_soil(runs),
             scheme=chosen_scheme(runs, excavation().scheme),
             **(THIN | changes | (QUICK if runs.quick else {})),
         )
-        name = f"blade_{label.replace(' ', '_')}"
         with runs.record(scene, name, every=EVERY, precision="single") as record:
             size = scene.grid.cell / (grc_1.d * ppc)
             forces[label] = size, forces_on_width(record).arrival()[0]

@@ -23,7 +23,7 @@ from granular.papers.haeri2021.blades import (
     plastic,
     recorded_blade,
 )
-from granular.papers.haeri2021.document import PAPER, SCHEMES, SOIL_E, softened
+from granular.papers.haeri2021.document import PAPER, SCHEMES, SOIL_E, soft_soil, softened
 from granular.papers.runs import Runs
 from granular.plot.canvas import Picture
 
@@ -63,7 +63,7 @@ def failure(runs: Runs) -> Drawn:
     laws move nearly the same soil, as the length A d = 0.14 mm is a sixtieth of a cell, and the
     sign of what is left differs between the two blades: it is no effect of the law.
     """
-    local = softened(runs, grc_1.replace(A=0.0))
+    local = soft_soil(runs, grc_1.replace(A=0.0))
     cases = {}
     for thickness, start, sizes in (("6 mm", "thin", THIN), ("25 mm", "narrow", THICK)):
         for law, end, changes in (
@@ -107,7 +107,7 @@ def plasticity(runs: Runs) -> Drawn:
     cases: dict[str, tuple[str, dict[str, Any]]] = {
         "nonlocal": ("narrow_5_fine", {}),
         "Drucker-Prager, mu_s": (
-            "narrow_5_drucker_prager_fine", {"material": plastic(softened(runs, grc_1))}
+            "narrow_5_drucker_prager_fine", {"material": plastic(soft_soil(runs))}
         ),
         "hardening": ("narrow_5_hardening_fine", {"material": hardening}),
     }  # fmt: skip

@@ -13,7 +13,7 @@ from granular.papers.haeri2021 import wheels
 from granular.papers.haeri2021.blades import BED
 from granular.papers.haeri2021.buckets import excavator_scene
 from granular.papers.haeri2021.cylinders import COARSE, LOW
-from granular.papers.haeri2021.document import PAPER, softened
+from granular.papers.haeri2021.document import PAPER, soft_soil, softened
 from granular.papers.haeri2021.silos import silo_scene
 from granular.papers.runs import Runs
 
@@ -65,7 +65,7 @@ def table_1(runs: Runs) -> Drawn:
         )
         names = PRINTED[label]
         numbers |= {f"{n}, {label}": float(v) for n, v in zip(names, values, strict=True)}
-        soft = softened(runs, material)
+        soft = soft_soil(runs) if material is grc_1 else softened(runs, material)
         numbers[f"S in the figures, {label} [MPa]"] = soft.G / 1e6
         numbers[f"B in the figures, {label} [MPa]"] = soft.K / 1e6
         numbers[f"t0 in the figures, {label} [s]"] = soft.t0
@@ -89,7 +89,7 @@ def table_2(runs: Runs) -> Drawn:
     quarter of the size: 3.3 mm are 13.2 mm of the experiment, which the scenes here have. Its times
     are those of four cores; figures 8, 9 and 13 have its errors.
     """
-    soil, cell = softened(runs, grc_1), COARSE if runs.quick else LOW
+    soil, cell = soft_soil(runs), COARSE if runs.quick else LOW
     made = {
         "cylinders": scenes.couette(material=softened(runs, couette_beads), **cell),
         "excavation": scenes.excavation(material=soil, cell=BED["cell"]),

@@ -10,7 +10,7 @@ from granular.materials import grc_1
 from granular.model.state import State
 from granular.mpm.scene import Scene
 from granular.papers.figure import Drawn
-from granular.papers.haeri2021.document import PAPER, SCHEMES, SOIL_E, chosen_scheme, softened
+from granular.papers.haeri2021.document import PAPER, SCHEMES, SOIL_E, chosen_scheme, soft_soil
 from granular.papers.runs import Runs
 from granular.plot.canvas import Picture, View, color_bar
 from granular.plot.fields import Brush
@@ -52,7 +52,7 @@ def silo_scene(runs: Runs) -> Scene:
     return scenes.silo_3d(
         cell=cell,
         width=0.0625 if runs.full else 2 * cell,
-        material=softened(runs, grc_1.replace(mu_s=MU_S)),
+        material=soft_soil(runs, grc_1.replace(mu_s=MU_S)),
         scheme=chosen_scheme(runs, scenes.silo_3d().scheme),
     )
 
@@ -66,7 +66,7 @@ def wedge(scene: Scene) -> float:
 
 def figure_19(states: Sequence[State]) -> Picture:
     """Speed above, shear rate below, one column for each time."""
-    picture = Picture(figsize=(7.0, 3.4), layout="compressed")
+    picture = Picture(figsize=(7.0, 2.4), layout="compressed")
     axes = picture.subplots(2, len(states), sharex=True, sharey=True)
     brushes = (
         Brush.fitted([], "speed", limits=(0.0, 0.2)),

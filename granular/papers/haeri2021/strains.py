@@ -16,7 +16,7 @@ from granular.mpm.scene import Scene
 from granular.papers.figure import Drawn
 from granular.papers.haeri2021.blades import QUICK, THIN, WAY, blade_scene
 from granular.papers.haeri2021.cylinders import COARSE
-from granular.papers.haeri2021.document import PAPER, SCHEMES, chosen_scheme, softened
+from granular.papers.haeri2021.document import PAPER, SCHEMES, chosen_scheme, soft_soil, softened
 from granular.papers.runs import Runs
 from granular.plot.canvas import Picture
 from granular.record import Trajectory
@@ -57,7 +57,7 @@ def blade_record(runs: Runs) -> Trajectory:
         size |= QUICK | {"cell": 0.025}
     scene = blade_scene(
         0.05,
-        material=softened(runs, grc_1),
+        material=soft_soil(runs),
         scheme=chosen_scheme(runs, scenes.excavation().scheme),
         **size,
     )

@@ -11,7 +11,6 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 
 from granular import measure, plot, scenes
-from granular.materials import grc_1
 from granular.measure.soil_tools import WheelHistory
 from granular.model.state import State
 from granular.mpm.scene import Scene
@@ -22,7 +21,7 @@ from granular.papers.haeri2021.document import (
     SCHEMES,
     SOIL_E,
     chosen_scheme,
-    softened,
+    soft_soil,
 )
 from granular.papers.runs import Runs
 from granular.plot.canvas import Picture
@@ -114,7 +113,7 @@ class Rolling:
 def parts_of(runs: Runs) -> dict[str, Any]:
     """Material and scheme of a wheel."""
     scheme = chosen_scheme(runs, scenes.wheel().scheme)
-    return {"material": softened(runs, grc_1), "scheme": scheme}
+    return {"material": soft_soil(runs), "scheme": scheme}
 
 
 @dataclass(frozen=True)
@@ -159,7 +158,7 @@ class SoilBelow:
     "17",
     "soil below a wheel at the window with slips of 20 and 70 %: mean speed over that of the rim",
     seconds=600.0,
-    paper={"speed at a slip of 70 %": "highly dynamic below and behind the wheel"},
+    paper={"moving soil": "below and behind the wheel"},
     E=SOIL_E,
     schemes=SCHEMES,
 )
