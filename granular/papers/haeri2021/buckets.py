@@ -34,7 +34,7 @@ FALLING = 0.2
 @PAPER.figure(
     "1",
     "industrial excavator: shear rate next to its plane of symmetry, and stress-free points",
-    seconds=140.0,
+    seconds=115.0,
     paper={
         "share at rest at 6 s": "in the bucket and far from it",
         "share flowing at 6 s": "piled up after it returned",

@@ -33,7 +33,7 @@ POINTS = 8
 @PAPER.figure(
     "8",
     "error of the profile between cylinders and of the force on a blade, against dx/(d ppc)",
-    seconds=240.0,
+    seconds=185.0,
     paper={
         "mean error between cylinders at dx/(d ppc) = 0.25, against the experiment [%]": 0.9,
         "error of the force at dx/(d ppc) = 1.375, against the experiment [%]": -0.5,

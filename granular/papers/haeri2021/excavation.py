@@ -37,7 +37,7 @@ def excavation(runs: Runs, depth: float, name: str, **changes: Any) -> Trajector
 @PAPER.figure(
     "12",
     "soil about a blade 5 cm deep at the end of its way: in its middle plane, and from above",
-    seconds=230.0,
+    seconds=200.0,
     paper={"soil": "a zone before the blade moves, all else is at rest"},
     E=SOIL_E,
     schemes=SCHEMES,
@@ -93,7 +93,7 @@ def figure_12(moved: MovedSoil) -> Picture:
 @PAPER.figure(
     "13",
     "forward, vertical and lateral force on blades 2 and 5 cm deep over time",
-    seconds=440.0,
+    seconds=365.0,
     paper={"error of the forward force at 5 cm against the document's experiment [%]": -0.5},
     E=SOIL_E,
     schemes=SCHEMES,

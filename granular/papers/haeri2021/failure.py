@@ -48,7 +48,7 @@ def laws(runs: Runs, cases: Mapping[str, tuple[str, Mapping[str, Any]]]) -> dict
 @PAPER.figure(
     "14",
     "speed and lower boundary of the moving soil before a blade, nonlocal and local (A = 0)",
-    seconds=400.0,
+    seconds=290.0,
     paper={
         "zone moved by the local law over that of the nonlocal one, 6 mm": "fails to match",
         "zone moved by the local law over that of the nonlocal one, 25 mm": "fails to match",
@@ -87,7 +87,7 @@ def failure(runs: Runs) -> Drawn:
 @PAPER.figure(
     "15",
     "the same with Drucker-Prager, of constant friction and with hardening; forces, friction angle",
-    seconds=340.0,
+    seconds=250.0,
     paper={
         "largest friction angle of the hardening law [deg]": 44.0,
         "friction angle of the hardening law at the start [deg]": 35.0,

@@ -24,7 +24,7 @@ MU_S = 0.3819
 @PAPER.figure(
     "19",
     "a silo at 0, 1, 5 and 12 s: speed, and shear rate in a thin layer",
-    seconds=120.0,
+    seconds=40.0,
     paper={"slope at the end [deg]": math.degrees(math.atan(MU_S))},
     E=SOIL_E,
     schemes=SCHEMES,

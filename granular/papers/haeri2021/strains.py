@@ -67,7 +67,7 @@ def blade_record(runs: Runs) -> Trajectory:
 @PAPER.figure(
     "6",
     "mean elastic strain over time between cylinders and in excavation, and its deviation",
-    seconds=280.0,
+    seconds=170.0,
     paper={
         f"strain in the last quarter over that in the second, {BLADE}": "increases",
         f"strain in the last quarter over that in the second, {FLOW}": "steady",
@@ -182,7 +182,7 @@ def plastic_volume(state: State) -> Array:
 @PAPER.figure(
     "7",
     "change of det F^p over time between cylinders and in excavation, and by the published step",
-    seconds=280.0,
+    seconds=170.0,
     paper={f"largest change of ln det F^p, {label}": "within bounds" for label in (FLOW, BLADE)},
     schemes=SCHEMES,
 )

@@ -157,7 +157,7 @@ class SoilBelow:
 @PAPER.figure(
     "17",
     "soil below a wheel at the window with slips of 20 and 70 %: mean speed over that of the rim",
-    seconds=600.0,
+    seconds=530.0,
     paper={"moving soil": "below and behind the wheel"},
     E=SOIL_E,
     schemes=SCHEMES,
@@ -210,7 +210,7 @@ def figure_17(results: Mapping[int, SoilBelow]) -> Picture:
 @PAPER.figure(
     "18",
     "drawbar pull, load and sinkage over time at 20 % slip; pull over load and sinkage by slip",
-    seconds=340.0,
+    seconds=300.0,
     paper={
         "error of the load against the document's experiment [%]": 5.2,
         "mean load, 20 % [N]": 164.0,

@@ -57,7 +57,7 @@ def states_of(runs: Runs, angle: float, walls: str, beta: float) -> list[State]:
 @PAPER.figure(
     "5.8",
     "a block in an inclined channel before its gate lifts, and after the collapse",
-    seconds=45.0,
+    seconds=40.0,
 )
 def before_and_after(runs: Runs) -> Drawn:
     """Side views at 16 degrees, with side walls and dilation; x is along the slope."""
@@ -82,7 +82,7 @@ def before_and_after(runs: Runs) -> Drawn:
 @PAPER.figure(
     "5.9",
     "profiles of collapses down inclines, with and without side walls and dilation",
-    seconds=360.0,
+    seconds=345.0,
     paper={
         "angles and walls at which dilation shortens the run-out": "all",
         "angles and dilations at which side walls shorten the run-out": "all",
@@ -112,6 +112,8 @@ def profiles(runs: Runs) -> Drawn:
             for state, marker in zip(at_times[1:], "o^s", strict=True):
                 ax.plot(*highest(state), marker, color=color, markersize=2.5, fillstyle="none")
             ax.plot([], [], "o", color=color, label=f"{angle:g} deg")
+        for time, marker in zip(TIMES, "o^s", strict=True):
+            ax.plot([], [], marker, color="0.4", fillstyle="none", label=f"{time:g} s")
         ax.set(xlabel="x [m]", ylabel="height [m]", title=f"({letter}) {walls}, {words}")
         ax.set(xlim=(0.0, None), ylim=(0.0, 0.16))
         ax.legend(fontsize="x-small")
@@ -157,7 +159,7 @@ FASTEST, COLORS = 40.0, "inferno"
 @PAPER.figure(
     "5.10",
     "shear rates of collapses between side walls, next to a wall and in the middle",
-    seconds=165.0,
+    seconds=150.0,
     paper={
         f"shear rate at the walls over that in the middle, first time, {angle:g} deg": "above 1"
         for angle in FLOORS

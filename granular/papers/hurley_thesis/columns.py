@@ -67,7 +67,7 @@ def column(runs: Runs, name: str, beta: float, aspect: float) -> Scene:
 @PAPER.figure(
     "5.5",
     "columns of grit and of glass before they collapse",
-    seconds=8.0,
+    seconds=4.0,
     paper={"length of grit [m]": 0.09, "length of glass [m]": 0.025},
 )
 def initial(runs: Runs) -> Drawn:
@@ -129,7 +129,7 @@ THESIS = {
 @PAPER.figure(
     "5.6",
     "heights and run-outs of columns against their aspect ratio, with power laws",
-    seconds=450.0,
+    seconds=280.0,
     paper=THESIS,
 )
 def scaling(runs: Runs) -> Drawn:
@@ -154,7 +154,7 @@ def scaling(runs: Runs) -> Drawn:
 @PAPER.figure(
     "table_5.4",
     "constants of the power laws of heights and run-outs",
-    seconds=450.0,
+    seconds=280.0,
     paper=THESIS,
 )
 def table_5_4(runs: Runs) -> Drawn:

@@ -38,7 +38,7 @@ def front_of(runs: Runs) -> tuple[Record, list[Packing], ParetoFront]:
 @PAPER.figure(
     "3.2",
     "residuals of the balance and of the stresses, and the knee of their trade-off",
-    seconds=12.0,
+    seconds=9.0,
     paper={"error of the forces at the knee": "not given"},
 )
 def trade_off(runs: Runs) -> Drawn:
@@ -57,7 +57,7 @@ def trade_off(runs: Runs) -> Drawn:
 @PAPER.figure(
     "3.5",
     "forces in six discs during an impact, inferred and true: networks, and contacts over time",
-    seconds=12.0,
+    seconds=10.0,
     paper={"error of the largest force of a contact [%]": "often below 20"},
 )
 def forces_over_time(runs: Runs) -> Drawn:
@@ -132,7 +132,7 @@ def summary(changes: Array, measured: Array) -> dict[str, Number]:
 @PAPER.figure(
     "table_3.1",
     "changes of the velocities of six discs: by the impulse of the forces, and measured",
-    seconds=12.0,
+    seconds=8.0,
     paper=summary(THESIS[:, :, 0], THESIS[:, :, 1]),
 )
 def table_3_1(runs: Runs) -> Drawn:

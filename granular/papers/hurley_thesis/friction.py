@@ -29,7 +29,7 @@ from granular.papers.runs import Runs
 @PAPER.figure(
     "4.3",
     "coefficient of restitution against the impact speed of both sets of grains",
-    seconds=1.0,
+    seconds=20.0,
     paper={"restitution of the first set at 0.1 sqrt(p/rho_s)": "below that of the second set"},
 )
 def restitution(runs: Runs) -> Drawn:

@@ -147,7 +147,7 @@ def flows(runs: Runs, angles: Sequence[float]) -> dict[str, dict[float, LayerFlo
 @PAPER.figure(
     "5.3",
     "layers on inclines: state, velocity profiles, and Bagnold's profile",
-    seconds=30.0,
+    seconds=23.0,
     paper={
         f"shear rate at {angle:g} deg, {name} [1/s]": 0.0 if angle <= 15 else "flows"
         for name in BETAS
@@ -234,7 +234,7 @@ def left(angle: float) -> str:
 @PAPER.figure(
     "5.4",
     "acceleration and slip of layers on inclines over time",
-    seconds=45.0,
+    seconds=38.0,
     paper={
         f"acceleration b left at {angle:g} deg, {name} [m/s2]": left(angle)
         for name in BETAS

@@ -151,7 +151,7 @@ def network(runs: Runs, seed: int) -> Drawn:
 @PAPER.figure(
     "3.7",
     "forces in a bed of discs at six times during the impact of an intruder",
-    seconds=20.0,
+    seconds=10.0,
     paper={
         "force chain below the intruder, from [ms]": 5.0,
         "force chain below the intruder, until [ms]": 28.0,
@@ -165,7 +165,7 @@ def first_bed(runs: Runs) -> Drawn:
 @PAPER.figure(
     "3.8",
     "the same in a bed with another packing",
-    seconds=20.0,
+    seconds=10.0,
     paper={"force chain below the intruder, until [ms]": "other than in figure 3.7"},
 )
 def second_bed(runs: Runs) -> Drawn:
@@ -176,7 +176,7 @@ def second_bed(runs: Runs) -> Drawn:
 @PAPER.figure(
     "3.9",
     "vertical force on the intruder over time in the beds of figures 3.7 and 3.8",
-    seconds=40.0,
+    seconds=17.0,
     paper={"peaks above half of the largest, experiment 1": "several"},
 )
 def force_on_intruder(runs: Runs) -> Drawn:
@@ -203,7 +203,7 @@ def peaks(series: Array) -> int:
 @PAPER.figure(
     "3.10",
     "largest force against the distance from the intruder in three beds",
-    seconds=60.0,
+    seconds=24.0,
     paper={"spread of the three curves over their mean": "very similar"},
 )
 def forces_by_distance(runs: Runs) -> Drawn:

@@ -60,7 +60,7 @@ def load_of(case: Case) -> BoundaryForce:
 @PAPER.figure(
     "2.9",
     "oedometric test of 58 discs: forces by DEM and by eq. 2.13 from exact stresses",
-    seconds=11.0,
+    seconds=9.0,
     paper={
         "largest error of the forces, eq. 2.15": 0.0,
         "force on the upper wall per metre of depth [N]": 1170.0,
@@ -96,7 +96,7 @@ WAYS: dict[str, Number] = {
 @PAPER.figure(
     "2.10",
     "forces from stresses that are 15 % too large and have 10 % of noise",
-    seconds=40.0,
+    seconds=17.0,
     paper={f"mean error, {name}": error for name, error in WAYS.items()}
     | {"mean lambda of (2.14) [sqrt(m)]": 0.0714},
 )
@@ -150,7 +150,7 @@ def inferred_by_all(case: Case, rng: np.random.Generator) -> dict[str, Inference
 @PAPER.figure(
     "2.11",
     "forces inferred in a window of six discs",
-    seconds=15.0,
+    seconds=10.0,
     paper={"error in the window that is drawn": 0.0, "largest error of windows of full rank": 0.0},
 )
 def windows(runs: Runs) -> Drawn:
@@ -205,7 +205,7 @@ SPHERES = {"quick": (40, 1), "normal": (77, 3), "full": (77, 8)}
 @PAPER.figure(
     "6.1",
     "forces in compressed spheres and their distribution, for the quartz grains of the thesis",
-    seconds=30.0,
+    seconds=28.0,
     paper={
         "share of strong contacts [%]": 40.0,
         "decay b of exp(-b F/mean) above the mean": "exponential",
