@@ -202,9 +202,10 @@ def clogging_silo(
     From the paper: opening 0.14 m between the fixed nodes, 0.595 m wide and filled as high, cells
     of 0.0175 m with 16 points, dt = 1e-4 s (2.5e-5 s in cells of half the size), 1.5 s; E = 1 MPa,
     nu = 0.45, mu_s = 0.3819, mu_2 = 50, b = 1, t0 = 1 ms; the opening is `opening_over_d` grains
-    wide. Rough bottom (no velocity, no fluidity), smooth sides, a lithostatic start with the
-    orifice open, and no upward motion above 0.49 m, to damp elastic waves (a sponge layer). Some
-    lengths are printed as a tenth or a fifth of these; only these are consistent with one another.
+    wide. Rough bottom (no velocity, no fluidity), smooth sides, a start with a lithostatic pressure
+    (K0 = 1) and the orifice open, and no upward motion above 0.49 m, to damp elastic waves (a
+    sponge layer). Some lengths are printed as a tenth or a fifth of these; only these are
+    consistent with one another.
 
     Chosen here: square cells in place of pairs of triangles, and the right half in place of the
     whole. Points leave for good as they cross the bottom, y = 0. Upward motion above 0.49 m is
@@ -274,6 +275,7 @@ def clogging_silo(
             points_per_cell=points_per_cell,
             jitter=jitter,
             lithostatic=True,
+            K0=1.0,
         ),
         material=material,
         walls=(*bottoms, *(Wall(0, at, kind="free_slip") for at in (low, side))),

@@ -363,8 +363,9 @@ def test_chute_of_the_paper():
 
 @pytest.mark.parametrize("half", [True, False])
 def test_clogging_silo_of_the_paper(half):
-    """Section 7: an opening between fixed nodes, no-slip floor beside it, lithostatic stress."""
+    """Section 7: an opening between fixed nodes, no-slip floor beside it, lithostatic pressure."""
     scene = scenes.clogging_silo(half=half, opening_over_d=2.0)
+    assert scene.fills[0].lithostatic and scene.fills[0].K0 == 1.0
     assert scene.material.d == 0.07 and scene.material.A == 1.0
     assert (scene.material.mu_2, scene.material.b) == (50.0, 1.0)
     assert scene.scheme.dt == 1e-4 and scene.duration == 1.5
@@ -373,8 +374,7 @@ def test_clogging_silo_of_the_paper(half):
     assert held[abs(x) > 0.07 - 1e-9].all() and not held[abs(x) < 0.07 - 1e-9].any()
     assert x.min() == pytest.approx(0.0 if half else -0.2975) and x.max() == pytest.approx(0.2975)
     K, H = scene.material.K, 0.595
-    k = (1 + 2 * scene.material.K0) / 3
-    column = -K * np.log1p(-k * 1500 * 9.81 * H / K) / (9.81 * k)  # mass per square metre
+    column = -K * np.log1p(-1500 * 9.81 * H / K) / 9.81  # mass per square metre
     start = initial_points(scene)
     assert start["mass"].sum() == pytest.approx((0.2975 if half else 0.595) * column, rel=1e-7)
     assert scene.sponge_layers == (SpongeLayer(1, 0.49, 1000.0),)

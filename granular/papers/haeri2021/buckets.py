@@ -38,7 +38,7 @@ FALLING = 0.2
     paper={
         "share at rest at 6 s": "in the bucket and far from it",
         "share flowing at 6 s": "piled up after it returned",
-        "share that falls at some time": "leaks from the bucket",
+        "share that falls in some frame": "leaks from the bucket",
     },
     E=SOIL_E,
     schemes=SCHEMES,
@@ -58,7 +58,7 @@ def excavator(runs: Runs) -> Drawn:
         "share at rest at 6 s": _share(last, last.dense & (last.shear_rate < AT_REST)),
         "share flowing at 6 s": _share(last, last.dense & (last.shear_rate > FLOWING)),
         "share stress-free at 6 s": _share(last, ~last.dense),
-        "share that falls at some time": _share(last, np.isin(last.id, list(falls))),
+        "share that falls in some frame": _share(last, np.isin(last.id, list(falls))),
         "share above the bed at 6 s": _share(last, last.x[:, 2] > scene.grid.cell),
     }
     return Drawn({"": figure_1(states)}, numbers)

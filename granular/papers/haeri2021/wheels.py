@@ -83,8 +83,8 @@ class Rolling:
         [N].
     torque : float
         [N m].
-    sinkage : float
-        At the end [m].
+    sinkage, deepest : float
+        Sinkage at the end, and the largest one while it rolls [m].
     """
 
     history: WheelHistory
@@ -92,17 +92,20 @@ class Rolling:
     load: float
     torque: float
     sinkage: float
+    deepest: float
 
     @classmethod
     def measured(cls, record: Trajectory) -> Self:
         """Measure a record of the scene `wheel`."""
         history = measure.soil_tools.wheel_history(record)
-        late = history.times > (record.times[-1] + record.scene.parameters["settle"]) / 2
+        settle = record.scene.parameters["settle"]
+        late = history.times > (record.times[-1] + settle) / 2
         pull, load, torque = (
             float(part[late].mean())
             for part in (history.drawbar_pull, history.load, history.torque)
         )
-        return cls(history, pull, load, torque, float(history.sinkage[-1]))
+        deepest = float(history.sinkage[history.times > settle].max())
+        return cls(history, pull, load, torque, float(history.sinkage[-1]), deepest)
 
     @property
     def pull_over_load(self) -> float:
@@ -233,6 +236,7 @@ def wheels(runs: Runs) -> Drawn:
         numbers |= {
             f"mean load, {slip} % [N]": rolling.load,
             f"drawbar pull over load, {slip} %": rolling.pull_over_load,
+            f"largest sinkage, {slip} % [mm]": 1e3 * rolling.deepest,
             f"sinkage at the end, {slip} % [mm]": 1e3 * rolling.sinkage,
             f"torque, {slip} % [N m]": rolling.torque,
         }
@@ -254,6 +258,8 @@ def figure_18(results: Mapping[int, Rolling]) -> Picture:
     slips = list(results)
     pull.plot(slips, [one.pull_over_load for one in results.values()], "o-")
     pull.set(xlabel="slip [%]", ylabel="drawbar pull/load")
-    sinkage.plot(slips, [1e3 * one.sinkage for one in results.values()], "o-")
-    sinkage.set(xlabel="slip [%]", ylabel="sinkage at the end [mm]")
+    sinkage.plot(slips, [1e3 * one.deepest for one in results.values()], "o-", label="largest")
+    sinkage.plot(slips, [1e3 * one.sinkage for one in results.values()], "s--", label="at the end")
+    sinkage.set(xlabel="slip [%]", ylabel="sinkage [mm]")
+    sinkage.legend()
     return picture
