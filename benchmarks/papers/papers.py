@@ -1,7 +1,8 @@
 """Numbers of all figures of the documents that the package implements, with their scatter.
 
 Each figure is drawn by `granular figure` in a separate process with one thread, and a second time
-with all points displaced by 1 µm at the start: the difference of a number is its scatter. Figures
+with all points displaced by 1 µm at the start: the difference of a number is its scatter. A run
+that several figures need is made once, and its time is that of the first of them. Figures
 that are already in the file are not drawn again, so that a series can be stopped and continued.
 With --tolerance the figures start from the modulus of the document, with what gr.economy suggests,
 and are drawn once.
@@ -52,6 +53,8 @@ def row_of(name: str, figure: str, words: list[str], pictures: Path) -> dict[str
     first = numbers_of(name, figure, [*words, "-o", str(pictures)])
     scatter: dict[str, float] = {}
     if "--tolerance" not in words:
+        # Figures that share runs read their records here, too.
+        words = [*words, "-o", str(pictures / "displaced")]
         scatter = scatter_of(name, figure, words, first["numbers"])
     numbers = rounded({"numbers": first["numbers"], "scatter": scatter}, 6)
     return {"document": name, "figure": figure, **numbers, "seconds": first["seconds"]}
@@ -61,8 +64,7 @@ def scatter_of(
     name: str, figure: str, words: list[str], numbers: dict[str, Any]
 ) -> dict[str, float]:
     """Changes of the numbers of a figure by a displacement of all points."""
-    with tempfile.TemporaryDirectory() as folder:
-        second = numbers_of(name, figure, [*words, "--shift", str(SHIFT), "-o", folder])
+    second = numbers_of(name, figure, [*words, "--shift", str(SHIFT)])
     return {
         key: abs(value - second["numbers"][key])
         for key, value in numbers.items()

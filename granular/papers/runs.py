@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -187,7 +188,8 @@ class Runs:
             self.scenes.append(scene)
             return open_trajectory(path)
         path.parent.mkdir(parents=True, exist_ok=True)
-        partial = path.with_suffix(".part.h5")
+        # Of this process alone: a figure that is drawn at the same time may need the same run.
+        partial = path.with_suffix(f".{os.getpid()}.h5")
         self.run(self._made(scene), name, every=every, save=partial, overwrite=True, **options)
         partial.replace(path)
         return open_trajectory(path)
