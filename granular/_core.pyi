@@ -117,6 +117,7 @@ def fluidity_diffuse(
     distance: Array | None,
     threads: int,
     isa: str,
+    first_radius: float,
 ) -> Diffusion: ...
 def body_distance(parts: Array, samples: tuple[Any, ...], x: Array, /) -> tuple[Array, Array]: ...
 def mesh_tree(vertices: Array, faces: NDArray[np.int32], /) -> object: ...
@@ -150,6 +151,7 @@ class Engine:
         transfer: int,
         density: int,
         single: int,
+        axisymmetric: int,
         averaging_interval: int,
         flutter_interval: int,
         pressure_from_density: int,

@@ -156,14 +156,39 @@ def _outlet(dim):
     }
 
 
-KINDS = {"walls": _walls, "periodic": _periodic, "outlet": _outlet}
+def _rings(first):
+    """The same walls about an axis, or about a free-slip cylinder whose radius is `first` cells."""
+    parts, low = _walls(2), first * CELL
+
+    def moved(part, names):
+        return part.replace(**{n: (getattr(part, n)[0] + low, getattr(part, n)[1]) for n in names})
+
+    walls = []
+    for wall in parts["walls"]:
+        if isinstance(wall, Solid):
+            walls.append(moved(wall, ("lower", "upper")))
+        elif wall.axis:
+            walls.append(wall)
+        elif first or wall.at:  # no wall on the axis
+            walls.append(wall.replace(at=wall.at + low))
+    return parts | {
+        "grid": Grid((low, 0.0), CELL, (6, 5), axisymmetric=True),
+        "regions": tuple(moved(box, ("lower", "upper")) for box in parts["regions"]),
+        "walls": walls,
+    }
+
+
+KINDS = {
+    **{"walls": _walls, "periodic": _periodic, "outlet": _outlet},
+    **{"axis": lambda dim: _rings(0), "rings": lambda dim: _rings(3)},
+}
 
 
 def make_scene(kind, dim, combination, *, E=1e6, points_per_axis=2, jitter=1.0, **scheme):
-    """Build a scene of a few dozen cells; `kind` is "walls", "periodic" or "outlet"."""
+    """Build a scene of a few dozen cells; `kind` is one of `KINDS`."""
     basis, transfer, density = combination
     parts = KINDS[kind](dim)
-    side = (1.5, 0.7)[: dim - 1]
+    side = (0.0,) if parts["grid"].axisymmetric else (1.5, 0.7)[: dim - 1]
     return gr.Scene(
         name=kind,
         grid=parts["grid"],

@@ -187,7 +187,14 @@ static int is_far(const struct about *about, const double x[3], double reach)
     return about->distance > reach && square < (about->distance - reach) * (about->distance - reach);
 }
 
-/* Half the spacing of points of a volume, given as the mass of as much of the first material, m. */
+/* Volume of the point at a slot as the mass of as much of the first material, of a ring over its radius in cells. */
+static double volume_of(const struct gr_engine *e, int64_t slot)
+{
+    const double volume = gr_volume_as_mass(e, slot);
+    return e->config.axisymmetric ? volume * e->config.dx / gr_x(e, 0)[slot] : volume;
+}
+
+/* Half the spacing of the points of such a volume, m. */
 static double half_spacing(const struct gr_engine *e, double filled)
 {
     const double filling = filled * e->mass_scale;
@@ -205,7 +212,8 @@ static double reach_of(const struct gr_engine *e, int64_t slot, double r, double
  * The viscous stress of damping is left out: it is small compared with the uncertainty of EDGE_STRESS. */
 static double most_at_edge(const struct gr_engine *e, int64_t slot, double r, const double n[3])
 {
-    const double area = e->config.dim == 2 ? 2 * r : 4 * r * r;
+    const double rings = e->config.axisymmetric ? 2 * M_PI * gr_x(e, 0)[slot] : 1;
+    const double area = e->config.dim == 2 ? 2 * r * rings : 4 * r * r;
     double stress[6] = {0}, tension = 0;
     for (int c = 0; c < gr_field_components(GR_FIELD_stress, e->config.dim); c++)
         stress[c] = gr_number(e, GR_FIELD_stress, c, slot);
@@ -354,7 +362,7 @@ GR_SHARED(search, struct search, w->e->bodies.near.n, w)
             double x[3] = {0};
             int n = 0;
             for (int d = 0; d < e->config.dim; d++) x[d] = gr_x(e, d)[s];
-            const double volume = gr_volume_as_mass(e, s);
+            const double volume = volume_of(e, s);
             if (volume != filled) filled = volume, r = half_spacing(e, filled);
             if (is_far(&about, x, reach_of(e, s, r, w->speed, w->fall))) continue;
             for (int b = 0; b < e->config.n_bodies; b++)

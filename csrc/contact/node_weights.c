@@ -111,7 +111,7 @@ int gr_weigh_nodes(const struct gr_engine *e, const double x[3], int side, doubl
                    struct gr_contact_point *contact)
 {
     int32_t in[3] = {0};
-    double sum = 0, mass = 0, along[3] = {0}, unheld = 0, of_node[GR_MAX_NODES], above[GR_MAX_NODES];
+    double sum = 0, mass = 0, radius = 0, along[3] = {0}, unheld = 0, of_node[GR_MAX_NODES], above[GR_MAX_NODES];
     const int dim = e->config.dim, n = shapes_at(e, x, contact->normal, contact->weight, above, in);
     const struct gr_body *body = &e->config.bodies[contact->body];
     int64_t node[GR_MAX_NODES];
@@ -120,6 +120,7 @@ int gr_weigh_nodes(const struct gr_engine *e, const double x[3], int side, doubl
     for (int i = 0; i < n; i++) {
         of_node[i] = contact->weight[i] > 0 && node[i] >= 0 ? gr_contact_mass(e, node[i]) : 0;
         mass += contact->weight[i] * of_node[i];
+        if (e->mesh.node_radius && node[i] >= 0) radius += contact->weight[i] * e->mesh.node_radius[node[i]];
     }
     for (int i = 0; i < n; i++) {
         if (!(of_node[i] > e->config.mass_cutoff)) of_node[i] = 0;
@@ -130,7 +131,7 @@ int gr_weigh_nodes(const struct gr_engine *e, const double x[3], int side, doubl
         above[used] = above[i], of_node[used] = of_node[i];
         contact->node[used] = (int32_t)node[i], contact->weight[used++] = weight;
     }
-    if (!(sum > LEAST_SUM) || !(mass * e->mass_scale > least_filling)) return 0;
+    if (!(sum > LEAST_SUM) || !(mass * e->mass_scale > least_filling * (e->mesh.node_radius ? radius : 1))) return 0;
     const double per_sum = 1 / sum;
     double whole = 0; /* of the nodes that no wall holds */
     contact->n_nodes = used;

@@ -168,8 +168,10 @@ int gr_axis_build(struct gr_axis *axis, int basis, int n, int periodic, const in
     axis->cell = calloc((size_t)n + 1, sizeof *axis->cell);
     axis->node_position = calloc((size_t)(n + 3 + n_c0_lines), sizeof(double));
     axis->node_integral = calloc((size_t)(n + 3 + n_c0_lines), sizeof(double));
+    axis->node_radius = calloc((size_t)(n + 3 + n_c0_lines), sizeof(double));
     axis->node_number = calloc((size_t)(n + 3 + n_c0_lines), sizeof(int32_t));
-    if (!axis->cell || !axis->node_number || !axis->node_position || !axis->node_integral) goto out;
+    if (!axis->cell || !axis->node_number || !axis->node_position || !axis->node_integral || !axis->node_radius)
+        goto out;
     error = GR_OK;
     if (basis == GR_LINEAR)
         build_linear(axis, n);
@@ -182,9 +184,31 @@ int gr_axis_build(struct gr_axis *axis, int basis, int n, int periodic, const in
     for (int c = 0; !error && c < axis->n_cells; c++)
         for (int a = 0; a < gr_basis_nodes_1d(basis); a++)
             axis->node_integral[axis->cell[c].node[a]] += axis->cell[c].integral[a];
+    for (int c = 0; !error && c < axis->n_cells; c++) axis->cell[c].radius = 1;
+    for (int i = 0; !error && i < axis->n_nodes; i++) axis->node_radius[i] = 1;
 out:
     if (error) gr_axis_free(axis);
     return error;
+}
+
+void gr_axis_make_radial(struct gr_axis *axis, int basis, double dx)
+{
+    for (int i = 0; i < axis->n_nodes; i++) axis->node_radius[i] = 0;
+    for (int c = 0; c < axis->n_cells; c++) {
+        struct gr_axis_cell *cell = &axis->cell[c];
+        const double low = axis->origin / dx + (c - axis->shift);
+        cell->radius = low + 0.5;
+        for (int a = 0; a < gr_basis_nodes_1d(basis); a++) {
+            const double *q = cell->coefficient[a];
+            cell->integral[a] = low * (q[0] + q[1] / 2 + q[2] / 3) + (q[0] / 2 + q[1] / 3 + q[2] / 4);
+            axis->node_radius[cell->node[a]] += cell->integral[a];
+        }
+    }
+    for (int i = 0; i < axis->n_nodes; i++) {
+        const double radius = axis->node_radius[i] / axis->node_integral[i];
+        axis->node_integral[i] = axis->node_radius[i];
+        axis->node_radius[i] = radius;
+    }
 }
 
 struct gr_node_cells *gr_axis_cells_of_nodes(const struct gr_axis *axis, int basis)
@@ -206,5 +230,6 @@ void gr_axis_free(struct gr_axis *axis)
     free(axis->node_number);
     free(axis->node_position);
     free(axis->node_integral);
+    free(axis->node_radius);
     memset(axis, 0, sizeof *axis);
 }

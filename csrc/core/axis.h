@@ -31,7 +31,8 @@ enum gr_basis { GR_BASES(GR_X) GR_BASIS_COUNT };
 struct gr_axis_cell {
     double coefficient[GR_MAX_NODES_1D][3]; /* shape function a: c0 + c1 xi + c2 xi^2 (linear, quadratic) */
     double position[GR_MAX_NODES_1D];       /* of the nodes, in cells from the lower edge of the cell */
-    double integral[GR_MAX_NODES_1D];       /* of the shape functions over the cell, in cells */
+    double integral[GR_MAX_NODES_1D];       /* of the shape functions over the cell, in cells; see gr_axis_make_radial */
+    double radius;                          /* 1; on a radial axis that of its middle, in cells */
     double edge;                            /* coordinate where xi = 0, m */
     double begin, end;                      /* the part of the domain that belongs to the cell, m */
     int32_t node[GR_MAX_NODES_1D];          /* index of the nodes along the axis */
@@ -49,7 +50,8 @@ struct gr_axis {
     int n_numbers;         /* nodes without those beyond the ends */
     int32_t *node_number;  /* of a node in the order of positions; beyond an end that of the node at the end */
     double *node_position; /* in cells from the origin */
-    double *node_integral; /* of the shape function of a node over the domain, in cells */
+    double *node_integral; /* of the shape function of a node over the domain, in cells; see gr_axis_make_radial */
+    double *node_radius;   /* 1; on a radial axis the mean of the radius over the shape function, in cells */
 };
 
 /* The cells that have a node, from the lowest on, also across a periodic end; which of their nodes it is, and the shares of
@@ -71,6 +73,10 @@ static inline int gr_basis_nodes_1d(int basis) { return basis == GR_LINEAR ? 2 :
  * Returned: 0, GR_ERR_MEMORY or GR_ERR_CONFIG. */
 int gr_axis_build(struct gr_axis *axis, int basis, int n, int periodic, const int32_t *c0_lines, int n_c0_lines,
                   double lambda, double origin, double dx);
+
+/* Turn an axis that was built with cells of dx, m, into that of the radius in an axisymmetric plane, whose volumes are
+ * integrals over r dr: the integrals are those of the shape functions times the radius in cells, over 1. */
+void gr_axis_make_radial(struct gr_axis *axis, int basis, double dx);
 
 /* List the cells of all nodes of an axis of the given basis.
  * Returned: an array of n_nodes, to be freed by the caller; NULL without memory. */

@@ -26,7 +26,7 @@ static void prepare_materials(struct gr_engine *e)
 {
     const struct gr_material *first = e->config.material;
     const double dx = e->config.dx;
-    e->cell_mass = first->rho_c * pow(dx, e->config.dim);
+    e->cell_mass = first->rho_c * (e->config.axisymmetric ? 2 * M_PI * pow(dx, 3) : pow(dx, e->config.dim));
     e->mass_scale = 1.0 / e->cell_mass;
     for (int k = 0; k < e->config.n_materials; k++) {
         const struct gr_material *m = &first[k];
@@ -54,6 +54,8 @@ static int build_fluidity(struct gr_engine *e, const uint8_t *face)
                                         .t0 = gr_parameter_of(material, "t0"),
                                         .tolerance = nonlocal->tolerance,
                                         .max_iterations = MAX_ITERATIONS,
+                                        .axisymmetric = e->config.axisymmetric,
+                                        .first_radius = e->axis[0].origin / e->config.dx,
                                         .two_sided = gr_list_thin(&e->config, 0) > 0,
                                         .face = face};
     for (int b = 0; b < e->config.n_bodies; b++) config.rough_bodies |= e->config.bodies[b].rough;
@@ -95,6 +97,7 @@ static int build_grid(struct gr_engine *e, const struct gr_config *config, int64
             gr_axis_build(&e->axis[d], config->basis, config->shape[d], config->periodic[d], config->c0_lines[d],
                           config->n_c0_lines[d], config->lambda, config->lower[d], config->dx);
         if (error) return error;
+        if (!d && config->axisymmetric) gr_axis_make_radial(&e->axis[d], config->basis, config->dx);
         *n_cells *= e->axis[d].n_cells;
         *n_nodes *= e->axis[d].n_nodes;
         e->cells_of_node[d] = gr_axis_cells_of_nodes(&e->axis[d], config->basis);
@@ -194,6 +197,7 @@ void gr_engine_free(struct gr_engine *e)
                            e->mesh.node_about,
                            e->mesh.node_at,
                            e->mesh.node_volume,
+                           e->mesh.node_radius,
                            e->mesh.node_id,
                            e->sums.block,
                            e->sums.average,

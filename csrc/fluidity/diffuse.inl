@@ -50,6 +50,13 @@ static inline struct page_sum no_sum(void)
     return sum;
 }
 
+/* Weights of a block of cells in inner products: their radii in an axisymmetric plane, where the matrix is symmetric in
+ * such products; else 1. */
+static inline vd weights_of(const struct gr_fluidity *f, int64_t i)
+{
+    return f->axisymmetric ? v_load(f->space.radius + i) : v_set(1.0);
+}
+
 static inline double total_of_page(const struct page_sum *sum)
 {
     double total = 0;
@@ -81,13 +88,20 @@ static void cut_links(const int links, struct gr_fluidity *f, int64_t chunk)
     }
 }
 
+/* gr_fluidity_ring of the cell at a place, for link and side k. */
+static inline double ring_of(const struct gr_fluidity *f, int64_t i, int k)
+{
+    if (!f->axisymmetric) return 1;
+    return gr_fluidity_ring(f, gr_fluidity_cell(f, i), (k % 2 ? 1 : -1) * f->offset[k / 2][0]);
+}
+
 /* Coefficients of g itself of a chunk, from links to border cells; a border cell keeps its g. */
 static void drop_at_borders(const int links, struct gr_fluidity *f, int64_t chunk)
 {
     for (int64_t i = f->pages.chunk_first[chunk] * GR_PAGE; i < f->pages.chunk_first[chunk + 1] * GR_PAGE; i++) {
         if (f->inside[i] & GR_BORDER) f->space.rough[i] = 0;
         if (!(f->inside[i] & GR_LINKED_TO_BORDER)) continue;
-        for (int k = 0; k < 2 * links; k++) f->space.rough[i] += f->drop[k][i];
+        for (int k = 0; k < 2 * links; k++) f->space.rough[i] += f->drop[k][i] * ring_of(f, i, k);
     }
 }
 
@@ -95,6 +109,15 @@ static void drop_at_borders(const int links, struct gr_fluidity *f, int64_t chun
 static inline void exchange(const uint8_t *restrict link, const uint8_t *here, const uint8_t *there, double *restrict weight)
 {
     for (int lane = 0; lane < GR_PAGE; lane++) weight[lane] = (double)(link[lane] & here[lane] & there[lane]);
+}
+
+/* Multiply the weights of links along the radius by the areas of their faces. */
+static void weigh_rings(const int links, struct gr_fluidity *f, int64_t chunk)
+{
+    for (int64_t i = f->pages.chunk_first[chunk] * GR_PAGE; i < f->pages.chunk_first[chunk + 1] * GR_PAGE; i++)
+        for (int k = 0; k < 2 * links; k++) f->space.weight[k][i] *= ring_of(f, i, k);
+    for (int64_t k = f->pages.wrap_first[chunk]; k < f->pages.wrap_first[chunk + 1]; k++)
+        f->pages.wrap[k].weight *= ring_of(f, f->pages.wrap[k].to, f->pages.wrap[k].link);
 }
 
 /* Find which cells exchange, from the set of dense cells; g of all others becomes zero. */
@@ -114,6 +137,7 @@ static void connect(const int links, struct gr_fluidity *f, int64_t chunk)
     for (int64_t i = first * GR_PAGE; i < last * GR_PAGE; i++) f->space.rough[i] = f->pages.rough_walls[i];
     for (int64_t k = f->pages.wrap_first[chunk]; k < f->pages.wrap_first[chunk + 1]; k++)
         f->pages.wrap[k].weight = (double)(dense[f->pages.wrap[k].to] & dense[f->pages.wrap[k].from]);
+    if (f->axisymmetric) weigh_rings(links, f, chunk);
     if (f->has_inside) cut_links(links, f, chunk);
     if (f->rough_bodies) drop_at_borders(links, f, chunk);
 }
@@ -139,7 +163,7 @@ static double add_wraps(const struct gr_fluidity *f, int64_t chunk, double scale
         const struct gr_wrap *wrap = &f->pages.wrap[k];
         const double lost = scale * wrap->weight * (g[wrap->to] - g[wrap->from]);
         out[wrap->to] += lost;
-        product += g[wrap->to] * lost;
+        product += g[wrap->to] * lost * (f->axisymmetric ? f->space.radius[wrap->to] : 1);
     }
     return product;
 }
@@ -194,8 +218,8 @@ static inline void first_residual_chunk(const int links, const struct diffusion 
     {
         const vd rest = v_load(r + i), g = v_load(w->g + i);
         v_store(p + i, rest);
-        rr.of[GR_PART(i)] = v_fma(rest, rest, rr.of[GR_PART(i)]);
-        gg.of[GR_PART(i)] = v_fma(g, g, gg.of[GR_PART(i)]);
+        rr.of[GR_PART(i)] = v_fma(weights_of(f, i) * rest, rest, rr.of[GR_PART(i)]);
+        gg.of[GR_PART(i)] = v_fma(weights_of(f, i) * g, g, gg.of[GR_PART(i)]);
     }
     f->space.partial[1][c] = total_of_page(&rr), f->space.partial[2][c] = total_of_page(&gg);
 }
@@ -211,7 +235,7 @@ static inline void multiply_chunk(const int links, const struct diffusion *w, in
     {
         const vd here = v_load(p + i), value = v_fma(k, outflow(links, w->f, i, p), here);
         v_store(q + i, value);
-        sum.of[GR_PART(i)] = v_fma(here, value, sum.of[GR_PART(i)]);
+        sum.of[GR_PART(i)] = v_fma(weights_of(w->f, i) * here, value, sum.of[GR_PART(i)]);
     }
     w->f->space.partial[0][c] = total_of_page(&sum) + add_wraps(w->f, c, w->k, p, q);
 }
@@ -229,7 +253,7 @@ static void descend(void *context, int64_t c, int t)
         const vd rest = v_fnma(alpha, v_load(q + i), v_load(r + i));
         v_store(w->g + i, v_fma(alpha, v_load(p + i), v_load(w->g + i)));
         v_store(r + i, rest);
-        sum.of[GR_PART(i)] = v_fma(rest, rest, sum.of[GR_PART(i)]);
+        sum.of[GR_PART(i)] = v_fma(weights_of(w->f, i) * rest, rest, sum.of[GR_PART(i)]);
     }
     w->f->space.partial[1][c] = total_of_page(&sum);
 }

@@ -16,6 +16,7 @@ const char *const gr_diffusion_names[GR_DIFFUSION_COUNT] = {GR_DIFFUSIONS(GR_X)}
 static int is_valid(const struct gr_fluidity_config *c)
 {
     if (c->dim < 2 || c->dim > 3 || c->max_iterations < 1 || c->stencil < 0 || c->stencil >= GR_STENCIL_COUNT) return 0;
+    if (c->axisymmetric && (c->dim != 2 || c->periodic[0] || !(c->first_radius >= 0))) return 0;
     for (int a = 0; a < c->dim; a++)
         if (c->shape[a] < 1) return 0;
     return c->dx > 0 && c->A >= 0 && c->d > 0 && c->t0 > 0 && c->tolerance > 0 && c->tolerance < 1 &&
@@ -32,6 +33,8 @@ int gr_fluidity_new(struct gr_fluidity **out, const struct gr_fluidity_config *c
     f->stencil = config->stencil;
     f->two_sided = config->two_sided;
     f->rough_bodies = config->rough_bodies;
+    f->axisymmetric = config->axisymmetric;
+    f->first_radius = config->first_radius;
     f->n_cells = 1;
     for (int a = 0; a < f->dim; a++) {
         f->shape[a] = config->shape[a], f->periodic[a] = config->periodic[a];

@@ -6,7 +6,8 @@
  *
  *     (lap g)_i = 1/dx^2 [ sum over linked neighbours (g_j - g_i) - 2 g_i (number of rough faces) ],
  *
- * which is of second order in dx. Source: Dunatunga & Kamrin, Modelling silo clogging with nonlocal granular rheology,
+ * which is of second order in dx. In an axisymmetric plane, whose first axis is the radius, a link or rough face at an
+ * offset o along it counts (r + o dx/2)/r times, the area of the face over that of the middle of the cell. Source: Dunatunga & Kamrin, Modelling silo clogging with nonlocal granular rheology,
  * eq. 2.1, 5.1 and 5.3. With the isotropic stencil the cells across edges and corners take part, see links.c.
  *
  * At a rough body g = 0 on its surface, wherever this lies between the centres of cells, see border.c. Before each step the
@@ -59,6 +60,8 @@ struct gr_fluidity_config {
     int periodic[3], two_sided; /* two_sided: cells may have a copy for the back of a thin body */
     int rough_bodies;           /* 1 if there may be border cells */
     double dx;                  /* m */
+    int axisymmetric;           /* 1: the first axis is the radius */
+    double first_radius;        /* where it begins, in cells */
     double A, d, t0;            /* nonlocal amplitude, 1; grain diameter, m; time scale, s */
     double tolerance;           /* implicit: final residual over the first one, in the 2-norm */
     int64_t max_iterations;     /* implicit: of the conjugate gradients, per step */
@@ -116,6 +119,7 @@ struct gr_pages {
 /* Work space of a step. */
 struct gr_diffusion_space {
     double *weight[2 * GR_MOST_LINKS], *rough; /* of the links to both sides; coefficient of g itself */
+    double *radius;                            /* of a cell, in cells; NULL unless axisymmetric */
     double *vector[3];
     double *partial[3]; /* parts of the sums, per chunk */
     int64_t *partial_clamped;
@@ -125,7 +129,8 @@ struct gr_diffusion_space {
 };
 
 struct gr_fluidity {
-    int dim, stencil, n_links, periodic[3], two_sided, rough_bodies;
+    int dim, stencil, n_links, periodic[3], two_sided, rough_bodies, axisymmetric;
+    double first_radius;
     int64_t shape[3], stride[3], n_cells, box_pages; /* of the box */
     double dx, diffusivity, tolerance;               /* m, A^2 d^2/t0 in m^2/s, 1 */
     int64_t max_iterations;
@@ -165,6 +170,18 @@ typedef int gr_diffuse(struct gr_fluidity *f, const struct gr_diffusion_call *ca
  * Returned: 0, GR_ERR_MEMORY or GR_ERR_CONFIG. */
 int gr_fluidity_new(struct gr_fluidity **out, const struct gr_fluidity_config *config);
 void gr_fluidity_free(struct gr_fluidity *f);
+
+/* Area at an offset of o/2 cells along the radius over that of the middle of a cell of the box; 1 in a plane. */
+static inline double gr_fluidity_ring(const struct gr_fluidity *f, int64_t cell, int o)
+{
+    return f->axisymmetric ? 1 + 0.5 * o / (f->first_radius + (double)(cell % f->shape[0]) + 0.5) : 1;
+}
+
+/* The cell of the box that has a place. */
+static inline int64_t gr_fluidity_cell(const struct gr_fluidity *f, int64_t i)
+{
+    return f->pages.number[i / GR_PAGE] % f->box_pages * GR_PAGE + i % GR_PAGE;
+}
 
 /* enum gr_side of face k of a cell of the box. */
 static inline int gr_fluidity_side(const struct gr_fluidity *f, int64_t cell, int k)

@@ -60,11 +60,10 @@ static enum kind kind_of(const struct gr_fluidity *f, int64_t i, int axis, int h
     const int k = 2 * axis + high;
     int cut;
     if (gr_fluidity_drop(f, i, k) > 0) return OPEN;
-    const int64_t j = partner(f, i, k, &cut), page = f->pages.number[i / GR_PAGE];
+    const int64_t j = partner(f, i, k, &cut);
     if (cut != GR_SIDE_LINKED) return EVEN;
     if (j >= 0 && f->dense[j]) return OPEN;
-    const int64_t cell = page % f->box_pages * GR_PAGE + i % GR_PAGE;
-    return gr_fluidity_side(f, cell, k) == GR_SIDE_ROUGH ? ODD : EVEN;
+    return gr_fluidity_side(f, gr_fluidity_cell(f, i), k) == GR_SIDE_ROUGH ? ODD : EVEN;
 }
 
 /* Number 2 link + side of an offset. */
@@ -99,6 +98,12 @@ static int agrees(const struct gr_fluidity *f, int64_t i, const int o[3], const 
     return neighbour(f, there, back) < 0;
 }
 
+/* gr_fluidity_ring of the cell at a place. */
+static double ring_at(const struct gr_fluidity *f, int64_t i, int o)
+{
+    return f->axisymmetric ? gr_fluidity_ring(f, gr_fluidity_cell(f, i), o) : 1;
+}
+
 /* Set the weights of the links of one cell.
  * Returned: the coefficient of g itself, from rough faces. */
 static double weigh_cell(const struct gr_fluidity *f, int64_t i, double *weight)
@@ -109,7 +114,7 @@ static double weigh_cell(const struct gr_fluidity *f, int64_t i, double *weight)
     for (int k = 0; k < 2 * f->n_links; k++) {
         const int8_t *p = f->offset[k / 2];
         const int side = k % 2 ? 1 : -1, o[3] = {side * p[0], side * p[1], side * p[2]};
-        const double w = share[f->dim - 2][!!o[0] + !!o[1] + !!o[2]];
+        const double w = share[f->dim - 2][!!o[0] + !!o[1] + !!o[2]] * ring_at(f, i, o[0]);
         if (gr_fluidity_drop(f, i, k) > 0) {
             rough += w * gr_fluidity_drop(f, i, k);
             continue;

@@ -57,20 +57,22 @@ int64_t gr_fluidity_reach(const struct gr_fluidity *f, int64_t cell, const int o
 }
 
 /* Store the faces of the box. Two cells are linked if both say so.
- * Returned: the largest number of links and rough faces of a cell if all cells were dense; or -1 without memory. */
-static int read_faces(struct gr_fluidity *f, const uint8_t *face)
+ * Returned: the largest sum of links and rough faces of a cell if all cells were dense; or -1 without memory. */
+static double read_faces(struct gr_fluidity *f, const uint8_t *face)
 {
-    int most = 0;
+    double most = 0;
     for (int64_t i = 0; i < f->n_cells; i++) {
         int64_t at[3];
-        int count = 0, sides = 0;
+        int sides = 0;
+        double count = 0;
         find_coordinates(f, i, at);
         for (int k = 0; k < 2 * f->dim; k++) {
             int64_t j = i, there[3] = {at[0], at[1], at[2]};
             const int kind = face[k * f->n_cells + i], ends = walk(f, k / 2, k % 2 ? 1 : -1, &j, there);
             int side = kind == GR_FACE_ROUGH ? GR_SIDE_ROUGH : GR_SIDE_CLOSED;
             if (kind == GR_FACE_LINK && !ends && face[(k ^ 1) * f->n_cells + j] == GR_FACE_LINK) side = GR_SIDE_LINKED;
-            count += side == GR_SIDE_ROUGH || (side == GR_SIDE_LINKED && j != i);
+            const int counts = side == GR_SIDE_ROUGH || (side == GR_SIDE_LINKED && j != i);
+            count += counts * gr_fluidity_ring(f, i, k / 2 ? 0 : k % 2 ? 1 : -1);
             sides |= (side ^ GR_SIDE_LINKED) << 2 * k;
         }
         if (gr_table_set(&f->side, i, sides)) return -1;
@@ -98,7 +100,7 @@ int gr_fluidity_describe(struct gr_fluidity *f, const uint8_t *face)
 {
     if (gr_table_new(&f->side, f->n_cells) || gr_table_new(&f->page_of, all_pages(f))) return GR_ERR_MEMORY;
     list_links(f);
-    const int most = read_faces(f, face);
+    const double most = read_faces(f, face);
     if (most < 0) return GR_ERR_MEMORY;
     f->stiffest = most;
     if (f->stencil == GR_STENCIL_isotropic) f->stiffest = gr_fluidity_stiffest(f);
@@ -115,7 +117,7 @@ static void forget(struct gr_fluidity *f)
 static int reserve(struct gr_fluidity *f, int64_t n)
 {
     const int sides = 2 * f->n_links, isotropic = f->stencil == GR_STENCIL_isotropic;
-    const int n_always = 8 + sides, n_vectors = n_always + (f->rough_bodies ? 1 + sides : 0),
+    const int n_always = 8 + sides, n_vectors = n_always + (f->rough_bodies ? 1 + sides : 0) + (f->axisymmetric ? 1 : 0),
               n_maps = isotropic ? 2 : 2 + sides;
     if (n > f->pages.capacity || !f->space.doubles) {
         free(f->space.doubles), free(f->space.bytes), free(f->space.integers), free(f->space.places);
@@ -148,6 +150,7 @@ static int reserve(struct gr_fluidity *f, int64_t n)
         f->distance = at + GR_PAGE, at += length;
         for (int k = 0; k < sides; k++, at += length) f->drop[k] = at + GR_PAGE;
     }
+    if (f->axisymmetric) f->space.radius = at + GR_PAGE, at += length;
     for (int k = 0; k < 3; k++, at += pages) f->space.partial[k] = at;
     f->dense = (uint8_t *)f->space.bytes + GR_PAGE;
     f->inside = f->dense + length;
@@ -205,6 +208,7 @@ static int link_cell(struct gr_fluidity *f, int64_t q, int lane)
     if (cell >= f->n_cells) return GR_OK;
     int64_t at[3];
     find_coordinates(f, cell, at);
+    if (f->axisymmetric) f->space.radius[i] = f->first_radius + (double)at[0] + 0.5;
     if (f->pages.other) f->pages.other[i] = (int32_t)gr_fluidity_find(f, cell, !back);
     for (int k = 0; k < sides; k++) {
         const int8_t *o = f->offset[k / 2];
@@ -212,7 +216,8 @@ static int link_cell(struct gr_fluidity *f, int64_t q, int lane)
         const int64_t to = reach(f, cell, at, offset), j = gr_fluidity_find(f, to, back),
                       across = gr_fluidity_find(f, to, !back);
         if (f->pages.neighbour) f->pages.neighbour[i * sides + k] = (int32_t)(j < 0 ? across : j);
-        if (k < 2 * f->dim && gr_fluidity_side(f, cell, k) == GR_SIDE_ROUGH) f->pages.rough_walls[i] += 2;
+        if (k < 2 * f->dim && gr_fluidity_side(f, cell, k) == GR_SIDE_ROUGH)
+            f->pages.rough_walls[i] += 2 * gr_fluidity_ring(f, cell, offset[0]);
         if (across >= 0 && to != cell && add_wrap(f, i, across, k)) return GR_ERR_MEMORY;
         if (j < 0 || j == i) continue;
         if (j != f->pages.near[sides * q + k] + lane) {

@@ -79,7 +79,7 @@ GR_INLINE void frictional_blocks(const int dim, const int rate, const int cohesi
     const vd to_rate = v_set(1.0 / (q[P_G] * call->dt));
     for (int64_t k = 0; k < call->n_blocks; k++) {
         const int64_t at = call->slot[k];
-        struct gr_stress t = gr_trial(dim, call->gradient + k * dim * dim * GR_W, call, at, K, G);
+        struct gr_stress t = gr_trial(dim, call, k, K, G);
         const vd c = v_load(call->log_density + at);
         vd p = gr_split(&t), gamma = zero, fluidity = zero;
         if (call->pressure_from_density) p = K * c;

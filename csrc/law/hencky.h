@@ -73,7 +73,7 @@ static inline struct gr_hencky_numbers gr_hencky_numbers_of(const double paramet
     return n;
 }
 
-/* Frobenius norm of the symmetric part of L dt. */
+/* Frobenius norm of the symmetric part of L dt; in 2D L[4] is the component out of the plane. */
 GR_INLINE vd gr_stretch_norm(const int dim, const vd *L)
 {
     vd sum = v_zero();
@@ -84,6 +84,7 @@ GR_INLINE vd gr_stretch_norm(const int dim, const vd *L)
             sum = v_fma(v_set(0.5) * shear, shear, sum);
         }
     }
+    if (dim == 2) sum = v_fma(L[4], L[4], sum);
     return v_sqrt(sum);
 }
 
@@ -93,7 +94,7 @@ GR_INLINE struct gr_stress gr_hencky_trial(const int dim, const struct gr_hencky
 {
     struct gr_matrix full, strain;
     GR_EACH(dim, i, j) { strain.m[i][j] = stress->s[gr_place[i][j]] * n->inv_twoG; }
-    GR_EACH(dim, i, j) { full.m[i][j] = i < dim && j < dim ? L[i * dim + j] : v_zero(); }
+    GR_EACH(dim, i, j) { full.m[i][j] = i < dim && j < dim ? L[i * dim + j] : L[4]; }
     const struct gr_matrix h = gr_deviator(dim, &strain), gradient = gr_deviator(dim, &full);
     const struct gr_matrix trial = gr_trial_strain(dim, &h, &gradient);
     struct gr_stress out = {{v_zero()}};
@@ -188,6 +189,7 @@ GR_INLINE void hencky_block(const int dim, const int flow, const struct gr_henck
     struct gr_stress stress;
     vd L[9];
     for (int i = 0; i < dim * dim; i++) L[i] = v_load(row[i] + k);
+    if (dim == 2) L[4] = v_zero();
     for (int i = 0; i < stresses; i++) stress.s[i] = v_load(row[first + i] + k);
     const struct gr_hencky_point point =
         gr_hencky_update(dim, flow, n, L, v_load(row[dim * dim] + k), &stress, v_load(row[g] + k), v_load(row[g + 1] + k));

@@ -52,7 +52,7 @@ struct gr_hencky_block {
 GR_INLINE struct gr_hencky_block hencky_block_of(const int dim, const struct gr_law_call *call, int64_t k)
 {
     const int64_t at = call->slot[k];
-    const double *gradient = call->gradient + k * dim * dim * GR_W;
+    const struct gr_gradient gradient = gr_gradient_of(dim, call, k);
     vd begin = v_load(call->log_density + at), end = begin;
     if (call->begins)
         end = end - gr_expansion(dim, gradient);
@@ -60,7 +60,7 @@ GR_INLINE struct gr_hencky_block hencky_block_of(const int dim, const struct gr_
         begin = begin + gr_expansion(dim, gradient);
     const vd to_kirchhoff = v_exp(-v_clamp(begin, -GR_FURTHEST, GR_FURTHEST));
     struct gr_hencky_block block = {.c = v_clamp(end, -GR_FURTHEST, GR_FURTHEST)};
-    for (int i = 0; i < dim * dim; i++) block.L[i] = v_load(gradient + i * GR_W);
+    gr_load_gradient(dim, gradient, block.L);
     for (int i = 0; i < GR_STRESSES(dim); i++) block.stress.s[i] = to_kirchhoff * v_load(call->stress[i] + at);
     return block;
 }
@@ -82,6 +82,7 @@ GR_INLINE struct gr_hencky_point hencky_substep(const int dim, const int flow, c
                 const vd other = pass ? v_zero() : block->L[j * dim + i];
                 L[i * dim + j] = v_set(pass ? 1.0 : 0.5) * (block->L[i * dim + j] - other);
             }
+        if (dim == 2) L[4] = pass ? block->L[4] : v_zero();
         strained = gr_hencky_trial(dim, n, L, &block->stress);
     }
     for (int i = 0; i < GR_STRESSES(dim); i++) strained.s[i] = strained.s[i] - turned.s[i];

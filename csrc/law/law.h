@@ -63,7 +63,8 @@ int gr_law_index(const char *name);
 enum { GR_HISTORY_COUNT = 4, GR_OWN_PARAMETERS = 32 };
 
 /* Update of n points by a user-defined law, in arrays of n numbers, one component after the other.
- * Given: dim, 2 or 3; dt, s; the parameters: K and G, Pa, then the user's; gradient (dim*dim), L dt, row-major;
+ * Given: dim, 2 or 3; dt, s; the parameters: K and G, Pa, then the user's; gradient (dim*dim), L dt, row-major, and in 2D
+ * its component out of the plane, v_r dt/r of an axisymmetric one, else 0;
  * log_density at the end of the step; in `stress` (4 or 6: xx, yy, zz, xy, yz, xz) the trial stress, Pa.
  * Updated: stress at the end of the step; history (GR_HISTORY_COUNT). Returned: shear_rate, 1/s, 0 before. Spare slots are
  * among the points: their numbers are finite, and their results are not used. Returned: done, 1 in the end, 0 before: an
@@ -79,7 +80,8 @@ struct gr_own_calls {
 /* One call of a law for `n_blocks` blocks of GR_W points.
  *
  * Given: slot[k], the first slot of block k in the point arrays; gradient[k*dim*dim*GR_W...], the increment L dt of the
- * velocity gradient over a step, row-major components of GR_W lanes each; dt, s; log_density at the end of the step, or with
+ * velocity gradient over a step, row-major components of GR_W lanes each; hoop[k*GR_W...], in an axisymmetric plane its
+ * component out of the plane, v_r dt/r, else NULL; dt, s; log_density at the end of the step, or with
  * `begins` before it; the parameters in the order of the law; g_star[k], the fluidity of block k after its diffusion, 1/s,
  * NULL in the local phase of a nonlocal law.
  * Updated: stress[c], component arrays, Pa; shear_rate, 1/s, where the pointer is not NULL; plastic_strain, 1, of a law
@@ -94,7 +96,7 @@ struct gr_own_calls {
 struct gr_law_call {
     int64_t n_blocks;
     const int64_t *slot;
-    const gr_real *gradient;
+    const gr_real *gradient, *hoop;
     double dt, fraction;
     int pressure_from_density; /* 1: p = K log_density (consistent with eq. 2.7); 0: p from the trial stress (eq. 3.10) */
     const double *parameter;

@@ -49,7 +49,7 @@ GR_INLINE vd pressure_of(const struct gr_law_call *call, vd K, vd c, vd p)
 GR_INLINE vd trial_of_substep(const int dim, const struct gr_law_call *call, int64_t k, const struct gr_ngf_numbers *n, vd c,
                               struct gr_stress *turned, struct gr_stress *strained)
 {
-    const gr_real *gradient = call->gradient + k * dim * dim * GR_W;
+    const struct gr_gradient gradient = gr_gradient_of(dim, call, k);
     *turned = gr_turned(dim, gradient, call, call->slot[k]);
     for (int i = 0; i < GR_STRESSES(dim); i++) strained->s[i] = v_zero();
     gr_strain(dim, gradient, n->K, n->G, strained);
@@ -63,7 +63,7 @@ GR_INLINE void begin_blocks(const int dim, const struct gr_law_call *call, const
     for (int64_t k = 0; k < call->n_blocks; k++) {
         struct gr_stress turned, strained;
         const int64_t at = call->slot[k];
-        const vd trace = gr_expansion(dim, call->gradient + k * dim * dim * GR_W);
+        const vd trace = gr_expansion(dim, gr_gradient_of(dim, call, k));
         const vd p = trial_of_substep(dim, call, k, n, v_load(call->log_density + at) - trace, &turned, &strained);
         gr_substeps_begin(dim, &n->point, &turned, &strained, p, call->substeps, at);
     }
@@ -88,7 +88,7 @@ GR_INLINE void trial_block(const int dim, const int many, const struct gr_law_ca
         block->p = trial_of_substep(dim, call, k, n, c, &t, &strained);
         gr_substeps_end(dim, call->fraction, call->substeps, at, &t, &strained);
     } else {
-        t = gr_trial(dim, call->gradient + k * dim * dim * GR_W, call, at, n->K, n->G);
+        t = gr_trial(dim, call, k, n->K, n->G);
         block->p = pressure_of(call, n->K, c, gr_split(&t));
     }
     block->inverse = gr_invert_pressure(&n->point, block->p);

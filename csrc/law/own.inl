@@ -20,9 +20,10 @@ GR_INLINE void gr_gather_own(const int dim, const struct gr_law_call *call, int6
     const vd K = v_set(call->parameter[0]), G = v_set(call->parameter[1]);
     for (int64_t k = 0; k < n; k++) {
         const int64_t at = call->slot[first + k], place = k * GR_W, stride = n * GR_W;
-        const gr_real *gradient = call->gradient + (first + k) * dim * dim * GR_W;
-        const struct gr_stress t = gr_trial(dim, gradient, call, at, K, G);
-        for (int c = 0; c < dim * dim; c++) v_store(to->gradient + c * stride + place, v_load(gradient + c * GR_W));
+        const struct gr_stress t = gr_trial(dim, call, first + k, K, G);
+        vd L[9];
+        gr_load_gradient(dim, gr_gradient_of(dim, call, first + k), L);
+        for (int c = 0; c < (dim == 2 ? 5 : 9); c++) v_store(to->gradient + c * stride + place, L[c]);
         for (int c = 0; c < GR_STRESSES(dim); c++) v_store(to->stress + c * stride + place, t.s[c]);
         for (int c = 0; call->history && c < GR_HISTORY_COUNT; c++)
             v_store(to->history + c * stride + place, v_load(call->history + c * call->capacity + at));

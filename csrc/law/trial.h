@@ -9,15 +9,35 @@ struct gr_stress {
     vd s[6]; /* xx, yy, zz, xy, yz, xz */
 };
 
-/* Add the elastic increment dt C:D to `t`; L dt is given, row-major. */
-GR_INLINE void gr_strain(const int dim, const gr_real *gradient, vd K, vd G, struct gr_stress *t)
+/* L dt of a block of points: components row-major, and in an axisymmetric plane the one out of it, else NULL. */
+struct gr_gradient {
+    const gr_real *of_plane, *hoop;
+};
+
+GR_INLINE struct gr_gradient gr_gradient_of(const int dim, const struct gr_law_call *call, int64_t k)
+{
+    return (struct gr_gradient){call->gradient + k * dim * dim * GR_W, call->hoop ? call->hoop + k * GR_W : 0};
+}
+
+/* Its components; in 2D L[4] is the one out of the plane. */
+GR_INLINE void gr_load_gradient(const int dim, struct gr_gradient gradient, vd L[9])
+{
+    for (int c = 0; c < dim * dim; c++) L[c] = v_load(gradient.of_plane + c * GR_W);
+    if (dim == 2) L[4] = gradient.hoop ? v_load(gradient.hoop) : v_zero();
+}
+
+/* Add the elastic increment dt C:D to `t`. */
+GR_INLINE void gr_strain(const int dim, struct gr_gradient gradient, vd K, vd G, struct gr_stress *t)
 {
     const vd lambda = K - v_set(2.0) / v_set(3.0) * G, twoG = v_set(2.0) * G;
     vd L[9];
-    for (int c = 0; c < dim * dim; c++) L[c] = v_load(gradient + c * GR_W);
-    const vd bulk = lambda * (dim == 2 ? L[0] + L[3] : L[0] + L[4] + L[8]);
+    gr_load_gradient(dim, gradient, L);
+    vd trace = dim == 2 ? L[0] + L[3] : L[0] + L[4] + L[8];
+    if (dim == 2 && gradient.hoop) trace = trace + L[4];
+    const vd bulk = lambda * trace;
     for (int c = 0; c < dim; c++) t->s[c] = v_fma(twoG, L[c * (dim + 1)], t->s[c] + bulk);
     if (dim == 2) t->s[2] = t->s[2] + bulk;
+    if (dim == 2 && gradient.hoop) t->s[2] = v_fma(twoG, L[4], t->s[2]);
     t->s[3] = v_fma(G, L[1] + L[dim], t->s[3]);
     if (dim == 3) {
         t->s[4] = v_fma(G, L[5] + L[7], t->s[4]);
@@ -26,12 +46,12 @@ GR_INLINE void gr_strain(const int dim, const gr_real *gradient, vd K, vd G, str
 }
 
 /* The stress of a block of points after the rotation of a step: s + dt (W s - s W), of first order in dt. */
-GR_INLINE struct gr_stress gr_turned(const int dim, const gr_real *gradient, const struct gr_law_call *call, int64_t at)
+GR_INLINE struct gr_stress gr_turned(const int dim, struct gr_gradient gradient, const struct gr_law_call *call, int64_t at)
 {
     struct gr_stress t;
     const vd half = v_set(0.5), two = v_set(2.0);
     vd L[9];
-    for (int c = 0; c < dim * dim; c++) L[c] = v_load(gradient + c * GR_W);
+    gr_load_gradient(dim, gradient, L);
     for (int c = 0; c < GR_STRESSES(dim); c++) t.s[c] = v_load(call->stress[c] + at);
     const vd xx = t.s[0], yy = t.s[1], zz = t.s[2], xy = t.s[3];
     if (dim == 2) {
@@ -52,20 +72,21 @@ GR_INLINE struct gr_stress gr_turned(const int dim, const gr_real *gradient, con
     return t;
 }
 
-/* Trial stress s + dt (C:D + W s - s W), Dunatunga & Kamrin 2015, eq. 3.10. */
-GR_INLINE struct gr_stress gr_trial(const int dim, const gr_real *gradient, const struct gr_law_call *call, int64_t at, vd K,
-                                    vd G)
+/* Trial stress s + dt (C:D + W s - s W) of block k of a call, Dunatunga & Kamrin 2015, eq. 3.10. */
+GR_INLINE struct gr_stress gr_trial(const int dim, const struct gr_law_call *call, int64_t k, vd K, vd G)
 {
-    struct gr_stress t = gr_turned(dim, gradient, call, at);
+    const struct gr_gradient gradient = gr_gradient_of(dim, call, k);
+    struct gr_stress t = gr_turned(dim, gradient, call, call->slot[k]);
     gr_strain(dim, gradient, K, G, &t);
     return t;
 }
 
 /* Trace of the velocity increment L dt of a block: the volumetric strain of the step. */
-GR_INLINE vd gr_expansion(const int dim, const gr_real *gradient)
+GR_INLINE vd gr_expansion(const int dim, struct gr_gradient gradient)
 {
-    vd trace = v_load(gradient);
-    for (int d = 1; d < dim; d++) trace = trace + v_load(gradient + d * (dim + 1) * GR_W);
+    vd trace = v_load(gradient.of_plane);
+    for (int d = 1; d < dim; d++) trace = trace + v_load(gradient.of_plane + d * (dim + 1) * GR_W);
+    if (dim == 2 && gradient.hoop) trace = trace + v_load(gradient.hoop);
     return trace;
 }
 

@@ -322,7 +322,7 @@ GR_INLINE vd flow_of_cells(const int dim, const struct gr_engine *e, int64_t fir
     const vd mean = v_load(average_of(e, GR_AVERAGE_C, first)), zero = v_zero();
     vd at[3], trace = zero;
     for (int d = 0; d < dim; d++) at[d] = v_load(average_of(e, GR_AVERAGE_AT + d, first));
-    for (int k = 0; k < dim * dim; k++) L[k] = zero;
+    for (int k = 0; k < (dim == 2 ? 5 : 9); k++) L[k] = zero; /* in 2D the last is the one out of the plane */
     for (int i = 0; i < K; i++)
         for (int j = 0; j < dim; j++) {
             const vd slope = slope_at(dim, at, i, j);

@@ -10,6 +10,7 @@ struct batch {
     int64_t slot[BATCH];
     _Alignas(64) gr_real g_star[BATCH * GR_W];
     _Alignas(64) gr_real gradient[BATCH * 9 * GR_W];
+    _Alignas(64) gr_real hoop[BATCH * GR_W]; /* in an axisymmetric plane */
 };
 
 /* Call the law of material k for n blocks of a batch from block b on: for the whole step, or for the first (`begins`) or
@@ -22,6 +23,7 @@ static void call_law(struct gr_engine *e, int k, const struct batch *batch, int6
     struct gr_law_call call = {.n_blocks = n,
                                .slot = batch->slot + b,
                                .gradient = batch->gradient + b * e->config.dim * e->config.dim * GR_W,
+                               .hoop = e->config.axisymmetric ? batch->hoop + b * GR_W : 0,
                                .dt = fraction * e->clock.dt,
                                .fraction = fraction,
                                .substeps = many ? e->nonlocal.substeps : 0,
@@ -112,7 +114,7 @@ static void run_law(struct gr_engine *e, struct batch *batch, int begins)
         call_law(e, 0, batch, 0, batch->n, begins);
     else
         call_laws(e, batch, begins);
-    if (e->points.field[GR_FIELD_viscous_stress] && !begins) damp_elastic(e, batch->n, batch->slot, batch->gradient);
+    if (e->points.field[GR_FIELD_viscous_stress] && !begins) damp_elastic(e, batch->n, batch->slot, batch->gradient, batch->hoop);
     batch->n = 0;
 }
 

@@ -103,6 +103,15 @@ static int single_is_valid(const struct gr_config *c)
     return c->smoothed || (c->basis == GR_QUADRATIC && c->affine == GR_AFFINE_MOMENT);
 }
 
+/* Kernels for rings exist for these combinations only. */
+static int axisymmetry_is_valid(const struct gr_config *c)
+{
+    if (c->dim != 2 || c->basis == GR_UGIMP || c->periodic[0] || !(c->lower[0] >= 0)) return 0;
+    for (int b = 0; b < c->n_bodies; b++)
+        if (c->bodies[b].free & 1 || c->bodies[b].turns) return 0;
+    return !c->cell_averaged;
+}
+
 int gr_config_is_valid(const struct gr_config *c)
 {
     if (c->dim < 2 || c->dim > 3 || c->basis < 0 || c->basis >= GR_BASIS_COUNT) return 0;
@@ -112,6 +121,7 @@ int gr_config_is_valid(const struct gr_config *c)
     if (c->smoothed && (c->averaging_interval < 1 || c->flutter_interval < 1)) return 0;
     if (c->cell_averaged && (c->basis != GR_LINEAR || c->affine != GR_AFFINE_GRADIENT)) return 0;
     if (c->single && !single_is_valid(c)) return 0;
+    if (c->axisymmetric && !axisymmetry_is_valid(c)) return 0;
     if (c->xpic_order < 0 || c->xpic_order > 10 || (c->xpic_order && c->affine)) return 0;
     if (!(c->dx > 0) || !(c->wave_speed > 0) || !(c->mass_cutoff >= 0)) return 0;
     if (nonlocal && (c->basis == GR_UGIMP || !c->nonlocal.face || c->nonlocal.substeps < 1)) return 0;

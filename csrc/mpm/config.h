@@ -40,7 +40,8 @@ struct gr_nonlocal {
 
 struct gr_config {
     int dim, basis, affine, smoothed, cell_averaged, xpic_order;
-    int single; /* 1: the kernels compute in single precision */
+    int axisymmetric; /* 1: the plane is one of (r, z); masses, volumes and forces are those of whole rings */
+    int single;       /* 1: the kernels compute in single precision */
     int shape[3], periodic[3], open_low[3], open_high[3];
     double lower[3], dx, lambda;
     int n_c0_lines[3];

@@ -22,6 +22,7 @@ static int reserve_nodes(struct gr_engine *e, int64_t n)
     GR_RESIZE(mesh->node_id, capacity);
     e->nodes.capacity = capacity + 2 * GR_LANES;
     GR_RESIZE(mesh->node_volume, e->nodes.capacity);
+    if (e->config.axisymmetric) GR_RESIZE(mesh->node_radius, e->nodes.capacity);
     if (e->config.smoothed) {
         GR_RESIZE(mesh->node_about, (capacity + GR_LANES) * gr_about(e->config.dim));
         GR_RESIZE(mesh->node_at, capacity);
@@ -67,6 +68,7 @@ static void describe_node(struct gr_engine *e, int64_t n)
     int64_t id = mesh->node_id[n];
     int32_t at[3] = {0};
     mesh->node_volume[n] = gr_node_volume(e, id);
+    if (mesh->node_radius) mesh->node_radius[n] = e->axis[0].node_radius[id % e->axis[0].n_nodes];
     for (int d = 0; d < e->config.dim; d++) {
         at[d] = e->axis[d].node_number[id % e->axis[d].n_nodes];
         id /= e->axis[d].n_nodes;
@@ -235,6 +237,7 @@ static void describe_none(struct gr_engine *e)
     if (!e->nodes.capacity) return; /* no node was there ever */
     gr_node_field(e, gap)[e->nodes.capacity - 1] = -INFINITY;
     e->mesh.node_volume[e->nodes.capacity - 1] = 0;
+    if (e->mesh.node_radius) e->mesh.node_radius[e->nodes.capacity - 1] = 0;
 }
 
 /* Index of the neighbour of a cell along axis d, low or high; see enum gr_neighbour. */

@@ -19,7 +19,8 @@ GR_INLINE int gr_prepared(int rows)
 struct contribution {
     vd w[3][3], g[3][3];             /* shape functions, see gr_shape */
     vd m, v[3], affine[3][3];        /* mass, kg; affine velocity field at the edge of the cell, m/s; C dx, m/s */
-    vd stress[6], shift_momentum[3]; /* -V sigma/dx, N; force that takes back the momentum given by the shift, N */
+    vd stress[6], body_force[3];     /* -V sigma/dx, N; force by the shape functions themselves, N */
+    vd hoop;                         /* in an axisymmetric plane: dx/r */
     vd weight;                       /* quadrature weight q = 1 + u */
     vd filled, joined;               /* volume as a mass (engine.h), kg; the same of connected points, else 0 */
     vd c, slope[3];                  /* log-density at the edge of the cell, and its gradient per cell */

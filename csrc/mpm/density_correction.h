@@ -17,7 +17,8 @@ GR_INLINE vd lasting_rate(const int dim, const vd *L)
     return v_sqrt(v_max(v_set(0.5) * sum, v_zero()));
 }
 
-/* Rate of deformation sqrt(2 D':D') + |tr D| from L dt, with D' the deviator of D. It drives the averaging. */
+/* Rate of deformation sqrt(2 D':D') + |tr D| from L dt, with D' the deviator of D. It drives the averaging. In 2D L[4] is the
+ * component out of the plane. */
 GR_INLINE vd kinematic_rate(const int dim, const vd *L)
 {
     vd trace = v_zero(), square = v_zero();
@@ -28,6 +29,10 @@ GR_INLINE vd kinematic_rate(const int dim, const vd *L)
             const vd shear = L[i * dim + j] + L[j * dim + i];
             square = v_fma(shear, shear, square);
         }
+    }
+    if (dim == 2) {
+        trace = trace + L[4];
+        square = v_fma(v_set(2.0) * L[4], L[4], square);
     }
     square = v_fnma(v_set(2.0 / 3.0) * trace, trace, square);
     return v_sqrt(v_max(square, v_zero())) + v_abs(trace);

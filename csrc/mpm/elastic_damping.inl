@@ -9,7 +9,7 @@
 #include "mpm/contribution.h"
 
 /* Set it for the points in the slots from `at` on, from their gradient L dt and their stress after the law. */
-GR_INLINE void store_viscous_stress(const int dim, const struct gr_engine *e, const gr_real *gradient, int64_t at)
+GR_INLINE void store_viscous_stress(const int dim, const struct gr_engine *e, struct gr_gradient gradient, int64_t at)
 {
     const vd none = v_zero(), rate = v_set(e->clock.inv_dt), T = gr_of_material(e, GR_MATERIAL_DAMPING_TIME, at);
     const vd K = T * gr_of_material(e, GR_MATERIAL_BULK_MODULUS, at),
@@ -32,13 +32,14 @@ GR_INLINE void store_viscous_stress(const int dim, const struct gr_engine *e, co
 
 /* The same for the n blocks of points that a law was called for. */
 static __attribute__((noinline)) void damp_elastic(const struct gr_engine *e, int64_t n, const int64_t *slot,
-                                                   const gr_real *gradient)
+                                                   const gr_real *gradient, const gr_real *hoop)
 {
     for (int64_t k = 0; k < n; k++) {
+        const gr_real *of_rings = e->config.axisymmetric ? hoop + k * GR_W : 0;
         if (e->config.dim == 2)
-            store_viscous_stress(2, e, gradient + k * 4 * GR_W, slot[k]);
+            store_viscous_stress(2, e, (struct gr_gradient){gradient + k * 4 * GR_W, of_rings}, slot[k]);
         else
-            store_viscous_stress(3, e, gradient + k * 9 * GR_W, slot[k]);
+            store_viscous_stress(3, e, (struct gr_gradient){gradient + k * 9 * GR_W, 0}, slot[k]);
     }
 }
 

@@ -94,7 +94,8 @@ struct gr_mesh {
     int32_t *node_about;
     uint8_t *node_at; /* the same; bit d: at an end along axis d; bit 3 + d: on a grid line, as on inner walls */
     uint8_t *node_code;
-    double *node_volume;              /* fraction of dx^dim that the node stands for */
+    double *node_volume;              /* fraction of dx^dim that the node stands for; of 2 pi dx^3 in rings */
+    double *node_radius;              /* in an axisymmetric plane: gr_axis.node_radius; else NULL */
     int64_t *node_id;                 /* its index in the whole grid */
     struct gr_table cell_of, node_of; /* for the whole grid: index in the active part + 1, 0 for none */
     struct gr_table next_of;          /* cell_of while a regrouping is under way */
@@ -244,7 +245,8 @@ struct gr_engine {
     struct gr_nonlocal_state nonlocal;
     /* factors that the kernels look up */
     double inv_dx, shift_scale;   /* 1/dx, -1/shift_dt: kernels do not divide */
-    double cell_mass, mass_scale; /* of a full cell of the first material, rho_c dx^dim, kg; its inverse */
+    double cell_mass, mass_scale; /* of a full cell of the first material, rho_c dx^dim, kg, or in an axisymmetric
+                                     plane over its radius in cells, 2 pi rho_c dx^3; its inverse */
     double material_number[GR_MATERIAL_NUMBER_COUNT][GR_MAX_MATERIALS];
     double sponge_factor[3]; /* factor by which the sponge layer multiplies a rising velocity in this step */
     double keep_velocity;    /* share f of the old velocity kept in this step */

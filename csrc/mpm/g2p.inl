@@ -4,6 +4,8 @@
  *   v <- f v + sum S w,   x <- x + dt sum S v^{n+1},   L = sum v^{n+1} (x) grad S   (eq. 3.8; w: see grid.h),
  *   c <- c - dt tr L      (eq. 3.9 for the logarithm of the density).
  *
+ * In an axisymmetric plane L has the component v_r/r of rings, too.
+ *
  * The law then updates the stress from L dt (cell_view.inl). Points that leave their cell are listed here; migrate.c
  * moves them, and the sums of the cells that they enter are computed again. */
 #include "mpm/contribution.h"
@@ -64,10 +66,12 @@ GR_INLINE vd affine_from(const struct gr_engine *e, const struct view *view, int
                     view->disconnected);
 }
 
-/* Move the points in the slots from `at` on, a row of the viewed cells. L dt is stored in `gradient` for the law.
+/* Move the points in the slots from `at` on, a row of the viewed cells. L dt is stored in `gradient` for the law, and in an
+ * axisymmetric plane that of rings in `hoop`.
  * Returned: a bit for each lane that is still in its cell. */
 GR_INLINE unsigned move_row(const int dim, const int basis, const int affine, const int smoothed, const int cell_averaged,
-                            const int averages, struct gr_engine *e, const struct view *view, int64_t at, gr_real *gradient)
+                            const int averages, struct gr_engine *e, const struct view *view, int64_t at, gr_real *gradient,
+                            gr_real *hoop)
 {
     const int nodal = basis == GR_UGIMP || affine == GR_AFFINE_MOMENT, K = gr_power(gr_nodes_1d(basis), dim);
     const int all_new = affine == GR_AFFINE_MOMENT; /* APIC: no share of the old velocity survives, and w = v */
@@ -90,6 +94,12 @@ GR_INLINE unsigned move_row(const int dim, const int basis, const int affine, co
                              : gr_interpolate(dim, basis, nodal, mode + (GR_NODE_UPDATE(dim) + d) * K, &s,
                                               (const vd(*)[3])s.g, slope);
         v_new[d] = all_new ? w : v_fma(keep, v_load(v + d * stride), w);
+    }
+    if (dim == 2) L[4] = v_zero();
+    if (dim == 2 && __builtin_expect(e->config.axisymmetric, 0)) {
+        L[4] = move[0] * gr_inverse_radius(e, at);
+        v_store(hoop, L[4]);
+        trace = trace + L[4];
     }
     vd c = cell_averaged ? view->c : v_sub(v_load(log_density), trace);
     if (cell_averaged && view->damping.any) damp(dim, basis, e, &view->frame, &s, &view->damping, at, v_new);
@@ -163,7 +173,8 @@ GR_INLINE int64_t g2p_tile(const int dim, const int basis, const int affine, con
             if (__builtin_expect(batch->n == BATCH, 0)) run_law(e, batch, 0);
             gr_real *gradient = batch->gradient + batch->n * dim * dim * GR_W;
             const unsigned inside =
-                move_row(dim, basis, affine, smoothed, cell_averaged, averages, e, &view[part], at, gradient);
+                move_row(dim, basis, affine, smoothed, cell_averaged, averages, e, &view[part], at, gradient,
+                         batch->hoop + batch->n * GR_W);
             if (e->nonlocal.diffuses) v_store(batch->g_star + batch->n * GR_W, start_of_row(e, &view[part].fluidity, at));
             batch->slot[batch->n++] = at;
             if (__builtin_expect(inside != GR_ALL_LANES, 0))

@@ -111,7 +111,8 @@ static void apply_wall(struct gr_engine *e, int64_t first, int lane, double m, s
 /* True if a body leaves hardly any volume to a node. */
 GR_INLINE int is_closed(const struct gr_engine *e, int64_t n)
 {
-    return e->bodies.open && e->mesh.node_volume[n] < GR_LEAST_OPEN &&
+    const double radius = e->mesh.node_radius ? e->mesh.node_radius[n] : 1;
+    return e->bodies.open && e->mesh.node_volume[n] < GR_LEAST_OPEN * radius &&
            gr_open_place(e->bodies.open, e->mesh.node_id[n]) >= 0;
 }
 

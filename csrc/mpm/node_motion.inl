@@ -47,6 +47,12 @@ GR_INLINE void store_group(const int dim, const int damps, struct gr_engine *e, 
     }
 }
 
+/* Mean radius of the nodes from `first` on, in cells; 1 unless the plane is axisymmetric. */
+GR_INLINE vd radius_of_nodes(const struct gr_engine *e, int64_t first)
+{
+    return e->mesh.node_radius ? v_load(e->mesh.node_radius + first) : v_set(1.0);
+}
+
 /* Store the fields of an averaging at the nodes from `first` on, except for those from the nodes around
  * (smoothed_density.h).
  * Given: their sums, and the volume of their points, as a mass of the first material. */
@@ -69,7 +75,8 @@ GR_INLINE void describe_group(const int dim, struct gr_engine *e, int64_t first,
         /* ln phi to 4 % at phi = 1/2, less c */
         field[GR_NODE_OWN_GAP(dim)] = two * (phi - one) / (phi + one) - c - v_set(e->servo_strain);
         for (int d = 0; d < dim; d++)
-            field[GR_NODE_RESIDUAL + d] = v_load(sum + (GR_SUM_RESIDUAL + d) * GR_SUM_ROW) / cell_mass;
+            field[GR_NODE_RESIDUAL + d] = v_load(sum + (GR_SUM_RESIDUAL + d) * GR_SUM_ROW) /
+                                          (cell_mass * radius_of_nodes(e, first + lane));
         for (int q = 0; q <= GR_NODE_OWN_GAP(dim); q++) {
             const vd of_empty = q == GR_NODE_OWN_GAP(dim) ? v_set(GR_EMPTY_GAP) : zero;
             v_store(gr_node_field(e, GR_NODE_DENSITY(dim) + q) + first + lane, v_select(empty, of_empty, field[q]));
@@ -86,13 +93,14 @@ GR_INLINE vd of_places(const double *field, const int32_t *at)
 }
 
 /* Store the mean gap about the nodes from `first` on that are inside the material, which they and their face neighbours
- * fill, and 0 at others. The weights are 1/4, 1/2, 1/4 along each axis; a node that is not full counts with the gap of
+ * fill, and 0 at others. The weights are 1/4, 1/2, 1/4 along each axis, times the radius of rings; a node that is not full counts with the gap of
  * the node itself. The gap of a single node has a noise of 0.03 to 0.04 with 4 points per cell, this mean one of 0.008.
  * Returned: a bit for each node that is inside. */
 GR_INLINE unsigned mean_gaps_of_group(const int dim, struct gr_engine *e, int64_t first)
 {
     const int n = gr_about(dim), middle = n / 2;
     const double *gap = gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP(dim));
+    const double *const by_volume = e->bodies.open ? e->mesh.node_volume : e->mesh.node_radius;
     const vd least = v_set(GR_LEAST_GAP), closed = v_set(GR_CLOSED_GAP);
     unsigned inside = 0;
     for (int lane = 0; lane < GR_LANES; lane += GR_W) {
@@ -105,14 +113,14 @@ GR_INLINE unsigned mean_gaps_of_group(const int dim, struct gr_engine *e, int64_
         for (int k = 0; k < n; k++) {
             const double share = (k % 3 == 1 ? 0.5 : 0.25) * (k / 3 % 3 == 1 ? 0.5 : 0.25);
             vd weight = v_set(dim == 2 ? share : share * (k / 9 == 1 ? 0.5 : 0.25));
-            if (e->bodies.open) {
-                weight = weight * of_places(e->mesh.node_volume, about + k * GR_LANES);
+            if (by_volume) {
+                weight = weight * of_places(by_volume, about + k * GR_LANES);
                 weights = weights + weight;
             }
             const vm counts = m_and(v_gt(gaps[k], least), v_gt(closed, gaps[k]));
             sum = sum + weight * v_select(counts, gaps[k], gaps[middle]);
         }
-        if (e->bodies.open) sum = sum / weights;
+        if (by_volume) sum = sum / weights;
         v_store(gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_GAP) + first + lane, v_keep(full, sum));
         inside |= m_bits(full) << lane;
     }

@@ -100,10 +100,12 @@ static int keep_open_part(struct gr_engine *e, const int32_t at[3], int n, const
         GR_RESIZE(open->part, 2 * open->part_capacity + 64);
         open->part_capacity = 2 * open->part_capacity + 64;
     }
+    const double radius = e->axis[0].cell[at[0]].radius;
     for (int p = 0; p < (e->config.dim == 2 ? n * n : n * n * n); p++) {
         const int of[3] = {p % n, p / n % n, p / (n * n)};
-        sum.volume += 1 - share[p];
-        for (int d = 0; d < 3; d++) sum.centre[d] += (1 - share[p]) * (of[d] + 0.5) / n;
+        const double ring = e->config.axisymmetric ? 1 + ((of[0] + 0.5) / n - 0.5) / radius : 1;
+        sum.volume += (1 - share[p]) * ring;
+        for (int d = 0; d < 3; d++) sum.centre[d] += (1 - share[p]) * ring * (of[d] + 0.5) / n;
     }
     for (int d = 0; d < 3; d++) sum.centre[d] = sum.volume > 0 ? sum.centre[d] / sum.volume : 0.5;
     sum.volume /= pow(n, e->config.dim);
@@ -111,14 +113,25 @@ static int keep_open_part(struct gr_engine *e, const int32_t at[3], int n, const
     return gr_table_set(&open->part_of, gr_cell_id(e, at), (int32_t)open->n_parts);
 }
 
-/* Integrals over a part of a cell of the shape functions of one axis, and of their derivatives. */
-static void integrate_1d(const struct gr_axis_cell *cell, int nodes, double from, double to, double value[3],
-                         double slope[3])
+/* c0 x + c1 x^2/2 + c2 x^3/3, the integral of a function along an axis. */
+static double antiderivative(const double *c, double x) { return x * (c[0] + x * (c[1] / 2 + x * c[2] / 3)); }
+
+/* c0 x^2/2 + c1 x^3/3 + c2 x^4/4, that of the function times x. */
+static double moment(const double *c, double x) { return x * x * (c[0] / 2 + x * (c[1] / 3 + x * c[2] / 4)); }
+
+/* Integrals over a part of a cell of the shape functions of one axis, and of their derivatives; over rings, from the radius
+ * r of the edge of the cell on in cells, of the functions times the radius, N r and (N r)'. */
+static void integrate_1d(const struct gr_axis_cell *cell, int nodes, double from, double to, const double *r,
+                         double value[3], double slope[3])
 {
     for (int a = 0; a < nodes; a++) {
         const double *c = cell->coefficient[a];
-        value[a] = to * (c[0] + to * (c[1] / 2 + to * c[2] / 3)) - from * (c[0] + from * (c[1] / 2 + from * c[2] / 3));
+        value[a] = antiderivative(c, to) - antiderivative(c, from);
         slope[a] = to * (c[1] + to * c[2]) - from * (c[1] + from * c[2]);
+        if (!r) continue;
+        const double plane = value[a];
+        value[a] = *r * plane + moment(c, to) - moment(c, from);
+        slope[a] = (*r + to) * (c[0] + to * (c[1] + to * c[2])) - (*r + from) * (c[0] + from * (c[1] + from * c[2]));
     }
 }
 
@@ -131,9 +144,11 @@ static int add_cell(struct gr_engine *e, const struct gr_pose *pose, const int32
     double solid[GR_MAX_NODES] = {0}, gradient[GR_MAX_NODES][3] = {{0}};
     solid_parts(e, pose, at, parts, share);
     if (keep_open_part(e, at, parts, share)) return GR_ERR_MEMORY;
+    const double r = e->axis[0].cell[at[0]].radius - 0.5;
     for (int d = 0; d < dim; d++)
         for (int p = 0; p < parts; p++)
-            integrate_1d(&e->axis[d].cell[at[d]], k, (double)p / parts, (p + 1.0) / parts, value[d][p], slope[d][p]);
+            integrate_1d(&e->axis[d].cell[at[d]], k, (double)p / parts, (p + 1.0) / parts,
+                         e->config.axisymmetric && !d ? &r : 0, value[d][p], slope[d][p]);
     for (int p = 0; p < (dim == 2 ? parts * parts : parts * parts * parts); p++) {
         const int of[3] = {p % parts, p / parts % parts, p / (parts * parts)};
         for (int i = 0; share[p] > 0 && i < e->K; i++) {

@@ -5,7 +5,8 @@
  *
  *   V_i = V_i0 - s_i,  s_i = int S_i,   E_i -> E_i + G_i,  G_i = int grad S_i,   over the solid, lengths in cells.
  *
- * A uniform pressure then is in balance with its traction on the surface. */
+ * A uniform pressure then is in balance with its traction on the surface. In an axisymmetric plane the integrals are over
+ * rings, int S_i r and int grad S_i r + S_i e_r, and the latter are divided by the mean radius of the node. */
 #pragma once
 
 #include "mpm/engine.h"

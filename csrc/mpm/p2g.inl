@@ -5,7 +5,8 @@
  *   f_i = -sum V sigma grad w,   V = q m/rho
  *
  * w is the shape function of node i at the point, C the affine velocity field of the point and q = 1 + u its quadrature
- * weight. Particle shifting adds -m shift_velocity/dt to the force, which takes back the momentum that the shift gave.
+ * weight. Particle shifting adds -w m shift_velocity/dt to the force, which takes back the momentum that the shift gave, and
+ * in an axisymmetric plane the stress of the rings adds -V sigma_tt w/r along r.
  * Where the density is averaged, further sums follow (smoothed_density.inl).
  *
  * A lane is a cell, whose sums are in the order of its points. A few rows of points are worked on at a time: first their
@@ -58,7 +59,7 @@ GR_INLINE void prepare_momentum(const int dim, const int basis, const int affine
     contribution->m = component(e, GR_FIELD_mass, 0, at);
 }
 
-/* Prepare -V sigma/dx and the force that takes back the momentum of the shift. */
+/* Prepare -V sigma/dx, and the force of the shift and of rings. */
 GR_INLINE void prepare_force(const int dim, const int smoothed, const struct gr_engine *e, int64_t at,
                              struct contribution *contribution)
 {
@@ -74,9 +75,16 @@ GR_INLINE void prepare_force(const int dim, const int smoothed, const struct gr_
     }
     for (int d = 0; d < dim; d++)
         for (int j = 0; j <= d; j++) contribution->stress[at_stress(d, j)] = V * stress[at_stress(d, j)];
-    for (int d = 0; smoothed && e->sums.correct_shift && d < dim; d++)
-        contribution->shift_momentum[d] =
-            contribution->m * v_set(e->shift_scale) * component(e, GR_FIELD_shift_velocity, d, at);
+    for (int d = 0; d < dim; d++) {
+        contribution->body_force[d] = v_zero();
+        if (smoothed && e->sums.correct_shift)
+            contribution->body_force[d] =
+                contribution->m * v_set(e->shift_scale) * component(e, GR_FIELD_shift_velocity, d, at);
+    }
+    if (dim == 2 && __builtin_expect(e->config.axisymmetric, 0)) {
+        contribution->hoop = gr_inverse_radius(e, at);
+        contribution->body_force[0] = v_fma(V * stress[2], contribution->hoop, contribution->body_force[0]);
+    }
 }
 
 /* For the nodes of a row: m_i += w m, p_i += w m (v + C (x_i - x)). */
@@ -100,9 +108,9 @@ GR_INLINE void add_momentum(const int dim, const int basis, const int affine, co
     }
 }
 
-/* For the nodes of a row: f_i += -V sigma grad w, in sum[a][first...]. The derivative along x is split off, because w
- * along y and z is common to the row. */
-GR_INLINE void add_force(const int dim, const int basis, const int shifts, const struct contribution *p,
+/* For the nodes of a row: f_i += -V sigma grad w, in sum[a][first...], and with `body_forces` those times w. The derivative
+ * along x is split off, because w along y and z is common to the row. */
+GR_INLINE void add_force(const int dim, const int basis, const int body_forces, const struct contribution *p,
                          const struct row row, const int first, vd sum[3][MOST_SUMS])
 {
     const vd w_yz = weight_yz(dim, basis, p, row, 0);
@@ -110,7 +118,7 @@ GR_INLINE void add_force(const int dim, const int basis, const int shifts, const
         const vd by_x = p->stress[at_stress(d, 0)] * w_yz;
         vd by_yz = p->stress[at_stress(d, 1)] * weight_yz(dim, basis, p, row, 1);
         if (dim == 3) by_yz = v_fma(p->stress[at_stress(d, 2)], weight_yz(dim, basis, p, row, 2), by_yz);
-        if (shifts) by_yz = v_fma(p->shift_momentum[d], w_yz, by_yz);
+        if (body_forces) by_yz = v_fma(p->body_force[d], w_yz, by_yz);
         for (int a = 0; a < gr_nodes_1d(basis); a++) {
             const vd partial = v_fma(by_yz, p->w[0][a], sum[a][first + d]);
             if (basis == GR_LINEAR)
@@ -121,9 +129,9 @@ GR_INLINE void add_force(const int dim, const int basis, const int shifts, const
     }
 }
 
-/* Sums of a pass over the rows: m and p; f, with SHIFT also the term that subtracts the momentum of a shift; the sums of
- * the density, or of the density with several materials. With MASSES the masses of each lane are stored, too. */
-enum { MOMENTUM = 1, FORCE = 2, DENSITY = 4, VOLUME = 8, SHIFT = 16, MASSES = 32 };
+/* Sums of a pass over the rows: m and p; f, with BODY_FORCE also the terms with w; the sums of the density, with HOOP of
+ * rings; and those of the density with several materials. With MASSES the masses of each lane are stored, too. */
+enum { MOMENTUM = 1, FORCE = 2, DENSITY = 4, VOLUME = 8, BODY_FORCE = 16, MASSES = 32, HOOP = 64 };
 
 /* Sums of a pass over GR_W cells after another of a tile. */
 struct pass {
@@ -223,8 +231,9 @@ GR_INLINE void add_rows(const int dim, const int basis, const int affine, const 
         GR_ROLLED
         for (int i = 0; i < stretch.n; i++) {
             if (what & MOMENTUM) add_momentum(dim, basis, affine, frame, contribution + i, row, sum);
-            if (what & FORCE) add_force(dim, basis, what & SHIFT, contribution + i, row, what & MOMENTUM ? 1 + dim : 0, sum);
-            if (what & DENSITY) add_density(dim, basis, frame, contribution + i, row, sum);
+            if (what & FORCE)
+                add_force(dim, basis, what & BODY_FORCE, contribution + i, row, what & MOMENTUM ? 1 + dim : 0, sum);
+            if (what & DENSITY) add_density(dim, basis, what & HOOP, frame, contribution + i, row, sum);
             if (what & VOLUME) add_volume(dim, basis, frame, contribution + i, row, sum);
         }
         if (!stretch.ends) {
@@ -290,7 +299,8 @@ struct p2g_passes {
 GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const int smoothed, struct gr_engine *e,
                          int64_t tile, int part, int averages, struct p2g_passes *passes)
 {
-    const int K = gr_power(gr_nodes_1d(basis), dim), shifts = smoothed && e->sums.correct_shift;
+    const int K = gr_power(gr_nodes_1d(basis), dim), rings = dim == 2 && e->config.axisymmetric,
+              body_forces = rings || (smoothed && e->sums.correct_shift);
     const int64_t first = tile * GR_LANES + part * GR_W;
     const int most = most_points(e, first, GR_W);
     struct gr_frame frame;
@@ -308,15 +318,21 @@ GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const
             if (averages) filled = filled + contribution[i].filled;
         }
         if (K <= 4) { /* all sums of a row fit the registers */
-            add_rows(dim, basis, affine, MOMENTUM | FORCE, &frame, contribution, stretch, 0, &passes->motion);
+            if (rings)
+                add_rows(dim, basis, affine, MOMENTUM | FORCE | BODY_FORCE, &frame, contribution, stretch, 0, &passes->motion);
+            else
+                add_rows(dim, basis, affine, MOMENTUM | FORCE, &frame, contribution, stretch, 0, &passes->motion);
         } else {
             add_rows(dim, basis, affine, MOMENTUM, &frame, contribution, stretch, 0, &passes->motion);
-            if (shifts)
-                add_rows(dim, basis, 0, FORCE | SHIFT, &frame, contribution, stretch, GR_SUM_FORCE(dim), &passes->motion);
+            if (body_forces)
+                add_rows(dim, basis, 0, FORCE | BODY_FORCE, &frame, contribution, stretch, GR_SUM_FORCE(dim), &passes->motion);
             else
                 add_rows(dim, basis, 0, FORCE, &frame, contribution, stretch, GR_SUM_FORCE(dim), &passes->motion);
         }
-        if (averages) add_rows(dim, basis, 0, DENSITY, &frame, contribution, stretch, 0, &passes->density);
+        if (averages && rings)
+            add_rows(dim, basis, 0, DENSITY | HOOP, &frame, contribution, stretch, 0, &passes->density);
+        else if (averages)
+            add_rows(dim, basis, 0, DENSITY, &frame, contribution, stretch, 0, &passes->density);
         if (averages && e->config.n_materials > 1)
             add_rows(dim, basis, 0, VOLUME, &frame, contribution, stretch, 0, &passes->volume);
     }

@@ -103,6 +103,13 @@ GR_INLINE void gr_shape_1d(const int basis, const struct gr_knots *knots, double
     }
 }
 
+/* dx/r of the points in the slots from `at` on of an axisymmetric plane. The velocity along r vanishes on the axis, so that
+ * no point crosses it. */
+GR_INLINE vd gr_inverse_radius(const struct gr_engine *e, int64_t at)
+{
+    return v_set(e->config.dx) / x_minus(x_load(gr_x(e, 0) + at), x_set(0.0));
+}
+
 /* All shape functions of the points in the slots from `at` on. */
 GR_INLINE void gr_shapes(const int dim, const int basis, const struct gr_engine *e, const struct gr_frame *frame, int64_t at,
                          const int positions, struct gr_shape *s)

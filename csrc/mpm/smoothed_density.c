@@ -49,10 +49,11 @@ static void complete(const int dim, struct gr_engine *e, int64_t n, int inside)
     if (closed && e->bodies.open) density_field(e, GR_NODE_EXCESS)[n] = excess_about(e, n);
     if (inside && !closed) /* subtract the mean weight with which volumes m/rho fill the volume of the node */
         density_field(e, GR_NODE_WEIGHT)[n] += 1 - exp(-(gap + e->servo_strain));
-    const int balanced = inside && (cut < 0 || e->mesh.node_volume[n] > LEAST_BALANCED);
+    const double radius = e->mesh.node_radius ? e->mesh.node_radius[n] : 1;
+    const int balanced = inside && (cut < 0 || e->mesh.node_volume[n] > LEAST_BALANCED * radius);
     for (int d = 0; d < dim; d++) {
         double *residual = density_field(e, GR_NODE_RESIDUAL + d) + n;
-        if (cut >= 0) *residual += e->bodies.open->slope[cut * dim + d];
+        if (cut >= 0) *residual += e->bodies.open->slope[cut * dim + d] / radius;
         if (!balanced || held >> d & 1) *residual = 0;
         if (lines >> d & 1) *residual *= LINE_SHARE;
     }

@@ -33,8 +33,10 @@ GR_INLINE void prepare_density(const int dim, const int basis, const struct gr_e
 
 /* For the nodes of a row: mass, mass with quadrature weights, log-density, and residual force,
  *
- *   sum w m,  sum w q m,  sum w q m (c + grad c (x_i - x)),  sum q m grad w,  over the connected points. */
-GR_INLINE void add_density(const int dim, const int basis, const struct gr_frame *frame, const struct contribution *p,
+ *   sum w m,  sum w q m,  sum w q m (c + grad c (x_i - x)),  sum q m grad w,  over the connected points,
+ *
+ * with `rings` also sum q m w/r along r. */
+GR_INLINE void add_density(const int dim, const int basis, const int rings, const struct gr_frame *frame, const struct contribution *p,
                            const struct row row, vd sum[3][MOST_SUMS])
 {
     const vd m_yz = p->joined * weight_yz(dim, basis, p, row, 0), c = linear_yz(dim, basis, frame, row, p->c, p->slope);
@@ -47,6 +49,7 @@ GR_INLINE void add_density(const int dim, const int basis, const struct gr_frame
         sum[a][GR_SUM_WEIGHTED] = sum[a][GR_SUM_WEIGHTED] + wqm;
         sum[a][GR_SUM_LOG_DENSITY] = v_fma(wqm, along_axis(basis, frame, 0, a, c, p->slope[0]), sum[a][GR_SUM_LOG_DENSITY]);
         sum[a][GR_SUM_RESIDUAL] = v_fma(qm_yz[0], p->g[0][a], sum[a][GR_SUM_RESIDUAL]);
+        if (rings) sum[a][GR_SUM_RESIDUAL] = v_fma(wqm, p->hoop, sum[a][GR_SUM_RESIDUAL]);
         for (int d = 1; d < dim; d++) sum[a][GR_SUM_RESIDUAL + d] = v_fma(qm_yz[d], p->w[0][a], sum[a][GR_SUM_RESIDUAL + d]);
     }
 }
@@ -73,7 +76,8 @@ GR_INLINE void add_volume(const int dim, const int basis, const struct gr_frame 
  *   u += -weight_correction sum_i grad S_i . E_i - weight_correction_decay u - sum_i S_i x_i,
  *   E_i = sum (1 + u) m/(rho_c dx^dim) grad S_i,
  *
- * with lengths in cells. The first term is a descent on the sum of E^2 over the nodes, E being the residual force. The
+ * with lengths in cells; in an axisymmetric plane div E = grad S . E + S E_r/r, and dx^dim is 2 pi dx^3 times the mean radius
+ * of the node in cells. The first term is a descent on the sum of E^2 over the nodes, E being the residual force. The
  * second makes a point forget where it has been. The third removes x_i, the excess of the mean weight at a node over
  * exp(cbar_i)/phi_i. Points that are not connected are in none of these sums, and keep their weights.
  * Given: the modes of x and E. */
@@ -85,8 +89,10 @@ GR_INLINE void correct_weights(const int dim, const int basis, struct gr_engine 
     gr_real *place = gr_numbers(e, GR_FIELD_weight_correction, 0, at);
     vd u = v_load(place), divergence = v_zero(), slope[3];
     for (int d = 0; d < dim; d++) {
-        (void)gr_interpolate(dim, basis, 0, mode + (GR_NODE_RESIDUAL + d) * K, s, (const vd(*)[3])s->g, slope);
+        const vd E = gr_interpolate(dim, basis, 0, mode + (GR_NODE_RESIDUAL + d) * K, s, (const vd(*)[3])s->g, slope);
         divergence = divergence + slope[d];
+        if (dim == 2 && d == 0 && __builtin_expect(e->config.axisymmetric, 0))
+            divergence = v_fma(E, gr_inverse_radius(e, at), divergence);
     }
     const vd excess = gr_interpolate(dim, basis, 0, mode + GR_NODE_WEIGHT * K, s, (const vd(*)[3])s->g, slope) *
                       v_set(q->weight_correction > 0);
@@ -129,7 +135,8 @@ GR_INLINE void fill_cells(const int dim, const struct gr_engine *e, int64_t firs
         at_middle[l] = gap[gr_node_in_row(e, first + l, K / 6, 1)];
         solid[l] = e->mesh.cell[first + l].flags & GR_CELL_SOLID;
     }
-    const vd filled = v_load(gr_cell_sums(e, first, GR_CELL_FILLED)) * v_set(e->mass_scale);
+    vd filled = v_load(gr_cell_sums(e, first, GR_CELL_FILLED)) * v_set(e->mass_scale);
+    if (dim == 2 && e->config.axisymmetric) filled = filled / GR_OF_CELLS(e, first, 0, radius);
     const vd open = open_parts(dim, e, first, centre);
     const vd excess = excess_of(filled, open, between(SURFACE_GAP, INSIDE_GAP, v_load(at_middle)));
     const vd space = v_select(v_gt(v_load(solid), v_zero()), v_zero(), open);

@@ -49,7 +49,8 @@ int gr_watch_walls(struct gr_engine *e, int n_walls, const struct gr_wall_share 
 static double mass_at_end(const struct gr_engine *e, const struct gr_servo *servo)
 {
     const struct gr_axis *axis = &e->axis[servo->axis];
-    const double share = axis->node_integral[servo->side < 0 ? 0 : axis->n_nodes - 1];
+    const int end = servo->side < 0 ? 0 : axis->n_nodes - 1;
+    const double share = axis->node_integral[end] / axis->node_radius[end];
     return e->config.material[0].rho_c * e->config.dx * share * servo->area;
 }
 

@@ -238,6 +238,7 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
                             "transfer",
                             "density",
                             "single",
+                            "axisymmetric",
                             "averaging_interval",
                             "flutter_interval",
                             "pressure_from_density",
@@ -264,8 +265,8 @@ int gr_parse_config(PyObject *args, PyObject *kwargs, struct gr_config *out, str
     const char *method, *stencil;
     PyObject *materials, *axes, *walls, *codes, *flags, *times, *vectors;
     PyObject *numbers, *of_scheme, *of_density, *of_fluidity, *faces, *bodies;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiiiiOsOOOOOOO!O!O!O!ssOO", names, &c.dim, &c.basis, &transfer,
-                                     &density, &c.single, &c.averaging_interval, &c.flutter_interval,
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$iiiiiiiiiOsOOOOOOO!O!O!O!ssOO", names, &c.dim, &c.basis, &transfer,
+                                     &density, &c.single, &c.axisymmetric, &c.averaging_interval, &c.flutter_interval,
                                      &c.pressure_from_density, &materials, isa, &axes, &walls, &codes, &flags, &times,
                                      &vectors, &PyDict_Type, &numbers, &PyDict_Type, &of_scheme, &PyDict_Type, &of_density,
                                      &PyDict_Type, &of_fluidity, &method, &stencil, &faces, &bodies))

@@ -101,19 +101,21 @@ static PyObject *diffuse(struct gr_fluidity *f, const struct gr_kernels *kernels
 PyObject *gr_python_fluidity_diffuse(PyObject *Py_UNUSED(module), PyObject *args, PyObject *kwargs)
 {
     static char *names[] = {"method",         "stencil",  "dx",    "A",     "d", "t0",       "dt",      "steps", "tolerance",
-                            "max_iterations", "periodic", "faces", "dense", "g", "distance", "threads", "isa",   NULL};
-    struct gr_fluidity_config config = {0};
+                            "max_iterations", "periodic", "faces", "dense", "g", "distance", "threads", "isa",   "first_radius",
+                            NULL};
+    struct gr_fluidity_config config = {.first_radius = -1};
     struct gr_diffusion_call call = {0};
     const char *method, *stencil, *isa;
     long long steps, max_iterations;
     int threads;
     PyObject *periodic, *objects[4];
     PyArrayObject *arrays[4] = {NULL};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$ssdddddLdLOOOOOis:fluidity_diffuse", names, &method, &stencil,
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "$ssdddddLdLOOOOOisd:fluidity_diffuse", names, &method, &stencil,
                                      &config.dx, &config.A, &config.d, &config.t0, &call.dt, &steps, &config.tolerance,
                                      &max_iterations, &periodic, &objects[2], &objects[1], &objects[0], &objects[3],
-                                     &threads, &isa))
+                                     &threads, &isa, &config.first_radius))
         return NULL;
+    config.axisymmetric = config.first_radius != -1;
     call.steps = steps, config.max_iterations = max_iterations;
     const struct gr_kernels *kernels = gr_take_kernels(isa);
     if (!kernels) return NULL;
@@ -122,6 +124,12 @@ PyObject *gr_python_fluidity_diffuse(PyObject *Py_UNUSED(module), PyObject *args
     if (call.method < 0 || config.stencil < 0 || refuse_numbers(&config, &call, threads) ||
         take_grid(&config, periodic, objects, arrays))
         return NULL;
+    const int radial = config.dim == 2 && !config.periodic[0] && config.first_radius >= 0 && isfinite(config.first_radius);
+    if (config.axisymmetric && !radial) {
+        gr_refuse("first_radius = %.9g must be finite and >= 0, for a plane whose first axis is not periodic",
+                  config.first_radius);
+        return NULL;
+    }
     struct gr_fluidity *f;
     const int error = gr_fluidity_new(&f, &config);
     if (error) return gr_raise(error, NULL);

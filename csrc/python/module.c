@@ -62,10 +62,11 @@ static PyMethodDef functions[] = {
      "after diffusion and shear rate before the step."},
     {"fluidity_diffuse", (PyCFunction)(void (*)(void))gr_python_fluidity_diffuse, METH_VARARGS | METH_KEYWORDS,
      "fluidity_diffuse(*, method, stencil, dx, A, d, t0, dt, steps, tolerance, max_iterations, periodic, faces, dense, g,"
-     " distance, threads, isa)\n--\n\n"
+     " distance, threads, isa, first_radius)\n--\n\n"
      "Steps of t0 g' = A^2 d^2 lap g over the dense cells of a grid, in place: g and dense (ny, nx) or (nz, ny, nx),\n"
      "faces (2 dim, ...) at the low and high side of x, y, z: 0 linked, 1 open, 2 rough (g = 0 on it).\n"
      "distance (like g): of the centres from a rough surface, m, negative behind it; or None.\n"
+     "first_radius: of the low end of x in an axisymmetric plane, in cells; -1 in others.\n"
      "method: explicit, implicit or rkl2. Returns iterations, clamped (cells), limit (s)."},
     {"hencky_update", gr_python_hencky_update, METH_VARARGS,
      "hencky_update(flow, parameters, dt, gradient, log_density, stress, g, shear_rate, isa)\n--\n\n"

@@ -133,6 +133,44 @@ TEST(integrals_at_a_wall)
     gr_axis_free(&axis);
 }
 
+/* Integral of N r over the domain, in cells, by three Gauss points a cell. */
+static double by_gauss(const struct gr_axis *axis, int basis, int i, double first)
+{
+    const double at[] = {0.5 - sqrt(0.15), 0.5, 0.5 + sqrt(0.15)}, weight[] = {5.0 / 18, 8.0 / 18, 5.0 / 18};
+    double sum = 0;
+    for (int c = 0; c < axis->n_cells; c++)
+        for (int a = 0; a < gr_basis_nodes_1d(basis); a++)
+            for (int k = 0; k < 3 && axis->cell[c].node[a] == i; k++)
+                sum += weight[k] * value(&axis->cell[c], a, at[k]) * (first + c + at[k]);
+    return sum;
+}
+
+/* Integrals over the radius: of each node, of all together, and at the axis. */
+TEST(radial_integrals)
+{
+    static const int bases[] = {GR_LINEAR, GR_QUADRATIC};
+    static const double at_axis[][3] = {{1.0 / 6, 1, 2}, {1.0 / 12, 1.0 / 2, 3.0 / 2}};
+    const double dx = 0.25;
+    for (int b = 0; b < 2; b++)
+        for (int first = 0; first < 6; first += 3) {
+            struct gr_axis axis, plane;
+            CHECK(gr_axis_build(&plane, bases[b], N, 0, c0_lines, 3, 0, first * dx, dx) == GR_OK);
+            CHECK(gr_axis_build(&axis, bases[b], N, 0, c0_lines, 3, 0, first * dx, dx) == GR_OK);
+            gr_axis_make_radial(&axis, bases[b], dx);
+            double sum = 0;
+            for (int i = 0; i < axis.n_nodes; i++) {
+                CHECK_NEAR(axis.node_integral[i], by_gauss(&axis, bases[b], i, first), 1e-13);
+                CHECK_NEAR(axis.node_radius[i] * plane.node_integral[i], axis.node_integral[i], 1e-13);
+                sum += axis.node_integral[i];
+            }
+            CHECK_NEAR(sum, (pow(first + N, 2) - pow(first, 2)) / 2, 1e-12);
+            for (int i = 0; !first && i < 3; i++) CHECK_NEAR(axis.node_integral[i], at_axis[b][i], 1e-14);
+            for (int c = 0; c < N; c++) CHECK_NEAR(axis.cell[c].radius, first + c + 0.5, 1e-14);
+            gr_axis_free(&axis);
+            gr_axis_free(&plane);
+        }
+}
+
 /* The linear shape function of a neighbour at distance q in [0, 1], averaged over [q - l, q + l], or over its positive
  * part if clipped, by quadrature. */
 static double averaged(double q, double l, int clip)

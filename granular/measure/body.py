@@ -6,7 +6,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from granular.measure.cut_forces import cut_axes, of_whole, torques_of_whole
+from granular.measure.cut_forces import whole_forces
 from granular.measure.result import ANGULAR_IMPULSE, ENERGY, FORCE, IMPULSE, TORQUE, Result
 from granular.mpm.bodies import split
 from granular.mpm.scene import Scene
@@ -97,7 +97,8 @@ def body_motion(record: Trajectory, body: int = 0, *, total: bool = True) -> Bod
     total : bool
         True for the whole body, also if planes of symmetry cut it (`granular.model.symmetric`):
         across a plane the forces cancel, along it they double. False for the part that is modelled.
-        A body that no plane cuts has another body as its image, and is not changed.
+        A body that no plane cuts has another body as its image, and is not changed. Around the axis
+        of an axisymmetric grid radial forces cancel; False gives their integral around the rings.
 
     Raises
     ------
@@ -112,11 +113,12 @@ def body_motion(record: Trajectory, body: int = 0, *, total: bool = True) -> Bod
     parts = split(numbers, scene.dim)
     if truth("total", total):
         solid = scene.bodies[body]
-        axes, force = cut_axes(scene, solid), parts["impulse"]
         arms = np.subtract([solid.position], scene.grid.lower)
-        turning = torques_of_whole(axes, parts["angular_impulse"], force, arms)
-        work = parts["work"] * 2.0 ** len(axes)
-        parts |= {"impulse": of_whole(axes, force), "angular_impulse": turning, "work": work}
+        force, turning, size = whole_forces(
+            scene, solid, parts["impulse"], parts["angular_impulse"], arms
+        )
+        work = parts["work"] * size
+        parts |= {"impulse": force, "angular_impulse": turning, "work": work}
     return BodyMotion(times=record.times, **cast(dict[str, Any], parts))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from granular.measure.energy import elastic_of, kinetic_of, plastic_power
 from granular.measure.result import ENERGY, Result
+from granular.model.symmetric import refuse_rings
 from granular.mpm.axis_nodes import c0_lines, node_positions
 from granular.mpm.grid_map import GridMap
 from granular.mpm.node_codes import node_codes
@@ -153,6 +154,7 @@ def step_budget(sim: "Simulation") -> StepBudget:
     SimulationError
         As `Simulation.step`.
     """
+    refuse_rings(sim.scene, "the budget of a step")
     engine, scene, before = sim._engine, sim.scene, sim.state
     if scene.inflows:
         raise ValueError(

@@ -74,7 +74,7 @@ class Bulk:
         self.cell_volume = grid.cell ** len(self.shape)
         self.cell_of = np.ravel_multi_index(tuple((cells - first).T), self.shape)
         self.mass = self.sum(state.mass)
-        solid = self.sum(state.rest_volume)
+        solid = self.sum(state.rest_section)
         filled = solid >= FILLED * self.cell_volume
         top = uppermost(filled)
         up = (np.asarray(state.x, dtype=float)[:, -1] - grid.lower[-1]) / grid.cell
@@ -112,7 +112,7 @@ class Bulk:
 
     def _pressure_about(self, pressure: Array) -> Array:
         """Mean pressure over the cell of each point and its neighbours [Pa]."""
-        volume = np.asarray(self.state.rest_volume, dtype=float)
+        volume = np.asarray(self.state.rest_section, dtype=float)
         sums = _pooled(self.sum(pressure * volume)) / np.maximum(_pooled(self.sum(volume)), 1e-300)
         return sums.ravel()[self.cell_of]
 
@@ -127,13 +127,13 @@ class Bulk:
 
         An ejected point may have any volume; it counts with two cells at most. nan without a bulk.
         """
-        volume = np.minimum(self.state.volume, 2.0 * self.cell_volume)
+        volume = np.minimum(self.state.section, 2.0 * self.cell_volume)
         around = self.around(self.sum(volume)) / self.cell_volume
         return self._mean(around.ravel()[self.cell_of]) - 1.0
 
     def strings(self) -> float:
         """Share of the cells inside the material whose fillings alternate; nan without any."""
-        filling = self.sum(self.state.rest_volume) / self.cell_volume
+        filling = self.sum(self.state.rest_section) / self.cell_volume
         mean = _smoothed(filling, self.at_ends)
         deep = mean >= DEEP
         if not deep.any():

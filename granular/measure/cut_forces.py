@@ -1,4 +1,4 @@
-"""Forces on bodies and walls that planes of symmetry cut."""
+"""Forces on whole bodies and walls, of which a plane of symmetry cuts off a part, or rings."""
 
 from collections.abc import Sequence
 
@@ -29,6 +29,21 @@ def _is_cut(scene: Scene, part: Body | WallOrBlock, axis: int) -> bool:
     along = turned(part.rotation_deg).inv().apply(np.eye(3)[axis])
     low, _ = part.shape.ends(along[None])
     return float(part.position[axis] + low[0]) < plane - near
+
+
+def whole_forces(
+    scene: Scene, part: Body | WallOrBlock, forces: Array, torques: Array, arms: Array
+) -> tuple[Array, Array, float]:
+    """Forces (n, dim) and torques on the whole of a body or wall, and its size over that modelled.
+
+    The torques are about points at distances `arms` (n, dim) from the planes of symmetry. Around
+    an axis of symmetry the radial forces cancel, and nothing is left to turn a ring.
+    """
+    if scene.grid.axisymmetric:
+        return forces * [0.0, 1.0], np.zeros_like(torques), 1.0
+    axes = cut_axes(scene, part)
+    turning = torques_of_whole(axes, torques, forces, arms)
+    return of_whole(axes, forces), turning, 2.0 ** len(axes)
 
 
 def of_whole(axes: Sequence[int], vectors: Array) -> Array:

@@ -312,7 +312,7 @@ def _measured(cases: Iterable[Any], window: tuple[float, float]) -> tuple[Array,
         g = float(np.linalg.norm(scene.gravity.at(scene.duration)))
         scale = scene.material.rho_c * math.sqrt(g)
         rows.append((scene.parameters["orifice"], discharge(case, window=window).rate, scale))
-        dims[len(scene.grid.shape)] = scene.name
+        dims[scene.grid.dim_of_whole] = scene.name
     if len(dims) > 1:
         raise ValueError(f"cases holds {dims[2]!r} in 2D and {dims[3]!r} in 3D: fit them apart")
     orifice, rate, scale = np.array(rows, dtype=float).reshape(-1, 3).T

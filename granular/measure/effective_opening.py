@@ -63,7 +63,7 @@ class EffectiveOpening(Result, width="m", effective="m", uncertainty="m"):
             width=width,
             effective=width + wider * cell,
             uncertainty=error * cell,
-            power=scene.dim - 0.5,
+            power=scene.grid.dim_of_whole - 0.5,
         )
 
     @property

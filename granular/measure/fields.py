@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from granular.measure.averaging_grid import (
     cell_mass,
+    cell_sum,
     cells_of,
     filled_neighbours,
     mean_of,
@@ -104,7 +105,7 @@ def nodal_density(state: State, *, at: str = "points") -> Array:
     grid = state.scene.grid
     dim = len(grid.shape)
     shapes = stencil(state)
-    mass = shapes.to_nodes(np.asarray(state.mass, dtype=float))
+    mass = shapes.to_nodes(np.asarray(state.mass / state.rings, dtype=float))
     filled = filled_neighbours(cell_mass(state) > 0, grid).ravel()
     volume = filled * (grid.cell / 2) ** dim
     density = np.divide(mass, volume, out=np.zeros_like(mass), where=filled > 0)
@@ -200,8 +201,9 @@ def cell_density(state: State) -> CellField:
     mass = cell_mass(state)
     cells = np.argwhere(mass > 0)
     weight = mass[mass > 0]
+    section = cell_sum(state, np.asarray(state.mass / state.rings))[mass > 0]
     return CellField(
-        cells, _centres(state, cells), weight / state.scene.grid.cell**mass.ndim, weight
+        cells, _centres(state, cells), section / state.scene.grid.cell**mass.ndim, weight
     )
 
 

@@ -310,7 +310,7 @@ def _columns(
 ) -> Surface:
     width = state.scene.grid.cell
     count = len(measure)
-    solid = np.asarray(state.rest_volume, dtype=float)[keep]
+    solid = np.asarray(state.rest_section, dtype=float)[keep]
     along, up = abscissa[keep], np.asarray(state.x, dtype=float)[keep, -1]
     column = np.clip(np.floor((along - low) / width).astype(np.int64), 0, count - 1)
     # The spacing at rho_c: the volume of a disconnected point does not tell where its mass is.

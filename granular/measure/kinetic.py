@@ -25,6 +25,7 @@ from granular.measure.fields import nodal
 from granular.measure.profiles import grain_diameter, inertial_number
 from granular.measure.result import Result
 from granular.model.state import State
+from granular.model.symmetric import refuse_rings
 from granular.tools.arrays import Array, IntArray
 from granular.tools.checks import in_range, positive
 
@@ -193,6 +194,7 @@ def mass_balance_error(
         If the state is empty, neither restitution nor density is given, or no cell is surrounded
         by filled cells; without a `density` also as `packing_fraction`.
     """
+    refuse_rings(state.scene, "mass_balance_error")
     if density is None:
         if restitution is None:
             raise ValueError("restitution = None: give it, or a density to be examined")

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from granular.measure.averaging_grid import cell_mass, cell_sum, require_points
+from granular.measure.averaging_grid import cell_sum, require_points
 from granular.measure.bulk import FILLED, uppermost
 from granular.measure.fields import cell_average
 from granular.model.state import State
@@ -29,7 +29,7 @@ def speed_percentile(state: State, *, q: float = 99.0) -> float:
 
 
 def occupied_area(state: State, *, filled: float = 0.0) -> float:
-    """Area (2D, m2) or volume (3D, m3) of the cells that hold points.
+    """Area (2D, m2) or volume (3D or of rings, m3) of the cells that hold points.
 
     Parameters
     ----------
@@ -42,9 +42,10 @@ def occupied_area(state: State, *, filled: float = 0.0) -> float:
         If the state is empty, a point is off the grid, or `filled` is negative.
     """
     non_negative("filled", filled)
-    solid = cell_sum(state, state.rest_volume)
-    volume = state.scene.grid.cell**solid.ndim
-    return float(np.count_nonzero(solid > filled * volume) * volume)
+    solid, grid = cell_sum(state, state.rest_section), state.scene.grid
+    cells = np.argwhere(solid > filled * grid.cell**solid.ndim)
+    x = np.array(grid.lower) + (cells + 0.5) * grid.cell
+    return float((grid.cell**solid.ndim * np.broadcast_to(grid.rings(x), len(x))).sum())
 
 
 def layer_height(state: State, *, base: float | None = None) -> float:
@@ -97,7 +98,7 @@ def mean_pressure_error(
     integer("depth_cells", depth_cells, 0)
     weight = _overburden(state, per_column)
     grid = state.scene.grid
-    filled = cell_sum(state, state.rest_volume) >= FILLED * grid.cell**weight.ndim
+    filled = cell_sum(state, state.rest_section) >= FILLED * grid.cell**weight.ndim
     top = uppermost(filled)
     axis = weight.ndim - 1
     field = -np.asarray(state.stress)[:, axis] if of == "normal" else state.pressure
@@ -117,7 +118,7 @@ def _overburden(state: State, per_column: bool) -> Array:
     down = -float(np.asarray(state.scene.gravity.at(state.time))[-1])
     if not down > 0:
         raise ValueError(f"gravity across the layer = {-down} m/s2 must be negative")
-    mass = cell_mass(state)
+    mass = cell_sum(state, np.asarray(state.mass / state.rings))
     if not per_column:
         across = tuple(range(mass.ndim - 1))
         mass = np.broadcast_to(mass.mean(axis=across), mass.shape)

@@ -46,8 +46,8 @@ class Opening:
     def of(cls, scene: AnyScene) -> Self:
         """Opening of a scene, from its parameters ``orifice`` and ``half``.
 
-        The bottom is at elevation 0. The axis is the left side of the grid for half a silo, and
-        the middle of the grid for a whole one.
+        The bottom is at elevation 0. The axis is the left side of the grid for half a silo and for
+        a round one in an axisymmetric grid, and the middle of the grid for a whole one.
 
         Parameters
         ----------
@@ -65,7 +65,7 @@ class Opening:
             raise ValueError(
                 f"scene {scene.name!r} has no parameter orifice: give opening = Opening(width=...)"
             )
-        middle = grid.lower[0] + (0.0 if half else grid.cell * grid.shape[0] / 2)
+        middle = grid.lower[0] + (0.0 if half or grid.has_axis else grid.cell * grid.shape[0] / 2)
         return cls(float(scene.parameters["orifice"]), float(middle), half=half)
 
     @property

@@ -8,6 +8,7 @@ import numpy as np
 from granular.measure.averaging_grid import require_points
 from granular.measure.result import Result, Table, mesh_columns, mesh_units
 from granular.model.state import State
+from granular.model.symmetric import refuse_rings
 from granular.tools.arrays import Array
 from granular.tools.checks import in_range
 
@@ -133,12 +134,13 @@ def deposit(state: State) -> Deposit:
     ValueError
         If the state is empty.
     """
+    refuse_rings(state.scene, "deposit")
     require_points(state)
     grid = state.scene.grid
     levels = range(grid.dim - 1)
     edges = [grid.lower[k] + grid.cell * np.arange(grid.shape[k] + 1) for k in levels]
     x = np.asarray(state.x)[:, : grid.dim - 1]
-    solid, _ = np.histogramdd(x, bins=edges, weights=np.asarray(state.rest_volume))
+    solid, _ = np.histogramdd(x, bins=edges, weights=np.asarray(state.rest_section))
     column = grid.cell ** (grid.dim - 1)
     thickness = solid / column
     return Deposit(

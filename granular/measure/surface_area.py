@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from granular.model.grid import Grid
+from granular.model.symmetric import refuse_rings
 from granular.mpm.bodies import Body
 from granular.mpm.body_distances import distance_from_bodies, periods
 from granular.mpm.patches import node_places
@@ -40,6 +41,7 @@ def wall_surface(scene: Scene, wall: int) -> Surface:
 
     Those within a body, as it is at the start, have none.
     """
+    refuse_rings(scene, "the area of patches of a wall")
     grid, solid = scene.grid, scene.walls[wall]
     near = grid.slack * grid.cell
     axes = node_places(scene)
@@ -73,6 +75,7 @@ def body_surface(scene: Scene, index: int) -> Surface:
     The area is the volume in which the surface is smoothed, over the width, by samples. What lies
     at an end of the domain or on another body does not count for a body that does not move.
     """
+    refuse_rings(scene, "the area of patches of a body")
     grid, body = scene.grid, scene.bodies[index]
     cell, dim = grid.cell, grid.dim
     centres = _near_surface(grid, body)

@@ -5,7 +5,7 @@ from typing import cast
 import numpy as np
 
 from granular.measure.body import MeanForce, window_means
-from granular.measure.cut_forces import cut_axes, of_whole, torques_of_whole
+from granular.measure.cut_forces import whole_forces
 from granular.mpm.scene import Scene
 from granular.mpm.walls import split_impulses
 from granular.record.reader import Trajectory
@@ -34,7 +34,8 @@ def wall_force(
         (`granular.model.symmetric`): across a plane the forces cancel, along it they double. False
         for the part that is modelled.
         A wall that no plane cuts has another wall as its image, and is not changed; nor is the wall
-        on the plane.
+        on the plane. Around the axis of an axisymmetric grid radial forces cancel; False gives
+        their integral around the wall, the pressure times its area.
 
     Raises
     ------
@@ -50,9 +51,7 @@ def wall_force(
     parts = split_impulses(numbers, scene.dim)
     force, torque = parts["impulse"], parts["angular_impulse"]
     if truth("total", total):
-        axes = cut_axes(scene, scene.walls[wall])
         arms = np.negative([scene.grid.lower])  # of the origin, about which the torque is
-        torque = torques_of_whole(axes, torque, force, arms)
-        force = of_whole(axes, force)
+        force, torque, _ = whole_forces(scene, scene.walls[wall], force, torque, arms)
     times, force, torque = window_means(np.asarray(record.times), window, force, torque)
     return MeanForce(times=times, force=force, torque=torque)

@@ -32,6 +32,10 @@ Vector = tuple[float, ...]
 class Grid(Description):
     """A box of square (cubic) cells. The last axis is up.
 
+    An axisymmetric grid is a plane of the distance r from an axis and the height z, its axes 0 and
+    1. Points are rings about the axis: masses, volumes, forces and energies are those of whole
+    rings, and there is no motion around the axis. See :doc:`/explanation/axisymmetry`.
+
     Parameters
     ----------
     lower : tuple of float, length dim
@@ -45,6 +49,9 @@ class Grid(Description):
     open_sides : collection of str, optional
         Sides ("x-", "y+", ...) through which points leave for good; none by default, and none along
         a periodic axis.
+    axisymmetric : bool, optional
+        Whether the plane is one of radius and height, 2D only. Then ``lower[0]`` must be >= 0 (0
+        for a domain that reaches the axis of symmetry), and r is not periodic.
     {raises}.
     """
 
@@ -53,6 +60,7 @@ class Grid(Description):
     shape: tuple[int, ...]
     periodic: tuple[bool, ...] = ()
     open_sides: frozenset[str] = frozenset()
+    axisymmetric: bool = False
 
     def __post_init__(self) -> None:
         lower = vector("lower", self.lower)
@@ -77,6 +85,26 @@ class Grid(Description):
                 f"must be <= {COARSEST}"
             )
         set_fields(self, open_sides=self._checked_sides())
+        self._check_axisymmetry()
+
+    def _check_axisymmetry(self) -> None:
+        """Refuse an axisymmetric grid that is not a plane of radius and height."""
+        if not isinstance(self.axisymmetric, (bool, np.bool_)):
+            raise TypeError(f"axisymmetric = {self.axisymmetric!r} must be True or False")
+        set_fields(self, axisymmetric=bool(self.axisymmetric))
+        if not self.axisymmetric:
+            return
+        if self.dim != 2:
+            raise ValueError(
+                f"axisymmetric = True needs a grid in 2D, of radius and height: lower = "
+                f"{self.lower} must have 2 entries"
+            )
+        if not self.lower[0] >= 0.0:
+            raise ValueError(f"lower[0] = {self.lower[0]} is a radius, must be >= 0")
+        if self.periodic[0]:
+            raise ValueError(f"periodic = {self.periodic} must be False along the radius")
+        if self.has_axis and "x-" in self.open_sides:
+            raise ValueError("open_sides: 'x-' must not be the axis of symmetry")
 
     @classmethod
     def covering(
@@ -87,6 +115,7 @@ class Grid(Description):
         *,
         periodic: Sequence[bool] = (),
         open_sides: Collection[str] = (),
+        axisymmetric: bool = False,
     ) -> Self:
         """Return the smallest grid that begins at one corner and reaches another one.
 
@@ -94,7 +123,7 @@ class Grid(Description):
         ----------
         lower, upper : sequence of float, length dim
             Corners to be covered [m]. The grid ends within a cell beyond `upper`.
-        cell, periodic, open_sides
+        cell, periodic, open_sides, axisymmetric
             As of `Grid`.
 
         Raises
@@ -113,7 +142,8 @@ class Grid(Description):
             if not b > a:
                 raise ValueError(f"upper[{axis}] = {b} must exceed lower[{axis}] = {a}")
         shape = tuple(steps_between(a, b, cell) for a, b in zip(low, high, strict=True))
-        return cls(low, cell, shape, tuple(periodic), frozenset(open_sides))
+        sides = frozenset(open_sides)
+        return cls(low, cell, shape, tuple(periodic), sides, axisymmetric)
 
     def _checked_sides(self) -> frozenset[str]:
         if isinstance(self.open_sides, str):
@@ -128,6 +158,15 @@ class Grid(Description):
         return sides
 
     @property
+    def has_axis(self) -> bool:
+        """True if the axis of symmetry of an axisymmetric grid is its side "x-"."""
+        return self.axisymmetric and self.lower[0] == 0.0
+
+    def rings(self, x: NDArray[np.float64]) -> NDArray[np.float64] | float:
+        """Circumference [m] of the rings at positions of shape (..., dim); 1 in other grids."""
+        return 2.0 * math.pi * x[..., 0] if self.axisymmetric else 1.0
+
+    @property
     def dim(self) -> int:
         """Dimension, 2 or 3."""
         return len(self.lower)
@@ -136,6 +175,11 @@ class Grid(Description):
     def upper(self) -> Vector:
         """Upper corner [m]."""
         return tuple(x + n * self.cell for x, n in zip(self.lower, self.shape, strict=True))
+
+    @property
+    def dim_of_whole(self) -> int:
+        """Dimension of the set-up that it stands for: 3 for an axisymmetric plane."""
+        return 3 if self.axisymmetric else self.dim
 
     @property
     def rounding(self) -> float:

@@ -191,8 +191,8 @@ class Inflow(Description):
         )
 
     def area(self, grid: Grid) -> float:
-        """Area of the sites of the inlet [m2; in 2D m]."""
-        return len(self._sites(grid).x) * (grid.cell / self.points_per_axis) ** (grid.dim - 1)
+        """Area of the sites of the inlet [m2; in 2D m, unless the grid is axisymmetric]."""
+        return float(self._sites(grid).volume.sum()) * self.points_per_axis / grid.cell
 
     def density_in(self, grid: Grid, rho_c: float) -> float:
         """Density of the entering material [kg/m3], stress-free; `rho_c` is that of its

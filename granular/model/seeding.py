@@ -31,7 +31,8 @@ class Points:
         Position [m], velocity [m/s], in the order of the fills; within a fill the first axis of the
         seeding lattice varies fastest.
     volume, density : ndarray, shape (n,)
-        Volume of the point [m^dim], density [kg/m3]; their product is its mass.
+        Volume of the point [m^dim; m3 in an axisymmetric grid], density [kg/m3]; their product is
+        its mass.
     depth : ndarray, shape (n,)
         Depth below the top of a lithostatic fill [m], which determines its pressure; 0 in others.
         It is measured against gravity, up to the top of the region above the point.
@@ -395,6 +396,8 @@ def seed_points(
             raise ValueError(f"fills[{i}] = {fill} must hold at least one material point")
         if fill.jitter:
             x = _jittered(rng, fill, x, space)
+        if not isinstance(fill.region, Cloud):
+            volume = volume * grid.rings(x)
         step = 0.25 * grid.cell / fill.points_per_axis
         depth = load = np.zeros(len(x))
         slope = np.zeros_like(x)

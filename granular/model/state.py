@@ -141,14 +141,33 @@ class State:
     def rest_volume(self) -> Array:
         """Volume of the points at the density rho_c of their material, shape (n,).
 
-        In m3, per metre of depth in 2D.
+        In m3; in 2D per metre of depth, unless the grid is axisymmetric.
         """
         return self.mass / self.of_material("rho_c")
 
     @cached_property
     def volume(self) -> Array:
-        """Volume of the points [m3, per metre of depth in 2D], shape (n,)."""
+        """Volume of the points [m3; in 2D per metre of depth or of rings], shape (n,)."""
         return self.mass / self.density
+
+    @cached_property
+    def rings(self) -> Array:
+        """Circumference of the rings that the points stand for [m], shape (n,).
+
+        It is 1 unless the grid is axisymmetric: mass and volume over it are those of a plane, per
+        metre of depth.
+        """
+        return np.broadcast_to(np.asarray(self.scene.grid.rings(self.x)), (self.n,))
+
+    @cached_property
+    def section(self) -> Array:
+        """Area of the points in the plane [m2, shape (n,)], in 3D their volume [m3]."""
+        return self.volume / self.rings
+
+    @cached_property
+    def rest_section(self) -> Array:
+        """The same at the density rho_c of their material, shape (n,)."""
+        return self.rest_volume / self.rings
 
     @cached_property
     def quadrature_volume(self) -> Array:

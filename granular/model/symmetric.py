@@ -1,4 +1,4 @@
-"""Planes of symmetry that cut a scene, of which only one side is modelled.
+"""Planes of symmetry that cut a scene, of which only one side is modelled, and axes of symmetry.
 
 Measures return the forces and masses of the whole set-up, with their argument ``total`` False those
 of the modelled part.
@@ -24,3 +24,11 @@ def mirror_axes(scene: AnyScene) -> tuple[int, ...]:
 def modelled_share(scene: AnyScene) -> float:
     """Part of the whole set-up that a scene models: 1, or 1/2 or 1/4 between planes of symmetry."""
     return 0.5 ** len(mirror_axes(scene))
+
+
+def refuse_rings(scene: AnyScene, name: str) -> None:
+    """Raise ValueError for a measure that an axisymmetric grid does not have."""
+    if scene.grid.axisymmetric:
+        raise ValueError(
+            f"{name} is not available in an axisymmetric grid: take a scene in a plane or in 3D"
+        )

@@ -34,7 +34,7 @@ FACE_LINK, FACE_OPEN, FACE_ROUGH = (
 
 def _faces(scene: Scene) -> Iterator[tuple[Array, Array, int, int, WallOrBlock]]:
     """Yield the faces of walls and blocks: lower and upper corner [m], axis, sides, owner."""
-    for wall in scene.walls:
+    for wall in scene.boundaries:
         yield from ((*face, wall) for face in wall.faces(scene.grid))
 
 

@@ -64,7 +64,7 @@ class Coupled:
         TypeError, ValueError
             If an argument is out of range, follows from the forces, is faster than elastic waves or
             too fast for a fixed `dt`, or turns a body that is endless or too large along a periodic
-            axis.
+            axis; or for a motion that has no axis in an axisymmetric grid.
         """
         body, described = self._body(body)
         row = self._engine.bodies()[body]
@@ -85,6 +85,11 @@ class Coupled:
                 )
             rates[3:] = _turning("angular_velocity", angular_velocity, described.dim)
             self._check_turning(body, described, rates[3:])
+        if self.scene.grid.axisymmetric and (rates[0] or any(rates[3:])):
+            raise ValueError(
+                f"velocity = {velocity}, angular_velocity = {angular_velocity} must be along the "
+                f"axis of symmetry: bodies[{body}] is one of revolution"
+            )
         self._check_speed(body, rates)
         self._engine.drive(body, tuple(rates))
         return self._load_of(row)

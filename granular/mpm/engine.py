@@ -205,6 +205,7 @@ def build(scene: Scene, mean_mass: float, isa: str = "", *, runs: bool = True) -
         transfer=CORE["transfer"][scheme.transfer],
         density=CORE["density"][scheme.density.name],
         single=int(scheme.precision == "single"),
+        axisymmetric=int(grid.axisymmetric),
         averaging_interval=averaging_interval(scene),
         flutter_interval=flutter_interval(scene),
         pressure_from_density=int(scheme.density.name != "particle"),
@@ -256,11 +257,28 @@ def servo_arguments(
 ) -> tuple[int, int, int, float, float, float, float, float]:
     """Return the arguments of `_core.Engine.hold_pressure`."""
     grid, material = scene.grid, scene.material
-    area = math.prod(extent(scene, d) for d in range(scene.dim) if d != servo.axis)
+    area = _area(scene, servo)
     side = 1 if grid.line("at", servo.axis, servo.at) else -1
     rate = material.wave_speed / (material.K * SERVO_CELLS * grid.cell)
-    height, most = extent(scene, servo.axis), MOST_STRAIN
+    height, most = _volume(scene) / area, MOST_STRAIN
     return servo.wall, servo.axis, side, servo.pressure, area, height, rate, most
+
+
+def _area(scene: Scene, servo: Servo) -> float:
+    """Area of the side of the domain at which a wall stands [m2; in 2D m, unless of rings]."""
+    across = math.prod(extent(scene, d) for d in range(scene.dim) if d != servo.axis)
+    if not scene.grid.axisymmetric:
+        return across
+    # Of the ends of the axis the area is that of a disc or ring, of mean radius.
+    radius = 0.5 * (scene.grid.lower[0] + scene.grid.upper[0]) if servo.axis else servo.at
+    return 2.0 * math.pi * radius * across
+
+
+def _volume(scene: Scene) -> float:
+    """Volume of the domain [m3; in 2D m2, unless of rings]."""
+    grid = scene.grid
+    rings = math.pi * (grid.lower[0] + grid.upper[0]) if grid.axisymmetric else 1.0
+    return rings * math.prod(extent(scene, axis) for axis in range(scene.dim))
 
 
 def initial_points(scene: Scene) -> dict[str, NDArray]:

@@ -137,20 +137,20 @@ class WallNodes:
     zeros : GridMap
         Zero for each class.
     where : list
-        Index into its values for each wall and block of the scene.
+        Index into its values for each of `Scene.boundaries`.
     driven : list
         The same for each driven inflow.
     """
 
     def __init__(self, scene: Scene) -> None:
         axes = _Axes(scene)
-        self._walls, self._everything = scene.walls, (1 << scene.grid.dim) - 1
+        self._walls, self._everything = scene.boundaries, (1 << scene.grid.dim) - 1
         self._solid = solid_cells(scene.grid, scene.walls)
         self._outlooks = [
             outlook(*along)
             for along in zip(axes.positions, self._solid.classes, scene.grid.periodic, strict=True)
         ]
-        ranges = [axes.of(wall) for wall in scene.walls]
+        ranges = [axes.of(wall) for wall in scene.boundaries]
         moved = [axes.driven(inflow, scene.scheme.basis) for inflow in driven(scene)]
         cuts = None
         if any(map(_slips, scene.walls)):
@@ -274,7 +274,7 @@ def node_codes(scene: Scene) -> tuple[GridMap, tuple[WallRow, ...]]:
     nodes, grid = WallNodes(scene), scene.grid
     holds: list[tuple[Where, WallRow]] = [
         (where, _wall_hold(wall, wall.axis, grid))
-        for wall, where in zip(scene.walls, nodes.where, strict=True)
+        for wall, where in zip(scene.boundaries, nodes.where, strict=True)
         if wall.axis is not None
     ]
     codes = nodes.zeros

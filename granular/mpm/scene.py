@@ -20,6 +20,7 @@ from granular.model.scene import BaseScene
 from granular.mpm import bodies as rigid
 from granular.mpm import limits
 from granular.mpm.axis_nodes import c0_lines, check_c0_lines
+from granular.mpm.axisymmetry import axis_wall, check_axisymmetry
 from granular.mpm.bodies import Body
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.inflow import check_inflows
@@ -121,6 +122,8 @@ class Scene(BaseScene):
         for name in ("walls", "sponge_layers", "bodies"):
             for i, part in enumerate(getattr(self, name)):
                 part.check(f"{name}[{i}]", self.grid)
+        if self.grid.axisymmetric:
+            check_axisymmetry(self)
         if len({sponge.axis for sponge in self.sponge_layers}) < len(self.sponge_layers):
             raise ValueError(
                 f"sponge_layers = {self.sponge_layers} must be one along an axis at most"
@@ -232,6 +235,11 @@ class Scene(BaseScene):
         size = math.hypot(*gravity)
         up = tuple((-gravity / size).tolist()) if size else None
         return {"distance": distance_from_bodies(self.grid, self.bodies), "up": up}
+
+    @property
+    def boundaries(self) -> tuple[WallOrBlock, ...]:
+        """The walls and blocks, and the axis of symmetry as a free-slip wall if there is one."""
+        return self.walls + ((axis_wall(self.grid),) if self.grid.has_axis else ())
 
     @property
     def servos(self) -> list[Servo]:

@@ -46,7 +46,8 @@ def wall_owners(scene: Scene) -> WallOwners:
     all of them.
     """
     nodes = WallNodes(scene)
-    places = enumerate([*nodes.where, *nodes.driven])
+    # Nothing owns what acts on the axis of symmetry: its radial force has no meaning.
+    places = enumerate([*nodes.where[: len(scene.walls)], *nodes.driven])
     state, sets = collected(nodes.zeros.values.shape, ((where, i) for i, where in places))
     ends = [
         *(wall.opens_at for wall in scene.walls),

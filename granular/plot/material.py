@@ -39,7 +39,7 @@ def spacing_of(state: State) -> float:
     """Mean spacing of the points [m], from their volumes now."""
     if not state.n:
         return state.scene.grid.cell
-    return float(np.mean(state.volume) ** (1.0 / state.dim))
+    return float(np.mean(state.section) ** (1.0 / state.dim))
 
 
 def disc_radius(spacing: float, dim: int) -> float:

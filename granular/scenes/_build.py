@@ -13,7 +13,7 @@ from granular.model.grid import Grid
 from granular.mpm.schemes import Fluidity, ParticleDensity, Scheme
 from granular.mpm.walls import Wall
 from granular.shapes import Box
-from granular.tools.checks import in_range, integer, non_negative, positive
+from granular.tools.checks import in_range, integer, non_negative, positive, truth
 
 Parts = dict[str, Any]
 """Parts of a scene by name; a scene function returns those that it sets itself."""
@@ -93,6 +93,7 @@ def block(
     base: tuple[float, ...] | None = None,
     periodic: Collection[int] = (),
     open_sides: Collection[str] = (),
+    axisymmetric: bool = False,
     points_per_cell: int = 1,
     **fill: Any,
 ) -> Parts:
@@ -105,17 +106,27 @@ def block(
     lower = lower or (0.0,) * len(cells)
     flags = tuple(axis in periodic for axis in range(len(cells)))
     return {
-        "grid": Grid(lower, cell, cells, periodic=flags, open_sides=frozenset(open_sides)),
+        "grid": Grid(lower, cell, cells, flags, frozenset(open_sides), axisymmetric),
         "fills": (Fill(Box(base or lower, upper), points_per_cell, **fill),),
     }
 
 
+def dimension(dim: object, axisymmetric: object, default: int) -> int:
+    """Dimension of a scene, by default that of its plane if it is axisymmetric."""
+    if truth("axisymmetric", axisymmetric):
+        if dim not in (None, 2):
+            raise ValueError(f"dim = {dim} must be 2 or None with axisymmetric = True")
+        return 2
+    return default if dim is None else integer("dim", dim, 2, 3)
+
+
 def smooth_sides(grid: Grid) -> tuple[Wall, ...]:
-    """Free-slip walls at both ends of the horizontal axes of a grid."""
+    """Free-slip walls at both ends of the horizontal axes of a grid, but not on an axis of
+    symmetry."""
     return tuple(
         Wall(axis, end[axis], kind="free_slip")
         for axis in range(grid.dim - 1)
-        for end in (grid.lower, grid.upper)
+        for end in ((grid.upper,) if grid.has_axis else (grid.lower, grid.upper))
     )
 
 

@@ -68,7 +68,7 @@ def bed(
     """Grid, fill and walls of a level bed with its surface at elevation 0.
 
     `level` has the names and lengths of its horizontal axes, which begin at 0, and `fill` further
-    arguments of `Fill`. The floor is no_slip and the sides are free_slip.
+    arguments of `block`. The floor is no_slip and the sides are free_slip.
     """
     cell = positive("cell", cell)
     *across, n_z = (whole_cells(name, value, cell) for name, value in (*level, ("soil", soil)))

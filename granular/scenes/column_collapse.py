@@ -15,7 +15,7 @@ from granular.mpm.walls import Wall
 from granular.scenes._build import HEADROOM, Parts, enough_cells, smooth_sides
 from granular.scenes._registry import scene_function
 from granular.shapes import Box, Cylinder, Intersection
-from granular.tools.checks import one_of, positive
+from granular.tools.checks import one_of, positive, truth
 
 
 def _lip(lip: float | None, runout: float, name: str, radius: float) -> float:
@@ -130,8 +130,9 @@ def cylinder_collapse(
     *,
     aspect: float = 0.5,
     radius: float = 0.2,
+    axisymmetric: bool = False,
     cell: float = 0.0125,
-    points_per_cell: int = 8,
+    points_per_cell: int | None = None,
     jitter: float = 0.0,
     lip: float | None = None,
     gravity: float = 9.8,
@@ -142,13 +143,17 @@ def cylinder_collapse(
     seed: int = 0,
     **material_numbers: Any,
 ) -> Parts:
-    """A quarter of a cylinder that collapses: the column collapse of section 4.1, in 3D.
+    """A cylinder that collapses: the column collapse of section 4.1, round.
+
+    It is a quarter of the cylinder in 3D, or with `axisymmetric` a plane of radius and height,
+    which takes a hundredth of the time.
 
     Dunatunga & Kamrin 2015 study 2D flows only. This scene is the experiment of Lube et al. 2004
     with the paper's material, gravity ramp and walls: no_slip floor, free_slip symmetry planes
     x = 0 and y = 0, free_slip lips.
 
-    Chosen here: radius 0.2 m, cells of 0.0125 m with 8 points, lips at 2 + 1.5 R radii, R being the
+    Chosen here: radius 0.2 m, cells of 0.0125 m with 8 points (4 in a plane), lips at 2 + 1.5 R
+    radii, R being the
     run-out measured by Lube et al. (1.24 aspect, 1.6 aspect^0.5 from 1.7 on), 2 s. The round side
     is cut out of the seeding lattice; the height is rounded to rows of points.
 
@@ -156,6 +161,8 @@ def cylinder_collapse(
     ----------
     aspect, radius : float
         Height divided by radius; radius [m].
+    axisymmetric : bool
+        Whether to simulate a plane of radius and height instead of a quarter in 3D.
     lip : float or None
         Distance of the outer walls from the axis [m], rounded up to whole cells.
     {common}.
@@ -166,6 +173,17 @@ def cylinder_collapse(
     height = aspect * radius
     lip = _lip(lip, _runout_of_cylinder(aspect), "radius", radius)
     n = enough_cells(lip, cell)
+    if truth("axisymmetric", axisymmetric):
+        plane = Grid(
+            (0.0, 0.0), cell, (n, enough_cells(height, cell) + HEADROOM), axisymmetric=True
+        )
+        count = 4 if points_per_cell is None else points_per_cell
+        return Parts(
+            grid=plane,
+            fills=(Fill(Box((0.0, 0.0), (radius, height)), count, jitter=jitter),),
+            walls=(Wall(1, 0.0, kind="no_slip"), *smooth_sides(plane)),
+            parameters={"lip": n * cell},
+        )
     grid = Grid((0.0, 0.0, 0.0), cell, (n, n, enough_cells(height, cell) + HEADROOM))
     quarter = Intersection(
         (
@@ -175,7 +193,7 @@ def cylinder_collapse(
     )
     return Parts(
         grid=grid,
-        fills=(Fill(quarter, points_per_cell, jitter=jitter),),
+        fills=(Fill(quarter, 8 if points_per_cell is None else points_per_cell, jitter=jitter),),
         walls=(Wall(2, 0.0, kind="no_slip"), *smooth_sides(grid)),
         parameters={"lip": n * cell, "quarter": True},
     )

@@ -10,10 +10,18 @@ from granular.mpm import schemes
 from granular.mpm.bodies import Body
 from granular.mpm.schemes import Scheme
 from granular.mpm.walls import Wall
-from granular.scenes._build import HEADROOM, MARGIN, Parts, block, enough_cells, whole_cells
+from granular.scenes._build import (
+    HEADROOM,
+    MARGIN,
+    Parts,
+    block,
+    dimension,
+    enough_cells,
+    whole_cells,
+)
 from granular.scenes._registry import scene_function
 from granular.shapes import Revolve
-from granular.tools.checks import in_range, integer, non_negative, positive
+from granular.tools.checks import in_range, non_negative, positive
 
 DROP = 4
 """Cells below the opening, through which the material falls before it leaves."""
@@ -24,7 +32,8 @@ softer_beads = glass_beads.replace(E=glass_beads.E / 100)
 @scene_function("mpm")
 def hopper(
     *,
-    dim: int = 2,
+    dim: int | None = None,
+    axisymmetric: bool = False,
     angle_deg: float = 30.0,
     orifice: float = 0.1,
     width: float = 0.5,
@@ -45,13 +54,14 @@ def hopper(
     """Hopper that empties through its opening, below a bin with upright walls.
 
     A plane hopper (2D) is modelled by its right half, a conical one (3D) by a quarter, between
-    free-slip symmetry planes. Its walls are two bodies: ``bodies[0]`` is the inclined wall and
-    ``bodies[1]`` the wall of the bin, so that `measure.body_force` returns the forces on them. The
-    opening is at elevation 0, closed by a free-slip lid until `opens_at`. Below it the material
-    falls freely, as the underside of the hopper recedes, and leaves the domain. Without a `ramp`
-    the fill begins at the pressure of its depth, in equilibrium without any friction of the walls.
-    With a `ramp` it is stress-free at first; as gravity grows it settles along the walls, whose
-    friction then bears a part of the weight (`theory.janssen_pressure`).
+    free-slip symmetry planes; with `axisymmetric` a conical one is a plane of radius and height.
+    Its walls are two bodies: ``bodies[0]`` is the inclined wall and ``bodies[1]`` that of the bin,
+    so that `measure.body_force` returns the forces on them. The opening is at elevation 0, closed
+    by a free-slip lid until `opens_at`. Below it the material falls freely, as the underside of the
+    hopper recedes, and leaves the domain. Without a `ramp` the fill begins at the pressure of its
+    depth, in equilibrium without any friction of the walls. With a `ramp` it is stress-free at
+    first; as gravity grows it settles along the walls, whose friction then bears a part of the
+    weight (`theory.janssen_pressure`).
 
     Jenike (1964, "Storage and flow of solids", Bulletin 123 of the Utah Engineering Experiment
     Station) states which hoppers empty in mass flow, where all the material moves
@@ -63,7 +73,9 @@ def hopper(
     Parameters
     ----------
     dim : {2, 3}
-        2 for a plane hopper, 3 for a conical one.
+        2 for a plane hopper, the default; 3 for a conical one.
+    axisymmetric : bool
+        Whether to simulate a conical hopper in a plane of radius and height.
     angle_deg : float
         Half angle, between the wall and the vertical [deg], from 5 to 85.
     orifice : float
@@ -81,7 +93,7 @@ def hopper(
         under its own weight from the start.
     {common}.
     """
-    dim, cell = integer("dim", dim, 2, 3), positive("cell", cell)
+    dim, cell = dimension(dim, axisymmetric, 2), positive("cell", cell)
     angle = math.radians(in_range("angle_deg", angle_deg, 5.0, 85.0))
     inner, outer = positive("orifice", orifice) / 2, positive("width", width) / 2
     if inner < 2 * cell:
@@ -100,12 +112,13 @@ def hopper(
         open_sides={"xyz"[across] + "-"},
         points_per_cell=2**dim if points_per_cell is None else points_per_cell,
         jitter=jitter,
+        axisymmetric=axisymmetric,
         lithostatic=non_negative("ramp", ramp) == 0.0,
     )
     return Parts(
         **filled,
         walls=(
-            *(Wall(axis, 0.0, kind="free_slip") for axis in range(across)),
+            *(Wall(axis, 0.0, kind="free_slip") for axis in range(0 if axisymmetric else across)),
             # As wide as the domain, because an end within it would be a line across the material.
             Wall(across, 0.0, kind="free_slip", opens_at=non_negative("opens_at", opens_at)),
         ),
@@ -118,7 +131,7 @@ def hopper(
             dim=dim,
             friction=non_negative("friction", friction),
         ),
-        parameters={"half": True} if dim == 2 else {"quarter": True},
+        parameters={} if axisymmetric else {"half": True} if dim == 2 else {"quarter": True},
     )
 
 

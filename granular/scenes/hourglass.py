@@ -1,4 +1,4 @@
-"""Hourglasses with a flat or a sloped divider, in 2D."""
+"""Hourglasses with a flat or a sloped divider, in a plane or round."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from granular.mpm.walls import Solid, Wall
 from granular.scenes._build import HEADROOM, Parts, whole_cells
 from granular.scenes._registry import scene_function
 from granular.shapes import Box, Difference, Region, Union
-from granular.tools.checks import in_range, non_negative, one_of, positive
+from granular.tools.checks import in_range, non_negative, one_of, positive, truth
 
 WIDTHS = {"flat": 1.0, "sloped": 0.5}
 FLOOR_OVER_WIDTH = 2
@@ -60,7 +60,6 @@ def _walls(lines: _Lines, kind: str, opens_at: float) -> list[Wall]:
     top = lines.at(lines.drop + lines.fill + HEADROOM)
     return [
         Wall(1, 0.0, kind="no_slip"),
-        Wall(0, 0.0, kind="free_slip"),
         Wall(1, drop, kind="free_slip", span=((neck, half),)),
         Wall(1, drop, kind="free_slip", span=((0.0, neck),), opens_at=opens_at),
         Wall(0, half, kind="free_slip", span=((drop, top),) if kind == "flat" else None),
@@ -71,6 +70,7 @@ def _walls(lines: _Lines, kind: str, opens_at: float) -> list[Wall]:
 def hourglass(
     *,
     kind: str = "flat",
+    axisymmetric: bool = False,
     orifice_radius: float = 0.02,
     width: float | None = None,
     fill_height: float = 0.25,
@@ -88,7 +88,7 @@ def hourglass(
     seed: int = 0,
     **material_numbers: Any,
 ) -> Parts:
-    """Right half of an hourglass (Dunatunga & Kamrin 2015, section 4.3).
+    """Right half of an hourglass (Dunatunga & Kamrin 2015, section 4.3), or a round one.
 
     From the paper: divider 0.5 m above the base, opening radius 0.02 m, fill 0.25 m high, cells
     of 0.01 m with 4 points, no_slip base, all other walls free_slip, 10 s. The rest is as in the
@@ -112,6 +112,8 @@ def hourglass(
         Full width of the upper part [m], twice whole cells; None for 1 (flat) or 0.5 (sloped).
     fill_height, drop : float
         Height of the fill above the divider, and of the divider above the base [m], whole cells.
+    axisymmetric : bool
+        Whether the plane is one of radius and height: widths are diameters.
     slope_deg : float
         Slope of the staircase to the horizontal [deg], 0 < slope < 90; unused when flat.
     opens_at : float
@@ -135,6 +137,8 @@ def hourglass(
             f" by more than one cell of {cell}"
         )
     walls: list[Wall | Solid] = [*_walls(lines, kind, non_negative("opens_at", opens_at))]
+    if not truth("axisymmetric", axisymmetric):
+        walls.insert(1, Wall(0, 0.0, kind="free_slip"))
     region: Region = lines.box(0, lines.drop, lines.half, lines.drop + lines.fill)
     if kind == "sloped":
         blocks = _stairs(lines, slope_deg)
@@ -149,8 +153,9 @@ def hourglass(
             cell,
             (n_x, lines.drop + lines.fill + HEADROOM),
             open_sides=frozenset({"x+"} if kind == "flat" else ()),
+            axisymmetric=axisymmetric,
         ),
         fills=(Fill(region, points_per_cell, jitter=jitter),),
         walls=tuple(walls),
-        parameters={"width": width, "half": True},
+        parameters={"width": width} | ({} if axisymmetric else {"half": True}),
     )

@@ -10,11 +10,11 @@ from granular.mpm import schemes
 from granular.mpm.bodies import Body
 from granular.mpm.motion import Motion
 from granular.mpm.schemes import Scheme
-from granular.scenes._build import Parts, gravity_down, soft_beads
+from granular.scenes._build import Parts, dimension, gravity_down, soft_beads
 from granular.scenes._registry import scene_function
 from granular.scenes._tools import bed
 from granular.shapes import Box, Cylinder, Frustum, Shape, Sphere, Union
-from granular.tools.checks import in_range, integer, non_negative, one_of, positive
+from granular.tools.checks import in_range, non_negative, one_of, positive
 
 
 @scene_function("mpm")
@@ -29,7 +29,8 @@ def penetration(
     width: float = 0.8,
     soil: float = 0.32,
     headroom: float = 0.08,
-    dim: int = 2,
+    dim: int | None = None,
+    axisymmetric: bool = False,
     cell: float = 0.01,
     points_per_cell: int | None = None,
     jitter: float = 0.0,
@@ -44,7 +45,8 @@ def penetration(
 
     All numbers are chosen here. The lowest point of the intruder begins at the surface, in the
     middle of a square bed, and goes down by ``speed (duration - ramp/2)``. In 2D a ball is a disc,
-    and a cone a wedge, which has a shaft of its diameter. The floor is no_slip, the sides are
+    and a cone a wedge, which has a shaft of its diameter; with `axisymmetric` they are round, and
+    so is the bed, of the diameter `width`. The floor is no_slip, the sides are
     free_slip.
 
     The force, `granular.measure.body_force`, does not depend on the speed while the inertial number
@@ -70,10 +72,12 @@ def penetration(
     width, soil, headroom : float
         Extent of the bed along x (and y), its depth, and the height above it [m], whole cells.
     dim : {2, 3}
-        Dimension.
+        Dimension, 2 by default.
+    axisymmetric : bool
+        Whether the plane is one of radius and height.
     {common}; also if the intruder would reach the floor or the sides.
     """
-    cell, dim = positive("cell", cell), integer("dim", dim, 2, 3)
+    cell, dim = positive("cell", cell), dimension(dim, axisymmetric, 2)
     speed, ramp = positive("speed", speed), positive("ramp", ramp)
     deepest = speed * max(positive("duration", duration) - ramp / 2, ramp / 2)
     if positive("diameter", diameter) >= positive("width", width):
@@ -85,13 +89,15 @@ def penetration(
         )
     level = (0.0,) * (dim - 1)
     parts = bed(
-        (("width", width),) * (dim - 1),
+        (("width/2", width / 2),) if axisymmetric else (("width", width),) * (dim - 1),
         soil=soil,
         headroom=headroom,
         cell=cell,
         points_per_cell=2**dim if points_per_cell is None else points_per_cell,
         jitter=jitter,
+        axisymmetric=axisymmetric,
     )
+    middle = 0.0 if axisymmetric else 0.5 * parts["grid"].upper[0]
     # The shaft is longer than the path, so that the bed never closes above it.
     shape = _shape(kind, 0.5 * diameter, cone_deg, soil + headroom, dim)
     return Parts(
@@ -99,7 +105,7 @@ def penetration(
         bodies=(
             Body(
                 shape,
-                (*(0.5 * parts["grid"].upper[0],) * (dim - 1), 0.0),
+                (*(middle,) * (dim - 1), 0.0),
                 motion=Motion(times=(0.0, ramp), velocity=((*level, 0.0), (*level, -speed))),
                 friction=non_negative("friction", friction),
             ),

@@ -32,6 +32,7 @@ def silo(
     cell: float = 0.01,
     points_per_cell: int = 4,
     jitter: float = 0.0,
+    axisymmetric: bool = False,
     edge: str = "last_free_node",
     opens_at: float = 0.1,
     gravity: float = 9.8,
@@ -42,7 +43,7 @@ def silo(
     seed: int = 0,
     **material_numbers: Any,
 ) -> Parts:
-    """Right half of a silo that empties (Dunatunga & Kamrin 2015, section 4.2).
+    """Right half of a silo that empties (Dunatunga & Kamrin 2015, section 4.2), or a round one.
 
     From the paper: 1 m wide, filled 1 m high, half of it modelled, no_slip bottom, free_slip
     sides, cells of 0.01 m with 4 points, the orifice opened at 0.1 s when gravity is full, 40 s.
@@ -60,6 +61,9 @@ def silo(
         Full width D of the opening [m], an even number of cells.
     width, height : float
         Full width of the silo and height of the fill [m], whole cells (the half-width too).
+    axisymmetric : bool
+        Whether the plane is one of radius and height, of a round silo with a round opening:
+        `orifice` and `width` are diameters.
     edge : {"last_free_node", "wall"}
         Beginning of the bottom: at D/2 + cell, as in the paper, or at D/2.
     opens_at : float
@@ -82,6 +86,7 @@ def silo(
         (n_x, n_y + HEADROOM),
         (n_x * cell, n_y * cell),
         open_sides={"y-"},
+        axisymmetric=truth("axisymmetric", axisymmetric),
         points_per_cell=points_per_cell,
         jitter=jitter,
     )
@@ -94,7 +99,7 @@ def silo(
             Wall(1, 0.0, kind="no_slip", span=((0.0, begin * cell),), opens_at=opens_at),
             *smooth_sides(filled["grid"]),
         ),
-        parameters={"half": True},
+        parameters={} if axisymmetric else {"half": True},
     )
 
 

@@ -10,11 +10,11 @@ from granular.mpm import schemes
 from granular.mpm.bodies import Body
 from granular.mpm.motion import Motion
 from granular.mpm.schemes import Scheme
-from granular.scenes._build import Parts, soft_beads
+from granular.scenes._build import Parts, dimension, soft_beads
 from granular.scenes._registry import scene_function
 from granular.scenes._tools import bed
 from granular.shapes import Cylinder, Shape, Sphere
-from granular.tools.checks import integer, non_negative, positive
+from granular.tools.checks import non_negative, positive
 
 
 @scene_function("mpm")
@@ -27,7 +27,8 @@ def sphere_drop(
     width: float = 0.16,
     soil: float = 0.08,
     headroom: float = 0.04,
-    dim: int = 3,
+    dim: int | None = None,
+    axisymmetric: bool = False,
     cell: float = 0.004,
     points_per_cell: int | None = None,
     jitter: float = 0.0,
@@ -42,8 +43,10 @@ def sphere_drop(
 
     The diameter of an inch and the density of Teflon are among those of Uehara et al. (2003); all
     other numbers are chosen here. The run begins when the ball touches the middle of the bed, with
-    the velocity ``sqrt(2 gravity drop)``. It moves and turns freely. In 2D it is a disc. The floor
-    is no_slip, the sides are free_slip; material that is thrown higher than `headroom` leaves.
+    the velocity ``sqrt(2 gravity drop)``. It moves and turns freely. In 2D it is a disc. With
+    `axisymmetric` it is a ball on a round bed of the diameter `width`, and falls along the axis
+    without turning. The floor is no_slip, the sides are free_slip; material that is thrown higher
+    than `headroom` leaves.
 
     Compare the final depth of the lowest point of the ball with `granular.theory.crater_depth`,
     with the total distance of the fall, `drop` plus depth.
@@ -61,34 +64,38 @@ def sphere_drop(
     width, soil, headroom : float
         Extent of the bed along x (and y), its depth, and the height above it [m], whole cells.
     dim : {2, 3}
-        Dimension.
+        Dimension, 3 by default.
+    axisymmetric : bool
+        Whether to simulate a plane of radius and height.
     {common}; also if the ball is wider than the bed.
     """
-    cell, dim = positive("cell", cell), integer("dim", dim, 2, 3)
+    cell, dim = positive("cell", cell), dimension(dim, axisymmetric, 3)
     radius, density = 0.5 * positive("diameter", diameter), positive("density", density)
     if diameter >= positive("width", width):
         raise ValueError(f"diameter = {diameter} must be less than width = {width}")
     speed = math.sqrt(2 * positive("gravity", gravity) * non_negative("drop", drop))
     level = (0.0,) * (dim - 1)
     parts = bed(
-        (("width", width),) * (dim - 1),
+        (("width/2", width / 2),) if axisymmetric else (("width", width),) * (dim - 1),
         soil=soil,
         headroom=headroom,
         cell=cell,
         open_sides={"xyz"[dim - 1] + "+"},
         points_per_cell=2**dim if points_per_cell is None else points_per_cell,
         jitter=jitter,
+        axisymmetric=axisymmetric,
     )
-    shape, mass, inertia = _ball(radius, density, dim)
+    middle = 0.0 if axisymmetric else 0.5 * parts["grid"].upper[0]
+    shape, mass, inertia = _ball(radius, density, dim, axisymmetric)
     return Parts(
         **parts,
         bodies=(
             Body(
                 shape,
-                (*(0.5 * parts["grid"].upper[0],) * (dim - 1), radius),
+                (*(middle,) * (dim - 1), radius),
                 motion=Motion(velocity=((*level, -speed),)),
                 friction=non_negative("friction", friction),
-                free="xyz"[:dim],
+                free="y" if axisymmetric else "xyz"[:dim],
                 mass=mass,
                 inertia=inertia,
             ),
@@ -96,8 +103,10 @@ def sphere_drop(
     )
 
 
-def _ball(radius: float, density: float, dim: int) -> tuple[Shape, float, Any]:
+def _ball(radius: float, density: float, dim: int, axisymmetric: bool) -> tuple[Shape, float, Any]:
     """Shape, mass and moment of inertia of a ball, or of a disc per metre of depth."""
+    if axisymmetric:
+        return Cylinder(radius, center=(0.0, 0.0)), 4 / 3 * math.pi * radius**3 * density, None
     if dim == 2:
         mass = math.pi * radius**2 * density
         return Cylinder(radius, center=(0.0, 0.0)), mass, 0.5 * mass * radius**2

@@ -11,7 +11,7 @@ import numpy as np
 from oracle_cell_averaged import cell_averages, flow_of_cells
 from oracle_law import components, law, tensor
 from oracle_nonlocal import Substeps
-from oracle_shapes import Shapes, node_volumes
+from oracle_shapes import Shapes, full_mass, node_radii, node_volumes
 from oracle_smoothed import (
     average,
     averages,
@@ -49,6 +49,11 @@ def p2g(scene, points, step=0, shift_dt=1.0):
     force = -np.einsum("p,pdj,pkj->pkd", volume, stress, s.g)
     if averages(scene, step - 1):
         force -= np.einsum("p,pk,pd->pkd", m / shift_dt, s.w, points["shift_velocity"])
+    if scene.grid.axisymmetric:
+        rings = tensor(points["stress"], dim)
+        if "overstress" in points:
+            rings = rings + points["overstress"][:, None, None] * deviator(rings)
+        force[..., 0] -= s.w * (volume * rings[:, 2, 2] / points["x"][:, 0])[:, None]
     out = SimpleNamespace(
         shapes=s,
         mass=s.to_nodes(s.w * m[:, None]),
@@ -61,7 +66,7 @@ def p2g(scene, points, step=0, shift_dt=1.0):
         share = damped_share(scene, rate, out.cells.c[out.cells.which])
         out.damped = s.to_nodes(s.w * (m * share)[:, None])
     if averages(scene, step):
-        cell_mass = scene.material.rho_c * scene.grid.cell**dim
+        cell_mass = full_mass(scene)
         out.phi = _ratio(out.mass, cell_mass * node_volumes(scene))
         c = points["log_density"]
         joins = np.where(c >= -scene.scheme.density.separation_strain, m, 0.0)
@@ -71,8 +76,11 @@ def p2g(scene, points, step=0, shift_dt=1.0):
         counted = s.to_nodes(s.w * weighted[:, None])
         out.cbar = _ratio(s.to_nodes(s.w * weighted[:, None] * seen), counted)
         out.excess = np.where(joined > 0, _ratio(counted, joined) - 1, 0.0)
-        push = s.g * scene.grid.cell * (weighted / cell_mass)[:, None, None]
-        out.uneven = s.to_nodes(push)
+        push = s.g * scene.grid.cell
+        if scene.grid.axisymmetric:
+            push[..., 0] += s.w * (scene.grid.cell / points["x"][:, :1])
+        push *= (weighted / cell_mass)[:, None, None]
+        out.uneven = s.to_nodes(push) / node_radii(scene)[:, None]
     return out
 
 
@@ -197,12 +205,15 @@ def _moved(scene, points, nodes, dt, step):
         carried = points["v"][:, None, :] + np.einsum("pdj,pkj->pkd", C, s.r)
         new["v"] = new["v"] - np.einsum("pk,pkd->pd", s.w * nodes.damping[s.node][..., 0], carried)
     new["x"] = points["x"] + dt * (s.w @ v)
-    if scene.scheme.density.name == "cell_averaged":
-        L = flow_of_cells(scene, points, new, nodes, dt)
-    else:
-        new["log_density"] = points["log_density"] - dt * np.trace(L, axis1=1, axis2=2)
     gradient = np.zeros((len(L), 3, 3))
     gradient[:, :dim, :dim] = L
+    if scene.grid.axisymmetric:
+        gradient[:, 2, 2] = (s.w @ v)[:, 0] / points["x"][:, 0]
+    if scene.scheme.density.name == "cell_averaged":
+        L = flow_of_cells(scene, points, new, nodes, dt)
+        gradient[:, :dim, :dim] = L
+    else:
+        new["log_density"] = points["log_density"] - dt * np.trace(gradient, axis1=1, axis2=2)
     before = points
     if scene.material.law == "ngf":
         substeps = Substeps(scene, points, gradient, dt)
@@ -215,7 +226,7 @@ def _moved(scene, points, nodes, dt, step):
     if scene.scheme.transfer == "apic":
         new["affine"] = _moment(scene, s, v).reshape(-1, dim * dim)
     if averages(scene, step):
-        average(scene, points, new, nodes, L, dt)
+        average(scene, points, new, nodes, gradient, dt)
     # disconnected points have no affine field
     if "affine" in new and scene.material.law != "elastic":
         disconnected = new["log_density"] < -scene.scheme.density.separation_strain

@@ -104,7 +104,7 @@ def diffuse(
     given = {
         "method": "implicit", "stencil": "faces", "dx": 0.01, "A": 0.5, "d": 0.005, "t0": 1e-3,
         "dt": 1e-3, "steps": 1,
-        "tolerance": 1e-13, "max_iterations": 10_000,
+        "tolerance": 1e-13, "max_iterations": 10_000, "first_radius": -1.0,
     } | numbers  # fmt: skip
     report = _core.fluidity_diffuse(
         g=g,

@@ -148,8 +148,11 @@ class Shapes:
         return out
 
 
-def node_volumes(scene):
-    """Integral of each shape function over the domain, in volumes of cells; Gauss quadrature."""
+def node_volumes(scene, *, blocks=True):
+    """Integral of each shape function over the domain, in volumes of cells; Gauss quadrature.
+
+    In an axisymmetric grid it is that of the function times the radius in cells.
+    """
     grid = scene.grid
     at, weight = np.polynomial.legendre.leggauss(3)
     one = [
@@ -160,8 +163,23 @@ def node_volumes(scene):
     x = np.stack([m.ravel() for m in mesh], axis=1)
     share = [np.tile(weight / 2, n) for n in grid.shape]
     volume = math.prod(np.meshgrid(*share, indexing="ij")).ravel()
+    if grid.axisymmetric:
+        volume = volume * x[:, 0] / grid.cell
     for wall in scene.walls:
-        if type(wall).__name__ == "Solid":
+        if blocks and type(wall).__name__ == "Solid":
             volume[np.all((x > wall.lower) & (x < wall.upper), axis=1)] = 0.0
     shapes = Shapes(scene, x)
     return shapes.to_nodes(shapes.w * volume[:, None])
+
+
+def node_radii(scene):
+    """Mean radius over each shape function [cells]; 1 unless the grid is axisymmetric."""
+    flat = scene.replace(grid=scene.grid.replace(axisymmetric=False))
+    return node_volumes(scene, blocks=False) / node_volumes(flat, blocks=False)
+
+
+def full_mass(scene):
+    """Mass of a full cell [kg], over its radius [cells] in an axisymmetric grid."""
+    grid = scene.grid
+    size = 2 * math.pi * grid.cell**3 if grid.axisymmetric else grid.cell**grid.dim
+    return scene.material.rho_c * size

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 from oracle_law import tensor
-from oracle_shapes import Shapes, axis_nodes
+from oracle_shapes import Shapes, axis_nodes, full_mass, node_radii
 from oracle_walls import at_face, held_at_walls, near_outlet
 
 from granular.mpm.damping import damping
@@ -28,17 +28,19 @@ def neighbour_corrections(scene, nodes, fixed):
     own = 2 * (nodes.phi - 1) / (nodes.phi + 1) - nodes.cbar  # first Pade approximant of ln phi
     gaps = own.reshape(counts, order="F")
     full = gaps > -0.5
-    inside, mean = full.copy(), np.zeros(counts)
+    inside, mean, weights = full.copy(), np.zeros(counts), np.zeros(counts)
+    radii = node_radii(scene).reshape(counts, order="F")
     for d in range(len(counts)):
         unit = np.eye(len(counts), dtype=int)[d]
         for side in (-1, 1):
             inside &= _beside(full, side * unit, periodic)
     for offset in itertools.product((-1, 0, 1), repeat=len(counts)):
         gap = _beside(gaps, offset, periodic)
-        share = 0.5 ** len(counts) * 0.5 ** np.abs(offset).sum()
+        share = 0.5 ** len(counts) * 0.5 ** np.abs(offset).sum() * _beside(radii, offset, periodic)
+        weights += share
         mean += share * np.where(gap > -0.5, gap, np.where(full, gaps, 0.0))
     inside = inside.ravel(order="F")
-    nodes.gap = np.where(inside, mean.ravel(order="F"), 0.0)
+    nodes.gap = np.where(inside, (mean / weights).ravel(order="F"), 0.0)
     nodes.excess[inside] += 1 - np.exp(-own[inside])
     for d in range(len(counts)):
         at = np.indices(counts)[d]
@@ -61,17 +63,19 @@ def _beside(field, offset, periodic):
     return field
 
 
-def average(scene, points, new, nodes, L, dt):
+def average(scene, points, new, nodes, gradient, dt):
     """Average the density, relax it to the nodal density and shift the points.
+
+    `gradient` is that of the velocity, shape (n, 3, 3).
 
     One call stands for all the steps until the next averaging.
     """
     many = averaging_interval(scene)
     q, dx, s, dim = scene.scheme.density, scene.grid.cell, nodes.shapes, scene.grid.dim
-    trace = np.trace(L, axis1=1, axis2=2)
+    L, trace = gradient[:, :dim, :dim], np.trace(gradient, axis1=1, axis2=2)
     old = points["log_density"]
     bears = old >= (0.0 if scene.material.law != "elastic" else -np.inf)
-    rate = many * np.where(bears, points["shear_rate"], kinematic_rate(L))
+    rate = many * np.where(bears, points["shear_rate"], kinematic_rate(gradient))
     joins = old >= -q.separation_strain
     near = s.w @ nodes.cbar[s.node]
     eta = averaged_part(scene, many * dt, dt * rate, old)
@@ -86,10 +90,12 @@ def average(scene, points, new, nodes, L, dt):
     scale = np.where(length > most, most / np.maximum(length, 1e-300), 1.0)
     delta = delta * scale[:, None]
     delta = held_at_walls(scene, points["x"], delta)
-    delta += across_faces(scene, points, nodes, rate * dt, L)
+    delta += across_faces(scene, points, nodes, rate * dt, gradient)
     borrowed = np.einsum("pdj,pj->pd", L, delta)
     kept = points["weight_correction"]
     divergence = np.einsum("kj,pkj->p", nodes.uneven[s.node], s.g * dx)
+    if scene.grid.axisymmetric:
+        divergence += (s.w @ nodes.uneven[s.node][:, 0]) * dx / points["x"][:, 0]
     u = (
         kept
         - q.weight_correction * divergence
@@ -104,15 +110,17 @@ def average(scene, points, new, nodes, L, dt):
     new["v"], new["shift_velocity"] = new["v"] + borrowed, borrowed
 
 
-def across_faces(scene, points, nodes, strain, L):
+def across_faces(scene, points, nodes, strain, gradient):
     """Shift of points out of cells that hold more than their neighbours, linear between faces."""
     grid, x, q = scene.grid, points["x"], scene.scheme.density
     dim, shape = grid.dim, np.array(grid.shape)
     place = (x - np.array(grid.lower)) / grid.cell
     at = np.floor(place).astype(int)
     own = np.ravel_multi_index(tuple(at.T), grid.shape)
-    full = scene.material.rho_c * grid.cell**dim
-    filled = np.bincount(own, points["mass"], minlength=shape.prod()) / full
+    L, full = gradient[:, :dim, :dim], full_mass(scene)
+    if grid.axisymmetric:
+        full = full * (at[:, 0] + 0.5 + grid.lower[0] / grid.cell)
+    filled = np.bincount(own, points["mass"] / full, minlength=shape.prod())
     count = np.bincount(own, minlength=shape.prod())
     middle = (np.indices(grid.shape).reshape(dim, -1).T + 0.5) * grid.cell + np.array(grid.lower)
     about = Shapes(scene, middle)
@@ -125,7 +133,7 @@ def across_faces(scene, points, nodes, strain, L):
     for d in range(dim):
         lasting = np.sqrt(np.maximum(0.5 * np.einsum("pij,pji->p", L, L), 0.0))
         stretch = 2 * np.minimum(lasting, np.abs(L[:, d, d]))
-        stretch = stretch / np.maximum(kinematic_rate(L), 1e-300)
+        stretch = stretch / np.maximum(kinematic_rate(gradient), 1e-300)
         along = 2 * strain * np.minimum(stretch, 1.0)
         most = np.where(near_outlet(scene, x), 0.0, q.shifting_limit)
         faces = []

@@ -7,7 +7,7 @@ import numpy as np
 
 def faces(scene):
     """Axis, coordinate and extents of the faces of walls and blocks."""
-    for wall in scene.walls:
+    for wall in scene.boundaries:
         if wall.axis is not None:
             others = set(range(scene.grid.dim)) - {wall.axis}
             yield wall.axis, wall.at, {d: wall.extent(scene.grid, d) for d in others}
@@ -70,7 +70,7 @@ def near_outlet(scene, x):
     cell = scene.grid.cell
     middle = scene.grid.lower + (np.floor((x - scene.grid.lower) / cell) + 0.5) * cell
     near = np.zeros(len(x), dtype=bool)
-    for wall in scene.walls:
+    for wall in scene.boundaries:
         if getattr(wall, "opens_at", math.inf) == math.inf:
             continue
         inside = np.ones(len(x), dtype=bool)
