@@ -108,6 +108,9 @@ def small() -> Iterator[tuple[str, gr.Scene, int]]:
     numbered = list(enumerate(tests.COMBINATIONS))  # numbers: their names may change
     for (k, scheme), kind, dim in product(numbered, tests.KINDS, (2, 3)):
         yield f"scheme {k} {kind} {dim}D", make(kind, dim, scheme, E=1e5), 60
+    of_rings = [row for row in numbered if row[1][0] != "ugimp" and row[1][2] != "cell_averaged"]
+    for (k, scheme), kind in product(of_rings, tests.OF_RINGS):
+        yield f"scheme {k} {kind}", make(kind, 2, scheme, E=1e5), 60
     grains = {
         "elastic": materials.Elastic(E=1e5),
         "drucker-prager": materials.DruckerPrager(E=1e5),

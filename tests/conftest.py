@@ -178,16 +178,14 @@ def _rings(first):
     }
 
 
-KINDS = {
-    **{"walls": _walls, "periodic": _periodic, "outlet": _outlet},
-    **{"axis": lambda dim: _rings(0), "rings": lambda dim: _rings(3)},
-}
+KINDS = {"walls": _walls, "periodic": _periodic, "outlet": _outlet}
+OF_RINGS = {"axis": lambda dim: _rings(0), "rings": lambda dim: _rings(3)}  # in 2D only
 
 
 def make_scene(kind, dim, combination, *, E=1e6, points_per_axis=2, jitter=1.0, **scheme):
-    """Build a scene of a few dozen cells; `kind` is one of `KINDS`."""
+    """Build a scene of a few dozen cells; `kind` is one of `KINDS` or `OF_RINGS`."""
     basis, transfer, density = combination
-    parts = KINDS[kind](dim)
+    parts = (KINDS | OF_RINGS)[kind](dim)
     side = (0.0,) if parts["grid"].axisymmetric else (1.5, 0.7)[: dim - 1]
     return gr.Scene(
         name=kind,

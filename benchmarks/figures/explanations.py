@@ -332,9 +332,34 @@ def core(quick: bool) -> Picture:
     return made
 
 
+# ---- axes of symmetry ----
+
+
+def axisymmetry(quick: bool) -> Picture:
+    """A cylinder that collapses, by radius and height, and its heap compared with 3D."""
+    made, (flow, heap) = picture(1.0, 1.0, height=2.9)
+    cells, radius = 6 if quick else 12, 0.2
+    numbers = {"aspect": 1.0, "radius": radius, "cell": radius / cells, "ramp": 0.0, "E": 1e7}
+    sim = gr.Simulation(gr.scenes.cylinder_collapse(axisymmetric=True, duration=1.0, **numbers))
+    sim.run(until=0.18)
+    gr.plot.frame(sim.state, "speed", ax=flow, extent=((0.0, 0.45), (0.0, 0.22)))
+    flow.set(xlabel="radius r [m]", ylabel="height z [m]", title="0.18 s after the release")
+    plane = gr.measure.surface(tell(sim.run()).state)
+    whole = gr.Simulation(gr.scenes.cylinder_collapse(duration=1.0, **numbers))
+    quarter = gr.measure.surface(tell(whole.run()).state)
+    heap.plot(plane.x, plane.height, "-", color=BLUE, label="axisymmetric")
+    heap.plot(quarter.x, quarter.height, "o", color=ORANGE, ms=4, mfc="none", label="3D")
+    heap.plot([0.0, radius, radius], [radius, radius, 0.0], ":", color=GREY, label="at the start")
+    heap.set(xlim=(0, 0.5), ylim=(0, 0.22), xlabel="radius r [m]", ylabel="height [m]")
+    heap.set_title("At rest")
+    heap.legend(loc="upper right")
+    return made
+
+
 PAGES: dict[str, Callable[[bool], Picture]] = {
     "laws": laws,
     "transfers": transfers,
+    "axisymmetry": axisymmetry,
     "density_correction": density_correction,
     "fluidity": fluidity,
     "determinism": determinism,

@@ -170,8 +170,7 @@ int gr_axis_build(struct gr_axis *axis, int basis, int n, int periodic, const in
     axis->node_integral = calloc((size_t)(n + 3 + n_c0_lines), sizeof(double));
     axis->node_radius = calloc((size_t)(n + 3 + n_c0_lines), sizeof(double));
     axis->node_number = calloc((size_t)(n + 3 + n_c0_lines), sizeof(int32_t));
-    if (!axis->cell || !axis->node_number || !axis->node_position || !axis->node_integral || !axis->node_radius)
-        goto out;
+    if (!axis->cell || !axis->node_number || !axis->node_position || !axis->node_integral || !axis->node_radius) goto out;
     error = GR_OK;
     if (basis == GR_LINEAR)
         build_linear(axis, n);

@@ -114,7 +114,8 @@ static void run_law(struct gr_engine *e, struct batch *batch, int begins)
         call_law(e, 0, batch, 0, batch->n, begins);
     else
         call_laws(e, batch, begins);
-    if (e->points.field[GR_FIELD_viscous_stress] && !begins) damp_elastic(e, batch->n, batch->slot, batch->gradient, batch->hoop);
+    if (e->points.field[GR_FIELD_viscous_stress] && !begins)
+        damp_elastic(e, batch->n, batch->slot, batch->gradient, batch->hoop);
     batch->n = 0;
 }
 

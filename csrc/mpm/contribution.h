@@ -17,14 +17,14 @@ GR_INLINE int gr_prepared(int rows)
 
 /* Contributions of the points in a row of a tile, or a part of it. Only the members that a variant needs are set. */
 struct contribution {
-    vd w[3][3], g[3][3];             /* shape functions, see gr_shape */
-    vd m, v[3], affine[3][3];        /* mass, kg; affine velocity field at the edge of the cell, m/s; C dx, m/s */
-    vd stress[6], body_force[3];     /* -V sigma/dx, N; force by the shape functions themselves, N */
-    vd hoop;                         /* in an axisymmetric plane: dx/r */
-    vd weight;                       /* quadrature weight q = 1 + u */
-    vd filled, joined;               /* volume as a mass (engine.h), kg; the same of connected points, else 0 */
-    vd c, slope[3];                  /* log-density at the edge of the cell, and its gradient per cell */
-    vd pressed, pressure_slope[3];   /* pressure over K of the first material there, and its gradient per cell */
+    vd w[3][3], g[3][3];           /* shape functions, see gr_shape */
+    vd m, v[3], affine[3][3];      /* mass, kg; affine velocity field at the edge of the cell, m/s; C dx, m/s */
+    vd stress[6], body_force[3];   /* -V sigma/dx, N; force by the shape functions themselves, N */
+    vd hoop;                       /* in an axisymmetric plane: dx/r */
+    vd weight;                     /* quadrature weight q = 1 + u */
+    vd filled, joined;             /* volume as a mass (engine.h), kg; the same of connected points, else 0 */
+    vd c, slope[3];                /* log-density at the edge of the cell, and its gradient per cell */
+    vd pressed, pressure_slope[3]; /* pressure over K of the first material there, and its gradient per cell */
 };
 
 /* Component c of a field for the points in the slots from `at` on. */

@@ -172,9 +172,8 @@ GR_INLINE int64_t g2p_tile(const int dim, const int basis, const int affine, con
             if (row >= view[part].points) continue;
             if (__builtin_expect(batch->n == BATCH, 0)) run_law(e, batch, 0);
             gr_real *gradient = batch->gradient + batch->n * dim * dim * GR_W;
-            const unsigned inside =
-                move_row(dim, basis, affine, smoothed, cell_averaged, averages, e, &view[part], at, gradient,
-                         batch->hoop + batch->n * GR_W);
+            const unsigned inside = move_row(dim, basis, affine, smoothed, cell_averaged, averages, e, &view[part], at,
+                                             gradient, batch->hoop + batch->n * GR_W);
             if (e->nonlocal.diffuses) v_store(batch->g_star + batch->n * GR_W, start_of_row(e, &view[part].fluidity, at));
             batch->slot[batch->n++] = at;
             if (__builtin_expect(inside != GR_ALL_LANES, 0))

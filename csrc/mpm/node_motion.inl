@@ -75,8 +75,8 @@ GR_INLINE void describe_group(const int dim, struct gr_engine *e, int64_t first,
         /* ln phi to 4 % at phi = 1/2, less c */
         field[GR_NODE_OWN_GAP(dim)] = two * (phi - one) / (phi + one) - c - v_set(e->servo_strain);
         for (int d = 0; d < dim; d++)
-            field[GR_NODE_RESIDUAL + d] = v_load(sum + (GR_SUM_RESIDUAL + d) * GR_SUM_ROW) /
-                                          (cell_mass * radius_of_nodes(e, first + lane));
+            field[GR_NODE_RESIDUAL + d] =
+                v_load(sum + (GR_SUM_RESIDUAL + d) * GR_SUM_ROW) / (cell_mass * radius_of_nodes(e, first + lane));
         for (int q = 0; q <= GR_NODE_OWN_GAP(dim); q++) {
             const vd of_empty = q == GR_NODE_OWN_GAP(dim) ? v_set(GR_EMPTY_GAP) : zero;
             v_store(gr_node_field(e, GR_NODE_DENSITY(dim) + q) + first + lane, v_select(empty, of_empty, field[q]));

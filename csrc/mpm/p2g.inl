@@ -319,13 +319,15 @@ GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const
         }
         if (K <= 4) { /* all sums of a row fit the registers */
             if (rings)
-                add_rows(dim, basis, affine, MOMENTUM | FORCE | BODY_FORCE, &frame, contribution, stretch, 0, &passes->motion);
+                add_rows(dim, basis, affine, MOMENTUM | FORCE | BODY_FORCE, &frame, contribution, stretch, 0,
+                         &passes->motion);
             else
                 add_rows(dim, basis, affine, MOMENTUM | FORCE, &frame, contribution, stretch, 0, &passes->motion);
         } else {
             add_rows(dim, basis, affine, MOMENTUM, &frame, contribution, stretch, 0, &passes->motion);
             if (body_forces)
-                add_rows(dim, basis, 0, FORCE | BODY_FORCE, &frame, contribution, stretch, GR_SUM_FORCE(dim), &passes->motion);
+                add_rows(dim, basis, 0, FORCE | BODY_FORCE, &frame, contribution, stretch, GR_SUM_FORCE(dim),
+                         &passes->motion);
             else
                 add_rows(dim, basis, 0, FORCE, &frame, contribution, stretch, GR_SUM_FORCE(dim), &passes->motion);
         }

@@ -36,8 +36,8 @@ GR_INLINE void prepare_density(const int dim, const int basis, const struct gr_e
  *   sum w m,  sum w q m,  sum w q m (c + grad c (x_i - x)),  sum q m grad w,  over the connected points,
  *
  * with `rings` also sum q m w/r along r. */
-GR_INLINE void add_density(const int dim, const int basis, const int rings, const struct gr_frame *frame, const struct contribution *p,
-                           const struct row row, vd sum[3][MOST_SUMS])
+GR_INLINE void add_density(const int dim, const int basis, const int rings, const struct gr_frame *frame,
+                           const struct contribution *p, const struct row row, vd sum[3][MOST_SUMS])
 {
     const vd m_yz = p->joined * weight_yz(dim, basis, p, row, 0), c = linear_yz(dim, basis, frame, row, p->c, p->slope);
     vd qm_yz[3];

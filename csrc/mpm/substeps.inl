@@ -14,12 +14,14 @@ GR_INLINE void strain_tile(const int dim, const int basis, const int cell_averag
         for (int row = 0; row < view.points; row++) {
             struct gr_shape s;
             const int64_t at = gr_slot(&e->mesh.cell[first], row);
-            vd L[9];
+            vd L[9], move[3];
             if (batch->n == BATCH) run_law(e, batch, 1);
             gr_real *gradient = batch->gradient + batch->n * dim * dim * GR_W;
             gr_shapes(dim, basis, e, &view.frame, at, 0, &s);
             for (int d = 0; d < dim; d++)
-                (void)gr_interpolate(dim, basis, 0, view.mode + d * K, &s, (const vd(*)[3])s.g, L + d * dim);
+                move[d] = gr_interpolate(dim, basis, 0, view.mode + d * K, &s, (const vd(*)[3])s.g, L + d * dim);
+            if (dim == 2 && e->config.axisymmetric)
+                v_store(batch->hoop + batch->n * GR_W, move[0] * gr_inverse_radius(e, at));
             for (int c = 0; c < dim * dim; c++) v_store(gradient + c * GR_W, cell_averaged ? view.L[c] : L[c]);
             v_store(batch->g_star + batch->n * GR_W, start_of_points(e, &view.fluidity, has_pressure(e, at), at));
             batch->slot[batch->n++] = at;

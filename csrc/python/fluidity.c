@@ -100,9 +100,9 @@ static PyObject *diffuse(struct gr_fluidity *f, const struct gr_kernels *kernels
 
 PyObject *gr_python_fluidity_diffuse(PyObject *Py_UNUSED(module), PyObject *args, PyObject *kwargs)
 {
-    static char *names[] = {"method",         "stencil",  "dx",    "A",     "d", "t0",       "dt",      "steps", "tolerance",
-                            "max_iterations", "periodic", "faces", "dense", "g", "distance", "threads", "isa",   "first_radius",
-                            NULL};
+    static char *names[] = {"method",    "stencil",        "dx",       "A",     "d",     "t0", "dt",       "steps",
+                            "tolerance", "max_iterations", "periodic", "faces", "dense", "g",  "distance", "threads",
+                            "isa",       "first_radius",   NULL};
     struct gr_fluidity_config config = {.first_radius = -1};
     struct gr_diffusion_call call = {0};
     const char *method, *stencil, *isa;

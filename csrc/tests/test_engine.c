@@ -72,6 +72,9 @@ TEST(refuses_kinds)
              s.config.averaging_interval = 0));
     REFUSED(s.config.xpic_order = 11);
     REFUSED((s.config.xpic_order = 2, s.config.affine = GR_AFFINE_MOMENT));
+    REFUSED(s.config.axisymmetric = 1); /* which begins at r = -1 */
+    REFUSED((s.config.axisymmetric = 1, s.config.lower[0] = 0, s.config.periodic[0] = 1));
+    REFUSED((s.config.axisymmetric = 1, s.config.lower[0] = 0, s.config.basis = GR_UGIMP));
 }
 
 TEST(refuses_numbers)

@@ -19,18 +19,28 @@ static int go(struct scene *s, int64_t steps, double until, int threads)
     return error;
 }
 
-/* A heap that falls onto a no-slip floor, with an open right side through which points leave. */
-static void falling(struct scene *s, int dim, int basis, int affine, int smoothed)
+/* A heap that falls onto a no-slip floor, with an open right side through which points leave; with `rings` about an axis at
+ * the left side. */
+static void falling_about(struct scene *s, int dim, int basis, int affine, int smoothed, int rings)
 {
     scene_seed(61);
     scene_default(s, dim, basis, affine, smoothed);
     s->gravity_vectors[dim - 1] = -9.8;
     s->config.open_high[0] = 1;
     s->walls[1] = (struct gr_wall){.fixed = (1 << dim) - 1, .opens_at = INFINITY};
-    s->config.n_walls = 2;
+    s->walls[2] = (struct gr_wall){.fixed = 1, .opens_at = INFINITY};
+    s->config.n_walls = 3;
+    s->config.axisymmetric = rings;
+    if (rings) s->config.lower[0] = 0;
     scene_codes(s);
+    if (rings) scene_face(s, 0, 0, 2);
     scene_face(s, dim - 1, 0, 1);
     CHECK(scene_build(s, 500, 0.02, 0.95) == GR_OK);
+}
+
+static void falling(struct scene *s, int dim, int basis, int affine, int smoothed)
+{
+    falling_about(s, dim, basis, affine, smoothed, 0);
 }
 
 TEST(threads_give_the_same_bits)
@@ -51,6 +61,21 @@ TEST(threads_give_the_same_bits)
                 if (basis == GR_LINEAR && dim == 2) CHECK(s[0].engine->dropped > 0);
                 for (int k = 0; k < 4; k++) scene_free(&s[k]);
             }
+}
+
+TEST(threads_give_the_same_bits_of_rings)
+{
+    static const int bases[] = {GR_LINEAR, GR_QUADRATIC};
+    for (int b = 0; b < 2; b++)
+        for (int smoothed = 0; smoothed <= b; smoothed++) {
+            struct scene s[2];
+            for (int k = 0; k < 2; k++) {
+                falling_about(&s[k], 2, bases[b], GR_AFFINE_GRADIENT, smoothed, 1);
+                CHECK(go(&s[k], 150, INFINITY, 3 * k + 1) == GR_OK && s[k].engine->mesh.node_radius);
+            }
+            CHECK(!scene_differs(&s[0], &s[1]));
+            for (int k = 0; k < 2; k++) scene_free(&s[k]);
+        }
 }
 
 /* Calls of any length, with sums computed again in between, do not change the result. */

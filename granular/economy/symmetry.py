@@ -76,6 +76,8 @@ class _Mirror:
 def obstacle(scene: Scene) -> str:
     """Reason why a scene is not its own mirror image about the middle of its grid; "" if it is."""
     grid, mirror = scene.grid, _Mirror(scene)
+    if grid.axisymmetric:
+        return "it is a plane of radius and height"
     if scene.bodies:
         return "bodies are not supported"
     if scene.inflows:

@@ -161,7 +161,7 @@ class State:
 
     @cached_property
     def section(self) -> Array:
-        """Area of the points in the plane [m2, shape (n,)], in 3D their volume [m3]."""
+        """Area of the points in a 2D grid [m2, shape (n,)], in 3D their volume [m3]."""
         return self.volume / self.rings
 
     @cached_property

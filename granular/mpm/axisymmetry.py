@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from granular.model.gravity import Gravity
 from granular.model.grid import Grid, combined
-from granular.mpm.walls import Wall
+from granular.mpm.schemes import Scheme
+from granular.mpm.walls import Wall, WallOrBlock
 
 if TYPE_CHECKING:
     from granular.mpm.bodies import Body
-    from granular.mpm.scene import Scene
 
 
 def axis_wall(grid: Grid) -> Wall:
@@ -19,17 +21,22 @@ def axis_wall(grid: Grid) -> Wall:
     return Wall(0, grid.lower[0], kind="free_slip")
 
 
-def check_axisymmetry(scene: Scene) -> None:
-    """Refuse what has no axis of symmetry, or is not available for rings."""
-    gravity, scheme = scene.gravity, scene.scheme
+def check_axisymmetry(
+    grid: Grid,
+    gravity: Gravity,
+    walls: Sequence[WallOrBlock],
+    scheme: Scheme,
+    bodies: Sequence[Body],
+) -> None:
+    """Refuse parts of a scene that have no axis of symmetry, or are not available for rings."""
     across = [vector for vector in gravity.vectors if vector[0] != 0.0]
     if across:
         raise ValueError(
             f"gravity = {tuple(across[0])} must have no radial component in an axisymmetric grid: "
             "it acts along the axis"
         )
-    for i, wall in enumerate(scene.walls):
-        if scene.grid.has_axis and wall.axis == 0 and wall.at == scene.grid.lower[0]:  # type: ignore[attr-defined]
+    for i, wall in enumerate(walls):
+        if grid.has_axis and wall.axis == 0 and wall.extent(grid, 0)[0] == grid.lower[0]:
             raise ValueError(
                 f"walls[{i}] = {wall} must not stand at r = 0, the axis of symmetry, which needs "
                 "no wall"
@@ -44,8 +51,8 @@ def check_axisymmetry(scene: Scene) -> None:
             "density = CellAveragedDensity() must be SmoothedDensity() or ParticleDensity() in an "
             "axisymmetric grid"
         )
-    for i, body in enumerate(scene.bodies):
-        _check_body(f"bodies[{i}]", scene.grid, body)
+    for i, body in enumerate(bodies):
+        _check_body(f"bodies[{i}]", grid, body)
 
 
 def _check_body(name: str, grid: Grid, body: Body) -> None:
@@ -73,16 +80,14 @@ SAMPLES = 41
 
 
 def _is_mirrored(grid: Grid, body: Body) -> bool:
-    """True if a body is symmetric about r = 0, or does not reach it."""
+    """True if a body is symmetric about r = 0, or does not reach beyond it."""
     reaches = body.extents()[:2]
-    if body.position[0] - reaches[0] >= 0.0:
-        return True
-    low = np.maximum(np.array(body.position) - reaches, grid.lower)
+    low = np.maximum(np.array(body.position) - reaches, [0.0, grid.lower[1]])
     high = np.minimum(np.array(body.position) + reaches, grid.upper)
-    axes = [np.linspace(a, max(b, a), SAMPLES) for a, b in zip(low, high, strict=True)]
-    x = combined(axes)
+    x = combined([np.linspace(a, max(b, a), SAMPLES) for a, b in zip(low, high, strict=True)])
     here, there = body.distance(x)[0], body.distance(x * [-1.0, 1.0])[0]
-    return bool(np.abs(here - there).max() <= MIRRORED * grid.cell)
+    beyond = there < -MIRRORED * grid.cell
+    return not beyond.any() or bool(np.abs(here - there).max() <= MIRRORED * grid.cell)
 
 
 MIRRORED = 1e-6

@@ -123,7 +123,7 @@ class Scene(BaseScene):
             for i, part in enumerate(getattr(self, name)):
                 part.check(f"{name}[{i}]", self.grid)
         if self.grid.axisymmetric:
-            check_axisymmetry(self)
+            check_axisymmetry(self.grid, self.gravity, self.walls, self.scheme, self.bodies)
         if len({sponge.axis for sponge in self.sponge_layers}) < len(self.sponge_layers):
             raise ValueError(
                 f"sponge_layers = {self.sponge_layers} must be one along an axis at most"

@@ -19,7 +19,15 @@ from granular.model.state import State
 from granular.model.typing import AnyScene
 from granular.plot.bodies import STYLE, Bodies, boxes_of_bodies
 from granular.plot.canvas import Extent, Picture, View, checked_extent, figure_of, is_symmetry
-from granular.plot.scenery import BLOCK, OUTLET_STYLE, SYMMETRY_STYLE, drawn, seen, style_of
+from granular.plot.scenery import (
+    AXIS_STYLE,
+    BLOCK,
+    OUTLET_STYLE,
+    SYMMETRY_STYLE,
+    drawn,
+    seen,
+    style_of,
+)
 
 WIDTH = 7.0
 """Width of a picture [inches]."""
@@ -231,6 +239,8 @@ def _draw_sides(ax: Axes, scene: AnyScene, view: View) -> Iterable[Key]:
             text, style = "closed side", SIDE_STYLE
             if AXES[axis] + end in grid.open_sides:
                 text, style = "open side", OPEN_STYLE
+            elif grid.has_axis and axis == 0 and end == "-":
+                text, style = "axis of symmetry", AXIS_STYLE
             elif grid.periodic[axis]:
                 text, style = "periodic side", PERIODIC_STYLE
             elif any(wall.axis == axis and at in wall.extent(grid, axis) for wall in scene.walls):

@@ -18,6 +18,7 @@ WALL_STYLES = {
     "slips": {"color": "#555555", "linewidth": 1.2},
     "rubs": {"color": "black", "linewidth": 2.5, "linestyle": (0, (3, 1))},
 }
+AXIS_STYLE = {"color": "#555555", "linewidth": 1.2, "linestyle": (0, (8, 2, 1, 2))}
 SYMMETRY_STYLE = {"color": "#555555", "linewidth": 1.2, "linestyle": (0, (5, 3))}
 BLOCK = "#9a9a9a"
 """Colour of blocks and of walls of particles."""
@@ -53,9 +54,9 @@ def seen(scene: AnyScene, view: View) -> Iterator[Boundary]:
 def scenery(ax: Axes, scene: AnyScene, view: View) -> list[tuple[Artist, float, float]]:
     """Draw the walls, blocks and outlets of a scene.
 
-    Walls of kind "no_slip" are thick, those of kind "free_slip" thin, and planes of symmetry
-    dashed; an outlet is dotted once it is open. Walls made of layers of particles are drawn as
-    blocks, until they move or vanish.
+    Walls of kind "no_slip" are thick, those of kind "free_slip" thin, planes of symmetry dashed and
+    axes of symmetry dash-dotted; an outlet is dotted once it is open. Walls made of layers of
+    particles are drawn as blocks, until they move or vanish.
 
     Returns
     -------
@@ -63,6 +64,11 @@ def scenery(ax: Axes, scene: AnyScene, view: View) -> list[tuple[Artist, float, 
         Each artist is visible from `begin` until just before `end` [s].
     """
     parts: list[tuple[Artist, float, float]] = []
+    if scene.grid.has_axis:
+        axis = Line2D(
+            [0.0, 0.0], [scene.grid.lower[1], scene.grid.upper[1]], zorder=3, **AXIS_STYLE
+        )
+        parts.append((ax.add_line(axis), -math.inf, math.inf))
     for wall in seen(scene, view):
         style = style_of(scene, wall) if wall.is_flat else {}
         parts.append((drawn(ax, scene, wall, view, style), -math.inf, wall.gone_from))

@@ -125,6 +125,11 @@ class Scene(BaseScene):
 
     def _check_fit(self) -> None:
         grid, numerics = self.grid, self.numerics
+        if grid.axisymmetric:
+            raise ValueError(
+                "grid must not be axisymmetric: SPH has no rings, take a scene of the material "
+                "point method"
+            )
         for i, fill in enumerate(self.fills):
             if fill.points_per_cell != 1:
                 raise ValueError(f"fills[{i}].points_per_cell = {fill.points_per_cell} must be 1")

@@ -292,6 +292,11 @@ def test_values_and_kinds_of_arrays_are_checked():
     shared = np.zeros((4, 3, 4), dtype=np.uint8)
     with pytest.raises(ValueError, match="share memory"):
         diffuse(np.ones((3, 4)), faces=shared, dense=shared[0].view(bool))
+    for change in ({"first_radius": -0.5}, {"first_radius": np.inf}):
+        with pytest.raises(ValueError, match="first_radius"):
+            diffuse(np.ones((3, 4)), **change)
+    with pytest.raises(ValueError, match="first_radius = 0 must be"):
+        diffuse(np.ones((3, 4)), first_radius=0.0, periodic=(True, False))
     with pytest.raises(TypeError):
         _core.fluidity_diffuse()
 

@@ -56,7 +56,8 @@ def diffuse_arguments(shape=(3, 4)):
     return {
         "method": "implicit", "stencil": "faces", "dx": 0.01, "A": 0.5, "d": 0.005, "t0": 1e-3,
         "dt": 1e-3, "steps": 2,
-        "tolerance": 1e-8, "max_iterations": 100, "first_radius": -1.0, "periodic": (True, False, True)[: len(shape)],
+        "tolerance": 1e-8, "max_iterations": 100, "periodic": (True, False, True)[: len(shape)],
+        "first_radius": -1.0,
         "faces": np.zeros((2 * len(shape), *shape), np.uint8), "dense": np.ones(shape, bool),
         "g": np.ones(shape), "distance": np.full(shape, 0.005), "threads": 1, "isa": "",
     }  # fmt: skip

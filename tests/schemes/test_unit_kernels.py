@@ -84,6 +84,12 @@ NONLOCAL = [
 METHODS = [("explicit", 1), ("explicit", 3), ("implicit", 1), ("implicit", 3), ("rkl2", 1)]
 
 
+@pytest.mark.parametrize("kind", ["axis", "rings"])
+@pytest.mark.parametrize(("method", "substeps"), METHODS)
+def test_a_step_of_rings_with_fluidity_agrees_with_the_oracle(small_scene, kind, method, substeps):
+    compare_fluidity(small_scene, NONLOCAL[2], 2, kind, method, substeps)
+
+
 @pytest.mark.parametrize(
     ("kind", "dim", "method", "substeps"),
     [*(("walls", 2, *method) for method in METHODS), *(("periodic", 3, *m) for m in METHODS[1::2])],
@@ -93,7 +99,12 @@ def test_a_step_with_fluidity_agrees_with_the_oracle(
     small_scene, nonlocal_combination, dim, kind, method, substeps
 ):
     """Compare cell means, diffusion, the balance with the law, and the law, all in substeps."""
-    scene = small_scene(kind, dim, nonlocal_combination, shifting_limit=1e-3, averaging_time=0.0)
+    compare_fluidity(small_scene, nonlocal_combination, dim, kind, method, substeps)
+
+
+def compare_fluidity(small_scene, combination, dim, kind, method, substeps):
+    """Compare the stages of a step of a nonlocal law."""
+    scene = small_scene(kind, dim, combination, shifting_limit=1e-3, averaging_time=0.0)
     fluidity = gr.schemes.Fluidity(method=method, substeps=substeps, initial=0.0, tolerance=1e-13)
     grains = gr.materials.NGF(E=1e6, A=0.25 if method == "explicit" else 1.0, d=0.1, t0=1e-3)
     compare_stages(

@@ -46,8 +46,12 @@ def random_parts(shape, rng, shares=(0.8, 0.1, 0.1), dense=0.85):
     }
 
 
-def outflow(dense, faces, periodic):
-    """The matrix L of the outflow: lap g = -L g/dx^2, cells in the order of `dense.ravel()`."""
+def outflow(dense, faces, periodic, first_radius=None):
+    """The matrix L of the outflow: lap g = -L g/dx^2, cells in the order of `dense.ravel()`.
+
+    In rings the first axis begins at `first_radius` [cells], and faces normal to it count by their
+    radius over that of the cell.
+    """
     shape, dim = dense.shape, dense.ndim
     number = np.arange(dense.size).reshape(shape)
     L = np.zeros((dense.size, dense.size))
@@ -58,8 +62,11 @@ def outflow(dense, faces, periodic):
         for axis in range(dim):
             for side in (0, 1):
                 kind = faces[(2 * axis + side, *cell)]
+                face = 1.0
+                if first_radius is not None and axis == 0:
+                    face += (side - 0.5) / (first_radius + cell[-1] + 0.5)
                 if kind == ROUGH:
-                    L[i, i] += 2
+                    L[i, i] += 2 * face
                     continue
                 beyond = list(cell)
                 place = dim - 1 - axis
@@ -70,8 +77,8 @@ def outflow(dense, faces, periodic):
                 if not 0 <= beyond[place] < shape[place] or not dense[beyond] or beyond == cell:
                     continue
                 if kind == LINKED and faces[(2 * axis + 1 - side, *beyond)] == LINKED:
-                    L[i, i] += 1
-                    L[i, number[beyond]] -= 1
+                    L[i, i] += face
+                    L[i, number[beyond]] -= face
     return L
 
 
@@ -89,11 +96,13 @@ def step(method, L, k, g, ratio=None):
         return g - k * (L @ g)
     if method == "implicit":
         return np.linalg.solve(np.eye(len(L)) + k * L, g)
-    value, vectors = np.linalg.eigh(L)
+    # Of rings L is symmetric in an inner product: its eigenvalues are real, too.
+    find = np.linalg.eigh if np.array_equal(L, L.T) else np.linalg.eig
+    value, vectors = find(L)
     s = stages(ratio)
     b, w1 = (s * s + s - 2) / (2 * s * (s + 1)), 4 / (s * s + s - 2)
     growth = 1 - b + b * legval(1 - w1 * k * value, [0] * s + [1])
-    return vectors @ (growth * (vectors.T @ g))
+    return vectors @ (growth * np.linalg.solve(vectors, g))
 
 
 def diffuse(

@@ -101,11 +101,12 @@ def diffused(scene, points, dt, bears):
     """
     q, fluidity, grid = scene.material, scene.scheme.fluidity, scene.grid
     g, dense = means(scene, points, "g", bears)
-    L = outflow(dense, fluidity_faces(scene), grid.periodic)
+    first = grid.lower[0] / grid.cell if grid.axisymmetric else None
+    L = outflow(dense, fluidity_faces(scene), grid.periodic, first)
     k = dt * q.A**2 * q.d**2 / (q.t0 * grid.cell**2)
     if fluidity.method != "implicit":
-        most = outflow(np.ones_like(dense), fluidity_faces(scene), grid.periodic)
-        faces = np.count_nonzero(most, axis=1) - 1 + np.maximum(most.sum(axis=1), 0) / 2
+        most = outflow(np.ones_like(dense), fluidity_faces(scene), grid.periodic, first)
+        faces = np.diag(most) - most.sum(axis=1) / 2
         found = diffuse(fluidity.method, L, k, g.ravel(), k * faces.max()).reshape(g.shape)
     else:
         gain = np.clip(means(scene, points, "g_gain", bears)[0], -g, g / 2)

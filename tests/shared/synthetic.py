@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from granular import Gravity
+from granular import Gravity, Grid
 
 RHO_C = 1500.0
 RHO_S = 2450.0
@@ -29,13 +29,7 @@ def scene(shape, cell, *, lower=None, periodic=None, gravity=None, parameters=No
     return SimpleNamespace(
         name="synthetic",
         method="mpm",
-        grid=SimpleNamespace(
-            lower=(0.0,) * dim if lower is None else lower,
-            cell=cell,
-            shape=tuple(shape),
-            periodic=(False,) * dim if periodic is None else periodic,
-            dim=dim,
-        ),
+        grid=Grid((0.0,) * dim if lower is None else lower, cell, tuple(shape), periodic or ()),
         material=grains,
         materials=(grains,),
         gravity=Gravity((0.0,), (down,)),
@@ -68,10 +62,12 @@ def state(scene, x, *, mass=None, rho=RHO_C, per_cell=4, time=0.0, ids=None, **f
         value = getattr(scene.material, name, None)
         return np.full(n, missing if value is None else value)
 
+    rest_volume = mass / getattr(scene.material, "rho_c", RHO_C)
     return SimpleNamespace(
         scene=scene, time=time, n=n, dim=dim, x=x, v=v, stress=stress, mass=mass, density=rho,
-        of_material=of_material, rest_volume=mass / getattr(scene.material, "rho_c", RHO_C),
-        volume=mass / rho, quadrature_volume=mass / rho, pressure=p, dense=p > 0, shear_rate=rate,
+        of_material=of_material, rest_volume=rest_volume, rest_section=rest_volume, volume=mass / rho,
+        section=mass / rho, rings=np.ones(n), quadrature_volume=mass / rho, pressure=p,
+        dense=p > 0, shear_rate=rate,
         id=np.arange(n) if ids is None else np.asarray(ids),
     )  # fmt: skip
 

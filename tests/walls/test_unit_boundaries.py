@@ -20,7 +20,8 @@ BASES = ("linear", "ugimp", "quadratic")
 def coded(walls, *, shape=(3, 2), basis="linear", periodic=(), lower=None):
     """Node codes of a scene with unit cells and without material."""
     grid = Grid(lower or (0.0,) * len(shape), 1.0, shape, periodic)
-    scene = SimpleNamespace(grid=grid, walls=walls, scheme=Scheme(basis=basis), inflows=())
+    scheme = Scheme(basis=basis)
+    scene = SimpleNamespace(grid=grid, walls=walls, boundaries=walls, scheme=scheme, inflows=())
     codes, rows = node_codes(scene)
     return codes.dense(), rows
 
