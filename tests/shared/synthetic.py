@@ -65,9 +65,9 @@ def state(scene, x, *, mass=None, rho=RHO_C, per_cell=4, time=0.0, ids=None, **f
     rest_volume = mass / getattr(scene.material, "rho_c", RHO_C)
     return SimpleNamespace(
         scene=scene, time=time, n=n, dim=dim, x=x, v=v, stress=stress, mass=mass, density=rho,
-        of_material=of_material, rest_volume=rest_volume, rest_section=rest_volume, volume=mass / rho,
-        section=mass / rho, rings=np.ones(n), quadrature_volume=mass / rho, pressure=p,
-        dense=p > 0, shear_rate=rate,
+        of_material=of_material, rest_volume=rest_volume, rest_section=rest_volume,
+        volume=mass / rho, section=mass / rho, rings=np.ones(n), quadrature_volume=mass / rho,
+        pressure=p, dense=p > 0, shear_rate=rate,
         id=np.arange(n) if ids is None else np.asarray(ids),
     )  # fmt: skip
 
