@@ -11,7 +11,10 @@
  * inside represents its whole volume outside of bodies, and its quadrature point is the centre of that. A cell at a
  * surface represents the volume of its points at rho_c, and its quadrature point is their centre of mass: a node that
  * they hardly reach then feels hardly any force. So does a cell with a light node, for example a corner that its few
- * points are far from. */
+ * points are far from.
+ *
+ * In an axisymmetric plane the cell is a ring, with the volume and the centroid of one, and B_i has the component H_i of
+ * hoops (hoop_at) in L_tt = sum H_i v_ir and in the force along r. */
 #include "mpm/connect.h"
 #include "mpm/contribution.h"
 #include "mpm/density_correction.h"
@@ -73,6 +76,16 @@ GR_INLINE vd slope_at(const int dim, const vd xi[3], int i, int d)
     return slope;
 }
 
+/* H_i dx = S_i/r over dx at the point at which S_i r is linear in a full cell, its middle, where B_i has the centroid of the
+ * ring: a uniform pressure then makes no force between full cells. */
+GR_INLINE vd hoop_at(const struct gr_engine *e, int64_t first, const vd xi[3], int i)
+{
+    const vd one = v_set(1.0), radius = GR_OF_CELLS(e, first, 0, radius);
+    const vd along = v_fnma(v_load(average_of(e, GR_AVERAGE_INSIDE, first)), ring_shift(e, first), xi[0]);
+    const vd across = i >> 1 & 1 ? xi[1] : v_sub(one, xi[1]);
+    return (i & 1 ? along : v_sub(one, along)) * across / (radius - v_set(0.5) + along);
+}
+
 /* P2G of GR_W cells of a tile: m and p of their nodes, and their own sums, sum m c and sum m sigma, and the masses that they
  * bring to each of their nodes. */
 GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_engine *e, int64_t tile, int part,
@@ -84,7 +97,8 @@ GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_eng
     struct gr_frame frame;
     struct contribution contribution[MOST_PREPARED];
     struct stretch stretch = {0};
-    vd of_cell[GR_CELL_STRESS + 6], stress[6];
+    const int rings = dim == 2 && e->config.axisymmetric;
+    vd of_cell[GR_CELL_STRESS + 6], stress[6], of_rings = v_zero();
     gr_frame_of(dim, GR_LINEAR, 0, e, first, &frame);
     for (int q = 0; q < GR_CELL_STRESS + stresses; q++) of_cell[q] = v_zero();
     for (int done = 0; !stretch.ends; done += stretch.n) {
@@ -96,15 +110,17 @@ GR_INLINE void p2g_averaged_cells(const int dim, const int affine, struct gr_eng
             of_cell[GR_CELL_MC] = v_fma(m, component(e, GR_FIELD_log_density, 0, at), of_cell[GR_CELL_MC]);
             acting_stress(dim, e, at, stress);
             for (int q = 0; q < stresses; q++) {
-                const int c = dim == 2 && q == 2 ? 3 : q; /* zz makes no force in 2D */
+                const int c = dim == 2 && q == 2 ? 3 : q; /* zz makes no force but in rings */
                 of_cell[GR_CELL_STRESS + q] = v_fma(m, stress[c], of_cell[GR_CELL_STRESS + q]);
             }
+            if (rings) of_rings = v_fma(m, stress[2], of_rings);
             if (e->config.largest.damping_rate > 0)
                 of_cell[GR_CELL_M_RATE] = v_fma(m, component(e, GR_FIELD_shear_rate, 0, at), of_cell[GR_CELL_M_RATE]);
         }
         add_rows(dim, GR_LINEAR, affine, MOMENTUM | MASSES, &frame, contribution, stretch, 0, pass);
     }
     for (int q = 0; q < GR_CELL_STRESS + stresses; q++) v_store(gr_cell_sums(e, first, q), of_cell[q]);
+    if (rings) v_store(gr_cell_sums(e, first, GR_CELL_STRESS + stresses), of_rings);
 }
 
 /* P2G of the points of a tile. The forces follow. */
@@ -149,7 +165,13 @@ GR_INLINE vd store_state(const int dim, struct gr_engine *e, int64_t first, vm h
         for (int d = 0; d < dim; d++)
             if (i >> d & 1) high[d] = high[d] + part;
     }
-    const vd inverse = one / v_select(has, M, one), filled = M * per_cell;
+    const vd inverse = one / v_select(has, M, one);
+    vd filled = M * per_cell;
+    if (dim == 2 && e->config.axisymmetric) {
+        const vd ring = one / GR_OF_CELLS(e, first, 0, radius);
+        filled = filled * ring;
+        for (int i = 0; i < K; i++) over[i] = over[i] * ring;
+    }
     const vd inside = v_min(between(LIGHT_BELOW, LIGHT_UNTIL, lightest), between(SURFACE_BELOW, INSIDE_FROM, mass / volume));
     const vd c = v_load(gr_cell_sums(e, first, GR_CELL_MC)) * inverse;
     v_store(average_of(e, GR_AVERAGE_INSIDE, first), inside);
@@ -176,9 +198,10 @@ GR_INLINE vd store_state(const int dim, struct gr_engine *e, int64_t first, vm h
  *   A = w V + (1 - w) min(V, M/(rho_c dx^dim)),   A sum |B_i dx|^2/m_i <= STIFFEST,
  *
  * with V the volume of the cell outside of bodies, over dx^dim, and m_i the part of the mass of node i that the cell brings,
- * or its share of the volume inside the material, over rho_c dx^dim. The square of the frequency of all cells together is
- * not above the largest of the cells one by one (Irons & Treharne 1971). Inside the material all nodes are heavy enough,
- * except in cells that the surface of a body cuts: a node within it may be full and yet have next to no mass. */
+ * or its share of the volume inside the material, over rho_c dx^dim; in rings V and A are over the volume of a whole ring. The
+ * square of the frequency of all cells together is not above the largest of the cells one by one (Irons & Treharne 1971).
+ * Inside the material all nodes are heavy enough, except in cells that the surface of a body cuts: a node within it may be
+ * full and yet have next to no mass. */
 GR_INLINE vd represented_volume(const int dim, const struct gr_engine *e, int64_t first, const vd at[3])
 {
     const int K = 1 << dim;
@@ -186,12 +209,19 @@ GR_INLINE vd represented_volume(const int dim, const struct gr_engine *e, int64_
     const vd open = v_load(average_of(e, GR_AVERAGE_OPEN, first));
     const vd volume = v_fma(one - w, v_min(open, v_load(average_of(e, GR_AVERAGE_FILLED, first))), w * open);
     const vm at_surface = v_gt(one, v_min(w, open));
+    const int rings = dim == 2 && e->config.axisymmetric;
+    const vd radius = rings ? GR_OF_CELLS(e, first, 0, radius) : one;
     vd stiffness = v_zero();
     if (!m_bits(at_surface)) return volume;
     for (int i = 0; i < K; i++) {
-        const vd shared = w * at_nodes(e, e->nodes.mass, first, i) / (v_set(K) * free_volumes(e, first, i));
+        vd shared = w * at_nodes(e, e->nodes.mass, first, i) / (v_set(K) * free_volumes(e, first, i));
         vd square = v_zero();
-        for (int d = 0; d < dim; d++) square = v_fma(slope_at(dim, at, i, d), slope_at(dim, at, i, d), square);
+        for (int d = 0; d < dim; d++) {
+            vd slope = slope_at(dim, at, i, d);
+            if (rings && d == 0) slope = slope + hoop_at(e, first, at, i);
+            square = v_fma(slope, slope, square);
+        }
+        if (rings) shared = shared * radius, square = square * radius;
         stiffness =
             stiffness + square / v_fma(v_set(e->mass_scale), v_max(shared, own_mass(dim, e, first, i)), v_set(GR_NOTHING));
     }
@@ -215,7 +245,8 @@ GR_INLINE void forces_of_cells(const int dim, struct gr_engine *e, int64_t tile,
     const vd filled = v_select(has, v_load(average_of(e, GR_AVERAGE_FILLED, first)), v_set(1.0));
     const vd area =
         v_keep(has, represented_volume(dim, e, first, at) * v_set(e->material_number[GR_MATERIAL_FORCE_SCALE][0]) / filled);
-    for (int q = 0; q < stresses; q++) stress[q] = v_keep(has, v_load(gr_cell_sums(e, first, GR_CELL_STRESS + q)));
+    const int rings = dim == 2 && e->config.axisymmetric;
+    for (int q = 0; q < stresses + rings; q++) stress[q] = v_keep(has, v_load(gr_cell_sums(e, first, GR_CELL_STRESS + q)));
     for (int row = 0; row < 1 << (dim - 1); row++) {
         for (int d = 0; d < dim; d++) {
             vd force[2];
@@ -223,6 +254,7 @@ GR_INLINE void forces_of_cells(const int dim, struct gr_engine *e, int64_t tile,
                 vd sum = v_zero();
                 for (int j = 0; j < dim; j++)
                     sum = v_fma(stress[place[dim - 2][d][j]], slope_at(dim, at, 2 * row + a, j), sum);
+                if (rings && d == 0) sum = v_fma(stress[stresses], hoop_at(e, first, at, 2 * row + a), sum);
                 force[a] = v_keep(has, area * sum);
             }
             store_lanes(2, pass, part, row * width + GR_SUM_FORCE(dim) + d, force[0], force[1], force[1]);
@@ -329,6 +361,10 @@ GR_INLINE vd flow_of_cells(const int dim, const struct gr_engine *e, int64_t fir
             for (int d = 0; d < dim; d++) L[d * dim + j] = v_fma(v[d * K + i], slope, L[d * dim + j]);
         }
     for (int d = 0; d < dim; d++) trace = trace + L[d * dim + d];
+    if (dim == 2 && e->config.axisymmetric) {
+        for (int i = 0; i < K; i++) L[4] = v_fma(v[i], hoop_at(e, first, at, i), L[4]);
+        trace = trace + L[4];
+    }
     const vd rate = kinematic_rate(dim, L), origin = v_set(e->material_number[GR_MATERIAL_ORIGIN][0]),
              eta = averaged_share(e, e->clock.dt, rate, mean - origin);
     vd c = v_fma(eta, second_difference(dim, e, first), mean - trace);

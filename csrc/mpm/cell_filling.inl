@@ -13,17 +13,25 @@ GR_INLINE double *average_of(const struct gr_engine *e, int which, int64_t first
     return e->sums.average + which * e->mesh.cell_capacity + first;
 }
 
+/* Distance of the centroid of the rings of the cells from `first` on from the middle of the cells, in cells: int xi r/int r
+ * - 1/2. */
+GR_INLINE vd ring_shift(const struct gr_engine *e, int64_t first)
+{
+    return v_set(1.0 / 12.0) / GR_OF_CELLS(e, first, 0, radius);
+}
+
 /* The parts of the cells from `first` on that are outside of bodies: their volume over the volume of the cell, and the
  * centroid in local coordinates. */
 GR_INLINE vd open_parts(const int dim, const struct gr_engine *e, int64_t first, vd centre[3])
 {
     double volume[GR_W], at[3][GR_W];
     for (int d = 0; d < dim; d++) centre[d] = v_set(0.5);
+    if (dim == 2 && e->config.axisymmetric) centre[0] = centre[0] + ring_shift(e, first);
     if (!e->bodies.open) return v_set(1.0);
     for (int l = 0; l < GR_W; l++) {
         const struct gr_open_part *part = gr_open_part(e->bodies.open, gr_cell_id(e, e->mesh.cell[first + l].at));
         volume[l] = part ? part->volume : 1;
-        for (int d = 0; d < dim; d++) at[d][l] = part ? part->centre[d] : 0.5;
+        for (int d = 0; d < dim; d++) at[d][l] = part ? part->centre[d] : centre[d][l];
     }
     for (int d = 0; d < dim; d++) centre[d] = v_load(at[d]);
     return v_load(volume);

@@ -305,7 +305,7 @@ enum gr_group_of_sums { GR_SUMS_OF_MOTION, GR_SUMS_OF_DENSITY, GR_SUMS_OF_VOLUME
 #define GR_TAIL(k) ((k) == 2 ? 1 : 4)
 enum gr_cell_sum { GR_CELL_MC, GR_CELL_M_RATE, GR_CELL_STRESS }; /* with cell_averaged */
 enum { GR_CELL_FILLED };                                         /* with smoothed: volume of its points, as a mass */
-#define GR_CELL_AVERAGED_SUMS(dim) (GR_CELL_STRESS + ((dim) == 2 ? 3 : 6))
+#define GR_CELL_AVERAGED_SUMS(dim) (GR_CELL_STRESS + ((dim) == 2 ? 4 : 6)) /* in 2D xx, yy, xy, and zz of rings */
 #define GR_SUM_FORCE(dim) (GR_SUM_MOMENTUM + (dim))
 #define GR_SUM_DAMPED(dim) (GR_SUM_FORCE(dim) + (dim))
 #define GR_SUM_DENSITY(dim) GR_SUM_DAMPED(dim)

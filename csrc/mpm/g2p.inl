@@ -97,7 +97,7 @@ GR_INLINE unsigned move_row(const int dim, const int basis, const int affine, co
     }
     if (dim == 2) L[4] = v_zero();
     if (dim == 2 && __builtin_expect(e->config.axisymmetric, 0)) {
-        L[4] = move[0] * gr_inverse_radius(e, at);
+        L[4] = cell_averaged ? view->L[4] : v_mul(move[0], gr_inverse_radius(e, at));
         v_store(hoop, L[4]);
         trace = trace + L[4];
     }

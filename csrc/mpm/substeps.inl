@@ -21,7 +21,7 @@ GR_INLINE void strain_tile(const int dim, const int basis, const int cell_averag
             for (int d = 0; d < dim; d++)
                 move[d] = gr_interpolate(dim, basis, 0, view.mode + d * K, &s, (const vd(*)[3])s.g, L + d * dim);
             if (dim == 2 && e->config.axisymmetric)
-                v_store(batch->hoop + batch->n * GR_W, move[0] * gr_inverse_radius(e, at));
+                v_store(batch->hoop + batch->n * GR_W, cell_averaged ? view.L[4] : v_mul(move[0], gr_inverse_radius(e, at)));
             for (int c = 0; c < dim * dim; c++) v_store(gradient + c * GR_W, cell_averaged ? view.L[c] : L[c]);
             v_store(batch->g_star + batch->n * GR_W, start_of_points(e, &view.fluidity, has_pressure(e, at), at));
             batch->slot[batch->n++] = at;

@@ -116,8 +116,8 @@ def _columns(request: _Request) -> _Advice:
 def _plane_of(request: _Request) -> _Advice:
     """Suggest the plane of radius and height for a scene with an axis of symmetry."""
     scheme, called = request.scene.scheme, request.scene.parameters
-    if scheme.basis == "ugimp" or scheme.density.name == "cell_averaged":
-        return _Advice("It has an axis of symmetry, but this scheme has no plane of rings.")
+    if scheme.basis == "ugimp":
+        return _Advice("It has an axis of symmetry, but ugimp has no rings.")
     if request.tolerance < OF_RINGS:
         return _Advice(
             "It has an axis of symmetry, but in a plane of radius and height results differ by up "

@@ -46,11 +46,6 @@ def check_axisymmetry(
             'basis = "ugimp" must be "linear" or "quadratic" in an axisymmetric grid: functions '
             "that end at the axis, over r, have no bound"
         )
-    if scheme.density.name == "cell_averaged":
-        raise ValueError(
-            "density = CellAveragedDensity() must be SmoothedDensity() or ParticleDensity() in an "
-            "axisymmetric grid"
-        )
     for i, body in enumerate(bodies):
         _check_body(f"bodies[{i}]", grid, body)
 

@@ -45,7 +45,6 @@ DISC = gr.Cylinder(0.1, center=(0.0, 0.0))
         ({"gravity": (1.0, -9.8)}, "gravity = (1.0, -9.8) must have no radial component"),
         ({"walls": (gr.Wall(0, 0.0),)}, "must not stand at r = 0, the axis of symmetry"),
         ({"scheme": gr.Scheme(basis="ugimp", density=gr.ParticleDensity())}, 'basis = "ugimp"'),
-        ({"scheme": gr.schemes.cell_averaged}, "density = CellAveragedDensity() must be"),
         ({"bodies": (gr.Body(DISC, (0.3, 0.6), free="x", mass=1.0),)}, "must not name x"),
         ({"bodies": (gr.Body(DISC, (0.0, 0.6), free="y", mass=1.0, inertia=1.0),)}, "not turn"),
         ({"bodies": (gr.Body(DISC, (0.05, 0.6)),)}, "must be symmetric about r = 0"),

@@ -210,8 +210,8 @@ def _moved(scene, points, nodes, dt, step):
     if scene.grid.axisymmetric:
         gradient[:, 2, 2] = (s.w @ v)[:, 0] / points["x"][:, 0]
     if scene.scheme.density.name == "cell_averaged":
-        L = flow_of_cells(scene, points, new, nodes, dt)
-        gradient[:, :dim, :dim] = L
+        gradient = flow_of_cells(scene, points, new, nodes, dt)
+        L = gradient[:, :dim, :dim]
     else:
         new["log_density"] = points["log_density"] - dt * np.trace(gradient, axis1=1, axis2=2)
     before = points

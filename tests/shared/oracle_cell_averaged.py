@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 from oracle_law import tensor
-from oracle_shapes import Shapes, node_volumes
+from oracle_shapes import Shapes, full_mass, node_volumes
 from oracle_smoothed import averaged_part, kinematic_rate, relaxation
 from oracle_walls import faces, held_at_walls, near_outlet
 
@@ -16,7 +16,12 @@ def cell_averages(scene, points, nodes):
     place, which = np.unique(at, axis=0, return_inverse=True)
     which = which.ravel()
     mean = _mean_over_cells(which, m)
-    free_volume = node_volumes(scene) * grid.cell**dim
+    # Volumes are over 2 pi cells in rings, as are those of nodes.
+    size = full_mass(scene) / scene.material.rho_c
+    radius = np.ones(len(place))
+    if grid.axisymmetric:
+        radius = grid.lower[0] / grid.cell + place[:, 0] + 0.5
+    free_volume = node_volumes(scene) * size
     middle = Shapes(scene, grid.lower + (place + 0.5) * grid.cell)
     around = middle.w > 0
     filled = around @ nodes.mass[middle.node] / scene.material.rho_c
@@ -27,34 +32,60 @@ def cell_averages(scene, points, nodes):
     least = np.where(counted, phi_i[middle.node], np.inf).min(axis=1)
     inside = np.clip(np.minimum((phi - 0.8) / 0.1, (least - 0.25) / 0.25), 0.0, 1.0)
     centre = mean((points["x"] - grid.lower) / grid.cell) - place
-    local = inside[:, None] / 2 + (1 - inside[:, None]) * centre
+    middle_of_ring = np.full(place.shape, 0.5)
+    if grid.axisymmetric:
+        middle_of_ring[:, 0] += 1 / (12 * radius)
+    local = inside[:, None] * middle_of_ring + (1 - inside[:, None]) * centre
     here = Shapes(scene, grid.lower + (place + local) * grid.cell)
+    hoop = _hoops(scene, place, local, inside, radius)
 
-    sigma = mean(tensor(points["stress"], dim)[:, :dim, :dim])
-    needed = np.minimum(np.bincount(which, m) / scene.material.rho_c, grid.cell**dim)
-    volume = inside * grid.cell**dim + (1 - inside) * needed
+    stress = mean(tensor(points["stress"], dim))
+    sigma = stress[:, :dim, :dim]
+    needed = np.minimum(np.bincount(which, m) / scene.material.rho_c, size * radius)
+    volume = inside * size * radius + (1 - inside) * needed
     brought = np.zeros(around.shape)
     np.add.at(brought, which, s.w * m[:, None])
-    shared = around * inside[:, None] * phi_i[middle.node] * grid.cell**dim / 2**dim
+    shared = around * inside[:, None] * phi_i[middle.node] * (size * radius)[:, None] / 2**dim
     heavy = np.maximum(brought / scene.material.rho_c, shared)  # [m^dim]
-    square = np.sum((here.g * grid.cell) ** 2, axis=2)
+    slope = here.g.copy()
+    slope[..., 0] += hoop
+    square = np.sum((slope * grid.cell) ** 2, axis=2)
     stiffness = np.sum(square / np.where(heavy > 0, heavy, np.where(square > 0, 1e-300, 1)), axis=1)
     volume = np.where(inside < 1, np.minimum(volume, 12 / stiffness), volume)
     nodes.force = s.to_nodes(0 * s.g) - here.to_nodes(
         np.einsum("c,cij,ckj->cki", volume, sigma, here.g)
     )
-    excess = np.maximum(nodes.mass / scene.material.rho_c - free_volume, 0.0) / grid.cell**dim
+    if grid.axisymmetric:
+        of_rings = np.zeros(here.g.shape)
+        of_rings[..., 0] = (volume * stress[:, 2, 2])[:, None] * hoop
+        nodes.force -= here.to_nodes(of_rings)
+    excess = np.maximum(nodes.mass / scene.material.rho_c - free_volume, 0.0) / size
     nodes.cells = SimpleNamespace(
         which=which,
         place=place,
         here=here,
         c=mean(points["log_density"]),
         inside=inside,
-        filled=(filled_cell := np.bincount(which, m) / scene.material.rho_c / grid.cell**dim),
+        hoop=hoop,
+        filled=(filled_cell := np.bincount(which, m) / scene.material.rho_c / (size * radius)),
         count=np.bincount(which),
         shortage=(filled_cell - 1) * np.where(filled_cell < 1, inside, 1.0),
         log_phi=2 * (phi - 1) / (phi + 1),
-        excess_gradient=np.einsum("k,ckj->cj", excess[here.node], here.g) * grid.cell,
+        excess_gradient=np.einsum("k,ckj->cj", excess[here.node], here.g)
+        * (grid.cell / radius)[:, None],
+    )
+
+
+def _hoops(scene, place, local, inside, radius):
+    """S_i/r of the cells [1/m], for full rings at the middle of the cell; 0 in other grids."""
+    grid = scene.grid
+    if not grid.axisymmetric:
+        return 0.0
+    at = local.copy()
+    at[:, 0] -= inside / (12 * radius)
+    return (
+        Shapes(scene, grid.lower + (place + at) * grid.cell).w
+        / ((radius - 0.5 + at[:, 0]) * grid.cell)[:, None]
     )
 
 
@@ -125,7 +156,10 @@ def _through_faces(scene, cells, stretch):
 def flow_of_cells(scene, points, new, nodes, dt):
     """Update density and position of the points by cells; return the velocity gradients."""
     q, cells, dx = scene.scheme.density, nodes.cells, scene.grid.cell
-    L = np.einsum("ckj,ki->cij", cells.here.g, nodes.v[cells.here.node])
+    v = nodes.v[cells.here.node]
+    L = np.zeros((len(cells.c), 3, 3))
+    L[:, : v.shape[1], : v.shape[1]] = np.einsum("ckj,ki->cij", cells.here.g, v)
+    L[:, 2, 2] += np.sum(cells.hoop * v[:, 0], axis=1) if scene.grid.axisymmetric else 0.0
     rate = dt * kinematic_rate(L)
     eta = averaged_part(scene, dt, rate, cells.c)
     c = cells.c - dt * np.trace(L, axis1=1, axis2=2) + eta * _second_difference(scene, cells)
@@ -137,7 +171,7 @@ def flow_of_cells(scene, points, new, nodes, dt):
     scale = np.minimum(q.shifting * rate, most / np.maximum(length, 1e-300))
     shift = (-scale[:, None] * dx * cells.excess_gradient)[cells.which]
     shift = held_at_walls(scene, points["x"], shift)
-    stretch = 2 * dt * abs(np.diagonal(L, axis1=1, axis2=2))
+    stretch = 2 * dt * abs(np.diagonal(L, axis1=1, axis2=2)[:, : v.shape[1]])
     faces = _through_faces(scene, cells, stretch)[cells.which] * dx
     xi = (points["x"] - scene.grid.lower) / dx - cells.place[cells.which]
     shift += (1 - xi) * faces[..., 0] + xi * faces[..., 1]
