@@ -77,8 +77,8 @@ GR_INLINE vd slope_at(const int dim, const vd xi[3], int i, int d)
 }
 
 /* H_i dx = S_i/r over dx at the point at which S_i r is linear in a full cell, its middle, where B_i has the centroid of the
- * ring: a uniform pressure then makes no force between full cells. */
-GR_INLINE vd hoop_at(const struct gr_engine *e, int64_t first, const vd xi[3], int i)
+ * ring: a uniform pressure then makes no force between full cells. Not inline, so that planes do not pay for it. */
+static __attribute__((noinline)) vd hoop_at(const struct gr_engine *e, int64_t first, const vd xi[3], int i)
 {
     const vd one = v_set(1.0), radius = GR_OF_CELLS(e, first, 0, radius);
     const vd along = v_fnma(v_load(average_of(e, GR_AVERAGE_INSIDE, first)), ring_shift(e, first), xi[0]);
@@ -246,7 +246,8 @@ GR_INLINE void forces_of_cells(const int dim, struct gr_engine *e, int64_t tile,
     const vd area =
         v_keep(has, represented_volume(dim, e, first, at) * v_set(e->material_number[GR_MATERIAL_FORCE_SCALE][0]) / filled);
     const int rings = dim == 2 && e->config.axisymmetric;
-    for (int q = 0; q < stresses + rings; q++) stress[q] = v_keep(has, v_load(gr_cell_sums(e, first, GR_CELL_STRESS + q)));
+    for (int q = 0; q < stresses; q++) stress[q] = v_keep(has, v_load(gr_cell_sums(e, first, GR_CELL_STRESS + q)));
+    const vd of_rings = rings ? v_keep(has, v_load(gr_cell_sums(e, first, GR_CELL_STRESS + stresses))) : v_zero();
     for (int row = 0; row < 1 << (dim - 1); row++) {
         for (int d = 0; d < dim; d++) {
             vd force[2];
@@ -254,7 +255,7 @@ GR_INLINE void forces_of_cells(const int dim, struct gr_engine *e, int64_t tile,
                 vd sum = v_zero();
                 for (int j = 0; j < dim; j++)
                     sum = v_fma(stress[place[dim - 2][d][j]], slope_at(dim, at, 2 * row + a, j), sum);
-                if (rings && d == 0) sum = v_fma(stress[stresses], hoop_at(e, first, at, 2 * row + a), sum);
+                if (rings && d == 0) sum = v_fma(of_rings, hoop_at(e, first, at, 2 * row + a), sum);
                 force[a] = v_keep(has, area * sum);
             }
             store_lanes(2, pass, part, row * width + GR_SUM_FORCE(dim) + d, force[0], force[1], force[1]);

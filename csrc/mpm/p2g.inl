@@ -75,13 +75,11 @@ GR_INLINE void prepare_force(const int dim, const int smoothed, const struct gr_
     }
     for (int d = 0; d < dim; d++)
         for (int j = 0; j <= d; j++) contribution->stress[at_stress(d, j)] = V * stress[at_stress(d, j)];
-    for (int d = 0; d < dim; d++) {
-        contribution->body_force[d] = v_zero();
-        if (smoothed && e->sums.correct_shift)
-            contribution->body_force[d] =
-                contribution->m * v_set(e->shift_scale) * component(e, GR_FIELD_shift_velocity, d, at);
-    }
+    const int shifts = smoothed && e->sums.correct_shift;
+    for (int d = 0; shifts && d < dim; d++)
+        contribution->body_force[d] = contribution->m * v_set(e->shift_scale) * component(e, GR_FIELD_shift_velocity, d, at);
     if (dim == 2 && __builtin_expect(e->config.axisymmetric, 0)) {
+        for (int d = 0; !shifts && d < dim; d++) contribution->body_force[d] = v_zero();
         contribution->hoop = gr_inverse_radius(e, at);
         contribution->body_force[0] = v_fma(V * stress[2], contribution->hoop, contribution->body_force[0]);
     }
