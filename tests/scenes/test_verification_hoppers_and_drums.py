@@ -44,9 +44,11 @@ def test_a_narrow_smooth_hopper_empties_as_the_hourglass_theory_has_it():
     assert 0.86 < wide < narrow
 
 
-def test_walls_of_a_bin_bear_the_weight_that_janssen_says():
+@pytest.mark.parametrize("axisymmetric", [False, True])
+def test_walls_of_a_bin_bear_the_weight_that_janssen_says(axisymmetric):
     """A bed that settles elastically has K = nu/(1 - nu), but near the surface; friction then is
-    mobilised along nearly all of the wall. The hopper below is not Janssen's: 5 %."""
+    mobilised along nearly all of the wall, in a round bin along a little less. The hopper below is
+    not Janssen's: 5 %."""
     friction, nu, width, height = 0.3, 0.4, 0.2, 0.6
     scene = gr.scenes.hopper(
         E=1e6,
@@ -57,6 +59,7 @@ def test_walls_of_a_bin_bear_the_weight_that_janssen_says():
         cell=0.0125,
         ramp=0.3,
         opens_at=1.0,
+        axisymmetric=axisymmetric,
     )
     sim = gr.Simulation(scene, wall_forces=True)
     sim.run(until=0.5)
@@ -67,12 +70,19 @@ def test_walls_of_a_bin_bear_the_weight_that_janssen_says():
     weight = 9.8 * sim.state.mass.sum()
     assert forces[:, 1].sum() == pytest.approx(-weight, rel=1e-3)
     across, down = forces[1]
-    assert -down / across == pytest.approx(friction, rel=0.03)
+    assert -down / across == pytest.approx(friction, rel=0.06 if axisymmetric else 0.03)
     upright = height - (width - 0.1) / 2 / math.tan(math.radians(30.0))
     z, ratio = np.linspace(0.0, upright, 400), nu / (1 - nu)
     stress = gr.theory.janssen_pressure(
-        z, width, friction=friction, ratio=ratio, rho=1500.0, gravity=9.8
+        z,
+        width,
+        friction=friction,
+        ratio=ratio,
+        rho=1500.0,
+        gravity=9.8,
+        dim=3 if axisymmetric else 2,
     )
+    across /= math.pi * width if axisymmetric else 1.0
     assert across == pytest.approx(ratio * np.trapezoid(stress, z), rel=0.05)
     assert across < 0.75 * ratio * np.trapezoid(1500.0 * 9.8 * z, z)  # without friction
 
