@@ -18,7 +18,11 @@ WALL_STYLES = {
     "slips": {"color": "#555555", "linewidth": 1.2},
     "rubs": {"color": "black", "linewidth": 2.5, "linestyle": (0, (3, 1))},
 }
-AXIS_STYLE = {"color": "#555555", "linewidth": 1.2, "linestyle": (0, (8, 2, 1, 2))}
+AXIS_STYLE: dict[str, Any] = {
+    "color": "#555555",
+    "linewidth": 1.2,
+    "linestyle": (0, (8, 2, 1, 2)),
+}
 SYMMETRY_STYLE = {"color": "#555555", "linewidth": 1.2, "linestyle": (0, (5, 3))}
 BLOCK = "#9a9a9a"
 """Colour of blocks and of walls of particles."""
