@@ -265,7 +265,8 @@ def from_function(
 
         - `dt`: time step [s];
         - `parameters` (32,): K and G [Pa], the numbers given here, in their order, then zeros;
-        - `gradient` (dim, dim, n): increment L dt of the velocity gradient;
+        - `gradient` (dim, dim, n): increment L dt of the velocity gradient; on an axisymmetric grid
+          without the hoop strain v_r dt/r, which the trial stress and `log_density` contain;
         - `log_density` (n,): ln(rho/rho_c) at the end of the step;
         - `stress` (4 or 6, n): xx, yy, zz, xy (and yz, xz) [Pa, tension positive], on entry the
           trial stress of the elastic predictor, on return the stress at the end of the step;
