@@ -434,35 +434,23 @@ def paraview(quick: bool) -> Picture:
     return made
 
 
-def discharge(cell: float, seed: int) -> float:
-    """Rate of the hopper of the guide [kg/(s m)]."""
-    scene = gr.scenes.hopper(
-        angle_deg=45.0, orifice=0.16, width=0.48, fill_height=0.48, friction=0.3, cell=cell,
-        jitter=0.1, seed=seed, opens_at=0.0, mu_s=0.5, E=1e6,
-    )  # fmt: skip
-    mass: list[tuple[float, float]] = []
-
-    def look(sim: gr.Simulation) -> None:
-        mass.append((sim.time, sim.state.mass[sim.state.x[:, 1] > 0.0].sum()))
-
-    gr.Simulation(scene, threads=1).run(until=0.34, every=0.02, monitor=False, hooks=(look,))
-    times, inside = np.array(mass).T
-    flowing = times > 0.15
-    return -2 * float(np.polyfit(times[flowing], inside[flowing], 1)[0])
-
-
-def extrapolate_to_fine_cells(quick: bool) -> Picture:
-    """Rates of a hopper in cells of three sizes, and their limit with its uncertainty."""
+def error_bar(quick: bool) -> Picture:
+    """Rates of a hopper in cells of several sizes, and the answer with its uncertainty."""
     made, ((ax,),) = panels(1, 1, 2.7)
-    cells = np.repeat((0.03, 0.02, 0.016) if quick else (0.02, 0.016, 0.01), 2)
-    rates = np.array([discharge(cell, 1 + k % 2) for k, cell in enumerate(cells)])
-    fit = gr.measure.richardson(cells, rates ** (2 / 3), order=1.0)
-    fine = np.linspace(0.0, cells.max(), 50)
-    ends = (fit.limit + fit.uncertainty * np.array([-1.0, 1.0])) ** 1.5
-    ax.plot(1e3 * cells, rates, "o", color=BLUE, label="runs, two seeds of each size")
-    line = (fit.limit + fit.slope * fine) ** 1.5
-    ax.plot(1e3 * fine, line, color=ORANGE, label="fit of rate^(2/3) at first order")
-    ax.plot([0, 0], ends, color=GREY, lw=5, solid_capstyle="butt", label="limit, 95 %")
+    scene = gr.scenes.hopper(
+        angle_deg=45.0, orifice=0.16, width=0.48, fill_height=0.48, cell=0.02, jitter=0.1,
+        opens_at=0.0, duration=0.5, E=1e6,
+    )  # fmt: skip
+    budget = 1e-3 if quick else 60.0
+    found = gr.economy.answer(scene, "discharge", tolerance=0.1, budget=budget, progress=False)
+    given = scene.material.E
+    for E, color, label in ((given, BLUE, "E as given"), (None, ORANGE, "another E")):
+        runs = [s for s in found.samples if (s.E == given) == (E == given)]
+        cells, values = zip(*((1e3 * s.cell, s.value) for s in runs), strict=True)
+        ax.plot(cells, values, "o", color=color, label=f"runs, {label}")
+    ax.errorbar(
+        0.0, found.value, found.uncertainty, fmt="s", color=GREY, capsize=4, label="answer, 95 %"
+    )
     ax.set(xlabel="size of the cells [mm]", ylabel="rate [kg/(s m)]")
     ax.legend()
     return made
@@ -481,7 +469,7 @@ PAGES: dict[str, Callable[[bool], Figure]] = {
             watch_a_run,
             restart,
         ),
-        *(calibrate_friction, sweep, paraview, extrapolate_to_fine_cells, dem_runs, meshes),
+        *(calibrate_friction, sweep, paraview, error_bar, dem_runs, meshes),
         *(arching, wall_pressure, tools_in_soil, slope_stability, walls_and_footings, erodible_bed),
     )
 }

@@ -13,6 +13,15 @@ struct gr_own_points {
     _Alignas(64) double rate[OWN_BLOCKS * GR_W], history[GR_HISTORY_COUNT * OWN_BLOCKS * GR_W];
 };
 
+/* Component c of the gradient with three rows of three, which functions are given in 2D, too. */
+GR_INLINE vd of_space(const int dim, const vd L[9], const int c)
+{
+    const int i = c / 3, j = c % 3;
+    if (dim == 3) return L[c];
+    if (i < 2 && j < 2) return L[2 * i + j];
+    return i == j ? L[4] : v_zero();
+}
+
 /* Copy the data of n blocks from block `first` on, with their trial stress. */
 GR_INLINE void gr_gather_own(const int dim, const struct gr_law_call *call, int64_t first, int64_t n,
                              struct gr_own_points *to)
@@ -23,7 +32,7 @@ GR_INLINE void gr_gather_own(const int dim, const struct gr_law_call *call, int6
         const struct gr_stress t = gr_trial(dim, call, first + k, K, G);
         vd L[9];
         gr_load_gradient(dim, gr_gradient_of(dim, call, first + k), L);
-        for (int c = 0; c < (dim == 2 ? 5 : 9); c++) v_store(to->gradient + c * stride + place, L[c]);
+        for (int c = 0; c < 9; c++) v_store(to->gradient + c * stride + place, of_space(dim, L, c));
         for (int c = 0; c < GR_STRESSES(dim); c++) v_store(to->stress + c * stride + place, t.s[c]);
         for (int c = 0; call->history && c < GR_HISTORY_COUNT; c++)
             v_store(to->history + c * stride + place, v_load(call->history + c * call->capacity + at));

@@ -1,9 +1,10 @@
-"""The command `granular`: new, run, resume, info, open, compare, plot, verify,
+"""The command `granular`: new, run, resume, info, open, compare, plot, verify, answer,
 figure, list, completion.
 
 Exit codes: 0 all is well, 1 the run or a check failed, or two records differ, 2 an argument or a
 file cannot be used (one line on stderr says which), 3 with `--strict`: the run ended, but an
-indicator of failure is suspect (stderr says which, and what to do), 130 Ctrl-C.
+indicator of failure is suspect (stderr says which, and what to do), 4 a time limit ended the run,
+or a budget the search for an answer, 130 Ctrl-C.
 """
 
 from __future__ import annotations

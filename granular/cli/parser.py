@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from granular.cli import commands as do
+from granular.cli.answer import add_answer
 from granular.cli.figure import add_figure
 from granular.cli.words import (
     BY_SCENE,
@@ -115,6 +116,7 @@ def command_parser(words: Sequence[str] = ()) -> argparse.ArgumentParser:
     text = "with --external: coarse runs of seconds, to check that the cases work"
     command.add_argument("--quick", action="store_true", help=text)
     command.set_defaults(command=do.verify)
+    add_answer(commands, _add_command)
     add_figure(commands, _add_command)
     command = _add_command(commands, "list", "print the scenes, their keywords and defaults")
     command.set_defaults(command=do.list_scenes)

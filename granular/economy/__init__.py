@@ -5,10 +5,13 @@ or law), each with a reason and an expected error. `apply` makes the cheaper sce
 estimates the cost of a run. docs/reports/economy.md has the runs from which the numbers come.
 """
 
+from granular.economy.answer import Answer as Answer
+from granular.economy.answer import answer as answer
 from granular.economy.bias import held_decay as held_decay
 from granular.economy.cost import Cost as Cost
 from granular.economy.cost import cost as cost
 from granular.economy.cost import time_step as time_step
+from granular.economy.error_bar import Sample as Sample
 from granular.economy.rules import suggest as suggest
 from granular.economy.suggestion import Suggestion as Suggestion
 from granular.economy.suggestion import Suggestions as Suggestions

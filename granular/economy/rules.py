@@ -18,6 +18,7 @@ from granular.economy.suggestion import Suggestion, Suggestions, changed, scene_
 from granular.economy.symmetry import obstacle
 from granular.materials import DruckerPrager, Elastic, MuI
 from granular.mpm import engine
+from granular.mpm.axisymmetry import planar_laws
 from granular.mpm.limits import check_time_step, courant_limit, damped_step, damps_by_step, height
 from granular.mpm.scene import Scene
 from granular.mpm.schemes import ParticleDensity, Scheme, default
@@ -115,9 +116,14 @@ def _columns(request: _Request) -> _Advice:
 
 def _plane_of(request: _Request) -> _Advice:
     """Suggest the plane of radius and height for a scene with an axis of symmetry."""
-    scheme, called = request.scene.scheme, request.scene.parameters
-    if scheme.basis == "ugimp":
+    scene, called = request.scene, request.scene.parameters
+    if scene.scheme.basis == "ugimp":
         return _Advice("It has an axis of symmetry, but ugimp has no rings.")
+    if laws := planar_laws(scene.materials):
+        return _Advice(
+            f"It has an axis of symmetry, but the law {laws[0].name!r} was not made with "
+            "axisymmetric=True."
+        )
     if request.tolerance < OF_RINGS:
         return _Advice(
             "It has an axis of symmetry, but in a plane of radius and height results differ by up "

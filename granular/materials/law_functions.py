@@ -114,7 +114,7 @@ def _for_numpy(update: Callable[..., object]) -> LawFunction:
             returned = update(
                 dt,
                 _view(numbers, MOST_NUMBERS + 2),
-                _view(gradient, dim, dim, n),
+                _view(gradient, 3, 3, n),
                 _view(c, n),
                 _view(stress, 4 if dim == 2 else 6, n),
                 _view(rate, n),
@@ -152,7 +152,7 @@ def _by_numba(update: Callable[..., None]) -> LawFunction:
         inner(
             dt,
             numba.carray(numbers, (most,)),
-            numba.carray(gradient, (dim, dim, n)),
+            numba.carray(gradient, (3, 3, n)),
             numba.carray(c, (n,)),
             numba.carray(stress, (2 * dim, n)),
             numba.carray(rate, (n,)),

@@ -74,6 +74,9 @@ class OwnLaw(Material):
         points that are less dense by more than the `separation_strain` of the scheme, so that a law
         with stress at these densities, such as one that dilates, needs a lower value. Must be 0 if
         it bears tension.
+    axisymmetric : bool
+        True if the law may run on axisymmetric grids: what it computes from `gradient` contains
+        the hoop strain ``gradient[2, 2]``.
     {raises}.
     """
 
@@ -84,6 +87,7 @@ class OwnLaw(Material):
     history: Mapping[str, float] = field(default_factory=Ordered)
     bears_tension: bool = False
     separation: float = 0.0
+    axisymmetric: bool = False
 
     flow = "own"
 
@@ -99,6 +103,7 @@ class OwnLaw(Material):
         kinds_of(self, name=str, source=str, parameters=Mapping, history=Mapping)
         one_of("language", self.language, LANGUAGES)
         check_fields(self, in_range, "separation", low=-1.0, high=1.0)
+        truth("axisymmetric", self.axisymmetric)
         if truth("bears_tension", self.bears_tension) and self.separation:
             raise ValueError(
                 f"separation = {self.separation} must be 0 with bears_tension = True: such a "
@@ -253,6 +258,7 @@ def from_function(
     rho_c: float = 1500.0,
     bears_tension: bool = False,
     separation: float = 0.0,
+    axisymmetric: bool = False,
 ) -> OwnLaw:
     """Make a material with a user-defined constitutive law.
 
@@ -265,8 +271,8 @@ def from_function(
 
         - `dt`: time step [s];
         - `parameters` (32,): K and G [Pa], the numbers given here, in their order, then zeros;
-        - `gradient` (dim, dim, n): increment L dt of the velocity gradient; on an axisymmetric grid
-          without the hoop strain v_r dt/r, which the trial stress and `log_density` contain;
+        - `gradient` (3, 3, n): increment L dt of the velocity gradient. In a plane the third row
+          and column are 0, but for the hoop strain v_r dt/r in ``[2, 2]`` on an axisymmetric grid;
         - `log_density` (n,): ln(rho/rho_c) at the end of the step;
         - `stress` (4 or 6, n): xx, yy, zz, xy (and yz, xz) [Pa, tension positive], on entry the
           trial stress of the elastic predictor, on return the stress at the end of the step;
@@ -289,6 +295,9 @@ def from_function(
     separation : float
         Logarithm of rho/rho_c below which the law bears no stress, from -1 to 1: of a law with
         p = K max(log_density - a, 0) it is a. See `OwnLaw`.
+    axisymmetric : bool
+        True if the law may run on axisymmetric grids, where it must not compute strains from the
+        components of `gradient` in the plane alone. A law that only reduces the trial stress may.
 
     Raises
     ------
@@ -320,7 +329,8 @@ def from_function(
 
     The C function is ``void update(int64_t n, int64_t dim, double dt, const double *parameters,
     const double *gradient, const double *log_density, double *stress, double *shear_rate, double
-    *history)``; component c of an array begins at c n.
+    *history)``; component c of an array begins at c n, and that of `gradient` in row i and column j
+    at (3 i + j) n.
     """
     kinds = {None: "numpy", "numba": "numba"}
     function: Any = None
@@ -345,6 +355,7 @@ def from_function(
         history={} if history is None else history,
         bears_tension=bears_tension,
         separation=separation,
+        axisymmetric=axisymmetric,
     )
     _SOURCES[language, called] = source
     if language == "c":

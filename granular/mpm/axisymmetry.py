@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from granular.materials.base import Material
+from granular.materials.own import OwnLaw
 from granular.model.gravity import Gravity
 from granular.model.grid import Grid, combined
 from granular.mpm.schemes import Scheme
@@ -19,6 +21,21 @@ if TYPE_CHECKING:
 def axis_wall(grid: Grid) -> Wall:
     """Free-slip wall that holds the nodes of the axis of symmetry of a grid."""
     return Wall(0, grid.lower[0], kind="free_slip")
+
+
+def planar_laws(materials: Sequence[Material]) -> list[OwnLaw]:
+    """User-defined laws that do not say that they contain the hoop strain."""
+    return [law for law in materials if isinstance(law, OwnLaw) and not law.axisymmetric]
+
+
+def check_laws(materials: Sequence[Material]) -> None:
+    """Refuse user-defined laws that do not say that they contain the hoop strain."""
+    for law in planar_laws(materials):
+        raise ValueError(
+            f"the law {law.name!r} must be made with axisymmetric=True to run on an axisymmetric "
+            "grid. What it computes from its gradient must then contain the hoop strain "
+            "gradient[2, 2], as the trial stress and log_density do"
+        )
 
 
 def check_axisymmetry(

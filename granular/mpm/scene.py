@@ -20,7 +20,7 @@ from granular.model.scene import BaseScene
 from granular.mpm import bodies as rigid
 from granular.mpm import limits
 from granular.mpm.axis_nodes import c0_lines, check_c0_lines
-from granular.mpm.axisymmetry import axis_wall, check_axisymmetry
+from granular.mpm.axisymmetry import axis_wall, check_axisymmetry, check_laws
 from granular.mpm.bodies import Body
 from granular.mpm.body_distances import distance_from_bodies
 from granular.mpm.inflow import check_inflows
@@ -124,6 +124,7 @@ class Scene(BaseScene):
                 part.check(f"{name}[{i}]", self.grid)
         if self.grid.axisymmetric:
             check_axisymmetry(self.grid, self.gravity, self.walls, self.scheme, self.bodies)
+            check_laws(self.materials)
         if len({sponge.axis for sponge in self.sponge_layers}) < len(self.sponge_layers):
             raise ValueError(
                 f"sponge_layers = {self.sponge_layers} must be one along an axis at most"

@@ -36,6 +36,10 @@ def test_a_grid_takes_true_or_false():
     assert not gr.Grid((0.5, 0.0), 0.1, (4, 4), axisymmetric=True).has_axis
 
 
+def halving(dt, parameters, gradient, log_density, stress, shear_rate, history):
+    stress *= 0.5
+
+
 DISC = gr.Cylinder(0.1, center=(0.0, 0.0))
 
 
@@ -44,6 +48,10 @@ DISC = gr.Cylinder(0.1, center=(0.0, 0.0))
     [
         ({"gravity": (1.0, -9.8)}, "gravity = (1.0, -9.8) must have no radial component"),
         ({"walls": (gr.Wall(0, 0.0),)}, "must not stand at r = 0, the axis of symmetry"),
+        (
+            {"material": gr.materials.from_function(halving)},
+            "the law 'halving' must be made with axisymmetric=True",
+        ),
         ({"scheme": gr.Scheme(basis="ugimp", density=gr.ParticleDensity())}, 'basis = "ugimp"'),
         ({"bodies": (gr.Body(DISC, (0.3, 0.6), free="x", mass=1.0),)}, "must not name x"),
         ({"bodies": (gr.Body(DISC, (0.0, 0.6), free="y", mass=1.0, inertia=1.0),)}, "not turn"),

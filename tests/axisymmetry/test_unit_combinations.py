@@ -91,3 +91,48 @@ def test_a_wall_keeps_a_pressure_on_rings(axis):
     area = math.pi * size**2 if axis else 2 * math.pi * size * size
     assert force == pytest.approx(pressure * area, rel=0.02)
     assert sim.state.pressure.mean() == pytest.approx(pressure, rel=0.05)
+
+
+def widened(dt, parameters, gradient, log_density, stress, shear_rate, history):
+    history[0] += gradient[0, 0] + gradient[1, 1] + gradient[2, 2]
+    history[1] += gradient[2, 2]
+
+
+IN_C = """
+void update(int64_t n, int64_t dim, double dt, const double *parameters, const double *gradient,
+            const double *log_density, double *stress, double *shear_rate, double *history)
+{
+    for (int64_t k = 0; k < n; k++) {
+        history[k] += gradient[k] + gradient[4 * n + k] + gradient[8 * n + k];
+        history[n + k] += gradient[8 * n + k];
+    }
+}
+"""
+
+
+@pytest.mark.parametrize("language", ["numpy", "numba", "c"])
+def test_a_users_law_finds_the_hoop_strain(language):
+    """Sum of the strains of an elastic ring that spreads: ln(rho0/rho), and ln(r/r0) of hoops."""
+    if language == "numba":
+        pytest.importorskip("numba")
+    law = gr.materials.from_function(
+        IN_C if language == "c" else widened,
+        compiler="numba" if language == "numba" else None,
+        name="widened",
+        history={"sum": 0.0, "hoop": 0.0},
+        E=1e5,
+        bears_tension=True,
+        axisymmetric=True,
+    )
+    grid = gr.Grid((0.0, 0.0), CELL, (30, 10), axisymmetric=True)
+    ring = gr.Fill(gr.Box((0.2, 0.05), (0.3, 0.15)), 4, velocity=(1.0, 0.0))
+    scene = scene_with(grid=grid, fills=(ring,), material=law, gravity=0.0)
+    sim = gr.Simulation(scene, threads=1)
+    start = sim.state
+    sim.step(50)
+    state = sim.state
+    growth = np.log(state.x[:, 0] / start.x[:, 0])
+    assert growth.min() > 0.01
+    assert state.history[:, 1] == pytest.approx(growth, rel=0.05)
+    lost = np.log(start.density / state.density)
+    assert np.abs(state.history[:, 0] - lost).max() < 0.02 * np.abs(lost).max()

@@ -15,8 +15,14 @@ PICTURES = {
     "guides": [
         f"guide_{page}"
         for page in (
-            *("calibrate_friction", "choose_a_scheme", "choose_a_stiffness", "dem_runs"),
-            *("extrapolate_to_fine_cells", "fill_regions", "meshes", "own_material"),
+            *(
+                "calibrate_friction",
+                "choose_a_scheme",
+                "choose_a_stiffness",
+                "dem_runs",
+                "error_bar",
+            ),
+            *("fill_regions", "meshes", "own_material"),
             *("own_scene", "paraview", "read_the_verdict", "restart"),
             *("scale_a_model", "scene_files", "shear_cell", "sweep", "walls", "watch_a_run"),
         )

@@ -137,10 +137,10 @@ FIRST_HOUR = (
 
 SLOW = (
     *("how-to/own_law", "tutorials/a_sweep", "how-to/sweep_on_a_cluster"),
-    "how-to/extrapolate_to_fine_cells",
+    "how-to/error_bar",
 )
-"""Pages whose code takes long: numba compiles a law, processes of sweeps have to start, and hoppers
-are run in three sizes of cells."""
+"""Pages whose code takes long: numba compiles a law, processes of sweeps have to start, and answers
+take many runs."""
 
 
 def coupled(names):

@@ -1,0 +1,90 @@
+"""The command `granular answer`: a number of a scene with its uncertainty."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from granular.cli.commands import UNFINISHED
+from granular.cli.words import number, whole
+
+if TYPE_CHECKING:
+    from granular.mpm.scene import Scene
+    from granular.record import Trajectory
+
+
+def add_answer(commands: Any, add_command: Any) -> None:
+    """Add the command and its options."""
+    text = "compute a number with its uncertainty: runs in several cells, with other E and points"
+    command = add_command(commands, "answer", text)
+    text = "name of a scene, see `granular list`, or its file (.toml, .json)"
+    command.add_argument("scene", metavar="SCENE|FILE", help=text)
+    text = "discharge, runout, height, repose_angle, mean_speed, or module:function of a record"
+    command.add_argument("--measure", required=True, metavar="NAME", help=text)
+    text = "relative uncertainty to reach; default 0.03"
+    command.add_argument("--tolerance", type=number, default=0.03, metavar="X", help=text)
+    text = "power of the size of cells to which errors are proportional; default 1"
+    command.add_argument("--order", type=number, default=1.0, metavar="X", help=text)
+    text = "largest processor time [s]; default 3600"
+    command.add_argument("--budget", type=number, default=3600.0, metavar="T", help=text)
+    text = "time between frames [s]; default 1/60"
+    command.add_argument("--every", type=number, metavar="T", help=text)
+    text = "threads of each run; no result depends on it"
+    command.add_argument("--threads", type=whole, metavar="N", help=text)
+    text = "folder of the records, whose runs are not made again"
+    command.add_argument("--folder", type=Path, metavar="FOLDER", help=text)
+    command.add_argument("--quiet", action="store_true", help="no progress bar")
+    command.set_defaults(command=answer)
+
+
+def answer(arguments: argparse.Namespace) -> int:
+    """Print a number with its uncertainty, and the runs that it took."""
+    from granular import economy
+
+    found = economy.answer(
+        _scene(arguments.scene),
+        _measure(arguments.measure),
+        tolerance=arguments.tolerance,
+        order=arguments.order,
+        budget=arguments.budget,
+        every=arguments.every,
+        folder=arguments.folder,
+        threads=arguments.threads,
+        progress=not arguments.quiet,
+    )
+    print(found.runs_table())
+    print(found)
+    return 0 if found.reached else UNFINISHED
+
+
+def _scene(name: str) -> Scene:
+    """Scene of a name or a file."""
+    from granular.scenes import registry
+    from granular.scenes.files import SUFFIXES, read_scene
+    from granular.tools.checks import one_of
+
+    if Path(name).suffix in SUFFIXES:
+        scene: Scene = read_scene(name).scene
+        return scene
+    made: Scene = registry[one_of("scene", name, tuple(registry))]()
+    return made
+
+
+def _measure(name: str) -> str | Callable[[Trajectory], float]:
+    """Name of a measure, or the function of a module of this folder or of the environment."""
+    module, colon, function = name.partition(":")
+    if not colon:
+        return name
+    sys.path.insert(0, os.getcwd())
+    try:
+        found: Callable[[Trajectory], float] = getattr(importlib.import_module(module), function)
+    except AttributeError as error:
+        raise ValueError(f"measure = {name!r}: {error}") from error
+    finally:
+        sys.path.pop(0)
+    return found
