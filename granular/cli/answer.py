@@ -64,15 +64,18 @@ def answer(arguments: argparse.Namespace) -> int:
 
 def _scene(name: str) -> Scene:
     """Scene of a name or a file."""
+    from granular.mpm.scene import Scene
     from granular.scenes import registry
     from granular.scenes.files import SUFFIXES, read_scene
     from granular.tools.checks import one_of
 
     if Path(name).suffix in SUFFIXES:
-        scene: Scene = read_scene(name).scene
-        return scene
-    made: Scene = registry[one_of("scene", name, tuple(registry))]()
-    return made
+        scene = read_scene(name).scene
+    else:
+        scene = registry[one_of("scene", name, tuple(registry))]()
+    if not isinstance(scene, Scene):
+        raise ValueError(f"scene = {name!r} must be one of the material point method")
+    return scene
 
 
 def _measure(name: str) -> str | Callable[[Trajectory], float]:

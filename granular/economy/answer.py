@@ -185,9 +185,9 @@ def answer(
     domain, the number of points per cell.
 
     "discharge" is the rate while the material that leaves in the run passes from 20 to 80 % [kg/s,
-    in 2D per metre of depth]; "runout" the run-out of 99.9 % of the mass over the half-width, and "height" the
-    largest height of the surface [m], at the end of the run; "repose_angle" the mean slope there
-    [deg]; "mean_speed" that of all points at the end [m/s].
+    in 2D per metre of depth]. The others are numbers at the end of the run: "runout" is that of
+    99.9 % of the mass, over the half-width; "height" the largest height of the surface [m];
+    "repose_angle" the mean slope [deg]; "mean_speed" that of all points [m/s].
     """
     in_range("tolerance", tolerance, 1e-3, 1.0)
     in_range("order", order, 0.5, 4.0)
@@ -240,7 +240,7 @@ class _Runs:
         self._measure, self._every, self._threads = measure, every, threads
         self._budget = budget
         self._own = tempfile.TemporaryDirectory() if folder is None else None
-        self._folder = Path(folder if self._own is None else self._own.name)
+        self._folder = Path(self._own.name if self._own else folder or ".")
         self._folder.mkdir(parents=True, exist_ok=True)
 
     def __enter__(self) -> _Runs:

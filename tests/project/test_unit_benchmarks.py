@@ -50,6 +50,29 @@ def test_quick_tables_of_free_bodies_are_written(measure):
     assert made["craters"][2].startswith("| 0.2 | 2.5 |")
 
 
+def test_points_are_split_in_a_quick_table(measure):
+    """Halves keep the mass, and the numbers of the orifice have a scatter."""
+    script, results, _ = measure("splitting")
+    (name,) = results["rows"]
+    assert all(run["splits"] > 50 for run in results["rows"][name]["4, at least 2"])
+    sim = gr.Simulation(gr.scenes.column_collapse(cell=0.025, E=1e6), threads=1)
+    sim.step(50)
+    halves = script.halved(sim, np.array([3, 7]), np.array([[0.002, 0.0], [0.0, 0.002]]))
+    for state in (sim.state, halves.state):
+        assert state.mass.sum() == pytest.approx(sim.state.mass.sum(), rel=1e-14)
+        turning = state.mass * (state.x[:, 0] * state.v[:, 1] - state.x[:, 1] * state.v[:, 0])
+        known = sim.state.mass * (
+            sim.state.x[:, 0] * sim.state.v[:, 1] - sim.state.x[:, 1] * sim.state.v[:, 0]
+        )
+        assert turning.sum() == pytest.approx(known.sum(), rel=1e-12)
+    assert halves.n_points == sim.n_points + 2
+
+
+def test_quick_error_bars_contain_what_is_known(measure):
+    _, results, printed = measure("error_bars")
+    assert len(results["rows"]) == 2 and printed[-1].startswith("2 of 2 inside")
+
+
 def test_the_bytes_of_a_step_are_counted(measure):
     """G2P writes the affine field unread, P2G reads the mass; averages are one step of four."""
     script, results, _ = measure("traffic")
