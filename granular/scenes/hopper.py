@@ -26,6 +26,10 @@ from granular.tools.checks import in_range, non_negative, positive
 DROP = 4
 """Cells below the opening, through which the material falls before it leaves."""
 
+ROUND = 16
+"""Points per cell of a conical hopper in a plane: with 4 it flows 6 to 12 % faster, as the edge of
+its wall holds them less well (docs/explanation/axisymmetry.md)."""
+
 softer_beads = glass_beads.replace(E=glass_beads.E / 100)
 
 
@@ -88,6 +92,9 @@ def hopper(
         Coefficient of Coulomb friction of the walls.
     opens_at : float
         Time at which the lid opens [s].
+    points_per_cell, jitter
+        See `granular.Fill`. By default 2 points along an edge of a cell, and 16 per cell with
+        `axisymmetric`.
     gravity, ramp : float
         Magnitude [m/s2], and the time in which it is reached from zero [s]; 0 for a fill that is
         under its own weight from the start.
@@ -103,6 +110,7 @@ def hopper(
     n_z = whole_cells("fill_height", fill_height, cell) + DROP
     n_x = enough_cells(outer, cell) + MARGIN
     across, lower = dim - 1, (*(0.0,) * (dim - 1), -DROP * cell)
+    usual = ROUND if axisymmetric else 2**dim
     filled = block(
         cell,
         (*(n_x,) * across, n_z + HEADROOM),
@@ -110,7 +118,7 @@ def hopper(
         lower=lower,
         base=(0.0,) * dim,
         open_sides={"xyz"[across] + "-"},
-        points_per_cell=2**dim if points_per_cell is None else points_per_cell,
+        points_per_cell=usual if points_per_cell is None else points_per_cell,
         jitter=jitter,
         axisymmetric=axisymmetric,
         lithostatic=non_negative("ramp", ramp) == 0.0,
