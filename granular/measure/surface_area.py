@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from granular.model.grid import Grid
-from granular.model.symmetric import refuse_rings
 from granular.mpm.bodies import Body
 from granular.mpm.body_distances import distance_from_bodies, periods
 from granular.mpm.patches import node_places
@@ -30,7 +29,10 @@ MOST_SAMPLES = 200_000
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Patches of a surface: middles (n, dim) [m], in coordinates of a body, and areas (n,)."""
+    """Patches of a surface: middles (n, dim) [m], in coordinates of a body, and areas (n,).
+
+    In an axisymmetric grid the areas are those of rings [m2].
+    """
 
     x: Array
     area: Array
@@ -41,7 +43,6 @@ def wall_surface(scene: Scene, wall: int) -> Surface:
 
     Those within a body, as it is at the start, have none.
     """
-    refuse_rings(scene, "the area of patches of a wall")
     grid, solid = scene.grid, scene.walls[wall]
     near = grid.slack * grid.cell
     axes = node_places(scene)
@@ -55,6 +56,8 @@ def wall_surface(scene: Scene, wall: int) -> Surface:
         shares = [
             np.ones(1) if d == axis else _shares(axes[d], low[d], high[d]) for d in range(grid.dim)
         ]
+        if grid.axisymmetric:
+            shares[0] = 2 * np.pi * (lines[0] if axis == 0 else _moments(axes[0], low[0], high[0]))
         places = np.stack([a.ravel() for a in np.meshgrid(*lines, indexing="ij")], axis=1)
         area = np.prod(np.meshgrid(*shares, indexing="ij"), axis=0).ravel()
         if scene.bodies:
@@ -65,8 +68,18 @@ def wall_surface(scene: Scene, wall: int) -> Surface:
 
 def _shares(nodes: Array, low: float, high: float) -> Array:
     """Length of the part from `low` to `high` that is nearest to each node of an axis."""
+    return np.diff(_ends(nodes, low, high))
+
+
+def _moments(nodes: Array, low: float, high: float) -> Array:
+    """Integral of the coordinate over the same parts [m2]."""
+    return np.diff(_ends(nodes, low, high) ** 2 / 2)
+
+
+def _ends(nodes: Array, low: float, high: float) -> Array:
+    """Ends of the parts from `low` to `high` that are nearest to each node of an axis."""
     middles = np.concatenate([[-np.inf], (nodes[:-1] + nodes[1:]) / 2, [np.inf]])
-    return np.diff(np.clip(middles, low, high))
+    return np.clip(middles, low, high)
 
 
 def body_surface(scene: Scene, index: int) -> Surface:
@@ -75,7 +88,6 @@ def body_surface(scene: Scene, index: int) -> Surface:
     The area is the volume in which the surface is smoothed, over the width, by samples. What lies
     at an end of the domain or on another body does not count for a body that does not move.
     """
-    refuse_rings(scene, "the area of patches of a body")
     grid, body = scene.grid, scene.bodies[index]
     cell, dim = grid.cell, grid.dim
     centres = _near_surface(grid, body)
@@ -93,6 +105,8 @@ def body_surface(scene: Scene, index: int) -> Surface:
         keep = np.flatnonzero(smooth)
         if not may_move(body):
             smooth[keep] *= _exposed(grid, body, others, x[keep])
+        if grid.axisymmetric:
+            smooth *= 2 * np.pi * np.maximum(_in_scene(body, x)[:, 0], 0.0)
         area[part] = smooth.reshape(-1, len(offsets)).sum(axis=1) * step**dim
     return Surface(centres[area > 0], area[area > 0])
 
@@ -143,7 +157,7 @@ def _exposed(grid: Grid, body: Body, others: list[Body], x: Array) -> Array:
     """True where material may be half a cell in front of the surface of a body."""
     distance, normal = body.shape.distance(x)
     ahead = x + (0.5 * grid.cell - distance)[:, None] * normal
-    place = ahead @ _rotation(body).T + np.asarray(body.position)
+    place = _in_scene(body, ahead)
     wraps = np.isfinite(periods(grid, body)[: grid.dim])  # it has images
     within = (place > np.array(grid.lower)) & (place < np.array(grid.upper)) | wraps
     is_open = within.all(axis=1)
@@ -161,6 +175,11 @@ def _rotation(body: Body) -> Array:
     """Rotation from the coordinates of a body to the scene at the start, shape (dim, dim)."""
     dim = body.shape.dim
     return turned(body.rotation_deg).as_matrix()[:dim, :dim]
+
+
+def _in_scene(body: Body, x: Array) -> Array:
+    """Positions (n, dim) in the scene at the start, from those in coordinates of the body."""
+    return x @ _rotation(body).T + np.asarray(body.position)
 
 
 def _in_body(body: Body, x: Array) -> Array:

@@ -47,7 +47,8 @@ class TractionProfile(
     position : ndarray, shape (b,)
         Middles of the bins [m], or [deg] along an angle.
     area : ndarray, shape (b,)
-        Area of the surface in each bin [m2; in 2D its length in m].
+        Area of the surface in each bin [m2; in 2D its length in m, but in an axisymmetric grid the
+        area of rings in m2].
     normal, tangential : ndarray, shape (b,)
         Mean pressure [Pa], and mean tangential traction [Pa].
     normal_scatter, tangential_scatter : ndarray, shape (b,)
