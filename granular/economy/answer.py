@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import tempfile
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +18,7 @@ from granular.economy.variants import Variants
 from granular.measure.result import Table
 from granular.mpm.scene import Scene
 from granular.record import Trajectory, open_trajectory
+from granular.run.diagnostics import StabilityWarning
 from granular.run.simulation import Simulation
 from granular.tools.checks import in_range, positive
 from granular.tools.progress import bar
@@ -264,8 +266,11 @@ class _Runs:
         """Result of a run, its processor time and its verdict."""
         begin = time.process_time()
         if not _is_complete(path, scene):
-            simulation: Simulation = Simulation(scene, threads=self._threads)
-            simulation.run(save=path, every=self._every, overwrite=True)
+            with warnings.catch_warnings():
+                if scene != self.variants.first:  # the others are coarse and soft on purpose
+                    warnings.simplefilter("ignore", StabilityWarning)
+                simulation: Simulation = Simulation(scene, threads=self._threads)
+                simulation.run(save=path, every=self._every, overwrite=True)
         with open_trajectory(path) as record:
             seconds = time.process_time() - begin
             value = self._measure(record)

@@ -14,7 +14,7 @@ from granular.mpm.patches import node_places
 from granular.mpm.rigid_contact import moves_freely
 from granular.mpm.scene import Scene
 from granular.shapes.shape import turned
-from granular.tools.arrays import Array
+from granular.tools.arrays import Array, BoolArray
 
 FINER = {2: 16, 3: 6}
 """Samples along a cell from which the area of the surface in it is computed, by dimension."""
@@ -153,14 +153,14 @@ def _smoothed(body: Body, x: Array, half: float) -> Array:
     return np.where(inside, (1 + np.cos(np.pi * distance / half)) / (2 * half), 0.0)
 
 
-def _exposed(grid: Grid, body: Body, others: list[Body], x: Array) -> Array:
+def _exposed(grid: Grid, body: Body, others: list[Body], x: Array) -> BoolArray:
     """True where material may be half a cell in front of the surface of a body."""
     distance, normal = body.shape.distance(x)
     ahead = x + (0.5 * grid.cell - distance)[:, None] * normal
     place = _in_scene(body, ahead)
     wraps = np.isfinite(periods(grid, body)[: grid.dim])  # it has images
     within = (place > np.array(grid.lower)) & (place < np.array(grid.upper)) | wraps
-    is_open = within.all(axis=1)
+    is_open: BoolArray = within.all(axis=1)
     if others:
         is_open &= distance_from_bodies(grid, others)(place)[0] > 0
     return is_open
