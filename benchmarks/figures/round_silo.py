@@ -38,7 +38,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     made, (axes,) = panels(1, 2, 3.4)
     sim = gr.Simulation(silo(0.16, cell, 1.0))
     gr.plot.frame(tell(sim.run()).state, "speed", ax=axes[0], log=True)
-    axes[0].set(title="speed 1 s after the start", xlabel="radius r [m]", ylabel="height z [m]")
+    axes[0].set(title="speed 1 s after the start")
     orifices = np.array([0.16, 0.24]) if chosen.quick else np.array([0.1, 0.12, 0.16, 0.2, 0.24])
     with TemporaryDirectory() as folder:
         rates = [rate(float(D), cell, Path(folder)) for D in orifices]

@@ -160,7 +160,7 @@ def _exposed(grid: Grid, body: Body, others: list[Body], x: Array) -> BoolArray:
     place = _in_scene(body, ahead)
     wraps = np.isfinite(periods(grid, body)[: grid.dim])  # it has images
     within = (place > np.array(grid.lower)) & (place < np.array(grid.upper)) | wraps
-    is_open: BoolArray = within.all(axis=1)
+    is_open: BoolArray = np.asarray(within.all(axis=1))
     if others:
         is_open &= distance_from_bodies(grid, others)(place)[0] > 0
     return is_open

@@ -13,7 +13,7 @@ from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
 from granular.model.boundary import Boundary
-from granular.model.grid import AXES
+from granular.model.grid import AXES, Grid
 from granular.model.state import State
 from granular.model.symmetric import mirror_axes
 from granular.model.typing import AnyScene
@@ -128,11 +128,6 @@ class View:
             places[:, self.depth] = at
         return places
 
-    @property
-    def labels(self) -> tuple[str, str]:
-        """Names of the two axes."""
-        return f"{AXES[self.across]} [m]", f"{AXES[self.up]} [m]"
-
     def order(self, state: State) -> Any:
         """Indices of the points to draw, nearest last.
 
@@ -173,15 +168,15 @@ class View:
             ends.append((low, high))
         return ends[0], ends[1]
 
-    def set_up(self, ax: Axes, extent: Extent, cell: float) -> None:
+    def set_up(self, ax: Axes, extent: Extent, grid: Grid) -> None:
         """Set equal scales, limits and labels, with a small margin beyond walls at the ends."""
         (left, right), (bottom, top) = extent
-        edge = 0.35 * cell
+        edge, names = 0.35 * grid.cell, "rz" if grid.axisymmetric else AXES
         ax.set_aspect("equal")
         ax.set_xlim(left - edge, right + edge)
         ax.set_ylim(bottom - edge, top + edge)
-        ax.set_xlabel(self.labels[0])
-        ax.set_ylabel(self.labels[1])
+        ax.set_xlabel(f"{names[self.across]} [m]")
+        ax.set_ylabel(f"{names[self.up]} [m]")
         # The frame of the picture must not be taken for a wall.
         ax.spines[:].set_color("0.8")
 

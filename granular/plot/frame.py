@@ -160,7 +160,7 @@ class Drawing:
     ) -> None:
         if size is not None:
             positive("size", size)
-        view.set_up(ax, extent, state.scene.grid.cell)
+        view.set_up(ax, extent, state.scene.grid)
         self._parts = scenery(ax, state.scene, view)
         self._bodies = Bodies(ax, state.scene, state.bodies, view, extent, pixels)
         self._material = Material(ax, state, brush, view, extent, size=size, pixels=pixels)

@@ -136,7 +136,7 @@ class _Stage:
         figure = figure_of(ax)
         figure.set_dpi(dpi)
         self._canvas = FigureCanvasAgg(figure)
-        view.set_up(ax, extent, state.scene.grid.cell)
+        view.set_up(ax, extent, state.scene.grid)
         self._title = ax.set_title("t = 0 s")
         color_bar(figure, brush, ax=ax, location=bar_side(extent))
         self._canvas.draw()  # the layout is computed with everything in it

@@ -91,7 +91,7 @@ def scene(
         height = (WIDTH - 0.8) * (top - bottom) / (right - left) + 1.6
         figure = Picture(figsize=(WIDTH, min(max(height, 2.4), 9.0)), layout="compressed")
         ax = figure.add_subplot()
-    window.set_up(ax, box, grid.cell)
+    window.set_up(ax, box, grid)
     margins = ax.get_xlim(), ax.get_ylim()
     keys = [
         *_draw_fills(ax, scene, window, box),

@@ -50,6 +50,10 @@ def test_the_legend_names_all_that_is_there():
     assert [text.get_text() for text in figure.axes[0].texts if text.get_text()] == [
         "g = 9.8 m/s$^2$"
     ]
+    assert figure.axes[0].get_xlabel() == "x [m]"
+    rings = gr.scenes.silo(axisymmetric=True, cell=0.025, orifice=0.1)
+    labels = plot.scene(rings).axes[0]
+    assert (labels.get_xlabel(), labels.get_ylabel()) == ("r [m]", "z [m]")
     periodic = scene_of(grid=gr.Grid((0.0, 0.0), 0.05, (20, 20), periodic=(True, False)), walls=())
     assert {"periodic side", "closed side"} < set(words(plot.scene(periodic)))
 
