@@ -177,19 +177,19 @@ def costly(case: Case) -> dict[str, Any]:
     }
 
 
-def asked(case: Case) -> dict[str, Any]:
+def answer_of(case: Case) -> dict[str, Any]:
     """The answer of a case."""
-    found = gr.economy.answer(
+    answer = gr.economy.answer(
         case.scene, case.measure, tolerance=TOLERANCE, budget=BUDGET, threads=1, progress=False
     )
-    finest = min(found.samples, key=lambda sample: sample.cell)
+    finest = min(answer.samples, key=lambda sample: sample.cell)
     names = ("value", "uncertainty", "of_cells", "of_stiffness", "of_scatter", "reached")
-    return {name: getattr(found, name) for name in names} | {
-        "runs": len(found.samples),
-        "suspect": len(found.suspect),
-        "core_seconds": found.core_seconds,
-        "of_the_finest": found.core_seconds / finest.core_seconds,
-        "samples": [vars(sample) for sample in found.samples],
+    return {name: getattr(answer, name) for name in names} | {
+        "runs": len(answer.samples),
+        "suspect": len(answer.suspect),
+        "core_seconds": answer.core_seconds,
+        "of_the_finest": answer.core_seconds / finest.core_seconds,
+        "samples": [vars(sample) for sample in answer.samples],
     }
 
 
@@ -197,16 +197,16 @@ def tables(results: dict[str, Any]) -> list[str]:
     """Table of the page."""
     lines = []
     for name, row in results["rows"].items():
-        known, found = row["known"], row["answer"]
-        off = (found["value"] - known["known"]) / found["uncertainty"]
+        known, answer = row["known"], row["answer"]
+        off = (answer["value"] - known["known"]) / answer["uncertainty"]
         lines.append([
             name,
-            f"{found['value']:.4g} ± {found['uncertainty']:.2g}",
+            f"{answer['value']:.4g} ± {answer['uncertainty']:.2g}",
             f"{known['known']:.4g}" + (f" ± {known['scatter']:.1g}" if known["scatter"] else ""),
             f"{off:.2f}",
-            f"{100 * found['uncertainty'] / abs(found['value']):.1f}",
-            f"{found['runs']}",
-            f"{found['of_the_finest']:.1f}",
+            f"{100 * answer['uncertainty'] / abs(answer['value']):.1f}",
+            f"{answer['runs']}",
+            f"{answer['of_the_finest']:.1f}",
         ])  # fmt: skip
     head = ("number", "answer", "known", "difference / uncertainty", "uncertainty [%]", "runs")
     return markdown((*head, "cost, over that of the finest run"), lines)
@@ -224,14 +224,14 @@ def main(argv: list[str] | None = None) -> None:
     for name, case in wanted.items():
         if name in rows or (chosen.only and name not in chosen.only):
             continue
-        found = asked(case)
+        answer = answer_of(case)
         known = (
             costly(case)
             if case.exact is None
             else {"known": case.exact, "scatter": 0.0, "core_seconds": 0.0}
         )
-        rows[name] = {"answer": found, "known": known}
-        print(name, found["value"], found["uncertainty"], known, flush=True)
+        rows[name] = {"answer": answer, "known": known}
+        print(name, answer["value"], answer["uncertainty"], known, flush=True)
         write(chosen.out, {"rows": rows})
     print("\n".join(tables({"rows": rows})))
     inside = [

@@ -442,14 +442,14 @@ def error_bar(quick: bool) -> Picture:
         opens_at=0.0, duration=0.5, E=1e6,
     )  # fmt: skip
     budget = 1e-3 if quick else 60.0
-    found = gr.economy.answer(scene, "discharge", tolerance=0.1, budget=budget, progress=False)
+    answer = gr.economy.answer(scene, "discharge", tolerance=0.1, budget=budget, progress=False)
     given = scene.material.E
     for E, color, label in ((given, BLUE, "E as given"), (None, ORANGE, "another E")):
-        runs = [s for s in found.samples if (s.E == given) == (E == given)]
+        runs = [s for s in answer.samples if (s.E == given) == (E == given)]
         cells, values = zip(*((1e3 * s.cell, s.value) for s in runs), strict=True)
         ax.plot(cells, values, "o", color=color, label=f"runs, {label}")
     ax.errorbar(
-        0.0, found.value, found.uncertainty, fmt="s", color=GREY, capsize=4, label="answer, 95 %"
+        0.0, answer.value, answer.uncertainty, fmt="s", color=GREY, capsize=4, label="answer, 95 %"
     )
     ax.set(xlabel="size of the cells [mm]", ylabel="rate [kg/(s m)]")
     ax.legend()

@@ -46,7 +46,7 @@ def answer(arguments: argparse.Namespace) -> int:
     """Print a number with its uncertainty, and the runs that it took."""
     from granular import economy
 
-    found = economy.answer(
+    result = economy.answer(
         _scene(arguments.scene),
         _measure(arguments.measure),
         tolerance=arguments.tolerance,
@@ -57,9 +57,9 @@ def answer(arguments: argparse.Namespace) -> int:
         threads=arguments.threads,
         progress=not arguments.quiet,
     )
-    print(found.runs_table())
-    print(found)
-    return 0 if found.reached else UNFINISHED
+    print(result.runs_table())
+    print(result)
+    return 0 if result.reached else UNFINISHED
 
 
 def _scene(name: str) -> Scene:
@@ -85,9 +85,9 @@ def _measure(name: str) -> str | Callable[[Trajectory], float]:
         return name
     sys.path.insert(0, os.getcwd())
     try:
-        found: Callable[[Trajectory], float] = getattr(importlib.import_module(module), function)
+        measure: Callable[[Trajectory], float] = getattr(importlib.import_module(module), function)
     except AttributeError as error:
         raise ValueError(f"measure = {name!r}: {error}") from error
     finally:
         sys.path.pop(0)
-    return found
+    return measure

@@ -200,12 +200,12 @@ def answer(
         cells = [runs.variants.cell, *runs.variants.coarser(runs.variants.cell)]
         runs.add(done, *((cell, 1.0, 0) for cell in cells))
         runs.add(done, *((cell, 1.0, 1) for cell in cells[1:]), (cells[1], SOFTER, 0))
-        found, remark = error_bar(runs.samples, order), ""
-        while not remark and found.uncertainty > tolerance * abs(found.value):
-            further, remark = runs.further(found)
+        error, remark = error_bar(runs.samples, order), ""
+        while not remark and error.uncertainty > tolerance * abs(error.value):
+            further, remark = runs.further(error)
             runs.add(done, *further)
-            found = error_bar(runs.samples, order)
-        return _answer(found, tolerance, runs.samples, remark)
+            error = error_bar(runs.samples, order)
+        return _answer(error, tolerance, runs.samples, remark)
 
 
 def _answer(found: ErrorBar, tolerance: float, samples: Sequence[Sample], remark: str) -> Answer:
@@ -241,16 +241,16 @@ class _Runs:
         self.variants, self.samples = variants, list[Sample]()
         self._measure, self._every, self._threads = measure, every, threads
         self._budget = budget
-        self._own = tempfile.TemporaryDirectory() if folder is None else None
-        self._folder = Path(self._own.name if self._own else folder or ".")
+        self._temporary = tempfile.TemporaryDirectory() if folder is None else None
+        self._folder = Path(self._temporary.name if self._temporary else folder or ".")
         self._folder.mkdir(parents=True, exist_ok=True)
 
     def __enter__(self) -> _Runs:
         return self
 
     def __exit__(self, *error: object) -> None:
-        if self._own is not None:
-            self._own.cleanup()
+        if self._temporary is not None:
+            self._temporary.cleanup()
 
     def add(self, done: Any, *wanted: Wanted) -> None:
         """Make these runs."""
@@ -274,8 +274,8 @@ class _Runs:
         with open_trajectory(path) as record:
             seconds = time.process_time() - begin
             value = self._measure(record)
-            suspect = ", ".join(found.name for found in record.health().suspect)
-        if self._own is not None:
+            suspect = ", ".join(indicator.name for indicator in record.health().suspect)
+        if self._temporary is not None:
             path.unlink()
         return value, seconds, f"suspect: {suspect}" if suspect else "ok"
 

@@ -296,8 +296,8 @@ def from_function(
         Logarithm of rho/rho_c below which the law bears no stress, from -1 to 1: of a law with
         p = K max(log_density - a, 0) it is a. See `OwnLaw`.
     axisymmetric : bool
-        True if the law may run on axisymmetric grids, where it must not compute strains from the
-        components of `gradient` in the plane alone. A law that only reduces the trial stress may.
+        True if the law may run on axisymmetric grids, where what it computes from `gradient` must
+        contain the hoop strain. A law that only reduces the trial stress may.
 
     Raises
     ------
