@@ -184,7 +184,7 @@ def run(case: Case, per_cell: int, least: int, seed: int) -> dict[str, float]:
     }
 
 
-def tables(results: dict[str, Any]) -> list[str]:
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
     """Table of the page."""
     lines = []
     for name, variants in results["rows"].items():
@@ -198,7 +198,8 @@ def tables(results: dict[str, Any]) -> list[str]:
                 f"{splits.mean():.0f}", f"{100 * many.mean():.2f}", f"{seconds.mean():.2g}",
             ])  # fmt: skip
     head = ("number", "points per cell", "mean and scatter of three seeds", "points split")
-    return markdown((*head, "points that could merge [%]", "time of the steps [s]"), lines)
+    head = (*head, "points that could merge [%]", "time of the steps [s]")
+    return {"points": markdown(head, lines)}
 
 
 def main(argv: list[str] | None = None) -> None:
@@ -215,7 +216,7 @@ def main(argv: list[str] | None = None) -> None:
             seeds = SEEDS[:2] if chosen.quick else SEEDS
             rows[name][variant] = [run(case, per_cell, least, seed) for seed in seeds]
             write(chosen.out, {"rows": rows})
-    print("\n".join(tables({"rows": rows})))
+    print("\n".join(tables({"rows": rows})["points"]))
 
 
 if __name__ == "__main__":

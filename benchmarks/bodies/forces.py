@@ -90,7 +90,7 @@ def in_a_bed(
     return gr.Scene(
         name="in_a_bed",
         grid=gr.Grid((0.0,) * dim, cell, (*shape, round(level / cell) + 4)),
-        fills=(gr.Fill(gr.Box((0.0,) * dim, size), 2**dim, lithostatic=True),),
+        fills=(gr.Fill(gr.Box((0.0,) * dim, size), 2**dim, lithostatic=True, K0=1.0),),
         material=bed.material,
         scheme=bed.scheme,
         gravity=gr.Gravity((0.0,), ((0.0,) * (dim - 1) + (-G,),)),

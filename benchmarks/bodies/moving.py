@@ -80,10 +80,11 @@ def box(
         gr.Body(gr.HalfSpace(tuple(face)), tuple(at), motion=motion, friction=friction)
         for face, at, friction in faces
     )
+    start = {"stagger": True, "lithostatic": True, "K0": 1.0} if staggered else {}
     scene = gr.Scene(
         name="box",
         grid=around(ends, CELL),
-        fills=(gr.Fill(region, 4, velocity=tuple(way), stagger=staggered, lithostatic=staggered),),
+        fills=(gr.Fill(region, 4, velocity=tuple(way), **start),),
         material=material,
         gravity=gr.Gravity((0.0,), (tuple(-G * n),)),
         duration=5.0,

@@ -44,7 +44,7 @@ def bed_scene(turned_deg: float, offset: float, dim: int = 2, seeded: str = "row
     spacing, width = CELL / 2, 4 * CELL if dim == 3 else 1.0
     if seeded == "grid":
         region: gr.shapes.Region = gr.Polygon(tuple(map(tuple, corners[[0, 2, 3, 1]])))
-        fill = gr.Fill(region, 4, lithostatic=True)
+        fill = gr.Fill(region, 4, lithostatic=True, K0=1.0)
     else:
         along, above = rows_of_points(length, height, spacing)
         x = base + along[:, None] * t + above[:, None] * n

@@ -438,11 +438,11 @@ def error_bar(quick: bool) -> Picture:
     """Rates of a hopper in cells of several sizes, and the answer with its uncertainty."""
     made, ((ax,),) = panels(1, 1, 2.7)
     scene = gr.scenes.hopper(
-        angle_deg=45.0, orifice=0.16, width=0.48, fill_height=0.48, cell=0.02, jitter=0.1,
+        angle_deg=45.0, orifice=0.16, width=0.48, fill_height=0.48, cell=0.012, jitter=0.1,
         opens_at=0.0, duration=0.5, E=1e6,
     )  # fmt: skip
     budget = 1e-3 if quick else 60.0
-    answer = gr.economy.answer(scene, "discharge", tolerance=0.1, budget=budget, progress=False)
+    answer = gr.economy.answer(scene, "discharge", tolerance=0.05, budget=budget, progress=False)
     given = scene.material.E
     for E, color, label in ((given, BLUE, "E as given"), (None, ORANGE, "another E")):
         runs = [s for s in answer.samples if (s.E == given) == (E == given)]

@@ -6,19 +6,19 @@ import math
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from granular.economy.cost import cost
-from granular.economy.error_bar import ErrorBar, Sample, error_bar, in_fit
+from granular.economy.error_bar import ErrorBar, Sample, different, error_bar, in_fit, levels
 from granular.economy.quantities import Quantity, quantity
 from granular.economy.variants import Variants
 from granular.measure.result import Table
 from granular.mpm.scene import Scene
 from granular.record import Trajectory, open_trajectory
-from granular.run.diagnostics import StabilityWarning
+from granular.run.diagnostics import StabilityWarning, scene_warnings
 from granular.run.simulation import Simulation
 from granular.tools.checks import in_range, positive
 from granular.tools.progress import bar
@@ -138,7 +138,7 @@ def answer(
     The scene is run as it is, in cells 1.5 and 2 times as large, there with other points as well,
     and with an E four times smaller. All this costs about twice as much as the first run. While the
     uncertainty exceeds the tolerance, the largest part of it determines what follows: runs in finer
-    cells, runs with other points, or one with a larger E.
+    cells, runs with other points, or all runs with an E four times larger.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def answer(
     The value is the limit y_0 of y = y_0 + a dx^p, by least squares over all runs in cells up to
     2.6 times as large as the finest, for E to infinity. Its uncertainty has three parts: the part
     of the cells is all that is extrapolated beyond the finest; that of the stiffness all that is
-    extrapolated beyond the largest E; that of the scatter is the standard error of the limit times
+    extrapolated beyond the largest E; that of the scatter is the standard error of the value times
     Student's t for 95 %. What all runs have in common is not contained: the law, the size of the
     domain, the number of points per cell.
 
@@ -196,15 +196,25 @@ def answer(
     runs = _Runs(
         Variants(scene), quantity(measure), every, folder, threads, positive("budget", budget)
     )
-    with runs, bar(disable=not progress, desc="answer", unit="run") as done:
+    warn_of(runs.variants.first)
+    with (
+        runs,
+        bar(disable=not progress, desc="answer", unit="run") as done,
+        warnings.catch_warnings(),
+    ):
+        warnings.simplefilter("ignore", StabilityWarning)  # coarse and soft runs are on purpose
         cells = [runs.variants.cell, *runs.variants.coarser(runs.variants.cell)]
         runs.add(done, *((cell, 1.0, 0) for cell in cells))
         runs.add(done, *((cell, 1.0, 1) for cell in cells[1:]), (cells[1], SOFTER, 0))
         error, remark = error_bar(runs.samples, order), ""
-        while not remark and error.uncertainty > tolerance * abs(error.value):
-            further, remark = runs.further(error)
-            runs.add(done, *further)
-            error = error_bar(runs.samples, order)
+        while not remark and not error.uncertainty <= tolerance * abs(error.value):
+            try:
+                further, remark = runs.further(error)
+                runs.add(done, *further)
+            except ValueError as failure:  # such as a fixed time step in finer cells
+                remark = f"a further run is not possible: {failure}"
+            else:
+                error = error_bar(runs.samples, order)
         return _answer(error, tolerance, runs.samples, remark)
 
 
@@ -220,6 +230,12 @@ def _answer(found: ErrorBar, tolerance: float, samples: Sequence[Sample], remark
         samples=tuple(samples),
         remark=remark,
     )
+
+
+def warn_of(scene: Scene) -> None:
+    """Issue the warnings of the scene as it was given."""
+    for sentence in scene_warnings(scene):
+        warnings.warn(sentence, StabilityWarning, stacklevel=3)
 
 
 Wanted = tuple[float, float, int]
@@ -256,7 +272,8 @@ class _Runs:
         """Make these runs."""
         for cell, softness, seed in wanted:
             scene = self.variants.scene(cell, softness, seed)
-            name = f"cell_{cell:.6g}_softness_{softness:g}_seed_{seed}.h5"
+            name = f"cell_{cell:.6g}_softness_{softness:g}_seed_{seed}"
+            name += ".h5" if self._every is None else f"_every_{self._every:g}.h5"
             value, seconds, verdict = self._result(scene, self._folder / name)
             E = float(getattr(scene.material, "E", math.nan))
             self.samples.append(Sample(cell, E, softness, seed, value, seconds, verdict))
@@ -266,11 +283,8 @@ class _Runs:
         """Result of a run, its processor time and its verdict."""
         begin = time.process_time()
         if not _is_complete(path, scene):
-            with warnings.catch_warnings():
-                if scene != self.variants.first:  # the others are coarse and soft on purpose
-                    warnings.simplefilter("ignore", StabilityWarning)
-                simulation: Simulation = Simulation(scene, threads=self._threads)
-                simulation.run(save=path, every=self._every, overwrite=True)
+            simulation: Simulation = Simulation(scene, threads=self._threads)
+            simulation.run(save=path, every=self._every, overwrite=True)
         with open_trajectory(path) as record:
             seconds = time.process_time() - begin
             value = self._measure(record)
@@ -278,10 +292,6 @@ class _Runs:
         if self._temporary is not None:
             path.unlink()
         return value, seconds, f"suspect: {suspect}" if suspect else "ok"
-
-    @property
-    def _finest(self) -> float:
-        return min(sample.cell for sample in self.samples)
 
     def further(self, found: ErrorBar) -> tuple[list[Wanted], str]:
         """Runs that make the largest part of the uncertainty smaller, or why there are none."""
@@ -301,35 +311,43 @@ class _Runs:
 
     def _for_cells(self) -> list[Wanted]:
         """A run in finer cells, and another one in the finest so far."""
-        finest = self._finest
-        return [(self.variants.finer(finest), 1.0, 0), *self._unless_known((finest, 1.0, 1))]
+        (stiff, _), finest = levels(self.samples), min(s.cell for s in in_fit(self.samples))
+        return self._new((self.variants.finer(finest), stiff, 0), (finest, stiff, 1))
 
     def _for_scatter(self) -> list[Wanted]:
-        """Another run in each size of cells that counts, and with each of the two largest E."""
+        """Another run in each size of cells that counts, and with the smaller E in one of them.
+
+        Finer cells instead, if other points make no difference.
+        """
+        counted = in_fit(self.samples)
+        if len(different(counted)) < len(counted):
+            return self._for_cells()
+        stiff, soft = levels(self.samples)
         cells = sorted({sample.cell for sample in in_fit(self.samples)})
-        at, levels = self._levels
-        seed = 1 + max(self._seeds(at, levels[-1]))
-        pair = [(at, softness, seed) for softness in {1.0, *levels}]
-        more = [(cell, 1.0, 1 + max(self._seeds(cell))) for cell in cells]
-        return [*more, *(run for run in self._unless_known(*pair) if run not in more)]
+        at = max(
+            s.cell for s in self.samples if s.softness == soft and s.cell in self._cells(stiff)
+        )
+        seed = self._next_seed(at, soft)
+        return self._new(
+            *((cell, stiff, self._next_seed(cell, stiff)) for cell in cells),
+            *((at, softness, seed) for softness in (stiff, soft)),
+        )
 
     def _for_stiffness(self) -> list[Wanted]:
-        """A run with a larger E."""
-        cell, levels = self._levels
-        return [(cell, levels[0] / SOFTER, 0)]
+        """All runs that count with a larger E."""
+        return [(s.cell, s.softness / SOFTER, s.seed) for s in in_fit(self.samples)]
 
-    @property
-    def _levels(self) -> tuple[float, list[float]]:
-        """Cells of the runs with several E, and the softness of the two stiffest of them."""
-        (cell,) = {sample.cell for sample in self.samples if sample.softness != 1.0}
-        return cell, sorted({s.softness for s in self.samples if s.cell == cell})[:2]
+    def _new(self, *wanted: Wanted) -> list[Wanted]:
+        """Those of some runs that were not made."""
+        made = {(sample.cell, sample.softness, sample.seed) for sample in self.samples}
+        return [run for run in dict.fromkeys(wanted) if run not in made]
 
-    def _unless_known(self, *wanted: Wanted) -> Iterator[Wanted]:
-        known = {(sample.cell, sample.softness, sample.seed) for sample in self.samples}
-        return (one for one in wanted if one not in known)
+    def _cells(self, softness: float) -> set[float]:
+        return {sample.cell for sample in self.samples if sample.softness == softness}
 
-    def _seeds(self, cell: float, softness: float = 1.0) -> list[int]:
-        return [s.seed for s in self.samples if s.cell == cell and s.softness == softness]
+    def _next_seed(self, cell: float, softness: float) -> int:
+        alike = [s.seed for s in self.samples if (s.cell, s.softness) == (cell, softness)]
+        return 1 + max(alike, default=-1)
 
     def _seconds(self, wanted: Wanted) -> float:
         """Processor time of a run: as estimated, in proportion to those that were made."""

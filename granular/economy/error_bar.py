@@ -76,62 +76,56 @@ class ErrorBar:
 
 
 def error_bar(samples: Sequence[Sample], order: float) -> ErrorBar:
-    """Number and uncertainty from runs in at least two sizes of cells.
+    """Number and uncertainty from runs in at least two sizes of cells, and with two E.
 
-    The runs with the E of the scene give the limit y_0 in y = y_0 + a dx^p and its standard error,
-    which is that of the scatter. The part of the cells is |a| dx^p in the finest ones: all that is
+    The runs with the largest E give the limit y_0 in y = y_0 + a dx^p and its standard error, which
+    is that of the scatter. The part of the cells is |a| dx^p in the finest ones: all that is
     extrapolated. It contains the limits of orders between p and infinity, and of somewhat lower
-    ones. The difference between two E in the same cells, with the same points, is extrapolated to
-    stiff grains: with static strains it goes as 1/E, with the speeds that waves leave behind as
-    1/sqrt(E). The value is the middle of both, and all that is extrapolated is the part of the
-    stiffness.
+    ones. The differences from runs with the next smaller E in the same cells, with the same points,
+    are extrapolated to stiff grains: with static strains they go as 1/E, with the speeds that waves
+    leave behind as 1/sqrt(E). The value is the middle of both, and all that is extrapolated is the
+    part of the stiffness.
     """
-    base = _different(in_fit(samples))
+    base = different(in_fit(samples))
     cells, values = (np.array([getattr(s, name) for s in base]) for name in ("cell", "value"))
     fit = richardson(cells, values, order=order)
-    of_cells = abs(fit.slope) * float(cells.min()) ** order
     free = len(base) - 2
-    quantile = float(scipy.stats.t.ppf(0.975, free)) if free else math.inf
     scatter = fit.residual * math.sqrt(len(base) / free) if free else 0.0
-    within, beyond, weight = _to_stiff_grains(samples)
-    of_differences = weight and quantile * scatter * weight
+    of_run = float(scipy.stats.t.ppf(0.975, free)) * scatter if free else 0.0
+    stiff, soft = levels(samples)
+    known = {(s.cell, s.seed): s.value for s in samples if s.softness == soft}
+    changes = [
+        s.value - known[s.cell, s.seed]
+        for s in samples
+        if s.softness == stiff and (s.cell, s.seed) in known
+    ]
+    ratio = soft / stiff
+    share = 0.5 / (ratio - 1.0) + 0.5 / (math.sqrt(ratio) - 1.0)
+    beyond = share * float(np.mean(changes))
+    of_changes = of_run * share * math.sqrt(2.0 / len(changes))
     return ErrorBar(
-        value=fit.limit + within + beyond,
-        of_cells=of_cells,
+        value=fit.limit + beyond,
+        of_cells=abs(fit.slope) * float(cells.min()) ** order,
         of_stiffness=abs(beyond),
-        of_scatter=math.hypot(fit.uncertainty, of_differences),
+        of_scatter=math.hypot(fit.uncertainty, of_changes),
     )
 
 
+def levels(samples: Sequence[Sample]) -> tuple[float, float]:
+    """Softness of the runs with the largest E, and with the next smaller one."""
+    stiff, soft = sorted({sample.softness for sample in samples})[:2]
+    return stiff, soft
+
+
 def in_fit(samples: Sequence[Sample]) -> list[Sample]:
-    """Runs with the E of the scene in cells up to `WIDEST` times as large as the finest."""
-    most = WIDEST * min(sample.cell for sample in samples)
-    return [s for s in samples if s.softness == 1.0 and s.cell <= most]
+    """Runs with the largest E in cells up to `WIDEST` times as large as the finest of them."""
+    stiff, _ = levels(samples)
+    stiffest = [sample for sample in samples if sample.softness == stiff]
+    most = WIDEST * min(sample.cell for sample in stiffest)
+    return [sample for sample in stiffest if sample.cell <= most]
 
 
-def _to_stiff_grains(samples: Sequence[Sample]) -> tuple[float, float, float]:
-    """Change from the E of the scene to the largest one, that from there to stiff grains, and the
-    standard error of their sum over the scatter of a run."""
-    cells = {sample.cell for sample in samples if sample.softness != 1.0}
-    if not cells:
-        return 0.0, 0.0, 0.0
-    (cell,) = cells
-    runs = {(s.softness, s.seed): s.value for s in samples if s.cell == cell}
-    stiffest, next_ = sorted({softness for softness, _ in runs})[:2]
-
-    def change(softer: float) -> tuple[float, int]:
-        """Mean change to the largest E from runs with the same points, and their number."""
-        seeds = [seed for of, seed in runs if of == softer and (stiffest, seed) in runs]
-        return float(np.mean([runs[stiffest, k] - runs[softer, k] for k in seeds])), len(seeds)
-
-    (last, pairs), (within, _) = change(next_), change(1.0)
-    ratio = next_ / stiffest
-    share = 0.5 / (ratio - 1.0) + 0.5 / (math.sqrt(ratio) - 1.0)
-    weight = (share + (stiffest != 1.0)) * math.sqrt(2.0 / pairs)
-    return within, last * share, weight
-
-
-def _different(samples: Sequence[Sample]) -> list[Sample]:
+def different(samples: Sequence[Sample]) -> list[Sample]:
     """The samples without those that repeat another one: of a scene in which no seed has an
     effect."""
     return list({(sample.cell, sample.value): sample for sample in samples}.values())

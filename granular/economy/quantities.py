@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
+from typing import cast
 
 import numpy as np
 
@@ -68,11 +69,12 @@ def quantity(measure: str | Quantity) -> Quantity:
 
     def checked(record: Trajectory) -> float:
         value: object = function(record)
-        if not isinstance(value, int | float | np.number) or not math.isfinite(value):
+        real = isinstance(value, int | float | np.integer | np.floating)
+        if not real or not math.isfinite(cast(float, value)):
             raise ValueError(
                 f"the measure returned {value!r} in cells of {record.scene.grid.cell:g} m, must be "
                 "a finite number there"
             )
-        return float(value)
+        return float(cast(float, value))
 
     return checked

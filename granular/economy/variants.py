@@ -15,8 +15,11 @@ from granular.tools.checks import positive
 JITTER = 0.1
 """Least jitter of the points of further seeds, over their spacing: without any, seeds are alike."""
 
+SAME = 1e-9
+"""Relative difference of two sizes of cells that are the same."""
+
 NEAR_HALF = tuple(map(Fraction, ("3/2", "8/5", "5/3", "4/3", "7/5", "5/4", "7/4", "6/5")))
-NEAR_TWO = tuple(map(Fraction, ("2", "9/4", "5/2", "7/4", "8/3", "3")))
+NEAR_TWO = tuple(map(Fraction, ("2", "9/4", "5/2", "7/4")))
 FINER = tuple(map(Fraction, ("2/3", "5/8", "3/5", "3/4", "4/5", "1/2")))
 """Ratios of cells, the first that fits is taken: the lengths of a scene are often whole cells."""
 
@@ -68,6 +71,10 @@ class Variants:
         if seed:
             given["seed"] = self.first.seed + seed
         made = self._make(**given)
+        if abs(made.grid.cell / cell - 1.0) > SAME:
+            raise TypeError(
+                f"scene(cell={cell:g}) has cells of {made.grid.cell:g} m, must have those asked for"
+            )
         if softness == 1.0:
             return made
         E = made.material.E / softness

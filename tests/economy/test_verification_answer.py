@@ -105,6 +105,7 @@ READY = gr.scenes.incline(**INCLINE, cell=0.025, duration=0.01)
         (READY.replace(name="mine"), "mean_speed", {}, "give a function that makes it"),
         (lambda cell=0.1: READY, "mean_speed", {}, "must have the keywords cell and seed"),
         (lambda cell=0.1, seed=0: None, "mean_speed", {}, "must be a Scene"),
+        (lambda cell=0.1, seed=0: READY, "mean_speed", {}, "has cells of 0.025 m, must have"),
         (READY, "rate", {}, "measure = 'rate' must be one of"),
         (READY, no_number, {}, "returned nan in cells of 0.025 m, must be a finite"),
         (READY, "mean_speed", {"tolerance": 0.0}, "tolerance = 0.0"),
@@ -138,3 +139,23 @@ def test_the_command(tmp_path, monkeypatch, capsys):
     assert "tolerance not reached" in capsys.readouterr().out
     assert main(["answer", "layer.toml", "--measure", "mine:nothing"]) == 2
     assert main(["answer", "nosuch", "--measure", "discharge"]) == 2
+
+
+def test_a_seed_without_effect_is_not_repeated():
+    def still(cell=0.025, seed=0):
+        return of_user(cell)
+
+    result = answer(still, "mean_speed", tolerance=1e-3, budget=1.0, progress=False)
+    assert max(sample.seed for sample in result.samples) <= 1
+    assert np.isfinite(result.uncertainty)
+
+
+def test_a_run_that_is_not_possible_ends_the_search():
+    """A time step that is too long for finer cells; what was found is returned."""
+
+    def stepped(cell=0.025, seed=0):
+        scene = of_user(cell, seed)
+        return scene.replace(scheme=scene.scheme.replace(dt=1.2e-4))
+
+    result = answer(stepped, "mean_speed", tolerance=1e-3, budget=60.0, progress=False)
+    assert not result.reached and "a further run is not possible: dt = " in result.remark
