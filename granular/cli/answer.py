@@ -26,6 +26,8 @@ def add_answer(commands: Any, add_command: Any) -> None:
     command.add_argument("scene", metavar="SCENE|FILE", help=text)
     text = "discharge, runout, height, repose_angle, mean_speed, or module:function of a record"
     command.add_argument("--measure", required=True, metavar="NAME", help=text)
+    text = "size of the cells [m]; default that of the scene"
+    command.add_argument("--cell", type=number, metavar="X", help=text)
     text = "relative uncertainty to reach; default 0.03"
     command.add_argument("--tolerance", type=number, default=0.03, metavar="X", help=text)
     text = "power of the size of cells to which errors are proportional; default 1"
@@ -47,7 +49,7 @@ def answer(arguments: argparse.Namespace) -> int:
     from granular import economy
 
     result = economy.answer(
-        _scene(arguments.scene),
+        _scene(arguments.scene, arguments.cell),
         _measure(arguments.measure),
         tolerance=arguments.tolerance,
         order=arguments.order,
@@ -62,17 +64,18 @@ def answer(arguments: argparse.Namespace) -> int:
     return 0 if result.reached else UNFINISHED
 
 
-def _scene(name: str) -> Scene:
+def _scene(name: str, cell: float | None) -> Scene:
     """Scene of a name or a file."""
     from granular.mpm.scene import Scene
     from granular.scenes import registry
     from granular.scenes.files import SUFFIXES, read_scene
     from granular.tools.checks import one_of
 
+    given = {} if cell is None else {"cell": cell}
     if Path(name).suffix in SUFFIXES:
-        scene = read_scene(name).scene
+        scene = read_scene(name, **given).scene
     else:
-        scene = registry[one_of("scene", name, tuple(registry))]()
+        scene = registry[one_of("scene", name, tuple(registry))](**given)
     if not isinstance(scene, Scene):
         raise ValueError(f"scene = {name!r} must be one of the material point method")
     return scene

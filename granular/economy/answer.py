@@ -3,30 +3,22 @@
 from __future__ import annotations
 
 import math
-import tempfile
-import time
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from granular.economy.cost import cost
-from granular.economy.error_bar import ErrorBar, Sample, different, error_bar, in_fit, levels
-from granular.economy.quantities import Quantity, quantity
+from granular.economy.error_bar import ErrorBar, Sample, error_bar
+from granular.economy.quantities import quantity
+from granular.economy.trials import Options, Trials
 from granular.economy.variants import Variants
 from granular.measure.result import Table
 from granular.mpm.scene import Scene
-from granular.record import Trajectory, open_trajectory
+from granular.record import Trajectory
 from granular.run.diagnostics import StabilityWarning, scene_warnings
-from granular.run.simulation import Simulation
-from granular.tools.checks import in_range, positive
+from granular.tools.checks import in_range, positive, truth
 from granular.tools.progress import bar
-
-SOFTER = 4.0
-"""Factor between two E, at which steps are twice as long."""
-SLACK = 0.1
-"""Share by which the next runs may exceed the rest of a budget, as costs are estimates."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +120,10 @@ def answer(
     tolerance: float = 0.03,
     order: float = 1.0,
     budget: float = 3600.0,
+    rigid: bool | None = None,
     every: float | None = None,
+    wall_forces: bool = False,
+    tractions: bool = False,
     folder: str | Path | None = None,
     threads: int | None = None,
     progress: bool = True,
@@ -156,8 +151,15 @@ def answer(
         Power p of the size of cells to which errors are proportional, 0.5 to 4.
     budget : float
         Largest processor time [s]. The first runs are made whatever they cost.
+    rigid : bool, optional
+        True for the number of stiff grains, which E only approximates; False for that of material
+        with the E of the scene, of which there are no softer or stiffer runs then. By default True,
+        but False if a material bears tension, such as an elastic solid. Take False where E was
+        measured, as that of a soil under a footing.
     every : float, optional
         Time between frames [s], see `Simulation.run`.
+    wall_forces, tractions : bool
+        As of `Simulation`, for measures that need them.
     folder : path, optional
         Folder of the records. Runs that are complete there are not made again. By default they are
         in a temporary folder, and are removed.
@@ -180,11 +182,11 @@ def answer(
     Notes
     -----
     The value is the limit y_0 of y = y_0 + a dx^p, by least squares over all runs in cells up to
-    2.6 times as large as the finest, for E to infinity. Its uncertainty has three parts: the part
-    of the cells is all that is extrapolated beyond the finest; that of the stiffness all that is
-    extrapolated beyond the largest E; that of the scatter is the standard error of the value times
-    Student's t for 95 %. What all runs have in common is not contained: the law, the size of the
-    domain, the number of points per cell.
+    2.6 times as large as the finest, and with `rigid` for E to infinity. Its uncertainty has three
+    parts: the part of the cells is all that is extrapolated beyond the finest; that of the
+    stiffness all that is extrapolated beyond the largest E; that of the scatter is the standard
+    error of the value times Student's t for 95 %. What all runs have in common is not contained:
+    the law, the size of the domain, the number of points per cell.
 
     "discharge" is the rate while the material that leaves in the run passes from 20 to 80 % [kg/s,
     in 2D per metre of depth]. The others are numbers at the end of the run: "runout" is that of
@@ -193,29 +195,39 @@ def answer(
     """
     in_range("tolerance", tolerance, 1e-3, 1.0)
     in_range("order", order, 0.5, 4.0)
-    runs = _Runs(
-        Variants(scene), quantity(measure), every, folder, threads, positive("budget", budget)
+    variants = Variants(scene)
+    options = Options(
+        every=every,
+        threads=threads,
+        budget=positive("budget", budget),
+        rigid=_is_granular(variants.first) if rigid is None else truth("rigid", rigid),
+        wall_forces=wall_forces,
+        tractions=tractions,
     )
-    warn_of(runs.variants.first)
+    trials = Trials(variants, quantity(measure), options, folder)
+    warn_of(variants.first)
     with (
-        runs,
+        trials,
         bar(disable=not progress, desc="answer", unit="run") as done,
         warnings.catch_warnings(),
     ):
         warnings.simplefilter("ignore", StabilityWarning)  # coarse and soft runs are on purpose
-        cells = [runs.variants.cell, *runs.variants.coarser(runs.variants.cell)]
-        runs.add(done, *((cell, 1.0, 0) for cell in cells))
-        runs.add(done, *((cell, 1.0, 1) for cell in cells[1:]), (cells[1], SOFTER, 0))
-        error, remark = error_bar(runs.samples, order), ""
+        trials.add(trials.first(), done)
+        error, remark = error_bar(trials.samples, order), ""
         while not remark and not error.uncertainty <= tolerance * abs(error.value):
             try:
-                further, remark = runs.further(error)
-                runs.add(done, *further)
-            except ValueError as failure:  # such as a fixed time step in finer cells
-                remark = f"a further run is not possible: {failure}"
+                further, remark = trials.further(error)
+                trials.add(further, done)
+            except Exception as failure:  # such as a fixed time step in finer cells
+                remark = f"a further run failed: {type(failure).__name__}: {failure}"
             else:
-                error = error_bar(runs.samples, order)
-        return _answer(error, tolerance, runs.samples, remark)
+                error = error_bar(trials.samples, order)
+        return _answer(error, tolerance, trials.samples, remark)
+
+
+def _is_granular(scene: Scene) -> bool:
+    """True if all materials separate, so that their E is a number of the method."""
+    return all(material.granular for material in scene.materials)
 
 
 def _answer(found: ErrorBar, tolerance: float, samples: Sequence[Sample], remark: str) -> Answer:
@@ -236,132 +248,3 @@ def warn_of(scene: Scene) -> None:
     """Issue the warnings of the scene as it was given."""
     for sentence in scene_warnings(scene):
         warnings.warn(sentence, StabilityWarning, stacklevel=3)
-
-
-Wanted = tuple[float, float, int]
-"""A run: the size of the cells [m], the softness and the seed."""
-
-
-class _Runs:
-    """The runs of an answer, and what they found."""
-
-    def __init__(
-        self,
-        variants: Variants,
-        measure: Quantity,
-        every: float | None,
-        folder: str | Path | None,
-        threads: int | None,
-        budget: float,
-    ) -> None:
-        self.variants, self.samples = variants, list[Sample]()
-        self._measure, self._every, self._threads = measure, every, threads
-        self._budget = budget
-        self._temporary = tempfile.TemporaryDirectory() if folder is None else None
-        self._folder = Path(self._temporary.name if self._temporary else folder or ".")
-        self._folder.mkdir(parents=True, exist_ok=True)
-
-    def __enter__(self) -> _Runs:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        if self._temporary is not None:
-            self._temporary.cleanup()
-
-    def add(self, done: Any, *wanted: Wanted) -> None:
-        """Make these runs."""
-        for cell, softness, seed in wanted:
-            scene = self.variants.scene(cell, softness, seed)
-            name = f"cell_{cell:.6g}_softness_{softness:g}_seed_{seed}"
-            name += ".h5" if self._every is None else f"_every_{self._every:g}.h5"
-            value, seconds, verdict = self._result(scene, self._folder / name)
-            E = float(getattr(scene.material, "E", math.nan))
-            self.samples.append(Sample(cell, E, softness, seed, value, seconds, verdict))
-            done.update()
-
-    def _result(self, scene: Scene, path: Path) -> tuple[float, float, str]:
-        """Result of a run, its processor time and its verdict."""
-        begin = time.process_time()
-        if not _is_complete(path, scene):
-            simulation: Simulation = Simulation(scene, threads=self._threads)
-            simulation.run(save=path, every=self._every, overwrite=True)
-        with open_trajectory(path) as record:
-            seconds = time.process_time() - begin
-            value = self._measure(record)
-            suspect = ", ".join(indicator.name for indicator in record.health().suspect)
-        if self._temporary is not None:
-            path.unlink()
-        return value, seconds, f"suspect: {suspect}" if suspect else "ok"
-
-    def further(self, found: ErrorBar) -> tuple[list[Wanted], str]:
-        """Runs that make the largest part of the uncertainty smaller, or why there are none."""
-        try:
-            wanted = getattr(self, f"_for_{found.largest}")()
-        except ValueError as error:
-            return [], f"the largest part is that of the {found.largest}, and {error}"
-        spent = math.fsum(sample.core_seconds for sample in self.samples)
-        next_ = math.fsum(self._seconds(one) for one in wanted)
-        if spent + next_ > (1 + SLACK) * self._budget:
-            return [], (
-                f"the largest part is that of the {found.largest}; the next {len(wanted)} runs "
-                f"would take {next_:.3g} s beyond the {spent:.3g} s spent, and the budget is "
-                f"{self._budget:g} s"
-            )
-        return wanted, ""
-
-    def _for_cells(self) -> list[Wanted]:
-        """A run in finer cells, and another one in the finest so far."""
-        (stiff, _), finest = levels(self.samples), min(s.cell for s in in_fit(self.samples))
-        return self._new((self.variants.finer(finest), stiff, 0), (finest, stiff, 1))
-
-    def _for_scatter(self) -> list[Wanted]:
-        """Another run in each size of cells that counts, and with the smaller E in one of them.
-
-        Finer cells instead, if other points make no difference.
-        """
-        counted = in_fit(self.samples)
-        if len(different(counted)) < len(counted):
-            return self._for_cells()
-        stiff, soft = levels(self.samples)
-        cells = sorted({sample.cell for sample in in_fit(self.samples)})
-        at = max(
-            s.cell for s in self.samples if s.softness == soft and s.cell in self._cells(stiff)
-        )
-        seed = self._next_seed(at, soft)
-        return self._new(
-            *((cell, stiff, self._next_seed(cell, stiff)) for cell in cells),
-            *((at, softness, seed) for softness in (stiff, soft)),
-        )
-
-    def _for_stiffness(self) -> list[Wanted]:
-        """All runs that count with a larger E."""
-        return [(s.cell, s.softness / SOFTER, s.seed) for s in in_fit(self.samples)]
-
-    def _new(self, *wanted: Wanted) -> list[Wanted]:
-        """Those of some runs that were not made."""
-        made = {(sample.cell, sample.softness, sample.seed) for sample in self.samples}
-        return [run for run in dict.fromkeys(wanted) if run not in made]
-
-    def _cells(self, softness: float) -> set[float]:
-        return {sample.cell for sample in self.samples if sample.softness == softness}
-
-    def _next_seed(self, cell: float, softness: float) -> int:
-        alike = [s.seed for s in self.samples if (s.cell, s.softness) == (cell, softness)]
-        return 1 + max(alike, default=-1)
-
-    def _seconds(self, wanted: Wanted) -> float:
-        """Processor time of a run: as estimated, in proportion to those that were made."""
-        ran = max(self.samples, key=lambda sample: sample.core_seconds)
-        estimates = [
-            cost(self.variants.scene(*one)).seconds
-            for one in (wanted, (ran.cell, ran.softness, ran.seed))
-        ]
-        return estimates[0] / estimates[1] * ran.core_seconds
-
-
-def _is_complete(path: Path, scene: Scene) -> bool:
-    """True if a file is the finished record of a scene."""
-    if not path.exists():
-        return False
-    with open_trajectory(path) as record:
-        return record.finished and record.scene.to_json() == scene.to_json()

@@ -32,7 +32,7 @@ class Sample:
     value : float
         Result of the measure.
     core_seconds : float
-        Processor time of the run [s]; 0 if its record was there already.
+        Processor time of the run [s], or of reading its record if that was there already.
     verdict : str
         "ok", or the indicators that make the run suspect.
     """
@@ -92,17 +92,8 @@ def error_bar(samples: Sequence[Sample], order: float) -> ErrorBar:
     free = len(base) - 2
     scatter = fit.residual * math.sqrt(len(base) / free) if free else 0.0
     of_run = float(scipy.stats.t.ppf(0.975, free)) * scatter if free else 0.0
-    stiff, soft = levels(samples)
-    known = {(s.cell, s.seed): s.value for s in samples if s.softness == soft}
-    changes = [
-        s.value - known[s.cell, s.seed]
-        for s in samples
-        if s.softness == stiff and (s.cell, s.seed) in known
-    ]
-    ratio = soft / stiff
-    share = 0.5 / (ratio - 1.0) + 0.5 / (math.sqrt(ratio) - 1.0)
-    beyond = share * float(np.mean(changes))
-    of_changes = of_run * share * math.sqrt(2.0 / len(changes))
+    beyond, weight = _to_stiff_grains(samples)
+    of_changes = of_run * weight
     return ErrorBar(
         value=fit.limit + beyond,
         of_cells=abs(fit.slope) * float(cells.min()) ** order,
@@ -111,10 +102,27 @@ def error_bar(samples: Sequence[Sample], order: float) -> ErrorBar:
     )
 
 
-def levels(samples: Sequence[Sample]) -> tuple[float, float]:
-    """Softness of the runs with the largest E, and with the next smaller one."""
-    stiff, soft = sorted({sample.softness for sample in samples})[:2]
-    return stiff, soft
+def _to_stiff_grains(samples: Sequence[Sample]) -> tuple[float, float]:
+    """Change from the largest E to stiff grains, and its standard error over the scatter of a
+    run."""
+    stiff, soft = levels(samples)
+    if soft is None:
+        return 0.0, 0.0
+    known = {(s.cell, s.seed): s.value for s in samples if s.softness == soft}
+    changes = [
+        s.value - known[s.cell, s.seed]
+        for s in samples
+        if s.softness == stiff and (s.cell, s.seed) in known
+    ]
+    ratio = soft / stiff
+    share = 0.5 / (ratio - 1.0) + 0.5 / (math.sqrt(ratio) - 1.0)
+    return share * float(np.mean(changes)), share * math.sqrt(2.0 / len(changes))
+
+
+def levels(samples: Sequence[Sample]) -> tuple[float, float | None]:
+    """Softness of the runs with the largest E, and with the next smaller one, if there is one."""
+    stiff, *softer = sorted({sample.softness for sample in samples})
+    return stiff, softer[0] if softer else None
 
 
 def in_fit(samples: Sequence[Sample]) -> list[Sample]:

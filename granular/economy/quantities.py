@@ -27,6 +27,8 @@ def discharge(record: Trajectory) -> float:
     """Rate of discharge in the steady part of a run."""
     history = mass_history(record)
     first, last = float(history.mass[0]), float(history.mass[-1])
+    if not last < first:
+        raise ValueError(f"no material leaves in {record.scene.duration:g} s: there is no rate")
     upper, lower = (first - share * (first - last) for share in STEADY)
     return discharge_in(history, window=(upper, lower)).rate
 
@@ -70,7 +72,7 @@ def quantity(measure: str | Quantity) -> Quantity:
     def checked(record: Trajectory) -> float:
         value: object = function(record)
         real = isinstance(value, int | float | np.integer | np.floating)
-        if not real or not math.isfinite(cast(float, value)):
+        if not real or isinstance(value, bool) or not math.isfinite(cast(float, value)):
             raise ValueError(
                 f"the measure returned {value!r} in cells of {record.scene.grid.cell:g} m, must be "
                 "a finite number there"
