@@ -13,6 +13,7 @@ from granular.mpm.body_distances import distance_from_bodies, periods
 from granular.mpm.patches import node_places
 from granular.mpm.rigid_contact import moves_freely
 from granular.mpm.scene import Scene
+from granular.mpm.walls import WallOrBlock
 from granular.shapes.shape import turned
 from granular.tools.arrays import Array, BoolArray
 
@@ -41,7 +42,7 @@ class Surface:
 def wall_surface(scene: Scene, wall: int) -> Surface:
     """Nodes of a wall or of the faces of a block, each with its share of the area.
 
-    Those within a body, as it is at the start, have none.
+    Those within a body, as it is at the start, or below a block have none.
     """
     grid, solid = scene.grid, scene.walls[wall]
     near = grid.slack * grid.cell
@@ -62,8 +63,22 @@ def wall_surface(scene: Scene, wall: int) -> Surface:
         area = np.prod(np.meshgrid(*shares, indexing="ij"), axis=0).ravel()
         if scene.bodies:
             area[distance_from_bodies(grid, scene.bodies)(places)[0] < -near] = 0.0
+        for block in scene.walls:
+            if block is not solid and block.axis is None:
+                area[_covered(grid, block, axis, places)] = 0.0
         parts.append((places[area > 0], area[area > 0]))
     return Surface(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+
+
+def _covered(grid: Grid, block: WallOrBlock, axis: int, x: Array) -> BoolArray:
+    """True for places on a face normal to an axis that a block covers, but not at its edges."""
+    near = grid.slack * grid.cell
+    covered = np.ones(len(x), dtype=bool)
+    for d in range(grid.dim):
+        low, high = block.extent(grid, d)
+        edge = -near if d == axis else near
+        covered &= (x[:, d] > low + edge) & (x[:, d] < high - edge)
+    return covered
 
 
 def _shares(nodes: Array, low: float, high: float) -> Array:

@@ -6,7 +6,7 @@ from scenes_by_hand import scene_with
 
 import granular as gr
 from granular.measure import wall_traction
-from granular.measure.surface_area import body_surface
+from granular.measure.surface_area import body_surface, wall_surface
 
 G, CELL = 9.8, 0.05
 
@@ -161,6 +161,17 @@ def test_areas_are_those_of_the_shapes(dim):
     )
     open_area = whole[cube] * (2 * dim - 1) / (2 * dim)
     assert body_surface(scene, 0).area.sum() == pytest.approx(open_area, rel=0.02)
+
+
+def test_a_floor_below_a_block_has_no_area():
+    """A floor of 16 cells, 6 of which a block covers: its edges belong to half a cell each."""
+    grid = gr.Grid((0.0, 0.0), CELL, (16, 16))
+    walls = (gr.Wall(1, 0.0), gr.mpm.walls.Solid((5 * CELL, 0.0), (11 * CELL, 3 * CELL)))
+    fills = (gr.Fill(gr.Box((0.0, 0.6), (0.7, 0.8)), 4),)
+    free = scene_with(grid=grid, fills=fills, walls=walls[:1], scheme=gr.Scheme(basis="linear"))
+    covered = scene_with(grid=grid, fills=fills, walls=walls, scheme=gr.Scheme(basis="linear"))
+    assert wall_surface(free, 0).area.sum() == pytest.approx(16 * CELL)
+    assert wall_surface(covered, 0).area.sum() == pytest.approx(11 * CELL)
 
 
 def test_patches_are_the_same_after_a_restart_and_for_any_threads(tmp_path):
