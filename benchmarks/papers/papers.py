@@ -4,8 +4,8 @@ Each figure is drawn by `granular figure` in a separate process with one thread,
 with all points displaced by 1 µm at the start: the difference of a number is its scatter. A run
 that several figures need is made once, and its time is that of the first of them. Figures
 that are already in the file are not drawn again, so that a series can be stopped and continued.
-With --tolerance the figures start from the modulus of the document, with what gr.economy suggests,
-and are drawn once.
+With --tolerance the figures that have a modulus start from that of the document, with what
+gr.economy suggests, and are drawn once.
 """
 
 from __future__ import annotations
@@ -136,6 +136,7 @@ def main(argv: list[str] | None = None) -> None:
         for figure in sorted(document(name).figures.values(), key=lambda f: -f.seconds)
         if figure.function and (name, figure.name) not in there
         if not chosen.only or figure.name in chosen.only
+        if not chosen.tolerance or figure.E is not None
     ]
     begin = time.perf_counter()
     with ThreadPoolExecutor(chosen.workers) as pool:
