@@ -49,9 +49,9 @@ class Cost:
     steps : int
         Number of steps.
     seconds : float
-        Time on one core of this machine [s]. Runs take 0.65 to 1.1 times as long, some with tools in
-        soil half of it; material that spreads over many more cells takes longer. The speed of the
-        machine is measured once, in 0.1 s.
+        Time on one core of this machine [s]. Runs take 0.65 to 1.1 times as long, some with tools
+        in soil half of it; material that spreads over many more cells takes longer. The speed of
+        the machine is measured once, in 0.1 s.
     memory : float
         Memory of a run with these points and a record [bytes]: 1.03 to 1.25 times the peak, and 1.1
         to 1.35 times (in single precision to 1.65) that of a run without a record.
