@@ -137,7 +137,7 @@ FIRST_HOUR = (
 
 SLOW = (
     *("how-to/own_law", "tutorials/a_sweep", "how-to/sweep_on_a_cluster"),
-    "how-to/error_bar",
+    *("how-to/calibrate_friction", "how-to/error_bar"),
 )
 """Pages whose code takes long: numba compiles a law, processes of sweeps have to start, and answers
 take many runs."""
