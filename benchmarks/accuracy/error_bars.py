@@ -195,7 +195,13 @@ def costly(case: Case) -> dict[str, Any]:
 def answer_of(case: Case) -> dict[str, Any]:
     """The answer of a case."""
     answer = gr.economy.answer(
-        case.scene, case.measure, tolerance=TOLERANCE, budget=BUDGET, threads=1, progress=False
+        case.scene,
+        case.measure,
+        tolerance=TOLERANCE,
+        budget=BUDGET,
+        rigid=True,  # known values are of stiff grains, and of small strains of a solid
+        threads=1,
+        progress=False,
     )
     finest = min(answer.samples, key=lambda sample: sample.cell)
     names = ("value", "uncertainty", "of_cells", "of_stiffness", "of_scatter", "reached")

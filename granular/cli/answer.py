@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from granular.cli.commands import UNFINISHED
-from granular.cli.words import number, whole
+from granular.cli.words import number, truth, whole
 
 if TYPE_CHECKING:
     from granular.mpm.scene import Scene
@@ -34,6 +34,11 @@ def add_answer(commands: Any, add_command: Any) -> None:
     command.add_argument("--order", type=number, default=1.0, metavar="X", help=text)
     text = "largest processor time [s]; default 3600"
     command.add_argument("--budget", type=number, default=3600.0, metavar="T", help=text)
+    text = "whether E is a number of the method; default no if a material bears tension, else yes"
+    command.add_argument("--rigid", type=truth, metavar="yes|no", help=text)
+    for name, text in (("wall-forces", "forces on walls"), ("tractions", "pressures on walls")):
+        text = f"record {text}, for measures that need them"
+        command.add_argument(f"--{name}", action="store_true", help=text)
     text = "time between frames [s]; default 1/60"
     command.add_argument("--every", type=number, metavar="T", help=text)
     text = "threads of each run; no result depends on it"
@@ -54,6 +59,9 @@ def answer(arguments: argparse.Namespace) -> int:
         tolerance=arguments.tolerance,
         order=arguments.order,
         budget=arguments.budget,
+        rigid=arguments.rigid,
+        wall_forces=arguments.wall_forces,
+        tractions=arguments.tractions,
         every=arguments.every,
         folder=arguments.folder,
         threads=arguments.threads,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,43 +16,40 @@ from granular.economy.variants import Variants
 from granular.measure.result import Table
 from granular.mpm.scene import Scene
 from granular.record import Trajectory
-from granular.run.diagnostics import StabilityWarning, scene_warnings
+from granular.run.diagnostics import StabilityWarning, warn
 from granular.tools.checks import in_range, positive, truth
 from granular.tools.progress import bar
 
 
 @dataclass(frozen=True)
-class Answer:
+class Answer(ErrorBar):
     """A number, and the interval in which it lies with a probability of 95 %.
 
     Attributes
     ----------
     value : float
-        The number in fine cells and for stiff grains, in the unit of the measure.
+        The number in fine cells, and for stiff grains, in the unit of the measure.
     uncertainty : float
-        Half of the interval.
+        Half of the interval: its three parts, added in squares.
     of_cells, of_stiffness, of_scatter : float
-        Parts of the uncertainty, which are added in squares: by the size of the cells, by E, and
-        by the scatter between runs whose points differ.
+        Parts of the uncertainty: by the size of the cells, by E, and by the scatter between runs
+        whose points differ.
     tolerance : float
         That was asked for, relative to the value.
-    reached : bool
-        True if the uncertainty is within it.
     samples : tuple of Sample
         The runs.
     remark : str
         Why the tolerance was not reached; else empty.
     """
 
-    value: float
-    uncertainty: float
-    of_cells: float
-    of_stiffness: float
-    of_scatter: float
     tolerance: float
-    reached: bool
     samples: tuple[Sample, ...]
     remark: str
+
+    @property
+    def reached(self) -> bool:
+        """True if the uncertainty is within the tolerance."""
+        return not self.remark
 
     @property
     def core_seconds(self) -> float:
@@ -205,7 +202,7 @@ def answer(
         tractions=tractions,
     )
     trials = Trials(variants, quantity(measure), options, folder)
-    warn_of(variants.first)
+    warn(variants.first)
     with (
         trials,
         bar(disable=not progress, desc="answer", unit="run") as done,
@@ -222,29 +219,11 @@ def answer(
                 remark = f"a further run failed: {type(failure).__name__}: {failure}"
             else:
                 error = error_bar(trials.samples, order)
-        return _answer(error, tolerance, trials.samples, remark)
+        return Answer(
+            **vars(error), tolerance=tolerance, samples=tuple(trials.samples), remark=remark
+        )
 
 
 def _is_granular(scene: Scene) -> bool:
     """True if all materials separate, so that their E is a number of the method."""
     return all(material.granular for material in scene.materials)
-
-
-def _answer(found: ErrorBar, tolerance: float, samples: Sequence[Sample], remark: str) -> Answer:
-    return Answer(
-        value=found.value,
-        uncertainty=found.uncertainty,
-        of_cells=found.of_cells,
-        of_stiffness=found.of_stiffness,
-        of_scatter=found.of_scatter,
-        tolerance=tolerance,
-        reached=not remark,
-        samples=tuple(samples),
-        remark=remark,
-    )
-
-
-def warn_of(scene: Scene) -> None:
-    """Issue the warnings of the scene as it was given."""
-    for sentence in scene_warnings(scene):
-        warnings.warn(sentence, StabilityWarning, stacklevel=3)

@@ -16,6 +16,7 @@ from granular.economy.quantities import Quantity
 from granular.economy.variants import Variants
 from granular.mpm.scene import Scene
 from granular.record import RecordError, open_trajectory
+from granular.run.cases import is_whole
 from granular.run.simulation import Simulation
 
 SOFTER = 4.0
@@ -178,11 +179,11 @@ class Trials:
 
 
 def _is_complete(path: Path, scene: Scene) -> bool:
-    """True if a file is the finished record of a scene."""
+    """True if a file is the record of a scene to its end."""
     if not path.exists():
         return False
     try:
         with open_trajectory(path) as record:
-            return record.finished and record.scene.to_json() == scene.to_json()
+            return is_whole(record) and record.scene.to_json() == scene.to_json()
     except RecordError:  # damaged: it is made again
         return False

@@ -73,9 +73,13 @@ def stage_of(case: Case) -> str:
                 f"case {case.key!r}: the record {case.path} is of another scene; "
                 "the folder must be of this sweep"
             )
-        reached = len(record) > 0 and record.times[-1] >= case.scene.duration
-        reached = reached or case.stopped.exists()
-        return "done" if record.finished and reached else "begun"
+        done = is_whole(record) or (record.finished and case.stopped.exists())
+        return "done" if done else "begun"
+
+
+def is_whole(record: Trajectory) -> bool:
+    """True for the finished record of a run to the duration of its scene."""
+    return record.finished and len(record) > 0 and record.times[-1] >= record.scene.duration
 
 
 def run_case(case: Case) -> Any:
