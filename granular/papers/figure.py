@@ -18,6 +18,11 @@ Number = float | str
 """A number of a figure; a string says what a number would not, such as "below 20.9"."""
 
 
+def labelled(tables: Mapping[str, Mapping[str, Number]]) -> dict[str, Number]:
+    """Numbers of several tables in one, with the label of the table after each name."""
+    return {f"{name}, {label}": n for label, table in tables.items() for name, n in table.items()}
+
+
 @dataclass(frozen=True)
 class Drawn:
     """Result of drawing a figure.

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from granular import measure, scenes, theory
 from granular.materials import MuI, glass_beads
 from granular.model.state import State
-from granular.papers.dunatunga2015.document import PAPER, QUICK_E, SCHEMES, E
+from granular.papers.dunatunga2015.document import SCHEMES, figure_of_runs
 from granular.papers.dunatunga2015.panels import (
     States,
     axes_grid,
@@ -23,7 +23,7 @@ from granular.papers.dunatunga2015.panels import (
     shades,
     time_title,
 )
-from granular.papers.figure import Drawn
+from granular.papers.figure import Drawn, Number, labelled
 from granular.papers.runs import Runs
 from granular.plot.canvas import MARKERS, Picture, View, color_bar
 from granular.plot.fields import Brush
@@ -41,7 +41,7 @@ TRANSITION = 2.83
 """Aspect ratio of the transition between the two regimes (table 3)."""
 
 
-@PAPER.figure(
+@figure_of_runs(
     "2",
     "columns of aspect 2, 1 and 0.5 at three times: shear rate, and pressure at the end",
     seconds=30.0,
@@ -50,9 +50,6 @@ TRANSITION = 2.83
         f"pressure on the axis over the largest on the floor, a = {a:g}": "a dip"
         for a in (2.0, 1.0)
     },
-    E=E,
-    quick_E=QUICK_E,
-    schemes=SCHEMES,
 )
 def collapses(runs: Runs) -> Drawn:
     """Run three columns to 2 s, and measure the slopes and the pressure on the floor."""
@@ -85,49 +82,46 @@ def floor_pressure(state: State) -> tuple[float, float]:
     return float(means[0]), float(means.max())
 
 
-@PAPER.figure(
+def of_both_schemes(numbers: Mapping[str, Number]) -> dict[str, Number]:
+    """The same numbers of the document for the runs with each scheme."""
+    return labelled(dict.fromkeys(("published scheme", "default scheme"), numbers))
+
+
+@figure_of_runs(
     "3",
     "run-out over half-width against the aspect ratio, with the laws of table 3",
     seconds=195.0,
-    paper={
-        f"{what}, {name} scheme": value
-        for name in ("published", "default")
-        for what, value in {
+    paper=of_both_schemes(
+        {
             "exponent below a = 2.83": 1.00,
             "exponent above": 0.66,
             "run-out at a = 1": 2.28,
             "run-out at a = 4": 8.09,
-        }.items()
-    },
-    E=E,
-    quick_E=QUICK_E,
+        }
+    ),
+    schemes=(),  # it has both
 )
 def runouts(runs: Runs) -> Drawn:
     """Run columns with both schemes, and fit the exponents of both regimes."""
     aspects = (0.5, 1.0, 2.0, 4.0, 6.0) if runs.quick else ASPECTS
     measured = measured_runouts(runs, aspects)
-    numbers: dict[str, float] = {}
-    for name, values in measured.items():
-        numbers |= {f"{key}, {name}": number for key, number in fits(aspects, values).items()}
+    numbers = labelled({name: fits(aspects, values) for name, values in measured.items()})
     return Drawn({"": figure_3(aspects, measured)}, numbers)
 
 
-@PAPER.figure(
+@figure_of_runs(
     "table_3",
     "coefficients and exponents of the run-out in both regimes",
     seconds=195.0,
-    paper={
-        f"{what}, {name} scheme": value
-        for name in ("published", "default")
-        for what, value in {
+    paper=of_both_schemes(
+        {
             "exponent below a = 2.83": 1.00,
             "coefficient below": 2.28,
             "exponent above": 0.66,
             "coefficient above": 3.24,
-        }.items()
-    },
-    E=E,
-    quick_E=QUICK_E,
+        }
+    ),
+    schemes=(),  # it has both
 )
 def table_3(runs: Runs) -> Drawn:
     """Numbers of figure 3 alone."""

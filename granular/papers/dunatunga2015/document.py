@@ -1,5 +1,7 @@
 """The document and the schemes with which its figures are drawn."""
 
+from functools import partial
+
 from granular.mpm import schemes
 from granular.papers.figure import Document
 
@@ -18,3 +20,5 @@ SCHEMES = {
 E = 1e7
 """Young's modulus of the figures [Pa]: that of the document is a hundred times as large."""
 QUICK_E = 1e6
+figure_of_runs = partial(PAPER.figure, E=E, quick_E=QUICK_E, schemes=SCHEMES)
+"""Registers a figure whose runs may have another Young's modulus, or another of the schemes."""

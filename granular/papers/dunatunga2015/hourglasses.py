@@ -7,7 +7,7 @@ from typing import Any
 
 from granular import measure, scenes
 from granular.materials import glass_beads
-from granular.papers.dunatunga2015.document import PAPER, QUICK_E, SCHEMES, E
+from granular.papers.dunatunga2015.document import SCHEMES, figure_of_runs
 from granular.papers.dunatunga2015.panels import (
     States,
     label_axes,
@@ -48,7 +48,7 @@ def hourglasses(runs: Runs) -> list[States]:
     ]
 
 
-@PAPER.figure(
+@figure_of_runs(
     "6",
     "hourglasses with a flat and a sloped divider after 0, 1, 2 and 5 s: shear rate",
     seconds=45.0,
@@ -56,9 +56,6 @@ def hourglasses(runs: Runs) -> list[States]:
         "left above the flat divider at 5 s": "nearly none",
         "left above the sloped one": "nearly none",
     },
-    E=E,
-    quick_E=QUICK_E,
-    schemes=SCHEMES,
 )
 def by_shear_rate(runs: Runs) -> Drawn:
     """Run both hourglasses, and measure what is left above the dividers."""
@@ -71,7 +68,7 @@ def by_shear_rate(runs: Runs) -> Drawn:
     return Drawn({"": figure_6(flat, sloped)}, dict(zip(names, left, strict=True)))
 
 
-@PAPER.figure(
+@figure_of_runs(
     "7",
     "the same by phase: dense or disconnected",
     seconds=45.0,
@@ -79,9 +76,6 @@ def by_shear_rate(runs: Runs) -> Drawn:
         "dense by the nodal density at 5 s, flat": "the heap",
         "under stress at 5 s, flat": "the heap",
     },
-    E=E,
-    quick_E=QUICK_E,
-    schemes=SCHEMES,
 )
 def by_phase(runs: Runs) -> Drawn:
     """Draw the hourglasses by both criteria for dense points."""

@@ -15,7 +15,7 @@ from granular.materials import MuI, glass_beads
 from granular.measure.stress import friction_of
 from granular.model.state import State
 from granular.mpm.scene import Scene
-from granular.papers.dunatunga2015.document import PAPER, QUICK_E, SCHEMES, E
+from granular.papers.dunatunga2015.document import SCHEMES, figure_of_runs
 from granular.papers.dunatunga2015.panels import axes_grid, shades
 from granular.papers.figure import Drawn
 from granular.papers.runs import Runs
@@ -49,7 +49,7 @@ def incline(runs: Runs, angle: float) -> Scene:
     )
 
 
-@PAPER.figure(
+@figure_of_runs(
     "9",
     "friction, mean speed and mean acceleration on inclines over time",
     seconds=95.0,
@@ -58,9 +58,6 @@ def incline(runs: Runs, angle: float) -> Scene:
         "friction at 34 deg at the end": 0.6435,
         "acceleration at 34 deg at the end [m/s2]": 0.2521,
     },
-    E=E,
-    quick_E=QUICK_E,
-    schemes=SCHEMES,
 )
 def over_time(runs: Runs) -> Drawn:
     """Run inclines of 19 to 34 degrees, for 20 s or in full size for the 500 s of the document.
@@ -79,7 +76,7 @@ def over_time(runs: Runs) -> Drawn:
     return Drawn({"": figure_9(chosen, mu_s=grains.mu_s, mu_2=grains.mu_2)}, numbers)
 
 
-@PAPER.figure(
+@figure_of_runs(
     "10",
     "mean speed against the angle, and the velocity profile at 25 degrees",
     seconds=115.0,
@@ -87,9 +84,6 @@ def over_time(runs: Runs) -> Drawn:
         "error of the profile at 25 deg": "0 within the line",
         "largest error of the mean speed, 22 to 26 deg": "0 within the markers",
     },
-    E=E,
-    quick_E=QUICK_E,
-    schemes=SCHEMES,
 )
 def speeds(runs: Runs) -> Drawn:
     """Run the same inclines, and one of 25 degrees three times as long.

@@ -11,7 +11,7 @@ from granular import measure, scenes, theory
 from granular.materials import glass_beads
 from granular.model.gravity import EARTH
 from granular.model.state import State
-from granular.papers.dunatunga2015.document import PAPER, QUICK_E, SCHEMES, E
+from granular.papers.dunatunga2015.document import SCHEMES, figure_of_runs
 from granular.papers.dunatunga2015.panels import (
     States,
     axes_grid,
@@ -32,7 +32,7 @@ CELL = 0.01
 GRAVITY = 9.8
 
 
-@PAPER.figure(
+@figure_of_runs(
     "4",
     "silos with openings of 0.10, 0.14 and 0.18 m after 0, 2 and 5 s: shear rate",
     seconds=175.0,
@@ -40,9 +40,6 @@ GRAVITY = 9.8
         "mass left at 5 s, D = 0.1 m": "over half",
         "mass left at 5 s, D = 0.18 m": "nearly empty",
     },
-    E=E,
-    quick_E=QUICK_E,
-    schemes=SCHEMES,
 )
 def silos(runs: Runs) -> Drawn:
     """Run three silos to 5 s, and measure the mass that is left."""
@@ -57,7 +54,7 @@ def silos(runs: Runs) -> Drawn:
     return Drawn({"": figure_4(rows)}, numbers)
 
 
-@PAPER.figure(
+@figure_of_runs(
     "5",
     "mass left in silos over time, and the rate of discharge against the opening",
     seconds=145.0,
@@ -67,8 +64,6 @@ def silos(runs: Runs) -> Drawn:
         "free exponent": 1.47,
     },
     E=1e6,  # at 1e7 it takes three times as long
-    quick_E=QUICK_E,
-    schemes=SCHEMES,
 )
 def discharge(runs: Runs) -> Drawn:
     """Drain silos until half of their material has left, and fit Beverloo's law.

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from granular import scenes
 from granular.materials import glass_beads
 from granular.model.state import State
-from granular.papers.dunatunga2015.document import PAPER, QUICK_E, SCHEMES, E
+from granular.papers.dunatunga2015.document import SCHEMES, figure_of_runs
 from granular.papers.dunatunga2015.panels import States, dress, label_axes, panel, time_title
 from granular.papers.figure import Drawn
 from granular.papers.runs import Runs
@@ -21,7 +21,7 @@ from granular.tools.arrays import Array
 FLIGHT, IMPACT = (0.0, 0.1, 0.2, 0.3), (0.34, 0.36, 0.38, 0.40, 0.42, 0.48)
 
 
-@PAPER.figure(
+@figure_of_runs(
     "11",
     "a slug of initially stress-free material: flight, impact and heap, by the nodal density",
     seconds=15.0,
@@ -29,9 +29,6 @@ FLIGHT, IMPACT = (0.0, 0.1, 0.2, 0.3), (0.34, 0.36, 0.38, 0.40, 0.42, 0.48)
         "distance of the centre of mass from the parabola at 0.3 s [m]": "0 within the line",
         "share of the heap under stress": "the heap",
     },
-    E=E,
-    quick_E=QUICK_E,
-    schemes=SCHEMES,
 )
 def slug(runs: Runs) -> Drawn:
     """Throw the slug, with cells of the document.

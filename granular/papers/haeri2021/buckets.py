@@ -12,14 +12,7 @@ from granular.materials import NGF, grc_1
 from granular.model.state import State
 from granular.mpm.scene import Scene
 from granular.papers.figure import Drawn
-from granular.papers.haeri2021.document import (
-    EVERY,
-    PAPER,
-    SCHEMES,
-    SOIL_E,
-    chosen_scheme,
-    soft_soil,
-)
+from granular.papers.haeri2021.document import EVERY, chosen_scheme, figure_of_runs, soft_soil
 from granular.papers.runs import Runs
 from granular.plot.canvas import Picture
 
@@ -31,7 +24,7 @@ FALLING = 0.2
 """Speed downwards from which stress-free soil falls [m/s]."""
 
 
-@PAPER.figure(
+@figure_of_runs(
     "1",
     "industrial excavator: shear rate next to its plane of symmetry, and stress-free points",
     seconds=115.0,
@@ -40,8 +33,6 @@ FALLING = 0.2
         "share flowing at 6 s": "piled up after it returned",
         "share that falls in some frame": "leaks from the bucket",
     },
-    E=SOIL_E,
-    schemes=SCHEMES,
 )
 def excavator(runs: Runs) -> Drawn:
     """Run the bucket of the scene in cells of 20 mm.

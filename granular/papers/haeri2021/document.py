@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TypeVar
 
 from granular.materials import NGF, HardeningDruckerPrager, couette_beads, grc_1
@@ -21,6 +22,8 @@ SOFTER = 100.0
 hundredth in its fast excavation, whose force has an error of 15.8 %."""
 SOIL_E, BEADS_E = grc_1.E / SOFTER, couette_beads.E / SOFTER
 SCHEMES = ("default", "published")
+figure_of_runs = partial(PAPER.figure, E=SOIL_E, schemes=SCHEMES)
+"""Registers a figure whose runs may have another Young's modulus, or another of the schemes."""
 EVERY = 0.1
 """Time between the frames of records [s]."""
 M = TypeVar("M", NGF, HardeningDruckerPrager)

@@ -19,7 +19,7 @@ from granular.papers.haeri2021.blades import (
     forces_on_width,
     recorded_blade,
 )
-from granular.papers.haeri2021.document import PAPER, SCHEMES, SOIL_E
+from granular.papers.haeri2021.document import figure_of_runs
 from granular.papers.runs import Runs
 from granular.plot.canvas import Picture
 from granular.record import Trajectory
@@ -34,13 +34,11 @@ def excavation(runs: Runs, depth: float, name: str, **changes: Any) -> Trajector
     return recorded_blade(runs, depth, name, **(changes | (WAY if runs.full else {})))
 
 
-@PAPER.figure(
+@figure_of_runs(
     "12",
     "soil about a blade 5 cm deep at the end of its way: in its middle plane, and from above",
     seconds=200.0,
     paper={"soil": "a zone before the blade moves, all else is at rest"},
-    E=SOIL_E,
-    schemes=SCHEMES,
 )
 def soil(runs: Runs) -> Drawn:
     """Draw the last state of a blade 0.305 m wide in a bin of 0.70 m.
@@ -90,13 +88,11 @@ def figure_12(moved: MovedSoil) -> Picture:
     return picture
 
 
-@PAPER.figure(
+@figure_of_runs(
     "13",
     "forward, vertical and lateral force on blades 2 and 5 cm deep over time",
     seconds=365.0,
     paper={"error of the forward force at 5 cm against the document's experiment [%]": -0.5},
-    E=SOIL_E,
-    schemes=SCHEMES,
 )
 def forces(runs: Runs) -> Drawn:
     """Run both depths, with the same between walls; the lateral force of the whole width.

@@ -23,7 +23,7 @@ from granular.papers.haeri2021.blades import (
     plastic,
     recorded_blade,
 )
-from granular.papers.haeri2021.document import PAPER, SCHEMES, SOIL_E, soft_soil, softened
+from granular.papers.haeri2021.document import figure_of_runs, soft_soil, softened
 from granular.papers.runs import Runs
 from granular.plot.canvas import Picture
 
@@ -45,7 +45,7 @@ def laws(runs: Runs, cases: Mapping[str, tuple[str, Mapping[str, Any]]]) -> dict
     return results
 
 
-@PAPER.figure(
+@figure_of_runs(
     "14",
     "speed and lower boundary of the moving soil before a blade, nonlocal and local (A = 0)",
     seconds=290.0,
@@ -53,8 +53,6 @@ def laws(runs: Runs, cases: Mapping[str, tuple[str, Mapping[str, Any]]]) -> dict
         "zone moved by the local law over that of the nonlocal one, 6 mm": "fails to match",
         "zone moved by the local law over that of the nonlocal one, 25 mm": "fails to match",
     },
-    E=SOIL_E,
-    schemes=SCHEMES,
 )
 def failure(runs: Runs) -> Drawn:
     """Run blades of 6 and 25 mm with both laws, in cells of 8.33 mm.
@@ -85,7 +83,7 @@ def failure(runs: Runs) -> Drawn:
     return Drawn({"": moved_soil(results)}, numbers)
 
 
-@PAPER.figure(
+@figure_of_runs(
     "15",
     "the same with Drucker-Prager, of constant friction and with hardening; forces, friction angle",
     seconds=250.0,
@@ -95,8 +93,6 @@ def failure(runs: Runs) -> Drawn:
         "heap before the blade, hardening [mm]": "no pile",
         "farthest moving soil before the blade, hardening [mm]": "untouched areas flow",
     },
-    E=SOIL_E,
-    schemes=SCHEMES,
 )
 def plasticity(runs: Runs) -> Drawn:
     """Run the blade of 25 mm with the nonlocal law, Drucker-Prager, and hardening Drucker-Prager.

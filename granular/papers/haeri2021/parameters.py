@@ -8,7 +8,7 @@ from granular import scenes
 from granular.economy.cost import time_step
 from granular.materials import NGF, couette_beads, grc_1
 from granular.mpm.scene import Scene
-from granular.papers.figure import Drawn, Number
+from granular.papers.figure import Drawn, Number, labelled
 from granular.papers.haeri2021 import wheels
 from granular.papers.haeri2021.blades import BED
 from granular.papers.haeri2021.buckets import excavator_scene
@@ -49,11 +49,7 @@ RUNS = {
     "table_1",
     "parameters of soil and beads",
     seconds=0.0,
-    paper={
-        f"{name}, {label}": value
-        for label, values in PRINTED.items()
-        for name, value in values.items()
-    },
+    paper=labelled(PRINTED),
 )
 def table_1(runs: Runs) -> Drawn:
     """Numbers of `materials.grc_1` and `couette_beads`, and what is different in the figures."""
@@ -76,11 +72,7 @@ def table_1(runs: Runs) -> Drawn:
     "table_2",
     "modulus, time step, cells and points of the runs",
     seconds=15.0,
-    paper={
-        f"{name}, {label}": value
-        for label, values in RUNS.items()
-        for name, value in values.items()
-    },
+    paper=labelled(RUNS),
 )
 def table_2(runs: Runs) -> Drawn:
     """Specifications of the figures in their normal size.
@@ -97,10 +89,7 @@ def table_2(runs: Runs) -> Drawn:
         "excavator": excavator_scene(runs),
         "silo": silo_scene(runs),
     }
-    numbers: dict[str, Number] = {}
-    for label, scene in made.items():
-        numbers |= {f"{name}, {label}": value for name, value in specifications(scene).items()}
-    return Drawn({}, numbers)
+    return Drawn({}, labelled({label: specifications(scene) for label, scene in made.items()}))
 
 
 def specifications(scene: Scene) -> dict[str, float]:

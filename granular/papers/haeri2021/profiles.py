@@ -21,7 +21,7 @@ from granular.papers.haeri2021.cylinders import (
     decay_length,
     recorded_flow,
 )
-from granular.papers.haeri2021.document import BEADS_E, PAPER, SCHEMES, softened
+from granular.papers.haeri2021.document import BEADS_E, figure_of_runs, softened
 from granular.papers.runs import Runs
 from granular.plot.canvas import Picture
 from granular.record import Trajectory
@@ -40,7 +40,7 @@ def flow(runs: Runs, name: str, **changes: Any) -> Trajectory:
     return recorded_flow(runs, kind + name, **(size | changes))
 
 
-@PAPER.figure(
+@figure_of_runs(
     "9",
     "angular velocity at the top between cylinders by radius, nonlocal and local, with theory",
     seconds=670.0,
@@ -50,7 +50,6 @@ def flow(runs: Runs, name: str, **changes: Any) -> Trajectory:
         "mean error against the document's experiment [%]": 0.9,
     },
     E=BEADS_E,
-    schemes=SCHEMES,
 )
 def profile(runs: Runs) -> Drawn:
     """Run the nonlocal and the local law, and compare them with the quasi-static profile.
@@ -119,13 +118,12 @@ def moments(flows: Mapping[str, CylinderFlow]) -> Picture:
     return picture
 
 
-@PAPER.figure(
+@figure_of_runs(
     "10",
     "shear band at the top between cylinders: speed from above, and by radius",
     seconds=440.0,
     paper={"speed": "decays exponentially away from the cylinder"},
     E=BEADS_E,
-    schemes=SCHEMES,
 )
 def shear_band(runs: Runs) -> Drawn:
     """Draw the speed over the last windows, by displacements from frame to frame.

@@ -10,7 +10,7 @@ from granular.materials import grc_1
 from granular.model.state import State
 from granular.mpm.scene import Scene
 from granular.papers.figure import Drawn
-from granular.papers.haeri2021.document import PAPER, SCHEMES, SOIL_E, chosen_scheme, soft_soil
+from granular.papers.haeri2021.document import chosen_scheme, figure_of_runs, soft_soil
 from granular.papers.runs import Runs
 from granular.plot.canvas import Picture, View, color_bar
 from granular.plot.fields import Brush
@@ -21,13 +21,11 @@ MU_S = 0.3819
 """Static friction in the silo; the other numbers are those of table 1."""
 
 
-@PAPER.figure(
+@figure_of_runs(
     "19",
     "a silo at 0, 1, 5 and 12 s: speed, and shear rate in a thin layer",
     seconds=40.0,
     paper={"slope at the end [deg]": math.degrees(math.atan(MU_S))},
-    E=SOIL_E,
-    schemes=SCHEMES,
 )
 def silo(runs: Runs) -> Drawn:
     """Run a slice two cells wide, as nothing depends on y; in full size the document's width.

@@ -15,14 +15,7 @@ from granular.measure.soil_tools import WheelHistory
 from granular.model.state import State
 from granular.mpm.scene import Scene
 from granular.papers.figure import Drawn
-from granular.papers.haeri2021.document import (
-    EVERY,
-    PAPER,
-    SCHEMES,
-    SOIL_E,
-    chosen_scheme,
-    soft_soil,
-)
+from granular.papers.haeri2021.document import EVERY, chosen_scheme, figure_of_runs, soft_soil
 from granular.papers.runs import Runs
 from granular.plot.canvas import Picture
 from granular.record import Trajectory
@@ -157,13 +150,11 @@ class SoilBelow:
         return float(-self.state.x[flows, 2].min(initial=0.0))
 
 
-@PAPER.figure(
+@figure_of_runs(
     "17",
     "soil below a wheel at the window with slips of 20 and 70 %: mean speed over that of the rim",
     seconds=530.0,
     paper={"moving soil": "below and behind the wheel"},
-    E=SOIL_E,
-    schemes=SCHEMES,
 )
 def below_wheels(runs: Runs) -> Drawn:
     """Draw the mean speed over the last half second of 6 s of rolling.
@@ -210,7 +201,7 @@ def figure_17(results: Mapping[int, SoilBelow]) -> Picture:
     return picture
 
 
-@PAPER.figure(
+@figure_of_runs(
     "18",
     "drawbar pull, load and sinkage over time at 20 % slip; pull over load and sinkage by slip",
     seconds=300.0,
@@ -218,8 +209,6 @@ def figure_17(results: Mapping[int, SoilBelow]) -> Picture:
         "error of the load against the document's experiment [%]": 5.2,
         "mean load, 20 % [N]": 164.0,
     },
-    E=SOIL_E,
-    schemes=SCHEMES,
 )
 def wheels(runs: Runs) -> Drawn:
     """Run a free wheel at three slips in cells of 12.5 mm; in full size in cells of 8.75 mm.

@@ -9,7 +9,7 @@ from granular import scenes
 from granular.materials import silo_grains
 from granular.papers.figure import Drawn, Number
 from granular.papers.runs import Runs
-from granular.papers.silo_clogging.document import PAPER, SCHEMES, E
+from granular.papers.silo_clogging.document import SCHEMES, figure_of_runs
 from granular.papers.silo_clogging.flow import FlowVerdict, flow_verdict
 from granular.papers.silo_clogging.phase_diagram import phase_diagram
 from granular.papers.silo_clogging.threshold import flow_threshold
@@ -30,14 +30,12 @@ def at(A: float, ratio: float) -> str:
     return f"A = {A:g}, W/d = {ratio:g}"
 
 
-@PAPER.figure(
+@figure_of_runs(
     "4a",
     "static and flowing silos over the nonlocal amplitude A and the opening W/d",
     seconds=85.0,
     paper={f"verdict at {at(*case)}": verdict for case, verdict in STATED.items()}
     | {BOUNDARY: "1 to 1.5", "verdicts that W/d/A alone does not separate": "none"},
-    E=E,
-    schemes=SCHEMES,
 )
 def phase(runs: Runs) -> Drawn:
     """Run 35 silos, and judge whether they flow at the end.

@@ -1,5 +1,7 @@
 """The document and the schemes with which its figures are drawn."""
 
+from functools import partial
+
 from granular.mpm.schemes import ParticleDensity, Scheme
 from granular.papers.figure import Document
 from granular.scenes.silo import linear_flip
@@ -16,3 +18,5 @@ SCHEMES = {
 }
 E = 1e6
 """Young's modulus of the silos [Pa], that of the document."""
+figure_of_runs = partial(PAPER.figure, E=E, schemes=SCHEMES)
+"""Registers a figure whose runs may have another Young's modulus, or another of the schemes."""

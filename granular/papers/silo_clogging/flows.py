@@ -12,7 +12,7 @@ from granular import measure
 from granular.papers.figure import Drawn
 from granular.papers.runs import Runs
 from granular.papers.silo_clogging.arch import arch_outline
-from granular.papers.silo_clogging.document import PAPER, SCHEMES, E
+from granular.papers.silo_clogging.document import figure_of_runs
 from granular.papers.silo_clogging.silos import (
     COLORS,
     W,
@@ -46,13 +46,11 @@ LEAST = "least fluidity over the largest at 2.5 W, A = {:g}"
 MASS_LEFT = "share of the mass left in the last frame, A = {:g}"
 
 
-@PAPER.figure(
+@figure_of_runs(
     "4b",
     "formation of the arch, A = 1, W/d = 1: speed at six times",
     seconds=3.0,
     paper={"mean speed of dense points in the last frame [m/s]": "static"},
-    E=E,
-    schemes=SCHEMES,
 )
 def arch(runs: Runs) -> Drawn:
     """Run the silo that jams."""
@@ -68,7 +66,7 @@ def arch(runs: Runs) -> Drawn:
     return Drawn({"": picture}, numbers | {CROWN: arch_outline(last).relative_crown})
 
 
-@PAPER.figure(
+@figure_of_runs(
     "5",
     "pressure in silos with A = 1 and W/d = 1, 2 and 5, and on their centre lines",
     seconds=8.0,
@@ -78,8 +76,6 @@ def arch(runs: Runs) -> Drawn:
         LEAST_PRESSURE.format(5): "zero",
         LARGEST.format(5): "the smallest of the three",
     },
-    E=E,
-    schemes=SCHEMES,
 )
 def pressures(runs: Runs) -> Drawn:
     """Run three silos, and average frames 350 to 360."""
@@ -103,13 +99,11 @@ def pressures(runs: Runs) -> Drawn:
     return Drawn({"": picture}, numbers)
 
 
-@PAPER.figure(
+@figure_of_runs(
     "6",
     "speed and contours of it with A = 0.1 and 1, W/d = 5, and vertical velocity at three heights",
     seconds=2.0,
     paper={AT_WALL.format(0.1): "a plug, sharply cut off", AT_WALL.format(1): "spread further"},
-    E=E,
-    schemes=SCHEMES,
 )
 def widths_of_flow(runs: Runs) -> Drawn:
     """Run two silos, and compare them when nearly the same mass is left.
@@ -149,13 +143,11 @@ def draw_slices(ax: Axes, sections: VelocitySlices, marker: str) -> None:
     ax.legend()
 
 
-@PAPER.figure(
+@figure_of_runs(
     "7",
     "vertical velocity at three heights, A = 0.5 and W/d = 5, and a diffusing Gaussian",
     seconds=2.0,
     paper={"B/d": 0.6},
-    E=E,
-    schemes=SCHEMES,
 )
 def diffusing_gaussian(runs: Runs) -> Drawn:
     """Fit the velocities of the kinematic model to the mean of frames 120 to 180."""
@@ -174,13 +166,11 @@ def diffusing_gaussian(runs: Runs) -> Drawn:
     return Drawn({"": picture}, {"B/d": fit.B_over_d or math.nan})
 
 
-@PAPER.figure(
+@figure_of_runs(
     "8",
     "fluidity in silos with W/d = 5 and A = 0.1, 0.5 and 1",
     seconds=7.0,
     paper={LEAST.format(0.1): "spreads least", MASS_LEFT.format(0.1): "least of the three"},
-    E=E,
-    schemes=SCHEMES,
 )
 def fluidities(runs: Runs) -> Drawn:
     """Draw means over dense points; cells without any are white here, and 0 in the document.

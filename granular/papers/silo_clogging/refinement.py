@@ -10,7 +10,7 @@ from granular.measure import GridField
 from granular.papers.figure import Drawn
 from granular.papers.runs import Runs
 from granular.papers.silo_clogging.arch import arch_outline
-from granular.papers.silo_clogging.document import PAPER, SCHEMES, E
+from granular.papers.silo_clogging.document import figure_of_runs
 from granular.papers.silo_clogging.silos import (
     ByFrame,
     W,
@@ -46,7 +46,7 @@ def pairs(runs: Runs, wanted: Mapping[int, Iterable[int]]) -> dict[str, dict[int
     }
 
 
-@PAPER.figure(
+@figure_of_runs(
     "9",
     "speeds of coarse and refined silos, A = 1 and W/d = 1 and 5",
     seconds=49.0,
@@ -55,8 +55,6 @@ def pairs(runs: Runs, wanted: Mapping[int, Iterable[int]]) -> dict[str, dict[int
         CROWN.format("coarse"): "a polygon",
         CROWN.format("refined"): "rounder",
     },
-    E=E,
-    schemes=SCHEMES,
 )
 def velocities(runs: Runs) -> Drawn:
     """Run both in cells of the document and of half the size. A semicircle is 0.5 W high."""
@@ -77,13 +75,11 @@ def velocities(runs: Runs) -> Drawn:
     return Drawn({"": picture}, {PEAK: float(refined / coarse)} | numbers)
 
 
-@PAPER.figure(
+@figure_of_runs(
     "10",
     "pressures of coarse and refined silos, A = 1 and W/d = 1 and 5, means over three frames",
     seconds=67.0,
     paper={MEAN.format(ratio): "good agreement" for ratio in SHOWN},
-    E=E,
-    schemes=SCHEMES,
 )
 def pressures(runs: Runs) -> Drawn:
     """Run the same silos for 350 frames, and compare their pressures.
@@ -118,7 +114,7 @@ def mean_above(field: GridField) -> float:
     return float(np.nanmean(field.value[:, chosen]))
 
 
-@PAPER.figure(
+@figure_of_runs(
     "table_2",
     "cells, time steps and lengths of coarse and refined silos",
     seconds=0.0,
@@ -126,8 +122,6 @@ def mean_above(field: GridField) -> float:
     | {"time step, coarse [s]": 1e-4, "time step, refined [s]": 2.5e-5}
     | {"duration [s]": 1.5, "W [m]": 0.14, "L [m]": 0.595, "H [m]": 0.595}
     | {"points in a cell": 16, "substeps of the fluidity": 150},
-    E=E,
-    schemes=SCHEMES,
 )
 def table_2(runs: Runs) -> Drawn:
     """Numbers of both scenes.
