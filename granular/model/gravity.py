@@ -70,11 +70,7 @@ class Gravity(Description):
             Magnitude [m/s2], >= 0, against the last axis, or a vector [m/s2].
         dim : {2, 3}
             Dimension, for a magnitude.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If an argument is out of range.
+        {raises}.
 
         Examples
         --------

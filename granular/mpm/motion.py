@@ -109,11 +109,7 @@ class Motion(Description):
         stops : bool
             If True, the body is at rest before the first and after the last time, and begins and
             ends with the velocity 0. If False, it goes on with the first and the last velocity.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If an argument is out of range.
+        {raises}.
 
         Examples
         --------

@@ -34,11 +34,7 @@ def at_rest(speed: float = 1e-3, *, over: float = 0.1) -> Hook:
     over : float
         Time for which they must rest [s], >= 0. Material that has not begun to move rests, too:
         choose a time longer than that.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is out of range.
+    {raises}.
 
     Examples
     --------

@@ -39,11 +39,7 @@ def wheel(
     thickness : float, optional
         Thickness of a grouser along the tread [m], > 0; by default half of its height. In a run
         the material on its two sides is kept apart if it is three cells thick.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If an argument is out of range.
+    {raises}.
 
     Examples
     --------

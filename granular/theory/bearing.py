@@ -73,11 +73,7 @@ class BearingCapacity:
             Whether the footing is rough.
         gravity : float
             [m/s2], > 0.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If an argument is out of range.
+        {raises}.
         """
         weight = non_negative("rho", rho) * positive("gravity", gravity) * positive("width", width)
         N_gamma = self.rough_self_weight if truth("rough", rough) else self.smooth_self_weight

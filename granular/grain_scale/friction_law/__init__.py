@@ -19,4 +19,4 @@ from granular.grain_scale.friction_law.steady import average as average
 from granular.grain_scale.friction_law.steady import steady_shear as steady_shear
 from granular.tools.docstrings import complete as _complete
 
-_complete(__name__)
+_complete(__name__, {"confidence": "float\n    Of the intervals, in (0, 1)."})

@@ -71,8 +71,6 @@ def fit_coordination(
     ----------
     inertial_number, coordination : array_like, shape (k,)
         At least 4 points, all > 0.
-    confidence : float
-        Of the intervals, in (0, 1).
 
     Raises
     ------
@@ -127,8 +125,6 @@ def fit_dissipation(
     slowest : float
         Flows count from this inertial number on, >= 0. Slower ones are left out, because the
         exponents of both kinds decrease to 1 towards rest (figure 4.8 of the thesis).
-    confidence : float
-        Of the intervals, in (0, 1).
 
     Raises
     ------
@@ -155,8 +151,6 @@ def fit_rheology(points: Sequence[SteadyShear], *, confidence: float = 0.95) -> 
     ----------
     points : sequence of SteadyShear
         At least 4, of different inertial numbers.
-    confidence : float
-        Of the intervals, in (0, 1).
 
     Raises
     ------
