@@ -58,10 +58,10 @@ def thickness_of(name: str, thickness: float, cell: float, scheme: Scheme) -> fl
 
 def bed(
     level: Sequence[tuple[str, float]],
-    *,
     soil: float,
     headroom: float,
     cell: float,
+    *,
     open_sides: Collection[str] = (),
     **fill: Any,
 ) -> Parts:

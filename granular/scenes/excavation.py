@@ -116,15 +116,9 @@ def excavation(
     across = wide + 4 * cell if wide == width else wide
     shape = Box(size=(thick, across, high), center=(-thick / 2, 0.0, high / 2))
     middle = 0.0 if half else width / 2
+    level = (("length", length), ("width", width / 2 if half else width))
     return Parts(
-        **bed(
-            (("length", length), ("width", width / 2 if half else width)),
-            soil=soil,
-            headroom=headroom,
-            cell=cell,
-            points_per_cell=points_per_cell,
-            jitter=jitter,
-        ),
+        **bed(level, soil, headroom, cell, points_per_cell=points_per_cell, jitter=jitter),
         gravity=gravity_down(3, gravity),
         bodies=(
             Body(
@@ -226,15 +220,9 @@ def excavator(
     size = vector("bucket", bucket, 3)
     sheet = thickness_of("thickness", thickness, cell, scheme)
     across = 0.0 if half else positive("width", width) / 2
+    level = (("length", length), ("width", positive("width", width) / 2 if half else width))
     return Parts(
-        **bed(
-            (("length", length), ("width", positive("width", width) / 2 if half else width)),
-            soil=soil,
-            headroom=headroom,
-            cell=cell,
-            points_per_cell=points_per_cell,
-            jitter=jitter,
-        ),
+        **bed(level, soil, headroom, cell, points_per_cell=points_per_cell, jitter=jitter),
         gravity=gravity_down(3, gravity),
         bodies=(
             Body(

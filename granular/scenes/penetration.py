@@ -88,15 +88,10 @@ def penetration(
             f"soil = {soil}: it goes down by {deepest:.6g}"
         )
     level = (0.0,) * (dim - 1)
-    parts = bed(
-        (("width/2", width / 2),) if axisymmetric else (("width", width),) * (dim - 1),
-        soil=soil,
-        headroom=headroom,
-        cell=cell,
-        points_per_cell=2**dim if points_per_cell is None else points_per_cell,
-        jitter=jitter,
-        axisymmetric=axisymmetric,
-    )
+    sides = (("width/2", width / 2),) if axisymmetric else (("width", width),) * (dim - 1)
+    count = 2**dim if points_per_cell is None else points_per_cell
+    filling: dict[str, Any] = {"points_per_cell": count, "jitter": jitter}
+    parts = bed(sides, soil, headroom, cell, axisymmetric=axisymmetric, **filling)
     middle = 0.0 if axisymmetric else 0.5 * parts["grid"].upper[0]
     # The shaft is longer than the path, so that the bed never closes above it.
     shape = _shape(kind, 0.5 * diameter, cone_deg, soil + headroom, dim)

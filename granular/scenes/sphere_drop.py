@@ -75,16 +75,11 @@ def sphere_drop(
         raise ValueError(f"diameter = {diameter} must be less than width = {width}")
     speed = math.sqrt(2 * positive("gravity", gravity) * non_negative("drop", drop))
     level = (0.0,) * (dim - 1)
-    parts = bed(
-        (("width/2", width / 2),) if axisymmetric else (("width", width),) * (dim - 1),
-        soil=soil,
-        headroom=headroom,
-        cell=cell,
-        open_sides={"xyz"[dim - 1] + "+"},
-        points_per_cell=2**dim if points_per_cell is None else points_per_cell,
-        jitter=jitter,
-        axisymmetric=axisymmetric,
-    )
+    sides = (("width/2", width / 2),) if axisymmetric else (("width", width),) * (dim - 1)
+    count = 2**dim if points_per_cell is None else points_per_cell
+    filling: dict[str, Any] = {"points_per_cell": count, "jitter": jitter}
+    filling |= {"axisymmetric": axisymmetric, "open_sides": {"xyz"[dim - 1] + "+"}}
+    parts = bed(sides, soil, headroom, cell, **filling)
     middle = 0.0 if axisymmetric else 0.5 * parts["grid"].upper[0]
     shape, mass, inertia = _ball(radius, density, dim, axisymmetric)
     return Parts(

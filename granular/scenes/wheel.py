@@ -116,15 +116,9 @@ def wheel(
         height=grouser_height,
         thickness=thickness,
     )
+    level = (("length", length), ("width", width))
     return Parts(
-        **bed(
-            (("length", length), ("width", width)),
-            soil=soil,
-            headroom=headroom,
-            cell=cell,
-            points_per_cell=points_per_cell,
-            jitter=jitter,
-        ),
+        **bed(level, soil, headroom, cell, points_per_cell=points_per_cell, jitter=jitter),
         gravity=gravity_down(3, gravity),
         bodies=(
             Body(
