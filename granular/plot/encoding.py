@@ -41,6 +41,8 @@ def ffmpeg() -> str | None:
 
 def sampled(count: int) -> list[int]:
     """Indices of the frames to which a movie of a number of frames is fitted."""
+    if count == 0:
+        raise ValueError("record has 0 frames, a movie needs at least 1")
     return [int(i) for i in np.unique(np.linspace(0, count - 1, SCANNED).astype(int))]
 
 

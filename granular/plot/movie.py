@@ -79,10 +79,8 @@ def movie(
         If ffmpeg fails.
     """
     check_movie(path, fps=fps, overwrite=overwrite)
-    if len(record) == 0:
-        raise ValueError("record has 0 frames, a movie needs at least 1")
-    of_each = _of_each(record, color)
     sample = [record[i] for i in sampled(len(record))]
+    of_each = _of_each(record, color)
     brush = Brush.fitted(
         sample, of_each, limits=limits, log=log, cmap=cmap, label=label, smooth=smooth
     )

@@ -151,8 +151,6 @@ def view_movie(
         As `view` and `granular.plot.movie`.
     """
     check_movie(path, fps=fps, overwrite=overwrite)
-    if len(record) == 0:
-        raise ValueError("record has 0 frames, a movie needs at least 1")
     sample = [_state_of(record[i], -1) for i in sampled(len(record))]
     brush = Brush.fitted(sample, color, limits=limits, log=log, cmap=cmap)
     stage = _Stage(sample, brush, style, slab, camera, opacity, window)
