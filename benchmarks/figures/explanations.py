@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
+from stability.arrangements import linear, spline
 
 import granular as gr
 from figures.common import draw_pages, tell
@@ -74,20 +75,6 @@ def laws(quick: bool) -> Picture:
 
 
 # ---- grid and transfers ----
-
-
-def linear(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Linear shape function of the node 0 and its slope."""
-    inside = abs(x) < 1
-    return np.where(inside, 1 - abs(x), 0.0), np.where(inside, -np.sign(x), 0.0)
-
-
-def spline(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Quadratic B-spline of the node 0 and its slope."""
-    near, far = abs(x) < 0.5, (abs(x) >= 0.5) & (abs(x) < 1.5)
-    value = np.where(near, 0.75 - x**2, np.where(far, 0.5 * (1.5 - abs(x)) ** 2, 0.0))
-    slope = np.where(near, -2 * x, np.where(far, -np.sign(x) * (1.5 - abs(x)), 0.0))
-    return value, slope
 
 
 def turning(scheme: gr.Scheme, turns: float) -> tuple[np.ndarray, np.ndarray]:

@@ -10,16 +10,12 @@ from typing import Any
 import numpy as np
 
 import granular as gr
+from granular.verify.incline import mean_speed
 from stability.cells import SCHEMES, Map, at_courant, chosen, off, refuses, simulate
 
 HEIGHT = 0.2
 FEW = ("published (linear, flip)", "quadratic, apic", "default", "cell_averaged")
 """Schemes of the longer runs."""
-
-
-def mean_speed(state: gr.State) -> float:
-    """Along x, on an incline down the slope [m/s]."""
-    return float(np.average(state.v[:, 0], weights=state.mass))
 
 
 def error_of_profile(state: gr.State, least: float = 0.0) -> float:

@@ -4,19 +4,13 @@ import math
 
 import numpy as np
 import pytest
+from bodies.rows import axes
 from scenes_by_hand import scene_with
 
 import granular as gr
 from granular import Body, Box, Cylinder, HalfSpace
 
 G, RHO, CELL = 9.81, 1500.0, 0.01
-
-
-def axes(turned_deg, dim=2):
-    """Directions along and out of a plane that is turned about y against the grid."""
-    c, s = math.cos(math.radians(turned_deg)), math.sin(math.radians(turned_deg))
-    middle = (0.0,) * (dim - 2)
-    return np.array([c, *middle, s]), np.array([-s, *middle, c])
 
 
 def block(turned_deg, offset, friction, dim, slope_deg=20.0):

@@ -7,17 +7,13 @@ import warnings
 
 import numpy as np
 import pytest
+from scenes_by_hand import mass
 
 import granular as gr
 from granular import Scene, Solid, SpongeLayer, materials, scenes, schemes
 from granular.mpm.axis_nodes import c0_lines, node_positions
 from granular.mpm.engine import initial_points
 from granular.mpm.node_codes import node_codes
-
-
-def mass(scene):
-    points = scene.points()
-    return np.sum(points.volume * points.density)
 
 
 def fixed_along_y(scene, y, time=0.0):

@@ -4,14 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from scenes_by_hand import mass
 
 import granular as gr
 from granular import HeightMap, scenes
-
-
-def mass(scene):
-    points = scene.points()
-    return np.sum(points.volume * points.density)
 
 
 def test_landslide():

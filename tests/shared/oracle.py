@@ -45,15 +45,11 @@ def p2g(scene, points, step=0, shift_dt=1.0):
     stress = tensor(points["stress"], dim)
     if "overstress" in points:
         stress = stress + points["overstress"][:, None, None] * deviator(stress)
-    stress = stress[:, :dim, :dim]
-    force = -np.einsum("p,pdj,pkj->pkd", volume, stress, s.g)
+    force = -np.einsum("p,pdj,pkj->pkd", volume, stress[:, :dim, :dim], s.g)
     if averages(scene, step - 1):
         force -= np.einsum("p,pk,pd->pkd", m / shift_dt, s.w, points["shift_velocity"])
     if scene.grid.axisymmetric:
-        rings = tensor(points["stress"], dim)
-        if "overstress" in points:
-            rings = rings + points["overstress"][:, None, None] * deviator(rings)
-        force[..., 0] -= s.w * (volume * rings[:, 2, 2] / points["x"][:, 0])[:, None]
+        force[..., 0] -= s.w * (volume * stress[:, 2, 2] / points["x"][:, 0])[:, None]
     out = SimpleNamespace(
         shapes=s,
         mass=s.to_nodes(s.w * m[:, None]),

@@ -3,6 +3,7 @@
 import itertools
 
 import numpy as np
+from oracle_smoothed import deviator
 from scipy.linalg import expm
 from scipy.optimize import brentq
 
@@ -72,10 +73,6 @@ def slipping(trial, near, p, strength, mu, cohesion):
             if excess(1.0) > 0:
                 kept = brentq(excess, 0, 1, xtol=1e-15) if excess(0.0) < 0 else 0.0
                 trial[a] = T - (1 - kept) * shear
-
-
-def deviator(T):
-    return T - np.trace(T, axis1=1, axis2=2)[:, None, None] / 3 * np.eye(3)
 
 
 def velocity_gradients(scene, pairs, x, v, volume, wall, walls, n_grains):

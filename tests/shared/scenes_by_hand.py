@@ -1,5 +1,7 @@
 """Scenes for tests, which name only what matters to the test."""
 
+import numpy as np
+
 import granular as gr
 
 
@@ -14,3 +16,9 @@ def scene_with(*, gravity=9.8, **parts):
         gravity = gr.Gravity((0.0,), (tuple(gravity),))
     given = {"name": "test", "material": gr.MuI(E=1e6), "duration": 1.0}
     return gr.Scene(gravity=gravity, **given | parts)
+
+
+def mass(scene):
+    """Mass of all points of a scene at the start [kg]."""
+    points = scene.points()
+    return np.sum(points.volume * points.density)
