@@ -21,9 +21,9 @@ from typing import Any, NamedTuple
 import matplotlib.pyplot as plt
 import numpy as np
 from shared import PICTURES, RESULTS, by_scheme, parser_of, rounded, table, write
-from stability.flows import mean_speed
 
 import granular as gr
+from granular.verify.incline import mean_speed
 
 OUT = RESULTS / "single_precision.json"
 PICTURE = PICTURES / "single_precision.png"
@@ -64,32 +64,17 @@ class Case(NamedTuple):
     schemes: tuple[str, ...] = ("default",)
 
 
-def incline(E: float) -> Case:
-    """Eight columns of an incline of 25 deg."""
-
-    def scene(scheme: gr.Scheme, cell: float) -> gr.Scene:
-        material = gr.materials.glass_beads.replace(E=E)
-        return gr.scenes.incline(cell=cell, columns=8, material=material, scheme=scheme)
-
-    return Case(scene, 2.0, 0.01, lambda sim: mean_speed(sim.state), of_theory)
+def of_beads(
+    function: Callable[..., gr.Scene], E: float, **keywords: Any
+) -> Callable[[gr.Scheme, float], gr.Scene]:
+    """Scene of softer glass beads by its scheme and cell."""
+    material = gr.materials.glass_beads.replace(E=E)
+    return lambda scheme, cell: function(cell=cell, material=material, scheme=scheme, **keywords)
 
 
-def collapse(scheme: gr.Scheme, cell: float) -> gr.Scene:
-    """Column of aspect 2, 1 m high."""
-    material = gr.materials.glass_beads.replace(E=1e7)
-    return gr.scenes.column_collapse(aspect=2.0, cell=cell, material=material, scheme=scheme)
-
-
-def cylinder(scheme: gr.Scheme, cell: float) -> gr.Scene:
-    """Quarter of a cylinder in 3D."""
-    material = gr.materials.glass_beads.replace(E=1e6)
-    return gr.scenes.cylinder_collapse(aspect=1.0, cell=cell, material=material, scheme=scheme)
-
-
-def silo(scheme: gr.Scheme, cell: float) -> gr.Scene:
-    """Silo of the paper, softer."""
-    material = gr.materials.glass_beads.replace(E=1e6)
-    return gr.scenes.silo(cell=cell, material=material, scheme=scheme)
+def speed_of(sim: gr.Simulation) -> float:
+    """Mean velocity of a layer [m/s]."""
+    return mean_speed(sim.state)
 
 
 def chute(scheme: gr.Scheme, cell: float) -> gr.Scene:
@@ -98,13 +83,20 @@ def chute(scheme: gr.Scheme, cell: float) -> gr.Scene:
 
 
 CASES = {
-    **{f"incline of 25 deg, E = {E / 1e6:g} MPa": incline(E) for E in (1e6, 1e8)},
-    "column collapse": Case(collapse, 1.2, 0.0125, front),
-    "cylinder collapse, 3D": Case(cylinder, 0.8, 0.025, front),
-    "silo": Case(silo, 1.0, 0.0125, outflow),
-    "chute, nonlocal law": Case(
-        chute, 1.0, 0.001, lambda sim: mean_speed(sim.state), None, tuple(SCHEMES)
+    **{
+        f"incline of 25 deg, E = {E / 1e6:g} MPa": Case(
+            of_beads(gr.scenes.incline, E, columns=8), 2.0, 0.01, speed_of, of_theory
+        )
+        for E in (1e6, 1e8)
+    },
+    "column collapse": Case(
+        of_beads(gr.scenes.column_collapse, 1e7, aspect=2.0), 1.2, 0.0125, front
     ),
+    "cylinder collapse, 3D": Case(
+        of_beads(gr.scenes.cylinder_collapse, 1e6, aspect=1.0), 0.8, 0.025, front
+    ),
+    "silo": Case(of_beads(gr.scenes.silo, 1e6), 1.0, 0.0125, outflow),
+    "chute, nonlocal law": Case(chute, 1.0, 0.001, speed_of, None, tuple(SCHEMES)),
 }
 
 
