@@ -105,27 +105,8 @@ static int take(const struct pair *pair, double phi, double r, struct gr_near_ba
     return ball->gap < pair->near;
 }
 
-/* The balls of the owner that are near body b. */
-static int64_t near_body(const struct gr_engine *e, const struct pair *pair, const struct gr_moving *body, int b)
-{
-    const struct gr_rigid *rigid = e->bodies.rigid;
-    const struct gr_pose *pose = &body[pair->owner].pose;
-    int64_t n = 0;
-    for (int64_t k = rigid->first_ball[pair->owner]; k < rigid->first_ball[pair->owner + 1]; k++) {
-        const double *centre = rigid->ball + 4 * k;
-        struct gr_near_ball *ball = &rigid->near[n];
-        double x[3];
-        gr_pose_in_space(pose, centre, ball->owner);
-        for (int d = 0; d < 3; d++) x[d] = pose->x[d] + ball->owner[d];
-        const double phi = gr_pose_distance(e, &body[b].pose, x, ball->other, ball->n);
-        if (phi - centre[3] + pair->slack >= pair->near) continue;
-        n += take(pair, phi, centre[3], ball);
-    }
-    return n;
-}
-
-/* The balls of the owner that are near the box number k. */
-static int64_t near_box(const struct gr_engine *e, const struct pair *pair, const struct gr_moving *body, int k)
+/* The balls of the owner that are near body b or, if b is -1, near the box number k. */
+static int64_t near_balls(const struct gr_engine *e, const struct pair *pair, const struct gr_moving *body, int b, int k)
 {
     const struct gr_rigid *rigid = e->bodies.rigid;
     const struct gr_pose *pose = &body[pair->owner].pose;
@@ -136,10 +117,11 @@ static int64_t near_box(const struct gr_engine *e, const struct pair *pair, cons
         double x[3];
         gr_pose_in_space(pose, centre, ball->owner);
         for (int d = 0; d < 3; d++) x[d] = pose->x[d] + ball->owner[d], ball->other[d] = 0;
-        const double phi = box_distance(e, &rigid->box[k], x, ball->n);
+        const double phi = b < 0 ? box_distance(e, &rigid->box[k], x, ball->n)
+                                 : gr_pose_distance(e, &body[b].pose, x, ball->other, ball->n);
         if (phi - centre[3] + pair->slack >= pair->near) continue;
         for (int d = 0; d < 3; d++) x[d] -= phi * ball->n[d];
-        if (!is_flush(e, k, x, ball->n)) n += take(pair, phi, centre[3], ball);
+        if (b >= 0 || !is_flush(e, k, x, ball->n)) n += take(pair, phi, centre[3], ball);
     }
     return n;
 }
@@ -221,9 +203,9 @@ static int touch_body(struct gr_engine *e, const struct gr_moving *body, int a, 
     const int moves = gr_can_be_moved(B->pose.body);
     int error = GR_OK;
     if (is_ball(rigid, a) || !is_ball(rigid, b))
-        error = add(e, body, a, b, NULL, 0, near_body(e, &(struct pair){a, slack, near, moves ? 0.5 : 0}, body, b));
+        error = add(e, body, a, b, NULL, 0, near_balls(e, &(struct pair){a, slack, near, moves ? 0.5 : 0}, body, b, -1));
     if (!error && !is_ball(rigid, a))
-        error = add(e, body, a, b, NULL, 1, near_body(e, &(struct pair){b, slack, near, moves ? 0.5 : 1}, body, a));
+        error = add(e, body, a, b, NULL, 1, near_balls(e, &(struct pair){b, slack, near, moves ? 0.5 : 1}, body, a, -1));
     return error;
 }
 
@@ -250,7 +232,7 @@ static int touch_all(struct gr_engine *e, const struct gr_moving *body, int a, d
     list_boxes(e, &body[a], a, near);
     for (int k = 0; k < rigid->n_boxes && !error; k++) {
         const struct pair pair = {a, rigid->box[k].slack, near, 0};
-        error = add(e, body, a, -1, rigid->box[k].obstacle, 0, near_box(e, &pair, body, k));
+        error = add(e, body, a, -1, rigid->box[k].obstacle, 0, near_balls(e, &pair, body, -1, k));
     }
     for (int b = 0; b < e->config.n_bodies && !error; b++) {
         const double slack = rigid->slack[(int64_t)a * (e->config.n_bodies + rigid->n_obstacles) + b];
@@ -291,10 +273,10 @@ static void measure_slack(struct gr_engine *e)
             if (is_box && (k == rigid->n_boxes || rigid->box[k].obstacle != &rigid->obstacle[other - e->config.n_bodies]))
                 continue;
             const struct pair pair = {a, 0, 0, 0}, reverse = {other, 0, 0, 0};
-            if (is_box) n = near_box(e, &pair, body, k++);
-            if (!is_box && other != a) n = near_body(e, &pair, body, other);
+            if (is_box) n = near_balls(e, &pair, body, -1, k++);
+            if (!is_box && other != a) n = near_balls(e, &pair, body, other, -1);
             for (int64_t j = 0; j < n; j++) least = fmin(least, rigid->near[j].gap);
-            if (!is_box && other != a && !is_ball(rigid, a)) n = near_body(e, &reverse, body, a);
+            if (!is_box && other != a && !is_ball(rigid, a)) n = near_balls(e, &reverse, body, a, -1);
             for (int64_t j = 0; j < n; j++) least = fmin(least, rigid->near[j].gap);
             rigid->slack[(int64_t)a * row + other] = least < -OVERLAP * e->config.dx ? INFINITY : -least;
         }
