@@ -11,19 +11,17 @@
 enum { SITES = 4, MOST = 300 };
 static const double SPACING = 0.05, SPEED = 2, MASS = 3.75;
 
-/* The records of a stream of single points: x, v and mass at SITES sites of the left end, 0.05 m from each other. */
-static void give_records(const struct gr_engine *e, double *record)
+/* A stream of single points from SITES sites of the left end, 0.05 m from each other; their x, v and mass are put into
+ * `record`. */
+static struct gr_inlet default_inlet(const struct gr_engine *e, double *record)
 {
     memset(record, 0, sizeof *record * (size_t)(SITES * e->points.n_components));
-    for (int i = 0; i < SITES; i++, record += e->points.n_components) {
-        record[0] = -1, record[1] = 2.2 + 0.05 * (i + 0.5);
-        record[gr_component_of(e, GR_FIELD_v)] = SPEED;
-        record[gr_component_of(e, GR_FIELD_mass)] = MASS;
+    for (int i = 0; i < SITES; i++) {
+        double *point = record + i * e->points.n_components;
+        point[0] = -1, point[1] = 2.2 + 0.05 * (i + 0.5);
+        point[gr_component_of(e, GR_FIELD_v)] = SPEED;
+        point[gr_component_of(e, GR_FIELD_mass)] = MASS;
     }
-}
-
-static struct gr_inlet default_inlet(double *record)
-{
     return (struct gr_inlet){
         .n_sites = SITES, .velocity = {SPEED}, .spacing = SPACING, .end = INFINITY, .record = record, .yields = 0};
 }
@@ -38,8 +36,7 @@ static void empty(struct scene *s, int64_t capacity, int has_inlet)
     s->capacity = capacity;
     scene_bind(s);
     CHECK(s->engine->points.n_components <= 16);
-    give_records(s->engine, record);
-    const struct gr_inlet inlet = default_inlet(record);
+    const struct gr_inlet inlet = default_inlet(s->engine, record);
     if (has_inlet) CHECK(gr_inflow_add(s->engine, &inlet) == GR_OK);
 }
 
@@ -135,8 +132,7 @@ TEST(a_blocked_inlet_waits)
     double record[SITES * 16];
     empty(&s, 64, 0);
     struct gr_engine *e = s.engine;
-    give_records(e, record);
-    struct gr_inlet inlet = default_inlet(record);
+    struct gr_inlet inlet = default_inlet(e, record);
     inlet.yields = 1;
     CHECK(gr_inflow_add(e, &inlet) == GR_OK);
     CHECK(gr_regroup(e, NULL) == GR_OK && gr_reserve_pending(e, 64) == GR_OK);
@@ -163,8 +159,7 @@ TEST(inlets_that_cannot_be_are_refused)
     const int mass = gr_component_of(s.engine, GR_FIELD_mass);
 #define REFUSED(change)                                          \
     do {                                                         \
-        give_records(s.engine, record);                          \
-        struct gr_inlet inlet = default_inlet(record);           \
+        struct gr_inlet inlet = default_inlet(s.engine, record); \
         change;                                                  \
         CHECK(gr_inflow_add(s.engine, &inlet) == GR_ERR_CONFIG); \
         CHECK(!s.engine->inflow || !s.engine->inflow->n_inlets); \
@@ -196,8 +191,7 @@ TEST(a_run_takes_no_more_inlets)
     double record[SITES * 16];
     empty(&s, 2560, 1);
     advance_to(&s, 50);
-    give_records(s.engine, record);
-    const struct gr_inlet inlet = default_inlet(record);
+    const struct gr_inlet inlet = default_inlet(s.engine, record);
     CHECK(gr_inflow_add(s.engine, &inlet) == GR_ERR_CONFIG && s.engine->inflow->n_inlets == 1);
     scene_free(&s);
 }
@@ -237,8 +231,7 @@ TEST(adding_fails)
         struct scene s;
         double record[SITES * 16];
         empty(&s, 64, present);
-        give_records(s.engine, record);
-        const struct gr_inlet inlet = default_inlet(record);
+        const struct gr_inlet inlet = default_inlet(s.engine, record);
         long n = 0;
         int error;
         do {
@@ -292,8 +285,7 @@ TEST(reserve_is_enough)
     double record[SITES * 16];
     empty(&s, 64, 0);
     struct gr_engine *e = s.engine;
-    give_records(e, record);
-    struct gr_inlet inlet = default_inlet(record);
+    struct gr_inlet inlet = default_inlet(e, record);
     const double dt = gr_longest_dt(&e->config), every = dt / 1.993;
     inlet.n_sites = inlet.yields = 1;
     inlet.spacing = SPEED * every;

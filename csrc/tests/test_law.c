@@ -117,6 +117,16 @@ static void each_isa(void (*check)(const struct gr_kernels *kernels, int dim))
     }
 }
 
+/* Random points, which are put into `old`, after an update. */
+static struct points updated(const struct gr_kernels *kernels, const char *law, int dim, double strain, int from_density,
+                             struct points *old)
+{
+    random_points(old, dim, MOST, strain);
+    struct points p = *old;
+    update(kernels, gr_law_index(law), &p, from_density);
+    return p;
+}
+
 #define TEST_OF_EACH_ISA(name)                                           \
     static void check_##name(const struct gr_kernels *kernels, int dim); \
     TEST(name) { each_isa(check_##name); }                               \
@@ -124,10 +134,7 @@ static void each_isa(void (*check)(const struct gr_kernels *kernels, int dim))
 
 TEST_OF_EACH_ISA(elastic_is_the_jaumann_rate)
 {
-    struct points p, old;
-    random_points(&p, dim, MOST, 1e-3);
-    old = p;
-    update(kernels, gr_law_index("elastic"), &p, 0);
+    struct points old, p = updated(kernels, "elastic", dim, 1e-3, 0, &old);
     for (int k = 0; k < MOST; k++) {
         double t[6];
         trial(old.gradient[k], old.stress[k], dim, t);
@@ -140,11 +147,8 @@ TEST_OF_EACH_ISA(elastic_is_the_jaumann_rate)
 TEST_OF_EACH_ISA(mu_I_flows)
 {
     for (int from_density = 0; from_density < 2; from_density++) {
-        struct points q, old;
+        struct points old, q = updated(kernels, "mu_I", dim, 1e-3, from_density, &old);
         int elastic = 0, flowing = 0;
-        random_points(&q, dim, MOST, 1e-3);
-        old = q;
-        update(kernels, gr_law_index("mu_I"), &q, from_density);
         for (int k = 0; k < MOST; k++) {
             double t[6], p, tau, p_trial, tau_trial;
             trial(old.gradient[k], old.stress[k], dim, t);
@@ -173,10 +177,7 @@ TEST_OF_EACH_ISA(mu_I_flows)
 
 TEST_OF_EACH_ISA(drucker_prager_returns)
 {
-    struct points q, old;
-    random_points(&q, dim, MOST, 5e-4);
-    old = q;
-    update(kernels, gr_law_index("drucker_prager"), &q, 0);
+    struct points old, q = updated(kernels, "drucker_prager", dim, 5e-4, 0, &old);
     for (int k = 0; k < MOST; k++) {
         double t[6], p, tau, p_trial, tau_trial;
         trial(old.gradient[k], old.stress[k], dim, t);
@@ -193,11 +194,8 @@ TEST_OF_EACH_ISA(drucker_prager_returns)
  * implicit step. */
 TEST_OF_EACH_ISA(regularised_mu_I_creeps_and_flows)
 {
-    struct points q, old;
+    struct points old, q = updated(kernels, "regularised_mu_I", dim, 1e-3, 0, &old);
     int creeping = 0, flowing = 0;
-    random_points(&q, dim, MOST, 1e-3);
-    old = q;
-    update(kernels, gr_law_index("regularised_mu_I"), &q, 0);
     const double x1 = I1 / XI, k = MU_INF * XI, mu_1 = (MU_S + x1 * (MU_2 + k * x1)) / (1 + x1);
     for (int i = 0; i < MOST; i++) {
         double t[6], p, tau, p_trial, tau_trial;
