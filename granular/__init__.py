@@ -13,7 +13,7 @@ if not any(Path(__file__).with_name(f"_core{suffix}").exists() for suffix in EXT
     )
 
 import granular.mpm.simulation  # noqa: F401 (by which `Simulation` solves a `Scene`)
-from granular import materials, shapes
+from granular import materials, ranks, shapes
 from granular.materials import (
     NGF,
     DruckerPrager,
@@ -96,6 +96,7 @@ LATER = (
     "measure",
     "papers",
     "plot",
+    "ranks",
     "scenes",
     "sph",
     "theory",
@@ -182,6 +183,7 @@ __all__ = [
     "open_trajectory",
     "papers",
     "plot",
+    "ranks",
     "scaling",
     "scene_warnings",
     "scenes",

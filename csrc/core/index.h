@@ -12,3 +12,10 @@ static inline int64_t gr_index(double x, int64_t least, int64_t most)
 
 /* The sign of a number: 1, -1, or 0, also for NaN. */
 static inline int gr_sign(double x) { return (x > 0) - (x < 0); }
+
+/* For qsort: indices, ascending. */
+static inline int gr_compare_ids(const void *a, const void *b)
+{
+    const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
+    return (x > y) - (x < y);
+}

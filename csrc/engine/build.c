@@ -14,6 +14,7 @@
 #include "mpm/numbers.h"
 #include "mpm/open_volume.h"
 #include "mpm/patches.h"
+#include "mpm/ranks.h"
 #include "mpm/sleep.h"
 #include "mpm/solid_cells.h"
 #include "mpm/thin_bodies.h"
@@ -184,6 +185,7 @@ void gr_engine_free(struct gr_engine *e)
     gr_rigid_free(e->bodies.rigid);
     gr_open_volume_free(e->bodies.open);
     gr_sleep_free(e->sleep);
+    gr_ranks_free(e->ranks);
     const void *owned[] = {e->points.column,
                            e->bodies.near.cell,
                            e->bodies.near.bodies,

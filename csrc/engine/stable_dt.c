@@ -6,6 +6,7 @@
 #include "contact/moving.h"
 #include "core/inlets.h"
 #include "mpm/numbers.h"
+#include "mpm/ranks.h"
 #include "mpm/sleep.h"
 
 /* The largest speed of the points, squared, by chunks of cells. */
@@ -44,6 +45,7 @@ double gr_stable_dt(const struct gr_engine *e, struct gr_team *team)
     double square = 0;
     gr_team_run(team, find_fastest, &fastest, fastest.chunks);
     for (int64_t c = 0; c < fastest.chunks; c++) square = fmax(square, fastest.square[c]);
+    if (e->ranks) gr_ranks_find_largest(e, &square);
     double speed = fmax(sqrt(square), fmax(gr_bodies_speed(e), gr_inlets_speed(e->inflow)));
     for (int k = 0; k < e->config.n_walls; k++) {
         const double *wall = e->config.walls[k].velocity;

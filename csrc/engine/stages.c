@@ -5,6 +5,7 @@
 
 #include "contact/contact.h"
 #include "mpm/fluidity_bodies.h"
+#include "mpm/ghosts.h"
 #include "mpm/grid.h"
 #include "mpm/numbers.h"
 #include "mpm/sleep.h"
@@ -90,19 +91,28 @@ static void all_of(struct gr_run *run, gr_chunk_work *chunk, int64_t n)
     gr_team_run(run->team, chunk, run, gr_chunks(run->team, n));
 }
 
+/* Receive the sums of ghost cells, as far as the nodes of this stage need them. */
+static void receive(struct gr_run *run, unsigned parts)
+{
+    if (run->e->ranks && !run->e->failure.code) run->e->failure.code = gr_ghosts_exchange(run->e, parts, run->team);
+}
+
 void gr_stage_grid(struct gr_run *run)
 {
     struct gr_engine *e = run->e;
     const int64_t n_nodes = e->mesh.n_nodes;
+    const unsigned density = gr_averages(e, e->clock.step) ? GR_GHOST_DENSITY : 0;
     e->clock.shift_dt = e->clock.dt;
     e->shift_scale = -1.0 / e->clock.dt;
     e->clock.inv_dt = 1.0 / e->clock.dt;
     e->servo_strain = gr_servo_strain(e);
     if (run->again) gr_stage_p2g(run);
     gr_plan_sums(e, e->clock.step + 1);
+    receive(run, GR_GHOST_MOMENTUM | (e->config.cell_averaged ? 0 : GR_GHOST_FORCE | density));
     if (e->config.cell_averaged) {
         all_of(run, masses, gr_groups(e));
         all_tiles(run, cell_forces);
+        receive(run, GR_GHOST_FORCE | GR_GHOST_AVERAGES);
     }
     all_of(run, nodes, gr_groups(e));
     if (e->config.n_bodies) e->failure.code = gr_bodies_touch(e, run->kernels, run->gravity, run->team);
@@ -116,10 +126,11 @@ void gr_stage_grid(struct gr_run *run)
     }
     for (run->pass = 2; run->pass <= e->config.xpic_order; run->pass++) {
         all_tiles(run, smooth);
+        receive(run, GR_GHOST_MOMENTUM);
         all_of(run, smooth_nodes, n_nodes);
     }
     if (run->kernels->narrow_nodes) all_of(run, narrow, gr_groups(e));
-    if (e->watch) gr_sum_wall_impulses(e);
+    if (e->watch) e->failure.code = gr_sum_wall_impulses(e);
     if (e->watch && e->watch->servo.height > 0) gr_move_servo(e);
 }
 

@@ -15,6 +15,7 @@
 #include "mpm/migrate.h"
 #include "mpm/open_volume.h"
 #include "mpm/patches.h"
+#include "mpm/ranks.h"
 #include "mpm/sleep.h"
 #include "mpm/smoothed_density.h"
 #include "mpm/tally.h"
@@ -95,6 +96,13 @@ static int add_patches(struct gr_engine *e)
     return e->bodies.contacts ? gr_add_body_patches(e) : GR_OK;
 }
 
+/* Share out the work of the steps, on all ranks or on none. */
+static int share_out(struct gr_run *run)
+{
+    const int error = gr_share_out(run);
+    return run->e->ranks ? gr_ranks_agree(run->e, error, NULL, 0) : error;
+}
+
 /* Finish the step: move the points that left their cells, and the bodies. */
 static void finish(struct gr_run *run)
 {
@@ -117,10 +125,13 @@ static void finish(struct gr_run *run)
     if (e->bodies.contacts && gr_list_near_bodies(e)) e->failure.code = GR_ERR_MEMORY;
     if (e->bodies.open && (e->config.cell_averaged || gr_averages(e, e->clock.step)) && gr_open_volumes(e, 1))
         e->failure.code = GR_ERR_MEMORY;
+    int64_t next[2] = {e->migration.n_pending || e->disconnected || gr_has_emptied(e), e->passage.any};
+    if (e->ranks) e->failure.code = gr_ranks_agree(e, e->failure.code, next, 2);
+    if (!e->failure.code && next[1]) e->failure.code = gr_tally_settle(e);
     if (e->failure.code) return;
-    if (e->migration.n_pending || e->disconnected || gr_has_emptied(e)) {
+    if (next[0]) {
         e->failure.code = gr_regroup(e, run->team);
-        if (!e->failure.code) e->failure.code = gr_share_out(run);
+        if (!e->failure.code) e->failure.code = share_out(run);
     } else if (e->migration.tiles_grown) {
         gr_share_tiles(run);
     }
@@ -130,7 +141,10 @@ static void finish(struct gr_run *run)
  * and only the clock runs on, fast. */
 static int ready(struct gr_engine *e, struct gr_team *team)
 {
-    return e->points.n && e->mesh.n_cells && !e->migration.n_pending && !e->disconnected ? GR_OK : gr_regroup(e, team);
+    const int grouped = e->ranks ? e->ranks->grouped : e->points.n && e->mesh.n_cells;
+    int64_t others = !(grouped && !e->migration.n_pending && !e->disconnected);
+    const int error = e->ranks ? gr_ranks_agree(e, GR_OK, &others, 1) : GR_OK;
+    return error ? error : others ? gr_regroup(e, team) : GR_OK;
 }
 
 /* Report a call of a user-defined law that has failed; all points are there, but those of the call have no stress. */
@@ -150,7 +164,7 @@ static void make_steps(void *context, struct gr_team *team)
     struct gr_engine *e = run->e;
     run->team = team;
     e->failure.code = ready(e, team);
-    if (!e->failure.code) e->failure.code = gr_share_out(run);
+    if (!e->failure.code) e->failure.code = share_out(run);
     gr_plan_sums(e, e->clock.step);
     while (!e->failure.code) {
         if (!e->sums.valid) {
@@ -192,7 +206,7 @@ int gr_advance(struct gr_engine *e, const struct gr_kernels *kernels, int64_t ma
 /* The stages one by one, in one thread: the same as a step of gr_advance, to the last bit. */
 int gr_p2g(struct gr_engine *e, const struct gr_kernels *kernels)
 {
-    e->failure.code = ready(e, NULL);
+    e->failure.code = e->ranks ? GR_ERR_CONFIG : ready(e, NULL); /* ranks make whole steps alone */
     if (e->failure.code) return e->failure.code;
     gr_plan_sums(e, e->clock.step);
     kernels = gr_in_precision(kernels, e->config.single);
@@ -208,8 +222,8 @@ int gr_p2g(struct gr_engine *e, const struct gr_kernels *kernels)
 int gr_grid(struct gr_engine *e, const struct gr_kernels *kernels)
 {
     struct gr_run run = run_of(e, kernels);
-    e->failure.code = GR_OK;
-    if (!e->sums.valid) gr_p2g(e, kernels);
+    e->failure.code = e->ranks ? GR_ERR_CONFIG : GR_OK;
+    if (!e->failure.code && !e->sums.valid) gr_p2g(e, kernels);
     if (!e->failure.code) e->failure.code = gr_share_out(&run);
     if (e->failure.code) return e->failure.code;
     prepare(&run);
@@ -223,7 +237,7 @@ int gr_g2p(struct gr_engine *e, const struct gr_kernels *kernels)
 {
     struct gr_run run = run_of(e, kernels);
     const int known = !e->config.cell_averaged || e->sums.valid; /* the density of a cell is stored with its sums */
-    e->failure.code = e->mesh.n_cells && e->clock.dt > 0 && !e->migration.n_pending && !e->disconnected && known
+    e->failure.code = e->mesh.n_cells && e->clock.dt > 0 && !e->migration.n_pending && !e->disconnected && known && !e->ranks
                           ? gr_share_out(&run)
                           : GR_ERR_CONFIG;
     if (e->failure.code) return e->failure.code;

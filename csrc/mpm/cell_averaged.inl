@@ -324,7 +324,7 @@ GR_INLINE void shift_of_cells(const int dim, const struct gr_engine *e, int64_t 
         over[d] = v_load(average_of(e, GR_AVERAGE_OVER_COMPRESSION(dim) + d, first));
         length = v_fma(over[d], over[d], length);
     }
-    face_drops(dim, e, first, ONE_POINT, drop);
+    face_drops(dim, 0, e, first, ONE_POINT, drop);
     const vm far = v_gt(scale * scale * length, most * most);
     if (m_bits(far)) scale = v_select(far, most / v_sqrt(v_max(length, v_set(GR_NOTHING))), scale);
     for (int d = 0; d < dim; d++) {

@@ -49,19 +49,75 @@ GR_INLINE void store_filling(const struct gr_engine *e, int64_t first, vd filled
     v_store(average_of(e, GR_AVERAGE_EXCESS, first), excess);
 }
 
+/* Gaps of a node between which a cell about it is a surface and inside the material: phi = 0.7 and 0.9. A cell that is
+ * full to three quarters above a full one and under an empty one has 0.7, a full one under an empty one 5/6. */
+#define SURFACE_GAP -0.353
+#define INSIDE_GAP -0.105
+
+/* Open part of a cell below which a body cuts it. For a cell which a body only touches it is one but for round-off. */
+#define CUT_BELOW 0.99
+
+/* The excess of cells with the smoothed density, from the gap of the node at their middle. Those that a body cuts, or that a
+ * block fills, take no part. */
+GR_INLINE vd excess_at(vd filled, vd open, vd gap, vd solid)
+{
+    const vd excess = excess_of(filled, open, between(SURFACE_GAP, INSIDE_GAP, gap));
+    const vd space = v_select(v_gt(solid, v_zero()), v_zero(), open);
+    return v_select(v_gt(v_set(CUT_BELOW), space), v_set(GR_NO_EXCESS), excess);
+}
+
+/* Local index along axis d of the node at the middle of the neighbour `at` among the nodes of a cell; -1 if it is not one. */
+static int middle_among(const struct gr_engine *e, const struct gr_cell *cell, int d, int32_t at)
+{
+    const struct gr_axis_cell *along = e->axis[d].cell;
+    int a = 2;
+    while (a >= 0 && along[cell->at[d]].node[a] != along[at].node[1]) a--;
+    return a;
+}
+
+/* Set the excess of the neighbours across a face that have no points and are not active: what they would have if they
+ * were. So it does not matter when the points were grouped. */
+static __attribute__((noinline)) void excess_of_absent(const struct gr_engine *e, int64_t first, int d, int high,
+                                                       double other[GR_W])
+{
+    const int dim = e->config.dim;
+    const double *const gap_of = gr_node_field(e, GR_NODE_DENSITY(dim) + GR_NODE_OWN_GAP(dim));
+    double gap[GR_W], open[GR_W], solid[GR_W];
+    for (int l = 0; l < GR_W; l++) {
+        const struct gr_cell *cell = &e->mesh.cell[first + l];
+        gap[l] = -INFINITY, open[l] = 1, solid[l] = 0;
+        if (e->mesh.neighbour[(first + l) * 2 * dim + 2 * d + high] != GR_NEIGHBOUR_NO_POINTS) continue;
+        int32_t at[3] = {cell->at[0], cell->at[1], cell->at[2]};
+        const int32_t n = e->axis[d].n_cells;
+        at[d] = (at[d] + (high ? 1 : n - 1)) % n;
+        const struct gr_open_part *part = gr_open_part(e->bodies.open, gr_cell_id(e, at));
+        const int a = middle_among(e, cell, d, at[d]), y = d == 1 ? a : 1, z = d == 2 ? a : dim == 3;
+        if (a >= 0) gap[l] = gap_of[gr_node_in_row(e, first + l, y + 3 * z, d == 0 ? a : 1)];
+        if (part) open[l] = part->volume;
+        solid[l] = gr_map_get(&e->config.cell_flags, at) & GR_CELL_SOLID;
+    }
+    v_store(other, excess_at(v_zero(), v_load(open), v_load(gap), v_load(solid)));
+}
+
 /* Differences of the excess of the cells from `first` on to their neighbours, for each face the low side less the high
- * side. Cells hold whole points: differences up to so many `points` are left. */
-GR_INLINE void face_drops(const int dim, const struct gr_engine *e, int64_t first, double points, vd drop[3][2])
+ * side. Cells hold whole points: differences up to so many `points` are left. With `smoothed` empty cells have an excess,
+ * too. */
+GR_INLINE void face_drops(const int dim, const int smoothed, const struct gr_engine *e, int64_t first, double points,
+                          vd drop[3][2])
 {
     const double *const excess = average_of(e, GR_AVERAGE_EXCESS, 0);
-    double count[GR_W], rise[GR_W];
+    double count[GR_W], rise[GR_W], absent[GR_W];
     for (int l = 0; l < GR_W; l++) count[l] = e->mesh.cell[first + l].count;
     const vd point = v_load(average_of(e, GR_AVERAGE_FILLED, first)) / v_max(v_load(count), v_set(1.0));
     for (int d = 0; d < dim; d++)
         for (int high = 0; high < 2; high++) {
+            int any = 0;
+            for (int l = 0; smoothed && l < GR_W; l++)
+                any |= e->mesh.neighbour[(first + l) * 2 * dim + 2 * d + high] == GR_NEIGHBOUR_NO_POINTS;
+            if (any) excess_of_absent(e, first, d, high, absent);
             for (int l = 0; l < GR_W; l++) {
                 const int64_t neighbour = e->mesh.neighbour[(first + l) * 2 * dim + 2 * d + high];
-                const double here = excess[first + l], other = neighbour < 0 ? 0 : excess[neighbour];
+                const double here = excess[first + l], other = neighbour >= 0 ? excess[neighbour] : any ? absent[l] : 0;
                 rise[l] =
                     neighbour == GR_NEIGHBOUR_CLOSED || here == GR_NO_EXCESS || other == GR_NO_EXCESS ? 0 : other - here;
             }

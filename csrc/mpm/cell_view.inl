@@ -212,7 +212,7 @@ GR_INLINE void look_at_cells(const int dim, const int basis, const int affine, c
     }
     load_nodes(K, e, first, 0, dim, e->clock.dt * e->inv_dx, view->mode); /* displacement in cells per step */
     load_nodes(K, e, first, dim, 2 * dim, 1.0, view->mode + dim * K);
-    if (averages) face_drops(dim, e, first, LEFT_POINTS, view->drop);
+    if (averages) face_drops(dim, 1, e, first, LEFT_POINTS, view->drop);
     if (averages) load_nodes(K, e, first, GR_NODE_DENSITY(dim), fields, 1.0, view->mode + GR_NODE_DENSITY(dim) * K);
     if (cell_averaged) view->c = flow_of_cells(dim, e, first, &view->walls, view->mode, view->L, view->shift);
     for (int q = 0; q < fields; q++) gr_modes(dim, basis, nodal, &view->frame, view->mode + q * K);

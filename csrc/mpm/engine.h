@@ -254,6 +254,8 @@ struct gr_engine {
     int64_t dropped, clamped;
     double dropped_mass;
     struct gr_tally tally; /* for the verdict on the run */
+    struct gr_passage passage;
+    struct gr_ranks *ranks; /* other processes that work on the same run (mpm/ranks.h); NULL without any */
     struct gr_failure failure;
     int refused_threads; /* of those that the last gr_advance asked for, by the system */
 };

@@ -13,6 +13,7 @@
 #include "core/memory.h"
 #include "mpm/cell_sums.h"
 #include "mpm/connect.h"
+#include "mpm/ghosts.h"
 #include "mpm/migrate.h"
 #include "mpm/sleep.h"
 #include "mpm/slots.h"
@@ -27,12 +28,6 @@ enum { GROWTH = 16 };
 
 /* Steps after which emptied cells are counted again. A count is far cheaper than a step. */
 enum { EMPTIED_INTERVAL = 64 };
-
-int gr_compare_ids(const void *a, const void *b)
-{
-    const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
-    return (x > y) - (x < y);
-}
 
 /* Points that are listed together: of a share of the old cells, or the pending ones. */
 struct list {
@@ -82,6 +77,7 @@ static int add_point(struct regroup *r, struct list *list, int64_t source, const
         if (at[d] < 0 || at[d] >= axis->n_cells) inside = 0;
         cell[d] = (int32_t)at[d];
     }
+    if (inside && e->ranks && gr_owner(e->ranks, cell) != e->ranks->transport.rank) inside = 0;
     if (!inside) {
         list->failed = 1;
         list->outside = id;
@@ -266,15 +262,30 @@ GR_SHARED(size_tiles, struct regroup, gr_number_of_tiles(&r->tiles), r)
     }
 }
 
-/* List the occupied cells and their neighbours, make tiles of them, and count the points of each. next_of, set here,
- * becomes cell_of. */
+/* List the occupied cells and their neighbours; of those of other ranks only the ones that this rank has, too. */
+static int list_active(struct regroup *r)
+{
+    struct gr_engine *e = r->e;
+    int64_t *occupied = NULL, n = r->n_occupied, here = 0;
+    int error = e->ranks ? gr_ranks_list_occupied(e, r->listed, r->n_occupied, &occupied, &n) : GR_OK;
+    if (!error &&
+        gr_spread(e, GR_SPREAD_CELLS, occupied ? occupied : r->listed, n, r->team, r->chunks, &r->cells, &r->n_active))
+        error = GR_ERR_MEMORY;
+    free(occupied);
+    if (error || !e->ranks) return error;
+    for (int64_t c = 0; c < r->n_active; c++)
+        if (gr_is_here(e, r->cells[c])) r->cells[here++] = r->cells[c];
+    r->n_active = here;
+    return GR_OK;
+}
+
+/* List the active cells, make tiles of them, and count the points of each. next_of, set here, becomes cell_of. */
 static int list_cells(struct regroup *r)
 {
     struct gr_engine *e = r->e;
-    const int64_t occupied = merge_listed(r);
-    r->n_occupied = occupied;
-    if (gr_spread(e, GR_SPREAD_CELLS, r->listed, occupied, r->team, r->chunks, &r->cells, &r->n_active))
-        return GR_ERR_MEMORY;
+    r->n_occupied = merge_listed(r);
+    const int error = list_active(r);
+    if (error) return error;
     if (e->bodies.n_thin && split_cells(r)) return GR_ERR_MEMORY;
     if (gr_make_tiles(&r->tiles, e, r->cells, r->sides, r->n_active) ||
         gr_table_fill(&e->mesh.next_of, r->cells, r->tiles.lane, r->n_active, r->team, r->chunks))
@@ -460,11 +471,29 @@ int gr_has_emptied(const struct gr_engine *e)
     return 4 * occupied < 3 * e->mesh.n_occupied;
 }
 
+/* Agree on whether all ranks have slots for their points. One that has waits for those that have not. */
+static int agree_on_slots(struct regroup *r, int error)
+{
+    struct gr_engine *e = r->e;
+    const int agreed = gr_ranks_agree(e, error, NULL, 0);
+    if (agreed == GR_ERR_CAPACITY && !error) e->migration.needed_capacity = e->points.capacity;
+    return agreed;
+}
+
+static int agree_on_ghosts(struct gr_engine *e, int error)
+{
+    error = gr_ranks_agree(e, error, NULL, 0);
+    if (!error) error = gr_ghosts_list(e);
+    e->ranks->grouped = !error;
+    return error;
+}
+
 int gr_regroup(struct gr_engine *e, struct gr_team *team)
 {
     struct regroup r = {.e = e, .team = team, .chunks = e->points.n > FEW_POINTS ? gr_chunks(team, GR_MAX_CHUNKS) : 1};
     int error = reserve_points(&r);
     if (!error) error = list_points(&r);
+    if (e->ranks) error = gr_ranks_agree(e, error, NULL, 0);
     if (!error) error = list_cells(&r);
     if (!error && r.total + r.total / (2 * GROWTH) > e->points.capacity) {
         e->migration.needed_capacity = r.total + r.total / GROWTH;
@@ -473,6 +502,7 @@ int gr_regroup(struct gr_engine *e, struct gr_team *team)
     if (!error) error = reserve_slots(&r);
     if (!error) error = reserve_mesh(e, gr_number_of_tiles(&r.tiles));
     if (!error) error = gr_reserve_sums(e, r.tiles.block[gr_number_of_tiles(&r.tiles)]);
+    if (e->ranks) error = agree_on_slots(&r, error);
     if (error) goto out; /* the old cells remain */
     place_cells(&r);
     move_points(&r);
@@ -483,6 +513,7 @@ int gr_regroup(struct gr_engine *e, struct gr_team *team)
     error = gr_connect(e, &r.tiles, team, r.chunks);
     if (!error && e->nonlocal.fluidity) error = gr_fluidity_cover(e->nonlocal.fluidity, r.cells, r.sides, r.n_active);
     if (!error && e->nonlocal.fluidity) find_fluidity(&r);
+    if (e->ranks) error = agree_on_ghosts(e, error);
     e->disconnected = error != GR_OK; /* the points are grouped, but the mesh must be made again */
 out:
     free_regroup(&r);

@@ -11,4 +11,3 @@ int gr_regroup(struct gr_engine *e, struct gr_team *team);
  * leaves its cells behind, which are visited in each step until the points are grouped again; the results do not depend on
  * it. */
 int gr_has_emptied(const struct gr_engine *e);
-int gr_compare_ids(const void *a, const void *b); /* for qsort: int64_t, ascending */

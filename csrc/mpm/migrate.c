@@ -6,6 +6,7 @@
 
 #include "core/index.h"
 #include "core/memory.h"
+#include "mpm/arrivals.h"
 #include "mpm/sleep.h"
 #include "mpm/slots.h"
 #include "mpm/tally.h"
@@ -127,6 +128,13 @@ static int64_t find_cell(const struct gr_engine *e, const int64_t at[3], const d
     return gr_point_side(e, x, gr_sign(record[gr_component_of(e, GR_FIELD_side)])) < 0 ? e->mesh.other[index] : index;
 }
 
+int64_t gr_find_cell(const struct gr_engine *e, const double *record)
+{
+    int64_t at[3];
+    locate(e, record, at);
+    return find_cell(e, at, record);
+}
+
 /* Check point k of a list, find its new cell, and count it. */
 static void address(const struct gr_engine *e, struct gr_migrants *out, int64_t k)
 {
@@ -220,7 +228,6 @@ static int64_t bring_back(struct gr_engine *e, const struct gr_cell *from, doubl
     }
     gr_tally_outflow(e, record);
     e->dropped++;
-    e->dropped_mass += record[gr_component_of(e, GR_FIELD_mass)];
     e->points.n--;
     return GR_TO_NOWHERE;
 }
@@ -280,15 +287,46 @@ static int64_t bring_back_all(struct gr_engine *e, struct gr_migrants *list, int
     return homeless;
 }
 
+/* True if an active cell has not taken a point. */
+static int is_left(const struct gr_migrant *migrant) { return migrant->to == GR_TO_NO_CELL || migrant->slot == FULL; }
+
+/* Give more rows to the tiles whose cells are full, or let points wait. If some have no cell all are grouped anyway. */
+static int insert_rest(struct gr_engine *e, struct gr_migrants *list, int lists, int homeless)
+{
+    int64_t left = 0, n = 0;
+    for (int l = 0; e->ranks && l < lists; l++)
+        for (int64_t k = 0; k < list[l].count; k++) left += is_left(&list[l].from[k]);
+    if (e->ranks && gr_ranks_reserve_staged(e, left)) return GR_ERR_MEMORY;
+    for (int l = 0; l < lists; l++)
+        for (int64_t k = 0; k < list[l].count; k++) {
+            const struct gr_migrant *migrant = &list[l].from[k];
+            double *record = list[l].record + k * e->points.n_components;
+            if (!is_left(migrant) || (!homeless && take_slot(e, migrant->to, record, list[l].id[k]))) continue;
+            if (e->ranks)
+                gr_ranks_stage(e, n++, record, list[l].id[k]);
+            else
+                wait(e, record, list[l].id[k]);
+        }
+    return e->ranks ? gr_ranks_make_pending(e, n) : GR_OK;
+}
+
 int gr_migrate(struct gr_engine *e, struct gr_migrants *list, int lists, struct gr_team *team)
 {
     enum { FEW = 256 }; /* an estimate: fewer points are inserted sooner than a team is called */
     int64_t invalid = 0, count = 0;
     e->sums.n_dirty = 0;
     for (int l = 0; l < lists; l++) invalid += list[l].invalid, count += list[l].count;
-    if (invalid) return refuse(e, list, lists); /* the state before migration */
-    const int64_t homeless = bring_back_all(e, list, lists);
-    int full = 0;
+    int elsewhere = e->ranks ? gr_ranks_agree(e, invalid ? GR_ERR_NOT_FINITE : GR_OK, NULL, 0) : GR_OK, full = 0;
+    if (invalid || elsewhere) { /* the state before migration */
+        const int error = refuse(e, list, lists);
+        return error ? error : elsewhere;
+    }
+    int64_t homeless = bring_back_all(e, list, lists);
+    if (e->ranks) {
+        const int error = gr_ranks_pass_points(e, list, lists, &homeless, &lists);
+        if (error) return error;
+        list = e->ranks->part;
+    }
     struct arrivals a; /* not cleared, as its arrays are long */
     a.e = e, a.list = list, a.lists = lists;
     a.chunks = count > FEW ? gr_chunks(team, e->mesh.n_tiles) : 1;
@@ -300,15 +338,7 @@ int gr_migrate(struct gr_engine *e, struct gr_migrants *list, int lists, struct 
         e->sums.n_dirty += a.n_dirty[chunk];
         full |= a.full[chunk];
     }
-    for (int l = 0; (homeless || full) && l < lists; l++)
-        for (int64_t k = 0; k < list[l].count; k++) {
-            const struct gr_migrant *migrant = &list[l].from[k];
-            double *record = list[l].record + k * e->points.n_components;
-            if (migrant->to != GR_TO_NO_CELL && migrant->slot != FULL) continue;
-            /* with points that have no cell all are grouped anyway */
-            if (homeless || !take_slot(e, migrant->to, record, list[l].id[k])) wait(e, record, list[l].id[k]);
-        }
-    return GR_OK;
+    return homeless || full ? insert_rest(e, list, lists, homeless > 0) : GR_OK;
 }
 
 /* Insert a single point into a cell; it waits if there is none, or no slot for it. */

@@ -65,6 +65,9 @@ void gr_change_sides(struct gr_engine *e);
  * full. One outside of the domain is brought back, or dropped. */
 void gr_insert_new(struct gr_engine *e, double *record, int64_t id);
 
+/* Find the cell of a packed point, or enum gr_destination. */
+int64_t gr_find_cell(const struct gr_engine *e, const double *record);
+
 /* Reserve memory for n packed points. share_out does it before the steps, so that none of them allocates. */
 int gr_reserve_pending(struct gr_engine *e, int64_t n);
 

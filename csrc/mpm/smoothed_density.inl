@@ -114,14 +114,6 @@ GR_INLINE void correct_weights(const int dim, const int basis, struct gr_engine 
 /* 2^64 over the golden ratio: odd, and without a pattern in its bits. */
 #define HASH 0x9E3779B97F4A7C15u
 
-/* Gaps of a node between which a cell about it is a surface and inside the material: phi = 0.7 and 0.9. A cell that is
- * full to three quarters above a full one and under an empty one has 0.7, a full one under an empty one 5/6. */
-#define SURFACE_GAP -0.353
-#define INSIDE_GAP -0.105
-
-/* Open part of a cell below which a body cuts it. For a cell which a body only touches it is one but for round-off. */
-#define CUT_BELOW 0.99
-
 /* Content of the cells from `first` on, and whether they are inside, from the node at their middle. Blocks and cells that a
  * body cuts take no part: shifts of points there would change the friction on it, by 1 % of the speed in the flow between
  * cylinders. Call it after the nodes are described. */
@@ -138,9 +130,7 @@ GR_INLINE void fill_cells(const int dim, const struct gr_engine *e, int64_t firs
     vd filled = v_load(gr_cell_sums(e, first, GR_CELL_FILLED)) * v_set(e->mass_scale);
     if (dim == 2 && e->config.axisymmetric) filled = filled / GR_OF_CELLS(e, first, 0, radius);
     const vd open = open_parts(dim, e, first, centre);
-    const vd excess = excess_of(filled, open, between(SURFACE_GAP, INSIDE_GAP, v_load(at_middle)));
-    const vd space = v_select(v_gt(v_load(solid), v_zero()), v_zero(), open);
-    store_filling(e, first, filled, v_select(v_gt(v_set(CUT_BELOW), space), v_set(GR_NO_EXCESS), excess));
+    store_filling(e, first, filled, excess_at(filled, open, v_load(at_middle), v_load(solid)));
 }
 
 /* Part of a shift that each of the points in the slots from `at` on takes: from 0 to 2 by a hash of its number, 1 on

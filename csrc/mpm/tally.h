@@ -1,7 +1,7 @@
 /* Tally of a run: sums and extremes of its points, kept for its verdict (granular/run/diagnostics.py).
  *
- * One is made every GR_TALLY_INTERVAL steps. Each cell is summed over its points in their order, and the cells in theirs, so
- * that the bits depend neither on the number of threads nor on when the points were grouped. */
+ * One is made every GR_TALLY_INTERVAL steps. Each cell is summed over its points in their order, and the cells exactly, so
+ * that the bits depend neither on the number of threads or ranks nor on when the points were grouped. */
 #pragma once
 
 #include "core/team.h"
@@ -20,8 +20,11 @@ int gr_tally_is_due(const struct gr_engine *e);
 /* Make it; the points are grouped. Returned: 0 or GR_ERR_MEMORY. */
 int gr_tally_make(struct gr_engine *e, struct gr_team *team);
 
-/* Account for a packed point that appears, or is taken away, in a slot: `sign` is 1 or -1. */
+/* Account for a packed point that appears, or is taken away, in this step: `sign` is 1 or -1. */
 void gr_tally_carry(struct gr_engine *e, const double *record, int sign);
 
-/* Account for the energy of a packed point that leaves. */
+/* Account for the energy and the mass of a packed point that leaves. */
 void gr_tally_outflow(struct gr_engine *e, const double *record);
+
+/* Enter what came and went in this step. Returned: 0, or an error of other ranks. */
+int gr_tally_settle(struct gr_engine *e);

@@ -3,6 +3,8 @@
 
 #include <stdint.h>
 
+#include "core/exact.h"
+
 /* X(name, description); energies in J, in 2D per metre of depth */
 #define GR_TALLY(X)                                                                       \
     X(time, "time of the last tally, s; -1 if there is none")                             \
@@ -28,4 +30,14 @@ struct gr_tally {
 #undef GR_X
     struct gr_tally_of_cell *cell; /* work space */
     int64_t capacity;
+};
+
+/* Sums of the points of a tally: their energy, their plastic power, their moments; or of those that leave in a step: their
+ * energy, their mass, and the moments of all that come and go. */
+enum gr_tally_sum { GR_TALLY_ENERGY, GR_TALLY_OTHER, GR_TALLY_MOMENT, GR_TALLY_SUMS = GR_TALLY_MOMENT + 3 };
+
+/* What points that come and go in a step change, until its end. */
+struct gr_passage {
+    int any;
+    struct gr_exact sum[GR_TALLY_SUMS];
 };

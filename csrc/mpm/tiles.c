@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "mpm/cell_sums.h"
+#include "mpm/ranks.h"
 
 /* Give lanes to the cells in front of thin bodies, and then to those behind. */
 static int order_layers(struct gr_tiles *tiles, const int64_t *cells, const int8_t *sides, int64_t n)
@@ -38,6 +39,14 @@ static int continues(const struct gr_tiles *tiles, const struct gr_engine *e, in
     return x > 0 && cell[0].node[0] == cell[-1].node[0] + 1;
 }
 
+/* True if other ranks have a cell of a tile, too: they need its sums alone. */
+static int is_shared(const struct gr_tiles *tiles, const struct gr_engine *e, int64_t first, int64_t n)
+{
+    int shared = 0;
+    for (int64_t l = 0; e->ranks && l < n && !shared; l++) shared = gr_is_shared(e, tiles->cell[first + l]);
+    return shared;
+}
+
 /* Find the runs of a tile.
  * Returned: the numbers of its block. */
 static int find_runs(struct gr_tiles *tiles, const struct gr_engine *e, int64_t tile)
@@ -50,7 +59,7 @@ static int find_runs(struct gr_tiles *tiles, const struct gr_engine *e, int64_t 
         joins |= joined << l;
         runs += !joined;
     }
-    if (runs * e->sums.of_run >= e->sums.of_apart) joins = 0;
+    if (runs * e->sums.of_run >= e->sums.of_apart || is_shared(tiles, e, first, n)) joins = 0;
     tiles->joins[tile] = (uint8_t)joins;
     return e->sums.of_lanes + (joins ? runs * e->sums.of_run : e->sums.of_apart);
 }

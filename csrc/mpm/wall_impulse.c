@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "mpm/pose.h"
+#include "mpm/ranks.h"
 #include "mpm/walls.h"
 
 static int shares_are_valid(const struct gr_engine *e, int n_walls, const struct gr_wall_share *share, int n_shares,
@@ -34,8 +35,9 @@ int gr_watch_walls(struct gr_engine *e, int n_walls, const struct gr_wall_share 
     watch->share = malloc(sizeof *share * (size_t)n_shares);
     watch->step = calloc((size_t)n_walls * GR_WALL_NUMBERS + 1, sizeof(double));
     watch->total = calloc((size_t)n_walls * GR_WALL_NUMBERS + 1, sizeof(double));
+    watch->sum = calloc((size_t)gr_wall_sums(watch), sizeof *watch->sum);
     watch->code = malloc(sizeof *code * (size_t)n_codes);
-    if (!watch->share || !watch->step || !watch->total || !watch->code) {
+    if (!watch->share || !watch->step || !watch->total || !watch->sum || !watch->code) {
         gr_watch_free(watch);
         return GR_ERR_MEMORY;
     }
@@ -74,6 +76,7 @@ void gr_watch_free(struct gr_wall_watch *watch)
     free(watch->node);
     free(watch->step);
     free(watch->total);
+    free(watch->sum);
     free(watch);
 }
 
@@ -86,32 +89,41 @@ const struct gr_wall_share *gr_wall_share_of(const struct gr_engine *e, int64_t 
     return share;
 }
 
-void gr_sum_wall_impulses(struct gr_engine *e)
+/* Add the impulse on a node to the sums of its walls. */
+static void add_node(struct gr_engine *e, int64_t n)
 {
     const struct gr_wall_watch *watch = e->watch;
-    const int dim = e->config.dim;
-    struct gr_servo *servo = &e->watch->servo;
-    servo->mass = 0;
-    memset(watch->step, 0, sizeof(double) * (size_t)watch->n_walls * GR_WALL_NUMBERS);
-    for (int64_t n = 0; n < e->mesh.n_nodes; n++) {
-        if (!e->mesh.node_code[n]) continue;
-        int32_t at[3];
-        const struct gr_wall_share *share = gr_wall_share_of(e, n, at);
-        const double *velocity = gr_wall_now(e, e->mesh.node_code[n])->velocity;
-        double x[3];
-        gr_node_position(e, n, x);
-        for (int d = 0; d < dim; d++) {
-            const double impulse = watch->node[n * dim + d];
-            if (share->owner[d] < 0) continue;
-            if (d == servo->axis && share->owner[d] == servo->wall) servo->mass += e->nodes.mass[n];
-            double *sum = watch->step + (int64_t)share->owner[d] * GR_WALL_NUMBERS;
-            const int next = (d + 1) % 3, last = (d + 2) % 3; /* x cross the unit vector of d */
-            sum[d] += impulse;
-            sum[GR_WALL_WORK] -= impulse * velocity[d];
-            sum[3 + next] += x[last] * impulse;
-            sum[3 + last] -= x[next] * impulse;
-        }
+    struct gr_exact *const mass = watch->sum + (int64_t)watch->n_walls * GR_WALL_NUMBERS;
+    int32_t at[3];
+    const struct gr_wall_share *share = gr_wall_share_of(e, n, at);
+    const double *velocity = gr_wall_now(e, e->mesh.node_code[n])->velocity;
+    double x[3];
+    gr_node_position(e, n, x);
+    for (int d = 0; d < e->config.dim; d++) {
+        const double impulse = watch->node[n * e->config.dim + d];
+        if (share->owner[d] < 0) continue;
+        if (d == watch->servo.axis && share->owner[d] == watch->servo.wall) gr_exact_add(mass, e->nodes.mass[n]);
+        if (impulse == 0) continue;
+        struct gr_exact *sum = watch->sum + (int64_t)share->owner[d] * GR_WALL_NUMBERS;
+        const int next = (d + 1) % 3, last = (d + 2) % 3; /* x cross the unit vector of d */
+        gr_exact_add(&sum[d], impulse);
+        gr_exact_add(&sum[GR_WALL_WORK], -impulse * velocity[d]);
+        gr_exact_add(&sum[3 + next], x[last] * impulse);
+        gr_exact_add(&sum[3 + last], -x[next] * impulse);
     }
+}
+
+int gr_sum_wall_impulses(struct gr_engine *e)
+{
+    struct gr_wall_watch *watch = e->watch;
+    const int n_sums = gr_wall_sums(watch);
+    memset(watch->sum, 0, sizeof *watch->sum * (size_t)n_sums);
+    for (int64_t n = 0; n < e->mesh.n_nodes; n++)
+        if (e->mesh.node_code[n] && (!e->ranks || gr_ranks_has_node(e, n))) add_node(e, n);
+    const int error = e->ranks ? gr_ranks_combine(e, GR_OK, watch->sum, n_sums, NULL, 0) : GR_OK;
+    for (int k = 0; k < n_sums - 1; k++) watch->step[k] = gr_exact_value(&watch->sum[k]);
+    watch->servo.mass = gr_exact_value(&watch->sum[n_sums - 1]);
+    return error;
 }
 
 void gr_add_wall_impulses(struct gr_engine *e)

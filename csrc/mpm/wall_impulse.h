@@ -9,6 +9,7 @@
  * layer and through open sides; under uGIMP with an affine transfer the momentum of the points itself is not conserved. */
 #pragma once
 
+#include "core/exact.h"
 #include "mpm/servo.h"
 
 /* Which wall each component of the impulse on a node counts for; rows follow one another when walls open. */
@@ -29,9 +30,12 @@ struct gr_wall_watch {
     int32_t *code;               /* per combination of the classes of e->config.node_codes: the row of these nodes */
     double *node;                /* n_nodes x dim, N s: the impulse in this step */
     double *step, *total;        /* n_walls x GR_WALL_NUMBERS: in this step; since the run began */
+    struct gr_exact *sum;        /* gr_wall_sums: those of this step; then the mass of nodes at the wall of the servo */
     struct gr_servo servo;       /* height 0: no wall keeps a pressure */
     struct gr_patches *patches;  /* patches.h; NULL unless asked for; freed by their own function */
 };
+
+static inline int gr_wall_sums(const struct gr_wall_watch *watch) { return watch->n_walls * GR_WALL_NUMBERS + 1; }
 
 /* Begin to add up the impulses; before the points are grouped. The arguments are copied; `code` is per combination of
  * the classes of e->config.node_codes, x fastest.
@@ -47,6 +51,7 @@ void gr_watch_free(struct gr_wall_watch *watch);
  * Set: at, the indices of the node. */
 const struct gr_wall_share *gr_wall_share_of(const struct gr_engine *e, int64_t n, int32_t at[3]);
 
-/* Sum the impulses of the nodes over each wall, in the order of the nodes; and add the sums of a finished step. */
-void gr_sum_wall_impulses(struct gr_engine *e);
+/* Sum the impulses of the nodes over each wall, exactly; and add the sums of a finished step.
+ * Returned: 0, or an error of other ranks. */
+int gr_sum_wall_impulses(struct gr_engine *e);
 void gr_add_wall_impulses(struct gr_engine *e);

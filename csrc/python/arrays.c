@@ -126,7 +126,7 @@ PyObject *gr_raise_at(int error, const struct gr_failed_at *at)
 {
     const char *message = gr_error_message(error);
     char text[256];
-    if (error == GR_ERR_DIVERGED || error == GR_ERR_LAW)
+    if (error == GR_ERR_DIVERGED || error == GR_ERR_LAW || error == GR_ERR_ELSEWHERE)
         snprintf(text, sizeof text, "%s in step %lld (t = %.9g s)", message, (long long)at->step, at->time);
     else
         snprintf(text, sizeof text, "%s: point %lld at (%.9g, %.9g%s%.9g) in step %lld (t = %.9g s)", message,

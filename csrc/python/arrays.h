@@ -102,9 +102,10 @@ PyObject *gr_python_poses(const struct gr_engine *e, const void *rows, int numbe
 int gr_take_poses(const struct gr_engine *e, PyObject *object, const char *name, void *rows, int numbers);
 PyObject *gr_python_body_distance(PyObject *module, PyObject *args);
 
-/* mesh.c: nodes() and cells() of an engine. */
+/* mesh.c: nodes(), cells() and places(x, edge) of an engine. */
 PyObject *gr_python_nodes(const struct gr_engine *e, const struct gr_kernels *kernels);
 PyObject *gr_python_cells(const struct gr_engine *e);
+PyObject *gr_python_places(const struct gr_engine *e, PyObject *args);
 
 /* walls.c: impulses on the walls. */
 PyObject *gr_python_hold_pressure(struct gr_engine *e, PyObject *args);

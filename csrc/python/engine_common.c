@@ -7,6 +7,7 @@ void gr_free_object(struct gr_object *self)
     PyTypeObject *type = Py_TYPE(self);
     for (int k = 0; k <= self->n_fields; k++) Py_XDECREF(self->buffers[k]);
     Py_XDECREF(self->borrowed);
+    Py_XDECREF(self->link);
     type->tp_free((PyObject *)self);
     Py_DECREF(type);
 }

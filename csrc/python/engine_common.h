@@ -18,6 +18,7 @@ struct gr_object {
     int type[GR_MAX_FIELDS];                   /* of the numbers of its array, NPY_DOUBLE or NPY_FLOAT */
     PyArrayObject *buffers[GR_MAX_FIELDS + 1]; /* the borrowed arrays, the ids last */
     PyObject *borrowed;                        /* what else the engine borrows from; may be NULL */
+    PyObject *link;                            /* by which an engine reaches other processes; may be NULL */
     int is_bound, busy, refused_threads;
 };
 
@@ -77,3 +78,8 @@ int gr_refuse_count(const char *name, int64_t value);
 int gr_refuse_clock(double time, double dt);
 
 void gr_set_scalars(void *engine, const struct gr_scalar *table, int n, const void *from);
+
+/* ranks.c: methods of an engine that shares its run with other processes. */
+PyObject *gr_python_share(struct gr_object *self, struct gr_engine *e, PyObject *args);
+PyObject *gr_python_blocks(const struct gr_engine *e, PyObject *args);
+PyObject *gr_python_traffic(const struct gr_engine *e);

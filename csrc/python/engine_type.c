@@ -361,6 +361,30 @@ static PyObject *engine_restore_calm(struct gr_object *self, PyObject *object)
                         GR_CALM_CHECKS, GR_ASLEEP);
 }
 
+static PyObject *engine_share(struct gr_object *self, PyObject *args)
+{
+    struct gr_engine *e = gr_ready(self, 0);
+    return e ? gr_python_share(self, e, args) : NULL;
+}
+
+static PyObject *engine_blocks(struct gr_object *self, PyObject *args)
+{
+    const struct gr_engine *e = gr_ready(self, 0);
+    return e ? gr_python_blocks(e, args) : NULL;
+}
+
+static PyObject *engine_places(struct gr_object *self, PyObject *args)
+{
+    const struct gr_engine *e = gr_ready(self, 0);
+    return e ? gr_python_places(e, args) : NULL;
+}
+
+static PyObject *engine_traffic(struct gr_object *self, PyObject *Py_UNUSED(unused))
+{
+    const struct gr_engine *e = gr_ready(self, 0);
+    return e ? gr_python_traffic(e) : NULL;
+}
+
 static PyObject *engine_refresh(struct gr_object *self, PyObject *Py_UNUSED(unused))
 {
     struct gr_engine *e = gr_ready(self, 0);
@@ -456,6 +480,17 @@ static PyMethodDef methods[] = {
     {"calm", (PyCFunction)engine_calm, METH_NOARGS,
      "calm()\n--\n\nCells that are calm or asleep: their indices in the grid and for how many checks, int64 (2, n)."},
     {"restore_calm", (PyCFunction)engine_restore_calm, METH_O, "restore_calm(calm)\n--\n\nSet this, as calm() gave it."},
+    {"share", (PyCFunction)engine_share, METH_VARARGS,
+     "share(link, rank, size, edge, owners)\n--\n\nShare the run with other processes, from before the points are bound. "
+     "link: has the methods\nexchange([(rank, out, in), ...]), sum(int64 view), largest(float64 view), which return whether "
+     "they\nhave succeeded; edge: cells of a block along each axis; owners: int32, the rank of each block, x\nfastest."},
+    {"blocks", (PyCFunction)engine_blocks, METH_VARARGS,
+     "blocks(edge)\n--\n\nNumber of blocks of so many cells along each axis."},
+    {"places", (PyCFunction)engine_places, METH_VARARGS,
+     "places(x, edge)\n--\n\n(cell, block) of each of the positions, float64 (dim, n), by their indices in the grid, and in that "
+     "of\nblocks of so many cells along each axis, x fastest; of positions outside, the nearest."},
+    {"traffic", (PyCFunction)engine_traffic, METH_NOARGS,
+     "traffic()\n--\n\npeers, cells sent, ghost cells, bytes sent so far, reach (cells); None for one process."},
     {"refresh", (PyCFunction)engine_refresh, METH_NOARGS,
      "refresh()\n--\n\nMake the sums of the cells anew: the buffers may have been written to."},
     {"stable_dt", (PyCFunction)engine_stable_dt, METH_NOARGS, "stable_dt()\n--\n\ncfl dx/(c + |v|max), s."},

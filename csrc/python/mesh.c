@@ -1,7 +1,8 @@
 /* The mesh of an engine as arrays: its nodes with their sums and velocities, and the points of its cells. */
+#include "core/index.h"
 #include "kernels.h"
 #include "mpm/grid.h"
-#include "python/arrays.h"
+#include "python/engine_common.h"
 
 /* True for the nodes of ugimp beyond the ends of the domain, which have no weight. */
 static int is_beyond(const struct gr_engine *e, int64_t id)
@@ -68,4 +69,34 @@ PyObject *gr_python_cells(const struct gr_engine *e)
         ((int64_t *)PyArray_DATA((PyArrayObject *)count))[c] = cell->count;
     }
     return Py_BuildValue("NN", place, count);
+}
+
+PyObject *gr_python_places(const struct gr_engine *e, PyObject *args)
+{
+    PyObject *object;
+    int edge;
+    if (!PyArg_ParseTuple(args, "Oi:places", &object, &edge) || gr_refuse_range("edge", edge, 1, INT32_MAX)) return NULL;
+    const npy_intp dim = e->config.dim, shape[2] = {dim, -1};
+    PyArrayObject *array = gr_array(object, "x", NPY_DOUBLE, 2, shape, 0);
+    if (!array) return NULL;
+    const npy_intp n = PyArray_DIM(array, 1);
+    const double *x = PyArray_DATA(array);
+    PyObject *cells = PyArray_SimpleNew(1, &n, NPY_INT64), *blocks = PyArray_SimpleNew(1, &n, NPY_INT64);
+    for (npy_intp p = 0; cells && blocks && p < n; p++) {
+        int64_t cell = 0, block = 0;
+        for (npy_intp d = dim - 1; d >= 0; d--) {
+            const struct gr_axis *axis = &e->axis[d];
+            int64_t at = gr_locate(axis, e->inv_dx, x[d * n + p]);
+            if (axis->periodic && at == axis->n_cells) at = 0;
+            at = at < 0 ? 0 : at < axis->n_cells ? at : axis->n_cells - 1;
+            cell = cell * axis->n_cells + at;
+            block = block * ((axis->n_cells + edge - 1) / edge) + at / edge;
+        }
+        ((int64_t *)PyArray_DATA((PyArrayObject *)cells))[p] = cell;
+        ((int64_t *)PyArray_DATA((PyArrayObject *)blocks))[p] = block;
+    }
+    if (cells && blocks) return Py_BuildValue("NN", cells, blocks);
+    Py_XDECREF(cells);
+    Py_XDECREF(blocks);
+    return NULL;
 }

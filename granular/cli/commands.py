@@ -32,11 +32,12 @@ PICTURES = (".png", ".pdf", ".svg")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from granular import Simulation
+    from granular import Simulation, ranks
     from granular.economy import cost
     from granular.materials import trust_code
     from granular.run.diagnostics import StabilityWarning, scene_warnings
 
+    comm = ranks.attended()
     scene = _scene(arguments)
     if arguments.trust_code:
         trust_code(scene)
@@ -48,7 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
         print(f"{scene.name}: {cost(_to_the_end(scene, arguments.until))}")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", StabilityWarning)  # printed below in one line each
-        simulation = Simulation(scene, threads=arguments.threads, force=arguments.force)
+        simulation = Simulation(scene, threads=arguments.threads, force=arguments.force, comm=comm)
     for warning in scene_warnings(scene):
         print(f"granular: warning: {warning}", file=sys.stderr)
     if arguments.picture or arguments.gif:
@@ -119,12 +120,13 @@ def completion(arguments: argparse.Namespace) -> int:
 
 
 def resume(arguments: argparse.Namespace) -> int:
-    from granular import Simulation
+    from granular import Simulation, ranks
 
+    comm = ranks.attended()
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         simulation = Simulation.resume(
-            arguments.file, threads=arguments.threads, trust_code=arguments.trust_code
+            arguments.file, threads=arguments.threads, trust_code=arguments.trust_code, comm=comm
         )
     for warning in caught:
         print(f"granular: warning: {warning.message}", file=sys.stderr)

@@ -66,7 +66,7 @@ The table is faster than sorting, but its size grows with the largest id: 128 by
 """
 
 
-class _Gathered:
+class PointField:
     """A field of the points in the order of their ids; see `granular.record.fresh.Columns`."""
 
     def __init__(self, rows: NDArray, slots: IntArray) -> None:
@@ -78,13 +78,17 @@ class _Gathered:
             int, tuple[float, float]
         ] = {}  # columns with lower end and length of a period
 
-    def column(self, k: int, out: NDArray) -> NDArray:
-        """Put a column into an array of numbers of 8 bytes."""
-        column = out.view(self.dtype)
+    def _take(self, k: int, column: NDArray) -> None:
+        """Put a column, as the core has it, into an array."""
         if self._rows.dtype == self.dtype:
             self._rows[k].take(self._slots, out=column, mode="clip")  # "raise" would buffer it
         else:
             column[:] = self._rows[k].take(self._slots)
+
+    def column(self, k: int, out: NDArray) -> NDArray:
+        """Put a column into an array of numbers of 8 bytes."""
+        column = out.view(self.dtype)
+        self._take(k, column)
         if k in self.wrap:
             lower, length = self.wrap[k]
             column[column < lower] += length
@@ -92,7 +96,8 @@ class _Gathered:
 
     def whole(self) -> NDArray:
         """Return the field as an array of its shape, of which each column is contiguous."""
-        columns = np.empty((len(self._rows), len(self._slots)), dtype=self.dtype)
+        n, *wide = self.shape
+        columns = np.empty((*(wide or [1]), n), dtype=self.dtype)
         for k, out in enumerate(columns):
             self.column(k, out)
         return columns[0] if len(self.shape) == 1 else columns.T
@@ -126,6 +131,7 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         force: bool = False,
         wall_forces: bool = False,
         tractions: bool = False,
+        comm: None = None,  # with processes it is another class
     ) -> None:
         wall_forces = truth("tractions", tractions) or truth("wall_forces", wall_forces)
         memory.check(scene, force)
@@ -287,11 +293,22 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
             return ordered if len(living) == end else ordered[ordered >= 0]
         return living[np.argsort(ids[living], kind="stable")]
 
-    def _gathered(self, recorded: bool) -> dict[str, _Gathered]:
+    def _fields_to_gather(self, recorded: bool) -> list[tuple[str, int, np.dtype]]:
+        """Return name, number of components and type of the fields of a state."""
+        without = CARRIED if recorded else frozenset()
+        fields = [(name, n, dtype) for name, n, *_, dtype in self._engine.fields()]
+        ids = ("id", 1, np.dtype(np.int64))
+        return [ids, *(field for field in fields if field[0] not in without)]
+
+    def _columns(self, recorded: bool) -> dict[str, PointField]:
+        """Return the fields of a state as the core has them."""
+        slots = self._slots()
+        fields = self._fields_to_gather(recorded)
+        return {name: PointField(self._buffers[name], slots) for name, *_ in fields}
+
+    def _gathered(self, recorded: bool) -> dict[str, PointField]:
         """Return the fields of a state, to be made column by column."""
-        slots, without = self._slots(), CARRIED if recorded else frozenset()
-        names = [name for name, *_ in self._engine.fields() if name not in without]
-        columns = {name: _Gathered(self._buffers[name], slots) for name in ("id", *names)}
+        columns = self._columns(recorded)
         grid = self.scene.grid
         # Positions are wrapped into the domain along periodic axes: ugimp groups by shifted cells.
         columns["x"].wrap = {
@@ -308,8 +325,12 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         time, step, dt = scalars["time"], int(scalars["step"]), scalars["dt"]
         return Streamed(time, step, dt, self._gathered(recorded=True))
 
-    def _indicators(self, state: State, thorough: bool) -> dict[str, float]:
+    def _tally(self) -> None:
+        """Make the tally that is due."""
         self._engine.tally()
+
+    def _indicators(self, state: State, thorough: bool) -> dict[str, float]:
+        self._tally()
         tally = self._engine.scalars()
         numbers: dict[str, float] = {
             "mach": tally["tally_fastest"] / self.scene.wave_speed,
@@ -439,7 +460,7 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         return patch_fields(self.scene, self._engine) if self._has_tractions else None
 
     def _energies(self) -> Energies | None:
-        self._engine.tally()
+        self._tally()
         tally = self._engine.scalars()
         if tally["tally_time"] != tally["time"]:
             return None

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 _METHODS: dict[type, type[Method]] = {}
 """Class of the simulation for each class of scenes."""
 
+_SHARED: dict[type, type[Method]] = {}
+"""Class of a simulation that several processes share, for each class of those of one process."""
+
 
 class Method(Resource):
     """Interface that each method implements; the base of `granular.Simulation`."""
@@ -32,9 +35,11 @@ class Method(Resource):
         "makes another one of it"
     )
 
-    def __init_subclass__(cls, *, scenes: type | None = None) -> None:
+    def __init_subclass__(cls, *, scenes: type | None = None, shares: type | None = None) -> None:
         if scenes is not None:
             _METHODS[scenes] = cls
+        if shares is not None:
+            _SHARED[shares] = cls
 
     @classmethod
     def _of(cls, scene: object) -> type[Self]:
@@ -46,6 +51,20 @@ class Method(Resource):
         known = [kind for kind, method in _METHODS.items() if issubclass(method, cls)]
         kinds = [f"a {kind.__module__.removesuffix('.scene')}.{kind.__name__}" for kind in known]
         raise TypeError(f"scene = {scene!r} must be {' or '.join(sorted(kinds))}")
+
+    @classmethod
+    def _shared(cls) -> type[Any]:
+        """Return the class of simulations of this method that several processes share."""
+        for kind in cls.__mro__:
+            if kind in _SHARED:
+                return _SHARED[kind]
+        raise ValueError("comm: processes share runs by the material point method alone")
+
+    @staticmethod
+    def _attend(comm: Any) -> Any:
+        """Return the processes of an argument `comm`; all but rank 0 work for it, and exit."""
+        (shared,) = set(_SHARED.values())
+        return shared._attend(comm)
 
     def _make_steps(self, max_steps: int, until: float) -> None:
         """Run the core for `max_steps` steps or up to the time `until`, whichever is first."""

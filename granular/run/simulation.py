@@ -67,6 +67,9 @@ class Simulation(Present):
     tractions : bool
         For the material point method: add up the impulses on patches of walls and bodies, too, see
         `granular.measure.wall_traction`.
+    comm : mpi4py.MPI.Comm, optional
+        Processes that share the run, of the material point method: rank 0 has the simulation, and
+        the same call lets all others work for it until it ends; see `granular.ranks`.
 
     Raises
     ------
@@ -92,6 +95,7 @@ class Simulation(Present):
         force: bool = False,
         wall_forces: bool = False,
         tractions: bool = False,
+        comm: Any = None,
     ) -> MpmSimulation: ...
     @overload
     def __new__(
@@ -101,9 +105,11 @@ class Simulation(Present):
         threads: int | None = None,
         isa: str | None = None,
         force: bool = False,
+        comm: Any = None,
     ) -> SphSimulation: ...
-    def __new__(cls, scene: object = None, **_: Any) -> Simulation:
-        return super().__new__(cls._of(scene))
+    def __new__(cls, scene: object = None, *, comm: Any = None, **_: Any) -> Simulation:
+        method = cls._of(scene)
+        return super().__new__(method if comm is None else method._shared())
 
     def _start(
         self, scene: AnyScene, engine: _core.Engine | _core.Sph, threads: int | None
@@ -419,12 +425,13 @@ class Simulation(Present):
         *,
         threads: int | None = None,
         isa: str | None = None,
+        comm: Any = None,
     ) -> Self:
         """Return a simulation that continues from a checkpoint as if it had never stopped.
 
         Parameters
         ----------
-        scene, threads, isa
+        scene, threads, isa, comm
             See `Simulation`.
         checkpoint : Checkpoint
             Result of `checkpoint` or `Trajectory.checkpoint` for this scene.
@@ -434,7 +441,13 @@ class Simulation(Present):
         TypeError, ValueError
             If `scene` is not a scene, or the checkpoint does not fit it.
         """
-        return cls._of(scene)._restored(scene, checkpoint, threads, isa)
+        method = cls._of(scene)
+        if comm is None:
+            return method._restored(scene, checkpoint, threads, isa)
+        shared = method._shared()
+        ranks = cls._attend(comm)
+        whole = method._restored(scene, checkpoint, 1, isa)
+        return cast("Self", shared.from_whole(whole, ranks, threads))
 
     @classmethod
     def resume(
@@ -446,6 +459,7 @@ class Simulation(Present):
         threads: int | None = None,
         isa: str | None = None,
         trust_code: bool = False,
+        comm: Any = None,
     ) -> Self:
         """Continue a record from its checkpoint, bitwise as if the run had never stopped.
 
@@ -473,6 +487,8 @@ class Simulation(Present):
             the last bits depend on it.
         trust_code : bool
             Run the C code of a law that the record holds, see `granular.materials.trust_code`.
+        comm : mpi4py.MPI.Comm, optional
+            Processes that share the run, as of `Simulation`; the record may be of any number.
 
         Raises
         ------
@@ -490,5 +506,8 @@ class Simulation(Present):
             If this machine does not have the instruction set of the record. The run then continues
             with another one, and differs from an unbroken run by rounding errors, which grow.
         """
-        options = (scene, frame, threads, isa, trust_code)
-        return cast("Self", resumed(cls, path, *options))
+        if comm is None:
+            return cast("Self", resumed(cls, path, scene, frame, threads, isa, trust_code))
+        ranks = cls._attend(comm)
+        whole = resumed(cls, path, scene, frame, 1, isa, trust_code)
+        return cast("Self", whole._shared().from_whole(whole, ranks, threads))

@@ -122,6 +122,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         threads: int | None = None,
         isa: str | None = None,
         force: bool = False,
+        comm: None = None,  # with processes it is another class
     ) -> None:
         memory.check(scene, force)
         diagnostics.warn(scene)

@@ -1,0 +1,305 @@
+/* Ranks: who has which cells, and agreement between them (ranks.h). */
+#include "mpm/ranks.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/index.h"
+#include "core/memory.h"
+
+/* ---- Who has a cell ---- */
+
+int64_t gr_ranks_blocks(const struct gr_engine *e, int d, int edge)
+{
+    return d < e->config.dim ? (e->axis[d].n_cells + edge - 1) / edge : 1;
+}
+
+/* The blocks along axis d within a distance of an index, in cells, each once.
+ * Returned: their number. */
+static int blocks_near(const struct gr_engine *e, int d, int32_t at, int distance, int32_t block[4])
+{
+    const int64_t edge = e->ranks->edge, m = e->axis[d].n_cells;
+    int n = 0;
+    for (int64_t i = at - distance; i <= at + distance; i++) {
+        if (!e->axis[d].periodic && (i < 0 || i >= m)) continue;
+        const int32_t next = (int32_t)((i % m + m) % m / edge);
+        int known = 0;
+        for (int k = 0; k < n; k++) known |= block[k] == next;
+        if (!known) block[n++] = next;
+    }
+    return n;
+}
+
+/* True if a cell and all others within a distance are in one block. */
+static int is_inside_block(const struct gr_engine *e, const int32_t at[3], int distance)
+{
+    const int edge = e->ranks->edge;
+    for (int d = 0; d < e->config.dim; d++) {
+        const int32_t within = at[d] % edge;
+        if (within < distance || within >= edge - distance || at[d] + distance >= e->axis[d].n_cells) return 0;
+    }
+    return 1;
+}
+
+int gr_ranks_near(const struct gr_engine *e, const int32_t at[3], int distance, int rank[GR_MOST_NEAR])
+{
+    const struct gr_ranks *ranks = e->ranks;
+    int32_t block[3][4] = {{0}};
+    int n_blocks[3] = {1, 1, 1}, n = 1;
+    rank[0] = gr_owner(ranks, at);
+    if (is_inside_block(e, at, distance)) return 1;
+    for (int d = 0; d < e->config.dim; d++) n_blocks[d] = blocks_near(e, d, at[d], distance, block[d]);
+    for (int c = 0; c < n_blocks[2]; c++)
+        for (int b = 0; b < n_blocks[1]; b++)
+            for (int a = 0; a < n_blocks[0]; a++) {
+                const int64_t row = block[2][c] * ranks->n_blocks[1] + block[1][b];
+                const int owner = ranks->owner[row * ranks->n_blocks[0] + block[0][a]];
+                int known = 0;
+                for (int k = 0; k < n; k++) known |= rank[k] == owner;
+                if (!known) rank[n++] = owner;
+            }
+    return n;
+}
+
+int gr_ranks_has_node(const struct gr_engine *e, int64_t n)
+{
+    int64_t id = e->mesh.node_id[n];
+    int32_t at[3] = {0};
+    for (int d = 0; d < e->config.dim; d++) {
+        const struct gr_node_cells *cells = &e->cells_of_node[d][id % e->axis[d].n_nodes];
+        at[d] = cells->cell[cells->count / 2];
+        id /= e->axis[d].n_nodes;
+    }
+    return gr_owner(e->ranks, at) == e->ranks->transport.rank;
+}
+
+int gr_is_shared(const struct gr_engine *e, int64_t id)
+{
+    int32_t at[3];
+    int rank[GR_MOST_NEAR];
+    gr_indices_of_cell(e, id, at);
+    return gr_ranks_near(e, at, e->ranks->reach, rank) > 1;
+}
+
+int gr_is_here(const struct gr_engine *e, int64_t id)
+{
+    int32_t at[3];
+    int rank[GR_MOST_NEAR], here = 0;
+    gr_indices_of_cell(e, id, at);
+    const int n = gr_ranks_near(e, at, e->ranks->reach, rank);
+    for (int k = 0; k < n; k++) here |= rank[k] == e->ranks->transport.rank;
+    return here;
+}
+
+/* ---- Construction ---- */
+
+/* List the ranks that own cells within a distance of own ones. */
+static int find_peers(struct gr_engine *e, int distance)
+{
+    struct gr_ranks *ranks = e->ranks;
+    const int64_t *n = ranks->n_blocks;
+    const int here = ranks->transport.rank;
+    char *is_peer = calloc((size_t)ranks->transport.size, 1);
+    int rank[GR_MOST_NEAR];
+    if (!is_peer) return GR_ERR_MEMORY;
+    for (int64_t block = 0; block < n[0] * n[1] * n[2]; block++) {
+        const int64_t first[3] = {block % n[0], block / n[0] % n[1], block / (n[0] * n[1])};
+        if (ranks->owner[block] != here) continue;
+        for (int corner = 0; corner < 1 << e->config.dim; corner++) {
+            int32_t at[3] = {0};
+            for (int d = 0; d < e->config.dim; d++) {
+                const int64_t end = (first[d] + 1) * ranks->edge, m = e->axis[d].n_cells;
+                at[d] = (int32_t)(corner >> d & 1 ? (end < m ? end : m) - 1 : first[d] * ranks->edge);
+            }
+            const int near = gr_ranks_near(e, at, distance, rank);
+            for (int k = 0; k < near; k++) is_peer[rank[k]] = rank[k] != here;
+        }
+    }
+    for (int k = 0; k < ranks->transport.size; k++) ranks->n_peers += is_peer[k];
+    ranks->peer = calloc((size_t)ranks->n_peers + 1, sizeof *ranks->peer);
+    ranks->message = calloc((size_t)ranks->n_peers + 1, sizeof *ranks->message);
+    for (int k = 0, p = 0; ranks->peer && k < ranks->transport.size; k++)
+        if (is_peer[k]) ranks->peer[p++].rank = k;
+    free(is_peer);
+    return ranks->peer && ranks->message ? GR_OK : GR_ERR_MEMORY;
+}
+
+static int is_valid(const struct gr_engine *e, const struct gr_transport *transport, int edge, int reach)
+{
+    const struct gr_config *c = &e->config;
+    for (int k = 0; k < c->n_materials; k++)
+        if (c->material[k].function) return 0;
+    return !e->ranks && !e->mesh.node_capacity && !c->n_bodies && !e->inflow && !e->sleep && !e->nonlocal.fluidity &&
+           edge > reach && transport->size > 0 && transport->rank >= 0 && transport->rank < transport->size;
+}
+
+int gr_ranks_new(struct gr_engine *e, const struct gr_transport *transport, int edge, const int32_t *owner)
+{
+    enum { NODES = 1 }; /* distance of the nodes about a node, whose sums an averaging of the density needs, too */
+    const int averages = e->config.smoothed || e->config.cell_averaged;
+    const int reach = gr_basis_nodes_1d(e->config.basis) - 1 + (averages ? NODES : 0);
+    int64_t blocks = 1;
+    if (!is_valid(e, transport, edge, reach)) return GR_ERR_CONFIG;
+    for (int d = 0; d < 3; d++) blocks *= gr_ranks_blocks(e, d, edge);
+    for (int64_t b = 0; b < blocks; b++)
+        if (owner[b] < 0 || owner[b] >= transport->size) return GR_ERR_CONFIG;
+    struct gr_ranks *ranks = e->ranks = calloc(1, sizeof *ranks);
+    if (!ranks) return GR_ERR_MEMORY;
+    ranks->transport = *transport;
+    ranks->reach = reach;
+    ranks->edge = edge;
+    for (int d = 0; d < 3; d++) ranks->n_blocks[d] = gr_ranks_blocks(e, d, edge);
+    ranks->owner = malloc(sizeof *ranks->owner * (size_t)blocks);
+    if (!ranks->owner) return GR_ERR_MEMORY;
+    memcpy(ranks->owner, owner, sizeof *ranks->owner * (size_t)blocks);
+    return find_peers(e, reach + 1);
+}
+
+void gr_ranks_free(struct gr_ranks *ranks)
+{
+    if (!ranks) return;
+    for (int k = 0; ranks->peer && k < ranks->n_peers; k++) {
+        free(ranks->peer[k].own);
+        free(ranks->peer[k].ghost);
+        free(ranks->peer[k].out);
+        free(ranks->peer[k].in);
+    }
+    void *const owned[] = {ranks->owner,  ranks->peer, ranks->message, ranks->number,    ranks->arrival, ranks->record,
+                           ranks->staged, ranks->id,   ranks->order,   ranks->staged_id, ranks->part};
+    for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
+    free(ranks);
+}
+
+/* ---- Agreement ---- */
+
+int gr_ranks_agree(struct gr_engine *e, int error, int64_t *flags, int n)
+{
+    enum { MOST_FLAGS = 4 };
+    struct gr_ranks *ranks = e->ranks;
+    int64_t all[2 + MOST_FLAGS] = {error && error != GR_ERR_CAPACITY, error == GR_ERR_CAPACITY};
+    for (int k = 0; k < n; k++) all[2 + k] = flags[k];
+    if (ranks->failed || ranks->transport.sum(ranks->transport.context, all, 2 + n)) {
+        ranks->failed = 1;
+        return error && error != GR_ERR_CAPACITY ? error : GR_ERR_TRANSPORT;
+    }
+    for (int k = 0; k < n; k++) flags[k] = all[2 + k];
+    if (error && error != GR_ERR_CAPACITY) return error;
+    return all[0] ? GR_ERR_ELSEWHERE : all[1] ? GR_ERR_CAPACITY : GR_OK;
+}
+
+static int reserve_numbers(struct gr_ranks *ranks, int sums)
+{
+    if (sums <= ranks->number_capacity) return GR_OK;
+    GR_RESIZE(ranks->number, sums * GR_EXACT_NUMBERS);
+    ranks->number_capacity = sums;
+    return GR_OK;
+}
+
+int gr_ranks_combine(struct gr_engine *e, int error, struct gr_exact *sum, int n, double *largest, int m)
+{
+    struct gr_ranks *ranks = e->ranks;
+    const size_t bytes = sizeof *sum * (size_t)n;
+    error = gr_ranks_agree(e, error || reserve_numbers(ranks, n) == GR_OK ? error : GR_ERR_MEMORY, NULL, 0);
+    if (error) return error;
+    for (int k = 0; k < n; k++) gr_exact_carry(&sum[k]);
+    memcpy(ranks->number, sum, bytes);
+    ranks->failed = ranks->transport.sum(ranks->transport.context, ranks->number, (int64_t)n * GR_EXACT_NUMBERS) != 0;
+    if (m && !ranks->failed) ranks->failed = ranks->transport.largest(ranks->transport.context, largest, m) != 0;
+    memcpy(sum, ranks->number, bytes);
+    return ranks->failed ? GR_ERR_TRANSPORT : GR_OK;
+}
+
+void gr_ranks_find_largest(const struct gr_engine *e, double *number)
+{
+    struct gr_ranks *ranks = e->ranks;
+    if (!ranks->failed) ranks->failed = ranks->transport.largest(ranks->transport.context, number, 1) != 0;
+}
+
+/* ---- Messages ---- */
+
+int gr_ranks_reserve(struct gr_ranks *ranks, int k, int64_t out_bytes, int64_t in_bytes)
+{
+    struct gr_peer *peer = &ranks->peer[k];
+    if (out_bytes > peer->out_capacity) {
+        GR_RESIZE(peer->out, out_bytes + out_bytes / 4);
+        peer->out_capacity = out_bytes + out_bytes / 4;
+    }
+    if (in_bytes > peer->in_capacity) {
+        GR_RESIZE(peer->in, in_bytes + in_bytes / 4);
+        peer->in_capacity = in_bytes + in_bytes / 4;
+    }
+    ranks->message[k] = (struct gr_message){peer->rank, out_bytes, in_bytes, peer->out, peer->in};
+    return GR_OK;
+}
+
+int gr_ranks_exchange(struct gr_engine *e)
+{
+    struct gr_ranks *ranks = e->ranks;
+    if (!ranks->failed) ranks->failed = ranks->transport.exchange(ranks->transport.context, ranks->message, ranks->n_peers);
+    for (int k = 0; k < ranks->n_peers; k++) ranks->sent_bytes += ranks->message[k].out_bytes;
+    return ranks->failed ? GR_ERR_TRANSPORT : GR_OK;
+}
+
+int gr_ranks_exchange_counts(struct gr_engine *e)
+{
+    struct gr_ranks *ranks = e->ranks;
+    for (int k = 0; k < ranks->n_peers; k++) {
+        struct gr_peer *peer = &ranks->peer[k];
+        const int64_t size = sizeof peer->n_leaving;
+        ranks->message[k] = (struct gr_message){peer->rank, size, size, &peer->n_leaving, &peer->n_arriving};
+    }
+    return gr_ranks_exchange(e);
+}
+
+/* ---- The cells of others ---- */
+
+/* Write the own cells that hold points, and are near to cells of others, into the messages to these. */
+static int pack_occupied(struct gr_engine *e, const int64_t *own, int64_t n)
+{
+    struct gr_ranks *ranks = e->ranks;
+    int rank[GR_MOST_NEAR];
+    int32_t at[3];
+    for (int p = 0; p < ranks->n_peers; p++) ranks->peer[p].n_leaving = 0;
+    for (int64_t c = 0; c < n; c++) {
+        gr_indices_of_cell(e, own[c], at);
+        const int near = gr_ranks_near(e, at, ranks->reach + 1, rank);
+        for (int k = 1; k < near; k++)
+            for (int p = 0; p < ranks->n_peers; p++) {
+                struct gr_peer *peer = &ranks->peer[p];
+                if (peer->rank != rank[k]) continue;
+                if (gr_ranks_reserve(ranks, p, (peer->n_leaving + 1) * (int64_t)sizeof *own, 0)) return GR_ERR_MEMORY;
+                ((int64_t *)(void *)peer->out)[peer->n_leaving++] = own[c];
+            }
+    }
+    return GR_OK;
+}
+
+int gr_ranks_list_occupied(struct gr_engine *e, const int64_t *own, int64_t n, int64_t **all, int64_t *n_all)
+{
+    struct gr_ranks *ranks = e->ranks;
+    const int64_t size = sizeof *own;
+    int64_t others = 0, at = n, *list;
+    int error = gr_ranks_agree(e, pack_occupied(e, own, n), NULL, 0);
+    if (!error) error = gr_ranks_exchange_counts(e);
+    for (int p = 0; p < ranks->n_peers && !error; p++) {
+        struct gr_peer *peer = &ranks->peer[p];
+        error = gr_ranks_reserve(ranks, p, peer->n_leaving * size, peer->n_arriving * size);
+        others += peer->n_arriving;
+    }
+    list = error ? NULL : malloc((size_t)((n + others + 1) * size));
+    error = gr_ranks_agree(e, error || list ? error : GR_ERR_MEMORY, NULL, 0);
+    if (!error) error = gr_ranks_exchange(e);
+    if (error) {
+        free(list);
+        return error;
+    }
+    memcpy(list, own, (size_t)(n * size));
+    for (int p = 0; p < ranks->n_peers; p++) {
+        memcpy(list + at, ranks->peer[p].in, (size_t)(ranks->peer[p].n_arriving * size));
+        at += ranks->peer[p].n_arriving;
+    }
+    if (others) qsort(list, (size_t)at, sizeof *list, gr_compare_ids);
+    *all = list;
+    *n_all = at;
+    return GR_OK;
+}

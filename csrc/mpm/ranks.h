@@ -1,0 +1,104 @@
+/* Ranks: processes that share one run.
+ *
+ * The cells of the grid are divided into blocks, each with an owner. A rank has the points of its own cells. Its mesh has
+ * these cells and, as ghost cells without points, those of others that reach the same nodes. In each step it receives the
+ * sums of its ghost cells from their owners, and so has the full sums of all nodes of its own cells: these do the same
+ * there as on any other rank that has them, with the same bits.
+ *
+ * The sums of a node are in the order of the cells, wherever a tile begins (engine.h). For the sums of single cells to be
+ * sent, each lane of a tile with a cell that several ranks have is a run by itself.
+ *
+ * Not with bodies, inlets, sleep, a nonlocal law, user-defined laws, patches of walls. */
+#pragma once
+
+#include "core/exact.h"
+#include "core/transport.h"
+#include "mpm/engine.h"
+
+/* Another rank with cells so near that they matter here. */
+struct gr_peer {
+    int rank;
+    int64_t *own, *ghost;   /* lanes of own cells that it has as ghosts; of ghosts that are its cells; ascending */
+    int64_t n_own, n_ghost; /* how many of them */
+    int64_t own_capacity, ghost_capacity;
+    int64_t n_leaving, n_arriving; /* points that go there in this step, and come from there */
+    char *out, *in;                /* messages */
+    int64_t out_capacity, in_capacity;
+};
+
+struct gr_ranks {
+    struct gr_transport transport;
+    int reach;           /* distance of a cell, in cells, within which others reach the nodes that it needs */
+    int edge;            /* cells of a block along each axis */
+    int64_t n_blocks[3]; /* blocks along each axis */
+    int32_t *owner;      /* of each block */
+    struct gr_peer *peer;
+    int n_peers;
+    int grouped; /* whether the mesh fits those of the others */
+    int failed;  /* whether a message has failed */
+    struct gr_message *message;
+    int64_t *number; /* work space of gr_ranks_combine */
+    int number_capacity;
+    /* points that have come in a step, and the parts of the lists of all migrants in their order */
+    struct gr_migrant *arrival;
+    double *record, *staged;
+    int64_t *id, *order, *staged_id;
+    int64_t n_arrivals, arrival_capacity, staged_capacity, part_capacity;
+    struct gr_migrants *part;
+    int64_t sent_bytes; /* since the beginning */
+};
+
+/* The owner of a cell. */
+static inline int gr_owner(const struct gr_ranks *ranks, const int32_t at[3])
+{
+    const int64_t *n = ranks->n_blocks;
+    const int edge = ranks->edge;
+    return ranks->owner[((int64_t)(at[2] / edge) * n[1] + at[1] / edge) * n[0] + at[0] / edge];
+}
+
+/* Share a run. Given: an engine without points; the edge of the blocks, and the owner of each, x fastest.
+ * Returned: 0, GR_ERR_MEMORY or GR_ERR_CONFIG. */
+int gr_ranks_new(struct gr_engine *e, const struct gr_transport *transport, int edge, const int32_t *owner);
+void gr_ranks_free(struct gr_ranks *ranks);
+
+/* Number of blocks along an axis. */
+int64_t gr_ranks_blocks(const struct gr_engine *e, int d, int edge);
+
+/* Agree on an error and on flags, which are added up over all ranks. Returned: the error of this rank; GR_ERR_CAPACITY if
+ * another one has only that; else GR_ERR_ELSEWHERE if another one has an error. */
+int gr_ranks_agree(struct gr_engine *e, int error, int64_t *flags, int n);
+
+/* Add up n exact sums, and find the largest of m numbers; agree on an error. */
+int gr_ranks_combine(struct gr_engine *e, int error, struct gr_exact *sum, int n, double *largest, int m);
+
+/* Replace a number by the largest of all ranks. If a message fails, the next agreement says so. */
+void gr_ranks_find_largest(const struct gr_engine *e, double *number);
+
+/* Send what the messages of the peers hold, and receive what they expect. Returned: 0 or GR_ERR_TRANSPORT. */
+int gr_ranks_exchange(struct gr_engine *e);
+
+/* Exchange how many things leave for each peer, n_leaving, and how many arrive. Returned: 0 or GR_ERR_TRANSPORT. */
+int gr_ranks_exchange_counts(struct gr_engine *e);
+
+/* The message to and from peer k, with space for so many bytes. Returned: 0 or GR_ERR_MEMORY. */
+int gr_ranks_reserve(struct gr_ranks *ranks, int k, int64_t out_bytes, int64_t in_bytes);
+
+enum { GR_MOST_NEAR = 64 }; /* 4 blocks along each axis, as a block has no fewer cells than the largest distance */
+
+/* True if a node of the mesh counts for this rank, which then has its full sums: the owner of the cell in the middle of those
+ * that have the node. */
+int gr_ranks_has_node(const struct gr_engine *e, int64_t n);
+
+/* The ranks that own a cell, or one within a distance of it, each once; the owner of the cell first.
+ * Returned: their number. */
+int gr_ranks_near(const struct gr_engine *e, const int32_t at[3], int distance, int rank[GR_MOST_NEAR]);
+
+/* True if other ranks have the cell `id` of the grid in their meshes, too, where it is active. */
+int gr_is_shared(const struct gr_engine *e, int64_t id);
+
+/* True if this rank has it. */
+int gr_is_here(const struct gr_engine *e, int64_t id);
+
+/* Add the cells of other ranks that hold points and are near to this one to the n own ones, both ascending.
+ * Returned: 0 or an error; `all`, *n_all, to be freed by the caller. */
+int gr_ranks_list_occupied(struct gr_engine *e, const int64_t *own, int64_t n, int64_t **all, int64_t *n_all);

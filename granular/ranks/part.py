@@ -1,0 +1,195 @@
+"""The part of a run that a rank has: points of its own cells, and what it does when it is asked."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular import _core
+from granular.mpm.scene import Scene
+from granular.mpm.simulation import Simulation
+from granular.ranks.communicator import Communicator, Link, LostRankError
+from granular.tools.arrays import IntArray
+from granular.tools.buffers import allocate, fill, stored_type
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The scene and the division of a run, the same on all ranks.
+
+    Attributes
+    ----------
+    scene : Scene
+        The scene of the run.
+    mean_mass : float
+        Mean mass of its points at the start [kg].
+    threads : int or None
+        Threads of each rank.
+    isa : str
+        Instruction set of the kernels.
+    edge : int
+        Cells of a block along each axis.
+    owners : ndarray of int32
+        The rank of each block.
+    wall_forces : bool
+        Whether the impulses on walls are added up.
+    """
+
+    scene: Scene
+    mean_mass: float
+    threads: int | None
+    isa: str
+    edge: int
+    owners: NDArray[np.int32]
+    wall_forces: bool
+
+
+class Part:
+    """Points of a rank and the core that advances them.
+
+    Parameters
+    ----------
+    communicator : Communicator
+        The ranks of the run.
+    plan : Plan
+        What all of them have in common.
+    arrays : mapping
+        Fields of the points of this rank in the order of their cells, (components, n), and "id".
+    scalars : mapping, optional
+        Numbers of a restart.
+    walls : ndarray, optional
+        Impulses on the walls of a restart.
+    """
+
+    def __init__(
+        self,
+        communicator: Communicator,
+        plan: Plan,
+        arrays: Mapping[str, NDArray],
+        scalars: Mapping[str, float | int] | None = None,
+        walls: NDArray | None = None,
+    ) -> None:
+        self._communicator, self.plan = communicator, plan
+        self.link = Link(communicator)
+        self.simulation = bare(plan)
+        engine = self.simulation._engine
+        engine.share(self.link, communicator.rank, communicator.size, plan.edge, plan.owners)
+        if walls is not None:
+            engine.restore_walls(walls)
+        n = len(arrays["id"])
+        self.simulation._buffers = allocate(engine, n)
+        fill(self.simulation._buffers, arrays, np.arange(n))
+        self._guarded(lambda: self.simulation._bind(n))
+        if scalars is not None:
+            engine.restore({**scalars, "n_points": n})
+
+    def _guarded(self, call: Callable[[], None]) -> None:
+        try:
+            call()
+        except RuntimeError as error:
+            if self.link.error is not None:
+                raise self.link.error from error
+            raise
+
+    def advance(self, max_steps: int, until: float) -> dict[str, int]:
+        """Make steps; return the counts of the points of this rank."""
+        self._guarded(lambda: self.simulation._make_steps(max_steps, until))
+        return self.counts()
+
+    def counts(self) -> dict[str, int]:
+        """Return the numbers of points that are here, and that have left or were brought back."""
+        scalars = self.simulation._engine.scalars()
+        return {name: int(scalars[name]) for name in ("n_points", "dropped", "clamped")}
+
+    def tally(self) -> None:
+        """Make the tally that is due."""
+        self.simulation._engine.tally()
+
+    def stable_dt(self) -> float:
+        """Return the longest stable time step [s]."""
+        return self.simulation._engine.stable_dt()
+
+    def ids(self) -> IntArray:
+        """Return the ids of the points, ascending."""
+        return self.simulation._buffers["id"].take(self.simulation._slots())
+
+    def column(self, name: str, k: int) -> NDArray:
+        """Return a column of a field of the points, in the order of their ids."""
+        field = self.simulation._columns(recorded=False)[name]
+        return field.column(k, np.empty(field.shape[0]))
+
+    def rows(self) -> tuple[IntArray, dict[str, NDArray]]:
+        """Return the cells of the points in the grid, and all of their fields in this order, as a
+        checkpoint has them."""
+        slots, _ = self.simulation._engine.cells()
+        arrays = {
+            name: array.take(slots, axis=-1).astype(stored_type(array.dtype), copy=False)
+            for name, array in self.simulation._buffers.items()
+        }
+        cells, _ = self.simulation._engine.places(arrays["x"], self.plan.edge)
+        return cells, arrays
+
+    def weights(self) -> NDArray[np.int64]:
+        """Return the number of points of each block."""
+        slots, _ = self.simulation._engine.cells()
+        x = self.simulation._buffers["x"].take(slots, axis=-1)
+        _, blocks = self.simulation._engine.places(x, self.plan.edge)
+        return np.bincount(blocks, minlength=len(self.plan.owners))
+
+    def traffic(self) -> dict[str, int] | None:
+        """Return the number of ghost cells, of cells and of bytes that are sent."""
+        return self.simulation._engine.traffic()
+
+    def apply(self, function: Callable[[Any], Any]) -> Any:
+        """Return what a function makes of the state of the points of this rank."""
+        return function(self.simulation.state)
+
+    def moved(self, owners: NDArray[np.int32]) -> Part:
+        """Return this part after blocks have changed their owners."""
+        cells, arrays = self.rows()
+        _, blocks = self.simulation._engine.places(arrays["x"], self.plan.edge)
+        to = owners[blocks]
+        size = self._communicator.size
+        packets = [
+            {name: a[..., to == rank] for name, a in {"cell": cells, **arrays}.items()}
+            for rank in range(size)
+        ]
+        got = _all_to_all(self._communicator, packets)
+        joined = {name: np.concatenate([p[name] for p in got], axis=-1) for name in got[0]}
+        order = np.argsort(joined.pop("cell"), kind="stable")
+        new = {name: np.ascontiguousarray(a[..., order]) for name, a in joined.items()}
+        engine = self.simulation._engine
+        walls = engine.walls() if self.simulation._watches_walls else None
+        plan = replace(self.plan, owners=owners)
+        return Part(self._communicator, plan, new, engine.scalars(), walls)
+
+
+def bare(plan: Plan) -> Simulation:
+    """Return a simulation without points."""
+    simulation: Simulation = object.__new__(Simulation)
+    simulation._build(plan.scene, plan.mean_mass, plan.threads, plan.isa, plan.wall_forces, False)
+    return simulation
+
+
+def _all_to_all(communicator: Communicator, packets: list[Any]) -> list[Any]:
+    """Send packet k to rank k, and return what the others send, by their ranks."""
+    rank = communicator.rank
+    got = list(packets)
+    for other in range(communicator.size):  # by the order of all pairs, so that none waits for ever
+        if rank < other:
+            communicator.send(packets[other], other)
+        if rank != other:
+            got[other] = communicator.receive(other)
+        if rank > other:
+            communicator.send(packets[other], other)
+    return got
+
+
+def is_elsewhere(error: BaseException) -> bool:
+    """True if an error only says that another rank has one."""
+    lost = isinstance(error, LostRankError)
+    return lost or (isinstance(error, _core.SimulationError) and "another process" in str(error))

@@ -1,0 +1,441 @@
+"""A run that several processes share: rank 0 has the simulation, the others serve it."""
+
+from __future__ import annotations
+
+import atexit
+import itertools
+import threading
+import weakref
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular import _core
+from granular.materials.own import OwnLaw
+from granular.mpm import engine as core
+from granular.mpm import memory
+from granular.mpm.scene import Scene
+from granular.mpm.simulation import PointField, Simulation
+from granular.ranks.communicator import (
+    Communicator,
+    LostRankError,
+    MpiCommunicator,
+    communicator,
+)
+from granular.ranks.part import Part, Plan, bare, is_elsewhere
+from granular.ranks.partition import EDGES, UNEVEN, edge_of_blocks, owners_of_blocks
+from granular.ranks.worker import serve
+from granular.record import Checkpoint
+from granular.run import diagnostics
+from granular.run.interrupts import DeferredSignals
+from granular.run.running import default_threads
+from granular.tools.arrays import IntArray
+from granular.tools.buffers import default_isa, stored_type
+from granular.tools.checks import positive
+
+BALANCED = 20
+"""Calls of the core, of about a twentieth of a second each, after which the division of the
+points is checked."""
+
+
+def not_shared(scene: Scene) -> list[str]:
+    """Return what of a scene ranks cannot share yet."""
+    having = {
+        "bodies": bool(scene.bodies),
+        "inflows": bool(scene.inflows),
+        "a nonlocal law (NGF)": scene.nonlocal_material is not None,
+        "a user-defined law": any(isinstance(m, OwnLaw) for m in scene.materials),
+        "sleep_speed of the scheme": bool(scene.scheme.sleep_speed),
+    }
+    return [name for name, has in having.items() if has]
+
+
+def attend(comm: Any) -> Communicator:
+    """Return the communicator of rank 0; any other rank serves it, and exits when it ends."""
+    ranks = communicator(comm)
+    if ranks.rank:
+        serve(ranks)
+        raise SystemExit(0)
+    return ranks
+
+
+class _Team:
+    """The ranks of a communicator as rank 0 sees them."""
+
+    def __init__(self, ranks: Communicator) -> None:
+        self.ranks = ranks
+        self.closing: list[int] = []  # parts that are no longer used
+        self.lost = False
+        self._numbers = itertools.count()
+        self._lock = threading.RLock()  # columns of a frame are made ahead in a thread
+
+    def number(self) -> int:
+        """Number of a new run."""
+        return next(self._numbers)
+
+    def close(self, number: int) -> None:
+        """Note that a run is no longer used; the next request says so."""
+        self.closing.append(number)
+
+    def ask(self, number: int, name: str, arguments: list[tuple], call: Callable[[], Any]) -> list:
+        """Ask all ranks, rank 0 by a function; return their answers in the order of ranks.
+
+        Signals wait: an exception between request and answer would confuse all that follow.
+        """
+        with DeferredSignals(), self._lock:
+            return self._answers(number, name, arguments, call)
+
+    def _answers(
+        self, number: int, name: str, arguments: list[tuple], call: Callable[[], Any]
+    ) -> list:
+        if self.lost:
+            raise LostRankError("a rank of the run does not answer; start the run again")
+        ranks, answers, errors = self.ranks, [None] * self.ranks.size, []
+        while self.closing:
+            self._tell(self.closing.pop(), "close")
+        for rank in range(1, ranks.size):
+            ranks.send((number, name, arguments[rank]), rank)
+        try:
+            answers[0] = call()
+        except Exception as error:
+            errors.append(error)
+        try:
+            for rank in range(1, ranks.size):
+                good, answer = ranks.receive(rank)
+                answers[rank] = answer
+                if not good:
+                    errors.append(answer)
+        except LostRankError as error:
+            errors.append(error)
+        self.lost = any(isinstance(error, LostRankError) for error in errors)
+        if errors:
+            raise min(errors, key=is_elsewhere)
+        return answers
+
+    def _tell(self, number: int, name: str) -> None:
+        for rank in range(1, self.ranks.size):
+            self.ranks.send((number, name, ()), rank)
+        for rank in range(1, self.ranks.size):
+            self.ranks.receive(rank)
+
+    def end(self) -> None:
+        """Let the other processes end; by force if one of them does not answer."""
+        if self.lost:
+            self.ranks.abort()
+        else:
+            for rank in range(1, self.ranks.size):
+                self.ranks.send(None, rank)
+
+
+_TEAMS: dict[int, _Team] = {}
+"""Teams by the identity of their communicators."""
+
+
+def _team_of(ranks: Communicator) -> _Team:
+    team = _TEAMS.get(id(ranks))
+    if team is None or team.ranks is not ranks:
+        team = _TEAMS[id(ranks)] = _Team(ranks)
+        if isinstance(ranks, MpiCommunicator):  # threads end with their block
+            atexit.register(team.end)
+    return team
+
+
+class _Collected(PointField):
+    """A field of the points of all ranks in the order of their ids, made column by column."""
+
+    def __init__(
+        self, sim: RankedSimulation, name: str, components: int, dtype: np.dtype, order: IntArray
+    ) -> None:
+        self.dtype, self._sim, self._name, self._order = stored_type(dtype), sim, name, order
+        self.shape = (len(order), *((components,) if components > 1 else ()))
+        self.wrap = {}
+
+    def _take(self, k: int, column: NDArray) -> None:
+        parts = self._sim._ask("column", self._name, k)
+        column[:] = np.concatenate(parts).take(self._order)
+
+
+class RankedSimulation(Simulation, shares=Simulation):
+    """A simulation by the material point method that several processes share.
+
+    ``granular.Simulation(scene, comm=comm)`` makes one on rank 0. On all other ranks the same call
+    does what rank 0 asks for, and exits when rank 0 ends: a script needs nothing else for them.
+
+    Parameters
+    ----------
+    scene, isa, force
+        As of `granular.Simulation`.
+    comm : mpi4py.MPI.Comm
+        Communicator of the ranks; or one of `granular.ranks.threads`.
+    threads : int, optional
+        Threads of each rank; by default the processors that the process may use, divided by the
+        ranks of this machine. The results depend neither on them nor on the ranks, to the last bit.
+
+    Raises
+    ------
+    ValueError
+        As of `granular.Simulation`; and for what ranks cannot share yet: bodies, inflows, nonlocal
+        laws, user-defined laws, `sleep_speed` and `tractions`.
+    """
+
+    @staticmethod
+    def _attend(comm: Any) -> Communicator:
+        return attend(comm)
+
+    def __init__(
+        self,
+        scene: Scene,
+        *,
+        comm: Any,
+        threads: int | None = None,
+        isa: str | None = None,
+        force: bool = False,
+        wall_forces: bool = False,
+        tractions: bool = False,
+    ) -> None:
+        ranks = attend(comm)
+        if tractions:
+            raise ValueError("comm: ranks cannot share tractions yet")
+        _check_shared(scene)
+        memory.check(scene, force)
+        diagnostics.warn(scene)
+        points = core.initial_points(scene)
+        mean_mass = float(points["mass"].mean())
+        none = np.empty(0, np.int32)
+        plan = Plan(scene, mean_mass, threads, isa or default_isa(), 0, none, wall_forces)
+        empty = bare(plan)
+        arrays: dict[str, NDArray] = {}
+        n = len(points["mass"])
+        for name, components, *_, dtype in empty._engine.fields():
+            given = points.get(name)
+            whole = np.zeros((components, n)) if given is None else np.atleast_2d(given.T)
+            arrays[name] = np.ascontiguousarray(whole, dtype=stored_type(dtype))
+        arrays["id"] = np.arange(n)
+        self._distribute(ranks, plan, empty, arrays)
+
+    @classmethod
+    def from_whole(cls, simulation: Simulation, comm: Any, threads: int | None) -> RankedSimulation:
+        """Return the simulation that goes on from one of this process alone."""
+        _check_shared(simulation.scene)
+        checkpoint = simulation.checkpoint()
+        sim = object.__new__(cls)
+        scalars = dict(checkpoint.scalars)
+        mean_mass = float(scalars.pop("mean_mass"))
+        none = np.empty(0, np.int32)
+        watches, isa = simulation._watches_walls, simulation.isa
+        plan = Plan(simulation.scene, mean_mass, threads, isa, 0, none, watches)
+        arrays = {
+            name: checkpoint.arrays[name]
+            for name in (*(field[0] for field in simulation._engine.fields()), "id")
+        }
+        walls = checkpoint.arrays.get("walls")
+        sim._distribute(attend(comm), plan, bare(plan), arrays, scalars, walls)
+        sim._monitor = simulation._monitor
+        sim._every, sim._stored = simulation._every, simulation._stored
+        sim._precision, sim._session = simulation._precision, simulation._session
+        return sim
+
+    def _distribute(
+        self,
+        ranks: Communicator,
+        plan: Plan,
+        empty: Simulation,
+        arrays: dict[str, NDArray],
+        scalars: dict[str, float | int] | None = None,
+        walls: NDArray | None = None,
+    ) -> None:
+        """Give each rank its cells, and the points in them."""
+        size = ranks.size
+        edge, owners, blocks = _divided(empty, arrays["x"], size)
+        threads = plan.threads or max(default_threads(len(arrays["id"])) // _beside(ranks), 1)
+        plan = replace(plan, threads=threads, edge=edge, owners=owners)
+        to = owners[blocks]
+        requests: list[tuple] = []
+        for rank in range(size):
+            part = {name: np.ascontiguousarray(a[..., to == rank]) for name, a in arrays.items()}
+            numbers = scalars and {
+                **scalars,
+                **({} if rank == 0 else {"dropped": 0, "clamped": 0}),
+            }
+            requests.append((plan, part, numbers, walls))
+        self._team = _team_of(ranks)
+        self._number = self._team.number()
+        weakref.finalize(self, self._team.close, self._number)
+        self._here: Part | None = None
+
+        def build() -> dict[str, int]:
+            self._here = Part(ranks, *requests[0])
+            return self._here.counts()
+
+        self._counts = self._team.ask(self._number, "build", requests, build)
+        self._start(plan.scene, self._part.simulation._engine, threads)
+        self._mean_mass = plan.mean_mass
+        self._watches_walls = self._part.simulation._watches_walls
+        self._has_tractions, self._inlets = False, []
+        self._advances = 0
+
+    @property
+    def _part(self) -> Part:
+        if self._here is None:
+            raise RuntimeError("the run has no part on rank 0")
+        return self._here
+
+    def _ask(self, name: str, *arguments: Any) -> list:
+        """Let each rank call a method of its part; return the results in the order of ranks."""
+        size = self._team.ranks.size
+
+        def call() -> Any:
+            return getattr(self._part, name)(*arguments)
+
+        return self._team.ask(self._number, name, [arguments] * size, call)
+
+    # ---- steps ----
+
+    def _make_steps(self, max_steps: int, until: float) -> None:
+        self._counts = self._ask("advance", max_steps, until)
+        self._advances += 1
+        if self._advances % BALANCED == 0:
+            self.balance()
+
+    def balance(self, uneven: float = UNEVEN) -> bool:
+        """Divide the points anew if they are uneven; the results do not depend on it.
+
+        A run does so by itself.
+
+        Parameters
+        ----------
+        uneven : float
+            Largest number of points of a rank over their mean from which on it is done, at least 1.
+
+        Returns
+        -------
+        bool
+            Whether blocks of cells have changed their owners.
+        """
+        positive("uneven", uneven)
+        points = [counts["n_points"] for counts in self._counts]
+        if max(points) <= uneven * max(sum(points) / len(points), 1):
+            return False
+        plan = self._part.plan
+        weights = np.sum(self._ask("weights"), axis=0)
+        shape = self._engine.blocks(plan.edge)
+        owners = owners_of_blocks(weights, shape, self._team.ranks.size)
+        if np.array_equal(owners, plan.owners):
+            return False
+
+        def move() -> dict[str, int]:
+            self._here = self._part.moved(owners)
+            return self._here.counts()
+
+        requests = [(owners,)] * self._team.ranks.size
+        self._counts = self._team.ask(self._number, "moved", requests, move)
+        self._engine = self._part.simulation._engine
+        return True
+
+    def _total(self, name: str) -> int:
+        return sum(counts[name] for counts in self._counts)
+
+    @property
+    def n_points(self) -> int:
+        """Number of points in the domain, of all ranks."""
+        return self._total("n_points")
+
+    @property
+    def points_of_ranks(self) -> tuple[int, ...]:
+        """Number of points of each rank."""
+        return tuple(counts["n_points"] for counts in self._counts)
+
+    @property
+    def dt(self) -> float:
+        """Time step [s] of the last step; before the first step, of the first one."""
+        return self._engine.scalars()["dt"] or self._ask("stable_dt")[0]
+
+    @property
+    def traffic(self) -> list[dict[str, int]]:
+        """For each rank: its ghost cells, and the cells and bytes it has sent (since the start)."""
+        return self._ask("traffic")
+
+    def on_each_rank(self, function: Callable[[Any], Any]) -> list:
+        """Call a function with the state of the points of each rank, in its process.
+
+        Parameters
+        ----------
+        function : callable
+            Called with a `granular.State`; a function of a module, which can be pickled. Sums over
+            points need no more than this, whereas `state` gathers all points on rank 0.
+
+        Returns
+        -------
+        list
+            Its results in the order of the ranks.
+        """
+        return self._ask("apply", function)
+
+    @property
+    def buffers(self) -> dict[str, NDArray]:
+        """Not of a simulation that ranks share: raises ValueError."""
+        raise ValueError(
+            "buffers: each rank has those of its own points; use `state`, or `on_each_rank`"
+        )
+
+    # ---- the state of all points ----
+
+    def _tally(self) -> None:
+        self._ask("tally")
+
+    def _columns(self, recorded: bool) -> dict[str, PointField]:
+        order: IntArray = np.argsort(np.concatenate(self._ask("ids")), kind="stable")
+        return {
+            name: _Collected(self, name, n, dtype, order)
+            for name, n, dtype in self._fields_to_gather(recorded)
+        }
+
+    def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
+        cells, parts = zip(*self._ask("rows"), strict=True)
+        order = np.argsort(np.concatenate(cells), kind="stable")
+        arrays = {
+            name: np.concatenate([part[name] for part in parts], axis=-1).take(order, axis=-1)
+            for name in parts[0]
+        }
+        scalars = self._engine.scalars() | {"mean_mass": self._mean_mass}
+        scalars |= {name: self._total(name) for name in self._counts[0]}
+        if self._watches_walls:
+            arrays |= {"walls": self._engine.walls()}
+        return scalars, arrays
+
+    @classmethod
+    def _filled(
+        cls, scene: Scene, checkpoint: Checkpoint, threads: int | None, isa: str | None
+    ) -> NoReturn:
+        raise TypeError("comm: use Simulation.resume or from_checkpoint with the argument comm")
+
+
+def _check_shared(scene: Scene) -> None:
+    if missing := not_shared(scene):
+        raise ValueError(
+            f"comm: ranks cannot share {', '.join(missing)} yet; run it in one process"
+        )
+
+
+def _divided(
+    empty: Simulation, x: NDArray, size: int
+) -> tuple[int, NDArray[np.int32], NDArray[np.int64]]:
+    """Return the edge of blocks, the owner of each block, and the block of each point."""
+    engine: _core.Engine = empty._engine
+    weights: dict[int, NDArray] = {}
+    blocks: dict[int, NDArray] = {}
+    for edge in EDGES[empty.scene.dim]:
+        blocks[edge] = engine.places(x, edge)[1]
+        weights[edge] = np.bincount(blocks[edge], minlength=int(np.prod(engine.blocks(edge))))
+    edge = edge_of_blocks({e: int((w > 0).sum()) for e, w in weights.items()}, size)
+    owners = owners_of_blocks(weights[edge], engine.blocks(edge), size)
+    return edge, owners, blocks[edge]
+
+
+def _beside(ranks: Communicator) -> int:
+    """Number of ranks on this machine, this one included."""
+    count = getattr(ranks, "on_this_machine", None)
+    return int(count) if count else ranks.size

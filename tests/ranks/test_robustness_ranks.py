@@ -1,0 +1,226 @@
+"""Runs that ranks share have the bits of one process: for any division, through restarts."""
+
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from same_bits import bits, stepped
+
+import granular as gr
+from granular.ranks import simulation as ranked
+from granular.ranks.part import Part
+
+GRAINS = gr.materials.glass_beads.replace(E=1e6)
+
+
+def column(**numbers):
+    """A column that collapses, of 512 points."""
+    defaults = {"cell": 0.025, "points_per_cell": 4, "material": GRAINS, "duration": 0.4}
+    return gr.scenes.column_collapse(**(defaults | numbers))
+
+
+@pytest.fixture
+def scattered(monkeypatch):
+    """A context in which blocks of 4 cells are given to ranks at random."""
+
+    @contextmanager
+    def owners(seed):
+        def draw(weights, shape, size):
+            rng = np.random.default_rng(seed)
+            return rng.integers(0, size, len(weights)).astype(np.int32)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(ranked, "owners_of_blocks", draw)
+            patch.setattr(ranked, "EDGES", {2: (4,), 3: (4,)})
+            yield
+
+    return owners
+
+
+def shared(scene, size, *steps, **options):
+    """Data of a restart after steps by so many ranks."""
+    with gr.ranks.threads(size) as comm:
+        sim = gr.Simulation(scene, comm=comm, **options)
+        for n in steps:
+            sim.step(n)
+        return bits(sim)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_every_scheme_with_blocks_at_random(combination, dim, small_scene, scattered):
+    scene = small_scene("walls", dim, combination, E=1e5)
+    alone = bits(stepped(scene, 60))
+    for size in (2, 5):
+        with scattered(size):
+            assert shared(scene, size, 25, 35, threads=size % 2 + 1) == alone
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 4])
+def test_parts_of_the_curve_over_a_collapse(size):
+    scene = column()
+    assert shared(scene, size, 400) == bits(stepped(scene, 400))
+
+
+SCENES = {
+    "open sides": lambda: gr.scenes.silo(cell=0.05, jitter=0.3),
+    "periodic": lambda: gr.scenes.incline(columns=12, jitter=0.4),
+    "rings": lambda: gr.scenes.cylinder_collapse(cell=0.05, axisymmetric=True),
+    "space": lambda: gr.scenes.cylinder_collapse(cell=0.1),
+    "single": lambda: column(scheme=gr.Scheme(precision="single")),
+    # where it explodes, an empty cell that is not active is inside the material (face_drops)
+    "exploding": lambda: gr.scenes.silo(cell=0.05, material=GRAINS.replace(E=1e4)),
+    "two materials": lambda: column().replace(
+        fills=(
+            gr.Fill(gr.Box((0.0, 0.0), (0.1, 0.2)), 4),
+            gr.Fill(gr.Box((0.1, 0.0), (0.2, 0.2)), 4, material=GRAINS.replace(rho_c=1000.0)),
+        )
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_kinds_of_scenes(name, scattered):
+    scene, steps = SCENES[name](), 400 if name == "exploding" else 150
+    with scattered(3):
+        assert shared(scene, 3, steps) == bits(stepped(scene, steps))
+
+
+def test_impulses_on_walls_and_a_wall_that_keeps_a_pressure(scattered):
+    grid = gr.Grid((0.0, 0.0), 0.01, (6, 20), periodic=(True, False))
+    fill = gr.Fill(gr.Box((0.0, 0.0), (0.06, 0.2)), 4, jitter=0.6)
+    moving = gr.Wall(1, 0.2, velocity=(0.5, 0.0), pressure=1000.0)
+    scene = gr.Scene(
+        name="shear",
+        grid=grid,
+        fills=(fill,),
+        material=GRAINS,
+        walls=(gr.Wall(1, 0.0), moving),
+        gravity=(0.0, 0.0),
+        duration=1.0,
+    )
+    alone = stepped(scene, 200)
+    assert alone.walls[1].displacement != 0
+    with scattered(4), gr.ranks.threads(3) as comm:
+        sim = gr.Simulation(scene, comm=comm)
+        sim.step(100)
+        with scattered(5):
+            sim.balance(1.0)
+        sim.step(50)
+        sim = gr.Simulation.from_checkpoint(scene, sim.checkpoint(), comm=comm)
+        sim.step(50)
+        assert bits(sim) == bits(alone)
+        assert np.array_equal(sim.walls[1].impulse, alone.walls[1].impulse)
+
+
+def test_points_that_leave_count_once():
+    scene = gr.scenes.silo(cell=0.05, material=GRAINS.replace(E=1e5))
+    alone = stepped(scene, 600)
+    scalars, _ = shared(scene, 3, 600)
+    assert alone.checkpoint().scalars["dropped"] > 0
+    assert scalars == alone.checkpoint().scalars
+
+
+def test_blocks_change_their_owners_in_mid_run(scattered):
+    scene = column()
+    with gr.ranks.threads(3) as comm:
+        sim = gr.Simulation(scene, comm=comm)
+        sim.step(300)
+        for seed in (1, 2):
+            before = sim.points_of_ranks
+            with scattered(seed):
+                assert sim.balance(1.0) and sim.points_of_ranks != before
+            sim.step(50)
+        assert sim.balance(1.1) and max(sim.points_of_ranks) < max(before)
+        assert not sim.balance(1.1)
+        assert sim.n_points == sum(sim.points_of_ranks) == 512
+        assert bits(sim) == bits(stepped(scene, 400))
+
+
+def test_records_do_not_know_the_number_of_ranks(tmp_path):
+    scene = column(duration=0.1)
+    alone = gr.Simulation(scene).run(every=0.02, save=tmp_path / "alone.h5")
+    with gr.ranks.threads(3) as comm:
+        gr.Simulation(scene, comm=comm).run(every=0.02, save=tmp_path / "three.h5")
+    with gr.open(tmp_path / "alone.h5") as a, gr.open(tmp_path / "three.h5") as b:
+        assert len(a) == len(b) == 6
+        for one, other in zip(a, b, strict=True):
+            assert one.fields.keys() == other.fields.keys()
+            assert all(np.array_equal(one.fields[n], other.fields[n]) for n in one.fields)
+    alone.run(until=0.2)
+    with gr.ranks.threads(2) as comm:
+        resumed = gr.Simulation.resume(tmp_path / "three.h5", comm=comm).run(until=0.2)
+        assert bits(resumed) == bits(alone)
+        point = resumed.checkpoint()
+    again = gr.Simulation.resume(tmp_path / "three.h5")
+    assert bits(again) == bits(alone)
+    with gr.ranks.threads(4) as comm:
+        sim = gr.Simulation.from_checkpoint(scene, point, comm=comm)
+        assert bits(sim) == bits(alone)
+
+
+def mean_height(state):
+    return float(np.sum(state.mass * state.x[:, 1])), float(np.sum(state.mass))
+
+
+def test_measures_of_the_parts_and_of_the_whole():
+    scene = column()
+    with gr.ranks.threads(3) as comm:
+        sim = gr.Simulation(scene, comm=comm)
+        sim.step(50)
+        parts = np.sum(sim.on_each_rank(mean_height), axis=0)
+        assert parts == pytest.approx(mean_height(sim.state), rel=1e-12)
+        assert np.array_equal(sim.state.id, np.arange(512))
+        with pytest.raises(ValueError, match="buffers: each rank has those of its own points"):
+            _ = sim.buffers
+
+
+def test_the_failure_of_one_rank_ends_all_and_names_the_point(monkeypatch):
+    def spoil(part):
+        if part.plan is not None and part._communicator.rank == 1:
+            part.simulation.buffers["v"][0, part.simulation._buffers["id"] >= 0] = np.nan
+
+    monkeypatch.setattr(Part, "traffic", spoil)
+    with gr.ranks.threads(3, timeout=20) as comm:
+        sim = gr.Simulation(column(), comm=comm)
+        sim.step(20)
+        _ = sim.traffic
+        with pytest.raises(gr.SimulationError, match="not finite: point") as failure:
+            sim.step(20)
+        assert failure.value.point >= 0
+        with pytest.raises(gr.SimulationError, match="has failed in a step before"):
+            sim.step(1)
+
+
+def test_a_rank_that_does_not_answer_is_named():
+    with gr.ranks.threads(2, timeout=0.2) as comm:
+        sim = gr.Simulation(column(), comm=comm)
+        sim._team.ranks.size = 3  # one more than there are
+        with pytest.raises((gr.ranks.LostRankError, KeyError)):
+            sim._ask("tally")
+        sim._team.ranks.size = 2
+
+
+REFUSED = {
+    "bodies": lambda: (gr.scenes.penetration(cell=0.04), {}),
+    "inflows": lambda: (gr.scenes.silo_fed(cell=0.02), {}),
+    "a nonlocal law": lambda: (gr.scenes.chute_ngf(columns=2), {}),
+    "sleep_speed": lambda: (column(scheme=gr.Scheme(sleep_speed=1e-3)), {}),
+    "tractions": lambda: (column(), {"tractions": True}),
+}
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_ranks_cannot_share_is_refused_by_name(name):
+    scene, options = REFUSED[name]()
+    with gr.ranks.threads(2) as comm, pytest.raises(ValueError, match=f"comm: .*{name}"):
+        gr.Simulation(scene, comm=comm, **options)
+
+
+def test_wrong_communicators():
+    with pytest.raises(TypeError, match="comm = 3 must be a communicator"):
+        gr.Simulation(column(), comm=3)
+    with gr.ranks.threads(1) as comm, pytest.raises(ValueError, match="material point method"):
+        gr.Simulation(gr.scenes.incline_sph(height=0.05), comm=comm)
+    with pytest.raises(ValueError, match="size = 0"), gr.ranks.threads(0):
+        pass
