@@ -141,6 +141,7 @@ int gr_ghosts_exchange(struct gr_engine *e, unsigned parts, struct gr_team *team
     find_places(e, parts, &places);
     struct halo halo = {.e = e, .team = team, .places = &places};
     halo.averages = parts & GR_GHOST_AVERAGES ? gr_averages_of_cell(&e->config) : 0;
+    const double begin = gr_ranks_clock(), waiting = ranks->seconds_waiting;
     halo.cell_bytes = (int64_t)gr_bytes_of_sums(e, places.n) + (int64_t)sizeof(double) * halo.averages;
     int error = GR_OK;
     for (int p = 0; p < ranks->n_peers && !error; p++) {
@@ -156,5 +157,6 @@ int gr_ghosts_exchange(struct gr_engine *e, unsigned parts, struct gr_team *team
         halo.chunks = halo.peer->n_ghost > FEW_CELLS ? gr_chunks(team, halo.peer->n_ghost) : 1;
         copy_cells(&halo);
     }
+    ranks->seconds_copying += gr_ranks_clock() - begin - (ranks->seconds_waiting - waiting);
     return error;
 }

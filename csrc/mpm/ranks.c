@@ -3,6 +3,7 @@
 
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #include "core/index.h"
 #include "core/memory.h"
@@ -177,6 +178,7 @@ int gr_ranks_agree(struct gr_engine *e, int error, int64_t *flags, int n)
     enum { MOST_FLAGS = 4 };
     struct gr_ranks *ranks = e->ranks;
     int64_t all[2 + MOST_FLAGS] = {error && error != GR_ERR_CAPACITY, error == GR_ERR_CAPACITY};
+    if (ranks->transport.size == 1) return error;
     for (int k = 0; k < n; k++) all[2 + k] = flags[k];
     if (ranks->failed || ranks->transport.sum(ranks->transport.context, all, 2 + n)) {
         ranks->failed = 1;
@@ -200,7 +202,7 @@ int gr_ranks_combine(struct gr_engine *e, int error, struct gr_exact *sum, int n
     struct gr_ranks *ranks = e->ranks;
     const size_t bytes = sizeof *sum * (size_t)n;
     error = gr_ranks_agree(e, error || reserve_numbers(ranks, n) == GR_OK ? error : GR_ERR_MEMORY, NULL, 0);
-    if (error) return error;
+    if (error || ranks->transport.size == 1) return error;
     for (int k = 0; k < n; k++) gr_exact_carry(&sum[k]);
     memcpy(ranks->number, sum, bytes);
     ranks->failed = ranks->transport.sum(ranks->transport.context, ranks->number, (int64_t)n * GR_EXACT_NUMBERS) != 0;
@@ -212,10 +214,18 @@ int gr_ranks_combine(struct gr_engine *e, int error, struct gr_exact *sum, int n
 void gr_ranks_find_largest(const struct gr_engine *e, double *number)
 {
     struct gr_ranks *ranks = e->ranks;
-    if (!ranks->failed) ranks->failed = ranks->transport.largest(ranks->transport.context, number, 1) != 0;
+    if (ranks->transport.size == 1 || ranks->failed) return;
+    ranks->failed = ranks->transport.largest(ranks->transport.context, number, 1) != 0;
 }
 
 /* ---- Messages ---- */
+
+double gr_ranks_clock(void)
+{
+    struct timespec now;
+    (void)clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
 
 int gr_ranks_reserve(struct gr_ranks *ranks, int k, int64_t out_bytes, int64_t in_bytes)
 {
@@ -235,7 +245,10 @@ int gr_ranks_reserve(struct gr_ranks *ranks, int k, int64_t out_bytes, int64_t i
 int gr_ranks_exchange(struct gr_engine *e)
 {
     struct gr_ranks *ranks = e->ranks;
+    const double begin = gr_ranks_clock();
+    if (!ranks->n_peers) return GR_OK;
     if (!ranks->failed) ranks->failed = ranks->transport.exchange(ranks->transport.context, ranks->message, ranks->n_peers);
+    ranks->seconds_waiting += gr_ranks_clock() - begin;
     for (int k = 0; k < ranks->n_peers; k++) ranks->sent_bytes += ranks->message[k].out_bytes;
     return ranks->failed ? GR_ERR_TRANSPORT : GR_OK;
 }

@@ -45,7 +45,8 @@ struct gr_ranks {
     int64_t *id, *order, *staged_id;
     int64_t n_arrivals, arrival_capacity, staged_capacity, part_capacity;
     struct gr_migrants *part;
-    int64_t sent_bytes; /* since the beginning */
+    int64_t sent_bytes;                      /* since the beginning, as the times */
+    double seconds_waiting, seconds_copying; /* for messages; numbers of ghost cells into messages and out of them */
 };
 
 /* The owner of a cell. */
@@ -55,6 +56,9 @@ static inline int gr_owner(const struct gr_ranks *ranks, const int32_t at[3])
     const int edge = ranks->edge;
     return ranks->owner[((int64_t)(at[2] / edge) * n[1] + at[1] / edge) * n[0] + at[0] / edge];
 }
+
+/* Wall-clock time, s. */
+double gr_ranks_clock(void);
 
 /* Share a run. Given: an engine without points; the edge of the blocks, and the owner of each, x fastest.
  * Returned: 0, GR_ERR_MEMORY or GR_ERR_CONFIG. */

@@ -490,7 +490,7 @@ static PyMethodDef methods[] = {
      "places(x, edge)\n--\n\n(cell, block) of each of the positions, float64 (dim, n), by their indices in the grid, and in that "
      "of\nblocks of so many cells along each axis, x fastest; of positions outside, the nearest."},
     {"traffic", (PyCFunction)engine_traffic, METH_NOARGS,
-     "traffic()\n--\n\npeers, cells sent, ghost cells, bytes sent so far, reach (cells); None for one process."},
+     "traffic()\n--\n\npeers, sent_cells and ghost_cells of a step; sent_bytes, seconds_waiting, seconds_copying so far;\nreach (cells). None for one process."},
     {"refresh", (PyCFunction)engine_refresh, METH_NOARGS,
      "refresh()\n--\n\nMake the sums of the cells anew: the buffers may have been written to."},
     {"stable_dt", (PyCFunction)engine_stable_dt, METH_NOARGS, "stable_dt()\n--\n\ncfl dx/(c + |v|max), s."},

@@ -89,6 +89,7 @@ PyObject *gr_python_traffic(const struct gr_engine *e)
         cells += e->ranks->peer[p].n_own;
         ghosts += e->ranks->peer[p].n_ghost;
     }
-    return Py_BuildValue("{sisLsLsLsi}", "peers", e->ranks->n_peers, "sent_cells", cells, "ghost_cells", ghosts,
-                         "sent_bytes", (long long)e->ranks->sent_bytes, "reach", e->ranks->reach);
+    return Py_BuildValue("{sisLsLsLsisdsd}", "peers", e->ranks->n_peers, "sent_cells", cells, "ghost_cells", ghosts,
+                         "sent_bytes", (long long)e->ranks->sent_bytes, "reach", e->ranks->reach, "seconds_waiting",
+                         e->ranks->seconds_waiting, "seconds_copying", e->ranks->seconds_copying);
 }

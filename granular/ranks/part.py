@@ -14,7 +14,7 @@ from granular.mpm.scene import Scene
 from granular.mpm.simulation import Simulation
 from granular.ranks.communicator import Communicator, Link, LostRankError
 from granular.tools.arrays import IntArray
-from granular.tools.buffers import allocate, fill, stored_type
+from granular.tools.buffers import allocate, stored_type
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,8 @@ class Part:
     plan : Plan
         What all of them have in common.
     arrays : mapping
-        Fields of the points of this rank in the order of their cells, (components, n), and "id".
+        Fields of the points of this rank in the order of their cells, (components, n), and "id";
+        those that are missing are zero.
     scalars : mapping, optional
         Numbers of a restart.
     walls : ndarray, optional
@@ -82,7 +83,9 @@ class Part:
             engine.restore_walls(walls)
         n = len(arrays["id"])
         self.simulation._buffers = allocate(engine, n)
-        fill(self.simulation._buffers, arrays, np.arange(n))
+        for name, values in arrays.items():
+            self.simulation._buffers[name][..., :n] = values
+        self._orders: dict[str, IntArray] = {}  # slots of the points, until the next step
         self._guarded(lambda: self.simulation._bind(n))
         if scalars is not None:
             engine.restore({**scalars, "n_points": n})
@@ -97,6 +100,7 @@ class Part:
 
     def advance(self, max_steps: int, until: float) -> dict[str, int]:
         """Make steps; return the counts of the points of this rank."""
+        self._orders.clear()
         self._guarded(lambda: self.simulation._make_steps(max_steps, until))
         return self.counts()
 
@@ -113,35 +117,42 @@ class Part:
         """Return the longest stable time step [s]."""
         return self.simulation._engine.stable_dt()
 
-    def ids(self) -> IntArray:
-        """Return the ids of the points, ascending."""
-        return self.simulation._buffers["id"].take(self.simulation._slots())
+    def _slots(self, order: str) -> IntArray:
+        """Return the slots of the points by "id" or "cell"."""
+        if order not in self._orders:
+            by_cell = order == "cell"
+            simulation = self.simulation
+            slots = simulation._engine.cells()[0] if by_cell else simulation._slots()
+            self._orders[order] = slots
+        return self._orders[order]
 
-    def column(self, name: str, k: int) -> NDArray:
-        """Return a column of a field of the points, in the order of their ids."""
-        field = self.simulation._columns(recorded=False)[name]
-        return field.column(k, np.empty(field.shape[0]))
+    def column(self, name: str, k: int, order: str) -> NDArray:
+        """Return a component of a field of the points, in the order of "id" or "cell", as frames
+        and checkpoints have it."""
+        array = np.atleast_2d(self.simulation._buffers[name])[k]
+        return array.take(self._slots(order)).astype(stored_type(array.dtype), copy=False)
 
-    def rows(self) -> tuple[IntArray, dict[str, NDArray]]:
-        """Return the cells of the points in the grid, and all of their fields in this order, as a
-        checkpoint has them."""
-        slots, _ = self.simulation._engine.cells()
-        arrays = {
+    def cells(self) -> IntArray:
+        """Return the cells of the points in the grid, in their order."""
+        x = self.simulation._buffers["x"].take(self._slots("cell"), axis=-1)
+        return self.simulation._engine.places(x, self.plan.edge)[0]
+
+    def _rows(self) -> dict[str, NDArray]:
+        """Return all fields of the points in the order of their cells, as a checkpoint has them."""
+        slots = self._slots("cell")
+        return {
             name: array.take(slots, axis=-1).astype(stored_type(array.dtype), copy=False)
             for name, array in self.simulation._buffers.items()
         }
-        cells, _ = self.simulation._engine.places(arrays["x"], self.plan.edge)
-        return cells, arrays
 
     def weights(self) -> NDArray[np.int64]:
         """Return the number of points of each block."""
-        slots, _ = self.simulation._engine.cells()
-        x = self.simulation._buffers["x"].take(slots, axis=-1)
+        x = self.simulation._buffers["x"].take(self._slots("cell"), axis=-1)
         _, blocks = self.simulation._engine.places(x, self.plan.edge)
         return np.bincount(blocks, minlength=len(self.plan.owners))
 
-    def traffic(self) -> dict[str, int] | None:
-        """Return the number of ghost cells, of cells and of bytes that are sent."""
+    def traffic(self) -> _core.Traffic | None:
+        """Return the number of ghost cells, of cells and of bytes that are sent, and times."""
         return self.simulation._engine.traffic()
 
     def apply(self, function: Callable[[Any], Any]) -> Any:
@@ -150,7 +161,7 @@ class Part:
 
     def moved(self, owners: NDArray[np.int32]) -> Part:
         """Return this part after blocks have changed their owners."""
-        cells, arrays = self.rows()
+        cells, arrays = self.cells(), self._rows()
         _, blocks = self.simulation._engine.places(arrays["x"], self.plan.edge)
         to = owners[blocks]
         size = self._communicator.size

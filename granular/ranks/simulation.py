@@ -62,6 +62,10 @@ def attend(comm: Any) -> Communicator:
     return ranks
 
 
+Arguments = Callable[[int], tuple]
+"""Arguments of a request to a rank."""
+
+
 class _Team:
     """The ranks of a communicator as rank 0 sees them."""
 
@@ -80,8 +84,10 @@ class _Team:
         """Note that a run is no longer used; the next request says so."""
         self.closing.append(number)
 
-    def ask(self, number: int, name: str, arguments: list[tuple], call: Callable[[], Any]) -> list:
+    def ask(self, number: int, name: str, arguments: Arguments, call: Callable[[], Any]) -> list:
         """Ask all ranks, rank 0 by a function; return their answers in the order of ranks.
+
+        The arguments of a rank are made when they are sent.
 
         Signals wait: an exception between request and answer would confuse all that follow.
         """
@@ -89,7 +95,7 @@ class _Team:
             return self._answers(number, name, arguments, call)
 
     def _answers(
-        self, number: int, name: str, arguments: list[tuple], call: Callable[[], Any]
+        self, number: int, name: str, arguments: Arguments, call: Callable[[], Any]
     ) -> list:
         if self.lost:
             raise LostRankError("a rank of the run does not answer; start the run again")
@@ -97,7 +103,7 @@ class _Team:
         while self.closing:
             self._tell(self.closing.pop(), "close")
         for rank in range(1, ranks.size):
-            ranks.send((number, name, arguments[rank]), rank)
+            ranks.send((number, name, arguments(rank)), rank)
         try:
             answers[0] = call()
         except Exception as error:
@@ -154,7 +160,7 @@ class _Collected(PointField):
         self.wrap = {}
 
     def _take(self, k: int, column: NDArray) -> None:
-        parts = self._sim._ask("column", self._name, k)
+        parts = self._sim._ask("column", self._name, k, "id")
         column[:] = np.concatenate(parts).take(self._order)
 
 
@@ -207,13 +213,11 @@ class RankedSimulation(Simulation, shares=Simulation):
         none = np.empty(0, np.int32)
         plan = Plan(scene, mean_mass, threads, isa or default_isa(), 0, none, wall_forces)
         empty = bare(plan)
-        arrays: dict[str, NDArray] = {}
-        n = len(points["mass"])
-        for name, components, *_, dtype in empty._engine.fields():
-            given = points.get(name)
-            whole = np.zeros((components, n)) if given is None else np.atleast_2d(given.T)
-            arrays[name] = np.ascontiguousarray(whole, dtype=stored_type(dtype))
-        arrays["id"] = np.arange(n)
+        arrays = {
+            name: np.ascontiguousarray(np.atleast_2d(given.T)) for name, given in points.items()
+        }
+        arrays["id"] = np.arange(len(points["mass"]))
+        del points
         self._distribute(ranks, plan, empty, arrays)
 
     @classmethod
@@ -253,24 +257,22 @@ class RankedSimulation(Simulation, shares=Simulation):
         threads = plan.threads or max(default_threads(len(arrays["id"])) // _beside(ranks), 1)
         plan = replace(plan, threads=threads, edge=edge, owners=owners)
         to = owners[blocks]
-        requests: list[tuple] = []
-        for rank in range(size):
+
+        def request(rank: int) -> tuple:
             part = {name: np.ascontiguousarray(a[..., to == rank]) for name, a in arrays.items()}
-            numbers = scalars and {
-                **scalars,
-                **({} if rank == 0 else {"dropped": 0, "clamped": 0}),
-            }
-            requests.append((plan, part, numbers, walls))
+            counts = {} if rank == 0 else {"dropped": 0, "clamped": 0}
+            return plan, part, scalars and scalars | counts, walls
+
         self._team = _team_of(ranks)
         self._number = self._team.number()
         weakref.finalize(self, self._team.close, self._number)
         self._here: Part | None = None
 
         def build() -> dict[str, int]:
-            self._here = Part(ranks, *requests[0])
+            self._here = Part(ranks, *request(0))
             return self._here.counts()
 
-        self._counts = self._team.ask(self._number, "build", requests, build)
+        self._counts = self._team.ask(self._number, "build", request, build)
         self._start(plan.scene, self._part.simulation._engine, threads)
         self._mean_mass = plan.mean_mass
         self._watches_walls = self._part.simulation._watches_walls
@@ -285,12 +287,11 @@ class RankedSimulation(Simulation, shares=Simulation):
 
     def _ask(self, name: str, *arguments: Any) -> list:
         """Let each rank call a method of its part; return the results in the order of ranks."""
-        size = self._team.ranks.size
 
         def call() -> Any:
             return getattr(self._part, name)(*arguments)
 
-        return self._team.ask(self._number, name, [arguments] * size, call)
+        return self._team.ask(self._number, name, lambda _: arguments, call)
 
     # ---- steps ----
 
@@ -330,8 +331,7 @@ class RankedSimulation(Simulation, shares=Simulation):
             self._here = self._part.moved(owners)
             return self._here.counts()
 
-        requests = [(owners,)] * self._team.ranks.size
-        self._counts = self._team.ask(self._number, "moved", requests, move)
+        self._counts = self._team.ask(self._number, "moved", lambda _: (owners,), move)
         self._engine = self._part.simulation._engine
         return True
 
@@ -354,8 +354,11 @@ class RankedSimulation(Simulation, shares=Simulation):
         return self._engine.scalars()["dt"] or self._ask("stable_dt")[0]
 
     @property
-    def traffic(self) -> list[dict[str, int]]:
-        """For each rank: its ghost cells, and the cells and bytes it has sent (since the start)."""
+    def traffic(self) -> list[_core.Traffic]:
+        """For each rank: ``peers``, ranks with cells near to its own; ``sent_cells`` and
+        ``ghost_cells`` of a step; since the points were divided ``sent_bytes``, and the times that
+        it waited for messages and that numbers were copied into and out of them,
+        ``seconds_waiting`` and ``seconds_copying`` [s]."""
         return self._ask("traffic")
 
     def on_each_rank(self, function: Callable[[Any], Any]) -> list:
@@ -387,19 +390,25 @@ class RankedSimulation(Simulation, shares=Simulation):
         self._ask("tally")
 
     def _columns(self, recorded: bool) -> dict[str, PointField]:
-        order: IntArray = np.argsort(np.concatenate(self._ask("ids")), kind="stable")
+        order: IntArray = np.argsort(
+            np.concatenate(self._ask("column", "id", 0, "id")), kind="stable"
+        )
         return {
             name: _Collected(self, name, n, dtype, order)
             for name, n, dtype in self._fields_to_gather(recorded)
         }
 
+    def _ordered(self, name: str, k: int, order: IntArray) -> NDArray:
+        """Return a component of a field of all points in the order of their cells."""
+        return np.concatenate(self._ask("column", name, k, "cell")).take(order)
+
     def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
-        cells, parts = zip(*self._ask("rows"), strict=True)
-        order = np.argsort(np.concatenate(cells), kind="stable")
-        arrays = {
-            name: np.concatenate([part[name] for part in parts], axis=-1).take(order, axis=-1)
-            for name in parts[0]
-        }
+        order = np.argsort(np.concatenate(self._ask("cells")), kind="stable")
+        arrays = {"id": self._ordered("id", 0, order)}
+        for name, n, *_, dtype in self._engine.fields():
+            arrays[name] = np.empty((n, len(order)), dtype=stored_type(dtype))
+            for k, row in enumerate(arrays[name]):
+                row[:] = self._ordered(name, k, order)
         scalars = self._engine.scalars() | {"mean_mass": self._mean_mass}
         scalars |= {name: self._total(name) for name in self._counts[0]}
         if self._watches_walls:

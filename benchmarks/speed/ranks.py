@@ -1,0 +1,190 @@
+"""Time of a step by one and two ranks and by threads; their messages; a model of more ranks.
+
+Each case runs in a process of its own, or in as many as there are ranks, started by mpiexec: a
+process without ranks, one rank, two threads, two ranks, in turns. The times are the least of all
+turns. A model of these times says what more ranks can gain.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from shared import PICTURES, markdown, parser_of, python, rounded, write
+
+import granular as gr
+
+SCENES = {
+    "2D": lambda size: gr.scenes.column_collapse(
+        cell=0.4 / size, points_per_cell=4, E=1e6, half_width=0.2, aspect=1.0
+    ),
+    "3D": lambda size: gr.scenes.cylinder_collapse(cell=0.2 / size, points_per_cell=8, E=1e6),
+}
+SIZES = {"2D": 220, "3D": 24}
+QUICK = {"2D": 20, "3D": 6}
+CASES = {
+    "no ranks": (0, 1),
+    "1 rank": (1, 1),
+    "2 threads": (0, 2),
+    "2 ranks": (2, 1),
+}
+"""Ranks, 0 for a process without any, and threads."""
+NETWORK, LATENCY = 20e9, 2e-6
+"""Bytes and messages of a network that the model assumes [1/s, s]: not measured here."""
+CORES = 32
+"""Threads of a rank of the model."""
+
+
+def child(scene: str, size: int, steps: int, repeats: int, ranks: int, threads: int) -> None:
+    """Print the least time of a step, and what messages took [s]."""
+    options: dict[str, Any] = {"threads": threads}
+    if ranks:
+        from mpi4py import MPI
+
+        options["comm"] = MPI.COMM_WORLD
+    sim: Any = gr.Simulation(SCENES[scene](size), **options)
+    sim.step(steps)
+    before = sim.traffic if ranks else []
+    begin, seconds = time.perf_counter(), np.inf
+    for _ in range(repeats):
+        start = time.perf_counter()
+        sim.step(steps)
+        seconds = min(seconds, (time.perf_counter() - start) / steps)
+    row = {"seconds": seconds, "points": sim.n_points}
+    if ranks > 1:
+        made = steps * repeats
+        for key in ("sent_bytes", "seconds_waiting", "seconds_copying"):
+            change = [a[key] - b[key] for a, b in zip(sim.traffic, before, strict=True)]
+            row[key] = float(np.mean(change)) / made
+        row["sent_cells"] = float(np.mean([part["sent_cells"] for part in sim.traffic]))
+        row["mean_seconds"] = (time.perf_counter() - begin) / made
+    print(json.dumps(row))
+
+
+def run(scene: str, size: int, steps: int, repeats: int, case: str) -> dict[str, float]:
+    ranks, threads = CASES[case]
+    words = [scene, size, steps, repeats, ranks, threads]
+    command = [*python("ranks"), "--child", *map(str, words)]
+    if ranks:
+        folder = str(Path(sys.executable).parent)
+        mpiexec = shutil.which("mpiexec", path=folder) or shutil.which("mpiexec")
+        if mpiexec is None:
+            raise SystemExit("ranks: mpiexec is not there: pip install mpich mpi4py")
+        command = [mpiexec, "-n", str(ranks), *command]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    row: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
+    return row
+
+
+def weak(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Efficiency of many ranks in 3D by the measured times: each has a cube of cells.
+
+    A step takes the points, the copies of ghost cells and their bytes over the network, and six
+    exchanges with a latency and a call of Python each.
+    """
+    by = {row["case"]: row for row in rows if row["scene"] == "3D"}
+    one, two = by["no ranks"], by["2 ranks"]
+    point = one["seconds"] / one["points"] / CORES
+    per_cell = two["sent_bytes"] / two["sent_cells"]
+    copying = two["seconds_copying"] / two["sent_cells"] / CORES
+    call = max(by["1 rank"]["seconds"] - one["seconds"], 0.0)
+    model = []
+    for points in (1e5, 1e6, 4e6, 1e7):
+        edge, reach = (points / 8) ** (1 / 3), 3
+        for nodes in (1, 4, 16, 64, 256):
+            ghosts = 0.0 if nodes == 1 else (edge + 2 * reach) ** 3 - edge**3
+            messages = 6 * (LATENCY * np.log2(max(nodes, 2)) + call / 6) if nodes > 1 else 0.0
+            seconds = points * point + ghosts * (copying + per_cell / NETWORK) + messages
+            model.append(
+                {
+                    "points": points,
+                    "ranks": nodes,
+                    "all points": points * nodes,
+                    "seconds": seconds,
+                    "efficiency": points * point / seconds,
+                }
+            )
+    return model
+
+
+def draw(model: list[dict[str, Any]]) -> None:
+    figure, axes = plt.subplots(figsize=(5.0, 3.2))
+    for points in sorted({row["points"] for row in model}):
+        part = [row for row in model if row["points"] == points]
+        axes.plot(
+            [row["ranks"] for row in part],
+            [row["efficiency"] for row in part],
+            "o-",
+            label=f"{points:.0e} points".replace("e+0", "e"),
+        )
+    axes.set(xscale="log", xlabel="ranks", ylabel="efficiency", ylim=(0, 1.05))
+    axes.set_xticks([1, 4, 16, 64, 256], ["1", "4", "16", "64", "256"])
+    axes.legend(title="of each rank")
+    figure.savefig(PICTURES / "report_ranks.png")
+    plt.close(figure)
+
+
+def tables(results: dict[str, Any]) -> dict[str, list[str]]:
+    """Tables of the page on speed."""
+    rows = []
+    for row in results["rows"]:
+        ns = 1e9 * row["seconds"] / row["points"]
+        first = next(r for r in results["rows"] if r["scene"] == row["scene"])
+        messages = ""
+        if "sent_bytes" in row:
+            messages = f"{row['sent_bytes'] / row['sent_cells']:.0f}"
+        times = f"{row['seconds'] / first['seconds']:.3f}"
+        rows.append(
+            (row["scene"], f"{row['points']:.0f}", row["case"], f"{ns:.1f}", times, messages)
+        )
+    head = ("scene", "points", "case", "ns a point-step", "of no ranks", "bytes a ghost cell")
+    weak_head = ("points of a rank", "ranks", "points in all", "ms a step", "efficiency")
+    return {
+        "steps": markdown(head, rows),
+        "weak": markdown(
+            weak_head,
+            [
+                (
+                    f"{row['points']:.0e}",
+                    str(row["ranks"]),
+                    f"{row['all points']:.0e}",
+                    f"{1e3 * row['seconds']:.2f}",
+                    f"{row['efficiency']:.2f}",
+                )
+                for row in results["weak"]
+            ],
+        ),
+    }
+
+
+def main(argv: list[str] | None = None) -> None:
+    parser = parser_of(__name__, __doc__)
+    parser.add_argument("--child", nargs=6, help="a case, in a process of its own")
+    chosen = parser.parse_args(argv)
+    if chosen.child:
+        scene, *numbers = chosen.child
+        child(scene, *map(int, numbers))
+        return
+    turns, steps, repeats = (1, 5, 1) if chosen.quick else (5, 20, 5)
+    rows: list[dict[str, Any]] = []
+    for scene, size in (QUICK if chosen.quick else SIZES).items():
+        best: dict[str, dict[str, Any]] = {}
+        for _ in range(turns):
+            for case in CASES:
+                row = run(scene, size, steps, repeats, case)
+                if case not in best or row["seconds"] < best[case]["seconds"]:
+                    best[case] = {"scene": scene, "case": case, **row}
+        rows += best.values()
+        for row in best.values():
+            print(rounded(row, 4), flush=True)
+    results = {"rows": [rounded(row) for row in rows], "weak": [rounded(r) for r in weak(rows)]}
+    if chosen.out:
+        draw(results["weak"])
+    write(chosen.out, results)
