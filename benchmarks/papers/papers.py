@@ -4,13 +4,10 @@ Each figure is drawn by `granular figure` in a separate process with one thread,
 with all points displaced by 1 µm at the start: the difference of a number is its scatter. A run
 that several figures need is made once, and its time is that of the first of them. Figures
 that are already in the file are not drawn again, so that a series can be stopped and continued.
-With --tolerance the figures that have a modulus start from that of the document, with what
-gr.economy suggests, and are drawn once.
 """
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import subprocess
@@ -28,11 +25,6 @@ from granular.papers import DOCUMENTS, document
 SHIFT = 1e-6
 """Displacement of all points in the second run [m]."""
 PICTURES = Path("build/figures")
-LEAST = {("dunatunga2015", "2"): 0.05, ("dunatunga2015", "11"): 0.04} | {
-    ("dunatunga2015", name): 0.13 for name in ("3", "table_3")
-}
-"""Smallest tolerances that can be promised: for run-outs with the default scheme and with both, and
-for the slug, see docs/reports/economy.md."""
 
 
 def numbers_of(name: str, figure: str, words: list[str]) -> dict[str, Any]:
@@ -51,11 +43,9 @@ def numbers_of(name: str, figure: str, words: list[str]) -> dict[str, Any]:
 def row_of(name: str, figure: str, words: list[str], pictures: Path) -> dict[str, Any]:
     """Numbers of a figure and their scatter."""
     first = numbers_of(name, figure, [*words, "-o", str(pictures)])
-    scatter: dict[str, float] = {}
-    if "--tolerance" not in words:
-        # Figures that share runs read their records here, too.
-        words = [*words, "-o", str(pictures / "displaced")]
-        scatter = scatter_of(name, figure, words, first["numbers"])
+    # Figures that share runs read their records here, too.
+    words = [*words, "-o", str(pictures / "displaced")]
+    scatter = scatter_of(name, figure, words, first["numbers"])
     numbers = rounded({"numbers": first["numbers"], "scatter": scatter}, 6)
     return {"document": name, "figure": figure, **numbers, "seconds": first["seconds"]}
 
@@ -110,21 +100,10 @@ def text(number: float | str) -> str:
     return "none" if math.isnan(number) else f"{number:.3g}"
 
 
-def options(job: tuple[str, str], chosen: argparse.Namespace) -> list[str]:
-    """Options with which a figure is drawn."""
-    words = ["--quick"] * chosen.quick
-    if chosen.tolerance:
-        words += ["--tolerance", str(max(chosen.tolerance, LEAST.get(job, 0.0)))]
-    return words
-
-
 def main(argv: list[str] | None = None) -> None:
     parser = parser_of(__name__, __doc__)
     parser.add_argument("documents", nargs="*", help=f"of {', '.join(DOCUMENTS)}; all by default")
     parser.add_argument("--only", nargs="+", help="figures of one document")
-    parser.add_argument(
-        "--tolerance", type=float, help="of gr.economy.suggest, from the document's modulus"
-    )
     parser.add_argument("--workers", type=int, default=2, help="processes at a time (2)")
     parser.add_argument("--pictures", type=Path, default=PICTURES, help=f"folder ({PICTURES})")
     chosen = parser.parse_args(argv)
@@ -136,11 +115,11 @@ def main(argv: list[str] | None = None) -> None:
         for figure in sorted(document(name).figures.values(), key=lambda f: -f.seconds)
         if figure.function and (name, figure.name) not in there
         if not chosen.only or figure.name in chosen.only
-        if not chosen.tolerance or figure.E is not None
     ]
     begin = time.perf_counter()
     with ThreadPoolExecutor(chosen.workers) as pool:
-        running = [pool.submit(row_of, *job, options(job, chosen), chosen.pictures) for job in jobs]
+        words = ["--quick"] * chosen.quick
+        running = [pool.submit(row_of, *job, words, chosen.pictures) for job in jobs]
         for job in as_completed(running):
             row = job.result()
             results["rows"].append(row)

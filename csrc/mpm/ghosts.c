@@ -31,6 +31,7 @@ static int list_cells(struct gr_engine *e)
     int rank[GR_MOST_NEAR], error = GR_OK;
     for (int p = 0; p < ranks->n_peers; p++) ranks->peer[p].n_own = ranks->peer[p].n_ghost = 0;
     for (int64_t c = 0; c < e->mesh.n_cells && !error; c++) {
+        if (ranks->sharing[c] == GR_ALONE) continue;
         const int near = gr_ranks_near(e, e->mesh.cell[c].at, ranks->reach, rank);
         const int is_here = rank[0] == ranks->transport.rank;
         for (int k = is_here; k < (is_here ? near : 1) && !error; k++) {

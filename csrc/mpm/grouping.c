@@ -262,6 +262,12 @@ GR_SHARED(size_tiles, struct regroup, gr_number_of_tiles(&r->tiles), r)
     }
 }
 
+GR_SHARED(find_sharing, struct regroup, r->n_active, r)
+{
+    (void)chunk;
+    for (int64_t c = first; c < last; c++) r->e->ranks->sharing[c] = (uint8_t)gr_sharing_of(r->e, r->cells[c]);
+}
+
 /* List the occupied cells and their neighbours; of those of other ranks only the ones that this rank has, too. */
 static int list_active(struct regroup *r)
 {
@@ -272,9 +278,14 @@ static int list_active(struct regroup *r)
         gr_spread(e, GR_SPREAD_CELLS, occupied ? occupied : r->listed, n, r->team, r->chunks, &r->cells, &r->n_active))
         error = GR_ERR_MEMORY;
     free(occupied);
+    if (!error && e->ranks) error = gr_ranks_reserve_sharing(e->ranks, r->n_active);
     if (error || !e->ranks) return error;
-    for (int64_t c = 0; c < r->n_active; c++)
-        if (gr_is_here(e, r->cells[c])) r->cells[here++] = r->cells[c];
+    find_sharing(r);
+    for (int64_t c = 0; c < r->n_active; c++) {
+        if (e->ranks->sharing[c] == GR_NOT_HERE) continue;
+        e->ranks->sharing[here] = e->ranks->sharing[c];
+        r->cells[here++] = r->cells[c];
+    }
     r->n_active = here;
     return GR_OK;
 }

@@ -74,22 +74,23 @@ int gr_ranks_has_node(const struct gr_engine *e, int64_t n)
     return gr_owner(e->ranks, at) == e->ranks->transport.rank;
 }
 
-int gr_is_shared(const struct gr_engine *e, int64_t id)
-{
-    int32_t at[3];
-    int rank[GR_MOST_NEAR];
-    gr_indices_of_cell(e, id, at);
-    return gr_ranks_near(e, at, e->ranks->reach, rank) > 1;
-}
-
-int gr_is_here(const struct gr_engine *e, int64_t id)
+enum gr_sharing gr_sharing_of(const struct gr_engine *e, int64_t id)
 {
     int32_t at[3];
     int rank[GR_MOST_NEAR], here = 0;
     gr_indices_of_cell(e, id, at);
-    const int n = gr_ranks_near(e, at, e->ranks->reach, rank);
-    for (int k = 0; k < n; k++) here |= rank[k] == e->ranks->transport.rank;
-    return here;
+    const int n = gr_ranks_near(e, at, e->ranks->reach, rank), me = e->ranks->transport.rank;
+    for (int k = 0; k < n; k++) here |= rank[k] == me;
+    if (!here) return GR_NOT_HERE;
+    return rank[0] != me ? GR_GHOST : n > 1 ? GR_SHARED_OWN : GR_ALONE;
+}
+
+int gr_ranks_reserve_sharing(struct gr_ranks *ranks, int64_t n)
+{
+    if (n <= ranks->sharing_capacity) return GR_OK;
+    GR_RESIZE(ranks->sharing, n + n / 2);
+    ranks->sharing_capacity = n + n / 2;
+    return GR_OK;
 }
 
 /* ---- Construction ---- */
@@ -166,7 +167,7 @@ void gr_ranks_free(struct gr_ranks *ranks)
         free(ranks->peer[k].in);
     }
     void *const owned[] = {ranks->owner,  ranks->peer, ranks->message, ranks->number,    ranks->arrival, ranks->record,
-                           ranks->staged, ranks->id,   ranks->order,   ranks->staged_id, ranks->part};
+                           ranks->staged, ranks->id,   ranks->order,   ranks->staged_id, ranks->part,    ranks->sharing};
     for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
     free(ranks);
 }

@@ -15,6 +15,10 @@
 #include "core/transport.h"
 #include "mpm/engine.h"
 
+/* Which ranks have a cell in their meshes: others alone; this one alone, which owns it; or this one and others, of which it owns
+ * it, or another one. */
+enum gr_sharing { GR_NOT_HERE, GR_ALONE, GR_SHARED_OWN, GR_GHOST };
+
 /* Another rank with cells so near that they matter here. */
 struct gr_peer {
     int rank;
@@ -34,6 +38,8 @@ struct gr_ranks {
     int32_t *owner;      /* of each block */
     struct gr_peer *peer;
     int n_peers;
+    uint8_t *sharing; /* of each active cell: enum gr_sharing */
+    int64_t sharing_capacity;
     int grouped; /* whether the mesh fits those of the others */
     int failed;  /* whether a message has failed */
     struct gr_message *message;
@@ -97,11 +103,11 @@ int gr_ranks_has_node(const struct gr_engine *e, int64_t n);
  * Returned: their number. */
 int gr_ranks_near(const struct gr_engine *e, const int32_t at[3], int distance, int rank[GR_MOST_NEAR]);
 
-/* True if other ranks have the cell `id` of the grid in their meshes, too, where it is active. */
-int gr_is_shared(const struct gr_engine *e, int64_t id);
+/* How the cell `id` of the grid is shared, where it is active. */
+enum gr_sharing gr_sharing_of(const struct gr_engine *e, int64_t id);
 
-/* True if this rank has it. */
-int gr_is_here(const struct gr_engine *e, int64_t id);
+/* Reserve memory for the sharing of n active cells. Returned: 0 or GR_ERR_MEMORY. */
+int gr_ranks_reserve_sharing(struct gr_ranks *ranks, int64_t n);
 
 /* Add the cells of other ranks that hold points and are near to this one to the n own ones, both ascending.
  * Returned: 0 or an error; `all`, *n_all, to be freed by the caller. */

@@ -40,10 +40,10 @@ static int continues(const struct gr_tiles *tiles, const struct gr_engine *e, in
 }
 
 /* True if other ranks have a cell of a tile, too: they need its sums alone. */
-static int is_shared(const struct gr_tiles *tiles, const struct gr_engine *e, int64_t first, int64_t n)
+static int is_shared(const struct gr_engine *e, int64_t first, int64_t n)
 {
     int shared = 0;
-    for (int64_t l = 0; e->ranks && l < n && !shared; l++) shared = gr_is_shared(e, tiles->cell[first + l]);
+    for (int64_t l = 0; e->ranks && l < n; l++) shared |= e->ranks->sharing[first + l] != GR_ALONE;
     return shared;
 }
 
@@ -59,7 +59,7 @@ static int find_runs(struct gr_tiles *tiles, const struct gr_engine *e, int64_t 
         joins |= joined << l;
         runs += !joined;
     }
-    if (runs * e->sums.of_run >= e->sums.of_apart || is_shared(tiles, e, first, n)) joins = 0;
+    if (runs * e->sums.of_run >= e->sums.of_apart || is_shared(e, first, n)) joins = 0;
     tiles->joins[tile] = (uint8_t)joins;
     return e->sums.of_lanes + (joins ? runs * e->sums.of_run : e->sums.of_apart);
 }

@@ -7,8 +7,8 @@ from typing import Any
 
 from granular.ranks.simulation import attend
 
-SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "MV2_COMM_WORLD_SIZE", "PMIX_SIZE")
-"""Environment variables with the number of processes, of MPICH, Open MPI and MVAPICH."""
+SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "MV2_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
+"""Environment variables with the number of processes, of MPICH, Open MPI, MVAPICH and SLURM."""
 
 
 def attended() -> Any:

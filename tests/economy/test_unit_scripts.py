@@ -1,6 +1,5 @@
 """The scripts about economy run, and the error laws bound the runs in the committed table."""
 
-import argparse
 import json
 from pathlib import Path
 
@@ -106,10 +105,8 @@ def test_what_runs_are_said_to_cost_was_measured(module):
 
 def test_figures_are_drawn_from_the_modulus_of_the_document(module):
     """With a tolerance, which is at least the one that can be promised."""
-    script = module("papers")
-    chosen = argparse.Namespace(quick=False, tolerance=0.02)
-    words = {name: script.options(("dunatunga2015", name), chosen) for name in ("3", "4")}
-    assert words == {"3": ["--tolerance", "0.13"], "4": ["--tolerance", "0.02"]}
+    script = module("suggested")
+    assert [script.tolerance_of("dunatunga2015", name) for name in ("3", "4")] == [0.13, 0.02]
     settings = gr.papers.Settings(tolerance=0.05)
     paper = gr.papers.document("dunatunga2015")
     assert Runs(settings, paper.figures["4"].E, paper.E).E == 1e9
