@@ -53,15 +53,6 @@ def not_shared(scene: Scene) -> list[str]:
     return [name for name, has in having.items() if has]
 
 
-def attend(comm: Any) -> Communicator:
-    """Return the communicator of rank 0; any other rank serves it, and exits when it ends."""
-    ranks = communicator(comm)
-    if ranks.rank:
-        serve(ranks)
-        raise SystemExit(0)
-    return ranks
-
-
 Arguments = Callable[[int], tuple]
 """Arguments of a request to a rank."""
 
@@ -147,6 +138,16 @@ def _team_of(ranks: Communicator) -> _Team:
         if isinstance(ranks, MpiCommunicator):  # threads end with their block
             atexit.register(team.end)
     return team
+
+
+def attend(comm: Any) -> Communicator:
+    """Return the communicator of rank 0; any other rank serves it, and exits when it ends."""
+    ranks = communicator(comm)
+    if ranks.rank:
+        serve(ranks)
+        raise SystemExit(0)
+    _team_of(ranks)  # which lets the others end, however this process ends
+    return ranks
 
 
 class _Collected(PointField):
