@@ -125,8 +125,9 @@ static void finish(struct gr_run *run)
     if (e->bodies.contacts && gr_list_near_bodies(e)) e->failure.code = GR_ERR_MEMORY;
     if (e->bodies.open && (e->config.cell_averaged || gr_averages(e, e->clock.step)) && gr_open_volumes(e, 1))
         e->failure.code = GR_ERR_MEMORY;
-    int64_t next[2] = {e->migration.n_pending || e->disconnected || gr_has_emptied(e), e->passage.any};
-    if (e->ranks) e->failure.code = gr_ranks_agree(e, e->failure.code, next, 2);
+    const int law_failed = e->failure.own_calls.failed != 0;
+    int64_t next[3] = {e->migration.n_pending || e->disconnected || gr_has_emptied(e), e->passage.any, law_failed};
+    if (e->ranks) e->failure.code = gr_ranks_agree(e, e->failure.code, next, 3);
     if (!e->failure.code && next[1]) e->failure.code = gr_tally_settle(e);
     if (e->failure.code) return;
     if (next[0]) {
@@ -135,6 +136,7 @@ static void finish(struct gr_run *run)
     } else if (e->migration.tiles_grown) {
         gr_share_tiles(run);
     }
+    if (!e->failure.code && next[2] && !law_failed) e->failure.code = GR_ERR_ELSEWHERE;
 }
 
 /* Regroup unless the points are grouped, none is pending and the mesh is complete. Without points there are no cells,

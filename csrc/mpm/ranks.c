@@ -129,8 +129,6 @@ static int find_peers(struct gr_engine *e, int distance)
 static int is_valid(const struct gr_engine *e, const struct gr_transport *transport, int edge, int reach)
 {
     const struct gr_config *c = &e->config;
-    for (int k = 0; k < c->n_materials; k++)
-        if (c->material[k].function) return 0;
     return !e->ranks && !e->mesh.node_capacity && !c->n_bodies && !e->inflow && !e->sleep && !e->nonlocal.fluidity &&
            edge > reach && transport->size > 0 && transport->rank >= 0 && transport->rank < transport->size;
 }

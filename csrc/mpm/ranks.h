@@ -8,7 +8,7 @@
  * The sums of a node are in the order of the cells, wherever a tile begins (engine.h). For the sums of single cells to be
  * sent, each lane of a tile with a cell that several ranks have is a run by itself.
  *
- * Not with bodies, inlets, sleep, a nonlocal law, user-defined laws, patches of walls. */
+ * Not with bodies, inlets, sleep, a nonlocal law, patches of walls. */
 #pragma once
 
 #include "core/exact.h"

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.materials.own import OwnLaw
 from granular.mpm import engine as core
 from granular.mpm import memory
 from granular.mpm.scene import Scene
@@ -47,7 +46,6 @@ def not_shared(scene: Scene) -> list[str]:
         "bodies": bool(scene.bodies),
         "inflows": bool(scene.inflows),
         "a nonlocal law (NGF)": scene.nonlocal_material is not None,
-        "a user-defined law": any(isinstance(m, OwnLaw) for m in scene.materials),
         "sleep_speed of the scheme": bool(scene.scheme.sleep_speed),
     }
     return [name for name, has in having.items() if has]
@@ -185,7 +183,7 @@ class RankedSimulation(Simulation, shares=Simulation):
     ------
     ValueError
         As of `granular.Simulation`; and for what ranks cannot share yet: bodies, inflows, nonlocal
-        laws, user-defined laws, `sleep_speed` and `tractions`.
+        laws, `sleep_speed` and `tractions`.
     """
 
     @staticmethod

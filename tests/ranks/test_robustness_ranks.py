@@ -191,6 +191,29 @@ def test_the_failure_of_one_rank_ends_all_and_names_the_point(monkeypatch):
             sim.step(1)
 
 
+def fluid(dt, parameters, gradient, log_density, stress, shear_rate, history):
+    stress[:3] = -np.maximum(parameters[0] * log_density, 0.0)
+    stress[3:] = 0.0
+
+
+def brittle(dt, parameters, gradient, log_density, stress, shear_rate, history):
+    if (log_density > 1e-3).any():
+        raise ArithmeticError("it breaks")
+
+
+def test_user_defined_laws_and_the_error_of_one(scattered):
+    scene = column(material=gr.materials.from_function(fluid))
+    with scattered(7):
+        assert shared(scene, 3, 100) == bits(stepped(scene, 100))
+    scene = column(material=gr.materials.from_function(brittle))
+    with scattered(7), gr.ranks.threads(3, timeout=20) as comm:
+        sim = gr.Simulation(scene, comm=comm)
+        with pytest.raises(ArithmeticError, match="it breaks"):
+            sim.step(400)
+        with pytest.raises(gr.SimulationError, match="has failed in a step before"):
+            sim.step(1)
+
+
 def test_a_rank_that_does_not_answer_is_named():
     with gr.ranks.threads(2, timeout=0.2) as comm:
         sim = gr.Simulation(column(), comm=comm)
