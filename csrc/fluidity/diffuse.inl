@@ -11,7 +11,10 @@
  *   rkl2       Runge-Kutta-Legendre of second order (Meyer, Balsara & Aslam 2012, MNRAS 422; 2014, J. Comput. Phys. 257).
  *
  * Rounding, a coarse tolerance, or a long explicit or rkl2 step can make values negative. These are set to zero and
- * counted. Partial sums are added up in the order of the chunks. */
+ * counted. Each chunk has a part of every sum, and the parts are added up exactly, so that ranks can have chunks of their own.
+ * Before each product with L they exchange the values of the cells next to those of others. */
+#include <math.h>
+
 #include "core/simd.h"
 #include "fluidity/fluidity.h"
 
@@ -64,11 +67,22 @@ static inline double total_of_page(const struct page_sum *sum)
     return total;
 }
 
+static int is_foreign(const struct gr_fluidity *f, int64_t chunk) { return f->ranks && f->ranks->foreign[chunk]; }
+
+/* The sum of the parts of all chunks, on all ranks; NaN if one does not answer. */
 static double total(const struct gr_fluidity *f, const double *partial)
 {
-    double sum = 0;
-    for (int64_t c = 0; c < f->pages.n_chunks; c++) sum += partial[c];
-    return sum;
+    struct gr_exact sum = {.nan = 0};
+    for (int64_t c = 0; c < f->pages.n_chunks; c++)
+        if (!is_foreign(f, c)) gr_exact_add(&sum, partial[c]);
+    if (f->ranks && f->ranks->sum(f->ranks->context, &sum)) return NAN;
+    return gr_exact_value(&sum);
+}
+
+/* Receive values of cells of other ranks. Returned: 0, or GR_ERR_DIVERGED if one does not answer. */
+static int receive(const struct gr_fluidity *f, double *values, uint8_t *dense)
+{
+    return f->ranks && f->ranks->exchange(f->ranks->context, values, dense) ? GR_ERR_DIVERGED : GR_OK;
 }
 
 /* Remove the links between cells that a body separates, and those to border cells, whose g is zero at the surface. */
@@ -342,6 +356,7 @@ static void extrapolate(void *context, int64_t c, int t)
 
 static int explicit_step(struct diffusion *w)
 {
+    if (receive(w->f, w->g, NULL)) return GR_ERR_DIVERGED;
     w->out = w->work[0];
     over_chunks(w, w->passes->explicit_step);
     swap(&w->g, &w->work[0]);
@@ -352,12 +367,13 @@ static int implicit_step(struct diffusion *w)
 {
     static const double ROUND_OFF = 2e-16, NOTHING = 1e-150; /* 1/s; its square is still a normal number */
     const struct gr_fluidity *f = w->f;
+    if (receive(f, w->g, NULL)) return GR_ERR_DIVERGED;
     over_chunks(w, w->passes->first_residual);
     double rr = total(f, f->space.partial[1]);
     const double relative = fmax(f->tolerance * f->tolerance * rr, ROUND_OFF * ROUND_OFF * total(f, f->space.partial[2]));
     const double enough = fmax(relative, NOTHING * NOTHING);
     for (int64_t n = 0; !(rr <= enough); n++) {
-        if (n == f->max_iterations || !isfinite(rr)) return GR_ERR_DIVERGED;
+        if (n == f->max_iterations || !isfinite(rr) || receive(f, w->work[1], NULL)) return GR_ERR_DIVERGED;
         over_chunks(w, w->passes->multiply);
         w->scale = rr / total(f, f->space.partial[0]);
         over_chunks(w, descend);
@@ -378,8 +394,10 @@ static int rkl2_step(struct diffusion *w)
     const int stages = gr_fluidity_stages(w->f, w->dt);
     w->scale = 4.0 / ((double)stages * stages + stages - 2.0);
     w->in = w->work[0], w->out = w->work[1];
+    if (receive(w->f, w->g, NULL)) return GR_ERR_DIVERGED;
     over_chunks(w, w->passes->first_stage);
     for (w->stage = 2; w->stage <= stages; w->stage++) {
+        if (receive(w->f, w->in, NULL)) return GR_ERR_DIVERGED;
         over_chunks(w, w->passes->later_stage);
         swap(&w->in, &w->out);
     }
@@ -404,8 +422,8 @@ static int diffuse(struct gr_fluidity *f, const struct gr_diffusion_call *call, 
                           .dt = call->dt,
                           .g = f->g,
                           .work = {f->space.vector[0], f->space.vector[1], f->space.vector[2]}};
+    f->error = receive(f, f->g, f->dense);
     over_chunks(&w, w.passes->connect);
-    f->error = GR_OK;
     for (int64_t n = 0; n < call->steps && !f->error; n++)
         f->error = call->method == GR_DIFFUSION_explicit   ? explicit_step(&w)
                    : call->method == GR_DIFFUSION_implicit ? implicit_step(&w)
@@ -413,7 +431,8 @@ static int diffuse(struct gr_fluidity *f, const struct gr_diffusion_call *call, 
     if (f->rough_bodies) over_chunks(&w, extrapolate);
     f->iterations = w.iterations;
     f->clamped = 0;
-    for (int64_t c = 0; c < f->pages.n_chunks; c++) f->clamped += f->space.partial_clamped[c];
+    for (int64_t c = 0; c < f->pages.n_chunks; c++)
+        if (!is_foreign(f, c)) f->clamped += f->space.partial_clamped[c];
     f->g = w.g;
     for (int k = 0; k < 3; k++) f->space.vector[k] = w.work[k];
     return f->error;

@@ -23,9 +23,10 @@
 
 #include <stdint.h>
 
-#include "core/team.h"
 #include "core/error.h"
+#include "core/exact.h"
 #include "core/table.h"
+#include "core/team.h"
 
 /* Kind of a face, as seen from one of its cells. Two cells are linked if both sides are of kind `link`. */
 #define GR_FACES(X) X(GR_FACE_LINK, link) X(GR_FACE_OPEN, open) X(GR_FACE_ROUGH, rough)
@@ -128,6 +129,16 @@ struct gr_diffusion_space {
     int32_t *places;
 };
 
+/* Other ranks that share the grid (mpm/ranks.h): each has whole chunks. Their cells next to own ones have places here, too. */
+struct gr_fluidity_ranks {
+    void *context;
+    /* Set the values of the cells of others that are next to own ones, and `dense` unless it is NULL. Returned: 0, or not 0
+     * if a rank has not answered; the same holds for the next. */
+    int (*exchange)(void *context, double *values, uint8_t *dense);
+    int (*sum)(void *context, struct gr_exact *sum); /* over all ranks */
+    uint8_t *foreign;                                /* per chunk: 1 if it is one of another rank */
+};
+
 struct gr_fluidity {
     int dim, stencil, n_links, periodic[3], two_sided, rough_bodies, axisymmetric;
     double first_radius;
@@ -153,6 +164,7 @@ struct gr_fluidity {
     int64_t iterations; /* iterations of the conjugate gradients, or stages, over all steps */
     int64_t clamped;    /* cells whose negative fluidity was set to zero, over all steps */
     int error;
+    struct gr_fluidity_ranks *ranks; /* NULL without any */
 };
 
 /* A call: `steps` steps of length dt, s. */

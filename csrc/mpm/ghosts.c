@@ -161,3 +161,53 @@ int gr_ghosts_exchange(struct gr_engine *e, unsigned parts, struct gr_team *team
     ranks->seconds_copying += gr_ranks_clock() - begin - (ranks->seconds_waiting - waiting);
     return error;
 }
+
+/* ---- Fluidity ---- */
+
+/* See struct gr_fluidity_ranks: the values of cells, and whether they are dense. */
+static int exchange_fluidity(void *context, double *values, uint8_t *dense)
+{
+    struct gr_engine *e = context;
+    struct gr_ranks *ranks = e->ranks;
+    const int64_t size = dense ? 2 : 1, bytes = size * (int64_t)sizeof *values;
+    int error = GR_OK;
+    for (int p = 0; p < ranks->n_peers && !error; p++) {
+        const struct gr_peer *peer = &ranks->peer[p];
+        error = gr_ranks_reserve(ranks, p, peer->n_own * bytes, peer->n_ghost * bytes);
+        double *const out = (double *)(void *)peer->out;
+        for (int64_t k = 0; k < peer->n_own && !error; k++) {
+            const int32_t place = e->mesh.place[peer->own[k]];
+            out[size * k] = values[place];
+            if (dense) out[size * k + 1] = dense[place];
+        }
+    }
+    if (!error) error = gr_ranks_exchange(e);
+    for (int p = 0; p < ranks->n_peers && !error; p++) {
+        const struct gr_peer *peer = &ranks->peer[p];
+        const double *const in = (const double *)(const void *)peer->in;
+        for (int64_t k = 0; k < peer->n_ghost; k++) {
+            const int32_t place = e->mesh.place[peer->ghost[k]];
+            values[place] = in[size * k];
+            if (dense) dense[place] = in[size * k + 1] > 0;
+        }
+    }
+    return error;
+}
+
+static int sum_fluidity(void *context, struct gr_exact *sum) { return gr_ranks_combine(context, GR_OK, sum, 1, NULL, 0); }
+
+int gr_ghosts_share_fluidity(struct gr_engine *e)
+{
+    struct gr_fluidity_ranks *shared = &e->ranks->fluidity;
+    const struct gr_pages *pages = &e->nonlocal.fluidity->pages;
+    shared->context = e;
+    shared->exchange = exchange_fluidity;
+    shared->sum = sum_fluidity;
+    GR_RESIZE(shared->foreign, pages->n_chunks + 1);
+    for (int64_t c = 0; c < pages->n_chunks; c++) {
+        const int64_t run = pages->number[pages->chunk_first[c]] / GR_CHUNK_PAGES;
+        shared->foreign[c] = e->ranks->owner[run] != e->ranks->transport.rank;
+    }
+    e->nonlocal.fluidity->ranks = shared;
+    return GR_OK;
+}

@@ -12,5 +12,8 @@ enum gr_ghost_part { GR_GHOST_MOMENTUM = 1, GR_GHOST_FORCE = 2, GR_GHOST_DENSITY
  * ranks. */
 int gr_ghosts_list(struct gr_engine *e);
 
+/* Note which chunks of the fluidity grid are those of others. Returned: 0 or GR_ERR_MEMORY. */
+int gr_ghosts_share_fluidity(struct gr_engine *e);
+
 /* Send these parts of own cells, and put those of ghost cells in their places. Returned: 0 or an error. */
 int gr_ghosts_exchange(struct gr_engine *e, unsigned parts, struct gr_team *team);

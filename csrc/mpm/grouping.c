@@ -493,6 +493,7 @@ static int agree_on_slots(struct regroup *r, int error)
 
 static int agree_on_ghosts(struct gr_engine *e, int error)
 {
+    if (!error && e->nonlocal.fluidity) error = gr_ghosts_share_fluidity(e);
     error = gr_ranks_agree(e, error, NULL, 0);
     if (!error) error = gr_ghosts_list(e);
     e->ranks->grouped = !error;

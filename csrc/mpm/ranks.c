@@ -12,6 +12,9 @@
 
 int64_t gr_ranks_blocks(const struct gr_engine *e, int d, int edge)
 {
+    int64_t cells = 1;
+    for (int k = 0; k < e->config.dim; k++) cells *= e->axis[k].n_cells;
+    if (!edge) return d ? 1 : (cells + GR_RUN_OF_CELLS - 1) / GR_RUN_OF_CELLS;
     return d < e->config.dim ? (e->axis[d].n_cells + edge - 1) / edge : 1;
 }
 
@@ -42,9 +45,44 @@ static int is_inside_block(const struct gr_engine *e, const int32_t at[3], int d
     return 1;
 }
 
+/* Add a rank to a list unless it is there. Returned: the length of the list. */
+static int add_rank(int rank[GR_MOST_NEAR], int n, int owner)
+{
+    for (int k = 0; k < n; k++)
+        if (rank[k] == owner) return n;
+    if (n < GR_MOST_NEAR) rank[n++] = owner;
+    return n;
+}
+
+/* Index of a cell along axis d, also across a periodic end; -1 if there is none. */
+static int64_t index_along(const struct gr_engine *e, int d, int64_t i)
+{
+    const int64_t m = e->axis[d].n_cells;
+    if (d >= e->config.dim) return i ? -1 : 0;
+    return e->axis[d].periodic ? (i % m + m) % m : i < m ? i : -1;
+}
+
+/* gr_ranks_near for runs of cells. */
+static int ranks_of_runs_near(const struct gr_engine *e, const int32_t at[3], int distance, int rank[GR_MOST_NEAR])
+{
+    const int depth = e->config.dim == 3 ? distance : 0;
+    int n = 1;
+    rank[0] = gr_owner(e->ranks, at);
+    for (int64_t c = -depth; c <= depth; c++)
+        for (int64_t b = -distance; b <= distance; b++)
+            for (int64_t a = -distance; a <= distance; a++) {
+                const int64_t x = index_along(e, 0, at[0] + a), y = index_along(e, 1, at[1] + b),
+                              z = index_along(e, 2, at[2] + c);
+                const int32_t near[3] = {(int32_t)x, (int32_t)y, (int32_t)z};
+                if (x >= 0 && y >= 0 && z >= 0) n = add_rank(rank, n, gr_owner(e->ranks, near));
+            }
+    return n;
+}
+
 int gr_ranks_near(const struct gr_engine *e, const int32_t at[3], int distance, int rank[GR_MOST_NEAR])
 {
     const struct gr_ranks *ranks = e->ranks;
+    if (!ranks->edge) return ranks_of_runs_near(e, at, distance, rank);
     int32_t block[3][4] = {{0}};
     int n_blocks[3] = {1, 1, 1}, n = 1;
     rank[0] = gr_owner(ranks, at);
@@ -55,9 +93,7 @@ int gr_ranks_near(const struct gr_engine *e, const int32_t at[3], int distance, 
             for (int a = 0; a < n_blocks[0]; a++) {
                 const int64_t row = block[2][c] * ranks->n_blocks[1] + block[1][b];
                 const int owner = ranks->owner[row * ranks->n_blocks[0] + block[0][a]];
-                int known = 0;
-                for (int k = 0; k < n; k++) known |= rank[k] == owner;
-                if (!known) rank[n++] = owner;
+                n = add_rank(rank, n, owner);
             }
     return n;
 }
@@ -104,7 +140,8 @@ static int find_peers(struct gr_engine *e, int distance)
     char *is_peer = calloc((size_t)ranks->transport.size, 1);
     int rank[GR_MOST_NEAR];
     if (!is_peer) return GR_ERR_MEMORY;
-    for (int64_t block = 0; block < n[0] * n[1] * n[2]; block++) {
+    for (int k = 0; k < ranks->transport.size; k++) is_peer[k] = !ranks->edge && k != here;
+    for (int64_t block = 0; ranks->edge && block < n[0] * n[1] * n[2]; block++) {
         const int64_t first[3] = {block % n[0], block / n[0] % n[1], block / (n[0] * n[1])};
         if (ranks->owner[block] != here) continue;
         for (int corner = 0; corner < 1 << e->config.dim; corner++) {
@@ -129,15 +166,20 @@ static int find_peers(struct gr_engine *e, int distance)
 static int is_valid(const struct gr_engine *e, const struct gr_transport *transport, int edge, int reach)
 {
     const struct gr_config *c = &e->config;
-    return !e->ranks && !e->mesh.node_capacity && !c->n_bodies && !e->inflow && !e->sleep && !e->nonlocal.fluidity &&
-           edge > reach && transport->size > 0 && transport->rank >= 0 && transport->rank < transport->size;
+    return !e->ranks && !e->mesh.node_capacity && !c->n_bodies && !e->inflow && !e->sleep && (edge > reach || !edge) &&
+           !(e->nonlocal.fluidity && edge) && transport->size > 0 && transport->rank >= 0 &&
+           transport->rank < transport->size;
 }
 
 int gr_ranks_new(struct gr_engine *e, const struct gr_transport *transport, int edge, const int32_t *owner)
 {
-    enum { NODES = 1 }; /* distance of the nodes about a node, whose sums an averaging of the density needs, too */
+    enum {
+        NODES = 1,    /* distance of the nodes about a node, whose sums an averaging of the density needs, too */
+        ISOTROPIC = 2 /* of cells on which a link of the isotropic stencil of the fluidity depends */
+    };
     const int averages = e->config.smoothed || e->config.cell_averaged;
-    const int reach = gr_basis_nodes_1d(e->config.basis) - 1 + (averages ? NODES : 0);
+    const int of_nodes = gr_basis_nodes_1d(e->config.basis) - 1 + (averages ? NODES : 0);
+    const int reach = e->nonlocal.fluidity && of_nodes < ISOTROPIC ? ISOTROPIC : of_nodes;
     int64_t blocks = 1;
     if (!is_valid(e, transport, edge, reach)) return GR_ERR_CONFIG;
     for (int d = 0; d < 3; d++) blocks *= gr_ranks_blocks(e, d, edge);
@@ -149,6 +191,7 @@ int gr_ranks_new(struct gr_engine *e, const struct gr_transport *transport, int 
     ranks->reach = reach;
     ranks->edge = edge;
     for (int d = 0; d < 3; d++) ranks->n_blocks[d] = gr_ranks_blocks(e, d, edge);
+    for (int d = 0; d < 3; d++) ranks->n_cells[d] = d < e->config.dim ? e->axis[d].n_cells : 1;
     ranks->owner = malloc(sizeof *ranks->owner * (size_t)blocks);
     if (!ranks->owner) return GR_ERR_MEMORY;
     memcpy(ranks->owner, owner, sizeof *ranks->owner * (size_t)blocks);

@@ -1,6 +1,7 @@
 /* Ranks: processes that share one run.
  *
- * The cells of the grid are divided into blocks, each with an owner. A rank has the points of its own cells. Its mesh has
+ * The cells of the grid are divided into blocks, each with an owner; with a nonlocal law into runs of GR_RUN_OF_CELLS, which
+ * are the chunks of the fluidity grid. A rank has the points of its own cells. Its mesh has
  * these cells and, as ghost cells without points, those of others that reach the same nodes. In each step it receives the
  * sums of its ghost cells from their owners, and so has the full sums of all nodes of its own cells: these do the same
  * there as on any other rank that has them, with the same bits.
@@ -8,7 +9,7 @@
  * The sums of a node are in the order of the cells, wherever a tile begins (engine.h). For the sums of single cells to be
  * sent, each lane of a tile with a cell that several ranks have is a run by itself.
  *
- * Not with bodies, inlets, sleep, a nonlocal law, patches of walls. */
+ * Not with bodies, inlets, sleep, patches of walls. */
 #pragma once
 
 #include "core/exact.h"
@@ -30,11 +31,14 @@ struct gr_peer {
     int64_t out_capacity, in_capacity;
 };
 
+enum { GR_RUN_OF_CELLS = GR_CHUNK_PAGES * GR_PAGE };
+
 struct gr_ranks {
     struct gr_transport transport;
     int reach;           /* distance of a cell, in cells, within which others reach the nodes that it needs */
-    int edge;            /* cells of a block along each axis */
+    int edge;            /* cells of a block along each axis; 0: blocks are runs of cells */
     int64_t n_blocks[3]; /* blocks along each axis */
+    int64_t n_cells[3];  /* cells along each axis */
     int32_t *owner;      /* of each block */
     struct gr_peer *peer;
     int n_peers;
@@ -51,6 +55,7 @@ struct gr_ranks {
     int64_t *id, *order, *staged_id;
     int64_t n_arrivals, arrival_capacity, staged_capacity, part_capacity;
     struct gr_migrants *part;
+    struct gr_fluidity_ranks fluidity;
     int64_t sent_bytes;                      /* since the beginning, as the times */
     double seconds_waiting, seconds_copying; /* for messages; numbers of ghost cells into messages and out of them */
 };
@@ -60,13 +65,15 @@ static inline int gr_owner(const struct gr_ranks *ranks, const int32_t at[3])
 {
     const int64_t *n = ranks->n_blocks;
     const int edge = ranks->edge;
+    if (!edge) return ranks->owner[((at[2] * ranks->n_cells[1] + at[1]) * ranks->n_cells[0] + at[0]) / GR_RUN_OF_CELLS];
     return ranks->owner[((int64_t)(at[2] / edge) * n[1] + at[1] / edge) * n[0] + at[0] / edge];
 }
 
 /* Wall-clock time, s. */
 double gr_ranks_clock(void);
 
-/* Share a run. Given: an engine without points; the edge of the blocks, and the owner of each, x fastest.
+/* Share a run. Given: an engine without points; the edge of the blocks, 0 for runs of cells, which a nonlocal law needs, and the
+ * owner of each, x fastest.
  * Returned: 0, GR_ERR_MEMORY or GR_ERR_CONFIG. */
 int gr_ranks_new(struct gr_engine *e, const struct gr_transport *transport, int edge, const int32_t *owner);
 void gr_ranks_free(struct gr_ranks *ranks);
@@ -93,7 +100,9 @@ int gr_ranks_exchange_counts(struct gr_engine *e);
 /* The message to and from peer k, with space for so many bytes. Returned: 0 or GR_ERR_MEMORY. */
 int gr_ranks_reserve(struct gr_ranks *ranks, int k, int64_t out_bytes, int64_t in_bytes);
 
-enum { GR_MOST_NEAR = 64 }; /* 4 blocks along each axis, as a block has no fewer cells than the largest distance */
+/* Most ranks near a cell: 4 blocks along each axis, as a block has no fewer cells than the largest distance; or two runs in each
+ * of 7 x 7 rows. */
+enum { GR_MOST_NEAR = 128 };
 
 /* True if a node of the mesh counts for this rank, which then has its full sums: the owner of the cell in the middle of those
  * that have the node. */

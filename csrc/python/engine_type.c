@@ -483,7 +483,7 @@ static PyMethodDef methods[] = {
     {"share", (PyCFunction)engine_share, METH_VARARGS,
      "share(link, rank, size, edge, owners)\n--\n\nShare the run with other processes, from before the points are bound. "
      "link: has the methods\nexchange([(rank, out, in), ...]), sum(int64 view), largest(float64 view), which return whether "
-     "they\nhave succeeded; edge: cells of a block along each axis; owners: int32, the rank of each block, x\nfastest."},
+     "they\nhave succeeded; edge: cells of a block along each axis, 0 for runs of 512\ncells, which a nonlocal law needs; owners: int32, the rank of each block, x\nfastest."},
     {"blocks", (PyCFunction)engine_blocks, METH_VARARGS,
      "blocks(edge)\n--\n\nNumber of blocks of so many cells along each axis."},
     {"places", (PyCFunction)engine_places, METH_VARARGS,

@@ -2,6 +2,7 @@
 #include "core/index.h"
 #include "kernels.h"
 #include "mpm/grid.h"
+#include "mpm/ranks.h"
 #include "python/engine_common.h"
 
 /* True for the nodes of ugimp beyond the ends of the domain, which have no weight. */
@@ -75,7 +76,7 @@ PyObject *gr_python_places(const struct gr_engine *e, PyObject *args)
 {
     PyObject *object;
     int edge;
-    if (!PyArg_ParseTuple(args, "Oi:places", &object, &edge) || gr_refuse_range("edge", edge, 1, INT32_MAX)) return NULL;
+    if (!PyArg_ParseTuple(args, "Oi:places", &object, &edge) || gr_refuse_range("edge", edge, 0, INT32_MAX)) return NULL;
     const npy_intp dim = e->config.dim, shape[2] = {dim, -1};
     PyArrayObject *array = gr_array(object, "x", NPY_DOUBLE, 2, shape, 0);
     if (!array) return NULL;
@@ -90,8 +91,9 @@ PyObject *gr_python_places(const struct gr_engine *e, PyObject *args)
             if (axis->periodic && at == axis->n_cells) at = 0;
             at = at < 0 ? 0 : at < axis->n_cells ? at : axis->n_cells - 1;
             cell = cell * axis->n_cells + at;
-            block = block * ((axis->n_cells + edge - 1) / edge) + at / edge;
+            if (edge) block = block * ((axis->n_cells + edge - 1) / edge) + at / edge;
         }
+        if (!edge) block = cell / GR_RUN_OF_CELLS;
         ((int64_t *)PyArray_DATA((PyArrayObject *)cells))[p] = cell;
         ((int64_t *)PyArray_DATA((PyArrayObject *)blocks))[p] = block;
     }

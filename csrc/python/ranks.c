@@ -58,7 +58,7 @@ PyObject *gr_python_share(struct gr_object *self, struct gr_engine *e, PyObject 
     PyArrayObject *array = gr_array(owners, "owners", NPY_INT32, 1, any, 0);
     if (!array) return NULL;
     if (gr_refuse_range("size", size, 1, INT32_MAX) || gr_refuse_range("rank", rank, 0, size - 1) ||
-        gr_refuse_range("edge", edge, 1, INT32_MAX))
+        gr_refuse_range("edge", edge, 0, INT32_MAX))
         return NULL;
     int64_t blocks = 1;
     for (int d = 0; d < 3; d++) blocks *= gr_ranks_blocks(e, d, edge);
@@ -76,7 +76,7 @@ PyObject *gr_python_share(struct gr_object *self, struct gr_engine *e, PyObject 
 PyObject *gr_python_blocks(const struct gr_engine *e, PyObject *args)
 {
     int edge;
-    if (!PyArg_ParseTuple(args, "i:blocks", &edge) || gr_refuse_range("edge", edge, 1, INT32_MAX)) return NULL;
+    if (!PyArg_ParseTuple(args, "i:blocks", &edge) || gr_refuse_range("edge", edge, 0, INT32_MAX)) return NULL;
     return Py_BuildValue("LLL", (long long)gr_ranks_blocks(e, 0, edge), (long long)gr_ranks_blocks(e, 1, edge),
                          (long long)gr_ranks_blocks(e, 2, edge));
 }

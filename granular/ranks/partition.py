@@ -11,6 +11,10 @@ EDGES = {2: (32, 16, 8, 4), 3: (16, 8, 4)}
 """Cells of a block along each axis, by dimension. A larger block has fewer ghost cells about it for
 each of its own; a block of 4 cells is the smallest for all schemes."""
 
+RUNS = 0
+"""Instead of an edge: blocks are runs of 512 cells in the order of the grid, x first. Nonlocal laws
+need them, as the fluidity is summed over such runs."""
+
 BLOCKS = 12
 """Blocks with points that each rank should have at least: so many can be divided evenly."""
 

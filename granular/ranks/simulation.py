@@ -25,7 +25,7 @@ from granular.ranks.communicator import (
     communicator,
 )
 from granular.ranks.part import Part, Plan, bare, is_elsewhere
-from granular.ranks.partition import EDGES, UNEVEN, edge_of_blocks, owners_of_blocks
+from granular.ranks.partition import EDGES, RUNS, UNEVEN, edge_of_blocks, owners_of_blocks
 from granular.ranks.worker import serve
 from granular.record import Checkpoint
 from granular.run import diagnostics
@@ -45,7 +45,6 @@ def not_shared(scene: Scene) -> list[str]:
     having = {
         "bodies": bool(scene.bodies),
         "inflows": bool(scene.inflows),
-        "a nonlocal law (NGF)": scene.nonlocal_material is not None,
         "sleep_speed of the scheme": bool(scene.scheme.sleep_speed),
     }
     return [name for name, has in having.items() if has]
@@ -182,8 +181,8 @@ class RankedSimulation(Simulation, shares=Simulation):
     Raises
     ------
     ValueError
-        As of `granular.Simulation`; and for what ranks cannot share yet: bodies, inflows, nonlocal
-        laws, `sleep_speed` and `tractions`.
+        As of `granular.Simulation`; and for what ranks cannot share yet: bodies, inflows,
+        `sleep_speed` and `tractions`.
     """
 
     @staticmethod
@@ -435,7 +434,8 @@ def _divided(
     engine: _core.Engine = empty._engine
     weights: dict[int, NDArray] = {}
     blocks: dict[int, NDArray] = {}
-    for edge in EDGES[empty.scene.dim]:
+    nonlocal_law = empty.scene.nonlocal_material is not None
+    for edge in (RUNS,) if nonlocal_law else EDGES[empty.scene.dim]:
         blocks[edge] = engine.places(x, edge)[1]
         weights[edge] = np.bincount(blocks[edge], minlength=int(np.prod(engine.blocks(edge))))
     edge = edge_of_blocks({e: int((w > 0).sum()) for e, w in weights.items()}, size)

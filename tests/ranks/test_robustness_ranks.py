@@ -85,6 +85,42 @@ def test_kinds_of_scenes(name, scattered):
         assert shared(scene, 3, steps) == bits(stepped(scene, steps))
 
 
+LINEAR = gr.Scheme(basis="linear", transfer="flip", density=gr.ParticleDensity())
+SOIL = gr.materials.NGF(
+    E=1.5e5, elasticity="hencky", A=0.48, t0=1e-3, mu_s=0.38, mu_2=0.64, I0=0.278, d=4e-3
+)
+DIFFUSIONS = {
+    "implicit": (2, gr.Scheme(dt=1e-4), {"method": "implicit", "substeps": 3}),
+    "explicit": (2, gr.Scheme(dt=1e-4), {"method": "explicit", "stencil": "isotropic"}),
+    "rkl2": (2, LINEAR, {"method": "rkl2", "stencil": "isotropic"}),
+    "space": (3, gr.Scheme(), {}),
+}
+
+
+@pytest.mark.parametrize("name", DIFFUSIONS)
+def test_the_nonlocal_law_with_runs_of_cells_at_random(name, scattered):
+    dim, scheme, fluidity = DIFFUSIONS[name]
+    shape = (64, 30) if dim == 2 else (13, 11, 14)
+    periodic = (True,) + (False,) * (dim - 1)
+    heights = (0.2,) if dim == 2 else (0.11, 0.08)
+    scene = gr.Scene(
+        name="slope",
+        grid=gr.Grid((0.0,) * dim, 0.01, shape, periodic=periodic),
+        fills=(gr.Fill(gr.Box((0.0,) * dim, (shape[0] * 0.008, *heights)), 2**dim, jitter=0.5),),
+        material=SOIL,
+        scheme=scheme.replace(fluidity=gr.Fluidity(initial=0.5, **fluidity)),
+        walls=(gr.Wall(dim - 1, 0.0),),
+        gravity=(6.0, *(0.0,) * (dim - 2), -7.7),
+        duration=1.0,
+        seed=2,
+    )
+    alone = bits(stepped(scene, 50))
+    assert np.any(stepped(scene, 50).state.g > 0)
+    for size in (2, 5):
+        with scattered(size):
+            assert shared(scene, size, 20, 30) == alone
+
+
 def test_impulses_on_walls_and_a_wall_that_keeps_a_pressure(scattered):
     grid = gr.Grid((0.0, 0.0), 0.01, (6, 20), periodic=(True, False))
     fill = gr.Fill(gr.Box((0.0, 0.0), (0.06, 0.2)), 4, jitter=0.6)
@@ -226,7 +262,6 @@ def test_a_rank_that_does_not_answer_is_named():
 REFUSED = {
     "bodies": lambda: (gr.scenes.penetration(cell=0.04), {}),
     "inflows": lambda: (gr.scenes.silo_fed(cell=0.02), {}),
-    "a nonlocal law": lambda: (gr.scenes.chute_ngf(columns=2), {}),
     "sleep_speed": lambda: (column(scheme=gr.Scheme(sleep_speed=1e-3)), {}),
     "tractions": lambda: (column(), {"tractions": True}),
 }
