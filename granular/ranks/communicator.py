@@ -34,12 +34,15 @@ class Communicator(Protocol):
     ----------
     rank, size : int
         Number of this process, from 0, and how many there are.
+    on_this_machine : int
+        How many of them are on this machine.
     timeout : float
         Time after which a rank counts as lost that does not answer [s].
     """
 
     rank: int
     size: int
+    on_this_machine: int
     timeout: float
 
     def send(self, value: Any, to: int) -> None:
@@ -66,6 +69,7 @@ class MpiCommunicator:
 
         self._mpi, self._comm = MPI, comm.Dup()
         self.rank, self.size = int(comm.rank), int(comm.size)
+        self.on_this_machine = int(self._comm.Split_type(MPI.COMM_TYPE_SHARED).size)
         self.timeout = positive("timeout", timeout)
 
     def _wait(self, done: Callable[[], bool], source: int | None, patient: bool = False) -> None:

@@ -35,6 +35,7 @@ class ThreadCommunicator:
 
     def __init__(self, hub: Hub, rank: int, timeout: float) -> None:
         self._hub, self.rank, self.size = hub, rank, hub.size
+        self.on_this_machine = hub.size
         self.timeout = timeout
 
     def _take(self, source: int, tag: int, patient: bool = False) -> Any:

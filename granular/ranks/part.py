@@ -109,6 +109,10 @@ class Part:
         scalars = self.simulation._engine.scalars()
         return {name: int(scalars[name]) for name in ("n_points", "dropped", "clamped")}
 
+    def isa(self) -> str:
+        """Return the instruction set of the kernels."""
+        return self.simulation.isa
+
     def tally(self) -> None:
         """Make the tally that is due."""
         self.simulation._engine.tally()
@@ -200,7 +204,11 @@ def _all_to_all(communicator: Communicator, packets: list[Any]) -> list[Any]:
     return got
 
 
-def is_elsewhere(error: BaseException) -> bool:
-    """True if an error only says that another rank has one."""
-    lost = isinstance(error, LostRankError)
-    return lost or (isinstance(error, _core.SimulationError) and "another process" in str(error))
+def remoteness(error: BaseException) -> int:
+    """How little an error says about its cause: 0 for one that Python code has raised, 1 for a step
+    that failed, 2 if that was on another rank, or a rank does not answer."""
+    if isinstance(error, LostRankError):
+        return 2
+    if isinstance(error, _core.SimulationError):
+        return 2 if "another process" in str(error) else 1
+    return 0

@@ -24,7 +24,7 @@ from granular.ranks.communicator import (
     MpiCommunicator,
     communicator,
 )
-from granular.ranks.part import Part, Plan, bare, is_elsewhere
+from granular.ranks.part import Part, Plan, bare, remoteness
 from granular.ranks.partition import EDGES, RUNS, UNEVEN, edge_of_blocks, owners_of_blocks
 from granular.ranks.worker import serve
 from granular.record import Checkpoint
@@ -106,7 +106,7 @@ class _Team:
             errors.append(error)
         self.lost = any(isinstance(error, LostRankError) for error in errors)
         if errors:
-            raise min(errors, key=is_elsewhere)
+            raise min(errors, key=remoteness)
         return answers
 
     def _tell(self, number: int, name: str) -> None:
@@ -252,7 +252,8 @@ class RankedSimulation(Simulation, shares=Simulation):
         """Give each rank its cells, and the points in them."""
         size = ranks.size
         edge, owners, blocks = _divided(empty, arrays["x"], size)
-        threads = plan.threads or max(default_threads(len(arrays["id"])) // _beside(ranks), 1)
+        available = default_threads(len(arrays["id"])) // ranks.on_this_machine
+        threads = plan.threads or max(available, 1)
         plan = replace(plan, threads=threads, edge=edge, owners=owners)
         to = owners[blocks]
 
@@ -271,6 +272,12 @@ class RankedSimulation(Simulation, shares=Simulation):
             return self._here.counts()
 
         self._counts = self._team.ask(self._number, "build", request, build)
+        sets = self._ask("isa")
+        if "baseline" in sets and len(set(sets)) > 1:
+            raise ValueError(
+                f"isa: ranks have the instruction sets {', '.join(sets)}, with other bits: give "
+                "isa='baseline' for all"
+            )
         self._start(plan.scene, self._part.simulation._engine, threads)
         self._mean_mass = plan.mean_mass
         self._watches_walls = self._part.simulation._watches_walls
@@ -441,9 +448,3 @@ def _divided(
     edge = edge_of_blocks({e: int((w > 0).sum()) for e, w in weights.items()}, size)
     owners = owners_of_blocks(weights[edge], engine.blocks(edge), size)
     return edge, owners, blocks[edge]
-
-
-def _beside(ranks: Communicator) -> int:
-    """Number of ranks on this machine, this one included."""
-    count = getattr(ranks, "on_this_machine", None)
-    return int(count) if count else ranks.size
