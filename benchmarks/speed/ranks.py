@@ -27,7 +27,7 @@ SCENES = {
     ),
     "3D": lambda size: gr.scenes.cylinder_collapse(cell=0.2 / size, points_per_cell=8, E=1e6),
 }
-SIZES = {"2D": 220, "3D": 24}
+SIZES = {"2D": 500, "3D": 56}
 QUICK = {"2D": 20, "3D": 6}
 CASES = {
     "no ranks": (0, 1),
@@ -172,7 +172,7 @@ def main(argv: list[str] | None = None) -> None:
         scene, *numbers = chosen.child
         child(scene, *map(int, numbers))
         return
-    turns, steps, repeats = (1, 5, 1) if chosen.quick else (5, 20, 5)
+    turns, steps, repeats = (1, 5, 1) if chosen.quick else (3, 10, 4)
     rows: list[dict[str, Any]] = []
     for scene, size in (QUICK if chosen.quick else SIZES).items():
         best: dict[str, dict[str, Any]] = {}

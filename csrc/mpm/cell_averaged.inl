@@ -174,14 +174,14 @@ GR_INLINE vd store_state(const int dim, struct gr_engine *e, int64_t first, vm h
     }
     const vd inside = v_min(between(LIGHT_BELOW, LIGHT_UNTIL, lightest), between(SURFACE_BELOW, INSIDE_FROM, mass / volume));
     const vd c = v_load(gr_cell_sums(e, first, GR_CELL_MC)) * inverse;
-    v_store(average_of(e, GR_AVERAGE_INSIDE, first), inside);
+    v_store(average_of(e, GR_AVERAGE_INSIDE, first), v_keep(has, inside)); /* a node on an axis may have no volume */
     v_store(average_of(e, GR_AVERAGE_LOG_PHI, first),
             v_set(2.0) * (mass - volume) / (mass + volume) - v_set(e->servo_strain));
     v_store(average_of(e, GR_AVERAGE_C, first), v_select(has, c, v_set(EMPTY)));
     store_filling(e, first, filled, v_keep(has, excess_of(filled, open, inside)));
     v_store(average_of(e, GR_AVERAGE_OPEN, first), open);
     for (int d = 0; d < dim; d++) {
-        at[d] = v_fma(one - inside, high[d] * inverse, inside * centre[d]);
+        at[d] = v_select(has, v_fma(one - inside, high[d] * inverse, inside * centre[d]), centre[d]);
         v_store(average_of(e, GR_AVERAGE_AT + d, first), at[d]);
     }
     for (int d = 0; d < dim; d++) {

@@ -6,6 +6,7 @@
  * their number: the points of a new cell are in the order in which all are listed. */
 #include "mpm/grouping.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -73,7 +74,10 @@ static int add_point(struct regroup *r, struct list *list, int64_t source, const
     for (int d = 0; d < e->config.dim; d++) {
         const struct gr_axis *axis = &e->axis[d];
         at[d] = gr_locate(axis, e->inv_dx, y[d]);
-        if (axis->periodic && at[d] == axis->n_cells) y[d] -= axis->length, at[d] = 0; /* ugimp: the last half-cell */
+        if (axis->periodic && at[d] == axis->n_cells) { /* ugimp: the last half-cell; fmax against rounding */
+            y[d] = fmax(axis->cell[0].begin, y[d] - axis->length);
+            at[d] = 0;
+        }
         if (at[d] < 0 || at[d] >= axis->n_cells) inside = 0;
         cell[d] = (int32_t)at[d];
     }

@@ -15,7 +15,7 @@ int64_t gr_ranks_blocks(const struct gr_engine *e, int d, int edge)
     int64_t cells = 1;
     for (int k = 0; k < e->config.dim; k++) cells *= e->axis[k].n_cells;
     if (!edge) return d ? 1 : (cells + GR_RUN_OF_CELLS - 1) / GR_RUN_OF_CELLS;
-    return d < e->config.dim ? (e->axis[d].n_cells + edge - 1) / edge : 1;
+    return d < e->config.dim ? ((int64_t)e->axis[d].n_cells + edge - 1) / edge : 1;
 }
 
 /* The blocks along axis d within a distance of an index, in cells, each once.
@@ -303,7 +303,10 @@ int gr_ranks_exchange_counts(struct gr_engine *e)
         const int64_t size = sizeof peer->n_leaving;
         ranks->message[k] = (struct gr_message){peer->rank, size, size, &peer->n_leaving, &peer->n_arriving};
     }
-    return gr_ranks_exchange(e);
+    int error = gr_ranks_exchange(e);
+    for (int k = 0; k < ranks->n_peers && !error; k++) /* a count beyond all sense: messages are confused */
+        if (ranks->peer[k].n_arriving < 0 || ranks->peer[k].n_arriving > INT32_MAX) error = GR_ERR_TRANSPORT;
+    return error;
 }
 
 /* ---- The cells of others ---- */
@@ -352,6 +355,14 @@ int gr_ranks_list_occupied(struct gr_engine *e, const int64_t *own, int64_t n, i
     for (int p = 0; p < ranks->n_peers; p++) {
         memcpy(list + at, ranks->peer[p].in, (size_t)(ranks->peer[p].n_arriving * size));
         at += ranks->peer[p].n_arriving;
+    }
+    const struct gr_axis *axis = e->axis;
+    const int64_t cells = (int64_t)axis[0].n_cells * axis[1].n_cells * (e->config.dim == 3 ? axis[2].n_cells : 1);
+    for (int64_t k = n; k < at && !error; k++)
+        if (list[k] < 0 || list[k] >= cells) error = GR_ERR_TRANSPORT;
+    if (error) {
+        free(list);
+        return error;
     }
     if (others) qsort(list, (size_t)at, sizeof *list, gr_compare_ids);
     *all = list;

@@ -91,7 +91,7 @@ PyObject *gr_python_places(const struct gr_engine *e, PyObject *args)
             if (axis->periodic && at == axis->n_cells) at = 0;
             at = at < 0 ? 0 : at < axis->n_cells ? at : axis->n_cells - 1;
             cell = cell * axis->n_cells + at;
-            if (edge) block = block * ((axis->n_cells + edge - 1) / edge) + at / edge;
+            if (edge) block = block * (((int64_t)axis->n_cells + edge - 1) / edge) + at / edge;
         }
         if (!edge) block = cell / GR_RUN_OF_CELLS;
         ((int64_t *)PyArray_DATA((PyArrayObject *)cells))[p] = cell;

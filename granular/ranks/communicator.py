@@ -14,6 +14,19 @@ from granular.tools.checks import positive
 
 TIMEOUT = 60.0
 """Default time after which a process counts as lost that does not answer within a step [s]."""
+LONGEST = 1e6
+"""Longest time-out [s]."""
+PAUSED = 1.0
+"""Most of the time from one check to the next that counts as waiting [s]: a process that was
+suspended itself must not take the others for lost."""
+
+
+def check_timeout(timeout: float) -> float:
+    """Return a time-out [s]; ValueError unless it is above 0, and not above 1e6."""
+    if positive("timeout", timeout) > LONGEST:
+        raise ValueError(f"timeout = {timeout:g} must be <= {LONGEST:g}")
+    return timeout
+
 
 Message = tuple[int, memoryview, memoryview]
 """Rank, what is sent to it, and the space for what comes from it."""
@@ -62,25 +75,48 @@ class Communicator(Protocol):
 
 
 class MpiCommunicator:
-    """Ranks of a communicator of mpi4py, of which this makes a copy: all ranks have to."""
+    """Ranks of a communicator of mpi4py, of which this makes a copy: all ranks have to.
+
+    Parameters
+    ----------
+    comm : mpi4py.MPI.Comm
+        The communicator. The same one gives the same object again, with the new time-out.
+    timeout : float
+        Time after which a rank counts as lost that does not answer [s], > 0.
+    """
+
+    def __new__(cls, comm: Any, timeout: float = TIMEOUT) -> MpiCommunicator:
+        if not all(hasattr(comm, name) for name in ("Dup", "py2f", "rank", "size")):
+            raise TypeError(
+                f"comm = {comm!r} must be a communicator of mpi4py, as MPI.COMM_WORLD, or one of "
+                "granular.ranks.threads"
+            )
+        handle = int(comm.py2f())
+        if handle not in _MADE:
+            _MADE[handle] = super().__new__(cls)
+        return _MADE[handle]
 
     def __init__(self, comm: Any, timeout: float = TIMEOUT) -> None:
+        self.timeout = check_timeout(timeout)
+        if hasattr(self, "_comm"):
+            return
         from mpi4py import MPI
 
         self._mpi, self._comm = MPI, comm.Dup()
         self.rank, self.size = int(comm.rank), int(comm.size)
         self.on_this_machine = int(self._comm.Split_type(MPI.COMM_TYPE_SHARED).size)
-        self.timeout = positive("timeout", timeout)
+        self._arrays: list[np.ndarray] = []  # of sums that are not complete
 
     def _wait(self, done: Callable[[], bool], source: int | None, patient: bool = False) -> None:
         """Wait for something; after a while other processes of this machine get their turn."""
-        begin, turns, pause = time.monotonic(), 0, 0.0
+        last, waited, turns, pause = time.monotonic(), 0.0, 0, 0.0
         while not done():
             turns += 1
             if turns % 100:
                 continue
             time.sleep(pause)
-            waited = time.monotonic() - begin
+            now = time.monotonic()
+            waited, last = waited + min(now - last, PAUSED), now
             # What takes long is not held up by a pause of a tenth of the time so far.
             pause = min(0.1 * waited, 1e-3) if waited > 1e-3 else 0.0
             if waited > self.timeout and not patient:
@@ -109,8 +145,10 @@ class MpiCommunicator:
 
     def reduce(self, array: np.ndarray, of: np.ufunc) -> None:
         operation = self._mpi.SUM if of is np.add else self._mpi.MAX
-        request = self._comm.Iallreduce(self._mpi.IN_PLACE, array, op=operation)
+        self._arrays = [array.copy(), np.empty_like(array)]  # which outlive a call that gives up
+        request = self._comm.Iallreduce(*self._arrays, op=operation)
         self._wait(request.Test, None)
+        array[...] = self._arrays[1]
 
     def abort(self) -> None:
         self._comm.Abort(1)
@@ -163,12 +201,5 @@ def communicator(comm: Any) -> Communicator:
     """
     if isinstance(comm, Communicator):
         return comm
-    if not all(hasattr(comm, name) for name in ("Dup", "py2f", "rank", "size")):
-        raise TypeError(
-            f"comm = {comm!r} must be a communicator of mpi4py, as MPI.COMM_WORLD, or one of "
-            "granular.ranks.threads"
-        )
-    handle = int(comm.py2f())
-    if handle not in _MADE:
-        _MADE[handle] = MpiCommunicator(comm)
-    return _MADE[handle]
+    made = _MADE.get(int(comm.py2f())) if hasattr(comm, "py2f") else None
+    return made or MpiCommunicator(comm)

@@ -10,9 +10,15 @@ from typing import Any
 
 import numpy as np
 
-from granular.ranks.communicator import TIMEOUT, Communicator, LostRankError, Message
+from granular.ranks.communicator import (
+    TIMEOUT,
+    Communicator,
+    LostRankError,
+    Message,
+    check_timeout,
+)
 from granular.ranks.worker import serve
-from granular.tools.checks import integer, positive
+from granular.tools.checks import integer
 
 
 class Hub:
@@ -27,6 +33,7 @@ class Hub:
             for tag in (1, 2)
         }
         self.barrier = threading.Barrier(size)
+        self.ended = False
         self.arrays: list[np.ndarray] = [np.empty(0)] * size
 
 
@@ -38,7 +45,12 @@ class ThreadCommunicator:
         self.on_this_machine = hub.size
         self.timeout = timeout
 
+    def _check(self) -> None:
+        if self._hub.ended:
+            raise LostRankError("the block of granular.ranks.threads has ended, and its ranks")
+
     def _take(self, source: int, tag: int, patient: bool = False) -> Any:
+        self._check()
         try:
             timeout = None if patient else self.timeout
             return self._hub.boxes[source, self.rank, tag].get(timeout=timeout)
@@ -48,6 +60,7 @@ class ThreadCommunicator:
             ) from None
 
     def send(self, value: Any, to: int) -> None:
+        self._check()
         self._hub.boxes[self.rank, to, 1].put(value)
 
     def receive(self, source: int, patient: bool = False) -> Any:
@@ -98,7 +111,7 @@ def threads(size: int, timeout: float = TIMEOUT) -> Iterator[Communicator]:
         of the block.
     """
     hub = Hub(integer("size", size, 1, 1000))
-    positive("timeout", timeout)
+    check_timeout(timeout)
     others = [
         threading.Thread(target=serve, args=(ThreadCommunicator(hub, rank, timeout),), daemon=True)
         for rank in range(1, size)
@@ -113,3 +126,4 @@ def threads(size: int, timeout: float = TIMEOUT) -> Iterator[Communicator]:
             root.send(None, rank)
         for thread in others:
             thread.join(timeout)
+        hub.ended = True

@@ -177,10 +177,14 @@ class Part:
         joined = {name: np.concatenate([p[name] for p in got], axis=-1) for name in got[0]}
         order = np.argsort(joined.pop("cell"), kind="stable")
         new = {name: np.ascontiguousarray(a[..., order]) for name, a in joined.items()}
-        engine = self.simulation._engine
+        engine, scalars = self.simulation._engine, self.simulation._engine.scalars()
+        if not np.isfinite([value for name, value in scalars.items() if "tally" in name]).all():
+            # The account of an energy that overflows begins anew, on all ranks alike.
+            scalars |= {name: 0.0 for name in scalars if name.startswith("tally_")}
+            scalars["tally_time"] = -1.0
         walls = engine.walls() if self.simulation._watches_walls else None
         plan = replace(self.plan, owners=owners)
-        return Part(self._communicator, plan, new, engine.scalars(), walls)
+        return Part(self._communicator, plan, new, scalars, walls)
 
 
 def bare(plan: Plan) -> Simulation:
@@ -205,8 +209,8 @@ def _all_to_all(communicator: Communicator, packets: list[Any]) -> list[Any]:
 
 
 def remoteness(error: BaseException) -> int:
-    """How little an error says about its cause: 0 for one that Python code has raised, 1 for a step
-    that failed, 2 if that was on another rank, or a rank does not answer."""
+    """Order of errors by what they say about their cause: 0 for one that Python code has raised, 1
+    for a step that failed, 2 if that was on another rank, or a rank does not answer."""
     if isinstance(error, LostRankError):
         return 2
     if isinstance(error, _core.SimulationError):

@@ -26,14 +26,14 @@ from granular.ranks.communicator import (
 )
 from granular.ranks.part import Part, Plan, bare, remoteness
 from granular.ranks.partition import EDGES, RUNS, UNEVEN, edge_of_blocks, owners_of_blocks
-from granular.ranks.worker import serve
+from granular.ranks.worker import is_serving, serve
 from granular.record import Checkpoint
 from granular.run import diagnostics
 from granular.run.interrupts import DeferredSignals
 from granular.run.running import default_threads
 from granular.tools.arrays import IntArray
 from granular.tools.buffers import default_isa, stored_type
-from granular.tools.checks import positive
+from granular.tools.checks import positive, truth
 
 BALANCED = 20
 """Calls of the core, of about a twentieth of a second each, after which the division of the
@@ -62,7 +62,8 @@ class _Team:
         self.closing: list[int] = []  # parts that are no longer used
         self.lost = False
         self._numbers = itertools.count()
-        self._lock = threading.RLock()  # columns of a frame are made ahead in a thread
+        self._lock = threading.Lock()  # columns of a frame are made ahead in a thread
+        self._asking: int | None = None  # the thread that waits for answers
 
     def number(self) -> int:
         """Number of a new run."""
@@ -79,31 +80,41 @@ class _Team:
 
         Signals wait: an exception between request and answer would confuse all that follow.
         """
+        if self._asking == threading.get_ident() or is_serving():
+            raise RuntimeError("a function that runs on each rank must not use the simulation")
         with DeferredSignals(), self._lock:
-            return self._answers(number, name, arguments, call)
+            self._asking = threading.get_ident()
+            try:
+                return self._answers(number, name, arguments, call)
+            finally:
+                self._asking = None
 
     def _answers(
         self, number: int, name: str, arguments: Arguments, call: Callable[[], Any]
     ) -> list:
         if self.lost:
             raise LostRankError("a rank of the run does not answer; start the run again")
-        ranks, answers, errors = self.ranks, [None] * self.ranks.size, []
+        ranks = self.ranks
+        answers: list[Any] = [None] * ranks.size
+        errors: list[BaseException] = []
         while self.closing:
             self._tell(self.closing.pop(), "close")
         for rank in range(1, ranks.size):
             ranks.send((number, name, arguments(rank)), rank)
         try:
             answers[0] = call()
-        except Exception as error:
+        except BaseException as error:  # raised when all have answered
             errors.append(error)
-        try:
-            for rank in range(1, ranks.size):
-                good, answer = ranks.receive(rank)
-                answers[rank] = answer
+        for rank in range(1, ranks.size):
+            try:
+                good, answers[rank] = ranks.receive(rank)
                 if not good:
-                    errors.append(answer)
-        except LostRankError as error:
-            errors.append(error)
+                    errors.append(answers[rank])
+            except LostRankError as error:
+                errors.append(error)
+                break
+            except Exception as error:  # what cannot be unpickled here
+                errors.append(error)
         self.lost = any(isinstance(error, LostRankError) for error in errors)
         if errors:
             raise min(errors, key=remoteness)
@@ -201,7 +212,8 @@ class RankedSimulation(Simulation, shares=Simulation):
         tractions: bool = False,
     ) -> None:
         ranks = attend(comm)
-        if tractions:
+        wall_forces = truth("wall_forces", wall_forces)
+        if truth("tractions", tractions):
             raise ValueError("comm: ranks cannot share tractions yet")
         _check_shared(scene)
         memory.check(scene, force)
@@ -222,6 +234,8 @@ class RankedSimulation(Simulation, shares=Simulation):
     def from_whole(cls, simulation: Simulation, comm: Any, threads: int | None) -> RankedSimulation:
         """Return the simulation that goes on from one of this process alone."""
         _check_shared(simulation.scene)
+        if simulation._has_tractions:
+            raise ValueError("comm: ranks cannot share tractions yet")
         checkpoint = simulation.checkpoint()
         sim = object.__new__(cls)
         scalars = dict(checkpoint.scalars)
@@ -372,8 +386,9 @@ class RankedSimulation(Simulation, shares=Simulation):
         Parameters
         ----------
         function : callable
-            Called with a `granular.State`; a function of a module, which can be pickled. Sums over
-            points need no more than this, whereas `state` gathers all points on rank 0.
+            Called with a `granular.State`; a function of a module, which can be pickled, as its
+            result. It must not use the simulation. Sums over points need no more than this,
+            whereas `state` gathers all points on rank 0.
 
         Returns
         -------
@@ -388,6 +403,11 @@ class RankedSimulation(Simulation, shares=Simulation):
         raise ValueError(
             "buffers: each rank has those of its own points; use `state`, or `on_each_rank`"
         )
+
+    @property
+    def cell_counts(self) -> IntArray:
+        """Not of a simulation that ranks share: raises ValueError."""
+        raise ValueError("cell_counts: each rank has those of its own cells; use `state`")
 
     # ---- the state of all points ----
 

@@ -14,6 +14,14 @@ ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
 """Signals by which a run is ended: rank 0 takes them for all."""
 
 
+_THREAD = threading.local()
+
+
+def is_serving() -> bool:
+    """True in a thread, or a process, that serves rank 0."""
+    return getattr(_THREAD, "serves", False)
+
+
 def serve(communicator: Communicator) -> None:
     """Do what rank 0 asks for: make parts of runs, and call their methods.
 
@@ -23,6 +31,7 @@ def serve(communicator: Communicator) -> None:
     if threading.current_thread() is threading.main_thread():
         for number in ENDING:
             signal.signal(number, signal.SIG_IGN)
+    _THREAD.serves = True
     parts: dict[int, Part] = {}
     going = True
     while going:
@@ -30,10 +39,10 @@ def serve(communicator: Communicator) -> None:
             request = communicator.receive(0, patient=True)
             going = request is not None
             answer = True, _do(communicator, parts, *request) if going else None
-        except Exception as error:  # also of what cannot be unpickled here
+        except BaseException as error:  # also of what cannot be unpickled here, and SystemExit
             answer = False, _sendable(error)
         if going:
-            communicator.send(answer, 0)
+            _answer(communicator, answer)
 
 
 def _do(
@@ -51,10 +60,18 @@ def _do(
     return getattr(parts[number], name)(*arguments)
 
 
-def _sendable(error: Exception) -> Exception:
+def _answer(communicator: Communicator, answer: tuple[bool, Any]) -> None:
+    """Send an answer, or why it cannot be sent."""
+    try:
+        communicator.send(answer, 0)
+    except Exception as error:  # it cannot be pickled
+        communicator.send((False, _sendable(error)), 0)
+
+
+def _sendable(error: BaseException) -> Exception:
     """Return an error that can be sent to another process."""
     try:
         pickle.loads(pickle.dumps(error))
     except Exception:
         return RuntimeError(f"{type(error).__name__}: {error}")
-    return error
+    return error if isinstance(error, Exception) else RuntimeError(repr(error))

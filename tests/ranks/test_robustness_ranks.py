@@ -7,6 +7,7 @@ import pytest
 from same_bits import bits, stepped
 
 import granular as gr
+from granular.mpm import engine as core
 from granular.ranks import simulation as ranked
 from granular.ranks.part import Part
 
@@ -61,7 +62,26 @@ def test_parts_of_the_curve_over_a_collapse(size):
     assert shared(scene, size, 400) == bits(stepped(scene, 400))
 
 
+def discs():
+    """An elastic column of rings with averaged cells, some of which have no points.
+
+    Spare slots of empty cells at the axis had NaN, which points that entered them met.
+    """
+    return gr.Scene(
+        name="rings",
+        grid=gr.Grid((0.0, 0.0), 0.02, (3, 16), open_sides=("x+", "y+"), axisymmetric=True),
+        fills=(gr.Fill(gr.Box((0.0, 0.0), (0.03, 0.2)), 4, velocity=(0.5, -0.4), jitter=0.5),),
+        material=gr.materials.Elastic(E=1e4),
+        scheme=gr.Scheme(basis="linear", transfer="tpic", density=gr.CellAveragedDensity()),
+        walls=(gr.Wall(1, 0.0, kind="coulomb", friction=0.4),),
+        gravity=(0.0, -9.81),
+        duration=1.0,
+        seed=77,
+    )
+
+
 SCENES = {
+    "rings with averaged cells": discs,
     "open sides": lambda: gr.scenes.silo(cell=0.05, jitter=0.3),
     "periodic": lambda: gr.scenes.incline(columns=12, jitter=0.4),
     "rings": lambda: gr.scenes.cylinder_collapse(cell=0.05, axisymmetric=True),
@@ -210,6 +230,30 @@ def test_measures_of_the_parts_and_of_the_whole():
             _ = sim.buffers
 
 
+def count(state):
+    return state.n
+
+
+def interrupted(state):
+    if state.id[0] == 0:
+        raise KeyboardInterrupt
+    return "stale"
+
+
+def test_an_interrupted_request_leaves_no_answers_behind():
+    with gr.ranks.threads(3) as comm:
+        sim = gr.Simulation(column(), comm=comm)
+        for function, error in (
+            (interrupted, KeyboardInterrupt),
+            (lambda _: sim.state, RuntimeError),
+        ):
+            with pytest.raises(error):
+                sim.on_each_rank(function)
+            assert sum(sim.on_each_rank(count)) == 512
+    with pytest.raises(gr.SimulationError, match="has ended"):
+        _ = sim.state
+
+
 def test_the_failure_of_one_rank_ends_all_and_names_the_point(monkeypatch):
     def spoil(part):
         if part.plan is not None and part._communicator.rank == 1:
@@ -282,3 +326,65 @@ def test_wrong_communicators():
         gr.Simulation(gr.scenes.incline_sph(height=0.05), comm=comm)
     with pytest.raises(ValueError, match="size = 0"), gr.ranks.threads(0):
         pass
+    with pytest.raises(ValueError, match="timeout = 1e"), gr.ranks.threads(1, timeout=1e10):
+        pass
+
+
+def test_restarts_refuse_what_ranks_cannot_share():
+    alone = gr.Simulation(column(), tractions=True)
+    with gr.ranks.threads(1) as comm, pytest.raises(ValueError, match="tractions"):
+        gr.Simulation.from_checkpoint(alone.scene, alone.checkpoint(), comm=comm)
+    with gr.ranks.threads(1) as comm, pytest.raises(TypeError, match="wall_forces"):
+        gr.Simulation(column(), comm=comm, wall_forces="no")
+
+
+class Confused:
+    """A link that answers with one number only."""
+
+    def __init__(self, number):
+        self.number = number
+
+    def exchange(self, messages):
+        for _, _, into in messages:
+            np.frombuffer(into, dtype=np.int64)[:] = self.number
+        return True
+
+    def sum(self, view):
+        return True
+
+    largest = sum
+
+
+@pytest.mark.parametrize("number", [-1, 2**40, 2**61 + 1])
+def test_confused_messages_end_in_an_error(number):
+    sim = gr.Simulation(column())
+    engine = core.build(sim.scene, 1.0)
+    blocks = int(np.prod(engine.blocks(8)))
+    engine.share(Confused(number), 0, 2, 8, np.arange(blocks, dtype=np.int32) % 2)
+    engine.bind(core.initial_buffers(engine, {"x": np.zeros((0, 2)), "mass": np.zeros(0)}), 0, True)
+    with pytest.raises(RuntimeError, match="does not answer"):
+        engine.regroup()
+    assert engine.blocks(2**31 - 1) == (1, 1, 1)
+
+
+def test_spare_slots_are_finite():
+    sim = gr.Simulation(discs())
+    sim.step(20)
+    assert all(np.isfinite(array).all() for array in sim.buffers.values())
+
+
+def test_a_point_half_a_cell_below_a_periodic_end_can_be_grouped_again():
+    grid = gr.Grid((-0.37, 0.0), 0.1, (3, 400), periodic=(True, False))
+    fill = gr.Fill(gr.Box((-0.37, 0.0), (-0.07, 1.0)), 1)
+    scheme = gr.Scheme(basis="ugimp", transfer="apic", density=gr.ParticleDensity())
+    scene = gr.Scene(
+        name="periodic",
+        grid=grid,
+        fills=(fill,),
+        material=GRAINS,
+        scheme=scheme,
+        walls=(gr.Wall(1, 0.0),),
+        gravity=(0.0, -9.81),
+        duration=1.0,
+    )
+    assert shared(scene, 2, 5) == bits(stepped(scene, 5))
