@@ -374,8 +374,8 @@ def test_spare_slots_are_finite():
 
 
 def test_a_point_half_a_cell_below_a_periodic_end_can_be_grouped_again():
-    grid = gr.Grid((-0.37, 0.0), 0.1, (3, 400), periodic=(True, False))
-    fill = gr.Fill(gr.Box((-0.37, 0.0), (-0.07, 1.0)), 1)
+    grid = gr.Grid((-0.37, -0.37), 0.1, (3, 400), periodic=(True, False))
+    fill = gr.Fill(gr.Box((-0.37, -0.37), (-0.07, 39.63)), 1)  # so many that buffers grow
     scheme = gr.Scheme(basis="ugimp", transfer="apic", density=gr.ParticleDensity())
     scene = gr.Scene(
         name="periodic",
@@ -383,7 +383,7 @@ def test_a_point_half_a_cell_below_a_periodic_end_can_be_grouped_again():
         fills=(fill,),
         material=GRAINS,
         scheme=scheme,
-        walls=(gr.Wall(1, 0.0),),
+        walls=(gr.Wall(1, -0.37),),
         gravity=(0.0, -9.81),
         duration=1.0,
     )
