@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "mpm/tally.h"
 #include "tests/check.h"
 #include "tests/scene.h"
 
@@ -150,6 +151,7 @@ TEST(moves_between_cells)
     CHECK(gone > 0);
     for (int t = 0; t < 2; t++) gr_pack_migrants(e, &list[t], 0);
     CHECK(gr_migrate(e, list, 2, NULL) == GR_OK);
+    CHECK(gr_tally_settle(e) == GR_OK);
     CHECK(e->dropped == gone && e->points.n == 300 - gone);
     CHECK_NEAR(e->dropped_mass, mass, 1e-12);
     if (e->migration.n_pending) CHECK(gr_regroup(e, NULL) == GR_OK);
