@@ -18,12 +18,9 @@ int64_t gr_ranks_blocks(const struct gr_engine *e, int d, int edge)
     return d < e->config.dim ? ((int64_t)e->axis[d].n_cells + edge - 1) / edge : 1;
 }
 
-/* The blocks along axis d within a distance of an index, in cells, each once.
- * Returned: their number. */
-static int blocks_near(const struct gr_engine *e, int d, int32_t at, int distance, int32_t block[4])
+int gr_ranks_add_blocks(const struct gr_engine *e, int d, int32_t at, int distance, int32_t block[4], int n)
 {
     const int64_t edge = e->ranks->edge, m = e->axis[d].n_cells;
-    int n = 0;
     for (int64_t i = at - distance; i <= at + distance; i++) {
         if (!e->axis[d].periodic && (i < 0 || i >= m)) continue;
         const int32_t next = (int32_t)((i % m + m) % m / edge);
@@ -87,7 +84,7 @@ int gr_ranks_near(const struct gr_engine *e, const int32_t at[3], int distance, 
     int n_blocks[3] = {1, 1, 1}, n = 1;
     rank[0] = gr_owner(ranks, at);
     if (is_inside_block(e, at, distance)) return 1;
-    for (int d = 0; d < e->config.dim; d++) n_blocks[d] = blocks_near(e, d, at[d], distance, block[d]);
+    for (int d = 0; d < e->config.dim; d++) n_blocks[d] = gr_ranks_add_blocks(e, d, at[d], distance, block[d], 0);
     for (int c = 0; c < n_blocks[2]; c++)
         for (int b = 0; b < n_blocks[1]; b++)
             for (int a = 0; a < n_blocks[0]; a++) {
@@ -206,6 +203,8 @@ void gr_ranks_free(struct gr_ranks *ranks)
         free(ranks->peer[k].ghost);
         free(ranks->peer[k].out);
         free(ranks->peer[k].in);
+        free(ranks->peer[k].out_offset);
+        free(ranks->peer[k].in_offset);
     }
     void *const owned[] = {ranks->owner,  ranks->peer, ranks->message, ranks->number,    ranks->arrival, ranks->record,
                            ranks->staged, ranks->id,   ranks->order,   ranks->staged_id, ranks->part,    ranks->sharing};

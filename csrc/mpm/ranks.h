@@ -20,15 +20,24 @@
  * it, or another one. */
 enum gr_sharing { GR_NOT_HERE, GR_ALONE, GR_SHARED_OWN, GR_GHOST };
 
+/* An own cell that another rank has as a ghost, or a ghost that is its cell: its lane, and the local nodes whose sums the one that
+ * has the ghost needs, in a step and in one that averages the density. */
+struct gr_shared_cell {
+    int64_t lane;
+    uint32_t nodes[2];
+};
+
 /* Another rank with cells so near that they matter here. */
 struct gr_peer {
     int rank;
-    int64_t *own, *ghost;   /* lanes of own cells that it has as ghosts; of ghosts that are its cells; ascending */
-    int64_t n_own, n_ghost; /* how many of them */
+    struct gr_shared_cell *own, *ghost; /* own cells that it has as ghosts; ghosts that are its cells; ascending */
+    int64_t n_own, n_ghost;             /* how many of them */
     int64_t own_capacity, ghost_capacity;
     int64_t n_leaving, n_arriving; /* points that go there in this step, and come from there */
     char *out, *in;                /* messages */
     int64_t out_capacity, in_capacity;
+    int64_t *out_offset, *in_offset; /* where the numbers of each cell are in them */
+    int64_t out_offsets, in_offsets; /* capacities */
 };
 
 enum { GR_RUN_OF_CELLS = GR_CHUNK_PAGES * GR_PAGE };
@@ -111,6 +120,10 @@ int gr_ranks_has_node(const struct gr_engine *e, int64_t n);
 /* The ranks that own a cell, or one within a distance of it, each once; the owner of the cell first.
  * Returned: their number. */
 int gr_ranks_near(const struct gr_engine *e, const int32_t at[3], int distance, int rank[GR_MOST_NEAR]);
+
+/* Add the blocks along axis d within a distance of an index, in cells, to n others, each once.
+ * Returned: their number. */
+int gr_ranks_add_blocks(const struct gr_engine *e, int d, int32_t at, int distance, int32_t block[4], int n);
 
 /* How the cell `id` of the grid is shared, where it is active. */
 enum gr_sharing gr_sharing_of(const struct gr_engine *e, int64_t id);
