@@ -456,6 +456,31 @@ def error_bar(quick: bool) -> Picture:
     return made
 
 
+def ranks(quick: bool) -> Picture:
+    """Points of four ranks at the start of a collapse, and after blocks have changed hands."""
+    made, axes = panels(1, 2, 1.9, sharey=True)
+    cell = 0.04 if quick else 0.01
+    scene = gr.scenes.column_collapse(aspect=1.5, E=1e6, cell=cell, points_per_cell=4)
+    with gr.ranks.threads(4) as comm:
+        sim = gr.Simulation(scene, comm=comm)
+        for ax, time in zip(axes.flat, (0.0, 0.5), strict=True):
+            if time:
+                sim.run(until=time)
+                sim.balance(1.0)
+            for x, color in zip(
+                sim.on_each_rank(positions), (BLUE, ORANGE, GREEN, RED), strict=True
+            ):
+                ax.plot(*x.T, ".", color=color, markersize=2.2)
+            ax.set(title=f"t = {time:g} s", xlabel="x [m]", aspect="equal", xlim=(0.0, 0.75))
+    tell(sim)
+    axes[0, 0].set(ylabel="y [m]", ylim=(0.0, 0.32))
+    return made
+
+
+def positions(state: gr.State) -> np.ndarray:
+    return state.x
+
+
 PAGES: dict[str, Callable[[bool], Figure]] = {
     made.__name__: made
     for made in (
@@ -469,7 +494,7 @@ PAGES: dict[str, Callable[[bool], Figure]] = {
             watch_a_run,
             restart,
         ),
-        *(calibrate_friction, sweep, paraview, error_bar, dem_runs, meshes),
+        *(calibrate_friction, sweep, ranks, paraview, error_bar, dem_runs, meshes),
         *(arching, wall_pressure, tools_in_soil, slope_stability, walls_and_footings, erodible_bed),
     )
 }
