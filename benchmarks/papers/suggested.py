@@ -47,7 +47,7 @@ def row_of(name: str, figure: str, words: list[str]) -> dict[str, Any]:
 
 
 def moved(row: dict[str, Any], before: dict[str, Any]) -> str:
-    """Number of the numbers that differ by more than the tolerance and three times their scatter."""
+    """Count the numbers that differ by more than the tolerance and three times their scatter."""
     pairs = [
         (value, row["numbers"][name], before["scatter"].get(name, 0.0))
         for name, value in before["numbers"].items()
