@@ -130,7 +130,7 @@ void gr_stage_grid(struct gr_run *run)
         all_of(run, smooth_nodes, n_nodes);
     }
     if (run->kernels->narrow_nodes) all_of(run, narrow, gr_groups(e));
-    if (e->watch) e->failure.code = gr_sum_wall_impulses(e);
+    if (e->watch && !e->failure.code) e->failure.code = gr_sum_wall_impulses(e);
     if (e->watch && e->watch->servo.height > 0) gr_move_servo(e);
 }
 

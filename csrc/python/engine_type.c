@@ -170,7 +170,8 @@ static PyObject *engine_tally(struct gr_object *self, PyObject *Py_UNUSED(unused
 {
     struct gr_engine *e = gr_ready(self, 1);
     if (!e) return NULL;
-    if (gr_tally_is_due(e) && !e->migration.n_pending && gr_tally_make(e, NULL)) return PyErr_NoMemory();
+    const int error = gr_tally_is_due(e) && !e->migration.n_pending ? gr_tally_make(e, NULL) : GR_OK;
+    if (error) return gr_raise(error, e);
     Py_RETURN_NONE;
 }
 

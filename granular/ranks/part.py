@@ -115,7 +115,7 @@ class Part:
 
     def tally(self) -> None:
         """Make the tally that is due."""
-        self.simulation._engine.tally()
+        self._guarded(self.simulation._engine.tally)
 
     def stable_dt(self) -> float:
         """Return the longest stable time step [s]."""

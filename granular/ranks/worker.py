@@ -7,7 +7,7 @@ import signal
 import threading
 from typing import Any
 
-from granular.ranks.communicator import Communicator
+from granular.ranks.communicator import Communicator, LostRankError
 from granular.ranks.part import Part
 
 ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGUSR1)
@@ -42,7 +42,10 @@ def serve(communicator: Communicator) -> None:
         except BaseException as error:  # also of what cannot be unpickled here, and SystemExit
             answer = False, _sendable(error)
         if going:
-            _answer(communicator, answer)
+            try:
+                _answer(communicator, answer)
+            except LostRankError:  # rank 0 has ended without waiting for it
+                return
 
 
 def _do(
@@ -64,6 +67,8 @@ def _answer(communicator: Communicator, answer: tuple[bool, Any]) -> None:
     """Send an answer, or why it cannot be sent."""
     try:
         communicator.send(answer, 0)
+    except LostRankError:
+        raise
     except Exception as error:  # it cannot be pickled
         communicator.send((False, _sendable(error)), 0)
 

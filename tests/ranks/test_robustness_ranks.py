@@ -1,5 +1,6 @@
 """Runs that ranks share have the bits of one process: for any division, through restarts."""
 
+import time
 from contextlib import contextmanager
 
 import numpy as np
@@ -256,7 +257,7 @@ def test_an_interrupted_request_leaves_no_answers_behind():
 
 def test_the_failure_of_one_rank_ends_all_and_names_the_point(monkeypatch):
     def spoil(part):
-        if part.plan is not None and part._communicator.rank == 1:
+        if part._communicator.rank == 1:
             part.simulation.buffers["v"][0, part.simulation._buffers["id"] >= 0] = np.nan
 
     monkeypatch.setattr(Part, "traffic", spoil)
@@ -294,13 +295,19 @@ def test_user_defined_laws_and_the_error_of_one(scattered):
             sim.step(1)
 
 
-def test_a_rank_that_does_not_answer_is_named():
+def test_a_rank_that_does_not_answer_is_named(monkeypatch):
+    def sleep(part):
+        if part._communicator.rank == 1:
+            time.sleep(1.0)
+
+    monkeypatch.setattr(Part, "traffic", sleep)
     with gr.ranks.threads(2, timeout=0.2) as comm:
         sim = gr.Simulation(column(), comm=comm)
-        sim._team.ranks.size = 3  # one more than there are
-        with pytest.raises((gr.ranks.LostRankError, KeyError)):
-            sim._ask("tally")
-        sim._team.ranks.size = 2
+        with pytest.raises(gr.ranks.LostRankError, match="rank 1 of the run has not answered"):
+            _ = sim.traffic
+        with pytest.raises(gr.ranks.LostRankError, match="start the run again"):
+            _ = sim.state
+    time.sleep(1.2)  # the thread of rank 1 ends without an error, too
 
 
 REFUSED = {
