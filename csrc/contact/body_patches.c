@@ -1,7 +1,7 @@
 /* The impulses of the contact points on the patches of bodies (body_patches.h). */
 #include "contact/body_patches.h"
 
-#include "contact/contact_point.h"
+#include "contact/shared_contacts.h"
 #include "mpm/patches.h"
 #include "mpm/pose.h"
 
@@ -9,8 +9,9 @@
 
 int gr_add_body_patches(struct gr_engine *e)
 {
-    const struct gr_contact_points *contacts = e->bodies.contacts;
+    const struct gr_contact_points *contacts = gr_all_contacts(e);
     struct gr_pose pose[GR_MAX_BODIES];
+    if (!contacts) return GR_OK;
     for (int b = 0; b < e->config.n_bodies; b++)
         gr_pose_at(e, b, e->bodies.now[b].x, e->bodies.now[b].orientation, &pose[b]);
     for (int64_t k = 0; k < contacts->n; k++) {

@@ -3,6 +3,7 @@
 
 #include "contact/contact_points.h"
 #include "contact/rigid.h"
+#include "contact/shared_contacts.h"
 #include "mpm/grid.h"
 #include "mpm/numbers.h"
 #include "mpm/wall_impulse.h"
@@ -23,11 +24,11 @@ enum { RIGID_INNER = 5, RIGID_SWEEPS = 100 };
 typedef double half __attribute__((vector_size(16), aligned(8)));
 
 /* Velocity of the material at a contact point; v[3] = 0. */
-static inline void velocity_at(const struct gr_engine *e, const struct gr_contact_point *contact, double v[4])
+static inline void velocity_at(const struct gr_contact_points *contacts, const struct gr_contact_point *contact, double v[4])
 {
     half low = {0}, high = {0};
     for (int i = 0; i < contact->n_nodes; i++) {
-        const half *node = (const half *)e->bodies.contacts->node[contact->node[i]].v;
+        const half *node = (const half *)contacts->node[contact->node[i]].v;
         low += contact->weight[i] * node[0];
         high += contact->weight[i] * node[1];
     }
@@ -35,22 +36,23 @@ static inline void velocity_at(const struct gr_engine *e, const struct gr_contac
 }
 
 /* The same relative to the surface. */
-static inline void slip(const struct gr_engine *e, const struct gr_contact_point *contact, const struct gr_moving *m,
-                        double u[3])
+static inline void slip(const struct gr_contact_points *contacts, const struct gr_contact_point *contact,
+                        const struct gr_moving *m, double u[3])
 {
     double v[4], surface[3];
     gr_velocity_of(m, contact->arm, surface);
-    velocity_at(e, contact, v);
+    velocity_at(contacts, contact, v);
     for (int d = 0; d < 3; d++) u[d] = v[d] - surface[d];
 }
 
 /* Give the nodes about a contact point, and its body, a change of its impulse. */
-static void push(struct gr_engine *e, const struct gr_contact_point *contact, const double impulse[3], struct gr_moving *m)
+static void push(struct gr_contact_points *contacts, const struct gr_contact_point *contact, const double impulse[3],
+                 struct gr_moving *m)
 {
     const half low = {impulse[0], impulse[1]}, high = {impulse[2], 0};
     gr_impel(m, contact->arm, (double[]){-impulse[0], -impulse[1], -impulse[2]});
     for (int i = 0; i < contact->n_nodes; i++) {
-        struct gr_contact_node *node = &e->bodies.contacts->node[contact->node[i]];
+        struct gr_contact_node *node = &contacts->node[contact->node[i]];
         const half *mobility = (const half *)node->mobility;
         ((half *)node->v)[0] += contact->weight[i] * mobility[0] * low;
         ((half *)node->v)[1] += contact->weight[i] * mobility[1] * high;
@@ -60,12 +62,13 @@ static void push(struct gr_engine *e, const struct gr_contact_point *contact, co
 /* Change the impulse at a contact point so that it fulfils the conditions of contact by itself.
  * Changed: largest, at least the velocity that the impulse gives the contact point.
  * Returned: the velocity that its change gives the contact point, m/s. */
-static double correct(struct gr_engine *e, struct gr_contact_point *contact, struct gr_moving *m, double *largest)
+static double correct(struct gr_contact_points *contacts, struct gr_contact_point *contact, struct gr_moving *m,
+                      double *largest)
 {
     const struct gr_body *body = m->pose.body;
     const double *n = contact->normal;
     double u[3], tangential[3], change[3] = {0}, square = 0, changed = 0, whole = 0;
-    slip(e, contact, m, u);
+    slip(contacts, contact, m, u);
     const double along = u[0] * n[0] + u[1] * n[1] + u[2] * n[2];
     double pressing = contact->pressing + (contact->bound - along) / contact->normal_mobility;
     pressing = fmin(fmax(pressing, body->contact == GR_CONTACT_SEPARATING ? 0 : -contact->most), contact->most);
@@ -75,14 +78,14 @@ static double correct(struct gr_engine *e, struct gr_contact_point *contact, str
     for (int d = 0; d < 3; d++) square += tangential[d] * tangential[d];
     const double most = body->contact == GR_CONTACT_STICKY ? contact->most : body->friction * fabs(pressing);
     const double keep = !(square > most * most) ? 1 : most / sqrt(square);
-    for (int d = 0; d < e->config.dim; d++) {
+    for (int d = 0; d < 3; d++) {
         const double impulse = pressing * n[d] + keep * tangential[d];
         change[d] = impulse - contact->impulse[d];
         contact->impulse[d] = impulse;
         changed += change[d] * change[d], whole += impulse * impulse;
     }
     contact->pressing = pressing;
-    push(e, contact, change, m);
+    push(contacts, contact, change, m);
     *largest = fmax(*largest, contact->mobility * sqrt(whole));
     return contact->mobility * sqrt(changed);
 }
@@ -94,9 +97,8 @@ static double correct(struct gr_engine *e, struct gr_contact_point *contact, str
 /* Forget impulses of contact points that may pull where they cancel at all nodes. Such impulses grow as points cross cells,
  * by a quarter in each cell, up to hundreds of times the weight of a bed, and their part that does not cancel is noise. The
  * mean at the nodes has none of them; it retains the sum, and the part that is uniform along a surface. */
-static void forget_cancelling(struct gr_engine *e)
+static void forget_cancelling(const struct gr_engine *e, struct gr_contact_points *contacts)
 {
-    struct gr_contact_points *contacts = e->bodies.contacts;
     const int dim = e->config.dim;
     for (int64_t k = 0; k < contacts->n; k++) {
         const struct gr_contact_point *contact = &contacts->contact[k];
@@ -109,14 +111,13 @@ static void forget_cancelling(struct gr_engine *e)
     }
     for (int64_t k = 0; k < contacts->n; k++) {
         struct gr_contact_point *contact = &contacts->contact[k];
-        double mean[3] = {0}, square = 0;
+        double mean[3] = {0};
         if (e->config.bodies[contact->body].contact == GR_CONTACT_SEPARATING) continue;
         for (int i = 0; i < contact->n_nodes; i++) {
             const struct gr_contact_origin *origin = &contacts->origin[contact->node[i]];
             for (int d = 0; d < dim; d++) mean[d] += contact->weight[i] * origin->mean[d] / origin->weight;
         }
-        for (int d = 0; d < dim; d++) square += pow(gr_number(e, GR_FIELD_v, d, contact->slot), 2);
-        const double share = fmin(SMOOTHED + e->clock.dt * sqrt(square) / e->config.dx, 1);
+        const double share = fmin(SMOOTHED + e->clock.dt * contact->speed / e->config.dx, 1);
         contact->pressing = 0;
         for (int d = 0; d < dim; d++) {
             contact->impulse[d] += share * (mean[d] - contact->impulse[d]);
@@ -127,15 +128,13 @@ static void forget_cancelling(struct gr_engine *e)
 
 /* Undo the friction of the Coulomb walls of the nodes, which is computed again with contact: it acts against the sliding
  * that remains after it. Friction computed before would carry part of the load on a body next to the wall, or act backwards
- * where a body moves material against a pressure.
- * Returned: whether any wall has friction. */
-static int undo_friction(struct gr_engine *e, const struct gr_kernels *kernels, const double g[3])
+ * where a body moves material against a pressure. */
+static void undo_friction(struct gr_engine *e, const struct gr_kernels *kernels, const double g[3])
 {
-    int any = 0;
     for (int64_t k = 0; k < e->bodies.contacts->n_nodes; k++) {
         struct gr_contact_node *node = &e->bodies.contacts->node[k];
         struct gr_contact_origin *origin = &e->bodies.contacts->origin[k];
-        const struct gr_wall *wall = gr_wall_now(e, e->mesh.node_code[origin->n]);
+        const struct gr_wall *wall = gr_wall_now(e, origin->code);
         const int dim = e->config.dim;
         double v[3], next[3];
         for (int d = 0; d < dim; d++) origin->rubs |= wall->friction[d] > 0;
@@ -146,9 +145,7 @@ static int undo_friction(struct gr_engine *e, const struct gr_kernels *kernels, 
             if (held >> d & 1) origin->taken[d] = gr_taken(wall, d, gr_kept_at(e, origin->n), v, next);
             if (node->mobility[d] > 0) node->v[d] = next[d];
         }
-        any = 1;
     }
-    return any;
 }
 
 /* Add up the impulses of the contact points on components of nodes that walls hold. */
@@ -170,7 +167,7 @@ static void press_on_walls(struct gr_contact_points *contacts)
  * Returned: the velocity that its change gives the node, m/s. */
 static double rub(const struct gr_engine *e, struct gr_contact_node *node, struct gr_contact_origin *origin)
 {
-    const struct gr_wall *wall = gr_wall_now(e, e->mesh.node_code[origin->n]);
+    const struct gr_wall *wall = gr_wall_now(e, origin->code);
     double wanted[3] = {0}, square = 0, changed = 0, most = 0;
     for (int d = 0; d < 3; d++) {
         if (node->mobility[d] > 0) wanted[d] = origin->friction[d] + node->v[d];
@@ -191,13 +188,13 @@ static double rub(const struct gr_engine *e, struct gr_contact_node *node, struc
  * `back`, and some over the contacts of bodies with solids. `rubs`: whether there are such walls.
  * Changed: largest, at least the velocity that the impulse of any contact point gives it.
  * Returned: the largest change of a velocity, m/s. */
-static double sweep(struct gr_engine *e, int back, int rubs, struct gr_moving *body, double *largest)
+static double sweep(struct gr_engine *e, struct gr_contact_points *contacts, int back, int rubs, struct gr_moving *body,
+                    double *largest)
 {
-    struct gr_contact_points *contacts = e->bodies.contacts;
     double changed = 0;
     for (int64_t k = 0; k < contacts->n; k++) {
         struct gr_contact_point *contact = &contacts->contact[back ? contacts->n - 1 - k : k];
-        changed = fmax(changed, correct(e, contact, &body[contact->body], largest));
+        changed = fmax(changed, correct(contacts, contact, &body[contact->body], largest));
     }
     if (rubs) press_on_walls(contacts);
     for (int64_t k = 0; rubs && k < contacts->n_nodes; k++)
@@ -210,7 +207,6 @@ static double sweep(struct gr_engine *e, int back, int rubs, struct gr_moving *b
 static void store(struct gr_engine *e)
 {
     const int dim = e->config.dim;
-    if (e->watch) press_on_walls(e->bodies.contacts);
     for (int64_t k = 0; k < e->bodies.contacts->n_nodes; k++) {
         const struct gr_contact_node *node = &e->bodies.contacts->node[k];
         const struct gr_contact_origin *origin = &e->bodies.contacts->origin[k];
@@ -229,12 +225,13 @@ static void store(struct gr_engine *e)
 }
 
 /* Add the reaction of a contact point to its body: what its nodes received, and the walls that hold some of them. */
-static void react(const struct gr_engine *e, const struct gr_contact_point *contact, struct gr_body_state *next)
+static void react(const struct gr_contact_points *contacts, const struct gr_contact_point *contact,
+                  struct gr_body_state *next)
 {
     const double *r = contact->arm;
     const double *given = contact->impulse;
     double u[4];
-    velocity_at(e, contact, u);
+    velocity_at(contacts, contact, u);
     for (int d = 0; d < 3; d++) {
         next->impulse[d] -= given[d];
         next->work += given[d] * u[d]; /* points are moved and strained by the velocity after contact */
@@ -309,29 +306,43 @@ static int begin_all(struct gr_engine *e, const double g[3], struct gr_moving *b
     return GR_OK;
 }
 
-int gr_bodies_touch(struct gr_engine *e, const struct gr_kernels *kernels, const double g[3], struct gr_team *team)
+/* Find the impulses of the contact points, and the motion of the bodies in the step.
+ * Returned: 0 or GR_ERR_MEMORY. */
+static int solve(struct gr_engine *e, struct gr_contact_points *contacts, const double g[3])
 {
     struct gr_moving body[GR_MAX_BODIES];
-    double gravity[3] = {0};
-    memcpy(gravity, g, sizeof(double) * (size_t)e->config.dim);
-    if (begin_all(e, gravity, body)) return GR_ERR_MEMORY;
-    gr_find_contact_points(e, gravity, team);
-    const int rubs = undo_friction(e, kernels, gravity);
-    forget_cancelling(e);
-    for (int64_t k = 0; k < e->bodies.contacts->n; k++)
-        push(e, &e->bodies.contacts->contact[k], e->bodies.contacts->contact[k].impulse,
-             &body[e->bodies.contacts->contact[k].body]);
     double changed = INFINITY, largest = 0;
+    int rubs = 0;
+    if (begin_all(e, g, body)) return GR_ERR_MEMORY;
+    for (int64_t k = 0; k < contacts->n_nodes; k++) rubs |= contacts->origin[k].rubs;
+    forget_cancelling(e, contacts);
+    for (int64_t k = 0; k < contacts->n; k++)
+        push(contacts, &contacts->contact[k], contacts->contact[k].impulse, &body[contacts->contact[k].body]);
     for (int made = 0; made < MOST_SWEEPS && (made < LEAST_SWEEPS || changed > TOLERANCE * largest); made++)
-        changed = sweep(e, made % 2, rubs, body, &largest);
+        changed = sweep(e, contacts, made % 2, rubs, body, &largest);
     if (e->bodies.rigid) (void)gr_rigid_sweep(e, RIGID_SWEEPS, RIGID_TOLERANCE, body, &largest);
-    store(e);
-    gr_store_contact_forces(e);
+    if (e->watch) press_on_walls(contacts);
     for (int b = 0; b < e->config.n_bodies; b++) e->bodies.next[b] = e->bodies.now[b];
-    for (int64_t k = 0; k < e->bodies.contacts->n; k++) {
-        const struct gr_contact_point *contact = &e->bodies.contacts->contact[k];
-        react(e, contact, &e->bodies.next[contact->body]);
+    for (int64_t k = 0; k < contacts->n; k++) {
+        const struct gr_contact_point *contact = &contacts->contact[k];
+        react(contacts, contact, &e->bodies.next[contact->body]);
     }
     for (int b = 0; b < e->config.n_bodies; b++) end(e, b, &body[b]);
+    return GR_OK;
+}
+
+int gr_bodies_touch(struct gr_engine *e, const struct gr_kernels *kernels, const double g[3], struct gr_team *team)
+{
+    double gravity[3] = {0};
+    memcpy(gravity, g, sizeof(double) * (size_t)e->config.dim);
+    gr_find_contact_points(e, gravity, team);
+    undo_friction(e, kernels, gravity);
+    int error = gr_gather_contacts(e);
+    struct gr_contact_points *all = gr_all_contacts(e);
+    if (!error && all) error = solve(e, all, gravity);
+    error = gr_scatter_contacts(e, error);
+    if (error) return error;
+    store(e);
+    gr_store_contact_forces(e);
     return GR_OK;
 }

@@ -5,8 +5,8 @@
 #include "mpm/engine.h"
 
 /* Apply contact to the nodes about the contact points of the points (contact_points.h), and the reaction to the bodies. Call
- * it after the grid stage. The contact points are computed by all threads of a team; the rest is done by one, so that the
- * sums have one order. The impulses J at the contact points fulfil
+ * it after the grid stage. The contact points are computed by all threads of a team; the rest is done by one, of rank 0 if
+ * ranks share the run (shared_contacts.h), so that the sums have one order. The impulses J at the contact points fulfil
  *
  *   separating   J_n >= 0,  u_n >= b,  J_n (u_n - b) = 0,  |J_t| <= mu J_n, against u_t
  *   bilateral    u_n = 0,  |J_t| <= mu |J_n|, against u_t
@@ -18,5 +18,5 @@
  * Components that walls hold stay as they are.
  *
  * With e->bodies.rigid, bodies that move freely also touch solids (rigid.h), and these impulses belong to the same sweeps.
- * Returned: 0 or GR_ERR_MEMORY. */
+ * Returned: 0, GR_ERR_MEMORY or an error of other ranks. */
 int gr_bodies_touch(struct gr_engine *e, const struct gr_kernels *kernels, const double g[3], struct gr_team *team);

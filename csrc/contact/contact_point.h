@@ -6,10 +6,8 @@
 /* A contact point. Nodes are numbered in gr_contact_points; the shape functions of those with mass are normalised to the
  * sum 1. */
 struct gr_contact_point {
-    int body, n_nodes, at_edge; /* at_edge: the stress of the point bounds its impulse */
-    int64_t slot;               /* of the point in its arrays */
-    int32_t node[GR_MAX_NODES];
-    double weight[GR_MAX_NODES];
+    int body, n_nodes, at_edge;       /* at_edge: the stress of the point bounds its impulse */
+    int64_t slot, lane;               /* of the point in its arrays; of its cell */
     double arm[3], normal[3];         /* from the position of the body, m; out of the body. The arm of a body that turns
                                          freely is the arm of sum N_i x_i, so that it gains the angular momentum that the
                                          nodes lose */
@@ -17,10 +15,12 @@ struct gr_contact_point {
     double bound;                     /* of the velocity along the normal, m/s: <= 0 */
     double most;                      /* impulse, N s */
     double impulse[3], pressing;      /* on the material, N s; its part along the normal */
+    double speed;                     /* of the point where its impulse may pull, m/s */
     int n_barred;
-    double
-        barred[2]
-              [3]; /* directions along the surface, normal to each other, in which other contact points of the point act */
+    double barred[2][3]; /* directions along the surface, normal to each other, in which other contact points of the point
+                            act */
+    int32_t node[GR_MAX_NODES];
+    double weight[GR_MAX_NODES];
 };
 
 /* A node that contact points act on: velocity and inverse mass, 0 where a wall holds the component, also if the node leaves
@@ -37,6 +37,7 @@ struct gr_contact_origin {
     double before[3], inverse_mass, taken[3], pressed[3], friction[3], mean[3], weight;
     int64_t n;
     int held, rubs; /* bit d: a wall holds component d; whether it has friction */
+    uint8_t code;   /* of its wall, see gr_wall_now */
 };
 
 struct gr_contact_points {

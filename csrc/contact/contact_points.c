@@ -249,6 +249,8 @@ static int find_contact(const struct gr_engine *e, const struct gr_cell *cell, i
     contact->bound = separating && phi > r ? (r - phi) / e->clock.dt : 0;
     contact->most = gr_number(e, GR_FIELD_mass, 0, slot) * e->config.wave_speed;
     contact->slot = slot;
+    contact->lane = cell - e->mesh.cell;
+    contact->speed = separating ? 0 : sqrt(gr_speed_squared(e, slot));
     for (int d = 0; d < 3; d++) at[d] = x[d] - phi * contact->normal[d];
     if (gr_is_at_edge(e, pose, at, contact->normal)) {
         if (gr_edge_is_covered(e, all, b, x, at, contact->normal)) return 0;
@@ -385,7 +387,7 @@ static int32_t number_of(struct gr_engine *e, int64_t n)
     struct gr_contact_node *node = &contacts->node[contacts->n_nodes];
     struct gr_contact_origin *origin = &contacts->origin[contacts->n_nodes];
     *node = (struct gr_contact_node){0};
-    *origin = (struct gr_contact_origin){.inverse_mass = mobility, .n = n, .held = fixed};
+    *origin = (struct gr_contact_origin){.inverse_mass = mobility, .n = n, .held = fixed, .code = e->mesh.node_code[n]};
     for (int d = 0; d < dim; d++) {
         origin->before[d] = node->v[d] = gr_node_field(e, GR_NODE_VELOCITY + d)[n];
         node->mobility[d] = fixed >> d & 1 ? 0 : mobility;
@@ -423,12 +425,13 @@ void gr_find_contact_points(struct gr_engine *e, const double g[3], struct gr_te
     collect(&w);
 }
 
-void gr_move_out_of_bodies(struct gr_engine *e)
+int gr_move_out_of_bodies(struct gr_engine *e)
 {
     const struct gr_near_bodies *near = &e->bodies.near;
     const double dx = e->config.dx;
     struct gr_pose pose[GR_MAX_BODIES];
-    if (e->clock.step % OUT_INTERVAL) return;
+    if (e->clock.step % OUT_INTERVAL) return GR_OK;
+    struct gr_migrants list = gr_begin_replacing(e);
     const double moved = moved_since(e);
     for (int b = 0; b < e->config.n_bodies; b++)
         gr_pose_at(e, b, e->bodies.now[b].x, e->bodies.now[b].orientation, &pose[b]);
@@ -445,9 +448,10 @@ void gr_move_out_of_bodies(struct gr_engine *e)
                 const double deep = -distance_on_side(e, cell, b, &pose[b], x, arm, normal) - DEEPEST * dx;
                 if (!(deep > 1e-9 * dx) || deep > (LOST - DEEPEST) * dx) continue;
                 for (int d = 0; d < e->config.dim; d++) x[d] += fmin(deep, OUT * dx) * normal[d];
-                if (!gr_replace_point(e, near->cell[k], s, x)) continue;
+                if (!gr_replace_point(e, &list, near->cell[k], s, x)) continue;
                 slot--; /* another point has taken its slot */
                 break;
             }
     }
+    return gr_end_replacing(e, &list);
 }

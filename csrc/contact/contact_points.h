@@ -39,5 +39,6 @@ void gr_find_contact_points(struct gr_engine *e, const double g[3], struct gr_te
 void gr_store_contact_forces(struct gr_engine *e);
 
 /* Move points that have slipped into a body at one of its edges towards its surface. Call it when the points are in their
- * cells, and before the sums of the cells that lost or gained points are made anew. */
-void gr_move_out_of_bodies(struct gr_engine *e);
+ * cells, and before the sums of the cells that lost or gained points are made anew.
+ * Returned: 0 or an error of ranks. */
+int gr_move_out_of_bodies(struct gr_engine *e);

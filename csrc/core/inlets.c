@@ -94,28 +94,68 @@ static int enter_at(struct gr_inlet *inlet, int64_t site, double since, double d
     return 1;
 }
 
-static void enter_of(struct gr_inlet *inlet, double time, int64_t most, gr_enter *enter, void *engine)
+/* What calls `enter`: `asks`: only to ask. */
+struct entry {
+    struct gr_inlets *inlets;
+    double time, seconds;
+    gr_enter *enter;
+    void *engine;
+    int asks;
+};
+
+/* Let the points enter that have waited. */
+static void enter_waiting(const struct entry *entry, struct gr_inlet *inlet)
+{
+    if (!inlet->yields || entry->time > inlet->end) return;
+    for (int64_t i = 0; i < inlet->n_sites; i++) {
+        if (!inlet->waits[i]) continue;
+        if (entry->asks)
+            (void)entry->enter(entry->engine, inlet, i, 0, FREE_DISTANCE);
+        else if (enter_at(inlet, i, 0, FREE_DISTANCE, entry->enter, entry->engine))
+            inlet->waits[i] = 0;
+        entry->inlets->candidate++;
+    }
+}
+
+/* Let the points enter that are due. */
+static void enter_due(const struct entry *entry, struct gr_inlet *inlet)
 {
     const double every = interval(inlet);
-    for (int64_t i = 0; inlet->yields && time <= inlet->end && i < inlet->n_sites; i++)
-        if (inlet->waits[i] && enter_at(inlet, i, 0, FREE_DISTANCE, enter, engine)) inlet->waits[i] = 0;
-    for (most -= inlet->yields ? inlet->n_sites : 0; most > 0; most--, inlet->due++) {
-        const double at = inlet->begin + (double)(inlet->due + 1) * every;
-        const int64_t site = inlet->due % inlet->n_sites;
-        if (!(at <= time && at <= inlet->end)) break;
-        if (inlet->waits[site])
+    int64_t most = gr_inlet_most(inlet, entry->seconds) - (inlet->yields ? inlet->n_sites : 0), due = inlet->due;
+    for (; most > 0; most--, due++) {
+        const double at = inlet->begin + (double)(due + 1) * every;
+        const int64_t site = due % inlet->n_sites;
+        if (!(at <= entry->time && at <= inlet->end)) break;
+        if (entry->asks)
+            (void)entry->enter(entry->engine, inlet, site, entry->time - at, TIMELY_DISTANCE);
+        else if (inlet->waits[site])
             inlet->missed++;
         else
-            inlet->waits[site] = !enter_at(inlet, site, time - at, TIMELY_DISTANCE, enter, engine);
+            inlet->waits[site] = !enter_at(inlet, site, entry->time - at, TIMELY_DISTANCE, entry->enter, entry->engine);
+        entry->inlets->candidate++;
     }
+    if (!entry->asks) inlet->due = due;
+}
+
+static int64_t enter_all(const struct entry *entry)
+{
+    struct gr_inlets *inlets = entry->inlets;
+    inlets->candidate = 0;
+    for (int k = 0; k < inlets->n_inlets; k++) {
+        enter_waiting(entry, &inlets->inlet[k]);
+        enter_due(entry, &inlets->inlet[k]);
+    }
+    return inlets->candidate;
 }
 
 void gr_inlets_enter(struct gr_inlets *inlets, double time, double seconds, gr_enter *enter, void *engine)
 {
-    for (int k = 0; k < inlets->n_inlets; k++) {
-        struct gr_inlet *inlet = &inlets->inlet[k];
-        enter_of(inlet, time, gr_inlet_most(inlet, seconds), enter, engine);
-    }
+    (void)enter_all(&(struct entry){inlets, time, seconds, enter, engine, 0});
+}
+
+int64_t gr_inlets_ask(struct gr_inlets *inlets, double time, double seconds, gr_enter *enter, void *engine)
+{
+    return enter_all(&(struct entry){inlets, time, seconds, enter, engine, 1});
 }
 
 int64_t gr_inlets_size(const struct gr_inlets *inlets)

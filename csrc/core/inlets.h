@@ -29,7 +29,8 @@ struct gr_inlet {
 
 struct gr_inlets {
     int n_inlets;
-    int64_t next_id; /* larger than all ids that have been used */
+    int64_t next_id;   /* larger than all ids that have been used */
+    int64_t candidate; /* number, in this step, of the point that `enter` is asked for */
     struct gr_inlet *inlet;
 };
 
@@ -54,6 +55,11 @@ typedef int gr_enter(void *engine, struct gr_inlet *inlet, int64_t site, double 
 /* Let the points enter that are due at a time, with `enter` giving each the number next_id and counting that up. No more
  * enter than gr_inlet_most gives for `seconds`, the longest step: if more are due, by a time that was set, they are late. */
 void gr_inlets_enter(struct gr_inlets *inlets, double time, double seconds, gr_enter *enter, void *engine);
+
+/* Call `enter` for the points that gr_inlets_enter might call it for, with the same numbers `candidate`; it must not let them
+ * enter, and nothing changes.
+ * Returned: their number. */
+int64_t gr_inlets_ask(struct gr_inlets *inlets, double time, double seconds, gr_enter *enter, void *engine);
 
 /* State of the inlets: the next id; then for each inlet due, missed, entered and waits of its sites. `size` numbers. */
 int64_t gr_inlets_size(const struct gr_inlets *inlets);

@@ -8,6 +8,7 @@
 #include "contact/contact.h"
 #include "contact/contact_points.h"
 #include "contact/rigid.h"
+#include "contact/shared_contacts.h"
 #include "core/memory.h"
 #include "kernels.h"
 #include "mpm/inflow.h"
@@ -185,6 +186,7 @@ void gr_engine_free(struct gr_engine *e)
     gr_rigid_free(e->bodies.rigid);
     gr_open_volume_free(e->bodies.open);
     gr_sleep_free(e->sleep);
+    if (e->ranks) gr_shared_contacts_free(e->ranks->contacts);
     gr_ranks_free(e->ranks);
     const void *owned[] = {e->points.column,
                            e->bodies.near.cell,

@@ -75,7 +75,8 @@ int gr_share_out(struct gr_run *run)
     run->n_chunks = (int)gr_chunks(run->team, GR_MAX_CHUNKS);
     if (reserve_chunks(e, run->n_chunks)) return GR_ERR_MEMORY;
     if (e->sleep && gr_sleep_begin(e)) return GR_ERR_MEMORY;
-    if (reserve_substeps(e) || gr_reserve_pending(e, e->points.capacity + gr_inflow_most(e))) return GR_ERR_MEMORY;
+    if (reserve_substeps(e) || gr_reserve_pending(e, e->points.capacity + gr_inflow_most(e)) || gr_inflow_reserve(e))
+        return GR_ERR_MEMORY;
     gr_share_tiles(run);
     return GR_OK;
 }

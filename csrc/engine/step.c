@@ -9,6 +9,7 @@
 #include "engine/sharing.h"
 #include "engine/stable_dt.h"
 #include "engine/stages.h"
+#include "mpm/ghosts.h"
 #include "mpm/grid.h"
 #include "mpm/grouping.h"
 #include "mpm/inflow.h"
@@ -25,11 +26,12 @@
 enum { DT_INTERVAL = GR_SLEEP_INTERVAL }; /* steps between two updates of the largest speed */
 
 /* Let material that has been slow fall asleep, and sum over the rest. */
-static void look_for_calm(struct gr_run *run)
+static int look_for_calm(struct gr_run *run)
 {
     struct gr_engine *e = run->e;
-    gr_sleep_look(e, run->team);
+    const int error = gr_sleep_look(e, run->team);
     gr_stage_p2g_again(run);
+    return error;
 }
 
 /* Whether gravity or a wall is another one at the time `next` than in this step. */
@@ -62,7 +64,7 @@ static int prepare(struct gr_run *run)
     const struct gr_config *config = &e->config;
     if (!(run->left > 0 && e->clock.time < run->until)) return 0;
     run->left--;
-    if (e->sleep && e->clock.step % GR_SLEEP_INTERVAL == 0) look_for_calm(run);
+    if (e->sleep && e->clock.step % GR_SLEEP_INTERVAL == 0 && (e->failure.code = look_for_calm(run))) return 0;
     const double dt = config->dt > 0                                           ? config->dt
                       : e->clock.step % DT_INTERVAL == 0 || !(e->clock.dt > 0) ? gr_stable_dt(e, run->team)
                                                                                : e->clock.dt;
@@ -117,18 +119,20 @@ static void finish(struct gr_run *run)
     }
     for (int b = 0; b < e->config.n_bodies; b++) e->bodies.now[b] = e->bodies.next[b];
     if (e->bodies.n_thin) gr_change_sides(e);
-    if (e->bodies.contacts) gr_move_out_of_bodies(e);
+    if (e->bodies.contacts) e->failure.code = gr_move_out_of_bodies(e);
     e->clock.step++;
     e->clock.time = e->clock.time_anchor + (double)(e->clock.step - e->clock.step_anchor) * e->clock.dt;
-    if (e->inflow) gr_inflow_enter(e);
+    if (e->inflow && !e->failure.code) e->failure.code = gr_inflow_enter(e);
     if (e->bodies.n_thin && gr_follow_bodies(e)) e->disconnected = 1; /* until the mesh is made for the new poses */
     if (e->bodies.contacts && gr_list_near_bodies(e)) e->failure.code = GR_ERR_MEMORY;
     if (e->bodies.open && (e->config.cell_averaged || gr_averages(e, e->clock.step)) && gr_open_volumes(e, 1))
         e->failure.code = GR_ERR_MEMORY;
     const int law_failed = e->failure.own_calls.failed != 0;
-    int64_t next[3] = {e->migration.n_pending || e->disconnected || gr_has_emptied(e), e->passage.any, law_failed};
-    if (e->ranks) e->failure.code = gr_ranks_agree(e, e->failure.code, next, 3);
+    int64_t next[4] = {e->migration.n_pending || e->disconnected || gr_has_emptied(e), e->passage.any, law_failed,
+                       e->sleep && e->sleep->changed};
+    if (e->ranks) e->failure.code = gr_ranks_agree(e, e->failure.code, next, 4);
     if (!e->failure.code && next[1]) e->failure.code = gr_tally_settle(e);
+    if (!e->failure.code && next[3] && !next[0] && e->ranks) e->failure.code = gr_ghosts_exchange_calm(e);
     if (e->failure.code) return;
     if (next[0]) {
         e->failure.code = gr_regroup(e, run->team);
@@ -167,6 +171,7 @@ static void make_steps(void *context, struct gr_team *team)
     run->team = team;
     e->failure.code = ready(e, team);
     if (!e->failure.code) e->failure.code = share_out(run);
+    if (!e->failure.code && e->ranks && e->sleep) e->failure.code = gr_ghosts_exchange_calm(e);
     gr_plan_sums(e, e->clock.step);
     while (!e->failure.code) {
         if (!e->sums.valid) {

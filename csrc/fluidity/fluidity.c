@@ -41,6 +41,7 @@ int gr_fluidity_new(struct gr_fluidity **out, const struct gr_fluidity_config *c
         f->stride[a] = f->n_cells, f->n_cells *= config->shape[a];
     }
     f->box_pages = (f->n_cells + GR_PAGE - 1) / GR_PAGE;
+    if (config->two_sided) f->box_pages = (f->box_pages + GR_CHUNK_PAGES - 1) / GR_CHUNK_PAGES * GR_CHUNK_PAGES;
     f->dx = config->dx;
     f->diffusivity = config->A * config->A * config->d * config->d / config->t0;
     f->tolerance = config->tolerance;

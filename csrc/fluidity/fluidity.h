@@ -142,7 +142,7 @@ struct gr_fluidity_ranks {
 struct gr_fluidity {
     int dim, stencil, n_links, periodic[3], two_sided, rough_bodies, axisymmetric;
     double first_radius;
-    int64_t shape[3], stride[3], n_cells, box_pages; /* of the box */
+    int64_t shape[3], stride[3], n_cells, box_pages; /* of the box; box_pages: whole chunks if there may be copies */
     double dx, diffusivity, tolerance;               /* m, A^2 d^2/t0 in m^2/s, 1 */
     int64_t max_iterations;
     double stiffest;                 /* half an upper bound of the eigenvalues of L */

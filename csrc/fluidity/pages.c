@@ -251,7 +251,7 @@ static int add_pages(struct gr_fluidity *f, const int64_t *cells, const int8_t *
 int gr_fluidity_cover(struct gr_fluidity *f, const int64_t *cells, const int8_t *sides, int64_t n)
 {
     int64_t pages = 0;
-    if (!cells) n = f->box_pages;
+    if (!cells) n = (f->n_cells + GR_PAGE - 1) / GR_PAGE;
     if (!f->two_sided) sides = 0;
     (void)add_pages(f, cells, sides, n, &pages);
     forget(f);

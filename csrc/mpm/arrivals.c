@@ -7,7 +7,7 @@
 #include "core/memory.h"
 #include "mpm/migrate.h"
 
-/* A point on its way: the cell of the grid that it left, its id, then its record. */
+/* A point on its way: the place of the cell that it left in their order, its id, then its record. */
 struct traveller {
     int64_t from, id;
 };
@@ -19,7 +19,7 @@ static int64_t bytes_of_traveller(const struct gr_engine *e)
 
 static int64_t cell_left(const struct gr_engine *e, const struct gr_migrant *migrant)
 {
-    return gr_cell_id(e, e->mesh.cell[migrant->cell].at);
+    return gr_order_of_cell(e, &e->mesh.cell[migrant->cell]);
 }
 
 /* The owner of the new cell of a point, or this rank for one that has left the domain. */
@@ -209,9 +209,11 @@ void gr_ranks_stage(struct gr_engine *e, int64_t k, const double *record, int64_
 
 int gr_ranks_make_pending(struct gr_engine *e, int64_t n)
 {
-    if (gr_reserve_pending(e, n)) return GR_ERR_MEMORY;
-    memcpy(e->migration.pending, e->ranks->staged, sizeof(double) * (size_t)(n * e->points.n_components));
-    memcpy(e->migration.pending_id, e->ranks->staged_id, sizeof(int64_t) * (size_t)n);
-    e->migration.n_pending = n;
+    const int64_t before = e->migration.n_pending;
+    if (gr_reserve_pending(e, before + n)) return GR_ERR_MEMORY;
+    memcpy(e->migration.pending + before * e->points.n_components, e->ranks->staged,
+           sizeof(double) * (size_t)(n * e->points.n_components));
+    memcpy(e->migration.pending_id + before, e->ranks->staged_id, sizeof(int64_t) * (size_t)n);
+    e->migration.n_pending += n;
     return GR_OK;
 }

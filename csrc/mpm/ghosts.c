@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "core/memory.h"
+#include "mpm/sleep.h"
 
 /* ---- Lists ---- */
 
@@ -60,6 +61,8 @@ static int list_cells(struct gr_engine *e)
 {
     struct gr_ranks *ranks = e->ranks;
     const int me = ranks->transport.rank;
+    const int motion = e->config.n_bodies ? GR_REACH_OF_BODIES : 0;
+    const int averages = motion > GR_REACH_OF_AVERAGES ? motion : GR_REACH_OF_AVERAGES;
     int rank[GR_MOST_NEAR], error = GR_OK;
     for (int p = 0; p < ranks->n_peers; p++) ranks->peer[p].n_own = ranks->peer[p].n_ghost = 0;
     for (int64_t c = 0; c < e->mesh.n_cells && !error; c++) {
@@ -70,7 +73,7 @@ static int list_cells(struct gr_engine *e)
         for (int k = is_here; k < (is_here ? near : 1) && !error; k++) {
             struct gr_peer *peer = peer_of(ranks, rank[k]);
             const int user = is_here ? rank[k] : me;
-            const struct gr_shared_cell cell = {c, {nodes_for(e, at, user, 0), nodes_for(e, at, user, 1)}};
+            const struct gr_shared_cell cell = {c, {nodes_for(e, at, user, motion), nodes_for(e, at, user, averages)}, 0};
             error = is_here ? append(&peer->own, &peer->n_own, &peer->own_capacity, cell)
                             : append(&peer->ghost, &peer->n_ghost, &peer->ghost_capacity, cell);
         }
@@ -244,6 +247,52 @@ int gr_ghosts_exchange(struct gr_engine *e, unsigned parts, struct gr_team *team
     return error;
 }
 
+/* ---- Sleep ---- */
+
+/* The calm of a cell, and whether it has points. */
+struct calm {
+    int32_t calm, occupied;
+};
+
+int gr_ghosts_exchange_calm(struct gr_engine *e)
+{
+    struct gr_ranks *ranks = e->ranks;
+    const int64_t size = sizeof(struct calm);
+    int error = GR_OK;
+    for (int p = 0; p < ranks->n_peers && !error; p++) {
+        const struct gr_peer *peer = &ranks->peer[p];
+        error = gr_ranks_reserve(ranks, p, peer->n_own * size, peer->n_ghost * size);
+        for (int64_t k = 0; k < peer->n_own && !error; k++) {
+            const struct gr_cell *cell = &e->mesh.cell[peer->own[k].lane];
+            ((struct calm *)(void *)peer->out)[k] = (struct calm){cell->calm, cell->count > 0};
+        }
+    }
+    if (!error) error = gr_ranks_exchange(e);
+    for (int p = 0; p < ranks->n_peers && !error; p++) {
+        const struct gr_peer *peer = &ranks->peer[p];
+        for (int64_t k = 0; k < peer->n_ghost; k++) {
+            const struct calm *calm = (const struct calm *)(const void *)peer->in + k;
+            struct gr_cell *cell = &e->mesh.cell[peer->ghost[k].lane];
+            const int sleeps = calm->calm == GR_ASLEEP, slept = cell->calm == GR_ASLEEP;
+            if (sleeps != slept) e->sleep->changed = 1;
+            if (sleeps && !slept) e->sleep->all_nodes = 1;
+            cell->calm = calm->calm;
+            peer->ghost[k].occupied = calm->occupied;
+        }
+    }
+    return error;
+}
+
+void gr_ghosts_note_restless(struct gr_engine *e)
+{
+    for (int p = 0; p < e->ranks->n_peers; p++)
+        for (int64_t k = 0; k < e->ranks->peer[p].n_ghost; k++) {
+            const struct gr_shared_cell *ghost = &e->ranks->peer[p].ghost[k];
+            if (!ghost->occupied || e->mesh.cell[ghost->lane].calm >= GR_CALM_CHECKS) continue;
+            for (int i = 0; i < e->K; i++) e->sleep->restless[gr_cell_node(e, ghost->lane, i)] = 1;
+        }
+}
+
 /* ---- Fluidity ---- */
 
 /* See struct gr_fluidity_ranks: the values of cells, and whether they are dense. */
@@ -287,7 +336,7 @@ int gr_ghosts_share_fluidity(struct gr_engine *e)
     shared->sum = sum_fluidity;
     GR_RESIZE(shared->foreign, pages->n_chunks + 1);
     for (int64_t c = 0; c < pages->n_chunks; c++) {
-        const int64_t run = pages->number[pages->chunk_first[c]] / GR_CHUNK_PAGES;
+        const int64_t run = pages->number[pages->chunk_first[c]] % e->nonlocal.fluidity->box_pages / GR_CHUNK_PAGES;
         shared->foreign[c] = e->ranks->owner[run] != e->ranks->transport.rank;
     }
     e->nonlocal.fluidity->ranks = shared;

@@ -282,7 +282,7 @@ static int list_active(struct regroup *r)
         gr_spread(e, GR_SPREAD_CELLS, occupied ? occupied : r->listed, n, r->team, r->chunks, &r->cells, &r->n_active))
         error = GR_ERR_MEMORY;
     free(occupied);
-    if (!error && e->ranks) error = gr_ranks_reserve_sharing(e->ranks, r->n_active);
+    if (!error && e->ranks) error = gr_ranks_reserve_sharing(e->ranks, (1 + (e->bodies.n_thin > 0)) * r->n_active);
     if (error || !e->ranks) return error;
     find_sharing(r);
     for (int64_t c = 0; c < r->n_active; c++) {

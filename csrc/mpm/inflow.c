@@ -4,7 +4,9 @@
 #include <math.h>
 #include <string.h>
 
+#include "core/memory.h"
 #include "mpm/migrate.h"
+#include "mpm/ranks.h"
 
 /* gr_component_of before the points are bound. */
 static int component_of(const struct gr_engine *e, int field)
@@ -86,16 +88,98 @@ static int is_taken(const struct gr_engine *e, const struct gr_inlet *inlet, con
     return 0;
 }
 
-/* See gr_enter. Nothing is allocated: share_out reserves memory for gr_inflow_most. */
+/* The record of a point that enters, in the space behind the points that wait. */
+static double *record_of(struct gr_engine *e, const struct gr_inlet *inlet, int64_t site, double since)
+{
+    double *record = e->migration.pending + e->migration.n_pending * e->points.n_components;
+    memcpy(record, inlet->record + site * e->points.n_components, sizeof(double) * (size_t)e->points.n_components);
+    for (int d = 0; d < e->config.dim; d++) record[d] += inlet->velocity[d] * since;
+    return record;
+}
+
+/* See gr_enter. Nothing is allocated: share_out reserves memory. */
 static int enter(void *engine, struct gr_inlet *inlet, int64_t site, double since, double distance)
 {
     struct gr_engine *e = engine;
-    double *record = e->migration.pending + e->migration.n_pending * e->points.n_components, x[3] = {0};
-    memcpy(record, inlet->record + site * e->points.n_components, sizeof(double) * (size_t)e->points.n_components);
-    for (int d = 0; d < e->config.dim; d++) x[d] = record[d] += inlet->velocity[d] * since;
+    double *record = record_of(e, inlet, site, since), x[3] = {0};
+    for (int d = 0; d < e->config.dim; d++) x[d] = record[d];
     if (inlet->yields && is_taken(e, inlet, x, distance)) return 0;
     gr_insert_new(e, record, e->inflow->next_id++);
     return 1;
 }
 
-void gr_inflow_enter(struct gr_engine *e) { gr_inlets_enter(e->inflow, e->clock.time, gr_longest_dt(&e->config), enter, e); }
+/* ---- With other ranks ----
+ *
+ * All ranks have the same schedule. Before points enter, each states which positions are occupied by its own points; those
+ * that enter before in the same step are known to all. */
+
+/* See gr_inlets_ask: note whether an own point occupies a position. */
+static int note_taken(void *engine, struct gr_inlet *inlet, int64_t site, double since, double distance)
+{
+    struct gr_engine *e = engine;
+    const double *record = record_of(e, inlet, site, since);
+    double x[3] = {0};
+    for (int d = 0; d < e->config.dim; d++) x[d] = record[d];
+    e->ranks->taken[e->inflow->candidate] = inlet->yields && is_taken(e, inlet, x, distance);
+    return 0;
+}
+
+/* True if a point that has entered in this step, on any rank, occupies a position. */
+static int is_taken_by_new(const struct gr_engine *e, const struct gr_inlet *inlet, const double x[3], double distance)
+{
+    double reach[3];
+    for (int d = 0; d < e->config.dim; d++) reach[d] = (d == inlet->axis ? distance : 0.5) * inlet->spacing;
+    for (int64_t k = 0; k < e->ranks->n_entered; k++)
+        if (are_near(e->config.dim, x, e->ranks->entered + 3 * k, 1, reach)) return 1;
+    return 0;
+}
+
+/* See gr_enter: the owner of the cell of the point takes it. */
+static int enter_shared(void *engine, struct gr_inlet *inlet, int64_t site, double since, double distance)
+{
+    struct gr_engine *e = engine;
+    struct gr_ranks *ranks = e->ranks;
+    double *record = record_of(e, inlet, site, since), *x = ranks->entered + 3 * ranks->n_entered;
+    int32_t cell[3];
+    double wanted[3] = {0};
+    for (int d = 0; d < e->config.dim; d++) wanted[d] = record[d];
+    if (inlet->yields && (ranks->taken[e->inflow->candidate] || is_taken_by_new(e, inlet, wanted, distance))) return 0;
+    ranks->n_entered += gr_place_new(e, record, x, cell);
+    const int64_t id = e->inflow->next_id++;
+    if (gr_owner(ranks, cell) == ranks->transport.rank) gr_insert_new(e, record, id);
+    return 1;
+}
+
+int gr_inflow_reserve(struct gr_engine *e)
+{
+    struct gr_ranks *ranks = e->ranks;
+    const int64_t most = gr_inflow_most(e);
+    if (!ranks || most <= ranks->entering_capacity) return GR_OK;
+    ranks->entering_capacity = 0;
+    GR_RESIZE(ranks->taken, most);
+    GR_RESIZE(ranks->entered, 3 * most + 3);
+    ranks->entering_capacity = most;
+    return GR_OK;
+}
+
+static int enter_on_ranks(struct gr_engine *e, double longest)
+{
+    struct gr_ranks *ranks = e->ranks;
+    int yields = 0;
+    for (int k = 0; k < e->inflow->n_inlets; k++) yields |= e->inflow->inlet[k].yields;
+    ranks->n_entered = 0;
+    if (yields) {
+        const int64_t n = gr_inlets_ask(e->inflow, e->clock.time, longest, note_taken, e);
+        if (n && gr_ranks_add_up(ranks, ranks->taken, n)) return GR_ERR_TRANSPORT;
+    }
+    gr_inlets_enter(e->inflow, e->clock.time, longest, enter_shared, e);
+    return GR_OK;
+}
+
+int gr_inflow_enter(struct gr_engine *e)
+{
+    const double longest = gr_longest_dt(&e->config);
+    if (e->ranks && e->ranks->transport.size > 1) return enter_on_ranks(e, longest);
+    gr_inlets_enter(e->inflow, e->clock.time, longest, enter, e);
+    return GR_OK;
+}

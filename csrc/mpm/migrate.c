@@ -347,19 +347,37 @@ static void insert(struct gr_engine *e, int64_t index, double *record, int64_t i
     if (index == GR_TO_NO_CELL || !take_slot(e, index, record, id)) wait(e, record, id);
 }
 
+/* The cell of the domain that is nearest to a packed point. */
+static struct gr_cell nearest_cell(const struct gr_engine *e, const double *record)
+{
+    struct gr_cell nearest = {0};
+    int64_t at[3];
+    locate(e, record, at);
+    for (int d = 0; d < e->config.dim; d++)
+        nearest.at[d] = (int32_t)(at[d] < 0 ? 0 : at[d] < e->axis[d].n_cells ? at[d] : e->axis[d].n_cells - 1);
+    return nearest;
+}
+
+int gr_place_new(struct gr_engine *e, const double *record, double x[3], int32_t cell[3])
+{
+    const struct gr_cell nearest = nearest_cell(e, record);
+    const int64_t clamped = e->clamped;
+    int64_t at[3] = {0};
+    locate(e, record, at);
+    for (int d = 0; d < 3; d++) x[d] = d < e->config.dim ? record[d] : 0;
+    const int inside = gr_confine(e, x, at, nearest.at);
+    e->clamped = clamped;
+    for (int d = 0; d < 3; d++) cell[d] = inside ? (int32_t)at[d] : nearest.at[d];
+    return inside;
+}
+
 void gr_insert_new(struct gr_engine *e, double *record, int64_t id)
 {
-    int64_t at[3] = {0}, inside[3] = {0};
-    int32_t from[3] = {0};
+    const struct gr_cell nearest = nearest_cell(e, record);
+    int64_t at[3] = {0};
     e->points.n++;
     gr_tally_carry(e, record, 1);
     locate(e, record, at);
-    for (int d = 0; d < e->config.dim; d++) {
-        inside[d] = at[d] < 0 ? 0 : at[d] < e->axis[d].n_cells ? at[d] : e->axis[d].n_cells - 1;
-        from[d] = (int32_t)inside[d];
-    }
-    struct gr_cell nearest = {0};
-    memcpy(nearest.at, from, sizeof from);
     int64_t to = find_cell(e, at, record);
     if (to == GR_TO_OUTSIDE) to = bring_back(e, &nearest, record);
     if (to != GR_TO_NOWHERE) insert(e, to, record, id);
@@ -392,11 +410,19 @@ void gr_change_sides(struct gr_engine *e)
     }
 }
 
-int gr_replace_point(struct gr_engine *e, int64_t index, int64_t slot, const double x[3])
+struct gr_migrants gr_begin_replacing(struct gr_engine *e)
+{
+    struct gr_migrants list = {.from = e->migration.migrant,
+                               .record = e->migration.pending + e->migration.n_pending * e->points.n_components,
+                               .id = e->migration.pending_id + e->migration.n_pending};
+    gr_clear_migrants(&list);
+    return list;
+}
+
+int gr_replace_point(struct gr_engine *e, struct gr_migrants *list, int64_t index, int64_t slot, const double x[3])
 {
     struct gr_cell *cell = &e->mesh.cell[index];
-    double *record = e->migration.pending + e->migration.n_pending * e->points.n_components;
-    const int64_t id = e->points.id[slot];
+    const int64_t k = list->count;
     int same = 1;
     mark_changed(e, index);
     for (int d = 0; d < e->config.dim; d++) {
@@ -404,9 +430,26 @@ int gr_replace_point(struct gr_engine *e, int64_t index, int64_t slot, const dou
         same &= gr_locate(&e->axis[d], e->inv_dx, x[d]) == cell->at[d];
     }
     if (same) return 0;
-    pack(e, slot, record);
+    list->from[k] = (struct gr_migrant){index, slot, 0};
+    list->id[k] = e->points.id[slot];
+    pack(e, slot, list->record + k * e->points.n_components);
+    list->count++;
+    address(e, list, k);
     close_hole(e, cell, slot);
-    const int64_t to = bring_back(e, cell, record);
-    if (to != GR_TO_NOWHERE) insert(e, to, record, id);
     return 1;
+}
+
+int gr_end_replacing(struct gr_engine *e, struct gr_migrants *list)
+{
+    int lists = 1;
+    int64_t homeless = bring_back_all(e, list, lists);
+    if (e->ranks) {
+        const int error = gr_ranks_pass_points(e, list, lists, &homeless, &lists);
+        if (error) return error;
+        list = e->ranks->part;
+    }
+    for (int l = 0; l < lists; l++) /* each takes its slot by itself: they are few */
+        for (int64_t k = 0; k < list[l].count; k++)
+            if (list[l].from[k].to >= 0) list[l].from[k].slot = FULL;
+    return insert_rest(e, list, lists, homeless > 0);
 }

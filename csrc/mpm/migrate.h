@@ -65,6 +65,10 @@ void gr_change_sides(struct gr_engine *e);
  * full. One outside of the domain is brought back, or dropped. */
 void gr_insert_new(struct gr_engine *e, double *record, int64_t id);
 
+/* Where gr_insert_new would put a point. Set: its position, and its cell or, if it would be dropped, the one that is nearest.
+ * Returned: whether it would be inside. */
+int gr_place_new(struct gr_engine *e, const double *record, double x[3], int32_t cell[3]);
+
 /* Find the cell of a packed point, or enum gr_destination. */
 int64_t gr_find_cell(const struct gr_engine *e, const double *record);
 
@@ -76,6 +80,12 @@ int gr_reserve_pending(struct gr_engine *e, int64_t n);
  * Returned: 1 if the point is inside now, 0 if it has left. */
 int gr_confine(struct gr_engine *e, double x[3], int64_t at[3], const int32_t from[3]);
 
-/* Move the point in a slot of a cell to x, and into another cell if it lies there.
+/* Points that are moved out of their cells after the migration of a step: an empty list, behind the points that wait. */
+struct gr_migrants gr_begin_replacing(struct gr_engine *e);
+
+/* Move the point in a slot of a cell to x; if that lies in another cell, add it to the list.
  * Returned: whether it has left its cell; another point may be at its slot then. */
-int gr_replace_point(struct gr_engine *e, int64_t index, int64_t slot, const double x[3]);
+int gr_replace_point(struct gr_engine *e, struct gr_migrants *list, int64_t index, int64_t slot, const double x[3]);
+
+/* Insert the points of the list, which are in the order of their cells, into their new cells. Returned: 0 or an error. */
+int gr_end_replacing(struct gr_engine *e, struct gr_migrants *list);

@@ -2,6 +2,7 @@
 #include "mpm/patches.h"
 
 #include "core/memory.h"
+#include "mpm/ranks.h"
 
 enum { FIRST = 256 }; /* capacity at first */
 
@@ -79,6 +80,12 @@ int gr_patch_at(struct gr_patches *patches, int32_t solid, const int32_t at[3], 
     return GR_OK;
 }
 
+int gr_has_patch(const struct gr_engine *e, const struct gr_patch *patch)
+{
+    if (!e->ranks) return 1;
+    return patch->solid < e->watch->n_walls ? gr_ranks_has_number(e, patch->at) : e->ranks->transport.rank == 0;
+}
+
 int gr_add_wall_patches(struct gr_engine *e)
 {
     const int dim = e->config.dim;
@@ -86,6 +93,7 @@ int gr_add_wall_patches(struct gr_engine *e)
         if (!e->mesh.node_code[n]) continue;
         int32_t at[3] = {0};
         const struct gr_wall_share *share = gr_wall_share_of(e, n, at);
+        if (e->ranks && !gr_ranks_has_number(e, at)) continue;
         for (int d = 0; d < dim; d++) {
             struct gr_patch *patch;
             const double impulse = e->watch->node[n * dim + d];

@@ -32,6 +32,9 @@ void gr_patches_free(struct gr_patches *patches);
  * Set: patch. Returned: 0 or GR_ERR_MEMORY. */
 int gr_patch_at(struct gr_patches *patches, int32_t solid, const int32_t at[3], struct gr_patch **patch);
 
+/* True if this process has the impulse on a patch; with ranks (mpm/ranks.h) one of them has it, rank 0 those of bodies. */
+int gr_has_patch(const struct gr_engine *e, const struct gr_patch *patch);
+
 /* Add the impulses of a finished step on the nodes of walls, before the mesh changes.
  * Returned: 0 or GR_ERR_MEMORY. */
 int gr_add_wall_patches(struct gr_engine *e);

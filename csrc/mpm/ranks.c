@@ -51,28 +51,33 @@ static int add_rank(int rank[GR_MOST_NEAR], int n, int owner)
     return n;
 }
 
-/* Index of a cell along axis d, also across a periodic end; -1 if there is none. */
-static int64_t index_along(const struct gr_engine *e, int d, int64_t i)
+/* Add the owners of the cells of a row from x = `first` to `last`, which are in few runs. */
+static int add_runs(const struct gr_engine *e, int64_t row, int64_t first, int64_t last, int rank[GR_MOST_NEAR], int n)
 {
-    const int64_t m = e->axis[d].n_cells;
-    if (d >= e->config.dim) return i ? -1 : 0;
-    return e->axis[d].periodic ? (i % m + m) % m : i < m ? i : -1;
+    const struct gr_ranks *ranks = e->ranks;
+    const int64_t begin = row * ranks->n_cells[0] + first, end = row * ranks->n_cells[0] + last;
+    for (int64_t run = begin / GR_RUN_OF_CELLS; run <= end / GR_RUN_OF_CELLS; run++)
+        n = add_rank(rank, n, ranks->owner[run]);
+    return n;
 }
 
 /* gr_ranks_near for runs of cells. */
 static int ranks_of_runs_near(const struct gr_engine *e, const int32_t at[3], int distance, int rank[GR_MOST_NEAR])
 {
-    const int depth = e->config.dim == 3 ? distance : 0;
+    const int64_t *m = e->ranks->n_cells, low = at[0] - distance, high = at[0] + distance;
+    const int depth = e->config.dim == 3 ? distance : 0, around = e->axis[0].periodic;
     int n = 1;
     rank[0] = gr_owner(e->ranks, at);
-    for (int64_t c = -depth; c <= depth; c++)
-        for (int64_t b = -distance; b <= distance; b++)
-            for (int64_t a = -distance; a <= distance; a++) {
-                const int64_t x = index_along(e, 0, at[0] + a), y = index_along(e, 1, at[1] + b),
-                              z = index_along(e, 2, at[2] + c);
-                const int32_t near[3] = {(int32_t)x, (int32_t)y, (int32_t)z};
-                if (x >= 0 && y >= 0 && z >= 0) n = add_rank(rank, n, gr_owner(e->ranks, near));
-            }
+    for (int64_t z = at[2] - depth; z <= at[2] + depth; z++)
+        for (int64_t y = at[1] - distance; y <= at[1] + distance; y++) {
+            const int outside =
+                (!e->axis[1].periodic && (y < 0 || y >= m[1])) || (!e->axis[2].periodic && (z < 0 || z >= m[2]));
+            const int64_t row = (z % m[2] + m[2]) % m[2] * m[1] + (y % m[1] + m[1]) % m[1];
+            if (outside) continue;
+            n = add_runs(e, row, low < 0 ? 0 : low, high < m[0] ? high : m[0] - 1, rank, n);
+            if (around && low < 0) n = add_runs(e, row, low + m[0] < 0 ? 0 : low + m[0], m[0] - 1, rank, n);
+            if (around && high >= m[0]) n = add_runs(e, row, 0, high - m[0] < m[0] ? high - m[0] : m[0] - 1, rank, n);
+        }
     return n;
 }
 
@@ -95,6 +100,25 @@ int gr_ranks_near(const struct gr_engine *e, const int32_t at[3], int distance, 
     return n;
 }
 
+int gr_ranks_of_node(const struct gr_engine *e, int64_t id, int rank[GR_MOST_NEAR])
+{
+    const struct gr_node_cells *cells[3];
+    static const struct gr_node_cells one = {.count = 1};
+    int32_t at[3] = {0};
+    int n = 0;
+    for (int d = 0; d < 3; d++) {
+        cells[d] = d < e->config.dim ? &e->cells_of_node[d][id % e->axis[d].n_nodes] : &one;
+        if (d < e->config.dim) id /= e->axis[d].n_nodes;
+    }
+    for (int c = 0; c < cells[2]->count; c++)
+        for (int b = 0; b < cells[1]->count; b++)
+            for (int a = 0; a < cells[0]->count; a++) {
+                at[0] = cells[0]->cell[a], at[1] = cells[1]->cell[b], at[2] = cells[2]->cell[c];
+                n = add_rank(rank, n, gr_owner(e->ranks, at));
+            }
+    return n;
+}
+
 int gr_ranks_has_node(const struct gr_engine *e, int64_t n)
 {
     int64_t id = e->mesh.node_id[n];
@@ -105,6 +129,16 @@ int gr_ranks_has_node(const struct gr_engine *e, int64_t n)
         id /= e->axis[d].n_nodes;
     }
     return gr_owner(e->ranks, at) == e->ranks->transport.rank;
+}
+
+int gr_ranks_has_number(const struct gr_engine *e, const int32_t at[3])
+{
+    int32_t cell[3] = {0};
+    for (int d = 0; d < e->config.dim; d++) {
+        if (at[d] < 0 || at[d] >= e->axis[d].n_nodes) return e->ranks->transport.rank == 0; /* of a restart alone */
+        cell[d] = e->ranks->cell_of_number[d][at[d]];
+    }
+    return gr_owner(e->ranks, cell) == e->ranks->transport.rank;
 }
 
 enum gr_sharing gr_sharing_of(const struct gr_engine *e, int64_t id)
@@ -160,23 +194,34 @@ static int find_peers(struct gr_engine *e, int distance)
     return ranks->peer && ranks->message ? GR_OK : GR_ERR_MEMORY;
 }
 
+/* Find a cell for the numbers of nodes: of the first node that has it, the one in the middle of its cells. */
+static int number_cells(struct gr_engine *e)
+{
+    for (int d = 0; d < e->config.dim; d++) {
+        const struct gr_axis *axis = &e->axis[d];
+        int32_t *cell = e->ranks->cell_of_number[d] = calloc((size_t)axis->n_nodes, sizeof *cell);
+        if (!cell) return GR_ERR_MEMORY;
+        for (int64_t i = axis->n_nodes - 1; i >= 0; i--) {
+            const struct gr_node_cells *cells = &e->cells_of_node[d][i];
+            cell[axis->node_number[i]] = cells->cell[cells->count / 2];
+        }
+    }
+    return GR_OK;
+}
+
 static int is_valid(const struct gr_engine *e, const struct gr_transport *transport, int edge, int reach)
 {
-    const struct gr_config *c = &e->config;
-    return !e->ranks && !e->mesh.node_capacity && !c->n_bodies && !e->inflow && !e->sleep && (edge > reach || !edge) &&
+    return !e->ranks && !e->mesh.node_capacity && 2 * (reach + 1) <= 3 * (edge ? edge : 2 * reach) &&
            !(e->nonlocal.fluidity && edge) && transport->size > 0 && transport->rank >= 0 &&
            transport->rank < transport->size;
 }
 
 int gr_ranks_new(struct gr_engine *e, const struct gr_transport *transport, int edge, const int32_t *owner)
 {
-    enum {
-        NODES = 1,    /* distance of the nodes about a node, whose sums an averaging of the density needs, too */
-        ISOTROPIC = 2 /* of cells on which a link of the isotropic stencil of the fluidity depends */
-    };
     const int averages = e->config.smoothed || e->config.cell_averaged;
-    const int of_nodes = gr_basis_nodes_1d(e->config.basis) - 1 + (averages ? NODES : 0);
-    const int reach = e->nonlocal.fluidity && of_nodes < ISOTROPIC ? ISOTROPIC : of_nodes;
+    const int beyond = e->config.n_bodies ? GR_REACH_OF_BODIES : averages ? GR_REACH_OF_AVERAGES : 0;
+    const int of_nodes = gr_basis_nodes_1d(e->config.basis) - 1 + beyond;
+    const int reach = e->nonlocal.fluidity && of_nodes < GR_REACH_OF_LINKS ? GR_REACH_OF_LINKS : of_nodes;
     int64_t blocks = 1;
     if (!is_valid(e, transport, edge, reach)) return GR_ERR_CONFIG;
     for (int d = 0; d < 3; d++) blocks *= gr_ranks_blocks(e, d, edge);
@@ -192,7 +237,7 @@ int gr_ranks_new(struct gr_engine *e, const struct gr_transport *transport, int 
     ranks->owner = malloc(sizeof *ranks->owner * (size_t)blocks);
     if (!ranks->owner) return GR_ERR_MEMORY;
     memcpy(ranks->owner, owner, sizeof *ranks->owner * (size_t)blocks);
-    return find_peers(e, reach + 1);
+    return number_cells(e) ? GR_ERR_MEMORY : find_peers(e, reach + 1);
 }
 
 void gr_ranks_free(struct gr_ranks *ranks)
@@ -206,8 +251,10 @@ void gr_ranks_free(struct gr_ranks *ranks)
         free(ranks->peer[k].out_offset);
         free(ranks->peer[k].in_offset);
     }
-    void *const owned[] = {ranks->owner,  ranks->peer, ranks->message, ranks->number,    ranks->arrival, ranks->record,
-                           ranks->staged, ranks->id,   ranks->order,   ranks->staged_id, ranks->part,    ranks->sharing};
+    for (int d = 0; d < 3; d++) free(ranks->cell_of_number[d]);
+    void *const owned[] = {ranks->owner,  ranks->peer,    ranks->message, ranks->number,  ranks->arrival,
+                           ranks->record, ranks->staged,  ranks->id,      ranks->order,   ranks->staged_id,
+                           ranks->part,   ranks->sharing, ranks->taken,   ranks->entered, ranks->fluidity.foreign};
     for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
     free(ranks);
 }
@@ -228,6 +275,12 @@ int gr_ranks_agree(struct gr_engine *e, int error, int64_t *flags, int n)
     for (int k = 0; k < n; k++) flags[k] = all[2 + k];
     if (error && error != GR_ERR_CAPACITY) return error;
     return all[0] ? GR_ERR_ELSEWHERE : all[1] ? GR_ERR_CAPACITY : GR_OK;
+}
+
+int gr_ranks_add_up(struct gr_ranks *ranks, int64_t *number, int64_t n)
+{
+    if (!ranks->failed) ranks->failed = ranks->transport.sum(ranks->transport.context, number, n) != 0;
+    return ranks->failed ? GR_ERR_TRANSPORT : GR_OK;
 }
 
 static int reserve_numbers(struct gr_ranks *ranks, int sums)
@@ -283,16 +336,17 @@ int gr_ranks_reserve(struct gr_ranks *ranks, int k, int64_t out_bytes, int64_t i
     return GR_OK;
 }
 
-int gr_ranks_exchange(struct gr_engine *e)
+int gr_ranks_send(struct gr_ranks *ranks, const struct gr_message *message, int n)
 {
-    struct gr_ranks *ranks = e->ranks;
     const double begin = gr_ranks_clock();
-    if (!ranks->n_peers) return GR_OK;
-    if (!ranks->failed) ranks->failed = ranks->transport.exchange(ranks->transport.context, ranks->message, ranks->n_peers);
+    if (!n) return GR_OK;
+    if (!ranks->failed) ranks->failed = ranks->transport.exchange(ranks->transport.context, message, n);
     ranks->seconds_waiting += gr_ranks_clock() - begin;
-    for (int k = 0; k < ranks->n_peers; k++) ranks->sent_bytes += ranks->message[k].out_bytes;
+    for (int k = 0; k < n; k++) ranks->sent_bytes += message[k].out_bytes;
     return ranks->failed ? GR_ERR_TRANSPORT : GR_OK;
 }
+
+int gr_ranks_exchange(struct gr_engine *e) { return gr_ranks_send(e->ranks, e->ranks->message, e->ranks->n_peers); }
 
 int gr_ranks_exchange_counts(struct gr_engine *e)
 {

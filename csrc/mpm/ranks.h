@@ -9,7 +9,7 @@
  * The sums of a node are in the order of the cells, wherever a tile begins (engine.h). For the sums of single cells to be
  * sent, each lane of a tile with a cell that several ranks have is a run by itself.
  *
- * Not with bodies, inlets, sleep, patches of walls. */
+ * Bodies, inlets and the calm of cells are the same on all ranks: what changes them is agreed on in each step. */
 #pragma once
 
 #include "core/exact.h"
@@ -25,6 +25,7 @@ enum gr_sharing { GR_NOT_HERE, GR_ALONE, GR_SHARED_OWN, GR_GHOST };
 struct gr_shared_cell {
     int64_t lane;
     uint32_t nodes[2];
+    int occupied; /* of a ghost: whether it has points, as of the last exchange of calm */
 };
 
 /* Another rank with cells so near that they matter here. */
@@ -44,11 +45,12 @@ enum { GR_RUN_OF_CELLS = GR_CHUNK_PAGES * GR_PAGE };
 
 struct gr_ranks {
     struct gr_transport transport;
-    int reach;           /* distance of a cell, in cells, within which others reach the nodes that it needs */
-    int edge;            /* cells of a block along each axis; 0: blocks are runs of cells */
-    int64_t n_blocks[3]; /* blocks along each axis */
-    int64_t n_cells[3];  /* cells along each axis */
-    int32_t *owner;      /* of each block */
+    int reach;                  /* distance of a cell, in cells, within which others reach the nodes that it needs */
+    int edge;                   /* cells of a block along each axis; 0: blocks are runs of cells */
+    int64_t n_blocks[3];        /* blocks along each axis */
+    int64_t n_cells[3];         /* cells along each axis */
+    int32_t *owner;             /* of each block */
+    int32_t *cell_of_number[3]; /* per number of a node along an axis: a cell with all nodes that have it */
     struct gr_peer *peer;
     int n_peers;
     uint8_t *sharing; /* of each active cell: enum gr_sharing */
@@ -64,10 +66,18 @@ struct gr_ranks {
     int64_t *id, *order, *staged_id;
     int64_t n_arrivals, arrival_capacity, staged_capacity, part_capacity;
     struct gr_migrants *part;
+    /* points that enter in a step: whether the position of each candidate is occupied, and the positions of those so far */
+    int64_t *taken, n_entered, entering_capacity;
+    double *entered;
     struct gr_fluidity_ranks fluidity;
+    struct gr_shared_contacts *contacts;     /* contact/shared_contacts.h; NULL without bodies */
     int64_t sent_bytes;                      /* since the beginning, as the times */
     double seconds_waiting, seconds_copying; /* for messages; numbers of ghost cells into messages and out of them */
 };
+
+/* Distances in cells within which a rank needs the full sums of nodes, or the values of cells: of an averaging of the density;
+ * of contact points, which are nearer to their points than 1.5 cells; of the links of the isotropic stencil of the fluidity. */
+enum { GR_REACH_OF_AVERAGES = 1, GR_REACH_OF_BODIES = 2, GR_REACH_OF_LINKS = 2 };
 
 /* The owner of a cell. */
 static inline int gr_owner(const struct gr_ranks *ranks, const int32_t at[3])
@@ -76,6 +86,14 @@ static inline int gr_owner(const struct gr_ranks *ranks, const int32_t at[3])
     const int edge = ranks->edge;
     if (!edge) return ranks->owner[((at[2] * ranks->n_cells[1] + at[1]) * ranks->n_cells[0] + at[0]) / GR_RUN_OF_CELLS];
     return ranks->owner[((int64_t)(at[2] / edge) * n[1] + at[1] / edge) * n[0] + at[0] / edge];
+}
+
+/* Place of a cell in the order of the cells of meshes: that of the grid, and those behind thin bodies last. */
+static inline int64_t gr_order_of_cell(const struct gr_engine *e, const struct gr_cell *cell)
+{
+    int64_t n = cell->side < 0;
+    for (int d = 0; d < e->config.dim; d++) n *= e->axis[d].n_cells;
+    return gr_cell_id(e, cell->at) + n;
 }
 
 /* Wall-clock time, s. */
@@ -97,8 +115,14 @@ int gr_ranks_agree(struct gr_engine *e, int error, int64_t *flags, int n);
 /* Add up n exact sums, and find the largest of m numbers; agree on an error. */
 int gr_ranks_combine(struct gr_engine *e, int error, struct gr_exact *sum, int n, double *largest, int m);
 
+/* Add up n integers over all ranks. Returned: 0 or GR_ERR_TRANSPORT. */
+int gr_ranks_add_up(struct gr_ranks *ranks, int64_t *number, int64_t n);
+
 /* Replace a number by the largest of all ranks. If a message fails, the next agreement says so. */
 void gr_ranks_find_largest(const struct gr_engine *e, double *number);
+
+/* Send messages to any ranks, and receive theirs. Returned: 0 or GR_ERR_TRANSPORT. */
+int gr_ranks_send(struct gr_ranks *ranks, const struct gr_message *message, int n);
 
 /* Send what the messages of the peers hold, and receive what they expect. Returned: 0 or GR_ERR_TRANSPORT. */
 int gr_ranks_exchange(struct gr_engine *e);
@@ -109,17 +133,24 @@ int gr_ranks_exchange_counts(struct gr_engine *e);
 /* The message to and from peer k, with space for so many bytes. Returned: 0 or GR_ERR_MEMORY. */
 int gr_ranks_reserve(struct gr_ranks *ranks, int k, int64_t out_bytes, int64_t in_bytes);
 
-/* Most ranks near a cell: 4 blocks along each axis, as a block has no fewer cells than the largest distance; or two runs in each
- * of 7 x 7 rows. */
-enum { GR_MOST_NEAR = 128 };
+/* Most ranks near a cell: of 4 blocks along each axis, as a distance is at most that of 1.5 blocks; or of two runs in each of
+ * 13 x 13 rows. */
+enum { GR_MOST_NEAR = 2 * 13 * 13 };
 
 /* True if a node of the mesh counts for this rank, which then has its full sums: the owner of the cell in the middle of those
  * that have the node. */
 int gr_ranks_has_node(const struct gr_engine *e, int64_t n);
 
+/* True if this rank adds up the impulses on the nodes with these numbers (gr_node_numbers), of all of which it has the full
+ * sums: beyond an end of the domain several have one number. */
+int gr_ranks_has_number(const struct gr_engine *e, const int32_t at[3]);
+
 /* The ranks that own a cell, or one within a distance of it, each once; the owner of the cell first.
  * Returned: their number. */
 int gr_ranks_near(const struct gr_engine *e, const int32_t at[3], int distance, int rank[GR_MOST_NEAR]);
+
+/* The ranks that own a cell with the node `id` of the grid, each once. Returned: their number. */
+int gr_ranks_of_node(const struct gr_engine *e, int64_t id, int rank[GR_MOST_NEAR]);
 
 /* Add the blocks along axis d within a distance of an index, in cells, to n others, each once.
  * Returned: their number. */

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "core/memory.h"
+#include "mpm/ghosts.h"
 #include "mpm/numbers.h"
 #include "mpm/pose.h"
 
@@ -86,11 +87,14 @@ static int is_slow(const struct gr_engine *e, const struct gr_cell *cell)
     return 1;
 }
 
+/* True for a cell of another rank, whose calm that one tells. */
+static int is_ghost(const struct gr_engine *e, int64_t c) { return e->ranks && e->ranks->sharing[c] == GR_GHOST; }
+
 /* Count for how many checks each cell has been calm. */
 GR_PASS(count_checks, n_cells)
 {
     struct gr_cell *cell = &e->mesh.cell[c];
-    if (cell->calm == GR_ASLEEP) return;
+    if (cell->calm == GR_ASLEEP || is_ghost(e, c)) return;
     const int slow = !GR_IS_DOUBLE(cell) && is_slow(e, cell);
     cell->calm = !slow ? 0 : cell->calm < GR_CALM_CHECKS ? cell->calm + 1 : GR_CALM_CHECKS;
     look->calm[chunk] += cell->calm == GR_CALM_CHECKS;
@@ -117,7 +121,7 @@ static void stop(struct gr_engine *e, const struct gr_cell *cell)
 GR_PASS(fall_asleep, n_cells)
 {
     struct gr_cell *cell = &e->mesh.cell[c];
-    int restless = cell->calm != GR_CALM_CHECKS;
+    int restless = cell->calm != GR_CALM_CHECKS || is_ghost(e, c);
     for (int i = 0; i < e->K && !restless; i++) restless = e->sleep->restless[gr_cell_node(e, c, i)];
     if (restless) return;
     cell->calm = GR_ASLEEP;
@@ -154,7 +158,7 @@ static void wake_near_bodies(struct gr_engine *e)
     }
 }
 
-void gr_sleep_look(struct gr_engine *e, struct gr_team *team)
+int gr_sleep_look(struct gr_engine *e, struct gr_team *team)
 {
     struct look look = {.e = e, .chunks = gr_chunks(team, e->mesh.n_cells)};
     int64_t calm = 0, fell = 0;
@@ -162,17 +166,20 @@ void gr_sleep_look(struct gr_engine *e, struct gr_team *team)
     gr_team_run(team, count_checks, &look, look.chunks);
     if (e->bodies.contacts) wake_near_bodies(e);
     for (int64_t c = 0; c < look.chunks; c++) calm += look.calm[c];
-    if (!calm) return;
+    int error = e->ranks ? gr_ranks_agree(e, GR_OK, &calm, 1) : GR_OK;
+    if (error || !calm) return error;
     memset(e->sleep->restless, 0, (size_t)e->mesh.n_nodes);
     gr_team_run(team, note_restless, &look, look.chunks);
+    if (e->ranks) error = gr_ghosts_exchange_calm(e);
+    if (e->ranks) gr_ghosts_note_restless(e);
     memset(e->mesh.tile_changed, 0, (size_t)e->mesh.n_tiles);
     gr_team_run(team, fall_asleep, &look, look.chunks);
     for (int64_t c = 0; c < look.chunks; c++) fell += look.fell[c];
-    if (!fell) return;
+    if (fell) e->sleep->changed = e->sleep->all_nodes = 1;
     e->sleep->asleep += fell;
-    e->sleep->changed = e->sleep->all_nodes = 1;
-    for (int64_t tile = 0; tile < e->mesh.n_tiles; tile++)
+    for (int64_t tile = 0; fell && tile < e->mesh.n_tiles; tile++)
         if (e->mesh.tile_changed[tile]) e->sums.dirty[e->sums.n_dirty++] = tile;
+    return error || !e->ranks ? error : gr_ghosts_exchange_calm(e);
 }
 
 /* Note the nodes of cells that are awake. */

@@ -76,6 +76,7 @@ int gr_make_tiles(struct gr_tiles *tiles, const struct gr_engine *e, const int64
         memcpy(tiles->cell, cells, (size_t)n * sizeof *cells);
     else if (order_layers(tiles, cells, sides, n))
         return GR_ERR_MEMORY;
+    for (int64_t c = 0; e->ranks && sides && c < n; c++) e->ranks->sharing[c] = (uint8_t)gr_sharing_of(e, tiles->cell[c]);
     tiles->block[0] = GR_FIRST_BLOCK;
     for (size_t tile = 0; tile < n_tiles; tile++)
         tiles->block[tile + 1] = tiles->block[tile] + find_runs(tiles, e, (int64_t)tile);

@@ -425,7 +425,8 @@ static PyMethodDef methods[] = {
     {"nodes", (PyCFunction)engine_nodes, METH_NOARGS,
      "nodes()\n--\n\nCopies of the nodal arrays: x, mass, momentum, force, v, w."},
     {"cells", (PyCFunction)engine_cells, METH_NOARGS,
-     "cells()\n--\n\n(slot, count): the slots of the points in the buffers, cell by cell, and the points of each active cell."},
+     "cells()\n--\n\n(slots, counts, places): the slots of the points in the buffers, cell by cell; the number of points of each "
+     "active cell; and its place in the order of cells, its index in the grid, and those behind thin bodies last."},
     {"scalars", (PyCFunction)engine_scalars, METH_NOARGS, "scalars()\n--\n\nThe numbers that a restart needs."},
     {"tally", (PyCFunction)engine_tally, METH_NOARGS, "tally()\n--\n\nMake the tally that is due: scalars() then has it."},
     {"restore", (PyCFunction)engine_restore, METH_O, "restore(scalars)\n--\n\nSet the numbers of a restart."},

@@ -57,19 +57,22 @@ PyObject *gr_python_cells(const struct gr_engine *e)
     npy_intp n_points = 0;
     const npy_intp n_cells = e->mesh.n_cells;
     for (npy_intp c = 0; c < n_cells; c++) n_points += e->mesh.cell[c].count;
-    PyObject *place = PyArray_SimpleNew(1, &n_points, NPY_INT64), *count = PyArray_SimpleNew(1, &n_cells, NPY_INT64);
-    if (!place || !count) {
-        Py_XDECREF(place);
-        Py_XDECREF(count);
+    PyObject *slots = PyArray_SimpleNew(1, &n_points, NPY_INT64), *counts = PyArray_SimpleNew(1, &n_cells, NPY_INT64),
+             *places = PyArray_SimpleNew(1, &n_cells, NPY_INT64);
+    if (!slots || !counts || !places) {
+        Py_XDECREF(slots);
+        Py_XDECREF(counts);
+        Py_XDECREF(places);
         return NULL;
     }
-    int64_t *next = PyArray_DATA((PyArrayObject *)place);
+    int64_t *next = PyArray_DATA((PyArrayObject *)slots);
     for (npy_intp c = 0; c < n_cells; c++) {
         const struct gr_cell *cell = &e->mesh.cell[c];
         for (int32_t k = 0; k < cell->count; k++) *next++ = gr_slot(cell, k);
-        ((int64_t *)PyArray_DATA((PyArrayObject *)count))[c] = cell->count;
+        ((int64_t *)PyArray_DATA((PyArrayObject *)counts))[c] = cell->count;
+        ((int64_t *)PyArray_DATA((PyArrayObject *)places))[c] = gr_order_of_cell(e, cell);
     }
-    return Py_BuildValue("NN", place, count);
+    return Py_BuildValue("NNN", slots, counts, places);
 }
 
 PyObject *gr_python_places(const struct gr_engine *e, PyObject *args)

@@ -1,7 +1,7 @@
 /* Ranks: the functions of a Python object as a transport of the core (core/transport.h). */
 #include "mpm/ranks.h"
 
-#include "mpm/wall_impulse.h"
+#include "contact/shared_contacts.h"
 #include "python/engine_common.h"
 
 /* Call a method of the link, which returns whether it has succeeded. Returned: 0, or 1 if it has not. */
@@ -64,9 +64,9 @@ PyObject *gr_python_share(struct gr_object *self, struct gr_engine *e, PyObject 
     for (int d = 0; d < 3; d++) blocks *= gr_ranks_blocks(e, d, edge);
     if (PyArray_DIM(array, 0) != blocks)
         return PyErr_Format(PyExc_ValueError, "owners must have %lld numbers, one of each block", (long long)blocks);
-    if (e->watch && e->watch->patches) return gr_raise(GR_ERR_CONFIG, NULL);
     const struct gr_transport transport = {link, rank, size, exchange, sum, largest};
-    const int error = gr_ranks_new(e, &transport, edge, PyArray_DATA(array));
+    int error = gr_ranks_new(e, &transport, edge, PyArray_DATA(array));
+    if (!error) error = gr_shared_contacts_new(e);
     if (error) return gr_raise(error, NULL);
     Py_INCREF(link);
     Py_XSETREF(self->link, link);

@@ -94,14 +94,18 @@ PyObject *gr_python_patches(const struct gr_engine *e)
 {
     if (refuse_without_patches(e)) return NULL;
     const struct gr_patches *patches = e->watch->patches;
-    const npy_intp shapes[2][2] = {{patches->n, 4}, {patches->n, GR_PATCH_NUMBERS}};
+    int64_t n = 0, at = 0;
+    for (int64_t k = 0; k < patches->n; k++) n += gr_has_patch(e, &patches->patch[k]);
+    const npy_intp shapes[2][2] = {{n, 4}, {n, GR_PATCH_NUMBERS}};
     PyObject *places = PyArray_SimpleNew(2, shapes[0], NPY_INT64), *numbers = PyArray_SimpleNew(2, shapes[1], NPY_DOUBLE);
     for (int64_t k = 0; places && numbers && k < patches->n; k++) {
         const struct gr_patch *patch = &patches->patch[k];
-        int64_t *place = (int64_t *)PyArray_DATA((PyArrayObject *)places) + 4 * k;
+        if (!gr_has_patch(e, patch)) continue;
+        int64_t *place = (int64_t *)PyArray_DATA((PyArrayObject *)places) + 4 * at;
         place[0] = patch->solid;
         for (int d = 0; d < 3; d++) place[1 + d] = patch->at[d];
-        memcpy((double *)PyArray_DATA((PyArrayObject *)numbers) + GR_PATCH_NUMBERS * k, patch->number, sizeof patch->number);
+        memcpy((double *)PyArray_DATA((PyArrayObject *)numbers) + GR_PATCH_NUMBERS * at++, patch->number,
+               sizeof patch->number);
     }
     return Py_BuildValue("(NN)", places, numbers);
 }

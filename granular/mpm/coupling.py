@@ -91,7 +91,7 @@ class Coupled:
                 f"axis of symmetry: bodies[{body}] is one of revolution"
             )
         self._check_speed(body, rates)
-        self._engine.drive(body, tuple(rates))
+        self._drive(body, tuple(rates))
         return self._load_of(row)
 
     def apply_load(
@@ -144,7 +144,7 @@ class Coupled:
                     "rotation is prescribed"
                 )
             load[3:] = _turning("torque", torque, described.dim)
-        self._engine.load(body, tuple(load))
+        self._load(body, tuple(load))
         return self._load_of(row)
 
     def body_load(self, body: int) -> BodyLoad:
@@ -168,6 +168,14 @@ class Coupled:
         """
         body, _ = self._body(body)
         return self._load_of(self._engine.bodies()[body])
+
+    def _drive(self, body: int, rates: tuple[float, ...]) -> None:
+        """Give the core the velocities of a body."""
+        self._engine.drive(body, rates)
+
+    def _load(self, body: int, load: tuple[float, ...]) -> None:
+        """Give the core the load on a body."""
+        self._engine.load(body, load)
 
     def _load_of(self, row: Array) -> BodyLoad:
         """Mean load since the state `row` of a body was set."""

@@ -355,6 +355,12 @@ def entering_masses(scene: Scene) -> Array:
     return np.concatenate([fields["mass"] for fields in sites])
 
 
+def mean_mass(scene: Scene, points: Mapping[str, NDArray]) -> float:
+    """Mean mass of the points at the start, or without any of those that enter [kg]."""
+    mass = points["mass"] if len(points["mass"]) else entering_masses(scene)
+    return float(mass.mean())
+
+
 def add_inlets(engine: _core.Engine, scene: Scene) -> list[dict[str, NDArray]]:
     """Register the inflows of a scene, and return the fields of the points of their sites."""
     inlets = []

@@ -13,7 +13,6 @@ from granular.mpm.walls import Wall, WallOrBlock
 from granular.tools.arrays import Array, IntArray
 
 if TYPE_CHECKING:
-    from granular import _core
     from granular.mpm.scene import Scene
 
 
@@ -27,8 +26,20 @@ def watched_solids(scene: Scene) -> int:
     return len(scene.walls) + sum(inflow.driven for inflow in scene.inflows)
 
 
-def patch_fields(scene: Scene, engine: _core.Engine) -> dict[str, NDArray[Any]] | None:
+def in_order(places: IntArray, numbers: Array) -> tuple[IntArray, Array]:
+    """Return patches in the order of their solids and places, whatever they were touched in."""
+    order = np.lexsort(places.T[::-1])
+    return places[order], numbers[order]
+
+
+def patch_fields(scene: Scene, places: IntArray, numbers: Array) -> dict[str, NDArray[Any]] | None:
     """Fields of the patches for a frame; None as long as nothing was touched.
+
+    Parameters
+    ----------
+    scene : Scene
+    places, numbers : ndarray
+        The patches, as of the core.
 
     Returns
     -------
@@ -39,7 +50,6 @@ def patch_fields(scene: Scene, engine: _core.Engine) -> dict[str, NDArray[Any]] 
         the start [N s; in 2D per metre of depth], ``tangential`` (n, dim), its part along the
         surface, and ``normal`` (n,), its part into the solid.
     """
-    places, numbers = engine.patches()
     solid, at = places[:, 0], places[:, 1:]
     first = watched_solids(scene)
     known = (solid < len(scene.walls)) | (solid >= first)  # not those of inflows

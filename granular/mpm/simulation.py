@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import replace
 from typing import Any, Self
@@ -26,7 +27,7 @@ from granular.mpm.body_overlaps import check_overlaps
 from granular.mpm.coupling import Coupled
 from granular.mpm.free_bodies import INTERVAL, FreeBodies
 from granular.mpm.inflow_state import account
-from granular.mpm.patches import patch_fields, stored_patches, watched_solids
+from granular.mpm.patches import in_order, patch_fields, stored_patches, watched_solids
 from granular.mpm.rigid_contact import touch_solids
 from granular.mpm.scene import Scene
 from granular.mpm.wall_owners import wall_owners
@@ -138,8 +139,7 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         check_overlaps(scene)
         diagnostics.warn(scene)
         points = core.initial_points(scene)
-        mass = points["mass"] if len(points["mass"]) else core.entering_masses(scene)
-        self._build(scene, float(mass.mean()), threads, isa, wall_forces, tractions)
+        self._build(scene, core.mean_mass(scene, points), threads, isa, wall_forces, tractions)
         self._buffers = core.initial_buffers(self._engine, points)
         self._bind(len(points["mass"]))
         if scene.inflows:
@@ -358,23 +358,13 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
     # ---- restart ----
 
     def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
-        slots, _ = self._engine.cells()
+        slots, *_ = self._engine.cells()
         arrays = {
             name: array.take(slots, axis=-1).astype(stored_type(array.dtype), copy=False)
             for name, array in self._buffers.items()
         }
         scalars = self._engine.scalars() | {"mean_mass": self._mean_mass}
-        if self.scene.bodies:
-            arrays |= {"bodies": self._engine.bodies(), "split": self._engine.split()}
-        if self._watches_walls:
-            arrays |= {"walls": self._engine.walls()}
-        if self._has_tractions:
-            places, numbers = self._engine.patches()
-            arrays |= {"patch_places": places, "patch_numbers": numbers}
-        if self.scene.inflows:
-            arrays |= {"inflow": self._engine.inflow()}
-        if self.scene.scheme.sleep_speed:
-            arrays |= {"calm": self._engine.calm()}
+        arrays |= self._besides_points()
         return scalars, arrays
 
     @classmethod
@@ -388,10 +378,6 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         mean_mass = positive("mean_mass of the checkpoint", scalars.pop("mean_mass"))
         watches, patches = "walls" in checkpoint.arrays, stored_patches(checkpoint.arrays)
         self._build(scene, mean_mass, threads, isa, watches, patches is not None)
-        if patches is not None:
-            self._engine.restore_patches(*patches)
-        if watches:
-            self._engine.restore_walls(checkpoint.arrays["walls"])
         ids = checkpoint.arrays.get("id", np.empty(0, dtype=np.int64))
         n = len(ids)
         self._buffers = allocate(self._engine, n)
@@ -403,19 +389,56 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         ):
             if name in self._buffers:
                 check_range(checkpoint.arrays, name, low, high)
-        if scene.bodies:  # before the points: those near thin bodies are grouped by side
-            if "bodies" not in checkpoint.arrays:
-                raise ValueError("the checkpoint does not hold the bodies of the scene")
-            self._engine.restore_bodies(checkpoint.arrays["bodies"])
-            if "split" in checkpoint.arrays:
-                self._engine.restore_split(checkpoint.arrays["split"])
-        self._bind(n)
+        if scene.bodies and "bodies" not in checkpoint.arrays:
+            raise ValueError("the checkpoint does not hold the bodies of the scene")
+        arrays = dict(checkpoint.arrays)
         if scene.inflows:
-            self._engine.restore_inflow(stored_inflow(checkpoint.arrays, ids))
-        if "calm" in checkpoint.arrays:
-            self._engine.restore_calm(checkpoint.arrays["calm"])
+            arrays["inflow"] = stored_inflow(arrays, ids)
+        self._bind_restored(n, arrays)
         self._engine.restore(scalars)
         return self
+
+    def _bind_restored(self, n_points: int, arrays: Mapping[str, NDArray]) -> None:
+        """Bind the points of a restart, and set what the core has besides them."""
+        engine = self._engine
+        if (patches := stored_patches(arrays)) is not None:
+            engine.restore_patches(*patches)
+        for name, restore in (
+            ("walls", engine.restore_walls),
+            ("bodies", engine.restore_bodies),  # points near thin bodies are grouped by side
+            ("split", engine.restore_split),
+        ):
+            if name in arrays:
+                restore(arrays[name])
+        self._bind(n_points)
+        if "inflow" in arrays:
+            engine.restore_inflow(arrays["inflow"])
+        if "calm" in arrays:
+            engine.restore_calm(arrays["calm"])
+
+    def _besides_points(self) -> dict[str, NDArray]:
+        """Return what the core has besides the points, for a restart."""
+        engine, arrays = self._engine, dict[str, NDArray]()
+        if self.scene.bodies:
+            arrays |= {"bodies": engine.bodies(), "split": engine.split()}
+        if self._watches_walls:
+            arrays |= {"walls": engine.walls()}
+        if self._has_tractions:
+            places, numbers = self._patch_rows()
+            arrays |= {"patch_places": places, "patch_numbers": numbers}
+        if self.scene.inflows:
+            arrays |= {"inflow": engine.inflow()}
+        if self.scene.scheme.sleep_speed:
+            arrays |= {"calm": self._calm()}
+        return arrays
+
+    def _patch_rows(self) -> tuple[IntArray, NDArray]:
+        """Return places and numbers of the patches, in the order of their places."""
+        return in_order(*self._engine.patches())
+
+    def _calm(self) -> IntArray:
+        """Return the cells that are calm, and for how long they are."""
+        return self._engine.calm()
 
     @classmethod
     def _adapted(cls, before: Any, scene: Any, checkpoint: Checkpoint) -> Checkpoint:
@@ -457,7 +480,7 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         return self._engine.walls()[: len(self.scene.walls)]
 
     def _patches(self) -> dict[str, NDArray] | None:
-        return patch_fields(self.scene, self._engine) if self._has_tractions else None
+        return patch_fields(self.scene, *self._patch_rows()) if self._has_tractions else None
 
     def _energies(self) -> Energies | None:
         self._tally()

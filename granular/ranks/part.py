@@ -10,11 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
+from granular.mpm.patches import in_order
 from granular.mpm.scene import Scene
 from granular.mpm.simulation import Simulation
 from granular.ranks.communicator import Communicator, Link, LostRankError
 from granular.tools.arrays import IntArray
 from granular.tools.buffers import allocate, stored_type
+
+SPREAD = {"calm": 1, "patch_places": 0, "patch_numbers": 0}
+"""Arrays of a restart, besides those of points, of which each rank has a part; and its axis."""
 
 
 @dataclass(frozen=True)
@@ -35,8 +39,8 @@ class Plan:
         Cells of a block along each axis.
     owners : ndarray of int32
         The rank of each block.
-    wall_forces : bool
-        Whether the impulses on walls are added up.
+    wall_forces, tractions : bool
+        Whether the impulses on walls are added up, and those on patches of walls and bodies.
     """
 
     scene: Scene
@@ -46,6 +50,7 @@ class Plan:
     edge: int
     owners: NDArray[np.int32]
     wall_forces: bool
+    tractions: bool
 
 
 class Part:
@@ -62,8 +67,8 @@ class Part:
         those that are missing are zero.
     scalars : mapping, optional
         Numbers of a restart.
-    walls : ndarray, optional
-        Impulses on the walls of a restart.
+    besides : mapping, optional
+        What a restart has besides points, of the whole run: bodies, impulses on walls, inflows, ...
     """
 
     def __init__(
@@ -72,21 +77,19 @@ class Part:
         plan: Plan,
         arrays: Mapping[str, NDArray],
         scalars: Mapping[str, float | int] | None = None,
-        walls: NDArray | None = None,
+        besides: Mapping[str, NDArray] | None = None,
     ) -> None:
         self._communicator, self.plan = communicator, plan
         self.link = Link(communicator)
         self.simulation = bare(plan)
         engine = self.simulation._engine
         engine.share(self.link, communicator.rank, communicator.size, plan.edge, plan.owners)
-        if walls is not None:
-            engine.restore_walls(walls)
         n = len(arrays["id"])
         self.simulation._buffers = allocate(engine, n)
         for name, values in arrays.items():
             self.simulation._buffers[name][..., :n] = values
         self._orders: dict[str, IntArray] = {}  # slots of the points, until the next step
-        self._guarded(lambda: self.simulation._bind(n))
+        self._guarded(lambda: self.simulation._bind_restored(n, besides or {}))
         if scalars is not None:
             engine.restore({**scalars, "n_points": n})
 
@@ -137,9 +140,9 @@ class Part:
         return array.take(self._slots(order)).astype(stored_type(array.dtype), copy=False)
 
     def cells(self) -> IntArray:
-        """Return the cells of the points in the grid, in their order."""
-        x = self.simulation._buffers["x"].take(self._slots("cell"), axis=-1)
-        return self.simulation._engine.places(x, self.plan.edge)[0]
+        """Return the places of the cells of the points in the order of cells, in this order."""
+        _, counts, places = self.simulation._engine.cells()
+        return np.repeat(places, counts)
 
     def _rows(self) -> dict[str, NDArray]:
         """Return all fields of the points in the order of their cells, as a checkpoint has them."""
@@ -159,6 +162,31 @@ class Part:
         """Return the number of ghost cells, of cells and of bytes that are sent, and times."""
         return self.simulation._engine.traffic()
 
+    def drive(self, body: int, rates: tuple[float, ...]) -> None:
+        """Set the velocities of a body from now on."""
+        self.simulation._drive(body, rates)
+
+    def load(self, body: int, load: tuple[float, ...]) -> None:
+        """Set the load on a body from now on."""
+        self.simulation._load(body, load)
+
+    def patches(self) -> tuple[IntArray, NDArray]:
+        """Return places and numbers of the patches whose impulses this rank has."""
+        return self.simulation._engine.patches()
+
+    def calm(self) -> IntArray:
+        """Return the cells of this rank that are calm, and for how long they are."""
+        return self.simulation._engine.calm()
+
+    def _besides_points(self) -> dict[str, NDArray]:
+        """Return what a restart has besides points, of the whole run."""
+        besides, size = self.simulation._besides_points(), self._communicator.size
+        mine = {name: besides[name] for name in SPREAD if name in besides}
+        if mine:
+            for name, rows in joined(_all_to_all(self._communicator, [mine] * size)).items():
+                besides[name] = rows
+        return besides
+
     def apply(self, function: Callable[[Any], Any]) -> Any:
         """Return what a function makes of the state of the points of this rank."""
         return function(self.simulation.state)
@@ -174,24 +202,37 @@ class Part:
             for rank in range(size)
         ]
         got = _all_to_all(self._communicator, packets)
-        joined = {name: np.concatenate([p[name] for p in got], axis=-1) for name in got[0]}
-        order = np.argsort(joined.pop("cell"), kind="stable")
-        new = {name: np.ascontiguousarray(a[..., order]) for name, a in joined.items()}
-        engine, scalars = self.simulation._engine, self.simulation._engine.scalars()
+        all_rows = {name: np.concatenate([p[name] for p in got], axis=-1) for name in got[0]}
+        order = np.argsort(all_rows.pop("cell"), kind="stable")
+        new = {name: np.ascontiguousarray(a[..., order]) for name, a in all_rows.items()}
+        scalars = self.simulation._engine.scalars()
         if not np.isfinite([value for name, value in scalars.items() if "tally" in name]).all():
             # The account of an energy that overflows begins anew, on all ranks alike.
             scalars |= {name: 0.0 for name in scalars if name.startswith("tally_")}
             scalars["tally_time"] = -1.0
-        walls = engine.walls() if self.simulation._watches_walls else None
         plan = replace(self.plan, owners=owners)
-        return Part(self._communicator, plan, new, scalars, walls)
+        return Part(self._communicator, plan, new, scalars, self._besides_points())
 
 
 def bare(plan: Plan) -> Simulation:
     """Return a simulation without points."""
     simulation: Simulation = object.__new__(Simulation)
-    simulation._build(plan.scene, plan.mean_mass, plan.threads, plan.isa, plan.wall_forces, False)
+    watches = plan.wall_forces, plan.tractions
+    simulation._build(plan.scene, plan.mean_mass, plan.threads, plan.isa, *watches)
     return simulation
+
+
+def joined(parts: list[dict[str, NDArray]]) -> dict[str, NDArray]:
+    """Join the arrays of `SPREAD` of all ranks, in the order that one process has."""
+    arrays = {
+        name: np.concatenate([p[name] for p in parts], axis=SPREAD[name]) for name in parts[0]
+    }
+    if "calm" in arrays:
+        arrays["calm"] = arrays["calm"][:, np.argsort(arrays["calm"][0], kind="stable")]
+    if "patch_places" in arrays:
+        places, numbers = in_order(arrays["patch_places"], arrays["patch_numbers"])
+        arrays |= {"patch_places": places, "patch_numbers": numbers}
+    return arrays
 
 
 def _all_to_all(communicator: Communicator, packets: list[Any]) -> list[Any]:

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from granular import _core
 from granular.mpm import engine as core
 from granular.mpm import memory
+from granular.mpm.body_overlaps import check_overlaps
+from granular.mpm.patches import in_order
 from granular.mpm.scene import Scene
 from granular.mpm.simulation import PointField, Simulation
 from granular.ranks.communicator import (
@@ -24,7 +26,7 @@ from granular.ranks.communicator import (
     MpiCommunicator,
     communicator,
 )
-from granular.ranks.part import Part, Plan, bare, remoteness
+from granular.ranks.part import Part, Plan, bare, joined, remoteness
 from granular.ranks.partition import EDGES, RUNS, UNEVEN, edge_of_blocks, owners_of_blocks
 from granular.ranks.worker import is_serving, serve
 from granular.record import Checkpoint
@@ -38,16 +40,6 @@ from granular.tools.checks import positive, truth
 BALANCED = 20
 """Calls of the core, of about a twentieth of a second each, after which the division of the
 points is checked."""
-
-
-def not_shared(scene: Scene) -> list[str]:
-    """Return what of a scene ranks cannot share yet."""
-    having = {
-        "bodies": bool(scene.bodies),
-        "inflows": bool(scene.inflows),
-        "sleep_speed of the scheme": bool(scene.scheme.sleep_speed),
-    }
-    return [name for name, has in having.items() if has]
 
 
 Arguments = Callable[[int], tuple]
@@ -181,7 +173,7 @@ class RankedSimulation(Simulation, shares=Simulation):
 
     Parameters
     ----------
-    scene, isa, force
+    scene, isa, force, wall_forces, tractions
         As of `granular.Simulation`.
     comm : mpi4py.MPI.Comm
         Communicator of the ranks; or one of `granular.ranks.threads`.
@@ -192,8 +184,7 @@ class RankedSimulation(Simulation, shares=Simulation):
     Raises
     ------
     ValueError
-        As of `granular.Simulation`; and for what ranks cannot share yet: bodies, inflows,
-        `sleep_speed` and `tractions`.
+        As of `granular.Simulation`.
     """
 
     @staticmethod
@@ -212,43 +203,54 @@ class RankedSimulation(Simulation, shares=Simulation):
         tractions: bool = False,
     ) -> None:
         ranks = attend(comm)
-        wall_forces = truth("wall_forces", wall_forces)
-        if truth("tractions", tractions):
-            raise ValueError("comm: ranks cannot share tractions yet")
-        _check_shared(scene)
+        wall_forces = truth("tractions", tractions) or truth("wall_forces", wall_forces)
         memory.check(scene, force)
+        check_overlaps(scene)
         diagnostics.warn(scene)
         points = core.initial_points(scene)
-        mean_mass = float(points["mass"].mean())
-        none = np.empty(0, np.int32)
-        plan = Plan(scene, mean_mass, threads, isa or default_isa(), 0, none, wall_forces)
-        empty = bare(plan)
+        plan = Plan(
+            scene=scene,
+            mean_mass=core.mean_mass(scene, points),
+            threads=threads,
+            isa=isa or default_isa(),
+            edge=0,
+            owners=np.empty(0, np.int32),
+            wall_forces=wall_forces,
+            tractions=tractions,
+        )
+        empty, besides = bare(plan), dict[str, NDArray]()
+        if scene.inflows:
+            besides["inflow"] = empty._engine.inflow()
+            besides["inflow"][0] = len(points["mass"])  # the id of the first point that enters
         arrays = {
             name: np.ascontiguousarray(np.atleast_2d(given.T)) for name, given in points.items()
         }
         arrays["id"] = np.arange(len(points["mass"]))
         del points
-        self._distribute(ranks, plan, empty, arrays)
+        self._distribute(ranks, plan, empty, arrays, besides=besides)
 
     @classmethod
     def from_whole(cls, simulation: Simulation, comm: Any, threads: int | None) -> RankedSimulation:
         """Return the simulation that goes on from one of this process alone."""
-        _check_shared(simulation.scene)
-        if simulation._has_tractions:
-            raise ValueError("comm: ranks cannot share tractions yet")
         checkpoint = simulation.checkpoint()
         sim = object.__new__(cls)
         scalars = dict(checkpoint.scalars)
-        mean_mass = float(scalars.pop("mean_mass"))
-        none = np.empty(0, np.int32)
-        watches, isa = simulation._watches_walls, simulation.isa
-        plan = Plan(simulation.scene, mean_mass, threads, isa, 0, none, watches)
+        plan = Plan(
+            scene=simulation.scene,
+            mean_mass=float(scalars.pop("mean_mass")),
+            threads=threads,
+            isa=simulation.isa,
+            edge=0,
+            owners=np.empty(0, np.int32),
+            wall_forces=simulation._watches_walls,
+            tractions=simulation._has_tractions,
+        )
         arrays = {
             name: checkpoint.arrays[name]
             for name in (*(field[0] for field in simulation._engine.fields()), "id")
         }
-        walls = checkpoint.arrays.get("walls")
-        sim._distribute(attend(comm), plan, bare(plan), arrays, scalars, walls)
+        besides = simulation._besides_points()
+        sim._distribute(attend(comm), plan, bare(plan), arrays, scalars, besides)
         sim._monitor = simulation._monitor
         sim._every, sim._stored = simulation._every, simulation._stored
         sim._precision, sim._session = simulation._precision, simulation._session
@@ -261,7 +263,7 @@ class RankedSimulation(Simulation, shares=Simulation):
         empty: Simulation,
         arrays: dict[str, NDArray],
         scalars: dict[str, float | int] | None = None,
-        walls: NDArray | None = None,
+        besides: dict[str, NDArray] | None = None,
     ) -> None:
         """Give each rank its cells, and the points in them."""
         size = ranks.size
@@ -274,7 +276,7 @@ class RankedSimulation(Simulation, shares=Simulation):
         def request(rank: int) -> tuple:
             part = {name: np.ascontiguousarray(a[..., to == rank]) for name, a in arrays.items()}
             counts = {} if rank == 0 else {"dropped": 0, "clamped": 0}
-            return plan, part, scalars and scalars | counts, walls
+            return plan, part, scalars and scalars | counts, besides
 
         self._team = _team_of(ranks)
         self._number = self._team.number()
@@ -295,7 +297,8 @@ class RankedSimulation(Simulation, shares=Simulation):
         self._start(plan.scene, self._part.simulation._engine, threads)
         self._mean_mass = plan.mean_mass
         self._watches_walls = self._part.simulation._watches_walls
-        self._has_tractions, self._inlets = False, []
+        self._has_tractions = plan.tractions
+        self._inlets = self._part.simulation._inlets
         self._advances = 0
 
     @property
@@ -436,22 +439,26 @@ class RankedSimulation(Simulation, shares=Simulation):
                 row[:] = self._ordered(name, k, order)
         scalars = self._engine.scalars() | {"mean_mass": self._mean_mass}
         scalars |= {name: self._total(name) for name in self._counts[0]}
-        if self._watches_walls:
-            arrays |= {"walls": self._engine.walls()}
-        return scalars, arrays
+        return scalars, arrays | self._besides_points()
+
+    def _patch_rows(self) -> tuple[IntArray, NDArray]:
+        places, numbers = zip(*self._ask("patches"), strict=True)
+        return in_order(np.concatenate(places), np.concatenate(numbers))
+
+    def _calm(self) -> IntArray:
+        return joined([{"calm": calm} for calm in self._ask("calm")])["calm"]
+
+    def _drive(self, body: int, rates: tuple[float, ...]) -> None:
+        self._ask("drive", body, rates)
+
+    def _load(self, body: int, load: tuple[float, ...]) -> None:
+        self._ask("load", body, load)
 
     @classmethod
     def _filled(
         cls, scene: Scene, checkpoint: Checkpoint, threads: int | None, isa: str | None
     ) -> NoReturn:
         raise TypeError("comm: use Simulation.resume or from_checkpoint with the argument comm")
-
-
-def _check_shared(scene: Scene) -> None:
-    if missing := not_shared(scene):
-        raise ValueError(
-            f"comm: ranks cannot share {', '.join(missing)} yet; run it in one process"
-        )
 
 
 def _divided(
