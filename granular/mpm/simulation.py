@@ -437,8 +437,9 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         return in_order(*self._engine.patches())
 
     def _calm(self) -> IntArray:
-        """Return the cells that are calm, and for how long they are."""
-        return self._engine.calm()
+        """Return the cells that are calm, and for how long they are, in the order of the grid."""
+        calm = self._engine.calm()
+        return calm.take(np.argsort(calm[0], kind="stable"), axis=1)
 
     @classmethod
     def _adapted(cls, before: Any, scene: Any, checkpoint: Checkpoint) -> Checkpoint:

@@ -228,7 +228,8 @@ def joined(parts: list[dict[str, NDArray]]) -> dict[str, NDArray]:
         name: np.concatenate([p[name] for p in parts], axis=SPREAD[name]) for name in parts[0]
     }
     if "calm" in arrays:
-        arrays["calm"] = arrays["calm"][:, np.argsort(arrays["calm"][0], kind="stable")]
+        order = np.argsort(arrays["calm"][0], kind="stable")
+        arrays["calm"] = arrays["calm"].take(order, axis=1)
     if "patch_places" in arrays:
         places, numbers = in_order(arrays["patch_places"], arrays["patch_numbers"])
         arrays |= {"patch_places": places, "patch_numbers": numbers}

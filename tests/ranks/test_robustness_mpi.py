@@ -90,7 +90,7 @@ def test_the_command_finds_the_ranks_by_itself(tmp_path):
     subprocess.run([MPIEXEC, "-n", "2", *command, str(two)], check=True, timeout=100)
     done = subprocess.run([sys.executable, "-m", "granular", "compare", str(alone), str(two)])
     assert done.returncode == 0
-    for wrong in (["column_collapse", "--aspect", "-1"], ["penetration"]):
+    for wrong in (["column_collapse", "--aspect", "-1"], ["incline_sph"]):
         words = [*command[:4], *wrong, "-o", str(tmp_path / "wrong.h5")]
         done = subprocess.run([MPIEXEC, "-n", "2", *words], capture_output=True, timeout=60)
         assert done.returncode == 2
