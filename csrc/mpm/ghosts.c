@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "core/memory.h"
+#include "mpm/cell_sums.h"
 #include "mpm/sleep.h"
 
 /* ---- Lists ---- */
@@ -16,138 +17,235 @@ static struct gr_peer *peer_of(struct gr_ranks *ranks, int rank)
     return NULL; /* not of a cell in the mesh */
 }
 
-static int append(struct gr_shared_cell **list, int64_t *n, int64_t *capacity, struct gr_shared_cell cell)
+static int append(struct gr_shared_cell **list, int64_t *n, int64_t *capacity, int64_t lane)
 {
     if (*n == *capacity) {
         const int64_t more = 2 * *capacity + 64;
         GR_RESIZE(*list, more);
         *capacity = more;
     }
-    (*list)[(*n)++] = cell;
+    (*list)[(*n)++] = (struct gr_shared_cell){lane, 0};
     return GR_OK;
 }
 
-/* Local nodes of a cell that are nodes of cells of a rank, or next to such; bit i is local node i. */
-static uint32_t nodes_for(const struct gr_engine *e, const int32_t at[3], int rank, int next_to)
+/* Local nodes of a cell that are nodes of cells of a rank, or of cells within a distance of such; bit i is local node i. */
+static uint32_t nodes_for(const struct gr_engine *e, const int32_t at[3], int user, int distance)
 {
-    const struct gr_ranks *ranks = e->ranks;
     const int k = e->K / e->n_rows;
-    int32_t block[3][3][4] = {{{0}}};
-    int n_blocks[3][3] = {{1, 1, 1}, {1, 1, 1}, {1, 1, 1}};
     uint32_t nodes = 0;
-    if (!ranks->edge) return ~(uint32_t)0;
-    for (int d = 0; d < e->config.dim; d++)
-        for (int a = 0; a < k; a++) {
-            const struct gr_node_cells *cells = &e->cells_of_node[d][e->axis[d].cell[at[d]].node[a]];
-            n_blocks[d][a] = 0;
-            for (int c = 0; c < cells->count; c++)
-                n_blocks[d][a] = gr_ranks_add_blocks(e, d, cells->cell[c], next_to, block[d][a], n_blocks[d][a]);
-        }
     for (int i = 0; i < e->K; i++) {
         const int local[3] = {i % k, i / k % k, i / (k * k)};
-        int needed = 0;
-        for (int z = 0; z < n_blocks[2][local[2]] && !needed; z++)
-            for (int y = 0; y < n_blocks[1][local[1]] && !needed; y++)
-                for (int x = 0; x < n_blocks[0][local[0]] && !needed; x++) {
-                    const int64_t row = block[2][local[2]][z] * ranks->n_blocks[1] + block[1][local[1]][y];
-                    needed = ranks->owner[row * ranks->n_blocks[0] + block[0][local[0]][x]] == rank;
-                }
+        int64_t low[3] = {0}, high[3] = {0};
+        int rank[GR_MOST_NEAR], needed = 0;
+        for (int d = 0; d < e->config.dim; d++) {
+            low[d] = at[d] + local[d] - (k - 1) - distance;
+            high[d] = at[d] + local[d] + distance;
+        }
+        const int n = gr_ranks_in(e, low, high, rank, 0);
+        for (int r = 0; r < n; r++) needed |= rank[r] == user;
         nodes |= (uint32_t)needed << i;
     }
     return nodes;
+}
+
+/* ---- Sums that are sent ---- */
+
+/* The lane of the cell `by` cells further along the first axis, in the same layer; -1 if it is not active. */
+static int64_t lane_along(const struct gr_engine *e, int64_t lane, int by)
+{
+    const struct gr_mesh *mesh = &e->mesh;
+    const struct gr_cell *cell = &mesh->cell[lane];
+    const int step = by < 0 ? -1 : 1;
+    for (int64_t c = lane; c != lane + by;) {
+        c += step;
+        if (c < 0 || c >= mesh->n_cells || (lane < mesh->n_front) != (c < mesh->n_front)) return -1;
+        const int32_t *const at = mesh->cell[c].at;
+        if (at[1] != cell->at[1] || at[2] != cell->at[2]) return -1;
+        if (at[0] == cell->at[0] + by) return c;
+    }
+    return by ? -1 : lane;
+}
+
+/* Where a lane has what it gives to node number a of its rows. */
+static void set_piece(const struct gr_engine *e, int64_t lane, int a, int piece, struct gr_shared_sum *sum)
+{
+    const int joins = e->mesh.tile_joins[lane / GR_LANES] != 0;
+    sum->at[piece] = a ? gr_end_of_run(e, lane) : e->mesh.tile_block[lane / GR_LANES] + lane % GR_LANES;
+    sum->kind[piece] = !a ? GR_OF_LANES : a == 1 ? (joins ? GR_TAIL_1 : GR_SECOND) : joins ? GR_TAIL_3 : GR_THIRD;
+}
+
+/* The sum over a row of cells for a node: its cells have it as node 0, 1 and 2 of the row. */
+static struct gr_shared_sum sum_of_row(const struct gr_engine *e, const int64_t lane[3])
+{
+    struct gr_shared_sum sum = {{0}, {0}, 0};
+    const int first_joins = lane[0] >= 0 && gr_joins(e, lane[0]), second_joins = lane[1] >= 0 && gr_joins(e, lane[1]);
+    if (lane[0] >= 0) set_piece(e, lane[0], 0, 0, &sum);
+    if (lane[1] >= 0 && !first_joins) set_piece(e, lane[1], 1, 1, &sum);
+    if (lane[2] < 0 || (first_joins && second_joins)) return sum;
+    if (second_joins) {
+        sum.at[2] = gr_end_of_run(e, lane[1]);
+        sum.kind[2] = GR_TAIL_2;
+    } else {
+        set_piece(e, lane[2], 2, 2, &sum);
+    }
+    return sum;
+}
+
+/* Find what is sent for local node i of a cell, or where it goes if it comes. The sum of a row of cells of one rank counts for
+ * the first of them that is active.
+ * Returned: whether there is anything. */
+static int find_sum(const struct gr_engine *e, int64_t lane, int i, int comes, struct gr_shared_sum *sum)
+{
+    const int k = e->K / e->n_rows, a = i % k, mixed = gr_node_is_mixed(e, e->mesh.cell[lane].at, a);
+    int64_t of[3] = {-1, -1, -1};
+    for (int j = 0; j < k && !mixed; j++) {
+        of[j] = lane_along(e, lane, a - j);
+        if (j < a && of[j] >= 0) return 0;
+    }
+    *sum = (struct gr_shared_sum){{0}, {0}, 0};
+    if (mixed || comes)
+        set_piece(e, lane, a, 0, sum);
+    else
+        *sum = sum_of_row(e, of);
+    sum->row = (uint8_t)(i / k);
+    return 1;
+}
+
+static int append_sum(struct gr_shared_sums *sums, struct gr_shared_sum sum)
+{
+    if (sums->n == sums->capacity) {
+        const int64_t more = 2 * sums->capacity + 256;
+        GR_RESIZE(sums->sum, more);
+        sums->capacity = more;
+    }
+    sums->sum[sums->n++] = sum;
+    return GR_OK;
+}
+
+/* The local nodes of a cell whose sums a rank needs: in each step, and in one that averages the density. */
+static void find_nodes(const struct gr_engine *e, const int32_t at[3], int rank, uint32_t nodes[2])
+{
+    const int motion = e->config.n_bodies ? GR_REACH_OF_BODIES : 0;
+    const int averages = e->config.smoothed && !motion ? GR_REACH_OF_AVERAGES : motion;
+    nodes[0] = nodes_for(e, at, rank, motion);
+    nodes[1] = averages > motion ? nodes_for(e, at, rank, averages) : nodes[0];
+}
+
+/* List the sums of own cells that are sent to a rank, or of ghosts that come from there: first those that it needs in each
+ * step. */
+static int list_sums(const struct gr_engine *e, const struct gr_shared_cell *cell, int64_t n, int user, int comes,
+                     struct gr_shared_sums *sums)
+{
+    struct gr_shared_sum sum;
+    sums->n = 0;
+    for (int more = 0; more < 2; more++) {
+        for (int64_t c = 0; c < n; c++) {
+            uint32_t nodes[2];
+            find_nodes(e, e->mesh.cell[cell[c].lane].at, user, nodes);
+            for (int i = 0; i < e->K; i++) {
+                if (!((more ? nodes[1] & ~nodes[0] : nodes[0]) >> i & 1)) continue;
+                if (find_sum(e, cell[c].lane, i, comes, &sum) && append_sum(sums, sum)) return GR_ERR_MEMORY;
+            }
+        }
+        if (!more) sums->of_motion = sums->n;
+    }
+    return GR_OK;
 }
 
 static int list_cells(struct gr_engine *e)
 {
     struct gr_ranks *ranks = e->ranks;
     const int me = ranks->transport.rank;
-    const int motion = e->config.n_bodies ? GR_REACH_OF_BODIES : 0;
-    const int averages = motion > GR_REACH_OF_AVERAGES ? motion : GR_REACH_OF_AVERAGES;
     int rank[GR_MOST_NEAR], error = GR_OK;
     for (int p = 0; p < ranks->n_peers; p++) ranks->peer[p].n_own = ranks->peer[p].n_ghost = 0;
     for (int64_t c = 0; c < e->mesh.n_cells && !error; c++) {
         if (ranks->sharing[c] == GR_ALONE) continue;
-        const int32_t *const at = e->mesh.cell[c].at;
-        const int near = gr_ranks_near(e, at, ranks->reach, rank);
+        const int near = gr_ranks_near(e, e->mesh.cell[c].at, ranks->reach, rank);
         const int is_here = rank[0] == me;
         for (int k = is_here; k < (is_here ? near : 1) && !error; k++) {
             struct gr_peer *peer = peer_of(ranks, rank[k]);
-            const int user = is_here ? rank[k] : me;
-            const struct gr_shared_cell cell = {c, {nodes_for(e, at, user, motion), nodes_for(e, at, user, averages)}, 0};
-            error = is_here ? append(&peer->own, &peer->n_own, &peer->own_capacity, cell)
-                            : append(&peer->ghost, &peer->n_ghost, &peer->ghost_capacity, cell);
+            error = is_here ? append(&peer->own, &peer->n_own, &peer->own_capacity, c)
+                            : append(&peer->ghost, &peer->n_ghost, &peer->ghost_capacity, c);
         }
     }
+    for (int p = 0; p < ranks->n_peers && !error; p++) {
+        struct gr_peer *peer = &ranks->peer[p];
+        error = list_sums(e, peer->own, peer->n_own, peer->rank, 0, &peer->leaving);
+        if (!error) error = list_sums(e, peer->ghost, peer->n_ghost, me, 1, &peer->arriving);
+    }
+    return error;
+}
+
+/* Compare how much is sent with how much the others expect. */
+static int agree_on_counts(struct gr_engine *e)
+{
+    struct gr_ranks *ranks = e->ranks;
+    for (int p = 0; p < ranks->n_peers; p++) ranks->peer[p].n_leaving = ranks->peer[p].n_own;
+    int error = gr_ranks_exchange_counts(e);
+    for (int p = 0; p < ranks->n_peers && !error; p++)
+        if (ranks->peer[p].n_arriving != ranks->peer[p].n_ghost) error = GR_ERR_TRANSPORT;
+    for (int p = 0; p < ranks->n_peers; p++) ranks->peer[p].n_leaving = ranks->peer[p].leaving.n;
+    if (!error) error = gr_ranks_exchange_counts(e);
+    for (int p = 0; p < ranks->n_peers && !error; p++)
+        if (ranks->peer[p].n_arriving != ranks->peer[p].arriving.n) error = GR_ERR_TRANSPORT;
     return error;
 }
 
 int gr_ghosts_list(struct gr_engine *e)
 {
-    struct gr_ranks *ranks = e->ranks;
-    int error = gr_ranks_agree(e, list_cells(e), NULL, 0);
-    for (int p = 0; p < ranks->n_peers; p++) ranks->peer[p].n_leaving = ranks->peer[p].n_own;
-    if (!error) error = gr_ranks_exchange_counts(e);
-    for (int p = 0; p < ranks->n_peers && !error; p++)
-        if (ranks->peer[p].n_arriving != ranks->peer[p].n_ghost) error = GR_ERR_TRANSPORT;
-    return error;
+    const int error = gr_ranks_agree(e, list_cells(e), NULL, 0);
+    return error ? error : agree_on_counts(e);
 }
 
-/* ---- Sums ---- */
+/* ---- Messages ---- */
 
-/* Sums of each node that are sent: vectors of GR_LANES numbers that follow each other in the block of a tile. */
-struct span {
-    int32_t first[3]; /* of local node 0, 1 and 2 of the first row; of the next ones `width` further */
-    int width, n;
-};
+enum { MOST_SPANS = 3, MOST_ROWS = 9 };
 
-/* What is sent of a cell. */
+/* What is sent: of each cell averages, and its filling if `wide`; then of each node the sums [begin, begin + n) of each span. */
 struct content {
-    struct span span[3];
+    struct span {
+        enum gr_group_of_sums group;
+        int begin, n;
+        struct gr_sums_of_row row[MOST_ROWS];
+    } span[MOST_SPANS];
     int n_spans, numbers; /* of each node */
     int wide;             /* whether nodes next to those of the other rank count, too; and the filling of the cell */
     int averages;         /* numbers of enum gr_average */
+    int64_t of_cell;      /* bytes */
 };
 
-/* Add the sums [begin, end) of the nodes of a group. */
 static void add_span(const struct gr_engine *e, enum gr_group_of_sums group, int begin, int end, struct content *content)
 {
-    const struct gr_rows *rows = &e->sums.rows[group];
-    const int apart = (e->sums.of_lanes + rows->apart) / GR_LANES, all = e->n_rows * rows->width;
-    content->span[content->n_spans++] =
-        (struct span){.first = {rows->main / GR_LANES + begin, apart + begin, apart + all + begin},
-                      .width = rows->width,
-                      .n = end - begin};
+    struct span *span = &content->span[content->n_spans++];
+    *span = (struct span){.group = group, .begin = begin, .n = end - begin};
+    for (int row = 0; row < e->n_rows; row++) span->row[row] = gr_sums_of_row(e->K / e->n_rows, e, group, row, begin);
     content->numbers += end - begin;
 }
 
-static struct content content_of(const struct gr_engine *e, unsigned parts)
+static void find_content(const struct gr_engine *e, unsigned parts, struct content *content)
 {
     const int force = GR_SUM_FORCE(e->config.dim), all = e->sums.rows[GR_SUMS_OF_MOTION].width;
-    struct content content = {.wide = (parts & GR_GHOST_DENSITY) != 0};
     const int begin = parts & GR_GHOST_MOMENTUM ? 0 : force, end = parts & GR_GHOST_FORCE ? all : force;
-    add_span(e, GR_SUMS_OF_MOTION, begin, end, &content);
-    if (parts & GR_GHOST_AVERAGES) content.averages = gr_averages_of_cell(&e->config);
-    if (!content.wide) return content;
-    add_span(e, GR_SUMS_OF_DENSITY, 0, e->sums.rows[GR_SUMS_OF_DENSITY].width, &content);
-    if (e->config.n_materials > 1) add_span(e, GR_SUMS_OF_VOLUME, 0, e->sums.rows[GR_SUMS_OF_VOLUME].width, &content);
-    return content;
+    content->n_spans = content->numbers = 0;
+    content->wide = (parts & GR_GHOST_DENSITY) != 0;
+    content->averages = parts & GR_GHOST_AVERAGES ? gr_averages_of_cell(&e->config) : 0;
+    content->of_cell = content->averages * (int64_t)sizeof(double) + (int64_t)gr_bytes_of_sums(e, content->wide);
+    add_span(e, GR_SUMS_OF_MOTION, begin, end, content);
+    if (!content->wide) return;
+    add_span(e, GR_SUMS_OF_DENSITY, 0, e->sums.rows[GR_SUMS_OF_DENSITY].width, content);
+    if (e->config.n_materials > 1) add_span(e, GR_SUMS_OF_VOLUME, 0, e->sums.rows[GR_SUMS_OF_VOLUME].width, content);
 }
 
-static uint32_t nodes_of(const struct gr_engine *e, const struct content *content, const struct gr_shared_cell *cell)
-{
-    return cell->nodes[content->wide] & (uint32_t)(((uint64_t)1 << e->K) - 1);
-}
-
-/* A message to be written, or one to be read. */
+/* A message to be written, or one to be read: the numbers of all cells, then those of all nodes. */
 struct halo {
     struct gr_engine *e;
     struct gr_team *team;
-    int64_t chunks, n;
+    int64_t chunks, n_cells, n;
     const struct content *content;
     const struct gr_shared_cell *cell;
-    const int64_t *offset; /* of the numbers of each cell in the message, bytes */
+    const struct gr_shared_sum *sum;
     char *message;
-    int into; /* whether cells are written from the message */
+    int into; /* whether sums are written from the message */
 };
 
 /* Copy a number to a message, or from it. */
@@ -157,88 +255,99 @@ struct halo {
         message += (size);                                                                        \
     } while (0)
 
-/* Copy the sums of a cell to its message, or back. */
-static inline __attribute__((always_inline)) void copy_sums(const size_t size, const struct halo *halo,
-                                                            const struct gr_shared_cell *cell, char *message)
-{
-    const struct gr_engine *e = halo->e;
-    const struct content *content = halo->content;
-    const int k = e->K / e->n_rows;
-    const size_t vector = GR_LANES * size;
-    char *const block =
-        (char *)e->sums.data + ((size_t)e->mesh.tile_block[cell->lane / GR_LANES] + (size_t)(cell->lane % GR_LANES)) * size;
-    if (content->wide) GR_COPY(block + (size_t)(e->sums.of_cells / GR_LANES + GR_CELL_FILLED) * vector, size);
-    for (uint32_t nodes = nodes_of(e, content, cell); nodes; nodes &= nodes - 1) {
-        const int i = __builtin_ctz(nodes);
-        for (int g = 0; g < content->n_spans; g++) {
-            const struct span *span = &content->span[g];
-            char *at = block + (size_t)(span->first[i % k] + i / k * span->width) * vector;
-            for (int q = 0; q < span->n; q++, at += vector) GR_COPY(at, size);
-        }
-    }
-}
-
-GR_SHARED(copy_cells, struct halo, h->n, h)
+GR_SHARED(copy_cells, struct halo, h->n_cells, h)
 {
     struct gr_engine *e = h->e;
     const struct halo *const halo = h;
+    const size_t size = gr_bytes_of_sums(e, 1);
+    char *message = h->message + first * h->content->of_cell;
     (void)chunk;
     for (int64_t c = first; c < last; c++) {
-        char *message = h->message + h->offset[c];
-        double *const average = e->sums.average + h->cell[c].lane;
+        const int64_t lane = h->cell[c].lane;
+        double *const average = e->sums.average + lane;
+        const int64_t filled = e->mesh.tile_block[lane / GR_LANES] + e->sums.of_cells + GR_CELL_FILLED * GR_LANES;
         for (int q = 0; q < h->content->averages; q++) GR_COPY(average + q * e->mesh.cell_capacity, sizeof *average);
-        if (e->config.single)
-            copy_sums(sizeof(float), h, &h->cell[c], message);
-        else
-            copy_sums(sizeof(double), h, &h->cell[c], message);
+        if (h->content->wide) GR_COPY((char *)e->sums.data + (size_t)(filled + lane % GR_LANES) * size, size);
     }
 }
 
-/* Find where the numbers of n cells are in a message. Returned: its length, or -1 without memory. */
-static int64_t place_cells(const struct gr_engine *e, const struct content *content, const struct gr_shared_cell *cell,
-                           int64_t n, int64_t **offset, int64_t *capacity)
+/* Define copy(): copy the sums [first, last), which are of a type. */
+#define GR_COPY_SUMS(copy, type)                                                                                       \
+    static void copy(const struct halo *h, int64_t first, int64_t last)                                                \
+    {                                                                                                                  \
+        type *const sums = h->e->sums.data;                                                                            \
+        type *message = (type *)(void *)(h->message + h->n_cells * h->content->of_cell) + first * h->content->numbers; \
+        for (const struct gr_shared_sum *sum = h->sum + first; sum < h->sum + last; sum++)                             \
+            for (int g = 0; g < h->content->n_spans; g++) {                                                            \
+                const struct span *span = &h->content->span[g];                                                        \
+                const struct gr_sums_of_row *of = &span->row[sum->row];                                                \
+                type *at[3];                                                                                           \
+                int apart[3];                                                                                          \
+                for (int j = 0; j < 3; j++) {                                                                          \
+                    at[j] = sums + sum->at[j] + of->begin[sum->kind[j]];                                               \
+                    apart[j] = of->apart[sum->kind[j]];                                                                \
+                }                                                                                                      \
+                if (h->into)                                                                                           \
+                    for (int q = 0; q < span->n; q++, at[0] += apart[0]) *at[0] = *message++;                          \
+                else                                                                                                   \
+                    for (int q = 0; q < span->n; q++) {                                                                \
+                        *message++ = (*at[0] + *at[1]) + *at[2];                                                       \
+                        at[0] += apart[0], at[1] += apart[1], at[2] += apart[2];                                       \
+                    }                                                                                                  \
+            }                                                                                                          \
+    }
+
+GR_COPY_SUMS(copy_singles, float)
+GR_COPY_SUMS(copy_doubles, double)
+
+GR_SHARED(copy_sums, struct halo, h->n, h)
 {
-    int64_t bytes = 0;
-    if (n > *capacity) {
-        int64_t *more = realloc(*offset, sizeof *more * (size_t)(n + n / 2));
-        if (!more) return -1;
-        *offset = more;
-        *capacity = n + n / 2;
-    }
-    for (int64_t c = 0; c < n; c++) {
-        (*offset)[c] = bytes;
-        bytes += content->averages * (int64_t)sizeof(double) +
-                 (int64_t)gr_bytes_of_sums(e, content->wide +
-                                                  content->numbers * __builtin_popcount(nodes_of(e, content, &cell[c])));
-    }
-    return bytes;
+    (void)chunk;
+    if (h->e->config.single)
+        copy_singles(h, first, last);
+    else
+        copy_doubles(h, first, last);
+}
+
+/* Number of the sums that are sent. */
+static int64_t count(const struct gr_shared_sums *sums, const struct content *content)
+{
+    return content->wide ? sums->n : sums->of_motion;
+}
+
+static int64_t bytes_of(const struct gr_engine *e, const struct content *content, int64_t cells, int64_t sums)
+{
+    return cells * content->of_cell + (int64_t)gr_bytes_of_sums(e, sums * content->numbers);
 }
 
 /* Write the message to a peer, or read the one from it. */
 static void copy_message(struct halo *halo, const struct gr_peer *peer, int into)
 {
-    enum { FEW_CELLS = 256 }; /* an estimate: fewer are copied sooner than a team is called */
+    enum { FEW_SUMS = 1024 }; /* an estimate: fewer are copied sooner than a team is called */
+    const struct gr_shared_sums *sums = into ? &peer->arriving : &peer->leaving;
     halo->into = into;
-    halo->n = into ? peer->n_ghost : peer->n_own;
+    halo->n_cells = into ? peer->n_ghost : peer->n_own;
     halo->cell = into ? peer->ghost : peer->own;
-    halo->offset = into ? peer->in_offset : peer->out_offset;
+    halo->n = count(sums, halo->content);
+    halo->sum = sums->sum;
     halo->message = into ? peer->in : peer->out;
-    halo->chunks = halo->n > FEW_CELLS ? gr_chunks(halo->team, halo->n) : 1;
-    copy_cells(halo);
+    halo->chunks = halo->n > FEW_SUMS ? gr_chunks(halo->team, halo->n) : 1;
+    if (halo->content->of_cell) copy_cells(halo);
+    copy_sums(halo);
 }
 
 int gr_ghosts_exchange(struct gr_engine *e, unsigned parts, struct gr_team *team)
 {
     struct gr_ranks *ranks = e->ranks;
-    const struct content content = content_of(e, parts);
+    struct content content; /* not cleared, as it is long */
     struct halo halo = {.e = e, .team = team, .content = &content};
     const double begin = gr_ranks_clock(), waiting = ranks->seconds_waiting;
     int error = GR_OK;
+    find_content(e, parts, &content);
     for (int p = 0; p < ranks->n_peers && !error; p++) {
         struct gr_peer *peer = &ranks->peer[p];
-        const int64_t out = place_cells(e, &content, peer->own, peer->n_own, &peer->out_offset, &peer->out_offsets);
-        const int64_t in = place_cells(e, &content, peer->ghost, peer->n_ghost, &peer->in_offset, &peer->in_offsets);
-        error = out < 0 || in < 0 ? GR_ERR_MEMORY : gr_ranks_reserve(ranks, p, out, in);
+        error = gr_ranks_reserve(ranks, p, bytes_of(e, &content, peer->n_own, count(&peer->leaving, &content)),
+                                 bytes_of(e, &content, peer->n_ghost, count(&peer->arriving, &content)));
         if (!error) copy_message(&halo, peer, 0);
     }
     if (!error) error = gr_ranks_exchange(e);

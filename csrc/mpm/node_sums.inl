@@ -1,27 +1,6 @@
 /* Sums of nodes: over the runs of cells about them (struct gr_addend). */
+#include "mpm/cell_sums.h"
 #include "mpm/grid.h"
-
-/* Where the sums of a group for a row of nodes begin, from the position of an addend on, and how far apart they are. */
-struct sums_of_row {
-    int64_t begin[GR_KINDS_OF_SUMS];
-    int apart[GR_KINDS_OF_SUMS];
-};
-
-static struct sums_of_row sums_of_row(const int k, const struct gr_engine *e, enum gr_group_of_sums group, int row, int sum)
-{
-    const struct gr_rows *const rows = &e->sums.rows[group];
-    const int64_t at = (int64_t)row * rows->width + sum, all = (int64_t)e->n_rows * rows->width;
-    struct sums_of_row of = {{0}, {0}};
-    of.begin[GR_OF_LANES] = rows->main + at * GR_LANES;
-    of.begin[GR_SECOND] = rows->apart + at * GR_LANES;
-    of.begin[GR_THIRD] = rows->apart + (all + at) * GR_LANES;
-    of.apart[GR_OF_LANES] = of.apart[GR_SECOND] = of.apart[GR_THIRD] = GR_LANES;
-    for (int j = 0; j < 3; j++) {
-        of.begin[GR_TAIL_1 + j] = rows->tail + at * GR_TAIL(k) + j;
-        of.apart[GR_TAIL_1 + j] = GR_TAIL(k);
-    }
-    return of;
-}
 
 /* The numbers of an addend, of one sum after another. */
 struct numbers {
@@ -29,7 +8,8 @@ struct numbers {
     int64_t lanes_apart, first_apart, second_apart, before_apart;
 };
 
-GR_INLINE struct numbers numbers_of(const struct gr_engine *e, const struct sums_of_row *of, const struct gr_addend *addend)
+GR_INLINE struct numbers numbers_of(const struct gr_engine *e, const struct gr_sums_of_row *of,
+                                    const struct gr_addend *addend)
 {
     const gr_real *const sums = gr_sums(e), *const end = sums + addend->end;
     return (struct numbers){.lanes = sums + addend->lanes + of->begin[addend->kind_of_lanes],
@@ -82,7 +62,8 @@ GR_INLINE void add_addend(struct numbers at, const struct gr_addend *addend, int
 enum { AHEAD = 2 }; /* addends that are fetched before they are needed; more was not tried */
 
 /* Fetch n sums of an addend into the caches, before they are needed. */
-GR_INLINE void fetch_addend(const struct gr_engine *e, const struct sums_of_row *of, const struct gr_addend *addend, int n)
+GR_INLINE void fetch_addend(const struct gr_engine *e, const struct gr_sums_of_row *of, const struct gr_addend *addend,
+                            int n)
 {
     const struct numbers at = numbers_of(e, of, addend);
     for (int q = 0; q < n; q++) __builtin_prefetch(at.lanes + q * at.lanes_apart);
@@ -111,7 +92,7 @@ GR_INLINE void sum_block(const int k, const int n, const struct gr_engine *e, en
     for (int q = 0; q < n; q++)
         memset(out + q * GR_SUM_ROW - GR_SUM_PAD, 0, sizeof *out * (size_t)(last - first + 2 * GR_SUM_PAD));
     for (int row = e->n_rows; row-- > 0;) {
-        const struct sums_of_row of = sums_of_row(k, e, group, row, begin);
+        const struct gr_sums_of_row of = gr_sums_of_row(k, e, group, row, begin);
         for (int64_t i = first_reaching(e, list[row], list[row + 1], first); i < list[row + 1]; i++) {
             const struct gr_addend *addend = &e->mesh.addend[i];
             if (addend->node >= last) break;

@@ -10,25 +10,14 @@
 
 /* ---- Who has a cell ---- */
 
+enum { MOST_BLOCKS = 4 }; /* along an axis, within a distance of a cell of at most that of 1.5 blocks */
+
 int64_t gr_ranks_blocks(const struct gr_engine *e, int d, int edge)
 {
     int64_t cells = 1;
     for (int k = 0; k < e->config.dim; k++) cells *= e->axis[k].n_cells;
     if (!edge) return d ? 1 : (cells + GR_RUN_OF_CELLS - 1) / GR_RUN_OF_CELLS;
     return d < e->config.dim ? ((int64_t)e->axis[d].n_cells + edge - 1) / edge : 1;
-}
-
-int gr_ranks_add_blocks(const struct gr_engine *e, int d, int32_t at, int distance, int32_t block[4], int n)
-{
-    const int64_t edge = e->ranks->edge, m = e->axis[d].n_cells;
-    for (int64_t i = at - distance; i <= at + distance; i++) {
-        if (!e->axis[d].periodic && (i < 0 || i >= m)) continue;
-        const int32_t next = (int32_t)((i % m + m) % m / edge);
-        int known = 0;
-        for (int k = 0; k < n; k++) known |= block[k] == next;
-        if (!known) block[n++] = next;
-    }
-    return n;
 }
 
 /* True if a cell and all others within a distance are in one block. */
@@ -61,43 +50,63 @@ static int add_runs(const struct gr_engine *e, int64_t row, int64_t first, int64
     return n;
 }
 
-/* gr_ranks_near for runs of cells. */
-static int ranks_of_runs_near(const struct gr_engine *e, const int32_t at[3], int distance, int rank[GR_MOST_NEAR])
+/* gr_ranks_in for runs of cells. */
+static int ranks_of_runs(const struct gr_engine *e, const int64_t low[3], const int64_t high[3], int rank[GR_MOST_NEAR],
+                         int n)
 {
-    const int64_t *m = e->ranks->n_cells, low = at[0] - distance, high = at[0] + distance;
-    const int depth = e->config.dim == 3 ? distance : 0, around = e->axis[0].periodic;
-    int n = 1;
-    rank[0] = gr_owner(e->ranks, at);
-    for (int64_t z = at[2] - depth; z <= at[2] + depth; z++)
-        for (int64_t y = at[1] - distance; y <= at[1] + distance; y++) {
+    const int64_t *m = e->ranks->n_cells, first = low[0], last = high[0];
+    const int around = e->axis[0].periodic;
+    for (int64_t z = low[2]; z <= high[2]; z++)
+        for (int64_t y = low[1]; y <= high[1]; y++) {
             const int outside =
                 (!e->axis[1].periodic && (y < 0 || y >= m[1])) || (!e->axis[2].periodic && (z < 0 || z >= m[2]));
             const int64_t row = (z % m[2] + m[2]) % m[2] * m[1] + (y % m[1] + m[1]) % m[1];
             if (outside) continue;
-            n = add_runs(e, row, low < 0 ? 0 : low, high < m[0] ? high : m[0] - 1, rank, n);
-            if (around && low < 0) n = add_runs(e, row, low + m[0] < 0 ? 0 : low + m[0], m[0] - 1, rank, n);
-            if (around && high >= m[0]) n = add_runs(e, row, 0, high - m[0] < m[0] ? high - m[0] : m[0] - 1, rank, n);
+            n = add_runs(e, row, first < 0 ? 0 : first, last < m[0] ? last : m[0] - 1, rank, n);
+            if (around && first < 0) n = add_runs(e, row, first + m[0] < 0 ? 0 : first + m[0], m[0] - 1, rank, n);
+            if (around && last >= m[0]) n = add_runs(e, row, 0, last - m[0] < m[0] ? last - m[0] : m[0] - 1, rank, n);
         }
+    return n;
+}
+
+/* The blocks along axis d of the cells from `low` to `high`, each once. Returned: their number. */
+static int blocks_along(const struct gr_engine *e, int d, int64_t low, int64_t high, int64_t block[MOST_BLOCKS])
+{
+    const int64_t edge = e->ranks->edge, m = e->axis[d].n_cells;
+    int n = 0;
+    for (int64_t i = low; i <= high; i++) {
+        if (!e->axis[d].periodic && (i < 0 || i >= m)) continue;
+        const int64_t next = (i % m + m) % m / edge;
+        int known = 0;
+        for (int k = 0; k < n; k++) known |= block[k] == next;
+        if (!known && n < MOST_BLOCKS) block[n++] = next;
+    }
+    return n;
+}
+
+int gr_ranks_in(const struct gr_engine *e, const int64_t low[3], const int64_t high[3], int rank[GR_MOST_NEAR], int n)
+{
+    const struct gr_ranks *ranks = e->ranks;
+    int64_t block[3][MOST_BLOCKS] = {{0}};
+    int n_blocks[3] = {1, 1, 1};
+    if (!ranks->edge) return ranks_of_runs(e, low, high, rank, n);
+    for (int d = 0; d < e->config.dim; d++) n_blocks[d] = blocks_along(e, d, low[d], high[d], block[d]);
+    for (int c = 0; c < n_blocks[2]; c++)
+        for (int b = 0; b < n_blocks[1]; b++)
+            for (int a = 0; a < n_blocks[0]; a++) {
+                const int64_t row = block[2][c] * ranks->n_blocks[1] + block[1][b];
+                n = add_rank(rank, n, ranks->owner[row * ranks->n_blocks[0] + block[0][a]]);
+            }
     return n;
 }
 
 int gr_ranks_near(const struct gr_engine *e, const int32_t at[3], int distance, int rank[GR_MOST_NEAR])
 {
-    const struct gr_ranks *ranks = e->ranks;
-    if (!ranks->edge) return ranks_of_runs_near(e, at, distance, rank);
-    int32_t block[3][4] = {{0}};
-    int n_blocks[3] = {1, 1, 1}, n = 1;
-    rank[0] = gr_owner(ranks, at);
-    if (is_inside_block(e, at, distance)) return 1;
-    for (int d = 0; d < e->config.dim; d++) n_blocks[d] = gr_ranks_add_blocks(e, d, at[d], distance, block[d], 0);
-    for (int c = 0; c < n_blocks[2]; c++)
-        for (int b = 0; b < n_blocks[1]; b++)
-            for (int a = 0; a < n_blocks[0]; a++) {
-                const int64_t row = block[2][c] * ranks->n_blocks[1] + block[1][b];
-                const int owner = ranks->owner[row * ranks->n_blocks[0] + block[0][a]];
-                n = add_rank(rank, n, owner);
-            }
-    return n;
+    int64_t low[3] = {0}, high[3] = {0};
+    rank[0] = gr_owner(e->ranks, at);
+    if (e->ranks->edge && is_inside_block(e, at, distance)) return 1;
+    for (int d = 0; d < e->config.dim; d++) low[d] = at[d] - distance, high[d] = at[d] + distance;
+    return gr_ranks_in(e, low, high, rank, 1);
 }
 
 int gr_ranks_of_node(const struct gr_engine *e, int64_t id, int rank[GR_MOST_NEAR])
@@ -139,6 +148,35 @@ int gr_ranks_has_number(const struct gr_engine *e, const int32_t at[3])
         cell[d] = e->ranks->cell_of_number[d][at[d]];
     }
     return gr_owner(e->ranks, cell) == e->ranks->transport.rank;
+}
+
+/* True if the cells from x = `first` to `last` of the row of a cell that are in the grid belong to one rank, and their nodes
+ * follow each other. */
+static int is_of_one_rank(const struct gr_engine *e, const int32_t at[3], int64_t first, int64_t last)
+{
+    const struct gr_axis *axis = &e->axis[0];
+    const int owner = gr_owner(e->ranks, at);
+    if (axis->periodic && (first < 0 || last >= axis->n_cells)) return 0;
+    if (first < 0) first = 0;
+    if (last >= axis->n_cells) last = axis->n_cells - 1;
+    for (int64_t x = first; x <= last; x++) {
+        const int32_t near[3] = {(int32_t)x, at[1], at[2]};
+        if (gr_owner(e->ranks, near) != owner) return 0;
+        if (x > first && axis->cell[x].node[0] != axis->cell[x - 1].node[0] + 1) return 0;
+    }
+    return 1;
+}
+
+int gr_node_is_mixed(const struct gr_engine *e, const int32_t at[3], int a)
+{
+    const int k = gr_basis_nodes_1d(e->config.basis);
+    return !is_of_one_rank(e, at, at[0] + a - (k - 1), at[0] + a);
+}
+
+int gr_is_mixed(const struct gr_engine *e, const int32_t at[3])
+{
+    const int k = gr_basis_nodes_1d(e->config.basis);
+    return !is_of_one_rank(e, at, at[0] - (k - 1), at[0] + k - 1);
 }
 
 enum gr_sharing gr_sharing_of(const struct gr_engine *e, int64_t id)
@@ -248,8 +286,8 @@ void gr_ranks_free(struct gr_ranks *ranks)
         free(ranks->peer[k].ghost);
         free(ranks->peer[k].out);
         free(ranks->peer[k].in);
-        free(ranks->peer[k].out_offset);
-        free(ranks->peer[k].in_offset);
+        free(ranks->peer[k].leaving.sum);
+        free(ranks->peer[k].arriving.sum);
     }
     for (int d = 0; d < 3; d++) free(ranks->cell_of_number[d]);
     void *const owned[] = {ranks->owner,  ranks->peer,    ranks->message, ranks->number,  ranks->arrival,

@@ -6,8 +6,9 @@
  * sums of its ghost cells from their owners, and so has the full sums of all nodes of its own cells: these do the same
  * there as on any other rank that has them, with the same bits.
  *
- * The sums of a node are in the order of the cells, wherever a tile begins (engine.h). For the sums of single cells to be
- * sent, each lane of a tile with a cell that several ranks have is a run by itself.
+ * The sum of a node is one over rows of cells, of the sums in each row, wherever a tile begins (engine.h). What is sent are
+ * these sums of rows; of each cell by itself where several ranks have cells of the row. For those to be there, each lane of a
+ * tile with such a cell is a run by itself.
  *
  * Bodies, inlets and the calm of cells are the same on all ranks: what changes them is agreed on in each step. */
 #pragma once
@@ -20,12 +21,24 @@
  * it, or another one. */
 enum gr_sharing { GR_NOT_HERE, GR_ALONE, GR_SHARED_OWN, GR_GHOST };
 
-/* An own cell that another rank has as a ghost, or a ghost that is its cell: its lane, and the local nodes whose sums the one that
- * has the ghost needs, in a step and in one that averages the density. */
+/* An own cell that another rank has as a ghost, or a ghost that is its cell. */
 struct gr_shared_cell {
     int64_t lane;
-    uint32_t nodes[2];
     int occupied; /* of a ghost: whether it has points, as of the last exchange of calm */
+};
+
+/* The sums of a node over a row of cells of one rank, or over one cell, as what is added up of the runs: (s[0] + s[1]) + s[2].
+ * One that comes from another rank goes to the place of s[0]. */
+struct gr_shared_sum {
+    int64_t at[3];
+    uint8_t kind[3], row; /* enum gr_kind_of_sum; row of the nodes of the cells */
+};
+
+/* Those that are sent to a rank, or come from there; the first `of_motion` of them in each step, all of them in one that averages
+ * the density. */
+struct gr_shared_sums {
+    struct gr_shared_sum *sum;
+    int64_t n, of_motion, capacity;
 };
 
 /* Another rank with cells so near that they matter here. */
@@ -34,11 +47,10 @@ struct gr_peer {
     struct gr_shared_cell *own, *ghost; /* own cells that it has as ghosts; ghosts that are its cells; ascending */
     int64_t n_own, n_ghost;             /* how many of them */
     int64_t own_capacity, ghost_capacity;
+    struct gr_shared_sums leaving, arriving;
     int64_t n_leaving, n_arriving; /* points that go there in this step, and come from there */
     char *out, *in;                /* messages */
     int64_t out_capacity, in_capacity;
-    int64_t *out_offset, *in_offset; /* where the numbers of each cell are in them */
-    int64_t out_offsets, in_offsets; /* capacities */
 };
 
 enum { GR_RUN_OF_CELLS = GR_CHUNK_PAGES * GR_PAGE };
@@ -152,9 +164,15 @@ int gr_ranks_near(const struct gr_engine *e, const int32_t at[3], int distance, 
 /* The ranks that own a cell with the node `id` of the grid, each once. Returned: their number. */
 int gr_ranks_of_node(const struct gr_engine *e, int64_t id, int rank[GR_MOST_NEAR]);
 
-/* Add the blocks along axis d within a distance of an index, in cells, to n others, each once.
- * Returned: their number. */
-int gr_ranks_add_blocks(const struct gr_engine *e, int d, int32_t at, int distance, int32_t block[4], int n);
+/* Add the ranks that own a cell of the box from `low` to `high`, across periodic ends, to n others. Returned: their number. */
+int gr_ranks_in(const struct gr_engine *e, const int64_t low[3], const int64_t high[3], int rank[GR_MOST_NEAR], int n);
+
+/* True if a cell along the first axis from a cell, so near that they have a node in common, may belong to another rank, or their
+ * nodes do not follow each other. */
+int gr_is_mixed(const struct gr_engine *e, const int32_t at[3]);
+
+/* True if so does one of the cells of the node number a in a row of nodes of a cell. */
+int gr_node_is_mixed(const struct gr_engine *e, const int32_t at[3], int a);
 
 /* How the cell `id` of the grid is shared, where it is active. */
 enum gr_sharing gr_sharing_of(const struct gr_engine *e, int64_t id);

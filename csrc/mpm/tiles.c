@@ -39,12 +39,16 @@ static int continues(const struct gr_tiles *tiles, const struct gr_engine *e, in
     return x > 0 && cell[0].node[0] == cell[-1].node[0] + 1;
 }
 
-/* True if other ranks have a cell of a tile, too: they need its sums alone. */
-static int is_shared(const struct gr_engine *e, int64_t first, int64_t n)
+/* True if ranks exchange the sums of a cell of a tile alone. */
+static int is_shared(const struct gr_tiles *tiles, const struct gr_engine *e, int64_t first, int64_t n)
 {
-    int shared = 0;
-    for (int64_t l = 0; e->ranks && l < n; l++) shared |= e->ranks->sharing[first + l] != GR_ALONE;
-    return shared;
+    int32_t at[3];
+    for (int64_t c = first; e->ranks && c < first + n; c++) {
+        if (e->ranks->sharing[c] == GR_ALONE) continue;
+        gr_indices_of_cell(e, tiles->cell[c], at);
+        if (gr_is_mixed(e, at)) return 1;
+    }
+    return 0;
 }
 
 /* Find the runs of a tile.
@@ -59,7 +63,7 @@ static int find_runs(struct gr_tiles *tiles, const struct gr_engine *e, int64_t 
         joins |= joined << l;
         runs += !joined;
     }
-    if (runs * e->sums.of_run >= e->sums.of_apart || is_shared(e, first, n)) joins = 0;
+    if (runs * e->sums.of_run >= e->sums.of_apart || is_shared(tiles, e, first, n)) joins = 0;
     tiles->joins[tile] = (uint8_t)joins;
     return e->sums.of_lanes + (joins ? runs * e->sums.of_run : e->sums.of_apart);
 }
