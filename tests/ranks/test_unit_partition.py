@@ -1,19 +1,25 @@
-"""Division of cells among ranks: a curve whose parts are connected and of equal weight."""
+"""Division of cells among ranks: parts of equal weight that meet in few faces."""
 
 import numpy as np
 import pytest
 
-from granular.ranks.partition import BLOCKS, edge_of_blocks, hilbert, owners_of_blocks
+from granular.ranks.partition import BLOCKS, edge_of_blocks, owners_of_blocks
 
 
-@pytest.mark.parametrize(("dim", "bits"), [(1, 5), (2, 1), (2, 5), (3, 1), (3, 3)])
-def test_the_curve_meets_all_blocks_and_goes_from_neighbour_to_neighbour(dim, bits):
-    side = 2**bits
-    places = np.array(np.unravel_index(np.arange(side**dim), (side,) * dim))
-    position = hilbert(places, bits)
-    assert sorted(position) == list(range(side**dim))
-    along = places[:, np.argsort(position)]
-    assert np.all(np.abs(np.diff(along, axis=1)).sum(axis=0) == 1)
+def test_parts_meet_in_few_faces():
+    """A cube by eight ranks is eight cubes, and a plate is not cut along its length."""
+    owners = owners_of_blocks(np.ones(8**3), (8, 8, 8), 8).reshape(8, 8, 8)
+    for corner in np.ndindex(2, 2, 2):
+        low = 4 * np.array(corner)
+        part = owners[tuple(slice(a, a + 4) for a in low)]
+        assert len(np.unique(part)) == 1
+    plate = owners_of_blocks(np.ones(40 * 6), (40, 6, 1), 2).reshape(6, 40)
+    assert (plate[:, :20] == plate[0, 0]).all() and (plate[:, 20:] == plate[0, -1]).all()
+
+
+def test_parts_do_not_meet_along_the_first_axis_unless_they_gain_by_it():
+    owners = owners_of_blocks(np.ones(6 * 9), (6, 9, 1), 3).reshape(9, 6)
+    assert [len(set(row)) for row in owners] == [1] * 9
 
 
 @pytest.mark.parametrize("shape", [(13, 1, 1), (9, 14, 1), (7, 5, 6)])
@@ -31,7 +37,7 @@ def test_without_points_the_blocks_are_divided():
 
 
 def test_blocks_are_as_large_as_leaves_enough_for_each_rank():
-    counts = {32: 3, 16: 2 * BLOCKS, 8: 100, 4: 400}
+    counts = {32: BLOCKS // 2, 16: 2 * BLOCKS, 8: 7 * BLOCKS, 4: 20 * BLOCKS}
     assert edge_of_blocks(counts, 1) == 16
     assert edge_of_blocks(counts, 2) == 16
     assert edge_of_blocks(counts, 3) == 8
