@@ -58,6 +58,10 @@ class Points:
         for array in vars(self).values():
             array.setflags(write=False)
 
+    def taken(self, index: slice | BoolArray) -> Points:
+        """Return some of the points."""
+        return Points(*(array[index] for array in vars(self).values()))
+
 
 def nothing(dim: int) -> Points:
     """Return no points."""

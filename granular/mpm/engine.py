@@ -295,8 +295,34 @@ def initial_points(scene: Scene) -> dict[str, NDArray]:
     return fields_of(scene, scene.points())
 
 
+TOGETHER = 1 << 19
+"""Points whose fields are computed at once: what is needed for a time takes some 500 bytes each."""
+
+
 def fields_of(scene: Scene, points: Points) -> dict[str, NDArray]:
     """Return the fields of points of the sources of a scene that are not zero."""
+    n = len(points.x)
+    if n <= TOGETHER:
+        return _fields_of(scene, points)
+    fields: dict[str, NDArray] = {}
+    for first in range(0, n, TOGETHER):
+        part = slice(first, first + TOGETHER)
+        for name, values in _fields_of(scene, points.taken(part)).items():
+            whole = fields.setdefault(name, np.zeros((n, *values.shape[1:])))
+            whole[part] = values
+    return fields
+
+
+def mean_mass(scene: Scene, points: Points) -> float:
+    """Mean mass of the points at the start, or without any of those that enter [kg]."""
+    if not len(points.x):
+        return float(entering_masses(scene).mean())
+    parts = range(0, len(points.x), TOGETHER)
+    masses = [_fields_of(scene, points.taken(slice(k, k + TOGETHER)))["mass"] for k in parts]
+    return float(np.concatenate(masses).mean())
+
+
+def _fields_of(scene: Scene, points: Points) -> dict[str, NDArray]:
     number = _numbers_of_materials(scene)[points.fill]
     rho_c, K, granular = (
         np.array([getattr(material, name) for material in scene.materials])[number]
@@ -336,7 +362,7 @@ def fields_of(scene: Scene, points: Points) -> dict[str, NDArray]:
     if pressed.any():
         pressure = K * (log_density - origin) * np.where(hencky, np.exp(log_density), 1.0)
         held = np.where(pressed, pressure, 0.0)[:, None]
-        fields["stress"] = np.concatenate([-held * shape[:, :3], 0.0 - held * shape[:, 3:]], axis=1)
+        fields["stress"] = 0.0 - held * shape
     flows = np.array([material.has_fluidity for material in scene.materials])
     if scene.scheme.fluidity.initial is not None and flows.any():
         fields["g"] = np.where(flows[number], scene.scheme.fluidity.initial, 0.0)
@@ -353,12 +379,6 @@ def entering_masses(scene: Scene) -> Array:
     """Masses of the points of the sites of all inflows [kg]."""
     sites = (fields_of(scene, inlet_points(scene, i)) for i in range(len(scene.inflows)))
     return np.concatenate([fields["mass"] for fields in sites])
-
-
-def mean_mass(scene: Scene, points: Mapping[str, NDArray]) -> float:
-    """Mean mass of the points at the start, or without any of those that enter [kg]."""
-    mass = points["mass"] if len(points["mass"]) else entering_masses(scene)
-    return float(mass.mean())
 
 
 def add_inlets(engine: _core.Engine, scene: Scene) -> list[dict[str, NDArray]]:

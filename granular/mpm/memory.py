@@ -73,14 +73,14 @@ MOST_RATIO = 2.0
 have 1.4 to 1.8."""
 
 
-def size(scene: Scene) -> tuple[int, float]:
-    """Number of points at the end, and the memory that they need [bytes]."""
+def size(scene: Scene, share: float = 1.0) -> tuple[int, float]:
+    """Number of points at the end, and the memory that a share of them needs [bytes]."""
     distance = distance_from_bodies(scene.grid, scene.bodies)
     counts = [estimated_points(scene.grid, fill, distance) for fill in scene.fills]
     ratios = [active_ratio(scene.grid, fill) for fill in scene.fills]
     later = entering(scene, scene.inflows)
     ratios += [MOST_RATIO] * len(later)
-    return sum(counts) + sum(later), _memory(scene, counts + later, ratios)
+    return sum(counts) + sum(later), _memory(scene, counts + later, ratios, share)
 
 
 def growth(scene: Scene, points: int) -> float:
@@ -88,8 +88,13 @@ def growth(scene: Scene, points: int) -> float:
     return points * _GROWTH[scene.dim]
 
 
-def check(scene: Scene, force: bool) -> None:
+def check(scene: Scene, force: bool, share: float = 1.0) -> None:
     """Refuse a scene that needs more memory than the machine has, unless `force` is set.
+
+    Parameters
+    ----------
+    share : float
+        Share of the points that this machine has; it seeds all of them in any case.
 
     Raises
     ------
@@ -101,12 +106,12 @@ def check(scene: Scene, force: bool) -> None:
     # If there is memory for all squares of the seeding lattices, the open ones need no count.
     counts = [most_points(scene.grid, fill) for fill in scene.fills]
     counts += entering(scene, scene.inflows)
-    if _memory(scene, counts, [MOST_RATIO] * len(counts)) > memory.available_memory():
-        refuse(scene, *size(scene))
+    if _memory(scene, counts, [MOST_RATIO] * len(counts), share) > memory.available_memory():
+        refuse(scene, *size(scene, share))
 
 
-def _memory(scene: Scene, counts: Sequence[int], ratios: Sequence[float]) -> float:
-    """Memory of a scene with so many points and active cells from its sources [bytes]."""
+def _memory(scene: Scene, counts: Sequence[int], ratios: Sequence[float], share: float) -> float:
+    """Memory of a share of so many points and active cells from the sources [bytes]."""
     point, cell = _bytes(scene.scheme, scene.dim)
     point += _LITHOSTATIC * any(fill.lithostatic for fill in scene.fills)
     point += _NEAR_BODIES * bool(scene.bodies)
@@ -115,7 +120,7 @@ def _memory(scene: Scene, counts: Sequence[int], ratios: Sequence[float]) -> flo
         cell += _NONLOCAL_CELL[scene.dim]
         running += _FACE * 2 * scene.dim * math.prod(scene.grid.shape)
     for source, count, ratio in zip(scene.sources, counts, ratios, strict=True):
-        running += count * (point + cell * ratio / source.points_per_cell)
+        running += share * count * (point + cell * ratio / source.points_per_cell)
     seeding = max((_squares(scene.grid, fill) for fill in scene.fills), default=0.0)
     seeding *= _SITE[scene.dim] * (2 if scene.bodies else 1)
     cuts = bool(scene.bodies) or any(_is_cut(fill) for fill in scene.fills)

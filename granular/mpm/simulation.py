@@ -38,7 +38,7 @@ from granular.run import diagnostics, simulation
 from granular.run.monitor import Energies
 from granular.run.restarts import LARGEST, LEAST, check_range
 from granular.tools.arrays import IntArray
-from granular.tools.buffers import allocate, default_isa, fill, stored_type
+from granular.tools.buffers import allocate, check_stored, default_isa, fill, stored_type
 from granular.tools.checks import positive, truth
 
 CARRIED = frozenset(
@@ -139,7 +139,8 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         check_overlaps(scene)
         diagnostics.warn(scene)
         points = core.initial_points(scene)
-        self._build(scene, core.mean_mass(scene, points), threads, isa, wall_forces, tractions)
+        mass = points["mass"] if len(points["mass"]) else core.entering_masses(scene)
+        self._build(scene, float(mass.mean()), threads, isa, wall_forces, tractions)
         self._buffers = core.initial_buffers(self._engine, points)
         self._bind(len(points["mass"]))
         if scene.inflows:
@@ -372,31 +373,45 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         cls, scene: Scene, checkpoint: Checkpoint, threads: int | None, isa: str | None
     ) -> Self:
         self = object.__new__(cls)
-        scalars = dict(checkpoint.scalars)
-        if "mean_mass" not in scalars:
-            raise ValueError("the checkpoint has no mean_mass: it is not one of a simulation")
-        mean_mass = positive("mean_mass of the checkpoint", scalars.pop("mean_mass"))
-        watches, patches = "walls" in checkpoint.arrays, stored_patches(checkpoint.arrays)
-        self._build(scene, mean_mass, threads, isa, watches, patches is not None)
-        ids = checkpoint.arrays.get("id", np.empty(0, dtype=np.int64))
-        n = len(ids)
+        self._build_restored(scene, checkpoint, threads, isa)
+        n = len(checkpoint.arrays.get("id", ()))
         self._buffers = allocate(self._engine, n)
-        fill(self._buffers, checkpoint.arrays, np.arange(n))
+        arrays = self._checked(checkpoint)
+        fill(self._buffers, arrays, np.arange(n))
+        self._bind_restored(n, arrays)
+        scalars = dict(checkpoint.scalars)
+        del scalars["mean_mass"]
+        self._engine.restore(scalars)
+        return self
+
+    def _build_restored(
+        self, scene: Scene, checkpoint: Checkpoint, threads: int | None, isa: str | None
+    ) -> None:
+        """Build the core for a checkpoint, without points."""
+        if "mean_mass" not in checkpoint.scalars:
+            raise ValueError("the checkpoint has no mean_mass: it is not one of a simulation")
+        mean_mass = positive("mean_mass of the checkpoint", checkpoint.scalars["mean_mass"])
+        patches = stored_patches(checkpoint.arrays) is not None
+        self._build(scene, mean_mass, threads, isa, "walls" in checkpoint.arrays, patches)
+
+    def _checked(self, checkpoint: Checkpoint) -> dict[str, NDArray]:
+        """Return the arrays of a checkpoint; ValueError if they do not fit the scene."""
+        arrays, scene = dict(checkpoint.arrays), self.scene
+        ids = arrays.get("id", np.empty(0, dtype=np.int64))
+        check_stored(self._engine, arrays, len(ids))
+        names = {name for name, *_ in self._engine.fields()}
         for name, low, high in (
             ("mass", LEAST, LARGEST),
             ("material", 0, len(scene.materials) - 1),
             ("side", -1, 1),
         ):
-            if name in self._buffers:
-                check_range(checkpoint.arrays, name, low, high)
-        if scene.bodies and "bodies" not in checkpoint.arrays:
+            if name in names:
+                check_range(arrays, name, low, high)
+        if scene.bodies and "bodies" not in arrays:
             raise ValueError("the checkpoint does not hold the bodies of the scene")
-        arrays = dict(checkpoint.arrays)
         if scene.inflows:
             arrays["inflow"] = stored_inflow(arrays, ids)
-        self._bind_restored(n, arrays)
-        self._engine.restore(scalars)
-        return self
+        return arrays
 
     def _bind_restored(self, n_points: int, arrays: Mapping[str, NDArray]) -> None:
         """Bind the points of a restart, and set what the core has besides them."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -35,22 +35,22 @@ class Plan:
         Threads of each rank.
     isa : str
         Instruction set of the kernels.
+    wall_forces, tractions : bool
+        Whether the impulses on walls are added up, and those on patches of walls and bodies.
     edge : int
         Cells of a block along each axis.
     owners : ndarray of int32
         The rank of each block.
-    wall_forces, tractions : bool
-        Whether the impulses on walls are added up, and those on patches of walls and bodies.
     """
 
     scene: Scene
     mean_mass: float
     threads: int | None
     isa: str
-    edge: int
-    owners: NDArray[np.int32]
     wall_forces: bool
     tractions: bool
+    edge: int = 0
+    owners: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, np.int32))
 
 
 class Part:

@@ -8,7 +8,7 @@ import threading
 import weakref
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, NoReturn
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +32,9 @@ from granular.ranks.worker import is_serving, serve
 from granular.record import Checkpoint
 from granular.run import diagnostics
 from granular.run.interrupts import DeferredSignals
+from granular.run.restarts import check_numbers
 from granular.run.running import default_threads
-from granular.tools.arrays import IntArray
+from granular.tools.arrays import BoolArray, IntArray
 from granular.tools.buffers import default_isa, stored_type
 from granular.tools.checks import positive, truth
 
@@ -204,56 +205,61 @@ class RankedSimulation(Simulation, shares=Simulation):
     ) -> None:
         ranks = attend(comm)
         wall_forces = truth("tractions", tractions) or truth("wall_forces", wall_forces)
-        memory.check(scene, force)
+        memory.check(scene, force, ranks.on_this_machine / ranks.size)
         check_overlaps(scene)
         diagnostics.warn(scene)
-        points = core.initial_points(scene)
+        points = scene.points()
         plan = Plan(
             scene=scene,
             mean_mass=core.mean_mass(scene, points),
             threads=threads,
             isa=isa or default_isa(),
-            edge=0,
-            owners=np.empty(0, np.int32),
             wall_forces=wall_forces,
             tractions=tractions,
         )
         empty, besides = bare(plan), dict[str, NDArray]()
         if scene.inflows:
             besides["inflow"] = empty._engine.inflow()
-            besides["inflow"][0] = len(points["mass"])  # the id of the first point that enters
-        arrays = {
-            name: np.ascontiguousarray(np.atleast_2d(given.T)) for name, given in points.items()
-        }
-        arrays["id"] = np.arange(len(points["mass"]))
-        del points
-        self._distribute(ranks, plan, empty, arrays, besides=besides)
+            besides["inflow"][0] = len(points.x)  # the id of the first point that enters
+
+        def part(chosen: BoolArray) -> dict[str, NDArray]:
+            fields = core.fields_of(scene, points.taken(chosen))
+            rows = {name: np.ascontiguousarray(np.atleast_2d(a.T)) for name, a in fields.items()}
+            return {**rows, "id": np.flatnonzero(chosen)}
+
+        self._distribute(ranks, plan, empty, np.ascontiguousarray(points.x.T), part, None, besides)
 
     @classmethod
-    def from_whole(cls, simulation: Simulation, comm: Any, threads: int | None) -> RankedSimulation:
-        """Return the simulation that goes on from one of this process alone."""
-        checkpoint = simulation.checkpoint()
-        sim = object.__new__(cls)
+    def _restored_by(
+        cls,
+        ranks: Communicator,
+        scene: Scene,
+        checkpoint: Checkpoint,
+        threads: int | None,
+        isa: str | None,
+    ) -> RankedSimulation:
+        check_numbers(checkpoint)
+        empty: Simulation = object.__new__(Simulation)
+        empty._build_restored(scene, checkpoint, threads, isa)
+        arrays = empty._checked(checkpoint)
         scalars = dict(checkpoint.scalars)
         plan = Plan(
-            scene=simulation.scene,
+            scene=scene,
             mean_mass=float(scalars.pop("mean_mass")),
             threads=threads,
-            isa=simulation.isa,
-            edge=0,
-            owners=np.empty(0, np.int32),
-            wall_forces=simulation._watches_walls,
-            tractions=simulation._has_tractions,
+            isa=empty.isa,
+            wall_forces=empty._watches_walls,
+            tractions=empty._has_tractions,
         )
-        arrays = {
-            name: checkpoint.arrays[name]
-            for name in (*(field[0] for field in simulation._engine.fields()), "id")
-        }
-        besides = simulation._besides_points()
-        sim._distribute(attend(comm), plan, bare(plan), arrays, scalars, besides)
-        sim._monitor = simulation._monitor
-        sim._every, sim._stored = simulation._every, simulation._stored
-        sim._precision, sim._session = simulation._precision, simulation._session
+        names = {*(field[0] for field in empty._engine.fields()), "id"}
+        besides = {name: array for name, array in arrays.items() if name not in names}
+
+        def part(chosen: BoolArray) -> dict[str, NDArray]:
+            return {name: np.ascontiguousarray(arrays[name][..., chosen]) for name in names}
+
+        sim = object.__new__(cls)
+        sim._distribute(ranks, plan, empty, arrays["x"], part, scalars, besides)
+        sim._monitor.restore(checkpoint.arrays, checkpoint.step)
         return sim
 
     def _distribute(
@@ -261,22 +267,23 @@ class RankedSimulation(Simulation, shares=Simulation):
         ranks: Communicator,
         plan: Plan,
         empty: Simulation,
-        arrays: dict[str, NDArray],
-        scalars: dict[str, float | int] | None = None,
-        besides: dict[str, NDArray] | None = None,
+        x: NDArray,
+        part: Callable[[BoolArray], dict[str, NDArray]],
+        scalars: dict[str, float | int] | None,
+        besides: dict[str, NDArray],
     ) -> None:
-        """Give each rank its cells, and the points in them."""
+        """Give each rank its cells, and the points in them: `part` has the fields of some."""
         size = ranks.size
-        edge, owners, blocks = _divided(empty, arrays["x"], size)
-        available = default_threads(len(arrays["id"])) // ranks.on_this_machine
+        edge, owners, blocks = _divided(empty, x, size)
+        available = default_threads(x.shape[1]) // ranks.on_this_machine
         threads = plan.threads or max(available, 1)
         plan = replace(plan, threads=threads, edge=edge, owners=owners)
         to = owners[blocks]
+        del blocks
 
         def request(rank: int) -> tuple:
-            part = {name: np.ascontiguousarray(a[..., to == rank]) for name, a in arrays.items()}
             counts = {} if rank == 0 else {"dropped": 0, "clamped": 0}
-            return plan, part, scalars and scalars | counts, besides
+            return plan, part(to == rank), scalars and scalars | counts, besides
 
         self._team = _team_of(ranks)
         self._number = self._team.number()
@@ -453,12 +460,6 @@ class RankedSimulation(Simulation, shares=Simulation):
 
     def _load(self, body: int, load: tuple[float, ...]) -> None:
         self._ask("load", body, load)
-
-    @classmethod
-    def _filled(
-        cls, scene: Scene, checkpoint: Checkpoint, threads: int | None, isa: str | None
-    ) -> NoReturn:
-        raise TypeError("comm: use Simulation.resume or from_checkpoint with the argument comm")
 
 
 def _divided(

@@ -26,6 +26,7 @@ def resumed(
     threads: int | None,
     isa: str | None,
     trust_code: bool,
+    ranks: Any,
 ) -> Any:
     """Make the simulation of `granular.Simulation.resume`; `cls` is its class."""
     if threads is not None:
@@ -44,7 +45,11 @@ def resumed(
                 isa = usable_isa(recorded, record.path)
             if scene is not None and scene != record.scene:
                 checkpoint = method._adapted(record.scene, scene, unwatched(checkpoint))
-            sim = method._restored(scene or record.scene, checkpoint, threads, isa)
+            given = scene or record.scene, checkpoint, threads, isa
+            if ranks is None:
+                sim = method._restored(*given)
+            else:
+                sim = method._shared()._restored_by(ranks, *given)
     sim._every, sim._stored, sim._precision = every, stored, precision
     sim._session.path = None if scene is not None else Path(path)
     return sim

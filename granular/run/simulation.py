@@ -444,10 +444,8 @@ class Simulation(Present):
         method = cls._of(scene)
         if comm is None:
             return method._restored(scene, checkpoint, threads, isa)
-        shared = method._shared()
-        ranks = cls._attend(comm)
-        whole = method._restored(scene, checkpoint, 1, isa)
-        return cast("Self", shared.from_whole(whole, ranks, threads))
+        shared, ranks = method._shared(), cls._attend(comm)
+        return cast("Self", shared._restored_by(ranks, scene, checkpoint, threads, isa))
 
     @classmethod
     def resume(
@@ -506,8 +504,5 @@ class Simulation(Present):
             If this machine does not have the instruction set of the record. The run then continues
             with another one, and differs from an unbroken run by rounding errors, which grow.
         """
-        if comm is None:
-            return cast("Self", resumed(cls, path, scene, frame, threads, isa, trust_code))
-        ranks = cls._attend(comm)
-        whole = resumed(cls, path, scene, frame, 1, isa, trust_code)
-        return cast("Self", whole._shared().from_whole(whole, ranks, threads))
+        ranks = None if comm is None else cls._attend(comm)
+        return cast("Self", resumed(cls, path, scene, frame, threads, isa, trust_code, ranks))

@@ -34,11 +34,20 @@ def fill(buffers: Mapping[str, NDArray], stored: Mapping[str, NDArray], slots: N
         If an array is missing, or has another shape or type. Buffers of floats take doubles.
     """
     for name, array in buffers.items():
-        values = stored.get(name)
-        shape = (*array.shape[:-1], len(slots))
-        if values is None or values.shape != shape or values.dtype != stored_type(array.dtype):
-            raise ValueError(f"the checkpoint does not hold {name} of {len(slots)} points")
-        array[..., slots] = values
+        _check(name, stored.get(name), (*array.shape[:-1], len(slots)), array.dtype)
+        array[..., slots] = stored[name]
+
+
+def check_stored(engine: _core.Engine, stored: Mapping[str, NDArray], n: int) -> None:
+    """Refuse arrays of a checkpoint that `fill` would refuse for the buffers of n points."""
+    for name, count, _, _, dtype in engine.fields():
+        _check(name, stored.get(name), (count, n), dtype)
+    _check("id", stored.get("id"), (n,), np.dtype(np.int64))
+
+
+def _check(name: str, values: NDArray | None, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
+    if values is None or values.shape != shape or values.dtype != stored_type(dtype):
+        raise ValueError(f"the checkpoint does not hold {name} of {shape[-1]} points")
 
 
 def show_config() -> _core.BuildInfo:
