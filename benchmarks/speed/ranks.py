@@ -7,10 +7,14 @@ turns. A model of these times says what more ranks can gain.
 
 from __future__ import annotations
 
+import atexit
 import json
+import os
+import resource
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -40,6 +44,9 @@ NETWORK, LATENCY = 20e9, 2e-6
 """Bytes and messages of a network that the model assumes [1/s, s]: not measured here."""
 CORES = 32
 """Threads of a rank of the model."""
+MEMORY = {"2D": 2000, "3D": 108}
+"""Sizes of the scenes, of four million points, whose memory is measured."""
+MEMORY_QUICK = {"2D": 40, "3D": 10}
 
 
 def child(scene: str, size: int, steps: int, repeats: int, ranks: int, threads: int) -> None:
@@ -68,10 +75,35 @@ def child(scene: str, size: int, steps: int, repeats: int, ranks: int, threads: 
     print(json.dumps(row))
 
 
-def run(scene: str, size: int, steps: int, repeats: int, case: str) -> dict[str, float]:
-    ranks, threads = CASES[case]
-    words = [scene, size, steps, repeats, ranks, threads]
-    command = [*python("ranks"), "--child", *map(str, words)]
+def memory_child(scene: str, size: int, ranks: int) -> None:
+    """Make 20 steps and a record; each rank prints its largest memory when it ends [kB]."""
+    options: dict[str, Any] = {"threads": 1}
+    if ranks:
+        from mpi4py import MPI
+
+        options["comm"] = MPI.COMM_WORLD
+    rank = options["comm"].rank if ranks else 0
+
+    def tell() -> None:
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        line = json.dumps({"rank": rank, "peak": peak}) + "\n"
+        os.write(sys.stdout.fileno(), line.encode())  # at once: ranks end at the same time
+
+    atexit.register(tell)
+    sim: Any = gr.Simulation(SCENES[scene](size), **options)
+    begin = time.perf_counter()
+    sim.step(20)
+    stepped = time.perf_counter()
+    with tempfile.TemporaryDirectory() as folder:
+        sim.run(until=sim.time, save=Path(folder) / "run.h5")
+    recorded = time.perf_counter()
+    times = {"steps": stepped - begin, "record": recorded - stepped}
+    print(json.dumps({"points": sim.n_points, **times}), flush=True)
+
+
+def started(words: list[Any], ranks: int) -> list[str]:
+    """Output of a child, in as many processes as there are ranks."""
+    command = [*python("ranks"), *map(str, words)]
     if ranks:
         folder = str(Path(sys.executable).parent)
         mpiexec = shutil.which("mpiexec", path=folder) or shutil.which("mpiexec")
@@ -79,7 +111,28 @@ def run(scene: str, size: int, steps: int, repeats: int, case: str) -> dict[str,
             raise SystemExit("ranks: mpiexec is not there: pip install mpich mpi4py")
         command = [mpiexec, "-n", str(ranks), *command]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
-    row: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
+    return done.stdout.splitlines()
+
+
+def memory_of(scene: str, size: int, ranks: int) -> dict[str, Any]:
+    """Largest memory of rank 0 and of the others, over the points of the scene [bytes]."""
+    lines = [json.loads(line) for line in started(["--memory", scene, size, ranks], ranks)]
+    row = next(line for line in lines if "points" in line)
+    peaks = {line["rank"]: 1024 * line["peak"] for line in lines if "rank" in line}
+    others = [peak for rank, peak in peaks.items() if rank]
+    return {
+        "scene": scene,
+        "ranks": ranks,
+        **row,
+        "rank 0": peaks[0] / row["points"],
+        "others": float(np.max(others)) / row["points"] if others else None,
+    }
+
+
+def run(scene: str, size: int, steps: int, repeats: int, case: str) -> dict[str, float]:
+    ranks, threads = CASES[case]
+    words = ["--child", scene, size, steps, repeats, ranks, threads]
+    row: dict[str, float] = json.loads(started(words, ranks)[-1])
     return row
 
 
@@ -145,9 +198,21 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
             (row["scene"], f"{row['points']:.0f}", row["case"], f"{ns:.1f}", times, messages)
         )
     head = ("scene", "points", "case", "ns a point-step", "of no ranks", "bytes a ghost cell")
+    rows_of_memory = [
+        (
+            row["scene"],
+            f"{row['points']:.0f}",
+            str(row["ranks"] or "no ranks"),
+            f"{row['rank 0']:.0f}",
+            f"{row['others']:.0f}" if row["others"] else "",
+        )
+        for row in results["memory"]
+    ]
+    head_of_memory = ("scene", "points", "ranks", "bytes a point, rank 0", "largest other rank")
     weak_head = ("points of a rank", "ranks", "points in all", "ms a step", "efficiency")
     return {
         "steps": markdown(head, rows),
+        "memory": markdown(head_of_memory, rows_of_memory),
         "weak": markdown(
             weak_head,
             [
@@ -167,7 +232,12 @@ def tables(results: dict[str, Any]) -> dict[str, list[str]]:
 def main(argv: list[str] | None = None) -> None:
     parser = parser_of(__name__, __doc__)
     parser.add_argument("--child", nargs=6, help="a case, in a process of its own")
+    parser.add_argument("--memory", nargs=3, help="scene, size and ranks of one of memory")
     chosen = parser.parse_args(argv)
+    if chosen.memory:
+        scene, *numbers = chosen.memory
+        memory_child(scene, *map(int, numbers))
+        return
     if chosen.child:
         scene, *numbers = chosen.child
         child(scene, *map(int, numbers))
@@ -184,7 +254,16 @@ def main(argv: list[str] | None = None) -> None:
         rows += best.values()
         for row in best.values():
             print(rounded(row, 4), flush=True)
-    results = {"rows": [rounded(row) for row in rows], "weak": [rounded(r) for r in weak(rows)]}
+    memory = []
+    for scene, size in (MEMORY_QUICK if chosen.quick else MEMORY).items():
+        for ranks in (0, 1, 4):
+            memory.append(memory_of(scene, size, ranks))
+            print(rounded(memory[-1], 4), flush=True)
+    results = {
+        "rows": [rounded(row) for row in rows],
+        "memory": [rounded(row, 4) for row in memory],
+        "weak": [rounded(r) for r in weak(rows)],
+    }
     if chosen.out:
         draw(results["weak"])
     write(chosen.out, results)

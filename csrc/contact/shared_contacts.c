@@ -149,18 +149,18 @@ static void take(const char **at, void *data, size_t bytes)
 /* Write the own contact points and their nodes. */
 static int pack(const struct gr_engine *e, struct letter *letter)
 {
-    const struct gr_contact_points *own = e->bodies.contacts;
+    const struct gr_contact_points *of_rank = e->bodies.contacts;
     letter->out_bytes = 0;
-    for (int64_t k = 0; k < own->n_nodes; k++) {
-        const int64_t n = own->origin[k].n, id = e->mesh.node_id[n];
-        struct node node = {.id = id, .node = own->node[k], .origin = own->origin[k]};
+    for (int64_t k = 0; k < of_rank->n_nodes; k++) {
+        const int64_t n = of_rank->origin[k].n, id = e->mesh.node_id[n];
+        struct node node = {.id = id, .node = of_rank->node[k], .origin = of_rank->origin[k]};
         node.behind = (int64_t)gr_table_get(&e->mesh.node_of, id) - 1 != n;
         char *at = append(letter, sizeof node);
         if (!at) return GR_ERR_MEMORY;
         memcpy(at, &node, sizeof node);
     }
-    for (int64_t k = 0; k < own->n; k++) {
-        const struct gr_contact_point *contact = &own->contact[k];
+    for (int64_t k = 0; k < of_rank->n; k++) {
+        const struct gr_contact_point *contact = &of_rank->contact[k];
         const struct head head = {gr_order_of_cell(e, &e->mesh.cell[contact->lane])};
         const size_t n = (size_t)contact->n_nodes;
         char *at = append(letter, bytes_of(contact->n_nodes));
@@ -368,15 +368,15 @@ static int pack_results(struct gr_engine *e)
 /* Take the results for the own contact points and nodes; nodes that are not in the mesh are passed over. */
 static void unpack_results(struct gr_engine *e, const char *at, int64_t n_nodes)
 {
-    struct gr_contact_points *own = e->bodies.contacts;
-    for (int64_t k = 0; k < own->n_nodes; k++) own->number[own->origin[k].n] = 0;
-    for (int64_t k = 0; k < own->n; k++) {
+    struct gr_contact_points *of_rank = e->bodies.contacts;
+    for (int64_t k = 0; k < of_rank->n_nodes; k++) of_rank->number[of_rank->origin[k].n] = 0;
+    for (int64_t k = 0; k < of_rank->n; k++) {
         struct result result;
         take(&at, &result, sizeof result);
-        memcpy(own->contact[k].impulse, result.impulse, sizeof result.impulse);
-        own->contact[k].pressing = result.pressing;
+        memcpy(of_rank->contact[k].impulse, result.impulse, sizeof result.impulse);
+        of_rank->contact[k].pressing = result.pressing;
     }
-    own->n_nodes = 0;
+    of_rank->n_nodes = 0;
     for (int64_t k = 0; k < n_nodes; k++) {
         struct node node;
         take(&at, &node, sizeof node);
@@ -384,8 +384,8 @@ static void unpack_results(struct gr_engine *e, const char *at, int64_t n_nodes)
         if (n >= 0 && node.behind) n = e->mesh.duplicate[n];
         if (n < 0) continue;
         node.origin.n = n;
-        own->node[own->n_nodes] = node.node;
-        own->origin[own->n_nodes++] = node.origin;
+        of_rank->node[of_rank->n_nodes] = node.node;
+        of_rank->origin[of_rank->n_nodes++] = node.origin;
     }
 }
 

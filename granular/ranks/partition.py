@@ -17,7 +17,7 @@ need them, as the fluidity is summed over such runs."""
 
 BLOCKS = 500
 """Blocks with points that each rank should have at least: parts of so many are even, and meet in
-planes. With blocks twice as large a step of half a million points in space takes 4 % longer on two
+planes. With blocks twice as large a step of half a million points in 3D takes 4 % longer on two
 ranks, and 16 % longer with blocks four times as large (measured)."""
 
 UNEVEN = 1.1
