@@ -30,9 +30,10 @@ SCENES = {
         cell=0.4 / size, points_per_cell=4, E=1e6, half_width=0.2, aspect=1.0
     ),
     "3D": lambda size: gr.scenes.cylinder_collapse(cell=0.2 / size, points_per_cell=8, E=1e6),
+    "3D, wheel": lambda size: gr.scenes.wheel(cell=0.8 / size),
 }
-SIZES = {"2D": 500, "3D": 56}
-QUICK = {"2D": 20, "3D": 6}
+SIZES = {"2D": 500, "3D": 56, "3D, wheel": 128}
+QUICK = {"2D": 20, "3D": 6, "3D, wheel": 64}
 CASES = {
     "no ranks": (0, 1),
     "1 rank": (1, 1),
