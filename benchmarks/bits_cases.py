@@ -27,7 +27,7 @@ from granular.mpm import schemes
 from granular.mpm.schemes import Fluidity
 
 TESTS = Path(__file__).resolve().parents[1] / "tests"
-ISAS = ("baseline", "avx2", "avx512")
+ISAS = ("one_lane", "baseline", "avx2", "avx512")
 
 READY = {
     "column_collapse": {"cell": 0.05, "points_per_cell": 4},

@@ -2,7 +2,36 @@
  * store widens them. Positions are doubles, since a point moves by a small part of its coordinate in a step. */
 #pragma once
 
-#if defined(__AVX512F__) || (defined(__AVX2__) && defined(__FMA__))
+#if defined(GR_ONE_LANE)
+/* One lane, see simd.h. */
+#define GR_W 1
+typedef float vd __attribute__((vector_size(4)));
+typedef int32_t vm __attribute__((vector_size(4)));
+typedef double vx __attribute__((vector_size(8)));
+static inline vd v_set(double a) { return (vd){(float)a}; }
+static inline vd v_fma(vd a, vd b, vd c) { return (vd){__builtin_fmaf(a[0], b[0], c[0])}; }
+static inline vd v_fnma(vd a, vd b, vd c) { return (vd){__builtin_fmaf(-a[0], b[0], c[0])}; }
+static inline vm v_gt(vd a, vd b) { return (vm){-(int32_t)(a[0] > b[0])}; }
+static inline vm v_ge(vd a, vd b) { return (vm){-(int32_t)(a[0] >= b[0])}; }
+static inline vm m_and(vm a, vm b) { return a & b; }
+static inline unsigned m_bits(vm a) { return (unsigned)(a[0] & 1); }
+static inline vm m_of_bits(unsigned bits) { return (vm){-(int32_t)(bits & 1)}; }
+static inline vd v_select(vm m, vd a, vd b) { return (vd){m[0] ? a[0] : b[0]}; }
+static inline vd v_keep(vm m, vd a) { return (vd){m[0] ? a[0] : 0.0f}; }
+static inline vd v_min(vd a, vd b) { return v_select(v_gt(b, a), a, b); }
+static inline vd v_max(vd a, vd b) { return v_select(v_gt(a, b), a, b); }
+static inline vd v_sqrt(vd a) { return (vd){__builtin_sqrtf(a[0])}; }
+typedef double vx_in_memory __attribute__((vector_size(8), aligned(8)));
+static inline vx x_set(double a) { return (vx){a}; }
+static inline vx x_load(const double *p) { return (vx) * (const vx_in_memory *)p; }
+static inline void x_store(double *p, vx a) { *(vx_in_memory *)p = (vx_in_memory)a; }
+static inline vx x_widen(vd a) { return (vx){a[0]}; }
+static inline vd x_narrow(vx a) { return (vd){(float)a[0]}; }
+static inline vx x_plus(vx a, vx b) { return a + b; }
+static inline vd x_minus(vx a, vx b) { return x_narrow(a - b); }
+static inline vm x_gt(vx a, vx b) { return (vm){-(int32_t)(a[0] > b[0])}; }
+static inline vm x_ge(vx a, vx b) { return (vm){-(int32_t)(a[0] >= b[0])}; }
+#elif defined(__AVX512F__) || (defined(__AVX2__) && defined(__FMA__))
 #include <immintrin.h>
 #define GR_W 8
 typedef __m256 vd; /* with AVX-512 as many floats as a vector of doubles has lanes */
@@ -24,7 +53,8 @@ static inline vd v_after_2(vd a, vd before)
 }
 #endif
 
-#if defined(__AVX512F__)
+#if defined(GR_ONE_LANE)
+#elif defined(__AVX512F__)
 typedef __mmask8 vm;
 typedef __m512d vx;
 static inline vm v_gt(vd a, vd b) { return _mm256_cmp_ps_mask(a, b, _CMP_GT_OQ); }

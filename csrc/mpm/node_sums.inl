@@ -30,10 +30,16 @@ GR_INLINE void next_sum(struct numbers *at)
     at->before += at->before_apart;
 }
 
-GR_INLINE vd two_numbers(gr_real a, gr_real b)
+/* The lanes from number `lane` on of a row that begins with a and b. */
+GR_INLINE vd two_numbers(int lane, gr_real a, gr_real b)
 {
+#if GR_W == 1
+    return v_set(lane ? b : a);
+#else
     const vd v = {a, b};
+    (void)lane;
     return v;
+#endif
 }
 
 /* Add n sums of an addend to its nodes, in rows of `out`. */
@@ -52,8 +58,8 @@ GR_INLINE void add_addend(struct numbers at, const struct gr_addend *addend, int
             vd v = v_load(at.lanes + lane);
             if (addend->apart)
                 v = (v + v_load(at.first + lane)) + v_load(at.before + lane);
-            else if (!lane)
-                v = (v + two_numbers(*at.first, *at.second)) + two_numbers(*at.before, 0);
+            else if (lane < 2)
+                v = (v + two_numbers(lane, *at.first, *at.second)) + two_numbers(lane, *at.before, 0);
             if (nodes < lane + GR_W) v = v_keep(m_of_bits((1u << (nodes - lane)) - 1), v);
             v_store(out + lane, v_load(out + lane) + v);
         }

@@ -153,6 +153,18 @@ GR_INLINE void put(gr_real *at, int stream, vd sum)
         v_store(at, sum);
 }
 
+/* What the lanes of a vector have that are `by` before those of `a`, vector number `part` of a row that begins before `at`. */
+GR_INLINE vd v_of_lane_before(const int by, vd a, const gr_real *at, int part)
+{
+#if GR_W == 1
+    (void)a;
+    return part < by ? v_zero() : v_load(at - by);
+#else
+    const vd before = part ? v_load(at - GR_W) : v_zero();
+    return by == 1 ? v_after_1(a, before) : v_after_2(a, before);
+#endif
+}
+
 /* Add the sums of the lanes for the first, second and last node of a row, and store them; `at` is the number of the sum in
  * all rows. */
 GR_INLINE void store_lanes(const int k, struct pass *pass, int part, int at, vd first, vd second, vd last)
@@ -161,9 +173,8 @@ GR_INLINE void store_lanes(const int k, struct pass *pass, int part, int at, vd 
     gr_real *const next[2] = {pass->next[0] + place, pass->next[1] + place};
     vd sum = first;
     if (pass->joins) {
-        const vd zero = v_zero();
-        sum = sum + v_keep(pass->follows[part][0], v_after_1(second, part ? v_load(next[0] - GR_W) : zero));
-        if (k == 3) sum = sum + v_keep(pass->follows[part][1], v_after_2(last, part ? v_load(next[1] - GR_W) : zero));
+        sum = sum + v_keep(pass->follows[part][0], v_of_lane_before(1, second, next[0], part));
+        if (k == 3) sum = sum + v_keep(pass->follows[part][1], v_of_lane_before(2, last, next[1], part));
     }
     put(pass->lanes + pass->rows->main + place, pass->stream, sum);
     put(next[0], pass->stream && !pass->joins, second);

@@ -16,6 +16,7 @@ mkdir -p "$BUILD"
 
 warnings="-Wall -Wextra -Wconversion -Wshadow -Werror"
 flags="-std=gnu11 -g1 -O1 -ffp-contract=off -fno-math-errno -fno-trapping-math -Icsrc -pthread"
+flags+=" -DGR_WITHOUT_ONE_LANE" # which is the same source
 sanitize=${SANITIZE:-address,undefined,float-cast-overflow}
 if [ "$sanitize" != 0 ]; then
     flags+=" -fsanitize=$sanitize -fno-sanitize-recover=all -fno-omit-frame-pointer"

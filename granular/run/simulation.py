@@ -56,8 +56,9 @@ class Simulation(Present):
         Threads of the core; by default all processors that the process may use, and one for scenes
         of at most 4000 points. The results do not depend on it, to the last bit.
     isa : str, optional
-        Instruction set of the kernels, "baseline", "avx2" or "avx512"; by default the environment
-        variable GRANULAR_ISA, else the best that the machine has.
+        Instruction set of the kernels, "baseline", "avx2" or "avx512", or "one_lane", which has the
+        bits of the latter two and is slow; by default the environment variable GRANULAR_ISA, else
+        the best that the machine has.
     force : bool
         If True, try also a scene that needs more memory than there is, by the estimate of
         `granular.economy.cost`.

@@ -89,8 +89,12 @@ def test_many_more_threads_than_cores(threads, steps):
     assert bits(stepped(scene, steps, threads=threads)) == expected
 
 
-@pytest.mark.skipif("avx512" not in available(), reason="needs a processor with AVX-512")
-def test_avx2_and_avx512_give_the_same_bits(small_scene, combination, dim):
+FUSING = [isa for isa in available() if isa != "baseline"]
+"""Instruction sets with a fused multiply-add; one lane is the form of the kernels for a device."""
+
+
+@pytest.mark.skipif(len(FUSING) < 2, reason="needs a processor with AVX2")
+def test_sets_with_a_fused_multiply_add_give_the_same_bits(small_scene, combination, dim):
     """No sum depends on the number of lanes, and no root on the estimates of a processor."""
     local = small_scene("walls", dim, combination, E=1e5)
     grains = local.material
@@ -100,12 +104,34 @@ def test_avx2_and_avx512_give_the_same_bits(small_scene, combination, dim):
         if combination[0] == "ugimp" and material is nonlocal_law:
             continue  # which has no uGIMP
         sims = [
-            gr.Simulation(local.replace(material=material), threads=1, isa=isa)
-            for isa in ("avx2", "avx512")
+            gr.Simulation(local.replace(material=material), threads=1, isa=isa) for isa in FUSING
         ]
         for sim in sims:
             sim.step(70)
-        assert bits(sims[0]) == bits(sims[1])
+        assert all(bits(sim) == bits(sims[0]) for sim in sims[1:])
+
+
+@pytest.mark.skipif(len(FUSING) < 2, reason="needs a processor with AVX2")
+@pytest.mark.parametrize("name", ["cylinder_collapse", "excavation", "conveyor_heap", "silo"])
+def test_a_record_goes_on_with_one_lane_and_back(name, tmp_path):
+    """Rings, thin bodies with a nonlocal law, an inflow, and cells that rest."""
+    scene = gr.scenes.registry[name](
+        **{
+            "cylinder_collapse": {"cell": 0.05, "axisymmetric": True},
+            "excavation": {"cell": 0.025},
+            "conveyor_heap": {"cell": 0.02, "duration": 0.5},
+            "silo": {"cell": 0.05, "scheme": gr.Scheme(sleep_speed=0.02)},
+        }[name]
+    )
+    alone = gr.Simulation(scene, threads=1)
+    alone.step(120)
+    sim = gr.Simulation(scene, threads=1)
+    for isa in ("one_lane", FUSING[-1], FUSING[-2]):
+        sim.step(40)
+        sim.run(until=sim.time, save=tmp_path / f"{isa}.h5")
+        if isa != FUSING[-2]:
+            sim = gr.Simulation.resume(tmp_path / f"{isa}.h5", isa=isa)
+    assert bits(sim) == bits(alone)
 
 
 @pytest.mark.parametrize(

@@ -64,7 +64,7 @@ def full_update(
     Returns new stresses, plastic shear rates and fluidities.
     """
     core = MATERIALS[law].law
-    lanes = {"baseline": 2, "avx2": 4, "avx512": 8}[isa or _core.build_info()["isa"]]
+    lanes = _core.build_info(isa)["lanes"]
     n = len(stress)
     padded = -(-n // lanes) * lanes
     gradient = np.zeros((padded, dim * dim))

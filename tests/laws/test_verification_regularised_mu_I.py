@@ -52,7 +52,7 @@ def sheared(m, tau, p, gradient, times, steps):
     set to pure shear before each step, so that the reference is one equation.
     """
     names = [name for name, *_ in _core.laws()[m.law][1]]
-    lanes = {"baseline": 2, "avx2": 4, "avx512": 8}[_core.build_info()["isa"]]
+    lanes = _core.build_info()["lanes"]
     dt, found = times[-1] / steps, [tau]
     step = np.zeros((1, 4, lanes))
     step[0, 1:3] = gradient * dt / 2  # without rotation
@@ -112,7 +112,7 @@ def test_no_stress_or_pressure_is_too_large_or_small(isa):
     p, tau = p.ravel()[:n], (p * ratio).ravel()[:n]
     stress, rate = np.zeros((4, n)), np.zeros(n)
     stress[:3], stress[3] = -p, tau
-    lanes = {"baseline": 2, "avx2": 4, "avx512": 8}[isa or _core.build_info()["isa"]]
+    lanes = _core.build_info(isa)["lanes"]
     for dt in (1e-9, 1e-5, 1.0):
         found = stress.copy()
         _core.law_update(

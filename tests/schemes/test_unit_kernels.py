@@ -180,7 +180,7 @@ def test_the_configuration_shown_is_that_of_a_simulation(monkeypatch, isa):
     sim = gr.Simulation(gr.scenes.incline(cell=0.05), threads=1)
     config = gr.show_config()
     assert config["isa"] == sim.isa == (isa or AVAILABLE[-1])
-    assert config["lanes"] == {"baseline": 2, "avx2": 4, "avx512": 8}[sim.isa]
+    assert config["lanes"] == {"one_lane": 1, "baseline": 2, "avx2": 4, "avx512": 8}[sim.isa]
 
 
 def test_an_instruction_set_that_is_not_there_is_refused(monkeypatch):

@@ -13,7 +13,7 @@ LINKED, OPEN, ROUGH = 0, 1, 2
 def available():
     """Instruction sets that this machine supports."""
     found = []
-    for name in ("baseline", "avx2", "avx512"):
+    for name in ("one_lane", "baseline", "avx2", "avx512"):
         try:
             _core.build_info(name)
         except ValueError:
