@@ -124,6 +124,7 @@ static void finish(struct gr_run *run)
     e->clock.time = e->clock.time_anchor + (double)(e->clock.step - e->clock.step_anchor) * e->clock.dt;
     if (e->inflow && !e->failure.code) e->failure.code = gr_inflow_enter(e);
     if (e->bodies.n_thin && gr_follow_bodies(e)) e->disconnected = 1; /* until the mesh is made for the new poses */
+    if (e->ranks && gr_ranks_bodies_moved(e)) e->disconnected = 1;
     if (e->bodies.contacts && gr_list_near_bodies(e)) e->failure.code = GR_ERR_MEMORY;
     if (e->bodies.open && (e->config.cell_averaged || gr_averages(e, e->clock.step)) && gr_open_volumes(e, 1))
         e->failure.code = GR_ERR_MEMORY;

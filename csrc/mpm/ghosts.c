@@ -125,7 +125,7 @@ static int append_sum(struct gr_shared_sums *sums, struct gr_shared_sum sum)
 /* The local nodes of a cell whose sums a rank needs: in each step, and in one that averages the density. */
 static void find_nodes(const struct gr_engine *e, const int32_t at[3], int rank, uint32_t nodes[2])
 {
-    const int motion = e->config.n_bodies ? GR_REACH_OF_BODIES : 0;
+    const int motion = e->config.n_bodies && gr_ranks_near_body(e, at, 0) ? GR_REACH_OF_BODIES : 0;
     const int averages = e->config.smoothed && !motion ? GR_REACH_OF_AVERAGES : motion;
     nodes[0] = nodes_for(e, at, rank, motion);
     nodes[1] = averages > motion ? nodes_for(e, at, rank, averages) : nodes[0];
@@ -160,7 +160,7 @@ static int list_cells(struct gr_engine *e)
     for (int p = 0; p < ranks->n_peers; p++) ranks->peer[p].n_own = ranks->peer[p].n_ghost = 0;
     for (int64_t c = 0; c < e->mesh.n_cells && !error; c++) {
         if (ranks->sharing[c] == GR_ALONE) continue;
-        const int near = gr_ranks_near(e, e->mesh.cell[c].at, ranks->reach, rank);
+        const int near = gr_ranks_having(e, e->mesh.cell[c].at, rank);
         const int is_here = rank[0] == me;
         for (int k = is_here; k < (is_here ? near : 1) && !error; k++) {
             struct gr_peer *peer = peer_of(ranks, rank[k]);

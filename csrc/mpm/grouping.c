@@ -509,6 +509,7 @@ int gr_regroup(struct gr_engine *e, struct gr_team *team)
     struct regroup r = {.e = e, .team = team, .chunks = e->points.n > FEW_POINTS ? gr_chunks(team, GR_MAX_CHUNKS) : 1};
     int error = reserve_points(&r);
     if (!error) error = list_points(&r);
+    if (e->ranks) gr_ranks_note_bodies(e);
     if (e->ranks) error = gr_ranks_agree(e, error, NULL, 0);
     if (!error) error = list_cells(&r);
     if (!error && r.total + r.total / (2 * GROWTH) > e->points.capacity) {

@@ -1,12 +1,14 @@
-/* Ranks: who has which cells, and agreement between them (ranks.h). */
+/* Ranks: who has which cells (ranks.h). */
 #include "mpm/ranks.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "core/index.h"
 #include "core/memory.h"
+#include "mpm/pose.h"
+#include "mpm/thin_bodies.h"
 
 /* ---- Who has a cell ---- */
 
@@ -179,12 +181,55 @@ int gr_is_mixed(const struct gr_engine *e, const int32_t at[3])
     return !is_of_one_rank(e, at, at[0] - (k - 1), at[0] + k - 1);
 }
 
+/* ---- Bodies ---- */
+
+#define FOLLOW 0.5 /* cells by which bodies may move before the points are grouped again */
+
+int gr_ranks_near_body(const struct gr_engine *e, const int32_t at[3], int row)
+{
+    const int k = gr_basis_nodes_1d(e->config.basis);
+    /* The cells of the nodes about a point of a surface are no more than k - 1 from its cell along each axis. */
+    const double near = (k - 0.5) * sqrt(e->config.dim) + FOLLOW + (row ? k - 1 : 0);
+    double x[3], arm[3], normal[3];
+    gr_cell_position(e, at, x);
+    for (int b = 0; b < e->config.n_bodies; b++) {
+        struct gr_pose pose;
+        gr_pose_at(e, b, e->ranks->pose[b].x, e->ranks->pose[b].orientation, &pose);
+        if (fabs(gr_pose_distance(e, &pose, x, arm, normal)) < near * e->config.dx) return 1;
+    }
+    return 0;
+}
+
+void gr_ranks_note_bodies(struct gr_engine *e)
+{
+    for (int b = 0; b < e->config.n_bodies; b++) {
+        struct gr_split_pose *pose = &e->ranks->pose[b];
+        memcpy(pose->x, e->bodies.now[b].x, sizeof pose->x);
+        memcpy(pose->orientation, e->bodies.now[b].orientation, sizeof pose->orientation);
+    }
+}
+
+int gr_ranks_bodies_moved(const struct gr_engine *e)
+{
+    for (int b = 0; b < e->config.n_bodies; b++)
+        if (gr_body_moved(e, b, &e->ranks->pose[b]) > FOLLOW * e->config.dx) return 1;
+    return 0;
+}
+
+int gr_ranks_having(const struct gr_engine *e, const int32_t at[3], int rank[GR_MOST_NEAR])
+{
+    const struct gr_ranks *ranks = e->ranks;
+    const int n = gr_ranks_near(e, at, ranks->farther, rank);
+    if (n == 1 || ranks->farther == ranks->reach || gr_ranks_near_body(e, at, 1)) return n;
+    return gr_ranks_near(e, at, ranks->reach, rank);
+}
+
 enum gr_sharing gr_sharing_of(const struct gr_engine *e, int64_t id)
 {
     int32_t at[3];
     int rank[GR_MOST_NEAR], here = 0;
     gr_indices_of_cell(e, id, at);
-    const int n = gr_ranks_near(e, at, e->ranks->reach, rank), me = e->ranks->transport.rank;
+    const int n = gr_ranks_having(e, at, rank), me = e->ranks->transport.rank;
     for (int k = 0; k < n; k++) here |= rank[k] == me;
     if (!here) return GR_NOT_HERE;
     return rank[0] != me ? GR_GHOST : n > 1 ? GR_SHARED_OWN : GR_ALONE;
@@ -256,26 +301,28 @@ static int is_valid(const struct gr_engine *e, const struct gr_transport *transp
 
 int gr_ranks_new(struct gr_engine *e, const struct gr_transport *transport, int edge, const int32_t *owner)
 {
-    const int averages = e->config.smoothed || e->config.cell_averaged;
-    const int beyond = e->config.n_bodies ? GR_REACH_OF_BODIES : averages ? GR_REACH_OF_AVERAGES : 0;
-    const int of_nodes = gr_basis_nodes_1d(e->config.basis) - 1 + beyond;
+    const int averages = e->config.smoothed || e->config.cell_averaged, nodes = gr_basis_nodes_1d(e->config.basis) - 1;
+    const int of_nodes = nodes + (averages ? GR_REACH_OF_AVERAGES : 0);
     const int reach = e->nonlocal.fluidity && of_nodes < GR_REACH_OF_LINKS ? GR_REACH_OF_LINKS : of_nodes;
+    const int at_bodies = e->config.n_bodies ? nodes + GR_REACH_OF_BODIES : 0;
+    const int farther = at_bodies > reach ? at_bodies : reach;
     int64_t blocks = 1;
-    if (!is_valid(e, transport, edge, reach)) return GR_ERR_CONFIG;
+    if (!is_valid(e, transport, edge, farther)) return GR_ERR_CONFIG;
     for (int d = 0; d < 3; d++) blocks *= gr_ranks_blocks(e, d, edge);
     for (int64_t b = 0; b < blocks; b++)
         if (owner[b] < 0 || owner[b] >= transport->size) return GR_ERR_CONFIG;
     struct gr_ranks *ranks = e->ranks = calloc(1, sizeof *ranks);
     if (!ranks) return GR_ERR_MEMORY;
     ranks->transport = *transport;
-    ranks->reach = reach;
+    ranks->reach = reach, ranks->farther = farther;
     ranks->edge = edge;
     for (int d = 0; d < 3; d++) ranks->n_blocks[d] = gr_ranks_blocks(e, d, edge);
     for (int d = 0; d < 3; d++) ranks->n_cells[d] = d < e->config.dim ? e->axis[d].n_cells : 1;
     ranks->owner = malloc(sizeof *ranks->owner * (size_t)blocks);
-    if (!ranks->owner) return GR_ERR_MEMORY;
+    ranks->pose = calloc((size_t)e->config.n_bodies + 1, sizeof *ranks->pose);
+    if (!ranks->owner || !ranks->pose) return GR_ERR_MEMORY;
     memcpy(ranks->owner, owner, sizeof *ranks->owner * (size_t)blocks);
-    return number_cells(e) ? GR_ERR_MEMORY : find_peers(e, reach + 1);
+    return number_cells(e) ? GR_ERR_MEMORY : find_peers(e, farther + 1);
 }
 
 void gr_ranks_free(struct gr_ranks *ranks)
@@ -292,112 +339,10 @@ void gr_ranks_free(struct gr_ranks *ranks)
     for (int d = 0; d < 3; d++) free(ranks->cell_of_number[d]);
     void *const owned[] = {ranks->owner,  ranks->peer,    ranks->message, ranks->number,  ranks->arrival,
                            ranks->record, ranks->staged,  ranks->id,      ranks->order,   ranks->staged_id,
-                           ranks->part,   ranks->sharing, ranks->taken,   ranks->entered, ranks->fluidity.foreign};
+                           ranks->part,   ranks->sharing, ranks->taken,   ranks->entered, ranks->fluidity.foreign,
+                           ranks->pose};
     for (size_t k = 0; k < sizeof owned / sizeof *owned; k++) free(owned[k]);
     free(ranks);
-}
-
-/* ---- Agreement ---- */
-
-int gr_ranks_agree(struct gr_engine *e, int error, int64_t *flags, int n)
-{
-    enum { MOST_FLAGS = 4 };
-    struct gr_ranks *ranks = e->ranks;
-    int64_t all[2 + MOST_FLAGS] = {error && error != GR_ERR_CAPACITY, error == GR_ERR_CAPACITY};
-    if (ranks->transport.size == 1) return error;
-    for (int k = 0; k < n; k++) all[2 + k] = flags[k];
-    if (ranks->failed || ranks->transport.sum(ranks->transport.context, all, 2 + n)) {
-        ranks->failed = 1;
-        return error && error != GR_ERR_CAPACITY ? error : GR_ERR_TRANSPORT;
-    }
-    for (int k = 0; k < n; k++) flags[k] = all[2 + k];
-    if (error && error != GR_ERR_CAPACITY) return error;
-    return all[0] ? GR_ERR_ELSEWHERE : all[1] ? GR_ERR_CAPACITY : GR_OK;
-}
-
-int gr_ranks_add_up(struct gr_ranks *ranks, int64_t *number, int64_t n)
-{
-    if (!ranks->failed) ranks->failed = ranks->transport.sum(ranks->transport.context, number, n) != 0;
-    return ranks->failed ? GR_ERR_TRANSPORT : GR_OK;
-}
-
-static int reserve_numbers(struct gr_ranks *ranks, int sums)
-{
-    if (sums <= ranks->number_capacity) return GR_OK;
-    GR_RESIZE(ranks->number, sums * GR_EXACT_NUMBERS);
-    ranks->number_capacity = sums;
-    return GR_OK;
-}
-
-int gr_ranks_combine(struct gr_engine *e, int error, struct gr_exact *sum, int n, double *largest, int m)
-{
-    struct gr_ranks *ranks = e->ranks;
-    const size_t bytes = sizeof *sum * (size_t)n;
-    error = gr_ranks_agree(e, error || reserve_numbers(ranks, n) == GR_OK ? error : GR_ERR_MEMORY, NULL, 0);
-    if (error || ranks->transport.size == 1) return error;
-    for (int k = 0; k < n; k++) gr_exact_carry(&sum[k]);
-    memcpy(ranks->number, sum, bytes);
-    ranks->failed = ranks->transport.sum(ranks->transport.context, ranks->number, (int64_t)n * GR_EXACT_NUMBERS) != 0;
-    if (m && !ranks->failed) ranks->failed = ranks->transport.largest(ranks->transport.context, largest, m) != 0;
-    memcpy(sum, ranks->number, bytes);
-    return ranks->failed ? GR_ERR_TRANSPORT : GR_OK;
-}
-
-void gr_ranks_find_largest(const struct gr_engine *e, double *number)
-{
-    struct gr_ranks *ranks = e->ranks;
-    if (ranks->transport.size == 1 || ranks->failed) return;
-    ranks->failed = ranks->transport.largest(ranks->transport.context, number, 1) != 0;
-}
-
-/* ---- Messages ---- */
-
-double gr_ranks_clock(void)
-{
-    struct timespec now;
-    (void)clock_gettime(CLOCK_MONOTONIC, &now);
-    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
-}
-
-int gr_ranks_reserve(struct gr_ranks *ranks, int k, int64_t out_bytes, int64_t in_bytes)
-{
-    struct gr_peer *peer = &ranks->peer[k];
-    if (out_bytes > peer->out_capacity) {
-        GR_RESIZE(peer->out, out_bytes + out_bytes / 4);
-        peer->out_capacity = out_bytes + out_bytes / 4;
-    }
-    if (in_bytes > peer->in_capacity) {
-        GR_RESIZE(peer->in, in_bytes + in_bytes / 4);
-        peer->in_capacity = in_bytes + in_bytes / 4;
-    }
-    ranks->message[k] = (struct gr_message){peer->rank, out_bytes, in_bytes, peer->out, peer->in};
-    return GR_OK;
-}
-
-int gr_ranks_send(struct gr_ranks *ranks, const struct gr_message *message, int n)
-{
-    const double begin = gr_ranks_clock();
-    if (!n) return GR_OK;
-    if (!ranks->failed) ranks->failed = ranks->transport.exchange(ranks->transport.context, message, n);
-    ranks->seconds_waiting += gr_ranks_clock() - begin;
-    for (int k = 0; k < n; k++) ranks->sent_bytes += message[k].out_bytes;
-    return ranks->failed ? GR_ERR_TRANSPORT : GR_OK;
-}
-
-int gr_ranks_exchange(struct gr_engine *e) { return gr_ranks_send(e->ranks, e->ranks->message, e->ranks->n_peers); }
-
-int gr_ranks_exchange_counts(struct gr_engine *e)
-{
-    struct gr_ranks *ranks = e->ranks;
-    for (int k = 0; k < ranks->n_peers; k++) {
-        struct gr_peer *peer = &ranks->peer[k];
-        const int64_t size = sizeof peer->n_leaving;
-        ranks->message[k] = (struct gr_message){peer->rank, size, size, &peer->n_leaving, &peer->n_arriving};
-    }
-    int error = gr_ranks_exchange(e);
-    for (int k = 0; k < ranks->n_peers && !error; k++) /* a count beyond all sense: messages are confused */
-        if (ranks->peer[k].n_arriving < 0 || ranks->peer[k].n_arriving > INT32_MAX) error = GR_ERR_TRANSPORT;
-    return error;
 }
 
 /* ---- The cells of others ---- */
@@ -411,7 +356,7 @@ static int pack_occupied(struct gr_engine *e, const int64_t *own, int64_t n)
     for (int p = 0; p < ranks->n_peers; p++) ranks->peer[p].n_leaving = 0;
     for (int64_t c = 0; c < n; c++) {
         gr_indices_of_cell(e, own[c], at);
-        const int near = gr_ranks_near(e, at, ranks->reach + 1, rank);
+        const int near = gr_ranks_near(e, at, ranks->farther + 1, rank);
         for (int k = 1; k < near; k++)
             for (int p = 0; p < ranks->n_peers; p++) {
                 struct gr_peer *peer = &ranks->peer[p];

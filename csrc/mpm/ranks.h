@@ -57,7 +57,8 @@ enum { GR_RUN_OF_CELLS = GR_CHUNK_PAGES * GR_PAGE };
 
 struct gr_ranks {
     struct gr_transport transport;
-    int reach;                  /* distance of a cell, in cells, within which others reach the nodes that it needs */
+    int reach, farther; /* distance of a cell, in cells, within which others reach the nodes that it needs; near bodies */
+    struct gr_split_pose *pose; /* of the bodies when the points were grouped; NULL without bodies */
     int edge;                   /* cells of a block along each axis; 0: blocks are runs of cells */
     int64_t n_blocks[3];        /* blocks along each axis */
     int64_t n_cells[3];         /* cells along each axis */
@@ -156,6 +157,16 @@ int gr_ranks_has_node(const struct gr_engine *e, int64_t n);
 /* True if this rank adds up the impulses on the nodes with these numbers (gr_node_numbers), of all of which it has the full
  * sums: beyond an end of the domain several have one number. */
 int gr_ranks_has_number(const struct gr_engine *e, const int32_t at[3]);
+
+/* True if contact points may act on nodes of a cell, or of another one in its row if `row`, before the points are grouped again. */
+int gr_ranks_near_body(const struct gr_engine *e, const int32_t at[3], int row);
+
+/* Note where the bodies are; and whether one has moved so far since then that the points must be grouped again. */
+void gr_ranks_note_bodies(struct gr_engine *e);
+int gr_ranks_bodies_moved(const struct gr_engine *e);
+
+/* The ranks that have a cell in their meshes: its owner, first, and those for which it is near enough. Returned: their number. */
+int gr_ranks_having(const struct gr_engine *e, const int32_t at[3], int rank[GR_MOST_NEAR]);
 
 /* The ranks that own a cell, or one within a distance of it, each once; the owner of the cell first.
  * Returned: their number. */
