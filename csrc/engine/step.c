@@ -25,11 +25,17 @@
 
 enum { DT_INTERVAL = GR_SLEEP_INTERVAL }; /* steps between two updates of the largest speed */
 
-/* Let material that has been slow fall asleep, and sum over the rest. */
+/* Let material that has been slow fall asleep, and sum over the rest. Returned: 0 or an error of ranks. */
 static int look_for_calm(struct gr_run *run)
 {
     struct gr_engine *e = run->e;
-    const int error = gr_sleep_look(e, run->team);
+    int64_t calm = gr_sleep_count(e, run->team);
+    int error = e->ranks ? gr_ranks_agree(e, GR_OK, &calm, 1) : GR_OK;
+    if (error || !calm) return error;
+    e->sums.n_dirty = 0;
+    if (e->ranks) error = gr_ghosts_exchange_calm(e);
+    gr_sleep_fall(e, run->team);
+    if (e->ranks && !error) error = gr_ghosts_exchange_calm(e);
     gr_stage_p2g_again(run);
     return error;
 }

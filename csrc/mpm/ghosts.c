@@ -392,16 +392,6 @@ int gr_ghosts_exchange_calm(struct gr_engine *e)
     return error;
 }
 
-void gr_ghosts_note_restless(struct gr_engine *e)
-{
-    for (int p = 0; p < e->ranks->n_peers; p++)
-        for (int64_t k = 0; k < e->ranks->peer[p].n_ghost; k++) {
-            const struct gr_shared_cell *ghost = &e->ranks->peer[p].ghost[k];
-            if (!ghost->occupied || e->mesh.cell[ghost->lane].calm >= GR_CALM_CHECKS) continue;
-            for (int i = 0; i < e->K; i++) e->sleep->restless[gr_cell_node(e, ghost->lane, i)] = 1;
-        }
-}
-
 /* ---- Fluidity ---- */
 
 /* See struct gr_fluidity_ranks: the values of cells, and whether they are dense. */

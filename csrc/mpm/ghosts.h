@@ -20,6 +20,3 @@ int gr_ghosts_exchange(struct gr_engine *e, unsigned parts, struct gr_team *team
 
 /* Give the ghost cells the calm of their owners (mpm/sleep.h). Returned: 0 or an error. */
 int gr_ghosts_exchange_calm(struct gr_engine *e);
-
-/* Note the nodes of ghost cells with points that are not calm. */
-void gr_ghosts_note_restless(struct gr_engine *e);

@@ -6,9 +6,9 @@
 #include <string.h>
 
 #include "core/memory.h"
-#include "mpm/ghosts.h"
 #include "mpm/numbers.h"
 #include "mpm/pose.h"
+#include "mpm/ranks.h"
 
 int gr_sleep_new(struct gr_engine *e)
 {
@@ -158,28 +158,42 @@ static void wake_near_bodies(struct gr_engine *e)
     }
 }
 
-int gr_sleep_look(struct gr_engine *e, struct gr_team *team)
+int64_t gr_sleep_count(struct gr_engine *e, struct gr_team *team)
 {
     struct look look = {.e = e, .chunks = gr_chunks(team, e->mesh.n_cells)};
-    int64_t calm = 0, fell = 0;
-    e->sums.n_dirty = 0;
+    int64_t calm = 0;
     gr_team_run(team, count_checks, &look, look.chunks);
     if (e->bodies.contacts) wake_near_bodies(e);
     for (int64_t c = 0; c < look.chunks; c++) calm += look.calm[c];
-    int error = e->ranks ? gr_ranks_agree(e, GR_OK, &calm, 1) : GR_OK;
-    if (error || !calm) return error;
+    return calm;
+}
+
+/* Note the nodes of ghost cells with points that are not calm. */
+static void note_restless_ghosts(struct gr_engine *e)
+{
+    for (int p = 0; e->ranks && p < e->ranks->n_peers; p++)
+        for (int64_t k = 0; k < e->ranks->peer[p].n_ghost; k++) {
+            const struct gr_shared_cell *ghost = &e->ranks->peer[p].ghost[k];
+            if (!ghost->occupied || e->mesh.cell[ghost->lane].calm >= GR_CALM_CHECKS) continue;
+            for (int i = 0; i < e->K; i++) e->sleep->restless[gr_cell_node(e, ghost->lane, i)] = 1;
+        }
+}
+
+void gr_sleep_fall(struct gr_engine *e, struct gr_team *team)
+{
+    struct look look = {.e = e, .chunks = gr_chunks(team, e->mesh.n_cells)};
+    int64_t fell = 0;
     memset(e->sleep->restless, 0, (size_t)e->mesh.n_nodes);
     gr_team_run(team, note_restless, &look, look.chunks);
-    if (e->ranks) error = gr_ghosts_exchange_calm(e);
-    if (e->ranks) gr_ghosts_note_restless(e);
+    note_restless_ghosts(e);
     memset(e->mesh.tile_changed, 0, (size_t)e->mesh.n_tiles);
     gr_team_run(team, fall_asleep, &look, look.chunks);
     for (int64_t c = 0; c < look.chunks; c++) fell += look.fell[c];
-    if (fell) e->sleep->changed = e->sleep->all_nodes = 1;
+    if (!fell) return;
     e->sleep->asleep += fell;
-    for (int64_t tile = 0; fell && tile < e->mesh.n_tiles; tile++)
+    e->sleep->changed = e->sleep->all_nodes = 1;
+    for (int64_t tile = 0; tile < e->mesh.n_tiles; tile++)
         if (e->mesh.tile_changed[tile]) e->sums.dirty[e->sums.n_dirty++] = tile;
-    return error || !e->ranks ? error : gr_ghosts_exchange_calm(e);
 }
 
 /* Note the nodes of cells that are awake. */

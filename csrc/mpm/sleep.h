@@ -38,9 +38,11 @@ void gr_sleep_free(struct gr_sleep *sleep);
 /* Prepare for a new mesh, or for another call of steps: the values of all nodes are computed once more. */
 int gr_sleep_begin(struct gr_engine *e);
 
-/* Look whether the points are slow, and let cells fall asleep. Their tiles are listed in `dirty`: their sums are to be made
- * again, with the sums of the density. Returned: 0 or an error of ranks. */
-int gr_sleep_look(struct gr_engine *e, struct gr_team *team);
+/* Look whether the points are slow. Returned: the number of cells that may fall asleep. */
+int64_t gr_sleep_count(struct gr_engine *e, struct gr_team *team);
+
+/* Let cells fall asleep. Their tiles are added to `dirty`: their sums are to be made again, with the sums of the density. */
+void gr_sleep_fall(struct gr_engine *e, struct gr_team *team);
 
 /* Find the uses of the nodes if they have changed. */
 void gr_sleep_find_uses(struct gr_engine *e, struct gr_team *team);

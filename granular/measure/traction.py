@@ -260,7 +260,10 @@ class _Patches:
 
 
 def _history(record: Trajectory, scene: Scene, body: int | None, wall: int | None) -> _Patches:
-    """The patches of one wall or body at all frames; those of earlier frames come first."""
+    """The patches of one wall or body at all frames, in the order of the frame with most of them.
+
+    A frame has all those of earlier frames.
+    """
     number = wall if body is None else body - len(scene.bodies)
     frames = [_of_solid(frame, number) for frame in record.patches()]
     last = max(frames, key=lambda frame: len(frame["normal"]) if frame else 0)
@@ -268,11 +271,14 @@ def _history(record: Trajectory, scene: Scene, body: int | None, wall: int | Non
         last = {"x": np.empty((0, scene.dim)), "normal": np.empty(0)}
         last |= {name: np.empty((0, scene.dim)) for name in ("impulse", "tangential")}
 
+    place = {x.tobytes(): k for k, x in enumerate(last["x"])}
+    rows = [[place[x.tobytes()] for x in frame["x"]] if frame else [] for frame in frames]
+
     def padded_to_last(name: str) -> Array:
         whole = np.zeros((len(frames), *last[name].shape))
-        for row, frame in zip(whole, frames, strict=True):
+        for numbers, row, frame in zip(whole, rows, frames, strict=True):
             if frame:
-                row[: len(frame[name])] = frame[name]
+                numbers[row] = frame[name]
         return whole
 
     names = ("impulse", "tangential", "normal")

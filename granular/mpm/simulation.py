@@ -418,15 +418,15 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         engine = self._engine
         if (patches := stored_patches(arrays)) is not None:
             engine.restore_patches(*patches)
-        for name, restore in (
-            ("walls", engine.restore_walls),
-            ("bodies", engine.restore_bodies),  # points near thin bodies are grouped by side
-            ("split", engine.restore_split),
-        ):
-            if name in arrays:
-                restore(arrays[name])
+        if "walls" in arrays:
+            engine.restore_walls(arrays["walls"])
+        if self.scene.bodies:  # before the points: those near thin bodies are grouped by side
+            if "bodies" in arrays:
+                engine.restore_bodies(arrays["bodies"])
+            if "split" in arrays:
+                engine.restore_split(arrays["split"])
         self._bind(n_points)
-        if "inflow" in arrays:
+        if self.scene.inflows and "inflow" in arrays:
             engine.restore_inflow(arrays["inflow"])
         if "calm" in arrays:
             engine.restore_calm(arrays["calm"])
