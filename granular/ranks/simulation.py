@@ -18,8 +18,9 @@ from granular.mpm import engine as core
 from granular.mpm import memory
 from granular.mpm.body_overlaps import check_overlaps
 from granular.mpm.patches import in_order
+from granular.mpm.point_field import PointField
 from granular.mpm.scene import Scene
-from granular.mpm.simulation import PointField, Simulation
+from granular.mpm.simulation import Simulation
 from granular.ranks.communicator import (
     Communicator,
     LostRankError,

@@ -1,0 +1,46 @@
+"""Fields of the points as the core has them, in the order of the points."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from granular.tools.arrays import IntArray
+from granular.tools.buffers import stored_type
+
+
+class PointField:
+    """A field of the points in the order of their ids; see `granular.record.fresh.Columns`."""
+
+    def __init__(self, rows: NDArray, slots: IntArray) -> None:
+        self._rows, self._slots = np.atleast_2d(rows), slots
+        self.dtype = stored_type(rows.dtype)
+        wide = (len(rows),) if rows.ndim == 2 and len(rows) > 1 else ()
+        self.shape = (len(slots), *wide)
+        self.wrap: dict[
+            int, tuple[float, float]
+        ] = {}  # columns with lower end and length of a period
+
+    def _take(self, k: int, column: NDArray) -> None:
+        """Put a column, as the core has it, into an array."""
+        if self._rows.dtype == self.dtype:
+            self._rows[k].take(self._slots, out=column, mode="clip")  # "raise" would buffer it
+        else:
+            column[:] = self._rows[k].take(self._slots)
+
+    def column(self, k: int, out: NDArray) -> NDArray:
+        """Put a column into an array of numbers of 8 bytes."""
+        column = out.view(self.dtype)
+        self._take(k, column)
+        if k in self.wrap:
+            lower, length = self.wrap[k]
+            column[column < lower] += length
+        return column
+
+    def whole(self) -> NDArray:
+        """Return the field as an array of its shape, of which each column is contiguous."""
+        n, *wide = self.shape
+        columns = np.empty((*(wide or [1]), n), dtype=self.dtype)
+        for k, out in enumerate(columns):
+            self.column(k, out)
+        return columns[0] if len(self.shape) == 1 else columns.T
