@@ -173,12 +173,17 @@ static int pack(const struct gr_engine *e, struct letter *letter)
     return GR_OK;
 }
 
-/* Look at the cell of the contact point of a rank that is read next. */
-static void look(struct letter *letter)
+/* Bytes of a message that are still to be read. */
+static int64_t bytes_left(const struct letter *letter) { return letter->in + letter->in_bytes - letter->next; }
+
+/* Look at the cell of the contact point of a rank that is read next. Returned: 0, or GR_ERR_TRANSPORT if there is none. */
+static int look(struct letter *letter)
 {
     struct head head;
+    if (bytes_left(letter) < bytes_of(0)) return GR_ERR_TRANSPORT;
     memcpy(&head, letter->next, sizeof head);
     letter->cell = head.cell;
+    return GR_OK;
 }
 
 static int reserve_all(struct gr_engine *e)
@@ -212,30 +217,40 @@ static int reserve_all(struct gr_engine *e)
         letter->node = letter->in;
         letter->next = letter->in + letter->n_nodes * (int64_t)sizeof(struct node);
         letter->read = 0;
-        if (letter->n) look(letter);
+        if (letter->n && look(letter)) return GR_ERR_TRANSPORT;
     }
     return GR_OK;
 }
 
-/* The number in the list of all of node k of a rank; -1 without memory. */
-static int32_t number_of(struct gr_engine *e, struct letter *letter, int32_t k)
+/* True if a message can hold a node of this grid. */
+static int node_is_valid(const struct gr_engine *e, const struct node *node)
+{
+    return node->id >= 0 && node->id < nodes_of_grid(e) && (node->behind == 0 || (node->behind == 1 && e->bodies.n_thin));
+}
+
+/* Find the number in the list of all of node *k of a rank, which takes its place. */
+static int number_node(struct gr_engine *e, struct letter *letter, int32_t *k)
 {
     struct gr_shared_contacts *shared = e->ranks->contacts;
     struct gr_contact_points *all = &shared->all;
     struct node node;
-    if (letter->number[k] >= 0) return letter->number[k];
-    memcpy(&node, letter->node + k * (int64_t)sizeof node, sizeof node);
+    if (*k < 0 || *k >= letter->n_nodes) return GR_ERR_TRANSPORT;
+    int32_t *const known = &letter->number[*k];
+    if ((*k = *known) >= 0) return GR_OK;
+    memcpy(&node, letter->node + (known - letter->number) * (int64_t)sizeof node, sizeof node);
+    if (!node_is_valid(e, &node)) return GR_ERR_TRANSPORT;
     const int64_t place = node.id + node.behind * nodes_of_grid(e);
     int32_t number = gr_table_get(&shared->number_of, place) - 1;
     if (number < 0) {
         number = (int32_t)all->n_nodes;
-        if (gr_table_set(&shared->number_of, place, number + 1)) return -1;
+        if (gr_table_set(&shared->number_of, place, number + 1)) return GR_ERR_MEMORY;
         all->node[number] = node.node;
         all->origin[number] = node.origin;
         all->origin[number].n = place;
         all->n_nodes++;
     }
-    return letter->number[k] = number;
+    *k = *known = number;
+    return GR_OK;
 }
 
 /* Read the next contact point of a rank. */
@@ -246,16 +261,19 @@ static int read_contact(struct gr_engine *e, int r)
     struct gr_contact_point *contact = &shared->all.contact[shared->all.n];
     const char *at = letter->next + sizeof(struct head);
     take(&at, contact, HEAD_BYTES);
+    if (contact->n_nodes < 0 || contact->n_nodes > GR_MAX_NODES || bytes_left(letter) < bytes_of(contact->n_nodes) ||
+        contact->body < 0 || contact->body >= e->config.n_bodies)
+        return GR_ERR_TRANSPORT;
     const size_t n = (size_t)contact->n_nodes;
     take(&at, contact->node, n * sizeof *contact->node);
     take(&at, contact->weight, n * sizeof *contact->weight);
-    for (size_t i = 0; i < n; i++)
-        if ((contact->node[i] = number_of(e, letter, contact->node[i])) < 0) return GR_ERR_MEMORY;
+    int error = GR_OK;
+    for (size_t i = 0; i < n && !error; i++) error = number_node(e, letter, &contact->node[i]);
+    if (error) return error;
     shared->from[shared->all.n++] = r;
     letter->next = at;
     letter->read++;
-    if (letter->read < letter->n) look(letter);
-    return GR_OK;
+    return letter->read < letter->n ? look(letter) : GR_OK;
 }
 
 /* Put the contact points of all ranks into the order of their cells; those of a cell are of one rank, in their order. */
@@ -323,13 +341,18 @@ int gr_gather_contacts(struct gr_engine *e)
     for (int r = 0; r < size && !error && !me; r++) {
         letter[r].n = count[GR_CONTACT_COUNTS * r + GR_CONTACTS];
         letter[r].n_nodes = count[GR_CONTACT_COUNTS * r + GR_CONTACT_NODES];
+        const int64_t bytes = count[GR_CONTACT_COUNTS * r + GR_CONTACT_BYTES];
         if (r) letter[r].out_bytes = 0;
-        error = reserve_in(&letter[r], count[GR_CONTACT_COUNTS * r + GR_CONTACT_BYTES]);
+        if (letter[r].n < 0 || letter[r].n > INT32_MAX || letter[r].n_nodes < 0 || letter[r].n_nodes > INT32_MAX ||
+            bytes < letter[r].n_nodes * (int64_t)sizeof(struct node))
+            error = GR_ERR_TRANSPORT; /* messages are confused */
+        else
+            error = reserve_in(&letter[r], bytes);
     }
     if (me) letter[0].in_bytes = 0;
     error = gr_ranks_agree(e, error, NULL, 0);
     if (error) return error;
-    if (!me) memcpy(letter[0].in, letter[0].out, (size_t)letter[0].out_bytes);
+    if (!me && letter[0].out_bytes) memcpy(letter[0].in, letter[0].out, (size_t)letter[0].out_bytes);
     error = exchange(e);
     return error || me ? error : merge(e);
 }
@@ -380,9 +403,10 @@ static void unpack_results(struct gr_engine *e, const char *at, int64_t n_nodes)
     for (int64_t k = 0; k < n_nodes; k++) {
         struct node node;
         take(&at, &node, sizeof node);
+        if (!node_is_valid(e, &node)) continue;
         int64_t n = (int64_t)gr_table_get(&e->mesh.node_of, node.id) - 1;
         if (n >= 0 && node.behind) n = e->mesh.duplicate[n];
-        if (n < 0) continue;
+        if (n < 0 || of_rank->n_nodes == of_rank->node_capacity) continue;
         node.origin.n = n;
         of_rank->node[of_rank->n_nodes] = node.node;
         of_rank->origin[of_rank->n_nodes++] = node.origin;
@@ -407,9 +431,12 @@ int gr_scatter_contacts(struct gr_engine *e, int error)
     memcpy(e->bodies.next, bodies, words * sizeof *bodies);
     for (int r = 0; r < size && !me; r++) shared->letter[r].in_bytes = 0;
     if (me) shared->letter[0].out_bytes = 0;
-    if (me) error = reserve_in(&shared->letter[0], count[2 * me + 1]);
+    const int64_t nodes = count[2 * me], bytes = count[2 * me + 1];
+    const int64_t results = e->bodies.contacts->n * (int64_t)sizeof(struct result);
+    if (nodes < 0 || nodes > INT32_MAX || bytes != results + nodes * (int64_t)sizeof(struct node)) error = GR_ERR_TRANSPORT;
+    if (me && !error) error = reserve_in(&shared->letter[0], bytes);
     error = gr_ranks_agree(e, error, NULL, 0);
     if (!error) error = exchange(e);
-    if (!error) unpack_results(e, me ? shared->letter[0].in : shared->letter[0].out, count[2 * me]);
+    if (!error) unpack_results(e, me ? shared->letter[0].in : shared->letter[0].out, nodes);
     return error;
 }

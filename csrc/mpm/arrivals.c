@@ -104,7 +104,7 @@ static void unpack_arrivals(struct gr_engine *e, int64_t *homeless)
         ranks->order[2 * k] = traveller.from;
         ranks->order[2 * k + 1] = k;
     }
-    qsort(ranks->order, (size_t)ranks->n_arrivals, 2 * sizeof *ranks->order, compare_pairs);
+    if (ranks->n_arrivals) qsort(ranks->order, (size_t)ranks->n_arrivals, 2 * sizeof *ranks->order, compare_pairs);
     for (int64_t k = 0; k < ranks->n_arrivals; k++) {
         const char *at = arrival_at(e, ranks->order[2 * k + 1]);
         double *record = ranks->record + k * n_components;
@@ -210,6 +210,7 @@ void gr_ranks_stage(struct gr_engine *e, int64_t k, const double *record, int64_
 int gr_ranks_make_pending(struct gr_engine *e, int64_t n)
 {
     const int64_t before = e->migration.n_pending;
+    if (!n) return GR_OK;
     if (gr_reserve_pending(e, before + n)) return GR_ERR_MEMORY;
     memcpy(e->migration.pending + before * e->points.n_components, e->ranks->staged,
            sizeof(double) * (size_t)(n * e->points.n_components));

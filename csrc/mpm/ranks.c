@@ -389,7 +389,7 @@ int gr_ranks_list_occupied(struct gr_engine *e, const int64_t *own, int64_t n, i
     }
     memcpy(list, own, (size_t)(n * size));
     for (int p = 0; p < ranks->n_peers; p++) {
-        memcpy(list + at, ranks->peer[p].in, (size_t)(ranks->peer[p].n_arriving * size));
+        if (ranks->peer[p].n_arriving) memcpy(list + at, ranks->peer[p].in, (size_t)(ranks->peer[p].n_arriving * size));
         at += ranks->peer[p].n_arriving;
     }
     const struct gr_axis *axis = e->axis;

@@ -2,6 +2,7 @@
 
 import time
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import granular as gr
 from granular import shapes
 from granular.mpm import engine as core
 from granular.ranks import simulation as ranked
-from granular.ranks.part import Part
+from granular.ranks.part import Part, Plan, bare
 
 GRAINS = gr.materials.glass_beads.replace(E=1e6)
 
@@ -447,6 +448,37 @@ def test_confused_messages_end_in_an_error(number):
     with pytest.raises(RuntimeError, match="does not answer"):
         engine.regroup()
     assert engine.blocks(2**31 - 1) == (1, 1, 1)
+
+
+class Garbled:
+    """Rank 0 of two, where the other one sends numbers without sense about contact points."""
+
+    rank, size = 0, 2
+
+    def __init__(self, seed):
+        self.rng = np.random.default_rng(seed)
+
+    def exchange(self, messages):
+        for _, _, into in messages:
+            numbers = self.rng.integers(-2, 40, len(into) // 8)
+            into[: 8 * len(numbers)] = numbers.astype(np.int64).tobytes()
+
+    def reduce(self, array, of):
+        if of is np.add and len(array) == 7:  # an error; then contact points, nodes and bytes
+            array[4:] = self.rng.integers(-1, (30, 30, 20000))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_garbled_contact_points_end_in_an_error(seed):
+    scene = blocks()
+    points = core.initial_points(scene)
+    arrays = {name: np.ascontiguousarray(np.atleast_2d(a.T)) for name, a in points.items()}
+    arrays["id"] = np.arange(arrays["x"].shape[1])
+    plan = Plan(scene, 1.0, 1, "", False, False)
+    owners = np.zeros(int(np.prod(bare(plan)._engine.blocks(8))), np.int32)
+    part = Part(Garbled(seed), replace(plan, edge=8, owners=owners), arrays)
+    with pytest.raises(RuntimeError, match="does not answer"):
+        part.advance(500, 1.0)
 
 
 def test_spare_slots_are_finite():
