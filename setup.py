@@ -38,7 +38,7 @@ KERNEL_FLAGS = ["-fno-tree-loop-distribute-patterns"]  # gcc: running sums are r
 AVX2 = ["-mavx2", "-mfma"]
 AVX512 = [*AVX2, "-mavx512f", "-mavx512dq", "-mavx512vl", "-mprefer-vector-width=512"]
 # One lane is the form for a device; on a processor it serves to compare bits, and need not be fast.
-ONE_LANE = ["-DGR_ONE_LANE", "-O1"]
+ONE_LANE = ["-DGR_ONE_LANE", "-O2"]
 KERNELS = {"baseline": []}
 # The platform that is built for: "macosx-11.0-arm64"; one of two processors has the baseline alone.
 X86 = sysconfig.get_platform().rsplit("-", 1)[-1] in ("x86_64", "i686")

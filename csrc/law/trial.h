@@ -52,7 +52,7 @@ GR_INLINE struct gr_stress gr_turned(const int dim, struct gr_gradient gradient,
     const vd half = v_set(0.5), two = v_set(2.0);
     vd L[9];
     gr_load_gradient(dim, gradient, L);
-    for (int c = 0; c < GR_STRESSES(dim); c++) t.s[c] = v_load(call->stress[c] + at);
+    for (int c = 0; c < GR_STRESSES(3); c++) t.s[c] = c < GR_STRESSES(dim) ? v_load(call->stress[c] + at) : v_zero();
     const vd xx = t.s[0], yy = t.s[1], zz = t.s[2], xy = t.s[3];
     if (dim == 2) {
         const vd w = half * (L[1] - L[2]), turned = two * w * xy;
