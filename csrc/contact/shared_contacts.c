@@ -8,11 +8,6 @@
 #include "core/memory.h"
 #include "mpm/ranks.h"
 
-/* What is sent of a contact point to rank 0: a head, its struct up to its nodes, and the numbers and weights of its nodes. */
-struct head {
-    int64_t cell; /* its place in the order of the cells */
-};
-
 /* What is sent of a node, to rank 0 and back. */
 struct node {
     int64_t id;
@@ -45,8 +40,9 @@ struct gr_shared_contacts {
     struct gr_contact_points all; /* on rank 0 */
     struct gr_table number_of;    /* on rank 0: number of a node in them + 1, by its index in both layers of the grid */
     int32_t *from;                /* of each contact point of all: its rank */
-    int64_t from_capacity, n_numbers, *number;
-    struct letter *letter; /* of each rank; other ranks use that of rank 0 */
+    int64_t *number;              /* counts, and the states of bodies as integers, to be added up over all ranks */
+    int size;                     /* number of ranks */
+    struct letter *letter;        /* of each rank; other ranks use that of rank 0 */
     struct gr_message *message;
 };
 
@@ -63,7 +59,7 @@ struct gr_contact_points *gr_all_contacts(const struct gr_engine *e)
 void gr_shared_contacts_free(struct gr_shared_contacts *shared)
 {
     if (!shared) return;
-    for (int64_t k = 0; shared->letter && k < shared->n_numbers; k++) {
+    for (int k = 0; shared->letter && k < shared->size; k++) {
         free(shared->letter[k].out);
         free(shared->letter[k].in);
         free(shared->letter[k].number);
@@ -96,7 +92,7 @@ int gr_shared_contacts_new(struct gr_engine *e)
     shared->letter = calloc((size_t)size, sizeof *shared->letter);
     shared->message = calloc((size_t)size, sizeof *shared->message);
     shared->number = malloc(sizeof *shared->number * (size_t)numbers);
-    shared->n_numbers = size;
+    shared->size = size;
     if (!shared->letter || !shared->message || !shared->number) return GR_ERR_MEMORY;
     return e->ranks->transport.rank ? GR_OK
                                     : gr_table_new(&shared->number_of, (1 + (e->bodies.n_thin > 0)) * nodes_of_grid(e));
@@ -129,9 +125,11 @@ static int reserve_in(struct letter *letter, int64_t bytes)
 
 enum { HEAD_BYTES = offsetof(struct gr_contact_point, node) };
 
+/* What is sent of a contact point: the place of its cell in the order of cells, its struct up to its nodes, and the numbers and
+ * weights of these. */
 static int64_t bytes_of(int n_nodes)
 {
-    return (int64_t)sizeof(struct head) + HEAD_BYTES + n_nodes * (int64_t)(sizeof(int32_t) + sizeof(double));
+    return (int64_t)sizeof(int64_t) + HEAD_BYTES + n_nodes * (int64_t)(sizeof(int32_t) + sizeof(double));
 }
 
 static void put(char **at, const void *data, size_t bytes)
@@ -161,11 +159,11 @@ static int pack(const struct gr_engine *e, struct letter *letter)
     }
     for (int64_t k = 0; k < of_rank->n; k++) {
         const struct gr_contact_point *contact = &of_rank->contact[k];
-        const struct head head = {gr_order_of_cell(e, &e->mesh.cell[contact->lane])};
+        const int64_t cell = gr_order_of_cell(e, &e->mesh.cell[contact->lane]);
         const size_t n = (size_t)contact->n_nodes;
         char *at = append(letter, bytes_of(contact->n_nodes));
         if (!at) return GR_ERR_MEMORY;
-        put(&at, &head, sizeof head);
+        put(&at, &cell, sizeof cell);
         put(&at, contact, HEAD_BYTES);
         put(&at, contact->node, n * sizeof *contact->node);
         put(&at, contact->weight, n * sizeof *contact->weight);
@@ -179,10 +177,8 @@ static int64_t bytes_left(const struct letter *letter) { return letter->in + let
 /* Look at the cell of the contact point of a rank that is read next. Returned: 0, or GR_ERR_TRANSPORT if there is none. */
 static int look(struct letter *letter)
 {
-    struct head head;
     if (bytes_left(letter) < bytes_of(0)) return GR_ERR_TRANSPORT;
-    memcpy(&head, letter->next, sizeof head);
-    letter->cell = head.cell;
+    memcpy(&letter->cell, letter->next, sizeof letter->cell);
     return GR_OK;
 }
 
@@ -259,7 +255,7 @@ static int read_contact(struct gr_engine *e, int r)
     struct gr_shared_contacts *shared = e->ranks->contacts;
     struct letter *letter = &shared->letter[r];
     struct gr_contact_point *contact = &shared->all.contact[shared->all.n];
-    const char *at = letter->next + sizeof(struct head);
+    const char *at = letter->next + sizeof letter->cell;
     take(&at, contact, HEAD_BYTES);
     if (contact->n_nodes < 0 || contact->n_nodes > GR_MAX_NODES || bytes_left(letter) < bytes_of(contact->n_nodes) ||
         contact->body < 0 || contact->body >= e->config.n_bodies)

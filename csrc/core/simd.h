@@ -22,27 +22,12 @@
 
 #define GR_LANES 8 /* cells of a tile; rows of points are this long in all instruction sets */
 
+#ifdef GR_ONE_LANE
+#include "core/simd_one_lane.h"
+#endif
 #ifdef GR_SINGLE
 #include "core/simd_single.h"
 #elif defined(GR_ONE_LANE)
-/* One lane, with the roundings of AVX2 and AVX-512: what a thread of a device computes. */
-#define GR_W 1
-typedef double vd __attribute__((vector_size(8)));
-typedef int64_t vm __attribute__((vector_size(8)));
-static inline vd v_set(double a) { return (vd){a}; }
-static inline vd v_fma(vd a, vd b, vd c) { return (vd){__builtin_fma(a[0], b[0], c[0])}; }
-static inline vd v_fnma(vd a, vd b, vd c) { return (vd){__builtin_fma(-a[0], b[0], c[0])}; }
-static inline vm v_gt(vd a, vd b) { return (vm){-(int64_t)(a[0] > b[0])}; }
-static inline vm v_ge(vd a, vd b) { return (vm){-(int64_t)(a[0] >= b[0])}; }
-static inline vm m_and(vm a, vm b) { return a & b; }
-static inline unsigned m_bits(vm a) { return (unsigned)(a[0] & 1); }
-static inline vm m_of_bits(unsigned bits) { return (vm){-(int64_t)(bits & 1)}; }
-static inline vd v_select(vm m, vd a, vd b) { return (vd){m[0] ? a[0] : b[0]}; }
-static inline vd v_keep(vm m, vd a) { return (vd){m[0] ? a[0] : 0.0}; }
-/* As the x86 instructions do, return the second operand where the comparison fails, so that NaN behaves the same. */
-static inline vd v_min(vd a, vd b) { return v_select(v_gt(b, a), a, b); }
-static inline vd v_max(vd a, vd b) { return v_select(v_gt(a, b), a, b); }
-static inline vd v_sqrt(vd a) { return (vd){__builtin_sqrt(a[0])}; }
 static inline double v_sum(vd a) { return a[0]; }
 #elif defined(__AVX512F__)
 #include <immintrin.h>

@@ -3,24 +3,7 @@
 #pragma once
 
 #if defined(GR_ONE_LANE)
-/* One lane, see simd.h. */
-#define GR_W 1
-typedef float vd __attribute__((vector_size(4)));
-typedef int32_t vm __attribute__((vector_size(4)));
 typedef double vx __attribute__((vector_size(8)));
-static inline vd v_set(double a) { return (vd){(float)a}; }
-static inline vd v_fma(vd a, vd b, vd c) { return (vd){__builtin_fmaf(a[0], b[0], c[0])}; }
-static inline vd v_fnma(vd a, vd b, vd c) { return (vd){__builtin_fmaf(-a[0], b[0], c[0])}; }
-static inline vm v_gt(vd a, vd b) { return (vm){-(int32_t)(a[0] > b[0])}; }
-static inline vm v_ge(vd a, vd b) { return (vm){-(int32_t)(a[0] >= b[0])}; }
-static inline vm m_and(vm a, vm b) { return a & b; }
-static inline unsigned m_bits(vm a) { return (unsigned)(a[0] & 1); }
-static inline vm m_of_bits(unsigned bits) { return (vm){-(int32_t)(bits & 1)}; }
-static inline vd v_select(vm m, vd a, vd b) { return (vd){m[0] ? a[0] : b[0]}; }
-static inline vd v_keep(vm m, vd a) { return (vd){m[0] ? a[0] : 0.0f}; }
-static inline vd v_min(vd a, vd b) { return v_select(v_gt(b, a), a, b); }
-static inline vd v_max(vd a, vd b) { return v_select(v_gt(a, b), a, b); }
-static inline vd v_sqrt(vd a) { return (vd){__builtin_sqrtf(a[0])}; }
 typedef double vx_in_memory __attribute__((vector_size(8), aligned(8)));
 static inline vx x_set(double a) { return (vx){a}; }
 static inline vx x_load(const double *p) { return (vx) * (const vx_in_memory *)p; }

@@ -130,18 +130,6 @@ int gr_ranks_of_node(const struct gr_engine *e, int64_t id, int rank[GR_MOST_NEA
     return n;
 }
 
-int gr_ranks_has_node(const struct gr_engine *e, int64_t n)
-{
-    int64_t id = e->mesh.node_id[n];
-    int32_t at[3] = {0};
-    for (int d = 0; d < e->config.dim; d++) {
-        const struct gr_node_cells *cells = &e->cells_of_node[d][id % e->axis[d].n_nodes];
-        at[d] = cells->cell[cells->count / 2];
-        id /= e->axis[d].n_nodes;
-    }
-    return gr_owner(e->ranks, at) == e->ranks->transport.rank;
-}
-
 int gr_ranks_has_number(const struct gr_engine *e, const int32_t at[3])
 {
     int32_t cell[3] = {0};
@@ -211,7 +199,7 @@ void gr_ranks_note_bodies(struct gr_engine *e)
 
 int gr_ranks_bodies_moved(const struct gr_engine *e)
 {
-    for (int b = 0; b < e->config.n_bodies; b++)
+    for (int b = 0; e->ranks->transport.size > 1 && b < e->config.n_bodies; b++)
         if (gr_body_moved(e, b, &e->ranks->pose[b]) > FOLLOW * e->config.dx) return 1;
     return 0;
 }

@@ -150,10 +150,6 @@ int gr_ranks_reserve(struct gr_ranks *ranks, int k, int64_t out_bytes, int64_t i
  * 13 x 13 rows. */
 enum { GR_MOST_NEAR = 2 * 13 * 13 };
 
-/* True if a node of the mesh counts for this rank, which then has its full sums: the owner of the cell in the middle of those
- * that have the node. */
-int gr_ranks_has_node(const struct gr_engine *e, int64_t n);
-
 /* True if this rank adds up the impulses on the nodes with these numbers (gr_node_numbers), of all of which it has the full
  * sums: beyond an end of the domain several have one number. */
 int gr_ranks_has_number(const struct gr_engine *e, const int32_t at[3]);

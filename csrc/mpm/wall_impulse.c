@@ -89,13 +89,14 @@ const struct gr_wall_share *gr_wall_share_of(const struct gr_engine *e, int64_t 
     return share;
 }
 
-/* Add the impulse on a node to the sums of its walls. */
+/* Add the impulse on a node to the sums of its walls, unless another rank does. */
 static void add_node(struct gr_engine *e, int64_t n)
 {
     const struct gr_wall_watch *watch = e->watch;
     struct gr_exact *const mass = watch->sum + (int64_t)watch->n_walls * GR_WALL_NUMBERS;
     int32_t at[3];
     const struct gr_wall_share *share = gr_wall_share_of(e, n, at);
+    if (e->ranks && !gr_ranks_has_number(e, at)) return;
     const double *velocity = gr_wall_now(e, e->mesh.node_code[n])->velocity;
     double x[3];
     gr_node_position(e, n, x);
@@ -119,7 +120,7 @@ int gr_sum_wall_impulses(struct gr_engine *e)
     const int n_sums = gr_wall_sums(watch);
     memset(watch->sum, 0, sizeof *watch->sum * (size_t)n_sums);
     for (int64_t n = 0; n < e->mesh.n_nodes; n++)
-        if (e->mesh.node_code[n] && (!e->ranks || gr_ranks_has_node(e, n))) add_node(e, n);
+        if (e->mesh.node_code[n]) add_node(e, n);
     const int error = e->ranks ? gr_ranks_combine(e, GR_OK, watch->sum, n_sums, NULL, 0) : GR_OK;
     for (int k = 0; k < n_sums - 1; k++) watch->step[k] = gr_exact_value(&watch->sum[k]);
     watch->servo.mass = gr_exact_value(&watch->sum[n_sums - 1]);

@@ -313,16 +313,20 @@ def fields_of(scene: Scene, points: Points) -> dict[str, NDArray]:
     return fields
 
 
-def mean_mass(scene: Scene, points: Points) -> float:
-    """Mean mass of the points at the start, or without any of those that enter [kg]."""
-    if not len(points.x):
-        return float(entering_masses(scene).mean())
-    parts = range(0, len(points.x), TOGETHER)
+def masses_of(scene: Scene, points: Points) -> Array:
+    """Return the masses of points [kg], without memory for their other fields."""
+    parts = range(0, max(len(points.x), 1), TOGETHER)
     masses = [_fields_of(scene, points.taken(slice(k, k + TOGETHER)))["mass"] for k in parts]
-    return float(np.concatenate(masses).mean())
+    return np.concatenate(masses)
+
+
+def mean_mass(scene: Scene, masses: Array) -> float:
+    """Mean mass of the points at the start, or without any of those that enter [kg]."""
+    return float((masses if len(masses) else entering_masses(scene)).mean())
 
 
 def _fields_of(scene: Scene, points: Points) -> dict[str, NDArray]:
+    """Return the fields of a few points."""
     number = _numbers_of_materials(scene)[points.fill]
     rho_c, K, granular = (
         np.array([getattr(material, name) for material in scene.materials])[number]

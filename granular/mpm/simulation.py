@@ -103,8 +103,9 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         check_overlaps(scene)
         diagnostics.warn(scene)
         points = core.initial_points(scene)
-        mass = points["mass"] if len(points["mass"]) else core.entering_masses(scene)
-        self._build(scene, float(mass.mean()), threads, isa, wall_forces, tractions)
+        self._build(
+            scene, core.mean_mass(scene, points["mass"]), threads, isa, wall_forces, tractions
+        )
         self._buffers = core.initial_buffers(self._engine, points)
         self._bind(len(points["mass"]))
         if scene.inflows:
