@@ -12,19 +12,28 @@ extern const struct gr_kernels gr_kernels_one_lane;
 extern const struct gr_kernels gr_kernels_avx2, gr_kernels_avx512;
 #endif
 
+/* Whether the processor has a fused multiply-add; compilers use a function where one does not. */
+static inline int fuses(void)
+{
+#ifdef GR_X86
+    return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+#else
+    return 1;
+#endif
+}
+
 const struct gr_kernels *gr_kernels_select(const char *name)
 {
     const struct gr_kernels *usable[4] = {0};
-    int n = 0, fuses = 1; /* compilers use a function where a processor does not */
+    int n = 0;
 #ifdef GR_X86
     __builtin_cpu_init();
-    fuses = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
     if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq")) usable[n++] = &gr_kernels_avx512;
-    if (fuses) usable[n++] = &gr_kernels_avx2;
+    if (fuses()) usable[n++] = &gr_kernels_avx2;
 #endif
     usable[n++] = &gr_kernels_baseline;
 #ifndef GR_WITHOUT_ONE_LANE
-    if (fuses) usable[n++] = &gr_kernels_one_lane;
+    if (fuses()) usable[n++] = &gr_kernels_one_lane;
 #endif
     if (!name || !*name) return usable[0];
     for (int k = 0; k < n; k++)

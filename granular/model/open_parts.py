@@ -8,11 +8,14 @@ nearest piece of the part.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from itertools import product
+from typing import NamedTuple, Self
 
 import numpy as np
 import scipy
 
+from granular.model.lattice import Lattice
 from granular.model.open_space import Distance, OpenSpace
 from granular.shapes.region import Region
 from granular.tools.arrays import Array, BoolArray, IntArray
@@ -30,6 +33,10 @@ OPPOSITE = -0.5
 """Cosine of the angle between normals below which two positions count as on two sides of a body."""
 NEIGHBOURS = 8
 """Nearest points among which the neighbour of a small part is looked for."""
+MERGED = 1.5
+"""Largest distance of that neighbour [squares]."""
+AROUND = 3
+"""Squares along an axis within which such neighbours are: a part may lie at a side of its own."""
 LEAST_NORMAL = 1e-3
 """Least component of a normal in the closed form for the part of a cube above a plane."""
 REACH = 0.5 * np.sqrt(3.0)
@@ -38,6 +45,37 @@ PIECES = 2**16
 """Number of pieces at a time into which squares are cut, for the sake of memory."""
 CORNERS = {dim: np.array(list(product((-0.5, 0.5), repeat=dim))) for dim in (2, 3)}
 """Corners of a square (cube) of edge 1 about the origin."""
+
+
+class _Parts(NamedTuple):
+    """Points of squares, in the order of the squares."""
+
+    of: IntArray
+    """Numbers of the squares."""
+    x: Array
+    """Positions [m]."""
+    volume: Array
+    """Volumes [m^dim]."""
+    placed: BoolArray
+    """Whether the position is allowed."""
+
+    @classmethod
+    def joined(cls, parts: Sequence[Self]) -> Self:
+        of, *others = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+        order = np.argsort(of, kind="stable")
+        return cls(of[order], *(array[order] for array in others))
+
+    @classmethod
+    def none(cls, dim: int) -> Self:
+        number = np.empty(0)
+        return cls(np.empty(0, np.int64), np.empty((0, dim)), number, np.empty(0, dtype=bool))
+
+    def taken(self, which: BoolArray) -> Self:
+        return type(self)(self.of[which], self.x[which], self.volume[which], self.placed[which])
+
+    def are_small(self, edge: float) -> BoolArray:
+        """True for those that are to be merged with a neighbour."""
+        return (self.volume < LEAST_SHARE * edge ** self.x.shape[1]) | ~self.placed
 
 
 def plane_cut(distance: Array, normal: Array, edge: float) -> tuple[Array, Array]:
@@ -135,12 +173,8 @@ def _pieces(
 
 def _grouped(
     owner: IntArray, at: Array, volume: Array, normal: Array, space: OpenSpace, edge: float
-) -> tuple[IntArray, Array, Array, BoolArray]:
-    """Sum the pieces of each square, those on two sides of a thin body apart.
-
-    Returned are the squares, the positions and volumes of the sums, and which positions are
-    allowed.
-    """
+) -> _Parts:
+    """Sum the pieces of each square, those on two sides of a thin body apart."""
     _, first, of = np.unique(owner, return_index=True, return_inverse=True)
     away = (np.einsum("ij,ij->i", normal, normal[first][of]) < OPPOSITE).astype(np.int64)
     keys, of = np.unique(2 * owner + away, return_inverse=True)
@@ -150,7 +184,7 @@ def _grouped(
     placed = space.is_open(x)
     if not placed.all():
         _put_in_pieces(x, placed, of, at, space)
-    return (keys // 2).astype(np.int64), x, total, placed
+    return _Parts((keys // 2).astype(np.int64), x, total, placed)
 
 
 def _put_in_pieces(x: Array, placed: BoolArray, of: IntArray, at: Array, space: OpenSpace) -> None:
@@ -164,27 +198,25 @@ def _put_in_pieces(x: Array, placed: BoolArray, of: IntArray, at: Array, space: 
     x[owners], placed[owners] = at[pieces[first]], True
 
 
-def _merged(
-    x: Array, volume: Array, placed: BoolArray, edge: float, space: OpenSpace
-) -> tuple[Array, Array]:
+def _merged(parts: _Parts, edge: float, space: OpenSpace) -> _Parts:
     """Merge small parts, and those without an allowed position, with the nearest point on the same
     side.
 
     Small parts that have no such neighbour remain. Parts without an allowed position are then left
     out.
     """
-    distance = space.distance
-    small = (volume < LEAST_SHARE * edge ** x.shape[1]) | ~placed
-    stay = placed.copy()
+    _, x, volume, placed = parts
+    small, stay = parts.are_small(edge), placed.copy()
     large = np.flatnonzero(~small)
     if not small.any() or not len(large):
-        return x[stay], volume[stay]
+        return parts.taken(stay)
+    distance = space.distance
     count = min(NEIGHBOURS, len(large))
     gaps, order = scipy.spatial.cKDTree(x[large]).query(x[small], k=[*range(1, count + 1)])
     normal, others = distance(x[small])[1], large[order]
     facing = distance(x[others.ravel()])[1].reshape(*others.shape, -1)
     cosine = np.einsum("ij,ikj->ik", normal, facing)
-    suits = (gaps < 1.5 * edge) & (cosine > OPPOSITE)
+    suits = (gaps < MERGED * edge) & (cosine > OPPOSITE)
     taken = np.flatnonzero(suits.any(axis=1))
     target = others[taken, suits[taken].argmax(axis=1)]
     source = np.flatnonzero(small)[taken]
@@ -197,49 +229,83 @@ def _merged(
     x = x.copy()
     x[changed[fits]] = middle[fits]
     stay[source] = False
-    return x[stay], total[stay]
+    return parts._replace(x=x, volume=total).taken(stay)
 
 
-def open_parts(sites: Array, edge: float, region: Region, space: OpenSpace) -> tuple[Array, Array]:
-    """Positions and volumes of the points of a region that contains bodies.
+class OpenParts:
+    """Positions and volumes of the points of a region that contains bodies, in parts.
+
+    Squares that are cut, and those near to a small part of one, are kept; of all others only which
+    of them are in the region. So the memory for many squares is that of their boundary.
 
     Parameters
     ----------
-    sites : ndarray, shape (n, dim)
-        Centres [m] of the squares of the seeding lattice that may be in the region.
-    edge : float
-        Edge of the squares [m].
+    lattice : Lattice
+        Squares of the seeding lattice that may be in the region.
+    region : Region
     space : OpenSpace
         Where the points may lie.
-
-    Returns
-    -------
-    x : ndarray, shape (k, dim)
-        The sites of whole squares, and centroids of the open parts of cut ones [m], in the order of
-        the squares.
-    volume : ndarray, shape (k,)
-        Volumes [m^dim]. Those of parts below `LEAST_SHARE` are added to a neighbour.
     """
-    dim, distance = sites.shape[1], space.distance
-    phi, normal = distance(sites)
-    reach = REACH * edge
-    mixed = region.cuts(sites, reach) & (phi > -reach)
-    cut = np.flatnonzero((np.abs(phi) < reach) | mixed)
-    whole = (phi >= reach) & ~mixed
-    whole[whole] = region.contains(sites[whole])
-    clear = np.flatnonzero(whole)
-    every = np.ones(len(clear), dtype=bool)
-    parts = [(clear, sites[clear], np.full(len(clear), edge**dim), every)]
-    at_once = PIECES >> (LEVELS * dim)
-    for begin in range(0, len(cut), at_once):
-        some = cut[begin : begin + at_once]
-        owner, at, volume, away = _pieces(
-            sites[some], edge, distance, region, phi[some], normal[some], mixed[some]
-        )
-        parts.append(_grouped(some[owner], at, volume, away, space, edge))
-    owner, x, volume, placed = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
-    order = np.argsort(owner, kind="stable")
-    return _merged(x[order], volume[order], placed[order], edge, space)
+
+    def __init__(self, lattice: Lattice, region: Region, space: OpenSpace) -> None:
+        self._lattice, self._region, self._space = lattice, region, space
+        self._is_whole = np.zeros(lattice.n, dtype=bool)
+        self._parts = _merged(self._near_boundary(), lattice.spacing, space)
+
+    def _near_boundary(self) -> _Parts:
+        """Find the whole squares; return the parts of the cut ones and the squares near to them."""
+        edge, found = self._lattice.spacing, []
+        for squares in self._lattice.in_parts():
+            cut = self._cut(squares)
+            if len(cut.of):
+                found.append(cut)
+        if not found:
+            return _Parts.none(self._lattice.dim)
+        cut = _Parts.joined(found)
+        near = self._lattice.around(cut.of[cut.are_small(edge)], AROUND)
+        near = near[self._is_whole[near]]
+        self._is_whole[near] = False
+        volumes = np.full(len(near), edge**self._lattice.dim)
+        every = np.ones(len(near), dtype=bool)
+        return _Parts.joined([_Parts(near, self._lattice.at(near), volumes, every), cut])
+
+    def _cut(self, squares: IntArray) -> _Parts:
+        """Note which of some squares are whole; return the parts of those that are cut."""
+        region, space = self._region, self._space
+        sites, edge = self._lattice.at(squares), self._lattice.spacing
+        phi, normal = space.distance(sites)
+        reach = REACH * edge
+        mixed = region.cuts(sites, reach) & (phi > -reach)
+        cut = np.flatnonzero((np.abs(phi) < reach) | mixed)
+        whole = (phi >= reach) & ~mixed
+        whole[whole] = region.contains(sites[whole])
+        self._is_whole[squares] = whole
+        parts = [_Parts.none(self._lattice.dim)]
+        at_once = PIECES >> (LEVELS * self._lattice.dim)
+        for begin in range(0, len(cut), at_once):
+            some = cut[begin : begin + at_once]
+            owner, at, volume, away = _pieces(
+                sites[some], edge, space.distance, region, phi[some], normal[some], mixed[some]
+            )
+            parts.append(_grouped(squares[some[owner]], at, volume, away, space, edge))
+        return _Parts.joined(parts)
+
+    def __iter__(self) -> Iterator[tuple[Array, Array]]:
+        """Return positions, shape (k, dim) [m], and volumes [m^dim]: the sites of whole squares and
+        centroids of the open parts of cut ones, in the order of the squares. The volumes of parts
+        below `LEAST_SHARE` are added to a neighbour.
+        """
+        lattice, parts = self._lattice, self._parts
+        for squares in lattice.in_parts():
+            whole = squares[self._is_whole[squares]]
+            begin, end = np.searchsorted(parts.of, (squares[0], squares[-1] + 1))
+            owner = np.concatenate([whole, parts.of[begin:end]])
+            order = np.argsort(owner, kind="stable")
+            volume = np.full(len(whole), lattice.spacing**lattice.dim)
+            yield (
+                np.concatenate([lattice.at(whole), parts.x[begin:end]])[order],
+                np.concatenate([volume, parts.volume[begin:end]])[order],
+            )
 
 
 def _moved_out(x: Array, edge: float, distance: Distance) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -85,7 +85,7 @@ class BaseScene(Serializable):
     @cached_property
     def n_points(self) -> int:
         """Number of points of the material at the start."""
-        return len(self.points().x)
+        return sum(len(points.x) for points in self.points_in_parts())
 
     def points(self) -> seeding.Points:
         """Make the points of the material at the start.
@@ -93,12 +93,16 @@ class BaseScene(Serializable):
         They are the points of the fills (`granular.model.seeding.seed_points`), then the points
         that fill the regions of driven inflows; their number of the fill is that in `sources`.
         """
-        parts = [seeding.nothing(self.dim)]
+        return seeding.joined(self.points_in_parts(), self.dim)
+
+    def points_in_parts(self) -> Iterator[seeding.Points]:
+        """Make the points of the material at the start, some at a time."""
         if self.fills:
             rho_c, more = self.material.rho_c, self._seeding()
-            parts = [seeding.seed_points(self.grid, self.fills, self.seed, rho_c, **more)]
-        parts += [standing_points(self, i) for i, inlet in enumerate(self.inflows) if inlet.driven]
-        return seeding.joined(parts) if len(parts) > 1 else parts[0]
+            yield from seeding.seed_points(self.grid, self.fills, self.seed, rho_c, **more)
+        for i, inlet in enumerate(self.inflows):
+            if inlet.driven:
+                yield standing_points(self, i)
 
     def _seeding(self) -> dict[str, Any]:
         """Further arguments of `granular.model.seeding.seed_points`."""

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import permutations
+from itertools import chain, permutations
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from granular.model.fill import Fill, check_inside
-from granular.model.grid import MAX_COUNT, Grid, combined
-from granular.model.open_parts import LEAST_SHARE, REACH, open_parts
+from granular.model.grid import Grid, combined
+from granular.model.lattice import Lattice
+from granular.model.open_parts import LEAST_SHARE, REACH, OpenParts
 from granular.model.open_space import Distance, OpenSpace, last_place, nowhere
 from granular.model.regions import Cloud, Mask
 from granular.shapes.boxes import Box
@@ -63,56 +64,26 @@ class Points:
         return Points(*(array[index] for array in vars(self).values()))
 
 
-def nothing(dim: int) -> Points:
-    """Return no points."""
+def joined(parts: Iterable[Points], dim: int) -> Points:
+    """Join points of a dimension, one part after the other."""
     place, number = np.empty((0, dim)), np.empty(0)
-    return Points(place, place, number, number, number, number, place, np.empty(0, dtype=np.int64))
-
-
-def joined(parts: Sequence[Points]) -> Points:
-    """Join points, one part after the other."""
-    columns = zip(*(vars(part).values() for part in parts), strict=True)
+    none = (place, place, number, number, number, number, place, np.empty(0, dtype=np.int64))
+    columns = zip(none, *(vars(part).values() for part in parts), strict=True)
     return Points(*(np.concatenate(arrays) for arrays in columns))
 
 
-STAGGER = {2: (1 / 1.618033988749895,), 3: (1 / 1.324717957244746, 1 / 1.324717957244746**2)}
-"""Steps between columns of a staggered fill by the dimension, modulo 1: columns near each other
-have heights far apart. They are powers of the golden ratio, r^2 = r + 1, and of r^3 = r + 1."""
-
-
-def _lattice(grid: Grid, fill: Fill) -> Array:
-    """Sites of the seeding lattice about a region, shape (n, dim), the first axis fastest.
-
-    These include the ends of staggered columns, whose squares are partly in the grid.
-    """
-    spacing = grid.cell / fill.points_per_axis
-    axes, columns = [], []
-    for axis, (low, high) in enumerate(zip(*fill.region.bounds, strict=True)):
-        origin, sites = grid.lower[axis], grid.shape[axis] * fill.points_per_axis
-        beyond = int(fill.stagger and axis == grid.dim - 1)
-        first = max(math.floor((low - origin) / spacing) - 1, -beyond)
-        last = min(math.ceil((high - origin) / spacing) + 1, sites + beyond)
-        columns.append(np.arange(first, last))
-        axes.append(origin + (columns[-1] + 0.5) * spacing)
-    if math.prod(len(sites) for sites in axes) > MAX_COUNT:
-        raise ValueError(f"a fill of {fill.region} must have at most {MAX_COUNT} points")
-    x = combined(axes)
-    if fill.stagger:
-        steps = np.array(STAGGER[grid.dim])
-        raised = (combined(columns)[:, :-1] @ steps + 0.5 * steps[0]) % 1.0 - 0.5
-        x[:, -1] += raised * spacing
-    return x
-
-
-def _sites(grid: Grid, fill: Fill) -> Array:
-    """Sites of the seeding lattice in the region of a fill, shape (n, dim), first axis fastest.
+def _sites(grid: Grid, fill: Fill) -> Iterator[Array]:
+    """Sites of the seeding lattice in the region of a fill, in parts of shape (n, dim).
 
     The sites of a cloud are its points.
     """
     if isinstance(fill.region, Cloud):
-        return fill.region.x
-    x = _lattice(grid, fill)
-    return x[fill.region.contains(x)]
+        yield fill.region.x
+        return
+    lattice = Lattice(grid, fill)
+    for squares in lattice.in_parts():
+        x = lattice.at(squares)
+        yield x[fill.region.contains(x)]
 
 
 DEEPEST = 0.25
@@ -135,7 +106,7 @@ def estimated_points(
     lower, upper = np.array(fill.region.bounds)
     sites = math.prod((upper - lower) / spacing)
     if sites <= SAMPLES:
-        return len(_seeded(fill, _space(grid, (fill,), 0, distance), even)[0])
+        return sum(len(x) for x, _ in _seeded(fill, _space(grid, (fill,), 0, distance), even))
     parts = max(math.floor(SAMPLES ** (1.0 / grid.dim)), 1)
     axes = [
         low + (np.arange(parts) + 0.5) * ((high - low) / parts)
@@ -165,17 +136,15 @@ def _space(grid: Grid, fills: Sequence[Fill], index: int, distance: Distance) ->
     return OpenSpace(grid, None if isinstance(region, Cloud) else region, distance, others)
 
 
-def _seeded(fill: Fill, space: OpenSpace, even: bool = False) -> tuple[Array, Array]:
-    """Positions and volumes of the points of a fill, before any jitter."""
+def _seeded(fill: Fill, space: OpenSpace, even: bool = False) -> Iterable[tuple[Array, Array]]:
+    """Positions and volumes of the points of a fill, before any jitter, in parts."""
     region, grid = fill.region, space.grid
     if isinstance(region, Cloud):
-        return np.clip(region.x, grid.lower, last_place(grid)), region.volume
-    spacing = grid.cell / fill.points_per_axis
-    x = _lattice(grid, fill)
-    if not even and (space.distance is not nowhere or region.cuts(x, spacing * REACH).any()):
-        return open_parts(x, spacing, region, space)
-    sites = x[region.contains(x)]
-    return sites, np.full(len(sites), spacing**grid.dim)
+        return [(np.clip(region.x, grid.lower, last_place(grid)), region.volume)]
+    if not even:
+        return OpenParts(Lattice(grid, fill), region, space)
+    volume = (grid.cell / fill.points_per_axis) ** grid.dim
+    return ((x, np.full(len(x), volume)) for x in _sites(grid, fill))
 
 
 def _check(grid: Grid, fills: Sequence[Fill], distance: Distance) -> None:
@@ -197,17 +166,17 @@ def _check(grid: Grid, fills: Sequence[Fill], distance: Distance) -> None:
             )
     if len(fills) == 1:
         return
-    sites = [_sites(grid, fill) for fill in fills]
     for i, j in permutations(range(len(fills)), 2):
-        shared = _deep_in(fills[j].region, sites[i], grid)
-        if not shared.any() and i < j:
-            sites_of_both = _cut_by_both(grid, fills[i], fills[j].region)
-            shared = _deep_in(fills[i].region, sites_of_both, grid)
-            shared &= _deep_in(fills[j].region, sites_of_both, grid)
-            sites[i] = sites_of_both if shared.any() else sites[i]
-        if shared.any():
-            place = tuple(sites[i][shared.argmax()].tolist())
-            raise ValueError(f"fills[{i}] and fills[{j}] must not overlap, as they do at {place}")
+        squares = _sites(grid, fills[i])
+        if i < j:
+            squares = chain(squares, _cut_by_both(grid, fills[i], fills[j].region))
+        for sites in squares:
+            shared = _deep_in(fills[j].region, sites, grid)
+            if shared.any():
+                place = tuple(sites[shared.argmax()].tolist())
+                raise ValueError(
+                    f"fills[{i}] and fills[{j}] must not overlap, as they do at {place}"
+                )
 
 
 def _deep_in(region: Region, x: Array, grid: Grid) -> BoolArray:
@@ -221,16 +190,18 @@ FINE = 4
 """Number of positions along an edge of a square at which two fills that cut it are compared."""
 
 
-def _cut_by_both(grid: Grid, fill: Fill, other: Region) -> Array:
-    """Positions in the squares of a fill that are cut by its boundary and by another one."""
+def _cut_by_both(grid: Grid, fill: Fill, other: Region) -> Iterator[Array]:
+    """Positions of a fill in the squares that are cut by its boundary and by another one."""
     if isinstance(fill.region, Cloud):
-        return np.empty((0, grid.dim))
-    spacing = grid.cell / fill.points_per_axis
-    x = _lattice(grid, fill)
-    x = x[fill.region.cuts(x, REACH * spacing)]
-    x = x[other.cuts(x, REACH * spacing)]
-    parts = ((np.arange(FINE) + 0.5) / FINE - 0.5) * spacing
-    return (x[:, None] + combined([parts] * grid.dim)).reshape(-1, grid.dim)
+        return
+    lattice = Lattice(grid, fill)
+    parts = ((np.arange(FINE) + 0.5) / FINE - 0.5) * lattice.spacing
+    for squares in lattice.in_parts():
+        x = lattice.at(squares)
+        x = x[fill.region.cuts(x, REACH * lattice.spacing)]
+        x = x[other.cuts(x, REACH * lattice.spacing)]
+        places = (x[:, None] + combined([parts] * grid.dim)).reshape(-1, grid.dim)
+        yield places[_deep_in(fill.region, places, grid)]
 
 
 def _jittered(rng: np.random.Generator, fill: Fill, x: Array, space: OpenSpace) -> Array:
@@ -362,8 +333,11 @@ def seed_points(
     distance: Distance = nowhere,
     up: Sequence[float] | None = None,
     even: bool = False,
-) -> Points:
+) -> Iterator[Points]:
     """Fill regions with material points, outside of bodies.
+
+    The points are made in parts, so that a scene of any size need not be held as a whole:
+    `joined` makes one of them.
 
     Parameters
     ----------
@@ -392,23 +366,37 @@ def seed_points(
     above = np.eye(grid.dim)[-1] if up is None else np.array(up, dtype=float)
     _check(grid, fills, distance)
     densities = [fill.material.rho_c if fill.material else rho_c for fill in fills]
-    parts = []
     for i, fill in enumerate(fills):
-        space = _space(grid, fills, i, distance)
-        x, volume = _seeded(fill, space, even)
-        if not len(x):
+        space, is_empty = _space(grid, fills, i, distance), True
+        for x, volume in _seeded(fill, space, even):
+            is_empty &= not len(x)
+            if fill.jitter:
+                x = _jittered(rng, fill, x, space)
+            if len(x):
+                yield _filled(grid, fills, i, x, volume, above, densities)
+        if is_empty:
             raise ValueError(f"fills[{i}] = {fill} must hold at least one material point")
-        if fill.jitter:
-            x = _jittered(rng, fill, x, space)
-        if not isinstance(fill.region, Cloud):
-            volume = volume * grid.rings(x)
-        step = 0.25 * grid.cell / fill.points_per_axis
-        depth = load = np.zeros(len(x))
-        slope = np.zeros_like(x)
-        if fill.lithostatic:
-            depth, load = _loads(fills, i, x, above, densities, step)
-            slope = _slopes(fills, i, x, above, densities, step)
-        v, density = _carried(fill, densities[i])
-        v, density = np.broadcast_to(v, x.shape), np.broadcast_to(density, volume.shape)
-        parts.append((x, v, volume, density, depth, load, slope, np.full(len(x), i)))
-    return Points(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+
+
+def _filled(
+    grid: Grid,
+    fills: Sequence[Fill],
+    index: int,
+    x: Array,
+    volume: Array,
+    above: Array,
+    rho_c: Sequence[float],
+) -> Points:
+    """Points of a fill at these positions."""
+    fill = fills[index]
+    if not isinstance(fill.region, Cloud):
+        volume = volume * grid.rings(x)
+    step = 0.25 * grid.cell / fill.points_per_axis
+    depth = load = np.zeros(len(x))
+    slope = np.zeros_like(x)
+    if fill.lithostatic:
+        depth, load = _loads(fills, index, x, above, rho_c, step)
+        slope = _slopes(fills, index, x, above, rho_c, step)
+    v, density = _carried(fill, rho_c[index])
+    v, density = np.broadcast_to(v, x.shape), np.broadcast_to(density, volume.shape)
+    return Points(x, v, volume, density, depth, load, slope, np.full(len(x), index))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -282,7 +282,36 @@ def _volume(scene: Scene) -> float:
 
 
 def initial_points(scene: Scene) -> dict[str, NDArray]:
-    """Return the fields of the points at the start, in the order of their ids.
+    """Return the fields of the points at the start, in the order of their ids; see `fields_of`."""
+    parts = list(initial_parts(scene))
+    fields: dict[str, NDArray] = {}
+    for name in dict.fromkeys(name for part in parts for name in part):
+        shape = next(part[name] for part in parts if name in part).shape[1:]
+        fields[name] = np.concatenate(
+            [part.get(name, np.zeros((len(part["mass"]), *shape))) for part in parts]
+        )
+    return fields
+
+
+def initial_parts(scene: Scene) -> Iterator[dict[str, NDArray]]:
+    """Return the fields of the points at the start, some points at a time; see `fields_of`."""
+    return (fields_of(scene, points) for points in scene.points_in_parts())
+
+
+def mean_mass(scene: Scene, parts: Iterable[Mapping[str, NDArray]]) -> float:
+    """Mean mass of the points at the start, or without any of those that enter [kg].
+
+    Its last bit depends on how the points are divided into parts.
+    """
+    sums = [(float(part["mass"].sum()), len(part["mass"])) for part in parts]
+    if not sums:
+        return float(entering_masses(scene).mean())
+    masses, counts = zip(*sums, strict=True)
+    return math.fsum(masses) / sum(counts)
+
+
+def fields_of(scene: Scene, points: Points) -> dict[str, NDArray]:
+    """Return the fields of points of the sources of a scene that are not zero.
 
     Lithostatic fills are in equilibrium below a level top: the vertical stress grows with the depth
     against gravity as rho g, the horizontal one is `K0` of the fill times it, and the density
@@ -292,41 +321,6 @@ def initial_points(scene: Scene) -> dict[str, NDArray]:
     material with Hencky's law, whose pressure is that of its density always. All other points are
     stress-free; cohesive ones of a density below rho_c are separated.
     """
-    return fields_of(scene, scene.points())
-
-
-TOGETHER = 1 << 19
-"""Points whose fields are computed at once: what is needed for a time takes some 500 bytes each."""
-
-
-def fields_of(scene: Scene, points: Points) -> dict[str, NDArray]:
-    """Return the fields of points of the sources of a scene that are not zero."""
-    n = len(points.x)
-    if n <= TOGETHER:
-        return _fields_of(scene, points)
-    fields: dict[str, NDArray] = {}
-    for first in range(0, n, TOGETHER):
-        part = slice(first, first + TOGETHER)
-        for name, values in _fields_of(scene, points.taken(part)).items():
-            whole = fields.setdefault(name, np.zeros((n, *values.shape[1:])))
-            whole[part] = values
-    return fields
-
-
-def masses_of(scene: Scene, points: Points) -> Array:
-    """Return the masses of points [kg], without memory for their other fields."""
-    parts = range(0, max(len(points.x), 1), TOGETHER)
-    masses = [_fields_of(scene, points.taken(slice(k, k + TOGETHER)))["mass"] for k in parts]
-    return np.concatenate(masses)
-
-
-def mean_mass(scene: Scene, masses: Array) -> float:
-    """Mean mass of the points at the start, or without any of those that enter [kg]."""
-    return float((masses if len(masses) else entering_masses(scene)).mean())
-
-
-def _fields_of(scene: Scene, points: Points) -> dict[str, NDArray]:
-    """Return the fields of a few points."""
     number = _numbers_of_materials(scene)[points.fill]
     rho_c, K, granular = (
         np.array([getattr(material, name) for material in scene.materials])[number]
@@ -400,11 +394,16 @@ def add_inlets(engine: _core.Engine, scene: Scene) -> list[dict[str, NDArray]]:
     return inlets
 
 
-def initial_buffers(engine: _core.Engine, points: Mapping[str, NDArray]) -> dict[str, NDArray]:
+def initial_buffers(
+    engine: _core.Engine, parts: Sequence[Mapping[str, NDArray]]
+) -> dict[str, NDArray]:
     """Make buffers with the given points at 0 to n - 1; to group them by cell takes larger ones."""
-    n = len(points["mass"])
-    buffers = allocate(engine, n)
-    for name, values in points.items():
-        buffers[name][:, :n] = np.atleast_2d(values.T)
+    n = sum(len(part["mass"]) for part in parts)
+    buffers, first = allocate(engine, n), 0
+    for part in parts:
+        last = first + len(part["mass"])
+        for name, values in part.items():
+            buffers[name][:, first:last] = np.atleast_2d(values.T)
+        first = last
     buffers["id"][:n] = np.arange(n)
     return buffers

@@ -44,3 +44,17 @@ class PointField:
         for k, out in enumerate(columns):
             self.column(k, out)
         return columns[0] if len(self.shape) == 1 else columns.T
+
+
+class PointRows:
+    """A field of the points in the order of slots, as checkpoints have it, made row by row."""
+
+    def __init__(self, rows: NDArray, slots: IntArray) -> None:
+        self._rows, self._slots = rows, slots
+        self.dtype = stored_type(rows.dtype)
+        self.shape = (*rows.shape[:-1], len(slots))
+
+    def row(self, k: int) -> NDArray:
+        """Return a row; see `granular.record.layout.Rows`."""
+        row = np.atleast_2d(self._rows)[k].take(self._slots)
+        return row.astype(self.dtype, copy=False)

@@ -28,18 +28,19 @@ from granular.mpm.coupling import Coupled
 from granular.mpm.free_bodies import INTERVAL, FreeBodies
 from granular.mpm.inflow_state import account
 from granular.mpm.patches import in_order, patch_fields, stored_patches, watched_solids
-from granular.mpm.point_field import PointField
+from granular.mpm.point_field import PointField, PointRows
 from granular.mpm.rigid_contact import touch_solids
 from granular.mpm.scene import Scene
 from granular.mpm.wall_owners import wall_owners
 from granular.mpm.walls import WallState, split_impulses
 from granular.record import Checkpoint
 from granular.record.fresh import Streamed
+from granular.record.layout import Rows
 from granular.run import diagnostics, simulation
 from granular.run.monitor import Energies
 from granular.run.restarts import LARGEST, LEAST, check_range
 from granular.tools.arrays import IntArray
-from granular.tools.buffers import allocate, check_stored, default_isa, fill, stored_type
+from granular.tools.buffers import allocate, check_stored, default_isa, fill
 from granular.tools.checks import positive, truth
 
 CARRIED = frozenset(
@@ -102,15 +103,15 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         memory.check(scene, force)
         check_overlaps(scene)
         diagnostics.warn(scene)
-        points = core.initial_points(scene)
-        self._build(
-            scene, core.mean_mass(scene, points["mass"]), threads, isa, wall_forces, tractions
-        )
-        self._buffers = core.initial_buffers(self._engine, points)
-        self._bind(len(points["mass"]))
+        parts = list(core.initial_parts(scene))
+        self._build(scene, core.mean_mass(scene, parts), threads, isa, wall_forces, tractions)
+        self._buffers = core.initial_buffers(self._engine, parts)
+        n = sum(len(part["mass"]) for part in parts)
+        del parts
+        self._bind(n)
         if scene.inflows:
             state = self._engine.inflow()
-            state[0] = len(points["mass"])  # the id of the first point that enters
+            state[0] = n  # the id of the first point that enters
             self._engine.restore_inflow(state)
 
     def _build(
@@ -323,15 +324,11 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
 
     # ---- restart ----
 
-    def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
+    def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray | Rows]]:
         slots, *_ = self._engine.cells()
-        arrays = {
-            name: array.take(slots, axis=-1).astype(stored_type(array.dtype), copy=False)
-            for name, array in self._buffers.items()
-        }
+        arrays = {name: PointRows(array, slots) for name, array in self._buffers.items()}
         scalars = self._engine.scalars() | {"mean_mass": self._mean_mass}
-        arrays |= self._besides_points()
-        return scalars, arrays
+        return scalars, {**arrays, **self._besides_points()}
 
     @classmethod
     def _filled(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from typing import Any
 
-from granular.ranks.simulation import attend
+from granular.ranks.team import attend
 
 SIZES = ("PMI_SIZE", "OMPI_COMM_WORLD_SIZE", "MV2_COMM_WORLD_SIZE", "SLURM_STEP_NUM_TASKS")
 """Environment variables with the number of processes, of MPICH, Open MPI, MVAPICH and SLURM."""

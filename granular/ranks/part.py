@@ -56,42 +56,62 @@ class Plan:
 class Part:
     """Points of a rank and the core that advances them.
 
+    It has none at first: `take` is given some at a time, and `begin` follows.
+
     Parameters
     ----------
     communicator : Communicator
         The ranks of the run.
     plan : Plan
         What all of them have in common.
-    arrays : mapping
-        Fields of the points of this rank in the order of their cells, (components, n), and "id";
-        those that are missing are zero.
-    scalars : mapping, optional
-        Numbers of a restart.
-    besides : mapping, optional
-        What a restart has besides points, of the whole run: bodies, impulses on walls, inflows, ...
     """
 
-    def __init__(
-        self,
-        communicator: Communicator,
-        plan: Plan,
-        arrays: Mapping[str, NDArray],
-        scalars: Mapping[str, float | int] | None = None,
-        besides: Mapping[str, NDArray] | None = None,
-    ) -> None:
+    def __init__(self, communicator: Communicator, plan: Plan) -> None:
         self._communicator, self.plan = communicator, plan
         self.link = Link(communicator)
         self.simulation = bare(plan)
         engine = self.simulation._engine
         engine.share(self.link, communicator.rank, communicator.size, plan.edge, plan.owners)
-        n = len(arrays["id"])
-        self.simulation._buffers = allocate(engine, n)
-        for name, values in arrays.items():
-            self.simulation._buffers[name][..., :n] = values
+        self._taken: list[Mapping[str, NDArray]] = []
         self._orders: dict[str, IntArray] = {}  # slots of the points, until the next step
+
+    def take(self, rows: Mapping[str, NDArray]) -> None:
+        """Take points of this rank, in the order of their ids or cells.
+
+        Parameters
+        ----------
+        rows : mapping
+            Their fields, (components, n), and "id"; those that are missing are zero.
+        """
+        self._taken.append(rows)
+
+    def begin(
+        self,
+        scalars: Mapping[str, float | int] | None = None,
+        besides: Mapping[str, NDArray] | None = None,
+    ) -> dict[str, int]:
+        """Begin with the points taken; return the counts of the points of this rank.
+
+        Parameters
+        ----------
+        scalars : mapping, optional
+            Numbers of a restart.
+        besides : mapping, optional
+            What a restart has besides points, of the whole run: bodies, impulses on walls, ...
+        """
+        engine, first = self.simulation._engine, 0
+        n = sum(len(rows["id"]) for rows in self._taken)
+        self.simulation._buffers = allocate(engine, n)
+        while self._taken:
+            rows = self._taken.pop(0)
+            last = first + len(rows["id"])
+            for name, values in rows.items():
+                self.simulation._buffers[name][..., first:last] = values
+            first = last
         self._guarded(lambda: self.simulation._bind_restored(n, besides or {}))
         if scalars is not None:
             engine.restore({**scalars, "n_points": n})
+        return self.counts()
 
     def _guarded(self, call: Callable[[], None]) -> None:
         try:
@@ -210,8 +230,10 @@ class Part:
             # The account of an energy that overflows begins anew, on all ranks alike.
             scalars |= {name: 0.0 for name in scalars if name.startswith("tally_")}
             scalars["tally_time"] = -1.0
-        plan = replace(self.plan, owners=owners)
-        return Part(self._communicator, plan, new, scalars, self._besides_points())
+        part = Part(self._communicator, replace(self.plan, owners=owners))
+        part.take(new)
+        part.begin(scalars, self._besides_points())
+        return part
 
 
 def bare(plan: Plan) -> Simulation:

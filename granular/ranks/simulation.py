@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import atexit
-import itertools
-import threading
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -21,18 +18,13 @@ from granular.mpm.patches import in_order
 from granular.mpm.point_field import PointField
 from granular.mpm.scene import Scene
 from granular.mpm.simulation import Simulation
-from granular.ranks.communicator import (
-    Communicator,
-    LostRankError,
-    MpiCommunicator,
-    communicator,
-)
-from granular.ranks.part import Part, Plan, bare, joined, remoteness
+from granular.ranks.communicator import Communicator
+from granular.ranks.part import Part, Plan, bare, joined
 from granular.ranks.partition import EDGES, RUNS, UNEVEN, edge_of_blocks, owners_of_blocks
-from granular.ranks.worker import is_serving, serve
+from granular.ranks.team import attend, team_of
 from granular.record import Checkpoint
+from granular.record.layout import Rows
 from granular.run import diagnostics
-from granular.run.interrupts import DeferredSignals
 from granular.run.restarts import check_numbers
 from granular.run.running import default_threads
 from granular.tools.arrays import BoolArray, IntArray
@@ -44,112 +36,8 @@ BALANCED = 20
 points is checked."""
 
 
-Arguments = Callable[[int], tuple]
-"""Arguments of a request to a rank."""
-
-
-class _Team:
-    """The ranks of a communicator as rank 0 sees them."""
-
-    def __init__(self, ranks: Communicator) -> None:
-        self.ranks = ranks
-        self.closing: list[int] = []  # parts that are no longer used
-        self.lost = False
-        self._numbers = itertools.count()
-        self._lock = threading.Lock()  # columns of a frame are made ahead in a thread
-        self._asking: int | None = None  # the thread that waits for answers
-
-    def number(self) -> int:
-        """Number of a new run."""
-        return next(self._numbers)
-
-    def close(self, number: int) -> None:
-        """Note that a run is no longer used; the next request says so."""
-        self.closing.append(number)
-
-    def ask(self, number: int, name: str, arguments: Arguments, call: Callable[[], Any]) -> list:
-        """Ask all ranks, rank 0 by a function; return their answers in the order of ranks.
-
-        The arguments of a rank are made when they are sent.
-
-        Signals wait: an exception between request and answer would confuse all that follow.
-        """
-        if self._asking == threading.get_ident() or is_serving():
-            raise RuntimeError("a function that runs on each rank must not use the simulation")
-        with DeferredSignals(), self._lock:
-            self._asking = threading.get_ident()
-            try:
-                return self._answers(number, name, arguments, call)
-            finally:
-                self._asking = None
-
-    def _answers(
-        self, number: int, name: str, arguments: Arguments, call: Callable[[], Any]
-    ) -> list:
-        if self.lost:
-            raise LostRankError("a rank of the run does not answer; start the run again")
-        ranks = self.ranks
-        answers: list[Any] = [None] * ranks.size
-        errors: list[BaseException] = []
-        while self.closing:
-            self._tell(self.closing.pop(), "close")
-        for rank in range(1, ranks.size):
-            ranks.send((number, name, arguments(rank)), rank)
-        try:
-            answers[0] = call()
-        except BaseException as error:  # raised when all have answered
-            errors.append(error)
-        for rank in range(1, ranks.size):
-            try:
-                good, answers[rank] = ranks.receive(rank)
-                if not good:
-                    errors.append(answers[rank])
-            except LostRankError as error:
-                errors.append(error)
-                break
-            except Exception as error:  # what cannot be unpickled here
-                errors.append(error)
-        self.lost = any(isinstance(error, LostRankError) for error in errors)
-        if errors:
-            raise min(errors, key=remoteness)
-        return answers
-
-    def _tell(self, number: int, name: str) -> None:
-        for rank in range(1, self.ranks.size):
-            self.ranks.send((number, name, ()), rank)
-        for rank in range(1, self.ranks.size):
-            self.ranks.receive(rank)
-
-    def end(self) -> None:
-        """Let the other processes end; by force if one of them does not answer."""
-        if self.lost:
-            self.ranks.abort()
-        else:
-            for rank in range(1, self.ranks.size):
-                self.ranks.send(None, rank)
-
-
-_TEAMS: dict[int, _Team] = {}
-"""Teams by the identity of their communicators."""
-
-
-def _team_of(ranks: Communicator) -> _Team:
-    team = _TEAMS.get(id(ranks))
-    if team is None or team.ranks is not ranks:
-        team = _TEAMS[id(ranks)] = _Team(ranks)
-        if isinstance(ranks, MpiCommunicator):  # threads end with their block
-            atexit.register(team.end)
-    return team
-
-
-def attend(comm: Any) -> Communicator:
-    """Return the communicator of rank 0; any other rank serves it, and exits when it ends."""
-    ranks = communicator(comm)
-    if ranks.rank:
-        serve(ranks)
-        raise SystemExit(0)
-    _team_of(ranks)  # which lets the others end, however this process ends
-    return ranks
+AT_ONCE = 1 << 19
+"""Points of a restart that are handed out at a time."""
 
 
 class _Collected(PointField):
@@ -165,6 +53,21 @@ class _Collected(PointField):
     def _take(self, k: int, column: NDArray) -> None:
         parts = self._sim._ask("column", self._name, k, "id")
         column[:] = np.concatenate(parts).take(self._order)
+
+
+class _CollectedRows:
+    """A field of the points of all ranks in the order of their cells, made row by row."""
+
+    def __init__(
+        self, sim: RankedSimulation, name: str, components: int, dtype: np.dtype, order: IntArray
+    ) -> None:
+        self.dtype, self._sim, self._name, self._order = stored_type(dtype), sim, name, order
+        self.shape = (len(order),) if name == "id" else (components, len(order))
+
+    def row(self, k: int) -> NDArray:
+        """Return a row; see `granular.record.layout.Rows`."""
+        parts = self._sim._ask("column", self._name, k, "cell")
+        return np.concatenate(parts).take(self._order)
 
 
 class RankedSimulation(Simulation, shares=Simulation):
@@ -209,26 +112,36 @@ class RankedSimulation(Simulation, shares=Simulation):
         memory.check(scene, force, ranks.on_this_machine / ranks.size)
         check_overlaps(scene)
         diagnostics.warn(scene)
-        points = scene.points()
         plan = Plan(
             scene=scene,
-            mean_mass=core.mean_mass(scene, core.masses_of(scene, points)),
+            mean_mass=1.0,  # for an engine that is asked for places alone
             threads=threads,
             isa=isa or default_isa(),
             wall_forces=wall_forces,
             tractions=tractions,
         )
         empty, besides = bare(plan), dict[str, NDArray]()
+        weights = _Weights(empty)
+
+        def weighed() -> Iterator[dict[str, NDArray]]:
+            for part in core.initial_parts(scene):
+                weights.add(part["x"].T)
+                yield part
+
+        plan = replace(plan, mean_mass=core.mean_mass(scene, weighed()))
         if scene.inflows:
             besides["inflow"] = empty._engine.inflow()
-            besides["inflow"][0] = len(points.x)  # the id of the first point that enters
+            besides["inflow"][0] = weights.n  # the id of the first point that enters
 
-        def part(chosen: BoolArray) -> dict[str, NDArray]:
-            fields = core.fields_of(scene, points.taken(chosen))
-            rows = {name: np.ascontiguousarray(np.atleast_2d(a.T)) for name, a in fields.items()}
-            return {**rows, "id": np.flatnonzero(chosen)}
+        def rows() -> Iterator[dict[str, NDArray]]:
+            first = 0
+            for part in core.initial_parts(scene):  # again: not to keep them
+                n = len(part["x"])
+                fields = {name: np.atleast_2d(a.T) for name, a in part.items()}
+                yield {**fields, "id": np.arange(first, first + n)}
+                first += n
 
-        self._distribute(ranks, plan, empty, np.ascontiguousarray(points.x.T), part, None, besides)
+        self._distribute(ranks, plan, empty, weights, rows(), None, besides)
 
     @classmethod
     def _restored_by(
@@ -255,11 +168,15 @@ class RankedSimulation(Simulation, shares=Simulation):
         names = {*(field[0] for field in empty._engine.fields()), "id"}
         besides = {name: array for name, array in arrays.items() if name not in names}
 
-        def part(chosen: BoolArray) -> dict[str, NDArray]:
-            return {name: np.ascontiguousarray(arrays[name][..., chosen]) for name in names}
+        def rows() -> Iterator[dict[str, NDArray]]:
+            for first in range(0, len(arrays["id"]), AT_ONCE):
+                yield {name: arrays[name][..., first : first + AT_ONCE] for name in names}
 
+        weights = _Weights(empty)
+        for part in rows():
+            weights.add(part["x"])
         sim = object.__new__(cls)
-        sim._distribute(ranks, plan, empty, arrays["x"], part, scalars, besides)
+        sim._distribute(ranks, plan, empty, weights, rows(), scalars, besides)
         sim._monitor.restore(checkpoint.arrays, checkpoint.step)
         return sim
 
@@ -268,40 +185,39 @@ class RankedSimulation(Simulation, shares=Simulation):
         ranks: Communicator,
         plan: Plan,
         empty: Simulation,
-        x: NDArray,
-        part: Callable[[BoolArray], dict[str, NDArray]],
+        weights: _Weights,
+        rows: Iterable[dict[str, NDArray]],
         scalars: dict[str, float | int] | None,
         besides: dict[str, NDArray],
     ) -> None:
-        """Give each rank its cells, and the points in them: `part` has the fields of some."""
+        """Give each rank its cells, and the points in them: `rows` has some points at a time."""
         size = ranks.size
-        edge, owners, blocks = _divided(empty, x, size)
-        available = default_threads(x.shape[1]) // ranks.on_this_machine
+        edge, owners = weights.divided(size)
+        available = default_threads(empty.scene.dim) // ranks.on_this_machine
         threads = plan.threads or max(available, 1)
         plan = replace(plan, threads=threads, edge=edge, owners=owners)
-        to = owners[blocks]
-        del blocks
-
-        def request(rank: int) -> tuple:
-            counts = {} if rank == 0 else {"dropped": 0, "clamped": 0}
-            return plan, part(to == rank), scalars and scalars | counts, besides
-
-        self._team = _team_of(ranks)
+        self._team = team_of(ranks)
         self._number = self._team.number()
         weakref.finalize(self, self._team.close, self._number)
         self._here: Part | None = None
 
-        def build() -> dict[str, int]:
-            self._here = Part(ranks, *request(0))
-            return self._here.counts()
+        def build() -> str:
+            self._here = Part(ranks, plan)
+            return self._here.isa()
 
-        self._counts = self._team.ask(self._number, "build", request, build)
-        sets = self._ask("isa")
+        sets = self._team.ask(self._number, "build", [(plan,)] * size, build)
         if "baseline" in sets and len(set(sets)) > 1:
             raise ValueError(
                 f"isa: ranks have the instruction sets {', '.join(sets)}, with other bits: give "
                 "isa='baseline' for all"
             )
+        for part in rows:
+            to = owners[empty._engine.places(np.ascontiguousarray(part["x"]), edge)[1]]
+            self._tell_each("take", [(_of(part, to == rank),) for rank in range(size)])
+        counts = [{}, *[{"dropped": 0, "clamped": 0}] * (size - 1)]
+        self._counts = self._tell_each(
+            "begin", [(scalars and scalars | more, besides) for more in counts]
+        )
         self._start(plan.scene, self._part.simulation._engine, threads)
         self._mean_mass = plan.mean_mass
         self._watches_walls = self._part.simulation._watches_walls
@@ -317,11 +233,15 @@ class RankedSimulation(Simulation, shares=Simulation):
 
     def _ask(self, name: str, *arguments: Any) -> list:
         """Let each rank call a method of its part; return the results in the order of ranks."""
+        return self._tell_each(name, [arguments] * self._team.ranks.size)
+
+    def _tell_each(self, name: str, arguments: Sequence[tuple]) -> list:
+        """Let each rank call a method of its part with arguments of its own."""
 
         def call() -> Any:
-            return getattr(self._part, name)(*arguments)
+            return getattr(self._part, name)(*arguments[0])
 
-        return self._team.ask(self._number, name, lambda _: arguments, call)
+        return self._team.ask(self._number, name, arguments, call)
 
     # ---- steps ----
 
@@ -361,7 +281,8 @@ class RankedSimulation(Simulation, shares=Simulation):
             self._here = self._part.moved(owners)
             return self._here.counts()
 
-        self._counts = self._team.ask(self._number, "moved", lambda _: (owners,), move)
+        given = [(owners,)] * self._team.ranks.size
+        self._counts = self._team.ask(self._number, "moved", given, move)
         self._engine = self._part.simulation._engine
         return True
 
@@ -434,20 +355,14 @@ class RankedSimulation(Simulation, shares=Simulation):
             for name, n, dtype in self._fields_to_gather(recorded)
         }
 
-    def _ordered(self, name: str, k: int, order: IntArray) -> NDArray:
-        """Return a component of a field of all points in the order of their cells."""
-        return np.concatenate(self._ask("column", name, k, "cell")).take(order)
-
-    def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
+    def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray | Rows]]:
         order = np.argsort(np.concatenate(self._ask("cells")), kind="stable")
-        arrays = {"id": self._ordered("id", 0, order)}
-        for name, n, *_, dtype in self._engine.fields():
-            arrays[name] = np.empty((n, len(order)), dtype=stored_type(dtype))
-            for k, row in enumerate(arrays[name]):
-                row[:] = self._ordered(name, k, order)
+        fields = [("id", 1, np.dtype(np.int64))]
+        fields += [(name, n, dtype) for name, n, *_, dtype in self._engine.fields()]
+        arrays = {name: _CollectedRows(self, name, n, dtype, order) for name, n, dtype in fields}
         scalars = self._engine.scalars() | {"mean_mass": self._mean_mass}
         scalars |= {name: self._total(name) for name in self._counts[0]}
-        return scalars, arrays | self._besides_points()
+        return scalars, {**arrays, **self._besides_points()}
 
     def _patch_rows(self) -> tuple[IntArray, NDArray]:
         places, numbers = zip(*self._ask("patches"), strict=True)
@@ -463,17 +378,35 @@ class RankedSimulation(Simulation, shares=Simulation):
         self._ask("load", body, load)
 
 
-def _divided(
-    empty: Simulation, x: NDArray, size: int
-) -> tuple[int, NDArray[np.int32], NDArray[np.int64]]:
-    """Return the edge of blocks, the owner of each block, and the block of each point."""
-    engine: _core.Engine = empty._engine
-    weights: dict[int, NDArray] = {}
-    blocks: dict[int, NDArray] = {}
-    nonlocal_law = empty.scene.nonlocal_material is not None
-    for edge in (RUNS,) if nonlocal_law else EDGES[empty.scene.dim]:
-        blocks[edge] = engine.places(x, edge)[1]
-        weights[edge] = np.bincount(blocks[edge], minlength=int(np.prod(engine.blocks(edge))))
-    edge = edge_of_blocks({e: int((w > 0).sum()) for e, w in weights.items()}, size)
-    owners = owners_of_blocks(weights[edge], engine.blocks(edge), size)
-    return edge, owners, blocks[edge]
+def _of(rows: dict[str, NDArray], which: BoolArray) -> dict[str, NDArray]:
+    """Return some points, with fields in memory of their own."""
+    return {name: np.ascontiguousarray(array[..., which]) for name, array in rows.items()}
+
+
+class _Weights:
+    """Numbers of points of the blocks into which cells may be divided.
+
+    Attributes
+    ----------
+    n : int
+        Number of points.
+    """
+
+    def __init__(self, empty: Simulation) -> None:
+        self._engine: _core.Engine = empty._engine
+        nonlocal_law = empty.scene.nonlocal_material is not None
+        edges = (RUNS,) if nonlocal_law else EDGES[empty.scene.dim]
+        self.n = 0
+        self._of = {edge: np.zeros(np.prod(self._engine.blocks(edge)), int) for edge in edges}
+
+    def add(self, x: NDArray) -> None:
+        """Count points at these positions, (dim, n) [m]."""
+        self.n += x.shape[1]
+        for edge, weights in self._of.items():
+            blocks = self._engine.places(np.ascontiguousarray(x), edge)[1]
+            weights += np.bincount(blocks, minlength=len(weights))
+
+    def divided(self, size: int) -> tuple[int, NDArray[np.int32]]:
+        """Return the edge of blocks for a number of ranks, and the owner of each block."""
+        edge = edge_of_blocks({e: int((w > 0).sum()) for e, w in self._of.items()}, size)
+        return edge, owners_of_blocks(self._of[edge], self._engine.blocks(edge), size)

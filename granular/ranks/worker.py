@@ -53,7 +53,7 @@ def _do(
 ) -> Any:
     if name == "build":
         parts[number] = Part(communicator, *arguments)
-        return parts[number].counts()
+        return parts[number].isa()
     if name == "close":
         parts.pop(number, None)
         return None

@@ -3,12 +3,24 @@
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from numbers import Integral, Real
 
 import h5py
 import numpy as np
 
-from granular.record.layout import DTYPES, as_attribute, attribute, check_type, checked, hard, seal
+from granular.record.layout import (
+    DTYPES,
+    Rows,
+    as_attribute,
+    attribute,
+    check_type,
+    checked,
+    checksums,
+    count_of_rows,
+    hard,
+    seal,
+)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -57,12 +69,48 @@ class Checkpoint:
     @property
     def digest(self) -> bytes:
         """Digest of all content (32 bytes)."""
-        parts: list[str | bytes | np.ndarray] = [struct.pack("<dqd", self.time, self.step, self.dt)]
-        for name in sorted(self.scalars):
-            parts += [name, number(self.scalars[name])]
-        for name in sorted(self.arrays):
-            parts += [name, self.arrays[name]]
-        return seal(*parts)
+        sums = {name: checksums(array) for name, array in self.arrays.items()}
+        return digest_of(self, sums)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class CheckpointRows:
+    """A checkpoint with arrays that are made, or read, row by row: one is never held as a whole."""
+
+    time: float
+    step: int
+    dt: float
+    scalars: Mapping[str, float | int]
+    arrays: Mapping[str, np.ndarray | Rows]
+
+    def whole(self) -> Checkpoint:
+        """Return the checkpoint with all its arrays."""
+        arrays = {name: _whole(array) for name, array in self.arrays.items()}
+        return Checkpoint(
+            time=self.time, step=self.step, dt=self.dt, scalars=self.scalars, arrays=arrays
+        )
+
+
+def _whole(array: np.ndarray | Rows) -> np.ndarray:
+    if isinstance(array, np.ndarray):
+        return array
+    out = np.empty(array.shape, dtype=array.dtype)
+    count = count_of_rows(array.shape)
+    if count:
+        for k, into in enumerate(out.reshape(count, -1)):
+            into[:] = array.row(k)
+    return out
+
+
+def digest_of(checkpoint: Checkpoint | CheckpointRows, sums: Mapping[str, bytes]) -> bytes:
+    """Digest of a checkpoint with these `granular.record.layout.checksums` of its arrays."""
+    clock = struct.pack("<dqd", checkpoint.time, checkpoint.step, checkpoint.dt)
+    parts: list[str | bytes | np.ndarray] = [clock]
+    for name in sorted(checkpoint.scalars):
+        parts += [name, number(checkpoint.scalars[name])]
+    for name in sorted(sums):
+        parts += [name, sums[name]]
+    return seal(*parts)
 
 
 def number(value: float | int) -> np.ndarray:
@@ -70,17 +118,28 @@ def number(value: float | int) -> np.ndarray:
     return np.array(value, dtype="<i8" if isinstance(value, Integral) else "<f8")
 
 
-def write_checkpoint(group: h5py.Group, checkpoint: Checkpoint) -> None:
-    """Store a checkpoint in an empty group."""
+def write_checkpoint(group: h5py.Group, checkpoint: CheckpointRows) -> bytes:
+    """Store a checkpoint in an empty group; return its digest."""
     group.attrs["time"] = float(checkpoint.time)
     group.attrs["step"] = int(checkpoint.step)
     group.attrs["dt"] = float(checkpoint.dt)
-    group.attrs["digest"] = as_attribute(checkpoint.digest)
-    scalars, arrays = group.create_group("scalars"), group.create_group("arrays")
+    scalars, arrays, sums = group.create_group("scalars"), group.create_group("arrays"), {}
     for name, value in checkpoint.scalars.items():
         scalars.create_dataset(name, data=number(value))
     for name, array in checkpoint.arrays.items():
-        arrays.create_dataset(name, data=array)
+        data = arrays.create_dataset(name, shape=array.shape, dtype=array.dtype)
+        sums[name] = checksums(array, partial(_put, data))
+    digest = digest_of(checkpoint, sums)
+    group.attrs["digest"] = as_attribute(digest)
+    return digest
+
+
+def _put(data: h5py.Dataset, k: int, row: np.ndarray) -> None:
+    """Put a row of an array into its dataset."""
+    if count_of_rows(data.shape) > 1:
+        data[k] = row
+    elif row.size:
+        data[...] = row.reshape(data.shape)
 
 
 def read_checkpoint(group: h5py.Group) -> Checkpoint:

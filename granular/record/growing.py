@@ -22,7 +22,7 @@ import h5py
 import numpy as np
 
 from granular.record import chunks
-from granular.record.checkpoint import Checkpoint, write_checkpoint
+from granular.record.checkpoint import Checkpoint, CheckpointRows, write_checkpoint
 from granular.record.frame import SCALARS, Frame, Head, Table, samples_of
 from granular.record.fresh import New, checksums_of
 from granular.record.layout import (
@@ -37,7 +37,7 @@ from granular.record.layout import (
 )
 from granular.record.log import Stretch, frame_entry, head_entry
 from granular.record.polydata import begin_poly_data, write_steps, write_vertices
-from granular.record.restart import read_restart, write_restart
+from granular.record.restart import check_digest, opened_restart, write_restart
 from granular.record.storage import Sink, create, fsync_folder, permissions, replacing, write_all
 
 LOG, DATA, RESTART = "log", ".data", ".restart"
@@ -222,7 +222,7 @@ class Growing:
         self._end += len(entry)
         self._add(placed)
 
-    def keep(self, checkpoint: Checkpoint) -> None:
+    def keep(self, checkpoint: Checkpoint | CheckpointRows) -> None:
         """Store a restart state, after all frames have become durable."""
         os.fsync(self._fd)
         os.fsync(self._log_fd)
@@ -240,7 +240,6 @@ class Growing:
         """
         assert self._file is not None
         texts, group, frames = self.head.texts, self._group, self.frames
-        checkpoint = read_restart(self.restart) if self.restart.exists() else None
         table = self._points.finish(group, frames)
         others = {
             name: points.finish(group[name], [f.others[name] for f in frames if name in f.others])
@@ -251,9 +250,11 @@ class Growing:
         samples = group.create_group("samples")
         for name, column in table.samples.items():
             samples[name] = column
-        if checkpoint:
-            write_checkpoint(group.create_group("checkpoint"), checkpoint)
-        digest = checkpoint.digest if checkpoint else b""
+        digest = b""
+        if self.restart.exists():
+            with opened_restart(self.restart) as (checkpoint, stored):
+                digest = write_checkpoint(group.create_group("checkpoint"), checkpoint)
+                check_digest(digest, stored)
         group.attrs["format"] = FORMAT
         group.attrs["seal"] = as_attribute(table.seal(texts, digest, others))
         self._file.close()

@@ -29,10 +29,10 @@ import os
 import re
 import struct
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Literal, overload
+from typing import Literal, Protocol, overload
 
 import h5py
 import numpy as np
@@ -142,16 +142,44 @@ def described(dtype: str, shape: tuple[int, ...], sums: bytes) -> bytes:
     return f"{dtype}{shape}".encode() + sums
 
 
-def checksums(array: np.ndarray) -> bytes:
+class Rows(Protocol):
+    """An array that is made, or read, row by row: of shape (k, n), k <= `MAX_COLUMNS`, or (n,)."""
+
+    @property
+    def dtype(self) -> np.dtype: ...
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+    def row(self, k: int) -> np.ndarray:
+        """Return row k, contiguous; row 0 of an array that is none of rows is all of it."""
+
+
+def count_of_rows(shape: tuple[int, ...]) -> int:
+    """Number of rows of an array as `checksums` has them: a few long ones, else all in one."""
+    return shape[0] if len(shape) == 2 and shape[0] <= MAX_COLUMNS else 1
+
+
+def row_of(array: "np.ndarray | Rows", k: int) -> np.ndarray:
+    """Return a row of an array, in one dimension and contiguous."""
+    if not isinstance(array, np.ndarray):
+        return array.row(k)
+    row = array[k] if count_of_rows(array.shape) > 1 else array
+    return np.ascontiguousarray(row).reshape(-1)
+
+
+def checksums(
+    array: "np.ndarray | Rows", use: Callable[[int, np.ndarray], object] = lambda _, __: None
+) -> bytes:
     """Type and shape of an array, and the checksums of its rows, as what goes into a digest.
 
     A checksum is several times as fast as a digest. A few long rows have one each, so that one that
-    is contiguous need not be copied; any other array has one.
+    is contiguous need not be copied; any other array has one. `use` is called with the number of
+    each row and the row.
     """
-    array = np.asarray(array)
-    parts = array if array.ndim == 2 and len(array) <= MAX_COLUMNS else [array]
-    flat = (np.ascontiguousarray(part).reshape(-1).view(np.uint8).data for part in parts)
-    sums = b"".join(struct.pack("<L", zlib.crc32(raw)) for raw in flat)
+    sums = b""
+    for k in range(count_of_rows(array.shape)):
+        row = row_of(array, k)
+        sums += struct.pack("<L", zlib.crc32(row.view(np.uint8).data))
+        use(k, row)
     return described(array.dtype.str, array.shape, sums)
 
 

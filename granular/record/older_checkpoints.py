@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-from granular.record.checkpoint import Checkpoint
+from granular.record.checkpoint import Checkpoint, CheckpointRows
 from granular.record.frame import Frame
 from granular.record.restart import read_restart, write_restart
 
@@ -23,7 +23,7 @@ def _file(path: Path, step: int, mark: bytes) -> Path:
     return folder_of(path) / f"{step:012d}-{mark[:8].hex()}.part"
 
 
-def store(path: Path, frame: Frame, checkpoint: Checkpoint) -> None:
+def store(path: Path, frame: Frame, checkpoint: Checkpoint | CheckpointRows) -> None:
     """Store the checkpoint of a frame of a record, completely or not at all."""
     folder_of(path).mkdir(exist_ok=True)
     write_restart(_file(path, frame.step, frame.mark), checkpoint)

@@ -15,7 +15,7 @@ import numpy as np
 
 from granular.record import older_checkpoints
 from granular.record import provenance as origin
-from granular.record.checkpoint import Checkpoint
+from granular.record.checkpoint import Checkpoint, CheckpointRows
 from granular.record.chunks import Field, Packer
 from granular.record.frame import BODY, WALL, Frame, Head, Texts, names_of
 from granular.record.fresh import Columns, Fresh, New, Streamed, checksums_of
@@ -403,7 +403,7 @@ class TrajectoryWriter(Resource):
         self._cursor = index + 1
         return index
 
-    def checkpoint(self, checkpoint: Checkpoint) -> None:
+    def checkpoint(self, checkpoint: Checkpoint | CheckpointRows) -> None:
         """Store a restart state in place of the previous one, and make all frames durable.
 
         Raises
@@ -413,7 +413,7 @@ class TrajectoryWriter(Resource):
         """
         self._grown().keep(checkpoint)
 
-    def keep(self, index: int, checkpoint: Checkpoint) -> None:
+    def keep(self, index: int, checkpoint: Checkpoint | CheckpointRows) -> None:
         """Store the restart state of a frame separately, where no later one replaces it."""
         older_checkpoints.store(self.path, self._frames[index], checkpoint)
 

@@ -14,6 +14,7 @@ from granular.tools.resources import Resource
 if TYPE_CHECKING:
     from granular.model.typing import AnyScene
     from granular.record.checkpoint import Checkpoint
+    from granular.record.layout import Rows
     from granular.run.monitor import Energies, Monitor
 
 
@@ -74,7 +75,7 @@ class Method(Resource):
         """Return the fields of a state, ordered by id; with `recorded` only fields of records."""
         raise NotImplementedError
 
-    def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
+    def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray | Rows]]:
         """Return the numbers and arrays of a checkpoint."""
         raise NotImplementedError
 

@@ -195,7 +195,7 @@ class Recorder:
                 single=sim._precision == "single",
             )
             if sim._keeps and index % sim._keeps == 0:
-                writer.keep(index, sim.checkpoint())
+                writer.keep(index, sim._checkpoint_rows())
         sim._due = None
         with signals.released():
             answers = [sim._turns.call(hook, sim) for hook in hooks]

@@ -15,7 +15,7 @@ from granular import _core
 from granular.tools.checks import positive
 
 if TYPE_CHECKING:
-    from granular.record.checkpoint import Checkpoint
+    from granular.record.checkpoint import CheckpointRows
     from granular.record.writer import TrajectoryWriter
     from granular.run.monitor import Monitor
 
@@ -79,7 +79,7 @@ class Run(Protocol):
     def steps(self) -> int: ...
     @property
     def frame_is_stored(self) -> bool: ...
-    def checkpoint(self) -> Checkpoint: ...
+    def _checkpoint_rows(self) -> CheckpointRows: ...
     def _advance(self, max_steps: int, until: float) -> None: ...
     def _sample_if_due(self) -> None: ...
 
@@ -164,7 +164,7 @@ class Saver:
     def save(self) -> None:
         """Store a checkpoint if the run is recorded."""
         if self._writer:
-            self._writer.checkpoint(self._sim.checkpoint())
+            self._writer.checkpoint(self._sim._checkpoint_rows())
             self._last = clock.monotonic()
 
     def save_if_due(self) -> None:

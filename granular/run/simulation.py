@@ -12,6 +12,7 @@ import numpy as np
 
 from granular import _core
 from granular.record import Checkpoint
+from granular.record.checkpoint import CheckpointRows
 from granular.record.session import Session
 from granular.record.settings import DOUBLE
 from granular.run.diagnostics import Health, StabilityWarning, health
@@ -408,9 +409,13 @@ class Simulation(Present):
         SimulationError
             If one has ended a step of this simulation.
         """
+        return self._checkpoint_rows().whole()
+
+    def _checkpoint_rows(self) -> CheckpointRows:
+        """Return a checkpoint to be stored before the next step."""
         self._soundness.check()
         scalars, arrays = self._checkpoint_data()
-        return Checkpoint(
+        return CheckpointRows(
             time=scalars["time"],
             step=int(scalars["step"]),
             dt=scalars["dt"],

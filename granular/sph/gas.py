@@ -217,7 +217,8 @@ class Gas(Description):
 
     def points(self, grid: Grid, seed: int) -> seeding.Points:
         """Gas particles at the start; see `granular.model.seeding.seed_points`."""
-        return seeding.seed_points(grid, self.fills, seed, self.density, even=True)
+        parts = seeding.seed_points(grid, self.fills, seed, self.density, even=True)
+        return seeding.joined(parts, grid.dim)
 
     def inflows(self) -> dict[int, Inflow]:
         """Inflows of the gas, by the numbers of their jets."""

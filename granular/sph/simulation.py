@@ -13,6 +13,7 @@ from granular import _core
 from granular.model.inflow import InflowState, stored_inflow
 from granular.model.state import State
 from granular.record import Checkpoint
+from granular.record.layout import Rows
 from granular.run import diagnostics, simulation
 from granular.run.restarts import LARGEST, LEAST, check_range
 from granular.run.running import MOST_STEPS
@@ -297,9 +298,11 @@ class Simulation(simulation.Simulation, scenes=Scene):
         counts = {"grains": "n_points", "walls": "n_walls", "gas": "n_gas"}
         return replace(self._rows, **{name: int(scalars[n]) for name, n in counts.items()})
 
-    def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray]]:
+    def _checkpoint_data(self) -> tuple[dict[str, float | int], dict[str, NDArray | Rows]]:
         slots = self._present().slots()
-        arrays = {name: rows.take(slots, axis=-1) for name, rows in self._buffers.items()}
+        arrays: dict[str, NDArray | Rows] = {
+            name: rows.take(slots, axis=-1) for name, rows in self._buffers.items()
+        }
         if self._inlets:
             arrays |= {"inflow": self._engine.inflow(), "inlet_loads": self._engine.inlet_loads()}
         return self._engine.scalars(), arrays

@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from granular import Box, Cylinder, Difference, Fill, Grid, Intersection, Sphere, Union
-from granular.model.seeding import seed_points
+from granular.model.seeding import joined, seed_points
 
 UNIT = Grid((0.0, 0.0), 0.1, (10, 10))
 UNIT_BOX = Box((0, 0), (1, 1))
+
+
+def seeded(grid, *given):
+    return joined(seed_points(grid, *given), grid.dim)
 
 
 def test_grid_derives_dimension_upper_corner_and_lines():
@@ -107,7 +111,7 @@ def test_parts_refuse(make, error, message):
 
 def test_seeding_lattice_of_a_cell_by_hand():
     fill = Fill(Box((1, 2), (1.5, 2.5)), 4)
-    points = seed_points(Grid((1.0, 2.0), 0.5, (2, 2)), [fill], 0, 1000.0)
+    points = seeded(Grid((1.0, 2.0), 0.5, (2, 2)), [fill], 0, 1000.0)
     expected = [(1.125, 2.125), (1.375, 2.125), (1.125, 2.375), (1.375, 2.375)]
     assert np.allclose(points.x, expected, atol=1e-15)
     assert np.allclose(points.volume, 0.25**2)
@@ -120,7 +124,7 @@ def test_mass_velocity_and_order_of_several_fills():
         Fill(Box((0, 0), (0.5, 1.0)), 9),
         Fill(Box((0.5, 0), (1.0, 0.5)), 4, density=1200.0, velocity=(1.2, 3.0)),
     ]
-    points = seed_points(UNIT, fills, 0, 1500.0)
+    points = seeded(UNIT, fills, 0, 1500.0)
     assert len(points.x) == 450 + 100
     assert np.sum(points.volume * points.density) == pytest.approx(0.5 * 1500 + 0.25 * 1200)
     assert (points.x[:450, 0] < 0.5).all() and (points.x[450:, 0] > 0.5).all()
@@ -129,23 +133,23 @@ def test_mass_velocity_and_order_of_several_fills():
 
 
 def test_disc_and_ball_have_their_volume():
-    disc = seed_points(UNIT, [Fill(Sphere(0.4, center=(0.5, 0.5)), 100)], 0, 1.0)
+    disc = seeded(UNIT, [Fill(Sphere(0.4, center=(0.5, 0.5)), 100)], 0, 1.0)
     assert disc.volume.sum() == pytest.approx(math.pi * 0.16, rel=2e-3)
     grid = Grid((0.0,) * 3, 0.1, (10,) * 3)
-    ball = seed_points(grid, [Fill(Sphere(0.4, center=(0.5,) * 3), 27)], 0, 1.0)
+    ball = seeded(grid, [Fill(Sphere(0.4, center=(0.5,) * 3), 27)], 0, 1.0)
     assert ball.volume.sum() == pytest.approx(4 / 3 * math.pi * 0.064, rel=1e-2)
 
 
 def test_jitter_is_bounded_reproducible_and_uniform():
-    def seeded(jitter, seed):
-        return seed_points(UNIT, [Fill(Box((0, 0), (1, 1)), 16, jitter=jitter)], seed, 1.0).x
+    def jittered(jitter, seed):
+        return seeded(UNIT, [Fill(Box((0, 0), (1, 1)), 16, jitter=jitter)], seed, 1.0).x
 
-    regular, moved = seeded(0.0, 3), seeded(0.5, 3)
+    regular, moved = jittered(0.0, 3), jittered(0.5, 3)
     shift = (moved - regular) / 0.025
     assert abs(shift).max() <= 0.25 and abs(shift).max() > 0.24
     assert shift.std() == pytest.approx(0.5 / math.sqrt(12), rel=0.05)
-    assert (seeded(0.5, 3) == moved).all() and (seeded(0.5, 4) != moved).all()
-    full = seeded(1.0, 0)
+    assert (jittered(0.5, 3) == moved).all() and (jittered(0.5, 4) != moved).all()
+    full = jittered(1.0, 0)
     assert (full >= 0).all() and (full < 1.0).all()
 
 
@@ -155,7 +159,7 @@ def test_columns_of_a_staggered_fill_have_heights_of_their_own(dim):
     grid = Grid((0.0,) * dim, 0.1, (10,) * dim)
     box = Box((0.1,) * dim, (0.9,) * dim)
     plain, staggered = (
-        seed_points(grid, [Fill(box, 2**dim, stagger=stagger)], 0, 1.0) for stagger in (False, True)
+        seeded(grid, [Fill(box, 2**dim, stagger=stagger)], 0, 1.0) for stagger in (False, True)
     )
     assert box.contains(staggered.x).all()
     assert staggered.volume.tolist() == plain.volume.tolist()
@@ -196,4 +200,4 @@ def test_columns_of_a_staggered_fill_have_heights_of_their_own(dim):
 )
 def test_seeding_refuses(fills, message):
     with pytest.raises(ValueError, match=message):
-        seed_points(UNIT, fills, 0, 1500.0)
+        seeded(UNIT, fills, 0, 1500.0)

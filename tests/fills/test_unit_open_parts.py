@@ -6,7 +6,9 @@ from scenes_by_hand import scene_with
 
 import granular as gr
 from granular import Box, Cylinder, HalfSpace
+from granular.model import lattice
 from granular.model.open_parts import LEAST_SHARE, plane_cut
+from granular.model.seeding import joined
 from granular.mpm.body_distances import distance_from_bodies
 
 CELL = 0.1
@@ -54,6 +56,23 @@ def test_first_row_lies_half_its_thickness_off_a_plane(dim, offset):
     assert first == pytest.approx(row / 2, rel=1e-3)
     assert points.volume[height < first * 1.001] == pytest.approx(row * SPACING ** (dim - 1))
     assert points.volume.sum() == pytest.approx(0.7 - offset, rel=1e-6)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_points_do_not_depend_on_how_many_are_made_at_once(dim, monkeypatch):
+    """Also where small parts at a body are merged with points of another part."""
+    ball = gr.Body(gr.Sphere(0.23, center=(0.0,) * dim), (0.41,) * dim)
+    region = gr.Sphere(0.43, center=(0.5,) * dim)
+    rough = gr.Fill(region, 2**dim, jitter=0.4, stagger=True, lithostatic=True)
+    scene = scene_of(ball, dim=dim).replace(
+        fills=(rough, gr.Fill(Box((0.0,) * dim, (0.1,) * dim), 4**dim))
+    )
+    whole = vars(scene.points())
+    monkeypatch.setattr(lattice, "AT_ONCE", 50)
+    parts = list(scene.points_in_parts())
+    assert len(parts) > 5
+    for name, array in vars(joined(parts, dim)).items():
+        np.testing.assert_array_equal(array, whole[name])
 
 
 def test_far_bodies_change_nothing():

@@ -10,7 +10,6 @@ from scenes_by_hand import scene_with
 
 import granular as gr
 from granular import Box, Cylinder, HalfSpace
-from granular.model.seeding import seed_points
 from granular.mpm.scaling import Froude
 
 GRID = gr.Grid((0.0, 0.0), 0.1, (10, 10))
@@ -260,7 +259,7 @@ def test_arrays_cannot_be_changed():
     with pytest.raises(ValueError, match="read-only"):
         heights.z[0] = 1
     assert heights != gr.Heights(z, 0.0, 1.0)
-    assert seed_points(GRID, [gr.Fill(TRIANGLE, 4)], 0, 1.0).x.flags.writeable is False
+    assert scene_of(TRIANGLE).points().x.flags.writeable is False
 
 
 def test_terrain_beside_a_layer_does_not_bound_it():

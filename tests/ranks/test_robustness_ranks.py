@@ -326,7 +326,7 @@ def test_confused_messages_end_in_an_error(number):
     engine = core.build(sim.scene, 1.0)
     blocks = int(np.prod(engine.blocks(8)))
     engine.share(Confused(number), 0, 2, 8, np.arange(blocks, dtype=np.int32) % 2)
-    engine.bind(core.initial_buffers(engine, {"x": np.zeros((0, 2)), "mass": np.zeros(0)}), 0, True)
+    engine.bind(core.initial_buffers(engine, ()), 0, True)
     with pytest.raises(RuntimeError, match="does not answer"):
         engine.regroup()
     assert engine.blocks(2**31 - 1) == (1, 1, 1)

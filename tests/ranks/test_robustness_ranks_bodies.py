@@ -136,6 +136,8 @@ def test_garbled_contact_points_end_in_an_error(seed):
     arrays["id"] = np.arange(arrays["x"].shape[1])
     plan = Plan(scene, 1.0, 1, "", False, False)
     owners = np.zeros(int(np.prod(bare(plan)._engine.blocks(8))), np.int32)
-    part = Part(Garbled(seed), replace(plan, edge=8, owners=owners), arrays)
+    part = Part(Garbled(seed), replace(plan, edge=8, owners=owners))
+    part.take(arrays)
+    part.begin()
     with pytest.raises(RuntimeError, match="does not answer"):
         part.advance(500, 1.0)
