@@ -7,13 +7,11 @@ these measures, so that the sums over cells are computed only once.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from granular.measure.averaging_grid import cells_of, sums_of
-from granular.measure.profiles import scaled_inertial_number
+from granular.measure.averaging_grid import require_points
+from granular.measure.cell_sums import CellSums, ill_posed_points
 from granular.model.state import State
 from granular.mpm.blocks import solid_cells
-from granular.theory.well_posed import ill_posedness
 from granular.tools.arrays import Array, BoolArray, IntArray
 from granular.tools.checks import integer, non_negative
 
@@ -26,13 +24,6 @@ DEEP = 0.9
 UNEVEN = 0.45
 """Root mean square, over a cell and its neighbours, of filling less mean filling from which points
 are drawn into strings. In a random packing of 4 points per cell it is 0.3."""
-
-FLOWING = 1e-3
-"""I/I0 from which a point flows; below it mu equals mu_s to 3e-4 and motion is noise."""
-
-
-AT_LIMIT = 0.999
-"""Share of the limit of a quadrature weight from which it counts as being at the limit."""
 
 
 class Bulk:
@@ -47,47 +38,59 @@ class Bulk:
 
     Parameters
     ----------
-    state : State
+    sums : CellSums
     depth_cells : int
         Number of cells below the surface that are not bulk.
     packed : float
-        Least density, as a share of rho_c, averaged over the cell of a bulk point and its occupied
-        neighbours. Less dense material in free flight inside a body is rightly free of stress.
+        Least density, as a share of rho_c, averaged over a bulk cell and its occupied neighbours.
+        Less dense material in free flight inside a body is rightly free of stress.
+
+    Attributes
+    ----------
+    cells : ndarray of bool
+        The cells of the bulk in the box; that of all points in them is the bulk.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is out of range, the state is empty, or a point is off the grid.
+        If an argument is out of range, or there are no points.
     """
 
-    def __init__(self, state: State, *, depth_cells: int = 2, packed: float = 0.0) -> None:
+    def __init__(self, sums: CellSums, *, depth_cells: int = 2, packed: float = 0.0) -> None:
         integer("depth_cells", depth_cells, 0)
         non_negative("packed", packed)
-        grid = state.scene.grid
-        cells = cells_of(state)
-        first, last = cells.min(axis=0), cells.max(axis=0)
+        if not sums.n:
+            raise ValueError(f"state at time = {sums.time} has 0 points, at least 1 is needed")
+        grid = sums.scene.grid
+        places = np.array(np.unravel_index(sums.cells, grid.shape))
+        first, last = places.min(axis=1), places.max(axis=1)
         self.box = tuple(
             slice(int(low), int(high) + 1) for low, high in zip(first, last, strict=True)
         )
-        self.state, self.shape = state, tuple(last - first + 1)
+        self.scene, self._sums, self.shape = sums.scene, sums, tuple(last - first + 1)
+        self._places = tuple(places - first[:, None])
         self.at_ends = np.array([first == 0, last == np.array(grid.shape) - 1]).T
         self.cell_volume = grid.cell ** len(self.shape)
-        self.cell_of = np.ravel_multi_index(tuple((cells - first).T), self.shape)
-        self.mass = self.sum(state.mass)
-        solid = self.sum(state.rest_section)
+        self.mass = self.sum("mass")
+        solid = self.sum("rest_section")
         filled = solid >= FILLED * self.cell_volume
-        top = uppermost(filled)
-        up = (np.asarray(state.x, dtype=float)[:, -1] - grid.lower[-1]) / grid.cell
-        deep = filled.ravel()[self.cell_of] & (
-            top.ravel()[self.cell_of] + first[-1] + 1 - up > depth_cells
-        )
+        depth = uppermost(filled) - np.arange(self.shape[-1])
+        deep = filled & (depth >= depth_cells)
         if packed:
-            deep &= (self.around(solid) >= packed * self.cell_volume).ravel()[self.cell_of]
-        self.points: BoolArray = deep
+            deep &= self.around(solid) >= packed * self.cell_volume
+        self.cells: BoolArray = deep
 
-    def sum(self, values: ArrayLike) -> Array:
-        """Sum of a point field over each cell, an array of the shape of the box."""
-        return sums_of(self.cell_of, values, int(np.prod(self.shape))).reshape(self.shape)
+    def sum(self, name: str) -> Array:
+        """Sums of `CellSums` over the cells of the box, an array of its shape."""
+        of = self._sums.of[name]
+        sums = np.zeros((*self.shape, *of.shape[1:]))
+        sums[self._places] = of
+        return sums
+
+    @property
+    def n(self) -> int:
+        """Number of points in the bulk."""
+        return int(self.sum("count")[self.cells].sum())
 
     def around(self, cells: Array) -> Array:
         """Mean of a cell field over each cell and its occupied neighbours, corners included.
@@ -95,7 +98,7 @@ class Bulk:
         With SPH a cell holds one particle on average, and may be empty in the midst of others.
         """
         occupied = self.mass > 0
-        if self.state.scene.method == "sph":
+        if self.scene.method == "sph":
             occupied = _closed(occupied)
         return _pooled(cells) / np.maximum(_pooled(occupied.astype(float)), 1.0)
 
@@ -104,36 +107,29 @@ class Bulk:
 
         Only points count around which the mean pressure is at least that of `pressed` cells.
         """
-        pressure = np.asarray(self.state.pressure, dtype=float)
-        free = (pressure == 0) & (self.state.of_material("granular") > 0)
+        free = self.sum("free")
         if pressed:
-            free &= self._pressure_about(pressure) >= pressed * self._weight_of_a_cell()
-        return self._mean(free.astype(float))
+            pull = np.linalg.norm(self.scene.gravity.vectors, axis=1).max()
+            densities = np.array([material.rho_c for material in self.scene.materials])
+            weights = densities * pull * self.scene.grid.cell  # of a cell, per area of its face
+            free *= self._pressure_about()[..., None] >= pressed * weights
+        return self._share(free.sum(axis=-1))
 
-    def _pressure_about(self, pressure: Array) -> Array:
-        """Mean pressure over the cell of each point and its neighbours [Pa]."""
-        volume = np.asarray(self.state.rest_section, dtype=float)
-        sums = _pooled(self.sum(pressure * volume)) / np.maximum(_pooled(self.sum(volume)), 1e-300)
-        return sums.ravel()[self.cell_of]
-
-    def _weight_of_a_cell(self) -> Array:
-        """Weight of a cell of the material of each point, per area of its face [Pa]."""
-        scene = self.state.scene
-        pull = np.linalg.norm(scene.gravity.vectors, axis=1).max()
-        return np.asarray(self.state.mass / self.state.rest_volume) * pull * scene.grid.cell
+    def _pressure_about(self) -> Array:
+        """Mean pressure over each cell and its neighbours [Pa]."""
+        volume = np.maximum(_pooled(self.sum("rest_section")), 1e-300)
+        return np.asarray(_pooled(self.sum("load")) / volume)
 
     def drift(self) -> float:
         """Mass-weighted mean over the bulk of particle volume over cell volume, minus one.
 
         An ejected point may have any volume; it counts with two cells at most. nan without a bulk.
         """
-        volume = np.minimum(self.state.section, 2.0 * self.cell_volume)
-        around = self.around(self.sum(volume)) / self.cell_volume
-        return self._mean(around.ravel()[self.cell_of]) - 1.0
+        return self._share(self.mass * self.around(self.sum("section")) / self.cell_volume) - 1.0
 
     def strings(self) -> float:
         """Share of the cells inside the material whose fillings alternate; nan without any."""
-        filling = self.sum(self.state.rest_section) / self.cell_volume
+        filling = self.sum("rest_section") / self.cell_volume
         mean = _smoothed(filling, self.at_ends)
         deep = mean >= DEEP
         if not deep.any():
@@ -141,9 +137,10 @@ class Bulk:
         square = _pooled((filling - mean) ** 2) / _pooled(np.ones_like(filling))
         return float((square[deep] > UNEVEN**2).mean())
 
-    def _mean(self, values: Array) -> float:
-        mass = np.asarray(self.state.mass, dtype=float)[self.points]
-        return float((mass * values[self.points]).sum() / mass.sum()) if len(mass) else np.nan
+    def _share(self, sums: Array) -> float:
+        """Sum over the bulk over its mass."""
+        mass = self.mass[self.cells].sum()
+        return float(sums[self.cells].sum() / mass) if mass > 0 else np.nan
 
 
 def _closed(cells: BoolArray) -> BoolArray:
@@ -264,12 +261,12 @@ def string_fraction(state: State) -> float:
     ValueError
         If the state is empty or a point is off the grid.
     """
-    return Bulk(state).strings()
+    return Bulk(CellSums.from_state(state)).strings()
 
 
 def _bulk(state: State, depth_cells: int, packed: float) -> Bulk:
-    bulk = Bulk(state, depth_cells=depth_cells, packed=packed)
-    if not bulk.points.any():
+    bulk = Bulk(CellSums.from_state(state), depth_cells=depth_cells, packed=packed)
+    if not bulk.cells.any():
         raise ValueError(
             f"no point lies more than depth_cells = {depth_cells} below the surface, "
             f"in a volume with packed = {packed} of rho_c"
@@ -294,34 +291,10 @@ def ill_posed_fraction(state: State) -> float:
     ValueError
         If the state is empty, or the material has no xi because it has no mu(I) law.
     """
-    scaled = scaled_inertial_number(state)
-    flowing = scaled > FLOWING  # False for nan, which marks stress-free points
-    if not flowing.any():
-        return float("nan")
-    mass = np.asarray(state.mass)[flowing]
-    number = np.asarray(getattr(state, "material", np.zeros(state.n)))[flowing]
-    ill = np.zeros(len(mass), dtype=bool)
-    for k, material in enumerate(state.scene.materials):
-        mask = number == k
-        if hasattr(material, "xi"):
-            p = state.pressure[flowing][mask]
-            ill[mask] = ill_posedness(scaled[flowing][mask], material, p) > 0
-    return float(mass[ill].sum() / mass.sum())
-
-
-def weights_at_limit(state: State, limit: float) -> float:
-    """Share, by mass, of the stressed points whose weights are at their limit; nan of none.
-
-    Parameters
-    ----------
-    limit : float
-        Largest magnitude of a correction of a quadrature weight.
-    """
-    dense = state.dense
-    if not dense.any():
-        return float("nan")
-    held = dense & (np.abs(state.weight_correction) >= AT_LIMIT * limit)
-    return float(state.mass[held].sum() / state.mass[dense].sum())
+    require_points(state)
+    flowing, ill = ill_posed_points(state)
+    mass = np.asarray(state.mass)
+    return float(mass[ill].sum() / mass[flowing].sum()) if flowing.any() else float("nan")
 
 
 def gap_fraction(state: State) -> float:
@@ -341,17 +314,14 @@ def gap_fraction(state: State) -> float:
     ValueError
         If the state is empty or a point is off the grid.
     """
-    return gaps(Bulk(state))
+    return gaps(Bulk(CellSums.from_state(state)))
 
 
 def gaps(bulk: Bulk) -> float:
     """`gap_fraction` of the state of a `Bulk`."""
-    state = bulk.state
-    solid_points = state.of_material("granular") == 0
-    held = np.asarray(state.stress).any(axis=1)
-    stressed = bulk.sum(held & solid_points if solid_points.any() else held) > 0
+    stressed = bulk.sum("held") > 0
     empty = bulk.mass == 0
-    solid = solid_cells(state.scene.grid, state.scene.walls).dense(bulk.box)
+    solid = solid_cells(bulk.scene.grid, bulk.scene.walls).dense(bulk.box)
     empty &= ~solid.transpose()
     between = np.zeros(bulk.shape, dtype=bool)
     for axis in range(len(bulk.shape)):

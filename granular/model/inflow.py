@@ -14,7 +14,7 @@ from granular.materials import Material
 from granular.model.fill import Fill, check_inside
 from granular.model.grid import AXES, Grid
 from granular.model.regions import Cloud
-from granular.model.seeding import Points, estimated_points, joined, seed_points
+from granular.model.seeding import Points, SeededPoints, estimated_points, joined
 from granular.shapes import Box, Region
 from granular.tools.arrays import Array, IntArray
 from granular.tools.checks import (
@@ -208,7 +208,7 @@ class Inflow(Description):
     def _sites(self, grid: Grid, up: Sequence[float] | None = None, density: float = 1.0) -> Points:
         """Points at the upstream end of each column of the region along the stream."""
         fill = self._fill(None if self.lithostatic else density)
-        points = joined(seed_points(grid, (fill,), 0, density, up=up, even=True), grid.dim)
+        points = joined(SeededPoints(grid, (fill,), 0, density, up=up, even=True), grid.dim)
         along = points.x[:, self.axis] * math.copysign(1.0, self.velocity[self.axis])
         place = (points.x - grid.lower) * (self.points_per_axis / grid.cell)
         across = np.floor(np.delete(place, self.axis, axis=1))

@@ -245,12 +245,19 @@ class OpenParts:
     region : Region
     space : OpenSpace
         Where the points may lie.
+    even : bool
+        If True, no square is cut: those whose sites are in the region are in it.
     """
 
-    def __init__(self, lattice: Lattice, region: Region, space: OpenSpace) -> None:
+    def __init__(self, lattice: Lattice, region: Region, space: OpenSpace, even: bool) -> None:
         self._lattice, self._region, self._space = lattice, region, space
         self._is_whole = np.zeros(lattice.n, dtype=bool)
-        self._parts = _merged(self._near_boundary(), lattice.spacing, space)
+        self._parts = _Parts.none(lattice.dim)
+        if not even:
+            self._parts = _merged(self._near_boundary(), lattice.spacing, space)
+            return
+        for squares in lattice.in_parts():
+            self._is_whole[squares] = region.contains(lattice.at(squares))
 
     def _near_boundary(self) -> _Parts:
         """Find the whole squares; return the parts of the cut ones and the squares near to them."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -90,22 +90,23 @@ class BaseScene(Serializable):
     def points(self) -> seeding.Points:
         """Make the points of the material at the start.
 
-        They are the points of the fills (`granular.model.seeding.seed_points`), then the points
+        They are the points of the fills (`granular.model.seeding.SeededPoints`), then the points
         that fill the regions of driven inflows; their number of the fill is that in `sources`.
         """
         return seeding.joined(self.points_in_parts(), self.dim)
 
-    def points_in_parts(self) -> Iterator[seeding.Points]:
-        """Make the points of the material at the start, some at a time."""
+    def points_in_parts(self) -> Iterable[seeding.Points]:
+        """Make the points of the material at the start, some at a time, as often as wanted."""
+        sources: list[Iterable[seeding.Points]] = []
         if self.fills:
             rho_c, more = self.material.rho_c, self._seeding()
-            yield from seeding.seed_points(self.grid, self.fills, self.seed, rho_c, **more)
-        for i, inlet in enumerate(self.inflows):
-            if inlet.driven:
-                yield standing_points(self, i)
+            sources.append(seeding.SeededPoints(self.grid, self.fills, self.seed, rho_c, **more))
+        inlets = enumerate(self.inflows)
+        sources.append([standing_points(self, i) for i, inlet in inlets if inlet.driven])
+        return seeding.Joined(*sources)
 
     def _seeding(self) -> dict[str, Any]:
-        """Further arguments of `granular.model.seeding.seed_points`."""
+        """Further arguments of `granular.model.seeding.SeededPoints`."""
         return {}
 
     @property

@@ -141,10 +141,7 @@ def _seeded(fill: Fill, space: OpenSpace, even: bool = False) -> Iterable[tuple[
     region, grid = fill.region, space.grid
     if isinstance(region, Cloud):
         return [(np.clip(region.x, grid.lower, last_place(grid)), region.volume)]
-    if not even:
-        return OpenParts(Lattice(grid, fill), region, space)
-    volume = (grid.cell / fill.points_per_axis) ** grid.dim
-    return ((x, np.full(len(x), volume)) for x in _sites(grid, fill))
+    return OpenParts(Lattice(grid, fill), region, space, even)
 
 
 def _check(grid: Grid, fills: Sequence[Fill], distance: Distance) -> None:
@@ -324,20 +321,11 @@ def _within_others(
     return total
 
 
-def seed_points(
-    grid: Grid,
-    fills: Sequence[Fill],
-    seed: int,
-    rho_c: float,
-    *,
-    distance: Distance = nowhere,
-    up: Sequence[float] | None = None,
-    even: bool = False,
-) -> Iterator[Points]:
-    """Fill regions with material points, outside of bodies.
+class SeededPoints:
+    """Points that fill regions, outside of bodies.
 
-    The points are made in parts, so that a scene of any size need not be held as a whole:
-    `joined` makes one of them.
+    They are made in parts, each time when this is iterated over, so that a scene of any size need
+    not be held as a whole: `joined` makes one of them.
 
     Parameters
     ----------
@@ -361,21 +349,48 @@ def seed_points(
     ValueError
         If fills overlap, extend beyond the grid, or hold no point outside of bodies.
     """
-    rng = np.random.default_rng(integer("seed", seed, 0))
-    rho_c = positive("rho_c", rho_c)
-    above = np.eye(grid.dim)[-1] if up is None else np.array(up, dtype=float)
-    _check(grid, fills, distance)
-    densities = [fill.material.rho_c if fill.material else rho_c for fill in fills]
-    for i, fill in enumerate(fills):
-        space, is_empty = _space(grid, fills, i, distance), True
-        for x, volume in _seeded(fill, space, even):
-            is_empty &= not len(x)
-            if fill.jitter:
-                x = _jittered(rng, fill, x, space)
-            if len(x):
-                yield _filled(grid, fills, i, x, volume, above, densities)
-        if is_empty:
-            raise ValueError(f"fills[{i}] = {fill} must hold at least one material point")
+
+    def __init__(
+        self,
+        grid: Grid,
+        fills: Sequence[Fill],
+        seed: int,
+        rho_c: float,
+        *,
+        distance: Distance = nowhere,
+        up: Sequence[float] | None = None,
+        even: bool = False,
+    ) -> None:
+        self._grid, self._fills, self._seed = grid, fills, integer("seed", seed, 0)
+        rho_c = positive("rho_c", rho_c)
+        self._above = np.eye(grid.dim)[-1] if up is None else np.array(up, dtype=float)
+        _check(grid, fills, distance)
+        self._rho_c = [fill.material.rho_c if fill.material else rho_c for fill in fills]
+        self._spaces = [_space(grid, fills, i, distance) for i in range(len(fills))]
+        pairs = zip(fills, self._spaces, strict=True)
+        self._places = [_seeded(fill, space, even) for fill, space in pairs]
+        for i, places in enumerate(self._places):
+            if not any(len(x) for x, _ in places):
+                raise ValueError(f"fills[{i}] = {fills[i]} must hold at least one material point")
+
+    def __iter__(self) -> Iterator[Points]:
+        rng = np.random.default_rng(self._seed)
+        for i, fill in enumerate(self._fills):
+            for x, volume in self._places[i]:
+                if fill.jitter:
+                    x = _jittered(rng, fill, x, self._spaces[i])
+                if len(x):
+                    yield _filled(self._grid, self._fills, i, x, volume, self._above, self._rho_c)
+
+
+class Joined:
+    """Points of several sources, one after the other, each time when this is iterated over."""
+
+    def __init__(self, *sources: Iterable[Points]) -> None:
+        self._sources = sources
+
+    def __iter__(self) -> Iterator[Points]:
+        return chain.from_iterable(self._sources)
 
 
 def _filled(

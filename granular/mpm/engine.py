@@ -293,9 +293,14 @@ def initial_points(scene: Scene) -> dict[str, NDArray]:
     return fields
 
 
-def initial_parts(scene: Scene) -> Iterator[dict[str, NDArray]]:
-    """Return the fields of the points at the start, some points at a time; see `fields_of`."""
-    return (fields_of(scene, points) for points in scene.points_in_parts())
+def initial_parts(
+    scene: Scene, parts: Iterable[Points] | None = None
+) -> Iterator[dict[str, NDArray]]:
+    """Return the fields of the points at the start, some points at a time; see `fields_of`.
+
+    `parts` are the `points_in_parts` of the scene if those are known.
+    """
+    return (fields_of(scene, points) for points in parts or scene.points_in_parts())
 
 
 def mean_mass(scene: Scene, parts: Iterable[Mapping[str, NDArray]]) -> float:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from granular import _core
 from granular.materials.law_functions import keeping_exceptions
 from granular.materials.own import OwnLaw
-from granular.measure.bulk import weights_at_limit
+from granular.measure.cell_sums import CellSums
 from granular.model.inflow import InflowState, stored_inflow
 from granular.model.plausible import stiffness_hint
 from granular.model.seeding import DEEPEST
@@ -39,7 +39,7 @@ from granular.record.layout import Rows
 from granular.run import diagnostics, simulation
 from granular.run.monitor import Energies
 from granular.run.restarts import LARGEST, LEAST, check_range
-from granular.tools.arrays import IntArray
+from granular.tools.arrays import BoolArray, IntArray
 from granular.tools.buffers import allocate, check_stored, default_isa, fill
 from granular.tools.checks import positive, truth
 
@@ -61,6 +61,9 @@ Checkpoints hold them, frames do not: they would become larger by two thirds, an
 these fields.
 """
 
+
+AT_LIMIT = 0.999
+"""Share of the limit of a quadrature weight from which it counts as being at the limit."""
 
 SPARSE = 16
 """Largest id, in multiples of the number of slots, up to which points are ordered by a table.
@@ -296,7 +299,20 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         """Make the tally that is due."""
         self._engine.tally()
 
-    def _indicators(self, state: State, thorough: bool) -> dict[str, float]:
+    def _marked(self, state: State, thorough: bool) -> dict[str, BoolArray]:
+        marked, grid = dict[str, BoolArray](), self.scene.grid
+        if "weight_correction" in state.fields:
+            limit = self.scene.scheme.density.numbers()["weight_correction_limit"]
+            at_limit = np.abs(state.weight_correction) >= AT_LIMIT * limit
+            marked |= {"stressed": state.dense, "weights_at_limit": state.dense & at_limit}
+        if thorough and any(wall.is_block for wall in self.scene.walls):
+            marked["in_solids"] = deep_within(grid, self.scene.walls, state.x)
+        if thorough and self.scene.bodies:
+            phi, _ = distance_from_bodies(grid, self.scene.bodies, self.bodies)(state.x)
+            marked["in_bodies"] = phi < -DEEPEST * grid.cell
+        return marked
+
+    def _indicators(self, sums: CellSums) -> dict[str, float]:
         self._tally()
         tally = self._engine.scalars()
         numbers: dict[str, float] = {
@@ -308,19 +324,9 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
         for servo in self.scene.servos:
             moved = abs(float(self.walls[servo.wall].displacement))
             numbers["wall_strain"] = moved / core.extent(self.scene, servo.axis)
-        if "weight_correction" in state.fields:
-            limit = self.scene.scheme.density.numbers()["weight_correction_limit"]
-            numbers["weights_at_limit"] = weights_at_limit(state, limit)
-        if not thorough or not state.n:
-            return numbers
-        if any(wall.is_block for wall in self.scene.walls):
-            within = deep_within(self.scene.grid, self.scene.walls, state.x)
-            numbers["in_solids"] = float(state.mass[within].sum() / state.mass.sum())
-        if self.scene.bodies:
-            phi, _ = distance_from_bodies(self.scene.grid, self.scene.bodies, self.bodies)(state.x)
-            within = phi < -DEEPEST * self.scene.grid.cell
-            numbers["in_bodies"] = float(state.mass[within].sum() / state.mass.sum())
-        return numbers
+        totals = {"weights_at_limit": "stressed", "in_solids": "mass", "in_bodies": "mass"}
+        shares = {name: sums.share(name, of) for name, of in totals.items() if name in sums.of}
+        return numbers | shares
 
     # ---- restart ----
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
+from granular.measure.cell_sums import CellSums
 from granular.mpm.patches import in_order
 from granular.mpm.scene import Scene
 from granular.mpm.simulation import Simulation
@@ -206,6 +207,10 @@ class Part:
             for name, rows in joined(_all_to_all(self._communicator, [mine] * size)).items():
                 besides[name] = rows
         return besides
+
+    def sums(self, thorough: bool) -> CellSums:
+        """Return the sums of the points of this rank over its cells."""
+        return self.simulation._sums(thorough)
 
     def apply(self, function: Callable[[Any], Any]) -> Any:
         """Return what a function makes of the state of the points of this rank."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
+from granular.measure.cell_sums import CellSums
 from granular.mpm import engine as core
 from granular.mpm import memory
 from granular.mpm.body_overlaps import check_overlaps
@@ -121,10 +122,10 @@ class RankedSimulation(Simulation, shares=Simulation):
             tractions=tractions,
         )
         empty, besides = bare(plan), dict[str, NDArray]()
-        weights = _Weights(empty)
+        weights, points = _Weights(empty), scene.points_in_parts()
 
         def weighed() -> Iterator[dict[str, NDArray]]:
-            for part in core.initial_parts(scene):
+            for part in core.initial_parts(scene, points):
                 weights.add(part["x"].T)
                 yield part
 
@@ -135,7 +136,7 @@ class RankedSimulation(Simulation, shares=Simulation):
 
         def rows() -> Iterator[dict[str, NDArray]]:
             first = 0
-            for part in core.initial_parts(scene):  # again: not to keep them
+            for part in core.initial_parts(scene, points):  # again: not to keep them
                 n = len(part["x"])
                 fields = {name: np.atleast_2d(a.T) for name, a in part.items()}
                 yield {**fields, "id": np.arange(first, first + n)}
@@ -342,6 +343,9 @@ class RankedSimulation(Simulation, shares=Simulation):
         raise ValueError("cell_counts: each rank has those of its own cells; use `state`")
 
     # ---- the state of all points ----
+
+    def _sums(self, thorough: bool) -> CellSums:
+        return CellSums.joined(self._ask("sums", thorough))
 
     def _tally(self) -> None:
         self._ask("tally")

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from granular.measure.cell_sums import CellSums
 from granular.measure.result import Result, Table
 from granular.model.plausible import suspect_numbers
 from granular.run.monitor import Monitor
@@ -217,4 +218,5 @@ def health_of_frame(state: State) -> Health:
     method of the scene.
     """
     monitor = Monitor(state.scene)
-    return health(state.scene, monitor.values(monitor.row(state, {}) if state.step else None))
+    row = monitor.row(CellSums.from_state(state), {}) if state.step else None
+    return health(state.scene, monitor.values(row))

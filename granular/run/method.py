@@ -12,10 +12,12 @@ from granular.run.restarts import check_numbers
 from granular.tools.resources import Resource
 
 if TYPE_CHECKING:
+    from granular.measure.cell_sums import CellSums
     from granular.model.typing import AnyScene
     from granular.record.checkpoint import Checkpoint
     from granular.record.layout import Rows
     from granular.run.monitor import Energies, Monitor
+    from granular.tools.arrays import BoolArray
 
 
 _METHODS: dict[type, type[Method]] = {}
@@ -122,11 +124,15 @@ class Method(Resource):
         """Return the attributes of a state of the method besides the fields of its points."""
         return {}
 
-    def _indicators(self, state: State, thorough: bool) -> dict[str, float]:
-        """Return the numbers that the method adds to a sample, see `Scene.indicators`.
+    def _marked(self, state: State, thorough: bool) -> dict[str, BoolArray]:
+        """Return points whose mass is summed for a sample, by the names of `_indicators`.
 
         Those that take long are computed only if it is `thorough`.
         """
+        return {}
+
+    def _indicators(self, sums: CellSums) -> dict[str, float]:
+        """Return the numbers that the method adds to a sample, see `Scene.indicators`."""
         return {}
 
     def _energies(self) -> Energies | None:

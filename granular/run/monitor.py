@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
-from granular.measure.bulk import Bulk, gaps, ill_posed_fraction
+from granular.measure.bulk import Bulk, gaps
+from granular.measure.cell_sums import CellSums
 from granular.tools.arrays import Array
 
 if TYPE_CHECKING:
     from granular.model.scene import BaseScene
-    from granular.model.state import State
     from granular.record.checkpoint import Checkpoint
 
 
@@ -126,6 +126,7 @@ class Monitor:
     """
 
     def __init__(self, scene: BaseScene) -> None:
+        self._gravity = scene.gravity
         self._how = {name: how for name, how, *_ in scene.indicators}
         self.names = tuple(self._how)
         self.rows: list[Array] = []
@@ -147,24 +148,15 @@ class Monitor:
         """True if the next sample includes numbers that take long."""
         return self.count % THOROUGH == 0
 
-    def sample(self, state: State, extra: Mapping[str, float], energies: Energies | None) -> None:
-        """Take a sample of a state.
-
-        Parameters
-        ----------
-        extra : mapping
-            Numbers of the method; of those that any state has the larger ones count.
-        energies : Energies, optional
-            Those at this time, if the method knows them.
-        """
-        self._step = state.step
+    def enter(self, step: int, time: float, dt: float, energies: Energies | None) -> None:
+        """Begin a sample with the energies at its time [s], if the method knows them."""
+        self._step = step
         if energies is not None:
-            gravity, window = state.scene.gravity, SPACING * state.dt
-            known = not gravity.swings(self._account.time, state.time, window)
-            self._account.enter(energies, state.time, known)
-        if not state.step:
-            return
-        row = self.row(state, extra)
+            known = not self._gravity.swings(self._account.time, time, SPACING * dt)
+            self._account.enter(energies, time, known)
+
+    def add(self, row: Array) -> None:
+        """Store the numbers of a sample, of a `row`."""
         self.count += 1
         self.rows.append(row)
         self._largest = np.fmax(self._largest, row)
@@ -172,22 +164,30 @@ class Monitor:
             self.rows = self.rows[1::2]  # those at multiples of the new distance
             self.spacing *= 2
 
-    def row(self, state: State, extra: Mapping[str, float]) -> Array:
-        """Return the numbers of a sample of a state, without storing it; see `sample`."""
-        if not state.n:
+    def row(self, sums: CellSums, extra: Mapping[str, float]) -> Array:
+        """Return the numbers of a sample, without storing it.
+
+        Parameters
+        ----------
+        sums : CellSums
+            Sums of the points over cells.
+        extra : mapping
+            Numbers of the method; of those that any state has the larger ones count.
+        """
+        if not sums.n:
             return np.full(len(self.names), np.nan)
-        bulk = Bulk(state, packed=PACKED)
-        granular = all(material.granular for material in state.scene.materials)
-        has_mu_I = any(hasattr(material, "xi") for material in state.scene.materials)
+        bulk = Bulk(sums, packed=PACKED)
+        granular = all(material.granular for material in sums.scene.materials)
+        fastest, speed = sums.largest["speed"], sums.scene.wave_speed
         row = {
-            "disconnected": _disconnected(bulk, state),
-            "density_drift": _drift(bulk, state) if granular else np.nan,
+            "disconnected": _disconnected(bulk, sums),
+            "density_drift": _drift(bulk) if granular else np.nan,
             "strings": bulk.strings() if granular and "strings" in self.names else np.nan,
-            "ill_posed": ill_posed_fraction(state) if has_mu_I else np.nan,
-            "courant": _courant(state),
-            "mach": float(np.sqrt(_square(state))) / state.scene.wave_speed,
-            "compression": max(float(np.max(state.log_density)), 0.0),
-            "dilution": max(float(-np.min(state.log_density)), 0.0),
+            "ill_posed": sums.share("ill_posed", "flowing") if "flowing" in sums.of else np.nan,
+            "courant": (speed + fastest) * sums.dt / sums.scene.grid.cell,
+            "mach": fastest / speed,
+            "compression": sums.largest["compression"],
+            "dilution": sums.largest["dilution"],
             "gaps": np.nan if granular else gaps(bulk),
         }
         row |= {name: max(value, row.get(name, value)) for name, value in extra.items()}
@@ -273,23 +273,23 @@ def later(column: Array) -> float:
     return float(np.median(known[len(known) // 2 :])) if len(known) else np.nan
 
 
-def _disconnected(bulk: Bulk, state: State) -> float:
+def _disconnected(bulk: Bulk, sums: CellSums) -> float:
     """Stress-free share of the bulk, where it could bear stress; nan of few points."""
-    judged = np.count_nonzero(bulk.points) >= FEWEST and _bears(state)
+    judged = bulk.n >= FEWEST and _bears(sums)
     return bulk.disconnected(pressed=1.0) if judged else np.nan
 
 
-def _drift(bulk: Bulk, state: State) -> float:
+def _drift(bulk: Bulk) -> float:
     """Drift of the density, without its sign.
 
     Particles of SPH, one per cell, leave cells empty where they are distributed unevenly: only
     particles that have collapsed into one another count.
     """
     drift = bulk.drift()
-    return max(drift, 0.0) if state.scene.method == "sph" else abs(drift)
+    return max(drift, 0.0) if bulk.scene.method == "sph" else abs(drift)
 
 
-def _bears(state: State) -> bool:
+def _bears(state: CellSums) -> bool:
     """True for grains that could bear stress by now: waves have crossed them up and down.
 
     Points are stress-free at the start, and gravity may be switched on slowly.
@@ -302,14 +302,3 @@ def _bears(state: State) -> bool:
     slowest = min(material.wave_speed for material in scene.materials)
     bears = any(material.granular for material in scene.materials)
     return bears and state.time > begin + 2 * height / slowest
-
-
-def _courant(state: State) -> float:
-    """Courant number (c + max speed) dt/dx of the last step."""
-    scene, fastest = state.scene, float(np.sqrt(_square(state)))
-    return (scene.wave_speed + fastest) * state.dt / scene.grid.cell
-
-
-def _square(state: State) -> np.floating:
-    """Square of the largest speed [m2/s2]."""
-    return np.max(np.sum(np.asarray(state.v) ** 2, axis=1))

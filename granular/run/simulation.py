@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Literal, Self, cast, overload
@@ -15,10 +14,7 @@ from granular.record import Checkpoint
 from granular.record.checkpoint import CheckpointRows
 from granular.record.session import Session
 from granular.record.settings import DOUBLE
-from granular.run.diagnostics import Health, StabilityWarning, health
 from granular.run.interrupts import DeferredSignals
-from granular.run.monitor import Monitor
-from granular.run.present import Present
 from granular.run.recorder import Hook, Recorded, Recorder
 from granular.run.resuming import resumed
 from granular.run.running import (
@@ -29,6 +25,7 @@ from granular.run.running import (
     Soundness,
     warn_of_threads,
 )
+from granular.run.sampled import Sampled
 from granular.run.turns import Turns, alone
 from granular.tools.checks import integer, positive
 from granular.tools.progress import progress_bar
@@ -44,7 +41,7 @@ if TYPE_CHECKING:
 SimulationError = _core.SimulationError
 
 
-class Simulation(Present):
+class Simulation(Sampled):
     """Advance the points of a scene in time, by the method of the scene.
 
     A `granular.Scene` is solved by the material point method (`granular.mpm.simulation`), a
@@ -131,8 +128,7 @@ class Simulation(Present):
         self._soundness = Soundness()
         self._due: int | None = None  # step of a frame that could not be taken or stored
         self._ended_by: Hook | None = None
-        self._monitor = Monitor(scene)
-        self._warned: set[str] = set()
+        self._watch(scene)
         self._turns = Turns()
         self._recorder: Recorder | None = None  # of `recording`
 
@@ -363,41 +359,6 @@ class Simulation(Present):
         if options != Recorded():
             raise ValueError("run: what is recorded is set by the block of `recording` around it")
         yield self._recorder
-
-    def _sample_if_due(self) -> None:
-        if self._monitor.due(self.steps):
-            state = self._snapshot(recorded=True)
-            extra = self._indicators(state, self._monitor.thorough)
-            self._monitor.sample(state, extra, self._energies())
-
-    def _values(self) -> dict[str, float]:
-        """Return the values of the indicators so far; without a sample the values of this state."""
-        if self._monitor.rows or not self.steps or self._soundness.failure:
-            return self._monitor.values()
-        state = self._snapshot(recorded=True)
-        return self._monitor.values(self._monitor.row(state, self._indicators(state, True)))
-
-    def health(self) -> Health:
-        """Indicators of failure from the samples so far, or without any from the present state.
-
-        They do not depend on the frames, nor on how the run is divided into calls of `run`, and the
-        record of the run has the same. After a `SimulationError`, whose state is invalid, the
-        verdict is that the run failed.
-
-        Returns
-        -------
-        Health
-            Value, limit and verdict of each indicator; see `granular.run.diagnostics`.
-        """
-        return health(self.scene, self._values(), self._soundness.failure)
-
-    def _warn_of_health(self) -> None:
-        """Issue a warning for each indicator that has become suspect since the last warning."""
-        health = self.health()
-        for indicator, text in zip(health.suspect, health.warnings(), strict=True):
-            if indicator.name not in self._warned:
-                self._warned.add(indicator.name)
-                warnings.warn(text, StabilityWarning, stacklevel=4)
 
     # ---- restart ----
 

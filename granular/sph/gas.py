@@ -216,8 +216,8 @@ class Gas(Description):
         return 0.25 * h / self.sound_speed
 
     def points(self, grid: Grid, seed: int) -> seeding.Points:
-        """Gas particles at the start; see `granular.model.seeding.seed_points`."""
-        parts = seeding.seed_points(grid, self.fills, seed, self.density, even=True)
+        """Gas particles at the start; see `granular.model.seeding.SeededPoints`."""
+        parts = seeding.SeededPoints(grid, self.fills, seed, self.density, even=True)
         return seeding.joined(parts, grid.dim)
 
     def inflows(self) -> dict[int, Inflow]:

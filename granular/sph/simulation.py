@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from granular import _core
+from granular.measure.cell_sums import CellSums
 from granular.model.inflow import InflowState, stored_inflow
 from granular.model.state import State
 from granular.record import Checkpoint
@@ -188,7 +189,7 @@ class Simulation(simulation.Simulation, scenes=Scene):
         """
         return self._inlets.accounts(self._engine)
 
-    def _indicators(self, state: State, thorough: bool) -> dict[str, float]:
+    def _indicators(self, sums: CellSums) -> dict[str, float]:
         return {"stopped": float(self.counts["stopped"])}
 
     @property

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from granular import Box, Cylinder, Difference, Fill, Grid, Intersection, Sphere, Union
-from granular.model.seeding import joined, seed_points
+from granular.model.seeding import SeededPoints, joined
 
 UNIT = Grid((0.0, 0.0), 0.1, (10, 10))
 UNIT_BOX = Box((0, 0), (1, 1))
 
 
 def seeded(grid, *given):
-    return joined(seed_points(grid, *given), grid.dim)
+    return joined(SeededPoints(grid, *given), grid.dim)
 
 
 def test_grid_derives_dimension_upper_corner_and_lines():

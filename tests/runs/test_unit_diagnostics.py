@@ -93,12 +93,13 @@ def test_what_has_no_value_has_no_verdict(scene):
 
 def test_samples_are_equal_steps_apart_in_runs_of_any_length(scene):
     """From LEAST to twice as many are kept, at multiples of a distance that is doubled."""
-    monitor, state, step = Monitor(scene), gr.Simulation(scene, threads=1).state, 0
+    monitor, sums, step = Monitor(scene), gr.Simulation(scene, threads=1)._sums(False), 0
     kept = []
     while step < 1000 * SPACING:
         assert monitor.due(step)
-        state.step = step
-        monitor.sample(state, {"strain_step": float(step)}, None)
+        monitor.enter(step, 0.0, 0.0, None)
+        if step:
+            monitor.add(monitor.row(sums, {"strain_step": float(step)}))
         assert not monitor.due(step)
         step = monitor.next(step)
         steps = [row[monitor.names.index("strain_step")] for row in monitor.rows]

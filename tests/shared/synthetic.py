@@ -64,10 +64,11 @@ def state(scene, x, *, mass=None, rho=RHO_C, per_cell=4, time=0.0, ids=None, **f
 
     rest_volume = mass / getattr(scene.material, "rho_c", RHO_C)
     return SimpleNamespace(
-        scene=scene, time=time, n=n, dim=dim, x=x, v=v, stress=stress, mass=mass, density=rho,
+        scene=scene, time=time, step=0, dt=0.0, n=n, dim=dim,
+        x=x, v=v, stress=stress, mass=mass, density=rho,
         of_material=of_material, rest_volume=rest_volume, rest_section=rest_volume,
         volume=mass / rho, section=mass / rho, rings=np.ones(n), quadrature_volume=mass / rho,
-        pressure=p, dense=p > 0, shear_rate=rate,
+        pressure=p, dense=p > 0, shear_rate=rate, log_density=np.log(rho / RHO_C),
         id=np.arange(n) if ids is None else np.asarray(ids),
     )  # fmt: skip
 
