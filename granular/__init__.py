@@ -16,6 +16,7 @@ import granular.mpm.simulation  # noqa: F401 (by which `Simulation` solves a `Sc
 from granular import materials, ranks, shapes
 from granular.materials import (
     NGF,
+    DilatantMuI,
     DruckerPrager,
     Elastic,
     HardeningDruckerPrager,
@@ -133,6 +134,7 @@ __all__ = [
     "Complement",
     "Cylinder",
     "Difference",
+    "DilatantMuI",
     "DruckerPrager",
     "Elastic",
     "Fill",

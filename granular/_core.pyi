@@ -81,6 +81,7 @@ def law_update(
     g: Array | None = None,
     plastic_strain: Array | None = None,
     separated: Array | None = None,
+    bulking: Array | None = None,
     /,
 ) -> None: ...
 def fluidity_update(

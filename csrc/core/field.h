@@ -20,7 +20,8 @@ enum gr_need {
     GR_SEVERAL,
     GR_REMEMBERS,
     GR_ELASTIC,
-    GR_STRAINED
+    GR_STRAINED,
+    GR_DILATING
 };
 
 /* X(name, kind, needed by, unit, description) */
@@ -28,7 +29,7 @@ enum gr_need {
     X(x, GR_VECTOR, GR_ALWAYS, "m", "position")                                                                       \
     X(v, GR_VECTOR, GR_ALWAYS, "m/s", "velocity")                                                                     \
     X(stress, GR_STRESS, GR_ALWAYS, "Pa", "Cauchy stress, tension positive")                                          \
-    X(log_density, GR_SCALAR, GR_ALWAYS, "1", "ln(rho/rho_c); above zero the material is dense")                      \
+    X(log_density, GR_SCALAR, GR_ALWAYS, "1", "ln(rho/rho_c), of material that dilates over its density at rest")     \
     X(mass, GR_SCALAR, GR_ALWAYS, "kg", "mass (in 2D per metre of depth)")                                            \
     X(shear_rate, GR_SCALAR, GR_ALWAYS, "1/s", "equivalent plastic shear rate of the last step")                      \
     X(affine, GR_TENSOR, GR_AFFINE, "1/s", "affine velocity field carried to the grid")                               \
@@ -46,7 +47,8 @@ enum gr_need {
     X(material, GR_SCALAR, GR_SEVERAL, "1", "number of the material in `scene.materials`")                            \
     X(history, GR_FOUR, GR_REMEMBERS, "1", "variables of a user-defined law, in the order of its `history`")          \
     X(viscous_stress, GR_STRESS, GR_ELASTIC, "Pa", "viscous stress of elastic deformation, added to `stress`")        \
-    X(shear_strain, GR_SCALAR, GR_STRAINED, "1", "equivalent plastic shear strain: shear_rate summed over the time")
+    X(shear_strain, GR_SCALAR, GR_STRAINED, "1", "equivalent plastic shear strain: shear_rate summed over the time")  \
+    X(bulking, GR_SCALAR, GR_DILATING, "1", "volume when free of stress over that at rho_c, of material that dilates")
 
 #define GR_X(name, kind, need, unit, doc) GR_FIELD_##name,
 enum gr_field { GR_FIELDS(GR_X) GR_FIELD_COUNT };

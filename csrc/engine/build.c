@@ -125,12 +125,14 @@ static void build_rows(struct gr_engine *e, enum gr_group_of_sums group, int wid
 static int build_layout(struct gr_engine *e)
 {
     const struct gr_config *config = &e->config;
+    e->dilates = gr_config_uses(config, GR_FIELD_bulking);
+    e->own_volumes = config->n_materials > 1 || e->dilates;
     build_rows(e, GR_SUMS_OF_MOTION, GR_SUM_DAMPED(config->dim) + config->cell_averaged);
     e->sums.of_cells = e->sums.of_lanes;
     if (config->cell_averaged) e->sums.of_lanes += (GR_CELL_AVERAGED_SUMS(config->dim) + e->K) * GR_LANES;
     if (config->smoothed) e->sums.of_lanes += GR_LANES;
     if (config->smoothed) build_rows(e, GR_SUMS_OF_DENSITY, GR_DENSITY_SUMS(config->dim));
-    if (config->smoothed && config->n_materials > 1) build_rows(e, GR_SUMS_OF_VOLUME, GR_VOLUME_SUMS);
+    if (config->smoothed && e->own_volumes) build_rows(e, GR_SUMS_OF_VOLUME, GR_VOLUME_SUMS);
     e->nodes.n_fields = GR_NODE_FIELDS(config->dim, config->smoothed);
     e->nodes.n_fields += config->smoothed || config->cell_averaged; /* the gap of the node itself; its damping */
     for (int f = 0; f < GR_FIELD_COUNT; f++)

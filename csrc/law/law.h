@@ -28,6 +28,7 @@ struct gr_law {
     enum gr_reaction reaction;
     int fluidity; /* of a nonlocal law: index of the first of GR_FLUIDITY_PARAMETERS among its parameters */
     int hardens;  /* 1 if it needs the field plastic_strain */
+    int dilates;  /* 1 if it needs the field bulking; it then changes log_density, too */
     struct gr_parameter_info parameter[GR_LAW_MAX_PARAMETERS]; /* all parameters in their order, then one whose name is
                                                                   NULL */
 };
@@ -85,7 +86,8 @@ struct gr_own_calls {
  * `begins` before it; the parameters in the order of the law; g_star[k], the fluidity of block k after its diffusion, 1/s,
  * NULL in the local phase of a nonlocal law.
  * Updated: stress[c], component arrays, Pa; shear_rate, 1/s, where the pointer is not NULL; plastic_strain, 1, of a law
- * with hardening, and `separated`, 0 or 1, of a cohesive law, where the pointer is not NULL: they count as 0 otherwise.
+ * with hardening, and `separated`, 0 or 1, of a cohesive law, where the pointer is not NULL: they count as 0 otherwise;
+ * bulking, 1, and log_density of a law that dilates.
  * Returned: the fluidity g, 1/s, and gain = g - g_star, 1/s, where the pointers are not NULL. Nonlocal laws need both
  * shear_rate and g.
  *
@@ -100,12 +102,12 @@ struct gr_law_call {
     double dt, fraction;
     int pressure_from_density; /* 1: p = K log_density (consistent with eq. 2.7); 0: p from the trial stress (eq. 3.10) */
     const double *parameter;
-    const gr_real *log_density;
+    gr_real *log_density;
     const gr_real *g_star;
     double *substeps;
     int begins;
     gr_real *stress[6];
-    gr_real *shear_rate, *g, *gain, *plastic_strain, *separated;
+    gr_real *shear_rate, *g, *gain, *plastic_strain, *separated, *bulking;
     gr_own_update *function; /* of a user-defined law, with its numbers; `history` with `capacity` slots per component */
     const double *own_parameter;
     struct gr_own_calls *own_calls;

@@ -7,6 +7,7 @@
 #include "law/regularised_mu_I.inl"
 #ifndef GR_SINGLE
 #include "law/own.inl"
+#include "law/dilatant_mu_I.inl"
 #include "law/hencky_elastic.inl"
 #include "law/hencky_drucker_prager.inl"
 #include "law/hencky_hardening_drucker_prager.inl"

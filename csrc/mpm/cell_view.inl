@@ -37,6 +37,7 @@ static void call_law(struct gr_engine *e, int k, const struct batch *batch, int6
                                .gain = e->points.field[GR_FIELD_g_gain],
                                .plastic_strain = e->points.field[GR_FIELD_plastic_strain],
                                .separated = e->points.field[GR_FIELD_separated],
+                               .bulking = e->points.field[GR_FIELD_bulking],
                                .function = material->function,
                                .own_parameter = material->own_parameter,
                                .own_calls = &e->failure.own_calls,
@@ -47,10 +48,10 @@ static void call_law(struct gr_engine *e, int k, const struct batch *batch, int6
 }
 
 /* Fields of a point that laws change. */
-static const enum gr_field changed_by_laws[] = {GR_FIELD_stress, GR_FIELD_shear_rate,     GR_FIELD_g,
-                                                GR_FIELD_g_gain, GR_FIELD_plastic_strain, GR_FIELD_separated,
-                                                GR_FIELD_history};
-enum { MOST_CHANGED = 15 };
+static const enum gr_field changed_by_laws[] = {GR_FIELD_stress,  GR_FIELD_shear_rate,     GR_FIELD_g,
+                                                GR_FIELD_g_gain,  GR_FIELD_plastic_strain, GR_FIELD_separated,
+                                                GR_FIELD_history, GR_FIELD_bulking,        GR_FIELD_log_density};
+enum { MOST_CHANGED = 17 };
 
 /* Copy the fields that laws change of a block of points to a buffer, or from it to the lanes whose points are not of
  * material k. */

@@ -244,7 +244,8 @@ struct gr_engine {
     struct gr_clock clock;
     struct gr_nonlocal_state nonlocal;
     /* factors that the kernels look up */
-    double inv_dx, shift_scale;   /* 1/dx, -1/shift_dt: kernels do not divide */
+    double inv_dx, shift_scale; /* 1/dx, -1/shift_dt: kernels do not divide */
+    int dilates, own_volumes;   /* 1 if points have a bulking; 1 then, or with several materials, where volume is not mass */
     double cell_mass, mass_scale; /* of a full cell of the first material, rho_c dx^dim, kg, or in an axisymmetric
                                      plane over its radius in cells, 2 pi rho_c dx^3; its inverse */
     double material_number[GR_MATERIAL_NUMBER_COUNT][GR_MAX_MATERIALS];
@@ -289,8 +290,8 @@ static inline void gr_plan_sums(struct gr_engine *e, int64_t step)
  * on: the mass of connected points, the same with quadrature weights, their log-density with these weights, and the
  * residual force.
  *
- * In the sums of the density a point counts by its volume at rho_c, as the mass of as much of the first material. With
- * several materials two more sums follow: that mass of all points, and with quadrature weights their pressure over K of the
+ * In the sums of the density a point counts by its volume at rho_c, or when free of stress if it dilates, as the mass of as
+ * much of the first material. With several materials or one that dilates two more sums follow: that mass of all points, and with quadrature weights their pressure over K of the
  * first material, which neighbours of different materials have in common.
  *
  * The block of a tile has a vector for each row of its nodes and each sum. What the lanes s_a have for node a is added to

@@ -233,7 +233,7 @@ static void find_content(const struct gr_engine *e, unsigned parts, struct conte
     add_span(e, GR_SUMS_OF_MOTION, begin, end, content);
     if (!content->wide) return;
     add_span(e, GR_SUMS_OF_DENSITY, 0, e->sums.rows[GR_SUMS_OF_DENSITY].width, content);
-    if (e->config.n_materials > 1) add_span(e, GR_SUMS_OF_VOLUME, 0, e->sums.rows[GR_SUMS_OF_VOLUME].width, content);
+    if (e->own_volumes) add_span(e, GR_SUMS_OF_VOLUME, 0, e->sums.rows[GR_SUMS_OF_VOLUME].width, content);
 }
 
 /* A message to be written, or one to be read: the numbers of all cells, then those of all nodes. */

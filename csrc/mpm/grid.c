@@ -141,7 +141,7 @@ static __attribute__((noinline)) void describe_mixture(const int dim, struct gr_
 GR_INLINE void store_density(const int dim, struct gr_engine *e, const struct gr_kernels *kernels, int64_t first, int lanes,
                              const double *sums)
 {
-    const int several = e->config.n_materials > 1;
+    const int several = e->own_volumes;
     kernels->describe_nodes(e, first, sums, sums + (several ? GR_NODE_SUMS(dim) + GR_SUM_VOLUME : GR_SUM_MASS) * GR_SUM_ROW);
     if (several) describe_mixture(dim, e, first, lanes, sums);
     for (int64_t n = first; e->bodies.open && n < first + lanes; n++)
@@ -159,7 +159,7 @@ GR_INLINE void sum_nodes(const int dim, const enum further further, struct gr_en
     kernels->sum_nodes(e, GR_SUMS_OF_MOTION, 0, motion_sums(dim, further), first, last, row_of(block, 0));
     if (averages)
         kernels->sum_nodes(e, GR_SUMS_OF_DENSITY, 0, GR_DENSITY_SUMS(dim), first, last, row_of(block, GR_SUM_DENSITY(dim)));
-    if (averages && e->config.n_materials > 1)
+    if (averages && e->own_volumes)
         kernels->sum_nodes(e, GR_SUMS_OF_VOLUME, 0, GR_VOLUME_SUMS, first, last, row_of(block, GR_NODE_SUMS(dim)));
     memcpy(e->nodes.mass + first, row_of(block, GR_SUM_MASS), sizeof(double) * (size_t)(last - first));
     if (e->bodies.n_thin) add_joined(e, kernels, first, last, block);

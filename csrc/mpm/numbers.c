@@ -5,10 +5,11 @@
 
 int gr_config_uses(const struct gr_config *config, int field)
 {
-    int hardens = 0, remembers = 0, coheres = 0;
+    int hardens = 0, dilates = 0, remembers = 0, coheres = 0;
     const int nonlocal = gr_nonlocal_material(config) >= 0;
     for (int k = 0; k < config->n_materials; k++) {
         hardens |= gr_law_at(config->material[k].law)->hardens;
+        dilates |= gr_law_at(config->material[k].law)->dilates;
         remembers |= config->material[k].remembers;
         coheres |= gr_parameter_of(&config->material[k], "cohesion") > 0;
     }
@@ -25,6 +26,7 @@ int gr_config_uses(const struct gr_config *config, int field)
                           [GR_SEVERAL] = config->n_materials > 1,
                           [GR_REMEMBERS] = remembers,
                           [GR_ELASTIC] = gr_has_viscous_stress(config),
-                          [GR_STRAINED] = config->scheme.shear_strain > 0};
+                          [GR_STRAINED] = config->scheme.shear_strain > 0,
+                          [GR_DILATING] = dilates};
     return needed[gr_field_table[field].need];
 }

@@ -24,8 +24,15 @@ GR_INLINE vd gr_of_material(const struct gr_engine *e, int which, int64_t at)
     return v_load(value);
 }
 
-/* The mass of the point at a slot if it were of the first material, kg: a measure of its volume. */
+/* The volume of the point at a slot when free of stress, over that at rho_c. */
+static inline double gr_bulking(const struct gr_engine *e, int64_t slot)
+{
+    return e->dilates ? gr_number(e, GR_FIELD_bulking, 0, slot) : 1;
+}
+
+/* The mass of the point at a slot if it were of the first material at rho_c, kg: a measure of its volume. */
 static inline double gr_volume_as_mass(const struct gr_engine *e, int64_t slot)
 {
-    return gr_number(e, GR_FIELD_mass, 0, slot) * e->material_number[GR_MATERIAL_FILLING][gr_material_at(e, slot)];
+    const double filling = e->material_number[GR_MATERIAL_FILLING][gr_material_at(e, slot)];
+    return gr_number(e, GR_FIELD_mass, 0, slot) * filling * gr_bulking(e, slot);
 }

@@ -69,6 +69,7 @@ GR_INLINE void prepare_force(const int dim, const int smoothed, const struct gr_
         for (int j = 0; j <= d; j++) largest = v_max(v_abs(stress[at_stress(d, j)]), largest);
     const vd c = component(e, GR_FIELD_log_density, 0, at);
     vd V = contribution->m * gr_of_material(e, GR_MATERIAL_FORCE_SCALE, at) * inverse_density(c, v_gt(largest, v_zero()));
+    if (__builtin_expect(e->dilates, 0)) V = V * component(e, GR_FIELD_bulking, 0, at);
     if (smoothed) {
         contribution->weight = v_set(1.0) + component(e, GR_FIELD_weight_correction, 0, at);
         V = V * contribution->weight;
@@ -344,8 +345,7 @@ GR_INLINE void p2g_cells(const int dim, const int basis, const int affine, const
             add_rows(dim, basis, 0, DENSITY | HOOP, &frame, contribution, stretch, 0, &passes->density);
         else if (averages)
             add_rows(dim, basis, 0, DENSITY, &frame, contribution, stretch, 0, &passes->density);
-        if (averages && e->config.n_materials > 1)
-            add_rows(dim, basis, 0, VOLUME, &frame, contribution, stretch, 0, &passes->volume);
+        if (averages && e->own_volumes) add_rows(dim, basis, 0, VOLUME, &frame, contribution, stretch, 0, &passes->volume);
     }
     if (averages) v_store(gr_cell_sums(e, first, GR_CELL_FILLED), filled);
 }
@@ -368,5 +368,5 @@ GR_INLINE void p2g_points(const int dim, const int basis, const int affine, cons
     for (int part = 0; part < GR_VECTORS; part++) p2g_cells(dim, basis, affine, smoothed, e, tile, part, averages, &passes);
     store_ends(k, n_rows, &passes.motion, 0, GR_SUM_DAMPED(dim));
     if (averages) store_ends(k, n_rows, &passes.density, 0, GR_DENSITY_SUMS(dim));
-    if (averages && e->config.n_materials > 1) store_ends(k, n_rows, &passes.volume, 0, GR_VOLUME_SUMS);
+    if (averages && e->own_volumes) store_ends(k, n_rows, &passes.volume, 0, GR_VOLUME_SUMS);
 }

@@ -14,9 +14,10 @@ GR_INLINE void prepare_density(const int dim, const int basis, const struct gr_e
     contribution->filled = contribution->m;
     for (int j = 0; j < dim; j++)
         contribution->slope[j] = v_set(e->config.dx) * component(e, GR_FIELD_density_gradient, j, at);
-    if (__builtin_expect(e->config.n_materials > 1, 0)) {
+    if (__builtin_expect(e->own_volumes, 0)) {
         const vd softness = gr_of_material(e, GR_MATERIAL_SOFTNESS, at);
         contribution->filled = contribution->m * gr_of_material(e, GR_MATERIAL_FILLING, at);
+        if (e->dilates) contribution->filled = contribution->filled * component(e, GR_FIELD_bulking, 0, at);
         contribution->pressed = contribution->c * gr_of_material(e, GR_MATERIAL_STIFFNESS, at);
         for (int j = 0; j < dim; j++) {
             contribution->pressure_slope[j] = contribution->slope[j];
@@ -27,7 +28,7 @@ GR_INLINE void prepare_density(const int dim, const int basis, const struct gr_e
     if (__builtin_expect(e->config.n_materials > 1, 0)) /* an elastic body is no part of the averaging */
         contribution->joined = v_keep(v_gt(separation, v_set(-NO_SEPARATION)), contribution->joined);
     contribution->c = at_edge(dim, &s, contribution->c, contribution->slope);
-    if (__builtin_expect(e->config.n_materials > 1, 0))
+    if (__builtin_expect(e->own_volumes, 0))
         contribution->pressed = at_edge(dim, &s, contribution->pressed, contribution->pressure_slope);
 }
 

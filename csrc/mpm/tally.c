@@ -106,6 +106,7 @@ static void add_row(const struct gr_engine *e, int64_t at, const unsigned char c
     else
         EACH_LANE(l) gradient[l] = row.rate[l] * row.rate[l];
     EACH_LANE(l) set_material(e, gr_material_at(e, at + l), l, &row);
+    for (int l = 0; e->dilates && l < GR_LANES; l++) row.rest_volume[l] *= gr_bulking(e, at + l);
     find_energies(shears(e), &row);
     EACH_LANE(l)
     {
@@ -248,6 +249,7 @@ void gr_tally_outflow(struct gr_engine *e, const double *record)
     for (int c = 0; c < 3 + shears(e); c++) row.stress[c][0] = stress[c];
     if (e->config.n_materials > 1) number = record[gr_component_of(e, GR_FIELD_material)];
     set_material(e, number > 0 && number < e->config.n_materials ? (int)number : 0, 0, &row);
+    if (e->dilates) row.rest_volume[0] *= record[gr_component_of(e, GR_FIELD_bulking)];
     find_energies(shears(e), &row);
     gr_exact_add(&e->passage.sum[GR_TALLY_ENERGY], row.energy[0]);
     gr_exact_add(&e->passage.sum[GR_TALLY_OTHER], row.m[0]);

@@ -52,7 +52,7 @@ static PyObject *damped_dt(PyObject *Py_UNUSED(module), PyObject *args)
 static PyMethodDef functions[] = {
     {"law_update", gr_python_law_update, METH_VARARGS,
      "law_update(law, dim, parameters, dt, pressure_from_density, gradient, log_density, stress, shear_rate, isa,"
-     " g_star=None, g=None, plastic_strain=None, separated=None)\n--\n\n"
+     " g_star=None, g=None, plastic_strain=None, separated=None, bulking=None)\n--\n\n"
      "One stress update of many points, in place: gradient (blocks, dim*dim, lanes) is L dt, stress (4|6, n).\n"
      "g_star (blocks*lanes,): fluidity after its diffusion, for a nonlocal law; without it the law is in its local phase.\n"
      "g (n,): fluidity after the step."},

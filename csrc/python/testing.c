@@ -7,16 +7,16 @@
 
 PyObject *gr_python_law_update(PyObject *Py_UNUSED(module), PyObject *args)
 {
-    enum { GRADIENT, LOG_DENSITY, STRESS, SHEAR_RATE, G, G_STAR, PLASTIC_STRAIN, SEPARATED, ARRAYS };
-    static const char *const names[ARRAYS] = {"gradient", "log_density", "stress",         "shear_rate",
-                                              "g",        "g_star",      "plastic_strain", "separated"};
+    enum { GRADIENT, LOG_DENSITY, STRESS, SHEAR_RATE, G, G_STAR, PLASTIC_STRAIN, SEPARATED, BULKING, ARRAYS };
+    static const char *const names[ARRAYS] = {"gradient", "log_density",    "stress",    "shear_rate", "g",
+                                              "g_star",   "plastic_strain", "separated", "bulking"};
     const char *name, *isa;
     int dim, eos;
     double dt, parameter[GR_LAW_MAX_PARAMETERS] = {0};
-    PyObject *parameters, *objects[ARRAYS] = {0, 0, 0, 0, Py_None, Py_None, Py_None, Py_None};
-    if (!PyArg_ParseTuple(args, "siO!diOOOOs|OOOO", &name, &dim, &PyDict_Type, &parameters, &dt, &eos, &objects[0],
+    PyObject *parameters, *objects[ARRAYS] = {0, 0, 0, 0, Py_None, Py_None, Py_None, Py_None, Py_None};
+    if (!PyArg_ParseTuple(args, "siO!diOOOOs|OOOOO", &name, &dim, &PyDict_Type, &parameters, &dt, &eos, &objects[0],
                           &objects[1], &objects[2], &objects[3], &isa, &objects[G_STAR], &objects[G],
-                          &objects[PLASTIC_STRAIN], &objects[SEPARATED]))
+                          &objects[PLASTIC_STRAIN], &objects[SEPARATED], &objects[BULKING]))
         return NULL;
     const int law = gr_law_index(name);
     const struct gr_kernels *kernels = gr_kernels_select(isa);
@@ -33,9 +33,12 @@ PyObject *gr_python_law_update(PyObject *Py_UNUSED(module), PyObject *args)
     for (int k = LOG_DENSITY; k < ARRAYS; k++) {
         const npy_intp *shape = k == STRESS ? of_stress : &places;
         if (k >= G && objects[k] == Py_None) continue;
-        arrays[k] = gr_array(objects[k], names[k], NPY_DOUBLE, k == STRESS ? 2 : 1, shape, k >= STRESS && k != G_STAR);
+        const int changes = (k >= STRESS && k != G_STAR) || (k == LOG_DENSITY && gr_law_at(law)->dilates);
+        arrays[k] = gr_array(objects[k], names[k], NPY_DOUBLE, k == STRESS ? 2 : 1, shape, changes);
         if (!arrays[k]) return NULL;
     }
+    if (gr_law_at(law)->dilates && !arrays[BULKING])
+        return PyErr_Format(PyExc_ValueError, "bulking is not given to law \"%s\", that changes it", name);
     if (arrays[G_STAR] && !arrays[G]) return PyErr_Format(PyExc_ValueError, "g_star is given without g, that it makes");
     if (gr_refuse_overlap(arrays, names, ARRAYS)) return NULL;
     int64_t *slot = PyMem_Malloc(sizeof(int64_t) * (size_t)(n + 1));
@@ -53,7 +56,8 @@ PyObject *gr_python_law_update(PyObject *Py_UNUSED(module), PyObject *args)
                                .g = arrays[G] ? PyArray_DATA(arrays[G]) : NULL,
                                .g_star = arrays[G_STAR] ? PyArray_DATA(arrays[G_STAR]) : NULL,
                                .plastic_strain = arrays[PLASTIC_STRAIN] ? PyArray_DATA(arrays[PLASTIC_STRAIN]) : NULL,
-                               .separated = arrays[SEPARATED] ? PyArray_DATA(arrays[SEPARATED]) : NULL};
+                               .separated = arrays[SEPARATED] ? PyArray_DATA(arrays[SEPARATED]) : NULL,
+                               .bulking = arrays[BULKING] ? PyArray_DATA(arrays[BULKING]) : NULL};
     for (int c = 0; c < of_stress[0]; c++) call.stress[c] = (double *)PyArray_DATA(arrays[STRESS]) + c * places;
     kernels->laws[law]->update[dim - 2](&call);
     PyMem_Free(slot);

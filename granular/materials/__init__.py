@@ -1,6 +1,7 @@
 """Materials: constitutive laws with their parameters, ready materials, and user-defined laws."""
 
 from granular.materials.base import Material as Material
+from granular.materials.dilatant import DilatantMuI as DilatantMuI
 from granular.materials.laws import NGF as NGF
 from granular.materials.laws import DruckerPrager as DruckerPrager
 from granular.materials.laws import Elastic as Elastic

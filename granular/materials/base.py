@@ -50,6 +50,8 @@ class Material(Description):
     """Flow rule, by its name in the core."""
     granular: ClassVar[bool] = True
     """True if the material separates in tension, at the latest at its tensile strength."""
+    dilates: ClassVar[bool] = False
+    """True if flow changes the packing fraction at which the material is free of stress."""
     has_fluidity: ClassVar[bool] = False
     """True if the law is nonlocal, with a fluidity `g` at every point."""
 
@@ -60,7 +62,7 @@ class Material(Description):
     def __post_init__(self) -> None:
         if type(self) is Material:
             raise TypeError(
-                "Material is abstract: use MuI, RegularisedMuI, NGF, DruckerPrager, "
+                "Material is abstract: use MuI, RegularisedMuI, DilatantMuI, NGF, DruckerPrager, "
                 "HardeningDruckerPrager or Elastic"
             )
         check_fields(self, positive, "E", "rho_c")

@@ -22,6 +22,7 @@ from granular.tools.checks import (
 )
 
 if TYPE_CHECKING:
+    from granular.materials.dilatant import DilatantMuI
     from granular.materials.regularised import RegularisedMuI
 
 
@@ -31,7 +32,7 @@ leaves each point its own fluidity, and layers of 28 degrees are as fast to 0.2 
 
 
 def _check_grain_density(
-    material: MuI | RegularisedMuI | NGF | DruckerPrager | HardeningDruckerPrager,
+    material: MuI | RegularisedMuI | DilatantMuI | NGF | DruckerPrager | HardeningDruckerPrager,
 ) -> None:
     check_fields(material, positive, "rho_s")
     if material.rho_s < material.rho_c:
@@ -71,7 +72,7 @@ def _without_derived_strength(
     return arguments
 
 
-def check_friction(material: MuI | RegularisedMuI | NGF, *, allow_inf: bool) -> None:
+def check_friction(material: MuI | RegularisedMuI | DilatantMuI | NGF, *, allow_inf: bool) -> None:
     """Check the coefficients of a friction that rises with the rate, and the grain density."""
     check_fields(material, positive, "mu_s")
     check_fields(material, positive, "mu_2", allow_inf=allow_inf)

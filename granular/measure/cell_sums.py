@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -115,7 +115,7 @@ def _values(state: State) -> Iterator[tuple[str, ArrayLike]]:
     yield "free", _by_material(state, mass * ((pressure == 0) & grains))
     held = np.asarray(state.stress).any(axis=1)
     yield "held", held if grains.all() else held & ~grains
-    if any(hasattr(material, "xi") for material in state.scene.materials):
+    if any(_may_be_ill_posed(material) for material in state.scene.materials):
         flowing, ill = ill_posed_points(state)
         yield "flowing", mass * flowing
         yield "ill_posed", mass * ill
@@ -128,6 +128,11 @@ def _by_material(state: State, values: Array) -> Array:
     return np.where(number[:, None] == np.arange(count), values[:, None], 0.0)
 
 
+def _may_be_ill_posed(material: Any) -> bool:
+    """True for mu(I) without dilation, of which `granular.theory.ill_posedness` decides."""
+    return hasattr(material, "xi") and not getattr(material, "dilates", False)
+
+
 def ill_posed_points(state: State) -> tuple[BoolArray, BoolArray]:
     """Points that flow, and those of them at which the mu(I) law is ill posed, shape (n,)."""
     scaled = scaled_inertial_number(state)
@@ -136,6 +141,6 @@ def ill_posed_points(state: State) -> tuple[BoolArray, BoolArray]:
     ill = np.zeros(state.n, dtype=bool)
     for k, material in enumerate(state.scene.materials):
         mask = flowing & (number == k)
-        if hasattr(material, "xi"):
+        if _may_be_ill_posed(material):
             ill[mask] = ill_posedness(scaled[mask], material, state.pressure[mask]) > 0
     return flowing, ill

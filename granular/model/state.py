@@ -135,15 +135,30 @@ class State:
     @cached_property
     def density(self) -> Array:
         """Density of the points [kg/m3], shape (n,)."""
-        return self.of_material("rho_c") * np.exp(self.log_density)
+        return self.of_material("rho_c") * np.exp(self.log_density) / self._bulking
+
+    @property
+    def _bulking(self) -> Array | float:
+        """Volume of the points when free of stress over that at rho_c."""
+        return self.bulking if "bulking" in self.fields else 1.0
+
+    @property
+    def packing(self) -> Array:
+        """Packing fraction of the points, density over that of the grains, shape (n,).
+
+        nan where the material has no rho_s.
+        """
+        return self.density / self.of_material("rho_s")
 
     @cached_property
     def rest_volume(self) -> Array:
-        """Volume of the points at the density rho_c of their material, shape (n,).
+        """Volume of the points at the density at which they are free of stress, shape (n,).
+
+        That density is rho_c of the material, or of material that dilates that of its rest.
 
         In m3; in 2D per metre of depth, unless the grid is axisymmetric.
         """
-        return self.mass / self.of_material("rho_c")
+        return self.mass / self.of_material("rho_c") * self._bulking
 
     @cached_property
     def volume(self) -> Array:
@@ -166,7 +181,7 @@ class State:
 
     @cached_property
     def rest_section(self) -> Array:
-        """The same at the density rho_c of their material, shape (n,)."""
+        """The same at the density at which they are free of stress, shape (n,)."""
         return self.rest_volume / self.rings
 
     @cached_property

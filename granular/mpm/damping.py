@@ -30,6 +30,7 @@ import math
 
 from granular.materials import (
     NGF,
+    DilatantMuI,
     DruckerPrager,
     HardeningDruckerPrager,
     Material,
@@ -102,7 +103,7 @@ def _flow(material: Material) -> tuple[float, float]:
         return material.mu, math.inf
     if isinstance(material, HardeningDruckerPrager):
         return material.limiting_friction, math.inf
-    if isinstance(material, MuI | RegularisedMuI):
+    if isinstance(material, MuI | RegularisedMuI | DilatantMuI):
         return material.mu_s, material.xi
     if isinstance(material, NGF):
         friction = material.core_friction()

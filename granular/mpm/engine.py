@@ -332,7 +332,10 @@ def fields_of(scene: Scene, points: Points) -> dict[str, NDArray]:
         for name in ("rho_c", "K", "granular")
     )
     hencky = np.array([material.elasticity == "hencky" for material in scene.materials])[number]
-    weight = math.hypot(*scene.gravity.at(0.0)) * (rho_c * points.depth + points.overburden)
+    # Material that dilates is free of stress at the density of its fill.
+    dilates = np.array([material.dilates for material in scene.materials])[number]
+    rho_rest = np.where(dilates, points.density, rho_c)
+    weight = math.hypot(*scene.gravity.at(0.0)) * (rho_rest * points.depth + points.overburden)
     friction, cohesion = (
         np.array([float(get(material)) for material in scene.materials])[number]
         for get in (lambda m: m.static_friction, lambda m: getattr(m, "cohesion", 0.0))
@@ -343,13 +346,15 @@ def fields_of(scene: Scene, points: Points) -> dict[str, NDArray]:
     lithostatic = np.array([source.lithostatic for source in scene.sources])[points.fill]
     # The weight compresses from the density on at which the law begins to bear stress.
     compression = compression + np.where(lithostatic, origin, 0.0)
-    log_density = np.log(points.density / rho_c) + compression
+    log_density = np.log(points.density / rho_rest) + compression
     fields = {
         "x": points.x,
         "v": points.v,
         "log_density": log_density,
         "mass": points.density * points.volume * np.exp(compression),
     }
+    if any(material.dilates for material in scene.materials):
+        fields["bulking"] = rho_c / rho_rest
     if len(scene.materials) > 1:
         fields["material"] = number.astype(np.float64)
     begins = [

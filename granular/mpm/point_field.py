@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -58,3 +60,19 @@ class PointRows:
         """Return a row; see `granular.record.layout.Rows`."""
         row = np.atleast_2d(self._rows)[k].take(self._slots)
         return row.astype(self.dtype, copy=False)
+
+
+def whole_groups(counts: NDArray[np.integer], most: int) -> Iterator[slice]:
+    """Divide items of groups that follow each other into parts of whole groups, of at most so many
+    items unless a group has more; without items there is one part.
+    """
+    ends, begin = np.cumsum(counts), 0
+    total = int(ends[-1]) if len(ends) else 0
+    while True:
+        fits = int(np.searchsorted(ends, begin + most, "right"))
+        further = int(np.searchsorted(ends, begin, "right"))  # the next group with items
+        end = int(ends[max(fits - 1, further)]) if begin < total else total
+        yield slice(begin, end)
+        begin = end
+        if begin >= total:
+            return

@@ -202,6 +202,12 @@ class Scene(BaseScene):
                     f"{least * material.K:.6g}: take a smaller tensile_strength, or a larger "
                     f"E = {material.E}"
                 )
+            if material.dilates and self.scheme.density.name == "cell_averaged":
+                raise ValueError(
+                    "density = CellAveragedDensity() must be SmoothedDensity() or "
+                    f"ParticleDensity() with {type(material).__name__}: the points of a cell would "
+                    "share one packing"
+                )
             if self.scheme.precision == "single" and not _core.laws()[material.law][2]:
                 raise ValueError(
                     f'precision = "single" must be "double" for the law {material.law!r} of '
@@ -266,6 +272,11 @@ class Scene(BaseScene):
                 raise ValueError(f"{name} must be None: walls[{first}] keeps a pressure already")
             if not self.material.granular:
                 raise ValueError(f"{name} must be None for an elastic body")
+            if self.material.dilates:
+                raise ValueError(
+                    f"{name} must be None for {type(self.material).__name__}: the wall would have "
+                    "to move with the volume of the material"
+                )
             if self.scheme.density.name == "particle":
                 raise ValueError(
                     f"{name} must be None with ParticleDensity(): take SmoothedDensity() (the "

@@ -28,7 +28,7 @@ from granular.mpm.coupling import Coupled
 from granular.mpm.free_bodies import INTERVAL, FreeBodies
 from granular.mpm.inflow_state import account
 from granular.mpm.patches import in_order, patch_fields, stored_patches, watched_solids
-from granular.mpm.point_field import PointField, PointRows
+from granular.mpm.point_field import PointField, PointRows, whole_groups
 from granular.mpm.rigid_contact import touch_solids
 from granular.mpm.scene import Scene
 from granular.mpm.wall_owners import wall_owners
@@ -64,6 +64,9 @@ these fields.
 
 AT_LIMIT = 0.999
 """Share of the limit of a quadrature weight from which it counts as being at the limit."""
+
+AT_ONCE = 1 << 17
+"""Points that are summed at once for a sample of a run, for the sake of memory."""
 
 SPARSE = 16
 """Largest id, in multiples of the number of slots, up to which points are ordered by a table.
@@ -272,13 +275,26 @@ class Simulation(Coupled, simulation.Simulation, scenes=Scene):
 
     def _columns(self, recorded: bool) -> dict[str, PointField]:
         """Return the fields of a state as the core has them."""
-        slots = self._slots()
+        return self._columns_at(self._slots(), recorded)
+
+    def _columns_at(self, slots: IntArray, recorded: bool) -> dict[str, PointField]:
         fields = self._fields_to_gather(recorded)
         return {name: PointField(self._buffers[name], slots) for name, *_ in fields}
 
+    def _sums(self, thorough: bool) -> CellSums:
+        slots, counts, _ = self._engine.cells()
+        parts = []
+        for points in whole_groups(counts, AT_ONCE):
+            columns = self._wrapped(self._columns_at(slots[points], recorded=True))
+            state = self._state_of({name: field.whole() for name, field in columns.items()})
+            parts.append(CellSums.from_state(state, self._marked(state, thorough)))
+        return CellSums.joined(parts)
+
     def _gathered(self, recorded: bool) -> dict[str, PointField]:
         """Return the fields of a state, to be made column by column."""
-        columns = self._columns(recorded)
+        return self._wrapped(self._columns(recorded))
+
+    def _wrapped(self, columns: dict[str, PointField]) -> dict[str, PointField]:
         grid = self.scene.grid
         # Positions are wrapped into the domain along periodic axes: ugimp groups by shifted cells.
         columns["x"].wrap = {

@@ -177,6 +177,11 @@ def test_laws_survive_any_number(name, data):
         chosen[2] = {parameter: 0.5 for parameter, *_ in _core.laws()[law][1]}
     for place in places(name, True):
         fill(data, chosen[place])
+    if chosen[0] == "dilatant_mu_I":
+        with pytest.raises(ValueError, match="bulking is not given"):
+            _core.law_update(*chosen)
+        chosen += [None] * (13 - len(chosen)) + [np.empty_like(chosen[6])]
+        fill(data, chosen[-1])
     _core.law_update(*chosen)
 
 

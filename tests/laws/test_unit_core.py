@@ -449,14 +449,15 @@ def test_2d_is_3d_without_its_third_axis(law):
 
 
 def test_every_registered_law_is_tested():
-    """Each law is tested here, except those of finite strain and that of the user.
+    """Each law is tested here, except those of finite strain, that dilate, and that of the user.
 
-    They are in test_unit_hencky.py, test_unit_hardening.py and test_verification_own_laws.py.
+    They are in test_unit_hencky.py, test_unit_hardening.py, test_verification_dilatant.py and
+    test_verification_own_laws.py.
     """
     finite = {law for law in _core.laws() if law.startswith("hencky_")}
     assert finite == set(FLOW_OF) | {"hencky_hardening_drucker_prager"}
     plain = {law: m for law, m in MATERIALS.items() if not law.startswith("cohesive")}
-    assert set(plain) == set(_core.laws()) - finite - {"own"}
+    assert set(plain) == set(_core.laws()) - finite - {"own", "dilatant_mu_I"}
     for law, material in plain.items():
         assert material.law == law
         if law == "regularised_mu_I":

@@ -37,6 +37,7 @@ KNOW_EACH_OTHER = {
         ("granular.run.simulation", "granular.sph.simulation"),
     },
     "a check that two laws share is given either": {
+        ("granular.materials.laws", "granular.materials.dilatant"),
         ("granular.materials.laws", "granular.materials.regularised"),
     },
     "the law begins where the theory says that another one is ill posed": {

@@ -1,0 +1,115 @@
+/* Granular flow that changes its volume: mu(I) with a packing fraction of its own at each point.
+ *
+ * A point has the packing fraction phi at which it would be free of stress; its elastic log-density c is counted from
+ * there, and p = K c. In flow, with the plastic shear gamma and s = I/(I + I0),
+ *
+ *   psi = m (phi - phi_c) + m (phi_c - phi_fast) s = m (phi - phi_eq(I)),   phi_eq = phi_c - (phi_c - phi_fast) s,
+ *   d ln phi = -psi dgamma,   tau = (mu(I) + psi) p,   mu = mu_s + (mu_2 - mu_s) s,
+ *
+ * the dilatancy of Roux & Radjai 1998 with the equilibrium packing of Pouliquen, Cassar, Jop, Forterre & Nicolas 2006 (J.
+ * Stat. Mech. P07020), which is linear in I where I is small, and Taylor's stress-dilatancy as in Pailha & Pouliquen 2009 (J.
+ * Fluid Mech. 633): dissipation is mu(I) p gdot. The bulking of a point is phi_c/phi, and c grows by psi dgamma as the
+ * material it belongs to dilates at its volume.
+ *
+ * A step is implicit in tau, p and I. With x = I/I0, q = sqrt(p), dgamma = xi dt x q and xi = I0/(d sqrt(rho_s))
+ *
+ *   q^2 = K c + K xi dt x psi(x) q,   tau_trial - G xi dt x q - (mu + psi)(x) q^2 = 0,
+ *
+ * with phi in psi from the beginning of the step, since it changes over a shear of 1/m. The first equation gives q(x), so
+ * that the second is one equation for x, which falls to a single root unless loose material liquefies: there it may stay
+ * positive, and q goes to zero. Newton's method within an interval that holds the root. */
+#pragma once
+
+#include "core/simd.h"
+
+#define GR_DILATANT_STEPS 100      /* a bound: four are usual, more where x has to be doubled for want of a root */
+#define GR_DILATANT_LAST 1e-9      /* relative size of a last step: the error that it leaves is of the order of its square */
+#define GR_DILATANT_UNBOUNDED 1e30 /* end of the interval before one is found */
+
+struct gr_dilatant_numbers {
+    vd rise, loosens;           /* of mu + psi, and of psi, from s = 0 to s = 1 */
+    vd xi_dt, G_xi_dt, K_xi_dt; /* as above */
+};
+
+struct gr_dilatant_flow {
+    vd tau, gamma, dilation; /* Pa; plastic shear; psi gamma */
+};
+
+/* q, and what else is known at x. */
+struct gr_dilatant_state {
+    vd s, slope, psi, friction, root, q; /* s and its derivative; psi; mu + psi; sqrt(beta^2 + 4 p); q */
+};
+
+static inline struct gr_dilatant_state gr_dilatant_at(const struct gr_dilatant_numbers *n, vd x, vd p, vd psi, vd friction)
+{
+    const vd one = v_set(1.0), inverse = one / (one + x), zero = v_zero();
+    struct gr_dilatant_state at = {.s = x * inverse, .slope = inverse * inverse};
+    at.psi = v_fma(n->loosens, at.s, psi), at.friction = v_fma(n->rise, at.s, friction);
+    const vd beta = n->K_xi_dt * x * at.psi;
+    at.root = v_sqrt(v_fma(beta, beta, v_set(4.0) * p));
+    const vd sum = v_abs(beta) + at.root;
+    at.q = v_select(v_ge(beta, zero), v_set(0.5) * sum, (p + p) / sum);
+    return at;
+}
+
+/* x at a constant pressure p: a quadratic. */
+static inline vd gr_dilatant_start(const struct gr_dilatant_numbers *n, vd trial, vd p, vd friction)
+{
+    const vd a = n->G_xi_dt * v_sqrt(p), b = a + v_fma(friction + n->rise, p, -trial), c = v_fnma(friction, p, trial);
+    const vd root = v_sqrt(v_fma(b, b, v_set(4.0) * (a * c)));
+    return v_select(v_gt(b, v_zero()), (c + c) / (b + root), (root - b) / (a + a));
+}
+
+/* The flow of a step.
+ * Given: tau_trial > friction p, p = K c > 0 in the lanes of `flows`, else undefined; psi and mu + psi at I = 0. A lane
+ * stops by itself: its result does not depend on other lanes. */
+static inline struct gr_dilatant_flow gr_flow_dilatant(const struct gr_dilatant_numbers *n, vd trial, vd p, vd psi,
+                                                       vd friction, vm flows)
+{
+    const vd zero = v_zero(), two = v_set(2.0), most = v_set(GR_DILATANT_UNBOUNDED);
+    vd x = v_keep(flows, v_min(most, gr_dilatant_start(n, trial, p, friction))), low = zero, high = most;
+    vm wanted = flows;
+    for (int k = 0; k < GR_DILATANT_STEPS && m_bits(wanted); k++) {
+        const struct gr_dilatant_state at = gr_dilatant_at(n, x, p, psi, friction);
+        const vd per_q = at.friction * at.q, left = v_fnma(v_fma(n->G_xi_dt, x, per_q), at.q, trial);
+        const vd q_slope = n->K_xi_dt * v_fma(n->loosens * x, at.slope, at.psi) * at.q / at.root;
+        const vd fall =
+            v_fma(v_fma(n->G_xi_dt, x, two * per_q), q_slope, v_fma(n->rise * at.slope, at.q, n->G_xi_dt) * at.q);
+        const vm above = v_gt(left, zero); /* of the root: x is below it */
+        low = v_select(above, x, low), high = v_select(above, high, x);
+        const vd newton = x + left / fall;
+        const vd between = v_select(v_gt(most, high), v_set(0.5) * (low + high), v_fma(two, x, v_set(1.0)));
+        const vd next = v_select(m_and(v_gt(newton, low), v_gt(high, newton)), newton, between);
+        const vd step = v_abs(next - x);
+        x = v_select(wanted, v_min(most, next), x);
+        wanted = m_and(wanted, v_gt(step, v_set(GR_DILATANT_LAST) * x));
+    }
+    const struct gr_dilatant_state at = gr_dilatant_at(n, x, p, psi, friction);
+    const vd gamma = n->xi_dt * x * at.q;
+    return (struct gr_dilatant_flow){
+        .tau = v_max(zero, at.friction * at.q * at.q), .gamma = gamma, .dilation = at.psi * gamma};
+}
+
+/* ln(b) for 0.5 < b <= 1: twice the power series of artanh((b - 1)/(b + 1)); to 1e-9 at the lower end, and to round-off
+ * from 0.8 on. */
+static inline vd gr_log_below_one(vd b)
+{
+    const vd one = v_set(1.0), z = (b - one) / (b + one), square = z * z;
+    vd sum = v_set(1.0 / 19);
+    for (int k = 17; k > 0; k -= 2) sum = v_fma(sum, square, v_set(1.0 / k));
+    return v_set(2.0) * z * sum;
+}
+
+/* Material free of stress, c < 0, that is denser than critical where it rests: its grains have moved apart, and it rests at
+ * the packing that they have now, or at the critical one. */
+static inline void gr_loosen(vm free, vd *c, vd *bulking)
+{
+    const vd one = v_set(1.0), zero = v_zero();
+    const vm loosens = m_and(free, m_and(v_gt(one, *bulking), v_gt(zero, *c)));
+    if (!m_bits(loosens)) return;
+    const vd least = v_set(0.5), now = v_max(least, *bulking), critical = *c - gr_log_below_one(v_min(one, now));
+    const vm apart = v_gt(zero, critical); /* looser than critical */
+    const vd there = v_select(apart, one, now * v_exp(v_max(v_set(-1.0), -*c)));
+    *bulking = v_select(loosens, v_min(one, there), *bulking);
+    *c = v_select(loosens, v_select(apart, critical, zero), *c);
+}

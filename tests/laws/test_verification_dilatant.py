@@ -1,0 +1,210 @@
+"""DilatantMuI at a point: against scipy, closed forms and its definition; well-behaved anywhere."""
+
+import math
+
+import numpy as np
+import pytest
+import scipy
+from dilatant_point import Point, rates
+
+import granular as gr
+from granular import DilatantMuI
+
+SAND = DilatantMuI(E=1e7)
+SHEAR = np.array([[0.0, 0.5], [0.5, 0.0]])  # a shear rate of 1, without rotation
+
+
+def undrained(material, packing, p, gdot, end):
+    """Shear stress, pressure and packing after a shear at a constant volume, by scipy."""
+
+    def rate(_, y):
+        tau, pressure, log_packing = y
+        plastic, psi = rates(material, math.exp(min(log_packing, 0.0)), pressure, tau)
+        G, K = material.G, material.K
+        return G * (gdot - plastic), K * psi * plastic, -psi * plastic
+
+    start = (0.0, p, math.log(packing))
+    found = scipy.integrate.solve_ivp(
+        rate, (0.0, end), start, method="Radau", rtol=1e-10, atol=(1e-6, 1e-6, 1e-12)
+    )
+    tau, pressure, log_packing = found.y[:, -1]
+    return tau, pressure, math.exp(log_packing)
+
+
+@pytest.mark.parametrize("packing", [0.56, 0.585, 0.6])
+def test_shear_at_constant_volume_converges_to_the_rate_equations(packing):
+    """Dense material gains pressure, loose loses it; the error falls with the first power of dt."""
+    p, gdot, end = 20e3, 1.0, 0.02
+    exact = np.array(undrained(SAND, packing, p, gdot, end))
+    errors = []
+    for steps in (100, 200, 400):
+        point = Point(SAND, packing, p)
+        for _ in range(steps):
+            point.step(SHEAR * gdot * end / steps, end / steps)
+        found = np.array([point.tau[0], point.p[0], point.packing[0]])
+        errors.append(abs(found / exact - 1).max())
+    if packing == SAND.phi_c:  # hardly anything happens there
+        assert max(errors) < 2e-6
+        return
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert errors[-1] < 5e-4, errors
+    assert orders == pytest.approx(1.0, abs=0.05), errors
+
+
+def drained(material, packing, p, gdot, strain, steps, dim=2):
+    """A shear at a constant pressure: tau/p and packing after every step."""
+    point, found, dt = Point(material, packing, p, dim=dim), [], strain / steps / gdot
+    shear = np.zeros((dim, dim))
+    shear[:2, :2] = SHEAR * gdot * dt
+    for _ in range(steps):
+
+        def stepped(compression, before=point):
+            after = Point(material, packing, p, dim=dim)
+            for name in ("stress", "c", "bulking", "rate"):
+                setattr(after, name, getattr(before, name).copy())
+            after.step(shear - np.eye(dim) * compression / dim, dt)
+            return after
+
+        def excess(compression):
+            return stepped(compression).c[0] * material.K / p - 1
+
+        # the compression at which the pressure is kept
+        point = stepped(scipy.optimize.brentq(excess, -1e-2, 1e-2, xtol=1e-16))
+        found.append((point.tau[0] / point.p[0], point.packing[0], point.p[0] / p))
+    return np.array(found).T
+
+
+@pytest.mark.parametrize("gdot", [0.1, 30.0])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_loose_and_dense_reach_the_critical_state(gdot, dim):
+    """Packing and friction within 1 % from both sides, and the peak of dense material."""
+    p, steps = 20e3, 1000
+    inertial = gdot * SAND.d * math.sqrt(SAND.rho_s / p)
+    for packing in (0.55, 0.585, 0.62):
+        friction, density, pressure = drained(SAND, packing, p, gdot, 4.0, steps, dim)
+        assert abs(pressure - 1).max() < 1e-3
+        assert density[-1] == pytest.approx(SAND.packing(inertial), rel=1e-2)
+        assert friction[-1] == pytest.approx(SAND.friction(inertial), rel=1e-2)
+    if gdot < 1:
+        assert friction.max() == pytest.approx(SAND.peak_friction(0.62), rel=2e-2)
+
+
+def test_the_volume_of_a_slow_shear_is_that_of_the_closed_form():
+    """phi = phi_c/(1 - (1 - phi_c/phi_0) exp(-m phi_c gamma)) at I = 0."""
+    slow = SAND.replace(d=1e-6)
+    for packing in (0.56, 0.61):
+        _, density, _ = drained(slow, packing, 20e3, 0.1, 1.0, 1000)
+        gamma = np.linspace(0, 1, 1001)[1:]
+        elastic = SAND.peak_friction(packing) * 20e3 / SAND.G
+        closed = SAND.phi_c / (
+            1
+            - (1 - SAND.phi_c / packing) * np.exp(-SAND.dilatancy * SAND.phi_c * (gamma - elastic))
+        )
+        assert density[100:] == pytest.approx(closed[100:], rel=3e-4)
+
+
+def test_dissipation_is_that_of_mu_I():
+    """tau dgamma - psi p dgamma = mu(I) p dgamma, whatever the packing."""
+    rng, dt = np.random.default_rng(1), 1e-4
+    n = 400
+    packing = rng.uniform(0.54, 0.64, n)
+    point = Point(SAND, packing, 1e3, n=n)
+    for _ in range(30):
+        before = point.packing
+        point.step(SHEAR * 10 ** rng.uniform(-1, 2, (n, 1, 1)) * dt, dt)
+        flows = (point.rate[:n] > 0) & (point.p > 1)
+        gamma = point.rate[:n] * dt
+        psi_gamma = np.log(before / point.packing)
+        work = point.tau * gamma - point.p * psi_gamma
+        inertial = point.rate[:n] * SAND.d * np.sqrt(SAND.rho_s / np.maximum(point.p, 1e-9))
+        least = SAND.friction(inertial) * point.p * gamma
+        assert work[flows] == pytest.approx(least[flows], rel=1e-6)
+    assert flows.sum() > 0.5 * n
+
+
+def test_material_that_opens_rests_at_the_packing_that_it_has():
+    """Dense material that was pulled apart bears at once when it is pressed together again; below
+    the critical packing at that one; loose material keeps its own."""
+    for packing, opening, at_rest in ((0.62, 0.02, 0.62 * math.exp(-0.02)), (0.62, 0.3, 0.585),
+                                      (0.56, 0.1, 0.56)):  # fmt: skip
+        point = Point(SAND, packing, 1e3)
+        density = math.log(packing) + point.c[0]
+        for sign in (1.0, -1.0):
+            for _ in range(100):
+                point.step(sign * np.eye(2) * opening / 200, 1e-4)
+                density -= sign * opening / 100
+                assert math.log(point.packing[0]) + point.c[0] == pytest.approx(density, abs=1e-12)
+            if sign > 0:
+                assert point.p[0] == 0
+        assert point.packing[0] == pytest.approx(at_rest, rel=1e-3)
+
+
+def test_uniaxial_compression_bears_and_hardly_yields():
+    """A lateral pressure of nu/(1 - nu) of the axial one is within the cone of a dense sand."""
+    point = Point(SAND.replace(nu=0.3), 0.64, 1.0)
+    for _ in range(200):
+        point.step(np.diag([0.0, -1e-5]), 1e-4)
+    xx, yy = point.stress[:2, 0]
+    assert xx / yy == pytest.approx(0.3 / 0.7, rel=1e-2)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_any_input_gives_a_state_of_the_law(dim):
+    """Nothing but finite numbers, no tension, no stress beyond the cone; spin changes no invariant;
+    the same bits with every instruction set and with any neighbours."""
+    n, rng = 600, np.random.default_rng(dim)
+    found = {}
+    for isa in ("one_lane", "avx2", "avx512"):
+        try:
+            gr._core.build_info(isa)
+        except ValueError:
+            continue
+        rng = np.random.default_rng(dim)
+        point = Point(SAND, rng.uniform(0.5, 0.66, n), 1.0, dim=dim, n=n, isa=isa)
+        point.c[:n] = rng.choice([1.0, -1.0], n, p=[0.8, 0.2]) * 10 ** rng.uniform(-9, -0.7, n)
+        point.stress[:, :n] = rng.normal(size=(len(point.stress), n)) * 10 ** rng.uniform(-6, 6, n)
+        for _ in range(3):
+            L = rng.normal(size=(n, dim, dim)) * 10 ** rng.uniform(-9, -0.5, (n, 1, 1))
+            before = point.packing
+            point.step(L, 10 ** rng.uniform(-7, -3))
+            assert all(np.isfinite(a).all() for a in (point.stress, point.c, point.bulking))
+            assert (point.p >= -1e-12 * (1 + point.tau)).all() and (point.rate >= 0).all()
+            assert (point.packing > 0.3).all() and (point.packing < 0.9).all()
+            psi = SAND.dilatancy * (before - SAND.phi_fast)
+            most = np.maximum(SAND.mu_2 + psi, 0) * point.p
+            assert (point.tau <= most * (1 + 1e-6) + 1e-9 * SAND.K).all()
+        found[isa] = [a[..., :n].tobytes() for a in (point.stress, point.c, point.bulking)]
+        alone = Point(SAND, 0.6, 1e3, dim=dim, isa=isa)
+        several = Point(SAND, np.array([0.6, 0.5, 0.64, 0.6]), 1e3, dim=dim, n=4, isa=isa)
+        for _ in range(5):
+            for each in (alone, several):
+                L = np.zeros((dim, dim))
+                L[0, 1] = 1e-3
+                each.step(L, 1e-4)
+        assert several.stress[:, 0].tobytes() == alone.stress[:, 0].tobytes()
+    assert len(set(map(tuple, found.values()))) == 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"phi_c": 0.9}, "phi_c = 0.9 must be"),
+        ({"phi_fast": 0.6}, "phi_fast = 0.6 must be .* 0.585"),
+        ({"dilatancy": -1.0}, "dilatancy = -1.0 must be"),
+        ({"mu_2": 0.3}, "mu_2 = 0.3 must exceed mu_s"),
+        ({"rho_c": 1500.0}, r"rho_c = 1500.0 must be phi_c rho_s = 1550.25"),
+        ({"elasticity": "hencky"}, "hypoelastic"),
+        ({"d": 0.0}, "d = 0.0"),
+    ],
+)
+def test_refusals(changes, message):
+    with pytest.raises(ValueError, match=message):
+        DilatantMuI(**changes)
+
+
+def test_it_is_written_and_replaced():
+    assert SAND.replace(phi_c=0.6).rho_c == pytest.approx(0.6 * SAND.rho_s)
+    assert SAND.friction(0.0) == SAND.mu_s and SAND.packing(0.0) == SAND.phi_c
+    assert SAND.packing(SAND.I0) == pytest.approx((SAND.phi_c + SAND.phi_fast) / 2)
+    with pytest.raises(ValueError, match=r"I = -1\.0"):
+        SAND.friction(-1.0)
